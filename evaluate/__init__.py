@@ -1,0 +1,1 @@
+"""How well the figure walks: fit, survival, path, report and playback."""

@@ -1,0 +1,61 @@
+"""Clinical joint angles: flexion positive, 0 standing upright, in radians."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from kinemimic.pipeline.rotations import conjugate, from_two_axes, rotate
+from kinemimic.pipeline.skeleton import NODE_INDEX as N
+
+Array = NDArray[np.float64]
+
+# The four curves that every score is about.
+ANGLES: tuple[str, ...] = ("knee_left", "knee_right", "hip_left", "hip_right")
+
+
+def knee_flexion(hip: Array, knee: Array, ankle: Array, lateral: Array) -> Array:
+    """Angle from the thigh's to the shank's direction (...,); negative in hyperextension.
+
+    hip, knee, ankle: (..., 3) positions; lateral: (..., 3) axis from the right to the left hip, which only
+    gives the sign (the shank turned backward is positive).
+    """
+    thigh, shank = knee - hip, ankle - knee
+    normal = np.cross(thigh, shank)
+    angle = np.arctan2(np.linalg.norm(normal, axis=-1), np.sum(thigh * shank, axis=-1))
+    return np.asarray(np.where(np.sum(normal * lateral, axis=-1) < 0, -angle, angle))
+
+
+def pelvis_frame(hip_left: Array, hip_right: Array, hip_center: Array, spine: Array) -> Array:
+    """World frames (..., 4) of the pelvis from both hips and the spine: Y to the left hip, Z up the trunk."""
+    return from_two_axes(hip_left - hip_right, spine - hip_center, "YZ")
+
+
+def hip_flexion(pelvis: Array, hip: Array, knee: Array) -> Array:
+    """Angle of the thigh in the pelvis' sagittal plane, forward positive; pelvis: (..., 4) world frames."""
+    thigh = rotate(conjugate(pelvis), knee - hip)
+    return np.arctan2(thigh[..., 0], -thigh[..., 2])
+
+
+def leg_angles(positions: Array, pelvis: Array | None = None) -> dict[str, Array]:
+    """The curves of ANGLES from positions (T, 20, 3) of the 20 nodes.
+
+    Without `pelvis` (T, 4) its frame is taken from both hips and the spine, which a Kinect sees badly.
+    Frames with a missing joint give NaN.
+    """
+    p = positions
+    curves: dict[str, Array] = {}
+    lateral = p[:, N["hip_left"]] - p[:, N["hip_right"]]
+    seen = np.isfinite(p[:, [N["hip_left"], N["hip_right"], N["hip_center"], N["spine"]]]).all(axis=(1, 2))
+    frame = np.full((len(p), 4), np.nan)
+    if pelvis is not None:
+        frame = pelvis
+    elif seen.any():
+        frame[seen] = pelvis_frame(
+            p[seen, N["hip_left"]], p[seen, N["hip_right"]], p[seen, N["hip_center"]], p[seen, N["spine"]]
+        )
+    for side in ("left", "right"):
+        hip, knee, ankle = (p[:, N[f"{joint}_{side}"]] for joint in ("hip", "knee", "ankle"))
+        curves[f"knee_{side}"] = knee_flexion(hip, knee, ankle, lateral)
+        curves[f"hip_{side}"] = hip_flexion(frame, hip, knee)
+    return {name: curves[name] for name in ANGLES}

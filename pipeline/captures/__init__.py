@@ -1,0 +1,1 @@
+"""Readers of capture formats, one file each, recognised from content."""

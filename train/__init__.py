@@ -1,0 +1,1 @@
+"""The Bullet world, the imitation rewards and the learner."""
