@@ -53,6 +53,8 @@ class Playback:
             with np.load(path, allow_pickle=False) as data:
                 return cls(**{f.name: data[f.name] for f in fields(cls)})
         except FileNotFoundError:
-            raise KinemimicError(f"{path}: expected a playback, found no file; run `evaluate` first") from None
+            raise KinemimicError(
+                f"{path}: expected a playback, found no file; run `evaluate` first"
+            ) from None
         except (KeyError, ValueError, OSError) as error:
             raise KinemimicError(f"{path}: expected a playback, found {error}") from None

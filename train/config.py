@@ -1,0 +1,138 @@
+"""Settings of a training, and the two presets: `default`, what walks best, and `paper`, as printed."""
+
+from __future__ import annotations
+
+from dataclasses import asdict, dataclass, field, fields, replace
+from typing import Any
+
+from kinemimic.pipeline.errors import KinemimicError
+
+# Weights of the joints in the pose error, by the body that the joint carries; they sum to one.
+POSE_WEIGHTS: dict[str, float] = {
+    "pelvis": 0.20,
+    "torso": 0.08,
+    "head": 0.02,
+    **{f"{limb}_{side}": weight
+       for side in ("left", "right")
+       for limb, weight in (("upper_arm", 0.03), ("forearm", 0.02), ("hand", 0.01),
+                            ("thigh", 0.13), ("shin", 0.11), ("foot", 0.05))},
+}  # fmt: skip
+
+
+@dataclass(frozen=True)
+class RewardConfig:
+    """R = Σ wᵢ exp(-kᵢ eᵢ), Eq. 1-5.
+
+    form: "squares" takes eᵢ as a weighted mean of squares; "norm" the plain norm of the difference, as
+    printed, with kᵢ = 1/ωᵢ and θ = 1 (its own factor is in the weight).
+    Terms: pose (rad), linear (m/s), angular (rad/s), height (m) and, in the default preset only, path: the
+    horizontal distance of the root from its reference (m), without which a figure walks well but too slowly.
+    """
+
+    form: str = "squares"
+    weights: dict[str, float] = field(
+        default_factory=lambda: {"pose": 0.45, "linear": 0.15, "angular": 0.10, "height": 0.10, "path": 0.20}
+    )
+    scales: dict[str, float] = field(
+        default_factory=lambda: {"pose": 20.0, "linear": 2.0, "angular": 0.05, "height": 40.0, "path": 10.0}
+    )
+
+
+@dataclass(frozen=True)
+class EnvConfig:
+    """The task: lengths in control steps of 1/30 s, metres, radians."""
+
+    reward: RewardConfig = field(default_factory=RewardConfig)
+    episode: int = 300
+    max_height_error: float = 0.25
+    max_rotation_error: float = 1.0
+    max_drift: float = 0.6
+
+
+@dataclass(frozen=True)
+class TrainConfig:
+    """PPO: see `ppo.py` for what each number does."""
+
+    preset: str = "default"
+    env: EnvConfig = field(default_factory=EnvConfig)
+    hidden: tuple[int, ...] = (512, 256)
+    environments: int = 32
+    horizon: int = 128
+    minibatch: int = 512
+    passes: int = 10
+    clip: float | None = 0.2
+    kl_penalty: bool = False
+    penalty_rule: str = "running"
+    penalty_initial: float = 1.0
+    kl_target: float = 0.1
+    adapt_rate: bool = True
+    actor_rate: float = 3e-4
+    critic_rate: float = 1e-3
+    discount: float = 0.95
+    gae_lambda: float = 0.95
+    learn_noise: bool = False
+    noise_start: float = 0.15
+    noise_end: float = 0.05
+    noise_samples: int = 1_000_000
+    entropy: float = 0.0
+    entropy_decay: float = 1.0
+    budget: int = 800_000
+    seed: int = 0
+
+    @property
+    def batch(self) -> int:
+        """Samples of a round."""
+        return self.environments * self.horizon
+
+    def to_json(self) -> dict[str, Any]:
+        """JSON values that `from_json` reads back."""
+        return {**asdict(self), "hidden": list(self.hidden)}
+
+    @classmethod
+    def from_json(cls, value: dict[str, Any]) -> TrainConfig:
+        """The configuration of a stored policy; a KinemimicError names what does not belong."""
+        try:
+            env = dict(value["env"])
+            env["reward"] = RewardConfig(**env["reward"])
+            known = {f.name for f in fields(cls)}
+            plain = {key: item for key, item in value.items() if key in known - {"env", "hidden"}}
+            return cls(env=EnvConfig(**env), hidden=tuple(value["hidden"]), **plain)
+        except (KeyError, TypeError) as error:
+            raise KinemimicError(
+                f"expected a training configuration, found one that does not fit: {error}"
+            ) from None
+
+
+PRESETS: dict[str, TrainConfig] = {
+    "default": TrainConfig(),
+    # Nets, rates, discount, batch, passes, clip and entropy as printed; one batch a pass; KL target η and the
+    # constants θ, ω, wᵢ are not given in the paper.
+    "paper": TrainConfig(
+        preset="paper",
+        env=EnvConfig(
+            reward=RewardConfig(
+                form="norm",
+                weights={"pose": 0.5, "linear": 0.2, "angular": 0.15, "height": 0.15},
+                scales={"pose": 1.0, "linear": 0.2, "angular": 0.05, "height": 10.0},
+            ),
+            max_drift=float("1e9"),
+        ),
+        hidden=(1024, 512),
+        minibatch=4096,
+        kl_penalty=True,
+        kl_target=0.01,
+        adapt_rate=False,
+        discount=0.99,
+        learn_noise=True,
+        entropy=0.01,
+        entropy_decay=0.95,
+        budget=1_000_000,
+    ),
+}
+
+
+def preset(name: str, **changes: Any) -> TrainConfig:
+    """A preset by name, with changes."""
+    if name not in PRESETS:
+        raise KinemimicError(f"expected a preset among {', '.join(PRESETS)}, found {name!r}")
+    return replace(PRESETS[name], **changes)

@@ -1,0 +1,61 @@
+"""The task for other learners: one figure as a Gymnasium environment."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import gymnasium as gym
+import numpy as np
+from numpy.typing import NDArray
+
+from kinemimic.retarget.motion import Motion
+from kinemimic.train.bullet import BulletWorld
+from kinemimic.train.config import EnvConfig
+from kinemimic.train.env import ACTIONS, OBSERVATIONS, ImitationBatch
+from kinemimic.train.reference import Reference
+
+Observation = NDArray[np.float32]
+
+# Rotation vectors are corrections of the reference pose: more than this is never wanted of a human joint.
+ACTION_BOUND = 2.0
+
+
+class ImitationEnv(gym.Env[Observation, NDArray[np.float32]]):
+    """Imitate `motion` with one figure.
+
+    Observations are raw (OBSERVATIONS,), actions (42,) as in `ImitationBatch`. A fall terminates; the end of
+    the episode's time truncates. `reset(options={"phase": p})` starts at a phase instead of a random one;
+    `info` has the reward's terms.
+    """
+
+    metadata = {"render_modes": []}  # noqa: RUF012 (Gymnasium's own form)
+
+    def __init__(self, motion: Motion, config: EnvConfig | None = None) -> None:
+        self._config = config or EnvConfig()
+        self._batch = ImitationBatch(BulletWorld(1), Reference(motion), self._config)
+        self.observation_space = gym.spaces.Box(-np.inf, np.inf, (OBSERVATIONS,), np.float32)
+        self.action_space = gym.spaces.Box(-ACTION_BOUND, ACTION_BOUND, (ACTIONS,), np.float32)
+
+    def reset(
+        self, *, seed: int | None = None, options: dict[str, Any] | None = None
+    ) -> tuple[Observation, dict[str, Any]]:
+        super().reset(seed=seed)
+        phase = (options or {}).get("phase")
+        self._batch.reset(
+            np.array([0]), np.array([self.np_random.random() if phase is None else float(phase)])
+        )
+        return self._batch.observe()[0].astype(np.float32), {}
+
+    def step(self, action: NDArray[np.float32]) -> tuple[Observation, float, bool, bool, dict[str, Any]]:
+        step = self._batch.step(np.asarray(action, dtype=np.float64)[None])
+        terms = dict(zip(self._config.reward.weights, step.terms[0].tolist(), strict=True))
+        return (
+            step.observations[0].astype(np.float32),
+            float(step.terms.sum()),
+            bool(step.terminated[0]),
+            bool(step.truncated[0]),
+            {"terms": terms},
+        )
+
+    def close(self) -> None:
+        self._batch.world.close()

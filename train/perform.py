@@ -1,0 +1,113 @@
+"""Let a policy perform: rollouts from given phases that do not stop at a fall."""
+
+from __future__ import annotations
+
+import multiprocessing
+import os
+from collections.abc import Callable
+from concurrent.futures import ProcessPoolExecutor
+from dataclasses import fields
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from kinemimic.pipeline.rotations import IDENTITY
+from kinemimic.pipeline.skeleton import NODES
+from kinemimic.retarget.body import BODY_NODES
+from kinemimic.retarget.motion import Motion
+from kinemimic.train.bullet import BulletWorld
+from kinemimic.train.config import EnvConfig, TrainConfig
+from kinemimic.train.env import ACTIONS, ImitationBatch
+from kinemimic.train.playback import Playback
+from kinemimic.train.policy import Policy
+from kinemimic.train.reference import Reference
+from kinemimic.train.reward import rewards
+
+Array = NDArray[np.float64]
+
+
+def perform(
+    motion: Motion,
+    policy: Path | None,
+    *,
+    start_phases: Array,
+    frames: int,
+    workers: int | None = None,
+    progress: Callable[[int], object] | None = None,
+) -> Playback:
+    """Rollouts of the deterministic policy from each phase, side by side on `workers` processes.
+
+    policy: file of a trained policy, or None for the reference's PD targets alone. A fall is noted and the
+    figure lies there while the reference goes on. progress: called with the number of phases that are done.
+    """
+    actor, config = None, EnvConfig()
+    if policy is not None:
+        actor, record = Policy.load(policy)
+        config = TrainConfig.from_json(record["config"]).env
+    count = min(workers or os.cpu_count() or 1, len(start_phases))
+    # One figure a task: what a figure does must not depend on how many others there are.
+    tasks = [(motion, actor, config, float(phase), frames) for phase in start_phases]
+    parts: list[Playback] = []
+    with ProcessPoolExecutor(count, mp_context=multiprocessing.get_context("spawn")) as pool:
+        for part in pool.map(_perform_one, tasks):
+            parts.append(part)
+            if progress is not None:
+                progress(1)
+    joined: dict[str, Any] = {
+        f.name: parts[0].reward_names
+        if f.name == "reward_names"
+        else np.concatenate([getattr(part, f.name) for part in parts])
+        for f in fields(Playback)
+    }
+    return Playback(**joined)
+
+
+def _perform_one(task: tuple[Motion, Policy | None, EnvConfig, float, int]) -> Playback:
+    motion, policy, config, phase, frames = task
+    reference = Reference(motion)
+    batch = ImitationBatch(BulletWorld(1, measure_torques=True), reference, config)
+    batch.reset(np.array([0]), np.array([phase]))
+    observation = batch.observe()
+    rows: dict[str, list[NDArray[Any]]] = {
+        name: [] for name in ("phases", "root", "rotations", "rewards", "torques", "contacts")
+    }
+    fallen_at = frames
+    for frame in range(frames):
+        action = np.zeros((1, ACTIONS))
+        if policy is not None:
+            action = policy.act(policy.normalize(observation.astype(np.float32))).astype(np.float64)
+        observation = batch.step(action).observations
+        target = reference.bodies(batch.phases)
+        if fallen_at == frames and batch.fallen(target)[0]:
+            fallen_at = frame
+        rows["phases"].append(batch.phases.copy())
+        rows["root"].append(batch.bodies.positions[:, 0])
+        rows["rotations"].append(_nodes(batch))
+        rows["rewards"].append(rewards(batch.bodies, target, config.reward))
+        rows["torques"].append(batch.world.peak_torques())
+        rows["contacts"].append(batch.world.contacts())
+    batch.world.close()
+    stacked = {name: np.stack(values, axis=1) for name, values in rows.items()}
+    return Playback(
+        start_phases=np.array([phase]),
+        reference_root=reference.root(stacked["phases"]),
+        reference_rotations=reference.nodes(stacked["phases"]),
+        reward_names=np.array(list(config.reward.weights)),
+        fallen_at=np.array([fallen_at]),
+        phases=stacked["phases"],
+        root=stacked["root"],
+        rotations=stacked["rotations"],
+        rewards=stacked["rewards"],
+        torques=stacked["torques"],
+        contacts=stacked["contacts"].astype(np.bool_),
+    )
+
+
+def _nodes(batch: ImitationBatch) -> Array:
+    """Local rotations (1, 20, 4) of the nodes from the simulated bodies."""
+    nodes = np.tile(IDENTITY, (1, len(NODES), 1))
+    nodes[:, BODY_NODES[0]] = batch.bodies.rotations[:, 0]
+    nodes[:, BODY_NODES[1:]] = batch.bodies.joints
+    return nodes

@@ -1,0 +1,79 @@
+"""A trained policy: a tanh network on normalised observations, in numpy, so that a rollout needs no torch."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from safetensors import SafetensorError
+from safetensors.numpy import load_file, save_file
+
+from kinemimic.pipeline.errors import KinemimicError
+from kinemimic.pipeline.store import atomic, read_json, write_json
+from kinemimic.train.env import ACTIONS, OBSERVATIONS
+
+Floats = NDArray[np.float32]
+
+POLICY_SCHEMA = 1
+OBSERVATION_CLIP = 8.0
+
+
+@dataclass(frozen=True)
+class Policy:
+    """layers: (weight (out, in), bias (out,)) from the input on; mean, scale: (OBSERVATIONS,)."""
+
+    layers: tuple[tuple[Floats, Floats], ...]
+    mean: Floats
+    scale: Floats
+
+    def normalize(self, observations: NDArray[Any]) -> Floats:
+        """Observations (N, OBSERVATIONS) with zero mean and unit variance, clipped."""
+        level = (observations - self.mean) / self.scale
+        return np.asarray(np.clip(level, -OBSERVATION_CLIP, OBSERVATION_CLIP), dtype=np.float32)
+
+    def act(self, normalized: Floats) -> Floats:
+        """Mean action (N, 42) for normalised observations."""
+        x = normalized
+        for weight, bias in self.layers[:-1]:
+            x = np.tanh(x @ weight.T + bias)
+        weight, bias = self.layers[-1]
+        return x @ weight.T + bias
+
+    def save(self, path: Path, record: Mapping[str, Any]) -> None:
+        """`path` (.safetensors) and beside it the record (.json): configuration, samples, provenance."""
+        tensors = {"mean": self.mean, "scale": self.scale}
+        for k, (weight, bias) in enumerate(self.layers):
+            tensors |= {f"actor.{k}.weight": np.ascontiguousarray(weight), f"actor.{k}.bias": bias}
+        with atomic(path) as temporary:
+            save_file(tensors, temporary)
+        write_json(path.with_suffix(".json"), {"schema": POLICY_SCHEMA, **record})
+
+    @classmethod
+    def load(cls, path: Path) -> tuple[Policy, dict[str, Any]]:
+        """Policy and record; a KinemimicError says what does not fit."""
+        record = read_json(path.with_suffix(".json"))
+        if not isinstance(record, dict) or record.get("schema") != POLICY_SCHEMA:
+            raise KinemimicError(f"{path.with_suffix('.json')}: expected a policy of schema {POLICY_SCHEMA}")
+        try:
+            tensors = load_file(path)
+        except (OSError, SafetensorError) as error:
+            raise KinemimicError(f"{path}: expected a policy (safetensors), found {error}") from None
+        try:
+            depth = sum(name.endswith(".weight") for name in tensors)
+            layers = tuple((tensors[f"actor.{k}.weight"], tensors[f"actor.{k}.bias"]) for k in range(depth))
+            policy = cls(layers, tensors["mean"], tensors["scale"])
+        except KeyError as error:
+            raise KinemimicError(
+                f"{path}: expected the tensor {error}, found {', '.join(sorted(tensors))}"
+            ) from None
+        shape = (layers[0][0].shape[1], layers[-1][0].shape[0]) if layers else (0, 0)
+        if shape != (OBSERVATIONS, ACTIONS):
+            raise KinemimicError(
+                f"{path}: expected {OBSERVATIONS} observations and {ACTIONS} actions, "
+                f"found {shape[0]} and {shape[1]}"
+            )
+        return policy, record

@@ -1,0 +1,164 @@
+"""The stage `train`: a policy that imitates the run's motion."""
+
+from __future__ import annotations
+
+import json
+import os
+import time
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import click
+import numpy as np
+import torch
+from torch.utils.tensorboard import SummaryWriter
+
+from kinemimic.pipeline.errors import KinemimicError
+from kinemimic.pipeline.progress import progress
+from kinemimic.pipeline.provenance import provenance
+from kinemimic.pipeline.store import content_hash
+from kinemimic.retarget.export_json import motion_from_json
+from kinemimic.retarget.motion import Motion
+from kinemimic.train import checkpoint
+from kinemimic.train.config import PRESETS, preset
+from kinemimic.train.networks import export
+from kinemimic.train.ppo import Learner
+from kinemimic.train.rollout import Workers
+
+CHECKPOINT = "checkpoint.safetensors"
+POLICY = "policy.safetensors"
+CHECKPOINT_SECONDS = 60.0
+_WARM_UP = 16  # steps of the untrained policy that give the normaliser its first statistics
+
+
+def train(
+    run: Path,
+    *,
+    preset_name: str = "default",
+    budget: int | None = None,
+    seed: int = 0,
+    workers: int | None = None,
+    resume: bool = True,
+) -> dict[str, Any]:
+    """Train on run/motion.json for `budget` samples, in whole rounds; returns the policy's record.
+
+    Writes a checkpoint every minute and at the end or on Ctrl-C, from which the next call goes on unless
+    `resume` is False, then policy.safetensors and policy.json, and TensorBoard's curves.
+    workers: processes that simulate, by default one for every core.
+    """
+    motion = motion_from_json(run / "motion.json")
+    config = preset(preset_name, seed=seed)
+    if budget is not None:
+        config = replace(config, budget=budget)
+    if config.budget < 1:
+        raise KinemimicError(f"expected a budget of at least one sample, found {config.budget}")
+    count = workers or os.cpu_count() or 1
+    torch.set_num_threads(count)
+    identity = content_hash(
+        {"root": motion.root, "rotations": motion.rotations, "rate": np.array(motion.rate)}
+    )
+    learner = Learner(config)
+    saved = run / CHECKPOINT
+    resumed = resume and saved.exists() and checkpoint.restore(saved, learner, identity)
+    _learn(learner, motion, run, identity, count, resumed)
+    state = learner.progress
+    record = {
+        "preset": config.preset,
+        "samples": state.samples,
+        "seconds": round(state.seconds, 1),
+        "seed": seed,
+        "config": config.to_json(),
+        "simulated": motion.simulated,
+        "provenance": provenance("train", inputs={"motion": identity}, config=config.to_json(), seed=seed),
+    }
+    export(learner.net, learner.normalizer).save(run / POLICY, record)
+    return record
+
+
+def _learn(learner: Learner, motion: Motion, run: Path, identity: str, count: int, resumed: bool) -> None:
+    """Rounds of rollout and update until the budget is spent; the checkpoint is written whatever happens."""
+    config, state = learner.config, learner.progress
+    if state.samples >= config.budget:
+        return
+    last_saved = time.monotonic()
+    # A worker's random numbers go on where they stopped only as far as the round's number tells: a resumed
+    # run draws new start phases instead of repeating those of the beginning.
+    seed = config.seed + 1_000_003 * state.rounds
+    with (
+        SummaryWriter(run / "tensorboard", purge_step=state.samples if resumed else 0) as board,
+        Workers(motion, config.env, config.environments, seed, count) as crew,
+        progress("train", config.budget) as bar,
+    ):
+        bar.advance(state.samples)
+        try:
+            if state.rounds == 0:
+                first = crew.sample(export(learner.net, learner.normalizer), learner.noise(), _WARM_UP)
+                learner.normalizer.update(first.observations.reshape(-1, first.observations.shape[-1]))
+            while state.samples < config.budget:
+                began = time.monotonic()
+                samples = crew.sample(
+                    export(learner.net, learner.normalizer), learner.noise(), config.horizon
+                )
+                sampled = time.monotonic()
+                logged = learner.update(samples)
+                ended = time.monotonic()
+                state.seconds += ended - began
+                logged |= {
+                    "speed/simulation": config.batch / (sampled - began),
+                    "speed/update_seconds": ended - sampled,
+                    "speed/samples": config.batch / (ended - began),
+                }
+                for name, value in logged.items():
+                    board.add_scalar(name, value, state.samples)
+                bar.advance(config.batch, reward=logged["reward/mean"], steps=logged["episode/length"])
+                if ended - last_saved > CHECKPOINT_SECONDS:
+                    checkpoint.save(run / CHECKPOINT, learner, identity)
+                    last_saved = ended
+        except FloatingPointError as error:
+            # The learner is spoilt; the checkpoint from before it stays.
+            raise KinemimicError(
+                f"training stopped at {state.samples} samples: {error}; the last checkpoint is kept"
+            ) from None
+        except KeyboardInterrupt:
+            if state.rounds:
+                checkpoint.save(run / CHECKPOINT, learner, identity)
+            raise
+    checkpoint.save(run / CHECKPOINT, learner, identity)
+
+
+@click.command("train")
+@click.option(
+    "--run", "run", type=click.Path(path_type=Path), default=Path("runs/default"), show_default=True
+)
+@click.option(
+    "--preset", "preset_name", type=click.Choice(list(PRESETS)), default="default", show_default=True
+)
+@click.option(
+    "--budget", type=click.IntRange(min=1), help="Samples (control steps); the preset's by default."
+)
+@click.option("--seed", type=click.IntRange(min=0), default=0, show_default=True)
+@click.option("--workers", type=click.IntRange(min=1), help="Processes that simulate; all cores by default.")
+@click.option(
+    "--resume/--no-resume", default=True, show_default=True, help="Go on from the run's checkpoint."
+)
+@click.option("--json", "as_json", is_flag=True, help="Print the policy's record as JSON.")
+def command(
+    run: Path,
+    preset_name: str,
+    budget: int | None,
+    seed: int,
+    workers: int | None,
+    resume: bool,
+    as_json: bool,
+) -> None:
+    """Train a policy that imitates the run's motion in Bullet (PPO)."""
+    record = train(run, preset_name=preset_name, budget=budget, seed=seed, workers=workers, resume=resume)
+    if as_json:
+        click.echo(json.dumps(record, indent=2))
+    else:
+        rate = record["samples"] / max(record["seconds"], 1e-9)
+        click.echo(
+            f"{record['samples']:,} samples in {record['seconds']:.0f} s ({rate:,.0f}/s), preset "
+            f"{record['preset']}, seed {record['seed']}: {run / POLICY}"
+        )

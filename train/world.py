@@ -1,0 +1,82 @@
+"""The world that every engine offers: a batch of humanoids, stepped together, their bodies as arrays."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from kinemimic.pipeline.rotations import conjugate, multiply
+from kinemimic.retarget.body import BODY_PARENTS
+
+Array = NDArray[np.float64]
+
+CONTROL_RATE = 30  # Hz: the policy's
+SUBSTEPS = 8  # physics steps in a control step: 240 Hz
+TIME_STEP = 1.0 / (CONTROL_RATE * SUBSTEPS)
+GRAVITY = 9.81
+FRICTION = 0.9
+JOINT_PARENTS: NDArray[np.intp] = np.array(BODY_PARENTS[1:])
+
+
+@dataclass(frozen=True)
+class BodyStates:
+    """The 15 bodies of E figures in the world: Z up, metres, seconds, radians.
+
+    positions: (E, 15, 3) of the centres of mass; rotations: (E, 15, 4);
+    linear, angular: (E, 15, 3) velocities.
+    """
+
+    positions: Array
+    rotations: Array
+    linear: Array
+    angular: Array
+
+    @property
+    def joints(self) -> Array:
+        """Rotations (E, 14, 4) of the joints, child to parent."""
+        return multiply(conjugate(self.rotations[:, JOINT_PARENTS]), self.rotations[:, 1:])
+
+
+@dataclass(frozen=True)
+class Poses:
+    """What sets E figures: root (E, 3), root rotation (E, 4) and velocities (E, 3) in the world,
+    joint rotations (E, 14, 4) and joint velocities (E, 14, 3) in the child's frame."""
+
+    root: Array
+    root_rotation: Array
+    root_linear: Array
+    root_angular: Array
+    joints: Array
+    joint_velocities: Array
+
+
+class World(Protocol):
+    """A batch of `size` humanoids on level ground, each alone in its world."""
+
+    size: int
+
+    def reset(self, indices: NDArray[np.intp], poses: Poses) -> None:
+        """Put the figures of `indices` (N,) into N poses."""
+
+    def step(self, targets: Array, target_velocities: Array, wrenches: Array | None = None) -> BodyStates:
+        """One control step of SUBSTEPS physics steps with stable PD.
+
+        targets: (E, SUBSTEPS, 14, 4) joint rotations; target_velocities: (E, SUBSTEPS, 14, 3) rad/s in the
+        child's frame; wrenches: (E, 15, 6) force N and torque N·m on each body for the whole control step,
+        in the world, at its centre of mass.
+        """
+
+    def states(self) -> BodyStates:
+        """All bodies now."""
+
+    def contacts(self) -> NDArray[np.bool_]:
+        """(E, 2): left, right foot touches something."""
+
+    def peak_torques(self) -> Array:
+        """(E, 14) largest torque of each joint in the last control step, N·m; if asked for."""
+
+    def close(self) -> None:
+        """Free the engine."""
