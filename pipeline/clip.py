@@ -23,10 +23,12 @@ class Clip:
     positions: (T, J, 3) metres in the world (Z up, X forward, Y left); NaN where missing.
     states: (T, J) 0 missing, 1 inferred, 2 tracked.
     passes: (T,) number of the pass (one uninterrupted presence of the subject) from 0; -1 outside of any.
-    provenance: what made it: source, format, sha256, simulated, command, config, versions, seed (JSON values).
+    provenance: what made it, in JSON values: source, format, sha256, simulated, command, config,
+    versions, seed.
 
     A capture of rotations has also
-    euler: (T, J, 3) radians, the file's own channels in the sequence of `orders`; zeros where a joint has none;
+    euler: (T, J, 3) radians, the file's own channels in the sequence of `orders`; zeros where a joint
+    has none;
     orders: (J,) intrinsic order such as "ZYX", or "" for a joint without rotation channels;
     translations: (T, J, 3) metres, position in the parent's frame (for the root, in the file's world);
     world_from_file: (4,) rotation from the file's world axes to ours.
@@ -43,12 +45,12 @@ class Clip:
     euler: Array | None = None
     orders: tuple[str, ...] | None = None
     translations: Array | None = None
-    world_from_file: Array = field(default_factory=lambda: IDENTITY.copy())
+    world_from_file: Array = field(default_factory=IDENTITY.copy)
     rotations: Array | None = None
 
     def __post_init__(self) -> None:
         frames, joints = len(self.times), len(self.skeleton.names)
-        shapes = {
+        shapes: dict[str, tuple[NDArray[Any] | None, tuple[int, ...]]] = {
             "positions": (self.positions, (frames, joints, 3)),
             "states": (self.states, (frames, joints)),
             "passes": (self.passes, (frames,)),

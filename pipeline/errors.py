@@ -16,7 +16,13 @@ class CaptureError(KinemimicError):
     """
 
     def __init__(
-        self, path: Path | str, *, expected: str, found: str, where: str | None = None, advice: str | None = None
+        self,
+        path: Path | str,
+        *,
+        expected: str,
+        found: str,
+        where: str | None = None,
+        advice: str | None = None,
     ) -> None:
         place = f"{path}, {where}" if where else f"{path}"
         hint = f"; {advice}" if advice else ""

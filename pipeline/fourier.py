@@ -21,7 +21,9 @@ def design(phase: Array, harmonics: int, derivative: int = 0) -> Array:
     return np.concatenate([np.zeros((len(angle), 1)), -speed * np.sin(angle), speed * np.cos(angle)], axis=1)
 
 
-def fit(phase: Array, values: Array, harmonics: int, *, weights: Array | None = None, ridge: float = 1e-6) -> Array:
+def fit(
+    phase: Array, values: Array, harmonics: int, *, weights: Array | None = None, ridge: float = 1e-6
+) -> Array:
     """Coefficients (1 + 2 harmonics, ...) of values (N, ...) at phases (N,) in cycles.
 
     weights: (N,) of each sample; ridge: penalty on the k-th harmonic, times k⁴ and the sum of the weights,
@@ -33,7 +35,9 @@ def fit(phase: Array, values: Array, harmonics: int, *, weights: Array | None = 
     x = design(phase, harmonics)
     k = np.arange(1, harmonics + 1, dtype=np.float64)
     penalty = np.concatenate([[0.0], k**4, k**4]) * ridge * w.sum()
-    coefficients = np.linalg.solve(x.T @ (w[:, None] * x) + np.diag(penalty), x.T @ (w[:, None] * flat))
+    coefficients: Array = np.linalg.solve(
+        x.T @ (w[:, None] * x) + np.diag(penalty), x.T @ (w[:, None] * flat)
+    ).astype(np.float64)
     return coefficients.reshape(-1, *values.shape[1:])
 
 

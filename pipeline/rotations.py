@@ -41,20 +41,23 @@ def multiply(p: Array, q: Array) -> Array:
 
 def conjugate(q: Array) -> Array:
     """Inverse of a unit quaternion."""
-    return np.asarray(q) * np.array([-1.0, -1.0, -1.0, 1.0])
+    conjugated: Array = np.asarray(q, dtype=np.float64) * np.array([-1.0, -1.0, -1.0, 1.0])
+    return conjugated
 
 
 def rotate(q: Array, v: Array) -> Array:
     """Vectors v (..., 3) turned by q (..., 4)."""
-    q, v = np.asarray(q), np.asarray(v)
+    q, v = np.asarray(q, dtype=np.float64), np.asarray(v, dtype=np.float64)
     xyz, w = q[..., :3], q[..., 3:]
     t = 2.0 * np.cross(xyz, v)
-    return v + w * t + np.cross(xyz, t)
+    turned: Array = v + w * t + np.cross(xyz, t)
+    return turned
 
 
 def normalize(q: Array) -> Array:
     """Quaternions of unit length."""
-    return q / np.linalg.norm(q, axis=-1, keepdims=True)
+    unit: Array = q / np.linalg.norm(q, axis=-1, keepdims=True)
+    return unit
 
 
 def from_axis_angle(axis: str, angle: Array | float) -> Array:

@@ -25,7 +25,7 @@ _PER_JOINT = {"positions": "xyz", "euler": "123", "translations": "xyz", "rotati
 
 @contextmanager
 def atomic(path: Path) -> Iterator[Path]:
-    """A temporary path in the same folder that becomes `path` when the block ends well, and vanishes otherwise."""
+    """A temporary path in the same folder; it becomes `path` when the block ends well, else it vanishes."""
     path.parent.mkdir(parents=True, exist_ok=True)
     handle, name = tempfile.mkstemp(prefix=f".{path.name}.", suffix=path.suffix, dir=path.parent)
     os.close(handle)
@@ -112,11 +112,15 @@ def read_clip(path: Path) -> Clip:
     except FileNotFoundError:
         raise CaptureError(path, expected="a clip", found="no file", advice="run the stage before") from None
     except (pa.ArrowInvalid, KeyError, ValueError) as error:
-        raise CaptureError(path, expected="a kinemimic clip (Parquet)", found=str(error).splitlines()[0]) from None
+        raise CaptureError(
+            path, expected="a kinemimic clip (Parquet)", found=str(error).splitlines()[0]
+        ) from None
     if header["schema"] != CLIP_SCHEMA:
         raise CaptureError(path, expected=f"clip schema {CLIP_SCHEMA}", found=f"schema {header['schema']}")
     spec = header["skeleton"]
-    skeleton = Skeleton(tuple(spec["names"]), tuple(spec["parents"]), np.array(spec["offsets"], dtype=np.float64))
+    skeleton = Skeleton(
+        tuple(spec["names"]), tuple(spec["parents"]), np.array(spec["offsets"], dtype=np.float64)
+    )
     present = set(table.column_names)
 
     def stack(field: str) -> Any:
