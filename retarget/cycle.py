@@ -1,0 +1,241 @@
+"""The phase of a gait, found in the ankles.
+
+The distance of one ankle before the other, along the direction of walking, is a sine to within a few per
+cent of its variance, even for a Kinect; the knee's angle is not. One harmonic therefore gives the period,
+the phase, and, by how well it fits, whether the legs were told apart at all.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.optimize import minimize_scalar
+
+from kinemimic.pipeline.clip import Clip
+from kinemimic.pipeline.errors import KinemimicError
+from kinemimic.pipeline.fourier import design
+from kinemimic.pipeline.skeleton import NODE_INDEX as N
+from kinemimic.retarget.trim import bad_frames, best_window, forward_speed, leg_bones
+
+Array = NDArray[np.float64]
+Verdict = Literal["accepted", "warned", "refused"]
+
+ACCEPT, WARN = 0.95, 0.85  # R² of the harmonic
+KEEP = 0.80  # share of frames that the harmonic must explain: the others are leg swaps and wild frames
+PERIODS = (0.5, 2.0)  # seconds of a stride
+SPEED_SPREAD, PERIOD_SPREAD = 0.30, 0.20  # from the median of the passes
+SHORTEST = 25 / 30.0  # seconds of good frames, unless they are a full period
+WALKS = 0.3  # m/s: a pass that advances faster is one of walking
+STEPS = 0.12  # m: half the least stride of the ankles in walking on the spot
+
+
+@dataclass(frozen=True)
+class Harmonic:
+    """d(t) ≈ mean + amplitude · -cos 2π phase(t), phase(t) = (t - start) / period.
+
+    r2: explained share of the variance over the frames that count; weights: (T,) 0 to 1, Tukey's; kept: their
+    share above one third.
+    """
+
+    period: float
+    start: float
+    amplitude: float
+    r2: float
+    weights: Array
+    kept: float
+
+    def phase(self, times: Array) -> Array:
+        """Phases in cycles, not wrapped; whole where the left ankle is farthest before the right."""
+        return (np.asarray(times) - self.start) / self.period
+
+
+@dataclass(frozen=True)
+class Pass:
+    """One pass over the sensor's view, or what is left of it after trimming.
+
+    number: as in the clip; frames: indices into the clip; heading: radians from +X; speed: m/s;
+    harmonic: of the ankles; bad: (frames,) flagged within the pass; reason: why it was not simply accepted.
+    """
+
+    number: int
+    frames: NDArray[np.intp]
+    heading: float
+    speed: float
+    harmonic: Harmonic | None
+    bad: NDArray[np.bool_]
+    verdict: Verdict
+    reason: str = ""
+
+
+def fit_harmonic(times: Array, ankles: Array, weights: Array | None = None) -> Harmonic:
+    """One harmonic through x(right ankle) - x(left ankle), (T,) metres, by robust least squares.
+
+    Tukey's biweight throws out what does not belong (legs swapped for some frames, spikes); the scale starts
+    at 2 cm, a Kinect's noise, so that a clean recording keeps every frame.
+    """
+    given = np.ones(len(times)) if weights is None else weights
+    origin = times[0]
+    t = times - origin
+
+    def solve(period: float, w: Array) -> tuple[float, Array, Array]:
+        x = design(t / period, 1)
+        root = np.sqrt(w)
+        c, *_ = np.linalg.lstsq(x * root[:, None], ankles * root, rcond=None)
+        residual = ankles - x @ c
+        return float(w @ residual**2), np.asarray(c), residual
+
+    w = given.copy()
+    # The grid is fine enough for half a cycle's error over ten strides not to hide the best period.
+    grid = np.linspace(*PERIODS, 151)
+    period = float(grid[np.argmin([solve(p, w)[0] for p in grid])])
+    for _ in range(8):
+        found = minimize_scalar(
+            lambda p, w=w: solve(p, w)[0], bounds=(0.93 * period, 1.07 * period), method="bounded"
+        )
+        period = float(found.x)
+        residual = solve(period, w)[2]
+        u = residual / (4.685 * max(1.4826 * float(np.median(np.abs(residual))), 0.02))
+        w = given * np.where(np.abs(u) < 1.0, (1.0 - u**2) ** 2, 0.0)
+    error, c, _ = solve(period, w)
+    spread = float(w @ (ankles - (w @ ankles) / w.sum()) ** 2)
+    # c1 cos + c2 sin = -amplitude cos(2π (t - start) / period)
+    start = origin + period * float(np.arctan2(-c[2], -c[1])) / (2.0 * np.pi)
+    return Harmonic(
+        period=period,
+        start=start,
+        amplitude=float(np.hypot(c[1], c[2])),
+        r2=1.0 - error / spread if spread > 0 else 0.0,
+        weights=w,
+        kept=float(np.mean(w > given / 3.0)),
+    )
+
+
+def walking_direction(positions: Array) -> tuple[float, bool]:
+    """Heading in radians of (T, 20, 3) positions, and whether it comes from the path.
+
+    From where the hips went if they went anywhere, else from the way that the hip line faces.
+    """
+    middle = positions[:, [N["hip_left"], N["hip_right"]], :2].mean(axis=1)
+    middle = middle[np.isfinite(middle).all(axis=-1)]
+    ends = max(1, len(middle) // 10)
+    path = middle[-ends:].mean(axis=0) - middle[:ends].mean(axis=0)
+    if np.hypot(*path) > 0.5:
+        return float(np.arctan2(path[1], path[0])), True
+    left = np.nanmean(positions[:, N["hip_left"], :2] - positions[:, N["hip_right"], :2], axis=0)
+    return float(np.arctan2(-left[0], left[1])), False
+
+
+def study_pass(clip: Clip, number: int, bones: Array) -> Pass:
+    """Trim one pass of a clip on the 20 nodes and fit the harmonic of its ankles."""
+    frames = np.flatnonzero(clip.passes == number)
+    whole = frames
+    legs_seen = np.isfinite(clip.positions[frames][:, [N["hip_left"], N["hip_right"]]]).all(axis=(1, 2))
+    if legs_seen.sum() < 4:
+        return Pass(
+            number, frames, 0.0, 0.0, None, np.ones(len(frames), bool), "refused", "the hips were not seen"
+        )
+    heading, on_path = walking_direction(clip.positions[frames])
+    # The first heading and the first harmonic still contain the edges that they help to cut.
+    doubt = np.zeros(len(frames), dtype=bool)
+    period = 0.0
+    for _ in range(3):
+        bad = bad_frames(clip.times[whole], clip.positions[whole], heading, bones)
+        window = best_window(bad | doubt)
+        # A loop needs every phase: doubtful edges stay, at their low weight, where else it would not close.
+        if period > 0 and np.ptp(clip.times[whole[window]]) < 1.1 * period:
+            window = best_window(bad)
+        if window.stop - window.start < 8:
+            return Pass(number, frames, heading, 0.0, None, bad, "refused", "no run of good frames")
+        frames, bad = whole[window], bad[window]
+        heading, on_path = walking_direction(clip.positions[frames])
+        p, t = clip.positions[frames], clip.times[frames]
+        along = np.array([np.cos(heading), np.sin(heading)])
+        ankles = (p[:, N["ankle_right"], :2] - p[:, N["ankle_left"], :2]) @ along
+        harmonic = fit_harmonic(t, np.where(bad, 0.0, ankles), np.where(bad, 0.0, 1.0))
+        doubt[window] = harmonic.weights < 1.0 / 3.0
+        period = harmonic.period
+    speed = float(np.median(forward_speed(t[~bad], p[~bad], heading)))
+    facing = np.median(
+        (p[~bad, N["hip_left"], :2] - p[~bad, N["hip_right"], :2]) @ np.array([-along[1], along[0]])
+    )
+    verdict, reason = _judge(harmonic, t, bad)
+    if on_path and facing < 0:
+        verdict, reason = "refused", "walks backward, or left and right are exchanged"
+    return Pass(number, frames, heading, speed, harmonic, bad, verdict, reason)
+
+
+def _judge(harmonic: Harmonic, times: Array, bad: NDArray[np.bool_]) -> tuple[Verdict, str]:
+    good = float(np.median(np.diff(times))) * float((~bad).sum())
+    if good < min(SHORTEST, harmonic.period):
+        return "refused", f"only {good:.2f} s of good frames"
+    if harmonic.kept < KEEP:
+        return "refused", f"only {100 * harmonic.kept:.0f} % of the frames follow the ankles' harmonic"
+    if harmonic.r2 < WARN:
+        return "refused", f"ankles fit one harmonic with R² {harmonic.r2:.2f} (legs confused)"
+    if harmonic.r2 < ACCEPT:
+        return "warned", f"ankles fit one harmonic with R² {harmonic.r2:.2f} only"
+    return "accepted", ""
+
+
+def study_passes(clip: Clip) -> list[Pass]:
+    """Every pass of a clip on the 20 nodes, judged by itself and against the others."""
+    lengths = leg_bones(clip.positions)
+    bones = np.nanmedian(lengths, axis=0) if np.isfinite(lengths).any(axis=0).all() else np.ones(4)
+    passes = [study_pass(clip, int(number), bones) for number in np.unique(clip.passes[clip.passes >= 0])]
+    good = [p for p in passes if p.verdict == "accepted"]
+    if len(good) < 3:
+        return passes
+    speed = float(np.median([p.speed for p in good]))
+    period = float(np.median([p.harmonic.period for p in good if p.harmonic]))
+    return [_compare(p, speed, period) for p in passes]
+
+
+def _compare(one: Pass, speed: float, period: float) -> Pass:
+    if one.verdict == "refused" or one.harmonic is None:
+        return one
+    if abs(one.speed - speed) > SPEED_SPREAD * speed:
+        return replace(
+            one, verdict="refused", reason=f"{one.speed:.2f} m/s where the others walk {speed:.2f}"
+        )
+    if abs(one.harmonic.period - period) > PERIOD_SPREAD * period:
+        return replace(
+            one,
+            verdict="refused",
+            reason=f"a stride of {one.harmonic.period:.2f} s where the others take {period:.2f}",
+        )
+    return one
+
+
+def is_gait(passes: list[Pass]) -> bool:
+    """Whether somebody walks in any of the passes, well recorded or not: along a path, or on the spot."""
+    return any(
+        abs(p.speed) > WALKS
+        or (p.verdict != "refused" and p.harmonic is not None and p.harmonic.amplitude > STEPS)
+        for p in passes
+    )
+
+
+def usable(passes: list[Pass]) -> tuple[list[Pass], list[str]]:
+    """The passes to pool, and warnings.
+
+    The accepted ones; without any, the best of the doubtful ones; without those, a KinemimicError that says
+    what was wrong with the best.
+    """
+    accepted = [p for p in passes if p.verdict == "accepted"]
+    if accepted:
+        return accepted, []
+    doubtful = [p for p in passes if p.verdict == "warned"]
+    if doubtful:
+        best = max(doubtful, key=lambda p: p.harmonic.r2 if p.harmonic else 0.0)
+        return [best], [
+            f"no pass is above R² {ACCEPT}: pass {best.number} is used although its {best.reason}"
+        ]
+    longest = max(passes, key=lambda p: len(p.frames))
+    raise KinemimicError(
+        f"retarget: expected a pass of walking whose ankles fit one harmonic with R² of at least {WARN}, "
+        f"found none in {len(passes)}; the longest, pass {longest.number}: {longest.reason}; "
+        "record a longer or clearer walk"
+    )

@@ -1,0 +1,170 @@
+"""From studied passes to a motion on the Table 1 body: the gait loop, or one pass as it is."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from kinemimic.pipeline import fourier
+from kinemimic.pipeline.clip import Clip
+from kinemimic.pipeline.errors import KinemimicError
+from kinemimic.pipeline.orient import local_rotations
+from kinemimic.pipeline.rotations import IDENTITY, continuous, from_axis_angle, normalize, rotate
+from kinemimic.pipeline.skeleton import NODE_INDEX as N
+from kinemimic.pipeline.skeleton import NODES
+from kinemimic.retarget.contact import corner_velocity, planted, soles
+from kinemimic.retarget.cycle import Pass
+from kinemimic.retarget.ground import Path, lay_path
+from kinemimic.retarget.legs import flat_feet, knees_limited, neutral_feet
+from kinemimic.retarget.loop import Loop, Strides, fit_loop, gather, with_mirror
+from kinemimic.retarget.motion import Motion, joint_angles
+from kinemimic.retarget.scale import length_scale, pose, stance_width, with_stance_width
+from kinemimic.retarget.trim import leg_bones
+from kinemimic.retarget.trust import RIGID, Trust, assess, believed_frames
+
+Array = NDArray[np.float64]
+
+RATE = 60.0  # frames per second, as near as whole frames in a stride allow
+HARMONICS = {
+    True: 8,
+    False: 5,
+}  # of the legs: of a rigid (optical) skeleton, and of one that a depth sensor saw
+
+
+@dataclass(frozen=True)
+class GaitFit:
+    """A gait loop on the body, with what it was made of.
+
+    motion: cyclic, frame 0 where the left ankle is farthest ahead; strides: the recorded frames pooled;
+    captured: their angles (name -> (M,) radians); symmetric: whether both sides were made one, and
+    asymmetry_deg, noise_deg: rms difference of the sides and rms residual about the loop of knees and hips,
+    which decided it; scale: body over person; abduction: radians added to both hips; width: metres between
+    the ankles, scaled, before that.
+    """
+
+    motion: Motion
+    loop: Loop
+    strides: Strides
+    trust: Trust
+    path: Path
+    captured: dict[str, Array]
+    symmetric: bool
+    asymmetry_deg: float
+    noise_deg: float
+    scale: float
+    width: float
+    abduction: float
+
+
+def fit_gait(clip: Clip, passes: list[Pass], symmetric: bool | None = None) -> GaitFit:
+    """Pool usable passes of a clip on the 20 nodes into a gait loop on the Table 1 body.
+
+    symmetric: whether the mirror image is pooled too; None leaves it to `_both_sides_alike`.
+    """
+    strides = gather(clip, passes)
+    trust = assess(strides)
+    local = local_rotations(believed_frames(strides.positions, trust))
+    captured = joint_angles(local)
+    lengths = [len(p.frames) for p in passes]
+    period = float(np.average([p.harmonic.period for p in passes if p.harmonic], weights=lengths))
+    loop = fit_loop(strides, local, period, leg=HARMONICS[trust.rigid])
+    asymmetry, noise = _sides(loop, strides, captured)
+    mirror = _both_sides_alike(trust, asymmetry, noise) if symmetric is None else symmetric
+    if mirror:
+        both = with_mirror(strides)
+        pitch = float(np.mean(trust.foot_pitch))
+        trust = replace(trust, foot_pitch=(pitch, pitch))
+        turned = local_rotations(believed_frames(both.positions, trust))
+        loop = fit_loop(both, turned, period, leg=HARMONICS[trust.rigid])
+    frames = max(8, round(RATE * period))
+    phase = np.arange(frames) / frames
+    rotations = loop.rotations(phase)
+    if not trust.rigid:
+        rotations = knees_limited(rotations)
+    if not trust.feet:
+        rotations = neutral_feet(rotations, phase)
+    scale = length_scale(strides.positions)
+    width = scale * stance_width(strides.positions)
+    rotations, abduction = with_stance_width(rotations, width)
+    path = lay_path(rotations, scale * fourier.evaluate(loop.root, phase), scale * loop.speed, period)
+    root = path.root - np.array([path.root[0, 0], path.root[0, 1], 0.0])
+    motion = Motion(
+        rate=frames / period,
+        root=root,
+        rotations=continuous(rotations),
+        contacts=path.contacts,
+        cyclic=True,
+        cycle_offset=np.array([path.speed * period, 0.0, 0.0]),
+    )
+    return GaitFit(
+        motion, loop, strides, trust, path, captured, mirror, asymmetry, noise, scale, width, abduction
+    )
+
+
+def _sides(loop: Loop, strides: Strides, captured: dict[str, Array]) -> tuple[float, float]:
+    """Root mean square difference of left and right, and residual about the loop, in degrees."""
+    phase = np.arange(60) / 60.0
+    at, later = joint_angles(loop.rotations(phase)), joint_angles(loop.rotations(phase + 0.5))
+    seen = joint_angles(loop.rotations(strides.phase))
+    differ = [at[f"{joint}_left"] - later[f"{joint}_right"] for joint in ("knee", "hip")]
+    rest = np.concatenate([captured[name] - seen[name] for name in captured])
+    return (
+        float(np.degrees(np.sqrt(np.mean(np.square(differ))))),
+        float(np.degrees(np.sqrt(np.nanmean(np.square(rest))))),
+    )
+
+
+def _both_sides_alike(trust: Trust, asymmetry: float, noise: float) -> bool:
+    """Default rule: a depth sensor's sides are made one unless they differ by more than its noise can make.
+
+    Rigid (optical) recordings keep what they show. A limp of a Kinect recording shows as a difference
+    well above the residual of its own strides.
+    """
+    return not trust.rigid and asymmetry < 1.5 * noise
+
+
+def plain_motion(clip: Clip, one: Pass) -> tuple[Motion, Trust]:
+    """One pass as it was, on the Table 1 body: for movements that are no gait.
+
+    Also says what of the recording was believed. Frames are put on an even rate and gaps bridged by
+    interpolation between the frames around; the root is scaled by leg length and the ground shifted once.
+    """
+    frames = np.flatnonzero(clip.passes == one.number)
+    if len(frames) < 2:
+        raise KinemimicError(
+            f"retarget: expected at least 2 frames in a pass, found {len(frames)}; record longer"
+        )
+    p = rotate(from_axis_angle("Z", -one.heading), clip.positions[frames])
+    times = clip.times[frames] - clip.times[frames[0]]
+    bones = leg_bones(p)
+    rigid = float(np.max(np.nanstd(bones, axis=0) / np.nanmean(bones, axis=0))) < RIGID
+    # Without strides there is nothing to hold the trunk against: it is believed.
+    trust = Trust(rigid, True, True, False, 0.0, (0.0, 0.0), {})
+    local = local_rotations(believed_frames(p, trust))
+    count = max(2, int(times[-1] * RATE) + 1)
+    even = np.arange(count) / RATE
+    rotations = np.tile(IDENTITY, (count, len(NODES), 1))
+    for node in range(len(NODES)):
+        seen = np.isfinite(local[:, node]).all(axis=-1)
+        if seen.sum() >= 2:
+            q = continuous(local[seen, node])
+            rotations[:, node] = normalize(_interpolate(even, times[seen], q))
+    rotations = flat_feet(rotations if rigid else knees_limited(rotations))
+    scale = length_scale(p)
+    middle = 0.5 * (p[:, N["hip_left"]] + p[:, N["hip_right"]])
+    seen = np.isfinite(middle).all(axis=-1)
+    root = scale * _interpolate(even, times[seen], middle[seen])
+    root[:, :2] -= root[0, :2]
+    corners = soles(*pose(rotations, root))
+    drop = float(np.median(corners[..., 2].min(axis=(1, 2))))
+    root[:, 2] -= drop
+    corners[..., 2] -= drop
+    contacts = planted(corners, corner_velocity(corners, RATE, None), 0.0)
+    motion = Motion(rate=RATE, root=root, rotations=continuous(rotations), contacts=contacts, cyclic=False)
+    return motion, trust
+
+
+def _interpolate(at: Array, times: Array, values: Array) -> Array:
+    return np.stack([np.interp(at, times, column) for column in values.T], axis=-1)

@@ -1,0 +1,144 @@
+"""Where a cycle of poses goes: the root's path on which planted feet stand still on the ground."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from kinemimic.pipeline import fourier
+from kinemimic.retarget.body import LEG_LENGTH
+from kinemimic.retarget.contact import corner_velocity, lowest, planted, soles
+from kinemimic.retarget.scale import pose
+
+Array = NDArray[np.float64]
+Mask = NDArray[np.bool_]
+
+GRAVITY = 9.81
+RUN_FROUDE = 0.6  # v² / (g leg): people change from walking to running at about 0.5
+FOLLOW = 4  # harmonics in which a walker's root follows the planted foot
+# Phases after a foot is farthest ahead: on its own on the ground; and around the middle of its swing.
+SINGLE_SUPPORT = (0.12, 0.46)
+MID_SWING = (0.66, 0.78)
+
+
+@dataclass(frozen=True)
+class Path:
+    """Root path of one cycle on the body, and how well the feet keep to the ground.
+
+    root: (T, 3) metres; speed: m/s; contacts: (T, 2); slip: rms speed of planted soles over the ground, m/s;
+    slip_recorded: the same with the recorded speed and sway; shift: metres added to the recorded height;
+    penetration, floating: metres by which the lowest sole is at worst below or above the ground (a runner's
+    while one foot is down); clearance: metres between ground and a foot in the middle of its swing;
+    follows: whether the root follows the planted foot in more than its mean.
+    """
+
+    root: Array
+    speed: float
+    contacts: Mask
+    slip: float
+    slip_recorded: float
+    shift: float
+    penetration: float
+    floating: float
+    clearance: float
+    follows: bool
+
+
+def is_running(speed: float) -> bool:
+    """Whether a figure of the body's leg length must run at this speed (m/s)."""
+    return speed**2 / (GRAVITY * LEG_LENGTH) > RUN_FROUDE
+
+
+def between(phase: Array, window: tuple[float, float]) -> Mask:
+    """True (T, 2) where the phase of the left and the right foot lies in a window of the stride."""
+    own = np.mod(np.stack([phase, phase + 0.5], axis=-1), 1.0)
+    return np.asarray((own > window[0]) & (own < window[1]))
+
+
+def lay_path(rotations: Array, sway: Array, speed: float, period: float, *, follow: bool = True) -> Path:
+    """Speed, sway and height of the root for local rotations (T, 20, 4) of one cycle.
+
+    sway: (T, 3) metres, the recorded root about its uniform advance, and speed in m/s, both already in the
+    body's size. The height gets one constant shift. The advance gets the speed at which the foot in single
+    support stands still: the person's legs have other proportions. With `follow`, a walker's root also takes
+    the first harmonics of both from the planted foot where that leaves less slip, penetration and floating.
+    """
+    frames = len(rotations)
+    phase = np.arange(frames) / frames
+    corners = soles(*pose(rotations))
+    bottom = corners[..., 2].min(axis=(1, 2))
+    running = is_running(speed)
+    sway = sway - sway.mean(axis=0)
+
+    low = bottom + sway[:, 2]
+    # A walker always has a foot on the ground, a runner only while the lowest sole is near its lowest.
+    grounded = low < low.min() + 0.02 if running else np.ones(frames, dtype=bool)
+    shift = -float(low[grounded].mean())
+    height = sway[:, 2] + shift
+
+    # Velocity of the ground under the hip, as the foot that carries shows it.
+    carried = -lowest(corners, corner_velocity(corners, frames / period, np.zeros(3)))
+    support = between(phase, SINGLE_SUPPORT)
+    if running:
+        support = grounded[:, None] & (corners[..., 2].min(axis=-1) == bottom[:, None])
+    wave = fourier.fit(phase, sway[:, :2], FOLLOW)
+    flow = fourier.evaluate(wave, phase, derivative=1) / period
+    recorded = _measure(
+        corners, np.column_stack([sway[:, :2], height]), speed, phase, period, grounded, running
+    )
+    best = (
+        speed + float(np.mean((carried[..., 0] - flow[:, None, 0] - speed)[support]))
+        if support.any()
+        else speed
+    )
+    path = _measure(corners, np.column_stack([sway[:, :2], height]), best, phase, period, grounded, running)
+    follows = False
+    if follow and not running:
+        followed = _follow(phase, carried, support, period)
+        lifted = height - fourier.evaluate(fourier.fit(phase, bottom + height, FOLLOW), phase)
+        candidate = _measure(
+            corners, np.column_stack([followed, lifted]), best, phase, period, grounded, running
+        )
+        if candidate.slip < path.slip and max(candidate.penetration, candidate.floating) < max(
+            path.penetration, path.floating
+        ):
+            path, follows = candidate, True
+    return replace(path, slip_recorded=recorded.slip, shift=shift, follows=follows)
+
+
+def _follow(phase: Array, carried: Array, support: Mask, period: float) -> Array:
+    """Sway (T, 2) in metres about the uniform advance whose velocity is the carrying foot's, smoothed."""
+    rows, feet = np.nonzero(support)
+    series = fourier.fit(phase[rows], carried[rows, feet, :2], FOLLOW, ridge=1e-4)
+    # The integral of each harmonic by the phase; what is constant belongs to the advance.
+    k = 2.0 * np.pi * np.arange(1, FOLLOW + 1)[:, None]
+    cosine, sine = series[1 : FOLLOW + 1], series[FOLLOW + 1 :]
+    integral = np.concatenate([np.zeros((1, 2)), -sine / k, cosine / k]) * period
+    return fourier.evaluate(integral, phase)
+
+
+def _measure(
+    corners: Array, sway: Array, speed: float, phase: Array, period: float, grounded: Mask, running: bool
+) -> Path:
+    advance = np.array([speed * period, 0.0, 0.0])
+    root = sway + phase[:, None] * advance
+    world = corners + root[:, None, None]
+    velocity = corner_velocity(world, len(phase) / period, advance)
+    contacts = planted(world, velocity, speed)
+    down = contacts if running else between(phase, SINGLE_SUPPORT)
+    slide = lowest(world, velocity)[down][:, :2]
+    height = world[..., 2].min(axis=-1)
+    return Path(
+        root=root,
+        speed=speed,
+        contacts=contacts,
+        slip=float(np.sqrt(np.mean(np.sum(slide**2, axis=-1)))) if len(slide) else 0.0,
+        slip_recorded=0.0,
+        shift=0.0,
+        penetration=float(max(0.0, -height.min())),
+        floating=float(max(0.0, height.min(axis=1)[grounded].max())),
+        clearance=float(height[between(phase, MID_SWING)].min()),
+        follows=False,
+    )

@@ -1,0 +1,181 @@
+"""What `retarget` did to a capture and how far the result can be believed: gait.json."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from kinemimic.pipeline.angles import ANGLES
+from kinemimic.pipeline.clip import Clip
+from kinemimic.retarget.cycle import Pass
+from kinemimic.retarget.fit import GaitFit
+from kinemimic.retarget.ground import is_running
+from kinemimic.retarget.motion import Motion, joint_angles
+
+Array = NDArray[np.float64]
+
+GAIT_SCHEMA = 1
+# Limits outside which a reference was not learnt or does not look human.
+PENETRATION = FLOATING = 0.025  # m
+SLIP = 0.15  # m/s
+KNEE_PEAK = 35.0  # degrees
+FEW_STRIDES = 2.0
+CADENCE = {"walk": (80.0, 130.0), "run": (130.0, 200.0)}  # steps/min
+
+
+def gait_report(clip: Clip, passes: list[Pass], fit: GaitFit, warnings: list[str]) -> dict[str, Any]:
+    """The JSON value of gait.json for a gait loop; lengths in metres, angles in degrees."""
+    motion, path = fit.motion, fit.path
+    strides = sum(_strides(p, clip) for p in _used(passes, fit))
+    if strides < FEW_STRIDES:
+        warnings = [*warnings, f"only {strides:.1f} strides: the loop cannot be told from the noise of one"]
+    gait = "run" if is_running(path.speed) else "walk"
+    ranges = {name: _range(curve) for name, curve in joint_angles(motion.rotations).items()}
+    cadence = 120.0 / motion.duration
+    return {
+        "schema": GAIT_SCHEMA,
+        "kind": gait,
+        "simulated_capture": clip.simulated,
+        "cyclic": True,
+        "period_s": _n(motion.duration),
+        "cadence_steps_per_min": _n(cadence),
+        "speed_m_s": _n(path.speed),
+        "speed_capture_m_s": _n(fit.loop.speed),
+        "stride_m": _n(path.speed * motion.duration),
+        "stance_ratio": {side: _n(path.contacts[:, k].mean()) for k, side in enumerate(("left", "right"))},
+        "range_deg": ranges,
+        "strides": _n(strides),
+        "frames_used": len(fit.strides.phase),
+        "r2_loop_against_capture": _r2(fit),
+        "passes": [_pass_row(p, clip, fit) for p in passes],
+        "symmetric": fit.symmetric,
+        "asymmetry_deg": _n(fit.asymmetry_deg),
+        "noise_deg": _n(fit.noise_deg),
+        "believed": {
+            "rigid": fit.trust.rigid,
+            "pelvis": fit.trust.pelvis,
+            "torso": fit.trust.torso,
+            "feet": fit.trust.feet,
+            **{name: _n(value) for name, value in fit.trust.measured.items()},
+        },
+        "scale": _n(fit.scale),
+        "stance_width_m": _n(fit.width),
+        "abduction_deg": _n(np.degrees(fit.abduction)),
+        "ground": {
+            "shift_m": _n(path.shift),
+            "follows_foot": path.follows,
+            "penetration_m": _n(path.penetration),
+            "floating_m": _n(path.floating),
+            "swing_clearance_m": _n(path.clearance),
+            "slip_m_s": _n(path.slip),
+            "slip_recorded_m_s": _n(path.slip_recorded),
+        },
+        "warnings": [*warnings, *gate(fit, gait, ranges, cadence)],
+    }
+
+
+def plain_report(clip: Clip, motion: Motion, one: Pass) -> dict[str, Any]:
+    """The JSON value of gait.json for a movement that is no gait."""
+    return {
+        "schema": GAIT_SCHEMA,
+        "kind": "motion",
+        "simulated_capture": clip.simulated,
+        "cyclic": False,
+        "duration_s": _n(motion.duration),
+        "range_deg": {name: _range(curve) for name, curve in joint_angles(motion.rotations).items()},
+        "pass": one.number,
+        "warnings": ["nobody walks in this capture: the longest pass is used as it is, without a loop"],
+    }
+
+
+def gate(fit: GaitFit, gait: str, ranges: dict[str, list[float]], cadence: float) -> list[str]:
+    """Warnings about what makes a reference hard to walk, each with its number and limit."""
+    path = fit.path
+    low, high = CADENCE[gait]
+    knee = min(ranges["knee_left"][1], ranges["knee_right"][1])
+    checks: tuple[tuple[bool, str], ...] = (
+        (path.penetration < PENETRATION, f"the soles sink in by {1e3 * path.penetration:.0f} mm (limit 25)"),
+        (path.floating < FLOATING, f"the lower foot floats by {1e3 * path.floating:.0f} mm (limit 25)"),
+        (path.clearance > 0, f"a swinging foot passes {-1e3 * path.clearance:.0f} mm below the ground"),
+        (path.slip < SLIP, f"the planted foot slips at {path.slip:.2f} m/s (limit 0.15)"),
+        (knee > KNEE_PEAK, f"a knee flexes by {knee:.0f}° only (usual: 50 to 75; limit 35)"),
+        (low <= cadence <= high, f"cadence {cadence:.0f} steps/min (usual: {low:.0f} to {high:.0f})"),
+    )
+    return [text for kept, text in checks if not kept]
+
+
+def r_squared(captured: Array, fitted: Array) -> float:
+    """Share of the variance of captured (M,) that fitted (M,) explains; NaN frames are left out."""
+    seen = np.isfinite(captured) & np.isfinite(fitted)
+    if seen.sum() < 2:
+        return float("nan")
+    x, y = captured[seen], fitted[seen]
+    return float(1.0 - np.sum((x - y) ** 2) / np.sum((x - x.mean()) ** 2))
+
+
+def reference_at(motion: Motion, phase: Array) -> dict[str, Array]:
+    """The motion's knee and hip angles (M,) in radians at phases (M,) in durations."""
+    curves = joint_angles(motion.rotations)
+    frames = len(motion.root)
+    knots = np.arange(frames + 1) / frames if motion.cyclic else np.arange(frames) / (frames - 1)
+    at = np.mod(phase, 1.0) if motion.cyclic else phase
+    return {
+        name: np.interp(at, knots, np.append(curve, curve[0]) if motion.cyclic else curve)
+        for name, curve in curves.items()
+    }
+
+
+def _strides(one: Pass, clip: Clip) -> float:
+    return float(np.ptp(one.harmonic.phase(clip.times[one.frames]))) if one.harmonic else 0.0
+
+
+def _used(passes: list[Pass], fit: GaitFit) -> list[Pass]:
+    frames = set(fit.strides.frames.tolist())
+    return [p for p in passes if p.harmonic is not None and len(p.frames) and int(p.frames[0]) in frames]
+
+
+def _r2(fit: GaitFit, mask: NDArray[np.bool_] | None = None) -> dict[str, float | None]:
+    pick = np.ones(len(fit.strides.phase), bool) if mask is None else mask
+    fitted = reference_at(fit.motion, fit.strides.phase[pick])
+    scores: dict[str, float | None] = {}
+    for name in ANGLES:
+        scores[name] = _n(r_squared(fit.captured[name][pick], fitted[name]))
+    return scores
+
+
+def _pass_row(one: Pass, clip: Clip, fit: GaitFit) -> dict[str, Any]:
+    used = bool(len(one.frames)) and bool(np.isin(one.frames, fit.strides.frames).any())
+    h = one.harmonic
+    row: dict[str, Any] = {
+        "pass": one.number,
+        "verdict": one.verdict,
+        "used": used,
+        "reason": one.reason,
+        "frames": int((clip.passes == one.number).sum()),
+        "frames_kept": len(one.frames),
+        "frames_bad": int(one.bad.sum()),
+        "heading_deg": _n(np.degrees(one.heading)),
+        "speed_m_s": _n(one.speed),
+    }
+    if h is not None:
+        row |= {
+            "harmonic_r2": _n(h.r2),
+            "harmonic_kept": _n(h.kept),
+            "period_s": _n(h.period),
+            "ankles_m": _n(h.amplitude),
+        }
+    if used:
+        row["r2"] = _r2(fit, np.isin(fit.strides.frames, one.frames))
+    return row
+
+
+def _range(curve: Array) -> list[float]:
+    degrees = np.degrees(curve)
+    return [round(float(degrees.min()), 2), round(float(degrees.max()), 2)]
+
+
+def _n(value: Any) -> float | None:
+    """Six significant digits, which no platform's last bit disturbs; None for what is not a number."""
+    return float(f"{float(value):.6g}") if np.isfinite(value) else None

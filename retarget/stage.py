@@ -1,0 +1,137 @@
+"""`kinemimic retarget`: a converted capture in; motion.json, motion.mcap, gait.json, capture.parquet out."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import click
+import numpy as np
+
+from kinemimic.pipeline.clip import Clip
+from kinemimic.pipeline.nodes import to_nodes
+from kinemimic.pipeline.provenance import provenance
+from kinemimic.pipeline.skeleton import node_skeleton
+from kinemimic.pipeline.store import content_hash, read_clip, read_json, write_json, write_text
+from kinemimic.retarget.captured import Span, captured_angles, read_truth, write_captured
+from kinemimic.retarget.cycle import Pass, is_gait, study_passes, usable
+from kinemimic.retarget.export_json import motion_to_json
+from kinemimic.retarget.export_mcap import write_mcap
+from kinemimic.retarget.fit import fit_gait, plain_motion
+from kinemimic.retarget.motion import Motion
+from kinemimic.retarget.report import gait_report, plain_report
+
+
+def retarget(run: Path, *, symmetric: bool | None = None) -> Motion:
+    """Put a converted capture on the Table 1 body and write the results into its run folder.
+
+    symmetric: make left and right one by pooling the mirror image half a cycle later; None decides that by
+    measurement (`fit.fit_gait`), False keeps a limp. A KinemimicError says why, where somebody walks but no
+    pass can be used.
+    """
+    source = read_clip(run / "quaternions.parquet")
+    clip, raw = on_nodes(source), on_nodes(read_clip(run / "raw.parquet"))
+    truth = read_truth(run / "truth.parquet")
+    passes = study_passes(clip)
+    if is_gait(passes):
+        chosen, warnings = usable(passes)
+        fit = fit_gait(clip, chosen, symmetric)
+        motion, trust = fit.motion, fit.trust
+        report = gait_report(clip, passes, fit, warnings)
+        spans = [_stride_span(clip, one) for one in chosen]
+    else:
+        longest = max(passes, key=lambda one: int((clip.passes == one.number).sum()))
+        motion, trust = plain_motion(clip, longest)
+        report = plain_report(clip, motion, longest)
+        spans = [_whole_span(clip, longest)]
+    record = {
+        "simulated": clip.simulated,
+        "capture": dict(source.provenance),
+        **provenance(
+            "retarget", inputs={"clip": _hash(clip), "raw": _hash(raw)}, config={"symmetric": symmetric}
+        ),
+    }
+    motion = replace(motion, provenance=record)
+    columns = captured_angles(clip, raw, spans, trust, truth)
+    text = motion_to_json(motion)
+    write_captured(run / "capture.parquet", columns, record)
+    write_json(run / "gait.json", report)
+    write_mcap(run / "motion.mcap", motion)
+    write_text(run / "motion.json", text)
+    return motion
+
+
+def on_nodes(clip: Clip) -> Clip:
+    """The clip's positions on the 20-node skeleton; what it knew of rotations is left behind."""
+    positions, states = to_nodes(clip)
+    return Clip(
+        skeleton=node_skeleton(),
+        times=clip.times,
+        positions=positions,
+        states=states,
+        passes=clip.passes,
+        provenance=clip.provenance,
+    )
+
+
+def _hash(clip: Clip) -> str:
+    return content_hash(
+        {"times": clip.times, "positions": clip.positions, "states": clip.states, "passes": clip.passes}
+    )
+
+
+def _stride_span(clip: Clip, one: Pass) -> Span:
+    if one.harmonic is None:
+        raise ValueError(f"pass {one.number} has no phase")
+    first, last = clip.times[one.frames[[0, -1]]]
+    return Span(one.number, float(first), float(last), one.heading, one.harmonic.start, one.harmonic.period)
+
+
+def _whole_span(clip: Clip, one: Pass) -> Span:
+    first, last = clip.times[np.flatnonzero(clip.passes == one.number)[[0, -1]]]
+    return Span(one.number, float(first), float(last), one.heading, float(first), float(last - first))
+
+
+def _table(report: dict[str, Any]) -> list[str]:
+    """The lines of gait.json that a person reads first."""
+    lines = [f"{report['kind']}, {'a loop' if report['cyclic'] else 'as recorded'}"]
+    if report["cyclic"]:
+        ground, r2 = report["ground"], report["r2_loop_against_capture"]
+        used = [row for row in report["passes"] if row["used"]]
+        lines += [
+            f"  passes     {len(used)} of {len(report['passes'])}, {report['strides']:.1f} strides",
+            f"  cadence    {report['cadence_steps_per_min']:.0f} steps/min, "
+            f"period {report['period_s']:.3f} s",
+            f"  speed      {report['speed_m_s']:.2f} m/s on the body, "
+            f"{report['speed_capture_m_s']:.2f} captured",
+            f"  sides      {'made one' if report['symmetric'] else 'as recorded'}, "
+            f"differ by {report['asymmetry_deg']:.1f}° (noise {report['noise_deg']:.1f}°)",
+            f"  ground     sinks {1e3 * ground['penetration_m']:.0f} mm, "
+            f"floats {1e3 * ground['floating_m']:.0f} mm, "
+            f"swing clears {1e3 * ground['swing_clearance_m']:.0f} mm, slips {ground['slip_m_s']:.2f} m/s",
+        ]
+        scores = {name: f"{value:.3f}" if value is not None else "-" for name, value in r2.items()}
+    else:
+        scores = {}
+    for name, (low, high) in report["range_deg"].items():
+        lines.append(
+            f"  {name:<10} {low:6.1f} to {high:5.1f}°" + (f"   R² {scores[name]}" if name in scores else "")
+        )
+    return lines + [f"  ! {text}" for text in report["warnings"]]
+
+
+@click.command("retarget")
+@click.option("--run", type=click.Path(path_type=Path), default=Path("runs/default"), show_default=True)
+@click.option(
+    "--symmetric/--as-recorded",
+    default=None,
+    help="Make both sides one, or keep how they differ; by default decided by measurement.",
+)
+@click.option("--json", "as_json", is_flag=True, help="Print gait.json.")
+def command(run: Path, symmetric: bool | None, as_json: bool) -> None:
+    """Onto the 20 nodes and the body of Table 1; for a walk, its gait cycle; JSON and MCAP."""
+    retarget(run, symmetric=symmetric)
+    report = read_json(run / "gait.json")
+    click.echo(json.dumps(report, indent=2) if as_json else "\n".join(_table(report)))
