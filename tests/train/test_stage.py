@@ -1,0 +1,109 @@
+"""Training as a stage: same seed, same policy; an interrupted run goes on; a bad one says why."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from kinemimic.pipeline.errors import KinemimicError
+from kinemimic.pipeline.store import write_text
+from kinemimic.retarget.export_json import motion_to_json
+from kinemimic.retarget.motion import Motion
+from kinemimic.train import checkpoint, stage
+from kinemimic.train.config import PRESETS, TrainConfig
+from kinemimic.train.perform import perform
+from kinemimic.train.ppo import Learner
+
+SMALL = replace(PRESETS["default"], environments=4, horizon=16, minibatch=32, passes=2, hidden=(32, 16))
+ROUND = SMALL.batch
+
+
+@pytest.fixture
+def run(tmp_path: Path, motion: Motion, monkeypatch: pytest.MonkeyPatch) -> Path:
+    monkeypatch.setitem(PRESETS, "default", SMALL)
+    write_text(tmp_path / "a" / "motion.json", motion_to_json(motion))
+    return tmp_path / "a"
+
+
+def test_same_seed_same_policy_and_same_performance(run: Path, motion: Motion, tmp_path: Path) -> None:
+    other = tmp_path / "b"
+    other.mkdir()
+    (other / "motion.json").write_bytes((run / "motion.json").read_bytes())
+    for folder in (run, other):
+        stage.train(folder, budget=2 * ROUND, seed=3, workers=2)
+    first, second = ((folder / "policy.safetensors").read_bytes() for folder in (run, other))
+    assert first == second
+    played = [
+        perform(
+            motion, folder / "policy.safetensors", start_phases=np.array([0.0, 0.5]), frames=10, workers=2
+        )
+        for folder in (run, other)
+    ]
+    assert played[0].rotations.tobytes() == played[1].rotations.tobytes()
+    stage.train(other, budget=2 * ROUND, seed=4, workers=2, resume=False)
+    assert (other / "policy.safetensors").read_bytes() != first
+
+
+def test_goes_on_from_its_checkpoint(run: Path) -> None:
+    first = stage.train(run, budget=ROUND, workers=1)
+    assert first["samples"] == ROUND
+    more = stage.train(run, budget=3 * ROUND, workers=1)
+    assert more["samples"] == 3 * ROUND
+    before = (run / "policy.safetensors").read_bytes()
+    stage.train(run, budget=3 * ROUND, workers=1)
+    assert (run / "policy.safetensors").read_bytes() == before
+
+
+def test_a_checkpoint_brings_the_learner_back_whole(tmp_path: Path) -> None:
+    config = TrainConfig(hidden=(8, 4), seed=5)
+    learner = Learner(config)
+    learner.normalizer.update(np.random.default_rng(0).normal(size=(9, len(learner.normalizer.mean))))
+    learner.progress.samples, learner.progress.actor_rate = 77, 1.5e-4
+    learner.random.random(13)
+    checkpoint.save(tmp_path / "c.safetensors", learner, "walk")
+    other = Learner(config)
+    assert checkpoint.restore(tmp_path / "c.safetensors", other, "walk")
+    assert other.progress == learner.progress
+    assert other.actor_optimizer.param_groups[0]["lr"] == 1.5e-4
+    assert other.random.random() == learner.random.random()
+    ours, theirs = learner.tensors(), other.tensors()
+    assert ours.keys() == theirs.keys()
+    assert all(bool((ours[name] == theirs[name]).all()) for name in ours)
+
+
+def test_a_checkpoint_of_something_else_is_left_alone(tmp_path: Path) -> None:
+    config = TrainConfig(hidden=(8, 4))
+    path = tmp_path / "c.safetensors"
+    checkpoint.save(path, Learner(config), "walk")
+    assert not checkpoint.restore(path, Learner(config), "run")
+    assert not checkpoint.restore(path, Learner(replace(config, discount=0.9)), "walk")
+    assert checkpoint.restore(path, Learner(replace(config, budget=5)), "walk")
+    path.write_bytes(b"nonsense")
+    with pytest.raises(KinemimicError, match="expected a checkpoint"):
+        checkpoint.restore(path, Learner(config), "walk")
+
+
+def test_performance_without_a_policy_is_the_reference_alone(motion: Motion) -> None:
+    played = perform(motion, None, start_phases=np.array([0.25]), frames=45, workers=1)
+    assert played.root.shape == (1, 45, 3)
+    # The first frames follow the reference closely; without balance it is on the ground within seconds.
+    assert np.abs(played.root[0, 0] - played.reference_root[0, 0]).max() < 0.02
+    assert played.fallen_at[0] < 45
+    assert np.isfinite(played.rotations).all()
+    np.testing.assert_allclose(np.diff(played.phases[0]), 1 / (30 * motion.duration), rtol=1e-9)
+
+
+def test_configuration_round_trip() -> None:
+    for config in PRESETS.values():
+        assert TrainConfig.from_json(json.loads(json.dumps(config.to_json()))) == config
+    with pytest.raises(KinemimicError, match="does not fit"):
+        TrainConfig.from_json({"env": {"reward": {}, "gravity": 3}})
+
+
+def test_what_is_missing_is_one_line(tmp_path: Path) -> None:
+    with pytest.raises(KinemimicError, match=r"motion\.json"):
+        stage.train(tmp_path)
