@@ -1,0 +1,237 @@
+"""The text of a BVH file: its hierarchy of joints and its table of motion, nothing interpreted."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from kinemimic.pipeline.captures.numbers import Row, parse_rows
+from kinemimic.pipeline.errors import CaptureError
+
+Array = NDArray[np.float64]
+
+# A hand with all its fingers hangs about 12 deep on 70 joints; these guard against files that are no person.
+MAX_DEPTH = 128
+MAX_JOINTS = 1024
+MAX_JOINT_FRAMES = 50_000_000
+CHANNELS: tuple[str, ...] = ("Xposition", "Yposition", "Zposition", "Xrotation", "Yrotation", "Zrotation")
+_CHANNEL = {name.lower(): name for name in CHANNELS}
+
+
+@dataclass
+class Joint:
+    """A joint as written. end: an End Site, named `<parent>_end`; parent: index, -1 for the root."""
+
+    name: str
+    parent: int
+    end: bool = False
+    offset: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    channels: tuple[str, ...] = ()
+
+
+@dataclass
+class BvhText:
+    """joints: parents before children; motion: (T, channels) in the file's units and degrees."""
+
+    joints: list[Joint] = field(default_factory=list)
+    frame_time: float = 0.0
+    motion: Array = field(default_factory=lambda: np.zeros((0, 0)))
+
+
+@dataclass(frozen=True)
+class _Token:
+    text: str
+    line: int
+
+
+class _Tokens:
+    """The words of the hierarchy, with their lines; a brace is a word of its own."""
+
+    def __init__(self, lines: list[str], path: Path) -> None:
+        self.path = path
+        self._words = self._split(lines)
+        self._last = len(lines)
+
+    @staticmethod
+    def _split(lines: list[str]) -> Iterator[_Token]:
+        for number, line in enumerate(lines, 1):
+            for word in line.replace("{", " { ").replace("}", " } ").split():
+                yield _Token(word, number)
+
+    def next(self, expected: str) -> _Token:
+        token = next(self._words, None)
+        if token is None:
+            raise CaptureError(
+                self.path,
+                expected=expected,
+                found="the end of the file",
+                where=f"line {self._last}",
+                advice="the file is cut off there",
+            )
+        return token
+
+    def require(self, word: str) -> _Token:
+        token = self.next(word)
+        if token.text.lower() != word.lower():
+            raise self.error(token, word)
+        return token
+
+    def number(self, expected: str) -> float:
+        token = self.next(expected)
+        try:
+            value = float(token.text)
+        except ValueError:
+            raise self.error(token, expected) from None
+        if not math.isfinite(value):
+            raise self.error(token, expected)
+        return value
+
+    def error(self, token: _Token, expected: str) -> CaptureError:
+        return CaptureError(
+            self.path, expected=expected, found=repr(token.text[:40]), where=f"line {token.line}"
+        )
+
+
+def parse(text: str, path: Path) -> BvhText:
+    """Hierarchy and motion; CaptureError names the line of the first mistake."""
+    lines = text.split("\n")
+    marker = next((i for i, line in enumerate(lines) if line.strip().lower() == "motion"), None)
+    bvh = BvhText(joints=_hierarchy(_Tokens(lines[:marker], path)))
+    if marker is None:
+        raise CaptureError(
+            path, expected="MOTION", found="the end of the file", where=f"line {len(lines)}",
+            advice="the file is cut off there",
+        )  # fmt: skip
+    rows = [Row(number, line) for number, line in enumerate(lines[marker + 1 :], marker + 2) if line.strip()]
+    frames, bvh.frame_time = _declared(rows, path)
+    width = sum(len(joint.channels) for joint in bvh.joints)
+    if width == 0:
+        raise CaptureError(path, expected="a joint with CHANNELS", found="none")
+    if frames * len(bvh.joints) > MAX_JOINT_FRAMES:
+        raise CaptureError(
+            path,
+            expected=f"at most {MAX_JOINT_FRAMES} joints times frames",
+            found=f"{len(bvh.joints)} joints in {frames} frames",
+            where=f"line {rows[0].number}",
+        )
+    if frames != len(rows) - 2:
+        cut = "the file is cut off" if frames > len(rows) - 2 else "correct the line Frames:"
+        raise CaptureError(
+            path, expected=f"{frames} frames as declared", found=f"{len(rows) - 2}", advice=cut,
+            where=f"line {rows[-1].number}",
+        )  # fmt: skip
+    bvh.motion = parse_rows(rows[2:], width, path)
+    wrong = ~np.isfinite(bvh.motion)
+    if wrong.any():
+        frame, channel = (int(k) for k in np.argwhere(wrong)[0])
+        raise CaptureError(
+            path, expected="finite numbers", found=f"{bvh.motion[frame, channel]} in channel {channel + 1}",
+            where=f"line {rows[2 + frame].number}, frame {frame}",
+        )  # fmt: skip
+    return bvh
+
+
+def _declared(rows: list[Row], path: Path) -> tuple[int, float]:
+    """Number of frames and seconds a frame, from the two lines below MOTION."""
+    found: list[str] = []
+    for position, key in enumerate(("frames", "frame time")):
+        row = rows[position] if position < len(rows) else Row(rows[-1].number if rows else 0, "")
+        name, _, value = row.text.partition(":")
+        if " ".join(name.lower().split()) != key:
+            shown = repr(row.text.strip()[:40]) if row.text else "the end of the file"
+            raise CaptureError(
+                path, expected=f"{key.title()}: and a number", found=shown,
+                where=f"line {row.number}" if row.number else None,
+            )  # fmt: skip
+        found.append(value.strip())
+    if not (found[0].isascii() and found[0].isdigit() and len(found[0]) < 12 and int(found[0]) > 0):
+        raise CaptureError(
+            path,
+            expected="a number of frames above 0",
+            found=repr(found[0][:40]),
+            where=f"line {rows[0].number}",
+        )
+    try:
+        seconds = float(found[1])
+    except ValueError:
+        seconds = math.nan
+    if not 1e-4 <= seconds <= 1.0:
+        raise CaptureError(
+            path, expected="a frame time of 0.0001 to 1 s", found=repr(found[1][:40]),
+            where=f"line {rows[1].number}",
+        )  # fmt: skip
+    return int(found[0]), seconds
+
+
+def _hierarchy(tokens: _Tokens) -> list[Joint]:
+    """Joints in the file's sequence. Iterative: nesting costs no stack."""
+    tokens.require("HIERARCHY")
+    tokens.require("ROOT")
+    joints: list[Joint] = []
+    names: set[str] = set()
+    open_joints: list[int] = []
+
+    def begin(end: bool) -> None:
+        # A name may hold spaces; the brace ends it.
+        words: list[str] = []
+        while (token := tokens.next("a joint's name and {")).text != "{":
+            words.append(token.text)
+        parent = open_joints[-1] if open_joints else -1
+        name = f"{joints[parent].name}_end" if end else " ".join(words)
+        if not name:
+            raise tokens.error(token, "a joint's name")
+        if len(open_joints) >= MAX_DEPTH or len(joints) >= MAX_JOINTS:
+            raise CaptureError(
+                tokens.path,
+                expected=f"at most {MAX_JOINTS} joints, nested at most {MAX_DEPTH} deep",
+                found="more",
+                where=f"line {token.line}",
+            )
+        unique, count = name, 1
+        while unique in names:
+            count += 1
+            unique = f"{name}_{count}"
+        names.add(unique)
+        open_joints.append(len(joints))
+        joints.append(Joint(unique, parent, end))
+
+    begin(end=False)
+    while open_joints:
+        joint = joints[open_joints[-1]]
+        token = tokens.next("OFFSET, CHANNELS, JOINT, End Site or }")
+        match token.text.lower():
+            case "offset":
+                x, y, z = (tokens.number("three numbers after OFFSET") for _ in range(3))
+                joint.offset = (x, y, z)
+            case "channels" if not joint.end:
+                joint.channels = _channels(tokens)
+            case "joint" if not joint.end:
+                begin(end=False)
+            case "end" if not joint.end:
+                begin(end=True)
+            case "}":
+                open_joints.pop()
+            case _:
+                raise tokens.error(token, "OFFSET, CHANNELS, JOINT, End Site or }")
+    if (extra := next(tokens._words, None)) is not None:
+        raise tokens.error(extra, "MOTION after the one ROOT")
+    return joints
+
+
+def _channels(tokens: _Tokens) -> tuple[str, ...]:
+    count = tokens.next("the number of channels")
+    if count.text not in {str(n) for n in range(7)}:
+        raise tokens.error(count, "0 to 6 channels")
+    names: list[str] = []
+    for _ in range(int(count.text)):
+        token = tokens.next("a channel")
+        name = _CHANNEL.get(token.text.lower())
+        if name is None or name in names:
+            raise tokens.error(token, f"channels among {', '.join(CHANNELS)}, each once")
+        names.append(name)
+    return tuple(names)

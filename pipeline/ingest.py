@@ -1,0 +1,102 @@
+"""Stage 1: a capture file into the run folder, divided into passes, cleaned, with a report of its quality."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import click
+import pyarrow as pa
+import pyarrow.parquet as pq
+from rich.console import Console
+
+from kinemimic.pipeline.acquire import SHORTEST_PASS, acquire, in_passes
+from kinemimic.pipeline.captures.recognise import read
+from kinemimic.pipeline.clean import clean
+from kinemimic.pipeline.clip import Clip
+from kinemimic.pipeline.errors import CaptureError, KinemimicError
+from kinemimic.pipeline.provenance import provenance
+from kinemimic.pipeline.quality import quality, table
+from kinemimic.pipeline.store import atomic, read_json, write_clip, write_json
+
+FILTERS: tuple[str, ...] = ("butterworth", "none")
+
+
+def ingest(capture: Path, run: Path, *, filter_name: str | None = None) -> Clip:
+    """Read a capture and write raw.parquet, clip.parquet, quality.json (and truth.parquet) to the run folder.
+
+    filter_name: "butterworth" or "none"; by default positions are filtered and rotations are not.
+    raw.parquet holds the frames as recorded (unfiltered, gaps NaN); clip.parquet the same frames cleaned.
+    A file NAME.truth.parquet beside the capture NAME.* marks it as simulated and is copied.
+    Raises CaptureError, before anything is written, for a file that is no capture of a person.
+    """
+    if filter_name is not None and filter_name not in FILTERS:
+        raise KinemimicError(f"expected a filter among {', '.join(FILTERS)}, found {filter_name!r}")
+    recorded = read(capture)
+    truth = _truth(capture)
+    acquisition = acquire(recorded)
+    if acquisition.count == 0:
+        seen = any(event.reason == "subject seen" for event in acquisition.events)
+        brief = f"{acquisition.discarded} moments shorter than {SHORTEST_PASS} s"
+        raise CaptureError(
+            capture,
+            expected=f"a person tracked for at least {SHORTEST_PASS} s",
+            found=brief if seen else f"nobody in any of {len(recorded.times)} frames",
+        )
+    chosen = filter_name or ("none" if recorded.euler is not None else "butterworth")
+    made_by = provenance(
+        "ingest", inputs={"capture": recorded.provenance["sha256"]}, config={"filter": chosen}
+    )
+    raw = replace(
+        in_passes(recorded, acquisition),
+        provenance={**recorded.provenance, "simulated": truth is not None, **made_by},
+    )
+    cleaned, cleaning = clean(raw, butterworth=chosen == "butterworth")
+    report = quality(raw, acquisition, cleaning)
+    write_clip(run / "raw.parquet", raw)
+    write_clip(run / "clip.parquet", cleaned)
+    if truth is not None:
+        with atomic(run / "truth.parquet") as temporary:
+            temporary.write_bytes(truth)
+    else:
+        # Another capture's truth must not be taken for this one's.
+        (run / "truth.parquet").unlink(missing_ok=True)
+    write_json(run / "quality.json", report)
+    return cleaned
+
+
+def _truth(capture: Path) -> bytes | None:
+    """The truth beside a simulated capture, checked to be a Parquet table."""
+    path = capture.with_suffix(".truth.parquet")
+    if not path.is_file():
+        return None
+    content = path.read_bytes()
+    try:
+        pq.read_schema(pa.BufferReader(content))
+    except pa.ArrowInvalid:
+        raise CaptureError(
+            path, expected="the truth of a simulated capture", found="no Parquet file"
+        ) from None
+    return content
+
+
+@click.command()
+@click.argument("capture", type=click.Path(path_type=Path))
+@click.option("--run", type=click.Path(path_type=Path), default=Path("runs/default"), show_default=True)
+@click.option(
+    "--filter",
+    "filter_name",
+    type=click.Choice(FILTERS),
+    help="Low-pass: by default positions get a 6 Hz zero-phase Butterworth, rotations none.",
+)
+@click.option("--json", "as_json", is_flag=True, help="Print the quality report as JSON.")
+def command(capture: Path, run: Path, filter_name: str | None, as_json: bool) -> None:
+    """Read CAPTURE (Kinect v1 .skl text or BVH), divide it into passes, clean it and report its quality."""
+    ingest(capture, run, filter_name=filter_name)
+    report: dict[str, Any] = read_json(run / "quality.json")
+    if as_json:
+        click.echo(json.dumps(report, indent=2))
+    else:
+        Console(highlight=False).print(table(report))
