@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import difflib
 import importlib
+import os
 import sys
-from typing import Any
+from typing import Any, NoReturn
 
 import click
 
@@ -22,6 +24,16 @@ COMMANDS: dict[str, tuple[str, str]] = {
     "run": ("kinemimic.evaluate.run:command", "Every stage on one capture, skipping what is up to date."),
 }
 
+BAD_INPUT = 2
+INTERRUPTED = 130  # 128 + SIGINT, what a shell reports for a program that Ctrl-C ended
+
+
+def load_command(name: str) -> click.Command:
+    """Import a command's module and return the command."""
+    module, attribute = COMMANDS[name][0].split(":")
+    command: click.Command = getattr(importlib.import_module(module), attribute)
+    return command
+
 
 class LazyGroup(click.Group):
     """A group whose commands are imported when they are called."""
@@ -30,27 +42,68 @@ class LazyGroup(click.Group):
         return list(COMMANDS)
 
     def get_command(self, ctx: click.Context, cmd_name: str) -> click.Command | None:
-        if cmd_name not in COMMANDS:
-            return None
-        module, attribute = COMMANDS[cmd_name][0].split(":")
-        command: click.Command = getattr(importlib.import_module(module), attribute)
-        return command
+        return load_command(cmd_name) if cmd_name in COMMANDS else None
+
+    def resolve_command(
+        self, ctx: click.Context, args: list[str]
+    ) -> tuple[str | None, click.Command | None, list[str]]:
+        name = args[0]
+        if name not in COMMANDS and not name.startswith("-"):
+            near = difflib.get_close_matches(name, COMMANDS, n=1)
+            ctx.fail(f"no command {name!r}" + (f"; did you mean {near[0]!r}?" if near else ""))
+        return super().resolve_command(ctx, args)
 
     def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
         with formatter.section("Commands"):
             formatter.write_dl([(name, text) for name, (_, text) in COMMANDS.items()])
 
 
-@click.group(cls=LazyGroup)
+@click.group(cls=LazyGroup, context_settings={"help_option_names": ["-h", "--help"]})
 @click.version_option(package_name="kinemimic")
 def cli() -> None:
     """Recorded human motion in, a Bullet humanoid that performs it out, with a score."""
 
 
-def main(arguments: list[str] | None = None) -> Any:
-    """Entry point: an error of the input is one line on stderr and exit status 2."""
+def main(arguments: list[str] | None = None) -> NoReturn:
+    """Entry point: whatever the user can mend is one line on stderr; only a bug shows its traceback."""
+    sys.exit(_status(arguments))
+
+
+def _status(arguments: list[str] | None) -> int:
     try:
-        return cli.main(arguments, standalone_mode=True)
+        status: Any = cli.main(arguments, prog_name="kinemimic", standalone_mode=False)
     except KinemimicError as error:
-        click.echo(f"kinemimic: {error}", err=True)
-        sys.exit(2)
+        return _fail(str(error))
+    except click.ClickException as error:
+        error.show()
+        return error.exit_code
+    except click.Abort as abort:
+        # click makes an Abort of an EOFError too, which here is a worker process that died: a bug.
+        if isinstance(abort.__cause__, EOFError):
+            raise abort.__cause__ from None
+        click.echo("kinemimic: interrupted", err=True)
+        return INTERRUPTED
+    except ConnectionError:
+        # The reader of our output went away (`kinemimic … | head`), or else a worker process died: a bug.
+        if _stdout_works():
+            raise
+        return 1
+    except OSError as error:
+        place = f"{error.filename}: " if error.filename else ""
+        return _fail(f"{place}{(error.strerror or str(error)).lower()}")
+    return status if isinstance(status, int) else 0
+
+
+def _fail(message: str) -> int:
+    click.echo("kinemimic: " + " ".join(message.split()), err=True)
+    return BAD_INPUT
+
+
+def _stdout_works() -> bool:
+    try:
+        sys.stdout.flush()
+    except BrokenPipeError:
+        # Python flushes once more at exit; that shall not complain either.
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        return False
+    return True

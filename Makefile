@@ -1,0 +1,80 @@
+# One-word targets; `make help` lists them. CAPTURE=, RUN=, PRESET=, BUDGET=, SEED= go to the command line.
+
+PYTHON ?= python3.11
+RUN ?= runs/default
+
+VENV := .venv
+BIN := $(VENV)/bin
+KINEMIMIC = $(BIN)/kinemimic
+TRAINING = $(if $(PRESET),--preset "$(PRESET)") $(if $(BUDGET),--budget "$(BUDGET)") $(if $(SEED),--seed "$(SEED)")
+
+# An editable install in strict mode links the package's files one by one: a new or a removed file asks for a
+# new install, an edited one does not. So the stamp bears a digest of the list of files in its name.
+FILES := $(sort $(shell find pipeline retarget train evaluate datasets -type f -not -path '*/__pycache__/*'))
+STAMP := $(VENV)/installed-$(firstword $(shell echo '$(FILES)' | cksum))
+
+.PHONY: help setup run ingest convert retarget train evaluate view test test-slow lint type format bench clean
+.DEFAULT_GOAL := help
+
+help: ## This list
+	@sed -n 's/^\([a-z-]*\):.*## /\1\t/p' $(MAKEFILE_LIST) | expand -t 12
+
+setup: $(STAMP) ## Build .venv; nothing to do when nothing changed
+
+# torch goes first and alone: its index is the one thing that differs between machines (README).
+$(STAMP): pyproject.toml constraints.txt
+	$(if $(shell $(PYTHON) -c 'import sys; print(sys.version_info[:2] == (3, 11) or "")' 2>&1 | grep True),,\
+	  $(error kinemimic needs Python 3.11 with its venv module, and $(PYTHON) is none: install it, or name one with PYTHON=))
+	$(PYTHON) -m venv $(VENV)
+	$(BIN)/python -m pip install --quiet -c constraints.txt torch==2.13.0 setuptools
+	$(BIN)/python -m pip install --quiet -c constraints.txt --no-build-isolation --config-settings editable_mode=strict -e '.[dev]'
+	@rm -f $(VENV)/installed-*
+	@touch $@
+
+run: setup ## Every stage on CAPTURE= (without one, the embedded virtual Kinect) into RUN=
+	$(KINEMIMIC) run $(if $(CAPTURE),"$(CAPTURE)") --run "$(RUN)" $(TRAINING)
+
+ingest: setup ## CAPTURE= into RUN=: passes, gaps, filter, quality report
+	$(KINEMIMIC) ingest $(if $(CAPTURE),"$(CAPTURE)") --run "$(RUN)"
+
+convert: setup ## Euler angles or positions to quaternions
+	$(KINEMIMIC) convert --run "$(RUN)"
+
+retarget: setup ## Onto the 20 nodes and the body; JSON and MCAP
+	$(KINEMIMIC) retarget --run "$(RUN)"
+
+train: setup ## A policy that imitates the motion (PRESET= BUDGET= SEED=)
+	$(KINEMIMIC) train --run "$(RUN)" $(TRAINING)
+
+evaluate: setup ## Scores, report, curves
+	$(KINEMIMIC) evaluate --run "$(RUN)"
+
+view: setup ## The rerun recording
+	$(KINEMIMIC) view --run "$(RUN)"
+
+# Small matrices on every core at once: more threads than one each only get in each other's way.
+test: setup ## The tests that take seconds
+	OMP_NUM_THREADS=1 $(BIN)/python -m pytest -m "not slow" -n 2
+
+test-slow: setup ## The tests that take minutes
+	$(BIN)/python -m pytest -m slow
+
+lint: setup ## ruff, formatting, the direction of imports
+	$(BIN)/ruff check
+	$(BIN)/ruff format --check
+	$(BIN)/lint-imports
+
+type: setup ## mypy --strict
+	$(BIN)/mypy
+
+format: setup ## Let ruff rewrite the files
+	$(BIN)/ruff check --fix
+	$(BIN)/ruff format
+
+bench: setup ## Every tests/bench/bench_*.py
+	@set -e; for script in $(sort $(wildcard tests/bench/bench_*.py)); do echo "$$script"; $(BIN)/python "$$script"; done
+
+# .venv goes with build/, which holds the links of the editable install. runs/ holds hours of training: it stays.
+clean: ## Remove all that was built, but not runs/
+	rm -rf $(VENV) build dist *.egg-info .mypy_cache .ruff_cache .pytest_cache .hypothesis .import_linter_cache
+	find . -name __pycache__ -type d -prune -exec rm -rf {} +
