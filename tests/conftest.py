@@ -1,0 +1,18 @@
+"""What every test may use."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+
+import pytest
+
+
+@pytest.fixture(scope="session")
+def captures() -> Path:
+    """The folder of real recordings, which is not part of the project."""
+    beside = Path(__file__).resolve().parents[2] / "shared" / "captures"
+    folder = Path(os.environ.get("KINEMIMIC_CAPTURES", beside))
+    if not folder.is_dir():
+        pytest.skip("no real recordings here: set KINEMIMIC_CAPTURES to the folder that holds them")
+    return folder
