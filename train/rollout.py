@@ -93,10 +93,9 @@ def _serve(
     sampler = Sampler(motion, config, seeds)
     while True:
         try:
-            message = connection.recv()
-        except EOFError:
+            connection.send(sampler.sample(*connection.recv()))
+        except (EOFError, BrokenPipeError):  # the parent is gone
             return
-        connection.send(sampler.sample(*message))
 
 
 class Workers:
