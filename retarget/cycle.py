@@ -92,8 +92,9 @@ def fit_harmonic(times: Array, ankles: Array, weights: Array | None = None) -> H
     grid = np.linspace(*PERIODS, 151)
     period = float(grid[np.argmin([solve(p, w)[0] for p in grid])])
     for _ in range(8):
+        near = (0.93 * period, 1.07 * period)
         found = minimize_scalar(
-            lambda p, w=w: solve(p, w)[0], bounds=(0.93 * period, 1.07 * period), method="bounded"
+            lambda p, w=w: solve(p, w)[0], bounds=near, method="bounded", options={"xatol": 1e-8}
         )
         period = float(found.x)
         residual = solve(period, w)[2]

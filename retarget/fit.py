@@ -27,10 +27,8 @@ from kinemimic.retarget.trust import RIGID, Trust, assess, believed_frames
 Array = NDArray[np.float64]
 
 RATE = 60.0  # frames per second, as near as whole frames in a stride allow
-HARMONICS = {
-    True: 8,
-    False: 5,
-}  # of the legs: of a rigid (optical) skeleton, and of one that a depth sensor saw
+# Of the legs: of a precise (optical) recording, and of one that a depth sensor made.
+HARMONICS = {True: 8, False: 5}
 
 
 @dataclass(frozen=True)
@@ -69,7 +67,7 @@ def fit_gait(clip: Clip, passes: list[Pass], symmetric: bool | None = None) -> G
     captured = joint_angles(local)
     lengths = [len(p.frames) for p in passes]
     period = float(np.average([p.harmonic.period for p in passes if p.harmonic], weights=lengths))
-    loop = fit_loop(strides, local, period, leg=HARMONICS[trust.rigid])
+    loop = fit_loop(strides, local, period, leg=HARMONICS[trust.precise])
     asymmetry, noise = _sides(loop, strides, captured)
     mirror = _both_sides_alike(trust, asymmetry, noise) if symmetric is None else symmetric
     if mirror:
@@ -77,11 +75,11 @@ def fit_gait(clip: Clip, passes: list[Pass], symmetric: bool | None = None) -> G
         pitch = float(np.mean(trust.foot_pitch))
         trust = replace(trust, foot_pitch=(pitch, pitch))
         turned = local_rotations(believed_frames(both.positions, trust))
-        loop = fit_loop(both, turned, period, leg=HARMONICS[trust.rigid])
+        loop = fit_loop(both, turned, period, leg=HARMONICS[trust.precise])
     frames = max(8, round(RATE * period))
     phase = np.arange(frames) / frames
     rotations = loop.rotations(phase)
-    if not trust.rigid:
+    if not trust.precise:
         rotations = knees_limited(rotations)
     if not trust.feet:
         rotations = neutral_feet(rotations, phase)
@@ -119,10 +117,10 @@ def _sides(loop: Loop, strides: Strides, captured: dict[str, Array]) -> tuple[fl
 def _both_sides_alike(trust: Trust, asymmetry: float, noise: float) -> bool:
     """Default rule: a depth sensor's sides are made one unless they differ by more than its noise can make.
 
-    Rigid (optical) recordings keep what they show. A limp of a Kinect recording shows as a difference
+    Precise (optical) recordings keep what they show. A limp of a Kinect recording shows as a difference
     well above the residual of its own strides.
     """
-    return not trust.rigid and asymmetry < 1.5 * noise
+    return not trust.precise and asymmetry < 1.5 * noise
 
 
 def plain_motion(clip: Clip, one: Pass) -> tuple[Motion, Trust]:

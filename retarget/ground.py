@@ -63,7 +63,7 @@ def lay_path(rotations: Array, sway: Array, speed: float, period: float, *, foll
     sway: (T, 3) metres, the recorded root about its uniform advance, and speed in m/s, both already in the
     body's size. The height gets one constant shift. The advance gets the speed at which the foot in single
     support stands still: the person's legs have other proportions. With `follow`, a walker's root also takes
-    the first harmonics of both from the planted foot where that leaves less slip, penetration and floating.
+    the first harmonics of height and sway from the planted foot, each where that leaves less error.
     """
     frames = len(rotations)
     phase = np.arange(frames) / frames
@@ -85,38 +85,35 @@ def lay_path(rotations: Array, sway: Array, speed: float, period: float, *, foll
         support = grounded[:, None] & (corners[..., 2].min(axis=-1) == bottom[:, None])
     wave = fourier.fit(phase, sway[:, :2], FOLLOW)
     flow = fourier.evaluate(wave, phase, derivative=1) / period
-    recorded = _measure(
-        corners, np.column_stack([sway[:, :2], height]), speed, phase, period, grounded, running
-    )
-    best = (
-        speed + float(np.mean((carried[..., 0] - flow[:, None, 0] - speed)[support]))
-        if support.any()
-        else speed
-    )
-    path = _measure(corners, np.column_stack([sway[:, :2], height]), best, phase, period, grounded, running)
+    best = float(np.mean((carried[..., 0] - flow[:, None, 0])[support])) if support.any() else speed
+
+    def measure(sway: Array, speed: float) -> Path:
+        return _measure(corners, sway, speed, phase, period, grounded, running)
+
+    as_recorded = np.column_stack([sway[:, :2], height])
+    recorded, path = measure(as_recorded, speed), measure(as_recorded, best)
     follows = False
     if follow and not running:
-        followed = _follow(phase, carried, support, period)
         lifted = height - fourier.evaluate(fourier.fit(phase, bottom + height, FOLLOW), phase)
-        candidate = _measure(
-            corners, np.column_stack([followed, lifted]), best, phase, period, grounded, running
-        )
-        if candidate.slip < path.slip and max(candidate.penetration, candidate.floating) < max(
-            path.penetration, path.floating
-        ):
-            path, follows = candidate, True
+        other = measure(np.column_stack([sway[:, :2], lifted]), best)
+        if max(other.penetration, other.floating) < max(path.penetration, path.floating):
+            path, height, follows = other, lifted, True
+        followed, steady = _follow(phase, carried, support, period)
+        other = measure(np.column_stack([followed, height]), steady)
+        if other.slip < path.slip:
+            path, follows = other, True
     return replace(path, slip_recorded=recorded.slip, shift=shift, follows=follows)
 
 
-def _follow(phase: Array, carried: Array, support: Mask, period: float) -> Array:
-    """Sway (T, 2) in metres about the uniform advance whose velocity is the carrying foot's, smoothed."""
+def _follow(phase: Array, carried: Array, support: Mask, period: float) -> tuple[Array, float]:
+    """Sway (T, 2) in metres and speed in m/s of a root that moves as the carrying foot has it, smoothed."""
     rows, feet = np.nonzero(support)
     series = fourier.fit(phase[rows], carried[rows, feet, :2], FOLLOW, ridge=1e-4)
     # The integral of each harmonic by the phase; what is constant belongs to the advance.
     k = 2.0 * np.pi * np.arange(1, FOLLOW + 1)[:, None]
     cosine, sine = series[1 : FOLLOW + 1], series[FOLLOW + 1 :]
     integral = np.concatenate([np.zeros((1, 2)), -sine / k, cosine / k]) * period
-    return fourier.evaluate(integral, phase)
+    return fourier.evaluate(integral, phase), float(series[0, 0])
 
 
 def _measure(

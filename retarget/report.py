@@ -54,7 +54,7 @@ def gait_report(clip: Clip, passes: list[Pass], fit: GaitFit, warnings: list[str
         "asymmetry_deg": _n(fit.asymmetry_deg),
         "noise_deg": _n(fit.noise_deg),
         "believed": {
-            "rigid": fit.trust.rigid,
+            "precise": fit.trust.precise,
             "pelvis": fit.trust.pelvis,
             "torso": fit.trust.torso,
             "feet": fit.trust.feet,

@@ -21,7 +21,7 @@ from kinemimic.retarget.trim import leg_bones
 
 Array = NDArray[np.float64]
 
-RIGID = 0.025  # spread of the leg bones over their length: below it the points are those of a real skeleton
+RIGID = 0.025  # spread of a leg bone over its length, below which the points are those of a real skeleton
 WIDTH_SPREAD = 0.05  # of the hip and shoulder lines
 RESIDUAL = np.radians(4.0)  # rms about the segment's own loop
 FOOT_PITCH = np.radians(20.0)  # largest difference of the planted foot from flat
@@ -32,12 +32,15 @@ FLAT = (0.12, 0.35)  # phases after the foot is farthest ahead in which it lies 
 class Trust:
     """Which measurements of a recording are used; the others are replaced by a neutral pose.
 
-    rigid: the leg bones keep their length, so that the points are those of a real skeleton; pelvis, torso,
-    feet: measured (True) or neutral; lean: radians, the trunk's usual pitch, for a neutral pelvis and torso;
-    foot_pitch: (2,) radians of the planted left and right sole, to be taken off; measured: the numbers.
+    precise: the legs are seen to a centimetre: their bones keep their length and the pelvis repeats itself
+        (a depth sensor's recording that was stored as angles has bones of constant length too).
+    pelvis, torso, feet: measured (True) or neutral.
+    lean: radians, the trunk's usual pitch, which a neutral pelvis and torso get.
+    foot_pitch: (2,) radians of the planted left and right sole, to be taken off.
+    measured: the numbers behind the choices.
     """
 
-    rigid: bool
+    precise: bool
     pelvis: bool
     torso: bool
     feet: bool
@@ -73,12 +76,12 @@ def assess(strides: Strides) -> Trust:
         "trunk_lean_deg": float(np.degrees(lean)),
         "planted_foot_pitch_deg": float(np.degrees(np.mean(pitches))),
     }
-    rigid = rigidity < RIGID
+    precise = rigidity < RIGID and steady["pelvis"]
     return Trust(
-        rigid=rigid,
+        precise=precise,
         pelvis=steady["pelvis"],
         torso=steady["torso"],
-        feet=rigid and bool(np.max(np.abs(pitches)) < FOOT_PITCH),
+        feet=precise and bool(np.max(np.abs(pitches)) < FOOT_PITCH),
         lean=lean,
         foot_pitch=(pitches[0], pitches[1]),
         measured=measured,
@@ -88,7 +91,7 @@ def assess(strides: Strides) -> Trust:
 def believed_frames(positions: Array, trust: Trust) -> Array:
     """World frames (M, 20, 4) of the nodes at positions (M, 20, 3) along +X, neutral where not believed."""
     neutral = np.broadcast_to(from_axis_angle("Y", trust.lean), (len(positions), 4))
-    points = positions if trust.rigid else knees_ahead(positions)
+    points = positions if trust.precise else knees_ahead(positions)
     frames = node_frames(
         points, pelvis=None if trust.pelvis else neutral, torso=None if trust.torso else neutral
     )

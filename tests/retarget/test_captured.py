@@ -1,0 +1,34 @@
+"""The virtual Kinect: what cleaning and pooling leave of the sensor's errors, against the truth."""
+
+from __future__ import annotations
+
+import json
+
+import numpy as np
+import pyarrow.parquet as pq
+import pytest
+
+from kinemimic.pipeline.angles import ANGLES
+from kinemimic.retarget.report import reference_at
+from kinemimic.retarget.stage import retarget
+
+
+@pytest.mark.parametrize("form", [0, 1], ids=["skl", "euler"])
+def test_loop_of_the_virtual_kinect_is_within_four_degrees_of_the_truth(tmp_path, form):
+    from kinemimic.pipeline.captures.virtual import record_virtual  # noqa: PLC0415 - the stages before
+    from kinemimic.pipeline.convert import convert  # noqa: PLC0415
+    from kinemimic.pipeline.ingest import ingest  # noqa: PLC0415
+
+    run = tmp_path / "run"
+    ingest(record_virtual(tmp_path, seed=3)[form], run)
+    convert(run)
+    motion = retarget(run)
+    assert json.loads((run / "gait.json").read_text())["simulated_capture"] and motion.simulated
+    table = pq.read_table(run / "capture.parquet").to_pandas()
+    loop = reference_at(motion, table["phase"].to_numpy())
+    for name in ANGLES:
+        truth = table[f"truth_{name}"]
+        before, after = (
+            float(np.degrees(np.sqrt(((x - truth) ** 2).mean()))) for x in (table[name], loop[name])
+        )
+        assert after < 4.0 and after < 0.6 * before

@@ -1,0 +1,82 @@
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from kinemimic.retarget.cycle import fit_harmonic, study_passes, walking_direction
+from kinemimic.retarget.trim import best_window, leg_bones
+
+
+def test_harmonic_of_a_cosine_is_exact():
+    t = np.arange(0, 2.9, 1 / 30)
+    h = fit_harmonic(t, 0.02 - 0.6 * np.cos(2 * np.pi * (t - 0.4) / 1.13))
+    assert h.period == pytest.approx(1.13, abs=1e-4)
+    assert np.mod(h.phase(np.array([0.4]))[0] + 0.5, 1.0) == pytest.approx(0.5, abs=1e-3)
+    assert h.amplitude == pytest.approx(0.6, abs=1e-4)
+    assert h.r2 > 0.9999 and h.kept == 1.0
+
+
+def test_harmonic_throws_out_swapped_legs():
+    t = np.arange(0, 2.9, 1 / 30)
+    d = -0.6 * np.cos(2 * np.pi * (t - 0.4) / 1.13)
+    swapped = d.copy()
+    swapped[20:28] *= -1
+    h = fit_harmonic(t, swapped)
+    assert h.period == pytest.approx(1.13, abs=5e-3)
+    # All but the frame where the ankles pass each other are far off.
+    assert (h.weights[20:28][np.abs(d[20:28]) > 0.2] == 0).all()
+
+
+def test_noise_is_no_harmonic():
+    rng = np.random.default_rng(0)
+    assert fit_harmonic(np.arange(90) / 30, rng.standard_normal(90)).r2 < 0.5
+
+
+@pytest.mark.parametrize(
+    ("bad", "start", "stop"),
+    [
+        ("11000000111", 2, 8),
+        ("00000", 0, 5),
+        ("0000100000000", 0, 13),  # one bad frame costs three: dearer than the four before it
+        ("0010000000", 3, 10),
+        ("111", 0, 0),
+    ],
+)
+def test_best_window(bad, start, stop):
+    window = best_window(np.array([c == "1" for c in bad]))
+    assert window.stop - window.start == stop - start
+    if stop > start:
+        assert (window.start, window.stop) == (start, stop)
+
+
+def test_direction_of_a_path_and_of_someone_who_stays(walker):
+    clip = walker(heading=-0.7).clip
+    assert walking_direction(clip.positions) == (pytest.approx(-0.7, abs=0.02), True)
+    still = clip.positions - (clip.positions[:, :1] - clip.positions[:1, :1])
+    heading, on_path = walking_direction(still)
+    assert heading == pytest.approx(-0.7, abs=0.05) and not on_path
+
+
+def test_bones_of_the_walker(walker):
+    w = walker(size=1.1)
+    assert leg_bones(w.clip.positions) == pytest.approx(1.1 * np.tile([0.40, 0.38], (len(w.clip.times), 2)))
+
+
+def test_passes_are_judged_one_by_one(walker):
+    clip = walker(passes=4, seconds=2.4).clip
+    p = clip.positions.copy()
+    second = clip.passes == 1
+    rng = np.random.default_rng(0)
+    p[second] += 0.3 * rng.standard_normal(p[second].shape)
+    broken = type(clip)(clip.skeleton, clip.times, p, clip.states, clip.passes)
+    passes = study_passes(broken)
+    assert [one.verdict for one in passes] == ["accepted", "refused", "accepted", "accepted"]
+    assert passes[1].reason
+
+
+def test_walking_backward_is_said(walker):
+    clip = walker().clip
+    # The same poses in reverse: the person goes backward, facing +X.
+    reverse = type(clip)(clip.skeleton, clip.times, clip.positions[::-1].copy(), clip.states, clip.passes)
+    (one,) = study_passes(reverse)
+    assert one.verdict == "refused" and "backward" in one.reason
