@@ -29,6 +29,7 @@ Array = NDArray[np.float64]
 RATE = 60.0  # frames per second, as near as whole frames in a stride allow
 # Of the legs: of a precise (optical) recording, and of one that a depth sensor made.
 HARMONICS = {True: 8, False: 5}
+LARGEST_GAP = 0.2  # of the stride without a frame, over which a loop would be invented
 
 
 @dataclass(frozen=True)
@@ -59,7 +60,8 @@ class GaitFit:
 def fit_gait(clip: Clip, passes: list[Pass], symmetric: bool | None = None) -> GaitFit:
     """Pool usable passes of a clip on the 20 nodes into a gait loop on the Table 1 body.
 
-    symmetric: whether the mirror image is pooled too; None leaves it to `_both_sides_alike`.
+    symmetric: whether the mirror image is pooled too; None leaves it to `_both_sides_alike`, and takes it
+    where a part of the stride was seen on one side only. Raises KinemimicError where a part was never seen.
     """
     strides = gather(clip, passes)
     trust = assess(strides)
@@ -69,13 +71,22 @@ def fit_gait(clip: Clip, passes: list[Pass], symmetric: bool | None = None) -> G
     period = float(np.average([p.harmonic.period for p in passes if p.harmonic], weights=lengths))
     loop = fit_loop(strides, local, period, leg=HARMONICS[trust.precise])
     asymmetry, noise = _sides(loop, strides, captured)
-    mirror = _both_sides_alike(trust, asymmetry, noise) if symmetric is None else symmetric
+    gap = _unseen(strides)
+    mirror = symmetric
+    if mirror is None:
+        mirror = gap > LARGEST_GAP or _both_sides_alike(trust, asymmetry, noise)
     if mirror:
         both = with_mirror(strides)
         pitch = float(np.mean(trust.foot_pitch))
+        gap = _unseen(both)
         trust = replace(trust, foot_pitch=(pitch, pitch))
         turned = local_rotations(believed_frames(both.positions, trust))
         loop = fit_loop(both, turned, period, leg=HARMONICS[trust.precise])
+    if gap > LARGEST_GAP:
+        raise KinemimicError(
+            f"retarget: expected frames of a whole stride, found none in {100 * gap:.0f} % of it; "
+            "record longer"
+        )
     frames = max(8, round(RATE * period))
     phase = np.arange(frames) / frames
     rotations = loop.rotations(phase)
@@ -99,6 +110,12 @@ def fit_gait(clip: Clip, passes: list[Pass], symmetric: bool | None = None) -> G
     return GaitFit(
         motion, loop, strides, trust, path, captured, mirror, asymmetry, noise, scale, width, abduction
     )
+
+
+def _unseen(strides: Strides) -> float:
+    """The largest part of the stride, 0 to 1, in which no pooled frame counts."""
+    phases = np.sort(np.mod(strides.phase[strides.weights[:, N["knee_left"]] > 0], 1.0))
+    return float(np.max(np.diff(phases, append=phases[0] + 1.0))) if len(phases) else 1.0
 
 
 def _sides(loop: Loop, strides: Strides, captured: dict[str, Array]) -> tuple[float, float]:
@@ -137,6 +154,8 @@ def plain_motion(clip: Clip, one: Pass) -> tuple[Motion, Trust]:
     p = rotate(from_axis_angle("Z", -one.heading), clip.positions[frames])
     times = clip.times[frames] - clip.times[frames[0]]
     bones = leg_bones(p)
+    if np.isfinite(bones).all(axis=1).sum() < 2:
+        raise KinemimicError("retarget: expected both legs in at least 2 frames, found them in fewer")
     rigid = float(np.max(np.nanstd(bones, axis=0) / np.nanmean(bones, axis=0))) < RIGID
     # Without strides there is nothing to hold the trunk against: it is believed.
     trust = Trust(rigid, True, True, False, 0.0, (0.0, 0.0), {})

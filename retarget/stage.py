@@ -11,6 +11,7 @@ import click
 import numpy as np
 
 from kinemimic.pipeline.clip import Clip
+from kinemimic.pipeline.errors import KinemimicError
 from kinemimic.pipeline.nodes import to_nodes
 from kinemimic.pipeline.provenance import provenance
 from kinemimic.pipeline.skeleton import node_skeleton
@@ -35,6 +36,8 @@ def retarget(run: Path, *, symmetric: bool | None = None) -> Motion:
     clip, raw = on_nodes(source), on_nodes(read_clip(run / "raw.parquet"))
     truth = read_truth(run / "truth.parquet")
     passes = study_passes(clip)
+    if not passes:
+        raise KinemimicError(f"{run}: expected a pass with a person in it, found none; run `ingest` again")
     if is_gait(passes):
         chosen, warnings = usable(passes)
         fit = fit_gait(clip, chosen, symmetric)

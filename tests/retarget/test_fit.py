@@ -146,3 +146,12 @@ def test_a_movement_on_the_spot_is_no_gait(walker):
     bend = -2 * np.arctan2(motion.rotations[:, N["elbow_left"], 1], motion.rotations[:, N["elbow_left"], 3])
     # The upper arm of the first frame hangs 0.3 rad behind the vertical from which the lift counts.
     assert bend.max() == pytest.approx(1.6 + 0.3, abs=0.02)
+
+
+def test_less_than_a_stride_is_completed_by_the_mirror_or_refused(walker):
+    clip = walker(seconds=0.85).clip
+    (one,) = study_passes(clip)
+    assert one.verdict == "accepted"
+    assert fit_gait(clip, [one]).symmetric
+    with pytest.raises(KinemimicError, match="whole stride"):
+        fit_gait(clip, [one], False)
