@@ -106,7 +106,7 @@ def _flow(clip: Clip, present: Mask) -> Iterator[Event]:
             reason = ""
             if time - times[frame - 1] > CLOCK_GAP:
                 reason = f"no frame for {time - times[frame - 1]:.2f} s"
-            elif time - times[last] > ABSENT:
+            elif (last < frame - 1 or not present[frame]) and time - times[last] > ABSENT + 1e-6:
                 reason = f"nobody seen for more than {ABSENT} s"
             elif jumps[frame]:
                 reason = "the whole body jumped"

@@ -69,6 +69,11 @@ def runs(mask: Mask) -> Iterator[slice]:
     yield from (slice(int(begin), int(end)) for begin, end in edges.reshape(-1, 2))
 
 
+def _whole(values: Array, axis: int | tuple[int, ...] = -1) -> Mask:
+    """Where no value along `axis` is missing."""
+    return np.asarray(np.isfinite(values).all(axis=axis), dtype=np.bool_)
+
+
 def _passes(passes: NDArray[np.int32]) -> Iterator[slice]:
     for number in range(int(passes.max(initial=-1)) + 1):
         yield from runs(passes == number)
@@ -86,14 +91,14 @@ def fill(clip: Clip) -> tuple[Array, Mask]:
         times = clip.times[span]
         for joint in range(positions.shape[1]):
             p = positions[span, joint]
-            there: Mask = np.isfinite(p).all(axis=-1).astype(np.bool_)
+            there = _whole(p)
             if there.all() or there.sum() < 2:
                 continue
             curve = PchipInterpolator(times[there], p[there])
             for gap in runs(~there):
                 if gap.start == 0 or gap.stop == len(times):
                     continue
-                if times[gap.stop] - times[gap.start - 1] <= LONGEST_GAP + step:
+                if times[gap.stop] - times[gap.start - 1] <= LONGEST_GAP + step + 1e-6:
                     p[gap] = curve(times[gap])
                     filled[span, joint][gap] = True
     return positions, filled
@@ -110,7 +115,7 @@ def despike(positions: Array, passes: NDArray[np.int32]) -> tuple[Array, Mask]:
             continue
         p = positions[span]
         window = np.moveaxis(np.lib.stride_tricks.sliding_window_view(p, 5, axis=0), -1, 1)  # (T-4, 5, J, 3)
-        whole: Mask = np.isfinite(window).all(axis=(1, 3)).astype(np.bool_)
+        whole = _whole(window, (1, 3))
         median = np.median(np.where(whole[:, None, :, None], window, 0.0), axis=1)
         off = np.linalg.norm(np.where(whole[..., None], p[2:-2] - median, 0.0), axis=-1)
         scatter = [np.median(d[w]) if w.any() else 0.0 for d, w in zip(off.T, whole.T, strict=True)]
@@ -134,7 +139,7 @@ def low_pass(values: Array, times: Array, passes: NDArray[np.int32]) -> tuple[Ar
     if smooth is None:
         return result, f"not filtered: {rate:.4g} frames a second are too few for {CUTOFF} Hz"
     for span in spans:
-        whole: Mask = np.isfinite(values[span]).all(axis=-1).astype(np.bool_)
+        whole = _whole(values[span])
         complete = whole.all(axis=0)
         groups = [(slice(0, len(whole)), complete)] if complete.any() else []
         for joint in np.flatnonzero(~complete):
@@ -163,8 +168,9 @@ def zero_phase(rate: float) -> Callable[[Array], Array] | None:
     sections = butter(2, design, fs=rate, output="sos")
 
     def smooth(values: Array) -> Array:
-        # The usual length of the padding at the ends: about one time constant, as far as there is data.
-        padding = min(len(values) - 1, max(9, int(rate / CUTOFF)))
+        # Mirrored through its end, the curve goes on for three periods, as far as there is data, so that
+        # the filter has forgotten its start where the data begin.
+        padding = min(len(values) - 1, int(3.0 * rate / CUTOFF))
         return np.asarray(sosfiltfilt(sections, values, axis=0, padlen=padding))
 
     return smooth

@@ -29,13 +29,14 @@ def ingest(capture: Path, run: Path, *, filter_name: str | None = None) -> Clip:
 
     filter_name: "butterworth" or "none"; by default positions are filtered and rotations are not.
     raw.parquet holds the frames as recorded (unfiltered, gaps NaN); clip.parquet the same frames cleaned.
-    A file NAME.truth.parquet beside the capture NAME.* marks it as simulated and is copied.
+    A file NAME.truth.parquet beside the capture NAME.* marks it as simulated and is copied; what
+    NAME.provenance.json says of how the capture was made goes into the clip's provenance.
     Raises CaptureError, before anything is written, for a file that is no capture of a person.
     """
     if filter_name is not None and filter_name not in FILTERS:
         raise KinemimicError(f"expected a filter among {', '.join(FILTERS)}, found {filter_name!r}")
     recorded = read(capture)
-    truth = _truth(capture)
+    truth, note = _truth(capture), _note(capture)
     acquisition = acquire(recorded)
     if acquisition.count == 0:
         seen = any(event.reason == "subject seen" for event in acquisition.events)
@@ -51,7 +52,12 @@ def ingest(capture: Path, run: Path, *, filter_name: str | None = None) -> Clip:
     )
     raw = replace(
         in_passes(recorded, acquisition),
-        provenance={**recorded.provenance, "simulated": truth is not None, **made_by},
+        provenance={
+            **note,
+            **recorded.provenance,
+            "simulated": truth is not None or bool(note.get("simulated")),
+            **made_by,
+        },
     )
     cleaned, cleaning = clean(raw, butterworth=chosen == "butterworth")
     report = quality(raw, acquisition, cleaning)
@@ -82,6 +88,17 @@ def _truth(capture: Path) -> bytes | None:
     return content
 
 
+def _note(capture: Path) -> dict[str, Any]:
+    """What stands beside a capture about how it was made; empty where nothing does."""
+    path = capture.with_suffix(".provenance.json")
+    if not path.is_file():
+        return {}
+    note = read_json(path)
+    if not isinstance(note, dict):
+        raise CaptureError(path, expected="a JSON object about the capture", found=type(note).__name__)
+    return note
+
+
 @click.command()
 @click.argument("capture", type=click.Path(path_type=Path))
 @click.option("--run", type=click.Path(path_type=Path), default=Path("runs/default"), show_default=True)
@@ -99,4 +116,4 @@ def command(capture: Path, run: Path, filter_name: str | None, as_json: bool) ->
     if as_json:
         click.echo(json.dumps(report, indent=2))
     else:
-        Console(highlight=False).print(table(report))
+        Console(highlight=False).print(table(report), crop=False)

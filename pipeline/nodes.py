@@ -16,8 +16,9 @@ Array = NDArray[np.float64]
 States = NDArray[np.uint8]
 
 # Per node the names to look for, best first, in lower case without punctuation. A * stands for the side:
-# "*leg" is leftleg or lleg, "leg*" is legleft or legl. The sequence settles what is ambiguous between
-# conventions: LeftFoot is the ankle wherever there is no LeftAnkle, and the foot where there is.
+# "*leg" is leftleg or lleg, "leg*" is legleft or legl; a % for the whole word only. The sequence settles
+# what is ambiguous between conventions: LeftFoot is the ankle wherever there is no LeftAnkle, and the foot
+# where there is; ShoulderLeft is a Kinect's shoulder, but Shoulder_L a clavicle beside UpperArm_L.
 _MIDDLE: dict[str, tuple[str, ...]] = {
     "hip_center": ("hipcenter", "hips", "pelvis", "spinebase", "hip", "root"),
     "spine": ("spine", "spinemid", "lowerback", "spine1", "chest", "abdomen", "torso", "waist"),
@@ -25,11 +26,21 @@ _MIDDLE: dict[str, tuple[str, ...]] = {
     "head": ("headend", "head"),
 }
 _SIDED: dict[str, tuple[str, ...]] = {
-    "shoulder": ("shoulder*", "*arm", "*upperarm", "*uparm", "upperarm*", "uparm*", "*humerus", "*shoulder"),
+    "shoulder": (
+        "shoulder%",
+        "*arm",
+        "*upperarm",
+        "*uparm",
+        "upperarm*",
+        "uparm*",
+        "*humerus",
+        "*shoulder",
+        "shoulder*",
+    ),
     "elbow": ("elbow*", "*forearm", "*elbow", "*lowerarm", "*lowarm", "lowerarm*", "forearm*", "*radius"),
     "wrist": ("wrist*", "*wrist", "*hand", "hand*"),
     "hand": (
-        "hand*",
+        "hand%",
         "*hand",
         "*handmiddle1",
         "*handindex1",
@@ -57,7 +68,7 @@ _SIDED: dict[str, tuple[str, ...]] = {
     ),
     "ankle": ("ankle*", "*ankle", "*foot", "foot*"),
     "foot": (
-        "foot*",
+        "foot%",
         "*foot",
         "*toebase",
         "*toes",
@@ -73,6 +84,13 @@ _SIDED: dict[str, tuple[str, ...]] = {
 # Nodes that fall on one joint have no direction between them: a fingerless hand, a spine at the hips.
 _APART = 0.02
 _HAND = 0.08
+# Nodes that can be derived, and the two that they come from, in this sequence.
+_DERIVED: dict[str, tuple[str, str]] = {
+    "shoulder_center": ("shoulder_left", "shoulder_right"),
+    "spine": ("hip_center", "shoulder_center"),
+    "hand_left": ("wrist_left", "elbow_left"),
+    "hand_right": ("wrist_right", "elbow_right"),
+}
 # Thigh, shank, trunk and upper arm outside of these bounds (metres) are no human's, or the unit is wrong.
 _SANE: tuple[tuple[str, str, float, float], ...] = (
     *(
@@ -99,8 +117,9 @@ def _candidates(node: str) -> Iterator[str]:
         return
     joint, side = node.rsplit("_", 1)
     for pattern in _SIDED[joint]:
-        yield pattern.replace("*", side)
-        yield pattern.replace("*", side[0])
+        yield pattern.replace("*", side).replace("%", side)
+        if "*" in pattern:
+            yield pattern.replace("*", side[0])
 
 
 def joints_of_nodes(names: tuple[str, ...]) -> dict[str, int]:
@@ -121,79 +140,57 @@ def to_nodes(clip: Clip) -> tuple[Array, States]:
     """Positions (T, 20, 3) in metres and states (T, 20) of the 20 nodes.
 
     What a skeleton lacks is derived where its place follows from others, and is then "inferred" at best:
-    shoulder_center is the joint where both arms branch off, spine the first joint above the hips or a third
-    of the way up the trunk, a hand without fingers 8 cm on from the wrist along the forearm. Anything else
-    that is missing raises a KinemimicError that names it, and so do lengths that no human has.
+    shoulder_center midway between the shoulders, spine a third of the way up the trunk, a hand without
+    fingers 8 cm on from the wrist along the forearm. Anything else that is missing raises a KinemimicError
+    that names it, and so do lengths that no human has.
     """
+    found = joints_of_nodes(clip.skeleton.names)
+    lacking = [node for node in NODES if node not in found and node not in _DERIVED]
+    if lacking:
+        raise KinemimicError(
+            f"expected joints for all 20 nodes, found none for {', '.join(lacking)} among "
+            f"{', '.join(clip.skeleton.names)}"
+        )
+    _prefer(clip, found)
     positions = np.full((len(clip.times), len(NODES), 3), np.nan)
     states = np.zeros(positions.shape[:2], dtype=np.uint8)
-    found = joints_of_nodes(clip.skeleton.names)
-    _trunk(clip, found)
-
-    def put(node: str, values: Array, sources: list[str]) -> None:
-        positions[:, NODE_INDEX[node]] = values
-        least = np.min([states[:, NODE_INDEX[source]] for source in sources], axis=0)
-        states[:, NODE_INDEX[node]] = np.minimum(least, INFERRED)
-
-    def at(node: str) -> Array:
-        place: Array = positions[:, NODE_INDEX[node]]
-        return place
-
     for node, joint in found.items():
         positions[:, NODE_INDEX[node]] = clip.positions[:, joint]
         states[:, NODE_INDEX[node]] = clip.states[:, joint]
-    derivable = {"spine": ("hip_center", "shoulder_center")}
-    derivable |= {f"hand_{side}": (f"wrist_{side}", f"elbow_{side}") for side in ("left", "right")}
-    lacking = [node for node in NODES if node not in found and node not in derivable]
-    lacking += [
-        s for node, sources in derivable.items() if node not in found for s in sources if s not in found
-    ]
-    if lacking:
-        raise KinemimicError(
-            f"expected joints for all 20 nodes, found none for {', '.join(dict.fromkeys(lacking))} among "
-            f"{', '.join(clip.skeleton.names)}"
-        )
-    if "spine" not in found or _length(at("hip_center"), at("spine")) < _APART:
-        put("spine", (2 * at("hip_center") + at("shoulder_center")) / 3, ["hip_center", "shoulder_center"])
-    for side in ("left", "right"):
-        hand, wrist, elbow = f"hand_{side}", f"wrist_{side}", f"elbow_{side}"
-        if hand not in found or _length(at(wrist), at(hand)) < _APART:
-            forearm = at(wrist) - at(elbow)
-            length = np.linalg.norm(forearm, axis=-1, keepdims=True)
-            put(hand, at(wrist) + _HAND * forearm / np.where(length > 0, length, np.nan), [wrist, elbow])
+    for node, (start, end) in _DERIVED.items():
+        a, b = positions[:, NODE_INDEX[start]], positions[:, NODE_INDEX[end]]
+        if node in found and _length(a, positions[:, NODE_INDEX[node]]) >= _APART:
+            continue
+        if node == "shoulder_center":
+            place = 0.5 * (a + b)
+        elif node == "spine":
+            place = a + (b - a) / 3.0
+        else:
+            length = np.linalg.norm(a - b, axis=-1, keepdims=True)
+            place = a + _HAND * (a - b) / np.where(length > 0, length, np.nan)
+        positions[:, NODE_INDEX[node]] = place
+        least = np.minimum(states[:, NODE_INDEX[start]], states[:, NODE_INDEX[end]])
+        states[:, NODE_INDEX[node]] = np.minimum(least, INFERRED)
     _check_lengths(positions)
     return positions, states
 
 
-def _trunk(clip: Clip, found: dict[str, int]) -> None:
-    """Fill in shoulder_center and spine from the tree, and prefer a head that lies off the neck."""
+def _prefer(clip: Clip, found: dict[str, int]) -> None:
+    """A spine that lies above the hips, and a head that lies off the neck, where the tree has them."""
     names, parents = clip.skeleton.names, clip.skeleton.parents
 
-    def chain(joint: int) -> list[int]:
-        above = [joint]
-        while parents[above[-1]] >= 0:
-            above.append(parents[above[-1]])
-        return above
+    def distance(a: int, b: int) -> float:
+        return _length(clip.positions[:, a], clip.positions[:, b])
 
-    if "shoulder_center" not in found and {"shoulder_left", "shoulder_right"} <= found.keys():
-        right = set(chain(found["shoulder_right"]))
-        found["shoulder_center"] = next(j for j in chain(found["shoulder_left"]) if j in right)
-    if {"hip_center", "shoulder_center"} <= found.keys():
-        low, high = found["hip_center"], found["shoulder_center"]
-        trunk = chain(high)[::-1]
-        between = trunk[trunk.index(low) + 1 : -1] if low in trunk else []
-        spine = [found["spine"]] if "spine" in found else []
-        for joint in spine + between:
-            ends = (clip.positions[:, low], clip.positions[:, high])
-            if all(_length(clip.positions[:, joint], end) > _APART for end in ends):
-                found["spine"] = joint
-                break
-        else:
-            found.pop("spine", None)
-    if "head" in found and normalised(names[found["head"]]) == "headend":
-        head = parents[found["head"]]
-        if head >= 0 and _length(clip.positions[:, head], clip.positions[:, found["head"]]) < _APART:
-            found["head"] = head
+    hips, trunk = found["hip_center"], [parents[found["shoulder_left"]]]
+    while trunk[-1] >= 0 and trunk[-1] != hips:
+        trunk.append(parents[trunk[-1]])
+    if "spine" in found and distance(hips, found["spine"]) < _APART and trunk[-1] == hips:
+        # CMU writes the lower back on the spot of the hips: the next joint up that is apart from them.
+        found["spine"] = next((j for j in trunk[-2::-1] if distance(hips, j) >= _APART), found["spine"])
+    head = found["head"]
+    if normalised(names[head]) == "headend" and distance(parents[head], head) < _APART:
+        found["head"] = parents[head]
 
 
 def _length(start: Array, end: Array) -> float:

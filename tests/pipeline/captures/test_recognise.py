@@ -1,0 +1,76 @@
+"""A capture is known by its content; what is none gets one clear line."""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from kinemimic.pipeline.captures import recognise
+from kinemimic.pipeline.errors import CaptureError
+
+Text = Callable[..., str]
+
+
+def test_content_decides_not_the_name(tmp_path: Path, skl: Text, bvh: Text) -> None:
+    (tmp_path / "a.bvh").write_text(skl(newline="\n"))
+    (tmp_path / "b.txt").write_text("\ufeff" + bvh(), encoding="utf-8")
+    first, second = recognise.read(tmp_path / "a.bvh"), recognise.read(tmp_path / "b.txt")
+    assert first.provenance["format"] == "Kinect v1 .skl text"
+    assert second.provenance["format"] == "BVH"
+    assert second.provenance["source"] == "b.txt"
+    assert second.provenance["sha256"] == hashlib.sha256((tmp_path / "b.txt").read_bytes()).hexdigest()
+
+
+@pytest.mark.parametrize("newline", ["\n", "\r\n", "\r"])
+def test_line_ends(tmp_path: Path, skl: Text, bvh: Text, newline: str) -> None:
+    for name, text in (("a", skl(newline="\n")), ("b", bvh())):
+        (tmp_path / name).write_bytes(text.encode())
+        (tmp_path / f"{name}x").write_bytes(text.replace("\n", newline).encode())
+        same, other = recognise.read(tmp_path / name), recognise.read(tmp_path / f"{name}x")
+        assert np.array_equal(same.positions, other.positions)
+
+
+def test_joint_names_in_another_encoding(tmp_path: Path, bvh: Text) -> None:
+    (tmp_path / "a").write_bytes(bvh().replace("JOINT Head", "JOINT T\u00eate").encode("latin-1"))
+    assert "T\u00eate" in recognise.read(tmp_path / "a").skeleton.names
+
+
+@pytest.mark.parametrize(
+    ("content", "found"),
+    [
+        (b"", "an empty file"),
+        (b" \n\n", "an empty file"),
+        (bytes(range(256)) * 20, "a binary file"),
+        (b"HIERARCHY\x00ROOT", "a binary file"),
+        (b"name,age\n1,2\n", "text that begins 'name,age 1,2'"),
+        ("über".encode() * 100, "text that begins"),
+    ],
+)
+def test_what_is_no_capture(tmp_path: Path, content: bytes, found: str) -> None:
+    (tmp_path / "file").write_bytes(content)
+    with pytest.raises(CaptureError, match=f"expected Kinect v1 .skl text or BVH, found {found}"):
+        recognise.read(tmp_path / "file")
+
+
+def test_no_file_a_folder_and_one_too_large(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, bvh: Text
+) -> None:
+    with pytest.raises(CaptureError, match=r"expected a capture file .*, found no file"):
+        recognise.read(tmp_path / "none.bvh")
+    with pytest.raises(CaptureError, match="found a folder"):
+        recognise.read(tmp_path)
+    monkeypatch.setattr(recognise, "MAX_BYTES", 1000)
+    (tmp_path / "large.bvh").write_text(bvh())
+    with pytest.raises(CaptureError, match="expected a capture of at most"):
+        recognise.read(tmp_path / "large.bvh")
+
+
+def test_a_kinect_v2_recording_is_refused_by_name(captures: Path) -> None:
+    # Its header calls columns by wrong names: reading it by name would give a body with legs of 6 cm.
+    for path in sorted((captures / "kinect2_bernstein_skl").glob("*.skl")):
+        with pytest.raises(CaptureError, match="a Kinect v2 recording is not read"):
+            recognise.read(path)

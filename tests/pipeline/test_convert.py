@@ -1,0 +1,106 @@
+"""Stage 2: quaternions that reproduce the capture, and the knee of CMU 02_01 against its own AMC curve."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from kinemimic.pipeline.angles import leg_angles
+from kinemimic.pipeline.cli import main
+from kinemimic.pipeline.convert import convert
+from kinemimic.pipeline.errors import KinemimicError
+from kinemimic.pipeline.ingest import ingest
+from kinemimic.pipeline.nodes import to_nodes
+from kinemimic.pipeline.store import file_hash, read_clip, read_json
+
+Array = NDArray[np.float64]
+Text = Callable[..., str]
+
+
+def amc(path: Path, bone: str) -> Array:
+    """The single degree of freedom of a bone, degrees, frame by frame."""
+    words = (line.split() for line in path.read_text(encoding="ascii").splitlines())
+    return np.array([float(word[1]) for word in words if word[0] == bone])
+
+
+def test_cmu_knee_equals_its_amc_curve(captures: Path, tmp_path: Path) -> None:
+    ingest(captures / "cmu_bvh" / "02_01.bvh", tmp_path)
+    convert(tmp_path)
+    clip = read_clip(tmp_path / "quaternions.parquet")
+    knees = leg_angles(to_nodes(clip)[0])
+    for side in ("left", "right"):
+        truth = amc(captures / "cmu_asfamc" / "02_01.amc", f"{side[0]}tibia")
+        assert len(truth) == len(clip.times) == 343
+        assert np.abs(np.degrees(knees[f"knee_{side}"]) - truth).max() < 0.05
+
+
+def test_cmu_run_too(captures: Path, tmp_path: Path) -> None:
+    ingest(captures / "cmu_bvh" / "02_03.bvh", tmp_path)
+    knees = leg_angles(to_nodes(convert(tmp_path))[0])
+    truth = amc(captures / "cmu_asfamc" / "02_03.amc", "rtibia")
+    assert np.abs(np.degrees(knees["knee_right"]) - truth).max() < 0.05
+
+
+def test_quaternions_put_every_joint_where_the_channels_put_it(tmp_path: Path, bvh: Text) -> None:
+    (tmp_path / "a.bvh").write_text(bvh())
+    before = ingest(tmp_path / "a.bvh", tmp_path / "run")
+    after = convert(tmp_path / "run")
+    assert after.rotations is not None
+    assert np.allclose(after.positions, before.positions, atol=1e-12)
+    assert np.allclose(np.linalg.norm(after.rotations, axis=-1), 1.0)
+    assert (np.sum(after.rotations[1:] * after.rotations[:-1], axis=-1) >= 0).all()
+    stored = read_clip(tmp_path / "run" / "quaternions.parquet")
+    assert np.array_equal(stored.rotations, after.rotations)
+    assert stored.provenance["stage"] == "convert"
+    assert stored.provenance["inputs"]["clip"] == file_hash(tmp_path / "run" / "clip.parquet")
+
+
+def test_filtered_rotations_are_kept(tmp_path: Path, bvh: Text) -> None:
+    (tmp_path / "a.bvh").write_text(bvh())
+    before = ingest(tmp_path / "a.bvh", tmp_path / "run", filter_name="butterworth")
+    after = convert(tmp_path / "run")
+    assert np.array_equal(after.rotations, before.rotations)
+    assert np.allclose(after.positions, before.positions, atol=1e-12)
+
+
+def test_positions_get_orientations(tmp_path: Path, skl: Text) -> None:
+    (tmp_path / "a.skl").write_text(skl(60))
+    before = ingest(tmp_path / "a.skl", tmp_path / "run")
+    after = convert(tmp_path / "run")
+    assert after.rotations is not None and after.rotations.shape == (60, 20, 4)
+    assert np.array_equal(after.positions, before.positions)
+    assert read_json(tmp_path / "run" / "gimbal.json")["joints"] == []
+
+
+def test_a_planted_lock_is_named_with_its_frames(
+    tmp_path: Path, bvh: Text, capsys: pytest.CaptureFixture[str]
+) -> None:
+    motion = 3.0 * np.sin(0.2 * np.arange(60)[:, None] + np.arange(37))
+    elbow = 6 + 3 * 4  # first channel of LeftForeArm, whose order is that of Eq. 8
+    motion[20:26, elbow + 1] = [86, 89, 90, 90, 89, 86]
+    (tmp_path / "a.bvh").write_text(bvh(motion=motion))
+    ingest(tmp_path / "a.bvh", tmp_path / "run")
+    with pytest.raises(SystemExit) as caught:
+        main(["convert", "--run", str(tmp_path / "run")])
+    assert not caught.value.code
+    report = read_json(tmp_path / "run" / "gimbal.json")
+    marked = [joint for joint in report["joints"] if joint["flagged_frames"]]
+    assert [(joint["joint"], joint["order"]) for joint in marked] == [("LeftForeArm", "YZX (Eq. 8)")]
+    assert marked[0]["flagged_frames"] == [[20, 25]]
+    assert marked[0]["nearest_deg"] == pytest.approx(0.0, abs=1e-9)
+    line = next(line for line in capsys.readouterr().out.splitlines() if line.startswith("LeftForeArm"))
+    assert "YZX (Eq. 8)" in line and "20-25" in line
+    with pytest.raises(SystemExit):
+        main(["convert", "--run", str(tmp_path / "run"), "--json"])
+    assert json.loads(capsys.readouterr().out) == report
+
+
+def test_without_a_clip_it_says_what_to_do(tmp_path: Path) -> None:
+    with pytest.raises(KinemimicError, match="run the stage before"):
+        convert(tmp_path / "nothing")
+    assert not (tmp_path / "nothing").exists()
