@@ -1,0 +1,258 @@
+"""The report's figures: each a function that draws what a rollout did, with labelled axes and units.
+
+A figure is drawn twice, for a page and for a phone, instead of being shrunk until nobody can read it. What
+one sees in it is said once, in the caption beside the drawing in `report.py`.
+"""
+
+from __future__ import annotations
+
+import base64
+import io
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any
+
+import matplotlib as mpl
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from numpy.typing import NDArray
+
+from kinemimic.evaluate.capture_fit import Capture
+from kinemimic.pipeline.angles import ANGLES
+from kinemimic.retarget.motion import joint_angles
+from kinemimic.train.playback import CONTROL_RATE, Playback
+
+Array = NDArray[np.float64]
+Draw = Callable[[bool], Figure]  # told whether it is for a phone
+
+# Safe for the colour-blind (Okabe and Ito), and told apart by their grey in print.
+REFERENCE, SIMULATED, NO_POLICY, CAPTURED, TRUTH = "#2b2b2b", "#0072b2", "#b9a48f", "#d98c00", "#009e73"
+_SERIES = ("#0072b2", "#d98c00", "#009e73", "#cc79a7", "#7a5c9e", "#56b4e9")
+# The salt makes the ids, and with them the bytes, the same on every run.
+_STYLE: dict[Any, Any] = {
+    "font.family": "DejaVu Sans",
+    "font.size": 9,
+    "axes.titlesize": 9.5,
+    "axes.titlelocation": "left",
+    "axes.spines.top": False,
+    "axes.spines.right": False,
+    "axes.edgecolor": "#9a9a9a",
+    "axes.linewidth": 0.8,
+    "axes.grid": True,
+    "axes.axisbelow": True,
+    "grid.color": "#ececec",
+    "xtick.color": "#555555",
+    "ytick.color": "#555555",
+    "axes.labelcolor": "#333333",
+    "legend.frameon": False,
+    "lines.linewidth": 1.2,
+    "svg.fonttype": "path",
+    "svg.hashsalt": "kinemimic",
+}
+_PAGE, _PHONE = 8.6, 4.3  # inches
+
+
+def picture(draw: Draw, alternative: str) -> str:
+    """HTML of a figure for page and phone, self-contained; `alternative` is read to who cannot see it."""
+    wide, narrow = (_svg(draw, phone) for phone in (False, True))
+    return (
+        f'<picture><source media="(max-width: 640px)" srcset="{narrow}">'
+        f'<img src="{wide}" alt="{alternative}"></picture>'
+    )
+
+
+def _svg(draw: Draw, phone: bool) -> str:
+    with mpl.rc_context(_STYLE):
+        figure = draw(phone)
+        stream = io.BytesIO()
+        figure.savefig(stream, format="svg", metadata={"Date": None, "Creator": None})
+    return "data:image/svg+xml;base64," + base64.b64encode(stream.getvalue()).decode()
+
+
+def _panels(rows: int, columns: int, height: float, phone: bool, **options: Any) -> tuple[Figure, list[Axes]]:
+    """Axes in reading sequence; on a phone one below the other. height: inches of one panel."""
+    if phone:
+        rows, columns = rows * columns, 1
+    figure = Figure(figsize=(_PHONE if phone else _PAGE, rows * height + 0.5), layout="constrained")
+    axes = figure.subplots(rows, columns, squeeze=False, **options)
+    return figure, list(axes.ravel())
+
+
+def _title(name: str) -> str:
+    joint, side = name.split("_")
+    return f"{side} {joint}"
+
+
+def _legend(figure: Figure, axes: Axes) -> None:
+    handles, labels = axes.get_legend_handles_labels()
+    figure.legend(handles, labels, loc="outside upper left", ncols=2 if figure.get_figwidth() < _PAGE else 5)
+
+
+def _degrees(rotations: Array) -> dict[str, Array]:
+    return {name: np.degrees(values) for name, values in joint_angles(rotations).items()}
+
+
+def curves(playback: Playback, baseline: Playback, frames: int) -> Draw:
+    """Knee and hip, left and right, over time from phase 0: reference, simulated, no policy."""
+    reference, simulated, nothing = (
+        _degrees(q[0, :frames])
+        for q in (playback.reference_rotations, playback.rotations, baseline.rotations)
+    )
+    time = (np.arange(len(reference[ANGLES[0]])) + 1) / CONTROL_RATE
+    fall = int(playback.fallen_at[0])
+
+    def draw(phone: bool) -> Figure:
+        figure, panels = _panels(4, 1, 1.45, phone, sharex=True)
+        for axes, name in zip(panels, ANGLES, strict=True):
+            axes.plot(time, nothing[name], color=NO_POLICY, linewidth=0.9, label="no policy")
+            axes.plot(time, reference[name], color=REFERENCE, linewidth=0.9, label="reference")
+            axes.plot(time, simulated[name], color=SIMULATED, linewidth=1.1, label="simulated")
+            if fall < len(time):
+                axes.axvspan(time[fall], time[-1], color="#f4e3e0", linewidth=0, label="fallen")
+            # A figure on the ground may bend to any angle; the curves that matter set the scale.
+            shown = np.concatenate([reference[name], simulated[name]])
+            axes.set_ylim(shown.min() - 8, shown.max() + 8)
+            axes.set(title=_title(name), ylabel="flexion [°]", xlim=(0, time[-1]))
+        panels[-1].set_xlabel("time [s]")
+        _legend(figure, panels[0])
+        return figure
+
+    return draw
+
+
+def cycles(playback: Playback, capture: Capture | None, frames: int, *, cyclic: bool) -> Draw:
+    """Knee and hip over the gait cycle: mean and spread of the rollout, the reference, the capture."""
+    phase = playback.phases[0, :frames]
+    simulated, reference = (
+        _degrees(q[0, :frames]) for q in (playback.rotations, playback.reference_rotations)
+    )
+    grid = np.linspace(0.0, 1.0, 101)
+    laps = np.arange(np.ceil(phase[0]), np.floor(phase[-1])) if cyclic else np.zeros(1)
+    if not len(laps):
+        laps = np.zeros(1)
+
+    def draw(phone: bool) -> Figure:
+        figure, panels = _panels(2, 2, 2.1, phone, sharex=True)
+        for axes, name in zip(panels, ANGLES, strict=True):
+            if capture is not None:
+                seen = np.mod(capture.phase, 1.0) if cyclic else capture.phase
+                axes.plot(
+                    100 * seen, np.degrees(capture.raw[name]), ".",
+                    color=CAPTURED, markersize=2.5, alpha=0.55, label="capture, unfiltered",
+                )  # fmt: skip
+            folded = np.stack([np.interp(lap + grid, phase, simulated[name]) for lap in laps])
+            target = np.interp(laps[0] + grid, phase, reference[name])
+            mean, spread = folded.mean(axis=0), folded.std(axis=0)
+            axes.fill_between(
+                100 * grid, mean - spread, mean + spread, color=SIMULATED, alpha=0.22, linewidth=0,
+                label="± 1 standard deviation",
+            )  # fmt: skip
+            axes.plot(100 * grid, mean, color=SIMULATED, label="simulated, mean")
+            axes.plot(100 * grid, target, color=REFERENCE, label="reference")
+            if capture is not None and capture.truth is not None:
+                at, values = _along(capture.phase, np.degrees(capture.truth[name]), cyclic)
+                axes.plot(at, values, "--", color=TRUTH, linewidth=1.0, label="truth")
+            axes.set(title=_title(name), ylabel="flexion [°]", xlim=(0, 100))
+        for axes in panels if phone else panels[-2:]:
+            axes.set_xlabel("gait cycle [%]" if cyclic else "share of the motion [%]")
+        _legend(figure, panels[0])
+        return figure
+
+    return draw
+
+
+def _along(phase: Array, values: Array, cyclic: bool) -> tuple[Array, Array]:
+    """Scattered samples as one line over the cycle in per cent: medians of its fiftieths that were seen."""
+    at = np.mod(phase, 1.0) if cyclic else phase
+    places, medians = [], []
+    for k in range(50):
+        mine = (np.floor(at * 50) == k) & np.isfinite(values)
+        if mine.any():
+            places.append(2.0 * k + 1.0)
+            medians.append(float(np.median(values[mine])))
+    return np.array(places), np.array(medians)
+
+
+def start_phases(playback: Playback, baseline: Playback, r2: Mapping[str, Sequence[float]]) -> Draw:
+    """How long each start phase lasted, with and without the policy, and its R² at knee and hip."""
+    frames = playback.root.shape[1]
+    at = np.arange(len(playback.start_phases))
+
+    def draw(phone: bool) -> Figure:
+        figure, (survived, fits) = _panels(1, 2, 2.6, phone)
+        survived.bar(at, playback.fallen_at, color=SIMULATED, width=0.7, label="policy")
+        survived.bar(at, baseline.fallen_at, color=NO_POLICY, width=0.7, label="no policy")
+        survived.axhline(frames, color=REFERENCE, linewidth=0.8)
+        survived.set(ylabel="frames before a fall", ylim=(0, 1.18 * frames))
+        survived.legend(loc="upper left", ncols=2, borderaxespad=0.1)
+        for (joint, values), color, marker in zip(r2.items(), _SERIES, "os", strict=False):
+            fits.plot(at, np.maximum(values, 0.0), marker, color=color, markersize=5, label=joint)
+        fits.axhline(0.9, color=REFERENCE, linewidth=0.8, linestyle=":")
+        fits.set(ylabel="R² (below 0 shown at 0)", ylim=(-0.04, 1.12))
+        fits.legend(loc="lower left", ncols=2)
+        for axes in (survived, fits):
+            axes.set_xlabel("start phase [% of the cycle]")
+            axes.set_xticks(at, [f"{100 * phase:.0f}" for phase in playback.start_phases], fontsize=7.5)
+        return figure
+
+    return draw
+
+
+def reward_terms(playback: Playback) -> Draw:
+    """The reward's terms from phase 0, stacked, over time."""
+    time = (np.arange(playback.rewards.shape[1]) + 1) / CONTROL_RATE
+
+    def draw(phone: bool) -> Figure:
+        figure, (axes,) = _panels(1, 1, 2.2, phone)
+        colors = [_SERIES[k % len(_SERIES)] for k in range(len(playback.reward_names))]
+        labels = [str(name) for name in playback.reward_names]
+        axes.stackplot(time, playback.rewards[0].T, colors=colors, labels=labels, alpha=0.75, linewidth=0)
+        axes.set(xlabel="time [s]", ylabel="reward a frame [1]", xlim=(0, time[-1]), ylim=(0, None))
+        _legend(figure, axes)
+        return figure
+
+    return draw
+
+
+def root_path(playback: Playback) -> Draw:
+    """The hip centre seen from above, and its height over time, from phase 0."""
+    reference, path = playback.reference_root[0], playback.root[0]
+    time = (np.arange(len(path)) + 1) / CONTROL_RATE
+
+    def draw(phone: bool) -> Figure:
+        figure, (above, height) = _panels(2, 1, 1.6, phone)
+        for axes, (x, y) in ((above, (0, 1)), (height, (None, 2))):
+            for values, color, label in ((reference, REFERENCE, "reference"), (path, SIMULATED, "simulated")):
+                axes.plot(time if x is None else values[:, x], values[:, y], color=color, label=label)
+        above.plot(*reference[-1, :2], "o", color=REFERENCE, markersize=4)
+        above.plot(*path[-1, :2], "o", color=SIMULATED, markersize=4)
+        low, high = above.get_ylim()
+        middle, half = 0.5 * (low + high), max(0.5 * (high - low), 0.5)
+        above.set(title="from above", xlabel="forward [m]", ylabel="to the left [m]")
+        above.set_ylim(middle - half, middle + half)
+        height.set(
+            title="height of the hip centre", xlabel="time [s]", ylabel="height [m]", xlim=(0, time[-1])
+        )
+        height.set_ylim(0, 1.15 * max(reference[:, 2].max(), path[:, 2].max()))
+        _legend(figure, above)
+        return figure
+
+    return draw
+
+
+def torques(joints: Mapping[str, Mapping[str, float]]) -> Draw:
+    """Each joint's largest torque against its limit; joints as in scores.json's `torque.joints`."""
+
+    def draw(phone: bool) -> Figure:
+        figure, (axes,) = _panels(1, 1, 3.2, phone)
+        names = list(joints)[::-1]
+        at = np.arange(len(names))
+        axes.barh(at, [joints[n]["limit"] for n in names], color="#e9e9e9", height=0.75, label="limit")
+        axes.barh(at, [joints[n]["peak"] for n in names], color=SIMULATED, height=0.45, label="largest")
+        axes.set_yticks(at, [name.replace("_", " ") for name in names])
+        axes.set_xlabel("torque [N·m]")
+        axes.grid(visible=False, axis="y")
+        _legend(figure, axes)
+        return figure
+
+    return draw

@@ -1,0 +1,165 @@
+"""`kinemimic evaluate`: the policy performs; scores.json, curves.csv, report.html, playback.npz say how."""
+
+from __future__ import annotations
+
+import json
+import os
+from pathlib import Path
+from typing import Any
+
+import click
+import numpy as np
+from numpy.typing import NDArray
+from rich.console import Console, Group, RenderableType
+from rich.table import Table
+from rich.text import Text
+
+from kinemimic.evaluate.capture_fit import read_capture
+from kinemimic.evaluate.fit import JOINTS, MEASURES
+from kinemimic.evaluate.html import number
+from kinemimic.evaluate.report import LABELS, PAPER_FIT, PAPER_GAP_DEG, Evidence, report
+from kinemimic.evaluate.scores import compose
+from kinemimic.pipeline.errors import KinemimicError
+from kinemimic.pipeline.progress import progress
+from kinemimic.pipeline.provenance import provenance
+from kinemimic.pipeline.store import content_hash, file_hash, write_json, write_text
+from kinemimic.retarget.export_json import motion_from_json
+from kinemimic.retarget.motion import Motion, joint_angles
+from kinemimic.train.perform import perform
+from kinemimic.train.playback import CONTROL_RATE, Playback
+from kinemimic.train.policy import Policy
+
+START_PHASES = 13
+FRAMES = 600  # 20 s
+
+Array = NDArray[np.float64]
+
+
+def protocol(motion: Motion) -> tuple[Array, int]:
+    """Start phases (S,) and frames of an evaluation: 13 and 20 s of a walk, a single performance once."""
+    if motion.cyclic:
+        return np.arange(START_PHASES) / START_PHASES, FRAMES
+    # The motion's last frame still counts when its time falls on a control step but for rounding.
+    return np.zeros(1), max(1, int(motion.duration * CONTROL_RATE + 1e-6))
+
+
+def evaluate(run: Path, *, workers: int | None = None) -> dict[str, Any]:
+    """Score run/policy.safetensors on run/motion.json; returns the content of scores.json.
+
+    Nothing is written before everything is known. workers: processes that simulate, all cores by default.
+    """
+    motion = motion_from_json(run / "motion.json")
+    policy = run / "policy.safetensors"
+    if not policy.exists():
+        raise KinemimicError(f"{policy}: expected a policy, found no file; run `kinemimic train` first")
+    _, record = Policy.load(policy)
+    capture = read_capture(run / "capture.parquet")
+    phases, frames = protocol(motion)
+    count = workers or os.cpu_count() or 1
+    with progress("evaluate", 2 * len(phases)) as bar:
+        playback, baseline = (
+            perform(motion, who, start_phases=phases, frames=frames, workers=count, progress=bar.advance)
+            for who in (policy, None)
+        )
+    scores = compose(
+        playback,
+        baseline,
+        motion,
+        capture=capture,
+        policy=record,
+        provenance=provenance(
+            "evaluate",
+            inputs={
+                "motion": content_hash({"root": motion.root, "rotations": motion.rotations}),
+                "policy": file_hash(policy),
+            },
+            config={"frames": frames, "start_phases": len(phases)},
+            seed=record.get("seed"),
+        ),
+    )
+    html = report(run, Evidence(scores, playback, baseline, motion, capture))
+    playback.save(run / "playback.npz")
+    write_text(run / "curves.csv", curves_csv(playback, baseline))
+    write_text(run / "report.html", html)
+    # Last, because it is what says that the evaluation is complete.
+    write_json(run / "scores.json", scores)
+    return scores
+
+
+def curves_csv(playback: Playback, baseline: Playback) -> str:
+    """Knee and hip in degrees from phase 0, one line a frame: reference, simulated, no policy."""
+    columns = {
+        f"{who}_{name}_deg": np.degrees(values)
+        for who, rotations in (
+            ("reference", playback.reference_rotations),
+            ("simulated", playback.rotations),
+            ("no_policy", baseline.rotations),
+        )
+        for name, values in joint_angles(rotations[0]).items()
+    }
+    lines = [",".join(["frame", "time_s", *columns])]
+    for frame, row in enumerate(np.stack(list(columns.values()), axis=1)):
+        lines.append(
+            ",".join([f"{frame}", f"{(frame + 1) / CONTROL_RATE:.4f}", *(f"{value:.3f}" for value in row)])
+        )
+    return "\n".join(lines) + "\n"
+
+
+def table(scores: dict[str, Any], run: Path) -> RenderableType:
+    """The scores for a terminal."""
+    fit, nothing = scores["fit"], scores["no_policy"]["fit"]
+    survived, alone, root = scores["survival"], scores["no_policy"]["survival"], scores["root"]
+    grid = Table("", header_style="bold", box=None, pad_edge=False)
+    for column in ("knee", "no policy", "paper", "hip", "no policy", "paper"):
+        grid.add_column(column, justify="right", style=None if column in JOINTS else "dim")
+    for measure in MEASURES:
+        label, digits = LABELS[measure]
+        cells: list[str] = []
+        for joint in JOINTS:
+            paper = number(PAPER_GAP_DEG.get(joint), 1) if measure == "max_gap_deg" else "–"
+            cells += [number(of[joint][measure], digits) for of in (fit, nothing)] + [paper]
+        grid.add_row(label, *cells)
+    grid.add_row("fitting degree (*)", "", "", f"{PAPER_FIT['knee']:.3f}", "", "", f"{PAPER_FIT['hip']:.3f}")
+    lines = [
+        f"survives {survived['frames']} of {survived['of']} frames from phase 0, all of them from "
+        f"{survived['phases']} of {survived['phases_of']} start phases (no policy: {alone['frames']} frames)",
+        f"advance over the reference's {number(root['speed_ratio'], 3)}, {number(root['path_error_m'], 2)} "
+        f"m off at the end; largest torque {scores['torque']['peak']:.0f} N·m ({scores['torque']['joint']})",
+    ]
+    below = ["(*) the paper publishes no formula for it"]
+    if scores["capture"]["simulated"]:
+        lines.insert(0, "SIMULATED CAPTURE (virtual Kinect)")
+    if scores["fit_capture"] is not None:
+        of = scores["fit_capture"]
+        below.append(
+            f"against the unfiltered capture: R² {number(of['knee']['r2'], 3)} knee, "
+            f"{number(of['hip']['r2'], 3)} hip"
+        )
+    if scores["truth"] is not None:
+        below += [
+            f"RMSE against the truth, {joint}: "
+            + ", ".join(f"{who} {number(of[joint]['rmse_deg'], 2)}°" for who, of in scores["truth"].items())
+            for joint in JOINTS
+        ]
+    below.append(f"report: {run / 'report.html'}")
+    return Group(
+        *(Text(line) for line in lines),
+        grid,
+        *(Text(line) for line in below),
+    )
+
+
+@click.command("evaluate")
+@click.option(
+    "--run", "run", type=click.Path(path_type=Path), default=Path("runs/default"), show_default=True
+)
+@click.option("--workers", type=click.IntRange(min=1), help="Processes that simulate; all cores by default.")
+@click.option("--json", "as_json", is_flag=True, help="Print scores.json.")
+def command(run: Path, workers: int | None, as_json: bool) -> None:
+    """Let the run's policy perform, and score it against reference, capture and truth."""
+    scores = evaluate(run, workers=workers)
+    if as_json:
+        click.echo(json.dumps(scores, indent=2))
+    else:
+        # A path that is broken over two lines cannot be opened.
+        Console(highlight=False).print(table(scores, run), soft_wrap=True)

@@ -1,0 +1,94 @@
+"""Made-up walks whose every number is known: legs that swing as sinusoids, and what is performed of them."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from kinemimic.pipeline.rotations import IDENTITY, from_axis_angle
+from kinemimic.pipeline.skeleton import NODE_INDEX, NODES
+from kinemimic.retarget.motion import Motion
+from kinemimic.train.playback import CONTROL_RATE, Playback
+
+Array = NDArray[np.float64]
+
+PERIOD, SPEED, HEIGHT = 1.2, 1.1, 0.9
+KNEE, HIP = (0.5, 0.4), (0.1, 0.35)  # mean and amplitude, rad
+
+
+def angle(name: str, phase: Array) -> Array:
+    """The knee's or hip's curve in radians at phases in cycles."""
+    mean, amplitude = KNEE if name.startswith("knee") else HIP
+    return mean + amplitude * np.sin(2 * np.pi * (phase + (0.5 if name.endswith("right") else 0.0)))
+
+
+def legs(phase: Array, offset: float = 0.0) -> Array:
+    """Local rotations (..., 20, 4); offset: radians that every knee is bent further."""
+    rotations = np.broadcast_to(IDENTITY, (*phase.shape, len(NODES), 4)).copy()
+    for side in ("left", "right"):
+        knee, hip = angle(f"knee_{side}", phase) + offset, angle(f"hip_{side}", phase)
+        rotations[..., NODE_INDEX[f"knee_{side}"], :] = from_axis_angle("Y", knee)
+        rotations[..., NODE_INDEX[f"hip_{side}"], :] = from_axis_angle("Y", -hip)
+    return rotations
+
+
+def path(phase: Array) -> Array:
+    root = np.zeros((*phase.shape, 3))
+    root[..., 0], root[..., 2] = SPEED * PERIOD * phase, HEIGHT
+    return root
+
+
+@pytest.fixture(scope="session")
+def walk() -> Motion:
+    """One cycle, simulated capture."""
+    phase = np.arange(36) / 36
+    return Motion(
+        rate=36 / PERIOD,
+        root=path(phase),
+        rotations=legs(phase),
+        contacts=np.zeros((36, 2), dtype=bool),
+        cyclic=True,
+        cycle_offset=np.array([SPEED * PERIOD, 0.0, 0.0]),
+        provenance={"simulated": True, "capture": {"source": "made <up>.bvh"}},
+    )
+
+
+@pytest.fixture(scope="session")
+def curve() -> Callable[[str, Array], Array]:
+    return angle
+
+
+@pytest.fixture(scope="session")
+def performance() -> Callable[..., Playback]:
+    """Rollouts from `rollouts` phases; `offset` bends the knees (rad), from frame `fall` on nothing moves."""
+
+    def make(
+        rollouts: int = 3, frames: int = 600, *, offset: float = 0.0, fall: int | None = None
+    ) -> Playback:
+        start = np.arange(rollouts) / rollouts
+        phases = start[:, None] + (np.arange(frames) + 1) / CONTROL_RATE / PERIOD
+        played = Playback(
+            start_phases=start,
+            phases=phases,
+            root=path(phases),
+            rotations=legs(phases, offset),
+            reference_root=path(phases),
+            reference_rotations=legs(phases),
+            rewards=np.broadcast_to([0.5, 0.25], (rollouts, frames, 2)).copy(),
+            reward_names=np.array(["pose", "height"]),
+            fallen_at=np.full(rollouts, frames),
+            torques=np.full((rollouts, frames, 14), 5.0),
+            contacts=np.zeros((rollouts, frames, 2), dtype=bool),
+        )
+        if fall is None:
+            return played
+        root, rotations = played.root.copy(), played.rotations.copy()
+        root[:, fall:], rotations[:, fall:] = root[:, fall : fall + 1], rotations[:, fall : fall + 1]
+        root[:, fall:, 2] = 0.1
+        return replace(played, root=root, rotations=rotations, fallen_at=np.full(rollouts, fall))
+
+    return make
