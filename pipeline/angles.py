@@ -40,7 +40,8 @@ def hip_flexion(pelvis: Array, hip: Array, knee: Array) -> Array:
 def leg_angles(positions: Array, pelvis: Array | None = None) -> dict[str, Array]:
     """The curves of ANGLES from positions (T, 20, 3) of the 20 nodes.
 
-    Without `pelvis` (T, 4) its frame is taken from both hips and the spine, which a Kinect sees badly.
+    Without `pelvis` (T, 4) its frame is taken from both hips and the spine, which a Kinect sees badly: both the
+    hip's angle and the sign of the knee's suffer.
     Frames with a missing joint give NaN.
     """
     p = positions
@@ -50,6 +51,7 @@ def leg_angles(positions: Array, pelvis: Array | None = None) -> dict[str, Array
     frame = np.full((len(p), 4), np.nan)
     if pelvis is not None:
         frame = pelvis
+        lateral = rotate(pelvis, np.broadcast_to([0.0, 1.0, 0.0], lateral.shape))
     elif seen.any():
         frame[seen] = pelvis_frame(
             p[seen, N["hip_left"]], p[seen, N["hip_right"]], p[seen, N["hip_center"]], p[seen, N["spine"]]

@@ -77,5 +77,7 @@ def joint_angles(rotations: Array) -> dict[str, Array]:
     for side in ("left", "right"):
         curves[f"knee_{side}"] = to_rotvec(rotations[..., NODE_INDEX[f"knee_{side}"], :])[..., 1]
         thigh = rotations[..., NODE_INDEX[f"hip_{side}"], :]
-        curves[f"hip_{side}"] = hip_flexion(np.broadcast_to(IDENTITY, thigh.shape), np.zeros(3), rotate(thigh, down))
+        curves[f"hip_{side}"] = hip_flexion(
+            np.broadcast_to(IDENTITY, thigh.shape), np.zeros(3), rotate(thigh, down)
+        )
     return {name: curves[name] for name in ANGLES}
