@@ -1,0 +1,51 @@
+"""run.json: what every stage of a run was made from and what it wrote, so that nothing is done twice."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from pathlib import Path
+from typing import Any
+
+from kinemimic.pipeline.provenance import versions
+from kinemimic.pipeline.store import file_hash, read_json, write_json
+
+LEDGER_SCHEMA = 1
+
+
+def made_from(reads: Mapping[str, Path], config: Mapping[str, Any]) -> dict[str, Any]:
+    """What decides a stage's result: SHA-256 of its inputs (None if absent), options, version."""
+    return {
+        "inputs": {name: file_hash(path) if path.is_file() else None for name, path in reads.items()},
+        "config": dict(config),
+        "version": versions().get("kinemimic"),
+    }
+
+
+class Ledger:
+    """The entries of a run folder; each is kept until `record` replaces it."""
+
+    def __init__(self, folder: Path) -> None:
+        """Read folder/run.json; one that is missing or of another schema counts as empty."""
+        self._folder = folder
+        self._path = folder / "run.json"
+        content = read_json(self._path) if self._path.exists() else {}
+        known = isinstance(content, dict) and content.get("schema") == LEDGER_SCHEMA
+        self._stages: dict[str, Any] = content["stages"] if known else {}
+
+    def up_to_date(self, stage: str, source: Mapping[str, Any]) -> bool:
+        """True if the stage was made from `source` and its files are still those that it wrote."""
+        entry = self._stages.get(stage)
+        return (
+            entry is not None
+            and all(entry[key] == value for key, value in source.items())
+            and all(
+                (path := self._folder / name).is_file() and file_hash(path) == digest
+                for name, digest in entry["outputs"].items()
+            )
+        )
+
+    def record(self, stage: str, source: Mapping[str, Any], writes: Iterable[str]) -> None:
+        """Enter a finished stage, with its files in the run folder, and write run.json."""
+        outputs = {name: file_hash(self._folder / name) for name in writes}
+        self._stages[stage] = {**source, "outputs": outputs}
+        write_json(self._path, {"schema": LEDGER_SCHEMA, "stages": self._stages})

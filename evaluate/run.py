@@ -1,0 +1,177 @@
+"""`kinemimic run`: every stage on one capture, skipping what is up to date.
+
+A stage is skipped when its entry in run.json (ledger.py) still holds; one that is run makes all after it run.
+An interrupted run goes on where it was, the training from its checkpoint.
+"""
+
+from __future__ import annotations
+
+import io
+import json
+from collections.abc import Mapping
+from contextlib import nullcontext, redirect_stdout
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import click
+
+from kinemimic.evaluate.ledger import Ledger, made_from
+from kinemimic.pipeline.cli import load_command
+from kinemimic.pipeline.store import read_json
+
+# The capture that `run` makes when it is given none; a virtual Kinect always records the same one.
+VIRTUAL_STAGE = "virtual"
+VIRTUAL_SEED = 0
+VIRTUAL_CAPTURE = "capture/kinect_walk_euler.bvh"
+VIRTUAL_FILES = (VIRTUAL_CAPTURE, "capture/kinect_walk_euler.truth.parquet")
+
+
+@dataclass(frozen=True)
+class Stage:
+    """A command, and the files of the run folder that it reads (where they are there) and writes."""
+
+    name: str
+    reads: tuple[str, ...]
+    writes: tuple[str, ...]
+
+
+STAGES = (
+    Stage("ingest", (), ("raw.parquet", "clip.parquet", "quality.json")),
+    Stage("convert", ("clip.parquet",), ("quaternions.parquet", "gimbal.json")),
+    Stage(
+        "retarget",
+        ("quaternions.parquet", "raw.parquet", "truth.parquet"),
+        ("motion.json", "motion.mcap", "gait.json", "capture.parquet"),
+    ),
+    Stage("train", ("motion.json",), ("policy.safetensors", "policy.json")),
+    Stage(
+        "evaluate",
+        ("motion.json", "policy.safetensors", "capture.parquet", "quality.json", "gimbal.json", "gait.json"),
+        ("scores.json", "curves.csv", "report.html", "playback.npz"),
+    ),
+    Stage("view", ("motion.json", "playback.npz", "scores.json"), ("view.rrd",)),
+)
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """Which stages were run and which skipped, and the content of scores.json."""
+
+    ran: tuple[str, ...]
+    skipped: tuple[str, ...]
+    scores: Mapping[str, Any]
+
+
+def run(
+    capture: Path | None,
+    folder: Path,
+    *,
+    options: Mapping[str, Mapping[str, Any]] | None = None,
+    quiet: bool = False,
+) -> Outcome:
+    """Take a capture to scores, a report and a recording in `folder`.
+
+    capture: a file, or None for the virtual Kinect's recording of the stock walk (folder/capture).
+    options: stage -> its command's options without the dashes; None leaves the command's default.
+    quiet: nothing is printed. Raises what the stages raise; those that were finished stay recorded.
+    """
+    ledger = Ledger(folder)
+    ran: list[str] = []
+    skipped: list[str] = []
+
+    def step(name: str, reads: Mapping[str, Path], writes: tuple[str, ...], arguments: list[str]) -> None:
+        config = {key: value for key, value in (options or {}).get(name, {}).items() if value is not None}
+        source = made_from(reads, config)
+        if not ran and ledger.up_to_date(name, source):
+            skipped.append(name)
+            _say(f"{name}: up to date", quiet=quiet)
+            return
+        _say(f"{name}", quiet=quiet, bold=True)
+        if name == VIRTUAL_STAGE:
+            _record_virtual(folder)
+            _say(f"SIMULATED: a virtual Kinect records the stock walk: {capture}", quiet=quiet)
+        else:
+            flags = [f"--{key}={value}" for key, value in config.items()]
+            _invoke(name, [*arguments, "--run", str(folder), *flags], quiet=quiet)
+        ledger.record(name, source, writes)
+        ran.append(name)
+
+    if capture is None:
+        capture = folder / VIRTUAL_CAPTURE
+        step(VIRTUAL_STAGE, {}, VIRTUAL_FILES, [])
+    for stage in STAGES:
+        reads = {name: folder / name for name in stage.reads}
+        if stage.name == "ingest":
+            reads = {capture.name: capture, "truth": capture.with_suffix(".truth.parquet")}
+        step(stage.name, reads, stage.writes, [str(capture)] if stage.name == "ingest" else [])
+    return Outcome(tuple(ran), tuple(skipped), read_json(folder / "scores.json"))
+
+
+def _record_virtual(folder: Path) -> None:
+    # Only this stage needs it, and whoever brings a capture does not wait for it.
+    from kinemimic.pipeline.captures.virtual import record_virtual  # noqa: PLC0415
+
+    record_virtual((folder / VIRTUAL_CAPTURE).parent, seed=VIRTUAL_SEED)
+
+
+def _invoke(name: str, arguments: list[str], *, quiet: bool) -> None:
+    """Run a command as the command line would; its table of scores is kept back for the end."""
+    command = load_command(name)
+    if quiet:
+        arguments = [*arguments, "--json"]
+    with (
+        redirect_stdout(io.StringIO()) if quiet or name == "evaluate" else nullcontext(),
+        command.make_context(name, arguments, parent=click.get_current_context(silent=True)) as context,
+    ):
+        command.invoke(context)
+
+
+def _say(text: str, *, quiet: bool, bold: bool = False) -> None:
+    if not quiet:
+        click.secho(text, bold=bold)
+
+
+@click.command()
+@click.argument("capture", required=False, type=click.Path(path_type=Path))
+@click.option(
+    "--run", "folder", type=click.Path(path_type=Path), default=Path("runs/default"), show_default=True
+)
+@click.option("--filter", "filter_name", help="Of `ingest`: butterworth or none.")
+@click.option("--preset", help="Of `train`: default or paper.")
+@click.option("--budget", type=click.IntRange(min=1), help="Of `train`: samples; the preset's by default.")
+@click.option("--seed", type=click.IntRange(min=0), help="Of `train`.")
+@click.option("--json", "as_json", is_flag=True, help="Print what was run and the scores as JSON.")
+def command(
+    capture: Path | None,
+    folder: Path,
+    filter_name: str | None,
+    preset: str | None,
+    budget: int | None,
+    seed: int | None,
+    as_json: bool,
+) -> None:
+    """Take CAPTURE (or, without one, the virtual Kinect's walk) through every stage to its scores.
+
+    A stage whose inputs and options have not changed since the last time is skipped.
+    """
+    options: dict[str, dict[str, Any]] = {
+        "ingest": {"filter": filter_name},
+        "train": {"preset": preset, "budget": budget, "seed": seed},
+    }
+    outcome = run(capture, folder, options=options, quiet=as_json)
+    report, recording = folder / "report.html", folder / "view.rrd"
+    if as_json:
+        paths = {"report": report.as_posix(), "recording": recording.as_posix()}
+        ledger = {"ran": list(outcome.ran), "skipped": list(outcome.skipped)}
+        click.echo(json.dumps({**ledger, **paths, "scores": outcome.scores}, indent=2))
+        return
+    # The table's module loads the simulation, which `kinemimic run --help` has no use for.
+    from rich.console import Console  # noqa: PLC0415
+
+    from kinemimic.evaluate.stage import table  # noqa: PLC0415
+
+    click.echo()
+    # A path that is broken over two lines cannot be opened.
+    Console(highlight=False).print(table(dict(outcome.scores), folder), soft_wrap=True)
+    click.echo(f"recording: {recording} (open it with: rerun {recording})")
