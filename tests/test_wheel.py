@@ -1,0 +1,129 @@
+"""The built wheel: what is in it, and that it gets on with Hugging Face's `datasets` and `evaluate`."""
+
+from __future__ import annotations
+
+import json
+import os
+import shutil
+import subprocess
+import sys
+import zipfile
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).resolve().parents[1]
+FOLDERS = ("pipeline", "retarget", "train", "evaluate", "datasets")
+# Modules of every folder, and after them what bears their names elsewhere.
+IMPORTS = """
+import importlib, sys
+folder = sys.argv[1]
+for name in ("pipeline.rotations", "retarget.body", "train.playback", "evaluate.ledger"):
+    module = importlib.import_module("kinemimic." + name)
+    assert module.__file__.startswith(folder), module
+import datasets, evaluate
+for module in (datasets, evaluate):
+    assert module.__file__.startswith(folder) and "kinemimic" not in module.__file__, module
+assert not {"pipeline", "retarget", "train"} & set(sys.modules)
+"""
+
+
+def call(*command: str | Path, folder: Path) -> str:
+    """Standard output of a command that has to end well, with no way back to this repository."""
+    kept = {key: value for key, value in os.environ.items() if not key.startswith(("PYTHON", "VIRTUAL_ENV"))}
+    done = subprocess.run(
+        [str(part) for part in command],
+        cwd=folder,
+        env=kept,
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert done.returncode == 0, f"{command}\n{done.stdout[-2000:]}\n{done.stderr[-4000:]}"
+    return done.stdout
+
+
+@pytest.fixture(scope="module")
+def wheel(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The wheel of a copy of the sources: in the repository it would find what lies in build/."""
+    source, out = tmp_path_factory.mktemp("source"), tmp_path_factory.mktemp("dist")
+    for name in FOLDERS:
+        shutil.copytree(ROOT / name, source / name, ignore=shutil.ignore_patterns("__pycache__"))
+    for name in ("pyproject.toml", "README.md", "LICENSE"):
+        shutil.copy(ROOT / name, source)
+    call(
+        sys.executable,
+        "-m",
+        "build",
+        "--wheel",
+        "--no-isolation",
+        "--outdir",
+        out,
+        source,
+        folder=tmp_path_factory.getbasetemp(),
+    )
+    (built,) = out.glob("*.whl")
+    return built
+
+
+def test_the_wheel_holds_the_package_and_nothing_else(wheel: Path) -> None:
+    names = zipfile.ZipFile(wheel).namelist()
+    inside = [name for name in names if ".dist-info/" not in name]
+    assert {name.split("/")[0] for name in inside} == {"kinemimic"}
+    assert {name.split("/")[1] for name in inside} == set(FOLDERS)
+    assert not any("test" in name for name in inside)
+    for folder in FOLDERS[:-1]:
+        assert f"kinemimic/{folder}/py.typed" in inside
+    assert "kinemimic/datasets/captures.toml" in inside
+
+
+def test_the_wheel_holds_every_source_file(wheel: Path) -> None:
+    sources = {
+        f"kinemimic/{path.relative_to(ROOT)}" for name in FOLDERS for path in (ROOT / name).rglob("*.py")
+    }
+    assert sources == {name for name in zipfile.ZipFile(wheel).namelist() if name.endswith(".py")}
+
+
+def test_the_wheel_installs_a_console_script_and_the_licence(wheel: Path) -> None:
+    archive = zipfile.ZipFile(wheel)
+    (entry_points,) = (name for name in archive.namelist() if name.endswith("entry_points.txt"))
+    assert "kinemimic = kinemimic.pipeline.cli:main" in archive.read(entry_points).decode()
+    assert any(name.endswith("licenses/LICENSE") for name in archive.namelist())
+
+
+def test_it_imports_beside_packages_of_the_same_names(wheel: Path, tmp_path: Path) -> None:
+    target = tmp_path / "site"
+    call(
+        sys.executable,
+        "-m",
+        "pip",
+        "install",
+        "--quiet",
+        "--no-deps",
+        "--no-index",
+        "--target",
+        target,
+        wheel,
+        folder=tmp_path,
+    )
+    for name in ("datasets", "evaluate"):
+        (target / name).mkdir()
+        (target / name / "__init__.py").write_text("")
+    first = f"import sys; sys.path.insert(0, {str(target)!r})"
+    call(sys.executable, "-c", f"{first}\n{IMPORTS}", target, folder=tmp_path)
+
+
+@pytest.mark.slow
+def test_an_empty_environment_with_hugging_face_runs_the_whole_way(wheel: Path, tmp_path: Path) -> None:
+    """Installs from the package index: the constraints' versions, `datasets` and `evaluate`."""
+    venv = tmp_path / "venv"
+    call(sys.executable, "-m", "venv", venv, folder=tmp_path)
+    python = venv / "bin" / "python"
+    pip = (python, "-m", "pip", "install", "--quiet", "-c", ROOT / "constraints.txt")
+    call(*pip, "torch==2.13.0", folder=tmp_path)
+    call(*pip, wheel, "datasets", "evaluate", folder=tmp_path)
+    call(python, "-c", IMPORTS, venv, folder=tmp_path)
+    out = call(venv / "bin" / "kinemimic", "run", "--budget", "2000", "--json", folder=tmp_path)
+    assert json.loads(out)["scores"]["capture"]["simulated"] is True
+    for name in ("scores.json", "report.html", "view.rrd"):
+        assert (tmp_path / "runs" / "default" / name).is_file()
