@@ -1,4 +1,4 @@
-"""Writes a skeleton with quaternions as BVH, Euler angles in any Tait-Bryan or proper order."""
+"""Writes a skeleton with quaternions as BVH, in any of the six orders that BVH can name."""
 
 from __future__ import annotations
 
@@ -17,6 +17,8 @@ from kinemimic.pipeline.store import write_text
 
 Array = NDArray[np.float64]
 
+# A joint has each of its channels once, so that proper Euler orders (ZXZ) cannot be written.
+BVH_ORDERS: tuple[str, ...] = tuple(order for order in ORDERS if len(set(order)) == 3)
 _DECIMALS = 6
 
 
@@ -51,8 +53,8 @@ def write_bvh(
 
 def file_angles(rotations: Array, order: str) -> Array:
     """Euler angles (T, J, 3) in radians, in the sequence of `order`, about the file's Y-up axes."""
-    if order not in ORDERS:
-        raise ValueError(f"unknown Euler order {order!r}; the twelve are {', '.join(ORDERS)}")
+    if order not in BVH_ORDERS:
+        raise ValueError(f"no order of BVH: {order!r}; the six are {', '.join(BVH_ORDERS)}")
     q = multiply(multiply(conjugate(Y_UP_TO_Z_UP), rotations), Y_UP_TO_Z_UP)
     with warnings.catch_warnings():
         # At exact lock scipy picks one of the equal triples and says so; the rotation written is right.
