@@ -16,7 +16,7 @@ import pyarrow.parquet as pq
 from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 
-from kinemimic.evaluate.fit import JointFit, joint_fits
+from kinemimic.evaluate.fit import Flags, JointFit, joint_fits
 from kinemimic.pipeline.angles import ANGLES
 from kinemimic.pipeline.errors import CaptureError
 from kinemimic.retarget.motion import Motion, joint_angles
@@ -68,44 +68,54 @@ def read_capture(path: Path) -> Capture | None:
     return Capture(phase[placed], curves(""), curves("clean_"), truth)
 
 
-def simulated_at(
-    phases: Array, angles: Curves, phase: Array, *, cyclic: bool
-) -> tuple[NDArray[np.intp], Curves]:
-    """The simulated angles at captured phases, once for every cycle in which the rollout passes them.
+@dataclass(frozen=True)
+class Rollout:
+    """F frames of a rollout: its phases (F,), not wrapped, increasing; knee and hip (F,) in radians.
 
-    phases: (F,) the rollout's own, not wrapped, increasing; angles: (F,) each, radians; phase: (N,) captured.
-    Returns which captured frame each of the M pairs belongs to (M,), and the curves (M,). A cubic spline
-    reads between control frames: at 30 Hz a straight line would cut almost a degree off the knee's peak.
+    fallen_at: first frame of a fall, F or more if there was none; cyclic: whether phases of the capture come
+    again in every cycle.
     """
-    first, last = phases[0], phases[-1]
-    shifts = np.zeros(1)
-    if cyclic and len(phase):
-        shifts = np.arange(np.floor(first - phase.max()), np.ceil(last - phase.min()) + 1)
-    at = phase[:, None] + shifts
-    frame, column = np.nonzero((at >= first) & (at <= last))
-    points = at[frame, column]
-    return frame, {name: CubicSpline(phases, values)(points) for name, values in angles.items()}
+
+    phases: Array
+    angles: Curves
+    fallen_at: int
+    cyclic: bool
+
+    def at(self, phase: Array) -> tuple[NDArray[np.intp], Curves, Flags]:
+        """The simulated angles at captured phases (N,), once for every cycle in which they are passed.
+
+        Returns which captured frame each of the M pairs belongs to (M,), the curves (M,), and whether the
+        figure still stood (M,). A cubic spline reads between control frames: at 30 Hz a straight line would
+        cut almost a degree off the knee's peak.
+        """
+        first, last = self.phases[0], self.phases[-1]
+        shifts = np.zeros(1)
+        if self.cyclic and len(phase):
+            shifts = np.arange(np.floor(first - phase.max()), np.ceil(last - phase.min()) + 1)
+        at = phase[:, None] + shifts
+        frame, column = np.nonzero((at >= first) & (at <= last))
+        points = at[frame, column]
+        curves = {name: CubicSpline(self.phases, values)(points) for name, values in self.angles.items()}
+        fallen = self.fallen_at < len(self.phases)
+        upright = points < self.phases[self.fallen_at] if fallen else np.ones(len(points), dtype=np.bool_)
+        return frame, curves, upright
 
 
-def capture_fits(
-    capture: Capture, phases: Array, angles: Curves, *, cyclic: bool, against: Curves | None = None
-) -> dict[str, JointFit]:
+def capture_fits(capture: Capture, rollout: Rollout, *, against: Curves | None = None) -> dict[str, JointFit]:
     """Fit of a rollout to the capture, or to other curves of its frames, `against`; all cycles pooled."""
-    frame, simulated = simulated_at(phases, angles, capture.phase, cyclic=cyclic)
+    frame, simulated, upright = rollout.at(capture.phase)
     target = capture.raw if against is None else against
-    return joint_fits({name: values[frame] for name, values in target.items()}, simulated)
+    return joint_fits({name: values[frame] for name, values in target.items()}, simulated, upright)
 
 
-def truth_fits(
-    capture: Capture, motion: Motion, phases: Array, angles: Curves
-) -> dict[str, dict[str, JointFit]] | None:
+def truth_fits(capture: Capture, motion: Motion, rollout: Rollout) -> dict[str, dict[str, JointFit]] | None:
     """Where the error comes from: raw and cleaned capture, reference and rollout, each against the truth."""
     if capture.truth is None:
         return None
-    simulated = capture_fits(capture, phases, angles, cyclic=motion.cyclic, against=capture.truth)
+    reference = joint_angles(Reference(motion).nodes(capture.phase))
     return {
         "raw": joint_fits(capture.truth, capture.raw),
         "clean": joint_fits(capture.truth, capture.clean),
-        "reference": joint_fits(capture.truth, joint_angles(Reference(motion).nodes(capture.phase))),
-        "simulated": simulated,
+        "reference": joint_fits(capture.truth, reference),
+        "simulated": capture_fits(capture, rollout, against=capture.truth),
     }

@@ -68,7 +68,7 @@ def gimbal_section(gimbal: Mapping[str, Any]) -> str:
         [
             escape(joint["joint"]),
             escape(joint["order"]),
-            " and ".join(f"{angle:d}" for angle in joint["lock_at_deg"]),
+            " and ".join(number(angle, 0) for angle in joint["lock_at_deg"]),
             number(joint["nearest_deg"], 2),
             _some(
                 [f"{first}–{last}" if last > first else f"{first}" for first, last in joint["flagged_frames"]]

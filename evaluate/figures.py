@@ -180,15 +180,15 @@ def start_phases(playback: Playback, baseline: Playback, r2: Mapping[str, Sequen
 
     def draw(phone: bool) -> Figure:
         figure, (survived, fits) = _panels(1, 2, 2.6, phone)
-        survived.bar(at, playback.fallen_at, color=SIMULATED, width=0.7, label="policy")
-        survived.bar(at, baseline.fallen_at, color=NO_POLICY, width=0.7, label="no policy")
+        survived.bar(at - 0.2, playback.fallen_at, color=SIMULATED, width=0.4, label="policy")
+        survived.bar(at + 0.2, baseline.fallen_at, color=NO_POLICY, width=0.4, label="no policy")
         survived.axhline(frames, color=REFERENCE, linewidth=0.8)
         survived.set(ylabel="frames before a fall", ylim=(0, 1.18 * frames))
         survived.legend(loc="upper left", ncols=2, borderaxespad=0.1)
         for (joint, values), color, marker in zip(r2.items(), _SERIES, "os", strict=False):
             fits.plot(at, np.maximum(values, 0.0), marker, color=color, markersize=5, label=joint)
         fits.axhline(0.9, color=REFERENCE, linewidth=0.8, linestyle=":")
-        fits.set(ylabel="R² (below 0 shown at 0)", ylim=(-0.04, 1.12))
+        fits.set(ylabel="R², upright (below 0 shown at 0)", ylim=(-0.04, 1.12))
         fits.legend(loc="lower left", ncols=2)
         for axes in (survived, fits):
             axes.set_xlabel("start phase [% of the cycle]")

@@ -74,14 +74,11 @@ def number(value: float | None, digits: int) -> str:
     return text.lstrip("-") if float(text) == 0 else text.replace("-", "−")
 
 
-def table(
-    head: Sequence[str], rows: Sequence[Sequence[str]], caption: str, *, strong: int | None = None
-) -> str:
-    """A table under a caption; cells are HTML already. strong: the row that matters most."""
+def table(head: Sequence[str], rows: Sequence[Sequence[str]], caption: str, *, strong: int = 0) -> str:
+    """A table under a caption; cells are HTML already. strong: how many of the first rows matter
+    most."""
     lines = [
-        f"<tr{' class=strong' if k == strong else ''}>"
-        + "".join(f"<td>{cell}</td>" for cell in row)
-        + "</tr>"
+        f"<tr{' class=strong' if k < strong else ''}>" + "".join(f"<td>{cell}</td>" for cell in row) + "</tr>"
         for k, row in enumerate(rows)
     ]
     header = "".join(f'<th scope="col">{cell}</th>' for cell in head)

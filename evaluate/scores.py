@@ -1,8 +1,10 @@
 """scores.json: what is measured on the rollouts, under keys that stay.
 
 The headline (`survival.frames`, `fit.knee`, `fit.hip`, `root`) is the rollout from phase 0. No rollout is cut
-at a fall: the figure lies there while the reference goes on, and its frames count. `fit.phases` and
-`survival.phases` say how the other start phases did; `torque` is the worst of all.
+at a fall: the figure lies there while the reference goes on, and its frames count. Lying there it bends its
+joints as it is told, so every fit has an `r2_upright` too, which credits nothing after the fall; for a figure
+that never falls both are one. `fit.phases` and `survival.phases` say how the other start phases did; `torque`
+is the worst of all.
 """
 
 from __future__ import annotations
@@ -13,8 +15,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from kinemimic.evaluate.capture_fit import Capture, capture_fits, truth_fits
+from kinemimic.evaluate.capture_fit import Capture, Rollout, capture_fits, truth_fits
 from kinemimic.evaluate.fit import JOINTS, MEASURES, JointFit, joint_fits
+from kinemimic.pipeline.angles import ANGLES
 from kinemimic.retarget.body import BODIES
 from kinemimic.retarget.motion import Motion, joint_angles
 from kinemimic.train.playback import Playback
@@ -41,7 +44,9 @@ def survival(playback: Playback) -> dict[str, int]:
 def rollout_fits(playback: Playback, rollout: int, frames: int) -> dict[str, JointFit]:
     """Knee and hip of one rollout against its reference, over its first `frames` frames."""
     reference = joint_angles(playback.reference_rotations[rollout, :frames])
-    return joint_fits(reference, joint_angles(playback.rotations[rollout, :frames]))
+    simulated = joint_angles(playback.rotations[rollout, :frames])
+    upright = np.arange(len(simulated[ANGLES[0]])) < playback.fallen_at[rollout]
+    return joint_fits(reference, simulated, upright)
 
 
 def fit(playback: Playback, frames: int) -> dict[str, Any]:
@@ -117,9 +122,14 @@ def _against_capture(
 ) -> tuple[dict[str, Any] | None, dict[str, Any] | None]:
     if capture is None:
         return None, None
-    phases, angles = playback.phases[0, :frames], joint_angles(playback.rotations[0, :frames])
-    fits = capture_fits(capture, phases, angles, cyclic=motion.cyclic)
-    truth = truth_fits(capture, motion, phases, angles)
+    rollout = Rollout(
+        phases=playback.phases[0, :frames],
+        angles=joint_angles(playback.rotations[0, :frames]),
+        fallen_at=int(playback.fallen_at[0]),
+        cyclic=motion.cyclic,
+    )
+    fits = capture_fits(capture, rollout)
+    truth = truth_fits(capture, motion, rollout)
     return (
         {joint: fits[joint].as_dict() for joint in JOINTS},
         None

@@ -1,9 +1,11 @@
+from dataclasses import replace
+
 import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
 
-from kinemimic.evaluate.capture_fit import Capture, capture_fits, read_capture, simulated_at, truth_fits
+from kinemimic.evaluate.capture_fit import Capture, Rollout, capture_fits, read_capture, truth_fits
 from kinemimic.pipeline.angles import ANGLES
 from kinemimic.pipeline.errors import CaptureError
 from kinemimic.retarget.motion import joint_angles
@@ -25,52 +27,60 @@ def capture(curve):
     )
 
 
-def _rollout(played):
-    return played.phases[0, :500], joint_angles(played.rotations[0, :500])
+def _rollout(played, *, cyclic=True):
+    angles = joint_angles(played.rotations[0, :500])
+    return Rollout(played.phases[0, :500], angles, int(played.fallen_at[0]), cyclic)
 
 
-def test_simulated_at_reads_every_cycle_and_only_what_was_walked(performance, curve):
-    phases, angles = _rollout(performance(1))
+def test_a_rollout_is_read_in_every_cycle_and_only_what_was_walked(performance, curve):
     captured = np.array([0.25, 0.75])
-    frame, simulated = simulated_at(phases, angles, captured, cyclic=True)
+    frame, simulated, upright = _rollout(performance(1)).at(captured)
     # 500 frames of 1/30 s over cycles of 1.2 s: phases 0.028 to 13.889, so 14 passages of each.
     assert np.bincount(frame).tolist() == [14, 14]
+    assert upright.all()
     np.testing.assert_allclose(simulated["knee_left"], curve("knee_left", captured[frame]), atol=1e-4)
 
 
 def test_a_single_performance_is_read_once(performance):
-    phases, angles = _rollout(performance(1))
-    frame, _ = simulated_at(phases, angles, np.array([-0.5, 0.25, 0.75]), cyclic=False)
+    frame, _, _ = _rollout(performance(1), cyclic=False).at(np.array([-0.5, 0.25, 0.75]))
     assert frame.tolist() == [1, 2]
 
 
 def test_whole_cycles_added_to_a_capture_change_nothing(performance, capture):
-    phases, angles = _rollout(performance(1, offset=0.05))
+    rollout = _rollout(performance(1, offset=0.05))
     later = Capture(capture.phase + 5, capture.raw, capture.clean, capture.truth)
-    assert capture_fits(later, phases, angles, cyclic=True)["knee"].both.rmse_deg == pytest.approx(
-        capture_fits(capture, phases, angles, cyclic=True)["knee"].both.rmse_deg
+    assert capture_fits(later, rollout)["knee"].both.rmse_deg == pytest.approx(
+        capture_fits(capture, rollout)["knee"].both.rmse_deg
     )
 
 
 def test_noise_of_the_capture_is_the_error_of_a_perfect_figure(performance, capture):
-    phases, angles = _rollout(performance(1))
-    fits = capture_fits(capture, phases, angles, cyclic=True)
+    rollout = _rollout(performance(1))
+    fits = capture_fits(capture, rollout)
     assert fits["knee"].both.rmse_deg == pytest.approx(3.0, abs=0.02)
     assert fits["hip"].both.max_gap_deg == pytest.approx(3.0, abs=0.05)
 
 
 def test_the_truth_tells_errors_of_cleaning_and_of_imitation_apart(performance, capture, walk):
-    phases, angles = _rollout(performance(1, offset=np.radians(5.0)))
-    fits = truth_fits(capture, walk, phases, angles)
+    rollout = _rollout(performance(1, offset=np.radians(5.0)))
+    fits = truth_fits(capture, walk, rollout)
     assert fits is not None
     rmse = {who: of["knee"].both.rmse_deg for who, of in fits.items()}
     assert rmse == pytest.approx({"raw": 3.0, "clean": 1.0, "reference": 0.0, "simulated": 5.0}, abs=0.02)
     assert fits["simulated"]["hip"].both.rmse_deg == pytest.approx(0.0, abs=0.02)
 
 
+def test_after_a_fall_nothing_is_credited_against_the_capture_either(performance, capture):
+    # Every frame is met, but from frame 36 on (the second of 14 cycles) the figure lies on the ground.
+    rollout = replace(_rollout(performance(1)), fallen_at=36)
+    knee = capture_fits(capture, rollout)["knee"].both
+    assert knee.r2 > 0.95
+    assert 0.0 < knee.r2_upright < 0.1
+
+
 def test_without_truth_nothing_is_known(performance, capture, walk):
     blind = Capture(capture.phase, capture.raw, capture.clean, None)
-    assert truth_fits(blind, walk, *_rollout(performance(1))) is None
+    assert truth_fits(blind, walk, _rollout(performance(1))) is None
 
 
 def _table(capture, path, *, drop=()):

@@ -27,6 +27,22 @@ def test_hand_computed():
     assert fit.r(Y, Z) == pytest.approx(8 / np.sqrt(5 * 14))
 
 
+def test_r2_upright_hand_computed():
+    # Fallen at the last two: errors 0 and 4, but the mean's there are 0.25 + 2.25, of 5 in all: 4 is more.
+    upright = np.array([True, True, False, False])
+    assert fit.r2_upright(Y, Z, upright) == pytest.approx(1 - 4 / 5)
+    # A perfect figure on the ground earns the upright frames' share, (2.25 + 0.25) / 5, and no more.
+    assert fit.r2_upright(Y, Y, upright) == pytest.approx(0.5)
+    assert fit.r2_upright(Y, Y, np.zeros(4, dtype=bool)) == 0.0
+
+
+@given(values, values, st.integers(0, 12))
+def test_a_fall_never_betters_the_score(y, z, fall):
+    upright = np.arange(12) < fall
+    assert fit.r2_upright(y, z, upright) <= fit.r2(y, z) + 1e-9
+    assert fit.r2_upright(y, z, np.ones(12, dtype=bool)) == fit.r2(y, z)
+
+
 def test_perfect_is_one():
     perfect = Fit.of(STRIDE, STRIDE)
     assert (perfect.r2, perfect.nrmse_fit, perfect.cmc) == (1.0, 1.0, 1.0)

@@ -19,9 +19,17 @@ def test_keys_that_stay(performance, walk):
     assert {"frames", "of", "phases", "phases_of"} <= set(scores["survival"])
     for group in (scores["fit"], scores["no_policy"]["fit"]):
         for joint in ("knee", "hip"):
-            assert {"r2", "rmse_deg", "max_gap_deg", "nrmse_fit", "cmc", "r", "left", "right"} <= set(
-                group[joint]
-            )
+            assert {
+                "r2",
+                "r2_upright",
+                "rmse_deg",
+                "max_gap_deg",
+                "nrmse_fit",
+                "cmc",
+                "r",
+                "left",
+                "right",
+            } <= set(group[joint])
     assert {"path_error_m", "speed_ratio"} <= set(scores["root"])
     assert scores["train"] == {"samples": 1000, "seconds": 2.5, "preset": "default", "seed": 7}
     assert scores["capture"] == {"simulated": True}
@@ -48,6 +56,13 @@ def test_a_fall_counts_to_the_end(performance, walk):
     assert scores["fit"]["knee"]["r2"] < 0.2
     assert scores["root"]["speed_ratio"] == pytest.approx(30 / 599, abs=1e-4)
     assert scores["no_policy"]["survival"]["frames"] == 10
+
+
+def test_a_figure_that_dances_on_its_back_is_not_credited(performance, walk):
+    lying = replace(performance(), fallen_at=np.full(3, 25))
+    knee = _scores(lying, lying, walk)["fit"]["knee"]
+    assert knee["r2"] == 1.0
+    assert 0.0 < knee["r2_upright"] < 0.1
 
 
 def test_one_fall_of_three_shows_in_the_spread_alone(performance, walk):
