@@ -55,7 +55,7 @@ class Levels:
 
     White noise, states, hip width, feet and clock are at the level of real v1 walks. Their slow errors
     cannot be told from the gait itself without a second sensor: bias, inferred, hip_yaw and swap are chosen,
-    so that low-passed knees and hips are some 5 degrees off, about what real walks leave from pass to pass.
+    so that low-passed knees are some 5 degrees off, about what real walks leave from pass to pass.
 
     distance: metres at which the noise has its nominal level; it grows with the distance squared.
     depth: ratio of noise along the line of sight to lateral noise. white: factor on the white noise.

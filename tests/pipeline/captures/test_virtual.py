@@ -152,7 +152,7 @@ def test_convert_reports_the_planted_joint_and_frames(recording: Recording, tmp_
     assert isinstance(planted, dict)
     reports = json.loads((tmp_path / "gimbal.json").read_text())["joints"]
     flagged = {
-        report["joint"]: [frame for first, last in report["flagged_frames"] for frame in range(first, last + 1)]
+        report["joint"]: [k for first, last in report["flagged_frames"] for k in range(first, last + 1)]
         for report in reports
         if report["flagged_frames"]
     }
