@@ -153,7 +153,7 @@ def cycles(playback: Playback, capture: Capture | None, frames: int, *, cyclic: 
                 at, values = _along(capture.phase, np.degrees(capture.truth[name]), cyclic)
                 axes.plot(at, values, "--", color=TRUTH, linewidth=1.0, label="truth")
             axes.set(title=_title(name), ylabel="flexion [°]", xlim=(0, 100))
-        for axes in panels if phone else panels[-2:]:
+        for axes in panels[-1:] if phone else panels[-2:]:
             axes.set_xlabel("gait cycle [%]" if cyclic else "share of the motion [%]")
         _legend(figure, panels[0])
         return figure
@@ -188,8 +188,8 @@ def start_phases(playback: Playback, baseline: Playback, r2: Mapping[str, Sequen
         for (joint, values), color, marker in zip(r2.items(), _SERIES, "os", strict=False):
             fits.plot(at, np.maximum(values, 0.0), marker, color=color, markersize=5, label=joint)
         fits.axhline(0.9, color=REFERENCE, linewidth=0.8, linestyle=":")
-        fits.set(ylabel="R², upright (below 0 shown at 0)", ylim=(-0.04, 1.12))
-        fits.legend(loc="lower left", ncols=2)
+        fits.set(ylabel="R², upright (below 0 shown at 0)", ylim=(-0.04, 1.18))
+        fits.legend(loc="upper left", ncols=2, borderaxespad=0.1)
         for axes in (survived, fits):
             axes.set_xlabel("start phase [% of the cycle]")
             axes.set_xticks(at, [f"{100 * phase:.0f}" for phase in playback.start_phases], fontsize=7.5)

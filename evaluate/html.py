@@ -43,7 +43,9 @@ dd { margin: 0; overflow-wrap: anywhere; }
   body { padding: 1.4rem 1rem 3rem; }
   h1 { font-size: 1.5rem; }
   table { font-size: .8rem; }
-  th, td { padding-right: .55rem; }
+  th, td { padding-right: .5rem; }
+  th, td:first-child { white-space: normal; }
+  th { vertical-align: bottom; }
 }
 @media print {
   body { max-width: none; padding: 0; font-size: 10pt; }

@@ -24,8 +24,8 @@ PAPER_GAP_DEG: Mapping[str, float] = {"hip": 2.3}
 LABELS: Mapping[str, tuple[str, int]] = {
     "r2": ("R²", 3),
     "r2_upright": ("R², upright", 3),
-    "rmse_deg": ("RMSE, °", 2),
-    "max_gap_deg": ("largest gap, °", 1),
+    "rmse_deg": ("RMSE,\u00a0°", 2),
+    "max_gap_deg": ("largest gap,\u00a0°", 1),
     "nrmse_fit": ("1 − RMSE / range", 3),
     "cmc": ("CMC", 3),
     "r": ("correlation r", 3),
@@ -111,7 +111,7 @@ def _scores(scores: Mapping[str, Any]) -> str:
     degree = [cell for joint in JOINTS for cell in (f"{100 * PAPER_FIT[joint]:.1f} %", "–")]
     rows.append(["the paper's “fitting degree”", *degree])
     gaps = (number(PAPER_GAP_DEG.get(joint), 1) for joint in JOINTS)
-    rows.append(["the paper's largest gap, °", *(cell for gap in gaps for cell in (gap, "–"))])
+    rows.append(["the paper's largest gap,\u00a0°", *(cell for gap in gaps for cell in (gap, "–"))])
     alone = scores["no_policy"]["survival"]
     ending = "does not fall" if alone["frames"] >= alone["of"] else f"falls at frame {alone['frames']}"
     headline = table(
@@ -163,7 +163,7 @@ def _sources(scores: Mapping[str, Any]) -> Iterator[str]:
     if scores["truth"] is None:
         return
     yield table(
-        ["against the truth", *(f"{joint} {what}" for joint in JOINTS for what in ("RMSE, °", "R²"))],
+        ["against the truth", *(f"{joint} {what}" for joint in JOINTS for what in ("RMSE,\u00a0°", "R²"))],
         [
             [
                 label,
