@@ -86,7 +86,7 @@ def table(report: Mapping[str, Any]) -> RenderableType:
     marked = [joint for joint in joints if joint["flagged_frames"] or joint["flips"]]
     calm = [joint for joint in joints if joint not in marked]
     grid = Table("joint", "order", header_style="bold", box=None, pad_edge=False)
-    grid.add_column("nearest to lock, deg", justify="right")
+    grid.add_column("nearest, deg", justify="right")
     grid.add_column(f"frames within {report['flag_within_deg']:g} deg")
     grid.add_column("flips at frames")
     for joint in marked + calm[:3]:

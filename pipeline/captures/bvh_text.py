@@ -19,6 +19,8 @@ Array = NDArray[np.float64]
 MAX_DEPTH = 128
 MAX_JOINTS = 1024
 MAX_JOINT_FRAMES = 50_000_000
+# In any unit and in degrees; what is larger is damage, and would overflow further on.
+LARGEST = 1e9
 CHANNELS: tuple[str, ...] = ("Xposition", "Yposition", "Zposition", "Xrotation", "Yrotation", "Zrotation")
 _CHANNEL = {name.lower(): name for name in CHANNELS}
 
@@ -87,7 +89,7 @@ class _Tokens:
             value = float(token.text)
         except ValueError:
             raise self.error(token, expected) from None
-        if not math.isfinite(value):
+        if not abs(value) < LARGEST:
             raise self.error(token, expected)
         return value
 
@@ -126,7 +128,7 @@ def parse(text: str, path: Path) -> BvhText:
             where=f"line {rows[-1].number}",
         )  # fmt: skip
     bvh.motion = parse_rows(rows[2:], width, path)
-    wrong = ~np.isfinite(bvh.motion)
+    wrong = ~(np.abs(bvh.motion) < LARGEST)  # NaN too
     if wrong.any():
         frame, channel = (int(k) for k in np.argwhere(wrong)[0])
         raise CaptureError(

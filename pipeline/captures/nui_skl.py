@@ -31,6 +31,9 @@ JOINTS: tuple[str, ...] = tuple(node.title().replace("_", "") for node in NODES)
 _COLUMN = re.compile(r"([a-z]+)_(x|y|z|tracked)$")
 # A header with so many columns of joints is of this format, though some may be missing.
 _ENOUGH_COLUMNS = 20
+# The sensor sees 8 m far; its steps are 33 ms, and a slow recorder's up to three times as long.
+FARTHEST = 100.0
+STEPS = (0.005, 0.5)
 
 
 def recognises(text: str) -> bool:
@@ -60,7 +63,15 @@ def read(text: str, path: Path) -> Clip:
         )
     joints = values[:, columns[1:]].reshape(len(rows), len(NODES), len(FIELDS))
     _check_states(joints[..., 3], rows, path)
+    _check_places(joints[..., :3], rows, path)
     later = times > np.concatenate([[-np.inf], np.maximum.accumulate(times)[:-1]])
+    step = float(np.median(np.diff(times[later]))) if later.sum() > 1 else STEPS[0]
+    if not STEPS[0] <= step <= STEPS[1]:
+        raise CaptureError(
+            path,
+            expected=f"timestamps in ms, with steps of {1e3 * STEPS[0]:g} to {1e3 * STEPS[1]:g}",
+            found=f"a usual step of {1e3 * step:g}",
+        )
     positions, states = _joints(joints[later])
     return Clip(
         skeleton=node_skeleton(),
@@ -120,6 +131,19 @@ def _check_states(states: Array, rows: Sequence[Row], path: Path) -> None:
             path,
             expected=f"0, 1 or 2 in {JOINTS[joint]}_tracked",
             found=f"{states[frame, joint]:g}",
+            where=f"line {rows[frame].number}",
+        )
+
+
+def _check_places(places: Array, rows: Sequence[Row], path: Path) -> None:
+    """Coordinates that no Kinect writes are damage; NaN and infinity are its way to say "not seen"."""
+    wrong = np.isfinite(places) & (np.abs(np.where(np.isfinite(places), places, 0.0)) > FARTHEST)
+    if wrong.any():
+        frame, joint, axis = (int(k) for k in np.argwhere(wrong)[0])
+        raise CaptureError(
+            path,
+            expected=f"metres, at most {FARTHEST:g}, in {JOINTS[joint]}_{FIELDS[axis]}",
+            found=f"{places[frame, joint, axis]:g}",
             where=f"line {rows[frame].number}",
         )
 

@@ -78,6 +78,12 @@ def test_repeated_and_earlier_times_are_dropped_and_counted(skl: Text) -> None:
     assert clip.provenance["reading"]["dropped_repeated_times"] == 2
 
 
+def test_a_clock_in_another_unit_is_refused(skl: Text) -> None:
+    for unit in (1e-3, 1e4):  # seconds, and the 100 ns of a Kinect v2
+        with pytest.raises(CaptureError, match="expected timestamps in ms, with steps of 5 to 500, found"):
+            nui_skl.read(skl(8, times_ms=[33 * unit * k for k in range(8)]), PATH)
+
+
 def test_the_clock_is_the_captures_own(skl: Text) -> None:
     clip = nui_skl.read(skl(3, times_ms=[18930265, 18930297, 18930333]), PATH)
     assert clip.times.tolist() == pytest.approx([18930.265, 18930.297, 18930.333])
@@ -99,6 +105,10 @@ def test_the_clock_is_the_captures_own(skl: Text) -> None:
             "line 2: expected 0, 1 or 2 in HipCenter_tracked, found 3",
         ),
         (lambda t: t.replace("HipLeft_X", "HipRight_X"), "line 1: expected column names once each"),
+        (
+            lambda t: t.replace("\n99\t3\t0.", "\n99\t3\t777."),
+            "line 5: expected metres, .*HipCenter_X, found 777",
+        ),
     ],
 )
 def test_mistakes_are_named_with_their_line(skl: Text, change: Callable[[str], str], message: str) -> None:
