@@ -40,8 +40,8 @@ def hip_flexion(pelvis: Array, hip: Array, knee: Array) -> Array:
 def leg_angles(positions: Array, pelvis: Array | None = None) -> dict[str, Array]:
     """The curves of ANGLES from positions (T, 20, 3) of the 20 nodes.
 
-    Without `pelvis` (T, 4) its frame is taken from both hips and the spine, which a Kinect sees badly: both the
-    hip's angle and the sign of the knee's suffer.
+    Without `pelvis` (T, 4) its frame is taken from both hips and the spine, which a Kinect sees badly: both
+    the hip's angle and the sign of the knee's suffer.
     Frames with a missing joint give NaN.
     """
     p = positions

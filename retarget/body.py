@@ -39,7 +39,7 @@ class Body:
 
     @property
     def inertia(self) -> tuple[float, float, float]:
-        """Principal moments about the centre, kg·m² (a solid ellipsoid's are m/5 of the squared semi-axes)."""
+        """Principal moments about the centre, kg·m² (solid ellipsoid: m/5 of the squared semi-axes)."""
         x, y, z = (0.5 * s for s in self.size)
         scale = self.mass / (3.0 if self.shape == "box" else 5.0)
         return scale * (y * y + z * z), scale * (x * x + z * z), scale * (x * x + y * y)
