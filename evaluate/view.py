@@ -1,0 +1,69 @@
+"""`kinemimic view`: playback.npz, motion.json and scores.json in, a rerun recording out."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import click
+import rerun as rr
+
+from kinemimic.evaluate.caption import caption
+from kinemimic.evaluate.layout import layout
+from kinemimic.evaluate.scene import TIMELINE, figures, log_curves, log_scenes
+from kinemimic.pipeline.store import atomic, content_hash, read_json
+from kinemimic.retarget.export_json import motion_from_json
+from kinemimic.train.playback import Playback
+
+ROLLOUT = 0  # the one that began at the start of the reference
+
+
+def view(run: Path) -> Path:
+    """Write view.rrd into the run folder and return its path.
+
+    Reads motion.json and playback.npz, and scores.json if it is there. The file brings its own layout;
+    nothing is served or sent.
+    """
+    motion = motion_from_json(run / "motion.json")
+    playback = Playback.load(run / "playback.npz")
+    scores = read_json(run / "scores.json") if (run / "scores.json").exists() else None
+    # A viewer merges recordings of one id: it has to differ between runs, and only between runs.
+    identity = content_hash({"root": playback.root[ROLLOUT], "rotations": playback.rotations[ROLLOUT]})[:32]
+    stream = rr.RecordingStream("kinemimic", recording_id=identity, send_properties=False)
+    with atomic(run / "view.rrd") as temporary:
+        stream.save(temporary, default_blueprint=layout())
+        log_scenes(stream, *figures(playback, ROLLOUT, motion.offsets))
+        log_curves(stream, playback, ROLLOUT)
+        text = rr.TextDocument(caption(motion, playback, ROLLOUT, scores), media_type=rr.MediaType.MARKDOWN)
+        stream.log("scores", text, static=True)
+        stream.disconnect()
+    return run / "view.rrd"
+
+
+@click.command("view")
+@click.option("--run", type=click.Path(path_type=Path), default=Path("runs/default"), show_default=True)
+@click.option(
+    "--screenshot",
+    "picture",
+    type=click.Path(path_type=Path, dir_okay=False),
+    help="Also draw the recording as PNG; needs no screen, but a Vulkan driver.",
+)
+@click.option(
+    "--at", "seconds", type=click.FloatRange(min=0), default=4.0, show_default=True, help="Its time, s."
+)
+@click.option("--json", "as_json", is_flag=True, help="Print the paths as JSON.")
+def command(run: Path, picture: Path | None, seconds: float, as_json: bool) -> None:
+    """Reference against simulated figure, curves and scores, as a rerun recording."""
+    recording = view(run)
+    if picture is not None:
+        # The viewer's client is loaded for this only.
+        from kinemimic.evaluate.screenshot import screenshot  # noqa: PLC0415
+
+        screenshot(recording, picture, timeline=TIMELINE, seconds=seconds)
+    if as_json:
+        paths = {"recording": recording.as_posix(), "screenshot": picture.as_posix() if picture else None}
+        click.echo(json.dumps(paths))
+    else:
+        click.echo(f"{recording}; open it with: rerun {recording}")
+        if picture is not None:
+            click.echo(str(picture))

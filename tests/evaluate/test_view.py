@@ -1,0 +1,176 @@
+"""view.rrd: what was performed is what is drawn, in a file that rerun verifies."""
+
+from __future__ import annotations
+
+import json
+import os
+import subprocess
+import sys
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from click.testing import CliRunner
+from rerun.chunk import RrdReader
+
+from kinemimic.evaluate.scene import figures
+from kinemimic.evaluate.view import command, view
+from kinemimic.pipeline.cli import main
+from kinemimic.pipeline.errors import KinemimicError
+from kinemimic.pipeline.skeleton import NODE_INDEX, NODES
+from kinemimic.retarget.body import BODIES
+from kinemimic.retarget.export_json import motion_to_json
+from kinemimic.retarget.motion import Motion
+from kinemimic.train.playback import Playback
+
+FRAMES = 90
+SCORES = {"survival": {"frames": 90, "of": 90, "phases": 3, "phases_of": 3}, "fit": {"knee": {"r2": 0.96125}}}
+
+
+def fill(run: Path, walk: Motion, playback: Playback) -> Path:
+    run.mkdir(exist_ok=True)
+    (run / "motion.json").write_text(motion_to_json(walk))
+    playback.save(run / "playback.npz")
+    return run
+
+
+@pytest.fixture(scope="module")
+def run(tmp_path_factory: pytest.TempPathFactory, walk: Motion, performance: Callable[..., Playback]) -> Path:
+    """A run folder, its view written."""
+    folder = fill(tmp_path_factory.mktemp("view") / "run", walk, performance(2, FRAMES, offset=0.1))
+    (folder / "scores.json").write_text(json.dumps(SCORES))
+    view(folder)
+    return folder
+
+
+def columns(run: Path) -> dict[str, dict[str, Any]]:
+    """Column of each component, by entity and by the component's name; times under "time"."""
+    found: dict[str, dict[str, Any]] = {}
+    for chunk in RrdReader(run / "view.rrd").store().stream():
+        batch = chunk.to_record_batch()
+        found.setdefault(str(chunk.entity_path), {}).update(
+            zip(batch.schema.names, batch.columns, strict=True)
+        )
+    return found
+
+
+def test_both_figures_are_drawn_where_they_were(run: Path, walk: Motion) -> None:
+    entities = columns(run)
+    reference, simulated = figures(Playback.load(run / "playback.npz"), 0, walk.offsets)
+    for scene in ("overlaid", "beside"):
+        for figure, name in ((reference, "reference"), (simulated, "simulated")):
+            points = entities[f"/{scene}/{name}/skeleton"]["Points3D:positions"]
+            drawn = np.array(points.to_pylist())
+            assert drawn.shape == (FRAMES, len(NODES), 3)
+            np.testing.assert_allclose(drawn, figure.positions, atol=1e-6)
+    # The first frame is the state after one control step.
+    times = entities["/overlaid/walker"]["time"].cast("int64").to_numpy()
+    np.testing.assert_allclose(times * 1e-9, (np.arange(FRAMES) + 1) / 30, atol=1e-8)
+
+
+def test_fifteen_bodies_hang_from_their_nodes(run: Path, walk: Motion) -> None:
+    entities = columns(run)
+    _, simulated = figures(Playback.load(run / "playback.npz"), 0, walk.offsets)
+    for scene in ("overlaid", "beside"):
+        for body in BODIES:
+            drawn = entities[f"/{scene}/simulated/bodies/{body.name}"]
+            kind = "Boxes3D" if body.shape == "box" else "Ellipsoids3D"
+            np.testing.assert_allclose(drawn[f"{kind}:half_sizes"].to_pylist()[0][0], np.array(body.size) / 2)
+            node = NODE_INDEX[body.node]
+            places = np.array(drawn["Transform3D:translation"].to_pylist()).reshape(FRAMES, 3)
+            turns = np.array(drawn["Transform3D:quaternion"].to_pylist()).reshape(FRAMES, 4)
+            np.testing.assert_allclose(places, simulated.positions[:, node], atol=1e-6)
+            np.testing.assert_allclose(turns, simulated.rotations[:, node], atol=1e-6)
+
+
+def test_curves_are_in_degrees_from_the_first_rollout(
+    run: Path, curve: Callable[[str, np.ndarray], np.ndarray]
+) -> None:
+    entities = columns(run)
+    phase = Playback.load(run / "playback.npz").phases[0]
+    for name in ("knee_left", "knee_right", "hip_left", "hip_right"):
+        for kind, offset in (("reference", 0.0), ("simulated", 0.1 if name.startswith("knee") else 0.0)):
+            drawn = np.array(entities[f"/angles/{name}/{kind}"]["Scalars:scalars"].to_pylist()).ravel()
+            np.testing.assert_allclose(drawn, np.degrees(curve(name, phase) + offset), atol=1e-9)
+    assert set(entities["/reward/pose"]["Scalars:scalars"].to_pylist()[0]) == {0.5}
+    assert set(entities["/torque/shin_left"]["Scalars:scalars"].to_pylist()[0]) == {5.0}
+
+
+def test_a_view_that_goes_along_keeps_the_walker_in_sight(run: Path) -> None:
+    walker = columns(run)["/overlaid/walker"]["Transform3D:translation"].to_pylist()
+    gap = np.array(walker).reshape(FRAMES, 3)[:, :2] - Playback.load(run / "playback.npz").root[0, :, :2]
+    np.testing.assert_allclose(gap, 0.0, atol=1e-6)  # the made-up walk goes straight on at a constant speed
+
+
+def test_a_simulated_capture_is_labelled_and_scores_are_shown(run: Path) -> None:
+    (text,) = columns(run)["/scores"]["TextDocument:text"].to_pylist()[0]
+    assert "Simulated capture (virtual Kinect)" in text
+    assert "**90 of 90 frames** without a fall" in text
+    assert "| R², reference | 0.961 | – |" in text
+
+
+def test_a_fall_is_told_and_a_real_capture_is_not_labelled(
+    tmp_path: Path, walk: Motion, performance: Callable[..., Playback]
+) -> None:
+    view(fill(tmp_path, replace(walk, provenance={}), performance(1, FRAMES, fall=59)))
+    (text,) = columns(tmp_path)["/scores"]["TextDocument:text"].to_pylist()[0]
+    assert "imulated capture" not in text
+    assert "**59 of 90 frames** without a fall; fell at 2.0 s" in text
+    assert "Not scored yet" in text
+
+
+def rerun(*arguments: str) -> None:
+    command = [sys.executable, "-m", "rerun_cli", "rrd", *arguments]
+    # With CI set, the program collects no usage data.
+    subprocess.run(command, check=True, capture_output=True, env={**os.environ, "CI": "true"})
+
+
+def test_rerun_verifies_the_file_and_two_writings_are_one_recording(
+    run: Path, tmp_path: Path, walk: Motion
+) -> None:
+    rerun("verify", str(run / "view.rrd"))
+    again = fill(tmp_path / "again", walk, Playback.load(run / "playback.npz"))
+    (again / "scores.json").write_text(json.dumps(SCORES))
+    rerun("compare", "--unordered", str(run / "view.rrd"), str(view(again)))
+    assert [path.name for path in sorted(again.iterdir())] == [
+        "motion.json",
+        "playback.npz",
+        "scores.json",
+        "view.rrd",
+    ]
+
+
+@pytest.mark.parametrize("missing", ["motion.json", "playback.npz"])
+def test_what_is_missing_is_named_and_nothing_is_written(
+    tmp_path: Path, walk: Motion, performance: Callable[..., Playback], missing: str
+) -> None:
+    (fill(tmp_path, walk, performance(1, 5)) / missing).unlink()
+    with pytest.raises(KinemimicError, match=missing):
+        view(tmp_path)
+    assert len(list(tmp_path.iterdir())) == 1
+
+
+def test_command_prints_the_path_and_how_to_open_it(run: Path) -> None:
+    told = CliRunner().invoke(command, ["--run", str(run)])
+    assert told.exit_code == 0
+    assert told.output.strip() == f"{run}/view.rrd; open it with: rerun {run}/view.rrd"
+    told = CliRunner().invoke(command, ["--run", str(run), "--json"])
+    assert json.loads(told.output) == {"recording": f"{run}/view.rrd", "screenshot": None}
+
+
+def test_a_screenshot_without_a_driver_is_one_clear_line(
+    run: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setenv("WGPU_BACKEND", "vulkan")
+    for name in ("VK_ICD_FILENAMES", "VK_DRIVER_FILES"):
+        monkeypatch.setenv(name, "/nonexistent")
+    picture = run.parent / "view.png"
+    with pytest.raises(SystemExit) as left:
+        main(["view", "--run", str(run), "--screenshot", str(picture)])
+    assert left.value.code == 2
+    (line,) = capsys.readouterr().err.strip().splitlines()
+    assert "needs a Vulkan driver" in line
+    assert not picture.exists()
