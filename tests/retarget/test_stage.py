@@ -75,10 +75,10 @@ def test_raw_gaps_stay_gaps(run, walker):
     holes[30:34, :] = np.nan
     write_clip(run / "raw.parquet", replace(clip, positions=holes))
     retarget(run)
-    table = pq.read_table(run / "capture.parquet").to_pandas()
-    lost = table["knee_left"].isna()
+    table = pq.read_table(run / "capture.parquet")
+    lost = np.isnan(table["knee_left"].to_numpy())
     assert lost.sum() == 4
-    assert table.loc[lost, "clean_knee_left"].notna().all()
+    assert np.isfinite(table["clean_knee_left"].to_numpy()[lost]).all()
 
 
 def test_a_command_prints_a_table_or_json(run):
