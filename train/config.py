@@ -31,10 +31,10 @@ class RewardConfig:
 
     form: str = "squares"
     weights: dict[str, float] = field(
-        default_factory=lambda: {"pose": 0.45, "linear": 0.15, "angular": 0.10, "height": 0.10, "path": 0.20}
+        default_factory=lambda: {"pose": 0.45, "linear": 0.18, "angular": 0.12, "height": 0.10, "path": 0.15}
     )
     scales: dict[str, float] = field(
-        default_factory=lambda: {"pose": 20.0, "linear": 2.0, "angular": 0.05, "height": 40.0, "path": 10.0}
+        default_factory=lambda: {"pose": 8.0, "linear": 2.0, "angular": 0.05, "height": 40.0, "path": 8.0}
     )
 
 
@@ -73,7 +73,7 @@ class TrainConfig:
     learn_noise: bool = False
     noise_start: float = 0.15
     noise_end: float = 0.05
-    noise_samples: int = 1_000_000
+    noise_samples: int = 600_000
     entropy: float = 0.0
     entropy_decay: float = 1.0
     budget: int = 800_000

@@ -83,8 +83,8 @@ class Learner:
         self.net = ActorCritic(OBSERVATIONS, ACTIONS, config.hidden, config.noise_start, config.learn_noise)
         self.normalizer = Normalizer(OBSERVATIONS)
         actor = [*self.net.actor.parameters()] + ([self.net.log_noise] if config.learn_noise else [])
-        self.actor_optimizer = torch.optim.Adam(actor, config.actor_rate)
-        self.critic_optimizer = torch.optim.Adam(self.net.critic.parameters(), config.critic_rate)
+        self.actor_optimizer = torch.optim.Adam(actor, config.actor_rate, fused=True)
+        self.critic_optimizer = torch.optim.Adam(self.net.critic.parameters(), config.critic_rate, fused=True)
         self.random = np.random.default_rng(config.seed)
         self.progress = Progress(
             penalty=config.penalty_initial, actor_rate=config.actor_rate, entropy=config.entropy
