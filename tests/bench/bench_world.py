@@ -9,12 +9,12 @@ from __future__ import annotations
 
 import contextlib
 import importlib.util
-import io
+import os
 import statistics
 import sys
 import time
 import types
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 
 import numpy as np
 
@@ -74,9 +74,25 @@ def deep_mimic() -> Callable[[], int]:
     return once
 
 
+@contextlib.contextmanager
+def quiet() -> Iterator[None]:
+    """Nothing reaches the terminal: the peer prints, and so does Bullet's C++ beneath it."""
+    sys.stdout.flush()
+    saved = [os.dup(k) for k in (1, 2)]
+    null = os.open(os.devnull, os.O_WRONLY)
+    try:
+        for k in (1, 2):
+            os.dup2(null, k)
+        yield
+    finally:
+        sys.stdout.flush()
+        for k, old in zip((1, 2), saved, strict=True):
+            os.dup2(old, k)
+
+
 def main() -> None:
     """Print both rates and their ratio (median, lowest and highest of the pairs)."""
-    with contextlib.redirect_stdout(io.StringIO()):  # the peer prints as it loads
+    with quiet():
         runs = {"kinemimic": ours(), "pybullet_envs.deep_mimic": deep_mimic()}
         rates: dict[str, list[float]] = {name: [] for name in runs}
         for _ in range(ROUNDS):
