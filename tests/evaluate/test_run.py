@@ -14,6 +14,7 @@ from click.testing import CliRunner
 from kinemimic.evaluate import run as module
 from kinemimic.evaluate.run import STAGES, VIRTUAL_CAPTURE, VIRTUAL_STAGE, run
 from kinemimic.pipeline.captures.virtual import record_virtual
+from kinemimic.pipeline.cli import main
 from kinemimic.pipeline.convert import convert
 from kinemimic.pipeline.errors import KinemimicError
 from kinemimic.pipeline.ingest import ingest
@@ -130,10 +131,20 @@ def test_json_prints_json_alone(stages: Stages, capture: Path, tmp_path: Path) -
     assert printed["scores"] == read_json(tmp_path / "run" / "scores.json")
 
 
-def test_a_capture_that_is_not_there_leaves_nothing(tmp_path: Path) -> None:
-    with pytest.raises(KinemimicError, match=r"nobody\.skl"):
-        run(tmp_path / "nobody.skl", tmp_path / "run", quiet=True)
-    assert list(tmp_path.iterdir()) == []
+@pytest.mark.parametrize("content", [None, b"", b"a walk", bytes(range(256))])
+def test_what_is_no_capture_is_one_line_status_2_and_nothing_written(
+    content: bytes | None, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path, folder = tmp_path / "walk.skl", tmp_path / "run"
+    if content is not None:
+        path.write_bytes(content)
+    with pytest.raises(SystemExit) as ended:
+        main(["run", str(path), "--run", str(folder)])
+    assert ended.value.code == 2
+    error = capsys.readouterr().err
+    assert len(error.strip().splitlines()) == 1
+    assert error.startswith(f"kinemimic: {path}: expected ")
+    assert not folder.exists()
 
 
 def test_the_same_seed_gives_the_same_bytes(tmp_path: Path) -> None:
