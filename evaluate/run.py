@@ -24,7 +24,11 @@ from kinemimic.pipeline.store import read_json
 VIRTUAL_STAGE = "virtual"
 VIRTUAL_SEED = 0
 VIRTUAL_CAPTURE = "capture/kinect_walk_euler.bvh"
-VIRTUAL_FILES = (VIRTUAL_CAPTURE, "capture/kinect_walk_euler.truth.parquet")
+VIRTUAL_FILES = (
+    VIRTUAL_CAPTURE,
+    "capture/kinect_walk_euler.truth.parquet",
+    "capture/kinect_walk_euler.provenance.json",
+)
 
 
 @dataclass(frozen=True)
