@@ -74,9 +74,13 @@ class TrainConfig:
     noise_start: float = 0.15
     noise_end: float = 0.05
     noise_samples: int = 600_000
+    # Reward scales that grow to these values between two numbers of samples: a gentle pose term learns to
+    # walk sooner, a tight one then fits the joints, which a walk that cannot fall any more can afford.
+    tighten: dict[str, float] = field(default_factory=lambda: {"pose": 24.0})
+    tighten_samples: tuple[int, int] = (550_000, 800_000)
     entropy: float = 0.0
     entropy_decay: float = 1.0
-    budget: int = 800_000
+    budget: int = 1_000_000
     seed: int = 0
 
     @property
@@ -84,9 +88,17 @@ class TrainConfig:
         """Samples of a round."""
         return self.environments * self.horizon
 
+    def reward(self, samples: int) -> RewardConfig:
+        """The reward in force after so many samples."""
+        first, last = self.tighten_samples
+        share = min(max((samples - first) / (last - first), 0.0), 1.0)
+        scales = self.env.reward.scales
+        grown = {name: scales[name] + share * (end - scales[name]) for name, end in self.tighten.items()}
+        return replace(self.env.reward, scales={**scales, **grown})
+
     def to_json(self) -> dict[str, Any]:
         """JSON values that `from_json` reads back."""
-        return {**asdict(self), "hidden": list(self.hidden)}
+        return {**asdict(self), "hidden": list(self.hidden), "tighten_samples": list(self.tighten_samples)}
 
     @classmethod
     def from_json(cls, value: dict[str, Any]) -> TrainConfig:
@@ -94,9 +106,10 @@ class TrainConfig:
         try:
             env = dict(value["env"])
             env["reward"] = RewardConfig(**env["reward"])
-            known = {f.name for f in fields(cls)}
-            plain = {key: item for key, item in value.items() if key in known - {"env", "hidden"}}
-            return cls(env=EnvConfig(**env), hidden=tuple(value["hidden"]), **plain)
+            known, lists = {f.name for f in fields(cls)}, ("hidden", "tighten_samples")
+            plain = {key: item for key, item in value.items() if key in known - {"env", *lists}}
+            tuples: dict[str, Any] = {name: tuple(value[name]) for name in lists}
+            return cls(env=EnvConfig(**env), **tuples, **plain)
         except (KeyError, TypeError) as error:
             raise KinemimicError(
                 f"expected a training configuration, found one that does not fit: {error}"
@@ -124,6 +137,7 @@ PRESETS: dict[str, TrainConfig] = {
         adapt_rate=False,
         discount=0.99,
         learn_noise=True,
+        tighten={},
         entropy=0.01,
         entropy_decay=0.95,
         budget=1_000_000,

@@ -64,6 +64,7 @@ class ImitationBatch:
         self.world = world
         self.reference = reference
         self.config = config
+        self.reward = config.reward  # may be changed between steps
         self.phases: Array = np.zeros(world.size)
         self._ages = np.zeros(world.size, dtype=np.int64)
         self._increment = 1.0 / (CONTROL_RATE * reference.duration)
@@ -91,7 +92,7 @@ class ImitationBatch:
         truncated = ~terminated & (self._ages >= self.config.episode)
         if not self.reference.cyclic:
             truncated |= ~terminated & (self.phases >= 1.0)
-        terms = rewards(self.bodies, target, self.config.reward)
+        terms = rewards(self.bodies, target, self.reward)
         return Step(self.observe(), np.where(terminated[:, None], 0.0, terms), terminated, truncated)
 
     def fallen(self, target: BodyStates | None = None) -> NDArray[np.bool_]:

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from kinemimic.retarget.motion import Motion
 from kinemimic.train.bullet import BulletWorld
-from kinemimic.train.config import EnvConfig
+from kinemimic.train.config import EnvConfig, RewardConfig
 from kinemimic.train.env import ImitationBatch
 from kinemimic.train.policy import Floats, Policy
 from kinemimic.train.reference import Reference
@@ -51,8 +51,9 @@ class Sampler:
         self._ages[indices] = 0
         self._batch.reset(indices, np.array([self._randoms[index].random() for index in indices]))
 
-    def sample(self, policy: Policy, noise: Floats, steps: int) -> Samples:
+    def sample(self, policy: Policy, noise: Floats, reward: RewardConfig, steps: int) -> Samples:
         """Steps with exploration noise of standard deviation `noise` (A,) per action."""
+        self._batch.reward = reward
         columns: dict[str, list[NDArray[np.generic]]] = {f.name: [] for f in fields(Samples)}
         lengths: list[int] = []
         observations = self._batch.observe().astype(np.float32)
@@ -126,10 +127,10 @@ class Workers:
                 else:
                     os.environ[name] = value
 
-    def sample(self, policy: Policy, noise: Floats, steps: int) -> Samples:
+    def sample(self, policy: Policy, noise: Floats, reward: RewardConfig, steps: int) -> Samples:
         """Samples of all workers, figures side by side."""
         for connection in self._connections:
-            connection.send((policy, noise, steps))
+            connection.send((policy, noise, reward, steps))
         parts: list[Samples] = [connection.recv() for connection in self._connections]
         joined = {
             f.name: np.concatenate(

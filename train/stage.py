@@ -24,7 +24,7 @@ from kinemimic.train import checkpoint
 from kinemimic.train.config import PRESETS, preset
 from kinemimic.train.networks import export
 from kinemimic.train.ppo import Learner
-from kinemimic.train.rollout import Workers
+from kinemimic.train.rollout import Samples, Workers
 
 CHECKPOINT = "checkpoint.safetensors"
 POLICY = "policy.safetensors"
@@ -76,6 +76,11 @@ def train(
     return record
 
 
+def _sample(crew: Workers, learner: Learner, steps: int) -> Samples:
+    policy, reward = export(learner.net, learner.normalizer), learner.config.reward(learner.progress.samples)
+    return crew.sample(policy, learner.noise(), reward, steps)
+
+
 def _learn(learner: Learner, motion: Motion, run: Path, identity: str, count: int, resumed: bool) -> None:
     """Rounds of rollout and update until the budget is spent; the checkpoint is written whatever happens."""
     config, state = learner.config, learner.progress
@@ -93,13 +98,11 @@ def _learn(learner: Learner, motion: Motion, run: Path, identity: str, count: in
         bar.advance(state.samples)
         try:
             if state.rounds == 0:
-                first = crew.sample(export(learner.net, learner.normalizer), learner.noise(), _WARM_UP)
+                first = _sample(crew, learner, _WARM_UP)
                 learner.normalizer.update(first.observations.reshape(-1, first.observations.shape[-1]))
             while state.samples < config.budget:
                 began = time.monotonic()
-                samples = crew.sample(
-                    export(learner.net, learner.normalizer), learner.noise(), config.horizon
-                )
+                samples = _sample(crew, learner, config.horizon)
                 sampled = time.monotonic()
                 logged = learner.update(samples)
                 ended = time.monotonic()
