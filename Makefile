@@ -1,7 +1,8 @@
 # One-word targets; `make help` lists them. CAPTURE=, RUN=, PRESET=, BUDGET=, SEED= go to the command line.
+# Without RUN= a capture's run folder bears its name, so that CAPTURE= alone leads every stage to it.
 
 PYTHON ?= python3.11
-RUN ?= runs/default
+RUN ?= runs/$(if $(CAPTURE),$(basename $(notdir $(CAPTURE))),default)
 
 VENV := .venv
 BIN := $(VENV)/bin

@@ -7,7 +7,8 @@ from typing import Any
 
 from kinemimic.evaluate.fit import JOINTS
 from kinemimic.retarget.motion import Motion
-from kinemimic.train.playback import CONTROL_RATE, Playback
+from kinemimic.train.playback import Playback
+from kinemimic.train.world import CONTROL_RATE
 
 _ROWS = (
     ("R², reference", "fit.{}.r2", "{:.3f}"),

@@ -100,12 +100,27 @@ def gait_section(gait: Mapping[str, Any]) -> str:
     loop = "repeated as a loop" if gait.get("cyclic") else "performed once, as recorded"
     warnings = "".join(f"<li>{escape(str(text))}</li>" for text in gait.get("warnings", ()))
     return (
-        f"<h2>The reference</h2><p>A {escape(str(gait['kind']))}, {loop}.</p>"
+        f"<h2>The reference</h2><p>A {escape(str(gait['kind']))}, {loop}.{_believed(gait)}</p>"
         + (f'<ul class="warnings">{warnings}</ul>' if warnings else "")
         + table(
             ["measure", "value", "unit"], rows, "The motion that the policy is asked to perform, on the body."
         )
     )
+
+
+def _believed(gait: Mapping[str, Any]) -> str:
+    """Which parts were measured and which replaced: hip angles are relative to that pelvis."""
+    parts = {
+        part: gait["believed"][part]
+        for part in ("pelvis", "torso", "feet")
+        if part in gait.get("believed", {})
+    }
+    neutral = [part for part, measured in parts.items() if not measured]
+    if not parts:
+        return ""
+    if not neutral:
+        return " Pelvis, torso and feet are as measured."
+    return f" Not repeatable enough to be believed, and neutral instead: {', '.join(neutral)}."
 
 
 def _some(items: list[str]) -> str:

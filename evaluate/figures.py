@@ -20,7 +20,8 @@ from numpy.typing import NDArray
 from kinemimic.evaluate.capture_fit import Capture
 from kinemimic.pipeline.angles import ANGLES
 from kinemimic.retarget.motion import joint_angles
-from kinemimic.train.playback import CONTROL_RATE, Playback
+from kinemimic.train.playback import Playback
+from kinemimic.train.world import CONTROL_RATE
 
 Array = NDArray[np.float64]
 Draw = Callable[[bool], Figure]  # told whether it is for a phone

@@ -15,10 +15,14 @@ LEDGER_SCHEMA = 1
 def made_from(reads: Mapping[str, Path], config: Mapping[str, Any]) -> dict[str, Any]:
     """What decides a stage's result: SHA-256 of its inputs (None if absent), options, version."""
     return {
-        "inputs": {name: file_hash(path) if path.is_file() else None for name, path in reads.items()},
+        "inputs": {name: _digest(path) for name, path in reads.items()},
         "config": dict(config),
         "version": versions().get("kinemimic"),
     }
+
+
+def _digest(path: Path) -> str | None:
+    return file_hash(path) if path.is_file() else None
 
 
 class Ledger:
@@ -30,7 +34,7 @@ class Ledger:
         self._path = folder / "run.json"
         content = read_json(self._path) if self._path.exists() else {}
         known = isinstance(content, dict) and content.get("schema") == LEDGER_SCHEMA
-        self._stages: dict[str, Any] = content["stages"] if known else {}
+        self._stages: dict[str, Any] = content.get("stages", {}) if known else {}
 
     def up_to_date(self, stage: str, source: Mapping[str, Any]) -> bool:
         """True if the stage was made from `source` and its files are still those that it wrote."""
@@ -38,14 +42,11 @@ class Ledger:
         return (
             entry is not None
             and all(entry[key] == value for key, value in source.items())
-            and all(
-                (path := self._folder / name).is_file() and file_hash(path) == digest
-                for name, digest in entry["outputs"].items()
-            )
+            and all(_digest(self._folder / name) == digest for name, digest in entry["outputs"].items())
         )
 
     def record(self, stage: str, source: Mapping[str, Any], writes: Iterable[str]) -> None:
-        """Enter a finished stage, with its files in the run folder, and write run.json."""
-        outputs = {name: file_hash(self._folder / name) for name in writes}
+        """Enter a finished stage and its files in the run folder (None for one it did not write)."""
+        outputs = {name: _digest(self._folder / name) for name in writes}
         self._stages[stage] = {**source, "outputs": outputs}
         write_json(self._path, {"schema": LEDGER_SCHEMA, "stages": self._stages})

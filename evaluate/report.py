@@ -16,7 +16,8 @@ from kinemimic.evaluate.html import drawing, number, page, table
 from kinemimic.evaluate.scores import rollout_fits
 from kinemimic.pipeline.store import read_json
 from kinemimic.retarget.motion import Motion
-from kinemimic.train.playback import CONTROL_RATE, Playback
+from kinemimic.train.playback import Playback
+from kinemimic.train.world import CONTROL_RATE
 
 # "Fitting degree" over 500 frames and largest gap, as the paper prints them.
 PAPER_FIT: Mapping[str, float] = {"knee": 0.914, "hip": 0.932}
@@ -158,7 +159,8 @@ def _sources(scores: Mapping[str, Any]) -> Iterator[str]:
         ],
         "The simulated figure against the frames as captured, before filtering, pooling and loop closing: "
         "every captured frame with the simulated angle at the same phase of every cycle. The capture's "
-        "own noise and the differences between its strides count here as errors of the figure.",
+        "own noise and the differences between its strides count here as errors of the figure. What the "
+        "sensor does not see well enough (see The reference) is neutral in both.",
     )
     if scores["truth"] is None:
         return

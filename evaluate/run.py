@@ -19,9 +19,11 @@ import click
 from kinemimic.evaluate.ledger import Ledger, made_from
 from kinemimic.pipeline.cli import load_command
 from kinemimic.pipeline.store import read_json
+from kinemimic.train.config import PRESETS
 
 # The capture that `run` makes when it is given none; a virtual Kinect always records the same one.
 VIRTUAL_STAGE = "virtual"
+FILTERS = ("butterworth", "none")  # as in `ingest`, whose module is not loaded for --help
 VIRTUAL_SEED = 0
 VIRTUAL_CAPTURE = "capture/kinect_walk_euler.bvh"
 VIRTUAL_FILES = (
@@ -41,7 +43,7 @@ class Stage:
 
 
 STAGES = (
-    Stage("ingest", (), ("raw.parquet", "clip.parquet", "quality.json")),
+    Stage("ingest", (), ("raw.parquet", "clip.parquet", "quality.json", "truth.parquet")),
     Stage("convert", ("clip.parquet",), ("quaternions.parquet", "gimbal.json")),
     Stage(
         "retarget",
@@ -107,7 +109,8 @@ def run(
     for stage in STAGES:
         reads = {name: folder / name for name in stage.reads}
         if stage.name == "ingest":
-            reads = {capture.name: capture, "truth": capture.with_suffix(".truth.parquet")}
+            beside = {kind: capture.with_suffix(f".{kind}") for kind in ("truth.parquet", "provenance.json")}
+            reads = {capture.name: capture, **beside}
         step(stage.name, reads, stage.writes, [str(capture)] if stage.name == "ingest" else [])
     return Outcome(tuple(ran), tuple(skipped), read_json(folder / "scores.json"))
 
@@ -141,8 +144,8 @@ def _say(text: str, *, quiet: bool, bold: bool = False) -> None:
 @click.option(
     "--run", "folder", type=click.Path(path_type=Path), default=Path("runs/default"), show_default=True
 )
-@click.option("--filter", "filter_name", help="Of `ingest`: butterworth or none.")
-@click.option("--preset", help="Of `train`: default or paper.")
+@click.option("--filter", "filter_name", type=click.Choice(FILTERS), help="Of `ingest`.")
+@click.option("--preset", type=click.Choice(list(PRESETS)), help="Of `train`.")
 @click.option("--budget", type=click.IntRange(min=1), help="Of `train`: samples; the preset's by default.")
 @click.option("--seed", type=click.IntRange(min=0), help="Of `train`.")
 @click.option("--json", "as_json", is_flag=True, help="Print what was run and the scores as JSON.")
@@ -174,8 +177,9 @@ def command(
     from rich.console import Console  # noqa: PLC0415
 
     from kinemimic.evaluate.stage import table  # noqa: PLC0415
+    from kinemimic.evaluate.view import how_to_open  # noqa: PLC0415
 
     click.echo()
     # A path that is broken over two lines cannot be opened.
     Console(highlight=False).print(table(dict(outcome.scores), folder), soft_wrap=True)
-    click.echo(f"recording: {recording} (open it with: rerun {recording})")
+    click.echo(f"recording: {recording} ({how_to_open(recording)})")

@@ -18,7 +18,8 @@ from kinemimic.pipeline.clip import forward_kinematics
 from kinemimic.pipeline.skeleton import BONES, NODE_INDEX, NODES, node_skeleton
 from kinemimic.retarget.body import BODIES, BODY_NODES
 from kinemimic.retarget.motion import joint_angles
-from kinemimic.train.playback import CONTROL_RATE, Playback
+from kinemimic.train.playback import Playback
+from kinemimic.train.world import CONTROL_RATE
 
 Array = NDArray[np.float64]
 

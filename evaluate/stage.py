@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import os
 from pathlib import Path
 from typing import Any
 
@@ -22,12 +21,13 @@ from kinemimic.evaluate.scores import compose
 from kinemimic.pipeline.errors import KinemimicError
 from kinemimic.pipeline.progress import progress
 from kinemimic.pipeline.provenance import provenance
-from kinemimic.pipeline.store import content_hash, file_hash, write_json, write_text
+from kinemimic.pipeline.store import file_hash, write_json, write_text
 from kinemimic.retarget.export_json import motion_from_json
 from kinemimic.retarget.motion import Motion, joint_angles
 from kinemimic.train.perform import perform
-from kinemimic.train.playback import CONTROL_RATE, Playback
+from kinemimic.train.playback import Playback
 from kinemimic.train.policy import Policy
+from kinemimic.train.world import CONTROL_RATE
 
 START_PHASES = 13
 FRAMES = 600  # 20 s
@@ -53,12 +53,13 @@ def evaluate(run: Path, *, workers: int | None = None) -> dict[str, Any]:
     if not policy.exists():
         raise KinemimicError(f"{policy}: expected a policy, found no file; run `kinemimic train` first")
     _, record = Policy.load(policy)
+    if record["provenance"]["inputs"].get("motion") != motion.identity:
+        raise KinemimicError(f"{policy}: expected a policy for this motion, found another's; train again")
     capture = read_capture(run / "capture.parquet")
     phases, frames = protocol(motion)
-    count = workers or os.cpu_count() or 1
     with progress("evaluate", 2 * len(phases)) as bar:
         playback, baseline = (
-            perform(motion, who, start_phases=phases, frames=frames, workers=count, progress=bar.advance)
+            perform(motion, who, start_phases=phases, frames=frames, workers=workers, progress=bar.advance)
             for who in (policy, None)
         )
     scores = compose(
@@ -70,7 +71,7 @@ def evaluate(run: Path, *, workers: int | None = None) -> dict[str, Any]:
         provenance=provenance(
             "evaluate",
             inputs={
-                "motion": content_hash({"root": motion.root, "rotations": motion.rotations}),
+                "motion": motion.identity,
                 "policy": file_hash(policy),
             },
             config={"frames": frames, "start_phases": len(phases)},

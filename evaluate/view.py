@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import json
+import shutil
+import sys
 from pathlib import Path
 
 import click
@@ -40,6 +42,12 @@ def view(run: Path) -> Path:
     return run / "view.rrd"
 
 
+def how_to_open(recording: Path) -> str:
+    """The command that opens a recording: the viewer of this environment where it is not on the path."""
+    viewer = "rerun" if shutil.which("rerun") else str(Path(sys.executable).with_name("rerun"))
+    return f"open it with: {viewer} {recording}"
+
+
 @click.command("view")
 @click.option("--run", type=click.Path(path_type=Path), default=Path("runs/default"), show_default=True)
 @click.option(
@@ -64,6 +72,6 @@ def command(run: Path, picture: Path | None, seconds: float, as_json: bool) -> N
         paths = {"recording": recording.as_posix(), "screenshot": picture.as_posix() if picture else None}
         click.echo(json.dumps(paths))
     else:
-        click.echo(f"{recording}; open it with: rerun {recording}")
+        click.echo(f"{recording} ({how_to_open(recording)})")
         if picture is not None:
             click.echo(str(picture))

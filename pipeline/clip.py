@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
@@ -75,15 +75,6 @@ class Clip:
     def simulated(self) -> bool:
         """True for a recording that the virtual Kinect made."""
         return bool(self.provenance.get("simulated", False))
-
-    def frames(self, index: Any) -> Clip:
-        """The clip restricted to some frames (a slice, a mask or indices)."""
-        pick = {
-            name: array[index]
-            for name in ("times", "positions", "states", "passes", "euler", "translations", "rotations")
-            if (array := getattr(self, name)) is not None
-        }
-        return replace(self, **pick)
 
 
 def forward_kinematics(skeleton: Skeleton, translations: Array, rotations: Array) -> tuple[Array, Array]:

@@ -61,4 +61,4 @@ def command(run: Path, as_json: bool) -> None:
     if as_json:
         click.echo(json.dumps(report, indent=2))
     else:
-        Console(highlight=False).print(table(report), crop=False)
+        Console(highlight=False, markup=False).print(table(report), crop=False)

@@ -100,7 +100,7 @@ def _note(capture: Path) -> dict[str, Any]:
 
 
 @click.command()
-@click.argument("capture", type=click.Path(path_type=Path))
+@click.argument("capture", required=False, type=click.Path(path_type=Path))
 @click.option("--run", type=click.Path(path_type=Path), default=Path("runs/default"), show_default=True)
 @click.option(
     "--filter",
@@ -109,11 +109,18 @@ def _note(capture: Path) -> dict[str, Any]:
     help="Low-pass: by default positions get a 6 Hz zero-phase Butterworth, rotations none.",
 )
 @click.option("--json", "as_json", is_flag=True, help="Print the quality report as JSON.")
-def command(capture: Path, run: Path, filter_name: str | None, as_json: bool) -> None:
-    """Read CAPTURE (Kinect v1 .skl text or BVH), divide it into passes, clean it and report its quality."""
+def command(capture: Path | None, run: Path, filter_name: str | None, as_json: bool) -> None:
+    """Read CAPTURE (Kinect v1 .skl text or BVH), divide it into passes, clean it and report its quality.
+
+    Without CAPTURE, what a virtual Kinect records of the stock walk.
+    """
+    if capture is None:
+        from kinemimic.pipeline.captures.virtual import record_virtual  # noqa: PLC0415 (nobody else waits for it)
+
+        capture = record_virtual(run / "capture").euler
     ingest(capture, run, filter_name=filter_name)
     report: dict[str, Any] = read_json(run / "quality.json")
     if as_json:
         click.echo(json.dumps(report, indent=2))
     else:
-        Console(highlight=False).print(table(report), crop=False)
+        Console(highlight=False, markup=False).print(table(report), crop=False)

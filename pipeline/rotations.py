@@ -146,12 +146,6 @@ def continuous(q: Array, axis: int = 0) -> Array:
     return np.moveaxis(q, 0, axis)
 
 
-def slerp(p: Array, q: Array, fraction: Array | float) -> Array:
-    """From p to q along the shorter arc; fraction (...) from 0 to 1."""
-    delta = to_rotvec(multiply(conjugate(p), q))
-    return multiply(p, from_rotvec(np.asarray(fraction)[..., None] * delta))
-
-
 def angle_between(p: Array, q: Array) -> Array:
     """Angle of the rotation from p to q, in [0, π]."""
     return np.asarray(np.linalg.norm(to_rotvec(multiply(conjugate(p), q)), axis=-1))

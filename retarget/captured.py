@@ -1,6 +1,8 @@
 """The angles that were captured, frame by frame beside the phase of the motion: capture.parquet.
 
-A score against these, which no filter, pooling or loop has touched, is a score against the recording.
+A score against these, which no filter, pooling or loop has touched, is a score against the recording. Where
+its pelvis or the side-ways position of its knees is not to be believed (trust.py), what is neutral in the
+motion is neutral here, so that both speak of the same angle.
 """
 
 from __future__ import annotations
@@ -71,11 +73,6 @@ def captured_angles(
                 part[f"truth_{name}"] = np.interp(times, truth["time"], truth[name])
         parts.append(part)
     return {name: np.concatenate([part[name] for part in parts]) for name in parts[0]}
-
-
-def _within(clip: Clip, span: Span) -> NDArray[np.intp]:
-    mine = (clip.passes == span.number) & (clip.times >= span.start) & (clip.times <= span.end)
-    return np.flatnonzero(mine)
 
 
 def _angles(positions: Array, heading: float, trust: Trust) -> dict[str, Array]:

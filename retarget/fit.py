@@ -160,7 +160,7 @@ def plain_motion(clip: Clip, one: Pass) -> tuple[Motion, Trust]:
     # Without strides there is nothing to hold the trunk against: it is believed.
     trust = Trust(rigid, True, True, False, 0.0, (0.0, 0.0), {})
     local = local_rotations(believed_frames(p, trust))
-    count = max(2, int(times[-1] * RATE) + 1)
+    count = max(2, int(times[-1] * RATE + 1e-2) + 1)
     even = np.arange(count) / RATE
     rotations = np.tile(IDENTITY, (count, len(NODES), 1))
     for node in range(len(NODES)):

@@ -13,6 +13,7 @@ from kinemimic.pipeline.angles import ANGLES, hip_flexion
 from kinemimic.pipeline.clip import forward_kinematics
 from kinemimic.pipeline.rotations import IDENTITY, rotate, to_rotvec
 from kinemimic.pipeline.skeleton import NODE_INDEX, NODES, node_skeleton
+from kinemimic.pipeline.store import content_hash
 from kinemimic.retarget.body import node_offsets
 
 Array = NDArray[np.float64]
@@ -53,6 +54,20 @@ class Motion:
     def duration(self) -> float:
         """Seconds; of one cycle if cyclic."""
         return (len(self.root) if self.cyclic else len(self.root) - 1) / self.rate
+
+    @property
+    def identity(self) -> str:
+        """Content hash of all that a policy learns from; provenance left out."""
+        return content_hash(
+            {
+                "rate": np.array(self.rate),
+                "root": self.root,
+                "rotations": self.rotations,
+                "offsets": self.offsets,
+                "cyclic": np.array(self.cyclic),
+                "cycle_offset": self.cycle_offset,
+            }
+        )
 
     @property
     def simulated(self) -> bool:

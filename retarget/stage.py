@@ -48,7 +48,7 @@ def retarget(run: Path, *, symmetric: bool | None = None) -> Motion:
         longest = max(passes, key=lambda one: int((clip.passes == one.number).sum()))
         motion, trust = plain_motion(clip, longest)
         report = plain_report(clip, motion, longest)
-        spans = [_whole_span(clip, longest)]
+        spans = [_whole_span(clip, longest, motion)]
     record = {
         "simulated": clip.simulated,
         "capture": dict(source.provenance),
@@ -92,9 +92,9 @@ def _stride_span(clip: Clip, one: Pass) -> Span:
     return Span(one.number, float(first), float(last), one.heading, one.harmonic.start, one.harmonic.period)
 
 
-def _whole_span(clip: Clip, one: Pass) -> Span:
+def _whole_span(clip: Clip, one: Pass, motion: Motion) -> Span:
     first, last = clip.times[np.flatnonzero(clip.passes == one.number)[[0, -1]]]
-    return Span(one.number, float(first), float(last), one.heading, float(first), float(last - first))
+    return Span(one.number, float(first), float(last), one.heading, float(first), motion.duration)
 
 
 def _table(report: dict[str, Any]) -> list[str]:

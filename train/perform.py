@@ -46,7 +46,7 @@ def perform(
     if policy is not None:
         actor, record = Policy.load(policy)
         config = TrainConfig.from_json(record["config"]).env
-    count = min(workers or os.cpu_count() or 1, len(start_phases))
+    count = min(workers or len(os.sched_getaffinity(0)), len(start_phases))
     # One figure a task: what a figure does must not depend on how many others there are.
     tasks = [(motion, actor, config, float(phase), frames) for phase in start_phases]
     parts: list[Playback] = []

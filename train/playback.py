@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import zipfile
 from dataclasses import dataclass, fields
 from pathlib import Path
 
@@ -12,8 +13,6 @@ from kinemimic.pipeline.errors import KinemimicError
 from kinemimic.pipeline.store import atomic
 
 Array = NDArray[np.float64]
-
-CONTROL_RATE = 30.0  # Hz
 
 
 @dataclass(frozen=True)
@@ -56,5 +55,5 @@ class Playback:
             raise KinemimicError(
                 f"{path}: expected a playback, found no file; run `evaluate` first"
             ) from None
-        except (KeyError, ValueError, OSError) as error:
+        except (KeyError, ValueError, OSError, EOFError, zipfile.BadZipFile) as error:
             raise KinemimicError(f"{path}: expected a playback, found {error}") from None

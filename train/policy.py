@@ -58,6 +58,9 @@ class Policy:
         record = read_json(path.with_suffix(".json"))
         if not isinstance(record, dict) or record.get("schema") != POLICY_SCHEMA:
             raise KinemimicError(f"{path.with_suffix('.json')}: expected a policy of schema {POLICY_SCHEMA}")
+        for key in ("config", "provenance"):
+            if key not in record:
+                raise KinemimicError(f"{path.with_suffix('.json')}: expected the key {key!r}, found none")
         try:
             tensors = load_file(path)
         except (OSError, SafetensorError) as error:

@@ -10,14 +10,12 @@ from pathlib import Path
 from typing import Any
 
 import click
-import numpy as np
 import torch
 from torch.utils.tensorboard import SummaryWriter
 
 from kinemimic.pipeline.errors import KinemimicError
 from kinemimic.pipeline.progress import progress
 from kinemimic.pipeline.provenance import provenance
-from kinemimic.pipeline.store import content_hash
 from kinemimic.retarget.export_json import motion_from_json
 from kinemimic.retarget.motion import Motion
 from kinemimic.train import checkpoint
@@ -27,6 +25,7 @@ from kinemimic.train.ppo import Learner
 from kinemimic.train.rollout import Samples, Workers
 
 CHECKPOINT = "checkpoint.safetensors"
+PREVIOUS = "checkpoint.previous.safetensors"
 POLICY = "policy.safetensors"
 CHECKPOINT_SECONDS = 60.0
 _WARM_UP = 16  # steps of the untrained policy that give the normaliser its first statistics
@@ -44,8 +43,10 @@ def train(
     """Train on run/motion.json for `budget` samples, in whole rounds; returns the policy's record.
 
     Writes a checkpoint every minute and at the end or on Ctrl-C, from which the next call goes on unless
-    `resume` is False, then policy.safetensors and policy.json, and TensorBoard's curves.
-    workers: processes that simulate, by default one for every core.
+    `resume` is False, then policy.safetensors and policy.json, and TensorBoard's curves. A checkpoint of
+    another motion or other settings is not taken up but kept as checkpoint.previous.safetensors.
+    workers: processes that simulate, by default one for every core. They are spawned: a script of one's
+    own calls this below `if __name__ == "__main__"`.
     """
     motion = motion_from_json(run / "motion.json")
     config = preset(preset_name, seed=seed)
@@ -53,15 +54,20 @@ def train(
         config = replace(config, budget=budget)
     if config.budget < 1:
         raise KinemimicError(f"expected a budget of at least one sample, found {config.budget}")
-    count = workers or os.cpu_count() or 1
+    # A worker holds one figure at least.
+    count = min(workers or len(os.sched_getaffinity(0)), config.environments)
     torch.set_num_threads(count)
-    identity = content_hash(
-        {"root": motion.root, "rotations": motion.rotations, "rate": np.array(motion.rate)}
-    )
     learner = Learner(config)
     saved = run / CHECKPOINT
-    resumed = resume and saved.exists() and checkpoint.restore(saved, learner, identity)
-    _learn(learner, motion, run, identity, count, resumed)
+    resumed = resume and saved.exists() and checkpoint.restore(saved, learner, motion.identity)
+    if learner.progress.samples >= config.budget + config.batch:
+        raise KinemimicError(
+            f"{saved}: expected at most the budget of {config.budget} samples, found "
+            f"{learner.progress.samples}; train with --no-resume, or into another run folder"
+        )
+    if saved.exists() and not resumed:
+        saved.replace(run / PREVIOUS)
+    _learn(learner, motion, run, count, resumed)
     state = learner.progress
     record = {
         "preset": config.preset,
@@ -70,7 +76,9 @@ def train(
         "seed": seed,
         "config": config.to_json(),
         "simulated": motion.simulated,
-        "provenance": provenance("train", inputs={"motion": identity}, config=config.to_json(), seed=seed),
+        "provenance": provenance(
+            "train", inputs={"motion": motion.identity}, config=config.to_json(), seed=seed
+        ),
     }
     export(learner.net, learner.normalizer).save(run / POLICY, record)
     return record
@@ -81,8 +89,8 @@ def _sample(crew: Workers, learner: Learner, steps: int) -> Samples:
     return crew.sample(policy, learner.noise(), reward, steps)
 
 
-def _learn(learner: Learner, motion: Motion, run: Path, identity: str, count: int, resumed: bool) -> None:
-    """Rounds of rollout and update until the budget is spent; the checkpoint is written whatever happens."""
+def _learn(learner: Learner, motion: Motion, run: Path, count: int, resumed: bool) -> None:
+    """Rounds of rollout and update until the budget is spent, with checkpoints on the way and on Ctrl-C."""
     config, state = learner.config, learner.progress
     if state.samples >= config.budget:
         return
@@ -116,18 +124,18 @@ def _learn(learner: Learner, motion: Motion, run: Path, identity: str, count: in
                     board.add_scalar(name, value, state.samples)
                 bar.advance(config.batch, reward=logged["reward/mean"], steps=logged["episode/length"])
                 if ended - last_saved > CHECKPOINT_SECONDS:
-                    checkpoint.save(run / CHECKPOINT, learner, identity)
+                    checkpoint.save(run / CHECKPOINT, learner, motion.identity)
                     last_saved = ended
         except FloatingPointError as error:
             # The learner is spoilt; the checkpoint from before it stays.
             raise KinemimicError(
-                f"training stopped at {state.samples} samples: {error}; the last checkpoint is kept"
+                f"training stopped at {state.samples} samples: {error}; an earlier checkpoint stays"
             ) from None
         except KeyboardInterrupt:
             if state.rounds:
-                checkpoint.save(run / CHECKPOINT, learner, identity)
+                checkpoint.save(run / CHECKPOINT, learner, motion.identity)
             raise
-    checkpoint.save(run / CHECKPOINT, learner, identity)
+    checkpoint.save(run / CHECKPOINT, learner, motion.identity)
 
 
 @click.command("train")

@@ -12,7 +12,8 @@ from numpy.typing import NDArray
 from kinemimic.pipeline.rotations import IDENTITY, from_axis_angle
 from kinemimic.pipeline.skeleton import NODE_INDEX, NODES
 from kinemimic.retarget.motion import Motion
-from kinemimic.train.playback import CONTROL_RATE, Playback
+from kinemimic.train.playback import Playback
+from kinemimic.train.world import CONTROL_RATE
 
 Array = NDArray[np.float64]
 

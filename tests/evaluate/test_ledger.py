@@ -75,3 +75,15 @@ def test_a_damaged_ledger_is_named(folder: Path) -> None:
     (folder / "run.json").write_text("{")
     with pytest.raises(KinemimicError, match=r"run\.json"):
         Ledger(folder)
+
+
+def test_a_file_that_was_not_written_has_to_stay_absent(folder: Path) -> None:
+    Ledger(folder).record("ingest", source(folder), ["out", "truth"])
+    assert Ledger(folder).up_to_date("ingest", source(folder))
+    (folder / "truth").write_text("of another capture")
+    assert not Ledger(folder).up_to_date("ingest", source(folder))
+
+
+def test_a_ledger_without_stages_counts_as_empty(folder: Path) -> None:
+    write_json(folder / "run.json", {"schema": module.LEDGER_SCHEMA})
+    assert not Ledger(folder).up_to_date("convert", source(folder))

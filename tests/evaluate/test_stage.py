@@ -9,7 +9,7 @@ from click.testing import CliRunner
 from kinemimic.evaluate import stage
 from kinemimic.pipeline.errors import KinemimicError
 from kinemimic.pipeline.store import write_text
-from kinemimic.retarget.export_json import motion_to_json
+from kinemimic.retarget.export_json import motion_from_json, motion_to_json
 from kinemimic.train.config import PRESETS
 from kinemimic.train.env import ACTIONS, OBSERVATIONS
 from kinemimic.train.playback import Playback
@@ -18,17 +18,25 @@ from kinemimic.train.policy import Policy
 OUTPUTS = {"scores.json", "curves.csv", "report.html", "playback.npz"}
 
 
-@pytest.fixture
-def run(tmp_path, walk):
-    """A run of a short single performance, and a policy that never corrects anything."""
-    write_text(tmp_path / "motion.json", motion_to_json(replace(walk, cyclic=False)))
+def write_inputs(folder, motion):
+    """A motion, and a policy for it that never corrects anything."""
+    write_text(folder / "motion.json", motion_to_json(motion))
     idle = Policy(
         ((np.zeros((ACTIONS, OBSERVATIONS), np.float32), np.zeros(ACTIONS, np.float32)),),
         np.zeros(OBSERVATIONS, np.float32),
         np.ones(OBSERVATIONS, np.float32),
     )
     record = {"samples": 0, "seconds": 0.0, "preset": "default", "seed": 0}
-    idle.save(tmp_path / "policy.safetensors", record | {"config": PRESETS["default"].to_json()})
+    record |= {"config": PRESETS["default"].to_json()}
+    # As `train` does it: the identity of what was read back, rounded as the file is.
+    made_from = {"inputs": {"motion": motion_from_json(folder / "motion.json").identity}}
+    idle.save(folder / "policy.safetensors", record | {"provenance": made_from})
+
+
+@pytest.fixture
+def run(tmp_path, walk):
+    """A run of a short single performance, and an idle policy."""
+    write_inputs(tmp_path, replace(walk, cyclic=False))
     return tmp_path
 
 
@@ -59,7 +67,7 @@ def acted(run, walk, performance, monkeypatch):
             progress(1)
         return performance(len(start_phases), frames, offset=0.05, fall=None if policy else 20)
 
-    write_text(run / "motion.json", motion_to_json(walk))
+    write_inputs(run, walk)
     monkeypatch.setattr(stage, "perform", perform)
     # Drawing takes seconds and has its own tests.
     monkeypatch.setattr(stage, "report", lambda *_: "<!doctype html>")
@@ -103,5 +111,12 @@ def test_command_prints_a_table_or_json(acted):
 def test_without_a_policy_nothing_is_written(run):
     (run / "policy.safetensors").unlink()
     with pytest.raises(KinemimicError, match="run `kinemimic train` first"):
+        stage.evaluate(run)
+    assert not OUTPUTS & {path.name for path in run.iterdir()}
+
+
+def test_a_policy_of_another_motion_is_refused(run, walk):
+    write_text(run / "motion.json", motion_to_json(walk))
+    with pytest.raises(KinemimicError, match="expected a policy for this motion"):
         stage.evaluate(run)
     assert not OUTPUTS & {path.name for path in run.iterdir()}

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import shutil
 import subprocess
 import sys
 from collections.abc import Callable
@@ -17,7 +18,7 @@ from click.testing import CliRunner
 from rerun.chunk import RrdReader
 
 from kinemimic.evaluate.scene import figures
-from kinemimic.evaluate.view import command, view
+from kinemimic.evaluate.view import command, how_to_open, view
 from kinemimic.pipeline.cli import main
 from kinemimic.pipeline.errors import KinemimicError
 from kinemimic.pipeline.skeleton import NODE_INDEX, NODES
@@ -156,7 +157,7 @@ def test_what_is_missing_is_named_and_nothing_is_written(
 def test_command_prints_the_path_and_how_to_open_it(run: Path) -> None:
     told = CliRunner().invoke(command, ["--run", str(run)])
     assert told.exit_code == 0
-    assert told.output.strip() == f"{run}/view.rrd; open it with: rerun {run}/view.rrd"
+    assert told.output.strip() == f"{run}/view.rrd ({how_to_open(run / 'view.rrd')})"
     told = CliRunner().invoke(command, ["--run", str(run), "--json"])
     assert json.loads(told.output) == {"recording": f"{run}/view.rrd", "screenshot": None}
 
@@ -174,3 +175,8 @@ def test_a_screenshot_without_a_driver_is_one_clear_line(
     (line,) = capsys.readouterr().err.strip().splitlines()
     assert "needs a Vulkan driver" in line
     assert not picture.exists()
+
+
+def test_the_command_to_open_it_exists(tmp_path):
+    viewer = how_to_open(tmp_path / "view.rrd").split()[-2]
+    assert shutil.which(viewer)

@@ -104,3 +104,16 @@ def test_without_a_clip_it_says_what_to_do(tmp_path: Path) -> None:
     with pytest.raises(KinemimicError, match="run the stage before"):
         convert(tmp_path / "nothing")
     assert not (tmp_path / "nothing").exists()
+
+
+def test_names_that_look_like_markup_are_names(
+    tmp_path: Path, bvh: Text, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (tmp_path / "a.bvh").write_text(
+        bvh().replace("JOINT Head", "JOINT Head[/l]").replace("JOINT Neck", "JOINT Neck[/l]")
+    )
+    for arguments in (["ingest", str(tmp_path / "a.bvh")], ["convert"]):
+        with pytest.raises(SystemExit) as ended:
+            main([*arguments, "--run", str(tmp_path / "run")])
+        assert ended.value.code == 0
+    assert "Neck[/l]" in capsys.readouterr().out

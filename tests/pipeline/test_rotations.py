@@ -75,14 +75,6 @@ def test_small_turns_keep_their_digits() -> None:
         assert np.allclose(r.to_rotvec(r.from_rotvec(v)), v, rtol=1e-9, atol=0.0)
 
 
-@given(quaternions, quaternions, st.floats(0.0, 1.0))
-def test_slerp_divides_the_angle(p: Array, q: Array, fraction: float) -> None:
-    between = r.slerp(p, q, fraction)
-    assert same(r.slerp(p, q, 0.0), p)
-    assert same(r.slerp(p, q, 1.0), q, 1e-9)
-    assert abs(r.angle_between(p, between) - fraction * r.angle_between(p, q)) < 1e-7
-
-
 def test_continuous_carries_the_sign_over_missing_frames() -> None:
     q = r.from_axis_angle("X", np.linspace(0.0, 4 * np.pi, 50))
     q[::3] *= -1.0

@@ -11,6 +11,8 @@ from kinemimic.train.env import ACTIONS, OBSERVATIONS
 from kinemimic.train.networks import ActorCritic, Normalizer, export
 from kinemimic.train.policy import Policy
 
+RECORD: dict[str, object] = {"config": {}, "provenance": {}}
+
 
 @pytest.fixture
 def learner() -> tuple[ActorCritic, Normalizer]:
@@ -23,7 +25,7 @@ def learner() -> tuple[ActorCritic, Normalizer]:
 def test_stored_policy_acts_as_the_network_does(tmp_path: Path, learner) -> None:
     net, normalizer = learner
     observations = np.random.default_rng(1).normal(1.0, 30.0, (5, OBSERVATIONS)).astype(np.float32)
-    export(net, normalizer).save(tmp_path / "p.safetensors", {"samples": 7})
+    export(net, normalizer).save(tmp_path / "p.safetensors", RECORD | {"samples": 7})
     policy, record = Policy.load(tmp_path / "p.safetensors")
     wanted = net.actor(normalizer.apply(observations)).detach().numpy()
     np.testing.assert_allclose(policy.act(policy.normalize(observations)), wanted, rtol=1e-4, atol=1e-7)
@@ -34,7 +36,7 @@ def test_a_damaged_policy_is_one_clear_line(tmp_path: Path, learner) -> None:
     path = tmp_path / "p.safetensors"
     with pytest.raises(KinemimicError, match="found none"):
         Policy.load(path)
-    export(*learner).save(path, {})
+    export(*learner).save(path, RECORD)
     path.write_bytes(path.read_bytes()[:100])
     with pytest.raises(KinemimicError, match="expected a policy"):
         Policy.load(path)
@@ -42,6 +44,12 @@ def test_a_damaged_policy_is_one_clear_line(tmp_path: Path, learner) -> None:
 
 def test_a_policy_of_another_shape_is_refused(tmp_path: Path) -> None:
     net, normalizer = ActorCritic(10, ACTIONS, (4,), 0.1, learn=False), Normalizer(10)
-    export(net, normalizer).save(tmp_path / "p.safetensors", {})
+    export(net, normalizer).save(tmp_path / "p.safetensors", RECORD)
     with pytest.raises(KinemimicError, match="found 10 and 42"):
+        Policy.load(tmp_path / "p.safetensors")
+
+
+def test_a_record_that_lacks_its_configuration_is_refused(tmp_path: Path, learner) -> None:
+    export(*learner).save(tmp_path / "p.safetensors", {"provenance": {}})
+    with pytest.raises(KinemimicError, match="expected the key 'config'"):
         Policy.load(tmp_path / "p.safetensors")

@@ -15,8 +15,10 @@ from kinemimic.retarget.export_json import motion_to_json
 from kinemimic.retarget.motion import Motion
 from kinemimic.train import checkpoint, stage
 from kinemimic.train.config import PRESETS, TrainConfig
+from kinemimic.train.env import ACTIONS, OBSERVATIONS
 from kinemimic.train.perform import perform
 from kinemimic.train.ppo import Learner
+from kinemimic.train.rollout import Samples
 
 SMALL = replace(PRESETS["default"], environments=4, horizon=16, minibatch=32, passes=2, hidden=(32, 16))
 ROUND = SMALL.batch
@@ -56,20 +58,45 @@ def test_goes_on_from_its_checkpoint(run: Path) -> None:
     before = (run / "policy.safetensors").read_bytes()
     stage.train(run, budget=3 * ROUND, workers=1)
     assert (run / "policy.safetensors").read_bytes() == before
+    with pytest.raises(KinemimicError, match="--no-resume"):
+        stage.train(run, budget=ROUND, workers=1)
+
+
+def test_more_workers_than_figures_are_not_started(run: Path) -> None:
+    assert stage.train(run, budget=ROUND, workers=SMALL.environments + 3)["samples"] == ROUND
+
+
+def test_another_seed_keeps_the_checkpoint_aside(run: Path) -> None:
+    stage.train(run, budget=ROUND, seed=1, workers=1)
+    before = (run / "checkpoint.safetensors").read_bytes()
+    stage.train(run, budget=ROUND, seed=2, workers=1)
+    assert (run / "checkpoint.previous.safetensors").read_bytes() == before
+
+
+def noise(seed: int) -> Samples:
+    """Samples of 3 steps of 4 figures that mean nothing."""
+    random = np.random.default_rng(seed)
+    return Samples(
+        observations=random.normal(size=(3, 4, OBSERVATIONS)).astype(np.float32),
+        actions=random.normal(0, 0.1, (3, 4, ACTIONS)).astype(np.float32),
+        terms=random.random((3, 4, 5)).astype(np.float32),
+        terminated=random.random((3, 4)) < 0.2,
+        truncated=np.zeros((3, 4), dtype=bool),
+        final=random.normal(size=(3, 4, OBSERVATIONS)).astype(np.float32),
+        lengths=np.array([2]),
+    )
 
 
 def test_a_checkpoint_brings_the_learner_back_whole(tmp_path: Path) -> None:
-    config = TrainConfig(hidden=(8, 4), seed=5)
+    """One more update after the restoration gives what it gives without: nothing was forgotten."""
+    config = TrainConfig(hidden=(8, 4), seed=5, minibatch=6, passes=2)
     learner = Learner(config)
-    learner.normalizer.update(np.random.default_rng(0).normal(size=(9, len(learner.normalizer.mean))))
-    learner.progress.samples, learner.progress.actor_rate = 77, 1.5e-4
-    learner.random.random(13)
+    learner.update(noise(0))
     checkpoint.save(tmp_path / "c.safetensors", learner, "walk")
     other = Learner(config)
     assert checkpoint.restore(tmp_path / "c.safetensors", other, "walk")
     assert other.progress == learner.progress
-    assert other.actor_optimizer.param_groups[0]["lr"] == 1.5e-4
-    assert other.random.random() == learner.random.random()
+    assert learner.update(noise(1)) == other.update(noise(1))
     ours, theirs = learner.tensors(), other.tensors()
     assert ours.keys() == theirs.keys()
     assert all(bool((ours[name] == theirs[name]).all()) for name in ours)
