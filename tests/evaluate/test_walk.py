@@ -1,4 +1,4 @@
-"""The promise of `make run`: the default capture becomes a figure that walks. A quarter of an hour on two cores."""
+"""The promise of `make run`: the default capture becomes a walk. A quarter of an hour on two cores."""
 
 from __future__ import annotations
 
