@@ -11,11 +11,12 @@ from kinemimic.train.playback import Playback
 from kinemimic.train.world import CONTROL_RATE
 
 _ROWS = (
-    ("R², reference", "fit.{}.r2", "{:.3f}"),
-    ("RMSE, reference", "fit.{}.rmse_deg", "{:.1f}°"),
+    ("R²", "fit.{}.r2", "{:.3f}"),
+    ("R², upright", "fit.{}.r2_upright", "{:.3f}"),
+    ("… with no policy", "no_policy.fit.{}.r2_upright", "{:.3f}"),
+    ("RMSE", "fit.{}.rmse_deg", "{:.1f}°"),
     ("largest gap", "fit.{}.max_gap_deg", "{:.1f}°"),
     ("R², unfiltered capture", "fit_capture.{}.r2", "{:.3f}"),
-    ("R², no policy", "no_policy.fit.{}.r2", "{:.3f}"),
 )
 
 
