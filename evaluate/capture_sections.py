@@ -11,7 +11,7 @@ from typing import Any
 
 from kinemimic.evaluate.html import number, table
 
-_SHOWN_FRAMES = 4
+_SHOWN_FRAMES = 3
 _GAIT: tuple[tuple[str, str, str, int], ...] = (
     ("period_s", "length of a cycle", "s", 3),
     ("cadence_steps_per_min", "cadence", "steps/min", 0),
