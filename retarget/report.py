@@ -107,12 +107,16 @@ def gate(fit: GaitFit, gait: str, ranges: dict[str, list[float]], cadence: float
 
 
 def r_squared(captured: Array, fitted: Array) -> float:
-    """Share of the variance of captured (M,) that fitted (M,) explains; NaN frames are left out."""
+    """Share of the variance of captured (M,) that fitted (M,) explains; NaN where there is none.
+
+    Frames in which either is NaN are left out.
+    """
     seen = np.isfinite(captured) & np.isfinite(fitted)
     if seen.sum() < 2:
         return float("nan")
     x, y = captured[seen], fitted[seen]
-    return float(1.0 - np.sum((x - y) ** 2) / np.sum((x - x.mean()) ** 2))
+    spread = float(np.sum((x - x.mean()) ** 2))
+    return 1.0 - float(np.sum((x - y) ** 2)) / spread if spread > 0 else float("nan")
 
 
 def reference_at(motion: Motion, phase: Array) -> dict[str, Array]:
