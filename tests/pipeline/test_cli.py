@@ -109,8 +109,10 @@ def test_ctrl_c_is_one_line_and_130(ending: Failing, capsys: pytest.CaptureFixtu
 
 def test_a_signal_ends_a_process_with_130() -> None:
     code = """
-import click, time
+import click, signal, time
 from kinemimic.pipeline import cli
+# A job that a shell put into the background, as a CI may, hands its children a SIGINT that is ignored.
+signal.signal(signal.SIGINT, signal.default_int_handler)
 @click.command()
 def command():
     print("ready", flush=True)
