@@ -14,6 +14,7 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
+from kinemimic.pipeline.clean import runs
 from kinemimic.pipeline.clip import Clip
 from kinemimic.pipeline.skeleton import MISSING
 
@@ -129,11 +130,10 @@ def _frozen(clip: Clip) -> Mask:
     p = clip.positions.reshape(len(clip.times), -1)
     same = np.concatenate([[False], ((p[1:] == p[:-1]) | (np.isnan(p[1:]) & np.isnan(p[:-1]))).all(axis=1)])
     frozen = np.zeros(len(p), dtype=np.bool_)
-    edges = np.flatnonzero(np.diff(np.concatenate([[False], same, [False]]).astype(np.int8)))
-    for begin, end in edges.reshape(-1, 2):
-        if clip.times[end - 1] - clip.times[begin - 1] > ABSENT:
-            frozen[begin:end] = True
-    if len(edges) and frozen[1:].all():
+    for repeated in runs(same):
+        if clip.times[repeated.stop - 1] - clip.times[repeated.start - 1] > ABSENT:
+            frozen[repeated] = True
+    if len(p) > 1 and frozen[1:].all():
         frozen[0] = True  # a pose that never moves was never a person
     return frozen
 
