@@ -33,7 +33,10 @@ class Clip:
     translations: (T, J, 3) metres, position in the parent's frame (for the root, in the file's world);
     world_from_file: (4,) rotation from the file's world axes to ours.
     After `convert`, every clip has
-    rotations: (T, J, 4) child to parent, sign-continuous; the root's is in our world.
+    rotations: (T, J, 4) child to parent, sign-continuous; the root's is in our world. A capture of positions
+    and quaternions has them from the start; NaN where the sensor gave none.
+    What the recorder itself computed stands beside it, never in place of our own:
+    angles: curves (T,) in radians by name ("knee_left", …), flexion positive; NaN where there is none.
     """
 
     skeleton: Skeleton
@@ -47,6 +50,7 @@ class Clip:
     translations: Array | None = None
     world_from_file: Array = field(default_factory=IDENTITY.copy)
     rotations: Array | None = None
+    angles: Mapping[str, Array] | None = None
 
     def __post_init__(self) -> None:
         frames, joints = len(self.times), len(self.skeleton.names)
@@ -57,6 +61,7 @@ class Clip:
             "euler": (self.euler, (frames, joints, 3)),
             "translations": (self.translations, (frames, joints, 3)),
             "rotations": (self.rotations, (frames, joints, 4)),
+            **{name: (curve, (frames,)) for name, curve in (self.angles or {}).items()},
         }
         for name, (array, shape) in shapes.items():
             if array is not None and array.shape != shape:

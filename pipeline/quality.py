@@ -13,6 +13,7 @@ from rich.text import Text
 from kinemimic.pipeline.acquire import Acquisition
 from kinemimic.pipeline.clean import Cleaning
 from kinemimic.pipeline.clip import Clip
+from kinemimic.pipeline.defect import RULES
 from kinemimic.pipeline.nodes import joints_of_nodes
 from kinemimic.pipeline.skeleton import INFERRED, MISSING, TRACKED
 
@@ -31,10 +32,7 @@ def quality(raw: Clip, acquisition: Acquisition, cleaning: Cleaning) -> dict[str
         "frames": len(raw.times),
         "frames_in_passes": int(inside.sum()),
         "complete_frames": int(acquisition.complete[inside].sum()),
-        "dropped": {
-            "repeated_times": reading["dropped_repeated_times"],
-            "calibration_frames": reading["dropped_calibration_frames"],
-        },
+        "defects": [dict(defect) for defect in reading["defects"]],
         "clock": _clock(raw.times, acquisition.passes),
         "passes": [_pass(raw, acquisition, number) for number in range(acquisition.count)],
         "passes_discarded": acquisition.discarded,
@@ -112,9 +110,9 @@ def table(report: dict[str, Any]) -> RenderableType:
         f"longest step {clock['longest_step_ms']:.0f} ms), {report['complete_frames']} of "
         f"{report['frames_in_passes']} in passes complete",
         f"{len(passes)} pass{'es' if len(passes) != 1 else ''}, {seconds:.1f} s; "
-        f"{report['passes_discarded']} too short to use; "
-        f"{sum(report['dropped'].values())} frames dropped by the reader",
+        f"{report['passes_discarded']} too short to use",
         *report["notes"],
+        *(f"{RULES[one['rule']]}, {one['action']}: {one['text']}" for one in report["defects"]),
         *report["done"],
     ]
     grid = Table("joint", header_style="bold", box=None, pad_edge=False)

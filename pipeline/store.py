@@ -20,6 +20,7 @@ from kinemimic.pipeline.errors import CaptureError, KinemimicError
 from kinemimic.pipeline.skeleton import Skeleton
 
 CLIP_SCHEMA = 1
+_ANGLE = "angle."
 _PER_JOINT = {"positions": "xyz", "euler": "123", "translations": "xyz", "rotations": "xyzw"}
 
 
@@ -88,6 +89,8 @@ def write_clip(path: Path, clip: Clip) -> None:
             if array is not None:
                 for k, component in enumerate(components):
                     columns[f"{joint}.{field}.{component}"] = array[:, j, k]
+    for name, curve in (clip.angles or {}).items():
+        columns[f"{_ANGLE}{name}"] = curve
     header = {
         "schema": CLIP_SCHEMA,
         "skeleton": {
@@ -136,6 +139,11 @@ def read_clip(path: Path) -> Clip:
         )
 
     orders = header["orders"]
+    angles = {
+        name.removeprefix(_ANGLE): table[name].to_numpy()
+        for name in table.column_names
+        if name.startswith(_ANGLE)
+    }
     return Clip(
         skeleton=skeleton,
         times=table["time"].to_numpy(),
@@ -144,5 +152,6 @@ def read_clip(path: Path) -> Clip:
         orders=None if orders is None else tuple(orders),
         world_from_file=np.array(header["world_from_file"]),
         provenance=header["provenance"],
+        angles=angles or None,
         **{field: stack(field) for field in _PER_JOINT},
     )

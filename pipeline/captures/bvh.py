@@ -7,40 +7,47 @@ to it: Kinect exporters (Brekel) write both, and adding them doubles every bone.
 
 from __future__ import annotations
 
-from pathlib import Path
-
 import numpy as np
 from numpy.typing import NDArray
 
 from kinemimic.pipeline.captures.bvh_text import BvhText, parse
+from kinemimic.pipeline.captures.format import Format
+from kinemimic.pipeline.captures.recording import reading
+from kinemimic.pipeline.captures.source import Source
 from kinemimic.pipeline.captures.units import metres_per_unit
 from kinemimic.pipeline.clip import Clip
+from kinemimic.pipeline.defect import Defect
 from kinemimic.pipeline.euler import local_rotations, world_positions
 from kinemimic.pipeline.rotations import Y_UP_TO_Z_UP, angle_between
 from kinemimic.pipeline.skeleton import TRACKED, Skeleton
 
 Array = NDArray[np.float64]
 
-FORMAT = "BVH"
+FORMAT = Format(
+    name="BVH",
+    sensor="optical, inertial or Kinect",
+    holds="a skeleton with Euler channels in any order",
+    told_by="the keyword HIERARCHY",
+)
 _AXES = "XYZ"
 # A T-pose is one frame, at most a few; a longer stillness is a subject who is not there (acquire.py).
 _MAX_CALIBRATION = 5
 
 
-def recognises(text: str) -> bool:
+def recognises(source: Source) -> bool:
     """True if the first word is HIERARCHY."""
-    return text.lstrip()[:9].lower() == "hierarchy"
+    return source.head[0].split()[0].lower() == "hierarchy"
 
 
-def read(text: str, path: Path) -> Clip:
+def read(source: Source) -> Clip:
     """The clip of all joints, end sites as `<parent>_end`; a leading calibration pose is dropped, and told.
 
     The clock starts at 0 with the file's first frame, so that a dropped first frame shows in the times.
     """
-    bvh = parse(text, path)
+    bvh = parse(source)
     orders, euler, offsets = channels(bvh)
     names = tuple(joint.name for joint in bvh.joints)
-    scale, unit = metres_per_unit(names, offsets, path)
+    scale, unit = metres_per_unit(names, offsets, source.path)
     translations = offsets * scale
     parents = tuple(joint.parent for joint in bvh.joints)
     skeleton = Skeleton(names, parents, np.array([joint.offset for joint in bvh.joints]) * scale)
@@ -58,15 +65,13 @@ def read(text: str, path: Path) -> Clip:
         translations=translations[first:],
         world_from_file=Y_UP_TO_Z_UP.copy(),
         provenance={
-            "format": FORMAT,
-            "reading": {
-                "units": unit,
-                "units_rule": "thigh and shank nearest to an adult's",
-                "channels": int(bvh.motion.shape[1]),
-                "dropped_repeated_times": 0,
-                "dropped_calibration_frames": first,
-                "notes": [note] if note else [],
-            },
+            "format": FORMAT.name,
+            "reading": reading(
+                units=unit,
+                units_rule="thigh and shank nearest to an adult's",
+                defects=[Defect("calibration_frames", first, "frames", "repaired", note)] if first else [],
+                channels=int(bvh.motion.shape[1]),
+            ),
         },
     )
 

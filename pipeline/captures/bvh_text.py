@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
-from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
-from kinemimic.pipeline.captures.numbers import Row, parse_rows
+from kinemimic.pipeline.captures.numbers import parse_table
+from kinemimic.pipeline.captures.source import Source
 from kinemimic.pipeline.errors import CaptureError
 
 Array = NDArray[np.float64]
@@ -54,13 +54,13 @@ class _Token:
 class _Tokens:
     """The words of the hierarchy, with their lines; a brace is a word of its own."""
 
-    def __init__(self, lines: list[str], path: Path) -> None:
-        self.path = path
+    def __init__(self, lines: Sequence[str], source: Source) -> None:
+        self.source = source
         self._words = self._split(lines)
         self._last = len(lines)
 
     @staticmethod
-    def _split(lines: list[str]) -> Iterator[_Token]:
+    def _split(lines: Sequence[str]) -> Iterator[_Token]:
         for number, line in enumerate(lines, 1):
             for word in line.replace("{", " { ").replace("}", " } ").split():
                 yield _Token(word, number)
@@ -68,8 +68,7 @@ class _Tokens:
     def next(self, expected: str) -> _Token:
         token = next(self._words, None)
         if token is None:
-            raise CaptureError(
-                self.path,
+            raise self.source.error(
                 expected=expected,
                 found="the end of the file",
                 where=f"line {self._last}",
@@ -94,80 +93,76 @@ class _Tokens:
         return value
 
     def error(self, token: _Token, expected: str) -> CaptureError:
-        return CaptureError(
-            self.path, expected=expected, found=repr(token.text[:40]), where=f"line {token.line}"
-        )
+        return self.source.error(expected=expected, found=repr(token.text[:40]), where=f"line {token.line}")
 
 
-def parse(text: str, path: Path) -> BvhText:
+def parse(source: Source) -> BvhText:
     """Hierarchy and motion; CaptureError names the line of the first mistake."""
-    lines = text.split("\n")
+    lines = source.lines
     marker = next((i for i, line in enumerate(lines) if line.strip().lower() == "motion"), None)
-    bvh = BvhText(joints=_hierarchy(_Tokens(lines[:marker], path)))
+    bvh = BvhText(joints=_hierarchy(_Tokens(lines[:marker], source)))
     if marker is None:
-        raise CaptureError(
-            path, expected="MOTION", found="the end of the file", where=f"line {len(lines)}",
+        raise source.error(
+            expected="MOTION", found="the end of the file", where=f"line {len(lines)}",
             advice="the file is cut off there",
         )  # fmt: skip
-    rows = [Row(number, line) for number, line in enumerate(lines[marker + 1 :], marker + 2) if line.strip()]
-    frames, bvh.frame_time = _declared(rows, path)
+    frames, bvh.frame_time, start = _declared(source, marker + 1)
     width = sum(len(joint.channels) for joint in bvh.joints)
     if width == 0:
-        raise CaptureError(path, expected="a joint with CHANNELS", found="none")
+        raise source.error(expected="a joint with CHANNELS", found="none")
     if frames * len(bvh.joints) > MAX_JOINT_FRAMES:
-        raise CaptureError(
-            path,
+        raise source.error(
             expected=f"at most {MAX_JOINT_FRAMES} joints times frames",
             found=f"{len(bvh.joints)} joints in {frames} frames",
-            where=f"line {rows[0].number}",
+            where=f"line {marker + 2}",
         )
-    if frames != len(rows) - 2:
-        cut = "the file is cut off" if frames > len(rows) - 2 else "correct the line Frames:"
-        raise CaptureError(
-            path, expected=f"{frames} frames as declared", found=f"{len(rows) - 2}", advice=cut,
-            where=f"line {rows[-1].number}",
+    there = sum(1 for line in lines[start:] if line.strip())
+    if frames != there:
+        raise source.error(
+            expected=f"{frames} frames as declared", found=f"{there}",
+            advice="the file is cut off" if frames > there else "correct the line Frames:",
+            where=f"line {len(lines)}",
         )  # fmt: skip
-    bvh.motion = parse_rows(rows[2:], width, path)
+    table = parse_table(source, start=start, width=width)
+    bvh.motion = table.values
     wrong = ~(np.abs(bvh.motion) < LARGEST)  # NaN too
     if wrong.any():
         frame, channel = (int(k) for k in np.argwhere(wrong)[0])
-        raise CaptureError(
-            path, expected="finite numbers", found=f"{bvh.motion[frame, channel]} in channel {channel + 1}",
-            where=f"line {rows[2 + frame].number}, frame {frame}",
+        raise source.error(
+            expected="finite numbers", found=f"{bvh.motion[frame, channel]} in channel {channel + 1}",
+            where=f"line {table.line(frame)}, frame {frame}",
         )  # fmt: skip
     return bvh
 
 
-def _declared(rows: list[Row], path: Path) -> tuple[int, float]:
-    """Number of frames and seconds a frame, from the two lines below MOTION."""
+def _declared(source: Source, start: int) -> tuple[int, float, int]:
+    """Number of frames and seconds a frame, from the two lines below MOTION; and where the motion starts."""
+    filled = [(k, line) for k, line in enumerate(source.lines[start : start + 64], start) if line.strip()][:2]
     found: list[str] = []
     for position, key in enumerate(("frames", "frame time")):
-        row = rows[position] if position < len(rows) else Row(rows[-1].number if rows else 0, "")
-        name, _, value = row.text.partition(":")
+        number, line = filled[position] if position < len(filled) else (len(source.lines) - 1, "")
+        name, _, value = line.partition(":")
         if " ".join(name.lower().split()) != key:
-            shown = repr(row.text.strip()[:40]) if row.text else "the end of the file"
-            raise CaptureError(
-                path, expected=f"{key.title()}: and a number", found=shown,
-                where=f"line {row.number}" if row.number else None,
-            )  # fmt: skip
+            shown = repr(line.strip()[:40]) if line else "the end of the file"
+            raise source.error(
+                expected=f"{key.title()}: and a number", found=shown, where=f"line {number + 1}"
+            )
         found.append(value.strip())
     if not (found[0].isascii() and found[0].isdigit() and len(found[0]) < 12 and int(found[0]) > 0):
-        raise CaptureError(
-            path,
-            expected="a number of frames above 0",
-            found=repr(found[0][:40]),
-            where=f"line {rows[0].number}",
+        raise source.error(
+            expected="a number of frames above 0", found=repr(found[0][:40]), where=f"line {filled[0][0] + 1}"
         )
     try:
         seconds = float(found[1])
     except ValueError:
         seconds = math.nan
     if not 1e-4 <= seconds <= 1.0:
-        raise CaptureError(
-            path, expected="a frame time of 0.0001 to 1 s", found=repr(found[1][:40]),
-            where=f"line {rows[1].number}",
-        )  # fmt: skip
-    return int(found[0]), seconds
+        raise source.error(
+            expected="a frame time of 0.0001 to 1 s",
+            found=repr(found[1][:40]),
+            where=f"line {filled[1][0] + 1}",
+        )
+    return int(found[0]), seconds, filled[1][0] + 1
 
 
 def _hierarchy(tokens: _Tokens) -> list[Joint]:
@@ -188,8 +183,7 @@ def _hierarchy(tokens: _Tokens) -> list[Joint]:
         if not name:
             raise tokens.error(token, "a joint's name")
         if len(open_joints) >= MAX_DEPTH or len(joints) >= MAX_JOINTS:
-            raise CaptureError(
-                tokens.path,
+            raise tokens.source.error(
                 expected=f"at most {MAX_JOINTS} joints, nested at most {MAX_DEPTH} deep",
                 found="more",
                 where=f"line {token.line}",

@@ -1,61 +1,123 @@
-"""Lines of numbers to an array, fast, with the line of the first mistake in the error."""
+"""Lines of numbers to an array, fast, with the line of the first mistake in the error.
+
+numpy's own C parser (`loadtxt`) does the work; only a table that it refuses is looked at line by line.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from pathlib import Path
-from typing import NamedTuple
+from dataclasses import dataclass
+from typing import NoReturn
 
 import numpy as np
 from numpy.typing import NDArray
 
+from kinemimic.pipeline.captures.source import Source
 from kinemimic.pipeline.errors import CaptureError
 
 Array = NDArray[np.float64]
 
-# Lines are converted so many at a time: a token takes ten times the memory of its number.
-_CHUNK = 4096
+
+@dataclass(frozen=True)
+class Table:
+    """values: (rows, columns); dropped: lines that were left out because they have another width."""
+
+    values: Array
+    lines: Sequence[str]
+    first: int
+    dropped: int = 0
+    kept: NDArray[np.intp] | None = None
+
+    def line(self, row: int) -> int:
+        """The number in the file, from 1, of the line that row stands on."""
+        filled = [k for k, line in enumerate(self.lines) if line.strip()]
+        return self.first + filled[row if self.kept is None else int(self.kept[row])]
 
 
-class Row(NamedTuple):
-    """A line of the file: its number, counted from 1, and its text."""
+def parse_table(
+    source: Source,
+    *,
+    start: int = 0,
+    stop: int | None = None,
+    width: int | None = None,
+    separator: str | None = None,
+    drop_others: bool = False,
+) -> Table:
+    """The numbers of source.lines[start:stop], blank lines skipped; NaN and infinities pass.
 
-    number: int
-    text: str
-
-
-def parse_rows(rows: Sequence[Row], width: int, path: Path) -> Array:
-    """Numbers (rows, width); CaptureError names the first line with another count or with no number.
-
-    NaN and infinities pass; the caller knows what they mean.
+    width: the numbers each line must have (by default as many as the first); separator: None for any white
+    space, else one character. drop_others: lines of another width are left out and counted (a recorder that
+    writes short lines while nobody is there), instead of an error.
+    CaptureError names the first line with another count or with something that is no number, and says if the
+    file has no such line at all.
     """
-    values = np.empty((len(rows), width))
-    for start in range(0, len(rows), _CHUNK):
-        chunk = rows[start : start + _CHUNK]
-        tokens = [row.text.split() for row in chunk]
-        for row, fields in zip(chunk, tokens, strict=True):
-            if len(fields) != width:
-                last = start + _CHUNK >= len(rows) and row is chunk[-1] and len(fields) < width
-                raise CaptureError(
-                    path,
-                    expected=f"{width} numbers",
-                    found=f"{len(fields)}",
-                    where=f"line {row.number}",
-                    advice="the file is cut off there" if last else None,
-                )
-        try:
-            values[start : start + len(chunk)] = np.array(tokens, dtype=np.float64)
-        except ValueError:
-            _complain(chunk, tokens, path)
-    return values
+    lines = source.lines[start:stop]
+    first = next((line for line in lines if line.strip()), None)
+    if first is None:
+        raise source.error(expected="lines of numbers", found="none", where=f"line {start + 1}")
+    wanted = len(_fields(first, separator)) if width is None else width
+    if not drop_others and len(_fields(first, separator)) != wanted:
+        _complain(source, lines, start, wanted, separator)
+    try:
+        values = _parse(lines, separator)
+        if values.shape[1] == wanted:
+            return Table(values, lines, start + 1)
+    except ValueError:
+        pass
+    if not drop_others:
+        _complain(source, lines, start, wanted, separator)
+    filled = [line for line in lines if line.strip()]
+    kept = [row for row, line in enumerate(filled) if len(_fields(line, separator)) == wanted]
+    if not kept:
+        raise source.error(expected=f"lines of {wanted} numbers", found="none of that length")
+    chosen = [filled[row] for row in kept]
+    try:
+        values = _parse(chosen, separator)
+    except ValueError:
+        _complain(source, lines, start, wanted, separator, drop_others=True)
+    return Table(values, lines, start + 1, len(filled) - len(kept), np.array(kept))
 
 
-def _complain(rows: Sequence[Row], tokens: Sequence[Sequence[str]], path: Path) -> None:
-    for row, fields in zip(rows, tokens, strict=True):
+def _parse(lines: Sequence[str], separator: str | None) -> Array:
+    return np.loadtxt(lines, dtype=np.float64, delimiter=separator, comments=None, ndmin=2)
+
+
+def _fields(line: str, separator: str | None) -> list[str]:
+    return line.split(separator)
+
+
+def _complain(
+    source: Source,
+    lines: Sequence[str],
+    start: int,
+    width: int,
+    separator: str | None,
+    *,
+    drop_others: bool = False,
+) -> NoReturn:
+    last = max(k for k, line in enumerate(lines) if line.strip())
+    for k, line in enumerate(lines):
+        fields = _fields(line, separator) if line.strip() else []
+        if not fields or (drop_others and len(fields) != width):
+            continue
+        where = f"line {start + k + 1}"
+        if len(fields) != width:
+            raise source.error(
+                expected=f"{width} numbers",
+                found=f"{len(fields)}",
+                where=where,
+                advice="the file is cut off there" if k == last and len(fields) < width else None,
+            )
         for field in fields:
-            try:
-                float(field)
-            except ValueError:
-                raise CaptureError(
-                    path, expected="a number", found=f"{field[:40]!r}", where=f"line {row.number}"
-                ) from None
+            if not _is_number(field):
+                raise source.error(expected="a number", found=f"{field.strip()[:40]!r}", where=where)
+    raise CaptureError(source.path, expected=f"lines of {width} numbers", found="something else")
+
+
+def _is_number(field: str) -> bool:
+    try:
+        float(field)
+    except ValueError:
+        return False
+    # Python takes "1_000"; a file of numbers has no such thing.
+    return "_" not in field

@@ -2,67 +2,92 @@
 
 from __future__ import annotations
 
-import hashlib
+import importlib
+import re
+from collections.abc import Iterable
 from dataclasses import replace
 from pathlib import Path
+from typing import cast
 
-from kinemimic.pipeline.captures import bvh, nui_skl
+from kinemimic.pipeline.captures.format import Format, Reader
+from kinemimic.pipeline.captures.source import Source
 from kinemimic.pipeline.clip import Clip
 from kinemimic.pipeline.errors import CaptureError
 
-READERS = (nui_skl, bvh)
-EXPECTED = " or ".join(reader.FORMAT for reader in READERS)
-# Larger than any capture of a person; guards the memory against a file that is none.
-MAX_BYTES = 512 * 2**20
+# Asked in this sequence: formats with a header or a keyword first, tables of bare numbers last.
+_MODULES: tuple[str, ...] = (
+    "nui_skl",
+    "bvh",
+)
+_NUMBERS = re.compile(r"[\s,;]+")
+
+
+def readers() -> tuple[Reader, ...]:
+    """Every reader, in the sequence in which they are asked."""
+    return tuple(
+        cast(Reader, importlib.import_module(f"kinemimic.pipeline.captures.{name}")) for name in _MODULES
+    )
+
+
+def formats() -> tuple[Format, ...]:
+    """What can be read."""
+    return tuple(reader.FORMAT for reader in readers())
 
 
 def read(path: Path) -> Clip:
     """The capture in a file, as recorded: in our units and axes, one pass, nothing filled or filtered.
 
-    provenance holds source (the file's name), format, sha256 and what the reader found ("reading").
+    provenance holds source (the file's name), format, sha256, companions (files beside it that belong to it:
+    name -> SHA-256) and what the reader found ("reading").
     Raises CaptureError for anything that is not a whole capture in one of the formats.
     """
-    content = _bytes(path)
-    text = _text(content, path)
-    for reader in READERS:
-        if reader.recognises(text):
-            clip: Clip = reader.read(text, path)
-            source = {"source": path.name, "sha256": hashlib.sha256(content).hexdigest()}
-            return replace(clip, provenance={**source, **clip.provenance})
-    start = " ".join(text.split(maxsplit=6)[:6])[:60]
-    raise CaptureError(path, expected=EXPECTED, found=f"text that begins {start!r}")
+    return read_source(Source.open(path))
 
 
-def _bytes(path: Path) -> bytes:
+def read_source(source: Source) -> Clip:
+    """`read` of content that is in memory."""
+    reader = reader_of(source)
+    clip = reader.read(source)
+    made = {"source": source.path.name, "sha256": source.sha256, "companions": dict(source.companions)}
+    return replace(clip, provenance={**made, **clip.provenance})
+
+
+def reader_of(source: Source) -> Reader:
+    """The first reader that recognises the content; CaptureError with the candidates if none does."""
+    asked = readers()
+    for reader in asked:
+        if reader.FORMAT.binary != source.is_text and reader.recognises(source):
+            return reader
+    raise _unknown(source, [reader.FORMAT for reader in asked])
+
+
+def _unknown(source: Source, known: Iterable[Format]) -> CaptureError:
+    if not source.is_text:
+        return source.error(
+            expected="a capture", found="a binary file of no known format",
+            advice="`kinemimic formats` lists what is read",
+        )  # fmt: skip
+    widths = [len(fields) for line in source.head[:32] if (fields := _numbers(line))]
+    if widths and len(widths) >= 0.9 * len(source.head[:32]):
+        width = max(set(widths), key=widths.count)
+        candidates = [format.name for format in known if width in format.columns]
+        names = ", ".join(candidates) if candidates else "none"
+        return source.error(
+            expected="a capture",
+            found=f"a table of {width} numbers a line without a mark; formats of that width: {names}",
+            advice="put its header back, or describe its columns (`kinemimic inspect --suggest` drafts that)",
+        )
+    start = " ".join(" ".join(source.head[:3]).split(maxsplit=6)[:6])[:60]
+    return source.error(
+        expected="a capture",
+        found=f"text that begins {start!r}",
+        advice="`kinemimic formats` lists what is read",
+    )
+
+
+def _numbers(line: str) -> list[float]:
+    """The numbers of a line that holds nothing else, else an empty list."""
     try:
-        if path.is_dir():
-            raise CaptureError(path, expected=f"a capture file ({EXPECTED})", found="a folder")
-        size = path.stat().st_size
-        if size > MAX_BYTES:
-            raise CaptureError(
-                path, expected=f"a capture of at most {MAX_BYTES >> 20} MiB", found=f"{size >> 20} MiB"
-            )
-        content = path.read_bytes()
-    except FileNotFoundError:
-        raise CaptureError(path, expected=f"a capture file ({EXPECTED})", found="no file") from None
-    except OSError as error:
-        raise CaptureError(
-            path, expected="a readable file", found=(error.strerror or "an error").lower()
-        ) from None
-    if not content.strip():
-        raise CaptureError(path, expected=EXPECTED, found="an empty file")
-    return content
-
-
-def _text(content: bytes, path: Path) -> str:
-    # Text in any encoding that these recorders write has no NUL and hardly a control character.
-    head = content[:65536]
-    controls = sum(head.count(byte) for byte in range(32) if byte not in b"\t\n\r\f\x1a")
-    if 0 in head or controls > 0.01 * len(head):
-        raise CaptureError(path, expected=EXPECTED, found="a binary file")
-    try:
-        text = content.decode("utf-8-sig")
-    except UnicodeDecodeError:
-        # Only joint names can hold more than ASCII; every byte is some character of Latin-1.
-        text = content.decode("latin-1")
-    return text.replace("\r\n", "\n").replace("\r", "\n").rstrip("\x1a")
+        return [float(field) for field in _NUMBERS.split(line.strip().strip(",;")) if field]
+    except ValueError:
+        return []

@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 from kinemimic.pipeline.captures import bvh as reader
+from kinemimic.pipeline.captures.source import Source
 from kinemimic.pipeline.clip import Clip
 from kinemimic.pipeline.errors import KinemimicError
 from kinemimic.pipeline.nodes import joints_of_nodes, normalised, to_nodes
@@ -89,7 +90,7 @@ def test_the_nodes_themselves(node_clip: Build) -> None:
 
 
 def test_what_is_derived(bvh: Text) -> None:
-    clip = reader.read(bvh(), PATH)  # no clavicles, no fingers
+    clip = reader.read(Source.of_text(bvh(), PATH))  # no clavicles, no fingers
     positions, states = to_nodes(clip)
 
     def at(node: str) -> np.ndarray:
@@ -104,7 +105,7 @@ def test_what_is_derived(bvh: Text) -> None:
 
 
 def test_without_a_neck_the_shoulders_give_their_centre(bvh: Text) -> None:
-    clip = reader.read(bvh().replace("JOINT Neck", "JOINT Throat"), PATH)
+    clip = reader.read(Source.of_text(bvh().replace("JOINT Neck", "JOINT Throat"), PATH))
     positions, states = to_nodes(clip)
     arms = [clip.positions[:, clip.skeleton.index(f"{side}Arm")] for side in ("Left", "Right")]
     assert np.allclose(positions[:, NODE_INDEX["shoulder_center"]], 0.5 * (arms[0] + arms[1]))
@@ -132,7 +133,7 @@ def test_lengths_of_no_human_are_refused(node_clip: Build) -> None:
 @pytest.mark.parametrize("folder", ["cmu_bvh", "shum_gait_bvh", "bandai_bvh_ccbync", "kinect2_brekel_bvh"])
 def test_real_bodies_have_human_bones(captures: Path, folder: str) -> None:
     for path in sorted((captures / folder).glob("*.bvh")):
-        positions, states = to_nodes(reader.read(path.read_text(encoding="utf-8"), path))
+        positions, states = to_nodes(reader.read(Source.open(path)))
         assert (states > 0).all()
         for start, end in BONES:
             bone = np.linalg.norm(positions[:, NODE_INDEX[end]] - positions[:, NODE_INDEX[start]], axis=-1)

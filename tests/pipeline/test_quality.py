@@ -13,13 +13,14 @@ from rich.console import Console
 from kinemimic.pipeline.acquire import acquire, in_passes
 from kinemimic.pipeline.clean import clean
 from kinemimic.pipeline.clip import Clip
+from kinemimic.pipeline.defect import Defect
 from kinemimic.pipeline.quality import quality, table
 from kinemimic.pipeline.skeleton import NODE_INDEX
 
 Build = Callable[..., Clip]
 READING = {
-    "units": "m", "units_rule": "the format's", "dropped_repeated_times": 3, "dropped_calibration_frames": 0,
-    "notes": [],
+    "units": "m", "units_rule": "the format's", "notes": [],
+    "defects": [Defect("duplicate_frames", 3, "frames", "repaired", "3 lines dropped").to_json()],
 }  # fmt: skip
 
 
@@ -43,7 +44,7 @@ def test_counts(clip: Clip) -> None:
     report = quality(raw, acquisition, cleaning)
     assert report["frames"] == report["frames_in_passes"] == 100
     assert report["complete_frames"] == 75
-    assert report["dropped"]["repeated_times"] == 3
+    assert [(d["rule"], d["count"]) for d in report["defects"]] == [("duplicate_frames", 3)]
     head, hand = report["joints"]["head"], report["joints"]["hand_left"]
     assert (head["tracked"], head["inferred"], head["lost"], head["filled"]) == (0.9, 0.1, 0.0, 0.0)
     assert (hand["tracked"], hand["inferred"], hand["lost"], hand["filled"]) == (0.75, 0.0, 0.25, 0.05)

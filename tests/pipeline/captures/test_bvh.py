@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from kinemimic.pipeline.captures import bvh as reader
 from kinemimic.pipeline.captures.bvh_text import MAX_DEPTH, parse
+from kinemimic.pipeline.captures.source import Source
 from kinemimic.pipeline.captures.units import metres_per_unit
 from kinemimic.pipeline.errors import CaptureError
 from kinemimic.pipeline.rotations import from_euler, to_matrix
@@ -35,7 +36,7 @@ def test_kinematics_by_hand(bvh: Text) -> None:
     motion[1, 3:6] = [10, 20, 30]  # root Z Y X
     motion[1, 27:30] = [-40, 50, 60]  # left thigh Z X Y
     motion[1, 30:33] = [70, -15, 25]  # left knee X Y Z
-    clip = reader.read(bvh(motion=motion), PATH)
+    clip = reader.read(Source.of_text(bvh(motion=motion), PATH))
     root = turn("Z", 10) @ turn("Y", 20) @ turn("X", 30)
     thigh = root @ turn("Z", -40) @ turn("X", 50) @ turn("Y", 60)
     shank = thigh @ turn("X", 70) @ turn("Y", -15) @ turn("Z", 25)
@@ -49,7 +50,7 @@ def test_kinematics_by_hand(bvh: Text) -> None:
 
 
 def test_orders_channels_and_clock(bvh: Text) -> None:
-    clip = reader.read(bvh(), PATH)
+    clip = reader.read(Source.of_text(bvh(), PATH))
     orders = dict(zip(clip.skeleton.names, clip.orders or (), strict=True))
     assert orders["Hips"] == "ZYX"
     assert orders["LeftForeArm"] == "YZX"
@@ -68,7 +69,7 @@ def test_any_order_of_three_channels(bvh: Text, order: str) -> None:
         "LeftUpLeg { OFFSET 9 -8 0 CHANNELS 3 Zrotation Xrotation Yrotation",
         "LeftUpLeg { OFFSET 9 -8 0 CHANNELS 3 " + names,
     )
-    clip = reader.read(text, PATH)
+    clip = reader.read(Source.of_text(text, PATH))
     joint = clip.skeleton.index("LeftUpLeg")
     assert clip.euler is not None and clip.orders is not None
     assert clip.orders[joint] == order
@@ -88,7 +89,7 @@ def test_position_channels_replace_the_offset(bvh: Text) -> None:
     head, rows = text.split("0.0333333\n")
     lines = [row.split() for row in rows.strip().split("\n")]
     longer = [" ".join([*row[:27], "11", "-7", "1", *row[27:]]) for row in lines]
-    clip = reader.read(head + "0.0333333\n" + "\n".join(longer), PATH)
+    clip = reader.read(Source.of_text(head + "0.0333333\n" + "\n".join(longer), PATH))
     hips, thigh = (clip.positions[:, clip.skeleton.index(name)] for name in ("Hips", "LeftUpLeg"))
     assert np.linalg.norm(thigh - hips, axis=-1) == pytest.approx(0.01 * np.sqrt(121 + 49 + 1))
 
@@ -105,7 +106,10 @@ def test_position_channels_replace_the_offset(bvh: Text) -> None:
     ],
 )
 def test_spelling_does_not_matter(bvh: Text, change: Callable[[str], str]) -> None:
-    assert np.array_equal(reader.read(change(bvh()), PATH).positions, reader.read(bvh(), PATH).positions)
+    assert np.array_equal(
+        reader.read(Source.of_text(change(bvh()), PATH)).positions,
+        reader.read(Source.of_text(bvh(), PATH)).positions,
+    )
 
 
 @pytest.mark.parametrize(
@@ -142,19 +146,20 @@ def t_pose_before(frames: int, leading: int) -> Array:
 
 @pytest.mark.parametrize("leading", [1, 2])
 def test_calibration_pose_is_dropped_and_told(bvh: Text, leading: int) -> None:
-    clip = reader.read(bvh(motion=t_pose_before(60, leading)), PATH)
+    clip = reader.read(Source.of_text(bvh(motion=t_pose_before(60, leading)), PATH))
     assert len(clip.times) == 60 - leading
     assert clip.times[0] == pytest.approx(leading * 0.0333333)
     reading = clip.provenance["reading"]
-    assert reading["dropped_calibration_frames"] == leading
-    assert "calibration pose" in reading["notes"][0]
+    (defect,) = reading["defects"]
+    assert (defect["rule"], defect["action"], defect["count"]) == ("calibration_frames", "repaired", leading)
+    assert "calibration pose" in defect["text"]
 
 
 def test_a_motion_in_whole_degrees_or_starting_at_rest_keeps_its_first_frame(bvh: Text) -> None:
     for motion in (np.round(t_pose_before(60, 0)), t_pose_before(60, 0) * np.linspace(0, 1, 60)[:, None]):
-        clip = reader.read(bvh(motion=motion), PATH)
+        clip = reader.read(Source.of_text(bvh(motion=motion), PATH))
         assert len(clip.times) == 60
-        assert clip.provenance["reading"]["notes"] == []
+        assert clip.provenance["reading"]["defects"] == []
 
 
 @pytest.mark.parametrize(
@@ -167,7 +172,7 @@ def test_a_motion_in_whole_degrees_or_starting_at_rest_keeps_its_first_frame(bvh
         (lambda t: t[: t.index("MOTION")], "expected MOTION, found the end of the file"),
         (
             lambda t: t[: t.index("Frame Time")],
-            "line 23: expected Frame Time: and a number, found the end of",
+            "line 24: expected Frame Time: and a number, found the end of",
         ),
         (
             lambda t: "\n".join(t.split("\n")[:40]),
@@ -203,7 +208,7 @@ def test_a_motion_in_whole_degrees_or_starting_at_rest_keeps_its_first_frame(bvh
 )
 def test_mistakes_are_named_with_their_line(bvh: Text, change: Callable[[str], str], message: str) -> None:
     with pytest.raises(CaptureError, match=message) as caught:
-        reader.read(change(bvh()), PATH)
+        reader.read(Source.of_text(change(bvh()), PATH))
     assert "\n" not in str(caught.value)
 
 
@@ -213,26 +218,28 @@ def test_no_number_in_the_motion(bvh: Text, word: str) -> None:
     fields = lines[30].split()
     lines[30] = " ".join([*fields[:4], word, *fields[5:]])
     with pytest.raises(CaptureError, match="line 31"):
-        reader.read("\n".join(lines), PATH)
+        reader.read(Source.of_text("\n".join(lines), PATH))
 
 
 def test_deep_nesting_is_refused_without_exhausting_the_stack() -> None:
     deep = "HIERARCHY\nROOT r {" + "JOINT a {" * 50_000
     with pytest.raises(CaptureError, match=f"nested at most {MAX_DEPTH} deep"):
-        parse(deep, PATH)
+        parse(Source.of_text(deep, PATH))
 
 
 def test_names_that_repeat_are_told_apart(bvh: Text) -> None:
     text = bvh().replace("OFFSET 0 -4 12 }", "OFFSET 0 -4 12 } End Site { OFFSET 0 -4 9 }", 1)
-    names = reader.read(text, PATH).skeleton.names
+    names = reader.read(Source.of_text(text, PATH)).skeleton.names
     assert {"LeftFoot_end", "LeftFoot_end_2"} <= set(names)
 
 
 def test_cmu_drops_its_t_pose(captures: Path) -> None:
     for path in sorted((captures / "cmu_bvh").glob("*.bvh")):
-        clip = reader.read(path.read_text(encoding="utf-8"), path)
+        clip = reader.read(Source.open(path))
         # 07_12 was recorded with a second such pose, all zero.
-        assert clip.provenance["reading"]["dropped_calibration_frames"] == (2 if path.stem == "07_12" else 1)
+        assert [d["count"] for d in clip.provenance["reading"]["defects"]] == [
+            2 if path.stem == "07_12" else 1
+        ]
         assert clip.provenance["reading"]["units"].startswith("CMU")
         knee, ankle = (clip.skeleton.index(f"Left{joint}") for joint in ("Leg", "Foot"))
         shank = np.linalg.norm(clip.positions[:, ankle] - clip.positions[:, knee], axis=-1)
@@ -242,7 +249,7 @@ def test_cmu_drops_its_t_pose(captures: Path) -> None:
 
 def test_kinect_exporters_positions_replace_offsets(captures: Path) -> None:
     path = captures / "kinect2_brekel_bvh" / "motion1_v.bvh"
-    clip = reader.read(path.read_text(encoding="utf-8"), path)
+    clip = reader.read(Source.open(path))
     hip, knee = (clip.positions[:, clip.skeleton.index(name)] for name in ("LeftUpLeg", "LeftLeg"))
     assert np.linalg.norm(knee - hip, axis=-1).mean() == pytest.approx(0.315, abs=0.01)
 
@@ -250,8 +257,8 @@ def test_kinect_exporters_positions_replace_offsets(captures: Path) -> None:
 @pytest.mark.parametrize("folder", ["shum_gait_bvh", "bandai_bvh_ccbync"])
 def test_other_real_libraries(captures: Path, folder: str) -> None:
     for path in sorted((captures / folder).glob("*.bvh")):
-        clip = reader.read(path.read_text(encoding="utf-8"), path)
+        clip = reader.read(Source.open(path))
         assert clip.provenance["reading"]["units"] == "cm"
-        assert clip.provenance["reading"]["dropped_calibration_frames"] == 0
+        assert clip.provenance["reading"]["defects"] == []
         height = np.median(np.ptp(clip.positions[..., 2], axis=1))
         assert 1.2 < height < 1.9

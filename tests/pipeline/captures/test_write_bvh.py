@@ -9,6 +9,7 @@ import pytest
 
 from kinemimic.pipeline.captures import bvh
 from kinemimic.pipeline.captures.deepmimic import offsets
+from kinemimic.pipeline.captures.source import Source
 from kinemimic.pipeline.captures.write_bvh import BVH_ORDERS, file_angles, hierarchy_sequence, write_bvh
 from kinemimic.pipeline.clip import forward_kinematics
 from kinemimic.pipeline.rotations import from_axis_angle, from_rotvec
@@ -25,7 +26,7 @@ def test_joints_come_back_where_they_were_in_every_order(tmp_path: Path, order: 
     expected, _ = forward_kinematics(skeleton, translations, rotations)
     path = tmp_path / "a.bvh"
     write_bvh(path, skeleton, root, rotations, frame_time=0.025, order=order)
-    clip = bvh.read(path.read_text(), path)
+    clip = bvh.read(Source.open(path))
     index = [clip.skeleton.index(node) for node in NODES]
     np.testing.assert_allclose(clip.positions[:, index], expected, atol=1e-6)
     np.testing.assert_allclose(clip.times, 0.025 * np.arange(8))

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from kinemimic.pipeline.captures import nui_skl
+from kinemimic.pipeline.captures.source import Source
 from kinemimic.pipeline.captures.write_skl import write_skl
 from kinemimic.pipeline.skeleton import MISSING, TRACKED
 
@@ -23,7 +24,7 @@ def test_what_is_written_is_read_back(tmp_path: Path, numbered: bool) -> None:
     path = tmp_path / "a.skl"
     numbers = np.array([7, 8, 9, 11, 12]) if numbered else None
     write_skl(path, np.array([1000, 1032, 1068, 1132, 1168]), positions, states, PLANE, frame_numbers=numbers)
-    clip = nui_skl.read(path.read_bytes().decode(), path)
+    clip = nui_skl.read(Source.open(path))
     np.testing.assert_allclose(clip.positions, positions, atol=1e-12)
     np.testing.assert_array_equal(clip.states, states)
     np.testing.assert_allclose(clip.times, [1.0, 1.032, 1.068, 1.132, 1.168])

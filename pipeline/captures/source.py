@@ -1,0 +1,145 @@
+"""The content of a capture file: bounded, decompressed, decoded, with the files that belong to it."""
+
+from __future__ import annotations
+
+import hashlib
+import zlib
+from collections.abc import Sequence
+from functools import cached_property
+from pathlib import Path
+
+from kinemimic.pipeline.errors import CaptureError
+
+# Larger than any capture of a person; guards the memory against a file that is none.
+MAX_BYTES = 512 * 2**20
+_HEAD = 65536
+_CHUNK = 2**20
+
+
+class Source:
+    """A file's content.
+
+    path: where it came from, for messages and for its companions; content: bytes, decompressed;
+    sha256: of the file's own bytes; companions: name -> SHA-256 of the files beside it that were read.
+    """
+
+    def __init__(self, path: Path, content: bytes, sha256: str) -> None:
+        self.path = path
+        self.content = content
+        self.sha256 = sha256
+        self.companions: dict[str, str] = {}
+
+    @classmethod
+    def open(cls, path: Path) -> Source:
+        """Read a file; gzip is recognised by its content. CaptureError if that cannot be done."""
+        try:
+            if path.is_dir():
+                raise CaptureError(path, expected="a capture file", found="a folder")
+            size = path.stat().st_size
+            if size > MAX_BYTES:
+                raise _too_large(path, f"{size >> 20} MiB")
+            if not path.is_file():
+                raise CaptureError(path, expected="a capture file", found="a device or pipe")
+            packed = path.read_bytes()
+        except FileNotFoundError:
+            raise CaptureError(path, expected="a capture file", found="no file") from None
+        except OSError as error:
+            raise CaptureError(
+                path, expected="a readable file", found=(error.strerror or "an error").lower()
+            ) from None
+        content = _unpacked(packed, path) if packed[:2] == b"\x1f\x8b" else packed
+        if not content.strip():
+            raise CaptureError(path, expected="a capture", found="an empty file")
+        return cls(path, content, hashlib.sha256(packed).hexdigest())
+
+    @classmethod
+    def of_text(cls, text: str, path: Path) -> Source:
+        """A source from text that is in memory already."""
+        content = text.encode()
+        return cls(path, content, hashlib.sha256(content).hexdigest())
+
+    @cached_property
+    def is_text(self) -> bool:
+        """Text in any encoding that recorders write has no NUL and hardly a control character."""
+        head = self.content[:_HEAD]
+        controls = len(head) - len(
+            head.translate(None, bytes(b for b in range(32) if b not in b"\t\n\r\f\x1a"))
+        )
+        return 0 not in head and controls <= 0.01 * len(head)
+
+    @cached_property
+    def text(self) -> str:
+        """The text, lines ended by a line feed. Only names can hold more than ASCII, and every byte is some
+        character of Latin-1, so that decoding never fails."""
+        return _decoded(self.content)
+
+    @cached_property
+    def lines(self) -> Sequence[str]:
+        """The lines of the text: line 1 of the file is lines[0]."""
+        return self.text.split("\n")
+
+    @cached_property
+    def head(self) -> tuple[str, ...]:
+        """The first lines that are not blank, at most 64, of the first 64 KiB; the last may be cut off."""
+        lines = (line for line in _decoded(self.content[:_HEAD]).split("\n") if line.strip())
+        return tuple(line for line, _ in zip(lines, range(64), strict=False))
+
+    def beside(self, name: str) -> Source | None:
+        """A file of that name in the same folder, or None; it then is a companion of this capture."""
+        path = self.path.with_name(name)
+        if not path.is_file():
+            return None
+        companion = Source.open(path)
+        self.companions[name] = companion.sha256
+        return companion
+
+    def error(
+        self, *, expected: str, found: str, where: str | None = None, advice: str | None = None
+    ) -> CaptureError:
+        """A CaptureError about this file."""
+        return CaptureError(self.path, expected=expected, found=found, where=where, advice=advice)
+
+
+def _decoded(content: bytes) -> str:
+    try:
+        text = content.decode("utf-8-sig")
+    except UnicodeDecodeError:
+        text = content.decode("latin-1")
+    if "\r" in text:
+        text = text.replace("\r\n", "\n").replace("\r", "\n")
+    return text.rstrip("\x1a")
+
+
+def _unpacked(packed: bytes, path: Path) -> bytes:
+    """gzip's content, read piece by piece, so that a bomb is noticed before it fills the memory."""
+    pieces: list[bytes] = []
+    total = 0
+    stream = zlib.decompressobj(wbits=31)
+    try:
+        data = packed
+        while data or not stream.eof:
+            piece = stream.decompress(data, _CHUNK)
+            pieces.append(piece)
+            total += len(piece)
+            if total > MAX_BYTES:
+                raise _too_large(path, "more, unpacked")
+            data = stream.unconsumed_tail
+            if stream.eof:
+                data = stream.unused_data
+                if not data.startswith(b"\x1f\x8b"):
+                    break
+                stream = zlib.decompressobj(wbits=31)
+            elif not data and not piece:
+                raise CaptureError(
+                    path,
+                    expected="a whole gzip file",
+                    found="its end too early",
+                    advice="the file is cut off",
+                )
+    except zlib.error:
+        raise CaptureError(path, expected="a gzip file", found="damaged data") from None
+    return b"".join(pieces)
+
+
+def _too_large(path: Path, found: str) -> CaptureError:
+    return CaptureError(path, expected=f"a capture of at most {MAX_BYTES >> 20} MiB", found=found)
