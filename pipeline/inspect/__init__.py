@@ -1,0 +1,1 @@
+"""`kinemimic inspect`: what a capture is, how good it is, and what will be done to it."""
