@@ -1,1 +1,1 @@
-"""The rules that find a capture's defects, and repair what can be repaired: one file for what belongs together."""
+"""The rules that find a capture's defects, and repair what can be repaired: one file per kind."""

@@ -17,7 +17,7 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Walk:
-    """times: (T,) seconds; joints: (T, 20, 3) metres of the nodes, Z up, walking along +X; angles: radians."""
+    """times: (T,) seconds; joints: (T, 20, 3) metres of the nodes, Z up, along +X; angles: radians."""
 
     times: Array
     joints: Array
@@ -53,5 +53,5 @@ def kinect_v2_joints(walk: Walk) -> Array:
     order.append("shoulder_center")
     for side in ("left", "right"):
         wrist, hand = p[f"wrist_{side}"], p[f"hand_{side}"]
-        order += [hand + 0.9 * (hand - wrist), hand + [0.05, 0.0, 0.0]]
+        order += [hand + 0.9 * (hand - wrist), hand + np.array([0.05, 0.0, 0.0])]
     return np.stack([p[joint] if isinstance(joint, str) else joint for joint in order], axis=1)
