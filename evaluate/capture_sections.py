@@ -9,7 +9,7 @@ from collections.abc import Mapping
 from html import escape
 from typing import Any
 
-from kinemimic.evaluate.html import number, table
+from kinemimic.pipeline.html import number, table
 
 _SHOWN_FRAMES = 3
 _GAIT: tuple[tuple[str, str, str, int], ...] = (

@@ -1,92 +1,33 @@
 """The report's figures: each a function that draws what a rollout did, with labelled axes and units.
 
-A figure is drawn twice, for a page and for a phone, instead of being shrunk until nobody can read it. What
-one sees in it is said once, in the caption beside the drawing in `report.py`.
+What one sees in a figure is said once, in the caption beside the drawing in `report.py`.
 """
 
 from __future__ import annotations
 
-import base64
-import io
-from collections.abc import Callable, Mapping, Sequence
-from typing import Any
+from collections.abc import Mapping, Sequence
 
-import matplotlib as mpl
 import numpy as np
-from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from kinemimic.evaluate.capture_fit import Capture
 from kinemimic.pipeline.angles import ANGLES
+from kinemimic.pipeline.picture import Draw, legend, panel_grid
 from kinemimic.retarget.motion import joint_angles
 from kinemimic.train.playback import Playback
 from kinemimic.train.world import CONTROL_RATE
 
 Array = NDArray[np.float64]
-Draw = Callable[[bool], Figure]  # told whether it is for a phone
 
 # Safe for the colour-blind (Okabe and Ito), and told apart by their grey in print.
 REFERENCE, SIMULATED, NO_POLICY, CAPTURED, TRUTH = "#2b2b2b", "#0072b2", "#b9a48f", "#d98c00", "#009e73"
 _SERIES = ("#0072b2", "#d98c00", "#009e73", "#cc79a7", "#7a5c9e", "#56b4e9")
-# The salt makes the ids, and with them the bytes, the same on every run.
-_STYLE: dict[Any, Any] = {
-    "font.family": "DejaVu Sans",
-    "font.size": 9,
-    "axes.titlesize": 9.5,
-    "axes.titlelocation": "left",
-    "axes.spines.top": False,
-    "axes.spines.right": False,
-    "axes.edgecolor": "#9a9a9a",
-    "axes.linewidth": 0.8,
-    "axes.grid": True,
-    "axes.axisbelow": True,
-    "grid.color": "#ececec",
-    "xtick.color": "#555555",
-    "ytick.color": "#555555",
-    "axes.labelcolor": "#333333",
-    "legend.frameon": False,
-    "lines.linewidth": 1.2,
-    "svg.fonttype": "path",
-    "svg.hashsalt": "kinemimic",
-}
-_PAGE, _PHONE = 8.6, 4.3  # inches
-
-
-def picture(draw: Draw, alternative: str) -> str:
-    """HTML of a figure for page and phone, self-contained; `alternative` is read to who cannot see it."""
-    wide, narrow = (_svg(draw, phone) for phone in (False, True))
-    return (
-        f'<picture><source media="(max-width: 640px)" srcset="{narrow}">'
-        f'<img src="{wide}" alt="{alternative}"></picture>'
-    )
-
-
-def _svg(draw: Draw, phone: bool) -> str:
-    with mpl.rc_context(_STYLE):
-        figure = draw(phone)
-        stream = io.BytesIO()
-        figure.savefig(stream, format="svg", metadata={"Date": None, "Creator": None})
-    return "data:image/svg+xml;base64," + base64.b64encode(stream.getvalue()).decode()
-
-
-def _panels(rows: int, columns: int, height: float, phone: bool, **options: Any) -> tuple[Figure, list[Axes]]:
-    """Axes in reading sequence; on a phone one below the other. height: inches of one panel."""
-    if phone:
-        rows, columns = rows * columns, 1
-    figure = Figure(figsize=(_PHONE if phone else _PAGE, rows * height + 0.5), layout="constrained")
-    axes = figure.subplots(rows, columns, squeeze=False, **options)
-    return figure, list(axes.ravel())
 
 
 def _title(name: str) -> str:
     joint, side = name.split("_")
     return f"{side} {joint}"
-
-
-def _legend(figure: Figure, axes: Axes) -> None:
-    handles, labels = axes.get_legend_handles_labels()
-    figure.legend(handles, labels, loc="outside upper left", ncols=2 if figure.get_figwidth() < _PAGE else 5)
 
 
 def _degrees(rotations: Array) -> dict[str, Array]:
@@ -103,7 +44,7 @@ def curves(playback: Playback, baseline: Playback, frames: int) -> Draw:
     fall = int(playback.fallen_at[0])
 
     def draw(phone: bool) -> Figure:
-        figure, panels = _panels(4, 1, 1.45, phone, sharex=True)
+        figure, panels = panel_grid(4, 1, 1.45, phone, sharex=True)
         for axes, name in zip(panels, ANGLES, strict=True):
             axes.plot(time, nothing[name], color=NO_POLICY, linewidth=0.9, label="no policy")
             axes.plot(time, reference[name], color=REFERENCE, linewidth=0.9, label="reference")
@@ -115,7 +56,7 @@ def curves(playback: Playback, baseline: Playback, frames: int) -> Draw:
             axes.set_ylim(shown.min() - 8, shown.max() + 8)
             axes.set(title=_title(name), ylabel="flexion [°]", xlim=(0, time[-1]))
         panels[-1].set_xlabel("time [s]")
-        _legend(figure, panels[0])
+        legend(figure, panels[0])
         return figure
 
     return draw
@@ -133,7 +74,7 @@ def cycles(playback: Playback, capture: Capture | None, frames: int, *, cyclic: 
         laps = np.zeros(1)
 
     def draw(phone: bool) -> Figure:
-        figure, panels = _panels(2, 2, 2.1, phone, sharex=True)
+        figure, panels = panel_grid(2, 2, 2.1, phone, sharex=True)
         for axes, name in zip(panels, ANGLES, strict=True):
             if capture is not None:
                 seen = np.mod(capture.phase, 1.0) if cyclic else capture.phase
@@ -156,7 +97,7 @@ def cycles(playback: Playback, capture: Capture | None, frames: int, *, cyclic: 
             axes.set(title=_title(name), ylabel="flexion [°]", xlim=(0, 100))
         for axes in panels[-1:] if phone else panels[-2:]:
             axes.set_xlabel("gait cycle [%]" if cyclic else "share of the motion [%]")
-        _legend(figure, panels[0])
+        legend(figure, panels[0])
         return figure
 
     return draw
@@ -180,7 +121,7 @@ def start_phases(playback: Playback, baseline: Playback, r2: Mapping[str, Sequen
     at = np.arange(len(playback.start_phases))
 
     def draw(phone: bool) -> Figure:
-        figure, (survived, fits) = _panels(1, 2, 2.6, phone)
+        figure, (survived, fits) = panel_grid(1, 2, 2.6, phone)
         survived.bar(at - 0.2, playback.fallen_at, color=SIMULATED, width=0.4, label="policy")
         survived.bar(at + 0.2, baseline.fallen_at, color=NO_POLICY, width=0.4, label="no policy")
         survived.axhline(frames, color=REFERENCE, linewidth=0.8)
@@ -204,12 +145,12 @@ def reward_terms(playback: Playback) -> Draw:
     time = (np.arange(playback.rewards.shape[1]) + 1) / CONTROL_RATE
 
     def draw(phone: bool) -> Figure:
-        figure, (axes,) = _panels(1, 1, 2.2, phone)
+        figure, (axes,) = panel_grid(1, 1, 2.2, phone)
         colors = [_SERIES[k % len(_SERIES)] for k in range(len(playback.reward_names))]
         labels = [str(name) for name in playback.reward_names]
         axes.stackplot(time, playback.rewards[0].T, colors=colors, labels=labels, alpha=0.75, linewidth=0)
         axes.set(xlabel="time [s]", ylabel="reward a frame [1]", xlim=(0, time[-1]), ylim=(0, None))
-        _legend(figure, axes)
+        legend(figure, axes)
         return figure
 
     return draw
@@ -221,7 +162,7 @@ def root_path(playback: Playback) -> Draw:
     time = (np.arange(len(path)) + 1) / CONTROL_RATE
 
     def draw(phone: bool) -> Figure:
-        figure, (above, height) = _panels(2, 1, 1.6, phone)
+        figure, (above, height) = panel_grid(2, 1, 1.6, phone)
         for axes, (x, y) in ((above, (0, 1)), (height, (None, 2))):
             for values, color, label in ((reference, REFERENCE, "reference"), (path, SIMULATED, "simulated")):
                 axes.plot(time if x is None else values[:, x], values[:, y], color=color, label=label)
@@ -235,7 +176,7 @@ def root_path(playback: Playback) -> Draw:
             title="height of the hip centre", xlabel="time [s]", ylabel="height [m]", xlim=(0, time[-1])
         )
         height.set_ylim(0, 1.15 * max(reference[:, 2].max(), path[:, 2].max()))
-        _legend(figure, above)
+        legend(figure, above)
         return figure
 
     return draw
@@ -245,7 +186,7 @@ def torques(joints: Mapping[str, Mapping[str, float]]) -> Draw:
     """Each joint's largest torque against its limit; joints as in scores.json's `torque.joints`."""
 
     def draw(phone: bool) -> Figure:
-        figure, (axes,) = _panels(1, 1, 3.2, phone)
+        figure, (axes,) = panel_grid(1, 1, 3.2, phone)
         names = list(joints)[::-1]
         at = np.arange(len(names))
         axes.barh(at, [joints[n]["limit"] for n in names], color="#e9e9e9", height=0.75, label="limit")
@@ -253,7 +194,7 @@ def torques(joints: Mapping[str, Mapping[str, float]]) -> Draw:
         axes.set_yticks(at, [name.replace("_", " ") for name in names])
         axes.set_xlabel("torque [N·m]")
         axes.grid(visible=False, axis="y")
-        _legend(figure, axes)
+        legend(figure, axes)
         return figure
 
     return draw

@@ -12,8 +12,9 @@ from kinemimic.evaluate import figures
 from kinemimic.evaluate.capture_fit import Capture
 from kinemimic.evaluate.capture_sections import gait_section, gimbal_section, quality_section
 from kinemimic.evaluate.fit import JOINTS, MEASURES
-from kinemimic.evaluate.html import drawing, number, page, table
 from kinemimic.evaluate.scores import rollout_fits
+from kinemimic.pipeline.html import drawing, number, page, table
+from kinemimic.pipeline.picture import picture
 from kinemimic.pipeline.store import read_json
 from kinemimic.retarget.motion import Motion
 from kinemimic.train.playback import Playback
@@ -189,7 +190,7 @@ def _figures(evidence: Evidence) -> Iterator[str]:
     survived = scores["survival"]
     yield "<h2>Knees and hips</h2>"
     yield drawing(
-        figures.picture(figures.curves(played, base, frames), "Joint angles over time"),
+        picture(figures.curves(played, base, frames), "Joint angles over time"),
         f"Flexion over {frames} frames from phase 0. Where the blue curve covers the black one, the figure "
         "does what it was asked to. The pale curve is the figure without a policy, cut off where it "
         "leaves the panel.",
@@ -203,15 +204,13 @@ def _figures(evidence: Evidence) -> Iterator[str]:
         if evidence.capture.truth is not None:
             around += " Dashed: how the subject really moved."
     yield drawing(
-        figures.picture(
-            figures.cycles(played, evidence.capture, frames, cyclic=cyclic), "Angles over the cycle"
-        ),
+        picture(figures.cycles(played, evidence.capture, frames, cyclic=cyclic), "Angles over the cycle"),
         around,
     )
     yield "<h2>Does it fall?</h2>"
     fits = [rollout_fits(played, k, frames) for k in range(len(played.start_phases))]
     yield drawing(
-        figures.picture(
+        picture(
             figures.start_phases(played, base, {j: [one[j].both.r2_upright for one in fits] for j in JOINTS}),
             "Survival and fit for each start phase",
         ),
@@ -220,19 +219,19 @@ def _figures(evidence: Evidence) -> Iterator[str]:
         f"{survived['phases_of']} never fall.",
     )
     yield drawing(
-        figures.picture(figures.root_path(played), "Path of the hip centre"),
+        picture(figures.root_path(played), "Path of the hip centre"),
         f"The hip centre from phase 0 over {survived['of']} frames. At the end the figures stand "
         f"{number(scores['root']['path_error_m'], 2)} m apart; advance over the reference's: "
         f"{number(scores['root']['speed_ratio'], 3)}. From above, the sideways axis is drawn larger than the "
         "forward one.",
     )
     yield drawing(
-        figures.picture(figures.reward_terms(played), "Reward terms over time"),
+        picture(figures.reward_terms(played), "Reward terms over time"),
         "The terms of the reward from phase 0, stacked; the upper edge is the whole reward of a frame.",
     )
     torque = scores["torque"]
     yield drawing(
-        figures.picture(figures.torques(torque["joints"]), "Largest torques and their limits"),
+        picture(figures.torques(torque["joints"]), "Largest torques and their limits"),
         f"Largest torque of each joint in all {survived['phases_of']} rollouts, falls included, before its "
         f"limit in grey. Highest: {escape(torque['joint'].replace('_', ' '))}, {torque['peak']:.0f} N·m.",
     )

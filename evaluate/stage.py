@@ -15,10 +15,10 @@ from rich.text import Text
 
 from kinemimic.evaluate.capture_fit import read_capture
 from kinemimic.evaluate.fit import JOINTS, MEASURES
-from kinemimic.evaluate.html import number
 from kinemimic.evaluate.report import LABELS, PAPER_FIT, PAPER_GAP_DEG, Evidence, report
 from kinemimic.evaluate.scores import compose
 from kinemimic.pipeline.errors import KinemimicError
+from kinemimic.pipeline.html import number
 from kinemimic.pipeline.progress import progress
 from kinemimic.pipeline.provenance import provenance
 from kinemimic.pipeline.store import file_hash, write_json, write_text

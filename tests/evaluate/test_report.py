@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 
 from kinemimic.evaluate.capture_fit import Capture
-from kinemimic.evaluate.html import number
 from kinemimic.evaluate.report import Evidence, report
 from kinemimic.evaluate.scores import compose
 from kinemimic.pipeline.angles import ANGLES
+from kinemimic.pipeline.html import number
 from kinemimic.pipeline.store import write_json
 
 VOID = {"meta", "img", "source", "br"}

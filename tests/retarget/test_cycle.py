@@ -3,7 +3,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from kinemimic.retarget.cycle import fit_harmonic, study_passes, walking_direction
+from kinemimic.pipeline.harmonic import fit_harmonic, walking_direction
+from kinemimic.retarget.cycle import study_passes
 from kinemimic.retarget.trim import best_window, leg_bones
 
 

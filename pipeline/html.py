@@ -1,4 +1,4 @@
-"""The report's frame: one self-contained page for desk, phone and paper, its tables and its numbers."""
+"""A report's frame: one self-contained page for desk, phone and paper, its tables and its numbers."""
 
 from __future__ import annotations
 
