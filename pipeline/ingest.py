@@ -12,11 +12,11 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 from rich.console import Console
 
-from kinemimic.pipeline.acquire import SHORTEST_PASS, acquire, in_passes
 from kinemimic.pipeline.captures.recognise import read
 from kinemimic.pipeline.clean import clean
 from kinemimic.pipeline.clip import Clip
 from kinemimic.pipeline.errors import CaptureError, KinemimicError
+from kinemimic.pipeline.examine import examine
 from kinemimic.pipeline.provenance import provenance
 from kinemimic.pipeline.quality import quality, table
 from kinemimic.pipeline.store import atomic, read_json, write_clip, write_json
@@ -28,30 +28,26 @@ def ingest(capture: Path, run: Path, *, filter_name: str | None = None) -> Clip:
     """Read a capture and write raw.parquet, clip.parquet, quality.json (and truth.parquet) to the run folder.
 
     filter_name: "butterworth" or "none"; by default positions are filtered and rotations are not.
-    raw.parquet holds the frames as recorded (unfiltered, gaps NaN); clip.parquet the same frames cleaned.
+    raw.parquet holds the frames as recorded but for what the rules repaired (sides, axes, units; unfiltered,
+    gaps NaN); clip.parquet the same frames cleaned; quality.json every defect, repaired or flagged.
     A file NAME.truth.parquet beside the capture NAME.* marks it as simulated and is copied; what
     NAME.provenance.json says of how the capture was made goes into the clip's provenance.
-    Raises CaptureError, before anything is written, for a file that is no capture of a person.
+    Raises CaptureError, before anything is written, for a file that is no capture of a person or is refused
+    by a rule.
     """
     if filter_name is not None and filter_name not in FILTERS:
         raise KinemimicError(f"expected a filter among {', '.join(FILTERS)}, found {filter_name!r}")
     recorded = read(capture)
     truth, note = _truth(capture), _note(capture)
-    acquisition = acquire(recorded)
-    if acquisition.count == 0:
-        seen = any(event.reason == "subject seen" for event in acquisition.events)
-        brief = f"{acquisition.discarded} moments shorter than {SHORTEST_PASS} s"
-        raise CaptureError(
-            capture,
-            expected=f"a person tracked for at least {SHORTEST_PASS} s",
-            found=brief if seen else f"nobody in any of {len(recorded.times)} frames",
-        )
+    examination = examine(recorded)
+    if examination.refused is not None:
+        raise CaptureError(capture, expected="a person's movement", found=examination.refused.text)
     chosen = filter_name or ("none" if recorded.euler is not None else "butterworth")
     made_by = provenance(
         "ingest", inputs={"capture": recorded.provenance["sha256"]}, config={"filter": chosen}
     )
     raw = replace(
-        in_passes(recorded, acquisition),
+        examination.clip,
         provenance={
             **note,
             **recorded.provenance,
@@ -60,7 +56,7 @@ def ingest(capture: Path, run: Path, *, filter_name: str | None = None) -> Clip:
         },
     )
     cleaned, cleaning = clean(raw, butterworth=chosen == "butterworth")
-    report = quality(raw, acquisition, cleaning)
+    report = quality(raw, examination.acquisition, cleaning, examination.defects)
     write_clip(run / "raw.parquet", raw)
     write_clip(run / "clip.parquet", cleaned)
     if truth is not None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -13,26 +14,29 @@ from rich.text import Text
 from kinemimic.pipeline.acquire import Acquisition
 from kinemimic.pipeline.clean import Cleaning
 from kinemimic.pipeline.clip import Clip
-from kinemimic.pipeline.defect import RULES
+from kinemimic.pipeline.defect import RULES, Defect
 from kinemimic.pipeline.nodes import joints_of_nodes
 from kinemimic.pipeline.skeleton import INFERRED, MISSING, TRACKED
 
 Array = NDArray[np.float64]
 
 
-def quality(raw: Clip, acquisition: Acquisition, cleaning: Cleaning) -> dict[str, Any]:
+def quality(
+    raw: Clip, acquisition: Acquisition, cleaning: Cleaning, defects: Sequence[Defect]
+) -> dict[str, Any]:
     """The quality report as JSON values; shares are of the frames inside passes, lengths in metres."""
     inside = acquisition.passes >= 0
     reading = raw.provenance["reading"]
     return {
         "source": raw.provenance["source"],
         "format": raw.provenance["format"],
+        "companions": dict(raw.provenance.get("companions", {})),
         "simulated": raw.simulated,
         "units": {"length": reading["units"], "rule": reading["units_rule"]},
         "frames": len(raw.times),
         "frames_in_passes": int(inside.sum()),
         "complete_frames": int(acquisition.complete[inside].sum()),
-        "defects": [dict(defect) for defect in reading["defects"]],
+        "defects": [defect.to_json() for defect in defects],
         "clock": _clock(raw.times, acquisition.passes),
         "passes": [_pass(raw, acquisition, number) for number in range(acquisition.count)],
         "passes_discarded": acquisition.discarded,
@@ -112,7 +116,7 @@ def table(report: dict[str, Any]) -> RenderableType:
         f"{len(passes)} pass{'es' if len(passes) != 1 else ''}, {seconds:.1f} s; "
         f"{report['passes_discarded']} too short to use",
         *report["notes"],
-        *(f"{RULES[one['rule']]}, {one['action']}: {one['text']}" for one in report["defects"]),
+        *_defect_lines(report["defects"]),
         *report["done"],
     ]
     grid = Table("joint", header_style="bold", box=None, pad_edge=False)
@@ -128,3 +132,13 @@ def table(report: dict[str, Any]) -> RenderableType:
             bone = [f"{joint['bone_m']:.3f}", f"{100 * joint['bone_cv']:.1f}"]
         grid.add_row(name, *shares, *bone)
     return Group(*(Text(line, no_wrap=True, overflow="ignore") for line in lines), grid)
+
+
+def _defect_lines(defects: Sequence[dict[str, Any]]) -> list[str]:
+    """A block: a line per defect, what was done with it in a column of its own."""
+    if not defects:
+        return ["no defects"]
+    width = max(len(RULES[one["rule"]]) for one in defects)
+    return [f"defects: {len(defects)}"] + [
+        f"  {one['action']:<8}  {RULES[one['rule']]:<{width}}  {one['text']}" for one in defects
+    ]

@@ -18,10 +18,8 @@ from kinemimic.pipeline.quality import quality, table
 from kinemimic.pipeline.skeleton import NODE_INDEX
 
 Build = Callable[..., Clip]
-READING = {
-    "units": "m", "units_rule": "the format's", "notes": [],
-    "defects": [Defect("duplicate_frames", 3, "frames", "repaired", "3 lines dropped").to_json()],
-}  # fmt: skip
+READING = {"units": "m", "units_rule": "the format's", "notes": [], "defects": []}
+DEFECTS = (Defect("duplicate_frames", 3, "frames", "repaired", "3 lines dropped"),)
 
 
 @pytest.fixture
@@ -41,7 +39,7 @@ def test_counts(clip: Clip) -> None:
     acquisition = acquire(clip)
     raw = in_passes(clip, acquisition)
     _, cleaning = clean(raw, butterworth=True)
-    report = quality(raw, acquisition, cleaning)
+    report = quality(raw, acquisition, cleaning, DEFECTS)
     assert report["frames"] == report["frames_in_passes"] == 100
     assert report["complete_frames"] == 75
     assert [(d["rule"], d["count"]) for d in report["defects"]] == [("duplicate_frames", 3)]
@@ -66,7 +64,7 @@ def test_bones(clip: Clip) -> None:
     down = np.where(np.arange(100) % 2, 0.36, 0.44)[:, None] * [0.0, 0.0, -1.0]
     clip.positions[:, NODE_INDEX["ankle_left"]] = clip.positions[:, NODE_INDEX["knee_left"]] + down
     acquisition = acquire(clip)
-    report = quality(clip, acquisition, clean(clip, butterworth=False)[1])
+    report = quality(clip, acquisition, clean(clip, butterworth=False)[1], ())
     knee, ankle = report["joints"]["knee_left"], report["joints"]["ankle_left"]
     assert (knee["bone_m"], knee["bone_cv"]) == (0.4, 0.0)
     assert (ankle["bone_m"], ankle["bone_cv"]) == (0.4, 0.1)
@@ -78,7 +76,7 @@ def test_frames_outside_passes_do_not_count(clip: Clip) -> None:
     clip.positions[:10] = np.nan
     acquisition = acquire(clip)
     raw = in_passes(clip, acquisition)
-    report = quality(raw, acquisition, clean(raw, butterworth=True)[1])
+    report = quality(raw, acquisition, clean(raw, butterworth=True)[1], ())
     assert report["frames_in_passes"] == 90
     assert report["joints"]["spine"]["tracked"] == 1.0
     assert report["events"][2] == {"frame": 10, "time": 0.3333, "state": "tracking", "reason": "subject seen"}
@@ -86,10 +84,11 @@ def test_frames_outside_passes_do_not_count(clip: Clip) -> None:
 
 def test_the_table_says_when_a_capture_is_simulated(clip: Clip) -> None:
     simulated = replace(clip, provenance={**clip.provenance, "simulated": True})
-    report = quality(simulated, acquire(clip), clean(clip, butterworth=True)[1])
+    report = quality(simulated, acquire(clip), clean(clip, butterworth=True)[1], DEFECTS)
     console = Console(width=120)
     with console.capture() as captured:
         console.print(table(report))
     text = captured.get()
     assert "made.skl: Kinect v1 .skl text, SIMULATED, unit m" in text
+    assert "  repaired  duplicated frames  3 lines dropped" in text
     assert any(line.split()[:4] == ["hand_left", "75.0", "0.0", "25.0"] for line in text.splitlines())
