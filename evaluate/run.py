@@ -8,9 +8,10 @@ from __future__ import annotations
 
 import io
 import json
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from contextlib import nullcontext, redirect_stdout
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -86,10 +87,11 @@ def run(
     ran: list[str] = []
     skipped: list[str] = []
 
-    def step(name: str, reads: Mapping[str, Path], writes: tuple[str, ...], arguments: list[str]) -> None:
+    def step(
+        name: str, reads: Callable[[], Mapping[str, Path]], writes: tuple[str, ...], arguments: list[str]
+    ) -> None:
         config = {key: value for key, value in (options or {}).get(name, {}).items() if value is not None}
-        source = made_from(reads, config)
-        if not ran and ledger.up_to_date(name, source):
+        if not ran and ledger.up_to_date(name, made_from(reads(), config)):
             skipped.append(name)
             _say(f"{name}: up to date", quiet=quiet)
             return
@@ -100,19 +102,41 @@ def run(
         else:
             flags = [f"--{key}={value}" for key, value in config.items()]
             _invoke(name, [*arguments, "--run", str(folder), *flags], quiet=quiet)
-        ledger.record(name, source, writes)
+        # Only now is it known which files beside the capture were read with it.
+        ledger.record(name, made_from(reads(), config), writes)
         ran.append(name)
 
     if capture is None:
         capture = folder / VIRTUAL_CAPTURE
-        step(VIRTUAL_STAGE, {}, VIRTUAL_FILES, [])
-    for stage in STAGES:
-        reads = {name: folder / name for name in stage.reads}
+        step(VIRTUAL_STAGE, dict, VIRTUAL_FILES, [])
+    source = capture
+
+    def read_by(stage: Stage) -> Mapping[str, Path]:
         if stage.name == "ingest":
-            beside = {kind: capture.with_suffix(f".{kind}") for kind in ("truth.parquet", "provenance.json")}
-            reads = {capture.name: capture, **beside}
-        step(stage.name, reads, stage.writes, [str(capture)] if stage.name == "ingest" else [])
+            return _capture_files(source, folder)
+        return {name: folder / name for name in stage.reads}
+
+    for stage in STAGES:
+        step(
+            stage.name,
+            partial(read_by, stage),
+            stage.writes,
+            [str(capture)] if stage.name == "ingest" else [],
+        )
     return Outcome(tuple(ran), tuple(skipped), read_json(folder / "scores.json"))
+
+
+def _capture_files(capture: Path, folder: Path) -> dict[str, Path]:
+    """The capture and what belongs to it: by rule, and by what the last `ingest` read beside it."""
+    kinds = ("truth.parquet", "provenance.json")
+    quality = folder / "quality.json"
+    report = read_json(quality) if quality.exists() else {}
+    companions = report.get("companions", {}) if isinstance(report, dict) else {}
+    return {
+        capture.name: capture,
+        **{kind: capture.with_suffix(f".{kind}") for kind in kinds},
+        **{name: capture.with_name(name) for name in companions},
+    }
 
 
 def _record_virtual(folder: Path) -> None:

@@ -59,8 +59,14 @@ def clean(clip: Clip, *, butterworth: bool) -> tuple[Clip, Cleaning]:
         done.append(f"spikes replaced by the median of five frames: {int(spikes.sum())} joint positions")
         positions, note = low_pass(positions, clip.times, clip.passes)
         done.append(note)
+    rotations = clip.rotations
+    if rotations is not None and butterworth:
+        # Sign-continuous quaternions as four-vectors, as in _filter_rotations.
+        rotations = continuous(normalize(low_pass(rotations, clip.times, clip.passes)[0]))
     states = np.where(filled, INFERRED, clip.states).astype(np.uint8)
-    return replace(clip, positions=positions, states=states), Cleaning(filled, spikes, tuple(done))
+    return replace(clip, positions=positions, rotations=rotations, states=states), Cleaning(
+        filled, spikes, tuple(done)
+    )
 
 
 def runs(mask: Mask) -> Iterator[slice]:

@@ -11,21 +11,21 @@ import click
 from rich.console import Console
 
 from kinemimic.pipeline.clip import Clip
-from kinemimic.pipeline.errors import KinemimicError
 from kinemimic.pipeline.euler import local_rotations, world_positions
 from kinemimic.pipeline.gimbal import gimbal_report, table
+from kinemimic.pipeline.nodes import to_nodes
 from kinemimic.pipeline.orient import node_rotations
 from kinemimic.pipeline.provenance import provenance
-from kinemimic.pipeline.skeleton import NODES
+from kinemimic.pipeline.skeleton import node_skeleton
 from kinemimic.pipeline.store import file_hash, read_clip, read_json, write_clip, write_json
 
 
 def convert(run: Path) -> Clip:
     """Read clip.parquet and write quaternions.parquet and gimbal.json to the run folder.
 
-    A capture of rotations: quaternions of its channels, each joint in its own order, and positions through
-    forward kinematics. A capture of positions: orientations of the 20 nodes (pipeline/orient.py); NaN where
-    a joint that they hang on is missing.
+    A capture of Euler channels: quaternions of them, each joint in its own order, and positions through
+    forward kinematics. One of quaternions keeps them as they are. A capture of positions alone is put on the
+    20 nodes and gets their orientations (pipeline/orient.py); NaN where a joint that they hang on is missing.
     """
     clip = read_clip(run / "clip.parquet")
     made_by = provenance("convert", inputs={"clip": file_hash(run / "clip.parquet")}, config={})
@@ -37,18 +37,30 @@ def convert(run: Path) -> Clip:
         rotations = recorded if clip.rotations is None else clip.rotations
         positions = world_positions(clip.skeleton, clip.translations, rotations, clip.world_from_file)
         converted = replace(clip, rotations=rotations, positions=positions)
-    elif clip.skeleton.names == NODES:
-        report = gimbal_report(clip, clip.positions)
-        converted = replace(clip, rotations=node_rotations(clip.positions))
     else:
-        raise KinemimicError(
-            f"{run / 'clip.parquet'}: expected Euler channels or positions of the 20 nodes, found positions "
-            f"of {', '.join(clip.skeleton.names)}"
-        )
+        report = gimbal_report(clip, clip.positions)
+        converted = clip
+        if clip.rotations is None:
+            nodes = on_nodes(clip)
+            converted = replace(nodes, rotations=node_rotations(nodes.positions))
     converted = replace(converted, provenance={**clip.provenance, **made_by})
     write_clip(run / "quaternions.parquet", converted)
     write_json(run / "gimbal.json", report)
     return converted
+
+
+def on_nodes(clip: Clip) -> Clip:
+    """The clip's positions on the 20-node skeleton; what it knew of rotations is left behind."""
+    positions, states = to_nodes(clip)
+    return Clip(
+        skeleton=node_skeleton(),
+        times=clip.times,
+        positions=positions,
+        states=states,
+        passes=clip.passes,
+        provenance=clip.provenance,
+        angles=clip.angles,
+    )
 
 
 @click.command()

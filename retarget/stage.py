@@ -11,10 +11,9 @@ import click
 import numpy as np
 
 from kinemimic.pipeline.clip import Clip
+from kinemimic.pipeline.convert import on_nodes
 from kinemimic.pipeline.errors import KinemimicError
-from kinemimic.pipeline.nodes import to_nodes
 from kinemimic.pipeline.provenance import provenance
-from kinemimic.pipeline.skeleton import node_skeleton
 from kinemimic.pipeline.store import content_hash, read_clip, read_json, write_json, write_text
 from kinemimic.retarget.captured import Span, captured_angles, read_truth, write_captured
 from kinemimic.retarget.cycle import Pass, is_gait, study_passes, usable
@@ -64,19 +63,6 @@ def retarget(run: Path, *, symmetric: bool | None = None) -> Motion:
     write_mcap(run / "motion.mcap", motion)
     write_text(run / "motion.json", text)
     return motion
-
-
-def on_nodes(clip: Clip) -> Clip:
-    """The clip's positions on the 20-node skeleton; what it knew of rotations is left behind."""
-    positions, states = to_nodes(clip)
-    return Clip(
-        skeleton=node_skeleton(),
-        times=clip.times,
-        positions=positions,
-        states=states,
-        passes=clip.passes,
-        provenance=clip.provenance,
-    )
 
 
 def _hash(clip: Clip) -> str:

@@ -48,7 +48,10 @@ def stages(monkeypatch: pytest.MonkeyPatch) -> Stages:
             read = [(folder / file).read_text() for file in stage.reads if (folder / file).exists()]
             read += [Path(file).read_text() if name == "ingest" else file for file in context.args[:1]]
             for file in stage.writes:
-                (folder / file).write_text(json.dumps([name, file, read, context.args[1:]]))
+                made: Any = [name, file, read, context.args[1:]]
+                if file == "quality.json":
+                    made = {"made": made, "companions": {"capture.toml": "digest"}}
+                (folder / file).write_text(json.dumps(made))
             click.echo(f"table of {name}")
 
         return command
@@ -82,6 +85,16 @@ def test_a_truth_that_appears_beside_the_capture_counts(
 ) -> None:
     run(capture, tmp_path / "run")
     capture.with_suffix(".truth.parquet").write_text("truth")
+    assert run(capture, tmp_path / "run").ran == NAMES
+
+
+def test_a_changed_companion_of_the_capture_counts(stages: Stages, capture: Path, tmp_path: Path) -> None:
+    # The stand-in of `ingest` says that it read a description of the columns beside the capture.
+    description = capture.with_name("capture.toml")
+    description.write_text("unit = 'm'")
+    run(capture, tmp_path / "run")
+    assert run(capture, tmp_path / "run").ran == ()
+    description.write_text("unit = 'mm'")
     assert run(capture, tmp_path / "run").ran == NAMES
 
 

@@ -12,7 +12,16 @@ from numpy.typing import NDArray
 from kinemimic.pipeline.clean import CUTOFF, clean, despike, fill, low_pass
 from kinemimic.pipeline.clip import Clip
 from kinemimic.pipeline.euler import local_rotations, world_positions
-from kinemimic.pipeline.rotations import Y_UP_TO_Z_UP, angle_between, from_euler, rotate
+from kinemimic.pipeline.rotations import (
+    Y_UP_TO_Z_UP,
+    angle_between,
+    continuous,
+    from_axis_angle,
+    from_euler,
+    from_rotvec,
+    multiply,
+    rotate,
+)
 
 Build = Callable[..., Clip]
 Array = NDArray[np.float64]
@@ -179,3 +188,19 @@ def test_world_positions_of_a_known_chain(node_clip: Build) -> None:
     # The root's frame, then the file's: spine = T (p0 + R p1), with T the cyclic change of axes.
     offset = np.full(3, 0.1)
     assert np.allclose(clip.positions[2, 1], rotate(Y_UP_TO_Z_UP, offset + rotate(root, offset)))
+
+
+def test_recorded_quaternions_are_filtered_with_the_positions(node_clip: Build) -> None:
+    clip = node_clip(120)
+    rng = np.random.default_rng(3)
+    truth = from_axis_angle("Z", 0.05 * np.arange(120)[:, None] * np.ones(20))
+    noisy = multiply(truth, from_rotvec(0.05 * rng.standard_normal((120, 20, 3))))
+    noisy[40:60, 3] = np.nan
+    recorded = replace(clip, rotations=continuous(noisy))
+    assert clean(recorded, butterworth=False)[0].rotations is recorded.rotations
+    filtered = clean(recorded, butterworth=True)[0].rotations
+    assert filtered is not None
+    assert np.array_equal(np.isnan(filtered), np.isnan(noisy))
+    assert np.nanmax(np.abs(np.linalg.norm(filtered, axis=-1) - 1.0)) < 1e-12
+    errors = [np.nanmean(angle_between(turns, truth)) for turns in (noisy, filtered)]
+    assert errors[1] < 0.75 * errors[0]

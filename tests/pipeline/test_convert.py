@@ -9,14 +9,19 @@ from pathlib import Path
 import numpy as np
 import pytest
 from numpy.typing import NDArray
+from samples.motion import kinect_v2_joints, walk
 
 from kinemimic.pipeline.angles import leg_angles
+from kinemimic.pipeline.captures.kinect_v2 import FROM_SDK, kinect_v2_skeleton
 from kinemimic.pipeline.cli import main
+from kinemimic.pipeline.clip import Clip
 from kinemimic.pipeline.convert import convert
 from kinemimic.pipeline.errors import KinemimicError
 from kinemimic.pipeline.ingest import ingest
 from kinemimic.pipeline.nodes import to_nodes
-from kinemimic.pipeline.store import file_hash, read_clip, read_json
+from kinemimic.pipeline.rotations import from_axis_angle
+from kinemimic.pipeline.skeleton import NODE_INDEX, NODES, TRACKED
+from kinemimic.pipeline.store import file_hash, read_clip, read_json, write_clip
 
 Array = NDArray[np.float64]
 Text = Callable[..., str]
@@ -75,6 +80,46 @@ def test_positions_get_orientations(tmp_path: Path, skl: Text) -> None:
     assert after.rotations is not None and after.rotations.shape == (60, 20, 4)
     assert np.array_equal(after.positions, before.positions)
     assert read_json(tmp_path / "run" / "gimbal.json")["joints"] == []
+
+
+def kinect_v2_clip(rotations: Array | None = None) -> Clip:
+    shown = walk(30)
+    joints = kinect_v2_joints(shown)[:, FROM_SDK]
+    return Clip(
+        skeleton=kinect_v2_skeleton(),
+        times=shown.times,
+        positions=joints,
+        states=np.full(joints.shape[:2], TRACKED, dtype=np.uint8),
+        passes=np.zeros(len(joints), dtype=np.int32),
+        rotations=rotations,
+        provenance={"source": "made here"},
+    )
+
+
+def test_positions_on_another_skeleton_go_onto_the_nodes(tmp_path: Path) -> None:
+    clip = kinect_v2_clip()
+    write_clip(tmp_path / "clip.parquet", clip)
+    converted = convert(tmp_path)
+    assert converted.skeleton.names == NODES
+    assert converted.rotations is not None
+    assert np.isfinite(converted.rotations).all()
+    for node, joint in {
+        "hip_center": "SpineBase",
+        "shoulder_center": "SpineShoulder",
+        "foot_left": "FootLeft",
+    }.items():
+        assert np.array_equal(
+            converted.positions[:, NODE_INDEX[node]], clip.positions[:, clip.skeleton.index(joint)]
+        ), node
+
+
+def test_recorded_quaternions_are_kept(tmp_path: Path) -> None:
+    turns = from_axis_angle("Y", 0.01 * np.arange(30)[:, None] * np.ones(25))
+    write_clip(tmp_path / "clip.parquet", kinect_v2_clip(turns))
+    converted = convert(tmp_path)
+    assert converted.skeleton.names == kinect_v2_skeleton().names
+    assert converted.rotations is not None
+    assert np.array_equal(converted.rotations, turns)
 
 
 def test_a_planted_lock_is_named_with_its_frames(
