@@ -197,7 +197,7 @@ def _filter_rotations(clip: Clip) -> tuple[Clip, str]:
     Euler angles and rotation vectors are not; the low-passed curve stays near it, and is put back on it.
     """
     assert clip.euler is not None and clip.orders is not None and clip.translations is not None  # noqa: S101
-    recorded = local_rotations(clip.euler, clip.orders, clip.world_from_file)
+    recorded = local_rotations(clip.euler, clip.orders, clip.world_from_file, clip.rests)
     filtered, note = low_pass(recorded, clip.times, clip.passes)
     rotations = continuous(normalize(filtered))
     translations, _ = low_pass(clip.translations, clip.times, clip.passes)

@@ -31,7 +31,9 @@ class Clip:
     has none;
     orders: (J,) intrinsic order such as "ZYX", or "" for a joint without rotation channels;
     translations: (T, J, 3) metres, position in the parent's frame (for the root, in the file's world);
-    world_from_file: (4,) rotation from the file's world axes to ours.
+    world_from_file: (4,) rotation from the file's world axes to ours;
+    rests: (J, 4) rotation of each joint's frame in its parent's (the root's in the file's world) where all
+    its channels are zero; None where every frame then stands along the file's axes, as in BVH.
     After `convert`, every clip has
     rotations: (T, J, 4) child to parent, sign-continuous; the root's is in our world. A capture of positions
     and quaternions has them from the start; NaN where the sensor gave none.
@@ -49,6 +51,7 @@ class Clip:
     orders: tuple[str, ...] | None = None
     translations: Array | None = None
     world_from_file: Array = field(default_factory=IDENTITY.copy)
+    rests: Array | None = None
     rotations: Array | None = None
     angles: Mapping[str, Array] | None = None
 
@@ -61,6 +64,7 @@ class Clip:
             "euler": (self.euler, (frames, joints, 3)),
             "translations": (self.translations, (frames, joints, 3)),
             "rotations": (self.rotations, (frames, joints, 4)),
+            "rests": (self.rests, (joints, 4)),
             **{name: (curve, (frames,)) for name, curve in (self.angles or {}).items()},
         }
         for name, (array, shape) in shapes.items():

@@ -31,7 +31,7 @@ def convert(run: Path) -> Clip:
     made_by = provenance("convert", inputs={"clip": file_hash(run / "clip.parquet")}, config={})
     report: dict[str, Any]
     if clip.euler is not None and clip.orders is not None and clip.translations is not None:
-        recorded = local_rotations(clip.euler, clip.orders, clip.world_from_file)
+        recorded = local_rotations(clip.euler, clip.orders, clip.world_from_file, clip.rests)
         report = gimbal_report(clip, recorded)
         # A capture that was filtered on ingest holds its rotations already.
         rotations = recorded if clip.rotations is None else clip.rotations

@@ -20,10 +20,13 @@ def order_name(order: str) -> str:
     return f"{order} (Eq. 8)" if order == EQ8_ORDER else order
 
 
-def local_rotations(euler: Array, orders: tuple[str, ...], world_from_file: Array) -> Array:
+def local_rotations(
+    euler: Array, orders: tuple[str, ...], world_from_file: Array, rests: Array | None = None
+) -> Array:
     """Quaternions (T, J, 4), child to parent, sign-continuous; the root's (joint 0) in our world.
 
     euler: (T, J, 3) radians in the sequence of orders (J,); "" is a joint without rotation channels.
+    rests: (J, 4) as in Clip; a joint's rotation is its rest's times that of its channels.
     """
     rotations = np.broadcast_to(IDENTITY, (*euler.shape[:2], 4)).copy()
     for joint, order in enumerate(orders):
@@ -31,6 +34,8 @@ def local_rotations(euler: Array, orders: tuple[str, ...], world_from_file: Arra
             rotations[:, joint] = from_euler_eq8(euler[:, joint])
         elif order:
             rotations[:, joint] = from_euler(euler[:, joint], order)
+    if rests is not None:
+        rotations = multiply(rests, rotations)
     rotations[:, 0] = multiply(world_from_file, rotations[:, 0])
     return continuous(rotations)
 

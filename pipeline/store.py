@@ -100,6 +100,7 @@ def write_clip(path: Path, clip: Clip) -> None:
         },
         "orders": clip.orders,
         "world_from_file": clip.world_from_file.tolist(),
+        "rests": None if clip.rests is None else clip.rests.tolist(),
         "provenance": clip.provenance,
     }
     table = pa.table(columns).replace_schema_metadata({"kinemimic": json.dumps(header)})
@@ -138,7 +139,7 @@ def read_clip(path: Path) -> Clip:
             axis=1,
         )
 
-    orders = header["orders"]
+    orders, rests = header["orders"], header.get("rests")
     angles = {
         name.removeprefix(_ANGLE): table[name].to_numpy()
         for name in table.column_names
@@ -151,6 +152,7 @@ def read_clip(path: Path) -> Clip:
         states=np.stack([table[f"{joint}.state"].to_numpy() for joint in skeleton.names], axis=1),
         orders=None if orders is None else tuple(orders),
         world_from_file=np.array(header["world_from_file"]),
+        rests=None if rests is None else np.array(rests),
         provenance=header["provenance"],
         angles=angles or None,
         **{field: stack(field) for field in _PER_JOINT},

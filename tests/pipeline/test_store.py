@@ -58,6 +58,7 @@ def test_clip_of_rotations_comes_back(tmp_path: Path, node_clip: Build) -> None:
         euler=rng.normal(size=(60, 20, 3)),
         orders=("ZYX",) * 19 + ("",),
         translations=rng.normal(size=(60, 20, 3)),
+        rests=rng.normal(size=(20, 4)),
         rotations=rng.normal(size=(60, 20, 4)),
         world_from_file=Y_UP_TO_Z_UP,
     )
