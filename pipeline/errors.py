@@ -27,3 +27,7 @@ class CaptureError(KinemimicError):
         place = f"{path}, {where}" if where else f"{path}"
         hint = f"; {advice}" if advice else ""
         super().__init__(f"{place}: expected {expected}, found {found}{hint}")
+
+
+class NoCapture(CaptureError):
+    """A file that is no capture of any kind: neither the mark of a format nor a table of numbers."""

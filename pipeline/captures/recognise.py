@@ -12,7 +12,7 @@ from typing import cast
 from kinemimic.pipeline.captures.format import Format, Reader
 from kinemimic.pipeline.captures.source import Source
 from kinemimic.pipeline.clip import Clip
-from kinemimic.pipeline.errors import CaptureError
+from kinemimic.pipeline.errors import CaptureError, NoCapture
 
 # Asked in this sequence: formats with a header or a keyword first, tables of bare numbers last.
 _MODULES: tuple[str, ...] = (
@@ -63,8 +63,8 @@ def reader_of(source: Source) -> Reader:
 
 def _unknown(source: Source, known: Iterable[Format]) -> CaptureError:
     if not source.is_text:
-        return source.error(
-            expected="a capture", found="a binary file of no known format",
+        return NoCapture(
+            source.path, expected="a capture", found="a binary file of no known format",
             advice="`kinemimic formats` lists what is read",
         )  # fmt: skip
     widths = [len(fields) for line in source.head[:32] if (fields := _numbers(line))]
@@ -78,7 +78,8 @@ def _unknown(source: Source, known: Iterable[Format]) -> CaptureError:
             advice="put its header back, or describe its columns (`kinemimic inspect --suggest` drafts that)",
         )
     start = " ".join(" ".join(source.head[:3]).split(maxsplit=6)[:6])[:60]
-    return source.error(
+    return NoCapture(
+        source.path,
         expected="a capture",
         found=f"text that begins {start!r}",
         advice="`kinemimic formats` lists what is read",
