@@ -17,6 +17,7 @@ from kinemimic.pipeline.errors import CaptureError, NoCapture
 # Asked in this sequence: formats with a header or a keyword first, tables of bare numbers last.
 _MODULES: tuple[str, ...] = (
     "nui_skl",
+    "treadmill",
     "bvh",
 )
 _NUMBERS = re.compile(r"[\s,;]+")

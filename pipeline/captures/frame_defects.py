@@ -1,0 +1,68 @@
+"""What is wrong with whole frames and only a reader can see: repeated times, frames of zeros, far places."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from kinemimic.pipeline.captures.source import Source
+from kinemimic.pipeline.defect import Defect
+
+Array = NDArray[np.float64]
+Mask = NDArray[np.bool_]
+
+# A depth camera sees 8 m far at most; what is ten times beyond that is no measurement.
+FARTHEST = 100.0
+# A list of more runs than this is for a program, not a person; the counts are whole all the same.
+_MOST_RUNS = 100
+
+
+def in_sequence(clock: Array) -> tuple[Mask, list[Defect]]:
+    """Which frames come later than all before them, and a defect that counts the others, to be dropped.
+
+    clock: (T,) finite times or frame numbers as in the file.
+    """
+    later = clock > np.concatenate([[-np.inf], np.maximum.accumulate(clock)[:-1]])
+    count = int((~later).sum())
+    text = f"{count} {_number(count, 'line')} with the time of a line before, dropped"
+    return later, [Defect("duplicate_frames", count, "frames", "repaired", text)] if count else []
+
+
+def zero_frames(points: Array) -> list[Defect]:
+    """A defect that names the frames in which every joint stands on the sensor's origin: nobody was seen.
+
+    points: (T, J, 3) as in the file. The frames stay, all joints missing, so that frame numbers do.
+    """
+    empty = ~points.reshape(len(points), -1).any(axis=1)
+    count = int(empty.sum())
+    if not count:
+        return []
+    text = f"{count} {_number(count, 'frame')} of zeros only: kept, with every joint missing"
+    return [Defect("zero_frames", count, "frames", "repaired", text, _runs(empty))]
+
+
+def refuse_far(points: Array, joints: Sequence[str], source: Source, line: Callable[[int], int]) -> None:
+    """CaptureError for the first coordinate beyond FARTHEST; NaN and infinity say "not seen" and pass.
+
+    points: (T, J, 3) metres; joints: (J,) as the file names them; line: number in the file of a frame.
+    """
+    # A comparison with NaN is False, so that only infinity needs a word.
+    far = np.abs(points) > FARTHEST
+    if far.any() and (far := far & np.isfinite(points)).any():
+        frame, joint, axis = (int(k) for k in np.argwhere(far)[0])
+        raise source.error(
+            expected=f"metres, at most {FARTHEST:g}, in {joints[joint]}_{'XYZ'[axis]}",
+            found=f"{points[frame, joint, axis]:g}",
+            where=f"line {line(frame)}",
+        )
+
+
+def _number(count: int, noun: str) -> str:
+    return noun if count == 1 else f"{noun}s"
+
+
+def _runs(mask: Mask) -> tuple[tuple[int, int], ...]:
+    edges = np.flatnonzero(np.diff(np.concatenate([[False], mask, [False]]).astype(np.int8)))
+    return tuple((int(first), int(last) - 1) for first, last in edges.reshape(-1, 2)[:_MOST_RUNS])
