@@ -135,14 +135,19 @@ def from_rotvec(v: Array) -> Array:
 def continuous(q: Array, axis: int = 0) -> Array:
     """The same rotations with signs chosen so that neighbours along `axis` have a non-negative product.
 
-    Frames of NaN are passed over: the sign carries across them.
+    Frames with a NaN are passed over as they are: the sign carries across them.
     """
     q = np.moveaxis(np.array(q, dtype=np.float64), axis, 0)
-    last = q[0].copy()
-    for frame in q[1:]:
-        flip = np.sum(frame * last, axis=-1, keepdims=True) < 0
-        np.copyto(frame, -frame, where=flip)
-        np.copyto(last, frame, where=~np.isnan(frame))
+    known = ~np.isnan(q).any(axis=-1)
+    before = q[:-1]
+    if not known.all():
+        frames = np.arange(len(q)).reshape(-1, *(1,) * (known.ndim - 1))
+        last = np.maximum.accumulate(np.where(known, frames, 0), axis=0)[:-1]
+        before = np.take_along_axis(q, last[..., None], axis=0)
+    product = np.einsum("...i,...i->...", q[1:], before)
+    # Each change of sign turns every later frame, so the signs are a running product; NaN compares as no change.
+    flips = np.where(product < 0.0, -1.0, 1.0)
+    q[1:] *= np.where(known[1:], np.cumprod(flips, axis=0), 1.0)[..., None]
     return np.moveaxis(q, 0, axis)
 
 

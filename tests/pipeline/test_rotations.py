@@ -87,6 +87,24 @@ def test_continuous_carries_the_sign_over_missing_frames() -> None:
     assert np.sum(smooth[0] * smooth[-1]) > 0.999  # two full turns come back to the same sign
 
 
+def test_continuous_treats_every_joint_by_itself() -> None:
+    rng = np.random.default_rng(3)
+    q = r.normalize(rng.normal(size=(60, 5, 4)))
+    q[rng.random((60, 5)) < 0.4] = np.nan
+    q[:7, 1] = np.nan
+    smooth = r.continuous(q)
+    for joint in range(5):
+        there = ~np.isnan(q[:, joint, 0])
+        alone = smooth[there, joint]
+        assert np.array_equal(np.abs(alone), np.abs(q[there, joint]))
+        assert (np.sum(alone[1:] * alone[:-1], axis=-1) >= 0).all()
+        assert np.array_equal(alone[0], q[there, joint][0])  # the first one known keeps its sign
+        assert np.isnan(smooth[~there, joint]).all()
+    assert np.array_equal(
+        r.continuous(np.moveaxis(q, 0, 1), axis=1), np.moveaxis(smooth, 0, 1), equal_nan=True
+    )
+
+
 def test_there_are_twelve_orders() -> None:
     assert len(set(r.ORDERS)) == 12
     assert sum(order[0] == order[2] for order in r.ORDERS) == 6
