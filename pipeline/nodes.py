@@ -10,7 +10,8 @@ from numpy.typing import NDArray
 
 from kinemimic.pipeline.clip import Clip
 from kinemimic.pipeline.errors import KinemimicError
-from kinemimic.pipeline.skeleton import INFERRED, NODE_INDEX, NODES
+from kinemimic.pipeline.proportions import complete
+from kinemimic.pipeline.skeleton import NODE_INDEX, NODES
 
 Array = NDArray[np.float64]
 States = NDArray[np.uint8]
@@ -20,10 +21,21 @@ States = NDArray[np.uint8]
 # what is ambiguous between conventions: LeftFoot is the ankle wherever there is no LeftAnkle, and the foot
 # where there is; ShoulderLeft is a Kinect's shoulder, but Shoulder_L a clavicle beside UpperArm_L.
 _MIDDLE: dict[str, tuple[str, ...]] = {
-    "hip_center": ("hipcenter", "hips", "pelvis", "spinebase", "hip", "root"),
-    "spine": ("spine", "spinemid", "lowerback", "spine1", "chest", "abdomen", "torso", "waist"),
-    "shoulder_center": ("shouldercenter", "spineshoulder", "neck", "neckbase"),
-    "head": ("headend", "head"),
+    "hip_center": ("hipcenter", "hips", "pelvis", "spinebase", "hip", "root", "waist"),
+    "spine": (
+        "spine",
+        "spinemid",
+        "spinenavel",
+        "lowerback",
+        "spine1",
+        "chest",
+        "abdomen",
+        "torso",
+        "waist",
+        "spinechest",
+    ),
+    "shoulder_center": ("shouldercenter", "spineshoulder", "neck", "neckbase", "lowerneck"),
+    "head": ("headend", "headtip", "head"),
 }
 _SIDED: dict[str, tuple[str, ...]] = {
     "shoulder": (
@@ -34,10 +46,21 @@ _SIDED: dict[str, tuple[str, ...]] = {
         "upperarm*",
         "uparm*",
         "*humerus",
+        "humerus*",
         "*shoulder",
         "shoulder*",
     ),
-    "elbow": ("elbow*", "*forearm", "*elbow", "*lowerarm", "*lowarm", "lowerarm*", "forearm*", "*radius"),
+    "elbow": (
+        "elbow*",
+        "*forearm",
+        "*elbow",
+        "*lowerarm",
+        "*lowarm",
+        "lowerarm*",
+        "forearm*",
+        "*radius",
+        "ulna*",
+    ),
     "wrist": ("wrist*", "*wrist", "*hand", "hand*"),
     "hand": (
         "hand%",
@@ -52,7 +75,18 @@ _SIDED: dict[str, tuple[str, ...]] = {
         "hand*end",
         "wrist*end",
     ),
-    "hip": ("hip*", "*upleg", "*upperleg", "*thigh", "*hip", "upperleg*", "upleg*", "thigh*", "*femur"),
+    "hip": (
+        "hip*",
+        "*upleg",
+        "*upperleg",
+        "*thigh",
+        "*hip",
+        "upperleg*",
+        "upleg*",
+        "thigh*",
+        "*femur",
+        "femur*",
+    ),
     "knee": (
         "knee*",
         "*knee",
@@ -65,8 +99,9 @@ _SIDED: dict[str, tuple[str, ...]] = {
         "shin*",
         "calf*",
         "*tibia",
+        "tibia*",
     ),
-    "ankle": ("ankle*", "*ankle", "*foot", "foot*"),
+    "ankle": ("ankle*", "*ankle", "talus*", "*foot", "foot*"),
     "foot": (
         "foot%",
         "*foot",
@@ -83,13 +118,15 @@ _SIDED: dict[str, tuple[str, ...]] = {
 }
 # Nodes that fall on one joint have no direction between them: a fingerless hand, a spine at the hips.
 _APART = 0.02
-_HAND = 0.08
-# Nodes that can be derived, and the two that they come from, in this sequence.
-_DERIVED: dict[str, tuple[str, str]] = {
-    "shoulder_center": ("shoulder_left", "shoulder_right"),
-    "spine": ("hip_center", "shoulder_center"),
-    "hand_left": ("wrist_left", "elbow_left"),
-    "hand_right": ("wrist_right", "elbow_right"),
+# Without these no 20 nodes: everything else follows from them, and from one of the trunk's.
+_REQUIRED: tuple[str, ...] = tuple(
+    f"{joint}_{side}" for side in ("left", "right") for joint in ("hip", "knee", "ankle")
+)
+# A node that stands on another one's spot counts as not shown.
+_BEYOND: dict[str, str] = {
+    "spine": "hip_center",
+    "hand_left": "wrist_left",
+    "hand_right": "wrist_right",
 }
 # Thigh, shank, trunk and upper arm outside of these bounds (metres) are no human's, or the unit is wrong.
 _SANE: tuple[tuple[str, str, float, float], ...] = (
@@ -139,40 +176,53 @@ def joints_of_nodes(names: tuple[str, ...]) -> dict[str, int]:
 def to_nodes(clip: Clip) -> tuple[Array, States]:
     """Positions (T, 20, 3) in metres and states (T, 20) of the 20 nodes.
 
-    What a skeleton lacks is derived where its place follows from others, and is then "inferred" at best:
-    shoulder_center midway between the shoulders, spine a third of the way up the trunk, a hand without
-    fingers 8 cm on from the wrist along the forearm. Anything else that is missing raises a KinemimicError
-    that names it, and so do lengths that no human has.
+    Both hips, knees and ankles must be there, and a trunk (the spine, the shoulder_center or both shoulders):
+    a KinemimicError names what is missing, or lengths that no human has. Everything else that a skeleton
+    lacks is derived, and then "inferred" at best: hip_center and shoulder_center midway between the sides,
+    spine a third of the way up the trunk, a hand 8 cm on along the forearm; and, where the capture does not
+    show them at all, head, arms and feet of an average body's lengths (pipeline/proportions.py). `made_up`
+    names the nodes that were so derived. Missing stays missing: a derived node is NaN wherever a node that it
+    follows from is.
     """
-    found = joints_of_nodes(clip.skeleton.names)
-    lacking = [node for node in NODES if node not in found and node not in _DERIVED]
-    if lacking:
-        raise KinemimicError(
-            f"expected joints for all 20 nodes, found none for {', '.join(lacking)} among "
-            f"{', '.join(clip.skeleton.names)}"
-        )
-    _prefer(clip, found)
+    found = _joints(clip)
     positions = np.full((len(clip.times), len(NODES), 3), np.nan)
     states = np.zeros(positions.shape[:2], dtype=np.uint8)
     for node, joint in found.items():
         positions[:, NODE_INDEX[node]] = clip.positions[:, joint]
         states[:, NODE_INDEX[node]] = clip.states[:, joint]
-    for node, (start, end) in _DERIVED.items():
-        a, b = positions[:, NODE_INDEX[start]], positions[:, NODE_INDEX[end]]
-        if node in found and _length(a, positions[:, NODE_INDEX[node]]) >= _APART:
-            continue
-        if node == "shoulder_center":
-            place = 0.5 * (a + b)
-        elif node == "spine":
-            place = a + (b - a) / 3.0
-        else:
-            length = np.linalg.norm(a - b, axis=-1, keepdims=True)
-            place = a + _HAND * (a - b) / np.where(length > 0, length, np.nan)
-        positions[:, NODE_INDEX[node]] = place
-        least = np.minimum(states[:, NODE_INDEX[start]], states[:, NODE_INDEX[end]])
-        states[:, NODE_INDEX[node]] = np.minimum(least, INFERRED)
+    complete(positions, states, set(found))
     _check_lengths(positions)
     return positions, states
+
+
+def made_up(clip: Clip) -> tuple[str, ...]:
+    """The nodes that no joint of the capture stands for, in the sequence of NODES: `to_nodes` derives them.
+
+    Raises as `to_nodes` does if too little is there.
+    """
+    found = _joints(clip)
+    return tuple(node for node in NODES if node not in found)
+
+
+def _joints(clip: Clip) -> dict[str, int]:
+    """Index of the joint that each node is taken from, by name and by where the joints stand."""
+    found = joints_of_nodes(clip.skeleton.names)
+    lacking = [node for node in _REQUIRED if node not in found]
+    if not lacking and not {"spine", "shoulder_center"} & found.keys():
+        lacking = [f"shoulder_{side}" for side in ("left", "right") if f"shoulder_{side}" not in found]
+    if lacking:
+        names = clip.skeleton.names
+        raise KinemimicError(
+            "expected joints for hips, knees, ankles and a trunk, found none for "
+            f"{', '.join(lacking)} among {', '.join(names[:40])}{' …' if len(names) > 40 else ''}"
+        )
+    _prefer(clip, found)
+    for node, start in _BEYOND.items():
+        if node in found and start in found:
+            ends = (clip.positions[:, found[name]] for name in (start, node))
+            if _length(*ends) < _APART:
+                del found[node]
+    return found
 
 
 def _prefer(clip: Clip, found: dict[str, int]) -> None:
@@ -182,14 +232,19 @@ def _prefer(clip: Clip, found: dict[str, int]) -> None:
     def distance(a: int, b: int) -> float:
         return _length(clip.positions[:, a], clip.positions[:, b])
 
-    hips, trunk = found["hip_center"], [parents[found["shoulder_left"]]]
-    while trunk[-1] >= 0 and trunk[-1] != hips:
-        trunk.append(parents[trunk[-1]])
-    if "spine" in found and distance(hips, found["spine"]) < _APART and trunk[-1] == hips:
-        # CMU writes the lower back on the spot of the hips: the next joint up that is apart from them.
-        found["spine"] = next((j for j in trunk[-2::-1] if distance(hips, j) >= _APART), found["spine"])
-    head = found["head"]
-    if normalised(names[head]) == "headend" and distance(parents[head], head) < _APART:
+    top = next((found[node] for node in ("shoulder_left", "shoulder_center", "head") if node in found), None)
+    if "spine" in found and "hip_center" in found and top is not None:
+        hips, trunk = found["hip_center"], [parents[top]]
+        while trunk[-1] >= 0 and trunk[-1] != hips:
+            trunk.append(parents[trunk[-1]])
+        if distance(hips, found["spine"]) < _APART and trunk[-1] == hips:
+            # CMU writes the lower back on the spot of the hips: the next joint up that is apart from them.
+            apart = (j for j in trunk[-2::-1] if distance(hips, j) >= _APART)
+            found["spine"] = next(apart, found["spine"])
+    head = found.get("head")
+    if head is None or parents[head] < 0 or normalised(names[head]) not in ("headend", "headtip"):
+        return
+    if distance(parents[head], head) < _APART:
         found["head"] = parents[head]
 
 
