@@ -145,7 +145,7 @@ def continuous(q: Array, axis: int = 0) -> Array:
         last = np.maximum.accumulate(np.where(known, frames, 0), axis=0)[:-1]
         before = np.take_along_axis(q, last[..., None], axis=0)
     product = np.einsum("...i,...i->...", q[1:], before)
-    # Each change of sign turns every later frame, so the signs are a running product; NaN compares as no change.
+    # A change of sign turns every later frame, so the signs are a running product; NaN compares as none.
     flips = np.where(product < 0.0, -1.0, 1.0)
     q[1:] *= np.where(known[1:], np.cumprod(flips, axis=0), 1.0)[..., None]
     return np.moveaxis(q, 0, axis)

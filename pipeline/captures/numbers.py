@@ -46,12 +46,14 @@ def parse_table(
     """The numbers of source.lines[start:stop], blank lines skipped; NaN and infinities pass.
 
     width: the numbers each line must have (by default as many as the first); separator: None for any white
-    space, else one character. drop_others: lines of another width are left out and counted (a recorder that
+    space, else one character, which may also stand once behind the last number. drop_others: lines of another width are left out and counted (a recorder that
     writes short lines while nobody is there), instead of an error.
     CaptureError names the first line with another count or with something that is no number, and says if the
     file has no such line at all.
     """
     lines = source.lines[start:stop]
+    if separator is not None:
+        lines = [line.rstrip(" ").removesuffix(separator) for line in lines]
     first = next((line for line in lines if line.strip()), None)
     if first is None:
         raise source.error(expected="lines of numbers", found="none", where=f"line {start + 1}")
