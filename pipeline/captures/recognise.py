@@ -19,6 +19,7 @@ _MODULES: tuple[str, ...] = (
     "nui_skl",
     "treadmill",
     "bvh",
+    "uiprmd",
 )
 _NUMBERS = re.compile(r"[\s,;]+")
 

@@ -1,0 +1,50 @@
+"""What the two UI-PRMD readers share: pairs of headerless files, positions and angles, known by their names."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from kinemimic.pipeline.captures.source import Source
+
+Array = NDArray[np.float64]
+
+
+def head_of_numbers(source: Source, width: int) -> Array | None:
+    """The first lines as (n, width / 3, 3), or None if one of them is not `width` comma-separated numbers.
+
+    The last line of a head may be cut off, so that it does not count where there are others.
+    """
+    lines = source.head[:-1] if len(source.head) > 1 else source.head
+    if lines[0].count(",") != width - 1:
+        return None
+    try:
+        rows = [[float(field) for field in line.split(",")] for line in lines[:16]]
+    except ValueError:
+        return None
+    if any(len(row) != width for row in rows):
+        return None
+    head = np.array(rows).reshape(len(rows), -1, 3)
+    return np.where(np.isfinite(head), head, 0.0)
+
+
+def companion(source: Source, positions: str, angles: str, *, has_positions: bool) -> Source:
+    """The file beside `source` with the other half of the recording, whichever half `source` is.
+
+    positions, angles: the words of the names that tell the halves apart. CaptureError names the file that is
+    expected if it is not there.
+    """
+    own, other = (positions, angles) if has_positions else (angles, positions)
+    name = source.path.name
+    if own not in name:
+        raise source.error(
+            expected=f"{own!r} in the name of this file of {own}, by which its {other} beside it are found",
+            found=f"{name!r}",
+        )
+    wanted = name.replace(own, other)
+    beside = source.beside(wanted)
+    if beside is None:
+        raise source.error(
+            expected=f"the file {wanted} with the {other} of this recording beside it", found="no such file"
+        )
+    return beside
