@@ -16,8 +16,12 @@ from kinemimic.pipeline.errors import CaptureError, NoCapture
 
 # Asked in this sequence: formats with a header or a keyword first, tables of bare numbers last.
 _MODULES: tuple[str, ...] = (
+    "described",
+    "kinect2_skl",
     "nui_skl",
     "treadmill",
+    "andersson",
+    "asf_amc",
     "bvh",
     "uiprmd",
 )

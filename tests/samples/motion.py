@@ -10,7 +10,9 @@ from numpy.typing import NDArray
 
 from kinemimic.pipeline.captures.deepmimic import read_deepmimic, stock_motion
 from kinemimic.pipeline.captures.subject import close_loop, perform
-from kinemimic.pipeline.skeleton import NODE_INDEX, NODES
+from kinemimic.pipeline.clip import forward_kinematics
+from kinemimic.pipeline.rotations import Y_UP_TO_Z_UP, conjugate, multiply
+from kinemimic.pipeline.skeleton import NODE_INDEX, NODES, Skeleton
 
 Array = NDArray[np.float64]
 
@@ -55,3 +57,45 @@ def kinect_v2_joints(walk: Walk) -> Array:
         wrist, hand = p[f"wrist_{side}"], p[f"hand_{side}"]
         order += [hand + 0.9 * (hand - wrist), hand + np.array([0.05, 0.0, 0.0])]
     return np.stack([p[joint] if isinstance(joint, str) else joint for joint in order], axis=1)
+
+
+@dataclass(frozen=True)
+class RigidWalk:
+    """The same walk as what it is made of: rotations on a rigid skeleton of the 20 nodes.
+
+    times: (T,) seconds; root: (T, 3) and joints: (T, 20, 3) metres, Z up; rotations: (T, 20, 4).
+    """
+
+    times: Array
+    skeleton: Skeleton
+    root: Array
+    rotations: Array
+    joints: Array
+
+
+def rigid_walk(frames: int = 90, rate: float = 120.0, *, motion: str = "walk") -> RigidWalk:
+    """`frames` frames of the walk along +X, as rotations."""
+    gait = _gait(motion)
+    times = np.arange(frames) / rate
+    root, rotations = gait.pose(0.1 + times / gait.period)
+    translations = np.broadcast_to(gait.skeleton.offsets, (frames, len(NODES), 3)).copy()
+    translations[:, 0] = root
+    return RigidWalk(
+        times,
+        gait.skeleton,
+        root,
+        rotations,
+        forward_kinematics(gait.skeleton, translations, rotations)[0],
+    )
+
+
+def y_up_turns(rotations: Array) -> Array:
+    """Quaternions (..., 4) in our axes as those of a Y-up file."""
+    return multiply(multiply(conjugate(Y_UP_TO_Z_UP), rotations), Y_UP_TO_Z_UP)
+
+
+def in_range(walk: Walk, near: float = 1.5, depth: float = 3.0) -> Array:
+    """(T, 20, 3) joints that stay within a sensor's range, however long: the walker comes back to the start."""
+    joints = walk.joints.copy()
+    joints[..., 0] += near - depth * np.floor(joints[:, :1, 0] / depth)
+    return joints

@@ -1,0 +1,168 @@
+"""The text of an AMC motion: per frame its number and a line for every bone, to one table of numbers.
+
+Every frame of a real file has the same lines. Their names are struck out in the bytes, each where it must
+stand, and what is left goes through numpy's parser at once; a file that is laid out otherwise is read line
+by line, which takes longer and finds the first mistake.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from kinemimic.pipeline.captures.source import Source
+
+Array = NDArray[np.float64]
+
+_SPACE, _FEED = 32, 10
+_LONGEST_LINE = 128
+
+
+@dataclass(frozen=True)
+class AmcText:
+    """numbers: (T,) of the frames; values: bone -> (T, its degrees of freedom); keywords: in upper case,
+    ":DEGREES" -> what follows it.
+    """
+
+    numbers: Array
+    values: Mapping[str, Array]
+    keywords: Mapping[str, str]
+
+
+def parse(source: Source, widths: Mapping[str, int]) -> AmcText:
+    """The motion of bones that have `widths` values each; CaptureError names the line of the first mistake.
+
+    Bones without values need not be there.
+    """
+    keywords: dict[str, str] = {}
+    content, start, number = source.content.removeprefix(b"\xef\xbb\xbf"), 0, 0
+    while start < len(content):
+        end = content.find(b"\n", start)
+        end = len(content) if end < 0 else end
+        line = content[start:end].decode("latin-1").strip()
+        number += 1
+        if line.isdigit():
+            break
+        if line.startswith(":"):
+            word, _, rest = line.partition(" ")
+            keywords[word.upper()] = rest.strip()
+        elif line and not line.startswith("#"):
+            raise source.error(
+                expected="a keyword or the first frame's number", found=repr(line[:40]),
+                where=f"line {number}",
+            )  # fmt: skip
+        start = end + 1
+    if start >= len(content):
+        raise source.error(expected="frames of motion", found="none", advice="the file is cut off")
+    bones, table = _at_once(content[start:], widths) or _line_by_line(source, widths)
+    wrong = ~np.isfinite(table)
+    if wrong.any():
+        frame = int(np.argwhere(wrong)[0][0])
+        raise source.error(
+            expected="finite numbers", found="NaN or infinity", where=f"frame {table[frame, 0]:g}"
+        )
+    columns = np.cumsum([1, *(widths[bone] for bone in bones)])
+    values = {bone: table[:, a:b] for bone, a, b in zip(bones, columns[:-1], columns[1:], strict=True)}
+    return AmcText(table[:, 0], values, keywords)
+
+
+def _at_once(content: bytes, widths: Mapping[str, int]) -> tuple[list[str], Array] | None:
+    """Bones and table (T, 1 + values) of frames that are all laid out as the first; None if they are not."""
+    lines = content[: _LONGEST_LINE * (len(widths) + 2)].split(b"\n")
+    layout = next((lines[:k] for k, line in enumerate(lines) if k and line.strip().isdigit()), lines)
+    if not all(line.split() for line in layout):
+        return None
+    names = [b"", *(line.split()[0] for line in layout[1:])]
+    bones = [name.decode("latin-1") for name in names[1:]]
+    if sorted(bones) != sorted(bone for bone, width in widths.items() if width):
+        return None
+    text = _without_names(content, names, [1, *(widths[bone] for bone in bones)])
+    try:
+        rows = [] if text is None else text.decode("ascii").split("\n")
+        return (bones, np.loadtxt(rows, dtype=np.float64, comments=None, ndmin=2)) if rows else None
+    except ValueError:
+        return None
+
+
+def _without_names(content: bytes, names: Sequence[bytes], counts: Sequence[int]) -> bytes | None:
+    """The numbers, one frame a line, of lines that begin with `names` in turn and hold `counts` numbers."""
+    # Spaces behind the last line keep a look for a name from going over the end.
+    lines = content.rstrip().replace(b"\r\n", b" \n") + b"\n" + b" " * _LONGEST_LINE
+    text = np.frombuffer(lines, dtype=np.uint8).copy()
+    ends = np.flatnonzero(text == _FEED)
+    starts = np.concatenate([[0], ends[:-1] + 1])
+    if len(ends) % len(names) or max(map(len, names)) >= _LONGEST_LINE:
+        return None
+    for place, name in zip(starts.reshape(-1, len(names)).T, names, strict=True):
+        for k, letter in enumerate(name):
+            if not (text[place + k] == letter).all():
+                return None
+            text[place + k] = _SPACE
+        if name and (text[place + len(name)] > _SPACE).any():
+            return None
+    word = text > _SPACE
+    word[1:] &= ~word[:-1]
+    found = np.diff(np.searchsorted(np.flatnonzero(word), [*starts, len(text)]))
+    text[ends.reshape(-1, len(names))[:, :-1]] = _SPACE
+    return text.tobytes() if (found.reshape(-1, len(names)) == counts).all() else None
+
+
+def _line_by_line(source: Source, widths: Mapping[str, int]) -> tuple[list[str], Array]:
+    """The same of frames whose lines differ in sequence; blank lines and comments are passed over."""
+    bones = [bone for bone, width in widths.items() if width]
+    rows: list[list[float]] = []
+    frame: dict[str, list[float]] = {}
+    begun = 0
+
+    def finish(next_line: int) -> None:
+        missing = [bone for bone in bones if bone not in frame]
+        if missing:
+            raise source.error(
+                expected=f"a line for each of {len(bones)} bones in the frame of line {begun}",
+                found=f"none for {', '.join(missing[:3])}",
+                where=f"line {next_line}",
+                advice="the file is cut off there" if next_line == len(source.lines) else None,
+            )
+        rows.append([number, *(value for bone in bones for value in frame[bone])])
+
+    number = 0.0
+    for line_number, line in enumerate(source.lines, 1):
+        words = line.partition("#")[0].split()
+        if not words or words[0].startswith(":"):
+            continue
+        if len(words) == 1 and words[0].isdigit() and words[0].isascii():
+            if begun:
+                finish(line_number)
+            number, frame, begun = float(words[0][:20]), {}, line_number
+            continue
+        frame[words[0]] = _values(source, line_number, words, widths, again=words[0] in frame)
+    finish(len(source.lines))
+    return bones, np.array(rows)
+
+
+def _values(
+    source: Source, number: int, words: list[str], widths: Mapping[str, int], *, again: bool
+) -> list[float]:
+    bone = words[0]
+    where = f"line {number}"
+    if bone not in widths:
+        raise source.error(
+            expected="a frame's number or a bone of the skeleton", found=repr(bone[:40]), where=where,
+            advice="the skeleton beside this file is another one's",
+        )  # fmt: skip
+    if again:
+        raise source.error(expected="each bone once a frame", found=f"{bone!r} again", where=where)
+    if len(words) - 1 != widths[bone]:
+        raise source.error(
+            expected=f"{widths[bone]} values for {bone}", found=f"{len(words) - 1}", where=where,
+            advice="the skeleton beside this file may be another one's",
+        )  # fmt: skip
+    try:
+        return [float(word) for word in words[1:]]
+    except ValueError:
+        raise source.error(
+            expected=f"numbers for {bone}", found=repr(" ".join(words[1:])[:40]), where=where
+        ) from None
