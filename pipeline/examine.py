@@ -12,7 +12,23 @@ from dataclasses import dataclass
 from kinemimic.pipeline.acquire import SHORTEST_PASS, Acquisition, acquire, in_passes
 from kinemimic.pipeline.clip import Clip
 from kinemimic.pipeline.defect import Defect, defect_from_json, in_order
-from kinemimic.pipeline.rules import clock, duplicates
+from kinemimic.pipeline.errors import KinemimicError
+from kinemimic.pipeline.nodes import to_nodes
+from kinemimic.pipeline.rules import (
+    calibration,
+    camera,
+    clock,
+    duplicates,
+    facing,
+    gaps,
+    jumps,
+    limbs,
+    mirror,
+    rate,
+    sides,
+    units,
+    upright,
+)
 
 
 @dataclass(frozen=True)
@@ -29,23 +45,45 @@ class Examination:
         return next((defect for defect in self.defects if defect.action == "refused"), None)
 
 
+# Each gives the clip, repaired where that can be, and what it found; in this sequence.
+_OF_THE_BODY = (calibration.check, units.check, upright.check, mirror.check)
+_IN_PASSES = (sides.check, facing.check, jumps.check)
+_ONLY_TOLD = (limbs.check, camera.check, rate.check)
+
+
 def examine(recorded: Clip) -> Examination:
-    """Every rule, in turn, over a capture as its reader gave it; never raises for what a capture may hold."""
+    """Every rule, in turn, over a capture as its reader gave it.
+
+    Raises nothing for what a capture may hold: where nothing good can come of it, `refused` says why.
+    """
     clip = recorded
-    defects = [defect_from_json(record) for record in clip.provenance["reading"]["defects"]]
-    acquisition = acquire(clip)
-    clip = in_passes(clip, acquisition)
+    read = [defect_from_json(record) for record in clip.provenance["reading"]["defects"]]
+    defects: list[Defect] = []
+    for repair in _OF_THE_BODY:
+        clip, found = repair(clip)
+        defects += found
+    clip, acquisition = _passes(clip)
     if acquisition.count == 0:
-        defects.append(_nobody(clip, acquisition))
-        return Examination(clip, acquisition, in_order(defects))
-    whole = clip
-    clip, found = duplicates.check(clip)
+        # Nobody is there whose axes or sides could be judged.
+        return Examination(clip, acquisition, in_order([*read, _nobody(clip, acquisition)]))
+    once, found = duplicates.check(clip)
     defects += found
-    if clip is not whole:
-        acquisition = acquire(clip)
-        clip = in_passes(clip, acquisition)
-    defects += clock.check(clip)
-    return Examination(clip, acquisition, in_order(defects))
+    if found:
+        clip, acquisition = _passes(once)
+    defects += clock.check(clip) + gaps.check(clip)
+    for repair in _IN_PASSES:
+        clip, found = repair(clip)
+        defects += found
+    for tell in _ONLY_TOLD:
+        defects += tell(clip)
+    if not any(defect.action == "refused" for defect in defects):
+        defects += _nameless(clip)
+    return Examination(clip, acquisition, in_order([*read, *defects]))
+
+
+def _passes(clip: Clip) -> tuple[Clip, Acquisition]:
+    acquisition = acquire(clip)
+    return in_passes(clip, acquisition), acquisition
 
 
 def plan(examination: Examination, *, butterworth: bool | None = None) -> list[str]:
@@ -81,3 +119,12 @@ def _nobody(clip: Clip, acquisition: Acquisition) -> Defect:
         return Defect("gaps", acquisition.discarded, "moments", "refused", text)
     frames = len(clip.times)
     return Defect("zero_frames", frames, "frames", "refused", f"nobody in any of {frames} frames")
+
+
+def _nameless(clip: Clip) -> list[Defect]:
+    """A body on which the 20 nodes cannot be found is of no use to any later stage."""
+    try:
+        to_nodes(clip)
+    except KinemimicError as error:
+        return [Defect("wrong_names", len(clip.skeleton.names), "joints", "refused", str(error))]
+    return []

@@ -1,0 +1,54 @@
+"""The body in a clip, as the rules look at it: the nodes that the skeleton names, whatever their lengths.
+
+Unlike `nodes.to_nodes` this raises nothing and invents nothing: a rule must be able to look at a clip in
+millimetres, on its side or with legs that no human has.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from kinemimic.pipeline.clip import Clip
+from kinemimic.pipeline.nodes import joints_of_nodes
+from kinemimic.pipeline.skeleton import NODE_INDEX, NODES
+
+Array = NDArray[np.float64]
+
+
+def nodes_of(clip: Clip) -> Array:
+    """Positions (T, 20, 3) of the nodes, NaN for a node that the skeleton does not name."""
+    points = np.full((len(clip.times), len(NODES), 3), np.nan)
+    for node, joint in joints_of_nodes(clip.skeleton.names).items():
+        points[:, NODE_INDEX[node]] = clip.positions[:, joint]
+    return points
+
+
+def between(points: Array, start: str, end: str) -> Array:
+    """Vectors (T, 3) from a node to another; "hips" and "shoulders" are the middles of both sides."""
+    return _place(points, end) - _place(points, start)
+
+
+def length(points: Array, start: str, end: str) -> Array:
+    """Distances (T,) of two nodes."""
+    return np.asarray(np.linalg.norm(between(points, start, end), axis=-1))
+
+
+def unit(vectors: Array) -> Array:
+    """Vectors (..., 3) of length one; NaN for those without length."""
+    lengths = np.linalg.norm(vectors, axis=-1, keepdims=True)
+    return np.asarray(vectors / np.where(lengths > 0, lengths, np.nan))
+
+
+def median(values: Array) -> float:
+    """The median of the values that are there; NaN if none is."""
+    there = values[np.isfinite(values)]
+    return float(np.median(there)) if len(there) else float("nan")
+
+
+def _place(points: Array, name: str) -> Array:
+    if name in NODE_INDEX:
+        return points[:, NODE_INDEX[name]]
+    joint = name.removesuffix("s")
+    left, right = (points[:, NODE_INDEX[f"{joint}_{side}"]] for side in ("left", "right"))
+    return np.asarray(0.5 * (left + right))

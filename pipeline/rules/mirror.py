@@ -1,0 +1,73 @@
+"""A mirrored body: its feet point backward and its knees bend forward, for what is called left and right.
+
+Toes and knees tell forward, trunk tells up, and hips and shoulders tell left; in a mirror they disagree.
+Such data come of left-handed axes read as right-handed, or of left and right named the other way round; the
+points alone cannot tell which. Names are what a person wrote, axes what a program assumed: so the names are
+kept and the points are reflected at the plane Y = 0. If the names were wrong instead, then curves of the left
+leg are those of the right.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from kinemimic.pipeline.clip import Clip
+from kinemimic.pipeline.defect import Defect
+from kinemimic.pipeline.rules.body import between, nodes_of, unit
+
+Array = NDArray[np.float64]
+
+# A foot or knee votes in a frame where its sine or cosine is beyond this: a straight knee says nothing.
+CLEAR = 0.3
+# This share of the votes must say "mirrored", in this many frames at least, and feet and knees must agree.
+MAJORITY = 0.8
+ENOUGH = 10
+_REFLECTION = np.array([1.0, -1.0, 1.0])
+
+
+def check(clip: Clip) -> tuple[Clip, list[Defect]]:
+    """The clip as its own mirror image, if it is mirrored throughout; Euler captures are only flagged."""
+    feet, knees = votes(clip)
+    against = [int((group < 0).sum()) for group in (feet, knees)]
+    counts = [len(feet), len(knees)]
+    if sum(counts) < ENOUGH or counts[0] == 0:
+        return clip, []
+    if against[0] < MAJORITY * counts[0] or (counts[1] >= ENOUGH and against[1] < 0.5 * counts[1]):
+        return clip, []
+    found = (
+        f"feet point backward in {against[0]} of {counts[0]} clear cases and knees bend forward in "
+        f"{against[1]} of {counts[1]}"
+    )
+    frames = len(clip.times)
+    if clip.euler is not None:
+        text = f"{found}; left as recorded: a mirror image is no turn, Euler channels cannot express it"
+        return clip, [Defect("mirrored", frames, "frames", "flagged", text)]
+    lost = "; recorded rotations are left out" if clip.rotations is not None else ""
+    text = f"{found}; reflected left to right, names kept{lost}"
+    mirrored = replace(clip, positions=clip.positions * _REFLECTION, rotations=None)
+    return mirrored, [Defect("mirrored", frames, "frames", "repaired", text)]
+
+
+def votes(clip: Clip) -> tuple[Array, Array]:
+    """Clear cases, both sides together: the cosine of toes to forward, and the sine of the knee's bend
+    (backward positive)."""
+    points = nodes_of(clip)
+    left = between(points, "hip_right", "hip_left") + between(points, "shoulder_right", "shoulder_left")
+    forward = unit(np.cross(left, between(points, "hips", "shoulders")))
+    left = unit(left)
+    feet: list[Array] = []
+    knees: list[Array] = []
+    for side in ("left", "right"):
+        feet.append(np.sum(unit(between(points, f"ankle_{side}", f"foot_{side}")) * forward, axis=-1))
+        thigh = unit(between(points, f"hip_{side}", f"knee_{side}"))
+        shank = unit(between(points, f"knee_{side}", f"ankle_{side}"))
+        knees.append(np.sum(np.cross(thigh, shank) * left, axis=-1))
+    return _clear(feet), _clear(knees)
+
+
+def _clear(parts: list[Array]) -> Array:
+    values = np.concatenate(parts)
+    return values[np.isfinite(values) & (np.abs(np.nan_to_num(values)) > CLEAR)]

@@ -1,0 +1,143 @@
+"""Left and right legs, or arms, that change places for some frames.
+
+A tracker that confuses two limbs makes both of them jump at once, each to where the other was going. So the
+exchange is looked for that makes the motion smoothest: over a pass, the sequence of "as named" and "the other
+way round" with the least sum of the joints' deviations from going straight on, plus a price for each change
+(Viterbi's algorithm; a frame's deviation depends on the last two changes only).
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from kinemimic.pipeline.clean import runs
+from kinemimic.pipeline.clip import Clip
+from kinemimic.pipeline.defect import Defect
+from kinemimic.pipeline.nodes import joints_of_nodes
+from kinemimic.pipeline.rules.runs import frame_runs
+
+Array = NDArray[np.float64]
+Mask = NDArray[np.bool_]
+
+LIMBS: dict[str, tuple[str, ...]] = {
+    "legs": ("hip", "knee", "ankle", "foot"),
+    "arms": ("shoulder", "elbow", "wrist", "hand"),
+}
+# Metres, mean over the limb's joints. A change must save more than PRICE of deviation: twice the noise of a
+# Kinect's ankles. A deviation above MOST counts as MOST: it is a jump, whatever its size.
+PRICE = 0.10
+MOST = 0.5
+# Longer than this (seconds) no tracker confuses limbs and then finds back; two such changes are two turns.
+LONGEST = 1.0
+
+
+def check(clip: Clip) -> tuple[Clip, list[Defect]]:
+    """The clip with limbs back on their sides, pass by pass; Euler captures are only flagged."""
+    found = joints_of_nodes(clip.skeleton.names)
+    swapped = np.zeros(len(clip.times), dtype=np.bool_)
+    parts: list[str] = []
+    repaired = clip
+    for limb, joints in LIMBS.items():
+        pairs = [
+            (found[f"{joint}_left"], found[f"{joint}_right"])
+            for joint in joints
+            if f"{joint}_left" in found and f"{joint}_right" in found
+        ]
+        if len(pairs) < 2:
+            continue
+        where = _swapped(clip, pairs)
+        if where.any():
+            parts.append(f"{limb} in {int(where.sum())} frames ({len(list(runs(where)))} times)")
+            swapped |= where
+            if clip.euler is None:
+                repaired = _exchange(repaired, pairs, where)
+    if not swapped.any():
+        return clip, []
+    done = "put back" if clip.euler is None else "left as recorded: Euler channels cannot be exchanged"
+    return repaired, [
+        Defect(
+            "swapped_sides",
+            int(swapped.sum()),
+            "frames",
+            "repaired" if clip.euler is None else "flagged",
+            f"left and right change places: {', '.join(parts)}; {done}",
+            frame_runs(swapped),
+        )
+    ]
+
+
+def _swapped(clip: Clip, pairs: list[tuple[int, int]]) -> Mask:
+    """Frames (T,) in which the limb is the other way round."""
+    swapped = np.zeros(len(clip.times), dtype=np.bool_)
+    both = clip.positions[:, pairs]  # (T, pairs, 2, 3)
+    for number in range(int(clip.passes.max(initial=-1)) + 1):
+        for span in runs(clip.passes == number):
+            if span.stop - span.start >= 4:
+                changes = _changes(_deviations(both[span], clip.times[span]))
+                swapped[span] = _stretches(changes, clip.times[span])
+    return swapped
+
+
+def _deviations(both: Array, times: Array) -> Array:
+    """Metres (T - 2, 2, 2) by which frame t + 2 leaves the straight line: [was there a change before it, is
+    there one at it], as the names stand in frame t + 1; both: (T, P, 2, 3)."""
+    ratio = np.clip(np.diff(times)[1:] / np.diff(times)[:-1], 0.25, 4.0)[:, None, None, None]
+    middle = both[1:-1]
+    cost = np.empty((len(both) - 2, 2, 2))
+    for before in (0, 1):
+        earlier = both[:-2, :, ::-1] if before else both[:-2]
+        expected = middle + ratio * (middle - earlier)
+        for at in (0, 1):
+            there = both[2:, :, ::-1] if at else both[2:]
+            off = np.linalg.norm(there - expected, axis=-1)
+            seen = np.isfinite(off)
+            total = np.where(seen, np.minimum(off, MOST), 0.0).sum(axis=(1, 2))
+            cost[:, before, at] = total / np.maximum(seen.sum(axis=(1, 2)), 1)
+    return cost
+
+
+def _changes(cost: Array) -> Mask:
+    """Frames (T,) at which the limbs change names, on the cheapest way through."""
+    as_named, changed = 0.0, PRICE
+    came: list[tuple[bool, bool]] = []
+    for (stay, begin), (end, again) in cost.tolist():
+        came.append((changed + end < as_named + stay, changed + again < as_named + begin))
+        as_named, changed = (
+            min(as_named + stay, changed + end),
+            min(as_named + begin, changed + again) + PRICE,
+        )
+    changes = np.zeros(len(cost) + 2, dtype=np.bool_)
+    state = changed < as_named
+    for frame in range(len(cost) + 1, 0, -1):
+        changes[frame] = state
+        if frame > 1:
+            state = came[frame - 2][int(state)]
+    return changes
+
+
+def _stretches(changes: Mask, times: Array) -> Mask:
+    """Frames (T,) between an odd change and the next: the other way round, if that is the shorter part."""
+    other = np.cumsum(changes) % 2 == 1
+    if other.sum() > 0.5 * len(other):
+        other = ~other
+    for span in runs(other):
+        if times[span.stop - 1] - times[span.start] > LONGEST:
+            other[span] = False
+    return np.asarray(other)
+
+
+def _exchange(clip: Clip, pairs: list[tuple[int, int]], where: Mask) -> Clip:
+    rows = np.flatnonzero(where)[:, None]
+    left, right = [pair[0] for pair in pairs], [pair[1] for pair in pairs]
+    positions, states = clip.positions.copy(), clip.states.copy()
+    for array in (positions, states):
+        array[rows, left + right] = array[rows, right + left]
+    rotations = clip.rotations
+    if rotations is not None:
+        # A rotation lies in its parent's frame, and the parents change places along with the children.
+        rotations = rotations.copy()
+        rotations[rows, left + right] = rotations[rows, right + left]
+    return replace(clip, positions=positions, states=states, rotations=rotations)
