@@ -12,6 +12,8 @@ Array = NDArray[np.float64]
 
 # The four curves that every score is about.
 ANGLES: tuple[str, ...] = ("knee_left", "knee_right", "hip_left", "hip_right")
+# Square metres; a child's pelvis spans a hundred square centimetres.
+_FLAT = 1e-8
 
 
 def knee_flexion(hip: Array, knee: Array, ankle: Array, lateral: Array) -> Array:
@@ -42,12 +44,14 @@ def leg_angles(positions: Array, pelvis: Array | None = None) -> dict[str, Array
 
     Without `pelvis` (T, 4) its frame is taken from both hips and the spine, which a Kinect sees badly: both
     the hip's angle and the sign of the knee's suffer.
-    Frames with a missing joint give NaN.
+    Frames with a missing joint, or with the pelvis in one point, give NaN.
     """
     p = positions
     curves: dict[str, Array] = {}
     lateral = p[:, N["hip_left"]] - p[:, N["hip_right"]]
-    seen = np.isfinite(p[:, [N["hip_left"], N["hip_right"], N["hip_center"], N["spine"]]]).all(axis=(1, 2))
+    trunk = p[:, N["spine"]] - p[:, N["hip_center"]]
+    # A pelvis without a width, or with its spine along it, has no frame; NaN compares false.
+    seen = np.linalg.norm(np.cross(lateral, trunk), axis=-1) > _FLAT
     frame = np.full((len(p), 4), np.nan)
     if pelvis is not None:
         frame = pelvis

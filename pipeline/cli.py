@@ -15,6 +15,8 @@ from kinemimic.pipeline.errors import KinemimicError
 # Each command's module is named in a string and loaded when it runs: the command line lies in the lowest
 # layer and must not import the layers above it.
 COMMANDS: dict[str, tuple[str, str]] = {
+    "formats": ("kinemimic.pipeline.inspect.formats:command", "The capture formats that can be read."),
+    "inspect": ("kinemimic.pipeline.inspect.command:command", "What captures are, and how good they are."),
     "ingest": ("kinemimic.pipeline.ingest:command", "Read a capture: passes, gaps, filter, quality report."),
     "convert": ("kinemimic.pipeline.convert:command", "Euler angles or positions to quaternions."),
     "retarget": ("kinemimic.retarget.stage:command", "Onto the 20 nodes and the body; JSON and MCAP."),

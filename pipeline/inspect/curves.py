@@ -1,0 +1,223 @@
+"""The page of `inspect --plot`: each file's angles, bones, joint states and path, drawn."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from html import escape
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.colors import ListedColormap
+from matplotlib.figure import Figure
+from matplotlib.patches import Patch
+from numpy.typing import NDArray
+
+from kinemimic.pipeline.angles import leg_angles
+from kinemimic.pipeline.clip import Clip
+from kinemimic.pipeline.defect import RULES, Defect
+from kinemimic.pipeline.html import drawing, number, page
+from kinemimic.pipeline.inspect.measures import SEGMENTS, SIDES, nodes_of
+from kinemimic.pipeline.inspect.study import OTHER, Studied
+from kinemimic.pipeline.nodes import joints_of_nodes
+from kinemimic.pipeline.picture import Draw, legend, panel_grid, picture
+from kinemimic.pipeline.skeleton import NODE_INDEX
+from kinemimic.pipeline.store import write_text
+
+Array = NDArray[np.float64]
+
+_SIDE_COLORS = {"left": "#0072b2", "right": "#d55e00", "": "#2b2b2b"}
+_OWN = "#8a8a8a"
+_STATES = {"missing": "#7f1d1d", "inferred": "#f0b440", "tracked": "#cfe3ee"}
+_MARKS = {"flagged": "#f3d9a0", "repaired": "#d5e8d4", "refused": "#f2c4bd"}
+# More than a drawing can show, and a page of hundreds of files must not weigh gigabytes.
+_POINTS, _COLUMNS, _MARKED = 1500, 600, 60
+
+
+def section(studied: Studied) -> str:
+    """HTML of one file: what it is, and its drawings if it could be read."""
+    report = studied.report
+    title = f"<h2>{escape(Path(report['file']).name)}</h2>"
+    if studied.examination is None:
+        return f'{title}<p class="banner">{escape(str(report["reason"]))}</p>'
+    clip, defects = studied.examination.clip, studied.examination.defects
+    nodes, _, _ = nodes_of(clip)
+    banner = ""
+    if report["status"] == "refused":
+        banner = f'<p class="banner">Refused: {escape(str(report["reason"]))}</p>'
+    items = [f"<li>{RULES[one.rule]}, {one.action}: {escape(one.text)}</li>" for one in defects]
+    listed = f"<ul>{''.join(items)}</ul>" if items else ""
+    name = escape(Path(report["file"]).name)
+    drawings = [
+        drawing(picture(_angles(clip, nodes, defects), f"Knee and hip of {name} over time"), _ANGLES_CAPTION),
+        drawing(picture(_bones(clip, nodes), f"Bone lengths of {name} over time"), _BONES_CAPTION),
+        drawing(picture(_states(clip), f"Joint states of {name} over time"), _STATES_CAPTION),
+        drawing(picture(_path(clip, nodes), f"Path of {name} from above"), _PATH_CAPTION),
+    ]
+    return f'{title}<p class="lead">{escape(_lead(report))}</p>{banner}{listed}{"".join(drawings)}'
+
+
+def write_page(path: Path, sections: Sequence[tuple[dict[str, Any], str]]) -> None:
+    """One page of the sections of all files that are captures, written atomically."""
+    shown = [(report, text) for report, text in sections if report["status"] != OTHER]
+    read = sum(report["read"] for report, _ in shown)
+    title = Path(shown[0][0]["file"]).name if len(shown) == 1 else f"{len(shown)} captures"
+    lead = f"{read} of {len(shown)} read; kinemimic inspect"
+    body = f'<h1>{escape(title)}</h1><p class="lead">{lead}</p>' + "".join(text for _, text in shown)
+    write_text(path, page(f"{title}: kinemimic inspect", body))
+
+
+_ANGLES_CAPTION = (
+    "Flexion, positive, 0 standing upright; as recorded, after repairs and before any filter. A line breaks "
+    "where a pass ends or a joint is missing. Shaded: frames with a defect."
+)
+_BONES_CAPTION = "A rigid bone is a straight line; what moves is the sensor's error."
+_STATES_CAPTION = (
+    "Each joint in each moment; where many frames share a column, the worst of them. "
+    "White: outside of passes."
+)
+_PATH_CAPTION = "The middle of the hips from above, a line for each pass, a dot where it starts."
+
+
+def _lead(report: dict[str, Any]) -> str:
+    simulated = ", SIMULATED" if report["simulated"] else ""
+    peak, gait = report["angles"]["knee_peak_deg"], report["gait"]
+    parts = [
+        f"{report['format']}{simulated}",
+        f"{report['frames']} frames at {number(report['rate_hz'], 1)} Hz",
+        f"thigh {number(report['bones_m']['thigh']['median'], 3)} m",
+        f"shank {number(report['bones_m']['shank']['median'], 3)} m",
+        f"knee peak {number(peak, 0)}°",
+        f"gait period {number(gait['period_s'], 2)} s" if gait else "no gait",
+        str(report["status"]),
+    ]
+    return " · ".join(parts)
+
+
+def _line(axes: Axes, clip: Clip, values: Array, **look: Any) -> None:
+    """A curve (T,) over the frames in passes, thinned to what can be seen, broken between passes."""
+    curve = np.where(clip.passes >= 0, values, np.nan)
+    breaks = np.flatnonzero(np.diff(clip.passes) != 0)
+    curve[breaks] = np.nan
+    thin = max(1, len(curve) // _POINTS)
+    axes.plot(clip.times[::thin], curve[::thin], **look)
+
+
+def _angles(clip: Clip, nodes: Array, defects: Sequence[Defect]) -> Draw:
+    ours = leg_angles(nodes)
+
+    def draw(phone: bool) -> Figure:
+        figure, panels = panel_grid(2, 1, 1.9, phone, sharex=True)
+        for axes, joint in zip(panels, ("knee", "hip"), strict=True):
+            for action in _shade(axes, clip, defects):
+                axes.fill_between([], [], color=_MARKS[action], label=action)
+            for side in SIDES:
+                name = f"{joint}_{side}"
+                _line(axes, clip, np.degrees(ours[name]), color=_SIDE_COLORS[side], label=side)
+                own = (clip.angles or {}).get(name)
+                if own is not None:
+                    label = "the file's own" if side == "right" else None
+                    _line(axes, clip, np.degrees(own), color=_OWN, linestyle="--", linewidth=0.9, label=label)
+            axes.set(title=joint, ylabel="flexion [°]")
+        panels[-1].set_xlabel("time [s]")
+        legend(figure, panels[0])
+        return figure
+
+    return draw
+
+
+def _shade(axes: Axes, clip: Clip, defects: Sequence[Defect]) -> list[str]:
+    """Shade the frames that defects name, and tell which actions were shaded."""
+    shaded: dict[str, None] = {}
+    step = float(np.median(np.diff(clip.times))) if len(clip.times) > 1 else 0.0
+    for defect in defects:
+        for first, last in defect.frames[:_MARKED]:
+            if first < len(clip.times):
+                end = min(last, len(clip.times) - 1)
+                axes.axvspan(
+                    clip.times[first] - step / 2, clip.times[end] + step / 2,
+                    color=_MARKS[defect.action], linewidth=0, zorder=0,
+                )  # fmt: skip
+                shaded[defect.action] = None
+    return list(shaded)
+
+
+def _bones(clip: Clip, nodes: Array) -> Draw:
+    def draw(phone: bool) -> Figure:
+        figure, panels = panel_grid(2, 1, 1.7, phone, sharex=True)
+        for axes, title, segments in (
+            (panels[0], "legs", ("thigh", "shank")),
+            (panels[1], "arms and trunk", ("upper_arm", "forearm", "trunk")),
+        ):
+            for segment, style in zip(segments, ("-", "--", ":"), strict=False):
+                start, end = SEGMENTS[segment]
+                for side in SIDES if "{}" in start else ("",):
+                    a, b = NODE_INDEX[start.format(side)], NODE_INDEX[end.format(side)]
+                    length = np.linalg.norm(nodes[:, b] - nodes[:, a], axis=-1)
+                    label = f"{side} {segment}".strip().replace("_", " ")
+                    _line(
+                        axes, clip, length, color=_SIDE_COLORS[side], linestyle=style, linewidth=0.9,
+                        label=label,
+                    )  # fmt: skip
+            axes.set(title=title, ylabel="length [m]", ylim=(0, None))
+            if phone:
+                axes.legend(loc="lower left", ncols=2, fontsize=7)
+            else:
+                axes.legend(loc="center left", bbox_to_anchor=(1.0, 0.5), fontsize=8)
+        panels[-1].set_xlabel("time [s]")
+        return figure
+
+    return draw
+
+
+def _states(clip: Clip) -> Draw:
+    names = clip.skeleton.names
+    shown = sorted(set(joints_of_nodes(names).values())) or list(range(len(names)))
+    edges = np.linspace(clip.times[0], clip.times[-1], min(_COLUMNS, len(clip.times)) + 1)
+    column = np.clip(np.searchsorted(edges, clip.times, side="right") - 1, 0, len(edges) - 2)
+    worst = np.full((len(shown), len(edges) - 1), np.nan)
+    for frame in np.flatnonzero(clip.passes >= 0):
+        worst[:, column[frame]] = np.fmin(worst[:, column[frame]], clip.states[frame, shown])
+    # A column between two frames of a pass that is narrower than their step belongs to both.
+    filled = np.maximum.accumulate(np.where(np.isfinite(worst[0]), np.arange(worst.shape[1]), 0))
+    near = np.arange(worst.shape[1]) - filled <= 2
+    worst = np.where(near & np.isnan(worst), worst[:, filled], worst)
+
+    def draw(phone: bool) -> Figure:
+        figure, (axes,) = panel_grid(1, 1, 0.7 + 0.16 * len(shown), phone)
+        axes.imshow(
+            worst, aspect="auto", interpolation="nearest", cmap=ListedColormap(list(_STATES.values())),
+            vmin=-0.5, vmax=2.5, extent=(edges[0], edges[-1], len(shown) - 0.5, -0.5),
+        )  # fmt: skip
+        axes.set_yticks(range(len(shown)), [names[joint] for joint in shown], fontsize=7.5)
+        axes.set_xlabel("time [s]")
+        axes.grid(visible=False)
+        handles = [Patch(color=color, label=state) for state, color in _STATES.items()]
+        figure.legend(handles=handles, loc="outside upper left", ncols=3)
+        return figure
+
+    return draw
+
+
+def _path(clip: Clip, nodes: Array) -> Draw:
+    middle = nodes[:, [NODE_INDEX["hip_left"], NODE_INDEX["hip_right"]], :2].mean(axis=1)
+    count = int(clip.passes.max(initial=-1)) + 1
+
+    def draw(phone: bool) -> Figure:
+        figure, (axes,) = panel_grid(1, 1, 3.0, phone)
+        for number_ in range(count):
+            way = middle[clip.passes == number_]
+            way = way[np.isfinite(way).all(axis=-1)]
+            if not len(way):
+                continue
+            shade = 0.25 + 0.6 * number_ / max(count - 1, 1) if count > 1 else 0.6
+            color = (0.0, 0.25 + 0.35 * (1 - shade), 0.35 + 0.45 * shade)
+            thin = max(1, len(way) // _POINTS)
+            axes.plot(way[::thin, 0], way[::thin, 1], color=color, linewidth=1.0)
+            axes.plot(*way[0], "o", color=color, markersize=4)
+        axes.set(xlabel="forward [m]", ylabel="to the left [m]")
+        axes.set_aspect("equal", adjustable="datalim")
+        return figure
+
+    return draw

@@ -1,0 +1,37 @@
+"""`kinemimic formats`: what can be read, and by which mark it is recognised."""
+
+from __future__ import annotations
+
+import json
+
+import click
+from rich.table import Table
+
+from kinemimic.pipeline.captures.recognise import formats
+from kinemimic.pipeline.inspect.terminal import show
+
+
+@click.command()
+@click.option("--json", "as_json", is_flag=True, help="Print the list as JSON.")
+def command(as_json: bool) -> None:
+    """List the capture formats that can be read.
+
+    A file is recognised by its content, whatever its name; it may be packed with gzip.
+    """
+    if as_json:
+        keys = ("name", "sensor", "holds", "told_by", "together_with", "binary")
+        records = [{key: getattr(one, key) for key in keys} for one in formats()]
+        click.echo(json.dumps(records, indent=2, ensure_ascii=False))
+        return
+    table = Table(box=None, pad_edge=False, padding=(0, 2, 1, 0), header_style="bold")
+    for heading, ratio in (
+        ("format", 4),
+        ("sensor", 4),
+        ("holds", 6),
+        ("told by", 6),
+        ("needs beside it", 3),
+    ):
+        table.add_column(heading, ratio=ratio, overflow="fold")
+    for one in sorted(formats(), key=lambda one: one.name.lower()):
+        table.add_row(one.name, one.sensor, one.holds, one.told_by, one.together_with or "-")
+    show(table)

@@ -1,0 +1,142 @@
+"""The page on one file, for a person at a terminal."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Any
+
+from rich.console import Group, RenderableType
+from rich.table import Table
+from rich.text import Text
+
+from kinemimic.pipeline.defect import RULES
+from kinemimic.pipeline.inspect.measures import SIDES
+from kinemimic.pipeline.inspect.study import FLAGGED, OTHER, REFUSED
+from kinemimic.pipeline.inspect.terminal import facts, grid, heading, number, percent
+from kinemimic.pipeline.nodes import joints_of_nodes
+
+Report = dict[str, Any]
+
+
+def sheet(report: Report) -> RenderableType:
+    """All of a report that was read; of another one, why not."""
+    if not report["read"]:
+        return Group(*_verdict(report))
+    parts: list[RenderableType] = [_summary(report), heading("Joints"), _joints(report)]
+    if report["defects"]:
+        parts += [heading("Defects"), _defects(report)]
+    parts += [heading("What will be done"), *(Text(f"- {line}") for line in report["plan"])]
+    return Group(*parts, Text(), *_verdict(report))
+
+
+def _summary(report: Report) -> Table:
+    table = facts()
+    marks = [f"{report['format']} ({report['sensor']})" if report["sensor"] else str(report["format"])]
+    if report["simulated"]:
+        marks.append("SIMULATED")
+    table.add_row("file", report["file"])
+    table.add_row("format", ", ".join(marks))
+    if report["companions"]:
+        table.add_row("read with", ", ".join(report["companions"]))
+    table.add_row("unit", f"{report['units']['length']}: {report['units']['rule']}")
+    table.add_row("frames", _frames(report))
+    table.add_row("body", "\n".join(_body(report)))
+    for joint in ("knee", "hip"):
+        table.add_row(joint, _range(report, joint))
+    table.add_row("gait", _gait(report["gait"]))
+    for name, own in report["own_angles"].items():
+        table.add_row(f"its {name.replace('_', ' ')}", _own(own))
+    for note in report["notes"]:
+        table.add_row("note", note)
+    return table
+
+
+def _frames(report: Report) -> str:
+    passes = report["passes"]
+    plural = "" if len(passes) == 1 else "es"
+    short = f"; {report['passes_discarded']} too short" if report["passes_discarded"] else ""
+    return (
+        f"{report['frames']} in {number(report['duration_s'], 2, ' s')}, {number(report['rate_hz'], 1)} Hz, "
+        f"steps vary by {number(report['clock_jitter_ms'], 1)} ms; "
+        f"{len(passes)} pass{plural} of {report['frames_in_passes']} frames{short}"
+    )
+
+
+def _body(report: Report) -> Iterator[str]:
+    for name, bone in report["bones_m"].items():
+        sides = ", ".join(f"{side} {number(bone[side], 3)}" for side in SIDES if side in bone)
+        yield (
+            f"{name.replace('_', ' '):<10} {number(bone['median'], 3, ' m')}"
+            + (f" ({sides})" if sides else "")
+            + f", varies by {percent(bone['spread'])} %"
+        )
+    if report["stature_m"] is not None:
+        yield f"{'stature':<10} about {report['stature_m']:.2f} m, by the legs"
+
+
+def _range(report: Report, joint: str) -> str:
+    sides = [
+        f"{side} {number(one['low_deg'], 0)} to {number(one['high_deg'], 0)}°"
+        for side, one in report["angles"][joint].items()
+    ]
+    peak = report["angles"]["knee_peak_deg"] if joint == "knee" else None
+    by = report["angles"]["knee_peak_side"]
+    which = "mean of both sides" if by == "both" else f"{by} side, the better tracked"
+    return ", ".join(sides) + ("" if peak is None else f"; peak {peak:.0f}° ({which})")
+
+
+def _gait(gait: dict[str, Any] | None) -> str:
+    if gait is None:
+        return "none"
+    speed = "on the spot" if gait["speed_m_s"] is None else f"{gait['speed_m_s']:.2f} m/s"
+    return (
+        f"period {gait['period_s']:.2f} s, {gait['cadence_steps_min']:.0f} steps a minute, {speed} "
+        f"(the ankles follow one harmonic with R² {gait['r2']:.2f})"
+    )
+
+
+def _own(own: dict[str, Any]) -> str:
+    if "r" not in own:
+        return f"{own['frames']} frames, as the recorder computed it"
+    return (
+        f"against ours r {number(own['r'], 3)}, {number(own['difference_deg'], 1, '°')} in the median, "
+        f"{own['frames']} frames"
+    )
+
+
+def _joints(report: Report) -> Table:
+    table = grid("joint", "tracked %", "inferred %", "lost %", "bone m", "varies %", "jitter mm")
+    names = tuple(report["joints"])
+    shown = sorted(set(joints_of_nodes(names).values())) or range(len(names))
+    for name in (names[joint] for joint in shown):
+        one = report["joints"][name]
+        shares = [percent(one[state]) for state in ("tracked", "inferred", "lost")]
+        bone = [number(one["bone_m"], 3), percent(one["bone_spread"])]
+        table.add_row(name, *shares, *bone, number(one["jitter_mm"], 1))
+    if len(shown) < len(names):
+        table.caption = f"{len(names) - len(shown)} more joints in --json"
+        table.caption_justify = "left"
+    return table
+
+
+def _defects(report: Report) -> Table:
+    table = facts()
+    table.columns[1].no_wrap = True
+    table.add_column(overflow="fold")
+    for defect in report["defects"]:
+        table.add_row(RULES[defect["rule"]], defect["action"], defect["text"])
+    return table
+
+
+def _verdict(report: Report) -> Iterator[RenderableType]:
+    if report["status"] == REFUSED:
+        yield Text(
+            f"refused: {report['file'] + ': ' if not report['read'] else ''}{report['reason']}", "bold"
+        )
+    elif report["status"] == OTHER:
+        yield Text(f"no capture: {report['file']}: {report['reason']}", "bold")
+    elif report["status"] == FLAGGED:
+        rules = [RULES[one["rule"]] for one in report["defects"] if one["action"] == "flagged"]
+        yield Text(f"usable with flags: {', '.join(rules)}", "bold")
+    else:
+        yield Text("usable", "bold")

@@ -1,0 +1,126 @@
+"""The tables on many files: a row for each folder or file, and below it what is to be known of them."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+from typing import Any
+
+from rich.console import Group, RenderableType
+from rich.table import Table
+from rich.text import Text
+
+from kinemimic.pipeline.defect import RULES
+from kinemimic.pipeline.inspect.study import COMPANION, OTHER, REFUSED
+from kinemimic.pipeline.inspect.survey import folders, rule_counts
+from kinemimic.pipeline.inspect.terminal import facts, grid, heading, number
+
+Report = dict[str, Any]
+
+
+def summary(reports: Sequence[Report], *, by_file: bool) -> RenderableType:
+    """A row per folder where there are several, a row per file where by_file or where there is but one."""
+    records = folders(reports)
+    parts: list[RenderableType] = []
+    if len(records) > 1:
+        parts.append(_folders(records))
+    if by_file or len(records) == 1:
+        if parts:
+            parts.append(Text())
+        parts.append(_files(reports, long=len(records) > 1))
+    parts += _below(reports, records)
+    return Group(*parts)
+
+
+def _folders(records: Sequence[dict[str, Any]]) -> Table:
+    table = grid(
+        "folder", "read", "frames", "thigh\nm", "shank\nm", "knee\npeak °", "gait\nperiod s",
+        "repaired", "flagged", "refused",
+    )  # fmt: skip
+    table.columns[0].no_wrap = True
+    shared = _shared([record["folder"] for record in records])
+    for record in records:
+        if not record["captures"]:
+            continue
+        read = str(record["read"])
+        if record["read"] != record["captures"]:
+            read += f" of {record['captures']}"
+        table.add_row(
+            str(Path(record["folder"]).relative_to(shared)),
+            read,
+            str(record["frames"]),
+            number(record["thigh_m"], 2),
+            number(record["shank_m"], 2),
+            number(record["knee_peak_deg"], 0),
+            number(record["gait_period_s"], 2),
+            *(str(record[key] or "-") for key in ("repaired", "flagged", "refused")),
+        )
+    return table
+
+
+def _shared(names: Sequence[str]) -> Path:
+    """The folder that all of them lie in, which the table need not repeat."""
+    common = Path(names[0])
+    while not all(Path(name).is_relative_to(common) for name in names):
+        common = common.parent
+    return common
+
+
+def _files(reports: Sequence[Report], *, long: bool) -> Table:
+    table = grid(
+        "file", "format", "frames", "Hz", "thigh\nm", "shank\nm", "knee\npeak °", "gait\nperiod s", "verdict",
+        left=2,
+    )  # fmt: skip
+    table.columns[-1].justify = "left"
+    table.columns[1].no_wrap = True
+    folder = Path()
+    for report in _captures(reports):
+        if long and Path(report["file"]).parent != folder:
+            folder = Path(report["file"]).parent
+            table.add_row(Text(f"{folder.name}/", style="bold"))
+        bones, angles, gait = report["bones_m"], report["angles"], report["gait"]
+        table.add_row(
+            Path(report["file"]).name,
+            report["format"] or "-",
+            str(report["frames"] or "-"),
+            number(report["rate_hz"], 1),
+            number(bones["thigh"]["median"] if bones else None, 2),
+            number(bones["shank"]["median"] if bones else None, 2),
+            number(angles["knee_peak_deg"] if angles else None, 0),
+            number(gait["period_s"] if gait else None, 2),
+            report["status"] + (", SIMULATED" if report["simulated"] else ""),
+        )
+    return table
+
+
+def _below(reports: Sequence[Report], records: Sequence[dict[str, Any]]) -> Iterator[RenderableType]:
+    captures = _captures(reports)
+    refused = [report for report in captures if report["status"] == REFUSED]
+    if refused:
+        yield heading("Refused")
+        shared = _shared([str(Path(report["file"]).parent) for report in captures])
+        for report in refused:
+            # One line each, whatever the width: it is searched for, and cut off by whoever wants to.
+            name = Path(report["file"]).relative_to(shared)
+            yield Text(f"{name}: {report['reason']}", no_wrap=True, overflow="ignore")
+    table = facts()
+    usable = [report for report in captures if report["status"] != REFUSED]
+    for title, group in (("repaired", captures), ("flagged", usable)):
+        counts = rule_counts(group, title)
+        if counts:
+            ranked = [f"{RULES[rule]} in {counts[rule]}" for rule in RULES if rule in counts]
+            table.add_row(title, ", ".join(ranked))
+    for title, key, most in (("companions", "companions", 4), ("other files", "other", 40)):
+        names = sorted({name for record in records for name in record[key]})
+        if names:
+            count = sum(len(record[key]) for record in records)
+            more = f" and {len(names) - most} more" if len(names) > most else ""
+            table.add_row(title, f"{count}: {', '.join(names[:most])}{more}")
+    read = sum(report["read"] for report in captures)
+    table.add_row("captures", f"{read} of {len(captures)} read, {len(refused)} refused")
+    yield heading("In all")
+    yield table
+
+
+def _captures(reports: Sequence[Report]) -> list[Report]:
+    return [report for report in reports if report["status"] not in (OTHER, COMPANION)]

@@ -1,0 +1,52 @@
+"""How reports stand in a terminal: one width, one look, numbers or a dash."""
+
+from __future__ import annotations
+
+import os
+
+from rich.console import Console, RenderableType
+from rich.table import Table
+from rich.text import Text
+
+# In a pipe or a file, where there is no terminal to ask.
+WIDTH = 100
+
+
+def show(*parts: RenderableType) -> None:
+    """Print to stdout; words wrap at the width of the terminal."""
+    console = Console(highlight=False, markup=False)
+    if not console.is_terminal and "COLUMNS" not in os.environ:
+        console = Console(highlight=False, markup=False, width=WIDTH)
+    for part in parts:
+        console.print(part, crop=False)
+
+
+def grid(*columns: str, left: int = 1) -> Table:
+    """A table of numbers under headings; the first `left` columns are words."""
+    table = Table(box=None, pad_edge=False, header_style="bold")
+    for index, column in enumerate(columns):
+        table.add_column(column, justify="left" if index < left else "right", overflow="fold")
+    return table
+
+
+def facts() -> Table:
+    """Two columns: what, and what of it; the second wraps within itself."""
+    table = Table.grid(padding=(0, 2, 0, 0))
+    table.add_column(style="bold", no_wrap=True)
+    table.add_column(overflow="fold")
+    return table
+
+
+def heading(text: str) -> Text:
+    """A line that begins a part."""
+    return Text(f"\n{text}", style="bold")
+
+
+def number(value: float | None, digits: int, unit: str = "") -> str:
+    """A number with so many decimals and its unit, or a dash."""
+    return "-" if value is None else f"{value:.{digits}f}{unit}"
+
+
+def percent(share: float | None) -> str:
+    """A share as a number of per cent with one decimal, or a dash."""
+    return number(None if share is None else 100.0 * share, 1)
