@@ -35,7 +35,7 @@ def zero_frames(points: Array) -> list[Defect]:
 
     points: (T, J, 3) as in the file. The frames stay, all joints missing, so that frame numbers do.
     """
-    empty = ~points.reshape(len(points), -1).any(axis=1)
+    empty: Mask = np.logical_not(points.reshape(len(points), -1).any(axis=1))
     count = int(empty.sum())
     if not count:
         return []

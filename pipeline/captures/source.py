@@ -48,7 +48,7 @@ class Source:
                 path, expected="a readable file", found=(error.strerror or "an error").lower()
             ) from None
         content = _unpacked(packed, path) if packed[:2] == b"\x1f\x8b" else packed
-        if not content.strip():
+        if not content or content.isspace():
             raise CaptureError(path, expected="a capture", found="an empty file")
         return cls(path, content, hashlib.sha256(packed).hexdigest())
 

@@ -60,7 +60,7 @@ _ZERO: dict[str, tuple[float, float]] = {
 
 
 def own_angles(columns: dict[str, Array]) -> dict[str, Array]:
-    """The recorder's angles (T,), degrees, by the file's names, as curves in radians by ours, flexion positive.
+    """The recorder's angles (T,), degrees, by the file's names, as our curves: radians, flexion positive.
 
     An angle of exactly 0 is what it writes where it saw nobody: NaN. Names not in ANGLES are left out.
     """
@@ -80,7 +80,7 @@ def true_rate(declared: float, frames: int) -> tuple[float, list[Defect]]:
     """
     if 0.0 < declared <= KINECT_RATE + _TOLERANCE:
         return declared, []
-    text = f"declared {declared:g} Hz, which no Kinect v1 gives: times are those of {KINECT_RATE:g} frames a second"
+    text = f"declared {declared:g} Hz, which no Kinect v1 gives: read as its {KINECT_RATE:g} frames a second"
     return KINECT_RATE, [Defect("wrong_rate", frames, "frames", "repaired", text)]
 
 

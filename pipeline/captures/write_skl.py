@@ -7,7 +7,8 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from kinemimic.pipeline.captures.nui_skl import FIELDS, JOINTS
+from kinemimic.pipeline.captures.nui_skl import JOINTS
+from kinemimic.pipeline.captures.skl_text import FIELDS
 from kinemimic.pipeline.rotations import Y_UP_TO_Z_UP, conjugate, rotate
 from kinemimic.pipeline.skeleton import MISSING
 from kinemimic.pipeline.store import write_text

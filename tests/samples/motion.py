@@ -95,7 +95,7 @@ def y_up_turns(rotations: Array) -> Array:
 
 
 def in_range(walk: Walk, near: float = 1.5, depth: float = 3.0) -> Array:
-    """(T, 20, 3) joints that stay within a sensor's range, however long: the walker comes back to the start."""
+    """(T, 20, 3) joints that stay in a sensor's range, however long: the walker comes back to the start."""
     joints = walk.joints.copy()
     joints[..., 0] += near - depth * np.floor(joints[:, :1, 0] / depth)
     return joints

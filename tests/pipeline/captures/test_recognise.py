@@ -69,8 +69,10 @@ def test_no_file_a_folder_and_one_too_large(
         recognise.read(tmp_path / "large.bvh")
 
 
-def test_a_kinect_v2_recording_is_refused_by_name(captures: Path) -> None:
-    # Its header calls columns by wrong names: reading it by name would give a body with legs of 6 cm.
-    for path in sorted((captures / "kinect2_bernstein_skl").glob("*.skl")):
-        with pytest.raises(CaptureError, match="a Kinect v2 recording is not read"):
-            recognise.read(path)
+def test_a_kinect_v2_recording_is_told_from_a_v1(captures: Path) -> None:
+    # Both are .skl with the same header of columns; only joints that a v1 lacks tell them apart.
+    for version, joints in ((1, 20), (2, 25)):
+        for path in sorted((captures / f"kinect{version}_bernstein_skl").glob("*.skl")):
+            clip = recognise.read(path)
+            assert clip.provenance["format"] == f"Kinect v{version} .skl text"
+            assert len(clip.skeleton.names) == joints
