@@ -14,7 +14,7 @@ TRAINING = $(if $(PRESET),--preset "$(PRESET)") $(if $(BUDGET),--budget "$(BUDGE
 FILES := $(sort $(shell find pipeline retarget train evaluate datasets -type f -not -path '*/__pycache__/*'))
 STAMP := $(VENV)/installed-$(firstword $(shell echo '$(FILES)' | cksum))
 
-.PHONY: help setup run ingest convert retarget train evaluate view test test-slow lint type format bench clean
+.PHONY: help setup formats inspect run ingest convert retarget train evaluate view overlay test test-slow lint type format bench clean
 .DEFAULT_GOAL := help
 
 help: ## This list
@@ -35,6 +35,12 @@ $(STAMP): pyproject.toml constraints.txt
 run: setup ## Every stage on CAPTURE= (without one, the embedded virtual Kinect) into RUN=
 	$(KINEMIMIC) run $(if $(CAPTURE),"$(CAPTURE)") --run "$(RUN)" $(TRAINING)
 
+formats: setup ## The capture formats that can be read
+	$(KINEMIMIC) formats
+
+inspect: setup ## What CAPTURE= is, a file or a folder, and how good it is
+	$(KINEMIMIC) inspect "$(CAPTURE)"
+
 ingest: setup ## CAPTURE= into RUN=: passes, gaps, filter, quality report
 	$(KINEMIMIC) ingest $(if $(CAPTURE),"$(CAPTURE)") --run "$(RUN)"
 
@@ -52,6 +58,9 @@ evaluate: setup ## Scores, report, curves
 
 view: setup ## The rerun recording
 	$(KINEMIMIC) view --run "$(RUN)"
+
+overlay: setup ## The skeleton drawn into CAPTURE=, a depth recording's folder: RUN=/overlay.mp4
+	$(KINEMIMIC) overlay "$(CAPTURE)" --out "$(RUN)/overlay.mp4"
 
 # Small matrices on every core at once: more threads than one each only get in each other's way.
 test: setup ## The tests that take seconds

@@ -30,7 +30,7 @@ Array = NDArray[np.float64]
 _SIDE_COLORS = {"left": "#0072b2", "right": "#d55e00", "": "#2b2b2b"}
 _OWN = "#8a8a8a"
 _STATES = {"missing": "#7f1d1d", "inferred": "#f0b440", "tracked": "#cfe3ee"}
-_MARKS = {"flagged": "#f3d9a0", "repaired": "#d5e8d4", "refused": "#f2c4bd"}
+_MARKS = {"flagged": "#fbeccb", "repaired": "#d3ead0", "refused": "#f6d5d0"}
 # More than a drawing can show, and a page of hundreds of files must not weigh gigabytes.
 _POINTS, _COLUMNS, _MARKED = 1500, 600, 60
 
@@ -119,7 +119,7 @@ def _angles(clip: Clip, nodes: Array, defects: Sequence[Defect]) -> Draw:
                 if own is not None:
                     label = "the file's own" if side == "right" else None
                     _line(axes, clip, np.degrees(own), color=_OWN, linestyle="--", linewidth=0.9, label=label)
-            axes.set(title=joint, ylabel="flexion [°]")
+            axes.set(title=joint, ylabel="flexion [°]", xlim=(clip.times[0], clip.times[-1]))
         panels[-1].set_xlabel("time [s]")
         legend(figure, panels[0])
         return figure
@@ -160,7 +160,7 @@ def _bones(clip: Clip, nodes: Array) -> Draw:
                         axes, clip, length, color=_SIDE_COLORS[side], linestyle=style, linewidth=0.9,
                         label=label,
                     )  # fmt: skip
-            axes.set(title=title, ylabel="length [m]", ylim=(0, None))
+            axes.set(title=title, ylabel="length [m]", ylim=(0, None), xlim=(clip.times[0], clip.times[-1]))
             if phone:
                 axes.legend(loc="lower left", ncols=2, fontsize=7)
             else:

@@ -18,7 +18,7 @@ Array = NDArray[np.float64]
 
 # A stride's length wanders, so that one harmonic holds for a few strides only; enough of such windows, spread
 # over the passes, tell the period of an hour's recording as well.
-WINDOW = 5.0  # s
+WINDOW = 4.0  # s
 MOST_WINDOWS = 24
 RATE = 40.0  # Hz is plenty for an ankle
 FITS, KEPT = 0.85, 0.80  # R² of the harmonic; share of the frames that it explains
@@ -26,6 +26,9 @@ STRIDE = 0.08  # m: the harmonic's amplitude, half of the way of one ankle past 
 TRAVELS = 0.3  # m/s
 # Who stays on the spot walks only if it goes on: a kick too is one wave of the ankles.
 CYCLES_ON_PATH, CYCLES_ON_SPOT = 0.9, 2.0
+LEAST_ON_SPOT = 0.34  # share of the windows
+# Faster than a run; legs that are exchanged at each step show twice their frequency.
+SHORTEST, LONGEST = 0.56, 0.98 * PERIODS[1]
 _FACING = 1.0  # s over which the hip line is averaged: its direction is noisy, and turns slowly
 
 
@@ -46,7 +49,7 @@ def gait(clip: Clip, nodes: Array) -> dict[str, Any] | None:
     travelling = [one for one in found if one.speed > TRAVELS]
     on_spot = [one for one in found if one.speed <= TRAVELS and _cycles(one) >= CYCLES_ON_SPOT]
     chosen = travelling if travelling else on_spot
-    if not chosen or (not travelling and 2 * len(on_spot) < len(windows)):
+    if not chosen or (not travelling and len(on_spot) < LEAST_ON_SPOT * len(windows)):
         return None
     period = median(np.array([one.harmonic.period for one in chosen]))
     return {
@@ -86,8 +89,8 @@ def _stretch(times: Array, nodes: Array) -> _Stretch | None:
     heading, _ = walking_direction(nodes[seen])
     fixed = np.broadcast_to([np.cos(heading), np.sin(heading)], apart.shape)
     fits = []
-    # The path in the room where there is one; in a turn, where the hip line faces; on a treadmill, or before a
-    # camera that turns along and sees the hips from the side, the line on which the ankles pass each other.
+    # The path in the room where there is one; in a turn, where the hip line faces; on a treadmill, or before
+    # a camera that turns along and sees the hips from the side, the line on which the ankles pass each other.
     for forward in (fixed, _facing(times, hips, seen), _swing(apart[seen])):
         along = np.asarray(np.sum(np.where(seen[:, None], apart * forward, 0.0), axis=-1))
         if np.std(along[seen]) > 0.5 * STRIDE:
@@ -100,8 +103,8 @@ def _stretch(times: Array, nodes: Array) -> _Stretch | None:
     way = float(np.linalg.norm(middle[-ends:].mean(axis=0) - middle[:ends].mean(axis=0)))
     stretch = _Stretch(best, seconds, way / seconds)
     good = best.r2 >= FITS and best.kept * len(times) >= KEPT * seen.sum() and best.amplitude >= STRIDE
-    inner = PERIODS[0] * 1.02 < best.period < PERIODS[1] * 0.98
-    return stretch if good and inner and _cycles(stretch) >= CYCLES_ON_PATH else None
+    human = SHORTEST < best.period < LONGEST
+    return stretch if good and human and _cycles(stretch) >= CYCLES_ON_PATH else None
 
 
 def _cycles(one: _Stretch) -> float:

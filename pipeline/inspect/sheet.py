@@ -22,10 +22,15 @@ def sheet(report: Report) -> RenderableType:
     """All of a report that was read; of another one, why not."""
     if not report["read"]:
         return Group(*_verdict(report))
-    parts: list[RenderableType] = [_summary(report), heading("Joints"), _joints(report)]
+    parts: list[RenderableType] = [_summary(report)]
+    if report["passes"]:
+        parts += [heading("Joints"), _joints(report)]
     if report["defects"]:
         parts += [heading("Defects"), _defects(report)]
-    parts += [heading("What will be done"), *(Text(f"- {line}") for line in report["plan"])]
+    todo = facts()
+    for line in report["plan"]:
+        todo.add_row("-", line)
+    parts += [heading("What will be done"), todo]
     return Group(*parts, Text(), *_verdict(report))
 
 
@@ -40,10 +45,11 @@ def _summary(report: Report) -> Table:
         table.add_row("read with", ", ".join(report["companions"]))
     table.add_row("unit", f"{report['units']['length']}: {report['units']['rule']}")
     table.add_row("frames", _frames(report))
-    table.add_row("body", "\n".join(_body(report)))
-    for joint in ("knee", "hip"):
-        table.add_row(joint, _range(report, joint))
-    table.add_row("gait", _gait(report["gait"]))
+    if report["passes"]:
+        table.add_row("body", "\n".join(_body(report)))
+        for joint in ("knee", "hip"):
+            table.add_row(joint, _range(report, joint))
+        table.add_row("gait", _gait(report["gait"]))
     for name, own in report["own_angles"].items():
         table.add_row(f"its {name.replace('_', ' ')}", _own(own))
     for note in report["notes"]:

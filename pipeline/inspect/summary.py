@@ -34,7 +34,7 @@ def summary(reports: Sequence[Report], *, by_file: bool) -> RenderableType:
 
 def _folders(records: Sequence[dict[str, Any]]) -> Table:
     table = grid(
-        "folder", "read", "frames", "thigh\nm", "shank\nm", "knee\npeak °", "gait\nperiod s",
+        "folder", "read", "frames", "thigh\nm", "shank\nm", "knee\n°", "gait\ns",
         "repaired", "flagged", "refused",
     )  # fmt: skip
     table.columns[0].no_wrap = True
@@ -68,8 +68,8 @@ def _shared(names: Sequence[str]) -> Path:
 
 def _files(reports: Sequence[Report], *, long: bool) -> Table:
     table = grid(
-        "file", "format", "frames", "Hz", "thigh\nm", "shank\nm", "knee\npeak °", "gait\nperiod s", "verdict",
-        left=2,
+        "file", "format", "frames", "Hz", "thigh\nm", "shank\nm", "knee\n°", "gait\ns", "verdict",
+        left=2, gap=1,
     )  # fmt: skip
     table.columns[-1].justify = "left"
     table.columns[1].no_wrap = True

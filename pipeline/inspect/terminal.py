@@ -21,11 +21,12 @@ def show(*parts: RenderableType) -> None:
         console.print(part, crop=False)
 
 
-def grid(*columns: str, left: int = 1) -> Table:
-    """A table of numbers under headings; the first `left` columns are words."""
-    table = Table(box=None, pad_edge=False, header_style="bold")
+def grid(*columns: str, left: int = 1, gap: int = 2) -> Table:
+    """A table of numbers under headings, `gap` spaces apart; the first `left` columns are words."""
+    table = Table(box=None, pad_edge=False, padding=(0, gap, 0, 0), header_style="bold")
     for index, column in enumerate(columns):
-        table.add_column(column, justify="left" if index < left else "right", overflow="fold")
+        words = index < left
+        table.add_column(column, justify="left" if words else "right", overflow="fold", no_wrap=not words)
     return table
 
 

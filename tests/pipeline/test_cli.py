@@ -71,7 +71,8 @@ sys.exit(", ".join(name for name in {HEAVY} if name in sys.modules) or 0)
 def test_every_command_explains_its_options(name: str, capsys: pytest.CaptureFixture[str]) -> None:
     assert call(name, "--help") == 0
     out = capsys.readouterr().out
-    assert "--run" in out
+    # What only looks at captures has no run folder.
+    assert "--run" in out or name in ("formats", "inspect")
     assert "--json" in out
 
 
