@@ -153,7 +153,7 @@ def order_of(told: str, places: tuple[int, ...], frames: Frames) -> Order:
 
     Their spread over time would not tell: any two places of one body keep about their distance.
     """
-    seen = np.where((frames.states > 0)[..., None], frames.points, np.nan)
+    seen = np.where((frames.states > 0)[..., None] & np.isfinite(frames.points), frames.points, np.nan)
 
     def distance(a: str, b: str) -> float:
         ends = (seen[:, places[SDK_JOINTS.index(name)]] for name in (a, b))

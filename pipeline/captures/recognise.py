@@ -12,6 +12,8 @@ from typing import cast
 from kinemimic.pipeline.captures.format import Format, Reader
 from kinemimic.pipeline.captures.source import Source
 from kinemimic.pipeline.clip import Clip
+from kinemimic.pipeline.depth.folder import FORMAT as DEPTH_RECORDING
+from kinemimic.pipeline.depth.folder import is_recording
 from kinemimic.pipeline.errors import CaptureError, NoCapture
 
 # Asked in this sequence: formats with a header or a keyword first, tables of bare numbers last.
@@ -20,10 +22,21 @@ _MODULES: tuple[str, ...] = (
     "kinect2_skl",
     "nui_skl",
     "treadmill",
+    "trc",
     "andersson",
+    "kinect2bvh_dump",
     "asf_amc",
+    "mot",
     "bvh",
+    "azure_kinect",
+    "processing_session",
     "uiprmd",
+    "uiprmd_vicon",
+    "utkinect",
+    "msr_action3d",
+    "khokhlova",
+    "labanotation",
+    "kimore",
 )
 _NUMBERS = re.compile(r"[\s,;]+")
 
@@ -37,16 +50,21 @@ def readers() -> tuple[Reader, ...]:
 
 def formats() -> tuple[Format, ...]:
     """What can be read."""
-    return tuple(reader.FORMAT for reader in readers())
+    return (*(reader.FORMAT for reader in readers()), DEPTH_RECORDING)
 
 
 def read(path: Path) -> Clip:
     """The capture in a file, as recorded: in our units and axes, one pass, nothing filled or filtered.
 
+    A folder is read if it is a depth recording.
     provenance holds source (the file's name), format, sha256, companions (files beside it that belong to it:
     name -> SHA-256) and what the reader found ("reading").
     Raises CaptureError for anything that is not a whole capture in one of the formats.
     """
+    if is_recording(path):
+        from kinemimic.pipeline.depth.recording import read_recording  # noqa: PLC0415 (loads OpenCV)
+
+        return read_recording(path)
     return read_source(Source.open(path))
 
 

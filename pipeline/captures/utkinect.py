@@ -1,0 +1,171 @@
+"""UTKinect-Action3D: a frame number and 20 joints x y z a line, no header; labels of actions beside it.
+
+The number counts the camera's frames at 30 Hz; lines come with every second to eighth of them, and some
+numbers twice: two updates of the tracker within one picture, or two people. Metres, Y up, no tracking state.
+"""
+
+from __future__ import annotations
+
+import re
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from kinemimic.pipeline.captures.figure import upright
+from kinemimic.pipeline.captures.format import Format
+from kinemimic.pipeline.captures.frame_defects import in_sequence, refuse_far, zero_frames
+from kinemimic.pipeline.captures.numbers import parse_table
+from kinemimic.pipeline.captures.recording import clip_of_points, reading
+from kinemimic.pipeline.captures.source import Source
+from kinemimic.pipeline.clip import Clip
+from kinemimic.pipeline.defect import Defect
+from kinemimic.pipeline.skeleton import NODES, node_skeleton
+
+Array = NDArray[np.float64]
+
+WIDTH = 1 + 3 * len(NODES)
+FORMAT = Format(
+    name="UTKinect lines",
+    sensor="Kinect v1",
+    holds="positions of 20 joints",
+    told_by="lines of 61 numbers: a frame number that never falls, then an upright body",
+    columns=(WIDTH,),
+)
+RATE = 30.0
+LABELS = "actionLabel.txt"
+# Two updates of one body within a picture are centimetres apart; this far apart are two people.
+_TWO_PEOPLE = 0.3
+_TAKE = re.compile(r"s\d+_e\d+")
+_LABEL = re.compile(r"\s*(\w+)\s*:\s*(\S+)\s+(\S+)\s*$")
+
+
+def recognises(source: Source) -> bool:
+    """True if the lines are 61 numbers: whole ones first that never fall, and a body that is upright."""
+    rows: list[list[float]] = []
+    # The last line of the head may be cut off.
+    for line in source.head[:-1] if len(source.head) > 1 else source.head:
+        fields = line.split()
+        if len(fields) != WIDTH:
+            return False
+        try:
+            rows.append([float(field) for field in fields])
+        except ValueError:
+            return False
+    table = np.array(rows)
+    if not np.isfinite(table).all():
+        return False
+    numbers = table[:, 0]
+    whole = (numbers >= 0).all() and (numbers == np.rint(numbers)).all() and (np.diff(numbers) >= 0).all()
+    return bool(whole) and upright(table[:, 1:].reshape(-1, len(NODES), 3))
+
+
+def read(source: Source) -> Clip:
+    """The clip of the 20 nodes; times are frame numbers over 30, one line for each.
+
+    Of lines with one number the one nearest to the line before is kept: it is the first of two updates, and
+    the same person where there are two.
+    """
+    table = parse_table(source, width=WIDTH)
+    numbers = table.values[:, 0]
+    wrong = ~((np.abs(numbers) < 1e9) & (numbers == np.rint(numbers)))
+    if wrong.any():
+        bad = int(np.argmax(wrong))
+        where = f"line {table.line(bad)}"
+        raise source.error(expected="a frame number", found=f"{numbers[bad]:g}", where=where)
+    points = table.values[:, 1:].reshape(-1, len(NODES), 3)
+    refuse_far(points, NODES, source, table.line)
+    points = np.where(np.isfinite(points), points, np.nan)
+    rows, defects = _one_of_each(numbers, points)
+    labels, notes = _labels(source)
+    return clip_of_points(
+        node_skeleton(),
+        numbers[rows] / RATE,
+        points[rows],
+        None,
+        format=FORMAT,
+        reading=reading(
+            units="m",
+            units_rule="the format's",
+            defects=[*defects, *zero_frames(points[rows])],
+            notes=notes,
+            labels=labels,
+        ),
+    )
+
+
+def _one_of_each(numbers: Array, points: Array) -> tuple[NDArray[np.intp], list[Defect]]:
+    """The rows to keep, one of each frame number, and what was found among the others."""
+    later, _ = in_sequence(numbers)
+    if later.all():
+        return np.arange(len(numbers)), []
+    rows = np.flatnonzero(later)
+    two_people: list[int] = []
+    # Numbers that stand there more than once, in their sequence: each choice depends on the one before.
+    sizes = np.diff(np.append(rows, len(numbers)))
+    for frame in np.flatnonzero(sizes > 1):
+        same = np.arange(rows[frame], rows[frame] + sizes[frame])
+        same = same[numbers[same] == numbers[rows[frame]]]
+        bodies = points[same]
+        far = _apart(bodies, bodies[0])
+        if (np.isfinite(far) & (far > _TWO_PEOPLE)).any():
+            two_people.append(int(frame))
+        if frame > 0:
+            rows[frame] = same[np.argmin(_apart(bodies, points[rows[frame - 1]]))]
+    count = len(numbers) - len(rows)
+    text = f"{count} lines with the number of another, dropped: the nearest to the frame before is kept"
+    found = [Defect("duplicate_frames", count, "frames", "repaired", text)]
+    if two_people:
+        spans = tuple((frame, frame) for frame in two_people[:100])
+        text = (
+            f"{len(two_people)} frame numbers have lines more than {_TWO_PEOPLE:g} m apart: two people; "
+            "the one nearest to the frame before is kept"
+        )
+        found.append(Defect("several_people", len(two_people), "frames", "repaired", text, spans))
+    return rows, found
+
+
+def _apart(bodies: Array, body: Array) -> Array:
+    """Mean distance (K,), metres, of the joints of bodies (K, 20, 3) from those of one; else infinite."""
+    distance = np.linalg.norm(bodies - body, axis=-1).mean(axis=-1)
+    return np.where(np.isfinite(distance), distance, np.inf)
+
+
+def _labels(source: Source) -> tuple[list[dict[str, Any]], list[str]]:
+    """Actions of this take by the label file beside it: name, first and last frame number, start and end.
+
+    A label without frames (NaN), or one that cannot be read, is told in a note: labels are not needed.
+    """
+    take = _TAKE.search(source.path.name)
+    beside = source.beside(LABELS) if take else None
+    if take is None or beside is None:
+        return [], []
+    labels: list[dict[str, Any]] = []
+    notes: list[str] = []
+    inside = False
+    for line in beside.lines:
+        if _TAKE.fullmatch(line.strip()):
+            inside = line.strip() == take.group()
+        elif inside and line.strip():
+            match = _LABEL.match(line)
+            frames = [_whole(match.group(k)) for k in (2, 3)] if match else []
+            first, last = frames if frames else (None, None)
+            if match is None or first is None or last is None:
+                notes.append(f"{LABELS} has no frames for {line.strip()[:40]!r}")
+                continue
+            labels.append(
+                {
+                    "name": match.group(1),
+                    "first_frame": first,
+                    "last_frame": last,
+                    "start": first / RATE,
+                    "end": last / RATE,
+                }
+            )
+    if not labels:
+        notes.append(f"{LABELS} has no action of {take.group()}")
+    return labels, notes
+
+
+def _whole(text: str) -> int | None:
+    return int(text) if text.isascii() and text.isdigit() and len(text) < 10 else None
