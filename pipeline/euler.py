@@ -77,7 +77,7 @@ def positions_of_channels(
     """
     positions = np.empty_like(translations)
     inner = set(skeleton.parents)
-    turning = euler.any(axis=0)
+    turning: NDArray[np.bool_] = np.asarray(euler.any(axis=0), dtype=np.bool_)
     fixed = {} if rests is None else {j: to_matrix(q).T for j, q in enumerate(rests) if abs(q[3]) < 1.0}
     for start in range(0, len(euler), _BLOCK):
         block = slice(start, start + _BLOCK)

@@ -13,6 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from kinemimic.pipeline.captures.asf_text import LARGEST
 from kinemimic.pipeline.captures.source import Source
 
 Array = NDArray[np.float64]
@@ -58,11 +59,13 @@ def parse(source: Source, widths: Mapping[str, int]) -> AmcText:
     if start >= len(content):
         raise source.error(expected="frames of motion", found="none", advice="the file is cut off")
     bones, table = _at_once(content[start:], widths) or _line_by_line(source, widths)
-    wrong = ~np.isfinite(table)
+    wrong = ~(np.abs(table) < LARGEST)  # NaN too
     if wrong.any():
-        frame = int(np.argwhere(wrong)[0][0])
+        frame, column = (int(k) for k in np.argwhere(wrong)[0])
         raise source.error(
-            expected="finite numbers", found="NaN or infinity", where=f"frame {table[frame, 0]:g}"
+            expected=f"finite numbers below {LARGEST:g}",
+            found=f"{table[frame, column]:g}",
+            where=f"frame {frame + 1}",
         )
     columns = np.cumsum([1, *(widths[bone] for bone in bones)])
     values = {bone: table[:, a:b] for bone, a, b in zip(bones, columns[:-1], columns[1:], strict=True)}

@@ -18,6 +18,7 @@ ROOT = "root"
 MAX_BONES = 1024
 # In any unit and in degrees; what is larger is damage, and would overflow further on.
 LARGEST = 1e9
+_SCALES = (1e-4, 1e4)
 _SECTIONS = ("units", "root", "bonedata", "hierarchy")
 # The kinds of freedom that a bone may have; "l" (a length that changes) is in the format but in no library.
 DOFS: tuple[str, ...] = ("rx", "ry", "rz")
@@ -90,10 +91,12 @@ def _units(source: Source, lines: Sequence[_Line]) -> tuple[float, bool]:
     for number, words in lines:
         match words[0].lower():
             case "length":
-                length = float(_numbers(source, number, words[1:], 1, "a scale of lengths above 0")[0])
-                if not length > 0:
+                length = float(_numbers(source, number, words[1:], 1, "a scale of lengths")[0])
+                if not _SCALES[0] <= length <= _SCALES[1]:
                     raise source.error(
-                        expected="a scale of lengths above 0", found=words[1], where=f"line {number}"
+                        expected=f"a scale of lengths of {_SCALES[0]:g} to {_SCALES[1]:g}",
+                        found=words[1][:40],
+                        where=f"line {number}",
                     )
             case "angle":
                 degrees = not words[-1].lower().startswith("rad")

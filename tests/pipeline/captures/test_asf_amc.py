@@ -211,9 +211,12 @@ def test_repeated_frames_are_dropped_and_told(tmp_path: Path) -> None:
         (lambda t: t.replace("rtibia", "rtibia 1"), "expected 1 values for rtibia, found 2"),
         (lambda t: t.replace("rtibia", "rtibia 1x #", 1), "expected numbers for rtibia, found '1x'"),
         (lambda t: t.replace("\nrtibia", "\nltibia", 1), "expected each bone once a frame"),
-        (lambda t: t.replace("rtibia", "rtibia nan #", 1), "expected finite numbers, found NaN or infinity"),
-        (lambda t: t.replace("rtibia", "rtibia 1e300 #", 1), "a number beyond 1e9"),
-        (lambda t: t.replace("\n40\n", "\n99999999999999999999999999\n"), "frame numbers of a recording"),
+        (lambda t: t.replace("rtibia", "rtibia nan #", 1), "expected finite numbers below 1e.09, found nan"),
+        (lambda t: t.replace("rtibia", "rtibia 1e300 #", 1), "below 1e.09, found 1e.300"),
+        (
+            lambda t: t.replace("\n40\n", "\n99999999999999999999999999\n"),
+            "frame 40: expected finite numbers below",
+        ),
     ],
 )
 def test_damage_of_the_motion_is_named(tmp_path: Path, change: Callable[[str], str], message: str) -> None:
@@ -236,7 +239,7 @@ def test_damage_of_the_motion_is_named(tmp_path: Path, change: Callable[[str], s
         ),
         (lambda t: t.replace("dof rx\r", "dof rx rw\r", 1), "degrees of freedom among rx ry rz, each once"),
         (lambda t: t.replace("  XYZ", "  XYW", 1), "an order of axes such as XYZ, found 'XYW'"),
-        (lambda t: t.replace("length 0.45", "length 0"), "a scale of lengths above 0, found 0"),
+        (lambda t: t.replace("length 0.45", "length 0"), "a scale of lengths of 0.0001 to 10000, found 0"),
         (lambda t: t.replace("direction ", "direction nan ", 1), "a bone's direction, found 'nan"),
         (lambda t: t.replace("direction ", "direction 9", 1), "a direction of length 1"),
         (lambda t: t.replace("tibia", "Xtibia"), "joints named as legs"),
