@@ -10,8 +10,9 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 
 from kinemimic.pipeline.acquire import SHORTEST_PASS, Acquisition, acquire, in_passes
+from kinemimic.pipeline.clean import CUTOFF
 from kinemimic.pipeline.clip import Clip
-from kinemimic.pipeline.defect import Defect, defect_from_json, in_order
+from kinemimic.pipeline.defect import RULES, Defect, defect_from_json, in_order
 from kinemimic.pipeline.errors import KinemimicError
 from kinemimic.pipeline.nodes import to_nodes
 from kinemimic.pipeline.rules import (
@@ -92,24 +93,27 @@ def plan(examination: Examination, *, butterworth: bool | None = None) -> list[s
 
 
 def _sentences(examination: Examination, butterworth: bool | None) -> Iterator[str]:
-    refused = examination.refused
-    if refused:
-        yield f"refused: {refused.text}"
+    if examination.refused is not None:
+        yield f"refused: {examination.refused.text}"
         return
     clip, acquisition = examination.clip, examination.acquisition
-    inside = int((clip.passes >= 0).sum())
+    lengths = [clip.times[clip.passes == number] for number in range(acquisition.count)]
+    seconds = sum(float(times[-1] - times[0]) for times in lengths)
     plural = "es" if acquisition.count != 1 else ""
-    yield f"{acquisition.count} pass{plural} of {inside} frames; {len(clip.times) - inside} frames outside"
-    if acquisition.discarded:
-        yield f"{acquisition.discarded} moments under {SHORTEST_PASS} s left out"
+    yield f"{acquisition.count} pass{plural} of {sum(map(len, lengths))} frames in all, {seconds:.1f} s"
+    outside = len(clip.times) - sum(map(len, lengths))
+    if outside or acquisition.discarded:
+        yield f"{outside} frames outside of passes are left out ({acquisition.discarded} moments too short)"
     for defect in examination.defects:
-        if defect.action == "repaired":
-            yield f"repaired: {defect.text}"
-    filtered = clip.euler is None if butterworth is None else butterworth
-    if filtered:
-        yield "gaps filled, spikes taken out, low-passed (zero-phase Butterworth)"
+        if defect.action == "repaired" or defect.rule == "gaps":
+            yield f"{RULES[defect.rule]}: {defect.text}"
+    positions, low_pass = clip.euler is None, f"zero-phase Butterworth, 4th order, {CUTOFF:g} Hz"
+    if not (positions if butterworth is None else butterworth):
+        yield f"{'positions' if positions else 'rotations'} are not filtered"
+    elif positions:
+        yield f"spikes are taken out and positions low-passed ({low_pass})"
     else:
-        yield "left unfiltered"
+        yield f"rotations are low-passed ({low_pass})"
 
 
 def _nobody(clip: Clip, acquisition: Acquisition) -> Defect:

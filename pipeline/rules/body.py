@@ -46,6 +46,13 @@ def median(values: Array) -> float:
     return float(np.median(there)) if len(there) else float("nan")
 
 
+def beside_the_body(ways: Array) -> Array:
+    """Ways (T, J, 3) less the mean way of the joints of that frame which have one."""
+    there = np.isfinite(ways)
+    mean = np.where(there, ways, 0.0).sum(axis=1) / np.maximum(there.sum(axis=1), 1)
+    return np.asarray(ways - mean[:, None])
+
+
 def _place(points: Array, name: str) -> Array:
     if name in NODE_INDEX:
         return points[:, NODE_INDEX[name]]

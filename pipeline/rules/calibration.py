@@ -6,14 +6,15 @@ import numpy as np
 
 from kinemimic.pipeline.clip import Clip
 from kinemimic.pipeline.defect import Defect
-from kinemimic.pipeline.rules.body import between, nodes_of, unit
+from kinemimic.pipeline.rules.body import beside_the_body, between, nodes_of, unit
 from kinemimic.pipeline.rules.frames import kept
 
 # A T-pose is one frame, at most a few; the arms point to the sides within this angle, straight.
 MOST = 5
 ARMS = np.radians(25.0)
-# From the pose into the motion the joints go ten times as far as they usually do, and this far (metres).
-TIMES = 10.0
+# From the pose into the motion the joints go many times as far as they usually do, and this far (metres, as
+# seen from the body).
+TIMES = 5.0
 FAR = 0.10
 
 
@@ -21,7 +22,7 @@ def check(clip: Clip) -> tuple[Clip, list[Defect]]:
     """The clip without such frames. Euler captures too: frames are left out, nothing else changes."""
     if len(clip.times) < MOST + 3:
         return clip, []
-    step = np.linalg.norm(np.diff(clip.positions, axis=0), axis=-1)
+    step = np.linalg.norm(beside_the_body(np.diff(clip.positions, axis=0)), axis=-1)
     step = np.where(np.isfinite(step), step, 0.0).mean(axis=1)
     lead = int(np.argmax(step[:MOST])) + 1
     if step[lead - 1] < max(FAR, TIMES * float(np.median(step[lead:]))):

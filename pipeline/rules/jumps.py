@@ -8,6 +8,7 @@ import numpy as np
 
 from kinemimic.pipeline.clip import Clip
 from kinemimic.pipeline.defect import Defect
+from kinemimic.pipeline.rules.body import beside_the_body
 from kinemimic.pipeline.rules.runs import frame_runs
 from kinemimic.pipeline.skeleton import MISSING
 
@@ -16,8 +17,9 @@ NOISE = 0.10
 # … and by more than the greatest acceleration of a hand or foot (m/s²) explains in that time; a kick or a
 # throw has some 200 at its sharpest, a stride less than 60.
 ACCELERATION = 200.0
-# The frames around it are nearer to each other than this share of the jump.
-BACK = 0.5
+# The places around it, less the way that the whole body went, are nearer to each other than this share of the
+# jump; for a joint that moves on to another place they are two of them apart.
+BACK = 1.0
 
 
 def check(clip: Clip) -> tuple[Clip, list[Defect]]:
@@ -28,7 +30,7 @@ def check(clip: Clip) -> tuple[Clip, list[Defect]]:
     steps = np.diff(clip.times)
     share = (steps[:-1] / (steps[:-1] + steps[1:]))[:, None, None]
     off = np.linalg.norm(there - (before + share * (after - before)), axis=-1)
-    apart = np.linalg.norm(after - before, axis=-1)
+    apart = np.linalg.norm(beside_the_body(after - before), axis=-1)
     limit = np.maximum(NOISE, 0.5 * ACCELERATION * steps[:-1] * steps[1:])[:, None]
     within = (clip.passes[:-2] == clip.passes[2:]) & (clip.passes[1:-1] == clip.passes[2:])
     within &= clip.passes[1:-1] >= 0

@@ -1,0 +1,99 @@
+"""A camera that turns, a treadmill, a floor; and clocks that no gait fits."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from kinemimic.pipeline.acquire import acquire, in_passes
+from kinemimic.pipeline.captures.recognise import read
+from kinemimic.pipeline.clip import Clip
+from kinemimic.pipeline.rotations import from_axis_angle, rotate
+from kinemimic.pipeline.rules import camera, rate
+from kinemimic.pipeline.rules.body import nodes_of
+from kinemimic.pipeline.skeleton import NODE_INDEX as N
+
+Moving = Callable[..., Clip]
+RADIUS = 2.8
+
+
+def along(clip: Clip) -> np.ndarray[tuple[int], np.dtype[np.float64]]:
+    """The way walked, steady: what a belt or a turning camera takes away."""
+    hips = clip.positions[:, 0, 0]
+    return hips[0] + (hips[-1] - hips[0]) * clip.times / clip.times[-1]
+
+
+def around_the_camera(clip: Clip) -> Clip:
+    """The straight walk bent onto a circle about a camera that keeps its eye on the walker."""
+    p = clip.positions
+    angle = (p[..., 0] - along(clip)[:, None]) / RADIUS
+    distance = RADIUS - p[..., 1]
+    return replace(
+        clip, positions=np.stack([distance * np.sin(angle), distance * np.cos(angle), p[..., 2]], axis=-1)
+    )
+
+
+def on_a_treadmill(clip: Clip, degrees: float) -> Clip:
+    """The walk on a belt 2.5 m before the camera, seen at an angle from its end."""
+    p = clip.positions - np.array([1.0, 0.0, 0.0]) * along(clip)[:, None, None]
+    return replace(
+        clip, positions=rotate(from_axis_angle("Z", np.radians(degrees)), p) + np.array([2.5, 0.0, 0.0])
+    )
+
+
+@pytest.mark.parametrize("noise", [0.0, 0.01])
+def test_a_camera_that_turns(moving: Moving, noise: float) -> None:
+    (found,) = camera.check(around_the_camera(moving(180, noise=noise)))
+    assert (found.rule, found.action) == ("turning_camera", "flagged")
+    assert found.count > 60 and "joint angles are not affected" in found.text
+
+
+@pytest.mark.parametrize("kind", ["walk", "run"])
+def test_a_walk_over_the_floor_and_on_a_treadmill(moving: Moving, kind: str) -> None:
+    clip = moving(180, kind=kind, noise=0.01)
+    assert camera.check(clip) == []
+    for degrees in (0.0, 45.0, 60.0, 180.0):
+        assert camera.check(on_a_treadmill(clip, degrees)) == []
+
+
+def test_real_cameras(captures: Path) -> None:
+    floors = [
+        captures / "kinect1_bernstein_skl" / f"{name}.skl" for name in ("i1", "r2", "micha_walk", "tal_l2r")
+    ]
+    floors += sorted((captures / "cmu_bvh").glob("*.bvh"))
+    for path in floors:
+        clip = read(path)
+        assert camera.check(in_passes(clip, acquire(clip))) == [], path.name
+
+
+@pytest.mark.parametrize(("kind", "low", "high"), [("walk", 1.1, 1.4), ("run", 0.6, 0.85)])
+def test_the_stride_of_a_gait(moving: Moving, kind: str, low: float, high: float) -> None:
+    clip = moving(240, kind=kind, noise=0.008)
+    period = rate.stride(nodes_of(clip), clip.times)
+    assert period is not None and low < period < high
+    assert rate.check(clip) == []
+    twice = rate.stride(nodes_of(clip), 2.0 * clip.times)
+    assert twice is not None and abs(twice - 2.0 * period) < 1e-6
+
+
+def test_a_clock_that_no_walker_has(moving: Moving) -> None:
+    clip = moving(240, noise=0.008)
+    for factor in (0.25, 4.0):
+        (found,) = rate.check(replace(clip, times=factor * clip.times))
+        assert (found.rule, found.action) == ("wrong_rate", "flagged")
+    assert rate.check(replace(clip, times=0.5 * clip.times)) == []  # a runner's cadence
+
+
+def test_what_is_no_gait_has_no_stride(moving: Moving, node_clip: Moving) -> None:
+    clip = moving(240)
+    assert rate.stride(nodes_of(node_clip(240)), node_clip(240).times) is None
+    # Both legs alike: a squat, however slow, is no walk.
+    squat = clip.positions.copy()
+    for joint in ("hip", "knee", "ankle"):
+        squat[:, N[f"{joint}_right"]] = squat[:, N[f"{joint}_left"]] + [0.0, -0.2, 0.0]
+    assert rate.stride(squat, clip.times) is None
+    assert rate.stride(nodes_of(clip)[:20], clip.times[:20]) is None

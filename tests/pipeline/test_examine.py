@@ -1,0 +1,148 @@
+"""Every rule over a whole capture: what is found, what is refused, what will be done."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from samples import motion
+
+from kinemimic.pipeline.acquire import acquire
+from kinemimic.pipeline.captures.nui_skl import FORMAT
+from kinemimic.pipeline.captures.recognise import read
+from kinemimic.pipeline.captures.recording import clip_of_points, reading
+from kinemimic.pipeline.captures.virtual import record_virtual
+from kinemimic.pipeline.clip import Clip
+from kinemimic.pipeline.defect import RULES, Defect
+from kinemimic.pipeline.examine import examine, plan
+from kinemimic.pipeline.rotations import IDENTITY, from_axis_angle
+from kinemimic.pipeline.rules.units import scaled
+from kinemimic.pipeline.rules.upright import turned
+from kinemimic.pipeline.skeleton import NODES, Skeleton, node_skeleton
+
+Build = Callable[..., Clip]
+
+
+def walk(
+    frames: int = 120, *, kind: str = "walk", noise: float = 0.008, defects: tuple[Defect, ...] = ()
+) -> Clip:
+    """The known motion as a reader gives it."""
+    shown = motion.walk(frames, motion=kind)
+    joints = shown.joints + noise * np.random.default_rng(0).standard_normal(shown.joints.shape)
+    known = reading(units="m", units_rule="the format's", defects=defects)
+    clip = clip_of_points(
+        node_skeleton(), shown.times, joints, None, format=FORMAT, reading=known, world_from_file=IDENTITY
+    )
+    return replace(clip, provenance={**clip.provenance, "source": "made.skl", "sha256": "0" * 64})
+
+
+@pytest.mark.parametrize("kind", ["walk", "run"])
+def test_a_sound_capture_comes_through_untouched(kind: str) -> None:
+    clip = walk(240, kind=kind)
+    examination = examine(clip)
+    assert examination.defects == () and examination.refused is None
+    assert np.array_equal(examination.clip.positions, clip.positions)
+    assert plan(examination) == [
+        "1 pass of 240 frames in all, 8.0 s",
+        "spikes are taken out and positions low-passed (zero-phase Butterworth, 4th order, 6 Hz)",
+    ]
+
+
+def test_many_faults_at_once() -> None:
+    """In millimetres, lying on its side, mirrored, with exchanged legs, jumps and repeated frames."""
+    clip = walk(240)
+    p = clip.positions.copy()
+    p[100:102][:, 12:20] = p[100:102][:, [16, 17, 18, 19, 12, 13, 14, 15]]
+    p[150, 10, 2] += 0.5
+    p[200] = p[199]
+    broken = replace(clip, positions=p * [1.0, -1.0, 1.0])
+    examination = examine(scaled(turned(broken, from_axis_angle("X", 0.5 * np.pi)), 1000.0))
+    found = {defect.rule: (defect.count, defect.action) for defect in examination.defects}
+    assert found == {
+        "duplicate_frames": (1, "repaired"),
+        "dropped_frames": (1, "flagged"),
+        "wrong_units": (20, "repaired"),
+        "wrong_up_axis": (240, "repaired"),
+        "mirrored": (240, "repaired"),
+        "swapped_sides": (2, "repaired"),
+        "jumps": (1, "repaired"),
+    }
+    assert [defect.rule for defect in examination.defects] == [rule for rule in RULES if rule in found]
+    heights = np.delete(clip.positions[..., 2], 200, axis=0)
+    seen = np.isfinite(examination.clip.positions[..., 2])
+    assert seen.sum() == seen.size - 1
+    np.testing.assert_allclose(examination.clip.positions[..., 2][seen], heights[seen], atol=1e-9)
+
+
+def test_the_readers_defects_come_first_and_stay() -> None:
+    told = (Defect("several_people", 2, "people", "flagged", "two people; the first is taken"),)
+    assert examine(walk(defects=told)).defects == told
+
+
+def test_nobody_and_moments_are_refused(node_clip: Build) -> None:
+    clip = walk()
+    empty = replace(clip, positions=np.full_like(clip.positions, np.nan), states=np.zeros_like(clip.states))
+    refused = examine(empty).refused
+    assert refused is not None and refused.text == "nobody in any of 120 frames"
+    refused = examine(walk(10)).refused
+    assert refused is not None and "shorter than 0.5 s" in refused.text
+    assert plan(examine(empty)) == ["refused: nobody in any of 120 frames"]
+
+
+def test_a_body_without_legs_is_refused_with_the_names() -> None:
+    clip = walk()
+    names = tuple(name.replace("knee", "thing") for name in NODES)
+    nameless = replace(clip, skeleton=Skeleton(names, clip.skeleton.parents, clip.skeleton.offsets))
+    refused = examine(nameless).refused
+    assert refused is not None and refused.rule == "wrong_names"
+    assert "knee_left" in refused.text and "thing_left" in refused.text
+
+
+def test_the_plan_tells_gaps_and_filters() -> None:
+    clip = walk()
+    clip.positions[50:53, 7], clip.states[50:53, 7] = np.nan, 0
+    sentences = plan(examine(clip))
+    assert any("gaps up to 0.2 s are filled" in sentence for sentence in sentences)
+    assert plan(examine(walk()), butterworth=False)[-1] == "positions are not filtered"
+
+
+def test_clips_of_one_frame_and_of_two(node_clip: Build) -> None:
+    for frames in (1, 2, 3, 5):
+        clip = walk(frames)
+        assert examine(clip).refused is not None
+        assert acquire(clip).count == 0
+
+
+def test_speed() -> None:
+    for frames, limit in ((600, 0.1), (20_000, 1.0)):
+        clip = walk(frames)
+        begin = time.process_time()
+        examine(clip)
+        assert time.process_time() - begin < limit
+
+
+@pytest.mark.parametrize("kind", ["walk", "run"])
+def test_a_virtual_kinect_has_only_what_it_was_given(tmp_path: Path, kind: str) -> None:
+    """Lost frames and joints, exchanged legs and wild edges are in it; nothing else may be found."""
+    recording = record_virtual(tmp_path, motion=kind)
+    for path in (recording.skl, recording.euler):
+        found = {defect.rule for defect in examine(read(path)).defects}
+        assert found <= {"dropped_frames", "swapped_sides", "jumps", "gaps"}, path.name
+
+
+def test_real_recordings(captures: Path) -> None:
+    sound = [*(captures / "cmu_bvh").glob("*.bvh"), *(captures / "bandai_bvh_ccbync").glob("*.bvh")]
+    for path in sorted(sound):
+        assert {defect.rule for defect in examine(read(path)).defects} <= {"calibration_frames"}, path.name
+    for path in sorted((captures / "kinect1_bernstein_skl").glob("*.skl")):
+        examination = examine(read(path))
+        assert examination.refused is None
+        assert not {"turning_camera", "mirrored", "wrong_units", "wrong_up_axis", "wrong_rate"} & {
+            defect.rule for defect in examination.defects
+        }, path.name
+    broken = examine(read(captures / "kinect2_kinect2bvh" / "test.bvh"))
+    assert broken.refused is not None and "nobody in any of 219 frames" in broken.refused.text
