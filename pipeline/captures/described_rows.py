@@ -62,7 +62,8 @@ def rows_of(source: Source, description: Description, name: str) -> Rows:
         (*shape, max(len(joint.quaternion or joint.euler) for joint in description.joints)),
     )
     far = np.abs(points) * description.space.metres > FARTHEST
-    if far.any():
+    # Infinity is a way to say that nothing was seen.
+    if far.any() and (far := far & np.isfinite(points)).any():
         frame, joint, axis = (int(k) for k in np.argwhere(far)[0])
         cells.fail(
             "space.unit",

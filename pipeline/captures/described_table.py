@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from kinemimic.pipeline.captures.description import Text
 from kinemimic.pipeline.captures.source import Source
-from kinemimic.pipeline.captures.toml_keys import MAX_COLUMNS, Column
+from kinemimic.pipeline.captures.toml_keys import MAX_COLUMNS, Column, short
 
 Array = NDArray[np.float64]
 SPACE = r"\s+"
@@ -58,7 +58,7 @@ class Cells:
         self.separator = text.separator or separator_of(self._first, text.decimal)
         self.width = self._count(self._first, number)
         if self.width > MAX_COLUMNS:
-            self.fail("table", expected=f"at most {MAX_COLUMNS} columns", found=f"{self.width}", line=number)
+            self.fail(None, expected=f"at most {MAX_COLUMNS} columns", found=f"{self.width}", line=number)
         self.names = self._header()
 
     def index(self, column: Column, key: str) -> int:
@@ -86,7 +86,7 @@ class Cells:
         try:
             frame = self._parse(types)
         except pd.errors.ParserError as error:
-            self.fail("table", expected="rows of one table", found=str(error).strip().splitlines()[-1])
+            self.fail(None, expected="rows of one table", found=str(error).strip().splitlines()[-1])
         except (ValueError, OverflowError):
             self._no_number(numbers)
         self._check_widths(len(frame))
@@ -106,13 +106,13 @@ class Cells:
         """The number in the file, from 1, of the line that row stands on."""
         return next((number for k, (number, _) in enumerate(self._data_lines()) if k == row), self.text.first)
 
-    def fail(self, key: str, *, expected: str, found: str, line: int | None = None) -> NoReturn:
-        """A CaptureError about what stands in the table, with the key that says otherwise."""
+    def fail(self, key: str | None, *, expected: str, found: str, line: int | None = None) -> NoReturn:
+        """A CaptureError about what stands in the table, and the key, if any, that says otherwise."""
         raise self.source.error(
-            expected=expected,
-            found=found,
+            expected=short(expected, 160),
+            found=short(found, 160),
             where=None if line is None else f"line {line}",
-            advice=f"{self.described_by} describes it: see {key} there",
+            advice=None if key is None else f"{self.described_by} describes it: see {short(key)} there",
         )
 
     def _as_utf8(self) -> bytes:
@@ -217,17 +217,21 @@ class Cells:
                 return
         elif plain and data.count(self.separator.encode()) == rows * self._first.count(self.separator):
             return
+        self._check_lines()
+
+    def _check_lines(self) -> None:
         lines = list(self._data_lines())
         for number, line in lines:
             if (count := self._count(line, number)) != self.width:
                 cut = number == lines[-1][0] and count < self.width
                 found = f"{count}{', as the file is cut off there' if cut else ''}"
-                self.fail("table", expected=f"{self.width} columns", found=found, line=number)
+                self.fail(None, expected=f"{self.width} columns", found=found, line=number)
 
     def _no_number(self, numbers: Sequence[int]) -> NoReturn:
-        """Name the first cell among the number columns that holds none."""
+        """Name the first line of another width, else the first cell of a number column that holds none."""
         import pandas as pd  # noqa: PLC0415
 
+        self._check_lines()
         cells = self._parse(dict.fromkeys(numbers, str))
         first = (len(cells), 0)
         for column in numbers:

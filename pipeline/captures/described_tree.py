@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from kinemimic.pipeline.captures.description import Description
+from kinemimic.pipeline.captures.toml_keys import short
 from kinemimic.pipeline.errors import CaptureError
 from kinemimic.pipeline.nodes import joints_of_nodes
 from kinemimic.pipeline.skeleton import NODE_PARENTS, NODES, Skeleton, node_skeleton
@@ -90,4 +91,4 @@ def _parents_first(parents: list[int], root: int) -> list[int]:
 
 
 def _error(description: Description, expected: str, found: str, key: str = "joints") -> CaptureError:
-    return CaptureError(description.path, expected=expected, found=found, where=f"key {key}")
+    return CaptureError(description.path, expected=expected, found=found, where=f"key {short(key)}")

@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from kinemimic.pipeline.captures.description import Clock, Description, Joint, Space, States, Text, Turns
-from kinemimic.pipeline.captures.toml_keys import MAX_COLUMNS, Column, Keys
+from kinemimic.pipeline.captures.toml_keys import MAX_COLUMNS, Column, Keys, short
 from kinemimic.pipeline.captures.units import UNITS
 from kinemimic.pipeline.errors import CaptureError
 from kinemimic.pipeline.rotations import ORDERS
@@ -47,7 +47,7 @@ def parse(path: Path, content: str) -> Description:
     try:
         values = tomllib.loads(content)
     except (tomllib.TOMLDecodeError, RecursionError) as error:
-        raise CaptureError(path, expected="TOML", found=str(error) or "deep nesting") from None
+        raise CaptureError(path, expected="TOML", found=short(str(error)) or "deep nesting") from None
     keys = Keys(path, "", values)
     if keys.get(SCHEMA_KEY) != SCHEMA:
         keys.fail(
@@ -186,7 +186,7 @@ def _joints(keys: Keys, listed: Any, columns: Keys, text: Text) -> tuple[Joint, 
     elif isinstance(listed, dict):
         named = listed
     else:
-        keys.fail("joints", expected="a list or a table of joints", found=repr(listed))
+        keys.fail("joints", expected="a list or a table of joints", found=listed)
     if not 1 <= len(named) <= _MAX_JOINTS:
         keys.fail("joints", expected=f"1 to {_MAX_JOINTS} joints", found=f"{len(named)}")
     step = columns.whole("step", 0, 1, MAX_COLUMNS)

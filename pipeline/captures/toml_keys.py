@@ -15,6 +15,12 @@ Column = str | int
 MAX_COLUMNS = 10_000
 
 
+def short(text: str, most: int = 80) -> str:
+    """A text on one line, cut to what a message can hold."""
+    line = " ".join(text.split())
+    return line if len(line) <= most else f"{line[: most - 2]} …"
+
+
 class Keys:
     """One table of a TOML file: `name` is its key ("" for the file itself), `values` what stands in it.
 
@@ -25,7 +31,7 @@ class Keys:
         self.path = path
         self.name = name
         self.values = values
-        self._asked: list[str] = []
+        self._asked: dict[str, None] = {}  # in sequence, each once
 
     def full(self, key: str) -> str:
         """The key as one finds it in the file: "space.up"."""
@@ -33,18 +39,18 @@ class Keys:
 
     def fail(self, key: str, *, expected: str, found: Any, advice: str | None = None) -> NoReturn:
         """A CaptureError about a key."""
-        shown = found if isinstance(found, str) else "none" if found is None else repr(found)
+        text = found if isinstance(found, str) else "none" if found is None else repr(found)
         raise CaptureError(
             self.path,
-            where=f"key {self.full(key)}",
-            expected=expected,
-            found=shown if len(shown) <= 80 else f"{shown[:80]} …",
-            advice=advice,
+            where=f"key {short(self.full(key))}",
+            expected=short(expected, 300),
+            found=short(text),
+            advice=None if advice is None else short(advice, 200),
         )
 
     def get(self, key: str) -> Any:
         """Whatever stands under a key, or None."""
-        self._asked.append(key)
+        self._asked[key] = None
         return self.values.get(key)
 
     def table(self, key: str) -> Keys:
