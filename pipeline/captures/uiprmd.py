@@ -130,7 +130,7 @@ def read(source: Source) -> Clip:
             "reading": reading(
                 units="cm",
                 units_rule="the format's",
-                defects=_unseen(~seen),
+                defects=_unseen(int((~seen).sum())),
                 notes=[f"{RATE:g} Hz and Euler order {ORDER}: the format's, the files do not say them"],
                 columns=WIDTH,
             ),
@@ -176,7 +176,6 @@ def _check(offsets: Array, places: Table, at: Source, degrees: Array, turns: Tab
         )
 
 
-def _unseen(empty: NDArray[np.bool_]) -> list[Defect]:
-    count = int(empty.sum())
+def _unseen(count: int) -> list[Defect]:
     text = f"{count} lines of zeros only, left out"
     return [Defect("zero_frames", count, "frames", "repaired", text)] if count else []

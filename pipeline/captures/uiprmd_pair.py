@@ -1,4 +1,4 @@
-"""What the two UI-PRMD readers share: pairs of headerless files, positions and angles, known by their names."""
+"""What the two UI-PRMD readers share: headerless pairs of files, positions and angles, found by name."""
 
 from __future__ import annotations
 
@@ -28,6 +28,12 @@ def head_of_numbers(source: Source, width: int) -> Array | None:
     return np.where(np.isfinite(head), head, 0.0)
 
 
+def companion_name(source: Source, own: str, other: str) -> str | None:
+    """The source's name with `other` in place of `own`, or None if `own` does not occur in it."""
+    name = source.path.name
+    return name.replace(own, other) if own in name else None
+
+
 def companion(source: Source, positions: str, angles: str, *, has_positions: bool) -> Source:
     """The file beside `source` with the other half of the recording, whichever half `source` is.
 
@@ -35,13 +41,12 @@ def companion(source: Source, positions: str, angles: str, *, has_positions: boo
     expected if it is not there.
     """
     own, other = (positions, angles) if has_positions else (angles, positions)
-    name = source.path.name
-    if own not in name:
+    wanted = companion_name(source, own, other)
+    if wanted is None:
         raise source.error(
             expected=f"{own!r} in the name of this file of {own}, by which its {other} beside it are found",
-            found=f"{name!r}",
+            found=f"{source.path.name!r}",
         )
-    wanted = name.replace(own, other)
     beside = source.beside(wanted)
     if beside is None:
         raise source.error(

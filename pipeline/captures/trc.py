@@ -1,0 +1,148 @@
+"""OpenSim's marker files (.trc): a header of five or six lines, then TAB-separated frames.
+
+Line 1 PathFileType, lines 2 and 3 names and values (DataRate, NumFrames, Units …), line 4 Frame#, Time and
+the markers' names, each above three columns, line 5 X1 Y1 Z1 …, then often a blank line. A marker that was
+not seen leaves its cells empty, or zeros. Y is up, X forward and Z to the right, OpenSim's axes.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from kinemimic.pipeline.captures.format import Format
+from kinemimic.pipeline.captures.frame_defects import in_sequence, refuse_far
+from kinemimic.pipeline.captures.markers import clip_of_markers
+from kinemimic.pipeline.captures.numbers import Table, parse_table
+from kinemimic.pipeline.captures.recording import reading
+from kinemimic.pipeline.captures.source import Source
+from kinemimic.pipeline.clip import Clip
+from kinemimic.pipeline.rotations import from_axis_angle
+
+Array = NDArray[np.float64]
+
+FORMAT = Format(
+    name="TRC",
+    sensor="optical",
+    holds="positions of markers",
+    told_by="the word PathFileType and a line that begins with Frame# and Time",
+)
+UNITS: dict[str, float] = {"mm": 0.001, "cm": 0.01, "m": 1.0}
+# X forward, Y up, Z right: a quarter turn about X makes it X forward, Y left, Z up.
+WORLD_FROM_FILE: Array = from_axis_angle("X", np.pi / 2.0)
+# The Time column is mostly written with three digits, 0.017 for 1/60: if it agrees with the declared rate as
+# far as it goes, frames over that rate are the better times.
+_TIME_DIGITS = 0.0011
+
+
+def recognises(source: Source) -> bool:
+    """True if the first word is PathFileType, or a line of names begins with Frame# and Time."""
+    return source.head[0].startswith("PathFileType") or _names(source.head[:8]) is not None
+
+
+def read(source: Source) -> Clip:
+    """The clip of the nodes that the markers show (see markers.py); frames with an earlier time are dropped.
+
+    CaptureError for a damaged header or table, unknown units, and markers from which no legs follow.
+    """
+    at = _names(source.lines[:16])
+    if at is None:
+        raise source.error(expected="a line that begins with Frame# and Time", found="none in the first 16")
+    declared = _declared(source, at)
+    units = declared.get("units", "").lower()
+    if units not in UNITS:
+        raise source.error(
+            expected=f"Units of {', '.join(UNITS)} in the header", found=repr(units[:20]) if units else "none"
+        )
+    table, values = _table(source, at + 2)
+    count = (values.shape[1] - 2) // 3
+    labels = tuple(name.strip() for name in source.lines[at].split("\t")[2 : 2 + 3 * count : 3])
+    labels += ("",) * (count - len(labels))
+    if not np.isfinite(values[:, 1]).all():
+        bad = int(np.argmin(np.isfinite(values[:, 1])))
+        raise source.error(expected="a time in s", found="none", where=f"line {table.line(bad)}")
+    later, defects = in_sequence(values[:, 1])
+    times, notes = _times(values[:, 1], later, declared, source)
+    points = values[later, 2:].reshape(-1, count, 3) * UNITS[units]
+    refuse_far(points, labels, source, lambda row: table.line(int(np.flatnonzero(later)[row])))
+    for key, found in (("numframes", len(values)), ("nummarkers", count)):
+        if key in declared and declared[key] != str(found):
+            notes.append(f"the header says {key} {declared[key][:20]}, the file has {found}")
+    return clip_of_markers(
+        labels,
+        times,
+        points,
+        format=FORMAT,
+        reading=reading(
+            units=units,
+            units_rule="the header's",
+            defects=defects,
+            notes=notes,
+            columns=values.shape[1],
+            markers=[label for label in labels if label],
+        ),
+        world_from_file=WORLD_FROM_FILE,
+        source=source,
+    )
+
+
+def _names(lines: Sequence[str]) -> int | None:
+    """Index of the line of the markers' names."""
+    starts = (line.split("\t")[:2] for line in lines)
+    return next(
+        (k for k, start in enumerate(starts) if [f.strip() for f in start] == ["Frame#", "Time"]), None
+    )
+
+
+def _declared(source: Source, at: int) -> dict[str, str]:
+    """The header's pairs of name (lower case) and value."""
+    for k in range(at - 1):
+        names = [name.strip().lower() for name in source.lines[k].split("\t")]
+        if "units" in names or "datarate" in names:
+            return dict(zip(names, (v.strip() for v in source.lines[k + 1].split("\t")), strict=False))
+    return {}
+
+
+def _table(source: Source, start: int) -> tuple[Table, Array]:
+    """The frames, (T, 2 + 3 M): empty cells become NaN, and so does a TAB that ends every line."""
+    text = source.text
+    if "\t\t" in text[-4096:] or "\t\t" in text or "\t\n" in text:
+        for old, new in (("\t\t", "\tnan\t"), ("\t\t", "\tnan\t"), ("\t\n", "\tnan\n")):
+            text = text.replace(old, new)
+        if text.endswith("\t"):
+            text += "nan"
+    filled = Source(source.path, text.encode(), source.sha256)
+    table = parse_table(filled, start=start, separator="\t")
+    values = table.values
+    spare = (values.shape[1] - 2) % 3
+    if values.shape[1] < 5 or spare > 1 or (spare and np.isfinite(values[:, -1]).any()):
+        raise source.error(
+            expected="frame number, time and three numbers a marker",
+            found=f"{values.shape[1]} numbers",
+            where=f"line {table.line(0)}",
+        )
+    return table, values[:, : values.shape[1] - spare]
+
+
+def _times(
+    clock: Array, later: NDArray[np.bool_], declared: dict[str, str], source: Source
+) -> tuple[Array, list[str]]:
+    """Seconds of the frames that stay, and what is to be said of them: the Time column wins over DataRate."""
+    try:
+        rate = float(declared.get("datarate", ""))
+    except ValueError:
+        rate = 0.0
+    times = clock[later]
+    if 0.0 < rate < 1e5:
+        even = times[0] + np.arange(len(times)) / rate
+        if np.abs(even - times).max() <= _TIME_DIGITS:
+            return even, []
+    if len(times) > 1 and (np.median(np.diff(times)) > 1.0 or np.median(np.diff(times)) < 1e-4):
+        raise source.error(
+            expected="times in s, with steps of 0.0001 to 1",
+            found=f"a usual step of {np.median(np.diff(times)):g}",
+        )
+    step = f"{1.0 / np.median(np.diff(times)):.4g} Hz" if len(times) > 1 else "one frame"
+    return times, [f"times are those of the Time column, {step}; the header says {rate:g} Hz"]
