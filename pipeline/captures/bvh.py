@@ -17,7 +17,7 @@ from kinemimic.pipeline.captures.source import Source
 from kinemimic.pipeline.captures.units import metres_per_unit
 from kinemimic.pipeline.clip import Clip
 from kinemimic.pipeline.defect import Defect
-from kinemimic.pipeline.euler import local_rotations, world_positions
+from kinemimic.pipeline.euler import local_rotations, positions_of_channels
 from kinemimic.pipeline.rotations import Y_UP_TO_Z_UP, angle_between
 from kinemimic.pipeline.skeleton import TRACKED, Skeleton
 
@@ -32,6 +32,8 @@ FORMAT = Format(
 _AXES = "XYZ"
 # A T-pose is one frame, at most a few; a longer stillness is a subject who is not there (acquire.py).
 _MAX_CALIBRATION = 5
+# Enough frames to know the usual step of a motion.
+_ENOUGH_STEPS = 600
 
 
 def recognises(source: Source) -> bool:
@@ -45,19 +47,32 @@ def read(source: Source) -> Clip:
     The clock starts at 0 with the file's first frame, so that a dropped first frame shows in the times.
     """
     bvh = parse(source)
+    if not bvh.motion.any():
+        raise source.error(
+            expected="a motion",
+            found=f"every channel is zero in all {len(bvh.motion)} frames",
+            advice="no motion was recorded, or the exporter failed",
+        )
     orders, euler, offsets = channels(bvh)
     names = tuple(joint.name for joint in bvh.joints)
     scale, unit = metres_per_unit(names, offsets, source.path)
     translations = offsets * scale
     parents = tuple(joint.parent for joint in bvh.joints)
     skeleton = Skeleton(names, parents, np.array([joint.offset for joint in bvh.joints]) * scale)
-    rotations = local_rotations(euler, orders, Y_UP_TO_Z_UP)
-    first, note = calibration_frames(euler, rotations)
+    first, note = calibration_frames(euler, orders)
     frames = len(euler) - first
+    defects = [Defect("calibration_frames", first, "frames", "repaired", note)] if first else []
+    notes = ["numbers with decimal commas"] if bvh.commas else []
+    if bvh.declared > len(euler):
+        lost = bvh.declared - len(euler)
+        text = f"the file declares {bvh.declared} frames, {len(euler)} are there: it may be cut off"
+        defects.append(Defect("dropped_frames", lost, "frames", "flagged", text))
+    elif bvh.declared < len(euler):
+        notes.append(f"the file declares {bvh.declared} frames, {len(euler)} are there: all are read")
     return Clip(
         skeleton=skeleton,
         times=np.arange(first, len(euler), dtype=np.float64) * bvh.frame_time,
-        positions=world_positions(skeleton, translations, rotations, Y_UP_TO_Z_UP)[first:],
+        positions=positions_of_channels(skeleton, translations[first:], euler[first:], orders, Y_UP_TO_Z_UP),
         states=np.full((frames, len(names)), TRACKED, dtype=np.uint8),
         passes=np.zeros(frames, dtype=np.int32),
         euler=euler[first:],
@@ -69,7 +84,8 @@ def read(source: Source) -> Clip:
             "reading": reading(
                 units=unit,
                 units_rule="thigh and shank nearest to an adult's",
-                defects=[Defect("calibration_frames", first, "frames", "repaired", note)] if first else [],
+                defects=defects,
+                notes=notes,
                 channels=int(bvh.motion.shape[1]),
             ),
         },
@@ -83,36 +99,43 @@ def channels(bvh: BvhText) -> tuple[tuple[str, ...], Array, Array]:
     """
     shape = (len(bvh.motion), len(bvh.joints), 3)
     euler, local = np.zeros(shape), np.empty(shape)
+    local[:] = [joint.offset for joint in bvh.joints]
     orders: list[str] = []
+    # Where the file's columns go: place among all joints' three numbers -> column.
+    turns: dict[int, int] = {}
+    moves: dict[int, int] = {}
     column = 0
     for index, joint in enumerate(bvh.joints):
-        local[:, index] = joint.offset
         order = ""
         for name in joint.channels:
-            values = bvh.motion[:, column]
             if name.endswith("rotation"):
-                euler[:, index, len(order)] = np.radians(values)
+                turns[3 * index + len(order)] = column
                 order += name[0]
             else:
-                local[:, index, _AXES.index(name[0])] = values
+                moves[3 * index + _AXES.index(name[0])] = column
             column += 1
         orders.append(order + "".join(axis for axis in _AXES if order and axis not in order))
-    return tuple(orders), euler, local
+    for array, places in ((euler, turns), (local, moves)):
+        array.reshape(len(array), -1)[:, list(places)] = bvh.motion[:, list(places.values())]
+    return tuple(orders), np.radians(euler, out=euler), local
 
 
-def calibration_frames(euler: Array, rotations: Array) -> tuple[int, str]:
+def calibration_frames(euler: Array, orders: tuple[str, ...]) -> tuple[int, str]:
     """How many leading frames are poses put before the motion (a T-pose), and what shows it.
 
     Two things together: their channels are whole degrees (most of them 0), which recorded angles never are;
     and the joints jump from the last of them into the motion by ten times their usual step.
-    euler: (T, J, 3); rotations: (T, J, 4).
+    euler: (T, J, 3) radians in the sequence of orders (J,).
     """
+    if len(euler) > _ENOUGH_STEPS:
+        euler = euler[:_ENOUGH_STEPS]
     moving = np.ptp(euler, axis=0) > 0
     degrees = np.degrees(euler[:, moving])
     whole = (np.abs(degrees - np.round(degrees)) < 1e-6).mean(axis=1) if moving.any() else np.ones(len(euler))
     lead = int(np.argmin(whole > 0.9))
     if not 0 < lead <= _MAX_CALIBRATION or np.median(whole) > 0.5 or len(euler) < lead + 3:
         return 0, ""
+    rotations = local_rotations(euler, orders, Y_UP_TO_Z_UP)
     steps = angle_between(rotations[:-1], rotations[1:])[:, moving.any(axis=-1)].mean(axis=-1)
     if steps[lead - 1] < 10.0 * max(float(np.median(steps[lead:])), 1e-9):
         return 0, ""

@@ -38,11 +38,15 @@ class Joint:
 
 @dataclass
 class BvhText:
-    """joints: parents before children; motion: (T, channels) in the file's units and degrees."""
+    """joints: parents before children; motion: (T, channels) in the file's units and degrees; declared: the
+    number of frames that the file says it has; commas: its numbers have decimal commas.
+    """
 
     joints: list[Joint] = field(default_factory=list)
     frame_time: float = 0.0
     motion: Array = field(default_factory=lambda: np.zeros((0, 0)))
+    declared: int = 0
+    commas: bool = False
 
 
 @dataclass(frozen=True)
@@ -97,7 +101,14 @@ class _Tokens:
 
 
 def parse(source: Source) -> BvhText:
-    """Hierarchy and motion; CaptureError names the line of the first mistake."""
+    """Hierarchy and motion; CaptureError names the line of the first mistake.
+
+    What is there is read, whatever number of frames the file declares, as long as its last line is whole.
+    """
+    if _has_decimal_commas(source):
+        bvh = parse(Source(source.path, source.text.replace(",", ".").encode(), source.sha256))
+        bvh.commas = True
+        return bvh
     lines = source.lines
     marker = next((i for i, line in enumerate(lines) if line.strip().lower() == "motion"), None)
     bvh = BvhText(joints=_hierarchy(_Tokens(lines[:marker], source)))
@@ -110,21 +121,15 @@ def parse(source: Source) -> BvhText:
     width = sum(len(joint.channels) for joint in bvh.joints)
     if width == 0:
         raise source.error(expected="a joint with CHANNELS", found="none")
-    if frames * len(bvh.joints) > MAX_JOINT_FRAMES:
+    most = max(frames, len(lines) - start)
+    if most * len(bvh.joints) > MAX_JOINT_FRAMES:
         raise source.error(
             expected=f"at most {MAX_JOINT_FRAMES} joints times frames",
-            found=f"{len(bvh.joints)} joints in {frames} frames",
+            found=f"{len(bvh.joints)} joints in {most} frames",
             where=f"line {marker + 2}",
         )
-    there = sum(1 for line in lines[start:] if line.strip())
-    if frames != there:
-        raise source.error(
-            expected=f"{frames} frames as declared", found=f"{there}",
-            advice="the file is cut off" if frames > there else "correct the line Frames:",
-            where=f"line {len(lines)}",
-        )  # fmt: skip
     table = parse_table(source, start=start, width=width)
-    bvh.motion = table.values
+    bvh.motion, bvh.declared = table.values, frames
     wrong = ~(np.abs(bvh.motion) < LARGEST)  # NaN too
     if wrong.any():
         frame, channel = (int(k) for k in np.argwhere(wrong)[0])
@@ -133,6 +138,12 @@ def parse(source: Source) -> BvhText:
             where=f"line {table.line(frame)}, frame {frame}",
         )  # fmt: skip
     return bvh
+
+
+def _has_decimal_commas(source: Source) -> bool:
+    """True if the last line has commas and no point: the exporter ran on a computer set to, say, German."""
+    last = next((line for line in reversed(source.lines) if line.strip()), "")
+    return "," in last and "." not in last and all(word.count(",") < 2 for word in last.split())
 
 
 def _declared(source: Source, start: int) -> tuple[int, float, int]:
@@ -213,8 +224,20 @@ def _hierarchy(tokens: _Tokens) -> list[Joint]:
             case "}":
                 open_joints.pop()
             case _:
-                raise tokens.error(token, "OFFSET, CHANNELS, JOINT, End Site or }")
+                raise tokens.source.error(
+                    expected="OFFSET, CHANNELS, JOINT, End Site or }",
+                    found=repr(token.text[:40]),
+                    where=f"line {token.line}",
+                    advice="BVH has no such word: delete its lines, or export again",
+                )
     if (extra := next(tokens._words, None)) is not None:
+        if extra.text.lower() == "root":
+            raise tokens.source.error(
+                expected="one ROOT",
+                found="a second one",
+                where=f"line {extra.line}",
+                advice="export each person or object to a file of its own",
+            )
         raise tokens.error(extra, "MOTION after the one ROOT")
     return joints
 

@@ -23,12 +23,14 @@ UNITS: dict[str, float] = {
 # Thigh plus shank of an adult; units differ by 2.2 or more, so children and giants are told apart too.
 ADULT_LEG = 0.82
 LEG_RANGE = (0.40, 1.20)
+# Frames, spread over the recording, that are enough for a median.
+_ENOUGH = 500
 
 
 def metres_per_unit(names: tuple[str, ...], offsets: Array, path: Path) -> tuple[float, str]:
     """The unit that makes thigh plus shank the most like an adult's, by ratio: (metres, name).
 
-    offsets: (T, J, 3) of each joint from its parent in the file's unit.
+    offsets: (T, J, 3) of each joint from its parent in the file's unit; T = 1 for a rigid skeleton.
     Raises CaptureError if the legs cannot be found by name or fit in no unit.
     """
     found = joints_of_nodes(names)
@@ -40,7 +42,8 @@ def metres_per_unit(names: tuple[str, ...], offsets: Array, path: Path) -> tuple
             expected="joints named as legs, from which the unit of length is told",
             found=f"no {', '.join(missing)} among {', '.join(names[:8])}{' …' if len(names) > 8 else ''}",
         )
-    legs = [np.median(np.linalg.norm(offsets[:, found[node]], axis=-1)) for node in wanted]
+    some = offsets[:: len(offsets) // _ENOUGH + 1]
+    legs = [np.median(np.linalg.norm(some[:, found[node]], axis=-1)) for node in wanted]
     leg = float(sum(legs)) / 2.0
     if leg > 0:
         name = min(UNITS, key=lambda unit: abs(np.log(leg * UNITS[unit] / ADULT_LEG)))
