@@ -138,7 +138,7 @@ def continuous(q: Array, axis: int = 0) -> Array:
     Frames with a NaN are passed over as they are: the sign carries across them.
     """
     q = np.moveaxis(np.array(q, dtype=np.float64), axis, 0)
-    known = ~np.isnan(q).any(axis=-1)
+    known = np.asarray(~np.isnan(q).any(axis=-1))
     before = q[:-1]
     if not known.all():
         frames = np.arange(len(q)).reshape(-1, *(1,) * (known.ndim - 1))
