@@ -38,6 +38,14 @@ def walk(frames: int = 90, rate: float = 30.0, *, motion: str = "walk") -> Walk:
     return Walk(times, shown.joints, shown.angles)
 
 
+def in_sight(shown: Walk) -> Walk:
+    """The walk on a treadmill: a long take, too, stays before a sensor."""
+    speed = np.ptp(shown.joints[:, 0, :2], axis=0) / max(np.ptp(shown.times), 1e-9)
+    back = np.zeros((len(shown.times), 1, 3))
+    back[:, 0, :2] = shown.times[:, None] * speed
+    return Walk(shown.times, shown.joints - back, shown.angles)
+
+
 def y_up(points: Array) -> Array:
     """Our axes (X forward, Y left, Z up) to a Y-up file's: X left, Y up, Z forward."""
     return points[..., [1, 2, 0]]
