@@ -181,6 +181,7 @@ def _refuse_without_legs(source: Source, points: Array) -> None:
     usual = [joint for joint, seen in zip(SDK_JOINTS, share, strict=True) if seen >= _ENOUGH_FRAMES]
     raise source.error(
         expected="hips, knees and ankles",
-        found=f"a whole leg in {whole} of {len(points)} frames, usually {len(usual)} joints: {', '.join(usual)}",
+        found=f"a whole leg in {whole} of {len(points)} frames, usually the {len(usual)} joints "
+        f"{', '.join(usual)}",
         advice="no walk can be read from it",
     )
