@@ -5,50 +5,48 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from kinemimic.pipeline.clip import Clip
 from kinemimic.pipeline.defect import Defect
-from kinemimic.pipeline.rules.body import beside_the_body
 from kinemimic.pipeline.rules.runs import frame_runs
 from kinemimic.pipeline.skeleton import MISSING
+
+Array = NDArray[np.float64]
 
 # Off the line between the frames around it by more than this (metres), which is beyond a Kinect's noise …
 NOISE = 0.10
 # … and by more than the greatest acceleration of a hand or foot (m/s²) explains in that time; a kick or a
 # throw has some 200 at its sharpest, a stride less than 60.
 ACCELERATION = 200.0
-# The places around it, less the way that the whole body went, are nearer to each other than this share of the
-# jump; for a joint that moves on to another place they are two of them apart.
-BACK = 1.0
+# Without it the two frames on either side go straight on, off their own lines by less than this share of the
+# jump; where they do not (a body that enters the view, a joint that moves on to another place) nobody can say
+# which of the places are wrong.
+ALONE = 0.4
 
 
 def check(clip: Clip) -> tuple[Clip, list[Defect]]:
     """The clip with such places missing, so that cleaning fills them; Euler captures are only flagged."""
-    if len(clip.times) < 3:
+    if len(clip.times) < 5:
         return clip, []
-    before, there, after = clip.positions[:-2], clip.positions[1:-1], clip.positions[2:]
+    off = np.zeros(clip.states.shape)
+    off[1:-1] = _off_line(clip, 1, 1)
+    around = np.full(clip.states.shape, np.inf)
+    around[2:-2] = np.maximum(_off_line(clip, 1, 2)[:-1], _off_line(clip, 2, 1)[1:])
     steps = np.diff(clip.times)
-    share = (steps[:-1] / (steps[:-1] + steps[1:]))[:, None, None]
-    off = np.linalg.norm(there - (before + share * (after - before)), axis=-1)
-    apart = np.linalg.norm(beside_the_body(after - before), axis=-1)
-    limit = np.maximum(NOISE, 0.5 * ACCELERATION * steps[:-1] * steps[1:])[:, None]
-    within = (clip.passes[:-2] == clip.passes[2:]) & (clip.passes[1:-1] == clip.passes[2:])
-    within &= clip.passes[1:-1] >= 0
-    jumps = np.zeros(clip.states.shape, dtype=np.bool_)
+    limit = np.full(len(clip.times), np.inf)
+    limit[1:-1] = np.maximum(NOISE, 0.5 * ACCELERATION * steps[:-1] * steps[1:])
+    whole = np.zeros(len(clip.times), dtype=np.bool_)
+    whole[2:-2] = (clip.passes[2:-2] >= 0) & (clip.passes[:-4] == clip.passes[4:])
     with np.errstate(invalid="ignore"):
-        jumps[1:-1] = within[:, None] & (off > limit) & (apart < BACK * off)
-    # A neighbour of a greater jump is off its line only because of that one.
-    size = np.zeros(clip.states.shape)
-    size[1:-1] = np.where(jumps[1:-1], off, 0.0)
-    jumps[1:] &= size[1:] >= size[:-1]
-    jumps[:-1] &= size[:-1] >= size[1:]
+        jumps = whole[:, None] & (off > limit[:, None]) & (around < ALONE * off)
     count = int(jumps.sum())
     if not count:
         return clip, []
     per_joint = jumps.sum(axis=0)
     worst = np.argsort(-per_joint, kind="stable")[:3]
     names = ", ".join(f"{clip.skeleton.names[j]} {per_joint[j]}" for j in worst if per_joint[j])
-    largest = float(size[jumps].max())
+    largest = float(off[jumps].max())
     text = f"{count} joint positions jump for one frame, up to {largest:.2f} m (most: {names}); "
     frames = frame_runs(np.asarray(jumps.any(axis=1)))
     if clip.euler is not None:
@@ -60,3 +58,14 @@ def check(clip: Clip) -> tuple[Clip, list[Defect]]:
     return replace(clip, positions=positions, states=states), [
         Defect("jumps", count, "joint positions", "repaired", text, frames)
     ]
+
+
+def _off_line(clip: Clip, before: int, after: int) -> Array:
+    """Metres (T - before - after, J) that a frame's joints are off the line from `before` frames earlier to
+    `after` frames later; the first row is that of frame `before`."""
+    rows = len(clip.times) - before - after
+    first, there, last = (slice(k, k + rows) for k in (0, before, before + after))
+    times = clip.times
+    share = ((times[there] - times[first]) / (times[last] - times[first]))[:, None, None]
+    p = clip.positions
+    return np.asarray(np.linalg.norm(p[there] - p[first] - share * (p[last] - p[first]), axis=-1))

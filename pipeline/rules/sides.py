@@ -22,13 +22,12 @@ from kinemimic.pipeline.rules.runs import frame_runs
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 
-LIMBS: dict[str, tuple[str, ...]] = {
-    "legs": ("hip", "knee", "ankle", "foot"),
-    "arms": ("shoulder", "elbow", "wrist", "hand"),
-}
-# Metres, mean over the limb's joints. A change must save more than PRICE of deviation: twice the noise of a
-# Kinect's ankles. A deviation above MOST counts as MOST: it is a jump, whatever its size.
-PRICE = 0.10
+LIMBS: dict[str, tuple[str, ...]] = {"legs": ("knee", "ankle", "foot"), "arms": ("elbow", "wrist", "hand")}
+# The joint that a limb hangs on may change places with it or not: the trunk is seen better than the limbs.
+_HANGS_ON = {"legs": "hip", "arms": "shoulder"}
+# Metres, mean over the limb's joints: a change must save more than PRICE of deviation, which a noisy crossing
+# of the ankles does not. A deviation above MOST counts as MOST: it is a jump, whatever its size.
+PRICE = 0.20
 MOST = 0.5
 # Longer than this (seconds) no tracker confuses limbs and then finds back; two such changes are two turns.
 LONGEST = 1.0
@@ -41,11 +40,7 @@ def check(clip: Clip) -> tuple[Clip, list[Defect]]:
     parts: list[str] = []
     repaired = clip
     for limb, joints in LIMBS.items():
-        pairs = [
-            (found[f"{joint}_left"], found[f"{joint}_right"])
-            for joint in joints
-            if f"{joint}_left" in found and f"{joint}_right" in found
-        ]
+        pairs = _pairs(found, joints)
         if len(pairs) < 2:
             continue
         where = _swapped(clip, pairs)
@@ -54,6 +49,8 @@ def check(clip: Clip) -> tuple[Clip, list[Defect]]:
             swapped |= where
             if clip.euler is None:
                 repaired = _exchange(repaired, pairs, where)
+                for pair in _pairs(found, (_HANGS_ON[limb],)):
+                    repaired = _exchange(repaired, [pair], _along(clip, pair, where))
     if not swapped.any():
         return clip, []
     done = "put back" if clip.euler is None else "left as recorded: Euler channels cannot be exchanged"
@@ -67,6 +64,27 @@ def check(clip: Clip) -> tuple[Clip, list[Defect]]:
             frame_runs(swapped),
         )
     ]
+
+
+def _pairs(found: dict[str, int], joints: tuple[str, ...]) -> list[tuple[int, int]]:
+    """Left and right joint of those that the skeleton has on both sides."""
+    sides = (tuple(found.get(f"{joint}_{side}", -1) for side in ("left", "right")) for joint in joints)
+    return [(left, right) for left, right in sides if left >= 0 and right >= 0]
+
+
+def _along(clip: Clip, pair: tuple[int, int], where: Mask) -> Mask:
+    """The stretches of `where` (T,) in which that pair jumps to each other's place too."""
+    places = clip.positions[:, list(pair)]  # (T, 2, 3)
+    along = np.zeros(len(where), dtype=np.bool_)
+    for span in runs(where):
+        edges = np.array([(span.start, span.start - 1), (span.stop - 1, span.stop)])
+        edges = edges[(edges >= 0).all(axis=1) & (edges < len(where)).all(axis=1)]
+        inner, outer = edges[clip.passes[edges[:, 0]] == clip.passes[edges[:, 1]]].T
+        straight = np.linalg.norm(places[inner] - places[outer], axis=-1)
+        crossed = np.linalg.norm(places[inner] - places[outer][:, ::-1], axis=-1)
+        seen = np.isfinite(straight) & np.isfinite(crossed)
+        along[span] = bool(np.sum(crossed[seen]) < np.sum(straight[seen]))
+    return along
 
 
 def _swapped(clip: Clip, pairs: list[tuple[int, int]]) -> Mask:

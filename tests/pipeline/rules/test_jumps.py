@@ -15,10 +15,10 @@ from kinemimic.pipeline.skeleton import NODE_INDEX as N
 
 Moving = Callable[..., Clip]
 PLANTED = {
-    (20, "knee_left"): 0.3,
+    (20, "knee_left"): 0.4,
     (20, "ankle_left"): 0.5,
     (57, "wrist_right"): 0.4,
-    (90, "foot_right"): 0.25,
+    (90, "foot_right"): 0.45,
 }
 
 

@@ -38,10 +38,15 @@ def test_a_sound_motion_has_none(moving: Moving, kind: str, noise: float) -> Non
 
 @pytest.mark.parametrize("kind", ["walk", "run"])
 @pytest.mark.parametrize("limb", sides.LIMBS)
-def test_exchanged_limbs_are_put_back(moving: Moving, kind: str, limb: str) -> None:
+@pytest.mark.parametrize("hangs_on", [(), ("hip", "shoulder")])
+def test_exchanged_limbs_are_put_back(
+    moving: Moving, kind: str, limb: str, hangs_on: tuple[str, ...]
+) -> None:
+    """With the joint that they hang on, or without it."""
     clip = moving(300, kind=kind, noise=NOISE)
     frames = [40, 41, 100, 180, 181, 182, 183, 184, 240]
-    repaired, (found,) = sides.check(exchanged(clip, frames, sides.LIMBS[limb]))
+    joints = sides.LIMBS[limb] + hangs_on[{"legs": 0, "arms": 1}[limb] :][:1]
+    repaired, (found,) = sides.check(exchanged(clip, frames, joints))
     assert np.array_equal(repaired.positions, clip.positions)
     assert (found.rule, found.count, found.action) == ("swapped_sides", 9, "repaired")
     assert found.frames == ((40, 41), (100, 100), (180, 184), (240, 240))
