@@ -1,4 +1,4 @@
-"""Writes a skeleton with quaternions as BVH, in any of the six orders that BVH can name."""
+"""Writes BVH: a skeleton with quaternions, in any order that BVH can name, or a clip's own channels."""
 
 from __future__ import annotations
 
@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
+from kinemimic.pipeline.clip import Clip
 from kinemimic.pipeline.rotations import ORDERS, Y_UP_TO_Z_UP, conjugate, multiply, rotate
 from kinemimic.pipeline.skeleton import Skeleton
 from kinemimic.pipeline.store import write_text
@@ -20,6 +21,7 @@ Array = NDArray[np.float64]
 # A joint has each of its channels once, so that proper Euler orders (ZXZ) cannot be written.
 BVH_ORDERS: tuple[str, ...] = tuple(order for order in ORDERS if len(set(order)) == 3)
 _DECIMALS = 6
+_PLACES = ("Xposition", "Yposition", "Zposition")
 
 
 def write_bvh(
@@ -40,14 +42,64 @@ def write_bvh(
     skeleton's by default.
     Every joint has three rotation channels and a leaf an end site of no length.
     """
-    angles = np.degrees(file_angles(rotations, order))
-    offsets = units_per_metre * rotate(conjugate(Y_UP_TO_Z_UP), skeleton.offsets)
-    columns = hierarchy_sequence(skeleton)
-    places = units_per_metre * rotate(conjugate(Y_UP_TO_Z_UP), root)
-    values = np.concatenate([places, angles[:, columns].reshape(len(root), -1)], axis=1)
-    lines = ["HIERARCHY", *_joint(skeleton, offsets, names or skeleton.names, order, 0, 0)]
-    lines += ["MOTION", f"Frames: {len(root)}", f"Frame Time: {frame_time:.8f}"]
-    lines += [" ".join(_number(value) for value in row) for row in values]
+    back = conjugate(Y_UP_TO_Z_UP)
+    places = np.zeros((*rotations.shape[:2], 3))
+    places[:, 0] = rotate(back, root)
+    turns = tuple(f"{axis}rotation" for axis in order)
+    offsets = rotate(back, skeleton.offsets)
+    _write(
+        path,
+        Skeleton(tuple(names or skeleton.names), skeleton.parents, units_per_metre * offsets),
+        [(*_PLACES, *turns), *[turns] * (len(skeleton.names) - 1)],
+        units_per_metre * places,
+        np.degrees(file_angles(rotations, order)),
+        frame_time,
+    )
+
+
+def write_bvh_channels(path: Path, clip: Clip, *, units_per_metre: float = 100.0) -> None:
+    """Write a clip of Euler channels as it was read: its own joints, orders, angles and offsets.
+
+    Joints without rotation channels whose names are those of end sites (`<parent>_end`) become end sites;
+    joints that move in their parents get position channels. The clock is even, at the clip's rate.
+    ValueError for a clip without channels, in other axes than BVH's, or with an order that BVH cannot name.
+    """
+    if clip.euler is None or clip.orders is None or clip.translations is None:
+        raise ValueError("the clip has no Euler channels")
+    if clip.rests is not None or not np.allclose(clip.world_from_file, Y_UP_TO_Z_UP):
+        raise ValueError("the clip's joints are not framed as BVH frames them")
+    for order in set(clip.orders) - {"", *BVH_ORDERS}:
+        raise ValueError(f"no order of BVH: {order!r}; the six are {', '.join(BVH_ORDERS)}")
+    skeleton = clip.skeleton
+    moves = (clip.translations != skeleton.offsets).any(axis=(0, 2))
+    moves[0] = True
+    channels = [
+        (*(_PLACES if moved else ()), *(f"{axis}rotation" for axis in order))
+        for moved, order in zip(moves, clip.orders, strict=True)
+    ]
+    offsets = Skeleton(skeleton.names, skeleton.parents, units_per_metre * skeleton.offsets)
+    places = units_per_metre * clip.translations
+    _write(path, offsets, channels, places, np.degrees(clip.euler), 1.0 / clip.rate)
+
+
+def _write(
+    path: Path,
+    skeleton: Skeleton,
+    channels: Sequence[tuple[str, ...]],
+    places: Array,
+    angles: Array,
+    frame_time: float,
+) -> None:
+    """Write joints with `channels` (J,), the places (T, J, 3) and angles (T, J, 3) in the file's units."""
+    columns = []
+    for joint in hierarchy_sequence(skeleton):
+        turns = iter(np.moveaxis(angles[:, joint], -1, 0))
+        for channel in channels[joint]:
+            moved = channel in _PLACES
+            columns.append(places[:, joint, _PLACES.index(channel)] if moved else next(turns))
+    lines = ["HIERARCHY", *_joint(skeleton, channels, 0, 0)]
+    lines += ["MOTION", f"Frames: {len(places)}", f"Frame Time: {frame_time:.8f}"]
+    lines += [" ".join(_number(value) for value in row) for row in np.stack(columns, axis=-1)]
     write_text(path, "\n".join(lines) + "\n")
 
 
@@ -74,21 +126,22 @@ def hierarchy_sequence(skeleton: Skeleton) -> list[int]:
     return sequence
 
 
-def _joint(
-    skeleton: Skeleton, offsets: Array, names: Sequence[str], order: str, joint: int, depth: int
-) -> list[str]:
+def _joint(skeleton: Skeleton, channels: Sequence[tuple[str, ...]], joint: int, depth: int) -> list[str]:
     """Lines of a joint and all below it."""
     tab = "\t" * depth
-    turns = " ".join(f"{axis}rotation" for axis in order)
-    channels = f"6 Xposition Yposition Zposition {turns}" if depth == 0 else f"3 {turns}"
-    kind = "ROOT" if depth == 0 else "JOINT"
-    lines = [f"{tab}{kind} {names[joint]}", f"{tab}{{", f"{tab}\tOFFSET {_row(offsets[joint])}"]
-    lines.append(f"{tab}\tCHANNELS {channels}")
+    name = skeleton.names[joint]
     children = [child for child, parent in enumerate(skeleton.parents) if parent == joint]
-    for child in children:
-        lines += _joint(skeleton, offsets, names, order, child, depth + 1)
-    if not children:
-        lines += [f"{tab}\tEnd Site", f"{tab}\t{{", f"{tab}\t\tOFFSET {_row(np.zeros(3))}", f"{tab}\t}}"]
+    above = skeleton.names[skeleton.parents[joint]] if depth else ""
+    end = not children and not channels[joint] and name.startswith(f"{above}_end")
+    kind = "End Site" if end else f"ROOT {name}" if depth == 0 else f"JOINT {name}"
+    lines = [f"{tab}{kind}", f"{tab}{{", f"{tab}\tOFFSET {_row(skeleton.offsets[joint])}"]
+    if not end:
+        lines.append(f"{tab}\tCHANNELS {' '.join([str(len(channels[joint])), *channels[joint]])}")
+        for child in children:
+            lines += _joint(skeleton, channels, child, depth + 1)
+        if not children and channels[joint]:
+            # Other programs expect an end of every limb that turns.
+            lines += [f"{tab}\tEnd Site", f"{tab}\t{{", f"{tab}\t\tOFFSET {_row(np.zeros(3))}", f"{tab}\t}}"]
     return [*lines, f"{tab}}}"]
 
 
