@@ -32,7 +32,7 @@ _OWN = "#8a8a8a"
 _STATES = {"missing": "#7f1d1d", "inferred": "#f0b440", "tracked": "#cfe3ee"}
 _MARKS = {"flagged": "#fbeccb", "repaired": "#d3ead0", "refused": "#f6d5d0"}
 # More than a drawing can show, and a page of hundreds of files must not weigh gigabytes.
-_POINTS, _COLUMNS, _MARKED = 1500, 600, 60
+_POINTS, _COLUMNS, _MARKED = 700, 600, 60
 
 
 def section(studied: Studied) -> str:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -19,7 +18,7 @@ Array = NDArray[np.float64]
 # A stride's length wanders, so that one harmonic holds for a few strides only; enough of such windows, spread
 # over the passes, tell the period of an hour's recording as well.
 WINDOW = 4.0  # s
-MOST_WINDOWS = 24
+MOST_WINDOWS = 40
 RATE = 40.0  # Hz is plenty for an ankle
 FITS, KEPT = 0.85, 0.80  # R² of the harmonic; share of the frames that it explains
 STRIDE = 0.08  # m: the harmonic's amplitude, half of the way of one ankle past the other
@@ -27,8 +26,10 @@ TRAVELS = 0.3  # m/s
 # Who stays on the spot walks only if it goes on: a kick too is one wave of the ankles.
 CYCLES_ON_PATH, CYCLES_ON_SPOT = 0.9, 2.0
 LEAST_ON_SPOT = 0.34  # share of the windows
-# Faster than a run; legs that are exchanged at each step show twice their frequency.
 SHORTEST, LONGEST = 0.56, 0.98 * PERIODS[1]
+# How far one ankle may be before the other in the mean, over the amplitude. Ankles pass each other, about
+# evenly; where the tracker exchanges the legs at each step, one leads (by 1.5), at twice the frequency.
+LEAD = 0.8
 _FACING = 1.0  # s over which the hip line is averaged: its direction is noisy, and turns slowly
 
 
@@ -68,14 +69,20 @@ def _windows(clip: Clip) -> list[NDArray[np.intp]]:
     for number in range(int(clip.passes.max(initial=-1)) + 1):
         frames = np.flatnonzero(clip.passes == number)
         times = clip.times[frames]
-        count = max(1, int((times[-1] - times[0]) / WINDOW))
+        # Each window begins in the middle of the one before: who walks a few strides only is in one of them.
+        count = max(1, int((times[-1] - times[0]) / (WINDOW / 2.0)))
         edges = np.searchsorted(times, np.linspace(times[0], times[-1], count + 1))
         edges[-1] = len(frames)
         thin = max(1, int(1.0 / (RATE * float(np.median(np.diff(times))))))
-        windows += [frames[a:b:thin] for a, b in pairwise(edges.tolist())]
+        windows += [frames[a:b:thin] for a, b in _spans(edges.tolist())]
     if len(windows) <= MOST_WINDOWS:
         return windows
     return [windows[k] for k in np.linspace(0, len(windows) - 1, MOST_WINDOWS).astype(int)]
+
+
+def _spans(edges: list[int]) -> list[tuple[int, int]]:
+    """Two neighbouring intervals at a time, or the only one."""
+    return list(zip(edges, edges[2:], strict=False)) or [(edges[0], edges[1])]
 
 
 def _stretch(times: Array, nodes: Array) -> _Stretch | None:
@@ -94,7 +101,10 @@ def _stretch(times: Array, nodes: Array) -> _Stretch | None:
     for forward in (fixed, _facing(times, hips, seen), _swing(apart[seen])):
         along = np.asarray(np.sum(np.where(seen[:, None], apart * forward, 0.0), axis=-1))
         if np.std(along[seen]) > 0.5 * STRIDE:
-            fits.append(fit_harmonic(times, along, seen.astype(np.float64)))
+            one = fit_harmonic(times, along, seen.astype(np.float64))
+            lead = abs(float(np.average(along, weights=one.weights))) if one.weights.any() else np.inf
+            if lead < LEAD * one.amplitude:
+                fits.append(one)
     if not fits:
         return None
     best = max(fits, key=lambda one: one.r2 * one.kept)

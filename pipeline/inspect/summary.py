@@ -72,7 +72,7 @@ def _files(reports: Sequence[Report], *, long: bool) -> Table:
         left=2, gap=1,
     )  # fmt: skip
     table.columns[-1].justify = "left"
-    table.columns[1].no_wrap = True
+    table.columns[1].max_width = 19
     folder = Path()
     for report in _captures(reports):
         if long and Path(report["file"]).parent != folder:
