@@ -49,7 +49,9 @@ def read(source: Source) -> Clip:
     filled = np.array([number for number, line in enumerate(lines) if line.strip().strip(",")])
     if not len(filled):
         raise source.error(expected="frames", found="empty lines only")
-    width = len(lines[int(filled[0])].strip().removesuffix(",").split(","))
+    # By several lines, so that a damaged first one is told as such.
+    widths = [len(lines[number].strip().removesuffix(",").split(",")) for number in filled[:16]]
+    width = _WIDTH + (widths.count(_WIDTH + 1) > widths.count(_WIDTH))
     table = parse_table(source, width=width, separator=",")
 
     def where(row: int) -> str:

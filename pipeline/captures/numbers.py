@@ -112,7 +112,7 @@ def _complain(
     last = max(k for k, line in enumerate(lines) if line.strip())
     for k, line in enumerate(lines):
         fields = _fields(line, separator) if line.strip() else []
-        if not fields or (drop_others and len(fields) != width):
+        if not fields or (drop_others and not _has_width(line, width, separator)):
             continue
         where = f"line {start + k + 1}"
         if len(fields) != width:

@@ -64,6 +64,7 @@ def test_an_empty_line_among_the_frames_takes_its_time() -> None:
         (20, lambda row: "1e9" + row[row.index(",") :], r"line 21: expected metres, at most 100.*1e\+09"),
         (20, lambda row: row[:-2] + "3,", "line 21: expected a state of ThumbRight, 0, 1 or 2, found 3"),
         (94, lambda row: row[:100], "cut off there"),
+        (5, lambda row: row[:100], r"line 6: expected 100 numbers, found 1\d"),
     ],
 )
 def test_damage(line: int, change, says: str) -> None:  # type: ignore[no-untyped-def]
