@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from kinemimic.pipeline.captures.format import Format
 from kinemimic.pipeline.captures.frame_defects import in_sequence, refuse_far, zero_frames
-from kinemimic.pipeline.captures.numbers import parse_table
+from kinemimic.pipeline.captures.numbers import Table, parse_table
 from kinemimic.pipeline.captures.recording import clip_of_points, reading
 from kinemimic.pipeline.captures.source import Source
 from kinemimic.pipeline.clip import Clip
@@ -62,13 +62,16 @@ _ZERO: dict[str, tuple[float, float]] = {
 def own_angles(columns: dict[str, Array]) -> dict[str, Array]:
     """The recorder's angles (T,), degrees, by the file's names, as our curves: radians, flexion positive.
 
-    An angle of exactly 0 is what it writes where it saw nobody: NaN. Names not in ANGLES are left out.
+    NaN for 0, which it writes where it saw nobody, and for what no internal angle can be. Names that are not
+    in ANGLES are left out.
     """
     curves: dict[str, Array] = {}
     for label, degrees in columns.items():
         if label in ANGLES:
             zero, sign = _ZERO[ANGLES[label].partition("_")[0]]
-            curves[ANGLES[label]] = np.radians(sign * (np.where(degrees == 0.0, np.nan, degrees) - zero))
+            # A straight joint may be rounded up.
+            known = np.where((degrees > 0.0) & (degrees < 180.1), degrees, np.nan)
+            curves[ANGLES[label]] = np.radians(sign * (known - zero))
     return curves
 
 
@@ -110,12 +113,7 @@ def read(source: Source) -> Clip:
             found=f"{len(values)}",
             advice="the file is cut off" if len(values) < wanted else None,
         )
-    frames = np.rint(values[:, 0] * declared) if declared > 0 else np.arange(len(values), dtype=np.float64)
-    if not np.isfinite(frames).all() or np.ptp(frames) > 1e9:
-        bad = int(np.argmax(~(np.abs(frames) < 1e9)))
-        raise source.error(
-            expected="a time in seconds", found=f"{values[bad, 0]:g}", where=f"line {table.line(bad)}"
-        )
+    frames = _frame_numbers(source, table, declared)
     later, defects = in_sequence(frames)
     first = np.array([columns[label] for label in JOINTS])
     points = values[later][:, (first[:, None] + np.arange(3)).ravel()].reshape(-1, len(JOINTS), 3)
@@ -153,6 +151,26 @@ def _header(source: Source) -> tuple[int, float, int | None]:
             else:
                 wanted = int(number)
     raise source.error(expected="a line of names that begins with Time", found="none in the first 16")
+
+
+def _frame_numbers(source: Source, table: Table, declared: float) -> Array:
+    """The Time column (T,) as frame numbers: the exporter divided by the rate that it declares, true or not."""
+    clock = table.values[:, 0]
+    wrong = ~(np.abs(clock) < 1e6)
+    if wrong.any():
+        bad = int(np.argmax(wrong))
+        raise source.error(
+            expected="a time in seconds", found=f"{clock[bad]:g}", where=f"line {table.line(bad)}"
+        )
+    if declared == 0.0:
+        return np.arange(len(clock), dtype=np.float64)
+    step = float(np.median(np.diff(clock))) * declared if len(clock) > 1 else 1.0
+    if not 0.5 < step < 1.5:
+        raise source.error(
+            expected=f"a time every 1/{declared:g} s, as Point frequency says",
+            found=f"every {step / declared:g} s",
+        )
+    return np.rint(clock * declared)
 
 
 def _number(text: str, source: Source, index: int) -> float:

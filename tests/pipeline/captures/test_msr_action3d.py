@@ -93,6 +93,7 @@ def test_real_recordings(captures: Path) -> None:
     paths = sorted((captures / "kinect1_msraction3d").glob("*_skeleton3D.txt"))
     assert len(paths) == 29
     empty: dict[str, int] = {}
+    forward = 0
     for path in paths:
         clip = read(path)
         assert 22 <= len(clip.times) <= 60
@@ -104,10 +105,12 @@ def test_real_recordings(captures: Path) -> None:
         # Where the tracker lost its model, it fitted another one afterwards.
         models = set(np.round(np.linalg.norm(ankle - knee, axis=-1), 3))
         assert len(models) == 1 if seen.all() else len(models) <= 2
-        # Feet point forward of a walker who faces the sensor, so that left is on his left.
+        # Seen from above, the left foot's toes point clockwise of the line from the right hip to the left.
         across = clip.positions[seen, NODE_INDEX["hip_left"]] - clip.positions[seen, NODE_INDEX["hip_right"]]
         toes = clip.positions[seen, NODE_INDEX["foot_left"]] - ankle
-        assert np.median(across[:, 0] * toes[:, 1] - across[:, 1] * toes[:, 0]) < 0
+        forward += bool(np.median(across[:, 0] * toes[:, 1] - across[:, 1] * toes[:, 0]) < 0)
         if not seen.all():
             empty[path.name[:11]] = int((~seen).sum())
+    # All but one, in which the model's feet are turned round after it was lost.
+    assert forward == 28
     assert empty == {"a13_s06_e01": 15, "a14_s03_e01": 9}
