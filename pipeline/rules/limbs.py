@@ -88,7 +88,7 @@ def _drifting(bones: dict[str, Array]) -> list[Defect]:
     drifting: list[tuple[float, str]] = []
     for name, values in bones.items():
         there = values[np.isfinite(values)]
-        if len(there) < 10:
+        if len(there) < 10 or np.median(there) == 0.0:
             continue
         fifth = max(len(there) // 5, 1)
         usual, spread = float(np.median(there)), _spread(there)

@@ -144,3 +144,88 @@ def test_real_recordings(captures: Path) -> None:
         assert not {"turning_camera", "mirrored", "wrong_units", "wrong_up_axis", "wrong_rate"} & {
             defect.rule for defect in examination.defects
         }, path.name
+
+
+ANDERSSON = [
+    f"Person{number}.txt" for number in ("001_1", "003_2", "017_2", "020_2", "077_2", "083_2", "097_2")
+]
+REFUSED = {
+    "kinect1_treadmill_c3d/skeleton_3d_20h17m38.txt": "thigh 0.32 m and shank 0.22 m",
+    "kinect2_kimore/JointPositionExercise5.csv": "thigh 0.26 m and shank 0.27 m as of a small child, but leg 2.2",
+}
+
+
+@pytest.mark.parametrize("name", REFUSED)
+def test_real_limbs_that_no_human_has(captures: Path, name: str) -> None:
+    refused = examine(read(captures / name)).refused
+    assert refused is not None and refused.rule == "impossible_limbs"
+    assert REFUSED[name] in refused.text
+
+
+@pytest.mark.parametrize(
+    "folder",
+    [
+        "kinect1_msraction3d",
+        "kinect1_utkinect",
+        "kinect2_bernstein_skl",
+        "kinect2_labanotation",
+        "kinect2_khokhlova_orient",
+        "kinect2_brekel_bvh",
+        "shum_gait_bvh",
+    ],
+)
+def test_real_bodies_pass_whatever_the_tracker_made_of_them(captures: Path, folder: str) -> None:
+    """Long thighs, short thighs, many people: none is refused, mirrored, in wrong units or on its side."""
+    for path in sorted((captures / folder).iterdir()):
+        if path.name in ("SOURCE.txt", "actionLabel.txt"):
+            continue
+        found = {defect.rule for defect in examine(read(path)).defects}
+        wrong = {
+            "impossible_limbs",
+            "mirrored",
+            "wrong_units",
+            "wrong_up_axis",
+            "turning_camera",
+            "wrong_rate",
+        }
+        assert not wrong & found, path.name
+
+
+@pytest.mark.parametrize("name", ANDERSSON)
+def test_the_camera_on_the_spinning_dish(captures: Path, name: str) -> None:
+    examination = examine(read(captures / "kinect1_andersson_gait" / name))
+    assert examination.refused is None
+    assert "turning_camera" in {defect.rule for defect in examination.defects}
+
+
+def test_a_treadmill_is_no_turning_camera(captures: Path) -> None:
+    clip = read(captures / "kinect1_treadmill_c3d" / "skeleton_3d_19h58m42.txt")
+    assert "turning_camera" not in {defect.rule for defect in examine(clip).defects}
+
+
+def test_nothing_that_a_clip_may_hold_raises() -> None:
+    """Holes, frozen frames, points in one place, other scales, axes, orders and clocks, three at a time."""
+    rng = np.random.default_rng(0)
+    for _ in range(200):
+        clip = walk(int(rng.choice([1, 2, 3, 5, 12, 40, 90])), noise=0.0)
+        p, times = clip.positions, clip.times
+        for kind in rng.integers(0, 8, size=3):
+            if kind == 0:
+                p[rng.random(p.shape[:2]) < rng.random()] = np.nan
+            elif kind == 1:
+                p[len(p) // 2 :] = p[len(p) // 2]
+            elif kind == 2:
+                p[:] = p[:, :1]
+            elif kind == 3:
+                p *= 10.0 ** rng.integers(-5, 5)
+            elif kind == 4:
+                p[:] = p[..., rng.permutation(3)]
+            elif kind == 5:
+                p += rng.standard_normal(p.shape) * 10.0 ** rng.integers(-3, 2)
+            elif kind == 6:
+                times = np.cumsum(rng.random(len(p)) * rng.choice([0.001, 0.03, 10.0]) + 1e-6)
+            else:
+                p[:] = p[:, rng.permutation(20)]
+        states = np.where(np.isnan(p).any(axis=-1), 0, 2).astype(np.uint8)
+        p[states == 0] = np.nan
+        assert plan(examine(replace(clip, times=times, states=states)))

@@ -11,6 +11,7 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
 
+from kinemimic.pipeline.captures.recognise import read
 from kinemimic.pipeline.cli import main
 from kinemimic.pipeline.ingest import ingest
 from kinemimic.pipeline.store import file_hash, read_clip, read_json
@@ -142,8 +143,31 @@ def test_a_real_recording_without_a_person(
 ) -> None:
     broken = captures / "kinect2_kinect2bvh"
     assert command("ingest", broken / "test.bvh", "--run", tmp_path) == 2
-    assert "found nobody in any of 219 frames" in capsys.readouterr().err
+    assert "found every channel is zero in all 219 frames" in capsys.readouterr().err
     assert command("ingest", broken / "Girl_Blendswap5_AddRoot3.bvh", "--run", tmp_path) == 2
     assert "line 5: expected OFFSET, CHANNELS, JOINT, End Site or }, found 'ROT'" in capsys.readouterr().err
     assert command("ingest", broken / "rawtest.txt", "--run", tmp_path) == 2
     assert not list(tmp_path.iterdir())
+
+
+def test_what_the_rules_refuse_and_repair(
+    captures: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    bad = captures / "kinect1_treadmill_c3d" / "skeleton_3d_20h17m38.txt"
+    assert command("ingest", bad, "--run", tmp_path / "bad") == 2
+    out, err = capsys.readouterr()
+    assert out == "" and len(err.strip().splitlines()) == 1
+    assert "limbs that no human has: thigh 0.32 m and shank 0.22 m" in err and "record it again" in err
+    assert not (tmp_path / "bad").exists()
+    good = captures / "kinect1_bernstein_skl" / "pd_1_c.skl"
+    assert command("ingest", good, "--run", tmp_path / "good") == 0
+    assert "  repaired  left and right swapped" in capsys.readouterr().out
+    report = read_json(tmp_path / "good" / "quality.json")
+    assert "swapped_sides" in {defect["rule"] for defect in report["defects"]}
+    assert report["companions"] == {}
+    recorded, raw = read(good), read_clip(tmp_path / "good" / "raw.parquet")
+    left, right = (raw.skeleton.names.index(f"knee_{side}") for side in ("left", "right"))
+    behind = raw.passes == 0
+    assert np.array_equal(raw.times, recorded.times)
+    same = np.isfinite(raw.positions[behind][:, left, 0])
+    assert np.array_equal(raw.positions[behind][same, left], recorded.positions[behind][same, right])
