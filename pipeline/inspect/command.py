@@ -36,8 +36,9 @@ def command(
 ) -> int:
     """Say what each capture in PATHS is, how good it is, joint by joint, and what will be done to it.
 
-    One file gives a page, several or a folder a table; files that are no captures are only named. Exit
-    status: 0 if at least one file was read and not refused, 2 if none was.
+    One file gives a page, several or a folder a table; files that are no captures are only named. The peak
+    of the knee is the 95th percentile of the frames in passes, of the side that was tracked better, and a
+    range goes from the 5th to the 95th. Exit status: 0 if a file was read and not refused, 2 if none was.
     """
     files = files_of(paths)
     if not files:

@@ -31,6 +31,7 @@ _SIDE_COLORS = {"left": "#0072b2", "right": "#d55e00", "": "#2b2b2b"}
 _OWN = "#8a8a8a"
 _STATES = {"missing": "#7f1d1d", "inferred": "#f0b440", "tracked": "#cfe3ee"}
 _MARKS = {"flagged": "#fbeccb", "repaired": "#d3ead0", "refused": "#f6d5d0"}
+_BETWEEN = 0.4  # s from one pass to the next, as drawn
 # More than a drawing can show, and a page of hundreds of files must not weigh gigabytes.
 _POINTS, _COLUMNS, _MARKED = 700, 600, 60
 
@@ -70,12 +71,12 @@ def write_page(path: Path, sections: Sequence[tuple[dict[str, Any], str]]) -> No
 
 _ANGLES_CAPTION = (
     "Flexion, positive, 0 standing upright; as recorded, after repairs and before any filter. A line breaks "
-    "where a pass ends or a joint is missing. Shaded: frames with a defect."
+    "where a pass ends or a joint is missing; the passes stand one behind the other. Shaded: frames with a "
+    "defect."
 )
 _BONES_CAPTION = "A rigid bone is a straight line; what moves is the sensor's error."
 _STATES_CAPTION = (
-    "Each joint in each moment; where many frames share a column, the worst of them. "
-    "White: outside of passes."
+    "Each joint in each moment; where many frames share a column, the worst of them. White: between passes."
 )
 _PATH_CAPTION = "The middle of the hips from above, a line for each pass, a dot where it starts."
 
@@ -95,13 +96,35 @@ def _lead(report: dict[str, Any]) -> str:
     return " · ".join(parts)
 
 
+def _time_in_passes(clip: Clip) -> Array:
+    """Seconds (T,) for the axis: passes one behind the other, _BETWEEN apart; outside of them NaN.
+
+    A recorder runs on for minutes while nobody is there; the moments that count would be thin lines.
+    """
+    shown = np.full(len(clip.times), np.nan)
+    begin = 0.0
+    for count in range(int(clip.passes.max(initial=-1)) + 1):
+        frames = clip.passes == count
+        times = clip.times[frames]
+        shown[frames] = begin + times - times[0]
+        begin += float(times[-1] - times[0]) + _BETWEEN
+    return shown
+
+
+def _time_axis(axes: Axes, clip: Clip) -> None:
+    shown = _time_in_passes(clip)
+    if np.isfinite(shown).any():
+        axes.set_xlim(0.0, max(float(np.nanmax(shown)), 1e-3))
+    axes.set_xlabel("time in passes [s]")
+
+
 def _line(axes: Axes, clip: Clip, values: Array, **look: Any) -> None:
     """A curve (T,) over the frames in passes, thinned to what can be seen, broken between passes."""
     curve = np.where(clip.passes >= 0, values, np.nan)
     breaks = np.flatnonzero(np.diff(clip.passes) != 0)
     curve[breaks] = np.nan
     thin = max(1, len(curve) // _POINTS)
-    axes.plot(clip.times[::thin], curve[::thin], **look)
+    axes.plot(_time_in_passes(clip)[::thin], curve[::thin], **look)
 
 
 def _angles(clip: Clip, nodes: Array, defects: Sequence[Defect]) -> Draw:
@@ -119,24 +142,36 @@ def _angles(clip: Clip, nodes: Array, defects: Sequence[Defect]) -> Draw:
                 if own is not None:
                     label = "the file's own" if side == "right" else None
                     _line(axes, clip, np.degrees(own), color=_OWN, linestyle="--", linewidth=0.9, label=label)
-            axes.set(title=joint, ylabel="flexion [°]", xlim=(clip.times[0], clip.times[-1]))
-        panels[-1].set_xlabel("time [s]")
+            axes.set(title=joint, ylabel="flexion [°]", ylim=_range(clip, ours, joint))
+        _time_axis(panels[-1], clip)
         legend(figure, panels[0])
         return figure
 
     return draw
 
 
+def _range(clip: Clip, curves: dict[str, Array], joint: str) -> tuple[float, float]:
+    """Degrees that show all but the wildest hundredth of the frames."""
+    both = np.degrees(np.concatenate([curves[f"{joint}_{side}"][clip.passes >= 0] for side in SIDES]))
+    both = both[np.isfinite(both)]
+    if not len(both):
+        return -10.0, 90.0
+    low, high = np.percentile(both, [0.5, 99.5])
+    return float(low) - 10.0, float(high) + 10.0
+
+
 def _shade(axes: Axes, clip: Clip, defects: Sequence[Defect]) -> list[str]:
     """Shade the frames that defects name, and tell which actions were shaded."""
     shaded: dict[str, None] = {}
     step = float(np.median(np.diff(clip.times))) if len(clip.times) > 1 else 0.0
+    times = _time_in_passes(clip)
     for defect in defects:
         for first, last in defect.frames[:_MARKED]:
-            if first < len(clip.times):
-                end = min(last, len(clip.times) - 1)
+            marked = times[first : last + 1]
+            marked = marked[np.isfinite(marked)]
+            if len(marked):
                 axes.axvspan(
-                    clip.times[first] - step / 2, clip.times[end] + step / 2,
+                    marked[0] - step / 2, marked[-1] + step / 2,
                     color=_MARKS[defect.action], linewidth=0, zorder=0,
                 )  # fmt: skip
                 shaded[defect.action] = None
@@ -160,12 +195,12 @@ def _bones(clip: Clip, nodes: Array) -> Draw:
                         axes, clip, length, color=_SIDE_COLORS[side], linestyle=style, linewidth=0.9,
                         label=label,
                     )  # fmt: skip
-            axes.set(title=title, ylabel="length [m]", ylim=(0, None), xlim=(clip.times[0], clip.times[-1]))
+            axes.set(title=title, ylabel="length [m]", ylim=(0, None))
             if phone:
-                axes.legend(loc="lower left", ncols=2, fontsize=7)
+                axes.legend(loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=2, fontsize=7)
             else:
                 axes.legend(loc="center left", bbox_to_anchor=(1.0, 0.5), fontsize=8)
-        panels[-1].set_xlabel("time [s]")
+        _time_axis(panels[-1], clip)
         return figure
 
     return draw
@@ -174,10 +209,12 @@ def _bones(clip: Clip, nodes: Array) -> Draw:
 def _states(clip: Clip) -> Draw:
     names = clip.skeleton.names
     shown = sorted(set(joints_of_nodes(names).values())) or list(range(len(names)))
-    edges = np.linspace(clip.times[0], clip.times[-1], min(_COLUMNS, len(clip.times)) + 1)
-    column = np.clip(np.searchsorted(edges, clip.times, side="right") - 1, 0, len(edges) - 2)
+    times, inside = _time_in_passes(clip), np.flatnonzero(clip.passes >= 0)
+    end = float(np.nanmax(times)) if len(inside) else 1.0
+    edges = np.linspace(0.0, end, max(1, min(_COLUMNS, len(inside))) + 1)
+    column = np.clip(np.searchsorted(edges, times, side="right") - 1, 0, len(edges) - 2)
     worst = np.full((len(shown), len(edges) - 1), np.nan)
-    for frame in np.flatnonzero(clip.passes >= 0):
+    for frame in inside:
         worst[:, column[frame]] = np.fmin(worst[:, column[frame]], clip.states[frame, shown])
     # A column between two frames of a pass that is narrower than their step belongs to both.
     filled = np.maximum.accumulate(np.where(np.isfinite(worst[0]), np.arange(worst.shape[1]), 0))
@@ -191,7 +228,7 @@ def _states(clip: Clip) -> Draw:
             vmin=-0.5, vmax=2.5, extent=(edges[0], edges[-1], len(shown) - 0.5, -0.5),
         )  # fmt: skip
         axes.set_yticks(range(len(shown)), [names[joint] for joint in shown], fontsize=7.5)
-        axes.set_xlabel("time [s]")
+        _time_axis(axes, clip)
         axes.grid(visible=False)
         handles = [Patch(color=color, label=state) for state, color in _STATES.items()]
         figure.legend(handles=handles, loc="outside upper left", ncols=3)
