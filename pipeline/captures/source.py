@@ -8,6 +8,8 @@ from collections.abc import Sequence
 from functools import cached_property
 from pathlib import Path
 
+import numpy as np
+
 from kinemimic.pipeline.errors import CaptureError
 
 # Larger than any capture of a person; guards the memory against a file that is none.
@@ -101,13 +103,22 @@ class Source:
 
 
 def _decoded(content: bytes) -> str:
+    content = _ended_by_line_feeds(content)
     try:
         text = content.decode("utf-8-sig")
     except UnicodeDecodeError:
         text = content.decode("latin-1")
-    if "\r" in text:
-        text = text.replace("\r\n", "\n").replace("\r", "\n")
     return text.rstrip("\x1a")
+
+
+def _ended_by_line_feeds(content: bytes) -> bytes:
+    """Line ends of Windows and of old Macs as line feeds; deleting is three times as fast as replacing."""
+    if b"\r" not in content:
+        return content
+    values = np.frombuffer(content + b"\0", dtype=np.uint8)
+    if (values[np.flatnonzero(values == ord("\r")) + 1] == ord("\n")).all():
+        return content.translate(None, b"\r")
+    return content.replace(b"\r\n", b"\n").replace(b"\r", b"\n")
 
 
 def _unpacked(packed: bytes, path: Path) -> bytes:

@@ -154,7 +154,7 @@ def _header(source: Source) -> tuple[int, float, int | None]:
 
 
 def _frame_numbers(source: Source, table: Table, declared: float) -> Array:
-    """The Time column (T,) as frame numbers: the exporter divided by the rate that it declares, true or not."""
+    """The Time column (T,) as frame numbers: the exporter divided them by the rate that it declares."""
     clock = table.values[:, 0]
     wrong = ~(np.abs(clock) < 1e6)
     if wrong.any():
