@@ -32,7 +32,7 @@ from kinemimic.pipeline.captures.source import Source
 SIZE = 10 * 2**20
 REPEATS = 5
 NUMBER = re.compile(rb"(?<![A-Za-z_])[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?(?![A-Za-z_])")
-NO_FORMATS = {"motion", "mutate"}
+NO_FORMATS = {"motion", "mutate", "depth_scene"}
 
 
 def best(*calls: Callable[[], object]) -> list[float]:
