@@ -1,0 +1,1 @@
+"""Depth recordings: a folder of 16-bit depth frames with the joints' pixels (docs/depth-recordings.md)."""
