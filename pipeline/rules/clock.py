@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 from kinemimic.pipeline.clip import Clip
 from kinemimic.pipeline.defect import Defect
 from kinemimic.pipeline.rules.runs import frame_runs
+from kinemimic.pipeline.rules.words import several
 
 Array = NDArray[np.float64]
 
@@ -40,8 +41,8 @@ def check(clip: Clip) -> list[Defect]:
                 missing,
                 "frames",
                 "flagged",
-                f"{missing} frames are missing in {int(skipping.sum())} places inside passes, at most "
-                f"{int(multiple[skipping].max() - 1)} in a row; the frames around them keep their times",
+                f"{several(missing, 'frame')} missing in {several(int(skipping.sum()), 'place')} inside "
+                f"passes, at most {int(multiple[skipping].max() - 1)} in a row; the frames around them keep their times",
                 frame_runs(np.append(skipping, False)),
             )
         )

@@ -8,6 +8,7 @@ from kinemimic.pipeline.clip import Clip
 from kinemimic.pipeline.defect import Defect
 from kinemimic.pipeline.rules.frames import kept
 from kinemimic.pipeline.rules.runs import frame_runs
+from kinemimic.pipeline.rules.words import several
 
 
 def check(clip: Clip) -> tuple[Clip, list[Defect]]:
@@ -25,7 +26,8 @@ def check(clip: Clip) -> tuple[Clip, list[Defect]]:
     count = int(repeated.sum())
     if not count:
         return clip, []
-    text = f"{count} frames repeat the pose before bit for bit (of {int((clip.passes >= 0).sum())}), dropped"
+    of = int((clip.passes >= 0).sum())
+    text = f"{several(count, 'frame')} of {of} with the pose of the frame before, bit for bit; dropped"
     return kept(clip, ~repeated), [
         Defect("duplicate_frames", count, "frames", "repaired", text, frame_runs(repeated))
     ]

@@ -8,6 +8,7 @@ from kinemimic.pipeline.clean import LONGEST_GAP
 from kinemimic.pipeline.clip import Clip
 from kinemimic.pipeline.defect import Defect
 from kinemimic.pipeline.rules.runs import frame_runs
+from kinemimic.pipeline.rules.words import several
 from kinemimic.pipeline.skeleton import MISSING
 
 
@@ -25,8 +26,8 @@ def check(clip: Clip) -> list[Defect]:
     parts = []
     if lost:
         parts.append(
-            f"{lost} joint positions missing in {count} gaps inside passes, the longest {longest:.2f} s: "
-            f"{filled} gaps up to {LONGEST_GAP} s are filled, {count - filled} stay"
+            f"{several(lost, 'joint position')} missing in {several(count, 'gap')} inside passes, the longest "
+            f"{longest:.2f} s: {filled} of up to {LONGEST_GAP} s will be filled, {count - filled} will stay"
         )
     if absent:
         parts.append(f"never seen: {', '.join(absent)}")

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from kinemimic.pipeline.clip import Clip
 from kinemimic.pipeline.defect import Defect
 from kinemimic.pipeline.rules.runs import frame_runs
+from kinemimic.pipeline.rules.words import several
 from kinemimic.pipeline.skeleton import MISSING
 
 Array = NDArray[np.float64]
@@ -47,7 +48,7 @@ def check(clip: Clip) -> tuple[Clip, list[Defect]]:
     worst = np.argsort(-per_joint, kind="stable")[:3]
     names = ", ".join(f"{clip.skeleton.names[j]} {per_joint[j]}" for j in worst if per_joint[j])
     largest = float(off[jumps].max())
-    text = f"{count} joint positions jump for one frame, up to {largest:.2f} m (most: {names}); "
+    text = f"{several(count, 'joint position')} off for one frame, up to {largest:.2f} m (most: {names}); "
     frames = frame_runs(np.asarray(jumps.any(axis=1)))
     if clip.euler is not None:
         text += "left as recorded: Euler channels cannot be filled"

@@ -18,6 +18,7 @@ from kinemimic.pipeline.clip import Clip
 from kinemimic.pipeline.defect import Defect
 from kinemimic.pipeline.nodes import joints_of_nodes
 from kinemimic.pipeline.rules.runs import frame_runs
+from kinemimic.pipeline.rules.words import several
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
@@ -45,7 +46,9 @@ def check(clip: Clip) -> tuple[Clip, list[Defect]]:
             continue
         where = _swapped(clip, pairs)
         if where.any():
-            parts.append(f"{limb} in {int(where.sum())} frames ({len(list(runs(where)))} times)")
+            parts.append(
+                f"{limb} in {several(int(where.sum()), 'frame')} ({several(len(list(runs(where))), 'time')})"
+            )
             swapped |= where
             if clip.euler is None:
                 repaired = _exchange(repaired, pairs, where)

@@ -80,12 +80,14 @@ def test_short_gaps_are_filled_and_long_ones_told(moving: Moving) -> None:
     without(clip, 12, 12, "foot_left")
     (found,) = gaps.check(clip)
     assert (found.rule, found.count, found.action) == ("gaps", 6, "repaired")
-    assert "2 gaps inside passes, the longest 0.17 s: 2 gaps up to 0.2 s are filled, 0 stay" in found.text
+    assert (
+        "2 gaps inside passes, the longest 0.17 s: 2 of up to 0.2 s will be filled, 0 will stay" in found.text
+    )
     without(clip, 40, 60, "hand_left")  # 0.7 s
     without(clip, 0, 1, "head")  # nothing before it
     (found,) = gaps.check(clip)
     assert (found.count, found.action) == (6 + 21 + 2, "flagged")
-    assert "4 gaps inside passes, the longest 0.70 s: 2 gaps" in found.text and "2 stay" in found.text
+    assert "4 gaps inside passes, the longest 0.70 s: 2 of" in found.text and "2 will stay" in found.text
     assert found.frames == ((0, 1), (10, 14), (40, 60))
 
 
@@ -101,7 +103,7 @@ def test_the_count_is_what_cleaning_fills(moving: Moving) -> None:
     (found,) = gaps.check(clip)
     _, where = fill(clip)
     count = sum(int((np.diff(where[:, joint].astype(int)) == 1).sum()) for joint in range(20))
-    assert f"{count} gaps up to 0.2 s are filled" in found.text
+    assert f"{count} of up to 0.2 s will be filled" in found.text
 
 
 def test_a_joint_that_was_never_seen(moving: Moving) -> None:
