@@ -42,7 +42,8 @@ def check(clip: Clip) -> list[Defect]:
                 "frames",
                 "flagged",
                 f"{several(missing, 'frame')} missing in {several(int(skipping.sum()), 'place')} inside "
-                f"passes, at most {int(multiple[skipping].max() - 1)} in a row; the frames around them keep their times",
+                f"passes, at most {int(multiple[skipping].max() - 1)} in a row; the others "
+                "keep their times",
                 frame_runs(np.append(skipping, False)),
             )
         )
