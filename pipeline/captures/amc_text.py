@@ -18,7 +18,8 @@ from kinemimic.pipeline.captures.source import Source
 
 Array = NDArray[np.float64]
 
-_SPACE, _FEED = 32, 10
+_SPACE, _FEED, _RETURN = 32, 10, 13
+_EIGHT_SPACES = 0x2020202020202020
 _LONGEST_LINE = 128
 
 
@@ -92,25 +93,48 @@ def _at_once(content: bytes, widths: Mapping[str, int]) -> tuple[list[str], Arra
 
 def _without_names(content: bytes, names: Sequence[bytes], counts: Sequence[int]) -> bytes | None:
     """The numbers, one frame a line, of lines that begin with `names` in turn and hold `counts` numbers."""
-    # Spaces behind the last line keep a look for a name from going over the end.
-    lines = content.rstrip().replace(b"\r\n", b" \n") + b"\n" + b" " * _LONGEST_LINE
-    text = np.frombuffer(lines, dtype=np.uint8).copy()
+    end = len(content.rstrip())
+    # A line feed behind the last line, and spaces, so that a look for a name never goes over the end.
+    text = np.full(end + 1 + _LONGEST_LINE, _SPACE, dtype=np.uint8)
+    text[:end] = np.frombuffer(content, dtype=np.uint8, count=end)
+    text[end] = _FEED
+    if b"\r" in content:
+        text[text == _RETURN] = _SPACE
     ends = np.flatnonzero(text == _FEED)
-    starts = np.concatenate([[0], ends[:-1] + 1])
     if len(ends) % len(names) or max(map(len, names)) >= _LONGEST_LINE:
         return None
-    for place, name in zip(starts.reshape(-1, len(names)).T, names, strict=True):
-        for k, letter in enumerate(name):
-            if not (text[place + k] == letter).all():
-                return None
-            text[place + k] = _SPACE
-        if name and (text[place + len(name)] > _SPACE).any():
-            return None
+    ends = ends.reshape(-1, len(names))
+    starts = np.concatenate([[0], ends.ravel()[:-1] + 1]).reshape(ends.shape)
+    if not all(_strike_out(text, starts[:, k], name) for k, name in enumerate(names)):
+        return None
+    # Every word that is left is a number; each line must hold as many as its bone has.
     word = text > _SPACE
     word[1:] &= ~word[:-1]
-    found = np.diff(np.searchsorted(np.flatnonzero(word), [*starts, len(text)]))
-    text[ends.reshape(-1, len(names))[:, :-1]] = _SPACE
-    return text.tobytes() if (found.reshape(-1, len(names)) == counts).all() else None
+    found = np.flatnonzero(word)
+    if len(found) != len(ends) * sum(counts):
+        return None
+    found = found.reshape(len(ends), -1)
+    last = np.cumsum(counts)
+    if (found[:, last - counts] < starts).any() or (found[:, last - 1] > ends).any():
+        return None
+    text[ends[:, :-1]] = _SPACE
+    return text.tobytes()
+
+
+def _strike_out(text: NDArray[np.uint8], places: NDArray[np.intp], name: bytes) -> bool:
+    """Put spaces in place of a name that stands, as a word, at all of these places; False if it does not.
+
+    Eight letters are looked at, and written, at once.
+    """
+    words: NDArray[np.uint64] = np.ndarray(len(text) - 7, dtype="<u8", buffer=text.data, strides=(1,))
+    for k in range(0, len(name), 8):
+        piece = name[k : k + 8]
+        mask = np.uint64((1 << 8 * len(piece)) - 1)
+        there = words[places + k]
+        if ((there & mask) != np.uint64(int.from_bytes(piece, "little"))).any():
+            return False
+        words[places + k] = (there & ~mask) | (np.uint64(_EIGHT_SPACES) & mask)
+    return not name or bool((text[places + len(name)] <= _SPACE).all())
 
 
 def _line_by_line(source: Source, widths: Mapping[str, int]) -> tuple[list[str], Array]:

@@ -78,7 +78,7 @@ def read(source: Source) -> Clip:
     degrees = degrees or ":DEGREES" in amc.keywords
     rate, rate_rule = _rate(source, amc.keywords)
     later, defects = _later(source, amc.numbers)
-    values = {bone: array[later] for bone, array in amc.values.items()}
+    values = amc.values if later.all() else {bone: array[later] for bone, array in amc.values.items()}
 
     names, parents, rests, offsets = _joints(text)
     scale, unit = metres_per_unit(names, offsets[None], beside.path)
@@ -198,11 +198,11 @@ def _channels(
             if kind == "T":
                 root[:, "XYZ".index(axis)] = column / text.length
             else:
-                euler[:, joint, len(orders[joint])] = np.radians(column) if degrees else column
+                euler[:, joint, len(orders[joint])] = column
                 orders[joint] += axis
         # The axes that a bone lacks stay zero, at the end of its order.
         orders[joint] += "".join(axis for axis in "XYZ" if orders[joint] and axis not in orders[joint])
-    return tuple(orders), euler, root + text.place / text.length
+    return tuple(orders), np.radians(euler, out=euler) if degrees else euler, root + text.place / text.length
 
 
 def _knees(text: AsfText, values: Mapping[str, Array], degrees: bool) -> dict[str, Array]:

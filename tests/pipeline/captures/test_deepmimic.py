@@ -4,13 +4,18 @@ from __future__ import annotations
 
 import json
 import sys
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
 import pytest
+from samples.deepmimic import files
+from samples.motion import rigid_walk
 
 from kinemimic.pipeline.angles import leg_angles
 from kinemimic.pipeline.captures.deepmimic import read_deepmimic, stock_motion
+from kinemimic.pipeline.captures.recognise import read_source
+from kinemimic.pipeline.captures.source import Source
 from kinemimic.pipeline.errors import CaptureError, KinemimicError
 from kinemimic.pipeline.skeleton import NODE_INDEX as N
 
@@ -95,6 +100,48 @@ def test_damage_is_named(tmp_path: Path, damage: object, message: str) -> None:
     path.write_text(json.dumps(content))
     with pytest.raises(CaptureError, match=message):
         read_deepmimic(path)
+
+
+def test_the_known_walk_comes_back() -> None:
+    (content,) = files(40).values()
+    clip, walk = read_source(Source.of_text(content.decode(), Path("walk.txt"))), rigid_walk(40, 30.0)
+    np.testing.assert_allclose(clip.positions, walk.joints, atol=1e-8)
+    np.testing.assert_allclose(clip.times, walk.times, atol=1e-8)
+    assert clip.angles is not None
+    measured = leg_angles(clip.positions)
+    for knee, curve in clip.angles.items():
+        np.testing.assert_allclose(measured[knee], curve, atol=1e-8)
+
+
+@pytest.mark.parametrize("indent", [None, 1])
+def test_any_layout_of_the_same_json_gives_the_same(indent: int | None) -> None:
+    (content,) = files(12).values()
+    value = json.loads(content)
+    last = {"Frames": value["Frames"], "Loop": "wrap", "Note": "[1, 2]"}
+    plain = read_source(Source.of_text(content.decode(), Path("walk.txt")))
+    for other in (json.dumps(value, indent=indent), json.dumps(last, indent=indent)):
+        clip = read_source(Source.of_text(other, Path("walk.txt")))
+        assert np.array_equal(clip.positions, plain.positions)
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        (lambda t: t[:-40], "expected JSON.*cut off there"),
+        (lambda t: t.replace("],", "]],", 1), "expected JSON"),
+        (lambda t: t.replace("[\n[", "[\n[[", 1), "expected JSON"),
+        (lambda t: t.replace("-0.", "true, -0.", 1), "expected 44 numbers, found 45"),
+        (lambda t: t.replace("0.0333333333", '"0.03"', 1), "expected numbers only"),
+        (lambda t: t.replace("0.0333333333", "1e300", 1), "frame 0: expected finite numbers below 10000"),
+        (lambda t: t[: t.index("],") + 1] + "]}", 'expected "Frames" with two frames or more, found one'),
+        (lambda t: '{"Frames": ' + "[" * 100_000, "nested hundreds deep"),
+    ],
+)
+def test_damaged_text_is_named(change: Callable[[str], str], message: str) -> None:
+    (content,) = files(12).values()
+    with pytest.raises(CaptureError, match=message) as caught:
+        read_source(Source.of_text(change(content.decode()), Path("walk.txt")))
+    assert "\n" not in str(caught.value)
 
 
 def test_a_file_that_is_missing_or_no_json(tmp_path: Path) -> None:
