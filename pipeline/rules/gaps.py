@@ -27,7 +27,8 @@ def check(clip: Clip) -> list[Defect]:
     if lost:
         parts.append(
             f"{several(lost, 'joint position')} missing in {several(count, 'gap')} inside passes, the "
-            f"longest {longest:.2f} s: {filled} of up to {LONGEST_GAP} s will be filled, {count - filled} will stay"
+            f"longest {longest:.2f} s: {filled} of up to {LONGEST_GAP} s will be filled, "
+            f"{count - filled} will stay"
         )
     if absent:
         parts.append(f"never seen: {', '.join(absent)}")
