@@ -18,7 +18,14 @@ from kinemimic.pipeline.captures.format import Format
 from kinemimic.pipeline.captures.frame_defects import zero_frames
 from kinemimic.pipeline.captures.kinect_v2 import FROM_SDK, SDK_JOINTS, SDK_PARENTS, kinect_v2_skeleton
 from kinemimic.pipeline.captures.recording import clip_of_points, reading
-from kinemimic.pipeline.captures.skl_text import Frames, Header, frames_of, header_of, joint_columns
+from kinemimic.pipeline.captures.skl_text import (
+    Frames,
+    Header,
+    frames_of,
+    header_of,
+    joint_columns,
+    of_kinect_v2,
+)
 from kinemimic.pipeline.captures.source import Source
 from kinemimic.pipeline.clip import Clip
 from kinemimic.pipeline.defect import Defect
@@ -33,9 +40,6 @@ FORMAT = Format(
     columns=(106,),
 )
 _CLOCKS = {"100 ns": 1e-7, "ms": 1e-3}
-# A Kinect v1 has none of these; three are told apart from a slip in one name.
-_ONLY_V2 = {"spinebase", "spinemid", "neck", "spineshoulder", "handtipleft", "handtipright", "thumbleft"}
-_ENOUGH_NAMES = 3
 # A v1 name that one of the recorders kept for the same place.
 _OTHER_NAMES = {"shouldercenter": "spineshoulder"}
 
@@ -72,7 +76,7 @@ class Order:
 
 def recognises(source: Source) -> bool:
     """True if the first line is a header of joint columns with joints that only a Kinect v2 has."""
-    return len(_ONLY_V2 & set(joint_columns(source.head[0]))) >= _ENOUGH_NAMES
+    return of_kinect_v2(joint_columns(source.head[0]))
 
 
 def read(source: Source) -> Clip:

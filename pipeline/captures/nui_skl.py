@@ -11,7 +11,7 @@ from __future__ import annotations
 
 from kinemimic.pipeline.captures.format import Format
 from kinemimic.pipeline.captures.recording import clip_of_points, reading
-from kinemimic.pipeline.captures.skl_text import frames_of, header_of, joint_columns
+from kinemimic.pipeline.captures.skl_text import frames_of, header_of, joint_columns, of_kinect_v2
 from kinemimic.pipeline.captures.source import Source
 from kinemimic.pipeline.clip import Clip
 from kinemimic.pipeline.skeleton import NODES, node_skeleton
@@ -31,8 +31,9 @@ _CLOCKS = {"ms": 1e-3}
 
 
 def recognises(source: Source) -> bool:
-    """True if the first line is a header of joint columns."""
-    return len(joint_columns(source.head[0])) >= _ENOUGH_COLUMNS
+    """True if the first line is a header of joint columns, and not of a Kinect v2's."""
+    columns = joint_columns(source.head[0])
+    return len(columns) >= _ENOUGH_COLUMNS and not of_kinect_v2(columns)
 
 
 def read(source: Source) -> Clip:

@@ -24,6 +24,9 @@ FIELDS: tuple[str, ...] = ("X", "Y", "Z", "tracked")
 # Kinects give a frame every 33 ms, and a slow recorder one in three or four.
 STEPS = (0.005, 0.5)
 _COLUMN = re.compile(r"([a-z]+)_(x|y|z|tracked)$")
+# A Kinect v1 has none of these; three are told apart from a slip in one name.
+_ONLY_V2 = {"spinebase", "spinemid", "neck", "spineshoulder", "handtipleft", "handtipright", "thumbleft"}
+_ENOUGH_NAMES = 3
 
 
 @dataclass(frozen=True)
@@ -38,6 +41,11 @@ class Header:
 def joint_columns(line: str) -> list[str]:
     """The joints, in lower case, that a header has columns for: one entry a column."""
     return [match.group(1) for name in line.lower().split() if (match := _COLUMN.match(name))]
+
+
+def of_kinect_v2(joints: Sequence[str]) -> bool:
+    """True if joints, in lower case, are those of a Kinect v2."""
+    return len(_ONLY_V2.intersection(joints)) >= _ENOUGH_NAMES
 
 
 def header_of(source: Source) -> Header:
