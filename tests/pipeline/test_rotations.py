@@ -69,6 +69,58 @@ def test_logarithm_and_matrix_and_back(q: Array) -> None:
     assert np.linalg.norm(r.to_rotvec(q)) <= np.pi + 1e-12
 
 
+@given(quaternions, vectors)
+def test_double_cover(q: Array, v: Array) -> None:
+    """Both signs are one rotation, in every form."""
+    assert np.allclose(r.rotate(-q, v), r.rotate(q, v), atol=1e-12)
+    assert np.allclose(r.to_matrix(-q), r.to_matrix(q), atol=1e-15)
+    assert np.allclose(r.to_six(-q), r.to_six(q), atol=1e-15)
+    assert r.angle_between(q, -q) < 1e-7
+    if abs(q[3]) > 1e-9:  # at half a turn either sign of the axis is right
+        assert np.allclose(r.to_rotvec(-q), r.to_rotvec(q), atol=1e-9)
+
+
+@given(quaternions)
+def test_matrices_are_rotations(q: Array) -> None:
+    m = r.to_matrix(q)
+    assert np.allclose(m @ m.T, np.eye(3), atol=1e-12)
+    assert abs(np.linalg.det(m) - 1.0) < 1e-12
+    assert np.array_equal(r.to_six(q), m[:, :2].T.ravel())
+
+
+@given(quaternions, quaternions, quaternions)
+def test_the_angle_between_is_a_metric_that_no_turn_changes(p: Array, q: Array, s: Array) -> None:
+    pq = float(r.angle_between(p, q))
+    assert 0.0 <= pq <= np.pi + 1e-12
+    assert r.angle_between(p, p) < 1e-7
+    assert abs(pq - r.angle_between(q, p)) < 1e-9
+    assert pq <= r.angle_between(p, s) + r.angle_between(s, q) + 1e-7
+    assert abs(pq - r.angle_between(r.multiply(s, p), r.multiply(s, q))) < 1e-7
+    assert abs(pq - r.angle_between(r.multiply(p, s), r.multiply(q, s))) < 1e-7
+    # The trace of the rotation from one to the other is 1 + 2 cos of the angle.
+    trace = np.trace(r.to_matrix(p).T @ r.to_matrix(q))
+    assert abs(trace - (1.0 + 2.0 * np.cos(pq))) < 1e-9
+
+
+@given(st.sampled_from("XYZ"), angle, angle)
+def test_turns_about_one_axis_add_up(axis: str, a: float, b: float) -> None:
+    product = r.multiply(r.from_axis_angle(axis, a), r.from_axis_angle(axis, b))
+    assert np.allclose(product, r.from_axis_angle(axis, a + b), atol=1e-12)
+
+
+@given(st.lists(quaternions, min_size=1, max_size=8), st.data())
+def test_continuous_changes_signs_only_and_does_so_once(qs: list[Array], data: st.DataObject) -> None:
+    q = np.array(qs)
+    smooth = r.continuous(q)
+    assert np.array_equal(np.abs(smooth), np.abs(q))
+    assert np.array_equal(smooth[0], q[0])
+    assert (np.sum(smooth[1:] * smooth[:-1], axis=-1) >= -1e-15).all()
+    assert np.array_equal(r.continuous(smooth), smooth)
+    signs = np.array(data.draw(st.lists(st.sampled_from([-1.0, 1.0]), min_size=len(q), max_size=len(q))))
+    if (np.abs(np.sum(q[1:] * q[:-1], axis=-1)) > 1e-9).all():
+        assert np.array_equal(r.continuous(q * signs[:, None]), smooth * signs[0])
+
+
 def test_small_turns_keep_their_digits() -> None:
     for size in (0.0, 1e-300, 1e-12, 1e-9, 1e-6):
         v = np.array([size, 0.0, 0.0])
