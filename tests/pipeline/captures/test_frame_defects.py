@@ -34,5 +34,5 @@ def test_far_places_are_refused_and_what_is_not_seen_is_not() -> None:
     points[1, 0], points[1, 1] = np.nan, np.inf
     refuse_far(points, ("a", "b"), source, lambda frame: frame + 1)
     points[2, 1, 2] = -101.0
-    with pytest.raises(CaptureError, match=r"a\.txt, line 3: expected metres, at most 100, in b_Z, found -101"):
+    with pytest.raises(CaptureError, match=r"line 3: expected metres, at most 100, in b_Z, found -101"):
         refuse_far(points, ("a", "b"), source, lambda frame: frame + 1)
