@@ -80,7 +80,7 @@ def test_euler_captures_are_flagged(moving: Moving) -> None:
 
 
 def test_against_what_the_virtual_kinect_exchanged(tmp_path: Path) -> None:
-    """Its noise, gaps and wild edges on top: four of five exchanged frames are found, and four of five of those
+    """Its noise, gaps and wild edges on top: four of five exchanged frames are found, four of five of those
     found were exchanged; most of the rest lie in the first and last frames of a pass."""
     true = found = hit = 0
     for seed in range(3):
