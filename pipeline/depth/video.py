@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -15,6 +16,7 @@ from kinemimic.pipeline.store import atomic
 
 # What the headless wheel of OpenCV can write and read back; its H.264 needs a device of its own.
 CODECS: dict[str, str] = {".mp4": "mp4v", ".avi": "MJPG"}
+_FFMPEG_LOG = "OPENCV_FFMPEG_LOGLEVEL"
 
 
 class Video:
@@ -44,7 +46,7 @@ def video(path: Path, width: int, height: int, rate: float) -> Iterator[Video]:
     if codec is None:
         raise KinemimicError(f"{path}: expected a video named {' or '.join(CODECS)}, found {path.suffix!r}")
     width, height = width + width % 2, height + height % 2
-    with atomic(path) as temporary:
+    with atomic(path) as temporary, _quiet():
         fourcc = cv2.VideoWriter.fourcc(*codec)
         writer = cv2.VideoWriter(str(temporary), cv2.CAP_FFMPEG, fourcc, rate, (width, height))
         try:
@@ -59,6 +61,22 @@ def video(path: Path, width: int, height: int, rate: float) -> Iterator[Video]:
             raise KinemimicError(
                 f"{path}: expected a video of {written.frames} frames, found {found} in it; is the disk full?"
             )
+
+
+@contextmanager
+def _quiet() -> Iterator[None]:
+    """OpenCV's own words about frames that it could not write kept off the terminal: ours say it once."""
+    level = cv2.utils.logging.setLogLevel(cv2.utils.logging.LOG_LEVEL_SILENT)
+    before = os.environ.get(_FFMPEG_LOG)
+    os.environ[_FFMPEG_LOG] = "-8"  # AV_LOG_QUIET
+    try:
+        yield
+    finally:
+        cv2.utils.logging.setLogLevel(level)
+        if before is None:
+            del os.environ[_FFMPEG_LOG]
+        else:
+            os.environ[_FFMPEG_LOG] = before
 
 
 def _frames(path: Path) -> int:

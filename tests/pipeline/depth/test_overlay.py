@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import json
+import subprocess
+import sys
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -14,7 +16,6 @@ from numpy.typing import NDArray
 from samples.depth_scene import AZURE, HALF, Lens, lens_toml, to_camera, walker, write_recording
 
 from kinemimic.pipeline.depth import overlay as module
-from kinemimic.pipeline.depth import video as video_module
 from kinemimic.pipeline.depth.overlay import command, overlay
 from kinemimic.pipeline.depth.video import video
 from kinemimic.pipeline.errors import CaptureError, KinemimicError
@@ -170,14 +171,22 @@ def test_ctrl_c_leaves_the_old_video_and_nothing_else(
     assert sorted(path.name for path in tmp_path.iterdir()) == ["o.mp4", "walk"]
 
 
-def test_a_video_that_lacks_frames_is_not_kept(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(video_module, "_frames", lambda path: 2)
-    black = np.zeros((48, 64, 3), dtype=np.uint8)
-    message = "expected a video of 3 frames, found 2"
-    with pytest.raises(KinemimicError, match=message), video(tmp_path / "o.mp4", 64, 48, 30.0) as film:
-        for _ in range(3):
-            film.add(black)
-    assert list(tmp_path.iterdir()) == []
+def test_a_full_disk_is_one_line_and_leaves_nothing(tmp_path: Path) -> None:
+    folder = tmp_path / "walk"
+    write_recording(folder, 40, rendered=False)
+    code = f"""
+import resource
+from kinemimic.pipeline.cli import main
+resource.setrlimit(resource.RLIMIT_FSIZE, (20000, 20000))  # files end where a full disk would end them
+main(["overlay", {str(folder)!r}, "--out", {str(tmp_path / "o.mp4")!r}])
+"""
+    done = subprocess.run(
+        [sys.executable, "-c", code], capture_output=True, text=True, timeout=60, check=False
+    )
+    assert done.returncode == 2
+    assert done.stderr.strip().splitlines() == [done.stderr.strip()]
+    assert "expected a video of 40 frames, found 0 in it; is the disk full?" in done.stderr
+    assert [path.name for path in tmp_path.iterdir()] == ["walk"]
 
 
 def test_odd_sizes_and_odd_rates_lose_nothing(tmp_path: Path) -> None:
