@@ -100,20 +100,20 @@ def _without_names(content: bytes, names: Sequence[bytes], counts: Sequence[int]
     text[end] = _FEED
     if b"\r" in content:
         text[text == _RETURN] = _SPACE
-    ends = np.flatnonzero(text == _FEED)
-    if len(ends) % len(names) or max(map(len, names)) >= _LONGEST_LINE:
+    feeds = np.flatnonzero(text == _FEED)
+    if len(feeds) % len(names) or max(map(len, names)) >= _LONGEST_LINE:
         return None
-    ends = ends.reshape(-1, len(names))
-    starts = np.concatenate([[0], ends.ravel()[:-1] + 1]).reshape(ends.shape)
+    ends = feeds.reshape(-1, len(names))
+    starts = np.concatenate([[0], feeds[:-1] + 1]).reshape(ends.shape)
     if not all(_strike_out(text, starts[:, k], name) for k, name in enumerate(names)):
         return None
     # Every word that is left is a number; each line must hold as many as its bone has.
     word = text > _SPACE
     word[1:] &= ~word[:-1]
-    found = np.flatnonzero(word)
-    if len(found) != len(ends) * sum(counts):
+    numbers = np.flatnonzero(word)
+    if len(numbers) != len(ends) * sum(counts):
         return None
-    found = found.reshape(len(ends), -1)
+    found = numbers.reshape(len(ends), -1)
     last = np.cumsum(counts)
     if (found[:, last - counts] < starts).any() or (found[:, last - 1] > ends).any():
         return None
