@@ -60,14 +60,13 @@ def clip_of_markers(
     frame taken from the clip is the anatomical one. A node is missing where a marker that it follows from is.
     CaptureError if hips, knees or ankles cannot be found: it names what is missing.
     """
-    places = np.where(np.isfinite(points) & (points != 0.0).any(axis=-1, keepdims=True), points, np.nan)
     named = joints_of_nodes(labels)
     notes: list[str] = []
     if named.keys() >= set(_LEGS):
-        centres = {node: places[:, point] for node, point in named.items()}
+        centres = {node: points[:, point] for node, point in named.items()}
         notes.append("points that bear the names of joints are taken for their centres")
     else:
-        centres = _centres(_Markers(labels, places), notes, source)
+        centres = _centres(_Markers(labels, points), notes, source)
     nodes = tuple(node for node in NODES if node in centres)
     return clip_of_points(
         _skeleton(nodes),
@@ -82,7 +81,7 @@ def clip_of_markers(
 
 
 class _Markers:
-    """The places (T, 3) of landmarks; a landmark of several markers is at their middle."""
+    """The places (T, 3) of landmarks, NaN where missing; a landmark of several markers is at their middle."""
 
     def __init__(self, labels: tuple[str, ...], points: Array) -> None:
         self.labels, self.points, self.found = labels, points, landmarks(labels)
@@ -91,11 +90,18 @@ class _Markers:
         return landmark in self.found
 
     def __getitem__(self, landmark: str) -> Array:
-        return np.asarray(self.cluster(landmark).mean(axis=1))
+        first, *others = (self._place(marker) for marker in self.found[landmark])
+        return np.asarray(sum(others, first) / (1 + len(others)))
 
     def cluster(self, landmark: str) -> Array:
         """(T, n, 3) the markers of a landmark."""
-        return self.points[:, list(self.found[landmark])]
+        return np.stack([self._place(marker) for marker in self.found[landmark]], axis=1)
+
+    def _place(self, marker: int) -> Array:
+        place = self.points[:, marker]
+        x, y, z = place.T
+        missing = ~np.isfinite(x + y + z) | ((x == 0.0) & (y == 0.0) & (z == 0.0))
+        return np.where(missing[:, None], np.nan, place)
 
 
 def _centres(markers: _Markers, notes: list[str], source: Source) -> dict[str, Array]:

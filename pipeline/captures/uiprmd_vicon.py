@@ -111,5 +111,8 @@ def _are_positions(values: Array) -> bool:
 
 def _angles(values: Array) -> dict[str, Array]:
     """Curves (T,) in radians; NaN for what is no angle."""
-    degrees = np.where(np.abs(values) <= _MOST_DEGREES, values, np.nan)
-    return {name: np.radians(degrees[:, triplet, 0]) for name, triplet in TRIPLETS.items()}
+    flexions = {name: values[:, triplet, 0] for name, triplet in TRIPLETS.items()}
+    return {
+        name: np.radians(np.where(np.abs(degrees) <= _MOST_DEGREES, degrees, np.nan))
+        for name, degrees in flexions.items()
+    }
