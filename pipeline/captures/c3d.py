@@ -135,8 +135,7 @@ def _unit(told: str, points: Array, source: Source) -> tuple[str, str]:
 
 def _extent(points: Array) -> Array:
     """(T, 3) sizes of the box around the points that are there; NaN of none."""
-    there = np.isfinite(points).all(axis=-1, keepdims=True)
-    high = np.where(there, points, -np.inf).max(axis=1)
-    low = np.where(there, points, np.inf).min(axis=1)
-    whole = there.any(axis=1)
-    return np.where(whole, np.where(whole, high, 0.0) - np.where(whole, low, 0.0), np.nan)
+    high = np.where(np.isfinite(points), points, -np.inf).max(axis=1)
+    low = np.where(np.isfinite(points), points, np.inf).min(axis=1)
+    empty = high < low
+    return np.where(empty, np.nan, np.where(empty, 0.0, high) - np.where(empty, 0.0, low))

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from kinemimic.pipeline.captures.treadmill import JOINTS
-from samples.motion import walk, y_up
+from samples.motion import in_sight, walk, y_up
 from samples.trc import RATE, markers
 
 Array = NDArray[np.float64]
@@ -38,14 +38,14 @@ def written(
 
 def files(frames: int = 90) -> dict[str, bytes]:
     """Markers in mm, Z up."""
-    places = markers(walk(frames, RATE))
+    places = markers(in_sight(walk(frames, RATE)))
     points = 1000.0 * np.stack(list(places.values()), axis=1)
     return {"walk.c3d": written(list(places), points, rate=RATE, units="mm", Y_SCREEN=["+Z"])}
 
 
 def kinect(frames: int = 90) -> bytes:
     """The 20 joints as the treadmill's recorder names them, metres, Y up, with the left knee's angle."""
-    shown = walk(frames, 30.0)
+    shown = in_sight(walk(frames, 30.0))
     angle = 180.0 - np.degrees(shown.angles["knee_left"])
     points = np.concatenate([y_up(shown.joints), np.repeat(angle, 3).reshape(-1, 1, 3)], axis=1)
     return written([*JOINTS, "Left Knee Angle"], points, rate=50.0, units="m")

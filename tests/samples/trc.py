@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from kinemimic.pipeline.captures.joint_centres import BELL
 from kinemimic.pipeline.skeleton import NODE_INDEX
-from samples.motion import Walk, walk
+from samples.motion import Walk, in_sight, walk
 
 Array = NDArray[np.float64]
 
@@ -80,7 +80,7 @@ def text(labels: list[str], times: Array, points: Array, *, rate: float = RATE, 
 
 def files(frames: int = 90) -> dict[str, bytes]:
     """One file."""
-    shown = walk(frames, RATE)
+    shown = in_sight(walk(frames, RATE))
     places = markers(shown)
     points = 1000.0 * np.stack(list(places.values()), axis=1)[..., [0, 2, 1]] * [1.0, 1.0, -1.0]
     return {"walk.trc": text(list(places), shown.times, points).encode()}

@@ -10,7 +10,7 @@ from scipy.spatial.transform import Rotation
 
 from kinemimic.pipeline.captures.uiprmd import JOINTS, PARENTS
 from kinemimic.pipeline.skeleton import NODE_INDEX
-from samples.motion import Walk, walk, y_up
+from samples.motion import Walk, in_sight, walk, y_up
 
 Array = NDArray[np.float64]
 
@@ -97,7 +97,7 @@ def channels(walk: Walk) -> tuple[Array, Array]:
 
 def files(frames: int = 90) -> dict[str, bytes]:
     """Positions, and the angles beside them, packed as published."""
-    offsets, angles = channels(walk(frames, 30.0))
+    offsets, angles = channels(in_sight(walk(frames, 30.0)))
     return {
         f"kinect_m01_s01_e01_{word}.txt.gz": gzip.compress(
             "".join(",".join(f"{x:.6f}" for x in row.ravel()) + "\n" for row in values).encode(), mtime=0

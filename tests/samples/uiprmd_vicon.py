@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from kinemimic.pipeline.captures.joint_centres import HALF_ANKLE, HALF_KNEE
 from kinemimic.pipeline.captures.uiprmd_vicon import MARKERS, RATE, TRIPLETS, WIDTH
-from samples.motion import Walk, walk
+from samples.motion import Walk, in_sight, walk
 from samples.trc import at, markers, pelvis_of, unit
 
 Array = NDArray[np.float64]
@@ -59,7 +59,7 @@ def rows(values: Array) -> bytes:
 
 def files(frames: int = 90) -> dict[str, bytes]:
     """Positions, and the angles beside them, packed as published."""
-    shown = walk(frames, RATE)
+    shown = in_sight(walk(frames, RATE))
     places = plug_in_gait(shown)
     points = 1000.0 * np.stack([places[label] for label in MARKERS], axis=1)
     angles = np.zeros((frames, WIDTH // 3, 3))

@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from samples.c3d import files, kinect, written
-from samples.motion import walk
+from samples.motion import in_sight, walk
 from samples.mutate import mutated
 from samples.trc import RATE, markers
 
@@ -34,7 +34,7 @@ def rules(clip: Clip) -> list[str]:
 
 def assert_is_the_walk(clip: Clip, tolerance: float) -> None:
     positions, _ = to_nodes(clip)
-    shown = walk(len(clip.times), RATE)
+    shown = in_sight(walk(len(clip.times), RATE))
     for node in ("hip", "knee", "ankle", "foot", "shoulder", "elbow"):
         for side in ("left", "right"):
             index = NODE_INDEX[f"{node}_{side}"]
@@ -52,7 +52,7 @@ def test_markers_of_the_known_walk(tmp_path: Path) -> None:
 
 def test_joints_of_a_kinect() -> None:
     clip = read(kinect(30))
-    shown = walk(30, 30.0)
+    shown = in_sight(walk(30, 30.0))
     assert clip.skeleton.names == NODES
     assert np.abs(clip.positions - shown.joints).max() < 1e-6
     # 50 Hz is no rate of a Kinect v1.
@@ -64,7 +64,7 @@ def test_joints_of_a_kinect() -> None:
 
 
 def test_axes_units_and_points_that_are_no_markers() -> None:
-    places = markers(walk(30, RATE))
+    places = markers(in_sight(walk(30, RATE)))
     labels = [f"Jim:{label}" for label in places]
     points = np.stack(list(places.values()), axis=1)
     # Y up, X forward, in centimetres, which nobody says.
@@ -78,7 +78,7 @@ def test_axes_units_and_points_that_are_no_markers() -> None:
 
 
 def test_points_with_a_negative_residual_are_missing() -> None:
-    places = markers(walk(30, RATE))
+    places = markers(in_sight(walk(30, RATE)))
     points = 1000.0 * np.stack(list(places.values()), axis=1)
     points[7, list(places).index("L.Knee.Lat")] = np.nan
     clip = read(written(list(places), points, rate=RATE, units="mm"))
@@ -98,7 +98,7 @@ def with_rate(content: bytes, rate: float) -> bytes:
 
 
 def test_what_cannot_be_read_is_told() -> None:
-    places = markers(walk(30, RATE))
+    places = markers(in_sight(walk(30, RATE)))
     points = np.stack(list(places.values()), axis=1)
     with pytest.raises(CaptureError, match=r"expected POINT:UNITS of m, cm, mm, or .* found '' and a body"):
         read(written(list(places), 1e-3 * points, rate=RATE))

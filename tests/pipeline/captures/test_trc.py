@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from numpy.typing import NDArray
-from samples.motion import walk
+from samples.motion import in_sight, walk
 from samples.trc import RATE, files, markers, text
 
 from kinemimic.pipeline.angles import leg_angles
@@ -32,7 +32,7 @@ def notes(clip: Clip) -> str:
 
 def test_the_known_walk_comes_back() -> None:
     clip = read(TEXT)
-    shown = walk(30, RATE)
+    shown = in_sight(walk(30, RATE))
     assert clip.provenance["format"] == "TRC"
     assert np.allclose(clip.times, shown.times, atol=1e-12)
     positions, _ = to_nodes(clip)
@@ -76,7 +76,7 @@ def test_units_of_the_header() -> None:
 
 
 def test_a_marker_that_was_not_seen_is_a_gap_in_what_follows_from_it() -> None:
-    shown = walk(30, RATE)
+    shown = in_sight(walk(30, RATE))
     places = markers(shown)
     points = 1000.0 * np.stack(list(places.values()), axis=1)[..., [0, 2, 1]] * [1.0, 1.0, -1.0]
     labels = list(places)
@@ -125,7 +125,7 @@ def test_missing_markers_are_named() -> None:
 
 
 def test_joints_by_their_own_names_are_taken_as_they_are() -> None:
-    shown = walk(20, RATE)
+    shown = in_sight(walk(20, RATE))
     labels = [
         f"{s}{j}" for s in "RL" for j in ("Hip", "Knee", "Ankle", "BigToe", "Shoulder", "Elbow", "Wrist")
     ]

@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from numpy.typing import NDArray
-from samples.motion import walk
+from samples.motion import in_sight, walk
 from samples.uiprmd import files, joints
 
 from kinemimic.pipeline.captures import recognise, uiprmd
@@ -43,7 +43,7 @@ def test_the_known_walk_comes_back(tmp_path: Path) -> None:
     assert clip.provenance["format"] == "UI-PRMD Kinect"
     assert clip.rate == pytest.approx(30.0)
     assert (clip.skeleton.names, set(clip.orders or ())) == (JOINTS, {"ZXY"})
-    truth = joints(walk(40, 30.0))[..., [2, 0, 1]]
+    truth = joints(in_sight(walk(40, 30.0)))[..., [2, 0, 1]]
     assert np.abs(clip.positions - truth).max() < 2e-6
     positions, states = to_nodes(clip)
     for node in (
@@ -55,7 +55,7 @@ def test_the_known_walk_comes_back(tmp_path: Path) -> None:
         "elbow_right",
         "head",
     ):
-        place = walk(40, 30.0).joints[:, NODE_INDEX[node]]
+        place = in_sight(walk(40, 30.0)).joints[:, NODE_INDEX[node]]
         assert np.abs(positions[:, NODE_INDEX[node]] - place).max() < 2e-6
     assert made_up(clip) == ("hand_left", "hand_right")
     assert (states > 0).all()

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from samples.motion import walk
+from samples.motion import in_sight, walk
 from samples.uiprmd_vicon import RATE, files, rows
 
 from kinemimic.pipeline.angles import leg_angles
@@ -23,7 +23,7 @@ def put(folder: Path, content: dict[str, bytes]) -> list[Path]:
 
 
 def test_the_known_walk_comes_back_from_either_file(tmp_path: Path) -> None:
-    shown = walk(40, RATE)
+    shown = in_sight(walk(40, RATE))
     for path in put(tmp_path, files(40)):
         clip = recognise.read(path)
         assert clip.provenance["format"] == "UI-PRMD Vicon"
