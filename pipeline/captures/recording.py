@@ -54,11 +54,18 @@ def clip_of_points(
     or stands exactly on the sensor's origin, is missing. world_from_file: (4,) the file's axes in ours.
     rotations, angles: as in Clip, already in our conventions.
     """
-    places = np.where(np.isfinite(points), points, np.nan)
-    unseen = np.isnan(places).any(axis=-1) | (places == 0.0).all(axis=-1)
-    known = np.full(unseen.shape, TRACKED, dtype=np.uint8) if states is None else states.astype(np.uint8)
-    unseen |= known == MISSING
-    known[unseen], places[unseen] = MISSING, np.nan
+    x, y, z = np.moveaxis(points, -1, 0)
+    # Written out by axis: reducing an axis of three takes numpy five times as long.
+    unseen = ~(np.isfinite(x) & np.isfinite(y) & np.isfinite(z)) | ((x == 0.0) & (y == 0.0) & (z == 0.0))
+    if states is None:
+        known = np.full(unseen.shape, TRACKED, dtype=np.uint8)
+    else:
+        known = states.astype(np.uint8)
+        unseen |= known == MISSING
+    places = points
+    if unseen.any():
+        places = points.copy()
+        known[unseen], places[unseen] = MISSING, np.nan
     return Clip(
         skeleton=skeleton,
         times=times,
