@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import json
 import os
 from collections.abc import Sequence
@@ -11,8 +12,9 @@ from typing import Any
 
 import click
 
+from kinemimic.pipeline.captures.source import Source
 from kinemimic.pipeline.cli import BAD_INPUT, INTERRUPTED
-from kinemimic.pipeline.errors import KinemimicError
+from kinemimic.pipeline.errors import CaptureError, KinemimicError
 from kinemimic.pipeline.inspect.sheet import sheet
 from kinemimic.pipeline.inspect.study import FLAGGED, USABLE
 from kinemimic.pipeline.inspect.summary import summary
@@ -28,11 +30,12 @@ from kinemimic.pipeline.progress import progress
 )
 @click.option("--json", "as_json", is_flag=True, help="Print everything as JSON.")
 @click.option("--files", "by_file", is_flag=True, help="A row for each file, not only for each folder.")
+@click.option("--suggest", is_flag=True, help="Only draft a description (TOML) of one file's own columns.")
 @click.option(
     "--jobs", type=click.IntRange(min=1), help="Files looked at at once.  [default: one a processor]"
 )
 def command(
-    paths: tuple[Path, ...], plot: Path | None, as_json: bool, by_file: bool, jobs: int | None
+    paths: tuple[Path, ...], plot: Path | None, as_json: bool, by_file: bool, suggest: bool, jobs: int | None
 ) -> int:
     """Say what each capture in PATHS is, how good it is, joint by joint, and what will be done to it.
 
@@ -40,6 +43,8 @@ def command(
     of the knee is the 95th percentile of the frames in passes, of the side that was tracked better, and a
     range goes from the 5th to the 95th. Exit status: 0 if a file was read and not refused, 2 if none was.
     """
+    if suggest:
+        return _suggest(paths)
     files = files_of(paths)
     if not files:
         raise KinemimicError(f"{paths[0]}: expected a capture or a folder of captures, found an empty folder")
@@ -70,6 +75,21 @@ def command(
     if status == 0 and not any(report["status"] in (USABLE, FLAGGED) for report in reports):
         status = BAD_INPUT
     return status
+
+
+def _suggest(paths: Sequence[Path]) -> int:
+    """Print the draft of a description; a word on stderr if the file is read without one."""
+    from kinemimic.pipeline.captures.recognise import reader_of  # noqa: PLC0415 (loads every reader)
+    from kinemimic.pipeline.captures.suggest import suggest  # noqa: PLC0415
+
+    if len(paths) != 1:
+        raise KinemimicError(f"expected one file with --suggest, found {len(paths)}")
+    source = Source.open(paths[0])
+    with contextlib.suppress(CaptureError):
+        known = reader_of(source).FORMAT.name
+        click.echo(f"kinemimic: {paths[0]} needs no description: it is read as {known}", err=True)
+    click.echo(suggest(source), nl=False)
+    return 0
 
 
 def _write_page(path: Path, looked: Sequence[Looked], reports: Sequence[dict[str, Any]]) -> None:

@@ -1,0 +1,80 @@
+"""Columns of joints by their names in the header, as people name them: Head_X, LeftKnee.pos.x, X1, q_w …"""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass
+
+# A single letter means that only behind a separator: the t of KneeLeft_X is none.
+_TURN = r"rot(?:ation)?s?|euler|angle|(?<=[ _.\-:/])r"
+_QUATERNION = r"quat(?:ernion)?|orient(?:ation)?|(?<=[ _.\-:/])q"
+_PLACE = r"pos(?:ition)?|loc(?:ation)?|trans(?:lation)?|(?<=[ _.\-:/])[pt]"
+_KIND = rf"(?:(?P<turn>{_TURN})|(?P<quaternion>{_QUATERNION})|(?P<place>{_PLACE}))"
+_UNIT = r"(?:[ _]*[\[(][^\])]*[\])])?"
+# Head_X, head.pos.x, Left Knee rotation Y (deg), joint0OrientationW
+_LAST = re.compile(
+    rf"(?P<joint>.*?[^ _.\-:/])[ _.\-:/]*(?:{_KIND}[ _.\-:/]*)?(?P<axis>[xyzw]){_UNIT}", re.IGNORECASE
+)
+# X1, x_knee, z-17
+_FIRST = re.compile(rf"(?P<axis>[xyzw])[ _.\-:/]*(?P<joint>\d+|(?<=[ _.\-:/]).+?){_UNIT}", re.IGNORECASE)
+_STATE = re.compile(
+    r"(?P<joint>.+?)[ _.\-:/]*"
+    r"(?:tracked|tracking ?state|state|status|confidence|conf|likelihood|score|visibility)",
+    re.IGNORECASE,
+)
+_SPACED_STATE = re.compile(r"(?P<joint>.+?)[ _.\-:/][sc]", re.IGNORECASE)
+TIME = re.compile(
+    r"(?:time|timestamp|t|zeit|temps|tiempo|seconds?|sec|ms|s)\b.*|.*time(?:stamp)?", re.IGNORECASE
+)
+
+
+@dataclass
+class Columns:
+    """Columns of one joint, from 0: position and euler as (x, y, z), quaternion as (x, y, z, w)."""
+
+    position: tuple[int, ...] = ()
+    quaternion: tuple[int, ...] = ()
+    euler: tuple[int, ...] = ()
+    state: tuple[int, ...] = ()
+
+
+def joints_of_header(names: tuple[str, ...]) -> dict[str, Columns]:
+    """Columns of every joint that has a whole position, quaternion or triple of angles; empty if none has."""
+    joints: dict[str, Columns] = {}
+    for pattern in (_LAST, _FIRST):
+        joints = _grouped(names, pattern)
+        if joints:
+            break
+    lower = {joint.lower(): joint for joint in joints}
+    for column, name in enumerate(names):
+        match = _STATE.fullmatch(name) or _SPACED_STATE.fullmatch(name)
+        if match and (joint := lower.get(match["joint"].lower())) is not None:
+            joints[joint].state = (column,)
+    return joints
+
+
+def _grouped(names: tuple[str, ...], pattern: re.Pattern[str]) -> dict[str, Columns]:
+    found: dict[str, dict[str, dict[str, int]]] = {}
+    for column, name in enumerate(names):
+        match = pattern.fullmatch(name.strip())
+        if match is None:
+            continue
+        parts = match.groupdict()
+        kind = next((kind for kind in ("turn", "quaternion") if parts.get(kind)), "place")
+        axes = found.setdefault(parts["joint"], {}).setdefault(kind, {})
+        axes.setdefault(parts["axis"].lower(), column)
+    joints = {}
+    for joint, kinds in found.items():
+        joints[joint] = columns = Columns()
+        for kind, axes in kinds.items():
+            if set(axes) == set("xyzw"):
+                columns.quaternion = tuple(axes[axis] for axis in "xyzw")
+            elif set(axes) == set("xyz") and kind == "place":
+                columns.position = tuple(axes[axis] for axis in "xyz")
+            elif set(axes) == set("xyz"):
+                columns.euler = tuple(axes[axis] for axis in "xyz")
+    return {
+        joint: columns
+        for joint, columns in joints.items()
+        if columns.position or columns.quaternion or columns.euler
+    }

@@ -1,0 +1,40 @@
+"""Pieces of TOML text: names quoted where they must be, columns by name or number, long lists folded."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator, Sequence
+
+
+def quoted(text: str) -> str:
+    """A text in quotes; JSON's escapes are TOML's too."""
+    return json.dumps(text, ensure_ascii=False)
+
+
+def key(name: str) -> str:
+    """A key, bare if it may be."""
+    return name if name.replace("_", "").isalnum() and name.isascii() else quoted(name)
+
+
+def column(names: Sequence[str], index: int) -> str:
+    """A column, from 0, by its name where it has one that no other has, else by its number from 1."""
+    named = names and names[index] and names.count(names[index]) == 1
+    return quoted(names[index]) if named else str(index + 1)
+
+
+def one_or_list(items: Sequence[str], *, single: bool) -> str:
+    """The only item, or a list of all."""
+    return items[0] if single else f"[{', '.join(items)}]"
+
+
+def folded(name: str, items: Sequence[str], most: int = 100) -> Iterator[str]:
+    """The lines of a list under a key, as many as it needs."""
+    yield f"{name} = ["
+    line = "   "
+    for item in items:
+        if len(line) + len(item) + 2 > most:
+            yield line
+            line = "   "
+        line += f" {item},"
+    yield line
+    yield "]"
