@@ -39,7 +39,7 @@ FORMAT = Format(
     told_by="a header of columns Name_X Name_Y Name_Z Name_tracked with joints that only a Kinect v2 has",
     columns=(106,),
 )
-_CLOCKS = {"100 ns": 1e-7, "ms": 1e-3}
+_CLOCKS = {"100 ns": 1e7, "ms": 1e3}
 # A v1 name that one of the recorders kept for the same place.
 _OTHER_NAMES = {"shouldercenter": "spineshoulder"}
 

@@ -27,7 +27,7 @@ FORMAT = Format(
 JOINTS: tuple[str, ...] = tuple(node.title().replace("_", "") for node in NODES)
 # A header with so many columns of joints is of this format, though some may be missing.
 _ENOUGH_COLUMNS = 20
-_CLOCKS = {"ms": 1e-3}
+_CLOCKS = {"ms": 1e3}
 
 
 def recognises(source: Source) -> bool:

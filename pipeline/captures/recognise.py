@@ -80,6 +80,8 @@ def read_source(source: Source) -> Clip:
 
 def reader_of(source: Source) -> Reader:
     """The first reader that recognises the content; CaptureError with the candidates if none does."""
+    if not source.head:
+        raise source.error(expected="a capture", found="nothing but blank lines where it begins")
     asked = readers()
     for reader in asked:
         if reader.FORMAT.binary != source.is_text and reader.recognises(source):

@@ -78,7 +78,7 @@ class Frames:
 def frames_of(source: Source, header: Header, joints: Sequence[str], units: dict[str, float]) -> Frames:
     """The frames of the named joints (J,), in that sequence; every column is found by its name.
 
-    units: those that the clock may have -> seconds; the one whose usual step is a Kinect's is taken.
+    units: those that the clock may have -> ticks a second; the one whose usual step is a Kinect's is taken.
     Raises CaptureError for a missing column, and for what cannot be a number of that column.
     """
     wanted = ["timestamp", *(f"{joint}_{field}" for joint in joints for field in FIELDS)]
@@ -120,18 +120,18 @@ def frames_of(source: Source, header: Header, joints: Sequence[str], units: dict
     later, defects = in_sequence(clock)
     unit = _unit(clock[later], units, source)
     if not defects:
-        return Frames(clock * units[unit], unit, points, states.astype(np.uint8), defects)
-    return Frames(clock[later] * units[unit], unit, points[later], states[later].astype(np.uint8), defects)
+        return Frames(clock / units[unit], unit, points, states.astype(np.uint8), defects)
+    return Frames(clock[later] / units[unit], unit, points[later], states[later].astype(np.uint8), defects)
 
 
 def _unit(clock: Array, units: dict[str, float], source: Source) -> str:
     """The unit in which the usual step of an increasing clock (T,) is a Kinect's."""
-    step = float(np.median(np.diff(clock))) if len(clock) > 1 else STEPS[0] / min(units.values())
-    for unit, seconds in units.items():
-        if STEPS[0] <= step * seconds <= STEPS[1]:
+    step = float(np.median(np.diff(clock))) if len(clock) > 1 else STEPS[0] * max(units.values())
+    for unit, ticks in units.items():
+        if STEPS[0] <= step / ticks <= STEPS[1]:
             return unit
     ranges = " or ".join(
-        f"in {unit}, with steps of {STEPS[0] / seconds:g} to {STEPS[1] / seconds:g}"
-        for unit, seconds in units.items()
+        f"in {unit}, with steps of {STEPS[0] * ticks:g} to {STEPS[1] * ticks:g}"
+        for unit, ticks in units.items()
     )
     raise source.error(expected=f"timestamps {ranges}", found=f"a usual step of {step:g}")
