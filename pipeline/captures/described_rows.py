@@ -21,6 +21,8 @@ Whole = NDArray[np.intp]
 
 # Farther off is damage, or another unit: no sensor or laboratory reaches that far.
 FARTHEST = 1000.0
+# No angle grows so large, in whatever unit.
+_MOST_TURNS = 1e6
 # A usual step outside of these is no recorder's: the unit of time is another one.
 STEPS = (0.0002, 2.0)
 
@@ -71,6 +73,8 @@ def rows_of(source: Source, description: Description, name: str) -> Rows:
             found=f"{points[frame, joint, axis]:g} {description.space.unit}",
             line=cells.line(int(first[frame])),
         )
+    points[~np.isfinite(points)] = np.nan
+    turns[~(np.abs(turns) < _MOST_TURNS)] = np.nan
     states = table.states(frames, joints, shape)
     return Rows(times[later], points[later], turns[later], None if states is None else states[later], defects)
 

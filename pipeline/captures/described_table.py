@@ -77,16 +77,12 @@ class Cells:
 
     def read(self, numbers: Sequence[int], words: Sequence[int]) -> tuple[Array, list[Words]]:
         """Columns as numbers (R, n), NaN where a value is missing, and others as words."""
-        import pandas as pd  # noqa: PLC0415 (half a second, which only described files take)
-
         for column in words:
             if column in numbers:
                 self.fail("columns", expected="numbers or words in a column", found=f"both in {column + 1}")
         types: dict[int, Any] = {**dict.fromkeys(numbers, np.float64), **dict.fromkeys(words, "category")}
         try:
             frame = self._parse(types)
-        except pd.errors.ParserError as error:
-            self.fail(None, expected="rows of one table", found=str(error).strip().splitlines()[-1])
         except (ValueError, OverflowError):
             self._no_number(numbers)
         self._check_widths(len(frame))
@@ -176,21 +172,24 @@ class Cells:
         return fields_of(line, self.separator)
 
     def _parse(self, types: dict[int, Any]) -> Any:
-        import pandas as pd  # noqa: PLC0415
+        import pandas as pd  # noqa: PLC0415 (half a second, which only described files take)
 
-        return pd.read_csv(
-            io.BytesIO(self._content),
-            sep=self.separator,
-            header=None,
-            usecols=sorted(types),
-            dtype=types,
-            skiprows=self.text.first - 1,
-            decimal=self.text.decimal,
-            comment=self.text.comment,
-            na_values=[str(mark) for mark in self._marks(str)],
-            skipinitialspace=True,
-            low_memory=False,
-        )
+        try:
+            return pd.read_csv(
+                io.BytesIO(self._content),
+                sep=self.separator,
+                header=None,
+                usecols=sorted(types),
+                dtype=types,
+                skiprows=self.text.first - 1,
+                decimal=self.text.decimal,
+                comment=self.text.comment,
+                na_values=[str(mark) for mark in self._marks(str)],
+                skipinitialspace=True,
+                low_memory=False,
+            )
+        except (pd.errors.ParserError, pd.errors.EmptyDataError) as error:
+            self.fail(None, expected="rows of one table", found=str(error).strip().splitlines()[-1])
 
     def _marks(self, kind: type) -> list[Any]:
         """The missing-value marks that are numbers (float) or words (str)."""

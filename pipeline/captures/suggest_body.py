@@ -182,6 +182,6 @@ def quaternion_order(q: Array, points: Array, parents: Sequence[int]) -> tuple[s
             )
             if joints and np.isfinite(along).any() and np.nanmean(along) > _ALONG:
                 return order, True, "their +Y then lies along the bones, as a Kinect's do"
-    largest = np.nanmean(np.abs(q), axis=(0, 1))
+    largest = np.nan_to_num(np.abs(q)).mean(axis=(0, 1))
     order = "wxyz" if largest[0] > largest[3] else "xyzw"
     return order, None, "please check: the largest component is taken for w"

@@ -152,5 +152,6 @@ def body_score(points: Array, joints: Sequence[str]) -> float:
             np.sum(trunk * thigh, axis=-1) / np.linalg.norm(trunk, axis=-1) / np.linalg.norm(thigh, axis=-1)
         )
     # At one time or other the trunk stands above the thighs, even in squats.
-    folded = 1.0 - max(float(np.nanpercentile(along, 90)), 0.0)
+    along = along[np.isfinite(along)]
+    folded = 1.0 - max(float(np.percentile(along, 90)), 0.0) if len(along) else 1.0
     return float(spread + sides + 0.5 * shares + folded)

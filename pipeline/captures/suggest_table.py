@@ -22,6 +22,8 @@ _SEPARATORS: dict[str, str | None] = {"tab": "\t", "semicolon": ";", "comma": ",
 # What pandas takes for a missing value by itself.
 _EMPTY = frozenset({"", "nan", "na", "n/a", "null", "none", "-nan", "#n/a", "<na>"})
 _SENTINELS = (-9999.0, -999.0, -99999.0, 9999.0, 99999.0, 999.0)
+# No place, no angle and no time; its square is still a number.
+_HUGE = 1e30
 _COMMENTS = ("#", "%", "!")
 
 
@@ -139,7 +141,7 @@ def _read(
         marks.update(
             dict.fromkeys(f'"{mark}"' for mark in sorted(other) if '"' not in mark and "\\" not in mark)
         )
-        values[:, column] = [np.nan if v is None or abs(v) == np.inf else v for v in numbers]
+        values[:, column] = [v if v is not None and abs(v) < _HUGE else np.nan for v in numbers]
     sane = np.abs(values[np.isfinite(values) & ~np.isin(values, _SENTINELS)])
     for sentinel in _SENTINELS:
         # The largest of the other values is far below it, or it is a measurement like them.

@@ -13,6 +13,8 @@ Column = str | int
 
 # More columns than any recorder writes: a Kinect v2 with everything has some 300.
 MAX_COLUMNS = 10_000
+# Larger numbers than this are no lengths in any unit.
+_SANE = 1e6
 
 
 def short(text: str, most: int = 80) -> str:
@@ -101,11 +103,11 @@ class Keys:
         return float(value)
 
     def numbers(self, key: str, count: int) -> tuple[float, ...] | None:
-        """So many numbers, or None if the key is not there."""
+        """So many numbers of a sane size, or None if the key is not there."""
         value = self.get(key)
         if value is None:
             return None
-        if not isinstance(value, list) or len(value) != count or not all(_is_number(v) for v in value):
+        if not isinstance(value, list) or len(value) != count or not all(map(_is_sane, value)):
             self.fail(key, expected=f"{count} numbers", found=repr(value))
         return tuple(float(v) for v in value)
 
@@ -156,6 +158,10 @@ class Keys:
             )
         column: Column = value
         return column
+
+
+def _is_sane(value: Any) -> bool:
+    return _is_number(value) and abs(value) < _SANE
 
 
 def _is_number(value: Any) -> bool:
