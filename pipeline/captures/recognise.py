@@ -110,7 +110,8 @@ def _unknown(source: Source, known: Iterable[Format]) -> CaptureError:
         source.path,
         expected="a capture",
         found=f"text that begins {start!r}",
-        advice="`kinemimic formats` lists what is read",
+        advice="`kinemimic formats` lists what is read, `kinemimic inspect --suggest` drafts a description of a "
+        "table of one's own",
     )
 
 

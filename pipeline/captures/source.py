@@ -88,8 +88,7 @@ class Source:
 
     def beside(self, name: str) -> Source | None:
         """A file of that name in the same folder, or None; it then is a companion of this capture."""
-        path = self.path.with_name(name)
-        if not path.is_file():
+        if not name or not (path := self.path.with_name(name)).is_file():
             return None
         companion = Source.open(path)
         self.companions[name] = companion.sha256
