@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -13,6 +14,8 @@ from samples.motion import walk, y_up
 from scipy.spatial.transform import Rotation
 
 from kinemimic.pipeline.captures import recognise
+from kinemimic.pipeline.captures.description_file import parse
+from kinemimic.pipeline.captures.toml_keys import Keys
 from kinemimic.pipeline.clip import Clip
 from kinemimic.pipeline.errors import CaptureError
 from kinemimic.pipeline.euler import local_rotations, world_positions
@@ -398,3 +401,46 @@ def test_where_descriptions_lie(tmp_path: Path) -> None:
         recognise.read(tmp_path / "b.txt")
     with pytest.raises(CaptureError, match=r"capture\.toml: expected a capture, found a description of one"):
         recognise.read(tmp_path / "capture.toml")
+
+
+DOCUMENT = Path(__file__).parents[3] / "docs" / "describe-your-columns.md"
+
+
+def test_the_documents_examples_are_true(tmp_path: Path) -> None:
+    """The first describes the sample under English names; the second a table without a header."""
+    named, numbered, _ = (part.split("```")[0] for part in DOCUMENT.read_text().split("```toml\n")[1:])
+    text = files(FRAMES)["aufnahme.csv"].decode()
+    english = {
+        "Zeit": "Time", "Becken": "Pelvis", "Bauch": "Belly", "Brust": "Chest", "Kopf": "Head", "gut": "good",
+        "weg": "lost", "unsicher": "doubtful",
+    }  # fmt: skip
+    for old, new in english.items():
+        text = text.replace(old, new)
+    limbs = ("Schulter", "Ellbogen", "Handgelenk", "Hand", "Huefte", "Knie", "Knoechel", "Fuss")
+    parts = ("shoulder", "elbow", "wrist", "hand", "hip", "knee", "ankle", "foot")
+    for old, new in zip(limbs, parts, strict=True):
+        for side in "LR":
+            text = text.replace(f";{old} {side} ", f";{side} {new} ")
+    clip = read(tmp_path, text, named)
+    assert clip.skeleton.names == NODES
+    assert np.nanmax(np.abs(clip.positions - joints())) < 1e-6
+    states = np.full((FRAMES, 20, 1), 2.0)
+    rows = np.concatenate([y_up(joints()), states], axis=-1).reshape(FRAMES, -1)
+    clip = read(tmp_path, table(np.hstack([walk(FRAMES).times[:, None], rows])), numbered)
+    assert clip.positions == pytest.approx(joints(), abs=1e-6)
+
+
+def test_every_key_is_documented(monkeypatch: pytest.MonkeyPatch) -> None:
+    asked: set[str] = set()
+
+    def get(keys: Keys, key: str) -> object:
+        asked.add(keys.full(key))
+        return original(keys, key)
+
+    original = Keys.get
+    monkeypatch.setattr(Keys, "get", get)
+    parse(Path("x.toml"), "kinemimic = 1\n[joints]\nNAME = { position = [1, 2, 3] }\n[time]\nrate = 30\n")
+    documented = set(re.findall(r"`([a-z]+(?:\.[A-Za-z_.]+)?)`", DOCUMENT.read_text()))
+    tables = {"table", "columns", "time", "space", "rotations", "states"}
+    assert asked - tables <= documented
+    assert {key for key in documented if "." in key and key.split(".")[0] in {*tables, "joints"}} <= asked
