@@ -33,14 +33,13 @@ def check(clip: Clip) -> tuple[Clip, list[Defect]]:
     feet, knees = votes(clip)
     against = [int((group < 0).sum()) for group in (feet, knees)]
     counts = [len(feet), len(knees)]
-    if sum(counts) < ENOUGH or counts[0] == 0:
+    if sum(counts) < ENOUGH or against[0] < MAJORITY * counts[0]:
         return clip, []
-    if against[0] < MAJORITY * counts[0] or (counts[1] >= ENOUGH and against[1] < 0.5 * counts[1]):
+    # Without feet (some marker sets) the knees decide alone, and by the same majority.
+    if counts[1] >= ENOUGH and against[1] < (0.5 if counts[0] else MAJORITY) * counts[1]:
         return clip, []
-    found = (
-        f"feet point backward in {against[0]} of {counts[0]} clear cases and knees bend forward in "
-        f"{against[1]} of {counts[1]}"
-    )
+    feet_say = f"feet point backward in {against[0]} of {counts[0]} clear cases and " if counts[0] else ""
+    found = f"{feet_say}knees bend forward in {against[1]} of {counts[1]} clear cases"
     frames = len(clip.times)
     if clip.euler is not None:
         text = f"{found}; left as recorded: a mirror image is no turn, Euler channels cannot express it"
@@ -55,8 +54,12 @@ def votes(clip: Clip) -> tuple[Array, Array]:
     """Clear cases, both sides together: the cosine of toes to forward, and the sine of the knee's bend
     (backward positive)."""
     points = nodes_of(clip)
-    left = between(points, "hip_right", "hip_left") + between(points, "shoulder_right", "shoulder_left")
-    forward = unit(np.cross(left, between(points, "hips", "shoulders")))
+    left = between(points, "hip_right", "hip_left")
+    left = left + np.nan_to_num(between(points, "shoulder_right", "shoulder_left"))
+    up = between(points, "hips", "shoulders")
+    # Who shows no shoulders is taken to stand upright.
+    up = np.where(np.isfinite(up).all(axis=-1, keepdims=True), up, [0.0, 0.0, 1.0])
+    forward = unit(np.cross(left, up))
     left = unit(left)
     feet: list[Array] = []
     knees: list[Array] = []

@@ -146,6 +146,18 @@ def test_a_mirrored_body_is_reflected(moving: Moving, kind: str) -> None:
     assert same is euler and found.action == "flagged"
 
 
+def test_knees_alone_show_a_mirror(moving: Moving) -> None:
+    """Marker sets of the legs have neither shoulders nor, sometimes, feet."""
+    clip = moving(90)
+    legs = replace(clip, positions=clip.positions.copy(), states=clip.states.copy())
+    for name in ("shoulder_left", "shoulder_right", "foot_left", "foot_right"):
+        legs.positions[:, N[name]], legs.states[:, N[name]] = np.nan, 0
+    assert mirror.check(legs)[1] == []
+    repaired, (found,) = mirror.check(replace(legs, positions=legs.positions * [1.0, -1.0, 1.0]))
+    assert found.action == "repaired" and found.text.startswith("knees bend forward in")
+    np.testing.assert_allclose(repaired.positions, legs.positions)
+
+
 def test_names_of_the_other_side_are_a_mirror_too(moving: Moving, other_side: list[int]) -> None:
     clip = moving(90)
     repaired, (found,) = mirror.check(replace(clip, positions=clip.positions[:, other_side]))

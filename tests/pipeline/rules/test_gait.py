@@ -85,7 +85,29 @@ def test_a_clock_that_no_walker_has(moving: Moving) -> None:
     for factor in (0.25, 4.0):
         (found,) = rate.check(replace(clip, times=factor * clip.times))
         assert (found.rule, found.action) == ("wrong_rate", "flagged")
-    assert rate.check(replace(clip, times=0.5 * clip.times)) == []  # a runner's cadence
+    assert rate.check(replace(clip, times=0.7 * clip.times)) == []  # brisk
+
+
+def test_a_sprinters_ankles_on_a_walkers_knees(moving: Moving) -> None:
+    """A brisk walk that was recorded at 30 Hz and is declared at 60: its stride of 0.6 s is human still."""
+    walk = moving(240)
+    period = rate.stride(nodes_of(walk), walk.times)
+    assert period is not None
+    clip = replace(walk, times=walk.times * 0.55 / period)
+    (found,) = rate.check(clip)
+    assert (found.rule, found.action) == ("wrong_rate", "flagged")
+    assert "a stride takes 0.55 s and the ankles part at" in found.text
+    # Who really runs, bends the knees for it.
+    assert rate.parting(nodes_of(moving(240, kind="run")), walk.times) > rate.PARTING
+    assert rate.check(moving(240, kind="run")) == []
+
+
+def test_ankles_part_at_the_speed_that_they_have(node_clip: Moving) -> None:
+    clip = node_clip(60)
+    clip.positions[:] = 0.0
+    clip.positions[:, N["ankle_left"], 0] = 3.0 * clip.times
+    clip.positions[:, N["ankle_right"], 0] = -1.5 * clip.times
+    assert rate.parting(nodes_of(clip), clip.times) == pytest.approx(4.5)
 
 
 def test_what_is_no_gait_has_no_stride(moving: Moving, node_clip: Moving) -> None:
