@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from kinemimic.pipeline.captures.nui_skl import JOINTS
 from kinemimic.pipeline.captures.sdk_orientation import calibrate, hold, joint_rotations
 from kinemimic.pipeline.captures.write_bvh import file_angles, write_bvh
+from kinemimic.pipeline.poses import Poses
 from kinemimic.pipeline.rotations import conjugate, from_axis_angle, from_rotvec, multiply, rotate
 from kinemimic.pipeline.skeleton import NODE_INDEX, TRACKED, Skeleton
 
@@ -41,15 +42,9 @@ def euler_form(
     skeleton = calibrate(positions, states == TRACKED, rotations)
     arm = states[:, [NODE_INDEX[f"{joint}_left"] for joint in ("shoulder", "elbow", "wrist")]]
     skeleton, rotations = plant_lock(skeleton, rotations, np.all(arm == TRACKED, axis=1))
-    write_bvh(
-        path,
-        skeleton,
-        hold(positions)[rows, NODE_INDEX["hip_center"]],
-        rotations[rows],
-        frame_time=frame_time,
-        order=ORDER,
-        names=JOINTS,
-    )
+    named = Skeleton(JOINTS, skeleton.parents, skeleton.offsets)
+    root = hold(positions)[rows, NODE_INDEX["hip_center"]]
+    write_bvh(path, Poses.rigid(named, 1.0 / frame_time, root, rotations[rows]), order=ORDER)
     # As written: six decimals of a degree.
     middle = np.abs(np.round(np.degrees(file_angles(rotations[rows], ORDER)[:, NODE_INDEX[PLANTED], 1]), 6))
     nearest = int(np.argmax(middle))

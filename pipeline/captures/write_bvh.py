@@ -1,4 +1,4 @@
-"""Writes BVH: a skeleton with quaternions, in any order that BVH can name, or a clip's own channels."""
+"""Writes BVH: poses, in any order that BVH can name, or a clip's own channels."""
 
 from __future__ import annotations
 
@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from kinemimic.pipeline.clip import Clip
+from kinemimic.pipeline.poses import Poses
 from kinemimic.pipeline.rotations import ORDERS, Y_UP_TO_Z_UP, conjugate, multiply, rotate
 from kinemimic.pipeline.skeleton import Skeleton
 from kinemimic.pipeline.store import write_text
@@ -22,38 +23,36 @@ Array = NDArray[np.float64]
 BVH_ORDERS: tuple[str, ...] = tuple(order for order in ORDERS if len(set(order)) == 3)
 _DECIMALS = 6
 _PLACES = ("Xposition", "Yposition", "Zposition")
+# Metres and sines of half angles; below lies the rounding of what does not move.
+_STILL = 1e-9
 
 
-def write_bvh(
-    path: Path,
-    skeleton: Skeleton,
-    root: Array,
-    rotations: Array,
-    *,
-    frame_time: float,
-    order: str = "YZX",
-    names: Sequence[str] | None = None,
-    units_per_metre: float = 100.0,
-) -> None:
-    """Write T frames; BVH is Y up, so offsets, root and rotations are turned from our Z up.
+def write_bvh(path: Path, poses: Poses, *, order: str = "YZX", units_per_metre: float = 100.0) -> None:
+    """Write poses; BVH is Y up, so offsets, places and rotations are turned from our Z up.
 
-    root: (T, 3) metres in the world; rotations: (T, J, 4) child to parent, finite; frame_time: seconds;
-    order: the channels' sequence (YZX is the paper's Eq. 8); names: of the joints in the file, the
-    skeleton's by default.
-    Every joint has three rotation channels and a leaf an end site of no length.
+    order: the channels' sequence (YZX is the paper's Eq. 8). Every joint has three rotation channels, one
+    that moves in its parent position channels before them, which take the place of its offset; a leaf has an
+    end site of no length. Leaves that only end their parent (`<parent>_end`) become end sites.
     """
     back = conjugate(Y_UP_TO_Z_UP)
-    places = np.zeros((*rotations.shape[:2], 3))
-    places[:, 0] = rotate(back, root)
+    skeleton = poses.skeleton
     turns = tuple(f"{axis}rotation" for axis in order)
-    offsets = rotate(back, skeleton.offsets)
+    moves = np.abs(poses.translations - skeleton.offsets).max(axis=(0, 2)) > _STILL
+    moves[0] = True
+    turned = np.abs(poses.rotations[..., :3]).max(axis=(0, 2)) > _STILL
+    channels = [
+        () if _ends(skeleton, joint) and not (moves[joint] or turned[joint])
+        else (*(_PLACES if moves[joint] else ()), *turns)
+        for joint in range(len(skeleton.names))
+    ]  # fmt: skip
+    names = tuple("_".join(name.split()) for name in skeleton.names)
     _write(
         path,
-        Skeleton(tuple(names or skeleton.names), skeleton.parents, units_per_metre * offsets),
-        [(*_PLACES, *turns), *[turns] * (len(skeleton.names) - 1)],
-        units_per_metre * places,
-        np.degrees(file_angles(rotations, order)),
-        frame_time,
+        Skeleton(names, skeleton.parents, units_per_metre * rotate(back, skeleton.offsets)),
+        channels,
+        units_per_metre * rotate(back, poses.translations),
+        np.degrees(file_angles(poses.rotations, order)),
+        1.0 / poses.rate,
     )
 
 
@@ -131,8 +130,7 @@ def _joint(skeleton: Skeleton, channels: Sequence[tuple[str, ...]], joint: int, 
     tab = "\t" * depth
     name = skeleton.names[joint]
     children = [child for child, parent in enumerate(skeleton.parents) if parent == joint]
-    above = skeleton.names[skeleton.parents[joint]] if depth else ""
-    end = not children and not channels[joint] and name.startswith(f"{above}_end")
+    end = not channels[joint] and _ends(skeleton, joint)
     kind = "End Site" if end else f"ROOT {name}" if depth == 0 else f"JOINT {name}"
     lines = [f"{tab}{kind}", f"{tab}{{", f"{tab}\tOFFSET {_row(skeleton.offsets[joint])}"]
     if not end:
@@ -143,6 +141,16 @@ def _joint(skeleton: Skeleton, channels: Sequence[tuple[str, ...]], joint: int, 
             # Other programs expect an end of every limb that turns.
             lines += [f"{tab}\tEnd Site", f"{tab}\t{{", f"{tab}\t\tOFFSET {_row(np.zeros(3))}", f"{tab}\t}}"]
     return [*lines, f"{tab}}}"]
+
+
+def _ends(skeleton: Skeleton, joint: int) -> bool:
+    """Whether a joint is a leaf with the name that an end site has in a clip."""
+    parent = skeleton.parents[joint]
+    return (
+        parent >= 0
+        and joint not in skeleton.parents
+        and skeleton.names[joint].startswith(f"{skeleton.names[parent]}_end")
+    )
 
 
 def _row(values: Array) -> str:

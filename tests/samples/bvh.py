@@ -6,6 +6,7 @@ import tempfile
 from pathlib import Path
 
 from kinemimic.pipeline.captures.write_bvh import write_bvh
+from kinemimic.pipeline.poses import Poses
 from samples.motion import rigid_walk
 
 
@@ -14,5 +15,5 @@ def files(frames: int = 90) -> dict[str, bytes]:
     walk = rigid_walk(frames)
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "walk.bvh"
-        write_bvh(path, walk.skeleton, walk.root, walk.rotations, frame_time=1.0 / 120.0, order="ZXY")
+        write_bvh(path, Poses.rigid(walk.skeleton, 120.0, walk.root, walk.rotations), order="ZXY")
         return {"walk.bvh": path.read_bytes()}

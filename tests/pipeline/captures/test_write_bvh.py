@@ -22,6 +22,7 @@ from kinemimic.pipeline.captures.write_bvh import (
 )
 from kinemimic.pipeline.clip import Clip, forward_kinematics
 from kinemimic.pipeline.euler import positions_of_channels
+from kinemimic.pipeline.poses import Poses
 from kinemimic.pipeline.rotations import Y_UP_TO_Z_UP, from_axis_angle, from_rotvec
 from kinemimic.pipeline.skeleton import NODES, Skeleton, node_skeleton
 
@@ -35,7 +36,7 @@ def test_joints_come_back_where_they_were_in_every_order(tmp_path: Path, order: 
     translations[:, 0] = root
     expected, _ = forward_kinematics(skeleton, translations, rotations)
     path = tmp_path / "a.bvh"
-    write_bvh(path, skeleton, root, rotations, frame_time=0.025, order=order)
+    write_bvh(path, Poses.rigid(skeleton, 40.0, root, rotations), order=order)
     clip = bvh.read(Source.open(path))
     index = [clip.skeleton.index(node) for node in NODES]
     np.testing.assert_allclose(clip.positions[:, index], expected, atol=1e-6)
