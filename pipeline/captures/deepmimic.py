@@ -32,10 +32,10 @@ FORMAT = Format(
     holds="quaternions and hinge angles of a humanoid",
     told_by='a JSON object with the key "Frames"',
 )
-_COLUMNS = 44
+COLUMNS = 44
 # In metres, seconds and radians; what is larger is damage.
 _LARGEST = 1e4
-_ROOT = slice(1, 4)
+ROOT = slice(1, 4)
 # First column of each ball joint's quaternion, and column and sign of each hinge's flexion.
 BALLS: dict[str, int] = {
     "hip_center": 4,
@@ -133,7 +133,7 @@ def read(source: Source) -> Clip:
     rotations = continuous(normalize(rotations))
     skeleton = node_skeleton(offsets())
     translations = np.broadcast_to(skeleton.offsets, (len(frames), len(NODES), 3)).copy()
-    x, y, z = frames[:, _ROOT].T
+    x, y, z = frames[:, ROOT].T
     translations[:, 0] = np.stack([x, -z, y], axis=-1)
     return Clip(
         skeleton=skeleton,
@@ -150,7 +150,7 @@ def read(source: Source) -> Clip:
                 units="m",
                 units_rule="the format's",
                 notes=["the file holds no lengths: those of the figure that it was made for"],
-                columns=_COLUMNS,
+                columns=COLUMNS,
             ),
         },
     )
@@ -191,7 +191,7 @@ def _at_once(source: Source) -> Array | None:
         frames = np.loadtxt(lines, dtype=np.float64, delimiter=",", comments=None, ndmin=2)
     except ValueError:
         return None
-    return frames if frames.shape == (len(rows), _COLUMNS) else None
+    return frames if frames.shape == (len(rows), COLUMNS) else None
 
 
 def _as_json(source: Source) -> Array:
@@ -201,10 +201,10 @@ def _as_json(source: Source) -> Array:
     if not isinstance(rows, list) or not rows:
         raise source.error(expected='"Frames" with two frames or more', found="none")
     for number, row in enumerate(rows):
-        if not isinstance(row, list) or len(row) != _COLUMNS:
+        if not isinstance(row, list) or len(row) != COLUMNS:
             count = len(row) if isinstance(row, list) else type(row).__name__
             raise source.error(
-                expected=f"{_COLUMNS} numbers", found=f"{count}", where=f"frame {number}",
+                expected=f"{COLUMNS} numbers", found=f"{count}", where=f"frame {number}",
                 advice="only the humanoid of 44 numbers a frame is read",
             )  # fmt: skip
     frames = numbers(rows)
