@@ -39,9 +39,14 @@ END_FRAMES: dict[str, str] = {
 }
 # A link's frame is that of the node that carries the body.
 FRAMES: dict[str, str] = {body.node: body.name for body in BODIES} | END_FRAMES
+SIDES = ("left", "right")
 # Readers of MCAP expect times since 1970; a fixed one keeps the file a function of the motion alone.
 START_NS = 946_684_800 * 10**9  # 2000-01-01
-CYCLIC_SECONDS = 10.0  # how long a cycle is repeated
+CYCLIC_SECONDS = 10.0  # how long a cycle is repeated; a longer one is written once
+RECORD = "kinemimic"  # the metadata record, which stands before the messages
+# A file that was cut off loses at most one chunk: 85 frames here, 340 in chunks of the library's usual size,
+# which make a file smaller by a third.
+CHUNK_BYTES = 256 * 1024
 
 _STRING = "string data\n"
 _JOINT_STATE = f"""std_msgs/Header header
@@ -71,16 +76,18 @@ def write_mcap(path: Path, motion: Motion) -> None:
     /robot_description std_msgs/String: the URDF of the Table 1 body
     /skeleton         foxglove.PointCloud: the 20 nodes in the world
     /joint_states     sensor_msgs/JointState: knee and hip flexion, radians and radians a second
-    and a metadata record "kinemimic" with the provenance. A cyclic motion is repeated for CYCLIC_SECONDS,
-    each cycle moved on by its offset.
+    and a metadata record "kinemimic" with the provenance and what else `read_mcap` needs. A cyclic motion is
+    repeated for CYCLIC_SECONDS, each cycle moved on by its offset. Checksums are on every part.
     """
     played = _played(motion)
     times = START_NS + np.round(np.arange(len(played.root)) * 1e9 / played.rate).astype(np.int64)
     with atomic(path) as temporary, temporary.open("wb") as stream:
-        writer = Writer(stream, compression=CompressionType.ZSTD)
+        writer = Writer(
+            stream, chunk_size=CHUNK_BYTES, compression=CompressionType.ZSTD, enable_data_crcs=True
+        )
         writer.start(profile="", library="kinemimic")
         topics = _topics(writer)
-        writer.add_metadata("kinemimic", _metadata(motion))
+        writer.add_metadata(RECORD, _metadata(motion, len(played.root)))
         urdf = _cdr_string(humanoid_urdf("floating"))
         writer.add_message(topics["/robot_description"], START_NS, urdf, START_NS)
         messages = zip(
@@ -96,7 +103,7 @@ def _played(motion: Motion) -> Motion:
     """The frames that are written: a cycle again and again, anything else once."""
     if not motion.cyclic:
         return motion
-    frames = int(np.ceil(CYCLIC_SECONDS * motion.rate))
+    frames = max(len(motion.root), int(np.ceil(CYCLIC_SECONDS * motion.rate)))
     cycle, frame = np.divmod(np.arange(frames), len(motion.root))
     return replace(
         motion,
@@ -107,12 +114,23 @@ def _played(motion: Motion) -> Motion:
     )
 
 
-def _metadata(motion: Motion) -> dict[str, str]:
+def _metadata(motion: Motion, played: int) -> dict[str, str]:
+    """Values are JSON but for `time`; `frames` of the motion, which are written one after the other again
+    and again until there are `played`."""
     return {
         "provenance": json.dumps(motion.provenance, sort_keys=True),
         "simulated_capture": json.dumps(motion.simulated),
         "cyclic": json.dumps(motion.cyclic),
-        "fps": repr(float(motion.rate)),
+        "fps": json.dumps(float(motion.rate)),
+        "frames": json.dumps(len(motion.root)),
+        "played": json.dumps(played),
+        "cycle_offset": json.dumps(motion.cycle_offset.tolist()),
+        "contacts": json.dumps(
+            {
+                side: planted.astype(int).tolist()
+                for side, planted in zip(SIDES, motion.contacts.T, strict=True)
+            }
+        ),
         "time": "log times begin at 2000-01-01T00:00:00Z, whenever the motion was captured",
     }
 
