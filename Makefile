@@ -14,7 +14,7 @@ TRAINING = $(if $(PRESET),--preset "$(PRESET)") $(if $(BUDGET),--budget "$(BUDGE
 FILES := $(sort $(shell find pipeline retarget train evaluate datasets -type f -not -path '*/__pycache__/*'))
 STAMP := $(VENV)/installed-$(firstword $(shell echo '$(FILES)' | cksum))
 
-.PHONY: help setup formats inspect run ingest convert retarget train evaluate view overlay test test-slow lint type format bench clean
+.PHONY: help setup formats inspect run ingest convert retarget train evaluate view export overlay test test-slow lint type format bench clean
 .DEFAULT_GOAL := help
 
 help: ## This list
@@ -58,6 +58,9 @@ evaluate: setup ## Scores, report, curves
 
 view: setup ## The rerun recording
 	$(KINEMIMIC) view --run "$(RUN)"
+
+export: setup ## Capture, reference, simulated motion into RUN=/export: BVH, TRC, MOT, CSV, npz …
+	$(KINEMIMIC) export --run "$(RUN)"
 
 overlay: setup ## The skeleton drawn into CAPTURE=, a depth recording's folder: RUN=/overlay.mp4
 	$(KINEMIMIC) overlay "$(CAPTURE)" --out "$(RUN)/overlay.mp4"

@@ -27,6 +27,10 @@ COMMANDS: dict[str, tuple[str, str]] = {
         "A video of a depth recording and its skeleton.",
     ),
     "view": ("kinemimic.evaluate.view:command", "Reference against simulated, as a rerun recording."),
+    "export": (
+        "kinemimic.evaluate.export:command",
+        "Capture, reference, simulated motion: BVH, TRC, MOT, CSV, npz …",
+    ),
     "run": ("kinemimic.evaluate.run:command", "Every stage on one capture, skipping what is up to date."),
 }
 

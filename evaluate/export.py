@@ -1,0 +1,153 @@
+"""`kinemimic export`: capture, reference and simulated motion in the formats of other programs."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import click
+
+from kinemimic.evaluate.export_subject import SUBJECTS, Subject, of_mcap, of_run
+from kinemimic.pipeline.captures.write_bvh import write_bvh
+from kinemimic.pipeline.captures.write_csv import write_csv
+from kinemimic.pipeline.captures.write_deepmimic import write_deepmimic
+from kinemimic.pipeline.captures.write_mot import write_mot
+from kinemimic.pipeline.captures.write_npz import write_npz
+from kinemimic.pipeline.captures.write_trc import write_trc
+from kinemimic.pipeline.inspect.terminal import grid, show
+from kinemimic.pipeline.provenance import provenance
+from kinemimic.pipeline.store import write_json, write_text
+from kinemimic.retarget.export_json import motion_to_json
+from kinemimic.retarget.export_mcap import write_mcap
+from kinemimic.retarget.urdf import humanoid_urdf
+
+WRITERS: dict[str, Callable[[Path, Subject], None]] = {
+    "bvh": lambda path, of: write_bvh(path, of.poses),
+    "trc": lambda path, of: write_trc(path, of.clip),
+    "mot": lambda path, of: write_mot(path, of.on_nodes),
+    "csv": lambda path, of: write_csv(path, of.clip, of.angles),
+    "npz": lambda path, of: write_npz(path, of.poses),
+    "deepmimic": lambda path, of: write_deepmimic(path, of.closed, loop=of.motion.cyclic),
+    "json": lambda path, of: write_text(path, motion_to_json(of.motion)),
+    "mcap": lambda path, of: write_mcap(path, of.motion),
+}
+# DeepMimic's own files are called .txt, which says nothing; two formats here are JSON.
+ENDINGS: dict[str, str] = {name: f".{name}" for name in WRITERS} | {"deepmimic": ".deepmimic.json"}
+URDF = "urdf"
+FORMATS: tuple[str, ...] = (*WRITERS, URDF)
+
+
+@dataclass(frozen=True)
+class Written:
+    """A file that was written; frames and rate are those of the motion in it, None for the body alone."""
+
+    path: Path
+    what: str
+    format: str
+    frames: int | None
+    rate: float | None
+    note: str
+
+    def record(self) -> dict[str, Any]:
+        """JSON values."""
+        values = {**vars(self), "path": self.path.as_posix(), "bytes": self.path.stat().st_size}
+        return {key: values[key] for key in ("path", "what", "format", "frames", "rate", "bytes", "note")}
+
+
+def export(subjects: Mapping[str, Subject], formats: Iterable[str], folder: Path, name: str) -> list[Written]:
+    """Write every subject in every format as folder/name-subject.ext, and the body as name-humanoid.urdf.
+
+    Beside each subject's files stands name-subject.provenance.json: few of these formats can say where they
+    come from, and `ingest` reads it with a capture of that name.
+    """
+    written: list[Written] = []
+    wanted = [form for form in FORMATS if form in set(formats)]
+    for what, subject in subjects.items():
+        for form in wanted:
+            if form == URDF:
+                continue
+            path = folder / f"{name}-{what}{ENDINGS[form]}"
+            WRITERS[form](path, subject)
+            written.append(Written(path, what, form, *subject.size(form), subject.note(form)))
+        if wanted != [URDF]:
+            made_by = provenance("export", inputs=subject.inputs, config={"formats": wanted})
+            path = folder / f"{name}-{what}.provenance.json"
+            write_json(path, {**subject.provenance, "simulated": subject.simulated, **made_by})
+    if URDF in wanted:
+        path = folder / f"{name}-humanoid.urdf"
+        write_text(path, humanoid_urdf("floating"))
+        written.append(Written(path, "humanoid", URDF, None, None, "15 bodies, ball joints as floating ones"))
+    return written
+
+
+@click.command("export")
+@click.option("--run", type=click.Path(path_type=Path), default=Path("runs/default"), show_default=True)
+@click.option(
+    "--what", multiple=True, type=click.Choice(tuple(SUBJECTS)), help="Repeatable; by default all there is."
+)
+@click.option(
+    "--format",
+    "formats",
+    multiple=True,
+    type=click.Choice((*FORMATS, "all")),
+    default=("all",),
+    help="Repeatable; by default all.",
+)
+@click.option("--out", type=click.Path(path_type=Path, file_okay=False), help="By default RUN/export.")
+@click.option("--pass", "number", type=click.IntRange(min=0), help="Of the capture; by default the longest.")
+@click.option(
+    "--from",
+    "source",
+    type=click.Path(path_type=Path, dir_okay=False),
+    help="A motion of ours in MCAP, in place of a run.",
+)
+@click.option("--recover", is_flag=True, help="Take what is left of a damaged --from.")
+@click.option("--json", "as_json", is_flag=True, help="Print the list of files as JSON.")
+def command(
+    run: Path,
+    what: tuple[str, ...],
+    formats: tuple[str, ...],
+    out: Path | None,
+    number: int | None,
+    source: Path | None,
+    recover: bool,
+    as_json: bool,
+) -> None:
+    """Write the capture, the reference and the simulated motion for other programs.
+
+    \b
+    bvh        Blender and others: Y up, centimetres, degrees
+    trc, mot   OpenSim: node positions (mm); coordinates of gait2354 (degrees)
+    csv, npz   tables and arrays, metres and quaternions (x, y, z, w), Z up
+    deepmimic  44 numbers a frame, for DeepMimic's humanoid
+    json, mcap the motion as `retarget` writes it; rerun and Foxglove open the MCAP
+    urdf       the simulated body
+    """
+    if recover and source is None:
+        raise click.UsageError("--recover needs --from, the damaged file")
+    if source is not None and (what or number is not None):
+        raise click.UsageError("--from is one motion: --what and --pass belong to a run")
+    chosen = FORMATS if "all" in formats else formats
+    if source is not None:
+        subjects = {"recovered" if recover else "motion": of_mcap(source, recover=recover)}
+        written = export(subjects, chosen, out or source.parent / "export", source.stem)
+    else:
+        written = export(of_run(run, what, number), chosen, out or run / "export", run.resolve().name)
+    if as_json:
+        click.echo(json.dumps([one.record() for one in written], indent=2, ensure_ascii=False))
+        return
+    table = grid("file", "frames", "Hz", "KB", left=1)
+    table.add_column("", overflow="fold")
+    for one in written:
+        table.add_row(
+            one.path.name,
+            "-" if one.frames is None else str(one.frames),
+            "-" if one.rate is None else f"{one.rate:.4g}",
+            f"{one.path.stat().st_size / 1e3:.0f}",
+            one.note,
+        )
+    show(table)
+    click.echo(f"in {written[0].path.parent}")
