@@ -111,7 +111,8 @@ def _clip(description: Description, rows: Rows, tree: Tree, name: str) -> Clip:
     if mirrored is not None:
         flip[mirrored] = -1.0
     of_file = list(tree.of_file)
-    points = rows.points[:, of_file] * (space.metres * flip)
+    points = rows.points if of_file == list(range(len(of_file))) else rows.points[:, of_file]
+    points = points * (space.metres * flip)
     states = None if rows.states is None else rows.states[:, of_file]
     skeleton = replace(tree.skeleton, offsets=tree.skeleton.offsets * flip)
     world_from_file = from_matrix(space.axes * flip)

@@ -63,9 +63,10 @@ def rows_of(source: Source, description: Description, name: str) -> Rows:
         [joint.quaternion or joint.euler for joint in description.joints],
         (*shape, max(len(joint.quaternion or joint.euler) for joint in description.joints)),
     )
-    far = np.abs(points) * description.space.metres > FARTHEST
     # Infinity is a way to say that nothing was seen.
-    if far.any() and (far := far & np.isfinite(points)).any():
+    points[np.isinf(points)] = np.nan
+    far = np.abs(points) > FARTHEST / description.space.metres
+    if far.any():
         frame, joint, axis = (int(k) for k in np.argwhere(far)[0])
         cells.fail(
             "space.unit",
@@ -73,10 +74,11 @@ def rows_of(source: Source, description: Description, name: str) -> Rows:
             found=f"{points[frame, joint, axis]:g} {description.space.unit}",
             line=cells.line(int(first[frame])),
         )
-    points[~np.isfinite(points)] = np.nan
     turns[~(np.abs(turns) < _MOST_TURNS)] = np.nan
     states = table.states(frames, joints, shape)
-    return Rows(times[later], points[later], turns[later], None if states is None else states[later], defects)
+    # Rows are mostly kept all, and need no copy then.
+    kept = slice(None) if later.all() else later
+    return Rows(times[kept], points[kept], turns[kept], None if states is None else states[kept], defects)
 
 
 class _Reader:
