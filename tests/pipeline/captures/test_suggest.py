@@ -208,6 +208,26 @@ def test_drafts_of_known_formats_agree_with_their_readers(
     for file, content in files.items():
         (tmp_path / file).write_bytes(content)
     path = tmp_path / next(iter(files))
+    check_against_its_reader(path, name, tolerance)
+
+
+@pytest.mark.parametrize(
+    ("file", "order"),
+    [
+        ("kinect1_utkinect/joints_s01_e01.txt", "Kinect v1 SDK"),
+        ("kinect1_msraction3d/a16_s01_e01_skeleton3D.txt", "MSR-Action3D"),
+        ("kinect2_kimore/JointPositionExercise3.csv", "Kinect v2 SDK"),
+        ("kinect2_labanotation/joints.csv", "Kinect v2 SDK"),
+    ],
+)
+def test_drafts_of_real_recordings(captures: Path, tmp_path: Path, file: str, order: str) -> None:
+    path = tmp_path / "copy.txt"
+    path.write_bytes((captures / file).read_bytes())
+    assert f"the sequence of the {order}" in suggest(Source.open(path))
+    check_against_its_reader(path, file, 1e-6)
+
+
+def check_against_its_reader(path: Path, name: str, tolerance: float) -> None:
     known = recognise.read(path)
     path.with_suffix(".toml").write_text(suggest(Source.open(path)))
     own = recognise.read(path)
