@@ -118,8 +118,16 @@ def test_rerun_draws_the_figure(cyclic: Path, tmp_path: Path) -> None:
         # With CI set, the program collects no usage data.
         subprocess.run(command, check=True, capture_output=True, env={**os.environ, "CI": "true"})
     columns: dict[str, set[str]] = {}
+    drawn: list[Any] = []
     for chunk in RrdReader(recording).store().stream():
-        columns.setdefault(str(chunk.entity_path), set()).update(chunk.to_record_batch().schema.names)
+        batch = chunk.to_record_batch()
+        columns.setdefault(str(chunk.entity_path), set()).update(batch.schema.names)
+        if str(chunk.entity_path) == "/skeleton" and "Points3D:positions" in batch.schema.names:
+            times, points = (batch[name].to_pylist() for name in ("message_log_time", "Points3D:positions"))
+            drawn += zip(times, points, strict=True)
+    places = np.array([points for _, points in sorted(drawn, key=lambda row: row[0])])
+    assert places.shape == (295, len(NODES), 3)
+    np.testing.assert_allclose(places[:CYCLE], motion().kinematics()[0], atol=1e-6)
     assert {"Transform3D:translation", "Transform3D:quaternion"} <= columns["/tf"]
     assert "Points3D:positions" in columns["/skeleton"]
     shapes = {
