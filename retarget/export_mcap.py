@@ -201,6 +201,8 @@ def _points(motion: Motion, times: NDArray[np.int64]) -> Iterator[bytes]:
             timestamp=_stamp(time), frame_id=WORLD, point_stride=_POINT.itemsize, fields=fields
         )
         message.pose.orientation.w = 1.0
+        # Said although it is zero: of one that is not, rerun makes recordings that it rejects itself.
+        message.pose.position.SetInParent()
         message.data = points.tobytes()
         yield message.SerializeToString(deterministic=True)
 

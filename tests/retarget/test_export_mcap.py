@@ -113,8 +113,12 @@ def test_same_motion_same_bytes(cyclic: Path, tmp_path: Path) -> None:
 
 def test_rerun_draws_the_figure(cyclic: Path, tmp_path: Path) -> None:
     recording = tmp_path / "motion.rrd"
-    for arguments in (["check", str(cyclic)], ["convert", str(cyclic), "-o", str(recording)]):
-        command = [sys.executable, "-m", "rerun_cli", "mcap", *arguments]
+    for arguments in (
+        ["mcap", "check", str(cyclic)],
+        ["mcap", "convert", str(cyclic), "-o", str(recording)],
+        ["rrd", "verify", str(recording)],
+    ):
+        command = [sys.executable, "-m", "rerun_cli", *arguments]
         # With CI set, the program collects no usage data.
         subprocess.run(command, check=True, capture_output=True, env={**os.environ, "CI": "true"})
     columns: dict[str, set[str]] = {}
