@@ -12,6 +12,9 @@ from kinemimic.evaluate import figures
 from kinemimic.evaluate.capture_fit import Capture
 from kinemimic.evaluate.capture_sections import gait_section, gimbal_section, quality_section
 from kinemimic.evaluate.fit import JOINTS, MEASURES
+from kinemimic.evaluate.gait_page import gait_sections
+from kinemimic.evaluate.gait_report import compare
+from kinemimic.evaluate.gait_sources import captured
 from kinemimic.evaluate.scores import rollout_fits
 from kinemimic.pipeline.html import drawing, number, page, table
 from kinemimic.pipeline.picture import picture
@@ -61,6 +64,9 @@ def report(run: Path, evidence: Evidence) -> str:
         *_sources(evidence.scores),
         *_figures(evidence),
     ]
+    gait = compare(captured(run), evidence.motion, evidence.playback)
+    if gait["walkers"]:
+        sections.append(gait_sections(gait))
     for file, section in (
         ("quality.json", quality_section),
         ("gimbal.json", gimbal_section),

@@ -1,0 +1,158 @@
+"""The three walkers of a run: the captured person, the reference on the body, and the simulated figure.
+
+All are brought to one form, so that one measurement serves all three: positions of the 20 nodes over time,
+clinical angles, and, where rotations were measured, what the knees turn about other axes than their hinge.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from kinemimic.pipeline.angles import leg_angles
+from kinemimic.pipeline.clip import Clip, forward_kinematics
+from kinemimic.pipeline.convert import on_nodes
+from kinemimic.pipeline.gait_events import SIDES
+from kinemimic.pipeline.gait_parameters import Gait, study_gait
+from kinemimic.pipeline.knee_axis import about_own_axis, off_axis
+from kinemimic.pipeline.nodes import joints_of_nodes, made_up
+from kinemimic.pipeline.orient import node_rotations
+from kinemimic.pipeline.rotations import from_axis_angle, multiply, to_rotvec
+from kinemimic.pipeline.skeleton import NODE_INDEX, node_skeleton
+from kinemimic.pipeline.store import read_clip, read_json
+from kinemimic.retarget.motion import Motion, joint_angles
+from kinemimic.train.playback import Playback
+from kinemimic.train.world import CONTROL_RATE
+
+Array = NDArray[np.float64]
+
+_CYCLES = 6  # of a loop, walked on, so that whole strides begin and end within
+
+
+@dataclass(frozen=True)
+class Walker:
+    """One who walks, T frames.
+
+    times: (T,) seconds within each pass; passes: (T,) number of the pass, -1 for frames that do not count;
+    gait: its strides; angles: curves (T,) in radians by name ("knee_left", …, and "ankle_left" where feet
+    were measured); off_axis: (T,) radians by side; contacts: (T, 2) left, right foot on the ground; each None
+    where it is not known; notes: what must be said of them.
+    """
+
+    times: Array
+    passes: NDArray[np.int32]
+    gait: Gait
+    angles: Mapping[str, Array]
+    off_axis: Mapping[str, Array] | None
+    contacts: NDArray[np.bool_] | None
+    notes: tuple[str, ...]
+
+
+def captured(run: Path) -> Walker | None:
+    """The person of run/quaternions.parquet; None where there is no such file.
+
+    What `retarget` found not to be believed (gait.json) is left out here too: a pelvis is then upright with
+    the trunk's lean and looks where the person goes, and feet have no angle.
+    """
+    if not (run / "quaternions.parquet").exists():
+        return None
+    source = read_clip(run / "quaternions.parquet")
+    clip = on_nodes(source)
+    believed: Mapping[str, Any] = {}
+    if (run / "gait.json").exists():
+        believed = read_json(run / "gait.json").get("believed", {})
+    gait = study_gait(clip.times, clip.passes, clip.positions)
+    notes = ["simulated: a virtual Kinect recorded it"] if source.simulated else []
+    pelvis = None
+    if not believed.get("pelvis", True):
+        pelvis = _neutral_pelvis(clip, gait, np.radians(believed.get("trunk_lean_deg") or 0.0))
+        notes.append("its pelvis is not repeatable and taken as upright: hips are relative to the heading")
+    angles = leg_angles(clip.positions, pelvis)
+    if believed.get("feet", True) and not {"foot_left", "foot_right"} & set(made_up(source)):
+        angles |= _ankles(node_rotations(clip.positions))
+    else:
+        notes.append("its feet are not measured: no ankle")
+    knees = _own_knees(run, source)
+    if knees is None:
+        notes.append("positions do not show how the knees turn about other axes than their hinge")
+    return Walker(clip.times, clip.passes, gait, angles, knees, None, tuple(notes))
+
+
+def reference(motion: Motion) -> Walker:
+    """The motion that is to be performed; a loop is walked on for some cycles."""
+    frames, cycles = len(motion.root), _CYCLES if motion.cyclic else 1
+    positions = motion.kinematics()[0]
+    turns = np.repeat(np.arange(cycles), frames)
+    walked = np.tile(positions, (cycles, 1, 1)) + (turns[:, None] * motion.cycle_offset)[:, None]
+    return _on_body(
+        np.arange(cycles * frames) / motion.rate,
+        np.zeros(cycles * frames, dtype=np.int32),
+        walked,
+        np.tile(motion.rotations, (cycles, 1, 1)),
+        np.tile(motion.contacts, (cycles, 1)),
+    )
+
+
+def simulated(playback: Playback, motion: Motion) -> Walker:
+    """The figure in all its rollouts, each up to its fall."""
+    rollouts, frames = playback.root.shape[:2]
+    times = np.tile((np.arange(frames) + 1) / CONTROL_RATE, rollouts)
+    upright = np.arange(frames) < playback.fallen_at[:, None]
+    passes = np.where(upright, np.arange(rollouts)[:, None], -1).astype(np.int32).ravel()
+    rotations = playback.rotations.reshape(rollouts * frames, *playback.rotations.shape[2:])
+    translations = np.broadcast_to(motion.offsets, (len(rotations), *motion.offsets.shape)).copy()
+    translations[:, 0] = playback.root.reshape(-1, 3)
+    positions = forward_kinematics(node_skeleton(motion.offsets), translations, rotations)[0]
+    return _on_body(times, passes, positions, rotations, playback.contacts.reshape(-1, 2))
+
+
+def _on_body(
+    times: Array,
+    passes: NDArray[np.int32],
+    positions: Array,
+    rotations: Array,
+    contacts: NDArray[np.bool_],
+) -> Walker:
+    knees = {side: off_axis(rotations[:, NODE_INDEX[f"knee_{side}"]]) for side in SIDES}
+    angles = joint_angles(rotations) | _ankles(rotations)
+    return Walker(times, passes, study_gait(times, passes, positions), angles, knees, contacts, ())
+
+
+def _ankles(rotations: Array) -> dict[str, Array]:
+    """Toes up is positive: a turn about +Y takes them down."""
+    return {f"ankle_{side}": -to_rotvec(rotations[:, NODE_INDEX[f"ankle_{side}"]])[:, 1] for side in SIDES}
+
+
+def _neutral_pelvis(clip: Clip, gait: Gait, lean: float) -> Array:
+    """World frames (T, 4) that look along the path and lean; NaN in passes without a gait."""
+    frames = np.full((len(clip.times), 4), np.nan)
+    for number, feet in gait.feet.items():
+        mine = clip.passes == number
+        x, y = (np.interp(clip.times[mine], feet.times, feet.forward[:, k]) for k in range(2))
+        frames[mine] = multiply(from_axis_angle("Z", np.arctan2(y, x)), from_axis_angle("Y", lean))
+    return frames
+
+
+def _own_knees(run: Path, source: Clip) -> dict[str, Array] | None:
+    """Off-axis turn of the knees in a capture of rotations; None where it holds positions alone."""
+    recorded = read_clip(run / "clip.parquet")
+    joints = joints_of_nodes(source.skeleton.names)
+    if source.rotations is None or (recorded.rotations is None and recorded.euler is None):
+        return None
+    knees: dict[str, Array] = {}
+    for side in SIDES:
+        knee, hip = joints[f"knee_{side}"], joints[f"hip_{side}"]
+        turn, joint = source.rotations[:, knee], source.skeleton.parents[knee]
+        # A twist joint may lie between.
+        while joint not in (hip, -1):
+            turn, joint = multiply(source.rotations[:, joint], turn), source.skeleton.parents[joint]
+        swing = about_own_axis(turn) if joint == hip else None
+        if swing is None:
+            return None
+        knees[side] = swing
+    return knees

@@ -1,0 +1,228 @@
+"""Spatiotemporal parameters of a gait: every stride measured by itself, then mean, spread and symmetry.
+
+A stride goes from a foot's strike to its next one. Lengths are taken between ankles: a stride's from where
+the ankle came down to where it comes down again; a step's along that line, from the other ankle where it came
+down in between; the step's width across it (Huxham, Gong, Baker, Morris and Iansek 2006, Gait & Posture
+23(2), 159-163). They need no direction of progression and hold on a curved path too.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from kinemimic.pipeline.gait_events import SIDES, Feet, find_feet
+from kinemimic.pipeline.skeleton import NODE_INDEX as N
+
+Array = NDArray[np.float64]
+
+GRAVITY = 9.81
+# A stride that strays further from the median is one of setting off, stopping, turning, or of legs exchanged.
+TIME_SPREAD, LENGTH_SPREAD = 0.20, 0.40
+SEEN = 0.8  # share of a stride in which the capture must show hips and ankles
+
+
+@dataclass(frozen=True)
+class Stride:
+    """One stride of one foot; times in seconds, lengths in metres, shares of the stride's time.
+
+    group: number of the pass; start, off, end: the foot's strike, its leaving the ground, its next strike;
+    step_time, step_length: of the step that ends the stride; width: of the step.
+    """
+
+    group: int
+    side: str
+    start: float
+    off: float
+    end: float
+    length: float
+    step_time: float
+    step_length: float
+    width: float
+    double_support: float
+    flight: float
+
+    @property
+    def time(self) -> float:
+        return self.end - self.start
+
+
+# Name in the report -> what it is of one stride.
+MEASURES: dict[str, Callable[[Stride], float]] = {
+    "cadence_steps_per_min": lambda stride: 120.0 / stride.time,
+    "speed_m_s": lambda stride: stride.length / stride.time,
+    "stride_time_s": lambda stride: stride.time,
+    "stride_length_m": lambda stride: stride.length,
+    "step_time_s": lambda stride: stride.step_time,
+    "step_length_m": lambda stride: stride.step_length,
+    "step_width_m": lambda stride: stride.width,
+    "stance_ratio": lambda stride: (stride.off - stride.start) / stride.time,
+    "double_support_ratio": lambda stride: stride.double_support,
+    "flight_ratio": lambda stride: stride.flight,
+}
+
+
+@dataclass(frozen=True)
+class Gait:
+    """The strides of a recording, of all its passes.
+
+    strides: those that count, pass by pass; left_out: how many more there were; feet: of each pass in which
+    somebody walks; belt: m/s, None on firm ground; running: whether most strides are of running; leg: median
+    length in metres, hip to knee to ankle.
+    """
+
+    strides: tuple[Stride, ...]
+    left_out: int
+    feet: Mapping[int, Feet]
+    belt: float | None
+    running: bool
+    leg: float
+
+
+def study_gait(times: Array, passes: NDArray[np.int32], positions: Array) -> Gait:
+    """The gait in a recording: times (T,), number of the pass (T,), -1 outside of any, positions (T, 20, 3).
+
+    `strides` is empty where nobody walks, or never for a whole stride.
+    """
+    found: list[Stride] = []
+    feet: dict[int, Feet] = {}
+    lacking = 0
+    for number in np.unique(passes[passes >= 0]).tolist():
+        mine = passes == number
+        one = find_feet(times[mine], positions[mine])
+        if one is not None:
+            feet[number] = one
+            strides, unseen = _strides(number, one)
+            found += strides
+            lacking += unseen
+    kept = _usual(found)
+    belt = float(np.median([feet[s.group].belt for s in kept])) if kept else 0.0
+    runs = sum(feet[s.group].running for s in kept)
+    return Gait(
+        strides=tuple(kept),
+        left_out=lacking + len(found) - len(kept),
+        feet=feet,
+        belt=belt if belt > 0 else None,
+        running=2 * runs > len(kept),
+        leg=_leg_length(positions),
+    )
+
+
+def _leg_length(positions: Array) -> float:
+    """Median over both legs and all frames that show them; NaN without any."""
+    lengths = [
+        sum(
+            np.linalg.norm(positions[:, N[f"{b}_{side}"]] - positions[:, N[f"{a}_{side}"]], axis=-1)
+            for a, b in (("hip", "knee"), ("knee", "ankle"))
+        )
+        for side in SIDES
+    ]
+    seen = np.concatenate(lengths)
+    seen = seen[np.isfinite(seen)]
+    return float(np.median(seen)) if len(seen) else float("nan")
+
+
+def _strides(number: int, feet: Feet) -> tuple[list[Stride], int]:
+    """The strides of a pass, and how many of them the capture does not show well enough to measure."""
+    strides: list[Stride] = []
+    unseen = 0
+    for foot, side in enumerate(SIDES):
+        other = 1 - foot
+        for start, end in zip(feet.strikes[foot], feet.strikes[foot][1:], strict=False):
+            moments = [
+                times[(times > start) & (times < end)]
+                for times in (feet.offs[foot], feet.strikes[other], feet.offs[other])
+            ]
+            inside = (feet.times >= start) & (feet.times <= end)
+            if any(len(times) != 1 for times in moments) or feet.seen[inside].mean() < SEEN:
+                unseen += 1
+                continue
+            off, opposite, opposite_off = (float(times[0]) for times in moments)
+            first, last = (_at(feet, foot, moment) for moment in (start, end))
+            between = _at(feet, other, opposite)
+            length = float(np.hypot(*(last - first)))
+            along = (last - first) / length
+            step = last - between
+            both = max(0.0, off - opposite)
+            none = max(0.0, opposite - off)
+            # The other foot is on the ground as the stride begins, unless it is yet to come down and leave.
+            if opposite_off < opposite:
+                both += opposite_off - start
+            else:
+                none += end - opposite_off
+            strides.append(
+                Stride(
+                    number, side, float(start), off, float(end), length, float(end) - opposite,
+                    float(step @ along), float(abs(along[0] * step[1] - along[1] * step[0])),
+                    both / (end - start), none / (end - start),
+                )
+            )  # fmt: skip
+    return strides, unseen
+
+
+def _at(feet: Feet, foot: int, moment: float) -> Array:
+    """Place (2,) of an ankle over the ground."""
+    return np.array([np.interp(moment, feet.times, feet.ankles[:, foot, k]) for k in range(2)])
+
+
+def _usual(strides: list[Stride]) -> list[Stride]:
+    """Those near the median in time and length."""
+    if not strides:
+        return []
+    time, length = (float(np.median([getattr(s, name) for s in strides])) for name in ("time", "length"))
+    return [
+        stride
+        for stride in strides
+        if abs(stride.time - time) <= TIME_SPREAD * time
+        and abs(stride.length - length) <= LENGTH_SPREAD * length
+    ]
+
+
+def summary(values: Sequence[float]) -> dict[str, float | int | None]:
+    """Mean, standard deviation (of a sample: n - 1; None for one alone) and count."""
+    n = len(values)
+    return {
+        "mean": float(np.mean(values)) if n else None,
+        "sd": float(np.std(values, ddof=1)) if n > 1 else None,
+        "n": n,
+    }
+
+
+def symmetry_index(left: float | None, right: float | None) -> float | None:
+    """Difference of the sides in per cent of their mean, positive where the left is larger.
+
+    SI = 100 (L - R) / ((L + R) / 2): Robinson, Herzog and Nigg 1987, Journal of Manipulative and
+    Physiological Therapeutics 10(4), 172-176. None where a side is not known, or neither is above zero.
+    """
+    if left is None or right is None or left + right <= 0.0:
+        return None
+    return 200.0 * (left - right) / (left + right)
+
+
+def parameters(gait: Gait) -> dict[str, dict[str, Any]]:
+    """Per measure "both", "left" and "right", each a `summary`, and "symmetry_percent" of the sides."""
+    table: dict[str, dict[str, Any]] = {}
+    for name, measure in MEASURES.items():
+        sides = {side: [measure(s) for s in gait.strides if s.side == side] for side in SIDES}
+        row: dict[str, Any] = {
+            "both": summary([measure(s) for s in gait.strides]),
+            **{side: summary(values) for side, values in sides.items()},
+        }
+        row["symmetry_percent"] = symmetry_index(row["left"]["mean"], row["right"]["mean"])
+        table[name] = row
+    return table
+
+
+def normalised(gait: Gait) -> dict[str, float]:
+    """Speed and stride length without dimension, so that walkers of different size compare.
+
+    Speed over the root of gravity times leg length, length over leg length: Hof 1996, Gait & Posture 4(3),
+    222-223.
+    """
+    speed = float(np.mean([MEASURES["speed_m_s"](s) for s in gait.strides]))
+    length = float(np.mean([s.length for s in gait.strides]))
+    return {"speed": speed / float(np.sqrt(GRAVITY * gait.leg)), "stride_length": length / gait.leg}
