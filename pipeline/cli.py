@@ -22,6 +22,10 @@ COMMANDS: dict[str, tuple[str, str]] = {
     "retarget": ("kinemimic.retarget.stage:command", "Onto the 20 nodes and the body; JSON and MCAP."),
     "train": ("kinemimic.train.stage:command", "Train a policy that imitates the motion in Bullet."),
     "evaluate": ("kinemimic.evaluate.stage:command", "Score the policy; report, curves, scores.json."),
+    "gait": (
+        "kinemimic.evaluate.gait:command",
+        "Gait of capture, reference and simulation, over what is normal.",
+    ),
     "overlay": (
         "kinemimic.pipeline.depth.overlay:command",
         "A video of a depth recording and its skeleton.",
