@@ -127,7 +127,12 @@ def run(
 
 
 def _capture_files(capture: Path, folder: Path) -> dict[str, Path]:
-    """The capture and what belongs to it: by rule, and by what the last `ingest` read beside it."""
+    """The capture and what belongs to it: by rule, and by what the last `ingest` read beside it.
+
+    Of a capture that is a folder (a depth recording), every file in it.
+    """
+    if capture.is_dir():
+        return {str(file.relative_to(capture)): file for file in sorted(capture.rglob("*")) if file.is_file()}
     kinds = ("truth.parquet", "provenance.json")
     quality = folder / "quality.json"
     report = read_json(quality) if quality.exists() else {}

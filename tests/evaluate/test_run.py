@@ -46,7 +46,10 @@ def stages(monkeypatch: pytest.MonkeyPatch) -> Stages:
             hooks.get(name, lambda: None)()
             folder.mkdir(parents=True, exist_ok=True)
             read = [(folder / file).read_text() for file in stage.reads if (folder / file).exists()]
-            read += [Path(file).read_text() if name == "ingest" else file for file in context.args[:1]]
+            read += [
+                Path(file).read_text() if name == "ingest" and Path(file).is_file() else file
+                for file in context.args[:1]
+            ]
             for file in stage.writes:
                 made: Any = [name, file, read, context.args[1:]]
                 if file == "quality.json":
@@ -96,6 +99,16 @@ def test_a_changed_companion_of_the_capture_counts(stages: Stages, capture: Path
     assert run(capture, tmp_path / "run").ran == ()
     description.write_text("unit = 'mm'")
     assert run(capture, tmp_path / "run").ran == NAMES
+
+
+def test_a_changed_file_of_a_capture_that_is_a_folder_counts(stages: Stages, tmp_path: Path) -> None:
+    folder = tmp_path / "recording"
+    (folder / "depth").mkdir(parents=True)
+    (folder / "depth" / "000000.png").write_text("a frame")
+    assert run(folder, tmp_path / "run").ran == NAMES
+    assert run(folder, tmp_path / "run").ran == ()
+    (folder / "depth" / "000000.png").write_text("another frame")
+    assert run(folder, tmp_path / "run").ran == NAMES
 
 
 def test_a_changed_option_does_its_stage_and_all_after_it(
