@@ -27,7 +27,8 @@ inDegrees=yes
 
 Units are S.I. units (second, meters, Newtons, ...)
 Angles are in degrees. X is forward, Y up, Z to the right.
-knee_angle is negative in flexion, as in gait2354; elbow_flex is positive.
+knee_angle is negative in flexion, as in gait2354; elbow_flex is positive; ankle_angle is dorsiflexion.
+Turns of the foot to the side, of neck and wrists are not in this file.
 pelvis_tx, ty, tz put the model's hip joints where the motion's are; the model keeps its own lengths.
 endheader"""
 
@@ -35,8 +36,9 @@ endheader"""
 def write_mot(path: Path, poses: Poses) -> None:
     """Write poses of the 20 nodes, angles in degrees and places in metres.
 
-    Hinges (knees, ankles, elbows) get the part of their turn about the lateral axis, which is all of it
-    unless a simulated joint gave way; neck and wrists have no coordinates in these models.
+    Hinges (knees, ankles, elbows) get the part of their turn about the lateral axis: all of it in knees and
+    elbows, unless a simulated joint gave way, but a foot's turn to the side is lost. Neck and wrists have no
+    coordinates in these models.
     """
     if poses.skeleton.names != NODES:
         raise ValueError("only the 20 nodes have coordinates in OpenSim's models")
