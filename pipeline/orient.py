@@ -12,36 +12,38 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from kinemimic.pipeline.angles import pelvis_frame
 from kinemimic.pipeline.rotations import (
     IDENTITY,
     conjugate,
     continuous,
     from_axis_angle,
-    from_two_axes,
     multiply,
-    normalize,
     rotate,
 )
 from kinemimic.pipeline.skeleton import NODE_INDEX as N
 from kinemimic.pipeline.skeleton import NODE_PARENTS, NODES
+from kinemimic.pipeline.trunk import direction, pelvis_frames, swing, torso_frames
+from kinemimic.pipeline.twist import follow
 
 Array = NDArray[np.float64]
 
-# Sine of the bend below which the hinge axis fades from the bend's own normal to the parent's lateral axis:
-# near straight the normal is mere noise, and at straight it does not exist.
-BEND_FADE = 0.15
 # Angle below the horizontal of the line from ankle to toe of a foot that stands flat.
 FOOT_DROP = 0.205
 _DOWN = np.array([0.0, 0.0, -1.0])
 _UP = -_DOWN
 _LEFT = np.array([0.0, 1.0, 0.0])
-# No field of frames is continuous over all directions of a bone. Swinging by way of a direction somewhat in
-# front puts the one singular direction opposite to it, where neither a thigh nor an upper arm can point.
+# Swinging a bone by way of a direction in the middle of its range puts the one direction at which the swing
+# is undefined opposite to it: behind and above the hip, behind the shoulder, where no bone can point.
 _BY_WAY_OF = {
     "leg": np.array([np.sin(0.8), 0.0, -np.cos(0.8)]),
-    "arm": np.array([np.sin(0.5), 0.0, -np.cos(0.5)]),
+    "arm": np.array([np.sin(1.2), 0.0, -np.cos(1.2)]),
 }
+# How far from there a limb can point, and from its rest a head, a hand, a foot, the trunk on the pelvis.
+_LIMB, _END = np.radians(150.0), np.radians(120.0)
+_TOE = np.array([np.cos(FOOT_DROP), 0.0, -np.sin(FOOT_DROP)])
+# Sine of the bend that shows a thigh's turn however far it goes, as of someone who sits cross-legged; a knee
+# that is straighter than that stands beside the leg by the sensor's error as well.
+_BENT = 0.5
 
 
 def node_rotations(positions: Array) -> Array:
@@ -56,37 +58,28 @@ def node_rotations(positions: Array) -> Array:
 def node_frames(positions: Array, *, pelvis: Array | None = None, torso: Array | None = None) -> Array:
     """World frames (T, 20, 4) of the bodies at the nodes; end nodes have their parent's.
 
-    pelvis, torso: (T, 4) world frames to use in place of the measured ones; knees, elbows and the
-    continuity of thighs and upper arms are then taken relative to them.
+    Frames are in the sequence of time: a bone's turn about itself is carried over from frame to frame where
+    the points do not show it (pipeline/twist.py). pelvis, torso: (T, 4) world frames to use in place of the
+    measured ones; what hangs on them is then taken relative to them.
     """
     p = np.asarray(positions, dtype=np.float64)
     frames = np.full((len(p), len(NODES), 4), np.nan)
 
-    def vector(start: str, end: str) -> Array:
-        v = p[:, N[end]] - p[:, N[start]]
-        v[np.linalg.norm(v, axis=-1) < 1e-6] = np.nan
-        return v
-
-    frames[:, N["hip_center"]] = _measured_pelvis(p) if pelvis is None else pelvis
-    trunk = _frame(vector("spine", "shoulder_center"), vector("shoulder_right", "shoulder_left"), "ZY")
-    frames[:, N["spine"]] = trunk if torso is None else torso
-    lateral = rotate(frames[:, N["spine"]], _LEFT)
-    frames[:, N["shoulder_center"]] = _frame(vector("shoulder_center", "head"), lateral, "ZY")
+    frames[:, N["hip_center"]] = pelvis_frames(p) if pelvis is None else pelvis
+    frames[:, N["spine"]] = torso_frames(p) if torso is None else torso
+    head = direction(p, "shoulder_center", "head")
+    frames[:, N["shoulder_center"]] = _swung(frames[:, N["spine"]], _UP, head)
     for side in ("left", "right"):
         for limb, parent, joints in (
             ("leg", "hip_center", ("hip", "knee", "ankle", "foot")),
             ("arm", "spine", ("shoulder", "elbow", "wrist", "hand")),
         ):
             first, hinge, last, end = (f"{joint}_{side}" for joint in joints)
-            upper, lower = vector(first, hinge), vector(hinge, last)
-            frames[:, N[first]] = _upper_limb(frames[:, N[parent]], upper, lower, limb, side)
+            upper, lower = direction(p, first, hinge), direction(p, hinge, last)
+            frames[:, N[first]] = _upper_limb(frames[:, N[parent]], upper, lower, limb)
             frames[:, N[hinge]] = _below_hinge(frames[:, N[first]], lower)
-            axis = rotate(frames[:, N[hinge]], _LEFT)
-            if limb == "leg":
-                toe = _frame(vector(last, end), axis, "XY")
-                frames[:, N[last]] = multiply(toe, from_axis_angle("Y", -FOOT_DROP))
-            else:
-                frames[:, N[last]] = _frame(-vector(last, end), axis, "ZY")
+            at_rest = _TOE if limb == "leg" else _DOWN
+            frames[:, N[last]] = _swung(frames[:, N[hinge]], at_rest, direction(p, last, end))
             frames[:, N[end]] = frames[:, N[last]]
     frames[:, N["head"]] = frames[:, N["shoulder_center"]]
     return frames
@@ -102,64 +95,44 @@ def local_rotations(frames: Array) -> Array:
     return continuous(local)
 
 
-def _frame(primary: Array, secondary: Array, names: str) -> Array:
-    """`from_two_axes` where both vectors are there and not parallel, NaN elsewhere."""
-    frames = np.full((len(primary), 4), np.nan)
-    across = np.linalg.norm(np.cross(primary, secondary), axis=-1)
-    good = across > 1e-9 * np.linalg.norm(primary, axis=-1) * np.linalg.norm(secondary, axis=-1)
-    if good.any():
-        frames[good] = from_two_axes(primary[good], secondary[good], names)
-    return frames
+def _swung(parent: Array, at_rest: Array, towards: Array) -> Array:
+    """World frames (T, 4) that the smallest turn from the parent's makes, whose `at_rest` (3,) points along
+    `towards` (T, 3): of a head, a hand, a foot, whose own turn no point shows."""
+    return multiply(parent, swing(at_rest, rotate(conjugate(parent), towards), _END))
 
 
-def _measured_pelvis(p: Array) -> Array:
-    joints = [p[:, N[name]] for name in ("hip_left", "hip_right", "hip_center", "spine")]
-    lateral, up = joints[0] - joints[1], joints[3] - joints[2]
-    frames = np.full((len(p), 4), np.nan)
-    across = np.linalg.norm(np.cross(lateral, up), axis=-1)
-    good = across > 1e-9
-    if good.any():
-        frames[good] = pelvis_frame(*(joint[good] for joint in joints))
-    return frames
-
-
-def _shortest(start: Array, end: Array) -> Array:
-    """The turn (..., 4) by the smallest angle that takes unit vector start to unit vector end."""
-    q = np.concatenate([np.cross(start, end), 1.0 + np.sum(start * end, axis=-1, keepdims=True)], axis=-1)
-    return normalize(np.where(q[..., 3:] > 1e-9, q, [0.0, 1.0, 0.0, 0.0]))
-
-
-def _upper_limb(parent: Array, upper: Array, lower: Array, limb: str, side: str) -> Array:
+def _upper_limb(parent: Array, upper: Array, lower: Array, limb: str) -> Array:
     """World frames (T, 4) of thigh or upper arm: -Z along the bone, Y along the hinge axis of the next joint.
 
-    The bone's direction alone gives an untwisted frame (the shortest swing from the parent); the bend of the
-    next joint then gives the twist, to the degree that there is a bend.
+    The bone's direction alone gives an untwisted frame, the swing from the parent; the bend of the next joint
+    then gives the turn about the bone.
     """
-    direction = upper / np.linalg.norm(upper, axis=-1, keepdims=True)
     middle = _BY_WAY_OF[limb]
-    to_middle = _shortest(_DOWN, middle)
-    local = rotate(conjugate(parent), direction)
-    swing = multiply(parent, multiply(_shortest(np.broadcast_to(middle, local.shape), local), to_middle))
-    below = rotate(conjugate(swing), lower / np.linalg.norm(lower, axis=-1, keepdims=True))
+    local = rotate(conjugate(parent), upper)
+    untwisted = multiply(swing(middle, local, _LIMB), swing(_DOWN, middle, _LIMB))
+    shank = rotate(conjugate(parent), lower)
+    below = rotate(conjugate(untwisted), shank)
+    # The way in which the joint bends: an elbow to the front of its axis, a knee to the back.
+    ahead, aside = (below[:, 0], below[:, 1]) if limb == "arm" else (-below[:, 0], -below[:, 1])
+    bend = np.hypot(ahead, aside)
     if limb == "leg":
-        # Along: the bend about the lateral axis, backward positive; a knee also bends somewhat to the front
-        # (by noise or hyperextension), where its axis must not turn over: odd in `along`, so it does not.
-        along, across = -below[:, 0], below[:, 1]
-        twist = np.arctan(across * along / (along**2 + BEND_FADE**2))
-        # The shank's sideways part goes to the left (+Y) when the thigh, knee bent, is turned about its
-        # axis so that "backward" looks left: clockwise from above.
-        return multiply(swing, from_axis_angle("Z", -twist))
-    # A forearm bends to one side only, but the upper arm turns inward far enough to put the hand behind the
-    # back: count its turn from 60 degrees inward, so that the cut lies outward, where no forearm points.
-    inward = 1.0 if side == "right" else -1.0
-    centre = inward * np.pi / 3.0
-    bend = np.hypot(below[:, 0], below[:, 1])
-    turn = np.arctan2(below[:, 1], below[:, 0])
-    turn = centre + np.mod(turn - centre + np.pi, 2.0 * np.pi) - np.pi
-    return multiply(swing, from_axis_angle("Z", turn * bend**2 / (bend**2 + BEND_FADE**2)))
+        # A knee that is nearly straight bends to the front as well, by noise or hyperextension, where its
+        # axis must not turn over; and what it bends sideways is the sensor's, not a turned thigh.
+        # A leg that bends to the front by more than 45 degrees is none.
+        ahead = np.where(ahead < -np.sin(np.pi / 4.0), np.nan, ahead)
+        along = np.abs(ahead) / np.where(bend > 0, bend, 1.0)
+        ahead, aside = np.abs(ahead), np.where(ahead < 0, -aside, aside)
+        bend = bend * np.clip(along / np.clip(1.0 - 0.75 * bend / _BENT, 0.25, 1.0), 0.0, 1.0) ** 2
+    turn = follow(np.arctan2(aside, ahead), bend, np.stack([local, shank], axis=1))
+    return multiply(parent, multiply(untwisted, from_axis_angle("Z", turn)))
 
 
 def _below_hinge(above: Array, lower: Array) -> Array:
-    """World frames (T, 4) of shank or forearm: turned about the Y of the bone above, -Z towards `lower`."""
+    """World frames (T, 4) of shank or forearm: turned about the Y of the bone above, -Z towards `lower`.
+
+    NaN where that lies more than 60 degrees out of the plane in which the joint bends.
+    """
     local = rotate(conjugate(above), lower)
-    return multiply(above, from_axis_angle("Y", np.arctan2(-local[:, 0], -local[:, 2])))
+    in_plane = np.hypot(local[:, 0], local[:, 2])
+    seen = np.where(in_plane > 0.5, np.arctan2(-local[:, 0], -local[:, 2]), np.nan)
+    return multiply(above, from_axis_angle("Y", follow(seen, in_plane, local[:, None])))
