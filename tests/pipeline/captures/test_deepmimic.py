@@ -102,6 +102,16 @@ def test_damage_is_named(tmp_path: Path, damage: object, message: str) -> None:
         read_deepmimic(path)
 
 
+@pytest.mark.parametrize("name", ["backflip", "cartwheel", "crawl", "kick", "punch", "roll", "spin"])
+def test_every_stock_motion_is_read(name: str) -> None:
+    """Some of their quaternions are shorter than one: told, and brought to length one."""
+    clip = read_deepmimic(stock_motion(name))
+    assert clip.rotations is not None
+    np.testing.assert_allclose(np.linalg.norm(clip.rotations, axis=-1), 1.0, atol=1e-12)
+    told = any("brought to length one" in note for note in clip.provenance["reading"]["notes"])
+    assert told == (name != "crawl")
+
+
 def test_the_known_walk_comes_back() -> None:
     (content,) = files(40).values()
     clip, walk = read_source(Source.of_text(content.decode(), Path("walk.txt"))), rigid_walk(40, 30.0)
