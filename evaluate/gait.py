@@ -73,4 +73,4 @@ def command(run: Path, as_json: bool) -> None:
     if as_json:
         click.echo(json.dumps(report, indent=2))
     else:
-        Console(highlight=False).print(table(report, run), soft_wrap=True)
+        Console(highlight=False, markup=False).print(table(report, run), soft_wrap=True)

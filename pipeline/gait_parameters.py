@@ -133,35 +133,49 @@ def _strides(number: int, feet: Feet) -> tuple[list[Stride], int]:
     for foot, side in enumerate(SIDES):
         other = 1 - foot
         for start, end in zip(feet.strikes[foot], feet.strikes[foot][1:], strict=False):
-            moments = [
-                times[(times > start) & (times < end)]
-                for times in (feet.offs[foot], feet.strikes[other], feet.offs[other])
-            ]
+            off, opposite = (
+                times[(times > start) & (times < end)] for times in (feet.offs[foot], feet.strikes[other])
+            )
             inside = (feet.times >= start) & (feet.times <= end)
-            if any(len(times) != 1 for times in moments) or feet.seen[inside].mean() < SEEN:
+            if len(off) != 1 or len(opposite) != 1 or feet.seen[inside].mean() < SEEN:
                 unseen += 1
                 continue
-            off, opposite, opposite_off = (float(times[0]) for times in moments)
-            first, last = (_at(feet, foot, moment) for moment in (start, end))
-            between = _at(feet, other, opposite)
+            first, last, between = (
+                _at(feet, *place) for place in ((foot, start), (foot, end), (other, opposite[0]))
+            )
             length = float(np.hypot(*(last - first)))
-            along = (last - first) / length
-            step = last - between
-            both = max(0.0, off - opposite)
-            none = max(0.0, opposite - off)
-            # The other foot is on the ground as the stride begins, unless it is yet to come down and leave.
-            if opposite_off < opposite:
-                both += opposite_off - start
-            else:
-                none += end - opposite_off
+            along, step = (last - first) / length, last - between
+            both, none = _support(start, off[0], end, opposite[0], feet.offs[other])
             strides.append(
                 Stride(
-                    number, side, float(start), off, float(end), length, float(end) - opposite,
-                    float(step @ along), float(abs(along[0] * step[1] - along[1] * step[0])),
-                    both / (end - start), none / (end - start),
+                    group=number,
+                    side=side,
+                    start=float(start),
+                    off=float(off[0]),
+                    end=float(end),
+                    length=length,
+                    step_time=float(end - opposite[0]),
+                    step_length=float(step @ along),
+                    width=float(abs(along[0] * step[1] - along[1] * step[0])),
+                    double_support=both,
+                    flight=none,
                 )
-            )  # fmt: skip
+            )
     return strides, unseen
+
+
+def _support(start: float, off: float, end: float, opposite: float, offs: Array) -> tuple[float, float]:
+    """Shares of a stride with both feet on the ground and with none.
+
+    The other foot comes down at `opposite`; `offs`: when it leaves the ground, now and at other times. In
+    walking that is after the stride has begun, in running before, and again before it ends.
+    """
+    left, leaves = offs[offs < opposite], offs[offs > opposite]
+    before = max(float(left[-1]) if len(left) else start, start)
+    after = min(float(leaves[0]) if len(leaves) else end, end)
+    both = min(before, off) - start + max(0.0, min(off, after) - opposite)
+    none = (end - start) - (off - start) - (before - start) - (after - opposite) + both
+    return float(both / (end - start)), float(none / (end - start))
 
 
 def _at(feet: Feet, foot: int, moment: float) -> Array:

@@ -76,6 +76,7 @@ def test_the_page_is_whole_and_asks_for_nothing_from_outside(page, evidence):
     assert number(evidence.scores["fit"]["knee"]["r2"], 3) in text
     assert number(evidence.scores["no_policy"]["fit"]["hip"]["r2"], 3) in text
     assert "made <up>.bvh" in text
+    assert "Gait parameters" in text and "cadence" in text
 
 
 def test_sections_follow_the_files_of_other_stages_and_a_real_capture_has_no_banner(tmp_path, page, evidence):
