@@ -14,7 +14,7 @@ TRAINING = $(if $(PRESET),--preset "$(PRESET)") $(if $(BUDGET),--budget "$(BUDGE
 FILES := $(sort $(shell find pipeline retarget train evaluate datasets -type f -not -path '*/__pycache__/*'))
 STAMP := $(VENV)/installed-$(firstword $(shell echo '$(FILES)' | cksum))
 
-.PHONY: help setup formats inspect run ingest convert retarget train evaluate view export overlay test test-slow lint type format bench clean
+.PHONY: help setup formats inspect run ingest convert retarget train evaluate view export overlay test test-slow lint type format bench bench-clean clean
 .DEFAULT_GOAL := help
 
 help: ## This list
@@ -56,6 +56,9 @@ train: setup ## A policy that imitates the motion (PRESET= BUDGET= SEED=)
 evaluate: setup ## Scores, report, curves
 	$(KINEMIMIC) evaluate --run "$(RUN)"
 
+gait: setup ## Cadence, stride, symmetry and curves of RUN= over what is normal
+	$(KINEMIMIC) gait --run "$(RUN)"
+
 view: setup ## The rerun recording
 	$(KINEMIMIC) view --run "$(RUN)"
 
@@ -84,8 +87,12 @@ format: setup ## Let ruff rewrite the files
 	$(BIN)/ruff check --fix
 	$(BIN)/ruff format
 
-bench: setup ## Every tests/bench/bench_*.py
-	@set -e; for script in $(sort $(wildcard tests/bench/bench_*.py)); do echo "$$script"; $(BIN)/python "$$script"; done
+# The comparison of filters takes minutes, and answers another question than speed.
+bench: setup ## Speed: every tests/bench/bench_*.py but the next
+	@set -e; for script in $(sort $(filter-out %/bench_clean.py,$(wildcard tests/bench/bench_*.py))); do echo "$$script"; $(BIN)/python "$$script"; done
+
+bench-clean: setup ## Every filter against the virtual Kinect's truth: which is the default
+	$(BIN)/python tests/bench/bench_clean.py
 
 # .venv goes with build/, which holds the links of the editable install. runs/ holds hours of training: it stays.
 clean: ## Remove all that was built, but not runs/

@@ -24,7 +24,8 @@ from kinemimic.train.config import PRESETS
 
 # The capture that `run` makes when it is given none; a virtual Kinect always records the same one.
 VIRTUAL_STAGE = "virtual"
-FILTERS = ("butterworth", "none")  # as in `ingest`, whose module is not loaded for --help
+# As in `ingest`, whose module is not loaded for --help.
+FILTERS = ("kalman", "butterworth", "one-euro", "none")
 VIRTUAL_SEED = 0
 VIRTUAL_CAPTURE = "capture/kinect_walk_euler.bvh"
 VIRTUAL_FILES = (

@@ -14,9 +14,9 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-from kinemimic.pipeline.clean import runs
 from kinemimic.pipeline.clip import Clip
 from kinemimic.pipeline.skeleton import MISSING
+from kinemimic.pipeline.spans import runs
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]

@@ -10,7 +10,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 
 from kinemimic.pipeline.acquire import SHORTEST_PASS, Acquisition, acquire, in_passes
-from kinemimic.pipeline.clean import CUTOFF
+from kinemimic.pipeline.clean import FILTERS, WORDS
 from kinemimic.pipeline.clip import Clip
 from kinemimic.pipeline.defect import RULES, Defect, defect_from_json, in_order
 from kinemimic.pipeline.errors import KinemimicError
@@ -87,12 +87,12 @@ def _passes(clip: Clip) -> tuple[Clip, Acquisition]:
     return in_passes(clip, acquisition), acquisition
 
 
-def plan(examination: Examination, *, butterworth: bool | None = None) -> list[str]:
-    """What ingest will do with the capture, in sentences; butterworth: by default as ingest chooses."""
-    return list(_sentences(examination, butterworth))
+def plan(examination: Examination, *, filter_name: str | None = None) -> list[str]:
+    """What ingest will do with the capture, in sentences; filter_name: by default as ingest chooses."""
+    return list(_sentences(examination, filter_name))
 
 
-def _sentences(examination: Examination, butterworth: bool | None) -> Iterator[str]:
+def _sentences(examination: Examination, filter_name: str | None) -> Iterator[str]:
     if examination.refused is not None:
         yield f"refused: {examination.refused.text}"
         return
@@ -107,13 +107,8 @@ def _sentences(examination: Examination, butterworth: bool | None) -> Iterator[s
     for defect in examination.defects:
         if defect.action == "repaired" or defect.rule == "gaps":
             yield f"{RULES[defect.rule]}: {defect.text}"
-    positions, low_pass = clip.euler is None, f"zero-phase Butterworth, 4th order, {CUTOFF:g} Hz"
-    if not (positions if butterworth is None else butterworth):
-        yield f"{'positions' if positions else 'rotations'} are not filtered"
-    elif positions:
-        yield f"spikes are taken out and positions low-passed ({low_pass})"
-    else:
-        yield f"rotations are low-passed ({low_pass})"
+    what = "positions" if clip.euler is None else "rotations"
+    yield f"{what}: {WORDS[filter_name or FILTERS[0]]}"
 
 
 def _nobody(clip: Clip, acquisition: Acquisition) -> Defect:

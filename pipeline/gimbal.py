@@ -17,10 +17,10 @@ from rich.console import Group, RenderableType
 from rich.table import Table
 from rich.text import Text
 
-from kinemimic.pipeline.clean import runs
 from kinemimic.pipeline.clip import Clip
 from kinemimic.pipeline.euler import order_name
 from kinemimic.pipeline.rotations import angle_between
+from kinemimic.pipeline.spans import runs
 
 Array = NDArray[np.float64]
 

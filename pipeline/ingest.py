@@ -13,7 +13,7 @@ import pyarrow.parquet as pq
 from rich.console import Console
 
 from kinemimic.pipeline.captures.recognise import read
-from kinemimic.pipeline.clean import clean
+from kinemimic.pipeline.clean import FILTERS, clean
 from kinemimic.pipeline.clip import Clip
 from kinemimic.pipeline.errors import CaptureError, KinemimicError
 from kinemimic.pipeline.examine import examine
@@ -21,13 +21,11 @@ from kinemimic.pipeline.provenance import provenance
 from kinemimic.pipeline.quality import quality, table
 from kinemimic.pipeline.store import atomic, read_json, write_clip, write_json
 
-FILTERS: tuple[str, ...] = ("butterworth", "none")
-
 
 def ingest(capture: Path, run: Path, *, filter_name: str | None = None) -> Clip:
     """Read a capture and write raw.parquet, clip.parquet, quality.json (and truth.parquet) to the run folder.
 
-    filter_name: "butterworth" or "none"; by default positions are filtered and rotations are not.
+    filter_name: one of FILTERS; by default the one that `make bench-clean` found best.
     raw.parquet holds the frames as recorded but for what the rules repaired (sides, axes, units; unfiltered,
     gaps NaN); clip.parquet the same frames cleaned; quality.json every defect, repaired or flagged.
     A file NAME.truth.parquet beside the capture NAME.* marks it as simulated and is copied; what
@@ -42,7 +40,7 @@ def ingest(capture: Path, run: Path, *, filter_name: str | None = None) -> Clip:
     examination = examine(recorded)
     if examination.refused is not None:
         raise CaptureError(capture, expected="a person's movement", found=examination.refused.text)
-    chosen = filter_name or ("none" if recorded.euler is not None else "butterworth")
+    chosen = filter_name or FILTERS[0]
     made_by = provenance(
         "ingest", inputs={"capture": recorded.provenance["sha256"]}, config={"filter": chosen}
     )
@@ -55,7 +53,7 @@ def ingest(capture: Path, run: Path, *, filter_name: str | None = None) -> Clip:
             **made_by,
         },
     )
-    cleaned, cleaning = clean(raw, butterworth=chosen == "butterworth")
+    cleaned, cleaning = clean(raw, chosen)
     report = quality(raw, examination.acquisition, cleaning, examination.defects)
     write_clip(run / "raw.parquet", raw)
     write_clip(run / "clip.parquet", cleaned)
@@ -102,7 +100,7 @@ def _note(capture: Path) -> dict[str, Any]:
     "--filter",
     "filter_name",
     type=click.Choice(FILTERS),
-    help="Low-pass: by default positions get a 6 Hz zero-phase Butterworth, rotations none.",
+    help="What takes out the noise; by default the Kalman smoother.",
 )
 @click.option("--json", "as_json", is_flag=True, help="Print the quality report as JSON.")
 def command(capture: Path | None, run: Path, filter_name: str | None, as_json: bool) -> None:

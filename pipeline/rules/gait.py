@@ -7,10 +7,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from kinemimic.pipeline.clean import runs
 from kinemimic.pipeline.clip import Clip
 from kinemimic.pipeline.rules.body import between, nodes_of
 from kinemimic.pipeline.skeleton import NODE_INDEX as N
+from kinemimic.pipeline.spans import runs
 
 Array = NDArray[np.float64]
 

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from kinemimic.pipeline.clean import LONGEST_GAP
 from kinemimic.pipeline.clip import Clip
 from kinemimic.pipeline.defect import Defect
+from kinemimic.pipeline.fill import LONGEST_GAP
 from kinemimic.pipeline.rules.runs import frame_runs
 from kinemimic.pipeline.rules.words import several
 from kinemimic.pipeline.skeleton import MISSING
@@ -46,7 +46,7 @@ def check(clip: Clip) -> list[Defect]:
 
 
 def _gaps(clip: Clip, missing: np.typing.NDArray[np.bool_]) -> tuple[int, int, float]:
-    """Number of gaps, how many of them `clean.fill` fills, and the longest in seconds."""
+    """Number of gaps, how many of them `fill` fills, and the longest in seconds."""
     step = float(np.median(np.diff(clip.times)))
     # A gap ends with its pass: one row between passes keeps neighbours apart.
     starts = np.flatnonzero(np.diff(clip.passes)) + 1

@@ -10,10 +10,10 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from kinemimic.pipeline.clean import runs
 from kinemimic.pipeline.clip import Clip
 from kinemimic.pipeline.defect import Defect
 from kinemimic.pipeline.rules.body import between, nodes_of, unit
+from kinemimic.pipeline.spans import runs
 
 Array = NDArray[np.float64]
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from kinemimic.pipeline.clean import runs
+from kinemimic.pipeline.spans import runs
 
 # A list of more runs than this is for a program, not a person; the counts are whole all the same.
 _MOST = 100

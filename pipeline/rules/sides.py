@@ -13,12 +13,12 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from kinemimic.pipeline.clean import runs
 from kinemimic.pipeline.clip import Clip
 from kinemimic.pipeline.defect import Defect
 from kinemimic.pipeline.nodes import joints_of_nodes
 from kinemimic.pipeline.rules.runs import frame_runs
 from kinemimic.pipeline.rules.words import several
+from kinemimic.pipeline.spans import runs
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]

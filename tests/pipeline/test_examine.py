@@ -48,7 +48,7 @@ def test_a_sound_capture_comes_through_untouched(kind: str) -> None:
     assert np.array_equal(examination.clip.positions, clip.positions)
     assert plan(examination) == [
         "1 pass of 240 frames in all, 8.0 s",
-        "spikes are taken out and positions low-passed (zero-phase Butterworth, 4th order, 6 Hz)",
+        "positions: Kalman-RTS smoother, cut-offs by likelihood, wild values overruled",
     ]
 
 
@@ -107,7 +107,7 @@ def test_the_plan_tells_gaps_and_filters() -> None:
     clip.positions[50:53, 7], clip.states[50:53, 7] = np.nan, 0
     sentences = plan(examine(clip))
     assert any("of up to 0.2 s will be filled" in sentence for sentence in sentences)
-    assert plan(examine(walk()), butterworth=False)[-1] == "positions are not filtered"
+    assert plan(examine(walk()), filter_name="none")[-1] == "positions: not filtered"
 
 
 def test_clips_of_one_frame_and_of_two(node_clip: Build) -> None:

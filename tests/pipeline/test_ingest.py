@@ -80,16 +80,16 @@ def test_positions_are_filtered_by_default_and_raw_is_kept(tmp_path: Path, skl: 
     assert np.array_equal(stored.positions, cleaned.positions)
     assert np.array_equal(raw.times, cleaned.times)
     assert not np.array_equal(raw.positions, cleaned.positions)
-    assert raw.provenance["config"] == {"filter": "butterworth"}
+    assert raw.provenance["config"] == {"filter": "kalman"}
     assert raw.provenance["inputs"]["capture"] == file_hash(tmp_path / "a.skl")
     unfiltered = ingest(tmp_path / "a.skl", tmp_path / "run", filter_name="none")
     assert np.array_equal(unfiltered.positions, raw.positions)
 
 
-def test_rotations_are_filtered_only_when_asked(tmp_path: Path, bvh: Text) -> None:
+def test_rotations_are_filtered_by_default_too(tmp_path: Path, bvh: Text) -> None:
     (tmp_path / "a.bvh").write_text(bvh())
-    assert ingest(tmp_path / "a.bvh", tmp_path / "run").rotations is None
-    assert ingest(tmp_path / "a.bvh", tmp_path / "run", filter_name="butterworth").rotations is not None
+    assert ingest(tmp_path / "a.bvh", tmp_path / "run").rotations is not None
+    assert ingest(tmp_path / "a.bvh", tmp_path / "run", filter_name="none").rotations is None
 
 
 def test_the_same_capture_twice_gives_the_same_bytes(tmp_path: Path, skl: Text) -> None:

@@ -38,7 +38,7 @@ def clip(node_clip: Build) -> Clip:
 def test_counts(clip: Clip) -> None:
     acquisition = acquire(clip)
     raw = in_passes(clip, acquisition)
-    _, cleaning = clean(raw, butterworth=True)
+    _, cleaning = clean(raw, "butterworth")
     report = quality(raw, acquisition, cleaning, DEFECTS)
     assert report["frames"] == report["frames_in_passes"] == 100
     assert report["complete_frames"] == 75
@@ -64,7 +64,7 @@ def test_bones(clip: Clip) -> None:
     down = np.where(np.arange(100) % 2, 0.36, 0.44)[:, None] * [0.0, 0.0, -1.0]
     clip.positions[:, NODE_INDEX["ankle_left"]] = clip.positions[:, NODE_INDEX["knee_left"]] + down
     acquisition = acquire(clip)
-    report = quality(clip, acquisition, clean(clip, butterworth=False)[1], ())
+    report = quality(clip, acquisition, clean(clip, "none")[1], ())
     knee, ankle = report["joints"]["knee_left"], report["joints"]["ankle_left"]
     assert (knee["bone_m"], knee["bone_cv"]) == (0.4, 0.0)
     assert (ankle["bone_m"], ankle["bone_cv"]) == (0.4, 0.1)
@@ -76,7 +76,7 @@ def test_frames_outside_passes_do_not_count(clip: Clip) -> None:
     clip.positions[:10] = np.nan
     acquisition = acquire(clip)
     raw = in_passes(clip, acquisition)
-    report = quality(raw, acquisition, clean(raw, butterworth=True)[1], ())
+    report = quality(raw, acquisition, clean(raw, "butterworth")[1], ())
     assert report["frames_in_passes"] == 90
     assert report["joints"]["spine"]["tracked"] == 1.0
     assert report["events"][2] == {"frame": 10, "time": 0.3333, "state": "tracking", "reason": "subject seen"}
@@ -84,7 +84,7 @@ def test_frames_outside_passes_do_not_count(clip: Clip) -> None:
 
 def test_the_table_says_when_a_capture_is_simulated(clip: Clip) -> None:
     simulated = replace(clip, provenance={**clip.provenance, "simulated": True})
-    report = quality(simulated, acquire(clip), clean(clip, butterworth=True)[1], DEFECTS)
+    report = quality(simulated, acquire(clip), clean(clip, "butterworth")[1], DEFECTS)
     console = Console(width=120)
     with console.capture() as captured:
         console.print(table(report))

@@ -1,0 +1,37 @@
+"""Stretches of frames: of a mask, of a pass, of values that are there."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from itertools import pairwise
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+Mask = NDArray[np.bool_]
+
+
+def runs(mask: Mask) -> Iterator[slice]:
+    """The stretches of True in a mask (T,)."""
+    edges = np.flatnonzero(np.diff(np.concatenate([[False], mask, [False]]).astype(np.int8)))
+    yield from (slice(int(begin), int(end)) for begin, end in edges.reshape(-1, 2))
+
+
+def pass_spans(passes: NDArray[np.int32]) -> Iterator[slice]:
+    """The frames of each pass, from the first pass to the last; passes: (T,) as in Clip."""
+    ends = [*(np.flatnonzero(np.diff(passes)) + 1).tolist(), len(passes)]
+    for start, end in pairwise([0, *ends]):
+        if start < end and passes[start] >= 0:
+            yield slice(start, end)
+
+
+def usual_step(times: Array, passes: NDArray[np.int32]) -> float:
+    """The median step in seconds between frames of one pass; 0 where no pass has two frames."""
+    within = (passes[1:] == passes[:-1]) & (passes[1:] >= 0)
+    return float(np.median(np.diff(times)[within])) if within.any() else 0.0
+
+
+def whole(values: Array, axis: int | tuple[int, ...] = -1) -> Mask:
+    """Where no value along `axis` is missing."""
+    return np.asarray(np.isfinite(values).all(axis=axis), dtype=np.bool_)
