@@ -42,17 +42,19 @@ def check(clip: Clip) -> list[Defect]:
     span = max(spans, key=lambda one: float(clip.times[one.stop - 1] - clip.times[one.start]))
     points, rate = nodes_of(clip)[span], clip.rate
     period = stride(points, clip.times[span])
-    if period is None:
+    if period is not None and not HUMAN[0] <= period <= HUMAN[1]:
+        text = (
+            f"at {rate:.4g} Hz a stride takes {period:.2f} s, outside of {HUMAN[0]:g} to {HUMAN[1]:g} s: "
+            f"a usual stride of 1.1 s would mean {rate * period / 1.1:.3g} Hz"
+        )
+        return [Defect("wrong_rate", len(clip.times), "frames", "flagged", text)]
+    speed, bend = parting(points, clip.times[span]), _usual_bend(points)
+    if speed < PARTING or bend > RUNNING_KNEES:
         return []
-    text = f"at {rate:.4g} Hz a stride takes {period:.2f} s"
-    if not HUMAN[0] <= period <= HUMAN[1]:
-        text += f", outside of {HUMAN[0]:g} to {HUMAN[1]:g} s"
-    else:
-        speed, bend = parting(points, clip.times[span]), _usual_bend(points)
-        if speed < PARTING or bend > RUNNING_KNEES:
-            return []
-        text += f" and the ankles part at {speed:.1f} m/s on knees that bend {np.degrees(bend):.0f}°"
-    text += f": no human's; a usual stride of 1.1 s would mean {rate * period / 1.1:.3g} Hz"
+    text = (
+        f"at {rate:.4g} Hz the ankles part at {speed:.1f} m/s, a sprinter's speed, on knees that bend "
+        f"{np.degrees(bend):.0f}°, a walker's: fewer frames a second were recorded than that"
+    )
     return [Defect("wrong_rate", len(clip.times), "frames", "flagged", text)]
 
 
@@ -70,7 +72,8 @@ def parting(points: Array, times: Array) -> float:
 
 def _usual_bend(points: Array) -> float:
     bends = np.concatenate([_bend(points, side) for side in ("left", "right")])
-    return float(np.percentile(bends[np.isfinite(bends)], 95.0))
+    there = bends[np.isfinite(bends)]
+    return float(np.percentile(there, 95.0)) if len(there) else 0.0
 
 
 def stride(points: Array, times: Array) -> float | None:

@@ -96,7 +96,7 @@ def test_a_sprinters_ankles_on_a_walkers_knees(moving: Moving) -> None:
     clip = replace(walk, times=walk.times * 0.55 / period)
     (found,) = rate.check(clip)
     assert (found.rule, found.action) == ("wrong_rate", "flagged")
-    assert "a stride takes 0.55 s and the ankles part at" in found.text
+    assert "the ankles part at" in found.text
     # Who really runs, bends the knees for it.
     assert rate.parting(nodes_of(moving(240, kind="run")), walk.times) > rate.PARTING
     assert rate.check(moving(240, kind="run")) == []
