@@ -20,8 +20,13 @@ Verdict = Literal["accepted", "warned", "refused"]
 ACCEPT, WARN = 0.95, 0.85  # R² of the harmonic
 KEEP = 0.80  # share of frames that the harmonic must explain: the others are leg swaps and wild frames
 SPEED_SPREAD, PERIOD_SPREAD = 0.30, 0.20  # from the median of the passes
-SHORTEST = 25 / 30.0  # seconds of good frames, unless they are a full period
-WALKS = 0.3  # m/s: a pass that advances faster is one of walking
+SHORTEST = 25 / 30.0  # seconds of good frames, unless they are most of a stride
+# A runner crosses a sensor's view in less than a stride. From this share of it one harmonic still tells the
+# period to 5 %; what is missing other passes must show (fit.LARGEST_GAP).
+MOST = 0.75
+# m/s and m: a pass that advances faster and farther is one of walking. A squat moves the hips as fast, not
+# as far.
+WALKS, TRAVELS = 0.3, 0.8
 STEPS = 0.12  # m: half the least stride of the ankles in walking on the spot
 
 
@@ -29,8 +34,9 @@ STEPS = 0.12  # m: half the least stride of the ankles in walking on the spot
 class Pass:
     """One pass over the sensor's view, or what is left of it after trimming.
 
-    number: as in the clip; frames: indices into the clip; heading: radians from +X; speed: m/s;
-    harmonic: of the ankles; bad: (frames,) flagged within the pass; reason: why it was not simply accepted.
+    number: as in the clip; frames: indices into the clip; heading: radians from +X; speed: m/s; travel:
+    metres from one end of the path to the other, along the heading; harmonic: of the ankles; bad: (frames,)
+    flagged within the pass; reason: why it was not simply accepted.
     """
 
     number: int
@@ -41,6 +47,7 @@ class Pass:
     bad: NDArray[np.bool_]
     verdict: Verdict
     reason: str = ""
+    travel: float = 0.0
 
 
 def study_pass(clip: Clip, number: int, bones: Array) -> Pass:
@@ -79,12 +86,15 @@ def study_pass(clip: Clip, number: int, bones: Array) -> Pass:
     verdict, reason = _judge(harmonic, t, bad)
     if on_path and facing < 0:
         verdict, reason = "refused", "walks backward, or left and right are exchanged"
-    return Pass(number, frames, heading, speed, harmonic, bad, verdict, reason)
+    middle = clip.positions[whole][:, [N["hip_left"], N["hip_right"]], :2].mean(axis=1) @ along
+    # Not from end to end: single wild frames go anywhere.
+    travel = float(np.ptp(np.nanpercentile(middle, (5.0, 95.0))))
+    return Pass(number, frames, heading, speed, harmonic, bad, verdict, reason, travel)
 
 
 def _judge(harmonic: Harmonic, times: Array, bad: NDArray[np.bool_]) -> tuple[Verdict, str]:
     good = float(np.median(np.diff(times))) * float((~bad).sum())
-    if good < min(SHORTEST, harmonic.period):
+    if good < min(SHORTEST, MOST * harmonic.period):
         return "refused", f"only {good:.2f} s of good frames"
     if harmonic.kept < KEEP:
         return "refused", f"only {100 * harmonic.kept:.0f} % of the frames follow the ankles' harmonic"
@@ -127,7 +137,7 @@ def _compare(one: Pass, speed: float, period: float) -> Pass:
 def is_gait(passes: list[Pass]) -> bool:
     """Whether somebody walks in any of the passes, well recorded or not: along a path, or on the spot."""
     return any(
-        abs(p.speed) > WALKS
+        (abs(p.speed) > WALKS and p.travel > TRAVELS)
         or (p.verdict != "refused" and p.harmonic is not None and p.harmonic.amplitude > STEPS)
         for p in passes
     )

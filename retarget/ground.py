@@ -9,7 +9,8 @@ from numpy.typing import NDArray
 
 from kinemimic.pipeline import fourier
 from kinemimic.retarget.body import LEG_LENGTH
-from kinemimic.retarget.contact import corner_velocity, lowest, planted, soles
+from kinemimic.retarget.contact import corner_velocity, lowest, of_loop, planted, soles, steps
+from kinemimic.retarget.motion import Motion
 from kinemimic.retarget.scale import pose
 
 Array = NDArray[np.float64]
@@ -122,20 +123,38 @@ def _measure(
     advance = np.array([speed * period, 0.0, 0.0])
     root = sway + phase[:, None] * advance
     world = corners + root[:, None, None]
-    velocity = corner_velocity(world, len(phase) / period, advance)
-    contacts = planted(world, velocity, speed)
-    down = contacts if running else between(phase, SINGLE_SUPPORT)
-    slide = lowest(world, velocity)[down][:, :2]
-    height = world[..., 2].min(axis=-1)
-    return Path(
-        root=root,
-        speed=speed,
-        contacts=contacts,
-        slip=float(np.sqrt(np.mean(np.sum(slide**2, axis=-1)))) if len(slide) else 0.0,
-        slip_recorded=0.0,
-        shift=0.0,
-        penetration=float(max(0.0, -height.min())),
-        floating=float(max(0.0, height.min(axis=1)[grounded].max())),
-        clearance=float(height[between(phase, MID_SWING)].min()),
-        follows=False,
+    velocity = lowest(world, corner_velocity(world, len(phase) / period, advance))
+    contacts = planted(
+        world[..., 2].min(axis=-1),
+        np.linalg.norm(velocity[..., :2], axis=-1),
+        of_loop(speed),
+        rate=len(phase) / period,
+        cyclic=True,
     )
+    blank = Path(root, speed, contacts, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, follows=False)
+    return _judged(blank, world, phase, period, grounded, running)
+
+
+def _judged(path: Path, world: Array, phase: Array, period: float, grounded: Mask, running: bool) -> Path:
+    """The path with its slip, depth, height and clearance, from sole corners (T, 2, 4, 3) in the world."""
+    advance = np.array([path.speed * period, 0.0, 0.0])
+    down = path.contacts if running else between(phase, SINGLE_SUPPORT)
+    slides = steps(world, down, len(phase) / period, advance)
+    height = world[..., 2].min(axis=-1)
+    return replace(
+        path,
+        slip=float(np.sqrt(np.mean(slides**2))) if len(slides) else 0.0,
+        penetration=float(max(0.0, -height.min())),
+        floating=float(max(0.0, height.min(axis=1)[grounded].max(initial=0.0))),
+        clearance=float(height[between(phase, MID_SWING)].min()),
+    )
+
+
+def path_of(motion: Motion, path: Path) -> Path:
+    """What has become of a path on a motion that was laid on it and then refined."""
+    frames = len(motion.root)
+    running = is_running(path.speed)
+    grounded = np.asarray(motion.contacts.any(axis=1)) if running else np.ones(frames, dtype=np.bool_)
+    moved = replace(path, root=motion.root, contacts=motion.contacts)
+    world = soles(*motion.kinematics())
+    return _judged(moved, world, np.arange(frames) / frames, motion.duration, grounded, running)

@@ -14,6 +14,8 @@ from kinemimic.retarget.scale import pose
 Array = NDArray[np.float64]
 
 FLEXION = (-np.radians(25.0), np.radians(20.0))  # ankle: toes down, toes up
+# Of a foot that bears weight: the shank turns over it before the heel comes up (limits.py has the ends).
+STANDING_FLEXION = (-np.radians(40.0), np.radians(45.0))
 SWING_LIFT = np.radians(10.0)  # toes up while the foot swings past, as people do it
 SHANK = float(-node_offsets()[N["ankle_left"], 2])
 
@@ -62,19 +64,28 @@ def neutral_feet(rotations: Array, phase: Array) -> Array:
 
 
 def flat_feet(rotations: Array) -> Array:
-    """Local rotations (T, 20, 4) with both soles level in every frame, looking where the shank looks."""
+    """Local rotations (T, 20, 4) with both soles level, looking where the shank looks, as far as ankles go.
+
+    Beyond that the heel comes up, as behind a lunge, or the toes do.
+    """
     out = rotations.copy()
     frames = pose(rotations)[1]
     for side in ("left", "right"):
         knee, ankle = N[f"knee_{side}"], N[f"ankle_{side}"]
-        out[:, ankle] = multiply(
-            conjugate(frames[:, knee]), from_axis_angle("Z", _lean_and_yaw(frames[:, knee])[1])
-        )
+        lean, yaw = _lean_and_yaw(frames[:, knee])
+        pitch = lean + np.clip(-lean, *STANDING_FLEXION)
+        foot = multiply(from_axis_angle("Z", yaw), from_axis_angle("Y", pitch))
+        out[:, ankle] = multiply(conjugate(frames[:, knee]), foot)
     return out
 
 
 def _lean_and_yaw(frames: Array) -> tuple[Array, Array]:
-    """Pitch (forward positive) and heading (T,) in radians of frames (T, 4)."""
+    """Pitch (forward positive) and heading (T,) in radians of frames (T, 4) of shanks.
+
+    The heading comes from the lateral axis: the front of a runner's shank turns past the vertical.
+    """
+    lateral = rotate(frames, np.array([0.0, 1.0, 0.0]))
+    yaw = np.arctan2(-lateral[:, 0], lateral[:, 1])
     forward = rotate(frames, np.array([1.0, 0.0, 0.0]))
-    lean = np.arctan2(-forward[:, 2], np.hypot(forward[:, 0], forward[:, 1]))
-    return lean, np.arctan2(forward[:, 1], forward[:, 0])
+    ahead = forward[:, 0] * np.cos(yaw) + forward[:, 1] * np.sin(yaw)
+    return np.arctan2(-forward[:, 2], ahead), yaw

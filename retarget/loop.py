@@ -161,8 +161,7 @@ def mean_rotation(q: Array, weights: Array) -> Array:
 
 def fit_joint(strides: Strides, local: Array, name: str, harmonics: int) -> Series | None:
     """Series of one node from its local rotations (M, 4); None where it was hardly ever seen."""
-    nodes = HINGES[name] if name in HINGES else _needed(name)
-    weights = strides.weights[:, [NODE_INDEX[node] for node in nodes]].min(axis=1)
+    weights = strides.weights[:, [NODE_INDEX[node] for node in made_of(name)]].min(axis=1)
     finite = np.asarray(np.isfinite(local).all(axis=-1))
     weights = np.where(finite, weights, 0.0)
     if (weights > 0).sum() < 4 * (1 + 2 * harmonics) // 2 or weights.sum() < 3.0:
@@ -176,8 +175,10 @@ def fit_joint(strides: Strides, local: Array, name: str, harmonics: int) -> Seri
     return Series(mean, coefficients)
 
 
-def _needed(name: str) -> tuple[str, ...]:
+def made_of(name: str) -> tuple[str, ...]:
     """Nodes whose positions a node's rotation is made of, apart from the body that it hangs from."""
+    if name in HINGES:
+        return HINGES[name]
     chain = {"hip": "knee", "ankle": "foot", "shoulder": "elbow", "wrist": "hand"}
     joint, _, side = name.partition("_")
     if name == "hip_center":
@@ -186,6 +187,8 @@ def _needed(name: str) -> tuple[str, ...]:
         return ("spine", "shoulder_center")
     if name == "shoulder_center":
         return ("shoulder_center", "head")
+    if joint not in chain:
+        return (name,)
     return name, f"{chain[joint]}_{side}"
 
 

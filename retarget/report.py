@@ -10,9 +10,11 @@ from numpy.typing import NDArray
 from kinemimic.pipeline.angles import ANGLES
 from kinemimic.pipeline.clip import Clip
 from kinemimic.retarget.cycle import Pass
-from kinemimic.retarget.fit import GaitFit
+from kinemimic.retarget.fit import GaitFit, PlainFit
 from kinemimic.retarget.ground import is_running
+from kinemimic.retarget.measure import Measures, measure
 from kinemimic.retarget.motion import Motion, joint_angles
+from kinemimic.retarget.scale import subject
 
 Array = NDArray[np.float64]
 
@@ -25,8 +27,13 @@ FEW_STRIDES = 2.0
 CADENCE = {"walk": (80.0, 130.0), "run": (130.0, 200.0)}  # steps/min
 
 
-def gait_report(clip: Clip, passes: list[Pass], fit: GaitFit, warnings: list[str]) -> dict[str, Any]:
-    """The JSON value of gait.json for a gait loop; lengths in metres, angles in degrees."""
+def gait_report(
+    clip: Clip, passes: list[Pass], closed: GaitFit, fit: GaitFit, warnings: list[str]
+) -> dict[str, Any]:
+    """The JSON value of gait.json for a gait loop; lengths in metres, angles in degrees.
+
+    closed, fit: before and after the refinement.
+    """
     motion, path = fit.motion, fit.path
     strides = sum(_strides(p, clip) for p in _used(passes, fit))
     if strides < FEW_STRIDES:
@@ -44,7 +51,7 @@ def gait_report(clip: Clip, passes: list[Pass], fit: GaitFit, warnings: list[str
         "speed_m_s": _n(path.speed),
         "speed_capture_m_s": _n(fit.loop.speed),
         "stride_m": _n(path.speed * motion.duration),
-        "stance_ratio": {side: _n(path.contacts[:, k].mean()) for k, side in enumerate(("left", "right"))},
+        "stance_ratio": _stance(motion),
         "range_deg": ranges,
         "strides": _n(strides),
         "frames_used": len(fit.strides.phase),
@@ -60,6 +67,7 @@ def gait_report(clip: Clip, passes: list[Pass], fit: GaitFit, warnings: list[str
             "feet": fit.trust.feet,
             **{name: _n(value) for name, value in fit.trust.measured.items()},
         },
+        "subject": _subject(fit.strides.positions),
         "scale": _n(fit.scale),
         "stance_width_m": _n(fit.width),
         "abduction_deg": _n(np.degrees(fit.abduction)),
@@ -72,12 +80,21 @@ def gait_report(clip: Clip, passes: list[Pass], fit: GaitFit, warnings: list[str
             "slip_m_s": _n(path.slip),
             "slip_recorded_m_s": _n(path.slip_recorded),
         },
+        **{
+            name: {
+                **_measures(measure(one.motion, one.strides.positions, one.strides.phase)),
+                "r2_against_capture": _r2(one),
+            }
+            for name, one in (("closed_form", closed), ("measures", fit))
+        },
         "warnings": [*warnings, *gate(fit, gait, ranges, cadence)],
     }
 
 
-def plain_report(clip: Clip, motion: Motion, one: Pass) -> dict[str, Any]:
-    """The JSON value of gait.json for a movement that is no gait."""
+def plain_report(clip: Clip, fit: PlainFit, motion: Motion, one: Pass) -> dict[str, Any]:
+    """The JSON value of gait.json for a movement that is no gait, from its closed form and the final
+    motion.
+    """
     return {
         "schema": GAIT_SCHEMA,
         "kind": "motion",
@@ -86,6 +103,13 @@ def plain_report(clip: Clip, motion: Motion, one: Pass) -> dict[str, Any]:
         "duration_s": _n(motion.duration),
         "range_deg": {name: _range(curve) for name, curve in joint_angles(motion.rotations).items()},
         "pass": one.number,
+        "stance_ratio": _stance(motion),
+        "subject": _subject(fit.positions),
+        "scale": _n(fit.scale),
+        **{
+            name: _measures(measure(each, fit.positions, fit.phase))
+            for name, each in (("closed_form", fit.motion), ("measures", motion))
+        },
         "warnings": ["nobody walks in this capture: the longest pass is used as it is, without a loop"],
     }
 
@@ -173,6 +197,26 @@ def _pass_row(one: Pass, clip: Clip, fit: GaitFit) -> dict[str, Any]:
     if used:
         row["r2"] = _r2(fit, np.isin(fit.strides.frames, one.frames))
     return row
+
+
+def _stance(motion: Motion) -> dict[str, float | None]:
+    return {side: _n(motion.contacts[:, k].mean()) for k, side in enumerate(("left", "right"))}
+
+
+def _subject(positions: Array) -> dict[str, float | None]:
+    person = subject(positions)
+    return {"height_m": _n(person.height), "mass_at_body_density_kg": _n(person.mass)}
+
+
+def _measures(found: Measures) -> dict[str, Any]:
+    return {
+        "foot_speed_m_s": _n(found.foot_speed),
+        "foot_speed_95_m_s": _n(found.foot_speed_95),
+        "penetration_m": _n(found.penetration),
+        "floating_m": _n(found.floating),
+        "beyond_limits_deg": {joint: _n(np.degrees(angle)) for joint, angle in found.beyond.items()},
+        "node_error_m": _n(found.node_error),
+    }
 
 
 def _range(curve: Array) -> list[float]:

@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 from numpy.typing import NDArray
 
 from kinemimic.pipeline.clip import forward_kinematics
+from kinemimic.pipeline.proportions import stature
 from kinemimic.pipeline.rotations import conjugate, from_axis_angle, multiply
 from kinemimic.pipeline.skeleton import NODE_INDEX as N
 from kinemimic.pipeline.skeleton import node_skeleton
-from kinemimic.retarget.body import LEG_LENGTH, node_offsets
+from kinemimic.retarget.body import LEG_LENGTH, TOTAL_MASS, node_offsets
 from kinemimic.retarget.trim import leg_bones
 
 Array = NDArray[np.float64]
@@ -22,6 +25,23 @@ def length_scale(positions: Array) -> float:
     """Length of Table 1's leg over the person's: the median bones of (M, 20, 3), mean of both sides."""
     left_thigh, left_shank, right_thigh, right_shank = np.nanmedian(leg_bones(positions), axis=0)
     return float(LEG_LENGTH / (0.5 * (left_thigh + left_shank + right_thigh + right_shank)))
+
+
+@dataclass(frozen=True)
+class Subject:
+    """The person in the recording: height in metres by average proportions, and the mass in kg that the
+    Table 1 body would have at their size and its own density.
+    """
+
+    height: float
+    mass: float
+
+
+def subject(positions: Array) -> Subject:
+    """What the legs of (M, 20, 3) say of the person; medians over the frames, so that wild ones do not
+    count.
+    """
+    return Subject(stature(positions), TOTAL_MASS / length_scale(positions) ** 3)
 
 
 def pose(rotations: Array, root: Array | None = None) -> tuple[Array, Array]:

@@ -20,16 +20,19 @@ from kinemimic.retarget.cycle import Pass, is_gait, study_passes, usable
 from kinemimic.retarget.export_json import motion_to_json
 from kinemimic.retarget.export_mcap import write_mcap
 from kinemimic.retarget.fit import fit_gait, plain_motion
+from kinemimic.retarget.ground import path_of
 from kinemimic.retarget.motion import Motion
+from kinemimic.retarget.refine import refine
 from kinemimic.retarget.report import gait_report, plain_report
 
 
-def retarget(run: Path, *, symmetric: bool | None = None) -> Motion:
+def retarget(run: Path, *, symmetric: bool | None = None, refined: bool = True) -> Motion:
     """Put a converted capture on the Table 1 body and write the results into its run folder.
 
     symmetric: make left and right one by pooling the mirror image half a cycle later; None decides that by
-    measurement (`fit.fit_gait`), False keeps a limp. A KinemimicError says why, where somebody walks but no
-    pass can be used.
+    measurement (`fit.fit_gait`), False keeps a limp. refined: keep feet, ground and joint limits by moving
+    all frames together (`refine.refine`); False writes what the closed form gives. A KinemimicError says
+    why, where somebody walks but no pass can be used.
     """
     source = read_clip(run / "quaternions.parquet")
     clip, raw = on_nodes(source), on_nodes(read_clip(run / "raw.parquet"))
@@ -40,19 +43,28 @@ def retarget(run: Path, *, symmetric: bool | None = None) -> Motion:
     if is_gait(passes):
         chosen, warnings = usable(passes)
         fit = fit_gait(clip, chosen, symmetric)
-        motion, trust = fit.motion, fit.trust
-        report = gait_report(clip, passes, fit, warnings)
+        trust, closed = fit.trust, fit
+        if refined:
+            motion = refine(fit.motion)
+            fit = replace(fit, motion=motion, path=path_of(motion, fit.path))
+        motion = fit.motion
+        report = gait_report(clip, passes, closed, fit, warnings)
         spans = [_stride_span(clip, one) for one in chosen]
     else:
         longest = max(passes, key=lambda one: int((clip.passes == one.number).sum()))
-        motion, trust = plain_motion(clip, longest)
-        report = plain_report(clip, motion, longest)
+        plain = plain_motion(clip, longest)
+        trust, motion = plain.trust, plain.motion
+        if refined:
+            motion = refine(motion, plain.seen)
+        report = plain_report(clip, plain, motion, longest)
         spans = [_whole_span(clip, longest, motion)]
     record = {
         "simulated": clip.simulated,
         "capture": dict(source.provenance),
         **provenance(
-            "retarget", inputs={"clip": _hash(clip), "raw": _hash(raw)}, config={"symmetric": symmetric}
+            "retarget",
+            inputs={"clip": _hash(clip), "raw": _hash(raw)},
+            config={"symmetric": symmetric, "refined": refined},
         ),
     }
     motion = replace(motion, provenance=record)
@@ -104,11 +116,28 @@ def _table(report: dict[str, Any]) -> list[str]:
         scores = {name: f"{value:.3f}" if value is not None else "-" for name, value in r2.items()}
     else:
         scores = {}
+    lines += _measures(report["closed_form"], report["measures"])
     for name, (low, high) in report["range_deg"].items():
         lines.append(
             f"  {name:<10} {low:6.1f} to {high:5.1f}°" + (f"   R² {scores[name]}" if name in scores else "")
         )
     return lines + [f"  ! {text}" for text in report["warnings"]]
+
+
+def _measures(closed: dict[str, Any], final: dict[str, Any]) -> list[str]:
+    """What the refinement changed: closed form, then motion."""
+
+    def both(key: str, factor: float) -> str:
+        return " → ".join("-" if row[key] is None else f"{factor * row[key]:.1f}" for row in (closed, final))
+
+    beyond = [row["beyond_limits_deg"] for row in (closed, final)]
+    still = ", ".join(f"{joint} {angle:.0f}°" for joint, angle in beyond[1].items())
+    return [
+        f"  feet       move {both('foot_speed_m_s', 100.0)} cm/s while they stand, "
+        f"sink {both('penetration_m', 1e3)} mm, float {both('floating_m', 1e3)} mm",
+        f"  limits     {len(beyond[0])} → {len(beyond[1])} joints beyond" + (f": {still}" if still else ""),
+        f"  nodes      {both('node_error_m', 1e3)} mm off the recording in the body's lengths",
+    ]
 
 
 @click.command("retarget")
@@ -118,9 +147,16 @@ def _table(report: dict[str, Any]) -> list[str]:
     default=None,
     help="Make both sides one, or keep how they differ; by default decided by measurement.",
 )
+@click.option(
+    "--refine/--no-refine",
+    "refined",
+    default=True,
+    show_default=True,
+    help="Move all frames together so that standing feet stay, nothing sinks, joints keep their limits.",
+)
 @click.option("--json", "as_json", is_flag=True, help="Print gait.json.")
-def command(run: Path, symmetric: bool | None, as_json: bool) -> None:
+def command(run: Path, symmetric: bool | None, refined: bool, as_json: bool) -> None:
     """Onto the 20 nodes and the body of Table 1; for a walk, its gait cycle; JSON and MCAP."""
-    retarget(run, symmetric=symmetric)
+    retarget(run, symmetric=symmetric, refined=refined)
     report = read_json(run / "gait.json")
     click.echo(json.dumps(report, indent=2) if as_json else "\n".join(_table(report)))

@@ -140,8 +140,10 @@ def test_a_movement_on_the_spot_is_no_gait(walker):
     still = replace(clip, positions=standing)
     passes = study_passes(still)
     assert not is_gait(passes)
-    motion, trust = plain_motion(still, passes[0])
-    assert trust.precise and not motion.cyclic
+    fit = plain_motion(still, passes[0])
+    motion = fit.motion
+    assert fit.trust.precise and not motion.cyclic
+    assert motion.contacts.all() and fit.seen.shape == motion.rotations.shape[:2]
     assert motion.duration == pytest.approx(t[-1] - t[0], abs=0.02)
     assert np.abs(motion.root[:, :2]).max() < 1e-9
     bend = -2 * np.arctan2(motion.rotations[:, N["elbow_left"], 1], motion.rotations[:, N["elbow_left"], 3])

@@ -1,0 +1,95 @@
+"""How well a motion keeps to the ground, to the body's limits and to the recording: the same before and
+after.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from itertools import pairwise
+
+import numpy as np
+from numpy.typing import NDArray
+
+from kinemimic.pipeline.skeleton import NODE_INDEX as N
+from kinemimic.retarget.contact import soles, steps
+from kinemimic.retarget.limits import beyond_limits
+from kinemimic.retarget.motion import Motion
+
+Array = NDArray[np.float64]
+
+# Chains along which a recorded figure is put together in the body's lengths: trunk and legs from the middle
+# of the hips, arms from their shoulders, which on the body stand still on the trunk where a person's do
+# not. Feet are left out: no depth sensor sees them.
+_HIPS = "hips"
+_CHAINS: tuple[tuple[str, ...], ...] = (
+    (_HIPS, "shoulder_center", "head"),
+    *(
+        tuple(node if node == _HIPS else f"{node}_{side}" for node in chain)
+        for side in ("left", "right")
+        for chain in ((_HIPS, "hip", "knee", "ankle"), ("shoulder", "elbow", "wrist"))
+    ),
+)
+
+
+@dataclass(frozen=True)
+class Measures:
+    """foot_speed: root mean square in m/s of standing feet over the ground, foot_speed_95: its 95th
+    percentile, NaN where no foot stands; penetration, floating: metres by which a sole is at worst below
+    the ground, and the lower foot above it while one stands; beyond: joint -> radians beyond its limit;
+    node_error: mean distance in metres of the nodes from the recording's, put together in the body's
+    lengths.
+    """
+
+    foot_speed: float
+    foot_speed_95: float
+    penetration: float
+    floating: float
+    beyond: dict[str, float]
+    node_error: float
+
+
+def measure(motion: Motion, recorded: Array, phase: Array) -> Measures:
+    """Measures of a motion made from recorded positions (M, 20, 3) along +X, at phases (M,) in durations."""
+    positions, frames = motion.kinematics()
+    corners = soles(positions, frames)
+    speeds = steps(corners, motion.contacts, motion.rate, motion.cycle_offset if motion.cyclic else None)
+    height = corners[..., 2].min(axis=-1)
+    standing = motion.contacts.any(axis=1)
+    return Measures(
+        foot_speed=float(np.sqrt(np.mean(speeds**2))) if len(speeds) else float("nan"),
+        foot_speed_95=float(np.percentile(speeds, 95)) if len(speeds) else float("nan"),
+        penetration=float(max(0.0, -height.min())),
+        floating=float(max(0.0, height.min(axis=1)[standing].max(initial=0.0))),
+        beyond=beyond_limits(motion.rotations),
+        node_error=_node_error(positions, motion.cyclic, recorded, phase),
+    )
+
+
+def _node_error(positions: Array, cyclic: bool, recorded: Array, phase: Array) -> float:
+    """Mean distance in metres over nodes and frames, each chain from its own beginning."""
+    frames = len(positions)
+    at = np.mod(phase, 1.0) * frames if cyclic else np.clip(phase, 0.0, 1.0) * (frames - 1)
+    before = np.minimum(at.astype(np.intp), frames - 1)
+    after = np.mod(before + 1, frames) if cyclic else np.minimum(before + 1, frames - 1)
+    share = (at - before)[:, None]
+    off = []
+    for chain in _CHAINS:
+        built, own = 0.0, _node(positions, chain[0])
+        for start, end in pairwise(chain):
+            bone = _node(positions, end) - _node(positions, start)
+            seen = _node(recorded, end) - _node(recorded, start)
+            size = np.linalg.norm(seen, axis=-1, keepdims=True)
+            length = np.median(np.linalg.norm(bone, axis=-1))
+            built = built + length * np.divide(seen, size, out=np.full_like(seen, np.nan), where=size > 0)
+            reached = _node(positions, end) - own
+            here = (1.0 - share) * reached[before] + share * reached[after]
+            off.append(np.linalg.norm(here - built, axis=-1))
+    every = np.concatenate(off)
+    every = every[np.isfinite(every)]
+    return float(every.mean()) if len(every) else float("nan")
+
+
+def _node(positions: Array, name: str) -> Array:
+    if name == _HIPS:
+        return np.asarray(0.5 * (positions[:, N["hip_left"]] + positions[:, N["hip_right"]]))
+    return np.asarray(positions[:, N[name]])
