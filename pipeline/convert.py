@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 import click
+import numpy as np
 from rich.console import Console
 
 from kinemimic.pipeline.clip import Clip
@@ -16,16 +17,21 @@ from kinemimic.pipeline.gimbal import gimbal_report, table
 from kinemimic.pipeline.nodes import to_nodes
 from kinemimic.pipeline.orient import node_rotations
 from kinemimic.pipeline.provenance import provenance
+from kinemimic.pipeline.rest_pose import node_rotations_of
 from kinemimic.pipeline.skeleton import node_skeleton
 from kinemimic.pipeline.store import file_hash, read_clip, read_json, write_clip, write_json
 
+ORIENTATION_SCHEMA = 1
+
 
 def convert(run: Path) -> Clip:
-    """Read clip.parquet and write quaternions.parquet and gimbal.json to the run folder.
+    """Read clip.parquet and write quaternions.parquet, gimbal.json and orientation.json to the run folder.
 
     A capture of Euler channels: quaternions of them, each joint in its own order, and positions through
     forward kinematics. One of quaternions keeps them as they are. A capture of positions alone is put on the
     20 nodes and gets their orientations (pipeline/orient.py); NaN where a joint that they hang on is missing.
+    orientation.json says which nodes have a recorded rotation (`rest_pose.node_rotations_of` gives them) and
+    how far recorded knees and elbows are from pure hinges.
     """
     clip = read_clip(run / "clip.parquet")
     made_by = provenance("convert", inputs={"clip": file_hash(run / "clip.parquet")}, config={})
@@ -44,9 +50,25 @@ def convert(run: Path) -> Clip:
             nodes = on_nodes(clip)
             converted = replace(nodes, rotations=node_rotations(nodes.positions))
     converted = replace(converted, provenance={**clip.provenance, **made_by})
+    orientation = _orientation(clip, converted)
     write_clip(run / "quaternions.parquet", converted)
     write_json(run / "gimbal.json", report)
+    write_json(run / "orientation.json", orientation)
     return converted
+
+
+def _orientation(clip: Clip, converted: Clip) -> dict[str, Any]:
+    """Which nodes' rotations are recorded, and how far recorded hinges are off their axes."""
+    recorded = clip.rotations is not None or clip.euler is not None
+    found = node_rotations_of(converted) if recorded else None
+    return {
+        "schema": ORIENTATION_SCHEMA,
+        "recorded_by": found.sources if found else {},
+        "off_axis_deg": {
+            node: float(f"{np.degrees(angle):.6g}")
+            for node, angle in (found.off_axis if found else {}).items()
+        },
+    }
 
 
 def on_nodes(clip: Clip) -> Clip:
@@ -74,3 +96,12 @@ def command(run: Path, as_json: bool) -> None:
         click.echo(json.dumps(report, indent=2))
     else:
         Console(highlight=False, markup=False).print(table(report), crop=False)
+        click.echo(_told(read_json(run / "orientation.json")))
+
+
+def _told(orientation: dict[str, Any]) -> str:
+    nodes, off = orientation["recorded_by"], orientation["off_axis_deg"]
+    if not nodes:
+        return "orientations: from positions"
+    hinges = ", ".join(f"{node.replace('_', ' ')} {angle:.1f}°" for node, angle in off.items())
+    return f"orientations: recorded at {len(nodes)} nodes" + (f"; off a pure hinge: {hinges}" if off else "")

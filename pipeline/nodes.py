@@ -184,7 +184,7 @@ def to_nodes(clip: Clip) -> tuple[Array, States]:
     names the nodes that were so derived. Missing stays missing: a derived node is NaN wherever a node that it
     follows from is.
     """
-    found = _joints(clip)
+    found = joints_of(clip)
     positions = np.full((len(clip.times), len(NODES), 3), np.nan)
     states = np.zeros(positions.shape[:2], dtype=np.uint8)
     for node, joint in found.items():
@@ -200,12 +200,15 @@ def made_up(clip: Clip) -> tuple[str, ...]:
 
     Raises as `to_nodes` does if too little is there.
     """
-    found = _joints(clip)
+    found = joints_of(clip)
     return tuple(node for node in NODES if node not in found)
 
 
-def _joints(clip: Clip) -> dict[str, int]:
-    """Index of the joint that each node is taken from, by name and by where the joints stand."""
+def joints_of(clip: Clip) -> dict[str, int]:
+    """Index of the joint that each node is taken from, by name and by where the joints stand.
+
+    Raises as `to_nodes` does if too little is there.
+    """
     found = joints_of_nodes(clip.skeleton.names)
     lacking = [node for node in _REQUIRED if node not in found]
     if not lacking and not {"spine", "shoulder_center"} & found.keys():

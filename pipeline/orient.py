@@ -55,20 +55,31 @@ def node_rotations(positions: Array) -> Array:
     return local_rotations(node_frames(positions))
 
 
-def node_frames(positions: Array, *, pelvis: Array | None = None, torso: Array | None = None) -> Array:
+def node_frames(
+    positions: Array,
+    *,
+    pelvis: Array | None = None,
+    torso: Array | None = None,
+    recorded: Array | None = None,
+) -> Array:
     """World frames (T, 20, 4) of the bodies at the nodes; end nodes have their parent's.
 
     Frames are in the sequence of time: a bone's turn about itself is carried over from frame to frame where
     the points do not show it (pipeline/twist.py). pelvis, torso: (T, 4) world frames to use in place of the
-    measured ones; what hangs on them is then taken relative to them.
+    measured ones; what hangs on them is then taken relative to them. recorded: (T, 20, 4) world frames of the
+    nodes from a recorder's own rotations, NaN where there are none: limbs keep their directions, and have the
+    recorded turn where no hinge shows it.
     """
     p = np.asarray(positions, dtype=np.float64)
     frames = np.full((len(p), len(NODES), 4), np.nan)
+    known = frames if recorded is None else recorded
 
-    frames[:, N["hip_center"]] = pelvis_frames(p) if pelvis is None else pelvis
-    frames[:, N["spine"]] = torso_frames(p) if torso is None else torso
-    head = direction(p, "shoulder_center", "head")
-    frames[:, N["shoulder_center"]] = _swung(frames[:, N["spine"]], _UP, head)
+    frames[:, N["hip_center"]] = (
+        _first(known[:, N["hip_center"]], pelvis_frames(p)) if pelvis is None else pelvis
+    )
+    frames[:, N["spine"]] = _first(known[:, N["spine"]], torso_frames(p)) if torso is None else torso
+    head = _swung(frames[:, N["spine"]], _UP, direction(p, "shoulder_center", "head"))
+    frames[:, N["shoulder_center"]] = _first(known[:, N["shoulder_center"]], head)
     for side in ("left", "right"):
         for limb, parent, joints in (
             ("leg", "hip_center", ("hip", "knee", "ankle", "foot")),
@@ -76,10 +87,12 @@ def node_frames(positions: Array, *, pelvis: Array | None = None, torso: Array |
         ):
             first, hinge, last, end = (f"{joint}_{side}" for joint in joints)
             upper, lower = direction(p, first, hinge), direction(p, hinge, last)
-            frames[:, N[first]] = _upper_limb(frames[:, N[parent]], upper, lower, limb)
+            above = frames[:, N[parent]]
+            frames[:, N[first]] = _upper_limb(above, known[:, N[first]], upper, lower, limb)
             frames[:, N[hinge]] = _below_hinge(frames[:, N[first]], lower)
             at_rest = _TOE if limb == "leg" else _DOWN
-            frames[:, N[last]] = _swung(frames[:, N[hinge]], at_rest, direction(p, last, end))
+            swung = _swung(frames[:, N[hinge]], at_rest, direction(p, last, end))
+            frames[:, N[last]] = _first(known[:, N[last]], swung)
             frames[:, N[end]] = frames[:, N[last]]
     frames[:, N["head"]] = frames[:, N["shoulder_center"]]
     return frames
@@ -95,21 +108,29 @@ def local_rotations(frames: Array) -> Array:
     return continuous(local)
 
 
+def _first(preferred: Array, otherwise: Array) -> Array:
+    """Frames (T, 4), the preferred ones where there are any."""
+    return np.where(np.isfinite(preferred), preferred, otherwise)
+
+
 def _swung(parent: Array, at_rest: Array, towards: Array) -> Array:
     """World frames (T, 4) that the smallest turn from the parent's makes, whose `at_rest` (3,) points along
     `towards` (T, 3): of a head, a hand, a foot, whose own turn no point shows."""
     return multiply(parent, swing(at_rest, rotate(conjugate(parent), towards), _END))
 
 
-def _upper_limb(parent: Array, upper: Array, lower: Array, limb: str) -> Array:
+def _upper_limb(parent: Array, recorded: Array, upper: Array, lower: Array, limb: str) -> Array:
     """World frames (T, 4) of thigh or upper arm: -Z along the bone, Y along the hinge axis of the next joint.
 
-    The bone's direction alone gives an untwisted frame, the swing from the parent; the bend of the next joint
-    then gives the turn about the bone.
+    The bone's direction alone gives an untwisted frame, the swing from the parent, if none is recorded; the
+    bend of the next joint then gives the turn about the bone.
     """
     middle = _BY_WAY_OF[limb]
     local = rotate(conjugate(parent), upper)
-    untwisted = multiply(swing(middle, local, _LIMB), swing(_DOWN, middle, _LIMB))
+    untwisted = _first(
+        multiply(conjugate(parent), _swung(recorded, _DOWN, upper)),
+        multiply(swing(middle, local, _LIMB), swing(_DOWN, middle, _LIMB)),
+    )
     shank = rotate(conjugate(parent), lower)
     below = rotate(conjugate(untwisted), shank)
     # The way in which the joint bends: an elbow to the front of its axis, a knee to the back.
