@@ -24,14 +24,30 @@ def nodes_of(clip: Clip) -> Array:
     return points
 
 
+def place(points: Array, name: str) -> Array:
+    """Where a node is, (T, 3); "hips", "shoulders", "ankles" … are the middles of both sides."""
+    if name in NODE_INDEX:
+        return points[:, NODE_INDEX[name]]
+    joint = name.removesuffix("s")
+    left, right = (points[:, NODE_INDEX[f"{joint}_{side}"]] for side in ("left", "right"))
+    return np.asarray(0.5 * (left + right))
+
+
 def between(points: Array, start: str, end: str) -> Array:
-    """Vectors (T, 3) from a node to another; "hips" and "shoulders" are the middles of both sides."""
-    return _place(points, end) - _place(points, start)
+    """Vectors (T, 3) from a node, or a middle, to another; see `place`."""
+    return place(points, end) - place(points, start)
 
 
 def length(points: Array, start: str, end: str) -> Array:
     """Distances (T,) of two nodes."""
     return np.asarray(np.linalg.norm(between(points, start, end), axis=-1))
+
+
+def bend(points: Array, side: str) -> Array:
+    """Angle (T,) between thigh and shank, radians, 0 for a straight leg, whichever way it bends."""
+    thigh = unit(between(points, f"hip_{side}", f"knee_{side}"))
+    shank = unit(between(points, f"knee_{side}", f"ankle_{side}"))
+    return np.asarray(np.arccos(np.clip(np.sum(thigh * shank, axis=-1), -1.0, 1.0)))
 
 
 def unit(vectors: Array) -> Array:
@@ -51,11 +67,3 @@ def beside_the_body(ways: Array) -> Array:
     there = np.isfinite(ways)
     mean = np.where(there, ways, 0.0).sum(axis=1) / np.maximum(there.sum(axis=1), 1)
     return np.asarray(ways - mean[:, None])
-
-
-def _place(points: Array, name: str) -> Array:
-    if name in NODE_INDEX:
-        return points[:, NODE_INDEX[name]]
-    joint = name.removesuffix("s")
-    left, right = (points[:, NODE_INDEX[f"{joint}_{side}"]] for side in ("left", "right"))
-    return np.asarray(0.5 * (left + right))

@@ -31,16 +31,24 @@ _REFLECTION = np.array([1.0, -1.0, 1.0])
 def check(clip: Clip) -> tuple[Clip, list[Defect]]:
     """The clip as its own mirror image, if it is mirrored throughout; Euler captures are only flagged."""
     feet, knees = votes(clip)
-    against = [int((group < 0).sum()) for group in (feet, knees)]
-    counts = [len(feet), len(knees)]
-    if sum(counts) < ENOUGH or against[0] < MAJORITY * counts[0]:
+    by_feet = len(feet) >= ENOUGH
+    if by_feet and np.mean(feet < 0) < MAJORITY:
         return clip, []
     # Without feet (some marker sets) the knees decide alone, and by the same majority.
-    if counts[1] >= ENOUGH and against[1] < (0.5 if counts[0] else MAJORITY) * counts[1]:
+    by_knees = len(knees) >= ENOUGH
+    if by_knees and np.mean(knees < 0) < (0.5 if by_feet else MAJORITY):
         return clip, []
-    feet_say = f"feet point backward in {against[0]} of {counts[0]} clear cases and " if counts[0] else ""
-    found = f"{feet_say}knees bend forward in {against[1]} of {counts[1]} clear cases"
+    if not (by_feet or by_knees):
+        return clip, []
+    says = (
+        *([f"feet point backward in {(feet < 0).sum()} of {len(feet)} clear cases"] if by_feet else []),
+        *([f"knees bend forward in {(knees < 0).sum()} of {len(knees)} clear cases"] if by_knees else []),
+    )
+    found = " and ".join(says)
     frames = len(clip.times)
+    if not by_knees:
+        text = f"{found}, but no knee bends clearly: who sits on the heels looks the same; left as it is"
+        return clip, [Defect("mirrored", frames, "frames", "flagged", text)]
     if clip.euler is not None:
         text = f"{found}; left as recorded: a mirror image is no turn, Euler channels cannot express it"
         return clip, [Defect("mirrored", frames, "frames", "flagged", text)]

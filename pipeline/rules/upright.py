@@ -9,8 +9,9 @@ from numpy.typing import NDArray
 
 from kinemimic.pipeline.clip import Clip
 from kinemimic.pipeline.defect import Defect
-from kinemimic.pipeline.rotations import from_axis_angle, multiply, rotate
-from kinemimic.pipeline.rules.body import between, nodes_of, unit
+from kinemimic.pipeline.rotations import conjugate, from_axis_angle, multiply, rotate
+from kinemimic.pipeline.rules.body import bend, between, nodes_of, place, unit
+from kinemimic.pipeline.skeleton import NODE_INDEX
 
 Array = NDArray[np.float64]
 
@@ -19,8 +20,13 @@ STRAIGHT = np.radians(35.0)
 # The most upright tenth of the straight frames is this far from our up-axis, and this near to another one.
 WRONG = np.radians(50.0)
 NEAR = np.radians(30.0)
-# Who lies does not move the hips by this much (metres), who walks or squats does.
-TRAVEL = 0.15
+# Metres. Who stands walks this far across the body's length, …
+WALK = 1.0
+# … or lets both ankles swing this far to either side of the hips, where a floor leaves no room for it, …
+SWING = 0.10
+# … or lowers the hips by this much over ankles that stay, on knees whose bend changes by this much.
+SQUAT = 0.15
+SQUAT_KNEES = np.radians(40.0)
 # The turns that bring each axis up (onto +Z): about which of our axes, by how much.
 _TURNS: dict[str, tuple[str, float]] = {
     "+X": ("Y", -0.5 * np.pi),
@@ -33,8 +39,9 @@ _TURNS: dict[str, tuple[str, float]] = {
 
 def check(clip: Clip) -> tuple[Clip, list[Defect]]:
     """The clip with its up-axis turned up. Told by the clip's most upright postures, so that bending,
-    sitting down or a lift to the camera of some degrees change nothing; a body that lies still along an axis
-    all the time may be a person who lies, and is only flagged.
+    sitting down or a lift to the camera of some degrees change nothing. Who lies, crawls or does push-ups
+    looks like a standing body on its side; so only one that walks, steps or squats is turned, others are
+    flagged.
     """
     points = nodes_of(clip)
     trunk = unit(between(points, "hips", "shoulders"))
@@ -56,8 +63,10 @@ def check(clip: Clip) -> tuple[Clip, list[Defect]]:
     if not clear:
         text = f"the body never stands along +Z; nearest is {axis}, off by {best:.0f} deg: left as it is"
         return clip, [Defect("wrong_up_axis", frames, "frames", "flagged", text)]
-    if _travel(between(points, "hips", "ankles")) < TRAVEL and _travel(points[:, 0]) < TRAVEL:
-        text = f"{found}; but it hardly moves, so that a person who lies looks the same: left as it is"
+    up = rotate(conjugate(from_axis_angle(*_TURNS[axis])), np.array([0.0, 0.0, 1.0]))
+    # Nobody stands on the head for most of a recording.
+    if axis != "-Z" and not _stands(points, up):
+        text = f"{found}; but it neither walks nor squats: who lies or crawls looks the same; left as it is"
         return clip, [Defect("wrong_up_axis", frames, "frames", "flagged", text)]
     return turned(clip, from_axis_angle(*_TURNS[axis])), [
         Defect("wrong_up_axis", frames, "frames", "repaired", f"{found}; turned up")
@@ -79,10 +88,35 @@ def turned(clip: Clip, turn: Array) -> Clip:
     )
 
 
+def _stands(points: Array, up: Array) -> bool:
+    """True if the body (T, 20, 3) moves as only a standing one does, were `up` (3,) up."""
+    hips = place(points, "hips")
+    if _travel(hips - np.outer(hips @ up, up)) > WALK:
+        return True
+    ankles = [points[:, NODE_INDEX[f"ankle_{side}"]] for side in ("left", "right")]
+    beside = [ankle - hips for ankle in ankles]
+    beside = [way - np.outer(way @ up, up) for way in beside]
+    apart = beside[0] - beside[1]
+    apart = apart[np.isfinite(apart).all(axis=-1)]
+    if len(apart) < 2:
+        return False
+    swing = np.linalg.eigh(np.cov(apart.T))[1][:, -1]  # the line on which the ankles pass each other
+    ends = [_ends((way @ swing)[:, None])[:, 0] for way in beside]
+    if all(low < -SWING and high > SWING for low, high in ends):
+        return True
+    lowered = _travel((hips @ up)[:, None])
+    planted = max(_travel(ankle) for ankle in ankles)
+    bends = [_travel(bend(points, side)[:, None]) for side in ("left", "right")]
+    return lowered > max(SQUAT, 2.0 * planted) and min(bends) > SQUAT_KNEES
+
+
 def _travel(places: Array) -> float:
-    """The widest extent (metres) of the middle 90 % of places (T, 3); 0 if none is there."""
-    there = places[np.isfinite(places).all(axis=-1)]
-    if not len(there):
-        return 0.0
-    low, high = np.percentile(there, [5.0, 95.0], axis=0)
+    """The widest extent of places (T, n), as `_ends` has it."""
+    low, high = _ends(places)
     return float(np.max(high - low))
+
+
+def _ends(places: Array) -> Array:
+    """Where the middle 90 % of places (T, n) begin and end along each axis, (2, n); 0 if none is there."""
+    there = places[np.isfinite(places).all(axis=-1)]
+    return np.percentile(there, [5.0, 95.0], axis=0) if len(there) else np.zeros((2, places.shape[1]))

@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 from kinemimic.pipeline.captures.bvh import read as read_bvh
+from kinemimic.pipeline.captures.deepmimic import read_deepmimic, stock_motion
 from kinemimic.pipeline.captures.source import Source
 from kinemimic.pipeline.clip import Clip
 from kinemimic.pipeline.euler import local_rotations, world_positions
@@ -102,11 +103,10 @@ def test_an_euler_capture_is_turned_in_its_axes(bvh: Text) -> None:
     """A BVH whose Z is up, read as if Y were: after the repair its channels give the repaired positions."""
     clip = read_bvh(Source.of_text(bvh(), Path("a.bvh")))
     wrong = upright.turned(clip, from_axis_angle("X", 0.5 * np.pi))
-    wrong.positions[:] += np.linspace(0.0, 1.0, len(wrong.times))[:, None, None]
+    way = np.linspace(0.0, 2.0, len(wrong.times))[:, None] * [1.0, 0.0, 0.0]
+    wrong.positions[:] += way[:, None]
     assert wrong.translations is not None and wrong.euler is not None and wrong.orders is not None
-    wrong.translations[:, 0] += rotate(
-        wrong.world_from_file * [-1, -1, -1, 1], np.linspace(0.0, 1.0, len(wrong.times))[:, None] * np.ones(3)
-    )
+    wrong.translations[:, 0] += rotate(wrong.world_from_file * [-1, -1, -1, 1], way)
     repaired, (found,) = upright.check(wrong)
     assert found.action == "repaired"
     assert repaired.translations is not None and repaired.euler is not None and repaired.orders is not None
@@ -129,6 +129,38 @@ def test_who_bends_or_lies_is_not_turned(moving: Moving, node_clip: Moving) -> N
     assert same is lying and found.action == "flagged" and "lies" in found.text
     leaning = upright.turned(clip, from_axis_angle("Y", np.radians(25.0)))  # a camera that looks down
     assert upright.check(leaning)[1] == []
+
+
+@pytest.mark.parametrize(
+    "motion", ["crawl", "getup_facedown", "getup_faceup", "roll", "cartwheel", "backflip"]
+)
+def test_who_really_is_on_the_floor_stays_there(motion: str) -> None:
+    """A crawl goes along the body's length: it might be turned up only where somebody walked across it."""
+    clip = read_deepmimic(stock_motion(motion))
+    same, found = upright.check(clip)
+    assert same is clip and [defect.action for defect in found] == (["flagged"] if motion == "crawl" else [])
+
+
+def test_leg_raises_are_no_steps_and_a_squat_is_one(moving: Moving) -> None:
+    """Legs of a lying body swing to one side of the trunk only; a squat lowers the hips over planted feet."""
+    stands = moving(1).positions[0]
+    bend = np.sin(np.linspace(0.0, 4.0 * np.pi, 120)) ** 2
+    raised, squat = np.repeat(stands[None], 120, axis=0), np.repeat(stands[None], 120, axis=0)
+    legs = [N[f"{joint}_{side}"] for side in ("left", "right") for joint in ("knee", "ankle", "foot")]
+    for frame, share in enumerate(bend):
+        for leg, part in ((legs[:3], share), (legs[3:], 0.3 * share)):
+            hip = stands[N["hip_left"] if leg is legs[:3] else N["hip_right"]]
+            raised[frame, leg] = hip + rotate(from_axis_angle("Y", -part), stands[leg] - hip)
+    above = [joint for joint in range(20) if joint not in legs]
+    squat[:, above, 2] -= 0.3 * bend[:, None]
+    for side in ("left", "right"):
+        squat[:, N[f"knee_{side}"]] += np.outer(bend, [0.33, 0.0, -0.15])
+    lying, wrong = (
+        upright.turned(replace(moving(120), positions=positions), from_axis_angle("Y", 0.5 * np.pi))
+        for positions in (raised, squat)
+    )
+    assert [defect.action for defect in upright.check(lying)[1]] == ["flagged"]
+    assert [defect.action for defect in upright.check(wrong)[1]] == ["repaired"]
 
 
 # --- mirror
@@ -156,6 +188,28 @@ def test_knees_alone_show_a_mirror(moving: Moving) -> None:
     repaired, (found,) = mirror.check(replace(legs, positions=legs.positions * [1.0, -1.0, 1.0]))
     assert found.action == "repaired" and found.text.startswith("knees bend forward in")
     np.testing.assert_allclose(repaired.positions, legs.positions)
+
+
+def test_who_sits_on_the_heels_is_no_mirror_image(moving: Moving) -> None:
+    """Knees bent to the utmost say no more than straight ones, and the toes do point backward."""
+    clip = moving(60)
+    p = clip.positions
+    for side in ("left", "right"):
+        hip = p[:, N[f"hip_{side}"]].copy()
+        p[:, N[f"knee_{side}"]] = hip + np.array([0.42, 0.0, -0.05])
+        p[:, N[f"ankle_{side}"]] = hip + np.array([0.02, 0.0, -0.10])
+        p[:, N[f"foot_{side}"]] = hip + np.array([-0.12, 0.0, -0.10])
+    same, (found,) = mirror.check(clip)
+    assert same is clip and found.action == "flagged" and "heels" in found.text
+
+
+def test_one_frame_with_feet_does_not_lower_the_bar_for_the_knees(moving: Moving) -> None:
+    clip = moving(90)
+    wrong = clip.positions * [1.0, -1.0, 1.0]
+    p = np.where(np.arange(90)[:, None, None] % 3 < 2, wrong, clip.positions)  # a tracker that hesitates
+    for side in ("left", "right"):
+        p[1:, N[f"foot_{side}"]] = np.nan
+    assert mirror.check(replace(clip, positions=p))[1] == []
 
 
 def test_names_of_the_other_side_are_a_mirror_too(moving: Moving, other_side: list[int]) -> None:
