@@ -116,8 +116,16 @@ def notes(report: Json) -> list[str]:
     """What must be said of the walkers, a line each."""
     return [
         *(f"{name}: no stride is whole, nothing is measured" for name in report["without_a_stride"]),
+        *(f"{name}: {text}" for name, walker in report["walkers"].items() for text in _doubts(walker)),
         *(f"{name}: {note}" for name, walker in report["walkers"].items() for note in walker["notes"]),
     ]
+
+
+def _doubts(walker: Json) -> list[str]:
+    kept, left_out = sum(walker["strides"].values()), walker["strides_left_out"]
+    if left_out <= kept:
+        return []
+    return [f"{left_out} of {kept + left_out} strides are left out as not seen or not alike: legs confused?"]
 
 
 def gait_page(name: str, report: Json) -> str:
@@ -140,10 +148,14 @@ def gait_sections(report: Json) -> str:
     said = "".join(f"<li>{escape(note)}</li>" for note in notes(report))
     return (
         "<h2>Gait cycle</h2>"
-        + drawing(
-            picture(curves(walkers, normal=walking), "Joint angles over the gait cycle"),
-            "From a foot's strike to its next one: the mean of all strides, in colour ± one standard "
-            f"deviation over them; ticks below: when the foot leaves the ground.{normal}",
+        + (
+            drawing(
+                picture(curves(walkers, normal=walking), "Joint angles over the gait cycle"),
+                "From a foot's strike to its next one: the mean of all strides, in colour ± one standard "
+                f"deviation over them; ticks below: when the foot leaves the ground.{normal}",
+            )
+            if any(walker["curves"] for walker in walkers.values())
+            else "<p>No stride shows the angles of a whole cycle.</p>"
         )
         + (f"<ul>{said}</ul>" if said else "")
         + "<h2>Gait parameters</h2>"

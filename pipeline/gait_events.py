@@ -29,7 +29,7 @@ RATE = 100.0  # Hz of the even clock: 30 Hz would put a foot strike 17 ms off
 CUTOFF = 6.0  # Hz
 SHORTEST = 0.6  # s that the filter and a step need
 WINDOW = 1.0  # s, about a stride, over which the pelvis' sway cancels out of the direction of the path
-TRAVELS = 0.3  # m/s below which nobody goes anywhere: a treadmill, or no gait
+TRAVELS = 0.3  # m/s below which nobody goes anywhere: on a treadmill, or not walking at all
 # A turning point counts when the ankle then comes back by this share of its whole range, and the range by
 # this much in metres: whoever sways on the spot does not walk.
 TURNS, LEAST_RANGE = 0.35, 0.15
@@ -62,8 +62,8 @@ class Feet:
 def find_feet(times: Array, positions: Array) -> Feet | None:
     """The gait in one pass: times (T,) in seconds, positions (T, 20, 3) of the 20 nodes in metres.
 
-    None where hips or ankles are missing throughout, where the pass is shorter than SHORTEST, or where no
-    foot is put before the other.
+    None where hips or ankles are missing throughout, where the pass is shorter than SHORTEST, or where nobody
+    walks: no foot is put before the other, or none carries the body on at TRAVELS.
     """
     given = positions[:, _POINTS]
     whole: Mask = np.asarray(np.isfinite(given).all(axis=-1))
@@ -83,6 +83,8 @@ def find_feet(times: Array, positions: Array) -> Feet | None:
     belt = 0.0
     if not travels:
         belt = -_ground_speed(advance, turns)
+        if belt < TRAVELS:
+            return None
         ankles, pelvis = (_on_belt(points, belt, forward) for points in (ankles, pelvis))
         advance = advance + belt
     running = _bounces(pelvis[:, 2], np.abs(reach[:, 0] - reach[:, 1]))
@@ -176,12 +178,14 @@ def _turning_points(reach: Array) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
 
 def _stances(ahead: NDArray[np.intp], behind: NDArray[np.intp]) -> list[tuple[int, int]]:
     """Each high with the low that follows it before the next high."""
-    pairs = []
-    for k, start in enumerate(ahead):
-        later = behind[behind > start]
-        if len(later) and (k + 1 == len(ahead) or later[0] < ahead[k + 1]):
-            pairs.append((int(start), int(later[0])))
-    return pairs
+    last = np.iinfo(np.intp).max
+    following, next_ahead = np.append(behind, last), np.append(ahead[1:], last)
+    low = following[np.searchsorted(behind, ahead, "right")]
+    return [
+        (int(start), int(end))
+        for start, end, limit in zip(ahead, low, next_ahead, strict=True)
+        if end < limit
+    ]
 
 
 def _ground_speed(advance: Array, turns: list[tuple[NDArray[np.intp], NDArray[np.intp]]]) -> float:

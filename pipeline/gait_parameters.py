@@ -16,13 +16,18 @@ import numpy as np
 from numpy.typing import NDArray
 
 from kinemimic.pipeline.gait_events import SIDES, Feet, find_feet
+from kinemimic.pipeline.harmonic import fit_harmonic
 from kinemimic.pipeline.skeleton import NODE_INDEX as N
 
 Array = NDArray[np.float64]
 
 GRAVITY = 9.81
-# A stride that strays further from the median is one of setting off, stopping, turning, or of legs exchanged.
+# A stride that strays further from its pass' period, or from the median of all strides, is one of setting
+# off, stopping, turning, or of legs exchanged by the sensor.
 TIME_SPREAD, LENGTH_SPREAD = 0.20, 0.40
+# The median of the few strides of a short pass may itself be wrong. Of a pass no longer than this (s) the
+# ankles' harmonic tells the period, if it explains so much of their variance (as in retarget/cycle.py).
+SHORT, EXPLAINED = 30.0, 0.85
 SEEN = 0.8  # share of a stride in which the capture must show hips and ankles
 
 
@@ -97,14 +102,15 @@ def study_gait(times: Array, passes: NDArray[np.int32], positions: Array) -> Gai
         if one is not None:
             feet[number] = one
             strides, unseen = _strides(number, one)
-            found += strides
-            lacking += unseen
+            period = _period(one)
+            found += [s for s in strides if period is None or abs(s.time - period) <= TIME_SPREAD * period]
+            lacking += unseen + len(strides)
     kept = _usual(found)
     belt = float(np.median([feet[s.group].belt for s in kept])) if kept else 0.0
     runs = sum(feet[s.group].running for s in kept)
     return Gait(
         strides=tuple(kept),
-        left_out=lacking + len(found) - len(kept),
+        left_out=lacking - len(kept),
         feet=feet,
         belt=belt if belt > 0 else None,
         running=2 * runs > len(kept),
@@ -134,9 +140,10 @@ def _strides(number: int, feet: Feet) -> tuple[list[Stride], int]:
         other = 1 - foot
         for start, end in zip(feet.strikes[foot], feet.strikes[foot][1:], strict=False):
             off, opposite = (
-                times[(times > start) & (times < end)] for times in (feet.offs[foot], feet.strikes[other])
+                times[np.searchsorted(times, start, "right") : np.searchsorted(times, end)]
+                for times in (feet.offs[foot], feet.strikes[other])
             )
-            inside = (feet.times >= start) & (feet.times <= end)
+            inside = slice(*np.searchsorted(feet.times, (start, end)))
             if len(off) != 1 or len(opposite) != 1 or feet.seen[inside].mean() < SEEN:
                 unseen += 1
                 continue
@@ -170,17 +177,30 @@ def _support(start: float, off: float, end: float, opposite: float, offs: Array)
     The other foot comes down at `opposite`; `offs`: when it leaves the ground, now and at other times. In
     walking that is after the stride has begun, in running before, and again before it ends.
     """
-    left, leaves = offs[offs < opposite], offs[offs > opposite]
-    before = max(float(left[-1]) if len(left) else start, start)
-    after = min(float(leaves[0]) if len(leaves) else end, end)
+    k = int(np.searchsorted(offs, opposite))
+    before = max(float(offs[k - 1]) if k > 0 else start, start)
+    after = min(float(offs[k]) if k < len(offs) else end, end)
     both = min(before, off) - start + max(0.0, min(off, after) - opposite)
     none = (end - start) - (off - start) - (before - start) - (after - opposite) + both
     return float(both / (end - start)), float(none / (end - start))
 
 
+def _period(feet: Feet) -> float | None:
+    """Seconds of a stride in a short pass, from all of its frames; None where they do not agree on one."""
+    if feet.times[-1] - feet.times[0] > SHORT:
+        return None
+    apart = np.sum((feet.ankles[:, 1, :2] - feet.ankles[:, 0, :2]) * feet.forward, axis=1)
+    # A third of the clock's moments tell a period as well as all of them.
+    harmonic = fit_harmonic(feet.times[::3], apart[::3])
+    return harmonic.period if harmonic.r2 > EXPLAINED else None
+
+
 def _at(feet: Feet, foot: int, moment: float) -> Array:
     """Place (2,) of an ankle over the ground."""
-    return np.array([np.interp(moment, feet.times, feet.ankles[:, foot, k]) for k in range(2)])
+    k = int(np.clip(np.searchsorted(feet.times, moment), 1, len(feet.times) - 1))
+    share = (moment - feet.times[k - 1]) / (feet.times[k] - feet.times[k - 1])
+    before, after = feet.ankles[k - 1, foot, :2], feet.ankles[k, foot, :2]
+    return np.asarray(before + share * (after - before))
 
 
 def _usual(strides: list[Stride]) -> list[Stride]:
