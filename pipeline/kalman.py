@@ -28,12 +28,12 @@ from kinemimic.pipeline.spans import Array, Mask, usual_step, whole
 INFERRED_WEIGHT = 0.5
 # Half the amplitude is left at the cut-off. The likelihood chooses it per joint, from SLOWEST Hz to FASTEST
 # of the frame rate, among CHOICES: with less, who stands for minutes and takes one step would lose the step.
-SLOWEST = 3.2
+SLOWEST = 3.0
 FASTEST = 0.45
 CHOICES = 7
 # The likelihood takes motion for equally rough throughout; a stride has its roughness where the knee turns,
 # and would lose the peaks. So the cut-off is this much higher than the likelihood's.
-HEADROOM = 1.25
+HEADROOM = 1.5
 # Residuals beyond this many times the usual scatter lose weight (Student's t with few degrees of freedom).
 TOLERANCE = 1.5
 # The usual scatter is at least that of the second around: motion quicker than usual is not a spike.
