@@ -18,7 +18,7 @@ from kinemimic.pipeline.captures.source import Source
 
 Array = NDArray[np.float64]
 
-_SPACE, _FEED, _RETURN = 32, 10, 13
+_SPACE, _FEED = 32, 10
 _EIGHT_SPACES = 0x2020202020202020
 _LONGEST_LINE = 128
 
@@ -40,7 +40,7 @@ def parse(source: Source, widths: Mapping[str, int]) -> AmcText:
     Bones without values need not be there.
     """
     keywords: dict[str, str] = {}
-    content, start, number = source.content.removeprefix(b"\xef\xbb\xbf"), 0, 0
+    content, start, number = source.content, 0, 0
     while start < len(content):
         end = content.find(b"\n", start)
         end = len(content) if end < 0 else end
@@ -98,8 +98,6 @@ def _without_names(content: bytes, names: Sequence[bytes], counts: Sequence[int]
     text = np.full(end + 1 + _LONGEST_LINE, _SPACE, dtype=np.uint8)
     text[:end] = np.frombuffer(content, dtype=np.uint8, count=end)
     text[end] = _FEED
-    if b"\r" in content:
-        text[text == _RETURN] = _SPACE
     feeds = np.flatnonzero(text == _FEED)
     if len(feeds) % len(names) or max(map(len, names)) >= _LONGEST_LINE:
         return None

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import codecs
 import csv
 import difflib
 import io
@@ -118,7 +117,7 @@ class Cells:
         )
 
     def _as_utf8(self) -> bytes:
-        content = self.source.content.removeprefix(codecs.BOM_UTF8).rstrip(b"\x1a")
+        content = self.source.content
         encoding = self.text.encoding
         try:
             if encoding:
@@ -130,7 +129,7 @@ class Cells:
                 self.fail("table.encoding", expected=f"text in {encoding}", found="other bytes")
             # Only names can hold more than ASCII, and every byte is some character of Latin-1.
             content = content.decode("latin-1").encode()
-        return content.replace(b"\r\n", b"\n").replace(b"\r", b"\n") if b"\r" in content else content
+        return content
 
     def _lines(self, begin: int) -> Iterator[tuple[int, str]]:
         """Lines with their numbers from `begin` on, one at a time: mostly only the first is wanted."""

@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import codecs
+import gzip
 import hashlib
+import io
 import zlib
 from collections.abc import Sequence
 from functools import cached_property
@@ -16,18 +19,20 @@ from kinemimic.pipeline.errors import CaptureError
 MAX_BYTES = 512 * 2**20
 _HEAD = 65536
 _CHUNK = 2**20
+_CONTROLS = bytes(b for b in range(32) if b not in b"\t\n\r\f\x1a")
 
 
 class Source:
     """A file's content.
 
-    path: where it came from, for messages and for its companions; content: bytes, decompressed;
-    sha256: of the file's own bytes; companions: name -> SHA-256 of the files beside it that were read.
+    path: where it came from, for messages and for its companions; content: bytes, decompressed, and of text
+    without a byte-order mark and with lines ended by a line feed; sha256: of the file's own bytes;
+    companions: name -> SHA-256 of the files beside it that were read.
     """
 
     def __init__(self, path: Path, content: bytes, sha256: str) -> None:
         self.path = path
-        self.content = content
+        self.content = _plain(content)
         self.sha256 = sha256
         self.companions: dict[str, str] = {}
 
@@ -63,16 +68,12 @@ class Source:
     @cached_property
     def is_text(self) -> bool:
         """Text in any encoding that recorders write has no NUL and hardly a control character."""
-        head = self.content[:_HEAD]
-        controls = len(head) - len(
-            head.translate(None, bytes(b for b in range(32) if b not in b"\t\n\r\f\x1a"))
-        )
-        return 0 not in head and controls <= 0.01 * len(head)
+        return _is_text(self.content)
 
     @cached_property
     def text(self) -> str:
-        """The text, lines ended by a line feed. Only names can hold more than ASCII, and every byte is some
-        character of Latin-1, so that decoding never fails."""
+        """The text. Only names can hold more than ASCII, and every byte is some character of Latin-1, so that
+        decoding never fails."""
         return _decoded(self.content)
 
     @cached_property
@@ -83,8 +84,14 @@ class Source:
     @cached_property
     def head(self) -> tuple[str, ...]:
         """The first lines that are not blank, at most 64, of the first 64 KiB; the last may be cut off."""
-        lines = (line for line in _decoded(self.content[:_HEAD]).split("\n") if line.strip())
+        lines = (line for line in _decoded(self.content[:_HEAD], whole=False).split("\n") if line.strip())
         return tuple(line for line, _ in zip(lines, range(64), strict=False))
+
+    @cached_property
+    def blank_lines(self) -> int:
+        """Number of blank lines before the first other one, head[0]."""
+        begin = len(self.content) - len(self.content.lstrip())
+        return self.content.count(b"\n", 0, begin)
 
     def beside(self, name: str) -> Source | None:
         """A file of that name in the same folder, or None; it then is a companion of this capture."""
@@ -101,52 +108,63 @@ class Source:
         return CaptureError(self.path, expected=expected, found=found, where=where, advice=advice)
 
 
-def _decoded(content: bytes) -> str:
-    content = _ended_by_line_feeds(content)
+def _is_text(content: bytes) -> bool:
+    head = content[:_HEAD]
+    controls = len(head) - len(head.translate(None, _CONTROLS))
+    return 0 not in head and controls <= 0.01 * len(head)
+
+
+def _decoded(content: bytes, *, whole: bool = True) -> str:
+    """whole: the content does not end within a character."""
     try:
-        text = content.decode("utf-8-sig")
+        return codecs.getincrementaldecoder("utf-8")().decode(content, final=whole)
     except UnicodeDecodeError:
-        text = content.decode("latin-1")
-    return text.rstrip("\x1a")
+        return content.decode("latin-1")
+
+
+def _plain(content: bytes) -> bytes:
+    """Text without what editors and systems wrap it in; anything else as it is."""
+    if content.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)):
+        # Windows' "Unicode text"; what only begins like it is no text.
+        try:
+            content = content.decode("utf-16").encode()
+        except UnicodeError:
+            return content
+    if not _is_text(content):
+        return content
+    return _ended_by_line_feeds(content.removeprefix(codecs.BOM_UTF8)).rstrip(b"\x1a")
 
 
 def _ended_by_line_feeds(content: bytes) -> bytes:
-    """Line ends of Windows and of old Macs as line feeds; deleting is three times as fast as replacing."""
+    """Line ends of Windows and of old Macs as line feeds; deleting is three times as fast as replacing.
+
+    Python's csv module ends lines by two returns where a file was opened without newline="" on Windows.
+    """
     if b"\r" not in content:
         return content
     values = np.frombuffer(content + b"\0", dtype=np.uint8)
-    if (values[np.flatnonzero(values == ord("\r")) + 1] == ord("\n")).all():
+    after = values[np.flatnonzero(values == ord("\r")) + 1]
+    if (after == ord("\n")).all():
         return content.translate(None, b"\r")
-    return content.replace(b"\r\n", b"\n").replace(b"\r", b"\n")
+    return content.replace(b"\r\r\n", b"\n").replace(b"\r\n", b"\n").replace(b"\r", b"\n")
 
 
 def _unpacked(packed: bytes, path: Path) -> bytes:
     """gzip's content, read piece by piece, so that a bomb is noticed before it fills the memory."""
     pieces: list[bytes] = []
     total = 0
-    stream = zlib.decompressobj(wbits=31)
     try:
-        data = packed
-        while data or not stream.eof:
-            piece = stream.decompress(data, _CHUNK)
-            pieces.append(piece)
-            total += len(piece)
-            if total > MAX_BYTES:
-                raise _too_large(path, "more, unpacked")
-            data = stream.unconsumed_tail
-            if stream.eof:
-                data = stream.unused_data
-                if not data.startswith(b"\x1f\x8b"):
-                    break
-                stream = zlib.decompressobj(wbits=31)
-            elif not data and not piece:
-                raise CaptureError(
-                    path,
-                    expected="a whole gzip file",
-                    found="its end too early",
-                    advice="the file is cut off",
-                )
-    except zlib.error:
+        with gzip.open(io.BytesIO(packed)) as stream:
+            while piece := stream.read(_CHUNK):
+                pieces.append(piece)
+                total += len(piece)
+                if total > MAX_BYTES:
+                    raise _too_large(path, "more, unpacked")
+    except EOFError:
+        raise CaptureError(
+            path, expected="a whole gzip file", found="its end too early", advice="the file is cut off"
+        ) from None
+    except (OSError, zlib.error):
         raise CaptureError(path, expected="a gzip file", found="damaged data") from None
     return b"".join(pieces)
 

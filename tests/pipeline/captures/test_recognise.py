@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+import gzip
 import hashlib
 from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
 import pytest
+from samples import andersson, asf_amc, kimore, nui_skl, treadmill
+from samples import bvh as bvh_sample
 
 from kinemimic.pipeline.captures import recognise, source
 from kinemimic.pipeline.errors import CaptureError
@@ -25,13 +28,44 @@ def test_content_decides_not_the_name(tmp_path: Path, skl: Text, bvh: Text) -> N
     assert second.provenance["sha256"] == hashlib.sha256((tmp_path / "b.txt").read_bytes()).hexdigest()
 
 
-@pytest.mark.parametrize("newline", ["\n", "\r\n", "\r"])
-def test_line_ends(tmp_path: Path, skl: Text, bvh: Text, newline: str) -> None:
-    for name, text in (("a", skl(newline="\n")), ("b", bvh())):
-        (tmp_path / name).write_bytes(text.encode())
-        (tmp_path / f"{name}x").write_bytes(text.replace("\n", newline).encode())
-        same, other = recognise.read(tmp_path / name), recognise.read(tmp_path / f"{name}x")
-        assert np.array_equal(same.positions, other.positions)
+# "\r\r\n" is what Python's csv module makes on Windows of a file opened without newline="".
+@pytest.mark.parametrize("newline", ["\n", "\r\n", "\r", "\r\r\n"])
+@pytest.mark.parametrize("encoding", ["utf-8", "utf-8-sig", "utf-16"])
+def test_line_ends_and_byte_order_marks(tmp_path: Path, newline: str, encoding: str) -> None:
+    for module in (andersson, asf_amc, bvh_sample, kimore, nui_skl, treadmill):
+        (capture, content), *companions = module.files(12).items()
+        for name, other in companions:
+            (tmp_path / name).write_bytes(other)
+        (tmp_path / capture).write_bytes(content)
+        same = recognise.read(tmp_path / capture)
+        text = source.Source.open(tmp_path / capture).text
+        (tmp_path / capture).write_bytes(text.replace("\n", newline).encode(encoding))
+        clip = recognise.read(tmp_path / capture)
+        assert np.array_equal(clip.positions, same.positions, equal_nan=True)
+        assert np.array_equal(clip.times, same.times)
+
+
+def test_packed_files_whole_in_pieces_cut_off_and_too_large(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, bvh: Text
+) -> None:
+    text, path = bvh().encode(), tmp_path / "walk.bvh.gz"
+    plain = recognise.read_source(source.Source(path, text, ""))
+    for packed in (gzip.compress(text), gzip.compress(text[:500]) + gzip.compress(text[500:])):
+        path.write_bytes(packed)
+        assert np.array_equal(recognise.read(path).positions, plain.positions)
+    packed = gzip.compress(text)
+    middle = len(packed) // 2
+    for damaged, found in (
+        (packed[:middle], "its end too early; the file is cut off"),
+        (packed[:middle] + bytes(4) + packed[middle + 4 :], "damaged data"),
+    ):
+        path.write_bytes(damaged)
+        with pytest.raises(CaptureError, match=found):
+            recognise.read(path)
+    monkeypatch.setattr(source, "MAX_BYTES", 3 * 2**20)
+    path.write_bytes(gzip.compress(bytes(8 * 2**20)))
+    with pytest.raises(CaptureError, match="expected a capture of at most 3 MiB, found more, unpacked"):
+        recognise.read(path)
 
 
 def test_joint_names_in_another_encoding(tmp_path: Path, bvh: Text) -> None:
