@@ -29,6 +29,8 @@ Array = NDArray[np.float64]
 
 # A joint's frame is the body's if it agrees with the positions to this (rms, radians).
 _AGREES = np.radians(25.0)
+# Frames, spread over the clip, that fix constants of an hour's recording as well as all of it.
+_ENOUGH = 4000
 # Spreads of a bone in two joints' frames (radians) that are the same: the one nearer to the root carries it.
 _SAME = np.radians(0.3)
 # Nodes that the body at a node carries, the first of them along its line.
@@ -87,7 +89,12 @@ def node_rotations_of(clip: Clip) -> NodeRotations:
     if clip.skeleton.names == NODES and clip.skeleton.parents == NODE_PARENTS:
         recorded, sources = world, {node: node for node in _CARRIES}
     else:
-        recorded, sources = _matched(clip, world, positions, shown)
+        rows = np.unique(np.linspace(0, len(world) - 1, min(len(world), _ENOUGH)).astype(np.intp))
+        matched = _offsets(clip, world[rows], positions[rows], shown[rows])
+        recorded = np.full_like(shown, np.nan)
+        for node, (joint, offset) in matched.items():
+            recorded[:, N[node]] = multiply(world[:, joint], offset)
+        sources = {node: clip.skeleton.names[joint] for node, (joint, _) in matched.items()}
     frames = node_frames(positions, recorded=recorded)
     return NodeRotations(local_rotations(frames), sources, _off_axis(recorded, frames))
 
@@ -99,11 +106,13 @@ def _recorded(clip: Clip) -> Array | None:
     return rotations_of_channels(clip.euler, clip.orders, clip.world_from_file, clip.rests)
 
 
-def _matched(clip: Clip, world: Array, positions: Array, shown: Array) -> tuple[Array, dict[str, str]]:
-    """World frames (T, 20, 4) of the nodes by the recorder's joints, NaN where it has none; those joints."""
+def _offsets(clip: Clip, world: Array, positions: Array, shown: Array) -> dict[str, tuple[int, Array]]:
+    """Node -> the recorder's joint that turns its body, and the turn (4,) from that joint's frame to ours.
+
+    world: (M, J, 4) of the joints, positions: (M, 20, 3), shown: (M, 20, 4), of M frames of the clip.
+    """
     found, rest = joints_of(clip), _rest(clip)
-    recorded = np.full_like(shown, np.nan)
-    sources: dict[str, str] = {}
+    matched: dict[str, tuple[int, Array]] = {}
     at_rest: dict[str, Array] = {}
     for node, carried in _CARRIES.items():
         joint = _carrier(clip.skeleton, world, positions, found, node, carried)
@@ -120,16 +129,14 @@ def _matched(clip: Clip, world: Array, positions: Array, shown: Array) -> tuple[
             offset = multiply(offset, swing(_ENDS[node], _mean_direction(line), np.pi))
         else:
             offset = _mean(multiply(conjugate(world[:, joint]), frames), weight)
-        mine = multiply(world[:, joint], offset)
-        apart = angle_between(mine, frames)
+        apart = angle_between(multiply(world[:, joint], offset), frames)
         clear = np.isfinite(apart) & (weight > 0.1)
         if not by_rest and clear.any() and np.sqrt(np.mean(apart[clear] ** 2)) > _AGREES:
             continue
-        recorded[:, N[node]] = mine
-        sources[node] = clip.skeleton.names[joint]
+        matched[node] = joint, offset
         if rest is not None:
             at_rest[node] = multiply(rest[joint], offset)
-    return recorded, sources
+    return matched
 
 
 def _carrier(
