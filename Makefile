@@ -14,7 +14,7 @@ TRAINING = $(if $(PRESET),--preset "$(PRESET)") $(if $(BUDGET),--budget "$(BUDGE
 FILES := $(sort $(shell find pipeline retarget train evaluate datasets -type f -not -path '*/__pycache__/*'))
 STAMP := $(VENV)/installed-$(firstword $(shell echo '$(FILES)' | cksum))
 
-.PHONY: help setup formats inspect run ingest convert retarget train evaluate view export overlay test test-slow lint type format bench bench-clean clean
+.PHONY: help setup formats inspect run ingest convert retarget train evaluate gait view export overlay test test-slow lint type format bench bench-clean clean
 .DEFAULT_GOAL := help
 
 help: ## This list
