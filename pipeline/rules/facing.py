@@ -3,23 +3,23 @@
 A Kinect takes every body to face it, and so exchanges the sides of one that walks away. In such a pass the
 body walks to where its back seems to be, and its knees bend forward. (Who really walks backward has knees
 that bend backward as ever.) All left and right joints change names then. The toes, which the tracker invents
-towards itself, stay where it put them.
+towards itself, stay where it put them, as inferred.
 """
 
 from __future__ import annotations
-
-from dataclasses import replace
 
 import numpy as np
 
 from kinemimic.pipeline.clip import Clip
 from kinemimic.pipeline.defect import Defect
-from kinemimic.pipeline.nodes import normalised
+from kinemimic.pipeline.nodes import joints_of_nodes
 from kinemimic.pipeline.rules.camera import carried
+from kinemimic.pipeline.rules.exchange import exchanged
 from kinemimic.pipeline.rules.frames import kept
 from kinemimic.pipeline.rules.gait import steps
 from kinemimic.pipeline.rules.mirror import votes
 from kinemimic.pipeline.rules.runs import frame_runs
+from kinemimic.pipeline.skeleton import INFERRED
 
 # Share of the way that goes to where the body faces, -1 where all of it goes backward: of the hips' way over
 # a floor; or of the way over the planted foot on a belt, where now and then the wrong foot is taken for that.
@@ -54,25 +54,10 @@ def check(clip: Clip) -> tuple[Clip, list[Defect]]:
     if clip.euler is not None:
         text += "left as recorded: Euler channels cannot be exchanged"
         return clip, [Defect("swapped_sides", count, "frames", "flagged", text, frames)]
-    other = _other_side(clip.skeleton.names)
-    positions, states = clip.positions.copy(), clip.states.copy()
-    positions[where], states[where] = positions[where][:, other], states[where][:, other]
-    rotations = clip.rotations
-    if rotations is not None:
-        # They were found for a body that looks the other way: no exchange makes them this one's.
-        rotations = rotations.copy()
-        rotations[where] = np.nan
+    repaired = exchanged(clip, where, range(len(clip.skeleton.names)), tuple(clip.angles or ()))
+    feet = [joint for node, joint in joints_of_nodes(clip.skeleton.names).items() if node.startswith("foot")]
+    # Toes that point to the sensor were not seen.
+    rows = np.flatnonzero(where)[:, None]
+    repaired.states[rows, feet] = np.minimum(repaired.states[rows, feet], INFERRED)
     text += "both sides exchanged there"
-    repaired = replace(clip, positions=positions, states=states, rotations=rotations)
     return repaired, [Defect("swapped_sides", count, "frames", "repaired", text, frames)]
-
-
-def _other_side(names: tuple[str, ...]) -> list[int]:
-    """Index (J,) of each joint's counterpart; a joint of the middle is its own."""
-    index = {normalised(name): joint for joint, name in enumerate(names)}
-    other: list[int] = []
-    for joint, name in enumerate(names):
-        plain = normalised(name)
-        swap = plain.replace("left", "#").replace("right", "left").replace("#", "right")
-        other.append(index.get(swap, joint))
-    return other

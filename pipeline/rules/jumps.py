@@ -55,8 +55,13 @@ def check(clip: Clip) -> tuple[Clip, list[Defect]]:
         return clip, [Defect("jumps", count, "joint positions", "flagged", text, frames)]
     positions, states = clip.positions.copy(), clip.states.copy()
     positions[jumps], states[jumps] = np.nan, MISSING
+    rotations = clip.rotations
+    if rotations is not None:
+        # The recorder found them from the places that are wrong.
+        rotations = rotations.copy()
+        rotations[jumps] = np.nan
     text += "taken out, so that they are filled"
-    return replace(clip, positions=positions, states=states), [
+    return replace(clip, positions=positions, states=states, rotations=rotations), [
         Defect("jumps", count, "joint positions", "repaired", text, frames)
     ]
 

@@ -54,7 +54,10 @@ def check(clip: Clip) -> tuple[Clip, list[Defect]]:
         return clip, [Defect("mirrored", frames, "frames", "flagged", text)]
     lost = "; recorded rotations are left out" if clip.rotations is not None else ""
     text = f"{found}; reflected left to right, names kept{lost}"
-    mirrored = replace(clip, positions=clip.positions * _REFLECTION, rotations=None)
+    skeleton = replace(clip.skeleton, offsets=clip.skeleton.offsets * _REFLECTION)
+    mirrored = replace(
+        clip, skeleton=skeleton, positions=clip.positions * _REFLECTION, rotations=None, translations=None
+    )
     return mirrored, [Defect("mirrored", frames, "frames", "repaired", text)]
 
 

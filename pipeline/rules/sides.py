@@ -8,14 +8,13 @@ way round" with the least sum of the joints' deviations from going straight on, 
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 from numpy.typing import NDArray
 
 from kinemimic.pipeline.clip import Clip
 from kinemimic.pipeline.defect import Defect
 from kinemimic.pipeline.nodes import joints_of_nodes
+from kinemimic.pipeline.rules.exchange import exchanged
 from kinemimic.pipeline.rules.runs import frame_runs
 from kinemimic.pipeline.rules.words import several
 from kinemimic.pipeline.spans import runs
@@ -51,9 +50,10 @@ def check(clip: Clip) -> tuple[Clip, list[Defect]]:
             )
             swapped |= where
             if clip.euler is None:
-                repaired = _exchange(repaired, pairs, where)
+                curves = [name for name in clip.angles or () if name.startswith((_HANGS_ON[limb], *joints))]
+                repaired = exchanged(repaired, where, _with_ends(clip, pairs), curves)
                 for pair in _pairs(found, (_HANGS_ON[limb],)):
-                    repaired = _exchange(repaired, [pair], _along(clip, pair, where))
+                    repaired = exchanged(repaired, _along(clip, pair, where), pair, ())
     if not swapped.any():
         return clip, []
     done = "put back" if clip.euler is None else "left as recorded: Euler channels cannot be exchanged"
@@ -150,15 +150,10 @@ def _stretches(changes: Mask, times: Array) -> Mask:
     return np.asarray(other)
 
 
-def _exchange(clip: Clip, pairs: list[tuple[int, int]], where: Mask) -> Clip:
-    rows = np.flatnonzero(where)[:, None]
-    left, right = [pair[0] for pair in pairs], [pair[1] for pair in pairs]
-    positions, states = clip.positions.copy(), clip.states.copy()
-    for array in (positions, states):
-        array[rows, left + right] = array[rows, right + left]
-    rotations = clip.rotations
-    if rotations is not None:
-        # A rotation lies in its parent's frame, and the parents change places along with the children.
-        rotations = rotations.copy()
-        rotations[rows, left + right] = rotations[rows, right + left]
-    return replace(clip, positions=positions, states=states, rotations=rotations)
+def _with_ends(clip: Clip, pairs: list[tuple[int, int]]) -> list[int]:
+    """The joints of pairs and all that hangs on them: a hand's tip and thumb go with the hand."""
+    joints = {joint for pair in pairs for joint in pair}
+    for joint, parent in enumerate(clip.skeleton.parents):
+        if parent in joints:
+            joints.add(joint)
+    return sorted(joints)

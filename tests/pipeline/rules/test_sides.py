@@ -14,7 +14,9 @@ from kinemimic.pipeline.acquire import acquire, in_passes
 from kinemimic.pipeline.captures.recognise import read
 from kinemimic.pipeline.captures.virtual import record_virtual
 from kinemimic.pipeline.clip import Clip
+from kinemimic.pipeline.rotations import IDENTITY
 from kinemimic.pipeline.rules import facing, sides
+from kinemimic.pipeline.skeleton import INFERRED, NODES, Skeleton
 from kinemimic.pipeline.skeleton import NODE_INDEX as N
 
 Moving = Callable[..., Clip]
@@ -51,6 +53,39 @@ def test_exchanged_limbs_are_put_back(
     assert (found.rule, found.count, found.action) == ("swapped_sides", 9, "repaired")
     assert found.frames == ((40, 41), (100, 100), (180, 184), (240, 240))
     assert f"{limb} in 9 frames (4 times)" in found.text
+
+
+def test_all_that_belongs_to_a_limb_goes_with_it(moving: Moving) -> None:
+    """Tips and thumbs, the recorder's own curves, and its rotations, which nothing can put right."""
+    clip = moving(120, noise=NOISE)
+    tips = clip.positions[:, [N["hand_left"], N["hand_right"]]] + [0.0, 0.0, -0.05]
+    names = tuple(
+        f"{node.split('_')[1][0]}_{node.split('_')[0]}" if node.endswith(("_left", "_right")) else node
+        for node in NODES
+    )
+    parents = (*clip.skeleton.parents, N["hand_left"], N["hand_right"])
+    whole = replace(
+        clip,
+        skeleton=Skeleton((*names, "l_tip", "r_tip"), parents, np.zeros((22, 3))),
+        positions=np.concatenate([clip.positions, tips], axis=1),
+        states=np.concatenate([clip.states, clip.states[:, :2]], axis=1),
+        rotations=np.tile(IDENTITY, (120, 22, 1)),
+        angles={"knee_left": np.zeros(120), "knee_right": np.ones(120), "elbow_left": np.full(120, 2.0),
+                "elbow_right": np.full(120, 3.0)},
+    )  # fmt: skip
+    wrong = whole.positions.copy()
+    limb = [N[f"{joint}_{side}"] for joint in sides.LIMBS["arms"] for side in ("left", "right")] + [20, 21]
+    there = [joint ^ 1 if joint >= 20 else limb[limb.index(joint) ^ 1] for joint in limb]
+    wrong[np.ix_([60, 61], limb)] = whole.positions[np.ix_([60, 61], there)]
+    repaired, (found,) = sides.check(replace(whole, positions=wrong))
+    assert found.frames == ((60, 61),) and np.array_equal(repaired.positions, whole.positions)
+    assert repaired.angles is not None and repaired.rotations is not None
+    assert np.flatnonzero(repaired.angles["elbow_left"] == 3.0).tolist() == [60, 61]
+    assert np.flatnonzero(repaired.angles["elbow_right"] == 2.0).tolist() == [60, 61]
+    assert not repaired.angles["knee_left"].any() and repaired.angles["knee_right"].all()
+    unknown = np.zeros((120, 22), dtype=np.bool_)
+    unknown[np.ix_([60, 61], limb)] = True
+    assert np.array_equal(np.isnan(repaired.rotations).any(axis=-1), unknown)
 
 
 def test_at_the_ends_and_the_majority(moving: Moving) -> None:
@@ -119,7 +154,12 @@ def test_a_walk_seen_from_behind(moving: Moving, other_side: list[int], belt: bo
             (clip.positions[-1, 0, 0] - clip.positions[0, 0, 0]) * clip.times[:, None] / clip.times[-1]
         )
     assert facing.check(clip) == (clip, [])
-    repaired, (found,) = facing.check(from_behind(clip, other_side))
+    behind = from_behind(clip, other_side)
+    behind = replace(behind, angles={"knee_left": np.zeros(150), "knee_right": np.ones(150)})
+    repaired, (found,) = facing.check(behind)
+    assert repaired.angles is not None
+    assert repaired.angles["knee_left"].all() and not repaired.angles["knee_right"].any()
+    assert np.all(repaired.states[:, TOES] == INFERRED)
     assert (found.rule, found.count, found.action) == ("swapped_sides", 150, "repaired")
     rest = np.delete(np.arange(20), TOES)
     assert np.array_equal(repaired.positions[:, rest], clip.positions[:, rest])
