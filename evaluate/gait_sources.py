@@ -57,7 +57,8 @@ def captured(run: Path) -> Walker | None:
     """The person of run/quaternions.parquet; None where there is no such file.
 
     What `retarget` found not to be believed (gait.json) is left out here too: a pelvis is then upright with
-    the trunk's lean and looks where the person goes, and feet have no angle.
+    the trunk's lean and looks where the person goes, and feet have no angle, as they have none before
+    that judgement. Soles that it found to slope in stance are taken as flat, as there.
     """
     if not (run / "quaternions.parquet").exists():
         return None
@@ -73,10 +74,12 @@ def captured(run: Path) -> Walker | None:
         pelvis = _neutral_pelvis(clip, gait, np.radians(believed.get("trunk_lean_deg") or 0.0))
         notes.append("its pelvis is not repeatable and taken as upright: hips are relative to the heading")
     angles = leg_angles(clip.positions, pelvis)
-    if believed.get("feet", True) and not {"foot_left", "foot_right"} & set(made_up(source)):
-        angles |= _ankles(node_rotations(clip.positions))
+    if believed.get("feet", False) and not {"foot_left", "foot_right"} & set(made_up(source)):
+        # Soles lie flat in stance; where they seem to slope, it is the sensor's or marker's idea of a toe.
+        flat = np.radians(believed.get("planted_foot_pitch_deg") or 0.0)
+        angles |= {name: ankle + flat for name, ankle in _ankles(node_rotations(clip.positions)).items()}
     else:
-        notes.append("its feet are not measured: no ankle")
+        notes.append("no ankle: its feet are not shown well enough, or retarget has not judged them yet")
     knees = _own_knees(run, source)
     if knees is None:
         notes.append("positions do not show how the knees turn about other axes than their hinge")
