@@ -37,7 +37,8 @@ class Defect:
     rule: a key of RULES; count: how often, in units of `of` ("frames", "joint positions", "joints", …);
     action: "repaired" (the clip no longer has it), "flagged" (it has, and a person should know) or "refused"
     (nothing good can come of this capture); text: what was found, where, and what was done or is to be done;
-    frames: inclusive (first, last) runs of frames of the clip, where frames can be named.
+    frames: inclusive (first, last) runs of frames of the clip as it was handed on, where frames can be named
+    (those that were dropped cannot; of repeats it is the one that stayed).
     """
 
     rule: str

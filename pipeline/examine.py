@@ -9,6 +9,8 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass
 
+import numpy as np
+
 from kinemimic.pipeline.acquire import SHORTEST_PASS, Acquisition, acquire, in_passes
 from kinemimic.pipeline.clean import FILTERS, WORDS
 from kinemimic.pipeline.clip import Clip
@@ -30,6 +32,7 @@ from kinemimic.pipeline.rules import (
     units,
     upright,
 )
+from kinemimic.pipeline.rules.frames import renumbered
 
 
 @dataclass(frozen=True)
@@ -57,20 +60,23 @@ def examine(recorded: Clip) -> Examination:
 
     Raises nothing for what a capture may hold: where nothing good can come of it, `refused` says why.
     """
-    clip = recorded
-    read = [defect_from_json(record) for record in clip.provenance["reading"]["defects"]]
-    defects: list[Defect] = []
+    read = [defect_from_json(record) for record in recorded.provenance["reading"]["defects"]]
+    clip, defects = recorded, list[Defect]()
     for repair in _OF_THE_BODY:
         clip, found = repair(clip)
         defects += found
+    read = _still_there(read, recorded, clip)
     clip, acquisition = _passes(clip)
     if acquisition.count == 0:
-        # Nobody is there whose axes or sides could be judged.
-        return Examination(clip, acquisition, in_order([*read, _nobody(clip, acquisition)]))
+        # Nobody is there whose axes or sides could be judged; in a wrong unit everybody jumps all the time.
+        why = [one for one in defects if one.action == "refused"] or [_nobody(clip, acquisition)]
+        return Examination(clip, acquisition, in_order([*read, *why]))
     once, found = duplicates.check(clip)
-    defects += found
     if found:
+        read, defects = _still_there(read, clip, once), [*defects, *found]
         clip, acquisition = _passes(once)
+        if acquisition.count == 0:
+            return Examination(clip, acquisition, in_order([*read, *defects, _nobody(clip, acquisition)]))
     defects += clock.check(clip) + gaps.check(clip)
     for repair in _IN_PASSES:
         clip, found = repair(clip)
@@ -80,6 +86,13 @@ def examine(recorded: Clip) -> Examination:
     if not any(defect.action == "refused" for defect in defects):
         defects += _nameless(clip)
     return Examination(clip, acquisition, in_order([*read, *defects]))
+
+
+def _still_there(defects: list[Defect], before: Clip, after: Clip) -> list[Defect]:
+    """The defects with frames numbered as in the clip after some were dropped."""
+    if len(after.times) == len(before.times):
+        return defects
+    return renumbered(defects, np.isin(before.times, after.times))
 
 
 def _passes(clip: Clip) -> tuple[Clip, Acquisition]:

@@ -37,4 +37,4 @@ def check(clip: Clip) -> tuple[Clip, list[Defect]]:
     frames = "frame 0 is a T-pose" if lead == 1 else f"frames 0 to {lead - 1} are a T-pose"
     text = f"{frames}, dropped: the joints then jump by {step[lead - 1]:.2f} m on average"
     rest = kept(clip, np.arange(len(clip.times)) >= lead)
-    return rest, [Defect("calibration_frames", lead, "frames", "repaired", text, ((0, lead - 1),))]
+    return rest, [Defect("calibration_frames", lead, "frames", "repaired", text)]

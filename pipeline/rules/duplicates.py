@@ -28,6 +28,8 @@ def check(clip: Clip) -> tuple[Clip, list[Defect]]:
         return clip, []
     of = int((clip.passes >= 0).sum())
     text = f"{several(count, 'frame')} of {of} with the pose of the frame before, bit for bit; dropped"
+    # What is named is the frame that stays, with its number among those that stay.
+    stays = np.append(repeated[1:], False)[~repeated]
     return kept(clip, ~repeated), [
-        Defect("duplicate_frames", count, "frames", "repaired", text, frame_runs(repeated))
+        Defect("duplicate_frames", count, "frames", "repaired", text, frame_runs(stays))
     ]

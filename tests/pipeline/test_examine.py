@@ -83,6 +83,48 @@ def test_the_readers_defects_come_first_and_stay() -> None:
     assert examine(walk(defects=told)).defects == told
 
 
+def test_frames_are_named_as_they_are_numbered_in_the_clip() -> None:
+    """The reader's, found before a T-pose and a repeat were dropped, and those of the rules after that."""
+    told = Defect("zero_frames", 3, "frames", "repaired", "nobody", frames=((0, 1), (30, 40), (99, 101)))
+    clip = walk(120, noise=0.0, defects=(told,))
+    p = clip.positions
+    p[:2] = p[2]
+    for side, sign in (("left", 1.0), ("right", -1.0)):
+        for k, joint in enumerate(("elbow", "wrist", "hand"), start=1):
+            p[:2, NODES.index(f"{joint}_{side}")] = p[2, NODES.index(f"shoulder_{side}")] + [
+                0,
+                0.3 * k * sign,
+                0,
+            ]
+    p[1, :, 2] += 0.01
+    p[50] = p[49]
+    p[80, NODES.index("hand_left")] += 0.5
+    examination = examine(clip)
+    frames = {defect.rule: defect.frames for defect in examination.defects}
+    assert frames == {
+        "zero_frames": ((28, 38), (96, 98)),
+        "calibration_frames": (),
+        "duplicate_frames": ((47, 47),),
+        "dropped_frames": ((47, 47),),
+        "jumps": ((77, 77),),
+    }
+    assert len(examination.clip.times) == 117
+    assert np.isnan(examination.clip.positions[77, NODES.index("hand_left")]).all()
+
+
+def test_what_is_too_short_without_its_repeats_is_refused() -> None:
+    clip = walk(18)
+    clip.positions[13:] = clip.positions[12]
+    examination = examine(clip)
+    assert examination.refused is not None and "shorter than 0.5 s" in examination.refused.text
+    assert plan(examination)[0].startswith("refused")
+
+
+def test_a_wrong_unit_is_the_reason_where_everybody_jumps() -> None:
+    refused = examine(scaled(walk(), 5.0)).refused
+    assert refused is not None and refused.rule == "wrong_units"
+
+
 def test_nobody_and_moments_are_refused(node_clip: Build) -> None:
     clip = walk()
     empty = replace(clip, positions=np.full_like(clip.positions, np.nan), states=np.zeros_like(clip.states))
