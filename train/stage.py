@@ -17,6 +17,7 @@ from kinemimic.pipeline.errors import KinemimicError
 from kinemimic.pipeline.progress import progress
 from kinemimic.pipeline.provenance import provenance
 from kinemimic.retarget.export_json import motion_from_json
+from kinemimic.retarget.gate import admit
 from kinemimic.retarget.motion import Motion
 from kinemimic.train import checkpoint
 from kinemimic.train.config import PRESETS, preset
@@ -39,16 +40,19 @@ def train(
     seed: int = 0,
     workers: int | None = None,
     resume: bool = True,
+    anyway: bool = False,
 ) -> dict[str, Any]:
     """Train on run/motion.json for `budget` samples, in whole rounds; returns the policy's record.
 
     Writes a checkpoint every minute and at the end or on Ctrl-C, from which the next call goes on unless
     `resume` is False, then policy.safetensors and policy.json, and TensorBoard's curves. A checkpoint of
     another motion or other settings is not taken up but kept as checkpoint.previous.safetensors.
+    A motion that the gate (retarget/gate.py) refuses is not trained on unless `anyway`.
     workers: processes that simulate, by default one for every core. They are spawned: a script of one's
     own calls this below `if __name__ == "__main__"`.
     """
     motion = motion_from_json(run / "motion.json")
+    admit(run, anyway=anyway)
     config = preset(preset_name, seed=seed)
     if budget is not None:
         config = replace(config, budget=budget)
@@ -153,6 +157,7 @@ def _learn(learner: Learner, motion: Motion, run: Path, count: int, resumed: boo
 @click.option(
     "--resume/--no-resume", default=True, show_default=True, help="Go on from the run's checkpoint."
 )
+@click.option("--anyway", is_flag=True, help="Train on a motion that the gate before training refuses.")
 @click.option("--json", "as_json", is_flag=True, help="Print the policy's record as JSON.")
 def command(
     run: Path,
@@ -161,10 +166,19 @@ def command(
     seed: int,
     workers: int | None,
     resume: bool,
+    anyway: bool,
     as_json: bool,
 ) -> None:
     """Train a policy that imitates the run's motion in Bullet (PPO)."""
-    record = train(run, preset_name=preset_name, budget=budget, seed=seed, workers=workers, resume=resume)
+    record = train(
+        run,
+        preset_name=preset_name,
+        budget=budget,
+        seed=seed,
+        workers=workers,
+        resume=resume,
+        anyway=anyway,
+    )
     if as_json:
         click.echo(json.dumps(record, indent=2))
     else:

@@ -1,0 +1,153 @@
+"""The gate before training: what makes a motion hard or impossible to perform, with numbers and limits.
+
+Two limits a rule. Beyond the first a motion is learnt, with something to see in it; beyond the second it was
+not learnt, or is not the recording's movement any more. They come from real depth sensors' walks that the
+humanoid did and did not walk, and from how people walk and run.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Literal
+
+from kinemimic.pipeline.errors import KinemimicError
+from kinemimic.pipeline.store import read_json
+
+Severity = Literal["warn", "refuse"]
+Report = Mapping[str, Any]
+
+
+@dataclass(frozen=True)
+class Finding:
+    """A rule that a motion breaks: its number and the limit beyond which it is, in the rule's unit."""
+
+    rule: str
+    severity: Severity
+    value: float
+    limit: float
+    text: str
+
+    def to_json(self) -> dict[str, Any]:
+        """The finding as it stands in gait.json."""
+        return {
+            "rule": self.rule, "severity": self.severity, "value": self.value, "limit": self.limit,
+            "text": self.text,
+        }  # fmt: skip
+
+
+@dataclass(frozen=True)
+class _Rule:
+    """value: of a report, None where it does not apply; warn, refuse: least and most by kind of motion,
+    infinite where there is no limit; text: with the value's and the broken limit's number."""
+
+    name: str
+    value: Callable[[Report], float | None]
+    warn: Mapping[str, tuple[float, float]]
+    refuse: Mapping[str, tuple[float, float]]
+    text: str
+
+
+_NO = math.inf
+_KINDS = ("walk", "run", "motion")
+
+
+def _all(least: float = -_NO, most: float = _NO) -> dict[str, tuple[float, float]]:
+    return dict.fromkeys(_KINDS, (least, most))
+
+
+def _gaits(least: float = -_NO, most: float = _NO) -> dict[str, tuple[float, float]]:
+    return dict.fromkeys(_KINDS[:2], (least, most))
+
+
+def _ground(key: str, factor: float) -> Callable[[Report], float | None]:
+    return lambda report: _times(report.get("ground", {}).get(key), factor)
+
+
+def _measure(key: str, factor: float) -> Callable[[Report], float | None]:
+    """Of the final motion, or of the path of a report that has no such measure."""
+    return lambda report: _times(report.get("measures", report.get("ground", {})).get(key), factor)
+
+
+def _times(value: float | None, factor: float) -> float | None:
+    return None if value is None else factor * value
+
+
+def _knee_peak(report: Report) -> float | None:
+    return float(min(report["range_deg"][f"knee_{side}"][1] for side in ("left", "right")))
+
+
+def _hip_fit(report: Report) -> float | None:
+    scores = report.get("r2_loop_against_capture", {})
+    known = [scores[name] for name in ("hip_left", "hip_right") if scores.get(name) is not None]
+    return float(min(known)) if known else None
+
+
+def _beyond(report: Report) -> float | None:
+    return max(report.get("measures", {}).get("beyond_limits_deg", {}).values(), default=None)
+
+
+# The foot of a walk leaves the ground in every swing; a runner's and a jumper's does without looking low.
+RULES: tuple[_Rule, ...] = (
+    _Rule("penetration", _measure("penetration_m", 1e3), _all(most=10), _all(most=25),
+          "the soles sink in by {value:.0f} mm (limit {limit:.0f})"),
+    _Rule("floating", _measure("floating_m", 1e3), _all(most=15), _all(most=25),
+          "the standing foot floats by {value:.0f} mm (limit {limit:.0f})"),
+    _Rule("clearance", _ground("swing_clearance_m", 1e3), {"walk": (5, _NO)}, {"walk": (0, _NO)},
+          "a swinging foot clears the ground by {value:.1f} mm (limit {limit:.0f})"),
+    _Rule("slip", _ground("slip_m_s", 1.0), _gaits(most=0.05), _gaits(most=0.15),
+          "the planted foot slips at {value:.2f} m/s (limit {limit:.2f})"),
+    _Rule("knee", _knee_peak, {"walk": (45, 85), "run": (60, 140)}, {"walk": (35, 110), "run": (45, 155)},
+          "a knee flexes by {value:.0f}° at most (limit {limit:.0f}°)"),
+    _Rule("cadence", lambda report: report.get("cadence_steps_per_min"),
+          {"walk": (80, 130), "run": (130, 200)}, {"walk": (50, 160), "run": (100, 240)},
+          "cadence {value:.0f} steps/min (limit {limit:.0f})"),
+    _Rule("fit", _hip_fit, _gaits(least=0.7), _gaits(least=0.4),
+          "the strides agree on a hip's movement to R² {value:.2f} only (limit {limit:.1f})"),
+    _Rule("strides", lambda report: report.get("strides"), _gaits(least=2.0), {},
+          "only {value:.1f} strides (limit {limit:.0f}): the loop cannot be told from the noise of one"),
+    _Rule("limits", _beyond, _all(most=0.5), _all(most=15),
+          "a joint is {value:.0f}° beyond what joints can do (limit {limit:.1f}°)"),
+)  # fmt: skip
+
+
+def judge(report: Report) -> tuple[Finding, ...]:
+    """What a motion breaks, from the value of gait.json; the refusals first."""
+    found = [finding for rule in RULES for finding in _broken(rule, report)]
+    return tuple(sorted(found, key=lambda finding: finding.severity != "refuse"))
+
+
+def _broken(rule: _Rule, report: Report) -> Iterator[Finding]:
+    value = rule.value(report)
+    if value is None:
+        return
+    severities: tuple[tuple[Severity, Mapping[str, tuple[float, float]]], ...] = (
+        ("refuse", rule.refuse),
+        ("warn", rule.warn),
+    )
+    for severity, limits in severities:
+        least, most = limits.get(report["kind"], (-_NO, _NO))
+        if least < value < most:
+            continue
+        limit = least if value <= least else most
+        yield Finding(rule.name, severity, value, limit, rule.text.format(value=value, limit=limit))
+        return
+
+
+def admit(run: Path, *, anyway: bool = False) -> None:
+    """Let a run's motion through to training, or say in one KinemimicError why it cannot be performed.
+
+    anyway: let it through all the same. A motion without gait.json beside it was not made here from a
+    capture: nothing is known against it.
+    """
+    path = run / "gait.json"
+    if anyway or not path.exists():
+        return
+    refused = [finding.text for finding in judge(read_json(path)) if finding.severity == "refuse"]
+    if refused:
+        raise KinemimicError(
+            f"{path}: expected a motion that a body can perform, found: {'; '.join(refused)}; "
+            "record it again, or train with --anyway"
+        )

@@ -1,0 +1,106 @@
+from __future__ import annotations
+
+from copy import deepcopy
+from pathlib import Path
+
+import pytest
+
+from kinemimic.pipeline.errors import KinemimicError
+from kinemimic.pipeline.store import write_json
+from kinemimic.retarget.gate import RULES, admit, judge
+
+GOOD = {
+    "kind": "walk",
+    "cadence_steps_per_min": 105.0,
+    "strides": 6.8,
+    "range_deg": {"knee_left": [1.0, 62.0], "knee_right": [0.0, 60.0]},
+    "r2_loop_against_capture": {"knee_left": 0.9, "knee_right": 0.9, "hip_left": 0.95, "hip_right": 0.93},
+    "ground": {"slip_m_s": 0.01, "swing_clearance_m": 0.02, "penetration_m": 0.1, "floating_m": 0.1},
+    "measures": {"penetration_m": 0.002, "floating_m": 0.003, "beyond_limits_deg": {}},
+}
+
+
+def changed(**values):
+    """GOOD with values put in place of its own, by path: ground__slip_m_s=0.2."""
+    report = deepcopy(GOOD)
+    for path, value in values.items():
+        *above, last = path.split("__")
+        place = report
+        for key in above:
+            place = place[key]
+        place[last] = value
+    return report
+
+
+def test_a_good_walk_passes():
+    assert judge(GOOD) == ()
+
+
+@pytest.mark.parametrize(
+    ("change", "rule", "severity", "says"),
+    [
+        ({"measures__penetration_m": 0.012}, "penetration", "warn", "sink in by 12 mm (limit 10)"),
+        ({"measures__penetration_m": 0.03}, "penetration", "refuse", "sink in by 30 mm (limit 25)"),
+        ({"measures__floating_m": 0.02}, "floating", "warn", "floats by 20 mm (limit 15)"),
+        ({"measures__floating_m": 0.05}, "floating", "refuse", "floats by 50 mm (limit 25)"),
+        ({"ground__swing_clearance_m": 0.003}, "clearance", "warn", "by 3.0 mm (limit 5)"),
+        ({"ground__swing_clearance_m": -0.004}, "clearance", "refuse", "by -4.0 mm (limit 0)"),
+        ({"ground__slip_m_s": 0.1}, "slip", "warn", "0.10 m/s (limit 0.05)"),
+        ({"ground__slip_m_s": 0.2}, "slip", "refuse", "0.20 m/s (limit 0.15)"),
+        ({"range_deg__knee_right": [0.0, 40.0]}, "knee", "warn", "flexes by 40° at most (limit 45°)"),
+        ({"range_deg__knee_right": [0.0, 30.0]}, "knee", "refuse", "flexes by 30° at most (limit 35°)"),
+        ({"cadence_steps_per_min": 70.0}, "cadence", "warn", "70 steps/min (limit 80)"),
+        ({"cadence_steps_per_min": 170.0}, "cadence", "refuse", "170 steps/min (limit 160)"),
+        ({"r2_loop_against_capture__hip_left": 0.6}, "fit", "warn", "R² 0.60"),
+        ({"r2_loop_against_capture__hip_left": 0.2}, "fit", "refuse", "R² 0.20"),
+        ({"strides": 1.4}, "strides", "warn", "1.4 strides"),
+        ({"measures__beyond_limits_deg": {"hip_left": 4.0}}, "limits", "warn", "4° beyond"),
+        ({"measures__beyond_limits_deg": {"hip_left": 40.0}}, "limits", "refuse", "40° beyond"),
+    ],
+)
+def test_every_rule_says_its_number_and_limit(change, rule, severity, says):
+    (finding,) = judge(changed(**change))
+    assert (finding.rule, finding.severity) == (rule, severity)
+    assert says in finding.text
+
+
+def test_every_rule_is_tested():
+    assert {rule.name for rule in RULES} == {
+        "penetration", "floating", "clearance", "slip", "knee", "cadence", "fit", "strides", "limits",
+    }  # fmt: skip
+
+
+def test_a_run_has_limits_of_its_own():
+    """150 steps a minute, a knee of 100° and no clearance to speak of: running, and no walk."""
+    run = {
+        "cadence_steps_per_min": 150.0, "ground__swing_clearance_m": -0.01,
+        "range_deg": {"knee_left": [10.0, 100.0], "knee_right": [10.0, 101.0]},
+    }  # fmt: skip
+    assert judge(changed(kind="run", **run)) == ()
+    assert {finding.rule for finding in judge(changed(**run))} == {"cadence", "clearance", "knee"}
+
+
+def test_a_movement_that_is_no_gait_is_judged_by_ground_and_limits_only():
+    squat = {"kind": "motion", "range_deg": {"knee_left": [0.0, 120.0], "knee_right": [0.0, 121.0]}}
+    assert judge(squat | {"measures": GOOD["measures"]}) == ()
+    sunk = judge(squat | {"measures": {"penetration_m": 0.1, "floating_m": None, "beyond_limits_deg": {}}})
+    assert [finding.rule for finding in sunk] == ["penetration"]
+
+
+def test_refusals_come_first_and_one_line_names_all(tmp_path: Path):
+    report = changed(strides=1.4, ground__slip_m_s=0.2, r2_loop_against_capture__hip_left=0.2)
+    assert [finding.severity for finding in judge(report)] == ["refuse", "refuse", "warn"]
+    write_json(tmp_path / "gait.json", report)
+    with pytest.raises(KinemimicError) as caught:
+        admit(tmp_path)
+    text = str(caught.value)
+    assert "\n" not in text
+    assert "0.20 m/s (limit 0.15)" in text and "R² 0.20" in text and "1.4 strides" not in text
+    assert "--anyway" in text
+    admit(tmp_path, anyway=True)
+
+
+def test_what_only_warns_and_what_is_unknown_goes_through(tmp_path: Path):
+    admit(tmp_path)
+    write_json(tmp_path / "gait.json", changed(strides=1.4))
+    admit(tmp_path)
