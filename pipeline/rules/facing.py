@@ -1,9 +1,9 @@
 """Passes in which the walker is seen from behind.
 
-A Kinect takes every body to face it, and so exchanges the sides of one that walks away. In such a pass the
-body walks to where its back seems to be, and its knees bend forward. (Who really walks backward has knees
-that bend backward as ever.) All left and right joints change names then. The toes, which the tracker invents
-towards itself, stay where it put them, as inferred.
+A Kinect, v1 or v2, takes every body to face it, and so exchanges the sides of one that walks away. In such
+passes the body walks to where its back seems to be, and its knees bend forward. (Who really walks backward
+has knees that bend backward as ever.) All left and right joints change names then. The toes, which the
+tracker invents towards itself, stay where it put them, as inferred.
 """
 
 from __future__ import annotations
@@ -35,20 +35,21 @@ def check(clip: Clip) -> tuple[Clip, list[Defect]]:
     found = steps(clip)
     on_belt = len(found.frames) >= ENOUGH and carried(found)
     way, limit = (found.walk, BACKWARD_ON_BELT) if on_belt else (found.hips, BACKWARD)
-    wrong: list[int] = []
+    backward: list[int] = []
     for number in range(int(clip.passes.max(initial=-1)) + 1):
         mine = clip.passes[found.frames] == number
         length = np.linalg.norm(way[mine], axis=1).sum()
-        if mine.sum() < ENOUGH or np.sum(way[mine] * found.forward[mine]) > limit * length:
-            continue
-        knees = votes(kept(clip, clip.passes == number))[1]
-        if len(knees) >= ENOUGH and np.mean(knees < 0) >= FORWARD_KNEES:
-            wrong.append(number)
-    if not wrong:
+        if mine.sum() >= ENOUGH and np.sum(way[mine] * found.forward[mine]) < limit * length:
+            backward.append(number)
+    if not backward:
         return clip, []
-    where = np.isin(clip.passes, wrong)
-    plural = "es" if len(wrong) > 1 else ""
-    numbers = ", ".join(map(str, wrong))
+    where = np.isin(clip.passes, backward)
+    # Judged together: one short pass has few clear knees, and who turns round does so in all of them.
+    knees = votes(kept(clip, where))[1]
+    if len(knees) < ENOUGH or np.mean(knees < 0) < FORWARD_KNEES:
+        return clip, []
+    plural = "es" if len(backward) > 1 else ""
+    numbers = ", ".join(map(str, backward))
     text = f"seen from behind in pass{plural} {numbers}: walks backward on knees that bend forward; "
     count, frames = int(where.sum()), frame_runs(where)
     if clip.euler is not None:
