@@ -17,6 +17,9 @@ Array = NDArray[np.float64]
 
 CYCLE: Array = np.arange(101) / 100.0
 _GAP = 0.15  # s without the curve, over which it would be invented
+# Degrees rms from the median of all strides, beyond which a stride shows exchanged legs or a wild joint;
+# unless three times the usual distance is more still.
+_WILD = 15.0
 
 
 def cut(times: Array, curve: Array, strides: Sequence[Stride]) -> Array:
@@ -45,15 +48,17 @@ def cut(times: Array, curve: Array, strides: Sequence[Stride]) -> Array:
 def describe(rows: Array, joint: str | None = None) -> dict[str, Any] | None:
     """What curves (strides, 101) in radians are, in degrees; None where no stride is whole.
 
-    mean, sd: (101,) over the strides (sd None of a single one); strides: how many; range_deg: `summary` of
-    each stride's range. joint: whose normal curve it is compared with, if any, which gives norm_rms_deg: rms
-    difference of the mean from the normative mean (the gait variable score of Baker et al. 2009, Gait &
-    Posture 30(3), 265-269), and norm_within_percent: share of the cycle in which the mean lies within one
-    normative standard deviation.
+    mean, sd: (101,) over the strides (sd None of a single one); strides: how many, those left out that are
+    nothing like the others; range_deg: `summary` of each stride's range. joint: whose normal curve it is
+    compared with, if any, which gives norm_rms_deg: rms difference of the mean from the normative mean (the
+    gait variable score of Baker et al. 2009, Gait & Posture 30(3), 265-269), and norm_within_percent: share
+    of the cycle in which the mean lies within one normative standard deviation.
     """
     whole = np.degrees(rows[np.isfinite(rows).all(axis=1)])
     if not len(whole):
         return None
+    away = np.sqrt(np.mean((whole - np.median(whole, axis=0)) ** 2, axis=1))
+    whole = whole[away <= max(_WILD, 3.0 * float(np.median(away)))]
     mean = whole.mean(axis=0)
     result: dict[str, Any] = {
         "strides": len(whole),

@@ -51,6 +51,17 @@ def test_mean_spread_and_range_by_hand() -> None:
     assert describe(np.full((2, 101), np.nan)) is None
 
 
+def test_a_stride_with_exchanged_legs_is_left_out_and_a_varied_walker_is_not() -> None:
+    base = 30.0 - 30.0 * np.cos(2 * np.pi * CYCLE)
+    alike = np.radians([base + shift for shift in (-2.0, 0.0, 1.0, 3.0)])
+    swapped = np.radians(np.roll(base[:-1], 50))
+    found = describe(np.vstack([alike, np.append(swapped, swapped[0])]))
+    assert found is not None and found["strides"] == 4
+    assert found["mean"][50] == pytest.approx(60.5)
+    varied = describe(np.radians([base + shift for shift in (-12.0, -6.0, 0.0, 8.0, 14.0)]))
+    assert varied is not None and varied["strides"] == 5
+
+
 @pytest.mark.parametrize("joint", JOINTS)
 def test_the_normal_walker_is_normal_and_one_off_by_five_degrees_is_off_by_five(joint: str) -> None:
     mean, spread = band(joint, CYCLE)
