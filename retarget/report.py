@@ -11,6 +11,7 @@ from kinemimic.pipeline.angles import ANGLES
 from kinemimic.pipeline.clip import Clip
 from kinemimic.retarget.cycle import Pass
 from kinemimic.retarget.fit import GaitFit, PlainFit
+from kinemimic.retarget.gate import judge
 from kinemimic.retarget.ground import is_running
 from kinemimic.retarget.measure import Measures, measure
 from kinemimic.retarget.motion import Motion, joint_angles
@@ -19,12 +20,6 @@ from kinemimic.retarget.scale import subject
 Array = NDArray[np.float64]
 
 GAIT_SCHEMA = 1
-# Limits outside which a reference was not learnt or does not look human.
-PENETRATION = FLOATING = 0.025  # m
-SLIP = 0.15  # m/s
-KNEE_PEAK = 35.0  # degrees
-FEW_STRIDES = 2.0
-CADENCE = {"walk": (80.0, 130.0), "run": (130.0, 200.0)}  # steps/min
 
 
 def gait_report(
@@ -36,12 +31,10 @@ def gait_report(
     """
     motion, path = fit.motion, fit.path
     strides = sum(_strides(p, clip) for p in _used(passes, fit))
-    if strides < FEW_STRIDES:
-        warnings = [*warnings, f"only {strides:.1f} strides: the loop cannot be told from the noise of one"]
     gait = "run" if is_running(path.speed) else "walk"
     ranges = {name: _range(curve) for name, curve in joint_angles(motion.rotations).items()}
     cadence = 120.0 / motion.duration
-    return {
+    report = {
         "schema": GAIT_SCHEMA,
         "kind": gait,
         "simulated_capture": clip.simulated,
@@ -87,15 +80,15 @@ def gait_report(
             }
             for name, one in (("closed_form", closed), ("measures", fit))
         },
-        "warnings": [*warnings, *gate(fit, gait, ranges, cadence)],
     }
+    return _judged(report, warnings)
 
 
 def plain_report(clip: Clip, fit: PlainFit, motion: Motion, one: Pass) -> dict[str, Any]:
     """The JSON value of gait.json for a movement that is no gait, from its closed form and the final
     motion.
     """
-    return {
+    report = {
         "schema": GAIT_SCHEMA,
         "kind": "motion",
         "simulated_capture": clip.simulated,
@@ -110,24 +103,19 @@ def plain_report(clip: Clip, fit: PlainFit, motion: Motion, one: Pass) -> dict[s
             name: _measures(measure(each, fit.positions, fit.phase))
             for name, each in (("closed_form", fit.motion), ("measures", motion))
         },
-        "warnings": ["nobody walks in this capture: the longest pass is used as it is, without a loop"],
     }
+    told = "nobody walks in this capture: the longest pass is used as it is, without a loop"
+    return _judged(report, [told])
 
 
-def gate(fit: GaitFit, gait: str, ranges: dict[str, list[float]], cadence: float) -> list[str]:
-    """Warnings about what makes a reference hard to walk, each with its number and limit."""
-    path = fit.path
-    low, high = CADENCE[gait]
-    knee = min(ranges["knee_left"][1], ranges["knee_right"][1])
-    checks: tuple[tuple[bool, str], ...] = (
-        (path.penetration < PENETRATION, f"the soles sink in by {1e3 * path.penetration:.0f} mm (limit 25)"),
-        (path.floating < FLOATING, f"the lower foot floats by {1e3 * path.floating:.0f} mm (limit 25)"),
-        (path.clearance > 0, f"a swinging foot passes {-1e3 * path.clearance:.0f} mm below the ground"),
-        (path.slip < SLIP, f"the planted foot slips at {path.slip:.2f} m/s (limit 0.15)"),
-        (knee > KNEE_PEAK, f"a knee flexes by {knee:.0f}° only (usual: 50 to 75; limit 35)"),
-        (low <= cadence <= high, f"cadence {cadence:.0f} steps/min (usual: {low:.0f} to {high:.0f})"),
-    )
-    return [text for kept, text in checks if not kept]
+def _judged(report: dict[str, Any], warnings: list[str]) -> dict[str, Any]:
+    """The report with what the gate before training finds, which also stands among the warnings."""
+    found = judge(report)
+    return {
+        **report,
+        "gate": [finding.to_json() for finding in found],
+        "warnings": [*warnings, *(finding.text for finding in found)],
+    }
 
 
 def r_squared(captured: Array, fitted: Array) -> float:

@@ -5,9 +5,12 @@ from pathlib import Path
 
 import pytest
 
+from kinemimic.pipeline.convert import convert
 from kinemimic.pipeline.errors import KinemimicError
-from kinemimic.pipeline.store import write_json
+from kinemimic.pipeline.ingest import ingest
+from kinemimic.pipeline.store import read_json, write_json
 from kinemimic.retarget.gate import RULES, admit, judge
+from kinemimic.retarget.stage import retarget
 
 GOOD = {
     "kind": "walk",
@@ -104,3 +107,28 @@ def test_what_only_warns_and_what_is_unknown_goes_through(tmp_path: Path):
     admit(tmp_path)
     write_json(tmp_path / "gait.json", changed(strides=1.4))
     admit(tmp_path)
+
+
+@pytest.mark.parametrize(
+    ("name", "refused"),
+    [
+        ("kinect1_bernstein_skl/r2.skl", set()),
+        ("kinect1_bernstein_skl/i1.skl", set()),
+        ("kinect1_bernstein_skl/micha_walk.skl", set()),
+        ("cmu_bvh/02_01.bvh", set()),
+        ("cmu_bvh/09_01.bvh", set()),
+        ("kinect1_bernstein_skl/tal_l2r.skl", {"fit"}),
+    ],
+)
+def test_real_walks_and_runs(tmp_path: Path, captures: Path, name, refused):
+    """Those that the humanoid learnt pass; one whose tracking jumps at the hip does not."""
+    ingest(captures / name, tmp_path)
+    convert(tmp_path)
+    retarget(tmp_path)
+    found = judge(read_json(tmp_path / "gait.json"))
+    assert {finding.rule for finding in found if finding.severity == "refuse"} >= refused
+    if not refused:
+        admit(tmp_path)
+        return
+    with pytest.raises(KinemimicError, match="R²"):
+        admit(tmp_path)
