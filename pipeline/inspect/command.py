@@ -6,7 +6,6 @@ import contextlib
 import json
 import os
 from collections.abc import Sequence
-from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -16,9 +15,9 @@ from kinemimic.pipeline.captures.source import Source
 from kinemimic.pipeline.cli import BAD_INPUT, INTERRUPTED
 from kinemimic.pipeline.errors import CaptureError, KinemimicError
 from kinemimic.pipeline.inspect.sheet import sheet
-from kinemimic.pipeline.inspect.study import FLAGGED, USABLE
+from kinemimic.pipeline.inspect.study import COMPANION, FLAGGED, OTHER, USABLE
 from kinemimic.pipeline.inspect.summary import summary
-from kinemimic.pipeline.inspect.survey import Looked, files_of, folders, look, survey, with_companions
+from kinemimic.pipeline.inspect.survey import drawings_of, files_of, folders, reports_of, with_companions
 from kinemimic.pipeline.inspect.terminal import show
 from kinemimic.pipeline.progress import progress
 
@@ -48,26 +47,22 @@ def command(
     files = files_of(paths)
     if not files:
         raise KinemimicError(f"{paths[0]}: expected a capture or a folder of captures, found an empty folder")
-    work = partial(look, draw=plot is not None)
-    looked: list[Looked] = []
+    at_once = jobs or _processors()
+    found: list[dict[str, Any]] = []
     status = 0
     try:
-        if len(files) == 1:
-            looked.append(work(files[0]))
-        else:
-            at_once = min(jobs or _processors(), len(files))
-            with progress("inspect", len(files)) as bar:
-                for one in survey(files, work, jobs=at_once):
-                    looked.append(one)
-                    bar.advance()
+        with progress("inspect", len(files)) as bar:
+            for one in reports_of(files, jobs=at_once):
+                found.append(one)
+                bar.advance()
     except KeyboardInterrupt:
-        click.echo(f"kinemimic: interrupted after {len(looked)} of {len(files)} files", err=True)
+        click.echo(f"kinemimic: interrupted after {len(found)} of {len(files)} files", err=True)
         status = INTERRUPTED
-    if not looked:
+    if not found:
         return status
-    reports = with_companions(one.report for one in looked)
+    reports = with_companions(found)
     if plot:
-        _write_page(plot, looked, reports)
+        _write_page(plot, reports, jobs=at_once)
     if as_json:
         click.echo(json.dumps({"files": reports, "folders": folders(reports)}, indent=2, allow_nan=False))
     else:
@@ -92,11 +87,18 @@ def _suggest(paths: Sequence[Path]) -> int:
     return 0
 
 
-def _write_page(path: Path, looked: Sequence[Looked], reports: Sequence[dict[str, Any]]) -> None:
-    from kinemimic.pipeline.inspect.curves import write_page  # noqa: PLC0415 (loads matplotlib)
+def _write_page(path: Path, reports: Sequence[dict[str, Any]], *, jobs: int) -> None:
+    """Read again what is drawn: the drawings of all files at once would not fit into a browser, or here."""
+    from kinemimic.pipeline.inspect.curves import MOST_DRAWN, write_page  # noqa: PLC0415 (loads matplotlib)
 
-    drawings = {one.report["file"]: one.drawings for one in looked}
-    write_page(path, [(report, drawings[report["file"]]) for report in reports])
+    captures = [report for report in reports if report["status"] not in (OTHER, COMPANION)]
+    files = [Path(report["file"]) for report in captures[:MOST_DRAWN]]
+    drawn: dict[Path, str] = {}
+    with progress("draw", len(files)) as bar:
+        for file, section in drawings_of(files, jobs=jobs):
+            drawn[file] = section
+            bar.advance()
+    write_page(path, captures, [drawn[file] for file in files])
 
 
 def _processors() -> int:

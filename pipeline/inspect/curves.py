@@ -17,9 +17,9 @@ from numpy.typing import NDArray
 from kinemimic.pipeline.angles import leg_angles
 from kinemimic.pipeline.clip import Clip
 from kinemimic.pipeline.defect import RULES, Defect
-from kinemimic.pipeline.html import drawing, number, page
+from kinemimic.pipeline.html import drawing, number, page, table
 from kinemimic.pipeline.inspect.measures import SEGMENTS, SIDES, nodes_of
-from kinemimic.pipeline.inspect.study import OTHER, Studied
+from kinemimic.pipeline.inspect.study import Studied
 from kinemimic.pipeline.nodes import joints_of_nodes
 from kinemimic.pipeline.picture import Draw, legend, panel_grid, picture
 from kinemimic.pipeline.skeleton import NODE_INDEX
@@ -32,8 +32,10 @@ _OWN = "#8a8a8a"
 _STATES = {"missing": "#7f1d1d", "inferred": "#f0b440", "tracked": "#cfe3ee"}
 _MARKS = {"flagged": "#fbeccb", "repaired": "#d3ead0", "refused": "#f6d5d0"}
 _BETWEEN = 0.4  # s from one pass to the next, as drawn
-# More than a drawing can show, and a page of hundreds of files must not weigh gigabytes.
+# More than a drawing can show.
 _POINTS, _COLUMNS, _MARKED = 700, 600, 60
+# A capture's drawings weigh about 0.7 MB; a page of more of them is more than a browser likes to open.
+MOST_DRAWN = 40
 
 
 def section(studied: Studied) -> str:
@@ -59,13 +61,19 @@ def section(studied: Studied) -> str:
     return f'{title}<p class="lead">{escape(_lead(report))}</p>{banner}{listed}{"".join(drawings)}'
 
 
-def write_page(path: Path, sections: Sequence[tuple[dict[str, Any], str]]) -> None:
-    """One page of the sections of all files that are captures, written atomically."""
-    shown = [(report, text) for report, text in sections if report["status"] != OTHER]
-    read = sum(report["read"] for report, _ in shown)
-    title = Path(shown[0][0]["file"]).name if len(shown) == 1 else f"{len(shown)} captures"
-    lead = f"{read} of {len(shown)} read; kinemimic inspect"
-    body = f'<h1>{escape(title)}</h1><p class="lead">{lead}</p>' + "".join(text for _, text in shown)
+def write_page(path: Path, captures: Sequence[dict[str, Any]], sections: Sequence[str]) -> None:
+    """One page, written atomically: the sections of the first captures, the others in a table.
+
+    captures: their reports; sections: HTML of the first of them, at most MOST_DRAWN.
+    """
+    read = sum(report["read"] for report in captures)
+    title = Path(captures[0]["file"]).name if len(captures) == 1 else f"{len(captures)} captures"
+    lead = f"{read} of {len(captures)} read; kinemimic inspect"
+    rest = captures[len(sections) :]
+    rows = [(escape(report["file"]), escape(report["format"] or "–"), report["status"]) for report in rest]
+    caption = f"The first {len(sections)} captures are drawn above; name fewer files to see these drawn."
+    others = table(("not drawn", "format", "verdict"), rows, caption) if rest else ""
+    body = f'<h1>{escape(title)}</h1><p class="lead">{lead}</p>{"".join(sections)}{others}'
     write_text(path, page(f"{title}: kinemimic inspect", body))
 
 

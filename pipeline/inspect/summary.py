@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any
@@ -16,6 +17,9 @@ from kinemimic.pipeline.inspect.survey import folders, rule_counts
 from kinemimic.pipeline.inspect.terminal import facts, grid, heading, number
 
 Report = dict[str, Any]
+
+_NUMBER = re.compile(r"\d+(?:\.\d+)?")
+_NAMED = 3  # so many files are named before they are only counted
 
 
 def summary(reports: Sequence[Report], *, by_file: bool) -> RenderableType:
@@ -99,10 +103,9 @@ def _below(reports: Sequence[Report], records: Sequence[dict[str, Any]]) -> Iter
     if refused:
         yield heading("Refused")
         shared = _shared([str(Path(report["file"]).parent) for report in captures])
-        for report in refused:
+        for line in _reasons(refused, shared):
             # One line each, whatever the width: it is searched for, and cut off by whoever wants to.
-            name = Path(report["file"]).relative_to(shared)
-            yield Text(f"{name}: {report['reason']}", no_wrap=True, overflow="ignore")
+            yield Text(line, no_wrap=True, overflow="ignore")
     table = facts()
     usable = [report for report in captures if report["status"] != REFUSED]
     for title, group in (("repaired", captures), ("flagged", usable)):
@@ -120,6 +123,20 @@ def _below(reports: Sequence[Report], records: Sequence[dict[str, Any]]) -> Iter
     table.add_row("captures", f"{read} of {len(captures)} read, {len(refused)} refused")
     yield heading("In all")
     yield table
+
+
+def _reasons(refused: Sequence[Report], shared: Path) -> Iterator[str]:
+    """A line for each file with its reason; one for all files whose reasons differ in their numbers only."""
+    alike: dict[str, list[Report]] = {}
+    for report in refused:
+        alike.setdefault(_NUMBER.sub("#", report["reason"]), []).append(report)
+    for group in alike.values():
+        names = [str(Path(report["file"]).relative_to(shared)) for report in group]
+        if len(group) <= _NAMED:
+            yield from (f"{name}: {one['reason']}" for name, one in zip(names, group, strict=True))
+        else:
+            more = f"{', '.join(names[:_NAMED])} and {len(names) - _NAMED} more"
+            yield f"{len(names)} files alike, {more}: {group[0]['reason']}"
 
 
 def _captures(reports: Sequence[Report]) -> list[Report]:

@@ -5,19 +5,20 @@ from __future__ import annotations
 import os
 from collections import Counter
 from collections.abc import Iterable, Iterator, Sequence
-from dataclasses import dataclass
 from pathlib import Path
 from statistics import median
 from typing import Any
 
-from kinemimic.pipeline.inspect.pool import Lost, Work, each
-from kinemimic.pipeline.inspect.study import COMPANION, OTHER, REFUSED, look_at, unread
+from kinemimic.pipeline.depth.folder import is_recording
+from kinemimic.pipeline.inspect.pool import SECONDS, Lost, each
+from kinemimic.pipeline.inspect.study import COMPANION, OTHER, REFUSED, Studied, look_at, study, unread
 
 Report = dict[str, Any]
 
 
 def files_of(paths: Iterable[Path]) -> list[Path]:
-    """The files that are meant: a file is itself, a folder all files below it, hidden ones left out.
+    """The files that are meant: a file is itself, a folder all files below it, hidden ones left out; a depth
+    recording, which is a folder, counts as one file.
 
     In the sequence of their names, each once; a path that does not exist stays, and its report will say so.
     """
@@ -27,37 +28,41 @@ def files_of(paths: Iterable[Path]) -> list[Path]:
 
 def _below(folder: Path) -> Iterator[Path]:
     for place, folders, names in os.walk(folder):
+        if is_recording(Path(place)):
+            folders.clear()
+            yield Path(place)
+            continue
         folders[:] = [name for name in folders if not name.startswith(".")]
         yield from (Path(place) / name for name in names if not name.startswith("."))
 
 
-@dataclass(frozen=True)
-class Looked:
-    """A file's report, and its drawings as HTML where they were asked for."""
-
-    report: Report
-    drawings: str = ""
+def reports_of(files: Sequence[Path], *, jobs: int) -> Iterator[Report]:
+    """The report on each file as it is done, over a pool of processes: a damaged file costs only itself."""
+    for index, result in each(study, files, jobs=jobs, seconds=_patience(files)):
+        yield unread(files[index], REFUSED, result.reason) if isinstance(result, Lost) else result
 
 
-def look(path: Path, *, draw: bool = False) -> Looked:
-    """One file, looked at."""
-    studied = look_at(path)
-    if not draw:
-        return Looked(studied.report)
+def drawings_of(files: Sequence[Path], *, jobs: int) -> Iterator[tuple[Path, str]]:
+    """Each file with its part of the page of curves (HTML), likewise; or with the reason why it has none."""
+    from kinemimic.pipeline.inspect.curves import section  # noqa: PLC0415 (see `draw`)
+
+    for index, result in each(draw, files, jobs=jobs, seconds=_patience(files)):
+        file = files[index]
+        lost = isinstance(result, Lost)
+        yield file, section(Studied(unread(file, REFUSED, result.reason))) if lost else result
+
+
+def draw(path: Path) -> str:
+    """One file's part of the page of curves (HTML)."""
     # matplotlib takes longer to load than most captures to read.
     from kinemimic.pipeline.inspect.curves import section  # noqa: PLC0415
 
-    return Looked(studied.report, section(studied))
+    return section(look_at(path))
 
 
-def survey(files: Sequence[Path], work: Work, *, jobs: int) -> Iterator[Looked]:
-    """work(file) of each file as it is done, over a pool of processes; work: `look`, or a part of it.
-
-    A file for which there is no result has the reason in its report.
-    """
-    for index, result in each(work, files, jobs=jobs):
-        lost = isinstance(result, Lost)
-        yield Looked(unread(files[index], REFUSED, result.reason)) if lost else result
+def _patience(files: Sequence[Path]) -> float:
+    """Seconds for one of the files: a depth recording is a folder of thousands of images."""
+    return 10.0 * SECONDS if any(file.is_dir() for file in files) else SECONDS
 
 
 def with_companions(reports: Iterable[Report]) -> list[Report]:

@@ -133,6 +133,39 @@ def test_files_are_sorted_once_each_and_hidden_ones_left_out(library: Path) -> N
     assert names == ["LICENSE", "cut.skl", "one.skl", "two.skl", "three.skl"]
 
 
+def test_a_depth_recording_is_one_file(tmp_path: Path, capsys: Out) -> None:
+    recording = tmp_path / "lib" / "take"
+    (recording / "depth").mkdir(parents=True)
+    (recording / "camera.toml").write_text("")
+    for name in ("depth/000001.png", "depth/000002.png", "joints.csv", "../other.txt"):
+        (recording / name).write_text("no image\n")
+    assert files_of([tmp_path]) == [tmp_path / "lib/other.txt", recording]
+    assert files_of([recording]) == [recording]
+    assert call("inspect", recording) == 2
+    assert "camera.toml" in capsys.readouterr().out
+
+
+def test_refusals_alike_are_one_line(walking: Writer, tmp_path: Path, capsys: Out) -> None:
+    text = walking("lib/good.skl").read_text()
+    for number in range(5):
+        (tmp_path / f"lib/cut{number}.skl").write_text(text[: 9000 + 1700 * number])
+    assert call("inspect", tmp_path / "lib") == 0
+    lines = [line for line in capsys.readouterr().out.splitlines() if "expected" in line]
+    assert len(lines) < 5
+    assert any("files alike, cut0.skl, cut1.skl, cut2.skl and 2 more: line" in line for line in lines)
+
+
+def test_a_page_draws_some_captures_and_names_the_others(
+    library: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("kinemimic.pipeline.inspect.curves.MOST_DRAWN", 2)
+    assert call("inspect", library, "--plot", tmp_path / "page.html") == 0
+    text = (tmp_path / "page.html").read_text(encoding="utf-8")
+    drawn, _, others = text.partition("not drawn")
+    assert "<h2>one.skl" in drawn and "one.skl" not in others
+    assert "two.skl" in others and "three.skl" in others and "The first 2 captures are drawn" in others
+
+
 def _read(name: str, companions: list[str], **more: Any) -> dict[str, Any]:
     return unread(Path("lib", name), "usable", "") | {"read": True, "companions": companions, **more}
 
@@ -168,17 +201,17 @@ def test_ctrl_c_prints_what_is_done_and_ends_with_130(library: Path, tmp_path: P
         """
 import signal, sys, time
 from kinemimic.pipeline import cli
-from kinemimic.pipeline.inspect import command, survey
+from kinemimic.pipeline.inspect import study, survey
 
-def slow(path, *, draw=False):
+def slow(path):
     if path.name == "three.skl":
         print("hangs", flush=True)
         time.sleep(60)
-    return survey.look(path, draw=draw)
+    return study.study(path)
 
 if __name__ == "__main__":
     signal.signal(signal.SIGINT, signal.default_int_handler)
-    command.look = slow
+    survey.study = slow
     cli.main(["inspect", *sys.argv[1:]])
 """
     )
