@@ -34,6 +34,7 @@ from kinemimic.retarget.cycle import Pass, study_passes, usable
 from kinemimic.retarget.fit import fit_gait
 from kinemimic.retarget.loop import gather
 from kinemimic.retarget.motion import joint_angles
+from kinemimic.retarget.refine import refine
 from kinemimic.retarget.trust import assess
 from kinemimic.train.reference import Reference
 
@@ -102,7 +103,7 @@ def compare(raw: Clip, cleaned: Clip, truth: dict[str, Array]) -> Row:
     except KinemimicError:
         return row
     used = captured_angles(clip, recorded, [_span(clip, one, one.frames) for one in chosen], fit.trust, truth)
-    loop = joint_angles(Reference(fit.motion).nodes(used["phase"]))
+    loop = joint_angles(Reference(refine(fit.motion)).nodes(used["phase"]))
     used |= {f"loop_{name}": loop[name] for name in ANGLES}
     return row._replace(used=_errors(used, "clean_"), loop=_errors(used, "loop_"), passes=len(chosen))
 
