@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 from kinemimic.pipeline.captures import amc_text, asf_text
 from kinemimic.pipeline.captures.asf_text import AsfText
 from kinemimic.pipeline.captures.format import Format
+from kinemimic.pipeline.captures.frame_defects import in_sequence
 from kinemimic.pipeline.captures.recording import reading
 from kinemimic.pipeline.captures.source import Source
 from kinemimic.pipeline.captures.units import metres_per_unit
@@ -159,12 +160,7 @@ def _later(source: Source, numbers: Array) -> tuple[NDArray[np.bool_], list[Defe
     """The frames whose number is above all before them."""
     if not numbers.max() <= _LAST_FRAME:
         raise source.error(expected="frame numbers of a recording", found=f"{numbers.max():g}")
-    later = numbers > np.concatenate([[-1.0], np.maximum.accumulate(numbers)[:-1]])
-    repeated = int((~later).sum())
-    if not repeated:
-        return later, []
-    text = f"{repeated} frames with a number that came before, dropped"
-    return later, [Defect("duplicate_frames", repeated, "frames", "repaired", text)]
+    return in_sequence(numbers)
 
 
 def _joints(text: AsfText) -> tuple[tuple[str, ...], tuple[int, ...], Array, Array]:

@@ -15,6 +15,8 @@ Mask = NDArray[np.bool_]
 
 # A depth camera sees 8 m far at most; what is ten times beyond that is no measurement.
 FARTHEST = 100.0
+# Lines in a row behind the clock that are more than a stutter.
+_ANEW = 10
 # A list of more runs than this is for a program, not a person; the counts are whole all the same.
 _MOST_RUNS = 100
 
@@ -22,12 +24,29 @@ _MOST_RUNS = 100
 def in_sequence(clock: Array) -> tuple[Mask, list[Defect]]:
     """Which frames come later than all before them, and a defect that counts the others, to be dropped.
 
-    clock: (T,) finite times or frame numbers as in the file.
+    clock: (T,) finite times or frame numbers as in the file. Lines that repeat a time now and then are
+    repaired so; where the clock falls back and runs on, a recording is lost with them: that is flagged.
     """
     later = clock > np.concatenate([[-np.inf], np.maximum.accumulate(clock)[:-1]])
     count = int((~later).sum())
+    if not count:
+        return later, []
     text = f"{count} {_number(count, 'line')} with the time of a line before, dropped"
-    return later, [Defect("duplicate_frames", count, "frames", "repaired", text)] if count else []
+    behind = _longest_behind(clock, later)
+    if behind < _ANEW:
+        return later, [Defect("duplicate_frames", count, "frames", "repaired", text)]
+    text += (
+        f"; {behind} of them follow one another, their clock behind but running: two recordings joined in "
+    )
+    text += "one file, or one time far too late?"
+    return later, [Defect("duplicate_frames", count, "frames", "flagged", text)]
+
+
+def _longest_behind(clock: Array, later: Mask) -> int:
+    """The most lines in a row that are not later than all before, but each later than the one before it."""
+    running = np.concatenate([[False], ~later[1:] & ~later[:-1] & (clock[1:] > clock[:-1])])
+    edges = np.flatnonzero(np.diff(np.concatenate([[False], running, [False]]).astype(np.int8)))
+    return 1 + int((edges[1::2] - edges[::2]).max(initial=0))
 
 
 def zero_frames(points: Array) -> list[Defect]:

@@ -73,7 +73,7 @@ def read(source: Source) -> Clip:
     check_quaternions(frames[..., 4:], SDK_JOINTS, where, source)
     fresh = np.concatenate([[True], (rows[1:, 2:] != rows[:-1, 2:]).any(axis=1)])
     polls = np.flatnonzero(fresh)
-    fresh[polls], _ = sensor_clock(times[polls], lambda row: where(int(polls[row])), source)
+    fresh[polls], defects = sensor_clock(times[polls], lambda row: where(int(polls[row])), source)
     kept = frames if fresh.all() else frames[fresh]
     skeleton = kinect_v2_skeleton()
     return clip_of_points(
@@ -85,20 +85,23 @@ def read(source: Source) -> Clip:
         reading=reading(
             units="m",
             units_rule="the format's",
-            defects=_defects(table.dropped + int((~present).sum()), int((~fresh).sum()), len(rows)),
+            defects=_defects(table.dropped + int((~present).sum()), int((~fresh).sum()), len(rows), defects),
             columns=_WIDTH,
         ),
         rotations=child_to_parent(kept[:, FROM_SDK, 4:], skeleton, Y_UP_TO_Z_UP),
     )
 
 
-def _defects(empty: int, repeated: int, lines: int) -> list[Defect]:
-    """What was left out: lines without a whole person, and polls that found the sensor's last frame again."""
+def _defects(empty: int, repeated: int, lines: int, of_clock: list[Defect]) -> list[Defect]:
+    """What was left out: lines without a whole person, and polls that found the sensor's last frame again;
+    of_clock: of those that did not."""
     found: list[Defect] = []
     if empty:
         text = f"{empty} lines without a whole person (zeros or too few numbers), left out"
         found.append(Defect("zero_frames", empty, "frames", "repaired", text))
-    if repeated:
+    behind = [defect for defect in of_clock if defect.action == "flagged"]
+    found += behind
+    if repeated := repeated - sum(defect.count for defect in behind):
         text = f"{repeated} of {lines} lines repeat a pose or a time: polled faster than the sensor, dropped"
         found.append(Defect("duplicate_frames", repeated, "frames", "repaired", text))
     return found

@@ -7,6 +7,7 @@ numbers twice: two updates of the tracker within one picture, or two people. Met
 from __future__ import annotations
 
 import re
+from itertools import product
 from typing import Any
 
 import numpy as np
@@ -15,7 +16,7 @@ from numpy.typing import NDArray
 from kinemimic.pipeline.captures.figure import upright
 from kinemimic.pipeline.captures.format import Format
 from kinemimic.pipeline.captures.frame_defects import in_sequence, refuse_far, zero_frames
-from kinemimic.pipeline.captures.numbers import parse_table
+from kinemimic.pipeline.captures.numbers import numbers_of, parse_table
 from kinemimic.pipeline.captures.recording import clip_of_points, reading
 from kinemimic.pipeline.captures.source import Source
 from kinemimic.pipeline.clip import Clip
@@ -36,6 +37,8 @@ RATE = 30.0
 LABELS = "actionLabel.txt"
 # Two updates of one body within a picture are centimetres apart; this far apart are two people.
 _TWO_PEOPLE = 0.3
+# Lines of one number that are looked at.
+_CHOICES = 6
 _TAKE = re.compile(r"s\d+_e\d+")
 _LABEL = re.compile(r"\s*(\w+)\s*:\s*(\S+)\s+(\S+)\s*$")
 
@@ -45,13 +48,10 @@ def recognises(source: Source) -> bool:
     rows: list[list[float]] = []
     # The last line of the head may be cut off.
     for line in source.head[:-1] if len(source.head) > 1 else source.head:
-        fields = line.split()
-        if len(fields) != WIDTH:
+        row = numbers_of(line, None)
+        if row is None or len(row) != WIDTH:
             return False
-        try:
-            rows.append([float(field) for field in fields])
-        except ValueError:
-            return False
+        rows.append(row)
     table = np.array(rows)
     if not np.isfinite(table).all():
         return False
@@ -75,7 +75,8 @@ def read(source: Source) -> Clip:
         raise source.error(expected="a frame number", found=f"{numbers[bad]:g}", where=where)
     points = table.values[:, 1:].reshape(-1, len(NODES), 3)
     refuse_far(points, NODES, source, table.line)
-    points = np.where(np.isfinite(points), points, np.nan)
+    if not np.isfinite(points).all():
+        points = np.where(np.isfinite(points), points, np.nan)
     rows, defects = _one_of_each(numbers, points)
     labels, notes = _labels(source)
     return clip_of_points(
@@ -96,27 +97,23 @@ def read(source: Source) -> Clip:
 
 def _one_of_each(numbers: Array, points: Array) -> tuple[NDArray[np.intp], list[Defect]]:
     """The rows to keep, one of each frame number, and what was found among the others."""
-    later, _ = in_sequence(numbers)
-    if later.all():
+    later, defects = in_sequence(numbers)
+    if not defects:
         return np.arange(len(numbers)), []
-    rows = np.flatnonzero(later)
-    two_people: list[int] = []
-    # Numbers that stand there more than once, in their sequence: each choice depends on the one before.
-    sizes = np.diff(np.append(rows, len(numbers)))
-    for frame in np.flatnonzero(sizes > 1):
-        same = np.arange(rows[frame], rows[frame] + sizes[frame])
-        same = same[numbers[same] == numbers[rows[frame]]]
-        bodies = points[same]
-        far = _apart(bodies, bodies[0])
-        if (np.isfinite(far) & (far > _TWO_PEOPLE)).any():
-            two_people.append(int(frame))
-        if frame > 0:
-            rows[frame] = same[np.argmin(_apart(bodies, points[rows[frame - 1]]))]
+    # Rows that are neither later nor of the latest number stand behind the clock; nothing is chosen of them.
+    current = np.flatnonzero(numbers == np.maximum.accumulate(numbers))
+    bodies, first = points[current], np.flatnonzero(later[current])
+    sizes = np.diff(np.append(first, len(current)))
+    far = _apart(bodies, bodies[np.repeat(first, sizes)])
+    two_people = np.unique(np.repeat(np.arange(len(first)), sizes)[np.isfinite(far) & (far > _TWO_PEOPLE)])
+    rows = current[_nearest(bodies, first, sizes)]
     count = len(numbers) - len(rows)
     text = f"{count} lines with the number of another, dropped: the nearest to the frame before is kept"
     found = [Defect("duplicate_frames", count, "frames", "repaired", text)]
-    if two_people:
-        spans = tuple((frame, frame) for frame in two_people[:100])
+    if defects[0].action == "flagged":
+        found = defects
+    if len(two_people):
+        spans = tuple((int(frame), int(frame)) for frame in two_people[:100])
         text = (
             f"{len(two_people)} frame numbers have lines more than {_TWO_PEOPLE:g} m apart: two people; "
             "the one nearest to the frame before is kept"
@@ -125,9 +122,36 @@ def _one_of_each(numbers: Array, points: Array) -> tuple[NDArray[np.intp], list[
     return rows, found
 
 
-def _apart(bodies: Array, body: Array) -> Array:
-    """Mean distance (K,), metres, of the joints of bodies (K, 20, 3) from those of one; else infinite."""
-    distance = np.linalg.norm(bodies - body, axis=-1).mean(axis=-1)
+def _nearest(bodies: Array, first: NDArray[np.intp], sizes: NDArray[np.intp]) -> list[int]:
+    """Of each frame, bodies[first : first + size], the one nearest to the one of the frame before.
+
+    Each choice depends on the one before. All distances that may be asked for are computed at once, by how
+    many rows the two bodies stand apart; what is left for each frame is to look them up. Of more than
+    _CHOICES bodies the others are not looked at: no sensor sees so many.
+    """
+    choices = np.minimum(sizes, _CHOICES)
+    chosen: list[int] = first.tolist()
+    several = np.flatnonzero(choices > 1)
+    several = several[several > 0]
+    distance: dict[tuple[int, int], float] = {}
+    for one, other in product(range(_CHOICES), repeat=2):
+        frames = several[(choices[several] > one) & (choices[several - 1] > other)]
+        here, before = first[frames] + one, first[frames - 1] + other
+        distance |= zip(
+            zip(here.tolist(), before.tolist(), strict=True),
+            _apart(bodies[here], bodies[before]).tolist(),
+            strict=True,
+        )
+    for frame in several.tolist():
+        last, start = chosen[frame - 1], chosen[frame]
+        chosen[frame] = min(range(start, start + int(choices[frame])), key=lambda k: distance[k, last])
+    return chosen
+
+
+def _apart(bodies: Array, others: Array) -> Array:
+    """Mean distance (K,), metres, of the joints of bodies (K, 20, 3) from those of others; else infinite."""
+    difference = bodies - others
+    distance = np.sqrt(np.einsum("kji,kji->kj", difference, difference)).mean(axis=-1)
     return np.where(np.isfinite(distance), distance, np.inf)
 
 

@@ -19,6 +19,17 @@ def test_a_frame_counts_if_it_is_later_than_all_before_it() -> None:
     assert in_sequence(np.arange(4.0))[1] == []
 
 
+def test_a_clock_that_falls_back_and_runs_on_is_not_called_repaired() -> None:
+    # A second recording of 30 lines behind the first; one time far too late does the same.
+    for clock in (np.tile(np.arange(30.0), 2), np.concatenate([np.arange(9.0), [1e9], np.arange(9.0, 39.0)])):
+        later, (defect,) = in_sequence(clock)
+        assert (defect.action, defect.count) == ("flagged", int((~later).sum()))
+        assert "30 of them follow one another" in defect.text
+    # A time written thirty times over is a stutter, however long.
+    later, (defect,) = in_sequence(np.repeat([1.0, 2.0], 30))
+    assert (defect.action, defect.count, int(later.sum())) == ("repaired", 58, 2)
+
+
 def test_empty_frames_are_named_as_runs() -> None:
     points = np.ones((9, 2, 3))
     points[[0, 4, 5, 8]] = 0.0

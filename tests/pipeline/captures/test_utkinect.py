@@ -62,6 +62,30 @@ def test_the_same_person_is_kept_where_there_are_two() -> None:
     assert defects(clip) == {"duplicate_frames": 1, "several_people": 1}
 
 
+def test_each_is_the_nearest_of_its_number_to_the_one_before() -> None:
+    rng = np.random.default_rng(8)
+    lines = [line for line in sample(60).split("\n") if line.strip()]
+    body = np.array([[float(field) for field in line.split()] for line in lines])
+    rows = np.repeat(body, rng.integers(1, 6, size=len(body)), axis=0)
+    rows[:, 1:] += rng.normal(scale=0.05, size=(len(rows), 60))
+    text = "\n".join(" ".join([f"{row[0]:.0f}", *(f"{x:.17g}" for x in row[1:])]) for row in rows)
+    clip = clip_of(text + "\n")
+    places = rows[:, 1:].reshape(-1, 20, 3)[..., [2, 0, 1]]
+    assert np.array_equal(clip.positions[0], places[0])
+    for before, kept, number in zip(
+        clip.positions, clip.positions[1:], np.unique(rows[:, 0])[1:], strict=False
+    ):
+        same = places[rows[:, 0] == number]
+        distance = np.linalg.norm(same - before, axis=-1).mean(axis=-1)
+        assert np.array_equal(kept, same[np.argmin(distance)])
+
+
+def test_a_second_recording_behind_the_first_is_told() -> None:
+    (told,) = clip_of(sample(90) + sample(90)).provenance["reading"]["defects"]
+    assert (told["rule"], told["action"]) == ("duplicate_frames", "flagged")
+    assert "two recordings joined in one file" in told["text"]
+
+
 @pytest.mark.parametrize(
     ("change", "message"),
     [
