@@ -1,7 +1,7 @@
 """The text of an AMC motion: per frame its number and a line for every bone, to one table of numbers.
 
 Every frame of a real file has the same lines. Their names are struck out in the bytes, each where it must
-stand, and what is left goes through numpy's parser at once; a file that is laid out otherwise is read line
+stand, and what is left is parsed as a table at once; a file that is laid out otherwise is read line
 by line, which takes longer and finds the first mistake.
 """
 
@@ -14,12 +14,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from kinemimic.pipeline.captures.asf_text import LARGEST
+from kinemimic.pipeline.captures.numbers import parse_table, to_number
 from kinemimic.pipeline.captures.source import Source
+from kinemimic.pipeline.errors import CaptureError
 
 Array = NDArray[np.float64]
 
-_SPACE, _FEED = 32, 10
-_EIGHT_SPACES = 0x2020202020202020
+# What is struck out becomes a character that no text holds, and is deleted.
+_SPACE, _FEED, _STRUCK = 32, 10, 1
+_EIGHT_STRUCK = 0x0101010101010101
 _LONGEST_LINE = 128
 
 
@@ -59,23 +62,24 @@ def parse(source: Source, widths: Mapping[str, int]) -> AmcText:
         start = end + 1
     if start >= len(content):
         raise source.error(expected="frames of motion", found="none", advice="the file is cut off")
-    bones, table = _at_once(content[start:], widths) or _line_by_line(source, widths)
+    bones, table = _at_once(source, start, widths) or _line_by_line(source, widths)
     wrong = ~(np.abs(table) < LARGEST)  # NaN too
     if wrong.any():
         frame, column = (int(k) for k in np.argwhere(wrong)[0])
         raise source.error(
             expected=f"finite numbers below {LARGEST:g}",
             found=f"{table[frame, column]:g}",
-            where=f"frame {frame + 1}",
+            where=f"frame {table[frame, 0] if column else frame + 1:g}",
         )
     columns = np.cumsum([1, *(widths[bone] for bone in bones)])
     values = {bone: table[:, a:b] for bone, a, b in zip(bones, columns[:-1], columns[1:], strict=True)}
     return AmcText(table[:, 0], values, keywords)
 
 
-def _at_once(content: bytes, widths: Mapping[str, int]) -> tuple[list[str], Array] | None:
-    """Bones and table (T, 1 + values) of frames that are all laid out as the first; None if they are not."""
-    lines = content[: _LONGEST_LINE * (len(widths) + 2)].split(b"\n")
+def _at_once(source: Source, start: int, widths: Mapping[str, int]) -> tuple[list[str], Array] | None:
+    """Bones and table (T, 1 + values) of frames, from byte `start` on, that are all laid out as the first;
+    None if they are not."""
+    lines = source.content[start : start + _LONGEST_LINE * (len(widths) + 2)].split(b"\n")
     layout = next((lines[:k] for k, line in enumerate(lines) if k and line.strip().isdigit()), lines)
     if not all(line.split() for line in layout):
         return None
@@ -83,12 +87,14 @@ def _at_once(content: bytes, widths: Mapping[str, int]) -> tuple[list[str], Arra
     bones = [name.decode("latin-1") for name in names[1:]]
     if sorted(bones) != sorted(bone for bone, width in widths.items() if width):
         return None
-    text = _without_names(content, names, [1, *(widths[bone] for bone in bones)])
+    counts = [1, *(widths[bone] for bone in bones)]
+    text = _without_names(source.content[start:], names, counts)
     try:
-        rows = [] if text is None else text.decode("ascii").split("\n")
-        return (bones, np.loadtxt(rows, dtype=np.float64, comments=None, ndmin=2)) if rows else None
-    except ValueError:
-        return None
+        if text is not None:
+            return bones, parse_table(Source(source.path, text, ""), width=sum(counts)).values
+    except CaptureError:
+        pass  # the file's own lines tell better what is wrong
+    return None
 
 
 def _without_names(content: bytes, names: Sequence[bytes], counts: Sequence[int]) -> bytes | None:
@@ -116,11 +122,11 @@ def _without_names(content: bytes, names: Sequence[bytes], counts: Sequence[int]
     if (found[:, last - counts] < starts).any() or (found[:, last - 1] > ends).any():
         return None
     text[ends[:, :-1]] = _SPACE
-    return text.tobytes()
+    return text[: end + 1].tobytes().translate(None, bytes([_STRUCK]))
 
 
 def _strike_out(text: NDArray[np.uint8], places: NDArray[np.intp], name: bytes) -> bool:
-    """Put spaces in place of a name that stands, as a word, at all of these places; False if it does not.
+    """Strike out a name, and the space behind it, that stands at all of these places; False if it does not.
 
     Eight letters are looked at, and written, at once.
     """
@@ -131,8 +137,12 @@ def _strike_out(text: NDArray[np.uint8], places: NDArray[np.intp], name: bytes) 
         there = words[places + k]
         if ((there & mask) != np.uint64(int.from_bytes(piece, "little"))).any():
             return False
-        words[places + k] = (there & ~mask) | (np.uint64(_EIGHT_SPACES) & mask)
-    return not name or bool((text[places + len(name)] <= _SPACE).all())
+        words[places + k] = (there & ~mask) | (np.uint64(_EIGHT_STRUCK) & mask)
+    if name:
+        if (text[places + len(name)] != _SPACE).any():
+            return False
+        text[places + len(name)] = _STRUCK
+    return True
 
 
 def _line_by_line(source: Source, widths: Mapping[str, int]) -> tuple[list[str], Array]:
@@ -176,18 +186,18 @@ def _values(
     if bone not in widths:
         raise source.error(
             expected="a frame's number or a bone of the skeleton", found=repr(bone[:40]), where=where,
-            advice="the skeleton beside this file is another one's",
+            advice="the file is cut off there" if number == len(source.lines)
+            else "the skeleton beside this file is another one's",
         )  # fmt: skip
     if again:
         raise source.error(expected="each bone once a frame", found=f"{bone!r} again", where=where)
     if len(words) - 1 != widths[bone]:
         raise source.error(
             expected=f"{widths[bone]} values for {bone}", found=f"{len(words) - 1}", where=where,
-            advice="the skeleton beside this file may be another one's",
+            advice="the file is cut off there" if number == len(source.lines)
+            else "the skeleton beside this file may be another one's",
         )  # fmt: skip
-    try:
-        return [float(word) for word in words[1:]]
-    except ValueError:
-        raise source.error(
-            expected=f"numbers for {bone}", found=repr(" ".join(words[1:])[:40]), where=where
-        ) from None
+    values = [value for word in words[1:] if (value := to_number(word)) is not None]
+    if len(values) < widths[bone]:
+        raise source.error(expected=f"numbers for {bone}", found=repr(" ".join(words[1:])[:40]), where=where)
+    return values

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from kinemimic.pipeline.captures.format import Format
 from kinemimic.pipeline.captures.frame_defects import refuse_far, zero_frames
+from kinemimic.pipeline.captures.numbers import parse_table
 from kinemimic.pipeline.captures.recording import clip_of_points, reading
 from kinemimic.pipeline.captures.source import Source
 from kinemimic.pipeline.clip import Clip
@@ -31,7 +32,6 @@ JOINTS: dict[str, str] = {node.title().replace("_", "-"): node for node in NODES
 }
 # What numbers are made of. Without it, a file of 20 names a frame is the same few bytes over and over.
 _NUMERIC = b"0123456789.+-eE"
-_ONE_LINE = bytes.maketrans(b"\n", b";")
 
 
 def recognises(source: Source) -> bool:
@@ -46,10 +46,11 @@ def read(source: Source) -> Clip:
     CaptureError names the first line that is not the joint that is due, or if the last frame is cut off.
     """
     due = _sequence(source)
-    points = _regular(source, due)
-    if points is None:
-        points = _line_by_line(source, due)
-    refuse_far(points, due, source, lambda frame: frame * len(due) + 1)
+    if not _is_regular(source, due):
+        _check_lines(source, due)
+    table = parse_table(source, width=4, separator=";", words=1)
+    points = table.values.reshape(-1, len(due), 3)
+    refuse_far(points, due, source, lambda frame: table.line(frame * len(due)))
     nodes = [JOINTS[name] for name in due]
     points = points[:, [nodes.index(node) for node in NODES]]
     return clip_of_points(
@@ -70,7 +71,7 @@ def read(source: Source) -> Clip:
 def _sequence(source: Source) -> tuple[str, ...]:
     """The names of the first frame, in the sequence that all frames must have."""
     names: list[str] = []
-    for number, line in enumerate(source.head, start=1):
+    for number, line in enumerate(source.head, start=source.blank_lines + 1):
         name = line.partition(";")[0].strip()
         if len(names) == len(JOINTS) or (names and name == names[0]):
             break
@@ -83,38 +84,22 @@ def _sequence(source: Source) -> tuple[str, ...]:
         raise source.error(
             expected=f"{len(JOINTS)} joints in the first frame",
             found=f"{len(names)}, without {', '.join(missing[:3])}{' …' if len(missing) > 3 else ''}",
-            where=f"line {len(names)}",
+            where=f"line {source.blank_lines + len(names)}",
             advice="the file is cut off there" if len(names) == len(source.head) else None,
         )
     return tuple(names)
 
 
-def _regular(source: Source, due: tuple[str, ...]) -> Array | None:
-    """Points (T, 20, 3) of a file in which nothing is odd, or None: a line for a frame, then one parse.
-
-    A loop over lines, each of three numbers, would take five times as long as this.
-    """
-    flat = source.content.translate(_ONE_LINE, b"\r")
-    frame = "".join(f"{name};;;;" for name in due).encode().translate(None, _NUMERIC)
-    names = flat.translate(None, _NUMERIC)
-    frames, rest = divmod(len(names), len(frame))
-    if rest or names != frames * frame:
-        return None
-    # The names are as they must be, but for digits in them: a frame begins at each first name, and the
-    # parser steps over the others.
-    records = flat.decode("ascii").split(f"{due[0]};")[1:]
-    numbers = [4 * joint + axis for joint in range(len(due)) for axis in range(3)]
-    try:
-        rows = np.loadtxt(records, delimiter=";", usecols=numbers, comments=None, ndmin=2)
-    except ValueError:
-        return None
-    return rows.reshape(-1, len(due), 3) if len(rows) == frames else None
+def _is_regular(source: Source, due: tuple[str, ...]) -> bool:
+    """Whether there is nothing but the due names in turn, with three numbers each; spaces are odd already."""
+    names = source.content.translate(None, _NUMERIC).rstrip(b"\n") + b"\n"
+    frame = "".join(f"{name};;;\n" for name in due).encode().translate(None, _NUMERIC)
+    return names == len(names) // len(frame) * frame
 
 
-def _line_by_line(source: Source, due: tuple[str, ...]) -> Array:
-    """Points (T, 20, 3) of any file that can be read, or the CaptureError that says why it cannot."""
+def _check_lines(source: Source, due: tuple[str, ...]) -> None:
+    """CaptureError for the first line that is not the due joint's, with three fields behind its name."""
     filled = [(number, line) for number, line in enumerate(source.lines, start=1) if line.strip()]
-    rows: list[list[float]] = []
     for index, (number, line) in enumerate(filled):
         name, *fields = (field.strip() for field in line.split(";"))
         wanted, where = due[index % len(due)], f"line {number}"
@@ -133,21 +118,10 @@ def _line_by_line(source: Source, due: tuple[str, ...]) -> Array:
                 where=where,
                 advice="the file is cut off there" if cut else None,
             )
-        rows.append([_number(field, source, where) for field in fields])
-    if len(rows) % len(due):
+    if len(filled) % len(due):
         raise source.error(
             expected=f"{len(due)} joints in the last frame",
-            found=f"{len(rows) % len(due)}",
+            found=f"{len(filled) % len(due)}",
             where=f"line {filled[-1][0]}",
             advice="the file is cut off there",
         )
-    return np.array(rows).reshape(-1, len(due), 3)
-
-
-def _number(field: str, source: Source, where: str) -> float:
-    try:
-        if "_" not in field:
-            return float(field)
-    except ValueError:
-        pass
-    raise source.error(expected="a number", found=repr(field[:40]), where=where)

@@ -8,8 +8,8 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
+from kinemimic.pipeline.captures.numbers import to_number
 from kinemimic.pipeline.captures.source import Source
-from kinemimic.pipeline.errors import CaptureError
 from kinemimic.pipeline.rotations import IDENTITY, ORDERS, from_euler
 
 Array = NDArray[np.float64]
@@ -225,14 +225,7 @@ def _dofs(source: Source, number: int, words: Sequence[str], known: tuple[str, .
 
 def _numbers(source: Source, number: int, words: Sequence[str], count: int, expected: str) -> Array:
     """The first `count` words as numbers."""
-
-    def wrong() -> CaptureError:
-        return source.error(expected=expected, found=repr(" ".join(words)[:40]), where=f"line {number}")
-
-    try:
-        values = np.array([float(word) for word in words[:count]])
-    except ValueError:
-        raise wrong() from None
+    values = np.array([value for word in words[:count] if (value := to_number(word)) is not None])
     if len(values) < count or not (np.abs(values) < LARGEST).all():
-        raise wrong()
+        raise source.error(expected=expected, found=repr(" ".join(words)[:40]), where=f"line {number}")
     return values

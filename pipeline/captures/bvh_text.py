@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
 
-from kinemimic.pipeline.captures.numbers import parse_table
+from kinemimic.pipeline.captures.numbers import parse_table, to_number
 from kinemimic.pipeline.captures.source import Source
 from kinemimic.pipeline.errors import CaptureError
 
@@ -88,11 +87,8 @@ class _Tokens:
 
     def number(self, expected: str) -> float:
         token = self.next(expected)
-        try:
-            value = float(token.text)
-        except ValueError:
-            raise self.error(token, expected) from None
-        if not abs(value) < LARGEST:
+        value = to_number(token.text)
+        if value is None or not abs(value) < LARGEST:
             raise self.error(token, expected)
         return value
 
@@ -163,11 +159,8 @@ def _declared(source: Source, start: int) -> tuple[int, float, int]:
         raise source.error(
             expected="a number of frames above 0", found=repr(found[0][:40]), where=f"line {filled[0][0] + 1}"
         )
-    try:
-        seconds = float(found[1])
-    except ValueError:
-        seconds = math.nan
-    if not 1e-4 <= seconds <= 1.0:
+    seconds = to_number(found[1])
+    if seconds is None or not 1e-4 <= seconds <= 1.0:
         raise source.error(
             expected="a frame time of 0.0001 to 1 s",
             found=repr(found[1][:40]),

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from kinemimic.pipeline.captures.frame_defects import in_sequence
+from kinemimic.pipeline.captures.numbers import numbers_of
 from kinemimic.pipeline.captures.source import Source
 from kinemimic.pipeline.defect import Defect
 from kinemimic.pipeline.skeleton import INFERRED, MISSING, TRACKED
@@ -31,11 +32,8 @@ def begins_with_rows(source: Source, separator: str | None, is_row: Callable[[li
     lines = source.head[:-1][:16] or source.head
     right = 0
     for line in lines:
-        try:
-            row = [float(field) for field in line.strip().removesuffix(separator or " ").split(separator)]
-        except ValueError:
-            continue
-        right += is_row(row)
+        row = numbers_of(line, separator)
+        right += row is not None and is_row(row)
     return right >= 0.75 * len(lines)
 
 

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from kinemimic.pipeline.captures.figure import upright
 from kinemimic.pipeline.captures.format import Format
 from kinemimic.pipeline.captures.frame_defects import zero_frames
-from kinemimic.pipeline.captures.numbers import Table, parse_table
+from kinemimic.pipeline.captures.numbers import Table, numbers_of, parse_table
 from kinemimic.pipeline.captures.recording import clip_of_points, reading
 from kinemimic.pipeline.captures.source import Source
 from kinemimic.pipeline.captures.units import LEG_RANGE
@@ -47,13 +47,10 @@ def recognises(source: Source) -> bool:
     """True if the lines are four numbers, confidences last, and whole frames of 20 are a body."""
     rows: list[list[float]] = []
     for line in source.head:
-        fields = line.split()
-        if len(fields) != 4:
+        row = numbers_of(line, None)
+        if row is None or len(row) != 4:
             break
-        try:
-            rows.append([float(field) for field in fields])
-        except ValueError:
-            break
+        rows.append(row)
     frames = len(rows) // len(JOINTS)
     # Lines that are no numbers may be damage further down, but not in the first frame.
     if not frames or (len(rows) < len(source.head) - 1 and frames < 2):

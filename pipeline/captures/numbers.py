@@ -49,19 +49,21 @@ def parse_table(
     start: int = 0,
     width: int | None = None,
     separator: str | None = None,
+    words: int = 0,
     drop_others: bool = False,
 ) -> Table:
     """The numbers of source.lines[start:], blank lines skipped; NaN and infinities pass.
 
-    width: the numbers each line must have (by default as many as the first); separator: None for any white
-    space, else one character, which may also stand once behind the last number. drop_others: lines of
+    width: the fields each line must have (by default as many as the first); separator: None for any white
+    space, else one character, which may also stand once behind the last number. words: so many of the fields,
+    the first, are no numbers, and are left out (not looked at) in the values. drop_others: lines of
     another width are left out and counted (a recorder that writes short lines while nobody is there),
     instead of an error.
     CaptureError names the first line with another count or with something that is no number, and says if the
     file has no such line at all.
     """
     if len(source.content) >= _LARGE:
-        quick = _with_arrow(source, start, width, separator, drop_others=drop_others)
+        quick = _with_arrow(source, start, width, separator, words, drop_others=drop_others)
         if quick is not None:
             return quick
     lines: Sequence[str] = source.lines[start:]
@@ -70,22 +72,22 @@ def parse_table(
     first = next((line for line in lines if line.strip()), None)
     if first is None:
         raise source.error(expected="lines of numbers", found="none", where=f"line {start + 1}")
-    wanted = len(_fields(first, separator)) if width is None else width
+    wanted = len(first.split(separator)) if width is None else width
     if drop_others:
         return _of_width(source, lines, start, wanted, separator)
-    if len(_fields(first, separator)) != wanted:
-        _complain(source, lines, start, wanted, separator)
+    if len(first.split(separator)) != wanted:
+        _complain(source, lines, start, wanted, separator, words)
     try:
-        values = _parse(lines, separator)
+        values = _parse([line.split(separator, words)[-1] for line in lines] if words else lines, separator)
     except ValueError:
-        _complain(source, lines, start, wanted, separator)
-    if values.shape[1] != wanted:
-        _complain(source, lines, start, wanted, separator)
+        _complain(source, lines, start, wanted, separator, words)
+    if values.shape[1] != wanted - words:
+        _complain(source, lines, start, wanted, separator, words)
     return Table(values, source, start)
 
 
 def _with_arrow(
-    source: Source, start: int, width: int | None, separator: str | None, *, drop_others: bool
+    source: Source, start: int, width: int | None, separator: str | None, words: int, *, drop_others: bool
 ) -> Table | None:
     """The table if it is as plain as most are: one separator between any two numbers; else None."""
     import pyarrow as pa  # noqa: PLC0415 (see the top)
@@ -100,6 +102,7 @@ def _with_arrow(
     fields = example.split(between)
     columns = len(fields) if width is None else width
     names = [f"{k}" for k in range(columns)]
+    wanted = names[words:]
     # A separator behind the last number makes one more column, of nothing.
     closed = len(fields) == columns + 1 and not fields[-1].strip()
     if not closed and len(fields) != columns:
@@ -107,8 +110,11 @@ def _with_arrow(
     others: list[int] = []
 
     def other(row: Any) -> str:
+        # Other white space between its numbers does not make a line another width.
+        if not drop_others or not row.text.strip() or _has_width(row.text, columns, separator):
+            return "error"
         others.append(row.number - 1 - start)
-        return "skip" if drop_others and row.text.strip() else "error"
+        return "skip"
 
     try:
         table = csv.read_csv(
@@ -123,15 +129,15 @@ def _with_arrow(
             csv.ConvertOptions(
                 check_utf8=False,
                 null_values=[],
-                column_types=dict.fromkeys(names, pa.float64()),
-                include_columns=names,
+                column_types=dict.fromkeys(wanted, pa.float64()),
+                include_columns=wanted,
             ),
         )
     except pa.ArrowException:
         return None
     if table.num_rows == 0:
         return None
-    values = np.empty((table.num_rows, columns))
+    values = np.empty((table.num_rows, len(wanted)))
     for k, column in enumerate(table.columns):
         begin = 0
         for chunk in column.chunks:
@@ -143,9 +149,9 @@ def _with_arrow(
 def _line_of_width(source: Source, start: int, width: int | None, separator: str | None) -> str | None:
     """The first line that has so many numbers, from which the layout is told; looked for in the first MiB."""
     for raw in source.content[:_PREFIX].split(b"\n", start + _LOOK)[start : start + _LOOK]:
-        line = raw.decode("ascii").rstrip("\r")
+        line = raw.decode("ascii")
         bare = line.rstrip(" ").removesuffix(separator or "")
-        if bare.strip() and (width is None or len(_fields(bare, separator)) == width):
+        if bare.strip() and (width is None or len(bare.split(separator)) == width):
             return line
     return None
 
@@ -175,42 +181,51 @@ def _parse(lines: Sequence[str], separator: str | None) -> Array:
     return np.loadtxt(lines, dtype=np.float64, delimiter=separator, comments=None, ndmin=2)
 
 
-def _fields(line: str, separator: str | None) -> list[str]:
-    return line.split(separator)
-
-
 def _complain(
     source: Source,
     lines: Sequence[str],
     start: int,
     width: int,
     separator: str | None,
+    words: int = 0,
     *,
     drop_others: bool = False,
 ) -> NoReturn:
     last = max(k for k, line in enumerate(lines) if line.strip())
     for k, line in enumerate(lines):
-        fields = _fields(line, separator) if line.strip() else []
+        fields = line.split(separator) if line.strip() else []
         if not fields or (drop_others and not _has_width(line, width, separator)):
             continue
         where = f"line {start + k + 1}"
+        # Words between lines of numbers are the header of another recording.
+        header = 0 < k < last and to_number(fields[0]) is None and to_number(fields[-1]) is None and not words
+        joined = "two files seem to be joined there: part them" if header else None
         if len(fields) != width:
             raise source.error(
                 expected=f"{width} numbers",
                 found=f"{len(fields)}",
                 where=where,
-                advice="the file is cut off there" if k == last and len(fields) < width else None,
+                advice="the file is cut off there" if k == last and len(fields) < width else joined,
             )
-        for field in fields:
-            if not _is_number(field):
-                raise source.error(expected="a number", found=f"{field.strip()[:40]!r}", where=where)
+        for field in fields[words:]:
+            if to_number(field) is None:
+                raise source.error(
+                    expected="a number", found=f"{field.strip()[:40]!r}", where=where, advice=joined
+                )
     raise CaptureError(source.path, expected=f"lines of {width} numbers", found="something else")
 
 
-def _is_number(field: str) -> bool:
+def numbers_of(line: str, separator: str | None) -> list[float] | None:
+    """The numbers of a line that holds nothing else, else None; a separator may stand behind the last."""
+    fields = line.strip().removesuffix(separator or "").split(separator)
+    found = [to_number(field) for field in fields]
+    return None if None in found else [value for value in found if value is not None]
+
+
+def to_number(field: str) -> float | None:
+    """The number that a field holds, NaN and infinities too; None for anything else."""
     try:
-        float(field)
+        # Python takes "1_000"; a file of numbers has no such thing.
+        return None if "_" in field else float(field)
     except ValueError:
-        return False
-    # Python takes "1_000"; a file of numbers has no such thing.
-    return "_" not in field
+        return None

@@ -238,10 +238,6 @@ def _listed(part: str, items: Sequence[str]) -> str:
     return one_or_list(items, single=part == "state")
 
 
-def _says(word: str, *parts: str) -> bool:
-    return any(part in word.lower() for part in parts)
-
-
 def _joints(sheet: Sheet, layout: Layout, names: Sequence[str]) -> Iterator[str]:
     common, _ = _common(sheet, layout)
     parents = _parents(layout.names)

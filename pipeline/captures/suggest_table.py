@@ -11,6 +11,7 @@ from itertools import islice, pairwise
 import numpy as np
 from numpy.typing import NDArray
 
+from kinemimic.pipeline.captures.numbers import to_number
 from kinemimic.pipeline.captures.source import Source
 
 Array = NDArray[np.float64]
@@ -107,23 +108,16 @@ def _decimal(rows: Sequence[tuple[int, list[str]]], separator: str) -> str:
     if separator == "comma":
         return "."
     fields = [field for _, row in rows[:_SAMPLE] for field in row]
-    commas = sum(_number(field.replace(",", ".")) is not None for field in fields if field.count(",") == 1)
-    points = sum(_number(field) is not None for field in fields if "." in field)
+    commas = sum(to_number(field.replace(",", ".")) is not None for field in fields if field.count(",") == 1)
+    points = sum(to_number(field) is not None for field in fields if "." in field)
     return "," if commas > points else "."
 
 
 def _numeric(fields: Sequence[str], decimal: str) -> bool:
     """A row of data: at least half of it numbers, or empty, and three numbers."""
-    found = [_number(field.replace(decimal, ".")) is not None for field in fields]
+    found = [to_number(field.replace(decimal, ".")) is not None for field in fields]
     empty = sum(field.lower() in _EMPTY for field in fields)
     return sum(found) + empty >= 0.5 * len(fields) and sum(found) >= 3
-
-
-def _number(field: str) -> float | None:
-    try:
-        return None if "_" in field else float(field)
-    except ValueError:
-        return None
 
 
 def _read(
@@ -133,7 +127,7 @@ def _read(
     words: dict[int, tuple[str, ...]] = {}
     marks: dict[str, None] = {}
     for column, fields in enumerate(zip(*cells, strict=True)):
-        numbers = [_number(field.replace(decimal, ".")) for field in fields]
+        numbers = [to_number(field.replace(decimal, ".")) for field in fields]
         other = {f for f, v in zip(fields, numbers, strict=True) if v is None and f.lower() not in _EMPTY}
         if len(other) > 3 or sum(v is not None for v in numbers) < 0.2 * len(numbers):
             words[column] = tuple(fields)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from kinemimic.pipeline.captures.numbers import numbers_of
 from kinemimic.pipeline.captures.source import Source
 
 Array = NDArray[np.float64]
@@ -16,13 +17,8 @@ def head_of_numbers(source: Source, width: int) -> Array | None:
     The last line of a head may be cut off, so that it does not count where there are others.
     """
     lines = source.head[:-1] if len(source.head) > 1 else source.head
-    if lines[0].count(",") != width - 1:
-        return None
-    try:
-        rows = [[float(field) for field in line.split(",")] for line in lines[:16]]
-    except ValueError:
-        return None
-    if any(len(row) != width for row in rows):
+    rows = [row for line in lines[:16] if (row := numbers_of(line, ",")) is not None and len(row) == width]
+    if len(rows) < len(lines[:16]):
         return None
     head = np.array(rows).reshape(len(rows), -1, 3)
     return np.where(np.isfinite(head), head, 0.0)

@@ -57,6 +57,22 @@ def test_lines_of_another_width_are_left_out_and_counted(way: str) -> None:
     assert [table.line(row) for row in range(2)] == [2, 6]
 
 
+def test_other_white_space_makes_no_other_width(way: str) -> None:
+    source = Source.of_text("1 2 3\n4  5 6\n7 8\n 7 8 9\n", PATH)
+    table = parse_table(source, width=3, drop_others=True)
+    assert table.values.tolist() == [[1, 2, 3], [4, 5, 6], [7, 8, 9]]
+    assert table.dropped == 1
+
+
+def test_words_before_the_numbers_are_left_out(way: str) -> None:
+    table = parse_table(Source.of_text("a;1;2\n\nb1;3;4;\n", PATH), separator=";", words=1, width=3)
+    assert table.values.tolist() == [[1, 2], [3, 4]]
+    with pytest.raises(CaptureError, match="line 2: expected 3 numbers, found 4"):
+        parse_table(Source.of_text("a;1;2\nb;3;4;5\n", PATH), separator=";", words=1, width=3)
+    with pytest.raises(CaptureError, match="line 2: expected a number, found 'x'"):
+        parse_table(Source.of_text("a;1;2\nb;3;x\n", PATH), separator=";", words=1, width=3)
+
+
 def test_what_is_not_finite_passes(way: str) -> None:
     values = parse_table(Source.of_text("1 nan -inf\n1e999 NaN inf\n", PATH)).values
     assert np.array_equal(values, [[1, np.nan, -np.inf], [np.inf, np.nan, np.inf]], equal_nan=True)
@@ -72,6 +88,8 @@ def test_what_is_not_finite_passes(way: str) -> None:
         ("1 2\n3 0x10\n", "line 2: expected a number, found '0x10'"),
         ('1 2\n3 "4"\n', "line 2: expected a number"),
         ("1 2\n3 4\u00b0\n", "line 2: expected a number"),
+        ("1 2\nx y\n3 4\n", "line 2: expected a number, found 'x'; two files seem to be joined there"),
+        ("1 2\nHIERARCHY\n3 4\n", "line 2: expected 2 numbers, found 1; two files seem to be joined there"),
     ],
 )
 def test_mistakes_are_named_with_their_line(way: str, text: str, complaint: str) -> None:
