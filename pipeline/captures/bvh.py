@@ -28,6 +28,7 @@ FORMAT = Format(
     sensor="optical, inertial or Kinect",
     holds="a skeleton with Euler channels in any order",
     told_by="the keyword HIERARCHY",
+    any_width=True,
 )
 _AXES = "XYZ"
 # A T-pose is one frame, at most a few; a longer stillness is a subject who is not there (acquire.py).

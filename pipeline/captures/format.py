@@ -13,8 +13,9 @@ from kinemimic.pipeline.clip import Clip
 class Format:
     """name: what people call it; sensor: what records it; holds: what a frame is made of; told_by: the mark
     in the content by which it is recognised; columns: numbers a line by which a headerless table is known
-    as a candidate (empty for formats that are no tables); together_with: the file that must lie beside it;
-    binary: the content is no text.
+    as a candidate (empty for formats that are no such tables); any_width: the numbers stand below a header
+    that says how many they are; together_with: the file that must lie beside it; binary: the content is no
+    text.
     """
 
     name: str
@@ -22,6 +23,7 @@ class Format:
     holds: str
     told_by: str
     columns: tuple[int, ...] = ()
+    any_width: bool = False
     together_with: str = ""
     binary: bool = False
 

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import importlib
 import re
-from collections.abc import Iterable
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import cast
 
 from kinemimic.pipeline.captures.format import Format, Reader
+from kinemimic.pipeline.captures.numbers import numbers_of
 from kinemimic.pipeline.captures.source import Source
 from kinemimic.pipeline.clip import Clip
 from kinemimic.pipeline.depth.folder import FORMAT as DEPTH_RECORDING
@@ -40,7 +41,7 @@ _MODULES: tuple[str, ...] = (
     "labanotation",
     "kimore",
 )
-_NUMBERS = re.compile(r"[\s,;]+")
+_SEPARATORS = re.compile(r"[,;]+")
 
 
 def readers() -> tuple[Reader, ...]:
@@ -89,7 +90,7 @@ def reader_of(source: Source) -> Reader:
     raise _unknown(source, [reader.FORMAT for reader in asked])
 
 
-def _unknown(source: Source, known: Iterable[Format]) -> CaptureError:
+def _unknown(source: Source, known: Sequence[Format]) -> CaptureError:
     if not source.is_text:
         return NoCapture(
             source.path, expected="a capture", found="a binary file of no known format",
@@ -99,10 +100,12 @@ def _unknown(source: Source, known: Iterable[Format]) -> CaptureError:
     if widths and len(widths) >= 0.9 * len(source.head[:32]):
         width = max(set(widths), key=widths.count)
         candidates = [format.name for format in known if width in format.columns]
+        headed = [format.name for format in known if format.any_width]
         names = ", ".join(candidates) if candidates else "none"
         return source.error(
             expected="a capture",
-            found=f"a table of {width} numbers a line without a mark; formats of that width: {names}",
+            found=f"a table of {width} numbers a line without a mark; formats of that width: {names}; "
+            f"of any width below their header: {', '.join(headed)}",
             advice="put its header back, or describe its columns (`kinemimic inspect --suggest` drafts that)",
         )
     start = " ".join(" ".join(source.head[:3]).split(maxsplit=6)[:6])[:60]
@@ -110,14 +113,11 @@ def _unknown(source: Source, known: Iterable[Format]) -> CaptureError:
         source.path,
         expected="a capture",
         found=f"text that begins {start!r}",
-        advice="`kinemimic formats` lists what is read, `kinemimic inspect --suggest` drafts a description of a "
-        "table of one's own",
+        advice="`kinemimic formats` lists what is read, `kinemimic inspect --suggest` drafts a description "
+        "of a table of one's own",
     )
 
 
 def _numbers(line: str) -> list[float]:
     """The numbers of a line that holds nothing else, else an empty list."""
-    try:
-        return [float(field) for field in _NUMBERS.split(line.strip().strip(",;")) if field]
-    except ValueError:
-        return []
+    return numbers_of(_SEPARATORS.sub(" ", line), None) or []
