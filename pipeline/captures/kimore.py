@@ -45,6 +45,7 @@ def read(source: Source) -> Clip:
 
     An empty line among the frames takes its thirtieth of a second: it is a gap in the times.
     """
+    source = _without_bare_commas(source)
     lines = source.lines
     filled = np.array([number for number, line in enumerate(lines) if line.strip().strip(",")])
     if not len(filled):
@@ -77,6 +78,14 @@ def read(source: Source) -> Clip:
         format=FORMAT,
         reading=reading(units="m", units_rule="the format's", notes=notes, columns=width),
     )
+
+
+def _without_bare_commas(source: Source) -> Source:
+    """The same lines, those of commas alone made empty: a spreadsheet writes empty lines so."""
+    if b"\n,," not in source.content and not source.content.startswith(b",,"):
+        return source
+    lines = (line if line.strip(" ,") else "" for line in source.lines)
+    return Source(source.path, "\n".join(lines).encode(), source.sha256)
 
 
 def _is_frame(row: list[float]) -> bool:

@@ -81,7 +81,7 @@ def _blocks(source: Source) -> _Blocks:
     while end and not lines[end - 1].strip():
         end -= 1
     found = _Blocks()
-    at = 0
+    at = source.blank_lines
     while at < end:
         found.times.append(_time(source, lines[at], at + 1))
         count = _count(source, at + 1, end, _POS, "Pos N")

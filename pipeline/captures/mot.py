@@ -35,6 +35,7 @@ FORMAT = Format(
     sensor="optical, through inverse kinematics",
     holds="joint angles of an OpenSim model by name",
     told_by="the keyword endheader",
+    any_width=True,
 )
 ORDER = "ZXY"
 # X forward, Y up, Z right to X forward, Y left, Z up.
@@ -158,7 +159,7 @@ def read(source: Source) -> Clip:
                 units_rule="the format's",
                 defects=defects,
                 notes=notes,
-                columns=len(values) + 1,
+                columns=table.width,
             ),
         },
     )
@@ -166,11 +167,13 @@ def read(source: Source) -> Clip:
 
 @dataclass(frozen=True)
 class _Table:
-    """times: (T,) seconds; columns: coordinate -> (T,), radians and metres; declared: rows by the header."""
+    """times: (T,) seconds; columns: coordinate -> (T,), radians and metres; declared: rows by the header;
+    width: columns of the file."""
 
     times: Array
     columns: Mapping[str, Array]
     declared: int
+    width: int
 
 
 def _table(source: Source) -> _Table:
@@ -194,12 +197,11 @@ def _table(source: Source) -> _Table:
             expected=f"a finite number in {labels[column]}", found=f"{numbers[row, column]}",
             where=f"line {table.line(row)}",
         )  # fmt: skip
-    turns = [k for k, label in enumerate(labels) if k and label not in PLACES]
-    numbers = numbers.copy()
-    if _in_degrees(header.get("indegrees", ""), numbers[:, turns]):
-        numbers[:, turns] = np.radians(numbers[:, turns])
-    used = {"time", *PLACES, *(name for joint in JOINTS for name in joint.turns)}
+    turns = {name for joint in JOINTS for name in joint.turns if name} & set(labels)
+    used = {"time", *PLACES, *turns}
     columns = {label: numbers[:, k] for k, label in enumerate(labels) if label in used}
+    if _in_degrees(header.get("indegrees", ""), [columns[name] for name in turns]):
+        columns |= {name: np.radians(columns[name]) for name in turns}
     units = {"time": ("s", _LARGEST_TIME), **dict.fromkeys(PLACES, ("m", _LARGEST_PLACE))}
     for label, values in columns.items():
         unit, most = units.get(label, ("rad", _LARGEST_TURN))
@@ -213,7 +215,7 @@ def _table(source: Source) -> _Table:
     rows = header.get("nrows", "")
     # A header that counts more rows than any recording has is damaged itself.
     declared = int(rows) if rows.isascii() and rows.isdigit() and len(rows) < 9 else 0
-    return _Table(columns.pop("time"), columns, declared)
+    return _Table(columns.pop("time"), columns, declared, len(labels))
 
 
 def _coordinate(label: str) -> str:
@@ -240,11 +242,11 @@ def _check_labels(labels: Sequence[str], source: Source, line: int) -> None:
         raise source.error(expected="column names once each", found=f"{twice[:40]} twice", where=where)
 
 
-def _in_degrees(stated: str, turns: Array) -> bool:
+def _in_degrees(stated: str, turns: Sequence[Array]) -> bool:
     """As the header says; where it does not, angles beyond a whole turn of radians are degrees."""
     if stated.lower() in ("yes", "no"):
         return stated.lower() == "yes"
-    return bool(np.abs(turns).max(initial=0.0) > 2.0 * np.pi)
+    return max(float(np.abs(turn).max()) for turn in turns) > 2.0 * np.pi
 
 
 def _knee_sign(values: Mapping[str, Array]) -> tuple[float, str]:

@@ -42,12 +42,9 @@ def recognises(source: Source) -> bool:
 
 def read(source: Source) -> Clip:
     """The clip of the 25 joints with rotations, one frame per whole line with a higher count."""
-    first = next(number for number, line in enumerate(source.lines) if line.strip())
-    names = source.lines[first].split()
-    columns = _columns(names, source, first + 1)
-    if not any(line.strip() for line in source.lines[first + 1 :]):
-        raise source.error(expected="frames below the header", found="none")
-    table = parse_table(source, start=first + 1, width=len(names), drop_others=True)
+    names, line = source.head[0].split(), source.blank_lines + 1
+    columns = _columns(names, source, line)
+    table = parse_table(source, start=line, width=len(names), drop_others=True)
 
     def where(row: int) -> str:
         return f"line {table.line(row)}"

@@ -50,17 +50,16 @@ def of_kinect_v2(joints: Sequence[str]) -> bool:
 
 def header_of(source: Source) -> Header:
     """The header: the first line that is not blank; CaptureError if a name stands there twice."""
-    first = next(number for number, line in enumerate(source.lines) if line.strip())
-    names = source.lines[first].split()
+    names, line = source.head[0].split(), source.blank_lines + 1
     columns = {name.lower(): column for column, name in enumerate(names)}
     if len(columns) != len(names):
         lower = [name.lower() for name in names]
         twice = next(name for name in names if lower.count(name.lower()) > 1)
         raise source.error(
-            expected="column names once each", found=f"{twice[:40]} twice", where=f"line {first + 1}"
+            expected="column names once each", found=f"{twice[:40]} twice", where=f"line {line}"
         )
     joints = [name.rpartition("_")[0] for name in names if _COLUMN.match(name.lower())]
-    return Header(columns, tuple(dict.fromkeys(joints)), first + 1)
+    return Header(columns, tuple(dict.fromkeys(joints)), line)
 
 
 @dataclass(frozen=True)
@@ -90,8 +89,6 @@ def frames_of(source: Source, header: Header, joints: Sequence[str], units: dict
             found=f"no column {', '.join(missing[:3])}{more}",
             where=f"line {header.line}",
         )
-    if not any(line.strip() for line in source.lines[header.line :]):
-        raise source.error(expected="frames below the header", found="none")
     table = parse_table(source, start=header.line, width=len(header.columns))
     columns = [header.columns[name.lower()] for name in wanted]
     clock = table.values[:, columns[0]]

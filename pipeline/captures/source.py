@@ -19,6 +19,7 @@ from kinemimic.pipeline.errors import CaptureError
 MAX_BYTES = 512 * 2**20
 _HEAD = 65536
 _CHUNK = 2**20
+_BLANK = " \t\n\f\v,;"
 _CONTROLS = bytes(b for b in range(32) if b not in b"\t\n\r\f\x1a")
 
 
@@ -83,14 +84,17 @@ class Source:
 
     @cached_property
     def head(self) -> tuple[str, ...]:
-        """The first lines that are not blank, at most 64, of the first 64 KiB; the last may be cut off."""
-        lines = (line for line in _decoded(self.content[:_HEAD], whole=False).split("\n") if line.strip())
+        """The first lines that are not blank, at most 64, of the first 64 KiB; the last may be cut off.
+
+        Lines of separators alone are blank too: a spreadsheet writes empty rows so.
+        """
+        lines = (line for line in _decoded(self.content[:_HEAD], whole=False).split("\n") if line.strip(_BLANK))
         return tuple(line for line, _ in zip(lines, range(64), strict=False))
 
     @cached_property
     def blank_lines(self) -> int:
         """Number of blank lines before the first other one, head[0]."""
-        begin = len(self.content) - len(self.content.lstrip())
+        begin = len(self.content) - len(self.content.lstrip(_BLANK.encode()))
         return self.content.count(b"\n", 0, begin)
 
     def beside(self, name: str) -> Source | None:

@@ -15,10 +15,11 @@ from numpy.typing import NDArray
 from kinemimic.pipeline.captures.format import Format
 from kinemimic.pipeline.captures.frame_defects import in_sequence, refuse_far
 from kinemimic.pipeline.captures.markers import clip_of_markers
-from kinemimic.pipeline.captures.numbers import Table, parse_table
+from kinemimic.pipeline.captures.numbers import Table, numbers_of, parse_table
 from kinemimic.pipeline.captures.recording import reading
 from kinemimic.pipeline.captures.source import Source
 from kinemimic.pipeline.clip import Clip
+from kinemimic.pipeline.defect import Defect
 from kinemimic.pipeline.errors import CaptureError
 from kinemimic.pipeline.rotations import from_axis_angle
 
@@ -29,6 +30,7 @@ FORMAT = Format(
     sensor="optical",
     holds="positions of markers",
     told_by="the word PathFileType and a line that begins with Frame# and Time",
+    any_width=True,
 )
 UNITS: dict[str, float] = {"mm": 0.001, "cm": 0.01, "m": 1.0}
 # X forward, Y up, Z right: a quarter turn about X makes it X forward, Y left, Z up.
@@ -57,7 +59,9 @@ def read(source: Source) -> Clip:
         raise source.error(
             expected=f"Units of {', '.join(UNITS)} in the header", found=repr(units[:20]) if units else "none"
         )
-    table, values = _table(source, at + 2)
+    # Below the names stand X1 Y1 Z1 …; a file without that line has its first frame there.
+    below = source.lines[at + 1] if at + 1 < len(source.lines) else ""
+    table, values = _table(source, at + (1 if numbers_of(below, None) else 2))
     count = (values.shape[1] - 2) // 3
     labels = tuple(name.strip() for name in source.lines[at].split("\t")[2 : 2 + 3 * count : 3])
     labels += ("",) * (count - len(labels))
@@ -66,11 +70,16 @@ def read(source: Source) -> Clip:
         raise source.error(expected="a time in s", found="none", where=f"line {table.line(bad)}")
     later, defects = in_sequence(values[:, 1])
     times, notes = _times(values[:, 1], later, declared, source)
-    points = values[later, 2:].reshape(-1, count, 3) * UNITS[units]
+    kept = values if later.all() else values[later]
+    points = (kept[:, 2:] * UNITS[units]).reshape(-1, count, 3)
     refuse_far(points, labels, source, lambda row: table.line(int(np.flatnonzero(later)[row])))
     for key, found in (("numframes", len(values)), ("nummarkers", count)):
-        if key in declared and declared[key] != str(found):
-            notes.append(f"the header says {key} {declared[key][:20]}, the file has {found}")
+        told = declared.get(key, "")
+        if key == "numframes" and told.isdecimal() and len(told) < 9 and int(told) > found:
+            text = f"the header says {told} frames, {found} are there: the file may be cut off"
+            defects.append(Defect("dropped_frames", int(told) - found, "frames", "flagged", text))
+        elif told and told != str(found):
+            notes.append(f"the header says {key} {told[:20]}, the file has {found}")
     return clip_of_markers(
         labels,
         times,
@@ -152,4 +161,5 @@ def _times(
             found=f"a usual step of {np.median(np.diff(times)):g}",
         )
     step = f"{1.0 / np.median(np.diff(times)):.4g} Hz" if len(times) > 1 else "one frame"
-    return times, [f"times are those of the Time column, {step}; the header says {rate:g} Hz"]
+    told = f"says {rate:g} Hz" if 0.0 < rate < 1e5 else "names no rate"
+    return times, [f"times are those of the Time column, {step}; the header {told}"]

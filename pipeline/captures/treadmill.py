@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from kinemimic.pipeline.captures.format import Format
 from kinemimic.pipeline.captures.frame_defects import in_sequence, refuse_far, zero_frames
-from kinemimic.pipeline.captures.numbers import Table, parse_table
+from kinemimic.pipeline.captures.numbers import Table, parse_table, to_number
 from kinemimic.pipeline.captures.recording import clip_of_points, reading
 from kinemimic.pipeline.captures.source import Source
 from kinemimic.pipeline.clip import Clip
@@ -107,16 +107,15 @@ def read(source: Source) -> Clip:
     _check_units(source, names_at + 1)
     table = parse_table(source, start=names_at + 3, width=len(names), separator="\t")
     values = table.values
-    if wanted is not None and len(values) != wanted:
-        raise source.error(
-            expected=f"{wanted} frames, as line 1 says",
-            found=f"{len(values)}",
-            advice="the file is cut off" if len(values) < wanted else None,
-        )
+    cut: list[Defect] = []
+    if len(values) < wanted:
+        text = f"line 1 says {wanted} frames, {len(values)} are there: the file may be cut off"
+        cut.append(Defect("dropped_frames", wanted - len(values), "frames", "flagged", text))
     frames = _frame_numbers(source, table, declared)
     later, defects = in_sequence(frames)
     first = np.array([columns[label] for label in JOINTS])
-    points = values[later][:, (first[:, None] + np.arange(3)).ravel()].reshape(-1, len(JOINTS), 3)
+    kept = values if later.all() else values[later]
+    points = kept[:, (first[:, None] + np.arange(3)).ravel()].reshape(-1, len(JOINTS), 3)
     refuse_far(points, tuple(JOINTS), source, lambda row: table.line(int(np.flatnonzero(later)[row])))
     rate, wrong_rate = true_rate(declared, len(points))
     own = {label: values[later, columns[label]] for label in ANGLES if label in columns}
@@ -129,7 +128,7 @@ def read(source: Source) -> Clip:
         reading=reading(
             units="m",
             units_rule="the header's",
-            defects=[*defects, *wrong_rate, *zero_frames(points)],
+            defects=[*cut, *defects, *wrong_rate, *zero_frames(points)],
             columns=len(names),
             declared_rate=declared,
         ),
@@ -137,9 +136,9 @@ def read(source: Source) -> Clip:
     )
 
 
-def _header(source: Source) -> tuple[int, float, int | None]:
-    """Index of the line of names, the declared rate in Hz (0 if there is none), the frames it announces."""
-    declared, wanted = 0.0, None
+def _header(source: Source) -> tuple[int, float, int]:
+    """Index of the line of names, declared rate in Hz and number of frames (0 where there is none)."""
+    declared, wanted = 0.0, 0
     for index, line in enumerate(source.lines[:16]):
         key, _, value = line.partition("\t")
         if key == "Time":
@@ -174,11 +173,8 @@ def _frame_numbers(source: Source, table: Table, declared: float) -> Array:
 
 
 def _number(text: str, source: Source, index: int) -> float:
-    try:
-        number = float(text)
-    except ValueError:
-        number = np.nan
-    if not 0.0 <= number < 1e9:
+    number = to_number(text)
+    if number is None or not 0.0 <= number < 1e9:
         raise source.error(expected="a number", found=f"{text.strip()[:40]!r}", where=f"line {index + 1}")
     return number
 

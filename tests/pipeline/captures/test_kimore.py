@@ -56,6 +56,15 @@ def test_an_empty_line_among_the_frames_takes_its_time() -> None:
     assert any("2 empty lines among" in note for note in clip.provenance["reading"]["notes"])
 
 
+def test_a_spreadsheet_writes_commas_into_empty_lines() -> None:
+    rows = TAKE.split("\n")
+    assert not rows[0]
+    commas = "\n".join("," * 100 if not row and k < len(rows) - 1 else row for k, row in enumerate(rows))
+    clip, same = read(commas), read(TAKE)
+    assert np.array_equal(clip.positions, same.positions, equal_nan=True)
+    assert np.array_equal(clip.times, same.times)
+
+
 @pytest.mark.parametrize(
     ("line", "change", "says"),
     [

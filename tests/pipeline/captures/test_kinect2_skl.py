@@ -89,7 +89,7 @@ def test_zeros_that_are_not_tracked_are_missing() -> None:
         (lambda t: t[:-60], "line 21: expected 106 numbers, found .*; the file is cut off there"),
         (lambda t: t.replace("\t2\t", "\t3\t", 1), "line 2: expected 0, 1 or 2 in .*_tracked, found 3"),
         (lambda t: t.replace("\t1\t", "\tx\t", 1), "line 3: expected a number, found 'x'"),
-        (lambda t: t.split("\n")[0], "expected frames below the header, found none"),
+        (lambda t: t.split("\n")[0], "line 2: expected lines of numbers, found none"),
     ],
 )
 def test_damage_is_named_with_its_line(change: Callable[[str], str], message: str) -> None:

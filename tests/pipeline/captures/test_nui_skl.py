@@ -105,7 +105,7 @@ def test_the_clock_is_the_captures_own(skl: Text) -> None:
         (lambda t: t.replace("\n99\t", "\nnan\t"), "line 5: expected a timestamp"),
         (lambda t: t.replace("\n99\t", "\n99\t7\t"), "line 5: expected 86 numbers, found 87$"),
         (lambda t: t[:-60], "line 41: expected 86 numbers, found 79; the file is cut off there"),
-        (lambda t: t.split("\n")[0], "expected frames below the header, found none"),
+        (lambda t: t.split("\n")[0], "line 2: expected lines of numbers, found none"),
         (
             lambda t: t.replace("\t2\t", "\t3\t", 1),
             "line 2: expected 0, 1 or 2 in HipCenter_tracked, found 3",

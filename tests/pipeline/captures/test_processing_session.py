@@ -62,7 +62,7 @@ def test_short_rows_are_left_out_and_noted() -> None:
 @pytest.mark.parametrize(
     ("text", "says"),
     [
-        (LINES[0], "expected frames below the header, found none"),
+        (LINES[0], "line 2: expected lines of numbers, found none"),
         (TAKE.replace("joint7OrientationY", "joint7OrientationQ", 1), "found no column joint7OrientationY"),
         (TAKE.replace("joint7OrientationY", "joint7OrientationZ", 1), "'joint7OrientationZ' twice"),
         ("\n".join([*LINES[:5], LINES[5].replace(" 1.5 ", " oops ", 1)]), "line 6: expected a number"),

@@ -103,7 +103,18 @@ def test_the_time_column_wins_over_the_header() -> None:
     points = 1000.0 * np.stack(list(places.values()), axis=1)[..., [0, 2, 1]] * [1.0, 1.0, -1.0]
     assert np.allclose(np.diff(read(text(list(places), shown.times, points, rate=60.0)).times), 1 / 60)
     wrong = read(text(list(places), shown.times, points, rate=60.0, declared=600))
-    assert "the header says numframes 600, the file has 30" in notes(wrong)
+    (lost,) = wrong.provenance["reading"]["defects"]
+    assert (lost["rule"], lost["count"], lost["action"]) == ("dropped_frames", 570, "flagged")
+    assert "the header names no rate" in notes(
+        read(TEXT.replace("DataRate", "Data").replace("\t0.01", "\t0.02"))
+    )
+
+
+def test_the_first_frame_is_not_taken_for_the_line_of_axes() -> None:
+    parts = TEXT.split("\n")
+    (axes,) = [k for k, line in enumerate(parts) if line.split()[:1] == ["X1"]]
+    clip = read("\n".join(parts[:axes] + parts[axes + 1 :]))
+    assert np.array_equal(clip.positions, read(TEXT).positions, equal_nan=True)
 
 
 def test_repeated_times_are_dropped_and_counted() -> None:
