@@ -104,7 +104,7 @@ def _note(capture: Path) -> dict[str, Any]:
 )
 @click.option("--json", "as_json", is_flag=True, help="Print the quality report as JSON.")
 def command(capture: Path | None, run: Path, filter_name: str | None, as_json: bool) -> None:
-    """Read CAPTURE (Kinect v1 .skl text or BVH), divide it into passes, clean it and report its quality.
+    """Read CAPTURE (what `kinemimic formats` lists), divide it into passes, clean it, report its quality.
 
     Without CAPTURE, what a virtual Kinect records of the stock walk.
     """

@@ -23,6 +23,9 @@ ENOUGH = 30
 WALKING = 0.4
 # Angle between the ground's way and the line of sight; treadmills were found at 0 to 60 degrees.
 ACROSS = np.radians(75.0)
+# Mean of the unit vectors to where the body faces: 0.6 to 0.9 before a camera that follows; who turns on the
+# spot, in a dance, faces all ways.
+ONE_WAY = 0.3
 
 
 def check(clip: Clip) -> list[Defect]:
@@ -31,7 +34,7 @@ def check(clip: Clip) -> list[Defect]:
     if len(found.frames) < ENOUGH or not carried(found):
         return []
     angle = across(found)
-    if angle < ACROSS:
+    if angle < ACROSS or np.linalg.norm(found.forward.mean(axis=0)) < ONE_WAY:
         return []
     speed = float(np.median(np.linalg.norm(found.planted, axis=1)))
     inside = np.zeros(len(clip.times), dtype=np.bool_)

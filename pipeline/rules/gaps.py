@@ -23,6 +23,8 @@ def check(clip: Clip) -> list[Defect]:
     if not lost and not absent:
         return []
     count, filled, longest = _gaps(clip, missing)
+    if clip.euler is not None:
+        filled = 0  # the channels are whole, and what they do not give nothing else can
     parts = []
     if lost:
         parts.append(
@@ -32,7 +34,7 @@ def check(clip: Clip) -> list[Defect]:
         )
     if absent:
         parts.append(f"never seen: {', '.join(absent)}")
-    whole = count == filled and not absent and clip.euler is None
+    whole = count == filled and not absent
     return [
         Defect(
             "gaps",

@@ -3,7 +3,7 @@
 Bounds are of what trackers make of people, not of anatomy: a Kinect v1 puts the hip joint higher than it is
 (thigh up to 1.4 times the shank), a Kinect v2 lower (leg down to 1.2 times the trunk), model-fitted
 skeletons have trunks a third too short. Whoever is smaller than that may be a child; but then the child has
-a child's proportions and steady bones, which a tracker that took a machine for legs does not show.
+a child's proportions, which a tracker that took a machine for legs does not show.
 """
 
 from __future__ import annotations
@@ -73,15 +73,17 @@ def _impossible(points: Array, bones: dict[str, Array]) -> list[Defect]:
             wrong.append(f"thigh {thigh / shank:.2f} times the shank")
         if not np.isnan(trunk) and not _within(leg / trunk, CHILD_LEG_TO_TRUNK):
             wrong.append(f"leg {leg / trunk:.2f} times the trunk")
-        if spread > CHILD_SPREAD:
+        # On its own that is a noisy sensor, and a child all the same.
+        if wrong and spread > CHILD_SPREAD:
             wrong.append(f"length of a leg bone varies by {100 * spread:.0f} %")
         if wrong:
             wrong.insert(0, f"thigh {thigh:.2f} m and shank {shank:.2f} m as of a small child, but")
     if not wrong:
         return []
-    joined = f"{wrong[0]} {', '.join(wrong[1:])}" if wrong[0].endswith("but") else ", ".join(wrong)
+    small = wrong[0].endswith("but")
+    joined = f"{wrong[0]} {', '.join(wrong[1:])}" if small else ", ".join(wrong)
     text = f"limbs that no human has: {joined}; the tracker lost the body, record it again"
-    return [Defect("impossible_limbs", len(wrong), "measures", "refused", text)]
+    return [Defect("impossible_limbs", len(wrong) - small, "measures", "refused", text)]
 
 
 def _drifting(bones: dict[str, Array]) -> list[Defect]:

@@ -245,6 +245,12 @@ def test_children_pass_and_fused_legs_do_not(moving: Moving) -> None:
     assert "times the shank" in found.text
 
 
+def test_a_child_before_a_noisy_sensor_is_no_machine(moving: Moving) -> None:
+    found = limbs.check(units.scaled(moving(240, noise=0.045), 0.7))
+    assert {defect.rule for defect in found} <= {"bone_drift"}
+    assert found == [] or found[0].action == "flagged"
+
+
 def test_lengths_of_nobody(moving: Moving) -> None:
     (found,) = limbs.check(shortened(moving(120), 0.4, "ankle", "knee"))
     assert found.action == "refused" and found.count == 2 and "left shank 0.1" in found.text

@@ -52,6 +52,19 @@ def test_a_camera_that_turns(moving: Moving, noise: float) -> None:
     assert found.count > 60 and "joint angles are not affected" in found.text
 
 
+def test_who_turns_on_the_spot_has_a_camera_that_stands(moving: Moving) -> None:
+    """A turn a stride, begun at any angle: the feet slide past the hips, to all sides."""
+    clip = moving(300)
+    spot = on_a_treadmill(clip, 0.0)
+    hips, period = spot.positions[:, :1], rate.stride(nodes_of(clip), clip.times)
+    assert period is not None
+    for begin in np.linspace(0.0, np.pi, 8, endpoint=False):
+        angles = begin + 2.0 * np.pi * clip.times / period
+        turns = np.stack([from_axis_angle("Z", angle) for angle in angles])
+        positions = rotate(turns[:, None], spot.positions - hips) + hips
+        assert camera.check(replace(spot, positions=positions)) == []
+
+
 @pytest.mark.parametrize("kind", ["walk", "run"])
 def test_a_walk_over_the_floor_and_on_a_treadmill(moving: Moving, kind: str) -> None:
     clip = moving(180, kind=kind, noise=0.01)
