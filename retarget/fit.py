@@ -15,9 +15,10 @@ from kinemimic.pipeline.orient import local_rotations
 from kinemimic.pipeline.rotations import IDENTITY, continuous, from_axis_angle, normalize, rotate
 from kinemimic.pipeline.skeleton import NODE_INDEX as N
 from kinemimic.pipeline.skeleton import NODES
+from kinemimic.retarget.ankles import Ankle, normal_feet
 from kinemimic.retarget.contact import ANKLES, RECORDED, planted, soles
 from kinemimic.retarget.cycle import Pass
-from kinemimic.retarget.ground import Path, lay_path
+from kinemimic.retarget.ground import Path, is_running, lay_path
 from kinemimic.retarget.legs import flat_feet, knees_limited, neutral_feet
 from kinemimic.retarget.loop import STATE_WEIGHTS, Loop, Strides, fit_loop, gather, made_of, with_mirror
 from kinemimic.retarget.motion import Motion, joint_angles
@@ -60,11 +61,14 @@ class GaitFit:
     abduction: float
 
 
-def fit_gait(clip: Clip, passes: list[Pass], symmetric: bool | None = None) -> GaitFit:
+def fit_gait(
+    clip: Clip, passes: list[Pass], symmetric: bool | None = None, *, ankle: Ankle = "neutral"
+) -> GaitFit:
     """Pool usable passes of a clip on the 20 nodes into a gait loop on the Table 1 body.
 
     symmetric: whether the mirror image is pooled too; None leaves it to `_both_sides_alike`, and takes it
     where a part of the stride was seen on one side only. Raises KinemimicError where a part was never seen.
+    ankle: what the feet of a walk get that were not seen; a run's are neutral.
     """
     strides = gather(clip, passes)
     trust = assess(strides)
@@ -93,11 +97,12 @@ def fit_gait(clip: Clip, passes: list[Pass], symmetric: bool | None = None) -> G
     frames = max(8, round(RATE * period))
     phase = np.arange(frames) / frames
     rotations = loop.rotations(phase)
+    scale = length_scale(strides.positions)
     if not trust.precise:
         rotations = knees_limited(rotations)
     if not trust.feet:
-        rotations = neutral_feet(rotations, phase)
-    scale = length_scale(strides.positions)
+        normal = ankle == "normal" and not is_running(scale * loop.speed)
+        rotations = (normal_feet if normal else neutral_feet)(rotations, phase)
     width = scale * stance_width(strides.positions)
     rotations, abduction = with_stance_width(rotations, width)
     path = lay_path(rotations, scale * fourier.evaluate(loop.root, phase), scale * loop.speed, period)

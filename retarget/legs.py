@@ -49,7 +49,7 @@ def neutral_feet(rotations: Array, phase: Array) -> Array:
     frames = pose(rotations)[1]
     for side, shift in (("left", 0.0), ("right", 0.5)):
         knee, ankle = N[f"knee_{side}"], N[f"ankle_{side}"]
-        lean, yaw = _lean_and_yaw(frames[:, knee])
+        lean, yaw = lean_and_yaw(frames[:, knee])
         stance = np.mod(phase + shift, 1.0)
         # Flat from when the heel has come down until it leaves: 10 to 36 % of the stride.
         weight = np.clip(np.minimum(stance / 0.10, (0.50 - stance) / 0.14), 0.0, 1.0)
@@ -72,14 +72,14 @@ def flat_feet(rotations: Array) -> Array:
     frames = pose(rotations)[1]
     for side in ("left", "right"):
         knee, ankle = N[f"knee_{side}"], N[f"ankle_{side}"]
-        lean, yaw = _lean_and_yaw(frames[:, knee])
+        lean, yaw = lean_and_yaw(frames[:, knee])
         pitch = lean + np.clip(-lean, *STANDING_FLEXION)
         foot = multiply(from_axis_angle("Z", yaw), from_axis_angle("Y", pitch))
         out[:, ankle] = multiply(conjugate(frames[:, knee]), foot)
     return out
 
 
-def _lean_and_yaw(frames: Array) -> tuple[Array, Array]:
+def lean_and_yaw(frames: Array) -> tuple[Array, Array]:
     """Pitch (forward positive) and heading (T,) in radians of frames (T, 4) of shanks.
 
     The heading comes from the lateral axis: the front of a runner's shank turns past the vertical.

@@ -15,6 +15,7 @@ from kinemimic.pipeline.convert import on_nodes
 from kinemimic.pipeline.errors import KinemimicError
 from kinemimic.pipeline.provenance import provenance
 from kinemimic.pipeline.store import content_hash, read_clip, read_json, write_json, write_text
+from kinemimic.retarget.ankles import ANKLES, Ankle
 from kinemimic.retarget.captured import Span, captured_angles, read_truth, write_captured
 from kinemimic.retarget.cycle import Pass, is_gait, study_passes, usable
 from kinemimic.retarget.export_json import motion_to_json
@@ -26,13 +27,16 @@ from kinemimic.retarget.refine import refine
 from kinemimic.retarget.report import gait_report, plain_report
 
 
-def retarget(run: Path, *, symmetric: bool | None = None, refined: bool = True) -> Motion:
+def retarget(
+    run: Path, *, symmetric: bool | None = None, refined: bool = True, ankle: Ankle = "neutral"
+) -> Motion:
     """Put a converted capture on the Table 1 body and write the results into its run folder.
 
     symmetric: make left and right one by pooling the mirror image half a cycle later; None decides that by
     measurement (`fit.fit_gait`), False keeps a limp. refined: keep feet, ground and joint limits by moving
-    all frames together (`refine.refine`); False writes what the closed form gives. A KinemimicError says
-    why, where somebody walks but no pass can be used.
+    all frames together (`refine.refine`); False writes what the closed form gives. ankle: of a walk whose
+    feet no sensor saw (`legs.neutral_feet`, `ankles.normal_feet`). A KinemimicError says why, where somebody
+    walks but no pass can be used.
     """
     source = read_clip(run / "quaternions.parquet")
     clip, raw = on_nodes(source), on_nodes(read_clip(run / "raw.parquet"))
@@ -42,7 +46,7 @@ def retarget(run: Path, *, symmetric: bool | None = None, refined: bool = True) 
         raise KinemimicError(f"{run}: expected a pass with a person in it, found none; run `ingest` again")
     if is_gait(passes):
         chosen, warnings = usable(passes)
-        fit = fit_gait(clip, chosen, symmetric)
+        fit = fit_gait(clip, chosen, symmetric, ankle=ankle)
         trust, closed = fit.trust, fit
         if refined:
             motion = refine(fit.motion)
@@ -64,7 +68,7 @@ def retarget(run: Path, *, symmetric: bool | None = None, refined: bool = True) 
         **provenance(
             "retarget",
             inputs={"clip": _hash(clip), "raw": _hash(raw)},
-            config={"symmetric": symmetric, "refined": refined},
+            config={"symmetric": symmetric, "refined": refined, "ankle": ankle},
         ),
     }
     motion = replace(motion, provenance=record)
@@ -154,9 +158,16 @@ def _measures(closed: dict[str, Any], final: dict[str, Any]) -> list[str]:
     show_default=True,
     help="Move all frames together so that standing feet stay, nothing sinks, joints keep their limits.",
 )
+@click.option(
+    "--ankle",
+    type=click.Choice(ANKLES),
+    default="neutral",
+    show_default=True,
+    help="Of a walk whose feet no sensor saw: flat in stance, or as in normal walking.",
+)
 @click.option("--json", "as_json", is_flag=True, help="Print gait.json.")
-def command(run: Path, symmetric: bool | None, refined: bool, as_json: bool) -> None:
+def command(run: Path, symmetric: bool | None, refined: bool, ankle: Ankle, as_json: bool) -> None:
     """Onto the 20 nodes and the body of Table 1; for a walk, its gait cycle; JSON and MCAP."""
-    retarget(run, symmetric=symmetric, refined=refined)
+    retarget(run, symmetric=symmetric, refined=refined, ankle=ankle)
     report = read_json(run / "gait.json")
     click.echo(json.dumps(report, indent=2) if as_json else "\n".join(_table(report)))
