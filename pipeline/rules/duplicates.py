@@ -3,16 +3,25 @@
 from __future__ import annotations
 
 import numpy as np
+from numpy.typing import NDArray
 
 from kinemimic.pipeline.clip import Clip
 from kinemimic.pipeline.defect import Defect
 from kinemimic.pipeline.rules.frames import kept
 from kinemimic.pipeline.rules.runs import frame_runs
 from kinemimic.pipeline.rules.words import several
+from kinemimic.pipeline.spans import runs
+
+Mask = NDArray[np.bool_]
+
+# Metres, mean over the joints: a body whose steps before and after a repeat are no longer than this stands
+# still in a file of rounded numbers; a sensor's noise and a moving body go farther.
+STILL = 0.002
 
 
 def check(clip: Clip) -> tuple[Clip, list[Defect]]:
-    """The clip without the repeats inside its passes; sensor noise never gives the same pose twice.
+    """The clip without the repeats inside its passes; sensor noise never gives the same pose twice, and a
+    body that moves does not.
 
     Repeats that last (a subject who is not there) lie outside of passes and stay.
     """
@@ -22,7 +31,7 @@ def check(clip: Clip) -> tuple[Clip, list[Defect]]:
     # NaN never equals itself: the same joints may be missing in both frames.
     same = ((places[1:] == places[:-1]) | (np.isnan(places[1:]) & np.isnan(places[:-1]))).all(axis=1)
     within = (clip.passes[1:] == clip.passes[:-1]) & (clip.passes[1:] >= 0)
-    repeated = np.concatenate([[False], same & within])
+    repeated = _of_what_moves(clip, np.concatenate([[False], same & within]))
     count = int(repeated.sum())
     if not count:
         return clip, []
@@ -33,3 +42,16 @@ def check(clip: Clip) -> tuple[Clip, list[Defect]]:
     return kept(clip, ~repeated), [
         Defect("duplicate_frames", count, "frames", "repaired", text, frame_runs(stays))
     ]
+
+
+def _of_what_moves(clip: Clip, repeated: Mask) -> Mask:
+    """The repeats (T,) but for those of a body that stands still."""
+    step = np.linalg.norm(np.diff(clip.positions, axis=0), axis=-1)
+    there = np.isfinite(step)
+    mean = np.where(there, step, 0.0).sum(axis=1) / np.maximum(there.sum(axis=1), 1)
+    moving = np.zeros_like(repeated)
+    for run in runs(repeated):
+        # The steps into the pose that is repeated, and out of its last repeat.
+        around = mean[max(run.start - 2, 0) : max(run.start - 1, 0)], mean[run.stop - 1 : run.stop]
+        moving[run] = max(map(float, np.concatenate(around)), default=np.inf) > STILL
+    return moving

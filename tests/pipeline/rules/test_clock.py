@@ -69,6 +69,14 @@ def test_polling_faster_than_the_sensor(moving: Moving) -> None:
     assert np.array_equal(repaired.times, polled.times[::2])
 
 
+def test_who_stands_still_in_a_rounded_file_repeats_no_pose(moving: Moving) -> None:
+    """Whole millimetres, 240 frames a second: nothing moves by one from frame to frame."""
+    clip = moving(480, rate=240.0)
+    sway = 0.002 * np.sin(clip.times)[:, None, None]
+    still = replace(clip, positions=np.round(clip.positions[:1] + sway, 3))
+    assert duplicates.check(still) == (still, [])
+
+
 def test_repeats_with_missing_joints_and_outside_of_passes(moving: Moving) -> None:
     clip = moving(60)
     clip.positions[:, 3] = np.nan
