@@ -29,11 +29,15 @@ def fit(
     weights: (N,) of each sample; ridge: penalty on the k-th harmonic, times k⁴ and the sum of the weights,
     so that few samples give a smooth loop.
     """
+    w = np.ones(len(values)) if weights is None else np.asarray(weights, dtype=np.float64)
+    return solve(design(phase, harmonics), values, w, ridge)
+
+
+def solve(x: Array, values: Array, w: Array, ridge: float) -> Array:
+    """`fit` for x = design(phase, harmonics), made once for many fits with other weights w (N,)."""
     values = np.asarray(values, dtype=np.float64)
     flat = values.reshape(len(values), -1)
-    w = np.ones(len(flat)) if weights is None else np.asarray(weights, dtype=np.float64)
-    x = design(phase, harmonics)
-    k = np.arange(1, harmonics + 1, dtype=np.float64)
+    k = np.arange(1, x.shape[1] // 2 + 1, dtype=np.float64)
     penalty = np.concatenate([[0.0], k**4, k**4]) * ridge * w.sum()
     coefficients: Array = np.linalg.solve(
         x.T @ (w[:, None] * x) + np.diag(penalty), x.T @ (w[:, None] * flat)

@@ -11,7 +11,6 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.optimize import minimize_scalar
 
 from kinemimic.pipeline.fourier import design
 from kinemimic.pipeline.skeleton import NODE_INDEX as N
@@ -19,6 +18,7 @@ from kinemimic.pipeline.skeleton import NODE_INDEX as N
 Array = NDArray[np.float64]
 
 PERIODS = (0.5, 2.0)  # seconds of a stride
+_RIDGE = 1e-12  # keeps a fit to no frames at all from being singular
 
 
 @dataclass(frozen=True)
@@ -51,27 +51,15 @@ def fit_harmonic(times: Array, ankles: Array, weights: Array | None = None) -> H
     origin = times[0]
     t = times - origin
 
-    def solve(period: float, w: Array) -> tuple[float, Array, Array]:
-        x = design(t / period, 1)
-        root = np.sqrt(w)
-        c, *_ = np.linalg.lstsq(x * root[:, None], ankles * root, rcond=None)
-        residual = ankles - x @ c
-        return float(w @ residual**2), np.asarray(c), residual
-
     w = given.copy()
-    # The grid is fine enough for half a cycle's error over ten strides not to hide the best period.
-    grid = np.linspace(*PERIODS, 151)
-    period = float(grid[np.argmin([solve(p, w)[0] for p in grid])])
+    period = _coarse_period(t, ankles, w)
     for _ in range(8):
-        near = (0.93 * period, 1.07 * period)
-        found = minimize_scalar(
-            lambda p, w=w: solve(p, w)[0], bounds=near, method="bounded", options={"xatol": 1e-8}
-        )
-        period = float(found.x)
-        residual = solve(period, w)[2]
+        period = _nearest_period(t, ankles, w, period)
+        residual = ankles - design(t / period, 1) @ _amplitudes(t, ankles, w, period)
         u = residual / (4.685 * max(1.4826 * float(np.median(np.abs(residual))), 0.02))
         w = given * np.where(np.abs(u) < 1.0, (1.0 - u**2) ** 2, 0.0)
-    error, c, _ = solve(period, w)
+    c = _amplitudes(t, ankles, w, period)
+    error = float(w @ (ankles - design(t / period, 1) @ c) ** 2)
     spread = float(w @ (ankles - (w @ ankles) / w.sum()) ** 2)
     # c1 cos + c2 sin = -amplitude cos(2π (t - start) / period)
     start = origin + period * float(np.arctan2(-c[2], -c[1])) / (2.0 * np.pi)
@@ -83,6 +71,41 @@ def fit_harmonic(times: Array, ankles: Array, weights: Array | None = None) -> H
         weights=w,
         kept=float(np.mean(w > given / 3.0)),
     )
+
+
+def _coarse_period(t: Array, y: Array, w: Array) -> float:
+    """Of a grid of periods the one whose harmonic fits y (T,) best, weighted w (T,)."""
+    # Fine enough for half a cycle's error over ten strides not to hide the best period.
+    grid = np.linspace(*PERIODS, 151)
+    angle = 2.0 * np.pi * t / grid[:, None]
+    x = np.stack([np.ones_like(angle), np.cos(angle), np.sin(angle)], axis=1)
+    weighted = x * w
+    right = weighted @ y
+    c = np.linalg.solve(weighted @ np.swapaxes(x, 1, 2) + _RIDGE * np.eye(3), right[..., None])[..., 0]
+    return float(grid[np.argmax((right * c).sum(axis=-1))])
+
+
+def _amplitudes(t: Array, y: Array, w: Array, period: float) -> Array:
+    """Coefficients (3,) of 1, cos and sin at a period."""
+    x = design(t / period, 1)
+    return np.asarray(np.linalg.solve(x.T @ (w[:, None] * x) + _RIDGE * np.eye(3), x.T @ (w * y)))
+
+
+def _nearest_period(t: Array, y: Array, w: Array, period: float) -> float:
+    """The best period near the given one, by Gauss-Newton on period and coefficients together."""
+    low, high = 0.93 * period, 1.07 * period
+    c = _amplitudes(t, y, w, period)
+    for _ in range(12):
+        x = design(t / period, 1)
+        by_period = 2.0 * np.pi * t / period**2 * (c[1] * x[:, 2] - c[2] * x[:, 1])
+        x = np.column_stack([x, by_period])
+        found = np.linalg.solve(x.T @ (w[:, None] * x) + _RIDGE * np.eye(4), x.T @ (w * y))
+        c = found[:3]
+        after = float(np.clip(period + found[3], low, high))
+        if abs(after - period) < 1e-10:
+            break
+        period = after
+    return period
 
 
 def walking_direction(positions: Array) -> tuple[float, bool]:

@@ -18,6 +18,7 @@ ANKLES = (N["ankle_left"], N["ankle_right"])
 BRIEF = 0.05  # s: what stands for less is a foot that passes
 # Time (s), or share of its stance if that is less, in which a foot that lands or leaves gains or loses hold.
 FADE, FADE_SHARE = 0.06, 0.12
+LEVEL = 0.002  # m
 SAME_HEIGHT = 0.01  # m above the lowest corner of a sole, within which another corner carries too
 
 
@@ -39,10 +40,14 @@ def corner_velocity(corners: Array, rate: float, cycle_offset: Array | None) -> 
 
 
 def lowest(corners: Array, values: Array) -> Array:
-    """Of values (T, 2, 4, ...), those at each foot's lowest corner: (T, 2, ...)."""
-    pick = corners[..., 2].argmin(axis=-1)
-    t, f = np.indices(pick.shape)
-    return np.asarray(values[t, f, pick])
+    """Of values (T, 2, 4, K), those at each foot's lowest corner: (T, 2, K).
+
+    Corners within LEVEL of the lowest count by how near they are: of two that are level the last bit would
+    else choose one.
+    """
+    above = corners[..., 2] - corners[..., 2].min(axis=-1, keepdims=True)
+    share = np.maximum(1.0 - above / LEVEL, 0.0)
+    return np.asarray((share[..., None] * values).sum(axis=-2) / share.sum(axis=-1, keepdims=True))
 
 
 @dataclass(frozen=True)

@@ -63,15 +63,19 @@ def study_pass(clip: Clip, number: int, bones: Array) -> Pass:
     # The first heading and the first harmonic still contain the edges that they help to cut.
     doubt = np.zeros(len(frames), dtype=bool)
     period = 0.0
+    settled: tuple[slice, bytes] | None = None
     for _ in range(3):
-        bad = bad_frames(clip.times[whole], clip.positions[whole], heading, bones)
-        window = best_window(bad | doubt)
+        flagged = bad_frames(clip.times[whole], clip.positions[whole], heading, bones)
+        window = best_window(flagged | doubt)
         # A loop needs every phase: doubtful edges stay, at their low weight, where else it would not close.
         if period > 0 and np.ptp(clip.times[whole[window]]) < 1.1 * period:
-            window = best_window(bad)
+            window = best_window(flagged)
         if window.stop - window.start < 8:
-            return Pass(number, frames, heading, 0.0, None, bad, "refused", "no run of good frames")
-        frames, bad = whole[window], bad[window]
+            return Pass(number, frames, heading, 0.0, None, flagged, "refused", "no run of good frames")
+        if settled == (window, flagged[window].tobytes()):
+            break
+        settled = (window, flagged[window].tobytes())
+        frames, bad = whole[window], flagged[window]
         heading, on_path = walking_direction(clip.positions[frames])
         p, t = clip.positions[frames], clip.times[frames]
         along = np.array([np.cos(heading), np.sin(heading)])

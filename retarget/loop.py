@@ -136,20 +136,40 @@ def robust_fit(
     by the inverse of its variance, since from the side the far leg of a whole pass is guesswork. floor: least
     scale, in the unit of the values, below which a difference is no reason for suspicion.
     """
-    w: Array = weights
     seen = weights > 0
+    # Frames that do not count would only be carried along.
+    x, y, given = fourier.design(phase[seen], harmonics), values[seen], weights[seen]
+    _, group = np.unique(group[seen], return_inverse=True)
+    median = _Medians(group)
+    w = given
     for _ in range(8):
-        coefficients = fourier.fit(phase, values, harmonics, weights=w, ridge=RIDGE)
-        size = np.linalg.norm(values - fourier.evaluate(coefficients, phase), axis=-1)
-        scale = max(1.4826 * float(np.median(size[seen])), floor)
-        w = weights * np.where(size < 4.685 * scale, (1.0 - (size / (4.685 * scale)) ** 2) ** 2, 0.0)
-        for one in np.unique(group):
-            mine = group == one
-            if (mine & seen).any():
-                w = np.where(
-                    mine, w * scale**2 / (scale**2 + 2.0 * float(np.median(size[mine & seen])) ** 2), w
-                )
-    return fourier.fit(phase, values, harmonics, weights=w, ridge=RIDGE)
+        rest = y - x @ fourier.solve(x, y, w, RIDGE)
+        size = np.sqrt(np.einsum("mk,mk->m", rest, rest))
+        scale = max(1.4826 * float(np.median(size)), floor)
+        w = given * np.maximum(1.0 - (size / (4.685 * scale)) ** 2, 0.0) ** 2
+        w *= scale**2 / (scale**2 + 2.0 * median(size)[group] ** 2)
+    return fourier.solve(x, y, w, RIDGE)
+
+
+class _Medians:
+    """Medians of many values (M,) over the groups (M,) that they belong to, numbered from 0 without a gap."""
+
+    def __init__(self, group: NDArray[np.intp]) -> None:
+        self._counts = np.bincount(group)
+        order = np.argsort(group, kind="stable")
+        first = np.cumsum(self._counts) - self._counts
+        self._place = np.empty_like(order)
+        self._place[order] = np.arange(len(group)) - np.repeat(first, self._counts)
+        self._group = group
+
+    def __call__(self, values: Array) -> Array:
+        """(G,) of values (M,)."""
+        table = np.full((len(self._counts), int(self._counts.max())), np.inf)
+        table[self._group, self._place] = values
+        table.sort(axis=1)
+        rows = np.arange(len(table))
+        low, high = (self._counts - 1) // 2, self._counts // 2
+        return np.asarray(0.5 * (table[rows, low] + table[rows, high]))
 
 
 def mean_rotation(q: Array, weights: Array) -> Array:
@@ -202,24 +222,25 @@ def fit_root(strides: Strides, harmonics: int) -> tuple[Array, float]:
     weights = strides.weights[:, [NODE_INDEX["hip_left"], NODE_INDEX["hip_right"]]].min(axis=1)
     weights = np.where(np.isfinite(center).all(axis=-1), weights, 0.0)
     center = np.where(weights[:, None] > 0, center, 0.0)
-    groups = np.unique(strides.group)
+    _, group = np.unique(strides.group, return_inverse=True)
+
+    def sums(values: Array) -> Array:
+        """Weighted sums (G, ...) of values (M, ...) over each pass."""
+        flat = (weights[:, None] * values.reshape(len(values), -1)).T
+        return np.stack([np.bincount(group, column) for column in flat], axis=-1)
+
+    amounts = np.maximum(sums(np.ones(len(group))), 1e-12)
+    times = strides.times - (sums(strides.times) / amounts)[group, 0]
+    spread = np.maximum(sums(times**2), 1e-12)
     series = np.zeros((1 + 2 * harmonics, 3))
-    slopes, amounts = np.zeros((len(groups), 3)), np.zeros(len(groups))
-    heights = np.zeros(len(groups))
     for _ in range(10):
-        rest = np.zeros_like(center)
-        for k, group in enumerate(groups):
-            mine = strides.group == group
-            w = np.sqrt(weights[mine])[:, None]
-            line = np.stack([np.ones(mine.sum()), strides.times[mine] - strides.times[mine].mean()], axis=1)
-            wave = fourier.evaluate(series, strides.phase[mine])
-            c, *_ = np.linalg.lstsq(line * w, (center[mine] - wave) * w, rcond=None)
-            rest[mine] = center[mine] - line @ c
-            slopes[k], amounts[k], heights[k] = c[1], weights[mine].sum(), c[0, 2]
+        wavy = center - fourier.evaluate(series, strides.phase)
+        slopes, middles = sums(times[:, None] * wavy) / spread, sums(wavy) / amounts
+        rest = center - middles[group] - slopes[group] * times[:, None]
         series = robust_fit(strides.phase, rest, harmonics, weights, strides.group, 0.01)
         series[0] = 0.0
-    series[0, 2] = np.average(heights, weights=amounts)
-    return series, float(np.average(slopes[:, 0], weights=amounts))
+    series[0, 2] = np.average(middles[:, 2], weights=amounts[:, 0])
+    return series, float(np.average(slopes[:, 0], weights=amounts[:, 0]))
 
 
 def fit_loop(

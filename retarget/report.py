@@ -162,7 +162,8 @@ def _r2(fit: GaitFit, mask: NDArray[np.bool_] | None = None) -> dict[str, float 
 
 
 def _pass_row(one: Pass, clip: Clip, fit: GaitFit) -> dict[str, Any]:
-    used = bool(len(one.frames)) and bool(np.isin(one.frames, fit.strides.frames).any())
+    mine = clip.passes[fit.strides.frames] == one.number
+    used = bool(mine.any())
     h = one.harmonic
     row: dict[str, Any] = {
         "pass": one.number,
@@ -183,7 +184,7 @@ def _pass_row(one: Pass, clip: Clip, fit: GaitFit) -> dict[str, Any]:
             "ankles_m": _n(h.amplitude),
         }
     if used:
-        row["r2"] = _r2(fit, np.isin(fit.strides.frames, one.frames))
+        row["r2"] = _r2(fit, mine)
     return row
 
 
