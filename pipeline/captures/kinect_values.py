@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from kinemimic.pipeline.captures.frame_defects import in_sequence
-from kinemimic.pipeline.captures.numbers import numbers_of
+from kinemimic.pipeline.captures.numbers import numbers_of, to_number
 from kinemimic.pipeline.captures.source import Source
 from kinemimic.pipeline.defect import Defect
 from kinemimic.pipeline.skeleton import INFERRED, MISSING, TRACKED
@@ -26,10 +26,13 @@ _UNIT = (0.98, 1.02)
 def begins_with_rows(source: Source, separator: str | None, is_row: Callable[[list[float]], bool]) -> bool:
     """True if at least three in four of the file's first 16 lines hold numbers only and pass `is_row`.
 
-    So one damaged line gets its own error. The head's last line may be cut off: it does not count unless it
-    is the only one.
+    So one damaged line gets its own error; but a line of words first is a header, which none of these formats
+    has. The head's last line may be cut off: it does not count unless it is the only one.
     """
     lines = source.head[:-1][:16] or source.head
+    first = lines[0].strip().split(separator)
+    if sum(to_number(field) is None for field in first) > 0.5 * len(first):
+        return False
     right = 0
     for line in lines:
         row = numbers_of(line, separator)

@@ -88,7 +88,9 @@ class Source:
 
         Lines of separators alone are blank too: a spreadsheet writes empty rows so.
         """
-        lines = (line for line in _decoded(self.content[:_HEAD], whole=False).split("\n") if line.strip(_BLANK))
+        lines = (
+            line for line in _decoded(self.content[:_HEAD], whole=False).split("\n") if line.strip(_BLANK)
+        )
         return tuple(line for line, _ in zip(lines, range(64), strict=False))
 
     @cached_property

@@ -80,3 +80,9 @@ def test_the_published_recording(captures: Path) -> None:
     # Standing behind something: "lower legs often inferred".
     assert (clip.states[:, LEGS] == 1).mean() > 0.5
     assert (clip.states[:, JOINTS.index("Neck")] == 2).mean() > 0.9
+
+
+def test_a_table_of_that_width_below_a_header_of_words_is_somebody_elses() -> None:
+    names = ",".join(f"column {k}" for k in range(101))
+    with pytest.raises(CaptureError, match="a table of 101 numbers a line without a mark; formats of that"):
+        read(f"{names}\n{TAKE}")
