@@ -25,7 +25,9 @@ from kinemimic.pipeline.progress import progress
 @click.command()
 @click.argument("paths", nargs=-1, required=True, type=click.Path(path_type=Path))
 @click.option(
-    "--plot", type=click.Path(path_type=Path, dir_okay=False), help="Write curves to this page (HTML)."
+    "--plot",
+    type=click.Path(path_type=Path, dir_okay=False),
+    help="Write the curves of the first 40 to this page (HTML).",
 )
 @click.option("--json", "as_json", is_flag=True, help="Print everything as JSON.")
 @click.option("--files", "by_file", is_flag=True, help="A row for each file, not only for each folder.")
