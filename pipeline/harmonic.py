@@ -98,9 +98,9 @@ def _nearest_period(t: Array, y: Array, w: Array, period: float) -> float:
     for _ in range(12):
         x = design(t / period, 1)
         by_period = 2.0 * np.pi * t / period**2 * (c[1] * x[:, 2] - c[2] * x[:, 1])
-        x = np.column_stack([x, by_period])
-        found = np.linalg.solve(x.T @ (w[:, None] * x) + _RIDGE * np.eye(4), x.T @ (w * y))
-        c = found[:3]
+        both = np.column_stack([x, by_period])
+        found = np.linalg.solve(both.T @ (w[:, None] * both) + _RIDGE * np.eye(4), both.T @ (w * y))
+        c = np.asarray(found[:3], dtype=np.float64)
         after = float(np.clip(period + found[3], low, high))
         if abs(after - period) < 1e-10:
             break

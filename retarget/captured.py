@@ -51,23 +51,19 @@ def captured_angles(
     clip, raw: on the 20 nodes, cleaned and as read; truth: "time" and the angles on the same clock. The same
     parts of the body are believed as in the motion, so that both speak of the same angle.
     """
+    rows, kept = ([_within(one, span) for span in spans] for one in (raw, clip))
+    measured, cleaned = (_angles(one, frames, spans, trust) for one, frames in ((raw, rows), (clip, kept)))
     parts: list[dict[str, Array]] = []
-    for span in spans:
-        rows = np.flatnonzero(
-            (raw.passes == span.number) & (raw.times >= span.start) & (raw.times <= span.end)
-        )
-        kept = np.flatnonzero(
-            (clip.passes == span.number) & (clip.times >= span.start) & (clip.times <= span.end)
-        )
-        times = raw.times[rows]
+    for k, span in enumerate(spans):
+        times = raw.times[rows[k]]
         part: dict[str, Array] = {
             "time": times,
-            "pass": np.full(len(rows), span.number, dtype=np.int32),
+            "pass": np.full(len(times), span.number, dtype=np.int32),
             "phase": (times - span.zero) / span.duration,
         }
-        part |= _angles(raw.positions[rows], span.heading, trust)
-        for name, curve in _angles(clip.positions[kept], span.heading, trust).items():
-            part[f"clean_{name}"] = np.interp(times, clip.times[kept], curve)
+        part |= measured[k]
+        for name, curve in cleaned[k].items():
+            part[f"clean_{name}"] = np.interp(times, clip.times[kept[k]], curve)
         if truth is not None:
             for name in ANGLES:
                 part[f"truth_{name}"] = np.interp(times, truth["time"], truth[name])
@@ -75,9 +71,21 @@ def captured_angles(
     return {name: np.concatenate([part[name] for part in parts]) for name in parts[0]}
 
 
-def _angles(positions: Array, heading: float, trust: Trust) -> dict[str, Array]:
-    ahead = rotate(from_axis_angle("Z", -heading), positions)
-    return joint_angles(local_rotations(believed_frames(ahead, trust)))
+def _within(clip: Clip, span: Span) -> NDArray[np.intp]:
+    inside = (clip.passes == span.number) & (clip.times >= span.start) & (clip.times <= span.end)
+    return np.flatnonzero(inside)
+
+
+def _angles(
+    clip: Clip, frames: list[NDArray[np.intp]], spans: list[Span], trust: Trust
+) -> list[dict[str, Array]]:
+    """The curves of each span's frames: all in one go, since an hour has a thousand passes."""
+    headings = np.repeat([span.heading for span in spans], [len(one) for one in frames])
+    ahead = rotate(from_axis_angle("Z", -headings)[:, None], clip.positions[np.concatenate(frames)])
+    curves = joint_angles(local_rotations(believed_frames(ahead, trust)))
+    ends = np.cumsum([len(one) for one in frames])[:-1]
+    pieces = {name: np.split(curve, ends) for name, curve in curves.items()}
+    return [{name: pieces[name][k] for name in pieces} for k in range(len(spans))]
 
 
 def read_truth(path: Path) -> dict[str, Array] | None:

@@ -88,6 +88,21 @@ def test_a_command_prints_a_table_or_json(run):
     assert json.loads(as_json.output)["symmetric"] is False
 
 
+def test_the_refinement_is_measured_before_and_after_and_can_be_left_out(run):
+    printed = CliRunner().invoke(command, ["--run", str(run)])
+    report = json.loads((run / "gait.json").read_text())
+    before, after = report["closed_form"], report["measures"]
+    assert after["foot_speed_m_s"] < 0.5 * before["foot_speed_m_s"] and after["penetration_m"] < 0.005
+    assert after["beyond_limits_deg"] == {}
+    assert 0.0 < after["node_error_m"] < 0.1
+    assert (
+        f"{100 * before['foot_speed_m_s']:.1f} → {100 * after['foot_speed_m_s']:.1f} cm/s" in printed.output
+    )
+    closed = CliRunner().invoke(command, ["--run", str(run), "--no-refine", "--json"])
+    plain = json.loads(closed.output)
+    assert plain["closed_form"] == plain["measures"] == before
+
+
 def test_nothing_is_written_where_the_walk_cannot_be_read(run, walker):
     clip = walker(rate=30.0).clip
     swap = np.random.default_rng(1).random(len(clip.times)) < 0.5
