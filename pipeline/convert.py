@@ -22,6 +22,7 @@ from kinemimic.pipeline.skeleton import node_skeleton
 from kinemimic.pipeline.store import file_hash, read_clip, read_json, write_clip, write_json
 
 ORIENTATION_SCHEMA = 1
+ENOUGH = 10_000
 
 
 def convert(run: Path) -> Clip:
@@ -60,7 +61,7 @@ def convert(run: Path) -> Clip:
 def _orientation(clip: Clip, converted: Clip) -> dict[str, Any]:
     """Which nodes' rotations are recorded, and how far recorded hinges are off their axes."""
     recorded = clip.rotations is not None or clip.euler is not None
-    found = node_rotations_of(converted) if recorded else None
+    found = node_rotations_of(_sample(converted)) if recorded else None
     return {
         "schema": ORIENTATION_SCHEMA,
         "recorded_by": found.sources if found else {},
@@ -69,6 +70,14 @@ def _orientation(clip: Clip, converted: Clip) -> dict[str, Any]:
             for node, angle in (found.off_axis if found else {}).items()
         },
     }
+
+
+def _sample(clip: Clip) -> Clip:
+    """At most ENOUGH frames spread over the clip: an hour's means need no more memory than a minute's."""
+    rows = np.unique(np.linspace(0, len(clip.times) - 1, min(len(clip.times), ENOUGH)).astype(np.intp))
+    frames = ("times", "positions", "states", "passes", "euler", "translations", "rotations")
+    taken = {name: getattr(clip, name) for name in frames}
+    return replace(clip, angles=None, **{k: v[rows] for k, v in taken.items() if v is not None})
 
 
 def on_nodes(clip: Clip) -> Clip:
