@@ -29,5 +29,5 @@ class CaptureError(KinemimicError):
         super().__init__(f"{place}: expected {expected}, found {found}{hint}")
 
 
-class NoCapture(CaptureError):
+class NotACaptureError(CaptureError):
     """A file that is no capture of any kind: neither the mark of a format nor a table of numbers."""

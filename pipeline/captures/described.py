@@ -23,7 +23,7 @@ from kinemimic.pipeline.captures.format import Format
 from kinemimic.pipeline.captures.recording import clip_of_points, reading
 from kinemimic.pipeline.captures.source import Source
 from kinemimic.pipeline.clip import Clip
-from kinemimic.pipeline.errors import CaptureError, NoCapture
+from kinemimic.pipeline.errors import CaptureError, NotACaptureError
 from kinemimic.pipeline.rotations import continuous, from_matrix, multiply, to_matrix
 from kinemimic.pipeline.skeleton import MISSING, TRACKED
 
@@ -53,7 +53,7 @@ def read(source: Source) -> Clip:
     the description, or the line of the capture that is not as described.
     """
     if _is_description(source.path.suffix, source.content[:_HEAD]):
-        raise NoCapture(
+        raise NotACaptureError(
             source.path,
             expected="a capture",
             found="a description of one",

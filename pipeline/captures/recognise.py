@@ -15,7 +15,7 @@ from kinemimic.pipeline.captures.source import Source
 from kinemimic.pipeline.clip import Clip
 from kinemimic.pipeline.depth.folder import FORMAT as DEPTH_RECORDING
 from kinemimic.pipeline.depth.folder import is_recording
-from kinemimic.pipeline.errors import CaptureError, NoCapture
+from kinemimic.pipeline.errors import CaptureError, NotACaptureError
 
 # Asked in this sequence: formats with a header or a keyword first, tables of bare numbers last.
 _MODULES: tuple[str, ...] = (
@@ -92,7 +92,7 @@ def reader_of(source: Source) -> Reader:
 
 def _unknown(source: Source, known: Sequence[Format]) -> CaptureError:
     if not source.is_text:
-        return NoCapture(
+        return NotACaptureError(
             source.path, expected="a capture", found="a binary file of no known format",
             advice="`kinemimic formats` lists what is read",
         )  # fmt: skip
@@ -109,7 +109,7 @@ def _unknown(source: Source, known: Sequence[Format]) -> CaptureError:
             advice="put its header back, or describe its columns (`kinemimic inspect --suggest` drafts that)",
         )
     start = " ".join(" ".join(source.head[:3]).split(maxsplit=6)[:6])[:60]
-    return NoCapture(
+    return NotACaptureError(
         source.path,
         expected="a capture",
         found=f"text that begins {start!r}",

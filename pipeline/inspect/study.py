@@ -11,7 +11,7 @@ import numpy as np
 
 from kinemimic.pipeline.captures.recognise import formats, read
 from kinemimic.pipeline.clip import Clip
-from kinemimic.pipeline.errors import KinemimicError, NoCapture
+from kinemimic.pipeline.errors import KinemimicError, NotACaptureError
 from kinemimic.pipeline.examine import Examination, examine, plan
 from kinemimic.pipeline.inspect.gait import gait
 from kinemimic.pipeline.inspect.measures import (
@@ -52,7 +52,7 @@ def look_at(path: Path) -> Studied:
     """`study` with the clips in hand, for who wants to draw them."""
     try:
         recorded = read(path)
-    except NoCapture as error:
+    except NotACaptureError as error:
         return Studied(unread(path, OTHER, str(error)))
     except KinemimicError as error:
         return Studied(unread(path, REFUSED, str(error)))
