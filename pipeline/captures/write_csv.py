@@ -20,18 +20,21 @@ def write_csv(path: Path, clip: Clip, angles: Mapping[str, Array]) -> None:
     """Write a clip's frames; a joint or an angle that is missing leaves its cells empty.
 
     angles: curves (T,) in radians by name. The header's names end in the unit:
-    time_s; root_x_m, root_y_m, root_z_m, the first joint's place; per joint <name>_x_m … in the world (Z up,
+    time_s; root_x_m, root_y_m, root_z_m, the first joint's place once more, unless a joint is called root (as
+    AMC's first one is); per joint <name>_x_m … in the world (Z up,
     X forward, Y left) and, where the clip has rotations, <name>_qx, _qy, _qz, _qw, child to parent (the
     root's in the world); per angle <name>_deg, flexion positive.
     """
     columns: dict[str, Array] = {"time_s": clip.times}
     decimals = ["%.6f"]
-    for joint, name in enumerate(("root", *clip.skeleton.names)):
-        place = max(joint - 1, 0)
-        columns |= {f"{name}_{axis}_m": clip.positions[:, place, k] for k, axis in enumerate("xyz")}
+    if "root" not in clip.skeleton.names:
+        columns |= _place("root", clip.positions[:, 0])
         decimals += ["%.6f"] * 3
-        if joint and clip.rotations is not None:
-            columns |= {f"{name}_q{axis}": clip.rotations[:, place, k] for k, axis in enumerate("xyzw")}
+    for joint, name in enumerate(clip.skeleton.names):
+        columns |= _place(name, clip.positions[:, joint])
+        decimals += ["%.6f"] * 3
+        if clip.rotations is not None:
+            columns |= {f"{name}_q{axis}": clip.rotations[:, joint, k] for k, axis in enumerate("xyzw")}
             decimals += ["%.8f"] * 4
     columns |= {f"{name}_deg": np.degrees(curve) for name, curve in angles.items()}
     decimals += ["%.4f"] * len(angles)
@@ -40,3 +43,7 @@ def write_csv(path: Path, clip: Clip, angles: Mapping[str, Array]) -> None:
     form = ",".join(decimals)
     lines = [form % tuple(row) for row in np.stack(list(columns.values()), axis=1).tolist()]
     write_text(path, head.getvalue() + "\n".join(lines).replace("nan", "") + "\n")
+
+
+def _place(name: str, positions: Array) -> dict[str, Array]:
+    return {f"{name}_{axis}_m": positions[:, k] for k, axis in enumerate("xyz")}

@@ -220,6 +220,16 @@ def test_npz_comes_back_and_is_the_same_every_time(tmp_path: Path) -> None:
     np.testing.assert_array_equal(back.kinematics()[0], poses.kinematics()[0])
 
 
+def test_csv_of_a_figure_whose_joint_is_called_root_has_that_place_once(tmp_path: Path) -> None:
+    clip = seen()
+    clip = replace(clip, skeleton=replace(clip.skeleton, names=("root", *NODES[1:])))
+    write_csv(tmp_path / "a.csv", clip, {"knee_left": np.zeros(40)})
+    head, first, *_ = csv.reader((tmp_path / "a.csv").open(newline=""))
+    assert len(head) == len(set(head)) == len(first) == 1 + 7 * len(NODES) + 1
+    assert head[1:5] == ["root_x_m", "root_y_m", "root_z_m", "root_qx"]
+    np.testing.assert_allclose([float(x) for x in first[1:4]], clip.positions[0, 0], atol=1e-6)
+
+
 def test_csv_comes_back_with_empty_cells_where_nothing_was_seen(tmp_path: Path) -> None:
     clip = seen()
     angles = {"knee_left": np.linspace(0.0, 1.0, 40)}
