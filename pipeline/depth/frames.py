@@ -58,7 +58,9 @@ def read_color(path: Path, camera: Camera) -> Image:
     content = load(path, camera, 4)
     size = _png_form(path, content)[0] if content.startswith(_PNG) else _jpeg_size(path, content)
     _check_size(path, size, camera)
-    return _decoded(path, content, cv2.IMREAD_COLOR).astype(np.uint8)
+    # As the sensor saw it: a joint's pixel knows of no orientation that a phone or an editor noted down.
+    flags = cv2.IMREAD_COLOR | cv2.IMREAD_IGNORE_ORIENTATION
+    return _decoded(path, content, flags).astype(np.uint8)
 
 
 def _decoded(path: Path, content: bytes, flags: int) -> NDArray[np.generic]:

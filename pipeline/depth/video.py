@@ -17,6 +17,10 @@ from kinemimic.pipeline.store import atomic
 # What the headless wheel of OpenCV can write and read back; its H.264 needs a device of its own.
 CODECS: dict[str, str] = {".mp4": "mp4v", ".avi": "MJPG"}
 _FFMPEG_LOG = "OPENCV_FFMPEG_LOGLEVEL"
+# MPEG-4 counts time in 1/65535 s at the finest, and OpenCV asks for decimals of the rate: 66.667 would be too
+# many.
+_MOST_TICKS = 65535
+_SLOWEST = 0.01  # frames a second
 
 
 class Video:
@@ -39,7 +43,8 @@ class Video:
 def video(path: Path, width: int, height: int, rate: float) -> Iterator[Video]:
     """A video of `rate` frames a second at `path` (.mp4 or .avi), there only once the block has ended well.
 
-    Codecs halve the colours' resolution: an odd width or height gets a black margin of one pixel.
+    Codecs halve the colours' resolution: an odd width or height gets a black margin of one pixel. The rate is
+    rounded to as many decimals as they take (66.67), and is 0.01 at least.
     KinemimicError if the codec does not open, or the file does not hold every frame (a full disk).
     """
     codec = CODECS.get(path.suffix.lower())
@@ -48,7 +53,7 @@ def video(path: Path, width: int, height: int, rate: float) -> Iterator[Video]:
     width, height = width + width % 2, height + height % 2
     with atomic(path) as temporary, _quiet():
         fourcc = cv2.VideoWriter.fourcc(*codec)
-        writer = cv2.VideoWriter(str(temporary), cv2.CAP_FFMPEG, fourcc, rate, (width, height))
+        writer = cv2.VideoWriter(str(temporary), cv2.CAP_FFMPEG, fourcc, _rate(rate), (width, height))
         try:
             if not writer.isOpened():
                 raise KinemimicError(f"{path}: expected to write {codec} video, found no encoder for it here")
@@ -61,6 +66,12 @@ def video(path: Path, width: int, height: int, rate: float) -> Iterator[Video]:
             raise KinemimicError(
                 f"{path}: expected a video of {written.frames} frames, found {found} in it; is the disk full?"
             )
+
+
+def _rate(rate: float) -> float:
+    """The nearest rate that every codec can name."""
+    digits = next((n for n in (3, 2, 1) if rate * 10**n <= _MOST_TICKS), 0)
+    return max(round(rate, digits), _SLOWEST)
 
 
 @contextmanager

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from PIL import Image
+from PIL import ExifTags, Image
 from samples.depth_scene import png
 
 from kinemimic.pipeline.depth.camera import Camera
@@ -102,3 +102,14 @@ def test_damaged_colour_is_one_line(tmp_path: Path, content: bytes, message: str
     path.write_bytes(content)
     with pytest.raises(CaptureError, match=message):
         read_color(path, CAMERA)
+
+
+def test_an_orientation_in_the_file_turns_nothing(tmp_path: Path) -> None:
+    path, image = tmp_path / "0.jpg", np.zeros((48, 64, 3), dtype=np.uint8)
+    image[:, :16, 0] = 250  # red at the left
+    turned = Image.Exif()
+    turned[ExifTags.Base.Orientation] = 6
+    Image.fromarray(image).save(path, format="jpeg", quality=95, exif=turned)
+    read = read_color(path, CAMERA)
+    assert read.shape == (48, 64, 3)
+    assert read[:, :12, 2].min() > 200 > 50 > read[:, 24:, 2].max()

@@ -198,3 +198,19 @@ def test_odd_sizes_and_odd_rates_lose_nothing(tmp_path: Path) -> None:
     assert first.shape == (48, 64, 3)
     assert np.abs(first[:46, :62].astype(int) - 200).max() < 12
     assert first[47, :60].max() < 60
+
+
+@pytest.mark.parametrize(
+    ("rate", "told"), [(1 / 0.015, 66.67), (333.3333, 333.3), (29.97003, 29.97), (0.0004, 0.01)]
+)
+@pytest.mark.parametrize("name", ["o.mp4", "o.avi"])
+def test_every_clock_has_a_rate_that_the_codec_takes(
+    tmp_path: Path, name: str, rate: float, told: float
+) -> None:
+    grey = np.full((48, 64, 3), 200, dtype=np.uint8)
+    with video(tmp_path / name, 64, 48, rate) as film:
+        for _ in range(3):
+            film.add(grey)
+    capture = cv2.VideoCapture(str(tmp_path / name))
+    assert capture.get(cv2.CAP_PROP_FPS) == pytest.approx(told, rel=1e-4)
+    capture.release()
