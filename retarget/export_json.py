@@ -76,6 +76,8 @@ def motion_from_json(path: Path) -> Motion:
     rate = document.value("fps", float)
     if frames < 1 or not (np.isfinite(rate) and rate > 0):
         raise KinemimicError(f"{path}: expected frames and fps above zero, found {frames} and {rate}")
+    # First, so that a wrong number of frames is found before room is made for them.
+    root = document.array("root.positions", (frames, 3))
     rotations, offsets = np.empty((frames, len(NODES), 4)), np.empty((len(NODES), 3))
     for layer, nodes in LAYERS.items():
         for node in nodes:
@@ -91,7 +93,7 @@ def motion_from_json(path: Path) -> Motion:
                 )
     return Motion(
         rate=rate,
-        root=document.array("root.positions", (frames, 3)),
+        root=root,
         rotations=rotations,
         contacts=np.stack(
             [document.array(f"contacts.{side}", (frames,)) for side in ("left", "right")], axis=-1

@@ -94,6 +94,7 @@ def change(place: str, value: Any) -> str:
         ("layers.leg_left.knee_left", None, "layers.leg_left.knee_left.parent"),
         ("fps", None, "'fps'"),
         ("fps", -1.0, "above zero"),
+        ("frames", 10**15, r"root.positions: expected shape \(1000000000000000, 3\), found \(7, 3\)"),
         ("fps", "fast", "fps: expected float"),
         ("cyclic", 1, "cyclic: expected bool"),
         ("format", "bvh", "format: expected 'kinemimic.motion'"),
