@@ -30,6 +30,7 @@ Array = NDArray[np.float64]
 
 STATE_WEIGHTS = np.array([0.0, 0.3, 1.0])  # of missing, inferred, tracked joints
 RIDGE = 1e-5
+FEWEST_HARMONICS = 3  # of a node's rotation: below that too few frames were seen to tell how it turns
 HINGES: dict[str, tuple[str, ...]] = {
     f"{hinge}_{side}": tuple(f"{joint}_{side}" for joint in joints)
     for side in ("left", "right")
@@ -180,11 +181,15 @@ def mean_rotation(q: Array, weights: Array) -> Array:
 
 
 def fit_joint(strides: Strides, local: Array, name: str, harmonics: int) -> Series | None:
-    """Series of one node from its local rotations (M, 4); None where it was hardly ever seen."""
+    """Series of one node from its local rotations (M, 4); None where it was hardly ever seen.
+
+    Of few frames, as one stride at 30 Hz has, fewer than `harmonics`: two frames for each coefficient.
+    """
     weights = strides.weights[:, [NODE_INDEX[node] for node in made_of(name)]].min(axis=1)
     finite = np.asarray(np.isfinite(local).all(axis=-1))
     weights = np.where(finite, weights, 0.0)
-    if (weights > 0).sum() < 4 * (1 + 2 * harmonics) // 2 or weights.sum() < 3.0:
+    harmonics = min(harmonics, (int((weights > 0).sum()) // 2 - 1) // 2)
+    if harmonics < FEWEST_HARMONICS or weights.sum() < 3.0:
         return None
     q = np.where(finite[:, None], local, IDENTITY)
     mean = IDENTITY if name in HINGES else mean_rotation(q, weights)

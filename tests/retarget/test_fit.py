@@ -13,7 +13,7 @@ from kinemimic.pipeline.rotations import angle_between, from_axis_angle, rotate
 from kinemimic.pipeline.skeleton import NODE_INDEX as N
 from kinemimic.retarget.contact import corner_velocity, lowest, soles
 from kinemimic.retarget.cycle import is_gait, study_passes, usable
-from kinemimic.retarget.fit import GaitFit, fit_gait, plain_motion
+from kinemimic.retarget.fit import HARMONICS, GaitFit, fit_gait, plain_motion
 from kinemimic.retarget.loop import MIRROR_NODES
 from kinemimic.retarget.motion import joint_angles
 
@@ -148,6 +148,17 @@ def test_a_movement_on_the_spot_is_no_gait(walker):
     bend = -2 * np.arctan2(motion.rotations[:, N["elbow_left"], 1], motion.rotations[:, N["elbow_left"], 3])
     # The upper arm of the first frame hangs 0.3 rad behind the vertical from which the lift counts.
     assert bend.max() == pytest.approx(1.6 + 0.3, abs=0.02)
+
+
+def test_one_stride_of_few_frames_has_fewer_harmonics_but_its_knees_turn(walker):
+    """26 frames cannot hold the 17 coefficients of eight harmonics."""
+    w = walker(seconds=1.3, rate=20.0)
+    (one,) = study_passes(w.clip)
+    assert len(one.frames) < 34
+    fit = fit_gait(w.clip, [one], False)
+    assert fit.trust.precise
+    assert len(fit.loop.joints["knee_left"].coefficients) < 1 + 2 * HARMONICS[True]
+    assert max(rmse_deg(fit, w.curves).values()) < 2.5
 
 
 def test_less_than_a_stride_is_completed_by_the_mirror_or_refused(walker):
