@@ -125,7 +125,11 @@ def _table(report: dict[str, Any]) -> list[str]:
         lines.append(
             f"  {name:<10} {low:6.1f} to {high:5.1f}°" + (f"   R² {scores[name]}" if name in scores else "")
         )
-    return lines + [f"  ! {text}" for text in report["warnings"]]
+    refused = {finding["text"] for finding in report["gate"] if finding["severity"] == "refuse"}
+    lines += [f"  {'✗' if text in refused else '!'} {text}" for text in report["warnings"]]
+    if refused:
+        lines.append("  `train` refuses this motion for what ✗ marks: record it again, or `train --anyway`")
+    return lines
 
 
 def _measures(closed: dict[str, Any], final: dict[str, Any]) -> list[str]:

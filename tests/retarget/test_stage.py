@@ -13,9 +13,10 @@ from click.testing import CliRunner
 
 from kinemimic.pipeline.store import write_clip
 from kinemimic.retarget.export_json import motion_from_json
+from kinemimic.retarget.gate import judge
 from kinemimic.retarget.motion import joint_angles
 from kinemimic.retarget.report import r_squared, reference_at
-from kinemimic.retarget.stage import command, retarget
+from kinemimic.retarget.stage import _table, command, retarget
 
 FILES = ("motion.json", "motion.mcap", "gait.json", "capture.parquet")
 
@@ -86,6 +87,17 @@ def test_a_command_prints_a_table_or_json(run):
     assert printed.exit_code == 0 and "cadence" in printed.output
     as_json = CliRunner().invoke(command, ["--run", str(run), "--json", "--as-recorded"])
     assert json.loads(as_json.output)["symmetric"] is False
+
+
+def test_the_table_tells_what_train_refuses_from_what_is_only_to_be_seen(run):
+    retarget(run)
+    report = json.loads((run / "gait.json").read_text())
+    assert "✗" not in "\n".join(_table(report))
+    (finding,) = judge({**report, "range_deg": {name: [0.0, 20.0] for name in report["range_deg"]}})
+    told = {**report, "gate": [finding.to_json()], "warnings": ["it limps", finding.text]}
+    lines = _table(told)
+    assert lines[-3:-1] == ["  ! it limps", "  ✗ a knee flexes by 20° at most (limit 35°)"]
+    assert "--anyway" in lines[-1]
 
 
 def test_the_refinement_is_measured_before_and_after_and_can_be_left_out(run):
