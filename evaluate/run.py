@@ -26,6 +26,8 @@ from kinemimic.train.config import PRESETS
 VIRTUAL_STAGE = "virtual"
 # As in `ingest`, whose module is not loaded for --help.
 FILTERS = ("kalman", "butterworth", "one-euro", "none")
+# As in `retarget`.
+ANKLES = ("neutral", "normal")
 VIRTUAL_SEED = 0
 VIRTUAL_CAPTURE = "capture/kinect_walk_euler.bvh"
 VIRTUAL_FILES = (
@@ -46,7 +48,7 @@ class Stage:
 
 STAGES = (
     Stage("ingest", (), ("raw.parquet", "clip.parquet", "quality.json", "truth.parquet")),
-    Stage("convert", ("clip.parquet",), ("quaternions.parquet", "gimbal.json")),
+    Stage("convert", ("clip.parquet",), ("quaternions.parquet", "gimbal.json", "orientation.json")),
     Stage(
         "retarget",
         ("quaternions.parquet", "raw.parquet", "truth.parquet"),
@@ -81,7 +83,7 @@ def run(
     """Take a capture to scores, a report and a recording in `folder`.
 
     capture: a file, or None for the virtual Kinect's recording of the stock walk (folder/capture).
-    options: stage -> its command's options without the dashes; None leaves the command's default.
+    options: stage -> its command's options without the dashes; True is a flag, None the command's default.
     quiet: nothing is printed. Raises what the stages raise; those that were finished stay recorded.
     """
     ledger = Ledger(folder)
@@ -101,7 +103,7 @@ def run(
             _record_virtual(folder)
             _say(f"SIMULATED: a virtual Kinect records the stock walk: {capture}", quiet=quiet)
         else:
-            flags = [f"--{key}={value}" for key, value in config.items()]
+            flags = [f"--{key}" if value is True else f"--{key}={value}" for key, value in config.items()]
             _invoke(name, [*arguments, "--run", str(folder), *flags], quiet=quiet)
         # Only now is it known which files beside the capture were read with it.
         ledger.record(name, made_from(reads(), config), writes)
@@ -175,17 +177,25 @@ def _say(text: str, *, quiet: bool, bold: bool = False) -> None:
     "--run", "folder", type=click.Path(path_type=Path), default=Path("runs/default"), show_default=True
 )
 @click.option("--filter", "filter_name", type=click.Choice(FILTERS), help="Of `ingest`.")
+@click.option("--symmetric/--as-recorded", default=None, help="Of `retarget`.")
+@click.option("--no-refine", is_flag=True, help="Of `retarget`.")
+@click.option("--ankle", type=click.Choice(ANKLES), help="Of `retarget`.")
 @click.option("--preset", type=click.Choice(list(PRESETS)), help="Of `train`.")
 @click.option("--budget", type=click.IntRange(min=1), help="Of `train`: samples; the preset's by default.")
 @click.option("--seed", type=click.IntRange(min=0), help="Of `train`.")
+@click.option("--anyway", is_flag=True, help="Of `train`: also on a motion that its gate refuses.")
 @click.option("--json", "as_json", is_flag=True, help="Print what was run and the scores as JSON.")
 def command(
     capture: Path | None,
     folder: Path,
     filter_name: str | None,
+    symmetric: bool | None,
+    no_refine: bool,
+    ankle: str | None,
     preset: str | None,
     budget: int | None,
     seed: int | None,
+    anyway: bool,
     as_json: bool,
 ) -> None:
     """Take CAPTURE (or, without one, the virtual Kinect's walk) through every stage to its scores.
@@ -194,7 +204,13 @@ def command(
     """
     options: dict[str, dict[str, Any]] = {
         "ingest": {"filter": filter_name},
-        "train": {"preset": preset, "budget": budget, "seed": seed},
+        "retarget": {
+            "symmetric": symmetric or None,
+            "as-recorded": True if symmetric is False else None,
+            "no-refine": no_refine or None,
+            "ankle": ankle,
+        },
+        "train": {"preset": preset, "budget": budget, "seed": seed, "anyway": anyway or None},
     }
     outcome = run(capture, folder, options=options, quiet=as_json)
     report, recording = folder / "report.html", folder / "view.rrd"

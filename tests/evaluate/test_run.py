@@ -15,11 +15,12 @@ from kinemimic.evaluate import run as module
 from kinemimic.evaluate.run import STAGES, VIRTUAL_CAPTURE, VIRTUAL_STAGE, run
 from kinemimic.pipeline import ingest as ingest_module
 from kinemimic.pipeline.captures.virtual import record_virtual
-from kinemimic.pipeline.cli import main
+from kinemimic.pipeline.cli import load_command, main
 from kinemimic.pipeline.convert import convert
 from kinemimic.pipeline.errors import KinemimicError
 from kinemimic.pipeline.ingest import ingest
 from kinemimic.pipeline.store import read_json
+from kinemimic.retarget import ankles as ankles_module
 from kinemimic.retarget.stage import retarget
 
 NAMES = tuple(stage.name for stage in STAGES)
@@ -176,6 +177,33 @@ def test_what_is_no_capture_is_one_line_status_2_and_nothing_written(
 
 def test_the_choices_are_those_of_the_stages() -> None:
     assert module.FILTERS == ingest_module.FILTERS
+    assert module.ANKLES == ankles_module.ANKLES
+
+
+@pytest.mark.parametrize(
+    ("flags", "stage", "file"),
+    [
+        (["--filter", "none"], "ingest", "raw.parquet"),
+        (["--ankle", "normal"], "retarget", "motion.json"),
+        (["--no-refine"], "retarget", "motion.json"),
+        (["--symmetric"], "retarget", "motion.json"),
+        (["--as-recorded"], "retarget", "motion.json"),
+        (["--anyway"], "train", "policy.json"),
+    ],
+)
+def test_a_flag_reaches_its_stage_which_is_done_again_with_all_after_it(
+    stages: Stages, capture: Path, tmp_path: Path, flags: list[str], stage: str, file: str
+) -> None:
+    arguments = [str(capture), "--run", str(tmp_path), "--json"]
+    CliRunner().invoke(module.command, arguments, catch_exceptions=False)
+    again = CliRunner().invoke(module.command, [*arguments, *flags], catch_exceptions=False)
+    assert json.loads(again.output)["ran"] == list(NAMES[NAMES.index(stage) :])
+    assert "=".join(flags) in (tmp_path / file).read_text()
+    same = CliRunner().invoke(module.command, [*arguments, *flags], catch_exceptions=False)
+    assert json.loads(same.output)["ran"] == []
+    # What the stand-ins take, the real command must know.
+    names = {name for option in load_command(stage).params for name in (*option.opts, *option.secondary_opts)}
+    assert flags[0] in names
 
 
 def test_the_same_seed_gives_the_same_bytes(tmp_path: Path) -> None:
