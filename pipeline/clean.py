@@ -86,7 +86,8 @@ def _clean_turns(clip: Clip, rotations: Array, method: str) -> tuple[Array, Mask
     Sign-continuous quaternions are a smooth curve on the sphere through any number of full turns, which
     Euler angles and rotation vectors are not; the filtered curve stays near it.
     """
-    whole, filled = fill(rotations, clip.times, clip.passes)
+    # As recorded they are, but not any more where a repair has exchanged sides or dropped frames.
+    whole, filled = fill(continuous(rotations), clip.times, clip.passes)
     filtered, overruled, note = _filter(clip, whole, filled, method)
     if method == "none" and not filled.any():
         return rotations, overruled, note

@@ -226,7 +226,7 @@ def _windows(frames: int, *, cyclic: bool) -> Iterator[tuple[slice, slice]]:
     """Windows over a clip, and the part of each whose solution counts; a cycle is one."""
     length = frames if cyclic else WINDOW
     for start in range(0, frames, length):
-        # A remainder too short to be a window of its own goes with the one before.
+        # However short the last part is: it looks back into the one before.
         stop = min(start + length, frames)
         yield slice(max(0, start - OVERLAP), min(frames, stop + OVERLAP)), slice(start, stop)
 
