@@ -60,22 +60,22 @@ class Written:
 def export(subjects: Mapping[str, Subject], formats: Iterable[str], folder: Path, name: str) -> list[Written]:
     """Write every subject in every format as folder/name-subject.ext, and the body as name-humanoid.urdf.
 
-    Beside each subject's files stands name-subject.provenance.json: few of these formats can say where they
-    come from, and `ingest` reads it with a capture of that name.
+    Beside a file stands the same name with .provenance.json for an ending: few of these formats can say where
+    they come from, and `ingest` reads it with a capture of that name.
     """
     written: list[Written] = []
     wanted = [form for form in FORMATS if form in set(formats)]
     for what, subject in subjects.items():
-        for form in wanted:
-            if form == URDF:
-                continue
-            path = folder / f"{name}-{what}{ENDINGS[form]}"
+        paths = {form: folder / f"{name}-{what}{ENDINGS[form]}" for form in wanted if form != URDF}
+        made_by = provenance("export", inputs=subject.inputs, config={"formats": wanted})
+        # What a policy performs is no recording either, whatever it imitates.
+        made = subject.simulated or what == "simulated"
+        # First: no file of a simulation is ever without the note that says so.
+        for path in sorted({path.with_suffix(".provenance.json") for path in paths.values()}):
+            write_json(path, {**subject.provenance, "simulated": made, **made_by})
+        for form, path in paths.items():
             WRITERS[form](path, subject)
             written.append(Written(path, what, form, *subject.size(form), subject.note(form)))
-        if wanted != [URDF]:
-            made_by = provenance("export", inputs=subject.inputs, config={"formats": wanted})
-            path = folder / f"{name}-{what}.provenance.json"
-            write_json(path, {**subject.provenance, "simulated": subject.simulated, **made_by})
     if URDF in wanted:
         path = folder / f"{name}-humanoid.urdf"
         write_text(path, humanoid_urdf("floating"))
@@ -130,6 +130,8 @@ def command(
         raise click.UsageError("--recover needs --from, the damaged file")
     if source is not None and (what or number is not None):
         raise click.UsageError("--from is one motion: --what and --pass belong to a run")
+    if number is not None and what and "capture" not in what:
+        raise click.UsageError("--pass is one of the capture's: add --what capture")
     chosen = FORMATS if "all" in formats else formats
     if source is not None:
         subjects = {"recovered" if recover else "motion": of_mcap(source, recover=recover)}

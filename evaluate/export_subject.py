@@ -94,16 +94,17 @@ class Subject:
         """Frames and frames a second of the motion in that format."""
         if form in _AS_CAPTURED:
             return len(self.clip.times), self.clip.rate
-        return len(self.poses.rotations), self.poses.rate
+        poses = self.closed if form == "deepmimic" else self.poses
+        return len(poses.rotations), poses.rate
 
     @property
     def simulated(self) -> bool:
-        """True if the capture was made by the virtual Kinect."""
+        """True if the capture behind it was made by the virtual Kinect."""
         return self.clip.simulated
 
     def note(self, form: str) -> str:
         """What is to be told of this motion in that format, besides its name."""
-        notes = [self.told]
+        notes = ["from a SIMULATED capture" if self.simulated else "", self.told]
         if self.given is None and form not in _AS_CAPTURED:
             if self.poses.filled:
                 notes.append(f"{self.poses.filled} joint positions interpolated")

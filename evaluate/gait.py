@@ -21,6 +21,8 @@ from kinemimic.pipeline.store import file_hash, write_json, write_text
 from kinemimic.retarget.export_json import motion_from_json
 from kinemimic.train.playback import Playback
 
+# Of these one must be there: the playback needs the motion's body.
+WALKERS = ("quaternions.parquet", "motion.json")
 FILES = ("quaternions.parquet", "clip.parquet", "gait.json", "motion.json", "playback.npz")
 
 
@@ -29,13 +31,19 @@ def gait(run: Path) -> dict[str, Any]:
 
     A KinemimicError says so where nothing is there, or nobody in it makes a whole stride.
     """
+    if not run.is_dir():
+        raise KinemimicError(f"{run}: expected a run folder, found none; name one with --run")
+    if not any((run / name).exists() for name in WALKERS):
+        raise KinemimicError(
+            f"{run}: expected {' or '.join(WALKERS)}, found neither; run `ingest` and `convert` first"
+        )
     motion = motion_from_json(run / "motion.json") if (run / "motion.json").exists() else None
     playback = Playback.load(run / "playback.npz") if motion and (run / "playback.npz").exists() else None
     report = compare(captured(run), motion, playback)
     if not report["walkers"]:
         raise KinemimicError(
             f"{run}: expected a gait with at least one whole stride, found none in capture, reference or "
-            "simulation; run `ingest` and `convert` on a recording of walking or running first"
+            "simulation; is it a recording of walking or running?"
         )
     report["provenance"] = provenance(
         "gait", inputs={name: file_hash(run / name) for name in FILES if (run / name).exists()}, config={}

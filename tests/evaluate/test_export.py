@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from xml.etree import ElementTree as ET
 
@@ -12,13 +13,14 @@ import pytest
 from click.testing import CliRunner
 from samples.motion import rigid_walk
 
-from kinemimic.evaluate.export import FORMATS, command
+from kinemimic.evaluate.export import FORMATS, command, export
 from kinemimic.evaluate.export_subject import SUBJECTS, of_run
 from kinemimic.pipeline.captures.deepmimic import read_deepmimic
 from kinemimic.pipeline.captures.recognise import read
 from kinemimic.pipeline.cli import main
 from kinemimic.pipeline.clip import Clip
 from kinemimic.pipeline.errors import KinemimicError
+from kinemimic.pipeline.ingest import ingest
 from kinemimic.pipeline.orient import node_rotations
 from kinemimic.pipeline.skeleton import NODES, node_skeleton
 from kinemimic.pipeline.store import write_clip
@@ -69,7 +71,7 @@ def test_everything_is_written_once_and_told(run: Path, files: list[dict[str, ob
     expected = [(what, form) for what in SUBJECTS for form in FORMATS if form != "urdf"]
     assert kinds == [*expected, ("humanoid", "urdf")]
     written = {Path(str(record["path"])).name for record in files}
-    notes = {f"walk-{what}.provenance.json" for what in SUBJECTS}
+    notes = {f"walk-{what}{end}.provenance.json" for what in SUBJECTS for end in ("", ".deepmimic")}
     assert {path.name for path in (run / "export").iterdir()} == written | notes
     for record in files:
         assert Path(str(record["path"])).stat().st_size == record["bytes"]
@@ -103,7 +105,8 @@ def test_positions_are_equal_in_every_format_that_holds_them(
         if what != "capture":
             np.testing.assert_allclose(angles[name], curve, atol=1e-8)
     peers = read_deepmimic(of(files, what, "deepmimic"))
-    assert len(peers.times) == len(expected) + (what == "reference")
+    told = next(r["frames"] for r in files if (r["what"], r["format"]) == (what, "deepmimic"))
+    assert len(peers.times) == told == len(expected) + (what == "reference")
 
 
 def test_a_cycle_is_closed_for_deepmimic(walk: Motion, files: list[dict[str, object]]) -> None:
@@ -121,18 +124,30 @@ def test_the_capture_is_its_longest_pass_or_the_one_asked_for(run: Path, tmp_pat
     clip = captured()
     subject = of_run(run, ["capture"])["capture"]
     np.testing.assert_array_equal(subject.clip.times, clip.times[30:])
-    assert subject.note("csv") == "pass 1 of 2"
+    assert subject.note("csv") == "from a SIMULATED capture; pass 1 of 2"
     assert len(of_run(run, ["capture"], 0)["capture"].clip.times) == 30
     with pytest.raises(KinemimicError, match="expected pass 2, found 2 passes, counted from 0"):
         of_run(run, ["capture"], 2)
 
 
 def test_provenance_says_what_it_was_made_of_and_that_it_was_simulated(
-    run: Path, files: list[dict[str, object]]
+    run: Path, files: list[dict[str, object]], tmp_path: Path
 ) -> None:
     note = json.loads((run / "export" / "walk-capture.provenance.json").read_text())
     assert (note["stage"], note["source"], note["simulated"]) == ("export", "walk.skl", True)
     assert len(note["inputs"]["clip"]) == 64
+    for form in ("bvh", "trc", "mot", "deepmimic"):
+        assert ingest(of(files, "capture", form), tmp_path / form).simulated, form
+
+
+@pytest.mark.parametrize(("what", "made"), [("reference", False), ("simulated", True)])
+def test_what_a_policy_performs_of_a_real_capture_is_marked_as_no_recording(
+    run: Path, tmp_path: Path, what: str, made: bool
+) -> None:
+    subject = of_run(run)[what]
+    real = replace(subject, clip=replace(subject.clip, provenance={}), provenance={})
+    (written,) = export({what: real}, ["bvh"], tmp_path, "walk")
+    assert json.loads(written.path.with_suffix(".provenance.json").read_text())["simulated"] is made
 
 
 def test_the_body_is_a_tree_of_bodies(files: list[dict[str, object]]) -> None:
@@ -186,6 +201,7 @@ def test_a_damaged_mcap_is_named_and_recovered(
         (["--run", ".", "--what", "simulated"], "motion.json: expected a file, found none"),
         (["--recover"], "--recover needs --from"),
         (["--from", "a.mcap", "--what", "capture"], "--what and --pass belong to a run"),
+        (["--what", "reference", "--pass", "1"], "--pass is one of the capture's"),
         (["--from", "a.mcap"], "expected an MCAP file, found none"),
         (["--format", "fbx"], "'fbx' is not one of"),
     ],

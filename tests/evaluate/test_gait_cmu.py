@@ -17,6 +17,8 @@ from kinemimic.evaluate.gait import command, gait
 from kinemimic.pipeline.convert import convert
 from kinemimic.pipeline.errors import KinemimicError
 from kinemimic.pipeline.ingest import ingest
+from kinemimic.retarget.export_json import motion_to_json
+from kinemimic.retarget.motion import Motion
 
 # The ASF says "length 0.45": its numbers are inches times 0.45.
 METRE = 0.0254 / 0.45
@@ -148,7 +150,20 @@ def test_command_line(captures, tmp_path):
     assert "Schwartz et al. 2008" in page and "http" not in page.replace("http://www.w3.org", "")
 
 
-def test_nobody_there(tmp_path):
+def test_nobody_walks(tmp_path):
+    still = np.tile([0.0, 0.0, 0.0, 1.0], (90, 20, 1))
+    standing = Motion(
+        30.0, np.tile([0.0, 0.0, 0.9], (90, 1)), still, np.ones((90, 2), dtype=bool), cyclic=False
+    )
+    (tmp_path / "motion.json").write_text(motion_to_json(standing))
     with pytest.raises(KinemimicError, match="at least one whole stride"):
+        gait(tmp_path)
+    assert [path.name for path in tmp_path.iterdir()] == ["motion.json"]
+
+
+def test_a_run_that_is_not_there_or_has_nothing_to_measure_is_told(tmp_path):
+    with pytest.raises(KinemimicError, match="expected a run folder, found none"):
+        gait(tmp_path / "none")
+    with pytest.raises(KinemimicError, match=r"expected quaternions\.parquet or motion\.json, found neither"):
         gait(tmp_path)
     assert not list(tmp_path.iterdir())
