@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from kinemimic.pipeline.clip import Clip, forward_kinematics
 from kinemimic.pipeline.errors import KinemimicError
+from kinemimic.pipeline.resample import resample
 from kinemimic.pipeline.rotations import IDENTITY, conjugate, continuous, multiply, normalize, rotate
 from kinemimic.pipeline.skeleton import TRACKED, Skeleton
 
@@ -66,69 +67,68 @@ class Poses:
 def poses_of_clip(clip: Clip) -> Poses:
     """The poses of a converted clip of one pass; joints stand where the clip has them, to rounding.
 
-    An uneven clock is brought to an even one at the clip's rate. A joint's gaps are interpolated, its ends
+    An uneven clock is brought to an even one at the clip's usual rate (`resample.resample`). A joint's gaps are interpolated, its ends
     held, and a joint that was never seen stays at its parent. KinemimicError for under two frames.
     """
     if clip.rotations is None:
         raise ValueError("the clip has no rotations: convert it first")
     if len(clip.times) < 2:
         raise KinemimicError(f"export: expected a pass of 2 frames or more, found {len(clip.times)}")
-    times, rate = _even(clip.times)
-    rotations = np.tile(IDENTITY, (len(times), len(clip.skeleton.names), 1))
-    for joint, turns in enumerate(np.moveaxis(clip.rotations, 1, 0)):
-        # Between frames of 30 Hz the chord is as good as the arc: they differ by a hundredth of a degree.
-        found = _interpolate(times, clip.times, continuous(turns))
+    missing = ~np.isfinite(clip.positions).all(axis=-1) | ~np.isfinite(clip.rotations).all(axis=-1)
+    even, rate = _even(clip)
+    assert even.rotations is not None  # noqa: S101 - the clip has them
+    rotations = np.tile(IDENTITY, (len(even.times), len(clip.skeleton.names), 1))
+    for joint, turns in enumerate(np.moveaxis(even.rotations, 1, 0)):
+        found = _bridged(even.times, continuous(turns))
         if found is not None:
             rotations[:, joint] = normalize(found)
-    if clip.translations is not None:
+    if even.translations is not None:
         translations = np.stack(
-            [_held(times, clip.times, place) for place in np.moveaxis(clip.translations, 1, 0)], axis=1
+            [_held(even.times, place) for place in np.moveaxis(even.translations, 1, 0)], axis=1
         )
         translations[:, 0] = rotate(clip.world_from_file, translations[:, 0])
         skeleton = clip.skeleton
     else:
-        translations, skeleton = _hung(clip, times, rotations)
-    missing = ~np.isfinite(clip.positions).all(axis=-1) | ~np.isfinite(clip.rotations).all(axis=-1)
+        translations, skeleton = _hung(even, rotations)
     return Poses(
         skeleton, rate, translations, continuous(rotations), int(missing.sum()), dict(clip.provenance)
     )
 
 
-def _even(times: Array) -> tuple[Array, float]:
-    """Times (N,) at a constant step over the same span, and their rate: the given ones if they are even."""
-    steps = np.diff(times)
-    if np.ptp(steps) <= _EVEN_CLOCK * float(np.median(steps)):
-        return times, (len(times) - 1) / float(times[-1] - times[0])
-    rate = 1.0 / float(np.median(steps))
-    count = int((times[-1] - times[0]) * rate + 1e-6) + 1
-    return times[0] + np.arange(count) / rate, rate
+def _even(clip: Clip) -> tuple[Clip, float]:
+    """The clip at a constant step, and its rate: as it is if its clock is even, else at its usual rate."""
+    steps = np.diff(clip.times)
+    usual = float(np.median(steps))
+    if np.ptp(steps) <= _EVEN_CLOCK * usual:
+        return clip, len(steps) / float(clip.times[-1] - clip.times[0])
+    return resample(clip, 1.0 / usual), 1.0 / usual
 
 
-def _interpolate(at: Array, times: Array, values: Array) -> Array | None:
-    """Values (T, K) with NaN at other times (N,), the ends held; None where all are missing."""
+def _bridged(times: Array, values: Array) -> Array | None:
+    """Values (T, K) with straight lines in place of NaN, the ends held; None where all are missing."""
     seen = np.isfinite(values).all(axis=-1)
     if not seen.any():
         return None
-    if seen.all() and at is times:
+    if seen.all():
         return values
-    return np.stack([np.interp(at, times[seen], column) for column in values[seen].T], axis=-1)
+    return np.stack([np.interp(times, times[seen], column) for column in values[seen].T], axis=-1)
 
 
-def _held(at: Array, times: Array, values: Array) -> Array:
-    found = _interpolate(at, times, values)
-    return np.zeros((len(at), values.shape[-1])) if found is None else found
+def _held(times: Array, values: Array) -> Array:
+    found = _bridged(times, values)
+    return np.zeros_like(values) if found is None else found
 
 
-def _hung(clip: Clip, times: Array, rotations: Array) -> tuple[Array, Skeleton]:
+def _hung(clip: Clip, rotations: Array) -> tuple[Array, Skeleton]:
     """Places of the joints in their parents' frames (N, J, 3), and the skeleton with their medians."""
     parents = clip.skeleton.parents
     places: list[Array] = []
     world: list[Array] = []
-    translations = np.zeros((len(times), len(parents), 3))
+    translations = np.zeros((len(clip.times), len(parents), 3))
     for joint, parent in enumerate(parents):
-        found = _interpolate(times, clip.times, clip.positions[:, joint])
+        found = _bridged(clip.times, clip.positions[:, joint])
         if parent < 0:
-            places.append(np.zeros((len(times), 3)) if found is None else found)
+            places.append(np.zeros((len(clip.times), 3)) if found is None else found)
             world.append(rotations[:, joint])
             translations[:, joint] = places[joint]
             continue
