@@ -59,12 +59,17 @@ def assess(strides: Strides) -> Trust:
     steady: dict[str, bool] = {}
     for name, node, line in (("pelvis", "hip_center", "hip"), ("torso", "spine", "shoulder")):
         width = np.linalg.norm(p[:, N[f"{line}_left"]] - p[:, N[f"{line}_right"]], axis=-1)
-        spread, residual = float(np.nanstd(width) / np.nanmean(width)), _residual(phase, frames[:, N[node]])
+        seen = width[np.isfinite(width)]
+        # What was never seen, as the shoulders in a recording of legs, is not steady.
+        spread = float(np.std(seen) / np.mean(seen)) if len(seen) else float("inf")
+        residual = _residual(phase, frames[:, N[node]])
         measured |= {f"{line}_width_spread": spread, f"{name}_residual_deg": float(np.degrees(residual))}
         steady[name] = bool(spread < WIDTH_SPREAD and residual < RESIDUAL)
     # The short line from the hip centre to the spine, the pelvis' own, is off by tens of degrees.
     trunk = p[:, N["shoulder_center"]] - 0.5 * (p[:, N["hip_left"]] + p[:, N["hip_right"]])
-    lean = float(np.nanmedian(np.arctan2(trunk[:, 0], trunk[:, 2])))
+    leans = np.arctan2(trunk[:, 0], trunk[:, 2])
+    leans = leans[np.isfinite(leans)]
+    lean = float(np.median(leans)) if len(leans) else 0.0
     pitches = []
     for side, shift in (("left", 0.0), ("right", 0.5)):
         toe = p[:, N[f"foot_{side}"]] - p[:, N[f"ankle_{side}"]]

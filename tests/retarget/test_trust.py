@@ -4,9 +4,12 @@ import numpy as np
 import pytest
 
 from kinemimic.pipeline.skeleton import NODE_INDEX as N
+from kinemimic.pipeline.skeleton import NODES
 from kinemimic.retarget.cycle import study_passes
 from kinemimic.retarget.loop import gather
 from kinemimic.retarget.trust import assess, knees_ahead
+
+ABOVE = ("spine", "shoulder", "head", "elbow", "wrist", "hand")
 
 
 def strides_of(clip):
@@ -40,6 +43,17 @@ def test_feet_that_point_down_in_stance_are_not_believed(walker):
     for side in ("left", "right"):
         p[:, N[f"foot_{side}"]] -= [0, 0, 0.12]
     assert not assess(type(strides)(**{**vars(strides), "positions": p})).feet
+
+
+def test_legs_alone_are_judged_by_themselves(walker):
+    """A recording without a trunk or arms: no lean is known, so none is assumed."""
+    strides = strides_of(walker().clip)
+    p = strides.positions.copy()
+    p[:, [k for k, node in enumerate(NODES) if node.split("_")[0] in ABOVE]] = np.nan
+    trust = assess(type(strides)(**{**vars(strides), "positions": p}))
+    assert not trust.torso and not trust.pelvis
+    assert trust.lean == 0.0
+    assert trust.measured["leg_bone_spread"] < 1e-9
 
 
 def test_knees_ahead_lie_in_the_plane_of_hip_ankle_and_heading():
