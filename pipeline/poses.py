@@ -67,8 +67,9 @@ class Poses:
 def poses_of_clip(clip: Clip) -> Poses:
     """The poses of a converted clip of one pass; joints stand where the clip has them, to rounding.
 
-    An uneven clock is brought to an even one at the clip's usual rate (`resample.resample`). A joint's gaps are interpolated, its ends
-    held, and a joint that was never seen stays at its parent. KinemimicError for under two frames.
+    An uneven clock is brought to an even one at the clip's usual rate (`resample.resample`). A joint's gaps
+    are interpolated, its ends held, and a joint that was never seen stays at its parent. KinemimicError for
+    under two frames.
     """
     if clip.rotations is None:
         raise ValueError("the clip has no rotations: convert it first")

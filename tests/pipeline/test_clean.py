@@ -166,6 +166,18 @@ def test_recorded_quaternions_are_cleaned_with_the_positions(node_clip: Build, m
     assert errors[1] < (0.9 if method == "one-euro" else 0.75) * errors[0]  # it is late
 
 
+@pytest.mark.parametrize("method", FILTERING)
+def test_the_sign_of_a_recorded_quaternion_does_not_matter(node_clip: Build, method: str) -> None:
+    """As where a repair has exchanged the sides for some frames."""
+    clip = node_clip(60)
+    turns = from_axis_angle("Z", 0.05 * np.arange(60)[:, None] * np.ones(20))
+    flipped = turns.copy()
+    flipped[20:35] *= -1.0
+    same, other = (clean(replace(clip, rotations=q), method)[0].rotations for q in (turns, flipped))
+    assert same is not None and other is not None
+    assert angle_between(same, other).max() < 1e-7
+
+
 def test_recorded_quaternions_stay_unless_a_gap_is_to_be_filled(node_clip: Build) -> None:
     turns = from_axis_angle("Z", 0.05 * np.arange(60)[:, None] * np.ones(20))
     recorded = replace(node_clip(60), rotations=turns)
