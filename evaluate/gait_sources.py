@@ -9,7 +9,6 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,6 +16,7 @@ from numpy.typing import NDArray
 from kinemimic.pipeline.angles import leg_angles
 from kinemimic.pipeline.clip import Clip, forward_kinematics
 from kinemimic.pipeline.convert import on_nodes
+from kinemimic.pipeline.errors import KinemimicError
 from kinemimic.pipeline.gait_events import SIDES
 from kinemimic.pipeline.gait_parameters import Gait, study_gait
 from kinemimic.pipeline.knee_axis import about_own_axis, off_axis
@@ -53,6 +53,16 @@ class Walker:
     notes: tuple[str, ...]
 
 
+@dataclass(frozen=True)
+class _Believed:
+    """What `retarget` judged: pelvis, feet; trunk_lean, sole_pitch: radians forward and toes down."""
+
+    pelvis: bool = True
+    feet: bool = False
+    trunk_lean: float = 0.0
+    sole_pitch: float = 0.0
+
+
 def captured(run: Path) -> Walker | None:
     """The person of run/quaternions.parquet; None where there is no such file.
 
@@ -64,26 +74,40 @@ def captured(run: Path) -> Walker | None:
         return None
     source = read_clip(run / "quaternions.parquet")
     clip = on_nodes(source)
-    believed: Mapping[str, Any] = {}
-    if (run / "gait.json").exists():
-        believed = read_json(run / "gait.json").get("believed", {})
+    believed = _believed(run / "gait.json")
     gait = study_gait(clip.times, clip.passes, clip.positions)
     notes = ["simulated: a virtual Kinect recorded it"] if source.simulated else []
     pelvis = None
-    if not believed.get("pelvis", True):
-        pelvis = _neutral_pelvis(clip, gait, np.radians(believed.get("trunk_lean_deg") or 0.0))
+    if not believed.pelvis:
+        pelvis = _neutral_pelvis(clip, gait, believed.trunk_lean)
         notes.append("its pelvis is not repeatable and taken as upright: hips are relative to the heading")
     angles = leg_angles(clip.positions, pelvis)
-    if believed.get("feet", False) and not {"foot_left", "foot_right"} & set(made_up(source)):
+    if believed.feet and not {"foot_left", "foot_right"} & set(made_up(source)):
         # Soles lie flat in stance; where they seem to slope, it is the sensor's or marker's idea of a toe.
-        flat = np.radians(believed.get("planted_foot_pitch_deg") or 0.0)
-        angles |= {name: ankle + flat for name, ankle in _ankles(node_rotations(clip.positions)).items()}
+        ankles = _ankles(node_rotations(clip.positions))
+        angles |= {name: ankle + believed.sole_pitch for name, ankle in ankles.items()}
     else:
         notes.append("no ankle: its feet are not shown well enough, or retarget has not judged them yet")
     knees = _own_knees(run, source)
     if knees is None:
         notes.append("positions do not show how the knees turn about other axes than their hinge")
     return Walker(clip.times, clip.passes, gait, angles, knees, None, tuple(notes))
+
+
+def _believed(path: Path) -> _Believed:
+    """From gait.json; the defaults where there is none, or one of a movement that is no gait."""
+    if not path.exists():
+        return _Believed()
+    try:
+        found = read_json(path).get("believed", {})
+        lean, pitch = (
+            float(np.radians(found.get(name) or 0.0)) for name in ("trunk_lean_deg", "planted_foot_pitch_deg")
+        )
+        return _Believed(bool(found.get("pelvis", True)), bool(found.get("feet", False)), lean, pitch)
+    except (AttributeError, TypeError):
+        raise KinemimicError(
+            f"{path}: expected what `retarget` writes, found other JSON; run `retarget` again"
+        ) from None
 
 
 def reference(motion: Motion) -> Walker:

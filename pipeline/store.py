@@ -119,6 +119,8 @@ def read_clip(path: Path) -> Clip:
         raise CaptureError(
             path, expected="a kinemimic clip (Parquet)", found=str(error).splitlines()[0]
         ) from None
+    if not isinstance(header, dict) or "schema" not in header:
+        raise CaptureError(path, expected="a kinemimic clip (Parquet)", found="another table of ours")
     if header["schema"] != CLIP_SCHEMA:
         raise CaptureError(path, expected=f"clip schema {CLIP_SCHEMA}", found=f"schema {header['schema']}")
     spec = header["skeleton"]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import zipfile
+import zlib
 from dataclasses import dataclass, fields
 from pathlib import Path
 
@@ -55,5 +56,8 @@ class Playback:
             raise KinemimicError(
                 f"{path}: expected a playback, found no file; run `evaluate` first"
             ) from None
-        except (KeyError, ValueError, OSError, EOFError, zipfile.BadZipFile) as error:
-            raise KinemimicError(f"{path}: expected a playback, found {error}") from None
+        except (KeyError, ValueError, OSError, EOFError, zipfile.BadZipFile, zlib.error):
+            # numpy's own words advise to unpickle what it cannot read.
+            raise KinemimicError(
+                f"{path}: expected a playback, found a damaged or another file; run `evaluate` again"
+            ) from None

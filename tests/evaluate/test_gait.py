@@ -12,6 +12,7 @@ from kinemimic.evaluate.gait_report import compare
 from kinemimic.evaluate.gait_sources import captured
 from kinemimic.pipeline.captures.virtual import record_virtual
 from kinemimic.pipeline.convert import convert
+from kinemimic.pipeline.errors import KinemimicError
 from kinemimic.pipeline.gait_curves import cut
 from kinemimic.pipeline.ingest import ingest
 from kinemimic.pipeline.rotations import from_axis_angle, multiply
@@ -150,3 +151,14 @@ def test_hips_are_relative_to_a_pelvis_that_is_believed(virtual, tmp_path):
     assert rms(errors(tmp_path / "run", "hip")) < 0.7 * before
     notes = captured(tmp_path / "run").notes
     assert any("upright" in text for text in notes) and any("no ankle" in text for text in notes)
+
+
+@pytest.mark.parametrize(
+    "text", ["[1]", '{"believed": 3}', '{"believed": {"pelvis": false, "trunk_lean_deg": "x"}}', "{"]
+)
+def test_a_damaged_judgement_of_retarget_is_named(virtual, tmp_path, text):
+    shutil.copytree(virtual, tmp_path / "run", ignore=shutil.ignore_patterns("capture"))
+    (tmp_path / "run" / "gait.json").write_text(text)
+    with pytest.raises(KinemimicError, match=r"gait\.json: expected") as caught:
+        captured(tmp_path / "run")
+    assert "\n" not in str(caught.value)

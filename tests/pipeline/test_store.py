@@ -131,3 +131,7 @@ def test_errors_name_the_file_and_what_to_do(tmp_path: Path, node_clip: Build) -
     pq.write_table(table.replace_schema_metadata({}), path)
     with pytest.raises(CaptureError, match="expected a kinemimic clip"):
         read_clip(path)
+    for other in ({"rate": 60.0}, []):
+        pq.write_table(table.replace_schema_metadata({"kinemimic": json.dumps(other)}), path)
+        with pytest.raises(CaptureError, match=r"expected a kinemimic clip .* found another table of ours"):
+            read_clip(path)

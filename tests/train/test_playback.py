@@ -24,5 +24,5 @@ def test_round_trip_and_damage(tmp_path: Path, motion: Motion) -> None:
     whole = path.read_bytes()
     for damaged in (whole[: len(whole) // 2], b"", b"not a zip"):
         path.write_bytes(damaged)
-        with pytest.raises(KinemimicError, match="expected a playback"):
+        with pytest.raises(KinemimicError, match="expected a playback, found a damaged or another file"):
             Playback.load(path)
