@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 from scipy.signal import butter, sosfiltfilt
 
-from kinemimic.pipeline.spans import Array, pass_spans, runs, usual_step, whole
+from kinemimic.pipeline.spans import Array, apart, pass_spans, runs, usual_step, whole
 
 CUTOFF = 6.0
 # Clocks within this share of the step count as even.
@@ -72,4 +72,5 @@ def _on_even_clock(values: Array, times: Array, step: float, smooth: Callable[[A
     if np.ptp(steps) <= EVEN_CLOCK * float(np.median(steps)):
         return smooth(values)
     even = np.linspace(times[0], times[-1], max(4, round((times[-1] - times[0]) / step) + 1))
-    return np.asarray(CubicSpline(even, smooth(CubicSpline(times, values)(even)))(times))
+    known = apart(times)
+    return np.asarray(CubicSpline(even, smooth(CubicSpline(times[known], values[known])(even)))(times))

@@ -13,7 +13,7 @@ from kinemimic.pipeline.errors import KinemimicError
 from kinemimic.pipeline.euler import local_rotations, world_positions
 from kinemimic.pipeline.rotations import conjugate, continuous, from_rotvec, multiply, to_rotvec
 from kinemimic.pipeline.skeleton import MISSING
-from kinemimic.pipeline.spans import Array, pass_spans, runs, whole
+from kinemimic.pipeline.spans import Array, apart, pass_spans, runs, whole
 
 # Seconds by which a clock that was written with few digits may miss a frame.
 _SLACK = 1e-6
@@ -105,8 +105,11 @@ def _spline(at: Array, times: Array, values: Array) -> Array:
     for stretch, joints in groups:
         clock = times[stretch]
         inside = np.flatnonzero((at >= clock[0] - _SLACK) & (at <= clock[-1] + _SLACK))
-        known = values[stretch][:, joints]
-        curve = CubicSpline(clock, known)(at[inside]) if len(clock) > 1 else known[np.zeros(len(inside), int)]
+        known, knots = values[stretch][:, joints], apart(clock)
+        if len(clock) > 1:
+            curve = CubicSpline(clock[knots], known[knots])(at[inside])
+        else:
+            curve = known[np.zeros(len(inside), int)]
         result[np.ix_(inside, joints)] = curve
     return result
 

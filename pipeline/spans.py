@@ -32,6 +32,17 @@ def usual_step(times: Array, passes: NDArray[np.int32]) -> float:
     return float(np.median(np.diff(times)[within])) if within.any() else 0.0
 
 
+def apart(times: Array) -> Mask:
+    """Of frames at times (T,), all but those that follow the one before by under a quarter of a usual step.
+
+    Two stamps for nearly one instant: the noise between their frames, as a slope, throws a curve far off.
+    """
+    steps = np.diff(times)
+    if not len(steps):
+        return np.ones(len(times), dtype=np.bool_)
+    return np.concatenate([[True], steps >= 0.25 * np.median(steps)])
+
+
 def whole(values: Array, axis: int | tuple[int, ...] = -1) -> Mask:
     """Where no value along `axis` is missing."""
     return np.asarray(np.isfinite(values).all(axis=axis), dtype=np.bool_)

@@ -43,6 +43,14 @@ def test_an_uneven_clock_costs_little() -> None:
         assert abs(gain(frequency, 0.0, times) - 1.0) < 0.02
 
 
+def test_two_stamps_of_nearly_one_instant_do_not_throw_the_curve_off() -> None:
+    times = np.arange(60) / 30.0
+    times[30] = times[29] + 0.001
+    still = np.zeros((60, 1, 3))
+    still[30] = 0.01
+    assert np.abs(low_pass(still, times, np.zeros(60, dtype=np.int32))[0]).max() < 0.011
+
+
 def test_a_straight_line_stays_and_noise_shrinks(node_clip: Build) -> None:
     clip = node_clip(120)
     line = np.linspace(0, 1, 120)[:, None, None] * np.ones((120, 20, 3))

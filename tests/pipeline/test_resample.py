@@ -35,6 +35,16 @@ def test_the_step_is_exact_and_a_cubic_is_kept(node_clip: Build) -> None:
         assert np.allclose(even.positions, cubic(even.times), atol=1e-9)
 
 
+def test_two_stamps_of_nearly_one_instant_do_not_throw_the_curve_off(node_clip: Build) -> None:
+    """A centimetre between frames a millisecond apart is noise: as a slope it is 10 m/s."""
+    times = np.arange(60) / 30.0
+    times[30] = times[29] + 0.001
+    clip = node_clip(60, times=times)
+    still = np.zeros_like(clip.positions)
+    still[30] = 0.01
+    assert np.abs(resample(replace(clip, positions=still), 60.0).positions).max() < 0.011
+
+
 def test_an_even_clock_at_its_own_rate_stays(node_clip: Build) -> None:
     clip = node_clip(40)
     clip.states[7, 3] = 1
