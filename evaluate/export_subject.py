@@ -15,8 +15,8 @@ from kinemimic.pipeline.angles import leg_angles
 from kinemimic.pipeline.clip import Clip
 from kinemimic.pipeline.convert import on_nodes
 from kinemimic.pipeline.errors import KinemimicError
-from kinemimic.pipeline.orient import node_rotations
 from kinemimic.pipeline.poses import Poses, poses_of_clip
+from kinemimic.pipeline.rest_pose import node_rotations_of
 from kinemimic.pipeline.rules.frames import kept
 from kinemimic.pipeline.store import file_hash, read_clip
 from kinemimic.retarget.export_json import motion_from_json
@@ -69,8 +69,8 @@ class Subject:
     def on_nodes(self) -> Poses:
         if self.given:
             return self.poses
-        nodes = self._nodes
-        return poses_of_clip(replace(nodes, rotations=node_rotations(nodes.positions)))
+        # Turns that no position shows, of a head, a foot, a forearm, are kept where a recorder gave them.
+        return poses_of_clip(replace(self._nodes, rotations=node_rotations_of(self.clip).rotations))
 
     @cached_property
     def closed(self) -> Poses:

@@ -22,6 +22,7 @@ from kinemimic.pipeline.clip import Clip
 from kinemimic.pipeline.errors import KinemimicError
 from kinemimic.pipeline.ingest import ingest
 from kinemimic.pipeline.orient import node_rotations
+from kinemimic.pipeline.rotations import angle_between, from_axis_angle
 from kinemimic.pipeline.skeleton import NODES, node_skeleton
 from kinemimic.pipeline.store import write_clip
 from kinemimic.retarget.export_json import motion_from_json, motion_to_json
@@ -128,6 +129,17 @@ def test_the_capture_is_its_longest_pass_or_the_one_asked_for(run: Path, tmp_pat
     assert len(of_run(run, ["capture"], 0)["capture"].clip.times) == 30
     with pytest.raises(KinemimicError, match="expected pass 2, found 2 passes, counted from 0"):
         of_run(run, ["capture"], 2)
+
+
+def test_a_recorded_turn_that_no_position_shows_is_kept(tmp_path: Path) -> None:
+    """A head that looks a little to the left, all the time."""
+    clip, neck = captured(), NODES.index("shoulder_center")
+    assert clip.rotations is not None
+    turned = clip.rotations.copy()
+    turned[:, neck] = from_axis_angle("Z", np.full(len(turned), 0.4))
+    write_clip(tmp_path / "quaternions.parquet", replace(clip, rotations=turned))
+    exported = of_run(tmp_path)["capture"].on_nodes.rotations[:, neck]
+    assert np.abs(angle_between(exported, turned[:1, neck])).max() < 1e-6
 
 
 def test_provenance_says_what_it_was_made_of_and_that_it_was_simulated(

@@ -85,7 +85,7 @@ def test_another_skeleton_s_rotations_are_found_again(walk):
 
 
 def test_a_recorded_turn_that_no_position_shows_is_kept(walk):
-    """A head that looks from side to side, and a foot that rolls about its own line."""
+    """A head that looks from side to side."""
     t = np.linspace(0.0, 2.0 * np.pi, len(walk.times))
     turned = walk.rotations.copy()
     turned[:, N["shoulder_center"]] = from_axis_angle("Z", 0.6 * np.sin(t))
