@@ -18,6 +18,8 @@ from kinemimic.pipeline.skeleton import NODE_INDEX as N
 Array = NDArray[np.float64]
 
 PERIODS = (0.5, 2.0)  # seconds of a stride
+# Seconds from which the grid of periods is read: over more strides its steps would pass the best one by.
+_STRETCH = 60.0
 _RIDGE = 1e-12  # keeps a fit to no frames at all from being singular
 
 
@@ -52,7 +54,7 @@ def fit_harmonic(times: Array, ankles: Array, weights: Array | None = None) -> H
     t = times - origin
 
     w = given.copy()
-    period = _coarse_period(t, ankles, w)
+    period = _first_period(t, ankles, w)
     for _ in range(8):
         period = _nearest_period(t, ankles, w, period)
         residual = ankles - design(t / period, 1) @ _amplitudes(t, ankles, w, period)
@@ -73,16 +75,30 @@ def fit_harmonic(times: Array, ankles: Array, weights: Array | None = None) -> H
     )
 
 
+def _first_period(t: Array, y: Array, w: Array) -> float:
+    """The period in the best seen stretch of y (T,), then in twice as much around it, up to the whole."""
+    stretches, stretch = np.unique(np.floor(t / _STRETCH), return_inverse=True)
+    best = float(stretches[np.argmax(np.bincount(stretch, w))])
+    middle, reach = (best + 0.5) * _STRETCH, 0.5 * _STRETCH
+    near = np.abs(t - middle) <= reach
+    period = _coarse_period(t[near], y[near], w[near])
+    while not near.all():
+        period = _nearest_period(t[near], y[near], w[near], period)
+        reach *= 2.0
+        near = np.abs(t - middle) <= reach
+    return period
+
+
 def _coarse_period(t: Array, y: Array, w: Array) -> float:
     """Of a grid of periods the one whose harmonic fits y (T,) best, weighted w (T,)."""
-    # Fine enough for half a cycle's error over ten strides not to hide the best period.
+    # Fine enough for half a cycle's error over ten strides not to hide the best period. One period after the
+    # other: an hour's frames for all of them at once would take a gigabyte.
     grid = np.linspace(*PERIODS, 151)
-    angle = 2.0 * np.pi * t / grid[:, None]
-    x = np.stack([np.ones_like(angle), np.cos(angle), np.sin(angle)], axis=1)
-    weighted = x * w
-    right = weighted @ y
-    c = np.linalg.solve(weighted @ np.swapaxes(x, 1, 2) + _RIDGE * np.eye(3), right[..., None])[..., 0]
-    return float(grid[np.argmax((right * c).sum(axis=-1))])
+    weighted = w * y
+    explained = [
+        float((design(t / period, 1).T @ weighted) @ _amplitudes(t, y, w, float(period))) for period in grid
+    ]
+    return float(grid[int(np.argmax(explained))])
 
 
 def _amplitudes(t: Array, y: Array, w: Array, period: float) -> Array:
