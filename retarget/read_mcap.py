@@ -139,9 +139,9 @@ def _motion(record: dict[str, Any], frames: dict[int, bytes], first: int, last: 
     if cyclic := cyclic and first == 0 and last >= length:
         last = length
     nodes = {name: NODE_INDEX[node] for node, name in FRAMES.items()}
-    root = np.empty((last - first, 3))
-    rotations = np.empty((last - first, len(NODES), 4))
-    offsets = np.empty((len(NODES), 3))
+    root = np.full((last - first, 3), np.nan)
+    rotations = np.full((last - first, len(NODES), 4), np.nan)
+    offsets = np.full((len(NODES), 3), np.nan)
     for row, number in enumerate(range(first, last)):
         message = FrameTransforms.FromString(frames[number])
         for link in message.transforms:
@@ -155,6 +155,8 @@ def _motion(record: dict[str, Any], frames: dict[int, bytes], first: int, last: 
             offsets[node] = place.x, place.y, place.z
             if node:
                 rotations[row, node] = turn.x, turn.y, turn.z, turn.w
+    if not all(np.isfinite(array).all() for array in (root, rotations, offsets)):
+        raise ValueError("a frame lacks a link, or its place")
     planted = np.array([record["contacts"][side] for side in SIDES], dtype=np.bool_).T
     return Motion(
         rate=float(record["fps"]),

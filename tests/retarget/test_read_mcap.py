@@ -12,6 +12,7 @@ from mcap.writer import Writer
 from kinemimic.pipeline.errors import KinemimicError
 from kinemimic.pipeline.rotations import continuous, normalize
 from kinemimic.pipeline.skeleton import NODES
+from kinemimic.retarget import export_mcap
 from kinemimic.retarget.export_mcap import write_mcap
 from kinemimic.retarget.motion import Motion
 from kinemimic.retarget.read_mcap import motion_from_mcap, recover_mcap
@@ -152,3 +153,13 @@ def test_files_of_others_are_refused(tmp_path: Path) -> None:
         writer.finish()  # type: ignore[no-untyped-call]
     with pytest.raises(KinemimicError, match="found another's or an older file"):
         motion_from_mcap(tmp_path / "other.mcap")
+
+
+def test_frames_that_lack_a_link_are_no_motion(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    links = {node: name for node, name in export_mcap.FRAMES.items() if node != "foot_left"}
+    monkeypatch.setattr(export_mcap, "FRAMES", links)
+    write_mcap(tmp_path / "lame.mcap", motion(5))
+    monkeypatch.undo()
+    for read in (motion_from_mcap, recover_mcap):
+        with pytest.raises(KinemimicError, match="found another's or an older file"):
+            read(tmp_path / "lame.mcap")
