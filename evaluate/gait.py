@@ -39,7 +39,7 @@ def gait(run: Path) -> dict[str, Any]:
         )
     motion = motion_from_json(run / "motion.json") if (run / "motion.json").exists() else None
     playback = Playback.load(run / "playback.npz") if motion and (run / "playback.npz").exists() else None
-    report = compare(captured(run), motion, playback)
+    report = compare(captured(run, motion), motion, playback)
     if not report["walkers"]:
         raise KinemimicError(
             f"{run}: expected a gait with at least one whole stride, found none in capture, reference or "

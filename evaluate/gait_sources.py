@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -63,16 +64,19 @@ class _Believed:
     sole_pitch: float = 0.0
 
 
-def captured(run: Path) -> Walker | None:
+def captured(run: Path, motion: Motion | None = None) -> Walker | None:
     """The person of run/quaternions.parquet; None where there is no such file.
 
     What `retarget` found not to be believed (gait.json) is left out here too: a pelvis is then upright with
     the trunk's lean and looks where the person goes, and feet have no angle, as they have none before
-    that judgement. Soles that it found to slope in stance are taken as flat, as there.
+    that judgement. Soles that it found to slope in stance are taken as flat, as there. KinemimicError where
+    the run's motion was made of another recording: then so was the judgement.
     """
     if not (run / "quaternions.parquet").exists():
         return None
     source = read_clip(run / "quaternions.parquet")
+    if motion is not None:
+        _expect_same(run, source.provenance, motion.provenance.get("capture", {}))
     clip = on_nodes(source)
     believed = _believed(run / "gait.json")
     gait = study_gait(clip.times, clip.passes, clip.positions)
@@ -92,6 +96,16 @@ def captured(run: Path) -> Walker | None:
     if knees is None:
         notes.append("positions do not show how the knees turn about other axes than their hinge")
     return Walker(clip.times, clip.passes, gait, angles, knees, None, tuple(notes))
+
+
+def _expect_same(run: Path, capture: Mapping[str, Any], motion: Mapping[str, Any]) -> None:
+    """A later `ingest` into the same folder leaves the motion of the one before."""
+    hashes = [made.get("sha256") for made in (capture, motion)]
+    if None not in hashes and hashes[0] != hashes[1]:
+        raise KinemimicError(
+            f"{run}: expected capture and motion of one recording, found {capture.get('source')} and "
+            f"{motion.get('source')}; run `retarget` again, or use a folder for each"
+        )
 
 
 def _believed(path: Path) -> _Believed:

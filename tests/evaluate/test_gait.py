@@ -17,8 +17,9 @@ from kinemimic.pipeline.gait_curves import cut
 from kinemimic.pipeline.ingest import ingest
 from kinemimic.pipeline.rotations import from_axis_angle, multiply
 from kinemimic.pipeline.skeleton import NODE_INDEX
-from kinemimic.pipeline.store import read_json
+from kinemimic.pipeline.store import read_clip, read_json
 from kinemimic.retarget.captured import read_truth
+from kinemimic.retarget.export_json import motion_to_json
 from kinemimic.retarget.stage import retarget
 
 # As in conftest.py: a period of 1.2 s at 1.1 m/s, knees 0.5 ± 0.4 rad, hips 0.1 ± 0.35 rad.
@@ -162,3 +163,19 @@ def test_a_damaged_judgement_of_retarget_is_named(virtual, tmp_path, text):
     with pytest.raises(KinemimicError, match=r"gait\.json: expected") as caught:
         captured(tmp_path / "run")
     assert "\n" not in str(caught.value)
+
+
+def test_a_motion_of_another_recording_is_not_set_beside_this_one(virtual, walk, tmp_path):
+    shutil.copytree(virtual, tmp_path / "run", ignore=shutil.ignore_patterns("capture"))
+    own = read_clip(virtual / "quaternions.parquet").provenance
+    for capture, message in (
+        (own, None),
+        ({**own, "sha256": "0", "source": "a.skl"}, "kinect_walk.skl and a.skl"),
+    ):
+        text = motion_to_json(replace(walk, provenance={"capture": capture}))
+        (tmp_path / "run" / "motion.json").write_text(text)
+        if message is None:
+            assert list(gait(tmp_path / "run")["walkers"]) == ["capture", "reference"]
+        else:
+            with pytest.raises(KinemimicError, match=f"of one recording, found {message}"):
+                gait(tmp_path / "run")
