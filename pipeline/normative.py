@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
 
-SOURCE = "Schwartz et al. 2008, J. Biomech. 41(8), 1639-1650, free speed, mean and standard deviation"
+SOURCE = "Schwartz et al. 2008, J. Biomech. 41(8), 1639-1650: 83 children at their free speed"
 FOOT_OFF = 0.59  # of the cycle, when the foot leaves the ground
 # Their hips are measured against the plane of the front and back points of the pelvic crest, which leans by
 # 11.6° on the average of the same tables (10.5 to 12.5° over the cycle); ours against a pelvis that stands.
