@@ -8,6 +8,7 @@ filters' constants were chosen (100 to 103).
 from __future__ import annotations
 
 import itertools
+import multiprocessing
 import os
 import sys
 import tempfile
@@ -148,8 +149,8 @@ def main() -> None:
         Recorded(motion, white, seed)
         for motion, white, seed in itertools.product(MOTIONS, LEVELS, range(first, first + count))
     ]
-    os.environ["OMP_NUM_THREADS"] = "1"
-    with ProcessPoolExecutor(max_workers=2) as pool:
+    os.environ["OMP_NUM_THREADS"] = "1"  # of the workers, which load numpy afresh
+    with ProcessPoolExecutor(max_workers=2, mp_context=multiprocessing.get_context("spawn")) as pool:
         results = dict(zip(tasks, pool.map(measure, tasks), strict=True))
     print(f"{count} seeds; RMSE against the truth in degrees, knee and hip; lag of the knee in ms")
     print(f"{'':31}whole passes   strides used   after retarget    lag   passes")
