@@ -46,3 +46,13 @@ def apart(times: Array) -> Mask:
 def whole(values: Array, axis: int | tuple[int, ...] = -1) -> Mask:
     """Where no value along `axis` is missing."""
     return np.asarray(np.isfinite(values).all(axis=axis), dtype=np.bool_)
+
+
+# A list of more runs than this is for a program, not a person; the counts are whole all the same.
+_MOST = 100
+
+
+def frame_runs(mask: NDArray[np.bool_]) -> tuple[tuple[int, int], ...]:
+    """The first runs (first, last), inclusive, of True frames in a mask (T,), at most a hundred."""
+    found = ((span.start, span.stop - 1) for span in runs(mask))
+    return tuple(run for run, _ in zip(found, range(_MOST), strict=False))

@@ -8,7 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from kinemimic.pipeline.captures.source import Source
-from kinemimic.pipeline.defect import Defect
+from kinemimic.pipeline.defect import Defect, several
+from kinemimic.pipeline.spans import frame_runs
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
@@ -17,8 +18,6 @@ Mask = NDArray[np.bool_]
 FARTHEST = 100.0
 # Lines in a row behind the clock that are more than a stutter.
 _ANEW = 10
-# A list of more runs than this is for a program, not a person; the counts are whole all the same.
-_MOST_RUNS = 100
 
 
 def in_sequence(clock: Array) -> tuple[Mask, list[Defect]]:
@@ -31,7 +30,7 @@ def in_sequence(clock: Array) -> tuple[Mask, list[Defect]]:
     count = int((~later).sum())
     if not count:
         return later, []
-    text = f"{count} {_number(count, 'line')} with the time of a line before, dropped"
+    text = f"{several(count, 'line')} with the time of a line before, dropped"
     behind = _longest_behind(clock, later)
     if behind < _ANEW:
         return later, [Defect("duplicate_frames", count, "frames", "repaired", text)]
@@ -58,8 +57,8 @@ def zero_frames(points: Array) -> list[Defect]:
     count = int(empty.sum())
     if not count:
         return []
-    text = f"{count} {_number(count, 'frame')} of zeros only: kept, with every joint missing"
-    return [Defect("zero_frames", count, "frames", "repaired", text, _runs(empty))]
+    text = f"{several(count, 'frame')} of zeros only: kept, with every joint missing"
+    return [Defect("zero_frames", count, "frames", "repaired", text, frame_runs(empty))]
 
 
 def refuse_far(points: Array, joints: Sequence[str], source: Source, line: Callable[[int], int]) -> None:
@@ -76,12 +75,3 @@ def refuse_far(points: Array, joints: Sequence[str], source: Source, line: Calla
             found=f"{points[frame, joint, axis]:g}",
             where=f"line {line(frame)}",
         )
-
-
-def _number(count: int, noun: str) -> str:
-    return noun if count == 1 else f"{noun}s"
-
-
-def _runs(mask: Mask) -> tuple[tuple[int, int], ...]:
-    edges = np.flatnonzero(np.diff(np.concatenate([[False], mask, [False]]).astype(np.int8)))
-    return tuple((int(first), int(last) - 1) for first, last in edges.reshape(-1, 2)[:_MOST_RUNS])

@@ -13,7 +13,7 @@ import numpy as np
 from kinemimic.pipeline.clip import Clip
 from kinemimic.pipeline.defect import Defect
 from kinemimic.pipeline.rules.gait import Steps, steps
-from kinemimic.pipeline.rules.runs import frame_runs
+from kinemimic.pipeline.spans import frame_runs
 
 # Speed of the planted foot against the ground's own frame: 0 for a walk over the floor, 1 for a belt.
 CARRIED = (0.75, 1.25)

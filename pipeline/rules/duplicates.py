@@ -6,11 +6,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from kinemimic.pipeline.clip import Clip
-from kinemimic.pipeline.defect import Defect
+from kinemimic.pipeline.defect import Defect, several
 from kinemimic.pipeline.rules.frames import kept
-from kinemimic.pipeline.rules.runs import frame_runs
-from kinemimic.pipeline.rules.words import several
-from kinemimic.pipeline.spans import runs
+from kinemimic.pipeline.spans import frame_runs, runs
 
 Mask = NDArray[np.bool_]
 

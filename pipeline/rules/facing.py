@@ -18,8 +18,8 @@ from kinemimic.pipeline.rules.exchange import exchanged
 from kinemimic.pipeline.rules.frames import kept
 from kinemimic.pipeline.rules.gait import steps
 from kinemimic.pipeline.rules.mirror import votes
-from kinemimic.pipeline.rules.runs import frame_runs
 from kinemimic.pipeline.skeleton import INFERRED
+from kinemimic.pipeline.spans import frame_runs
 
 # Share of the way that goes to where the body faces, -1 where all of it goes backward: of the hips' way over
 # a floor; or of the way over the planted foot on a belt, where now and then the wrong foot is taken for that.

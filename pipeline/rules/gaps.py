@@ -5,11 +5,10 @@ from __future__ import annotations
 import numpy as np
 
 from kinemimic.pipeline.clip import Clip
-from kinemimic.pipeline.defect import Defect
+from kinemimic.pipeline.defect import Defect, several
 from kinemimic.pipeline.fill import LONGEST_GAP
-from kinemimic.pipeline.rules.runs import frame_runs
-from kinemimic.pipeline.rules.words import several
 from kinemimic.pipeline.skeleton import MISSING
+from kinemimic.pipeline.spans import frame_runs
 
 
 def check(clip: Clip) -> list[Defect]:

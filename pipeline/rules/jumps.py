@@ -8,10 +8,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from kinemimic.pipeline.clip import Clip
-from kinemimic.pipeline.defect import Defect
-from kinemimic.pipeline.rules.runs import frame_runs
-from kinemimic.pipeline.rules.words import several
+from kinemimic.pipeline.defect import Defect, several
 from kinemimic.pipeline.skeleton import MISSING
+from kinemimic.pipeline.spans import frame_runs
 
 Array = NDArray[np.float64]
 

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from kinemimic.pipeline.clip import Clip
 from kinemimic.pipeline.defect import Defect
-from kinemimic.pipeline.rules.body import between, nodes_of, unit
+from kinemimic.pipeline.rules.body import bend, between, nodes_of
 from kinemimic.pipeline.spans import runs
 
 Array = NDArray[np.float64]
@@ -48,12 +48,12 @@ def check(clip: Clip) -> list[Defect]:
             f"a usual stride of 1.1 s would mean {rate * period / 1.1:.3g} Hz"
         )
         return [Defect("wrong_rate", len(clip.times), "frames", "flagged", text)]
-    speed, bend = parting(points, clip.times[span]), _usual_bend(points)
-    if speed < PARTING or bend > RUNNING_KNEES:
+    speed, usual = parting(points, clip.times[span]), _usual_bend(points)
+    if speed < PARTING or usual > RUNNING_KNEES:
         return []
     text = (
         f"at {rate:.4g} Hz the ankles part at {speed:.1f} m/s, a sprinter's speed, on knees that bend "
-        f"{np.degrees(bend):.0f}°, a walker's: fewer frames a second were recorded than that"
+        f"{np.degrees(usual):.0f}°, a walker's: fewer frames a second were recorded than that"
     )
     return [Defect("wrong_rate", len(clip.times), "frames", "flagged", text)]
 
@@ -71,7 +71,7 @@ def parting(points: Array, times: Array) -> float:
 
 
 def _usual_bend(points: Array) -> float:
-    bends = np.concatenate([_bend(points, side) for side in ("left", "right")])
+    bends = np.concatenate([bend(points, side) for side in ("left", "right")])
     there = bends[np.isfinite(bends)]
     return float(np.percentile(there, 95.0)) if len(there) else 0.0
 
@@ -81,7 +81,7 @@ def stride(points: Array, times: Array) -> float | None:
 
     points: (T, 20, 3) of the nodes; times: (T,).
     """
-    knees = np.stack([_bend(points, "left"), _bend(points, "right")], axis=1)
+    knees = np.stack([bend(points, "left"), bend(points, "right")], axis=1)
     whole = np.isfinite(knees).all(axis=1)
     if whole.sum() < 12 or whole.mean() < 0.8:
         return None
@@ -106,10 +106,3 @@ def stride(points: Array, times: Array) -> float | None:
     peaks = np.flatnonzero((rest[1:-1] >= rest[:-2]) & (rest[1:-1] > rest[2:])) + 1
     high = peaks[rest[peaks] > max(ALIKE, 0.9 * float(rest[peaks].max(initial=0.0)))]
     return None if not len(high) else float((below[0] + high[0]) * (even[1] - even[0]))
-
-
-def _bend(points: Array, side: str) -> Array:
-    """Angle (T,) between thigh and shank, radians, 0 for a straight leg."""
-    thigh = unit(between(points, f"hip_{side}", f"knee_{side}"))
-    shank = unit(between(points, f"knee_{side}", f"ankle_{side}"))
-    return np.asarray(np.arccos(np.clip(np.sum(thigh * shank, axis=-1), -1.0, 1.0)))

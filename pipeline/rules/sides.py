@@ -12,12 +12,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from kinemimic.pipeline.clip import Clip
-from kinemimic.pipeline.defect import Defect
+from kinemimic.pipeline.defect import Defect, several
 from kinemimic.pipeline.nodes import joints_of_nodes
 from kinemimic.pipeline.rules.exchange import exchanged
-from kinemimic.pipeline.rules.runs import frame_runs
-from kinemimic.pipeline.rules.words import several
-from kinemimic.pipeline.spans import runs
+from kinemimic.pipeline.spans import frame_runs, runs
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
