@@ -11,16 +11,22 @@ TRAINING = $(if $(PRESET),--preset "$(PRESET)") $(if $(BUDGET),--budget "$(BUDGE
 
 # An editable install in strict mode links the package's files one by one: a new or a removed file asks for a
 # new install, an edited one does not. So the stamp bears a digest of the list of files in its name.
-FILES := $(sort $(shell find pipeline retarget train evaluate datasets -type f -not -path '*/__pycache__/*'))
+FILES := $(sort $(shell find pipeline retarget train evaluate datasets -type f -not -path '*/__pycache__/*' -not -path 'train/native/*'))
 STAMP := $(VENV)/installed-$(firstword $(shell echo '$(FILES)' | cksum))
 
-.PHONY: help setup formats inspect run ingest convert retarget train evaluate gait view export overlay test test-slow lint type format bench bench-clean clean
+# The fast engine: compiled from Bullet's sources, BULLET=fetched (by name, version and hash) or BULLET=system (an
+# installed one). Unsaid, it stays what it was.
+BULLET ?= $(or $(patsubst $(VENV)/native-%,%,$(firstword $(wildcard $(VENV)/native-*))),fetched)
+NATIVE := $(VENV)/native-$(BULLET)
+NATIVE_FILES := $(wildcard $(addprefix train/native/,*.cpp *.hpp *.py pyproject.toml stubs/*/*.pyi))
+
+.PHONY: help setup formats inspect run ingest convert retarget train evaluate gait view export overlay test test-slow lint type format bench bench-clean wheel clean
 .DEFAULT_GOAL := help
 
 help: ## This list
 	@sed -n 's/^\([a-z-]*\):.*## /\1\t/p' $(MAKEFILE_LIST) | expand -t 12
 
-setup: $(STAMP) ## Build .venv; nothing to do when nothing changed
+setup: $(STAMP) $(NATIVE) ## Build .venv; nothing to do when nothing changed
 
 # torch goes first and alone: its index is the one thing that differs between machines (README).
 $(STAMP): pyproject.toml constraints.txt
@@ -31,6 +37,11 @@ $(STAMP): pyproject.toml constraints.txt
 	$(BIN)/python -m pip install --quiet -c constraints.txt --no-build-isolation --config-settings editable_mode=strict -e '.[dev]'
 	@rm -f $(VENV)/installed-*
 	@touch $@
+
+# Where it cannot be built one line says why, no stamp is made, and the next `make setup` tries again.
+$(NATIVE): $(NATIVE_FILES) constraints.txt | $(STAMP)
+	@rm -f $(VENV)/native-*
+	@$(BIN)/python train/native/install.py $(BULLET) $@
 
 run: setup ## Every stage on CAPTURE= (without one, the embedded virtual Kinect) into RUN=
 	$(KINEMIMIC) run $(if $(CAPTURE),"$(CAPTURE)") --run "$(RUN)" $(TRAINING)
@@ -93,6 +104,12 @@ bench: setup ## Speed: every tests/bench/bench_*.py but the next
 
 bench-clean: setup ## Every filter against the virtual Kinect's truth: which is the default
 	$(BIN)/python tests/bench/bench_clean.py
+
+wheel: setup ## dist/: kinemimic in pure Python, and kinemimic-native for any x86-64
+	rm -rf build/lib
+	$(BIN)/python -m build --wheel --no-isolation --outdir dist .
+	KINEMIMIC_BULLET="$$($(if $(filter system,$(BULLET)),echo system,$(BIN)/python train/native/fetch.py build))" KINEMIMIC_ARCH= \
+	  $(BIN)/python -m build --wheel --no-isolation --outdir dist train/native
 
 # .venv goes with build/, which holds the links of the editable install. runs/ holds hours of training: it stays.
 clean: ## Remove all that was built, but not runs/

@@ -78,9 +78,9 @@ def test_the_wheel_holds_the_package_and_nothing_else(wheel: Path) -> None:
 
 
 def test_the_wheel_holds_every_source_file(wheel: Path) -> None:
-    sources = {
-        f"kinemimic/{path.relative_to(ROOT)}" for name in FOLDERS for path in (ROOT / name).rglob("*.py")
-    }
+    files = {path.relative_to(ROOT) for name in FOLDERS for path in (ROOT / name).rglob("*.py")}
+    # train/native is a distribution of its own, and these files are what compiles it.
+    sources = {f"kinemimic/{path}" for path in files if path.parts[:2] != ("train", "native")}
     assert sources == {name for name in zipfile.ZipFile(wheel).namelist() if name.endswith(".py")}
 
 
