@@ -1,109 +1,120 @@
-"""Control steps per second and core: our Bullet world against the wheel's own deep_mimic environment.
+"""Control steps per second, on one core and on two: our engine against what else steps a humanoid.
 
-Both simulate a humanoid at 240 Hz under stable PD with 30 control steps a second; the peer is
-`pybullet_envs.deep_mimic` from the pybullet wheel. They take turns, so that a change of the machine's speed
-meets both; the ratio is the figure to quote.
+Every stepper is a script in `steppers/`, and says there what it does. All take turns, several rounds long, so
+that a change of the machine's speed meets all of them; ratios are those of one round, their median and range.
+On two cores our engine runs two threads in one process, every other row two processes of one thread each.
+A peer steps one figure and our engine a batch. Nothing else should run beside this.
 """
 
 from __future__ import annotations
 
-import contextlib
-import importlib.util
-import os
 import statistics
 import sys
-import time
-import types
-from collections.abc import Callable, Iterator
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any, NamedTuple
 
-import numpy as np
-
-from kinemimic.retarget.motion import Motion
-from kinemimic.train.bullet import BulletWorld
-from kinemimic.train.config import EnvConfig
-from kinemimic.train.env import ACTIONS, ImitationBatch
-from kinemimic.train.reference import Reference
+sys.path.insert(0, str(Path(__file__).parent / "steppers"))
+from measuring import CONDITIONS, LYING, Condition, Process, Speed
 
 ROUNDS = 7
-STEPS = 20  # control steps from a reset: the figure is still upright
-FIGURES = 8
+SECONDS = 0.12  # of one measurement, at least
 
 
-def ours() -> Callable[[], int]:
-    """Physics, observation and reward of a batch that follows its reference."""
-    identity = np.tile([0.0, 0.0, 0.0, 1.0], (30, 20, 1))
-    root = np.tile([0.0, 0.0, 0.905], (30, 1))
-    standing = Motion(30.0, root, identity, np.ones((30, 2), dtype=bool), cyclic=True)
-    batch = ImitationBatch(BulletWorld(FIGURES), Reference(standing), EnvConfig())
-    actions = np.zeros((FIGURES, ACTIONS))
+class Row(NamedTuple):
+    """A stepper: its script, what it is opened with, how many times as fast ours is to be, a remark."""
 
-    def once() -> int:
-        batch.reset(np.arange(FIGURES), np.zeros(FIGURES))
-        for _ in range(STEPS):
-            batch.step(actions)
-        return FIGURES * STEPS
-
-    return once
+    name: str
+    script: str
+    options: dict[str, Any]
+    target: float | None = None
+    remark: str = ""
 
 
-def deep_mimic() -> Callable[[], int]:
-    """The peer's environment: update, observation and reward as its own training loop calls them."""
-    # The package's own __init__ registers everything with the retired gym: pass it by.
-    spec = importlib.util.find_spec("pybullet_envs")
-    package = types.ModuleType("pybullet_envs")
-    package.__path__ = list(spec.submodule_search_locations)
-    sys.modules["pybullet_envs"] = package
-    from pybullet_envs.deep_mimic.env.pybullet_deep_mimic_env import PyBulletDeepMimicEnv
-    from pybullet_utils.arg_parser import ArgParser
+OURS = Row("our engine", "native", {}, None, "2 : 1 at least 1.6, target 1.9")
+TRAINING = Row("  with observation and reward", "training_step", {})
+ROWS = (
+    OURS,
+    TRAINING,
+    Row("pybullet, STABLE_PD_CONTROL", "pybullet_figure", {"control": "stable_pd"}, 3.0),
+    Row("pybullet motors, 10 iterations", "pybullet_figure", {"control": "motors", "iterations": 10}),
+    Row("pybullet motors, 50 iterations", "pybullet_figure", {"control": "motors", "iterations": 50}),
+    Row("pybullet_envs.deep_mimic", "deep_mimic", {}, 6.0),
+    Row("MuJoCo's Humanoid, for scale", "mujoco_humanoid", {}, None, "11.1 physics steps of 3 ms each"),
+)
+# Of the root, m: elsewhere it was not measured as it should be.
+HEIGHTS = {"upright": (0.7, 1.5), "fallen": (0.0, LYING)}
 
-    arguments = ArgParser()
-    arguments.load_args(["--motion_file", "data/motions/humanoid3d_walk.txt"])
-    env = PyBulletDeepMimicEnv(arg_parser=arguments, enable_draw=False)
-    action = np.zeros(env.get_action_size(0))
-
-    def once() -> int:
-        env.reset()
-        for _ in range(STEPS):
-            env.record_state(0)
-            env.set_action(0, action)
-            for _ in range(8):
-                env.update(1.0 / 240.0)
-            env.calc_reward(0)
-        return STEPS
-
-    return once
+Found = dict[tuple[str, Condition, int], list[Speed]]
 
 
-@contextlib.contextmanager
-def quiet() -> Iterator[None]:
-    """Nothing reaches the terminal: the peer prints, and so does Bullet's C++ beneath it."""
-    sys.stdout.flush()
-    saved = [os.dup(k) for k in (1, 2)]
-    null = os.open(os.devnull, os.O_WRONLY)
-    try:
-        for k in (1, 2):
-            os.dup2(null, k)
-        yield
-    finally:
-        sys.stdout.flush()
-        for k, old in zip((1, 2), saved, strict=True):
-            os.dup2(old, k)
+def turn(processes: Sequence[Process], row: Row, condition: Condition, cores: int) -> Speed:
+    """One measurement on so many cores."""
+    options, working = row.options, processes[:cores]
+    if row is OURS:
+        options, working = {"threads": cores}, processes[:1]
+    for process in working:
+        process.start(row.script, options, condition, SECONDS)
+    speeds = [process.result() for process in working]
+    return Speed(sum(speed.rate for speed in speeds), statistics.mean(speed.height for speed in speeds))
+
+
+def measure() -> Found:
+    """All turns; a stepper that cannot run says why and is left out."""
+    processes = (Process(), Process())
+    found: Found = {}
+    rows = list(ROWS)
+    for number in range(ROUNDS + 1):
+        for row in tuple(rows):
+            try:
+                for condition in CONDITIONS:
+                    for cores in (1, 2):
+                        speed = turn(processes, row, condition, cores)
+                        if number > 0:  # the first round opens, falls and warms up
+                            found.setdefault((row.name, condition, cores), []).append(speed)
+            except (ModuleNotFoundError, RuntimeError) as error:
+                print(f"{row.name.strip()}: left out, {error}")
+                rows.remove(row)
+    return found
+
+
+def spread(values: Sequence[float], form: str) -> str:
+    """Median (lowest to highest)."""
+    return f"{statistics.median(values):{form}} ({min(values):{form}} to {max(values):{form}})"
+
+
+def ratios(over: Sequence[Speed], under: Sequence[Speed]) -> list[float]:
+    """Of the rates of the same round."""
+    return [a.rate / b.rate for a, b in zip(over, under, strict=True)]
+
+
+def print_table(found: Found, condition: Condition) -> None:
+    print(f"\n{condition:32}{'1 core':>22}{'2 cores':>24}{'2 cores : 1':>22}{'ours : this, 1 core':>24}")
+    for row in ROWS:
+        one, two = (found.get((row.name, condition, cores)) for cores in (1, 2))
+        if one is None or two is None:
+            continue
+        line = f"{row.name:32}{spread([speed.rate for speed in one], '.0f'):>22}"
+        line += f"{spread([speed.rate for speed in two], '.0f'):>24}{spread(ratios(two, one), '.2f'):>22}"
+        ours = found.get((OURS.name, condition, 1))
+        if row is not OURS and ours is not None:
+            line += f"{spread(ratios(ours, one), '.2f'):>24}"
+        if row.target is not None:
+            line += f"   (target {row.target:g})"
+        line += f"   ({row.remark})" if row.remark else ""
+        print(line)
+        low, high = HEIGHTS[condition]
+        height = statistics.median(speed.height for speed in one)
+        if not low < height < high:
+            print(f"  the root of {row.name.strip()} was {height:.2f} m high: not {condition}")
 
 
 def main() -> None:
-    """Print both rates and their ratio (median, lowest and highest of the pairs)."""
-    with quiet():
-        runs = {"kinemimic": ours(), "pybullet_envs.deep_mimic": deep_mimic()}
-        rates: dict[str, list[float]] = {name: [] for name in runs}
-        for _ in range(ROUNDS):
-            for name, once in runs.items():
-                began = time.perf_counter()
-                steps = once()
-                rates[name].append(steps / (time.perf_counter() - began))
-    for name, found in rates.items():
-        print(f"{name:26} {statistics.median(found):8.0f} control steps/s")
-    ratios = [a / b for a, b in zip(*rates.values(), strict=True)]
-    print(f"{'ratio':26} {statistics.median(ratios):8.2f} ({min(ratios):.2f} to {max(ratios):.2f})")
+    """Print one table for each condition."""
+    print("control steps (1/30 s of one figure) a second: median (lowest to highest) of", ROUNDS, "rounds")
+    found = measure()
+    for condition in CONDITIONS:
+        print_table(found, condition)
 
 
 if __name__ == "__main__":
