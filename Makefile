@@ -20,7 +20,7 @@ BULLET ?= $(or $(patsubst $(VENV)/native-%,%,$(firstword $(wildcard $(VENV)/nati
 NATIVE := $(VENV)/native-$(BULLET)
 NATIVE_FILES := $(wildcard $(addprefix train/native/,*.cpp *.hpp *.py pyproject.toml stubs/*/*.pyi))
 
-.PHONY: help setup formats inspect run ingest convert retarget train evaluate gait view export overlay test test-slow lint type format bench bench-clean wheel clean
+.PHONY: help setup formats inspect run ingest convert retarget train evaluate gait view export overlay test test-slow lint type format bench bench-clean profile wheel clean
 .DEFAULT_GOAL := help
 
 help: ## This list
@@ -104,6 +104,9 @@ bench: setup ## Speed: every tests/bench/bench_*.py but the next
 
 bench-clean: setup ## Every filter against the virtual Kinect's truth: which is the default
 	$(BIN)/python tests/bench/bench_clean.py
+
+profile: setup ## Where the time of the native engine goes, as Linux's perf sees it
+	$(BIN)/python tests/bench/profile_step.py
 
 wheel: setup ## dist/: kinemimic in pure Python, and kinemimic-native for any x86-64
 	rm -rf build/lib
