@@ -22,26 +22,50 @@ IDENTITY: Array = np.array([0.0, 0.0, 0.0, 1.0])
 # Y up, Z forward, X left (BVH, Kinect) to Z up, X forward, Y left: the cyclic change of axes.
 Y_UP_TO_Z_UP: Array = np.array([0.5, 0.5, 0.5, 0.5])
 _AXIS = {"X": 0, "Y": 1, "Z": 2}
+# Row k: which component of q, and with which sign, meets component k of p in each component of p q.
+_MULTIPLIER = np.array([[3, 2, 1, 0], [2, 3, 0, 1], [1, 0, 3, 2], [0, 1, 2, 3]])
+_MULTIPLIER_SIGNS: Array = np.array(
+    [[1.0, -1.0, 1.0, -1.0], [1.0, 1.0, -1.0, -1.0], [-1.0, 1.0, 1.0, -1.0], [1.0, 1.0, 1.0, 1.0]]
+)
+
+
+def _components(q: Array) -> tuple[Array, Array, Array, Array]:
+    return q[..., 0], q[..., 1], q[..., 2], q[..., 3]
+
+
+def _lengths(v: Array) -> Array:
+    # A third of the time of np.linalg.norm on a few hundred rows.
+    lengths: Array = np.sqrt(np.einsum("...i,...i->...", v, v))
+    return lengths
 
 
 def multiply(p: Array, q: Array) -> Array:
     """Hamilton product p q: first q, then p."""
-    px, py, pz, pw = np.moveaxis(np.asarray(p), -1, 0)
-    qx, qy, qz, qw = np.moveaxis(np.asarray(q), -1, 0)
-    return np.stack(
-        [
-            pw * qx + px * qw + py * qz - pz * qy,
-            pw * qy - px * qz + py * qw + pz * qx,
-            pw * qz + px * qy - py * qx + pz * qw,
-            pw * qw - px * qx - py * qy - pz * qz,
-        ],
-        axis=-1,
-    )
+    px, py, pz, pw = _components(np.asarray(p))
+    qx, qy, qz, qw = _components(np.asarray(q))
+    x = pw * qx + px * qw + py * qz - pz * qy
+    product = np.empty((*x.shape, 4), dtype=x.dtype)
+    product[..., 0] = x
+    product[..., 1] = pw * qy - px * qz + py * qw + pz * qx
+    product[..., 2] = pw * qz + px * qy - py * qx + pz * qw
+    product[..., 3] = pw * qw - px * qx - py * qy - pz * qz
+    return product
+
+
+def multiplier(q: Array) -> Array:
+    """Matrices (..., 4, 4) that multiply by q from the right: p @ multiplier(q) is multiply(p, q).
+
+    For many p (..., N, 4) of each q a matrix product is several times as fast.
+    """
+    matrices: Array = np.asarray(q)[..., _MULTIPLIER] * _MULTIPLIER_SIGNS
+    return matrices
 
 
 def conjugate(q: Array) -> Array:
     """Inverse of a unit quaternion."""
-    conjugated: Array = np.asarray(q, dtype=np.float64) * np.array([-1.0, -1.0, -1.0, 1.0])
+    q = np.asarray(q, dtype=np.float64)
+    conjugated = np.negative(q)
+    conjugated[..., 3] = q[..., 3]
     return conjugated
 
 
@@ -56,7 +80,7 @@ def rotate(q: Array, v: Array) -> Array:
 
 def normalize(q: Array) -> Array:
     """Quaternions of unit length."""
-    unit: Array = q / np.linalg.norm(q, axis=-1, keepdims=True)
+    unit: Array = q / _lengths(q)[..., None]
     return unit
 
 
@@ -99,13 +123,15 @@ def from_euler_eq8(theta: Array) -> Array:
 
 def to_matrix(q: Array) -> Array:
     """Rotation matrices (..., 3, 3)."""
-    x, y, z, w = np.moveaxis(np.asarray(q), -1, 0)
-    rows = [
-        [1 - 2 * (y * y + z * z), 2 * (x * y - z * w), 2 * (x * z + y * w)],
-        [2 * (x * y + z * w), 1 - 2 * (x * x + z * z), 2 * (y * z - x * w)],
-        [2 * (x * z - y * w), 2 * (y * z + x * w), 1 - 2 * (x * x + y * y)],
-    ]
-    return np.stack([np.stack(row, axis=-1) for row in rows], axis=-2)
+    x, y, z, w = _components(np.asarray(q, dtype=np.float64))
+    x2, y2, z2 = x + x, y + y, z + z
+    xx, yy, zz, xy, xz, yz = x2 * x, y2 * y, z2 * z, x2 * y, x2 * z, y2 * z
+    xw, yw, zw = x2 * w, y2 * w, z2 * w
+    matrix = np.empty((*x.shape, 3, 3))
+    matrix[..., 0, 0], matrix[..., 0, 1], matrix[..., 0, 2] = 1 - (yy + zz), xy - zw, xz + yw
+    matrix[..., 1, 0], matrix[..., 1, 1], matrix[..., 1, 2] = xy + zw, 1 - (xx + zz), yz - xw
+    matrix[..., 2, 0], matrix[..., 2, 1], matrix[..., 2, 2] = xz - yw, yz + xw, 1 - (xx + yy)
+    return matrix
 
 
 def from_matrix(matrix: Array) -> Array:
@@ -116,20 +142,24 @@ def from_matrix(matrix: Array) -> Array:
 
 def to_rotvec(q: Array) -> Array:
     """Rotation vectors (..., 3), angle in [0, π]."""
-    q = np.asarray(q)
-    q = np.where(q[..., 3:] < 0, -q, q)
-    sine = np.linalg.norm(q[..., :3], axis=-1, keepdims=True)
-    angle = 2.0 * np.arctan2(sine, q[..., 3:])
-    scale = np.where(sine > 1e-9, angle / np.where(sine > 1e-9, sine, 1.0), 2.0)
-    return np.asarray(scale * q[..., :3])
+    q = np.asarray(q, dtype=np.float64)
+    axis, cosine = q[..., :3], q[..., 3]
+    sine = _lengths(axis)
+    angle = 2.0 * np.arctan2(sine, np.abs(cosine))
+    scale = np.divide(angle, sine, out=np.full_like(sine, 2.0), where=sine > 1e-9)
+    return np.asarray(np.where(cosine < 0.0, -scale, scale)[..., None] * axis)
 
 
 def from_rotvec(v: Array) -> Array:
     """Quaternions of rotation vectors (..., 3)."""
     v = np.asarray(v, dtype=np.float64)
-    angle = np.linalg.norm(v, axis=-1, keepdims=True)
-    scale = np.where(angle > 1e-9, np.sin(0.5 * angle) / np.where(angle > 1e-9, angle, 1.0), 0.5)
-    return np.concatenate([scale * v, np.cos(0.5 * angle)], axis=-1)
+    angle = _lengths(v)
+    half = 0.5 * angle
+    scale = np.divide(np.sin(half), angle, out=np.full_like(angle, 0.5), where=angle > 1e-9)
+    q = np.empty((*v.shape[:-1], 4))
+    q[..., :3] = scale[..., None] * v
+    q[..., 3] = np.cos(half)
+    return q
 
 
 def continuous(q: Array, axis: int = 0) -> Array:
@@ -153,13 +183,13 @@ def continuous(q: Array, axis: int = 0) -> Array:
 
 def angle_between(p: Array, q: Array) -> Array:
     """Angle of the rotation from p to q, in [0, π]."""
-    return np.asarray(np.linalg.norm(to_rotvec(multiply(conjugate(p), q)), axis=-1))
+    return _lengths(to_rotvec(multiply(conjugate(p), q)))
 
 
 def to_six(q: Array) -> Array:
     """The first two columns of the rotation matrix, (..., 6): the continuous form for observations."""
-    m = to_matrix(q)
-    return np.concatenate([m[..., :, 0], m[..., :, 1]], axis=-1)
+    columns = np.swapaxes(to_matrix(q), -1, -2)[..., :2, :]
+    return columns.reshape(*columns.shape[:-2], 6)
 
 
 def from_two_axes(primary: Array, secondary: Array, names: str) -> Array:

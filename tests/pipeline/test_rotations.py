@@ -54,6 +54,12 @@ def test_group_axioms(p: Array, q: Array, s: Array) -> None:
     assert abs(np.linalg.norm(r.multiply(p, q)) - 1.0) < 1e-12
 
 
+@given(quaternions, st.lists(quaternions, min_size=1, max_size=4))
+def test_a_matrix_multiplies_from_the_right(q: Array, ps: list[Array]) -> None:
+    many = np.array(ps)
+    assert np.allclose(many @ r.multiplier(q), r.multiply(many, q), rtol=0.0, atol=1e-15)
+
+
 @given(quaternions, quaternions, vectors)
 def test_action_follows_the_product_and_keeps_lengths(p: Array, q: Array, v: Array) -> None:
     turned = r.rotate(r.multiply(p, q), v)
