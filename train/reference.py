@@ -39,16 +39,19 @@ class Reference:
         rotation = world[:, BODY_NODES]
         position = nodes[:, BODY_NODES] + rotate(rotation, np.broadcast_to(centers, (rows, *centers.shape)))
         joints = rotations[:, BODY_NODES[1:]]
-        self._tables: dict[str, Array] = {
-            "root": root,
-            "nodes": rotations,
-            "positions": position,
-            "rotations": rotation,
-            "linear": self._rate(position, step, self._offset),
-            "angular": self._turn(rotation, step, world=True),
-            "joints": joints,
-            "joint_velocities": self._turn(joints, step, world=False),
-        }
+        # What is asked for together lies together: a row of a table is one look-up.
+        self._root = root
+        self._nodes = rotations
+        self._bodies = np.concatenate(
+            [
+                position,
+                self._rate(position, step, self._offset),
+                self._turn(rotation, step, world=True),
+                rotation,
+            ],
+            axis=-1,
+        )
+        self._joints = np.concatenate([joints, self._turn(joints, step, world=False)], axis=-1)
 
     def _rate(self, values: Array, step: float, offset: Array) -> Array:
         if self.cyclic:
@@ -68,47 +71,64 @@ class Reference:
             width[[0, -1]] = step
         return np.asarray(change / width.reshape(-1, *([1] * (q.ndim - 1))))
 
-    def _sample(self, name: str, phase: Array) -> Array:
-        table = self._tables[name]
-        fraction = phase - np.floor(phase) if self.cyclic else np.clip(phase, 0.0, 1.0)
+    def _sample(self, table: Array, phase: Array) -> Array:
+        """Rows (..., table's own shape) at phases (...), linear between those of the table."""
+        fraction = phase - np.floor(phase) if self.cyclic else np.minimum(np.maximum(phase, 0.0), 1.0)
         place = fraction * (len(table) - 1)
         low = np.minimum(place.astype(np.intp), len(table) - 2)
-        weight = (place - low).reshape(*place.shape, *([1] * (table.ndim - 1)))
-        value: Array = table[low] * (1.0 - weight) + table[low + 1] * weight
-        if table.shape[-1] == 4:
-            return normalize(value)
-        if self.cyclic and name in ("root", "positions"):
-            laps = np.floor(phase).reshape(*place.shape, *([1] * (table.ndim - 1)))
-            value = value + laps * self._offset
-        elif not self.cyclic and name in ("linear", "angular", "joint_velocities"):
-            value = np.where((phase > 1.0).reshape(weight.shape), 0.0, value)
-        return value
+        rows = table.reshape(len(table), -1)
+        value, change = rows.take(low, axis=0), rows.take(low + 1, axis=0)
+        change -= value
+        change *= (place - low)[..., None]
+        value += change
+        return value.reshape(*phase.shape, *table.shape[1:])
+
+    def _advance(self, positions: Array, phase: Array) -> None:
+        """Carry positions (..., 3) or (..., 15, 3) on by the offset of the laps that are behind."""
+        if self.cyclic:
+            laps = np.floor(phase).reshape(*phase.shape, *[1] * (positions.ndim - phase.ndim))
+            positions += laps * self._offset
+
+    def _stop(self, velocities: Array, phase: Array) -> None:
+        """Nothing moves after the last frame of a motion that is not cyclic."""
+        if not self.cyclic:
+            velocities[phase > 1.0] = 0.0
 
     def bodies(self, phase: Array) -> BodyStates:
-        """The 15 bodies at phases (E,)."""
-        return BodyStates(
-            *(self._sample(name, phase) for name in ("positions", "rotations", "linear", "angular"))
-        )
+        """The 15 bodies (..., 15, 3 or 4) at phases (...)."""
+        row = self._sample(self._bodies, phase)
+        self._advance(row[..., 0:3], phase)
+        self._stop(row[..., 3:9], phase)
+        return BodyStates(row[..., 0:3], normalize(row[..., 9:13]), row[..., 3:6], row[..., 6:9])
 
     def poses(self, phase: Array) -> Poses:
         """Full states at phases (E,), to set figures to."""
-        rotations, linear, angular = (
-            self._sample(name, phase)[:, 0] for name in ("rotations", "linear", "angular")
-        )
+        bodies = self.bodies(phase)
         joints, velocities = self.joints(phase)
-        return Poses(self.root(phase), rotations, linear, angular, joints, velocities)
+        return Poses(
+            self.root(phase),
+            bodies.rotations[:, 0],
+            bodies.linear[:, 0],
+            bodies.angular[:, 0],
+            joints,
+            velocities,
+        )
 
     def root(self, phase: Array) -> Array:
         """Hip centre (..., 3) at phases (...)."""
-        return self._sample("root", phase)
+        root = self._sample(self._root, phase)
+        self._advance(root, phase)
+        return root
 
     def nodes(self, phase: Array) -> Array:
         """Local node rotations (..., 20, 4) at phases (...)."""
-        return self._sample("nodes", phase)
+        return normalize(self._sample(self._nodes, phase))
 
     def joints(self, phase: Array) -> tuple[Array, Array]:
         """Joint rotations (..., 14, 4) and velocities (..., 14, 3) in the child's frame at phases (...)."""
-        return self._sample("joints", phase), self._sample("joint_velocities", phase)
+        row = self._sample(self._joints, phase)
+        self._stop(row[..., 4:7], phase)
+        return normalize(row[..., 0:4]), row[..., 4:7]
 
 
 def _resample(motion: Motion, phase: Array) -> tuple[Array, Array]:
