@@ -22,6 +22,13 @@ POLICY_SCHEMA = 1
 OBSERVATION_CLIP = 8.0
 
 
+def normalized(observations: NDArray[Any], mean: Floats, scale: Floats) -> Floats:
+    """Observations (N, O) with zero mean and unit variance, clipped, as new float32."""
+    level: Floats = np.subtract(observations, mean, dtype=np.float32)
+    level /= scale
+    return np.clip(level, -OBSERVATION_CLIP, OBSERVATION_CLIP, out=level)
+
+
 @dataclass(frozen=True)
 class Policy:
     """layers: (weight (out, in), bias (out,)) from the input on; mean, scale: (OBSERVATIONS,)."""
@@ -32,16 +39,18 @@ class Policy:
 
     def normalize(self, observations: NDArray[Any]) -> Floats:
         """Observations (N, OBSERVATIONS) with zero mean and unit variance, clipped."""
-        level = (observations - self.mean) / self.scale
-        return np.asarray(np.clip(level, -OBSERVATION_CLIP, OBSERVATION_CLIP), dtype=np.float32)
+        return normalized(observations, self.mean, self.scale)
 
-    def act(self, normalized: Floats) -> Floats:
+    def act(self, observations: Floats) -> Floats:
         """Mean action (N, 42) for normalised observations."""
-        x = normalized
+        # Figures stand in columns: the weights as they lie, on the left, make the faster product of the two.
+        x = observations.T
         for weight, bias in self.layers[:-1]:
-            x = np.tanh(x @ weight.T + bias)
+            x = weight @ x
+            x += bias[:, None]
+            np.tanh(x, out=x)
         weight, bias = self.layers[-1]
-        return x @ weight.T + bias
+        return (weight @ x).T + bias
 
     def save(self, path: Path, record: Mapping[str, Any]) -> None:
         """`path` (.safetensors) and beside it the record (.json): configuration, samples, provenance."""

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from collections.abc import Iterator
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
@@ -11,32 +13,18 @@ import torch
 from numpy.typing import NDArray
 from torch import Tensor
 
+from kinemimic.train.advantages import advantages
 from kinemimic.train.config import TrainConfig
 from kinemimic.train.env import ACTIONS, OBSERVATIONS
-from kinemimic.train.networks import ActorCritic, Normalizer, divergence, log_density
+from kinemimic.train.mlp import Mlp
+from kinemimic.train.networks import ActorCritic, Normalizer
+from kinemimic.train.objective import Choices, divergence, log_density, policy_slopes
 from kinemimic.train.rollout import Samples
 
 Array = NDArray[np.float32]
 
 RATE_BOUNDS = (1e-6, 1e-3)
 PENALTY_BOUNDS = (1e-4, 1e4)
-
-
-def advantages(
-    rewards: Array, values: Array, following: Array, ended: NDArray[np.bool_], discount: float, lam: float
-) -> Array:
-    """Generalised advantage estimates (T, E) (Schulman et al. 2016).
-
-    rewards, values: (T, E); following: (T, E) value of the state after each step: 0 after a fall, the
-    critic's own value where time ran out; ended: (T, E) the episode ended there, for whichever reason.
-    """
-    result = np.zeros_like(rewards)
-    tail = np.zeros(rewards.shape[1], dtype=rewards.dtype)
-    for t in range(len(rewards) - 1, -1, -1):
-        delta = rewards[t] + discount * following[t] - values[t]
-        tail = delta + discount * lam * np.where(ended[t], 0.0, tail)
-        result[t] = tail
-    return result
 
 
 def adapt_penalty(penalty: float, kl: float, target: float, initial: float, rule: str) -> float:
@@ -64,27 +52,37 @@ def adapt_rate(rate: float, kl: float, target: float) -> float:
 
 @dataclass
 class Progress:
-    """What changes from round to round beside the networks."""
+    """What changes from round to round beside the networks.
+
+    seconds_by: where the wall time of training went, this call's and those before it (`stopwatch.py`);
+    exploded: figures that the engine lost so far.
+    """
 
     samples: int = 0
     rounds: int = 0
-    seconds: float = 0.0
+    seconds_by: dict[str, float] = field(default_factory=dict)
+    exploded: int = 0
     penalty: float = 1.0
     actor_rate: float = 3e-4
     entropy: float = 0.0
 
 
 class Learner:
-    """Networks, optimisers and normaliser; `update` learns from one round of samples."""
+    """Networks, optimisers and normaliser; `update` learns from one round of samples.
+
+    Actor and critic share nothing, so each learns in a thread of its own with half of torch's threads. On two
+    cores no operation then waits for another thread: what comes out does not depend on who is faster, and a
+    busy machine only costs its share, where threads inside of an operation spin until the last one is there.
+    """
 
     def __init__(self, config: TrainConfig) -> None:
         self.config = config
         torch.manual_seed(config.seed)
-        self.net = ActorCritic(OBSERVATIONS, ACTIONS, config.hidden, config.noise_start, config.learn_noise)
+        self.net = ActorCritic(OBSERVATIONS, ACTIONS, config.hidden, config.noise_start)
         self.normalizer = Normalizer(OBSERVATIONS)
-        actor = [*self.net.actor.parameters()] + ([self.net.log_noise] if config.learn_noise else [])
+        actor = [self.net.actor.parameters] + ([self.net.log_noise] if config.learn_noise else [])
         self.actor_optimizer = torch.optim.Adam(actor, config.actor_rate, fused=True)
-        self.critic_optimizer = torch.optim.Adam(self.net.critic.parameters(), config.critic_rate, fused=True)
+        self.critic_optimizer = torch.optim.Adam([self.net.critic.parameters], config.critic_rate, fused=True)
         self.random = np.random.default_rng(config.seed)
         self.progress = Progress(
             penalty=config.penalty_initial, actor_rate=config.actor_rate, entropy=config.entropy
@@ -95,46 +93,33 @@ class Learner:
         c = self.config
         if not c.learn_noise:
             share = min(self.progress.samples / c.noise_samples, 1.0)
-            level = c.noise_start + (c.noise_end - c.noise_start) * share
-            with torch.no_grad():
-                self.net.log_noise.fill_(math.log(level))
-        noise: Array = self.net.log_noise.detach().exp().numpy().copy()
+            self.net.log_noise.fill_(math.log(c.noise_start + (c.noise_end - c.noise_start) * share))
+        noise: Array = self.net.log_noise.exp().numpy()
         return noise
 
     def update(self, samples: Samples) -> dict[str, float]:
         """Several passes of minibatches over (T, E) samples; returns what is worth logging."""
         c, state = self.config, self.progress
         steps, figures = samples.terminated.shape
+        count = steps * figures
         rewards = samples.terms.sum(axis=-1)
-        observations = self.normalizer.apply(samples.observations.reshape(steps * figures, -1))
-        with torch.no_grad():
-            values = self.net.value(observations).numpy().reshape(steps, figures)
-            after = self.net.value(self.normalizer.apply(samples.final.reshape(steps * figures, -1)))
-            mean_old = self.net.actor(observations)
-            log_old = self.net.log_noise.detach().clone()
-        following = np.where(samples.terminated, 0.0, after.numpy().reshape(steps, figures)).astype(
-            np.float32
-        )
-        ended = samples.terminated | samples.truncated
-        gains = advantages(rewards, values, following, ended, c.discount, c.gae_lambda)
-        returns = torch.from_numpy((gains + values).reshape(-1))
-        gain = torch.from_numpy(gains.reshape(-1))
-        gain = (gain - gain.mean()) / (gain.std() + 1e-8)
-        actions = torch.from_numpy(samples.actions.reshape(steps * figures, -1))
-        density_old = log_density(actions, mean_old, log_old)
-
-        clipped: list[float] = []
-        value_losses: list[float] = []
-        for _ in range(c.passes):
-            order = torch.from_numpy(self.random.permutation(steps * figures))
-            for rows in torch.split(order, c.minibatch):
-                fraction = self._actor_step(
-                    observations[rows], actions[rows], gain[rows], density_old[rows], mean_old[rows], log_old
-                )
-                clipped.append(fraction)
-                value_losses.append(self._critic_step(observations[rows], returns[rows]))
-        with torch.no_grad():
-            kl = float(divergence(mean_old, log_old, self.net.actor(observations), self.net.log_noise).mean())
+        seen = samples.observations.reshape(count, -1)
+        observations = self.normalizer.apply(seen)
+        orders = [torch.from_numpy(self.random.permutation(count)) for _ in range(c.passes)]
+        share = max(1, torch.get_num_threads() // 2)
+        with ThreadPoolExecutor(2, initializer=torch.set_num_threads, initargs=(share,)) as threads:
+            acting = threads.submit(self.net.actor.forward, observations)
+            values, following = threads.submit(self._values, samples, observations).result()
+            ended = samples.terminated | samples.truncated
+            gains = advantages(rewards, values, following, ended, c.discount, c.gae_lambda)
+            returns = torch.from_numpy((gains + values).reshape(-1))
+            gain = torch.from_numpy(gains.reshape(-1))
+            gain = (gain - gain.mean()) / (gain.std() + 1e-8)
+            actions, mean = torch.from_numpy(samples.actions.reshape(count, -1)), acting.result()
+            old = Choices(actions, mean, log_density(actions, mean, self.net.log_noise), gain)
+            actor = threads.submit(self._learn_policy, observations, old, orders)
+            critic = threads.submit(self._learn_value, observations, returns, orders)
+            (kl, clipped), value_loss = actor.result(), critic.result()
         if not math.isfinite(kl):
             raise FloatingPointError("the policy became infinite or NaN")
         if c.kl_penalty:
@@ -144,78 +129,82 @@ class Learner:
             for group in self.actor_optimizer.param_groups:
                 group["lr"] = state.actor_rate
         state.entropy *= c.entropy_decay
-        state.samples += steps * figures
+        state.samples += count
         state.rounds += 1
         # The statistics move only after the update: old and new policy saw the same observations.
-        self.normalizer.update(samples.observations.reshape(steps * figures, -1))
+        self.normalizer.update(seen)
         spread = float(returns.var())
+        unexplained = float((returns - torch.from_numpy(values.reshape(-1))).var())
         return {
             "reward/mean": float(rewards.mean()),
             "episode/length": float(samples.lengths.mean()) if len(samples.lengths) else float(steps),
             "policy/kl": kl,
-            "policy/clip_fraction": float(np.mean(clipped)),
+            "policy/clip_fraction": clipped,
             "policy/penalty": state.penalty,
             "policy/rate": state.actor_rate,
-            "policy/noise": float(self.net.log_noise.detach().exp().mean()),
-            "value/loss": float(np.mean(value_losses)),
-            "value/explained_variance": 1.0
-            - float((returns - torch.from_numpy(values.reshape(-1))).var()) / spread
-            if spread > 0
-            else 0.0,
+            "policy/noise": float(self.net.log_noise.exp().mean()),
+            "value/loss": value_loss,
+            "value/explained_variance": 1.0 - unexplained / spread if spread > 0 else 0.0,
         }
 
-    def _actor_step(
-        self,
-        observations: Tensor,
-        actions: Tensor,
-        gain: Tensor,
-        density_old: Tensor,
-        mean_old: Tensor,
-        log_old: Tensor,
-    ) -> float:
-        c = self.config
-        mean, log_noise = self.net.actor(observations), self.net.log_noise
-        ratio = (log_density(actions, mean, log_noise) - density_old).exp()
-        surrogate = ratio * gain
-        if c.clip is not None:
-            surrogate = torch.minimum(surrogate, ratio.clamp(1 - c.clip, 1 + c.clip) * gain)
-        loss = -surrogate.mean()
-        if c.kl_penalty:
-            loss = loss + self.progress.penalty * divergence(mean_old, log_old, mean, log_noise).mean()
-        if c.learn_noise and self.progress.entropy > 0:
-            loss = loss - self.progress.entropy * log_noise.sum()
-        self.actor_optimizer.zero_grad(set_to_none=True)
-        loss.backward()  # type: ignore[no-untyped-call]
-        torch.nn.utils.clip_grad_norm_(self.net.actor.parameters(), 1.0)
-        self.actor_optimizer.step()
-        return float(((ratio.detach() - 1).abs() > c.clip).float().mean()) if c.clip is not None else 0.0
+    def _values(self, samples: Samples, observations: Tensor) -> tuple[Array, Array]:
+        """Value (T, E) of the states before and after each step: 0 after a fall."""
+        shape = samples.terminated.shape
+        values: Array = self.net.critic.forward(observations).numpy().reshape(shape)
+        # What follows a step is what the next one begins with, but for the ends of episodes and of the round.
+        following = np.empty_like(values)
+        following[:-1] = values[1:]
+        asked = samples.truncated.copy()
+        asked[-1] = True
+        last = self.normalizer.apply(samples.final[asked])
+        following[asked] = self.net.critic.forward(last).numpy()[:, 0]
+        following[samples.terminated] = 0.0
+        return values, following
 
-    def _critic_step(self, observations: Tensor, returns: Tensor) -> float:
-        loss = 0.5 * (self.net.value(observations) - returns).square().mean()
-        self.critic_optimizer.zero_grad(set_to_none=True)
-        loss.backward()  # type: ignore[no-untyped-call]
-        torch.nn.utils.clip_grad_norm_(self.net.critic.parameters(), 1.0)
-        self.critic_optimizer.step()
-        return float(loss.detach())
+    def _learn_policy(self, observations: Tensor, old: Choices, orders: list[Tensor]) -> tuple[float, float]:
+        """KL of the old policy from the new one, and the share of ratios that were clipped."""
+        c, actor, log_noise = self.config, self.net.actor, self.net.log_noise
+        log_old = log_noise.clone()
+        penalty = self.progress.penalty if c.kl_penalty else 0.0
+        entropy = self.progress.entropy if c.learn_noise else 0.0
+        clipped = []
+        for seen, *chosen in _minibatches(orders, c.minibatch, observations, *old):
+            mean = actor.forward(seen)
+            slopes = policy_slopes(Choices(*chosen), log_old, mean, log_noise, c.clip, penalty, entropy)
+            log_noise.grad = slopes.log_noise
+            _descend(actor, slopes.mean, self.actor_optimizer)
+            clipped.append(slopes.clipped)
+        kl = divergence(old.mean, log_old, actor.forward(observations), log_noise).mean()
+        return float(kl), float(torch.stack(clipped).mean())
+
+    def _learn_value(self, observations: Tensor, returns: Tensor, orders: list[Tensor]) -> float:
+        """Mean of the minibatches' losses: half the squared error."""
+        losses = []
+        for seen, wanted in _minibatches(orders, self.config.minibatch, observations, returns[:, None]):
+            error = self.net.critic.forward(seen) - wanted
+            _descend(self.net.critic, error / len(error), self.critic_optimizer)
+            losses.append(0.5 * error.square().mean())
+        return float(torch.stack(losses).mean())
 
     def tensors(self) -> dict[str, Tensor]:
         """Everything of the learner that is an array, for a checkpoint."""
-        found = {f"net.{name}": value for name, value in self.net.state_dict().items()}
+        found = {
+            "actor": self.net.actor.parameters,
+            "critic": self.net.critic.parameters,
+            "log_noise": self.net.log_noise,
+            "normalizer.mean": torch.from_numpy(self.normalizer.mean),
+            "normalizer.squares": torch.from_numpy(self.normalizer.squares),
+        }
         for kind, optimizer in (("actor", self.actor_optimizer), ("critic", self.critic_optimizer)):
             for index, slots in optimizer.state_dict()["state"].items():
-                found |= {
-                    f"optimizer.{kind}.{index}.{slot}": torch.as_tensor(value)
-                    for slot, value in slots.items()
-                }
-        found["normalizer.mean"] = torch.from_numpy(self.normalizer.mean.copy())
-        found["normalizer.squares"] = torch.from_numpy(self.normalizer.squares.copy())
-        return {name: value.detach().clone().contiguous() for name, value in found.items()}
+                found |= {f"optimizer.{kind}.{index}.{slot}": value for slot, value in slots.items()}
+        return {name: value.detach().clone() for name, value in found.items()}
 
     def restore(self, tensors: dict[str, Tensor], record: dict[str, Any]) -> None:
         """Take up what `tensors` and a checkpoint's record hold."""
-        self.net.load_state_dict(
-            {n.removeprefix("net."): v for n, v in tensors.items() if n.startswith("net.")}
-        )
+        self.net.actor.parameters.copy_(tensors["actor"])
+        self.net.critic.parameters.copy_(tensors["critic"])
+        self.net.log_noise.copy_(tensors["log_noise"])
         self.progress = Progress(**record["progress"])
         self.random.bit_generator.state = record["random"]
         self.normalizer.count = record["normalizer_count"]
@@ -233,3 +222,17 @@ class Learner:
             optimizer.load_state_dict(saved)
         for group in self.actor_optimizer.param_groups:
             group["lr"] = self.progress.actor_rate
+
+
+def _minibatches(orders: list[Tensor], size: int, *columns: Tensor) -> Iterator[tuple[Tensor, ...]]:
+    """Rows of the columns in each order after the other, `size` at a time."""
+    for order in orders:
+        yield from zip(*(torch.split(column.index_select(0, order), size) for column in columns), strict=True)
+
+
+def _descend(network: Mlp, slope: Tensor, optimizer: torch.optim.Optimizer) -> None:
+    """One step of the optimiser down the loss whose slope by the network's output (N, out) is given."""
+    network.backward(slope)
+    norm = torch.linalg.vector_norm(network.gradient)
+    network.gradient.mul_((1.0 / (norm + 1e-6)).clamp(max=1.0))
+    optimizer.step()

@@ -19,7 +19,7 @@ def learner() -> tuple[ActorCritic, Normalizer]:
     torch.manual_seed(0)
     normalizer = Normalizer(OBSERVATIONS)
     normalizer.update(np.random.default_rng(0).normal(1.0, 3.0, (50, OBSERVATIONS)))
-    return ActorCritic(OBSERVATIONS, ACTIONS, (16, 8), 0.1, learn=False), normalizer
+    return ActorCritic(OBSERVATIONS, ACTIONS, (16, 8), 0.1), normalizer
 
 
 def test_stored_policy_acts_as_the_network_does(tmp_path: Path, learner) -> None:
@@ -27,7 +27,7 @@ def test_stored_policy_acts_as_the_network_does(tmp_path: Path, learner) -> None
     observations = np.random.default_rng(1).normal(1.0, 30.0, (5, OBSERVATIONS)).astype(np.float32)
     export(net, normalizer).save(tmp_path / "p.safetensors", RECORD | {"samples": 7})
     policy, record = Policy.load(tmp_path / "p.safetensors")
-    wanted = net.actor(normalizer.apply(observations)).detach().numpy()
+    wanted = net.actor.forward(normalizer.apply(observations)).numpy()
     np.testing.assert_allclose(policy.act(policy.normalize(observations)), wanted, rtol=1e-4, atol=1e-7)
     assert record["samples"] == 7
 
@@ -43,7 +43,7 @@ def test_a_damaged_policy_is_one_clear_line(tmp_path: Path, learner) -> None:
 
 
 def test_a_policy_of_another_shape_is_refused(tmp_path: Path) -> None:
-    net, normalizer = ActorCritic(10, ACTIONS, (4,), 0.1, learn=False), Normalizer(10)
+    net, normalizer = ActorCritic(10, ACTIONS, (4,), 0.1), Normalizer(10)
     export(net, normalizer).save(tmp_path / "p.safetensors", RECORD)
     with pytest.raises(KinemimicError, match="found 10 and 42"):
         Policy.load(tmp_path / "p.safetensors")

@@ -1,14 +1,21 @@
-"""GAE, the penalty rule, KL and the normaliser against numbers worked out by hand."""
+"""GAE, the penalty rule and the normaliser by hand; the whole update against the plain way to write it."""
 
 from __future__ import annotations
+
+from dataclasses import replace
 
 import numpy as np
 import pytest
 import torch
-from torch.distributions import Independent, Normal, kl_divergence
+from peers.plain_ppo import PlainPPO
 
-from kinemimic.train.networks import Normalizer, divergence, log_density
-from kinemimic.train.ppo import adapt_penalty, adapt_rate, advantages
+from kinemimic.train import networks
+from kinemimic.train.advantages import advantages
+from kinemimic.train.config import PRESETS
+from kinemimic.train.env import ACTIONS, OBSERVATIONS
+from kinemimic.train.networks import Normalizer
+from kinemimic.train.ppo import Learner, adapt_penalty, adapt_rate
+from kinemimic.train.rollout import Samples
 
 
 def column(*values: float) -> np.ndarray:
@@ -56,16 +63,6 @@ def test_rate_steers_towards_the_target() -> None:
     assert adapt_rate(1e-3, 0.0, 0.1) == 1e-3
 
 
-def test_gaussians_agree_with_torch() -> None:
-    torch.manual_seed(0)
-    mean_old, mean_new, actions = torch.randn(3, 5, 4).double()
-    log_old, log_new = torch.randn(2, 4).double() * 0.3
-    old = Independent(Normal(mean_old, log_old.exp()), 1)
-    new = Independent(Normal(mean_new, log_new.exp()), 1)
-    torch.testing.assert_close(log_density(actions, mean_new, log_new), new.log_prob(actions))
-    torch.testing.assert_close(divergence(mean_old, log_old, mean_new, log_new), kl_divergence(old, new))
-
-
 def test_normalizer_equals_the_statistics_of_everything_seen() -> None:
     random = np.random.default_rng(0)
     batches = [random.normal(3.0, 2.0, (n, 3)) for n in (1, 7, 40)]
@@ -75,3 +72,64 @@ def test_normalizer_equals_the_statistics_of_everything_seen() -> None:
     every = np.concatenate(batches)
     np.testing.assert_allclose(normalizer.mean, every.mean(axis=0))
     np.testing.assert_allclose(normalizer.scale, every.std(axis=0))
+
+
+def followed(steps: int, figures: int) -> Samples:
+    """Made-up samples in which, as in a rollout, a step begins where the one before it left off."""
+    random = np.random.default_rng(0)
+    observations = random.normal(size=(steps, figures, OBSERVATIONS)).astype(np.float32)
+    final = random.normal(size=observations.shape).astype(np.float32)
+    terminated = random.random((steps, figures)) < 0.1
+    truncated = ~terminated & (random.random((steps, figures)) < 0.1)
+    goes_on = ~(terminated | truncated)[:-1]
+    final[:-1][goes_on] = observations[1:][goes_on]
+    return Samples(
+        observations=observations,
+        actions=random.normal(0.0, 0.15, (steps, figures, ACTIONS)).astype(np.float32),
+        terms=random.random((steps, figures, 5)).astype(np.float32),
+        terminated=terminated,
+        truncated=truncated,
+        final=final,
+        lengths=np.array([7]),
+        exploded=0,
+    )
+
+
+@pytest.mark.parametrize("name", sorted(PRESETS))
+def test_an_update_is_that_of_plain_ppo(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Two threads, slopes by hand, flat Adam, next values from the next row: the same networks come out."""
+    monkeypatch.setattr(networks, "choose_products", lambda: torch.float32)
+    learner = Learner(replace(PRESETS[name], hidden=(24, 16), minibatch=24, passes=3))
+    samples = followed(16, 4)
+    learner.normalizer.update(samples.observations.reshape(-1, OBSERVATIONS))
+    plain = PlainPPO(learner)
+    before = learner.net.actor.parameters.clone(), learner.net.critic.parameters.clone()
+    learner.update(samples)
+    plain.update(samples)
+    for ours, start, theirs in zip(
+        (learner.net.actor, learner.net.critic), before, (plain.actor, plain.critic), strict=True
+    ):
+        wanted = torch.cat([p.detach().reshape(-1) for p in theirs.parameters()])
+        assert (wanted - start).norm() > 0.01
+        assert (ours.parameters - wanted).norm() < 1e-3 * (wanted - start).norm()
+    torch.testing.assert_close(learner.net.log_noise, plain.log_noise.detach())
+
+
+def test_same_seed_same_bytes() -> None:
+    """Whichever of the two threads is ahead."""
+    found = []
+    for _ in range(2):
+        learner = Learner(replace(PRESETS["default"], hidden=(64, 32), minibatch=64, passes=4))
+        for _ in range(3):
+            learner.update(followed(32, 8))
+        found.append({name: value.numpy().tobytes() for name, value in learner.tensors().items()})
+    assert found[0] == found[1]
+
+
+def test_the_critic_learns_what_is_there_to_learn() -> None:
+    learner = Learner(replace(PRESETS["default"], hidden=(64, 32), minibatch=64, discount=0.0))
+    samples = followed(32, 8)
+    first = learner.update(samples)["value/loss"]
+    for _ in range(5):
+        last = learner.update(samples)["value/loss"]
+    assert last < 0.2 * first

@@ -1,0 +1,82 @@
+"""The update of `train/ppo.py` as everyone writes it: torch's layers, autograd, Adam, all in one loop."""
+
+from __future__ import annotations
+
+import copy
+from dataclasses import replace
+
+import numpy as np
+import torch
+from torch import Tensor, nn
+
+from kinemimic.train.advantages import advantages
+from kinemimic.train.mlp import Mlp
+from kinemimic.train.objective import divergence, log_density
+from kinemimic.train.ppo import Learner
+from kinemimic.train.rollout import Samples
+
+
+def sequential(mlp: Mlp) -> nn.Sequential:
+    """The same network in torch's own parts, with weights of its own."""
+    parts: list[nn.Module] = []
+    for weight, bias in mlp.layers:
+        linear = nn.Linear(weight.shape[1], weight.shape[0], dtype=weight.dtype)
+        with torch.no_grad():
+            linear.weight.copy_(weight)
+            linear.bias.copy_(bias)
+        parts += [linear, nn.Tanh()]
+    return nn.Sequential(*parts[:-1])
+
+
+class PlainPPO:
+    """Begins where `learner` stands; `update` learns from samples as `Learner.update` does."""
+
+    def __init__(self, learner: Learner) -> None:
+        c = self.config = learner.config
+        self.actor, self.critic = sequential(learner.net.actor), sequential(learner.net.critic)
+        self.log_noise = learner.net.log_noise.clone().requires_grad_(c.learn_noise)
+        self.normalizer = copy.deepcopy(learner.normalizer)
+        self.random = copy.deepcopy(learner.random)
+        self.progress = replace(learner.progress)
+        moved = [*self.actor.parameters(), *([self.log_noise] if c.learn_noise else [])]
+        self.actor_optimizer = torch.optim.Adam(moved, c.actor_rate)
+        self.critic_optimizer = torch.optim.Adam(self.critic.parameters(), c.critic_rate)
+
+    def update(self, samples: Samples) -> None:
+        """One round; rates and penalty are left as they are."""
+        c, rows = self.config, samples.terminated.size
+        observations = self.normalizer.apply(samples.observations.reshape(rows, -1))
+        actions = torch.from_numpy(samples.actions.reshape(rows, -1))
+        with torch.no_grad():
+            mean_old, log_old = self.actor(observations), self.log_noise.detach().clone()
+            values = self.critic(observations).numpy().reshape(samples.terminated.shape)
+            after = self.critic(self.normalizer.apply(samples.final.reshape(rows, -1))).numpy()
+        following = np.where(samples.terminated, 0.0, after.reshape(values.shape)).astype(np.float32)
+        ended = samples.terminated | samples.truncated
+        gains = advantages(samples.terms.sum(-1), values, following, ended, c.discount, c.gae_lambda)
+        returns, gain = (torch.from_numpy(x.reshape(-1)) for x in (gains + values, gains))
+        gain = (gain - gain.mean()) / (gain.std() + 1e-8)
+        density = log_density(actions, mean_old, log_old)
+        for _ in range(c.passes):
+            for part in torch.split(torch.from_numpy(self.random.permutation(rows)), c.minibatch):
+                mean = self.actor(observations[part])
+                ratio = (log_density(actions[part], mean, self.log_noise) - density[part]).exp()
+                gained = ratio * gain[part]
+                if c.clip is not None:
+                    gained = torch.minimum(gained, ratio.clamp(1 - c.clip, 1 + c.clip) * gain[part])
+                loss = -gained.mean()
+                if c.kl_penalty:
+                    kl = divergence(mean_old[part], log_old, mean, self.log_noise)
+                    loss = loss + self.progress.penalty * kl.mean()
+                if c.learn_noise:
+                    loss = loss - self.progress.entropy * self.log_noise.sum()
+                self._descend(loss, self.actor, self.actor_optimizer)
+                error = self.critic(observations[part])[:, 0] - returns[part]
+                self._descend(0.5 * error.square().mean(), self.critic, self.critic_optimizer)
+
+    @staticmethod
+    def _descend(loss: Tensor, net: nn.Module, optimizer: torch.optim.Optimizer) -> None:
+        optimizer.zero_grad()
+        loss.backward()
+        nn.utils.clip_grad_norm_(net.parameters(), 1.0)
+        optimizer.step()
