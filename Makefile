@@ -15,12 +15,12 @@ FILES := $(sort $(shell find pipeline retarget train evaluate datasets -type f -
 STAMP := $(VENV)/installed-$(firstword $(shell echo '$(FILES)' | cksum))
 
 # The fast engine: compiled from Bullet's sources, BULLET=fetched (by name, version and hash) or BULLET=system (an
-# installed one). Unsaid, it stays what it was.
-BULLET ?= $(or $(patsubst $(VENV)/native-%,%,$(firstword $(wildcard $(VENV)/native-*))),fetched)
+# installed one). Unsaid, it is the one that was built last.
+BULLET := $(or $(BULLET),$(patsubst $(VENV)/native-%,%,$(firstword $(wildcard $(VENV)/native-*))),fetched)
 NATIVE := $(VENV)/native-$(BULLET)
 NATIVE_FILES := $(wildcard $(addprefix train/native/,*.cpp *.hpp *.py pyproject.toml stubs/*/*.pyi))
 
-.PHONY: help setup formats inspect run ingest convert retarget train evaluate gait view export overlay test test-slow lint type format bench bench-clean profile wheel clean
+.PHONY: help setup formats inspect run ingest convert retarget train evaluate gait view export overlay test test-slow lint type format bench bench-clean wheel clean
 .DEFAULT_GOAL := help
 
 help: ## This list
@@ -41,7 +41,7 @@ $(STAMP): pyproject.toml constraints.txt
 # Where it cannot be built one line says why, no stamp is made, and the next `make setup` tries again.
 $(NATIVE): $(NATIVE_FILES) constraints.txt | $(STAMP)
 	@rm -f $(VENV)/native-*
-	@$(BIN)/python train/native/install.py $(BULLET) $@
+	$(BIN)/python train/native/install.py $(BULLET) $@
 
 run: setup ## Every stage on CAPTURE= (without one, the embedded virtual Kinect) into RUN=
 	$(KINEMIMIC) run $(if $(CAPTURE),"$(CAPTURE)") --run "$(RUN)" $(TRAINING)
@@ -104,9 +104,6 @@ bench: setup ## Speed: every tests/bench/bench_*.py but the next
 
 bench-clean: setup ## Every filter against the virtual Kinect's truth: which is the default
 	$(BIN)/python tests/bench/bench_clean.py
-
-profile: setup ## Where the time of the native engine goes, as Linux's perf sees it
-	$(BIN)/python tests/bench/profile_step.py
 
 wheel: setup ## dist/: kinemimic in pure Python, and kinemimic-native for any x86-64
 	rm -rf build/lib

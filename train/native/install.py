@@ -27,7 +27,7 @@ COST = "training runs on pybullet, about 3 times slower"
 
 
 class MissingError(Exception):
-    """What keeps the extension from being built, and what to do: both end up in the one line."""
+    """What keeps the extension from being built, and what to do about it: two arguments, in all one line."""
 
 
 def compiler() -> str:
@@ -39,9 +39,8 @@ def compiler() -> str:
     for command in candidates:
         if shutil.which((shlex.split(command) or [""])[0]):
             return command
-    raise MissingError(
-        f"no C++ compiler ({', '.join(dict.fromkeys(candidates))}): install one (Debian: apt install g++)"
-    )
+    tried = ", ".join(dict.fromkeys(candidates))
+    raise MissingError(f"no C++ compiler found ({tried})", "install one (Debian: apt install g++)")
 
 
 def first_error(log: str) -> str:
@@ -54,16 +53,16 @@ def first_error(log: str) -> str:
     return "no reason was given"
 
 
-def call(*command: str, environment: dict[str, str]) -> str:
-    """Run to the end; all output, and MissingError with the line that matters when it fails."""
+def call(*arguments: str, environment: dict[str, str]) -> None:
+    """Run this Python, its output to the log; MissingError with the line that matters when it fails."""
+    command = [sys.executable, *arguments]
     done = subprocess.run(  # noqa: S603 (our own words)
         command, env=environment, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, check=False
     )
     with LOG.open("a", encoding="utf-8") as log:
         log.write(f"$ {shlex.join(command)}\n{done.stdout}")
     if done.returncode:
-        raise MissingError(f"{first_error(done.stdout)} (all of it in {os.path.relpath(LOG)})")
-    return done.stdout
+        raise MissingError(first_error(done.stdout), f"mend that ({os.path.relpath(LOG)} has all of it)")
 
 
 def install(bullet: str) -> None:
@@ -72,40 +71,31 @@ def install(bullet: str) -> None:
     try:
         environment["KINEMIMIC_BULLET"] = bullet if bullet == "system" else str(fetch(BUILD))
     except (FetchError, OSError) as error:
-        raise MissingError(
-            f"{error}: look at the network, or use an installed Bullet (BULLET=system)"
-        ) from None
+        remedy = "look at the network, or take an installed Bullet (BULLET=system)"
+        raise MissingError(str(error), remedy) from None
     BUILD.mkdir(exist_ok=True)
     LOG.unlink(missing_ok=True)
-    pip = (
-        sys.executable,
-        "-m",
-        "pip",
-        "install",
-        "--verbose",
-        "--no-deps",
-        "--no-build-isolation",
-        "--force-reinstall",
-    )
-    call(*pip, str(HERE), environment=environment)
-    call(sys.executable, "-c", "import kinemimic_native", environment=environment)
+    # Without isolation it is the pinned pybind11 that compiles; forced, because the version stays the same.
+    options = ["--verbose", "--no-deps", "--no-build-isolation", "--force-reinstall"]
+    call("-m", "pip", "install", *options, str(HERE), environment=environment)
+    call("-c", "import kinemimic_native", environment=environment)
 
 
 def main() -> int:
-    parser = argparse.ArgumentParser(
-        description="Compiles and installs the fast engine, if this machine can."
-    )
+    """The command: exit status 0, whether the extension is there now or a line says why not."""
+    parser = argparse.ArgumentParser(description="Compiles and installs the native engine, if this can be.")
     parser.add_argument("bullet", choices=("fetched", "system"))
     parser.add_argument("stamp", type=Path)
     options = parser.parse_args()
     options.stamp.unlink(missing_ok=True)
     try:
         install(options.bullet)
-    except MissingError as reason:
+    except MissingError as missing:
+        reason, remedy = missing.args
         # What an earlier build left is not what the sources say now.
-        uninstall = (sys.executable, "-m", "pip", "uninstall", "--quiet", "--yes", "kinemimic-native")
+        uninstall = [sys.executable, "-m", "pip", "uninstall", "--quiet", "--yes", "kinemimic-native"]
         subprocess.run(uninstall, capture_output=True, check=False)  # noqa: S603
-        print(f"native stepper left out, {COST}: {reason}; then make setup again", file=sys.stderr)
+        print(f"native engine left out: {reason}; {COST}; {remedy}, then `make setup` again", file=sys.stderr)
         return 0
     options.stamp.touch()
     return 0

@@ -21,7 +21,7 @@ def runtime() -> str:
     try:
         compiler = install.compiler()
     except install.MissingError as missing:
-        pytest.skip(str(missing))
+        pytest.skip(str(missing.args[0]))
     found = []
     for library in ("libasan.so", "libubsan.so", "libstdc++.so"):
         command = [*compiler.split(), f"-print-file-name={library}"]
@@ -38,7 +38,7 @@ def environment(runtime: str, tmp_path_factory: pytest.TempPathFactory) -> dict[
     try:
         bullet = fetch(install.BUILD)
     except FetchError as missing:
-        pytest.skip(str(missing))
+        pytest.skip(str(missing.args[0]))
     target = tmp_path_factory.mktemp("sanitized")
     built = subprocess.run(
         [sys.executable, "-m", "pip", "install", "--no-deps", "--no-build-isolation", f"--target={target}",
@@ -63,6 +63,7 @@ def environment(runtime: str, tmp_path_factory: pytest.TempPathFactory) -> dict[
 
 @pytest.mark.slow
 def test_the_sanitizers_find_nothing(environment: dict[str, str]) -> None:
+    assert TESTS
     options = ["-q", "-m", "not slow", "-p", "no:cacheprovider", "-p", "no:xdist"]
     done = subprocess.run(
         [sys.executable, "-m", "pytest", *options, *map(str, TESTS)],
