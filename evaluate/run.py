@@ -21,6 +21,7 @@ from kinemimic.evaluate.ledger import Ledger, made_from
 from kinemimic.pipeline.cli import load_command
 from kinemimic.pipeline.store import read_json
 from kinemimic.train.config import PRESETS
+from kinemimic.train.engines import ENGINES
 
 # The capture that `run` makes when it is given none; a virtual Kinect always records the same one.
 VIRTUAL_STAGE = "virtual"
@@ -183,6 +184,7 @@ def _say(text: str, *, quiet: bool, bold: bool = False) -> None:
 @click.option("--preset", type=click.Choice(list(PRESETS)), help="Of `train`.")
 @click.option("--budget", type=click.IntRange(min=1), help="Of `train`: samples; the preset's by default.")
 @click.option("--seed", type=click.IntRange(min=0), help="Of `train`.")
+@click.option("--engine", type=click.Choice(ENGINES), help="Of `train` and `evaluate`.")
 @click.option("--anyway", is_flag=True, help="Of `train`: also on a motion that its gate refuses.")
 @click.option("--json", "as_json", is_flag=True, help="Print what was run and the scores as JSON.")
 def command(
@@ -195,6 +197,7 @@ def command(
     preset: str | None,
     budget: int | None,
     seed: int | None,
+    engine: str | None,
     anyway: bool,
     as_json: bool,
 ) -> None:
@@ -210,7 +213,14 @@ def command(
             "no-refine": no_refine or None,
             "ankle": ankle,
         },
-        "train": {"preset": preset, "budget": budget, "seed": seed, "anyway": anyway or None},
+        "train": {
+            "preset": preset,
+            "budget": budget,
+            "seed": seed,
+            "engine": engine,
+            "anyway": anyway or None,
+        },
+        "evaluate": {"engine": engine},
     }
     outcome = run(capture, folder, options=options, quiet=as_json)
     report, recording = folder / "report.html", folder / "view.rrd"

@@ -24,6 +24,7 @@ from kinemimic.pipeline.provenance import provenance
 from kinemimic.pipeline.store import file_hash, write_json, write_text
 from kinemimic.retarget.export_json import motion_from_json
 from kinemimic.retarget.motion import Motion, joint_angles
+from kinemimic.train.engines import ENGINES, resolve
 from kinemimic.train.perform import perform
 from kinemimic.train.playback import Playback
 from kinemimic.train.policy import Policy
@@ -43,11 +44,13 @@ def protocol(motion: Motion) -> tuple[Array, int]:
     return np.zeros(1), max(1, int(motion.duration * CONTROL_RATE + 1e-6))
 
 
-def evaluate(run: Path, *, workers: int | None = None) -> dict[str, Any]:
+def evaluate(run: Path, *, workers: int | None = None, engine: str = "auto") -> dict[str, Any]:
     """Score run/policy.safetensors on run/motion.json; returns the content of scores.json.
 
-    Nothing is written before everything is known. workers: processes that simulate, all cores by default.
+    Nothing is written before everything is known. workers: processes that simulate, all cores by default;
+    engine: of `train/engines.py`.
     """
+    engine = resolve(engine)
     motion = motion_from_json(run / "motion.json")
     policy = run / "policy.safetensors"
     if not policy.exists():
@@ -59,7 +62,15 @@ def evaluate(run: Path, *, workers: int | None = None) -> dict[str, Any]:
     phases, frames = protocol(motion)
     with progress("evaluate", 2 * len(phases)) as bar:
         playback, baseline = (
-            perform(motion, who, start_phases=phases, frames=frames, workers=workers, progress=bar.advance)
+            perform(
+                motion,
+                who,
+                start_phases=phases,
+                frames=frames,
+                engine=engine,
+                workers=workers,
+                progress=bar.advance,
+            )
             for who in (policy, None)
         )
     scores = compose(
@@ -74,7 +85,7 @@ def evaluate(run: Path, *, workers: int | None = None) -> dict[str, Any]:
                 "motion": motion.identity,
                 "policy": file_hash(policy),
             },
-            config={"frames": frames, "start_phases": len(phases)},
+            config={"frames": frames, "start_phases": len(phases), "engine": engine},
             seed=record.get("seed"),
         ),
     )
@@ -155,10 +166,17 @@ def table(scores: dict[str, Any], run: Path) -> RenderableType:
     "--run", "run", type=click.Path(path_type=Path), default=Path("runs/default"), show_default=True
 )
 @click.option("--workers", type=click.IntRange(min=1), help="Processes that simulate; all cores by default.")
+@click.option(
+    "--engine",
+    type=click.Choice(ENGINES),
+    default="auto",
+    show_default=True,
+    help="Native where it is built.",
+)
 @click.option("--json", "as_json", is_flag=True, help="Print scores.json.")
-def command(run: Path, workers: int | None, as_json: bool) -> None:
+def command(run: Path, workers: int | None, engine: str, as_json: bool) -> None:
     """Let the run's policy perform, and score it against reference, capture and truth."""
-    scores = evaluate(run, workers=workers)
+    scores = evaluate(run, workers=workers, engine=engine)
     if as_json:
         click.echo(json.dumps(scores, indent=2))
     else:

@@ -13,7 +13,7 @@ from kinemimic.pipeline.errors import KinemimicError
 from kinemimic.pipeline.store import atomic
 from kinemimic.train.ppo import Learner
 
-CHECKPOINT_SCHEMA = 1
+CHECKPOINT_SCHEMA = 2
 
 
 def save(path: Path, learner: Learner, motion: str) -> None:

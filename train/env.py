@@ -7,19 +7,12 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from kinemimic.pipeline.rotations import (
-    conjugate,
-    from_axis_angle,
-    from_rotvec,
-    multiply,
-    rotate,
-    to_rotvec,
-    to_six,
-)
+from kinemimic.pipeline.rotations import from_rotvec, multiplier, to_six
 from kinemimic.retarget.body import BODIES
 from kinemimic.train.config import EnvConfig
 from kinemimic.train.reference import Reference
-from kinemimic.train.reward import rewards
+from kinemimic.train.reward import pose_turns, rewards
+from kinemimic.train.stopwatch import Stopwatch
 from kinemimic.train.world import CONTROL_RATE, SUBSTEPS, TIME_STEP, BodyStates, World
 
 Array = NDArray[np.float64]
@@ -40,6 +33,9 @@ _REACH = {
 ACTION_SCALE: Array = np.repeat(
     [_REACH[body.name.removesuffix("_left").removesuffix("_right")] for body in BODIES[1:]], 3
 )
+# What a moment between two control steps is put down to (`stopwatch.py`).
+SIMULATION = "simulation"
+TASK = "observation and reward"
 OBSERVATIONS = 2 + 1 + 15 * 6 + 14 * 3 + 15 * 3 + 15 * 3 + 15 * 3 + 2
 
 
@@ -48,90 +44,119 @@ class Step:
     """Result of a control step for E figures.
 
     observations: (E, OBSERVATIONS) after the step, before any reset; terms: (E, K) reward terms;
-    terminated: (E,) fell or lost the reference; truncated: (E,) time is up (not a fall).
+    terminated: (E,) fell, lost the reference or exploded; truncated: (E,) time is up (not a fall);
+    exploded: (E,) the engine lost the figure's state and holds its last sound one.
     """
 
     observations: Array
     terms: Array
     terminated: NDArray[np.bool_]
     truncated: NDArray[np.bool_]
+    exploded: NDArray[np.bool_]
 
 
 class ImitationBatch:
-    """E figures that imitate one reference. Time of each is its phase in the reference, not wrapped."""
+    """E figures that imitate one reference. Time of each is its phase in the reference, not wrapped.
+
+    bodies: simulated, in the world's own arrays: valid until the next step or reset;
+    target, ahead: the reference now and a control step later; watch: where the time goes.
+    """
 
     def __init__(self, world: World, reference: Reference, config: EnvConfig) -> None:
         self.world = world
         self.reference = reference
         self.config = config
         self.reward = config.reward  # may be changed between steps
+        self.watch = Stopwatch()
         self.phases: Array = np.zeros(world.size)
         self._ages = np.zeros(world.size, dtype=np.int64)
         self._increment = 1.0 / (CONTROL_RATE * reference.duration)
+        self._substeps: Array = np.arange(1.0, SUBSTEPS + 1) * TIME_STEP / reference.duration
         self.bodies: BodyStates = world.states()
+        self._face(reference.bodies(self.phases))
+
+    def _face(self, target: BodyStates) -> None:
+        """Set the figures, as they are now, against their target and what comes after it."""
+        self.target = target
+        self.ahead = self.reference.bodies(self.phases + self._increment)
+        self._turns, self._turns_ahead = pose_turns(self.bodies, self.target, self.ahead)
 
     def reset(self, indices: NDArray[np.intp], phases: Array) -> None:
         """Put figures (N,) on the reference at phases (N,)."""
         self.phases[indices] = phases
         self._ages[indices] = 0
-        self.world.reset(indices, self.reference.poses(phases))
+        poses = self.reference.poses(phases)
+        self.watch.lap(TASK)
+        self.world.reset(indices, poses)
         self.bodies = self.world.states()
+        self.watch.lap(SIMULATION)
+        self._face(self.reference.bodies(self.phases))
 
     def step(self, actions: Array, wrenches: Array | None = None) -> Step:
         """One control step with actions (E, 42): corrections of the reference joints as rotation vectors."""
-        correction = from_rotvec((actions * ACTION_SCALE).reshape(-1, 1, JOINTS, 3))
-        substeps = (1 + np.arange(SUBSTEPS)) * TIME_STEP / self.reference.duration
-        joints, velocities = self.reference.joints(self.phases[:, None] + substeps)
-        self.bodies = self.world.step(multiply(joints, correction), velocities, wrenches)
+        correction = multiplier(from_rotvec((actions * ACTION_SCALE).reshape(-1, JOINTS, 3)))
+        joints, velocities = self.reference.joints(self.phases[:, None] + self._substeps)
+        # One correction for the targets of all substeps: products of 8 x 4 and 4 x 4 matrices.
+        targets = np.empty(joints.shape)
+        np.matmul(joints.swapaxes(1, 2), correction, out=targets.swapaxes(1, 2))
+        self.watch.lap(TASK)
+        self.bodies = self.world.step(targets, velocities, wrenches)
+        self.watch.lap(SIMULATION)
         self.phases = self.phases + self._increment
         self._ages += 1
-        target = self.reference.bodies(self.phases)
-        fallen = self.fallen(target)
-        drift = np.linalg.norm(self.bodies.positions[:, 0, :2] - target.positions[:, 0, :2], axis=-1)
-        terminated = fallen | (drift > self.config.max_drift)
+        self._face(self.ahead)
+        way = self.bodies.positions[:, 0] - self.target.positions[:, 0]
+        terminated = self.fallen() | (np.hypot(way[:, 0], way[:, 1]) > self.config.max_drift)
         truncated = ~terminated & (self._ages >= self.config.episode)
         if not self.reference.cyclic:
             truncated |= ~terminated & (self.phases >= 1.0)
-        terms = rewards(self.bodies, target, self.reward)
-        return Step(self.observe(), np.where(terminated[:, None], 0.0, terms), terminated, truncated)
+        terms = np.where(terminated[:, None], 0.0, self.terms())
+        return Step(self.observe(), terms, terminated, truncated, self.world.exploded())
 
-    def fallen(self, target: BodyStates | None = None) -> NDArray[np.bool_]:
-        """(E,) whether the pelvis is too low, too high or too far turned for its reference."""
-        ref = self.reference.bodies(self.phases) if target is None else target
-        height = np.abs(self.bodies.positions[:, 0, 2] - ref.positions[:, 0, 2])
-        turn = np.linalg.norm(
-            to_rotvec(multiply(conjugate(ref.rotations[:, 0]), self.bodies.rotations[:, 0])), axis=-1
-        )
-        blown = ~np.isfinite(self.bodies.positions).all(axis=(1, 2))
+    def terms(self) -> Array:
+        """Reward terms (E, K) of the figures as they are, fallen or not."""
+        return rewards(self.bodies, self.target, self._turns, self.reward)
+
+    def fallen(self) -> NDArray[np.bool_]:
+        """(E,) exploded, or with the pelvis too low, too high or too far turned for its reference."""
+        height = np.abs(self.bodies.positions[:, 0, 2] - self.target.positions[:, 0, 2])
+        turn = np.linalg.norm(self._turns[:, 0], axis=-1)
         fell = (height > self.config.max_height_error) | (turn > self.config.max_rotation_error)
-        return np.asarray(fell | blown)
+        return np.asarray(fell | self.world.exploded())
 
     def observe(self) -> Array:
         """(E, OBSERVATIONS) in the figure's own heading: what it is doing and how far from what is next."""
         b = self.bodies
         size = len(self.phases)
-        ahead = self.phases + self._increment
-        target = self.reference.bodies(ahead)
-        forward = rotate(b.rotations[:, 0], np.broadcast_to([1.0, 0.0, 0.0], (size, 3)))
-        level = conjugate(from_axis_angle("Z", np.arctan2(forward[:, 1], forward[:, 0])))[:, None]
-        rotations = multiply(level, b.rotations)
-        offsets = rotate(level, b.positions[:, 1:] - b.positions[:, :1])
-        wanted = np.concatenate(
+        six = to_six(b.rotations)
+        vectors = np.concatenate(
             [
-                to_rotvec(multiply(conjugate(b.rotations[:, :1]), target.rotations[:, :1])),
-                to_rotvec(multiply(conjugate(b.joints), target.joints)),
+                six.reshape(size, -1, 3),
+                b.positions[:, 1:] - b.positions[:, :1],
+                b.linear,
+                b.angular,
+                self.ahead.positions[:, :1] - b.positions[:, :1],
             ],
             axis=1,
         )
-        drift = np.clip(rotate(level[:, 0], target.positions[:, 0] - b.positions[:, 0])[:, :2], -1.0, 1.0)
+        # The pelvis faces along its x-axis.
+        vectors = _levelled(vectors, np.arctan2(six[:, 0, 1], six[:, 0, 0]))
         turn = 2.0 * np.pi * self.phases
         parts = [
-            np.stack([np.sin(turn), np.cos(turn), b.positions[:, 0, 2]], axis=-1),
-            to_six(rotations),
-            offsets,
-            rotate(level, b.linear),
-            rotate(level, b.angular),
-            wanted,
-            drift,
+            np.array([np.sin(turn), np.cos(turn), b.positions[:, 0, 2]]).T,
+            vectors[:, :-1].reshape(size, -1),
+            self._turns_ahead.reshape(size, -1),
+            np.clip(vectors[:, -1, :2], -1.0, 1.0),
         ]
-        return np.concatenate([part.reshape(size, -1) for part in parts], axis=1)
+        return np.concatenate(parts, axis=1)
+
+
+def _levelled(vectors: Array, heading: Array) -> Array:
+    """Vectors (E, N, 3) of the world as seen along a heading (E,), radians about the vertical."""
+    cosine, sine = np.cos(heading)[:, None], np.sin(heading)[:, None]
+    x, y, z = vectors[..., 0], vectors[..., 1], vectors[..., 2]
+    turned = np.empty(vectors.shape)
+    turned[..., 0] = cosine * x + sine * y
+    turned[..., 1] = cosine * y - sine * x
+    turned[..., 2] = z
+    return turned

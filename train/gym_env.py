@@ -9,8 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from kinemimic.retarget.motion import Motion
-from kinemimic.train.bullet import BulletWorld
 from kinemimic.train.config import EnvConfig
+from kinemimic.train.engines import open_world
 from kinemimic.train.env import ACTIONS, OBSERVATIONS, ImitationBatch
 from kinemimic.train.reference import Reference
 
@@ -25,14 +25,14 @@ class ImitationEnv(gym.Env[Observation, NDArray[np.float32]]):
 
     Observations are raw (OBSERVATIONS,), actions (42,) as in `ImitationBatch`. A fall terminates; the end of
     the episode's time truncates. `reset(options={"phase": p})` starts at a phase instead of a random one;
-    `info` has the reward's terms.
+    `info` has the reward's terms. engine: of `engines.py`.
     """
 
     metadata = {"render_modes": []}  # noqa: RUF012 (Gymnasium's own form)
 
-    def __init__(self, motion: Motion, config: EnvConfig | None = None) -> None:
+    def __init__(self, motion: Motion, config: EnvConfig | None = None, engine: str = "auto") -> None:
         self._config = config or EnvConfig()
-        self._batch = ImitationBatch(BulletWorld(1), Reference(motion), self._config)
+        self._batch = ImitationBatch(open_world(1, engine), Reference(motion), self._config)
         self.observation_space = gym.spaces.Box(-np.inf, np.inf, (OBSERVATIONS,), np.float32)
         self.action_space = gym.spaces.Box(-ACTION_BOUND, ACTION_BOUND, (ACTIONS,), np.float32)
 

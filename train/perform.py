@@ -17,13 +17,12 @@ from kinemimic.pipeline.rotations import IDENTITY
 from kinemimic.pipeline.skeleton import NODES
 from kinemimic.retarget.body import BODY_NODES
 from kinemimic.retarget.motion import Motion
-from kinemimic.train.bullet import BulletWorld
 from kinemimic.train.config import EnvConfig, TrainConfig
+from kinemimic.train.engines import open_world
 from kinemimic.train.env import ACTIONS, ImitationBatch
 from kinemimic.train.playback import Playback
 from kinemimic.train.policy import Policy
 from kinemimic.train.reference import Reference
-from kinemimic.train.reward import rewards
 
 Array = NDArray[np.float64]
 
@@ -34,13 +33,15 @@ def perform(
     *,
     start_phases: Array,
     frames: int,
+    engine: str = "auto",
     workers: int | None = None,
     progress: Callable[[int], object] | None = None,
 ) -> Playback:
     """Rollouts of the deterministic policy from each phase, side by side on `workers` processes.
 
     policy: file of a trained policy, or None for the reference's PD targets alone. A fall is noted and the
-    figure lies there while the reference goes on. progress: called with the number of phases that are done.
+    figure lies there while the reference goes on. engine: of `engines.py`.
+    progress: called with the number of phases that are done.
     """
     actor, config = None, EnvConfig()
     if policy is not None:
@@ -48,7 +49,7 @@ def perform(
         config = TrainConfig.from_json(record["config"]).env
     count = min(workers or len(os.sched_getaffinity(0)), len(start_phases))
     # One figure a task: what a figure does must not depend on how many others there are.
-    tasks = [(motion, actor, config, float(phase), frames) for phase in start_phases]
+    tasks = [(motion, actor, config, float(phase), frames, engine) for phase in start_phases]
     parts: list[Playback] = []
     with ProcessPoolExecutor(count, mp_context=multiprocessing.get_context("spawn")) as pool:
         for part in pool.map(_perform_one, tasks):
@@ -64,10 +65,10 @@ def perform(
     return Playback(**joined)
 
 
-def _perform_one(task: tuple[Motion, Policy | None, EnvConfig, float, int]) -> Playback:
-    motion, policy, config, phase, frames = task
+def _perform_one(task: tuple[Motion, Policy | None, EnvConfig, float, int, str]) -> Playback:
+    motion, policy, config, phase, frames, engine = task
     reference = Reference(motion)
-    batch = ImitationBatch(BulletWorld(1, measure_torques=True), reference, config)
+    batch = ImitationBatch(open_world(1, engine, measure_torques=True), reference, config)
     batch.reset(np.array([0]), np.array([phase]))
     observation = batch.observe()
     rows: dict[str, list[NDArray[Any]]] = {
@@ -79,14 +80,14 @@ def _perform_one(task: tuple[Motion, Policy | None, EnvConfig, float, int]) -> P
         if policy is not None:
             action = policy.act(policy.normalize(observation.astype(np.float32))).astype(np.float64)
         observation = batch.step(action).observations
-        target = reference.bodies(batch.phases)
-        if fallen_at == frames and batch.fallen(target)[0]:
+        if fallen_at == frames and batch.fallen()[0]:
             fallen_at = frame
         rows["phases"].append(batch.phases.copy())
-        rows["root"].append(batch.bodies.positions[:, 0])
+        # The engine writes the next step into the same arrays.
+        rows["root"].append(batch.bodies.positions[:, 0].copy())
         rows["rotations"].append(_nodes(batch))
-        rows["rewards"].append(rewards(batch.bodies, target, config.reward))
-        rows["torques"].append(batch.world.peak_torques())
+        rows["rewards"].append(batch.terms())
+        rows["torques"].append(batch.world.peak_torques().copy())
         rows["contacts"].append(batch.world.contacts())
     batch.world.close()
     stacked = {name: np.stack(values, axis=1) for name, values in rows.items()}

@@ -1,6 +1,7 @@
 """Terms of the imitation reward (the paper's Eq. 1-5): pure functions of simulated and reference bodies.
 
-Each gives an error (E,); `rewards` turns errors into Σ w exp(-k e).
+`pose_turns` says what turns the one pose into the other, `errors` gives each term's error (E,), and `rewards`
+turns errors into the terms of Σ w exp(-k e).
 """
 
 from __future__ import annotations
@@ -8,51 +9,62 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from kinemimic.pipeline.rotations import angle_between
+from kinemimic.pipeline.rotations import conjugate, multiply, to_rotvec
 from kinemimic.retarget.body import BODY_NAMES
 from kinemimic.train.config import POSE_WEIGHTS, RewardConfig
-from kinemimic.train.world import BodyStates
+from kinemimic.train.world import JOINT_PARENTS, BodyStates
 
 Array = NDArray[np.float64]
 
 _WEIGHTS: Array = np.array([POSE_WEIGHTS[name] for name in BODY_NAMES])
+_ROOT_WEIGHTS: Array = np.sqrt(_WEIGHTS)[:, None]
+_PARENTS = np.array([0, *JOINT_PARENTS])
 
 
-def pose_angles(sim: BodyStates, ref: BodyStates) -> Array:
-    """Angles (E, 15) between simulated and reference: pelvis in the world, joints locally, rad."""
-    root = angle_between(sim.rotations[:, :1], ref.rotations[:, :1])
-    return np.concatenate([root, angle_between(sim.joints, ref.joints)], axis=1)
+def pose(rotations: Array) -> Array:
+    """Of bodies' rotations (..., 15, 4) in the world the pose: pelvis in the world, joints locally."""
+    found = multiply(conjugate(rotations.take(_PARENTS, axis=-2)), rotations)
+    found[..., 0, :] = rotations[..., 0, :]
+    return found
 
 
-def errors(sim: BodyStates, ref: BodyStates, config: RewardConfig) -> dict[str, Array]:
-    """The errors eᵢ (E,) of the terms that have a weight, in the form of the configuration."""
-    angles = pose_angles(sim, ref)
-    linear, angular = sim.linear - ref.linear, sim.angular - ref.angular
-    height = sim.positions[:, 0, 2] - ref.positions[:, 0, 2]
-    path = sim.positions[:, 0, :2] - ref.positions[:, 0, :2]
-    if config.form == "squares":
-        every = {
-            "pose": angles**2 @ _WEIGHTS,
-            "linear": np.mean(np.sum(linear**2, axis=-1), axis=-1),
-            "angular": np.mean(np.sum(angular**2, axis=-1), axis=-1),
-            "height": height**2,
-            "path": np.sum(path**2, axis=-1),
-        }
-    else:
-        every = {
-            "pose": np.linalg.norm(angles, axis=-1),
-            "linear": np.linalg.norm(linear, axis=(1, 2)),
-            "angular": np.linalg.norm(angular, axis=(1, 2)),
-            "height": np.abs(height),
-            "path": np.linalg.norm(path, axis=-1),
-        }
-    return {name: every[name] for name in config.weights}
+def pose_turns(sim: BodyStates, *refs: BodyStates) -> Array:
+    """Rotation vectors (R, E, 15, 3) from the simulated pose to that of each reference, in the pose's own
+    frames, rad."""
+    poses = pose(np.stack([sim.rotations, *(ref.rotations for ref in refs)]))
+    return to_rotvec(multiply(conjugate(poses[0]), poses[1:]))
 
 
-def rewards(sim: BodyStates, ref: BodyStates, config: RewardConfig) -> Array:
+def errors(sim: BodyStates, ref: BodyStates, turns: Array, config: RewardConfig) -> dict[str, Array]:
+    """The errors eᵢ (E,) of the terms that have a weight, in the form of the configuration.
+
+    turns: (E, 15, 3) from the one pose to the other, of `pose_turns`.
+    """
+    differences = {
+        "pose": turns,
+        "linear": sim.linear - ref.linear,
+        "angular": sim.angular - ref.angular,
+        "height": sim.positions[:, :1, 2:] - ref.positions[:, :1, 2:],
+        "path": sim.positions[:, :1, :2] - ref.positions[:, :1, :2],
+    }
+    if config.form == "norm":
+        return {name: np.sqrt(_total(differences[name])) for name in config.weights}
+    differences["pose"] = turns * _ROOT_WEIGHTS
+    # A pose's weights sum to one already; of the rest it is the mean over the bodies.
+    bodies = {"linear": len(_WEIGHTS), "angular": len(_WEIGHTS)}
+    return {name: _total(differences[name]) / bodies.get(name, 1) for name in config.weights}
+
+
+def _total(differences: Array) -> Array:
+    """Sum of squares (E,) over bodies and axes of (E, bodies, axes)."""
+    total: Array = np.einsum("ebi,ebi->e", differences, differences)
+    return total
+
+
+def rewards(sim: BodyStates, ref: BodyStates, turns: Array, config: RewardConfig) -> Array:
     """Weighted terms (E, K) in the sequence of the configuration's weights; their sum is the reward."""
-    found = errors(sim, ref, config)
-    return np.stack(
-        [weight * np.exp(-config.scales[name] * found[name]) for name, weight in config.weights.items()],
-        axis=-1,
-    )
+    found = errors(sim, ref, turns, config)
+    scales = np.array([config.scales[name] for name in found])
+    weights = np.array([config.weights[name] for name in found])
+    terms: Array = weights * np.exp(-scales * np.stack([*found.values()], axis=-1))
+    return terms

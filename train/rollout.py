@@ -5,19 +5,25 @@ from __future__ import annotations
 import multiprocessing
 import os
 import signal
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 from multiprocessing.connection import Connection
 from types import TracebackType
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from kinemimic.retarget.motion import Motion
-from kinemimic.train.bullet import BulletWorld
 from kinemimic.train.config import EnvConfig, RewardConfig
-from kinemimic.train.env import ImitationBatch
+from kinemimic.train.engines import open_world
+from kinemimic.train.env import OBSERVATIONS, TASK, ImitationBatch
 from kinemimic.train.policy import Floats, Policy
 from kinemimic.train.reference import Reference
+from kinemimic.train.stopwatch import summed
+
+# What a worker does beside the simulation and the task of `env.py`; inference has the exploration's noise.
+INFERENCE = "inference"
+BOOKKEEPING = "bookkeeping"
 
 
 @dataclass(frozen=True)
@@ -26,7 +32,7 @@ class Samples:
 
     observations: (T, E, O) raw, before the step; actions: (T, E, A); terms: (T, E, K);
     terminated, truncated: (T, E); final: (T, E, O) raw observation after the step, before a reset;
-    lengths: (episodes,) steps of the episodes that ended.
+    lengths: (episodes,) steps of the episodes that ended; exploded: how many of them by an explosion.
     """
 
     observations: Floats
@@ -36,73 +42,127 @@ class Samples:
     truncated: NDArray[np.bool_]
     final: Floats
     lengths: NDArray[np.int64]
+    exploded: int
+
+    def packed(self) -> Samples:
+        """Without the part of `final` (then (M, O)) that the next step's observation repeats."""
+        return replace(self, final=self.final[self._last()])
+
+    def unpacked(self) -> Samples:
+        """The inverse of `packed`."""
+        final = np.empty_like(self.observations)
+        final[:-1] = self.observations[1:]
+        final[self._last()] = self.final
+        return replace(self, final=final)
+
+    def _last(self) -> NDArray[np.bool_]:
+        """(T, E) whether no step of the same episode follows."""
+        last = self.terminated | self.truncated
+        last[-1] = True
+        return last
 
 
 class Sampler:
     """Figures of one worker, with a random generator each, so that a figure's fate is its own."""
 
-    def __init__(self, motion: Motion, config: EnvConfig, seeds: list[np.random.SeedSequence]) -> None:
-        self._batch = ImitationBatch(BulletWorld(len(seeds)), Reference(motion), config)
+    def __init__(
+        self, motion: Motion, config: EnvConfig, seeds: list[np.random.SeedSequence], engine: str
+    ) -> None:
+        self._batch = ImitationBatch(open_world(len(seeds), engine), Reference(motion), config)
         self._randoms = [np.random.default_rng(seed) for seed in seeds]
         self._ages = np.zeros(len(seeds), dtype=np.int64)
         self._restart(np.arange(len(seeds)))
+
+    @property
+    def seconds(self) -> dict[str, float]:
+        """Where the time of the last `sample` went."""
+        return self._batch.watch.seconds
 
     def _restart(self, indices: NDArray[np.intp]) -> None:
         self._ages[indices] = 0
         self._batch.reset(indices, np.array([self._randoms[index].random() for index in indices]))
 
+    def _exploration(self, noise: Floats, steps: int) -> Floats:
+        """(T, E, A) noise of standard deviations (A,), each figure's from its own generator."""
+        draws = np.empty((steps, len(self._randoms), len(noise)), dtype=np.float32)
+        for k, random in enumerate(self._randoms):
+            draws[:, k] = random.standard_normal((steps, len(noise)), dtype=np.float32)
+        draws *= noise
+        return draws
+
     def sample(self, policy: Policy, noise: Floats, reward: RewardConfig, steps: int) -> Samples:
         """Steps with exploration noise of standard deviation `noise` (A,) per action."""
-        self._batch.reward = reward
-        columns: dict[str, list[NDArray[np.generic]]] = {f.name: [] for f in fields(Samples)}
+        batch, size = self._batch, len(self._randoms)
+        batch.watch.restart()
+        batch.reward = reward
+        # One row more: what the last step led to is the first observation of the next call.
+        observations = np.empty((steps + 1, size, OBSERVATIONS), dtype=np.float32)
+        final = np.empty((steps, size, OBSERVATIONS), dtype=np.float32)
+        terms = np.empty((steps, size, len(reward.weights)), dtype=np.float32)
+        terminated, truncated = np.empty((2, steps, size), dtype=np.bool_)
         lengths: list[int] = []
-        observations = self._batch.observe().astype(np.float32)
-        for _ in range(steps):
-            mean = policy.act(policy.normalize(observations))
-            draws = np.stack(
-                [random.standard_normal(mean.shape[1], dtype=np.float32) for random in self._randoms]
-            )
-            actions = mean + noise * draws
-            step = self._batch.step(actions)
+        exploded = 0
+        actions = self._exploration(noise, steps)
+        batch.watch.lap(INFERENCE)
+        observations[0] = batch.observe()
+        batch.watch.lap(TASK)
+        for t in range(steps):
+            actions[t] += policy.act(policy.normalize(observations[t]))
+            batch.watch.lap(INFERENCE)
+            step = batch.step(actions[t])
+            batch.watch.lap(TASK)
             self._ages += 1
-            final = step.observations.astype(np.float32)
-            row = {
-                "observations": observations,
-                "actions": actions,
-                "terms": step.terms.astype(np.float32),
-                "terminated": step.terminated,
-                "truncated": step.truncated,
-                "final": final,
-            }
-            for name, value in row.items():
-                columns[name].append(value)
+            final[t] = observations[t + 1] = step.observations
+            terms[t], terminated[t], truncated[t] = step.terms, step.terminated, step.truncated
             ended = np.flatnonzero(step.terminated | step.truncated)
-            observations = final
+            batch.watch.lap(BOOKKEEPING)
             if len(ended):
                 lengths += self._ages[ended].tolist()
+                exploded += int(step.exploded.sum())
                 self._restart(ended)
-                observations = self._batch.observe().astype(np.float32)
-        stacked = {name: np.stack(rows) for name, rows in columns.items() if name != "lengths"}
-        return Samples(**stacked, lengths=np.array(lengths, dtype=np.int64))
+                observations[t + 1, ended] = batch.observe()[ended]
+                batch.watch.lap(TASK)
+        return Samples(
+            observations=observations[:-1],
+            actions=actions,
+            terms=terms,
+            terminated=terminated,
+            truncated=truncated,
+            final=final,
+            lengths=np.array(lengths, dtype=np.int64),
+            exploded=exploded,
+        )
 
 
 def _serve(
-    connection: Connection, motion: Motion, config: EnvConfig, seeds: list[np.random.SeedSequence]
+    connection: Connection,
+    motion: Motion,
+    config: EnvConfig,
+    seeds: list[np.random.SeedSequence],
+    engine: str,
 ) -> None:
     # Ctrl-C reaches the whole process group; the parent decides when its workers end.
     signal.signal(signal.SIGINT, signal.SIG_IGN)
-    sampler = Sampler(motion, config, seeds)
+    sampler = Sampler(motion, config, seeds, engine)
+    connection.send(None)  # ready
     while True:
         try:
-            connection.send(sampler.sample(*connection.recv()))
+            samples = sampler.sample(*connection.recv())
+            connection.send((samples.packed(), sampler.seconds))
         except (EOFError, BrokenPipeError):  # the parent is gone
             return
 
 
 class Workers:
-    """`count` processes that share E figures; use as a context."""
+    """`count` processes that share E figures; use as a context.
 
-    def __init__(self, motion: Motion, config: EnvConfig, environments: int, seed: int, count: int) -> None:
+    seconds: where the workers' time went in all calls of `sample` so far, mean over the workers.
+    """
+
+    def __init__(
+        self, motion: Motion, config: EnvConfig, environments: int, seed: int, count: int, engine: str
+    ) -> None:
+        self.seconds: dict[str, float] = {}
         seeds = np.random.SeedSequence(seed).spawn(environments)
         # A child must not bring up threads of its own for matrix products: there is a process for every core.
         saved = {name: os.environ.get(name) for name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS")}
@@ -114,12 +174,15 @@ class Workers:
             for k in range(count):
                 ours, theirs = context.Pipe()
                 process = context.Process(
-                    target=_serve, args=(theirs, motion, config, seeds[k::count]), daemon=True
+                    target=_serve, args=(theirs, motion, config, seeds[k::count], engine), daemon=True
                 )
                 process.start()
                 theirs.close()
                 self._connections.append(ours)
                 self._processes.append(process)
+            # What it takes to start is not part of the first samples' time.
+            for connection in self._connections:
+                connection.recv()
         finally:
             for name, value in saved.items():
                 if value is None:
@@ -131,14 +194,19 @@ class Workers:
         """Samples of all workers, figures side by side."""
         for connection in self._connections:
             connection.send((policy, noise, reward, steps))
-        parts: list[Samples] = [connection.recv() for connection in self._connections]
-        joined = {
-            f.name: np.concatenate(
-                [getattr(part, f.name) for part in parts], axis=0 if f.name == "lengths" else 1
-            )
+        parts: list[Samples] = []
+        for connection in self._connections:
+            samples, seconds = connection.recv()
+            parts.append(samples.unpacked())
+            mean = {name: value / len(self._connections) for name, value in seconds.items()}
+            self.seconds = summed(self.seconds, mean)
+        joined: dict[str, Any] = {
+            f.name: np.concatenate([getattr(part, f.name) for part in parts], axis=1)
             for f in fields(Samples)
+            if f.name not in ("lengths", "exploded")
         }
-        return Samples(**joined)
+        lengths = np.concatenate([part.lengths for part in parts])
+        return Samples(**joined, lengths=lengths, exploded=sum(part.exploded for part in parts))
 
     def __enter__(self) -> Workers:
         return self

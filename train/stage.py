@@ -21,14 +21,22 @@ from kinemimic.retarget.gate import admit
 from kinemimic.retarget.motion import Motion
 from kinemimic.train import checkpoint
 from kinemimic.train.config import PRESETS, preset
+from kinemimic.train.engines import ENGINES, resolve
 from kinemimic.train.networks import export
 from kinemimic.train.ppo import Learner
 from kinemimic.train.rollout import Samples, Workers
+from kinemimic.train.stopwatch import Stopwatch, split, summed, table
 
 CHECKPOINT = "checkpoint.safetensors"
 PREVIOUS = "checkpoint.previous.safetensors"
 POLICY = "policy.safetensors"
 CHECKPOINT_SECONDS = 60.0
+# Where a round's time goes; the workers say what became of the rollout's.
+ROLLOUT = "rollout"
+WAITING = "transfer and waiting"
+UPDATE = "update"
+SAVING = "checkpoint"
+OTHER = "other"
 _WARM_UP = 16  # steps of the untrained policy that give the normaliser its first statistics
 
 
@@ -39,6 +47,7 @@ def train(
     budget: int | None = None,
     seed: int = 0,
     workers: int | None = None,
+    engine: str = "auto",
     resume: bool = True,
     anyway: bool = False,
 ) -> dict[str, Any]:
@@ -49,8 +58,11 @@ def train(
     another motion or other settings is not taken up but kept as checkpoint.previous.safetensors.
     A motion that the gate (retarget/gate.py) refuses is not trained on unless `anyway`.
     workers: processes that simulate, by default one for every core. They are spawned: a script of one's
-    own calls this below `if __name__ == "__main__"`.
+    own calls this below `if __name__ == "__main__"`. engine: of `engines.py`; one may go on from another's
+    checkpoint.
     """
+    watch = Stopwatch()
+    engine = resolve(engine)
     motion = motion_from_json(run / "motion.json")
     admit(run, anyway=anyway)
     config = preset(preset_name, seed=seed)
@@ -71,12 +83,20 @@ def train(
         )
     if saved.exists() and not resumed:
         saved.replace(run / PREVIOUS)
-    _learn(learner, motion, run, count, resumed)
+    if learner.progress.samples < config.budget:
+        # A worker's random numbers go on where they stopped only as far as the round's number tells: a
+        # resumed run draws new start phases instead of repeating those of the beginning.
+        start = config.seed + 1_000_003 * learner.progress.rounds
+        with Workers(motion, config.env, config.environments, start, count, engine) as crew:
+            _learn(learner, crew, motion, run, watch, resumed=resumed)
     state = learner.progress
     record = {
         "preset": config.preset,
+        "engine": engine,
         "samples": state.samples,
-        "seconds": round(state.seconds, 1),
+        "exploded": state.exploded,
+        "seconds": round(sum(state.seconds_by.values()), 1),
+        "seconds_by": {name: round(value, 2) for name, value in state.seconds_by.items()},
         "seed": seed,
         "config": config.to_json(),
         "simulated": motion.simulated,
@@ -93,43 +113,54 @@ def _sample(crew: Workers, learner: Learner, steps: int) -> Samples:
     return crew.sample(policy, learner.noise(), reward, steps)
 
 
-def _learn(learner: Learner, motion: Motion, run: Path, count: int, resumed: bool) -> None:
+def _learn(
+    learner: Learner, crew: Workers, motion: Motion, run: Path, watch: Stopwatch, *, resumed: bool
+) -> None:
     """Rounds of rollout and update until the budget is spent, with checkpoints on the way and on Ctrl-C."""
     config, state = learner.config, learner.progress
-    if state.samples >= config.budget:
-        return
+    earlier = state.seconds_by
     last_saved = time.monotonic()
-    # A worker's random numbers go on where they stopped only as far as the round's number tells: a resumed
-    # run draws new start phases instead of repeating those of the beginning.
-    seed = config.seed + 1_000_003 * state.rounds
+
+    def spent(name: str) -> None:
+        watch.lap(name)
+        state.seconds_by = summed(earlier, split(watch.seconds, ROLLOUT, crew.seconds, WAITING))
+
+    def save() -> None:
+        spent(OTHER)
+        checkpoint.save(run / CHECKPOINT, learner, motion.identity)
+        spent(SAVING)
+
     with (
         SummaryWriter(run / "tensorboard", purge_step=state.samples if resumed else 0) as board,
-        Workers(motion, config.env, config.environments, seed, count) as crew,
         progress("train", config.budget) as bar,
     ):
         bar.advance(state.samples)
         try:
             if state.rounds == 0:
+                watch.lap(OTHER)
                 first = _sample(crew, learner, _WARM_UP)
+                state.exploded += first.exploded
+                watch.lap(ROLLOUT)
                 learner.normalizer.update(first.observations.reshape(-1, first.observations.shape[-1]))
             while state.samples < config.budget:
-                began = time.monotonic()
+                watch.lap(OTHER)
                 samples = _sample(crew, learner, config.horizon)
-                sampled = time.monotonic()
+                sampling = watch.lap(ROLLOUT)
                 logged = learner.update(samples)
-                ended = time.monotonic()
-                state.seconds += ended - began
+                updating = watch.lap(UPDATE)
+                state.exploded += samples.exploded
                 logged |= {
-                    "speed/simulation": config.batch / (sampled - began),
-                    "speed/update_seconds": ended - sampled,
-                    "speed/samples": config.batch / (ended - began),
+                    "simulation/exploded": samples.exploded,
+                    "speed/simulation": config.batch / sampling,
+                    "speed/update_seconds": updating,
+                    "speed/samples": config.batch / (sampling + updating),
                 }
                 for name, value in logged.items():
                     board.add_scalar(name, value, state.samples)
                 bar.advance(config.batch, reward=logged["reward/mean"], steps=logged["episode/length"])
-                if ended - last_saved > CHECKPOINT_SECONDS:
-                    checkpoint.save(run / CHECKPOINT, learner, motion.identity)
-                    last_saved = ended
+                if time.monotonic() - last_saved > CHECKPOINT_SECONDS:
+                    save()
+                    last_saved = time.monotonic()
         except FloatingPointError as error:
             # The learner is spoilt; the checkpoint from before it stays.
             raise KinemimicError(
@@ -137,9 +168,9 @@ def _learn(learner: Learner, motion: Motion, run: Path, count: int, resumed: boo
             ) from None
         except KeyboardInterrupt:
             if state.rounds:
-                checkpoint.save(run / CHECKPOINT, learner, motion.identity)
+                save()
             raise
-    checkpoint.save(run / CHECKPOINT, learner, motion.identity)
+    save()
 
 
 @click.command("train")
@@ -155,6 +186,13 @@ def _learn(learner: Learner, motion: Motion, run: Path, count: int, resumed: boo
 @click.option("--seed", type=click.IntRange(min=0), default=0, show_default=True)
 @click.option("--workers", type=click.IntRange(min=1), help="Processes that simulate; all cores by default.")
 @click.option(
+    "--engine",
+    type=click.Choice(ENGINES),
+    default="auto",
+    show_default=True,
+    help="Native where it is built.",
+)
+@click.option(
     "--resume/--no-resume", default=True, show_default=True, help="Go on from the run's checkpoint."
 )
 @click.option("--anyway", is_flag=True, help="Train on a motion that the gate before training refuses.")
@@ -165,6 +203,7 @@ def command(
     budget: int | None,
     seed: int,
     workers: int | None,
+    engine: str,
     resume: bool,
     anyway: bool,
     as_json: bool,
@@ -176,6 +215,7 @@ def command(
         budget=budget,
         seed=seed,
         workers=workers,
+        engine=engine,
         resume=resume,
         anyway=anyway,
     )
@@ -185,5 +225,8 @@ def command(
         rate = record["samples"] / max(record["seconds"], 1e-9)
         click.echo(
             f"{record['samples']:,} samples in {record['seconds']:.0f} s ({rate:,.0f}/s), preset "
-            f"{record['preset']}, seed {record['seed']}: {run / POLICY}"
+            f"{record['preset']}, seed {record['seed']}, {record['engine']} engine: {run / POLICY}"
         )
+        if record["exploded"]:
+            click.echo(f"{record['exploded']:,} figures exploded in the simulation and were set back")
+        click.echo(table(record["seconds_by"]))

@@ -11,6 +11,7 @@ from kinemimic.pipeline.errors import KinemimicError
 from kinemimic.pipeline.store import write_text
 from kinemimic.retarget.export_json import motion_from_json, motion_to_json
 from kinemimic.train.config import PRESETS
+from kinemimic.train.engines import resolve
 from kinemimic.train.env import ACTIONS, OBSERVATIONS
 from kinemimic.train.playback import Playback
 from kinemimic.train.policy import Policy
@@ -53,6 +54,7 @@ def test_an_idle_policy_scores_what_no_policy_scores(run):
     assert scores["survival"] == scores["no_policy"]["survival"]
     assert scores["root"] == scores["no_policy"]["root"]
     assert scores["survival"]["of"] == 35
+    assert scores["provenance"]["config"]["engine"] == resolve("auto")
     assert {path.name for path in run.iterdir()} >= OUTPUTS
     assert json.loads((run / "scores.json").read_text()) == scores
     assert str(run) not in (run / "scores.json").read_text() + (run / "report.html").read_text()
@@ -62,7 +64,7 @@ def test_an_idle_policy_scores_what_no_policy_scores(run):
 def acted(run, walk, performance, monkeypatch):
     """The same with made-up rollouts instead of a simulation: a policy's fit, and none's that falls."""
 
-    def perform(motion, policy, *, start_phases, frames, workers, progress):
+    def perform(motion, policy, *, start_phases, frames, engine, workers, progress):
         for _ in start_phases:
             progress(1)
         return performance(len(start_phases), frames, offset=0.05, fall=None if policy else 20)

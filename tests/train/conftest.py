@@ -1,6 +1,11 @@
-"""A made-up cyclic motion: a figure that strides on the spot of a known curve, cheap and closed."""
+"""A made-up cyclic motion: a figure that strides on the spot of a known curve, cheap and closed.
+
+And a world without physics, for what is true of any engine.
+"""
 
 from __future__ import annotations
+
+from dataclasses import fields
 
 import numpy as np
 import pytest
@@ -9,6 +14,7 @@ from kinemimic.pipeline.rotations import IDENTITY, continuous, from_axis_angle
 from kinemimic.pipeline.skeleton import NODE_INDEX, NODES
 from kinemimic.retarget.body import STANDING_HEIGHT
 from kinemimic.retarget.motion import Motion
+from kinemimic.train.world import BodyStates, Poses
 
 SPEED = 0.9
 PERIOD = 1.2
@@ -37,3 +43,49 @@ def stride(frames: int = 72) -> Motion:
 @pytest.fixture(scope="session")
 def motion() -> Motion:
     return stride()
+
+
+class Puppets:
+    """A world whose bodies are where `put` puts them; as an engine does, it keeps them in one memory."""
+
+    engine = "puppets"
+
+    def __init__(self, size: int) -> None:
+        self.size = size
+        self.lost = np.zeros(size, dtype=bool)
+        self.targets = np.zeros((size, 8, 14, 4))
+        self._states = BodyStates(*(np.zeros((size, 15, k)) for k in (3, 4, 3, 3)))
+        self._states.rotations[..., 3] = 1.0
+
+    def put(self, states: BodyStates) -> None:
+        for f in fields(BodyStates):
+            getattr(self._states, f.name)[:] = getattr(states, f.name)
+
+    def reset(self, indices: np.ndarray, poses: Poses) -> None:
+        self.lost[indices] = False
+        self._states.positions[indices] = poses.root[:, None]
+
+    def step(self, targets: np.ndarray, velocities: np.ndarray, wrenches: np.ndarray | None) -> BodyStates:
+        self.targets = targets
+        self._states.positions[..., 0] += 1.0
+        return self._states
+
+    def states(self) -> BodyStates:
+        return self._states
+
+    def exploded(self) -> np.ndarray:
+        return self.lost.copy()
+
+    def contacts(self) -> np.ndarray:
+        return np.zeros((self.size, 2), dtype=bool)
+
+    def peak_torques(self) -> np.ndarray:
+        return np.zeros((self.size, 14))
+
+    def close(self) -> None:
+        pass
+
+
+@pytest.fixture
+def puppets() -> type[Puppets]:
+    return Puppets

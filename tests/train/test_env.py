@@ -1,18 +1,28 @@
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import fields, replace
 
 import numpy as np
 import pytest
 from gymnasium.utils.env_checker import check_env
 
-from kinemimic.pipeline.rotations import from_axis_angle, multiply, rotate
+from kinemimic.pipeline.rotations import (
+    conjugate,
+    from_axis_angle,
+    from_rotvec,
+    multiply,
+    normalize,
+    rotate,
+    to_rotvec,
+    to_six,
+)
 from kinemimic.retarget.motion import Motion
 from kinemimic.train.bullet import BulletWorld
 from kinemimic.train.config import EnvConfig
-from kinemimic.train.env import ACTIONS, OBSERVATIONS, ImitationBatch
+from kinemimic.train.env import ACTION_SCALE, ACTIONS, OBSERVATIONS, ImitationBatch
 from kinemimic.train.gym_env import ImitationEnv
 from kinemimic.train.reference import Reference
+from kinemimic.train.world import SUBSTEPS, TIME_STEP, BodyStates
 
 pytestmark = pytest.mark.filterwarnings("ignore:.*obs.*:UserWarning")
 
@@ -75,3 +85,106 @@ def test_on_the_reference_nothing_is_left_to_correct(motion: Motion) -> None:
     assert step.terms.sum() > 0.9
     assert batch.phases[0] == pytest.approx(0.25 + 1 / (30 * motion.duration))
     batch.world.close()
+
+
+def scattered(reference: Reference, phases: np.ndarray) -> BodyStates:
+    """Bodies near the reference, each figure's errors its own."""
+    bodies = reference.bodies(phases)
+    size = (len(phases), 15, 3)
+    near = np.random.default_rng(0).normal
+    return BodyStates(
+        bodies.positions + near(0, 0.05, size),
+        normalize(bodies.rotations + near(0, 0.1, (*size[:2], 4))),
+        bodies.linear + near(0, 1.0, size),
+        bodies.angular + near(0, 1.0, size),
+    )
+
+
+def test_observation_is_what_its_parts_say(motion: Motion, puppets) -> None:
+    """Written out figure by figure with the rotations of the pipeline."""
+    reference, phases = Reference(motion), np.array([0.1, 0.55, 1.8])
+    world = puppets(3)
+    batch = ImitationBatch(world, reference, EnvConfig())
+    states = scattered(reference, phases)
+    world.put(states)
+    batch.phases[:] = phases
+    batch.reset(np.array([], dtype=np.intp), np.array([]))
+    ahead = reference.bodies(phases + 1 / (30 * reference.duration))
+    for k, found in enumerate(batch.observe()):
+        pelvis = states.positions[k, 0]
+        forward = rotate(states.rotations[k, 0], np.array([1.0, 0.0, 0.0]))
+        level = from_axis_angle("Z", -np.arctan2(forward[1], forward[0]))
+        wanted = [
+            [np.sin(2 * np.pi * phases[k]), np.cos(2 * np.pi * phases[k]), pelvis[2]],
+            to_six(multiply(level, states.rotations[k])),
+            rotate(level, states.positions[k, 1:] - pelvis),
+            rotate(level, states.linear[k]),
+            rotate(level, states.angular[k]),
+            to_rotvec(multiply(conjugate(states.rotations[k, 0]), ahead.rotations[k, 0])),
+            to_rotvec(multiply(conjugate(states.joints[k]), ahead.joints[k])),
+            rotate(level, ahead.positions[k, 0] - pelvis)[:2],
+        ]
+        np.testing.assert_allclose(found, np.concatenate([np.ravel(part) for part in wanted]), atol=1e-12)
+
+
+def test_targets_are_the_reference_at_every_substep_times_the_correction(motion: Motion, puppets) -> None:
+    world, reference = puppets(2), Reference(motion)
+    batch = ImitationBatch(world, reference, EnvConfig())
+    batch.reset(np.arange(2), np.array([0.2, 0.7]))
+    actions = np.random.default_rng(1).normal(0, 0.5, (2, ACTIONS))
+    batch.step(actions)
+    for k, phase in enumerate((0.2, 0.7)):
+        correction = from_rotvec((actions[k] * ACTION_SCALE).reshape(14, 3))
+        for substep in range(SUBSTEPS):
+            at = np.array([phase + (substep + 1) * TIME_STEP / reference.duration])
+            wanted = multiply(reference.joints(at)[0][0], correction)
+            np.testing.assert_allclose(world.targets[k, substep], wanted, atol=1e-13)
+
+
+def test_the_reference_ahead_becomes_the_target_but_after_a_reset(motion: Motion, puppets) -> None:
+    """It is not sampled again: to the bit what the reference has at the figures' phases."""
+    reference = Reference(motion)
+    batch = ImitationBatch(puppets(3), reference, EnvConfig())
+    batch.reset(np.arange(3), np.array([0.1, 0.5, 0.95]))
+    for k in range(4):
+        batch.step(np.zeros((3, ACTIONS)))
+        if k == 1:
+            batch.reset(np.array([1]), np.array([0.3]))
+        np.testing.assert_array_equal(batch.target.rotations, reference.bodies(batch.phases).rotations)
+        np.testing.assert_array_equal(batch.target.positions, reference.bodies(batch.phases).positions)
+
+
+def test_a_figure_does_not_know_how_many_others_there_are(motion: Motion, puppets) -> None:
+    """Observation and reward of five figures are to the bit those of each alone."""
+    reference, phases = Reference(motion), np.linspace(0.0, 0.9, 5)
+    actions = np.random.default_rng(2).normal(0, 0.3, (5, ACTIONS))
+    states = scattered(reference, phases)
+
+    def play(rows: slice) -> tuple[np.ndarray, ...]:
+        world = puppets(len(phases[rows]))
+        batch = ImitationBatch(world, reference, EnvConfig())
+        batch.reset(np.arange(world.size), phases[rows])
+        world.put(BodyStates(*(getattr(states, f.name)[rows] for f in fields(BodyStates))))
+        step = batch.step(actions[rows])
+        return step.observations, batch.terms(), world.targets
+
+    together = play(slice(None))
+    for k in range(5):
+        for whole, alone in zip(together, play(slice(k, k + 1)), strict=True):
+            np.testing.assert_array_equal(whole[k], alone[0])
+
+
+def test_an_exploded_figure_terminates_without_a_reward(motion: Motion, puppets) -> None:
+    world, reference = puppets(3), Reference(motion)
+    batch = ImitationBatch(world, reference, EnvConfig())
+    batch.reset(np.arange(3), np.full(3, 0.4))
+    ahead = reference.bodies(np.full(3, 0.4 + 1 / (30 * reference.duration)))
+    # A step of the puppets leads one metre ahead: from here onto the reference.
+    world.put(replace(ahead, positions=ahead.positions - np.array([1.0, 0.0, 0.0])))
+    world.lost[1] = True
+    step = batch.step(np.zeros((3, ACTIONS)))
+    assert step.terminated.tolist() == step.exploded.tolist() == [False, True, False]
+    assert not step.truncated.any()
+    np.testing.assert_allclose(step.terms.sum(axis=1), [1.0, 0.0, 1.0], atol=1e-9)
+    batch.reset(np.array([1]), np.array([0.4]))
+    assert not world.exploded().any()

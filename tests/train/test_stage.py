@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from click.testing import CliRunner
 
 from kinemimic.pipeline.errors import KinemimicError
 from kinemimic.pipeline.store import write_text
@@ -73,6 +74,49 @@ def test_another_seed_keeps_the_checkpoint_aside(run: Path) -> None:
     assert (run / "checkpoint.previous.safetensors").read_bytes() == before
 
 
+def test_the_record_says_which_engine_and_where_the_time_went(run: Path) -> None:
+    record = stage.train(run, budget=ROUND, workers=2, engine="pybullet")
+    assert json.loads((run / "policy.json").read_text())["engine"] == record["engine"] == "pybullet"
+    assert record["exploded"] == 0
+    parts = record["seconds_by"]
+    assert set(parts) == {
+        "simulation", "observation and reward", "inference", "bookkeeping", "transfer and waiting", "update",
+        "checkpoint", "other",
+    }  # fmt: skip
+    # Rounded each for itself.
+    assert sum(parts.values()) == pytest.approx(record["seconds"], abs=0.1)
+    assert min(parts.values()) >= 0.0
+
+
+def test_another_engine_goes_on_from_the_checkpoint(run: Path) -> None:
+    first = stage.train(run, budget=ROUND, workers=1, engine="pybullet")
+    more = stage.train(run, budget=2 * ROUND, workers=1, engine="auto")
+    assert more["samples"] == 2 * ROUND
+    assert more["seconds"] > first["seconds"]
+    assert more["seconds_by"]["update"] > first["seconds_by"]["update"]
+    assert not (run / "checkpoint.previous.safetensors").exists()
+
+
+def test_an_unknown_engine_is_one_line(run: Path) -> None:
+    with pytest.raises(
+        KinemimicError, match="expected an engine among auto, native, pybullet, found 'mujoco'"
+    ):
+        stage.train(run, engine="mujoco")
+
+
+def test_the_command_ends_with_a_table_of_the_time(run: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    record = {
+        "preset": "default", "engine": "native", "samples": 4096, "exploded": 2, "seconds": 4.0, "seed": 0,
+        "seconds_by": {"simulation": 3.0, "update": 1.0},
+    }  # fmt: skip
+    monkeypatch.setattr(stage, "train", lambda *_, **__: record)
+    lines = CliRunner().invoke(stage.command, ["--run", str(run)]).output.splitlines()
+    assert "4,096 samples in 4 s" in lines[0]
+    assert "native engine" in lines[0]
+    assert lines[1].startswith("2 figures exploded")
+    assert lines[3].split() == ["simulation", "3.0", "75.0", "%", "45.0", "s"]
+
+
 def noise(seed: int) -> Samples:
     """Samples of 3 steps of 4 figures that mean nothing."""
     random = np.random.default_rng(seed)
@@ -84,6 +128,7 @@ def noise(seed: int) -> Samples:
         truncated=np.zeros((3, 4), dtype=bool),
         final=random.normal(size=(3, 4, OBSERVATIONS)).astype(np.float32),
         lengths=np.array([2]),
+        exploded=0,
     )
 
 

@@ -1,0 +1,102 @@
+"""What the workers send: whole, in few bytes, and each figure for itself."""
+
+from __future__ import annotations
+
+from dataclasses import fields, replace
+
+import numpy as np
+import pytest
+
+from kinemimic.retarget.motion import Motion
+from kinemimic.train import rollout
+from kinemimic.train.config import EnvConfig
+from kinemimic.train.env import ACTIONS, OBSERVATIONS
+from kinemimic.train.policy import Policy
+from kinemimic.train.rollout import Sampler, Samples
+
+NOISE = np.full(ACTIONS, 0.3, dtype=np.float32)
+SHORT = replace(EnvConfig(), episode=5)
+
+
+def idle() -> Policy:
+    """Never corrects anything, however many figures it acts for."""
+    return Policy(
+        ((np.zeros((ACTIONS, OBSERVATIONS), np.float32), np.zeros(ACTIONS, np.float32)),),
+        np.zeros(OBSERVATIONS, np.float32),
+        np.ones(OBSERVATIONS, np.float32),
+    )
+
+
+def sample(motion: Motion, seeds: list[np.random.SeedSequence], steps: int = 12) -> Samples:
+    sampler = Sampler(motion, SHORT, seeds, "pybullet")
+    return sampler.sample(idle(), NOISE, SHORT.reward, steps)
+
+
+@pytest.fixture(scope="module")
+def seeds() -> list[np.random.SeedSequence]:
+    return np.random.SeedSequence(4).spawn(3)
+
+
+@pytest.fixture(scope="module")
+def samples(motion: Motion, seeds: list[np.random.SeedSequence]) -> Samples:
+    return sample(motion, seeds)
+
+
+def test_an_episode_goes_on_from_where_the_last_step_led(samples: Samples) -> None:
+    ended = (samples.terminated | samples.truncated)[:-1]
+    goes_on = (samples.observations[1:] == samples.final[:-1]).all(axis=-1)
+    np.testing.assert_array_equal(goes_on, ~ended)
+    assert ended.any()
+    assert len(samples.lengths) == (samples.terminated | samples.truncated).sum()
+    assert samples.lengths.max() <= SHORT.episode
+
+
+def test_what_is_packed_is_unpacked(samples: Samples) -> None:
+    packed = samples.packed()
+    assert packed.final.size < 0.5 * samples.final.size
+    for f in fields(Samples):
+        np.testing.assert_array_equal(getattr(packed.unpacked(), f.name), getattr(samples, f.name))
+
+
+def test_a_figure_does_not_know_how_many_others_there_are(
+    motion: Motion, seeds: list[np.random.SeedSequence], samples: Samples
+) -> None:
+    alone = sample(motion, seeds[1:2])
+    for f in fields(Samples):
+        if f.name not in ("lengths", "exploded"):
+            np.testing.assert_array_equal(getattr(alone, f.name)[:, 0], getattr(samples, f.name)[:, 1])
+
+
+def test_exploded_figures_are_counted_once_and_start_again(
+    motion: Motion, seeds: list[np.random.SeedSequence], puppets, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    class Exploding(puppets):
+        steps = 0
+
+        def step(self, *arguments):
+            self.steps += 1
+            self.lost[1] = self.steps in (2, 3)
+            return super().step(*arguments)
+
+    monkeypatch.setattr(rollout, "open_world", lambda size, engine: Exploding(size))
+    # Puppets are nowhere near their reference: nothing but an explosion ends an episode.
+    blind = replace(EnvConfig(), max_height_error=1e9, max_rotation_error=1e9, max_drift=1e9)
+    found = Sampler(motion, blind, seeds, "puppets").sample(idle(), NOISE, blind.reward, 6)
+    assert found.exploded == 2
+    np.testing.assert_array_equal(np.argwhere(found.terminated), [[1, 1], [2, 1]])
+    assert found.lengths.tolist() == [2, 1]
+    assert (found.terms[found.terminated] == 0.0).all()
+
+
+def test_the_time_of_a_sample_is_put_down_to_its_parts(
+    motion: Motion, seeds: list[np.random.SeedSequence]
+) -> None:
+    sampler = Sampler(motion, SHORT, seeds, "pybullet")
+    sampler.sample(idle(), NOISE, SHORT.reward, 2)
+    assert set(sampler.seconds) == {
+        "simulation",
+        "observation and reward",
+        "inference",
+        "bookkeeping",
+    }
+    assert min(sampler.seconds.values()) > 0.0
