@@ -9,6 +9,10 @@ from xml.etree import ElementTree as ET
 from kinemimic.pipeline.skeleton import NODE_INDEX
 from kinemimic.retarget.body import BODIES, Body, node_offsets
 
+# The massless link within the pelvis that pybullet wants as its base.
+BASE_MASS = 1e-4  # kg
+BASE_INERTIA = 1e-4  # kg·m²
+
 
 def _numbers(*values: float) -> str:
     return " ".join(f"{value:.9g}" for value in values)
@@ -68,8 +72,9 @@ def humanoid_urdf(joint_type: str = "floating", *, y_up: bool = False) -> str:
     robot = ET.Element("robot", name="kinemimic_humanoid")
     base = ET.SubElement(ET.SubElement(robot, "link", name="base"), "inertial")
     ET.SubElement(base, "origin", xyz="0 0 0", rpy="0 0 0")
-    ET.SubElement(base, "mass", value="0.0001")
-    ET.SubElement(base, "inertia", ixx="0.0001", iyy="0.0001", izz="0.0001", ixy="0", ixz="0", iyz="0")
+    ET.SubElement(base, "mass", value=_numbers(BASE_MASS))
+    moment = _numbers(BASE_INERTIA)
+    ET.SubElement(base, "inertia", ixx=moment, iyy=moment, izz=moment, ixy="0", ixz="0", iyz="0")
     offsets = node_offsets()
     for body in BODIES:
         _link(robot, body, joint_type != "spherical", y_up)

@@ -1,16 +1,9 @@
-"""The world on the pybullet wheel: one physics client per figure, stable PD at 240 Hz.
-
-Inside Bullet the axes are X left, Y up, Z forward (see `retarget/urdf.py`): a cyclic change of components,
-done at this file's border and nowhere else.
-"""
+"""The world on the pybullet wheel: one physics client per figure, stable PD at 240 Hz."""
 
 from __future__ import annotations
 
-import os
-import sys
 import tempfile
-from collections.abc import Iterator
-from contextlib import contextmanager
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
@@ -18,14 +11,22 @@ from numpy.typing import NDArray
 
 from kinemimic.retarget.body import BODIES, BODY_INDEX
 from kinemimic.retarget.urdf import humanoid_urdf
-from kinemimic.train.world import FRICTION, GRAVITY, SUBSTEPS, TIME_STEP, BodyStates, Poses
+from kinemimic.train.pybullet_client import FROM_BULLET, QUAT_FROM_BULLET, QUAT_TO_BULLET, TO_BULLET, bullet
+from kinemimic.train.pybullet_obstacles import build, start
+from kinemimic.train.world import (
+    FASTEST,
+    FRICTION,
+    GRAVITY,
+    SOLVER_ITERATIONS,
+    SUBSTEPS,
+    TIME_STEP,
+    BodyStates,
+    Obstacle,
+    Poses,
+)
 
 Array = NDArray[np.float64]
 
-_TO_BULLET = [1, 2, 0]
-_QUAT_TO_BULLET = [1, 2, 0, 3]
-_FROM_BULLET = [2, 0, 1]
-_QUAT_FROM_BULLET = [2, 0, 1, 3]
 _JOINTS = list(range(1, len(BODIES)))  # link k is BODIES[k]
 _LINKS = list(range(len(BODIES)))
 _FEET = (BODY_INDEX["foot_left"], BODY_INDEX["foot_right"])
@@ -35,26 +36,17 @@ _LIMITS = [[body.torque_limit] * 3 for body in BODIES[1:]]
 _CENTERS = np.array([body.center for body in BODIES[1:]])
 
 
-@contextmanager
-def _quiet() -> Iterator[None]:
-    """Keep pybullet's build line, printed by its C code on import, off the terminal."""
-    sys.stderr.flush()
-    saved, null = os.dup(2), os.open(os.devnull, os.O_WRONLY)
-    os.dup2(null, 2)
-    try:
-        yield
-    finally:
-        os.dup2(saved, 2)
-        os.close(saved)
-        os.close(null)
-
-
-with _quiet():
-    import pybullet as bullet
+def _window(array: Array) -> Array:
+    """The same memory, read-only."""
+    view = array.view()
+    view.flags.writeable = False
+    return view
 
 
 class BulletWorld:
     """`World` on pybullet. With `measure_torques`, joint sensors are read in every substep (slower)."""
+
+    engine = "pybullet"
 
     def __init__(self, size: int, *, measure_torques: bool = False) -> None:
         self.size = size
@@ -66,13 +58,22 @@ class BulletWorld:
             urdf.write_text(humanoid_urdf("spherical", y_up=True))
             for _ in range(size):
                 self._clients.append(self._build(urdf))
+        self._obstacles: list[list[tuple[int, Obstacle]]] = [[] for _ in range(size)]
+        self._exploded = np.zeros(size, dtype=np.bool_)
+        bodies = (size, len(BODIES))
+        self._buffers = BodyStates(*(np.zeros((*bodies, width)) for width in (3, 4, 3, 3)))
+        self._states = BodyStates(*(_window(array) for array in vars(self._buffers).values()))
+        self._read()
 
     def _build(self, urdf: Path) -> int:
         client: int = bullet.connect(bullet.DIRECT)
         if client < 0:
             raise RuntimeError("pybullet gives no more physics clients in this process")
         bullet.setPhysicsEngineParameter(
-            fixedTimeStep=TIME_STEP, numSolverIterations=10, numSubSteps=1, physicsClientId=client
+            fixedTimeStep=TIME_STEP,
+            numSolverIterations=SOLVER_ITERATIONS,
+            numSubSteps=1,
+            physicsClientId=client,
         )
         bullet.setGravity(0, -GRAVITY, 0, physicsClientId=client)
         plane = bullet.createCollisionShape(bullet.GEOM_PLANE, planeNormal=[0, 1, 0], physicsClientId=client)
@@ -81,12 +82,15 @@ class BulletWorld:
         bullet.changeDynamics(ground, -1, lateralFriction=1.0, physicsClientId=client)
         flags = bullet.URDF_USE_INERTIA_FROM_FILE | bullet.URDF_MAINTAIN_LINK_ORDER
         self._figure: int = bullet.loadURDF(str(urdf), [0, 2, 0], flags=flags, physicsClientId=client)
-        for link in (-1, *_LINKS):
+        # Damping and sleep are the figure's. Named in the call for a link, they make Bullet drop the rest.
+        bullet.changeDynamics(
+            self._figure, -1, linearDamping=0, angularDamping=0,
+            activationState=bullet.ACTIVATION_STATE_DISABLE_SLEEPING, physicsClientId=client,
+        )  # fmt: skip
+        for link in _LINKS:
             bullet.changeDynamics(
-                self._figure, link, lateralFriction=FRICTION, linearDamping=0, angularDamping=0,
-                jointDamping=0, activationState=bullet.ACTIVATION_STATE_DISABLE_SLEEPING,
-                physicsClientId=client,
-            )  # fmt: skip
+                self._figure, link, lateralFriction=FRICTION, jointDamping=0, physicsClientId=client
+            )
         for joint in _JOINTS:
             # Both kinds of default motor would hold the joint.
             bullet.setJointMotorControlMultiDof(
@@ -102,12 +106,12 @@ class BulletWorld:
         return client
 
     def reset(self, indices: NDArray[np.intp], poses: Poses) -> None:
-        root = poses.root[:, _TO_BULLET].tolist()
-        rotation = poses.root_rotation[:, _QUAT_TO_BULLET].tolist()
-        linear = poses.root_linear[:, _TO_BULLET].tolist()
-        angular = poses.root_angular[:, _TO_BULLET].tolist()
-        joints = poses.joints[..., _QUAT_TO_BULLET].tolist()
-        velocities = poses.joint_velocities[..., _TO_BULLET].tolist()
+        root = poses.root[:, TO_BULLET].tolist()
+        rotation = poses.root_rotation[:, QUAT_TO_BULLET].tolist()
+        linear = poses.root_linear[:, TO_BULLET].tolist()
+        angular = poses.root_angular[:, TO_BULLET].tolist()
+        joints = poses.joints[..., QUAT_TO_BULLET].tolist()
+        velocities = poses.joint_velocities[..., TO_BULLET].tolist()
         for row, index in enumerate(indices):
             client = self._clients[index]
             bullet.resetBasePositionAndOrientation(
@@ -117,14 +121,20 @@ class BulletWorld:
             bullet.resetJointStatesMultiDof(
                 self._figure, _JOINTS, joints[row], velocities[row], physicsClientId=client
             )
+            for body, item in self._obstacles[index]:
+                start(client, body, item)
         self._peaks[indices] = 0.0
+        self._exploded[indices] = False
+        self._read()
 
     def step(self, targets: Array, target_velocities: Array, wrenches: Array | None = None) -> BodyStates:
-        positions = targets[..., _QUAT_TO_BULLET].tolist()
-        velocities = target_velocities[..., _TO_BULLET].tolist()
+        positions = targets[..., QUAT_TO_BULLET].tolist()
+        velocities = target_velocities[..., TO_BULLET].tolist()
         if self._measure:
             self._peaks[:] = 0.0
         for index, client in enumerate(self._clients):
+            if self._exploded[index]:
+                continue
             for substep in range(SUBSTEPS):
                 bullet.setJointMotorControlMultiDofArray(
                     self._figure, _JOINTS, bullet.STABLE_PD_CONTROL,
@@ -137,11 +147,12 @@ class BulletWorld:
                 bullet.stepSimulation(physicsClientId=client)
                 if self._measure:
                     np.maximum(self._peaks[index], self._torques(client), out=self._peaks[index])
-        return self.states()
+        self._read()
+        return self._states
 
     def _push(self, client: int, wrench: Array) -> None:
         for body in np.flatnonzero(np.any(wrench != 0.0, axis=-1)).tolist():
-            force, torque = wrench[body, :3][_TO_BULLET].tolist(), wrench[body, 3:][_TO_BULLET].tolist()
+            force, torque = wrench[body, :3][TO_BULLET].tolist(), wrench[body, 3:][TO_BULLET].tolist()
             center = bullet.getLinkState(self._figure, body, physicsClientId=client)[0]
             bullet.applyExternalForce(
                 self._figure, body, force, center, bullet.WORLD_FRAME, physicsClientId=client
@@ -154,11 +165,12 @@ class BulletWorld:
         The sensor reports the wrench about the child's centre of mass; the joint lies elsewhere.
         """
         states = bullet.getJointStatesMultiDof(self._figure, _JOINTS, physicsClientId=client)
-        wrench = np.array([state[2] for state in states])[:, [*_FROM_BULLET, *(3 + k for k in _FROM_BULLET)]]
+        wrench = np.array([state[2] for state in states])[:, [*FROM_BULLET, *(3 + k for k in FROM_BULLET)]]
         torque = wrench[:, 3:] + np.cross(_CENTERS, wrench[:, :3])
         return np.asarray(np.abs(torque).max(axis=-1))
 
-    def states(self) -> BodyStates:
+    def _read(self) -> None:
+        """Bring the states up to date but for figures that have exploded: these stay as they were."""
         rows = [
             bullet.getLinkStates(
                 self._figure,
@@ -170,12 +182,21 @@ class BulletWorld:
             for client in self._clients
         ]
         flat = np.array([[(*s[0], *s[1], *s[6], *s[7]) for s in row] for row in rows])
-        return BodyStates(
-            flat[..., 0:3][..., _FROM_BULLET],
-            flat[..., 3:7][..., _QUAT_FROM_BULLET],
-            flat[..., 7:10][..., _FROM_BULLET],
-            flat[..., 10:13][..., _FROM_BULLET],
-        )
+        speed = np.abs(flat[..., 7:10]).max(axis=(1, 2))
+        sound = np.isfinite(flat).all(axis=(1, 2)) & (speed < FASTEST)
+        self._exploded |= ~sound
+        kept = ~self._exploded
+        found = self._buffers
+        found.positions[kept] = flat[kept, :, 0:3][..., FROM_BULLET]
+        found.rotations[kept] = flat[kept, :, 3:7][..., QUAT_FROM_BULLET]
+        found.linear[kept] = flat[kept, :, 7:10][..., FROM_BULLET]
+        found.angular[kept] = flat[kept, :, 10:13][..., FROM_BULLET]
+
+    def states(self) -> BodyStates:
+        return self._states
+
+    def exploded(self) -> NDArray[np.bool_]:
+        return self._exploded.copy()
 
     def contacts(self) -> NDArray[np.bool_]:
         return np.array(
@@ -193,10 +214,36 @@ class BulletWorld:
             ]
         )
 
+    def contact_forces(self) -> Array:
+        forces = np.zeros((self.size, len(BODIES), 3))
+        for index, client in enumerate(self._clients):
+            for point in bullet.getContactPoints(bodyA=self._figure, physicsClientId=client):
+                normal, first, second = (np.array(point[k])[FROM_BULLET] for k in (7, 11, 13))
+                forces[index, point[3]] += normal * point[9] + first * point[10] + second * point[12]
+        return forces
+
     def peak_torques(self) -> Array:
         if not self._measure:
             raise RuntimeError("this world was made without measure_torques")
-        return self._peaks.copy()
+        return _window(self._peaks)
+
+    def place(self, index: int, obstacles: Sequence[Obstacle]) -> None:
+        client = self._clients[index]
+        for body, _ in self._obstacles[index]:
+            bullet.removeBody(body, physicsClientId=client)
+        self._obstacles[index] = [(build(client, item), item) for item in obstacles]
+
+    def obstacles(self, index: int) -> Array:
+        client = self._clients[index]
+        found = [
+            bullet.getBasePositionAndOrientation(body, physicsClientId=client)
+            for body, _ in self._obstacles[index]
+        ]
+        rows = [
+            [*np.array(position)[FROM_BULLET], *np.array(rotation)[QUAT_FROM_BULLET]]
+            for position, rotation in found
+        ]
+        return np.array(rows, dtype=np.float64).reshape(-1, 7)
 
     def close(self) -> None:
         for client in self._clients:

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Protocol
+from typing import Literal, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,6 +19,8 @@ SUBSTEPS = 8  # physics steps in a control step: 240 Hz
 TIME_STEP = 1.0 / (CONTROL_RATE * SUBSTEPS)
 GRAVITY = 9.81
 FRICTION = 0.9
+SOLVER_ITERATIONS = 10
+FASTEST = 100.0  # m/s: no part of a body that obeys its joints comes near; what goes faster has exploded
 JOINT_PARENTS: NDArray[np.intp] = np.array(BODY_PARENTS[1:])
 
 
@@ -53,13 +56,34 @@ class Poses:
     joint_velocities: Array
 
 
+@dataclass(frozen=True)
+class Obstacle:
+    """Something in a figure's way: it stands there (mass 0), or is thrown.
+
+    size: (x, y, z) outer dimensions, metres; a sphere takes the first, a cylinder lies along its own z.
+    mass: kg; position: (x, y, z) of its centre, rotation: (x, y, z, w), velocity: m/s, all at the reset.
+    """
+
+    shape: Literal["box", "sphere", "cylinder"]
+    size: tuple[float, float, float]
+    position: tuple[float, float, float]
+    rotation: tuple[float, float, float, float] = (0.0, 0.0, 0.0, 1.0)
+    mass: float = 0.0
+    velocity: tuple[float, float, float] = (0.0, 0.0, 0.0)
+
+
 class World(Protocol):
-    """A batch of `size` humanoids on level ground, each alone in its world."""
+    """A batch of `size` humanoids on level ground, each alone in its world.
+
+    What `states`, `step` and `peak_torques` return are windows on the engine's own memory: read-only, and
+    valid until the next `reset` or `step`. Whoever keeps them copies them.
+    """
 
     size: int
+    engine: str
 
     def reset(self, indices: NDArray[np.intp], poses: Poses) -> None:
-        """Put the figures of `indices` (N,) into N poses."""
+        """Put the figures of `indices` (N,) into N poses; what happened to them before is forgotten."""
 
     def step(self, targets: Array, target_velocities: Array, wrenches: Array | None = None) -> BodyStates:
         """One control step of SUBSTEPS physics steps with stable PD.
@@ -72,11 +96,26 @@ class World(Protocol):
     def states(self) -> BodyStates:
         """All bodies now."""
 
+    def exploded(self) -> NDArray[np.bool_]:
+        """(E,) whose state was no longer that of a body: infinite, NaN or faster than FASTEST.
+
+        Such a figure stays where it was last sound, with its last sound velocities, until it is reset.
+        """
+
     def contacts(self) -> NDArray[np.bool_]:
         """(E, 2): left, right foot touches something."""
 
+    def contact_forces(self) -> Array:
+        """(E, 15, 3) force of all contacts on each body in the last physics step, N, in the world."""
+
     def peak_torques(self) -> Array:
-        """(E, 14) largest torque of each joint in the last control step, N·m; if asked for."""
+        """(E, 14) largest component of each joint's torque in the last control step, N·m; if asked for."""
+
+    def place(self, index: int, obstacles: Sequence[Obstacle]) -> None:
+        """Replace all obstacles of a figure; they stand at their start now and after each of its resets."""
+
+    def obstacles(self, index: int) -> Array:
+        """(K, 7) position and rotation of a figure's obstacles now."""
 
     def close(self) -> None:
         """Free the engine."""

@@ -45,6 +45,13 @@ def motion() -> Motion:
     return stride()
 
 
+@pytest.fixture(params=["native", "pybullet"])
+def engine(request: pytest.FixtureRequest) -> str:
+    if request.param == "native":
+        pytest.importorskip("kinemimic_native", reason="the native engine is not built here")
+    return str(request.param)
+
+
 class Puppets:
     """A world whose bodies are where `put` puts them; as an engine does, it keeps them in one memory."""
 

@@ -1,4 +1,4 @@
-"""The Bullet world obeys mechanics, and does the same thing twice."""
+"""Both engines obey mechanics, and do the same thing twice."""
 
 from __future__ import annotations
 
@@ -10,9 +10,9 @@ import pytest
 
 from kinemimic.pipeline.rotations import angle_between, from_rotvec, multiply
 from kinemimic.retarget.body import BODIES, BODY_INDEX, TOTAL_MASS
-from kinemimic.train.bullet import BulletWorld
+from kinemimic.train.engines import open_world
 from kinemimic.train.reference import Reference
-from kinemimic.train.world import GRAVITY, SUBSTEPS, TIME_STEP, BodyStates, Poses
+from kinemimic.train.world import GRAVITY, SUBSTEPS, TIME_STEP, BodyStates, Obstacle, Poses, World
 
 MASSES = np.array([body.mass for body in BODIES])
 STEP = SUBSTEPS * TIME_STEP
@@ -33,13 +33,13 @@ def momentum(state: BodyStates) -> np.ndarray:
 
 
 @pytest.fixture
-def world() -> Iterator[BulletWorld]:
-    made = BulletWorld(1, measure_torques=True)
+def world(engine: str) -> Iterator[World]:
+    made = open_world(1, engine, measure_torques=True)
     yield made
     made.close()
 
 
-def test_reset_puts_every_body_where_the_reference_has_it(world: BulletWorld, motion) -> None:
+def test_reset_puts_every_body_where_the_reference_has_it(world: World, motion) -> None:
     reference = Reference(motion)
     phase = np.array([0.37])
     world.reset(np.array([0]), reference.poses(phase))
@@ -51,7 +51,7 @@ def test_reset_puts_every_body_where_the_reference_has_it(world: BulletWorld, mo
     np.testing.assert_allclose(found.angular, wanted.angular, atol=2e-2)
 
 
-def test_only_gravity_acts_in_the_air(world: BulletWorld, motion) -> None:
+def test_only_gravity_acts_in_the_air(world: World, motion) -> None:
     """Joint torques are inner forces: a figure that strides in the air gains m g t and nothing else.
 
     Bullet's reduced coordinates keep momentum to the order of the time step only: 0.2 N·s of 94.6.
@@ -68,7 +68,7 @@ def test_only_gravity_acts_in_the_air(world: BulletWorld, motion) -> None:
     np.testing.assert_allclose(change, [0, 0, -TOTAL_MASS * GRAVITY * 6 * STEP], atol=0.2)
 
 
-def test_a_push_changes_the_momentum_by_force_times_time(world: BulletWorld) -> None:
+def test_a_push_changes_the_momentum_by_force_times_time(world: World) -> None:
     """100 N for 0.2 s on the torso: 20 N·s, besides gravity's."""
     world.reset(np.array([0]), upright(5.0))
     wrench = np.zeros((1, 15, 6))
@@ -78,7 +78,7 @@ def test_a_push_changes_the_momentum_by_force_times_time(world: BulletWorld) -> 
     np.testing.assert_allclose(momentum(state), [0, 20.0, -TOTAL_MASS * GRAVITY * 0.2], atol=0.05)
 
 
-def test_a_torque_turns_about_its_own_axis(world: BulletWorld) -> None:
+def test_a_torque_turns_about_its_own_axis(world: World) -> None:
     """20 N·m about the vertical for 0.1 s: angular momentum 2 N·m·s about the centre of mass."""
     world.reset(np.array([0]), upright(5.0))
     wrench = np.zeros((1, 15, 6))
@@ -92,7 +92,7 @@ def test_a_torque_turns_about_its_own_axis(world: BulletWorld) -> None:
     assert spin[2] == pytest.approx(2.0, rel=0.03)
 
 
-def test_the_ground_carries_the_weight(world: BulletWorld) -> None:
+def test_the_ground_carries_the_weight(world: World) -> None:
     """Standing still: both soles on the ground, which takes up all of m g, and ankles that hardly work."""
     world.reset(np.array([0]), upright(0.905))
     for _ in range(10):
@@ -102,12 +102,14 @@ def test_the_ground_carries_the_weight(world: BulletWorld) -> None:
     np.testing.assert_allclose(feet, 0.025, atol=2e-3)
     # Without the ground a third of a second would have given 160 N·s.
     assert abs(momentum(state)[2]) < 1.0
+    total = world.contact_forces()[0].sum(axis=0)
+    np.testing.assert_allclose(total, [0, 0, TOTAL_MASS * GRAVITY], atol=0.02 * TOTAL_MASS * GRAVITY)
     # The weight passes through the ankles: 473 N within the foot's 12 cm before them.
     ankles = world.peak_torques()[0, [BODY_INDEX["foot_left"] - 1, BODY_INDEX["foot_right"] - 1]]
     assert ankles.max() < 0.5 * TOTAL_MASS * GRAVITY * 0.12
 
 
-def test_stable_pd_follows_a_turning_target(world: BulletWorld) -> None:
+def test_stable_pd_follows_a_turning_target(world: World) -> None:
     """The target velocity is meant in the child's frame: with it the lag is far below the turn."""
     rate = np.random.default_rng(1).normal(size=(14, 3))
     start = from_rotvec(np.random.default_rng(2).normal(0, 0.3, (14, 3)))
@@ -123,7 +125,7 @@ def test_stable_pd_follows_a_turning_target(world: BulletWorld) -> None:
     assert angle_between(state.joints[0], targets[-1]).max() < np.radians(0.6)
 
 
-def test_torques_stay_within_their_limits(world: BulletWorld) -> None:
+def test_torques_stay_within_their_limits(world: World) -> None:
     limits = np.array([body.torque_limit for body in BODIES[1:]])
     world.reset(np.array([0]), upright(5.0))
     targets = from_rotvec(np.full((1, SUBSTEPS, 14, 3), 0.8))
@@ -134,13 +136,13 @@ def test_torques_stay_within_their_limits(world: BulletWorld) -> None:
     assert peaks[BODY_INDEX["shin_left"] - 1] == pytest.approx(150.0, rel=1e-3)
 
 
-def test_the_same_motion_twice_is_the_same_to_the_bit(motion) -> None:
+def test_the_same_motion_twice_is_the_same_to_the_bit(motion, engine: str) -> None:
     reference = Reference(motion)
     random = np.random.default_rng(3)
     phases = np.array([0.1, 0.6])
     corrections = random.normal(0, 0.05, (20, 2, 1, 14, 3))
 
-    def play(world: BulletWorld) -> np.ndarray:
+    def play(world: World) -> np.ndarray:
         world.reset(np.array([0, 1]), reference.poses(phases))
         rows = []
         for k, correction in enumerate(corrections):
@@ -150,8 +152,88 @@ def test_the_same_motion_twice_is_the_same_to_the_bit(motion) -> None:
             rows.append(np.concatenate([state.positions, state.linear, state.angular], axis=-1))
         return np.array(rows)
 
-    one, two = BulletWorld(2), BulletWorld(2)
+    one, two = open_world(2, engine), open_world(2, engine)
     first, again, other = play(one), play(one), play(two)
     one.close()
     two.close()
     assert first.tobytes() == again.tobytes() == other.tobytes()
+
+
+def test_the_ground_holds_a_foot_with_nine_tenths_of_its_weight(world: World) -> None:
+    """Friction is 0.9: a standing figure that is pushed with less stays, with more it slides.
+
+    The push is on the feet themselves, so that nothing topples at once.
+    """
+    feet = [BODY_INDEX["foot_left"], BODY_INDEX["foot_right"]]
+    moved = []
+    for share in (0.8, 1.0):
+        world.reset(np.array([0]), upright(0.905))
+        for _ in range(10):
+            start = world.step(*HOLD).positions[0, feet].copy()
+        wrench = np.zeros((1, 15, 6))
+        wrench[0, feet, 0] = 0.5 * share * TOTAL_MASS * GRAVITY
+        for _ in range(4):
+            end = world.step(*HOLD, wrench).positions[0, feet].copy()
+        moved.append(float(np.abs(end - start)[:, 0].max()))
+    assert moved[0] < 0.004
+    assert moved[1] > 3 * moved[0]
+
+
+def test_what_explodes_is_held_until_its_reset(world: World) -> None:
+    """A push of a thousand tonnes: the figure stays where it last was sound, and a reset makes it well."""
+    world.reset(np.array([0]), upright(3.0))
+    sound = world.step(*HOLD).positions.copy()
+    assert not world.exploded().any()
+    wrench = np.zeros((1, 15, 6))
+    wrench[0, BODY_INDEX["head"], 0] = 1e7
+    for _ in range(2):
+        state = world.step(*HOLD, wrench)
+        assert world.exploded().all()
+        assert np.isfinite(state.positions).all()
+        assert np.isfinite(state.angular).all()
+        np.testing.assert_allclose(state.positions, sound, atol=0.1)
+    world.reset(np.array([0]), upright(3.0))
+    assert not world.exploded().any()
+    assert world.step(*HOLD).positions.tobytes() == sound.tobytes()
+
+
+def test_a_thrown_ball_flies_falls_and_starts_again(world: World) -> None:
+    """x = v t, z = h - g t²/2 with the step's own rounding, and the ground stops it."""
+    ball = Obstacle("sphere", (0.2, 0.2, 0.2), (2.0, 1.0, 1.5), mass=1.0, velocity=(3.0, 0.0, 0.0))
+    world.place(0, [ball])
+    for _ in range(2):
+        world.reset(np.array([0]), upright(0.905))
+        np.testing.assert_allclose(world.obstacles(0)[0, :3], ball.position, atol=1e-12)
+        for _ in range(6):
+            world.step(*HOLD)
+        time = 6 * STEP
+        # Semi-implicit Euler falls half a time step's speed further.
+        height = 1.5 - 0.5 * GRAVITY * time * (time + TIME_STEP)
+        np.testing.assert_allclose(world.obstacles(0)[0, :3], [2.0 + 3.0 * time, 1.0, height], atol=1e-6)
+        for _ in range(25):
+            world.step(*HOLD)
+        assert world.obstacles(0)[0, 2] == pytest.approx(0.1, abs=0.01)
+
+
+@pytest.mark.parametrize("shape", ["box", "sphere", "cylinder"])
+def test_an_obstacle_stops_what_runs_into_it(world: World, shape: str) -> None:
+    """A figure that flies at 2 m/s along X does not pass an obstacle a metre wide at x = 1."""
+    wall = Obstacle(shape, (1.0, 1.0, 2.0), (1.0, 0.0, 1.6))  # type: ignore[arg-type]
+    flying = replace(upright(1.8), root_linear=np.array([[2.0, 0.0, 0.0]]))
+    ends = []
+    for obstacles in ([], [wall]):
+        world.place(0, obstacles)
+        world.reset(np.array([0]), flying)
+        for _ in range(12):
+            state = world.step(*HOLD)
+        ends.append(float(state.positions[0, BODY_INDEX["torso"], 0]))
+    assert ends[0] == pytest.approx(0.8, abs=0.01)
+    assert ends[1] < 0.65
+
+
+def test_states_are_windows_that_cannot_be_written(world: World) -> None:
+    state = world.states()
+    world.reset(np.array([0]), upright(1.7))
+    assert state.positions[0, 0, 2] == pytest.approx(1.7)
+    with pytest.raises(ValueError, match="read-only"):
+        state.positions[0] = 0.0

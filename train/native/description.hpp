@@ -1,0 +1,45 @@
+// What a figure and its world are made of: the same numbers that the URDF is written from. Z is up, X forward.
+#pragma once
+
+#include <vector>
+
+#include "LinearMath/btQuaternion.h"
+#include "LinearMath/btVector3.h"
+
+struct Body {
+    enum class Shape { box, sphere, capsule }; // a capsule lies along Z
+
+    int parent;                // -1 for the root, which comes first; parents come before their children
+    Shape shape;
+    btVector3 size;            // outer dimensions, m
+    btScalar mass;             // kg
+    btVector3 inertia;         // principal moments about the centre of mass, kg m^2
+    btVector3 control_inertia; // the same as the controller takes them to be
+    btVector3 center;          // centre of mass from the body's joint, m
+    btVector3 joint;           // the joint from the parent's joint, m
+    btScalar stiffness;        // N m / rad
+    btScalar damping;          // N m s / rad
+    btScalar torque_limit;     // N m, of each component
+};
+
+using Description = std::vector<Body>;
+
+struct WorldSettings {
+    btScalar time_step; // s
+    btScalar gravity;   // m/s^2, downwards
+    btScalar friction;  // of the figure on everything
+    int iterations;     // of the contact solver
+    btScalar fastest;   // m/s: what goes faster has exploded
+    bool fixed_root;    // the root hangs where it was put
+};
+
+struct Obstacle {
+    enum class Shape { box, sphere, cylinder }; // a cylinder lies along Z
+
+    Shape shape;
+    btVector3 size;     // outer dimensions, m
+    btScalar mass;      // kg; what has none never moves
+    btVector3 position; // of the centre, m
+    btQuaternion rotation;
+    btVector3 velocity; // m/s; a thrown one's at the figure's reset
+};

@@ -1,0 +1,329 @@
+#include "figure.hpp"
+
+#include <algorithm>
+#include <cmath>
+
+namespace {
+
+// Bits of the collision filter. A figure's bodies pass through each other.
+enum Group { ground = 1, figure = 2, obstacle = 4 };
+
+// As the pybullet wheel sets them: the two engines are one in this.
+const btScalar contact_erp = btScalar(0.08);
+const btScalar friction_erp = btScalar(0.2);
+const btScalar slop = btScalar(1e-5);
+const btScalar warm_starting = btScalar(0.1);
+const btScalar residual = btScalar(1e-7);
+const btScalar margin = btScalar(0.001);
+
+std::unique_ptr<btCollisionShape> made(std::unique_ptr<btCollisionShape> shape) {
+    // Round shapes are their own margin; a box keeps its size and rounds its edges by this much.
+    if (shape->getShapeType() == BOX_SHAPE_PROXYTYPE || shape->getShapeType() == CYLINDER_SHAPE_PROXYTYPE) {
+        shape->setMargin(margin);
+    }
+    return shape;
+}
+
+std::unique_ptr<btCollisionShape> body_shape(const Body& body) {
+    const btVector3& s = body.size;
+    switch (body.shape) {
+        case Body::Shape::box:
+            return made(std::make_unique<btBoxShape>(s * btScalar(0.5)));
+        case Body::Shape::sphere:
+            return made(std::make_unique<btSphereShape>(s.x() * btScalar(0.5)));
+        default:
+            return made(std::make_unique<btCapsuleShapeZ>(s.x() * btScalar(0.5), s.z() - s.x()));
+    }
+}
+
+std::unique_ptr<btCollisionShape> obstacle_shape(const Obstacle& item) {
+    const btVector3& s = item.size;
+    switch (item.shape) {
+        case Obstacle::Shape::box:
+            return made(std::make_unique<btBoxShape>(s * btScalar(0.5)));
+        case Obstacle::Shape::sphere:
+            return made(std::make_unique<btSphereShape>(s.x() * btScalar(0.5)));
+        default:
+            return made(std::make_unique<btCylinderShapeZ>(s * btScalar(0.5)));
+    }
+}
+
+} // namespace
+
+// Where links will be is needed for swept collisions only, which nothing here asks for.
+void Figure::World::predictUnconstraintMotion(btScalar time_step) {
+    btDiscreteDynamicsWorld::predictUnconstraintMotion(time_step);
+}
+
+Figure::Figure(const Description& bodies, const WorldSettings& settings)
+    : m_bodies(bodies),
+      m_settings(settings),
+      m_dispatcher(&m_configuration),
+      m_world(&m_dispatcher, &m_broadphase, &m_solver, &m_configuration),
+      m_control(bodies, settings),
+      m_state(bodies.size()),
+      m_kinematics(bodies.size()),
+      m_torques(bodies.size(), btVector3(0, 0, 0)),
+      m_peaks(bodies.size(), 0) {
+    build();
+    m_state.position.setValue(0, 0, 2);
+    reset(State(m_state));
+}
+
+Figure::~Figure() {
+    remove_obstacles();
+    for (auto& collider : m_colliders) {
+        m_world.removeCollisionObject(collider.get());
+    }
+    m_world.removeMultiBody(m_multi.get());
+    m_world.removeRigidBody(m_ground.get());
+}
+
+// Bullet's own sizes are meant for a scene of thousands: 4 MB a figure.
+btDefaultCollisionConstructionInfo Figure::small_pools() {
+    btDefaultCollisionConstructionInfo info;
+    info.m_defaultMaxPersistentManifoldPoolSize = 64;
+    info.m_defaultMaxCollisionAlgorithmPoolSize = 64;
+    return info;
+}
+
+void Figure::build() {
+    btContactSolverInfo& info = m_world.getSolverInfo();
+    info.m_numIterations = m_settings.iterations;
+    info.m_erp2 = contact_erp;
+    info.m_frictionERP = friction_erp;
+    info.m_linearSlop = slop;
+    info.m_warmstartingFactor = warm_starting;
+    info.m_leastSquaresResidualThreshold = residual;
+    info.m_minimumSolverBatchSize = 0;
+    m_world.setForceUpdateAllAabbs(false);
+    m_world.setGravity(btVector3(0, 0, -m_settings.gravity));
+
+    m_shapes.push_back(std::make_unique<btStaticPlaneShape>(btVector3(0, 0, 1), btScalar(0)));
+    m_ground = std::make_unique<btRigidBody>(
+        btRigidBody::btRigidBodyConstructionInfo(0, nullptr, m_shapes.back().get()));
+    // Bullet multiplies the frictions of two bodies.
+    m_ground->setFriction(1);
+    m_world.addRigidBody(m_ground.get(), Group::ground, Group::figure | Group::obstacle);
+
+    const Body& root = m_bodies[0];
+    const int links = static_cast<int>(m_bodies.size()) - 1;
+    m_multi = std::make_unique<btMultiBody>(links, root.mass, root.inertia, m_settings.fixed_root, false);
+    for (int link = 0; link < links; ++link) {
+        const Body& body = m_bodies[static_cast<std::size_t>(link) + 1];
+        const Body& parent = m_bodies[static_cast<std::size_t>(body.parent)];
+        m_multi->setupSpherical(link, body.mass, body.inertia, body.parent - 1, btQuaternion::getIdentity(),
+                                body.joint - parent.center, body.center, true);
+    }
+    m_multi->finalizeMultiDof();
+    m_multi->setHasSelfCollision(false);
+    m_multi->setUseGyroTerm(true);
+    m_multi->setLinearDamping(0);
+    m_multi->setAngularDamping(0);
+    m_multi->setCanSleep(false);
+    m_world.addMultiBody(m_multi.get());
+    for (int link = -1; link < links; ++link) {
+        m_shapes.push_back(body_shape(m_bodies[static_cast<std::size_t>(link + 1)]));
+        auto collider = std::make_unique<btMultiBodyLinkCollider>(m_multi.get(), link);
+        collider->setCollisionShape(m_shapes.back().get());
+        collider->setFriction(m_settings.friction);
+        collider->setActivationState(DISABLE_DEACTIVATION);
+        m_world.addCollisionObject(collider.get(), Group::figure, Group::ground | Group::obstacle);
+        if (link < 0) {
+            m_multi->setBaseCollider(collider.get());
+        } else {
+            m_multi->getLink(link).m_collider = collider.get();
+        }
+        m_colliders.push_back(std::move(collider));
+    }
+}
+
+void Figure::write(const State& state) {
+    m_state = state;
+    m_multi->setBaseWorldTransform(btTransform(state.rotation, state.position));
+    m_multi->setBaseVel(state.linear);
+    m_multi->setBaseOmega(state.angular);
+    for (int link = 0; link < m_multi->getNumLinks(); ++link) {
+        const std::size_t i = static_cast<std::size_t>(link) + 1;
+        btScalar position[4] = {state.joints[i].x(), state.joints[i].y(), state.joints[i].z(), state.joints[i].w()};
+        btScalar velocity[3] = {state.velocities[i].x(), state.velocities[i].y(), state.velocities[i].z()};
+        m_multi->setJointPosMultiDof(link, position);
+        m_multi->setJointVelMultiDof(link, velocity);
+    }
+    m_multi->clearForcesAndTorques();
+    m_multi->clearConstraintForces();
+    btAlignedObjectArray<btQuaternion> rotations;
+    btAlignedObjectArray<btVector3> origins;
+    m_multi->forwardKinematics(rotations, origins);
+    m_multi->updateCollisionObjectWorldTransforms(rotations, origins);
+    m_kinematics.update(m_bodies, m_state);
+}
+
+void Figure::read() {
+    m_state.position = m_multi->getBasePos();
+    m_state.rotation = m_multi->getWorldToBaseRot().inverse();
+    m_state.linear = m_multi->getBaseVel();
+    m_state.angular = m_multi->getBaseOmega();
+    for (int link = 0; link < m_multi->getNumLinks(); ++link) {
+        const std::size_t i = static_cast<std::size_t>(link) + 1;
+        const btScalar* position = m_multi->getJointPosMultiDof(link);
+        const btScalar* velocity = m_multi->getJointVelMultiDof(link);
+        m_state.joints[i].setValue(position[0], position[1], position[2], position[3]);
+        m_state.velocities[i].setValue(velocity[0], velocity[1], velocity[2]);
+    }
+}
+
+void Figure::reset(const State& state) {
+    write(state);
+    forget_contacts();
+    start_obstacles();
+    m_exploded = false;
+    std::fill(m_peaks.begin(), m_peaks.end(), btScalar(0));
+}
+
+// Contacts live in the pairs of the broad phase, and the order of these depends on all that ever happened: taking
+// every object out and putting it back in makes a world that has been used equal to one that is new.
+void Figure::forget_contacts() {
+    m_solver.reset();
+    m_world.removeRigidBody(m_ground.get());
+    for (auto& collider : m_colliders) {
+        m_world.removeCollisionObject(collider.get());
+    }
+    for (auto& item : m_obstacles) {
+        m_world.removeRigidBody(item.get());
+    }
+    m_broadphase.resetPool(&m_dispatcher);
+    m_world.addRigidBody(m_ground.get(), Group::ground, Group::figure | Group::obstacle);
+    for (auto& collider : m_colliders) {
+        m_world.addCollisionObject(collider.get(), Group::figure, Group::ground | Group::obstacle);
+    }
+    for (auto& item : m_obstacles) {
+        m_world.addRigidBody(item.get(), Group::obstacle, Group::ground | Group::figure | Group::obstacle);
+    }
+}
+
+bool Figure::sound() const {
+    // Written so that NaN fails.
+    if (!(m_state.position.length2() < btScalar(1e12)) || !(m_state.linear.length2() < m_settings.fastest * m_settings.fastest)) {
+        return false;
+    }
+    for (std::size_t i = 0; i < m_bodies.size(); ++i) {
+        if (!(m_kinematics.linear[i].length2() < m_settings.fastest * m_settings.fastest)) {
+            return false;
+        }
+    }
+    return true;
+}
+
+void Figure::step(const btQuaternion* targets, const btVector3* velocities, int substeps, const btVector3* forces,
+                  const btVector3* torques) {
+    std::fill(m_peaks.begin(), m_peaks.end(), btScalar(0));
+    const std::size_t joints = m_bodies.size() - 1;
+    for (int substep = 0; substep < substeps && !m_exploded; ++substep) {
+        const std::size_t row = static_cast<std::size_t>(substep) * joints;
+        m_control.torques(m_state, m_kinematics, targets + row, velocities + row, m_torques);
+        for (std::size_t i = 1; i <= joints; ++i) {
+            btScalar torque[3] = {m_torques[i].x(), m_torques[i].y(), m_torques[i].z()};
+            m_multi->addJointTorqueMultiDof(static_cast<int>(i) - 1, torque);
+            m_peaks[i] = std::max({m_peaks[i], std::abs(torque[0]), std::abs(torque[1]), std::abs(torque[2])});
+        }
+        if (forces != nullptr) {
+            m_multi->addBaseForce(forces[0]);
+            m_multi->addBaseTorque(torques[0]);
+            for (std::size_t i = 1; i <= joints; ++i) {
+                m_multi->addLinkForce(static_cast<int>(i) - 1, forces[i]);
+                m_multi->addLinkTorque(static_cast<int>(i) - 1, torques[i]);
+            }
+        }
+        const State before = m_state;
+        m_world.stepSimulation(m_settings.time_step, 0);
+        read();
+        m_kinematics.update(m_bodies, m_state);
+        if (!sound()) {
+            write(before);
+            m_exploded = true;
+        }
+    }
+}
+
+void Figure::place(const std::vector<Obstacle>& obstacles) {
+    remove_obstacles();
+    m_placed = obstacles;
+    for (const Obstacle& item : m_placed) {
+        m_obstacle_shapes.push_back(obstacle_shape(item));
+        btVector3 inertia(0, 0, 0);
+        if (item.mass > 0) {
+            m_obstacle_shapes.back()->calculateLocalInertia(item.mass, inertia);
+        }
+        m_obstacles.push_back(std::make_unique<btRigidBody>(btRigidBody::btRigidBodyConstructionInfo(
+            item.mass, nullptr, m_obstacle_shapes.back().get(), inertia)));
+        m_obstacles.back()->setFriction(1);
+        m_obstacles.back()->setActivationState(DISABLE_DEACTIVATION);
+    }
+    start_obstacles();
+    for (auto& item : m_obstacles) {
+        m_world.addRigidBody(item.get(), Group::obstacle, Group::ground | Group::figure | Group::obstacle);
+    }
+}
+
+void Figure::start_obstacles() {
+    for (std::size_t k = 0; k < m_obstacles.size(); ++k) {
+        btRigidBody& body = *m_obstacles[k];
+        const btTransform start(m_placed[k].rotation, m_placed[k].position);
+        body.setWorldTransform(start);
+        body.setInterpolationWorldTransform(start);
+        body.setLinearVelocity(m_placed[k].velocity);
+        body.setAngularVelocity(btVector3(0, 0, 0));
+        body.setInterpolationLinearVelocity(m_placed[k].velocity);
+        body.setInterpolationAngularVelocity(btVector3(0, 0, 0));
+        body.clearForces();
+    }
+}
+
+void Figure::remove_obstacles() {
+    for (auto& item : m_obstacles) {
+        m_world.removeRigidBody(item.get());
+    }
+    m_obstacles.clear();
+    m_obstacle_shapes.clear();
+    m_placed.clear();
+}
+
+bool Figure::touches(std::size_t body) const {
+    auto& dispatcher = const_cast<btCollisionDispatcher&>(m_dispatcher);
+    for (int k = 0; k < dispatcher.getNumManifolds(); ++k) {
+        const btPersistentManifold* manifold = dispatcher.getManifoldByIndexInternal(k);
+        const btCollisionObject* collider = m_colliders[body].get();
+        if (manifold->getBody0() != collider && manifold->getBody1() != collider) {
+            continue;
+        }
+        for (int p = 0; p < manifold->getNumContacts(); ++p) {
+            if (manifold->getContactPoint(p).getDistance() < btScalar(1e-3)) {
+                return true;
+            }
+        }
+    }
+    return false;
+}
+
+void Figure::contact_forces(std::vector<btVector3>& out) const {
+    std::fill(out.begin(), out.end(), btVector3(0, 0, 0));
+    auto& dispatcher = const_cast<btCollisionDispatcher&>(m_dispatcher);
+    for (int k = 0; k < dispatcher.getNumManifolds(); ++k) {
+        const btPersistentManifold* manifold = dispatcher.getManifoldByIndexInternal(k);
+        btVector3 impulse(0, 0, 0);  // on body 0
+        for (int p = 0; p < manifold->getNumContacts(); ++p) {
+            const btManifoldPoint& point = manifold->getContactPoint(p);
+            impulse += point.m_normalWorldOnB * point.m_appliedImpulse +
+                       point.m_lateralFrictionDir1 * point.m_appliedImpulseLateral1 +
+                       point.m_lateralFrictionDir2 * point.m_appliedImpulseLateral2;
+        }
+        for (std::size_t i = 0; i < m_colliders.size(); ++i) {
+            if (manifold->getBody0() == m_colliders[i].get()) {
+                out[i] += impulse / m_settings.time_step;
+            } else if (manifold->getBody1() == m_colliders[i].get()) {
+                out[i] -= impulse / m_settings.time_step;
+            }
+        }
+    }
+}

@@ -1,0 +1,84 @@
+// One humanoid, alone with its ground and its obstacles in a Bullet world of its own.
+#pragma once
+
+#include <memory>
+#include <vector>
+
+#include "BulletDynamics/Featherstone/btMultiBody.h"
+#include "BulletDynamics/Featherstone/btMultiBodyConstraintSolver.h"
+#include "BulletDynamics/Featherstone/btMultiBodyDynamicsWorld.h"
+#include "BulletDynamics/Featherstone/btMultiBodyLinkCollider.h"
+#include "btBulletCollisionCommon.h"
+#include "btBulletDynamicsCommon.h"
+#include "kinematics.hpp"
+#include "stable_pd.hpp"
+
+class Figure {
+public:
+    Figure(const Description& bodies, const WorldSettings& settings);
+    ~Figure();
+    Figure(const Figure&) = delete;
+    Figure& operator=(const Figure&) = delete;
+
+    // Nothing remains of what was before, to the bit: contacts, warm starts and obstacles begin anew.
+    void reset(const State& state);
+
+    // Physics steps towards `targets` (substeps x joints); the pushes (one force and torque a body, N and N m, in
+    // the world, at its centre of mass; may be null) last for all of them.
+    void step(const btQuaternion* targets, const btVector3* velocities, int substeps, const btVector3* forces,
+              const btVector3* torques);
+
+    // Replaces all obstacles; they stand at their start from here on and after every reset.
+    void place(const std::vector<Obstacle>& obstacles);
+
+    const Kinematics& kinematics() const { return m_kinematics; }
+    // Largest component of each joint's torque in the last `step`, N m; [0] unused.
+    const std::vector<btScalar>& peaks() const { return m_peaks; }
+    // The state was no longer that of a body: infinite, NaN or too fast. The figure stays where it last was sound
+    // until its reset.
+    bool exploded() const { return m_exploded; }
+    bool touches(std::size_t body) const;
+    // Force of all contacts on each body in the last physics step, N, in the world.
+    void contact_forces(std::vector<btVector3>& out) const;
+    const std::vector<std::unique_ptr<btRigidBody>>& obstacles() const { return m_obstacles; }
+
+private:
+    class World : public btMultiBodyDynamicsWorld {
+    public:
+        using btMultiBodyDynamicsWorld::btMultiBodyDynamicsWorld;
+
+    protected:
+        void predictUnconstraintMotion(btScalar time_step) override;
+    };
+
+    const Description& m_bodies;
+    const WorldSettings m_settings;
+    // Bullet keeps bare pointers to all of these: those that are used come first and are destroyed last.
+    btDefaultCollisionConfiguration m_configuration{small_pools()};
+    btCollisionDispatcher m_dispatcher;
+    btDbvtBroadphase m_broadphase;
+    btMultiBodyConstraintSolver m_solver;
+    std::vector<std::unique_ptr<btCollisionShape>> m_shapes, m_obstacle_shapes;
+    World m_world;
+    std::unique_ptr<btRigidBody> m_ground;
+    std::unique_ptr<btMultiBody> m_multi;
+    std::vector<std::unique_ptr<btMultiBodyLinkCollider>> m_colliders;
+    std::vector<std::unique_ptr<btRigidBody>> m_obstacles;
+    std::vector<Obstacle> m_placed;
+
+    StablePd m_control;
+    State m_state;
+    Kinematics m_kinematics;
+    std::vector<btVector3> m_torques;
+    std::vector<btScalar> m_peaks;
+    bool m_exploded = false;
+
+    static btDefaultCollisionConstructionInfo small_pools();
+    void build();
+    void write(const State& state);
+    void read();
+    bool sound() const;
+    void forget_contacts();
+    void start_obstacles();
+    void remove_obstacles();
+};
