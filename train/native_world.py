@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from typing import Any
 
 import kinemimic_native
 import numpy as np
@@ -48,7 +49,7 @@ def _control_inertia(body: Body) -> tuple[float, float, float]:
     return across, across, along
 
 
-def description() -> dict[str, Array | NDArray[np.int32]]:
+def description() -> dict[str, Any]:
     """The body of `retarget/body.py` as the arguments of `kinemimic_native.Batch`."""
     offsets = node_offsets()
     masses = np.array([body.mass for body in BODIES])
