@@ -78,6 +78,7 @@ class ImitationBatch:
     def _face(self, target: BodyStates) -> None:
         """Set the figures, as they are now, against their target and what comes after it."""
         self.target = target
+        self._exploded = self.world.exploded()
         self.ahead = self.reference.bodies(self.phases + self._increment)
         self._turns, self._turns_ahead = pose_turns(self.bodies, self.target, self.ahead)
 
@@ -111,7 +112,7 @@ class ImitationBatch:
         if not self.reference.cyclic:
             truncated |= ~terminated & (self.phases >= 1.0)
         terms = np.where(terminated[:, None], 0.0, self.terms())
-        return Step(self.observe(), terms, terminated, truncated, self.world.exploded())
+        return Step(self.observe(), terms, terminated, truncated, self._exploded)
 
     def terms(self) -> Array:
         """Reward terms (E, K) of the figures as they are, fallen or not."""
@@ -120,9 +121,9 @@ class ImitationBatch:
     def fallen(self) -> NDArray[np.bool_]:
         """(E,) exploded, or with the pelvis too low, too high or too far turned for its reference."""
         height = np.abs(self.bodies.positions[:, 0, 2] - self.target.positions[:, 0, 2])
-        turn = np.linalg.norm(self._turns[:, 0], axis=-1)
-        fell = (height > self.config.max_height_error) | (turn > self.config.max_rotation_error)
-        return np.asarray(fell | self.world.exploded())
+        turn = np.einsum("ei,ei->e", self._turns[:, 0], self._turns[:, 0])
+        fell = (height > self.config.max_height_error) | (turn > self.config.max_rotation_error**2)
+        return np.asarray(fell | self._exploded)
 
     def observe(self) -> Array:
         """(E, OBSERVATIONS) in the figure's own heading: what it is doing and how far from what is next."""
@@ -146,7 +147,7 @@ class ImitationBatch:
             np.array([np.sin(turn), np.cos(turn), b.positions[:, 0, 2]]).T,
             vectors[:, :-1].reshape(size, -1),
             self._turns_ahead.reshape(size, -1),
-            np.clip(vectors[:, -1, :2], -1.0, 1.0),
+            np.minimum(np.maximum(vectors[:, -1, :2], -1.0), 1.0),
         ]
         return np.concatenate(parts, axis=1)
 
