@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import math
 import tempfile
 from collections.abc import Sequence
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,10 +17,12 @@ from kinemimic.train.pybullet_client import FROM_BULLET, QUAT_FROM_BULLET, QUAT_
 from kinemimic.train.pybullet_obstacles import build, start
 from kinemimic.train.world import (
     FASTEST,
+    FREE_SPEED,
     FRICTION,
     GRAVITY,
+    LARGEST_TURN,
+    MOST_PARTS,
     SOLVER_ITERATIONS,
-    SUBSTEPS,
     TIME_STEP,
     BodyStates,
     Obstacle,
@@ -60,6 +64,7 @@ class BulletWorld:
                 self._clients.append(self._build(urdf))
         self._obstacles: list[list[tuple[int, Obstacle]]] = [[] for _ in range(size)]
         self._exploded = np.zeros(size, dtype=np.bool_)
+        self._parts = [1] * size
         bodies = (size, len(BODIES))
         self._buffers = BodyStates(*(np.zeros((*bodies, width)) for width in (3, 4, 3, 3)))
         self._states = BodyStates(*(_window(array) for array in vars(self._buffers).values()))
@@ -82,9 +87,9 @@ class BulletWorld:
         bullet.changeDynamics(ground, -1, lateralFriction=1.0, physicsClientId=client)
         flags = bullet.URDF_USE_INERTIA_FROM_FILE | bullet.URDF_MAINTAIN_LINK_ORDER
         self._figure: int = bullet.loadURDF(str(urdf), [0, 2, 0], flags=flags, physicsClientId=client)
-        # Damping and sleep are the figure's. Named in the call for a link, they make Bullet drop the rest.
+        # These are the figure's. Named in the call for a link, they make Bullet drop the rest of it.
         bullet.changeDynamics(
-            self._figure, -1, linearDamping=0, angularDamping=0,
+            self._figure, -1, linearDamping=0, angularDamping=0, maxJointVelocity=FREE_SPEED,
             activationState=bullet.ACTIVATION_STATE_DISABLE_SLEEPING, physicsClientId=client,
         )  # fmt: skip
         for link in _LINKS:
@@ -135,20 +140,39 @@ class BulletWorld:
         for index, client in enumerate(self._clients):
             if self._exploded[index]:
                 continue
-            for substep in range(SUBSTEPS):
-                bullet.setJointMotorControlMultiDofArray(
-                    self._figure, _JOINTS, bullet.STABLE_PD_CONTROL,
-                    targetPositions=positions[index][substep], targetVelocities=velocities[index][substep],
-                    forces=_LIMITS, positionGains=_STIFFNESS, velocityGains=_DAMPING, physicsClientId=client,
-                )  # fmt: skip
-                # Bullet forgets external forces after every step.
-                if wrenches is not None:
-                    self._push(client, wrenches[index])
-                bullet.stepSimulation(physicsClientId=client)
-                if self._measure:
-                    np.maximum(self._peaks[index], self._torques(client), out=self._peaks[index])
+            wrench = None if wrenches is None else wrenches[index]
+            for target, velocity in zip(positions[index], velocities[index], strict=True):
+                self._substep(index, client, target, velocity, wrench)
         self._read()
         return self._states
+
+    def _substep(
+        self, index: int, client: int, target: list[Any], velocity: list[Any], wrench: Array | None
+    ) -> None:
+        parts = self._parts[index] = self._division(client)
+        if parts > 1:
+            bullet.setPhysicsEngineParameter(fixedTimeStep=TIME_STEP / parts, physicsClientId=client)
+        for _ in range(parts):
+            bullet.setJointMotorControlMultiDofArray(
+                self._figure, _JOINTS, bullet.STABLE_PD_CONTROL, targetPositions=target,
+                targetVelocities=velocity, forces=_LIMITS, positionGains=_STIFFNESS, velocityGains=_DAMPING,
+                physicsClientId=client,
+            )  # fmt: skip
+            # Bullet forgets external forces after every step.
+            if wrench is not None:
+                self._push(client, wrench)
+            bullet.stepSimulation(physicsClientId=client)
+            if self._measure:
+                np.maximum(self._peaks[index], self._torques(client), out=self._peaks[index])
+        if parts > 1:
+            bullet.setPhysicsEngineParameter(fixedTimeStep=TIME_STEP, physicsClientId=client)
+
+    def _division(self, client: int) -> int:
+        """Into how many parts the next step is divided."""
+        states = bullet.getJointStatesMultiDof(self._figure, _JOINTS, physicsClientId=client)
+        turn = TIME_STEP * max(math.hypot(*state[1]) for state in states)
+        # Written so that what is NaN is not divided.
+        return min(max(math.ceil(turn / LARGEST_TURN), 1), MOST_PARTS) if turn > LARGEST_TURN else 1
 
     def _push(self, client: int, wrench: Array) -> None:
         for body in np.flatnonzero(np.any(wrench != 0.0, axis=-1)).tolist():
@@ -219,7 +243,9 @@ class BulletWorld:
         for index, client in enumerate(self._clients):
             for point in bullet.getContactPoints(bodyA=self._figure, physicsClientId=client):
                 normal, first, second = (np.array(point[k])[FROM_BULLET] for k in (7, 11, 13))
-                forces[index, point[3]] += normal * point[9] + first * point[10] + second * point[12]
+                force = normal * point[9] + first * point[10] + second * point[12]
+                # pybullet divides the impulse by the undivided step.
+                forces[index, point[3]] += force * self._parts[index]
         return forces
 
     def peak_torques(self) -> Array:

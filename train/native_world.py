@@ -15,8 +15,11 @@ from kinemimic.retarget.body import BODIES, BODY_INDEX, BODY_PARENTS, Body, node
 from kinemimic.retarget.urdf import BASE_INERTIA, BASE_MASS
 from kinemimic.train.world import (
     FASTEST,
+    FREE_SPEED,
     FRICTION,
     GRAVITY,
+    LARGEST_TURN,
+    MOST_PARTS,
     SOLVER_ITERATIONS,
     TIME_STEP,
     BodyStates,
@@ -87,6 +90,9 @@ class NativeWorld:
             friction=FRICTION,
             iterations=SOLVER_ITERATIONS,
             fastest=FASTEST,
+            free_speed=FREE_SPEED,
+            largest_turn=LARGEST_TURN,
+            most_parts=MOST_PARTS,
             threads=threads,
         )
         batch = self._batch

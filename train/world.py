@@ -20,6 +20,11 @@ TIME_STEP = 1.0 / (CONTROL_RATE * SUBSTEPS)
 GRAVITY = 9.81
 FRICTION = 0.9
 SOLVER_ITERATIONS = 10
+# Where joints turn fast (a hand that hits the ground reaches 70 rad/s in one step), a step is divided: whole,
+# its explicit integration would make energy. Bullet's own remedy, to cut off speeds, hurls a figure away.
+LARGEST_TURN = 0.1  # rad that a joint may turn in one part of a step
+MOST_PARTS = 8
+FREE_SPEED = 1000.0  # rad/s, m/s: Bullet's own limit of joint and root speeds, set where it never acts
 FASTEST = 100.0  # m/s: no part of a body that obeys its joints comes near; what goes faster has exploded
 JOINT_PARENTS: NDArray[np.intp] = np.array(BODY_PARENTS[1:])
 

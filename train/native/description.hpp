@@ -29,7 +29,10 @@ struct WorldSettings {
     btScalar gravity;   // m/s^2, downwards
     btScalar friction;  // of the figure on everything
     int iterations;     // of the contact solver
-    btScalar fastest;   // m/s: what goes faster has exploded
+    btScalar fastest;      // m/s: what goes faster has exploded
+    btScalar free_speed;   // rad/s, m/s: Bullet's own limit of the coordinates' speeds
+    btScalar largest_turn; // rad: a step in which a joint would turn further is divided ...
+    int most_parts;        // ... into this many parts at most
     bool fixed_root;    // the root hangs where it was put
 };
 

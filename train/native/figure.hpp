@@ -72,9 +72,13 @@ private:
     std::vector<btVector3> m_torques;
     std::vector<btScalar> m_peaks;
     bool m_exploded = false;
+    btScalar m_last_step;
 
     static btDefaultCollisionConstructionInfo small_pools();
     void build();
+    int parts() const;
+    void advance(const btQuaternion* targets, const btVector3* velocities, const btVector3* forces,
+                 const btVector3* torques, btScalar time_step);
     void write(const State& state);
     void read();
     bool sound() const;

@@ -76,11 +76,13 @@ std::unique_ptr<Batch> make(int size, const Integers& parents, const Integers& s
                             const Floats& masses, const Floats& inertias, const Floats& control_inertias,
                             const Floats& centers, const Floats& joints, const Floats& stiffness,
                             const Floats& damping, const Floats& torque_limits, double time_step, double gravity,
-                            double friction, int iterations, double fastest, int threads, bool fixed_root) {
-    if (size < 1 || threads < 1 || iterations < 1 || !(time_step > 0)) {
-        throw std::invalid_argument("expected size, threads, iterations and time_step above 0");
+                            double friction, int iterations, double fastest, double free_speed,
+                            double largest_turn, int most_parts, int threads, bool fixed_root) {
+    if (size < 1 || threads < 1 || iterations < 1 || most_parts < 1 || !(time_step > 0) || !(largest_turn > 0)) {
+        throw std::invalid_argument("expected size, threads, iterations, most_parts, time_step, largest_turn above 0");
     }
-    const WorldSettings settings{btScalar(time_step), btScalar(gravity), btScalar(friction), iterations, btScalar(fastest), fixed_root};
+    const WorldSettings settings{btScalar(time_step), btScalar(gravity), btScalar(friction), iterations, btScalar(fastest), btScalar(free_speed),
+                                 btScalar(largest_turn), most_parts, fixed_root};
     return std::make_unique<Batch>(size,
                                    description(parents, shapes, sizes, masses, inertias, control_inertias, centers,
                                                joints, stiffness, damping, torque_limits),
@@ -180,7 +182,7 @@ PYBIND11_MODULE(kinemimic_native, m) {
              py::arg("masses"), py::arg("inertias"), py::arg("control_inertias"), py::arg("centers"),
              py::arg("joints"), py::arg("stiffness"), py::arg("damping"), py::arg("torque_limits"),
              py::arg("time_step"), py::arg("gravity"), py::arg("friction"), py::arg("iterations"), py::arg("fastest"),
-             py::arg("threads"), py::arg("fixed_root") = false)
+             py::arg("free_speed"), py::arg("largest_turn"), py::arg("most_parts"), py::arg("threads"), py::arg("fixed_root") = false)
         .def("reset", &reset, py::arg("indices"), py::arg("root"), py::arg("rotation"), py::arg("linear"),
              py::arg("angular"), py::arg("joints"), py::arg("velocities"))
         .def("step", &step, py::arg("targets"), py::arg("velocities"), py::arg("wrenches") = py::none())

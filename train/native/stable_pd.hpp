@@ -10,6 +10,8 @@ class StablePd {
 public:
     StablePd(const Description& bodies, const WorldSettings& settings);
 
+    void set_time_step(btScalar seconds) { m_step = seconds; }
+
     // Torques about each joint in the child's frame, every component within the joint's limit, for targets at
     // the end of the step:
     //   (M + dt Kd) a = Kp (target - q - dt v) + Kd (target velocity - v) - C

@@ -29,6 +29,9 @@ class Batch:
         friction: float,
         iterations: int,
         fastest: float,
+        free_speed: float,
+        largest_turn: float,
+        most_parts: int,
         threads: int,
         fixed_root: bool = False,
     ) -> None: ...
