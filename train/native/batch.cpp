@@ -98,11 +98,11 @@ void Batch::step(const double* targets, const double* velocities, const double* 
 }
 
 void Batch::place(int index, const std::vector<Obstacle>& obstacles) {
-    m_figures[static_cast<std::size_t>(index)]->place(obstacles);
+    m_figures[static_cast<std::size_t>(index)]->obstacles().place(obstacles);
 }
 
 std::vector<double> Batch::obstacles(int index) const {
-    const auto& items = m_figures[static_cast<std::size_t>(index)]->obstacles();
+    const auto& items = std::as_const(*m_figures[static_cast<std::size_t>(index)]).obstacles().bodies();
     std::vector<double> out(items.size() * 13);
     for (std::size_t k = 0; k < items.size(); ++k) {
         write(&out[13 * k], items[k]->getWorldTransform().getOrigin(), 3);

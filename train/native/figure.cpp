@@ -5,47 +5,24 @@
 
 namespace {
 
-// Bits of the collision filter. A figure's bodies pass through each other.
-enum Group { ground = 1, figure = 2, obstacle = 4 };
-
 // As the pybullet wheel sets them: the two engines are one in this.
 const btScalar contact_erp = btScalar(0.08);
 const btScalar friction_erp = btScalar(0.2);
 const btScalar slop = btScalar(1e-5);
 const btScalar warm_starting = btScalar(0.1);
 const btScalar residual = btScalar(1e-7);
-const btScalar margin = btScalar(0.001);
 
-std::unique_ptr<btCollisionShape> made(std::unique_ptr<btCollisionShape> shape) {
-    // Round shapes are their own margin; a box keeps its size and rounds its edges by this much.
-    if (shape->getShapeType() == BOX_SHAPE_PROXYTYPE || shape->getShapeType() == CYLINDER_SHAPE_PROXYTYPE) {
-        shape->setMargin(margin);
-    }
-    return shape;
-}
-
-std::unique_ptr<btCollisionShape> body_shape(const Body& body) {
+std::unique_ptr<btCollisionShape> shape_of(const Body& body) {
     const btVector3& s = body.size;
-    switch (body.shape) {
-        case Body::Shape::box:
-            return made(std::make_unique<btBoxShape>(s * btScalar(0.5)));
-        case Body::Shape::sphere:
-            return made(std::make_unique<btSphereShape>(s.x() * btScalar(0.5)));
-        default:
-            return made(std::make_unique<btCapsuleShapeZ>(s.x() * btScalar(0.5), s.z() - s.x()));
+    if (body.shape == Body::Shape::sphere) {
+        return std::make_unique<btSphereShape>(s.x() * btScalar(0.5));
     }
-}
-
-std::unique_ptr<btCollisionShape> obstacle_shape(const Obstacle& item) {
-    const btVector3& s = item.size;
-    switch (item.shape) {
-        case Obstacle::Shape::box:
-            return made(std::make_unique<btBoxShape>(s * btScalar(0.5)));
-        case Obstacle::Shape::sphere:
-            return made(std::make_unique<btSphereShape>(s.x() * btScalar(0.5)));
-        default:
-            return made(std::make_unique<btCylinderShapeZ>(s * btScalar(0.5)));
+    if (body.shape == Body::Shape::capsule) {
+        return std::make_unique<btCapsuleShapeZ>(s.x() * btScalar(0.5), s.z() - s.x());
     }
+    auto box = std::make_unique<btBoxShape>(s * btScalar(0.5));
+    box->setMargin(edge_margin);
+    return box;
 }
 
 } // namespace
@@ -60,6 +37,7 @@ Figure::Figure(const Description& bodies, const WorldSettings& settings)
       m_settings(settings),
       m_dispatcher(&m_configuration),
       m_world(&m_dispatcher, &m_broadphase, &m_solver, &m_configuration),
+      m_obstacles(m_world),
       m_control(bodies, settings),
       m_state(bodies.size()),
       m_kinematics(bodies.size()),
@@ -72,7 +50,6 @@ Figure::Figure(const Description& bodies, const WorldSettings& settings)
 }
 
 Figure::~Figure() {
-    remove_obstacles();
     for (auto& collider : m_colliders) {
         m_world.removeCollisionObject(collider.get());
     }
@@ -125,7 +102,7 @@ void Figure::build() {
     m_multi->setMaxCoordinateVelocity(m_settings.free_speed);
     m_world.addMultiBody(m_multi.get());
     for (int link = -1; link < links; ++link) {
-        m_shapes.push_back(body_shape(m_bodies[static_cast<std::size_t>(link + 1)]));
+        m_shapes.push_back(shape_of(m_bodies[static_cast<std::size_t>(link + 1)]));
         auto collider = std::make_unique<btMultiBodyLinkCollider>(m_multi.get(), link);
         collider->setCollisionShape(m_shapes.back().get());
         collider->setFriction(m_settings.friction);
@@ -178,7 +155,7 @@ void Figure::read() {
 void Figure::reset(const State& state) {
     write(state);
     forget_contacts();
-    start_obstacles();
+    m_obstacles.restart();
     m_exploded = false;
     std::fill(m_peaks.begin(), m_peaks.end(), btScalar(0));
 }
@@ -191,17 +168,13 @@ void Figure::forget_contacts() {
     for (auto& collider : m_colliders) {
         m_world.removeCollisionObject(collider.get());
     }
-    for (auto& item : m_obstacles) {
-        m_world.removeRigidBody(item.get());
-    }
+    m_obstacles.detach();
     m_broadphase.resetPool(&m_dispatcher);
     m_world.addRigidBody(m_ground.get(), Group::ground, Group::figure | Group::obstacle);
     for (auto& collider : m_colliders) {
         m_world.addCollisionObject(collider.get(), Group::figure, Group::ground | Group::obstacle);
     }
-    for (auto& item : m_obstacles) {
-        m_world.addRigidBody(item.get(), Group::obstacle, Group::ground | Group::figure | Group::obstacle);
-    }
+    m_obstacles.attach();
 }
 
 bool Figure::sound() const {
@@ -266,49 +239,6 @@ void Figure::step(const btQuaternion* targets, const btVector3* velocities, int 
             advance(targets + row, velocities + row, forces, torques, m_settings.time_step / btScalar(count));
         }
     }
-}
-
-void Figure::place(const std::vector<Obstacle>& obstacles) {
-    remove_obstacles();
-    m_placed = obstacles;
-    for (const Obstacle& item : m_placed) {
-        m_obstacle_shapes.push_back(obstacle_shape(item));
-        btVector3 inertia(0, 0, 0);
-        if (item.mass > 0) {
-            m_obstacle_shapes.back()->calculateLocalInertia(item.mass, inertia);
-        }
-        m_obstacles.push_back(std::make_unique<btRigidBody>(btRigidBody::btRigidBodyConstructionInfo(
-            item.mass, nullptr, m_obstacle_shapes.back().get(), inertia)));
-        m_obstacles.back()->setFriction(1);
-        m_obstacles.back()->setActivationState(DISABLE_DEACTIVATION);
-    }
-    start_obstacles();
-    for (auto& item : m_obstacles) {
-        m_world.addRigidBody(item.get(), Group::obstacle, Group::ground | Group::figure | Group::obstacle);
-    }
-}
-
-void Figure::start_obstacles() {
-    for (std::size_t k = 0; k < m_obstacles.size(); ++k) {
-        btRigidBody& body = *m_obstacles[k];
-        const btTransform start(m_placed[k].rotation, m_placed[k].position);
-        body.setWorldTransform(start);
-        body.setInterpolationWorldTransform(start);
-        body.setLinearVelocity(m_placed[k].velocity);
-        body.setAngularVelocity(btVector3(0, 0, 0));
-        body.setInterpolationLinearVelocity(m_placed[k].velocity);
-        body.setInterpolationAngularVelocity(btVector3(0, 0, 0));
-        body.clearForces();
-    }
-}
-
-void Figure::remove_obstacles() {
-    for (auto& item : m_obstacles) {
-        m_world.removeRigidBody(item.get());
-    }
-    m_obstacles.clear();
-    m_obstacle_shapes.clear();
-    m_placed.clear();
 }
 
 bool Figure::touches(std::size_t body) const {

@@ -8,9 +8,8 @@
 #include "BulletDynamics/Featherstone/btMultiBodyConstraintSolver.h"
 #include "BulletDynamics/Featherstone/btMultiBodyDynamicsWorld.h"
 #include "BulletDynamics/Featherstone/btMultiBodyLinkCollider.h"
-#include "btBulletCollisionCommon.h"
-#include "btBulletDynamicsCommon.h"
 #include "kinematics.hpp"
+#include "obstacles.hpp"
 #include "stable_pd.hpp"
 
 class Figure {
@@ -28,9 +27,6 @@ public:
     void step(const btQuaternion* targets, const btVector3* velocities, int substeps, const btVector3* forces,
               const btVector3* torques);
 
-    // Replaces all obstacles; they stand at their start from here on and after every reset.
-    void place(const std::vector<Obstacle>& obstacles);
-
     const Kinematics& kinematics() const { return m_kinematics; }
     // Largest component of each joint's torque in the last `step`, N m; [0] unused.
     const std::vector<btScalar>& peaks() const { return m_peaks; }
@@ -40,7 +36,9 @@ public:
     bool touches(std::size_t body) const;
     // Force of all contacts on each body in the last physics step, N, in the world.
     void contact_forces(std::vector<btVector3>& out) const;
-    const std::vector<std::unique_ptr<btRigidBody>>& obstacles() const { return m_obstacles; }
+    // They stand at their start again after every reset.
+    Obstacles& obstacles() { return m_obstacles; }
+    const Obstacles& obstacles() const { return m_obstacles; }
 
 private:
     class World : public btMultiBodyDynamicsWorld {
@@ -58,13 +56,12 @@ private:
     btCollisionDispatcher m_dispatcher;
     btDbvtBroadphase m_broadphase;
     btMultiBodyConstraintSolver m_solver;
-    std::vector<std::unique_ptr<btCollisionShape>> m_shapes, m_obstacle_shapes;
+    std::vector<std::unique_ptr<btCollisionShape>> m_shapes;
     World m_world;
     std::unique_ptr<btRigidBody> m_ground;
     std::unique_ptr<btMultiBody> m_multi;
     std::vector<std::unique_ptr<btMultiBodyLinkCollider>> m_colliders;
-    std::vector<std::unique_ptr<btRigidBody>> m_obstacles;
-    std::vector<Obstacle> m_placed;
+    Obstacles m_obstacles;
 
     StablePd m_control;
     State m_state;
@@ -83,6 +80,4 @@ private:
     void read();
     bool sound() const;
     void forget_contacts();
-    void start_obstacles();
-    void remove_obstacles();
 };
