@@ -56,10 +56,10 @@ class TrainConfig:
     preset: str = "default"
     env: EnvConfig = field(default_factory=EnvConfig)
     hidden: tuple[int, ...] = (512, 256)
-    environments: int = 32
-    horizon: int = 128
+    environments: int = 64
+    horizon: int = 64
     minibatch: int = 512
-    passes: int = 10
+    passes: int = 8
     clip: float | None = 0.2
     kl_penalty: bool = False
     penalty_rule: str = "running"
@@ -73,11 +73,11 @@ class TrainConfig:
     learn_noise: bool = False
     noise_start: float = 0.15
     noise_end: float = 0.05
-    noise_samples: int = 600_000
+    noise_samples: int = 550_000
     # Reward scales that grow to these values between two numbers of samples: a gentle pose term learns to
     # walk sooner, a tight one then fits the joints, which a walk that cannot fall any more can afford.
-    tighten: dict[str, float] = field(default_factory=lambda: {"pose": 24.0})
-    tighten_samples: tuple[int, int] = (550_000, 800_000)
+    tighten: dict[str, float] = field(default_factory=lambda: {"pose": 32.0})
+    tighten_samples: tuple[int, int] = (450_000, 700_000)
     entropy: float = 0.0
     entropy_decay: float = 1.0
     budget: int = 1_000_000
@@ -132,6 +132,7 @@ PRESETS: dict[str, TrainConfig] = {
         ),
         hidden=(1024, 512),
         minibatch=4096,
+        passes=10,
         kl_penalty=True,
         kl_target=0.01,
         adapt_rate=False,
