@@ -1,4 +1,4 @@
-# One-word targets; `make help` lists them. CAPTURE=, RUN=, PRESET=, BUDGET=, SEED= go to the command line.
+# One-word targets; `make help` lists them. CAPTURE=, RUN=, PRESET=, BUDGET=, SEED=, ENGINE= go to the command line.
 # Without RUN= a capture's run folder bears its name, so that CAPTURE= alone leads every stage to it.
 
 PYTHON ?= python3.11
@@ -7,7 +7,7 @@ RUN ?= runs/$(if $(CAPTURE),$(basename $(notdir $(CAPTURE))),default)
 VENV := .venv
 BIN := $(VENV)/bin
 KINEMIMIC = $(BIN)/kinemimic
-TRAINING = $(if $(PRESET),--preset "$(PRESET)") $(if $(BUDGET),--budget "$(BUDGET)") $(if $(SEED),--seed "$(SEED)")
+TRAINING = $(if $(PRESET),--preset "$(PRESET)") $(if $(BUDGET),--budget "$(BUDGET)") $(if $(SEED),--seed "$(SEED)") $(if $(ENGINE),--engine "$(ENGINE)")
 
 # An editable install in strict mode links the package's files one by one: a new or a removed file asks for a
 # new install, an edited one does not. So the stamp bears a digest of the list of files in its name.
@@ -20,7 +20,7 @@ BULLET := $(or $(BULLET),$(patsubst $(VENV)/native-%,%,$(firstword $(wildcard $(
 NATIVE := $(VENV)/native-$(BULLET)
 NATIVE_FILES := $(wildcard $(addprefix train/native/,*.cpp *.hpp *.py pyproject.toml stubs/*/*.pyi))
 
-.PHONY: help setup formats inspect run ingest convert retarget train evaluate gait view export overlay test test-slow lint type format bench bench-clean wheel clean
+.PHONY: help setup formats inspect run ingest convert retarget train evaluate gait view export overlay test test-slow lint type format bench bench-clean profile wheel clean
 .DEFAULT_GOAL := help
 
 help: ## This list
@@ -61,11 +61,11 @@ convert: setup ## Euler angles or positions to quaternions
 retarget: setup ## Onto the 20 nodes and the body; JSON and MCAP
 	$(KINEMIMIC) retarget --run "$(RUN)"
 
-train: setup ## A policy that imitates the motion (PRESET= BUDGET= SEED=)
+train: setup ## A policy that imitates the motion (PRESET= BUDGET= SEED= ENGINE=)
 	$(KINEMIMIC) train --run "$(RUN)" $(TRAINING)
 
 evaluate: setup ## Scores, report, curves
-	$(KINEMIMIC) evaluate --run "$(RUN)"
+	$(KINEMIMIC) evaluate --run "$(RUN)" $(if $(ENGINE),--engine "$(ENGINE)")
 
 gait: setup ## Cadence, stride, symmetry and curves of RUN= over what is normal
 	$(KINEMIMIC) gait --run "$(RUN)"
@@ -104,6 +104,9 @@ bench: setup ## Speed: every tests/bench/bench_*.py but the next
 
 bench-clean: setup ## Every filter against the virtual Kinect's truth: which is the default
 	$(BIN)/python tests/bench/bench_clean.py
+
+profile: setup ## Where the native engine's time goes, as Linux's perf sees it
+	$(BIN)/python tests/bench/profile_step.py
 
 wheel: setup ## dist/: kinemimic in pure Python, and kinemimic-native for any x86-64
 	rm -rf build/lib
