@@ -9,6 +9,7 @@ from kinemimic.pipeline.errors import KinemimicError
 from kinemimic.train.world import World
 
 ENGINES = ("auto", "native", "pybullet")
+_INTERFACE = 1  # of train/native/module.cpp
 
 
 @cache
@@ -17,9 +18,11 @@ def _native_trouble() -> str | None:
     if find_spec("kinemimic_native") is None:
         return "it is not built: `make setup` builds it where there is a C++ compiler"
     try:
-        import kinemimic_native  # noqa: F401, PLC0415 (built or not, and for which processor, shows only here)
+        import kinemimic_native  # noqa: PLC0415 (whether it is built, and loads, shows only here)
     except ImportError as error:
         return str(error)
+    if getattr(kinemimic_native, "interface", None) != _INTERFACE:
+        return "it is built for another version: `make setup` builds it anew"
     return None
 
 

@@ -6,6 +6,7 @@ import numpy.typing as npt
 _Floats = npt.NDArray[np.float64]
 _Integers = npt.NDArray[np.integer]
 
+interface: int
 double_precision: bool
 
 class Batch:
