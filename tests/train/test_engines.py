@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import sys
+from collections.abc import Iterator
 from types import ModuleType
 
 import pytest
@@ -12,7 +13,9 @@ from kinemimic.train import engines
 
 
 @pytest.fixture(autouse=True)
-def fresh() -> None:
+def fresh() -> Iterator[None]:
+    engines._native_trouble.cache_clear()
+    yield
     engines._native_trouble.cache_clear()
 
 
