@@ -76,7 +76,7 @@ def description() -> dict[str, Any]:
 
 
 class NativeWorld:
-    """`World` on the extension; `threads` share the figures."""
+    """`World` on the extension; `threads` share the figures. More than one do not survive a fork: spawn."""
 
     engine = "native"
 
@@ -135,7 +135,7 @@ class NativeWorld:
         )
 
     def obstacles(self, index: int) -> Array:
-        return self._batch.obstacles(index)[:, :7]
+        return self._batch.obstacles(index)
 
     def close(self) -> None:
         """Nothing to do: the memory is Python's."""

@@ -220,3 +220,11 @@ def test_windows_outlive_their_batch() -> None:
     del figures
     assert positions.tobytes() == copy.tobytes()
     assert len(BODIES) == positions.shape[1]
+
+
+def test_more_threads_than_figures_are_not_made() -> None:
+    """More than the system gives, even: no figure would be left for them."""
+    figures = batch(2, threads=1_000_000)
+    put(figures, posed(0))
+    hold(figures, posed(0), TIME_STEP)
+    assert not figures.exploded.any()

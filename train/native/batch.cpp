@@ -1,5 +1,6 @@
 #include "batch.hpp"
 
+#include <algorithm>
 #include <utility>
 
 namespace {
@@ -28,7 +29,7 @@ Batch::Batch(int size, Description bodies, const WorldSettings& settings, int th
       peaks(static_cast<std::size_t>(size) * (bodies.size() - 1)),
       exploded(static_cast<std::size_t>(size)),
       m_bodies(std::move(bodies)),
-      m_pool(threads) {
+      m_pool(std::min(threads, size)) {
     for (int k = 0; k < size; ++k) {
         m_figures.push_back(std::make_unique<Figure>(m_bodies, settings));
         publish(k);
@@ -58,11 +59,11 @@ void Batch::reset(const std::vector<int>& indices, const Poses& poses) {
         const std::size_t row = static_cast<std::size_t>(task);
         State state(m_bodies.size());
         state.position = vector(poses.root + 3 * row);
-        state.rotation = quaternion(poses.rotation + 4 * row);
+        state.rotation = quaternion(poses.rotation + 4 * row).normalized();
         state.linear = vector(poses.linear + 3 * row);
         state.angular = vector(poses.angular + 3 * row);
         for (std::size_t j = 0; j < joints; ++j) {
-            state.joints[j + 1] = quaternion(poses.joints + 4 * (row * joints + j));
+            state.joints[j + 1] = quaternion(poses.joints + 4 * (row * joints + j)).normalized();
             state.velocities[j + 1] = vector(poses.velocities + 3 * (row * joints + j));
         }
         m_figures[static_cast<std::size_t>(indices[row])]->reset(state);
@@ -103,12 +104,10 @@ void Batch::place(int index, const std::vector<Obstacle>& obstacles) {
 
 std::vector<double> Batch::obstacles(int index) const {
     const auto& items = std::as_const(*m_figures[static_cast<std::size_t>(index)]).obstacles().bodies();
-    std::vector<double> out(items.size() * 13);
+    std::vector<double> out(items.size() * 7);
     for (std::size_t k = 0; k < items.size(); ++k) {
-        write(&out[13 * k], items[k]->getWorldTransform().getOrigin(), 3);
-        write(&out[13 * k + 3], items[k]->getWorldTransform().getRotation(), 4);
-        write(&out[13 * k + 7], items[k]->getLinearVelocity(), 3);
-        write(&out[13 * k + 10], items[k]->getAngularVelocity(), 3);
+        write(&out[7 * k], items[k]->getWorldTransform().getOrigin(), 3);
+        write(&out[7 * k + 3], items[k]->getWorldTransform().getRotation(), 4);
     }
     return out;
 }

@@ -153,10 +153,15 @@ void Figure::read() {
 }
 
 void Figure::reset(const State& state) {
+    const State before = m_state;
     write(state);
-    forget_contacts();
+    m_exploded = !sound();
+    if (m_exploded) {
+        write(before);
+    }
+    // Obstacles first: what is put back into the broad phase is sorted by where it is.
     m_obstacles.restart();
-    m_exploded = false;
+    forget_contacts();
     std::fill(m_peaks.begin(), m_peaks.end(), btScalar(0));
 }
 
@@ -178,16 +183,11 @@ void Figure::forget_contacts() {
 }
 
 bool Figure::sound() const {
-    // Written so that NaN fails.
-    if (!(m_state.position.length2() < btScalar(1e12)) || !(m_state.linear.length2() < m_settings.fastest * m_settings.fastest)) {
-        return false;
-    }
-    for (std::size_t i = 0; i < m_bodies.size(); ++i) {
-        if (!(m_kinematics.linear[i].length2() < m_settings.fastest * m_settings.fastest)) {
-            return false;
-        }
-    }
-    return true;
+    // What is not finite in a rotation or a joint is not in a velocity either. Written so that NaN fails.
+    const btScalar most = m_settings.fastest * m_settings.fastest;
+    return std::isfinite(m_state.position.length2()) &&
+           std::all_of(m_kinematics.linear.begin(), m_kinematics.linear.end(),
+                       [most](const btVector3& velocity) { return velocity.length2() < most; });
 }
 
 // Into how many parts the next step is divided. Explicit integration of joints that turn fast makes energy.
@@ -224,6 +224,7 @@ void Figure::advance(const btQuaternion* targets, const btVector3* velocities, c
     m_kinematics.update(m_bodies, m_state);
     if (!sound()) {
         write(before);
+        forget_contacts();
         m_exploded = true;
     }
 }
@@ -242,9 +243,8 @@ void Figure::step(const btQuaternion* targets, const btVector3* velocities, int 
 }
 
 bool Figure::touches(std::size_t body) const {
-    auto& dispatcher = const_cast<btCollisionDispatcher&>(m_dispatcher);
-    for (int k = 0; k < dispatcher.getNumManifolds(); ++k) {
-        const btPersistentManifold* manifold = dispatcher.getManifoldByIndexInternal(k);
+    for (int k = 0; k < m_dispatcher.getNumManifolds(); ++k) {
+        const btPersistentManifold* manifold = m_dispatcher.getManifoldByIndexInternal(k);
         const btCollisionObject* collider = m_colliders[body].get();
         if (manifold->getBody0() != collider && manifold->getBody1() != collider) {
             continue;
@@ -260,9 +260,8 @@ bool Figure::touches(std::size_t body) const {
 
 void Figure::contact_forces(std::vector<btVector3>& out) const {
     std::fill(out.begin(), out.end(), btVector3(0, 0, 0));
-    auto& dispatcher = const_cast<btCollisionDispatcher&>(m_dispatcher);
-    for (int k = 0; k < dispatcher.getNumManifolds(); ++k) {
-        const btPersistentManifold* manifold = dispatcher.getManifoldByIndexInternal(k);
+    for (int k = 0; k < m_dispatcher.getNumManifolds(); ++k) {
+        const btPersistentManifold* manifold = m_dispatcher.getManifoldByIndexInternal(k);
         btVector3 impulse(0, 0, 0);  // on body 0
         for (int p = 0; p < manifold->getNumContacts(); ++p) {
             const btManifoldPoint& point = manifold->getContactPoint(p);

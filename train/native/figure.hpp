@@ -30,8 +30,8 @@ public:
     const Kinematics& kinematics() const { return m_kinematics; }
     // Largest component of each joint's torque in the last `step`, N m; [0] unused.
     const std::vector<btScalar>& peaks() const { return m_peaks; }
-    // The state was no longer that of a body: infinite, NaN or too fast. The figure stays where it last was sound
-    // until its reset.
+    // The state was no longer that of a body: infinite, NaN or too fast. The figure stays where it last was sound,
+    // touching nothing, until its reset.
     bool exploded() const { return m_exploded; }
     bool touches(std::size_t body) const;
     // Force of all contacts on each body in the last physics step, N, in the world.

@@ -3,6 +3,7 @@
 #include <pybind11/pybind11.h>
 #include <pybind11/stl.h>
 
+#include <cstdint>
 #include <optional>
 #include <sstream>
 #include <stdexcept>
@@ -14,7 +15,8 @@ namespace py = pybind11;
 namespace {
 
 using Floats = py::array_t<double, py::array::c_style | py::array::forcecast>;
-using Integers = py::array_t<int, py::array::c_style | py::array::forcecast>;
+// Nothing is cut off: floats are refused, as numpy refuses them for an index.
+using Integers = py::array_t<std::int64_t, py::array::c_style>;
 
 std::string text(const std::vector<py::ssize_t>& shape) {
     std::ostringstream out;
@@ -58,14 +60,14 @@ Description description(const Integers& parents, const Integers& shapes, const F
     }
     Description bodies;
     for (py::ssize_t i = 0; i < count; ++i) {
-        const int parent = parents.at(i);
+        const std::int64_t parent = parents.at(i);
         if (i == 0 ? parent != -1 : parent < 0 || parent >= i) {
             throw std::invalid_argument("parents: expected -1 for the first body and an earlier one for every other");
         }
         if (shapes.at(i) < 0 || shapes.at(i) > 2) {
             throw std::invalid_argument("shapes: expected 0 (box), 1 (sphere) or 2 (capsule)");
         }
-        bodies.push_back({parent, static_cast<Body::Shape>(shapes.at(i)), vector(size + 3 * i), btScalar(mass[i]),
+        bodies.push_back({static_cast<int>(parent), static_cast<Body::Shape>(shapes.at(i)), vector(size + 3 * i), btScalar(mass[i]),
                           vector(inertia + 3 * i), vector(control + 3 * i), vector(center + 3 * i),
                           vector(joint + 3 * i), btScalar(kp[i]), btScalar(kd[i]), btScalar(limit[i])});
     }
@@ -89,12 +91,12 @@ std::unique_ptr<Batch> make(int size, const Integers& parents, const Integers& s
                                    settings, threads);
 }
 
-int index_in(const Batch& batch, int index) {
+int index_in(const Batch& batch, std::int64_t index) {
     if (index < 0 || index >= batch.size()) {
         throw std::out_of_range("expected an index below " + std::to_string(batch.size()) + ", found " +
                                 std::to_string(index));
     }
-    return index;
+    return static_cast<int>(index);
 }
 
 void reset(Batch& batch, const Integers& indices, const Floats& root, const Floats& rotation, const Floats& linear,
@@ -193,7 +195,7 @@ PYBIND11_MODULE(kinemimic_native, m) {
         .def("obstacles",
              [](const Batch& batch, int index) {
                  const std::vector<double> values = batch.obstacles(index_in(batch, index));
-                 return copied(values, {static_cast<py::ssize_t>(values.size() / 13), 13});
+                 return copied(values, {static_cast<py::ssize_t>(values.size() / 7), 7});
              })
         .def("touching",
              [](const Batch& batch) { return truths(copied(batch.touching(), {batch.size(), batch.bodies()})); })

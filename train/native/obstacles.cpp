@@ -13,7 +13,7 @@ std::unique_ptr<btCollisionShape> shape_of(const Obstacle& item) {
             shape = std::make_unique<btBoxShape>(half);
             break;
         case Obstacle::Shape::cylinder:
-            shape = std::make_unique<btCylinderShapeZ>(half);
+            shape = std::make_unique<btCylinderShapeZ>(btVector3(half.x(), half.x(), half.z()));
             break;
     }
     shape->setMargin(edge_margin);
@@ -46,14 +46,11 @@ void Obstacles::place(const std::vector<Obstacle>& items) {
 void Obstacles::restart() {
     for (std::size_t k = 0; k < m_bodies.size(); ++k) {
         btRigidBody& body = *m_bodies[k];
-        const btTransform start(m_items[k].rotation, m_items[k].position);
-        body.setWorldTransform(start);
-        body.setInterpolationWorldTransform(start);
         body.setLinearVelocity(m_items[k].velocity);
         body.setAngularVelocity(btVector3(0, 0, 0));
-        body.setInterpolationLinearVelocity(m_items[k].velocity);
-        body.setInterpolationAngularVelocity(btVector3(0, 0, 0));
         body.clearForces();
+        // Last: it takes over the velocities, and turns the inertia too.
+        body.setCenterOfMassTransform(btTransform(m_items[k].rotation, m_items[k].position));
     }
 }
 

@@ -13,21 +13,18 @@
 class ThreadPool {
 public:
     explicit ThreadPool(int threads) {
-        for (int k = 1; k < threads; ++k) {
-            m_threads.emplace_back([this] { serve(); });
+        try {
+            for (int k = 1; k < threads; ++k) {
+                m_threads.emplace_back([this] { serve(); });
+            }
+        } catch (...) {
+            // The system gives no more: those that run would end the whole program if they were not joined.
+            stop();
+            throw;
         }
     }
 
-    ~ThreadPool() {
-        {
-            const std::lock_guard<std::mutex> lock(m_mutex);
-            m_stop = true;
-        }
-        m_wake.notify_all();
-        for (std::thread& thread : m_threads) {
-            thread.join();
-        }
-    }
+    ~ThreadPool() { stop(); }
 
     // task(0) ... task(count - 1), each once, in any order; returns when all are done.
     void run(int count, const std::function<void(int)>& task) {
@@ -58,6 +55,17 @@ private:
     unsigned long m_round = 0;
     bool m_stop = false;
     std::exception_ptr m_error;
+
+    void stop() {
+        {
+            const std::lock_guard<std::mutex> lock(m_mutex);
+            m_stop = true;
+        }
+        m_wake.notify_all();
+        for (std::thread& thread : m_threads) {
+            thread.join();
+        }
+    }
 
     void work() {
         try {
