@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Literal, Protocol
+from typing import Literal, Protocol, get_args
 
 import numpy as np
 from numpy.typing import NDArray
@@ -61,27 +62,40 @@ class Poses:
     joint_velocities: Array
 
 
+Shape = Literal["box", "sphere", "cylinder"]
+
+
 @dataclass(frozen=True)
 class Obstacle:
     """Something in a figure's way: it stands there (mass 0), or is thrown.
 
-    size: (x, y, z) outer dimensions, metres; a sphere takes the first, a cylinder lies along its own z.
+    size: (x, y, z) outer dimensions, metres; a sphere's diameter is x, a cylinder's too, and z its length.
     mass: kg; position: (x, y, z) of its centre, rotation: (x, y, z, w), velocity: m/s, all at the reset.
+    ValueError for another shape, a size that is not above 0, a negative mass, and what is not finite.
     """
 
-    shape: Literal["box", "sphere", "cylinder"]
+    shape: Shape
     size: tuple[float, float, float]
     position: tuple[float, float, float]
     rotation: tuple[float, float, float, float] = (0.0, 0.0, 0.0, 1.0)
     mass: float = 0.0
     velocity: tuple[float, float, float] = (0.0, 0.0, 0.0)
 
+    def __post_init__(self) -> None:
+        numbers = (*self.size, *self.position, *self.rotation, self.mass, *self.velocity)
+        finite = all(map(math.isfinite, numbers))
+        if self.shape not in get_args(Shape) or not finite or min(self.size) <= 0 or self.mass < 0:
+            raise ValueError(
+                f"obstacle: expected one of {', '.join(get_args(Shape))} with finite numbers, a size above 0 "
+                f"and no negative mass, found {self}"
+            )
+
 
 class World(Protocol):
     """A batch of `size` humanoids on level ground, each alone in its world.
 
     What `states`, `step` and `peak_torques` return are windows on the engine's own memory: read-only, and
-    valid until the next `reset` or `step`. Whoever keeps them copies them.
+    valid until the next `reset` or `step`. Whoever keeps them copies them. One call at a time.
     """
 
     size: int
@@ -104,7 +118,8 @@ class World(Protocol):
     def exploded(self) -> NDArray[np.bool_]:
         """(E,) whose state was no longer that of a body: infinite, NaN or faster than FASTEST.
 
-        Such a figure stays where it was last sound, with its last sound velocities, until it is reset.
+        Such a figure stays where it was last sound, with its last sound velocities, and touches nothing until
+        it is reset. A reset to a pose that is not sound itself makes one too.
         """
 
     def contacts(self) -> NDArray[np.bool_]:

@@ -18,6 +18,10 @@ MASSES = np.array([body.mass for body in BODIES])
 STEP = SUBSTEPS * TIME_STEP
 HOLD = (np.tile([0.0, 0.0, 0.0, 1.0], (1, SUBSTEPS, 14, 1)), np.zeros((1, SUBSTEPS, 14, 3)))
 
+BALL = Obstacle("sphere", (0.2, 0.2, 0.2), (0.0, 0.0, 1.8), mass=0.2)
+TILTED = (0.1, 0.3, 0.2, 0.86**0.5)
+THROWN = Obstacle("box", (0.3, 0.2, 0.1), (1.0, 0.05, 1.2), TILTED, mass=5.0, velocity=(-5.0, 0.0, 1.0))
+
 
 def upright(height: float) -> Poses:
     still = np.zeros((1, 3))
@@ -253,3 +257,101 @@ def test_states_are_windows_that_cannot_be_written(world: World) -> None:
     assert state.positions[0, 0, 2] == pytest.approx(1.7)
     with pytest.raises(ValueError, match="read-only"):
         state.positions[0] = 0.0
+
+
+@pytest.mark.parametrize("obstacles", [[], [THROWN]], ids=["ground", "thrown box"])
+def test_a_reset_forgets_contacts_and_their_forces(
+    world: World, engine: str, obstacles: list[Obstacle]
+) -> None:
+    """A figure that has stood, or been hit, before lives to the bit like one that is new."""
+
+    def live(world: World) -> bytes:
+        world.reset(np.array([0]), upright(0.905))
+        kept = []
+        for _ in range(15):
+            state = world.step(*HOLD)
+            kept += [state.positions.copy(), state.linear.copy(), world.contact_forces(), world.obstacles(0)]
+        return b"".join(values.tobytes() for values in kept)
+
+    world.place(0, obstacles)
+    first = live(world)
+    assert world.contacts().any()
+    world.reset(np.array([0]), upright(5.0))
+    assert not world.contacts().any()
+    assert not world.contact_forces().any()
+    assert live(world) == first
+    fresh = open_world(1, engine)
+    fresh.place(0, [BALL])
+    fresh.place(0, obstacles)
+    assert live(fresh) == first
+    fresh.close()
+
+
+def test_what_lies_on_a_figure_presses_it_down(world: World) -> None:
+    """A ball on the head: the head feels its weight, downwards, and the soles the weight of both."""
+    world.place(0, [BALL])
+    world.reset(np.array([0]), upright(0.905))
+    for _ in range(12):
+        world.step(*HOLD)
+    forces = world.contact_forces()[0]
+    np.testing.assert_allclose(forces[BODY_INDEX["head"]], [0, 0, -BALL.mass * GRAVITY], atol=0.1)
+    assert forces.sum(axis=0)[2] == pytest.approx(TOTAL_MASS * GRAVITY, rel=0.02)
+
+
+def test_an_obstacle_carries_a_figure(world: World) -> None:
+    world.place(0, [Obstacle("box", (2.0, 2.0, 0.2), (0.0, 0.0, 0.1))])
+    world.reset(np.array([0]), upright(1.105))
+    for _ in range(12):
+        world.step(*HOLD)
+    assert world.contacts().all()
+    assert world.contact_forces()[0].sum(axis=0)[2] == pytest.approx(TOTAL_MASS * GRAVITY, rel=0.02)
+
+
+@pytest.mark.parametrize("name", ["root", "root_rotation", "root_angular", "joints", "joint_velocities"])
+def test_a_reset_to_what_is_no_pose_is_an_explosion(world: World, name: str) -> None:
+    """NaN goes no further, and the next reset makes the figure well."""
+    pose = upright(0.905)
+    for value in (np.nan, np.inf):
+        broken = getattr(pose, name).copy()
+        broken.flat[-1] = value
+        world.reset(np.array([0]), replace(pose, **{name: broken}))
+        assert world.exploded().all()
+        for state in (world.states(), world.step(*HOLD)):
+            assert all(np.isfinite(values).all() for values in vars(state).values())
+        assert not world.contacts().any()
+        assert not world.contact_forces().any()
+        world.reset(np.array([0]), pose)
+        assert not world.exploded().any()
+        assert np.isfinite(world.step(*HOLD).positions).all()
+
+
+def test_the_limit_of_speed_is_on_speeds_not_on_components(world: World) -> None:
+    for speed, exploded in ((65.0, False), (75.0, True)):
+        fast = replace(upright(50.0), root_linear=np.array([[speed, speed, 0.0]]))
+        world.reset(np.array([0]), fast)
+        assert world.exploded().all() == exploded
+
+
+@pytest.mark.parametrize(
+    "wrong",
+    [{"shape": "cone"}, {"size": (1.0, 0.0, 1.0)}, {"mass": -1.0}, {"position": (np.nan, 0.0, 0.0)}],
+    ids=str,
+)
+def test_what_is_no_obstacle_is_refused(wrong: dict[str, object]) -> None:
+    with pytest.raises(ValueError, match="obstacle: expected one of box, sphere, cylinder"):
+        replace(BALL, **wrong)  # type: ignore[arg-type]
+
+
+def test_rotations_of_any_length_are_rotations(world: World) -> None:
+    turn = from_rotvec(np.random.default_rng(6).normal(0, 0.4, (1, 15, 3)))
+    pose = replace(upright(5.0), root_rotation=turn[:, 0], joints=turn[:, 1:])
+    world.reset(np.array([0]), pose)
+    wanted = world.states().rotations.copy()
+    world.reset(np.array([0]), replace(pose, root_rotation=2 * turn[:, 0], joints=3 * turn[:, 1:]))
+    np.testing.assert_allclose(world.states().rotations, wanted, atol=1e-12)
+
+
+def test_indices_are_whole_numbers_of_figures(world: World) -> None:
+    for wrong, error in (([0.0], TypeError), ([1], IndexError), ([2**32], IndexError)):
+        with pytest.raises(error):
+            world.reset(np.array(wrong), upright(1.0))
