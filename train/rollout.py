@@ -5,14 +5,18 @@ from __future__ import annotations
 import multiprocessing
 import os
 import signal
+import threading
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass, fields, replace
-from multiprocessing.connection import Connection
+from multiprocessing.connection import Connection, wait
 from types import TracebackType
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from kinemimic.pipeline.errors import KinemimicError
 from kinemimic.retarget.motion import Motion
 from kinemimic.train.config import EnvConfig, RewardConfig
 from kinemimic.train.engines import open_world
@@ -141,16 +145,37 @@ def _serve(
     seeds: list[np.random.SeedSequence],
     engine: str,
 ) -> None:
-    # Ctrl-C reaches the whole process group; the parent decides when its workers end.
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
     sampler = Sampler(motion, config, seeds, engine)
     connection.send(None)  # ready
     while True:
         try:
             samples = sampler.sample(*connection.recv())
             connection.send((samples.packed(), sampler.seconds))
-        except (EOFError, BrokenPipeError):  # the parent is gone
+        except (EOFError, ConnectionError):  # the parent is gone
             return
+
+
+@contextmanager
+def _inherited() -> Iterator[None]:
+    """What is set in here is what a child starts with, and what is put back behind it.
+
+    No threads for matrix products: there is a process for every core. And Ctrl-C, which reaches the whole
+    process group, is the parent's to handle from the child's first import on.
+    """
+    saved = {name: os.environ.get(name) for name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS")}
+    os.environ |= dict.fromkeys(saved, "1")
+    in_main = threading.current_thread() is threading.main_thread()  # no other thread may set a handler
+    handler = signal.signal(signal.SIGINT, signal.SIG_IGN) if in_main else None
+    try:
+        yield
+    finally:
+        if handler is not None:
+            signal.signal(signal.SIGINT, handler)
+        for name, value in saved.items():
+            if value is None:
+                del os.environ[name]
+            else:
+                os.environ[name] = value
 
 
 class Workers:
@@ -164,13 +189,10 @@ class Workers:
     ) -> None:
         self.seconds: dict[str, float] = {}
         seeds = np.random.SeedSequence(seed).spawn(environments)
-        # A child must not bring up threads of its own for matrix products: there is a process for every core.
-        saved = {name: os.environ.get(name) for name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS")}
-        os.environ |= dict.fromkeys(saved, "1")
         context = multiprocessing.get_context("spawn")
         self._connections: list[Connection] = []
         self._processes: list[multiprocessing.process.BaseProcess] = []
-        try:
+        with _inherited():
             for k in range(count):
                 ours, theirs = context.Pipe()
                 process = context.Process(
@@ -180,25 +202,33 @@ class Workers:
                 theirs.close()
                 self._connections.append(ours)
                 self._processes.append(process)
-            # What it takes to start is not part of the first samples' time.
+        # What it takes to start is not part of the first samples' time.
+        with self._all_alive():
             for connection in self._connections:
                 connection.recv()
-        finally:
-            for name, value in saved.items():
-                if value is None:
-                    del os.environ[name]
-                else:
-                    os.environ[name] = value
+
+    @contextmanager
+    def _all_alive(self) -> Iterator[None]:
+        try:
+            yield
+        except (EOFError, ConnectionError):
+            ended = wait([process.sentinel for process in self._processes])
+            lost = next(process for process in self._processes if process.sentinel in ended)
+            lost.join()
+            raise KinemimicError(
+                f"expected {len(self._processes)} processes that simulate, found that one ended, status "
+                f"{lost.exitcode}; if it was killed (-9), memory may be short: train with fewer --workers"
+            ) from None
 
     def sample(self, policy: Policy, noise: Floats, reward: RewardConfig, steps: int) -> Samples:
         """Samples of all workers, figures side by side."""
-        for connection in self._connections:
-            connection.send((policy, noise, reward, steps))
-        parts: list[Samples] = []
-        for connection in self._connections:
-            samples, seconds = connection.recv()
-            parts.append(samples.unpacked())
-            mean = {name: value / len(self._connections) for name, value in seconds.items()}
+        with self._all_alive():
+            for connection in self._connections:
+                connection.send((policy, noise, reward, steps))
+            received = [connection.recv() for connection in self._connections]
+        parts = [samples.unpacked() for samples, _ in received]
+        for _, seconds in received:
+            mean = {name: value / len(received) for name, value in seconds.items()}
             self.seconds = summed(self.seconds, mean)
         joined: dict[str, Any] = {
             f.name: np.concatenate([getattr(part, f.name) for part in parts], axis=1)

@@ -2,17 +2,23 @@
 
 from __future__ import annotations
 
+import multiprocessing
+import os
+import signal
+import subprocess
+import sys
 from dataclasses import fields, replace
 
 import numpy as np
 import pytest
 
+from kinemimic.pipeline.errors import KinemimicError
 from kinemimic.retarget.motion import Motion
 from kinemimic.train import rollout
 from kinemimic.train.config import EnvConfig
 from kinemimic.train.env import ACTIONS, OBSERVATIONS
 from kinemimic.train.policy import Policy
-from kinemimic.train.rollout import Sampler, Samples
+from kinemimic.train.rollout import Sampler, Samples, Workers
 
 NOISE = np.full(ACTIONS, 0.3, dtype=np.float32)
 SHORT = replace(EnvConfig(), episode=5)
@@ -100,3 +106,24 @@ def test_the_time_of_a_sample_is_put_down_to_its_parts(
         "bookkeeping",
     }
     assert min(sampler.seconds.values()) > 0.0
+
+
+def test_a_worker_that_is_killed_is_one_line(motion: Motion) -> None:
+    policy = idle()
+    with Workers(motion, SHORT, 2, 0, 2, "pybullet") as crew:
+        assert crew.sample(policy, NOISE, SHORT.reward, 2).actions.shape == (2, 2, ACTIONS)
+        victim = multiprocessing.active_children()[0]
+        os.kill(victim.pid or 0, signal.SIGKILL)
+        victim.join()
+        with pytest.raises(KinemimicError, match=r"2 processes .* one ended, status -9"):
+            crew.sample(policy, NOISE, SHORT.reward, 2)
+
+
+def test_a_child_is_born_deaf_to_ctrl_c_and_with_one_thread() -> None:
+    ask = "import os, signal; print(signal.getsignal(signal.SIGINT).name, os.environ['OMP_NUM_THREADS'])"
+    handler, threads = signal.getsignal(signal.SIGINT), os.environ.get("OMP_NUM_THREADS")
+    with rollout._inherited():
+        said = subprocess.run([sys.executable, "-c", ask], capture_output=True, text=True, check=True)
+    assert said.stdout.split() == ["SIG_IGN", "1"]
+    assert signal.getsignal(signal.SIGINT) is handler
+    assert os.environ.get("OMP_NUM_THREADS") == threads
