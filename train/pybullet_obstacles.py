@@ -31,6 +31,10 @@ def build(client: int, item: Obstacle) -> int:
         body, -1, linearDamping=0, angularDamping=0,
         activationState=bullet.ACTIVATION_STATE_DISABLE_SLEEPING, physicsClientId=client,
     )  # fmt: skip
+    if item.shape == "cylinder":
+        # A shape that is turned within its body is weighed as the box around it.
+        across, along = item.mass * (0.75 * x**2 + z**2) / 12, item.mass * x**2 / 8
+        bullet.changeDynamics(body, -1, localInertiaDiagonal=[across, along, across], physicsClientId=client)
     start(client, body, item)
     return body
 

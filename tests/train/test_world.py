@@ -355,3 +355,17 @@ def test_indices_are_whole_numbers_of_figures(world: World) -> None:
     for wrong, error in (([0.0], TypeError), ([1], IndexError), ([2**32], IndexError)):
         with pytest.raises(error):
             world.reset(np.array(wrong), upright(1.0))
+
+
+@pytest.mark.parametrize(("shape", "share"), [("sphere", 5 / 7), ("cylinder", 2 / 3)])
+def test_what_is_slid_over_the_ground_soon_rolls(world: World, shape: str, share: float) -> None:
+    """Friction turns speed into spin until v = ω r: v / v₀ = 1 / (1 + I / (m r²)), whatever the friction."""
+    lying = (0.5**0.5, 0.0, 0.0, 0.5**0.5)
+    slid = Obstacle(shape, (0.2, 0.2, 0.3), (2.0, 0.0, 0.1), lying, 1.0, (2.0, 0.0, 0.0))  # type: ignore[arg-type]
+    world.place(0, [slid])
+    world.reset(np.array([0]), upright(0.905))
+    x = []
+    for _ in range(25):
+        world.step(*HOLD)
+        x.append(world.obstacles(0)[0, 0])
+    assert (x[-1] - x[-7]) / (6 * STEP) == pytest.approx(2.0 * share, rel=0.02)
