@@ -120,8 +120,8 @@ class Learner:
             actor = threads.submit(self._learn_policy, observations, old, orders)
             critic = threads.submit(self._learn_value, observations, returns, orders)
             (kl, clipped), value_loss = actor.result(), critic.result()
-        if not math.isfinite(kl):
-            raise FloatingPointError("the policy became infinite or NaN")
+        if not (math.isfinite(kl) and math.isfinite(value_loss)):
+            raise FloatingPointError("the policy or its value became infinite or NaN")
         if c.kl_penalty:
             state.penalty = adapt_penalty(state.penalty, kl, c.kl_target, c.penalty_initial, c.penalty_rule)
         if c.adapt_rate:

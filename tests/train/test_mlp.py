@@ -58,6 +58,11 @@ def test_hidden_layers_start_orthogonal() -> None:
     torch.testing.assert_close(weight @ weight.t(), (5 / 3) ** 2 * torch.eye(20), atol=1e-5, rtol=0)
 
 
+def test_gradients_are_float32_where_nothing_tells_of_bfloat16(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.delattr(torch.cpu, "_is_avx512_bf16_supported", raising=False)
+    assert choose_products() == torch.float32
+
+
 def test_float32_products_stay_exact() -> None:
     """What the trial in `choose_products` promises, on other numbers."""
     choose_products()

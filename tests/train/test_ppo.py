@@ -115,6 +115,16 @@ def test_an_update_is_that_of_plain_ppo(name: str, monkeypatch: pytest.MonkeyPat
     torch.testing.assert_close(learner.net.log_noise, plain.log_noise.detach())
 
 
+@pytest.mark.parametrize("reward", [np.nan, 1e21])
+def test_a_learner_that_is_spoilt_says_so(reward: float) -> None:
+    """A reward that is no number spoils both networks, one whose square is infinite the critic alone."""
+    learner = Learner(replace(PRESETS["default"], hidden=(8, 4), passes=1))
+    samples = followed(8, 4)
+    samples.terms[0, 0, 0] = reward
+    with pytest.raises(FloatingPointError, match="infinite or NaN"):
+        learner.update(samples)
+
+
 def test_same_seed_same_bytes() -> None:
     """Whichever of the two threads is ahead."""
     found = []
