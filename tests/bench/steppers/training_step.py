@@ -12,7 +12,7 @@ from kinemimic.train.env import ACTIONS, ImitationBatch
 from kinemimic.train.reference import Reference
 from kinemimic.train.world import CONTROL_RATE
 
-FIGURES = 16  # what each of two processes has of the preset's 32
+FIGURES = 16  # as our engine alone; a process of a training on two cores has twice as many
 
 
 class TrainingStep:
