@@ -38,8 +38,9 @@ def _layers(flat: Tensor, sizes: tuple[int, ...]) -> list[tuple[Tensor, Tensor]]
 
 
 class _Space:
-    """What a pass over `rows` rows writes, kept for the next: where malloc gets memory from the system anew for
-    every pass, that costs 10 to 40 % of its time.
+    """What a pass over `rows` rows writes, kept for the next one.
+
+    Where malloc gets the memory from the system anew for every pass, that costs 10 to 40 % of its time.
 
     hidden: (N, size) what leaves each hidden layer. entered, slopes: (N, in), (N, out) of every layer, in the
     type of `backward`: its input, and the slope of the loss with respect to its output.

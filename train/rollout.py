@@ -171,11 +171,9 @@ def _inherited() -> Iterator[None]:
     finally:
         if handler is not None:
             signal.signal(signal.SIGINT, handler)
-        for name, value in saved.items():
-            if value is None:
-                del os.environ[name]
-            else:
-                os.environ[name] = value
+        for name in saved:
+            del os.environ[name]
+        os.environ |= {name: value for name, value in saved.items() if value is not None}
 
 
 class Workers:
@@ -227,9 +225,8 @@ class Workers:
                 connection.send((policy, noise, reward, steps))
             received = [connection.recv() for connection in self._connections]
         parts = [samples.unpacked() for samples, _ in received]
-        for _, seconds in received:
-            mean = {name: value / len(received) for name, value in seconds.items()}
-            self.seconds = summed(self.seconds, mean)
+        shares = ({name: spent / len(parts) for name, spent in seconds.items()} for _, seconds in received)
+        self.seconds = summed(self.seconds, *shares)
         joined: dict[str, Any] = {
             f.name: np.concatenate([getattr(part, f.name) for part in parts], axis=1)
             for f in fields(Samples)
