@@ -17,6 +17,7 @@ from kinemimic.pipeline.rotations import IDENTITY
 from kinemimic.pipeline.skeleton import NODES
 from kinemimic.retarget.body import BODY_NODES
 from kinemimic.retarget.motion import Motion
+from kinemimic.train.children import inherited
 from kinemimic.train.config import EnvConfig, TrainConfig
 from kinemimic.train.engines import open_world
 from kinemimic.train.env import ACTIONS, ImitationBatch
@@ -52,10 +53,17 @@ def perform(
     tasks = [(motion, actor, config, float(phase), frames, engine) for phase in start_phases]
     parts: list[Playback] = []
     with ProcessPoolExecutor(count, mp_context=multiprocessing.get_context("spawn")) as pool:
-        for part in pool.map(_perform_one, tasks):
-            parts.append(part)
-            if progress is not None:
-                progress(1)
+        with inherited():
+            performed = pool.map(_perform_one, tasks)
+        try:
+            for part in performed:
+                parts.append(part)
+                if progress is not None:
+                    progress(1)
+        except BaseException:
+            # Interrupted, it does not wait for the tasks that have not begun.
+            pool.shutdown(wait=False, cancel_futures=True)
+            raise
     joined: dict[str, Any] = {
         f.name: parts[0].reward_names
         if f.name == "reward_names"

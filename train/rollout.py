@@ -3,9 +3,6 @@
 from __future__ import annotations
 
 import multiprocessing
-import os
-import signal
-import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, fields, replace
@@ -18,6 +15,7 @@ from numpy.typing import NDArray
 
 from kinemimic.pipeline.errors import KinemimicError
 from kinemimic.retarget.motion import Motion
+from kinemimic.train.children import inherited
 from kinemimic.train.config import EnvConfig, RewardConfig
 from kinemimic.train.engines import open_world
 from kinemimic.train.env import OBSERVATIONS, TASK, ImitationBatch
@@ -155,27 +153,6 @@ def _serve(
             return
 
 
-@contextmanager
-def _inherited() -> Iterator[None]:
-    """What is set in here is what a child starts with, and what is put back behind it.
-
-    No threads for matrix products: there is a process for every core. And Ctrl-C, which reaches the whole
-    process group, is the parent's to handle from the child's first import on.
-    """
-    saved = {name: os.environ.get(name) for name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS")}
-    os.environ |= dict.fromkeys(saved, "1")
-    in_main = threading.current_thread() is threading.main_thread()  # no other thread may set a handler
-    handler = signal.signal(signal.SIGINT, signal.SIG_IGN) if in_main else None
-    try:
-        yield
-    finally:
-        if handler is not None:
-            signal.signal(signal.SIGINT, handler)
-        for name in saved:
-            del os.environ[name]
-        os.environ |= {name: value for name, value in saved.items() if value is not None}
-
-
 class Workers:
     """`count` processes that share E figures; use as a context.
 
@@ -190,7 +167,7 @@ class Workers:
         context = multiprocessing.get_context("spawn")
         self._connections: list[Connection] = []
         self._processes: list[multiprocessing.process.BaseProcess] = []
-        with _inherited():
+        with inherited():
             for k in range(count):
                 ours, theirs = context.Pipe()
                 process = context.Process(

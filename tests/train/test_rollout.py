@@ -5,8 +5,6 @@ from __future__ import annotations
 import multiprocessing
 import os
 import signal
-import subprocess
-import sys
 from dataclasses import fields, replace
 
 import numpy as np
@@ -14,7 +12,6 @@ import pytest
 
 from kinemimic.pipeline.errors import KinemimicError
 from kinemimic.retarget.motion import Motion
-from kinemimic.train import rollout
 from kinemimic.train.config import EnvConfig
 from kinemimic.train.env import ACTIONS, OBSERVATIONS
 from kinemimic.train.policy import Policy
@@ -117,13 +114,3 @@ def test_a_worker_that_is_killed_is_one_line(motion: Motion) -> None:
         victim.join()
         with pytest.raises(KinemimicError, match=r"2 processes .* one ended, status -9"):
             crew.sample(policy, NOISE, SHORT.reward, 2)
-
-
-def test_a_child_is_born_deaf_to_ctrl_c_and_with_one_thread() -> None:
-    ask = "import os, signal; print(signal.getsignal(signal.SIGINT).name, os.environ['OMP_NUM_THREADS'])"
-    handler, threads = signal.getsignal(signal.SIGINT), os.environ.get("OMP_NUM_THREADS")
-    with rollout._inherited():
-        said = subprocess.run([sys.executable, "-c", ask], capture_output=True, text=True, check=True)
-    assert said.stdout.split() == ["SIG_IGN", "1"]
-    assert signal.getsignal(signal.SIGINT) is handler
-    assert os.environ.get("OMP_NUM_THREADS") == threads
