@@ -12,6 +12,7 @@ import pytest
 
 from kinemimic.pipeline.errors import KinemimicError
 from kinemimic.retarget.motion import Motion
+from kinemimic.train import rollout
 from kinemimic.train.config import EnvConfig
 from kinemimic.train.env import ACTIONS, OBSERVATIONS
 from kinemimic.train.policy import Policy
