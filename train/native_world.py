@@ -29,6 +29,17 @@ from kinemimic.train.world import (
 
 Array = NDArray[np.float64]
 
+# Of the world, as arguments of `kinemimic_native.Batch`.
+SETTINGS: dict[str, Any] = {
+    "time_step": TIME_STEP,
+    "gravity": GRAVITY,
+    "friction": FRICTION,
+    "iterations": SOLVER_ITERATIONS,
+    "fastest": FASTEST,
+    "free_speed": FREE_SPEED,
+    "largest_turn": LARGEST_TURN,
+    "most_parts": MOST_PARTS,
+}
 _SHAPES = {"box": 0, "sphere": 1, "ellipsoid": 2}
 _OBSTACLE_SHAPES = {"box": 0, "sphere": 1, "cylinder": 2}
 _FEET = [BODY_INDEX["foot_left"], BODY_INDEX["foot_right"]]
@@ -85,14 +96,7 @@ class NativeWorld:
         self._batch = kinemimic_native.Batch(
             size=size,
             **description(),
-            time_step=TIME_STEP,
-            gravity=GRAVITY,
-            friction=FRICTION,
-            iterations=SOLVER_ITERATIONS,
-            fastest=FASTEST,
-            free_speed=FREE_SPEED,
-            largest_turn=LARGEST_TURN,
-            most_parts=MOST_PARTS,
+            **SETTINGS,
             threads=threads,
         )
         batch = self._batch

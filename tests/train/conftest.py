@@ -5,6 +5,7 @@ And a world without physics, for what is true of any engine.
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import fields
 
 import numpy as np
@@ -14,7 +15,8 @@ from kinemimic.pipeline.rotations import IDENTITY, continuous, from_axis_angle
 from kinemimic.pipeline.skeleton import NODE_INDEX, NODES
 from kinemimic.retarget.body import STANDING_HEIGHT
 from kinemimic.retarget.motion import Motion
-from kinemimic.train.world import BodyStates, Poses
+from kinemimic.train.engines import open_world
+from kinemimic.train.world import BodyStates, Poses, World
 
 SPEED = 0.9
 PERIOD = 1.2
@@ -96,3 +98,10 @@ class Puppets:
 @pytest.fixture
 def puppets() -> type[Puppets]:
     return Puppets
+
+
+@pytest.fixture
+def world(engine: str) -> Iterator[World]:
+    made = open_world(1, engine, measure_torques=True)
+    yield made
+    made.close()

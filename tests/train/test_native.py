@@ -13,27 +13,12 @@ from kinemimic.pipeline.rotations import conjugate, from_rotvec, multiply, rotat
 from kinemimic.retarget.body import BODIES, BODY_INDEX
 from kinemimic.train.engines import open_world
 from kinemimic.train.reference import Reference
-from kinemimic.train.world import (
-    FASTEST,
-    FREE_SPEED,
-    FRICTION,
-    GRAVITY,
-    LARGEST_TURN,
-    MOST_PARTS,
-    SOLVER_ITERATIONS,
-    SUBSTEPS,
-    TIME_STEP,
-)
+from kinemimic.train.world import GRAVITY, SUBSTEPS, TIME_STEP
 
 native = pytest.importorskip("kinemimic_native", reason="the native engine is not built here")
-from kinemimic.train.native_world import NativeWorld, description  # noqa: E402 (needs the extension)
+from kinemimic.train.native_world import SETTINGS, NativeWorld, description  # noqa: E402 (needs the extension)
 
 RATE = 1.0 / TIME_STEP
-SETTINGS: dict[str, Any] = {
-    "time_step": TIME_STEP, "gravity": GRAVITY, "friction": FRICTION, "iterations": SOLVER_ITERATIONS,
-    "fastest": FASTEST, "free_speed": FREE_SPEED, "largest_turn": LARGEST_TURN, "most_parts": MOST_PARTS,
-    "threads": 1,
-}  # fmt: skip
 ARM = [BODY_INDEX[f"{part}_left"] for part in ("upper_arm", "forearm", "hand")]
 
 
@@ -42,7 +27,7 @@ def batch(size: int = 1, *, rate: float = RATE, gains: float = 1.0, **changes: A
     body = description()
     body |= {name: gains * body[name] for name in ("stiffness", "damping")}
     settings: dict[str, Any] = {
-        **SETTINGS, "time_step": 1.0 / rate,
+        **SETTINGS, "threads": 1, "time_step": 1.0 / rate,
     }  # fmt: skip
     return native.Batch(size=size, **{**body, **settings, **changes})
 
@@ -208,7 +193,9 @@ def test_what_does_not_fit_is_refused_by_name() -> None:
     with pytest.raises(IndexError, match="below 2, found 2"):
         figures.obstacles(2)
     with pytest.raises(ValueError, match="parents"):
-        native.Batch(size=1, **{**description(), "parents": np.zeros(15, dtype=np.int32)}, **SETTINGS)
+        native.Batch(
+            size=1, **{**description(), "parents": np.zeros(15, dtype=np.int32)}, **SETTINGS, threads=1
+        )
 
 
 def test_windows_outlive_their_batch() -> None:
