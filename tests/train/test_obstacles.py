@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from samples.stance import HOLD, STEP, upright
+from peers.stance import HOLD, STEP, upright
 
 from kinemimic.retarget.body import BODY_INDEX, TOTAL_MASS
 from kinemimic.train.engines import open_world

@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from samples.stance import HOLD, MASSES, STEP, momentum, upright
+from peers.stance import HOLD, MASSES, STEP, momentum, upright
 
 from kinemimic.pipeline.rotations import angle_between, from_rotvec, multiply
 from kinemimic.retarget.body import BODIES, BODY_INDEX, TOTAL_MASS

@@ -7,8 +7,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from peers.described import FRAMES, NODE_LIST, UNITY, joints, read, table, unity
 from samples.described import files
-from samples.description import FRAMES, NODE_LIST, UNITY, joints, read, table, unity
 from samples.motion import walk, y_up
 
 from kinemimic.pipeline.captures import recognise

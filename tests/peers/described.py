@@ -6,11 +6,11 @@ from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
+from samples.motion import walk
 
 from kinemimic.pipeline.captures import recognise
 from kinemimic.pipeline.clip import Clip
 from kinemimic.pipeline.skeleton import NODES
-from samples.motion import walk
 
 Array = NDArray[np.float64]
 FRAMES = 40
