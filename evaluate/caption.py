@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
-from kinemimic.evaluate.fit import JOINTS
 from kinemimic.retarget.motion import Motion
+from kinemimic.train.fit import JOINTS
 from kinemimic.train.playback import Playback
 from kinemimic.train.world import CONTROL_RATE
 

@@ -16,10 +16,10 @@ import pyarrow.parquet as pq
 from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 
-from kinemimic.evaluate.fit import Flags, JointFit, joint_fits
 from kinemimic.pipeline.angles import ANGLES
 from kinemimic.pipeline.errors import CaptureError
 from kinemimic.retarget.motion import Motion, joint_angles
+from kinemimic.train.fit import Flags, JointFit, joint_fits
 from kinemimic.train.reference import Reference
 
 Array = NDArray[np.float64]

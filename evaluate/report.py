@@ -11,7 +11,6 @@ from typing import Any
 from kinemimic.evaluate import figures
 from kinemimic.evaluate.capture_fit import Capture
 from kinemimic.evaluate.capture_sections import gait_section, gimbal_section, quality_section
-from kinemimic.evaluate.fit import JOINTS, MEASURES
 from kinemimic.evaluate.gait_page import gait_sections
 from kinemimic.evaluate.gait_report import compare
 from kinemimic.evaluate.gait_sources import captured
@@ -20,6 +19,7 @@ from kinemimic.pipeline.html import drawing, number, page, table
 from kinemimic.pipeline.picture import picture
 from kinemimic.pipeline.store import read_json
 from kinemimic.retarget.motion import Motion
+from kinemimic.train.fit import JOINTS, MEASURES
 from kinemimic.train.playback import Playback
 from kinemimic.train.world import CONTROL_RATE
 

@@ -16,10 +16,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from kinemimic.evaluate.capture_fit import Capture, Rollout, capture_fits, truth_fits
-from kinemimic.evaluate.fit import JOINTS, MEASURES, JointFit, joint_fits
 from kinemimic.pipeline.angles import ANGLES
 from kinemimic.retarget.body import BODIES
 from kinemimic.retarget.motion import Motion, joint_angles
+from kinemimic.train.fit import JOINTS, MEASURES, JointFit, joint_fits
 from kinemimic.train.playback import Playback
 
 Array = NDArray[np.float64]

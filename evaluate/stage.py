@@ -14,7 +14,6 @@ from rich.table import Table
 from rich.text import Text
 
 from kinemimic.evaluate.capture_fit import read_capture
-from kinemimic.evaluate.fit import JOINTS, MEASURES
 from kinemimic.evaluate.report import LABELS, PAPER_FIT, PAPER_GAP_DEG, Evidence, report
 from kinemimic.evaluate.scores import compose
 from kinemimic.pipeline.errors import KinemimicError
@@ -25,6 +24,7 @@ from kinemimic.pipeline.store import file_hash, write_json, write_text
 from kinemimic.retarget.export_json import motion_from_json
 from kinemimic.retarget.motion import Motion, joint_angles
 from kinemimic.train.engines import ENGINES, resolve
+from kinemimic.train.fit import JOINTS, MEASURES
 from kinemimic.train.perform import perform
 from kinemimic.train.playback import Playback
 from kinemimic.train.policy import Policy

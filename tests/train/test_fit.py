@@ -4,8 +4,8 @@ from hypothesis import assume, given
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
-from kinemimic.evaluate import fit
-from kinemimic.evaluate.fit import MEASURES, Fit, joint_fits
+from kinemimic.train import fit
+from kinemimic.train.fit import MEASURES, Fit, joint_fits
 
 # y = 0 1 2 3, z = 0 1 2 5: one error of 2 at the end.
 Y, Z = np.array([0.0, 1.0, 2.0, 3.0]), np.array([0.0, 1.0, 2.0, 5.0])
