@@ -52,13 +52,24 @@ class Policy:
         weight, bias = self.layers[-1]
         return (weight @ x).T + bias
 
-    def save(self, path: Path, record: Mapping[str, Any]) -> None:
-        """`path` (.safetensors) and beside it the record (.json): configuration, samples, provenance."""
+    def tensors(self) -> dict[str, Floats]:
+        """Its arrays by the names that they have in a file."""
         tensors = {"mean": self.mean, "scale": self.scale}
         for k, (weight, bias) in enumerate(self.layers):
             tensors |= {f"actor.{k}.weight": np.ascontiguousarray(weight), f"actor.{k}.bias": bias}
+        return tensors
+
+    @classmethod
+    def of_tensors(cls, tensors: Mapping[str, Floats]) -> Policy:
+        """The inverse of `tensors`; KeyError names one that is missing."""
+        depth = sum(name.endswith(".weight") for name in tensors)
+        layers = tuple((tensors[f"actor.{k}.weight"], tensors[f"actor.{k}.bias"]) for k in range(depth))
+        return cls(layers, tensors["mean"], tensors["scale"])
+
+    def save(self, path: Path, record: Mapping[str, Any]) -> None:
+        """`path` (.safetensors) and beside it the record (.json): configuration, samples, provenance."""
         with atomic(path) as temporary:
-            save_file(tensors, temporary)
+            save_file(self.tensors(), temporary)
         write_json(path.with_suffix(".json"), {"schema": POLICY_SCHEMA, **record})
 
     @classmethod
@@ -75,13 +86,12 @@ class Policy:
         except (OSError, SafetensorError) as error:
             raise KinemimicError(f"{path}: expected a policy (safetensors), found {error}") from None
         try:
-            depth = sum(name.endswith(".weight") for name in tensors)
-            layers = tuple((tensors[f"actor.{k}.weight"], tensors[f"actor.{k}.bias"]) for k in range(depth))
-            policy = cls(layers, tensors["mean"], tensors["scale"])
+            policy = cls.of_tensors(tensors)
         except KeyError as error:
             raise KinemimicError(
                 f"{path}: expected the tensor {error}, found {', '.join(sorted(tensors))}"
             ) from None
+        layers = policy.layers
         shape = (layers[0][0].shape[1], layers[-1][0].shape[0]) if layers else (0, 0)
         if shape != (OBSERVATIONS, ACTIONS):
             raise KinemimicError(
