@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from dataclasses import asdict, dataclass, field, fields, replace
 from typing import Any
 
@@ -39,14 +40,45 @@ class RewardConfig:
 
 
 @dataclass(frozen=True)
+class Hardships:
+    """Ranges (lowest, highest) of what an episode draws at full strength; with none of it, all are calm.
+
+    push: N, horizontal in any direction on the pelvis for 0.2 s; rest: s between pushes; friction: of the
+    feet on the ground; mass: factor of every body; delay: s until a correction takes effect; tilt, spin:
+    standard deviations of what the start is off its reference, rad and rad/s at the root and at every joint.
+    """
+
+    push: tuple[float, float] = (0.0, 0.0)
+    rest: tuple[float, float] = (1.0, 3.0)
+    friction: tuple[float, float] = (0.9, 0.9)
+    mass: tuple[float, float] = (1.0, 1.0)
+    delay: tuple[float, float] = (0.0, 0.0)
+    tilt: float = 0.0
+    spin: float = 0.0
+
+
+@dataclass(frozen=True)
 class EnvConfig:
-    """The task: lengths in control steps of 1/30 s, metres, radians."""
+    """The task: lengths in control steps of 1/30 s, metres, radians.
+
+    residual: the policy corrects the reference's joints; without it, it gives the joints themselves.
+    velocity_feedforward, torque_feedforward: what of the reference goes to the stable PD beside its angles:
+    its speeds, and the torques of its inverse dynamics (`dynamics.py`).
+    start_anywhere: episodes begin at any phase, not at the first.
+    preview: how many control steps ahead the policy sees its reference.
+    """
 
     reward: RewardConfig = field(default_factory=RewardConfig)
     episode: int = 300
     max_height_error: float = 0.25
     max_rotation_error: float = 1.0
     max_drift: float = 0.6
+    residual: bool = True
+    velocity_feedforward: bool = True
+    torque_feedforward: bool = True
+    start_anywhere: bool = True
+    preview: tuple[int, ...] = (1,)
+    hardships: Hardships = field(default_factory=Hardships)
 
 
 @dataclass(frozen=True)
@@ -78,6 +110,8 @@ class TrainConfig:
     # walk sooner, a tight one then fits the joints, which a walk that cannot fall any more can afford.
     tighten: dict[str, float] = field(default_factory=lambda: {"pose": 32.0})
     tighten_samples: tuple[int, int] = (450_000, 700_000)
+    # From none of the hardships to all of them: who cannot walk yet learns nothing from being pushed.
+    harden_samples: tuple[int, int] = (0, 0)
     entropy: float = 0.0
     entropy_decay: float = 1.0
     budget: int = 1_000_000
@@ -96,9 +130,15 @@ class TrainConfig:
         grown = {name: scales[name] + share * (end - scales[name]) for name, end in self.tighten.items()}
         return replace(self.env.reward, scales={**scales, **grown})
 
+    def strength(self, samples: int) -> float:
+        """Of the hardships after so many samples, 0 to 1."""
+        first, last = self.harden_samples
+        return min(max((samples - first) / max(last - first, 1), 0.0), 1.0)
+
     def to_json(self) -> dict[str, Any]:
         """JSON values that `from_json` reads back."""
-        return {**asdict(self), "hidden": list(self.hidden), "tighten_samples": list(self.tighten_samples)}
+        value: dict[str, Any] = json.loads(json.dumps(asdict(self)))
+        return value
 
     @classmethod
     def from_json(cls, value: dict[str, Any]) -> TrainConfig:
@@ -106,7 +146,14 @@ class TrainConfig:
         try:
             env = dict(value["env"])
             env["reward"] = RewardConfig(**env["reward"])
-            known, lists = {f.name for f in fields(cls)}, ("hidden", "tighten_samples")
+            env["preview"] = tuple(env["preview"])
+            env["hardships"] = Hardships(
+                **{
+                    name: tuple(item) if isinstance(item, list) else item
+                    for name, item in env["hardships"].items()
+                }
+            )
+            known, lists = {f.name for f in fields(cls)}, ("hidden", "tighten_samples", "harden_samples")
             plain = {key: item for key, item in value.items() if key in known - {"env", *lists}}
             tuples: dict[str, Any] = {name: tuple(value[name]) for name in lists}
             return cls(env=EnvConfig(**env), **tuples, **plain)

@@ -2,18 +2,29 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, fields, replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from kinemimic.pipeline.rotations import from_rotvec, multiplier, to_six
+from kinemimic.pipeline.rotations import (
+    IDENTITY,
+    conjugate,
+    from_rotvec,
+    multiplier,
+    multiply,
+    rotate,
+    to_six,
+)
 from kinemimic.retarget.body import BODIES
 from kinemimic.train.config import EnvConfig
+from kinemimic.train.hardship import Conditions
 from kinemimic.train.reference import Reference
 from kinemimic.train.reward import pose_turns, rewards
 from kinemimic.train.stopwatch import Stopwatch
-from kinemimic.train.world import CONTROL_RATE, SUBSTEPS, TIME_STEP, BodyStates, World
+from kinemimic.train.world import CONTROL_RATE, JOINT_PARENTS, SUBSTEPS, TIME_STEP, BodyStates, Poses, World
 
 Array = NDArray[np.float64]
 
@@ -36,7 +47,18 @@ ACTION_SCALE: Array = np.repeat(
 # What a moment between two control steps is put down to (`stopwatch.py`).
 SIMULATION = "simulation"
 TASK = "observation and reward"
-OBSERVATIONS = 2 + 1 + 15 * 6 + 14 * 3 + 15 * 3 + 15 * 3 + 15 * 3 + 2
+# A figure has fallen when its pelvis is so far from the reference's height, or so far turned from it: for
+# every policy the same, however early an episode of its training ends.
+FALL_HEIGHT = 0.25  # m
+FALL_TURN = 1.0  # rad
+
+
+def observation_size(config: EnvConfig) -> int:
+    """Numbers in an observation: phase, height, the bodies, and the way to each pose of the preview."""
+    return 2 + 1 + 15 * 6 + 14 * 3 + 15 * 3 + 15 * 3 + len(config.preview) * (15 * 3 + 2)
+
+
+OBSERVATIONS = observation_size(EnvConfig())
 
 
 @dataclass(frozen=True)
@@ -59,7 +81,7 @@ class ImitationBatch:
     """E figures that imitate one reference. Time of each is its phase in the reference, not wrapped.
 
     bodies: simulated, in the world's own arrays: valid until the next step or reset;
-    target, ahead: the reference now and a control step later; watch: where the time goes.
+    target: the reference now; watch: where the time goes.
     """
 
     def __init__(self, world: World, reference: Reference, config: EnvConfig) -> None:
@@ -69,9 +91,12 @@ class ImitationBatch:
         self.reward = config.reward  # may be changed between steps
         self.watch = Stopwatch()
         self.phases: Array = np.zeros(world.size)
-        self._ages = np.zeros(world.size, dtype=np.int64)
+        self.ages = np.zeros(world.size, dtype=np.int64)  # control steps since the reset
+        self._conditions = Conditions.calm(world.size)
+        self._last_action: Array = np.zeros((world.size, ACTIONS))
         self._increment = 1.0 / (CONTROL_RATE * reference.duration)
         self._substeps: Array = np.arange(1.0, SUBSTEPS + 1) * TIME_STEP / reference.duration
+        self._scale = ACTION_SCALE if config.residual else np.ones(ACTIONS)
         self.bodies: BodyStates = world.states()
         self._face(reference.bodies(self.phases))
 
@@ -79,40 +104,99 @@ class ImitationBatch:
         """Set the figures, as they are now, against their target and what comes after it."""
         self.target = target
         self._exploded = self.world.exploded()
-        self.ahead = self.reference.bodies(self.phases + self._increment)
-        self._turns, self._turns_ahead = pose_turns(self.bodies, self.target, self.ahead)
+        self._ahead = [self.reference.bodies(self.phases + k * self._increment) for k in self.config.preview]
+        self._turns, *self._turns_ahead = pose_turns(self.bodies, self.target, *self._ahead)
 
-    def reset(self, indices: NDArray[np.intp], phases: Array) -> None:
-        """Put figures (N,) on the reference at phases (N,)."""
+    def reset(self, indices: NDArray[np.intp], phases: Array, conditions: Conditions | None = None) -> None:
+        """Put figures (N,) on the reference at phases (N,), or as far off it as their conditions say."""
+        conditions = conditions or Conditions.calm(len(indices))
         self.phases[indices] = phases
-        self._ages[indices] = 0
-        poses = self.reference.poses(phases)
+        self.ages[indices] = 0
+        self._last_action[indices] = 0.0
+        self._conditions.put(indices, conditions)
+        poses = conditions.disturbed(self.reference.poses(phases))
         self.watch.lap(TASK)
+        self._place(indices, poses)
+
+    def _place(self, indices: NDArray[np.intp], poses: Poses) -> None:
+        if hasattr(self.world, "vary"):  # TODO
+            self.world.vary(indices, self._conditions.friction[indices], self._conditions.mass[indices])
         self.world.reset(indices, poses)
         self.bodies = self.world.states()
         self.watch.lap(SIMULATION)
         self._face(self.reference.bodies(self.phases))
 
+    def snapshot(self) -> dict[str, NDArray[Any]]:
+        """All that the figures' further way depends on, arrays (E, ...), given to `restore`."""
+        b = self.bodies
+        spins = b.angular[:, 1:] - b.angular[:, JOINT_PARENTS]
+        held = self._conditions.held()
+        return {
+            "phases": self.phases.copy(),
+            "ages": self.ages.copy(),
+            "last_action": self._last_action.copy(),
+            "root": b.positions[:, 0].copy(),
+            "root_rotation": b.rotations[:, 0].copy(),
+            "root_linear": b.linear[:, 0].copy(),
+            "root_angular": b.angular[:, 0].copy(),
+            "joints": b.joints,
+            "joint_velocities": rotate(conjugate(b.rotations[:, 1:]), spins),
+            **{name: value.copy() for name, value in held.items()},
+        }
+
+    def restore(self, snapshot: Mapping[str, NDArray[Any]]) -> None:
+        """Put all figures where a snapshot says. The engine forgets contacts and warm starts by that: two
+        that begin with the same snapshot go the same way, to the last bit."""
+        self.phases = snapshot["phases"].copy()
+        self.ages = snapshot["ages"].copy()
+        self._last_action = snapshot["last_action"].copy()
+        held = self._conditions.held()
+        self._conditions = replace(self._conditions, **{name: snapshot[name].copy() for name in held})
+        poses = Poses(**{f.name: snapshot[f.name] for f in fields(Poses)})
+        self._place(np.arange(self.world.size), poses)
+
     def step(self, actions: Array, wrenches: Array | None = None) -> Step:
         """One control step with actions (E, 42): corrections of the reference joints as rotation vectors."""
-        correction = multiplier(from_rotvec((actions * ACTION_SCALE).reshape(-1, JOINTS, 3)))
-        joints, velocities = self.reference.joints(self.phases[:, None] + self._substeps)
+        at = self.phases[:, None] + self._substeps
+        joints, velocities = self._targets(at)
         # One correction for the targets of all substeps: products of 8 x 4 and 4 x 4 matrices.
         targets = np.empty(joints.shape)
-        np.matmul(joints.swapaxes(1, 2), correction, out=targets.swapaxes(1, 2))
+        np.matmul(joints.swapaxes(1, 2), self._correction(actions), out=targets.swapaxes(1, 2))
+        late = np.arange(SUBSTEPS) < self._conditions.delay[:, None]  # (E, SUBSTEPS)
+        if late.any():
+            before = joints.swapaxes(1, 2) @ self._correction(self._last_action)
+            targets[late] = before.swapaxes(1, 2)[late]
+            self._last_action = np.array(actions, dtype=np.float64)
+        pushes = self._conditions.pushes(self.ages)
+        if pushes is not None:
+            wrenches = pushes if wrenches is None else pushes + wrenches
         self.watch.lap(TASK)
         self.bodies = self.world.step(targets, velocities, wrenches)
         self.watch.lap(SIMULATION)
         self.phases = self.phases + self._increment
-        self._ages += 1
-        self._face(self.ahead)
-        way = self.bodies.positions[:, 0] - self.target.positions[:, 0]
-        terminated = self.fallen() | (np.hypot(way[:, 0], way[:, 1]) > self.config.max_drift)
-        truncated = ~terminated & (self._ages >= self.config.episode)
+        self.ages += 1
+        ahead = self._ahead[0] if self.config.preview[0] == 1 else self.reference.bodies(self.phases)
+        self._face(ahead)
+        terminated = self.lost()
+        truncated = ~terminated & (self.ages >= self.config.episode)
         if not self.reference.cyclic:
             truncated |= ~terminated & (self.phases >= 1.0)
         terms = np.where(terminated[:, None], 0.0, self.terms())
         return Step(self.observe(), terms, terminated, truncated, self._exploded)
+
+    def _targets(self, at: Array) -> tuple[Array, Array]:
+        """What the stable PD follows without a correction: rotations (..., 14, 4), speeds (..., 14, 3)."""
+        config = self.config
+        joints, velocities = self.reference.joints(at)
+        if not config.residual:
+            joints = np.broadcast_to(IDENTITY, joints.shape)
+        elif config.torque_feedforward:
+            joints = multiply(joints, from_rotvec(self.reference.leads(at)))
+        return joints, velocities if config.velocity_feedforward else np.zeros_like(velocities)
+
+    def _correction(self, actions: Array) -> Array:
+        """Right factors (E, 14, 4, 4) of the corrections that actions (E, 42) ask for."""
+        return multiplier(from_rotvec((actions * self._scale).reshape(-1, JOINTS, 3)))
 
     def terms(self) -> Array:
         """Reward terms (E, K) of the figures as they are, fallen or not."""
@@ -120,10 +204,18 @@ class ImitationBatch:
 
     def fallen(self) -> NDArray[np.bool_]:
         """(E,) exploded, or with the pelvis too low, too high or too far turned for its reference."""
-        height = np.abs(self.bodies.positions[:, 0, 2] - self.target.positions[:, 0, 2])
-        turn = np.einsum("ei,ei->e", self._turns[:, 0], self._turns[:, 0])
-        fell = (height > self.config.max_height_error) | (turn > self.config.max_rotation_error**2)
-        return np.asarray(fell | self._exploded)
+        return self._beyond(FALL_HEIGHT, FALL_TURN)
+
+    def lost(self) -> NDArray[np.bool_]:
+        """(E,) whether the episode ends: fallen by the configuration's own measures, or off the path."""
+        way = self.bodies.positions[:, 0] - self.target.positions[:, 0]
+        far = np.hypot(way[:, 0], way[:, 1]) > self.config.max_drift
+        return far | self._beyond(self.config.max_height_error, self.config.max_rotation_error)
+
+    def _beyond(self, height: float, turn: float) -> NDArray[np.bool_]:
+        off = np.abs(self.bodies.positions[:, 0, 2] - self.target.positions[:, 0, 2])
+        turned = np.einsum("ei,ei->e", self._turns[:, 0], self._turns[:, 0])
+        return np.asarray((off > height) | (turned > turn**2) | self._exploded)
 
     def observe(self) -> Array:
         """(E, OBSERVATIONS) in the figure's own heading: what it is doing and how far from what is next."""
@@ -136,18 +228,20 @@ class ImitationBatch:
                 b.positions[:, 1:] - b.positions[:, :1],
                 b.linear,
                 b.angular,
-                self.ahead.positions[:, :1] - b.positions[:, :1],
+                *(ahead.positions[:, :1] - b.positions[:, :1] for ahead in self._ahead),
             ],
             axis=1,
         )
+        previews = len(self._ahead)
         # The pelvis faces along its x-axis.
         vectors = _levelled(vectors, np.arctan2(six[:, 0, 1], six[:, 0, 0]))
-        turn = 2.0 * np.pi * self.phases
+        # A loop ends where it begins; what is performed once must tell its end from its beginning.
+        turn = 2.0 * np.pi * self.phases if self.reference.cyclic else np.pi * np.minimum(self.phases, 1.0)
         parts = [
             np.array([np.sin(turn), np.cos(turn), b.positions[:, 0, 2]]).T,
-            vectors[:, :-1].reshape(size, -1),
-            self._turns_ahead.reshape(size, -1),
-            np.minimum(np.maximum(vectors[:, -1, :2], -1.0), 1.0),
+            vectors[:, :-previews].reshape(size, -1),
+            *(turns.reshape(size, -1) for turns in self._turns_ahead),
+            np.minimum(np.maximum(vectors[:, -previews:, :2], -1.0), 1.0).reshape(size, -1),
         ]
         return np.concatenate(parts, axis=1)
 

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from kinemimic.retarget.motion import Motion
 from kinemimic.train.config import EnvConfig
 from kinemimic.train.engines import open_world
-from kinemimic.train.env import ACTIONS, OBSERVATIONS, ImitationBatch
+from kinemimic.train.env import ACTIONS, ImitationBatch, observation_size
 from kinemimic.train.reference import Reference
 
 Observation = NDArray[np.float32]
@@ -23,8 +23,8 @@ ACTION_BOUND = 2.0
 class ImitationEnv(gym.Env[Observation, NDArray[np.float32]]):
     """Imitate `motion` with one figure.
 
-    Observations are raw (OBSERVATIONS,), actions (42,) as in `ImitationBatch`. A fall terminates; the end of
-    the episode's time truncates. `reset(options={"phase": p})` starts at a phase instead of a random one;
+    Observations are raw, actions (42,) as in `ImitationBatch`. A fall terminates; the end of the episode's
+    time truncates. `reset(options={"phase": p})` starts at a phase instead of a random one;
     `info` has the reward's terms. engine: of `engines.py`.
     """
 
@@ -33,7 +33,8 @@ class ImitationEnv(gym.Env[Observation, NDArray[np.float32]]):
     def __init__(self, motion: Motion, config: EnvConfig | None = None, engine: str = "auto") -> None:
         self._config = config or EnvConfig()
         self._batch = ImitationBatch(open_world(1, engine), Reference(motion), self._config)
-        self.observation_space = gym.spaces.Box(-np.inf, np.inf, (OBSERVATIONS,), np.float32)
+        size = observation_size(self._config)
+        self.observation_space = gym.spaces.Box(-np.inf, np.inf, (size,), np.float32)
         self.action_space = gym.spaces.Box(-ACTION_BOUND, ACTION_BOUND, (ACTIONS,), np.float32)
 
     def reset(

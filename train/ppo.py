@@ -15,7 +15,7 @@ from torch import Tensor
 
 from kinemimic.train.advantages import advantages
 from kinemimic.train.config import TrainConfig
-from kinemimic.train.env import ACTIONS, OBSERVATIONS
+from kinemimic.train.env import ACTIONS, observation_size
 from kinemimic.train.mlp import Mlp
 from kinemimic.train.networks import ActorCritic, Normalizer
 from kinemimic.train.objective import Choices, divergence, log_density, policy_slopes
@@ -78,8 +78,9 @@ class Learner:
     def __init__(self, config: TrainConfig) -> None:
         self.config = config
         torch.manual_seed(config.seed)
-        self.net = ActorCritic(OBSERVATIONS, ACTIONS, config.hidden, config.noise_start)
-        self.normalizer = Normalizer(OBSERVATIONS)
+        size = observation_size(config.env)
+        self.net = ActorCritic(size, ACTIONS, config.hidden, config.noise_start)
+        self.normalizer = Normalizer(size)
         actor = [self.net.actor.parameters] + ([self.net.log_noise] if config.learn_noise else [])
         self.actor_optimizer = torch.optim.Adam(actor, config.actor_rate, fused=True)
         self.critic_optimizer = torch.optim.Adam([self.net.critic.parameters], config.critic_rate, fused=True)

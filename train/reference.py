@@ -7,15 +7,24 @@ from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 
 from kinemimic.pipeline.clip import forward_kinematics
-from kinemimic.pipeline.rotations import conjugate, multiply, normalize, rotate, to_rotvec
+from kinemimic.pipeline.rotations import (
+    conjugate,
+    multiply,
+    normalize,
+    rotate,
+    to_rotvec,
+)
 from kinemimic.pipeline.skeleton import node_skeleton
 from kinemimic.retarget.body import BODIES, BODY_NODES
 from kinemimic.retarget.motion import Motion
+from kinemimic.train.dynamics import efforts
 from kinemimic.train.world import BodyStates, Poses
 
 Array = NDArray[np.float64]
 
 _TABLE_RATE = 960.0  # Hz: linear steps between its rows err by less than 0.01 degrees on a run
+_EFFORT_RATE = 120.0  # Hz of the torques, from accelerations over two of its steps
+_LARGEST_SHARE = 0.7  # of a joint's torque limit that goes into the feed-forward: the rest balances
 
 
 class Reference:
@@ -52,6 +61,7 @@ class Reference:
             axis=-1,
         )
         self._joints = np.concatenate([joints, self._turn(joints, step, world=False)], axis=-1)
+        self._leads = self._table_of_leads()
 
     def _rate(self, values: Array, step: float, offset: Array) -> Array:
         if self.cyclic:
@@ -70,6 +80,15 @@ class Reference:
         if not self.cyclic:
             width[[0, -1]] = step
         return np.asarray(change / width.reshape(-1, *([1] * (q.ndim - 1))))
+
+    def _table_of_leads(self) -> Array:
+        rows = max(2, round(self.duration * _EFFORT_RATE) + 1)
+        phase, step = np.linspace(0.0, 1.0, rows), 1.0 / (_EFFORT_RATE * self.duration)
+        now, before, after = (self.bodies(phase + k * step) for k in (0, -1, 1))
+        rate = 0.5 * _EFFORT_RATE
+        found = efforts(now, rate * (after.linear - before.linear), rate * (after.angular - before.angular))
+        limits = np.array([[_LARGEST_SHARE * body.torque_limit] for body in BODIES[1:]])
+        return np.clip(found.torques, -limits, limits) / np.array([[body.stiffness] for body in BODIES[1:]])
 
     def _sample(self, table: Array, phase: Array) -> Array:
         """Rows (..., table's own shape) at phases (...), linear between those of the table."""
@@ -129,6 +148,11 @@ class Reference:
         row = self._sample(self._joints, phase)
         self._stop(row[..., 4:7], phase)
         return normalize(row[..., 0:4]), row[..., 4:7]
+
+    def leads(self, phase: Array) -> Array:
+        """How far (..., 14, 3), as rotation vectors, the stable PD's targets lead `joints(phase)`: enough for
+        its stiffness to give the torques that the motion takes."""
+        return self._sample(self._leads, phase)
 
 
 def _resample(motion: Motion, phase: Array) -> tuple[Array, Array]:

@@ -18,7 +18,8 @@ from kinemimic.retarget.motion import Motion
 from kinemimic.train.children import inherited
 from kinemimic.train.config import EnvConfig, RewardConfig
 from kinemimic.train.engines import open_world
-from kinemimic.train.env import OBSERVATIONS, TASK, ImitationBatch
+from kinemimic.train.env import TASK, ImitationBatch, observation_size
+from kinemimic.train.hardship import Conditions, draw
 from kinemimic.train.policy import Floats, Policy
 from kinemimic.train.reference import Reference
 from kinemimic.train.stopwatch import summed
@@ -70,6 +71,9 @@ class Sampler:
     def __init__(
         self, motion: Motion, config: EnvConfig, seeds: list[np.random.SeedSequence], engine: str
     ) -> None:
+        self._config = config
+        self._width = observation_size(config)
+        self._strength = 0.0  # of the hardships
         self._batch = ImitationBatch(open_world(len(seeds), engine), Reference(motion), config)
         self._randoms = [np.random.default_rng(seed) for seed in seeds]
         self._ages = np.zeros(len(seeds), dtype=np.int64)
@@ -82,7 +86,12 @@ class Sampler:
 
     def _restart(self, indices: NDArray[np.intp]) -> None:
         self._ages[indices] = 0
-        self._batch.reset(indices, np.array([self._randoms[index].random() for index in indices]))
+        if not len(indices):
+            return
+        randoms = [self._randoms[index] for index in indices]
+        phases = np.array([random.random() if self._config.start_anywhere else 0.0 for random in randoms])
+        drawn = [draw(self._config.hardships, self._strength, random) for random in randoms]
+        self._batch.reset(indices, phases, Conditions.joined(drawn))
 
     def _exploration(self, noise: Floats, steps: int) -> Floats:
         """(T, E, A) noise of standard deviations (A,), each figure's from its own generator."""
@@ -92,14 +101,20 @@ class Sampler:
         draws *= noise
         return draws
 
-    def sample(self, policy: Policy, noise: Floats, reward: RewardConfig, steps: int) -> Samples:
-        """Steps with exploration noise of standard deviation `noise` (A,) per action."""
+    def sample(
+        self, policy: Policy, noise: Floats, reward: RewardConfig, strength: float, steps: int
+    ) -> Samples:
+        """Steps with exploration noise of standard deviation `noise` (A,) per action.
+
+        strength: of the hardships of the episodes that begin.
+        """
         batch, size = self._batch, len(self._randoms)
+        self._strength = strength
         batch.watch.restart()
         batch.reward = reward
         # One row more: what the last step led to is the first observation of the next call.
-        observations = np.empty((steps + 1, size, OBSERVATIONS), dtype=np.float32)
-        final = np.empty((steps, size, OBSERVATIONS), dtype=np.float32)
+        observations = np.empty((steps + 1, size, self._width), dtype=np.float32)
+        final = np.empty((steps, size, self._width), dtype=np.float32)
         terms = np.empty((steps, size, len(reward.weights)), dtype=np.float32)
         terminated, truncated = np.empty((2, steps, size), dtype=np.bool_)
         lengths: list[int] = []
@@ -195,11 +210,13 @@ class Workers:
                 f"{lost.exitcode}; if it was killed (-9), memory may be short: train with fewer --workers"
             ) from None
 
-    def sample(self, policy: Policy, noise: Floats, reward: RewardConfig, steps: int) -> Samples:
+    def sample(
+        self, policy: Policy, noise: Floats, reward: RewardConfig, strength: float, steps: int
+    ) -> Samples:
         """Samples of all workers, figures side by side."""
         with self._all_alive():
             for connection in self._connections:
-                connection.send((policy, noise, reward, steps))
+                connection.send((policy, noise, reward, strength, steps))
             received = [connection.recv() for connection in self._connections]
         parts = [samples.unpacked() for samples, _ in received]
         shares = ({name: spent / len(parts) for name, spent in seconds.items()} for _, seconds in received)

@@ -109,8 +109,9 @@ def train(
 
 
 def _sample(crew: Workers, learner: Learner, steps: int) -> Samples:
-    policy, reward = export(learner.net, learner.normalizer), learner.config.reward(learner.progress.samples)
-    return crew.sample(policy, learner.noise(), reward, steps)
+    config, samples = learner.config, learner.progress.samples
+    policy = export(learner.net, learner.normalizer)
+    return crew.sample(policy, learner.noise(), config.reward(samples), config.strength(samples), steps)
 
 
 def _learn(
