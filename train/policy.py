@@ -14,7 +14,8 @@ from safetensors.numpy import load_file, save_file
 
 from kinemimic.pipeline.errors import KinemimicError
 from kinemimic.pipeline.store import atomic, read_json, write_json
-from kinemimic.train.env import ACTIONS, OBSERVATIONS
+from kinemimic.train.config import TrainConfig
+from kinemimic.train.env import ACTIONS, observation_size
 
 Floats = NDArray[np.float32]
 
@@ -31,14 +32,24 @@ def normalized(observations: NDArray[Any], mean: Floats, scale: Floats) -> Float
 
 @dataclass(frozen=True)
 class Policy:
-    """layers: (weight (out, in), bias (out,)) from the input on; mean, scale: (OBSERVATIONS,)."""
+    """layers: (weight (out, in), bias (out,)) from the input on; mean, scale: (O,) of what it observes."""
 
     layers: tuple[tuple[Floats, Floats], ...]
     mean: Floats
     scale: Floats
 
+    @property
+    def shape(self) -> tuple[int, int]:
+        """Observations and actions; zeros for layers that do not fit together."""
+        into = [weight.shape[1:] for weight, _ in self.layers]
+        out = [weight.shape[:1] for weight, _ in self.layers]
+        fits = into[:1] == [self.mean.shape] == [self.scale.shape] and into[1:] == out[:-1]
+        if not fits or out != [bias.shape for _, bias in self.layers]:
+            return 0, 0
+        return len(self.mean), out[-1][0]
+
     def normalize(self, observations: NDArray[Any]) -> Floats:
-        """Observations (N, OBSERVATIONS) with zero mean and unit variance, clipped."""
+        """Observations (N, O) with zero mean and unit variance, clipped."""
         return normalized(observations, self.mean, self.scale)
 
     def act(self, observations: Floats) -> Floats:
@@ -91,11 +102,13 @@ class Policy:
             raise KinemimicError(
                 f"{path}: expected the tensor {error}, found {', '.join(sorted(tensors))}"
             ) from None
-        layers = policy.layers
-        shape = (layers[0][0].shape[1], layers[-1][0].shape[0]) if layers else (0, 0)
-        if shape != (OBSERVATIONS, ACTIONS):
+        try:
+            wanted = observation_size(TrainConfig.from_json(record["config"]).env), ACTIONS
+        except KinemimicError as error:
+            raise KinemimicError(f"{path.with_suffix('.json')}: {error}") from None
+        if (found := policy.shape) != wanted:
             raise KinemimicError(
-                f"{path}: expected {OBSERVATIONS} observations and {ACTIONS} actions, "
-                f"found {shape[0]} and {shape[1]}"
+                f"{path}: expected {wanted[0]} observations and {wanted[1]} actions, as its configuration "
+                f"has them, found {found[0]} and {found[1]}"
             )
         return policy, record

@@ -1,5 +1,6 @@
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -7,11 +8,12 @@ import pytest
 import torch
 
 from kinemimic.pipeline.errors import KinemimicError
-from kinemimic.train.env import ACTIONS, OBSERVATIONS
+from kinemimic.train.config import PRESETS
+from kinemimic.train.env import ACTIONS, OBSERVATIONS, observation_size
 from kinemimic.train.networks import ActorCritic, Normalizer, export
 from kinemimic.train.policy import Policy
 
-RECORD: dict[str, object] = {"config": {}, "provenance": {}}
+RECORD: dict[str, object] = {"config": PRESETS["default"].to_json(), "provenance": {}}
 
 
 @pytest.fixture
@@ -42,10 +44,34 @@ def test_a_damaged_policy_is_one_clear_line(tmp_path: Path, learner) -> None:
         Policy.load(path)
 
 
-def test_a_policy_of_another_shape_is_refused(tmp_path: Path) -> None:
-    net, normalizer = ActorCritic(10, ACTIONS, (4,), 0.1), Normalizer(10)
-    export(net, normalizer).save(tmp_path / "p.safetensors", RECORD)
+def test_a_policy_of_another_shape_than_its_configuration_says_is_refused(tmp_path: Path, learner) -> None:
+    path = tmp_path / "p.safetensors"
+    export(ActorCritic(10, ACTIONS, (4,), 0.1), Normalizer(10)).save(path, RECORD)
     with pytest.raises(KinemimicError, match="found 10 and 42"):
+        Policy.load(path)
+    config = replace(PRESETS["default"], env=replace(PRESETS["default"].env, preview=(1, 2)))
+    size = observation_size(config.env)
+    export(*learner).save(path, RECORD | {"config": config.to_json()})
+    with pytest.raises(KinemimicError, match=f"expected {size} observations .* found {OBSERVATIONS} and"):
+        Policy.load(path)
+    export(ActorCritic(size, ACTIONS, (4,), 0.1), Normalizer(size)).save(
+        path, RECORD | {"config": config.to_json()}
+    )
+    assert Policy.load(path)[0].shape == (size, ACTIONS)
+
+
+@pytest.mark.parametrize("change", ["mean", "scale", "actor.0.bias", "actor.1.weight"])
+def test_layers_that_do_not_fit_together_are_refused(tmp_path: Path, learner, change: str) -> None:
+    tensors = export(*learner).tensors()
+    tensors[change] = tensors[change][..., :-1]
+    Policy.of_tensors(tensors).save(tmp_path / "p.safetensors", RECORD)
+    with pytest.raises(KinemimicError, match="found 0 and 0"):
+        Policy.load(tmp_path / "p.safetensors")
+
+
+def test_a_record_of_another_version_is_named(tmp_path: Path, learner) -> None:
+    export(*learner).save(tmp_path / "p.safetensors", RECORD | {"config": {"env": {}}})
+    with pytest.raises(KinemimicError, match=r"p\.json: expected a training configuration"):
         Policy.load(tmp_path / "p.safetensors")
 
 
