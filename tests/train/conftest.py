@@ -63,6 +63,7 @@ class Puppets:
         self.size = size
         self.lost = np.zeros(size, dtype=bool)
         self.targets = np.zeros((size, 8, 14, 4))
+        self.velocities = np.zeros((size, 8, 14, 3))
         self._states = BodyStates(*(np.zeros((size, 15, k)) for k in (3, 4, 3, 3)))
         self._states.rotations[..., 3] = 1.0
 
@@ -70,12 +71,15 @@ class Puppets:
         for f in fields(BodyStates):
             getattr(self._states, f.name)[:] = getattr(states, f.name)
 
+    def vary(self, indices: np.ndarray, friction: np.ndarray, mass: np.ndarray) -> None:
+        pass
+
     def reset(self, indices: np.ndarray, poses: Poses) -> None:
         self.lost[indices] = False
         self._states.positions[indices] = poses.root[:, None]
 
     def step(self, targets: np.ndarray, velocities: np.ndarray, wrenches: np.ndarray | None) -> BodyStates:
-        self.targets = targets
+        self.targets, self.velocities = targets, velocities
         self._states.positions[..., 0] += 1.0
         return self._states
 

@@ -7,6 +7,7 @@ import pytest
 from gymnasium.utils.env_checker import check_env
 
 from kinemimic.pipeline.rotations import (
+    IDENTITY,
     conjugate,
     from_axis_angle,
     from_rotvec,
@@ -18,9 +19,11 @@ from kinemimic.pipeline.rotations import (
 )
 from kinemimic.retarget.motion import Motion
 from kinemimic.train.bullet import BulletWorld
-from kinemimic.train.config import EnvConfig
-from kinemimic.train.env import ACTION_SCALE, ACTIONS, OBSERVATIONS, ImitationBatch
+from kinemimic.train.config import EnvConfig, Hardships
+from kinemimic.train.engines import open_world
+from kinemimic.train.env import ACTION_SCALE, ACTIONS, OBSERVATIONS, ImitationBatch, observation_size
 from kinemimic.train.gym_env import ImitationEnv
+from kinemimic.train.hardship import Conditions, draw
 from kinemimic.train.reference import Reference
 from kinemimic.train.world import SUBSTEPS, TIME_STEP, BodyStates
 
@@ -137,8 +140,97 @@ def test_targets_are_the_reference_at_every_substep_times_the_correction(motion:
         correction = from_rotvec((actions[k] * ACTION_SCALE).reshape(14, 3))
         for substep in range(SUBSTEPS):
             at = np.array([phase + (substep + 1) * TIME_STEP / reference.duration])
-            wanted = multiply(reference.joints(at)[0][0], correction)
+            led = multiply(reference.joints(at)[0][0], from_rotvec(reference.leads(at)[0]))
+            wanted = multiply(led, correction)
             np.testing.assert_allclose(world.targets[k, substep], wanted, atol=1e-13)
+
+
+def test_without_its_switches_less_of_the_reference_reaches_the_motors(motion: Motion, puppets) -> None:
+    reference, phase, still = Reference(motion), np.array([0.2]), np.zeros((1, ACTIONS))
+
+    def given(**switches: bool) -> tuple[np.ndarray, np.ndarray]:
+        world = puppets(1)
+        batch = ImitationBatch(world, reference, EnvConfig(**switches))
+        batch.reset(np.arange(1), phase)
+        batch.step(still)
+        return world.targets[0], world.velocities[0]
+
+    at = 0.2 + np.arange(1, SUBSTEPS + 1) * TIME_STEP / reference.duration
+    joints, speeds = reference.joints(at)
+    np.testing.assert_allclose(given(torque_feedforward=False)[0], joints, atol=1e-13)
+    np.testing.assert_allclose(given()[1], speeds, atol=1e-13)
+    np.testing.assert_array_equal(given(velocity_feedforward=False)[1], np.zeros_like(speeds))
+    np.testing.assert_allclose(given(residual=False)[0], np.broadcast_to(IDENTITY, joints.shape), atol=1e-13)
+
+
+def test_each_pose_of_the_preview_is_what_a_figure_there_would_see_next(motion: Motion, puppets) -> None:
+    """Previews of 1 and of 4 steps, side by side, are the preview of both."""
+    reference, states = Reference(motion), scattered(Reference(motion), np.array([0.2]))
+
+    def seen(preview: tuple[int, ...]) -> np.ndarray:
+        world, config = puppets(1), EnvConfig(preview=preview)
+        batch = ImitationBatch(world, reference, config)
+        world.put(states)
+        batch.phases[:] = 0.2
+        batch.reset(np.array([], dtype=np.intp), np.array([]))
+        assert batch.observe().shape == (1, observation_size(config))
+        return batch.observe()[0]
+
+    both, near, far = seen((1, 4)), seen((1,)), seen((4,))
+    body = len(near) - 47
+    np.testing.assert_array_equal(both[: body + 45], near[: body + 45])
+    np.testing.assert_array_equal(both[body + 45 : body + 90], far[body : body + 45])
+    np.testing.assert_array_equal(both[body + 90 :], np.concatenate([near[-2:], far[-2:]]))
+
+
+def test_what_is_performed_once_ends_elsewhere_than_it_begins(motion: Motion, puppets) -> None:
+    once = ImitationBatch(puppets(3), Reference(replace(motion, cyclic=False)), EnvConfig())
+    once.reset(np.arange(3), np.array([0.0, 0.5, 1.0]))
+    np.testing.assert_allclose(once.observe()[:, :2], [[0, 1], [1, 0], [0, -1]], atol=1e-12)
+
+
+def test_a_snapshot_is_where_the_figures_go_on(motion: Motion, engine: str) -> None:
+    """Two batches that are put into one snapshot go the same way to the last bit, whatever came before."""
+    random = np.random.default_rng(4)
+    config = EnvConfig(hardships=Hardships(push=(20.0, 60.0), rest=(0.0, 0.1), delay=(0.004, 0.012)))
+
+    def batch() -> ImitationBatch:
+        return ImitationBatch(open_world(2, engine), Reference(motion), config)
+
+    first, second = batch(), batch()
+    conditions = Conditions.joined([draw(config.hardships, 1.0, random) for _ in range(2)])
+    first.reset(np.arange(2), np.array([0.1, 0.6]), conditions)
+    second.reset(np.arange(2), np.array([0.9, 0.3]))
+    actions = random.normal(0, 0.1, (9, 2, ACTIONS))
+    for k in range(4):
+        first.step(actions[k])
+        second.step(np.zeros((2, ACTIONS)))
+    saved, seen = first.snapshot(), first.observe()
+    for one in (first, second):
+        one.restore(saved)
+    np.testing.assert_allclose(first.observe(), seen, atol=1e-9)
+    for k in range(4, 9):
+        a, b = first.step(actions[k]), second.step(actions[k])
+        np.testing.assert_array_equal(a.observations, b.observations)
+        np.testing.assert_array_equal(a.terms, b.terms)
+    for one in (first, second):
+        one.world.close()
+
+
+def test_a_late_correction_comes_after_the_one_before(motion: Motion, puppets) -> None:
+    world, reference = puppets(2), Reference(motion)
+    batch = ImitationBatch(world, reference, EnvConfig())
+    late = replace(Conditions.calm(2), delay=np.array([0.0, 3.0]))
+    batch.reset(np.arange(2), np.full(2, 0.2), late)
+    one, other = (np.random.default_rng(k).normal(0, 0.3, (2, ACTIONS)) for k in (1, 2))
+    batch.step(one)
+    batch.step(other)
+    at = batch.phases[0] + (np.arange(1, SUBSTEPS + 1) - SUBSTEPS) * TIME_STEP / reference.duration
+    led = multiply(reference.joints(at)[0], from_rotvec(reference.leads(at)))
+    for k, begins in ((0, 0), (1, 3)):
+        turns = [from_rotvec((a[k] * ACTION_SCALE).reshape(14, 3)) for a in (one, other)]
+        np.testing.assert_allclose(world.targets[k, :begins], multiply(led[:begins], turns[0]), atol=1e-12)
+        np.testing.assert_allclose(world.targets[k, begins:], multiply(led[begins:], turns[1]), atol=1e-12)
 
 
 def test_the_reference_ahead_becomes_the_target_but_after_a_reset(motion: Motion, puppets) -> None:
