@@ -14,29 +14,23 @@ from numpy.typing import NDArray
 from kinemimic.retarget.body import BODIES, BODY_INDEX
 from kinemimic.retarget.urdf import humanoid_urdf
 from kinemimic.train.pybullet_client import FROM_BULLET, QUAT_FROM_BULLET, QUAT_TO_BULLET, TO_BULLET, bullet
+from kinemimic.train.pybullet_figure import JOINTS, LIMITS, LINKS, build_figure, control, vary_figure, weigh
 from kinemimic.train.pybullet_obstacles import build, start
 from kinemimic.train.world import (
     FASTEST,
-    FREE_SPEED,
     FRICTION,
-    GRAVITY,
     LARGEST_TURN,
     MOST_PARTS,
-    SOLVER_ITERATIONS,
     TIME_STEP,
     BodyStates,
     Obstacle,
     Poses,
+    check_variation,
 )
 
 Array = NDArray[np.float64]
 
-_JOINTS = list(range(1, len(BODIES)))  # link k is BODIES[k]
-_LINKS = list(range(len(BODIES)))
 _FEET = (BODY_INDEX["foot_left"], BODY_INDEX["foot_right"])
-_STIFFNESS = [body.stiffness for body in BODIES[1:]]
-_DAMPING = [body.damping for body in BODIES[1:]]
-_LIMITS = [[body.torque_limit] * 3 for body in BODIES[1:]]
 _CENTERS = np.array([body.center for body in BODIES[1:]])
 
 
@@ -55,13 +49,18 @@ class BulletWorld:
     def __init__(self, size: int, *, measure_torques: bool = False) -> None:
         self.size = size
         self._measure = measure_torques
-        self._peaks = np.zeros((size, len(_JOINTS)))
-        self._clients: list[int] = []
+        self._peaks = np.zeros((size, len(JOINTS)))
         with tempfile.TemporaryDirectory() as folder:
             urdf = Path(folder) / "humanoid.urdf"
             urdf.write_text(humanoid_urdf("spherical", y_up=True))
-            for _ in range(size):
-                self._clients.append(self._build(urdf))
+            built = [build_figure(urdf, measure=measure_torques) for _ in range(size)]
+        self._clients = [client for client, _ in built]
+        self._figure = built[0][1]  # in every client the same
+        self._nominal = weigh(self._clients[0], self._figure)
+        self._wanted = [(FRICTION, 1.0)] * size
+        self._varied = self._wanted.copy()
+        for client in self._clients:
+            vary_figure(client, self._figure, self._nominal, *self._wanted[0])
         self._obstacles: list[list[tuple[int, Obstacle]]] = [[] for _ in range(size)]
         self._exploded = np.zeros(size, dtype=np.bool_)
         self._parts = [1] * size
@@ -70,45 +69,10 @@ class BulletWorld:
         self._states = BodyStates(*(_window(array) for array in vars(self._buffers).values()))
         self._read()
 
-    def _build(self, urdf: Path) -> int:
-        client: int = bullet.connect(bullet.DIRECT)
-        if client < 0:
-            raise RuntimeError("pybullet gives no more physics clients in this process")
-        bullet.setPhysicsEngineParameter(
-            fixedTimeStep=TIME_STEP,
-            numSolverIterations=SOLVER_ITERATIONS,
-            numSubSteps=1,
-            physicsClientId=client,
-        )
-        bullet.setGravity(0, -GRAVITY, 0, physicsClientId=client)
-        plane = bullet.createCollisionShape(bullet.GEOM_PLANE, planeNormal=[0, 1, 0], physicsClientId=client)
-        ground = bullet.createMultiBody(0, plane, physicsClientId=client)
-        # Bullet multiplies the frictions of two bodies.
-        bullet.changeDynamics(ground, -1, lateralFriction=1.0, physicsClientId=client)
-        flags = bullet.URDF_USE_INERTIA_FROM_FILE | bullet.URDF_MAINTAIN_LINK_ORDER
-        self._figure: int = bullet.loadURDF(str(urdf), [0, 2, 0], flags=flags, physicsClientId=client)
-        # These are the figure's. Named in the call for a link, they make Bullet drop the rest of it.
-        bullet.changeDynamics(
-            self._figure, -1, linearDamping=0, angularDamping=0, maxJointVelocity=FREE_SPEED,
-            activationState=bullet.ACTIVATION_STATE_DISABLE_SLEEPING, physicsClientId=client,
-        )  # fmt: skip
-        for link in _LINKS:
-            bullet.changeDynamics(
-                self._figure, link, lateralFriction=FRICTION, jointDamping=0, physicsClientId=client
-            )
-        for joint in _JOINTS:
-            # Both kinds of default motor would hold the joint.
-            bullet.setJointMotorControlMultiDof(
-                self._figure, joint, bullet.POSITION_CONTROL, targetPosition=[0, 0, 0, 1], positionGain=0,
-                velocityGain=0, force=[0, 0, 0], physicsClientId=client,
-            )  # fmt: skip
-            bullet.setJointMotorControl2(
-                self._figure, joint, bullet.POSITION_CONTROL, targetPosition=0, positionGain=0,
-                velocityGain=0, force=0, physicsClientId=client,
-            )  # fmt: skip
-            if self._measure:
-                bullet.enableJointForceTorqueSensor(self._figure, joint, True, physicsClientId=client)
-        return client
+    def vary(self, indices: NDArray[np.intp], friction: Array, mass: Array) -> None:
+        check_variation(indices, friction, mass)
+        for index, coefficient, factor in zip(indices, friction.tolist(), mass.tolist(), strict=True):
+            self._wanted[index] = coefficient, factor
 
     def reset(self, indices: NDArray[np.intp], poses: Poses) -> None:
         root = poses.root[:, TO_BULLET].tolist()
@@ -119,13 +83,16 @@ class BulletWorld:
         velocities = poses.joint_velocities[..., TO_BULLET].tolist()
         for row, index in enumerate(indices):
             client = self._clients[index]
+            if self._varied[index] != self._wanted[index]:
+                vary_figure(client, self._figure, self._nominal, *self._wanted[index])
+                self._varied[index] = self._wanted[index]
             self._forget_contacts(index, client)
             bullet.resetBasePositionAndOrientation(
                 self._figure, root[row], rotation[row], physicsClientId=client
             )
             bullet.resetBaseVelocity(self._figure, linear[row], angular[row], physicsClientId=client)
             bullet.resetJointStatesMultiDof(
-                self._figure, _JOINTS, joints[row], velocities[row], physicsClientId=client
+                self._figure, JOINTS, joints[row], velocities[row], physicsClientId=client
             )
             for body, item in self._obstacles[index]:
                 start(client, body, item)
@@ -165,11 +132,7 @@ class BulletWorld:
         if parts > 1:
             bullet.setPhysicsEngineParameter(fixedTimeStep=TIME_STEP / parts, physicsClientId=client)
         for _ in range(parts):
-            bullet.setJointMotorControlMultiDofArray(
-                self._figure, _JOINTS, bullet.STABLE_PD_CONTROL, targetPositions=target,
-                targetVelocities=velocity, forces=_LIMITS, positionGains=_STIFFNESS, velocityGains=_DAMPING,
-                physicsClientId=client,
-            )  # fmt: skip
+            control(client, self._figure, target, velocity, LIMITS)
             # Bullet forgets external forces after every step.
             if wrench is not None:
                 self._push(client, wrench)
@@ -181,7 +144,7 @@ class BulletWorld:
 
     def _division(self, client: int) -> int:
         """Into how many parts the next step is divided."""
-        states = bullet.getJointStatesMultiDof(self._figure, _JOINTS, physicsClientId=client)
+        states = bullet.getJointStatesMultiDof(self._figure, JOINTS, physicsClientId=client)
         turn = TIME_STEP * max(math.hypot(*state[1]) for state in states)
         # Written so that what is NaN is not divided.
         return min(max(math.ceil(turn / LARGEST_TURN), 1), MOST_PARTS) if turn > LARGEST_TURN else 1
@@ -200,7 +163,7 @@ class BulletWorld:
 
         The sensor reports the wrench about the child's centre of mass; the joint lies elsewhere.
         """
-        states = bullet.getJointStatesMultiDof(self._figure, _JOINTS, physicsClientId=client)
+        states = bullet.getJointStatesMultiDof(self._figure, JOINTS, physicsClientId=client)
         wrench = np.array([state[2] for state in states])[:, [*FROM_BULLET, *(3 + k for k in FROM_BULLET)]]
         torque = wrench[:, 3:] + np.cross(_CENTERS, wrench[:, :3])
         return np.asarray(np.abs(torque).max(axis=-1))
@@ -210,7 +173,7 @@ class BulletWorld:
         rows = [
             bullet.getLinkStates(
                 self._figure,
-                _LINKS,
+                LINKS,
                 computeLinkVelocity=1,
                 computeForwardKinematics=1,
                 physicsClientId=client,

@@ -25,6 +25,7 @@ from kinemimic.train.world import (
     BodyStates,
     Obstacle,
     Poses,
+    check_variation,
 )
 
 Array = NDArray[np.float64]
@@ -101,6 +102,10 @@ class NativeWorld:
         )
         batch = self._batch
         self._states = BodyStates(batch.positions, batch.rotations, batch.linear, batch.angular)
+
+    def vary(self, indices: NDArray[np.intp], friction: Array, mass: Array) -> None:
+        check_variation(indices, friction, mass)
+        self._batch.vary(indices, friction, mass)
 
     def reset(self, indices: NDArray[np.intp], poses: Poses) -> None:
         self._batch.reset(

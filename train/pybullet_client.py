@@ -1,7 +1,7 @@
 """pybullet, brought in without the line that it prints, and its axes.
 
 Inside Bullet the axes are X left, Y up, Z forward (see `retarget/urdf.py`): a cyclic change of components,
-done at the border of the two files that use this one.
+done at the border of the files that use this one.
 """
 
 from __future__ import annotations

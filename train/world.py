@@ -27,6 +27,10 @@ LARGEST_TURN = 0.1  # rad that a joint may turn in one part of a step
 MOST_PARTS = 8
 FREE_SPEED = 1000.0  # rad/s, m/s: Bullet's own limit of joint and root speeds, set where it never acts
 FASTEST = 100.0  # m/s: no part of a body that obeys its joints comes near; what goes faster has exploded
+# Stable PD, at these gains, takes all of a joint's speed in one step from the moments that it reckons with:
+# capsules', larger than the ellipsoids' own. What is much lighter is thrown back further than it came: in 40
+# postures joints came to rest from 0.69 on, and shook without end at 0.68.
+LIGHTEST = 0.7  # of the nominal mass
 JOINT_PARENTS: NDArray[np.intp] = np.array(BODY_PARENTS[1:])
 
 
@@ -91,6 +95,18 @@ class Obstacle:
             )
 
 
+def check_variation(indices: NDArray[np.intp], friction: Array, mass: Array) -> None:
+    """ValueError unless friction and mass are what `World.vary` takes for these indices."""
+    for name, values, sound, wanted in (
+        ("friction", friction, friction >= 0, "at least 0"),
+        ("mass", mass, mass >= LIGHTEST, f"at least {LIGHTEST}"),
+    ):
+        if values.shape != np.shape(indices):
+            raise ValueError(f"{name}: expected the shape {np.shape(indices)}, found {values.shape}")
+        if wrong := values[~(np.isfinite(values) & sound)].tolist():
+            raise ValueError(f"{name}: expected finite numbers {wanted}, found {wrong[0]}")
+
+
 class World(Protocol):
     """A batch of `size` humanoids on level ground, each alone in its world.
 
@@ -100,6 +116,15 @@ class World(Protocol):
 
     size: int
     engine: str
+
+    def vary(self, indices: NDArray[np.intp], friction: Array, mass: Array) -> None:
+        """Make the figures of `indices` (N,) others from their next reset on, until they are varied again.
+
+        friction: (N,) coefficient between their bodies and everything they touch, at least 0; FRICTION unless
+        varied. mass: (N,) what the mass and the inertia of every body are multiplied by, at least LIGHTEST;
+        1 unless varied. Neither tells the stable PD, which goes on to reckon with the nominal masses, as the
+        motors of a body do that has put on a load. ValueError for other numbers.
+        """
 
     def reset(self, indices: NDArray[np.intp], poses: Poses) -> None:
         """Put the figures of `indices` (N,) into N poses; what happened to them before is forgotten."""

@@ -14,6 +14,9 @@ public:
     int size() const { return static_cast<int>(m_figures.size()); }
     int bodies() const { return static_cast<int>(m_bodies.size()); }
 
+    // Of one figure, from its next reset on: see Figure::vary.
+    void vary(int index, double friction, double mass);
+
     // What a reset takes, row by row of `indices`: root (3) and its rotation (4), linear (3) and angular (3)
     // velocity, then rotations (joints, 4) and velocities (joints, 3) of the joints.
     struct Poses {

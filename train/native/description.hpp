@@ -27,7 +27,7 @@ using Description = std::vector<Body>;
 struct WorldSettings {
     btScalar time_step; // s
     btScalar gravity;   // m/s^2, downwards
-    btScalar friction;  // of the figure on everything
+    btScalar friction;  // of a figure on everything that was not told another
     int iterations;     // of the contact solver
     btScalar fastest;      // m/s: what goes faster has exploded
     btScalar free_speed;   // rad/s, m/s: Bullet's own limit of the coordinates' speeds

@@ -43,7 +43,8 @@ Figure::Figure(const Description& bodies, const WorldSettings& settings)
       m_kinematics(bodies.size()),
       m_torques(bodies.size(), btVector3(0, 0, 0)),
       m_peaks(bodies.size(), 0),
-      m_last_step(settings.time_step) {
+      m_last_step(settings.time_step),
+      m_friction(settings.friction) {
     build();
     m_state.position.setValue(0, 0, 2);
     reset(State(m_state));
@@ -105,7 +106,6 @@ void Figure::build() {
         m_shapes.push_back(shape_of(m_bodies[static_cast<std::size_t>(link + 1)]));
         auto collider = std::make_unique<btMultiBodyLinkCollider>(m_multi.get(), link);
         collider->setCollisionShape(m_shapes.back().get());
-        collider->setFriction(m_settings.friction);
         collider->setActivationState(DISABLE_DEACTIVATION);
         m_world.addCollisionObject(collider.get(), Group::figure, Group::ground | Group::obstacle);
         if (link < 0) {
@@ -114,6 +114,20 @@ void Figure::build() {
             m_multi->getLink(link).m_collider = collider.get();
         }
         m_colliders.push_back(std::move(collider));
+    }
+}
+
+// What `vary` asked for. A factor of 1 leaves every bit as it is.
+void Figure::embody() {
+    m_multi->setBaseMass(m_bodies[0].mass * m_mass);
+    m_multi->setBaseInertia(m_bodies[0].inertia * m_mass);
+    for (int link = 0; link < m_multi->getNumLinks(); ++link) {
+        const Body& body = m_bodies[static_cast<std::size_t>(link) + 1];
+        m_multi->getLink(link).m_mass = body.mass * m_mass;
+        m_multi->getLink(link).m_inertiaLocal = body.inertia * m_mass;
+    }
+    for (auto& collider : m_colliders) {
+        collider->setFriction(m_friction);
     }
 }
 
@@ -154,6 +168,7 @@ void Figure::read() {
 
 void Figure::reset(const State& state) {
     const State before = m_state;
+    embody();
     write(state);
     m_exploded = !sound();
     if (m_exploded) {

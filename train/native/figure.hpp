@@ -19,6 +19,13 @@ public:
     Figure(const Figure&) = delete;
     Figure& operator=(const Figure&) = delete;
 
+    // From the next reset on: friction on everything, and what all masses and inertias are multiplied by. The
+    // controller reckons with those of the description.
+    void vary(btScalar friction, btScalar mass) {
+        m_friction = friction;
+        m_mass = mass;
+    }
+
     // Nothing remains of what was before, to the bit: contacts, warm starts and obstacles begin anew.
     void reset(const State& state);
 
@@ -70,9 +77,12 @@ private:
     std::vector<btScalar> m_peaks;
     bool m_exploded = false;
     btScalar m_last_step;
+    btScalar m_friction;
+    btScalar m_mass = 1;
 
     static btDefaultCollisionConstructionInfo small_pools();
     void build();
+    void embody();
     int parts() const;
     void advance(const btQuaternion* targets, const btVector3* velocities, const btVector3* forces,
                  const btVector3* torques, btScalar time_step);

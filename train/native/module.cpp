@@ -99,6 +99,19 @@ int index_in(const Batch& batch, std::int64_t index) {
     return static_cast<int>(index);
 }
 
+void vary(Batch& batch, const Integers& indices, const Floats& friction, const Floats& mass) {
+    const py::ssize_t count = indices.size();
+    const double* frictions = checked("friction", friction, {count});
+    const double* masses = checked("mass", mass, {count});
+    std::vector<int> rows;
+    for (py::ssize_t k = 0; k < count; ++k) {
+        rows.push_back(index_in(batch, indices.at(k)));
+    }
+    for (std::size_t k = 0; k < rows.size(); ++k) {
+        batch.vary(rows[k], frictions[k], masses[k]);
+    }
+}
+
 void reset(Batch& batch, const Integers& indices, const Floats& root, const Floats& rotation, const Floats& linear,
            const Floats& angular, const Floats& joints, const Floats& velocities) {
     const py::ssize_t count = indices.size(), others = batch.bodies() - 1;
@@ -187,6 +200,7 @@ PYBIND11_MODULE(kinemimic_native, m) {
              py::arg("joints"), py::arg("stiffness"), py::arg("damping"), py::arg("torque_limits"),
              py::arg("time_step"), py::arg("gravity"), py::arg("friction"), py::arg("iterations"), py::arg("fastest"),
              py::arg("free_speed"), py::arg("largest_turn"), py::arg("most_parts"), py::arg("threads"), py::arg("fixed_root") = false)
+        .def("vary", &vary, py::arg("indices"), py::arg("friction"), py::arg("mass"))
         .def("reset", &reset, py::arg("indices"), py::arg("root"), py::arg("rotation"), py::arg("linear"),
              py::arg("angular"), py::arg("joints"), py::arg("velocities"))
         .def("step", &step, py::arg("targets"), py::arg("velocities"), py::arg("wrenches") = py::none())

@@ -36,6 +36,7 @@ class Batch:
         threads: int,
         fixed_root: bool = False,
     ) -> None: ...
+    def vary(self, indices: _Integers, friction: _Floats, mass: _Floats) -> None: ...
     def reset(
         self,
         indices: _Integers,
