@@ -1,4 +1,4 @@
-# One-word targets; `make help` lists them. CAPTURE=, RUN=, PRESET=, BUDGET=, SEED=, ENGINE= go to the command line.
+# One-word targets; `make help` lists them. CAPTURE=, RUN=, PRESET=, BUDGET=, MINUTES=, SEED=, ENGINE= go to the command line.
 # Without RUN= a capture's run folder bears its name, so that CAPTURE= alone leads every stage to it.
 
 PYTHON ?= python3.11
@@ -7,7 +7,7 @@ RUN ?= runs/$(if $(CAPTURE),$(basename $(notdir $(CAPTURE))),default)
 VENV := .venv
 BIN := $(VENV)/bin
 KINEMIMIC = $(BIN)/kinemimic
-TRAINING = $(if $(PRESET),--preset "$(PRESET)") $(if $(BUDGET),--budget "$(BUDGET)") $(if $(SEED),--seed "$(SEED)") $(if $(ENGINE),--engine "$(ENGINE)")
+TRAINING = $(if $(PRESET),--preset "$(PRESET)") $(if $(BUDGET),--budget "$(BUDGET)") $(if $(MINUTES),--minutes "$(MINUTES)") $(if $(SEED),--seed "$(SEED)") $(if $(ENGINE),--engine "$(ENGINE)")
 
 # An editable install in strict mode links the package's files one by one: a new or a removed file asks for a
 # new install, an edited one does not. So the stamp bears a digest of the list of files in its name.
@@ -61,7 +61,7 @@ convert: setup ## Euler angles or positions to quaternions
 retarget: setup ## Onto the 20 nodes and the body; JSON and MCAP
 	$(KINEMIMIC) retarget --run "$(RUN)"
 
-train: setup ## A policy that imitates the motion (PRESET= BUDGET= SEED= ENGINE=)
+train: setup ## A policy that imitates the motion (PRESET= BUDGET= MINUTES= SEED= ENGINE=)
 	$(KINEMIMIC) train --run "$(RUN)" $(TRAINING)
 
 evaluate: setup ## Scores, report, curves

@@ -20,6 +20,7 @@ import click
 from kinemimic.evaluate.ledger import Ledger, made_from
 from kinemimic.pipeline.cli import load_command
 from kinemimic.pipeline.store import read_json
+from kinemimic.train.budget import MINUTES, samples
 from kinemimic.train.config import PRESETS
 from kinemimic.train.engines import ENGINES
 
@@ -182,7 +183,8 @@ def _say(text: str, *, quiet: bool, bold: bool = False) -> None:
 @click.option("--no-refine", is_flag=True, help="Of `retarget`.")
 @click.option("--ankle", type=click.Choice(ANKLES), help="Of `retarget`.")
 @click.option("--preset", type=click.Choice(list(PRESETS)), help="Of `train`.")
-@click.option("--budget", type=click.IntRange(min=1), help="Of `train`: samples; the preset's by default.")
+@click.option("--budget", type=samples, help="Of `train`: samples, such as 1e6; the preset's by default.")
+@click.option("--minutes", type=MINUTES, help="Of `train`: its end, if the budget lasts longer.")
 @click.option("--seed", type=click.IntRange(min=0), help="Of `train`.")
 @click.option("--engine", type=click.Choice(ENGINES), help="Of `train` and `evaluate`.")
 @click.option("--anyway", is_flag=True, help="Of `train`: also on a motion that its gate refuses.")
@@ -196,6 +198,7 @@ def command(
     ankle: str | None,
     preset: str | None,
     budget: int | None,
+    minutes: float | None,
     seed: int | None,
     engine: str | None,
     anyway: bool,
@@ -216,6 +219,7 @@ def command(
         "train": {
             "preset": preset,
             "budget": budget,
+            "minutes": minutes,
             "seed": seed,
             "engine": engine,
             "anyway": anyway or None,

@@ -95,7 +95,8 @@ def _status(arguments: list[str] | None) -> int:
         # click makes an Abort of an EOFError too, which here is a worker process that died: a bug.
         if isinstance(abort.__cause__, EOFError):
             raise abort.__cause__ from None
-        click.echo("kinemimic: interrupted", err=True)
+        said = str(abort.__cause__ or "")
+        click.echo("kinemimic: interrupted" + (f"; {said}" if said else ""), err=True)
         return INTERRUPTED
     except ConnectionError:
         # The reader of our output went away (`kinemimic … | head`), or else a worker process died: a bug.

@@ -1,23 +1,59 @@
-"""Checkpoints: one safetensors file with the learner's arrays, its record in the file's metadata."""
+"""Checkpoints: one safetensors file with all arrays of a training, its record in the file's metadata."""
 
 from __future__ import annotations
 
 import json
-from dataclasses import asdict
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass, field
 from pathlib import Path
+from typing import Any
 
+import numpy as np
+import torch
+from numpy.typing import NDArray
 from safetensors import SafetensorError, safe_open
-from safetensors.torch import save_file
+from safetensors.numpy import save_file
 
 from kinemimic.pipeline.errors import KinemimicError
 from kinemimic.pipeline.store import atomic
+from kinemimic.train.policy import Policy
 from kinemimic.train.ppo import Learner
+from kinemimic.train.rollout import Figures
+from kinemimic.train.trial import Trial
 
-CHECKPOINT_SCHEMA = 2
+CHECKPOINT_SCHEMA = 3
+_LEARNER, _FIGURES, _BEST = "learner.", "figures.", "best."
+
+Arrays = dict[str, NDArray[Any]]
 
 
-def save(path: Path, learner: Learner, motion: str) -> None:
-    """Write the learner's state; `motion` is the content hash of what it learns to imitate."""
+@dataclass
+class Training:
+    """All that a training is between two rounds.
+
+    figures: what the next round begins with, None before the first one; best: the policy of the best trial.
+    """
+
+    learner: Learner
+    figures: Figures | None = None
+    trials: list[Trial] = field(default_factory=list)
+    best: Policy | None = None
+
+
+def save(path: Path, training: Training, motion: str) -> None:
+    """Write a training; `motion` is the content hash of what it learns to imitate.
+
+    FloatingPointError, and nothing written, if the learner holds what is infinite or NaN.
+    """
+    learner = training.learner
+    tensors = {name: tensor.numpy() for name, tensor in learner.tensors().items()}
+    if spoilt := [name for name, array in tensors.items() if not np.isfinite(array).all()]:
+        raise FloatingPointError(f"what it learnt became infinite or NaN ({', '.join(spoilt)})")
+    arrays = {
+        **_named(_LEARNER, tensors),
+        **_named(_FIGURES, training.figures or {}),
+        **_named(_BEST, training.best.tensors() if training.best else {}),
+    }
     record = {
         "schema": CHECKPOINT_SCHEMA,
         "motion": motion,
@@ -25,25 +61,48 @@ def save(path: Path, learner: Learner, motion: str) -> None:
         "progress": asdict(learner.progress),
         "random": learner.random.bit_generator.state,
         "normalizer_count": learner.normalizer.count,
+        "trials": [trial.to_json() for trial in training.trials],
     }
-    with atomic(path) as temporary:
-        save_file(learner.tensors(), temporary, metadata={"kinemimic": json.dumps(record)})
-
-
-def restore(path: Path, learner: Learner, motion: str) -> bool:
-    """Load `path` into the learner; False if it belongs to another motion or configuration (budget aside)."""
     try:
-        with safe_open(path, framework="pt") as stream:
+        with atomic(path) as temporary:
+            save_file(arrays, temporary, metadata={"kinemimic": json.dumps(record)})
+    except (OSError, SafetensorError) as error:
+        found = getattr(error, "strerror", None) or error
+        raise KinemimicError(
+            f"{path}: expected to write a checkpoint, found that it failed ({found}); the one before stays; "
+            "mend that, and the same command goes on from there"
+        ) from None
+
+
+def restore(path: Path, training: Training, motion: str) -> bool:
+    """Load `path` into a training; False if it belongs to another motion or configuration (budget aside)."""
+    try:
+        with safe_open(path, framework="np") as stream:
             record = json.loads((stream.metadata() or {})["kinemimic"])
-            tensors = {name: stream.get_tensor(name) for name in stream.keys()}  # noqa: SIM118 (not a dict)
+            arrays = {name: stream.get_tensor(name) for name in stream.keys()}  # noqa: SIM118 (not a dict)
     except (OSError, KeyError, ValueError, SafetensorError) as error:
         raise KinemimicError(
             f"{path}: expected a checkpoint, found {error}; delete it or train with --no-resume"
         ) from None
+    learner = training.learner
     wanted = {**learner.config.to_json(), "budget": None}
     if record["schema"] != CHECKPOINT_SCHEMA or record["motion"] != motion:
         return False
     if json.loads(json.dumps(wanted)) != {**record["config"], "budget": None}:
         return False
+    tensors = {name: torch.from_numpy(array) for name, array in _below(_LEARNER, arrays).items()}
     learner.restore(tensors, record)
+    training.figures = _below(_FIGURES, arrays) or None
+    training.trials = [Trial(**trial) for trial in record["trials"]]
+    best = _below(_BEST, arrays)
+    training.best = Policy.of_tensors(best) if best else None
     return True
+
+
+def _named(prefix: str, arrays: Mapping[str, NDArray[Any]]) -> Arrays:
+    return {prefix + name: np.asarray(array, order="C") for name, array in arrays.items()}
+
+
+def _below(prefix: str, arrays: Mapping[str, NDArray[Any]]) -> Arrays:
+    """The arrays whose names begin with the prefix, without it."""
+    return {name.removeprefix(prefix): array for name, array in arrays.items() if name.startswith(prefix)}

@@ -24,6 +24,7 @@ from kinemimic.train.env import ACTIONS, ImitationBatch
 from kinemimic.train.playback import Playback
 from kinemimic.train.policy import Policy
 from kinemimic.train.reference import Reference
+from kinemimic.train.world import BodyStates
 
 Array = NDArray[np.float64]
 
@@ -93,7 +94,7 @@ def _perform_one(task: tuple[Motion, Policy | None, EnvConfig, float, int, str])
         rows["phases"].append(batch.phases.copy())
         # The engine writes the next step into the same arrays.
         rows["root"].append(batch.bodies.positions[:, 0].copy())
-        rows["rotations"].append(_nodes(batch))
+        rows["rotations"].append(node_rotations(batch.bodies))
         rows["rewards"].append(batch.terms())
         rows["torques"].append(batch.world.peak_torques().copy())
         rows["contacts"].append(batch.world.contacts())
@@ -114,9 +115,9 @@ def _perform_one(task: tuple[Motion, Policy | None, EnvConfig, float, int, str])
     )
 
 
-def _nodes(batch: ImitationBatch) -> Array:
-    """Local rotations (1, 20, 4) of the nodes from the simulated bodies."""
-    nodes = np.tile(IDENTITY, (1, len(NODES), 1))
-    nodes[:, BODY_NODES[0]] = batch.bodies.rotations[:, 0]
-    nodes[:, BODY_NODES[1:]] = batch.bodies.joints
+def node_rotations(bodies: BodyStates) -> Array:
+    """Local rotations (E, 20, 4) of the nodes from the simulated bodies."""
+    nodes = np.tile(IDENTITY, (len(bodies.rotations), len(NODES), 1))
+    nodes[:, BODY_NODES[0]] = bodies.rotations[:, 0]
+    nodes[:, BODY_NODES[1:]] = bodies.joints
     return nodes

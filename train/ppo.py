@@ -144,6 +144,8 @@ class Learner:
             "policy/penalty": state.penalty,
             "policy/rate": state.actor_rate,
             "policy/noise": float(self.net.log_noise.exp().mean()),
+            # Of a Gaussian: the sum of log σ + ½ log 2πe.
+            "policy/entropy": float((self.net.log_noise + 0.5 * math.log(2.0 * math.pi * math.e)).sum()),
             "value/loss": value_loss,
             "value/explained_variance": 1.0 - unexplained / spread if spread > 0 else 0.0,
         }

@@ -1,9 +1,15 @@
-"""Rollouts on all cores: processes that hold figures, act with a numpy policy and send samples."""
+"""Rollouts on all cores: processes that hold figures, act with a numpy policy and send samples.
+
+Every round of samples begins with figures that are put anew into the state that they are in, so that the
+engine forgets its contacts and warm starts. All that a round depends on is then in a few arrays, and what is
+resumed from them goes on as if it had never been interrupted, to the last bit.
+"""
 
 from __future__ import annotations
 
 import multiprocessing
-from collections.abc import Iterator
+import signal
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, fields, replace
 from multiprocessing.connection import Connection, wait
@@ -23,10 +29,16 @@ from kinemimic.train.hardship import Conditions, draw
 from kinemimic.train.policy import Floats, Policy
 from kinemimic.train.reference import Reference
 from kinemimic.train.stopwatch import summed
+from kinemimic.train.trial import Attempt, Rehearsal
 
 # What a worker does beside the simulation and the task of `env.py`; inference has the exploration's noise.
 INFERENCE = "inference"
 BOOKKEEPING = "bookkeeping"
+
+# All that the next samples of E figures depend on beside the policy: arrays (E, ...) by name.
+Figures = Mapping[str, NDArray[Any]]
+_RANDOM = "random"  # among them (E, 6): state of PCG64 and its increment, two words each, and half a draw
+_WORD = (1 << 64) - 1
 
 
 @dataclass(frozen=True)
@@ -71,26 +83,39 @@ class Sampler:
     def __init__(
         self, motion: Motion, config: EnvConfig, seeds: list[np.random.SeedSequence], engine: str
     ) -> None:
-        self._config = config
-        self._width = observation_size(config)
-        self._strength = 0.0  # of the hardships
+        self._motion, self._config, self._engine = motion, config, engine
         self._batch = ImitationBatch(open_world(len(seeds), engine), Reference(motion), config)
-        self._randoms = [np.random.default_rng(seed) for seed in seeds]
-        self._ages = np.zeros(len(seeds), dtype=np.int64)
-        self._restart(np.arange(len(seeds)))
+        self._randoms = [np.random.Generator(np.random.PCG64(seed)) for seed in seeds]
+        self._rehearsal: Rehearsal | None = None
+        self._restart(np.arange(len(seeds)), 0.0)
+        self._next = self._batch.snapshot()
 
     @property
     def seconds(self) -> dict[str, float]:
         """Where the time of the last `sample` went."""
         return self._batch.watch.seconds
 
-    def _restart(self, indices: NDArray[np.intp]) -> None:
-        self._ages[indices] = 0
-        if not len(indices):
-            return
-        randoms = [self._randoms[index] for index in indices]
-        phases = np.array([random.random() if self._config.start_anywhere else 0.0 for random in randoms])
-        drawn = [draw(self._config.hardships, self._strength, random) for random in randoms]
+    def figures(self) -> Figures:
+        """What the next `sample` begins with."""
+        return {**self._next, _RANDOM: np.array([_words(random) for random in self._randoms])}
+
+    def place(self, figures: Figures) -> None:
+        """Let the next `sample` begin with these figures, of another sampler of as many."""
+        self._next = {name: array for name, array in figures.items() if name != _RANDOM}
+        for random, words in zip(self._randoms, figures[_RANDOM].tolist(), strict=True):
+            _set_words(random, words)
+
+    def attempts(self, policy: Policy, reward: RewardConfig, phases: Sequence[float]) -> list[Attempt]:
+        """Performances from these phases, by a figure apart from those that train."""
+        if self._rehearsal is None:
+            self._rehearsal = Rehearsal(self._motion, self._batch.reference, self._config, self._engine)
+        return [self._rehearsal.attempt(policy, reward, phase) for phase in phases]
+
+    def _restart(self, indices: NDArray[np.intp], strength: float) -> None:
+        """Begin new episodes under hardships of this strength."""
+        config, randoms = self._config, [self._randoms[index] for index in indices]
+        phases = np.array([random.random() if config.start_anywhere else 0.0 for random in randoms])
+        drawn = [draw(config.hardships, strength, random) for random in randoms]
         self._batch.reset(indices, phases, Conditions.joined(drawn))
 
     def _exploration(self, noise: Floats, steps: int) -> Floats:
@@ -106,15 +131,15 @@ class Sampler:
     ) -> Samples:
         """Steps with exploration noise of standard deviation `noise` (A,) per action.
 
-        strength: of the hardships of the episodes that begin.
+        strength: of the hardships of the episodes that begin here, 0 to 1.
         """
-        batch, size = self._batch, len(self._randoms)
-        self._strength = strength
+        batch, size, width = self._batch, len(self._randoms), observation_size(self._config)
         batch.watch.restart()
         batch.reward = reward
+        batch.restore(self._next)
         # One row more: what the last step led to is the first observation of the next call.
-        observations = np.empty((steps + 1, size, self._width), dtype=np.float32)
-        final = np.empty((steps, size, self._width), dtype=np.float32)
+        observations = np.empty((steps + 1, size, width), dtype=np.float32)
+        final = np.empty((steps, size, width), dtype=np.float32)
         terms = np.empty((steps, size, len(reward.weights)), dtype=np.float32)
         terminated, truncated = np.empty((2, steps, size), dtype=np.bool_)
         lengths: list[int] = []
@@ -128,17 +153,18 @@ class Sampler:
             batch.watch.lap(INFERENCE)
             step = batch.step(actions[t])
             batch.watch.lap(TASK)
-            self._ages += 1
             final[t] = observations[t + 1] = step.observations
             terms[t], terminated[t], truncated[t] = step.terms, step.terminated, step.truncated
             ended = np.flatnonzero(step.terminated | step.truncated)
             batch.watch.lap(BOOKKEEPING)
             if len(ended):
-                lengths += self._ages[ended].tolist()
+                lengths += batch.ages[ended].tolist()
                 exploded += int(step.exploded.sum())
-                self._restart(ended)
+                self._restart(ended, strength)
                 observations[t + 1, ended] = batch.observe()[ended]
                 batch.watch.lap(TASK)
+        self._next = batch.snapshot()
+        batch.watch.lap(TASK)
         return Samples(
             observations=observations[:-1],
             actions=actions,
@@ -151,6 +177,24 @@ class Sampler:
         )
 
 
+def _words(random: np.random.Generator) -> NDArray[np.uint64]:
+    """(6,) the whole state of a generator on PCG64."""
+    state = random.bit_generator.state
+    number, step = state["state"]["state"], state["state"]["inc"]
+    words = [number >> 64, number & _WORD, step >> 64, step & _WORD, state["has_uint32"], state["uinteger"]]
+    return np.array(words, dtype=np.uint64)
+
+
+def _set_words(random: np.random.Generator, words: list[int]) -> None:
+    """The inverse of `_words`."""
+    random.bit_generator.state = {
+        "bit_generator": "PCG64",
+        "state": {"state": words[0] << 64 | words[1], "inc": words[2] << 64 | words[3]},
+        "has_uint32": words[4],
+        "uinteger": words[5],
+    }
+
+
 def _serve(
     connection: Connection,
     motion: Motion,
@@ -158,12 +202,17 @@ def _serve(
     seeds: list[np.random.SeedSequence],
     engine: str,
 ) -> None:
+    # The parent ends its workers; a signal to the whole group must not take them from it in mid-round.
+    signal.signal(signal.SIGTERM, signal.SIG_IGN)
     sampler = Sampler(motion, config, seeds, engine)
     connection.send(None)  # ready
     while True:
         try:
-            samples = sampler.sample(*connection.recv())
-            connection.send((samples.packed(), sampler.seconds))
+            request, arguments = connection.recv()
+            answer = getattr(sampler, request)(*arguments)
+            if request == "sample":
+                answer = answer.packed(), sampler.seconds
+            connection.send(answer)
         except (EOFError, ConnectionError):  # the parent is gone
             return
 
@@ -178,6 +227,7 @@ class Workers:
         self, motion: Motion, config: EnvConfig, environments: int, seed: int, count: int, engine: str
     ) -> None:
         self.seconds: dict[str, float] = {}
+        self._count = count
         seeds = np.random.SeedSequence(seed).spawn(environments)
         context = multiprocessing.get_context("spawn")
         self._connections: list[Connection] = []
@@ -210,14 +260,34 @@ class Workers:
                 f"{lost.exitcode}; if it was killed (-9), memory may be short: train with fewer --workers"
             ) from None
 
+    def _ask(self, request: str, arguments: Sequence[tuple[Any, ...]]) -> list[Any]:
+        """What each worker's sampler answers to the method `request` with its own arguments."""
+        with self._all_alive():
+            for connection, given in zip(self._connections, arguments, strict=True):
+                connection.send((request, given))
+            return [connection.recv() for connection in self._connections]
+
+    def figures(self) -> Figures:
+        """What the next `sample` begins with, for all figures."""
+        parts = self._ask("figures", [()] * self._count)
+        return {name: _dealt_back([part[name] for part in parts]) for name in parts[0]}
+
+    def place(self, figures: Figures) -> None:
+        """Let the next `sample` begin with these figures; they may come from another number of workers."""
+        count = self._count
+        self._ask("place", [({n: array[k::count] for n, array in figures.items()},) for k in range(count)])
+
+    def attempts(self, policy: Policy, reward: RewardConfig, phases: Sequence[float]) -> list[Attempt]:
+        """Performances from these phases, in their order, as many at a time as there are workers."""
+        count = self._count
+        parts = self._ask("attempts", [(policy, reward, phases[k::count]) for k in range(count)])
+        return [parts[k % count][k // count] for k in range(len(phases))]
+
     def sample(
         self, policy: Policy, noise: Floats, reward: RewardConfig, strength: float, steps: int
     ) -> Samples:
         """Samples of all workers, figures side by side."""
-        with self._all_alive():
-            for connection in self._connections:
-                connection.send((policy, noise, reward, strength, steps))
-            received = [connection.recv() for connection in self._connections]
+        received = self._ask("sample", [(policy, noise, reward, strength, steps)] * self._count)
         parts = [samples.unpacked() for samples, _ in received]
         shares = ({name: spent / len(parts) for name, spent in seconds.items()} for _, seconds in received)
         self.seconds = summed(self.seconds, *shares)
@@ -240,4 +310,12 @@ class Workers:
         for process in self._processes:
             process.join(timeout=5)
             if process.is_alive():
-                process.terminate()
+                process.kill()
+
+
+def _dealt_back(hands: list[NDArray[Any]]) -> NDArray[Any]:
+    """(E, ...) of which each worker holds every count-th row, beginning with its own number."""
+    together = np.empty((sum(map(len, hands)), *hands[0].shape[1:]), dtype=hands[0].dtype)
+    for k, hand in enumerate(hands):
+        together[k :: len(hands)] = hand
+    return together

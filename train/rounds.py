@@ -1,0 +1,182 @@
+"""Rounds of rollout and update until samples or minutes are spent, with trials and checkpoints between."""
+
+from __future__ import annotations
+
+import time
+from pathlib import Path
+
+from torch.utils.tensorboard import SummaryWriter
+
+from kinemimic.pipeline.errors import KinemimicError
+from kinemimic.pipeline.progress import Bar, progress
+from kinemimic.retarget.motion import Motion
+from kinemimic.train import checkpoint
+from kinemimic.train.checkpoint import Training
+from kinemimic.train.interruption import deferred
+from kinemimic.train.networks import export
+from kinemimic.train.rollout import Samples, Workers
+from kinemimic.train.stopwatch import Stopwatch, split, summed
+from kinemimic.train.trial import Trial, best, is_due, start_phases
+
+CHECKPOINT_SECONDS = 30.0
+# Where a round's time goes; the workers say what became of the rollout's.
+ROLLOUT = "rollout"
+WAITING = "transfer and waiting"
+UPDATE = "update"
+TRIAL = "trial"
+SAVING = "checkpoint"
+OTHER = "other"
+_WARM_UP = 16  # steps of the untrained policy that give the normaliser its first statistics
+
+
+def is_over(training: Training, seconds: float | None) -> bool:
+    """Whether the budget, or so many seconds of training, are spent."""
+    state = training.learner.progress
+    late = seconds is not None and sum(state.seconds_by.values()) >= seconds
+    return late or state.samples >= training.learner.config.budget
+
+
+def is_complete(training: Training, seconds: float | None) -> bool:
+    """Whether it is over and its last policy was tried."""
+    state, trials = training.learner.progress, training.trials
+    return is_over(training, seconds) and bool(trials) and trials[-1].samples == state.samples
+
+
+class Rounds:
+    """The way of one training with one crew.
+
+    path: of the checkpoint; motion: what is imitated; seconds: of all calls together, after which it stops.
+    """
+
+    def __init__(
+        self,
+        training: Training,
+        crew: Workers,
+        motion: Motion,
+        path: Path,
+        watch: Stopwatch,
+        seconds: float | None,
+    ) -> None:
+        self._training, self._crew, self._motion, self._path = training, crew, motion, path
+        self._watch, self._seconds = watch, seconds
+        self._learner, self._state = training.learner, training.learner.progress
+        self._config = training.learner.config
+        self._earlier = self._state.seconds_by
+
+    def go(self, curves: Path) -> None:
+        """To the end, and a checkpoint there; TensorBoard's curves go to the folder `curves`.
+
+        Ctrl-C or SIGTERM: KeyboardInterrupt after the round and a checkpoint; a second one, at once.
+        KinemimicError if the learner is spoilt or nothing can be written; the last checkpoint stays.
+        """
+        state = self._state
+        # What was logged after the checkpoint is logged again.
+        purge = state.samples + 1 if state.rounds else 0
+        try:
+            with (
+                deferred() as interruption,
+                SummaryWriter(curves, purge_step=purge) as board,
+                progress("train", self._config.budget) as bar,
+            ):
+                bar.advance(state.samples)
+                self._begin()
+                saved = time.monotonic()
+                while not (interruption.asked or is_complete(self._training, self._seconds)):
+                    if self._wants_trial():
+                        self._try(board)
+                        continue
+                    self._round(board, bar)
+                    if time.monotonic() - saved > CHECKPOINT_SECONDS:
+                        self._save(board)
+                        saved = time.monotonic()
+                if state.rounds:
+                    self._save(board)
+                if interruption.asked:
+                    raise KeyboardInterrupt(
+                        f"training is saved at {state.samples:,} samples; the same command goes on from there"
+                        if state.rounds
+                        else "training had not begun"
+                    )
+        except FloatingPointError as error:
+            kept = f"{self._path} from before stays" if self._path.exists() else "there is no checkpoint yet"
+            raise KinemimicError(f"training stopped at {state.samples:,} samples: {error}; {kept}") from None
+
+    def _begin(self) -> None:
+        if self._training.figures is not None:
+            self._crew.place(self._training.figures)
+            return
+        first = self._sample(_WARM_UP)
+        self._state.exploded += first.exploded
+        self._learner.normalizer.update(first.observations.reshape(-1, first.observations.shape[-1]))
+
+    def _sample(self, steps: int) -> Samples:
+        learner, samples = self._learner, self._state.samples
+        self._watch.lap(OTHER)
+        found = self._crew.sample(
+            export(learner.net, learner.normalizer),
+            learner.noise(),
+            self._config.reward(samples),
+            self._config.strength(samples),
+            steps,
+        )
+        self._watch.lap(ROLLOUT)
+        return found
+
+    def _round(self, board: SummaryWriter, bar: Bar) -> None:
+        config, state, trials = self._config, self._state, self._training.trials
+        before = self._watch.seconds.get(ROLLOUT, 0.0)
+        samples = self._sample(config.horizon)
+        sampling = self._watch.seconds[ROLLOUT] - before
+        logged = self._learner.update(samples)
+        updating = self._watch.lap(UPDATE)
+        state.exploded += samples.exploded
+        logged |= {
+            "simulation/exploded": samples.exploded,
+            "speed/simulation": config.batch / sampling,
+            "speed/update_seconds": updating,
+            "speed/samples": config.batch / (sampling + updating),
+        }
+        for name, value in logged.items():
+            board.add_scalar(name, value, state.samples)
+        self._spent(OTHER)
+        notes: dict[str, object] = {"reward": logged["reward/mean"], "steps": logged["episode/length"]}
+        if trials:
+            notes["trial"] = f"{trials[-1].frames}/{trials[-1].of}"
+        if self._seconds is not None:
+            left = max(0.0, self._seconds - sum(state.seconds_by.values()))
+            notes["stops in"] = f"{int(left) // 60}:{int(left) % 60:02d}"
+        bar.advance(config.batch, **notes)
+
+    def _wants_trial(self) -> bool:
+        """Also after an interruption between a round and its trial."""
+        done, trials = self._state.samples, self._training.trials
+        if not done or (trials and trials[-1].samples == done):
+            return False
+        return is_due(done - self._config.batch, done) or is_over(self._training, self._seconds)
+
+    def _try(self, board: SummaryWriter) -> None:
+        training, learner, samples = self._training, self._learner, self._state.samples
+        policy = export(learner.net, learner.normalizer)
+        # Under the scales that the schedule ends with, so that early and late trials compare.
+        reward = self._config.reward(max(self._config.tighten_samples))
+        attempts = self._crew.attempts(policy, reward, start_phases(self._motion))
+        self._spent(TRIAL)
+        trial = Trial.of_attempts(attempts, samples=samples, seconds=sum(self._state.seconds_by.values()))
+        training.trials.append(trial)
+        if best(training.trials) is trial:
+            training.best = policy
+        for name in ("frames", "reward", "knee", "hip"):
+            board.add_scalar(f"trial/{name}", getattr(trial, name), samples)
+
+    def _spent(self, name: str) -> None:
+        self._watch.lap(name)
+        spent = split(self._watch.seconds, ROLLOUT, self._crew.seconds, WAITING)
+        self._state.seconds_by = summed(self._earlier, spent)
+
+    def _save(self, board: SummaryWriter) -> None:
+        self._spent(OTHER)
+        self._training.figures = self._crew.figures()
+        # The curves reach as far as the checkpoint, whatever happens next.
+        board.flush()
+        checkpoint.save(self._path, self._training, self._motion.identity)
+        self._spent(SAVING)
