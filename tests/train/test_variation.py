@@ -133,7 +133,7 @@ def test_the_joints_of_the_lightest_come_to_rest(world: World) -> None:
 
 
 @pytest.mark.parametrize(("height", "bound"), [(5.0, 1e-6), (0.0, 1e-6)], ids=["air", "ground"])
-def test_the_engines_agree_on_them(motion: Any, height: float, bound: float) -> None:
+def test_they_agree_with_pybullet(motion: Any, height: float, bound: float) -> None:
     native = pytest.importorskip("kinemimic_native", reason="the native engine is not built here")
     ends = []
     for engine in ("native", "pybullet"):

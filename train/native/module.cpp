@@ -192,7 +192,7 @@ Batch& of(const py::object& self) { return self.cast<Batch&>(); }
 PYBIND11_MODULE(kinemimic_native, m) {
     m.doc() = "Batches of humanoids on Bullet's own C++, with stable PD in the loop.";
     // Raised whenever arguments or results change; train/engines.py takes no other.
-    m.attr("interface") = 1;
+    m.attr("interface") = 2;
     m.attr("double_precision") = sizeof(btScalar) == sizeof(double);
     py::class_<Batch>(m, "Batch", "E figures, each alone in its Bullet world. See train/native_world.py.")
         .def(py::init(&make), py::kw_only(), py::arg("size"), py::arg("parents"), py::arg("shapes"), py::arg("sizes"),

@@ -14,7 +14,10 @@ from fetch import FetchError, fetch
 ROOT = Path(__file__).resolve().parents[3]
 TESTS = [
     *sorted((ROOT / "tests" / "train").glob("test_native*.py")),
-    *(ROOT / "tests" / "train" / name for name in ("test_world.py", "test_variation.py", "test_obstacles.py")),
+    *(
+        ROOT / "tests" / "train" / name
+        for name in ("test_world.py", "test_variation.py", "test_obstacles.py")
+    ),
 ]
 
 
