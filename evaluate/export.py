@@ -5,18 +5,21 @@ from __future__ import annotations
 import json
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
+from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
 import click
 
 from kinemimic.evaluate.export_subject import SUBJECTS, Subject, of_mcap, of_run
+from kinemimic.evaluate.shipped import POLICY, run_options
 from kinemimic.pipeline.captures.write_bvh import write_bvh
 from kinemimic.pipeline.captures.write_csv import write_csv
 from kinemimic.pipeline.captures.write_deepmimic import write_deepmimic
 from kinemimic.pipeline.captures.write_mot import write_mot
 from kinemimic.pipeline.captures.write_npz import write_npz
 from kinemimic.pipeline.captures.write_trc import write_trc
+from kinemimic.pipeline.errors import KinemimicError
 from kinemimic.pipeline.inspect.terminal import grid, show
 from kinemimic.pipeline.provenance import provenance
 from kinemimic.pipeline.store import write_json, write_text
@@ -37,7 +40,8 @@ WRITERS: dict[str, Callable[[Path, Subject], None]] = {
 # DeepMimic's own files are called .txt, which says nothing; two formats here are JSON.
 ENDINGS: dict[str, str] = {name: f".{name}" for name in WRITERS} | {"deepmimic": ".deepmimic.json"}
 URDF = "urdf"
-FORMATS: tuple[str, ...] = (*WRITERS, URDF)
+ONNX = "onnx"
+FORMATS: tuple[str, ...] = (*WRITERS, URDF, ONNX)
 
 
 @dataclass(frozen=True)
@@ -57,8 +61,16 @@ class Written:
         return {key: values[key] for key in ("path", "what", "format", "frames", "rate", "bytes", "note")}
 
 
-def export(subjects: Mapping[str, Subject], formats: Iterable[str], folder: Path, name: str) -> list[Written]:
+def export(
+    subjects: Mapping[str, Subject],
+    formats: Iterable[str],
+    folder: Path,
+    name: str,
+    policy: Path | None = None,
+) -> list[Written]:
     """Write every subject in every format as folder/name-subject.ext, and the body as name-humanoid.urdf.
+
+    policy: a trained one, which is written as name-policy.onnx.
 
     Beside a file stands the same name with .provenance.json for an ending: few of these formats can say where
     they come from, and `ingest` reads it with a capture of that name.
@@ -66,7 +78,7 @@ def export(subjects: Mapping[str, Subject], formats: Iterable[str], folder: Path
     written: list[Written] = []
     wanted = [form for form in FORMATS if form in set(formats)]
     for what, subject in subjects.items():
-        paths = {form: folder / f"{name}-{what}{ENDINGS[form]}" for form in wanted if form != URDF}
+        paths = {form: folder / f"{name}-{what}{ENDINGS[form]}" for form in wanted if form in WRITERS}
         made_by = provenance("export", inputs=subject.inputs, config={"formats": wanted})
         # What a policy performs is no recording either, whatever it imitates.
         made = subject.simulated or what == "simulated"
@@ -80,11 +92,30 @@ def export(subjects: Mapping[str, Subject], formats: Iterable[str], folder: Path
         path = folder / f"{name}-humanoid.urdf"
         write_text(path, humanoid_urdf("floating"))
         written.append(Written(path, "humanoid", URDF, None, None, "15 bodies, ball joints as floating ones"))
+    if ONNX in wanted and policy is not None:
+        path = folder / f"{name}-policy.onnx"
+        written.append(Written(path, "policy", ONNX, None, None, _write_onnx(path, policy)))
     return written
 
 
+def _write_onnx(path: Path, policy: Path) -> str:
+    """What is to be told of the file."""
+    try:
+        from kinemimic.train.export_onnx import OPSET, write_onnx  # noqa: PLC0415 (an optional package)
+    except ModuleNotFoundError as error:
+        raise KinemimicError(f"{error.name} is not installed; pip install 'kinemimic[onnx]'") from None
+    from kinemimic.train.policy import Policy  # noqa: PLC0415 (loads the simulation)
+
+    actor, record = Policy.load(policy)
+    write_onnx(path, actor, record)
+    observations, actions = actor.shape
+    return (
+        f"observation (N, {observations}) to action (N, {actions}), opset {OPSET}; the rest is its metadata"
+    )
+
+
 @click.command("export")
-@click.option("--run", type=click.Path(path_type=Path), default=Path("runs/default"), show_default=True)
+@run_options()
 @click.option(
     "--what", multiple=True, type=click.Choice(tuple(SUBJECTS)), help="Repeatable; by default all there is."
 )
@@ -116,7 +147,7 @@ def command(
     recover: bool,
     as_json: bool,
 ) -> None:
-    """Write the capture, the reference and the simulated motion for other programs.
+    """Write the capture, the reference, the simulated motion and the policy for other programs.
 
     \b
     bvh        Blender and others: Y up, centimetres, degrees
@@ -125,9 +156,12 @@ def command(
     deepmimic  44 numbers a frame, for DeepMimic's humanoid
     json, mcap the motion as `retarget` writes it; rerun and Foxglove open the MCAP
     urdf       the simulated body
+    onnx       the policy, for onnxruntime and others; asks for kinemimic[onnx]
     """
     if recover and source is None:
         raise click.UsageError("--recover needs --from, the damaged file")
+    if source is not None and ONNX in formats:
+        raise click.UsageError("--from is one motion: a policy belongs to a run")
     if source is not None and (what or number is not None):
         raise click.UsageError("--from is one motion: --what and --pass belong to a run")
     if number is not None and what and "capture" not in what:
@@ -137,7 +171,12 @@ def command(
         subjects = {"recovered" if recover else "motion": of_mcap(source, recover=recover)}
         written = export(subjects, chosen, out or source.parent / "export", source.stem)
     else:
-        written = export(of_run(run, what, number), chosen, out or run / "export", run.resolve().name)
+        # Of all that there is, what cannot be written here is left out; by name it is asked for.
+        policy: Path | None = run / POLICY
+        if ONNX not in formats and (find_spec("onnx") is None or not (run / POLICY).is_file()):
+            policy = None
+        subjects = of_run(run, what, number)
+        written = export(subjects, chosen, out or run / "export", run.resolve().name, policy)
     if as_json:
         click.echo(json.dumps([one.record() for one in written], indent=2, ensure_ascii=False))
         return

@@ -16,6 +16,7 @@ from rich.text import Text
 from kinemimic.evaluate.capture_fit import read_capture
 from kinemimic.evaluate.report import LABELS, PAPER_FIT, PAPER_GAP_DEG, Evidence, report
 from kinemimic.evaluate.scores import compose
+from kinemimic.evaluate.shipped import run_options
 from kinemimic.pipeline.errors import KinemimicError
 from kinemimic.pipeline.html import number
 from kinemimic.pipeline.progress import progress
@@ -162,9 +163,7 @@ def table(scores: dict[str, Any], run: Path) -> RenderableType:
 
 
 @click.command("evaluate")
-@click.option(
-    "--run", "run", type=click.Path(path_type=Path), default=Path("runs/default"), show_default=True
-)
+@run_options()
 @click.option("--workers", type=click.IntRange(min=1), help="Processes that simulate; all cores by default.")
 @click.option(
     "--engine",
@@ -175,7 +174,7 @@ def table(scores: dict[str, Any], run: Path) -> RenderableType:
 )
 @click.option("--json", "as_json", is_flag=True, help="Print scores.json.")
 def command(run: Path, workers: int | None, engine: str, as_json: bool) -> None:
-    """Let the run's policy perform, and score it against reference, capture and truth."""
+    """Let the run's policy, or one that ships, perform; score it against reference, capture and truth."""
     scores = evaluate(run, workers=workers, engine=engine)
     if as_json:
         click.echo(json.dumps(scores, indent=2))

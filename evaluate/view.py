@@ -13,6 +13,7 @@ import rerun as rr
 from kinemimic.evaluate.caption import caption
 from kinemimic.evaluate.layout import layout
 from kinemimic.evaluate.scene import TIMELINE, figures, log_curves, log_scenes
+from kinemimic.evaluate.shipped import run_options
 from kinemimic.pipeline.store import atomic, content_hash, read_json
 from kinemimic.retarget.export_json import motion_from_json
 from kinemimic.train.playback import Playback
@@ -49,7 +50,7 @@ def how_to_open(recording: Path) -> str:
 
 
 @click.command("view")
-@click.option("--run", type=click.Path(path_type=Path), default=Path("runs/default"), show_default=True)
+@run_options(performed=True)
 @click.option(
     "--screenshot",
     "picture",
@@ -61,7 +62,10 @@ def how_to_open(recording: Path) -> str:
 )
 @click.option("--json", "as_json", is_flag=True, help="Print the paths as JSON.")
 def command(run: Path, picture: Path | None, seconds: float, as_json: bool) -> None:
-    """Reference against simulated figure, curves and scores, as a rerun recording."""
+    """Reference against simulated figure, curves and scores, as a rerun recording.
+
+    A policy that ships performs first, where it has not yet.
+    """
     recording = view(run)
     if picture is not None:
         # The viewer's client is loaded for this only.

@@ -1,0 +1,71 @@
+"""How the policies that ship are made (datasets/policies/recipes.toml), and where their recordings are."""
+
+from __future__ import annotations
+
+import tomllib
+from dataclasses import dataclass
+from importlib.resources import files
+from pathlib import Path
+from typing import Any
+from urllib.parse import quote
+
+from kinemimic.pipeline.errors import KinemimicError
+
+DATASETS = Path(str(files("kinemimic.datasets").joinpath("captures.toml"))).parent
+POLICIES = DATASETS / "policies"
+
+
+@dataclass(frozen=True)
+class Recipe:
+    """What a policy is trained on, and how.
+
+    stock: a motion of the pybullet wheel by name; recording: one of captures.toml by name; with neither, the
+    virtual Kinect's walk. budget: samples.
+    """
+
+    name: str
+    told: str
+    preset: str
+    budget: int
+    seed: int
+    stock: str | None = None
+    recording: str | None = None
+
+
+@dataclass(frozen=True)
+class Recording:
+    """A public recording that does not ship: its name in captures.toml, where it is, SHA-256 of the file."""
+
+    name: str
+    address: str
+    sha256: str
+    licence: str
+
+
+def recipes(folder: Path = POLICIES) -> dict[str, Recipe]:
+    """Every recipe by name, in the sequence of the file."""
+    path = folder / "recipes.toml"
+    try:
+        made = [Recipe(**entry) for entry in _toml(path)["policy"]]
+    except (KeyError, TypeError) as error:
+        raise KinemimicError(f"{path}: expected recipes, found what does not fit: {error}") from None
+    return {recipe.name: recipe for recipe in made}
+
+
+def recording(name: str, catalogue: Path = DATASETS / "captures.toml") -> Recording:
+    """A recording of the catalogue."""
+    for entry in _toml(catalogue)["capture"]:
+        if entry["name"] == name:
+            place = f"{entry['repository']}/{entry['commit']}/{quote(entry['path'])}"
+            address = f"https://raw.githubusercontent.com/{place}"
+            return Recording(name, address, entry["sha256"], entry["licence"])
+    raise KinemimicError(f"{catalogue}: expected the recording {name!r}, found no entry")
+
+
+def _toml(path: Path) -> dict[str, Any]:
+    try:
+        return tomllib.loads(path.read_text(encoding="utf-8"))
+    except FileNotFoundError:
+        raise KinemimicError(f"{path}: expected a file, found none; install kinemimic anew") from None
+    except tomllib.TOMLDecodeError as error:
+        raise KinemimicError(f"{path}: expected TOML, found {error}") from None

@@ -1,0 +1,40 @@
+"""What ships is whole, small, and what it says it is."""
+
+from __future__ import annotations
+
+import re
+
+import pytest
+
+from kinemimic.evaluate.recipe import POLICIES, recipes
+from kinemimic.evaluate.reproduce import LARGEST, publish
+from kinemimic.evaluate.shipped import MOTION, POLICY, RECORD, SCORES, gist, shipped
+from kinemimic.pipeline.store import file_hash, read_json
+from kinemimic.retarget.export_json import motion_from_json
+from kinemimic.train.policy import Policy
+
+
+@pytest.mark.parametrize("name", shipped())
+def test_a_policy_that_ships_is_what_its_recipe_says(name: str, tmp_path) -> None:
+    folder, recipe = POLICIES / name, recipes()[name]
+    _, record = Policy.load(folder / POLICY)
+    scores = read_json(folder / SCORES)
+    assert (record["preset"], record["seed"]) == (recipe.preset, recipe.seed)
+    assert record["config"]["budget"] == recipe.budget
+    assert scores["provenance"]["inputs"]["policy"] == file_hash(folder / POLICY)
+    assert record["provenance"]["versions"]["pybullet"]
+    # That of a recording may not ship.
+    assert (folder / MOTION).is_file() == (recipe.recording is None)
+    if recipe.recording is None:
+        assert gist(motion_from_json(folder / MOTION)) == record["imitates"]
+        publish(folder, recipe, tmp_path)
+        assert (tmp_path / name / RECORD).read_bytes() == (folder / RECORD).read_bytes()
+
+
+@pytest.mark.parametrize("name", shipped())
+def test_its_files_are_small_and_name_no_machine(name: str) -> None:
+    for path in (POLICIES / name).iterdir():
+        assert path.name in {MOTION, POLICY, RECORD, SCORES}
+        assert path.stat().st_size <= LARGEST
+        if path.suffix == ".json":
+            assert not re.search(r'"/\w|"[A-Z]:\\', path.read_text())

@@ -1,0 +1,63 @@
+"""A folder of policies as datasets/policies is, of tiny ones that never correct anything."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from kinemimic.evaluate.shipped import MOTION, POLICY, SCORES, gist
+from kinemimic.pipeline.store import file_hash, write_json, write_text
+from kinemimic.retarget.export_json import motion_from_json, motion_to_json
+from kinemimic.retarget.motion import Motion
+from kinemimic.train.config import preset
+from kinemimic.train.env import ACTIONS, OBSERVATIONS
+from kinemimic.train.policy import Policy
+
+RECIPES = """
+schema = 1
+[[policy]]
+name = "walk"
+told = "a made-up walk"
+preset = "default"
+budget = 5
+seed = 3
+[[policy]]
+name = "run"
+told = "a run"
+stock = "run"
+preset = "default"
+budget = 5
+seed = 3
+[[policy]]
+name = "kinect_walk"
+told = "a recorded walk"
+recording = "kinect1_bernstein_skl/r2.skl"
+preset = "default"
+budget = 5
+seed = 3
+"""
+
+
+def write_run(folder: Path, motion: Motion, *, seed: int = 3, budget: int = 5, bias: float = 0.0) -> Path:
+    """A run folder after `evaluate`, but for its playback."""
+    write_text(folder / MOTION, motion_to_json(motion))
+    identity = motion_from_json(folder / MOTION).identity
+    idle = Policy(
+        ((np.zeros((ACTIONS, OBSERVATIONS), np.float32), np.full(ACTIONS, bias, np.float32)),),
+        np.zeros(OBSERVATIONS, np.float32),
+        np.ones(OBSERVATIONS, np.float32),
+    )
+    config = preset("default", seed=seed, budget=budget).to_json()
+    record = {"preset": "default", "engine": "native", "samples": 5, "seconds": 1.0, "seed": seed}
+    made_by = {"inputs": {"motion": identity}}
+    idle.save(folder / POLICY, record | {"config": config, "provenance": made_by, "imitates": gist(motion)})
+    scores: dict[str, Any] = {
+        "survival": {"frames": 600, "of": 600, "phases": 12, "phases_of": 13},
+        "fit": {"knee": {"r2": 0.987}, "hip": {"r2": 0.976}},
+        "root": {"speed_ratio": 0.99},
+        "provenance": {"inputs": {"policy": file_hash(folder / POLICY)}},
+    }
+    write_json(folder / SCORES, scores)
+    return folder
