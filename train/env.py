@@ -119,8 +119,7 @@ class ImitationBatch:
         self._place(indices, poses)
 
     def _place(self, indices: NDArray[np.intp], poses: Poses) -> None:
-        if hasattr(self.world, "vary"):  # TODO
-            self.world.vary(indices, self._conditions.friction[indices], self._conditions.mass[indices])
+        self.world.vary(indices, self._conditions.friction[indices], self._conditions.mass[indices])
         self.world.reset(indices, poses)
         self.bodies = self.world.states()
         self.watch.lap(SIMULATION)
