@@ -1,4 +1,4 @@
-"""Rollouts on all cores: processes that hold figures, act with a numpy policy and send samples.
+"""Rollouts: figures that act with a numpy policy, and the samples that come of it.
 
 Every round of samples begins with figures that are put anew into the state that they are in, so that the
 engine forgets its contacts and warm starts. All that a round depends on is then in a few arrays, and what is
@@ -7,28 +7,20 @@ resumed from them goes on as if it had never been interrupted, to the last bit.
 
 from __future__ import annotations
 
-import multiprocessing
-import signal
-from collections.abc import Iterator, Mapping, Sequence
-from contextlib import contextmanager
-from dataclasses import dataclass, fields, replace
-from multiprocessing.connection import Connection, wait
-from types import TracebackType
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from kinemimic.pipeline.errors import KinemimicError
 from kinemimic.retarget.motion import Motion
-from kinemimic.train.children import inherited
 from kinemimic.train.config import EnvConfig, RewardConfig
 from kinemimic.train.engines import open_world
 from kinemimic.train.env import TASK, ImitationBatch, observation_size
 from kinemimic.train.hardship import Conditions, draw
 from kinemimic.train.policy import Floats, Policy
 from kinemimic.train.reference import Reference
-from kinemimic.train.stopwatch import summed
 from kinemimic.train.trial import Attempt, Rehearsal
 
 # What a worker does beside the simulation and the task of `env.py`; inference has the exploration's noise.
@@ -193,129 +185,3 @@ def _set_words(random: np.random.Generator, words: list[int]) -> None:
         "has_uint32": words[4],
         "uinteger": words[5],
     }
-
-
-def _serve(
-    connection: Connection,
-    motion: Motion,
-    config: EnvConfig,
-    seeds: list[np.random.SeedSequence],
-    engine: str,
-) -> None:
-    # The parent ends its workers; a signal to the whole group must not take them from it in mid-round.
-    signal.signal(signal.SIGTERM, signal.SIG_IGN)
-    sampler = Sampler(motion, config, seeds, engine)
-    connection.send(None)  # ready
-    while True:
-        try:
-            request, arguments = connection.recv()
-            answer = getattr(sampler, request)(*arguments)
-            if request == "sample":
-                answer = answer.packed(), sampler.seconds
-            connection.send(answer)
-        except (EOFError, ConnectionError):  # the parent is gone
-            return
-
-
-class Workers:
-    """`count` processes that share E figures; use as a context.
-
-    seconds: where the workers' time went in all calls of `sample` so far, mean over the workers.
-    """
-
-    def __init__(
-        self, motion: Motion, config: EnvConfig, environments: int, seed: int, count: int, engine: str
-    ) -> None:
-        self.seconds: dict[str, float] = {}
-        self._count = count
-        seeds = np.random.SeedSequence(seed).spawn(environments)
-        context = multiprocessing.get_context("spawn")
-        self._connections: list[Connection] = []
-        self._processes: list[multiprocessing.process.BaseProcess] = []
-        with inherited():
-            for k in range(count):
-                ours, theirs = context.Pipe()
-                process = context.Process(
-                    target=_serve, args=(theirs, motion, config, seeds[k::count], engine), daemon=True
-                )
-                process.start()
-                theirs.close()
-                self._connections.append(ours)
-                self._processes.append(process)
-        # What it takes to start is not part of the first samples' time.
-        with self._all_alive():
-            for connection in self._connections:
-                connection.recv()
-
-    @contextmanager
-    def _all_alive(self) -> Iterator[None]:
-        try:
-            yield
-        except (EOFError, ConnectionError):
-            ended = wait([process.sentinel for process in self._processes])
-            lost = next(process for process in self._processes if process.sentinel in ended)
-            lost.join()
-            raise KinemimicError(
-                f"expected {len(self._processes)} processes that simulate, found that one ended, status "
-                f"{lost.exitcode}; if it was killed (-9), memory may be short: train with fewer --workers"
-            ) from None
-
-    def _ask(self, request: str, arguments: Sequence[tuple[Any, ...]]) -> list[Any]:
-        """What each worker's sampler answers to the method `request` with its own arguments."""
-        with self._all_alive():
-            for connection, given in zip(self._connections, arguments, strict=True):
-                connection.send((request, given))
-            return [connection.recv() for connection in self._connections]
-
-    def figures(self) -> Figures:
-        """What the next `sample` begins with, for all figures."""
-        parts = self._ask("figures", [()] * self._count)
-        return {name: _dealt_back([part[name] for part in parts]) for name in parts[0]}
-
-    def place(self, figures: Figures) -> None:
-        """Let the next `sample` begin with these figures; they may come from another number of workers."""
-        count = self._count
-        self._ask("place", [({n: array[k::count] for n, array in figures.items()},) for k in range(count)])
-
-    def attempts(self, policy: Policy, reward: RewardConfig, phases: Sequence[float]) -> list[Attempt]:
-        """Performances from these phases, in their order, as many at a time as there are workers."""
-        count = self._count
-        parts = self._ask("attempts", [(policy, reward, phases[k::count]) for k in range(count)])
-        return [parts[k % count][k // count] for k in range(len(phases))]
-
-    def sample(
-        self, policy: Policy, noise: Floats, reward: RewardConfig, strength: float, steps: int
-    ) -> Samples:
-        """Samples of all workers, figures side by side."""
-        received = self._ask("sample", [(policy, noise, reward, strength, steps)] * self._count)
-        parts = [samples.unpacked() for samples, _ in received]
-        shares = ({name: spent / len(parts) for name, spent in seconds.items()} for _, seconds in received)
-        self.seconds = summed(self.seconds, *shares)
-        joined: dict[str, Any] = {
-            f.name: np.concatenate([getattr(part, f.name) for part in parts], axis=1)
-            for f in fields(Samples)
-            if f.name not in ("lengths", "exploded")
-        }
-        lengths = np.concatenate([part.lengths for part in parts])
-        return Samples(**joined, lengths=lengths, exploded=sum(part.exploded for part in parts))
-
-    def __enter__(self) -> Workers:
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        for connection in self._connections:
-            connection.close()
-        for process in self._processes:
-            process.join(timeout=5)
-            if process.is_alive():
-                process.kill()
-
-
-def _dealt_back(hands: list[NDArray[Any]]) -> NDArray[Any]:
-    """(E, ...) of which each worker holds every count-th row, beginning with its own number."""
-    together = np.empty((sum(map(len, hands)), *hands[0].shape[1:]), dtype=hands[0].dtype)
-    for k, hand in enumerate(hands):
-        together[k :: len(hands)] = hand
-    return together

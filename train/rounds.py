@@ -14,9 +14,10 @@ from kinemimic.train import checkpoint
 from kinemimic.train.checkpoint import Training
 from kinemimic.train.interruption import deferred
 from kinemimic.train.networks import export
-from kinemimic.train.rollout import Samples, Workers
+from kinemimic.train.rollout import Samples
 from kinemimic.train.stopwatch import Stopwatch, split, summed
 from kinemimic.train.trial import Trial, best, is_due, start_phases
+from kinemimic.train.workers import Workers
 
 CHECKPOINT_SECONDS = 30.0
 # Where a round's time goes; the workers say what became of the rollout's.
@@ -97,9 +98,11 @@ class Rounds:
                         if state.rounds
                         else "training had not begun"
                     )
-        except FloatingPointError as error:
+        except (FloatingPointError, OSError) as error:
+            # A full disk stops TensorBoard's curves first; of them strerror tells without a number.
+            found = getattr(error, "strerror", None) or error
             kept = f"{self._path} from before stays" if self._path.exists() else "there is no checkpoint yet"
-            raise KinemimicError(f"training stopped at {state.samples:,} samples: {error}; {kept}") from None
+            raise KinemimicError(f"training stopped at {state.samples:,} samples: {found}; {kept}") from None
 
     def _begin(self) -> None:
         if self._training.figures is not None:

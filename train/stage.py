@@ -22,10 +22,10 @@ from kinemimic.train.checkpoint import Training
 from kinemimic.train.config import PRESETS, preset
 from kinemimic.train.engines import ENGINES, resolve
 from kinemimic.train.ppo import Learner
-from kinemimic.train.rollout import Workers
 from kinemimic.train.rounds import Rounds, is_complete
 from kinemimic.train.stopwatch import Stopwatch, table
 from kinemimic.train.trial import Trial, best, first_walk
+from kinemimic.train.workers import Workers
 
 CHECKPOINT = "checkpoint.safetensors"
 PREVIOUS = "checkpoint.previous.safetensors"

@@ -16,12 +16,15 @@ from kinemimic.pipeline.store import write_text
 from kinemimic.retarget.export_json import motion_to_json
 from kinemimic.retarget.motion import Motion
 from kinemimic.train import checkpoint, stage
+from kinemimic.train.checkpoint import Training
 from kinemimic.train.config import PRESETS, TrainConfig
 from kinemimic.train.env import ACTIONS, OBSERVATIONS
+from kinemimic.train.networks import export
 from kinemimic.train.perform import perform
 from kinemimic.train.ppo import Learner
 from kinemimic.train.rollout import Samples
 from kinemimic.train.stopwatch import Stopwatch
+from kinemimic.train.trial import Trial
 
 SMALL = replace(PRESETS["default"], environments=4, horizon=16, minibatch=32, passes=2, hidden=(32, 16))
 ROUND = SMALL.batch
@@ -83,7 +86,7 @@ def test_the_record_says_which_engine_and_where_the_time_went(run: Path) -> None
     parts = record["seconds_by"]
     assert set(parts) == {
         "simulation", "observation and reward", "inference", "bookkeeping", "transfer and waiting", "update",
-        "checkpoint", "other",
+        "trial", "checkpoint", "other",
     }  # fmt: skip
     # Rounded each for itself.
     assert sum(parts.values()) == pytest.approx(record["seconds"], abs=0.1)
@@ -102,6 +105,31 @@ def test_another_engine_goes_on_from_the_checkpoint(run: Path, monkeypatch: pyte
     assert not (run / "checkpoint.previous.safetensors").exists()
 
 
+@pytest.mark.parametrize(
+    ("written", "meant"), [("1e6", 1_000_000), ("4096", 4096), ("500_000", 500_000), ("1", 1)]
+)
+def test_a_budget_is_written_as_people_write_numbers(
+    written: str, meant: int, run: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    asked: dict[str, object] = {}
+
+    def stop(_: Path, **options: object) -> None:
+        asked.update(options)
+        raise KinemimicError("enough")
+
+    monkeypatch.setattr(stage, "train", stop)
+    CliRunner().invoke(stage.command, ["--run", str(run), "--budget", written, "--minutes", "2.5"])
+    assert (asked["budget"], asked["minutes"]) == (meant, 2.5)
+
+
+@pytest.mark.parametrize("written", ["0", "-5", "1.5", "nan", "inf", "much"])
+def test_what_is_no_budget_is_refused(written: str, run: Path) -> None:
+    result = CliRunner().invoke(stage.command, ["--run", str(run), f"--budget={written}"])
+    assert result.exit_code == 2
+    assert "--budget" in result.output
+    assert "expected a whole number of samples" in result.output
+
+
 def test_an_unknown_engine_is_one_line(run: Path) -> None:
     with pytest.raises(
         KinemimicError, match="expected an engine among auto, native, pybullet, found 'mujoco'"
@@ -113,13 +141,16 @@ def test_the_command_ends_with_a_table_of_the_time(run: Path, monkeypatch: pytes
     record = {
         "preset": "default", "engine": "native", "samples": 4096, "exploded": 2, "seconds": 4.0, "seed": 0,
         "seconds_by": {"simulation": 3.0, "update": 1.0},
+        "best": {"samples": 2048, "seconds": 2.0, "frames": 599, "frames_first": 600, "of": 600,
+                 "reward": 0.5, "knee": 0.91, "hip": 0.92},
     }  # fmt: skip
     monkeypatch.setattr(stage, "train", lambda *_, **__: record)
     lines = CliRunner().invoke(stage.command, ["--run", str(run)]).output.splitlines()
     assert "4,096 samples in 4 s" in lines[0]
     assert "native engine" in lines[0]
-    assert lines[1].startswith("2 figures exploded")
-    assert lines[3].split() == ["simulation", "3.0", "75.0", "%", "45.0", "s"]
+    assert "2,048 samples: 599 of 600 frames, R² 0.910 knee, 0.920 hip, 50.0 % of the reward" in lines[1]
+    assert lines[2].startswith("2 figures exploded")
+    assert lines[4].split() == ["simulation", "3.0", "75.0", "%", "45.0", "s"]
 
 
 def noise(seed: int) -> Samples:
@@ -142,26 +173,36 @@ def test_a_checkpoint_brings_the_learner_back_whole(tmp_path: Path) -> None:
     config = TrainConfig(hidden=(8, 4), seed=5, minibatch=6, passes=2)
     learner = Learner(config)
     learner.update(noise(0))
-    checkpoint.save(tmp_path / "c.safetensors", learner, "walk")
+    tried = Trial(samples=64, seconds=0.5, frames=3, frames_first=4, of=5, reward=0.25, knee=0.5, hip=-2.0)
+    training = Training(learner, {"ages": np.arange(4)}, [tried], export(learner.net, learner.normalizer))
+    checkpoint.save(tmp_path / "c.safetensors", training, "walk")
     other = Learner(config)
-    assert checkpoint.restore(tmp_path / "c.safetensors", other, "walk")
+    back = Training(other)
+    assert checkpoint.restore(tmp_path / "c.safetensors", back, "walk")
+    assert back.trials == [tried]
+    assert back.figures is not None
+    assert back.best is not None
+    assert back.figures["ages"].tolist() == [0, 1, 2, 3]
+    assert training.best is not None
+    kept, ours = back.best.tensors(), training.best.tensors()
+    assert all(np.array_equal(kept[name], ours[name]) for name in ours)
     assert other.progress == learner.progress
     assert learner.update(noise(1)) == other.update(noise(1))
-    ours, theirs = learner.tensors(), other.tensors()
-    assert ours.keys() == theirs.keys()
-    assert all(bool((ours[name] == theirs[name]).all()) for name in ours)
+    wanted, found = learner.tensors(), other.tensors()
+    assert wanted.keys() == found.keys()
+    assert all(bool((wanted[name] == found[name]).all()) for name in wanted)
 
 
 def test_a_checkpoint_of_something_else_is_left_alone(tmp_path: Path) -> None:
     config = TrainConfig(hidden=(8, 4))
     path = tmp_path / "c.safetensors"
-    checkpoint.save(path, Learner(config), "walk")
-    assert not checkpoint.restore(path, Learner(config), "run")
-    assert not checkpoint.restore(path, Learner(replace(config, discount=0.9)), "walk")
-    assert checkpoint.restore(path, Learner(replace(config, budget=5)), "walk")
+    checkpoint.save(path, Training(Learner(config)), "walk")
+    assert not checkpoint.restore(path, Training(Learner(config)), "run")
+    assert not checkpoint.restore(path, Training(Learner(replace(config, discount=0.9))), "walk")
+    assert checkpoint.restore(path, Training(Learner(replace(config, budget=5))), "walk")
     path.write_bytes(b"nonsense")
     with pytest.raises(KinemimicError, match="expected a checkpoint"):
-        checkpoint.restore(path, Learner(config), "walk")
+        checkpoint.restore(path, Training(Learner(config)), "walk")
 
 
 def test_performance_without_a_policy_is_the_reference_alone(motion: Motion) -> None:

@@ -1,0 +1,29 @@
+"""A crew without processes: what the processes of `workers.py` do, one after the other, in this one."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+from kinemimic.retarget.motion import Motion
+from kinemimic.train.config import EnvConfig
+from kinemimic.train.rollout import Sampler
+from kinemimic.train.workers import Workers, answer
+
+
+class Troupe(Workers):
+    def __init__(
+        self, motion: Motion, config: EnvConfig, environments: int, seed: int, count: int, engine: str
+    ) -> None:
+        self.seconds = {}
+        self._count = count
+        self._connections, self._processes = [], []
+        seeds = np.random.SeedSequence(seed).spawn(environments)
+        self._samplers = [Sampler(motion, config, seeds[k::count], engine) for k in range(count)]
+
+    def _ask(self, request: str, arguments: Sequence[tuple[Any, ...]]) -> list[Any]:
+        return [
+            answer(sampler, request, given) for sampler, given in zip(self._samplers, arguments, strict=True)
+        ]
