@@ -1,12 +1,14 @@
 # One-word targets; `make help` lists them. CAPTURE=, RUN=, PRESET=, BUDGET=, MINUTES=, SEED=, ENGINE= go to the command line.
-# Without RUN= a capture's run folder bears its name, so that CAPTURE= alone leads every stage to it.
+# Without RUN= a capture's run folder bears its name, so that CAPTURE= alone leads every stage to it. POLICY= names one
+# that ships; with it CAPTURE= is the recording that it learnt from, which only some ask for.
 
 PYTHON ?= python3.11
-RUN ?= runs/$(if $(CAPTURE),$(basename $(notdir $(CAPTURE))),default)
+RUN ?= runs/$(if $(POLICY),policy-$(POLICY),$(if $(CAPTURE),$(basename $(notdir $(CAPTURE))),default))
 
 VENV := .venv
 BIN := $(VENV)/bin
 KINEMIMIC = $(BIN)/kinemimic
+SHIPPED = $(if $(POLICY),--policy "$(POLICY)" $(if $(CAPTURE),--capture "$(CAPTURE)"))
 TRAINING = $(if $(PRESET),--preset "$(PRESET)") $(if $(BUDGET),--budget "$(BUDGET)") $(if $(MINUTES),--minutes "$(MINUTES)") $(if $(SEED),--seed "$(SEED)") $(if $(ENGINE),--engine "$(ENGINE)")
 
 # An editable install in strict mode links the package's files one by one: a new or a removed file asks for a
@@ -20,7 +22,7 @@ BULLET := $(or $(BULLET),$(patsubst $(VENV)/native-%,%,$(firstword $(wildcard $(
 NATIVE := $(VENV)/native-$(BULLET)
 NATIVE_FILES := $(wildcard $(addprefix train/native/,*.cpp *.hpp *.py pyproject.toml stubs/*/*.pyi))
 
-.PHONY: help setup formats inspect run ingest convert retarget train evaluate gait view export overlay test test-slow lint type format bench bench-clean profile wheel clean
+.PHONY: help setup formats inspect run ingest convert retarget train evaluate pushes gait view export policies reproduce overlay test test-slow lint type format bench bench-clean profile wheel clean
 .DEFAULT_GOAL := help
 
 help: ## This list
@@ -64,17 +66,26 @@ retarget: setup ## Onto the 20 nodes and the body; JSON and MCAP
 train: setup ## A policy that imitates the motion (PRESET= BUDGET= MINUTES= SEED= ENGINE=)
 	$(KINEMIMIC) train --run "$(RUN)" $(TRAINING)
 
-evaluate: setup ## Scores, report, curves
-	$(KINEMIMIC) evaluate --run "$(RUN)" $(if $(ENGINE),--engine "$(ENGINE)")
+evaluate: setup ## Scores, report, curves (POLICY=walk: of one that ships)
+	$(KINEMIMIC) evaluate --run "$(RUN)" $(SHIPPED) $(if $(ENGINE),--engine "$(ENGINE)")
+
+pushes: setup ## How hard a push RUN='s policy survives, from each side
+	$(KINEMIMIC) pushes --run "$(RUN)" $(if $(ENGINE),--engine "$(ENGINE)")
 
 gait: setup ## Cadence, stride, symmetry and curves of RUN= over what is normal
 	$(KINEMIMIC) gait --run "$(RUN)"
 
-view: setup ## The rerun recording
-	$(KINEMIMIC) view --run "$(RUN)"
+view: setup ## The rerun recording (POLICY=walk: of one that ships)
+	$(KINEMIMIC) view --run "$(RUN)" $(SHIPPED)
 
-export: setup ## Capture, reference, simulated motion into RUN=/export: BVH, TRC, MOT, CSV, npz …
-	$(KINEMIMIC) export --run "$(RUN)"
+export: setup ## Capture, reference, simulated motion, policy into RUN=/export: BVH, TRC, CSV, npz, ONNX …
+	$(KINEMIMIC) export --run "$(RUN)" $(SHIPPED)
+
+policies: setup ## Those that ship, and how well they do
+	$(KINEMIMIC) policies
+
+reproduce: setup ## Train the policies that ship, or POLICY= alone (hours; KINEMIMIC_CAPTURES= holds the recordings)
+	$(KINEMIMIC) reproduce $(if $(POLICY),--only "$(POLICY)") $(if $(ENGINE),--engine "$(ENGINE)")
 
 overlay: setup ## The skeleton drawn into CAPTURE=, a depth recording's folder: RUN=/overlay.mp4
 	$(KINEMIMIC) overlay "$(CAPTURE)" --out "$(RUN)/overlay.mp4"

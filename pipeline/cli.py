@@ -22,6 +22,7 @@ COMMANDS: dict[str, tuple[str, str]] = {
     "retarget": ("kinemimic.retarget.stage:command", "Onto the 20 nodes and the body; JSON and MCAP."),
     "train": ("kinemimic.train.stage:command", "Train a policy that imitates the motion in Bullet."),
     "evaluate": ("kinemimic.evaluate.stage:command", "Score the policy; report, curves, scores.json."),
+    "pushes": ("kinemimic.evaluate.pushes:command", "How hard a push the policy survives, from each side."),
     "gait": (
         "kinemimic.evaluate.gait:command",
         "Gait of capture, reference and simulation, over what is normal.",
@@ -33,8 +34,10 @@ COMMANDS: dict[str, tuple[str, str]] = {
     "view": ("kinemimic.evaluate.view:command", "Reference against simulated, as a rerun recording."),
     "export": (
         "kinemimic.evaluate.export:command",
-        "Capture, reference, simulated motion: BVH, TRC, MOT, CSV, npz …",
+        "Capture, reference, simulated motion, policy: BVH, TRC, MOT, CSV, npz, ONNX …",
     ),
+    "policies": ("kinemimic.evaluate.policies:command", "The policies that ship, and how well they do."),
+    "reproduce": ("kinemimic.evaluate.reproduce:command", "Make the policies that ship."),
     "run": ("kinemimic.evaluate.run:command", "Every stage on one capture, skipping what is up to date."),
 }
 
