@@ -2,10 +2,7 @@
 
 from __future__ import annotations
 
-import multiprocessing
-import os
 from collections.abc import Callable
-from concurrent.futures import ProcessPoolExecutor
 from dataclasses import fields
 from pathlib import Path
 from typing import Any
@@ -17,7 +14,7 @@ from kinemimic.pipeline.rotations import IDENTITY
 from kinemimic.pipeline.skeleton import NODES
 from kinemimic.retarget.body import BODY_NODES
 from kinemimic.retarget.motion import Motion
-from kinemimic.train.children import inherited
+from kinemimic.train.children import spread
 from kinemimic.train.config import EnvConfig, TrainConfig
 from kinemimic.train.engines import open_world
 from kinemimic.train.env import ACTIONS, ImitationBatch
@@ -49,22 +46,9 @@ def perform(
     if policy is not None:
         actor, record = Policy.load(policy)
         config = TrainConfig.from_json(record["config"]).env
-    count = min(workers or len(os.sched_getaffinity(0)), len(start_phases))
     # One figure a task: what a figure does must not depend on how many others there are.
     tasks = [(motion, actor, config, float(phase), frames, engine) for phase in start_phases]
-    parts: list[Playback] = []
-    with ProcessPoolExecutor(count, mp_context=multiprocessing.get_context("spawn")) as pool:
-        with inherited():
-            performed = pool.map(_perform_one, tasks)
-        try:
-            for part in performed:
-                parts.append(part)
-                if progress is not None:
-                    progress(1)
-        except BaseException:
-            # Interrupted, it does not wait for the tasks that have not begun.
-            pool.shutdown(wait=False, cancel_futures=True)
-            raise
+    parts = spread(_perform_one, tasks, workers=workers, progress=progress)
     joined: dict[str, Any] = {
         f.name: parts[0].reward_names
         if f.name == "reward_names"
