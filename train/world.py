@@ -29,7 +29,7 @@ FREE_SPEED = 1000.0  # rad/s, m/s: Bullet's own limit of joint and root speeds, 
 FASTEST = 100.0  # m/s: no part of a body that obeys its joints comes near; what goes faster has exploded
 # Stable PD, at these gains, takes all of a joint's speed in one step from the moments that it reckons with:
 # capsules', larger than the ellipsoids' own. What is much lighter is thrown back further than it came: in 40
-# postures joints came to rest from 0.69 on, and shook without end at 0.68.
+# postures joints came to rest at 0.70, and shook without end at 0.68.
 LIGHTEST = 0.7  # of the nominal mass
 JOINT_PARENTS: NDArray[np.intp] = np.array(BODY_PARENTS[1:])
 
