@@ -69,8 +69,8 @@ train: setup ## A policy that imitates the motion (PRESET= BUDGET= MINUTES= SEED
 evaluate: setup ## Scores, report, curves (POLICY=walk: of one that ships)
 	$(KINEMIMIC) evaluate --run "$(RUN)" $(SHIPPED) $(if $(ENGINE),--engine "$(ENGINE)")
 
-pushes: setup ## How hard a push RUN='s policy survives, from each side
-	$(KINEMIMIC) pushes --run "$(RUN)" $(if $(ENGINE),--engine "$(ENGINE)")
+pushes: setup ## How hard a push the policy survives, from each side (POLICY=walk: of one that ships)
+	$(KINEMIMIC) pushes --run "$(RUN)" $(SHIPPED) $(if $(ENGINE),--engine "$(ENGINE)")
 
 gait: setup ## Cadence, stride, symmetry and curves of RUN= over what is normal
 	$(KINEMIMIC) gait --run "$(RUN)"

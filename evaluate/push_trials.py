@@ -182,14 +182,14 @@ def run_searches(
         ended = np.flatnonzero(fell | (ages == SETTLE + PUSH + SURVIVE))
         if not len(ended):
             continue
-        for k in ended:
+        for k in map(int, ended):
             # A figure whose search is over goes on, unpushed: no other depends on it.
             if k in found:
                 continue
             try:
                 forces[k] = searches[k].send(not fell[k])
             except StopIteration as done:
-                found[int(k)], forces[k] = done.value, 0.0
+                found[k], forces[k] = done.value, 0.0
         ages[ended] = 0
         batch.reset(ended, np.full(len(ended), start))
         observations = batch.observe()

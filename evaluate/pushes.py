@@ -27,6 +27,7 @@ from kinemimic.evaluate.push_trials import (
     push_all_ways,
     push_phases,
 )
+from kinemimic.evaluate.shipped import run_options
 from kinemimic.pipeline.errors import KinemimicError
 from kinemimic.pipeline.progress import progress
 from kinemimic.pipeline.provenance import provenance
@@ -151,7 +152,7 @@ def _force(newton: float) -> str:
 
 
 @click.command("pushes")
-@click.option("--run", type=click.Path(path_type=Path), default=Path("runs/default"), show_default=True)
+@run_options()
 @click.option("--workers", type=click.IntRange(min=1), help="Processes that simulate; all cores by default.")
 @click.option(
     "--engine",
@@ -162,9 +163,10 @@ def _force(newton: float) -> str:
 )
 @click.option("--json", "as_json", is_flag=True, help="Print pushes.json.")
 def command(run: Path, workers: int | None, engine: str, as_json: bool) -> None:
-    """How hard a push the run's policy survives: forward, backward, left, right, 20 phases each.
+    """How hard a push the run's policy, or one that ships, survives: 0.2 s on the pelvis.
 
-    0.2 s on the pelvis; the forces that 50 % and 90 % of the phases survive go into pushes.json.
+    Forward, backward, left and right, in 20 phases each; the forces that 50 % and 90 % of the phases
+    survive go into pushes.json.
     """
     result = pushes(run, workers=workers, engine=engine)
     if as_json:
