@@ -29,20 +29,18 @@ from kinemimic.train.fit import JOINTS, MEASURES
 from kinemimic.train.perform import perform
 from kinemimic.train.playback import Playback
 from kinemimic.train.policy import Policy
+from kinemimic.train.trial import frames_of
 from kinemimic.train.world import CONTROL_RATE
 
 START_PHASES = 13
-FRAMES = 600  # 20 s
 
 Array = NDArray[np.float64]
 
 
 def protocol(motion: Motion) -> tuple[Array, int]:
     """Start phases (S,) and frames of an evaluation: 13 and 20 s of a walk, a single performance once."""
-    if motion.cyclic:
-        return np.arange(START_PHASES) / START_PHASES, FRAMES
-    # The motion's last frame still counts when its time falls on a control step but for rounding.
-    return np.zeros(1), max(1, int(motion.duration * CONTROL_RATE + 1e-6))
+    starts = np.arange(START_PHASES) / START_PHASES if motion.cyclic else np.zeros(1)
+    return starts, frames_of(motion)
 
 
 def evaluate(run: Path, *, workers: int | None = None, engine: str = "auto") -> dict[str, Any]:
