@@ -166,7 +166,7 @@ class TrainConfig:
 PRESETS: dict[str, TrainConfig] = {
     "default": TrainConfig(),
     # Nets, rates, discount, batch, passes, clip and entropy as printed; one batch a pass; KL target η and the
-    # constants θ, ω, wᵢ are not given in the paper.
+    # constants θ, ω, wᵢ are not given in the paper, and of torques that lead the targets it knows nothing.
     "paper": TrainConfig(
         preset="paper",
         env=EnvConfig(
@@ -176,6 +176,7 @@ PRESETS: dict[str, TrainConfig] = {
                 scales={"pose": 1.0, "linear": 0.2, "angular": 0.05, "height": 10.0},
             ),
             max_drift=float("1e9"),
+            torque_feedforward=False,
         ),
         hidden=(1024, 512),
         minibatch=4096,
