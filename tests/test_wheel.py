@@ -74,7 +74,9 @@ def test_the_wheel_holds_the_package_and_nothing_else(wheel: Path) -> None:
     assert not any("test" in name for name in inside)
     for folder in FOLDERS[:-1]:
         assert f"kinemimic/{folder}/py.typed" in inside
-    assert "kinemimic/datasets/captures.toml" in inside
+    data = {f"kinemimic/{path.relative_to(ROOT)}" for path in (ROOT / "datasets").rglob("*.*")}
+    assert "kinemimic/datasets/policies/recipes.toml" in data
+    assert data == {name for name in inside if name.startswith("kinemimic/datasets/")}
 
 
 def test_the_wheel_holds_every_source_file(wheel: Path) -> None:

@@ -13,7 +13,7 @@ import pytest
 from click.testing import CliRunner
 from samples.motion import rigid_walk
 
-from kinemimic.evaluate.export import FORMATS, command, export
+from kinemimic.evaluate.export import WRITERS, command, export
 from kinemimic.evaluate.export_subject import SUBJECTS, of_run
 from kinemimic.pipeline.captures.deepmimic import read_deepmimic
 from kinemimic.pipeline.captures.recognise import read
@@ -69,7 +69,7 @@ def files(run: Path) -> list[dict[str, object]]:
 
 def test_everything_is_written_once_and_told(run: Path, files: list[dict[str, object]]) -> None:
     kinds = [(record["what"], record["format"]) for record in files]
-    expected = [(what, form) for what in SUBJECTS for form in FORMATS if form != "urdf"]
+    expected = [(what, form) for what in SUBJECTS for form in WRITERS]
     assert kinds == [*expected, ("humanoid", "urdf")]
     written = {Path(str(record["path"])).name for record in files}
     notes = {f"walk-{what}{end}.provenance.json" for what in SUBJECTS for end in ("", ".deepmimic")}

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import sys
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
@@ -176,3 +177,27 @@ def test_the_list_says_how_well_each_does(shelf: Path) -> None:
     printed = " ".join(invoke([]).output.split())
     assert "600/600" in printed and "12/13" in printed and "a made-up walk" in printed
     assert "asks for the recording" in printed
+
+
+def test_onnx_is_left_out_of_all_where_it_cannot_be_had(
+    shelf: Path, tmp_path: Path, walk: Motion, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    invoke = partial(CliRunner().invoke, export.command, catch_exceptions=False)
+    run = write_run(tmp_path / "run", walk)
+    monkeypatch.delitem(sys.modules, "kinemimic.train.export_onnx", raising=False)
+    monkeypatch.setitem(sys.modules, "onnx", None)
+    with pytest.raises(KinemimicError, match=r"onnx is not installed; pip install 'kinemimic\[onnx\]'"):
+        invoke(["--run", str(run), "--format", "onnx"])
+    monkeypatch.setattr(export, "find_spec", lambda _: None)
+    told = json.loads(invoke(["--run", str(run), "--json"]).output)
+    assert "json" in {one["format"] for one in told}
+    assert "onnx" not in {one["format"] for one in told}
+
+
+def test_onnx_of_a_run_without_a_policy_is_one_clear_line(shelf: Path, tmp_path: Path, walk: Motion) -> None:
+    invoke = partial(CliRunner().invoke, export.command, catch_exceptions=False)
+    run = write_run(tmp_path / "run", walk)
+    (run / POLICY).unlink()
+    with pytest.raises(KinemimicError, match=r"policy\.safetensors: expected a policy"):
+        invoke(["--run", str(run), "--format", "onnx"])
+    assert invoke(["--from", "walk.mcap", "--format", "onnx"]).exit_code == 2
