@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from kinemimic.pipeline.skeleton import NODE_INDEX, NODES
+from kinemimic.pipeline.store import content_hash
 
 Array = NDArray[np.float64]
 
@@ -110,6 +111,15 @@ def node_offsets() -> Array:
             f"foot_{side}": (0.12, 0, -0.025),
         }
     return np.array([offsets[node] for node in NODES], dtype=np.float64)
+
+
+def body_identity() -> str:
+    """Content hash of all that a policy learns to drive: lengths, masses, motors."""
+    numbers = [
+        (*body.size, body.mass, *body.center, body.stiffness, body.damping, body.torque_limit)
+        for body in BODIES
+    ]
+    return content_hash({"bodies": np.array(numbers, dtype=np.float64), "offsets": node_offsets()})
 
 
 def sole_corners() -> Array:

@@ -14,12 +14,13 @@ from safetensors.numpy import load_file, save_file
 
 from kinemimic.pipeline.errors import KinemimicError
 from kinemimic.pipeline.store import atomic, read_json, write_json
+from kinemimic.retarget.body import body_identity
 from kinemimic.train.config import TrainConfig
 from kinemimic.train.env import ACTIONS, observation_size
 
 Floats = NDArray[np.float32]
 
-POLICY_SCHEMA = 1
+POLICY_SCHEMA = 2
 OBSERVATION_CLIP = 8.0
 
 
@@ -81,7 +82,7 @@ class Policy:
         """`path` (.safetensors) and beside it the record (.json): configuration, samples, provenance."""
         with atomic(path) as temporary:
             save_file(self.tensors(), temporary)
-        write_json(path.with_suffix(".json"), {"schema": POLICY_SCHEMA, **record})
+        write_json(path.with_suffix(".json"), {**record, "schema": POLICY_SCHEMA, "body": body_identity()})
 
     @classmethod
     def load(cls, path: Path) -> tuple[Policy, dict[str, Any]]:
@@ -89,9 +90,14 @@ class Policy:
         record = read_json(path.with_suffix(".json"))
         if not isinstance(record, dict) or record.get("schema") != POLICY_SCHEMA:
             raise KinemimicError(f"{path.with_suffix('.json')}: expected a policy of schema {POLICY_SCHEMA}")
-        for key in ("config", "provenance"):
+        for key in ("config", "provenance", "body"):
             if key not in record:
                 raise KinemimicError(f"{path.with_suffix('.json')}: expected the key {key!r}, found none")
+        if record["body"] != body_identity():
+            raise KinemimicError(
+                f"{path}: expected a policy for this version's body, found one that learnt on another "
+                "(other lengths, masses or motors), on which it would fall; train again"
+            )
         try:
             tensors = load_file(path)
         except (OSError, SafetensorError) as error:

@@ -8,6 +8,7 @@ import pytest
 import torch
 
 from kinemimic.pipeline.errors import KinemimicError
+from kinemimic.retarget import body
 from kinemimic.train.config import PRESETS
 from kinemimic.train.env import ACTIONS, OBSERVATIONS, observation_size
 from kinemimic.train.networks import ActorCritic, Normalizer, export
@@ -79,3 +80,16 @@ def test_a_record_that_lacks_its_configuration_is_refused(tmp_path: Path, learne
     export(*learner).save(tmp_path / "p.safetensors", {"provenance": {}})
     with pytest.raises(KinemimicError, match="expected the key 'config'"):
         Policy.load(tmp_path / "p.safetensors")
+
+
+def test_a_policy_of_another_body_is_refused(
+    tmp_path: Path, learner, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Its corrections are angles that other motors turn into other torques."""
+    stronger = tuple(replace(one, stiffness=2.0 * one.stiffness) for one in body.BODIES)
+    path = tmp_path / "p.safetensors"
+    export(*learner).save(path, RECORD)
+    Policy.load(path)
+    monkeypatch.setattr(body, "BODIES", stronger)
+    with pytest.raises(KinemimicError, match="this version's body.*train again"):
+        Policy.load(path)
