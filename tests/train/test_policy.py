@@ -91,5 +91,5 @@ def test_a_policy_of_another_body_is_refused(
     export(*learner).save(path, RECORD)
     Policy.load(path)
     monkeypatch.setattr(body, "BODIES", stronger)
-    with pytest.raises(KinemimicError, match="this version's body.*train again"):
+    with pytest.raises(KinemimicError, match=r"this version's body.*train again"):
         Policy.load(path)
