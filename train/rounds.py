@@ -85,9 +85,11 @@ class Rounds:
                 while not (interruption.asked or is_complete(self._training, self._seconds)):
                     if self._wants_trial():
                         self._try(board)
-                        continue
-                    self._round(board, bar)
-                    if time.monotonic() - saved > CHECKPOINT_SECONDS:
+                    else:
+                        self._round(board, bar)
+                    # A trial that is due belongs into the checkpoint: its curves are logged once.
+                    late = time.monotonic() - saved > CHECKPOINT_SECONDS
+                    if late and not self._wants_trial():
                         self._save(board)
                         saved = time.monotonic()
                 if state.rounds:
