@@ -1,4 +1,7 @@
-"""Settings of a training, and the presets: `default`, what walks best, `robust`, what is hard to fell, and `paper`, as printed."""
+"""Settings of a training, and the presets.
+
+`default` is what follows its reference best, `robust` what is hard to fell, `paper` what is printed.
+"""
 
 from __future__ import annotations
 
@@ -165,8 +168,8 @@ class TrainConfig:
 
 PRESETS: dict[str, TrainConfig] = {
     "default": TrainConfig(),
-    # For whoever is pushed, slips, weighs more or reacts late. It looks further ahead, strays further before an
-    # episode ends, and its joints follow less closely: what it is trained for costs fit (README).
+    # For whoever is pushed, slips, weighs more or reacts late. An episode bears more before it ends, and more
+    # of what comes later counts; what it is trained for costs fit (README).
     "robust": TrainConfig(
         preset="robust",
         env=EnvConfig(

@@ -26,7 +26,7 @@ def test_what_does_not_fit_is_refused_by_name() -> None:
     del value["env"]["preview"]
     with pytest.raises(KinemimicError, match="preview"):
         TrainConfig.from_json(value)
-    with pytest.raises(KinemimicError, match="default, paper"):
+    with pytest.raises(KinemimicError, match="default, robust, paper"):
         preset("none")
 
 
