@@ -14,7 +14,6 @@ from kinemimic.pipeline.rotations import (
     conjugate,
     from_rotvec,
     multiplier,
-    multiply,
     rotate,
     to_six,
 )
@@ -185,12 +184,10 @@ class ImitationBatch:
 
     def _targets(self, at: Array) -> tuple[Array, Array]:
         """What the stable PD follows without a correction: rotations (..., 14, 4), speeds (..., 14, 3)."""
-        config = self.config
-        joints, velocities = self.reference.joints(at)
+        config, reference = self.config, self.reference
+        joints, velocities = reference.targets(at) if config.torque_feedforward else reference.joints(at)
         if not config.residual:
             joints = np.broadcast_to(IDENTITY, joints.shape)
-        elif config.torque_feedforward:
-            joints = multiply(joints, from_rotvec(self.reference.leads(at)))
         return joints, velocities if config.velocity_feedforward else np.zeros_like(velocities)
 
     def _correction(self, actions: Array) -> Array:

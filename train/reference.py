@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.interpolate import CubicSpline
+from scipy.interpolate import CubicSpline, interp1d
 
 from kinemimic.pipeline.clip import forward_kinematics
 from kinemimic.pipeline.rotations import (
     conjugate,
+    continuous,
+    from_rotvec,
     multiply,
     normalize,
     rotate,
@@ -60,8 +62,10 @@ class Reference:
             ],
             axis=-1,
         )
-        self._joints = np.concatenate([joints, self._turn(joints, step, world=False)], axis=-1)
-        self._leads = self._table_of_leads()
+        speeds = self._turn(joints, step, world=False)
+        self._joints = np.concatenate([joints, speeds], axis=-1)
+        led = continuous(multiply(joints, from_rotvec(self._leads(phase))))
+        self._targets = np.concatenate([led, speeds], axis=-1)
 
     def _rate(self, values: Array, step: float, offset: Array) -> Array:
         if self.cyclic:
@@ -81,14 +85,25 @@ class Reference:
             width[[0, -1]] = step
         return np.asarray(change / width.reshape(-1, *([1] * (q.ndim - 1))))
 
-    def _table_of_leads(self) -> Array:
-        rows = max(2, round(self.duration * _EFFORT_RATE) + 1)
-        phase, step = np.linspace(0.0, 1.0, rows), 1.0 / (_EFFORT_RATE * self.duration)
-        now, before, after = (self.bodies(phase + k * step) for k in (0, -1, 1))
-        rate = 0.5 * _EFFORT_RATE
-        found = efforts(now, rate * (after.linear - before.linear), rate * (after.angular - before.angular))
-        limits = np.array([[_LARGEST_SHARE * body.torque_limit] for body in BODIES[1:]])
-        return np.clip(found.torques, -limits, limits) / np.array([[body.stiffness] for body in BODIES[1:]])
+    def _leads(self, phase: Array) -> Array:
+        """How far (N, 14, 3) at phases (N,), as rotation vectors, a target has to lead its joint so that the
+        stable PD's stiffness gives the torque that the motion takes there."""
+        at = np.linspace(0.0, 1.0, max(2, round(self.duration * _EFFORT_RATE) + 1))
+        step = 1.0 / (_EFFORT_RATE * self.duration)
+        first, last = at - step, at + step
+        if not self.cyclic:
+            # Nothing is known of before and after.
+            first, last = np.maximum(first, 0.0), np.minimum(last, 1.0)
+        before, after = self.bodies(first), self.bodies(last)
+        rate = 1.0 / ((last - first) * self.duration)[:, None, None]
+        found = efforts(
+            self.bodies(at), rate * (after.linear - before.linear), rate * (after.angular - before.angular)
+        )
+        limits, stiffness = (
+            np.array([[getattr(body, name)] for body in BODIES[1:]]) for name in ("torque_limit", "stiffness")
+        )
+        leads = np.clip(found.torques, -_LARGEST_SHARE * limits, _LARGEST_SHARE * limits) / stiffness
+        return np.asarray(interp1d(at, leads, axis=0)(phase))
 
     def _sample(self, table: Array, phase: Array) -> Array:
         """Rows (..., table's own shape) at phases (...), linear between those of the table."""
@@ -149,10 +164,12 @@ class Reference:
         self._stop(row[..., 4:7], phase)
         return normalize(row[..., 0:4]), row[..., 4:7]
 
-    def leads(self, phase: Array) -> Array:
-        """How far (..., 14, 3), as rotation vectors, the stable PD's targets lead `joints(phase)`: enough for
-        its stiffness to give the torques that the motion takes."""
-        return self._sample(self._leads, phase)
+    def targets(self, phase: Array) -> tuple[Array, Array]:
+        """What the stable PD is to follow, in the form of `joints`: rotations ahead of the reference's by as
+        much as gives the torques that the motion takes, and the reference's velocities."""
+        row = self._sample(self._targets, phase)
+        self._stop(row[..., 4:7], phase)
+        return normalize(row[..., 0:4]), row[..., 4:7]
 
 
 def _resample(motion: Motion, phase: Array) -> tuple[Array, Array]:

@@ -5,9 +5,16 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from kinemimic.pipeline.rotations import IDENTITY, angle_between, from_axis_angle, from_rotvec, multiply
+from kinemimic.pipeline.rotations import (
+    IDENTITY,
+    angle_between,
+    conjugate,
+    from_axis_angle,
+    multiply,
+    to_rotvec,
+)
 from kinemimic.pipeline.skeleton import NODE_INDEX, NODES
-from kinemimic.retarget.body import BODY_INDEX, STANDING_HEIGHT, TOTAL_MASS
+from kinemimic.retarget.body import BODIES, BODY_INDEX, STANDING_HEIGHT, TOTAL_MASS
 from kinemimic.retarget.motion import Motion
 from kinemimic.train.dynamics import Efforts, efforts
 from kinemimic.train.engines import open_world
@@ -91,8 +98,8 @@ def test_the_feed_forward_makes_the_engine_hold_a_pose(engine: str) -> None:
     carried = np.zeros((1, 15, 6))
     carried[0, 0, 2] = WEIGHT
     sag = []
-    for leads in (np.zeros((1, 14, 3)), reference.leads(start)):
-        targets = np.repeat(multiply(wanted, from_rotvec(leads))[:, None], SUBSTEPS, axis=1)
+    for rotations in (wanted, reference.targets(start)[0]):
+        targets = np.repeat(rotations[:, None], SUBSTEPS, axis=1)
         world.reset(np.array([0]), reference.poses(start))
         for _ in range(15):
             states = world.step(targets, np.repeat(speeds[:, None], SUBSTEPS, axis=1), carried)
@@ -102,10 +109,25 @@ def test_the_feed_forward_makes_the_engine_hold_a_pose(engine: str) -> None:
     assert sag[1] < 0.5 * sag[0]
 
 
-def test_leads_are_bounded_and_close_over_the_loop(motion: Motion) -> None:
-    """Never more than 0.7 of a joint's torque limit over its stiffness, and the same in every lap."""
-    reference = Reference(motion)
-    phases = np.linspace(0.0, 1.0, 50)
-    leads = reference.leads(phases)
-    np.testing.assert_allclose(leads, reference.leads(phases + 3.0), atol=1e-9)
-    assert np.abs(leads[:, BODY_INDEX["thigh_left"] - 1]).max() <= 0.7 * 200 / 500 + 1e-12
+def test_targets_lead_no_further_than_motors_reach_and_close_over_the_loop(motion: Motion) -> None:
+    """Never by more than 0.7 of a joint's torque limit over its stiffness; alike in every lap."""
+    reference, phases = Reference(motion), np.linspace(0.0, 1.0, 50)
+    targets, speeds = reference.targets(phases)
+    joints = reference.joints(phases)
+    np.testing.assert_allclose(targets, reference.targets(phases + 3.0)[0], atol=1e-9)
+    np.testing.assert_array_equal(speeds, joints[1])
+    lead = to_rotvec(multiply(conjugate(joints[0]), targets))
+    most = np.array([0.7 * body.torque_limit / body.stiffness for body in BODIES[1:]])
+    assert (np.abs(lead).max(axis=(0, 2)) <= most * 1.01).all()
+    assert np.abs(lead).max() > 0.02
+
+
+def test_a_pose_that_is_held_at_the_end_is_led_as_one_that_is_held() -> None:
+    """The last frame goes on for ever: nothing slows down into it, nothing is lifted."""
+    reference = Reference(held(shoulder_left=-np.pi / 2))
+    shoulder = GRAVITY * (1.6 * 0.15 + 1.0 * 0.425 + 0.8 * 0.59)
+    for phase in (0.0, 0.5, 1.0, 1.7):
+        at = np.array([phase])
+        lead = to_rotvec(multiply(conjugate(reference.joints(at)[0]), reference.targets(at)[0]))
+        arm = lead[0, BODY_INDEX["upper_arm_left"] - 1]
+        np.testing.assert_allclose(arm, [0.0, -shoulder / 400.0, 0.0], atol=1e-4)

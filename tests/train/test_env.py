@@ -140,8 +140,7 @@ def test_targets_are_the_reference_at_every_substep_times_the_correction(motion:
         correction = from_rotvec((actions[k] * ACTION_SCALE).reshape(14, 3))
         for substep in range(SUBSTEPS):
             at = np.array([phase + (substep + 1) * TIME_STEP / reference.duration])
-            led = multiply(reference.joints(at)[0][0], from_rotvec(reference.leads(at)[0]))
-            wanted = multiply(led, correction)
+            wanted = multiply(reference.targets(at)[0][0], correction)
             np.testing.assert_allclose(world.targets[k, substep], wanted, atol=1e-13)
 
 
@@ -226,7 +225,7 @@ def test_a_late_correction_comes_after_the_one_before(motion: Motion, puppets) -
     batch.step(one)
     batch.step(other)
     at = batch.phases[0] + (np.arange(1, SUBSTEPS + 1) - SUBSTEPS) * TIME_STEP / reference.duration
-    led = multiply(reference.joints(at)[0], from_rotvec(reference.leads(at)))
+    led = reference.targets(at)[0]
     for k, begins in ((0, 0), (1, 3)):
         turns = [from_rotvec((a[k] * ACTION_SCALE).reshape(14, 3)) for a in (one, other)]
         np.testing.assert_allclose(world.targets[k, :begins], multiply(led[:begins], turns[0]), atol=1e-12)
