@@ -1,9 +1,10 @@
-"""A progress bar with rate and time left, on stderr, for a person at a terminal."""
+"""Progress bars with rate and time left, on stderr, for a person at a terminal."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
+from contextvars import ContextVar
 
 import click
 from rich.console import Console
@@ -21,11 +22,17 @@ class _Rate(ProgressColumn):
         return Text(f"{speed:,.0f}/s" if speed >= 10 else f"{speed:.2g}/s")
 
 
+# What another process of ours, which draws nothing, is told of a bar: its description, the units done so far,
+# and the newest numbers beside it.
+Listener = Callable[[str, float, Mapping[str, object]], object]
+_listener: ContextVar[Listener | None] = ContextVar("listener", default=None)
+
+
 class Bar:
     """What `progress` hands out: count forward, and show the newest numbers beside the bar."""
 
-    def __init__(self, bars: Progress, task: TaskID) -> None:
-        self._bars, self._task = bars, task
+    def __init__(self, drawn: Progress, task: TaskID) -> None:
+        self._drawn, self._task = drawn, task
 
     def advance(self, n: float = 1, **fields: object) -> None:
         """Count n units further; `fields` (reward=0.83) stand beside it until replaced."""
@@ -33,17 +40,44 @@ class Bar:
             note = "  ".join(
                 f"{k} {v:.3g}" if isinstance(v, float) else f"{k} {v}" for k, v in fields.items()
             )
-            self._bars.update(self._task, advance=n, note=note)
+            self._drawn.update(self._task, advance=n, note=note)
         else:
-            self._bars.update(self._task, advance=n)
+            self._drawn.update(self._task, advance=n)
+
+    def remove(self) -> None:
+        """Take it off the screen."""
+        self._drawn.remove_task(self._task)
+
+
+class _Overheard(Bar):
+    """A bar that is drawn elsewhere."""
+
+    def __init__(self, listener: Listener, description: str) -> None:
+        self._listener, self._description, self._done = listener, description, 0.0
+
+    def advance(self, n: float = 1, **fields: object) -> None:
+        self._done += n
+        self._listener(self._description, self._done, fields)
+
+
+class Bars:
+    """Several bars below each other."""
+
+    def __init__(self, drawn: Progress) -> None:
+        self._drawn = drawn
+
+    def add(self, description: str, total: float) -> Bar:
+        """One more, from 0 to `total` units."""
+        return Bar(self._drawn, self._drawn.add_task(description, total=total, note=""))
+
+    def say(self, text: str) -> None:
+        """A line that stays, above the bars; to stderr, whether bars are drawn or not."""
+        self._drawn.console.print(text, markup=False, highlight=False, soft_wrap=True)
 
 
 @contextmanager
-def progress(description: str, total: float) -> Iterator[Bar]:
-    """A bar from 0 to `total` units: `with progress("train", budget) as bar: bar.advance(4096, reward=0.8)`.
-
-    Silent when stderr is no terminal and under a command's --json.
-    """
+def bars() -> Iterator[Bars]:
+    """Several bars. Silent when stderr is no terminal and under a command's --json."""
     console = Console(stderr=True)
     columns = (
         TextColumn("{task.description}"),
@@ -60,8 +94,31 @@ def progress(description: str, total: float) -> Iterator[Bar]:
         disable=not console.is_terminal or _json_requested(),
         redirect_stdout=False,
         redirect_stderr=False,
-    ) as bars:
-        yield Bar(bars, bars.add_task(description, total=total, note=""))
+    ) as drawn:
+        yield Bars(drawn)
+
+
+@contextmanager
+def progress(description: str, total: float) -> Iterator[Bar]:
+    """A bar from 0 to `total` units: `with progress("train", budget) as bar: bar.advance(4096, reward=0.8)`.
+
+    Silent when stderr is no terminal and under a command's --json.
+    """
+    if (listener := _listener.get()) is not None:
+        yield _Overheard(listener, description)
+        return
+    with bars() as several:
+        yield several.add(description, total)
+
+
+@contextmanager
+def overheard(listener: Listener) -> Iterator[None]:
+    """In here `progress` draws nothing and tells the listener."""
+    token = _listener.set(listener)
+    try:
+        yield
+    finally:
+        _listener.reset(token)
 
 
 def _json_requested() -> bool:

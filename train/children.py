@@ -55,7 +55,7 @@ def spread(
     results: list[Result] = []
     others = set(multiprocessing.active_children())
     context = multiprocessing.get_context("spawn")
-    with ProcessPoolExecutor(count, mp_context=context, initializer=_end_with_parent) as pool:
+    with ProcessPoolExecutor(count, mp_context=context, initializer=end_with_parent) as pool:
         with inherited():
             done = pool.map(work, tasks)
         try:
@@ -76,7 +76,7 @@ def spread(
     return results
 
 
-def _end_with_parent() -> None:
+def end_with_parent() -> None:
     """Let this process end with its parent: a killed one closes no queue, and it would wait for ever."""
     parent = multiprocessing.parent_process()
 

@@ -19,7 +19,7 @@ from kinemimic.retarget.motion import Motion
 from kinemimic.train import checkpoint
 from kinemimic.train.budget import MINUTES, samples
 from kinemimic.train.checkpoint import Training
-from kinemimic.train.config import PRESETS, preset
+from kinemimic.train.config import PRESETS, TrainConfig, preset
 from kinemimic.train.engines import ENGINES, resolve
 from kinemimic.train.ppo import Learner
 from kinemimic.train.rounds import Rounds, is_complete
@@ -44,6 +44,7 @@ def train(
     engine: str = "auto",
     resume: bool = True,
     anyway: bool = False,
+    config: TrainConfig | None = None,
 ) -> dict[str, Any]:
     """Train on run/motion.json for `budget` samples, in whole rounds; returns the policy's record.
 
@@ -56,12 +57,14 @@ def train(
     workers: processes that simulate, by default one for every core. They are spawned: a script of one's
     own calls this below `if __name__ == "__main__"`. engine: of `engines.py`. One may go on with another
     engine or another number of workers, but only with the same ones to the last bit.
+    config: settings of one's own, seed and budget among them, in place of a preset and a seed.
     """
     watch = Stopwatch()
     engine = resolve(engine)
     motion = motion_from_json(run / "motion.json")
     admit(run, anyway=anyway)
-    config = preset(preset_name, seed=seed)
+    if config is None:
+        config = preset(preset_name, seed=seed)
     if budget is not None:
         config = replace(config, budget=budget)
     if config.budget < 1:

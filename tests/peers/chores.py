@@ -1,0 +1,30 @@
+"""What processes of `side_by_side` are given to do in tests: a module that they can import."""
+
+from __future__ import annotations
+
+import os
+import time
+from pathlib import Path
+
+from kinemimic.pipeline.errors import KinemimicError
+from kinemimic.pipeline.progress import progress
+from kinemimic.train.interruption import deferred
+
+
+def chore(task: str) -> None:
+    """`bad` fails, `gone` vanishes, `bug` is a bug; `wait PATH` waits to be asked to end, and saves PATH."""
+    kind, _, path = task.partition(" ")
+    with progress("chore", 2) as bar:
+        bar.advance(1, reward=0.5)
+        if kind == "bad":
+            raise KinemimicError("expected good, found bad")
+        if kind == "gone":
+            os._exit(7)
+        if kind == "wait":
+            with deferred() as interruption:
+                Path(path).with_suffix(".begun").touch()
+                while not interruption.asked:
+                    time.sleep(0.01)
+                Path(path).touch()
+                raise KeyboardInterrupt
+        bar.advance(1)
