@@ -9,6 +9,8 @@ import json
 from dataclasses import asdict, dataclass, field, fields, replace
 from typing import Any
 
+import numpy as np
+
 from kinemimic.pipeline.errors import KinemimicError
 
 # Weights of the joints in the pose error, by the body that the joint carries; they sum to one.
@@ -84,6 +86,20 @@ class EnvConfig:
     hardships: Hardships = field(default_factory=Hardships)
 
 
+# A number that changes with the samples: (samples, value) points, linear between them, constant beyond.
+Schedule = tuple[tuple[int, float], ...]
+
+
+def scheduled_at(schedule: Schedule, samples: int) -> float:
+    """The value after so many samples."""
+    at, values = zip(*schedule, strict=True)
+    return float(np.interp(samples, at, values))
+
+
+def _schedule(points: list[list[float]]) -> Schedule:
+    return tuple((int(samples), float(value)) for samples, value in points)
+
+
 @dataclass(frozen=True)
 class TrainConfig:
     """PPO: see `ppo.py` for what each number does."""
@@ -92,7 +108,7 @@ class TrainConfig:
     env: EnvConfig = field(default_factory=EnvConfig)
     hidden: tuple[int, ...] = (512, 256)
     environments: int = 64
-    horizon: int = 32
+    horizon: int = 64
     minibatch: int = 512
     passes: int = 8
     clip: float | None = 0.2
@@ -106,15 +122,14 @@ class TrainConfig:
     discount: float = 0.95
     gae_lambda: float = 0.95
     learn_noise: bool = False
-    noise_start: float = 0.15
-    noise_end: float = 0.05
-    noise_samples: int = 550_000
-    # Reward scales that grow to these values between two numbers of samples: a gentle pose term learns to
-    # walk sooner, a tight one then fits the joints, which a walk that cannot fall any more can afford.
-    tighten: dict[str, float] = field(default_factory=lambda: {"pose": 32.0})
-    tighten_samples: tuple[int, int] = (450_000, 700_000)
-    # From none of the hardships to all of them: who cannot walk yet learns nothing from being pushed.
-    harden_samples: tuple[int, int] = (0, 0)
+    noise: Schedule = ((0, 0.08), (550_000, 0.04), (1_500_000, 0.02))
+    # Reward scales that change: a gentle pose term learns to walk sooner, a tight one then fits the joints,
+    # which a walk that cannot fall any more can afford.
+    scales: dict[str, Schedule] = field(
+        default_factory=lambda: {"pose": ((450_000, 8.0), (700_000, 32.0), (1_500_000, 64.0))}
+    )
+    # Of the hardships, 0 to 1: who cannot walk yet learns nothing from being pushed.
+    strength: Schedule = ((0, 0.0),)
     entropy: float = 0.0
     entropy_decay: float = 1.0
     budget: int = 1_000_000
@@ -127,16 +142,13 @@ class TrainConfig:
 
     def reward(self, samples: int) -> RewardConfig:
         """The reward in force after so many samples."""
-        first, last = self.tighten_samples
-        share = min(max((samples - first) / (last - first), 0.0), 1.0)
-        scales = self.env.reward.scales
-        grown = {name: scales[name] + share * (end - scales[name]) for name, end in self.tighten.items()}
-        return replace(self.env.reward, scales={**scales, **grown})
+        scheduled = {name: scheduled_at(schedule, samples) for name, schedule in self.scales.items()}
+        return replace(self.env.reward, scales={**self.env.reward.scales, **scheduled})
 
-    def strength(self, samples: int) -> float:
-        """Of the hardships after so many samples, 0 to 1."""
-        first, last = self.harden_samples
-        return min(max((samples - first) / max(last - first, 1), 0.0), 1.0)
+    @property
+    def final_reward(self) -> RewardConfig:
+        """The reward that the schedules end with."""
+        return self.reward(max((schedule[-1][0] for schedule in self.scales.values()), default=0))
 
     def to_json(self) -> dict[str, Any]:
         """JSON values that `from_json` reads back."""
@@ -156,11 +168,13 @@ class TrainConfig:
                     for name, item in env["hardships"].items()
                 }
             )
-            known, lists = {f.name for f in fields(cls)}, ("hidden", "tighten_samples", "harden_samples")
-            plain = {key: item for key, item in value.items() if key in known - {"env", *lists}}
-            tuples: dict[str, Any] = {name: tuple(value[name]) for name in lists}
-            return cls(env=EnvConfig(**env), **tuples, **plain)
-        except (KeyError, TypeError) as error:
+            plain = {f.name: value[f.name] for f in fields(cls) if f.name != "env"}
+            plain["hidden"] = tuple(plain["hidden"])
+            plain["scales"] = {name: _schedule(points) for name, points in plain["scales"].items()}
+            for name in ("noise", "strength"):
+                plain[name] = _schedule(plain[name])
+            return cls(env=EnvConfig(**env), **plain)
+        except (KeyError, TypeError, ValueError) as error:
             raise KinemimicError(
                 f"expected a training configuration, found one that does not fit: {error}"
             ) from None
@@ -187,8 +201,8 @@ PRESETS: dict[str, TrainConfig] = {
             ),
         ),
         discount=0.97,
-        noise_end=0.07,
-        harden_samples=(600_000, 1_500_000),
+        noise=((0, 0.08), (550_000, 0.05)),
+        strength=((600_000, 0.0), (1_500_000, 1.0)),
         budget=2_000_000,
     ),
     # Nets, rates, discount, batch, passes, clip and entropy as printed; one batch a pass; KL target η and the
@@ -205,7 +219,6 @@ PRESETS: dict[str, TrainConfig] = {
             torque_feedforward=False,
         ),
         hidden=(1024, 512),
-        horizon=64,
         minibatch=4096,
         passes=10,
         kl_penalty=True,
@@ -213,7 +226,7 @@ PRESETS: dict[str, TrainConfig] = {
         adapt_rate=False,
         discount=0.99,
         learn_noise=True,
-        tighten={},
+        scales={},
         entropy=0.01,
         entropy_decay=0.95,
         budget=1_000_000,

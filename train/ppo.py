@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from torch import Tensor
 
 from kinemimic.train.advantages import advantages
-from kinemimic.train.config import TrainConfig
+from kinemimic.train.config import TrainConfig, scheduled_at
 from kinemimic.train.env import ACTIONS, observation_size
 from kinemimic.train.mlp import Mlp
 from kinemimic.train.networks import ActorCritic, Normalizer
@@ -79,7 +79,7 @@ class Learner:
         self.config = config
         torch.manual_seed(config.seed)
         size = observation_size(config.env)
-        self.net = ActorCritic(size, ACTIONS, config.hidden, config.noise_start)
+        self.net = ActorCritic(size, ACTIONS, config.hidden, scheduled_at(config.noise, 0))
         self.normalizer = Normalizer(size)
         actor = [self.net.actor.parameters] + ([self.net.log_noise] if config.learn_noise else [])
         self.actor_optimizer = torch.optim.Adam(actor, config.actor_rate, fused=True)
@@ -93,8 +93,7 @@ class Learner:
         """Standard deviation (A,) of the exploration: scheduled over samples, or what was learnt."""
         c = self.config
         if not c.learn_noise:
-            share = min(self.progress.samples / c.noise_samples, 1.0)
-            self.net.log_noise.fill_(math.log(c.noise_start + (c.noise_end - c.noise_start) * share))
+            self.net.log_noise.fill_(math.log(scheduled_at(c.noise, self.progress.samples)))
         noise: Array = self.net.log_noise.exp().numpy()
         return noise
 

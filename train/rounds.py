@@ -12,6 +12,7 @@ from kinemimic.pipeline.progress import Bar, progress
 from kinemimic.retarget.motion import Motion
 from kinemimic.train import checkpoint
 from kinemimic.train.checkpoint import Training
+from kinemimic.train.config import scheduled_at
 from kinemimic.train.interruption import deferred
 from kinemimic.train.networks import export
 from kinemimic.train.rollout import Samples
@@ -121,7 +122,7 @@ class Rounds:
             export(learner.net, learner.normalizer),
             learner.noise(),
             self._config.reward(samples),
-            self._config.strength(samples),
+            scheduled_at(self._config.strength, samples),
             steps,
         )
         self._watch.lap(ROLLOUT)
@@ -162,9 +163,8 @@ class Rounds:
     def _try(self, board: SummaryWriter) -> None:
         training, learner, samples = self._training, self._learner, self._state.samples
         policy = export(learner.net, learner.normalizer)
-        # Under the scales that the schedule ends with, so that early and late trials compare.
-        reward = self._config.reward(max(self._config.tighten_samples))
-        attempts = self._crew.attempts(policy, reward, start_phases(self._motion))
+        # Under the scales that the schedules end with, so that early and late trials compare.
+        attempts = self._crew.attempts(policy, self._config.final_reward, start_phases(self._motion))
         self._spent(TRIAL)
         trial = Trial.of_attempts(attempts, samples=samples, seconds=sum(self._state.seconds_by.values()))
         training.trials.append(trial)

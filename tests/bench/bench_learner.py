@@ -40,7 +40,7 @@ def made_up(config: TrainConfig) -> Samples:
     observations = random.normal(size=(*shape, OBSERVATIONS)).astype(np.float32)
     return Samples(
         observations=observations,
-        actions=random.normal(0.0, config.noise_start, (*shape, ACTIONS)).astype(np.float32),
+        actions=random.normal(0.0, config.noise[0][1], (*shape, ACTIONS)).astype(np.float32),
         terms=(0.2 * random.random((*shape, 5))).astype(np.float32),
         terminated=random.random(shape) < 0.01,
         truncated=np.zeros(shape, dtype=bool),

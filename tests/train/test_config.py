@@ -8,7 +8,7 @@ from dataclasses import replace
 import pytest
 
 from kinemimic.pipeline.errors import KinemimicError
-from kinemimic.train.config import POSE_WEIGHTS, PRESETS, TrainConfig, preset
+from kinemimic.train.config import POSE_WEIGHTS, PRESETS, TrainConfig, preset, scheduled_at
 from kinemimic.train.world import FRICTION, LIGHTEST
 
 
@@ -36,16 +36,18 @@ def test_weights_of_pose_and_reward_sum_to_one() -> None:
         assert sum(config.env.reward.weights.values()) == pytest.approx(1.0)
 
 
-def test_scales_and_hardships_grow_between_their_numbers_of_samples() -> None:
-    config = replace(
-        TrainConfig(), tighten={"pose": 32.0}, tighten_samples=(100, 200), harden_samples=(1000, 3000)
-    )
-    first = config.env.reward.scales["pose"]
-    assert [config.reward(n).scales["pose"] for n in (0, 100, 150, 200, 900)] == pytest.approx(
-        [first, first, 0.5 * (first + 32.0), 32.0, 32.0]
-    )
-    assert config.reward(900).scales["height"] == config.env.reward.scales["height"]
-    assert [config.strength(n) for n in (0, 1000, 1500, 3000, 9000)] == [0.0, 0.0, 0.25, 1.0, 1.0]
+def test_a_schedule_is_linear_between_its_points_and_constant_beyond() -> None:
+    schedule = ((100, 8.0), (200, 32.0), (1200, 64.0))
+    found = [scheduled_at(schedule, samples) for samples in (0, 100, 150, 200, 700, 1200, 9999)]
+    assert found == pytest.approx([8.0, 8.0, 20.0, 32.0, 48.0, 64.0, 64.0])
+
+
+def test_scheduled_scales_take_the_place_of_constant_ones() -> None:
+    schedules = {"pose": ((100, 8.0), (300, 24.0)), "path": ((0, 1.0), (900, 4.0))}
+    config = replace(TrainConfig(), scales=schedules)
+    assert config.reward(150).scales == {**config.env.reward.scales, "pose": 12.0, "path": 1.5}
+    assert config.final_reward.scales == {**config.env.reward.scales, "pose": 24.0, "path": 4.0}
+    assert replace(config, scales={}).final_reward == config.env.reward
 
 
 @pytest.mark.parametrize("name", PRESETS)

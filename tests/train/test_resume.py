@@ -37,7 +37,7 @@ HARD = EnvConfig(
 SMALL = replace(
     PRESETS["default"],
     env=HARD,
-    harden_samples=(-1, 0),
+    strength=((0, 1.0),),
     environments=4,
     horizon=16,
     minibatch=32,

@@ -52,12 +52,6 @@ def test_perfect_imitation_earns_the_sum_of_the_weights(bodies: BodyStates, name
     assert sum(config.weights.values()) == pytest.approx(1.0)
 
 
-def test_scales_tighten_between_two_numbers_of_samples() -> None:
-    config = replace(PRESETS["default"], tighten={"pose": 24.0}, tighten_samples=(100, 300))
-    assert [config.reward(n).scales["pose"] for n in (0, 100, 150, 300, 900)] == [8.0, 8.0, 12.0, 24.0, 24.0]
-    assert config.reward(900).scales["height"] == config.env.reward.scales["height"]
-
-
 def test_pose_weights_sum_to_one() -> None:
     assert sum(POSE_WEIGHTS.values()) == pytest.approx(1.0)
 
