@@ -226,6 +226,7 @@ PRESETS: dict[str, TrainConfig] = {
         adapt_rate=False,
         discount=0.99,
         learn_noise=True,
+        noise=((0, 0.15),),
         scales={},
         entropy=0.01,
         entropy_decay=0.95,
