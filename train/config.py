@@ -162,12 +162,11 @@ class TrainConfig:
             env = dict(value["env"])
             env["reward"] = RewardConfig(**env["reward"])
             env["preview"] = tuple(env["preview"])
-            env["hardships"] = Hardships(
-                **{
-                    name: tuple(item) if isinstance(item, list) else item
-                    for name, item in env["hardships"].items()
-                }
-            )
+            ranges: dict[str, Any] = {
+                name: tuple(item) if isinstance(item, list) else item
+                for name, item in env["hardships"].items()
+            }
+            env["hardships"] = Hardships(**ranges)
             plain = {f.name: value[f.name] for f in fields(cls) if f.name != "env"}
             plain["hidden"] = tuple(plain["hidden"])
             plain["scales"] = {name: _schedule(points) for name, points in plain["scales"].items()}

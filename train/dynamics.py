@@ -99,8 +99,9 @@ def efforts(bodies: BodyStates, linear_rate: Array, angular_rate: Array) -> Effo
         found, _ = nnls(system, np.concatenate([wanted[t], np.zeros(4 * len(near))]))
         contact[t, near] = np.einsum("pk,pki->pi", found.reshape(-1, 4), unit)
 
-    np.subtract.at(forces, (slice(None), _OWNER), contact)
-    np.subtract.at(moments, (slice(None), _OWNER), np.cross(places - bodies.positions[:, _OWNER], contact))
+    for point, owner in enumerate(_OWNER):
+        forces[:, owner] -= contact[:, point]
+        moments[:, owner] -= np.cross(places[:, point] - bodies.positions[:, owner], contact[:, point])
     # From the leaves on: what a body needs, it takes from its joint, whose parent then needs that much more.
     force, moment = forces.copy(), moments + np.cross(bodies.positions - joints, forces)
     for index in range(len(BODIES) - 1, 0, -1):
