@@ -10,9 +10,9 @@ from numpy.typing import NDArray
 
 from kinemimic.pipeline.clip import Clip
 from kinemimic.pipeline.errors import KinemimicError
-from kinemimic.pipeline.harmonic import Harmonic, fit_harmonic, walking_direction
+from kinemimic.pipeline.harmonic import PERIODS, Harmonic, fit_harmonic, walking_direction
 from kinemimic.pipeline.skeleton import NODE_INDEX as N
-from kinemimic.retarget.trim import bad_frames, best_window, forward_speed, leg_bones
+from kinemimic.retarget.trim import BONE_SPREAD, bad_frames, best_window, forward_speed, leg_bones
 
 Array = NDArray[np.float64]
 Verdict = Literal["accepted", "warned", "refused"]
@@ -28,6 +28,12 @@ MOST = 0.75
 # as far.
 WALKS, TRAVELS = 0.3, 0.8
 STEPS = 0.12  # m: half the least stride of the ankles in walking on the spot
+# What tells walking from a jump, a kick or a cartwheel that gets as far: the trunk stays upright, one foot
+# goes ahead while the other goes back, and that is most of what happens, or repeats itself.
+UPRIGHT = np.radians(60.0)  # of the trunk from the vertical, in all but the wildest frames
+ALTERNATE = 0.5  # share of the variance of both ankles about the hips that lies in their difference
+LASTS, REPEATS = 0.5, 2.0  # share of the pass; strides
+SEEN_BADLY = 0.2  # share of frames with a leg missing or of another length
 
 
 @dataclass(frozen=True)
@@ -36,7 +42,8 @@ class Pass:
 
     number: as in the clip; frames: indices into the clip; heading: radians from +X; speed: m/s; travel:
     metres from one end of the path to the other, along the heading; harmonic: of the ankles; bad: (frames,)
-    flagged within the pass; reason: why it was not simply accepted.
+    flagged within the pass; reason: why it was not simply accepted; walks: whether that is somebody walking
+    or running, well recorded or not.
     """
 
     number: int
@@ -48,6 +55,7 @@ class Pass:
     verdict: Verdict
     reason: str = ""
     travel: float = 0.0
+    walks: bool = False
 
 
 def study_pass(clip: Clip, number: int, bones: Array) -> Pass:
@@ -93,7 +101,51 @@ def study_pass(clip: Clip, number: int, bones: Array) -> Pass:
     middle = clip.positions[whole][:, [N["hip_left"], N["hip_right"]], :2].mean(axis=1) @ along
     # Not from end to end: single wild frames go anywhere.
     travel = float(np.ptp(np.nanpercentile(middle, (5.0, 95.0))))
-    return Pass(number, frames, heading, speed, harmonic, bad, verdict, reason, travel)
+    timed = verdict == "refused" or PERIODS[0] <= harmonic.period <= PERIODS[1]
+    walks = (
+        timed
+        and _walks(clip, whole, frames, heading, harmonic, bones)
+        and (
+            (abs(speed) > WALKS and travel > TRAVELS)
+            or (
+                verdict != "refused"
+                and harmonic.amplitude > STEPS
+                and _strides(clip, frames, harmonic) > REPEATS
+            )
+        )
+    )
+    return Pass(number, frames, heading, speed, harmonic, bad, verdict, reason, travel, walks)
+
+
+def _walks(
+    clip: Clip,
+    whole: NDArray[np.intp],
+    frames: NDArray[np.intp],
+    heading: float,
+    harmonic: Harmonic,
+    bones: Array,
+) -> bool:
+    """Whether legs and trunk do as in walking in the frames that are left of a whole pass."""
+    # How little is left of a pass that was badly seen is the sensor's doing.
+    lost = ~(np.abs(leg_bones(clip.positions[whole]) / bones - 1.0).max(axis=-1) < BONE_SPREAD)
+    brief = len(frames) < LASTS * len(whole) and _strides(clip, frames, harmonic) < REPEATS
+    if brief and lost.mean() < SEEN_BADLY:
+        return False
+    p = clip.positions[whole]
+    trunk = p[:, N["shoulder_center"]] - p[:, [N["hip_left"], N["hip_right"]]].mean(axis=1)
+    lean = np.arctan2(np.hypot(trunk[:, 0], trunk[:, 1]), trunk[:, 2])
+    if np.isfinite(lean).any() and np.nanpercentile(lean, 95.0) > UPRIGHT:
+        return False
+    p = clip.positions[frames]
+    along = np.array([np.cos(heading), np.sin(heading)])
+    middle = p[:, [N["hip_left"], N["hip_right"]], :2].mean(axis=1)
+    left, right = ((p[:, N[f"ankle_{side}"], :2] - middle) @ along for side in ("left", "right"))
+    apart, together = float(np.nanvar(left - right)), float(np.nanvar(left + right))
+    return apart > ALTERNATE * (apart + together)
+
+
+def _strides(clip: Clip, frames: NDArray[np.intp], harmonic: Harmonic) -> float:
+    return float(np.ptp(clip.times[frames]) / harmonic.period)
 
 
 def _judge(harmonic: Harmonic, times: Array, bad: NDArray[np.bool_]) -> tuple[Verdict, str]:
@@ -140,11 +192,7 @@ def _compare(one: Pass, speed: float, period: float) -> Pass:
 
 def is_gait(passes: list[Pass]) -> bool:
     """Whether somebody walks in any of the passes, well recorded or not: along a path, or on the spot."""
-    return any(
-        (abs(p.speed) > WALKS and p.travel > TRAVELS)
-        or (p.verdict != "refused" and p.harmonic is not None and p.harmonic.amplitude > STEPS)
-        for p in passes
-    )
+    return any(one.walks for one in passes)
 
 
 def usable(passes: list[Pass]) -> tuple[list[Pass], list[str]]:

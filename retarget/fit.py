@@ -6,25 +6,21 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.ndimage import uniform_filter1d
 
 from kinemimic.pipeline import fourier
 from kinemimic.pipeline.clip import Clip
 from kinemimic.pipeline.errors import KinemimicError
 from kinemimic.pipeline.orient import local_rotations
-from kinemimic.pipeline.rotations import IDENTITY, continuous, from_axis_angle, normalize, rotate
+from kinemimic.pipeline.rotations import continuous
 from kinemimic.pipeline.skeleton import NODE_INDEX as N
-from kinemimic.pipeline.skeleton import NODES
 from kinemimic.retarget.ankles import Ankle, normal_feet
-from kinemimic.retarget.contact import ANKLES, RECORDED, planted, soles
 from kinemimic.retarget.cycle import Pass
 from kinemimic.retarget.ground import Path, is_running, lay_path
-from kinemimic.retarget.legs import flat_feet, knees_limited, neutral_feet
-from kinemimic.retarget.loop import STATE_WEIGHTS, Loop, Strides, fit_loop, gather, made_of, with_mirror
+from kinemimic.retarget.legs import knees_limited, neutral_feet
+from kinemimic.retarget.loop import Loop, Strides, fit_loop, gather, with_mirror
 from kinemimic.retarget.motion import Motion, joint_angles
-from kinemimic.retarget.scale import length_scale, pose, stance_width, with_stance_width
-from kinemimic.retarget.trim import leg_bones
-from kinemimic.retarget.trust import RIGID, Trust, assess, believed_frames
+from kinemimic.retarget.scale import length_scale, stance_width, with_stance_width
+from kinemimic.retarget.trust import Trust, assess, believed_frames
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
@@ -146,91 +142,3 @@ def _both_sides_alike(trust: Trust, asymmetry: float, noise: float) -> bool:
     well above the residual of its own strides.
     """
     return not trust.precise and asymmetry < 1.5 * noise
-
-
-@dataclass(frozen=True)
-class PlainFit:
-    """One pass on the body, with what it was made of.
-
-    positions: (M, 20, 3) of the pass, along +X; phase: (M,) of its frames in durations; seen: (T, 20) 0 to 1,
-    how well the sensor saw what each node's rotation is made of; scale: body over person.
-    """
-
-    motion: Motion
-    trust: Trust
-    positions: Array
-    phase: Array
-    seen: Array
-    scale: float
-
-
-def plain_motion(clip: Clip, one: Pass) -> PlainFit:
-    """One pass as it was, on the Table 1 body: for movements that are no gait.
-
-    Frames are put on an even rate and gaps bridged by interpolation between the frames around; the root is
-    scaled by leg length and the ground shifted once.
-    """
-    frames = np.flatnonzero(clip.passes == one.number)
-    if len(frames) < 2:
-        raise KinemimicError(
-            f"retarget: expected at least 2 frames in a pass, found {len(frames)}; record longer"
-        )
-    p = rotate(from_axis_angle("Z", -one.heading), clip.positions[frames])
-    times = clip.times[frames] - clip.times[frames[0]]
-    bones = leg_bones(p)
-    if np.isfinite(bones).all(axis=1).sum() < 2:
-        raise KinemimicError("retarget: expected both legs in at least 2 frames, found them in fewer")
-    rigid = float(np.max(np.nanstd(bones, axis=0) / np.nanmean(bones, axis=0))) < RIGID
-    # Without strides there is nothing to hold the trunk against: it is believed.
-    trust = Trust(rigid, True, True, False, 0.0, (0.0, 0.0), {})
-    local = local_rotations(believed_frames(p, trust))
-    count = max(2, int(times[-1] * RATE + 1e-2) + 1)
-    even = np.arange(count) / RATE
-    rotations = np.tile(IDENTITY, (count, len(NODES), 1))
-    for node in range(len(NODES)):
-        seen = np.isfinite(local[:, node]).all(axis=-1)
-        if seen.sum() >= 2:
-            q = continuous(local[seen, node])
-            rotations[:, node] = normalize(_interpolate(even, times[seen], q))
-    rotations = flat_feet(rotations if rigid else knees_limited(rotations))
-    scale = length_scale(p)
-    middle = 0.5 * (p[:, N["hip_left"]] + p[:, N["hip_right"]])
-    seen = np.isfinite(middle).all(axis=-1)
-    root = scale * _interpolate(even, times[seen], middle[seen])
-    root[:, :2] -= root[0, :2]
-    corners = soles(*pose(rotations, root))
-    root[:, 2] -= float(np.median(corners[..., 2].min(axis=(1, 2))))
-    motion = Motion(
-        rate=RATE,
-        root=root,
-        rotations=continuous(rotations),
-        contacts=_standing(p, times, even, scale, rotations),
-        cyclic=False,
-    )
-    weights = STATE_WEIGHTS[np.where(np.isfinite(p).all(axis=-1), clip.states[frames], 0)]
-    weights = np.stack(
-        [weights[:, [N[node] for node in made_of(name)]].min(axis=1) for name in NODES], axis=1
-    )
-    duration = motion.duration
-    return PlainFit(motion, trust, p, times / duration, _interpolate(even, times, weights), scale)
-
-
-def _standing(positions: Array, times: Array, even: Array, scale: float, rotations: Array) -> Mask:
-    """Which feet stand (T, 2): those whose ankles (M, 20, 3) do, and that low that a sole would touch.
-
-    On the body itself a standing foot slides: its legs have other proportions.
-    """
-    nodes, frames = pose(rotations)
-    below = nodes[:, ANKLES, 2] - soles(nodes, frames)[..., 2].min(axis=-1)
-    ankles = np.empty((len(even), 2, 3))
-    for k, ankle in enumerate(ANKLES):
-        seen = np.isfinite(positions[:, ankle]).all(axis=-1)
-        ankles[:, k] = scale * _interpolate(even, times[seen], positions[seen, ankle])
-    ankles = uniform_filter1d(ankles, max(1, round(TREMOR * RATE)), axis=0, mode="nearest")
-    height = ankles[..., 2] - below
-    speed = np.linalg.norm(np.gradient(ankles[..., :2], 1.0 / RATE, axis=0), axis=-1)
-    return planted(height - np.median(height.min(axis=1)), speed, RECORDED, rate=RATE, cyclic=False)
-
-
-def _interpolate(at: Array, times: Array, values: Array) -> Array:
-    return np.stack([np.interp(at, times, column) for column in values.T], axis=-1)

@@ -2,10 +2,11 @@
 
 A closed form puts each frame on the body by itself. Here all frames are moved together, as little as it
 takes, by Gauss-Newton on one sum of squares: the soles of standing feet at their place on the ground; no
-corner below it; no joint beyond its limits; legs and joints as the closed form has them, to the degree that
-they were seen; corrections (and for a recording as it was, the poses) without jerks. Frames feel each other
-through second differences only, so that the normal equations are banded and cost the same for each frame.
-Root and legs are one chain; arms and trunk, which no ground holds, are refined joint by joint.
+corner below it, nor any other part of the body; no joint beyond its limits; legs and joints as the closed
+form has them, to the degree that they were seen; corrections (and for a recording as it was, the poses)
+without jerks. Frames feel each other through second differences only, so that the normal equations are banded
+and cost the same for each frame. Root and legs are one chain; arms and trunk, which no ground holds, are
+refined joint by joint, before.
 """
 
 from __future__ import annotations
@@ -41,15 +42,18 @@ from kinemimic.retarget.leg_chain import (
     leg_points,
     normal_equations,
 )
-from kinemimic.retarget.limits import HINGES, LIMITS, clamped, swing_twist, swing_twist_jacobian
+from kinemimic.retarget.limit_terms import Limit
+from kinemimic.retarget.limits import HINGES, LIMITS, clamped, swing_twist
 from kinemimic.retarget.motion import Motion
-from kinemimic.retarget.tangent import exponential
+from kinemimic.retarget.one_sided import OneSided
+from kinemimic.retarget.rest import HELD, Rest, corrected
 
 Array = NDArray[np.float64]
 # Of frames of a window, with corrections x (t, n): J'WJ (t, n, n) and J'Wr (t, n).
 Terms = Callable[[Array, slice], tuple[Array, Array]]
 
-ITERATIONS = 5
+# Of a loop, whose closed form is near; and of a recording as it was, which rolls, kneels and lands.
+LOOP_ITERATIONS, ITERATIONS = 5, 8
 # How far each is expected to be off (metres, radians): what the squares are measured by.
 ROOT = (0.02, 0.02, 0.03)
 ROOT_TURNS = np.radians(1.5)
@@ -58,8 +62,6 @@ UPPER = np.radians(4.0)
 NODE = 0.03  # knees and ankles, from the root
 STANDS = 0.002  # a standing corner from its place on the ground
 SINKS = 0.002
-LIMIT = np.radians(0.3)
-MARGIN = np.radians(1.5)  # the limits hold from so far within
 DOUBT = 2.0  # expected deviations, beyond which a correction counts linearly (Huber)
 LEAST_SEEN = 0.05  # weight of a joint that was not seen at all
 # Hz, up to which change is free. A loop is a smooth series: its corrections shall be smooth too. A
@@ -82,19 +84,13 @@ def refine(motion: Motion, seen: Array | None = None) -> Motion:
         return motion
     weights = np.maximum(np.ones((frames, len(NODES))) if seen is None else seen, LEAST_SEEN)
     rotations = motion.rotations.copy()
-    x = _legs(motion, weights)
-    rotations[:, N["hip_center"]] = multiply(rotations[:, N["hip_center"]], from_rotvec(x[:, ROOT_TURN]))
-    for side, hip, knee, ankle in zip(SIDES, HIP, KNEE, ANKLE, strict=True):
-        for joint, begin in (("hip", hip), ("ankle", ankle)):
-            node = N[f"{joint}_{side}"]
-            rotations[:, node] = multiply(rotations[:, node], from_rotvec(x[:, begin : begin + 3]))
-        node = N[f"knee_{side}"]
-        rotations[:, node] = multiply(rotations[:, node], from_axis_angle("Y", x[:, knee]))
     for joint in LIMITS:
         if joint.partition("_")[0] not in ("hip", "knee", "ankle"):
             node = N[joint]
             rotations[:, node] = _joint(motion, joint, weights[:, node])
-    return replace(motion, root=motion.root + x[:, ROOT_POSITION], rotations=continuous(rotations))
+    upper = replace(motion, rotations=rotations)
+    found = corrected(upper, _legs(upper, weights))
+    return replace(found, rotations=continuous(found.rotations))
 
 
 def _legs(motion: Motion, seen: Array) -> Array:
@@ -124,7 +120,9 @@ def _legs(motion: Motion, seen: Array) -> Array:
             bending[:, own] = turn[:, 1:2] if size == 1 else turn
         node_weights[:, k, :, 0] = seen[:, [N[f"knee_{side}"], N[f"ankle_{side}"]]] / NODE**2
     watched = _watched(motion, [f"{joint}_{side}" for joint in ("hip", "knee", "ankle") for side in SIDES])
+    limits = {joint: Limit(joint, frames) for joint in watched}
     anchors = np.zeros((frames, 2, 4, 2))
+    ground, rest = OneSided((frames, 2, 4), HELD), Rest(motion)
 
     def terms(x: Array, window: slice) -> tuple[Array, Array]:
         points, jacobian = leg_jacobian(chain.window(window), x)
@@ -137,7 +135,7 @@ def _legs(motion: Motion, seen: Array) -> Array:
         corners, hold = points[:, :, 2:], standing.hold[window]
         residual[:, :, 2:, :2] = corners[..., :2] - anchors[window]
         residual[:, :, 2:, 2] = corners[..., 2]
-        sinks = (corners[..., 2] < 0.0) / SINKS**2
+        sinks = ground.weight(corners[..., 2], window) / SINKS**2
         weight[:, :, 2:] = hold[..., None] / STANDS**2
         weight[:, :, 2:, 2] = np.maximum(weight[:, :, 2:, 2], sinks)
         square, right = normal_equations(jacobian, residual, weight)
@@ -145,12 +143,16 @@ def _legs(motion: Motion, seen: Array) -> Array:
             side = SIDES.index(joint.rpartition("_")[2])
             begin = {"hip": HIP, "knee": KNEE, "ankle": ANKLE}[joint.partition("_")[0]][side]
             own = slice(begin, begin + (1 if joint in HINGES else 3))
-            held, pull = _limit_terms(joint, motion.rotations[window, N[joint]], x[:, own])
+            held, pull = limits[joint].terms(motion.rotations[window, N[joint]], x[:, own], window)
             square[:, own, own] += held
             right[:, own] += pull
+        held, pull = rest.terms(window, SINKS)
+        square[:, :6, :6] += held
+        right[:, :6] += pull
         return square, right
 
     def place(x: Array) -> None:
+        rest.look(x)
         corners = leg_points(chain, x)[:, :, 2:]
         anchors[:] = standing.anchors(corners, motion.cycle_offset)
 
@@ -166,9 +168,11 @@ def _joint(motion: Motion, joint: str, seen: Array) -> Array:
     if motion.cyclic and not watched:
         return q
 
+    limit = Limit(joint, len(q))
+
     def terms(x: Array, window: slice) -> tuple[Array, Array]:
         if watched:
-            return _limit_terms(joint, q[window], x)
+            return limit.terms(q[window], x, window)
         return np.zeros((*x.shape, size)), np.zeros_like(x)
 
     turn = _bending(q, cyclic=motion.cyclic)
@@ -205,7 +209,7 @@ def _gauss_newton(
     x = np.zeros((frames, n))
     stiffness = _stiffness(CORRECTION_BAND if cyclic else POSE_BAND, rate) / off**2
     at = np.arange(n)
-    for _ in range(ITERATIONS):
+    for _ in range(LOOP_ITERATIONS if cyclic else ITERATIONS):
         if before is not None:
             before(x)
         step = np.empty_like(x)
@@ -263,19 +267,3 @@ def _watched(motion: Motion, joints: list[str]) -> list[str]:
         if (inside < NEAR_LIMIT).any():
             near.append(joint)
     return near
-
-
-def _limit_terms(joint: str, q: Array, x: Array) -> tuple[Array, Array]:
-    """J'WJ (t, k, k) and J'Wr (t, k) of what a joint is beyond its limits with corrections x (t, k)."""
-    least, most = LIMITS[joint][:, 0] + MARGIN, LIMITS[joint][:, 1] - MARGIN
-    if joint in HINGES:
-        turned = multiply(q, from_axis_angle("Y", x[:, 0]))
-        angles, jacobian = swing_twist(turned)[:, 1:2], np.ones((len(x), 1, 1))
-        least, most = least[1:2], most[1:2]
-    else:
-        angles, by_turn = swing_twist_jacobian(multiply(q, from_rotvec(x)))
-        jacobian = by_turn @ exponential(x)[1]
-    beyond = np.minimum(angles - least, 0.0) + np.maximum(angles - most, 0.0)
-    weight = (beyond != 0.0) / LIMIT**2
-    weighted = jacobian * weight[..., None]
-    return np.swapaxes(weighted, -1, -2) @ jacobian, np.einsum("tij,ti->tj", weighted, beyond)

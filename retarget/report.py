@@ -10,11 +10,12 @@ from numpy.typing import NDArray
 from kinemimic.pipeline.angles import ANGLES
 from kinemimic.pipeline.clip import Clip
 from kinemimic.retarget.cycle import Pass
-from kinemimic.retarget.fit import GaitFit, PlainFit
+from kinemimic.retarget.fit import GaitFit
 from kinemimic.retarget.gate import judge
 from kinemimic.retarget.ground import is_running
 from kinemimic.retarget.measure import Measures, measure
 from kinemimic.retarget.motion import Motion, joint_angles
+from kinemimic.retarget.plain import PlainFit
 from kinemimic.retarget.scale import subject
 
 Array = NDArray[np.float64]
@@ -85,15 +86,25 @@ def gait_report(
 
 
 def plain_report(clip: Clip, fit: PlainFit, motion: Motion, one: Pass) -> dict[str, Any]:
-    """The JSON value of gait.json for a movement that is no gait, from its closed form and the final
-    motion.
-    """
+    """The JSON value of gait.json for a pass as it was recorded, from its closed form and final motion."""
+    kind, walk = "motion", {}
+    if fit.strides is not None:
+        speed = float(np.linalg.norm(motion.root[-1, :2] - motion.root[0, :2])) / motion.duration
+        kind = "run" if is_running(speed) else "walk"
+        walk = {
+            "period_s": _n(motion.duration / fit.strides),
+            "cadence_steps_per_min": _n(120.0 * fit.strides / motion.duration),
+            "speed_m_s": _n(speed),
+            "strides": _n(fit.strides),
+        }
     report = {
         "schema": GAIT_SCHEMA,
-        "kind": "motion",
+        "kind": kind,
         "simulated_capture": clip.simulated,
         "cyclic": False,
         "duration_s": _n(motion.duration),
+        **walk,
+        "frames_used": len(fit.frames),
         "range_deg": {name: _range(curve) for name, curve in joint_angles(motion.rotations).items()},
         "pass": one.number,
         "stance_ratio": _stance(motion),
@@ -105,7 +116,7 @@ def plain_report(clip: Clip, fit: PlainFit, motion: Motion, one: Pass) -> dict[s
         },
     }
     told = "nobody walks in this capture: the longest pass is used as it is, without a loop"
-    return _judged(report, [told])
+    return _judged(report, [] if walk else [told])
 
 
 def _judged(report: dict[str, Any], warnings: list[str]) -> dict[str, Any]:

@@ -8,7 +8,6 @@ from pathlib import Path
 from typing import Any
 
 import click
-import numpy as np
 
 from kinemimic.pipeline.clip import Clip
 from kinemimic.pipeline.convert import on_nodes
@@ -16,35 +15,47 @@ from kinemimic.pipeline.errors import KinemimicError
 from kinemimic.pipeline.provenance import provenance
 from kinemimic.pipeline.store import content_hash, read_clip, read_json, write_json, write_text
 from kinemimic.retarget.ankles import ANKLES, Ankle
+from kinemimic.retarget.belt import off_the_belt
 from kinemimic.retarget.captured import Span, captured_angles, read_truth, write_captured
 from kinemimic.retarget.cycle import Pass, is_gait, study_passes, usable
 from kinemimic.retarget.export_json import motion_to_json
 from kinemimic.retarget.export_mcap import write_mcap
-from kinemimic.retarget.fit import fit_gait, plain_motion
+from kinemimic.retarget.fit import fit_gait
 from kinemimic.retarget.ground import path_of
 from kinemimic.retarget.motion import Motion
+from kinemimic.retarget.plain import PlainFit, longest_walk, plain_motion
 from kinemimic.retarget.refine import refine
 from kinemimic.retarget.report import gait_report, plain_report
 
 
 def retarget(
-    run: Path, *, symmetric: bool | None = None, refined: bool = True, ankle: Ankle = "neutral"
+    run: Path,
+    *,
+    symmetric: bool | None = None,
+    refined: bool = True,
+    ankle: Ankle = "neutral",
+    loop: bool | None = None,
 ) -> Motion:
     """Put a converted capture on the Table 1 body and write the results into its run folder.
 
     symmetric: make left and right one by pooling the mirror image half a cycle later; None decides that by
     measurement (`fit.fit_gait`), False keeps a limp. refined: keep feet, ground and joint limits by moving
     all frames together (`refine.refine`); False writes what the closed form gives. ankle: of a walk whose
-    feet no sensor saw (`legs.neutral_feet`, `ankles.normal_feet`). A KinemimicError says why, where somebody
-    walks but no pass can be used.
+    feet no sensor saw (`legs.neutral_feet`, `ankles.normal_feet`). loop: whether strides become a loop; None
+    does so wherever somebody walks, False keeps the longest pass as it was recorded. A KinemimicError says
+    why, where somebody walks but no pass can be used.
     """
     source = read_clip(run / "quaternions.parquet")
     clip, raw = on_nodes(source), on_nodes(read_clip(run / "raw.parquet"))
     truth = read_truth(run / "truth.parquet")
+    clip, belts = off_the_belt(clip)
     passes = study_passes(clip)
     if not passes:
         raise KinemimicError(f"{run}: expected a pass with a person in it, found none; run `ingest` again")
-    if is_gait(passes):
+    walked = is_gait(passes)
+    if loop and not walked:
+        raise KinemimicError(f"{run}: expected a walk to make a loop of, found none; leave out --loop")
+    if walked and loop is not False:
         chosen, warnings = usable(passes)
         fit = fit_gait(clip, chosen, symmetric, ankle=ankle)
         trust, closed = fit.trust, fit
@@ -55,20 +66,22 @@ def retarget(
         report = gait_report(clip, passes, closed, fit, warnings)
         spans = [_stride_span(clip, one) for one in chosen]
     else:
-        longest = max(passes, key=lambda one: int((clip.passes == one.number).sum()))
+        longest = longest_walk(clip, passes) if walked else max(passes, key=lambda one: _frames(clip, one))
         plain = plain_motion(clip, longest)
         trust, motion = plain.trust, plain.motion
         if refined:
             motion = refine(motion, plain.seen)
         report = plain_report(clip, plain, motion, longest)
-        spans = [_whole_span(clip, longest, motion)]
+        spans = [_whole_span(clip, longest, plain)]
+    if belts:
+        report["belt_speed_m_s"] = {str(number): round(speed, 4) for number, speed in belts.items()}
     record = {
         "simulated": clip.simulated,
         "capture": dict(source.provenance),
         **provenance(
             "retarget",
             inputs={"clip": _hash(clip), "raw": _hash(raw)},
-            config={"symmetric": symmetric, "refined": refined, "ankle": ankle},
+            config={"symmetric": symmetric, "refined": refined, "ankle": ankle, "loop": loop},
         ),
     }
     motion = replace(motion, provenance=record)
@@ -94,9 +107,13 @@ def _stride_span(clip: Clip, one: Pass) -> Span:
     return Span(one.number, float(first), float(last), one.heading, one.harmonic.start, one.harmonic.period)
 
 
-def _whole_span(clip: Clip, one: Pass, motion: Motion) -> Span:
-    first, last = clip.times[np.flatnonzero(clip.passes == one.number)[[0, -1]]]
-    return Span(one.number, float(first), float(last), one.heading, float(first), motion.duration)
+def _frames(clip: Clip, one: Pass) -> int:
+    return int((clip.passes == one.number).sum())
+
+
+def _whole_span(clip: Clip, one: Pass, plain: PlainFit) -> Span:
+    first, last = clip.times[plain.frames[[0, -1]]]
+    return Span(one.number, float(first), float(last), one.heading, float(first), plain.motion.duration)
 
 
 def _table(report: dict[str, Any]) -> list[str]:
@@ -120,6 +137,13 @@ def _table(report: dict[str, Any]) -> list[str]:
         scores = {name: f"{value:.3f}" if value is not None else "-" for name, value in r2.items()}
     else:
         scores = {}
+        if report["kind"] != "motion":
+            lines.append(
+                f"  {report['strides']:.1f} strides in {report['duration_s']:.1f} s, "
+                f"{report['cadence_steps_per_min']:.0f} steps/min, {report['speed_m_s']:.2f} m/s"
+            )
+    for number, speed in report.get("belt_speed_m_s", {}).items():
+        lines.append(f"  treadmill  pass {number}: the belt's {speed:.2f} m/s added")
     lines += _measures(report["closed_form"], report["measures"])
     for name, (low, high) in report["range_deg"].items():
         lines.append(
@@ -169,9 +193,16 @@ def _measures(closed: dict[str, Any], final: dict[str, Any]) -> list[str]:
     show_default=True,
     help="Of a walk whose feet no sensor saw: flat in stance, or as in normal walking.",
 )
+@click.option(
+    "--loop/--no-loop",
+    default=None,
+    help="One loop of all strides, or the longest pass as recorded; by default a loop where somebody walks.",
+)
 @click.option("--json", "as_json", is_flag=True, help="Print gait.json.")
-def command(run: Path, symmetric: bool | None, refined: bool, ankle: Ankle, as_json: bool) -> None:
+def command(
+    run: Path, symmetric: bool | None, refined: bool, ankle: Ankle, loop: bool | None, as_json: bool
+) -> None:
     """Onto the 20 nodes and the body of Table 1; for a walk, its gait cycle; JSON and MCAP."""
-    retarget(run, symmetric=symmetric, refined=refined, ankle=ankle)
+    retarget(run, symmetric=symmetric, refined=refined, ankle=ankle, loop=loop)
     report = read_json(run / "gait.json")
     click.echo(json.dumps(report, indent=2) if as_json else "\n".join(_table(report)))

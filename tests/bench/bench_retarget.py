@@ -31,9 +31,9 @@ from kinemimic.pipeline.skeleton import NODE_INDEX as N
 from kinemimic.pipeline.skeleton import NODE_PARENTS, NODES
 from kinemimic.retarget.contact import stances
 from kinemimic.retarget.cycle import Pass
-from kinemimic.retarget.fit import plain_motion
 from kinemimic.retarget.leg_chain import SIZE, chain_of, leg_jacobian, leg_points
 from kinemimic.retarget.motion import Motion
+from kinemimic.retarget.plain import plain_motion
 from kinemimic.retarget.refine import refine
 
 FRAMES = 20_000

@@ -3,8 +3,12 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from kinemimic.pipeline.captures.deepmimic import read_deepmimic, stock_motion
+from kinemimic.pipeline.convert import on_nodes
 from kinemimic.pipeline.harmonic import fit_harmonic, walking_direction
-from kinemimic.retarget.cycle import study_passes
+from kinemimic.pipeline.rotations import from_axis_angle, rotate
+from kinemimic.pipeline.skeleton import NODE_INDEX as N
+from kinemimic.retarget.cycle import is_gait, study_passes
 from kinemimic.retarget.trim import best_window, leg_bones
 
 
@@ -81,3 +85,50 @@ def test_walking_backward_is_said(walker):
     reverse = type(clip)(clip.skeleton, clip.times, clip.positions[::-1].copy(), clip.states, clip.passes)
     (one,) = study_passes(reverse)
     assert one.verdict == "refused" and "backward" in one.reason
+
+
+def as_clip(clip, positions):
+    return type(clip)(clip.skeleton, clip.times, positions, clip.states, clip.passes)
+
+
+def test_who_gets_as_far_without_stepping_does_not_walk(walker):
+    clip = walker().clip
+    assert is_gait(study_passes(clip))
+    p = clip.positions.copy()
+    # Both legs do as the left one: a hop.
+    for joint in ("knee", "ankle", "foot"):
+        left, right = N[f"{joint}_left"], N[f"{joint}_right"]
+        p[:, right] = p[:, left] + p[:, [N["hip_right"]]][:, 0] - p[:, N["hip_left"]]
+    hop = study_passes(as_clip(clip, p))
+    assert hop[0].travel > 2.0 and not is_gait(hop)
+
+
+def test_who_turns_over_does_not_walk(walker):
+    clip = walker().clip
+    middle = clip.positions[:, :1]
+    turn = from_axis_angle("Y", np.linspace(0.0, 2.0 * np.pi, len(clip.times)))[:, None]
+    assert not is_gait(study_passes(as_clip(clip, middle + rotate(turn, clip.positions - middle))))
+
+
+def test_two_steps_in_a_long_stand_are_no_gait(walker):
+    clip = walker(seconds=6.0).clip
+    p = clip.positions.copy()
+    t = clip.times
+    begin, end = np.searchsorted(t, [2.0, 3.2])
+    p[:begin] = p[begin]
+    p[end:] = p[end]
+    assert not is_gait(study_passes(as_clip(clip, p)))
+
+
+@pytest.mark.parametrize("name", ["walk", "run"])
+def test_stock_gaits_are_gaits(name):
+    clip = on_nodes(read_deepmimic(stock_motion(name)))
+    assert is_gait(study_passes(clip))
+
+
+@pytest.mark.parametrize(
+    "name", ["jump", "kick", "punch", "spin", "spinkick", "cartwheel", "roll", "dance_a"]
+)
+def test_other_stock_motions_are_none(name):
+    clip = on_nodes(read_deepmimic(stock_motion(name)))
+    assert not is_gait(study_passes(clip))

@@ -13,9 +13,10 @@ from kinemimic.pipeline.rotations import angle_between, from_axis_angle, rotate
 from kinemimic.pipeline.skeleton import NODE_INDEX as N
 from kinemimic.retarget.contact import corner_velocity, lowest, soles
 from kinemimic.retarget.cycle import is_gait, study_passes, usable
-from kinemimic.retarget.fit import HARMONICS, GaitFit, fit_gait, plain_motion
+from kinemimic.retarget.fit import HARMONICS, GaitFit, fit_gait
 from kinemimic.retarget.loop import MIRROR_NODES
 from kinemimic.retarget.motion import joint_angles
+from kinemimic.retarget.plain import plain_motion
 
 
 def loop_of(clip: Clip, symmetric: bool | None = None) -> GaitFit:

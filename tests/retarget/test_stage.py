@@ -11,7 +11,8 @@ import pyarrow.parquet as pq
 import pytest
 from click.testing import CliRunner
 
-from kinemimic.pipeline.store import write_clip
+from kinemimic.pipeline.errors import KinemimicError
+from kinemimic.pipeline.store import read_clip, write_clip
 from kinemimic.retarget.export_json import motion_from_json
 from kinemimic.retarget.gate import judge
 from kinemimic.retarget.motion import joint_angles
@@ -151,3 +152,24 @@ def test_real_walks(captures, tmp_path, name, cadence, knee_peak, r2_hip):
     ground = report["ground"]
     assert max(ground["penetration_m"], ground["floating_m"]) < 0.025
     assert ground["slip_m_s"] < 0.15 and ground["swing_clearance_m"] > 0
+
+
+def test_a_walk_can_be_kept_as_it_was_recorded(run):
+    kept = CliRunner().invoke(command, ["--run", str(run), "--no-loop", "--json"])
+    report = json.loads(kept.output)
+    assert report["kind"] == "walk" and not report["cyclic"]
+    assert report["duration_s"] == pytest.approx(2.6, abs=0.1)
+    assert report["strides"] == pytest.approx(2.6 / 1.1, abs=0.3)
+    assert report["cadence_steps_per_min"] == pytest.approx(120 / 1.1, rel=0.05)
+    assert not motion_from_json(run / "motion.json").cyclic
+    table = pq.read_table(run / "capture.parquet")
+    assert len(set(table["pass"].to_pylist())) == 1
+    assert "strides in" in "\n".join(_table(report))
+
+
+def test_a_loop_that_is_asked_for_needs_a_walk(run):
+    clip = read_clip(run / "quaternions.parquet")
+    still = replace(clip, positions=np.repeat(clip.positions[:1], len(clip.times), axis=0))
+    write_clip(run / "quaternions.parquet", still)
+    with pytest.raises(KinemimicError, match="expected a walk to make a loop of"):
+        retarget(run, loop=True)

@@ -1,0 +1,122 @@
+"""A walker put on a belt of known speed, and people who are on none."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from kinemimic.pipeline.clip import Clip
+from kinemimic.pipeline.rotations import IDENTITY, angle_between, from_axis_angle, rotate
+from kinemimic.pipeline.skeleton import NODE_INDEX as N
+from kinemimic.pipeline.skeleton import node_skeleton
+from kinemimic.retarget.belt import off_the_belt
+from kinemimic.retarget.body import STANDING_HEIGHT
+from kinemimic.retarget.cycle import is_gait, study_passes, usable
+from kinemimic.retarget.fit import fit_gait
+from kinemimic.retarget.plain import longest_walk, plain_motion
+from kinemimic.retarget.scale import pose
+
+
+def on_belt(walker, **options):
+    """A walker over the ground and the same one kept in place."""
+    w = walker(seconds=8.0, **options)
+    still = w.clip.positions.copy()
+    still[..., :2] -= w.clip.positions[:, :1, :2] - w.clip.positions[:1, :1, :2]
+    return w, replace(w.clip, positions=still)
+
+
+def stepping(belt: float, heading: float, rate: float = 60.0, seconds: float = 8.0) -> Clip:
+    """A figure in place whose ankles go back with the belt for 60 % of 1.1 s, then forward and raised."""
+    times = np.arange(round(seconds * rate)) / rate
+    upright = pose(np.tile(IDENTITY, (1, 20, 1)), np.array([[0.0, 0.0, STANDING_HEIGHT]]))[0]
+    p = np.repeat(upright, len(times), axis=0)
+    for side, shift in (("left", 0.0), ("right", 0.5)):
+        stride = np.mod(times / 1.1 + shift, 1.0)
+        swing = np.maximum(stride - 0.6, 0.0) / 0.4
+        length = belt * 0.66
+        ahead = np.where(stride < 0.6, 0.5 * length - belt * 1.1 * stride, length * (swing - 0.5))
+        for joint in ("ankle", "foot"):
+            p[:, N[f"{joint}_{side}"], 0] += ahead
+            p[:, N[f"{joint}_{side}"], 2] += 0.1 * np.sin(np.pi * swing)
+    return Clip(
+        skeleton=node_skeleton(),
+        times=times,
+        positions=rotate(from_axis_angle("Z", heading), p),
+        states=np.full(p.shape[:2], 2, dtype=np.uint8),
+        passes=np.zeros(len(times), dtype=np.int32),
+    )
+
+
+@pytest.mark.parametrize(("belt", "heading"), [(1.2, 0.0), (0.8, 2.2)])
+def test_the_belts_way_is_added(belt, heading):
+    still = stepping(belt, heading)
+    found, speeds = off_the_belt(still)
+    assert speeds == {0: pytest.approx(belt, rel=0.03)}
+    way = found.positions[-1, 0] - found.positions[0, 0]
+    assert np.arctan2(way[1], way[0]) == pytest.approx(heading, abs=0.05)
+    # Every node goes with it.
+    moved = found.positions - still.positions
+    assert np.abs(moved - moved[:, :1]).max() < 1e-9
+
+
+def test_a_belt_that_speeds_up_is_followed():
+    slow, fast = stepping(0.8, 0.0), stepping(1.4, 0.0)
+    clip = replace(
+        slow,
+        times=np.concatenate([slow.times, 8.0 + fast.times]),
+        positions=np.concatenate([slow.positions, fast.positions]),
+        states=np.concatenate([slow.states, fast.states]),
+        passes=np.zeros(2 * len(slow.times), dtype=np.int32),
+    )
+    found, speeds = off_the_belt(clip)
+    assert speeds == {0: pytest.approx(1.1, rel=0.05)}
+    x = found.positions[:, 0, 0]
+    half = len(x) // 2
+    assert (x[half - 120] - x[0]) / (6.0) == pytest.approx(0.8, rel=0.05)
+    assert (x[-1] - x[half + 120]) / (6.0) == pytest.approx(1.4, rel=0.05)
+
+
+def test_nobody_on_a_belt_is_left_alone(walker):
+    w = walker(seconds=8.0)
+    still = replace(w.clip, positions=np.repeat(w.clip.positions[:1], len(w.clip.times), axis=0))
+    kicks = w.clip.positions.copy() - (w.clip.positions[:, :1] - w.clip.positions[:1, :1])
+    # One leg alone swings to and fro.
+    kicks[:, N["ankle_left"]] = kicks[:1, N["ankle_left"]]
+    for clip in (w.clip, still, replace(w.clip, positions=kicks)):
+        found, speeds = off_the_belt(clip)
+        assert speeds == {} and found is clip
+
+
+def test_backward_along_a_high_swing_is_no_belt(walker):
+    _, still = on_belt(walker)
+    # The film reversed: the feet go back while they are high.
+    back = replace(still, positions=still.positions[::-1].copy())
+    assert off_the_belt(back)[1] == {}
+
+
+def test_a_treadmill_gives_the_same_loop_as_the_ground(walker):
+    w, still = on_belt(walker)
+    loops = []
+    for clip in (w.clip, off_the_belt(still)[0]):
+        loops.append(fit_gait(clip, usable(study_passes(clip))[0], False).motion)
+    assert len(loops[0].root) == len(loops[1].root)
+    assert np.degrees(angle_between(loops[0].rotations, loops[1].rotations)).max() < 1.0
+    assert loops[1].cycle_offset == pytest.approx(loops[0].cycle_offset, abs=0.02)
+
+
+def test_a_walk_as_recorded_goes_at_the_speed_at_which_its_feet_stand(walker):
+    w, still = on_belt(walker)
+    clip, _ = off_the_belt(still)
+    passes = study_passes(clip)
+    assert is_gait(passes)
+    fit = plain_motion(clip, longest_walk(clip, passes))
+    motion = fit.motion
+    assert not motion.cyclic and fit.strides == pytest.approx(8.0 / w.period, abs=0.4)
+    assert motion.duration == pytest.approx(8.0, abs=0.1)
+    speed = (motion.root[-1, 0] - motion.root[0, 0]) / motion.duration
+    # Its ankles do not stand quite still themselves, and a sole rolls about them.
+    assert speed == pytest.approx(w.speed / w.size, rel=0.1)
+    assert 0.4 < motion.contacts.mean() < 0.8
+    assert motion.contacts.any(axis=1).mean() > 0.8
