@@ -182,6 +182,7 @@ def _say(text: str, *, quiet: bool, bold: bool = False) -> None:
 @click.option("--symmetric/--as-recorded", default=None, help="Of `retarget`.")
 @click.option("--no-refine", is_flag=True, help="Of `retarget`.")
 @click.option("--ankle", type=click.Choice(ANKLES), help="Of `retarget`.")
+@click.option("--loop/--no-loop", default=None, help="Of `retarget`.")
 @click.option("--preset", type=click.Choice(list(PRESETS)), help="Of `train`.")
 @click.option("--budget", type=samples, help="Of `train`: samples, such as 1e6; the preset's by default.")
 @click.option("--minutes", type=MINUTES, help="Of `train`: its end, if the budget lasts longer.")
@@ -196,6 +197,7 @@ def command(
     symmetric: bool | None,
     no_refine: bool,
     ankle: str | None,
+    loop: bool | None,
     preset: str | None,
     budget: int | None,
     minutes: float | None,
@@ -215,6 +217,8 @@ def command(
             "as-recorded": True if symmetric is False else None,
             "no-refine": no_refine or None,
             "ankle": ankle,
+            "loop": loop or None,
+            "no-loop": True if loop is False else None,
         },
         "train": {
             "preset": preset,

@@ -188,6 +188,7 @@ def test_the_choices_are_those_of_the_stages() -> None:
         (["--no-refine"], "retarget", "motion.json"),
         (["--symmetric"], "retarget", "motion.json"),
         (["--as-recorded"], "retarget", "motion.json"),
+        (["--no-loop"], "retarget", "motion.json"),
         (["--engine", "pybullet"], "train", "policy.json"),
         (["--anyway"], "train", "policy.json"),
     ],
