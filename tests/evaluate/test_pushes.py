@@ -237,7 +237,7 @@ def test_directions_are_the_references(walk: Motion, judge: type[Judge]) -> None
 @pytest.fixture
 def crouch(walk: Motion) -> Motion:
     """Someone who crouches on the spot with feet apart, so low that the motors hold him with no policy."""
-    bend, apart = 1.2, 0.4  # rad, of the thighs
+    bend, apart = 1.4, 0.4  # rad, of the thighs
     rotations = np.zeros_like(walk.rotations)
     rotations[..., 3] = 1.0
     for side, sign in (("left", 1.0), ("right", -1.0)):
