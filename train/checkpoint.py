@@ -21,7 +21,7 @@ from kinemimic.train.ppo import Learner
 from kinemimic.train.rollout import Figures
 from kinemimic.train.trial import Trial
 
-CHECKPOINT_SCHEMA = 3
+CHECKPOINT_SCHEMA = 4
 _LEARNER, _FIGURES, _BEST = "learner.", "figures.", "best."
 
 Arrays = dict[str, NDArray[Any]]

@@ -166,7 +166,12 @@ class Rounds:
         # Under the scales that the schedules end with, so that early and late trials compare.
         attempts = self._crew.attempts(policy, self._config.final_reward, start_phases(self._motion))
         self._spent(TRIAL)
-        trial = Trial.of_attempts(attempts, samples=samples, seconds=sum(self._state.seconds_by.values()))
+        trial = Trial.of_attempts(
+            attempts,
+            samples=samples,
+            seconds=sum(self._state.seconds_by.values()),
+            strength=scheduled_at(self._config.strength, samples),
+        )
         training.trials.append(trial)
         if best(training.trials) is trial:
             training.best = policy

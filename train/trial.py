@@ -58,11 +58,13 @@ class Attempt:
 class Trial:
     """The attempts after so many samples and seconds of training.
 
-    frames, knee, hip: the least of all attempts; frames_first: of the one from phase 0; reward: their mean.
+    strength: 0 to 1, of the hardships that the policy trained under by then; frames, knee, hip: the least of
+    all attempts; frames_first: of the one from phase 0; reward: their mean.
     """
 
     samples: int
     seconds: float
+    strength: float
     frames: int
     frames_first: int
     of: int
@@ -71,11 +73,14 @@ class Trial:
     hip: float
 
     @classmethod
-    def of_attempts(cls, attempts: Sequence[Attempt], *, samples: int, seconds: float) -> Trial:
+    def of_attempts(
+        cls, attempts: Sequence[Attempt], *, samples: int, seconds: float, strength: float
+    ) -> Trial:
         """What the attempts, the one from phase 0 first, come to."""
         return cls(
             samples=samples,
             seconds=round(seconds, 1),
+            strength=strength,
             frames=min(attempt.frames for attempt in attempts),
             frames_first=attempts[0].frames,
             of=attempts[0].of,
@@ -100,8 +105,11 @@ def is_due(before: int, after: int) -> bool:
 
 
 def best(trials: Sequence[Trial]) -> Trial:
-    """The one of the highest reward, the earliest of equals."""
-    return max(trials, key=lambda trial: trial.reward)
+    """The one of the highest reward, the earliest of equals, among those of the greatest strength.
+
+    Trials are calm: whoever was never pushed does best in them, and falls at the first push.
+    """
+    return max(trials, key=lambda trial: (trial.strength, trial.reward))
 
 
 def first_walk(trials: Sequence[Trial]) -> Mapping[str, float] | None:

@@ -173,7 +173,7 @@ def test_a_checkpoint_brings_the_learner_back_whole(tmp_path: Path) -> None:
     config = TrainConfig(hidden=(8, 4), seed=5, minibatch=6, passes=2)
     learner = Learner(config)
     learner.update(noise(0))
-    tried = Trial(samples=64, seconds=0.5, frames=3, frames_first=4, of=5, reward=0.25, knee=0.5, hip=-2.0)
+    tried = Trial(64, 0.5, 1.0, frames=3, frames_first=4, of=5, reward=0.25, knee=0.5, hip=-2.0)
     training = Training(learner, {"ages": np.arange(4)}, [tried], export(learner.net, learner.normalizer))
     checkpoint.save(tmp_path / "c.safetensors", training, "walk")
     other = Learner(config)

@@ -21,7 +21,17 @@ STILL = Policy(
     np.zeros(OBSERVATIONS, np.float32),
     np.ones(OBSERVATIONS, np.float32),
 )
-TRIAL = Trial(samples=10, seconds=1.0, frames=600, frames_first=600, of=600, reward=0.5, knee=0.95, hip=0.95)
+TRIAL = Trial(
+    samples=10,
+    seconds=1.0,
+    strength=0.0,
+    frames=600,
+    frames_first=600,
+    of=600,
+    reward=0.5,
+    knee=0.95,
+    hip=0.95,
+)
 
 
 def rehearse(
@@ -87,8 +97,8 @@ def test_two_attempts_are_the_same_and_a_real_figure_falls_without_a_policy(
 
 def test_a_trial_is_as_good_as_its_worse_attempt() -> None:
     attempts = [Attempt(600, 600, 0.9, 0.99, 0.95), Attempt(300, 600, 0.4, 0.5, 0.55)]
-    found = Trial.of_attempts(attempts, samples=7, seconds=1.26)
-    assert found == Trial(7, 1.3, 300, 600, 600, 0.65, 0.5, 0.55)
+    found = Trial.of_attempts(attempts, samples=7, seconds=1.26, strength=0.5)
+    assert found == Trial(7, 1.3, 0.5, 300, 600, 600, 0.65, 0.5, 0.55)
     assert not found.walks
 
 
@@ -104,6 +114,12 @@ def test_the_first_walk_is_the_first_that_neither_falls_nor_strays() -> None:
 def test_the_best_is_the_first_of_equals() -> None:
     trials = [replace(TRIAL, samples=k, reward=reward) for k, reward in enumerate((0.1, 0.7, 0.7, 0.3))]
     assert best(trials) is trials[1]
+
+
+def test_whoever_learnt_under_more_hardship_is_kept_before_whoever_did_better_without() -> None:
+    learnt = ((0.0, 0.9), (0.4, 0.8), (1.0, 0.6), (1.0, 0.7))
+    trials = [replace(TRIAL, strength=strength, reward=reward) for strength, reward in learnt]
+    assert [best(trials[:n]) is trials[n - 1] for n in (1, 2, 3, 4)] == [True] * 4
 
 
 def test_trials_fall_due_by_samples() -> None:
