@@ -141,8 +141,8 @@ def test_the_command_ends_with_a_table_of_the_time(run: Path, monkeypatch: pytes
     record = {
         "preset": "default", "engine": "native", "samples": 4096, "exploded": 2, "seconds": 4.0, "seed": 0,
         "seconds_by": {"simulation": 3.0, "update": 1.0},
-        "best": {"samples": 2048, "seconds": 2.0, "strength": 0.0, "frames": 599, "frames_first": 600, "of": 600,
-                 "reward": 0.5, "knee": 0.91, "hip": 0.92},
+        "best": {"samples": 2048, "seconds": 2.0, "strength": 0.0, "frames": 599, "frames_first": 600,
+                 "of": 600, "reward": 0.5, "knee": 0.91, "hip": 0.92},
     }  # fmt: skip
     monkeypatch.setattr(stage, "train", lambda *_, **__: record)
     lines = CliRunner().invoke(stage.command, ["--run", str(run)]).output.splitlines()
