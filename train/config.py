@@ -181,8 +181,8 @@ class TrainConfig:
 
 PRESETS: dict[str, TrainConfig] = {
     "default": TrainConfig(),
-    # For whoever is pushed, slips, weighs more or reacts late. An episode bears more before it ends, and more
-    # of what comes later counts; what it is trained for costs fit (README).
+    # For whoever is pushed, slips, weighs more or reacts late. An episode bears more before it ends; what it is
+    # trained for costs fit (README).
     "robust": TrainConfig(
         preset="robust",
         env=EnvConfig(
@@ -190,7 +190,7 @@ PRESETS: dict[str, TrainConfig] = {
             max_rotation_error=1.3,
             max_drift=1.5,
             hardships=Hardships(
-                push=(0.0, 300.0),
+                push=(0.0, 240.0),
                 rest=(1.0, 3.0),
                 friction=(0.5, 1.0),
                 mass=(0.9, 1.1),
@@ -199,10 +199,9 @@ PRESETS: dict[str, TrainConfig] = {
                 spin=0.2,
             ),
         ),
-        discount=0.97,
-        noise=((0, 0.08), (550_000, 0.05)),
-        strength=((600_000, 0.0), (1_500_000, 1.0)),
-        budget=2_000_000,
+        noise=((0, 0.08), (550_000, 0.05), (2_000_000, 0.03)),
+        strength=((800_000, 0.0), (1_800_000, 1.0)),
+        budget=2_500_000,
     ),
     # Nets, rates, discount, batch, passes, clip and entropy as printed; one batch a pass; KL target η and the
     # constants θ, ω, wᵢ are not given in the paper, and of torques that lead the targets it knows nothing.
