@@ -73,7 +73,7 @@ def _way(times: Array, positions: Array) -> tuple[float, Array] | None:
         return None
     pace = np.interp(times, moments, belt)
     way = np.concatenate([[0.0], np.cumsum(0.5 * (pace[1:] + pace[:-1]) * np.diff(times))])
-    middle = np.nanmean(hips, axis=1) @ along
+    middle = hips.mean(axis=1) @ along
     if np.ptp(middle[np.isfinite(middle)]) > STAYS * way[-1]:
         return None
     return heading, way

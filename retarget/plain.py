@@ -178,15 +178,16 @@ def _nearest(times: Array, count: int) -> NDArray[np.intp]:
 
 def _trust(positions: Array, rigid: bool, stands: Mask) -> Trust:
     """Without strides there is nothing to hold the trunk against: it is believed. So are the feet of a
-    precise recording, if they lie flat where they stand (M, 2).
+    precise recording that shows both, if they lie flat where they stand (M, 2).
     """
-    pitches = []
+    pitches, shown = [], True
     for k, side in enumerate(("left", "right")):
         toe = positions[:, N[f"foot_{side}"]] - positions[:, N[f"ankle_{side}"]]
         pitch = np.arctan2(-toe[:, 2], np.hypot(toe[:, 0], toe[:, 1])) - FOOT_DROP
         planted = stands[:, k] & np.isfinite(pitch)
         pitches.append(float(np.median(pitch[planted])) if planted.any() else 0.0)
-    feet = rigid and max(np.abs(pitches)) < FOOT_PITCH
+        shown &= bool(np.isfinite(pitch).any())
+    feet = rigid and shown and max(np.abs(pitches)) < FOOT_PITCH
     return Trust(rigid, True, True, feet, 0.0, (pitches[0], pitches[1]), {})
 
 
@@ -201,6 +202,10 @@ def _standing(positions: Array, times: Array, even: Array, scale: float, rigid: 
     points = np.empty((len(even), len(nodes), 3))
     for k, node in enumerate(nodes):
         seen = np.isfinite(positions[:, node]).all(axis=-1)
+        if not seen.any():
+            # A recording without toes: the ankle alone says whether its foot stands.
+            points[:, k] = points[:, k % len(ANKLES)]
+            continue
         points[:, k] = scale * _interpolate(even, times[seen], positions[seen, node])
     still = uniform_filter1d(points, max(1, round(TREMOR * RATE)), axis=0, mode="nearest")
     speed = np.linalg.norm(np.gradient(still[..., :2], 1.0 / RATE, axis=0), axis=-1)

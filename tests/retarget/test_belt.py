@@ -61,6 +61,15 @@ def test_the_belts_way_is_added(belt, heading):
     assert np.abs(moved - moved[:, :1]).max() < 1e-9
 
 
+def test_frames_without_hips_keep_the_belt():
+    still = stepping(1.2, 0.0)
+    positions = still.positions.copy()
+    positions[100:104, [N["hip_left"], N["hip_right"]]] = np.nan
+    positions[200:203] = np.nan
+    _, speeds = off_the_belt(replace(still, positions=positions))
+    assert speeds == {0: pytest.approx(1.2, rel=0.03)}
+
+
 def test_a_belt_that_speeds_up_is_followed():
     slow, fast = stepping(0.8, 0.0), stepping(1.4, 0.0)
     clip = replace(

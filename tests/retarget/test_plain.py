@@ -10,6 +10,7 @@ import pytest
 from kinemimic.pipeline.captures.deepmimic import read_deepmimic, stock_motion
 from kinemimic.pipeline.convert import on_nodes
 from kinemimic.pipeline.rotations import angle_between
+from kinemimic.pipeline.skeleton import NODE_INDEX as N
 from kinemimic.retarget.contact import soles
 from kinemimic.retarget.cycle import study_passes
 from kinemimic.retarget.limits import beyond_limits
@@ -67,6 +68,19 @@ def test_feet_in_the_air_point_as_recorded():
     assert fit.trust.precise and fit.trust.feet
     clip = on_nodes(read_deepmimic(stock_motion("kick")))
     assert len(fit.frames) == len(clip.times)
+
+
+def test_without_toes_the_ankles_say_where_feet_stand_and_these_are_flat():
+    clip = on_nodes(read_deepmimic(stock_motion("jump")))
+    positions = clip.positions.copy()
+    positions[:, [N["foot_left"], N["foot_right"]]] = np.nan
+    bare = replace(clip, positions=positions)
+    fit = plain_motion(bare, study_passes(bare)[0])
+    assert fit.trust.precise and not fit.trust.feet
+    assert 0.2 < fit.motion.contacts.mean() < 0.95
+    corners = soles(*fit.motion.kinematics())[..., 2]
+    # In the deepest crouch the ankle is at its limit.
+    assert np.median(np.ptp(corners, axis=-1)[fit.motion.contacts]) < 0.001
 
 
 def test_a_foot_that_turns_on_the_spot_does_not_stand_as_a_whole():
