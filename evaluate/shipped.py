@@ -16,7 +16,7 @@ import numpy as np
 
 from kinemimic.evaluate.recipe import POLICIES, Recording, recipes, recording
 from kinemimic.pipeline.errors import KinemimicError
-from kinemimic.pipeline.store import atomic, file_hash, read_json, write_json
+from kinemimic.pipeline.store import copy_file, file_hash, read_json, write_json
 from kinemimic.retarget.export_json import motion_from_json
 from kinemimic.retarget.motion import Motion
 from kinemimic.train.policy import Policy
@@ -63,23 +63,18 @@ def unpack(name: str, run: Path, *, capture: Path | None = None, folder: Path = 
             raise KinemimicError(f"the policy {name!r} ships with its motion: leave out --capture")
         if (run / MOTION).exists():
             _expect(run, motion_from_json(run / MOTION).identity == record["provenance"]["inputs"]["motion"])
-        _copy(source / MOTION, run / MOTION)
+        copy_file(source / MOTION, run / MOTION)
     else:
         wanted = recording(recipes(folder)[name].recording or "")
         record = _relearnt(record, _remade(name, wanted, run, capture), run)
     write_json(run / RECORD, record)
     # Last, because it is what says that the folder is filled.
-    _copy(source / POLICY, run / POLICY)
+    copy_file(source / POLICY, run / POLICY)
 
 
 def _expect(run: Path, same: bool) -> None:
     if not same:
         raise KinemimicError(f"{run}: expected no motion, found one of another run; name another --run")
-
-
-def _copy(source: Path, target: Path) -> None:
-    with atomic(target) as temporary:
-        temporary.write_bytes(source.read_bytes())
 
 
 def _remade(name: str, wanted: Recording, run: Path, capture: Path | None) -> Motion:

@@ -17,6 +17,7 @@ from kinemimic.pipeline.rotations import Y_UP_TO_Z_UP
 from kinemimic.pipeline.store import (
     atomic,
     content_hash,
+    copy_file,
     file_hash,
     read_clip,
     read_json,
@@ -80,6 +81,16 @@ def test_a_failed_write_leaves_the_old_file_and_nothing_else(tmp_path: Path) -> 
         raise RuntimeError
     assert target.read_text() == "old"
     assert list(tmp_path.iterdir()) == [target]
+
+
+def test_a_copy_that_has_no_source_leaves_the_old_file(tmp_path: Path) -> None:
+    source, target = tmp_path / "source", tmp_path / "there" / "copy"
+    source.write_bytes(b"\x00\xff")
+    copy_file(source, target)
+    source.unlink()
+    with pytest.raises(FileNotFoundError):
+        copy_file(source, target)
+    assert [path.read_bytes() for path in target.parent.iterdir()] == [b"\x00\xff"]
 
 
 def test_a_result_has_the_mode_of_any_other_file(tmp_path: Path) -> None:
