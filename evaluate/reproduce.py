@@ -13,7 +13,7 @@ from kinemimic.evaluate.recipe import POLICIES, Recipe, recipes, recording
 from kinemimic.evaluate.run import run as run_stages
 from kinemimic.evaluate.shipped import MOTION, POLICY, RECORD, SCORES, gist
 from kinemimic.pipeline.errors import KinemimicError
-from kinemimic.pipeline.store import atomic, file_hash, read_json, write_json
+from kinemimic.pipeline.store import copy_file, file_hash, read_json, write_json
 from kinemimic.train.engines import ENGINES
 
 LARGEST = 4_000_000  # bytes of a file that ships
@@ -57,6 +57,8 @@ def publish(run: Path, recipe: Recipe, into: Path = POLICIES) -> Path:
     expected: dict[str, tuple[Any, Any]] = {
         "preset": (recipe.preset, record["preset"]),
         "budget": (recipe.budget, record["config"]["budget"]),
+        # `--minutes` ends sooner.
+        "budget spent": (True, record["samples"] >= recipe.budget),
         "seed": (recipe.seed, record["seed"]),
         "motion": (motion.identity, record["provenance"]["inputs"]["motion"]),
         "scored policy": (file_hash(run / POLICY), scores["provenance"]["inputs"]["policy"]),
@@ -81,8 +83,7 @@ def publish(run: Path, recipe: Recipe, into: Path = POLICIES) -> Path:
     if recipe.recording:
         (folder / MOTION).unlink(missing_ok=True)
     for name in ships:
-        with atomic(folder / name) as temporary:
-            temporary.write_bytes((run / name).read_bytes())
+        copy_file(run / name, folder / name)
     write_json(folder / RECORD, {**record, "imitates": gist(motion)})
     return folder
 

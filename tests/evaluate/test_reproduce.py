@@ -84,6 +84,7 @@ def test_the_motion_of_a_recording_stays_out(tmp_path: Path, walk: Motion) -> No
         (WALK, lambda run, walk: write_run(run, recorded(walk)), "simulated capture: expected True"),
         (RUN, lambda run, walk: write_run(run, recorded(walk, source="b")), "stock motion.*_run.txt.*'b'"),
         (KINECT, lambda run, walk: write_run(run, recorded(walk, sha256="b")), "recording: .*found 'b'"),
+        (WALK, lambda run, walk: _ended_early(run), "budget spent: expected True.*found False"),
         (WALK, lambda run, walk: _other_scores(run), "scored policy"),
         (WALK, lambda run, walk: (run / SCORES).unlink(), "scores.json: expected a file"),
         (WALK, lambda run, walk: _swell(run), "too large to ship"),
@@ -98,6 +99,10 @@ def test_what_is_not_the_recipes_is_not_published(
     with pytest.raises(KinemimicError, match=found):
         publish(run, recipe, tmp_path / "shelf")
     assert not (tmp_path / "shelf").exists()
+
+
+def _ended_early(run: Path) -> None:
+    write_json(run / RECORD, {**read_json(run / RECORD), "samples": 4})
 
 
 def _other_scores(run: Path) -> None:

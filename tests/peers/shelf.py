@@ -50,7 +50,7 @@ def write_run(folder: Path, motion: Motion, *, seed: int = 3, budget: int = 5, b
         np.ones(OBSERVATIONS, np.float32),
     )
     config = preset("default", seed=seed, budget=budget).to_json()
-    record = {"preset": "default", "engine": "native", "samples": 5, "seconds": 1.0, "seed": seed}
+    record = {"preset": "default", "engine": "native", "samples": budget, "seconds": 1.0, "seed": seed}
     made_by = {"inputs": {"motion": identity}}
     idle.save(folder / POLICY, record | {"config": config, "provenance": made_by, "imitates": gist(motion)})
     scores: dict[str, Any] = {
