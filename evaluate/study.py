@@ -218,7 +218,7 @@ def increasing(value: str) -> tuple[int, ...]:
               help="Repeatable; `default` unless said.")  # fmt: skip
 @click.option("--ablation", "ablated", is_flag=True, help="`default`, and one change each against it.")
 @click.option("--seeds", type=click.IntRange(min=1), default=5, show_default=True, help="How many.")
-@click.option("--budgets", type=increasing, default="1e6,2e6", show_default=True,
+@click.option("--budgets", type=increasing, metavar="SAMPLES,…", default="1e6,2e6", show_default=True,
               help="Numbers of samples, each scored on the way to the last.")  # fmt: skip
 @click.option("--jobs", type=click.IntRange(min=1), help="Trainings side by side; all cores by default.")
 @click.option("--out", type=click.Path(path_type=Path, file_okay=False), default=Path("runs/study"),

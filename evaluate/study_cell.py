@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import Any
 
 from kinemimic.pipeline.errors import KinemimicError
-from kinemimic.pipeline.store import atomic, read_json
+from kinemimic.pipeline.store import copy_file, read_json
 from kinemimic.retarget.export_json import motion_from_json
 from kinemimic.train.config import TrainConfig
 
@@ -91,7 +91,7 @@ def conduct(cell: Cell) -> None:
         # The scores last: they say that the budget is finished.
         for name in ("policy.safetensors", "policy.json", "scores.json"):
             kept = cell.folder / f"{Path(name).stem}-{budget}{Path(name).suffix}"
-            _copy(cell.folder / name, kept)
+            copy_file(cell.folder / name, kept)
 
 
 def _prepare(cell: Cell) -> None:
@@ -101,8 +101,8 @@ def _prepare(cell: Cell) -> None:
         return
     for name in BESIDE:
         if (cell.source / name).exists():
-            _copy(cell.source / name, cell.folder / name)
-    _copy(cell.source / MOTION, cell.folder / MOTION)
+            copy_file(cell.source / name, cell.folder / name)
+    copy_file(cell.source / MOTION, cell.folder / MOTION)
 
 
 def _budget(path: Path) -> int:
@@ -113,10 +113,6 @@ def _budget(path: Path) -> int:
 def _expect(cell: Cell, what: str, same: bool) -> None:
     if not same:
         raise KinemimicError(
-            f"{cell.folder}: expected results of this {what}, found others'; name another --out, or delete it"
+            f"{cell.folder}: expected results of the same {what}, found others'; name another --out, or "
+            "delete it"
         )
-
-
-def _copy(source: Path, target: Path) -> None:
-    with atomic(target) as temporary:
-        temporary.write_bytes(source.read_bytes())

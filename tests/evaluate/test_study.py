@@ -166,11 +166,11 @@ def test_results_of_something_else_are_left_alone(
     other = study(
         [run], {"default": replace(SMALL, discount=0.9)}, seeds=1, budgets=[ROUND], out=out, engine="pybullet"
     )
-    assert "of this settings, found others'" in other["failed"]["walk default seed 0"]
+    assert "of the same settings, found others'" in other["failed"]["walk default seed 0"]
     earlier = small_study(out, run, budgets=(ROUND // 2, ROUND))
     assert "a training cannot go back" in earlier["failed"]["walk default seed 0"]
     write_text(run / "motion.json", motion_to_json(walk))
-    assert "of this motion" in small_study(out, run)["failed"]["walk default seed 0"]
+    assert "of the same motion" in small_study(out, run)["failed"]["walk default seed 0"]
     assert (out / "walk" / "default" / "seed0" / f"scores-{ROUND}.json").read_bytes() == before
 
 
