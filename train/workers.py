@@ -40,12 +40,12 @@ def _serve(
     # The parent ends its workers; a signal to the whole group must not take them from it in mid-round.
     signal.signal(signal.SIGTERM, signal.SIG_IGN)
     sampler = Sampler(motion, config, seeds, engine)
-    connection.send(None)  # ready
-    while True:
-        try:
+    try:
+        connection.send(None)  # ready
+        while True:
             connection.send(answer(sampler, *connection.recv()))
-        except (EOFError, ConnectionError):  # the parent is gone
-            return
+    except (EOFError, ConnectionError):  # the parent is gone
+        return
 
 
 class Workers:
