@@ -49,8 +49,9 @@ class Hardships:
     """Ranges (lowest, highest) of what an episode draws at full strength; with none of it, all are calm.
 
     push: N, horizontal in any direction on the pelvis for 0.2 s; rest: s between pushes; friction: of the
-    feet on the ground; mass: factor of every body; delay: s until a correction takes effect; tilt, spin:
-    standard deviations of what the start is off its reference, rad and rad/s at the root and at every joint.
+    feet on the ground; mass: factor of every body; delay: s until a correction takes effect, one control
+    step at most; tilt, spin: standard deviations of what the start is off its reference, rad and rad/s at the
+    root and at every joint.
     """
 
     push: tuple[float, float] = (0.0, 0.0)
@@ -70,7 +71,7 @@ class EnvConfig:
     velocity_feedforward, torque_feedforward: what of the reference goes to the stable PD beside its angles:
     its speeds, and the torques of its inverse dynamics (`dynamics.py`).
     start_anywhere: episodes begin at any phase, not at the first.
-    preview: how many control steps ahead the policy sees its reference.
+    preview: how many control steps ahead the policy sees its reference; ValueError if nowhere.
     """
 
     reward: RewardConfig = field(default_factory=RewardConfig)
@@ -84,6 +85,10 @@ class EnvConfig:
     start_anywhere: bool = True
     preview: tuple[int, ...] = (1,)
     hardships: Hardships = field(default_factory=Hardships)
+
+    def __post_init__(self) -> None:
+        if not self.preview:
+            raise ValueError("preview: expected at least one number of control steps, found none")
 
 
 # A number that changes with the samples: (samples, value) points, linear between them, constant beyond.
@@ -181,8 +186,8 @@ class TrainConfig:
 
 PRESETS: dict[str, TrainConfig] = {
     "default": TrainConfig(),
-    # For whoever is pushed, slips, weighs more or reacts late. An episode bears more before it ends; what it is
-    # trained for costs fit (README).
+    # For whoever is pushed, slips, weighs more or reacts late. An episode bears more before it ends; what it
+    # is trained for costs fit (README).
     "robust": TrainConfig(
         preset="robust",
         env=EnvConfig(

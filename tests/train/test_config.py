@@ -26,6 +26,8 @@ def test_what_does_not_fit_is_refused_by_name() -> None:
     del value["env"]["preview"]
     with pytest.raises(KinemimicError, match="preview"):
         TrainConfig.from_json(value)
+    with pytest.raises(KinemimicError, match="preview: expected at least one"):
+        TrainConfig.from_json({**value, "env": {**value["env"], "preview": []}})
     with pytest.raises(KinemimicError, match="default, robust, paper"):
         preset("none")
 
