@@ -80,15 +80,16 @@ def restore(path: Path, training: Training, motion: str) -> bool:
         with safe_open(path, framework="np") as stream:
             record = json.loads((stream.metadata() or {})["kinemimic"])
             arrays = {name: stream.get_tensor(name) for name in stream.keys()}  # noqa: SIM118 (not a dict)
-    except (OSError, KeyError, ValueError, SafetensorError) as error:
+        schema, imitated, stored = record["schema"], record["motion"], record["config"]
+    except (OSError, KeyError, TypeError, ValueError, SafetensorError) as error:
         raise KinemimicError(
             f"{path}: expected a checkpoint, found {error}; delete it or train with --no-resume"
         ) from None
     learner = training.learner
     wanted = {**learner.config.to_json(), "budget": None}
-    if record["schema"] != CHECKPOINT_SCHEMA or record["motion"] != motion:
+    if schema != CHECKPOINT_SCHEMA or imitated != motion:
         return False
-    if json.loads(json.dumps(wanted)) != {**record["config"], "budget": None}:
+    if wanted != {**stored, "budget": None}:
         return False
     tensors = {name: torch.from_numpy(array) for name, array in _below(_LEARNER, arrays).items()}
     learner.restore(tensors, record)
