@@ -49,11 +49,6 @@ def test_turns_lead_from_the_figures_pose_to_each_reference(motion) -> None:
 def test_perfect_imitation_earns_the_sum_of_the_weights(bodies: BodyStates, name: str) -> None:
     config = PRESETS[name].env.reward
     assert earned(bodies, bodies, config).sum() == pytest.approx(sum(config.weights.values()), abs=1e-6)
-    assert sum(config.weights.values()) == pytest.approx(1.0)
-
-
-def test_pose_weights_sum_to_one() -> None:
-    assert sum(POSE_WEIGHTS.values()) == pytest.approx(1.0)
 
 
 def test_height_term_by_hand(bodies: BodyStates) -> None:
