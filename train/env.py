@@ -64,7 +64,7 @@ OBSERVATIONS = observation_size(EnvConfig())
 class Step:
     """Result of a control step for E figures.
 
-    observations: (E, OBSERVATIONS) after the step, before any reset; terms: (E, K) reward terms;
+    observations: (E, O) of `observation_size`, after the step, before any reset; terms: (E, K) reward terms;
     terminated: (E,) fell, lost the reference or exploded; truncated: (E,) time is up (not a fall);
     exploded: (E,) the engine lost the figure's state and holds its last sound one.
     """
@@ -214,7 +214,7 @@ class ImitationBatch:
         return np.asarray((off > height) | (turned > turn**2) | self._exploded)
 
     def observe(self) -> Array:
-        """(E, OBSERVATIONS) in the figure's own heading: what it is doing and how far from what is next."""
+        """(E, O) in the figure's own heading: what it is doing and how far from what is next."""
         b = self.bodies
         size = len(self.phases)
         six = to_six(b.rotations)

@@ -49,9 +49,10 @@ def train(
     """Train on run/motion.json for `budget` samples, in whole rounds; returns the policy's record.
 
     Writes a checkpoint twice a minute and at the end or on Ctrl-C, from which the next call goes on unless
-    `resume` is False, as if there had been one call; then policy.safetensors, which is the policy of the best
-    trial (`trial.py`), policy.json, and TensorBoard's curves. A checkpoint of another motion or of other
-    settings is not taken up but kept as checkpoint.previous.safetensors.
+    `resume` is False, as if there had been one call (but that each call's last policy is tried too); then
+    policy.safetensors, which is the policy of the best trial (`trial.py`), policy.json, and TensorBoard's
+    curves. A checkpoint of another motion or of other settings is not taken up but kept as
+    checkpoint.previous.safetensors.
     A motion that the gate (retarget/gate.py) refuses is not trained on unless `anyway`.
     minutes: of all calls together, after which it ends even if the budget is not spent.
     workers: processes that simulate, by default one for every core. They are spawned: a script of one's
