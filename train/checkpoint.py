@@ -81,6 +81,7 @@ def restore(path: Path, training: Training, motion: str) -> bool:
             record = json.loads((stream.metadata() or {})["kinemimic"])
             arrays = {name: stream.get_tensor(name) for name in stream.keys()}  # noqa: SIM118 (not a dict)
         schema, imitated, stored = record["schema"], record["motion"], record["config"]
+        trials = [Trial(**trial) for trial in record["trials"]] if schema == CHECKPOINT_SCHEMA else []
     except (OSError, KeyError, TypeError, ValueError, SafetensorError) as error:
         raise KinemimicError(
             f"{path}: expected a checkpoint, found {error}; delete it or train with --no-resume"
@@ -94,7 +95,7 @@ def restore(path: Path, training: Training, motion: str) -> bool:
     tensors = {name: torch.from_numpy(array) for name, array in _below(_LEARNER, arrays).items()}
     learner.restore(tensors, record)
     training.figures = _below(_FIGURES, arrays) or None
-    training.trials = [Trial(**trial) for trial in record["trials"]]
+    training.trials = trials
     best = _below(_BEST, arrays)
     training.best = Policy.of_tensors(best) if best else None
     return True

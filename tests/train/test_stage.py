@@ -208,8 +208,9 @@ def test_a_file_that_is_no_checkpoint_is_one_line(tmp_path: Path) -> None:
     path.write_bytes(b"nonsense")
     with pytest.raises(KinemimicError, match="expected a checkpoint"):
         checkpoint.restore(path, training, "walk")
-    for record in (None, {}, {"kinemimic": "{}"}, {"kinemimic": "[1]"}, {"kinemimic": "{"}):
-        save_file({"mean": np.zeros(3)}, path, record)
+    other = {"schema": checkpoint.CHECKPOINT_SCHEMA, "motion": "walk", "config": {}, "trials": [{}]}
+    for said in ("{}", "[1]", "{", json.dumps(other)):
+        save_file({"mean": np.zeros(3)}, path, {"kinemimic": said})
         with pytest.raises(KinemimicError, match="expected a checkpoint"):
             checkpoint.restore(path, training, "walk")
 
