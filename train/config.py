@@ -187,7 +187,7 @@ class TrainConfig:
 PRESETS: dict[str, TrainConfig] = {
     "default": TrainConfig(),
     # For whoever is pushed, slips, weighs more or reacts late. An episode bears more before it ends; what it
-    # is trained for costs fit (README).
+    # is trained for costs fit.
     "robust": TrainConfig(
         preset="robust",
         env=EnvConfig(
