@@ -28,16 +28,14 @@ from kinemimic.evaluate.push_trials import (
     push_phases,
 )
 from kinemimic.evaluate.shipped import run_options
-from kinemimic.pipeline.errors import KinemimicError
 from kinemimic.pipeline.progress import progress
 from kinemimic.pipeline.provenance import provenance
 from kinemimic.pipeline.store import file_hash, write_json
 from kinemimic.retarget.body import BODIES
-from kinemimic.retarget.export_json import motion_from_json
 from kinemimic.train.children import spread
 from kinemimic.train.config import TrainConfig
 from kinemimic.train.engines import ENGINES, resolve
-from kinemimic.train.policy import Policy
+from kinemimic.train.policy import POLICY, learnt
 from kinemimic.train.world import CONTROL_RATE
 
 PUSHES_SCHEMA = 1
@@ -64,13 +62,7 @@ def pushes(
     engine: of `train/engines.py`.
     """
     engine = resolve(engine)
-    motion = motion_from_json(run / "motion.json")
-    file = run / "policy.safetensors"
-    if not file.exists():
-        raise KinemimicError(f"{file}: expected a policy, found no file; run `kinemimic train` first")
-    policy, record = Policy.load(file)
-    if record["provenance"]["inputs"].get("motion") != motion.identity:
-        raise KinemimicError(f"{file}: expected a policy for this motion, found another's; train again")
+    motion, policy, record = learnt(run)
     config = TrainConfig.from_json(record["config"]).env
     at = push_phases(motion, phases)
     with progress("pushes", phases) as bar:
@@ -84,7 +76,7 @@ def pushes(
         "train": {key: record.get(key) for key in ("preset", "samples", "seed")},
         "provenance": provenance(
             "pushes",
-            inputs={"motion": motion.identity, "policy": file_hash(file)},
+            inputs={"motion": motion.identity, "policy": file_hash(run / POLICY)},
             config={**_PROTOCOL, "phases": phases, "engine": engine},
             seed=record.get("seed"),
         ),

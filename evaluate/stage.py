@@ -17,18 +17,16 @@ from kinemimic.evaluate.capture_fit import read_capture
 from kinemimic.evaluate.report import LABELS, PAPER_FIT, PAPER_GAP_DEG, Evidence, report
 from kinemimic.evaluate.scores import compose
 from kinemimic.evaluate.shipped import run_options
-from kinemimic.pipeline.errors import KinemimicError
 from kinemimic.pipeline.html import number
 from kinemimic.pipeline.progress import progress
 from kinemimic.pipeline.provenance import provenance
 from kinemimic.pipeline.store import file_hash, write_json, write_text
-from kinemimic.retarget.export_json import motion_from_json
 from kinemimic.retarget.motion import Motion, joint_angles
 from kinemimic.train.engines import ENGINES, resolve
 from kinemimic.train.fit import JOINTS, MEASURES
 from kinemimic.train.perform import perform
 from kinemimic.train.playback import Playback
-from kinemimic.train.policy import Policy
+from kinemimic.train.policy import POLICY, learnt
 from kinemimic.train.trial import frames_of
 from kinemimic.train.world import CONTROL_RATE
 
@@ -50,13 +48,8 @@ def evaluate(run: Path, *, workers: int | None = None, engine: str = "auto") -> 
     engine: of `train/engines.py`.
     """
     engine = resolve(engine)
-    motion = motion_from_json(run / "motion.json")
-    policy = run / "policy.safetensors"
-    if not policy.exists():
-        raise KinemimicError(f"{policy}: expected a policy, found no file; run `kinemimic train` first")
-    _, record = Policy.load(policy)
-    if record["provenance"]["inputs"].get("motion") != motion.identity:
-        raise KinemimicError(f"{policy}: expected a policy for this motion, found another's; train again")
+    motion, _, record = learnt(run)
+    policy = run / POLICY
     capture = read_capture(run / "capture.parquet")
     phases, frames = protocol(motion)
     with progress("evaluate", 2 * len(phases)) as bar:

@@ -15,11 +15,14 @@ from safetensors.numpy import load_file, save_file
 from kinemimic.pipeline.errors import KinemimicError
 from kinemimic.pipeline.store import atomic, read_json, write_json
 from kinemimic.retarget.body import body_identity
+from kinemimic.retarget.export_json import motion_from_json
+from kinemimic.retarget.motion import Motion
 from kinemimic.train.config import TrainConfig
 from kinemimic.train.env import ACTIONS, observation_size
 
 Floats = NDArray[np.float32]
 
+POLICY = "policy.safetensors"  # of a run
 POLICY_SCHEMA = 2
 OBSERVATION_CLIP = 8.0
 
@@ -118,3 +121,14 @@ class Policy:
                 f"has them, found {found[0]} and {found[1]}"
             )
         return policy, record
+
+
+def learnt(run: Path) -> tuple[Motion, Policy, dict[str, Any]]:
+    """A run's motion, the policy that learnt it, and the policy's record; a KinemimicError if it did not."""
+    motion, path = motion_from_json(run / "motion.json"), run / POLICY
+    if not path.exists():
+        raise KinemimicError(f"{path}: expected a policy, found no file; run `kinemimic train` first")
+    policy, record = Policy.load(path)
+    if record["provenance"]["inputs"].get("motion") != motion.identity:
+        raise KinemimicError(f"{path}: expected a policy for this motion, found another's; train again")
+    return motion, policy, record

@@ -21,6 +21,7 @@ from kinemimic.train.budget import MINUTES, samples
 from kinemimic.train.checkpoint import Training
 from kinemimic.train.config import PRESETS, TrainConfig, preset
 from kinemimic.train.engines import ENGINES, resolve
+from kinemimic.train.policy import POLICY
 from kinemimic.train.ppo import Learner
 from kinemimic.train.rounds import Rounds, is_complete
 from kinemimic.train.stopwatch import Stopwatch, table
@@ -29,7 +30,6 @@ from kinemimic.train.workers import Workers
 
 CHECKPOINT = "checkpoint.safetensors"
 PREVIOUS = "checkpoint.previous.safetensors"
-POLICY = "policy.safetensors"
 CURVES = "tensorboard"
 
 

@@ -25,7 +25,7 @@ from kinemimic.retarget.motion import Motion
 from kinemimic.train import checkpoint, rounds, stage, trial
 from kinemimic.train.config import PRESETS, EnvConfig, Hardships
 from kinemimic.train.env import ACTIONS, OBSERVATIONS
-from kinemimic.train.policy import Policy
+from kinemimic.train.policy import POLICY, Policy
 from kinemimic.train.ppo import Learner
 from kinemimic.train.stopwatch import Stopwatch
 
@@ -119,7 +119,7 @@ def test_interrupted_and_resumed_it_comes_to_the_same_bytes(
         in_update(patched, stopped, lambda: signal.raise_signal(number))
         with pytest.raises(KeyboardInterrupt, match=f"saved at {stopped * ROUND} samples"):
             stage.train(cut, budget=BUDGET, workers=2, engine=engine)
-    assert not (cut / stage.POLICY).exists()
+    assert not (cut / POLICY).exists()
     stage.train(cut, budget=BUDGET, workers=2, engine=engine)
     same_result(straight, cut)
 
