@@ -19,6 +19,7 @@ Mask = NDArray[np.bool_]
 GRAVITY = 9.81
 RUN_FROUDE = 0.6  # v² / (g leg): people change from walking to running at about 0.5
 FOLLOW = 4  # harmonics in which a walker's root follows the planted foot
+FOLLOW_RIDGE = 1e-2  # of their fit: the recorded path holds where no foot tells better
 # Phases after a foot is farthest ahead: on its own on the ground; and around the middle of its swing.
 SINGLE_SUPPORT = (0.12, 0.46)
 MID_SWING = (0.66, 0.78)
@@ -99,22 +100,28 @@ def lay_path(rotations: Array, sway: Array, speed: float, period: float, *, foll
         other = measure(np.column_stack([sway[:, :2], lifted]), best)
         if max(other.penetration, other.floating) < max(path.penetration, path.floating):
             path, height, follows = other, lifted, True
-        followed, steady = _follow(phase, carried, support, period)
+        followed, steady = _follow(phase, carried, support, period, sway[:, :2], flow)
         other = measure(np.column_stack([followed, height]), steady)
         if other.slip < path.slip:
             path, follows = other, True
     return replace(path, slip_recorded=recorded.slip, shift=shift, follows=follows)
 
 
-def _follow(phase: Array, carried: Array, support: Mask, period: float) -> tuple[Array, float]:
-    """Sway (T, 2) in metres and speed in m/s of a root that moves as the carrying foot has it, smoothed."""
+def _follow(
+    phase: Array, carried: Array, support: Mask, period: float, sway: Array, flow: Array
+) -> tuple[Array, float]:
+    """Sway (T, 2) in metres and speed in m/s of a root that moves as the carrying foot has it, smoothed.
+
+    Only what the recorded sway (T, 2), of velocity flow (T, 2), leaves is fitted: where both feet are on the
+    ground none tells the velocity, and a series free to choose there throws the root about between steps.
+    """
     rows, feet = np.nonzero(support)
-    series = fourier.fit(phase[rows], carried[rows, feet, :2], FOLLOW, ridge=1e-4)
+    series = fourier.fit(phase[rows], carried[rows, feet, :2] - flow[rows], FOLLOW, ridge=FOLLOW_RIDGE)
     # The integral of each harmonic by the phase; what is constant belongs to the advance.
     k = 2.0 * np.pi * np.arange(1, FOLLOW + 1)[:, None]
     cosine, sine = series[1 : FOLLOW + 1], series[FOLLOW + 1 :]
     integral = np.concatenate([np.zeros((1, 2)), -sine / k, cosine / k]) * period
-    return fourier.evaluate(integral, phase), float(series[0, 0])
+    return sway + fourier.evaluate(integral, phase), float(series[0, 0])
 
 
 def _measure(

@@ -25,6 +25,7 @@ HEIGHT = 0.015  # m
 SPEED = 0.4  # m/s
 BEYOND = 3.0  # times these it carries nothing
 COST = 1e-3  # of a newton at a point that lies still on the ground, against one newton unexplained
+STEPS = 100  # of the solver per unknown, at most: corners of one sole are alike, and its own 3 can be too few
 LEVER = 0.3  # m: a newton metre unexplained counts as a newton at this distance
 CONE = FRICTION / np.sqrt(2.0) * np.array([[1, 1], [1, -1], [-1, 1], [-1, -1]])  # edges, inside the cone
 
@@ -96,7 +97,9 @@ def efforts(bodies: BodyStates, linear_rate: Array, angular_rate: Array) -> Effo
         matrix = np.concatenate([unit, moment], axis=-1).reshape(-1, 6).T  # (6, 4 P)
         cost = COST * np.exp(0.5 * (height[t, near] ** 2 + slip[t, near] ** 2))
         system = np.concatenate([matrix, np.diag(np.repeat(cost, 4))])
-        found, _ = nnls(system, np.concatenate([wanted[t], np.zeros(4 * len(near))]))
+        found, _ = nnls(
+            system, np.concatenate([wanted[t], np.zeros(4 * len(near))]), maxiter=STEPS * 4 * len(near)
+        )
         contact[t, near] = np.einsum("pk,pki->pi", found.reshape(-1, 4), unit)
 
     for point, owner in enumerate(_OWNER):

@@ -88,7 +88,7 @@ def test_feet_of_a_noisy_walk_do_not_slide_or_sink_and_its_curves_stay(loop):
     assert depth(found) < 0.003
     before = joint_angles(loop.rotations)
     for name, curve in joint_angles(found.rotations).items():
-        assert np.degrees(np.sqrt(np.mean((curve - before[name]) ** 2))) < 1.0
+        assert np.degrees(np.sqrt(np.mean((curve - before[name]) ** 2))) < 1.1
     assert (found.contacts == loop.contacts).all()
     assert (found.cycle_offset == loop.cycle_offset).all()
 
