@@ -27,7 +27,7 @@ def test_a_recorded_path_on_which_the_carrying_foot_stands_still_is_left_as_it_i
     flow = fourier.evaluate(wave, phase, derivative=1) / PERIOD
     support = between(phase, SINGLE_SUPPORT)
     carried = np.full((66, 2, 3), 99.0)  # what a foot does that does not carry shall not matter
-    carried[support] = np.repeat((flow + [1.2, 0.0])[:, None], 2, axis=1)[support] @ np.eye(2, 3)
+    carried[support] = np.repeat((flow + np.array([1.2, 0.0]))[:, None], 2, axis=1)[support] @ np.eye(2, 3)
     followed, speed = _follow(phase, carried, support, PERIOD, sway, flow)
     assert followed == pytest.approx(sway, abs=1e-9)
     assert speed == pytest.approx(1.2)
