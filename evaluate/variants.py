@@ -12,6 +12,7 @@ ABLATION: dict[str, dict[str, Any]] = {
     "no-residual": {"env": {"residual": False}},
     "no-velocity-ff": {"env": {"velocity_feedforward": False}},
     "no-torque-ff": {"env": {"torque_feedforward": False}},
+    "no-mirror": {"env": {"mirror": False}},
     "start-at-0": {"env": {"start_anywhere": False}},
     # The paper's rule in place of the adapted rate, with the target of the preset `paper`.
     "kl-penalty": {"kl_penalty": True, "adapt_rate": False, "kl_target": 0.01},

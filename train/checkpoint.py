@@ -21,7 +21,7 @@ from kinemimic.train.ppo import Learner
 from kinemimic.train.rollout import Figures
 from kinemimic.train.trial import Trial
 
-CHECKPOINT_SCHEMA = 4
+CHECKPOINT_SCHEMA = 5
 _LEARNER, _FIGURES, _BEST = "learner.", "figures.", "best."
 
 Arrays = dict[str, NDArray[Any]]

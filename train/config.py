@@ -71,6 +71,7 @@ class EnvConfig:
     velocity_feedforward, torque_feedforward: what of the reference goes to the stable PD beside its angles:
     its speeds, and the torques of its inverse dynamics (`dynamics.py`).
     start_anywhere: episodes begin at any phase, not at the first.
+    mirror: the policy learns one step of a gait, and does the other as in a mirror (`mirror.py`).
     preview: how many control steps ahead the policy sees its reference; ValueError if nowhere.
     """
 
@@ -83,6 +84,7 @@ class EnvConfig:
     velocity_feedforward: bool = True
     torque_feedforward: bool = True
     start_anywhere: bool = True
+    mirror: bool = True
     preview: tuple[int, ...] = (1,)
     hardships: Hardships = field(default_factory=Hardships)
 
@@ -172,6 +174,9 @@ class TrainConfig:
                 for name, item in env["hardships"].items()
             }
             env["hardships"] = Hardships(**ranges)
+            absent = {f.name for f in fields(EnvConfig)} - env.keys()
+            if absent:
+                raise KeyError(*sorted(absent))
             plain = {f.name: value[f.name] for f in fields(cls) if f.name != "env"}
             plain["hidden"] = tuple(plain["hidden"])
             plain["scales"] = {name: _schedule(points) for name, points in plain["scales"].items()}
@@ -209,7 +214,7 @@ PRESETS: dict[str, TrainConfig] = {
         budget=2_500_000,
     ),
     # Nets, rates, discount, batch, passes, clip and entropy as printed; one batch a pass; KL target η and the
-    # constants θ, ω, wᵢ are not given in the paper, and of torques that lead the targets it knows nothing.
+    # constants θ, ω, wᵢ are not given in the paper; of leading torques and of mirrors it knows nothing.
     "paper": TrainConfig(
         preset="paper",
         env=EnvConfig(
@@ -220,6 +225,7 @@ PRESETS: dict[str, TrainConfig] = {
             ),
             max_drift=float("1e9"),
             torque_feedforward=False,
+            mirror=False,
         ),
         hidden=(1024, 512),
         minibatch=4096,

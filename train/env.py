@@ -20,6 +20,7 @@ from kinemimic.pipeline.rotations import (
 from kinemimic.retarget.body import BODIES
 from kinemimic.train.config import EnvConfig
 from kinemimic.train.hardship import Conditions
+from kinemimic.train.mirror import ALIKE, Mirror, asymmetry
 from kinemimic.train.reference import Reference
 from kinemimic.train.reward import pose_turns, rewards
 from kinemimic.train.stopwatch import Stopwatch
@@ -96,6 +97,8 @@ class ImitationBatch:
         self._increment = 1.0 / (CONTROL_RATE * reference.duration)
         self._substeps: Array = np.arange(1.0, SUBSTEPS + 1) * TIME_STEP / reference.duration
         self._scale = ACTION_SCALE if config.residual else np.ones(ACTIONS)
+        one_step = config.mirror and asymmetry(reference) <= ALIKE
+        self._mirror = Mirror(len(config.preview)) if one_step else None
         self.bodies: BodyStates = world.states()
         self._face(reference.bodies(self.phases))
 
@@ -155,6 +158,9 @@ class ImitationBatch:
 
     def step(self, actions: Array, wrenches: Array | None = None) -> Step:
         """One control step with actions (E, 42): corrections of the reference joints as rotation vectors."""
+        if self._mirror is not None:
+            actions = np.array(actions, dtype=np.float64)
+            self._mirror.actions(actions, self._second_half())
         at = self.phases[:, None] + self._substeps
         joints, velocities = self._targets(at)
         # One correction for the targets of all substeps: products of 8 x 4 and 4 x 4 matrices.
@@ -239,7 +245,14 @@ class ImitationBatch:
             *(turns.reshape(size, -1) for turns in self._turns_ahead),
             np.minimum(np.maximum(vectors[:, -previews:, :2], -1.0), 1.0).reshape(size, -1),
         ]
-        return np.concatenate(parts, axis=1)
+        observations = np.concatenate(parts, axis=1)
+        if self._mirror is not None:
+            self._mirror.observations(observations, self._second_half())
+        return observations
+
+    def _second_half(self) -> NDArray[np.bool_]:
+        """(E,) figures in the second half of a cycle, which a mirror makes the first."""
+        return np.mod(self.phases, 1.0) >= 0.5
 
 
 def _levelled(vectors: Array, heading: Array) -> Array:

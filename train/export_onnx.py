@@ -124,6 +124,11 @@ def metadata(record: Mapping[str, Any]) -> dict[str, str]:
         "action": "three numbers a joint, in the sequence of joints: times action_scale, a rotation vector "
         f"in the child's frame; target = {base}{lead} times the rotation of that vector",
         "action_scale": scale.tolist(),
+        "mirror": "in the second half of a cycle whose two steps are alike, the observation is that of the "
+        "figure in a mirror at y = 0 half a cycle away (left and right change places), and the action is "
+        "taken back through it (train/mirror.py)"
+        if config.mirror
+        else "none",
         "control_rate_hz": CONTROL_RATE,
         "physics_step_s": TIME_STEP,
         "physics_steps_per_action": SUBSTEPS,

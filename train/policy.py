@@ -23,7 +23,7 @@ from kinemimic.train.env import ACTIONS, observation_size
 Floats = NDArray[np.float32]
 
 POLICY = "policy.safetensors"  # of a run
-POLICY_SCHEMA = 2
+POLICY_SCHEMA = 3
 OBSERVATION_CLIP = 8.0
 
 

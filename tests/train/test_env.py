@@ -107,7 +107,7 @@ def test_observation_is_what_its_parts_say(motion: Motion, puppets) -> None:
     """Written out figure by figure with the rotations of the pipeline."""
     reference, phases = Reference(motion), np.array([0.1, 0.55, 1.8])
     world = puppets(3)
-    batch = ImitationBatch(world, reference, EnvConfig())
+    batch = ImitationBatch(world, reference, EnvConfig(mirror=False))
     states = scattered(reference, phases)
     world.put(states)
     batch.phases[:] = phases
@@ -132,7 +132,7 @@ def test_observation_is_what_its_parts_say(motion: Motion, puppets) -> None:
 
 def test_targets_are_the_reference_at_every_substep_times_the_correction(motion: Motion, puppets) -> None:
     world, reference = puppets(2), Reference(motion)
-    batch = ImitationBatch(world, reference, EnvConfig())
+    batch = ImitationBatch(world, reference, EnvConfig(mirror=False))
     batch.reset(np.arange(2), np.array([0.2, 0.7]))
     actions = np.random.default_rng(1).normal(0, 0.5, (2, ACTIONS))
     batch.step(actions)
@@ -149,7 +149,7 @@ def test_without_its_switches_less_of_the_reference_reaches_the_motors(motion: M
 
     def given(**switches: bool) -> tuple[np.ndarray, np.ndarray]:
         world = puppets(1)
-        batch = ImitationBatch(world, reference, EnvConfig(**switches))
+        batch = ImitationBatch(world, reference, EnvConfig(**switches, mirror=False))
         batch.reset(np.arange(1), phase)
         batch.step(still)
         return world.targets[0], world.velocities[0]

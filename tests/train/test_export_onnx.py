@@ -89,6 +89,13 @@ def test_the_metadata_says_how_to_drive_a_body(policy: Policy) -> None:
     assert set(json.loads(found["kinemimic.action_scale"])) == {1.0}
     assert "the identity" in found["kinemimic.action"] and "lead" not in found["kinemimic.action"]
     assert "zero" in found["kinemimic.pd"]
+    assert "second half" in found["kinemimic.mirror"]
+    assert (
+        metadata(RECORD | {"config": replace(bare, env=replace(bare.env, mirror=False)).to_json()})[
+            "kinemimic.mirror"
+        ]
+        == "none"
+    )
 
 
 def test_the_layout_is_that_of_an_observation(puppets, motion: Motion) -> None:
