@@ -129,11 +129,11 @@ class TrainConfig:
     discount: float = 0.95
     gae_lambda: float = 0.95
     learn_noise: bool = False
-    noise: Schedule = ((0, 0.08), (550_000, 0.04), (1_500_000, 0.02))
+    noise: Schedule = ((0, 0.08), (400_000, 0.04), (1_000_000, 0.02))
     # Reward scales that change: a gentle pose term learns to walk sooner, a tight one then fits the joints,
     # which a walk that cannot fall any more can afford.
     scales: dict[str, Schedule] = field(
-        default_factory=lambda: {"pose": ((450_000, 8.0), (700_000, 32.0), (1_500_000, 64.0))}
+        default_factory=lambda: {"pose": ((300_000, 8.0), (500_000, 32.0), (1_100_000, 64.0))}
     )
     # Of the hardships, 0 to 1: who cannot walk yet learns nothing from being pushed.
     strength: Schedule = ((0, 0.0),)
@@ -200,7 +200,7 @@ PRESETS: dict[str, TrainConfig] = {
             max_rotation_error=1.3,
             max_drift=1.5,
             hardships=Hardships(
-                push=(0.0, 240.0),
+                push=(0.0, 300.0),
                 rest=(1.0, 3.0),
                 friction=(0.5, 1.0),
                 mass=(0.9, 1.1),
@@ -209,8 +209,8 @@ PRESETS: dict[str, TrainConfig] = {
                 spin=0.2,
             ),
         ),
-        noise=((0, 0.08), (550_000, 0.05), (2_000_000, 0.03)),
-        strength=((800_000, 0.0), (1_800_000, 1.0)),
+        noise=((0, 0.08), (400_000, 0.05), (1_600_000, 0.03)),
+        strength=((400_000, 0.0), (1_400_000, 1.0)),
         budget=2_500_000,
     ),
     # Nets, rates, discount, batch, passes, clip and entropy as printed; one batch a pass; KL target η and the
