@@ -21,8 +21,8 @@ from kinemimic.train.world import FRICTION, GRAVITY, BodyStates
 Array = NDArray[np.float64]
 
 # A point carries the less, the higher over the ground and the faster it is.
-HEIGHT = 0.007  # m
-SPEED = 0.2  # m/s
+HEIGHT = 0.015  # m
+SPEED = 0.4  # m/s
 BEYOND = 3.0  # times these it carries nothing
 COST = 1e-3  # of a newton at a point that lies still on the ground, against one newton unexplained
 STEPS = 100  # of the solver per unknown, at most: corners of one sole are alike, and its own 3 can be too few
