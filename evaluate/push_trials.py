@@ -175,7 +175,7 @@ def run_searches(
     while len(found) < size:
         pushed = (ages >= SETTLE) & (ages < SETTLE + PUSH)
         wrenches[:, PELVIS, :2] = np.where(pushed, forces, 0.0)[:, None] * ways
-        actions = policy.act(policy.normalize(observations)).astype(np.float64)
+        actions = policy.act(observations).astype(np.float64)
         observations = batch.step(actions, wrenches).observations
         ages += 1
         fell = batch.fallen()

@@ -12,6 +12,7 @@ from kinemimic.retarget.motion import Motion
 from kinemimic.train.config import EnvConfig
 from kinemimic.train.engines import open_world
 from kinemimic.train.env import ACTIONS, ImitationBatch, observation_size
+from kinemimic.train.hardship import draw
 from kinemimic.train.reference import Reference
 
 Observation = NDArray[np.float32]
@@ -24,8 +25,9 @@ class ImitationEnv(gym.Env[Observation, NDArray[np.float32]]):
     """Imitate `motion` with one figure.
 
     Observations are raw, actions (42,) as in `ImitationBatch`. A fall terminates; the end of the episode's
-    time truncates. `reset(options={"phase": p})` starts at a phase instead of a random one;
-    `info` has the reward's terms. engine: of `engines.py`.
+    time truncates. Each episode draws the configuration's
+    hardships in full. `reset(options={"phase": p})` starts at a phase instead of a random one; `info` has the
+    reward's terms. engine: of `engines.py`.
     """
 
     metadata = {"render_modes": []}  # noqa: RUF012 (Gymnasium's own form)
@@ -41,10 +43,10 @@ class ImitationEnv(gym.Env[Observation, NDArray[np.float32]]):
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
     ) -> tuple[Observation, dict[str, Any]]:
         super().reset(seed=seed)
-        phase = (options or {}).get("phase")
-        self._batch.reset(
-            np.array([0]), np.array([self.np_random.random() if phase is None else float(phase)])
-        )
+        config, random = self._config, self.np_random
+        begins = random.random() if config.start_anywhere else 0.0
+        phase = float((options or {}).get("phase", begins))
+        self._batch.reset(np.array([0]), np.array([phase]), draw(config.hardships, 1.0, random))
         return self._batch.observe()[0].astype(np.float32), {}
 
     def step(self, action: NDArray[np.float32]) -> tuple[Observation, float, bool, bool, dict[str, Any]]:

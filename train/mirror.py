@@ -18,8 +18,8 @@ from kinemimic.train.reward import pose
 
 Array = NDArray[np.float64]
 
-# Mean angle between the legs' joints and their mirror image half a cycle away, up to which two steps of a gait
-# are taken for one. People walk and run at 1 to 8 degrees.
+# Mean angle between the legs' joints and their mirror image half a cycle away, up to which two steps are
+# taken for one. People walk and run at 1 to 8 degrees.
 ALIKE = np.radians(12.0)
 _LEGS = [k for k, name in enumerate(BODY_NAMES) if name.partition("_")[0] in ("thigh", "shin", "foot")]
 

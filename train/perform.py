@@ -71,7 +71,7 @@ def _perform_one(task: tuple[Motion, Policy | None, EnvConfig, float, int, str])
     for frame in range(frames):
         action = np.zeros((1, ACTIONS))
         if policy is not None:
-            action = policy.act(policy.normalize(observation.astype(np.float32))).astype(np.float64)
+            action = policy.act(observation).astype(np.float64)
         observation = batch.step(action).observations
         if fallen_at == frames and batch.fallen()[0]:
             fallen_at = frame

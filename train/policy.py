@@ -52,14 +52,10 @@ class Policy:
             return 0, 0
         return len(self.mean), out[-1][0]
 
-    def normalize(self, observations: NDArray[Any]) -> Floats:
-        """Observations (N, O) with zero mean and unit variance, clipped."""
-        return normalized(observations, self.mean, self.scale)
-
-    def act(self, observations: Floats) -> Floats:
-        """Mean action (N, 42) for normalised observations."""
+    def act(self, observations: NDArray[Any]) -> Floats:
+        """Mean action (N, 42) for observations (N, O) as the task gives them."""
         # Figures stand in columns: the weights as they lie, on the left, make the faster product of the two.
-        x = observations.T
+        x = normalized(observations, self.mean, self.scale).T
         for weight, bias in self.layers[:-1]:
             x = weight @ x
             x += bias[:, None]

@@ -141,7 +141,7 @@ class Sampler:
         observations[0] = batch.observe()
         batch.watch.lap(TASK)
         for t in range(steps):
-            actions[t] += policy.act(policy.normalize(observations[t]))
+            actions[t] += policy.act(observations[t])
             batch.watch.lap(INFERENCE)
             step = batch.step(actions[t])
             batch.watch.lap(TASK)

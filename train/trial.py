@@ -135,7 +135,7 @@ class Rehearsal:
         observation = batch.observe()
         rewards, rotations = [], []
         for _ in range(frames):
-            action = policy.act(policy.normalize(observation.astype(np.float32))).astype(np.float64)
+            action = policy.act(observation).astype(np.float64)
             observation = batch.step(action).observations
             if batch.fallen()[0]:
                 break

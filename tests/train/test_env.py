@@ -46,6 +46,17 @@ def test_passes_gymnasiums_checker(motion: Motion) -> None:
     env.close()
 
 
+def test_a_gymnasium_episode_is_as_hard_as_the_configuration_says(motion: Motion) -> None:
+    """The same seed draws the same; other seeds others."""
+    hard = EnvConfig(start_anywhere=False, hardships=Hardships(tilt=0.1, spin=0.5))
+    env = ImitationEnv(motion, hard)
+    first, again, other = (env.reset(seed=seed)[0] for seed in (0, 0, 1))
+    env.close()
+    np.testing.assert_array_equal(first, again)
+    assert np.abs(first - other).max() > 0.1
+    np.testing.assert_allclose(first[:2], [0.0, 1.0], atol=1e-7)  # all begin at the first phase
+
+
 def test_time_up_truncates_and_a_fall_terminates(motion: Motion) -> None:
     env = ImitationEnv(motion, replace(EnvConfig(), episode=3))
     env.reset(seed=0, options={"phase": 0.0})
