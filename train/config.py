@@ -71,7 +71,8 @@ class EnvConfig:
     velocity_feedforward, torque_feedforward: what of the reference goes to the stable PD beside its angles:
     its speeds, and the torques of its inverse dynamics (`dynamics.py`).
     start_anywhere: episodes begin at any phase, not at the first.
-    mirror: the policy learns one step of a gait, and does the other as in a mirror (`mirror.py`).
+    mirror: the policy learns the first half of a gait's cycle, and does the second as in a mirror; without
+    effect on what is performed once or is too unlike its mirror image (`mirror.py`).
     preview: how many control steps ahead the policy sees its reference; ValueError if nowhere.
     """
 
@@ -174,9 +175,6 @@ class TrainConfig:
                 for name, item in env["hardships"].items()
             }
             env["hardships"] = Hardships(**ranges)
-            absent = {f.name for f in fields(EnvConfig)} - env.keys()
-            if absent:
-                raise KeyError(*sorted(absent))
             plain = {f.name: value[f.name] for f in fields(cls) if f.name != "env"}
             plain["hidden"] = tuple(plain["hidden"])
             plain["scales"] = {name: _schedule(points) for name, points in plain["scales"].items()}

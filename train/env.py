@@ -20,7 +20,7 @@ from kinemimic.pipeline.rotations import (
 from kinemimic.retarget.body import BODIES
 from kinemimic.train.config import EnvConfig
 from kinemimic.train.hardship import Conditions
-from kinemimic.train.mirror import ALIKE, Mirror, asymmetry
+from kinemimic.train.mirror import Mirror, mirrored
 from kinemimic.train.reference import Reference
 from kinemimic.train.reward import pose_turns, rewards
 from kinemimic.train.stopwatch import Stopwatch
@@ -97,8 +97,7 @@ class ImitationBatch:
         self._increment = 1.0 / (CONTROL_RATE * reference.duration)
         self._substeps: Array = np.arange(1.0, SUBSTEPS + 1) * TIME_STEP / reference.duration
         self._scale = ACTION_SCALE if config.residual else np.ones(ACTIONS)
-        one_step = config.mirror and asymmetry(reference) <= ALIKE
-        self._mirror = Mirror(len(config.preview)) if one_step else None
+        self._mirror = Mirror(len(config.preview)) if mirrored(config, reference) else None
         self.bodies: BodyStates = world.states()
         self._face(reference.bodies(self.phases))
 
@@ -157,7 +156,8 @@ class ImitationBatch:
         self._place(np.arange(self.world.size), poses)
 
     def step(self, actions: Array, wrenches: Array | None = None) -> Step:
-        """One control step with actions (E, 42): corrections of the reference joints as rotation vectors."""
+        """One control step with actions (E, 42): corrections of the reference joints as rotation vectors, in
+        the second half of a mirrored cycle (`mirror.py`) those of the mirror image."""
         if self._mirror is not None:
             actions = np.array(actions, dtype=np.float64)
             self._mirror.actions(actions, self._second_half())
@@ -220,7 +220,8 @@ class ImitationBatch:
         return np.asarray((off > height) | (turned > turn**2) | self._exploded)
 
     def observe(self) -> Array:
-        """(E, O) in the figure's own heading: what it is doing and how far from what is next."""
+        """(E, O) in the figure's own heading: what it is doing and how far from what is next. In the second
+        half of a mirrored cycle (`mirror.py`) it is the mirror image that is seen."""
         b = self.bodies
         size = len(self.phases)
         six = to_six(b.rotations)

@@ -16,6 +16,7 @@ from kinemimic.pipeline.store import atomic
 from kinemimic.retarget.body import BODIES, BODY_NAMES
 from kinemimic.train.config import EnvConfig, TrainConfig
 from kinemimic.train.env import ACTION_SCALE, ACTIONS
+from kinemimic.train.mirror import of_action, of_observation
 from kinemimic.train.policy import OBSERVATION_CLIP, Policy
 from kinemimic.train.world import CONTROL_RATE, SUBSTEPS, TIME_STEP
 
@@ -109,6 +110,19 @@ def layout(config: EnvConfig) -> list[dict[str, Any]]:
     return rows
 
 
+def _mirror(previews: int) -> dict[str, Any]:
+    """What is to be done in the second half of a mirrored cycle (`mirror.py`)."""
+    tables = {"observation": of_observation(previews), "action": of_action()}
+    return {
+        "what": "at phases from a half to one, number k of the observation is sign[k] times number source[k] "
+        "of the layout above, and number k of what goes to the motors is sign[k] times action source[k]",
+        **{
+            name: {"source": sources.tolist(), "sign": signs.astype(int).tolist()}
+            for name, (sources, signs) in tables.items()
+        },
+    }
+
+
 def metadata(record: Mapping[str, Any]) -> dict[str, str]:
     """What a user has to know to drive a body with the actions; values other than text are JSON."""
     config = TrainConfig.from_json(record["config"]).env
@@ -124,11 +138,7 @@ def metadata(record: Mapping[str, Any]) -> dict[str, str]:
         "action": "three numbers a joint, in the sequence of joints: times action_scale, a rotation vector "
         f"in the child's frame; target = {base}{lead} times the rotation of that vector",
         "action_scale": scale.tolist(),
-        "mirror": "in the second half of a cycle whose two steps are alike, the observation is that of the "
-        "figure in a mirror at y = 0 half a cycle away (left and right change places), and the action is "
-        "taken back through it (train/mirror.py)"
-        if config.mirror
-        else "none",
+        "mirror": _mirror(len(config.preview)) if record["mirrored"] else "none",
         "control_rate_hz": CONTROL_RATE,
         "physics_step_s": TIME_STEP,
         "physics_steps_per_action": SUBSTEPS,

@@ -24,10 +24,11 @@ ACTION_BOUND = 2.0
 class ImitationEnv(gym.Env[Observation, NDArray[np.float32]]):
     """Imitate `motion` with one figure.
 
-    Observations are raw, actions (42,) as in `ImitationBatch`. A fall terminates; the end of the episode's
-    time truncates. Each episode draws the configuration's
-    hardships in full. `reset(options={"phase": p})` starts at a phase instead of a random one; `info` has the
-    reward's terms. engine: of `engines.py`.
+    Observations and actions (42,) are as in `ImitationBatch`: those of the mirror image in the second half
+    of a gait's cycle, unless the configuration's `mirror` is off. A fall terminates; the end of the episode's
+    time truncates. Each episode draws the configuration's hardships in full and starts at a random phase, or
+    at 0 without `start_anywhere`, or at p after `reset(options={"phase": p})`. `info` has the reward's terms.
+    engine: of `engines.py`.
     """
 
     metadata = {"render_modes": []}  # noqa: RUF012 (Gymnasium's own form)
@@ -44,9 +45,11 @@ class ImitationEnv(gym.Env[Observation, NDArray[np.float32]]):
     ) -> tuple[Observation, dict[str, Any]]:
         super().reset(seed=seed)
         config, random = self._config, self.np_random
-        begins = random.random() if config.start_anywhere else 0.0
-        phase = float((options or {}).get("phase", begins))
-        self._batch.reset(np.array([0]), np.array([phase]), draw(config.hardships, 1.0, random))
+        phase = (options or {}).get("phase")
+        if phase is None:
+            phase = random.random() if config.start_anywhere else 0.0
+        conditions = draw(config.hardships, 1.0, random)
+        self._batch.reset(np.array([0]), np.array([float(phase)]), conditions)
         return self._batch.observe()[0].astype(np.float32), {}
 
     def step(self, action: NDArray[np.float32]) -> tuple[Observation, float, bool, bool, dict[str, Any]]:

@@ -87,9 +87,13 @@ class Policy:
     def load(cls, path: Path) -> tuple[Policy, dict[str, Any]]:
         """Policy and record; a KinemimicError says what does not fit."""
         record = read_json(path.with_suffix(".json"))
-        if not isinstance(record, dict) or record.get("schema") != POLICY_SCHEMA:
-            raise KinemimicError(f"{path.with_suffix('.json')}: expected a policy of schema {POLICY_SCHEMA}")
-        for key in ("config", "provenance", "body"):
+        found = record.get("schema") if isinstance(record, dict) else None
+        if found != POLICY_SCHEMA:
+            raise KinemimicError(
+                f"{path.with_suffix('.json')}: expected a policy of schema {POLICY_SCHEMA}, found {found!r}: "
+                "another version's, which saw and did something else; train again"
+            )
+        for key in ("config", "provenance", "body", "mirrored"):
             if key not in record:
                 raise KinemimicError(f"{path.with_suffix('.json')}: expected the key {key!r}, found none")
         if record["body"] != body_identity():
@@ -111,10 +115,10 @@ class Policy:
             wanted = observation_size(TrainConfig.from_json(record["config"]).env), ACTIONS
         except KinemimicError as error:
             raise KinemimicError(f"{path.with_suffix('.json')}: {error}") from None
-        if (found := policy.shape) != wanted:
+        if (shape := policy.shape) != wanted:
             raise KinemimicError(
                 f"{path}: expected {wanted[0]} observations and {wanted[1]} actions, as its configuration "
-                f"has them, found {found[0]} and {found[1]}"
+                f"has them, found {shape[0]} and {shape[1]}"
             )
         return policy, record
 

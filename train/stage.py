@@ -21,8 +21,10 @@ from kinemimic.train.budget import MINUTES, samples
 from kinemimic.train.checkpoint import Training
 from kinemimic.train.config import PRESETS, TrainConfig, preset
 from kinemimic.train.engines import ENGINES, resolve
+from kinemimic.train.mirror import mirrored
 from kinemimic.train.policy import POLICY
 from kinemimic.train.ppo import Learner
+from kinemimic.train.reference import Reference
 from kinemimic.train.rounds import Rounds, is_complete
 from kinemimic.train.stopwatch import Stopwatch, table
 from kinemimic.train.trial import Trial, best, first_walk
@@ -112,6 +114,7 @@ def _record(training: Training, motion: Motion, engine: str) -> dict[str, Any]:
         "first_walk": first_walk(trials),
         "trials": [trial.to_json() for trial in trials],
         "config": config.to_json(),
+        "mirrored": mirrored(config.env, Reference(motion)),
         "simulated": motion.simulated,
         "provenance": provenance(
             "train", inputs={"motion": motion.identity}, config=config.to_json(), seed=config.seed
@@ -179,6 +182,8 @@ def command(
             f"kept, as the best: the policy of {kept.samples:,} samples: {kept.frames} of {kept.of} frames, "
             f"R² {kept.knee:.3f} knee, {kept.hip:.3f} hip, {100 * kept.reward:.1f} % of the reward"
         )
+        if record["mirrored"]:
+            click.echo("the second half of the cycle is performed as the first in a mirror")
         if record["exploded"]:
             click.echo(f"{record['exploded']:,} figures exploded in the simulation and were set back")
         click.echo(table(record["seconds_by"]))

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from kinemimic.pipeline import fourier
+from kinemimic.pipeline.captures.virtual import record_virtual
 from kinemimic.pipeline.convert import convert
 from kinemimic.pipeline.ingest import ingest
 from kinemimic.retarget.ground import SINGLE_SUPPORT, _follow, between
@@ -35,16 +36,14 @@ def test_a_recorded_path_on_which_the_carrying_foot_stands_still_is_left_as_it_i
 
 @pytest.fixture(scope="module")
 def virtual(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    from kinemimic.pipeline.captures.virtual import record_virtual  # noqa: PLC0415 - writes a recording
-
     run = tmp_path_factory.mktemp("virtual") / "run"
     ingest(record_virtual(run.parent)[0], run)
     convert(run)
     return run
 
 
-def test_no_force_but_the_grounds_is_needed_to_walk_so(virtual):
-    """Newton's second law: what gravity, inertia and feet that push leave unexplained, of a body's 480 N."""
+def test_feet_on_the_ground_can_hold_the_walker_up_and_from_side_to_side(virtual):
+    """Newton's second law: what gravity, inertia and feet that push leave unexplained, of a weight of 473 N."""
     motion = retarget(virtual)
     reference, beside = Reference(motion), 1.0 / 60.0 / motion.duration
     phase = np.arange(120) / 120

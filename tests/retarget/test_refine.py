@@ -88,6 +88,7 @@ def test_feet_of_a_noisy_walk_do_not_slide_or_sink_and_its_curves_stay(loop):
     assert depth(found) < 0.003
     before = joint_angles(loop.rotations)
     for name, curve in joint_angles(found.rotations).items():
+        # Measured 1.03 at the knees: this walker's own path is straight, on which its feet slide at 9 cm/s.
         assert np.degrees(np.sqrt(np.mean((curve - before[name]) ** 2))) < 1.1
     assert (found.contacts == loop.contacts).all()
     assert (found.cycle_offset == loop.cycle_offset).all()

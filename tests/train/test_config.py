@@ -23,8 +23,6 @@ def test_what_does_not_fit_is_refused_by_name() -> None:
     value = PRESETS["default"].to_json()
     with pytest.raises(KinemimicError, match="surprise"):
         TrainConfig.from_json({**value, "env": {**value["env"], "surprise": 1}})
-    with pytest.raises(KinemimicError, match="mirror"):
-        TrainConfig.from_json({**value, "env": {k: v for k, v in value["env"].items() if k != "mirror"}})
     del value["env"]["preview"]
     with pytest.raises(KinemimicError, match="preview"):
         TrainConfig.from_json(value)

@@ -30,6 +30,7 @@ RECORD = {
     "seed": 4,
     "samples": 7,
     "preset": "x",
+    "mirrored": False,
 }
 
 
@@ -90,23 +91,41 @@ def test_the_metadata_says_how_to_drive_a_body(policy: Policy) -> None:
     assert set(json.loads(found["kinemimic.action_scale"])) == {1.0}
     assert "the identity" in found["kinemimic.action"] and "lead" not in found["kinemimic.action"]
     assert "zero" in found["kinemimic.pd"]
-    assert "second half" in found["kinemimic.mirror"]
-    assert (
-        metadata(RECORD | {"config": replace(bare, env=replace(bare.env, mirror=False)).to_json()})[
-            "kinemimic.mirror"
-        ]
-        == "none"
-    )
+    assert found["kinemimic.mirror"] == "none"
+
+
+def scattered(reference: Reference, phase: np.ndarray) -> BodyStates:
+    """One figure off its reference in everything."""
+    random, there = np.random.default_rng(0), reference.bodies(phase)
+    off = (1, len(BODIES), 3)
+    rotations = multiply(there.rotations, from_rotvec(random.normal(0, 0.2, off)))
+    velocities = random.normal(0, 1, (2, *off))
+    return BodyStates(there.positions + random.normal(0, 0.05, off), rotations, *velocities)
+
+
+def test_the_metadata_says_how_to_mirror(motion: Motion, puppets) -> None:
+    """By its tables the second half of a cycle is what the task makes of it."""
+    reference, phase = Reference(motion), np.array([0.7])
+    states = scattered(reference, phase)
+    seen = []
+    for mirror in (False, True):
+        world = puppets(1)
+        world.put(states)
+        batch = ImitationBatch(world, reference, replace(CONFIG.env, mirror=mirror))
+        batch.phases[:] = phase
+        batch.reset(np.array([], dtype=np.intp), np.array([]))
+        seen.append(batch.observe()[0])
+    told = json.loads(metadata(RECORD | {"mirrored": True})["kinemimic.mirror"])
+    by_table = np.array(told["observation"]["sign"]) * seen[0][told["observation"]["source"]]
+    np.testing.assert_allclose(by_table, seen[1], atol=1e-12)
+    assert len(told["action"]["source"]) == len(told["action"]["sign"]) == ACTIONS
 
 
 def test_the_layout_is_that_of_an_observation(puppets, motion: Motion) -> None:
     """A figure off its reference: what each part says of itself, worked out here."""
     phase, reference, world = 0.2, Reference(motion), puppets(1)
-    random, there = np.random.default_rng(0), reference.bodies(np.array([phase]))
-    off = (1, len(BODIES), 3)
-    rotations = multiply(there.rotations, from_rotvec(random.normal(0, 0.2, off)))
-    velocities = random.normal(0, 1, (2, *off))
-    states = BodyStates(there.positions + random.normal(0, 0.05, off), rotations, *velocities)
+    states = scattered(reference, np.array([phase]))
+    rotations = states.rotations
     world.put(states)
     batch = ImitationBatch(world, reference, CONFIG.env)
     batch.phases[:] = phase

@@ -14,7 +14,7 @@ from kinemimic.train.env import ACTIONS, OBSERVATIONS, observation_size
 from kinemimic.train.networks import ActorCritic, Normalizer, export
 from kinemimic.train.policy import Policy
 
-RECORD: dict[str, object] = {"config": PRESETS["default"].to_json(), "provenance": {}}
+RECORD: dict[str, object] = {"config": PRESETS["default"].to_json(), "provenance": {}, "mirrored": True}
 
 
 @pytest.fixture
@@ -74,6 +74,16 @@ def test_a_record_of_another_version_is_named(tmp_path: Path, learner) -> None:
     export(*learner).save(tmp_path / "p.safetensors", RECORD | {"config": {"env": {}}})
     with pytest.raises(KinemimicError, match=r"p\.json: expected a training configuration"):
         Policy.load(tmp_path / "p.safetensors")
+
+
+def test_a_policy_of_an_earlier_schema_is_refused_with_what_to_do(tmp_path: Path, learner) -> None:
+    path = tmp_path / "p.safetensors"
+    export(*learner).save(path, RECORD)
+    record = json.loads(path.with_suffix(".json").read_text())
+    for other in (record | {"schema": 2}, [record]):
+        path.with_suffix(".json").write_text(json.dumps(other))
+        with pytest.raises(KinemimicError, match=r"schema 3, found (2|None).*train again"):
+            Policy.load(path)
 
 
 def test_a_record_that_lacks_its_configuration_is_refused(tmp_path: Path, learner) -> None:
