@@ -19,8 +19,8 @@ Mask = NDArray[np.bool_]
 GRAVITY = 9.81
 RUN_FROUDE = 0.6  # v² / (g leg): people change from walking to running at about 0.5
 FOLLOW = 4  # harmonics in which a walker's root follows the planted foot
-# Of their fit: the first follows nearly in full, the fourth by a sixth. A tenth of it let a walk of CMU's sway
-# by 78 instead of the recorded 23 mm, with three times it the planted feet slide more and nothing is gained.
+# Of their fit: the first follows nearly in full, the fourth by a sixth. A tenth of it let a walk of CMU's
+# sway by 78 instead of the recorded 23 mm; with three times it feet slide more and nothing is gained.
 FOLLOW_RIDGE = 1e-2
 # Phases after a foot is farthest ahead: on its own on the ground; and around the middle of its swing.
 SINGLE_SUPPORT = (0.12, 0.46)

@@ -43,7 +43,7 @@ def virtual(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def test_feet_on_the_ground_can_hold_the_walker_up_and_from_side_to_side(virtual):
-    """Newton's second law: what gravity, inertia and feet that push leave unexplained, of a weight of 473 N."""
+    """Newton's second law: what gravity, inertia and feet that push leave unexplained, of 473 N of weight."""
     motion = retarget(virtual)
     reference, beside = Reference(motion), 1.0 / 60.0 / motion.duration
     phase = np.arange(120) / 120
