@@ -21,7 +21,7 @@ Array = NDArray[np.float64]
 
 # `asymmetry` up to which two halves of a cycle are taken for one. The walks and runs of the wheel have less
 # than 1 degree, five of CMU 5 to 8, a Kinect's of one and a third strides 7.
-ALIKE = np.radians(12.0)
+ALIKE = float(np.radians(12.0))
 
 # What a mirror at y = 0 makes of x, y, z of a vector, of an axis that something turns about, of a quaternion.
 VECTOR, AXIS = np.array([1.0, -1.0, 1.0]), np.array([-1.0, 1.0, -1.0])
@@ -91,7 +91,7 @@ def _reflect(values: Array, rows: NDArray[np.bool_], sources: NDArray[np.intp], 
 
 def mirrored(config: EnvConfig, reference: Reference) -> bool:
     """Whether a policy of this configuration performs this reference by way of a mirror."""
-    return config.mirror and asymmetry(reference) <= ALIKE
+    return config.mirror and bool(asymmetry(reference) <= ALIKE)
 
 
 def asymmetry(reference: Reference) -> float:
