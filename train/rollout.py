@@ -19,6 +19,7 @@ from kinemimic.train.config import EnvConfig, RewardConfig
 from kinemimic.train.engines import open_world
 from kinemimic.train.env import TASK, ImitationBatch, observation_size
 from kinemimic.train.hardship import Conditions, draw
+from kinemimic.train.ordeal import Ordeal
 from kinemimic.train.policy import Floats, Policy
 from kinemimic.train.reference import Reference
 from kinemimic.train.trial import Attempt, Rehearsal
@@ -79,6 +80,7 @@ class Sampler:
         self._batch = ImitationBatch(open_world(len(seeds), engine), Reference(motion), config)
         self._randoms = [np.random.Generator(np.random.PCG64(seed)) for seed in seeds]
         self._rehearsal: Rehearsal | None = None
+        self._ordeal: Ordeal | None = None
         self._restart(np.arange(len(seeds)), 0.0)
         self._next = self._batch.snapshot()
 
@@ -102,6 +104,14 @@ class Sampler:
         if self._rehearsal is None:
             self._rehearsal = Rehearsal(self._motion, self._batch.reference, self._config, self._engine)
         return [self._rehearsal.attempt(policy, reward, phase) for phase in phases]
+
+    def ordeals(self, policy: Policy, reward: RewardConfig, numbers: Sequence[int]) -> list[float]:
+        """What figures apart endure of the hardships with these numbers, which stay the same."""
+        if not numbers:
+            return []
+        if self._ordeal is None:
+            self._ordeal = Ordeal(self._batch.reference, self._config, numbers, self._engine)
+        return self._ordeal.endure(policy, reward)
 
     def _restart(self, indices: NDArray[np.intp], strength: float) -> None:
         """Begin new episodes under hardships of this strength."""

@@ -164,19 +164,24 @@ class Rounds:
         training, learner, samples = self._training, self._learner, self._state.samples
         policy = export(learner.net, learner.normalizer)
         # Under the scales that the schedules end with, so that early and late trials compare.
-        attempts = self._crew.attempts(policy, self._config.final_reward, start_phases(self._motion))
+        reward, strength = self._config.final_reward, scheduled_at(self._config.strength, samples)
+        attempts = self._crew.attempts(policy, reward, start_phases(self._motion))
+        endured = self._crew.ordeals(policy, reward) if strength > 0.0 else ()
         self._spent(TRIAL)
         trial = Trial.of_attempts(
             attempts,
+            endured,
             samples=samples,
             seconds=sum(self._state.seconds_by.values()),
-            strength=scheduled_at(self._config.strength, samples),
+            strength=strength,
         )
         training.trials.append(trial)
         if best(training.trials) is trial:
             training.best = policy
         for name in ("frames", "reward", "knee", "hip"):
             board.add_scalar(f"trial/{name}", getattr(trial, name), samples)
+        if trial.endured is not None:
+            board.add_scalar("trial/endured", trial.endured, samples)
 
     def _spent(self, name: str) -> None:
         self._watch.lap(name)

@@ -181,6 +181,7 @@ def command(
         click.echo(
             f"kept, as the best: the policy of {kept.samples:,} samples: {kept.frames} of {kept.of} frames, "
             f"R² {kept.knee:.3f} knee, {kept.hip:.3f} hip, {100 * kept.reward:.1f} % of the reward"
+            + ("" if kept.endured is None else f", {100 * kept.endured:.1f} % under hardships")
         )
         if record["mirrored"]:
             click.echo("the second half of the cycle is performed as the first in a mirror")

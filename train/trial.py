@@ -1,4 +1,5 @@
-"""Trials: now and then in a training the policy performs its reference, without noise and without hardships.
+"""Trials: now and then in a training the policy performs its reference, without noise and without hardships;
+and, if it trains under hardships, under those too (`ordeal.py`).
 
 What it does decides which policy is kept, so it depends on the number of samples and not on the clock.
 """
@@ -59,7 +60,8 @@ class Trial:
     """The attempts after so many samples and seconds of training.
 
     strength: 0 to 1, of the hardships that the policy trained under by then; frames, knee, hip: the least of
-    all attempts; frames_first: of the one from phase 0; reward: their mean.
+    all attempts; frames_first: of the one from phase 0; reward: their mean; endured: the mean reward under
+    hardships, None where the strength is 0.
     """
 
     samples: int
@@ -71,12 +73,19 @@ class Trial:
     reward: float
     knee: float
     hip: float
+    endured: float | None = None
 
     @classmethod
     def of_attempts(
-        cls, attempts: Sequence[Attempt], *, samples: int, seconds: float, strength: float
+        cls,
+        attempts: Sequence[Attempt],
+        endured: Sequence[float] = (),
+        *,
+        samples: int,
+        seconds: float,
+        strength: float,
     ) -> Trial:
-        """What the attempts, the one from phase 0 first, come to."""
+        """What the attempts, the one from phase 0 first, and the rewards under hardships come to."""
         return cls(
             samples=samples,
             seconds=round(seconds, 1),
@@ -87,6 +96,7 @@ class Trial:
             reward=sum(attempt.reward for attempt in attempts) / len(attempts),
             knee=min(attempt.knee for attempt in attempts),
             hip=min(attempt.hip for attempt in attempts),
+            endured=sum(endured) / len(endured) if endured else None,
         )
 
     @property
@@ -105,11 +115,9 @@ def is_due(before: int, after: int) -> bool:
 
 
 def best(trials: Sequence[Trial]) -> Trial:
-    """The one of the highest reward, the earliest of equals, among those of the greatest strength.
-
-    Trials are calm: whoever was never pushed does best in them, and falls at the first push.
-    """
-    return max(trials, key=lambda trial: (trial.strength, trial.reward))
+    """Among those of the greatest strength the one of the highest reward, under hardships if there are any;
+    the earliest of equals."""
+    return max(trials, key=lambda t: (t.strength, t.reward if t.endured is None else t.endured))
 
 
 def first_walk(trials: Sequence[Trial]) -> Mapping[str, float] | None:

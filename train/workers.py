@@ -18,6 +18,7 @@ from kinemimic.pipeline.errors import KinemimicError
 from kinemimic.retarget.motion import Motion
 from kinemimic.train.children import inherited
 from kinemimic.train.config import EnvConfig, RewardConfig
+from kinemimic.train.ordeal import FIGURES
 from kinemimic.train.policy import Floats, Policy
 from kinemimic.train.rollout import Figures, Sampler, Samples
 from kinemimic.train.stopwatch import summed
@@ -113,6 +114,12 @@ class Workers:
         count = self._count
         parts = self._ask("attempts", [(policy, reward, phases[k::count]) for k in range(count)])
         return [parts[k % count][k // count] for k in range(len(phases))]
+
+    def ordeals(self, policy: Policy, reward: RewardConfig) -> list[float]:
+        """What each of the figures of `ordeal.py` endures, in the sequence of their numbers."""
+        count, numbers = self._count, range(FIGURES)
+        parts = self._ask("ordeals", [(policy, reward, numbers[k::count]) for k in range(count)])
+        return [parts[k % count][k // count] for k in numbers]
 
     def sample(
         self, policy: Policy, noise: Floats, reward: RewardConfig, strength: float, steps: int

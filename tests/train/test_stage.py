@@ -140,16 +140,19 @@ def test_an_unknown_engine_is_one_line(run: Path) -> None:
 
 def test_the_command_ends_with_a_table_of_the_time(run: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     record = {
-        "preset": "default", "engine": "native", "samples": 4096, "exploded": 2, "seconds": 4.0, "seed": 0,
+        "preset": "robust", "engine": "native", "samples": 4096, "exploded": 2, "seconds": 4.0, "seed": 0,
+        "mirrored": True,
         "seconds_by": {"simulation": 3.0, "update": 1.0},
         "best": {"samples": 2048, "seconds": 2.0, "strength": 0.0, "frames": 599, "frames_first": 600,
-                 "of": 600, "reward": 0.5, "knee": 0.91, "hip": 0.92},
+                 "of": 600, "reward": 0.5, "knee": 0.91, "hip": 0.92, "endured": 0.25},
     }  # fmt: skip
     monkeypatch.setattr(stage, "train", lambda *_, **__: record)
     lines = CliRunner().invoke(stage.command, ["--run", str(run)]).output.splitlines()
     assert "4,096 samples in 4 s" in lines[0]
     assert "native engine" in lines[0]
     assert "2,048 samples: 599 of 600 frames, R² 0.910 knee, 0.920 hip, 50.0 % of the reward" in lines[1]
+    assert lines[1].endswith("25.0 % under hardships")
+    assert lines.pop(2).endswith("mirror")
     assert lines[2].startswith("2 figures exploded")
     assert lines[4].split() == ["simulation", "3.0", "75.0", "%", "45.0", "s"]
 

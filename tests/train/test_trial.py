@@ -100,6 +100,8 @@ def test_a_trial_is_as_good_as_its_worse_attempt() -> None:
     found = Trial.of_attempts(attempts, samples=7, seconds=1.26, strength=0.5)
     assert found == Trial(7, 1.3, 0.5, 300, 600, 600, 0.65, 0.5, 0.55)
     assert not found.walks
+    hard = Trial.of_attempts(attempts, [0.1, 0.6, 0.8], samples=7, seconds=1.26, strength=0.5)
+    assert hard == replace(found, endured=pytest.approx(0.5))
 
 
 def test_the_first_walk_is_the_first_that_neither_falls_nor_strays() -> None:
@@ -120,6 +122,12 @@ def test_whoever_learnt_under_more_hardship_is_kept_before_whoever_did_better_wi
     learnt = ((0.0, 0.9), (0.4, 0.8), (1.0, 0.6), (1.0, 0.7))
     trials = [replace(TRIAL, strength=strength, reward=reward) for strength, reward in learnt]
     assert [best(trials[:n]) is trials[n - 1] for n in (1, 2, 3, 4)] == [True] * 4
+
+
+def test_under_hardships_whoever_endures_most_is_kept() -> None:
+    did = ((0.9, 0.3), (0.7, 0.5), (0.8, 0.4))
+    trials = [replace(TRIAL, strength=1.0, reward=reward, endured=endured) for reward, endured in did]
+    assert best(trials) is trials[1]
 
 
 def test_trials_fall_due_by_samples() -> None:
