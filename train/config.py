@@ -209,7 +209,7 @@ PRESETS: dict[str, TrainConfig] = {
         ),
         noise=((0, 0.08), (400_000, 0.05), (1_600_000, 0.03)),
         strength=((400_000, 0.0), (1_400_000, 1.0)),
-        budget=2_500_000,
+        budget=3_000_000,
     ),
     # Nets, rates, discount, batch, passes, clip and entropy as printed; one batch a pass; KL target η and the
     # constants θ, ω, wᵢ are not given in the paper; of leading torques and of mirrors it knows nothing.
