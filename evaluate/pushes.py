@@ -34,7 +34,8 @@ from kinemimic.pipeline.store import file_hash, write_json
 from kinemimic.retarget.body import BODIES
 from kinemimic.train.children import spread
 from kinemimic.train.config import TrainConfig
-from kinemimic.train.engines import ENGINES, resolve
+from kinemimic.train.engines import resolve
+from kinemimic.train.options import engine_option, workers_option
 from kinemimic.train.policy import POLICY, learnt
 from kinemimic.train.world import CONTROL_RATE
 
@@ -145,14 +146,8 @@ def _force(newton: float) -> str:
 
 @click.command("pushes")
 @run_options()
-@click.option("--workers", type=click.IntRange(min=1), help="Processes that simulate; all cores by default.")
-@click.option(
-    "--engine",
-    type=click.Choice(ENGINES),
-    default="auto",
-    show_default=True,
-    help="Native where it is built.",
-)
+@workers_option
+@engine_option
 @click.option("--json", "as_json", is_flag=True, help="Print pushes.json.")
 def command(run: Path, workers: int | None, engine: str, as_json: bool) -> None:
     """How hard a push the run's policy, or one that ships, survives: 0.2 s on the pelvis.

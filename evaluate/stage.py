@@ -22,8 +22,9 @@ from kinemimic.pipeline.progress import progress
 from kinemimic.pipeline.provenance import provenance
 from kinemimic.pipeline.store import file_hash, write_json, write_text
 from kinemimic.retarget.motion import Motion, joint_angles
-from kinemimic.train.engines import ENGINES, resolve
+from kinemimic.train.engines import resolve
 from kinemimic.train.fit import JOINTS, MEASURES
+from kinemimic.train.options import engine_option, workers_option
 from kinemimic.train.perform import perform
 from kinemimic.train.playback import Playback
 from kinemimic.train.policy import POLICY, learnt
@@ -155,14 +156,8 @@ def table(scores: dict[str, Any], run: Path) -> RenderableType:
 
 @click.command("evaluate")
 @run_options()
-@click.option("--workers", type=click.IntRange(min=1), help="Processes that simulate; all cores by default.")
-@click.option(
-    "--engine",
-    type=click.Choice(ENGINES),
-    default="auto",
-    show_default=True,
-    help="Native where it is built.",
-)
+@workers_option
+@engine_option
 @click.option("--json", "as_json", is_flag=True, help="Print scores.json.")
 def command(run: Path, workers: int | None, engine: str, as_json: bool) -> None:
     """Let the run's policy, or one that ships, perform; score it against reference, capture and truth."""

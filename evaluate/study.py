@@ -25,8 +25,9 @@ from kinemimic.pipeline.store import read_json, write_json, write_text
 from kinemimic.retarget.export_json import motion_from_json
 from kinemimic.train.budget import samples
 from kinemimic.train.config import PRESETS, TrainConfig
-from kinemimic.train.engines import ENGINES, resolve
+from kinemimic.train.engines import resolve
 from kinemimic.train.fit import JOINTS, SIDES
+from kinemimic.train.options import engine_option
 
 STUDY_SCHEMA = 1
 FAILED = 1  # exit status where a cell failed
@@ -223,8 +224,7 @@ def increasing(value: str) -> tuple[int, ...]:
 @click.option("--jobs", type=click.IntRange(min=1), help="Trainings side by side; all cores by default.")
 @click.option("--out", type=click.Path(path_type=Path, file_okay=False), default=Path("runs/study"),
               show_default=True)  # fmt: skip
-@click.option("--engine", type=click.Choice(ENGINES), default="auto", show_default=True,
-              help="Native where it is built.")  # fmt: skip
+@engine_option
 @click.option("--anyway", is_flag=True, help="Train also on motions that the gate before training refuses.")
 @click.option("--json", "as_json", is_flag=True, help="Print study.json.")
 def command(

@@ -20,8 +20,9 @@ from kinemimic.train import checkpoint
 from kinemimic.train.budget import MINUTES, samples
 from kinemimic.train.checkpoint import Training
 from kinemimic.train.config import PRESETS, TrainConfig, preset
-from kinemimic.train.engines import ENGINES, resolve
+from kinemimic.train.engines import resolve
 from kinemimic.train.mirror import mirrored
+from kinemimic.train.options import engine_option, workers_option
 from kinemimic.train.policy import POLICY
 from kinemimic.train.ppo import Learner
 from kinemimic.train.reference import Reference
@@ -132,14 +133,8 @@ def _record(training: Training, motion: Motion, engine: str) -> dict[str, Any]:
 @click.option("--budget", type=samples, help="Samples (control steps), such as 1e6; the preset's by default.")
 @click.option("--minutes", type=MINUTES, help="End after so many minutes, if the budget lasts longer.")
 @click.option("--seed", type=click.IntRange(min=0), default=0, show_default=True)
-@click.option("--workers", type=click.IntRange(min=1), help="Processes that simulate; all cores by default.")
-@click.option(
-    "--engine",
-    type=click.Choice(ENGINES),
-    default="auto",
-    show_default=True,
-    help="Native where it is built.",
-)
+@workers_option
+@engine_option
 @click.option(
     "--resume/--no-resume", default=True, show_default=True, help="Go on from the run's checkpoint."
 )
