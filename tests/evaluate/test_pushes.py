@@ -267,7 +267,7 @@ def test_a_figure_with_two_equal_sides_topples_to_both_alike(
 
 def write_inputs(folder: Path, motion: Motion) -> None:
     write_text(folder / "motion.json", motion_to_json(motion))
-    record = {"samples": 0, "seconds": 0.0, "preset": "default", "seed": 3}
+    record = {"samples": 0, "seconds": 0.0, "preset": "default", "seed": 3, "mirrored": True}
     record |= {"config": PRESETS["default"].to_json()}
     made_from = {"inputs": {"motion": motion_from_json(folder / "motion.json").identity}}
     IDLE.save(folder / "policy.safetensors", record | {"provenance": made_from})

@@ -27,7 +27,7 @@ def write_inputs(folder, motion):
         np.zeros(OBSERVATIONS, np.float32),
         np.ones(OBSERVATIONS, np.float32),
     )
-    record = {"samples": 0, "seconds": 0.0, "preset": "default", "seed": 0}
+    record = {"samples": 0, "seconds": 0.0, "preset": "default", "seed": 0, "mirrored": True}
     record |= {"config": PRESETS["default"].to_json()}
     # As `train` does it: the identity of what was read back, rounded as the file is.
     made_from = {"inputs": {"motion": motion_from_json(folder / "motion.json").identity}}

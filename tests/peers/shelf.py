@@ -52,7 +52,10 @@ def write_run(folder: Path, motion: Motion, *, seed: int = 3, budget: int = 5, b
     config = preset("default", seed=seed, budget=budget).to_json()
     record = {"preset": "default", "engine": "native", "samples": budget, "seconds": 1.0, "seed": seed}
     made_by = {"inputs": {"motion": identity}}
-    idle.save(folder / POLICY, record | {"config": config, "provenance": made_by, "imitates": gist(motion)})
+    idle.save(
+        folder / POLICY,
+        record | {"config": config, "provenance": made_by, "imitates": gist(motion), "mirrored": True},
+    )
     scores: dict[str, Any] = {
         "survival": {"frames": 600, "of": 600, "phases": 12, "phases_of": 13},
         "fit": {"knee": {"r2": 0.987}, "hip": {"r2": 0.976}},
