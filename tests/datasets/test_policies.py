@@ -14,6 +14,10 @@ from kinemimic.retarget.export_json import motion_from_json
 from kinemimic.train.policy import Policy
 
 
+def test_every_recipe_has_been_made() -> None:
+    assert shipped() == tuple(recipes())
+
+
 @pytest.mark.parametrize("name", shipped())
 def test_a_policy_that_ships_is_what_its_recipe_says(name: str, tmp_path) -> None:
     folder, recipe = POLICIES / name, recipes()[name]
