@@ -19,8 +19,8 @@ from kinemimic.train.reward import pose
 
 Array = NDArray[np.float64]
 
-# `asymmetry` up to which two halves of a cycle are taken for one. The walks and runs of the wheel have less
-# than 1 degree, five of CMU 5 to 8, a Kinect's of one and a third strides 7.
+# `asymmetry` up to which two halves of a cycle are taken for one. Walk and run of the wheel have 0.6 and 1.2
+# degrees, five walks and runs of CMU 3 to 8, a Kinect's of one and a third strides 8.
 ALIKE = float(np.radians(12.0))
 
 # What a mirror at y = 0 makes of x, y, z of a vector, of an axis that something turns about, of a quaternion.
