@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 import pytest
 from click.testing import CliRunner
+from peers.constant import constant
 
 from kinemimic.evaluate import push_trials
 from kinemimic.evaluate import pushes as module
@@ -42,14 +43,9 @@ from kinemimic.retarget.motion import Motion
 from kinemimic.train.config import PRESETS, EnvConfig
 from kinemimic.train.engines import resolve
 from kinemimic.train.env import ACTIONS, OBSERVATIONS
-from kinemimic.train.policy import Policy
 from kinemimic.train.reference import Reference
 
-IDLE = Policy(
-    ((np.zeros((ACTIONS, OBSERVATIONS), np.float32), np.zeros(ACTIONS, np.float32)),),
-    np.zeros(OBSERVATIONS, np.float32),
-    np.ones(OBSERVATIONS, np.float32),
-)
+IDLE = constant()
 
 
 def judged(survives: Callable[[float], bool]) -> tuple[Found, list[float]]:

@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from click.testing import CliRunner
+from peers.constant import constant
 
 from kinemimic.evaluate import stage
 from kinemimic.pipeline.errors import KinemimicError
@@ -12,9 +13,7 @@ from kinemimic.pipeline.store import write_text
 from kinemimic.retarget.export_json import motion_from_json, motion_to_json
 from kinemimic.train.config import PRESETS
 from kinemimic.train.engines import resolve
-from kinemimic.train.env import ACTIONS, OBSERVATIONS
 from kinemimic.train.playback import Playback
-from kinemimic.train.policy import Policy
 
 OUTPUTS = {"scores.json", "curves.csv", "report.html", "playback.npz"}
 
@@ -22,11 +21,7 @@ OUTPUTS = {"scores.json", "curves.csv", "report.html", "playback.npz"}
 def write_inputs(folder, motion):
     """A motion, and a policy for it that never corrects anything."""
     write_text(folder / "motion.json", motion_to_json(motion))
-    idle = Policy(
-        ((np.zeros((ACTIONS, OBSERVATIONS), np.float32), np.zeros(ACTIONS, np.float32)),),
-        np.zeros(OBSERVATIONS, np.float32),
-        np.ones(OBSERVATIONS, np.float32),
-    )
+    idle = constant()
     record = {"samples": 0, "seconds": 0.0, "preset": "default", "seed": 0, "mirrored": True}
     record |= {"config": PRESETS["default"].to_json()}
     # As `train` does it: the identity of what was read back, rounded as the file is.

@@ -5,15 +5,12 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
 from kinemimic.evaluate.shipped import MOTION, POLICY, SCORES, gist
 from kinemimic.pipeline.store import file_hash, write_json, write_text
 from kinemimic.retarget.export_json import motion_from_json, motion_to_json
 from kinemimic.retarget.motion import Motion
 from kinemimic.train.config import preset
-from kinemimic.train.env import ACTIONS, OBSERVATIONS
-from kinemimic.train.policy import Policy
+from peers.constant import constant
 
 RECIPES = """
 schema = 1
@@ -44,11 +41,7 @@ def write_run(folder: Path, motion: Motion, *, seed: int = 3, budget: int = 5, b
     """A run folder after `evaluate`, but for its playback."""
     write_text(folder / MOTION, motion_to_json(motion))
     identity = motion_from_json(folder / MOTION).identity
-    idle = Policy(
-        ((np.zeros((ACTIONS, OBSERVATIONS), np.float32), np.full(ACTIONS, bias, np.float32)),),
-        np.zeros(OBSERVATIONS, np.float32),
-        np.ones(OBSERVATIONS, np.float32),
-    )
+    idle = constant(bias)
     config = preset("default", seed=seed, budget=budget).to_json()
     record = {"preset": "default", "engine": "native", "samples": budget, "seconds": 1.0, "seed": seed}
     made_by = {"inputs": {"motion": identity}}

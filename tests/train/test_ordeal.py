@@ -6,23 +6,18 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from peers.constant import constant
 from peers.troupe import Troupe
 
 from kinemimic.retarget.motion import Motion
 from kinemimic.train import ordeal
 from kinemimic.train.config import EnvConfig, Hardships
-from kinemimic.train.env import ACTIONS, OBSERVATIONS
 from kinemimic.train.hardship import Conditions, draw
 from kinemimic.train.ordeal import FIGURES, Ordeal
-from kinemimic.train.policy import Policy
 from kinemimic.train.reference import Reference
 from kinemimic.train.world import CONTROL_RATE
 
-STILL = Policy(
-    ((np.zeros((ACTIONS, OBSERVATIONS), np.float32), np.zeros(ACTIONS, np.float32)),),
-    np.zeros(OBSERVATIONS, np.float32),
-    np.ones(OBSERVATIONS, np.float32),
-)
+STILL = constant()
 HARD = EnvConfig(
     episode=40, hardships=Hardships(push=(50.0, 200.0), rest=(0.1, 0.4), mass=(0.8, 1.2), tilt=0.05)
 )
@@ -55,6 +50,8 @@ def test_each_figure_has_hardships_of_its_own_and_they_stay_the_same(motion: Mot
     hard = Ordeal(Reference(motion), HARD, range(FIGURES), engine)
     found = hard.endure(STILL, REWARD)
     assert len(set(found)) == FIGURES
+    calm = Ordeal(Reference(motion), replace(HARD, hardships=Hardships()), range(FIGURES), engine)
+    assert all(one != other for one, other in zip(calm.endure(STILL, REWARD), found, strict=True))
     assert hard.endure(STILL, REWARD) == found
 
 

@@ -13,6 +13,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from peers.constant import constant
 from peers.killing import check_files, finish, kill_after, without_clock
 from peers.troupe import Troupe
 from safetensors.numpy import load_file
@@ -24,8 +25,8 @@ from kinemimic.retarget.export_json import motion_to_json
 from kinemimic.retarget.motion import Motion
 from kinemimic.train import checkpoint, rounds, stage, trial
 from kinemimic.train.config import PRESETS, EnvConfig, Hardships
-from kinemimic.train.env import ACTIONS, OBSERVATIONS
-from kinemimic.train.policy import POLICY, Policy
+from kinemimic.train.env import ACTIONS
+from kinemimic.train.policy import POLICY
 from kinemimic.train.ppo import Learner
 from kinemimic.train.stopwatch import Stopwatch
 
@@ -47,11 +48,7 @@ SMALL = replace(
 ROUND = SMALL.batch
 # Never corrects anything, explores with noise, under all hardships.
 IDLE = (
-    Policy(
-        ((np.zeros((ACTIONS, OBSERVATIONS), np.float32), np.zeros(ACTIONS, np.float32)),),
-        np.zeros(OBSERVATIONS, np.float32),
-        np.ones(OBSERVATIONS, np.float32),
-    ),
+    constant(),
     np.full(ACTIONS, 0.1, np.float32),
     HARD.reward,
     1.0,

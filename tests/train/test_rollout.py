@@ -9,12 +9,13 @@ from dataclasses import fields, replace
 
 import numpy as np
 import pytest
+from peers.constant import constant
 
 from kinemimic.pipeline.errors import KinemimicError
 from kinemimic.retarget.motion import Motion
 from kinemimic.train import rollout
 from kinemimic.train.config import EnvConfig, Hardships
-from kinemimic.train.env import ACTIONS, OBSERVATIONS
+from kinemimic.train.env import ACTIONS
 from kinemimic.train.policy import Policy
 from kinemimic.train.rollout import Sampler, Samples
 from kinemimic.train.workers import Workers
@@ -25,11 +26,7 @@ SHORT = replace(EnvConfig(), episode=5)
 
 def idle() -> Policy:
     """Never corrects anything, however many figures it acts for."""
-    return Policy(
-        ((np.zeros((ACTIONS, OBSERVATIONS), np.float32), np.zeros(ACTIONS, np.float32)),),
-        np.zeros(OBSERVATIONS, np.float32),
-        np.ones(OBSERVATIONS, np.float32),
-    )
+    return constant()
 
 
 def sample(motion: Motion, seeds: list[np.random.SeedSequence], steps: int = 12) -> Samples:

@@ -6,21 +6,16 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from peers.constant import constant
 
 from kinemimic.retarget.motion import Motion
 from kinemimic.train import trial
 from kinemimic.train.config import EnvConfig, RewardConfig
-from kinemimic.train.env import ACTIONS, OBSERVATIONS
-from kinemimic.train.policy import Policy
 from kinemimic.train.reference import Reference
 from kinemimic.train.trial import Attempt, Rehearsal, Trial, best, first_walk, frames_of, is_due
 from kinemimic.train.world import CONTROL_RATE
 
-STILL = Policy(
-    ((np.zeros((ACTIONS, OBSERVATIONS), np.float32), np.zeros(ACTIONS, np.float32)),),
-    np.zeros(OBSERVATIONS, np.float32),
-    np.ones(OBSERVATIONS, np.float32),
-)
+STILL = constant()
 TRIAL = Trial(
     samples=10,
     seconds=1.0,

@@ -1,0 +1,13 @@
+"""A policy that looks at nothing: the same correction whatever it observes, by default none."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from kinemimic.train.env import ACTIONS, OBSERVATIONS
+from kinemimic.train.policy import Policy
+
+
+def constant(correction: float = 0.0) -> Policy:
+    layer = np.zeros((ACTIONS, OBSERVATIONS), np.float32), np.full(ACTIONS, correction, np.float32)
+    return Policy((layer,), np.zeros(OBSERVATIONS, np.float32), np.ones(OBSERVATIONS, np.float32))
