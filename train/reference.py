@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from functools import cached_property
+
 import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline, interp1d
@@ -64,8 +66,14 @@ class Reference:
         )
         speeds = self._turn(joints, step, world=False)
         self._joints = np.concatenate([joints, speeds], axis=-1)
-        led = continuous(multiply(joints, from_rotvec(self._leads(phase))))
-        self._targets = np.concatenate([led, speeds], axis=-1)
+        self._phase = phase
+
+    @cached_property
+    def _targets(self) -> Array:
+        """Table of `targets`: its inverse dynamics take longer than all the rest, and not all need them."""
+        joints, speeds = self._joints[..., 0:4], self._joints[..., 4:7]
+        led = continuous(multiply(joints, from_rotvec(self._leads(self._phase))))
+        return np.concatenate([led, speeds], axis=-1)
 
     def _rate(self, values: Array, step: float, offset: Array) -> Array:
         if self.cyclic:
