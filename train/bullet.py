@@ -239,15 +239,13 @@ class BulletWorld:
 
     def obstacles(self, index: int) -> Array:
         client = self._clients[index]
-        found = [
-            bullet.getBasePositionAndOrientation(body, physicsClientId=client)
-            for body, _ in self._obstacles[index]
-        ]
-        rows = [
-            [*np.array(position)[FROM_BULLET], *np.array(rotation)[QUAT_FROM_BULLET]]
-            for position, rotation in found
-        ]
-        return np.array(rows, dtype=np.float64).reshape(-1, 7)
+        rows = []
+        for body, _ in self._obstacles[index]:
+            position, rotation = bullet.getBasePositionAndOrientation(body, physicsClientId=client)
+            linear, angular = bullet.getBaseVelocity(body, physicsClientId=client)
+            vectors = np.array([position, linear, angular])[:, FROM_BULLET]
+            rows.append(np.concatenate([vectors[0], np.array(rotation)[QUAT_FROM_BULLET], *vectors[1:]]))
+        return np.array(rows, dtype=np.float64).reshape(-1, 13)
 
     def close(self) -> None:
         for client in self._clients:

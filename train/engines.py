@@ -9,7 +9,7 @@ from kinemimic.pipeline.errors import KinemimicError
 from kinemimic.train.world import World
 
 ENGINES = ("auto", "native", "pybullet")
-_INTERFACE = 2  # of train/native/module.cpp
+_INTERFACE = 3  # of train/native/module.cpp
 
 
 @cache

@@ -141,6 +141,7 @@ class NativeWorld:
             positions=np.array([item.position for item in obstacles]).reshape(-1, 3),
             rotations=np.array([item.rotation for item in obstacles]).reshape(-1, 4),
             velocities=np.array([item.velocity for item in obstacles]).reshape(-1, 3),
+            spins=np.array([item.spin for item in obstacles]).reshape(-1, 3),
         )
 
     def obstacles(self, index: int) -> Array:

@@ -44,5 +44,8 @@ def start(client: int, body: int, item: Obstacle) -> None:
     position, rotation = np.array(item.position)[TO_BULLET], np.array(item.rotation)[QUAT_TO_BULLET]
     bullet.resetBasePositionAndOrientation(body, position.tolist(), rotation.tolist(), physicsClientId=client)
     bullet.resetBaseVelocity(
-        body, np.array(item.velocity)[TO_BULLET].tolist(), [0, 0, 0], physicsClientId=client
+        body,
+        np.array(item.velocity)[TO_BULLET].tolist(),
+        np.array(item.spin)[TO_BULLET].tolist(),
+        physicsClientId=client,
     )

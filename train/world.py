@@ -74,7 +74,8 @@ class Obstacle:
     """Something in a figure's way: it stands there (mass 0), or is thrown.
 
     size: (x, y, z) outer dimensions, metres; a sphere's diameter is x, a cylinder's too, and z its length.
-    mass: kg; position: (x, y, z) of its centre, rotation: (x, y, z, w), velocity: m/s, all at the reset.
+    mass: kg; position: (x, y, z) of its centre, rotation: (x, y, z, w), velocity: m/s, spin: rad/s, all when
+    it is placed and after every reset.
     ValueError for another shape, a size that is not above 0, a negative mass, and what is not finite.
     """
 
@@ -84,9 +85,10 @@ class Obstacle:
     rotation: tuple[float, float, float, float] = (0.0, 0.0, 0.0, 1.0)
     mass: float = 0.0
     velocity: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    spin: tuple[float, float, float] = (0.0, 0.0, 0.0)
 
     def __post_init__(self) -> None:
-        numbers = (*self.size, *self.position, *self.rotation, self.mass, *self.velocity)
+        numbers = (*self.size, *self.position, *self.rotation, self.mass, *self.velocity, *self.spin)
         finite = all(map(math.isfinite, numbers))
         if self.shape not in get_args(Shape) or not finite or min(self.size) <= 0 or self.mass < 0:
             raise ValueError(
@@ -157,10 +159,11 @@ class World(Protocol):
         """(E, 14) largest component of each joint's torque in the last control step, N·m; if asked for."""
 
     def place(self, index: int, obstacles: Sequence[Obstacle]) -> None:
-        """Replace all obstacles of a figure; they stand at their start now and after each of its resets."""
+        """Replace all obstacles of a figure, also in mid-flight; they are at their start now and after each
+        of its resets."""
 
     def obstacles(self, index: int) -> Array:
-        """(K, 7) position and rotation of a figure's obstacles now."""
+        """(K, 13) position, rotation, velocity and angular velocity of a figure's obstacles now."""
 
     def close(self) -> None:
         """Free the engine."""

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from peers.stance import HOLD, STEP, upright
 
+from kinemimic.pipeline.rotations import angle_between, normalize
 from kinemimic.retarget.body import BODY_INDEX, TOTAL_MASS
 from kinemimic.train.engines import open_world
 from kinemimic.train.world import GRAVITY, TIME_STEP, Obstacle, World
@@ -121,3 +122,23 @@ def test_what_is_slid_over_the_ground_soon_rolls(world: World, shape: str, share
         world.step(*HOLD)
         x.append(world.obstacles(0)[0, 0])
     assert (x[-1] - x[-7]) / (6 * STEP) == pytest.approx(2.0 * share, rel=0.02)
+
+
+def test_what_is_placed_as_it_was_flies_on_as_it_would_have(world: World) -> None:
+    """A box that tumbles freely, read and put back in mid-flight, lands in no other place."""
+    box = replace(THROWN, position=(1.0, 2.0, 1.5), spin=(3.0, -2.0, 5.0))
+    ends = []
+    for again in (False, True):
+        world.place(0, [box])
+        world.reset(np.array([0]), upright(0.905))
+        for step in range(8):
+            if again and step == 4:
+                found = world.obstacles(0)[0].tolist()
+                names = {"position": (0, 3), "rotation": (3, 7), "velocity": (7, 10), "spin": (10, 13)}
+                held = {name: tuple(found[a:b]) for name, (a, b) in names.items()}
+                assert np.linalg.norm(held["spin"]) > 1.0
+                world.place(0, [replace(box, **held)])
+            world.step(*HOLD)
+        ends.append(world.obstacles(0)[0])
+    np.testing.assert_allclose(ends[1], ends[0], atol=1e-9)
+    assert angle_between(ends[0][3:7], normalize(np.array(box.rotation))) > 0.5

@@ -108,10 +108,12 @@ void Batch::place(int index, const std::vector<Obstacle>& obstacles) {
 
 std::vector<double> Batch::obstacles(int index) const {
     const auto& items = std::as_const(*m_figures[static_cast<std::size_t>(index)]).obstacles().bodies();
-    std::vector<double> out(items.size() * 7);
+    std::vector<double> out(items.size() * 13);
     for (std::size_t k = 0; k < items.size(); ++k) {
-        write(&out[7 * k], items[k]->getWorldTransform().getOrigin(), 3);
-        write(&out[7 * k + 3], items[k]->getWorldTransform().getRotation(), 4);
+        write(&out[13 * k], items[k]->getWorldTransform().getOrigin(), 3);
+        write(&out[13 * k + 3], items[k]->getWorldTransform().getRotation(), 4);
+        write(&out[13 * k + 7], items[k]->getLinearVelocity(), 3);
+        write(&out[13 * k + 10], items[k]->getAngularVelocity(), 3);
     }
     return out;
 }

@@ -28,7 +28,7 @@ public:
     void step(const double* targets, const double* velocities, const double* wrenches, int substeps);
 
     void place(int index, const std::vector<Obstacle>& obstacles);
-    // (K, 7): position and rotation of each obstacle of a figure.
+    // (K, 13): position, rotation, velocity and angular velocity of each obstacle of a figure.
     std::vector<double> obstacles(int index) const;
 
     // (E, bodies, 3 or 4), renewed by `reset` and `step`.

@@ -45,4 +45,5 @@ struct Obstacle {
     btVector3 position; // of the centre, m
     btQuaternion rotation;
     btVector3 velocity; // m/s; a thrown one's at the figure's reset
+    btVector3 spin;     // rad/s, then too
 };

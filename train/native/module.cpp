@@ -150,13 +150,14 @@ void step(Batch& batch, const Floats& targets, const Floats& velocities, const s
 }
 
 void place(Batch& batch, int index, const Integers& shapes, const Floats& sizes, const Floats& masses,
-           const Floats& positions, const Floats& rotations, const Floats& velocities) {
+           const Floats& positions, const Floats& rotations, const Floats& velocities, const Floats& spins) {
     const py::ssize_t count = shapes.size();
     const double* size = checked("sizes", sizes, {count, 3});
     const double* mass = checked("masses", masses, {count});
     const double* position = checked("positions", positions, {count, 3});
     const double* rotation = checked("rotations", rotations, {count, 4});
     const double* velocity = checked("velocities", velocities, {count, 3});
+    const double* spin = checked("spins", spins, {count, 3});
     std::vector<Obstacle> items;
     for (py::ssize_t k = 0; k < count; ++k) {
         if (shapes.at(k) < 0 || shapes.at(k) > 2) {
@@ -166,7 +167,7 @@ void place(Batch& batch, int index, const Integers& shapes, const Floats& sizes,
         items.push_back({static_cast<Obstacle::Shape>(shapes.at(k)), vector(size + 3 * k), btScalar(mass[k]),
                          vector(position + 3 * k),
                          btQuaternion(btScalar(q[0]), btScalar(q[1]), btScalar(q[2]), btScalar(q[3])),
-                         vector(velocity + 3 * k)});
+                         vector(velocity + 3 * k), vector(spin + 3 * k)});
     }
     batch.place(index_in(batch, index), items);
 }
@@ -192,7 +193,7 @@ Batch& of(const py::object& self) { return self.cast<Batch&>(); }
 PYBIND11_MODULE(kinemimic_native, m) {
     m.doc() = "Batches of humanoids on Bullet's own C++, with stable PD in the loop.";
     // Raised whenever arguments or results change; train/engines.py takes no other.
-    m.attr("interface") = 2;
+    m.attr("interface") = 3;
     m.attr("double_precision") = sizeof(btScalar) == sizeof(double);
     py::class_<Batch>(m, "Batch", "E figures, each alone in its Bullet world. See train/native_world.py.")
         .def(py::init(&make), py::kw_only(), py::arg("size"), py::arg("parents"), py::arg("shapes"), py::arg("sizes"),
@@ -205,11 +206,11 @@ PYBIND11_MODULE(kinemimic_native, m) {
              py::arg("angular"), py::arg("joints"), py::arg("velocities"))
         .def("step", &step, py::arg("targets"), py::arg("velocities"), py::arg("wrenches") = py::none())
         .def("place", &place, py::arg("index"), py::kw_only(), py::arg("shapes"), py::arg("sizes"), py::arg("masses"),
-             py::arg("positions"), py::arg("rotations"), py::arg("velocities"))
+             py::arg("positions"), py::arg("rotations"), py::arg("velocities"), py::arg("spins"))
         .def("obstacles",
              [](const Batch& batch, int index) {
                  const std::vector<double> values = batch.obstacles(index_in(batch, index));
-                 return copied(values, {static_cast<py::ssize_t>(values.size() / 7), 7});
+                 return copied(values, {static_cast<py::ssize_t>(values.size() / 13), 13});
              })
         .def("touching",
              [](const Batch& batch) { return truths(copied(batch.touching(), {batch.size(), batch.bodies()})); })

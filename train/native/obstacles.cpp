@@ -47,7 +47,7 @@ void Obstacles::restart() {
     for (std::size_t k = 0; k < m_bodies.size(); ++k) {
         btRigidBody& body = *m_bodies[k];
         body.setLinearVelocity(m_items[k].velocity);
-        body.setAngularVelocity(btVector3(0, 0, 0));
+        body.setAngularVelocity(m_items[k].spin);
         body.clearForces();
         // Last: it takes over the velocities, and turns the inertia too.
         body.setCenterOfMassTransform(btTransform(m_items[k].rotation, m_items[k].position));
