@@ -16,12 +16,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from kinemimic.pipeline.errors import KinemimicError
-from kinemimic.pipeline.rotations import rotate
 from kinemimic.retarget.body import BODIES, BODY_INDEX
 from kinemimic.retarget.motion import Motion
 from kinemimic.train.config import EnvConfig
 from kinemimic.train.engines import open_world
 from kinemimic.train.env import ImitationBatch
+from kinemimic.train.heading import heading
 from kinemimic.train.policy import Policy
 from kinemimic.train.reference import Reference
 from kinemimic.train.world import CONTROL_RATE
@@ -44,8 +44,6 @@ DIRECTIONS: dict[str, float] = {
 GRID = (40.0, 60.0, 80.0, 100.0, 125.0, 150.0, 200.0, 250.0, 300.0)  # N, tried in every phase
 BEYOND = (400.0, 500.0, 600.0)  # N, for who survives all of these
 RESOLUTION = 2.0  # N
-
-_STROLL = 0.1  # m/s: a slower reference goes nowhere, and is pushed as its pelvis faces
 
 
 @dataclass(frozen=True)
@@ -113,22 +111,6 @@ def push_phases(motion: Motion, count: int) -> Array:
             f"push, what comes before and what comes after), found a performance of {motion.duration:.1f} s"
         )
     return np.linspace(first, last, count) / motion.duration
-
-
-def heading(reference: Reference, phase: float) -> float:
-    """Where the reference goes at a phase, in radians about the vertical from the x-axis.
-
-    The way of its root over the cycle around the phase (over a second of a single performance); if it hardly
-    gets anywhere, the way its pelvis faces.
-    """
-    seconds = reference.duration if reference.cyclic else 1.0
-    around = phase + np.array([-0.5, 0.5]) * seconds / reference.duration
-    before, after = reference.root(around)
-    way = after - before
-    if math.hypot(way[0], way[1]) < _STROLL * seconds:
-        pelvis = reference.bodies(np.array([phase])).rotations[:, PELVIS]
-        way = rotate(pelvis, np.array([[1.0, 0.0, 0.0]]))[0]
-    return math.atan2(way[1], way[0])
 
 
 @dataclass(frozen=True)

@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 
 from kinemimic.pipeline.errors import KinemimicError
+from kinemimic.train.scenario import Scenario
 
 # Weights of the joints in the pose error, by the body that the joint carries; they sum to one.
 POSE_WEIGHTS: dict[str, float] = {
@@ -74,6 +75,7 @@ class EnvConfig:
     mirror: the policy learns the first half of a gait's cycle, and does the second as in a mirror; without
     effect on what is performed once or is too unlike its mirror image (`mirror.py`).
     preview: how many control steps ahead the policy sees its reference; ValueError if nowhere.
+    scenario: what befalls every figure that trains.
     """
 
     reward: RewardConfig = field(default_factory=RewardConfig)
@@ -88,6 +90,7 @@ class EnvConfig:
     mirror: bool = True
     preview: tuple[int, ...] = (1,)
     hardships: Hardships = field(default_factory=Hardships)
+    scenario: Scenario | None = None
 
     def __post_init__(self) -> None:
         if not self.preview:
@@ -175,6 +178,8 @@ class TrainConfig:
                 for name, item in env["hardships"].items()
             }
             env["hardships"] = Hardships(**ranges)
+            if env.get("scenario") is not None:
+                env["scenario"] = Scenario.from_json(env["scenario"])
             plain = {f.name: value[f.name] for f in fields(cls) if f.name != "env"}
             plain["hidden"] = tuple(plain["hidden"])
             plain["scales"] = {name: _schedule(points) for name, points in plain["scales"].items()}

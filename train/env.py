@@ -23,6 +23,7 @@ from kinemimic.train.hardship import Conditions
 from kinemimic.train.mirror import Mirror, mirrored
 from kinemimic.train.reference import Reference
 from kinemimic.train.reward import pose_turns, rewards
+from kinemimic.train.scenery import Scenery
 from kinemimic.train.stopwatch import Stopwatch
 from kinemimic.train.world import CONTROL_RATE, JOINT_PARENTS, SUBSTEPS, TIME_STEP, BodyStates, Poses, World
 
@@ -93,6 +94,8 @@ class ImitationBatch:
         self.phases: Array = np.zeros(world.size)
         self.ages = np.zeros(world.size, dtype=np.int64)  # control steps since the reset
         self._conditions = Conditions.calm(world.size)
+        scenario = config.scenario
+        self._scenery = None if scenario is None else Scenery(scenario, reference, world)
         self._last_action: Array = np.zeros((world.size, ACTIONS))
         self._increment = 1.0 / (CONTROL_RATE * reference.duration)
         self._substeps: Array = np.arange(1.0, SUBSTEPS + 1) * TIME_STEP / reference.duration
@@ -108,19 +111,33 @@ class ImitationBatch:
         self._ahead = [self.reference.bodies(self.phases + k * self._increment) for k in self.config.preview]
         self._turns, *self._turns_ahead = pose_turns(self.bodies, self.target, *self._ahead)
 
-    def reset(self, indices: NDArray[np.intp], phases: Array, conditions: Conditions | None = None) -> None:
-        """Put figures (N,) on the reference at phases (N,), or as far off it as their conditions say."""
+    def reset(
+        self,
+        indices: NDArray[np.intp],
+        phases: Array,
+        conditions: Conditions | None = None,
+        seeds: NDArray[np.uint64] | None = None,
+    ) -> None:
+        """Put figures (N,) on the reference at phases (N,), or as far off it as their conditions say.
+
+        seeds: (N,) from which the configuration's scenario draws what befalls each; without them, nothing.
+        """
         conditions = conditions or Conditions.calm(len(indices))
         self.phases[indices] = phases
         self.ages[indices] = 0
         self._last_action[indices] = 0.0
         self._conditions.put(indices, conditions)
         poses = conditions.disturbed(self.reference.poses(phases))
+        if self._scenery is not None:
+            self._scenery.begin(indices, phases, seeds)
         self.watch.lap(TASK)
         self._place(indices, poses)
 
     def _place(self, indices: NDArray[np.intp], poses: Poses) -> None:
-        self.world.vary(indices, self._conditions.friction[indices], self._conditions.mass[indices])
+        friction = self._conditions.friction[indices]
+        if self._scenery is not None:
+            friction = self._scenery.friction(indices, friction)
+        self.world.vary(indices, friction, self._conditions.mass[indices])
         self.world.reset(indices, poses)
         self.bodies = self.world.states()
         self.watch.lap(SIMULATION)
@@ -142,6 +159,7 @@ class ImitationBatch:
             "joints": b.joints,
             "joint_velocities": rotate(conjugate(b.rotations[:, 1:]), spins),
             **{name: value.copy() for name, value in held.items()},
+            **({} if self._scenery is None else self._scenery.snapshot()),
         }
 
     def restore(self, snapshot: Mapping[str, NDArray[Any]]) -> None:
@@ -152,6 +170,8 @@ class ImitationBatch:
         self._last_action = snapshot["last_action"].copy()
         held = self._conditions.held()
         self._conditions = replace(self._conditions, **{name: snapshot[name].copy() for name in held})
+        if self._scenery is not None:
+            self._scenery.restore(snapshot, self.ages)
         poses = Poses(**{f.name: snapshot[f.name] for f in fields(Poses)})
         self._place(np.arange(self.world.size), poses)
 
@@ -171,9 +191,11 @@ class ImitationBatch:
             before = joints.swapaxes(1, 2) @ self._correction(self._last_action)
             targets[late] = before.swapaxes(1, 2)[late]
             self._last_action = np.array(actions, dtype=np.float64)
-        pushes = self._conditions.pushes(self.ages)
-        if pushes is not None:
-            wrenches = pushes if wrenches is None else pushes + wrenches
+        acting = [wrenches, self._conditions.pushes(self.ages)]
+        if self._scenery is not None:
+            acting.append(self._scenery.act(self.ages, self._conditions.mass))
+        found = [one for one in acting if one is not None]
+        wrenches = sum(found[1:], found[0]) if found else None
         self.watch.lap(TASK)
         self.bodies = self.world.step(targets, velocities, wrenches)
         self.watch.lap(SIMULATION)

@@ -118,7 +118,10 @@ class Sampler:
         config, randoms = self._config, [self._randoms[index] for index in indices]
         phases = np.array([random.random() if config.start_anywhere else 0.0 for random in randoms])
         drawn = [draw(config.hardships, strength, random) for random in randoms]
-        self._batch.reset(indices, phases, Conditions.joined(drawn))
+        seeds = None
+        if config.scenario is not None:
+            seeds = np.array([random.integers(_WORD, dtype=np.uint64) for random in randoms])
+        self._batch.reset(indices, phases, Conditions.joined(drawn), seeds)
 
     def _exploration(self, noise: Floats, steps: int) -> Floats:
         """(T, E, A) noise of standard deviations (A,), each figure's from its own generator."""

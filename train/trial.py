@@ -139,7 +139,8 @@ class Rehearsal:
         """Perform from a phase, up to the end or the fall: what would come after it counts for nothing."""
         batch, frames = self._batch, self._frames
         batch.reward = reward
-        batch.reset(np.array([0]), np.array([phase]))
+        # Of a scenario always the same draw, so that two policies compare.
+        batch.reset(np.array([0]), np.array([phase]), seeds=np.zeros(1, dtype=np.uint64))
         observation = batch.observe()
         rewards, rotations = [], []
         for _ in range(frames):
