@@ -23,6 +23,7 @@ COMMANDS: dict[str, tuple[str, str]] = {
     "train": ("kinemimic.train.stage:command", "Train a policy that imitates the motion in Bullet."),
     "evaluate": ("kinemimic.evaluate.stage:command", "Score the policy; report, curves, scores.json."),
     "pushes": ("kinemimic.evaluate.pushes:command", "How hard a push the policy survives, from each side."),
+    "disturb": ("kinemimic.evaluate.disturb:command", "Forces, torques, obstacles, other ground: scenarios."),
     "gait": (
         "kinemimic.evaluate.gait:command",
         "Gait of capture, reference and simulation, over what is normal.",

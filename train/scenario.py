@@ -7,7 +7,8 @@ from the start. `scenario_file.py` reads one from TOML.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+import json
+from dataclasses import asdict, dataclass
 from typing import Any
 
 import numpy as np
@@ -92,9 +93,14 @@ class Scenario:
     loads: tuple[Load, ...] = ()
     obstacles: tuple[Placement, ...] = ()
 
+    def to_json(self) -> dict[str, Any]:
+        """JSON values that `from_json` reads back."""
+        value: dict[str, Any] = json.loads(json.dumps(asdict(self)))
+        return value
+
     @classmethod
     def from_json(cls, value: dict[str, Any]) -> Scenario:
-        """The inverse of dataclasses.asdict, after JSON; a KinemimicError says what does not fit."""
+        """A scenario from JSON values; a KinemimicError says what does not fit."""
         try:
             return cls(
                 **{

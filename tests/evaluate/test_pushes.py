@@ -14,6 +14,8 @@ import numpy as np
 import pytest
 from click.testing import CliRunner
 from peers.constant import constant
+from peers.crouch import crouching, write_idle_run
+from peers.elsewhere import turned
 
 from kinemimic.evaluate import push_trials
 from kinemimic.evaluate import pushes as module
@@ -27,20 +29,17 @@ from kinemimic.evaluate.push_trials import (
     SURVIVE,
     Found,
     Task,
-    heading,
     push_all_ways,
     push_phases,
     search,
 )
 from kinemimic.evaluate.pushes import pushes, summary, survived
 from kinemimic.pipeline.errors import KinemimicError
-from kinemimic.pipeline.rotations import conjugate, from_axis_angle, multiply, rotate
-from kinemimic.pipeline.skeleton import NODE_INDEX
 from kinemimic.pipeline.store import write_text
-from kinemimic.retarget.body import BODY_INDEX, LEG_LENGTH, STANDING_HEIGHT
-from kinemimic.retarget.export_json import motion_from_json, motion_to_json
+from kinemimic.retarget.body import BODY_INDEX
+from kinemimic.retarget.export_json import motion_to_json
 from kinemimic.retarget.motion import Motion
-from kinemimic.train.config import PRESETS, EnvConfig
+from kinemimic.train.config import EnvConfig
 from kinemimic.train.engines import resolve
 from kinemimic.train.env import ACTIONS, OBSERVATIONS
 from kinemimic.train.reference import Reference
@@ -110,34 +109,6 @@ def test_the_summary_keeps_directions_apart() -> None:
     assert result["directions"]["right"]["grid"] == [0.0] * len(GRID)
     assert result["weakest_n"] == {"50": 50.0, "90": 0.0}
     assert result["unpushed"] == 7 / 8
-
-
-def turned(motion: Motion, angle: float) -> Motion:
-    """The motion, turned about the vertical by radians."""
-    turn = from_axis_angle("Z", np.array(angle))
-    rotations = motion.rotations.copy()
-    rotations[:, 0] = multiply(np.broadcast_to(turn, rotations[:, 0].shape), rotations[:, 0])
-    root = rotate(np.broadcast_to(turn, (len(motion.root), 4)), motion.root)
-    return replace(motion, root=root, rotations=rotations, cycle_offset=rotate(turn, motion.cycle_offset))
-
-
-def on_the_spot(motion: Motion) -> Motion:
-    root = motion.root * [0.0, 0.0, 1.0]
-    return replace(motion, root=root, cycle_offset=np.zeros(3))
-
-
-def backwards(motion: Motion) -> Motion:
-    return replace(motion, root=motion.root * [-1, 1, 1], cycle_offset=-motion.cycle_offset)
-
-
-def test_heading_is_where_the_root_goes_else_where_the_pelvis_faces(walk: Motion) -> None:
-    assert heading(Reference(walk), 0.3) == pytest.approx(0.0, abs=1e-9)
-    assert heading(Reference(turned(walk, 2.0)), 0.3) == pytest.approx(2.0)
-    assert heading(Reference(on_the_spot(turned(walk, 2.0))), 0.3) == pytest.approx(2.0)
-    assert abs(heading(Reference(backwards(walk)), 0.3)) == pytest.approx(math.pi)
-    # A performance that is not repeated: the way of half a second before and after.
-    once = replace(turned(walk, -1.0), cyclic=False)
-    assert heading(Reference(once), 0.9) == pytest.approx(-1.0)
 
 
 def test_pushes_come_all_around_a_cycle_or_within_a_performance(walk: Motion) -> None:
@@ -232,19 +203,7 @@ def test_directions_are_the_references(walk: Motion, judge: type[Judge]) -> None
 
 @pytest.fixture
 def crouch(walk: Motion) -> Motion:
-    """Someone who crouches on the spot with feet apart, so low that the motors hold him with no policy."""
-    bend, apart = 1.4, 0.4  # rad, of the thighs
-    rotations = np.zeros_like(walk.rotations)
-    rotations[..., 3] = 1.0
-    for side, sign in (("left", 1.0), ("right", -1.0)):
-        out, forward = from_axis_angle("X", np.array(sign * apart)), from_axis_angle("Y", np.array(-bend))
-        hip, knee = multiply(out, forward), from_axis_angle("Y", np.array(2 * bend))
-        rotations[:, NODE_INDEX[f"hip_{side}"]] = hip
-        rotations[:, NODE_INDEX[f"knee_{side}"]] = knee
-        rotations[:, NODE_INDEX[f"ankle_{side}"]] = conjugate(multiply(hip, knee))
-    root = np.zeros_like(walk.root)
-    root[:, 2] = STANDING_HEIGHT - LEG_LENGTH * (1.0 - math.cos(apart) * math.cos(bend))
-    return replace(walk, root=root, rotations=rotations, cycle_offset=np.zeros(3))
+    return crouching(walk)
 
 
 def test_a_figure_with_two_equal_sides_topples_to_both_alike(
@@ -261,17 +220,9 @@ def test_a_figure_with_two_equal_sides_topples_to_both_alike(
     assert abs(left.border - right.border) <= 50.0
 
 
-def write_inputs(folder: Path, motion: Motion) -> None:
-    write_text(folder / "motion.json", motion_to_json(motion))
-    record = {"samples": 0, "seconds": 0.0, "preset": "default", "seed": 3, "mirrored": True}
-    record |= {"config": PRESETS["default"].to_json()}
-    made_from = {"inputs": {"motion": motion_from_json(folder / "motion.json").identity}}
-    IDLE.save(folder / "policy.safetensors", record | {"provenance": made_from})
-
-
 @pytest.fixture
 def run(tmp_path: Path, walk: Motion) -> Path:
-    write_inputs(tmp_path, walk)
+    write_idle_run(tmp_path, walk)
     return tmp_path
 
 
@@ -289,7 +240,7 @@ def test_without_a_policy_of_any_skill_a_walk_survives_nothing(run: Path) -> Non
 
 @pytest.mark.slow
 def test_the_same_pushes_whatever_the_number_of_processes(tmp_path: Path, crouch: Motion) -> None:
-    write_inputs(tmp_path, crouch)
+    write_idle_run(tmp_path, crouch)
     written = []
     for workers in (1, 2):
         result = pushes(tmp_path, phases=2, workers=workers)

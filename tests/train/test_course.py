@@ -7,6 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from peers.elsewhere import turned
 
 from kinemimic.pipeline.errors import KinemimicError
 from kinemimic.pipeline.rotations import from_axis_angle, multiply, rotate
@@ -25,18 +26,6 @@ BOX = Placement("box", Range.of(0.2, 0.4, 0.6), Range.of(2.0, 0.5))
 
 def drawn(motion: Motion, scenario: Scenario, phase: float = 0.0, seed: int = 0) -> Course:
     return draw_course(scenario, Reference(motion), phase, np.random.default_rng(seed))
-
-
-def turned(motion: Motion, angle: float) -> Motion:
-    turn = from_axis_angle("Z", angle)
-    rotations = motion.rotations.copy()
-    rotations[:, 0] = multiply(turn, rotations[:, 0])
-    return replace(
-        motion,
-        root=rotate(turn, motion.root),
-        rotations=rotations,
-        cycle_offset=rotate(turn, motion.cycle_offset),
-    )
 
 
 def test_a_force_acts_from_its_time_for_its_time(motion: Motion) -> None:

@@ -1,0 +1,145 @@
+"""`kinemimic disturb`: what a policy makes of forces, torques, obstacles, other ground: scenarios."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import click
+from rich.console import RenderableType
+
+from kinemimic.evaluate.scenario_trials import RECOVERED, TOGETHER, Task, Trials, conduct, figures
+from kinemimic.evaluate.shipped import run_options
+from kinemimic.pipeline.inspect.terminal import grid, number, percent, show
+from kinemimic.pipeline.progress import progress
+from kinemimic.pipeline.provenance import provenance
+from kinemimic.pipeline.store import file_hash, write_json
+from kinemimic.train.children import spread
+from kinemimic.train.config import TrainConfig
+from kinemimic.train.engines import resolve
+from kinemimic.train.options import engine_option, workers_option
+from kinemimic.train.policy import POLICY, learnt
+from kinemimic.train.scenario import Scenario
+from kinemimic.train.scenario_file import scenario, shipped_scenarios
+
+DISTURB_SCHEMA = 1
+TRIALS = 100
+
+
+def disturb(
+    run: Path,
+    scenarios: Sequence[Scenario],
+    *,
+    trials: int = TRIALS,
+    seed: int = 0,
+    workers: int | None = None,
+    engine: str = "auto",
+) -> dict[str, dict[str, Any]]:
+    """Try run/policy.safetensors on run/motion.json in each scenario; writes scenario-NAME.json of each, and
+    returns them by name.
+
+    trials: of each scenario; seed: of what they draw; trial k of a seed is the same however many there are;
+    workers: processes that simulate, all cores by default; engine: of `train/engines.py`.
+    """
+    engine = resolve(engine)
+    motion, policy, record = learnt(run)
+    config = TrainConfig.from_json(record["config"])
+    measured = replace(config.env, reward=config.final_reward)
+    chunks = [tuple(range(trials))[k : k + TOGETHER] for k in range(0, trials, TOGETHER)]
+    tasks = [
+        Task(motion, policy, measured, one, chunk, seed, engine) for one in scenarios for chunk in chunks
+    ]
+    with progress("trials", len(tasks)) as bar:
+        parts = spread(conduct, tasks, workers=workers, progress=bar.advance)
+    results = {}
+    for k, one in enumerate(scenarios):
+        found = Trials.joined(parts[k * len(chunks) : (k + 1) * len(chunks)])
+        results[one.name] = {
+            "schema": DISTURB_SCHEMA,
+            "scenario": one.to_json(),
+            **figures(found),
+            "each": {
+                "phase": found.phases.round(6).tolist(),
+                "fallen_at": [int(v) if v < found.rewards.shape[1] else None for v in found.fallen_at],
+            },
+            "train": {key: record.get(key) for key in ("preset", "samples", "seed")},
+            "provenance": provenance(
+                "disturb",
+                inputs={"motion": motion.identity, "policy": file_hash(run / POLICY)},
+                config={"trials": trials, "recovered": RECOVERED, "engine": engine},
+                seed=seed,
+            ),
+        }
+        write_json(run / f"scenario-{one.name}.json", results[one.name])
+    return results
+
+
+def table(results: Mapping[str, Mapping[str, Any]]) -> RenderableType:
+    """The results for a terminal."""
+    rows = grid("", "survived %", "95 %", "dip %", "recovered", "after s", "fell after s")
+    for name, one in results.items():
+        low, high = one["survived_95"]
+        rows.add_row(
+            name,
+            percent(one["survived"]),
+            f"{100 * low:.0f}-{100 * high:.0f}",
+            percent(one["dip"]["median"]),
+            f"{one['recovered']}/{one['trials']}",
+            number(one["recovery_s"]["median"], 1),
+            number(one["fall_s"]["median"], 1),
+        )
+    return rows
+
+
+def _told() -> RenderableType:
+    """The scenarios that ship."""
+    rows = grid("", "", left=2)
+    rows.show_header = False
+    for name in shipped_scenarios():
+        rows.add_row(name, scenario(name).about)
+    return rows
+
+
+@click.command("disturb")
+@click.argument("scenarios", nargs=-1, metavar="[SCENARIO]...")
+@run_options()
+@click.option("--trials", type=click.IntRange(min=1, max=100_000), default=TRIALS, show_default=True)
+@click.option("--seed", type=click.IntRange(min=0), default=0, show_default=True)
+@workers_option
+@engine_option
+@click.option("--json", "as_json", is_flag=True, help="Print the results as JSON.")
+def command(
+    run: Path,
+    scenarios: tuple[str, ...],
+    trials: int,
+    seed: int,
+    workers: int | None,
+    engine: str,
+    as_json: bool,
+) -> None:
+    """Forces, torques, obstacles, other ground: what the run's policy, or one that ships, makes of them.
+
+    SCENARIO: names of those that ship, or TOML files of your own (docs/scenarios.md); without one, those that
+    ship are listed. Each trial begins at a phase of its own. Results go into scenario-NAME.json.
+
+    \b
+      kinemimic disturb pull-forward one-obstacle --policy walk
+      kinemimic disturb mine.toml --run runs/walk --trials 500
+    """
+    if not scenarios:
+        show(_told())
+        return
+    results = disturb(
+        run, [scenario(one) for one in scenarios], trials=trials, seed=seed, workers=workers, engine=engine
+    )
+    if as_json:
+        click.echo(json.dumps(results, indent=2))
+    else:
+        show(
+            table(results),
+            "\nmedians; dip: the largest loss of reward against a twin to which nothing happens; recovered: "
+            f"within {100 * RECOVERED:.0f} % of it to the end; seconds since the first difference",
+        )

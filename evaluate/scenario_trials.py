@@ -1,0 +1,164 @@
+"""Trials of a scenario: each figure beside its twin, to which nothing happens.
+
+Both start alike. What the trial costs the figure is how far its reward stays behind the twin's: the largest
+gap is the dip; it begins with the first difference (the first touch of an obstacle, the first newton), and
+the figure has recovered when the gap no longer exceeds RECOVERED. After a fall (`ImitationBatch.fallen`) the
+reward is 0. Rewards are shares of the largest possible.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.stats import binomtest
+
+from kinemimic.retarget.motion import Motion
+from kinemimic.train.config import EnvConfig
+from kinemimic.train.engines import open_world
+from kinemimic.train.env import ImitationBatch
+from kinemimic.train.policy import Policy
+from kinemimic.train.reference import Reference
+from kinemimic.train.scenario import Scenario
+from kinemimic.train.trial import frames_of
+from kinemimic.train.world import CONTROL_RATE
+
+Array = NDArray[np.float64]
+
+TOGETHER = 10  # trials of a task: the same however many processes share them, so that a trial stays the same
+RECOVERED = 0.05  # of the largest reward
+DIFFERENT = 1e-6  # of the largest reward: what is no rounding
+
+
+@dataclass(frozen=True)
+class Task:
+    """Trials with these numbers of one scenario; config: with the reward that is measured; seed: of all
+    trials; engine: of `train/engines.py`."""
+
+    motion: Motion
+    policy: Policy
+    config: EnvConfig
+    scenario: Scenario
+    numbers: tuple[int, ...]
+    seed: int
+    engine: str
+
+
+@dataclass(frozen=True)
+class Trials:
+    """Of N trials over T control steps.
+
+    phases: (N,) at the start; rewards, calm: (N, T) of the figure and of its twin; fallen_at: (N,) the
+    control step, T for none; twin_fell: (N,) whether the twin did.
+    """
+
+    phases: Array
+    rewards: Array
+    calm: Array
+    fallen_at: NDArray[np.int64]
+    twin_fell: NDArray[np.bool_]
+
+    @classmethod
+    def joined(cls, parts: Sequence[Trials]) -> Trials:
+        """All trials of the parts."""
+        return cls(
+            *(np.concatenate(column) for column in zip(*(vars(p).values() for p in parts), strict=True))
+        )
+
+
+def conduct(task: Task) -> Trials:
+    """Perform the trials of a task."""
+    reference, size = Reference(task.motion), len(task.numbers)
+    seeds = np.array([_seed(task.seed, number) for number in task.numbers], dtype=np.uint64)
+    steps = round(task.scenario.seconds * CONTROL_RATE)
+    phases = np.zeros(size)
+    if task.motion.cyclic:
+        # Of the same seed as the rest, but not from the same draws.
+        phases = np.array([task.scenario.phase.draw(np.random.default_rng([int(s), 1]))[0] for s in seeds])
+    else:
+        steps = min(steps, frames_of(task.motion))
+    found = []
+    for scenario in (task.scenario, None):
+        config = replace(task.config, scenario=scenario)
+        batch = ImitationBatch(open_world(size, task.engine), reference, config)
+        batch.reset(np.arange(size), phases, seeds=seeds)
+        found.append(_performed(batch, task.policy, steps))
+        batch.world.close()
+    (rewards, fallen_at), (calm, twin_fallen_at) = found
+    return Trials(phases, rewards, calm, fallen_at, twin_fallen_at < steps)
+
+
+def _seed(seed: int, number: int) -> int:
+    """Of one trial: it does not depend on how many there are."""
+    return int(np.random.SeedSequence(seed, spawn_key=(number,)).generate_state(1, np.uint64)[0])
+
+
+def _performed(batch: ImitationBatch, policy: Policy, steps: int) -> tuple[Array, NDArray[np.int64]]:
+    """Rewards (N, steps), 0 after a fall, and when it was (N,)."""
+    size, largest = batch.world.size, sum(batch.reward.weights.values())
+    rewards = np.zeros((size, steps))
+    fallen_at = np.full(size, steps)
+    observations = batch.observe()
+    for step in range(steps):
+        observations = batch.step(policy.act(observations).astype(np.float64)).observations
+        fallen_at[batch.fallen() & (fallen_at == steps)] = step
+        stands = fallen_at == steps
+        if not stands.any():
+            break
+        rewards[:, step] = stands * batch.terms().sum(axis=1) / largest
+    return rewards, fallen_at
+
+
+def figures(trials: Trials) -> dict[str, Any]:
+    """What the trials come to: how many survive, and of dip, recovery and fall the quartiles.
+
+    survived: share, with the 95 % interval of Wilson 1927; dip: largest gap to the twin, as a share of the
+    largest reward; touched: share of the trials in which anything made a difference, of which alone the
+    quartiles are; onset_s: of the first difference, from which recovery_s (of those that recover) and fall_s
+    (of those that fall) count.
+    """
+    count, steps = trials.rewards.shape
+    gaps = trials.calm - trials.rewards
+    differs = np.abs(gaps) > DIFFERENT
+    touched = differs.any(axis=1)
+    onset = np.where(touched, differs.argmax(axis=1), steps)
+    fell = trials.fallen_at < steps
+    behind = gaps > RECOVERED
+    # One step after the last at which it stays behind; what ends behind has not recovered.
+    back = np.where(behind.any(axis=1), steps - behind[:, ::-1].argmax(axis=1), onset)
+    recovered = ~fell & touched & (back < steps)
+    survived = int((~fell).sum())
+    interval = binomtest(survived, count).proportion_ci(method="wilson")
+    seconds = 1.0 / CONTROL_RATE
+    return {
+        "trials": count,
+        "survived": survived / count,
+        "survived_95": [round(float(interval.low), 6), round(float(interval.high), 6)],
+        "touched": float(touched.mean()),
+        "dip": _quartiles(gaps.max(axis=1)[touched]),
+        "onset_s": _quartiles(seconds * onset[touched]),
+        "recovered": int(recovered.sum()),
+        "recovery_s": _quartiles(seconds * (back - onset)[recovered]),
+        "fall_s": _quartiles(seconds * (trials.fallen_at - onset)[fell & touched]),
+        "twins_fallen": int(trials.twin_fell.sum()),
+        "curve": _curve(trials.rewards),
+        "calm_curve": _curve(trials.calm),
+    }
+
+
+def _quartiles(values: Array) -> dict[str, Any]:
+    """Median and quartiles, None of nothing."""
+    if not len(values):
+        return {"median": None, "quarter": None, "three_quarters": None, "n": 0}
+    low, middle, high = (round(float(v), 6) for v in np.percentile(values, [25, 50, 75]))
+    return {"median": middle, "quarter": low, "three_quarters": high, "n": len(values)}
+
+
+def _curve(rewards: Array) -> dict[str, list[float]]:
+    """Over time, (T,) each: mean and quartiles of the trials."""
+    low, high = np.percentile(rewards, [25, 75], axis=0)
+    rows = {"mean": rewards.mean(axis=0), "quarter": low, "three_quarters": high}
+    return {name: np.round(row, 4).tolist() for name, row in rows.items()}
