@@ -22,7 +22,7 @@ BULLET := $(or $(BULLET),$(patsubst $(VENV)/native-%,%,$(firstword $(wildcard $(
 NATIVE := $(VENV)/native-$(BULLET)
 NATIVE_FILES := $(wildcard $(addprefix train/native/,*.cpp *.hpp *.py pyproject.toml stubs/*/*.pyi))
 
-.PHONY: help setup formats inspect run ingest convert retarget train evaluate pushes gait view export policies reproduce study overlay test test-slow lint type format bench bench-clean profile wheel clean
+.PHONY: help setup formats inspect run ingest convert retarget train evaluate pushes disturb gait view export policies reproduce study overlay test test-slow lint type format bench bench-clean profile wheel clean
 .DEFAULT_GOAL := help
 
 help: ## This list
@@ -71,6 +71,9 @@ evaluate: setup ## Scores, report, curves (POLICY=walk: of one that ships)
 
 pushes: setup ## How hard a push the policy survives, from each side (POLICY=walk: of one that ships)
 	$(KINEMIMIC) pushes --run "$(RUN)" $(SHIPPED) $(if $(ENGINE),--engine "$(ENGINE)")
+
+disturb: setup ## Forces, torques, obstacles, other ground: SCENARIO= by name or file, TRIALS= (POLICY=walk: of one that ships)
+	$(KINEMIMIC) disturb $(SCENARIO) --run "$(RUN)" $(SHIPPED) $(if $(TRIALS),--trials "$(TRIALS)") $(if $(ENGINE),--engine "$(ENGINE)")
 
 gait: setup ## Cadence, stride, symmetry and curves of RUN= over what is normal
 	$(KINEMIMIC) gait --run "$(RUN)"

@@ -76,6 +76,7 @@ def test_the_wheel_holds_the_package_and_nothing_else(wheel: Path) -> None:
         assert f"kinemimic/{folder}/py.typed" in inside
     data = {f"kinemimic/{path.relative_to(ROOT)}" for path in (ROOT / "datasets").rglob("*.*")}
     assert "kinemimic/datasets/policies/recipes.toml" in data
+    assert "kinemimic/datasets/scenarios/pull-forward.toml" in data
     assert data == {name for name in inside if name.startswith("kinemimic/datasets/")}
 
 

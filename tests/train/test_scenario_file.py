@@ -12,6 +12,8 @@ from kinemimic.pipeline.errors import KinemimicError
 from kinemimic.train.scenario import Range, Scenario
 from kinemimic.train.scenario_file import MAX_BYTES, read_scenario, scenario, shipped_scenarios
 
+DOCUMENT = Path(__file__).parents[2] / "docs" / "scenarios.md"
+
 WHOLE = """
 about = "all there is"
 seconds = 6.0
@@ -139,3 +141,10 @@ def test_every_scenario_that_ships_is_sound_and_says_what_it_is() -> None:
         found = scenario(name)
         assert found.name == name
         assert found.about
+
+
+def test_the_documented_scenario_is_one(tmp_path: Path) -> None:
+    text = DOCUMENT.read_text(encoding="utf-8").partition("```toml\n")[2].partition("```")[0]
+    found = read_scenario(written(tmp_path, text))
+    assert (len(found.loads), len(found.obstacles)) == (2, 4)
+    assert found.friction == Range.of(0.5)
