@@ -21,7 +21,7 @@ from kinemimic.train.config import EnvConfig
 from kinemimic.train.engines import open_world
 from kinemimic.train.env import ImitationBatch
 from kinemimic.train.policy import Policy
-from kinemimic.train.reference import Reference
+from kinemimic.train.route import reference_for
 from kinemimic.train.scenario import Scenario
 from kinemimic.train.trial import frames_of
 from kinemimic.train.world import CONTROL_RATE
@@ -71,7 +71,7 @@ class Trials:
 
 def conduct(task: Task) -> Trials:
     """Perform the trials of a task."""
-    reference, size = Reference(task.motion), len(task.numbers)
+    reference, size = reference_for(task.motion, task.scenario), len(task.numbers)
     seeds = np.array([_seed(task.seed, number) for number in task.numbers], dtype=np.uint64)
     steps = round(task.scenario.seconds * CONTROL_RATE)
     phases = np.zeros(size)

@@ -105,6 +105,8 @@ def _place(
     bodies = reference.bodies(np.array([then]))
     figure = BodyStates(bodies.positions[0], bodies.rotations[0], bodies.linear[0], bodies.angular[0])
     ahead, below = _turn(heading(reference, then)), reference.root(np.array([then]))[0] * [1.0, 1.0, 0.0]
+    if scenario.route and step == 0:
+        ahead, below = _turn(0.0), np.zeros(3)
     for _ in range(_DRAWS):
         obstacle = _obstacle(item, random)
         obstacle = replace(

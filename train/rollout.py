@@ -21,7 +21,7 @@ from kinemimic.train.env import TASK, ImitationBatch, observation_size
 from kinemimic.train.hardship import Conditions, draw
 from kinemimic.train.ordeal import Ordeal
 from kinemimic.train.policy import Floats, Policy
-from kinemimic.train.reference import Reference
+from kinemimic.train.route import reference_for
 from kinemimic.train.trial import Attempt, Rehearsal
 
 # What a worker does beside the simulation and the task of `env.py`; inference has the exploration's noise.
@@ -77,7 +77,9 @@ class Sampler:
         self, motion: Motion, config: EnvConfig, seeds: list[np.random.SeedSequence], engine: str
     ) -> None:
         self._motion, self._config, self._engine = motion, config, engine
-        self._batch = ImitationBatch(open_world(len(seeds), engine), Reference(motion), config)
+        self._batch = ImitationBatch(
+            open_world(len(seeds), engine), reference_for(motion, config.scenario), config
+        )
         self._randoms = [np.random.Generator(np.random.PCG64(seed)) for seed in seeds]
         self._rehearsal: Rehearsal | None = None
         self._ordeal: Ordeal | None = None

@@ -82,7 +82,9 @@ class Placement:
 @dataclass(frozen=True)
 class Scenario:
     """seconds: of a trial; phase: where in the reference it begins; friction: of the ground under the figure,
-    None for the usual; slope: rad, uphill along the way."""
+    None for the usual; slope: rad, uphill along the way; route: of a gait, (length in m, turn in rad to the
+    left) one after the other (`route.py`), empty for straight ahead. What stands there from the start has its
+    place seen from where the route begins."""
 
     name: str
     about: str = ""
@@ -90,6 +92,7 @@ class Scenario:
     phase: Range = Range((0.0,), (1.0,))
     friction: Range | None = None
     slope: Range = _ZERO
+    route: tuple[tuple[float, float], ...] = ()
     loads: tuple[Load, ...] = ()
     obstacles: tuple[Placement, ...] = ()
 
@@ -105,11 +108,12 @@ class Scenario:
             return cls(
                 **{
                     **_ranges(value),
+                    "route": tuple((length, turn) for length, turn in value["route"]),
                     "loads": tuple(Load(**_ranges(load)) for load in value["loads"]),
                     "obstacles": tuple(Placement(**_ranges(item)) for item in value["obstacles"]),
                 }
             )
-        except (KeyError, TypeError) as error:
+        except (KeyError, TypeError, ValueError) as error:
             raise KinemimicError(f"expected a scenario, found one that does not fit: {error}") from None
 
 

@@ -19,6 +19,7 @@ SHIPPED = Path(str(files("kinemimic.datasets").joinpath("captures.toml"))).paren
 MAX_BYTES = 1_000_000
 MAX_ITEMS = 200  # of forces, torques and obstacles each
 MAX_SECONDS = 600.0
+TIGHTEST = 0.5  # m
 # Nothing more is meant in earnest: m, m/s, N and N·m, kg.
 _LONG, _FAST, _STRONG, _HEAVY = 100.0, 50.0, 1e4, 1e4
 
@@ -60,6 +61,7 @@ def read_scenario(path: Path) -> Scenario:
     about = keys.text("about", "")
     seconds = keys.number("seconds", 0.1, MAX_SECONDS) or 10.0
     phase = _range(keys, "phase", 1, 0.0, 1.0) or Range((0.0,), (1.0,))
+    route = _route(keys)
     ground = keys.table("ground")
     friction = _range(ground, "friction", 1, 0.0, 2.0)
     slope = _range(ground, "slope", 1, -45.0, 45.0, scale=math.radians(1.0)) or Range.of(0.0)
@@ -72,7 +74,24 @@ def read_scenario(path: Path) -> Scenario:
         ground.fail(
             "slope", expected="0 where an obstacle can move", found="a slope", advice="give it mass 0"
         )
-    return Scenario(path.stem, about, seconds, phase, friction, slope, (*forces, *torques), tuple(obstacles))
+    loads = (*forces, *torques)
+    return Scenario(path.stem, about, seconds, phase, friction, slope, route, loads, tuple(obstacles))
+
+
+def _route(keys: Keys) -> tuple[tuple[float, float], ...]:
+    """[[metres, degrees to the left], …]"""
+    found = keys.get("route") or []
+    if not isinstance(found, list) or len(found) > MAX_ITEMS:
+        keys.fail("route", expected=f"at most {MAX_ITEMS} pairs [metres, degrees]", found=repr(found))
+    pairs = [_row(keys, "route", pair, 2, -360.0, 360.0) for pair in found]
+    for length, turn in pairs:
+        if length < TIGHTEST * abs(math.radians(turn)) or length <= 0.0:
+            keys.fail(
+                "route",
+                expected=f"lengths above 0 m, and bends of a radius of {TIGHTEST} m or more",
+                found=f"[{length:g}, {turn:g}]",
+            )
+    return tuple((length, math.radians(turn)) for length, turn in pairs)
 
 
 def _tables(keys: Keys, name: str) -> Sequence[Keys]:

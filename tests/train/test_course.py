@@ -16,6 +16,7 @@ from kinemimic.retarget.motion import Motion
 from kinemimic.train.course import Course, as_it_is, draw_course
 from kinemimic.train.overlap import distance, overlapped
 from kinemimic.train.reference import Reference
+from kinemimic.train.route import reference_for
 from kinemimic.train.scenario import Load, Placement, Range, Scenario
 from kinemimic.train.world import GRAVITY, BodyStates, Obstacle
 
@@ -75,6 +76,12 @@ def test_what_stands_stands_on_the_ground_and_what_has_a_height_has_it(motion: M
     np.testing.assert_allclose(standing.position, [start[0] + 2.0, start[1] + 0.5, 0.3], atol=1e-9)
     np.testing.assert_allclose(hanging.position, [later[0] + 2.0, later[1] + 0.5, 1.4], atol=1e-9)
     assert [len(course.released(age)) for age in (0, 1, 60, 61)] == [0, 1, 1, 2]
+
+
+def test_what_stands_on_a_route_is_seen_from_its_beginning(motion: Motion) -> None:
+    scene = Scenario("bent", route=((3.0, 1.0),), obstacles=(BOX,))
+    course = draw_course(scene, reference_for(motion, scene), 0.7, np.random.default_rng(0))
+    np.testing.assert_allclose(course.releases[0][1].position, [2.0, 0.5, 0.3], atol=1e-9)
 
 
 def test_a_slope_pulls_back_with_its_sine_and_lightens_with_its_cosine(motion: Motion) -> None:

@@ -18,6 +18,7 @@ WHOLE = """
 about = "all there is"
 seconds = 6.0
 phase = 0.25
+route = [[2.0, 0.0], [3.0, 90]]
 
 [ground]
 friction = { from = 0.4, to = 0.8 }
@@ -66,6 +67,7 @@ def test_all_that_a_file_can_say_is_read(tmp_path: Path) -> None:
     assert (found.name, found.about, found.seconds) == ("made", "all there is", 6.0)
     assert found.phase == Range.of(0.25)
     assert found.friction == Range((0.4,), (0.8,))
+    assert found.route == ((2.0, 0.0), (3.0, math.radians(90.0)))
     assert found.slope.low[0] == pytest.approx(math.radians(5.0))
     force, torque = found.loads
     assert (force.body, force.at, force.lasts, force.growing) == ("torso", Range.of(1.0), Range.of(0.5), True)
@@ -110,6 +112,8 @@ def test_a_scenario_survives_json(tmp_path: Path) -> None:
         ("size = 0.4", "size = 0", r"key obstacle 2\.size: expected a number from 0\.01"),
         ("turn = 90.0", "turn = 90.0\nmass = 2.0", r"ground\.slope: expected 0 where an obstacle can"),
         ("count = 2", "count = 1000000", r"key obstacle 1\.count: expected a whole number from 1 to"),
+        ("[3.0, 90]", "[0.5, 90]", r"key route: expected lengths above 0 m, and bends of a radius of 0\.5 m"),
+        ("[3.0, 90]", "3.0", r"key route: expected 2 numbers"),
         ("seconds = 6.0", "seconds = 1e9", r"key seconds: expected a number from"),
         ("[[force]]", "[force]", r"key force: expected tables \[\[force\]\]"),
         ("[[force]]", "[[force", "expected TOML"),
