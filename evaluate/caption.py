@@ -8,6 +8,7 @@ from typing import Any
 from kinemimic.retarget.motion import Motion
 from kinemimic.train.fit import JOINTS
 from kinemimic.train.playback import Playback
+from kinemimic.train.scenario import Scenario
 from kinemimic.train.world import CONTROL_RATE
 
 _ROWS = (
@@ -20,12 +21,22 @@ _ROWS = (
 )
 
 
-def caption(motion: Motion, playback: Playback, rollout: int, scores: Mapping[str, Any] | None) -> str:
-    """Markdown on one rollout and, if they are known, the scores (the content of scores.json)."""
+def caption_of_trial(motion: Motion, playback: Playback, scenario: Scenario, number: int) -> str:
+    """Markdown on one trial of a scenario."""
+    told = f"Scenario **{scenario.name}**, trial {number}: {scenario.about}"
+    return "\n".join([*_survival(motion, playback, 0), "", told])
+
+
+def _survival(motion: Motion, playback: Playback, rollout: int) -> list[str]:
     lines = ["**Simulated capture (virtual Kinect)**", ""] if motion.simulated else []
     frames, fallen = playback.root.shape[1], int(playback.fallen_at[rollout])
     walked = f"**{min(fallen, frames)} of {frames} frames** without a fall"
-    lines.append(walked if fallen >= frames else f"{walked}; fell at {(fallen + 1) / CONTROL_RATE:.1f} s")
+    return [*lines, walked if fallen >= frames else f"{walked}; fell at {(fallen + 1) / CONTROL_RATE:.1f} s"]
+
+
+def caption(motion: Motion, playback: Playback, rollout: int, scores: Mapping[str, Any] | None) -> str:
+    """Markdown on one rollout and, if they are known, the scores (the content of scores.json)."""
+    lines = _survival(motion, playback, rollout)
     if scores is None:
         return "\n".join([*lines, "", "Not scored yet: there is no scores.json; run `kinemimic evaluate`."])
     lines += ["", "| | " + " | ".join(JOINTS) + " |", "|---|" + "---|" * len(JOINTS)]

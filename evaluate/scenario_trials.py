@@ -72,14 +72,10 @@ class Trials:
 def conduct(task: Task) -> Trials:
     """Perform the trials of a task."""
     reference, size = reference_for(task.motion, task.scenario), len(task.numbers)
-    seeds = np.array([_seed(task.seed, number) for number in task.numbers], dtype=np.uint64)
-    steps = round(task.scenario.seconds * CONTROL_RATE)
-    phases = np.zeros(size)
-    if task.motion.cyclic:
-        # Of the same seed as the rest, but not from the same draws.
-        phases = np.array([task.scenario.phase.draw(np.random.default_rng([int(s), 1]))[0] for s in seeds])
-    else:
-        steps = min(steps, frames_of(task.motion))
+    starts = [start(task.motion, task.scenario, task.seed, number) for number in task.numbers]
+    seeds = np.array([seed for seed, _ in starts], dtype=np.uint64)
+    phases = np.array([phase for _, phase in starts])
+    steps = steps_of(task.motion, task.scenario)
     found = []
     for scenario in (task.scenario, None):
         config = replace(task.config, scenario=scenario)
@@ -91,9 +87,18 @@ def conduct(task: Task) -> Trials:
     return Trials(phases, rewards, calm, fallen_at, twin_fallen_at < steps)
 
 
-def _seed(seed: int, number: int) -> int:
-    """Of one trial: it does not depend on how many there are."""
-    return int(np.random.SeedSequence(seed, spawn_key=(number,)).generate_state(1, np.uint64)[0])
+def start(motion: Motion, scenario: Scenario, seed: int, number: int) -> tuple[int, float]:
+    """Seed and phase of one trial among those of a seed; they do not depend on how many there are."""
+    own = int(np.random.SeedSequence(seed, spawn_key=(number,)).generate_state(1, np.uint64)[0])
+    # From the same seed as the rest, but not by the same draws.
+    phase = float(scenario.phase.draw(np.random.default_rng([own, 1]))[0])
+    return own, phase if motion.cyclic else 0.0
+
+
+def steps_of(motion: Motion, scenario: Scenario) -> int:
+    """Control steps of a trial: what is performed once ends before the scenario's time."""
+    steps = round(scenario.seconds * CONTROL_RATE)
+    return steps if motion.cyclic else min(steps, frames_of(motion))
 
 
 def _performed(batch: ImitationBatch, policy: Policy, steps: int) -> tuple[Array, NDArray[np.int64]]:

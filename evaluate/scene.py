@@ -6,8 +6,9 @@ Each has a `walker` that glides along with the simulated figure, for a view to t
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 import rerun as rr
@@ -19,7 +20,7 @@ from kinemimic.pipeline.skeleton import BONES, NODE_INDEX, NODES, node_skeleton
 from kinemimic.retarget.body import BODIES, BODY_NODES
 from kinemimic.retarget.motion import joint_angles
 from kinemimic.train.playback import Playback
-from kinemimic.train.world import CONTROL_RATE
+from kinemimic.train.world import CONTROL_RATE, Obstacle
 
 Array = NDArray[np.float64]
 
@@ -30,6 +31,9 @@ REFERENCE, SIMULATED = 1, 2  # class ids
 COLORS = {REFERENCE: (120, 190, 255), SIMULATED: (255, 150, 50)}
 NAMES = {REFERENCE: "reference", SIMULATED: "simulated"}
 GROUND_COLOR = (90, 90, 90)
+OBSTACLE_COLOR = (150, 110, 80)
+LOAD_COLOR, CONTACT_COLOR = (255, 60, 60), (90, 220, 120)
+LOAD_SCALE, CONTACT_SCALE = 100.0, 1000.0  # N to a metre of arrow
 GLIDE = 30  # frames over which the walker's path is averaged, so that a view does not sway with the hips
 
 
@@ -40,6 +44,22 @@ class Figure:
     kind: int
     positions: Array
     rotations: Array
+
+
+@dataclass(frozen=True)
+class Props:
+    """What was about the simulated figure in F frames.
+
+    obstacles: K of them; states: (F, K, 13) as in `World.obstacles`, NaN before one appears;
+    loads: (F, 15, 6) force and torque on each body, N and N·m; contacts: (F, 15, 3) force of all contacts on
+    each body, N; bodies: (F, 15, 3) where the bodies are, m.
+    """
+
+    obstacles: Sequence[Obstacle]
+    states: Array
+    loads: Array
+    contacts: Array
+    bodies: Array
 
 
 def figures(playback: Playback, rollout: int, offsets: Array) -> tuple[Figure, Figure]:
@@ -76,6 +96,46 @@ def log_scenes(stream: rr.RecordingStream, reference: Figure, simulated: Figure)
                 _log_bodies(stream, f"{place}/bodies", times, figure, solid=scene == "beside")
 
 
+def log_props(stream: rr.RecordingStream, props: Props) -> None:
+    """In both scenes the obstacles, from when they appear, and the forces on the simulated figure."""
+    times = timeline(len(props.loads))
+    for scene in SCENES:
+        place = f"{scene}/{NAMES[SIMULATED]}"
+        for k, item in enumerate(props.obstacles):
+            there = np.isfinite(props.states[:, k, 0])
+            first = int(np.argmax(there))
+            moments = timeline(len(there), first)
+            # It has no shape before it appears, and so is not seen.
+            stream.send_columns(f"{place}/obstacles/{k + 1}", timeline(first + 1, first), _look(item))
+            poses = rr.Transform3D.columns(
+                translation=props.states[first:, k, :3].astype(np.float32),
+                quaternion=props.states[first:, k, 3:7].astype(np.float32),
+            )
+            stream.send_columns(f"{place}/obstacles/{k + 1}", moments, poses)
+        for name, forces, scale, color in (
+            ("loads", props.loads[..., :3], LOAD_SCALE, LOAD_COLOR),
+            ("contacts", props.contacts, CONTACT_SCALE, CONTACT_COLOR),
+        ):
+            stream.log(f"{place}/{name}", rr.Arrows3D.from_fields(colors=[color], radii=[0.012]), static=True)
+            arrows = rr.Arrows3D.columns(
+                origins=props.bodies.reshape(-1, 3).astype(np.float32),
+                vectors=(forces / scale).reshape(-1, 3).astype(np.float32),
+            )
+            stream.send_columns(f"{place}/{name}", times, arrows.partition([len(BODIES)] * len(props.loads)))
+
+
+def _look(item: Obstacle) -> Iterable[Any]:
+    """Columns of one moment: the shape of an obstacle."""
+    half = [[0.5 * side for side in item.size]]
+    color, solid = [OBSTACLE_COLOR], [rr.components.FillMode.Solid]
+    if item.shape == "box":
+        return rr.Boxes3D.columns(half_sizes=half, colors=color, fill_mode=solid)
+    if item.shape == "sphere":
+        return rr.Ellipsoids3D.columns(half_sizes=half, colors=color, fill_mode=solid)
+    radius = [0.5 * item.size[0]]
+    return rr.Cylinders3D.columns(lengths=[item.size[2]], radii=radius, colors=color, fill_mode=solid)
+
+
 def log_curves(stream: rr.RecordingStream, playback: Playback, rollout: int) -> None:
     """Knee and hip flexion in degrees, reward terms, torques in N·m."""
     times = timeline(playback.root.shape[1])
@@ -96,9 +156,9 @@ def log_curves(stream: rr.RecordingStream, playback: Playback, rollout: int) -> 
         _log_series(stream, f"torque/{body.name}", times, playback.torques[rollout, :, k], line)
 
 
-def timeline(frames: int) -> list[rr.TimeColumn]:
-    """Frame f of a playback is the state after f + 1 control steps."""
-    steps = np.arange(1, frames + 1)
+def timeline(frames: int, first: int = 0) -> list[rr.TimeColumn]:
+    """Of frames first … frames - 1. Frame f of a playback is the state after f + 1 control steps."""
+    steps = np.arange(first + 1, frames + 1)
     return [
         rr.TimeColumn(TIMELINE, duration=steps / CONTROL_RATE),
         rr.TimeColumn("frame", sequence=steps - 1),

@@ -82,7 +82,8 @@ class ImitationBatch:
     """E figures that imitate one reference. Time of each is its phase in the reference, not wrapped.
 
     bodies: simulated, in the world's own arrays: valid until the next step or reset;
-    target: the reference now; watch: where the time goes.
+    target: the reference now; wrenches: (E, 15, 6) force and torque on the bodies in the last step, or None;
+    watch: where the time goes.
     """
 
     def __init__(self, world: World, reference: Reference, config: EnvConfig) -> None:
@@ -90,6 +91,7 @@ class ImitationBatch:
         self.reference = reference
         self.config = config
         self.reward = config.reward  # may be changed between steps
+        self.wrenches: Array | None = None
         self.watch = Stopwatch()
         self.phases: Array = np.zeros(world.size)
         self.ages = np.zeros(world.size, dtype=np.int64)  # control steps since the reset
@@ -195,7 +197,7 @@ class ImitationBatch:
         if self._scenery is not None:
             acting.append(self._scenery.act(self.ages, self._conditions.mass))
         found = [one for one in acting if one is not None]
-        wrenches = sum(found[1:], found[0]) if found else None
+        wrenches = self.wrenches = sum(found[1:], found[0]) if found else None
         self.watch.lap(TASK)
         self.bodies = self.world.step(targets, velocities, wrenches)
         self.watch.lap(SIMULATION)

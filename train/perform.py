@@ -60,9 +60,26 @@ def perform(
 
 def _perform_one(task: tuple[Motion, Policy | None, EnvConfig, float, int, str]) -> Playback:
     motion, policy, config, phase, frames, engine = task
-    reference = Reference(motion)
-    batch = ImitationBatch(open_world(1, engine, measure_torques=True), reference, config)
+    batch = ImitationBatch(open_world(1, engine, measure_torques=True), Reference(motion), config)
     batch.reset(np.array([0]), np.array([phase]))
+    played = watched(batch, policy, phase, frames)
+    batch.world.close()
+    return played
+
+
+def watched(
+    batch: ImitationBatch,
+    policy: Policy | None,
+    phase: float,
+    frames: int,
+    each: Callable[[], object] | None = None,
+) -> Playback:
+    """What the one figure of a batch does from now on; it began at a phase. A fall is noted, and the figure
+    lies there while the reference goes on.
+
+    each: called after every control step.
+    """
+    reference = batch.reference
     observation = batch.observe()
     rows: dict[str, list[NDArray[Any]]] = {
         name: [] for name in ("phases", "root", "rotations", "rewards", "torques", "contacts")
@@ -82,13 +99,14 @@ def _perform_one(task: tuple[Motion, Policy | None, EnvConfig, float, int, str])
         rows["rewards"].append(batch.terms())
         rows["torques"].append(batch.world.peak_torques().copy())
         rows["contacts"].append(batch.world.contacts())
-    batch.world.close()
+        if each is not None:
+            each()
     stacked = {name: np.stack(values, axis=1) for name, values in rows.items()}
     return Playback(
         start_phases=np.array([phase]),
         reference_root=reference.root(stacked["phases"]),
         reference_rotations=reference.nodes(stacked["phases"]),
-        reward_names=np.array(list(config.reward.weights)),
+        reward_names=np.array(list(batch.reward.weights)),
         fallen_at=np.array([fallen_at]),
         phases=stacked["phases"],
         root=stacked["root"],

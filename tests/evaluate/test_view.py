@@ -15,17 +15,19 @@ from typing import Any
 import numpy as np
 import pytest
 from click.testing import CliRunner
+from peers.crouch import crouching, write_idle_run
 from rerun.chunk import RrdReader
 
 from kinemimic.evaluate.scene import figures
-from kinemimic.evaluate.view import command, how_to_open, view
+from kinemimic.evaluate.view import command, how_to_open, view, view_trial
 from kinemimic.pipeline.cli import main
 from kinemimic.pipeline.errors import KinemimicError
 from kinemimic.pipeline.skeleton import NODE_INDEX, NODES
-from kinemimic.retarget.body import BODIES
+from kinemimic.retarget.body import BODIES, BODY_INDEX, TOTAL_MASS
 from kinemimic.retarget.export_json import motion_to_json
 from kinemimic.retarget.motion import Motion
 from kinemimic.train.playback import Playback
+from kinemimic.train.scenario import Load, Placement, Range, Scenario
 
 FRAMES = 90
 SCORES = {"survival": {"frames": 90, "of": 90, "phases": 3, "phases_of": 3}, "fit": {"knee": {"r2": 0.96125}}}
@@ -180,3 +182,36 @@ def test_a_screenshot_without_a_driver_is_one_clear_line(
 def test_the_command_to_open_it_exists(tmp_path):
     viewer = how_to_open(tmp_path / "view.rrd").split()[-2]
     assert shutil.which(viewer)
+
+
+def test_a_trial_is_drawn_with_obstacles_from_when_they_appear_and_loads(
+    tmp_path: Path, walk: Motion
+) -> None:
+    write_idle_run(tmp_path, crouching(walk))
+    ball = Placement("sphere", Range.of(0.2, 0.2, 0.2), Range.of(1.0, 0.5, 1.0), at=Range.of(0.2))
+    pole = Placement("cylinder", Range.of(0.1, 0.1, 1.0), Range.of(1.0, -0.5))
+    pull = Load("torso", Range.of(0.1), Range.of(0.1), force=Range.of(50.0, 0.0, 0.0))
+    scenario = Scenario("yard", "A yard.", seconds=0.5, loads=(pull,), obstacles=(ball, pole))
+    path = view_trial(tmp_path, scenario)
+    assert path.name == "view-yard.rrd"
+    found: dict[str, dict[str, Any]] = {}
+    for chunk in RrdReader(path).store().stream():
+        batch = chunk.to_record_batch()
+        rows = dict(zip(batch.schema.names, batch.columns, strict=True))
+        found.setdefault(str(chunk.entity_path), {}).update(rows)
+    place = "/overlaid/simulated"
+    standing, flying = (found[f"{place}/obstacles/{k}"] for k in (1, 2))
+    assert [len(one["Transform3D:translation"]) for one in (standing, flying)] == [15, 9]
+    np.testing.assert_allclose(standing["Transform3D:translation"][0].as_py()[0], [1.0, -0.5, 0.5], atol=1e-6)
+    assert standing["Cylinders3D:lengths"][0].as_py() == [1.0]
+    assert flying["Ellipsoids3D:half_sizes"][0].as_py() == [[pytest.approx(0.1)] * 3]
+    arrows = np.array([row.as_py() for row in found[f"{place}/loads"]["Arrows3D:vectors"]])
+    pulled = np.flatnonzero(arrows.any(axis=(1, 2)))
+    assert pulled.tolist() == [3, 4, 5]
+    np.testing.assert_allclose(arrows[4, BODY_INDEX["torso"]], [0.5, 0.0, 0.0], atol=1e-6)
+    text = found["/scores"]["TextDocument:text"][0].as_py()[0]
+    assert "Scenario **yard**, trial 0: A yard." in text
+    weight = np.array([row.as_py() for row in found[f"{place}/contacts"]["Arrows3D:vectors"]])[..., 2].sum(
+        axis=1
+    )
+    assert weight.mean() == pytest.approx(TOTAL_MASS * 9.81 / 1000.0, rel=0.3)

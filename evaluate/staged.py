@@ -1,0 +1,56 @@
+"""One trial of a scenario as one can look at it: the playback, and what was about the figure."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from kinemimic.evaluate.scenario_trials import start, steps_of
+from kinemimic.evaluate.scene import Props
+from kinemimic.retarget.body import BODIES
+from kinemimic.retarget.motion import Motion
+from kinemimic.train.config import TrainConfig
+from kinemimic.train.course import draw_course
+from kinemimic.train.engines import open_world
+from kinemimic.train.env import ImitationBatch
+from kinemimic.train.perform import watched
+from kinemimic.train.playback import Playback
+from kinemimic.train.policy import Policy
+from kinemimic.train.route import reference_for
+from kinemimic.train.scenario import Scenario
+
+
+def staged(
+    motion: Motion,
+    policy: Policy,
+    config: TrainConfig,
+    scenario: Scenario,
+    *,
+    number: int = 0,
+    seed: int = 0,
+    engine: str = "auto",
+) -> tuple[Playback, Props]:
+    """Trial `number` of those that `disturb` makes of a seed, alone, and not ended by a fall."""
+    reference, steps = reference_for(motion, scenario), steps_of(motion, scenario)
+    own, phase = start(motion, scenario, seed, number)
+    task = replace(config.env, reward=config.final_reward, scenario=scenario)
+    batch = ImitationBatch(open_world(1, engine, measure_torques=True), reference, task)
+    batch.reset(np.array([0]), np.array([phase]), seeds=np.array([own], dtype=np.uint64))
+    course = draw_course(scenario, reference, phase, np.random.default_rng(own))
+    bodies = len(BODIES)
+    states = np.full((steps, len(course.releases), 13), np.nan)
+    loads = np.zeros((steps, bodies, 6))
+    contacts, places = np.zeros((2, steps, bodies, 3))
+    frame = iter(range(steps))
+
+    def note() -> None:
+        at, there = next(frame), batch.world.obstacles(0)
+        states[at, : len(there)] = there
+        loads[at] = 0.0 if batch.wrenches is None else batch.wrenches[0]
+        contacts[at] = batch.world.contact_forces()[0]
+        places[at] = batch.bodies.positions[0]
+
+    played = watched(batch, policy, phase, steps, note)
+    batch.world.close()
+    return played, Props([item for _, item in course.releases], states, loads, contacts, places)
