@@ -164,6 +164,9 @@ class TrainConfig:
     def to_json(self) -> dict[str, Any]:
         """JSON values that `from_json` reads back."""
         value: dict[str, Any] = json.loads(json.dumps(asdict(self)))
+        # What has no scenario is stored as it was before there were any, and belongs to what was stored then.
+        if self.env.scenario is None:
+            del value["env"]["scenario"]
         return value
 
     @classmethod
