@@ -25,6 +25,7 @@ from kinemimic.train.mirror import mirrored
 from kinemimic.train.options import engine_option, workers_option
 from kinemimic.train.policy import POLICY
 from kinemimic.train.ppo import Learner
+from kinemimic.train.ppo_practice import PpoPractice
 from kinemimic.train.reference import Reference
 from kinemimic.train.rounds import Rounds, is_complete
 from kinemimic.train.stopwatch import Stopwatch, table
@@ -76,7 +77,8 @@ def train(
     # A worker holds one figure at least.
     count = min(workers or len(os.sched_getaffinity(0)), config.environments)
     torch.set_num_threads(count)
-    training = Training(Learner(config))
+    learner = Learner(config)
+    training = Training(learner)
     saved = run / CHECKPOINT
     resumed = resume and saved.exists() and checkpoint.restore(saved, training, motion.identity)
     state = training.learner.progress
@@ -90,7 +92,8 @@ def train(
     seconds = None if minutes is None else 60.0 * minutes
     if not is_complete(training, seconds):
         with Workers(motion, config.env, config.environments, config.seed, count, engine) as crew:
-            Rounds(training, crew, motion, saved, watch, seconds).go(run / CURVES)
+            practice = PpoPractice(learner, crew, watch)
+            Rounds(training, practice, motion, saved, watch, seconds).go(run / CURVES)
     record = _record(training, motion, engine)
     if training.best is not None:
         policy = run / POLICY
