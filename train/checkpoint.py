@@ -95,7 +95,7 @@ def restore(path: Path, training: Training, motion: str) -> bool:
     training.figures = _below(_FIGURES, arrays) or None
     training.trials = trials
     best = _below(_BEST, arrays)
-    training.best = Policy.of_tensors(best) if best else None
+    training.best = Policy.of_tensors(best, learner.config) if best else None
     return True
 
 
