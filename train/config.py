@@ -267,7 +267,9 @@ PRESETS: dict[str, TrainConfig] = {
     ),
     # The rivals, on `default`'s task with its nets, figures, discount and schedules of noise and reward.
     "ddpg": TrainConfig(preset="ddpg", rival=Ddpg()),
-    "a2c": TrainConfig(preset="a2c", rival=A2c()),
+    # A quarter of the figures, each four times as long between rounds: gradient steps on 128 new samples are
+    # four times as many as on 512, and there is but one for each.
+    "a2c": TrainConfig(preset="a2c", environments=16, horizon=256, rival=A2c()),
     "sb3-ppo": TrainConfig(preset="sb3-ppo", rival=StablePpo()),
 }
 

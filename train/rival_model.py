@@ -46,6 +46,7 @@ def build(config: TrainConfig, env: VecNormalize) -> Model:
     choose_products()
     hidden = list(config.hidden)
     model = _build(config, config.rival, env, {"pi": hidden, "qf" if config.bound else "vf": hidden})
+    _set_rates(model, config.rival)
     explore(model, config, 0)
     return model
 
@@ -53,7 +54,7 @@ def build(config: TrainConfig, env: VecNormalize) -> Model:
 def _build(config: TrainConfig, rival: Rival, env: VecNormalize, nets: dict[str, list[int]]) -> Model:
     kwargs = {"net_arch": nets, "activation_fn": _ACTIVATIONS[rival.activation]}
     if isinstance(rival, Ddpg):
-        model = TwoRates(
+        model = _Ddpg(
             "MlpPolicy",
             env,
             buffer_size=rival.buffer,
@@ -69,7 +70,6 @@ def _build(config: TrainConfig, rival: Rival, env: VecNormalize, nets: dict[str,
             policy_kwargs=kwargs,
             device="cpu",
         )
-        model.rates = (rival.actor_rate, rival.critic_rate)
         last = actor_layers(model)[-1]
         with torch.no_grad():
             last.weight.mul_(_SMALL)
@@ -77,10 +77,9 @@ def _build(config: TrainConfig, rival: Rival, env: VecNormalize, nets: dict[str,
         model.actor_target.load_state_dict(model.actor.state_dict())
         return model
     if isinstance(rival, A2c):
-        return A2C(
+        return _A2c(
             "MlpPolicy",
             env,
-            learning_rate=rival.rate,
             n_steps=rival.n_steps,
             gamma=config.discount,
             gae_lambda=rival.gae_lambda,
@@ -90,10 +89,9 @@ def _build(config: TrainConfig, rival: Rival, env: VecNormalize, nets: dict[str,
             policy_kwargs=kwargs,
             device="cpu",
         )
-    return PPO(
+    return _Ppo(
         "MlpPolicy",
         env,
-        learning_rate=rival.rate,
         n_steps=config.horizon,
         batch_size=rival.batch,
         n_epochs=rival.passes,
@@ -107,18 +105,39 @@ def _build(config: TrainConfig, rival: Rival, env: VecNormalize, nets: dict[str,
     )
 
 
-class TwoRates(DDPG):
-    """stable-baselines3's DDPG has one rate for both networks, the published one has two.
+class _OwnRates:
+    """Leaves every optimiser the rates that `_set_rates` gave it."""
 
-    rates: of the actor and of the critic.
-    """
+    def _update_learning_rate(self, optimizers: object) -> None:
+        """stable-baselines3 has one rate, which it would set here for actor and critic."""
 
-    rates: tuple[float, float]
 
-    def _update_learning_rate(self, optimizers: list[torch.optim.Optimizer] | torch.optim.Optimizer) -> None:
-        for optimizer, rate in zip((self.actor.optimizer, self.critic.optimizer), self.rates, strict=True):
+class _Ddpg(_OwnRates, DDPG):
+    pass
+
+
+class _A2c(_OwnRates, A2C):
+    pass
+
+
+class _Ppo(_OwnRates, PPO):
+    pass
+
+
+def _set_rates(model: Model, rival: Rival) -> None:
+    """Give actor and critic a rate each."""
+    rates = (rival.actor_rate, rival.critic_rate)
+    if isinstance(model, DDPG):
+        for optimizer, rate in zip(optimizers(model).values(), rates, strict=True):
             for group in optimizer.param_groups:
                 group["lr"] = rate
+        return
+    policy = gaussian(model)
+    critic = [*policy.mlp_extractor.value_net.parameters(), *policy.value_net.parameters()]
+    theirs = {id(weights) for weights in critic}
+    actor = [weights for weights in policy.parameters() if id(weights) not in theirs]
+    groups = [{"params": part, "lr": rate} for part, rate in zip((actor, critic), rates, strict=True)]
+    policy.optimizer = policy.optimizer_class(groups, **policy.optimizer_kwargs)
 
 
 def explore(model: Model, config: TrainConfig, samples: int) -> float:

@@ -82,7 +82,9 @@ def train(
         require_package()
     # A worker holds one figure at least.
     count = min(workers or len(os.sched_getaffinity(0)), config.environments)
-    torch.set_num_threads(count)
+    # A rival's small products gain little from a second thread, and lose much where a core is busy: threads
+    # spin until the last one is there. With one, the number of workers changes not a bit.
+    torch.set_num_threads(count if config.rival is None else 1)
     learner = _learner(config, motion, engine, count)
     training = Training(learner)
     saved = run / CHECKPOINT
