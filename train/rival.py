@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
-from dataclasses import asdict, dataclass
+from dataclasses import asdict
 from typing import Any
 
 import numpy as np
@@ -39,13 +39,6 @@ from kinemimic.train.trial import Attempt
 _POLICY, _OPTIMIZER, _MEMORY = "policy.", "optimizer.", "memory."
 _RANDOM = "random.torch"
 _LOOK = 4096  # samples of DDPG's memory that its critic is measured on
-
-
-@dataclass
-class RivalProgress(Progress):
-    """updates: as the algorithm counts them: gradient steps, but for PPO, where they are passes."""
-
-    updates: int = 0
 
 
 class Randomness:
@@ -85,7 +78,7 @@ class RivalLearner:
 
     def __init__(self, config: TrainConfig, motion: Motion, engine: str, threads: int) -> None:
         self.config = config
-        self.progress: Progress = RivalProgress()
+        self.progress = Progress()
         seeds = np.random.SeedSequence(config.seed).spawn(config.environments)
         self.env = ImitationVecEnv(Sampler(motion, config.env, seeds, engine, threads), config)
         self.normalizer = normalized(self.env)
@@ -125,7 +118,8 @@ class RivalLearner:
 
     def record(self) -> dict[str, Any]:
         return {
-            "progress": {**asdict(self.progress), "updates": self.model._n_updates},
+            "progress": asdict(self.progress),
+            "updates": self.model._n_updates,
             "random": self.random.record(),
             "normalizer_count": float(statistics(self.normalizer).count),
             "memory_position": self.memory.pos if self.memory is not None else 0,
@@ -146,9 +140,9 @@ class RivalLearner:
         self.random.restore(record["random"], tensors[_RANDOM])
         if self.memory is not None:
             self.memory.restore(_below(_MEMORY, tensors), record["memory_position"])
-        self.progress = RivalProgress(**record["progress"])
+        self.progress = Progress(**record["progress"])
         self.model.num_timesteps = self.progress.samples
-        self.model._n_updates = record["progress"]["updates"]
+        self.model._n_updates = record["updates"]
 
 
 def _below(prefix: str, tensors: dict[str, Tensor]) -> dict[str, Tensor]:

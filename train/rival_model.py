@@ -99,7 +99,6 @@ def _build(config: TrainConfig, rival: Rival, env: VecNormalize, nets: dict[str,
         gae_lambda=rival.gae_lambda,
         clip_range=rival.clip,
         max_grad_norm=rival.max_grad_norm,
-        target_kl=rival.target_kl,
         policy_kwargs=kwargs,
         device="cpu",
     )

@@ -264,7 +264,7 @@ def test_settings_that_do_not_fit_are_refused_by_name() -> None:
         ({"algorithm": "sac"}, "expected one among ddpg, a2c, ppo, found 'sac'"),
         ({"tau": 0.1}, "expected settings of a2c, found tau"),
         ({"activation": "elu"}, "among tanh, relu, found 'elu'"),
-        ({"n_steps": 7}, "multiple of the rival's 7 steps, found 64"),
+        ({"n_steps": 7}, "multiple of the rival's 7 steps, found 256"),
     ):
         with pytest.raises(KinemimicError, match=told):
             TrainConfig.from_json({**value, "rival": {**value["rival"], **change}})
