@@ -127,7 +127,7 @@ class Learner:
         state.rounds += 1
         # The statistics move only after the update: old and new policy saw the same observations.
         self.normalizer.update(seen)
-        spread = float(returns.var())
+        spread = float(returns.var(correction=0))
         errors = returns - torch.from_numpy(values.reshape(-1))
         return {
             "reward/mean": float(rewards.mean()),
@@ -140,7 +140,7 @@ class Learner:
             # Of a Gaussian: the sum of log σ + ½ log 2πe.
             "policy/entropy": float((self.net.log_noise + 0.5 * math.log(2.0 * math.pi * math.e)).sum()),
             "value/loss": value_loss,
-            "value/explained_variance": 1.0 - float(errors.var()) / spread if spread > 0 else 0.0,
+            "value/explained_variance": 1.0 - float(errors.var(correction=0)) / spread if spread > 0 else 0.0,
             "value/normalized_loss": normalized_loss(float(errors.square().mean()), spread),
         }
 

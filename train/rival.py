@@ -42,11 +42,14 @@ _LOOK = 4096  # samples of DDPG's memory that its critic is measured on
 
 
 class Randomness:
-    """numpy's and torch's global generators, which stable-baselines3 draws from, as a training of ours left
-    them: what draws between its rounds changes nothing, and it changes nothing for others."""
+    """numpy's and torch's global generators, which stable-baselines3 draws from, as a training left them.
+
+    What draws between its rounds changes nothing for it, and it changes nothing for others.
+    """
 
     def __init__(self, seed: int) -> None:
-        self._numpy: dict[str, Any] = np.random.RandomState(seed).get_state(legacy=False)
+        bits = np.random.MT19937(np.random.SeedSequence(seed))
+        self._numpy: dict[str, Any] = np.random.RandomState(bits).get_state(legacy=False)
         self.torch: Tensor = torch.Generator().manual_seed(seed).get_state()
 
     @contextmanager
@@ -74,7 +77,10 @@ class Randomness:
 
 
 class RivalLearner:
-    """`Learning` (`learning.py`) by stable-baselines3, with the figures, for its algorithms own theirs."""
+    """`Learning` (`learning.py`) by stable-baselines3, with the figures, which its algorithms own.
+
+    threads: of the native engine.
+    """
 
     def __init__(self, config: TrainConfig, motion: Motion, engine: str, threads: int) -> None:
         self.config = config

@@ -96,8 +96,8 @@ class StablePpo:
     """
 
     algorithm: Literal["ppo"] = "ppo"
-    # Constant, where ours is steered to a KL divergence of 0.1 in a round: 1e-4 is twice as far with the noise
-    # of the beginning, and the noise of the end makes sixteen times as much of every step. Its own remedy, to
+    # Constant, where ours is steered to a KL divergence of 0.1 in a round: 1e-4 goes twice as far with the
+    # noise of the beginning, and that of the end makes sixteen times as much of every step. Its own remedy, to
     # stop a round's passes at a divergence, stops the critic too, which then learns too little.
     actor_rate: float = 5e-5
     critic_rate: float = 1e-3

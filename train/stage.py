@@ -186,7 +186,7 @@ def command(
     anyway: bool,
     as_json: bool,
 ) -> None:
-    """Train a policy that imitates the run's motion in Bullet (PPO)."""
+    """Train a policy that imitates the run's motion in Bullet, by PPO or, with its preset, by a rival."""
     record = train(
         run,
         preset_name=preset_name,
