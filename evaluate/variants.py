@@ -39,7 +39,7 @@ SEARCH: dict[str, dict[str, Changes]] = {
         "updates-0.5": {"rival": {"updates_per_sample": 0.5}},
         "batch-1024": {"rival": {"batch": 1024, "updates_per_sample": 0.03125}},
         "noise-0.2": {"noise": ((0, 0.2), (400_000, 0.1), (1_000_000, 0.05))},
-        "bound-1": {"rival": {"bound": 1.0}},
+        "every-8-steps": {"rival": {"train_every": 8}},
         "tanh": {"rival": {"activation": "tanh"}},
     },
     "a2c": {

@@ -24,7 +24,8 @@ class Ddpg:
     actor_rate, critic_rate: of Adam; batch: samples of a gradient step; train_every: control steps of all
     figures between two trainings; updates_per_sample: gradient steps for each sample taken; tau: share of the
     networks that their targets take over in a gradient step; buffer: samples remembered; warm_up: samples
-    before the first gradient step; bound: largest action, what the actor's tanh is multiplied with.
+    before the first gradient step, in whole rounds; bound: largest action, by which the actor's tanh is
+    multiplied.
     """
 
     algorithm: Literal["ddpg"] = "ddpg"
@@ -40,8 +41,8 @@ class Ddpg:
     buffer: int = 300_000
     # With its own small actions and noise, not the uniform ones that are customary: those fall at once.
     warm_up: int = 8192
-    # Half a radian in the legs: trained PPOs ask for 0.46 at most, in 99.9 % of steps for less than 0.4. With
-    # more, the actor goes where its critic has never been, and falls.
+    # Half a radian in the legs: the walks and the run that ship ask for 0.46 at most. With twice that, the
+    # actor goes further to where its critic has never been, and falls sooner.
     bound: float = 0.5
     activation: Activation = "relu"
 
@@ -97,8 +98,8 @@ class StablePpo:
 
     algorithm: Literal["ppo"] = "ppo"
     # Constant, where ours is steered to a KL divergence of 0.1 in a round: 1e-4 goes twice as far with the
-    # noise of the beginning, and that of the end makes sixteen times as much of every step. Its own remedy, to
-    # stop a round's passes at a divergence, stops the critic too, which then learns too little.
+    # noise of the beginning, and that of the end makes sixteen times as much of every step. Its own remedy,
+    # to stop a round's passes at a divergence, stops the critic too, which then learns too little.
     actor_rate: float = 5e-5
     critic_rate: float = 1e-3
     batch: int = 512
