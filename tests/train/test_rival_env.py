@@ -33,7 +33,7 @@ def test_it_is_what_stable_baselines3_takes(motion: Motion) -> None:
     assert env.num_envs == FIGURES
     assert env.observation_space.shape == (OBSERVATIONS,)
     assert env.action_space.shape == (ACTIONS,)
-    assert (env.action_space.low == -1.0).all() and (env.action_space.high == 1.0).all()
+    assert (env.action_space.low == -0.5).all() and (env.action_space.high == 0.5).all()
     seen = env.reset()
     assert seen.dtype == np.float32 and seen.shape == (FIGURES, OBSERVATIONS)
     seen, rewards, dones, infos = env.step(np.zeros((FIGURES, ACTIONS), np.float32))
