@@ -16,7 +16,7 @@ import click
 from kinemimic.evaluate.side_by_side import side_by_side
 from kinemimic.evaluate.study_cell import MOTION, Cell, conduct, outcome
 from kinemimic.evaluate.study_table import figures, summary, table_csv, tables
-from kinemimic.evaluate.variants import ablation
+from kinemimic.evaluate.variants import SEARCH, ablation, search
 from kinemimic.pipeline.errors import KinemimicError
 from kinemimic.pipeline.inspect.terminal import show
 from kinemimic.pipeline.progress import Bar, Bars, bars
@@ -218,6 +218,8 @@ def increasing(value: str) -> tuple[int, ...]:
 @click.option("--preset", "presets", multiple=True, type=click.Choice(list(PRESETS)),
               help="Repeatable; `default` unless said.")  # fmt: skip
 @click.option("--ablation", "ablated", is_flag=True, help="`default`, and one change each against it.")
+@click.option("--search", "searched", multiple=True, type=click.Choice(list(SEARCH)),
+              help="A rival's preset, and what one would try first to better it; repeatable.")  # fmt: skip
 @click.option("--seeds", type=click.IntRange(min=1), default=5, show_default=True, help="How many.")
 @click.option("--budgets", type=increasing, metavar="SAMPLES,…", default="1e6,2e6", show_default=True,
               help="Numbers of samples, each scored on the way to the last.")  # fmt: skip
@@ -231,6 +233,7 @@ def command(
     runs: tuple[Path, ...],
     presets: tuple[str, ...],
     ablated: bool,
+    searched: tuple[str, ...],
     seeds: int,
     budgets: tuple[int, ...],
     jobs: int | None,
@@ -244,8 +247,10 @@ def command(
     RUN: folders that hold a motion.json, as `--run` of the other commands. What is finished in --out is not
     done again, and an interrupted study goes on.
     """
-    chosen = presets or (() if ablated else ("default",))
+    chosen = presets or (() if ablated or searched else ("default",))
     variants = {**(ablation() if ablated else {}), **{name: PRESETS[name] for name in chosen}}
+    for rival in searched:
+        variants |= search(rival)
     result = study(
         runs, variants, seeds=seeds, budgets=budgets, out=out, jobs=jobs, engine=engine, anyway=anyway
     )

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass, field
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -16,8 +16,8 @@ from safetensors.numpy import save_file
 
 from kinemimic.pipeline.errors import KinemimicError
 from kinemimic.pipeline.store import atomic
+from kinemimic.train.learning import Learning
 from kinemimic.train.policy import Policy
-from kinemimic.train.ppo import Learner
 from kinemimic.train.rollout import Figures
 from kinemimic.train.trial import Trial
 
@@ -34,7 +34,7 @@ class Training:
     figures: what the next round begins with, None before the first one; best: the policy of the best trial.
     """
 
-    learner: Learner
+    learner: Learning
     figures: Figures | None = None
     trials: list[Trial] = field(default_factory=list)
     best: Policy | None = None
@@ -58,9 +58,7 @@ def save(path: Path, training: Training, motion: str) -> None:
         "schema": CHECKPOINT_SCHEMA,
         "motion": motion,
         "config": learner.config.to_json(),
-        "progress": asdict(learner.progress),
-        "random": learner.random.bit_generator.state,
-        "normalizer_count": learner.normalizer.count,
+        **learner.record(),
         "trials": [trial.to_json() for trial in training.trials],
     }
     try:
@@ -97,7 +95,7 @@ def restore(path: Path, training: Training, motion: str) -> bool:
     training.figures = _below(_FIGURES, arrays) or None
     training.trials = trials
     best = _below(_BEST, arrays)
-    training.best = Policy.of_tensors(best) if best else None
+    training.best = Policy.of_tensors(best, learner.config) if best else None
     return True
 
 

@@ -1,6 +1,7 @@
 """Settings of a training, and the presets.
 
-`default` is what follows its reference best, `robust` what is hard to fell, `paper` what is printed.
+`default` is what follows its reference best, `robust` what is hard to fell, `paper` what is printed; `ddpg`,
+`a2c` and `sb3-ppo` do `default`'s task with stable-baselines3's algorithms (`rival_config.py`).
 """
 
 from __future__ import annotations
@@ -12,6 +13,7 @@ from typing import Any
 import numpy as np
 
 from kinemimic.pipeline.errors import KinemimicError
+from kinemimic.train.rival_config import A2c, Activation, Ddpg, Rival, StablePpo, rival_from_json
 from kinemimic.train.scenario import Scenario
 
 # Weights of the joints in the pose error, by the body that the joint carries; they sum to one.
@@ -113,7 +115,10 @@ def _schedule(points: list[list[float]]) -> Schedule:
 
 @dataclass(frozen=True)
 class TrainConfig:
-    """PPO: see `ppo.py` for what each number does."""
+    """PPO: see `ppo.py` for what each number does; with a `rival`, what `rival_config.py` says of it.
+
+    ValueError if the rival does not train a whole number of times in a round.
+    """
 
     preset: str = "default"
     env: EnvConfig = field(default_factory=EnvConfig)
@@ -145,6 +150,23 @@ class TrainConfig:
     entropy_decay: float = 1.0
     budget: int = 1_000_000
     seed: int = 0
+    rival: Rival | None = None
+
+    def __post_init__(self) -> None:
+        if self.rival and self.horizon % self.rival.steps:
+            raise ValueError(
+                f"horizon: expected a multiple of the rival's {self.rival.steps} steps, found {self.horizon}"
+            )
+
+    @property
+    def activation(self) -> Activation:
+        """Of the policy's hidden units."""
+        return self.rival.activation if self.rival else "tanh"
+
+    @property
+    def bound(self) -> float | None:
+        """Of the policy's actions, by a tanh; None where they have none."""
+        return self.rival.bound if self.rival else None
 
     @property
     def batch(self) -> int:
@@ -164,7 +186,10 @@ class TrainConfig:
     def to_json(self) -> dict[str, Any]:
         """JSON values that `from_json` reads back."""
         value: dict[str, Any] = json.loads(json.dumps(asdict(self)))
-        # What has no scenario is stored as it was before there were any, and belongs to what was stored then.
+        # What has no rival or no scenario is stored as it was before there were any, and belongs to what was
+        # stored then.
+        if self.rival is None:
+            del value["rival"]
         if self.env.scenario is None:
             del value["env"]["scenario"]
         return value
@@ -183,12 +208,13 @@ class TrainConfig:
             env["hardships"] = Hardships(**ranges)
             if env.get("scenario") is not None:
                 env["scenario"] = Scenario.from_json(env["scenario"])
-            plain = {f.name: value[f.name] for f in fields(cls) if f.name != "env"}
+            plain = {f.name: value[f.name] for f in fields(cls) if f.name not in ("env", "rival")}
+            rival = rival_from_json(value["rival"]) if "rival" in value else None
             plain["hidden"] = tuple(plain["hidden"])
             plain["scales"] = {name: _schedule(points) for name, points in plain["scales"].items()}
             for name in ("noise", "strength"):
                 plain[name] = _schedule(plain[name])
-            return cls(env=EnvConfig(**env), **plain)
+            return cls(env=EnvConfig(**env), rival=rival, **plain)
         except (KeyError, TypeError, ValueError) as error:
             raise KinemimicError(
                 f"expected a training configuration, found one that does not fit: {error}"
@@ -247,6 +273,12 @@ PRESETS: dict[str, TrainConfig] = {
         entropy_decay=0.95,
         budget=1_000_000,
     ),
+    # The rivals, on `default`'s task with its nets, figures, discount and schedules of noise and reward.
+    "ddpg": TrainConfig(preset="ddpg", rival=Ddpg()),
+    # A quarter of the figures, each four times as long between rounds: gradient steps on 128 new samples are
+    # four times as many as on 512, and there is but one for each.
+    "a2c": TrainConfig(preset="a2c", environments=16, horizon=256, rival=A2c()),
+    "sb3-ppo": TrainConfig(preset="sb3-ppo", rival=StablePpo()),
 }
 
 

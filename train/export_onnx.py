@@ -23,10 +23,11 @@ from kinemimic.train.world import CONTROL_RATE, SUBSTEPS, TIME_STEP
 # Of 2022, and nothing newer is needed: every runtime in use reads them.
 OPSET, IR = 17, 8
 OBSERVATION, ACTION = "observation", "action"
+_ACTIVATIONS = {"tanh": "Tanh", "relu": "Relu"}
 
 
 def onnx_model(policy: Policy, record: Mapping[str, Any]) -> onnx.ModelProto:
-    """The graph (N, O) -> (N, 42) in float32: normalise, clip, tanh layers; N is free.
+    """The graph (N, O) -> (N, 42) in float32: normalise, clip, layers; N is free.
 
     record: policy.json. What the numbers mean stands in the metadata (`metadata`).
     """
@@ -50,7 +51,14 @@ def onnx_model(policy: Policy, record: Mapping[str, Any]) -> onnx.ModelProto:
         nodes.append(helper.make_node("Gemm", inputs, [name], transB=1))
         if k != last:
             flow = f"hidden.{k}"
-            nodes.append(helper.make_node("Tanh", [name], [flow]))
+            nodes.append(helper.make_node(_ACTIVATIONS[policy.activation], [name], [flow]))
+    if policy.bound is not None:
+        nodes[-1].output[0] = "free"
+        arrays["bound"] = np.array(policy.bound, np.float32)
+        nodes += [
+            helper.make_node("Tanh", ["free"], ["share"]),
+            helper.make_node("Mul", ["share", "bound"], [ACTION]),
+        ]
     observations, actions = policy.shape
     graph = helper.make_graph(
         nodes,

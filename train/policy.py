@@ -1,4 +1,4 @@
-"""A trained policy: a tanh network on normalised observations, in numpy, so that a rollout needs no torch."""
+"""A trained policy: a network on normalised observations, in numpy, so that a rollout needs no torch."""
 
 from __future__ import annotations
 
@@ -19,6 +19,7 @@ from kinemimic.retarget.export_json import motion_from_json
 from kinemimic.retarget.motion import Motion
 from kinemimic.train.config import TrainConfig
 from kinemimic.train.env import ACTIONS, observation_size
+from kinemimic.train.rival_config import Activation
 
 Floats = NDArray[np.float32]
 
@@ -36,11 +37,14 @@ def normalized(observations: NDArray[Any], mean: Floats, scale: Floats) -> Float
 
 @dataclass(frozen=True)
 class Policy:
-    """layers: (weight (out, in), bias (out,)) from the input on; mean, scale: (O,) of what it observes."""
+    """layers: (weight (out, in), bias (out,)) from the input on; mean, scale: (O,) of what it observes;
+    activation: of the hidden units; bound: a tanh keeps actions below it, None lets them go where they go."""
 
     layers: tuple[tuple[Floats, Floats], ...]
     mean: Floats
     scale: Floats
+    activation: Activation = "tanh"
+    bound: float | None = None
 
     @property
     def shape(self) -> tuple[int, int]:
@@ -59,9 +63,13 @@ class Policy:
         for weight, bias in self.layers[:-1]:
             x = weight @ x
             x += bias[:, None]
-            np.tanh(x, out=x)
+            if self.activation == "tanh":
+                np.tanh(x, out=x)
+            else:
+                np.maximum(x, 0.0, out=x)
         weight, bias = self.layers[-1]
-        return (weight @ x).T + bias
+        actions: Floats = (weight @ x).T + bias
+        return actions if self.bound is None else np.float32(self.bound) * np.tanh(actions)
 
     def tensors(self) -> dict[str, Floats]:
         """Its arrays by the names that they have in a file."""
@@ -71,11 +79,11 @@ class Policy:
         return tensors
 
     @classmethod
-    def of_tensors(cls, tensors: Mapping[str, Floats]) -> Policy:
-        """The inverse of `tensors`; KeyError names one that is missing."""
+    def of_tensors(cls, tensors: Mapping[str, Floats], config: TrainConfig) -> Policy:
+        """The inverse of `tensors`, of a policy that was trained so; KeyError names one that is missing."""
         depth = sum(name.endswith(".weight") for name in tensors)
         layers = tuple((tensors[f"actor.{k}.weight"], tensors[f"actor.{k}.bias"]) for k in range(depth))
-        return cls(layers, tensors["mean"], tensors["scale"])
+        return cls(layers, tensors["mean"], tensors["scale"], config.activation, config.bound)
 
     def save(self, path: Path, record: Mapping[str, Any]) -> None:
         """`path` (.safetensors) and beside it the record (.json): configuration, samples, provenance."""
@@ -106,15 +114,16 @@ class Policy:
         except (OSError, SafetensorError) as error:
             raise KinemimicError(f"{path}: expected a policy (safetensors), found {error}") from None
         try:
-            policy = cls.of_tensors(tensors)
+            config = TrainConfig.from_json(record["config"])
+        except KinemimicError as error:
+            raise KinemimicError(f"{path.with_suffix('.json')}: {error}") from None
+        try:
+            policy = cls.of_tensors(tensors, config)
         except KeyError as error:
             raise KinemimicError(
                 f"{path}: expected the tensor {error}, found {', '.join(sorted(tensors))}"
             ) from None
-        try:
-            wanted = observation_size(TrainConfig.from_json(record["config"]).env), ACTIONS
-        except KinemimicError as error:
-            raise KinemimicError(f"{path.with_suffix('.json')}: {error}") from None
+        wanted = observation_size(config.env), ACTIONS
         if (shape := policy.shape) != wanted:
             raise KinemimicError(
                 f"{path}: expected {wanted[0]} observations and {wanted[1]} actions, as its configuration "

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass, field
+from dataclasses import asdict, dataclass
 from typing import Any
 
 import numpy as np
@@ -16,9 +16,11 @@ from torch import Tensor
 from kinemimic.train.advantages import advantages
 from kinemimic.train.config import TrainConfig, scheduled_at
 from kinemimic.train.env import ACTIONS, observation_size
+from kinemimic.train.learning import Progress, normalized_loss
 from kinemimic.train.mlp import Mlp
-from kinemimic.train.networks import ActorCritic, Normalizer
+from kinemimic.train.networks import ActorCritic, Normalizer, export
 from kinemimic.train.objective import Choices, divergence, log_density, policy_slopes
+from kinemimic.train.policy import Policy
 from kinemimic.train.rollout import Samples
 
 Array = NDArray[np.float32]
@@ -51,17 +53,9 @@ def adapt_rate(rate: float, kl: float, target: float) -> float:
 
 
 @dataclass
-class Progress:
-    """What changes from round to round beside the networks.
+class PpoProgress(Progress):
+    """With what the rules of the penalty, of the rate and of the entropy's weight came to."""
 
-    seconds_by: where the wall time of training went, this call's and those before it (`stopwatch.py`);
-    exploded: figures that the engine lost so far.
-    """
-
-    samples: int = 0
-    rounds: int = 0
-    seconds_by: dict[str, float] = field(default_factory=dict)
-    exploded: int = 0
     penalty: float = 1.0
     actor_rate: float = 3e-4
     entropy: float = 0.0
@@ -85,7 +79,7 @@ class Learner:
         self.actor_optimizer = torch.optim.Adam(actor, config.actor_rate, fused=True)
         self.critic_optimizer = torch.optim.Adam([self.net.critic.parameters], config.critic_rate, fused=True)
         self.random = np.random.default_rng(config.seed)
-        self.progress = Progress(
+        self.progress = PpoProgress(
             penalty=config.penalty_initial, actor_rate=config.actor_rate, entropy=config.entropy
         )
 
@@ -133,8 +127,8 @@ class Learner:
         state.rounds += 1
         # The statistics move only after the update: old and new policy saw the same observations.
         self.normalizer.update(seen)
-        spread = float(returns.var())
-        unexplained = float((returns - torch.from_numpy(values.reshape(-1))).var())
+        spread = float(returns.var(correction=0))
+        errors = returns - torch.from_numpy(values.reshape(-1))
         return {
             "reward/mean": float(rewards.mean()),
             "episode/length": float(samples.lengths.mean()) if len(samples.lengths) else float(steps),
@@ -146,7 +140,8 @@ class Learner:
             # Of a Gaussian: the sum of log σ + ½ log 2πe.
             "policy/entropy": float((self.net.log_noise + 0.5 * math.log(2.0 * math.pi * math.e)).sum()),
             "value/loss": value_loss,
-            "value/explained_variance": 1.0 - unexplained / spread if spread > 0 else 0.0,
+            "value/explained_variance": 1.0 - float(errors.var(correction=0)) / spread if spread > 0 else 0.0,
+            "value/normalized_loss": normalized_loss(float(errors.square().mean()), spread),
         }
 
     def _values(self, samples: Samples, observations: Tensor) -> tuple[Array, Array]:
@@ -188,6 +183,22 @@ class Learner:
             losses.append(0.5 * error.square().mean())
         return float(torch.stack(losses).mean())
 
+    def policy(self) -> Policy:
+        """The actor with its normaliser."""
+        return export(self.net, self.normalizer)
+
+    def notes(self) -> dict[str, Any]:
+        """Nothing that other learners have not."""
+        return {}
+
+    def record(self) -> dict[str, Any]:
+        """Everything of the learner that is no array, for a checkpoint."""
+        return {
+            "progress": asdict(self.progress),
+            "random": self.random.bit_generator.state,
+            "normalizer_count": self.normalizer.count,
+        }
+
     def tensors(self) -> dict[str, Tensor]:
         """Everything of the learner that is an array, for a checkpoint."""
         found = {
@@ -203,11 +214,11 @@ class Learner:
         return {name: value.detach().clone() for name, value in found.items()}
 
     def restore(self, tensors: dict[str, Tensor], record: dict[str, Any]) -> None:
-        """Take up what `tensors` and a checkpoint's record hold."""
+        """Take up what `tensors` and `record` gave."""
         self.net.actor.parameters.copy_(tensors["actor"])
         self.net.critic.parameters.copy_(tensors["critic"])
         self.net.log_noise.copy_(tensors["log_noise"])
-        self.progress = Progress(**record["progress"])
+        self.progress = PpoProgress(**record["progress"])
         self.random.bit_generator.state = record["random"]
         self.normalizer.count = record["normalizer_count"]
         self.normalizer.mean = tensors["normalizer.mean"].numpy().copy()

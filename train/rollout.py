@@ -71,25 +71,34 @@ class Samples:
 
 
 class Sampler:
-    """Figures of one worker, with a random generator each, so that a figure's fate is its own."""
+    """Figures of one worker, with a random generator each, so that a figure's fate is its own.
+
+    `begin` and `end` enclose a round; between them they are stepped by `sample`, or from outside by `batch`
+    and `restart` (`rival_env.py`).
+    """
 
     def __init__(
-        self, motion: Motion, config: EnvConfig, seeds: list[np.random.SeedSequence], engine: str
+        self,
+        motion: Motion,
+        config: EnvConfig,
+        seeds: list[np.random.SeedSequence],
+        engine: str,
+        threads: int = 1,
     ) -> None:
         self._motion, self._config, self._engine = motion, config, engine
-        self._batch = ImitationBatch(
-            open_world(len(seeds), engine), reference_for(motion, config.scenario), config
+        self.batch = ImitationBatch(
+            open_world(len(seeds), engine, threads=threads), reference_for(motion, config.scenario), config
         )
         self._randoms = [np.random.Generator(np.random.PCG64(seed)) for seed in seeds]
         self._rehearsal: Rehearsal | None = None
         self._ordeal: Ordeal | None = None
-        self._restart(np.arange(len(seeds)), 0.0)
-        self._next = self._batch.snapshot()
+        self.restart(np.arange(len(seeds)), 0.0)
+        self._next = self.batch.snapshot()
 
     @property
     def seconds(self) -> dict[str, float]:
         """Where the time of the last `sample` went."""
-        return self._batch.watch.seconds
+        return self.batch.watch.seconds
 
     def figures(self) -> Figures:
         """What the next `sample` begins with."""
@@ -101,10 +110,19 @@ class Sampler:
         for random, words in zip(self._randoms, figures[_RANDOM].tolist(), strict=True):
             _set_words(random, words)
 
+    def begin(self, reward: RewardConfig) -> None:
+        """Put the figures anew where they are, under the reward now in force."""
+        self.batch.reward = reward
+        self.batch.restore(self._next)
+
+    def end(self) -> None:
+        """Keep what the next `begin` begins with."""
+        self._next = self.batch.snapshot()
+
     def attempts(self, policy: Policy, reward: RewardConfig, phases: Sequence[float]) -> list[Attempt]:
         """Performances from these phases, by a figure apart from those that train."""
         if self._rehearsal is None:
-            self._rehearsal = Rehearsal(self._motion, self._batch.reference, self._config, self._engine)
+            self._rehearsal = Rehearsal(self._motion, self.batch.reference, self._config, self._engine)
         return [self._rehearsal.attempt(policy, reward, phase) for phase in phases]
 
     def ordeals(self, policy: Policy, reward: RewardConfig, numbers: Sequence[int]) -> list[float]:
@@ -112,10 +130,10 @@ class Sampler:
         if not numbers:
             return []
         if self._ordeal is None:
-            self._ordeal = Ordeal(self._batch.reference, self._config, numbers, self._engine)
+            self._ordeal = Ordeal(self.batch.reference, self._config, numbers, self._engine)
         return self._ordeal.endure(policy, reward)
 
-    def _restart(self, indices: NDArray[np.intp], strength: float) -> None:
+    def restart(self, indices: NDArray[np.intp], strength: float) -> None:
         """Begin new episodes under hardships of this strength."""
         config, randoms = self._config, [self._randoms[index] for index in indices]
         phases = np.array([random.random() if config.start_anywhere else 0.0 for random in randoms])
@@ -123,7 +141,7 @@ class Sampler:
         seeds = None
         if config.scenario is not None:
             seeds = np.array([random.integers(_WORD, dtype=np.uint64) for random in randoms])
-        self._batch.reset(indices, phases, Conditions.joined(drawn), seeds)
+        self.batch.reset(indices, phases, Conditions.joined(drawn), seeds)
 
     def _exploration(self, noise: Floats, steps: int) -> Floats:
         """(T, E, A) noise of standard deviations (A,), each figure's from its own generator."""
@@ -140,10 +158,9 @@ class Sampler:
 
         strength: of the hardships of the episodes that begin here, 0 to 1.
         """
-        batch, size, width = self._batch, len(self._randoms), observation_size(self._config)
+        batch, size, width = self.batch, len(self._randoms), observation_size(self._config)
         batch.watch.restart()
-        batch.reward = reward
-        batch.restore(self._next)
+        self.begin(reward)
         # One row more: what the last step led to is the first observation of the next call.
         observations = np.empty((steps + 1, size, width), dtype=np.float32)
         final = np.empty((steps, size, width), dtype=np.float32)
@@ -167,10 +184,10 @@ class Sampler:
             if len(ended):
                 lengths += batch.ages[ended].tolist()
                 exploded += int(step.exploded.sum())
-                self._restart(ended, strength)
+                self.restart(ended, strength)
                 observations[t + 1, ended] = batch.observe()[ended]
                 batch.watch.lap(TASK)
-        self._next = batch.snapshot()
+        self.end()
         batch.watch.lap(TASK)
         return Samples(
             observations=observations[:-1],

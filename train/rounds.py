@@ -14,21 +14,14 @@ from kinemimic.train import checkpoint
 from kinemimic.train.checkpoint import Training
 from kinemimic.train.config import scheduled_at
 from kinemimic.train.interruption import deferred
-from kinemimic.train.networks import export
-from kinemimic.train.rollout import Samples
-from kinemimic.train.stopwatch import Stopwatch, split, summed
+from kinemimic.train.learning import OTHER, ROLLOUT, UPDATE, Practice
+from kinemimic.train.stopwatch import Stopwatch, summed
 from kinemimic.train.trial import Trial, best, is_due, start_phases
-from kinemimic.train.workers import Workers
 
 CHECKPOINT_SECONDS = 30.0
-# Where a round's time goes; the workers say what became of the rollout's.
-ROLLOUT = "rollout"
-WAITING = "transfer and waiting"
-UPDATE = "update"
+# Where the time between rounds goes.
 TRIAL = "trial"
 SAVING = "checkpoint"
-OTHER = "other"
-_WARM_UP = 16  # steps of the untrained policy that give the normaliser its first statistics
 
 
 def is_over(training: Training, seconds: float | None) -> bool:
@@ -45,7 +38,7 @@ def is_complete(training: Training, seconds: float | None) -> bool:
 
 
 class Rounds:
-    """The way of one training with one crew.
+    """The way of one training by one practice, which shares the learner and the stopwatch.
 
     path: of the checkpoint; motion: what is imitated; seconds: of all calls together, after which it stops.
     """
@@ -53,15 +46,15 @@ class Rounds:
     def __init__(
         self,
         training: Training,
-        crew: Workers,
+        practice: Practice,
         motion: Motion,
         path: Path,
         watch: Stopwatch,
         seconds: float | None,
     ) -> None:
-        self._training, self._crew, self._motion, self._path = training, crew, motion, path
+        self._training, self._practice, self._motion, self._path = training, practice, motion, path
         self._watch, self._seconds = watch, seconds
-        self._learner, self._state = training.learner, training.learner.progress
+        self._state = training.learner.progress
         self._config = training.learner.config
         self._earlier = self._state.seconds_by
 
@@ -81,7 +74,7 @@ class Rounds:
                 progress("train", self._config.budget) as bar,
             ):
                 bar.advance(state.samples)
-                self._begin()
+                self._practice.begin(self._training.figures)
                 saved = time.monotonic()
                 while not (interruption.asked or is_complete(self._training, self._seconds)):
                     if self._wants_trial():
@@ -89,7 +82,7 @@ class Rounds:
                     else:
                         self._round(board, bar)
                     # A trial that is due belongs into the checkpoint: its curves are logged once.
-                    late = time.monotonic() - saved > CHECKPOINT_SECONDS
+                    late = time.monotonic() - saved > CHECKPOINT_SECONDS * self._practice.patience
                     if late and not self._wants_trial():
                         self._save(board)
                         saved = time.monotonic()
@@ -107,37 +100,13 @@ class Rounds:
             kept = f"{self._path} from before stays" if self._path.exists() else "there is no checkpoint yet"
             raise KinemimicError(f"training stopped at {state.samples:,} samples: {found}; {kept}") from None
 
-    def _begin(self) -> None:
-        if self._training.figures is not None:
-            self._crew.place(self._training.figures)
-            return
-        first = self._sample(_WARM_UP)
-        self._state.exploded += first.exploded
-        self._learner.normalizer.update(first.observations.reshape(-1, first.observations.shape[-1]))
-
-    def _sample(self, steps: int) -> Samples:
-        learner, samples = self._learner, self._state.samples
-        self._watch.lap(OTHER)
-        found = self._crew.sample(
-            export(learner.net, learner.normalizer),
-            learner.noise(),
-            self._config.reward(samples),
-            scheduled_at(self._config.strength, samples),
-            steps,
-        )
-        self._watch.lap(ROLLOUT)
-        return found
-
     def _round(self, board: SummaryWriter, bar: Bar) -> None:
         config, state, trials = self._config, self._state, self._training.trials
-        before = self._watch.seconds.get(ROLLOUT, 0.0)
-        samples = self._sample(config.horizon)
-        sampling = self._watch.seconds[ROLLOUT] - before
-        logged = self._learner.update(samples)
-        updating = self._watch.lap(UPDATE)
-        state.exploded += samples.exploded
+        self._watch.lap(OTHER)
+        before = dict(self._watch.seconds)
+        logged = self._practice.round()
+        sampling, updating = (self._watch.seconds[k] - before.get(k, 0.0) for k in (ROLLOUT, UPDATE))
         logged |= {
-            "simulation/exploded": samples.exploded,
             "speed/simulation": config.batch / sampling,
             "speed/update_seconds": updating,
             "speed/samples": config.batch / (sampling + updating),
@@ -161,12 +130,12 @@ class Rounds:
         return is_due(done - self._config.batch, done) or is_over(self._training, self._seconds)
 
     def _try(self, board: SummaryWriter) -> None:
-        training, learner, samples = self._training, self._learner, self._state.samples
-        policy = export(learner.net, learner.normalizer)
+        training, practice, samples = self._training, self._practice, self._state.samples
+        policy = training.learner.policy()
         # Under the scales that the schedules end with, so that early and late trials compare.
         reward, strength = self._config.final_reward, scheduled_at(self._config.strength, samples)
-        attempts = self._crew.attempts(policy, reward, start_phases(self._motion))
-        endured = self._crew.ordeals(policy, reward) if strength > 0.0 else ()
+        attempts = practice.attempts(policy, reward, start_phases(self._motion))
+        endured = practice.ordeals(policy, reward) if strength > 0.0 else ()
         self._spent(TRIAL)
         trial = Trial.of_attempts(
             attempts,
@@ -185,12 +154,11 @@ class Rounds:
 
     def _spent(self, name: str) -> None:
         self._watch.lap(name)
-        spent = split(self._watch.seconds, ROLLOUT, self._crew.seconds, WAITING)
-        self._state.seconds_by = summed(self._earlier, spent)
+        self._state.seconds_by = summed(self._earlier, self._practice.seconds())
 
     def _save(self, board: SummaryWriter) -> None:
         self._spent(OTHER)
-        self._training.figures = self._crew.figures()
+        self._training.figures = self._practice.figures()
         # The curves reach as far as the checkpoint, whatever happens next.
         board.flush()
         checkpoint.save(self._path, self._training, self._motion.identity)

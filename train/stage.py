@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import json
 import os
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -21,11 +23,14 @@ from kinemimic.train.budget import MINUTES, samples
 from kinemimic.train.checkpoint import Training
 from kinemimic.train.config import PRESETS, TrainConfig, preset
 from kinemimic.train.engines import resolve
+from kinemimic.train.learning import Learning, Practice
 from kinemimic.train.mirror import mirrored
 from kinemimic.train.options import engine_option, workers_option
 from kinemimic.train.policy import POLICY
 from kinemimic.train.ppo import Learner
+from kinemimic.train.ppo_practice import PpoPractice
 from kinemimic.train.reference import Reference
+from kinemimic.train.rival_config import require_package
 from kinemimic.train.rounds import Rounds, is_complete
 from kinemimic.train.stopwatch import Stopwatch, table
 from kinemimic.train.trial import Trial, best, first_walk
@@ -58,9 +63,9 @@ def train(
     checkpoint.previous.safetensors.
     A motion that the gate (retarget/gate.py) refuses is not trained on unless `anyway`.
     minutes: of all calls together, after which it ends even if the budget is not spent.
-    workers: processes that simulate, by default one for every core. They are spawned: a script of one's
-    own calls this below `if __name__ == "__main__"`. engine: of `engines.py`. One may go on with another
-    engine or another number of workers, but only with the same ones to the last bit.
+    workers: processes that simulate, by default one for every core; threads with a rival. They are spawned: a
+    script of one's own calls this below `if __name__ == "__main__"`. engine: of `engines.py`. One may go on
+    with another engine or another number of workers, but only with the same ones to the last bit.
     config: settings of one's own, seed and budget among them, in place of a preset and a seed.
     """
     watch = Stopwatch()
@@ -73,10 +78,15 @@ def train(
         config = replace(config, budget=budget)
     if config.budget < 1:
         raise KinemimicError(f"expected a budget of at least one sample, found {config.budget}")
+    if config.rival is not None:
+        require_package()
     # A worker holds one figure at least.
     count = min(workers or len(os.sched_getaffinity(0)), config.environments)
-    torch.set_num_threads(count)
-    training = Training(Learner(config))
+    # A rival's small products gain little from a second thread, and lose much where a core is busy: threads
+    # spin until the last one is there. With one, the number of workers changes not a bit.
+    torch.set_num_threads(count if config.rival is None else 1)
+    learner = _learner(config, motion, engine, count)
+    training = Training(learner)
     saved = run / CHECKPOINT
     resumed = resume and saved.exists() and checkpoint.restore(saved, training, motion.identity)
     state = training.learner.progress
@@ -89,8 +99,8 @@ def train(
         saved.replace(run / PREVIOUS)
     seconds = None if minutes is None else 60.0 * minutes
     if not is_complete(training, seconds):
-        with Workers(motion, config.env, config.environments, config.seed, count, engine) as crew:
-            Rounds(training, crew, motion, saved, watch, seconds).go(run / CURVES)
+        with _practice(learner, motion, engine, count, watch) as practice:
+            Rounds(training, practice, motion, saved, watch, seconds).go(run / CURVES)
     record = _record(training, motion, engine)
     if training.best is not None:
         policy = run / POLICY
@@ -98,6 +108,29 @@ def train(
         policy.with_suffix(".json").unlink(missing_ok=True)
         training.best.save(policy, record)
     return record
+
+
+def _learner(config: TrainConfig, motion: Motion, engine: str, threads: int) -> Learning:
+    if config.rival is None:
+        return Learner(config)
+    from kinemimic.train.rival import RivalLearner  # noqa: PLC0415 (may not be installed)
+
+    return RivalLearner(config, motion, engine, threads)
+
+
+@contextmanager
+def _practice(
+    learner: Learning, motion: Motion, engine: str, count: int, watch: Stopwatch
+) -> Iterator[Practice]:
+    if isinstance(learner, Learner):
+        config = learner.config
+        with Workers(motion, config.env, config.environments, config.seed, count, engine) as crew:
+            yield PpoPractice(learner, crew, watch)
+        return
+    from kinemimic.train.rival import RivalLearner, RivalPractice  # noqa: PLC0415 (may not be installed)
+
+    assert isinstance(learner, RivalLearner)  # noqa: S101 (for the type's sake)
+    yield RivalPractice(learner, watch)
 
 
 def _record(training: Training, motion: Motion, engine: str) -> dict[str, Any]:
@@ -114,6 +147,7 @@ def _record(training: Training, motion: Motion, engine: str) -> dict[str, Any]:
         "best": best(trials).to_json(),
         "first_walk": first_walk(trials),
         "trials": [trial.to_json() for trial in trials],
+        **training.learner.notes(),
         "config": config.to_json(),
         "mirrored": mirrored(config.env, Reference(motion)),
         "simulated": motion.simulated,
@@ -152,7 +186,7 @@ def command(
     anyway: bool,
     as_json: bool,
 ) -> None:
-    """Train a policy that imitates the run's motion in Bullet (PPO)."""
+    """Train a policy that imitates the run's motion in Bullet, by PPO or, with its preset, by a rival."""
     record = train(
         run,
         preset_name=preset_name,

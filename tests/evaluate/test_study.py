@@ -22,14 +22,14 @@ from kinemimic.evaluate import study as module
 from kinemimic.evaluate.side_by_side import Listener
 from kinemimic.evaluate.study import increasing, study
 from kinemimic.evaluate.study_table import summary
-from kinemimic.evaluate.variants import ABLATION, ablation
+from kinemimic.evaluate.variants import ABLATION, SEARCH, ablation, search
 from kinemimic.pipeline.errors import KinemimicError
 from kinemimic.pipeline.store import write_json, write_text
 from kinemimic.retarget.export_json import motion_to_json
 from kinemimic.retarget.motion import Motion
 from kinemimic.train import perform
 from kinemimic.train import stage as training
-from kinemimic.train.config import PRESETS
+from kinemimic.train.config import PRESETS, TrainConfig
 
 SMALL = replace(PRESETS["default"], environments=4, horizon=16, minibatch=32, passes=2, hidden=(32, 16))
 ROUND = SMALL.batch
@@ -204,6 +204,40 @@ def test_every_change_of_the_ablation_changes_one_thing() -> None:
         assert replace(config, preset="default") != base, f"{name} is the default"
 
 
+@pytest.mark.parametrize("rival", SEARCH)
+def test_a_search_changes_one_or_two_things_of_a_rival_and_never_its_task(rival: str) -> None:
+    variants = search(rival)
+    base = variants.pop(rival)
+    assert base == PRESETS[rival]
+    assert 6 <= len(variants) <= 10
+    assert base.rival is not None
+    for name, config in variants.items():
+        assert config.preset == name
+        assert name.removeprefix(f"{rival}-") in SEARCH[rival]
+        assert (config.env, config.scales, config.budget) == (base.env, base.scales, base.budget)
+        assert config.batch == base.batch
+        assert type(config.rival) is type(base.rival)
+        assert replace(config, preset=rival) != base, f"{name} is the preset"
+        assert TrainConfig.from_json(config.to_json()) == config
+
+
+@pytest.mark.usefixtures("here")
+def test_a_search_is_a_study(
+    fresh: Callable[[str], Path], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    small = replace(PRESETS["a2c"], environments=4, horizon=16, hidden=(32, 16))
+    monkeypatch.setitem(PRESETS, "a2c", small)
+    monkeypatch.setitem(SEARCH, "a2c", {"relu": {"rival": {"activation": "relu"}}})
+    arguments = [str(fresh("walk")), "--search=a2c", "--seeds=1", f"--budgets={ROUND}"]
+    ended = CliRunner().invoke(
+        module.command, [*arguments, f"--out={tmp_path / 'out'}", "--engine=pybullet", "--json"]
+    )
+    assert ended.exit_code == 0, ended.output
+    result = json.loads((tmp_path / "out" / "study.json").read_text())
+    assert [row["variant"] for row in result["cells"]] == ["a2c", "a2c-relu"]
+    assert result["failed"] == {}
+
+
 @pytest.mark.parametrize(
     ("arguments", "told"),
     [
@@ -211,6 +245,7 @@ def test_every_change_of_the_ablation_changes_one_thing() -> None:
         (["nowhere"], "motion.json: expected a file, found none"),
         (["nowhere", "--budgets=1e6,much"], "expected a whole number of samples"),
         (["nowhere", "--preset=best"], "'best' is not one of"),
+        (["nowhere", "--search=default"], "'default' is not one of"),
         (["nowhere", "--seeds=0"], "--seeds"),
         (["a/walk", "b/walk"], "different names, found walk, walk"),
     ],

@@ -34,8 +34,9 @@ RECORD = {
 }
 
 
-@pytest.fixture(scope="module")
-def policy() -> Policy:
+# Ours, and the ones that a rival's actor may have.
+@pytest.fixture(scope="module", params=[("tanh", None), ("relu", None), ("relu", 0.7), ("tanh", 2.0)])
+def policy(request: pytest.FixtureRequest) -> Policy:
     random = np.random.default_rng(0)
     sizes = (SIZE, 32, 16, ACTIONS)
     layers = tuple(
@@ -43,7 +44,7 @@ def policy() -> Policy:
         for into, out in pairwise(sizes)
     )
     mean, scale = random.normal(0, 2, SIZE), random.uniform(0.1, 3, SIZE)
-    return Policy(layers, mean.astype(np.float32), scale.astype(np.float32))
+    return Policy(layers, mean.astype(np.float32), scale.astype(np.float32), *request.param)
 
 
 @pytest.mark.parametrize("figures", [1, 5])
@@ -54,7 +55,7 @@ def test_another_runtime_acts_alike_clipped_or_not(tmp_path: Path, policy: Polic
     for spread in (0.5, 3.0, 300.0):
         observations = (policy.mean + spread * random.normal(size=(figures, SIZE))).astype(np.float32)
         (actions,) = session.run(["action"], {"observation": observations})
-        np.testing.assert_allclose(actions, policy.act(observations), atol=1e-5)
+        np.testing.assert_allclose(actions, policy.act(observations), rtol=1e-5, atol=1e-5)
     # The last ones were clipped.
     assert np.abs(normalized(observations, policy.mean, policy.scale)).max() == 8.0
 

@@ -66,7 +66,7 @@ def test_a_policy_of_another_shape_than_its_configuration_says_is_refused(tmp_pa
 def test_layers_that_do_not_fit_together_are_refused(tmp_path: Path, learner, change: str) -> None:
     tensors = export(*learner).tensors()
     tensors[change] = tensors[change][..., :-1]
-    Policy.of_tensors(tensors).save(tmp_path / "p.safetensors", RECORD)
+    Policy.of_tensors(tensors, PRESETS["default"]).save(tmp_path / "p.safetensors", RECORD)
     with pytest.raises(KinemimicError, match="found 0 and 0"):
         Policy.load(tmp_path / "p.safetensors")
 

@@ -106,7 +106,7 @@ def test_exploded_figures_are_counted_once_and_start_again(
             self.lost[1] = self.steps in (2, 3)
             return super().step(*arguments)
 
-    monkeypatch.setattr(rollout, "open_world", lambda size, engine: Exploding(size))
+    monkeypatch.setattr(rollout, "open_world", lambda size, engine, threads: Exploding(size))
     # Puppets are nowhere near their reference: nothing but an explosion ends an episode.
     blind = replace(EnvConfig(), max_height_error=1e9, max_rotation_error=1e9, max_drift=1e9)
     found = Sampler(motion, blind, seeds, "puppets").sample(idle(), NOISE, blind.reward, 0.0, 6)

@@ -20,6 +20,7 @@ from kinemimic.train import checkpoint, stage
 from kinemimic.train.checkpoint import Training
 from kinemimic.train.config import PRESETS, TrainConfig
 from kinemimic.train.env import ACTIONS, OBSERVATIONS
+from kinemimic.train.learning import normalized_loss
 from kinemimic.train.networks import export
 from kinemimic.train.perform import perform
 from kinemimic.train.ppo import Learner
@@ -195,6 +196,14 @@ def test_a_checkpoint_brings_the_learner_back_whole(tmp_path: Path) -> None:
     wanted, found = learner.tensors(), other.tensors()
     assert wanted.keys() == found.keys()
     assert all(bool((wanted[name] == found[name]).all()) for name in wanted)
+
+
+def test_the_critics_error_is_told_as_a_share_of_what_its_targets_vary() -> None:
+    """At least what their variance leaves unexplained: an error that is everywhere the same counts too."""
+    logged = Learner(TrainConfig(hidden=(8, 4), minibatch=6, passes=2)).update(noise(0))
+    assert logged["value/normalized_loss"] >= 1.0 - logged["value/explained_variance"] - 1e-6
+    assert normalized_loss(3.0, 2.0) == 1.5
+    assert normalized_loss(0.0, 0.0) == 0.0
 
 
 def test_a_checkpoint_of_something_else_is_left_alone(tmp_path: Path) -> None:
