@@ -63,8 +63,8 @@ convert: setup ## Euler angles or positions to quaternions
 retarget: setup ## Onto the 20 nodes and the body; JSON and MCAP
 	$(KINEMIMIC) retarget --run "$(RUN)"
 
-train: setup ## A policy that imitates the motion (PRESET= BUDGET= MINUTES= SEED= ENGINE=)
-	$(KINEMIMIC) train --run "$(RUN)" $(TRAINING)
+train: setup ## A policy that imitates the motion (PRESET= BUDGET= MINUTES= SEED= ENGINE= SCENARIO=)
+	$(KINEMIMIC) train --run "$(RUN)" $(TRAINING) $(if $(SCENARIO),--scenario "$(SCENARIO)")
 
 evaluate: setup ## Scores, report, curves (POLICY=walk: of one that ships)
 	$(KINEMIMIC) evaluate --run "$(RUN)" $(SHIPPED) $(if $(ENGINE),--engine "$(ENGINE)")
@@ -90,8 +90,8 @@ policies: setup ## Those that ship, and how well they do
 reproduce: setup ## Train the policies that ship, or POLICY= alone (hours; KINEMIMIC_CAPTURES= holds the recordings)
 	$(KINEMIMIC) reproduce $(if $(POLICY),--only "$(POLICY)") $(if $(ENGINE),--engine "$(ENGINE)")
 
-study: setup ## Motions RUNS= (or RUN=) trained and scored: medians over SEEDS= (PRESET= ABLATION=1 SEARCH= BUDGETS= ENGINE=)
-	$(KINEMIMIC) study $(or $(RUNS),"$(RUN)") $(if $(PRESET),--preset "$(PRESET)") $(if $(ABLATION),--ablation) $(if $(SEARCH),--search "$(SEARCH)") $(if $(SEEDS),--seeds "$(SEEDS)") $(if $(BUDGETS),--budgets "$(BUDGETS)") $(if $(ENGINE),--engine "$(ENGINE)")
+study: setup ## Motions RUNS= (or RUN=) trained and scored: medians over SEEDS= (PRESET= ABLATION=1 SEARCH= SCENARIO= BUDGETS= ENGINE=)
+	$(KINEMIMIC) study $(or $(RUNS),"$(RUN)") $(if $(PRESET),--preset "$(PRESET)") $(if $(ABLATION),--ablation) $(if $(SEARCH),--search "$(SEARCH)") $(if $(SCENARIO),--scenario "$(SCENARIO)") $(if $(SEEDS),--seeds "$(SEEDS)") $(if $(BUDGETS),--budgets "$(BUDGETS)") $(if $(ENGINE),--engine "$(ENGINE)")
 
 overlay: setup ## The skeleton drawn into CAPTURE=, a depth recording's folder: RUN=/overlay.mp4
 	$(KINEMIMIC) overlay "$(CAPTURE)" --out "$(RUN)/overlay.mp4"

@@ -16,7 +16,7 @@ import click
 from kinemimic.evaluate.side_by_side import side_by_side
 from kinemimic.evaluate.study_cell import MOTION, Cell, conduct, outcome
 from kinemimic.evaluate.study_table import figures, summary, table_csv, tables
-from kinemimic.evaluate.variants import SEARCH, ablation, search
+from kinemimic.evaluate.variants import SEARCH, ablation, search, within
 from kinemimic.pipeline.errors import KinemimicError
 from kinemimic.pipeline.inspect.terminal import show
 from kinemimic.pipeline.progress import Bar, Bars, bars
@@ -28,6 +28,7 @@ from kinemimic.train.config import PRESETS, TrainConfig
 from kinemimic.train.engines import resolve
 from kinemimic.train.fit import JOINTS, SIDES
 from kinemimic.train.options import engine_option
+from kinemimic.train.scenario_file import scenario as read
 
 STUDY_SCHEMA = 1
 FAILED = 1  # exit status where a cell failed
@@ -220,6 +221,7 @@ def increasing(value: str) -> tuple[int, ...]:
 @click.option("--ablation", "ablated", is_flag=True, help="`default`, and one change each against it.")
 @click.option("--search", "searched", multiple=True, type=click.Choice(list(SEARCH)),
               help="A rival's preset, and what one would try first to better it; repeatable.")  # fmt: skip
+@click.option("--scenario", "named", metavar="NAME", help="Train all in it: one that ships, or a TOML file.")
 @click.option("--seeds", type=click.IntRange(min=1), default=5, show_default=True, help="How many.")
 @click.option("--budgets", type=increasing, metavar="SAMPLES,…", default="1e6,2e6", show_default=True,
               help="Numbers of samples, each scored on the way to the last.")  # fmt: skip
@@ -234,6 +236,7 @@ def command(
     presets: tuple[str, ...],
     ablated: bool,
     searched: tuple[str, ...],
+    named: str | None,
     seeds: int,
     budgets: tuple[int, ...],
     jobs: int | None,
@@ -251,6 +254,8 @@ def command(
     variants = {**(ablation() if ablated else {}), **{name: PRESETS[name] for name in chosen}}
     for rival in searched:
         variants |= search(rival)
+    if named is not None:
+        variants = within(variants, read(named))
     result = study(
         runs, variants, seeds=seeds, budgets=budgets, out=out, jobs=jobs, engine=engine, anyway=anyway
     )

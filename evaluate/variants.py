@@ -10,6 +10,7 @@ from dataclasses import replace
 from typing import Any
 
 from kinemimic.train.config import PRESETS, TrainConfig
+from kinemimic.train.scenario import Scenario
 
 # What is changed of TrainConfig; below "env", of its EnvConfig, below "rival", of its rival.
 Changes = Mapping[str, Any]
@@ -79,6 +80,16 @@ def search(rival: str) -> dict[str, TrainConfig]:
     base = PRESETS[rival]
     names = {f"{rival}-{name}": changes for name, changes in SEARCH[rival].items()}
     return {rival: base, **{name: _changed(base, changes, name) for name, changes in names.items()}}
+
+
+def within(variants: Mapping[str, TrainConfig], scenario: Scenario) -> dict[str, TrainConfig]:
+    """Each variant trained in a scenario, as VARIANT-in-SCENARIO, which `preset` then names."""
+    return {
+        f"{name}-in-{scenario.name}": replace(
+            config, env=replace(config.env, scenario=scenario), preset=f"{name}-in-{scenario.name}"
+        )
+        for name, config in variants.items()
+    }
 
 
 def _changed(base: TrainConfig, changes: Changes, name: str) -> TrainConfig:

@@ -22,6 +22,7 @@ Array = NDArray[np.float64]
 
 # Obstacles with ranges that reach into the figure are drawn again, so often at most.
 _DRAWS = 50
+_LOOKS = 20  # phases that are tried before a training
 _MASSES = np.array([body.mass for body in BODIES])
 
 
@@ -90,6 +91,12 @@ def draw_course(
         tilt=GRAVITY * (np.array([0.0, 0.0, 1.0 - math.cos(slope)]) - along),
         releases=tuple(sorted(placed, key=lambda release: release[0])),
     )
+
+
+def check(scenario: Scenario, reference: Reference) -> None:
+    """KinemimicError where a trial cannot be drawn from some phase, as `draw_course` says it."""
+    for number, phase in enumerate(np.arange(_LOOKS) / _LOOKS if reference.cyclic else [0.0]):
+        draw_course(scenario, reference, float(phase), np.random.default_rng(number))
 
 
 def _place(

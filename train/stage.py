@@ -22,6 +22,7 @@ from kinemimic.train import checkpoint
 from kinemimic.train.budget import MINUTES, samples
 from kinemimic.train.checkpoint import Training
 from kinemimic.train.config import PRESETS, TrainConfig, preset
+from kinemimic.train.course import check
 from kinemimic.train.engines import resolve
 from kinemimic.train.learning import Learning, Practice
 from kinemimic.train.mirror import mirrored
@@ -32,6 +33,9 @@ from kinemimic.train.ppo_practice import PpoPractice
 from kinemimic.train.reference import Reference
 from kinemimic.train.rival_config import require_package
 from kinemimic.train.rounds import Rounds, is_complete
+from kinemimic.train.route import reference_for
+from kinemimic.train.scenario import Scenario
+from kinemimic.train.scenario_file import scenario as read
 from kinemimic.train.stopwatch import Stopwatch, table
 from kinemimic.train.trial import Trial, best, first_walk
 from kinemimic.train.workers import Workers
@@ -52,6 +56,7 @@ def train(
     engine: str = "auto",
     resume: bool = True,
     anyway: bool = False,
+    scenario: Scenario | None = None,
     config: TrainConfig | None = None,
 ) -> dict[str, Any]:
     """Train on run/motion.json for `budget` samples, in whole rounds; returns the policy's record.
@@ -66,7 +71,8 @@ def train(
     workers: processes that simulate, by default one for every core; threads with a rival. They are spawned: a
     script of one's own calls this below `if __name__ == "__main__"`. engine: of `engines.py`. One may go on
     with another engine or another number of workers, but only with the same ones to the last bit.
-    config: settings of one's own, seed and budget among them, in place of a preset and a seed.
+    scenario: what befalls the figures all the while (`scenario.py`), each episode by a draw of its own.
+    config: settings of one's own, seed, budget and scenario among them, in place of a preset and a seed.
     """
     watch = Stopwatch()
     engine = resolve(engine)
@@ -74,6 +80,10 @@ def train(
     admit(run, anyway=anyway)
     if config is None:
         config = preset(preset_name, seed=seed)
+    if scenario is not None:
+        config = replace(config, env=replace(config.env, scenario=scenario))
+    if config.env.scenario is not None:
+        check(config.env.scenario, reference_for(motion, config.env.scenario))
     if budget is not None:
         config = replace(config, budget=budget)
     if config.budget < 1:
@@ -173,6 +183,7 @@ def _record(training: Training, motion: Motion, engine: str) -> dict[str, Any]:
     "--resume/--no-resume", default=True, show_default=True, help="Go on from the run's checkpoint."
 )
 @click.option("--anyway", is_flag=True, help="Train on a motion that the gate before training refuses.")
+@click.option("--scenario", "named", metavar="NAME", help="Train in it: one that ships, or a TOML file.")
 @click.option("--json", "as_json", is_flag=True, help="Print the policy's record as JSON.")
 def command(
     run: Path,
@@ -184,6 +195,7 @@ def command(
     engine: str,
     resume: bool,
     anyway: bool,
+    named: str | None,
     as_json: bool,
 ) -> None:
     """Train a policy that imitates the run's motion in Bullet, by PPO or, with its preset, by a rival."""
@@ -197,6 +209,7 @@ def command(
         engine=engine,
         resume=resume,
         anyway=anyway,
+        scenario=None if named is None else read(named),
     )
     if as_json:
         click.echo(json.dumps(record, indent=2))

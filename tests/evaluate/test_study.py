@@ -22,7 +22,7 @@ from kinemimic.evaluate import study as module
 from kinemimic.evaluate.side_by_side import Listener
 from kinemimic.evaluate.study import increasing, study
 from kinemimic.evaluate.study_table import summary
-from kinemimic.evaluate.variants import ABLATION, SEARCH, ablation, search
+from kinemimic.evaluate.variants import ABLATION, SEARCH, ablation, search, within
 from kinemimic.pipeline.errors import KinemimicError
 from kinemimic.pipeline.store import write_json, write_text
 from kinemimic.retarget.export_json import motion_to_json
@@ -30,6 +30,7 @@ from kinemimic.retarget.motion import Motion
 from kinemimic.train import perform
 from kinemimic.train import stage as training
 from kinemimic.train.config import PRESETS, TrainConfig
+from kinemimic.train.scenario_file import scenario
 
 SMALL = replace(PRESETS["default"], environments=4, horizon=16, minibatch=32, passes=2, hidden=(32, 16))
 ROUND = SMALL.batch
@@ -296,3 +297,14 @@ def test_interrupted_in_its_processes_it_goes_on(fresh: Callable[[str], Path], t
     assert [(row["seed"], row["samples"]) for row in result["cells"]] == [
         (seed, samples) for seed in (0, 1) for samples in (ROUND, 200 * ROUND)
     ]
+
+
+def test_in_a_scenario_variants_are_the_same_but_for_it() -> None:
+    named = scenario("slippery")
+    found = within({"default": PRESETS["default"], "ddpg": PRESETS["ddpg"]}, named)
+    assert list(found) == ["default-in-slippery", "ddpg-in-slippery"]
+    for name, config in found.items():
+        base = PRESETS[name.partition("-in-")[0]]
+        assert config.preset == name
+        assert replace(config, preset=base.preset, env=replace(config.env, scenario=None)) == base
+        assert config.env.scenario == named
