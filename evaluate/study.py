@@ -15,7 +15,7 @@ import click
 
 from kinemimic.evaluate.side_by_side import side_by_side
 from kinemimic.evaluate.study_cell import MOTION, Cell, conduct, outcome
-from kinemimic.evaluate.study_table import figures, summary, table_csv, tables
+from kinemimic.evaluate.study_table import curves, figures, summary, table_csv, tables
 from kinemimic.evaluate.variants import SEARCH, ablation, search, within
 from kinemimic.pipeline.errors import KinemimicError
 from kinemimic.pipeline.inspect.terminal import show
@@ -163,7 +163,17 @@ class _Ledger:
             for cell in self.cells
             for budget, (record, scores) in self.finished(cell).items()
         ]
-        content = {**self._made, "summary": summary(rows), "cells": rows, "failed": self.failed}
+        furthest: dict[tuple[str, str], list[dict[str, Any]]] = {}
+        for cell in self.cells:
+            if found := self.finished(cell):
+                furthest.setdefault((cell.motion, cell.variant), []).append(found[max(found)][0])
+        content = {
+            **self._made,
+            "summary": summary(rows),
+            "curves": curves(furthest),
+            "cells": rows,
+            "failed": self.failed,
+        }
         write_text(self._out / "study.csv", table_csv(rows))
         write_json(self._out / "study.json", content)
         return content

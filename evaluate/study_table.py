@@ -10,11 +10,13 @@ from typing import Any
 
 from rich.console import RenderableType
 
+from kinemimic.evaluate.learning_curves import converged_at, together
 from kinemimic.pipeline.inspect.terminal import grid, heading, number
 
 Row = Mapping[str, Any]
 _KEY = ("motion", "variant", "budget")
 _DECIMALS = 6
+_CURVES = ("reward", "critic_loss")  # of the trials
 
 
 def figures(record: Row, scores: Row) -> dict[str, float | None]:
@@ -22,7 +24,8 @@ def figures(record: Row, scores: Row) -> dict[str, float | None]:
 
     frames, phases: survived from phase 0, and start phases survived whole; …_r2: credits nothing after a fall
     (`r2_upright`), from phase 0; …_gap_deg: the largest; capture_…: against the capture as it was read;
-    return: of the best trial, as a share of the largest possible; seconds: of training.
+    return: of the best trial, as a share of the largest possible; converged_samples: from which on the
+    trials' return stays near its largest (`learning_curves.py`); seconds: of training.
     """
     survival, fit, root = scores["survival"], scores["fit"], scores["root"]
     capture, walk = scores["fit_capture"], record["first_walk"]
@@ -36,6 +39,9 @@ def figures(record: Row, scores: Row) -> dict[str, float | None]:
         "speed_ratio": root["speed_ratio"],
         "end_off_m": root["path_error_m"],
         "return": round(record["best"]["reward"], _DECIMALS),
+        "converged_samples": converged_at(
+            [trial["samples"] for trial in record["trials"]], [trial["reward"] for trial in record["trials"]]
+        ),
         "first_walk_samples": walk and walk["samples"],
         "first_walk_seconds": walk and walk["seconds"],
         **{f"capture_{joint}_r2": capture and capture[joint]["r2_upright"] for joint in ("knee", "hip")},
@@ -79,6 +85,21 @@ def _spread(values: Sequence[float]) -> dict[str, Any]:
     }
 
 
+def curves(records: Mapping[tuple[str, str], Sequence[Row]]) -> list[dict[str, Any]]:
+    """Per motion and variant, over the samples: return and critic's loss of the trials of all seeds.
+
+    records: policy.json of each seed that has got furthest.
+    """
+    return [
+        {
+            "motion": motion,
+            "variant": variant,
+            **{key: together(seeds, key) for key in _CURVES},
+        }
+        for (motion, variant), seeds in records.items()
+    ]
+
+
 def table_csv(cells: Sequence[Row]) -> str:
     """A line for every cell and budget; what is not defined is empty."""
     stream = io.StringIO()
@@ -119,7 +140,7 @@ def _cyclic(rows: Sequence[Row], about: Row) -> Iterator[RenderableType]:
     fit = grid(
         "", "seeds", "frames", "phases", "R² knee", "least", "hip", "least", "gap °", "speed", "off m", gap=1
     )
-    cost = grid("", "return %", "first walk", "after s", "of seeds", "trained s")
+    cost = grid("", "return %", "converged", "first walk", "after s", "of seeds", "trained s")
     for row in rows:
         of = row["figures"]
         fit.add_row(
@@ -135,11 +156,11 @@ def _cyclic(rows: Sequence[Row], about: Row) -> Iterator[RenderableType]:
             _at(of, "speed_ratio", 3),
             _at(of, "end_off_m", 2),
         )
-        samples = of["first_walk_samples"]["median"]
         cost.add_row(
             row["variant"],
             _at(of, "return", 1, scale=100),
-            "-" if samples is None else f"{samples:,.0f}",
+            _whole(of["converged_samples"]["median"]),
+            _whole(of["first_walk_samples"]["median"]),
             _at(of, "first_walk_seconds", 0),
             f"{of['first_walk_samples']['n']}/{row['seeds']}",
             _at(of, "seconds", 0),
@@ -157,6 +178,10 @@ def _cyclic(rows: Sequence[Row], about: Row) -> Iterator[RenderableType]:
             capture.add_row(row["variant"], *(text for cell in cells for text in cell))
         yield ""
         yield capture
+
+
+def _whole(value: float | None) -> str:
+    return "-" if value is None else f"{value:,.0f}"
 
 
 def _at(of: Row, name: str, digits: int, which: str = "median", scale: float = 1.0) -> str:

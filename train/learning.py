@@ -25,13 +25,15 @@ class Progress:
     """What changes from round to round beside the networks.
 
     seconds_by: where the wall time of training went, this call's and those before it (`stopwatch.py`);
-    exploded: figures that the engine lost so far.
+    exploded: figures that the engine lost so far; losses: the critic's `normalized_loss` of each round since
+    the last trial.
     """
 
     samples: int = 0
     rounds: int = 0
     seconds_by: dict[str, float] = field(default_factory=dict)
     exploded: int = 0
+    losses: list[float] = field(default_factory=list)
 
 
 class Learning(Protocol):

@@ -113,6 +113,7 @@ class Rounds:
         }
         for name, value in logged.items():
             board.add_scalar(name, value, state.samples)
+        state.losses.append(logged["value/normalized_loss"])
         self._spent(OTHER)
         notes: dict[str, object] = {"reward": logged["reward/mean"], "steps": logged["episode/length"]}
         if trials:
@@ -143,7 +144,9 @@ class Rounds:
             samples=samples,
             seconds=sum(self._state.seconds_by.values()),
             strength=strength,
+            losses=self._state.losses,
         )
+        self._state.losses.clear()
         training.trials.append(trial)
         if best(training.trials) is trial:
             training.best = policy

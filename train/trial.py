@@ -61,7 +61,8 @@ class Trial:
 
     strength: 0 to 1, of the hardships that the policy trained under by then; frames, knee, hip: the least of
     all attempts; frames_first: of the one from phase 0; reward: their mean; endured: the mean reward under
-    hardships, None where the strength is 0.
+    hardships, None where the strength is 0; critic_loss: its mean squared error as a share of its targets'
+    variance, mean of the rounds since the trial before.
     """
 
     samples: int
@@ -74,6 +75,7 @@ class Trial:
     knee: float
     hip: float
     endured: float | None = None
+    critic_loss: float | None = None
 
     @classmethod
     def of_attempts(
@@ -84,8 +86,10 @@ class Trial:
         samples: int,
         seconds: float,
         strength: float,
+        losses: Sequence[float] = (),
     ) -> Trial:
-        """What the attempts, the one from phase 0 first, and the rewards under hardships come to."""
+        """What the attempts, the one from phase 0 first, the rewards under hardships and the critic's losses
+        come to."""
         return cls(
             samples=samples,
             seconds=round(seconds, 1),
@@ -97,6 +101,7 @@ class Trial:
             knee=min(attempt.knee for attempt in attempts),
             hip=min(attempt.hip for attempt in attempts),
             endured=sum(endured) / len(endured) if endured else None,
+            critic_loss=round(sum(losses) / len(losses), 6) if losses else None,
         )
 
     @property

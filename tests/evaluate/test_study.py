@@ -97,6 +97,13 @@ def test_a_cell_is_what_training_by_hand_is(fresh: Callable[[str], Path], tmp_pa
         assert row["frames"] == scores["survival"]["frames"]
         assert row["samples"] == budget
     assert json.loads((tmp_path / "out" / "study.json").read_text()) == result
+    (curve,) = result["curves"]
+    records = [json.loads((cell.parent / f"seed{k}" / "policy.json").read_text()) for k in range(2)]
+    for key in ("reward", "critic_loss"):
+        assert [row["samples"] for row in curve[key]] == [ROUND, 3 * ROUND]
+        last = [record["trials"][-1][key] for record in records]
+        assert curve[key][-1]["mean"] == pytest.approx(sum(last) / 2)
+        assert min(last) <= curve[key][-1]["low"] <= curve[key][-1]["high"] <= max(last)
     assert len(list(csv.DictReader((tmp_path / "out" / "study.csv").open()))) == 4
     assert str(tmp_path) not in (tmp_path / "out" / "study.json").read_text()
 

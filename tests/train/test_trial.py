@@ -97,6 +97,8 @@ def test_a_trial_is_as_good_as_its_worse_attempt() -> None:
     assert not found.walks
     hard = Trial.of_attempts(attempts, [0.1, 0.6, 0.8], samples=7, seconds=1.26, strength=0.5)
     assert hard == replace(found, endured=pytest.approx(0.5))
+    told = Trial.of_attempts(attempts, samples=7, seconds=1.26, strength=0.5, losses=[0.2, 0.4])
+    assert told == replace(found, critic_loss=pytest.approx(0.3))
 
 
 def test_the_first_walk_is_the_first_that_neither_falls_nor_strays() -> None:

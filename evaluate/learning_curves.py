@@ -1,0 +1,76 @@
+"""Curves of trainings over samples: several seeds as one, with intervals, and where they have converged.
+
+Several seeds are told by their interquartile mean with a bootstrap interval (Agarwal et al. 2021, Deep
+Reinforcement Learning at the Edge of the Statistical Precipice): the mean of the middle half, which neither a
+lucky nor a failed seed carries away as it does a mean, and which wastes fewer seeds than a median.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.stats import trim_mean
+
+Array = NDArray[np.float64]
+
+RESAMPLES = 2000
+CONFIDENCE = 0.95
+SMOOTHED = 3  # trials that a curve is averaged over before its convergence is looked for
+NEAR = 0.95  # of its largest value: what stays above it to the end has converged
+
+
+@dataclass(frozen=True)
+class Told:
+    """An interquartile mean and its interval of CONFIDENCE; all None of no values, no interval of one."""
+
+    mean: float | None
+    low: float | None
+    high: float | None
+    n: int
+
+
+def interquartile(values: Sequence[float], seed: int = 0) -> Told:
+    """What several seeds come to; the same for the same values."""
+    found = np.array(values, dtype=np.float64)
+    if not len(found):
+        return Told(None, None, None, 0)
+    mean = float(trim_mean(found, 0.25))
+    if len(found) == 1:
+        return Told(mean, None, None, 1)
+    draws = np.random.default_rng(seed).choice(found, (RESAMPLES, len(found)))
+    tail = 50.0 * (1.0 - CONFIDENCE)
+    low, high = np.percentile(trim_mean(draws, 0.25, axis=1), [tail, 100.0 - tail])
+    return Told(mean, float(low), float(high), len(found))
+
+
+def converged_at(samples: Sequence[float], values: Sequence[float]) -> float | None:
+    """The number of samples from which the smoothed values stay above NEAR of their largest; None if they
+    never rise above 0."""
+    found = np.array(values, dtype=np.float64)
+    if not len(found):
+        return None
+    padded = np.pad(found, (SMOOTHED // 2, SMOOTHED // 2), mode="edge")
+    smooth = np.convolve(padded, np.full(SMOOTHED, 1.0 / SMOOTHED), mode="valid")
+    if smooth.max() <= 0.0:
+        return None
+    below = np.flatnonzero(smooth < NEAR * smooth.max())
+    first = int(below[-1]) + 1 if len(below) else 0
+    return float(samples[first]) if first < len(found) else None
+
+
+def together(records: Sequence[Mapping[str, Any]], key: str) -> list[dict[str, Any]]:
+    """One row for each number of samples at which all seeds were tried: samples and the seeds' Told of a
+    figure of their trials. records: policy.json of each seed."""
+    by_seed = [
+        {trial["samples"]: trial[key] for trial in record["trials"] if trial.get(key) is not None}
+        for record in records
+    ]
+    shared = sorted(set.intersection(*map(set, by_seed))) if by_seed else []
+    return [
+        {"samples": samples, **vars(interquartile([curve[samples] for curve in by_seed]))}
+        for samples in shared
+    ]

@@ -1,0 +1,55 @@
+"""Curves of several seeds: means of the middle half by hand, intervals that cover, where curves converge."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from kinemimic.evaluate.learning_curves import Told, converged_at, interquartile, together
+
+
+def test_the_interquartile_mean_is_that_of_the_middle_half() -> None:
+    assert interquartile([1.0, 100.0, 3.0, 5.0]).mean == pytest.approx(4.0)
+    assert interquartile([0.0, 1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 1000.0]).mean == pytest.approx(3.5)
+    assert interquartile([]) == Told(None, None, None, 0)
+    assert interquartile([2.0]) == Told(2.0, None, None, 1)
+    assert interquartile([2.0, 2.0, 2.0]) == Told(2.0, 2.0, 2.0, 3)
+
+
+def test_the_interval_covers_as_often_as_it_says() -> None:
+    """The middle half's mean of Gaussian seeds is the distribution's: most of 200 intervals have it."""
+    random = np.random.default_rng(1)
+    covered = 0
+    for _ in range(200):
+        told = interquartile(random.normal(5.0, 2.0, 40).tolist())
+        assert told.low is not None
+        assert told.high is not None
+        covered += told.low <= 5.0 <= told.high
+    assert 0.88 <= covered / 200 <= 0.99
+    values = random.normal(0.0, 1.0, 6).tolist()
+    assert interquartile(values) == interquartile(values)
+
+
+def test_convergence_is_where_a_curve_comes_to_stay() -> None:
+    samples = [10.0 * k for k in range(1, 11)]
+    rising = [0.1, 0.2, 0.4, 0.6, 0.8, 1.0, 1.0, 1.0, 1.0, 1.0]
+    # Smoothed over three: 0.93 at 60, 1.0 from 70 on.
+    assert converged_at(samples, rising) == 70.0
+    # What rises and falls again has not converged where it was first high.
+    fallen = [*rising[:7], 0.2, 1.0, 1.0]
+    assert converged_at(samples, fallen) == 100.0
+    assert converged_at(samples, [0.5] * 10) == 10.0
+    assert converged_at(samples, [0.0] * 10) is None
+    assert converged_at([], []) is None
+
+
+def test_seeds_are_told_where_all_of_them_were_tried() -> None:
+    records = [
+        {"trials": [{"samples": 10, "reward": 0.2}, {"samples": 20, "reward": 0.4}]},
+        {"trials": [{"samples": 10, "reward": 0.4}, {"samples": 20, "reward": None}, {"samples": 30}]},
+    ]
+    (row,) = together(records, "reward")
+    assert row["samples"] == 10
+    assert row["mean"] == pytest.approx(0.3)
+    assert row["n"] == 2
+    assert together([], "reward") == []
