@@ -13,6 +13,7 @@ from rich.console import RenderableType
 
 from kinemimic.evaluate.scenario_trials import RECOVERED, TOGETHER, Task, Trials, conduct, figures
 from kinemimic.evaluate.shipped import run_options
+from kinemimic.pipeline.errors import KinemimicError
 from kinemimic.pipeline.inspect.terminal import grid, number, percent, show
 from kinemimic.pipeline.progress import progress
 from kinemimic.pipeline.provenance import provenance
@@ -45,6 +46,9 @@ def disturb(
     workers: processes that simulate, all cores by default; engine: of `train/engines.py`.
     """
     engine = resolve(engine)
+    names = [one.name for one in scenarios]
+    if len(set(names)) < len(names):
+        raise KinemimicError(f"expected scenarios of different names, found {', '.join(names)}: rename one")
     motion, policy, record = learnt(run)
     config = TrainConfig.from_json(record["config"])
     measured = replace(config.env, reward=config.final_reward)
@@ -126,7 +130,7 @@ def command(
     ship are listed. Each trial begins at a phase of its own. Results go into scenario-NAME.json.
 
     \b
-      kinemimic disturb pull-forward one-obstacle --policy walk
+      kinemimic disturb pull-forward thrown-ball --policy walk
       kinemimic disturb mine.toml --run runs/walk --trials 500
     """
     if not scenarios:

@@ -28,7 +28,7 @@ from kinemimic.train.world import CONTROL_RATE
 
 Array = NDArray[np.float64]
 
-TOGETHER = 10  # trials of a task: the same however many processes share them, so that a trial stays the same
+TOGETHER = 10  # trials of a task
 RECOVERED = 0.05  # of the largest reward
 DIFFERENT = 1e-6  # of the largest reward: what is no rounding
 
@@ -97,8 +97,13 @@ def start(motion: Motion, scenario: Scenario, seed: int, number: int) -> tuple[i
 
 def steps_of(motion: Motion, scenario: Scenario) -> int:
     """Control steps of a trial: what is performed once ends before the scenario's time."""
-    steps = round(scenario.seconds * CONTROL_RATE)
-    return steps if motion.cyclic else min(steps, frames_of(motion))
+    return scenario.steps if motion.cyclic else min(scenario.steps, frames_of(motion))
+
+
+def apart(policy: Policy, observations: Array) -> Array:
+    """Actions (N, 42) for observations (N, O), each from a product of its own: those of several differ by
+    their last digits with how many they are, and after some contacts so do the figures."""
+    return np.concatenate([policy.act(row[None]) for row in observations]).astype(np.float64)
 
 
 def _performed(batch: ImitationBatch, policy: Policy, steps: int) -> tuple[Array, NDArray[np.int64]]:
@@ -108,7 +113,7 @@ def _performed(batch: ImitationBatch, policy: Policy, steps: int) -> tuple[Array
     fallen_at = np.full(size, steps)
     observations = batch.observe()
     for step in range(steps):
-        observations = batch.step(policy.act(observations).astype(np.float64)).observations
+        observations = batch.step(apart(policy, observations)).observations
         fallen_at[batch.fallen() & (fallen_at == steps)] = step
         stands = fallen_at == steps
         if not stands.any():

@@ -103,6 +103,8 @@ def log_props(stream: rr.RecordingStream, props: Props) -> None:
         place = f"{scene}/{NAMES[SIMULATED]}"
         for k, item in enumerate(props.obstacles):
             there = np.isfinite(props.states[:, k, 0])
+            if not there.any():
+                continue
             first = int(np.argmax(there))
             moments = timeline(len(there), first)
             # It has no shape before it appears, and so is not seen.

@@ -231,7 +231,12 @@ def increasing(value: str) -> tuple[int, ...]:
 @click.option("--ablation", "ablated", is_flag=True, help="`default`, and one change each against it.")
 @click.option("--search", "searched", multiple=True, type=click.Choice(list(SEARCH)),
               help="A rival's preset, and what one would try first to better it; repeatable.")  # fmt: skip
-@click.option("--scenario", "named", metavar="NAME", help="Train all in it: one that ships, or a TOML file.")
+@click.option(
+    "--scenario",
+    "named",
+    metavar="NAME",
+    help="Train all in it, by name or file; they are scored without it.",
+)
 @click.option("--seeds", type=click.IntRange(min=1), default=5, show_default=True, help="How many.")
 @click.option("--budgets", type=increasing, metavar="SAMPLES,…", default="1e6,2e6", show_default=True,
               help="Numbers of samples, each scored on the way to the last.")  # fmt: skip

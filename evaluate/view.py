@@ -88,16 +88,19 @@ def how_to_open(recording: Path) -> str:
 )
 @click.option("--scenario", "named", metavar="NAME", help="A trial of it into view-NAME.rrd.")
 @click.option("--trial", "number", type=click.IntRange(min=0), default=0, show_default=True, help="Which.")
+@click.option("--seed", type=click.IntRange(min=0), default=0, show_default=True, help="Of the trials.")
 @click.option("--json", "as_json", is_flag=True, help="Print the paths as JSON.")
 def command(
-    run: Path, picture: Path | None, seconds: float, named: str | None, number: int, as_json: bool
+    run: Path, picture: Path | None, seconds: float, named: str | None, number: int, seed: int, as_json: bool
 ) -> None:
     """Reference against simulated figure, curves and scores, as a rerun recording.
 
     A policy that ships performs first, where it has not yet. With --scenario: what `disturb` counts, with
     obstacles, loads (red, 100 N to a metre) and contact forces (green, 1000 N to a metre).
     """
-    recording = view(run) if named is None else view_trial(run, read(named), number=number)
+    if named is None and (number or seed):
+        raise click.UsageError("--trial and --seed are of a --scenario")
+    recording = view(run) if named is None else view_trial(run, read(named), number=number, seed=seed)
     if picture is not None:
         # The viewer's client is loaded for this only.
         from kinemimic.evaluate.screenshot import screenshot  # noqa: PLC0415

@@ -77,7 +77,7 @@ class EnvConfig:
     mirror: the policy learns the first half of a gait's cycle, and does the second as in a mirror; without
     effect on what is performed once or is too unlike its mirror image (`mirror.py`).
     preview: how many control steps ahead the policy sees its reference; ValueError if nowhere.
-    scenario: what befalls every figure that trains.
+    scenario: what befalls every figure that trains; it says how long an episode lasts and where it begins.
     """
 
     reward: RewardConfig = field(default_factory=RewardConfig)
@@ -97,6 +97,11 @@ class EnvConfig:
     def __post_init__(self) -> None:
         if not self.preview:
             raise ValueError("preview: expected at least one number of control steps, found none")
+
+    @property
+    def steps(self) -> int:
+        """Control steps of an episode: those of its scenario, where there is one."""
+        return self.episode if self.scenario is None else self.scenario.steps
 
 
 # A number that changes with the samples: (samples, value) points, linear between them, constant beyond.

@@ -13,7 +13,7 @@ from kinemimic.pipeline.errors import KinemimicError
 from kinemimic.pipeline.rotations import multiply, rotate
 from kinemimic.retarget.body import BODIES, BODY_INDEX
 from kinemimic.train.heading import heading
-from kinemimic.train.overlap import overlapped
+from kinemimic.train.overlap import clash, overlapped
 from kinemimic.train.reference import Reference
 from kinemimic.train.scenario import Placement, Scenario
 from kinemimic.train.world import CONTROL_RATE, GRAVITY, BodyStates, Obstacle
@@ -22,7 +22,7 @@ Array = NDArray[np.float64]
 
 # Obstacles with ranges that reach into the figure are drawn again, so often at most.
 _DRAWS = 50
-_LOOKS = 20  # phases that are tried before a training
+_LOOKS = 100  # draws that are tried before a training
 _MASSES = np.array([body.mass for body in BODIES])
 
 
@@ -65,7 +65,8 @@ def draw_course(
 ) -> Course:
     """What happens in a trial that begins at a phase.
 
-    KinemimicError if an obstacle lies inside the figure where it appears, however often it is drawn.
+    KinemimicError if an obstacle lies inside the reference's figure, or in another that appears with it,
+    however often it is drawn.
     """
     loads = scenario.loads
     begins = np.array([_step(load.at.draw(random)) for load in loads], dtype=np.int64)
@@ -77,10 +78,9 @@ def draw_course(
         wrenches[k, 3:] = rotate(turn, load.torque.draw(random))
     slope = float(scenario.slope.draw(random)[0])
     along = rotate(_turn(heading(reference, phase)), np.array([math.sin(slope), 0.0, 0.0]))
-    placed = [
-        _place(scenario, number, item, reference, phase, random)
-        for number, item in enumerate(scenario.obstacles, 1)
-    ]
+    placed: list[tuple[int, Obstacle]] = []
+    for item in scenario.obstacles:
+        placed.append(_place(scenario, placed, item, reference, phase, random))
     return Course(
         begins=begins,
         ends=begins + lengths,
@@ -95,13 +95,14 @@ def draw_course(
 
 def check(scenario: Scenario, reference: Reference) -> None:
     """KinemimicError where a trial cannot be drawn from some phase, as `draw_course` says it."""
-    for number, phase in enumerate(np.arange(_LOOKS) / _LOOKS if reference.cyclic else [0.0]):
-        draw_course(scenario, reference, float(phase), np.random.default_rng(number))
+    for number in range(_LOOKS):
+        random = np.random.default_rng(number)
+        draw_course(scenario, reference, float(scenario.phase.draw(random)[0]), random)
 
 
 def _place(
     scenario: Scenario,
-    number: int,
+    placed: Sequence[tuple[int, Obstacle]],
     item: Placement,
     reference: Reference,
     phase: float,
@@ -124,12 +125,16 @@ def _place(
             spin=tuple(rotate(ahead, np.array(obstacle.spin))),
         )
         inside = overlapped(obstacle, figure)
-        if inside is None:
+        if inside is not None:
+            continue
+        others = [k for k, (when, other) in enumerate(placed, 1) if when == step and clash(obstacle, other)]
+        if not others:
             return step, obstacle
+        inside = f"obstacle {others[0]}"
+    where = f"{inside} {step / CONTROL_RATE:.2f} s after the start, from phase {phase:.2f}"
     raise KinemimicError(
-        f"scenario {scenario.name}: expected obstacle {number} ({item.shape}) outside the figure, found it "
-        f"in the {inside} {step / CONTROL_RATE:.2f} s after the start, from phase {phase:.2f}; place it "
-        "elsewhere"
+        f"scenario {scenario.name}: expected obstacle {len(placed) + 1} ({item.shape}) apart from the figure "
+        f"and from other obstacles, found it in {where}; place it elsewhere"
     )
 
 

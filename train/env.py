@@ -206,7 +206,7 @@ class ImitationBatch:
         ahead = self._ahead[0] if self.config.preview[0] == 1 else self.reference.bodies(self.phases)
         self._face(ahead)
         terminated = self.lost()
-        truncated = ~terminated & (self.ages >= self.config.episode)
+        truncated = ~terminated & (self.ages >= self.config.steps)
         if not self.reference.cyclic:
             truncated |= ~terminated & (self.phases >= 1.0)
         terms = np.where(terminated[:, None], 0.0, self.terms())

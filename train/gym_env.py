@@ -13,7 +13,8 @@ from kinemimic.train.config import EnvConfig
 from kinemimic.train.engines import open_world
 from kinemimic.train.env import ACTIONS, ImitationBatch, observation_size
 from kinemimic.train.hardship import draw
-from kinemimic.train.reference import Reference
+from kinemimic.train.rollout import start_phase
+from kinemimic.train.route import reference_for
 
 Observation = NDArray[np.float32]
 
@@ -35,7 +36,9 @@ class ImitationEnv(gym.Env[Observation, NDArray[np.float32]]):
 
     def __init__(self, motion: Motion, config: EnvConfig | None = None, engine: str = "auto") -> None:
         self._config = config or EnvConfig()
-        self._batch = ImitationBatch(open_world(1, engine), Reference(motion), self._config)
+        self._batch = ImitationBatch(
+            open_world(1, engine), reference_for(motion, self._config.scenario), self._config
+        )
         size = observation_size(self._config)
         self.observation_space = gym.spaces.Box(-np.inf, np.inf, (size,), np.float32)
         self.action_space = gym.spaces.Box(-ACTION_BOUND, ACTION_BOUND, (ACTIONS,), np.float32)
@@ -47,9 +50,12 @@ class ImitationEnv(gym.Env[Observation, NDArray[np.float32]]):
         config, random = self._config, self.np_random
         phase = (options or {}).get("phase")
         if phase is None:
-            phase = random.random() if config.start_anywhere else 0.0
+            phase = start_phase(config, random)
         conditions = draw(config.hardships, 1.0, random)
-        self._batch.reset(np.array([0]), np.array([float(phase)]), conditions)
+        seeds = None
+        if config.scenario is not None:
+            seeds = np.array([random.integers(1 << 63)], dtype=np.uint64)
+        self._batch.reset(np.array([0]), np.array([float(phase)]), conditions, seeds)
         return self._batch.observe()[0].astype(np.float32), {}
 
     def step(self, action: NDArray[np.float32]) -> tuple[Observation, float, bool, bool, dict[str, Any]]:

@@ -29,6 +29,7 @@ class Ordeal:
         self._batch = ImitationBatch(open_world(self._size, engine), reference, config)
         drawn = [draw(config.hardships, 1.0, np.random.default_rng(number)) for number in numbers]
         self._conditions = Conditions.joined(drawn)
+        self._seeds = np.array(numbers, dtype=np.uint64)
         # A cycle is begun all around; what is performed once has one beginning.
         self._phases = np.array(numbers) / FIGURES if reference.cyclic else np.zeros(self._size)
 
@@ -36,15 +37,15 @@ class Ordeal:
         """Of each figure the mean reward of an episode, 0 after a fall, as a share of the largest."""
         batch = self._batch
         batch.reward = reward
-        batch.reset(np.arange(self._size), self._phases, self._conditions)
+        batch.reset(np.arange(self._size), self._phases, self._conditions, self._seeds)
         observations = batch.observe()
         stands: NDArray[np.bool_] = np.ones(self._size, dtype=np.bool_)
         total = np.zeros(self._size)
-        for _ in range(self._config.episode):
+        for _ in range(self._config.steps):
             observations = batch.step(policy.act(observations).astype(np.float64)).observations
             stands &= ~batch.fallen()
             if not stands.any():
                 break
             total += stands * batch.terms().sum(axis=1)
-        shares: list[float] = (total / self._config.episode / sum(reward.weights.values())).tolist()
+        shares: list[float] = (total / self._config.steps / sum(reward.weights.values())).tolist()
         return shares

@@ -102,11 +102,10 @@ class Reference:
         if not self.cyclic:
             # Nothing is known of before and after.
             first, last = np.maximum(first, 0.0), np.minimum(last, 1.0)
-        before, after = self.bodies(first), self.bodies(last)
+        # Straight ahead, also where it is steered (`route.py`).
+        before, now, after = (Reference.bodies(self, moment) for moment in (first, at, last))
         rate = 1.0 / ((last - first) * self.duration)[:, None, None]
-        found = efforts(
-            self.bodies(at), rate * (after.linear - before.linear), rate * (after.angular - before.angular)
-        )
+        found = efforts(now, rate * (after.linear - before.linear), rate * (after.angular - before.angular))
         limits, stiffness = (
             np.array([[getattr(body, name)] for body in BODIES[1:]]) for name in ("torque_limit", "stiffness")
         )

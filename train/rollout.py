@@ -136,7 +136,7 @@ class Sampler:
     def restart(self, indices: NDArray[np.intp], strength: float) -> None:
         """Begin new episodes under hardships of this strength."""
         config, randoms = self._config, [self._randoms[index] for index in indices]
-        phases = np.array([random.random() if config.start_anywhere else 0.0 for random in randoms])
+        phases = np.array([start_phase(config, random) for random in randoms])
         drawn = [draw(config.hardships, strength, random) for random in randoms]
         seeds = None
         if config.scenario is not None:
@@ -199,6 +199,13 @@ class Sampler:
             lengths=np.array(lengths, dtype=np.int64),
             exploded=exploded,
         )
+
+
+def start_phase(config: EnvConfig, random: np.random.Generator) -> float:
+    """The phase at which an episode begins."""
+    if not config.start_anywhere:
+        return 0.0
+    return random.random() if config.scenario is None else float(config.scenario.phase.draw(random)[0])
 
 
 def _words(random: np.random.Generator) -> NDArray[np.uint64]:

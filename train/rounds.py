@@ -135,7 +135,7 @@ class Rounds:
         policy = training.learner.policy()
         # Under the scales that the schedules end with, so that early and late trials compare.
         reward, strength = self._config.final_reward, scheduled_at(self._config.strength, samples)
-        attempts = practice.attempts(policy, reward, start_phases(self._motion))
+        attempts = practice.attempts(policy, reward, start_phases(self._motion, self._config.env.scenario))
         endured = practice.ordeals(policy, reward) if strength > 0.0 else ()
         self._spent(TRIAL)
         trial = Trial.of_attempts(

@@ -34,8 +34,10 @@ class Route:
         self._start = -_EASE
         along = self._start + _STEP * np.arange(count)
         ends = np.cumsum([length for length, _ in segments])
-        bends = np.array([turn / length for length, turn in segments] + [0.0])
         at = np.searchsorted(ends, along, side="right")
+        # By the rows that a segment has, not by its length: all of them together turn by what it says.
+        rows = np.maximum(np.bincount(at[along >= 0.0], minlength=len(segments)), 1)
+        bends = np.array([turn / (rows[k] * _STEP) for k, (_, turn) in enumerate(segments)] + [0.0])
         sharp = np.where(along < 0.0, 0.0, bends[at])
         width = round(_EASE / _STEP)
         self._bend = np.convolve(sharp, np.full(width, 1.0 / width), mode="same")
@@ -67,7 +69,7 @@ class SteeredReference(Reference):
 
     def __init__(self, motion: Motion, route: Route) -> None:
         super().__init__(motion)
-        if not motion.cyclic or abs(motion.cycle_offset[1]) > 0.05 * motion.cycle_offset[0]:
+        if not motion.cyclic or abs(motion.cycle_offset[1]) >= 0.05 * motion.cycle_offset[0]:
             raise KinemimicError("a route: expected a gait along the x-axis to steer, found another motion")
         self._route = route
 

@@ -15,7 +15,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from kinemimic.pipeline.errors import KinemimicError
-from kinemimic.train.world import Shape
+from kinemimic.retarget.body import BODY_NAMES
+from kinemimic.train.world import CONTROL_RATE, Shape
 
 Array = NDArray[np.float64]
 
@@ -58,6 +59,10 @@ class Load:
     torque: Range = _NOWHERE
     growing: bool = False
 
+    def __post_init__(self) -> None:
+        if self.body not in BODY_NAMES:
+            raise ValueError(f"load: expected a body among {', '.join(BODY_NAMES)}, found {self.body!r}")
+
 
 @dataclass(frozen=True)
 class Placement:
@@ -96,6 +101,11 @@ class Scenario:
     loads: tuple[Load, ...] = ()
     obstacles: tuple[Placement, ...] = ()
 
+    @property
+    def steps(self) -> int:
+        """Control steps of a trial."""
+        return round(self.seconds * CONTROL_RATE)
+
     def to_json(self) -> dict[str, Any]:
         """JSON values that `from_json` reads back."""
         value: dict[str, Any] = json.loads(json.dumps(asdict(self)))
@@ -113,7 +123,7 @@ class Scenario:
                     "obstacles": tuple(Placement(**_ranges(item)) for item in value["obstacles"]),
                 }
             )
-        except (KeyError, TypeError, ValueError) as error:
+        except (AttributeError, KeyError, TypeError, ValueError) as error:
             raise KinemimicError(f"expected a scenario, found one that does not fit: {error}") from None
 
 

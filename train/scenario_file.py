@@ -13,13 +13,13 @@ from kinemimic.pipeline.captures.toml_keys import Keys
 from kinemimic.pipeline.errors import KinemimicError
 from kinemimic.retarget.body import BODY_NAMES
 from kinemimic.train.scenario import Load, Placement, Range, Scenario
-from kinemimic.train.world import Shape
+from kinemimic.train.world import CONTROL_RATE, Shape
 
 SHIPPED = Path(str(files("kinemimic.datasets").joinpath("captures.toml"))).parent / "scenarios"
 MAX_BYTES = 1_000_000
 MAX_ITEMS = 200  # of forces, torques and obstacles each
 MAX_SECONDS = 600.0
-TIGHTEST = 0.5  # m
+SHORTEST, TIGHTEST = 0.1, 0.5  # m, of a part of a route and of its radius
 # Nothing more is meant in earnest: m, m/s, N and N·m, kg.
 _LONG, _FAST, _STRONG, _HEAVY = 100.0, 50.0, 1e4, 1e4
 
@@ -69,7 +69,11 @@ def read_scenario(path: Path) -> Scenario:
     forces = [_load(item, "newton", "force", seconds) for item in _tables(keys, "force")]
     torques = [_load(item, "newton_metres", "torque", seconds) for item in _tables(keys, "torque")]
     obstacles = [one for item in _tables(keys, "obstacle") for one in _placements(item, seconds)]
+    if len(obstacles) > MAX_ITEMS:
+        keys.fail("obstacle", expected=f"at most {MAX_ITEMS} in all", found=f"{len(obstacles)}")
     keys.finish()
+    if route and any(slope.low + slope.high):
+        ground.fail("slope", expected="0 on a route, which changes its direction", found="a slope")
     if any(slope.low + slope.high) and any(item.mass.high[0] > 0 for item in obstacles):
         ground.fail(
             "slope", expected="0 where an obstacle can move", found="a slope", advice="give it mass 0"
@@ -80,15 +84,17 @@ def read_scenario(path: Path) -> Scenario:
 
 def _route(keys: Keys) -> tuple[tuple[float, float], ...]:
     """[[metres, degrees to the left], …]"""
-    found = keys.get("route") or []
+    found = keys.get("route")
+    if found is None:
+        return ()
     if not isinstance(found, list) or len(found) > MAX_ITEMS:
         keys.fail("route", expected=f"at most {MAX_ITEMS} pairs [metres, degrees]", found=repr(found))
     pairs = [_row(keys, "route", pair, 2, -360.0, 360.0) for pair in found]
     for length, turn in pairs:
-        if length < TIGHTEST * abs(math.radians(turn)) or length <= 0.0:
+        if length < max(SHORTEST, TIGHTEST * abs(math.radians(turn))):
             keys.fail(
                 "route",
-                expected=f"lengths above 0 m, and bends of a radius of {TIGHTEST} m or more",
+                expected=f"lengths of {SHORTEST} m or more, and bends of a radius of {TIGHTEST} m or more",
                 found=f"[{length:g}, {turn:g}]",
             )
     return tuple((length, math.radians(turn)) for length, turn in pairs)
@@ -96,7 +102,9 @@ def _route(keys: Keys) -> tuple[tuple[float, float], ...]:
 
 def _tables(keys: Keys, name: str) -> Sequence[Keys]:
     """The tables [[name]]; in messages the first is "name 1"."""
-    found = keys.get(name) or []
+    found = keys.get(name)
+    if found is None:
+        return []
     if not isinstance(found, list) or not all(isinstance(item, dict) for item in found):
         keys.fail(name, expected=f"tables [[{name}]]", found=repr(found))
     if len(found) > MAX_ITEMS:
@@ -106,10 +114,12 @@ def _tables(keys: Keys, name: str) -> Sequence[Keys]:
 
 def _load(keys: Keys, key: str, kind: str, seconds: float) -> Load:
     body = keys.choice("body", BODY_NAMES, "")
-    at = _range(keys, "at", 1, 0.0, seconds) or Range.of(0.0)
+    at = _range(keys, "at", 1, 0.0, seconds - 1.0 / CONTROL_RATE) or Range.of(0.0)
     lasts = _range(keys, "lasts", 1, 1e-3, MAX_SECONDS) or Range.of(0.2)
     size = _needed(keys, key, _range(keys, key, 3, -_STRONG, _STRONG))
-    growing = keys.get("growing") or False
+    growing = keys.get("growing")
+    if growing is None:
+        growing = False
     if not isinstance(growing, bool):
         keys.fail("growing", expected="true or false", found=repr(growing))
     keys.finish()
@@ -129,18 +139,26 @@ def _placements(keys: Keys, seconds: float) -> Sequence[Placement]:
     else:
         size = _needed(keys, "size", _range(keys, "size", 3, 1e-2, _LONG))
     given = keys.get("position")
-    wide = len(given.get("from", ()) if isinstance(given, dict) else given or ()) if given else 2
-    position = _needed(keys, "position", _range(keys, "position", 3 if wide == 3 else 2, -_LONG, _LONG))
+    first = given.get("from") if isinstance(given, dict) else given
+    wide = 3 if isinstance(first, list) and len(first) == 3 else 2
+    position = _needed(keys, "position", _range(keys, "position", wide, -_LONG, _LONG))
+    height = size.high[0] if shape == "sphere" else size.high[2]
+    if wide == 3 and position.low[2] < 0.5 * height:
+        told = f"its centre at {0.5 * height:g} m or above, half its height"
+        keys.fail("position", expected=told, found=f"{position.low[2]:g}")
     one = Placement(
         shape=shape,  # type: ignore[arg-type]
         size=size,
         position=position,
         turn=_range(keys, "turn", 1, -360.0, 360.0, scale=math.radians(1.0)) or Range.of(0.0),
         mass=_range(keys, "mass", 1, 0.0, _HEAVY) or Range.of(0.0),
-        at=_range(keys, "at", 1, 0.0, seconds) or Range.of(0.0),
+        at=_range(keys, "at", 1, 0.0, seconds - 1.0 / CONTROL_RATE) or Range.of(0.0),
         velocity=_range(keys, "velocity", 3, -_FAST, _FAST) or Range.of(0.0, 0.0, 0.0),
         spin=_range(keys, "spin", 3, -_FAST, _FAST) or Range.of(0.0, 0.0, 0.0),
     )
+    flies = any((*one.velocity.low, *one.velocity.high, *one.spin.low, *one.spin.high))
+    if flies and one.mass.low[0] <= 0.0:
+        keys.fail("mass", expected="more than 0 kg of what has a velocity or a spin", found="0")
     count = keys.whole("count", 1, 1, MAX_ITEMS)
     keys.finish()
     return [one] * count

@@ -81,9 +81,13 @@ class Scenery:
 
     def restore(self, snapshot: Mapping[str, NDArray[Any]], ages: NDArray[np.int64]) -> None:
         """Put all courses and obstacles where a snapshot says; to be called before the figures' reset."""
-        self._seeds, self._phases = snapshot["course_seeds"].copy(), snapshot["course_phases"].copy()
+        seeds, phases = snapshot["course_seeds"].copy(), snapshot["course_phases"].copy()
+        same = (seeds == self._seeds) & (phases == self._phases)
+        self._seeds, self._phases = seeds, phases
         for index, on in enumerate(snapshot["on_course"]):
-            course = self._draw(self._seeds[index], self._phases[index]) if on else None
+            course = self._courses[index] if same[index] and on else None
+            if on and course is None:
+                course = self._draw(self._seeds[index], self._phases[index])
             self._courses[index] = course
             there = [] if course is None else course.released(max(1, int(ages[index])))
             self._world.place(index, as_it_is(there, snapshot["obstacles"][index, : len(there)]))

@@ -20,10 +20,12 @@ from kinemimic.train.fit import joint_fits
 from kinemimic.train.perform import node_rotations
 from kinemimic.train.policy import Policy
 from kinemimic.train.reference import Reference
+from kinemimic.train.scenario import Scenario
 from kinemimic.train.world import CONTROL_RATE
 
 EVERY = 65_536  # samples between two trials
 FRAMES = 600  # 20 s of what goes on for ever
+SCENES = 8  # draws of a scenario
 WALKS = 0.90  # R² of knee and hip from which a figure that does not fall counts as doing its motion
 
 
@@ -35,8 +37,12 @@ def frames_of(motion: Motion) -> int:
     return max(1, int(motion.duration * CONTROL_RATE + 1e-6))
 
 
-def start_phases(motion: Motion) -> tuple[float, ...]:
-    """Where in the reference the attempts of a trial begin: a walk also with the other foot."""
+def start_phases(motion: Motion, scenario: Scenario | None = None) -> tuple[float, ...]:
+    """Where in the reference the attempts of a trial begin: a walk also with the other foot, and SCENES times
+    in a scenario, which each draws for itself."""
+    if scenario is not None:
+        low, high = scenario.phase.low[0], scenario.phase.high[0]
+        return tuple(low + (high - low) * k / SCENES for k in range(SCENES)) if motion.cyclic else (0.0,)
     return (0.0, 0.5) if motion.cyclic else (0.0,)
 
 
@@ -138,14 +144,16 @@ class Rehearsal:
 
     def __init__(self, motion: Motion, reference: Reference, config: EnvConfig, engine: str) -> None:
         self._frames = frames_of(motion)
+        if config.scenario is not None and motion.cyclic:
+            self._frames = config.scenario.steps
         self._batch = ImitationBatch(open_world(1, engine), reference, config)
 
     def attempt(self, policy: Policy, reward: RewardConfig, phase: float) -> Attempt:
         """Perform from a phase, up to the end or the fall: what would come after it counts for nothing."""
         batch, frames = self._batch, self._frames
         batch.reward = reward
-        # Of a scenario always the same draw, so that two policies compare.
-        batch.reset(np.array([0]), np.array([phase]), seeds=np.zeros(1, dtype=np.uint64))
+        # Of a scenario from each phase always the same draw, so that two policies compare.
+        batch.reset(np.array([0]), np.array([phase]), seeds=np.array([round(1e6 * phase)], dtype=np.uint64))
         observation = batch.observe()
         rewards, rotations = [], []
         for _ in range(frames):

@@ -44,7 +44,12 @@ def _serve(
     try:
         connection.send(None)  # ready
         while True:
-            connection.send(answer(sampler, *connection.recv()))
+            request, arguments = connection.recv()
+            try:
+                found = answer(sampler, request, arguments)
+            except KinemimicError as error:
+                found = error
+            connection.send(found)
     except (EOFError, ConnectionError):  # the parent is gone
         return
 
@@ -97,7 +102,11 @@ class Workers:
         with self._all_alive():
             for connection, given in zip(self._connections, arguments, strict=True):
                 connection.send((request, given))
-            return [connection.recv() for connection in self._connections]
+            answers = [connection.recv() for connection in self._connections]
+        for found in answers:
+            if isinstance(found, KinemimicError):
+                raise found
+        return answers
 
     def figures(self) -> Figures:
         """What the next `sample` begins with, for all figures."""

@@ -14,10 +14,13 @@ from peers.crouch import crouching, write_idle_run
 
 from kinemimic.evaluate.disturb import command, disturb
 from kinemimic.evaluate.scenario_trials import Task, Trials, conduct, figures
+from kinemimic.evaluate.staged import staged
 from kinemimic.pipeline.errors import KinemimicError
 from kinemimic.retarget.motion import Motion
 from kinemimic.train.config import PRESETS
 from kinemimic.train.engines import resolve
+from kinemimic.train.env import ACTIONS, OBSERVATIONS
+from kinemimic.train.policy import Policy
 from kinemimic.train.scenario import Load, Placement, Range, Scenario
 from kinemimic.train.scenario_file import scenario
 
@@ -107,6 +110,8 @@ def test_trials_are_the_same_alone_or_among_many_and_on_any_number_of_processes(
     assert files[2][0]["phase"][:20] == files[0][0]["phase"]
     assert files[2][0]["fallen_at"][:20] == files[0][0]["fallen_at"]
     other = disturb(run, [PULL], trials=20, seed=1, workers=1)["pull"]
+    few = disturb(run, [PULL], trials=3, workers=1)["pull"]
+    assert few["each"]["fallen_at"] == files[0][0]["fallen_at"][:3]
     assert other["each"]["phase"] != files[0][0]["phase"]
 
 
@@ -121,6 +126,29 @@ def test_engines_agree(run: Path, walk: Motion) -> None:
         native, bullet = found["native"][name], found["pybullet"][name]
         assert native["survived"] == bullet["survived"]
         assert native["dip"]["median"] == pytest.approx(bullet["dip"]["median"], abs=0.02)
+
+
+def test_a_trial_alone_is_that_among_others_to_the_last_bit(walk: Motion) -> None:
+    """With a net, whose products would differ by their last digits with the size of the batch."""
+    random = np.random.default_rng(0)
+    hidden = random.normal(0.0, 0.1, (64, OBSERVATIONS)).astype(np.float32), np.zeros(64, np.float32)
+    last = random.normal(0.0, 0.02, (ACTIONS, 64)).astype(np.float32), np.zeros(ACTIONS, np.float32)
+    policy = Policy((hidden, last), np.zeros(OBSERVATIONS, np.float32), np.ones(OBSERVATIONS, np.float32))
+    task = Task(crouching(walk), policy, PRESETS["default"].env, PELTED, tuple(range(7)), 0, resolve("auto"))
+    among = conduct(task).rewards
+    for number in (0, 3, 6):
+        np.testing.assert_array_equal(conduct(replace(task, numbers=(number,))).rewards[0], among[number])
+    played, _ = staged(task.motion, policy, PRESETS["default"], PELTED, number=3)
+    largest = sum(PRESETS["default"].final_reward.weights.values())
+    measured = replace(task.config, reward=PRESETS["default"].final_reward)
+    (alone,) = conduct(replace(task, numbers=(3,), config=measured)).rewards
+    stood = int(played.fallen_at[0])
+    np.testing.assert_allclose(played.rewards[0, :stood].sum(axis=1) / largest, alone[:stood], atol=1e-12)
+
+
+def test_scenarios_of_one_name_are_refused(run: Path) -> None:
+    with pytest.raises(KinemimicError, match="expected scenarios of different names, found pull, pull"):
+        disturb(run, [PULL, replace(HARD, name="pull")], trials=1)
 
 
 def test_a_performance_that_ends_is_tried_to_its_end(walk: Motion) -> None:
@@ -148,5 +176,5 @@ def test_command_lists_prints_and_refuses(run: Path) -> None:
     inside.write_text(f'[[obstacle]]\nshape = "sphere"\nsize = 0.3\n{place}\n', encoding="utf-8")
     found = invoke(command, [str(inside), *options])
     assert isinstance(found.exception, KinemimicError)
-    assert "scenario inside: expected obstacle 1 (sphere) outside the figure" in str(found.exception)
+    assert "scenario inside: expected obstacle 1 (sphere) apart from the figure" in str(found.exception)
     assert not (run / "scenario-inside.json").exists()

@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from peers.elsewhere import turned
+from peers.elsewhere import on_the_spot, turned
 
 from kinemimic.pipeline.errors import KinemimicError
 from kinemimic.pipeline.rotations import angle_between, conjugate, multiply, to_rotvec
@@ -64,8 +64,21 @@ def test_root_bodies_and_nodes_tell_the_same(motion: Motion) -> None:
     np.testing.assert_allclose(bodies.joints, Reference(motion).bodies(phases).joints, atol=1e-9)
 
 
+def test_a_route_leaves_the_joints_and_the_torques_that_lead_them(motion: Motion) -> None:
+    """A bend in the first cycle, from which the torques are computed, is not in them."""
+    plain, steered = Reference(motion), SteeredReference(motion, Route([(1.0, 1.0)]))
+    phases = np.linspace(0.0, 2.0, 60)
+    for a, b in zip(plain.targets(phases), steered.targets(phases), strict=True):
+        np.testing.assert_allclose(a, b, atol=1e-12)
+
+
+def test_lengths_need_not_be_whole_centimetres() -> None:
+    for length in (0.515, 1.237, 2.0):
+        assert Route([(length, 1.0)]).at(np.array(9.0))[1] == pytest.approx(1.0, abs=1e-3)
+
+
 def test_only_a_gait_along_x_can_be_steered(motion: Motion) -> None:
-    for other in (turned(motion, 1.0), replace(motion, cyclic=False)):
+    for other in (turned(motion, 1.0), replace(motion, cyclic=False), on_the_spot(motion)):
         with pytest.raises(KinemimicError, match="a route: expected a gait along the x-axis"):
             SteeredReference(other, BEND)
 

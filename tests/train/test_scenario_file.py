@@ -22,7 +22,7 @@ route = [[2.0, 0.0], [3.0, 90]]
 
 [ground]
 friction = { from = 0.4, to = 0.8 }
-slope = 5.0
+slope = 0.0
 
 [[force]]
 body = "torso"
@@ -48,6 +48,7 @@ size = 0.4
 position = [2.0, 0.0, 1.2]
 at = { from = 1.0, to = 2.0 }
 velocity = [-3.0, 0.0, 1.0]
+mass = 1.0
 
 [[obstacle]]
 shape = "cylinder"
@@ -68,7 +69,7 @@ def test_all_that_a_file_can_say_is_read(tmp_path: Path) -> None:
     assert found.phase == Range.of(0.25)
     assert found.friction == Range((0.4,), (0.8,))
     assert found.route == ((2.0, 0.0), (3.0, math.radians(90.0)))
-    assert found.slope.low[0] == pytest.approx(math.radians(5.0))
+    assert found.slope == Range.of(0.0)
     force, torque = found.loads
     assert (force.body, force.at, force.lasts, force.growing) == ("torso", Range.of(1.0), Range.of(0.5), True)
     assert force.force == Range((10.0, 0.0, 0.0), (20.0, 5.0, 0.0))
@@ -89,16 +90,23 @@ def test_all_that_a_file_can_say_is_read(tmp_path: Path) -> None:
 def test_a_scenario_survives_json(tmp_path: Path) -> None:
     found = read_scenario(written(tmp_path, WHOLE))
     assert Scenario.from_json(json.loads(json.dumps(found.to_json()))) == found
-    with pytest.raises(KinemimicError, match="expected a scenario"):
-        Scenario.from_json({"name": "none"})
+    whole = found.to_json()
+    for wrong in (
+        {"name": "none"},
+        {**whole, "loads": [None]},
+        {**whole, "loads": [{**whole["loads"][0], "body": "nose"}]},
+        {**whole, "route": [1.0]},
+    ):
+        with pytest.raises(KinemimicError, match="expected a scenario"):
+            Scenario.from_json(wrong)
 
 
 @pytest.mark.parametrize(
     ("before", "after", "line"),
     [
         ('body = "torso"', 'body = "tail"', r"force 1\.body: expected one of pelvis, torso.*found 'tail'"),
-        ("at = 1.0", "at = -1.0", r"key force 1\.at: expected a number from 0 to 6, found -1\.0"),
-        ("at = 1.0", "at = 7.0", r"key force 1\.at: expected a number from 0 to 6, found 7\.0"),
+        ("at = 1.0", "at = -1.0", r"key force 1\.at: expected a number from 0 to 5.96667, found -1\.0"),
+        ("at = 1.0", "at = 7.0", r"key force 1\.at: expected a number from 0 to 5.96667, found 7\.0"),
         ("lasts = 0.5", "lasts = 0", r"key force 1\.lasts: expected a number from 0\.001"),
         ("lasts = 0.5", "last = 0.5", r"key force 1\.last: .*did you mean 'lasts'"),
         ("growing = true", 'growing = "yes"', r"key force 1\.growing: expected true or false"),
@@ -110,10 +118,19 @@ def test_a_scenario_survives_json(tmp_path: Path) -> None:
         ('shape = "sphere"', 'shape = "cone"', r"obstacle 2\.shape: expected one of box, sphere"),
         ("size = 0.4", "size = [0.4, 0.4]", r"key obstacle 2\.size: expected a number from"),
         ("size = 0.4", "size = 0", r"key obstacle 2\.size: expected a number from 0\.01"),
-        ("turn = 90.0", "turn = 90.0\nmass = 2.0", r"ground\.slope: expected 0 where an obstacle can"),
         ("count = 2", "count = 1000000", r"key obstacle 1\.count: expected a whole number from 1 to"),
-        ("[3.0, 90]", "[0.5, 90]", r"key route: expected lengths above 0 m, and bends of a radius of 0\.5 m"),
+        ("[3.0, 90]", "[0.5, 90]", r"key route: expected lengths of 0\.1 m or more, and bends"),
         ("[3.0, 90]", "3.0", r"key route: expected 2 numbers"),
+        ("slope = 0.0", "slope = 5.0", r"ground\.slope: expected 0 on a route"),
+        ("mass = 1.0", "mass = 0.0", r"obstacle 2\.mass: expected more than 0 kg of what has a velocity"),
+        ("0.0, 1.2]", "0.0, 0.1]", r"obstacle 2\.position: expected its centre at 0\.2 m or above"),
+        ("[2.0, 0.0, 1.2]", "3.0", r"obstacle 2\.position: expected 2 numbers"),
+        ("[2.0, 0.0, 1.2]", "true", r"obstacle 2\.position: expected 2 numbers"),
+        ("[2.0, 0.0, 1.2]", "{ from = 1, to = 2 }", r"obstacle 2\.position: expected 2 numbers"),
+        ("growing = true", "growing = 0", r"force 1\.growing: expected true or false"),
+        ("[[2.0, 0.0], [3.0, 90]]", "0", r"key route: expected at most 200 pairs"),
+        ("at = 1.0", "at = 6.0", r"force 1\.at: expected a number from 0 to 5\.9"),
+        ("count = 2", "count = 199", r"key obstacle: expected at most 200 in all, found 201"),
         ("seconds = 6.0", "seconds = 1e9", r"key seconds: expected a number from"),
         ("[[force]]", "[force]", r"key force: expected tables \[\[force\]\]"),
         ("[[force]]", "[[force", "expected TOML"),
@@ -126,6 +143,14 @@ def test_a_mistake_gets_one_line_that_names_it(tmp_path: Path, before: str, afte
         read_scenario(path)
     assert "\n" not in str(caught.value)
     assert str(path) in str(caught.value)
+
+
+def test_a_slope_is_read_where_nothing_else_moves(tmp_path: Path) -> None:
+    found = read_scenario(written(tmp_path, "[ground]\nslope = { from = -2.0, to = 5.0 }\n"))
+    assert found.slope == Range((math.radians(-2.0),), (math.radians(5.0),))
+    ball = '[[obstacle]]\nshape = "sphere"\nsize = 0.2\nposition = [1, 0]\nmass = 1.0\n'
+    with pytest.raises(KinemimicError, match=r"ground\.slope: expected 0 where an obstacle can move"):
+        read_scenario(written(tmp_path, "[ground]\nslope = 5.0\n" + ball))
 
 
 def test_what_is_no_scenario_is_told(tmp_path: Path) -> None:

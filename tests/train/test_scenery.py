@@ -13,7 +13,9 @@ from kinemimic.retarget.motion import Motion
 from kinemimic.train.config import EnvConfig
 from kinemimic.train.engines import open_world
 from kinemimic.train.env import ACTIONS, ImitationBatch
+from kinemimic.train.gym_env import ImitationEnv
 from kinemimic.train.reference import Reference
+from kinemimic.train.rollout import Sampler
 from kinemimic.train.scenario import Load, Placement, Range, Scenario
 
 PULL = Load("torso", Range.of(0.2), Range.of(0.2), force=Range.of(60.0, -20.0, 0.0))
@@ -124,3 +126,26 @@ def test_a_snapshot_goes_on_the_same_way_twice(
         np.testing.assert_array_equal(a, b)
     assert len(other.world.obstacles(0)) == 3
     other.world.close()
+
+
+def test_an_episode_lasts_and_begins_as_its_scenario_says(engine: str, motion: Motion) -> None:
+    short = replace(ALL, seconds=0.2, phase=Range.of(0.25))
+    sampler = Sampler(motion, EnvConfig(scenario=short), np.random.SeedSequence(0).spawn(2), engine)
+    sampler.begin(EnvConfig().reward)
+    np.testing.assert_array_equal(sampler.batch.phases, 0.25)
+    ends = [sampler.batch.step(np.zeros((2, ACTIONS))).truncated.tolist() for _ in range(6)]
+    assert ends == [[False, False]] * 5 + [[True, True]]
+    sampler.batch.world.close()
+
+
+def test_a_gymnasium_figure_is_in_its_scenario(motion: Motion) -> None:
+    shove = Scenario("shove", phase=Range.of(0.0), loads=(replace(PULL, force=Range.of(900.0, 0.0, 0.0)),))
+    ends = []
+    for scenario in (shove, None):
+        env = ImitationEnv(motion, EnvConfig(scenario=scenario, start_anywhere=scenario is not None))
+        env.reset(seed=0)
+        for _ in range(8):
+            observation, *_ = env.step(np.zeros(ACTIONS, np.float32))
+        ends.append(observation)
+        env.close()
+    assert np.abs(ends[0] - ends[1]).max() > 0.1

@@ -58,7 +58,7 @@ def test_a_training_in_a_scenario_resumes_to_the_last_bit(folders: list[Path]) -
 
 def test_a_scenario_that_cannot_be_is_refused_before_anything_begins(folders: list[Path]) -> None:
     wall = Scenario("wall", obstacles=(replace(BOX, position=Range.of(0.0, 0.0)),))
-    with pytest.raises(KinemimicError, match=r"scenario wall: expected obstacle 1 \(box\) outside"):
+    with pytest.raises(KinemimicError, match=r"scenario wall: expected obstacle 1 \(box\) apart"):
         stage.train(folders[0], budget=ROUND, scenario=wall)
     found = CliRunner().invoke(stage.command, ["--run", str(folders[0]), "--scenario", "nowhere"])
     assert isinstance(found.exception, KinemimicError)
