@@ -17,6 +17,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
+from kinemimic.pipeline.low_pass import zero_phase
 from kinemimic.pipeline.rotations import (
     conjugate,
     continuous,
@@ -156,7 +157,26 @@ def _legs(motion: Motion, seen: Array) -> Array:
         corners = leg_points(chain, x)[:, :, 2:]
         anchors[:] = standing.anchors(corners, motion.cycle_offset)
 
-    return _gauss_newton(terms, off, weights, bending, rate=motion.rate, cyclic=cyclic, before=place)
+    return _gauss_newton(
+        terms, off, weights, bending, rate=motion.rate, cyclic=cyclic, calm=_calm(motion), before=place
+    )
+
+
+def _calm(motion: Motion) -> tuple[Array, Array]:
+    """Of a recording as it was: by how much each correction (SIZE,) shall be calmer than it is already, and
+    what of the recording (T, SIZE), in second differences, is not to be kept. Of a cycle, nothing.
+
+    A foot that lands or leaves pulls at the root in a few frames, and a body of 48 kg is thrown by that as no
+    ground could: the legs shall give way instead. The root's path in the recording, without its tremor, has
+    the accelerations that the person had.
+    """
+    share, tremor = np.zeros(SIZE), np.zeros((len(motion.root), SIZE))
+    if motion.cyclic:
+        return share, tremor
+    share[ROOT_POSITION] = 1.0
+    if (smooth := zero_phase(motion.rate)) is not None:
+        tremor[:, ROOT_POSITION] = second_differences(motion.root - smooth(motion.root), cyclic=False)
+    return share, tremor
 
 
 def _joint(motion: Motion, joint: str, seen: Array) -> Array:
@@ -196,18 +216,21 @@ def _gauss_newton(
     *,
     rate: float,
     cyclic: bool,
+    calm: tuple[Array, Array] | None = None,
     before: Callable[[Array], None] | None = None,
 ) -> Array:
     """Corrections x (T, n) with the least sum of `terms`, of x / off, weighted (T, n), and of second
     differences.
 
-    bending: (T, n) second differences of what shall be smooth besides x; `before` is called with x ahead of
-    each step. A long clip is solved in windows that overlap: far from its ends a window's solution is that of
-    the whole, and what is left of the difference the next step takes.
+    bending: (T, n) second differences of what shall be smooth besides x; calm: see `_calm`; `before` is
+    called with x ahead of each step. A long clip is solved in windows that overlap: far from its ends a
+    window's solution is that of the whole, and what is left of the difference the next step takes.
     """
     frames, n = weights.shape
     x = np.zeros((frames, n))
     stiffness = _stiffness(CORRECTION_BAND if cyclic else POSE_BAND, rate) / off**2
+    share, tremor = (np.zeros(n), np.zeros((frames, n))) if calm is None else calm
+    calming = _stiffness(CORRECTION_BAND, rate) * share / off**2
     at = np.arange(n)
     for _ in range(LOOP_ITERATIONS if cyclic else ITERATIONS):
         if before is not None:
@@ -218,9 +241,10 @@ def _gauss_newton(
             square, right = terms(now, window)
             rest = weights[window] * _huber(now / off) / off**2
             square[:, at, at] += rest
-            bend = second_differences(now, cyclic=cyclic) + bending[window]
-            right += rest * now + adjoint(bend * stiffness, cyclic=cyclic)
-            found = solve_blocks(square, stiffness, -right, cyclic=cyclic)
+            own = second_differences(now, cyclic=cyclic)
+            bend = (own + bending[window]) * stiffness + (own + tremor[window]) * calming
+            right += rest * now + adjoint(bend, cyclic=cyclic)
+            found = solve_blocks(square, stiffness + calming, -right, cyclic=cyclic)
             step[core] = found[core.start - window.start : core.stop - window.start]
         x += step
     return x

@@ -107,3 +107,15 @@ def test_a_rest_that_sinks_lifts_the_root_and_nothing_else():
     found = refine(deep)
     assert lowest(found) > -0.004
     assert np.abs(found.root[:, :2] - deep.root[:, :2]).max() < 0.02
+
+
+@pytest.mark.parametrize("name", ["jump", "kick", "cartwheel", "punch"])
+def test_feet_that_land_and_leave_do_not_jerk_the_root(name):
+    """Refined, it is nowhere jerked as much as recorded: a foot that shall stand still moves the legs."""
+
+    def largest_jerk(motion: Motion) -> float:
+        acceleration = np.gradient(np.gradient(motion.root, axis=0), axis=0) * motion.rate**2
+        return float(np.abs(np.diff(acceleration, axis=0)).max())
+
+    plain = stock(name).motion
+    assert largest_jerk(refine(plain)) < largest_jerk(plain)
