@@ -12,7 +12,7 @@ from kinemimic.pipeline.rotations import multiply, rotate
 from kinemimic.retarget.motion import Motion
 from kinemimic.train.reference import Reference
 from kinemimic.train.scenario import Scenario
-from kinemimic.train.world import BodyStates, Poses
+from kinemimic.train.world import BodyStates
 
 Array = NDArray[np.float64]
 
@@ -87,18 +87,6 @@ class SteeredReference(Reference):
             multiply(np.broadcast_to(turn, straight.rotations.shape), straight.rotations),
             rotate(turn, straight.linear) + np.cross(np.broadcast_to(yaw, arms.shape), arms),
             rotate(turn, straight.angular) + yaw,
-        )
-
-    def poses(self, phase: Array) -> Poses:
-        bodies = self.bodies(phase)
-        joints, velocities = self.joints(phase)
-        return Poses(
-            self.root(phase),
-            bodies.rotations[:, 0],
-            bodies.linear[:, 0],
-            bodies.angular[:, 0],
-            joints,
-            velocities,
         )
 
     def root(self, phase: Array) -> Array:
