@@ -40,8 +40,12 @@ def _serve(
 ) -> None:
     # The parent ends its workers; a signal to the whole group must not take them from it in mid-round.
     signal.signal(signal.SIGTERM, signal.SIG_IGN)
-    sampler = Sampler(motion, config, seeds, engine)
     try:
+        try:
+            sampler = Sampler(motion, config, seeds, engine)
+        except KinemimicError as error:
+            connection.send(error)
+            return
         connection.send(None)  # ready
         while True:
             request, arguments = connection.recv()
@@ -81,8 +85,7 @@ class Workers:
                 self._processes.append(process)
         # What it takes to start is not part of the first samples' time.
         with self._all_alive():
-            for connection in self._connections:
-                connection.recv()
+            _sound([connection.recv() for connection in self._connections])
 
     @contextmanager
     def _all_alive(self) -> Iterator[None]:
@@ -102,11 +105,7 @@ class Workers:
         with self._all_alive():
             for connection, given in zip(self._connections, arguments, strict=True):
                 connection.send((request, given))
-            answers = [connection.recv() for connection in self._connections]
-        for found in answers:
-            if isinstance(found, KinemimicError):
-                raise found
-        return answers
+            return _sound([connection.recv() for connection in self._connections])
 
     def figures(self) -> Figures:
         """What the next `sample` begins with, for all figures."""
@@ -158,6 +157,14 @@ class Workers:
             process.join(timeout=5)
             if process.is_alive():
                 process.kill()
+
+
+def _sound(answers: list[Any]) -> list[Any]:
+    """The answers, unless one is an error that a worker met."""
+    for found in answers:
+        if isinstance(found, KinemimicError):
+            raise found
+    return answers
 
 
 def _dealt_back(hands: list[NDArray[Any]]) -> NDArray[Any]:

@@ -64,3 +64,11 @@ def test_a_scenario_that_cannot_be_is_refused_before_anything_begins(folders: li
     assert isinstance(found.exception, KinemimicError)
     assert "expected a scenario that ships" in str(found.exception)
     assert [path.name for path in folders[0].iterdir()] == ["motion.json"]
+
+
+def test_what_a_worker_cannot_draw_is_its_line(folders: list[Path], monkeypatch: pytest.MonkeyPatch) -> None:
+    """A draw that none of those before the training had."""
+    wall = Scenario("wall", obstacles=(replace(BOX, position=Range.of(0.0, 0.0)),))
+    monkeypatch.setattr(stage, "check", lambda *_: None)
+    with pytest.raises(KinemimicError, match=r"scenario wall: expected obstacle 1 \(box\) apart"):
+        stage.train(folders[0], budget=ROUND, workers=2, scenario=wall)
