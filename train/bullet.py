@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import tempfile
+import weakref
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
@@ -34,6 +35,12 @@ _FEET = (BODY_INDEX["foot_left"], BODY_INDEX["foot_right"])
 _CENTERS = np.array([body.center for body in BODIES[1:]])
 
 
+def _disconnect(clients: list[int]) -> None:
+    for client in clients:
+        bullet.disconnect(physicsClientId=client)
+    clients.clear()
+
+
 def _window(array: Array) -> Array:
     """The same memory, read-only."""
     view = array.view()
@@ -55,6 +62,9 @@ class BulletWorld:
             urdf.write_text(humanoid_urdf("spherical", y_up=True))
             built = [build_figure(urdf, measure=measure_torques) for _ in range(size)]
         self._clients = [client for client, _ in built]
+        # A client keeps its memory until it is disconnected, whoever forgets to close the world.
+        self._end = weakref.finalize(self, _disconnect, self._clients)
+        self._end.atexit = False
         self._figure = built[0][1]  # in every client the same
         self._nominal = weigh(self._clients[0], self._figure)
         self._wanted = [(FRICTION, 1.0)] * size
@@ -248,6 +258,4 @@ class BulletWorld:
         return np.array(rows, dtype=np.float64).reshape(-1, 13)
 
     def close(self) -> None:
-        for client in self._clients:
-            bullet.disconnect(physicsClientId=client)
-        self._clients = []
+        self._end()

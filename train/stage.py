@@ -140,7 +140,10 @@ def _practice(
     from kinemimic.train.rival import RivalLearner, RivalPractice  # noqa: PLC0415 (may not be installed)
 
     assert isinstance(learner, RivalLearner)  # noqa: S101 (for the type's sake)
-    yield RivalPractice(learner, watch)
+    try:
+        yield RivalPractice(learner, watch)
+    finally:
+        learner.env.close()
 
 
 def _record(training: Training, motion: Motion, engine: str) -> dict[str, Any]:

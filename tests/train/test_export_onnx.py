@@ -55,7 +55,9 @@ def test_another_runtime_acts_alike_clipped_or_not(tmp_path: Path, policy: Polic
     for spread in (0.5, 3.0, 300.0):
         observations = (policy.mean + spread * random.normal(size=(figures, SIZE))).astype(np.float32)
         (actions,) = session.run(["action"], {"observation": observations})
-        np.testing.assert_allclose(actions, policy.act(observations), rtol=1e-5, atol=1e-5)
+        # Sums in float32 differ by the last digits of their largest terms.
+        close = 1e-6 * max(10.0, float(np.abs(actions).max()))
+        np.testing.assert_allclose(actions, policy.act(observations), rtol=1e-5, atol=close)
     # The last ones were clipped.
     assert np.abs(normalized(observations, policy.mean, policy.scale)).max() == 8.0
 
