@@ -42,7 +42,9 @@ def start_phases(motion: Motion, scenario: Scenario | None = None) -> tuple[floa
     in a scenario, which each draws for itself."""
     if scenario is not None:
         low, high = scenario.phase.low[0], scenario.phase.high[0]
-        return tuple(low + (high - low) * k / SCENES for k in range(SCENES)) if motion.cyclic else (0.0,)
+        # A single phase is tried once: from the same phase the draw is the same.
+        phases = dict.fromkeys(low + (high - low) * k / SCENES for k in range(SCENES))
+        return tuple(phases) if motion.cyclic else (0.0,)
     return (0.0, 0.5) if motion.cyclic else (0.0,)
 
 

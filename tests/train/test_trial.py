@@ -12,6 +12,7 @@ from kinemimic.retarget.motion import Motion
 from kinemimic.train import trial
 from kinemimic.train.config import EnvConfig, RewardConfig
 from kinemimic.train.reference import Reference
+from kinemimic.train.scenario import Range, Scenario
 from kinemimic.train.trial import Attempt, Rehearsal, Trial, best, first_walk, frames_of, is_due
 from kinemimic.train.world import CONTROL_RATE
 
@@ -88,6 +89,13 @@ def test_two_attempts_are_the_same_and_a_real_figure_falls_without_a_policy(
     rehearsal.attempt(STILL, EnvConfig().reward, 0.5)
     assert rehearsal.attempt(STILL, EnvConfig().reward, 0.0) == first
     assert 0 < first.frames < 100
+
+
+def test_a_scenario_is_tried_from_several_phases_and_from_a_single_one_once(motion: Motion) -> None:
+    assert trial.start_phases(motion) == (0.0, 0.5)
+    assert trial.start_phases(motion, Scenario("any")) == tuple(k / 8 for k in range(8))
+    assert trial.start_phases(motion, Scenario("one", phase=Range.of(0.25))) == (0.25,)
+    assert trial.start_phases(replace(motion, cyclic=False), Scenario("any")) == (0.0,)
 
 
 def test_a_trial_is_as_good_as_its_worse_attempt() -> None:
