@@ -1,4 +1,4 @@
-"""The variants of a study: presets as they are, an ablation, one change each against `default`, and a search.
+"""The variants of a comparison: presets, an ablation, one change each against `default`, and a search.
 
 The search is what an expert would try first of each rival, one or two changes each against its preset.
 """
@@ -10,7 +10,6 @@ from dataclasses import replace
 from typing import Any
 
 from kinemimic.train.config import PRESETS, TrainConfig
-from kinemimic.train.scenario import Scenario
 
 # What is changed of TrainConfig; below "env", of its EnvConfig, below "rival", of its rival.
 Changes = Mapping[str, Any]
@@ -80,16 +79,6 @@ def search(rival: str) -> dict[str, TrainConfig]:
     base = PRESETS[rival]
     names = {f"{rival}-{name}": changes for name, changes in SEARCH[rival].items()}
     return {rival: base, **{name: _changed(base, changes, name) for name, changes in names.items()}}
-
-
-def within(variants: Mapping[str, TrainConfig], scenario: Scenario) -> dict[str, TrainConfig]:
-    """Each variant trained in a scenario, as VARIANT-in-SCENARIO, which `preset` then names."""
-    return {
-        f"{name}-in-{scenario.name}": replace(
-            config, env=replace(config.env, scenario=scenario), preset=f"{name}-in-{scenario.name}"
-        )
-        for name, config in variants.items()
-    }
 
 
 def _changed(base: TrainConfig, changes: Changes, name: str) -> TrainConfig:

@@ -39,7 +39,10 @@ COMMANDS: dict[str, tuple[str, str]] = {
     ),
     "policies": ("kinemimic.evaluate.policies:command", "The policies that ship, and how well they do."),
     "reproduce": ("kinemimic.evaluate.reproduce:command", "Make the policies that ship."),
-    "study": ("kinemimic.evaluate.study:command", "Motions, variants and seeds trained and scored: a table."),
+    "compare": (
+        "kinemimic.evaluate.compare:command",
+        "Tasks, presets and seeds trained and scored side by side: a table.",
+    ),
     "run": ("kinemimic.evaluate.run:command", "Every stage on one capture, skipping what is up to date."),
 }
 

@@ -1,4 +1,4 @@
-"""What the cells of a study come to: figures, medians over the seeds, CSV and tables for a terminal."""
+"""What the cells of a comparison come to: figures, medians over the seeds, CSV and tables for a terminal."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from kinemimic.evaluate.learning_curves import converged_at, together
 from kinemimic.pipeline.inspect.terminal import grid, heading, number
 
 Row = Mapping[str, Any]
-_KEY = ("motion", "variant", "budget")
+_KEY = ("task", "variant", "budget")
 _DECIMALS = 6
 _CURVES = ("reward", "critic_loss")  # of the trials
 
@@ -52,7 +52,7 @@ def figures(record: Row, scores: Row) -> dict[str, float | None]:
 
 
 def summary(cells: Sequence[Row]) -> list[dict[str, Any]]:
-    """Per motion, variant and budget: median, least and greatest of each figure over the seeds that have it.
+    """Per task, variant and budget: median, least and greatest of each figure over the seeds that have it.
 
     seeds: how many there are; n: how many have the figure. Only some may ever walk.
     """
@@ -86,37 +86,37 @@ def _spread(values: Sequence[float]) -> dict[str, Any]:
 
 
 def curves(records: Mapping[tuple[str, str], Sequence[Row]]) -> list[dict[str, Any]]:
-    """Per motion and variant, over the samples: return and critic's loss of the trials of all seeds.
+    """Per task and variant, over the samples: return and critic's loss of the trials of all seeds.
 
     records: policy.json of each seed that has got furthest.
     """
     return [
         {
-            "motion": motion,
+            "task": task,
             "variant": variant,
             **{key: together(seeds, key) for key in _CURVES},
         }
-        for (motion, variant), seeds in records.items()
+        for (task, variant), seeds in records.items()
     ]
 
 
 def table_csv(cells: Sequence[Row]) -> str:
     """A line for every cell and budget; what is not defined is empty."""
     stream = io.StringIO()
-    writer = csv.DictWriter(stream, list(cells[0]) if cells else ["motion"], lineterminator="\n")
+    writer = csv.DictWriter(stream, list(cells[0]) if cells else ["task"], lineterminator="\n")
     writer.writeheader()
     writer.writerows(cells)
     return stream.getvalue()
 
 
-def tables(study: Row) -> Iterator[RenderableType]:
-    """Headings and tables, one set for each motion and budget; study: the content of study.json."""
-    pairs = dict.fromkeys((row["motion"], row["budget"]) for row in study["summary"])
-    for motion, budget in pairs:
-        rows = [row for row in study["summary"] if (row["motion"], row["budget"]) == (motion, budget)]
-        about = study["motions"][motion]
+def tables(comparison: Row) -> Iterator[RenderableType]:
+    """Headings and tables, one set for each task and budget; comparison: the content of compare.json."""
+    pairs = dict.fromkeys((row["task"], row["budget"]) for row in comparison["summary"])
+    for task, budget in pairs:
+        rows = [row for row in comparison["summary"] if (row["task"], row["budget"]) == (task, budget)]
+        about = comparison["tasks"][task]
         simulated = ", SIMULATED CAPTURE" if about["simulated"] else ""
-        yield heading(f"{motion}{simulated}, {budget:,} samples; medians over the seeds")
+        yield heading(f"{task}{simulated}, {budget:,} samples; medians over the seeds")
         yield from _cyclic(rows, about) if about["cyclic"] else (_single(rows),)
 
 

@@ -1,4 +1,4 @@
-"""The study: a cell is what training by hand is, nothing is done twice, and medians are medians."""
+"""The comparison: a cell is what training by hand is, nothing is done twice, and medians are medians."""
 
 from __future__ import annotations
 
@@ -17,12 +17,13 @@ import pytest
 from click.testing import CliRunner
 from peers.troupe import Troupe
 
+from kinemimic.evaluate import compare as module
 from kinemimic.evaluate import stage as evaluation
-from kinemimic.evaluate import study as module
+from kinemimic.evaluate.compare import compare, increasing
+from kinemimic.evaluate.compare_table import summary
+from kinemimic.evaluate.compare_task import Task
 from kinemimic.evaluate.side_by_side import Listener
-from kinemimic.evaluate.study import increasing, study
-from kinemimic.evaluate.study_table import summary
-from kinemimic.evaluate.variants import ABLATION, SEARCH, ablation, search, within
+from kinemimic.evaluate.variants import ABLATION, SEARCH, ablation, search
 from kinemimic.pipeline.errors import KinemimicError
 from kinemimic.pipeline.store import write_json, write_text
 from kinemimic.retarget.export_json import motion_to_json
@@ -73,8 +74,11 @@ def here(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
     signal.signal(signal.SIGINT, earlier)
 
 
-def small_study(out: Path, *runs: Path, budgets: tuple[int, ...] = (ROUND, 3 * ROUND), seeds: int = 1) -> Any:
-    return study(runs, {"default": SMALL}, seeds=seeds, budgets=budgets, out=out, engine="pybullet")
+def small_comparison(
+    out: Path, *runs: Path, budgets: tuple[int, ...] = (ROUND, 3 * ROUND), seeds: int = 1
+) -> Any:
+    tasks = [Task(run) for run in runs]
+    return compare(tasks, {"default": SMALL}, seeds=seeds, budgets=budgets, out=out, engine="pybullet")
 
 
 def without_seconds(scores: Path) -> dict[str, Any]:
@@ -85,7 +89,7 @@ def without_seconds(scores: Path) -> dict[str, Any]:
 
 @pytest.mark.usefixtures("here")
 def test_a_cell_is_what_training_by_hand_is(fresh: Callable[[str], Path], tmp_path: Path) -> None:
-    result = small_study(tmp_path / "out", fresh("walk"), seeds=2)
+    result = small_comparison(tmp_path / "out", fresh("walk"), seeds=2)
     hand, cell = fresh("hand"), tmp_path / "out" / "walk" / "default" / "seed1"
     for budget in (ROUND, 3 * ROUND):
         training.train(hand, seed=1, budget=budget, workers=1, engine="pybullet")
@@ -96,7 +100,7 @@ def test_a_cell_is_what_training_by_hand_is(fresh: Callable[[str], Path], tmp_pa
         row = next(row for row in result["cells"] if (row["seed"], row["budget"]) == (1, budget))
         assert row["frames"] == scores["survival"]["frames"]
         assert row["samples"] == budget
-    assert json.loads((tmp_path / "out" / "study.json").read_text()) == result
+    assert json.loads((tmp_path / "out" / "compare.json").read_text()) == result
     (curve,) = result["curves"]
     records = [json.loads((cell.parent / f"seed{k}" / "policy.json").read_text()) for k in range(2)]
     for key in ("reward", "critic_loss"):
@@ -104,15 +108,15 @@ def test_a_cell_is_what_training_by_hand_is(fresh: Callable[[str], Path], tmp_pa
         last = [record["trials"][-1][key] for record in records]
         assert curve[key][-1]["mean"] == pytest.approx(sum(last) / 2)
         assert min(last) <= curve[key][-1]["low"] <= curve[key][-1]["high"] <= max(last)
-    assert len(list(csv.DictReader((tmp_path / "out" / "study.csv").open()))) == 4
-    assert str(tmp_path) not in (tmp_path / "out" / "study.json").read_text()
+    assert len(list(csv.DictReader((tmp_path / "out" / "compare.csv").open()))) == 4
+    assert str(tmp_path) not in (tmp_path / "out" / "compare.json").read_text()
 
 
 @pytest.mark.usefixtures("here")
 def test_stopped_between_budgets_it_goes_on_and_does_nothing_twice(
     fresh: Callable[[str], Path], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    run, straight = fresh("walk"), small_study(tmp_path / "straight", fresh("walk"))
+    run, straight = fresh("walk"), small_comparison(tmp_path / "straight", fresh("walk"))
     train, budgets = training.train, list[int]()
 
     def counted(folder: Path, **options: Any) -> Any:
@@ -130,16 +134,16 @@ def test_stopped_between_budgets_it_goes_on_and_does_nothing_twice(
 
         patched.setattr(evaluation, "evaluate", stopped)
         with pytest.raises(KeyboardInterrupt, match="the same command goes on"):
-            small_study(tmp_path / "cut", run)
-    so_far = json.loads((tmp_path / "cut" / "study.json").read_text())
+            small_comparison(tmp_path / "cut", run)
+    so_far = json.loads((tmp_path / "cut" / "compare.json").read_text())
     assert [row["budget"] for row in so_far["cells"]] == [ROUND]
-    result = small_study(tmp_path / "cut", run)
+    result = small_comparison(tmp_path / "cut", run)
     assert budgets == [ROUND, 3 * ROUND, 3 * ROUND]
     for one in (result, straight):
         for row in one["cells"]:
             del row["seconds"], row["first_walk_seconds"]
     assert result["cells"] == straight["cells"]
-    small_study(tmp_path / "cut", run)
+    small_comparison(tmp_path / "cut", run)
     assert len(budgets) == 3
 
 
@@ -158,9 +162,9 @@ def test_a_cell_that_fails_is_one_line_and_the_others_go_on(
     told = [line for line in ended.stderr.splitlines() if line.startswith("bad default seed 0: ")]
     assert len(told) == 1
     assert "sink in by 90 mm" in told[0]
-    result = json.loads((tmp_path / "out" / "study.json").read_text())
+    result = json.loads((tmp_path / "out" / "compare.json").read_text())
     assert list(result["failed"]) == ["bad default seed 0"]
-    assert [row["motion"] for row in result["cells"]] == ["good"]
+    assert [row["task"] for row in result["cells"]] == ["good"]
     assert "good, SIMULATED CAPTURE, 64 samples" in ended.stdout
 
 
@@ -169,21 +173,20 @@ def test_results_of_something_else_are_left_alone(
     fresh: Callable[[str], Path], tmp_path: Path, walk: Motion
 ) -> None:
     run, out = fresh("walk"), tmp_path / "out"
-    small_study(out, run, budgets=(ROUND,))
+    small_comparison(out, run, budgets=(ROUND,))
     before = (out / "walk" / "default" / "seed0" / f"scores-{ROUND}.json").read_bytes()
-    other = study(
-        [run], {"default": replace(SMALL, discount=0.9)}, seeds=1, budgets=[ROUND], out=out, engine="pybullet"
-    )
+    changed = {"default": replace(SMALL, discount=0.9)}
+    other = compare([Task(run)], changed, seeds=1, budgets=[ROUND], out=out, engine="pybullet")
     assert "of the same settings, found others'" in other["failed"]["walk default seed 0"]
-    earlier = small_study(out, run, budgets=(ROUND // 2, ROUND))
+    earlier = small_comparison(out, run, budgets=(ROUND // 2, ROUND))
     assert "a training cannot go back" in earlier["failed"]["walk default seed 0"]
     write_text(run / "motion.json", motion_to_json(walk))
-    assert "of the same motion" in small_study(out, run)["failed"]["walk default seed 0"]
+    assert "of the same motion" in small_comparison(out, run)["failed"]["walk default seed 0"]
     assert (out / "walk" / "default" / "seed0" / f"scores-{ROUND}.json").read_bytes() == before
 
 
 def test_medians_are_of_the_seeds_that_have_the_figure() -> None:
-    key = {"motion": "walk", "variant": "default", "budget": 10, "engine": "native"}
+    key = {"task": "walk", "variant": "default", "budget": 10, "engine": "native"}
     cells = [
         key | {"seed": 0, "frames": 600, "first_walk_samples": None},
         key | {"seed": 1, "frames": 100, "first_walk_samples": 7},
@@ -230,7 +233,7 @@ def test_a_search_changes_one_or_two_things_of_a_rival_and_never_its_task(rival:
 
 
 @pytest.mark.usefixtures("here")
-def test_a_search_is_a_study(
+def test_a_search_is_a_comparison(
     fresh: Callable[[str], Path], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     small = replace(PRESETS["a2c"], environments=4, horizon=16, hidden=(32, 16))
@@ -241,7 +244,7 @@ def test_a_search_is_a_study(
         module.command, [*arguments, f"--out={tmp_path / 'out'}", "--engine=pybullet", "--json"]
     )
     assert ended.exit_code == 0, ended.output
-    result = json.loads((tmp_path / "out" / "study.json").read_text())
+    result = json.loads((tmp_path / "out" / "compare.json").read_text())
     assert [row["variant"] for row in result["cells"]] == ["a2c", "a2c-relu"]
     assert result["failed"] == {}
 
@@ -249,13 +252,15 @@ def test_a_search_is_a_study(
 @pytest.mark.parametrize(
     ("arguments", "told"),
     [
-        ([], "Missing argument 'RUN...'"),
+        ([], "Missing argument 'RUN[@SCENARIO]...'"),
         (["nowhere"], "motion.json: expected a file, found none"),
         (["nowhere", "--budgets=1e6,much"], "expected a whole number of samples"),
         (["nowhere", "--preset=best"], "'best' is not one of"),
         (["nowhere", "--search=default"], "'default' is not one of"),
         (["nowhere", "--seeds=0"], "--seeds"),
-        (["a/walk", "b/walk"], "different names, found walk, walk"),
+        (["nowhere", "--limit=ddpg"], "expected VARIANT=SAMPLES, found 'ddpg'"),
+        (["nowhere", "--limit=ddpg=3e5"], "expected one among default, found 'ddpg'"),
+        (["a/walk", "b/walk"], "found walk, walk"),
     ],
 )
 def test_what_is_wrong_is_one_line(
@@ -287,7 +292,7 @@ def test_interrupted_in_its_processes_it_goes_on(fresh: Callable[[str], Path], t
     )
     script = tmp_path / "program.py"
     script.write_text(program)
-    arguments = [sys.executable, str(script), "study", str(run), "--seeds=2", "--jobs=2"]
+    arguments = [sys.executable, str(script), "compare", str(run), "--seeds=2", "--jobs=2"]
     arguments += [f"--budgets={ROUND},{200 * ROUND}", f"--out={out}", "--engine=pybullet", "--json"]
     cut = subprocess.Popen(arguments, stderr=subprocess.PIPE, stdout=subprocess.DEVNULL, text=True)
     while len(list(out.glob(f"walk/default/seed?/scores-{ROUND}.json"))) < 2:
@@ -306,12 +311,34 @@ def test_interrupted_in_its_processes_it_goes_on(fresh: Callable[[str], Path], t
     ]
 
 
-def test_in_a_scenario_variants_are_the_same_but_for_it() -> None:
+def test_a_task_is_a_run_in_a_scenario_or_in_none(tmp_path: Path) -> None:
+    assert Task.parsed("runs/walk") == Task(Path("runs/walk"))
+    within = Task.parsed("runs/walk@slippery")
+    assert within == Task(Path("runs/walk"), scenario("slippery"))
+    assert within.name == "walk@slippery"
+    (tmp_path / "me@home").mkdir()
+    assert Task.parsed(str(tmp_path / "me@home")).name == "me@home"
+    with pytest.raises(KinemimicError, match="no-such"):
+        Task.parsed("runs/walk@no-such")
+
+
+def test_a_task_changes_of_a_configuration_its_scenario_only() -> None:
     named = scenario("slippery")
-    found = within({"default": PRESETS["default"], "ddpg": PRESETS["ddpg"]}, named)
-    assert list(found) == ["default-in-slippery", "ddpg-in-slippery"]
-    for name, config in found.items():
-        base = PRESETS[name.partition("-in-")[0]]
-        assert config.preset == name
-        assert replace(config, preset=base.preset, env=replace(config.env, scenario=None)) == base
-        assert config.env.scenario == named
+    config = Task(Path("walk"), named).configured(PRESETS["ddpg"])
+    assert config.env.scenario == named
+    assert replace(config, env=replace(config.env, scenario=None)) == PRESETS["ddpg"]
+
+
+@pytest.mark.usefixtures("here")
+def test_a_limit_ends_one_variant_sooner(fresh: Callable[[str], Path], tmp_path: Path) -> None:
+    variants = {"default": SMALL, "other": replace(SMALL, preset="other", discount=0.9)}
+    options: dict[str, Any] = {"seeds": 1, "budgets": (ROUND, 2 * ROUND), "engine": "pybullet"}
+    task = Task(fresh("walk"))
+    result = compare([task], variants, limits={"other": ROUND}, out=tmp_path / "out", **options)
+    assert [(row["variant"], row["budget"]) for row in result["cells"]] == [
+        ("default", ROUND),
+        ("default", 2 * ROUND),
+        ("other", ROUND),
+    ]
+    with pytest.raises(KinemimicError, match="--limit other: expected at least the first"):
+        compare([task], variants, limits={"other": ROUND - 1}, out=tmp_path / "none", **options)

@@ -1,4 +1,4 @@
-"""A cell of a study: one motion, one variant, one seed, in a run folder of its own.
+"""A cell of a comparison: one task, one variant, one seed, in a run folder of its own.
 
 The folder holds the motion with what belongs to it, copied, and the training. What a budget came to is kept
 there as policy-BUDGET.safetensors, policy-BUDGET.json and, last, scores-BUDGET.json.
@@ -11,24 +11,24 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from kinemimic.evaluate.compare_task import MOTION
 from kinemimic.pipeline.errors import KinemimicError
 from kinemimic.pipeline.store import copy_file, read_json
 from kinemimic.retarget.export_json import motion_from_json
 from kinemimic.train.config import TrainConfig
 
-MOTION = "motion.json"
 # What else `train` and `evaluate` read, where it is there.
 BESIDE = ("capture.parquet", "gait.json", "quality.json", "gimbal.json")
 
 
 @dataclass(frozen=True)
 class Cell:
-    """source: run folder of the motion; identity: the motion's; config: with the seed; budgets: increasing;
-    engine: of `train/engines.py`, resolved; anyway: train also on what the gate refuses."""
+    """source: run folder of the motion; identity: the motion's; task: its name; config: with the seed;
+    budgets: increasing; engine: of `train/engines.py`, resolved; anyway: also on what the gate refuses."""
 
     source: Path
     identity: str
-    motion: str
+    task: str
     variant: str
     config: TrainConfig
     budgets: tuple[int, ...]
@@ -38,12 +38,12 @@ class Cell:
 
     @property
     def folder(self) -> Path:
-        return self.out / self.motion / self.variant / f"seed{self.config.seed}"
+        return self.out / self.task / self.variant / f"seed{self.config.seed}"
 
     @property
     def name(self) -> str:
         """For people."""
-        return f"{self.motion} {self.variant} seed {self.config.seed}"
+        return f"{self.task} {self.variant} seed {self.config.seed}"
 
 
 def outcome(cell: Cell, budget: int) -> tuple[dict[str, Any], dict[str, Any]] | None:

@@ -1,4 +1,4 @@
-"""`kinemimic study`: motions by variants of the training by seeds, each trained and scored."""
+"""`kinemimic compare`: tasks by variants of the training by seeds, each trained and scored."""
 
 from __future__ import annotations
 
@@ -13,67 +13,77 @@ from typing import Any
 
 import click
 
+from kinemimic.evaluate.compare_cell import Cell, conduct, outcome
+from kinemimic.evaluate.compare_table import curves, figures, summary, table_csv, tables
+from kinemimic.evaluate.compare_task import Task, about
 from kinemimic.evaluate.side_by_side import side_by_side
-from kinemimic.evaluate.study_cell import MOTION, Cell, conduct, outcome
-from kinemimic.evaluate.study_table import curves, figures, summary, table_csv, tables
-from kinemimic.evaluate.variants import SEARCH, ablation, search, within
+from kinemimic.evaluate.variants import SEARCH, ablation, search
 from kinemimic.pipeline.errors import KinemimicError
 from kinemimic.pipeline.inspect.terminal import show
 from kinemimic.pipeline.progress import Bar, Bars, bars
 from kinemimic.pipeline.provenance import provenance
-from kinemimic.pipeline.store import read_json, write_json, write_text
-from kinemimic.retarget.export_json import motion_from_json
+from kinemimic.pipeline.store import write_json, write_text
 from kinemimic.train.budget import samples
 from kinemimic.train.config import PRESETS, TrainConfig
 from kinemimic.train.engines import resolve
-from kinemimic.train.fit import JOINTS, SIDES
 from kinemimic.train.options import engine_option
-from kinemimic.train.scenario_file import scenario as read
 
-STUDY_SCHEMA = 1
+COMPARE_SCHEMA = 1
 FAILED = 1  # exit status where a cell failed
 
 
-def study(
-    runs: Sequence[Path],
+def compare(
+    tasks: Sequence[Task],
     variants: Mapping[str, TrainConfig],
     *,
     seeds: int,
     budgets: Sequence[int],
     out: Path,
+    limits: Mapping[str, int] | None = None,
     jobs: int | None = None,
     engine: str = "auto",
     anyway: bool = False,
 ) -> dict[str, Any]:
-    """Train and score every motion, variant and seed; writes and returns the content of out/study.json.
+    """Train and score every task, variant and seed; writes and returns the content of out/compare.json.
 
-    runs: folders with a motion.json; seeds: 0 to seeds - 1; budgets: samples, increasing, at which each
-    is scored; jobs: cells side by side, each on one core, all cores by default. What is finished is not done
-    again, and what was interrupted goes on. A cell that fails is told under `failed`, and the others go on.
+    seeds: 0 to seeds - 1; budgets: samples, increasing, at which each is scored; limits: of the samples, for
+    variants that shall end sooner; jobs: cells side by side, each on one core, all cores by default. What is
+    finished is not done again, and what was interrupted goes on. A cell that fails is told under `failed`,
+    and the others go on.
     """
-    engine = resolve(engine)
-    motions = {_name(run): _about(run) for run in runs}
-    if len(motions) < len(runs):
+    engine, limits = resolve(engine), limits or {}
+    motions = {task.name: task.motion for task in tasks}
+    if len(motions) < len(tasks):
         raise KinemimicError(
-            f"expected run folders of different names, found {', '.join(map(_name, runs))}: rename one"
+            "expected run folders of different names, or one in different scenarios, found "
+            f"{', '.join(task.name for task in tasks)}: rename one"
         )
+    at = {
+        name: tuple(budget for budget in budgets if budget <= limits.get(name, budget)) for name in variants
+    }
+    for name, few in at.items():
+        if not few:
+            raise KinemimicError(
+                f"--limit {name}: expected at least the first of the budgets, {budgets[0]:,} samples, found "
+                f"{limits[name]:,}"
+            )
     cells = [
-        Cell(run, motions[_name(run)]["identity"], _name(run), variant, replace(config, seed=seed),
-             tuple(budgets), out, engine, anyway)
+        Cell(task.run, motions[task.name].identity, task.name, variant,
+             replace(task.configured(config), seed=seed), at[variant], out, engine, anyway)
         for seed in range(seeds)
         for variant, config in variants.items()
-        for run in runs
+        for task in tasks
     ]  # fmt: skip
     made = {
-        "schema": STUDY_SCHEMA,
-        "motions": motions,
+        "schema": COMPARE_SCHEMA,
+        "tasks": {task.name: about(task, motions[task.name]) for task in tasks},
         "provenance": provenance(
-            "study",
-            inputs={name: about["identity"] for name, about in motions.items()},
+            "compare",
+            inputs={name: motion.identity for name, motion in motions.items()},
             config={
                 "variants": {name: config.to_json() for name, config in variants.items()},
                 "seeds": seeds,
-                "budgets": list(budgets),
+                "budgets": {name: list(few) for name, few in at.items()},
                 "engine": engine,
             },
         ),
@@ -89,28 +99,6 @@ def study(
         return ledger.write()
 
 
-def _name(run: Path) -> str:
-    return run.resolve().name
-
-
-def _about(run: Path) -> dict[str, Any]:
-    """What the study says of a motion; ceiling: the loop's own R² against the capture, mean of both sides."""
-    motion = motion_from_json(run / MOTION)
-    gait = read_json(run / "gait.json") if (run / "gait.json").exists() else {}
-    loop = gait.get("r2_loop_against_capture") or {}
-    ceiling = {}
-    for joint in JOINTS:
-        both = [loop[name] for side in SIDES if loop.get(name := f"{joint}_{side}") is not None]
-        ceiling[joint] = round(sum(both) / 2, 6) if len(both) == 2 else None
-    return {
-        "identity": motion.identity,
-        "cyclic": motion.cyclic,
-        "seconds": round(motion.duration, 6),
-        "simulated": motion.simulated,
-        "ceiling": ceiling,
-    }
-
-
 @contextmanager
 def _alone(out: Path) -> Iterator[None]:
     """Two studies at once in one folder would train the same cells."""
@@ -120,13 +108,14 @@ def _alone(out: Path) -> Iterator[None]:
             fcntl.flock(stream, fcntl.LOCK_EX | fcntl.LOCK_NB)
         except BlockingIOError:
             raise KinemimicError(
-                f"{out}: expected to be alone here, found another study at work; wait, or name another --out"
+                f"{out}: expected to be alone here, found another comparison at work; wait, or name "
+                "another --out"
             ) from None
         yield
 
 
 class _Ledger:
-    """The cells of a study, and what has become of each so far.
+    """The cells of a comparison, and what has become of each so far.
 
     failed: one line for each cell that went wrong.
     """
@@ -136,7 +125,7 @@ class _Ledger:
         self.cells, self.failed = cells, dict[str, str]()
 
     def finished(self, cell: Cell) -> dict[int, tuple[dict[str, Any], dict[str, Any]]]:
-        """policy.json and scores.json of each finished budget; what another study left here is a failure."""
+        """policy.json and scores.json of each finished budget; another comparison's are a failure."""
         try:
             found = {budget: outcome(cell, budget) for budget in cell.budgets}
         except KinemimicError as error:
@@ -150,10 +139,10 @@ class _Ledger:
         return [cell for cell in left if cell.name not in self.failed]
 
     def write(self) -> dict[str, Any]:
-        """Write study.json and study.csv of what is finished; returns the content of the former."""
+        """Write compare.json and compare.csv of what is finished; returns the content of the former."""
         rows = [
             {
-                "motion": cell.motion,
+                "task": cell.task,
                 "variant": cell.variant,
                 "seed": cell.config.seed,
                 "budget": budget,
@@ -166,7 +155,7 @@ class _Ledger:
         furthest: dict[tuple[str, str], list[dict[str, Any]]] = {}
         for cell in self.cells:
             if found := self.finished(cell):
-                furthest.setdefault((cell.motion, cell.variant), []).append(found[max(found)][0])
+                furthest.setdefault((cell.task, cell.variant), []).append(found[max(found)][0])
         content = {
             **self._made,
             "summary": summary(rows),
@@ -174,8 +163,8 @@ class _Ledger:
             "cells": rows,
             "failed": self.failed,
         }
-        write_text(self._out / "study.csv", table_csv(rows))
-        write_json(self._out / "study.json", content)
+        write_text(self._out / "compare.csv", table_csv(rows))
+        write_json(self._out / "compare.json", content)
         return content
 
 
@@ -185,7 +174,7 @@ class _Watcher:
     def __init__(self, several: Bars, ledger: _Ledger) -> None:
         self._several, self._ledger = several, ledger
         self._running: dict[str, tuple[Bar, float]] = {}
-        self._all = several.add("study", sum(cell.budgets[-1] for cell in ledger.cells))
+        self._all = several.add("compare", sum(cell.budgets[-1] for cell in ledger.cells))
         self._all.advance(sum(max(ledger.finished(cell), default=0) for cell in ledger.cells))
         for name, error in ledger.failed.items():
             several.say(f"{name}: {error}")
@@ -222,62 +211,69 @@ def increasing(value: str) -> tuple[int, ...]:
     return tuple(sorted({samples(one) for one in value.split(",")}))
 
 
-@click.command("study")
-@click.argument(
-    "runs", nargs=-1, required=True, metavar="RUN...", type=click.Path(path_type=Path, file_okay=False)
-)
+def _limit(context: click.Context, parameter: click.Parameter, values: tuple[str, ...]) -> dict[str, int]:
+    pairs = [value.partition("=") for value in values]
+    if wrong := [value for value, (_, sign, _) in zip(values, pairs, strict=True) if not sign]:
+        raise click.BadParameter(f"expected VARIANT=SAMPLES, found {wrong[0]!r}", context, parameter)
+    return {name: samples(text) for name, _, text in pairs}
+
+
+@click.command("compare")
+@click.argument("tasks", nargs=-1, required=True, metavar="RUN[@SCENARIO]...")
 @click.option("--preset", "presets", multiple=True, type=click.Choice(list(PRESETS)),
               help="Repeatable; `default` unless said.")  # fmt: skip
 @click.option("--ablation", "ablated", is_flag=True, help="`default`, and one change each against it.")
 @click.option("--search", "searched", multiple=True, type=click.Choice(list(SEARCH)),
               help="A rival's preset, and what one would try first to better it; repeatable.")  # fmt: skip
-@click.option(
-    "--scenario",
-    "named",
-    metavar="NAME",
-    help="Train all in it, by name or file; they are scored without it.",
-)
 @click.option("--seeds", type=click.IntRange(min=1), default=5, show_default=True, help="How many.")
 @click.option("--budgets", type=increasing, metavar="SAMPLES,…", default="1e6,2e6", show_default=True,
               help="Numbers of samples, each scored on the way to the last.")  # fmt: skip
+@click.option("--limit", "limits", multiple=True, callback=_limit, metavar="VARIANT=SAMPLES",
+              help="End one sooner than the others; repeatable.")  # fmt: skip
 @click.option("--jobs", type=click.IntRange(min=1), help="Trainings side by side; all cores by default.")
-@click.option("--out", type=click.Path(path_type=Path, file_okay=False), default=Path("runs/study"),
+@click.option("--out", type=click.Path(path_type=Path, file_okay=False), default=Path("runs/comparison"),
               show_default=True)  # fmt: skip
 @engine_option
 @click.option("--anyway", is_flag=True, help="Train also on motions that the gate before training refuses.")
-@click.option("--json", "as_json", is_flag=True, help="Print study.json.")
+@click.option("--json", "as_json", is_flag=True, help="Print compare.json.")
 def command(
-    runs: tuple[Path, ...],
+    tasks: tuple[str, ...],
     presets: tuple[str, ...],
     ablated: bool,
     searched: tuple[str, ...],
-    named: str | None,
     seeds: int,
     budgets: tuple[int, ...],
+    limits: dict[str, int],
     jobs: int | None,
     out: Path,
     engine: str,
     anyway: bool,
     as_json: bool,
 ) -> None:
-    """Train and score each motion with every variant and several seeds; medians over the seeds.
+    """Train and score each task with every variant and several seeds; medians over the seeds.
 
-    RUN: folders that hold a motion.json, as `--run` of the other commands. What is finished in --out is not
-    done again, and an interrupted study goes on.
+    RUN: folders that hold a motion.json, as `--run` of the other commands; with @SCENARIO, by name or file,
+    all train in it, and are scored without it. What is finished in --out is not done again, and an
+    interrupted comparison goes on.
+
+    \b
+      kinemimic compare runs/walk runs/run --seeds 5
+      kinemimic compare runs/walk@several-obstacles --preset default --preset ddpg --limit ddpg=3e5
     """
     chosen = presets or (() if ablated or searched else ("default",))
     variants = {**(ablation() if ablated else {}), **{name: PRESETS[name] for name in chosen}}
     for rival in searched:
         variants |= search(rival)
-    if named is not None:
-        variants = within(variants, read(named))
-    result = study(
-        runs, variants, seeds=seeds, budgets=budgets, out=out, jobs=jobs, engine=engine, anyway=anyway
-    )
+    if strange := limits.keys() - variants.keys():
+        raise KinemimicError(f"--limit: expected one among {', '.join(variants)}, found {min(strange)!r}")
+    result = compare(
+        [Task.parsed(text) for text in tasks], variants, seeds=seeds, budgets=budgets, limits=limits, out=out,
+        jobs=jobs, engine=engine, anyway=anyway,
+    )  # fmt: skip
     if as_json:
         click.echo(json.dumps(result, indent=2))
     else:
         show(*tables(result))
-        click.echo(f"\nstudy: {out / 'study.json'}, {out / 'study.csv'}")
+        click.echo(f"\ncompare: {out / 'compare.json'}, {out / 'compare.csv'}")
     if result["failed"]:
         click.get_current_context().exit(FAILED)
