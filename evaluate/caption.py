@@ -34,12 +34,27 @@ def _survival(motion: Motion, playback: Playback, rollout: int) -> list[str]:
     return [*lines, walked if fallen >= frames else f"{walked}; fell at {(fallen + 1) / CONTROL_RATE:.1f} s"]
 
 
-def caption(motion: Motion, playback: Playback, rollout: int, scores: Mapping[str, Any] | None) -> str:
-    """Markdown on one rollout and, if they are known, the scores (the content of scores.json)."""
+def caption(
+    motion: Motion,
+    playback: Playback,
+    rollout: int,
+    scores: Mapping[str, Any] | None,
+    capture: str | None = None,
+) -> str:
+    """Markdown on one rollout and, if they are known, the scores (the content of scores.json).
+
+    capture: a line on the capture beside it.
+    """
     lines = _survival(motion, playback, rollout)
     if scores is None:
-        return "\n".join([*lines, "", "Not scored yet: there is no scores.json; run `kinemimic evaluate`."])
-    lines += ["", "| | " + " | ".join(JOINTS) + " |", "|---|" + "---|" * len(JOINTS)]
+        lines += ["", "Not scored yet: there is no scores.json; run `kinemimic evaluate`."]
+    else:
+        lines += _scored(scores)
+    return "\n".join(lines if capture is None else [*lines, "", capture])
+
+
+def _scored(scores: Mapping[str, Any]) -> list[str]:
+    lines = ["", "| | " + " | ".join(JOINTS) + " |", "|---|" + "---|" * len(JOINTS)]
     for label, place, form in _ROWS:
         cells = (_shown(scores, place.format(joint), form) for joint in JOINTS)
         lines.append(f"| {label} | " + " | ".join(cells) + " |")
@@ -52,7 +67,7 @@ def caption(motion: Motion, playback: Playback, rollout: int, scores: Mapping[st
         f"- peak torque: {_shown(scores, 'torque.peak', '{:.0f}')} N·m",
         f"- trained on {_shown(scores, 'train.samples', '{:,}')} samples",
     ]
-    return "\n".join(lines)
+    return lines
 
 
 def _shown(scores: Any, place: str, form: str = "{}") -> str:

@@ -10,13 +10,14 @@ from kinemimic.pipeline.angles import ANGLES
 PLOTTED = (-3.0, 1.0)  # s around the cursor: two or three strides can be read, twenty can not
 
 
-def layout() -> rrb.Blueprint:
-    """The blueprint of view.rrd."""
+def layout(*, capture: bool = False) -> rrb.Blueprint:
+    """The blueprint of view.rrd; capture: whether the captured skeleton is among the figures."""
+    figures = "Simulated (orange), reference (blue)" + (", capture (white)" if capture else "")
     return rrb.Blueprint(
         rrb.Horizontal(
             rrb.Vertical(
-                _scene("overlaid", "Simulated (orange) on its reference (blue)", eye=(1.0, -1.9, 1.1)),
-                _scene("beside", "Side by side: simulated, reference", eye=(0.0, -2.3, 1.0)),
+                _scene("overlaid", figures, eye=(1.0, -1.9, 1.1)),
+                _scene("beside", "Side by side", eye=(0.0, -2.3, 1.0)),
                 row_shares=[3, 2],
             ),
             rrb.Vertical(
@@ -25,6 +26,7 @@ def layout() -> rrb.Blueprint:
                     rrb.TextDocumentView(origin="scores", name="Scores"),
                     rrb.TimeSeriesView(origin="reward", name="Reward terms"),
                     rrb.TimeSeriesView(origin="torque", name="Peak torque, N·m"),
+                    rrb.TimeSeriesView(origin="ground", name="Ground reaction, N"),
                 ),
                 row_shares=[3, 2],
             ),

@@ -1,6 +1,6 @@
-"""What a playback looks like: figures, ground, curves and scores as entities of a rerun recording.
+"""What a playback looks like: figures, ground and curves as entities of a rerun recording.
 
-Two scenes hold the same figures: `overlaid` puts the simulated one on its reference, `beside` apart from it.
+Two scenes hold the same figures: `overlaid` puts all on the reference, `beside` one ahead of the other.
 Each has a `walker` that glides along with the simulated figure, for a view to take its place.
 """
 
@@ -8,7 +8,6 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 import rerun as rr
@@ -17,23 +16,21 @@ from numpy.typing import NDArray
 from kinemimic.pipeline.angles import ANGLES
 from kinemimic.pipeline.clip import forward_kinematics
 from kinemimic.pipeline.skeleton import BONES, NODE_INDEX, NODES, node_skeleton
-from kinemimic.retarget.body import BODIES, BODY_NODES
+from kinemimic.retarget.body import BODIES, BODY_INDEX, BODY_NODES
 from kinemimic.retarget.motion import joint_angles
 from kinemimic.train.playback import Playback
-from kinemimic.train.world import CONTROL_RATE, Obstacle
+from kinemimic.train.world import CONTROL_RATE
 
 Array = NDArray[np.float64]
 
 TIMELINE = "time"
 SCENES = ("overlaid", "beside")
-APART = 0.55  # m that either figure walks ahead of or behind the middle of `beside`
-REFERENCE, SIMULATED = 1, 2  # class ids
-COLORS = {REFERENCE: (120, 190, 255), SIMULATED: (255, 150, 50)}
-NAMES = {REFERENCE: "reference", SIMULATED: "simulated"}
+APART = 1.1  # m from one figure of `beside` to the next
+REFERENCE, SIMULATED, CAPTURED = 1, 2, 3  # class ids
+COLORS = {REFERENCE: (120, 190, 255), SIMULATED: (255, 150, 50), CAPTURED: (170, 170, 170)}
+NAMES = {REFERENCE: "reference", SIMULATED: "simulated", CAPTURED: "captured"}
 GROUND_COLOR = (90, 90, 90)
-OBSTACLE_COLOR = (150, 110, 80)
-LOAD_COLOR, CONTACT_COLOR = (255, 60, 60), (90, 220, 120)
-LOAD_SCALE, CONTACT_SCALE = 100.0, 1000.0  # N to a metre of arrow
+FEET = ("left", "right")
 GLIDE = 30  # frames over which the walker's path is averaged, so that a view does not sway with the hips
 
 
@@ -44,22 +41,6 @@ class Figure:
     kind: int
     positions: Array
     rotations: Array
-
-
-@dataclass(frozen=True)
-class Props:
-    """What was about the simulated figure in F frames.
-
-    obstacles: K of them; states: (F, K, 13) as in `World.obstacles`, NaN before one appears;
-    loads: (F, 15, 6) force and torque on each body, N and N·m; contacts: (F, 15, 3) force of all contacts on
-    each body, N; bodies: (F, 15, 3) where the bodies are, m.
-    """
-
-    obstacles: Sequence[Obstacle]
-    states: Array
-    loads: Array
-    contacts: Array
-    bodies: Array
 
 
 def figures(playback: Playback, rollout: int, offsets: Array) -> tuple[Figure, Figure]:
@@ -77,9 +58,9 @@ def figures(playback: Playback, rollout: int, offsets: Array) -> tuple[Figure, F
 
 
 def log_scenes(stream: rr.RecordingStream, reference: Figure, simulated: Figure) -> None:
-    """Both scenes: skeletons, bodies of the simulated figure, ground, walker."""
+    """Both scenes: skeletons, bodies, ground, walker."""
     stream.log("/", rr.ViewCoordinates.RIGHT_HAND_Z_UP, _classes(), static=True)
-    times = timeline(len(simulated.positions))
+    times = moments(clock(len(simulated.positions)))
     ground = _grid(np.concatenate([reference.positions[:, 0], simulated.positions[:, 0]]))
     path = _glide(simulated.positions[:, 0, :2])
     for scene in SCENES:
@@ -87,60 +68,27 @@ def log_scenes(stream: rr.RecordingStream, reference: Figure, simulated: Figure)
         walker = rr.Transform3D.columns(translation=np.column_stack([path, np.zeros(len(path))]))
         stream.send_columns(f"{scene}/walker", times, walker)
         for figure in (reference, simulated):
-            place = f"{scene}/{NAMES[figure.kind]}"
-            if scene == "beside":
-                ahead = APART if figure.kind == REFERENCE else -APART
-                stream.log(place, rr.Transform3D(translation=(ahead, 0.0, 0.0)), static=True)
+            place = place_of(scene, figure.kind)
             _log_skeleton(stream, f"{place}/skeleton", times, figure)
             if scene == "beside" or figure.kind == SIMULATED:
                 _log_bodies(stream, f"{place}/bodies", times, figure, solid=scene == "beside")
 
 
-def log_props(stream: rr.RecordingStream, props: Props) -> None:
-    """In both scenes the obstacles, from when they appear, and the forces on the simulated figure."""
-    times = timeline(len(props.loads))
-    for scene in SCENES:
-        place = f"{scene}/{NAMES[SIMULATED]}"
-        for k, item in enumerate(props.obstacles):
-            there = np.isfinite(props.states[:, k, 0])
-            if not there.any():
-                continue
-            first = int(np.argmax(there))
-            moments = timeline(len(there), first)
-            # It has no shape before it appears, and so is not seen.
-            stream.send_columns(f"{place}/obstacles/{k + 1}", timeline(first + 1, first), _look(item))
-            poses = rr.Transform3D.columns(
-                translation=props.states[first:, k, :3].astype(np.float32),
-                quaternion=props.states[first:, k, 3:7].astype(np.float32),
-            )
-            stream.send_columns(f"{place}/obstacles/{k + 1}", moments, poses)
-        for name, forces, scale, color in (
-            ("loads", props.loads[..., :3], LOAD_SCALE, LOAD_COLOR),
-            ("contacts", props.contacts, CONTACT_SCALE, CONTACT_COLOR),
-        ):
-            stream.log(f"{place}/{name}", rr.Arrows3D.from_fields(colors=[color], radii=[0.012]), static=True)
-            arrows = rr.Arrows3D.columns(
-                origins=props.bodies.reshape(-1, 3).astype(np.float32),
-                vectors=(forces / scale).reshape(-1, 3).astype(np.float32),
-            )
-            stream.send_columns(f"{place}/{name}", times, arrows.partition([len(BODIES)] * len(props.loads)))
+def place_of(scene: str, kind: int) -> str:
+    """The entity that holds all of a figure."""
+    return f"{scene}/{NAMES[kind]}"
 
 
-def _look(item: Obstacle) -> Iterable[Any]:
-    """Columns of one moment: the shape of an obstacle."""
-    half = [[0.5 * side for side in item.size]]
-    color, solid = [OBSTACLE_COLOR], [rr.components.FillMode.Solid]
-    if item.shape == "box":
-        return rr.Boxes3D.columns(half_sizes=half, colors=color, fill_mode=solid)
-    if item.shape == "sphere":
-        return rr.Ellipsoids3D.columns(half_sizes=half, colors=color, fill_mode=solid)
-    radius = [0.5 * item.size[0]]
-    return rr.Cylinders3D.columns(lengths=[item.size[2]], radii=radius, colors=color, fill_mode=solid)
+def set_apart(stream: rr.RecordingStream, kinds: Sequence[int]) -> None:
+    """In `beside`, the figures of these kinds one ahead of the other, the first behind."""
+    for k, kind in enumerate(kinds):
+        ahead = APART * (k - 0.5 * (len(kinds) - 1))
+        stream.log(place_of("beside", kind), rr.Transform3D(translation=(ahead, 0.0, 0.0)), static=True)
 
 
 def log_curves(stream: rr.RecordingStream, playback: Playback, rollout: int) -> None:
-    """Knee and hip flexion in degrees, reward terms, torques in N·m."""
-    times = timeline(playback.root.shape[1])
+    """Knee and hip flexion in degrees, reward terms, torques in N·m, the ground's push on each foot in N."""
+    times = moments(clock(playback.root.shape[1]))
     for kind, rotations in (
         (REFERENCE, playback.reference_rotations[rollout]),
         (SIMULATED, playback.rotations[rollout]),
@@ -156,15 +104,20 @@ def log_curves(stream: rr.RecordingStream, playback: Playback, rollout: int) -> 
     for k, body in enumerate(BODIES[1:]):
         line = rr.SeriesLines(names=body.name)
         _log_series(stream, f"torque/{body.name}", times, playback.torques[rollout, :, k], line)
+    for side in FEET:
+        up = playback.contact_forces[rollout, :, BODY_INDEX[f"foot_{side}"], 2]
+        _log_series(stream, f"ground/{side}", times, up, rr.SeriesLines(names=side))
 
 
-def timeline(frames: int, first: int = 0) -> list[rr.TimeColumn]:
-    """Of frames first … frames - 1. Frame f of a playback is the state after f + 1 control steps."""
-    steps = np.arange(first + 1, frames + 1)
-    return [
-        rr.TimeColumn(TIMELINE, duration=steps / CONTROL_RATE),
-        rr.TimeColumn("frame", sequence=steps - 1),
-    ]
+def clock(frames: int) -> Array:
+    """Seconds (F,) of frames of a playback: frame f is the state after f + 1 control steps."""
+    return np.arange(1, frames + 1) / CONTROL_RATE
+
+
+def moments(seconds: Array) -> list[rr.TimeColumn]:
+    """Both timelines at seconds (N,) of the recording: a moment between two frames belongs to the first."""
+    frame = np.floor(seconds * CONTROL_RATE + 1e-6).astype(np.int64) - 1
+    return [rr.TimeColumn(TIMELINE, duration=seconds), rr.TimeColumn("frame", sequence=frame)]
 
 
 def _classes() -> rr.AnnotationContext:
@@ -180,7 +133,7 @@ def _classes() -> rr.AnnotationContext:
                 ],
                 keypoint_connections=bones,
             )
-            for kind in (REFERENCE, SIMULATED)
+            for kind in NAMES
         ]
     )
 

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 
 from kinemimic.evaluate.scenario_trials import start, steps_of
-from kinemimic.evaluate.scene import Props
+from kinemimic.evaluate.surroundings import Props
 from kinemimic.retarget.body import BODIES
 from kinemimic.retarget.motion import Motion
 from kinemimic.train.config import TrainConfig
@@ -38,19 +38,15 @@ def staged(
     batch = ImitationBatch(open_world(1, engine, measure_torques=True), reference, task)
     batch.reset(np.array([0]), np.array([phase]), seeds=np.array([own], dtype=np.uint64))
     course = draw_course(scenario, reference, phase, np.random.default_rng(own))
-    bodies = len(BODIES)
     states = np.full((steps, len(course.releases), 13), np.nan)
-    loads = np.zeros((steps, bodies, 6))
-    contacts, places = np.zeros((2, steps, bodies, 3))
+    loads = np.zeros((steps, len(BODIES), 3))
     frame = iter(range(steps))
 
     def note() -> None:
         at, there = next(frame), batch.world.obstacles(0)
         states[at, : len(there)] = there
-        loads[at] = 0.0 if batch.wrenches is None else batch.wrenches[0]
-        contacts[at] = batch.world.contact_forces()[0]
-        places[at] = batch.bodies.positions[0]
+        loads[at] = 0.0 if batch.wrenches is None else batch.wrenches[0, :, :3]
 
     played = watched(batch, policy, phase, steps, note)
     batch.world.close()
-    return played, Props([item for _, item in course.releases], states, loads, contacts, places)
+    return played, Props([item for _, item in course.releases], states, loads)

@@ -1,4 +1,4 @@
-"""`kinemimic view`: playback.npz, motion.json and scores.json in, a rerun recording out."""
+"""`kinemimic view`: playback, motion, scores and capture of a run in, a rerun recording out."""
 
 from __future__ import annotations
 
@@ -11,32 +11,51 @@ import click
 import rerun as rr
 
 from kinemimic.evaluate.caption import caption, caption_of_trial
+from kinemimic.evaluate.captured_figure import Captured, captured, log_captured
 from kinemimic.evaluate.layout import layout
-from kinemimic.evaluate.scene import TIMELINE, Props, figures, log_curves, log_props, log_scenes
+from kinemimic.evaluate.scene import (
+    CAPTURED,
+    REFERENCE,
+    SIMULATED,
+    TIMELINE,
+    Figure,
+    clock,
+    figures,
+    log_curves,
+    log_scenes,
+    set_apart,
+)
 from kinemimic.evaluate.shipped import run_options
 from kinemimic.evaluate.staged import staged
+from kinemimic.evaluate.surroundings import Props, log_contacts, log_props
 from kinemimic.pipeline.store import atomic, content_hash, read_json
 from kinemimic.retarget.export_json import motion_from_json
-from kinemimic.retarget.motion import Motion
 from kinemimic.train.config import TrainConfig
 from kinemimic.train.playback import Playback
 from kinemimic.train.policy import learnt
 from kinemimic.train.scenario import Scenario
 from kinemimic.train.scenario_file import scenario as read
+from kinemimic.train.world import CONTROL_RATE
 
 ROLLOUT = 0  # the one that began at the start of the reference
+FILE = click.Path(path_type=Path, dir_okay=False)
 
 
 def view(run: Path) -> Path:
     """Write view.rrd into the run folder and return its path.
 
-    Reads motion.json and playback.npz, and scores.json if it is there. The file brings its own layout;
-    nothing is served or sent.
+    Reads motion.json and playback.npz, and if they are there scores.json, and raw.parquet with
+    capture.parquet: the capture. The file brings its own layout; nothing is served or sent.
     """
     motion = motion_from_json(run / "motion.json")
     playback = Playback.load(run / "playback.npz")
     scores = read_json(run / "scores.json") if (run / "scores.json").exists() else None
-    return _write(run / "view.rrd", motion, playback, caption(motion, playback, ROLLOUT, scores))
+    pair, phases = figures(playback, ROLLOUT, motion.offsets), playback.phases[ROLLOUT]
+    shown = captured(run, phases, clock(len(phases)), pair[0], cyclic=motion.cyclic)
+    told = caption(motion, playback, ROLLOUT, scores, None if shown is None else shown.told())
+    path = run / "view.rrd"
+    write_recording(path, playback, pair, told, shown=shown)
+    return path
 
 
 def view_trial(
@@ -50,23 +69,40 @@ def view_trial(
     config = TrainConfig.from_json(record["config"])
     playback, props = staged(motion, policy, config, scenario, number=number, seed=seed, engine=engine)
     told = caption_of_trial(motion, playback, scenario, number)
-    return _write(run / f"view-{scenario.name}.rrd", motion, playback, told, props)
+    path = run / f"view-{scenario.name}.rrd"
+    write_recording(path, playback, figures(playback, ROLLOUT, motion.offsets), told, props=props)
+    return path
 
 
-def _write(path: Path, motion: Motion, playback: Playback, told: str, props: Props | None = None) -> Path:
+def write_recording(
+    path: Path,
+    playback: Playback,
+    pair: tuple[Figure, Figure],
+    told: str,
+    *,
+    props: Props | None = None,
+    shown: Captured | None = None,
+) -> None:
+    """A playback's first rollout as a rerun recording, atomically.
+
+    pair: its `figures`; told: Markdown beside them.
+    """
     # A viewer merges recordings of one id: it has to differ between runs, and only between runs.
     identity = content_hash({"root": playback.root[ROLLOUT], "rotations": playback.rotations[ROLLOUT]})[:32]
     stream = rr.RecordingStream("kinemimic", recording_id=identity, send_properties=False)
     with atomic(path) as temporary:
-        stream.save(temporary, default_blueprint=layout())
-        log_scenes(stream, *figures(playback, ROLLOUT, motion.offsets))
+        stream.save(temporary, default_blueprint=layout(capture=shown is not None))
+        log_scenes(stream, *pair)
+        log_contacts(stream, pair[1], playback.contact_forces[ROLLOUT])
         if props is not None:
-            log_props(stream, props)
+            log_props(stream, pair[1], props)
+        if shown is not None:
+            log_captured(stream, shown)
+        set_apart(stream, (SIMULATED, REFERENCE) if shown is None else (SIMULATED, REFERENCE, CAPTURED))
         log_curves(stream, playback, ROLLOUT)
         text = rr.TextDocument(told, media_type=rr.MediaType.MARKDOWN)
         stream.log("scores", text, static=True)
         stream.disconnect()
-    return path
 
 
 def how_to_open(recording: Path) -> str:
@@ -77,39 +113,53 @@ def how_to_open(recording: Path) -> str:
 
 @click.command("view")
 @run_options(performed=True)
+@click.option("--screenshot", "picture", type=FILE, help="Also draw the recording as PNG (*).")
 @click.option(
-    "--screenshot",
-    "picture",
-    type=click.Path(path_type=Path, dir_okay=False),
-    help="Also draw the recording as PNG; needs no screen, but a Vulkan driver.",
+    "--at", type=click.FloatRange(min=0), default=4.0, show_default=True, help="The screenshot's time, s."
 )
+@click.option("--video", "movie", type=FILE, help="Also film the recording, as .mp4 or .avi (*).")
 @click.option(
-    "--at", "seconds", type=click.FloatRange(min=0), default=4.0, show_default=True, help="Its time, s."
+    "--seconds", type=click.FloatRange(min=0.1), default=10.0, show_default=True, help="Of the video."
 )
 @click.option("--scenario", "named", metavar="NAME", help="A trial of it into view-NAME.rrd.")
 @click.option("--trial", "number", type=click.IntRange(min=0), default=0, show_default=True, help="Which.")
 @click.option("--seed", type=click.IntRange(min=0), default=0, show_default=True, help="Of the trials.")
 @click.option("--json", "as_json", is_flag=True, help="Print the paths as JSON.")
 def command(
-    run: Path, picture: Path | None, seconds: float, named: str | None, number: int, seed: int, as_json: bool
+    run: Path,
+    picture: Path | None,
+    at: float,
+    movie: Path | None,
+    seconds: float,
+    named: str | None,
+    number: int,
+    seed: int,
+    as_json: bool,
 ) -> None:
-    """Reference against simulated figure, curves and scores, as a rerun recording.
+    """Reference, simulated figure and capture, curves and scores, as a rerun recording.
 
-    A policy that ships performs first, where it has not yet. With --scenario: what `disturb` counts, with
-    obstacles, loads (red, 100 N to a metre) and contact forces (green, 1000 N to a metre).
+    A policy that ships performs first, where it has not yet. Green arrows: what the ground and obstacles push
+    with, 1000 N to a metre. With --scenario: what `disturb` counts, with obstacles and loads (red arrows,
+    100 N to a metre). White joints: the capture as it was read, pink where the sensor guessed.
+
+    (*) Needs no screen, but a Vulkan driver.
     """
     if named is None and (number or seed):
         raise click.UsageError("--trial and --seed are of a --scenario")
     recording = view(run) if named is None else view_trial(run, read(named), number=number, seed=seed)
+    # The viewer's client and OpenCV are loaded for these only.
     if picture is not None:
-        # The viewer's client is loaded for this only.
         from kinemimic.evaluate.screenshot import screenshot  # noqa: PLC0415
 
-        screenshot(recording, picture, timeline=TIMELINE, seconds=seconds)
+        screenshot(recording, picture, timeline=TIMELINE, seconds=at)
+    if movie is not None:
+        from kinemimic.evaluate.film import film  # noqa: PLC0415
+
+        film(recording, movie, timeline=TIMELINE, rate=CONTROL_RATE, frames=round(seconds * CONTROL_RATE))
+    made = {"recording": recording, "screenshot": picture, "video": movie}
     if as_json:
-        paths = {"recording": recording.as_posix(), "screenshot": picture.as_posix() if picture else None}
-        click.echo(json.dumps(paths))
+        click.echo(json.dumps({name: path and path.as_posix() for name, path in made.items()}))
     else:
         click.echo(f"{recording} ({how_to_open(recording)})")
-        if picture is not None:
-            click.echo(str(picture))
+        for path in filter(None, (picture, movie)):
+            click.echo(str(path))

@@ -82,7 +82,8 @@ def watched(
     reference = batch.reference
     observation = batch.observe()
     rows: dict[str, list[NDArray[Any]]] = {
-        name: [] for name in ("phases", "root", "rotations", "rewards", "torques", "contacts")
+        name: []
+        for name in ("phases", "root", "rotations", "rewards", "torques", "contacts", "contact_forces")
     }
     fallen_at = frames
     for frame in range(frames):
@@ -99,6 +100,7 @@ def watched(
         rows["rewards"].append(batch.terms())
         rows["torques"].append(batch.world.peak_torques().copy())
         rows["contacts"].append(batch.world.contacts())
+        rows["contact_forces"].append(batch.world.contact_forces())
         if each is not None:
             each()
     stacked = {name: np.stack(values, axis=1) for name, values in rows.items()}
@@ -114,6 +116,7 @@ def watched(
         rewards=stacked["rewards"],
         torques=stacked["torques"],
         contacts=stacked["contacts"].astype(np.bool_),
+        contact_forces=stacked["contact_forces"],
     )
 
 

@@ -26,7 +26,8 @@ class Playback:
     rewards: (S, F, K) terms in the sequence of reward_names (K,); they are counted after a fall too;
     fallen_at: (S,) first frame of a fall, F if there was none: the rollout goes on regardless;
     torques: (S, F, 14) largest torque of each joint within the control step, N·m;
-    contacts: (S, F, 2) left, right foot on the ground.
+    contacts: (S, F, 2) left, right foot on the ground;
+    contact_forces: (S, F, 15, 3) force of all contacts on each body in the last physics step, N.
     """
 
     start_phases: Array
@@ -40,6 +41,7 @@ class Playback:
     fallen_at: NDArray[np.int64]
     torques: Array
     contacts: NDArray[np.bool_]
+    contact_forces: Array
 
     def save(self, path: Path) -> None:
         """Write as .npz, atomically."""
@@ -59,5 +61,6 @@ class Playback:
         except (KeyError, ValueError, OSError, EOFError, zipfile.BadZipFile, zlib.error):
             # numpy's own words advise to unpickle what it cannot read.
             raise KinemimicError(
-                f"{path}: expected a playback, found a damaged or another file; run `evaluate` again"
+                f"{path}: expected a playback, found a damaged or another file, or an earlier version's; "
+                "run `evaluate` again"
             ) from None

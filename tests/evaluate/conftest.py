@@ -84,6 +84,7 @@ def performance() -> Callable[..., Playback]:
             fallen_at=np.full(rollouts, frames),
             torques=np.full((rollouts, frames, 14), 5.0),
             contacts=np.zeros((rollouts, frames, 2), dtype=bool),
+            contact_forces=np.zeros((rollouts, frames, 15, 3)),
         )
         if fall is None:
             return played

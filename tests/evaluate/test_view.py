@@ -22,10 +22,11 @@ from kinemimic.evaluate.scene import figures
 from kinemimic.evaluate.view import command, how_to_open, view, view_trial
 from kinemimic.pipeline.cli import main
 from kinemimic.pipeline.errors import KinemimicError
+from kinemimic.pipeline.rotations import rotate
 from kinemimic.pipeline.skeleton import NODE_INDEX, NODES
 from kinemimic.retarget.body import BODIES, BODY_INDEX, TOTAL_MASS
 from kinemimic.retarget.export_json import motion_to_json
-from kinemimic.retarget.motion import Motion
+from kinemimic.retarget.motion import Motion, joint_angles
 from kinemimic.train.playback import Playback
 from kinemimic.train.scenario import Load, Placement, Range, Scenario
 
@@ -49,10 +50,10 @@ def run(tmp_path_factory: pytest.TempPathFactory, walk: Motion, performance: Cal
     return folder
 
 
-def columns(run: Path) -> dict[str, dict[str, Any]]:
+def columns(recording: Path) -> dict[str, dict[str, Any]]:
     """Column of each component, by entity and by the component's name; times under "time"."""
     found: dict[str, dict[str, Any]] = {}
-    for chunk in RrdReader(run / "view.rrd").store().stream():
+    for chunk in RrdReader(recording).store().stream():
         batch = chunk.to_record_batch()
         found.setdefault(str(chunk.entity_path), {}).update(
             zip(batch.schema.names, batch.columns, strict=True)
@@ -60,8 +61,14 @@ def columns(run: Path) -> dict[str, dict[str, Any]]:
     return found
 
 
+def arrows(found: dict[str, dict[str, Any]], name: str, part: str = "vectors") -> list[np.ndarray]:
+    """Of every frame those on the simulated figure, (N, 3)."""
+    rows = found[f"/overlaid/simulated/{name}"][f"Arrows3D:{part}"].to_pylist()
+    return [np.reshape(row, (-1, 3)) for row in rows]
+
+
 def test_both_figures_are_drawn_where_they_were(run: Path, walk: Motion) -> None:
-    entities = columns(run)
+    entities = columns(run / "view.rrd")
     reference, simulated = figures(Playback.load(run / "playback.npz"), 0, walk.offsets)
     for scene in ("overlaid", "beside"):
         for figure, name in ((reference, "reference"), (simulated, "simulated")):
@@ -74,8 +81,40 @@ def test_both_figures_are_drawn_where_they_were(run: Path, walk: Motion) -> None
     np.testing.assert_allclose(times * 1e-9, (np.arange(FRAMES) + 1) / 30, atol=1e-8)
 
 
+def test_drawn_joints_hold_the_angles_that_are_scored(run: Path) -> None:
+    """A knee is bent by what thigh and shank are out of line, whoever computes it."""
+    drawn = np.array(
+        columns(run / "view.rrd")["/overlaid/simulated/skeleton"]["Points3D:positions"].to_pylist()
+    )
+    scored = joint_angles(Playback.load(run / "playback.npz").rotations[0])
+    for side in ("left", "right"):
+        hip, knee, ankle = (drawn[:, NODE_INDEX[f"{joint}_{side}"]] for joint in ("hip", "knee", "ankle"))
+        thigh, shank = knee - hip, ankle - knee
+        cosine = (thigh * shank).sum(axis=1) / np.linalg.norm(thigh, axis=1) / np.linalg.norm(shank, axis=1)
+        np.testing.assert_allclose(np.arccos(cosine), scored[f"knee_{side}"], atol=1e-4)
+
+
+def test_what_pushes_a_foot_is_an_arrow_from_it_and_a_curve(
+    tmp_path: Path, walk: Motion, performance: Callable[..., Playback]
+) -> None:
+    played = performance(1, 5)
+    foot = BODY_INDEX["foot_left"]
+    played.contact_forces[0, 2, foot] = [30.0, 0.0, 400.0]
+    found = columns(view(fill(tmp_path, walk, played)))
+    pushes = arrows(found, "contacts")
+    assert [len(row) for row in pushes] == [0, 0, 1, 0, 0]
+    np.testing.assert_allclose(pushes[2], [[0.03, 0.0, 0.4]], atol=1e-6)
+    _, simulated = figures(played, 0, walk.offsets)
+    ankle = NODE_INDEX["ankle_left"]
+    turn = simulated.rotations[2, ankle]
+    middle = simulated.positions[2, ankle] + rotate(turn, np.array(BODIES[foot].center))
+    np.testing.assert_allclose(arrows(found, "contacts", "origins")[2], [middle], atol=1e-6)
+    curve = np.ravel(found["/ground/left"]["Scalars:scalars"].to_pylist())
+    np.testing.assert_allclose(curve, [0.0, 0.0, 400.0, 0.0, 0.0])
+
+
 def test_fifteen_bodies_hang_from_their_nodes(run: Path, walk: Motion) -> None:
-    entities = columns(run)
+    entities = columns(run / "view.rrd")
     _, simulated = figures(Playback.load(run / "playback.npz"), 0, walk.offsets)
     for scene in ("overlaid", "beside"):
         for body in BODIES:
@@ -92,7 +131,7 @@ def test_fifteen_bodies_hang_from_their_nodes(run: Path, walk: Motion) -> None:
 def test_curves_are_in_degrees_from_the_first_rollout(
     run: Path, curve: Callable[[str, np.ndarray], np.ndarray]
 ) -> None:
-    entities = columns(run)
+    entities = columns(run / "view.rrd")
     phase = Playback.load(run / "playback.npz").phases[0]
     for name in ("knee_left", "knee_right", "hip_left", "hip_right"):
         for kind, offset in (("reference", 0.0), ("simulated", 0.1 if name.startswith("knee") else 0.0)):
@@ -103,13 +142,13 @@ def test_curves_are_in_degrees_from_the_first_rollout(
 
 
 def test_a_view_that_goes_along_keeps_the_walker_in_sight(run: Path) -> None:
-    walker = columns(run)["/overlaid/walker"]["Transform3D:translation"].to_pylist()
+    walker = columns(run / "view.rrd")["/overlaid/walker"]["Transform3D:translation"].to_pylist()
     gap = np.array(walker).reshape(FRAMES, 3)[:, :2] - Playback.load(run / "playback.npz").root[0, :, :2]
     np.testing.assert_allclose(gap, 0.0, atol=1e-6)  # the made-up walk goes straight on at a constant speed
 
 
 def test_a_simulated_capture_is_labelled_and_scores_are_shown(run: Path) -> None:
-    (text,) = columns(run)["/scores"]["TextDocument:text"].to_pylist()[0]
+    (text,) = columns(run / "view.rrd")["/scores"]["TextDocument:text"].to_pylist()[0]
     assert "Simulated capture (virtual Kinect)" in text
     assert "**90 of 90 frames** without a fall" in text
     assert "| R² | 0.961 | – |" in text
@@ -119,7 +158,7 @@ def test_a_fall_is_told_and_a_real_capture_is_not_labelled(
     tmp_path: Path, walk: Motion, performance: Callable[..., Playback]
 ) -> None:
     view(fill(tmp_path, replace(walk, provenance={}), performance(1, FRAMES, fall=59)))
-    (text,) = columns(tmp_path)["/scores"]["TextDocument:text"].to_pylist()[0]
+    (text,) = columns(tmp_path / "view.rrd")["/scores"]["TextDocument:text"].to_pylist()[0]
     assert "imulated capture" not in text
     assert "**59 of 90 frames** without a fall; fell at 2.0 s" in text
     assert "Not scored yet" in text
@@ -161,22 +200,23 @@ def test_command_prints_the_path_and_how_to_open_it(run: Path) -> None:
     assert told.exit_code == 0
     assert told.output.strip() == f"{run}/view.rrd ({how_to_open(run / 'view.rrd')})"
     told = CliRunner().invoke(command, ["--run", str(run), "--json"])
-    assert json.loads(told.output) == {"recording": f"{run}/view.rrd", "screenshot": None}
+    assert json.loads(told.output) == {"recording": f"{run}/view.rrd", "screenshot": None, "video": None}
 
 
-def test_a_screenshot_without_a_driver_is_one_clear_line(
-    run: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+@pytest.mark.parametrize("option", ["--screenshot", "--video"])
+def test_a_picture_without_a_driver_is_one_clear_line(
+    run: Path, option: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.setenv("WGPU_BACKEND", "vulkan")
     for name in ("VK_ICD_FILENAMES", "VK_DRIVER_FILES"):
         monkeypatch.setenv(name, "/nonexistent")
-    picture = run.parent / "view.png"
+    picture = run.parent / {"--screenshot": "view.png", "--video": "view.mp4"}[option]
     with pytest.raises(SystemExit) as left:
-        main(["view", "--run", str(run), "--screenshot", str(picture)])
+        main(["view", "--run", str(run), option, str(picture)])
     assert left.value.code == 2
     (line,) = capsys.readouterr().err.strip().splitlines()
     assert "needs a Vulkan driver" in line
-    assert not picture.exists()
+    assert [path.name for path in run.parent.iterdir()] == [run.name]
 
 
 def test_the_command_to_open_it_exists(tmp_path):
@@ -194,24 +234,16 @@ def test_a_trial_is_drawn_with_obstacles_from_when_they_appear_and_loads(
     scenario = Scenario("yard", "A yard.", seconds=0.5, loads=(pull,), obstacles=(ball, pole))
     path = view_trial(tmp_path, scenario)
     assert path.name == "view-yard.rrd"
-    found: dict[str, dict[str, Any]] = {}
-    for chunk in RrdReader(path).store().stream():
-        batch = chunk.to_record_batch()
-        rows = dict(zip(batch.schema.names, batch.columns, strict=True))
-        found.setdefault(str(chunk.entity_path), {}).update(rows)
-    place = "/overlaid/simulated"
+    found, place = columns(path), "/overlaid/simulated"
     standing, flying = (found[f"{place}/obstacles/{k}"] for k in (1, 2))
     assert [len(one["Transform3D:translation"]) for one in (standing, flying)] == [15, 9]
     np.testing.assert_allclose(standing["Transform3D:translation"][0].as_py()[0], [1.0, -0.5, 0.5], atol=1e-6)
     assert standing["Cylinders3D:lengths"][0].as_py() == [1.0]
     assert flying["Ellipsoids3D:half_sizes"][0].as_py() == [[pytest.approx(0.1)] * 3]
-    arrows = np.array([row.as_py() for row in found[f"{place}/loads"]["Arrows3D:vectors"]])
-    pulled = np.flatnonzero(arrows.any(axis=(1, 2)))
-    assert pulled.tolist() == [3, 4, 5]
-    np.testing.assert_allclose(arrows[4, BODY_INDEX["torso"]], [0.5, 0.0, 0.0], atol=1e-6)
+    loads = arrows(found, "loads")
+    assert [len(row) for row in loads] == [1 if frame in (3, 4, 5) else 0 for frame in range(15)]
+    np.testing.assert_allclose(loads[4], [[0.5, 0.0, 0.0]], atol=1e-6)
     text = found["/scores"]["TextDocument:text"][0].as_py()[0]
     assert "Scenario **yard**, trial 0: A yard." in text
-    weight = np.array([row.as_py() for row in found[f"{place}/contacts"]["Arrows3D:vectors"]])[..., 2].sum(
-        axis=1
-    )
-    assert weight.mean() == pytest.approx(TOTAL_MASS * 9.81 / 1000.0, rel=0.3)
+    weight = np.mean([row[:, 2].sum() for row in arrows(found, "contacts")])
+    assert weight == pytest.approx(TOTAL_MASS * 9.81 / 1000.0, rel=0.3)

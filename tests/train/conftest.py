@@ -92,6 +92,9 @@ class Puppets:
     def contacts(self) -> np.ndarray:
         return np.zeros((self.size, 2), dtype=bool)
 
+    def contact_forces(self) -> np.ndarray:
+        return np.zeros((self.size, 15, 3))
+
     def peak_torques(self) -> np.ndarray:
         return np.zeros((self.size, 14))
 

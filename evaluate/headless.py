@@ -1,0 +1,106 @@
+"""The rerun viewer without a screen: what it draws of a recording, at any time of it."""
+
+from __future__ import annotations
+
+import os
+import signal
+import socket
+import subprocess
+import sys
+import tempfile
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import TypeVar
+
+from rerun.experimental import ViewerClient
+
+from kinemimic.pipeline.errors import KinemimicError
+
+PATIENCE = 60.0  # s: a software renderer on a busy machine is slow to start
+SETTLING = 5.0  # s: until the views have their data and the viewer's greeting has faded
+
+Draw = Callable[[float], bytes]
+T = TypeVar("T")
+
+
+@contextmanager
+def drawing(recording: Path, *, timeline: str, size: tuple[int, int]) -> Iterator[Draw]:
+    """A function that draws the recording at seconds of its timeline, as PNG of (width, height) pixels.
+
+    Needs a Vulkan driver; a software one will do (Debian: `libvulkan1 mesa-vulkan-drivers`). The viewer that
+    draws listens on the loopback interface until the block ends, and sends no usage data.
+    """
+    with _viewer(size) as (client, process):
+
+        def opened() -> bool:
+            client.open(str(recording.resolve()))
+            state = client.get_state()
+            return bool(state.recordings) and not state.loading
+
+        def picture(seconds: float) -> bytes:
+            client.set_time(timeline, duration=seconds, play_state="paused")
+            return client.take_screenshot()
+
+        _patiently(process, opened)
+        _patiently(process, lambda: picture(0.0))
+        time.sleep(SETTLING)
+        yield lambda seconds: _patiently(process, lambda: picture(seconds))
+
+
+@contextmanager
+def _viewer(size: tuple[int, int]) -> Iterator[tuple[ViewerClient, subprocess.Popen[bytes]]]:
+    """A headless viewer. `ViewerClient.spawn` would let it listen on every interface."""
+    with socket.socket() as probe:
+        probe.bind(("127.0.0.1", 0))
+        port = probe.getsockname()[1]
+    window = f"{size[0]}x{size[1]}"
+    options = ["--headless", "--bind", "127.0.0.1", "--port", str(port), "--window-size", window]
+    with tempfile.TemporaryDirectory() as home:
+        # A home of its own: nobody's settings. CI: the viewer collects no usage data there.
+        environment = os.environ | {"XDG_CONFIG_HOME": home, "XDG_DATA_HOME": home, "CI": "true"}
+        # Its own process group: the program is a wrapper, which leaves the viewer behind when it is ended.
+        process = subprocess.Popen(  # noqa: S603 (our own words)
+            [sys.executable, "-m", "rerun_cli", *options], env=environment, start_new_session=True,
+            stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL,
+        )  # fmt: skip
+        try:
+            _patiently(process, lambda: _listens(port))
+            yield ViewerClient.connect(f"rerun+http://127.0.0.1:{port}/proxy"), process
+        except (ConnectionError, RuntimeError) as error:
+            # It listens before it looks for a driver.
+            raise _not_drawn(f"it went away ({error})") from None
+        finally:
+            if process.poll() is None:
+                os.killpg(process.pid, signal.SIGTERM)
+            process.wait()
+
+
+def _listens(port: int) -> bool:
+    with socket.socket() as probe:
+        probe.settimeout(0.2)
+        return probe.connect_ex(("127.0.0.1", port)) == 0
+
+
+def _patiently(process: subprocess.Popen[bytes], ask: Callable[[], T]) -> T:
+    """The first answer that is not empty. A viewer on a busy machine answers later than its client waits."""
+    deadline = time.monotonic() + PATIENCE
+    while True:
+        try:
+            if answer := ask():
+                return answer
+        except TimeoutError:
+            pass
+        if process.poll() is not None:
+            raise _not_drawn(f"it ended with status {process.returncode}")
+        if time.monotonic() > deadline:
+            raise _not_drawn(f"it was not ready within {PATIENCE:.0f} s")
+        time.sleep(0.1)
+
+
+def _not_drawn(found: str) -> KinemimicError:
+    return KinemimicError(
+        f"expected rerun's viewer to draw the recording, but {found}; it needs a Vulkan driver "
+        "(Debian: mesa-vulkan-drivers)"
+    )
