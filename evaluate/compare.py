@@ -15,20 +15,20 @@ import click
 
 from kinemimic.evaluate.compare_cell import Cell, conduct, outcome
 from kinemimic.evaluate.compare_table import curves, figures, summary, table_csv, tables
-from kinemimic.evaluate.compare_task import Task, about
+from kinemimic.evaluate.compare_task import MOTION, Task, about
+from kinemimic.evaluate.comparison import COMPARE_SCHEMA, RESULTS, Comparison
 from kinemimic.evaluate.side_by_side import side_by_side
 from kinemimic.evaluate.variants import SEARCH, ablation, search
 from kinemimic.pipeline.errors import KinemimicError
 from kinemimic.pipeline.inspect.terminal import show
 from kinemimic.pipeline.progress import Bar, Bars, bars
 from kinemimic.pipeline.provenance import provenance
-from kinemimic.pipeline.store import write_json, write_text
+from kinemimic.pipeline.store import copy_file, write_json, write_text
 from kinemimic.train.budget import samples
 from kinemimic.train.config import PRESETS, TrainConfig
 from kinemimic.train.engines import resolve
 from kinemimic.train.options import engine_option
 
-COMPARE_SCHEMA = 1
 FAILED = 1  # exit status where a cell failed
 
 
@@ -89,6 +89,8 @@ def compare(
         ),
     }
     with _alone(out), bars() as several:
+        for task in tasks:
+            copy_file(task.run / MOTION, out / task.name / MOTION)
         ledger = _Ledger(out, cells, made)
         watcher = _Watcher(several, ledger)
         try:
@@ -164,7 +166,7 @@ class _Ledger:
             "failed": self.failed,
         }
         write_text(self._out / "compare.csv", table_csv(rows))
-        write_json(self._out / "compare.json", content)
+        write_json(self._out / RESULTS, content)
         return content
 
 
@@ -235,6 +237,8 @@ def _limit(context: click.Context, parameter: click.Parameter, values: tuple[str
               show_default=True)  # fmt: skip
 @engine_option
 @click.option("--anyway", is_flag=True, help="Train also on motions that the gate before training refuses.")
+@click.option("--publish", "ships", type=click.Path(path_type=Path, file_okay=False),
+              help="Put here what `study` reads: results, of each variant the middle seed.")  # fmt: skip
 @click.option("--json", "as_json", is_flag=True, help="Print compare.json.")
 def command(
     tasks: tuple[str, ...],
@@ -248,6 +252,7 @@ def command(
     out: Path,
     engine: str,
     anyway: bool,
+    ships: Path | None,
     as_json: bool,
 ) -> None:
     """Train and score each task with every variant and several seeds; medians over the seeds.
@@ -270,6 +275,8 @@ def command(
         [Task.parsed(text) for text in tasks], variants, seeds=seeds, budgets=budgets, limits=limits, out=out,
         jobs=jobs, engine=engine, anyway=anyway,
     )  # fmt: skip
+    if ships is not None:
+        Comparison(out, result).publish(ships)
     if as_json:
         click.echo(json.dumps(result, indent=2))
     else:

@@ -4,14 +4,14 @@ from __future__ import annotations
 
 import json
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
+from itertools import chain, islice
 from pathlib import Path
 from typing import Any
 
 import click
 from rich.console import RenderableType
 
-from kinemimic.evaluate.scenario_trials import RECOVERED, TOGETHER, Task, Trials, conduct, figures
+from kinemimic.evaluate.scenario_trials import RECOVERED, Trials, conduct, figures, in_tasks
 from kinemimic.evaluate.shipped import run_options
 from kinemimic.pipeline.errors import KinemimicError
 from kinemimic.pipeline.inspect.terminal import grid, number, percent, show
@@ -51,16 +51,14 @@ def disturb(
         raise KinemimicError(f"expected scenarios of different names, found {', '.join(names)}: rename one")
     motion, policy, record = learnt(run)
     config = TrainConfig.from_json(record["config"])
-    measured = replace(config.env, reward=config.final_reward)
-    chunks = [tuple(range(trials))[k : k + TOGETHER] for k in range(0, trials, TOGETHER)]
     tasks = [
-        Task(motion, policy, measured, one, chunk, seed, engine) for one in scenarios for chunk in chunks
+        in_tasks(motion, policy, config, one, trials=trials, seed=seed, engine=engine) for one in scenarios
     ]
-    with progress("trials", len(tasks)) as bar:
-        parts = spread(conduct, tasks, workers=workers, progress=bar.advance)
+    with progress("trials", sum(map(len, tasks))) as bar:
+        parts = iter(spread(conduct, list(chain(*tasks)), workers=workers, progress=bar.advance))
     results = {}
-    for k, one in enumerate(scenarios):
-        found = Trials.joined(parts[k * len(chunks) : (k + 1) * len(chunks)])
+    for one, theirs in zip(scenarios, tasks, strict=True):
+        found = Trials.joined(list(islice(parts, len(theirs))))
         results[one.name] = {
             "schema": DISTURB_SCHEMA,
             "scenario": one.to_json(),

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from scipy.stats import binomtest
 
 from kinemimic.retarget.motion import Motion
-from kinemimic.train.config import EnvConfig
+from kinemimic.train.config import EnvConfig, TrainConfig
 from kinemimic.train.engines import open_world
 from kinemimic.train.env import ImitationBatch
 from kinemimic.train.policy import Policy
@@ -67,6 +67,26 @@ class Trials:
         return cls(
             *(np.concatenate(column) for column in zip(*(vars(p).values() for p in parts), strict=True))
         )
+
+
+def in_tasks(
+    motion: Motion,
+    policy: Policy,
+    config: TrainConfig,
+    scenario: Scenario,
+    *,
+    trials: int,
+    seed: int,
+    engine: str,
+) -> list[Task]:
+    """So many trials of a scenario, TOGETHER at a time, measured by the reward that the training ended with.
+
+    Which tasks there are does not depend on who does them. Trial k of a seed is the same however many there
+    are.
+    """
+    measured = replace(config.env, reward=config.final_reward)
+    chunks = [tuple(range(trials))[k : k + TOGETHER] for k in range(0, trials, TOGETHER)]
+    return [Task(motion, policy, measured, scenario, chunk, seed, engine) for chunk in chunks]
 
 
 def conduct(task: Task) -> Trials:

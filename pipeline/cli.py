@@ -43,6 +43,7 @@ COMMANDS: dict[str, tuple[str, str]] = {
         "kinemimic.evaluate.compare:command",
         "Tasks, presets and seeds trained and scored side by side: a table.",
     ),
+    "study": ("kinemimic.evaluate.study:command", "The paper's experiments: its every number, ours beside."),
     "run": ("kinemimic.evaluate.run:command", "Every stage on one capture, skipping what is up to date."),
 }
 

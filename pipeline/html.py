@@ -31,7 +31,7 @@ table { border-collapse: collapse; font-size: .9rem; font-variant-numeric: tabul
 th, td { padding: .32rem .8rem .32rem 0; text-align: right; white-space: nowrap;
   border-bottom: 1px solid #ececec; }
 th { font-weight: 500; color: #555; border-bottom-color: #bbb; }
-th:first-child, td:first-child { text-align: left; }
+th:first-child, td:first-child, .left { text-align: left; }
 tr.strong td { font-weight: 600; }
 ul { padding-left: 1.2rem; font-size: .92rem; }
 .warnings { color: #8a5a00; }
@@ -44,7 +44,7 @@ dd { margin: 0; overflow-wrap: anywhere; }
   h1 { font-size: 1.5rem; }
   table { font-size: .8rem; }
   th, td { padding-right: .5rem; }
-  th, td:first-child { white-space: normal; }
+  th, td:first-child, td.left { white-space: normal; }
   th { vertical-align: bottom; }
 }
 @media print {
@@ -76,14 +76,24 @@ def number(value: float | None, digits: int) -> str:
     return text.lstrip("-") if float(text) == 0 else text.replace("-", "−")
 
 
-def table(head: Sequence[str], rows: Sequence[Sequence[str]], caption: str, *, strong: int = 0) -> str:
-    """A table under a caption; cells are HTML already. strong: how many of the first rows matter
-    most."""
+def table(
+    head: Sequence[str],
+    rows: Sequence[Sequence[str]],
+    caption: str,
+    *,
+    strong: int = 0,
+    words: Sequence[int] = (),
+) -> str:
+    """A table under a caption; cells are HTML already. strong: how many of the first rows matter most; words:
+    columns that hold some, beside the first."""
+    left = [" class=left" if k in words else "" for k in range(len(head))]
     lines = [
-        f"<tr{' class=strong' if k < strong else ''}>" + "".join(f"<td>{cell}</td>" for cell in row) + "</tr>"
+        f"<tr{' class=strong' if k < strong else ''}>"
+        + "".join(f"<td{at}>{cell}</td>" for at, cell in zip(left, row, strict=True))
+        + "</tr>"
         for k, row in enumerate(rows)
     ]
-    header = "".join(f'<th scope="col">{cell}</th>' for cell in head)
+    header = "".join(f'<th scope="col"{at}>{cell}</th>' for at, cell in zip(left, head, strict=True))
     return (
         f'<figure><div class="scroll"><table><thead><tr>{header}</tr></thead>'
         f"<tbody>{''.join(lines)}</tbody></table></div><figcaption>{caption}</figcaption></figure>"

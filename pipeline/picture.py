@@ -8,11 +8,14 @@ from __future__ import annotations
 import base64
 import io
 from collections.abc import Callable
+from pathlib import Path
 from typing import Any
 
 import matplotlib as mpl
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+
+from kinemimic.pipeline.store import atomic
 
 Draw = Callable[[bool], Figure]  # told whether it is for a phone
 
@@ -38,6 +41,9 @@ _STYLE: dict[Any, Any] = {
     "svg.hashsalt": "kinemimic",
 }
 _PAGE, _PHONE = 8.6, 4.3  # inches
+_DPI = 200  # of PNG
+# No date: the same figure is the same file.
+_SVG_METADATA: dict[str, Any] = {"Date": None, "Creator": None}
 
 
 def picture(draw: Draw, alternative: str) -> str:
@@ -49,11 +55,20 @@ def picture(draw: Draw, alternative: str) -> str:
     )
 
 
+def save(draw: Draw, stem: Path) -> None:
+    """The figure as it is on a page, as STEM.svg and STEM.png."""
+    with mpl.rc_context(_STYLE):
+        figure = draw(False)
+        for suffix, metadata in ((".svg", _SVG_METADATA), (".png", {"Software": None})):
+            with atomic(stem.with_suffix(suffix)) as temporary:
+                figure.savefig(temporary, dpi=_DPI, metadata=metadata)
+
+
 def _svg(draw: Draw, phone: bool) -> str:
     with mpl.rc_context(_STYLE):
         figure = draw(phone)
         stream = io.BytesIO()
-        figure.savefig(stream, format="svg", metadata={"Date": None, "Creator": None})
+        figure.savefig(stream, format="svg", metadata=_SVG_METADATA)
     return "data:image/svg+xml;base64," + base64.b64encode(stream.getvalue()).decode()
 
 

@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
 from numpy.typing import NDArray
+from peers.compared import write_comparison
+from peers.crouch import crouching
 
 from kinemimic.pipeline.rotations import IDENTITY, from_axis_angle
 from kinemimic.pipeline.skeleton import NODE_INDEX, NODES
@@ -92,5 +95,21 @@ def performance() -> Callable[..., Playback]:
         root[:, fall:], rotations[:, fall:] = root[:, fall : fall + 1], rotations[:, fall : fall + 1]
         root[:, fall:, 2] = 0.1
         return replace(played, root=root, rotations=rotations, fallen_at=np.full(rollouts, fall))
+
+    return make
+
+
+@pytest.fixture
+def compared(tmp_path: Path, walk: Motion) -> Callable[..., Path]:
+    """Makes folders as `compare` leaves them, of a figure that crouches: policies that do next to nothing."""
+
+    def make(
+        name: str = "compared",
+        *,
+        returns: Sequence[float] = (0.5,),
+        variants: Sequence[str] = ("default", "ddpg", "a2c", "sb3-ppo"),
+    ) -> Path:
+        motions = {"walk": crouching(walk), "run": replace(crouching(walk), rate=40.0)}
+        return write_comparison(tmp_path / name, motions, returns=returns, variants=variants)
 
     return make

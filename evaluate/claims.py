@@ -1,0 +1,241 @@
+"""What the paper's sections 4.1 and 4.2 claim in numbers, ours beside them, and who is ahead.
+
+The paper's rewards are of episodes of 500 frames that could earn 500, so they are told as shares of 500 here,
+as ours are of the largest that ours could earn. "PPO ahead of X by" compares leads; everything else compares
+the numbers themselves.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import asdict, dataclass
+from typing import Any, Literal
+
+from kinemimic.evaluate.comparison import Comparison
+from kinemimic.evaluate.learning_curves import interquartile
+from kinemimic.evaluate.study_plan import AMONG, BALL, OBSTACLES, PPO, RIVALS, RUN, SEVERAL, VARIANTS, WALK
+from kinemimic.pipeline.html import number
+
+Row = Mapping[str, Any]
+Better = Literal["more", "less", "lead", "neither"]
+BETTER, WORSE, NOT_CONFIRMED = "better", "worse", "not confirmed"
+LARGER, SMALLER = "confirmed, a larger lead", "confirmed, a smaller lead"
+
+EPISODE = 500.0  # the paper's largest return
+
+
+@dataclass(frozen=True)
+class Claim:
+    """figure: of the paper, or its table; formula: how ours is computed; paper, ours: in the unit, None for
+    what did not happen here, with the reason; better: whether more or less is, how far PPO leads, or neither,
+    as of a rival's number."""
+
+    figure: str
+    what: str
+    formula: str
+    unit: str
+    paper: float
+    ours: float | None
+    better: Better
+    reason: str = ""
+
+    @property
+    def verdict(self) -> str:
+        """In words: a worse number is called so."""
+        if self.ours is None:
+            return self.reason
+        if self.better == "neither":
+            return ""
+        if self.better == "lead":
+            if self.ours <= 0.0:
+                return NOT_CONFIRMED
+            return LARGER if self.ours >= self.paper else SMALLER
+        ahead = self.ours >= self.paper if self.better == "more" else self.ours <= self.paper
+        return BETTER if ahead else WORSE
+
+    def to_json(self) -> dict[str, Any]:
+        """JSON values with the verdict."""
+        return {**asdict(self), "verdict": self.verdict}
+
+
+def claims(comparison: Comparison, contests: Sequence[Row], rooms: Sequence[Row], times: Row) -> list[Claim]:
+    """Every number of both sections, in the paper's sequence.
+
+    contests: of `contest.py`; rooms: of `rooms.py`; times: of `processing_times.py`.
+    """
+    made = [
+        *_rewards(comparison),
+        *_losses(comparison),
+        *_disturbances(contests),
+        *_fits(rooms),
+    ]
+    return [*sorted(made, key=_figure), *_times(times)]
+
+
+def _figure(claim: Claim) -> tuple[int, str]:
+    digits = claim.figure.removeprefix("Fig. ").rstrip("ab")
+    return int(digits), claim.figure
+
+
+_DIGITS = {"%": 1, "s": 2, "ms": 2, "°": 1}
+
+
+def told(value: float | None, unit: str) -> str:
+    """A number with its unit, for people."""
+    if value is not None and unit == "samples":
+        return f"{value:,.0f}"
+    text = number(value, _DIGITS.get(unit, 3))
+    return text if value is None or not unit else f"{text}\u00a0{unit}"
+
+
+def _minus(one: float | None, other: float | None) -> float | None:
+    return None if one is None or other is None else one - other
+
+
+def returns(comparison: Comparison, task: str, variant: str) -> float | None:
+    """Interquartile mean over the seeds of the largest return, %."""
+    mean = interquartile([row["return"] for row in comparison.cells(task, variant)]).mean
+    return None if mean is None else 100.0 * mean
+
+
+def converged(comparison: Comparison, task: str, variant: str) -> float | None:
+    """Interquartile mean over the seeds of the samples at which the return has converged."""
+    rows = comparison.cells(task, variant)
+    return interquartile([v for row in rows if (v := row["converged_samples"]) is not None]).mean
+
+
+def least_loss(comparison: Comparison, task: str, variant: str) -> float | None:
+    """Least of the seeds' interquartile mean of the critic's loss on normalised returns."""
+    return min((row["mean"] for row in comparison.curve(task, variant, "critic_loss")), default=None)
+
+
+def _rewards(comparison: Comparison) -> Iterator[Claim]:
+    best = "largest return of a trial, interquartile mean over the seeds, share of the largest possible"
+    where = "samples from which the smoothed return stays within 5 % of its largest, interquartile mean"
+    share = 100.0 / EPISODE
+    for task, figure, printed in (
+        (WALK, "Fig. 7a", {"PPO": 463.0, "DDPG": 43.5, "A2C": 307.2}),
+        (RUN, "Fig. 7b", {"DDPG": 312.5, "A2C": 95.8}),
+    ):
+        ours = returns(comparison, task, "default")
+        if "PPO" in printed:
+            yield Claim(figure, "PPO's largest reward", best, "%", share * printed["PPO"], ours, "more")
+        for name, variant in RIVALS.items():
+            lead = _minus(ours, returns(comparison, task, variant))
+            yield Claim(figure, f"PPO ahead of {name} by", best, "%", share * printed[name], lead, "lead")
+    for task, figure, at in (
+        (WALK, "Fig. 7a", {"PPO": 8e5, "A2C": 5e5, "DDPG": 10e5}),
+        (RUN, "Fig. 7b", {"PPO": 10e5, "DDPG": 10e5}),
+    ):
+        for name, samples in at.items():
+            found = converged(comparison, task, VARIANTS[name])
+            better: Better = "less" if name == PPO else "neither"
+            yield Claim(
+                figure,
+                f"{name} converges at, samples",
+                where,
+                "samples",
+                samples,
+                found,
+                better,
+                "never learns",
+            )
+
+
+def _losses(comparison: Comparison) -> Iterator[Claim]:
+    how = "critic's mean squared error over its targets' variance, least of the seeds' interquartile mean"
+    for task, figure, printed in (
+        (WALK, "Fig. 8a", {"DDPG": 0.038, "A2C": 0.059}),
+        (OBSTACLES, "Fig. 8b", {"PPO": 0.007, "DDPG": 0.045, "A2C": 0.062}),
+    ):
+        ours = least_loss(comparison, task, "default")
+        if "PPO" in printed:
+            yield Claim(figure, "PPO's least loss", how, "", printed["PPO"], ours, "less")
+        for name, variant in RIVALS.items():
+            lead = _minus(least_loss(comparison, task, variant), ours)
+            yield Claim(figure, f"PPO's least loss below {name}'s by", how, "", printed[name], lead, "lead")
+
+
+# Figure, scenario, trained in it, and what is printed: of PPO, ahead of DDPG, ahead of A2C.
+_DIPS: Sequence[tuple[str, str, float | None, float, float]] = (
+    ("Fig. 9a", "pull-forward", 62.4, 123.5, 31.2),
+    ("Fig. 9b", "pull-backward", 53.1, 112.7, 30.6),
+    ("Fig. 11a", BALL, None, 47.5, 6.7),
+)
+_FALLS: Sequence[tuple[str, str, float, float]] = (
+    ("Fig. 10a", "leg-force", 0.7, 1.3),
+    ("Fig. 10b", "arm-torque", 1.1, 1.8),
+    ("Fig. 11b", SEVERAL, 0.8, 2.1),
+)
+
+
+def _disturbances(contests: Sequence[Row]) -> Iterator[Claim]:
+    by = {(row["contender"], row["scenario"]): row for row in contests}
+
+    def behind(name: str, scenario: str, figure: str, among: str = "") -> tuple[float | None, str]:
+        """How far the median of a contender is above PPO's, or why there is none."""
+        for one, verb in ((name, _HAS_NO[figure]), (PPO, _HAS_NO[figure])):
+            row = by[one + among, scenario]
+            if row["twins_fallen"] > row["trials"] / 2:
+                return None, f"{one} falls by itself"
+            if row[figure]["median"] is None:
+                return None, f"{one} {verb}"
+        theirs, ours = (by[one + among, scenario][figure]["median"] for one in (name, PPO))
+        return theirs - ours, ""
+
+    dip = "median of the largest loss of reward against an undisturbed twin, share of the largest reward"
+    share = 100.0 / EPISODE
+    for figure, scenario, printed, *leads in _DIPS:
+        if printed is not None:
+            ours = _percent(by[PPO, scenario]["dip"]["median"])
+            what = "PPO's largest loss of reward"
+            yield Claim(figure, what, dip, "%", share * printed, ours, "less", "nothing reaches it")
+        for name, lead in zip(RIVALS, leads, strict=True):
+            found, reason = behind(name, scenario, "dip")
+            what = f"PPO loses less than {name} by"
+            yield Claim(figure, what, dip, "%", share * lead, _percent(found), "lead", reason)
+    back = "median time from the first difference to within 5 % of the twin's reward for good"
+    for name, lead in zip(RIVALS, (0.9, 0.6), strict=True):
+        found, reason = behind(name, BALL, "recovery_s")
+        yield Claim("Fig. 11a", f"PPO recovers before {name} by", back, "s", lead, found, "lead", reason)
+    fall = "median time from the first difference to the fall, where the reward becomes 0"
+    for figure, scenario, *leads in _FALLS:
+        for name, lead in zip(RIVALS, leads, strict=True):
+            # Among obstacles those who have trained there.
+            later, reason = behind(name, scenario, "fall_s", AMONG if scenario == SEVERAL else "")
+            found = None if later is None else -later
+            what = f"PPO's reward is 0 later than {name}'s by"
+            yield Claim(figure, what, fall, "s", lead, found, "lead", reason)
+
+
+_HAS_NO = {"dip": "is not touched", "recovery_s": "never recovers", "fall_s": "never falls"}
+
+
+def _percent(share: float | None) -> float | None:
+    return None if share is None else 100.0 * share
+
+
+def _fits(rooms: Sequence[Row]) -> Iterator[Claim]:
+    (ours,) = (row for row in rooms if row["contender"] == PPO)
+    how = "R² of simulated against reference angle over 500 frames, mean of both sides, median of the rooms"
+    for figure, joint, printed in (("Fig. 12a", "knee", 0.914), ("Fig. 12b", "hip", 0.932)):
+        yield Claim(figure, f"fit of the {joint}s", how, "", printed, ours[joint]["r2_upright"], "more")
+    gap = "largest difference of either hip from its reference over 500 frames, median of the rooms"
+    yield Claim("Fig. 12b", "largest gap at the hip", gap, "°", 2.3, ours["hip"]["max_gap_deg"], "less")
+
+
+def _times(times: Row) -> Iterator[Claim]:
+    how = "processor time of one gradient step of actor and critic, the paper's networks, one thread"
+    net, printed = times["nets"][-1]["algorithms"], times["paper"]
+    ours = net["ppo"]["update"]
+    for k, samples in enumerate(times["samples"]):
+        of = f"for {samples:,} samples"
+        paper = printed["ppo"]
+        yield Claim("Tab. 2", f"PPO {of}", how, "ms", paper["mean_ms"][k], ours["mean_ms"][k], "less")
+        spread = paper["deviation_ms"][k], ours["deviation_ms"][k]
+        yield Claim("Tab. 2", f"PPO {of}, deviation", how, "ms", *spread, "less")
+        ahead = printed["ddpg"]["mean_ms"][k] - paper["mean_ms"][k]
+        theirs = net["ddpg"] and net["ddpg"]["update"]["mean_ms"][k]
+        lead = _minus(theirs, ours["mean_ms"][k])
+        what = f"PPO faster than DDPG {of} by"
+        yield Claim("Tab. 2", what, how, "ms", ahead, lead, "lead", "stable-baselines3 is missing")

@@ -1,0 +1,113 @@
+"""What `compare` left, as `study` reads it: curves of all seeds, figures, and of each variant one policy.
+
+A folder of `compare` holds compare.json, TASK/motion.json and TASK/VARIANT/seedN/policy-BUDGET.safetensors.
+What ships in datasets/comparison is such a folder too, with one seed of each variant.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from kinemimic.evaluate.compare_task import MOTION
+from kinemimic.evaluate.recipe import DATASETS
+from kinemimic.pipeline.errors import KinemimicError
+from kinemimic.pipeline.store import copy_file, file_hash, read_json
+from kinemimic.retarget.export_json import motion_from_json
+from kinemimic.retarget.motion import Motion
+from kinemimic.train.config import TrainConfig
+from kinemimic.train.policy import Policy
+
+RESULTS = "compare.json"
+COMPARE_SCHEMA = 1
+SHIPPED = DATASETS / "comparison"
+Row = Mapping[str, Any]
+
+
+@dataclass(frozen=True)
+class Contender:
+    """A policy by a name for people, the motion that it learnt, and how it was trained."""
+
+    name: str
+    motion: Motion
+    policy: Policy
+    config: TrainConfig
+    sha256: str
+
+
+@dataclass(frozen=True)
+class Comparison:
+    """folder: of `compare`; content: of its compare.json."""
+
+    folder: Path
+    content: Row
+
+    @classmethod
+    def load(cls, folder: Path) -> Comparison:
+        """A KinemimicError says what is missing."""
+        content = read_json(folder / RESULTS)
+        found = content.get("schema") if isinstance(content, dict) else None
+        if found != COMPARE_SCHEMA or "tasks" not in content:
+            raise KinemimicError(
+                f"{folder / RESULTS}: expected what `kinemimic compare` writes, schema {COMPARE_SCHEMA}, "
+                f"found schema {found!r}"
+            )
+        return cls(folder, content)
+
+    def expect(self, tasks: Sequence[str], variants: Sequence[str]) -> None:
+        """KinemimicError unless each of the tasks was trained with each of the variants."""
+        there = {(row["task"], row["variant"]) for row in self.content["cells"]}
+        missing = [f"{v} on {t}" for t in tasks for v in variants if (t, v) not in there]
+        if missing:
+            raise KinemimicError(
+                f"{self.folder / RESULTS}: expected {', '.join(variants)} trained on {', '.join(tasks)}, "
+                f"found none of {', '.join(missing)}; `kinemimic compare` adds them"
+            )
+
+    def curve(self, task: str, variant: str, figure: str) -> Sequence[Row]:
+        """Over the samples: interquartile mean and interval of a figure of the trials of all seeds."""
+        for row in self.content["curves"]:
+            if (row["task"], row["variant"]) == (task, variant):
+                curve: Sequence[Row] = row[figure]
+                return curve
+        return []
+
+    def cells(self, task: str, variant: str) -> Sequence[Row]:
+        """Of each seed the figures at the variant's last budget."""
+        rows = [row for row in self.content["cells"] if (row["task"], row["variant"]) == (task, variant)]
+        last = max((row["budget"] for row in rows), default=0)
+        return [row for row in rows if row["budget"] == last]
+
+    def middle(self, task: str, variant: str) -> Row:
+        """The seed whose return is the median of all; of an even number the lower of the two."""
+        ordered = sorted(self.cells(task, variant), key=lambda row: (row["return"], row["seed"]))
+        return ordered[(len(ordered) - 1) // 2]
+
+    def contender(self, task: str, variant: str, name: str) -> Contender:
+        """The policy of the middle seed."""
+        path = self._policy(self.middle(task, variant))
+        policy, record = Policy.load(path)
+        motion = motion_from_json(self.folder / task / MOTION)
+        if (found := record["provenance"]["inputs"]["motion"]) != motion.identity:
+            raise KinemimicError(
+                f"{path}: expected a policy of {task}'s motion, found one of {found[:12]}…; `kinemimic "
+                "compare` trains it"
+            )
+        return Contender(name, motion, policy, TrainConfig.from_json(record["config"]), file_hash(path))
+
+    def publish(self, into: Path) -> None:
+        """Copy what `study` reads, compare.json last: it says that all is there."""
+        for task in self.content["tasks"]:
+            copy_file(self.folder / task / MOTION, into / task / MOTION)
+            for variant in dict.fromkeys(row["variant"] for row in self.content["cells"]):
+                if self.cells(task, variant):
+                    path = self._policy(self.middle(task, variant))
+                    for one in (path.with_suffix(".json"), path):
+                        copy_file(one, into / one.relative_to(self.folder))
+        copy_file(self.folder / RESULTS, into / RESULTS)
+
+    def _policy(self, row: Row) -> Path:
+        task, variant, seed, budget = (str(row[key]) for key in ("task", "variant", "seed", "budget"))
+        return self.folder / task / variant / f"seed{seed}" / f"policy-{budget}.safetensors"

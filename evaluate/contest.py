@@ -1,0 +1,47 @@
+"""Several policies in the same scenarios, draw for draw, and what becomes of each."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from itertools import islice
+from typing import Any
+
+from kinemimic.evaluate.comparison import Contender
+from kinemimic.evaluate.scenario_trials import Trials, conduct, figures, in_tasks
+from kinemimic.train.children import spread
+from kinemimic.train.scenario import Scenario
+
+
+def contest(
+    pairs: Sequence[tuple[Contender, Scenario]],
+    *,
+    trials: int,
+    seed: int,
+    engine: str,
+    workers: int | None = None,
+    progress: Callable[[float], object] | None = None,
+) -> list[dict[str, Any]]:
+    """Of every pair, in their order: contender, scenario, and the `figures` of its trials.
+
+    Trial k is the same for all: start phase and draws come from seed and k alone. workers: processes, all
+    cores by default; progress: called with the share of all trials that is done since.
+    """
+    tasks = [
+        in_tasks(one.motion, one.policy, one.config, scenario, trials=trials, seed=seed, engine=engine)
+        for one, scenario in pairs
+    ]
+    flat = [task for group in tasks for task in group]
+
+    def advanced(done: int) -> None:
+        if progress is not None:
+            progress(done / len(flat))
+
+    parts = iter(spread(conduct, flat, workers=workers, progress=advanced))
+    return [
+        {
+            "contender": one.name,
+            "scenario": scenario.name,
+            **figures(Trials.joined(list(islice(parts, len(group))))),
+        }
+        for (one, scenario), group in zip(pairs, tasks, strict=True)
+    ]

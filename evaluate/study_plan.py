@@ -1,0 +1,46 @@
+"""Who takes part in which of the study's experiments: names that data, figures and page share."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+from kinemimic.evaluate.comparison import Comparison, Contender
+from kinemimic.evaluate.recipe import POLICIES
+from kinemimic.pipeline.store import file_hash
+from kinemimic.retarget.export_json import motion_from_json
+from kinemimic.train.config import TrainConfig
+from kinemimic.train.policy import Policy
+
+WALK, RUN, OBSTACLES = "walk", "run", "walk@several-obstacles"  # tasks of the comparison
+PPO = "PPO"
+RIVALS: Mapping[str, str] = {"DDPG": "ddpg", "A2C": "a2c"}  # the paper's, and their variants
+VARIANTS: Mapping[str, str] = {PPO: "default", **RIVALS, "SB3 PPO": "sb3-ppo"}
+ALGORITHMS: Mapping[str, str] = {"ppo": PPO, "ddpg": "DDPG", "a2c": "A2C"}  # of `processing_times.py`
+ROBUST = "PPO, robust"  # trained under pushes; ships, and is nobody's rival
+AMONG = ", among obstacles"  # of a contender's name: it was trained there
+
+PULLS = ("pull-forward", "pull-backward")
+OVERPOWERED = ("leg-force", "arm-torque")
+BALL, SEVERAL, ROOM = "thrown-ball", "several-obstacles", "room"
+SCENARIOS: Sequence[str] = (*PULLS, *OVERPOWERED, BALL, SEVERAL)
+
+
+def contenders(comparison: Comparison) -> dict[str, Contender]:
+    """All that take part, by their names."""
+    walkers = [comparison.contender(WALK, variant, name) for name, variant in VARIANTS.items()]
+    among = [comparison.contender(OBSTACLES, variant, f"{name}{AMONG}") for name, variant in VARIANTS.items()]
+    return {one.name: one for one in (*walkers, _robust(), *among)}
+
+
+def _robust() -> Contender:
+    folder = POLICIES / "robust_walk"
+    path = folder / "policy.safetensors"
+    policy, record = Policy.load(path)
+    motion = motion_from_json(folder / "motion.json")
+    return Contender(ROBUST, motion, policy, TrainConfig.from_json(record["config"]), file_hash(path))
+
+
+def taking_part(scenario: str) -> tuple[str, ...]:
+    """Names of the contenders in a scenario; who trained among obstacles only where there are several."""
+    walkers = (*VARIANTS, ROBUST)
+    return (*walkers, *(f"{name}{AMONG}" for name in VARIANTS)) if scenario == SEVERAL else walkers

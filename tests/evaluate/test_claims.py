@@ -1,0 +1,184 @@
+"""Claims: what is called better, worse or a lead, and that ours are computed from what was measured."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from kinemimic.evaluate.claims import (
+    BETTER,
+    LARGER,
+    NOT_CONFIRMED,
+    SMALLER,
+    WORSE,
+    Better,
+    Claim,
+    claims,
+    told,
+)
+from kinemimic.evaluate.comparison import Comparison
+from kinemimic.evaluate.study_plan import AMONG, SCENARIOS
+
+
+@pytest.mark.parametrize(
+    ("better", "paper", "ours", "verdict"),
+    [
+        ("more", 0.914, 0.914, BETTER),
+        ("more", 0.914, 0.913, WORSE),
+        ("less", 2.3, 2.2, BETTER),
+        ("less", 2.3, 2.4, WORSE),
+        ("lead", 43.5, 50.0, LARGER),
+        ("lead", 43.5, 0.1, SMALLER),
+        ("lead", 43.5, 0.0, NOT_CONFIRMED),
+        ("lead", 43.5, -1.0, NOT_CONFIRMED),
+        ("neither", 5e5, 9e5, ""),
+        ("more", 0.914, None, "nobody walked"),
+    ],
+)
+def test_the_verdict_is_that_of_the_numbers(
+    better: Better, paper: float, ours: float | None, verdict: str
+) -> None:
+    assert Claim("Fig. 1", "", "", "", paper, ours, better, "nobody walked").verdict == verdict
+
+
+def test_a_number_is_told_with_its_unit() -> None:
+    assert told(12.345, "%") == "12.3\u00a0%"
+    assert told(812_345.6, "samples") == "812,346"
+    assert told(None, "s") == "–"
+
+
+def _cells(
+    task: str, variant: str, returns: list[float], converged: list[float | None]
+) -> list[dict[str, Any]]:
+    return [
+        {
+            "task": task,
+            "variant": variant,
+            "seed": seed,
+            "budget": 10,
+            "return": value,
+            "converged_samples": at,
+        }
+        for seed, (value, at) in enumerate(zip(returns, converged, strict=True))
+    ]
+
+
+def _quartiles(median: float | None) -> dict[str, Any]:
+    return {"median": median, "quarter": median, "three_quarters": median, "n": 1}
+
+
+@pytest.fixture
+def comparison() -> Comparison:
+    tasks = ("walk", "run", "walk@several-obstacles")
+    cells = [
+        cell
+        for task in tasks
+        for cell in (
+            *_cells(task, "default", [0.9, 0.1, 0.8, 0.7], [600.0, None, 400.0, 800.0]),
+            *_cells(task, "ddpg", [0.5], [None]),
+            *_cells(task, "a2c", [0.8], [1000.0]),
+        )
+    ]
+    losses = {"default": [0.5, 0.02, 0.03], "ddpg": [0.2], "a2c": [0.01]}
+    curves = [
+        {
+            "task": task,
+            "variant": variant,
+            "critic_loss": [{"samples": k, "mean": value} for k, value in enumerate(found)],
+        }
+        for task in tasks
+        for variant, found in losses.items()
+    ]
+    return Comparison(Path("none"), {"cells": cells, "curves": curves})
+
+
+@pytest.fixture
+def contests() -> list[dict[str, Any]]:
+    """PPO dips by 0.1, falls after 3 s, recovers after 1 s; A2C: 0.3, 2 s and 1.5 s; DDPG cannot walk."""
+    rows = []
+    for scenario in SCENARIOS:
+        for name, twins, dip, recovery, fall in (
+            ("PPO", 0, 0.1, 1.0, 3.0),
+            ("A2C", 4, 0.3, 1.5, 2.0),
+            ("DDPG", 6, 0.9, None, 0.1),
+            (f"PPO{AMONG}", 0, 0.1, 1.0, None),
+            (f"A2C{AMONG}", 0, 0.2, 1.0, 5.0),
+            (f"DDPG{AMONG}", 9, 0.2, 1.0, 5.0),
+        ):
+            rows.append({
+                "contender": name, "scenario": scenario, "trials": 10, "twins_fallen": twins,
+                "dip": _quartiles(dip), "recovery_s": _quartiles(recovery), "fall_s": _quartiles(fall),
+            })  # fmt: skip
+    return rows
+
+
+ROOMS = [{"contender": "PPO", "knee": {"r2_upright": 0.95}, "hip": {"r2_upright": 0.9, "max_gap_deg": 2.0}}]
+
+
+def _times() -> dict[str, Any]:
+    def of(*ms: float) -> dict[str, Any]:
+        return {"update": {"mean_ms": list(ms), "deviation_ms": [0.1, 0.1, 0.1]}}
+
+    return {
+        "samples": [1000, 2000, 3000],
+        "nets": [
+            {"algorithms": {"ppo": of(9, 9, 9), "ddpg": None}},
+            {"algorithms": {"ppo": of(10, 30, 40), "ddpg": of(20, 20, 400)}},
+        ],
+        "paper": {
+            "ppo": {"mean_ms": [12.5, 26.2, 40.2], "deviation_ms": [1.7, 3.5, 5.8]},
+            "ddpg": {"mean_ms": [29.4, 79.5, 178.6], "deviation_ms": [2.8, 7.2, 9.4]},
+        },
+    }
+
+
+def test_ours_are_computed_by_hand(comparison: Comparison, contests: list[dict[str, Any]]) -> None:
+    found = {(one.figure, one.what): one for one in claims(comparison, contests, ROOMS, _times())}
+
+    def ours(figure: str, what: str) -> tuple[float | None, str]:
+        one = found[figure, what]
+        return one.ours, one.verdict
+
+    # The middle half of .1 .7 .8 .9.
+    assert ours("Fig. 7a", "PPO's largest reward") == (pytest.approx(75.0), WORSE)
+    assert found["Fig. 7a", "PPO's largest reward"].paper == pytest.approx(92.6)
+    assert ours("Fig. 7a", "PPO ahead of DDPG by") == (pytest.approx(25.0), LARGER)
+    assert ours("Fig. 7a", "PPO ahead of A2C by") == (pytest.approx(-5.0), NOT_CONFIRMED)
+    assert ours("Fig. 7a", "PPO converges at, samples") == (pytest.approx(600.0), BETTER)
+    assert ours("Fig. 7a", "DDPG converges at, samples") == (None, "never learns")
+    assert ours("Fig. 8b", "PPO's least loss") == (0.02, WORSE)
+    assert ours("Fig. 8a", "PPO's least loss below DDPG's by") == (pytest.approx(0.18), LARGER)
+    assert ours("Fig. 8a", "PPO's least loss below A2C's by") == (pytest.approx(-0.01), NOT_CONFIRMED)
+    assert ours("Fig. 9a", "PPO's largest loss of reward") == (pytest.approx(10.0), BETTER)
+    assert ours("Fig. 9b", "PPO loses less than A2C by") == (pytest.approx(20.0), LARGER)
+    assert ours("Fig. 9b", "PPO loses less than DDPG by") == (None, "DDPG falls by itself")
+    assert ours("Fig. 10a", "PPO's reward is 0 later than A2C's by") == (pytest.approx(1.0), SMALLER)
+    assert ours("Fig. 11a", "PPO recovers before A2C by") == (pytest.approx(0.5), SMALLER)
+    assert ours("Fig. 11b", "PPO's reward is 0 later than A2C's by") == (None, "PPO never falls")
+    assert ours("Fig. 12a", "fit of the knees") == (0.95, BETTER)
+    assert ours("Fig. 12b", "fit of the hips") == (0.9, WORSE)
+    assert ours("Fig. 12b", "largest gap at the hip") == (2.0, BETTER)
+    # Of the larger networks, the paper's.
+    assert ours("Tab. 2", "PPO for 2,000 samples") == (30, WORSE)
+    assert ours("Tab. 2", "PPO faster than DDPG for 3,000 samples by") == (360, LARGER)
+    assert ours("Tab. 2", "PPO faster than DDPG for 2,000 samples by") == (-10, NOT_CONFIRMED)
+
+
+def test_they_come_in_the_papers_sequence(comparison: Comparison, contests: list[dict[str, Any]]) -> None:
+    made = [one.figure for one in claims(comparison, contests, ROOMS, _times())]
+    in_print = ["7a", "7b", "8a", "8b", "9a", "9b", "10a", "10b", "11a", "11b", "12a", "12b"]
+    assert list(dict.fromkeys(made)) == [*(f"Fig. {name}" for name in in_print), "Tab. 2"]
+
+
+def test_every_number_that_the_paper_prints_is_among_them(
+    comparison: Comparison, contests: list[dict[str, Any]]
+) -> None:
+    """Of sections 4.1 and 4.2, rewards as shares of 500."""
+    found = [round(one.paper, 6) for one in claims(comparison, contests, ROOMS, _times())]
+    rewards = [463, 43.5, 307.2, 312.5, 95.8, 62.4, 123.5, 31.2, 53.1, 112.7, 30.6, 47.5, 6.7]
+    others = [8e5, 5e5, 1e6, 0.038, 0.059, 0.007, 0.045, 0.062, 0.7, 1.3, 1.1, 1.8, 0.9, 0.6, 0.8, 2.1]
+    others += [0.914, 0.932, 2.3, 12.5, 1.7, 16.9, 26.2, 3.5, 53.3, 40.2, 5.8, 138.4]
+    missing = {round(v / 5, 6) for v in rewards} | set(others)
+    assert missing - set(found) == set()
