@@ -22,7 +22,7 @@ BULLET := $(or $(BULLET),$(patsubst $(VENV)/native-%,%,$(firstword $(wildcard $(
 NATIVE := $(VENV)/native-$(BULLET)
 NATIVE_FILES := $(wildcard $(addprefix train/native/,*.cpp *.hpp *.py pyproject.toml stubs/*/*.pyi))
 
-.PHONY: help setup formats inspect run ingest convert retarget train evaluate pushes disturb gait view export policies reproduce compare overlay test test-slow lint type format bench bench-clean profile wheel clean
+.PHONY: help setup formats inspect run ingest convert retarget train evaluate pushes disturb gait view export policies reproduce compare study comparison overlay test test-slow lint type format bench bench-clean profile wheel clean
 .DEFAULT_GOAL := help
 
 help: ## This list
@@ -92,6 +92,15 @@ reproduce: setup ## Train the policies that ship, or POLICY= alone (hours; KINEM
 
 compare: setup ## Tasks RUNS= (or RUN=; RUN@SCENARIO) trained and scored: medians over SEEDS= (PRESET= ABLATION=1 SEARCH= BUDGETS= ENGINE=)
 	$(KINEMIMIC) compare $(or $(RUNS),"$(RUN)") $(if $(PRESET),--preset "$(PRESET)") $(if $(ABLATION),--ablation) $(if $(SEARCH),--search "$(SEARCH)") $(if $(SEEDS),--seeds "$(SEEDS)") $(if $(BUDGETS),--budgets "$(BUDGETS)") $(if $(ENGINE),--engine "$(ENGINE)")
+
+study: setup ## The paper's experiments on the policies that ship: runs/study/study.html (TRIALS= ENGINE=)
+	$(KINEMIMIC) study $(if $(TRIALS),--trials "$(TRIALS)") $(if $(ENGINE),--engine "$(ENGINE)")
+
+# Ours, DDPG, actor-critic and stable-baselines3's PPO on the paper's three tasks.
+comparison: setup ## Train what `study` compares (hours), into datasets/comparison (ENGINE=)
+	$(KINEMIMIC) compare datasets/policies/walk datasets/policies/run datasets/policies/walk@several-obstacles \
+	  --preset default --preset ddpg --preset a2c --preset sb3-ppo --seeds 3 --budgets 3e5,1e6 --limit ddpg=3e5 \
+	  --out runs/comparison --publish datasets/comparison $(if $(ENGINE),--engine "$(ENGINE)")
 
 overlay: setup ## The skeleton drawn into CAPTURE=, a depth recording's folder: RUN=/overlay.mp4
 	$(KINEMIMIC) overlay "$(CAPTURE)" --out "$(RUN)/overlay.mp4"

@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-import fcntl
 import json
-from collections.abc import Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from os import sched_getaffinity
 from pathlib import Path
@@ -13,17 +11,18 @@ from typing import Any
 
 import click
 
-from kinemimic.evaluate.compare_cell import Cell, conduct, outcome
-from kinemimic.evaluate.compare_table import curves, figures, summary, table_csv, tables
+from kinemimic.evaluate.compare_cell import Cell, conduct
+from kinemimic.evaluate.compare_ledger import Ledger, Watcher, alone
+from kinemimic.evaluate.compare_table import tables
 from kinemimic.evaluate.compare_task import MOTION, Task, about
-from kinemimic.evaluate.comparison import COMPARE_SCHEMA, RESULTS, Comparison
+from kinemimic.evaluate.comparison import COMPARE_SCHEMA, Comparison
 from kinemimic.evaluate.side_by_side import side_by_side
 from kinemimic.evaluate.variants import SEARCH, ablation, search
 from kinemimic.pipeline.errors import KinemimicError
 from kinemimic.pipeline.inspect.terminal import show
-from kinemimic.pipeline.progress import Bar, Bars, bars
+from kinemimic.pipeline.progress import bars
 from kinemimic.pipeline.provenance import provenance
-from kinemimic.pipeline.store import copy_file, write_json, write_text
+from kinemimic.pipeline.store import copy_file
 from kinemimic.train.budget import samples
 from kinemimic.train.config import PRESETS, TrainConfig
 from kinemimic.train.engines import resolve
@@ -88,124 +87,17 @@ def compare(
             },
         ),
     }
-    with _alone(out), bars() as several:
+    with alone(out), bars() as several:
         for task in tasks:
             copy_file(task.run / MOTION, out / task.name / MOTION)
-        ledger = _Ledger(out, cells, made)
-        watcher = _Watcher(several, ledger)
+        ledger = Ledger(out, cells, made)
+        watcher = Watcher(several, ledger)
         try:
             side_by_side(conduct, ledger.unfinished(), jobs or len(sched_getaffinity(0)), watcher)
         except KeyboardInterrupt:
             ledger.write()
             raise KeyboardInterrupt(f"{out}: the same command goes on from there") from None
         return ledger.write()
-
-
-@contextmanager
-def _alone(out: Path) -> Iterator[None]:
-    """Two studies at once in one folder would train the same cells."""
-    out.mkdir(parents=True, exist_ok=True)
-    with (out / ".lock").open("w") as stream:
-        try:
-            fcntl.flock(stream, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        except BlockingIOError:
-            raise KinemimicError(
-                f"{out}: expected to be alone here, found another comparison at work; wait, or name "
-                "another --out"
-            ) from None
-        yield
-
-
-class _Ledger:
-    """The cells of a comparison, and what has become of each so far.
-
-    failed: one line for each cell that went wrong.
-    """
-
-    def __init__(self, out: Path, cells: Sequence[Cell], made: Mapping[str, Any]) -> None:
-        self._out, self._made = out, made
-        self.cells, self.failed = cells, dict[str, str]()
-
-    def finished(self, cell: Cell) -> dict[int, tuple[dict[str, Any], dict[str, Any]]]:
-        """policy.json and scores.json of each finished budget; another comparison's are a failure."""
-        try:
-            found = {budget: outcome(cell, budget) for budget in cell.budgets}
-        except KinemimicError as error:
-            self.failed[cell.name] = str(error)
-            return {}
-        return {budget: both for budget, both in found.items() if both is not None}
-
-    def unfinished(self) -> list[Cell]:
-        """Cells with something left to do."""
-        left = [cell for cell in self.cells if len(self.finished(cell)) < len(cell.budgets)]
-        return [cell for cell in left if cell.name not in self.failed]
-
-    def write(self) -> dict[str, Any]:
-        """Write compare.json and compare.csv of what is finished; returns the content of the former."""
-        rows = [
-            {
-                "task": cell.task,
-                "variant": cell.variant,
-                "seed": cell.config.seed,
-                "budget": budget,
-                "engine": record["engine"],
-                **figures(record, scores),
-            }
-            for cell in self.cells
-            for budget, (record, scores) in self.finished(cell).items()
-        ]
-        furthest: dict[tuple[str, str], list[dict[str, Any]]] = {}
-        for cell in self.cells:
-            if found := self.finished(cell):
-                furthest.setdefault((cell.task, cell.variant), []).append(found[max(found)][0])
-        content = {
-            **self._made,
-            "summary": summary(rows),
-            "curves": curves(furthest),
-            "cells": rows,
-            "failed": self.failed,
-        }
-        write_text(self._out / "compare.csv", table_csv(rows))
-        write_json(self._out / RESULTS, content)
-        return content
-
-
-class _Watcher:
-    """Draws a bar for all cells and one for each that runs, and has the ledger written after each."""
-
-    def __init__(self, several: Bars, ledger: _Ledger) -> None:
-        self._several, self._ledger = several, ledger
-        self._running: dict[str, tuple[Bar, float]] = {}
-        self._all = several.add("compare", sum(cell.budgets[-1] for cell in ledger.cells))
-        self._all.advance(sum(max(ledger.finished(cell), default=0) for cell in ledger.cells))
-        for name, error in ledger.failed.items():
-            several.say(f"{name}: {error}")
-
-    def begun(self, cell: Cell) -> None:
-        bar, done = (
-            self._several.add(cell.name, cell.budgets[-1]),
-            max(self._ledger.finished(cell), default=0),
-        )
-        bar.advance(done)
-        self._running[cell.name] = (bar, done)
-
-    def advanced(self, cell: Cell, description: str, done: float, fields: Mapping[str, object]) -> None:
-        bar, before = self._running[cell.name]
-        if description != "train":
-            bar.advance(0, now=description)
-            return
-        # A training that goes on begins its count where it was.
-        forward = max(0.0, done - before)
-        self._running[cell.name] = (bar, before + forward)
-        bar.advance(forward, **fields)
-        self._all.advance(forward)
-
-    def ended(self, cell: Cell, error: str | None) -> None:
-        self._running.pop(cell.name)[0].remove()
-        if error is not None:
-            self._ledger.failed[cell.name] = " ".join(error.split())
-            self._several.say(f"{cell.name}: {self._ledger.failed[cell.name]}")
-        self._ledger.write()
 
 
 def increasing(value: str) -> tuple[int, ...]:
