@@ -160,28 +160,42 @@ class Learner:
 
     def _learn_policy(self, observations: Tensor, old: Choices, orders: list[Tensor]) -> tuple[float, float]:
         """KL of the old policy from the new one, and the share of ratios that were clipped."""
-        c, actor, log_noise = self.config, self.net.actor, self.net.log_noise
+        actor, log_noise = self.net.actor, self.net.log_noise
         log_old = log_noise.clone()
-        penalty = self.progress.penalty if c.kl_penalty else 0.0
-        entropy = self.progress.entropy if c.learn_noise else 0.0
-        clipped = []
-        for seen, *chosen in _minibatches(orders, c.minibatch, observations, *old):
-            mean = actor.forward(seen)
-            slopes = policy_slopes(Choices(*chosen), log_old, mean, log_noise, c.clip, penalty, entropy)
-            log_noise.grad = slopes.log_noise
-            _descend(actor, slopes.mean, self.actor_optimizer)
-            clipped.append(slopes.clipped)
+        clipped = [
+            self.step_policy(seen, Choices(*chosen), log_old)
+            for seen, *chosen in minibatches(orders, self.config.minibatch, observations, *old)
+        ]
         kl = divergence(old.mean, log_old, actor.forward(observations), log_noise).mean()
         return float(kl), float(torch.stack(clipped).mean())
 
+    def step_policy(self, seen: Tensor, old: Choices, log_old: Tensor) -> Tensor:
+        """One gradient step of the actor; returns the share of ratios that were clipped.
+
+        seen: (N, O) normalised observations; old: what was chosen at them; log_old: (A,) the logarithm of the
+        noise that it was chosen with.
+        """
+        c, actor, log_noise = self.config, self.net.actor, self.net.log_noise
+        penalty = self.progress.penalty if c.kl_penalty else 0.0
+        entropy = self.progress.entropy if c.learn_noise else 0.0
+        slopes = policy_slopes(old, log_old, actor.forward(seen), log_noise, c.clip, penalty, entropy)
+        log_noise.grad = slopes.log_noise
+        _descend(actor, slopes.mean, self.actor_optimizer)
+        return slopes.clipped
+
     def _learn_value(self, observations: Tensor, returns: Tensor, orders: list[Tensor]) -> float:
-        """Mean of the minibatches' losses: half the squared error."""
-        losses = []
-        for seen, wanted in _minibatches(orders, self.config.minibatch, observations, returns[:, None]):
-            error = self.net.critic.forward(seen) - wanted
-            _descend(self.net.critic, error / len(error), self.critic_optimizer)
-            losses.append(0.5 * error.square().mean())
-        return float(torch.stack(losses).mean())
+        """Mean of the minibatches' losses."""
+        rows = minibatches(orders, self.config.minibatch, observations, returns[:, None])
+        return float(torch.stack([self.step_value(*row) for row in rows]).mean())
+
+    def step_value(self, seen: Tensor, wanted: Tensor) -> Tensor:
+        """One gradient step of the critic; returns its loss before it: half the mean squared error.
+
+        seen: (N, O) normalised observations; wanted: (N, 1) their returns.
+        """
+        error = self.net.critic.forward(seen) - wanted
+        _descend(self.net.critic, error / len(error), self.critic_optimizer)
+        return 0.5 * error.square().mean()
 
     def policy(self) -> Policy:
         """The actor with its normaliser."""
@@ -237,7 +251,7 @@ class Learner:
             group["lr"] = self.progress.actor_rate
 
 
-def _minibatches(orders: list[Tensor], size: int, *columns: Tensor) -> Iterator[tuple[Tensor, ...]]:
+def minibatches(orders: list[Tensor], size: int, *columns: Tensor) -> Iterator[tuple[Tensor, ...]]:
     """Rows of the columns in each order after the other, `size` at a time."""
     for order in orders:
         yield from zip(*(torch.split(column.index_select(0, order), size) for column in columns), strict=True)

@@ -36,6 +36,15 @@ class Tally:
     exploded: int = 0
 
 
+def spaces(config: TrainConfig) -> tuple[Box, Box]:
+    """Of a figure's observations (O,) and actions (42,)."""
+    limit = _FREE if config.bound is None else config.bound
+    return (
+        Box(-np.inf, np.inf, (observation_size(config.env),), np.float32),
+        Box(-limit, limit, (ACTIONS,), np.float32),
+    )
+
+
 class ImitationVecEnv(VecEnv):
     """E figures that imitate, each from a random generator of its own, as those of our PPO.
 
@@ -49,12 +58,7 @@ class ImitationVecEnv(VecEnv):
         self.sampler, self.tally = sampler, Tally()
         self._strength = 0.0
         self._actions: Floats = np.zeros((config.environments, ACTIONS), np.float32)
-        limit = _FREE if config.bound is None else config.bound
-        super().__init__(
-            config.environments,
-            Box(-np.inf, np.inf, (observation_size(config.env),), np.float32),
-            Box(-limit, limit, (ACTIONS,), np.float32),
-        )
+        super().__init__(config.environments, *spaces(config))
 
     def begin(self, reward: RewardConfig, strength: float) -> Floats:
         """Begin a round under this reward, and hardships of this strength in the episodes that begin in it.

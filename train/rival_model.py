@@ -10,7 +10,7 @@ from stable_baselines3 import A2C, DDPG, PPO
 from stable_baselines3.common.noise import NormalActionNoise
 from stable_baselines3.common.policies import ActorCriticPolicy
 from stable_baselines3.common.running_mean_std import RunningMeanStd
-from stable_baselines3.common.vec_env import VecNormalize
+from stable_baselines3.common.vec_env import VecEnv, VecNormalize
 from torch import nn
 
 from kinemimic.train.config import TrainConfig, scheduled_at
@@ -18,7 +18,6 @@ from kinemimic.train.env import ACTIONS
 from kinemimic.train.mlp import choose_products
 from kinemimic.train.policy import OBSERVATION_CLIP, Policy
 from kinemimic.train.rival_config import A2c, Ddpg, Rival
-from kinemimic.train.rival_env import ImitationVecEnv
 from kinemimic.train.rival_memory import Memory
 
 Model = DDPG | A2C | PPO
@@ -28,7 +27,7 @@ _ACTIVATIONS: dict[str, type[nn.Module]] = {"tanh": nn.Tanh, "relu": nn.ReLU}
 _SMALL = 0.01
 
 
-def normalized(env: ImitationVecEnv) -> VecNormalize:
+def normalized(env: VecEnv) -> VecNormalize:
     """The figures with stable-baselines3's running statistics, clipped as ours, deviations no less."""
     return VecNormalize(env, norm_reward=False, clip_obs=OBSERVATION_CLIP, epsilon=1e-6)
 
