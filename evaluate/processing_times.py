@@ -1,0 +1,216 @@
+"""Processing times for 1000, 2000 and 3000 samples, the paper's Tab. 2: PPO beside DDPG and A2C.
+
+The paper does not say what it processed. Here it is, for every algorithm alike,
+
+- inference: what the actor does with n observations (`Policy.act`, numpy, as every rollout does it);
+- update: one gradient step of actor and critic on a batch of n samples, in the training's own code; DDPG's
+  has its target networks follow, and draws the batch from its memory;
+- learning: the gradient steps that the preset's training takes for n new samples. It follows from the time of
+  one step on the preset's own batch, so it grows with n by definition; what happens once a round besides is
+  not in it.
+
+Times are processor time of one process that may use one thread, so that a machine that is busy with other
+things hardly matters; `elapsed_ms` beside it is what a clock on the wall said.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, fields
+from typing import Any
+
+import numpy as np
+
+from kinemimic.evaluate.one_update import OneUpdate, PpoUpdate
+from kinemimic.pipeline.errors import KinemimicError
+from kinemimic.train.children import spread
+from kinemimic.train.config import TrainConfig, preset
+from kinemimic.train.env import observation_size
+from kinemimic.train.rival_config import A2c, Ddpg, require_package
+
+SAMPLES = (1000, 2000, 3000)
+NETS = ((512, 256), (1024, 512))  # hidden layers: as the presets have them, and the paper's
+PRESET_OF = {"ppo": "default", "ddpg": "ddpg", "a2c": "a2c"}
+REPEATS = 10
+_WARM_UPS = 2
+
+# Tab. 2 as printed.
+PAPER: dict[str, dict[str, list[float]]] = {
+    "ppo": {"mean_ms": [12.5, 26.2, 40.2], "deviation_ms": [1.7, 3.5, 5.8]},
+    "ddpg": {"mean_ms": [29.4, 79.5, 178.6], "deviation_ms": [2.8, 7.2, 9.4]},
+}
+
+Clocks = Callable[[], tuple[float, float]]  # processor time and wall time, s
+
+
+@dataclass(frozen=True)
+class Timing:
+    """Of one operation, ms: mean and standard deviation of the processor times, mean of the wall times."""
+
+    mean_ms: float
+    deviation_ms: float
+    elapsed_ms: float
+
+
+@dataclass(frozen=True)
+class Task:
+    """What is measured by turns in one process.
+
+    configs: by the algorithm's name; batches: of each, samples.
+    """
+
+    configs: Mapping[str, TrainConfig]
+    batches: Mapping[str, int]
+    repeats: int
+    seed: int
+
+
+def processing_times(
+    *,
+    samples: Sequence[int] = SAMPLES,
+    nets: Sequence[tuple[int, ...]] = NETS,
+    repeats: int = REPEATS,
+    seed: int = 0,
+    progress: Callable[[int], object] | None = None,
+) -> dict[str, Any]:
+    """Measure all algorithms; returns JSON values.
+
+    progress: called with 1 after each of len(nets) * (len(samples) + 1) parts.
+
+    samples (two at least), repeats, threads (1), seed: of the measurement;
+    nets: for each size of the networks `hidden` and, by algorithm (None for a rival where stable-baselines3
+    is not installed), `inference` and `update`, each with mean_ms, deviation_ms, elapsed_ms of every number
+    of samples and `growth` (see there) of mean_ms; and `learning`: the preset's `batch` and
+    `steps_per_sample`, `step` with the Timing of one gradient step on such a batch, and mean_ms of every
+    number of samples;
+    paper: mean_ms, deviation_ms and their growth as Tab. 2 has them, for 1000, 2000 and 3000 samples.
+    """
+    names = [name for name in PRESET_OF if name == "ppo" or _rivals()]
+    tasks = []
+    for hidden in nets:
+        configs = {name: preset(PRESET_OF[name], hidden=hidden, seed=seed) for name in names}
+        own = {name: own_batch(config) for name, config in configs.items()}
+        batches = [own, *(dict.fromkeys(names, count) for count in samples)]
+        tasks += [Task(configs, one, repeats, seed) for one in batches]
+    # In one child, which has one thread for matrix products, numpy's and torch's (`children.py`).
+    found = spread(measured, tasks, workers=1, progress=progress)
+    size = len(samples) + 1
+    return {
+        "samples": list(samples),
+        "repeats": repeats,
+        "threads": 1,
+        "seed": seed,
+        "nets": [
+            _net(tasks[k * size].configs, samples, found[k * size : (k + 1) * size]) for k in range(len(nets))
+        ],
+        "paper": {name: {**told, "growth": growth(SAMPLES, told["mean_ms"])} for name, told in PAPER.items()},
+    }
+
+
+def growth(samples: Sequence[int], times: Sequence[float]) -> float:
+    """The exponent p of a time ~ nᵖ: the slope of the least squares' line through log time over log n."""
+    return float(np.polyfit(np.log(samples), np.log(times), 1)[0])
+
+
+def own_batch(config: TrainConfig) -> int:
+    """Samples of a gradient step in training."""
+    rival = config.rival
+    if isinstance(rival, Ddpg):
+        return rival.batch
+    return config.environments * rival.n_steps if isinstance(rival, A2c) else config.minibatch
+
+
+def steps_per_sample(config: TrainConfig) -> float:
+    """Gradient steps that training takes for a new sample."""
+    rival = config.rival
+    if isinstance(rival, Ddpg):
+        return rival.updates_per_sample
+    return (1 if isinstance(rival, A2c) else config.passes) / own_batch(config)
+
+
+def measured(task: Task) -> dict[str, dict[str, Timing]]:
+    """By algorithm the timing of `inference` and of `update`, with this process's threads."""
+    updates = {name: _update(task.configs[name], size, task.seed) for name, size in task.batches.items()}
+    operations: dict[tuple[str, str], Callable[[], object]] = {}
+    for name, update in updates.items():
+        random = np.random.default_rng(task.seed)
+        shape = task.batches[name], observation_size(task.configs[name].env)
+        seen = random.standard_normal(shape, dtype=np.float32)
+        operations[name, "inference"] = _acting(update, seen)
+        operations[name, "update"] = update.step
+    timings = timed(operations, task.repeats)
+    return {name: {kind: timings[name, kind] for kind in ("inference", "update")} for name in updates}
+
+
+def _clocks() -> tuple[float, float]:
+    return time.process_time(), time.perf_counter()
+
+
+def timed(
+    operations: Mapping[tuple[str, str], Callable[[], object]], repeats: int, clocks: Clocks = _clocks
+) -> dict[tuple[str, str], Timing]:
+    """Time operations by turns, so that what else happens meets all alike, after some unmeasured turns."""
+    spent: dict[tuple[str, str], list[tuple[float, float]]] = {name: [] for name in operations}
+    for turn in range(_WARM_UPS + repeats):
+        for name, operation in operations.items():
+            before = clocks()
+            operation()
+            after = clocks()
+            if turn >= _WARM_UPS:
+                spent[name].append((after[0] - before[0], after[1] - before[1]))
+    found = {}
+    for name, pairs in spent.items():
+        worked, passed = 1e3 * np.array(pairs).T
+        deviation = float(worked.std(ddof=1)) if repeats > 1 else 0.0
+        found[name] = Timing(float(worked.mean()), deviation, float(passed.mean()))
+    return found
+
+
+def _acting(update: OneUpdate, seen: np.ndarray) -> Callable[[], object]:
+    policy = update.policy()
+    return lambda: policy.act(seen)
+
+
+def _rivals() -> bool:
+    try:
+        require_package()
+    except KinemimicError:
+        return False
+    return True
+
+
+def _update(config: TrainConfig, samples: int, seed: int) -> OneUpdate:
+    if config.rival is None:
+        return PpoUpdate(config, samples, seed)
+    from kinemimic.evaluate.rival_update import RivalUpdate  # noqa: PLC0415 (its package may be missing)
+
+    return RivalUpdate(config, samples, seed)
+
+
+def _net(
+    configs: Mapping[str, TrainConfig],
+    samples: Sequence[int],
+    found: Sequence[Mapping[str, Mapping[str, Timing]]],
+) -> dict[str, Any]:
+    """Of one size of networks: found on the preset's own batches, then for every number of samples."""
+    own, *rest = found
+    algorithms: dict[str, Any] = dict.fromkeys(PRESET_OF)
+    for name, config in configs.items():
+        step, often = own[name]["update"], steps_per_sample(config)
+        rows = {kind: _row(samples, [part[name][kind] for part in rest]) for kind in ("inference", "update")}
+        algorithms[name] = {
+            **rows,
+            "learning": {
+                "batch": own_batch(config),
+                "steps_per_sample": often,
+                "step": vars(step),
+                "mean_ms": [often * count * step.mean_ms for count in samples],
+            },
+        }
+    return {"hidden": list(next(iter(configs.values())).hidden), "algorithms": algorithms}
+
+
+def _row(samples: Sequence[int], timings: Sequence[Timing]) -> dict[str, Any]:
+    columns = {field.name: [getattr(one, field.name) for one in timings] for field in fields(Timing)}
+    return {**columns, "growth": growth(samples, columns["mean_ms"])}

@@ -1,0 +1,78 @@
+"""One gradient step of actor and critic on n samples, of stable-baselines3's DDPG and A2C."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import gymnasium as gym
+import numpy as np
+from numpy.typing import NDArray
+from stable_baselines3 import A2C, DDPG
+from stable_baselines3.common.logger import Logger
+from stable_baselines3.common.vec_env import DummyVecEnv
+
+from kinemimic.train.config import TrainConfig
+from kinemimic.train.policy import Policy
+from kinemimic.train.rival import Randomness
+from kinemimic.train.rival_config import A2c, Ddpg
+from kinemimic.train.rival_env import spaces
+from kinemimic.train.rival_model import build, exported, normalized
+
+Floats = NDArray[np.float32]
+
+
+class _Spaces(gym.Env[Floats, Floats]):
+    """What a figure observes and does, without a figure."""
+
+    def __init__(self, config: TrainConfig) -> None:
+        self.observation_space, self.action_space = spaces(config)
+
+
+class RivalUpdate:
+    """`OneUpdate` (`one_update.py`) of a rival as training builds it, with samples drawn from a seed.
+
+    DDPG draws its batch from a memory that is as large as at its first gradient step, and its step has both
+    target networks follow; A2C's batch is one rollout. ValueError for other rivals.
+    """
+
+    def __init__(self, config: TrainConfig, samples: int, seed: int) -> None:
+        rival = config.rival
+        if isinstance(rival, Ddpg):
+            rival = replace(rival, buffer=rival.warm_up, batch=samples)
+        elif isinstance(rival, A2c):
+            rival = replace(rival, n_steps=samples)
+        else:
+            raise ValueError(f"expected DDPG or A2C, found {rival}")
+        # One figure, so that any number of samples is a whole number of steps.
+        self._config = replace(config, environments=1, horizon=samples, rival=rival)
+        self._env = normalized(DummyVecEnv([lambda: _Spaces(config)]))
+        with Randomness(config.seed).here():
+            self.model = build(self._config, self._env)
+        self.model.set_logger(Logger(None, []))
+        self._fill(np.random.default_rng(seed))
+
+    def _fill(self, random: np.random.Generator) -> None:
+        """What the algorithm learns from, as if it had sampled."""
+        if isinstance(self.model, DDPG):
+            memory = self.model.replay_buffer
+            assert memory is not None  # noqa: S101 (for the type's sake)
+            for column in (memory.observations, memory.next_observations, memory.rewards):
+                random.standard_normal(out=column, dtype=np.float32)
+            memory.actions[:] = random.uniform(-1.0, 1.0, memory.actions.shape)
+            memory.full = True
+        elif isinstance(self.model, A2C):
+            rollout = self.model.rollout_buffer
+            for column in (rollout.observations, rollout.advantages, rollout.returns, rollout.values):
+                random.standard_normal(out=column, dtype=np.float32)
+            noise = self._config.noise[0][1]
+            rollout.actions[:] = noise * random.standard_normal(rollout.actions.shape, dtype=np.float32)
+            rollout.full = True
+
+    def policy(self) -> Policy:
+        return exported(self.model, self._env, self._config)
+
+    def step(self) -> None:
+        if isinstance(self.model, DDPG):
+            self.model.train(gradient_steps=1, batch_size=self.model.batch_size)
+        else:
+            self.model.train()
