@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import Any
 
 from kinemimic.evaluate.compare_task import MOTION
-from kinemimic.evaluate.recipe import DATASETS
+from kinemimic.pipeline.data_folder import DATASETS
 from kinemimic.pipeline.errors import KinemimicError
 from kinemimic.pipeline.store import copy_file, file_hash, read_json
 from kinemimic.retarget.export_json import motion_from_json
@@ -47,6 +47,11 @@ class Comparison:
     @classmethod
     def load(cls, folder: Path) -> Comparison:
         """A KinemimicError says what is missing."""
+        if not (folder / RESULTS).exists():
+            raise KinemimicError(
+                f"{folder / RESULTS}: expected the results of `kinemimic compare`, found no file; "
+                "`make comparison` trains what a study compares"
+            )
         content = read_json(folder / RESULTS)
         found = content.get("schema") if isinstance(content, dict) else None
         if found != COMPARE_SCHEMA or "tasks" not in content:

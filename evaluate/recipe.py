@@ -4,14 +4,13 @@ from __future__ import annotations
 
 import tomllib
 from dataclasses import dataclass
-from importlib.resources import files
 from pathlib import Path
 from typing import Any
 from urllib.parse import quote
 
+from kinemimic.pipeline.data_folder import DATASETS
 from kinemimic.pipeline.errors import KinemimicError
 
-DATASETS = Path(str(files("kinemimic.datasets").joinpath("captures.toml"))).parent
 POLICIES = DATASETS / "policies"
 
 

@@ -5,17 +5,17 @@ from __future__ import annotations
 import math
 import tomllib
 from collections.abc import Sequence
-from importlib.resources import files
 from pathlib import Path
 from typing import Any, get_args
 
 from kinemimic.pipeline.captures.toml_keys import Keys
+from kinemimic.pipeline.data_folder import DATASETS
 from kinemimic.pipeline.errors import KinemimicError
 from kinemimic.retarget.body import BODY_NAMES
 from kinemimic.train.scenario import Load, Placement, Range, Scenario
 from kinemimic.train.world import CONTROL_RATE, Shape
 
-SHIPPED = Path(str(files("kinemimic.datasets").joinpath("captures.toml"))).parent / "scenarios"
+SHIPPED = DATASETS / "scenarios"
 MAX_BYTES = 1_000_000
 MAX_ITEMS = 200  # of forces, torques and obstacles each
 MAX_SECONDS = 600.0
