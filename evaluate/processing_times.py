@@ -72,11 +72,11 @@ def processing_times(
     nets: Sequence[tuple[int, ...]] = NETS,
     repeats: int = REPEATS,
     seed: int = 0,
-    progress: Callable[[int], object] | None = None,
+    progress: Callable[[float], object] | None = None,
 ) -> dict[str, Any]:
     """Measure all algorithms; returns JSON values.
 
-    progress: called with 1 after each of len(nets) * (len(samples) + 1) parts.
+    progress: called with the share of all parts that is done since.
 
     samples (two at least), repeats, threads (1), seed: of the measurement;
     nets: for each size of the networks `hidden` and, by algorithm (None for a rival where stable-baselines3
@@ -94,7 +94,7 @@ def processing_times(
         batches = [own, *(dict.fromkeys(names, count) for count in samples)]
         tasks += [Task(configs, one, repeats, seed) for one in batches]
     # In one child, which has one thread for matrix products, numpy's and torch's (`children.py`).
-    found = spread(measured, tasks, workers=1, progress=progress)
+    found = spread(measured, tasks, workers=1, progress=progress and (lambda k: progress(k / len(tasks))))
     size = len(samples) + 1
     return {
         "samples": list(samples),
