@@ -8,54 +8,15 @@ the numbers themselves.
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import asdict, dataclass
-from typing import Any, Literal
+from typing import Any
 
+from kinemimic.evaluate.claim import Better, Claim
 from kinemimic.evaluate.comparison import Comparison
-from kinemimic.evaluate.learning_curves import interquartile
+from kinemimic.evaluate.learning_curves import converged_at, interquartile
 from kinemimic.evaluate.study_plan import AMONG, BALL, OBSTACLES, PPO, RIVALS, RUN, SEVERAL, VARIANTS, WALK
-from kinemimic.pipeline.html import number
 
 Row = Mapping[str, Any]
-Better = Literal["more", "less", "lead", "neither"]
-BETTER, WORSE, NOT_CONFIRMED = "better", "worse", "not confirmed"
-LARGER, SMALLER = "confirmed, a larger lead", "confirmed, a smaller lead"
-
 EPISODE = 500.0  # the paper's largest return
-
-
-@dataclass(frozen=True)
-class Claim:
-    """figure: of the paper, or its table; formula: how ours is computed; paper, ours: in the unit, None for
-    what did not happen here, with the reason; better: whether more or less is, how far PPO leads, or neither,
-    as of a rival's number."""
-
-    figure: str
-    what: str
-    formula: str
-    unit: str
-    paper: float
-    ours: float | None
-    better: Better
-    reason: str = ""
-
-    @property
-    def verdict(self) -> str:
-        """In words: a worse number is called so."""
-        if self.ours is None:
-            return self.reason
-        if self.better == "neither":
-            return ""
-        if self.better == "lead":
-            if self.ours <= 0.0:
-                return NOT_CONFIRMED
-            return LARGER if self.ours >= self.paper else SMALLER
-        ahead = self.ours >= self.paper if self.better == "more" else self.ours <= self.paper
-        return BETTER if ahead else WORSE
-
-    def to_json(self) -> dict[str, Any]:
-        """JSON values with the verdict."""
-        return {**asdict(self), "verdict": self.verdict}
 
 
 def claims(comparison: Comparison, contests: Sequence[Row], rooms: Sequence[Row], times: Row) -> list[Claim]:
@@ -77,24 +38,13 @@ def _figure(claim: Claim) -> tuple[int, str]:
     return int(digits), claim.figure
 
 
-_DIGITS = {"%": 1, "s": 2, "ms": 2, "°": 1}
-
-
-def told(value: float | None, unit: str) -> str:
-    """A number with its unit, for people."""
-    if value is not None and unit == "samples":
-        return f"{value:,.0f}"
-    text = number(value, _DIGITS.get(unit, 3))
-    return text if value is None or not unit else f"{text}\u00a0{unit}"
-
-
 def _minus(one: float | None, other: float | None) -> float | None:
     return None if one is None or other is None else one - other
 
 
-def returns(comparison: Comparison, task: str, variant: str) -> float | None:
-    """Interquartile mean over the seeds of the largest return, %."""
-    mean = interquartile([row["return"] for row in comparison.cells(task, variant)]).mean
+def returns(comparison: Comparison, task: str, variant: str, budget: int | None = None) -> float | None:
+    """Interquartile mean over the seeds of the largest return up to a budget, the last unless said; %."""
+    mean = interquartile([row["return"] for row in comparison.cells(task, variant, budget)]).mean
     return None if mean is None else 100.0 * mean
 
 
@@ -104,9 +54,17 @@ def converged(comparison: Comparison, task: str, variant: str) -> float | None:
     return interquartile([v for row in rows if (v := row["converged_samples"]) is not None]).mean
 
 
-def least_loss(comparison: Comparison, task: str, variant: str) -> float | None:
-    """Least of the seeds' interquartile mean of the critic's loss on normalised returns."""
-    return min((row["mean"] for row in comparison.curve(task, variant, "critic_loss")), default=None)
+def least_loss(comparison: Comparison, task: str, variant: str, budget: float | None = None) -> float | None:
+    """Least, up to a budget, of the seeds' interquartile mean of the critic's loss on normalised returns."""
+    curve = comparison.curve(task, variant, "critic_loss")
+    return min((row["mean"] for row in curve if budget is None or row["samples"] <= budget), default=None)
+
+
+def loss_converged(comparison: Comparison, task: str, variant: str) -> float | None:
+    """Samples from which on the critic's loss has done 95 % of its way down for good."""
+    curve = comparison.curve(task, variant, "critic_loss")
+    losses = [row["mean"] for row in curve]
+    return converged_at([row["samples"] for row in curve], [max(losses) - loss for loss in losses])
 
 
 def _rewards(comparison: Comparison) -> Iterator[Claim]:
@@ -117,43 +75,48 @@ def _rewards(comparison: Comparison) -> Iterator[Claim]:
         (WALK, "Fig. 7a", {"PPO": 463.0, "DDPG": 43.5, "A2C": 307.2}),
         (RUN, "Fig. 7b", {"DDPG": 312.5, "A2C": 95.8}),
     ):
-        ours = returns(comparison, task, "default")
-        if "PPO" in printed:
-            yield Claim(figure, "PPO's largest reward", best, "%", share * printed["PPO"], ours, "more")
+        if PPO in printed:
+            ours = returns(comparison, task, VARIANTS[PPO])
+            yield Claim(figure, "PPO's largest reward", best, "%", share * printed[PPO], ours, "more")
         for name, variant in RIVALS.items():
-            lead = _minus(ours, returns(comparison, task, variant))
-            yield Claim(figure, f"PPO ahead of {name} by", best, "%", share * printed[name], lead, "lead")
-    for task, figure, at in (
+            at = comparison.shared(task, VARIANTS[PPO], variant)
+            ours, theirs = (returns(comparison, task, one, at) for one in (VARIANTS[PPO], variant))
+            what = f"PPO ahead of {name} by, after {at:,} samples"
+            yield Claim(figure, what, best, "%", share * printed[name], _minus(ours, theirs), "lead")
+    for task, figure, printed in (
         (WALK, "Fig. 7a", {"PPO": 8e5, "A2C": 5e5, "DDPG": 10e5}),
         (RUN, "Fig. 7b", {"PPO": 10e5, "DDPG": 10e5}),
     ):
-        for name, samples in at.items():
-            found = converged(comparison, task, VARIANTS[name])
+        for name, samples in printed.items():
+            found, last = converged(comparison, task, VARIANTS[name]), _last(comparison, task, VARIANTS[name])
             better: Better = "less" if name == PPO else "neither"
-            yield Claim(
-                figure,
-                f"{name} converges at, samples",
-                where,
-                "samples",
-                samples,
-                found,
-                better,
-                "never learns",
-            )
+            what = f"{name} converges, of {last:,} samples, at"
+            yield Claim(figure, what, where, "samples", samples, found, better, "never learns")
+
+
+def _last(comparison: Comparison, task: str, variant: str) -> int:
+    return max((row["budget"] for row in comparison.cells(task, variant)), default=0)
 
 
 def _losses(comparison: Comparison) -> Iterator[Claim]:
     how = "critic's mean squared error over its targets' variance, least of the seeds' interquartile mean"
+    where = "samples from which on the critic's loss has done 95 % of its way down"
     for task, figure, printed in (
         (WALK, "Fig. 8a", {"DDPG": 0.038, "A2C": 0.059}),
         (OBSTACLES, "Fig. 8b", {"PPO": 0.007, "DDPG": 0.045, "A2C": 0.062}),
     ):
-        ours = least_loss(comparison, task, "default")
-        if "PPO" in printed:
-            yield Claim(figure, "PPO's least loss", how, "", printed["PPO"], ours, "less")
+        ppo = VARIANTS[PPO]
+        if PPO in printed:
+            yield Claim(
+                figure, "PPO's least loss", how, "", printed[PPO], least_loss(comparison, task, ppo), "less"
+            )
+        found = loss_converged(comparison, task, ppo)
+        yield Claim(figure, "PPO's loss converges at", where, "samples", 8e5, found, "less", "never falls")
         for name, variant in RIVALS.items():
-            lead = _minus(least_loss(comparison, task, variant), ours)
-            yield Claim(figure, f"PPO's least loss below {name}'s by", how, "", printed[name], lead, "lead")
+            at = comparison.shared(task, ppo, variant)
+            ours, theirs = (least_loss(comparison, task, one, at) for one in (ppo, variant))
+            what = f"PPO's least loss below {name}'s by, after {at:,} samples"
+            yield Claim(figure, what, how, "", printed[name], _minus(theirs, ours), "lead")
 
 
 # Figure, scenario, trained in it, and what is printed: of PPO, ahead of DDPG, ahead of A2C.

@@ -79,11 +79,26 @@ class Comparison:
                 return curve
         return []
 
-    def cells(self, task: str, variant: str) -> Sequence[Row]:
-        """Of each seed the figures at the variant's last budget."""
-        rows = [row for row in self.content["cells"] if (row["task"], row["variant"]) == (task, variant)]
-        last = max((row["budget"] for row in rows), default=0)
-        return [row for row in rows if row["budget"] == last]
+    def cells(self, task: str, variant: str, budget: int | None = None) -> Sequence[Row]:
+        """Of each seed the figures at a budget, the variant's last unless said."""
+        at = budget or max(self._budgets(task, variant), default=0)
+        return [row for row in self._rows(task, variant) if row["budget"] == at]
+
+    def shared(self, task: str, one: str, other: str) -> int:
+        """The largest budget at which both variants were scored; KinemimicError if there is none."""
+        both = self._budgets(task, one) & self._budgets(task, other)
+        if not both:
+            raise KinemimicError(
+                f"{self.folder / RESULTS}: expected {one} and {other} scored after as many samples on "
+                f"{task}, found no such budget; `kinemimic compare` adds it"
+            )
+        return max(both)
+
+    def _rows(self, task: str, variant: str) -> Sequence[Row]:
+        return [row for row in self.content["cells"] if (row["task"], row["variant"]) == (task, variant)]
+
+    def _budgets(self, task: str, variant: str) -> set[int]:
+        return {row["budget"] for row in self._rows(task, variant)}
 
     def middle(self, task: str, variant: str) -> Row:
         """The seed whose return is the median of all; of an even number the lower of the two."""

@@ -23,7 +23,7 @@ def film(recording: Path, path: Path, *, timeline: str, rate: float, frames: int
     """
     with (
         video(path, *SIZE, rate) as written,
-        drawing(recording, timeline=timeline, size=SIZE) as draw,
+        drawing(recording, timeline=timeline, size=SIZE, last=frames / rate) as draw,
         progress("film", frames) as bar,
     ):
         for frame in range(frames):

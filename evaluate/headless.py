@@ -19,16 +19,18 @@ from rerun.experimental import ViewerClient
 from kinemimic.pipeline.errors import KinemimicError
 
 PATIENCE = 60.0  # s: a software renderer on a busy machine is slow to start
-SETTLING = 5.0  # s: until the views have their data and the viewer's greeting has faded
+PAUSE = 1.0  # s between two pictures that have to be the same before one is believed
 
 Draw = Callable[[float], bytes]
 T = TypeVar("T")
 
 
 @contextmanager
-def drawing(recording: Path, *, timeline: str, size: tuple[int, int]) -> Iterator[Draw]:
+def drawing(recording: Path, *, timeline: str, size: tuple[int, int], last: float) -> Iterator[Draw]:
     """A function that draws the recording at seconds of its timeline, as PNG of (width, height) pixels.
 
+    last: the latest moment that will be asked for. The viewer fetches an entity's data when a moment first
+    shows it, and what is there at the end is all that ever appears.
     Needs a Vulkan driver; a software one will do (Debian: `libvulkan1 mesa-vulkan-drivers`). The viewer that
     draws listens on the loopback interface until the block ends, and sends no usage data.
     """
@@ -43,9 +45,14 @@ def drawing(recording: Path, *, timeline: str, size: tuple[int, int]) -> Iterato
             client.set_time(timeline, duration=seconds, play_state="paused")
             return client.take_screenshot()
 
+        def settled() -> bool:
+            before = picture(last)
+            time.sleep(PAUSE)
+            return picture(last) == before
+
         _patiently(process, opened)
-        _patiently(process, lambda: picture(0.0))
-        time.sleep(SETTLING)
+        # Until the data are there and the viewer's greeting has faded.
+        _patiently(process, settled)
         yield lambda seconds: _patiently(process, lambda: picture(seconds))
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import Any
 
 import gymnasium as gym
 import numpy as np
@@ -21,7 +22,7 @@ from kinemimic.train.rival_model import build, exported, normalized
 Floats = NDArray[np.float32]
 
 
-class _Spaces(gym.Env[Floats, Floats]):
+class _Spaces(gym.Env[Any, Any]):
     """What a figure observes and does, without a figure."""
 
     def __init__(self, config: TrainConfig) -> None:

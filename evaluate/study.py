@@ -11,7 +11,8 @@ from typing import Any
 import click
 from rich.console import RenderableType
 
-from kinemimic.evaluate.claims import claims, told
+from kinemimic.evaluate.claim import told
+from kinemimic.evaluate.claims import claims
 from kinemimic.evaluate.compare_table import table_csv
 from kinemimic.evaluate.comparison import RESULTS, SHIPPED, Comparison, Contender
 from kinemimic.evaluate.contest import contest

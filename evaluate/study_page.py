@@ -6,17 +6,8 @@ from collections.abc import Iterator, Mapping, Sequence
 from html import escape
 from typing import Any
 
-from kinemimic.evaluate.claims import (
-    BETTER,
-    LARGER,
-    NOT_CONFIRMED,
-    SMALLER,
-    WORSE,
-    converged,
-    least_loss,
-    returns,
-    told,
-)
+from kinemimic.evaluate.claim import BETTER, LARGER, NOT_CONFIRMED, SMALLER, WORSE, told
+from kinemimic.evaluate.claims import converged, least_loss, returns
 from kinemimic.evaluate.comparison import Comparison
 from kinemimic.evaluate.study_plan import ALGORITHMS, OBSTACLES, PPO, RUN, VARIANTS, WALK
 from kinemimic.pipeline.html import drawing, number, page, table

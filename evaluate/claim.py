@@ -1,0 +1,57 @@
+"""A claim of the paper: its number, ours beside it, and which of the two is better."""
+
+from __future__ import annotations
+
+from dataclasses import asdict, dataclass
+from typing import Any, Literal
+
+from kinemimic.pipeline.html import number
+
+Better = Literal["more", "less", "lead", "neither"]
+BETTER, WORSE, NOT_CONFIRMED = "better", "worse", "not confirmed"
+LARGER, SMALLER = "confirmed, a larger lead", "confirmed, a smaller lead"
+
+
+@dataclass(frozen=True)
+class Claim:
+    """figure: of the paper, or its table; formula: how ours is computed; paper, ours: in the unit, None for
+    what did not happen here, with the reason; better: whether more or less is, how far PPO leads, or neither,
+    as of a rival's number."""
+
+    figure: str
+    what: str
+    formula: str
+    unit: str
+    paper: float
+    ours: float | None
+    better: Better
+    reason: str = ""
+
+    @property
+    def verdict(self) -> str:
+        """In words: a worse number is called so."""
+        if self.ours is None:
+            return self.reason
+        if self.better == "neither":
+            return ""
+        if self.better == "lead":
+            if self.ours <= 0.0:
+                return NOT_CONFIRMED
+            return LARGER if self.ours >= self.paper else SMALLER
+        ahead = self.ours >= self.paper if self.better == "more" else self.ours <= self.paper
+        return BETTER if ahead else WORSE
+
+    def to_json(self) -> dict[str, Any]:
+        """JSON values with the verdict."""
+        return {**asdict(self), "verdict": self.verdict}
+
+
+_DIGITS = {"%": 1, "s": 2, "ms": 2, "°": 1}
+
+
+def told(value: float | None, unit: str) -> str:
+    """A number with its unit, for people."""
+    if value is not None and unit == "samples":
+        return f"{value:,.0f}"
+    text = number(value, _DIGITS.get(unit, 3))
+    return text if value is None or not unit else f"{text}\u00a0{unit}"
