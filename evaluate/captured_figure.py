@@ -30,9 +30,9 @@ from kinemimic.retarget.scale import length_scale
 Array = NDArray[np.float64]
 
 LEGS = [NODE_INDEX[f"{joint}_{side}"] for joint in ("hip", "knee", "ankle") for side in ("left", "right")]
-# Colour (red, green, blue) and radius in metres of a joint: what the sensor guessed is small, and a colour of
-# neither figure.
-LOOKS = {TRACKED: (0xF0F0F0FF, 0.018), INFERRED: (0xFF50C8FF, 0.012), MISSING: (0, 0.0)}
+# Colour (red, green, blue, opacity) and radius in metres of a joint: what the sensor guessed stands out of its
+# bones, in a colour of neither figure.
+LOOKS = {TRACKED: (0xF0F0F0FF, 0.018), INFERRED: (0xFF50C8FF, 0.028), MISSING: (0, 0.0)}
 
 
 @dataclass(frozen=True)
@@ -54,7 +54,7 @@ class Captured:
         """Markdown on what is seen."""
         return (
             f"Capture as read, unfiltered: {len(np.unique(self.passes))} of {self.of} passes, each laid on "
-            "the reference as a whole. White: tracked; small and pink: inferred; missing joints are left out."
+            "the reference as a whole. White: tracked; pink: inferred; missing joints are left out."
         )
 
 

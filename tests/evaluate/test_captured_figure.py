@@ -140,7 +140,8 @@ def test_missing_joints_are_nowhere_and_nothing_stays_after_a_pass(
     frames = len(found.times) // 2
     assert counts == ([20] * frames + [0]) * 2
     radii = rows["Points3D:radii"].to_pylist()
-    assert radii[0][HAND] < radii[0][0]
+    colors = rows["Points3D:colors"].to_pylist()
+    assert colors[0][HAND] != colors[0][0] and len({*colors[0]}) == 2
     assert radii[frames - 1][HAND] == 0.0
 
 

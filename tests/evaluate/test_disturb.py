@@ -12,6 +12,7 @@ from click.testing import CliRunner
 from peers.constant import constant
 from peers.crouch import crouching, write_idle_run
 
+from kinemimic.evaluate import scenario_trials
 from kinemimic.evaluate.disturb import command, disturb
 from kinemimic.evaluate.scenario_trials import Task, Trials, conduct, figures
 from kinemimic.evaluate.staged import staged
@@ -101,18 +102,27 @@ def test_a_strong_pull_fells_and_a_weak_one_does_not(run: Path) -> None:
         assert found[name]["twins_fallen"] == 0
 
 
-def test_trials_are_the_same_alone_or_among_many_and_on_any_number_of_processes(run: Path) -> None:
-    files = []
-    for trials, workers in ((20, 1), (20, 2), (30, 2)):
-        found = disturb(run, [PULL], trials=trials, workers=workers)["pull"]
-        files.append((found["each"], found["curve"]))
-    assert files[0] == files[1]
-    assert files[2][0]["phase"][:20] == files[0][0]["phase"]
-    assert files[2][0]["fallen_at"][:20] == files[0][0]["fallen_at"]
-    other = disturb(run, [PULL], trials=20, seed=1, workers=1)["pull"]
-    few = disturb(run, [PULL], trials=3, workers=1)["pull"]
-    assert few["each"]["fallen_at"] == files[0][0]["fallen_at"][:3]
-    assert other["each"]["phase"] != files[0][0]["phase"]
+def test_a_scenario_twice_is_the_same_file(run: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Loads, and obstacles that are thrown: on any number of processes, in tasks of any number of trials."""
+
+    def written(workers: int) -> list[bytes]:
+        disturb(run, [PULL, PELTED], trials=7, workers=workers)
+        return [(run / f"scenario-{name}.json").read_bytes() for name in ("pull", "pelted")]
+
+    once = written(1)
+    assert written(1) == once
+    monkeypatch.setattr(scenario_trials, "TOGETHER", 3)
+    assert written(2) == once
+
+
+def test_a_trial_is_the_same_however_many_there_are_and_another_with_another_seed(run: Path) -> None:
+    few, many, other = (
+        disturb(run, [PULL], trials=trials, seed=seed, workers=1)["pull"]["each"]
+        for trials, seed in ((3, 0), (13, 0), (3, 1))
+    )
+    for key in ("phase", "fallen_at"):
+        assert many[key][:3] == few[key]
+    assert other["phase"] != few["phase"]
 
 
 def test_engines_agree(run: Path, walk: Motion) -> None:
@@ -128,20 +138,36 @@ def test_engines_agree(run: Path, walk: Motion) -> None:
         assert native["dip"]["median"] == pytest.approx(bullet["dip"]["median"], abs=0.02)
 
 
-def test_a_trial_alone_is_that_among_others_to_the_last_bit(walk: Motion) -> None:
+def seeing() -> Policy:
     """With a net, whose products would differ by their last digits with the size of the batch."""
     random = np.random.default_rng(0)
     hidden = random.normal(0.0, 0.1, (64, OBSERVATIONS)).astype(np.float32), np.zeros(64, np.float32)
     last = random.normal(0.0, 0.02, (ACTIONS, 64)).astype(np.float32), np.zeros(ACTIONS, np.float32)
-    policy = Policy((hidden, last), np.zeros(OBSERVATIONS, np.float32), np.ones(OBSERVATIONS, np.float32))
-    task = Task(crouching(walk), policy, PRESETS["default"].env, PELTED, tuple(range(7)), 0, resolve("auto"))
+    return Policy((hidden, last), np.zeros(OBSERVATIONS, np.float32), np.ones(OBSERVATIONS, np.float32))
+
+
+@pytest.mark.parametrize("engine", ["native", "pybullet"])
+@pytest.mark.parametrize("scenario", [PULL, PELTED], ids=lambda scenario: scenario.name)
+def test_a_trial_alone_is_that_among_others_to_the_last_bit(
+    engine: str, scenario: Scenario, walk: Motion
+) -> None:
+    if engine == "native":
+        pytest.importorskip("kinemimic_native", reason="the native engine is not built here")
+    task = Task(crouching(walk), seeing(), PRESETS["default"].env, scenario, tuple(range(7)), 0, engine)
     among = conduct(task).rewards
+    assert len(np.unique(among, axis=0)) == 7
+    np.testing.assert_array_equal(conduct(task).rewards, among)
     for number in (0, 3, 6):
         np.testing.assert_array_equal(conduct(replace(task, numbers=(number,))).rewards[0], among[number])
+
+
+def test_what_is_played_is_the_trial_of_that_number(walk: Motion) -> None:
+    policy = seeing()
+    task = Task(crouching(walk), policy, PRESETS["default"].env, PELTED, (3,), 0, resolve("auto"))
     played, _ = staged(task.motion, policy, PRESETS["default"], PELTED, number=3)
     largest = sum(PRESETS["default"].final_reward.weights.values())
     measured = replace(task.config, reward=PRESETS["default"].final_reward)
-    (alone,) = conduct(replace(task, numbers=(3,), config=measured)).rewards
+    (alone,) = conduct(replace(task, config=measured)).rewards
     stood = int(played.fallen_at[0])
     np.testing.assert_allclose(played.rewards[0, :stood].sum(axis=1) / largest, alone[:stood], atol=1e-12)
 
