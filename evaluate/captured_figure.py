@@ -30,8 +30,8 @@ from kinemimic.retarget.scale import length_scale
 Array = NDArray[np.float64]
 
 LEGS = [NODE_INDEX[f"{joint}_{side}"] for joint in ("hip", "knee", "ankle") for side in ("left", "right")]
-# Colour (red, green, blue, opacity) and radius in metres of a joint: what the sensor guessed stands out of its
-# bones, in a colour of neither figure.
+# Colour (red, green, blue, opacity) and radius in metres of a joint: what the sensor guessed stands out of
+# its bones, in a colour of neither figure.
 LOOKS = {TRACKED: (0xF0F0F0FF, 0.018), INFERRED: (0xFF50C8FF, 0.028), MISSING: (0, 0.0)}
 
 

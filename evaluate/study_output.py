@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping
 from typing import Any
 
 from kinemimic.evaluate import study_figures as figures
@@ -14,7 +14,6 @@ from kinemimic.evaluate.study_plan import (
     OVERPOWERED,
     PPO,
     PULLS,
-    RIVALS,
     RUN,
     SEVERAL,
     VARIANTS,
@@ -30,18 +29,17 @@ QUARTILES = ("median", "quarter", "three_quarters")
 def drawings(comparison: Comparison, content: Row) -> dict[str, Draw]:
     """The figures by the paper's numbers. content: of study.json."""
     contests = content["contests"]
-    walkers = tuple(VARIANTS)
+    walkers = list(VARIANTS)
     titles = {
         "pull-forward": "forward pull", "pull-backward": "backward pull", "leg-force": "force on a thigh",
         "arm-torque": "torque on an arm", BALL: "one obstacle above the hip",
     }  # fmt: skip
 
-    def panels(*names: str) -> list[tuple[str, str, Sequence[str]]]:
+    def panels(*names: str) -> list[tuple[str, str, list[str]]]:
         return [(name, titles[name], walkers) for name in names]
 
-    several: list[tuple[str, str, Sequence[str]]] = [
-        (SEVERAL, "several obstacles", (*walkers, *(f"{name}{AMONG}" for name in (PPO, *RIVALS)))),
-    ]
+    # Only those who trained there, each in its algorithm's colour; the page's table has the others.
+    several = [(SEVERAL, "several obstacles", [f"{name}{AMONG}" for name in walkers])]
     (ours,) = (row for row in content["rooms"] if row["contender"] == PPO)
     walk_and_run = [(WALK, "walk"), (RUN, "run")]
     obstacles = [(WALK, "without obstacles"), (OBSTACLES, "among obstacles")]

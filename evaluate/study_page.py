@@ -136,7 +136,7 @@ def _disturbances(contests: Sequence[Row], drawings: Mapping[str, Draw]) -> Iter
         ("fig11", "Reward with one and with several obstacles",
          "Fig. 11. A ball of 1 kg meets the chest at 3 m/s (left); six boxes and cylinders of knee and hip "
          "height "
-         "stand in the way (right), those who trained among such beside those who did not."),
+         "stand in the way (right) of those who trained among such; the table has the others too."),
     ):  # fmt: skip
         yield drawing(picture(drawings[name], alternative), caption)
     rows = []
@@ -150,9 +150,9 @@ def _disturbances(contests: Sequence[Row], drawings: Mapping[str, Draw]) -> Iter
             number(row["recovery_s"]["median"], 1), number(row["fall_s"]["median"], 1),
         ])  # fmt: skip
     yield table(
-        ["", "", "survive, %", "95 %", "fall anyway, %", "dip, %", "recover", "after, s", "fall after, s"],
+        ["", "", "survive, %", "95 %", "twins fall, %", "dip, %", "recover", "after, s", "fall after, s"],
         rows,
-        "Each trial beside a twin to which nothing happens; fall anyway: how many of these twins do. "
+        "Each trial beside a twin to which nothing happens; twins fall: how many of these do. "
         "Survival with Wilson's interval; medians of the dip, of the time until the reward stays within 5 % "
         "of the twin's, and of the time to the fall.",
         words=(1,),

@@ -30,6 +30,7 @@ table { border-collapse: collapse; font-size: .9rem; font-variant-numeric: tabul
   min-width: 60%; }
 th, td { padding: .32rem .8rem .32rem 0; text-align: right; white-space: nowrap;
   border-bottom: 1px solid #ececec; }
+td.left { white-space: normal; }
 th { font-weight: 500; color: #555; border-bottom-color: #bbb; }
 th:first-child, td:first-child, .left { text-align: left; }
 tr.strong td { font-weight: 600; }
@@ -44,7 +45,7 @@ dd { margin: 0; overflow-wrap: anywhere; }
   h1 { font-size: 1.5rem; }
   table { font-size: .8rem; }
   th, td { padding-right: .5rem; }
-  th, td:first-child, td.left { white-space: normal; }
+  th, td:first-child { white-space: normal; }
   th { vertical-align: bottom; }
 }
 @media print {
