@@ -18,7 +18,7 @@ from rerun.experimental import ViewerClient
 
 from kinemimic.pipeline.errors import KinemimicError
 
-PATIENCE = 60.0  # s: a software renderer on a busy machine is slow to start
+PATIENCE = 120.0  # s for an answer: a software renderer on a busy machine is slow, above all to start
 PAUSE = 1.0  # s between two pictures that have to be the same before one is believed
 
 Draw = Callable[[float], bytes]
@@ -102,7 +102,10 @@ def _patiently(process: subprocess.Popen[bytes], ask: Callable[[], T]) -> T:
         if process.poll() is not None:
             raise _not_drawn(f"it ended with status {process.returncode}")
         if time.monotonic() > deadline:
-            raise _not_drawn(f"it was not ready within {PATIENCE:.0f} s")
+            raise KinemimicError(
+                f"expected rerun's viewer to draw the recording, but it took more than {PATIENCE:.0f} s to "
+                "answer; try again when this machine is less busy"
+            )
         time.sleep(0.1)
 
 
