@@ -18,7 +18,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, fields
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 
@@ -41,6 +41,7 @@ PAPER: dict[str, dict[str, list[float]]] = {
     "ddpg": {"mean_ms": [29.4, 79.5, 178.6], "deviation_ms": [2.8, 7.2, 9.4]},
 }
 
+Name = TypeVar("Name")
 Clocks = Callable[[], tuple[float, float]]  # processor time and wall time, s
 
 
@@ -55,15 +56,24 @@ class Timing:
 
 @dataclass(frozen=True)
 class Task:
-    """What is measured by turns in one process.
+    """What is measured by turns in one process: all sizes together, for a time that drifts would bend growth.
 
-    configs: by the algorithm's name; batches: of each, samples.
+    configs: by the algorithm's name; samples: of the updates and of inference, beside the presets' batches.
     """
 
     configs: Mapping[str, TrainConfig]
-    batches: Mapping[str, int]
+    samples: Sequence[int]
     repeats: int
     seed: int
+
+
+@dataclass(frozen=True)
+class Measured:
+    """Of one algorithm: inference and update for every number of samples, step on the preset's own batch."""
+
+    inference: list[Timing]
+    update: list[Timing]
+    step: Timing
 
 
 def processing_times(
@@ -87,23 +97,23 @@ def processing_times(
     paper: mean_ms, deviation_ms and their growth as Tab. 2 has them, for 1000, 2000 and 3000 samples.
     """
     names = [name for name in PRESET_OF if name == "ppo" or _rivals()]
-    tasks = []
-    for hidden in nets:
-        configs = {name: preset(PRESET_OF[name], hidden=hidden, seed=seed) for name in names}
-        own = {name: own_batch(config) for name, config in configs.items()}
-        batches = [own, *(dict.fromkeys(names, count) for count in samples)]
-        tasks += [Task(configs, one, repeats, seed) for one in batches]
+    tasks = [
+        Task(
+            {name: preset(PRESET_OF[name], hidden=hidden, seed=seed) for name in names},
+            tuple(samples),
+            repeats,
+            seed,
+        )
+        for hidden in nets
+    ]
     # In one child, which has one thread for matrix products, numpy's and torch's (`children.py`).
     found = spread(measured, tasks, workers=1, progress=progress and (lambda k: progress(k / len(tasks))))
-    size = len(samples) + 1
     return {
         "samples": list(samples),
         "repeats": repeats,
         "threads": 1,
         "seed": seed,
-        "nets": [
-            _net(tasks[k * size].configs, samples, found[k * size : (k + 1) * size]) for k in range(len(nets))
-        ],
+        "nets": [_net(task, one) for task, one in zip(tasks, found, strict=True)],
         "paper": {name: {**told, "growth": growth(SAMPLES, told["mean_ms"])} for name, told in PAPER.items()},
     }
 
@@ -129,18 +139,25 @@ def steps_per_sample(config: TrainConfig) -> float:
     return (1 if isinstance(rival, A2c) else config.passes) / own_batch(config)
 
 
-def measured(task: Task) -> dict[str, dict[str, Timing]]:
-    """By algorithm the timing of `inference` and of `update`, with this process's threads."""
-    updates = {name: _update(task.configs[name], size, task.seed) for name, size in task.batches.items()}
-    operations: dict[tuple[str, str], Callable[[], object]] = {}
-    for name, update in updates.items():
-        random = np.random.default_rng(task.seed)
-        shape = task.batches[name], observation_size(task.configs[name].env)
-        seen = random.standard_normal(shape, dtype=np.float32)
-        operations[name, "inference"] = _acting(update, seen)
-        operations[name, "update"] = update.step
+def measured(task: Task) -> dict[str, Measured]:
+    """By algorithm, with this process's threads."""
+    operations: dict[tuple[str, str, int], Callable[[], object]] = {}
+    for name, config in task.configs.items():
+        own = own_batch(config)
+        operations[name, "step", own] = _update(config, own, task.seed).step
+        for count in task.samples:
+            update = _update(config, count, task.seed)
+            operations[name, "update", count] = update.step
+            operations[name, "inference", count] = _acting(update, config, count, task.seed)
     timings = timed(operations, task.repeats)
-    return {name: {kind: timings[name, kind] for kind in ("inference", "update")} for name in updates}
+    return {
+        name: Measured(
+            [timings[name, "inference", count] for count in task.samples],
+            [timings[name, "update", count] for count in task.samples],
+            timings[name, "step", own_batch(config)],
+        )
+        for name, config in task.configs.items()
+    }
 
 
 def _clocks() -> tuple[float, float]:
@@ -148,10 +165,10 @@ def _clocks() -> tuple[float, float]:
 
 
 def timed(
-    operations: Mapping[tuple[str, str], Callable[[], object]], repeats: int, clocks: Clocks = _clocks
-) -> dict[tuple[str, str], Timing]:
+    operations: Mapping[Name, Callable[[], object]], repeats: int, clocks: Clocks = _clocks
+) -> dict[Name, Timing]:
     """Time operations by turns, so that what else happens meets all alike, after some unmeasured turns."""
-    spent: dict[tuple[str, str], list[tuple[float, float]]] = {name: [] for name in operations}
+    spent: dict[Name, list[tuple[float, float]]] = {name: [] for name in operations}
     for turn in range(_WARM_UPS + repeats):
         for name, operation in operations.items():
             before = clocks()
@@ -167,8 +184,9 @@ def timed(
     return found
 
 
-def _acting(update: OneUpdate, seen: np.ndarray) -> Callable[[], object]:
-    policy = update.policy()
+def _acting(update: OneUpdate, config: TrainConfig, count: int, seed: int) -> Callable[[], object]:
+    policy, random = update.policy(), np.random.default_rng(seed)
+    seen = random.standard_normal((count, observation_size(config.env)), dtype=np.float32)
     return lambda: policy.act(seen)
 
 
@@ -188,27 +206,22 @@ def _update(config: TrainConfig, samples: int, seed: int) -> OneUpdate:
     return RivalUpdate(config, samples, seed)
 
 
-def _net(
-    configs: Mapping[str, TrainConfig],
-    samples: Sequence[int],
-    found: Sequence[Mapping[str, Mapping[str, Timing]]],
-) -> dict[str, Any]:
-    """Of one size of networks: found on the preset's own batches, then for every number of samples."""
-    own, *rest = found
+def _net(task: Task, found: Mapping[str, Measured]) -> dict[str, Any]:
+    """Of one size of networks."""
     algorithms: dict[str, Any] = dict.fromkeys(PRESET_OF)
-    for name, config in configs.items():
-        step, often = own[name]["update"], steps_per_sample(config)
-        rows = {kind: _row(samples, [part[name][kind] for part in rest]) for kind in ("inference", "update")}
+    for name, config in task.configs.items():
+        one, often = found[name], steps_per_sample(config)
         algorithms[name] = {
-            **rows,
+            "inference": _row(task.samples, one.inference),
+            "update": _row(task.samples, one.update),
             "learning": {
                 "batch": own_batch(config),
                 "steps_per_sample": often,
-                "step": vars(step),
-                "mean_ms": [often * count * step.mean_ms for count in samples],
+                "step": vars(one.step),
+                "mean_ms": [often * count * one.step.mean_ms for count in task.samples],
             },
         }
-    return {"hidden": list(next(iter(configs.values())).hidden), "algorithms": algorithms}
+    return {"hidden": list(task.configs["ppo"].hidden), "algorithms": algorithms}
 
 
 def _row(samples: Sequence[int], timings: Sequence[Timing]) -> dict[str, Any]:
