@@ -6,6 +6,8 @@ from pathlib import Path
 
 import cv2
 import numpy as np
+import pyarrow.compute as pc
+from rerun.chunk import RrdReader
 
 from kinemimic.evaluate.headless import drawing
 from kinemimic.pipeline.depth.video import video
@@ -15,12 +17,13 @@ from kinemimic.pipeline.progress import progress
 SIZE = (1280, 800)
 
 
-def film(recording: Path, path: Path, *, timeline: str, rate: float, frames: int) -> None:
-    """Draw the first frames of a recording into a video (.mp4 or .avi) in real time.
+def film(recording: Path, path: Path, *, timeline: str, rate: float, seconds: float) -> None:
+    """Draw the first seconds of a recording, all of it if it has no more, into a video (.mp4 or .avi).
 
     Frame f is drawn at (f + 1) / rate seconds of the timeline. Needs what `headless.drawing` does; nothing is
     left behind where it ends early.
     """
+    frames = max(1, round(min(seconds, length(recording, timeline)) * rate))
     with (
         video(path, *SIZE, rate) as written,
         drawing(recording, timeline=timeline, size=SIZE, last=frames / rate) as draw,
@@ -32,3 +35,13 @@ def film(recording: Path, path: Path, *, timeline: str, rate: float, frames: int
                 raise KinemimicError(f"{path}: expected the viewer's picture of frame {frame}, found none")
             written.add(np.asarray(image, dtype=np.uint8))
             bar.advance()
+
+
+def length(recording: Path, timeline: str) -> float:
+    """Seconds of a recording's timeline at which something happens last; 0.0 where nothing does."""
+    latest = 0
+    for chunk in RrdReader(recording).store().stream():
+        batch = chunk.to_record_batch()
+        if timeline in batch.schema.names:
+            latest = max(latest, pc.max(batch[timeline].cast("int64")).as_py())
+    return latest * 1e-9

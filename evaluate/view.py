@@ -119,7 +119,11 @@ def how_to_open(recording: Path) -> str:
 )
 @click.option("--video", "movie", type=FILE, help="Also film the recording, as .mp4 or .avi (*).")
 @click.option(
-    "--seconds", type=click.FloatRange(min=0.1), default=10.0, show_default=True, help="Of the video."
+    "--seconds",
+    type=click.FloatRange(min=0.1),
+    default=10.0,
+    show_default=True,
+    help="Of the video, at most.",
 )
 @click.option("--scenario", "named", metavar="NAME", help="A trial of it into view-NAME.rrd.")
 @click.option("--trial", "number", type=click.IntRange(min=0), default=0, show_default=True, help="Which.")
@@ -155,7 +159,7 @@ def command(
     if movie is not None:
         from kinemimic.evaluate.film import film  # noqa: PLC0415
 
-        film(recording, movie, timeline=TIMELINE, rate=CONTROL_RATE, frames=round(seconds * CONTROL_RATE))
+        film(recording, movie, timeline=TIMELINE, rate=CONTROL_RATE, seconds=seconds)
     made = {"recording": recording, "screenshot": picture, "video": movie}
     if as_json:
         click.echo(json.dumps({name: path and path.as_posix() for name, path in made.items()}))

@@ -18,6 +18,7 @@ from click.testing import CliRunner
 from peers.crouch import crouching, write_idle_run
 from rerun.chunk import RrdReader
 
+from kinemimic.evaluate.film import length
 from kinemimic.evaluate.scene import figures
 from kinemimic.evaluate.view import command, how_to_open, view, view_trial
 from kinemimic.pipeline.cli import main
@@ -162,6 +163,11 @@ def test_a_fall_is_told_and_a_real_capture_is_not_labelled(
     assert "imulated capture" not in text
     assert "**59 of 90 frames** without a fall; fell at 2.0 s" in text
     assert "Not scored yet" in text
+
+
+def test_a_film_knows_how_long_the_recording_is(run: Path) -> None:
+    assert length(run / "view.rrd", "time") == pytest.approx(FRAMES / 30)
+    assert length(run / "view.rrd", "another") == 0.0
 
 
 def rerun(*arguments: str) -> None:
