@@ -8,15 +8,16 @@ from typing import Any, Literal
 from kinemimic.pipeline.html import number
 
 Better = Literal["more", "less", "lead", "neither"]
-BETTER, WORSE, NOT_CONFIRMED = "better", "worse", "not confirmed"
-LARGER, SMALLER = "confirmed, a larger lead", "confirmed, a smaller lead"
+Failing = Literal["ours", "theirs", "both"]
+BETTER, WORSE, CONFIRMED, NOT_CONFIRMED = "better", "worse", "confirmed", "not confirmed"
+LARGER, SMALLER = f"{CONFIRMED}, a larger lead", f"{CONFIRMED}, a smaller lead"
 
 
 @dataclass(frozen=True)
 class Claim:
-    """figure: of the paper, or its table; formula: how ours is computed; paper, ours: in the unit, None for
-    what did not happen here, with the reason; better: whether more or less is, how far PPO leads, or neither,
-    as of a rival's number."""
+    """figure: of the paper, or its table; formula: how ours is computed; paper, ours: in the unit; better:
+    whether more or less is, how far PPO leads, or neither, as of a rival's number; reason: why ours is None,
+    and failing: by whose failure."""
 
     figure: str
     what: str
@@ -25,15 +26,17 @@ class Claim:
     paper: float
     ours: float | None
     better: Better
-    reason: str = ""
+    reason: str = "not measured"
+    failing: Failing = "both"
 
     @property
     def verdict(self) -> str:
         """In words: a worse number is called so."""
-        if self.ours is None:
-            return self.reason
         if self.better == "neither":
-            return ""
+            return self.reason if self.ours is None else ""
+        if self.ours is None:
+            told = {"ours": f"{WORSE}: ", "theirs": f"{CONFIRMED}: ", "both": ""}
+            return told[self.failing] + self.reason
         if self.better == "lead":
             if self.ours <= 0.0:
                 return NOT_CONFIRMED

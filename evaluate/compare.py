@@ -23,6 +23,7 @@ from kinemimic.pipeline.inspect.terminal import show
 from kinemimic.pipeline.progress import bars
 from kinemimic.pipeline.provenance import provenance
 from kinemimic.pipeline.store import copy_file
+from kinemimic.retarget.export_json import motion_from_json
 from kinemimic.train.budget import samples
 from kinemimic.train.config import PRESETS, TrainConfig
 from kinemimic.train.engines import resolve
@@ -45,10 +46,10 @@ def compare(
 ) -> dict[str, Any]:
     """Train and score every task, variant and seed; writes and returns the content of out/compare.json.
 
-    seeds: 0 to seeds - 1; budgets: samples, increasing, at which each is scored; limits: of the samples, for
-    variants that shall end sooner; jobs: cells side by side, each on one core, all cores by default. What is
-    finished is not done again, and what was interrupted goes on. A cell that fails is told under `failed`,
-    and the others go on.
+    seeds: 0 to seeds - 1; budgets: samples, increasing, at which each is scored; limits: of the budgets the
+    last of a variant that shall end sooner; jobs: cells side by side, each on one core, all cores by default.
+    What is finished is not done again, and what was interrupted goes on. A cell that fails is told under
+    `failed`, and the others go on.
     """
     engine, limits = resolve(engine), limits or {}
     motions = {task.name: task.motion for task in tasks}
@@ -57,15 +58,15 @@ def compare(
             "expected run folders of different names, or one in different scenarios, found "
             f"{', '.join(task.name for task in tasks)}: rename one"
         )
+    for name, limit in limits.items():
+        if limit not in budgets:
+            raise KinemimicError(
+                f"--limit {name}: expected one of the budgets, {', '.join(f'{one:,}' for one in budgets)} "
+                f"samples, found {limit:,}"
+            )
     at = {
         name: tuple(budget for budget in budgets if budget <= limits.get(name, budget)) for name in variants
     }
-    for name, few in at.items():
-        if not few:
-            raise KinemimicError(
-                f"--limit {name}: expected at least the first of the budgets, {budgets[0]:,} samples, found "
-                f"{limits[name]:,}"
-            )
     cells = [
         Cell(task.run, motions[task.name].identity, task.name, variant,
              replace(task.configured(config), seed=seed), at[variant], out, engine, anyway)
@@ -88,6 +89,13 @@ def compare(
         ),
     }
     with alone(out), bars() as several:
+        for task in tasks:
+            there = out / task.name / MOTION
+            if there.exists() and motion_from_json(there).identity != motions[task.name].identity:
+                raise KinemimicError(
+                    f"{out}: expected a comparison on the same motions, found another {task.name}; name "
+                    "another --out"
+                )
         for task in tasks:
             copy_file(task.run / MOTION, out / task.name / MOTION)
         ledger = Ledger(out, cells, made)
@@ -125,7 +133,7 @@ def _limit(context: click.Context, parameter: click.Parameter, values: tuple[str
 @click.option("--limit", "limits", multiple=True, callback=_limit, metavar="VARIANT=SAMPLES",
               help="End one sooner than the others; repeatable.")  # fmt: skip
 @click.option("--jobs", type=click.IntRange(min=1), help="Trainings side by side; all cores by default.")
-@click.option("--out", type=click.Path(path_type=Path, file_okay=False), default=Path("runs/comparison"),
+@click.option("--out", type=click.Path(path_type=Path, file_okay=False), default=Path("runs/compare"),
               show_default=True)  # fmt: skip
 @engine_option
 @click.option("--anyway", is_flag=True, help="Train also on motions that the gate before training refuses.")

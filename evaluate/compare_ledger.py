@@ -18,7 +18,7 @@ from kinemimic.pipeline.store import write_json, write_text
 
 @contextmanager
 def alone(out: Path) -> Iterator[None]:
-    """Two studies at once in one folder would train the same cells."""
+    """Two comparisons at once in one folder would train the same cells."""
     out.mkdir(parents=True, exist_ok=True)
     with (out / ".lock").open("w") as stream:
         try:

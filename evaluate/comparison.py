@@ -6,15 +6,19 @@ What ships in datasets/comparison is such a folder too, with one seed of each va
 
 from __future__ import annotations
 
+import json
+import shutil
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from kinemimic.evaluate.compare_task import MOTION
 from kinemimic.pipeline.data_folder import DATASETS
 from kinemimic.pipeline.errors import KinemimicError
-from kinemimic.pipeline.store import copy_file, file_hash, read_json
+from kinemimic.pipeline.store import content_hash, copy_file, read_json
 from kinemimic.retarget.export_json import motion_from_json
 from kinemimic.retarget.motion import Motion
 from kinemimic.train.config import TrainConfig
@@ -28,13 +32,19 @@ Row = Mapping[str, Any]
 
 @dataclass(frozen=True)
 class Contender:
-    """A policy by a name for people, the motion that it learnt, and how it was trained."""
+    """A policy by a name for people, the motion that it learnt, and how and for how long it was trained."""
 
     name: str
     motion: Motion
     policy: Policy
     config: TrainConfig
-    sha256: str
+    samples: int
+
+    @property
+    def identity(self) -> str:
+        """Content hash of all that decides what it does."""
+        settings = json.dumps(self.config.to_json(), sort_keys=True)
+        return content_hash({**self.policy.tensors(), "made": np.array(f"{settings} {self.motion.identity}")})
 
 
 @dataclass(frozen=True)
@@ -50,15 +60,27 @@ class Comparison:
         if not (folder / RESULTS).exists():
             raise KinemimicError(
                 f"{folder / RESULTS}: expected the results of `kinemimic compare`, found no file; "
-                "`make comparison` trains what a study compares"
+                "`make comparison` trains what a study compares, into runs/comparison"
             )
         content = read_json(folder / RESULTS)
         found = content.get("schema") if isinstance(content, dict) else None
-        if found != COMPARE_SCHEMA or "tasks" not in content:
+        if found != COMPARE_SCHEMA or not all(key in content for key in ("tasks", "cells", "curves")):
             raise KinemimicError(
                 f"{folder / RESULTS}: expected what `kinemimic compare` writes, schema {COMPARE_SCHEMA}, "
                 f"found schema {found!r}"
             )
+        # They become names of folders.
+        for name in {
+            *content["tasks"],
+            *(row[key] for row in content["cells"] for key in ("task", "variant")),
+        }:
+            if not isinstance(name, str) or Path(name).name != name or name == "..":
+                raise KinemimicError(
+                    f"{folder / RESULTS}: expected names of tasks and presets, found {name!r}"
+                )
+        for row in content["cells"]:
+            if not isinstance(row["seed"], int) or not isinstance(row["budget"], int):
+                raise KinemimicError(f"{folder / RESULTS}: expected whole seeds and budgets, found {row}")
         return cls(folder, content)
 
     def expect(self, tasks: Sequence[str], variants: Sequence[str]) -> None:
@@ -68,7 +90,7 @@ class Comparison:
         if missing:
             raise KinemimicError(
                 f"{self.folder / RESULTS}: expected {', '.join(variants)} trained on {', '.join(tasks)}, "
-                f"found none of {', '.join(missing)}; `kinemimic compare` adds them"
+                f"found none of {', '.join(missing)}; repeat `kinemimic compare` with all of them"
             )
 
     def curve(self, task: str, variant: str, figure: str) -> Sequence[Row]:
@@ -90,7 +112,7 @@ class Comparison:
         if not both:
             raise KinemimicError(
                 f"{self.folder / RESULTS}: expected {one} and {other} scored after as many samples on "
-                f"{task}, found no such budget; `kinemimic compare` adds it"
+                f"{task}, found no such budget; repeat `kinemimic compare` with more --budgets"
             )
         return max(both)
 
@@ -110,20 +132,29 @@ class Comparison:
         path = self._policy(self.middle(task, variant))
         policy, record = Policy.load(path)
         motion = motion_from_json(self.folder / task / MOTION)
-        if (found := record["provenance"]["inputs"]["motion"]) != motion.identity:
+        if record["provenance"]["inputs"].get("motion") != motion.identity:
             raise KinemimicError(
-                f"{path}: expected a policy of {task}'s motion, found one of {found[:12]}…; `kinemimic "
+                f"{path}: expected a policy of {task}'s motion, found another's; `kinemimic "
                 "compare` trains it"
             )
-        return Contender(name, motion, policy, TrainConfig.from_json(record["config"]), file_hash(path))
+        config = TrainConfig.from_json(record["config"])
+        return Contender(name, motion, policy, config, int(record["samples"]))
 
     def publish(self, into: Path) -> None:
-        """Copy what `study` reads, compare.json last: it says that all is there."""
+        """Copy what `study` reads, compare.json last: it says that all is there. KinemimicError if a training
+        failed: what ships is whole."""
+        if failed := self.content.get("failed"):
+            raise KinemimicError(
+                f"{self.folder / RESULTS}: expected every training to have ended well, found that "
+                f"{', '.join(failed)} failed; nothing is published"
+            )
         for task in self.content["tasks"]:
             copy_file(self.folder / task / MOTION, into / task / MOTION)
             for variant in dict.fromkeys(row["variant"] for row in self.content["cells"]):
                 if self.cells(task, variant):
                     path = self._policy(self.middle(task, variant))
+                    # Another seed may have been in the middle before.
+                    shutil.rmtree(into / task / variant, ignore_errors=True)
                     for one in (path.with_suffix(".json"), path):
                         copy_file(one, into / one.relative_to(self.folder))
         copy_file(self.folder / RESULTS, into / RESULTS)

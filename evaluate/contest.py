@@ -40,6 +40,7 @@ def contest(
     return [
         {
             "contender": one.name,
+            "samples": one.samples,
             "scenario": scenario.name,
             **figures(Trials.joined(list(islice(parts, len(group))))),
         }

@@ -10,7 +10,7 @@ import sys
 import tempfile
 import time
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import TypeVar
 
@@ -79,7 +79,8 @@ def _viewer(size: tuple[int, int]) -> Iterator[tuple[ViewerClient, subprocess.Po
             # It listens before it looks for a driver.
             raise _not_drawn(f"it went away ({error})") from None
         finally:
-            if process.poll() is None:
+            # Also where the wrapper has ended, and left the viewer behind.
+            with suppress(ProcessLookupError):
                 os.killpg(process.pid, signal.SIGTERM)
             process.wait()
 

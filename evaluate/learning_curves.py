@@ -13,7 +13,6 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.stats import trim_mean
 
 Array = NDArray[np.float64]
 
@@ -38,18 +37,27 @@ def interquartile(values: Sequence[float], seed: int = 0) -> Told:
     found = np.array(values, dtype=np.float64)
     if not len(found):
         return Told(None, None, None, 0)
-    mean = float(trim_mean(found, 0.25))
+    mean = float(_middle_half(found))
     if len(found) == 1:
         return Told(mean, None, None, 1)
     draws = np.random.default_rng(seed).choice(found, (RESAMPLES, len(found)))
     tail = 50.0 * (1.0 - CONFIDENCE)
-    low, high = np.percentile(trim_mean(draws, 0.25, axis=1), [tail, 100.0 - tail])
+    low, high = np.percentile(_middle_half(draws), [tail, 100.0 - tail])
     return Told(mean, float(low), float(high), len(found))
 
 
+def _middle_half(values: Array) -> Array:
+    """Mean of the middle half of the last axis; a value across its border counts by its share, as the first
+    and last of three do by a quarter each."""
+    size = values.shape[-1]
+    edges = np.clip(np.arange(size + 1), 0.25 * size, 0.75 * size)
+    mean: Array = np.sort(values, axis=-1) @ (np.diff(edges) / (0.5 * size))
+    return mean
+
+
 def converged_at(samples: Sequence[float], values: Sequence[float]) -> float | None:
-    """The number of samples from which the smoothed values stay above NEAR of their largest; None if they
-    never rise above 0."""
+    """The number of samples from which the smoothed values stay above NEAR of their largest; None where they
+    end below it, or never rise above 0."""
     found = np.array(values, dtype=np.float64)
     if not len(found):
         return None

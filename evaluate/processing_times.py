@@ -15,9 +15,12 @@ things hardly matters; `elapsed_ms` beside it is what a clock on the wall said.
 
 from __future__ import annotations
 
+import platform
 import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, fields
+from importlib.metadata import version
+from pathlib import Path
 from typing import Any, TypeVar
 
 import numpy as np
@@ -116,6 +119,23 @@ def processing_times(
         "nets": [_net(task, one) for task, one in zip(tasks, found, strict=True)],
         "paper": {name: {**told, "growth": growth(SAMPLES, told["mean_ms"])} for name, told in PAPER.items()},
     }
+
+
+def measured_on() -> dict[str, Any]:
+    """What times depend on, JSON values: what is measured, with which packages, on which processor."""
+    return {
+        "samples": list(SAMPLES),
+        "nets": [list(hidden) for hidden in NETS],
+        "repeats": REPEATS,
+        "stable_baselines3": version("stable-baselines3") if _rivals() else None,
+        "processor": _processor(),
+    }
+
+
+def _processor() -> str:
+    listed = Path("/proc/cpuinfo")
+    names = [line for line in listed.read_text().splitlines() if line.startswith("model name")]
+    return names[0].partition(":")[2].strip() if names else platform.machine()
 
 
 def growth(samples: Sequence[int], times: Sequence[float]) -> float:

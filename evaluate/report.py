@@ -42,6 +42,12 @@ _SOURCES: Mapping[str, str] = {
     "simulated": "simulated",
 }
 
+SIMULATED_BANNER = (
+    '<p class="banner"><strong>Simulated capture (virtual Kinect).</strong> A real person\'s motion was '
+    "recorded by a simulated sensor with its noise, losses and swaps. The truth is known, and no "
+    "camera was there.</p>"
+)
+
 
 @dataclass(frozen=True)
 class Evidence:
@@ -93,16 +99,11 @@ def _head(name: str, evidence: Evidence) -> str:
         (number(fit["hip"]["r2_upright"], 3), "R² of the hips, upright"),
         (number(scores["root"]["speed_ratio"], 3), "advance over the reference's"),
     )
-    banner = (
-        '<p class="banner"><strong>Simulated capture (virtual Kinect).</strong> A real person\'s motion was '
-        "recorded by a simulated sensor with its noise, losses and swaps. The truth is known, and no "
-        "camera was there.</p>"
-    )
     return (
         f"<h1>{escape(name)}</h1>"
         f'<p class="lead">A Bullet humanoid imitates this capture: {kind}. Policy: preset '
         f"{escape(str(train['preset']))}, {train['samples'] or 0:,} samples, seed {train['seed']}.</p>"
-        + (banner if scores["capture"]["simulated"] else "")
+        + (SIMULATED_BANNER if scores["capture"]["simulated"] else "")
         + '<div class="tiles">'
         + "".join(f"<div><b>{value}</b><span>{label}</span></div>" for value, label in tiles)
         + "</div>"

@@ -145,21 +145,24 @@ def _performed(batch: ImitationBatch, policy: Policy, steps: int) -> tuple[Array
 def figures(trials: Trials) -> dict[str, Any]:
     """What the trials come to: how many survive, and of dip, recovery and fall the quartiles.
 
-    survived: share, with the 95 % interval of Wilson 1927; dip: largest gap to the twin, as a share of the
-    largest reward; touched: share of the trials in which anything made a difference, of which alone the
-    quartiles are; onset_s: of the first difference, from which recovery_s (of those that recover) and fall_s
-    (of those that fall) count.
+    survived: share, with the 95 % interval of Wilson 1927; twins_fallen: how many twins did, whose trials
+    tell nothing of what befell them and are left out of all that follows; touched: share of the trials in
+    which anything made a difference, of which alone the rest is told; dip: largest gap to the twin, as a
+    share of the largest reward; onset_s: of the first difference, from which recovery_s (of those that
+    recover) and fall_s (of those that fall) count; typical_recovery_s, typical_fall_s: medians of all of
+    them, None where most never do.
     """
     count, steps = trials.rewards.shape
     gaps = trials.calm - trials.rewards
     differs = np.abs(gaps) > DIFFERENT
-    touched = differs.any(axis=1)
+    touched = differs.any(axis=1) & ~trials.twin_fell
     onset = np.where(touched, differs.argmax(axis=1), steps)
     fell = trials.fallen_at < steps
     behind = gaps > RECOVERED
     # One step after the last at which it stays behind; what ends behind has not recovered.
     back = np.where(behind.any(axis=1), steps - behind[:, ::-1].argmax(axis=1), onset)
     recovered = ~fell & touched & (back < steps)
+    recovery, fall = back - onset, trials.fallen_at - onset
     survived = int((~fell).sum())
     interval = binomtest(survived, count).proportion_ci(method="wilson")
     seconds = 1.0 / CONTROL_RATE
@@ -171,8 +174,10 @@ def figures(trials: Trials) -> dict[str, Any]:
         "dip": _quartiles(gaps.max(axis=1)[touched]),
         "onset_s": _quartiles(seconds * onset[touched]),
         "recovered": int(recovered.sum()),
-        "recovery_s": _quartiles(seconds * (back - onset)[recovered]),
-        "fall_s": _quartiles(seconds * (trials.fallen_at - onset)[fell & touched]),
+        "recovery_s": _quartiles(seconds * recovery[recovered]),
+        "typical_recovery_s": _typical(seconds * recovery[touched], recovered[touched]),
+        "fall_s": _quartiles(seconds * fall[fell & touched]),
+        "typical_fall_s": _typical(seconds * fall[touched], fell[touched]),
         "twins_fallen": int(trials.twin_fell.sum()),
         "curve": _curve(trials.rewards),
         "calm_curve": _curve(trials.calm),
@@ -185,6 +190,15 @@ def _quartiles(values: Array) -> dict[str, Any]:
         return {"median": None, "quarter": None, "three_quarters": None, "n": 0}
     low, middle, high = (round(float(v), 6) for v in np.percentile(values, [25, 50, 75]))
     return {"median": middle, "quarter": low, "three_quarters": high, "n": len(values)}
+
+
+def _typical(times: Array, happened: NDArray[np.bool_]) -> float | None:
+    """Median of times of which those that never happened are the latest; None if it is among these."""
+    if not len(times):
+        return None
+    # The later of the middle two: between a time and never there is no mean.
+    middle = float(np.sort(np.where(happened, times, np.inf))[len(times) // 2])
+    return round(middle, 6) if np.isfinite(middle) else None
 
 
 def _curve(rewards: Array) -> dict[str, list[float]]:

@@ -16,7 +16,7 @@ from kinemimic.evaluate.claims import claims
 from kinemimic.evaluate.compare_table import table_csv
 from kinemimic.evaluate.comparison import RESULTS, SHIPPED, Comparison, Contender
 from kinemimic.evaluate.contest import contest
-from kinemimic.evaluate.processing_times import processing_times
+from kinemimic.evaluate.processing_times import measured_on, processing_times
 from kinemimic.evaluate.rooms import rooms
 from kinemimic.evaluate.study_output import drawings, numbers
 from kinemimic.evaluate.study_page import study_page
@@ -66,6 +66,9 @@ def study(
     engine = resolve(engine)
     comparison.expect([WALK, OBSTACLES], list(VARIANTS.values()))
     comparison.expect([RUN], [VARIANTS[name] for name in (PPO, *RIVALS)])
+    for task in (WALK, RUN, OBSTACLES):
+        for rival in RIVALS.values():
+            comparison.shared(task, VARIANTS[PPO], rival)
     cast = contenders(comparison)
     parts = _Parts(out / "parts", seed=seed, engine=engine)
     befalls = {name: scenario(name) for name in (*SCENARIOS, ROOM)}
@@ -82,7 +85,7 @@ def study(
         measure = partial(rooms, theirs, befalls[ROOM], trials=walks, **options)
         settings = {"scenario": befalls[ROOM].to_json(), "trials": walks}
         walked = parts.kept(ROOM, theirs, settings, bar.advance, measure)
-        times = parts.kept("times", [], {}, bar.advance, partial(processing_times, seed=seed))
+        times = parts.kept("times", [], measured_on(), bar.advance, partial(processing_times, seed=seed))
     content = {
         "schema": STUDY_SCHEMA,
         "claims": [claim.to_json() for claim in claims(comparison, contests, walked, times)],
@@ -93,7 +96,7 @@ def study(
             "study",
             inputs={
                 "comparison": file_hash(comparison.folder / RESULTS),
-                **{one.name: one.sha256 for one in cast.values()},
+                **{one.name: one.identity for one in cast.values()},
             },
             config={"trials": trials, "rooms": walks, "engine": engine},
             seed=seed,
@@ -127,8 +130,8 @@ class _Parts:
         function to call with the share that is done since."""
         wanted = provenance(
             "study",
-            inputs={one.name: one.sha256 for one in cast},
-            config={**config, **self._always},
+            inputs={one.name: one.identity for one in cast},
+            config={**config, **self._always, "schema": STUDY_SCHEMA},
         )
         path = self._folder / f"{name}.json"
         if path.exists() and (found := read_json(path)).get("made_from") == json.loads(json.dumps(wanted)):

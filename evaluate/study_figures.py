@@ -23,7 +23,6 @@ COLORS: Mapping[str, str] = {
     "DDPG": "#d98c00",
     "A2C": "#009e73",
     "SB3 PPO": "#cc79a7",
-    "PPO, robust": "#7a5c9e",
 }
 # Told apart in grey print too.
 _DASHES: Mapping[str, str] = {
@@ -31,7 +30,6 @@ _DASHES: Mapping[str, str] = {
     "DDPG": "--",
     "A2C": "-.",
     "SB3 PPO": ":",
-    "PPO, robust": (0, (5, 1)),  # type: ignore[dict-item]
 }
 
 

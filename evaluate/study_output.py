@@ -23,7 +23,7 @@ from kinemimic.pipeline.picture import Draw
 from kinemimic.train.fit import JOINTS
 
 Row = Mapping[str, Any]
-QUARTILES = ("median", "quarter", "three_quarters")
+QUARTILES = ("median", "quarter", "three_quarters", "n")
 
 
 def drawings(comparison: Comparison, content: Row) -> dict[str, Draw]:
@@ -67,19 +67,16 @@ def numbers(comparison: Comparison, content: Row) -> Iterator[tuple[str, list[Ro
         ],
     )
     quartiles = ("dip", "onset_s", "recovery_s", "fall_s")
-    plain = ("contender", "scenario", "trials", "survived", "recovered")
+    plain = ("contender", "samples", "scenario", "trials", "twins_fallen", "touched", "survived", "recovered")
+    typical = ("typical_recovery_s", "typical_fall_s")
     yield (
         "disturbances",
         [
             {
-                **{key: row[key] for key in plain},
+                **{key: row[key] for key in (*plain, *typical)},
                 "survived_low": row["survived_95"][0],
                 "survived_high": row["survived_95"][1],
-                **{
-                    f"{key}_{of}": row[key][of]
-                    for key in quartiles
-                    for of in ("median", "quarter", "three_quarters")
-                },
+                **{f"{key}_{of}": row[key][of] for key in quartiles for of in QUARTILES},
             }
             for row in content["contests"]
         ],

@@ -6,10 +6,8 @@ from collections.abc import Mapping, Sequence
 
 from kinemimic.evaluate.comparison import Comparison, Contender
 from kinemimic.evaluate.recipe import POLICIES
-from kinemimic.pipeline.store import file_hash
-from kinemimic.retarget.export_json import motion_from_json
 from kinemimic.train.config import TrainConfig
-from kinemimic.train.policy import Policy
+from kinemimic.train.policy import learnt
 
 WALK, RUN, OBSTACLES = "walk", "run", "walk@several-obstacles"  # tasks of the comparison
 PPO = "PPO"
@@ -33,11 +31,8 @@ def contenders(comparison: Comparison) -> dict[str, Contender]:
 
 
 def _robust() -> Contender:
-    folder = POLICIES / "robust_walk"
-    path = folder / "policy.safetensors"
-    policy, record = Policy.load(path)
-    motion = motion_from_json(folder / "motion.json")
-    return Contender(ROBUST, motion, policy, TrainConfig.from_json(record["config"]), file_hash(path))
+    motion, policy, record = learnt(POLICIES / "robust_walk")
+    return Contender(ROBUST, motion, policy, TrainConfig.from_json(record["config"]), int(record["samples"]))
 
 
 def taking_part(scenario: str) -> tuple[str, ...]:

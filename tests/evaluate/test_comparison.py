@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -36,14 +37,48 @@ def test_what_is_published_is_a_comparison_with_a_seed_of_each(
     ships = Comparison.load(tmp_path / "ships")
     assert ships.content == whole.content
     ours, theirs = (of.contender("run", "a2c", "A2C") for of in (ships, whole))
-    assert ours.sha256 == theirs.sha256
+    assert ours.identity == theirs.identity
     assert len(list((tmp_path / "ships").rglob("*.safetensors"))) == 12
+
+
+def test_what_failed_is_not_published(compared: Callable[..., Path], tmp_path: Path) -> None:
+    whole = Comparison.load(compared())
+    broken = Comparison(whole.folder, {**whole.content, "failed": {"walk ddpg seed 0": "it fell over"}})
+    with pytest.raises(KinemimicError, match="found that walk ddpg seed 0 failed; nothing is published"):
+        broken.publish(tmp_path / "ships")
+    assert not (tmp_path / "ships").exists()
+
+
+def test_another_middle_seed_takes_the_place_of_the_one_before(
+    compared: Callable[..., Path], tmp_path: Path
+) -> None:
+    for folder, returns in (("one", (0.9, 0.1, 0.5)), ("other", (0.5, 0.1, 0.9))):
+        Comparison.load(compared(folder, returns=returns)).publish(tmp_path / "ships")
+    assert [path.name for path in (tmp_path / "ships" / "walk" / "default").iterdir()] == ["seed0"]
+
+
+@pytest.mark.parametrize("name", ["../walk", "/walk", "a/b", "..", 3])
+def test_a_task_is_no_way_out_of_the_folder(compared: Callable[..., Path], name: object) -> None:
+    folder = compared()
+    content = json.loads((folder / "compare.json").read_text())
+    content["cells"][0]["task"] = name
+    (folder / "compare.json").write_text(json.dumps(content))
+    with pytest.raises(KinemimicError, match="expected names of tasks and presets"):
+        Comparison.load(folder)
+
+
+def test_what_decides_a_contender_decides_its_identity(compared: Callable[..., Path]) -> None:
+    one = Comparison.load(compared()).contender("walk", "default", "PPO")
+    assert replace(one, name="another", samples=1).identity == one.identity
+    assert replace(one, config=replace(one.config, discount=0.9)).identity != one.identity
+    assert replace(one, motion=replace(one.motion, rate=29.0)).identity != one.identity
+    assert replace(one, policy=replace(one.policy, mean=one.policy.mean + 1)).identity != one.identity
 
 
 def test_what_is_missing_is_one_line(compared: Callable[..., Path], tmp_path: Path) -> None:
     folder = compared()
     comparison = Comparison.load(folder)
-    with pytest.raises(KinemimicError, match="found none of robust on walk; `kinemimic compare`"):
+    with pytest.raises(KinemimicError, match="found none of robust on walk; repeat `kinemimic compare`"):
         comparison.expect(["walk"], ["default", "robust"])
     comparison.expect(["walk", "run"], ["default", "ddpg"])
     (folder / "run" / "motion.json").write_bytes((folder / "walk" / "motion.json").read_bytes())

@@ -75,6 +75,25 @@ def test_dip_recovery_and_fall_are_those_of_the_curves() -> None:
     assert found["survived_95"] == pytest.approx(edges, abs=1e-5)
 
 
+def test_who_never_falls_counts_among_the_latest() -> None:
+    """One that falls at once does not speak for four that never do; three do, by the middle one's time."""
+    upright, down = [0.9, 0.5, 0.5, 0.5], [0.9, 0.5, 0.0, 0.0]
+    rare = figures(made([upright] * 4 + [down], [4] * 4 + [2]))
+    assert rare["fall_s"]["median"] == pytest.approx(1 / 30, abs=1e-6)
+    assert rare["typical_fall_s"] is None
+    often = figures(made([upright] * 2 + [down, down, [0.9, 0.5, 0.5, 0.0]], [4, 4, 2, 2, 3]))
+    assert often["typical_fall_s"] == pytest.approx(2 / 30, abs=1e-6)
+    assert often["typical_recovery_s"] is None
+
+
+def test_a_trial_whose_twin_falls_tells_of_its_survival_only() -> None:
+    trials = made([[0.9, 0.5, 0.5], [0.9, 0.1, 0.0]], [3, 2])
+    found = figures(replace(trials, twin_fell=np.array([False, True])))
+    assert (found["survived"], found["twins_fallen"], found["touched"]) == (0.5, 1, 0.5)
+    assert found["dip"]["median"] == pytest.approx(0.4)
+    assert found["fall_s"]["n"] == 0
+
+
 def test_what_never_touches_has_no_quartiles() -> None:
     found = figures(made([[0.9, 0.9]], [2]))
     assert found["dip"] == {"median": None, "quarter": None, "three_quarters": None, "n": 0}

@@ -11,9 +11,12 @@ from kinemimic.evaluate.learning_curves import Told, converged_at, interquartile
 def test_the_interquartile_mean_is_that_of_the_middle_half() -> None:
     assert interquartile([1.0, 100.0, 3.0, 5.0]).mean == pytest.approx(4.0)
     assert interquartile([0.0, 1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 1000.0]).mean == pytest.approx(3.5)
+    # Of three, ¼ of the first and of the last beside the middle one.
+    assert interquartile([0.9, 0.9, 0.0]).mean == pytest.approx((0.25 * 0.9 + 0.9 + 0.0) / 1.5)
     assert interquartile([]) == Told(None, None, None, 0)
     assert interquartile([2.0]) == Told(2.0, None, None, 1)
-    assert interquartile([2.0, 2.0, 2.0]) == Told(2.0, 2.0, 2.0, 3)
+    same = interquartile([2.0, 2.0, 2.0])
+    assert (same.mean, same.low, same.high, same.n) == pytest.approx((2.0, 2.0, 2.0, 3))
 
 
 def test_the_interval_covers_as_often_as_it_says() -> None:
@@ -40,6 +43,8 @@ def test_convergence_is_where_a_curve_comes_to_stay() -> None:
     assert converged_at(samples, fallen) == 100.0
     assert converged_at(samples, [0.5] * 10) == 10.0
     assert converged_at(samples, [0.0] * 10) is None
+    # What ends below its best has not converged at all.
+    assert converged_at(samples, [*rising[:7], 0.4, 0.4, 0.4]) is None
     assert converged_at([], []) is None
 
 

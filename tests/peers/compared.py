@@ -28,7 +28,7 @@ def write_comparison(
             for seed, value in enumerate(returns):
                 config = replace(PRESETS[variant], seed=seed)
                 policy = replace(constant(0.01 * seed), activation=config.activation, bound=config.bound)
-                record = {"config": config.to_json(), "mirrored": False}
+                record = {"config": config.to_json(), "mirrored": False, "samples": BUDGET}
                 record |= {"provenance": {"inputs": {"motion": tasks[task]["identity"]}}}
                 path = folder / task / variant / f"seed{seed}" / f"policy-{BUDGET}.safetensors"
                 policy.save(path, record)
