@@ -54,7 +54,7 @@ _DIGITS = {"%": 1, "s": 2, "ms": 2, "°": 1}
 
 def told(value: float | None, unit: str) -> str:
     """A number with its unit, for people."""
-    if value is not None and unit == "samples":
+    if value is not None and unit in ("samples", "frame"):
         return f"{value:,.0f}"
     text = number(value, _DIGITS.get(unit, 3))
     return text if value is None or not unit else f"{text}\u00a0{unit}"
