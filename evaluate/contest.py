@@ -3,12 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from itertools import islice
 from typing import Any
 
 from kinemimic.evaluate.comparison import Contender
-from kinemimic.evaluate.scenario_trials import Trials, conduct, figures, in_tasks
-from kinemimic.train.children import spread
+from kinemimic.evaluate.scenario_trials import conduct_all, figures, in_tasks
 from kinemimic.train.scenario import Scenario
 
 
@@ -30,19 +28,14 @@ def contest(
         in_tasks(one.motion, one.policy, one.config, scenario, trials=trials, seed=seed, engine=engine)
         for one, scenario in pairs
     ]
-    flat = [task for group in tasks for task in group]
-
-    def advanced(done: int) -> None:
-        if progress is not None:
-            progress(done / len(flat))
-
-    parts = iter(spread(conduct, flat, workers=workers, progress=advanced))
+    count = sum(map(len, tasks))
+    done = conduct_all(tasks, workers=workers, progress=progress and (lambda k: progress(k / count)))
     return [
         {
             "contender": one.name,
             "samples": one.samples,
             "scenario": scenario.name,
-            **figures(Trials.joined(list(islice(parts, len(group))))),
+            **figures(found),
         }
-        for (one, scenario), group in zip(pairs, tasks, strict=True)
+        for (one, scenario), found in zip(pairs, done, strict=True)
     ]

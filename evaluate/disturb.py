@@ -4,21 +4,19 @@ from __future__ import annotations
 
 import json
 from collections.abc import Mapping, Sequence
-from itertools import chain, islice
 from pathlib import Path
 from typing import Any
 
 import click
 from rich.console import RenderableType
 
-from kinemimic.evaluate.scenario_trials import RECOVERED, Trials, conduct, figures, in_tasks
+from kinemimic.evaluate.scenario_trials import RECOVERED, conduct_all, figures, in_tasks
 from kinemimic.evaluate.shipped import run_options
 from kinemimic.pipeline.errors import KinemimicError
 from kinemimic.pipeline.inspect.terminal import grid, number, percent, show
 from kinemimic.pipeline.progress import progress
 from kinemimic.pipeline.provenance import provenance
 from kinemimic.pipeline.store import file_hash, write_json
-from kinemimic.train.children import spread
 from kinemimic.train.config import TrainConfig
 from kinemimic.train.engines import resolve
 from kinemimic.train.options import engine_option, workers_option
@@ -55,10 +53,9 @@ def disturb(
         in_tasks(motion, policy, config, one, trials=trials, seed=seed, engine=engine) for one in scenarios
     ]
     with progress("trials", sum(map(len, tasks))) as bar:
-        parts = iter(spread(conduct, list(chain(*tasks)), workers=workers, progress=bar.advance))
+        done = conduct_all(tasks, workers=workers, progress=bar.advance)
     results = {}
-    for one, theirs in zip(scenarios, tasks, strict=True):
-        found = Trials.joined(list(islice(parts, len(theirs))))
+    for one, found in zip(scenarios, done, strict=True):
         results[one.name] = {
             "schema": DISTURB_SCHEMA,
             "scenario": one.to_json(),

@@ -79,12 +79,8 @@ def rooms(
     the median of all, the lower of two; progress: called with the share of all walks that is done since.
     """
     walks = [Walk(one, scenario, number, seed, engine) for one in contenders for number in range(trials)]
-
-    def advanced(done: int) -> None:
-        if progress is not None:
-            progress(done / len(walks))
-
-    done = spread(walked, walks, workers=workers, progress=advanced)
+    share = progress and (lambda k: progress(k / len(walks)))
+    done = spread(walked, walks, workers=workers, progress=share)
     results = []
     for k, one in enumerate(contenders):
         theirs = done[k * trials : (k + 1) * trials]

@@ -8,8 +8,9 @@ reward is 0. Rewards are shares of the largest possible.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from itertools import chain, islice
 from typing import Any
 
 import numpy as np
@@ -17,6 +18,7 @@ from numpy.typing import NDArray
 from scipy.stats import binomtest
 
 from kinemimic.retarget.motion import Motion
+from kinemimic.train.children import spread
 from kinemimic.train.config import EnvConfig, TrainConfig
 from kinemimic.train.engines import open_world
 from kinemimic.train.env import ImitationBatch
@@ -105,6 +107,17 @@ def conduct(task: Task) -> Trials:
         batch.world.close()
     (rewards, fallen_at), (calm, twin_fallen_at) = found
     return Trials(phases, rewards, calm, fallen_at, twin_fallen_at < steps)
+
+
+def conduct_all(
+    groups: Sequence[Sequence[Task]],
+    *,
+    workers: int | None = None,
+    progress: Callable[[int], object] | None = None,
+) -> list[Trials]:
+    """The trials of each group of tasks, all spread over processes; progress: called with tasks done."""
+    parts = iter(spread(conduct, list(chain(*groups)), workers=workers, progress=progress))
+    return [Trials.joined(list(islice(parts, len(group)))) for group in groups]
 
 
 def start(motion: Motion, scenario: Scenario, seed: int, number: int) -> tuple[int, float]:

@@ -143,7 +143,7 @@ def command(
     """Reference, simulated figure and capture, curves and scores, as a rerun recording.
 
     A policy that ships performs first, where it has not yet. Green arrows: what the ground and obstacles push
-    with, 1000 N to a metre. With --scenario: what `disturb` counts, with obstacles and loads (red arrows,
+    with, 1000 N to a metre. With --scenario: what `disturb` counts, with obstacles and forces (red arrows,
     100 N to a metre). White joints: the capture as it was read, pink where the sensor guessed.
 
     (*) Needs no screen, but a Vulkan driver.

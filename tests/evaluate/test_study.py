@@ -13,8 +13,8 @@ from typing import Any
 import pytest
 from click.testing import CliRunner
 
-from kinemimic.evaluate import contest as contests
 from kinemimic.evaluate import rooms as walks
+from kinemimic.evaluate import scenario_trials
 from kinemimic.evaluate import study as module
 from kinemimic.evaluate.comparison import Comparison
 from kinemimic.evaluate.contest import contest
@@ -40,7 +40,7 @@ def short(monkeypatch: pytest.MonkeyPatch) -> None:
         return {"samples": samples, "nets": nets, "repeats": 1, "paper": {"ppo": one, "ddpg": one}}
 
     monkeypatch.setattr(module, "scenario", cut)
-    for user in (contests, walks):
+    for user in (scenario_trials, walks):
         monkeypatch.setattr(user, "spread", lambda work, tasks, **_: [work(task) for task in tasks])
     monkeypatch.setattr(module, "processing_times", times)
 
