@@ -1,11 +1,11 @@
 """Both engines come to the same push table, and a fifth more force on one of them shows.
 
-Each phase and direction is a pair: the same figure, pushed alike on either engine. It goes the same way but for
-rounding, a micrometre after seconds, so that chance decides what is at the very border of a fall alone. A pair
-tells on which engine the figure survives more of the table's pushes, if on either. Between engines that differ
-by chance, either is as likely the one: a sign test, exact for few pairs, which assumes nothing of how the
-pushes of a pair hang together. Cell by cell it would take dozens of phases to see what the pairs show with
-four, for almost any share agrees with the interval of one of four trials.
+Each phase and direction is a pair: the same figure, pushed alike on either engine. It goes the same way but
+for rounding, a micrometre after seconds, so that chance decides what is at the very border of a fall alone.
+A pair tells on which engine the figure survives more of the table's pushes, if on either. Between engines
+that differ by chance, either is as likely the one: a sign test, exact for few pairs, which assumes nothing
+of how the pushes of a pair hang together. Cell by cell it would take dozens of phases to see what the pairs
+show with four, for almost any share agrees with the interval of one of four trials.
 """
 
 from __future__ import annotations
