@@ -71,7 +71,7 @@ def test_the_wheel_holds_the_package_and_nothing_else(wheel: Path) -> None:
     inside = [name for name in names if ".dist-info/" not in name]
     assert {name.split("/")[0] for name in inside} == {"kinemimic"}
     assert {name.split("/")[1] for name in inside} == set(FOLDERS)
-    assert not any("test" in name for name in inside)
+    assert not any("tests/" in name or "/test_" in name for name in inside)
     for folder in FOLDERS[:-1]:
         assert f"kinemimic/{folder}/py.typed" in inside
     data = {f"kinemimic/{path.relative_to(ROOT)}" for path in (ROOT / "datasets").rglob("*.*")}
