@@ -225,4 +225,5 @@ if __name__ == "__main__":
     out, err = process.communicate(timeout=30)
     assert process.returncode == 130
     assert "one.skl" in out
-    assert err.strip() == "kinemimic: interrupted after 4 of 5 files"
+    # The fourth file's result may still have been on its way from the process that already hung in the fifth.
+    assert err.strip() in {f"kinemimic: interrupted after {done} of 5 files" for done in (3, 4)}
