@@ -106,15 +106,14 @@ def _training(comparison: Comparison, drawings: Mapping[str, Draw]) -> Iterator[
     yield drawing(
         picture(drawings["fig7"], "Return over samples, walking and running"),
         "Fig. 7. Return of trials without noise, a share of the largest possible; interquartile mean over "
-        "the "
-        "seeds, the band its 95 % bootstrap interval.",
+        "the seeds, the band its 95 % bootstrap interval.",
     )
     yield drawing(
         picture(drawings["fig8"], "Critic's loss over samples, without and with obstacles"),
         "Fig. 8. The critic's mean squared error as a share of its targets' variance, so that nobody's "
-        "scale of "
-        "rewards counts. DDPG's targets are its own network's estimates a step later, PPO's and A2C's are "
-        "returns that were seen: DDPG's loss is small by construction and says little about its policy.",
+        "scale of rewards counts. DDPG's targets are its own network's estimates a step later, PPO's and "
+        "A2C's are returns that were seen: DDPG's loss is small by construction and says little about its "
+        "policy.",
     )
     rows = []
     for task, title in _TASKS.items():
