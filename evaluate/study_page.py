@@ -92,7 +92,7 @@ def _claims(claims: Sequence[Row]) -> str:
             "its rewards as shares of 500, one for each of its frames; forces are ours, formulas are "
             "below. So sizes compare by order of magnitude at best; that PPO is ahead of its rivals, and "
             "by how much, compares better. Verdicts are on the numbers as they stand; intervals are in "
-            "the tables. DDPG and A2C are stable-baselines3's, with settings that were searched for.",
+            "the tables. DDPG and A2C are stable-baselines3's, with settings of their own.",
             words=(1, 4),
         )
         + "<ul>"
