@@ -127,7 +127,7 @@ def _losses(comparison: Comparison) -> Iterator[Claim]:
             yield Claim(figure, what, how, "", printed[name], _minus(theirs, ours), "lead")
 
 
-# Figure, scenario, trained in it, and what is printed: of PPO, ahead of DDPG, ahead of A2C.
+# Figure, scenario, and what is printed: of PPO, ahead of DDPG, ahead of A2C.
 _DIPS: Sequence[tuple[str, str, float | None, float, float]] = (
     ("Fig. 9a", "pull-forward", 62.4, 123.5, 31.2),
     ("Fig. 9b", "pull-backward", 53.1, 112.7, 30.6),
