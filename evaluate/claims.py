@@ -64,6 +64,8 @@ def loss_converged(comparison: Comparison, task: str, variant: str) -> float | N
     """Samples from which on the critic's loss has done 95 % of its way down for good."""
     curve = comparison.curve(task, variant, "critic_loss")
     losses = [row["mean"] for row in curve]
+    if not losses:
+        return None
     return converged_at([row["samples"] for row in curve], [max(losses) - loss for loss in losses])
 
 

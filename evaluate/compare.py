@@ -113,6 +113,17 @@ def increasing(value: str) -> tuple[int, ...]:
     return tuple(sorted({samples(one) for one in value.split(",")}))
 
 
+def layers(value: str) -> tuple[int, ...]:
+    """Units of hidden layers as people write them, 128,64."""
+    try:
+        units = tuple(int(one) for one in value.split(","))
+    except ValueError:
+        units = ()
+    if not units or min(units) < 1:
+        raise click.BadParameter(f"expected units as 128,64, found {value!r}")
+    return units
+
+
 def _limit(context: click.Context, parameter: click.Parameter, values: tuple[str, ...]) -> dict[str, int]:
     pairs = [value.partition("=") for value in values]
     if wrong := [value for value, (_, sign, _) in zip(values, pairs, strict=True) if not sign]:
@@ -132,6 +143,8 @@ def _limit(context: click.Context, parameter: click.Parameter, values: tuple[str
               help="Numbers of samples, each scored on the way to the last.")  # fmt: skip
 @click.option("--limit", "limits", multiple=True, callback=_limit, metavar="VARIANT=SAMPLES",
               help="End one sooner than the others; repeatable.")  # fmt: skip
+@click.option("--hidden", type=layers, metavar="UNITS,…",
+              help="Hidden layers of all, as 128,64, in place of the presets'.")  # fmt: skip
 @click.option("--jobs", type=click.IntRange(min=1), help="Trainings side by side; all cores by default.")
 @click.option("--out", type=click.Path(path_type=Path, file_okay=False), default=Path("runs/compare"),
               show_default=True)  # fmt: skip
@@ -148,6 +161,7 @@ def command(
     seeds: int,
     budgets: tuple[int, ...],
     limits: dict[str, int],
+    hidden: tuple[int, ...] | None,
     jobs: int | None,
     out: Path,
     engine: str,
@@ -171,6 +185,10 @@ def command(
         variants |= search(rival)
     if strange := limits.keys() - variants.keys():
         raise KinemimicError(f"--limit: expected one among {', '.join(variants)}, found {min(strange)!r}")
+    if hidden and ablated:
+        raise click.UsageError("--hidden: expected no --ablation, which tries other layers itself")
+    if hidden:
+        variants = {name: replace(config, hidden=hidden) for name, config in variants.items()}
     result = compare(
         [Task.parsed(text) for text in tasks], variants, seeds=seeds, budgets=budgets, limits=limits, out=out,
         jobs=jobs, engine=engine, anyway=anyway,

@@ -16,9 +16,10 @@ from typing import Any
 import numpy as np
 
 from kinemimic.evaluate.compare_task import MOTION
+from kinemimic.evaluate.comparison_merge import merged
 from kinemimic.pipeline.data_folder import DATASETS
 from kinemimic.pipeline.errors import KinemimicError
-from kinemimic.pipeline.store import content_hash, copy_file, read_json
+from kinemimic.pipeline.store import content_hash, copy_file, read_json, write_json
 from kinemimic.retarget.export_json import motion_from_json
 from kinemimic.retarget.motion import Motion
 from kinemimic.train.config import TrainConfig
@@ -141,13 +142,17 @@ class Comparison:
         return Contender(name, motion, policy, config, int(record["samples"]))
 
     def publish(self, into: Path) -> None:
-        """Copy what `study` reads, compare.json last: it says that all is there. KinemimicError if a training
-        failed: what ships is whole."""
+        """Copy what `study` reads, compare.json last: it says that all is there; a comparison that is there
+        keeps what this one has not. KinemimicError if a training failed, for what ships is whole, or if what
+        is there does not go with this."""
         if failed := self.content.get("failed"):
             raise KinemimicError(
                 f"{self.folder / RESULTS}: expected every training to have ended well, found that "
                 f"{', '.join(failed)} failed; nothing is published"
             )
+        content = self.content
+        if (into / RESULTS).exists():
+            content = merged(Comparison.load(into).content, content, str(into / RESULTS))
         for task in self.content["tasks"]:
             copy_file(self.folder / task / MOTION, into / task / MOTION)
             for variant in dict.fromkeys(row["variant"] for row in self.content["cells"]):
@@ -157,7 +162,7 @@ class Comparison:
                     shutil.rmtree(into / task / variant, ignore_errors=True)
                     for one in (path.with_suffix(".json"), path):
                         copy_file(one, into / one.relative_to(self.folder))
-        copy_file(self.folder / RESULTS, into / RESULTS)
+        write_json(into / RESULTS, content)
 
     def _policy(self, row: Row) -> Path:
         task, variant, seed, budget = (str(row[key]) for key in ("task", "variant", "seed", "budget"))

@@ -108,8 +108,9 @@ def compared(tmp_path: Path, walk: Motion) -> Callable[..., Path]:
         *,
         returns: Sequence[float] = (0.5,),
         variants: Sequence[str] = ("default", "ddpg", "a2c", "sb3-ppo"),
+        on: Sequence[str] = ("walk", "run", "walk@several-obstacles"),
     ) -> Path:
         motions = {"walk": crouching(walk), "run": replace(crouching(walk), rate=40.0)}
-        return write_comparison(tmp_path / name, motions, returns=returns, variants=variants)
+        return write_comparison(tmp_path / name, motions, returns=returns, variants=variants, on=on)
 
     return make

@@ -237,16 +237,17 @@ def test_a_search_changes_one_or_two_things_of_a_rival_and_never_its_task(rival:
 def test_a_search_is_a_comparison(
     fresh: Callable[[str], Path], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    small = replace(PRESETS["a2c"], environments=4, horizon=16, hidden=(32, 16))
+    small = replace(PRESETS["a2c"], environments=4, horizon=16)
     monkeypatch.setitem(PRESETS, "a2c", small)
     monkeypatch.setitem(SEARCH, "a2c", {"relu": {"rival": {"activation": "relu"}}})
-    arguments = [str(fresh("walk")), "--search=a2c", "--seeds=1", f"--budgets={ROUND}"]
+    arguments = [str(fresh("walk")), "--search=a2c", "--seeds=1", f"--budgets={ROUND}", "--hidden=32,16"]
     ended = CliRunner().invoke(
         module.command, [*arguments, f"--out={tmp_path / 'out'}", "--engine=pybullet", "--json"]
     )
     assert ended.exit_code == 0, ended.output
     result = json.loads((tmp_path / "out" / "compare.json").read_text())
     assert [row["variant"] for row in result["cells"]] == ["a2c", "a2c-relu"]
+    assert {tuple(one["hidden"]) for one in result["provenance"]["config"]["variants"].values()} == {(32, 16)}
     assert result["failed"] == {}
 
 
@@ -261,6 +262,9 @@ def test_a_search_is_a_comparison(
         (["nowhere", "--seeds=0"], "--seeds"),
         (["nowhere", "--limit=ddpg"], "expected VARIANT=SAMPLES, found 'ddpg'"),
         (["nowhere", "--limit=ddpg=3e5"], "expected one among default, found 'ddpg'"),
+        (["nowhere", "--hidden=128,much"], "expected units as 128,64, found '128,much'"),
+        (["nowhere", "--hidden=0"], "expected units as 128,64, found '0'"),
+        (["nowhere", "--hidden=128", "--ablation"], "expected no --ablation"),
         (["a/walk", "b/walk"], "found walk, walk"),
     ],
 )

@@ -6,6 +6,7 @@ import json
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -55,6 +56,61 @@ def test_another_middle_seed_takes_the_place_of_the_one_before(
     for folder, returns in (("one", (0.9, 0.1, 0.5)), ("other", (0.5, 0.1, 0.9))):
         Comparison.load(compared(folder, returns=returns)).publish(tmp_path / "ships")
     assert [path.name for path in (tmp_path / "ships" / "walk" / "default").iterdir()] == ["seed0"]
+
+
+def test_what_is_published_later_joins_what_is_there(compared: Callable[..., Path], tmp_path: Path) -> None:
+    """In whatever portions it was trained, what ships is what one comparison would have been."""
+    ships, three = tmp_path / "ships", (0.9, 0.1, 0.5)
+    portions = (
+        compared("first", returns=three, on=["walk"], variants=["default", "a2c"]),
+        compared("second", returns=three, on=["walk"], variants=["ddpg", "sb3-ppo"]),
+        compared("third", returns=three, on=["run", "walk@several-obstacles"]),
+        # Trained again: it takes the place of what there was.
+        compared("again", returns=(0.1, 0.2, 0.3), on=["run"], variants=["ddpg"]),
+    )
+    for portion in portions:
+        Comparison.load(portion).publish(ships)
+    found = Comparison.load(ships)
+    whole = Comparison.load(compared("whole", returns=three))
+    found.expect(["walk", "run", "walk@several-obstacles"], ["default", "ddpg", "a2c", "sb3-ppo"])
+    assert len(found.content["cells"]) == len(whole.content["cells"])
+    assert len(found.content["curves"]) == len(whole.content["curves"])
+    assert [row["return"] for row in found.cells("run", "ddpg")] == [0.1, 0.2, 0.3]
+    for task in whole.content["tasks"]:
+        for variant in ("default", "a2c", "sb3-ppo"):
+            theirs = whole.contender(task, variant, "one").identity
+            assert found.contender(task, variant, "one").identity == theirs
+    settings = whole.content["provenance"]["config"]
+    assert found.content["provenance"]["config"] == settings
+
+
+@pytest.mark.parametrize(
+    ("change", "told"),
+    [
+        (lambda content: content["provenance"]["config"].update(seeds=5), "of the same seeds"),
+        (lambda content: content["provenance"]["config"].update(engine="pybullet"), "of the same engine"),
+        (lambda content: content["tasks"]["walk"].update(identity="x"), "of the same motion of walk"),
+        (
+            lambda content: content["provenance"]["config"]["variants"]["default"].update(discount=0.5),
+            "of the same variants of default",
+        ),
+        (
+            lambda content: content["provenance"]["config"]["budgets"].update(default=[1]),
+            "of the same budgets of default",
+        ),
+    ],
+)
+def test_what_does_not_go_with_what_is_there_is_refused(
+    change: Callable[[Any], None], told: str, compared: Callable[..., Path], tmp_path: Path
+) -> None:
+    Comparison.load(compared("one", on=["walk", "run"], variants=["default", "ddpg"])).publish(tmp_path / "s")
+    before = (tmp_path / "s" / "compare.json").read_bytes()
+    other = compared("other", on=["walk"], variants=["default"])
+    content = json.loads((other / "compare.json").read_text())
+    change(content)
+    with pytest.raises(KinemimicError, match=told):
+        Comparison(other, content).publish(tmp_path / "s")
+    assert (tmp_path / "s" / "compare.json").read_bytes() == before
 
 
 @pytest.mark.parametrize("name", ["../walk", "/walk", "a/b", "..", 3])

@@ -6,6 +6,7 @@ import json
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 from kinemimic.pipeline.store import write_text
 from kinemimic.retarget.export_json import motion_from_json, motion_to_json
@@ -17,11 +18,18 @@ BUDGET = 131_072
 
 
 def write_comparison(
-    folder: Path, motions: Mapping[str, Motion], *, returns: Sequence[float], variants: Sequence[str]
+    folder: Path,
+    motions: Mapping[str, Motion],
+    *,
+    returns: Sequence[float],
+    variants: Sequence[str],
+    on: Sequence[str] = ("walk", "run", "walk@several-obstacles"),
 ) -> Path:
     """A seed for each of `returns`; seed k's policy corrects every joint by k hundredths."""
-    cells, curves, tasks = [], [], {}
-    for task in ("walk", "run", "walk@several-obstacles"):
+    cells: list[dict[str, Any]] = []
+    curves: list[dict[str, Any]] = []
+    tasks: dict[str, dict[str, Any]] = {}
+    for task in on:
         write_text(folder / task / "motion.json", motion_to_json(motions[task.partition("@")[0]]))
         tasks[task] = {"identity": motion_from_json(folder / task / "motion.json").identity}
         for variant in variants:
@@ -41,6 +49,16 @@ def write_comparison(
                 for n, mean in ((65_536, 0.2), (BUDGET, 0.1))
             ]
             curves.append({"task": task, "variant": variant, "reward": rows, "critic_loss": rows})
-    content = {"schema": 1, "tasks": tasks, "summary": [], "curves": curves, "cells": cells, "failed": {}}
+    settings = {
+        "variants": {name: PRESETS[name].to_json() for name in variants},
+        "budgets": {name: [BUDGET] for name in variants},
+        "seeds": len(returns),
+        "engine": "native",
+    }
+    made = {"inputs": {name: about["identity"] for name, about in tasks.items()}, "config": settings}
+    content = {
+        "schema": 1, "tasks": tasks, "provenance": made,
+        "summary": [], "curves": curves, "cells": cells, "failed": {},
+    }  # fmt: skip
     write_text(folder / "compare.json", json.dumps(content))
     return folder

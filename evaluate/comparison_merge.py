@@ -1,0 +1,53 @@
+"""Two comparisons as one: what was trained in one go, and what was added to it later."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+from kinemimic.pipeline.errors import KinemimicError
+
+Content = Mapping[str, Any]
+_ROWS = ("cells", "curves", "summary")
+
+
+def merged(before: Content, now: Content, place: str) -> dict[str, Any]:
+    """compare.json of both: every task and variant of `now`, and those of `before` that it has not.
+
+    place: where `before` is, for people. KinemimicError unless both can stand in one table: the same motions,
+    settings, seeds, budgets and engine wherever both have something of a task or variant.
+    """
+    again = {(row["task"], row["variant"]) for row in now["cells"]}
+    kept = {
+        key: [row for row in before[key] if (row["task"], row["variant"]) not in again] for key in _ROWS
+    }
+    if not kept["cells"]:
+        return dict(now)
+    settings, others = (one["provenance"]["config"] for one in (before, now))
+    for name in {row["task"] for row in kept["cells"]} & now["tasks"].keys():
+        _expect(place, f"motion of {name}", before["tasks"][name]["identity"], now["tasks"][name]["identity"])
+    for name in {row["variant"] for row in kept["cells"]} & others["variants"].keys():
+        for what in ("variants", "budgets"):
+            _expect(place, f"{what} of {name}", settings[what][name], others[what][name])
+    for what in ("seeds", "engine"):
+        _expect(place, what, settings[what], others[what])
+    together = {
+        **others,
+        **{what: {**settings[what], **others[what]} for what in ("variants", "budgets")},
+    }
+    made = now["provenance"]
+    inputs = {**before["provenance"]["inputs"], **made["inputs"]}
+    return {
+        **now,
+        "tasks": {**before["tasks"], **now["tasks"]},
+        "provenance": {**made, "inputs": dict(sorted(inputs.items())), "config": together},
+        **{key: [*kept[key], *now[key]] for key in _ROWS},
+    }
+
+
+def _expect(place: str, what: str, wanted: Any, found: Any) -> None:
+    if wanted != found:
+        raise KinemimicError(
+            f"{place}: expected to add to a comparison of the same {what}, found another; publish to "
+            "another folder, or delete that one"
+        )
