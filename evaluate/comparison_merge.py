@@ -18,9 +18,7 @@ def merged(before: Content, now: Content, place: str) -> dict[str, Any]:
     settings, seeds, budgets and engine wherever both have something of a task or variant.
     """
     again = {(row["task"], row["variant"]) for row in now["cells"]}
-    kept = {
-        key: [row for row in before[key] if (row["task"], row["variant"]) not in again] for key in _ROWS
-    }
+    kept = {key: [row for row in before[key] if (row["task"], row["variant"]) not in again] for key in _ROWS}
     if not kept["cells"]:
         return dict(now)
     settings, others = (one["provenance"]["config"] for one in (before, now))
