@@ -22,7 +22,7 @@ BULLET := $(or $(BULLET),$(patsubst $(VENV)/native-%,%,$(firstword $(wildcard $(
 NATIVE := $(VENV)/native-$(BULLET)
 NATIVE_FILES := $(wildcard $(addprefix train/native/,*.cpp *.hpp *.py pyproject.toml stubs/*/*.pyi))
 
-.PHONY: help setup formats inspect run ingest convert retarget train evaluate pushes disturb gait view export policies reproduce compare study comparison overlay test test-slow lint type format bench bench-clean profile wheel clean
+.PHONY: help setup formats inspect run ingest convert retarget train evaluate pushes disturb gait view export policies reproduce compare study comparison overlay data data-check data-push data-pull test test-slow lint type format bench bench-clean profile wheel clean
 .DEFAULT_GOAL := help
 
 help: ## This list
@@ -104,6 +104,25 @@ comparison: setup ## Train what `study` compares (hours), into datasets/comparis
 
 overlay: setup ## The skeleton drawn into CAPTURE=, a depth recording's folder: RUN=/overlay.mp4
 	$(KINEMIMIC) overlay "$(CAPTURE)" --out "$(RUN)/overlay.mp4"
+
+# dvc brings a hundred packages that only who changes the data set needs.
+DVC := $(VENV)/dvc-installed
+$(DVC): constraints.txt | $(STAMP)
+	$(BIN)/python -m pip install --quiet -c constraints.txt dvc
+	@touch $@
+
+data: setup $(DVC) ## Make the versioned data set anew and lock it (datasets/versions/params.toml)
+	PATH="$(CURDIR)/$(BIN):$$PATH" $(BIN)/dvc repro
+	$(KINEMIMIC) datasets lock
+
+data-check: setup ## Is the data set what is locked, and is it still made so? (AGAINST= a commit)
+	$(KINEMIMIC) datasets check $(if $(AGAINST),--against "$(AGAINST)")
+
+data-push: $(DVC) ## The data set's large files to the remote (runs/data-remote, unless dvc has another)
+	$(BIN)/dvc push
+
+data-pull: $(DVC) ## The data set's large files from the remote
+	$(BIN)/dvc pull
 
 # Small matrices on every core at once: more threads than one each only get in each other's way.
 test: setup ## The tests that take seconds

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import json
-from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -11,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from kinemimic.pipeline.errors import KinemimicError
+from kinemimic.pipeline.json_layout import layout
 from kinemimic.pipeline.skeleton import LAYERS, NODE_INDEX, NODE_PARENTS, NODES
 from kinemimic.pipeline.store import read_json
 from kinemimic.retarget.motion import Motion
@@ -64,7 +63,7 @@ def motion_to_json(motion: Motion) -> str:
         },
         "layers": layers,
     }
-    return _layout(document) + "\n"
+    return layout(document) + "\n"
 
 
 def motion_from_json(path: Path) -> Motion:
@@ -158,17 +157,3 @@ def _parent(node: str) -> str | None:
 def _numbers(array: Array) -> Any:
     # Adding zero turns -0.0 into 0.0: the sign of a rounded-off nothing is noise.
     return (np.round(array, DECIMALS) + 0.0).tolist()
-
-
-def _layout(value: Any, indent: str = "") -> str:
-    """JSON with a line for each key and frame, where `json.dumps(indent=2)` gives every number its own."""
-    inner = indent + "  "
-    if isinstance(value, Mapping) and value:
-        lines = [f"{json.dumps(key)}: {_layout(item, inner)}" for key, item in value.items()]
-        opening, closing = "{}"
-    elif isinstance(value, list | tuple) and any(isinstance(item, list | tuple | Mapping) for item in value):
-        lines = [_layout(item, inner) for item in value]
-        opening, closing = "[]"
-    else:
-        return json.dumps(value, allow_nan=False)
-    return opening + "\n" + ",\n".join(inner + line for line in lines) + f"\n{indent}{closing}"

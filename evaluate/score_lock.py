@@ -1,0 +1,84 @@
+"""`kinemimic datasets score`: a policy that ships, performed again, against the scores on record.
+
+A figure within its tolerance of the one on record is written as recorded, so that every machine writes the
+same file; one that is not, fails.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import Any
+
+import click
+
+from kinemimic.evaluate.recipe import POLICIES
+from kinemimic.evaluate.shipped import SCORES, unpack
+from kinemimic.evaluate.stage import evaluate
+from kinemimic.pipeline.errors import KinemimicError
+from kinemimic.pipeline.store import read_json, write_json
+from kinemimic.retarget.versions.params import PARAMS, Params
+from kinemimic.train.fit import JOINTS
+from kinemimic.train.options import engine_option, workers_option
+
+SCHEMA = 1
+
+
+def figures(scores: Mapping[str, Any]) -> dict[str, float]:
+    """What is watched of scores.json: frames and start phases survived, fit, path."""
+    fit = {
+        f"{joint}_{figure}": scores["fit"][joint][figure]
+        for joint in JOINTS
+        for figure in ("r2", "rmse_deg", "max_gap_deg")
+    }
+    root = {name: scores["root"][name] for name in ("speed_ratio", "path_error_m")}
+    return {"frames": scores["survival"]["frames"], "phases": scores["survival"]["phases"], **fit, **root}
+
+
+def watched(
+    recorded: Mapping[str, float], found: Mapping[str, float], tolerances: Mapping[str, float], name: str
+) -> dict[str, float]:
+    """The figures as recorded; KinemimicError names those that are further off than their tolerance.
+
+    A figure without a tolerance has to be the same.
+    """
+    off = [
+        f"{figure} {value:g} instead of {recorded[figure]:g} ± {tolerances.get(figure, 0.0):g}"
+        for figure, value in found.items()
+        if not abs(value - recorded[figure]) <= tolerances.get(figure, 0.0)
+    ]
+    if off:
+        raise KinemimicError(f"{name}: expected its scores on record, found {', '.join(off)}")
+    return dict(recorded)
+
+
+@click.command("score")
+@click.argument("policy")
+@click.option("--params", "path", type=click.Path(path_type=Path), default=PARAMS, show_default=True)
+@workers_option
+@engine_option
+def command(policy: str, path: Path, workers: int | None, engine: str) -> None:
+    """Have POLICY, which ships, perform again, and write its scores if they are those on record.
+
+    What `dvc repro` calls; works in the current folder.
+
+    \b
+      kinemimic datasets score walk
+    """
+    params = Params.load(path)
+    if policy not in params.policies:
+        raise KinemimicError(
+            f"{path}: expected a policy among {', '.join(params.policies)}, found {policy!r}"
+        )
+    if strange := params.tolerances.keys() - figures(read_json(POLICIES / policy / SCORES)).keys():
+        raise KinemimicError(f"{path}: expected tolerances of figures that are watched, found {min(strange)}")
+    recorded = figures(read_json(POLICIES / policy / SCORES))
+    with TemporaryDirectory(prefix="kinemimic-") as folder:
+        run = Path(folder)
+        unpack(policy, run)
+        found = figures(evaluate(run, workers=workers, engine=engine))
+    kept = watched(recorded, found, params.tolerances, policy)
+    target = path.parent / "scores" / f"{policy}.json"
+    write_json(target, {"schema": SCHEMA, "policy": policy, **kept})
+    click.echo(f"{target}")

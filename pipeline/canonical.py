@@ -1,0 +1,105 @@
+"""Arrays in a canonical file: what a data set is locked by, the same bytes on every machine.
+
+Numbers are rounded to 1e-5 (10 µm, 0.002°), which the last digits of another processor do not reach;
+nothing tells of times, versions or paths. A file is JSON with a line for each frame, so that two versions of
+it can be compared by eye.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from kinemimic.pipeline.clip import Clip
+from kinemimic.pipeline.errors import KinemimicError
+from kinemimic.pipeline.json_layout import layout
+from kinemimic.pipeline.store import content_hash, read_json, write_text
+
+Array = NDArray[np.float64]
+FORMAT, SCHEMA, DECIMALS = "kinemimic.arrays", 1, 5
+
+
+@dataclass(frozen=True)
+class Canonical:
+    """kind: "clip" or "motion"; joints: names along the second axis of what has one; arrays: rounded, NaN
+    where nothing was measured."""
+
+    kind: str
+    joints: tuple[str, ...]
+    arrays: Mapping[str, Array]
+
+    @classmethod
+    def of(cls, kind: str, joints: tuple[str, ...], arrays: Mapping[str, Any]) -> Canonical:
+        """Rounds; the signs of zero and of NaN, which are noise, become plus."""
+        return cls(kind, joints, {name: _rounded(array) for name, array in arrays.items()})
+
+    @classmethod
+    def of_clip(cls, clip: Clip) -> Canonical:
+        """All that was measured; of a converted clip its rotations too."""
+        fields = ("times", "positions", "states", "passes", "euler", "translations", "rotations")
+        found = {name: getattr(clip, name) for name in fields}
+        return cls.of(
+            "clip",
+            clip.skeleton.names,
+            {name: array for name, array in found.items() if array is not None},
+        )
+
+    @property
+    def identity(self) -> str:
+        """SHA-256 over names and values."""
+        named = {"kind": np.array(self.kind), "joints": np.array(self.joints)}
+        return content_hash({**self.arrays, **named})
+
+    def write(self, path: Path) -> None:
+        """The same bytes for the same arrays."""
+        document = {
+            "format": FORMAT,
+            "schema": SCHEMA,
+            "kind": self.kind,
+            "decimals": DECIMALS,
+            "joints": list(self.joints),
+            "arrays": {name: _values(array) for name, array in self.arrays.items()},
+        }
+        write_text(path, layout(document) + "\n")
+
+    @classmethod
+    def read(cls, path: Path) -> Canonical:
+        """What `write` wrote; a KinemimicError says what it is instead."""
+        document = read_json(path)
+        found = document.get("format") if isinstance(document, dict) else None
+        if found != FORMAT:
+            raise KinemimicError(f"{path}: expected {FORMAT}, found {found!r}")
+        if document.get("schema") != SCHEMA:
+            raise KinemimicError(
+                f"{path}: expected schema {SCHEMA}, found {document.get('schema')!r}; build it again"
+            )
+        try:
+            arrays = {name: np.array(rows, dtype=np.float64) for name, rows in document["arrays"].items()}
+            return cls(document["kind"], tuple(document["joints"]), arrays)
+        except (AttributeError, KeyError, TypeError, ValueError) as error:
+            raise KinemimicError(
+                f"{path}: expected arrays of numbers, found {error}; build it again"
+            ) from None
+
+
+def _rounded(array: Any) -> Array:
+    values = np.round(np.asarray(array, dtype=np.float64), DECIMALS) + 0.0
+    return np.where(np.isnan(values), np.nan, values)
+
+
+def _values(array: Array) -> Any:
+    """Nested lists, None for NaN, whole numbers without a point."""
+    if array.ndim == 0:
+        return _plain(float(array))
+    return [_values(row) for row in array] if array.ndim > 1 else [_plain(v) for v in array.tolist()]
+
+
+def _plain(value: float) -> float | int | None:
+    if np.isnan(value):
+        return None
+    return int(value) if value.is_integer() else value

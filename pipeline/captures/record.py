@@ -1,0 +1,25 @@
+"""`kinemimic datasets record`: a virtual Kinect's recordings as files."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import click
+
+from kinemimic.pipeline.captures.virtual import record_virtual
+
+
+@click.command("record")
+@click.argument("motions", nargs=-1, required=True, type=click.Choice(["walk", "run"]), metavar="walk|run...")
+@click.option("--into", type=click.Path(path_type=Path, file_okay=False), required=True, help="Folder.")
+@click.option("--seed", type=click.IntRange(min=0), default=0, show_default=True, help="Of noise and passes.")
+def command(motions: tuple[str, ...], into: Path, seed: int) -> None:
+    """Let a virtual Kinect film a real person's walk or run: as .skl, as BVH with Euler angles, and beside
+    each its truth and how it was made. Marked as simulated wherever it is shown.
+
+    \b
+      kinemimic datasets record walk --into recordings
+    """
+    for motion in motions:
+        for path in record_virtual(into, motion=motion, seed=seed):
+            click.echo(f"{path}")

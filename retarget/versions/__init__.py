@@ -1,0 +1,1 @@
+"""Data sets by version: built from raw recordings, locked, checked, and compared as motions."""

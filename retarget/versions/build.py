@@ -1,0 +1,93 @@
+"""`kinemimic datasets build`: the stages on one raw recording, and what they came to as canonical arrays."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+from tempfile import TemporaryDirectory
+
+import click
+import numpy as np
+
+from kinemimic.pipeline.canonical import Canonical
+from kinemimic.pipeline.convert import convert
+from kinemimic.pipeline.ingest import ingest
+from kinemimic.pipeline.skeleton import NODES
+from kinemimic.pipeline.store import read_clip
+from kinemimic.retarget.export_json import motion_from_json
+from kinemimic.retarget.motion import Motion
+from kinemimic.retarget.stage import retarget
+from kinemimic.retarget.versions.params import PARAMS, Capture, Params
+
+# Each stage, and the file that holds what it makes.
+STAGES = {"ingest": "clip.json", "convert": "quaternions.json", "retarget": "motion.json"}
+LAST = "retarget"
+
+
+def canonical_motion(motion: Motion) -> Canonical:
+    """All that a policy learns from, and where the feet stand."""
+    return Canonical.of(
+        "motion",
+        NODES,
+        {
+            "rate": np.array(motion.rate),
+            "cyclic": np.array(motion.cyclic),
+            "cycle_offset": motion.cycle_offset,
+            "root": motion.root,
+            "rotations": motion.rotations,
+            "contacts": motion.contacts,
+            "offsets": motion.offsets,
+        },
+    )
+
+
+def built(capture: Capture, root: Path, through: str = LAST) -> Mapping[str, Canonical]:
+    """By file name, what the stages up to `through` make of a recording below `root`.
+
+    Every stage works on what the one before really made, not on the rounded copy of it. Raises what the
+    stages raise.
+    """
+    with TemporaryDirectory(prefix="kinemimic-") as folder:
+        run = Path(folder)
+        ingest(root / capture.file, run, filter_name=capture.filter)
+        made = {STAGES["ingest"]: Canonical.of_clip(read_clip(run / "clip.parquet"))}
+        if through == "ingest":
+            return made
+        convert(run)
+        made[STAGES["convert"]] = Canonical.of_clip(read_clip(run / "quaternions.parquet"))
+        if through == "convert":
+            return made
+        retarget(
+            run,
+            symmetric=capture.symmetric,
+            refined=capture.refined,
+            ankle=capture.ankle,
+            loop=capture.loop,
+        )
+        made[STAGES["retarget"]] = canonical_motion(motion_from_json(run / "motion.json"))
+        return made
+
+
+def place(params: Params, root: Path, name: str, file: str) -> Path:
+    """Where an output lies: beside the parameters."""
+    return root / params.path.parent / "built" / name / file
+
+
+@click.command("build")
+@click.argument("name")
+@click.option("--through", type=click.Choice(list(STAGES)), default=LAST, show_default=True,
+              help="The last stage; what it makes is written.")  # fmt: skip
+@click.option("--params", "path", type=click.Path(path_type=Path), default=PARAMS, show_default=True)
+def command(name: str, through: str, path: Path) -> None:
+    """Make one of the data set's captures, NAME, and write what a stage came to as canonical arrays.
+
+    What `dvc repro` calls; works in the current folder.
+
+    \b
+      kinemimic datasets build kinect_walk --through convert
+    """
+    params = Params.load(path)
+    made = built(params.capture(name), Path(), through)
+    target = place(params, Path(), name, STAGES[through])
+    made[STAGES[through]].write(target)
+    click.echo(f"{target}")

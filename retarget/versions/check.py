@@ -1,0 +1,117 @@
+"""`kinemimic datasets check`: raw data are what was locked, and still make what was locked."""
+
+from __future__ import annotations
+
+import json
+import subprocess
+from collections.abc import Iterator
+from pathlib import Path
+
+import click
+
+from kinemimic.pipeline.canonical import Canonical
+from kinemimic.pipeline.errors import KinemimicError
+from kinemimic.pipeline.progress import progress
+from kinemimic.retarget.versions.build import built, place
+from kinemimic.retarget.versions.diff import changes, told
+from kinemimic.retarget.versions.manifest import MANIFEST, Manifest, changed_raw, different, unsaid
+from kinemimic.retarget.versions.params import PARAMS, Params
+
+WRONG = 1  # exit status
+_TOLD = 3  # changes of one file
+
+
+def check(params: Params, root: Path, against: str | None = None) -> list[str]:
+    """A line for everything that is wrong; none if the data set is what its manifest says.
+
+    Raw files first: what is made of wrong ones is not worth telling. against: a commit whose manifest of the
+    same version has to be the same.
+    """
+    path = root / params.path.parent / MANIFEST
+    manifest = Manifest.load(path)
+    if wrong := list(changed_raw(params, manifest, root)):
+        return wrong
+    if manifest.version != params.version:
+        wrong.append(
+            f"{path}: expected version {params.version}, as in {params.path}, found {manifest.version}; "
+            "`make data`"
+        )
+    if (missing := unsaid(params.version, root)) is not None:
+        wrong.append(missing)
+    if against is not None:
+        wrong += _since(against, params, manifest, root)
+    wrong += _outputs(params, manifest, root)
+    return wrong
+
+
+def _since(commit: str, params: Params, manifest: Manifest, root: Path) -> Iterator[str]:
+    """A line if a commit has other data under the same or a later version."""
+    name = (params.path.parent / MANIFEST).as_posix()
+    content = _git(root, "show", f"{commit}:./{name}")
+    if content is None:
+        # A commit of before there were manifests is no error, one that is not there is.
+        if _git(root, "rev-parse", "--verify", "--end-of-options", f"{commit}^{{commit}}") is None:
+            raise KinemimicError(f"--against: expected a commit, found {commit!r}")
+        return
+    before = Manifest.of_json(json.loads(content), f"{commit}:{name}")
+    if before != manifest and before.version >= manifest.version:
+        yield (
+            f"{name}: expected the data of version {before.version}, as at {commit}, found that "
+            f"{', '.join(different(before, manifest)) or 'the version'} changed; raise `version` in "
+            f"{params.path}"
+        )
+
+
+def _git(root: Path, *arguments: str) -> str | None:
+    """What git says, None where it fails."""
+    command = ["git", *arguments]
+    done = subprocess.run(command, cwd=root, capture_output=True, text=True, check=False)  # noqa: S603 (no shell)
+    return done.stdout if done.returncode == 0 else None
+
+
+def _outputs(params: Params, manifest: Manifest, root: Path) -> Iterator[str]:
+    """A line for each output that is there and differs from the manifest, or is made otherwise today."""
+    expected = {name.split("/")[0] for name in manifest.content}
+    for name in sorted(expected ^ params.captures.keys()):
+        yield f"{params.path}: expected the captures of the manifest, found a difference: {name}; `make data`"
+    with progress("check", len(params.captures)) as bar:
+        for name, capture in params.captures.items():
+            for file, fresh in built(capture, root).items():
+                wanted = manifest.content.get(f"{name}/{file}")
+                there = place(params, root, name, file)
+                stored = Canonical.read(there) if there.exists() else None
+                if stored is not None and stored.identity != wanted:
+                    yield f"{there}: expected what was locked, found other content: {_what(fresh, stored)}"
+                if fresh.identity != wanted:
+                    known = stored is not None and stored.identity == wanted
+                    told_ = _what(stored, fresh) if known and stored is not None else "what, cannot be told"
+                    yield (
+                        f"{name}/{file}: expected what was locked, found that today's code makes another: "
+                        f"{told_}; if that is meant, raise `version` in {params.path} and `make data`"
+                    )
+            bar.advance(1.0)
+
+
+def _what(before: Canonical, after: Canonical) -> str:
+    found = changes(before, after)
+    more = f" and {len(found) - _TOLD} more" if len(found) > _TOLD else ""
+    return "; ".join(told(one) for one in found[:_TOLD]) + more
+
+
+@click.command("check")
+@click.option("--params", "path", type=click.Path(path_type=Path), default=PARAMS, show_default=True)
+@click.option("--against", metavar="COMMIT", help="Whose data of the same version have to be the same.")
+def command(path: Path, against: str | None) -> None:
+    """Whether the data set in the current folder is what its manifest says: raw files by SHA-256, and what is
+    made of them today, number by number. Exit status 1, and a line for everything that is wrong.
+
+    \b
+      kinemimic datasets check --against origin/main
+    """
+    params = Params.load(path)
+    wrong = check(params, Path(), against)
+    for line in wrong:
+        click.echo(f"datasets: {line}", err=True)
+    if wrong:
+        click.get_current_context().exit(WRONG)
+    click.echo(f"{path.parent / MANIFEST}: version {params.version}, all of it as locked")

@@ -1,0 +1,220 @@
+"""`kinemimic datasets diff`: what changed between two data sets in terms of motion, not of bytes."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any
+
+import click
+import numpy as np
+from numpy.typing import NDArray
+
+from kinemimic.pipeline.canonical import FORMAT, Canonical
+from kinemimic.pipeline.errors import KinemimicError
+from kinemimic.pipeline.inspect.terminal import grid, show
+from kinemimic.pipeline.store import read_clip, read_json
+from kinemimic.retarget.export_json import MOTION_FORMAT, motion_from_json
+from kinemimic.retarget.versions.build import canonical_motion
+
+Array = NDArray[np.float64]
+DIFFERENT = 1  # exit status
+
+# How an array is compared: the unit, and what a difference of one of its numbers is in that unit.
+_LENGTHS = ("positions", "translations", "root", "offsets", "cycle_offset")
+_COUNTED = ("states", "passes", "contacts", "cyclic")
+_SIDES = ("left", "right")
+
+
+@dataclass(frozen=True)
+class Change:
+    """what: array; joint: or side, where it has such; unit: of `largest`, which is at `frame` (None without
+    frames); frames: how many differ."""
+
+    what: str
+    joint: str | None
+    largest: float
+    unit: str
+    frame: int | None
+    frames: int
+
+
+def changes(before: Canonical, after: Canonical) -> list[Change]:
+    """What differs, array by array and joint by joint, the largest first; KinemimicError for two kinds."""
+    if before.kind != after.kind:
+        raise KinemimicError(f"expected two of one kind, found a {before.kind} and a {after.kind}")
+    if before.joints != after.joints:
+        raise KinemimicError(
+            f"expected the same joints, found {len(before.joints)} and {len(after.joints)}: "
+            f"{', '.join(sorted(set(before.joints) ^ set(after.joints))) or 'in another sequence'}"
+        )
+    found: list[Change] = []
+    for name in sorted(before.arrays.keys() | after.arrays.keys()):
+        one, other = before.arrays.get(name), after.arrays.get(name)
+        if one is None or other is None:
+            there = "added" if one is None else "gone"
+            found.append(Change(f"{name}, {there}", None, 1.0, "array", None, 0))
+        elif one.shape != other.shape:
+            lengths = [len(array) if array.ndim else 0 for array in (one, other)]
+            told = f"{name}, {lengths[0]} frames before, {lengths[1]} after"
+            found.append(Change(told, None, float(lengths[1] - lengths[0]), "frames", None, 0))
+        else:
+            found += _of_array(name, one, other, before.joints)
+    return sorted(found, key=lambda one: -abs(one.largest))
+
+
+def _of_array(name: str, one: Array, other: Array, joints: Sequence[str]) -> Iterator[Change]:
+    apart, unit = _apart(name, one, other)
+    other_values = ~((one == other) | (np.isnan(one) & np.isnan(other)))
+    # A rotation's two quaternions are no degree apart, and yet not the same numbers.
+    differs = other_values.any(-1) if other_values.ndim > apart.ndim else other_values
+    labels: Sequence[str | None] = [None]
+    if name == "offsets":
+        # Of the skeleton, not of its frames.
+        apart, differs, labels = apart[None], differs[None], joints
+    elif one.ndim > 1 and one.shape[1] == len(joints):
+        labels = joints
+    elif name == "contacts":
+        labels = _SIDES
+    else:
+        apart, differs = apart.reshape(-1, 1), differs.reshape(-1, 1)
+    for column, label in enumerate(labels):
+        values, count = apart[:, column], int(differs[:, column].sum())
+        if count:
+            at = int(np.where(differs[:, column], values, -1.0).argmax())
+            frame = at if len(values) > 1 else None
+            yield Change(name, label, round(float(values[at]), 4), unit, frame, count)
+
+
+def _apart(name: str, one: Array, other: Array) -> tuple[Array, str]:
+    """How far apart in a unit for people, one number a vector; missing on one side is infinitely far."""
+    unseen = np.isnan(one) & np.isnan(other)
+    gap = np.abs(np.where(unseen, 0.0, other - one))
+    gap = np.where(np.isnan(gap), np.inf, gap)
+    if name in _LENGTHS:
+        return 1e3 * np.sqrt(np.square(gap).sum(-1)), "mm"
+    if name == "rotations":
+        turned = np.abs(np.where(unseen, 0.0, other + one))
+        turned = np.where(np.isnan(turned), np.inf, turned)
+        nearer = np.minimum(np.sqrt(np.square(gap).sum(-1)), np.sqrt(np.square(turned).sum(-1)))
+        angle = np.degrees(4.0 * np.arcsin(np.minimum(1.0, nearer / 2.0)))
+        return np.where(np.isinf(nearer), np.inf, angle), "°"
+    if name == "euler":
+        # A whole turn is no difference.
+        return np.degrees(np.minimum(gap, np.abs(gap - 2.0 * np.pi)).max(-1)), "°"
+    if name in _COUNTED:
+        return (gap > 0).astype(np.float64), "other"
+    return gap, "s" if name == "times" else "Hz"
+
+
+def read_any(path: Path) -> Canonical:
+    """Canonical arrays of what holds a motion or a clip: a file of `build`, motion.json, a clip's Parquet."""
+    if path.suffix == ".parquet":
+        return Canonical.of_clip(read_clip(path))
+    document = read_json(path)
+    found = document.get("format") if isinstance(document, dict) else None
+    if found == FORMAT:
+        return Canonical.read(path)
+    if found == MOTION_FORMAT:
+        return canonical_motion(motion_from_json(path))
+    raise KinemimicError(f"{path}: expected a motion, a clip or canonical arrays, found format {found!r}")
+
+
+_NAMES = (
+    "clip.json",
+    "quaternions.json",
+    "motion.json",
+    "raw.parquet",
+    "clip.parquet",
+    "quaternions.parquet",
+)
+
+
+def pairs(before: Path, after: Path) -> Mapping[str, tuple[Path | None, Path | None]]:
+    """Two files, or what two folders hold under the same names, None where only one has it."""
+    for path in (before, after):
+        if not path.exists():
+            raise KinemimicError(f"{path}: expected a file or a folder, found none")
+    if before.is_file() and after.is_file():
+        return {after.name: (before, after)}
+    if before.is_file() or after.is_file():
+        raise KinemimicError(f"expected two files or two folders, found one of each: {before}, {after}")
+    there = [
+        {str(path.relative_to(root)): path for name in _NAMES for path in sorted(root.rglob(name))}
+        for root in (before, after)
+    ]
+    if not any(there):
+        raise KinemimicError(f"{before}: expected {', '.join(_NAMES)} in it, found none of them")
+    names = sorted(there[0].keys() | there[1].keys())
+    return {name: (there[0].get(name), there[1].get(name)) for name in names}
+
+
+def told(change: Change) -> str:
+    """One line for people."""
+    where = f" {change.joint}" if change.joint else ""
+    if change.unit in ("array", "frames"):
+        return change.what
+    many = f", {change.frames} frames differ" if change.frames > 1 else ""
+    at = f" in frame {change.frame}" if change.frame is not None else ""
+    if change.unit == "other":
+        return f"{change.what}{where}: other{at}{many}"
+    return f"{change.what}{where}: {_amount(change)}{at}{many}"
+
+
+def _amount(change: Change) -> str:
+    if np.isinf(change.largest):
+        return "missing on one side"
+    return f"{change.largest:.4g}" + ("°" if change.unit == "°" else f" {change.unit}")
+
+
+@click.command("diff")
+@click.argument("before", type=click.Path(path_type=Path))
+@click.argument("after", type=click.Path(path_type=Path))
+@click.option("--json", "as_json", is_flag=True, help="Print every change as JSON.")
+def command(before: Path, after: Path, as_json: bool) -> None:
+    """What changed from BEFORE to AFTER as motion: joints, degrees, millimetres, frames.
+
+    Each a file (motion.json, a clip's .parquet, what `datasets build` wrote) or a folder of them, as a run.
+    Numbers are compared as a data set is locked, rounded to 1e-5. Exit status 1 if anything differs.
+
+    \b
+      kinemimic datasets diff runs/before runs/after
+    """
+    found: dict[str, list[Change] | str] = {}
+    for name, (one, other) in pairs(before, after).items():
+        if one is None or other is None:
+            found[name] = "added" if one is None else "gone"
+        elif differing := changes(read_any(one), read_any(other)):
+            found[name] = differing
+    if as_json:
+        click.echo(json.dumps({name: _json(change) for name, change in found.items()}, indent=2))
+    elif not found:
+        click.echo("no difference")
+    else:
+        show(*_tables(found))
+    if found:
+        click.get_current_context().exit(DIFFERENT)
+
+
+def _json(change: list[Change] | str) -> Any:
+    if isinstance(change, str):
+        return change
+    return [{**asdict(one), "largest": None if np.isinf(one.largest) else one.largest} for one in change]
+
+
+def _tables(found: Mapping[str, list[Change] | str]) -> Iterator[Any]:
+    for name, change in found.items():
+        if isinstance(change, str):
+            yield f"{name}: {change}"
+            continue
+        yield name
+        table = grid("", "", "largest", "in frame", "frames that differ", left=2)
+        for one in change:
+            amount = {"array": "", "frames": "", "other": "other"}.get(one.unit, _amount(one))
+            table.add_row(
+                f"  {one.what}", one.joint or "", amount,
+                "" if one.frame is None else str(one.frame), str(one.frames or ""),
+            )  # fmt: skip
+        yield table

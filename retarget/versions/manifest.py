@@ -1,0 +1,135 @@
+"""What a version of a data set is: SHA-256 of its raw files, and of the content of what is made of them."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import click
+
+from kinemimic.pipeline.canonical import Canonical
+from kinemimic.pipeline.errors import KinemimicError
+from kinemimic.pipeline.store import file_hash, read_json, write_json
+from kinemimic.retarget.versions.build import STAGES, place
+from kinemimic.retarget.versions.params import PARAMS, Params
+
+MANIFEST, CHANGELOG = "manifest.json", Path("CHANGELOG.md")
+SCHEMA = 1
+
+
+@dataclass(frozen=True)
+class Manifest:
+    """version: of the data set; raw: file -> SHA-256; content: CAPTURE/FILE -> `Canonical.identity`."""
+
+    version: int
+    raw: Mapping[str, str]
+    content: Mapping[str, str]
+
+    @classmethod
+    def of_json(cls, value: Any, name: str) -> Manifest:
+        """name: where it comes from, for people."""
+        if not isinstance(value, dict) or value.get("schema") != SCHEMA:
+            raise KinemimicError(f"{name}: expected a manifest of schema {SCHEMA}, found another file")
+        try:
+            return cls(int(value["version"]), dict(value["raw"]), dict(value["content"]))
+        except (KeyError, TypeError, ValueError) as error:
+            raise KinemimicError(f"{name}: expected version, raw and content, found {error}") from None
+
+    @classmethod
+    def load(cls, path: Path) -> Manifest:
+        """A KinemimicError says what it is instead."""
+        if not path.exists():
+            raise KinemimicError(f"{path}: expected a manifest, found no file; `make data` writes it")
+        return cls.of_json(read_json(path), str(path))
+
+    def write(self, path: Path) -> None:
+        """The same bytes for the same data set."""
+        write_json(
+            path,
+            {
+                "schema": SCHEMA,
+                "version": self.version,
+                "raw": dict(sorted(self.raw.items())),
+                "content": dict(sorted(self.content.items())),
+            },
+        )
+
+
+def raw_hashes(params: Params, root: Path) -> dict[str, str]:
+    """SHA-256 of every raw file that is there."""
+    files = [file for capture in params.captures.values() for file in capture.raw]
+    return {file.as_posix(): file_hash(root / file) for file in files if (root / file).is_file()}
+
+
+def changed_raw(params: Params, manifest: Manifest, root: Path) -> Iterator[str]:
+    """A line for each raw file that is not what the manifest says."""
+    found = raw_hashes(params, root)
+    for file in sorted(manifest.raw.keys() | found.keys()):
+        if file not in found:
+            yield f"{file}: expected the raw file of version {manifest.version}, found none"
+        elif file not in manifest.raw:
+            yield f"{file}: expected the raw files of version {manifest.version}, found another beside them"
+        elif found[file] != manifest.raw[file]:
+            yield f"{file}: expected SHA-256 {manifest.raw[file][:12]}…, found {found[file][:12]}…"
+
+
+def lock(params: Params, root: Path) -> Manifest:
+    """Write the manifest of what is built below `root`.
+
+    KinemimicError unless everything is built; and if it is another than the manifest's of the same version:
+    whoever relies on a version shall have what it was.
+    """
+    path = root / params.path.parent / MANIFEST
+    content: dict[str, str] = {}
+    for name in params.captures:
+        for file in STAGES.values():
+            there = place(params, root, name, file)
+            if not there.exists():
+                raise KinemimicError(f"{there}: expected what `datasets build {name}` writes, found none")
+            content[f"{name}/{file}"] = Canonical.read(there).identity
+    made = Manifest(params.version, raw_hashes(params, root), content)
+    if path.exists() and (before := Manifest.load(path)) != made and before.version >= made.version:
+        raise KinemimicError(
+            f"{path}: expected the data of version {before.version}, found that they changed "
+            f"({', '.join(different(before, made))}); raise `version` in {params.path} to "
+            f"{before.version + 1} and say in {CHANGELOG} what changed"
+        )
+    if (missing := unsaid(params.version, root)) is not None:
+        raise KinemimicError(missing)
+    made.write(path)
+    return made
+
+
+def different(before: Manifest, after: Manifest) -> list[str]:
+    """Names of the raw files and of the content that two manifests have not alike."""
+    return [
+        name
+        for one, other in ((before.raw, after.raw), (before.content, after.content))
+        for name in sorted(one.keys() | other.keys())
+        if one.get(name) != other.get(name)
+    ]
+
+
+def unsaid(version: int, root: Path) -> str | None:
+    """What is wrong if the changelog has no line on a version of the data."""
+    path, mark = root / CHANGELOG, f"Data {version}:"
+    if path.exists() and mark in path.read_text(encoding="utf-8"):
+        return None
+    return f"{path}: expected a line with {mark!r} and what changed in the data set, found none"
+
+
+@click.command("lock")
+@click.option("--params", "path", type=click.Path(path_type=Path), default=PARAMS, show_default=True)
+def command(path: Path) -> None:
+    """Write the manifest of the data set that is built in the current folder.
+
+    Refused if the data changed and their version did not, or the changelog has no line on it.
+
+    \b
+      kinemimic datasets lock
+    """
+    made = lock(Params.load(path), Path())
+    click.echo(f"{path.parent / MANIFEST}: version {made.version}, {len(made.raw)} raw files, "
+               f"{len(made.content)} built")  # fmt: skip

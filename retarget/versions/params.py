@@ -1,0 +1,100 @@
+"""What a versioned data set is made of: one TOML file, which `dvc.yaml` reads too."""
+
+from __future__ import annotations
+
+import tomllib
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path, PurePosixPath
+
+from kinemimic.pipeline.captures.toml_keys import Keys
+from kinemimic.pipeline.clean import FILTERS
+from kinemimic.pipeline.errors import KinemimicError
+from kinemimic.retarget.ankles import ANKLES, Ankle
+
+PARAMS = Path("datasets/versions/params.toml")
+SCHEMA = 1
+
+
+@dataclass(frozen=True)
+class Capture:
+    """file: of the raw recording, from the folder that the data set is built in; the rest are options of
+    `ingest` and `retarget`, with their defaults."""
+
+    name: str
+    file: Path
+    filter: str | None = None
+    symmetric: bool | None = None
+    refined: bool = True
+    ankle: Ankle = "neutral"
+    loop: bool | None = None
+
+    @property
+    def raw(self) -> tuple[Path, ...]:
+        """The recording and what belongs to it where it is simulated: its truth, how it was made."""
+        beside = (self.file.with_suffix(f".{kind}") for kind in ("truth.parquet", "provenance.json"))
+        return (self.file, *beside)
+
+
+@dataclass(frozen=True)
+class Params:
+    """path: of this file; version: of the data set, raised by one whenever its content changes; captures: by
+    name; policies: that ship and are scored; tolerances: of their scores, by figure."""
+
+    path: Path
+    version: int
+    captures: Mapping[str, Capture]
+    policies: tuple[str, ...]
+    tolerances: Mapping[str, float]
+
+    @classmethod
+    def load(cls, path: Path) -> Params:
+        """A KinemimicError names the key of the first mistake."""
+        try:
+            values = tomllib.loads(path.read_text(encoding="utf-8"))
+        except FileNotFoundError:
+            raise KinemimicError(f"{path}: expected the parameters of a data set, found no file") from None
+        except (tomllib.TOMLDecodeError, UnicodeDecodeError, RecursionError) as error:
+            raise KinemimicError(f"{path}: expected TOML, found {error}") from None
+        keys = Keys(path, "", values)
+        if (schema := keys.get("schema")) != SCHEMA or isinstance(schema, bool):
+            keys.fail("schema", expected=f"{SCHEMA}", found=schema)
+        version = keys.whole("version", 0, 1, 1_000_000)
+        if not version:
+            keys.fail("version", expected="a whole number from 1", found="none")
+        table, policies, bounds = keys.table("captures"), keys.marks("policies"), keys.table("tolerances")
+        keys.finish()
+        return cls(
+            path,
+            version,
+            {name: _capture(name, table.table(name)) for name in table.values},
+            tuple(map(str, policies)),
+            {name: bounds.number(name, 0.0, 1e6) or 0.0 for name in bounds.values},
+        )
+
+    def capture(self, name: str) -> Capture:
+        """One of the captures; a KinemimicError names them all."""
+        if name not in self.captures:
+            raise KinemimicError(
+                f"{self.path}: expected a capture among {', '.join(self.captures)}, found {name!r}"
+            )
+        return self.captures[name]
+
+
+def _capture(name: str, keys: Keys) -> Capture:
+    file = PurePosixPath(keys.text("file", ""))
+    if not file.name or file.is_absolute() or ".." in file.parts:
+        keys.fail("file", expected="a recording, from the folder that is built in", found=repr(str(file)))
+    chosen = keys.choice("filter", FILTERS, FILTERS[0]) if "filter" in keys.values else None
+    ankle: Ankle = "normal" if keys.choice("ankle", ANKLES, "neutral") == "normal" else "neutral"
+    symmetric, loop = _switch(keys, "symmetric"), _switch(keys, "loop")
+    refined = _switch(keys, "refined")
+    keys.finish()
+    return Capture(name, Path(file), chosen, symmetric, refined is not False, ankle, loop)
+
+
+def _switch(keys: Keys, key: str) -> bool | None:
+    value = keys.get(key)
+    if value is not None and not isinstance(value, bool):
+        keys.fail(key, expected="true or false", found=repr(value))
+    return value

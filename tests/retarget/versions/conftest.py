@@ -1,0 +1,56 @@
+"""A data set of one recording in a folder of its own."""
+
+from __future__ import annotations
+
+import shutil
+from pathlib import Path
+
+import pytest
+
+from kinemimic.retarget.versions.build import STAGES, built, place
+from kinemimic.retarget.versions.manifest import lock
+from kinemimic.retarget.versions.params import PARAMS, Params
+
+ROOT = Path(__file__).resolve().parents[3]
+NAME = "kinect_walk"
+TEXT = f"""schema = 1
+version = 1
+policies = []
+
+[captures.{NAME}]
+file = "datasets/versions/raw/{NAME}.skl"
+
+[tolerances]
+"""
+
+
+@pytest.fixture(scope="session")
+def once(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The locked data set; not to be changed."""
+    root = tmp_path_factory.mktemp("data set")
+    shutil.copytree(ROOT / "datasets/versions/raw", root / "datasets/versions/raw")
+    (root / PARAMS).write_text(TEXT)
+    (root / "CHANGELOG.md").write_text("- Data 1: a walk.\n")
+    params = _params(root)
+    for file, made in built(params.capture(NAME), root).items():
+        made.write(place(params, root, NAME, file))
+    assert {path.name for path in (root / "datasets/versions/built" / NAME).iterdir()} == set(STAGES.values())
+    lock(params, root)
+    return root
+
+
+@pytest.fixture
+def root(once: Path, tmp_path: Path) -> Path:
+    """A copy of it."""
+    return Path(shutil.copytree(once, tmp_path / "root"))
+
+
+def _params(root: Path) -> Params:
+    found = Params.load(root / PARAMS)
+    return Params(PARAMS, found.version, found.captures, found.policies, found.tolerances)
+
+
+@pytest.fixture
+def params(root: Path) -> Params:
+    """Of the copy, as if it were the current folder."""
+    return _params(root)

@@ -1,0 +1,151 @@
+"""A locked data set: what is as locked passes, and whatever is not is told by name."""
+
+from __future__ import annotations
+
+import json
+import math
+import subprocess
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from kinemimic.pipeline.canonical import Canonical
+from kinemimic.pipeline.errors import KinemimicError
+from kinemimic.pipeline.rotations import from_axis_angle, multiply
+from kinemimic.pipeline.skeleton import NODE_INDEX
+from kinemimic.retarget.versions import check as module
+from kinemimic.retarget.versions.build import built, place
+from kinemimic.retarget.versions.check import check
+from kinemimic.retarget.versions.manifest import Manifest, lock
+from kinemimic.retarget.versions.params import Params
+
+MANIFEST = Path("datasets/versions/manifest.json")
+NAME = "kinect_walk"
+
+
+def bent(motion: Canonical, degrees: float, node: str, frame: int) -> Canonical:
+    """A motion with one joint turned in one frame."""
+    rotations = motion.arrays["rotations"].copy()
+    turn = from_axis_angle("Y", np.array(math.radians(degrees)))
+    rotations[frame, NODE_INDEX[node]] = multiply(rotations[frame, NODE_INDEX[node]], turn)
+    return Canonical.of(motion.kind, motion.joints, {**motion.arrays, "rotations": rotations})
+
+
+def test_what_is_as_locked_passes(root: Path, params: Params) -> None:
+    assert check(params, root) == []
+    # The large files may be elsewhere.
+    for file in ("clip.json", "quaternions.json"):
+        place(params, root, NAME, file).unlink()
+    assert check(params, root) == []
+
+
+def test_one_byte_of_a_raw_file_is_told_by_its_name(
+    root: Path, params: Params, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """And nothing is built of it."""
+    monkeypatch.setattr(module, "built", lambda *_: pytest.fail("raw data come first"))
+    for file in params.capture(NAME).raw:
+        content = bytearray((root / file).read_bytes())
+        content[len(content) // 2] ^= 1
+        (root / file).write_bytes(content)
+        (line,) = check(params, root)
+        assert line.startswith(f"{file.as_posix()}: expected SHA-256 ")
+        content[len(content) // 2] ^= 1
+        (root / file).write_bytes(content)
+    (root / params.capture(NAME).file).unlink()
+    (line,) = check(params, root)
+    assert line.startswith(
+        f"datasets/versions/raw/{NAME}.skl: expected the raw file of version 1, found none"
+    )
+
+
+def test_a_tenth_of_a_degree_is_told_by_joint_and_frame(root: Path, params: Params) -> None:
+    path = place(params, root, NAME, "motion.json")
+    bent(Canonical.read(path), 0.1, "knee_left", 7).write(path)
+    (line,) = check(params, root)
+    assert line.startswith(f"{path}: expected what was locked, found other content: rotations knee_left: 0.")
+    degrees = float(line.split("knee_left: ")[1].split("°")[0])
+    # Four numbers rounded to 1e-5.
+    assert degrees == pytest.approx(0.1, abs=0.003)
+    assert line.endswith("in frame 7")
+
+
+def test_other_code_is_told_by_what_it_makes(
+    root: Path, params: Params, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    made = dict(built(params.capture(NAME), root))
+    made["motion.json"] = bent(made["motion.json"], 0.1, "hip_right", 3)
+    monkeypatch.setattr(module, "built", lambda *_: made)
+    (line,) = check(params, root)
+    assert line.startswith(f"{NAME}/motion.json: expected what was locked, found that today's code makes")
+    assert "rotations hip_right: 0." in line
+    assert "raise `version` in datasets/versions/params.toml" in line
+
+
+def test_another_version_or_another_capture_is_told(root: Path, params: Params) -> None:
+    lines = check(replace(params, version=2), root)
+    assert [line.split(":")[0] for line in lines] == [
+        str(root / MANIFEST),
+        str(root / "CHANGELOG.md"),
+    ]
+    lines = check(replace(params, captures={}), root)
+    assert f"datasets/versions/raw/{NAME}.skl: expected the raw file of version 1, found none" in lines
+
+
+def test_data_change_with_their_version_and_a_line_in_the_changelog(root: Path, params: Params) -> None:
+    before = Manifest.load(root / MANIFEST)
+    path = place(params, root, NAME, "motion.json")
+    bent(Canonical.read(path), 0.1, "knee_left", 7).write(path)
+    with pytest.raises(KinemimicError, match=rf"changed \({NAME}/motion.json\); raise `version` in .* to 2"):
+        lock(params, root)
+    with pytest.raises(KinemimicError, match="expected a line with 'Data 2:'"):
+        lock(replace(params, version=2), root)
+    assert Manifest.load(root / MANIFEST) == before
+    (root / "CHANGELOG.md").write_text("- Data 2: a knee.\n- Data 1: a walk.\n")
+    after = lock(replace(params, version=2), root)
+    assert after == Manifest.load(root / MANIFEST)
+    assert after.content[f"{NAME}/clip.json"] == before.content[f"{NAME}/clip.json"]
+    assert after.content[f"{NAME}/motion.json"] != before.content[f"{NAME}/motion.json"]
+    # The same again is no change.
+    assert lock(replace(params, version=2), root) == after
+
+
+def test_a_manifest_that_was_rewritten_is_told_by_the_commit_before(root: Path, params: Params) -> None:
+    """By hand, content and version of one's own making: history knows better."""
+
+    def git(*arguments: str) -> None:
+        author = ("-c", "user.name=a", "-c", "user.email=a@b.c", "-c", "commit.gpgsign=false")
+        subprocess.run(["git", *author, *arguments], cwd=root, check=True, capture_output=True)
+
+    git("init", "-q")
+    git("commit", "-q", "--allow-empty", "-m", "before there was a manifest")
+    git("add", "datasets/versions/manifest.json")
+    git("commit", "-q", "-m", "one")
+    assert check(params, root, against="HEAD~1") == check(params, root, against="HEAD") == []
+    written = json.loads((root / MANIFEST).read_text())
+    path = place(params, root, NAME, "motion.json")
+    other = bent(Canonical.read(path), 0.1, "knee_left", 7)
+    written["content"][f"{NAME}/motion.json"] = other.identity
+    (root / MANIFEST).write_text(json.dumps(written))
+    lines = check(params, root, against="HEAD")
+    assert lines[0].startswith(f"{MANIFEST}: expected the data of version 1, as at HEAD, found that ")
+    assert f"{NAME}/motion.json changed" in lines[0]
+    with pytest.raises(KinemimicError, match="--against: expected a commit, found 'nowhere'"):
+        check(params, root, against="nowhere")
+
+
+def test_what_is_no_manifest_is_one_line(root: Path, params: Params) -> None:
+    for text, told in (
+        ("{}", "schema 1"),
+        ("[1]", "schema 1"),
+        ('{"schema": 1}', "'version'"),
+        ("{", "JSON"),
+    ):
+        (root / MANIFEST).write_text(text)
+        with pytest.raises(KinemimicError, match=told):
+            check(params, root)
+    (root / MANIFEST).unlink()
+    with pytest.raises(KinemimicError, match="`make data` writes it"):
+        check(params, root)

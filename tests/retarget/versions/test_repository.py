@@ -1,0 +1,58 @@
+"""The data set of this repository: manifest, dvc's lock and what is committed are one."""
+
+from __future__ import annotations
+
+import hashlib
+from pathlib import Path
+from typing import Any
+
+import pytest
+import yaml
+
+from kinemimic.pipeline.canonical import Canonical
+from kinemimic.retarget.versions.build import STAGES, built, place
+from kinemimic.retarget.versions.manifest import Manifest, changed_raw, unsaid
+from kinemimic.retarget.versions.params import PARAMS, Params
+
+ROOT = Path(__file__).resolve().parents[3]
+LOCK: dict[str, Any] = yaml.safe_load((ROOT / "dvc.lock").read_text())["stages"]
+FOUND = Params.load(ROOT / PARAMS)
+PARAMETERS = Params(PARAMS, FOUND.version, FOUND.captures, FOUND.policies, FOUND.tolerances)
+MANIFEST = Manifest.load(ROOT / PARAMS.parent / "manifest.json")
+
+
+def test_raw_files_version_and_changelog() -> None:
+    assert list(changed_raw(PARAMETERS, MANIFEST, ROOT)) == []
+    assert MANIFEST.version == PARAMETERS.version
+    assert unsaid(PARAMETERS.version, ROOT) is None
+
+
+def test_the_lock_knows_every_stage() -> None:
+    stages = {f"{stage}@{name}" for stage in STAGES for name in PARAMETERS.captures}
+    assert LOCK.keys() == stages | {f"score@{name}" for name in PARAMETERS.policies}
+
+
+@pytest.mark.parametrize("name", PARAMETERS.captures)
+def test_what_is_built_today_has_the_bytes_of_the_lock(name: str, tmp_path: Path) -> None:
+    for (stage, file), made in zip(
+        STAGES.items(), built(PARAMETERS.capture(name), ROOT).values(), strict=True
+    ):
+        (out,) = LOCK[f"{stage}@{name}"]["outs"]
+        assert out["path"] == place(PARAMETERS, Path(), name, file).as_posix()
+        made.write(tmp_path / file)
+        content = (tmp_path / file).read_bytes()
+        assert (out["size"], out["md5"]) == (len(content), hashlib.md5(content).hexdigest())
+        assert made.identity == MANIFEST.content[f"{name}/{file}"]
+
+
+@pytest.mark.parametrize("name", PARAMETERS.captures)
+def test_the_motion_that_is_committed_is_the_one_that_is_locked(name: str) -> None:
+    committed = Canonical.read(place(PARAMETERS, ROOT, name, "motion.json"))
+    assert committed.identity == MANIFEST.content[f"{name}/motion.json"]
+
+
+@pytest.mark.parametrize("name", PARAMETERS.policies)
+def test_the_scores_that_are_committed_are_those_that_are_locked(name: str) -> None:
+    (out,) = LOCK[f"score@{name}"]["outs"]
+    content = (ROOT / out["path"]).read_bytes()
+    assert out["md5"] == hashlib.md5(content).hexdigest()
