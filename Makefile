@@ -13,7 +13,7 @@ TRAINING = $(if $(PRESET),--preset "$(PRESET)") $(if $(BUDGET),--budget "$(BUDGE
 
 # An editable install in strict mode links the package's files one by one: a new or a removed file asks for a
 # new install, an edited one does not. So the stamp bears a digest of the list of files in its name.
-FILES := $(sort $(shell find pipeline retarget train evaluate datasets -type f -not -path '*/__pycache__/*' -not -path 'train/native/*'))
+FILES := $(sort $(shell find pipeline retarget train evaluate datasets -type f -not -path '*/__pycache__/*' -not -path 'train/native/*' -not -path 'datasets/versions/*'))
 STAMP := $(VENV)/installed-$(firstword $(shell echo '$(FILES)' | cksum))
 
 # The fast engine: compiled from Bullet's sources, BULLET=fetched (by name, version and hash) or BULLET=system (an
