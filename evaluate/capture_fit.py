@@ -6,6 +6,7 @@ simulated angle is read at the same phase of every cycle that the rollout walked
 
 from __future__ import annotations
 
+import json
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -18,6 +19,8 @@ from scipy.interpolate import CubicSpline
 
 from kinemimic.pipeline.angles import ANGLES
 from kinemimic.pipeline.errors import CaptureError
+from kinemimic.pipeline.schema import unchanged, upgraded
+from kinemimic.retarget.captured import CAPTURED_SCHEMA
 from kinemimic.retarget.motion import Motion, joint_angles
 from kinemimic.train.fit import Flags, JointFit, joint_fits
 from kinemimic.train.reference import Reference
@@ -52,6 +55,7 @@ def read_capture(path: Path) -> Capture | None:
             path, expected="a table (Parquet)", found=found, advice="run retarget again"
         ) from None
 
+    _check_schema(table, path)
     if "phase" not in table.column_names:
         raise CaptureError(path, expected="a column 'phase'", found="none", advice="run retarget again")
     phase = np.asarray(table["phase"].to_numpy(), dtype=np.float64)
@@ -66,6 +70,21 @@ def read_capture(path: Path) -> Capture | None:
 
     truth = curves("truth_") if f"truth_{ANGLES[0]}" in table.column_names else None
     return Capture(phase[placed], curves(""), curves("clean_"), truth)
+
+
+def _check_schema(table: pa.Table, path: Path) -> None:
+    try:
+        header = json.loads((table.schema.metadata or {}).get(b"kinemimic", b"{}"))
+    except ValueError:
+        header = {}
+    upgraded(
+        header if isinstance(header, dict) else {},
+        path,
+        kind="captured angles",
+        schema=CAPTURED_SCHEMA,
+        advice="run retarget again",
+        upgrades={0: unchanged},
+    )
 
 
 @dataclass(frozen=True)

@@ -19,6 +19,7 @@ from kinemimic.evaluate.compare_task import MOTION
 from kinemimic.evaluate.comparison_merge import merged
 from kinemimic.pipeline.data_folder import DATASETS
 from kinemimic.pipeline.errors import KinemimicError
+from kinemimic.pipeline.schema import upgraded
 from kinemimic.pipeline.store import content_hash, copy_file, read_json, write_json
 from kinemimic.retarget.export_json import motion_from_json
 from kinemimic.retarget.motion import Motion
@@ -64,11 +65,17 @@ class Comparison:
                 "`make comparison` trains what a study compares, into runs/comparison"
             )
         content = read_json(folder / RESULTS)
-        found = content.get("schema") if isinstance(content, dict) else None
-        if found != COMPARE_SCHEMA or not all(key in content for key in ("tasks", "cells", "curves")):
+        content = upgraded(
+            content if isinstance(content, dict) else {},
+            folder / RESULTS,
+            kind="what `kinemimic compare` writes",
+            schema=COMPARE_SCHEMA,
+            advice="repeat it",
+        )
+        if not all(key in content for key in ("tasks", "cells", "curves")):
             raise KinemimicError(
-                f"{folder / RESULTS}: expected what `kinemimic compare` writes, schema {COMPARE_SCHEMA}, "
-                f"found schema {found!r}"
+                f"{folder / RESULTS}: expected tasks, cells and curves, found {', '.join(content)}; repeat "
+                "`kinemimic compare`"
             )
         # They become names of folders.
         for name in {

@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 from kinemimic.pipeline.clip import Clip
 from kinemimic.pipeline.errors import KinemimicError
 from kinemimic.pipeline.json_layout import layout
+from kinemimic.pipeline.schema import upgraded
 from kinemimic.pipeline.store import content_hash, read_json, write_text
 
 Array = NDArray[np.float64]
@@ -74,10 +75,7 @@ class Canonical:
         found = document.get("format") if isinstance(document, dict) else None
         if found != FORMAT:
             raise KinemimicError(f"{path}: expected {FORMAT}, found {found!r}")
-        if document.get("schema") != SCHEMA:
-            raise KinemimicError(
-                f"{path}: expected schema {SCHEMA}, found {document.get('schema')!r}; build it again"
-            )
+        document = upgraded(document, path, kind="arrays", schema=SCHEMA, advice="build them again")
         try:
             arrays = {name: np.array(rows, dtype=np.float64) for name, rows in document["arrays"].items()}
             return cls(document["kind"], tuple(document["joints"]), arrays)

@@ -23,6 +23,7 @@ from kinemimic.pipeline.rotations import angle_between
 from kinemimic.pipeline.spans import runs
 
 Array = NDArray[np.float64]
+GIMBAL_SCHEMA = 1
 
 NEAR_LOCK = np.radians(5.0)
 JUMP = np.radians(45.0)
@@ -71,6 +72,7 @@ def gimbal_report(clip: Clip, rotations: Array) -> dict[str, Any]:
             }
         )
     return {
+        "schema": GIMBAL_SCHEMA,
         "frames": len(clip.times),
         "flag_within_deg": round(float(np.degrees(NEAR_LOCK)), 6),
         "flip_beyond_deg": round(float(np.degrees(JUMP)), 6),

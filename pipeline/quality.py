@@ -19,6 +19,7 @@ from kinemimic.pipeline.nodes import joints_of_nodes
 from kinemimic.pipeline.skeleton import INFERRED, MISSING, TRACKED
 
 Array = NDArray[np.float64]
+QUALITY_SCHEMA = 1
 
 
 def quality(
@@ -28,6 +29,7 @@ def quality(
     inside = acquisition.passes >= 0
     reading = raw.provenance["reading"]
     return {
+        "schema": QUALITY_SCHEMA,
         "source": raw.provenance["source"],
         "format": raw.provenance["format"],
         "companions": dict(raw.provenance.get("companions", {})),

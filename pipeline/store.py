@@ -17,6 +17,7 @@ import pyarrow.parquet as pq
 
 from kinemimic.pipeline.clip import Clip
 from kinemimic.pipeline.errors import CaptureError, KinemimicError
+from kinemimic.pipeline.schema import upgraded
 from kinemimic.pipeline.skeleton import Skeleton
 
 CLIP_SCHEMA = 1
@@ -125,10 +126,9 @@ def read_clip(path: Path) -> Clip:
         raise CaptureError(
             path, expected="a kinemimic clip (Parquet)", found=str(error).splitlines()[0]
         ) from None
-    if not isinstance(header, dict) or "schema" not in header:
+    if not isinstance(header, dict) or "skeleton" not in header:
         raise CaptureError(path, expected="a kinemimic clip (Parquet)", found="another table of ours")
-    if header["schema"] != CLIP_SCHEMA:
-        raise CaptureError(path, expected=f"clip schema {CLIP_SCHEMA}", found=f"schema {header['schema']}")
+    header = upgraded(header, path, kind="a clip", schema=CLIP_SCHEMA, advice="run `ingest` again")
     spec = header["skeleton"]
     skeleton = Skeleton(
         tuple(spec["names"]), tuple(spec["parents"]), np.array(spec["offsets"], dtype=np.float64)

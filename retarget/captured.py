@@ -28,6 +28,7 @@ from kinemimic.retarget.motion import joint_angles
 from kinemimic.retarget.trust import Trust, believed_frames
 
 Array = NDArray[np.float64]
+CAPTURED_SCHEMA = 1
 
 
 @dataclass(frozen=True)
@@ -101,6 +102,7 @@ def read_truth(path: Path) -> dict[str, Array] | None:
 
 def write_captured(path: Path, columns: Mapping[str, Array], provenance: Mapping[str, Any]) -> None:
     """Write capture.parquet atomically."""
-    table = pa.table(dict(columns)).replace_schema_metadata({"kinemimic": json.dumps(dict(provenance))})
+    header = {"schema": CAPTURED_SCHEMA, **provenance}
+    table = pa.table(dict(columns)).replace_schema_metadata({"kinemimic": json.dumps(header)})
     with atomic(path) as temporary:
         pq.write_table(table, temporary, compression="zstd")

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from kinemimic.pipeline.errors import KinemimicError
 from kinemimic.pipeline.json_layout import layout
+from kinemimic.pipeline.schema import upgraded
 from kinemimic.pipeline.skeleton import LAYERS, NODE_INDEX, NODE_PARENTS, NODES
 from kinemimic.pipeline.store import read_json
 from kinemimic.retarget.motion import Motion
@@ -70,7 +71,10 @@ def motion_from_json(path: Path) -> Motion:
     """Read what `motion_to_json` wrote; a KinemimicError names the first thing that is wrong."""
     document = _Checked(path, read_json(path))
     document.expect("format", MOTION_FORMAT)
-    document.expect("schema", MOTION_SCHEMA)
+    advice = "run `retarget` with this version"
+    document = _Checked(
+        path, upgraded(document.document, path, kind="a motion", schema=MOTION_SCHEMA, advice=advice)
+    )
     frames = document.value("frames", int)
     rate = document.value("fps", float)
     if frames < 1 or not (np.isfinite(rate) and rate > 0):
@@ -122,8 +126,7 @@ class _Checked:
 
     def expect(self, place: str, wanted: Any) -> None:
         if (found := self.fetch(place)) != wanted:
-            advice = "; run `retarget` with this version" if place == "schema" else ""
-            raise KinemimicError(f"{self.path}: {place}: expected {wanted!r}, found {found!r}{advice}")
+            raise KinemimicError(f"{self.path}: {place}: expected {wanted!r}, found {found!r}")
 
     def value(self, place: str, kind: type[T]) -> T:
         found = self.fetch(place)

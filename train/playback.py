@@ -11,9 +11,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from kinemimic.pipeline.errors import KinemimicError
+from kinemimic.pipeline.schema import unchanged, upgraded
 from kinemimic.pipeline.store import atomic
 
 Array = NDArray[np.float64]
+PLAYBACK_SCHEMA = 1
 
 
 @dataclass(frozen=True)
@@ -46,13 +48,23 @@ class Playback:
     def save(self, path: Path) -> None:
         """Write as .npz, atomically."""
         with atomic(path) as temporary, temporary.open("wb") as stream:
-            np.savez_compressed(stream, **{f.name: getattr(self, f.name) for f in fields(self)})
+            arrays = {f.name: getattr(self, f.name) for f in fields(self)}
+            np.savez_compressed(stream, schema=np.array(PLAYBACK_SCHEMA), **arrays)
 
     @classmethod
     def load(cls, path: Path) -> Playback:
         """Read what `save` wrote; nothing is unpickled."""
         try:
             with np.load(path, allow_pickle=False) as data:
+                header = {"schema": int(data["schema"])} if "schema" in data else {}
+                upgraded(
+                    header,
+                    path,
+                    kind="a playback",
+                    schema=PLAYBACK_SCHEMA,
+                    advice="run `evaluate` again",
+                    upgrades={0: unchanged},
+                )
                 return cls(**{f.name: data[f.name] for f in fields(cls)})
         except FileNotFoundError:
             raise KinemimicError(

@@ -13,6 +13,7 @@ from safetensors import SafetensorError
 from safetensors.numpy import load_file, save_file
 
 from kinemimic.pipeline.errors import KinemimicError
+from kinemimic.pipeline.schema import upgraded
 from kinemimic.pipeline.store import atomic, read_json, write_json
 from kinemimic.retarget.body import body_identity
 from kinemimic.retarget.export_json import motion_from_json
@@ -95,12 +96,14 @@ class Policy:
     def load(cls, path: Path) -> tuple[Policy, dict[str, Any]]:
         """Policy and record; a KinemimicError says what does not fit."""
         record = read_json(path.with_suffix(".json"))
-        found = record.get("schema") if isinstance(record, dict) else None
-        if found != POLICY_SCHEMA:
-            raise KinemimicError(
-                f"{path.with_suffix('.json')}: expected a policy of schema {POLICY_SCHEMA}, found {found!r}: "
-                "another version's, which saw and did something else; train again"
-            )
+        # An earlier version's saw and did something else: there is no way from it.
+        record = upgraded(
+            record if isinstance(record, dict) else {},
+            path.with_suffix(".json"),
+            kind="a policy",
+            schema=POLICY_SCHEMA,
+            advice="train again",
+        )
         for key in ("config", "provenance", "body", "mirrored"):
             if key not in record:
                 raise KinemimicError(f"{path.with_suffix('.json')}: expected the key {key!r}, found none")

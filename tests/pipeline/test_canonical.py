@@ -62,7 +62,7 @@ def test_any_number_name_or_joint_is_content() -> None:
     ("text", "told"),
     [
         ("[]", "expected kinemimic.arrays, found None"),
-        ('{"format": "kinemimic.arrays", "schema": 9}', "expected schema 1, found 9"),
+        ('{"format": "kinemimic.arrays", "schema": 9}', "expected arrays of schema 1, found 9"),
         ('{"format": "kinemimic.arrays", "schema": 1}', "found 'arrays'"),
         (
             '{"format": "kinemimic.arrays", "schema": 1, "kind": "", "joints": [], "arrays": {"x": ["a"]}}',

@@ -137,7 +137,7 @@ def test_errors_name_the_file_and_what_to_do(tmp_path: Path, node_clip: Build) -
     table = pq.read_table(path)
     header = json.loads(table.schema.metadata[b"kinemimic"]) | {"schema": 99}
     pq.write_table(table.replace_schema_metadata({"kinemimic": json.dumps(header)}), path)
-    with pytest.raises(CaptureError, match="found schema 99"):
+    with pytest.raises(KinemimicError, match="a clip of schema 1, found 99, which a later version"):
         read_clip(path)
     pq.write_table(table.replace_schema_metadata({}), path)
     with pytest.raises(CaptureError, match="expected a kinemimic clip"):

@@ -98,7 +98,7 @@ def change(place: str, value: Any) -> str:
         ("fps", "fast", "fps: expected float"),
         ("cyclic", 1, "cyclic: expected bool"),
         ("format", "bvh", "format: expected 'kinemimic.motion'"),
-        ("schema", MOTION_SCHEMA + 1, f"schema: expected {MOTION_SCHEMA}, found"),
+        ("schema", MOTION_SCHEMA + 1, f"expected a motion of schema {MOTION_SCHEMA}, found"),
         ("root.positions", [[0.0, 0.0, 0.9]], r"root.positions: expected shape \(7, 3\), found \(1, 3\)"),
         ("root.positions", [[float("nan"), 0.0, 0.9]] * FRAMES, "root.positions, index 0: expected finite"),
         ("root.positions", [[0.0], [0.0, 1.0]], "root.positions: expected numbers"),

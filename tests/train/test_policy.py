@@ -83,7 +83,7 @@ def test_a_policy_of_an_earlier_schema_is_refused_with_what_to_do(tmp_path: Path
     record = json.loads(path.with_suffix(".json").read_text())
     for other in (record | {"schema": 2}, [record]):
         path.with_suffix(".json").write_text(json.dumps(other))
-        with pytest.raises(KinemimicError, match=r"schema 3, found (2|None).*train again"):
+        with pytest.raises(KinemimicError, match=r"schema 3, found (2|none).*train again"):
             Policy.load(path)
 
 
