@@ -22,7 +22,7 @@ BULLET := $(or $(BULLET),$(patsubst $(VENV)/native-%,%,$(firstword $(wildcard $(
 NATIVE := $(VENV)/native-$(BULLET)
 NATIVE_FILES := $(wildcard $(addprefix train/native/,*.cpp *.hpp *.py pyproject.toml stubs/*/*.pyi))
 
-.PHONY: help setup formats inspect run ingest convert retarget train evaluate pushes disturb gait view export policies reproduce compare study comparison overlay data data-check data-push data-pull test test-slow lint type format bench bench-clean profile wheel clean
+.PHONY: help setup formats inspect run ingest convert retarget train evaluate pushes disturb gait view export policies reproduce compare study comparison overlay data data-check data-push data-pull test test-slow lint type format bench bench-clean profile wheel install-test clean
 .DEFAULT_GOAL := help
 
 help: ## This list
@@ -153,11 +153,15 @@ bench-clean: setup ## Every filter against the virtual Kinect's truth: which is 
 profile: setup ## Where the native engine's time goes, as Linux's perf sees it
 	$(BIN)/python tests/bench/profile_step.py
 
-wheel: setup ## dist/: kinemimic in pure Python, and kinemimic-native for any x86-64
+# By way of the sdist, which thereby is known to be complete.
+wheel: setup ## dist/: kinemimic as sdist and wheel, in pure Python, and kinemimic-native for any x86-64
 	rm -rf build/lib
-	$(BIN)/python -m build --wheel --no-isolation --outdir dist .
+	$(BIN)/python -m build --no-isolation --outdir dist .
 	KINEMIMIC_BULLET="$$($(if $(filter system,$(BULLET)),echo system,$(BIN)/python train/native/fetch.py build))" KINEMIMIC_ARCH= \
 	  $(BIN)/python -m build --wheel --no-isolation --outdir dist train/native
+
+install-test: setup ## A wheel in an empty environment beside Hugging Face's packages runs the whole way
+	$(BIN)/python -m pytest -m slow tests/test_wheel.py
 
 # .venv goes with build/, which holds the links of the editable install. runs/ holds hours of training: it stays.
 clean: ## Remove all that was built, but not runs/
