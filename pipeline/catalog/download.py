@@ -72,16 +72,22 @@ class Download:
     def __call__(self, url: str, output_file: str, pooch: object) -> None:
         """Raises a KinemimicError for an answer that is not the file, UnreachableError without an answer."""
         with self._opened() as file:
+            self._complete(url, file)
+            self.partial.replace(output_file)
+            self.mark.unlink(missing_ok=True)
+
+    def _complete(self, url: str, file: FileIO) -> None:
+        try:
             for pause in (*self.patience.pauses, None):
                 try:
-                    self._receive(url, file)
-                    break
+                    return self._receive(url, file)
                 except _AgainError as again:
                     if pause is None:
                         raise self._given_up(url, file, again) from None
                     time.sleep(min(max(pause, again.after), _LONGEST_PAUSE))
-            self.partial.replace(output_file)
-            self.mark.unlink(missing_ok=True)
+        finally:
+            if not file.tell():  # nothing to go on from
+                self.partial.unlink(missing_ok=True)
 
     @contextmanager
     def _opened(self) -> Iterator[FileIO]:
@@ -171,7 +177,6 @@ class Download:
     def _other(self, url: str, file: FileIO, found: str) -> KinemimicError:
         """The server has another file: nothing of it is kept."""
         self._discard(file)
-        self.partial.unlink(missing_ok=True)
         return KinemimicError(
             f"{self.entry.name}: expected {self.entry.bytes:,} bytes, found {found} at {url}; nothing is kept"
         )

@@ -62,7 +62,7 @@ def fetch(
             there[entry.name] = path
         else:
             wanted.append((entry, path))
-    logging.getLogger(pooch.get_logger().name).setLevel(logging.WARNING)  # it would name every address
+    pooch.get_logger().setLevel(logging.WARNING)  # it would name every address
     with requests.Session() as session, progress("fetch", sum(entry.bytes for entry, _ in wanted)) as bar:
         session.max_redirects = 5
         for done, (entry, path) in enumerate(wanted):

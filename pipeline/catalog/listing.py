@@ -76,10 +76,11 @@ def _show_all(chosen: Sequence[tuple[Collection, Sequence[Entry]]], place: Path)
         )
     entries = [entry for _, own in chosen for entry in own]
     here = sum(is_here(entry, place) for entry in entries)
-    show(
-        table,
+    show(table)
+    # Without rich, which would break the path.
+    click.echo(
         f"\n{len(chosen)} collections, {len(entries)} files, {_size(sum(e.bytes for e in entries))}; "
-        f"{here} of the files in {place}",
+        f"{here} of the files in {place}"
     )
 
 
@@ -87,14 +88,15 @@ def _show_one(collection: Collection, entries: Sequence[Entry], place: Path) -> 
     told = facts()
     for what in ("title", "sensor", "shows", "licence", "citation"):
         told.add_row(what, getattr(collection, what))
-    told.add_row("address", f"https://github.com/{collection.repository}/tree/{collection.commit}")
     table = grid("file", "format", "size", "Hz", "here", left=2)
     for entry in entries:
         row = (entry.format or "-", _size(entry.bytes), _rates([entry]))
         table.add_row(entry.file, *row, "yes" if is_here(entry, place) else "-")
-    show(f"{collection.name}\n", told, "", table)
+    show(f"{collection.name}\n", told)
+    click.echo(f"address   https://github.com/{collection.repository}/tree/{collection.commit}\n")
+    show(table)
     if len(entries) == 1:
-        show("", f"{entries[0].address}", f"SHA-256 {entries[0].sha256}")
+        click.echo(f"\n{entries[0].address}\nSHA-256 {entries[0].sha256}")
 
 
 def _gist(text: str) -> str:
