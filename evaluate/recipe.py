@@ -6,8 +6,9 @@ import tomllib
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
-from urllib.parse import quote
 
+from kinemimic.pipeline.catalog.entry import Entry
+from kinemimic.pipeline.catalog.load import load_catalog
 from kinemimic.pipeline.data_folder import DATASETS
 from kinemimic.pipeline.errors import KinemimicError
 
@@ -18,7 +19,7 @@ POLICIES = DATASETS / "policies"
 class Recipe:
     """What a policy is trained on, and how.
 
-    stock: a motion of the pybullet wheel by name; recording: one of captures.toml by name; with neither, the
+    stock: a motion of the pybullet wheel by name; recording: one of catalog.toml by name; with neither, the
     virtual Kinect's walk. budget: samples.
     """
 
@@ -31,16 +32,6 @@ class Recipe:
     recording: str | None = None
 
 
-@dataclass(frozen=True)
-class Recording:
-    """A public recording that does not ship: its name in captures.toml, where it is, SHA-256 of the file."""
-
-    name: str
-    address: str
-    sha256: str
-    licence: str
-
-
 def recipes(folder: Path = POLICIES) -> dict[str, Recipe]:
     """Every recipe by name, in the sequence of the file."""
     path = folder / "recipes.toml"
@@ -51,14 +42,9 @@ def recipes(folder: Path = POLICIES) -> dict[str, Recipe]:
     return {recipe.name: recipe for recipe in made}
 
 
-def recording(name: str, catalogue: Path = DATASETS / "captures.toml") -> Recording:
+def recording(name: str) -> Entry:
     """A recording of the catalogue."""
-    for entry in _toml(catalogue)["capture"]:
-        if entry["name"] == name:
-            place = f"{entry['repository']}/{entry['commit']}/{quote(entry['path'])}"
-            address = f"https://raw.githubusercontent.com/{place}"
-            return Recording(name, address, entry["sha256"], entry["licence"])
-    raise KinemimicError(f"{catalogue}: expected the recording {name!r}, found no entry")
+    return load_catalog().entry(name)
 
 
 def _toml(path: Path) -> dict[str, Any]:

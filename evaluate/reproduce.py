@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import shlex
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -12,6 +13,7 @@ import click
 from kinemimic.evaluate.recipe import POLICIES, Recipe, recipes, recording
 from kinemimic.evaluate.run import run as run_stages
 from kinemimic.evaluate.shipped import MOTION, POLICY, RECORD, SCORES, gist
+from kinemimic.pipeline.catalog.place import captures_folder
 from kinemimic.pipeline.errors import KinemimicError
 from kinemimic.pipeline.store import copy_file, file_hash, read_json, write_json
 from kinemimic.train.engines import ENGINES
@@ -22,7 +24,7 @@ LARGEST = 4_000_000  # bytes of a file that ships
 def capture_of(recipe: Recipe, captures: Path | None) -> Path | None:
     """The capture that a policy is made from, None for the virtual Kinect's; checked to be the one meant.
 
-    captures: folder of recordings, laid out as captures.toml names them.
+    captures: folder of recordings, COLLECTION/FILE; by default where `kinemimic datasets fetch` puts them.
     """
     if recipe.stock is not None:
         from kinemimic.pipeline.captures.deepmimic import stock_motion  # noqa: PLC0415 (nobody else waits for it)
@@ -31,14 +33,16 @@ def capture_of(recipe: Recipe, captures: Path | None) -> Path | None:
     if recipe.recording is None:
         return None
     wanted = recording(recipe.recording)
-    path = captures / wanted.name if captures is not None else None
-    if path is None or not path.is_file():
+    folder = captures_folder(captures)
+    path = folder / wanted.collection / wanted.file
+    if not path.is_file():
+        into = "" if captures is None else f" --into {shlex.quote(str(captures))}"
         raise KinemimicError(
-            f"{recipe.name}: expected the recording {wanted.name} in the folder that --captures names, found "
-            f"{'no such folder named' if path is None else 'none'}; it is at {wanted.address}"
+            f"{recipe.name}: expected the recording {wanted.name} in {folder}, found none; "
+            f"`kinemimic datasets fetch {wanted.name}{into}` fetches it (licence: {wanted.licence})"
         )
     if file_hash(path) != wanted.sha256:
-        raise KinemimicError(f"{path}: expected the recording of {wanted.address}, found another file")
+        raise KinemimicError(f"{path}: expected the recording {wanted.name}, found another file")
     return path
 
 
@@ -133,8 +137,7 @@ def reproduce(
 @click.option(
     "--captures",
     type=click.Path(path_type=Path, file_okay=False),
-    envvar="KINEMIMIC_CAPTURES",
-    help="Folder of the recordings of captures.toml; or the variable KINEMIMIC_CAPTURES.",
+    help="Folder of the recordings; else where `kinemimic datasets fetch` puts them.",
 )
 @click.option(
     "--from",

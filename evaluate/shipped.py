@@ -14,7 +14,8 @@ from typing import Any
 import click
 import numpy as np
 
-from kinemimic.evaluate.recipe import POLICIES, Recording, recipes, recording
+from kinemimic.evaluate.recipe import POLICIES, recipes, recording
+from kinemimic.pipeline.catalog.entry import Entry
 from kinemimic.pipeline.errors import KinemimicError
 from kinemimic.pipeline.store import copy_file, file_hash, read_json, write_json
 from kinemimic.retarget.export_json import motion_from_json
@@ -77,7 +78,7 @@ def _expect(run: Path, same: bool) -> None:
         raise KinemimicError(f"{run}: expected no motion, found one of another run; name another --run")
 
 
-def _remade(name: str, wanted: Recording, run: Path, capture: Path | None) -> Motion:
+def _remade(name: str, wanted: Entry, run: Path, capture: Path | None) -> Motion:
     """The motion of the recording that a policy learnt from, in the run folder."""
     if (run / MOTION).exists():
         motion = motion_from_json(run / MOTION)
@@ -86,12 +87,13 @@ def _remade(name: str, wanted: Recording, run: Path, capture: Path | None) -> Mo
     if capture is None:
         raise KinemimicError(
             f"{name}: expected --capture with the recording that it learnt from, found none; it does not "
-            f"ship (licence: {wanted.licence}): fetch it from {wanted.address}"
+            f'ship (licence: {wanted.licence}): --capture "$(kinemimic datasets fetch {wanted.name})"'
         )
     if not capture.is_file() or file_hash(capture) != wanted.sha256:
         found = "another file" if capture.is_file() else "no file"
         raise KinemimicError(
-            f"{capture}: expected the recording {wanted.name}, found {found}; fetch it from {wanted.address}"
+            f"{capture}: expected the recording {wanted.name}, found {found}; "
+            f"`kinemimic datasets fetch {wanted.name}` fetches it"
         )
     # Whoever has a policy with its motion does not wait for the readers.
     from kinemimic.pipeline.convert import convert  # noqa: PLC0415

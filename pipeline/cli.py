@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import difflib
-import importlib
 import os
 import sys
 from typing import Any, NoReturn
@@ -11,11 +9,16 @@ from typing import Any, NoReturn
 import click
 
 from kinemimic.pipeline.errors import KinemimicError
+from kinemimic.pipeline.lazy_group import LazyGroup, load
 
 # Each command's module is named in a string and loaded when it runs: the command line lies in the lowest
 # layer and must not import the layers above it.
 COMMANDS: dict[str, tuple[str, str]] = {
     "formats": ("kinemimic.pipeline.inspect.formats:command", "The capture formats that can be read."),
+    "datasets": (
+        "kinemimic.pipeline.catalog.command:command",
+        "Public recordings of real sensors: list, fetch, verify, add.",
+    ),
     "inspect": ("kinemimic.pipeline.inspect.command:command", "What captures are, and how good they are."),
     "ingest": ("kinemimic.pipeline.ingest:command", "Read a capture: passes, gaps, filter, quality report."),
     "convert": ("kinemimic.pipeline.convert:command", "Euler angles or positions to quaternions."),
@@ -53,35 +56,10 @@ INTERRUPTED = 130  # 128 + SIGINT, what a shell reports for a program that Ctrl-
 
 def load_command(name: str) -> click.Command:
     """Import a command's module and return the command."""
-    module, attribute = COMMANDS[name][0].split(":")
-    command: click.Command = getattr(importlib.import_module(module), attribute)
-    return command
+    return load(COMMANDS[name][0])
 
 
-class LazyGroup(click.Group):
-    """A group whose commands are imported when they are called."""
-
-    def list_commands(self, ctx: click.Context) -> list[str]:
-        return list(COMMANDS)
-
-    def get_command(self, ctx: click.Context, cmd_name: str) -> click.Command | None:
-        return load_command(cmd_name) if cmd_name in COMMANDS else None
-
-    def resolve_command(
-        self, ctx: click.Context, args: list[str]
-    ) -> tuple[str | None, click.Command | None, list[str]]:
-        name = args[0]
-        if name not in COMMANDS and not name.startswith("-"):
-            near = difflib.get_close_matches(name, COMMANDS, n=1)
-            ctx.fail(f"no command {name!r}" + (f"; did you mean {near[0]!r}?" if near else ""))
-        return super().resolve_command(ctx, args)
-
-    def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
-        with formatter.section("Commands"):
-            formatter.write_dl([(name, text) for name, (_, text) in COMMANDS.items()])
-
-
-@click.group(cls=LazyGroup, context_settings={"help_option_names": ["-h", "--help"]})
+@click.group(cls=LazyGroup, lazy=COMMANDS, context_settings={"help_option_names": ["-h", "--help"]})
 @click.version_option(package_name="kinemimic")
 def cli() -> None:
     """Recorded human motion in, a Bullet humanoid that performs it out, with a score."""

@@ -1,8 +1,8 @@
-"""Where the data that ships lies: captures.toml, policies, scenarios, the comparison."""
+"""Where the data that ships lies: catalog.toml, policies, scenarios, the comparison."""
 
 from __future__ import annotations
 
 from importlib.resources import files
 from pathlib import Path
 
-DATASETS = Path(str(files("kinemimic.datasets").joinpath("captures.toml"))).parent
+DATASETS = Path(str(files("kinemimic.datasets").joinpath("catalog.toml"))).parent

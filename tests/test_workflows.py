@@ -19,7 +19,7 @@ def made(job: dict[str, Any]) -> set[str]:
     called = [target for step in job["steps"] for target in re.findall(r"make (\S+)", step.get("run", ""))]
     matrix = job.get("strategy", {}).get("matrix", {}).get("target", [])
     return {target for target in called if "$" not in target} | (
-        set(matrix) if len(called) and any("$" in target for target in called) else set()
+        set(matrix) if called and any("$" in target for target in called) else set()
     )
 
 

@@ -135,9 +135,13 @@ def test_policies_are_made_one_after_the_other(tmp_path: Path, trained: list[Any
     assert read_json(tmp_path / "shelf" / "run" / RECORD)["seed"] == 9
 
 
-def test_a_missing_recording_is_told_before_anything_is_trained(tmp_path: Path, trained: list[Any]) -> None:
+def test_a_missing_recording_is_told_before_anything_is_trained(
+    tmp_path: Path, trained: list[Any], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("KINEMIMIC_CAPTURES", str(tmp_path / "empty"))
+    command = "kinemimic datasets fetch kinect1_bernstein_skl/r2.skl"
     for captures in (None, tmp_path):
-        with pytest.raises(KinemimicError, match=r"r2\.skl .* it is at https://raw"):
+        with pytest.raises(KinemimicError, match=rf"r2\.skl in .*`{command}"):
             reproduce([WALK, KINECT], tmp_path / "runs", tmp_path / "shelf", captures=captures)
     other = tmp_path / (KINECT.recording or "")
     other.parent.mkdir()

@@ -13,7 +13,7 @@ from click.testing import CliRunner
 from peers.shelf import RECIPES, write_run
 
 from kinemimic.evaluate import export, policies, shipped, stage, view
-from kinemimic.evaluate.recipe import Recording
+from kinemimic.evaluate.recipe import recording
 from kinemimic.evaluate.shipped import MOTION, POLICY, RECORD, SCORES, unpack
 from kinemimic.pipeline.errors import KinemimicError
 from kinemimic.pipeline.store import file_hash, read_json, write_json, write_text
@@ -76,11 +76,11 @@ def test_what_ships_is_named(shelf: Path, tmp_path: Path) -> None:
 
 
 def test_a_recording_that_does_not_ship_is_asked_for(shelf: Path, tmp_path: Path) -> None:
-    address = r"https://raw\.githubusercontent\.com/ranBernstein/GaitKinect/\w{40}/Fourier/.*%20ME/r2\.skl$"
-    with pytest.raises(KinemimicError, match=rf"expected --capture .*none stated.*{address}"):
+    fetching = "kinemimic datasets fetch kinect1_bernstein_skl/r2.skl"
+    with pytest.raises(KinemimicError, match=rf'expected --capture .*none stated.*"\$\({fetching}\)"$'):
         shipped.unpack("kinect_walk", tmp_path / "run")
     other = tmp_path / "other.skl"
-    with pytest.raises(KinemimicError, match=f"found no file; fetch it from {address}"):
+    with pytest.raises(KinemimicError, match=f"found no file; `{fetching}` fetches it"):
         shipped.unpack("kinect_walk", tmp_path / "run", capture=other)
     other.write_text("another")
     with pytest.raises(KinemimicError, match=r"r2\.skl, found another file"):
@@ -93,7 +93,7 @@ def recorded(tmp_path: Path, walk: Motion, monkeypatch: pytest.MonkeyPatch) -> P
     """A recording that the catalogue means; the stages on the way make the made-up walk of it."""
     capture = tmp_path / "r2.skl"
     capture.write_text("recorded")
-    wanted = Recording("r2.skl", "there", file_hash(capture), "none stated")
+    wanted = replace(recording("kinect1_bernstein_skl/r2.skl"), sha256=file_hash(capture))
     monkeypatch.setattr(shipped, "recording", lambda _: wanted)
     motion = replace(walk, cyclic=False, provenance={"capture": {"sha256": wanted.sha256}})
     monkeypatch.setattr("kinemimic.pipeline.ingest.ingest", lambda capture, run: None)

@@ -12,7 +12,8 @@ from pathlib import Path
 import click
 import pytest
 
-from kinemimic.pipeline import cli
+from kinemimic.pipeline import cli, lazy_group
+from kinemimic.pipeline.catalog.command import COMMANDS as OF_DATASETS
 from kinemimic.pipeline.errors import KinemimicError
 
 HEAVY = ("numpy", "scipy", "torch", "pandas", "pyarrow", "matplotlib", "rerun", "pybullet", "cv2", "rich")
@@ -29,7 +30,7 @@ def ending(monkeypatch: pytest.MonkeyPatch) -> Failing:
         def command() -> None:
             raise error
 
-        monkeypatch.setattr(cli, "load_command", lambda name: command)
+        monkeypatch.setattr(lazy_group, "load", lambda where: command)
         with pytest.raises(SystemExit) as ended:
             cli.main(["view"])
         assert isinstance(ended.value.code, int)
@@ -67,12 +68,16 @@ sys.exit(", ".join(name for name in {HEAVY} if name in sys.modules) or 0)
     assert all(name in out for name in cli.COMMANDS)
 
 
-@pytest.mark.parametrize("name", cli.COMMANDS)
+@pytest.mark.parametrize("name", [*cli.COMMANDS, *(f"datasets {name}" for name in OF_DATASETS)])
 def test_every_command_explains_its_options(name: str, capsys: pytest.CaptureFixture[str]) -> None:
-    assert call(name, "--help") == 0
+    assert call(*name.split(), "--help") == 0
     out = capsys.readouterr().out
+    if name == "datasets":
+        assert all(one in out for one in OF_DATASETS)
+        return
     # What only looks at captures, or at policies of its own, has no run folder.
-    assert "--run" in out or name in ("formats", "inspect", "policies", "study")
+    alone = name.startswith("datasets ") or name in ("formats", "inspect", "policies", "study")
+    assert "--run" in out or alone
     assert "--json" in out
 
 
@@ -111,14 +116,14 @@ def test_ctrl_c_is_one_line_and_130(ending: Failing, capsys: pytest.CaptureFixtu
 def test_a_signal_ends_a_process_with_130() -> None:
     code = """
 import click, signal, time
-from kinemimic.pipeline import cli
+from kinemimic.pipeline import cli, lazy_group
 # A job that a shell put into the background, as a CI may, hands its children a SIGINT that is ignored.
 signal.signal(signal.SIGINT, signal.default_int_handler)
 @click.command()
 def command():
     print("ready", flush=True)
     time.sleep(30)
-cli.load_command = lambda name: command
+lazy_group.load = lambda where: command
 cli.main(["view"])
 """
     process = in_a_process(code)
@@ -136,7 +141,7 @@ def test_a_bug_keeps_its_traceback(bug: Exception, monkeypatch: pytest.MonkeyPat
     def command() -> None:
         raise bug
 
-    monkeypatch.setattr(cli, "load_command", lambda name: command)
+    monkeypatch.setattr(lazy_group, "load", lambda where: command)
     with pytest.raises(type(bug)):
         cli.main(["view"])
 
@@ -144,12 +149,12 @@ def test_a_bug_keeps_its_traceback(bug: Exception, monkeypatch: pytest.MonkeyPat
 def test_a_broken_pipe_is_quiet() -> None:
     code = """
 import click
-from kinemimic.pipeline import cli
+from kinemimic.pipeline import cli, lazy_group
 @click.command()
 def command():
     for _ in range(100000):
         click.echo("a line of output")
-cli.load_command = lambda name: command
+lazy_group.load = lambda where: command
 cli.main(["view"])
 """
     reading, writing = os.pipe()

@@ -1,0 +1,1 @@
+"""The catalogue of public recordings: what each is, where it is, fetching and verifying it."""

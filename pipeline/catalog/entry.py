@@ -1,0 +1,119 @@
+"""What the catalogue says of recordings: collections of files, each with its address and hash."""
+
+from __future__ import annotations
+
+import difflib
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from fnmatch import fnmatchcase
+from pathlib import Path
+from urllib.parse import quote
+
+from kinemimic.pipeline.errors import KinemimicError
+
+HOST = "https://raw.githubusercontent.com"
+
+
+@dataclass(frozen=True)
+class Entry:
+    """One file of a collection.
+
+    collection, file: the folder that it goes into, and its name there; bytes, sha256: of the file as
+    published; repository ("owner/name"), commit, path: where it is published; licence: as stated there;
+    format: the reader's name, None for what no reader takes; frame_rate: Hz, None where there is none.
+    """
+
+    collection: str
+    file: str
+    bytes: int
+    sha256: str
+    repository: str
+    commit: str
+    path: str
+    licence: str
+    format: str | None
+    frame_rate: float | None
+
+    @property
+    def name(self) -> str:
+        """What it is called: "kinect1_bernstein_skl/r2.skl"."""
+        return f"{self.collection}/{self.file}"
+
+    @property
+    def address(self) -> str:
+        """Where it is published."""
+        return self.address_at(HOST)
+
+    def address_at(self, base: str) -> str:
+        """Where it is below a mirror of GitHub's host of raw files."""
+        return f"{base.rstrip('/')}/{quote(f'{self.repository}/{self.commit}/{self.path}')}"
+
+
+@dataclass(frozen=True)
+class Collection:
+    """Files of one origin. format and frame_rate (Hz) hold for those that say no other."""
+
+    name: str
+    title: str
+    sensor: str
+    shows: str
+    format: str | None
+    frame_rate: float | None
+    licence: str
+    citation: str
+    repository: str
+    commit: str
+    entries: tuple[Entry, ...]
+
+
+@dataclass(frozen=True)
+class Catalog:
+    """Every collection of a catalogue; path: the file that it was read from."""
+
+    path: Path
+    collections: tuple[Collection, ...]
+
+    @property
+    def entries(self) -> tuple[Entry, ...]:
+        """Every file, in the catalogue's sequence."""
+        return tuple(entry for collection in self.collections for entry in collection.entries)
+
+    def entry(self, name: str) -> Entry:
+        """The file of that name ("collection/file"); a KinemimicError if there is none."""
+        for entry in self.entries:
+            if entry.name == name:
+                return entry
+        raise self._unknown(name)
+
+    def select(self, names: Iterable[str]) -> tuple[Entry, ...]:
+        """The files that names or patterns (* ? []) of collections or files mean, each once, in sequence.
+
+        A file may be named alone or with its collection. A KinemimicError names what means none.
+        """
+        chosen: set[str] = set()
+        for name in names:
+            found = {entry.name for entry in self.entries if _means(name, entry)}
+            if not found:
+                raise self._unknown(name)
+            chosen |= found
+        return tuple(entry for entry in self.entries if entry.name in chosen)
+
+    def _unknown(self, name: str) -> KinemimicError:
+        known = [collection.name for collection in self.collections]
+        known += [spelt for entry in self.entries for spelt in (entry.name, entry.file)]
+        near = difflib.get_close_matches(name, known, n=1)
+        advice = f"did you mean {near[0]!r}?" if near else "`kinemimic datasets list` names what there is"
+        return KinemimicError(
+            f"{self.path}: expected a collection or a file of the catalogue, found {name!r}; {advice}"
+        )
+
+
+def collections_of(catalog: Catalog, entries: Sequence[Entry]) -> tuple[Collection, ...]:
+    """The collections that entries belong to."""
+    names = {entry.collection for entry in entries}
+    return tuple(collection for collection in catalog.collections if collection.name in names)
+
+
+def _means(pattern: str, entry: Entry) -> bool:
+    names = (entry.collection, entry.name, entry.file)
+    return pattern in names or any(fnmatchcase(name, pattern) for name in names)

@@ -1,0 +1,188 @@
+"""`kinemimic datasets fetch`: recordings into a folder, each with the hash that the catalogue states."""
+
+from __future__ import annotations
+
+import json
+import logging
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from urllib.parse import urlsplit
+
+import click
+import pooch
+import requests
+
+from kinemimic.pipeline.catalog import options
+from kinemimic.pipeline.catalog.download import Download, Patience, UnreachableError
+from kinemimic.pipeline.catalog.entry import HOST, Entry, collections_of
+from kinemimic.pipeline.catalog.load import CATALOG, load_catalog
+from kinemimic.pipeline.catalog.place import captures_folder, place_of
+from kinemimic.pipeline.errors import KinemimicError
+from kinemimic.pipeline.progress import progress
+from kinemimic.pipeline.store import file_hash
+
+_CHUNK = 2**20
+BAD_INPUT = 2
+
+
+@dataclass(frozen=True)
+class Fetched:
+    """paths: of the files that are there now, with the right hash; failures: a line for each that is not."""
+
+    paths: tuple[Path, ...]
+    failures: tuple[str, ...]
+
+
+def fetch(
+    entries: Sequence[Entry],
+    folder: Path,
+    *,
+    mirror: str | Path | None = None,
+    patience: Patience | None = None,
+) -> Fetched:
+    """Get files into `folder`, COLLECTION/FILE; those that are there with the right hash are left alone.
+
+    mirror: a folder with COLLECTION/FILE within, or the address that stands for GitHub's host of raw files.
+    A file that cannot be had is told of in the result and stops no other, unless the host cannot be reached
+    at all. Raises OSError where the folder cannot be written. After Ctrl-C what came is there, and another
+    call goes on.
+    """
+    source = _source(mirror)
+    wanted: list[tuple[Entry, Path]] = []
+    there: dict[str, Path] = {}
+    failures: list[str] = []
+    for entry in entries:
+        try:
+            path = place_of(entry, folder)
+        except KinemimicError as error:
+            failures.append(str(error))
+            continue
+        if path.is_file() and path.stat().st_size == entry.bytes and file_hash(path) == entry.sha256:
+            there[entry.name] = path
+        else:
+            wanted.append((entry, path))
+    pooch.get_logger().setLevel(logging.WARNING)  # it would name every address
+    with requests.Session() as session, progress("fetch", sum(entry.bytes for entry, _ in wanted)) as bar:
+        session.max_redirects = 5
+        for done, (entry, path) in enumerate(wanted):
+            bar.advance(0, file=entry.name)
+            try:
+                if isinstance(source, Path):
+                    _retrieve(
+                        entry, path, str(source / entry.collection / entry.file), _Copy(entry, bar.advance)
+                    )
+                else:
+                    download = Download(entry, path, session, patience or Patience(), bar.advance)
+                    _retrieve(entry, path, entry.address_at(source), download)
+                there[entry.name] = path
+            except KinemimicError as error:
+                failures.append(str(error))
+                if isinstance(error, UnreachableError) and (left := len(wanted) - done - 1):
+                    failures.append(f"{left} more were not tried, for the same reason")
+                    break
+            except KeyboardInterrupt:
+                raise KeyboardInterrupt(
+                    f"{len(there)} of {len(entries)} files are in {folder}; the same command goes on"
+                ) from None
+    return Fetched(tuple(there[e.name] for e in entries if e.name in there), tuple(failures))
+
+
+def _source(mirror: str | Path | None) -> str | Path:
+    """The folder, or the base of all addresses."""
+    if mirror is None:
+        return HOST
+    parts = urlsplit(str(mirror))
+    if isinstance(mirror, str) and "://" in mirror:
+        if parts.scheme not in ("http", "https") or not parts.hostname:
+            raise KinemimicError(f"expected a mirror's folder or its http(s) address, found {mirror!r}")
+        return mirror
+    if not Path(mirror).is_dir():
+        raise KinemimicError(f"{mirror}: expected the folder of a mirror, found none")
+    return Path(mirror)
+
+
+class _Copy:
+    """A downloader for pooch that copies from a folder, not more than the catalogue states."""
+
+    def __init__(self, entry: Entry, advance: Callable[[int], object]) -> None:
+        self.entry, self.advance = entry, advance
+
+    def __call__(self, url: str, output_file: str, pooch: object) -> None:
+        try:
+            size = Path(url).stat().st_size if Path(url).is_file() else None
+        except OSError:
+            size = None
+        if size != self.entry.bytes:
+            found = "no file" if size is None else f"{size:,}"
+            raise KinemimicError(
+                f"{self.entry.name}: expected {self.entry.bytes:,} bytes at {url}, found {found}"
+            )
+        with Path(url).open("rb") as taken, Path(output_file).open("wb") as given:
+            left = self.entry.bytes
+            while left and (chunk := taken.read(min(_CHUNK, left))):
+                given.write(chunk)
+                left -= len(chunk)
+                self.advance(len(chunk))
+
+
+def _retrieve(entry: Entry, path: Path, url: str, downloader: Download | _Copy) -> None:
+    """pooch has it downloaded beside `path`, compares the hash, and only then gives it the name."""
+    try:
+        pooch.retrieve(
+            url, known_hash=f"sha256:{entry.sha256}", fname=path.name, path=path.parent, downloader=downloader
+        )
+    except ValueError as error:
+        if "hash" not in str(error):
+            raise
+        raise KinemimicError(
+            f"{entry.name}: expected the file with SHA-256 {entry.sha256[:16]}…, "
+            f"found another of the same size at {url}; nothing is kept"
+        ) from None
+
+
+@click.command("fetch")
+@click.argument("names", nargs=-1, metavar="[NAME]...")
+@click.option("--all", "everything", is_flag=True, help="All that the catalogue has.")
+@options.folder("--into")
+@click.option(
+    "--mirror",
+    metavar="FOLDER|URL",
+    help=f"A folder with COLLECTION/FILE within, or what to put for {HOST}.",
+)
+@options.catalog
+@click.option("--json", "as_json", is_flag=True, help="Print paths and failures as JSON.")
+@click.pass_context
+def command(
+    ctx: click.Context,
+    names: tuple[str, ...],
+    everything: bool,
+    folder: Path | None,
+    mirror: str | None,
+    catalog_file: Path | None,
+    as_json: bool,
+) -> None:
+    """Fetch recordings by the names of collections or files ("kinect1_*", cmu_bvh/02_01.bvh, r2.skl).
+
+    What is there with the right hash is not fetched again, and what broke off is taken up where it ended.
+    Prints the paths, one a line.
+    """
+    if bool(names) == everything:
+        raise click.UsageError(
+            "name collections or files (`kinemimic datasets list` lists them), or give --all"
+        )
+    catalog = load_catalog(catalog_file or CATALOG)
+    entries = catalog.entries if everything else catalog.select(names)
+    for collection in collections_of(catalog, entries):
+        click.echo(f"{collection.name}: licence: {collection.licence}; from: {collection.citation}", err=True)
+    fetched = fetch(entries, captures_folder(folder), mirror=mirror)
+    if as_json:
+        paths = [str(path) for path in fetched.paths]
+        click.echo(json.dumps({"paths": paths, "failures": fetched.failures}, indent=2, ensure_ascii=False))
+    else:
+        for path in fetched.paths:
+            click.echo(path)
+    for failure in fetched.failures:
+        click.echo(f"kinemimic: {failure}", err=True)
+    if fetched.failures:
+        ctx.exit(BAD_INPUT)

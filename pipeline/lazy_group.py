@@ -1,0 +1,47 @@
+"""A group of commands that are imported when they are called, so that `--help` loads nothing but click."""
+
+from __future__ import annotations
+
+import difflib
+import importlib
+from collections.abc import Mapping
+from typing import Any
+
+import click
+
+# Name -> where the command is ("module:attribute"), and what it does in one line.
+Commands = Mapping[str, tuple[str, str]]
+
+
+def load(where: str) -> click.Command:
+    """Import a command's module ("module:attribute") and return the command."""
+    module, attribute = where.split(":")
+    command: click.Command = getattr(importlib.import_module(module), attribute)
+    return command
+
+
+class LazyGroup(click.Group):
+    """A group that knows its commands by name alone: `@click.group(cls=LazyGroup, lazy=COMMANDS)`."""
+
+    def __init__(self, *arguments: Any, lazy: Commands, **options: Any) -> None:
+        super().__init__(*arguments, **options)
+        self.lazy = lazy
+
+    def list_commands(self, ctx: click.Context) -> list[str]:
+        return list(self.lazy)
+
+    def get_command(self, ctx: click.Context, cmd_name: str) -> click.Command | None:
+        return load(self.lazy[cmd_name][0]) if cmd_name in self.lazy else None
+
+    def resolve_command(
+        self, ctx: click.Context, args: list[str]
+    ) -> tuple[str | None, click.Command | None, list[str]]:
+        name = args[0]
+        if name not in self.lazy and not name.startswith("-"):
+            near = difflib.get_close_matches(name, self.lazy, n=1)
+            ctx.fail(f"no command {name!r}" + (f"; did you mean {near[0]!r}?" if near else ""))
+        return super().resolve_command(ctx, args)
+
+    def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
+        with formatter.section("Commands"):
+            formatter.write_dl([(name, text) for name, (_, text) in self.lazy.items()])

@@ -1,0 +1,137 @@
+"""Adding to a catalogue of one's own: measured, recognised, and nothing of what was there is changed."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+from click.testing import CliRunner
+
+from kinemimic.pipeline.catalog.add import add, command
+from kinemimic.pipeline.catalog.fetch import fetch
+from kinemimic.pipeline.catalog.load import load_catalog
+from kinemimic.pipeline.errors import KinemimicError
+from kinemimic.pipeline.store import file_hash
+
+TOLD = {
+    "repository": "my/walks",
+    "commit": "ab" * 20,
+    "licence": 'CC0 "as is"',
+    "citation": "me, today",
+}
+
+
+@pytest.fixture
+def walk(tmp_path: Path, bvh: Callable[..., str]) -> Path:
+    path = tmp_path / "my walk.bvh"
+    path.write_text(bvh(frame_time="0.02"))
+    return path
+
+
+def test_what_is_added_can_be_fetched(tmp_path: Path, walk: Path, skl: Callable[..., str]) -> None:
+    mine, second = tmp_path / "mine.toml", tmp_path / "second.skl"
+    second.write_text(skl())
+    entry, why = add(walk, mine, "home", path="data/my walk.bvh", title="walks at home", **TOLD)
+    assert why is None
+    assert (entry.name, entry.format, entry.frame_rate) == ("home/my walk.bvh", "BVH", pytest.approx(50))
+    assert (entry.bytes, entry.sha256) == (walk.stat().st_size, file_hash(walk))
+    assert entry.address.endswith(f"/my/walks/{'ab' * 20}/data/my%20walk.bvh")
+    other, _ = add(second, mine, "home", path="data/second.skl", name="other.skl", commit="cd" * 20)
+    assert (other.name, other.format, other.commit) == ("home/other.skl", "Kinect v1 .skl text", "cd" * 20)
+    catalog = load_catalog(mine)
+    assert set(catalog.entries) == {entry, other}
+    (collection,) = catalog.collections
+    assert (collection.title, collection.licence, collection.shows) == (
+        "walks at home",
+        'CC0 "as is"',
+        "not stated",
+    )
+    shelf = tmp_path / "shelf"
+    (shelf / "home").mkdir(parents=True)
+    (shelf / "home" / "my walk.bvh").write_bytes(walk.read_bytes())
+    (shelf / "home" / "other.skl").write_bytes(second.read_bytes())
+    assert fetch(catalog.entries, tmp_path / "in", mirror=shelf).failures == ()
+
+
+def test_comments_and_what_was_there_stay(catalog_file: Path, walk: Path) -> None:
+    before = catalog_file.read_text()
+    known = load_catalog(catalog_file).entries
+    entry, _ = add(walk, catalog_file, "walks", path="x.bvh")
+    after = catalog_file.read_text()
+    added = [line for line in after.splitlines() if line not in before.splitlines()]
+    assert len(added) == 1
+    assert after.replace(f"{added[0]}\n", "") == before
+    assert {*known, entry} == set(load_catalog(catalog_file).entries)
+    # 50 Hz, where the collection says 30.
+    assert entry.frame_rate == pytest.approx(50)
+
+
+@pytest.mark.parametrize("files", ["files=[{0}]", "files = [ # all\n{0}\n]", "files = [\n\n  {0} ] # end"])
+def test_any_form_of_the_list_takes_one_more(tmp_path: Path, walk: Path, files: str) -> None:
+    mine = tmp_path / "mine.toml"
+    add(walk, mine, "home", path="x.bvh", **TOLD)
+    text = mine.read_text()
+    begin, end = text.index("files = ["), text.rindex("]") + 1
+    line = text[begin + len("files = [") : end - 1].strip().rstrip(",")
+    mine.write_text(text[:begin] + files.format(line).replace("{{", "{"))
+    labels = tmp_path / "labels.txt"
+    labels.write_text("walk: 1 20\n")
+    entry, why = add(labels, mine, "home", path="labels.txt")
+    assert (entry.format, entry.frame_rate) == (None, None)
+    assert why is not None
+    assert why.startswith("no format of ours: ")
+    assert len(load_catalog(mine).entries) == 2
+
+
+def test_what_cannot_be_added_changes_nothing(catalog_file: Path, tmp_path: Path, walk: Path) -> None:
+    before = catalog_file.read_bytes()
+    same = tmp_path / "same.bvh"
+    same.write_bytes(walk.read_bytes())
+    mine = tmp_path / "mine.toml"
+    add(walk, mine, "home", path="x.bvh", **TOLD)
+    kept = mine.read_bytes()
+    for place, match in (
+        (lambda: add(walk, mine, "home", path="y.bvh"), "found home/my walk.bvh there already"),
+        (lambda: add(same, mine, "home", path="y.bvh"), "there already as home/my walk.bvh"),
+        (lambda: add(tmp_path, mine, "home", path="y"), "found a folder"),
+        (lambda: add(tmp_path / "none", mine, "home", path="y"), "expected a file, found none"),
+        (
+            lambda: add(walk, catalog_file, "new", path="y.bvh"),
+            "expected --repository for the new collection",
+        ),
+        (lambda: add(walk, catalog_file, "../new", path="y.bvh", **TOLD), "a folder's name"),
+        (lambda: add(walk, catalog_file, "new", path="../y", **TOLD), "a path within the repository"),
+        (lambda: add(walk, catalog_file, "walks", path="y", name="a/b"), "a file's name"),
+        (lambda: add(walk, catalog_file, "walks", path="y", licence="mine"), "another --collection"),
+        (lambda: add(walk, walk, "walks", path="y", **TOLD), "expected TOML"),
+    ):
+        with pytest.raises(KinemimicError, match=match):
+            place()
+    assert catalog_file.read_bytes() == before
+    assert mine.read_bytes() == kept
+    # A form that cannot be extended by a line is told, not guessed at.
+    mine.write_text('schema = 1\ncollection = [ { name = "home" } ]\n'.replace('{ name = "home" }', ""))
+    add(walk, mine.with_name("fresh.toml"), "home", path="x.bvh", **TOLD)
+    with pytest.raises(KinemimicError, match="TOML"):
+        add(walk, mine, "home", path="x.bvh", **TOLD)
+
+
+def test_the_command(tmp_path: Path, walk: Path) -> None:
+    mine = tmp_path / "mine.toml"
+    options = [f"--{key}={value}" for key, value in TOLD.items()]
+    arguments = [str(walk), "--catalog", str(mine), "--collection", "home", "--path", "x.bvh", *options]
+    told = CliRunner().invoke(command, arguments, catch_exceptions=False)
+    assert told.exit_code == 0
+    assert told.stdout.splitlines() == [
+        f"{mine}: home/my walk.bvh: BVH, 50 Hz, {walk.stat().st_size:,} bytes",
+        f"https://raw.githubusercontent.com/my/walks/{'ab' * 20}/x.bvh",
+    ]
+    told = CliRunner().invoke(command, [*arguments[:6], "y", "--as", "b", "--json"], catch_exceptions=True)
+    assert isinstance(told.exception, KinemimicError)
+    other = tmp_path / "note.txt"
+    other.write_text("a note")
+    arguments = [str(other), *arguments[1:], "--json"]
+    record = json.loads(CliRunner().invoke(command, arguments, catch_exceptions=False).stdout)
+    assert (record["file"], record["format"], record["bytes"]) == ("note.txt", None, 6)

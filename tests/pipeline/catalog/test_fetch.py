@@ -1,0 +1,389 @@
+"""Fetching: what arrives is right, or does not arrive, whatever the server does."""
+
+from __future__ import annotations
+
+import fcntl
+import os
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Callable
+from pathlib import Path
+from urllib.parse import unquote
+
+import pytest
+from click.testing import CliRunner
+from peers.web import CONTENT, ETAG, Request, Script, Server
+
+from kinemimic.pipeline.catalog.download import Patience
+from kinemimic.pipeline.catalog.entry import Catalog
+from kinemimic.pipeline.catalog.fetch import Fetched, command, fetch
+from kinemimic.pipeline.catalog.load import load_catalog
+from kinemimic.pipeline.errors import KinemimicError
+
+HALF = len(CONTENT) // 2
+QUICK = Patience(connect=2.0, read=0.4, pauses=(0.0, 0.01, 0.02))
+ONCE = Patience(connect=2.0, read=0.4, pauses=())
+Serve = Callable[[Script], Server]
+
+
+def one(catalog: Catalog, folder: Path, mirror: str | Path, patience: Patience = QUICK) -> Fetched:
+    """Fetch one file."""
+    return fetch(catalog.select(["walks/one.skl"]), folder, mirror=mirror, patience=patience)
+
+
+def left(folder: Path) -> dict[str, bytes]:
+    """Every file below a folder."""
+    return {str(p.relative_to(folder)): p.read_bytes() for p in sorted(folder.rglob("*")) if p.is_file()}
+
+
+def in_turn(*scripts: Script) -> Script:
+    """Each request is answered by the next script, the last of them for good."""
+    queue = list(scripts)
+
+    def answer(request: Request) -> None:
+        script = queue.pop(0) if len(queue) > 1 else queue[0]
+        script(request)
+
+    return answer
+
+
+def test_files_arrive_under_their_collection(catalog: Catalog, tmp_path: Path, serve: Serve) -> None:
+    server = serve(Request.whole)
+    fetched = fetch(catalog.entries, tmp_path / "in", mirror=server.base, patience=QUICK)
+    assert fetched.failures == ()
+    names = ["walks/one.skl", "walks/two.skl", "walks/three.skl", "runs/one.bvh"]
+    assert fetched.paths == tuple((tmp_path / "in").resolve() / name for name in names)
+    assert left(tmp_path / "in") == dict.fromkeys(sorted(names), CONTENT)
+    assert server.asked[0].path == f"/some/body/{'0123' * 10}/a%20folder/one.skl"
+    # The connection is kept.
+    assert len({request.client for request in server.asked}) == 1
+    # A second time nothing is asked for.
+    assert fetch(catalog.entries, tmp_path / "in", mirror=server.base) == fetched
+    assert len(server.asked) == 4
+
+
+def test_what_breaks_off_is_taken_up_where_it_ended(catalog: Catalog, tmp_path: Path, serve: Serve) -> None:
+    server = serve(in_turn(lambda r: r.cut(HALF), lambda r: r.cut(HALF + 7), Request.whole))
+    assert one(catalog, tmp_path / "in", server.base).failures == ()
+    assert server.ranges == [None, f"bytes={HALF}-", f"bytes={HALF + 7}-"]
+    assert [request.if_range for request in server.asked] == [None, ETAG, ETAG]
+    assert left(tmp_path / "in") == {"walks/one.skl": CONTENT}
+
+
+def test_a_later_call_goes_on_too(catalog: Catalog, tmp_path: Path, serve: Serve) -> None:
+    server = serve(in_turn(lambda r: r.cut(HALF), Request.whole))
+    (failure,) = one(catalog, tmp_path / "in", server.base, ONCE).failures
+    assert failure.startswith("walks/one.skl: expected 40,000 bytes from http://127.0.0.1:")
+    assert "in 1 tries: the connection broke off; the 20,000 that came stay" in failure
+    assert sorted(left(tmp_path / "in").values()) == sorted([ETAG.encode(), CONTENT[:HALF]])
+    assert one(catalog, tmp_path / "in", server.base, ONCE).failures == ()
+    assert server.ranges == [None, f"bytes={HALF}-"]
+    assert left(tmp_path / "in") == {"walks/one.skl": CONTENT}
+
+
+@pytest.mark.parametrize("every", [1999, 7777, 13_001])
+def test_every_byte_is_sent_once(catalog: Catalog, tmp_path: Path, serve: Serve, every: int) -> None:
+    ends = iter(range(every, 10**6, every))
+    server = serve(lambda r: r.cut(min(next(ends), len(CONTENT))))
+    patience = Patience(pauses=(0.0,) * 30)
+    assert one(catalog, tmp_path / "in", server.base, patience).failures == ()
+    assert server.ranges == [None, *(f"bytes={at}-" for at in range(every, len(CONTENT), every))]
+
+
+def test_a_server_that_ignores_ranges_starts_anew(catalog: Catalog, tmp_path: Path, serve: Serve) -> None:
+    def ignoring(request: Request) -> None:
+        request.head(200, Content_Length=len(CONTENT))
+        request.wfile.write(CONTENT)
+
+    server = serve(in_turn(lambda r: r.cut(HALF), ignoring))
+    assert one(catalog, tmp_path / "in", server.base).failures == ()
+    assert server.ranges == [None, f"bytes={HALF}-"]
+    assert left(tmp_path / "in") == {"walks/one.skl": CONTENT}
+
+
+def test_another_rest_than_was_asked_for_starts_anew(catalog: Catalog, tmp_path: Path, serve: Serve) -> None:
+    def shifted(request: Request) -> None:
+        told = f"bytes {HALF - 1}-{len(CONTENT) - 1}/{len(CONTENT)}"
+        request.head(206, Content_Length=HALF + 1, Content_Range=told)
+        request.wfile.write(CONTENT[HALF - 1 :])
+
+    server = serve(in_turn(lambda r: r.cut(HALF), shifted, Request.whole))
+    assert one(catalog, tmp_path / "in", server.base).failures == ()
+    assert server.ranges == [None, f"bytes={HALF}-", None]
+
+
+@pytest.mark.parametrize("length", [1, HALF, len(CONTENT) - 1, len(CONTENT) + 1, 10**15])
+def test_another_length_is_refused_at_once(
+    catalog: Catalog, tmp_path: Path, serve: Serve, length: int
+) -> None:
+    def lying(request: Request) -> None:
+        request.head(200, Content_Length=length)
+        request.wfile.write(CONTENT)
+        request.close_connection = True
+
+    server = serve(lying)
+    (failure,) = one(catalog, tmp_path / "in", server.base).failures
+    assert f"expected 40,000 bytes, found {length:,} at http" in failure
+    assert len(server.asked) == 1
+    assert left(tmp_path / "in") == {}
+
+
+def test_a_server_that_never_ends_is_cut_off(catalog: Catalog, tmp_path: Path, serve: Serve) -> None:
+    sent = [0]
+
+    def endless(request: Request) -> None:
+        request.head(200, Connection="close")
+        request.close_connection = True
+        try:
+            while sent[0] < 10**9:
+                sent[0] += request.wfile.write(CONTENT)
+        except ConnectionError:
+            pass
+
+    server = serve(endless)
+    (failure,) = one(catalog, tmp_path / "in", server.base).failures
+    assert "expected 40,000 bytes, found more at http" in failure
+    assert len(server.asked) == 1
+    assert sent[0] < 10**8  # what the sockets' buffers took
+    assert left(tmp_path / "in") == {}
+
+
+def test_a_server_that_stalls_is_given_up_and_asked_again(
+    catalog: Catalog, tmp_path: Path, serve: Serve
+) -> None:
+    def stalling(request: Request) -> None:
+        request.head(200, Content_Length=len(CONTENT))
+        request.wfile.write(CONTENT[:HALF])
+        server.over.wait(30)
+
+    server = serve(in_turn(stalling, Request.whole))
+    began = time.monotonic()
+    assert one(catalog, tmp_path / "in", server.base).failures == ()
+    assert time.monotonic() - began < 10
+    assert server.ranges == [None, f"bytes={HALF}-"]
+
+    def silent(request: Request) -> None:
+        server.over.wait(30)
+
+    server = serve(silent)
+    (failure,) = one(catalog, tmp_path / "else", server.base).failures
+    assert "in 4 tries: nothing came for 0.4 s" in failure
+    assert left(tmp_path / "else") == {}
+
+
+def test_wrong_bytes_are_refused_and_removed(catalog: Catalog, tmp_path: Path, serve: Serve) -> None:
+    other = CONTENT[:-1] + b"?"
+    server = serve(lambda r: r.whole(other))
+    target = tmp_path / "in" / "walks" / "one.skl"
+    target.parent.mkdir(parents=True)
+    target.write_text("what was there before")
+    (failure,) = one(catalog, tmp_path / "in", server.base).failures
+    assert failure.startswith("walks/one.skl: expected the file with SHA-256 ")
+    assert "\n" not in failure
+    assert left(tmp_path / "in") == {"walks/one.skl": b"what was there before"}
+    assert one(catalog, tmp_path / "in", serve(Request.whole).base).failures == ()
+    assert left(tmp_path / "in") == {"walks/one.skl": CONTENT}
+
+
+def test_an_unfinished_file_of_wrong_bytes_is_removed_too(
+    catalog: Catalog, tmp_path: Path, serve: Serve
+) -> None:
+    other = b"?" + CONTENT[1:]
+    server = serve(in_turn(lambda r: r.cut(HALF, other), Request.whole))
+    assert "found another of the same size" in one(catalog, tmp_path / "in", server.base).failures[0]
+    assert left(tmp_path / "in") == {}
+
+
+def test_a_file_that_is_not_there_stops_no_other(catalog: Catalog, tmp_path: Path, serve: Serve) -> None:
+    def some(request: Request) -> None:
+        if request.path.endswith("two.skl"):
+            request.head(404, Content_Length=0)
+        else:
+            request.whole()
+
+    server = serve(some)
+    fetched = fetch(catalog.entries, tmp_path / "in", mirror=server.base, patience=QUICK)
+    assert len(fetched.paths) == 3
+    (failure,) = fetched.failures
+    assert failure.startswith("walks/two.skl: expected the file at http")
+    assert failure.endswith("found the answer 404 Not Found")
+    assert len(server.asked) == 4
+
+
+def test_a_server_that_is_busy_is_asked_again_later(
+    catalog: Catalog, tmp_path: Path, serve: Serve, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    pauses: list[float] = []
+    monkeypatch.setattr("kinemimic.pipeline.catalog.download.time.sleep", pauses.append)
+    server = serve(
+        in_turn(
+            lambda r: r.head(503, Content_Length=0),
+            lambda r: r.head(429, Content_Length=0, Retry_After=7),
+            lambda r: r.head(500, Content_Length=0, Retry_After=10**5),
+            Request.whole,
+        )
+    )
+    assert one(catalog, tmp_path / "in", server.base, Patience()).failures == ()
+    assert pauses == [1.0, 7.0, 60.0]
+    server = serve(lambda r: r.head(503, Content_Length=0))
+    assert "in 4 tries: the server answered 503" in one(catalog, tmp_path / "b", server.base).failures[0]
+    assert pauses[3:] == list(QUICK.pauses)
+
+
+def test_without_a_connection_the_others_are_not_waited_for(catalog: Catalog, tmp_path: Path) -> None:
+    # Nobody listens at port 9 of this machine; if somebody did, it would be no HTTP.
+    fetched = fetch(catalog.entries, tmp_path / "in", mirror="http://127.0.0.1:9", patience=ONCE)
+    assert fetched.paths == ()
+    assert len(fetched.failures) == 2
+    assert fetched.failures[0].endswith("in 1 tries: no connection")
+    assert fetched.failures[1] == "3 more were not tried, for the same reason"
+
+
+def test_ctrl_c_loses_nothing(catalog_file: Path, tmp_path: Path, serve: Serve) -> None:
+    def stalling(request: Request) -> None:
+        request.head(200, Content_Length=len(CONTENT), ETag=ETAG)
+        request.wfile.write(CONTENT[:HALF])
+        server.over.wait(60)
+
+    server = serve(in_turn(Request.whole, stalling, Request.whole))
+    # A job that a shell put into the background hands its children a SIGINT that is ignored.
+    code = """
+import signal
+from kinemimic.pipeline.cli import main
+signal.signal(signal.SIGINT, signal.default_int_handler)
+main()
+"""
+    options = ("--mirror", server.base, "--into", str(tmp_path / "in"), "--catalog", str(catalog_file))
+    process = subprocess.Popen(
+        [sys.executable, "-c", code, "datasets", "fetch", "--all", *options],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+    )
+    ended = time.monotonic() + 60
+    while CONTENT[:HALF] not in left(tmp_path / "in").values() and time.monotonic() < ended:
+        time.sleep(0.05)
+    process.send_signal(signal.SIGINT)
+    out, err = process.communicate(timeout=30)
+    assert process.returncode == 130, err
+    assert f"interrupted; 1 of 4 files are in {tmp_path / 'in'}; the same command goes on" in err
+    assert "Traceback" not in err
+    assert out == ""
+    assert {name for name in left(tmp_path / "in") if "/." not in name} == {"walks/one.skl"}
+    catalog = load_catalog(catalog_file)
+    assert fetch(catalog.entries, tmp_path / "in", mirror=server.base).failures == ()
+    assert server.ranges == [None, None, f"bytes={HALF}-", None, None]
+    assert set(left(tmp_path / "in").values()) == {CONTENT}
+
+
+def test_two_at_once_do_not_mix(catalog: Catalog, tmp_path: Path, serve: Serve) -> None:
+    server = serve(lambda r: r.cut(HALF))
+    one(catalog, tmp_path / "in", server.base, ONCE)
+    (partial,) = (tmp_path / "in").rglob("*.part")
+    with partial.open("rb") as held:
+        fcntl.flock(held, fcntl.LOCK_EX)
+        assert "found another process at it" in one(catalog, tmp_path / "in", server.base).failures[0]
+    assert len(server.asked) == 1
+    assert partial.read_bytes() == CONTENT[:HALF]
+
+
+@pytest.mark.parametrize("link", ["walks", "walks/one.skl"])
+def test_a_link_that_leads_out_is_refused(catalog: Catalog, tmp_path: Path, serve: Serve, link: str) -> None:
+    outside, folder = tmp_path / "outside", tmp_path / "in"
+    (folder / link).parent.mkdir(parents=True)
+    outside.mkdir()
+    (folder / link).symlink_to(outside if link == "walks" else outside / "new")
+    server = serve(Request.whole)
+    (failure,) = one(catalog, folder, server.base).failures
+    assert "found a link to" in failure
+    assert server.asked == []
+    assert list(outside.iterdir()) == []
+
+
+def test_an_unfinished_file_that_is_a_link_is_not_written_through(
+    catalog: Catalog, tmp_path: Path, serve: Serve
+) -> None:
+    one(catalog, tmp_path / "in", serve(lambda r: r.cut(HALF)).base, ONCE)
+    (partial,) = (tmp_path / "in").rglob("*.part")
+    partial.unlink()
+    (tmp_path / "outside").write_text("mine")
+    partial.symlink_to(tmp_path / "outside")
+    with pytest.raises(OSError, match="symbolic links"):
+        one(catalog, tmp_path / "in", serve(Request.whole).base)
+    assert (tmp_path / "outside").read_text() == "mine"
+
+
+def test_the_folder_itself_may_be_a_link(catalog: Catalog, tmp_path: Path, serve: Serve) -> None:
+    (tmp_path / "disk").mkdir()
+    (tmp_path / "in").symlink_to(tmp_path / "disk")
+    assert one(catalog, tmp_path / "in", serve(Request.whole).base).failures == ()
+    assert left(tmp_path / "disk") == {"walks/one.skl": CONTENT}
+
+
+def test_a_folder_in_the_place_of_a_file_is_refused(catalog: Catalog, tmp_path: Path, serve: Serve) -> None:
+    (tmp_path / "in" / "walks" / "one.skl").mkdir(parents=True)
+    assert "found something else" in one(catalog, tmp_path / "in", serve(Request.whole).base).failures[0]
+
+
+def test_a_mirror_in_a_folder(catalog: Catalog, tmp_path: Path) -> None:
+    mirror = tmp_path / "mirror"
+    for name, content in (("one", CONTENT), ("two", CONTENT[:-1]), ("three", CONTENT[:-1] + b"?")):
+        (mirror / "walks").mkdir(parents=True, exist_ok=True)
+        (mirror / "walks" / f"{name}.skl").write_bytes(content)
+    fetched = fetch(catalog.entries, tmp_path / "in", mirror=mirror)
+    assert left(tmp_path / "in") == {"walks/one.skl": CONTENT}
+    assert [failure.split(": ")[0] for failure in fetched.failures] == [
+        "walks/two.skl",
+        "walks/three.skl",
+        "runs/one.bvh",
+    ]
+    for wrong in ("ftp://here/x", "file:///etc", "http://", str(tmp_path / "none")):
+        with pytest.raises(KinemimicError, match="mirror"):
+            fetch(catalog.entries, tmp_path / "in", mirror=wrong)
+
+
+def test_the_command_prints_paths_and_says_the_licence_aside(
+    catalog_file: Path, tmp_path: Path, serve: Serve, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("KINEMIMIC_CAPTURES", str(tmp_path / "in"))
+    server = serve(Request.whole)
+    options = ["--mirror", server.base, "--catalog", str(catalog_file)]
+    told = CliRunner().invoke(command, ["walks", *options], catch_exceptions=False)
+    assert told.exit_code == 0
+    assert told.stdout.splitlines() == [f"{tmp_path}/in/walks/{name}.skl" for name in ("one", "two", "three")]
+    assert told.stderr == "walks: licence: free; as air; from: nobody\n"
+    told = CliRunner().invoke(command, ["*.bvh", *options], catch_exceptions=False)
+    assert told.stdout == f"{tmp_path}/in/runs/one.bvh\n"
+    assert CliRunner().invoke(command, options).exit_code == 2
+    assert CliRunner().invoke(command, ["walks", "--all", *options]).exit_code == 2
+    # A failure is one line, beside what was fetched.
+    (tmp_path / "in" / "walks" / "one.skl").unlink()
+    missing = ["--mirror", str(tmp_path), "--catalog", str(catalog_file)]
+    told = CliRunner().invoke(command, ["walks", *missing], catch_exceptions=False)
+    assert told.exit_code == 2
+    assert len(told.stdout.splitlines()) == 2
+    assert told.stderr.splitlines()[1].startswith("kinemimic: walks/one.skl: expected 40,000 bytes at ")
+
+
+def test_every_recording_of_our_catalogue_arrives(captures: Path, tmp_path: Path, serve: Serve) -> None:
+    """By HTTP, from a server that has the recordings under the addresses that the catalogue gives them."""
+    catalog = load_catalog()
+    shelf = {f"/{e.repository}/{e.commit}/{e.path}": captures / e.name for e in catalog.entries}
+    server = serve(lambda r: r.whole(shelf[unquote(r.path)].read_bytes()))
+    began = time.monotonic()
+    fetched = fetch(catalog.entries, tmp_path / "in", mirror=server.base)
+    print(f"{len(fetched.paths)} files in {time.monotonic() - began:.2f} s")
+    assert fetched.failures == ()
+    assert len(fetched.paths) == len(catalog.entries) == len(server.asked)
+    for entry, path in zip(catalog.entries, fetched.paths, strict=True):
+        assert path == (tmp_path / "in").resolve() / entry.collection / entry.file
+        assert path.read_bytes() == (captures / entry.name).read_bytes()
+        assert path.stat().st_mode & 0o777 == 0o666 & ~_umask()
+
+
+def _umask() -> int:
+    umask = os.umask(0)
+    os.umask(umask)
+    return umask

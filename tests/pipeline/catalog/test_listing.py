@@ -1,0 +1,71 @@
+"""The list: every collection, or one with its files."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import pytest
+from click.testing import CliRunner
+from peers.web import CONTENT
+
+from kinemimic.pipeline.catalog.listing import command
+from kinemimic.pipeline.catalog.load import load_catalog
+from kinemimic.pipeline.catalog.place import captures_folder
+
+
+def told(*arguments: str) -> str:
+    result = CliRunner().invoke(command, arguments, catch_exceptions=False)
+    assert result.exit_code == 0
+    return result.stdout
+
+
+def test_all_of_ours_fits_a_terminal(tmp_path: Path) -> None:
+    text = told("--in", str(tmp_path))
+    for collection in load_catalog().collections:
+        assert any(line.startswith(f"{collection.name} ") for line in text.splitlines())
+    assert max(map(len, text.splitlines())) <= 100 + len(str(tmp_path))
+    assert f"20 collections, 216 files, 33.2 MB; 0 of the files in {tmp_path}" in text
+
+
+def test_what_is_here_is_counted(catalog_file: Path, tmp_path: Path) -> None:
+    here = ("--in", str(tmp_path), "--catalog", str(catalog_file))
+    (tmp_path / "walks").mkdir()
+    (tmp_path / "walks" / "one.skl").write_bytes(CONTENT)
+    assert f"2 collections, 4 files, 160.0 kB; 1 of the files in {tmp_path}" in told(*here)
+    rows = [line.split() for line in told("*", *here).splitlines()]
+    assert ["walks", "none", "BVH", "3", "0.1", "30", "1", "free", "…"] in rows
+    assert ["runs", "none", "BVH", "1", "0.0", "30", "-", "free", "…"] in rows
+
+
+def test_one_collection_is_told_whole(catalog_file: Path, tmp_path: Path) -> None:
+    here = ("--in", str(tmp_path), "--catalog", str(catalog_file))
+    text = told("walks", *here)
+    for part in (
+        "made-up walks",
+        "free; as air",
+        "nobody",
+        "https://github.com/some/body/tree/0123",
+        "two.skl",
+    ):
+        assert part in text
+    one = told("two.skl", *here)
+    assert "/a%20folder/two.skl" in one
+    assert "three.skl" not in one
+
+
+def test_json_has_every_address(catalog_file: Path, tmp_path: Path) -> None:
+    walks, runs = json.loads(told("--json", "--in", str(tmp_path), "--catalog", str(catalog_file)))
+    assert walks["licence"] == "free; as air"
+    assert [file["name"] for file in walks["files"]] == ["one.skl", "two.skl", "three.skl"]
+    assert runs["files"][0]["address"].endswith("/a%20folder/one.bvh")
+    assert runs["files"][0]["here"] is False
+
+
+def test_recordings_lie_where_it_is_said(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
+    monkeypatch.delenv("KINEMIMIC_CAPTURES", raising=False)
+    assert captures_folder() == tmp_path / "kinemimic" / "captures"
+    monkeypatch.setenv("KINEMIMIC_CAPTURES", "there")
+    assert captures_folder() == Path("there")
+    assert captures_folder(tmp_path) == tmp_path

@@ -1,0 +1,140 @@
+"""A catalogue is read whole, or refused in one line that says where the mistake is."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+from peers.web import CONTENT
+
+from kinemimic.pipeline.catalog.entry import HOST, Catalog, collections_of
+from kinemimic.pipeline.catalog.load import load_catalog, parse_catalog
+from kinemimic.pipeline.errors import KinemimicError
+
+COMMIT = "0123" * 10
+
+
+def test_a_file_has_what_its_collection_says(catalog: Catalog) -> None:
+    entry = catalog.entry("walks/two.skl")
+    assert (entry.bytes, entry.licence, entry.format, entry.frame_rate) == (
+        len(CONTENT),
+        "free; as air",
+        "BVH",
+        30,
+    )
+    assert entry.address == f"{HOST}/some/body/{COMMIT}/a%20folder/two.skl"
+    assert entry.address_at("http://here/x/") == f"http://here/x/some/body/{COMMIT}/a%20folder/two.skl"
+
+
+def test_a_file_may_say_something_else(catalog_file: Path) -> None:
+    own = f'repository = "other/place", commit = "{"f" * 40}", format = "none", name = "one.skl"'
+    text = catalog_file.read_text().replace('name = "one.skl"', own)
+    text = text.replace('name = "two.skl"', 'frame_rate = 0, name = "two.skl"')
+    text = text.replace('name = "three.skl"', 'frame_rate = 12.5, format = "C3D", name = "three.skl"')
+    first, second, third, _ = parse_catalog(catalog_file, text).entries
+    assert first.address == f"{HOST}/other/place/{'f' * 40}/a%20folder/one.skl"
+    # The collection's rate is that of recordings.
+    assert (first.format, first.frame_rate) == (None, None)
+    assert (second.format, second.frame_rate) == ("BVH", None)
+    assert (third.format, third.frame_rate) == ("C3D", 12.5)
+
+
+@pytest.mark.parametrize(
+    ("names", "chosen"),
+    [
+        (["walks"], ["walks/one.skl", "walks/two.skl", "walks/three.skl"]),
+        (["runs/one.bvh", "two.skl"], ["walks/two.skl", "runs/one.bvh"]),
+        (["*/one.*"], ["walks/one.skl", "runs/one.bvh"]),
+        (["r?ns", "runs", "*.bvh"], ["runs/one.bvh"]),
+        (["[rw]*"], ["walks/one.skl", "walks/two.skl", "walks/three.skl", "runs/one.bvh"]),
+    ],
+)
+def test_names_and_patterns(catalog: Catalog, names: list[str], chosen: list[str]) -> None:
+    assert [entry.name for entry in catalog.select(names)] == chosen
+
+
+def test_what_means_nothing_is_told_with_the_nearest(catalog: Catalog) -> None:
+    with pytest.raises(KinemimicError, match=r"made\.toml: .* found 'wallks'; did you mean 'walks'\?"):
+        catalog.select(["runs", "wallks"])
+    with pytest.raises(KinemimicError, match="datasets list"):
+        catalog.entry("Xq*")
+    assert [one.name for one in collections_of(catalog, catalog.select(["*.bvh"]))] == ["runs"]
+
+
+# What to put for what, and what the message says; line 16 is the first file of the first collection.
+BROKEN = [
+    ("schema = 1", "schema = 2", r"key schema: expected 1, found 2"),
+    ("schema = 1", "schema = true", r"key schema: expected 1, found True"),
+    ("schema = 1", "", r"key schema: expected 1, found none"),
+    ("schema = 1", "schema = 1\nsheme = 1", r"key sheme: expected one of schema, collection"),
+    ('name = "walks"', 'name = "walks', r"expected TOML, found .*line 5"),
+    ('name = "walks"', 'name = "../walks"', r"line 4, key collection\[1\]\.name: .* found '\.\./walks'"),
+    ('name = "walks"', 'name = "/etc"', r"line 4, key collection\[1\]\.name"),
+    ('name = "walks"', 'name = ".."', r"line 4, key collection\[1\]\.name"),
+    ('name = "walks"', "name = 3", r"line 4, key collection\[1\]\.name: .* found 3"),
+    ('name = "walks"', 'name = "runs"', r"line 21, key collection\[2\]\.name: .* 'runs' for the second"),
+    ('title = "made-up walks"\n', "", r"line 4, key collection\[1\]\.title: .* found none"),
+    ('shows = "nothing"', 'shows = "a\\u001b[2J"', r"key collection\[1\]\.shows: expected a line of text"),
+    ('shows = "nothing"', 'show = "nothing"', r"key collection\[1\]\.shows: .* found none"),
+    ('shows = "nothing"', 'shows = "x"\nlicense = "x"', r"\.license: .*did you mean 'licence'\?"),
+    ("frame_rate = 30", "frame_rate = -1", r"frame_rate: expected a number from 0 to"),
+    ("frame_rate = 30", "frame_rate = nan", r"frame_rate: expected a number from 0 to"),
+    ('"some/body"', '"https://some/body"', r"repository: expected a repository on GitHub, OWNER/NAME"),
+    (f'commit = "{COMMIT}"', 'commit = "main"', r"commit: expected a commit, 40 hexadecimal digits"),
+    ('name = "one.skl"', 'name = "../../one.skl"', r"line 16, key walks\.files\[1\]\.name: expected a file"),
+    ('name = "one.skl"', 'name = "/one.skl"', r"walks\.files\[1\]\.name"),
+    ('name = "one.skl"', 'name = ".bashrc"', r"walks\.files\[1\]\.name"),
+    ('name = "one.skl"', 'name = "one\\u0000"', r"walks\.files\[1\]\.name"),
+    ('name = "one.skl"', 'name = "two.skl"', r"walks\.files\[2\]\.name: .* 'two.skl' for the second time"),
+    ('path = "a folder/one.skl"', 'path = "a/../../one"', r"line 16, key walks\.files\[1\]\.path"),
+    ('path = "a folder/one.skl"', 'path = "/one"', r"line 16, key walks\.files\[1\]\.path"),
+    ('path = "a folder/one.skl"', 'path = "a//one"', r"line 16, key walks\.files\[1\]\.path"),
+    (f"bytes = {len(CONTENT)}", "bytes = 0", r"bytes: expected the file's size in bytes"),
+    (f"bytes = {len(CONTENT)}", "bytes = 1e3", r"bytes: expected the file's size in bytes"),
+    (f"bytes = {len(CONTENT)}", "bytes = true", r"bytes: expected the file's size in bytes"),
+    ('sha256 = "', 'sha256 = "A', r"line 16, key walks\.files\[1\]\.sha256: expected 64 hexadecimal digits"),
+    ("[[collection]] # of walks", "[collection]", r"expected TOML"),
+]  # fmt: skip
+
+
+@pytest.mark.parametrize(("put", "by", "told"), BROKEN)
+def test_a_mistake_is_one_line_with_its_place(catalog_file: Path, put: str, by: str, told: str) -> None:
+    text = catalog_file.read_text()
+    assert put in text
+    catalog_file.write_text(text.replace(put, by, 1))
+    with pytest.raises(KinemimicError, match=rf"made\.toml.*{told}") as raised:
+        load_catalog(catalog_file)
+    assert "\n" not in str(raised.value)
+
+
+def test_what_is_no_catalogue_is_told(tmp_path: Path) -> None:
+    (tmp_path / "binary").write_bytes(b"\xff\xfe\x00")
+    (tmp_path / "files").write_text('schema = 1\n[[collection]]\nname = "x"\nfiles = 3')
+    for name, told in (
+        ("none", "found no file"),
+        ("", "found a folder"),
+        ("binary", "expected text in UTF-8"),
+    ):
+        with pytest.raises(KinemimicError, match=told):
+            load_catalog(tmp_path / name)
+    with pytest.raises(KinemimicError, match=r"title: expected a line of text, found none"):
+        load_catalog(tmp_path / "files")
+
+
+@settings(max_examples=200, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@given(data=st.data())
+def test_damage_never_ends_in_a_traceback(catalog_file: Path, data: st.DataObject) -> None:
+    text = catalog_file.read_text()
+    begin = data.draw(st.integers(0, len(text)))
+    end = data.draw(st.integers(begin, min(len(text), begin + 60)))
+    put = data.draw(st.text(st.sampled_from("\"'[]{}=,.#\n 0e-/\\xname\x00é"), max_size=12))
+    try:
+        catalog = parse_catalog(catalog_file, text[:begin] + put + text[end:])
+    except KinemimicError as error:
+        assert str(error).startswith(str(catalog_file))
+    else:
+        for entry in catalog.entries:
+            assert Path(entry.name).parts == (entry.collection, entry.file)
+            assert ".." not in entry.name.split("/")
