@@ -6,6 +6,7 @@ same file; one that is not, fails.
 
 from __future__ import annotations
 
+import json
 from collections.abc import Mapping
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -58,7 +59,8 @@ def watched(
 @click.option("--params", "path", type=click.Path(path_type=Path), default=PARAMS, show_default=True)
 @workers_option
 @engine_option
-def command(policy: str, path: Path, workers: int | None, engine: str) -> None:
+@click.option("--json", "as_json", is_flag=True, help="Print the scores.")
+def command(policy: str, path: Path, workers: int | None, engine: str, as_json: bool) -> None:
     """Have POLICY, which ships, perform again, and write its scores if they are those on record.
 
     What `dvc repro` calls; works in the current folder.
@@ -80,5 +82,6 @@ def command(policy: str, path: Path, workers: int | None, engine: str) -> None:
         found = figures(evaluate(run, workers=workers, engine=engine))
     kept = watched(recorded, found, params.tolerances, policy)
     target = path.parent / "scores" / f"{policy}.json"
-    write_json(target, {"schema": SCHEMA, "policy": policy, **kept})
-    click.echo(f"{target}")
+    content = {"schema": SCHEMA, "policy": policy, **kept}
+    write_json(target, content)
+    click.echo(json.dumps(content, indent=2) if as_json else f"{target}")

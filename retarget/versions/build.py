@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Mapping
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -78,7 +79,8 @@ def place(params: Params, root: Path, name: str, file: str) -> Path:
 @click.option("--through", type=click.Choice(list(STAGES)), default=LAST, show_default=True,
               help="The last stage; what it makes is written.")  # fmt: skip
 @click.option("--params", "path", type=click.Path(path_type=Path), default=PARAMS, show_default=True)
-def command(name: str, through: str, path: Path) -> None:
+@click.option("--json", "as_json", is_flag=True, help="Print path and content hash as JSON.")
+def command(name: str, through: str, path: Path, as_json: bool) -> None:
     """Make one of the data set's captures, NAME, and write what a stage came to as canonical arrays.
 
     What `dvc repro` calls; works in the current folder.
@@ -90,4 +92,5 @@ def command(name: str, through: str, path: Path) -> None:
     made = built(params.capture(name), Path(), through)
     target = place(params, Path(), name, STAGES[through])
     made[STAGES[through]].write(target)
-    click.echo(f"{target}")
+    said = {"path": str(target), "content": made[STAGES[through]].identity}
+    click.echo(json.dumps(said, indent=2) if as_json else said["path"])

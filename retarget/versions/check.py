@@ -101,7 +101,8 @@ def _what(before: Canonical, after: Canonical) -> str:
 @click.command("check")
 @click.option("--params", "path", type=click.Path(path_type=Path), default=PARAMS, show_default=True)
 @click.option("--against", metavar="COMMIT", help="Whose data of the same version have to be the same.")
-def command(path: Path, against: str | None) -> None:
+@click.option("--json", "as_json", is_flag=True, help="Print what is wrong as JSON.")
+def command(path: Path, against: str | None, as_json: bool) -> None:
     """Whether the data set in the current folder is what its manifest says: raw files by SHA-256, and what is
     made of them today, number by number. Exit status 1, and a line for everything that is wrong.
 
@@ -110,8 +111,12 @@ def command(path: Path, against: str | None) -> None:
     """
     params = Params.load(path)
     wrong = check(params, Path(), against)
-    for line in wrong:
-        click.echo(f"datasets: {line}", err=True)
+    if as_json:
+        click.echo(json.dumps({"version": params.version, "wrong": wrong}, indent=2))
+    else:
+        for line in wrong:
+            click.echo(f"datasets: {line}", err=True)
     if wrong:
         click.get_current_context().exit(WRONG)
-    click.echo(f"{path.parent / MANIFEST}: version {params.version}, all of it as locked")
+    if not as_json:
+        click.echo(f"{path.parent / MANIFEST}: version {params.version}, all of it as locked")

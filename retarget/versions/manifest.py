@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -44,17 +45,14 @@ class Manifest:
             raise KinemimicError(f"{path}: expected a manifest, found no file; `make data` writes it")
         return cls.of_json(read_json(path), str(path))
 
-    def write(self, path: Path) -> None:
-        """The same bytes for the same data set."""
-        write_json(
-            path,
-            {
-                "schema": SCHEMA,
-                "version": self.version,
-                "raw": dict(sorted(self.raw.items())),
-                "content": dict(sorted(self.content.items())),
-            },
-        )
+    def to_json(self) -> dict[str, Any]:
+        """The same for the same data set."""
+        return {
+            "schema": SCHEMA,
+            "version": self.version,
+            "raw": dict(sorted(self.raw.items())),
+            "content": dict(sorted(self.content.items())),
+        }
 
 
 def raw_hashes(params: Params, root: Path) -> dict[str, str]:
@@ -98,7 +96,7 @@ def lock(params: Params, root: Path) -> Manifest:
         )
     if (missing := unsaid(params.version, root)) is not None:
         raise KinemimicError(missing)
-    made.write(path)
+    write_json(path, made.to_json())
     return made
 
 
@@ -122,7 +120,8 @@ def unsaid(version: int, root: Path) -> str | None:
 
 @click.command("lock")
 @click.option("--params", "path", type=click.Path(path_type=Path), default=PARAMS, show_default=True)
-def command(path: Path) -> None:
+@click.option("--json", "as_json", is_flag=True, help="Print the manifest.")
+def command(path: Path, as_json: bool) -> None:
     """Write the manifest of the data set that is built in the current folder.
 
     Refused if the data changed and their version did not, or the changelog has no line on it.
@@ -131,5 +130,8 @@ def command(path: Path) -> None:
       kinemimic datasets lock
     """
     made = lock(Params.load(path), Path())
+    if as_json:
+        click.echo(json.dumps(made.to_json(), indent=2))
+        return
     click.echo(f"{path.parent / MANIFEST}: version {made.version}, {len(made.raw)} raw files, "
                f"{len(made.content)} built")  # fmt: skip
