@@ -96,10 +96,10 @@ compare: setup ## Tasks RUNS= (or RUN=; RUN@SCENARIO) trained and scored: median
 study: setup ## The paper's experiments on the policies that ship: runs/study/study.html (TRIALS= ENGINE=)
 	$(KINEMIMIC) study $(if $(TRIALS),--trials "$(TRIALS)") $(if $(ENGINE),--engine "$(ENGINE)")
 
-# Ours, DDPG, actor-critic and stable-baselines3's PPO on the paper's three tasks.
+# Ours, DDPG, actor-critic and stable-baselines3's PPO on the paper's three tasks, with the same small nets.
 comparison: setup ## Train what `study` compares (hours), into datasets/comparison (ENGINE=)
 	$(KINEMIMIC) compare datasets/policies/walk datasets/policies/run datasets/policies/walk@several-obstacles \
-	  --preset default --preset ddpg --preset a2c --preset sb3-ppo --seeds 3 --budgets 3e5,1e6 --limit ddpg=3e5 \
+	  --preset default --preset ddpg --preset a2c --preset sb3-ppo --seeds 3 --budgets 3e5,1e6 --limit ddpg=3e5 --limit sb3-ppo=3e5 --hidden 128,64 \
 	  --out runs/comparison --publish datasets/comparison $(if $(ENGINE),--engine "$(ENGINE)")
 
 overlay: setup ## The skeleton drawn into CAPTURE=, a depth recording's folder: RUN=/overlay.mp4

@@ -69,7 +69,8 @@ class A2c:
     # moves the policy sixteen times as far (KL).
     actor_rate: float = 3e-5
     critic_rate: float = 1e-3
-    n_steps: int = 8
+    # Twice the gradient steps for as many samples: better than a rate three times as high.
+    n_steps: int = 4
     gae_lambda: float = 0.95
     max_grad_norm: float = 0.5
     # As published, it begins with steps ten times too long: Adam corrects its means for their beginning.
