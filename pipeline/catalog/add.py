@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import re
+from collections.abc import Mapping
 from dataclasses import asdict
 from pathlib import Path
 
@@ -27,13 +28,19 @@ def add(
     *,
     path: str,
     name: str | None = None,
-    **told: str | None,
+    repository: str | None = None,
+    commit: str | None = None,
+    licence: str | None = None,
+    citation: str | None = None,
+    title: str | None = None,
+    sensor: str | None = None,
+    shows: str | None = None,
 ) -> tuple[Entry, str | None]:
     """Write a file's entry into a catalogue, which is made if there is none; what it holds stays as it is.
 
-    path: of the file in its repository; name: of the file in the collection, by default its own; told:
-    repository, commit, licence, citation, title, sensor, shows, of which a collection that is there already
-    needs none, and a new one the first four. Returns the entry, and why no format or frame rate is known.
+    path: of the file in its repository; name: of the file in the collection, by default its own. A new
+    collection needs repository, commit, licence and citation; one that is there has them, and a file of it
+    may have another repository and commit. Returns the entry, and why no format or frame rate is known.
 
     A KinemimicError if the file or its name is in the catalogue already, or if something is missing.
     """
@@ -50,16 +57,24 @@ def add(
             raise KinemimicError(
                 f"{catalog}: expected a new file, found {file} there already as {entry.name}"
             )
-    format, sensor, rate, why = _recognised(file)
+    told = {
+        "repository": repository,
+        "commit": commit,
+        "licence": licence,
+        "citation": citation,
+        "title": title,
+        "sensor": sensor,
+        "shows": shows,
+    }
+    format, recorder, rate, why = _recognised(file)
     place = next((one for one in known.collections if one.name == collection), None)
     line: dict[str, str | int | float] = {"name": name, "path": path, "bytes": size, "sha256": sha256}
     if place is None:
-        told = {"title": collection, "sensor": sensor, "shows": _UNTOLD} | {
-            k: v for k, v in told.items() if v
-        }
+        texts = {"title": collection, "sensor": recorder, "shows": _UNTOLD}
+        texts |= {key: text for key, text in told.items() if text}
         if rate is not None:
             line["frame_rate"] = rate
-        fresh = text + _new_collection(catalog, collection, format, told, line)
+        fresh = text + _new_collection(catalog, collection, format, texts, line)
     else:
         line |= _own(catalog, place, format, rate, told)
         fresh = _with_line(catalog, text, known, place, line)
@@ -97,7 +112,7 @@ def _recognised(file: Path) -> tuple[str | None, str, float | None, str | None]:
 
 
 def _own(
-    catalog: Path, place: Collection, format: str | None, rate: float | None, told: dict[str, str | None]
+    catalog: Path, place: Collection, format: str | None, rate: float | None, told: Mapping[str, str | None]
 ) -> dict[str, str | int | float]:
     """What a file of a collection says for itself, because the collection says something else."""
     own: dict[str, str | int | float] = {}
@@ -121,17 +136,17 @@ def _new_collection(
     catalog: Path,
     name: str,
     format: str | None,
-    told: dict[str, str | None],
+    told: Mapping[str, str],
     line: dict[str, str | int | float],
 ) -> str:
     for key in ("repository", "commit", "licence", "citation"):
-        if not told.get(key):
+        if key not in told:
             raise KinemimicError(f"{catalog}: expected --{key} for the new collection {name!r}, found none")
     keys = (
         {"name": name} | {key: told[key] for key in ("title", "sensor", "shows")} | {"format": format or NONE}
     )
     keys |= {key: told[key] for key in ("licence", "citation", "repository", "commit")}
-    head = "".join(f"{key} = {quoted(value or '')}\n" for key, value in keys.items())
+    head = "".join(f"{key} = {quoted(value)}\n" for key, value in keys.items())
     return f"\n[[collection]]\n{head}files = [\n{_inline(line)}]\n"
 
 

@@ -66,7 +66,7 @@ def fetch(
     with requests.Session() as session, progress("fetch", sum(entry.bytes for entry, _ in wanted)) as bar:
         session.max_redirects = 5
         for done, (entry, path) in enumerate(wanted):
-            bar.advance(0, file=entry.name)
+            bar.advance(0, of=entry.collection)
             try:
                 if isinstance(source, Path):
                     _retrieve(

@@ -28,6 +28,7 @@ class Request(BaseHTTPRequestHandler):
     """One request; the test's script answers it."""
 
     protocol_version = "HTTP/1.1"
+    disable_nagle_algorithm = True  # or every small answer waits 40 ms for the acknowledgement of its head
     script: Script
     log: list[Asked]
 
