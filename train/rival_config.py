@@ -104,7 +104,8 @@ class StablePpo:
     actor_rate: float = 5e-5
     critic_rate: float = 1e-3
     batch: int = 512
-    passes: int = 8
+    # Twice as many as ours, at a rate that stays low: the search found it a little ahead.
+    passes: int = 16
     clip: float = 0.2
     gae_lambda: float = 0.95
     max_grad_norm: float = 1.0
