@@ -59,11 +59,11 @@ SEARCH: dict[str, dict[str, Changes]] = {
         "actor-1e-4": {"rival": {"actor_rate": 1e-4}},
         "critic-3e-4": {"rival": {"critic_rate": 3e-4}},
         "clip-0.1": {"rival": {"clip": 0.1}},
-        "passes-8": {"rival": {"passes": 8}},
+        "passes-16": {"rival": {"passes": 16}},
         "batch-2048": {"rival": {"batch": 2048}},
         "grad-norm-0.5": {"rival": {"max_grad_norm": 0.5}},
         "learn-noise": {"learn_noise": True},
-        "relu": {"rival": {"activation": "relu"}},
+        "tanh": {"rival": {"activation": "tanh"}},
     },
 }
 
