@@ -112,7 +112,7 @@ $(DVC): constraints.txt | $(STAMP)
 	@touch $@
 
 data: setup $(DVC) ## Make the versioned data set anew and lock it (datasets/versions/params.toml)
-	PATH="$(CURDIR)/$(BIN):$$PATH" $(BIN)/dvc repro
+	PATH="$(CURDIR)/$(BIN):$$PATH" $(BIN)/dvc repro --force
 	$(KINEMIMIC) datasets lock
 
 data-check: setup ## Is the data set what is locked, and is it still made so? (AGAINST= a commit)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import hashlib
+import json
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -49,6 +51,10 @@ class Task:
         return replace(config, env=replace(config.env, scenario=self.scenario))
 
 
+def _identity(one: Scenario) -> str:
+    return hashlib.sha256(json.dumps(one.to_json(), sort_keys=True).encode()).hexdigest()
+
+
 def about(task: Task, motion: Motion) -> dict[str, Any]:
     """What a comparison says of a task; ceiling: the loop's own R² against the capture, mean of sides."""
     run = task.run
@@ -61,6 +67,7 @@ def about(task: Task, motion: Motion) -> dict[str, Any]:
     return {
         "motion": run.resolve().name,
         "scenario": task.scenario and task.scenario.name,
+        "scenario_identity": task.scenario and _identity(task.scenario),
         "identity": motion.identity,
         "cyclic": motion.cyclic,
         "seconds": round(motion.duration, 6),

@@ -7,7 +7,6 @@ What ships in datasets/comparison is such a folder too, with one seed of each va
 from __future__ import annotations
 
 import json
-import shutil
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -28,6 +27,7 @@ from kinemimic.train.policy import Policy
 
 RESULTS = "compare.json"
 COMPARE_SCHEMA = 1
+_KEYS = ("tasks", "cells", "curves", "summary", "provenance")
 SHIPPED = DATASETS / "comparison"
 Row = Mapping[str, Any]
 
@@ -72,9 +72,9 @@ class Comparison:
             schema=COMPARE_SCHEMA,
             advice="repeat it",
         )
-        if not all(key in content for key in ("tasks", "cells", "curves")):
+        if missing := [key for key in _KEYS if key not in content]:
             raise KinemimicError(
-                f"{folder / RESULTS}: expected tasks, cells and curves, found {', '.join(content)}; repeat "
+                f"{folder / RESULTS}: expected the keys {', '.join(_KEYS)}, found no {missing[0]}; repeat "
                 "`kinemimic compare`"
             )
         # They become names of folders.
@@ -157,19 +157,29 @@ class Comparison:
                 f"{self.folder / RESULTS}: expected every training to have ended well, found that "
                 f"{', '.join(failed)} failed; nothing is published"
             )
+        if into.resolve() == self.folder.resolve():
+            raise KinemimicError(f"{into}: expected to publish to another folder than the comparison's own")
         content = self.content
         if (into / RESULTS).exists():
             content = merged(Comparison.load(into).content, content, str(into / RESULTS))
+        published: list[Path] = []
         for task in self.content["tasks"]:
             copy_file(self.folder / task / MOTION, into / task / MOTION)
             for variant in dict.fromkeys(row["variant"] for row in self.content["cells"]):
                 if self.cells(task, variant):
                     path = self._policy(self.middle(task, variant))
-                    # Another seed may have been in the middle before.
-                    shutil.rmtree(into / task / variant, ignore_errors=True)
                     for one in (path.with_suffix(".json"), path):
                         copy_file(one, into / one.relative_to(self.folder))
+                    published.append(into / path.relative_to(self.folder))
         write_json(into / RESULTS, content)
+        # Only now is nothing asked for any more of what was in the middle before.
+        for path in published:
+            for other in path.parent.parent.glob("seed*/policy-*"):
+                if other.with_suffix("") != path.with_suffix(""):
+                    other.unlink()
+            for folder in path.parent.parent.glob("seed*"):
+                if not any(folder.iterdir()):
+                    folder.rmdir()
 
     def _policy(self, row: Row) -> Path:
         task, variant, seed, budget = (str(row[key]) for key in ("task", "variant", "seed", "budget"))

@@ -23,7 +23,9 @@ def merged(before: Content, now: Content, place: str) -> dict[str, Any]:
         return dict(now)
     settings, others = (one["provenance"]["config"] for one in (before, now))
     for name in {row["task"] for row in kept["cells"]} & now["tasks"].keys():
-        _expect(place, f"motion of {name}", before["tasks"][name]["identity"], now["tasks"][name]["identity"])
+        for what in ("motion", "scenario"):
+            one, other = (_of_task(content["tasks"][name], what) for content in (before, now))
+            _expect(place, f"{what} of {name}", one, other)
     for name in {row["variant"] for row in kept["cells"]} & others["variants"].keys():
         for what in ("variants", "budgets"):
             _expect(place, f"{what} of {name}", settings[what][name], others[what][name])
@@ -43,9 +45,14 @@ def merged(before: Content, now: Content, place: str) -> dict[str, Any]:
     }
 
 
-def _expect(place: str, what: str, wanted: Any, found: Any) -> None:
-    if wanted != found:
+def _of_task(about: Content, what: str) -> Any:
+    return about["identity"] if what == "motion" else about.get("scenario_identity")
+
+
+def _expect(place: str, what: str, there: Any, here: Any) -> None:
+    if there != here:
+        told = f"{there!r} there and {here!r} here" if isinstance(there, int | str | list) else "another"
         raise KinemimicError(
-            f"{place}: expected to add to a comparison of the same {what}, found another; publish to "
+            f"{place}: expected to add to a comparison of the same {what}, found {told}; publish to "
             "another folder, or delete that one"
         )

@@ -26,8 +26,11 @@ from kinemimic.train.options import engine_option, workers_option
 SCHEMA = 1
 
 
-def figures(scores: Mapping[str, Any]) -> dict[str, float]:
-    """What is watched of scores.json: frames and start phases survived, fit, path."""
+Figures = Mapping[str, float | None]
+
+
+def figures(scores: Mapping[str, Any]) -> dict[str, float | None]:
+    """What is watched of scores.json: frames and start phases survived, fit, path; None is not measurable."""
     fit = {
         f"{joint}_{figure}": scores["fit"][joint][figure]
         for joint in JOINTS
@@ -38,20 +41,30 @@ def figures(scores: Mapping[str, Any]) -> dict[str, float]:
 
 
 def watched(
-    recorded: Mapping[str, float], found: Mapping[str, float], tolerances: Mapping[str, float], name: str
-) -> dict[str, float]:
+    recorded: Figures, found: Figures, tolerances: Mapping[str, float], name: str
+) -> dict[str, float | None]:
     """The figures as recorded; KinemimicError names those that are further off than their tolerance.
 
     A figure without a tolerance has to be the same.
     """
     off = [
-        f"{figure} {value:g} instead of {recorded[figure]:g} ± {tolerances.get(figure, 0.0):g}"
+        f"{figure} {_told(value)} instead of {_told(recorded[figure])} ± {tolerances.get(figure, 0.0):g}"
         for figure, value in found.items()
-        if not abs(value - recorded[figure]) <= tolerances.get(figure, 0.0)
+        if not _near(value, recorded[figure], tolerances.get(figure, 0.0))
     ]
     if off:
         raise KinemimicError(f"{name}: expected its scores on record, found {', '.join(off)}")
     return dict(recorded)
+
+
+def _near(value: float | None, other: float | None, tolerance: float) -> bool:
+    if value is None or other is None:
+        return value is other
+    return abs(value - other) <= tolerance
+
+
+def _told(value: float | None) -> str:
+    return "none" if value is None else f"{value:g}"
 
 
 @click.command("score")
@@ -73,9 +86,9 @@ def command(policy: str, path: Path, workers: int | None, engine: str, as_json: 
         raise KinemimicError(
             f"{path}: expected a policy among {', '.join(params.policies)}, found {policy!r}"
         )
-    if strange := params.tolerances.keys() - figures(read_json(POLICIES / policy / SCORES)).keys():
-        raise KinemimicError(f"{path}: expected tolerances of figures that are watched, found {min(strange)}")
     recorded = figures(read_json(POLICIES / policy / SCORES))
+    if strange := params.tolerances.keys() - recorded.keys():
+        raise KinemimicError(f"{path}: expected tolerances of figures that are watched, found {min(strange)}")
     with TemporaryDirectory(prefix="kinemimic-") as folder:
         run = Path(folder)
         unpack(policy, run)

@@ -1,14 +1,14 @@
 """Arrays in a canonical file: what a data set is locked by, the same bytes on every machine.
 
-Numbers are rounded to 1e-5 (10 µm, 0.002°), which the last digits of another processor do not reach;
-nothing tells of times, versions or paths. A file is JSON with a line for each frame, so that two versions of
-it can be compared by eye.
+Numbers are rounded to 1e-5 (10 µm, 0.002°), far above what differs between processors, so that only a number
+right at the edge between two could come out otherwise; nothing tells of times, versions or paths.
 """
 
 from __future__ import annotations
 
+import json
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -23,38 +23,49 @@ from kinemimic.pipeline.store import content_hash, read_json, write_text
 
 Array = NDArray[np.float64]
 FORMAT, SCHEMA, DECIMALS = "kinemimic.arrays", 1, 5
+_OF_CLIP = (
+    "times", "positions", "states", "passes", "euler", "translations", "rotations", "rests", "world_from_file"
+)  # fmt: skip
 
 
 @dataclass(frozen=True)
 class Canonical:
-    """kind: "clip" or "motion"; joints: names along the second axis of what has one; arrays: rounded, NaN
-    where nothing was measured."""
+    """kind: "clip" or "motion"; joints: names along the axis of what has one; arrays: rounded, NaN where
+    nothing was measured; facts: what else gives them meaning, as JSON values."""
 
     kind: str
     joints: tuple[str, ...]
     arrays: Mapping[str, Array]
+    facts: Mapping[str, Any] = field(default_factory=dict)
 
     @classmethod
-    def of(cls, kind: str, joints: tuple[str, ...], arrays: Mapping[str, Any]) -> Canonical:
+    def of(
+        cls, kind: str, joints: tuple[str, ...], arrays: Mapping[str, Any], facts: Mapping[str, Any]
+    ) -> Canonical:
         """Rounds; the signs of zero and of NaN, which are noise, become plus."""
-        return cls(kind, joints, {name: _rounded(array) for name, array in arrays.items()})
+        return cls(kind, joints, {name: _rounded(array) for name, array in arrays.items()}, facts)
 
     @classmethod
     def of_clip(cls, clip: Clip) -> Canonical:
-        """All that was measured; of a converted clip its rotations too."""
-        fields = ("times", "positions", "states", "passes", "euler", "translations", "rotations")
-        found = {name: getattr(clip, name) for name in fields}
+        """All that was measured, and on what; of a converted clip its rotations too."""
+        found = {
+            **{name: getattr(clip, name) for name in _OF_CLIP},
+            **{f"angle.{name}": curve for name, curve in (clip.angles or {}).items()},
+            "parents": clip.skeleton.parents,
+            "offsets": clip.skeleton.offsets,
+        }
         return cls.of(
             "clip",
             clip.skeleton.names,
             {name: array for name, array in found.items() if array is not None},
+            {"simulated": clip.simulated, "orders": None if clip.orders is None else list(clip.orders)},
         )
 
     @property
     def identity(self) -> str:
         """SHA-256 over names and values."""
-        named = {"kind": np.array(self.kind), "joints": np.array(self.joints)}
-        return content_hash({**self.arrays, **named})
+        told = json.dumps([self.kind, self.joints, self.facts], sort_keys=True)
+        return content_hash({**self.arrays, "": np.array(told)})
 
     def write(self, path: Path) -> None:
         """The same bytes for the same arrays."""
@@ -64,6 +75,7 @@ class Canonical:
             "kind": self.kind,
             "decimals": DECIMALS,
             "joints": list(self.joints),
+            "facts": self.facts,
             "arrays": {name: _values(array) for name, array in self.arrays.items()},
         }
         write_text(path, layout(document) + "\n")
@@ -78,7 +90,7 @@ class Canonical:
         document = upgraded(document, path, kind="arrays", schema=SCHEMA, advice="build them again")
         try:
             arrays = {name: np.array(rows, dtype=np.float64) for name, rows in document["arrays"].items()}
-            return cls(document["kind"], tuple(document["joints"]), arrays)
+            return cls(document["kind"], tuple(document["joints"]), arrays, dict(document["facts"]))
         except (AttributeError, KeyError, TypeError, ValueError) as error:
             raise KinemimicError(
                 f"{path}: expected arrays of numbers, found {error}; build it again"

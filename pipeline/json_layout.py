@@ -1,4 +1,4 @@
-"""JSON that people read: a line for each key and each frame."""
+"""JSON that people read: a line for each key and each innermost list, as of a frame's numbers."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from typing import Any
 
 
 def layout(value: Any, indent: str = "") -> str:
-    """JSON with a line for each key and frame, where `json.dumps(indent=2)` gives every number its own."""
+    """JSON in fewer lines than `json.dumps(indent=2)`, which gives every number one of its own."""
     inner = indent + "  "
     if isinstance(value, Mapping) and value:
         lines = [f"{json.dumps(key)}: {layout(item, inner)}" for key, item in value.items()]

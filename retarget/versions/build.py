@@ -39,6 +39,7 @@ def canonical_motion(motion: Motion) -> Canonical:
             "contacts": motion.contacts,
             "offsets": motion.offsets,
         },
+        {"simulated": motion.simulated},
     )
 
 

@@ -12,7 +12,7 @@ import click
 from kinemimic.pipeline.canonical import Canonical
 from kinemimic.pipeline.errors import KinemimicError
 from kinemimic.pipeline.progress import progress
-from kinemimic.retarget.versions.build import built, place
+from kinemimic.retarget.versions.build import LAST, STAGES, built, place
 from kinemimic.retarget.versions.diff import changes, told
 from kinemimic.retarget.versions.manifest import MANIFEST, Manifest, changed_raw, different, unsaid
 from kinemimic.retarget.versions.params import PARAMS, Params
@@ -46,14 +46,21 @@ def check(params: Params, root: Path, against: str | None = None) -> list[str]:
 
 def _since(commit: str, params: Params, manifest: Manifest, root: Path) -> Iterator[str]:
     """A line if a commit has other data under the same or a later version."""
-    name = (params.path.parent / MANIFEST).as_posix()
-    content = _git(root, "show", f"{commit}:./{name}")
-    if content is None:
-        # A commit of before there were manifests is no error, one that is not there is.
-        if _git(root, "rev-parse", "--verify", "--end-of-options", f"{commit}^{{commit}}") is None:
-            raise KinemimicError(f"--against: expected a commit, found {commit!r}")
+    path = (root / params.path.parent / MANIFEST).resolve()
+    if not path.is_relative_to(root.resolve()):
+        raise KinemimicError(f"--against: expected {path} below {root.resolve()}, found it elsewhere")
+    name = path.relative_to(root.resolve()).as_posix()
+    there = _git(root, "ls-tree", "--name-only", "--end-of-options", commit, name)
+    if there is None:
+        raise KinemimicError(f"--against: expected a commit, found {commit!r}")
+    if not there.strip():
+        # Of before there was a manifest.
         return
-    before = Manifest.of_json(json.loads(content), f"{commit}:{name}")
+    try:
+        content = json.loads(_git(root, "show", f"{commit}:./{name}") or "")
+    except ValueError as error:
+        raise KinemimicError(f"{commit}:{name}: expected JSON, found {error}") from None
+    before = Manifest.of_json(content, f"{commit}:{name}")
     if before != manifest and before.version >= manifest.version:
         yield (
             f"{name}: expected the data of version {before.version}, as at {commit}, found that "
@@ -79,17 +86,33 @@ def _outputs(params: Params, manifest: Manifest, root: Path) -> Iterator[str]:
             for file, fresh in built(capture, root).items():
                 wanted = manifest.content.get(f"{name}/{file}")
                 there = place(params, root, name, file)
-                stored = Canonical.read(there) if there.exists() else None
-                if stored is not None and stored.identity != wanted:
-                    yield f"{there}: expected what was locked, found other content: {_what(fresh, stored)}"
-                if fresh.identity != wanted:
-                    known = stored is not None and stored.identity == wanted
-                    told_ = _what(stored, fresh) if known and stored is not None else "what, cannot be told"
-                    yield (
-                        f"{name}/{file}: expected what was locked, found that today's code makes another: "
-                        f"{told_}; if that is meant, raise `version` in {params.path} and `make data`"
-                    )
+                try:
+                    if (line := _output(there, fresh, wanted, needed=file == STAGES[LAST])) is not None:
+                        yield line
+                except KinemimicError as error:
+                    yield f"{error}; `make data` builds it again"
             bar.advance(1.0)
+
+
+def _output(path: Path, fresh: Canonical, wanted: str | None, *, needed: bool) -> str | None:
+    """What is wrong with one output.
+
+    fresh: what is made today; wanted: identity of what was locked; needed: whether it has to be there, as
+    what is committed has, and what dvc's remote has need not.
+    """
+    if not path.exists() and needed:
+        return f"{path}: expected the file that is committed, found none; `make data` builds it"
+    stored = Canonical.read(path) if path.exists() else None
+    if fresh.identity == wanted:
+        if stored is None or stored.identity == wanted:
+            return None
+        return f"{path}: expected what was locked, found {_what(fresh, stored)}; `make data` builds it again"
+    line = f"{path}: expected to make what was locked, found that today's code makes another"
+    if stored is not None and stored.identity == wanted:
+        line += f": {_what(stored, fresh)}"
+    elif stored is not None and stored.identity == fresh.identity:
+        line += ", which is built here and not locked"
+    return f"{line}; `kinemimic datasets diff` tells all; if it is meant, raise `version` and `make data`"
 
 
 def _what(before: Canonical, after: Canonical) -> str:

@@ -24,14 +24,18 @@ DIFFERENT = 1  # exit status
 
 # How an array is compared: the unit, and what a difference of one of its numbers is in that unit.
 _LENGTHS = ("positions", "translations", "root", "offsets", "cycle_offset")
-_COUNTED = ("states", "passes", "contacts", "cyclic")
+_ROTATIONS = ("rotations", "rests", "world_from_file")
+_COUNTED = ("states", "passes", "contacts", "cyclic", "parents")
+_OF_SKELETON = ("offsets", "rests", "parents")
+# Changes of a whole array, or of what gives it meaning: nothing is measured.
+_WHOLE = ("fact", "array", "shape")
 _SIDES = ("left", "right")
 
 
 @dataclass(frozen=True)
 class Change:
     """what: array; joint: or side, where it has such; unit: of `largest`, which is at `frame` (None without
-    frames); frames: how many differ."""
+    frames), or what of the whole changed; frames: how many differ."""
 
     what: str
     joint: str | None
@@ -50,19 +54,30 @@ def changes(before: Canonical, after: Canonical) -> list[Change]:
             f"expected the same joints, found {len(before.joints)} and {len(after.joints)}: "
             f"{', '.join(sorted(set(before.joints) ^ set(after.joints))) or 'in another sequence'}"
         )
-    found: list[Change] = []
+    found = [
+        Change(
+            f"{name}, {was} before, {now} after",
+            None,
+            1.0,
+            "fact",
+            None,
+            0,
+        )
+        for name in sorted(before.facts.keys() | after.facts.keys())
+        if (was := before.facts.get(name)) != (now := after.facts.get(name))
+    ]
     for name in sorted(before.arrays.keys() | after.arrays.keys()):
         one, other = before.arrays.get(name), after.arrays.get(name)
         if one is None or other is None:
             there = "added" if one is None else "gone"
             found.append(Change(f"{name}, {there}", None, 1.0, "array", None, 0))
         elif one.shape != other.shape:
-            lengths = [len(array) if array.ndim else 0 for array in (one, other)]
-            told = f"{name}, {lengths[0]} frames before, {lengths[1]} after"
-            found.append(Change(told, None, float(lengths[1] - lengths[0]), "frames", None, 0))
+            lengths = [" × ".join(map(str, array.shape)) or "one number" for array in (one, other)]
+            told = f"{name}, {lengths[0]} before, {lengths[1]} after"
+            found.append(Change(told, None, 1.0, "shape", None, 0))
         else:
             found += _of_array(name, one, other, before.joints)
-    return sorted(found, key=lambda one: -abs(one.largest))
+    return sorted(found, key=lambda one: (one.unit not in _WHOLE, -one.largest))
 
 
 def _of_array(name: str, one: Array, other: Array, joints: Sequence[str]) -> Iterator[Change]:
@@ -71,8 +86,8 @@ def _of_array(name: str, one: Array, other: Array, joints: Sequence[str]) -> Ite
     # A rotation's two quaternions are no degree apart, and yet not the same numbers.
     differs = other_values.any(-1) if other_values.ndim > apart.ndim else other_values
     labels: Sequence[str | None] = [None]
-    if name == "offsets":
-        # Of the skeleton, not of its frames.
+    if name in _OF_SKELETON:
+        # Not of its frames.
         apart, differs, labels = apart[None], differs[None], joints
     elif one.ndim > 1 and one.shape[1] == len(joints):
         labels = joints
@@ -85,7 +100,7 @@ def _of_array(name: str, one: Array, other: Array, joints: Sequence[str]) -> Ite
         if count:
             at = int(np.where(differs[:, column], values, -1.0).argmax())
             frame = at if len(values) > 1 else None
-            yield Change(name, label, round(float(values[at]), 4), unit, frame, count)
+            yield Change(name, label, float(f"{values[at]:.4g}"), unit, frame, count)
 
 
 def _apart(name: str, one: Array, other: Array) -> tuple[Array, str]:
@@ -95,7 +110,7 @@ def _apart(name: str, one: Array, other: Array) -> tuple[Array, str]:
     gap = np.where(np.isnan(gap), np.inf, gap)
     if name in _LENGTHS:
         return 1e3 * np.sqrt(np.square(gap).sum(-1)), "mm"
-    if name == "rotations":
+    if name in _ROTATIONS:
         turned = np.abs(np.where(unseen, 0.0, other + one))
         turned = np.where(np.isnan(turned), np.inf, turned)
         nearer = np.minimum(np.sqrt(np.square(gap).sum(-1)), np.sqrt(np.square(turned).sum(-1)))
@@ -106,6 +121,8 @@ def _apart(name: str, one: Array, other: Array) -> tuple[Array, str]:
         return np.degrees(np.minimum(gap, np.abs(gap - 2.0 * np.pi)).max(-1)), "°"
     if name in _COUNTED:
         return (gap > 0).astype(np.float64), "other"
+    if name.startswith("angle."):
+        return np.degrees(gap), "°"
     return gap, "s" if name == "times" else "Hz"
 
 
@@ -154,7 +171,7 @@ def pairs(before: Path, after: Path) -> Mapping[str, tuple[Path | None, Path | N
 def told(change: Change) -> str:
     """One line for people."""
     where = f" {change.joint}" if change.joint else ""
-    if change.unit in ("array", "frames"):
+    if change.unit in _WHOLE:
         return change.what
     many = f", {change.frames} frames differ" if change.frames > 1 else ""
     at = f" in frame {change.frame}" if change.frame is not None else ""
@@ -212,7 +229,7 @@ def _tables(found: Mapping[str, list[Change] | str]) -> Iterator[Any]:
         yield name
         table = grid("", "", "largest", "in frame", "frames that differ", left=2)
         for one in change:
-            amount = {"array": "", "frames": "", "other": "other"}.get(one.unit, _amount(one))
+            amount = "" if one.unit in _WHOLE else "other" if one.unit == "other" else _amount(one)
             table.add_row(
                 f"  {one.what}", one.joint or "", amount,
                 "" if one.frame is None else str(one.frame), str(one.frames or ""),

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -12,10 +13,12 @@ import click
 
 from kinemimic.pipeline.canonical import Canonical
 from kinemimic.pipeline.errors import KinemimicError
+from kinemimic.pipeline.schema import upgraded
 from kinemimic.pipeline.store import file_hash, read_json, write_json
 from kinemimic.retarget.versions.build import STAGES, place
 from kinemimic.retarget.versions.params import PARAMS, Params
 
+_MADE = "; bring back what was, or raise `version` and `make data`"
 MANIFEST, CHANGELOG = "manifest.json", Path("CHANGELOG.md")
 SCHEMA = 1
 
@@ -31,12 +34,17 @@ class Manifest:
     @classmethod
     def of_json(cls, value: Any, name: str) -> Manifest:
         """name: where it comes from, for people."""
-        if not isinstance(value, dict) or value.get("schema") != SCHEMA:
-            raise KinemimicError(f"{name}: expected a manifest of schema {SCHEMA}, found another file")
-        try:
-            return cls(int(value["version"]), dict(value["raw"]), dict(value["content"]))
-        except (KeyError, TypeError, ValueError) as error:
-            raise KinemimicError(f"{name}: expected version, raw and content, found {error}") from None
+        document = upgraded(
+            value if isinstance(value, dict) else {},
+            Path(name),
+            kind="a manifest",
+            schema=SCHEMA,
+            advice="`make data` writes it anew",
+        )
+        kinds = {"version": int, "raw": dict, "content": dict}
+        if wrong := [key for key, kind in kinds.items() if type(document.get(key)) is not kind]:
+            raise KinemimicError(f"{name}: expected version, raw and content, found another {wrong[0]!r}")
+        return cls(document["version"], document["raw"], document["content"])
 
     @classmethod
     def load(cls, path: Path) -> Manifest:
@@ -56,9 +64,15 @@ class Manifest:
 
 
 def raw_hashes(params: Params, root: Path) -> dict[str, str]:
-    """SHA-256 of every raw file that is there."""
-    files = [file for capture in params.captures.values() for file in capture.raw]
-    return {file.as_posix(): file_hash(root / file) for file in files if (root / file).is_file()}
+    """SHA-256 of every file in the folders of the recordings: what readers open beside one counts too."""
+    folders = sorted({capture.file.parent for capture in params.captures.values()})
+    files = [
+        path.relative_to(root)
+        for folder in folders
+        for path in sorted((root / folder).glob("*"))
+        if path.is_file() and not path.name.startswith(".")
+    ]
+    return {file.as_posix(): file_hash(root / file) for file in files}
 
 
 def changed_raw(params: Params, manifest: Manifest, root: Path) -> Iterator[str]:
@@ -66,11 +80,11 @@ def changed_raw(params: Params, manifest: Manifest, root: Path) -> Iterator[str]
     found = raw_hashes(params, root)
     for file in sorted(manifest.raw.keys() | found.keys()):
         if file not in found:
-            yield f"{file}: expected the raw file of version {manifest.version}, found none"
+            yield f"{file}: expected the raw file of version {manifest.version}, found none{_MADE}"
         elif file not in manifest.raw:
-            yield f"{file}: expected the raw files of version {manifest.version}, found another beside them"
+            yield f"{file}: expected no raw file but those of version {manifest.version}, found it{_MADE}"
         elif found[file] != manifest.raw[file]:
-            yield f"{file}: expected SHA-256 {manifest.raw[file][:12]}…, found {found[file][:12]}…"
+            yield f"{file}: expected SHA-256 {manifest.raw[file][:12]}…, found {found[file][:12]}…{_MADE}"
 
 
 def lock(params: Params, root: Path) -> Manifest:
@@ -81,7 +95,9 @@ def lock(params: Params, root: Path) -> Manifest:
     """
     path = root / params.path.parent / MANIFEST
     content: dict[str, str] = {}
-    for name in params.captures:
+    for name, capture in params.captures.items():
+        if not (root / capture.file).is_file():
+            raise KinemimicError(f"{capture.file}: expected the recording of {name}, found none")
         for file in STAGES.values():
             there = place(params, root, name, file)
             if not there.exists():
@@ -112,10 +128,10 @@ def different(before: Manifest, after: Manifest) -> list[str]:
 
 def unsaid(version: int, root: Path) -> str | None:
     """What is wrong if the changelog has no line on a version of the data."""
-    path, mark = root / CHANGELOG, f"Data {version}:"
-    if path.exists() and mark in path.read_text(encoding="utf-8"):
+    path, mark = root / CHANGELOG, f"- Data {version}: "
+    if path.exists() and re.search(rf"^{mark}\S", path.read_text(encoding="utf-8"), re.MULTILINE):
         return None
-    return f"{path}: expected a line with {mark!r} and what changed in the data set, found none"
+    return f"{path}: expected a line that begins with {mark!r} and says what changed, found none"
 
 
 @click.command("lock")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import tomllib
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -14,12 +15,13 @@ from kinemimic.retarget.ankles import ANKLES, Ankle
 
 PARAMS = Path("datasets/versions/params.toml")
 SCHEMA = 1
+_NAME = re.compile(r"[a-z0-9_]+")
 
 
 @dataclass(frozen=True)
 class Capture:
-    """file: of the raw recording, from the folder that the data set is built in; the rest are options of
-    `ingest` and `retarget`, with their defaults."""
+    """file: of the raw recording, from the folder that the data set is built in, in a folder with nothing but
+    raw files; the rest are options of `ingest` and `retarget`, with their defaults."""
 
     name: str
     file: Path
@@ -28,12 +30,6 @@ class Capture:
     refined: bool = True
     ankle: Ankle = "neutral"
     loop: bool | None = None
-
-    @property
-    def raw(self) -> tuple[Path, ...]:
-        """The recording and what belongs to it where it is simulated: its truth, how it was made."""
-        beside = (self.file.with_suffix(f".{kind}") for kind in ("truth.parquet", "provenance.json"))
-        return (self.file, *beside)
 
 
 @dataclass(frozen=True)
@@ -48,10 +44,10 @@ class Params:
     tolerances: Mapping[str, float]
 
     @classmethod
-    def load(cls, path: Path) -> Params:
-        """A KinemimicError names the key of the first mistake."""
+    def load(cls, path: Path, root: Path = Path()) -> Params:
+        """path: from `root`, the folder that is built in. A KinemimicError names the first mistake's key."""
         try:
-            values = tomllib.loads(path.read_text(encoding="utf-8"))
+            values = tomllib.loads((root / path).read_text(encoding="utf-8"))
         except FileNotFoundError:
             raise KinemimicError(f"{path}: expected the parameters of a data set, found no file") from None
         except (tomllib.TOMLDecodeError, UnicodeDecodeError, RecursionError) as error:
@@ -64,6 +60,10 @@ class Params:
             keys.fail("version", expected="a whole number from 1", found="none")
         table, policies, bounds = keys.table("captures"), keys.marks("policies"), keys.table("tolerances")
         keys.finish()
+        # They become names of folders.
+        for key, names in (("captures", tuple(table.values)), ("policies", policies)):
+            if strange := [name for name in names if not (isinstance(name, str) and _NAME.fullmatch(name))]:
+                keys.fail(key, expected="names of small letters, digits and _", found=repr(strange[0]))
         return cls(
             path,
             version,

@@ -58,6 +58,16 @@ def test_another_middle_seed_takes_the_place_of_the_one_before(
     assert [path.name for path in (tmp_path / "ships" / "walk" / "default").iterdir()] == ["seed0"]
 
 
+def test_a_comparison_is_not_published_onto_itself(compared: Callable[..., Path]) -> None:
+    whole = Comparison.load(compared(returns=(0.9, 0.1, 0.5)))
+    before = sorted(whole.folder.rglob("*"))
+    with pytest.raises(
+        KinemimicError, match="expected to publish to another folder than"
+    ):
+        whole.publish(whole.folder / ".." / whole.folder.name)
+    assert sorted(whole.folder.rglob("*")) == before
+
+
 def test_what_is_published_later_joins_what_is_there(compared: Callable[..., Path], tmp_path: Path) -> None:
     """In whatever portions it was trained, what ships is what one comparison would have been."""
     ships, three = tmp_path / "ships", (0.9, 0.1, 0.5)
@@ -87,7 +97,11 @@ def test_what_is_published_later_joins_what_is_there(compared: Callable[..., Pat
 @pytest.mark.parametrize(
     ("change", "told"),
     [
-        (lambda content: content["provenance"]["config"].update(seeds=5), "of the same seeds"),
+        (
+            lambda content: content["provenance"]["config"].update(seeds=5),
+            "of the same seeds, found 1 there and 5 here",
+        ),
+        (lambda content: content["tasks"]["walk"].update(scenario_identity="x"), "same scenario of walk"),
         (lambda content: content["provenance"]["config"].update(engine="pybullet"), "of the same engine"),
         (lambda content: content["tasks"]["walk"].update(identity="x"), "of the same motion of walk"),
         (

@@ -35,6 +35,10 @@ def test_within_its_tolerance_a_figure_is_the_one_on_record() -> None:
         watched(known, {"frames": 599.0, "r2": 0.95}, {"r2": 0.003}, "walk")
     with pytest.raises(KinemimicError, match="r2 nan instead"):
         watched(known, {"frames": 600.0, "r2": float("nan")}, {"r2": 0.003}, "walk")
+    # As scores.json has what cannot be measured.
+    with pytest.raises(KinemimicError, match="r2 none instead"):
+        watched(known, {"frames": 600.0, "r2": None}, {"r2": 0.003}, "walk")
+    assert watched({"r2": None}, {"r2": None}, {}, "jump") == {"r2": None}
 
 
 @pytest.mark.parametrize("name", PARAMS.policies)

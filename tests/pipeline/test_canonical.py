@@ -20,7 +20,7 @@ VALUES = arrays(np.float64, (4, 2, 3), elements=st.floats(-1e3, 1e3) | st.just(f
 @given(VALUES)
 def test_what_is_written_is_read(tmp_path_factory: pytest.TempPathFactory, values: np.ndarray) -> None:
     path = tmp_path_factory.mktemp("arrays") / "one.json"
-    one = Canonical.of("clip", ("a", "b"), {"positions": values, "rate": 30.0})
+    one = Canonical.of("clip", ("a", "b"), {"positions": values, "rate": 30.0}, {"a": [1]})
     one.write(path)
     again = Canonical.read(path)
     assert again.identity == one.identity
@@ -34,26 +34,27 @@ def test_what_is_written_is_read(tmp_path_factory: pytest.TempPathFactory, value
 def test_signs_of_nothing_are_no_content() -> None:
     plus, minus = np.array([[0.0, np.nan, 1e-9]]), np.array([[-0.0, -np.nan, -1e-9]])
     assert np.signbit(minus[0, 1]) != np.signbit(plus[0, 1])
-    one, other = (Canonical.of("clip", (), {"x": array}) for array in (plus, minus))
+    one, other = (Canonical.of("clip", (), {"x": array}, {}) for array in (plus, minus))
     assert one.identity == other.identity
 
 
 def test_a_frame_is_a_line_and_a_gap_is_null(tmp_path: Path) -> None:
     values = np.array([[0.123456, 2.0], [np.nan, -1.000004]])
-    Canonical.of("clip", (), {"x": values}).write(tmp_path / "one.json")
+    Canonical.of("clip", (), {"x": values}, {}).write(tmp_path / "one.json")
     text = (tmp_path / "one.json").read_text()
     assert "      [0.12346, 2],\n      [null, -1]\n" in text
     assert json.loads(text)["decimals"] == 5
 
 
 def test_any_number_name_or_joint_is_content() -> None:
-    base = Canonical.of("clip", ("a",), {"x": np.zeros((2, 1))})
+    base = Canonical.of("clip", ("a",), {"x": np.zeros((2, 1))}, {})
     others = (
-        Canonical.of("clip", ("a",), {"x": np.full((2, 1), 1e-5)}),
-        Canonical.of("clip", ("b",), {"x": np.zeros((2, 1))}),
-        Canonical.of("motion", ("a",), {"x": np.zeros((2, 1))}),
-        Canonical.of("clip", ("a",), {"y": np.zeros((2, 1))}),
-        Canonical.of("clip", ("a",), {"x": np.zeros((1, 2))}),
+        Canonical.of("clip", ("a",), {"x": np.full((2, 1), 1e-5)}, {}),
+        Canonical.of("clip", ("b",), {"x": np.zeros((2, 1))}, {}),
+        Canonical.of("motion", ("a",), {"x": np.zeros((2, 1))}, {}),
+        Canonical.of("clip", ("a",), {"y": np.zeros((2, 1))}, {}),
+        Canonical.of("clip", ("a",), {"x": np.zeros((1, 2))}, {}),
+        Canonical.of("clip", ("a",), {"x": np.zeros((2, 1))}, {"simulated": True}),
     )
     assert len({one.identity for one in (base, *others)}) == 1 + len(others)
 

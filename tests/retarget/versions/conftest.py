@@ -28,10 +28,13 @@ file = "datasets/versions/raw/{NAME}.skl"
 def once(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """The locked data set; not to be changed."""
     root = tmp_path_factory.mktemp("data set")
-    shutil.copytree(ROOT / "datasets/versions/raw", root / "datasets/versions/raw")
+    raw = Path("datasets/versions/raw")
+    (root / raw).mkdir(parents=True)
+    for path in (ROOT / raw).glob(f"{NAME}.*"):
+        shutil.copy(path, root / raw)
     (root / PARAMS).write_text(TEXT)
     (root / "CHANGELOG.md").write_text("- Data 1: a walk.\n")
-    params = _params(root)
+    params = Params.load(PARAMS, root)
     for file, made in built(params.capture(NAME), root).items():
         made.write(place(params, root, NAME, file))
     assert {path.name for path in (root / "datasets/versions/built" / NAME).iterdir()} == set(STAGES.values())
@@ -45,12 +48,7 @@ def root(once: Path, tmp_path: Path) -> Path:
     return Path(shutil.copytree(once, tmp_path / "root"))
 
 
-def _params(root: Path) -> Params:
-    found = Params.load(root / PARAMS)
-    return Params(PARAMS, found.version, found.captures, found.policies, found.tolerances)
-
-
 @pytest.fixture
 def params(root: Path) -> Params:
     """Of the copy, as if it were the current folder."""
-    return _params(root)
+    return Params.load(PARAMS, root)

@@ -10,6 +10,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from click.testing import CliRunner
 
 from kinemimic.pipeline.canonical import Canonical
 from kinemimic.pipeline.errors import KinemimicError
@@ -17,9 +18,12 @@ from kinemimic.pipeline.rotations import from_axis_angle, multiply
 from kinemimic.pipeline.skeleton import NODE_INDEX
 from kinemimic.retarget.versions import check as module
 from kinemimic.retarget.versions.build import built, place
+from kinemimic.retarget.versions.build import command as build_command
 from kinemimic.retarget.versions.check import check
+from kinemimic.retarget.versions.check import command as check_command
 from kinemimic.retarget.versions.manifest import Manifest, lock
-from kinemimic.retarget.versions.params import Params
+from kinemimic.retarget.versions.manifest import command as lock_command
+from kinemimic.retarget.versions.params import PARAMS, Params
 
 MANIFEST = Path("datasets/versions/manifest.json")
 NAME = "kinect_walk"
@@ -30,7 +34,7 @@ def bent(motion: Canonical, degrees: float, node: str, frame: int) -> Canonical:
     rotations = motion.arrays["rotations"].copy()
     turn = from_axis_angle("Y", np.array(math.radians(degrees)))
     rotations[frame, NODE_INDEX[node]] = multiply(rotations[frame, NODE_INDEX[node]], turn)
-    return Canonical.of(motion.kind, motion.joints, {**motion.arrays, "rotations": rotations})
+    return replace(motion, arrays={**motion.arrays, "rotations": np.round(rotations, 5) + 0.0})
 
 
 def test_what_is_as_locked_passes(root: Path, params: Params) -> None:
@@ -46,7 +50,10 @@ def test_one_byte_of_a_raw_file_is_told_by_its_name(
 ) -> None:
     """And nothing is built of it."""
     monkeypatch.setattr(module, "built", lambda *_: pytest.fail("raw data come first"))
-    for file in params.capture(NAME).raw:
+    recording = params.capture(NAME).file
+    files = [path.relative_to(root) for path in sorted((root / recording).parent.iterdir())]
+    assert len(files) == 3
+    for file in files:
         content = bytearray((root / file).read_bytes())
         content[len(content) // 2] ^= 1
         (root / file).write_bytes(content)
@@ -54,22 +61,38 @@ def test_one_byte_of_a_raw_file_is_told_by_its_name(
         assert line.startswith(f"{file.as_posix()}: expected SHA-256 ")
         content[len(content) // 2] ^= 1
         (root / file).write_bytes(content)
-    (root / params.capture(NAME).file).unlink()
+    (root / recording).unlink()
     (line,) = check(params, root)
-    assert line.startswith(
-        f"datasets/versions/raw/{NAME}.skl: expected the raw file of version 1, found none"
-    )
+    assert line.startswith(f"{recording}: expected the raw file of version 1, found none; bring back")
+    (root / recording).with_name("a.asf").write_text("another")
+    assert f"{recording.parent}/a.asf: expected no raw file but those of version 1" in check(params, root)[0]
 
 
 def test_a_tenth_of_a_degree_is_told_by_joint_and_frame(root: Path, params: Params) -> None:
     path = place(params, root, NAME, "motion.json")
     bent(Canonical.read(path), 0.1, "knee_left", 7).write(path)
     (line,) = check(params, root)
-    assert line.startswith(f"{path}: expected what was locked, found other content: rotations knee_left: 0.")
+    assert line.startswith(f"{path}: expected what was locked, found rotations knee_left: 0.")
     degrees = float(line.split("knee_left: ")[1].split("°")[0])
     # Four numbers rounded to 1e-5.
     assert degrees == pytest.approx(0.1, abs=0.003)
-    assert line.endswith("in frame 7")
+    assert line.endswith("in frame 7; `make data` builds it again")
+
+
+def test_what_is_committed_has_to_be_there_and_whole(root: Path, params: Params) -> None:
+    path = place(params, root, NAME, "motion.json")
+    content = path.read_text()
+    path.write_text(content[: len(content) // 2])
+    place(params, root, NAME, "clip.json").write_text("{}")
+    # One that cannot be read does not hide the next.
+    lines = check(params, root)
+    assert [line.split(":")[0] for line in lines] == [str(path.with_name("clip.json")), str(path)]
+    assert all(line.endswith("`make data` builds it again") for line in lines)
+    place(params, root, NAME, "clip.json").unlink()
+    path.unlink()
+    assert check(params, root) == [
+        f"{path}: expected the file that is committed, found none; `make data` builds it"
+    ]
 
 
 def test_other_code_is_told_by_what_it_makes(
@@ -79,9 +102,13 @@ def test_other_code_is_told_by_what_it_makes(
     made["motion.json"] = bent(made["motion.json"], 0.1, "hip_right", 3)
     monkeypatch.setattr(module, "built", lambda *_: made)
     (line,) = check(params, root)
-    assert line.startswith(f"{NAME}/motion.json: expected what was locked, found that today's code makes")
-    assert "rotations hip_right: 0." in line
-    assert "raise `version` in datasets/versions/params.toml" in line
+    path = place(params, root, NAME, "motion.json")
+    told = f"{path}: expected to make what was locked, found that today's code makes another"
+    assert line.startswith(f"{told}: rotations hip_right: 0.")
+    assert line.endswith("if it is meant, raise `version` and `make data`")
+    made["motion.json"].write(path)
+    (line,) = check(params, root)
+    assert line.startswith(f"{told}, which is built here and not locked; ")
 
 
 def test_another_version_or_another_capture_is_told(root: Path, params: Params) -> None:
@@ -91,7 +118,8 @@ def test_another_version_or_another_capture_is_told(root: Path, params: Params) 
         str(root / "CHANGELOG.md"),
     ]
     lines = check(replace(params, captures={}), root)
-    assert f"datasets/versions/raw/{NAME}.skl: expected the raw file of version 1, found none" in lines
+    told = f"datasets/versions/raw/{NAME}.skl: expected the raw file of version 1, found none"
+    assert any(line.startswith(told) for line in lines)
 
 
 def test_data_change_with_their_version_and_a_line_in_the_changelog(root: Path, params: Params) -> None:
@@ -100,9 +128,12 @@ def test_data_change_with_their_version_and_a_line_in_the_changelog(root: Path, 
     bent(Canonical.read(path), 0.1, "knee_left", 7).write(path)
     with pytest.raises(KinemimicError, match=rf"changed \({NAME}/motion.json\); raise `version` in .* to 2"):
         lock(params, root)
-    with pytest.raises(KinemimicError, match="expected a line with 'Data 2:'"):
+    with pytest.raises(KinemimicError, match="expected a line that begins with '- Data 2: '"):
         lock(replace(params, version=2), root)
     assert Manifest.load(root / MANIFEST) == before
+    (root / "CHANGELOG.md").write_text("- Data 2:\n- Data 1: a walk, as Data 2: is not.\n")
+    with pytest.raises(KinemimicError, match="expected a line that begins with"):
+        lock(replace(params, version=2), root)
     (root / "CHANGELOG.md").write_text("- Data 2: a knee.\n- Data 1: a walk.\n")
     after = lock(replace(params, version=2), root)
     assert after == Manifest.load(root / MANIFEST)
@@ -132,15 +163,26 @@ def test_a_manifest_that_was_rewritten_is_told_by_the_commit_before(root: Path, 
     lines = check(params, root, against="HEAD")
     assert lines[0].startswith(f"{MANIFEST}: expected the data of version 1, as at HEAD, found that ")
     assert f"{NAME}/motion.json changed" in lines[0]
-    with pytest.raises(KinemimicError, match="--against: expected a commit, found 'nowhere'"):
-        check(params, root, against="nowhere")
+    # However the parameters are named.
+    absolute = replace(params, path=root / params.path)
+    assert check(absolute, root, against="HEAD")[0] == lines[0].replace(str(PARAMS), str(root / PARAMS))
+    for commit in ("nowhere", "--output=x"):
+        with pytest.raises(KinemimicError, match=f"--against: expected a commit, found '{commit}'"):
+            check(params, root, against=commit)
+    (root / MANIFEST).write_text("{")
+    git("commit", "-qam", "broken")
+    (root / MANIFEST).write_text(json.dumps(written))
+    with pytest.raises(KinemimicError, match=r"HEAD:.*manifest.json: expected JSON"):
+        check(params, root, against="HEAD")
 
 
 def test_what_is_no_manifest_is_one_line(root: Path, params: Params) -> None:
     for text, told in (
-        ("{}", "schema 1"),
-        ("[1]", "schema 1"),
-        ('{"schema": 1}', "'version'"),
+        ("{}", "a manifest of schema 1, found none"),
+        ("[1]", "a manifest of schema 1, found none"),
+        ('{"schema": 2}', "which a later version of kinemimic wrote"),
+        ('{"schema": 1}', "found another 'version'"),
+        ('{"schema": 1, "version": 1, "raw": [], "content": {}}', "found another 'raw'"),
         ("{", "JSON"),
     ):
         (root / MANIFEST).write_text(text)
@@ -149,3 +191,25 @@ def test_what_is_no_manifest_is_one_line(root: Path, params: Params) -> None:
     (root / MANIFEST).unlink()
     with pytest.raises(KinemimicError, match="`make data` writes it"):
         check(params, root)
+
+
+def test_the_commands_say_so_by_their_status(root: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(root)
+    run = CliRunner().invoke
+    assert run(check_command).stdout == f"{MANIFEST}: version 1, all of it as locked\n"
+    assert run(lock_command).stdout == f"{MANIFEST}: version 1, 3 raw files, 3 built\n"
+    assert json.loads(run(lock_command, ["--json"]).stdout)["version"] == 1
+    before = Path(f"datasets/versions/built/{NAME}/clip.json")
+    content = before.read_bytes()
+    before.unlink()
+    ended = run(build_command, [NAME, "--through", "ingest"])
+    assert (ended.exit_code, ended.stdout) == (0, f"{before}\n")
+    assert before.read_bytes() == content
+    raw = Path(f"datasets/versions/raw/{NAME}.skl")
+    raw.write_bytes(raw.read_bytes() + b"\n")
+    ended = run(check_command)
+    assert (ended.exit_code, ended.stdout) == (1, "")
+    assert ended.stderr.startswith(f"datasets: {raw}: expected SHA-256 ")
+    ended = run(check_command, ["--json"])
+    assert ended.exit_code == 1
+    assert len(json.loads(ended.stdout)["wrong"]) == 1

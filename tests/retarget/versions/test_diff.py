@@ -44,7 +44,7 @@ def found(**fields: object) -> list[Change]:
 
 def test_the_same_has_no_difference() -> None:
     assert found() == []
-    # Nor has a rotation's other quaternion, or what rounding takes away.
+    # Nor has what rounding takes away.
     assert found(positions=clip().positions + 1e-9) == []
 
 
@@ -100,8 +100,18 @@ def test_states_times_and_lengths_are_told() -> None:
         **{name: getattr(short, name)[:7] for name in ("times", "positions", "states", "passes")},
     )
     lines = [told(one) for one in changes(Canonical.of_clip(whole), Canonical.of_clip(short))]
-    assert "positions, 10 frames before, 7 after" in lines
+    assert "positions, 10 × 3 × 3 before, 7 × 3 × 3 after" in lines
     assert "rotations, gone" in lines
+    marked = replace(whole, provenance={"simulated": True})
+    (one,) = changes(Canonical.of_clip(whole), Canonical.of_clip(marked))
+    assert told(one) == "simulated, False before, True after"
+
+
+def test_the_smallest_difference_is_not_told_as_none() -> None:
+    times = clip().times
+    times[4] += 2e-5
+    (one,) = found(times=times)
+    assert told(one) == "times: 2e-05 s in frame 4"
 
 
 def test_the_largest_is_told_first() -> None:

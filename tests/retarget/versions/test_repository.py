@@ -16,8 +16,7 @@ from kinemimic.retarget.versions.params import PARAMS, Params
 
 ROOT = Path(__file__).resolve().parents[3]
 LOCK: dict[str, Any] = yaml.safe_load((ROOT / "dvc.lock").read_text())["stages"]
-FOUND = Params.load(ROOT / PARAMS)
-PARAMETERS = Params(PARAMS, FOUND.version, FOUND.captures, FOUND.policies, FOUND.tolerances)
+PARAMETERS = Params.load(PARAMS, ROOT)
 MANIFEST = Manifest.load(ROOT / PARAMS.parent / "manifest.json")
 
 
