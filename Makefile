@@ -130,7 +130,7 @@ format: setup ## Let ruff rewrite the files
 	$(BIN)/ruff format
 
 docs: setup $(VENV)/docs-installed ## The pages of docs/ as a site: open site/index.html
-	$(BIN)/mkdocs build --strict --quiet
+	NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build --strict --quiet
 
 # The comparison of filters takes minutes, and answers another question than speed.
 bench: setup ## Speed: every tests/bench/bench_*.py but the next
