@@ -1,1 +1,1 @@
-"""What README.md and docs/ print: their blocks, what of them runs in a test, and what a page finds when it does."""
+"""What README.md and docs/ print: their blocks, what a test runs of them, and in what."""

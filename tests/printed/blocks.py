@@ -11,18 +11,19 @@ from pathlib import Path
 ROOT = Path(__file__).resolve().parents[2]
 PAGES: tuple[Path, ...] = (ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md")))
 
-_FENCE = re.compile(r"```(\w*).*")
+_FENCE = re.compile(r'```(\w*)(?: title="([^"]*)")?')
 _INLINE = re.compile(r"`(kinemimic [a-z][^`]*)`")
 _OPERATORS = frozenset("();<>|&")
 
 
 @dataclass(frozen=True)
 class Block:
-    """A fenced block; line: of its fence, counted from 1."""
+    """A fenced block; line: of its fence, counted from 1; title: "" without one."""
 
     page: Path
     line: int
     language: str
+    title: str
     text: str
 
     @property
@@ -63,13 +64,13 @@ class Command:
 
 def blocks(page: Path) -> Iterator[Block]:
     """Every fenced block of a page, in its sequence."""
-    opened: tuple[int, str] | None = None
+    opened: tuple[int, str, str] | None = None
     held: list[str] = []
     for number, line in enumerate(page.read_text(encoding="utf-8").splitlines(), start=1):
         fence = _FENCE.fullmatch(line)
         if opened is None:
             if fence:
-                opened, held = (number, fence[1]), []
+                opened, held = (number, fence[1], fence[2] or ""), []
         elif line == "```":
             yield Block(page, *opened, "\n".join(held) + "\n")
             opened = None

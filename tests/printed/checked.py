@@ -6,13 +6,11 @@ import re
 import tomllib
 from collections.abc import Sequence
 
-import click
+from kinemimic.pipeline.cli import COMMANDS, load_command
 from printed.blocks import ROOT
 
-from kinemimic.pipeline.cli import COMMANDS, cli, load_command
-
 # Programs that come with what is installed, or with the system.
-PROGRAMS = frozenset({"cp", "mkdir", "rerun", "tensorboard"})
+PROGRAMS = frozenset({"cp", "rerun", "sed", "tensorboard"})
 _ASSIGNED = re.compile(r"[A-Z_]+=")
 
 
@@ -29,21 +27,24 @@ def check(words: Sequence[str]) -> None:
         assert program in PROGRAMS, f"{program}: no program that a page may call"
 
 
-def check_kinemimic(arguments: Sequence[str], *, whole: bool = True) -> None:
-    """Parse by click, without running.
-
-    whole: with all that the command asks for; else its name and the names of its options alone.
-    """
+def check_kinemimic(arguments: Sequence[str]) -> None:
+    """Parse by click, without running."""
     name, *rest = arguments
-    if name.startswith("-"):
-        cli.make_parser(click.Context(cli)).parse_args([name])
-        return
     assert name in COMMANDS, f"no command {name!r}"
-    command = load_command(name)
-    if whole:
-        command.make_context(name, list(rest))
-    else:
-        command.make_parser(click.Context(command)).parse_args(list(rest))
+    load_command(name).make_context(name, list(rest))
+
+
+def check_names(text: str) -> None:
+    """The command and the names of the options of a line that may leave out the rest."""
+    name, *rest = text.split()[1:]
+    assert name in COMMANDS, f"no command {name!r}"
+    known = {
+        option
+        for parameter in load_command(name).params
+        for option in (*parameter.opts, *parameter.secondary_opts)
+    }
+    for option in re.findall(r"(?<![\w-])--[a-z-]+", " ".join(rest)):
+        assert option in known | {"--help"}, f"{name} has no {option}"
 
 
 def check_make(targets: Sequence[str], variables: Sequence[str]) -> None:
@@ -53,7 +54,9 @@ def check_make(targets: Sequence[str], variables: Sequence[str]) -> None:
     for target in targets:
         assert target in known, f"make {target}: no such target"
     for variable in variables:
-        assert f"$({variable})" in text or variable.startswith("PIP_"), f"{variable}: the Makefile does not read it"
+        assert f"$({variable})" in text or variable.startswith("PIP_"), (
+            f"{variable}: the Makefile does not read it"
+        )
 
 
 def check_extras(arguments: Sequence[str]) -> None:

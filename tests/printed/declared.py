@@ -19,7 +19,6 @@ NOT_RUN: dict[str, str] = {
     "kinemimic compare * --search *": "trains sixteen variants; the rivals are an extra",
     "kinemimic compare * --ablation*": "trains twelve variants",
     "kinemimic compare *@*": "trains the rivals, which are an extra, in a scenario",
-    "kinemimic compare *kinect*": "asks for recordings that do not ship",
     "kinemimic study*": "asks for a comparison of hours of training",
     "kinemimic reproduce*": "trains for hours what ships, at its full budget",
     "kinemimic evaluate --policy kinect_walk *": "asks for a recording that does not ship",
