@@ -22,7 +22,7 @@ BULLET := $(or $(BULLET),$(patsubst $(VENV)/native-%,%,$(firstword $(wildcard $(
 NATIVE := $(VENV)/native-$(BULLET)
 NATIVE_FILES := $(wildcard $(addprefix train/native/,*.cpp *.hpp *.py pyproject.toml stubs/*/*.pyi))
 
-.PHONY: help setup formats inspect run ingest convert retarget train evaluate pushes disturb gait view export policies reproduce compare study comparison overlay data data-check data-push data-pull test test-slow lint type format bench bench-clean profile wheel install-test clean
+.PHONY: help setup formats inspect run ingest convert retarget train evaluate pushes disturb gait view export policies reproduce compare study comparison overlay data data-check data-push data-pull test test-slow lint type format docs bench bench-clean profile wheel install-test clean
 .DEFAULT_GOAL := help
 
 help: ## This list
@@ -44,6 +44,11 @@ $(STAMP): pyproject.toml constraints.txt
 $(NATIVE): $(NATIVE_FILES) constraints.txt | $(STAMP)
 	@rm -f $(VENV)/native-*
 	$(BIN)/python train/native/install.py $(BULLET) $@
+
+# What builds the pages is asked for by `make docs` alone.
+$(VENV)/docs-installed: pyproject.toml constraints.txt | $(STAMP)
+	$(BIN)/python -m pip install --quiet -c constraints.txt --no-build-isolation --config-settings editable_mode=strict -e '.[docs]'
+	@touch $@
 
 run: setup ## Every stage on CAPTURE= (without one, the embedded virtual Kinect) into RUN=
 	$(KINEMIMIC) run $(if $(CAPTURE),"$(CAPTURE)") --run "$(RUN)" $(TRAINING)
@@ -143,6 +148,9 @@ format: setup ## Let ruff rewrite the files
 	$(BIN)/ruff check --fix
 	$(BIN)/ruff format
 
+docs: setup $(VENV)/docs-installed ## The pages of docs/ as a site: open site/index.html
+	NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build --strict --quiet
+
 # The comparison of filters takes minutes, and answers another question than speed.
 bench: setup ## Speed: every tests/bench/bench_*.py but the next
 	@set -e; for script in $(sort $(filter-out %/bench_clean.py,$(wildcard tests/bench/bench_*.py))); do echo "$$script"; $(BIN)/python "$$script"; done
@@ -165,5 +173,5 @@ install-test: setup ## A wheel in an empty environment beside Hugging Face's pac
 
 # .venv goes with build/, which holds the links of the editable install. runs/ holds hours of training: it stays.
 clean: ## Remove all that was built, but not runs/
-	rm -rf $(VENV) build dist *.egg-info .mypy_cache .ruff_cache .pytest_cache .hypothesis .import_linter_cache
+	rm -rf $(VENV) build dist site *.egg-info .mypy_cache .ruff_cache .pytest_cache .hypothesis .import_linter_cache
 	find . -name __pycache__ -type d -prune -exec rm -rf {} +

@@ -157,6 +157,10 @@ def command(
     json, mcap the motion as `retarget` writes it; rerun and Foxglove open the MCAP
     urdf       the simulated body
     onnx       the policy, for onnxruntime and others; asks for kinemimic[onnx]
+
+    \b
+      kinemimic export --run runs/walk
+      kinemimic export --run runs/walk --what simulated --format bvh
     """
     if recover and source is None:
         raise click.UsageError("--recover needs --from, the damaged file")

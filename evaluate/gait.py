@@ -76,6 +76,9 @@ def command(run: Path, as_json: bool) -> None:
 
     Cadence, lengths, speed, stance, symmetry, off-axis knee rotation and the curves of knee, hip and ankle:
     gait_report.json and gait_report.html.
+
+    \b
+      kinemimic gait --run runs/walk
     """
     report = gait(run)
     if as_json:

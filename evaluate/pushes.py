@@ -154,6 +154,10 @@ def command(run: Path, workers: int | None, engine: str, as_json: bool) -> None:
 
     Forward, backward, left and right, in 20 phases each; the forces that 50 % and 90 % of the phases
     survive go into pushes.json.
+
+    \b
+      kinemimic pushes --run runs/walk
+      kinemimic pushes --policy robust_walk --json
     """
     result = pushes(run, workers=workers, engine=engine)
     if as_json:

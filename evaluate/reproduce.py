@@ -162,7 +162,12 @@ def command(
     engine: str | None,
     as_json: bool,
 ) -> None:
-    """Train and evaluate the policies that ship as their recipes say, and write them to --into."""
+    """Train and evaluate the policies that ship as their recipes say, and write them to --into.
+
+    \b
+      kinemimic reproduce --only walk
+      kinemimic reproduce --only kinect_walk --captures recordings
+    """
     known = recipes()
     if unknown := [name for name in only if name not in known]:
         raise KinemimicError(f"expected a recipe among {', '.join(known)}, found {unknown[0]!r}")

@@ -209,6 +209,10 @@ def command(
     """Take CAPTURE (or, without one, the virtual Kinect's walk) through every stage to its scores.
 
     A stage whose inputs and options have not changed since the last time is skipped.
+
+    \b
+      kinemimic run
+      kinemimic run walk.skl --run runs/walk --budget 1e6
     """
     options: dict[str, dict[str, Any]] = {
         "ingest": {"filter": filter_name},

@@ -160,7 +160,12 @@ def table(scores: dict[str, Any], run: Path) -> RenderableType:
 @engine_option
 @click.option("--json", "as_json", is_flag=True, help="Print scores.json.")
 def command(run: Path, workers: int | None, engine: str, as_json: bool) -> None:
-    """Let the run's policy, or one that ships, perform; score it against reference, capture and truth."""
+    """Let the run's policy, or one that ships, perform; score it against reference, capture and truth.
+
+    \b
+      kinemimic evaluate --run runs/walk
+      kinemimic evaluate --policy walk
+    """
     scores = evaluate(run, workers=workers, engine=engine)
     if as_json:
         click.echo(json.dumps(scores, indent=2))

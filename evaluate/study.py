@@ -183,6 +183,10 @@ def command(
     it, in study.html; figures as SVG and PNG, numbers as CSV.
 
     Nothing is trained: the policies are those of `kinemimic compare`. An interrupted study goes on.
+
+    \b
+      kinemimic study --comparison runs/comparison
+      kinemimic study --trials 100 --out runs/study
     """
     content = study(
         Comparison.load(folder), out, trials=trials, walks=walks, seed=seed, workers=workers, engine=engine

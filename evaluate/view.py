@@ -147,6 +147,10 @@ def command(
     100 N to a metre). White joints: the capture as it was read, pink where the sensor guessed.
 
     (*) Needs no screen, but a Vulkan driver.
+
+    \b
+      kinemimic view --run runs/walk
+      kinemimic view --policy walk --scenario room --trial 3
     """
     if named is None and (number or seed):
         raise click.UsageError("--trial and --seed are of a --scenario")

@@ -98,7 +98,11 @@ def on_nodes(clip: Clip) -> Clip:
 @click.option("--run", type=click.Path(path_type=Path), default=Path("runs/default"), show_default=True)
 @click.option("--json", "as_json", is_flag=True, help="Print the gimbal report as JSON.")
 def command(run: Path, as_json: bool) -> None:
-    """Turn the run's clip into quaternions and report where its Euler angles come near gimbal lock."""
+    """Turn the run's clip into quaternions and report where its Euler angles come near gimbal lock.
+
+    \b
+      kinemimic convert --run runs/walk
+    """
     convert(run)
     report = read_json(run / "gimbal.json")
     if as_json:

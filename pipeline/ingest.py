@@ -107,6 +107,10 @@ def command(capture: Path | None, run: Path, filter_name: str | None, as_json: b
     """Read CAPTURE (what `kinemimic formats` lists), divide it into passes, clean it, report its quality.
 
     Without CAPTURE, what a virtual Kinect records of the stock walk.
+
+    \b
+      kinemimic ingest walk.skl --run runs/walk
+      kinemimic ingest walk.skl --run runs/walk --filter butterworth
     """
     if capture is None:
         from kinemimic.pipeline.captures.virtual import record_virtual  # noqa: PLC0415 (nobody else waits for it)

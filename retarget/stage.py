@@ -202,7 +202,12 @@ def _measures(closed: dict[str, Any], final: dict[str, Any]) -> list[str]:
 def command(
     run: Path, symmetric: bool | None, refined: bool, ankle: Ankle, loop: bool | None, as_json: bool
 ) -> None:
-    """Onto the 20 nodes and the body of Table 1; for a walk, its gait cycle; JSON and MCAP."""
+    """Onto the 20 nodes and the body of Table 1; for a walk, its gait cycle; JSON and MCAP.
+
+    \b
+      kinemimic retarget --run runs/walk
+      kinemimic retarget --run runs/walk --ankle normal --as-recorded
+    """
     retarget(run, symmetric=symmetric, refined=refined, ankle=ankle, loop=loop)
     report = read_json(run / "gait.json")
     click.echo(json.dumps(report, indent=2) if as_json else "\n".join(_table(report)))

@@ -6,6 +6,7 @@ import os
 from pathlib import Path
 
 import pytest
+from peers.wheels import build_wheel
 
 
 @pytest.fixture(scope="session")
@@ -16,3 +17,9 @@ def captures() -> Path:
     if not folder.is_dir():
         pytest.skip("no real recordings here: set KINEMIMIC_CAPTURES to the folder that holds them")
     return folder
+
+
+@pytest.fixture(scope="session")
+def wheel(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The built wheel."""
+    return build_wheel(tmp_path_factory.mktemp("source"), tmp_path_factory.mktemp("dist"))

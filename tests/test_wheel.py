@@ -3,17 +3,13 @@
 from __future__ import annotations
 
 import json
-import os
-import shutil
-import subprocess
 import sys
 import zipfile
 from pathlib import Path
 
 import pytest
+from peers.wheels import FOLDERS, ROOT, call
 
-ROOT = Path(__file__).resolve().parents[1]
-FOLDERS = ("pipeline", "retarget", "train", "evaluate", "datasets")
 # Modules of every folder, and after them what bears their names elsewhere.
 IMPORTS = """
 import importlib, sys
@@ -26,44 +22,6 @@ for module in (datasets, evaluate):
     assert module.__file__.startswith(folder) and "kinemimic" not in module.__file__, module
 assert not {"pipeline", "retarget", "train"} & set(sys.modules)
 """
-
-
-def call(*command: str | Path, folder: Path) -> str:
-    """Standard output of a command that has to end well, with no way back to this repository."""
-    kept = {key: value for key, value in os.environ.items() if not key.startswith(("PYTHON", "VIRTUAL_ENV"))}
-    done = subprocess.run(
-        [str(part) for part in command],
-        cwd=folder,
-        env=kept,
-        capture_output=True,
-        text=True,
-        check=False,
-    )
-    assert done.returncode == 0, f"{command}\n{done.stdout[-2000:]}\n{done.stderr[-4000:]}"
-    return done.stdout
-
-
-@pytest.fixture(scope="module")
-def wheel(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """The wheel of a copy of the sources: in the repository it would find what lies in build/."""
-    source, out = tmp_path_factory.mktemp("source"), tmp_path_factory.mktemp("dist")
-    for name in FOLDERS:
-        shutil.copytree(ROOT / name, source / name, ignore=shutil.ignore_patterns("__pycache__"))
-    for name in ("pyproject.toml", "README.md", "LICENSE"):
-        shutil.copy(ROOT / name, source)
-    call(
-        sys.executable,
-        "-m",
-        "build",
-        "--wheel",
-        "--no-isolation",
-        "--outdir",
-        out,
-        source,
-        folder=tmp_path_factory.getbasetemp(),
-    )
-    (built,) = out.glob("*.whl")
-    return built
 
 
 def test_the_wheel_holds_the_package_and_nothing_else(wheel: Path) -> None:

@@ -201,7 +201,12 @@ def command(
     named: str | None,
     as_json: bool,
 ) -> None:
-    """Train a policy that imitates the run's motion in Bullet, by PPO or, with its preset, by a rival."""
+    """Train a policy that imitates the run's motion in Bullet, by PPO or, with its preset, by a rival.
+
+    \b
+      kinemimic train --run runs/walk --minutes 5
+      kinemimic train --run runs/walk --preset robust --budget 3e6 --seed 1
+    """
     record = train(
         run,
         preset_name=preset_name,

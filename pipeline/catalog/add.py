@@ -198,6 +198,11 @@ def command(file: Path, catalog: Path, collection: str, as_json: bool, **told: s
     """Write a FILE that is here into a catalogue of one's own: size, SHA-256, format and frame rate.
 
     A new collection needs --repository, --commit, --licence and --citation; one that is there has them.
+
+    \b
+      kinemimic datasets add walk.skl --catalog mine.toml --collection home --path data/walk.skl \\
+        --repository me/walks --commit 0123456789012345678901234567890123456789 \\
+        --licence CC0 --citation "me, 2026"
     """
     path, name = told.pop("path") or "", told.pop("name")
     entry, why = add(file, catalog, collection, path=path, name=name, **told)

@@ -23,4 +23,8 @@ COMMANDS: dict[str, tuple[str, str]] = {
 
 @click.group("datasets", cls=LazyGroup, lazy=COMMANDS)
 def command() -> None:
-    """Public recordings of real sensors, from a catalogue; and versions of what is made of recordings."""
+    """Public recordings of real sensors, from a catalogue; and versions of what is made of recordings.
+
+    \b
+      kinemimic datasets list
+    """

@@ -166,6 +166,9 @@ def command(
 
     What is there with the right hash is not fetched again, and what broke off is taken up where it ended.
     Prints the paths, one a line.
+
+    \b
+      kinemimic datasets fetch kinect1_bernstein_skl/r2.skl
     """
     if bool(names) == everything:
         raise click.UsageError(

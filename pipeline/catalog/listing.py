@@ -28,6 +28,9 @@ def command(patterns: tuple[str, ...], folder: Path | None, catalog_file: Path |
     """List the recordings of the catalogue, or those that names or patterns mean ("kinect2_*", r2.skl).
 
     Of one collection: its files, its citation and its address.
+
+    \b
+      kinemimic datasets list kinect1_bernstein_skl
     """
     catalog, place = load_catalog(catalog_file or CATALOG), captures_folder(folder)
     entries = catalog.select(patterns) if patterns else catalog.entries

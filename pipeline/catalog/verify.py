@@ -99,6 +99,9 @@ def command(
     """Compare the recordings that are here with the catalogue.
 
     Exit status 1 if a file is another than the catalogue says, or if one that is named is missing.
+
+    \b
+      kinemimic datasets verify
     """
     if names and everything:
         raise click.UsageError("name collections or files, or give --all")

@@ -145,7 +145,12 @@ def _colours(recording: Recording, colours: dict[int, Path]) -> Iterator[Image]:
 )  # fmt: skip
 @click.option("--json", "as_json", is_flag=True, help="Print what was drawn as JSON.")
 def command(folder: Path, run: Path | None, view: str | None, out: Path, as_json: bool) -> None:
-    """Draw the 20 nodes of the depth recording in FOLDER into its frames, as a video."""
+    """Draw the 20 nodes of the depth recording in FOLDER into its frames, as a video.
+
+    \b
+      kinemimic overlay recording
+      kinemimic overlay recording --run runs/recording --on depth --out overlay.avi
+    """
     drawn = overlay(folder, out, run=run, view=view)
     if as_json:
         click.echo(json.dumps({**asdict(drawn), "path": drawn.path.as_posix()}))

@@ -43,6 +43,11 @@ def command(
     One file gives a page, several or a folder a table; files that are no captures are only named. The peak
     of the knee is the 95th percentile of the frames in passes, of the side that was tracked better, and a
     range goes from the 5th to the 95th. Exit status: 0 if a file was read and not refused, 2 if none was.
+
+    \b
+      kinemimic inspect walk.skl
+      kinemimic inspect recordings/ --plot curves.html
+      kinemimic inspect --suggest walk.csv > walk.toml
     """
     if suggest:
         return _suggest(paths)

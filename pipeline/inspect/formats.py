@@ -17,6 +17,10 @@ def command(as_json: bool) -> None:
     """List the capture formats that can be read.
 
     A file is recognised by its content, whatever its name; it may be packed with gzip.
+
+    \b
+      kinemimic formats
+      kinemimic formats --json
     """
     if as_json:
         keys = ("name", "sensor", "holds", "told_by", "together_with", "binary")

@@ -61,9 +61,7 @@ def test_another_middle_seed_takes_the_place_of_the_one_before(
 def test_a_comparison_is_not_published_onto_itself(compared: Callable[..., Path]) -> None:
     whole = Comparison.load(compared(returns=(0.9, 0.1, 0.5)))
     before = sorted(whole.folder.rglob("*"))
-    with pytest.raises(
-        KinemimicError, match="expected to publish to another folder than"
-    ):
+    with pytest.raises(KinemimicError, match="expected to publish to another folder than"):
         whole.publish(whole.folder / ".." / whole.folder.name)
     assert sorted(whole.folder.rglob("*")) == before
 

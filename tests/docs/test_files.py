@@ -1,0 +1,95 @@
+"""files.md against the files: every key that is written is told, and every key that is told is written."""
+
+from __future__ import annotations
+
+import json
+import re
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pyarrow.parquet as pq
+import pytest
+from printed.blocks import ROOT
+
+from kinemimic.evaluate.disturb import disturb
+from kinemimic.evaluate.gait import gait
+from kinemimic.evaluate.pushes import pushes
+from kinemimic.train.scenario_file import scenario
+
+PAGE = ROOT / "docs" / "files.md"
+JSON = (
+    "quality.json", "gimbal.json", "orientation.json", "motion.json", "gait.json", "policy.json",
+    "scores.json", "pushes.json", "scenario-NAME.json", "gait_report.json", "run.json",
+)  # fmt: skip
+
+
+def told(heading: str) -> set[str]:
+    """The names in the first column of a section's first table."""
+    section = re.search(
+        rf"^## {re.escape(heading)}.*?\n(.*?)(?=^## |\Z)", PAGE.read_text(), re.MULTILINE | re.DOTALL
+    )
+    assert section, heading
+    table = re.search(r"(?:^\|.*\n)+", section[1], re.MULTILINE)
+    assert table, heading
+    return {name for row in table[0].splitlines()[2:] for name in re.findall(r"`([^`]+)`", row.split("|")[1])}
+
+
+@pytest.fixture(scope="module")
+def run(workshop: Path) -> Path:
+    """The workshop's run with what only other commands write."""
+    folder = workshop / "runs/walk"
+    pushes(folder, phases=1)
+    disturb(folder, [scenario("slippery")], trials=1)
+    gait(folder)
+    return folder
+
+
+@pytest.mark.slow
+def test_every_key_of_the_json_files_is_told_and_there(run: Path) -> None:
+    for name in JSON:
+        value: Mapping[str, Any] = json.loads((run / name.replace("NAME", "slippery")).read_text())
+        assert told(name) == set(value), name
+
+
+@pytest.mark.slow
+def test_arrays_and_columns_are_told_and_there(run: Path) -> None:
+    with np.load(run / "playback.npz") as playback:
+        assert told("playback.npz") == set(playback.files)
+    columns = set(pq.read_table(run / "capture.parquet").column_names)
+    angles = {"knee_left", "knee_right", "hip_left", "hip_right"}
+    plain = {name for name in told("capture.parquet") if "…" not in name}
+    assert columns == plain | {prefix + name for prefix in ("clean_", "truth_") for name in angles}
+    header = (run / "curves.csv").read_text().splitlines()[0].split(",")
+    assert header[:3] == ["frame", "time_s", "reference_knee_left_deg"]
+
+
+@pytest.mark.slow
+def test_the_columns_and_the_header_of_a_clip_are_told(run: Path) -> None:
+    table = pq.read_table(run / "quaternions.parquet")
+    joint = table.column_names[2].partition(".")[0]
+    kinds = {
+        name.replace(joint, "JOINT").rsplit(".", 1)[0]
+        for name in table.column_names
+        if name.startswith(f"{joint}.")
+    }
+    said = {
+        name.removesuffix(".x").removesuffix(".1") for name in told("Clips: raw.parquet") if name[0] != "."
+    }
+    assert kinds - {"JOINT"} <= said
+    assert {"time", "pass", "JOINT.state"} <= said
+    header = json.loads(table.schema.metadata[b"kinemimic"])
+    assert all(f"| `{key}` |" in PAGE.read_text() for key in header)
+
+
+def test_the_numbers_of_the_schemas_are_those_of_the_code() -> None:
+    text = PAGE.read_text()
+    found = {
+        match[1]: int(match[2])
+        for path in sorted(ROOT.glob("*/*.py"))
+        for match in re.finditer(r"^(\w+_SCHEMA) = (\d+)$", path.read_text(), re.MULTILINE)
+    }
+    assert found.pop("POLICY_SCHEMA") == int(re.search(r"\| `policy.json` \| (\d+)", text)[1])  # type: ignore[index]
+    assert found.pop("CHECKPOINT_SCHEMA") == int(re.search(r"\| `checkpoint.safetensors` \| (\d+)", text)[1])  # type: ignore[index]
+    assert set(found.values()) == {1}

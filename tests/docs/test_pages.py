@@ -1,0 +1,54 @@
+"""Every page as its reader follows it: its commands, scripts and changes, in their sequence."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import pytest
+from peers.wheels import elsewhere, install_beside
+from printed.blocks import PAGES, ROOT, blocks
+from printed.prepared import PREPARED, nothing
+from printed.reading import Reader, environment
+
+TUTORIAL = "tutorial.md"
+# Nothing is simulated, and nothing has to be there before.
+QUICK = {"depth-recordings.md", "describe-your-columns.md", "formats.md", "pushes.md"}
+DONE = {"sh", "python", "diff", "console"}
+
+
+def pages() -> list[Any]:
+    return [
+        pytest.param(page, id=page.name, marks=[] if page.name in QUICK else [pytest.mark.slow])
+        for page in PAGES
+        if page.name != TUTORIAL and any(block.language in DONE for block in blocks(page))
+    ]
+
+
+def follow(page: Path, reader: Reader) -> None:
+    for block in blocks(page):
+        reader.follow(block)
+
+
+@pytest.mark.parametrize("page", pages())
+def test_a_page_does_what_it_says(page: Path, tmp_path: Path, request: pytest.FixtureRequest) -> None:
+    prepare = PREPARED[page.name]
+    if page.name not in QUICK and prepare is not nothing:
+        prepare(tmp_path, request.getfixturevalue("workshop"))
+    else:
+        prepare(tmp_path, tmp_path)
+    follow(page, Reader(tmp_path, environment()))
+
+
+@pytest.mark.slow
+def test_the_tutorial_from_the_wheel_in_an_empty_folder(wheel: Path, tmp_path: Path) -> None:
+    here, programs = tmp_path / "here", install_beside(wheel, tmp_path / "venv")
+    here.mkdir()
+    env = environment(programs, elsewhere())
+    reader = Reader(here, env)
+    where = reader.said("python -c 'import kinemimic.pipeline.ingest as m; print(m.__file__)'")
+    assert where.startswith(str(tmp_path / "venv"))
+    follow(ROOT / "docs" / TUTORIAL, reader)
+    for name in ("motion.json", "report.html", "view.rrd", "gait_report.html", "export/walk-policy.onnx"):
+        assert (here / "runs/walk" / name).is_file()
+    assert "SIMULATED" in reader.said("kinemimic export --run runs/walk --what reference --format csv")

@@ -1,0 +1,1 @@
+"""What README.md and docs/ print: their blocks, what a test runs of them, and in what."""

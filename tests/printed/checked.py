@@ -1,0 +1,77 @@
+"""Whether a command that is not run exists: its program, its sub-command, its options, its make target."""
+
+from __future__ import annotations
+
+import re
+import tomllib
+from collections.abc import Sequence
+
+import click
+
+from kinemimic.pipeline.cli import COMMANDS, load_command
+from printed.blocks import ROOT
+
+# Programs that come with what is installed, or with the system.
+PROGRAMS = frozenset({"cp", "rerun", "sed", "tensorboard"})
+_ASSIGNED = re.compile(r"[A-Z_]+=")
+
+
+def check(words: Sequence[str]) -> None:
+    """AssertionError or click's own error if there is no such command, option or make target."""
+    program, *arguments = [word for word in words if not _ASSIGNED.match(word)]
+    if program == "kinemimic":
+        check_kinemimic(arguments)
+    elif program == "make":
+        check_make(arguments, [word.split("=")[0] for word in words if _ASSIGNED.match(word)])
+    elif program == "pip":
+        check_extras(arguments)
+    else:
+        assert program in PROGRAMS, f"{program}: no program that a page may call"
+
+
+def check_kinemimic(arguments: Sequence[str]) -> None:
+    """Parse by click, without running."""
+    command, rest = found(arguments)
+    command.make_context(command.name, list(rest))
+
+
+def found(arguments: Sequence[str]) -> tuple[click.Command, Sequence[str]]:
+    """The command, or that of a group, and what follows its name."""
+    name, *rest = arguments
+    assert name in COMMANDS, f"no command {name!r}"
+    command = load_command(name)
+    if not isinstance(command, click.Group):
+        return command, rest
+    below = command.get_command(click.Context(command), rest[0])
+    assert below is not None, f"no command {name} {rest[0]!r}"
+    return below, rest[1:]
+
+
+def check_names(text: str) -> None:
+    """The command and the names of the options of a line that may leave out the rest."""
+    command, rest = found(text.split()[1:])
+    known = {
+        option for parameter in command.params for option in (*parameter.opts, *parameter.secondary_opts)
+    }
+    for option in re.findall(r"(?<![\w-])--[a-z-]+", " ".join(rest)):
+        assert option in known | {"--help"}, f"{command.name} has no {option}"
+
+
+def check_make(targets: Sequence[str], variables: Sequence[str]) -> None:
+    """Every target is one of `make help`, and every variable is one that the Makefile reads."""
+    text = (ROOT / "Makefile").read_text()
+    known = set(re.findall(r"^([a-z-]+):.*## ", text, re.MULTILINE))
+    for target in targets:
+        assert target in known, f"make {target}: no such target"
+    for variable in variables:
+        assert f"$({variable})" in text or variable.startswith("PIP_"), (
+            f"{variable}: the Makefile does not read it"
+        )
+
+
+def check_extras(arguments: Sequence[str]) -> None:
+    """Extras of kinemimic that are asked for are in pyproject.toml."""
+    extras = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]["optional-dependencies"]
+    for argument in arguments:
+        if found := re.fullmatch(r"(?:kinemimic|\.)\[(\w+)\]", argument):
+            assert found[1] in extras, f"{argument}: no such extra"

@@ -1,0 +1,105 @@
+"""A page's reader: does in a folder of its own what the page says, block after block."""
+
+from __future__ import annotations
+
+import os
+import shutil
+import subprocess
+import sys
+from collections.abc import Mapping
+from pathlib import Path
+
+from printed.blocks import ROOT, Block, commands
+from printed.declared import cheaper, cheaper_python, reason
+
+Environment = dict[str, str]
+
+
+def environment(programs: Path | None = None, kept: Mapping[str, str] = os.environ) -> Environment:
+    """In which `kinemimic` is that of a folder, by default of this environment, on one thread a process."""
+    path = f"{programs or Path(sys.executable).parent}{os.pathsep}{kept['PATH']}"
+    return {**kept, "PATH": path, "OMP_NUM_THREADS": "1"}
+
+
+def shell(text: str, folder: Path, env: Environment) -> subprocess.CompletedProcess[str]:
+    """A command as a user's shell takes it."""
+    return subprocess.run(
+        ["bash", "-o", "pipefail", "-c", text],
+        cwd=folder,
+        env=env,
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+
+
+class Reader:
+    """Does what a page says, block after block, in a folder of its own."""
+
+    def __init__(self, folder: Path, env: Environment) -> None:
+        self.folder, self.env = folder, env
+
+    def follow(self, block: Block) -> None:
+        """Run a block's commands, write its file, apply its change or compare its transcript."""
+        if block.language == "sh":
+            for command in commands(block):
+                if reason(command.text) is None:
+                    done = shell(cheaper(command.text), self.folder, self.env)
+                    assert done.returncode == 0, (
+                        f"{command.place}: {command.text}\n{done.stdout}\n{done.stderr}"
+                    )
+        elif block.language == "python":
+            if block.title:
+                self._write(block)
+            else:
+                script = self.folder / "script.py"
+                script.write_text(cheaper_python(block.text))
+                done = shell("python script.py", self.folder, self.env)
+                assert done.returncode == 0, f"{block.place}\n{done.stdout}\n{done.stderr}"
+        elif block.language == "diff":
+            self._apply(block)
+        elif block.language == "console":
+            self._compare(block)
+
+    def said(self, command: str) -> str:
+        """What a command that has to end well prints."""
+        done = shell(command, self.folder, self.env)
+        assert done.returncode == 0, f"{command}\n{done.stdout}\n{done.stderr}"
+        return done.stdout
+
+    def _write(self, block: Block) -> None:
+        """The block as the file that its title names, among the sources."""
+        path = self._sources() / block.title
+        assert not path.exists(), f"{block.place}: {block.title} is there already"
+        path.write_text(block.text)
+
+    def _apply(self, block: Block) -> None:
+        change = self.folder / "change.diff"
+        change.write_text(block.text)
+        done = shell(f"git apply --whitespace=nowarn {change}", self._sources(), self.env)
+        assert done.returncode == 0, f"{block.place}\n{done.stderr}"
+
+    def _sources(self) -> Path:
+        """A copy of the sources in front of all others, made when a page first changes something."""
+        place = self.folder / ".sources"
+        if not place.exists():
+            for name in ("pipeline", "retarget", "train", "evaluate", "datasets"):
+                ignored = shutil.ignore_patterns("__pycache__", "native")
+                shutil.copytree(ROOT / name, place / "kinemimic" / name, ignore=ignored)
+            before = self.env.get("PYTHONPATH")
+            self.env["PYTHONPATH"] = f"{place}{os.pathsep}{before}" if before else str(place)
+        return place / "kinemimic"
+
+    def _compare(self, block: Block) -> None:
+        """Each `$ command` prints what stands below it; `…` is for anything."""
+        for part in block.text.removeprefix("$ ").split("\n$ "):
+            command, _, expected = part.partition("\n")
+            done = shell(command, self.folder, self.env)
+            assert done.returncode == 2, f"{block.place}: {command}: status {done.returncode}"
+            pieces = expected.strip().split("…")
+            found, start = (done.stdout + done.stderr).strip(), 0
+            assert found.startswith(pieces[0]) and found.endswith(pieces[-1]), f"{block.place}: {found}"
+            for piece in pieces:
+                start = found.find(piece, start)
+                assert start >= 0, f"{block.place}: {found}"
+                start += len(piece)
