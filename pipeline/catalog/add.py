@@ -200,9 +200,7 @@ def command(file: Path, catalog: Path, collection: str, as_json: bool, **told: s
     A new collection needs --repository, --commit, --licence and --citation; one that is there has them.
 
     \b
-      kinemimic datasets add walk.skl --catalog mine.toml --collection home --path data/walk.skl \\
-        --repository me/walks --commit 0123456789012345678901234567890123456789 \\
-        --licence CC0 --citation "me, 2026"
+      kinemimic datasets add walk.skl --catalog mine.toml --collection home --path data/walk.skl
     """
     path, name = told.pop("path") or "", told.pop("name")
     entry, why = add(file, catalog, collection, path=path, name=name, **told)
