@@ -33,7 +33,8 @@ def call(*command: str | Path, folder: Path) -> str:
 
 
 def build_wheel(source: Path, out: Path) -> Path:
-    """The wheel of a copy of the sources: in the repository it would find what lies in build/."""
+    """The wheel, by way of the sdist, of a copy of the sources: in the repository it would find what lies in
+    build/. What the sdist lacks, the wheel lacks."""
     for name in FOLDERS:
         shutil.copytree(ROOT / name, source / name, ignore=shutil.ignore_patterns("__pycache__"))
     for name in ("pyproject.toml", "README.md", "LICENSE"):
@@ -42,7 +43,6 @@ def build_wheel(source: Path, out: Path) -> Path:
         sys.executable,
         "-m",
         "build",
-        "--wheel",
         "--no-isolation",
         "--outdir",
         out,
