@@ -5,6 +5,7 @@
 PYTHON ?= python3.11
 RUN ?= runs/$(if $(POLICY),policy-$(POLICY),$(if $(CAPTURE),$(basename $(notdir $(CAPTURE))),default))
 
+export PIP_DISABLE_PIP_VERSION_CHECK := 1
 VENV := .venv
 BIN := $(VENV)/bin
 KINEMIMIC = $(BIN)/kinemimic
