@@ -132,12 +132,12 @@ def test_ppos_step_is_one_of_its_training(monkeypatch: pytest.MonkeyPatch) -> No
 
 
 def test_what_training_does_with_a_sample() -> None:
-    """Eight passes of minibatches of 512; an eighth of a step of 256; one step of 16 figures x 8 steps."""
+    """Eight passes of minibatches of 512; an eighth of a step of 256; one step of 16 figures x 4 steps."""
     told = {name: PRESETS[preset] for name, preset in PRESET_OF.items()}
-    assert {name: own_batch(config) for name, config in told.items()} == {"ppo": 512, "ddpg": 256, "a2c": 128}
+    assert {name: own_batch(config) for name, config in told.items()} == {"ppo": 512, "ddpg": 256, "a2c": 64}
     assert steps_per_sample(told["ppo"]) == 8 / 512
     assert steps_per_sample(told["ddpg"]) == 0.125
-    assert steps_per_sample(told["a2c"]) == 1 / 128
+    assert steps_per_sample(told["a2c"]) == 1 / 64
 
 
 def check(algorithm: dict[str, Any], config: TrainConfig) -> None:
