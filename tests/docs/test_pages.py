@@ -13,7 +13,7 @@ from printed.reading import Reader, environment
 
 TUTORIAL = "tutorial.md"
 # Nothing is simulated, and nothing has to be there before.
-QUICK = {"depth-recordings.md", "describe-your-columns.md", "formats.md", "pushes.md"}
+QUICK = {"describe-your-columns.md", "formats.md", "pushes.md"}
 DONE = {"sh", "python", "diff", "console"}
 
 
