@@ -159,14 +159,6 @@ def test_clips_of_one_frame_and_of_two(node_clip: Build) -> None:
         assert acquire(clip).count == 0
 
 
-def test_speed() -> None:
-    for frames, limit in ((600, 0.1), (20_000, 1.0)):
-        clip = walk(frames)
-        begin = time.process_time()
-        examine(clip)
-        assert time.process_time() - begin < limit
-
-
 @pytest.mark.parametrize("kind", ["walk", "run"])
 def test_a_virtual_kinect_has_only_what_it_was_given(tmp_path: Path, kind: str) -> None:
     """Lost frames and joints, exchanged legs and wild edges are in it; nothing else may be found."""
