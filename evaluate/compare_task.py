@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-import hashlib
 import json
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
-from kinemimic.pipeline.store import read_json
+import numpy as np
+
+from kinemimic.pipeline.store import content_hash, read_json
 from kinemimic.retarget.export_json import motion_from_json
 from kinemimic.retarget.motion import Motion
 from kinemimic.train.config import TrainConfig
@@ -52,7 +53,7 @@ class Task:
 
 
 def _identity(one: Scenario) -> str:
-    return hashlib.sha256(json.dumps(one.to_json(), sort_keys=True).encode()).hexdigest()
+    return content_hash({"scenario": np.array(json.dumps(one.to_json(), sort_keys=True))})
 
 
 def about(task: Task, motion: Motion) -> dict[str, Any]:

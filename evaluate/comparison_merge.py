@@ -23,8 +23,8 @@ def merged(before: Content, now: Content, place: str) -> dict[str, Any]:
         return dict(now)
     settings, others = (one["provenance"]["config"] for one in (before, now))
     for name in {row["task"] for row in kept["cells"]} & now["tasks"].keys():
-        for what in ("motion", "scenario"):
-            one, other = (_of_task(content["tasks"][name], what) for content in (before, now))
+        for what, key in (("motion", "identity"), ("scenario", "scenario_identity")):
+            one, other = (content["tasks"][name].get(key) for content in (before, now))
             _expect(place, f"{what} of {name}", one, other)
     for name in {row["variant"] for row in kept["cells"]} & others["variants"].keys():
         for what in ("variants", "budgets"):
@@ -43,10 +43,6 @@ def merged(before: Content, now: Content, place: str) -> dict[str, Any]:
         "provenance": {**made, "inputs": dict(sorted(inputs.items())), "config": together},
         **{key: [*kept[key], *now[key]] for key in _ROWS},
     }
-
-
-def _of_task(about: Content, what: str) -> Any:
-    return about["identity"] if what == "motion" else about.get("scenario_identity")
 
 
 def _expect(place: str, what: str, there: Any, here: Any) -> None:

@@ -24,8 +24,6 @@ from kinemimic.train.fit import JOINTS
 from kinemimic.train.options import engine_option, workers_option
 
 SCHEMA = 1
-
-
 Figures = Mapping[str, float | None]
 
 

@@ -1,7 +1,7 @@
 """Versions of files: an older one is taken over step by step, a later or a strange one is told what to do.
 
-Every file says its schema, a whole number that rises by one when what stands in it changes. A file of before
-there were such numbers counts as 0.
+A file says its schema, a whole number that rises by one when a reader of before would misunderstand it. A file
+of before there were such numbers counts as 0.
 """
 
 from __future__ import annotations

@@ -108,7 +108,7 @@ class StablePpo:
     clip: float = 0.2
     gae_lambda: float = 0.95
     max_grad_norm: float = 1.0
-    # Where all changes of the search but this one came to less, or to little more.
+    # The search had more of it than of tanh, and than of any other change.
     activation: Activation = "relu"
     bound: ClassVar[None] = None
 

@@ -17,7 +17,7 @@ from kinemimic.pipeline.errors import KinemimicError
 from kinemimic.pipeline.inspect.terminal import grid, show
 from kinemimic.pipeline.store import read_clip, read_json
 from kinemimic.retarget.export_json import MOTION_FORMAT, motion_from_json
-from kinemimic.retarget.versions.build import canonical_motion
+from kinemimic.retarget.versions.build import STAGES, canonical_motion
 
 Array = NDArray[np.float64]
 DIFFERENT = 1  # exit status
@@ -55,14 +55,7 @@ def changes(before: Canonical, after: Canonical) -> list[Change]:
             f"{', '.join(sorted(set(before.joints) ^ set(after.joints))) or 'in another sequence'}"
         )
     found = [
-        Change(
-            f"{name}, {was} before, {now} after",
-            None,
-            1.0,
-            "fact",
-            None,
-            0,
-        )
+        Change(f"{name}, {was} before, {now} after", None, 1.0, "fact", None, 0)
         for name in sorted(before.facts.keys() | after.facts.keys())
         if (was := before.facts.get(name)) != (now := after.facts.get(name))
     ]
@@ -139,14 +132,7 @@ def read_any(path: Path) -> Canonical:
     raise KinemimicError(f"{path}: expected a motion, a clip or canonical arrays, found format {found!r}")
 
 
-_NAMES = (
-    "clip.json",
-    "quaternions.json",
-    "motion.json",
-    "raw.parquet",
-    "clip.parquet",
-    "quaternions.parquet",
-)
+_NAMES = (*STAGES.values(), "raw.parquet", "clip.parquet", "quaternions.parquet")
 
 
 def pairs(before: Path, after: Path) -> Mapping[str, tuple[Path | None, Path | None]]:
