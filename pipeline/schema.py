@@ -1,6 +1,6 @@
 """Versions of files: an older one is taken over step by step, a later or a strange one is told what to do.
 
-A file says its schema, a whole number that rises by one when a reader of before would misunderstand it. A file
+A file says its schema, a whole number that rises by one when a reader of before would misunderstand it. One
 of before there were such numbers counts as 0.
 """
 
