@@ -19,10 +19,11 @@ from kinemimic.pipeline.captures.write_deepmimic import write_deepmimic
 from kinemimic.pipeline.captures.write_mot import write_mot
 from kinemimic.pipeline.captures.write_npz import write_npz
 from kinemimic.pipeline.captures.write_trc import write_trc
+from kinemimic.pipeline.companions import note_path, write_note
 from kinemimic.pipeline.errors import KinemimicError
 from kinemimic.pipeline.inspect.terminal import grid, show
 from kinemimic.pipeline.provenance import provenance
-from kinemimic.pipeline.store import write_json, write_text
+from kinemimic.pipeline.store import write_text
 from kinemimic.retarget.export_json import motion_to_json
 from kinemimic.retarget.export_mcap import write_mcap
 from kinemimic.retarget.urdf import humanoid_urdf
@@ -83,8 +84,8 @@ def export(
         # What a policy performs is no recording either, whatever it imitates.
         made = subject.simulated or what == "simulated"
         # First: no file of a simulation is ever without the note that says so.
-        for path in sorted({path.with_suffix(".provenance.json") for path in paths.values()}):
-            write_json(path, {**subject.provenance, "simulated": made, **made_by})
+        for path in sorted({note_path(path) for path in paths.values()}):
+            write_note(path, {**subject.provenance, "simulated": made, **made_by})
         for form, path in paths.items():
             WRITERS[form](path, subject)
             written.append(Written(path, what, form, *subject.size(form), subject.note(form)))

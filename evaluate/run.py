@@ -19,6 +19,7 @@ import click
 
 from kinemimic.evaluate.ledger import Ledger, made_from
 from kinemimic.pipeline.cli import load_command
+from kinemimic.pipeline.companions import note_path, truth_path
 from kinemimic.pipeline.store import read_json
 from kinemimic.train.budget import MINUTES, samples
 from kinemimic.train.config import PRESETS
@@ -138,13 +139,13 @@ def _capture_files(capture: Path, folder: Path) -> dict[str, Path]:
     """
     if capture.is_dir():
         return {str(file.relative_to(capture)): file for file in sorted(capture.rglob("*")) if file.is_file()}
-    kinds = ("truth.parquet", "provenance.json")
     quality = folder / "quality.json"
     report = read_json(quality) if quality.exists() else {}
     companions = report.get("companions", {}) if isinstance(report, dict) else {}
     return {
         capture.name: capture,
-        **{kind: capture.with_suffix(f".{kind}") for kind in kinds},
+        "truth.parquet": truth_path(capture),
+        "provenance.json": note_path(capture),
         **{name: capture.with_name(name) for name in companions},
     }
 

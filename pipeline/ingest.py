@@ -8,18 +8,17 @@ from pathlib import Path
 from typing import Any
 
 import click
-import pyarrow as pa
-import pyarrow.parquet as pq
 from rich.console import Console
 
 from kinemimic.pipeline.captures.recognise import read
 from kinemimic.pipeline.clean import FILTERS, clean
 from kinemimic.pipeline.clip import Clip
+from kinemimic.pipeline.companions import note_path, read_note, read_truth, truth_path
 from kinemimic.pipeline.errors import CaptureError, KinemimicError
 from kinemimic.pipeline.examine import examine
 from kinemimic.pipeline.provenance import provenance
 from kinemimic.pipeline.quality import quality, table
-from kinemimic.pipeline.store import atomic, read_json, write_clip, write_json
+from kinemimic.pipeline.store import copy_file, read_json, write_clip, write_json
 
 
 def ingest(capture: Path, run: Path, *, filter_name: str | None = None) -> Clip:
@@ -36,7 +35,8 @@ def ingest(capture: Path, run: Path, *, filter_name: str | None = None) -> Clip:
     if filter_name is not None and filter_name not in FILTERS:
         raise KinemimicError(f"expected a filter among {', '.join(FILTERS)}, found {filter_name!r}")
     recorded = read(capture)
-    truth, note = _truth(capture), _note(capture)
+    truth, note = truth_path(capture), read_note(note_path(capture))
+    simulated = read_truth(truth) is not None
     examination = examine(recorded)
     if examination.refused is not None:
         raise CaptureError(capture, expected="a person's movement", found=examination.refused.text)
@@ -49,7 +49,7 @@ def ingest(capture: Path, run: Path, *, filter_name: str | None = None) -> Clip:
         provenance={
             **note,
             **recorded.provenance,
-            "simulated": truth is not None or bool(note.get("simulated")),
+            "simulated": simulated or bool(note.get("simulated")),
             **made_by,
         },
     )
@@ -57,40 +57,13 @@ def ingest(capture: Path, run: Path, *, filter_name: str | None = None) -> Clip:
     report = quality(raw, examination.acquisition, cleaning, examination.defects)
     write_clip(run / "raw.parquet", raw)
     write_clip(run / "clip.parquet", cleaned)
-    if truth is not None:
-        with atomic(run / "truth.parquet") as temporary:
-            temporary.write_bytes(truth)
+    if simulated:
+        copy_file(truth, run / "truth.parquet")
     else:
         # Another capture's truth must not be taken for this one's.
         (run / "truth.parquet").unlink(missing_ok=True)
     write_json(run / "quality.json", report)
     return cleaned
-
-
-def _truth(capture: Path) -> bytes | None:
-    """The truth beside a simulated capture, checked to be a Parquet table."""
-    path = capture.with_suffix(".truth.parquet")
-    if not path.is_file():
-        return None
-    content = path.read_bytes()
-    try:
-        pq.read_schema(pa.BufferReader(content))
-    except pa.ArrowInvalid:
-        raise CaptureError(
-            path, expected="the truth of a simulated capture", found="no Parquet file"
-        ) from None
-    return content
-
-
-def _note(capture: Path) -> dict[str, Any]:
-    """What stands beside a capture about how it was made; empty where nothing does."""
-    path = capture.with_suffix(".provenance.json")
-    if not path.is_file():
-        return {}
-    note = read_json(path)
-    if not isinstance(note, dict):
-        raise CaptureError(path, expected="a JSON object about the capture", found=type(note).__name__)
-    return note
 
 
 @click.command()

@@ -20,7 +20,6 @@ from numpy.typing import NDArray
 
 from kinemimic.pipeline.angles import ANGLES
 from kinemimic.pipeline.clip import Clip
-from kinemimic.pipeline.errors import CaptureError
 from kinemimic.pipeline.orient import local_rotations
 from kinemimic.pipeline.rotations import from_axis_angle, rotate
 from kinemimic.pipeline.store import atomic
@@ -87,17 +86,6 @@ def _angles(
     ends = np.cumsum([len(one) for one in frames])[:-1]
     pieces = {name: np.split(curve, ends) for name, curve in curves.items()}
     return [{name: pieces[name][k] for name in pieces} for k in range(len(spans))]
-
-
-def read_truth(path: Path) -> dict[str, Array] | None:
-    """The truth of a simulated capture; None where there is none."""
-    if not path.exists():
-        return None
-    try:
-        table = pq.read_table(path, columns=["time", *ANGLES])
-    except (pa.ArrowInvalid, KeyError) as error:
-        raise CaptureError(path, expected="a truth file", found=str(error).splitlines()[0]) from None
-    return {name: table[name].to_numpy() for name in table.column_names}
 
 
 def write_captured(path: Path, columns: Mapping[str, Array], provenance: Mapping[str, Any]) -> None:

@@ -10,13 +10,14 @@ from typing import Any
 import click
 
 from kinemimic.pipeline.clip import Clip
+from kinemimic.pipeline.companions import read_truth
 from kinemimic.pipeline.convert import on_nodes
 from kinemimic.pipeline.errors import KinemimicError
 from kinemimic.pipeline.provenance import provenance
 from kinemimic.pipeline.store import content_hash, read_clip, read_json, write_json, write_text
 from kinemimic.retarget.ankles import ANKLES, Ankle
 from kinemimic.retarget.belt import off_the_belt
-from kinemimic.retarget.captured import Span, captured_angles, read_truth, write_captured
+from kinemimic.retarget.captured import Span, captured_angles, write_captured
 from kinemimic.retarget.cycle import Pass, is_gait, study_passes, usable
 from kinemimic.retarget.export_json import motion_to_json
 from kinemimic.retarget.export_mcap import write_mcap

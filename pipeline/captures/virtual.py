@@ -7,15 +7,12 @@ each stand NAME.truth.parquet and NAME.provenance.json, which says that it is si
 
 from __future__ import annotations
 
-import json
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
-import pyarrow as pa
-import pyarrow.parquet as pq
 from numpy.typing import NDArray
 
 from kinemimic.pipeline.angles import ANGLES
@@ -25,8 +22,9 @@ from kinemimic.pipeline.captures.kinect_camera import Camera
 from kinemimic.pipeline.captures.kinect_noise import Levels, Observation, observe
 from kinemimic.pipeline.captures.subject import Gait, Performance, close_loop, perform
 from kinemimic.pipeline.captures.write_skl import write_skl
+from kinemimic.pipeline.companions import note_path, truth_path, write_note, write_truth
 from kinemimic.pipeline.provenance import provenance
-from kinemimic.pipeline.store import atomic, file_hash, write_json
+from kinemimic.pipeline.store import file_hash
 
 Array = NDArray[np.float64]
 
@@ -179,7 +177,9 @@ def _write_skl_form(
     swapped = np.concatenate([one.observation.swapped for one in seen])
     number = np.repeat(np.arange(len(seen)), [len(one.frames) for one in seen])
     angles = {name: np.concatenate([one.truth.angles[name] for one in seen]) for name in ANGLES}
-    _write_beside(path, milliseconds / 1000.0, number, angles, {**note, "swapped": _rows(swapped)})
+    note = {**note, "swapped": _rows(swapped)}
+    write_truth(truth_path(path), milliseconds / 1000.0, number, angles, note)
+    write_note(note_path(path), note)
 
 
 def _write_euler_form(
@@ -213,27 +213,9 @@ def _write_euler_form(
         name: np.where(away, np.nan, np.concatenate([one.truth.angles[name] for one in seen])[rows])
         for name in ANGLES
     }
-    _write_beside(
-        path,
-        FRAME_TIME * np.arange(len(rows), dtype=np.float64),
-        number,
-        angles,
-        {**note, "gimbal": gimbal, "swapped": _rows(swapped)},
-    )
-
-
-def _write_beside(
-    path: Path, times: Array, passes: NDArray[np.int64], angles: Mapping[str, Array], note: Mapping[str, Any]
-) -> None:
-    """The truth on the capture's clock, and the note that says what the capture is.
-
-    Truth columns: time in seconds, pass (-1: nobody there), and the curves of ANGLES in radians.
-    """
-    columns: dict[str, Any] = {"time": times, "pass": passes.astype(np.int32), **angles}
-    table = pa.table(columns).replace_schema_metadata({"kinemimic": json.dumps({"provenance": note})})
-    with atomic(path.with_suffix(".truth.parquet")) as temporary:
-        pq.write_table(table, temporary, compression="zstd")
-    write_json(path.with_suffix(".provenance.json"), note)
+    note = {**note, "gimbal": gimbal, "swapped": _rows(swapped)}
+    write_truth(truth_path(path), FRAME_TIME * np.arange(len(rows), dtype=np.float64), number, angles, note)
+    write_note(note_path(path), note)
 
 
 def _rows(mask: NDArray[np.bool_]) -> list[int]:

@@ -11,6 +11,7 @@ import numpy as np
 
 from kinemimic.pipeline.captures.recognise import formats, read
 from kinemimic.pipeline.clip import Clip
+from kinemimic.pipeline.companions import note_path, truth_path
 from kinemimic.pipeline.errors import KinemimicError, NotACaptureError
 from kinemimic.pipeline.examine import Examination, examine, plan
 from kinemimic.pipeline.inspect.gait import gait
@@ -26,8 +27,6 @@ from kinemimic.pipeline.inspect.measures import (
 )
 
 USABLE, FLAGGED, REFUSED, OTHER, COMPANION = "usable", "flagged", "refused", "other", "companion"
-# What the virtual Kinect and `ingest` put beside a capture.
-_BESIDE: tuple[str, ...] = (".provenance.json", ".truth.parquet")
 
 
 @dataclass(frozen=True)
@@ -153,7 +152,7 @@ def _sensor(recorded: Clip) -> str | None:
 
 def _beside(path: Path) -> tuple[list[str], bool]:
     """Names of the files about how a recording was made, and whether they say that it was simulated."""
-    note, truth = (path.with_suffix(suffix) for suffix in _BESIDE)
+    note, truth = note_path(path), truth_path(path)
     simulated = truth.is_file()
     if note.is_file() and not simulated:
         try:

@@ -11,6 +11,7 @@ from kinemimic.evaluate.gait_page import cell, gait_page, notes
 from kinemimic.evaluate.gait_report import compare
 from kinemimic.evaluate.gait_sources import captured
 from kinemimic.pipeline.captures.virtual import record_virtual
+from kinemimic.pipeline.companions import read_truth
 from kinemimic.pipeline.convert import convert
 from kinemimic.pipeline.errors import KinemimicError
 from kinemimic.pipeline.gait_curves import cut
@@ -18,7 +19,6 @@ from kinemimic.pipeline.ingest import ingest
 from kinemimic.pipeline.rotations import from_axis_angle, multiply
 from kinemimic.pipeline.skeleton import NODE_INDEX
 from kinemimic.pipeline.store import read_clip, read_json
-from kinemimic.retarget.captured import read_truth
 from kinemimic.retarget.export_json import motion_to_json
 from kinemimic.retarget.stage import retarget
 

@@ -11,6 +11,7 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
 
+from kinemimic.pipeline.angles import ANGLES
 from kinemimic.pipeline.captures.recognise import read
 from kinemimic.pipeline.cli import main
 from kinemimic.pipeline.ingest import ingest
@@ -105,7 +106,7 @@ def test_the_same_capture_twice_gives_the_same_bytes(tmp_path: Path, skl: Text) 
 def test_truth_beside_the_capture_marks_it_as_simulated(tmp_path: Path, skl: Text) -> None:
     (tmp_path / "a.skl").write_text(skl(60))
     truth = tmp_path / "a.truth.parquet"
-    pq.write_table(pa.table({"time": [0.0], "pass": [0], "knee_left": [0.1]}), truth)
+    pq.write_table(pa.table({name: [0.1] for name in ("time", "pass", *ANGLES)}), truth)
     clip = ingest(tmp_path / "a.skl", tmp_path / "run")
     assert clip.simulated
     assert read_json(tmp_path / "run" / "quality.json")["simulated"] is True

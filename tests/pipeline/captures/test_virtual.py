@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pyarrow.parquet as pq
@@ -15,6 +16,7 @@ from kinemimic.pipeline.captures.kinect_noise import Levels
 from kinemimic.pipeline.captures.recognise import read
 from kinemimic.pipeline.captures.virtual import Recording, record_virtual
 from kinemimic.pipeline.clip import Clip
+from kinemimic.pipeline.companions import note_path, read_note, truth_path
 from kinemimic.pipeline.convert import convert
 from kinemimic.pipeline.ingest import ingest
 from kinemimic.pipeline.nodes import to_nodes
@@ -45,12 +47,12 @@ def perfect(tmp_path_factory: pytest.TempPathFactory) -> Recording:
 
 
 def _truth(path: Path) -> dict[str, np.ndarray]:
-    table = pq.read_table(path.with_suffix(".truth.parquet"))
+    table = pq.read_table(truth_path(path))
     return {name: table[name].to_numpy() for name in table.column_names}
 
 
-def _note(path: Path) -> dict[str, object]:
-    return json.loads(path.with_suffix(".provenance.json").read_text())  # type: ignore[no-any-return]
+def _note(path: Path) -> dict[str, Any]:
+    return read_note(note_path(path))
 
 
 def _form(recording: Recording, form: str) -> tuple[Path, Clip]:
@@ -107,7 +109,7 @@ def test_both_forms_show_the_defects_and_still_the_walk(recording: Recording) ->
         for name in ANGLES:
             error = np.abs(np.degrees(seen[name] - truth[name]))[truth["pass"] >= 0]
             assert 1.5 < np.nanmedian(error) < 8.0, (form, name)
-        assert 0 < len(_note(path)["swapped"]) < 40  # type: ignore[arg-type]
+        assert 0 < len(_note(path)["swapped"]) < 40
 
 
 def test_the_clock_is_that_of_a_kinect(recording: Recording) -> None:

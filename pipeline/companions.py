@@ -1,0 +1,102 @@
+"""What stands beside a capture NAME.*, where somebody put it there.
+
+NAME.truth.parquet: what the person of a simulated capture really did. NAME.provenance.json: how the capture
+was made, which few formats can say themselves.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pyarrow as pa
+import pyarrow.parquet as pq
+from numpy.typing import NDArray
+
+from kinemimic.pipeline.angles import ANGLES
+from kinemimic.pipeline.errors import CaptureError
+from kinemimic.pipeline.schema import unchanged, upgraded
+from kinemimic.pipeline.store import atomic, read_json, write_json
+
+Array = NDArray[np.float64]
+
+TRUTH, NOTE = ".truth.parquet", ".provenance.json"
+TRUTH_SCHEMA = 1
+NOTE_SCHEMA = 1
+
+
+def truth_path(capture: Path) -> Path:
+    """Where the truth of a capture stands."""
+    return capture.with_suffix(TRUTH)
+
+
+def note_path(capture: Path) -> Path:
+    """Where it stands how a capture was made."""
+    return capture.with_suffix(NOTE)
+
+
+def write_truth(
+    path: Path, times: Array, passes: NDArray[np.int64], angles: Mapping[str, Array], note: Mapping[str, Any]
+) -> None:
+    """A row a frame on the capture's clock: seconds, pass (-1: nobody there), curves of ANGLES in radians."""
+    columns: dict[str, Any] = {"time": times, "pass": passes.astype(np.int32), **angles}
+    header = {"schema": TRUTH_SCHEMA, "provenance": note}
+    table = pa.table(columns).replace_schema_metadata({"kinemimic": json.dumps(header)})
+    with atomic(path) as temporary:
+        pq.write_table(table, temporary, compression="zstd")
+
+
+def read_truth(path: Path) -> dict[str, Array] | None:
+    """Times (T,) in seconds and the curves of ANGLES (T,) in radians; None where there is no such file.
+
+    CaptureError for another file, KinemimicError for a later version's.
+    """
+    if not path.exists():
+        return None
+    try:
+        table = pq.read_table(path)
+        header = json.loads((table.schema.metadata or {}).get(b"kinemimic", b"{}"))
+    except (pa.ArrowInvalid, ValueError) as error:
+        raise CaptureError(
+            path, expected="the truth of a simulated capture", found=str(error).splitlines()[0]
+        ) from None
+    names = ("time", *ANGLES)
+    if missing := [name for name in names if name not in table.column_names]:
+        raise CaptureError(
+            path, expected="the truth of a simulated capture", found=f"no column {', '.join(missing)}"
+        )
+    upgraded(
+        header if isinstance(header, dict) else {},
+        path,
+        kind="the truth of a capture",
+        schema=TRUTH_SCHEMA,
+        upgrades={0: unchanged},
+        advice="record it again",
+    )
+    return {name: table[name].to_numpy() for name in names}
+
+
+def write_note(path: Path, note: Mapping[str, Any]) -> None:
+    """How a capture was made, as JSON."""
+    write_json(path, {"schema": NOTE_SCHEMA, **note})
+
+
+def read_note(path: Path) -> dict[str, Any]:
+    """What `write_note` was given, or what somebody wrote by hand; empty where there is no such file."""
+    if not path.is_file():
+        return {}
+    note = read_json(path)
+    if not isinstance(note, dict):
+        raise CaptureError(path, expected="a JSON object about the capture", found=type(note).__name__)
+    note = upgraded(
+        note,
+        path,
+        kind="a note about a capture",
+        schema=NOTE_SCHEMA,
+        upgrades={0: unchanged},
+        advice="record it again",
+    )
+    return {name: value for name, value in note.items() if name != "schema"}
