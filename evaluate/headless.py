@@ -19,6 +19,7 @@ from rerun.experimental import ViewerClient
 from kinemimic.pipeline.errors import KinemimicError
 
 PATIENCE = 120.0  # s for an answer: a software renderer on a busy machine is slow, above all to start
+LEAVING = 10.0  # s for the viewer to end when it is told to
 PAUSE = 1.0  # s between two pictures that have to be the same before one is believed
 
 Draw = Callable[[float], bytes]
@@ -80,9 +81,12 @@ def _viewer(size: tuple[int, int]) -> Iterator[tuple[ViewerClient, subprocess.Po
             raise _not_drawn(f"it went away ({error})") from None
         finally:
             # Also where the wrapper has ended, and left the viewer behind.
-            with suppress(ProcessLookupError):
-                os.killpg(process.pid, signal.SIGTERM)
-            process.wait()
+            for end in (signal.SIGTERM, signal.SIGKILL):
+                with suppress(ProcessLookupError):
+                    os.killpg(process.pid, end)
+                with suppress(subprocess.TimeoutExpired):
+                    process.wait(LEAVING)
+                    break
 
 
 def _listens(port: int) -> bool:

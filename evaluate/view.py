@@ -38,6 +38,7 @@ from kinemimic.train.scenario_file import scenario as read
 from kinemimic.train.world import CONTROL_RATE
 
 ROLLOUT = 0  # the one that began at the start of the reference
+AT, SECONDS = 4.0, 10.0  # s: of the screenshot, of the video at most
 FILE = click.Path(path_type=Path, dir_okay=False)
 
 
@@ -114,16 +115,10 @@ def how_to_open(recording: Path) -> str:
 @click.command("view")
 @run_options(performed=True)
 @click.option("--screenshot", "picture", type=FILE, help="Also draw the recording as PNG (*).")
-@click.option(
-    "--at", type=click.FloatRange(min=0), default=4.0, show_default=True, help="The screenshot's time, s."
-)
+@click.option("--at", type=click.FloatRange(min=0), help=f"The screenshot's time, s; {AT:g} unless said.")
 @click.option("--video", "movie", type=FILE, help="Also film the recording, as .mp4 or .avi (*).")
 @click.option(
-    "--seconds",
-    type=click.FloatRange(min=0.1),
-    default=10.0,
-    show_default=True,
-    help="Of the video, at most.",
+    "--seconds", type=click.FloatRange(min=0.1), help=f"Of the video, at most; {SECONDS:g} unless said."
 )
 @click.option("--scenario", "named", metavar="NAME", help="A trial of it into view-NAME.rrd.")
 @click.option("--trial", "number", type=click.IntRange(min=0), default=0, show_default=True, help="Which.")
@@ -132,9 +127,9 @@ def how_to_open(recording: Path) -> str:
 def command(
     run: Path,
     picture: Path | None,
-    at: float,
+    at: float | None,
     movie: Path | None,
-    seconds: float,
+    seconds: float | None,
     named: str | None,
     number: int,
     seed: int,
@@ -154,16 +149,24 @@ def command(
     """
     if named is None and (number or seed):
         raise click.UsageError("--trial and --seed are of a --scenario")
+    if (picture is None and at is not None) or (movie is None and seconds is not None):
+        raise click.UsageError("--at is of a --screenshot, --seconds are of a --video")
     recording = view(run) if named is None else view_trial(run, read(named), number=number, seed=seed)
     # The viewer's client and OpenCV are loaded for these only.
     if picture is not None:
         from kinemimic.evaluate.screenshot import screenshot  # noqa: PLC0415
 
-        screenshot(recording, picture, timeline=TIMELINE, seconds=at)
+        screenshot(recording, picture, timeline=TIMELINE, seconds=AT if at is None else at)
     if movie is not None:
         from kinemimic.evaluate.film import film  # noqa: PLC0415
 
-        film(recording, movie, timeline=TIMELINE, rate=CONTROL_RATE, seconds=seconds)
+        film(
+            recording,
+            movie,
+            timeline=TIMELINE,
+            rate=CONTROL_RATE,
+            seconds=SECONDS if seconds is None else seconds,
+        )
     made = {"recording": recording, "screenshot": picture, "video": movie}
     if as_json:
         click.echo(json.dumps({name: path and path.as_posix() for name, path in made.items()}))

@@ -28,10 +28,12 @@ BAD_INPUT = 2
 
 @dataclass(frozen=True)
 class Fetched:
-    """paths: of the files that are there now, with the right hash; failures: a line for each that is not."""
+    """paths: of the files that are there now, with the right hash; failures: a line for each that is not;
+    replaced: those of the paths where a file of another content stood."""
 
     paths: tuple[Path, ...]
     failures: tuple[str, ...]
+    replaced: tuple[Path, ...]
 
 
 def fetch(
@@ -52,6 +54,7 @@ def fetch(
     wanted: list[tuple[Entry, Path]] = []
     there: dict[str, Path] = {}
     failures: list[str] = []
+    others: set[Path] = set()
     for entry in entries:
         try:
             path = place_of(entry, folder)
@@ -62,6 +65,8 @@ def fetch(
             there[entry.name] = path
         else:
             wanted.append((entry, path))
+            if path.is_file():
+                others.add(path)
     pooch.get_logger().setLevel(logging.WARNING)  # it would name every address
     with requests.Session() as session, progress("fetch", sum(entry.bytes for entry, _ in wanted)) as bar:
         session.max_redirects = 5
@@ -85,7 +90,8 @@ def fetch(
                 raise KeyboardInterrupt(
                     f"{len(there)} of {len(entries)} files are in {folder}; the same command goes on"
                 ) from None
-    return Fetched(tuple(there[e.name] for e in entries if e.name in there), tuple(failures))
+    paths = tuple(there[entry.name] for entry in entries if entry.name in there)
+    return Fetched(paths, tuple(failures), tuple(path for path in paths if path in others))
 
 
 def _source(mirror: str | Path | None) -> str | Path:
@@ -180,11 +186,17 @@ def command(
         click.echo(f"{collection.name}: licence: {collection.licence}; from: {collection.citation}", err=True)
     fetched = fetch(entries, captures_folder(folder), mirror=mirror)
     if as_json:
-        paths = [str(path) for path in fetched.paths]
-        click.echo(json.dumps({"paths": paths, "failures": fetched.failures}, indent=2, ensure_ascii=False))
+        record = {
+            "paths": [str(path) for path in fetched.paths],
+            "failures": fetched.failures,
+            "replaced": [str(path) for path in fetched.replaced],
+        }
+        click.echo(json.dumps(record, indent=2, ensure_ascii=False))
     else:
         for path in fetched.paths:
             click.echo(path)
+    for path in fetched.replaced:
+        click.echo(f"{path}: another file stood there, and was replaced", err=True)
     for failure in fetched.failures:
         click.echo(f"kinemimic: {failure}", err=True)
     if fetched.failures:

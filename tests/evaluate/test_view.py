@@ -209,6 +209,12 @@ def test_command_prints_the_path_and_how_to_open_it(run: Path) -> None:
     assert json.loads(told.output) == {"recording": f"{run}/view.rrd", "screenshot": None, "video": None}
 
 
+@pytest.mark.parametrize("option", ["--at", "--seconds", "--trial", "--seed"])
+def test_an_option_of_what_is_not_asked_for_is_refused(run: Path, option: str) -> None:
+    told = CliRunner().invoke(command, ["--run", str(run), option, "3"])
+    assert told.exit_code == 2 and option in told.output
+
+
 @pytest.mark.parametrize("option", ["--screenshot", "--video"])
 def test_a_picture_without_a_driver_is_one_clear_line(
     run: Path, option: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]

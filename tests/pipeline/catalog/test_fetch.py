@@ -344,6 +344,19 @@ def test_a_mirror_in_a_folder(catalog: Catalog, tmp_path: Path) -> None:
             fetch(catalog.entries, tmp_path / "in", mirror=wrong)
 
 
+def test_a_file_of_another_content_is_told_when_it_is_replaced(
+    catalog_file: Path, catalog: Catalog, tmp_path: Path, serve: Serve
+) -> None:
+    server, mine = serve(Request.whole), (tmp_path / "in").resolve() / "walks" / "one.skl"
+    mine.parent.mkdir(parents=True)
+    mine.write_text("mine")
+    options = ["--mirror", server.base, "--catalog", str(catalog_file), "--into", str(tmp_path / "in")]
+    told = CliRunner().invoke(command, ["walks", *options], catch_exceptions=False)
+    assert told.exit_code == 0 and mine.read_bytes() == CONTENT
+    assert told.stderr.splitlines()[1:] == [f"{mine}: another file stood there, and was replaced"]
+    assert fetch(catalog.entries, tmp_path / "in", mirror=server.base).replaced == ()
+
+
 def test_the_command_prints_paths_and_says_the_licence_aside(
     catalog_file: Path, tmp_path: Path, serve: Serve, monkeypatch: pytest.MonkeyPatch
 ) -> None:
