@@ -1,8 +1,7 @@
-"""Fetching: what arrives is right, or does not arrive, whatever the server does."""
+"""`datasets fetch`: which files, where they go, and what is told of those that did not come."""
 
 from __future__ import annotations
 
-import fcntl
 import os
 import signal
 import subprocess
@@ -14,39 +13,15 @@ from urllib.parse import unquote
 
 import pytest
 from click.testing import CliRunner
+from peers.fetching import HALF, ONCE, QUICK, in_turn, left, one
 from peers.web import CONTENT, ETAG, Request, Script, Server
 
-from kinemimic.pipeline.catalog.download import Patience
 from kinemimic.pipeline.catalog.entry import Catalog
-from kinemimic.pipeline.catalog.fetch import Fetched, command, fetch
+from kinemimic.pipeline.catalog.fetch import command, fetch
 from kinemimic.pipeline.catalog.load import load_catalog
 from kinemimic.pipeline.errors import KinemimicError
 
-HALF = len(CONTENT) // 2
-QUICK = Patience(connect=2.0, read=0.4, pauses=(0.0, 0.01, 0.02))
-ONCE = Patience(connect=2.0, read=0.4, pauses=())
 Serve = Callable[[Script], Server]
-
-
-def one(catalog: Catalog, folder: Path, mirror: str | Path, patience: Patience = QUICK) -> Fetched:
-    """Fetch one file."""
-    return fetch(catalog.select(["walks/one.skl"]), folder, mirror=mirror, patience=patience)
-
-
-def left(folder: Path) -> dict[str, bytes]:
-    """Every file below a folder."""
-    return {str(p.relative_to(folder)): p.read_bytes() for p in sorted(folder.rglob("*")) if p.is_file()}
-
-
-def in_turn(*scripts: Script) -> Script:
-    """Each request is answered by the next script, the last of them for good."""
-    queue = list(scripts)
-
-    def answer(request: Request) -> None:
-        script = queue.pop(0) if len(queue) > 1 else queue[0]
-        script(request)
-
-    return answer
 
 
 def test_files_arrive_under_their_collection(catalog: Catalog, tmp_path: Path, serve: Serve) -> None:
@@ -64,138 +39,6 @@ def test_files_arrive_under_their_collection(catalog: Catalog, tmp_path: Path, s
     assert len(server.asked) == 4
 
 
-def test_what_breaks_off_is_taken_up_where_it_ended(catalog: Catalog, tmp_path: Path, serve: Serve) -> None:
-    server = serve(in_turn(lambda r: r.cut(HALF), lambda r: r.cut(HALF + 7), Request.whole))
-    assert one(catalog, tmp_path / "in", server.base).failures == ()
-    assert server.ranges == [None, f"bytes={HALF}-", f"bytes={HALF + 7}-"]
-    assert [request.if_range for request in server.asked] == [None, ETAG, ETAG]
-    assert left(tmp_path / "in") == {"walks/one.skl": CONTENT}
-
-
-def test_a_later_call_goes_on_too(catalog: Catalog, tmp_path: Path, serve: Serve) -> None:
-    server = serve(in_turn(lambda r: r.cut(HALF), Request.whole))
-    (failure,) = one(catalog, tmp_path / "in", server.base, ONCE).failures
-    assert failure.startswith("walks/one.skl: expected 40,000 bytes from http://127.0.0.1:")
-    assert "in 1 tries: the connection broke off; the 20,000 that came stay" in failure
-    assert sorted(left(tmp_path / "in").values()) == sorted([ETAG.encode(), CONTENT[:HALF]])
-    assert one(catalog, tmp_path / "in", server.base, ONCE).failures == ()
-    assert server.ranges == [None, f"bytes={HALF}-"]
-    assert left(tmp_path / "in") == {"walks/one.skl": CONTENT}
-
-
-@pytest.mark.parametrize("every", [1999, 7777, 13_001])
-def test_every_byte_is_sent_once(catalog: Catalog, tmp_path: Path, serve: Serve, every: int) -> None:
-    ends = iter(range(every, 10**6, every))
-    server = serve(lambda r: r.cut(min(next(ends), len(CONTENT))))
-    patience = Patience(pauses=(0.0,) * 30)
-    assert one(catalog, tmp_path / "in", server.base, patience).failures == ()
-    assert server.ranges == [None, *(f"bytes={at}-" for at in range(every, len(CONTENT), every))]
-
-
-def test_a_server_that_ignores_ranges_starts_anew(catalog: Catalog, tmp_path: Path, serve: Serve) -> None:
-    def ignoring(request: Request) -> None:
-        request.head(200, Content_Length=len(CONTENT))
-        request.wfile.write(CONTENT)
-
-    server = serve(in_turn(lambda r: r.cut(HALF), ignoring))
-    assert one(catalog, tmp_path / "in", server.base).failures == ()
-    assert server.ranges == [None, f"bytes={HALF}-"]
-    assert left(tmp_path / "in") == {"walks/one.skl": CONTENT}
-
-
-def test_another_rest_than_was_asked_for_starts_anew(catalog: Catalog, tmp_path: Path, serve: Serve) -> None:
-    def shifted(request: Request) -> None:
-        told = f"bytes {HALF - 1}-{len(CONTENT) - 1}/{len(CONTENT)}"
-        request.head(206, Content_Length=HALF + 1, Content_Range=told)
-        request.wfile.write(CONTENT[HALF - 1 :])
-
-    server = serve(in_turn(lambda r: r.cut(HALF), shifted, Request.whole))
-    assert one(catalog, tmp_path / "in", server.base).failures == ()
-    assert server.ranges == [None, f"bytes={HALF}-", None]
-
-
-@pytest.mark.parametrize("length", [1, HALF, len(CONTENT) - 1, len(CONTENT) + 1, 10**15])
-def test_another_length_is_refused_at_once(
-    catalog: Catalog, tmp_path: Path, serve: Serve, length: int
-) -> None:
-    def lying(request: Request) -> None:
-        request.head(200, Content_Length=length)
-        request.wfile.write(CONTENT)
-        request.close_connection = True
-
-    server = serve(lying)
-    (failure,) = one(catalog, tmp_path / "in", server.base).failures
-    assert f"expected 40,000 bytes, found {length:,} at http" in failure
-    assert len(server.asked) == 1
-    assert left(tmp_path / "in") == {}
-
-
-def test_a_server_that_never_ends_is_cut_off(catalog: Catalog, tmp_path: Path, serve: Serve) -> None:
-    sent = [0]
-
-    def endless(request: Request) -> None:
-        request.head(200, Connection="close")
-        request.close_connection = True
-        try:
-            while sent[0] < 10**9:
-                sent[0] += request.wfile.write(CONTENT)
-        except ConnectionError:
-            pass
-
-    server = serve(endless)
-    (failure,) = one(catalog, tmp_path / "in", server.base).failures
-    assert "expected 40,000 bytes, found more at http" in failure
-    assert len(server.asked) == 1
-    assert sent[0] < 10**8  # what the sockets' buffers took
-    assert left(tmp_path / "in") == {}
-
-
-def test_a_server_that_stalls_is_given_up_and_asked_again(
-    catalog: Catalog, tmp_path: Path, serve: Serve
-) -> None:
-    def stalling(request: Request) -> None:
-        request.head(200, Content_Length=len(CONTENT))
-        request.wfile.write(CONTENT[:HALF])
-        server.over.wait(30)
-
-    server = serve(in_turn(stalling, Request.whole))
-    began = time.monotonic()
-    assert one(catalog, tmp_path / "in", server.base).failures == ()
-    assert time.monotonic() - began < 10
-    assert server.ranges == [None, f"bytes={HALF}-"]
-
-    def silent(request: Request) -> None:
-        server.over.wait(30)
-
-    server = serve(silent)
-    (failure,) = one(catalog, tmp_path / "else", server.base).failures
-    assert "in 4 tries: nothing came for 0.4 s" in failure
-    assert left(tmp_path / "else") == {}
-
-
-def test_wrong_bytes_are_refused_and_removed(catalog: Catalog, tmp_path: Path, serve: Serve) -> None:
-    other = CONTENT[:-1] + b"?"
-    server = serve(lambda r: r.whole(other))
-    target = tmp_path / "in" / "walks" / "one.skl"
-    target.parent.mkdir(parents=True)
-    target.write_text("what was there before")
-    (failure,) = one(catalog, tmp_path / "in", server.base).failures
-    assert failure.startswith("walks/one.skl: expected the file with SHA-256 ")
-    assert "\n" not in failure
-    assert left(tmp_path / "in") == {"walks/one.skl": b"what was there before"}
-    assert one(catalog, tmp_path / "in", serve(Request.whole).base).failures == ()
-    assert left(tmp_path / "in") == {"walks/one.skl": CONTENT}
-
-
-def test_an_unfinished_file_of_wrong_bytes_is_removed_too(
-    catalog: Catalog, tmp_path: Path, serve: Serve
-) -> None:
-    other = b"?" + CONTENT[1:]
-    server = serve(in_turn(lambda r: r.cut(HALF, other), Request.whole))
-    assert "found another of the same size" in one(catalog, tmp_path / "in", server.base).failures[0]
-    assert left(tmp_path / "in") == {}
-
-
 def test_a_file_that_is_not_there_stops_no_other(catalog: Catalog, tmp_path: Path, serve: Serve) -> None:
     def some(request: Request) -> None:
         if request.path.endswith("two.skl"):
@@ -210,26 +53,6 @@ def test_a_file_that_is_not_there_stops_no_other(catalog: Catalog, tmp_path: Pat
     assert failure.startswith("walks/two.skl: expected the file at http")
     assert failure.endswith("found the answer 404 Not Found")
     assert len(server.asked) == 4
-
-
-def test_a_server_that_is_busy_is_asked_again_later(
-    catalog: Catalog, tmp_path: Path, serve: Serve, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    pauses: list[float] = []
-    monkeypatch.setattr("kinemimic.pipeline.catalog.download.time.sleep", pauses.append)
-    server = serve(
-        in_turn(
-            lambda r: r.head(503, Content_Length=0),
-            lambda r: r.head(429, Content_Length=0, Retry_After=7),
-            lambda r: r.head(500, Content_Length=0, Retry_After=10**5),
-            Request.whole,
-        )
-    )
-    assert one(catalog, tmp_path / "in", server.base, Patience()).failures == ()
-    assert pauses == [1.0, 7.0, 60.0]
-    server = serve(lambda r: r.head(503, Content_Length=0))
-    assert "in 4 tries: the server answered 503" in one(catalog, tmp_path / "b", server.base).failures[0]
-    assert pauses[3:] == list(QUICK.pauses)
 
 
 def test_without_a_connection_the_others_are_not_waited_for(catalog: Catalog, tmp_path: Path) -> None:
@@ -278,17 +101,6 @@ main()
     assert set(left(tmp_path / "in").values()) == {CONTENT}
 
 
-def test_two_at_once_do_not_mix(catalog: Catalog, tmp_path: Path, serve: Serve) -> None:
-    server = serve(lambda r: r.cut(HALF))
-    one(catalog, tmp_path / "in", server.base, ONCE)
-    (partial,) = (tmp_path / "in").rglob("*.part")
-    with partial.open("rb") as held:
-        fcntl.flock(held, fcntl.LOCK_EX)
-        assert "found another process at it" in one(catalog, tmp_path / "in", server.base).failures[0]
-    assert len(server.asked) == 1
-    assert partial.read_bytes() == CONTENT[:HALF]
-
-
 @pytest.mark.parametrize("link", ["walks", "walks/one.skl"])
 def test_a_link_that_leads_out_is_refused(catalog: Catalog, tmp_path: Path, serve: Serve, link: str) -> None:
     outside, folder = tmp_path / "outside", tmp_path / "in"
@@ -300,19 +112,6 @@ def test_a_link_that_leads_out_is_refused(catalog: Catalog, tmp_path: Path, serv
     assert "found a link to" in failure
     assert server.asked == []
     assert list(outside.iterdir()) == []
-
-
-def test_an_unfinished_file_that_is_a_link_is_not_written_through(
-    catalog: Catalog, tmp_path: Path, serve: Serve
-) -> None:
-    one(catalog, tmp_path / "in", serve(lambda r: r.cut(HALF)).base, ONCE)
-    (partial,) = (tmp_path / "in").rglob("*.part")
-    partial.unlink()
-    (tmp_path / "outside").write_text("mine")
-    partial.symlink_to(tmp_path / "outside")
-    with pytest.raises(OSError, match="symbolic links"):
-        one(catalog, tmp_path / "in", serve(Request.whole).base)
-    assert (tmp_path / "outside").read_text() == "mine"
 
 
 def test_the_folder_itself_may_be_a_link(catalog: Catalog, tmp_path: Path, serve: Serve) -> None:
