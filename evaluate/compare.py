@@ -138,6 +138,8 @@ def _limit(context: click.Context, parameter: click.Parameter, values: tuple[str
 @click.option("--ablation", "ablated", is_flag=True, help="`default`, and one change each against it.")
 @click.option("--search", "searched", multiple=True, type=click.Choice(list(SEARCH)),
               help="A rival's preset, and what one would try first to better it; repeatable.")  # fmt: skip
+@click.option("--only", "only", multiple=True, metavar="VARIANT",
+              help="Of what an ablation or a search tries this alone; repeatable.")  # fmt: skip
 @click.option("--seeds", type=click.IntRange(min=1), default=5, show_default=True, help="How many.")
 @click.option("--budgets", type=increasing, metavar="SAMPLES,…", default="1e6,2e6", show_default=True,
               help="Numbers of samples, each scored on the way to the last.")  # fmt: skip
@@ -158,6 +160,7 @@ def command(
     presets: tuple[str, ...],
     ablated: bool,
     searched: tuple[str, ...],
+    only: tuple[str, ...],
     seeds: int,
     budgets: tuple[int, ...],
     limits: dict[str, int],
@@ -183,6 +186,9 @@ def command(
     variants = {**(ablation() if ablated else {}), **{name: PRESETS[name] for name in chosen}}
     for rival in searched:
         variants |= search(rival)
+    if strange := set(only) - variants.keys():
+        raise KinemimicError(f"--only: expected some of {', '.join(variants)}, found {min(strange)!r}")
+    variants = {name: config for name, config in variants.items() if name in (only or variants)}
     if strange := limits.keys() - variants.keys():
         raise KinemimicError(f"--limit: expected one among {', '.join(variants)}, found {min(strange)!r}")
     if hidden and ablated:

@@ -239,8 +239,10 @@ def test_a_search_is_a_comparison(
 ) -> None:
     small = replace(PRESETS["a2c"], environments=4, horizon=16)
     monkeypatch.setitem(PRESETS, "a2c", small)
-    monkeypatch.setitem(SEARCH, "a2c", {"relu": {"rival": {"activation": "relu"}}})
+    changes = {"relu": {"rival": {"activation": "relu"}}, "steps-8": {"rival": {"n_steps": 8}}}
+    monkeypatch.setitem(SEARCH, "a2c", changes)
     arguments = [str(fresh("walk")), "--search=a2c", "--seeds=1", f"--budgets={ROUND}", "--hidden=32,16"]
+    arguments += ["--only=a2c-relu", "--only=a2c"]
     ended = CliRunner().invoke(
         module.command, [*arguments, f"--out={tmp_path / 'out'}", "--engine=pybullet", "--json"]
     )
@@ -262,6 +264,7 @@ def test_a_search_is_a_comparison(
         (["nowhere", "--seeds=0"], "--seeds"),
         (["nowhere", "--limit=ddpg"], "expected VARIANT=SAMPLES, found 'ddpg'"),
         (["nowhere", "--limit=ddpg=3e5"], "expected one among default, found 'ddpg'"),
+        (["nowhere", "--search=ddpg", "--only=ddpg-much"], "found 'ddpg-much'"),
         (["nowhere", "--hidden=128,much"], "expected units as 128,64, found '128,much'"),
         (["nowhere", "--hidden=0"], "expected units as 128,64, found '0'"),
         (["nowhere", "--hidden=128", "--ablation"], "expected no --ablation"),
