@@ -11,13 +11,16 @@ Better = Literal["more", "less", "lead", "neither"]
 Failing = Literal["ours", "theirs", "both"]
 BETTER, WORSE, CONFIRMED, NOT_CONFIRMED = "better", "worse", "confirmed", "not confirmed"
 LARGER, SMALLER = f"{CONFIRMED}, a larger lead", f"{CONFIRMED}, a smaller lead"
+UNDECIDED = "undecided: seeds differ by more"
+UNEQUAL = "ahead, but after more samples"
 
 
 @dataclass(frozen=True)
 class Claim:
     """figure: of the paper, or its table; formula: how ours is computed; paper, ours: in the unit; better:
     whether more or less is, how far PPO leads, or neither, as of a rival's number; reason: why ours is None,
-    and failing: by whose failure."""
+    and failing: by whose failure; low, high: interval of ours over the seeds, where there is one; unequal:
+    PPO had more samples than the rival."""
 
     figure: str
     what: str
@@ -28,6 +31,9 @@ class Claim:
     better: Better
     reason: str = "not measured"
     failing: Failing = "both"
+    low: float | None = None
+    high: float | None = None
+    unequal: bool = False
 
     @property
     def verdict(self) -> str:
@@ -35,20 +41,29 @@ class Claim:
         if self.better == "neither":
             return self.reason if self.ours is None else ""
         if self.ours is None:
-            told = {"ours": f"{WORSE}: ", "theirs": f"{CONFIRMED}: ", "both": ""}
+            theirs = UNEQUAL if self.unequal else CONFIRMED
+            told = {"ours": f"{WORSE}: ", "theirs": f"{theirs}: ", "both": ""}
             return told[self.failing] + self.reason
         if self.better == "lead":
-            if self.ours <= 0.0:
-                return NOT_CONFIRMED
-            return LARGER if self.ours >= self.paper else SMALLER
+            return self._lead(self.ours)
         ahead = self.ours >= self.paper if self.better == "more" else self.ours <= self.paper
         return BETTER if ahead else WORSE
+
+    def _lead(self, ours: float) -> str:
+        if ours <= 0.0:
+            return NOT_CONFIRMED
+        if self.low is not None and self.low <= 0.0:
+            return UNDECIDED
+        if self.unequal:
+            return UNEQUAL
+        return LARGER if ours >= self.paper else SMALLER
 
     def to_json(self) -> dict[str, Any]:
         """JSON values with the verdict."""
         return {**asdict(self), "verdict": self.verdict}
 
 
+SETTING = "setting"  # in place of a unit: a number of the configuration, told as people write it
 _DIGITS = {"%": 1, "s": 2, "ms": 2, "°": 1}
 
 
@@ -56,5 +71,7 @@ def told(value: float | None, unit: str) -> str:
     """A number with its unit, for people."""
     if value is not None and unit in ("samples", "frame"):
         return f"{value:,.0f}"
+    if value is not None and unit == SETTING:
+        return f"{value:g}"
     text = number(value, _DIGITS.get(unit, 3))
     return text if value is None or not unit else f"{text}\u00a0{unit}"

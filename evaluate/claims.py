@@ -1,7 +1,6 @@
 """What the paper's sections 4.1 and 4.2 claim in numbers, ours beside them, and who is ahead.
 
-The paper does not say what its rewards could have come to at most. We take 500, one for each of its frames,
-and tell its rewards as shares of that, as ours are of the largest that ours could earn. "PPO ahead of X by"
+Of training in `claims_learning.py`; here, of what befalls those that were trained. "PPO ahead of X by"
 compares leads; everything else compares the numbers themselves.
 """
 
@@ -11,12 +10,11 @@ from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
 from kinemimic.evaluate.claim import Better, Claim, Failing
+from kinemimic.evaluate.claims_learning import EPISODE, losses, rewards, settings
 from kinemimic.evaluate.comparison import Comparison
-from kinemimic.evaluate.learning_curves import converged_at, interquartile
-from kinemimic.evaluate.study_plan import AMONG, BALL, OBSTACLES, PPO, RIVALS, RUN, SEVERAL, VARIANTS, WALK
+from kinemimic.evaluate.study_plan import AMONG, BALL, PPO, RIVALS, SEVERAL
 
 Row = Mapping[str, Any]
-EPISODE = 500.0  # the largest return, as we take it
 
 
 def claims(comparison: Comparison, contests: Sequence[Row], rooms: Sequence[Row], times: Row) -> list[Claim]:
@@ -25,108 +23,17 @@ def claims(comparison: Comparison, contests: Sequence[Row], rooms: Sequence[Row]
     contests: of `contest.py`; rooms: of `rooms.py`; times: of `processing_times.py`.
     """
     made = [
-        *_rewards(comparison),
-        *_losses(comparison),
+        *rewards(comparison),
+        *losses(comparison),
         *_disturbances(contests),
         *_fits(rooms),
     ]
-    return [*sorted(made, key=_figure), *_times(times)]
+    return [*settings(comparison), *sorted(made, key=_figure), *_times(times)]
 
 
 def _figure(claim: Claim) -> tuple[int, str]:
     digits = claim.figure.removeprefix("Fig. ").rstrip("ab")
     return int(digits), claim.figure
-
-
-def _minus(one: float | None, other: float | None) -> float | None:
-    return None if one is None or other is None else one - other
-
-
-def returns(comparison: Comparison, task: str, variant: str, budget: int | None = None) -> float | None:
-    """Interquartile mean over the seeds of the largest return up to a budget, the last unless said; %."""
-    mean = interquartile([row["return"] for row in comparison.cells(task, variant, budget)]).mean
-    return None if mean is None else 100.0 * mean
-
-
-def converged(comparison: Comparison, task: str, variant: str) -> float | None:
-    """Interquartile mean over the seeds of the samples at which the return has converged."""
-    rows = comparison.cells(task, variant)
-    return interquartile([v for row in rows if (v := row["converged_samples"]) is not None]).mean
-
-
-def least_loss(comparison: Comparison, task: str, variant: str, budget: float | None = None) -> float | None:
-    """Least, up to a budget, of the seeds' interquartile mean of the critic's loss on normalised returns."""
-    curve = comparison.curve(task, variant, "critic_loss")
-    return min((row["mean"] for row in curve if budget is None or row["samples"] <= budget), default=None)
-
-
-def loss_converged(comparison: Comparison, task: str, variant: str) -> float | None:
-    """Samples from which on the critic's loss has done 95 % of its way down for good."""
-    curve = comparison.curve(task, variant, "critic_loss")
-    losses = [row["mean"] for row in curve]
-    if not losses:
-        return None
-    return converged_at([row["samples"] for row in curve], [max(losses) - loss for loss in losses])
-
-
-def _rewards(comparison: Comparison) -> Iterator[Claim]:
-    best = "largest return of a trial, interquartile mean over the seeds, share of the largest possible"
-    where = (
-        "samples from which the return, smoothed over three trials, stays within 5 % of its largest, "
-        "interquartile mean over the seeds that have come to that"
-    )
-    share = 100.0 / EPISODE
-    for task, figure, printed in (
-        (WALK, "Fig. 7a", {"PPO": 463.0, "DDPG": 43.5, "A2C": 307.2}),
-        (RUN, "Fig. 7b", {"DDPG": 312.5, "A2C": 95.8}),
-    ):
-        if PPO in printed:
-            ours = returns(comparison, task, VARIANTS[PPO])
-            yield Claim(figure, "PPO's largest reward", best, "%", share * printed[PPO], ours, "more")
-        for name, variant in RIVALS.items():
-            at = comparison.shared(task, VARIANTS[PPO], variant)
-            ours, theirs = (returns(comparison, task, one, at) for one in (VARIANTS[PPO], variant))
-            what = f"PPO ahead of {name} by, after {at:,} samples"
-            yield Claim(figure, what, best, "%", share * printed[name], _minus(ours, theirs), "lead")
-    for task, figure, printed in (
-        (WALK, "Fig. 7a", {"PPO": 8e5, "A2C": 5e5, "DDPG": 10e5}),
-        (RUN, "Fig. 7b", {"PPO": 10e5, "DDPG": 10e5}),
-    ):
-        for name, samples in printed.items():
-            found, last = converged(comparison, task, VARIANTS[name]), _last(comparison, task, VARIANTS[name])
-            better: Better = "less" if name == PPO else "neither"
-            what = f"{name} converges, of {last:,} samples, at"
-            yield Claim(
-                figure, what, where, "samples", samples, found, better, "does not stay near its best", "ours"
-            )
-
-
-def _last(comparison: Comparison, task: str, variant: str) -> int:
-    return max((row["budget"] for row in comparison.cells(task, variant)), default=0)
-
-
-def _losses(comparison: Comparison) -> Iterator[Claim]:
-    how = "critic's mean squared error over its targets' variance, least of the seeds' interquartile mean"
-    where = (
-        "samples from which on the critic's loss, smoothed over three trials, has done 95 % of its way down"
-    )
-    for task, figure, printed in (
-        (WALK, "Fig. 8a", {"DDPG": 0.038, "A2C": 0.059}),
-        (OBSTACLES, "Fig. 8b", {"PPO": 0.007, "DDPG": 0.045, "A2C": 0.062}),
-    ):
-        ppo = VARIANTS[PPO]
-        if PPO in printed:
-            yield Claim(
-                figure, "PPO's least loss", how, "", printed[PPO], least_loss(comparison, task, ppo), "less"
-            )
-        found = loss_converged(comparison, task, ppo)
-        what = "PPO's loss converges at" + ("" if task == WALK else " (printed: basically unchanged)")
-        yield Claim(figure, what, where, "samples", 8e5, found, "less", "does not stay down", "ours")
-        for name, variant in RIVALS.items():
-            at = comparison.shared(task, ppo, variant)
-            ours, theirs = (least_loss(comparison, task, one, at) for one in (ppo, variant))
-            what = f"PPO's least loss below {name}'s by, after {at:,} samples"
-            yield Claim(figure, what, how, "", printed[name], _minus(theirs, ours), "lead")
 
 
 # Figure, scenario, and what is printed: of PPO, ahead of DDPG, ahead of A2C.
@@ -148,15 +55,16 @@ def _disturbances(contests: Sequence[Row]) -> Iterator[Claim]:
     def ahead(name: str, scenario: str, figure: str, among: str = "") -> dict[str, Any]:
         """`ours` by how much a contender's figure is above PPO's, or None, why, and by whose failure."""
         ours, theirs = (by[one + among, scenario] for one in (PPO, name))
+        told: dict[str, Any] = {"unequal": ours["samples"] > theirs["samples"]}
         lacking = [
             (row, one) for row, one in ((ours, PPO), (theirs, name)) if _figure_of(row, figure) is None
         ]
         if not lacking:
-            return {"ours": _figure_of(theirs, figure) - _figure_of(ours, figure)}
+            return {**told, "ours": _figure_of(theirs, figure) - _figure_of(ours, figure)}
         lead = _standing(ours, figure) - _standing(theirs, figure)
         failing: Failing = "theirs" if lead > 0 else "ours" if lead < 0 else "both"
         reason = "; ".join(_why(row, one, figure) for row, one in lacking)
-        return {"ours": None, "reason": reason, "failing": failing}
+        return {**told, "ours": None, "reason": reason, "failing": failing}
 
     dip = (
         "median over the trials of the largest loss of reward against an undisturbed twin, share of the "
@@ -240,14 +148,18 @@ def _fits(rooms: Sequence[Row]) -> Iterator[Claim]:
     gap = "largest difference of either hip from its reference over 500 frames, median of the rooms"
     yield Claim("Fig. 12b", "largest gap at the hip", gap, "°", 2.3, ours["hip"]["max_gap_deg"], "less")
     where = "its frame in the room that is the median"
-    yield Claim("Fig. 12b", "frame of that gap", where, "frame", 410, ours["median"]["gap_frame"], "neither")
+    yield Claim("Fig. 12b", "frame of that gap", where, "frame", 410, ours["shown"]["gap_frame"], "neither")
 
 
 _MISSING = "stable-baselines3 is missing"
 
 
 def _times(times: Row) -> Iterator[Claim]:
-    how = "processor time of one gradient step of actor and critic, the paper's networks, one thread"
+    how = (
+        "processor time of one gradient step of actor and critic, the paper's networks, one thread. PPO is "
+        "ours, with gradients written out by hand, DDPG stable-baselines3's, which also draws its batch from "
+        "memory and normalises it; stable-baselines3's PPO stands in the table"
+    )
     better: Better
     net, printed = times["nets"][-1]["algorithms"], times["paper"]
     ours = net["ppo"]["update"]
@@ -259,6 +171,6 @@ def _times(times: Row) -> Iterator[Claim]:
                 here = found and found["update"][figure][k]
                 yield Claim("Tab. 2", what, how, "ms", told[figure][k], here, better, _MISSING)
         ahead = printed["ddpg"]["mean_ms"][k] - printed["ppo"]["mean_ms"][k]
-        lead = _minus(net["ddpg"] and net["ddpg"]["update"]["mean_ms"][k], ours["mean_ms"][k])
+        lead = net["ddpg"] and net["ddpg"]["update"]["mean_ms"][k] - ours["mean_ms"][k]
         what = f"PPO faster than DDPG {of} by"
         yield Claim("Tab. 2", what, how, "ms", ahead, lead, "lead", _MISSING)

@@ -49,7 +49,7 @@ class Cell:
 def outcome(cell: Cell, budget: int) -> tuple[dict[str, Any], dict[str, Any]] | None:
     """policy.json and scores.json of a finished budget, None where it is not finished.
 
-    KinemimicError if what lies there is of another motion or of other settings.
+    KinemimicError if what lies there is of another motion, engine or of other settings.
     """
     path = cell.folder / f"scores-{budget}.json"
     if not path.exists():
@@ -58,6 +58,7 @@ def outcome(cell: Cell, budget: int) -> tuple[dict[str, Any], dict[str, Any]] | 
     _expect(cell, "motion", record["provenance"]["inputs"]["motion"] == cell.identity)
     wanted, found = ({**config, "budget": None} for config in (cell.config.to_json(), record["config"]))
     _expect(cell, "settings", json.loads(json.dumps(wanted)) == found)
+    _expect(cell, "engine", record["engine"] == cell.engine)
     return record, scores
 
 

@@ -52,7 +52,8 @@ class Task:
         return replace(config, env=replace(config.env, scenario=self.scenario))
 
 
-def _identity(one: Scenario) -> str:
+def scenario_identity(one: Scenario) -> str:
+    """Content hash of all that a scenario says."""
     return content_hash({"scenario": np.array(json.dumps(one.to_json(), sort_keys=True))})
 
 
@@ -68,7 +69,7 @@ def about(task: Task, motion: Motion) -> dict[str, Any]:
     return {
         "motion": run.resolve().name,
         "scenario": task.scenario and task.scenario.name,
-        "scenario_identity": task.scenario and _identity(task.scenario),
+        "scenario_identity": task.scenario and scenario_identity(task.scenario),
         "identity": motion.identity,
         "cyclic": motion.cyclic,
         "seconds": round(motion.duration, 6),

@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from kinemimic.evaluate.compare_task import MOTION
+from kinemimic.evaluate.compare_task import MOTION, scenario_identity
 from kinemimic.evaluate.comparison_merge import merged
 from kinemimic.pipeline.data_folder import DATASETS
 from kinemimic.pipeline.errors import KinemimicError
@@ -24,10 +24,10 @@ from kinemimic.retarget.export_json import motion_from_json
 from kinemimic.retarget.motion import Motion
 from kinemimic.train.config import TrainConfig
 from kinemimic.train.policy import Policy
+from kinemimic.train.scenario import Scenario
 
 RESULTS = "compare.json"
 COMPARE_SCHEMA = 1
-_KEYS = ("tasks", "cells", "curves", "summary", "provenance")
 SHIPPED = DATASETS / "comparison"
 Row = Mapping[str, Any]
 
@@ -47,6 +47,34 @@ class Contender:
         """Content hash of all that decides what it does."""
         settings = json.dumps(self.config.to_json(), sort_keys=True)
         return content_hash({**self.policy.tensors(), "made": np.array(f"{settings} {self.motion.identity}")})
+
+
+_OF_CELL = ("return", "converged_samples", "frames", "samples", "seconds")
+_OF_CURVE = ("task", "variant", "reward", "critic_loss")
+_OF_SETTINGS = ("variants", "budgets", "seeds", "engine")
+
+
+def _expect_form(content: Row, path: Path) -> None:
+    """KinemimicError unless all is there that a study reads, and names can be names of folders."""
+    try:
+        names = [*content["tasks"], *(row[key] for row in content["cells"] for key in ("task", "variant"))]
+        strange = [one for one in names if not isinstance(one, str) or Path(one).name != one or one == ".."]
+        numbers = [row[key] for row in content["cells"] for key in ("seed", "budget")]
+        strange += [one for one in numbers if not isinstance(one, int)]
+        parts = ((content["cells"], _OF_CELL), (content["curves"], _OF_CURVE))
+        for rows, keys in (*parts, ([content["provenance"]["config"]], _OF_SETTINGS)):
+            for row in rows:
+                for key in keys:
+                    row[key]
+    except (KeyError, TypeError) as error:
+        found = f"no {error}" if isinstance(error, KeyError) else str(error)
+        raise KinemimicError(
+            f"{path}: expected what `kinemimic compare` writes, found {found}; repeat it"
+        ) from None
+    if strange:
+        raise KinemimicError(
+            f"{path}: expected names of tasks and presets, whole seeds and budgets, found {strange[0]!r}"
+        )
 
 
 @dataclass(frozen=True)
@@ -72,34 +100,39 @@ class Comparison:
             schema=COMPARE_SCHEMA,
             advice="repeat it",
         )
-        if missing := [key for key in _KEYS if key not in content]:
-            raise KinemimicError(
-                f"{folder / RESULTS}: expected the keys {', '.join(_KEYS)}, found no {missing[0]}; repeat "
-                "`kinemimic compare`"
-            )
-        # They become names of folders.
-        for name in {
-            *content["tasks"],
-            *(row[key] for row in content["cells"] for key in ("task", "variant")),
-        }:
-            if not isinstance(name, str) or Path(name).name != name or name == "..":
-                raise KinemimicError(
-                    f"{folder / RESULTS}: expected names of tasks and presets, found {name!r}"
-                )
-        for row in content["cells"]:
-            if not isinstance(row["seed"], int) or not isinstance(row["budget"], int):
-                raise KinemimicError(f"{folder / RESULTS}: expected whole seeds and budgets, found {row}")
+        _expect_form(content, folder / RESULTS)
         return cls(folder, content)
 
     def expect(self, tasks: Sequence[str], variants: Sequence[str]) -> None:
-        """KinemimicError unless each of the tasks was trained with each of the variants."""
-        there = {(row["task"], row["variant"]) for row in self.content["cells"]}
-        missing = [f"{v} on {t}" for t in tasks for v in variants if (t, v) not in there]
+        """KinemimicError unless each of the tasks was trained with each of the variants, all seeds to the end
+        of their budgets."""
+        if failed := self.content.get("failed"):
+            raise KinemimicError(
+                f"{self.folder / RESULTS}: expected every training to have ended well, found that "
+                f"{', '.join(failed)} failed; repeat `kinemimic compare`"
+            )
+        missing = [f"{v} on {t}" for t in tasks for v in variants if not self._whole(t, v)]
         if missing:
             raise KinemimicError(
-                f"{self.folder / RESULTS}: expected {', '.join(variants)} trained on {', '.join(tasks)}, "
-                f"found none of {', '.join(missing)}; repeat `kinemimic compare` with all of them"
+                f"{self.folder / RESULTS}: expected {', '.join(variants)} trained on {', '.join(tasks)} by "
+                f"every seed, found some missing of {', '.join(missing)}; repeat `kinemimic compare`"
             )
+
+    def expect_scenario(self, task: str, trained_in: Scenario) -> None:
+        """KinemimicError unless a task's figures trained in this scenario, and not in another of its name."""
+        if self.content["tasks"].get(task, {}).get("scenario_identity") != scenario_identity(trained_in):
+            raise KinemimicError(
+                f"{self.folder / RESULTS}: expected {task} trained in the scenario {trained_in.name} that "
+                "ships, found another of that name; repeat `kinemimic compare`"
+            )
+
+    def _whole(self, task: str, variant: str) -> bool:
+        """Whether every seed has been scored at every budget."""
+        config = self.content["provenance"]["config"]
+        wanted = {
+            (seed, budget) for seed in range(config["seeds"]) for budget in config["budgets"].get(variant, ())
+        }
+        return bool(wanted) and wanted <= {(row["seed"], row["budget"]) for row in self._rows(task, variant)}
 
     def curve(self, task: str, variant: str, figure: str) -> Sequence[Row]:
         """Over the samples: interquartile mean and interval of a figure of the trials of all seeds."""

@@ -15,7 +15,8 @@ def merged(before: Content, now: Content, place: str) -> dict[str, Any]:
     """compare.json of both: every task and variant of `now`, and those of `before` that it has not.
 
     place: where `before` is, for people. KinemimicError unless both can stand in one table: the same motions,
-    settings, seeds, budgets and engine wherever both have something of a task or variant.
+    settings and budgets wherever both have something of a task or variant, and the same seeds, engine, nets,
+    environment and versions of packages.
     """
     again = {(row["task"], row["variant"]) for row in now["cells"]}
     kept = {key: [row for row in before[key] if (row["task"], row["variant"]) not in again] for key in _ROWS}
@@ -31,6 +32,10 @@ def merged(before: Content, now: Content, place: str) -> dict[str, Any]:
             _expect(place, f"{what} of {name}", settings[what][name], others[what][name])
     for what in ("seeds", "engine"):
         _expect(place, what, settings[what], others[what])
+    # One table compares all: the same nets and the same task for everybody, not for each with itself.
+    for what in ("hidden", "env"):
+        _expect(place, what, _of_all(settings, what), _of_all(others, what))
+    _expect(place, "versions", before["provenance"].get("versions"), now["provenance"].get("versions"))
     together = {
         **others,
         **{what: {**settings[what], **others[what]} for what in ("variants", "budgets")},
@@ -43,6 +48,15 @@ def merged(before: Content, now: Content, place: str) -> dict[str, Any]:
         "provenance": {**made, "inputs": dict(sorted(inputs.items())), "config": together},
         **{key: [*kept[key], *now[key]] for key in _ROWS},
     }
+
+
+def _of_all(settings: Content, what: str) -> list[Any]:
+    """The values that the variants have, each once."""
+    found: list[Any] = []
+    for config in settings["variants"].values():
+        if config[what] not in found:
+            found.append(config[what])
+    return found
 
 
 def _expect(place: str, what: str, there: Any, here: Any) -> None:

@@ -78,15 +78,16 @@ def disturb(
 
 def table(results: Mapping[str, Mapping[str, Any]]) -> RenderableType:
     """The results for a terminal."""
-    rows = grid("", "survived %", "95 %", "dip %", "recovered", "after s", "fell after s")
+    rows = grid("", "survived %", "95 %", "twins fell", "dip %", "recovered", "after s", "fell after s")
     for name, one in results.items():
         low, high = one["survived_95"]
         rows.add_row(
             name,
             percent(one["survived"]),
             f"{100 * low:.0f}-{100 * high:.0f}",
+            str(one["twins_fallen"]),
             percent(one["dip"]["median"]),
-            f"{one['recovered']}/{one['trials']}",
+            f"{one['recovered']}/{round(one['touched'] * one['trials'])}",
             number(one["recovery_s"]["median"], 1),
             number(one["fall_s"]["median"], 1),
         )
@@ -139,6 +140,7 @@ def command(
     else:
         show(
             table(results),
-            "\nmedians; dip: the largest loss of reward against a twin to which nothing happens; recovered: "
-            f"within {100 * RECOVERED:.0f} % of it to the end; seconds since the first difference",
+            "\nmedians; dip: the largest loss of reward against a twin to which nothing happens, where it "
+            f"does not fall by itself; recovered: within {100 * RECOVERED:.0f} % of it to the end, of those "
+            "in whom anything made a difference; seconds since the first difference",
         )

@@ -1,4 +1,5 @@
-"""Processing times for 1000, 2000 and 3000 samples, the paper's Tab. 2: PPO beside DDPG and A2C.
+"""Processing times for 1000, 2000 and 3000 samples, the paper's Tab. 2: PPO beside DDPG and A2C, and beside
+stable-baselines3's PPO, which tells what is the algorithm's and what our code's.
 
 The paper does not say what it processed. Here it is, for every algorithm alike,
 
@@ -10,7 +11,7 @@ The paper does not say what it processed. Here it is, for every algorithm alike,
   not in it.
 
 Times are processor time of one process that may use one thread, so that a machine that is busy with other
-things hardly matters; `elapsed_ms` beside it is what a clock on the wall said.
+things hardly matters.
 """
 
 from __future__ import annotations
@@ -30,11 +31,11 @@ from kinemimic.pipeline.errors import KinemimicError
 from kinemimic.train.children import spread
 from kinemimic.train.config import TrainConfig, preset
 from kinemimic.train.env import observation_size
-from kinemimic.train.rival_config import A2c, Ddpg, require_package
+from kinemimic.train.rival_config import A2c, Ddpg, StablePpo, require_package
 
 SAMPLES = (1000, 2000, 3000)
 NETS = ((512, 256), (1024, 512))  # hidden layers: as the presets have them, and the paper's
-PRESET_OF = {"ppo": "default", "ddpg": "ddpg", "a2c": "a2c"}
+PRESET_OF = {"ppo": "default", "ddpg": "ddpg", "a2c": "a2c", "sb3-ppo": "sb3-ppo"}
 REPEATS = 10
 _WARM_UPS = 2
 
@@ -45,16 +46,14 @@ PAPER: dict[str, dict[str, list[float]]] = {
 }
 
 Name = TypeVar("Name")
-Clocks = Callable[[], tuple[float, float]]  # processor time and wall time, s
 
 
 @dataclass(frozen=True)
 class Timing:
-    """Of one operation, ms: mean and standard deviation of the processor times, mean of the wall times."""
+    """Of one operation, ms of processor time: mean and standard deviation."""
 
     mean_ms: float
     deviation_ms: float
-    elapsed_ms: float
 
 
 @dataclass(frozen=True)
@@ -93,8 +92,8 @@ def processing_times(
 
     samples (two at least), repeats, threads (1), seed: of the measurement;
     nets: for each size of the networks `hidden` and, by algorithm (None for a rival where stable-baselines3
-    is not installed), `inference` and `update`, each with mean_ms, deviation_ms, elapsed_ms of every number
-    of samples and `growth` (see there) of mean_ms; and `learning`: the preset's `batch` and
+    is not installed), `inference` and `update`, each with mean_ms, deviation_ms of every number of
+    samples and `growth` (see there) of mean_ms; and `learning`: the preset's `batch` and
     `steps_per_sample`, `step` with the Timing of one gradient step on such a batch, and mean_ms of every
     number of samples;
     paper: mean_ms, deviation_ms and their growth as Tab. 2 has them, for 1000, 2000 and 3000 samples.
@@ -146,7 +145,7 @@ def growth(samples: Sequence[int], times: Sequence[float]) -> float:
 def own_batch(config: TrainConfig) -> int:
     """Samples of a gradient step in training."""
     rival = config.rival
-    if isinstance(rival, Ddpg):
+    if isinstance(rival, Ddpg | StablePpo):
         return rival.batch
     return config.environments * rival.n_steps if isinstance(rival, A2c) else config.minibatch
 
@@ -156,7 +155,8 @@ def steps_per_sample(config: TrainConfig) -> float:
     rival = config.rival
     if isinstance(rival, Ddpg):
         return rival.updates_per_sample
-    return (1 if isinstance(rival, A2c) else config.passes) / own_batch(config)
+    passes = rival.passes if isinstance(rival, StablePpo) else 1 if rival else config.passes
+    return passes / own_batch(config)
 
 
 def measured(task: Task) -> dict[str, Measured]:
@@ -180,28 +180,23 @@ def measured(task: Task) -> dict[str, Measured]:
     }
 
 
-def _clocks() -> tuple[float, float]:
-    return time.process_time(), time.perf_counter()
-
-
 def timed(
-    operations: Mapping[Name, Callable[[], object]], repeats: int, clocks: Clocks = _clocks
+    operations: Mapping[Name, Callable[[], object]],
+    repeats: int,
+    clock: Callable[[], float] = time.process_time,
 ) -> dict[Name, Timing]:
     """Time operations by turns, so that what else happens meets all alike, after some unmeasured turns."""
-    spent: dict[Name, list[tuple[float, float]]] = {name: [] for name in operations}
+    spent: dict[Name, list[float]] = {name: [] for name in operations}
     for turn in range(_WARM_UPS + repeats):
         for name, operation in operations.items():
-            before = clocks()
+            before = clock()
             operation()
-            after = clocks()
             if turn >= _WARM_UPS:
-                spent[name].append((after[0] - before[0], after[1] - before[1]))
-    found = {}
-    for name, pairs in spent.items():
-        worked, passed = 1e3 * np.array(pairs).T
-        deviation = float(worked.std(ddof=1)) if repeats > 1 else 0.0
-        found[name] = Timing(float(worked.mean()), deviation, float(passed.mean()))
-    return found
+                spent[name].append(1e3 * (clock() - before))
+    return {
+        name: Timing(float(np.mean(times)), float(np.std(times, ddof=1)) if repeats > 1 else 0.0)
+        for name, times in spent.items()
+    }
 
 
 def _acting(update: OneUpdate, config: TrainConfig, count: int, seed: int) -> Callable[[], object]:

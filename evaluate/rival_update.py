@@ -1,4 +1,4 @@
-"""One gradient step of actor and critic on n samples, of stable-baselines3's DDPG and A2C."""
+"""One gradient step of actor and critic on n samples, of stable-baselines3's DDPG, A2C and PPO."""
 
 from __future__ import annotations
 
@@ -7,17 +7,18 @@ from typing import Any
 
 import gymnasium as gym
 import numpy as np
+import torch
 from numpy.typing import NDArray
-from stable_baselines3 import A2C, DDPG
+from stable_baselines3 import DDPG
 from stable_baselines3.common.logger import Logger
 from stable_baselines3.common.vec_env import DummyVecEnv
 
 from kinemimic.train.config import TrainConfig
 from kinemimic.train.policy import Policy
 from kinemimic.train.rival import Randomness
-from kinemimic.train.rival_config import A2c, Ddpg
+from kinemimic.train.rival_config import A2c, Ddpg, StablePpo
 from kinemimic.train.rival_env import spaces
-from kinemimic.train.rival_model import build, exported, normalized
+from kinemimic.train.rival_model import build, exported, gaussian, normalized
 
 Floats = NDArray[np.float32]
 
@@ -33,7 +34,7 @@ class RivalUpdate:
     """`OneUpdate` (`one_update.py`) of a rival as training builds it, with samples drawn from a seed.
 
     DDPG draws its batch from a memory that is as large as at its first gradient step, and its step has both
-    target networks follow; A2C's batch is one rollout. ValueError for other rivals.
+    target networks follow; A2C's and PPO's batch is one rollout, over which PPO goes once.
     """
 
     def __init__(self, config: TrainConfig, samples: int, seed: int) -> None:
@@ -42,8 +43,10 @@ class RivalUpdate:
             rival = replace(rival, buffer=rival.warm_up, batch=samples)
         elif isinstance(rival, A2c):
             rival = replace(rival, n_steps=samples)
+        elif isinstance(rival, StablePpo):
+            rival = replace(rival, batch=samples, passes=1)
         else:
-            raise ValueError(f"expected DDPG or A2C, found {rival}")
+            raise ValueError("expected a configuration with a rival, found none")
         # One figure, so that any number of samples is a whole number of steps.
         self._config = replace(config, environments=1, horizon=samples, rival=rival)
         self._env = normalized(DummyVecEnv([lambda: _Spaces(config)]))
@@ -61,13 +64,22 @@ class RivalUpdate:
                 random.standard_normal(out=column, dtype=np.float32)
             memory.actions[:] = random.uniform(-1.0, 1.0, memory.actions.shape)
             memory.full = True
-        elif isinstance(self.model, A2C):
+        else:
             rollout = self.model.rollout_buffer
             for column in (rollout.observations, rollout.advantages, rollout.returns, rollout.values):
                 random.standard_normal(out=column, dtype=np.float32)
             noise = self._config.noise[0][1]
             rollout.actions[:] = noise * random.standard_normal(rollout.actions.shape, dtype=np.float32)
+            # PPO's ratio begins at 1, as in training: from any other it would be clipped, or no number.
+            rollout.log_probs[:] = self._log_probabilities(rollout.observations, rollout.actions)
             rollout.full = True
+
+    def _log_probabilities(self, observations: Floats, actions: Floats) -> Floats:
+        """(n, 1) of made-up actions, (n, 1, ...) each."""
+        with torch.no_grad():
+            seen, done = (torch.from_numpy(one[:, 0]) for one in (observations, actions))
+            found: Floats = gaussian(self.model).evaluate_actions(seen, done)[1].numpy()[:, None]
+        return found
 
     def policy(self) -> Policy:
         return exported(self.model, self._env, self._config)

@@ -73,18 +73,20 @@ def rooms(
     workers: int | None = None,
     progress: Callable[[float], object] | None = None,
 ) -> list[dict[str, Any]]:
-    """Of every contender: how many of its walks end upright, medians of the fit, and the median walk.
+    """Of every contender: how many of its walks end upright, medians of the fit, and the curves of one.
 
-    Walk k goes through the same room for all. median: the walk whose knees' and hips' mean `r2_upright` is
-    the median of all, the lower of two; progress: called with the share of all walks that is done since.
+    Walk k goes through the same room for all. shown: the walk through the room in which the first contender's
+    knees' and hips' mean `r2_upright` is the median of all its rooms, the lower of two; progress: called with
+    the share of all walks that is done since.
     """
     walks = [Walk(one, scenario, number, seed, engine) for one in contenders for number in range(trials)]
     share = progress and (lambda k: progress(k / len(walks)))
     done = spread(walked, walks, workers=workers, progress=share)
+    ordered = sorted(done[:trials], key=lambda walk: sum(walk[joint]["r2_upright"] for joint in JOINTS))
+    middle = ordered[(trials - 1) // 2]["number"]
     results = []
     for k, one in enumerate(contenders):
         theirs = done[k * trials : (k + 1) * trials]
-        ordered = sorted(theirs, key=lambda walk: sum(walk[joint]["r2_upright"] for joint in JOINTS))
         results.append(
             {
                 "contender": one.name,
@@ -97,7 +99,7 @@ def rooms(
                     }
                     for joint in JOINTS
                 },
-                "median": ordered[(trials - 1) // 2],
+                "shown": theirs[middle],
                 "walks": [{key: v for key, v in walk.items() if key != "curves"} for walk in theirs],
             }
         )

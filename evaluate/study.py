@@ -134,7 +134,8 @@ class _Parts:
             config={**config, **self._always, "schema": STUDY_SCHEMA},
         )
         path = self._folder / f"{name}.json"
-        if path.exists() and (found := read_json(path)).get("made_from") == json.loads(json.dumps(wanted)):
+        found = read_json(path) if path.exists() else None
+        if isinstance(found, dict) and found.get("made_from") == json.loads(json.dumps(wanted)):
             advance(1.0)
             return found["measured"]
         measured = measure(progress=advance)

@@ -11,7 +11,7 @@ from matplotlib.figure import Figure
 
 from kinemimic.evaluate.comparison import Comparison
 from kinemimic.evaluate.figures import REFERENCE, SIMULATED
-from kinemimic.evaluate.study_plan import ALGORITHMS
+from kinemimic.evaluate.study_plan import ALGORITHMS, AMONG
 from kinemimic.pipeline.picture import Draw, legend, panel_grid
 from kinemimic.train.world import CONTROL_RATE
 
@@ -34,7 +34,7 @@ _DASHES: Mapping[str, str] = {
 
 
 def _look(name: str) -> dict[str, Any]:
-    base = name.removesuffix(", among obstacles")
+    base = name.removesuffix(AMONG)
     return {"color": COLORS[base], "linestyle": _DASHES[base], "label": name}
 
 
@@ -115,16 +115,21 @@ def _over_time(panel: Axes, row: Row, name: str) -> None:
     panel.set_xlim(0, time[-1])
 
 
-def joints(walk: Row, side: str) -> Draw:
-    """Knee and hip of one side over the frames of a walk through a room; walk: as `rooms.walked` tells it."""
+def joints(walk: Row, rivals: Mapping[str, Row], side: str) -> Draw:
+    """Knee and hip of one side over the frames of a walk through a room, and faintly those of rivals in the
+    same room, each to its fall; walks: as `rooms.walked` tells them."""
 
     def draw(phone: bool) -> Figure:
         figure, axes = panel_grid(2, 1, 1.9, phone, sharex=True)
         for panel, joint in zip(axes, ("knee", "hip"), strict=True):
-            curve = walk["curves"][f"{joint}_{side}"]
+            name = f"{joint}_{side}"
+            for rival, other in rivals.items():
+                theirs = other["curves"][name]["simulated"][: other["frames"]]
+                panel.plot(np.arange(len(theirs)) + 1, theirs, **_look(rival), linewidth=0.8, alpha=0.7)
+            curve = walk["curves"][name]
             frames = np.arange(len(curve["reference"])) + 1
             panel.plot(frames, curve["reference"], color=REFERENCE, linewidth=0.9, label="reference")
-            panel.plot(frames, curve["simulated"], color=SIMULATED, linewidth=1.1, label="simulated")
+            panel.plot(frames, curve["simulated"], color=SIMULATED, linewidth=1.1, label="PPO")
             if walk["frames"] < walk["of"]:
                 panel.axvspan(walk["frames"], frames[-1], color="#f4e3e0", linewidth=0, label="fallen")
             panel.set(title=f"{side} {joint}", ylabel="flexion [°]", xlim=(1, frames[-1]))

@@ -14,6 +14,7 @@ from kinemimic.evaluate.study_plan import (
     OVERPOWERED,
     PPO,
     PULLS,
+    RIVALS,
     RUN,
     SEVERAL,
     VARIANTS,
@@ -40,7 +41,7 @@ def drawings(comparison: Comparison, content: Row) -> dict[str, Draw]:
 
     # Only those who trained there, each in its algorithm's colour; the page's table has the others.
     several = [(SEVERAL, "several obstacles", [f"{name}{AMONG}" for name in walkers])]
-    (ours,) = (row for row in content["rooms"] if row["contender"] == PPO)
+    shown = {row["contender"]: row["shown"] for row in content["rooms"]}
     walk_and_run = [(WALK, "walk"), (RUN, "run")]
     obstacles = [(WALK, "without obstacles"), (OBSTACLES, "among obstacles")]
     return {
@@ -49,7 +50,7 @@ def drawings(comparison: Comparison, content: Row) -> dict[str, Draw]:
         "fig9": figures.disturbances(contests, panels(*PULLS)),
         "fig10": figures.disturbances(contests, panels(*OVERPOWERED)),
         "fig11": figures.disturbances(contests, panels(BALL) + several),
-        "fig12": figures.joints(ours["median"], "left"),
+        "fig12": figures.joints(shown[PPO], {name: shown[name] for name in RIVALS}, "left"),
         "tab2": figures.times(content["times"]),
     }
 

@@ -8,12 +8,14 @@ from kinemimic.evaluate.comparison import Comparison, Contender
 from kinemimic.evaluate.recipe import POLICIES
 from kinemimic.train.config import TrainConfig
 from kinemimic.train.policy import learnt
+from kinemimic.train.scenario_file import scenario
 
 WALK, RUN, OBSTACLES = "walk", "run", "walk@several-obstacles"  # tasks of the comparison
 PPO = "PPO"
 RIVALS: Mapping[str, str] = {"DDPG": "ddpg", "A2C": "a2c"}  # the paper's, and their variants
 VARIANTS: Mapping[str, str] = {PPO: "default", **RIVALS, "SB3 PPO": "sb3-ppo"}
-ALGORITHMS: Mapping[str, str] = {"ppo": PPO, "ddpg": "DDPG", "a2c": "A2C"}  # of `processing_times.py`
+# Of `processing_times.py`.
+ALGORITHMS: Mapping[str, str] = {"ppo": PPO, "ddpg": "DDPG", "a2c": "A2C", "sb3-ppo": "SB3 PPO"}
 ROBUST = "PPO, robust"  # trained under pushes; ships, and is nobody's rival
 AMONG = ", among obstacles"  # of a contender's name: it was trained there
 
@@ -24,7 +26,8 @@ SCENARIOS: Sequence[str] = (*PULLS, *OVERPOWERED, BALL, SEVERAL)
 
 
 def contenders(comparison: Comparison) -> dict[str, Contender]:
-    """All that take part, by their names."""
+    """All that take part, by their names; KinemimicError where some trained among other obstacles."""
+    comparison.expect_scenario(OBSTACLES, scenario(SEVERAL))
     walkers = [comparison.contender(WALK, variant, name) for name, variant in VARIANTS.items()]
     among = [comparison.contender(OBSTACLES, variant, f"{name}{AMONG}") for name, variant in VARIANTS.items()]
     return {one.name: one for one in (*walkers, _robust(), *among)}

@@ -12,6 +12,7 @@ import pytest
 
 from kinemimic.evaluate.comparison import Comparison
 from kinemimic.pipeline.errors import KinemimicError
+from kinemimic.train.scenario_file import scenario
 
 
 def test_the_middle_seed_is_that_of_the_median_return(compared: Callable[..., Path]) -> None:
@@ -107,6 +108,13 @@ def test_what_is_published_later_joins_what_is_there(compared: Callable[..., Pat
             "of the same variants of default",
         ),
         (
+            lambda content: content["provenance"]["config"]["variants"].update(
+                a2c={**content["provenance"]["config"]["variants"]["default"], "hidden": [8]}
+            ),
+            "of the same hidden",
+        ),
+        (lambda content: content["provenance"].update(versions={"torch": "1"}), "of the same versions"),
+        (
             lambda content: content["provenance"]["config"]["budgets"].update(default=[1]),
             "of the same budgets of default",
         ),
@@ -135,6 +143,49 @@ def test_a_task_is_no_way_out_of_the_folder(compared: Callable[..., Path], name:
         Comparison.load(folder)
 
 
+@pytest.mark.parametrize(
+    ("change", "told"),
+    [
+        (lambda content: content.pop("cells"), "found no 'cells'"),
+        (lambda content: content.update(cells=[{}]), "found no 'task'"),
+        (lambda content: content["cells"][0].pop("return"), "found no 'return'"),
+        (lambda content: content["cells"][0].update(seed="0"), "whole seeds and budgets, found '0'"),
+        (lambda content: content["curves"][0].pop("critic_loss"), "found no 'critic_loss'"),
+        (lambda content: content.update(curves=[3]), "found 'int' object is not subscriptable"),
+        (lambda content: content.update(provenance={}), "found no 'config'"),
+        (lambda content: content.update(tasks=[["walk"]]), "found \\['walk'\\]"),
+    ],
+)
+def test_damaged_results_are_one_line(
+    change: Callable[[Any], object], told: str, compared: Callable[..., Path]
+) -> None:
+    folder = compared()
+    content = json.loads((folder / "compare.json").read_text())
+    change(content)
+    (folder / "compare.json").write_text(json.dumps(content))
+    with pytest.raises(KinemimicError, match=told):
+        Comparison.load(folder)
+
+
+def test_a_study_wants_every_seed_at_every_budget_and_none_failed(compared: Callable[..., Path]) -> None:
+    whole = Comparison.load(compared(returns=(0.9, 0.1)))
+    whole.expect(["walk"], ["default"])
+    short = {**whole.content, "cells": whole.content["cells"][1:]}
+    with pytest.raises(KinemimicError, match="found some missing of default on walk"):
+        Comparison(whole.folder, short).expect(["walk"], ["default"])
+    failed = {**whole.content, "failed": {"walk ddpg seed 0": "fell"}}
+    with pytest.raises(KinemimicError, match="found that walk ddpg seed 0 failed"):
+        Comparison(whole.folder, failed).expect(["walk"], ["default"])
+
+
+def test_another_scenario_of_the_same_name_is_refused(compared: Callable[..., Path]) -> None:
+    comparison = Comparison.load(compared())
+    task, theirs = "walk@several-obstacles", scenario("several-obstacles")
+    comparison.expect_scenario(task, theirs)
+    with pytest.raises(KinemimicError, match="found another of that name"):
+        comparison.expect_scenario(task, replace(theirs, seconds=1.0))
+
+
 def test_what_decides_a_contender_decides_its_identity(compared: Callable[..., Path]) -> None:
     one = Comparison.load(compared()).contender("walk", "default", "PPO")
     assert replace(one, name="another", samples=1).identity == one.identity
@@ -146,7 +197,9 @@ def test_what_decides_a_contender_decides_its_identity(compared: Callable[..., P
 def test_what_is_missing_is_one_line(compared: Callable[..., Path], tmp_path: Path) -> None:
     folder = compared()
     comparison = Comparison.load(folder)
-    with pytest.raises(KinemimicError, match="found none of robust on walk; repeat `kinemimic compare`"):
+    with pytest.raises(
+        KinemimicError, match="found some missing of robust on walk; repeat `kinemimic compare`"
+    ):
         comparison.expect(["walk"], ["default", "robust"])
     comparison.expect(["walk", "run"], ["default", "ddpg"])
     (folder / "run" / "motion.json").write_bytes((folder / "walk" / "motion.json").read_bytes())

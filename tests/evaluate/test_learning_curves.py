@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from kinemimic.evaluate.learning_curves import Told, converged_at, interquartile, together
+from kinemimic.evaluate.learning_curves import Told, ahead, converged_at, interquartile, together
 
 
 def test_the_interquartile_mean_is_that_of_the_middle_half() -> None:
@@ -33,14 +33,29 @@ def test_the_interval_covers_as_often_as_it_says() -> None:
     assert interquartile(values) == interquartile(values)
 
 
+def test_a_lead_has_the_interval_of_both_groups() -> None:
+    told = ahead([3.0, 3.0, 3.0], [1.0, 1.0, 1.0])
+    assert (told.mean, told.low, told.high, told.n) == (2.0, 2.0, 2.0, 3)
+    # Of three the first and the last count by a quarter each, of which the middle one has four sixths.
+    told = ahead([0.0, 3.0, 6.0], [1.0, 1.0])
+    assert told.mean == pytest.approx(2.0)
+    assert told.low is not None and told.high is not None
+    assert (told.low, told.high) == (-1.0, 5.0) and told.n == 2
+    assert ahead([2.0], [1.0, 0.5]) == Told(1.25, None, None, 1)
+    assert ahead([], [1.0]) == Told(None, None, None, 0)
+
+
 def test_convergence_is_where_a_curve_comes_to_stay() -> None:
     samples = [10.0 * k for k in range(1, 11)]
     rising = [0.1, 0.2, 0.4, 0.6, 0.8, 1.0, 1.0, 1.0, 1.0, 1.0]
     # Smoothed over three: 0.93 at 60, 1.0 from 70 on.
     assert converged_at(samples, rising) == 70.0
     # What rises and falls again has not converged where it was first high.
-    fallen = [*rising[:7], 0.2, 1.0, 1.0]
-    assert converged_at(samples, fallen) == 100.0
+    fallen = [0.4, 1.0, 1.0, 0.2, *[1.0] * 6]
+    assert converged_at(samples, fallen) == 60.0
+    # What comes near its best in the last quarter only may rise further.
+    assert converged_at(samples, [*rising[:7], 0.2, 1.0, 1.0]) is None
+    assert converged_at(samples, [0.1 * k for k in range(10)]) is None
     assert converged_at(samples, [0.5] * 10) == 10.0
     assert converged_at(samples, [0.0] * 10) is None
     # What ends below its best has not converged at all.

@@ -34,7 +34,7 @@ def short(monkeypatch: pytest.MonkeyPatch) -> None:
     def times(**_: Any) -> dict[str, Any]:
         one = {"mean_ms": [1.0, 2.0, 3.0], "deviation_ms": [0.1, 0.1, 0.1], "growth": 1.0}
         algorithm = {"update": one, "inference": one, "learning": {"mean_ms": [1.0, 2.0, 3.0]}}
-        algorithms = {"ppo": algorithm, "ddpg": algorithm, "a2c": None}
+        algorithms = {"ppo": algorithm, "ddpg": algorithm, "a2c": None, "sb3-ppo": algorithm}
         nets = [{"hidden": [8, 4], "algorithms": algorithms}, {"hidden": [16, 8], "algorithms": algorithms}]
         samples = [1000, 2000, 3000]
         return {"samples": samples, "nets": nets, "repeats": 1, "paper": {"ppo": one, "ddpg": one}}
@@ -99,6 +99,6 @@ def test_a_contest_does_not_depend_on_who_takes_part(compared: Callable[..., Pat
 
 def test_a_study_of_too_little_is_one_line(compared: Callable[..., Path], tmp_path: Path) -> None:
     folder = compared(variants=("default", "ddpg"))
-    with pytest.raises(KinemimicError, match="found none of a2c on walk"):
+    with pytest.raises(KinemimicError, match="found some missing of a2c on walk"):
         module.study(Comparison.load(folder), tmp_path / "out")
     assert not (tmp_path / "out").exists()

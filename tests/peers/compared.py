@@ -8,10 +8,12 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+from kinemimic.evaluate.compare_task import scenario_identity
 from kinemimic.pipeline.store import write_text
 from kinemimic.retarget.export_json import motion_from_json, motion_to_json
 from kinemimic.retarget.motion import Motion
 from kinemimic.train.config import PRESETS
+from kinemimic.train.scenario_file import scenario
 from peers.constant import constant
 
 BUDGET = 131_072
@@ -31,7 +33,11 @@ def write_comparison(
     tasks: dict[str, dict[str, Any]] = {}
     for task in on:
         write_text(folder / task / "motion.json", motion_to_json(motions[task.partition("@")[0]]))
-        tasks[task] = {"identity": motion_from_json(folder / task / "motion.json").identity}
+        named = task.partition("@")[2]
+        tasks[task] = {
+            "identity": motion_from_json(folder / task / "motion.json").identity,
+            "scenario_identity": scenario_identity(scenario(named)) if named else None,
+        }
         for variant in variants:
             for seed, value in enumerate(returns):
                 config = replace(PRESETS[variant], seed=seed)
