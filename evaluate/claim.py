@@ -67,6 +67,11 @@ SETTING = "setting"  # in place of a unit: a number of the configuration, told a
 _DIGITS = {"%": 1, "s": 2, "ms": 2, "°": 1}
 
 
+def between(low: float, high: float, unit: str) -> str:
+    """An interval for people, the unit of its middle being told already."""
+    return " to ".join(told(one, unit).removesuffix(f"\u00a0{unit}") for one in (low, high))
+
+
 def told(value: float | None, unit: str) -> str:
     """A number with its unit, for people."""
     if value is not None and unit in ("samples", "frame"):

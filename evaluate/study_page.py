@@ -6,7 +6,17 @@ from collections.abc import Mapping, Sequence
 from html import escape
 from typing import Any
 
-from kinemimic.evaluate.claim import BETTER, CONFIRMED, LARGER, NOT_CONFIRMED, SMALLER, UNDECIDED, WORSE, told
+from kinemimic.evaluate.claim import (
+    BETTER,
+    CONFIRMED,
+    LARGER,
+    NOT_CONFIRMED,
+    SMALLER,
+    UNDECIDED,
+    WORSE,
+    between,
+    told,
+)
 from kinemimic.evaluate.comparison import Comparison
 from kinemimic.evaluate.report import SIMULATED_BANNER
 from kinemimic.evaluate.study_sections import disturbances, processing, room, training
@@ -65,7 +75,7 @@ def _claims(claims: Sequence[Row]) -> str:
             verdict = f"<strong>{verdict}</strong>"
         paper, ours = (told(claim[key], unit) for key in ("paper", "ours"))
         if claim["low"] is not None:
-            ours += f" ({told(claim['low'], unit)} to {told(claim['high'], unit)})"
+            ours += f" ({between(claim['low'], claim['high'], unit)})"
         rows.append([claim["figure"], escape(claim["what"]), paper, ours, verdict])
     formulas = dict.fromkeys(f"{claim['figure'].rstrip('ab')}: {claim['formula']}" for claim in claims)
     return (

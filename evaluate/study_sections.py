@@ -127,16 +127,17 @@ def disturbances(contests: Sequence[Row], drawings: Mapping[str, Draw]) -> Itera
             row["scenario"], row["contender"], f"{100 * row['survived']:.0f}",
             f"{100 * low:.0f}–{100 * high:.0f}",
             f"{100 * row['twins_fallen'] / row['trials']:.0f}",
-            _percent(row["dip"]), f"{row['recovered']}/{row['trials']}",
+            _percent(row["dip"]), f"{row['recovered']}/{round(row['touched'] * row['trials'])}",
             number(row["typical_recovery_s"], 1), number(row["typical_fall_s"], 1),
         ])  # fmt: skip
     yield table(
         ["", "", "survive, %", "95 %", "twins fall, %", "dip, %", "recover", "after, s", "fall after, s"],
         rows,
         "Each trial beside a twin to which nothing happens; twins fall: how many of these do, whose "
-        "trials then tell nothing but survival. Survival with Wilson's interval; medians over all trials "
-        "of the dip, of the time until the reward stays within 5 % of the largest reward below the "
-        "twin's, and of the time to the fall; a dash where most never do.",
+        "trials then tell nothing but survival. Survival with Wilson's interval. All that follows is of the "
+        "trials in which anything made a difference: medians of the dip, of the time until the reward stays "
+        "within 5 % of the largest reward below the twin's, and of the time to the fall; a dash where most "
+        "never do.",
         words=(1,),
     )
 

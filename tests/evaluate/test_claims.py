@@ -18,6 +18,7 @@ from kinemimic.evaluate.claim import (
     WORSE,
     Better,
     Claim,
+    between,
     told,
 )
 from kinemimic.evaluate.claims import claims
@@ -72,6 +73,8 @@ def test_a_number_is_told_with_its_unit() -> None:
     assert told(12.345, "%") == "12.3\u00a0%"
     assert told(812_345.6, "samples") == "812,346"
     assert told(None, "s") == "–"
+    assert between(1.04, 22.26, "%") == "1.0 to 22.3"
+    assert between(65_536.0, 1e6, "samples") == "65,536 to 1,000,000"
 
 
 def _cells(
