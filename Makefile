@@ -99,7 +99,7 @@ reproduce: setup ## Train the policies that ship, or POLICY= alone (hours; KINEM
 compare: setup ## Tasks RUNS= (or RUN=; RUN@SCENARIO) trained and scored: medians over SEEDS= (PRESET= ABLATION=1 SEARCH= BUDGETS= ENGINE=)
 	$(KINEMIMIC) compare $(or $(RUNS),"$(RUN)") $(if $(PRESET),--preset "$(PRESET)") $(if $(ABLATION),--ablation) $(if $(SEARCH),--search "$(SEARCH)") $(if $(SEEDS),--seeds "$(SEEDS)") $(if $(BUDGETS),--budgets "$(BUDGETS)") $(if $(ENGINE),--engine "$(ENGINE)")
 
-study: setup ## The paper's experiments on the policies that ship: runs/study/study.html (TRIALS= ENGINE=)
+study: setup ## The paper's experiments on what `make comparison` trained: runs/study/study.html (TRIALS= ENGINE=)
 	$(KINEMIMIC) study $(if $(TRIALS),--trials "$(TRIALS)") $(if $(ENGINE),--engine "$(ENGINE)")
 
 # Ours, DDPG, actor-critic and stable-baselines3's PPO on the paper's three tasks, with the same small nets.
