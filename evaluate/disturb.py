@@ -94,23 +94,31 @@ def table(results: Mapping[str, Mapping[str, Any]]) -> RenderableType:
     return rows
 
 
-def _told() -> RenderableType:
-    """The scenarios that ship."""
+def _list(told: Mapping[str, str]) -> RenderableType:
+    """Scenarios by name, and what each is about."""
     rows = grid("", "", left=2)
     rows.show_header = False
-    for name in shipped_scenarios():
-        rows.add_row(name, scenario(name).about)
+    for name, about in told.items():
+        rows.add_row(name, about)
     return rows
 
 
 @click.command("disturb")
 @click.argument("scenarios", nargs=-1, metavar="[SCENARIO]...")
 @run_options()
-@click.option("--trials", type=click.IntRange(min=1, max=100_000), default=TRIALS, show_default=True)
-@click.option("--seed", type=click.IntRange(min=0), default=0, show_default=True)
+@click.option(
+    "--trials",
+    type=click.IntRange(min=1, max=100_000),
+    default=TRIALS,
+    show_default=True,
+    help="Of each scenario.",
+)
+@click.option(
+    "--seed", type=click.IntRange(min=0), default=0, show_default=True, help="Of what each trial draws."
+)
 @workers_option
 @engine_option
-@click.option("--json", "as_json", is_flag=True, help="Print the results as JSON.")
+@click.option("--json", "as_json", is_flag=True, help="Print the results, or the list, as JSON.")
 def command(
     run: Path,
     scenarios: tuple[str, ...],
@@ -130,7 +138,11 @@ def command(
       kinemimic disturb mine.toml --run runs/walk --trials 500
     """
     if not scenarios:
-        show(_told())
+        told = {name: scenario(name).about for name in shipped_scenarios()}
+        if as_json:
+            click.echo(json.dumps(told, indent=2, ensure_ascii=False))
+        else:
+            show(_list(told))
         return
     results = disturb(
         run, [scenario(one) for one in scenarios], trials=trials, seed=seed, workers=workers, engine=engine

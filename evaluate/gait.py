@@ -69,7 +69,13 @@ def table(report: Mapping[str, Any], run: Path) -> RenderableType:
 
 
 @click.command("gait")
-@click.option("--run", type=click.Path(path_type=Path), default=Path("runs/default"), show_default=True)
+@click.option(
+    "--run",
+    type=click.Path(path_type=Path),
+    default=Path("runs/default"),
+    show_default=True,
+    help="The run folder.",
+)
 @click.option("--json", "as_json", is_flag=True, help="Print gait_report.json.")
 def command(run: Path, as_json: bool) -> None:
     """The gait of a run's capture, reference and simulation, whichever are there, over what is normal.

@@ -32,7 +32,7 @@ def summary(name: str, folder: Path) -> dict[str, Any]:
 @click.command("policies")
 @click.option("--json", "as_json", is_flag=True, help="Print the list as JSON.")
 def command(as_json: bool) -> None:
-    """The policies that ship, for `--policy` of evaluate, view, export and pushes.
+    """The policies that ship, for `--policy` of evaluate, view, export, pushes and disturb.
 
     \b
       kinemimic policies

@@ -150,6 +150,7 @@ def reproduce(
     type=click.Path(path_type=Path, file_okay=False),
     default=Path("datasets/policies"),
     show_default=True,
+    help="Each is written into a folder of its name below this one.",
 )
 @click.option("--engine", type=click.Choice(ENGINES), help="Native where it is built.")
 @click.option("--json", "as_json", is_flag=True, help="Print the folders that were written as JSON.")

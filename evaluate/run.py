@@ -177,7 +177,12 @@ def _say(text: str, *, quiet: bool, bold: bool = False) -> None:
 @click.command()
 @click.argument("capture", required=False, type=click.Path(path_type=Path))
 @click.option(
-    "--run", "folder", type=click.Path(path_type=Path), default=Path("runs/default"), show_default=True
+    "--run",
+    "folder",
+    type=click.Path(path_type=Path),
+    default=Path("runs/default"),
+    show_default=True,
+    help="The run folder.",
 )
 @click.option("--filter", "filter_name", type=click.Choice(FILTERS), help="Of `ingest`.")
 @click.option("--symmetric/--as-recorded", default=None, help="Of `retarget`.")

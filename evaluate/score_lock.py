@@ -19,7 +19,7 @@ from kinemimic.evaluate.shipped import SCORES, unpack
 from kinemimic.evaluate.stage import evaluate
 from kinemimic.pipeline.errors import KinemimicError
 from kinemimic.pipeline.store import read_json, write_json
-from kinemimic.retarget.versions.params import PARAMS, Params
+from kinemimic.retarget.versions.params import Params, params_option
 from kinemimic.train.fit import JOINTS
 from kinemimic.train.options import engine_option, workers_option
 
@@ -67,7 +67,7 @@ def _told(value: float | None) -> str:
 
 @click.command("score")
 @click.argument("policy")
-@click.option("--params", "path", type=click.Path(path_type=Path), default=PARAMS, show_default=True)
+@params_option
 @workers_option
 @engine_option
 @click.option("--json", "as_json", is_flag=True, help="Print the scores.")

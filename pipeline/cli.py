@@ -17,7 +17,7 @@ COMMANDS: dict[str, tuple[str, str]] = {
     "formats": ("kinemimic.pipeline.inspect.formats:command", "The capture formats that can be read."),
     "datasets": (
         "kinemimic.pipeline.catalog.command:command",
-        "Public recordings of real sensors: list, fetch, verify, add.",
+        "Public recordings, and versions of data made of recordings.",
     ),
     "inspect": ("kinemimic.pipeline.inspect.command:command", "What captures are, and how good they are."),
     "ingest": ("kinemimic.pipeline.ingest:command", "Read a capture: passes, gaps, filter, quality report."),

@@ -95,7 +95,13 @@ def on_nodes(clip: Clip) -> Clip:
 
 
 @click.command()
-@click.option("--run", type=click.Path(path_type=Path), default=Path("runs/default"), show_default=True)
+@click.option(
+    "--run",
+    type=click.Path(path_type=Path),
+    default=Path("runs/default"),
+    show_default=True,
+    help="The run folder.",
+)
 @click.option("--json", "as_json", is_flag=True, help="Print the gimbal report as JSON.")
 def command(run: Path, as_json: bool) -> None:
     """Turn the run's clip into quaternions and report where its Euler angles come near gimbal lock.

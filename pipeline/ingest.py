@@ -68,7 +68,13 @@ def ingest(capture: Path, run: Path, *, filter_name: str | None = None) -> Clip:
 
 @click.command()
 @click.argument("capture", required=False, type=click.Path(path_type=Path))
-@click.option("--run", type=click.Path(path_type=Path), default=Path("runs/default"), show_default=True)
+@click.option(
+    "--run",
+    type=click.Path(path_type=Path),
+    default=Path("runs/default"),
+    show_default=True,
+    help="The run folder.",
+)
 @click.option(
     "--filter",
     "filter_name",

@@ -174,7 +174,13 @@ def _measures(closed: dict[str, Any], final: dict[str, Any]) -> list[str]:
 
 
 @click.command("retarget")
-@click.option("--run", type=click.Path(path_type=Path), default=Path("runs/default"), show_default=True)
+@click.option(
+    "--run",
+    type=click.Path(path_type=Path),
+    default=Path("runs/default"),
+    show_default=True,
+    help="The run folder.",
+)
 @click.option(
     "--symmetric/--as-recorded",
     default=None,

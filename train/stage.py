@@ -172,14 +172,34 @@ def _record(training: Training, motion: Motion, engine: str) -> dict[str, Any]:
 
 @click.command("train")
 @click.option(
-    "--run", "run", type=click.Path(path_type=Path), default=Path("runs/default"), show_default=True
+    "--run",
+    "run",
+    type=click.Path(path_type=Path),
+    default=Path("runs/default"),
+    show_default=True,
+    help="The run folder.",
 )
 @click.option(
-    "--preset", "preset_name", type=click.Choice(list(PRESETS)), default="default", show_default=True
+    "--preset",
+    "preset_name",
+    type=click.Choice(list(PRESETS)),
+    default="default",
+    show_default=True,
+    help="A named set of training settings.",
 )
-@click.option("--budget", type=samples, help="Samples (control steps), such as 1e6; the preset's by default.")
-@click.option("--minutes", type=MINUTES, help="End after so many minutes, if the budget lasts longer.")
-@click.option("--seed", type=click.IntRange(min=0), default=0, show_default=True)
+@click.option(
+    "--budget",
+    type=samples,
+    help="Samples (control steps) of all calls together, such as 1e6; the preset's by default.",
+)
+@click.option(
+    "--minutes",
+    type=MINUTES,
+    help="End after so many minutes of all calls together, if the budget lasts longer.",
+)
+@click.option(
+    "--seed", type=click.IntRange(min=0), default=0, show_default=True, help="Of all that is drawn at random."
+)
 @workers_option
 @engine_option
 @click.option(

@@ -200,7 +200,9 @@ def command(file: Path, catalog: Path, collection: str, as_json: bool, **told: s
     A new collection needs --repository, --commit, --licence and --citation; one that is there has them.
 
     \b
-      kinemimic datasets add walk.skl --catalog mine.toml --collection home --path data/walk.skl
+      kinemimic datasets add walk.skl --catalog mine.toml --collection home --path data/walk.skl \\
+        --repository me/walks --commit 0123456789abcdef0123456789abcdef01234567 \\
+        --licence CC0-1.0 --citation "Me, 2026"
     """
     path, name = told.pop("path") or "", told.pop("name")
     entry, why = add(file, catalog, collection, path=path, name=name, **told)

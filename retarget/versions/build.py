@@ -18,7 +18,7 @@ from kinemimic.pipeline.store import read_clip
 from kinemimic.retarget.export_json import motion_from_json
 from kinemimic.retarget.motion import Motion
 from kinemimic.retarget.stage import retarget
-from kinemimic.retarget.versions.params import PARAMS, Capture, Params
+from kinemimic.retarget.versions.params import Capture, Params, params_option
 
 # Each stage, and the file that holds what it makes.
 STAGES = {"ingest": "clip.json", "convert": "quaternions.json", "retarget": "motion.json"}
@@ -79,7 +79,7 @@ def place(params: Params, root: Path, name: str, file: str) -> Path:
 @click.argument("name")
 @click.option("--through", type=click.Choice(list(STAGES)), default=LAST, show_default=True,
               help="The last stage; what it makes is written.")  # fmt: skip
-@click.option("--params", "path", type=click.Path(path_type=Path), default=PARAMS, show_default=True)
+@params_option
 @click.option("--json", "as_json", is_flag=True, help="Print path and content hash as JSON.")
 def command(name: str, through: str, path: Path, as_json: bool) -> None:
     """Make one of the data set's captures, NAME, and write what a stage came to as canonical arrays.

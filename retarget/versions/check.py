@@ -15,7 +15,7 @@ from kinemimic.pipeline.progress import progress
 from kinemimic.retarget.versions.build import LAST, STAGES, built, place
 from kinemimic.retarget.versions.diff import changes, told
 from kinemimic.retarget.versions.manifest import MANIFEST, Manifest, changed_raw, different, unsaid
-from kinemimic.retarget.versions.params import PARAMS, Params
+from kinemimic.retarget.versions.params import Params, params_option
 
 WRONG = 1  # exit status
 _TOLD = 3  # changes of one file
@@ -122,7 +122,7 @@ def _what(before: Canonical, after: Canonical) -> str:
 
 
 @click.command("check")
-@click.option("--params", "path", type=click.Path(path_type=Path), default=PARAMS, show_default=True)
+@params_option
 @click.option("--against", metavar="COMMIT", help="Whose data of the same version have to be the same.")
 @click.option("--json", "as_json", is_flag=True, help="Print what is wrong as JSON.")
 def command(path: Path, against: str | None, as_json: bool) -> None:

@@ -16,7 +16,7 @@ from kinemimic.pipeline.errors import KinemimicError
 from kinemimic.pipeline.schema import upgraded
 from kinemimic.pipeline.store import file_hash, read_json, write_json
 from kinemimic.retarget.versions.build import STAGES, place
-from kinemimic.retarget.versions.params import PARAMS, Params
+from kinemimic.retarget.versions.params import Params, params_option
 
 _MADE = "; bring back what was, or raise `version` and `make data`"
 MANIFEST, CHANGELOG = "manifest.json", Path("CHANGELOG.md")
@@ -135,7 +135,7 @@ def unsaid(version: int, root: Path) -> str | None:
 
 
 @click.command("lock")
-@click.option("--params", "path", type=click.Path(path_type=Path), default=PARAMS, show_default=True)
+@params_option
 @click.option("--json", "as_json", is_flag=True, help="Print the manifest.")
 def command(path: Path, as_json: bool) -> None:
     """Write the manifest of the data set that is built in the current folder.

@@ -4,9 +4,12 @@ from __future__ import annotations
 
 import re
 import tomllib
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path, PurePosixPath
+from typing import Any
+
+import click
 
 from kinemimic.pipeline.captures.toml_keys import Keys
 from kinemimic.pipeline.clean import FILTERS
@@ -16,6 +19,15 @@ from kinemimic.retarget.ankles import ANKLES, Ankle
 PARAMS = Path("datasets/versions/params.toml")
 SCHEMA = 1
 _NAME = re.compile(r"[a-z0-9_]+")
+
+params_option: Callable[[Callable[..., Any]], Callable[..., Any]] = click.option(
+    "--params",
+    "path",
+    type=click.Path(path_type=Path),
+    default=PARAMS,
+    show_default=True,
+    help="Parameters of the data set.",
+)
 
 
 @dataclass(frozen=True)

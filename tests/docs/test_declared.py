@@ -92,7 +92,7 @@ def test_what_does_not_exist_is_found(text: str) -> None:
 
 @pytest.mark.parametrize("name", [*COMMANDS, *(f"datasets {name}" for name in OF_DATASETS)])
 def test_every_help_shows_an_example_that_parses(name: str) -> None:
-    shown = CliRunner().invoke(cli, [*name.split(), "--help"]).output
+    shown = CliRunner().invoke(cli, [*name.split(), "--help"]).output.replace("\\\n", "")
     examples = re.findall(rf"^ +(kinemimic {name}\b.*)$", shown, re.MULTILINE)
     assert examples, shown
     for example in examples:

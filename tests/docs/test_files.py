@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import re
 from collections.abc import Mapping
+from dataclasses import fields
 from pathlib import Path
 from typing import Any
 
@@ -16,6 +17,9 @@ from printed.blocks import ROOT
 from kinemimic.evaluate.disturb import disturb
 from kinemimic.evaluate.gait import gait
 from kinemimic.evaluate.pushes import pushes
+from kinemimic.evaluate.recipe import Recipe
+from kinemimic.pipeline.catalog.entry import Collection, Entry
+from kinemimic.retarget.versions.params import Capture, Params
 from kinemimic.train.scenario_file import scenario
 
 PAGE = ROOT / "docs" / "files.md"
@@ -81,6 +85,18 @@ def test_the_columns_and_the_header_of_a_clip_are_told(run: Path) -> None:
     assert {"time", "pass", "JOINT.state"} <= said
     header = json.loads(table.schema.metadata[b"kinemimic"])
     assert all(f"| `{key}` |" in PAGE.read_text() for key in header)
+
+
+def test_the_keys_that_a_person_writes_are_those_of_the_code() -> None:
+    def keys(kind: Any, *without: str) -> set[str]:
+        return {field.name for field in fields(kind)} - set(without)
+
+    params = {f"captures.NAME.{key}" for key in keys(Capture, "name")} | keys(Params, "path", "captures")
+    assert told("params.toml") == params | {"schema"}
+    collection = {f"collection.{key}" for key in keys(Collection, "entries")} | {"collection.files"}
+    files = {f"files.{key}" for key in keys(Entry, "collection", "file", "licence") | {"name"}}
+    assert told("catalog.toml") == collection | files | {"schema"}
+    assert told("recipes.toml") == keys(Recipe)
 
 
 def test_the_numbers_of_the_schemas_are_those_of_the_code() -> None:

@@ -7,7 +7,7 @@ from typing import Any
 
 import pytest
 from peers.wheels import elsewhere, install_beside
-from printed.blocks import PAGES, ROOT, blocks
+from printed.blocks import PAGES, ROOT, Block, blocks
 from printed.prepared import PREPARED, nothing
 from printed.reading import Reader, environment
 
@@ -38,6 +38,16 @@ def test_a_page_does_what_it_says(page: Path, tmp_path: Path, request: pytest.Fi
     else:
         prepare(tmp_path, tmp_path)
     follow(page, Reader(tmp_path, environment()))
+
+
+def test_what_a_page_says_is_printed_is_compared(tmp_path: Path) -> None:
+    """Whatever the width of the lines; `…` is for anything."""
+    page, reader = PAGES[0], Reader(tmp_path, environment())
+    reader.follow(Block(page, 1, "sh", "", "echo 'joint   tracked %'\necho 'head 96.9'\necho 'foot 84.2'\n"))
+    reader.follow(Block(page, 2, "text", "", "joint  tracked %\n…\nfoot        84.2\n"))
+    for wrong in ("joint  tracked %\nfoot  84.2\n", "foot  84.2\n…\nhead  96.9\n"):
+        with pytest.raises(AssertionError):
+            reader.follow(Block(page, 3, "text", "", wrong))
 
 
 @pytest.mark.slow

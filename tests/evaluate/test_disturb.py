@@ -23,7 +23,7 @@ from kinemimic.train.engines import resolve
 from kinemimic.train.env import ACTIONS, OBSERVATIONS
 from kinemimic.train.policy import Policy
 from kinemimic.train.scenario import Load, Placement, Range, Scenario
-from kinemimic.train.scenario_file import scenario
+from kinemimic.train.scenario_file import scenario, shipped_scenarios
 
 SIDE = Range((0.0, -60.0, 0.0), (0.0, 60.0, 0.0))
 PULL = Scenario("pull", seconds=1.5, loads=(Load("torso", Range.of(0.5), Range.of(0.3), force=SIDE),))
@@ -210,6 +210,9 @@ def test_command_lists_prints_and_refuses(run: Path) -> None:
     for name in ("pull-forward", "several-obstacles"):
         assert name in listed
         assert scenario(name).about.split(":")[0][:30] in listed
+    told = json.loads(invoke(command, ["--json"], catch_exceptions=False).output)
+    assert list(told) == list(shipped_scenarios())
+    assert told["pull-forward"] == scenario("pull-forward").about
     mine = run / "mine.toml"
     mine.write_text("seconds = 0.5\n[ground]\nfriction = 0.5\n", encoding="utf-8")
     options = ["--run", str(run), "--trials", "2"]

@@ -68,7 +68,8 @@ def depth(folder: Path, workshop: Path) -> None:
 
 
 def versions(folder: Path, workshop: Path) -> None:
-    """runs/before and runs/after, before.json and after.json: the same, so that nothing is to be told."""
+    """walk.skl; runs/before and runs/after, before.json and after.json: the same, so that nothing is told."""
+    recording(folder, workshop)
     for name in ("before", "after"):
         shutil.copytree(workshop / "runs/walk", folder / "runs" / name)
         shutil.copy(workshop / "runs/walk/motion.json", folder / f"{name}.json")

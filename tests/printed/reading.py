@@ -6,7 +6,7 @@ import os
 import shutil
 import subprocess
 import sys
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 from printed.blocks import ROOT, Block, commands
@@ -33,21 +33,35 @@ def shell(text: str, folder: Path, env: Environment) -> subprocess.CompletedProc
     )
 
 
+def in_sequence(pieces: Sequence[str], text: str) -> bool:
+    """Whether the pieces stand in a text, one behind the other."""
+    start = 0
+    for piece in pieces:
+        found = text.find(piece, start)
+        if found < 0:
+            return False
+        start = found + len(piece)
+    return True
+
+
 class Reader:
     """Does what a page says, block after block, in a folder of its own."""
 
     def __init__(self, folder: Path, env: Environment) -> None:
         self.folder, self.env = folder, env
+        self.printed = ""  # by the last `sh` block
 
     def follow(self, block: Block) -> None:
-        """Run a block's commands, write its file, apply its change or compare its transcript."""
+        """Run a block's commands, write its file, apply its change or compare what it says is printed."""
         if block.language == "sh":
+            self.printed = ""
             for command in commands(block):
                 if reason(command.text) is None:
                     done = shell(cheaper(command.text), self.folder, self.env)
                     assert done.returncode == 0, (
                         f"{command.place}: {command.text}\n{done.stdout}\n{done.stderr}"
                     )
+                    self.printed += done.stdout
         elif block.language == "python":
             if block.title:
                 self._write(block)
@@ -60,6 +74,10 @@ class Reader:
             self._apply(block)
         elif block.language == "console":
             self._compare(block)
+        elif block.language == "text":
+            # Lines wrap as wide as the reader's terminal is.
+            expected, found = (" ".join(text.split()) for text in (block.text, self.printed))
+            assert in_sequence(expected.split("…"), found), f"{block.place}: {self.printed}"
 
     def said(self, command: str) -> str:
         """What a command that has to end well prints."""
@@ -97,9 +115,6 @@ class Reader:
             done = shell(command, self.folder, self.env)
             assert done.returncode == 2, f"{block.place}: {command}: status {done.returncode}"
             pieces = expected.strip().split("…")
-            found, start = (done.stdout + done.stderr).strip(), 0
+            found = (done.stdout + done.stderr).strip()
             assert found.startswith(pieces[0]) and found.endswith(pieces[-1]), f"{block.place}: {found}"
-            for piece in pieces:
-                start = found.find(piece, start)
-                assert start >= 0, f"{block.place}: {found}"
-                start += len(piece)
+            assert in_sequence(pieces, found), f"{block.place}: {found}"
