@@ -149,7 +149,7 @@ def _limit(context: click.Context, parameter: click.Parameter, values: tuple[str
               help="Hidden layers of all, as 128,64, in place of the presets'.")  # fmt: skip
 @click.option("--jobs", type=click.IntRange(min=1), help="Trainings side by side; all cores by default.")
 @click.option("--out", type=click.Path(path_type=Path, file_okay=False), default=Path("runs/compare"),
-              show_default=True)  # fmt: skip
+              show_default=True, help="Trainings and results.")  # fmt: skip
 @engine_option
 @click.option("--anyway", is_flag=True, help="Train also on motions that the gate before training refuses.")
 @click.option("--publish", "ships", type=click.Path(path_type=Path, file_okay=False),

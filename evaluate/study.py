@@ -161,12 +161,12 @@ def table(content: Row) -> RenderableType:
     help="What `compare` wrote; by default what ships.",
 )
 @click.option("--out", type=click.Path(path_type=Path, file_okay=False), default=Path("runs/study"),
-              show_default=True)  # fmt: skip
+              show_default=True, help="Page, figures, numbers.")  # fmt: skip
 @click.option("--trials", type=click.IntRange(min=1, max=100_000), default=TRIALS, show_default=True,
               help="Of everybody in each scenario.")  # fmt: skip
 @click.option("--rooms", "walks", type=click.IntRange(min=1, max=10_000), default=ROOMS, show_default=True,
               help="That everybody walks.")  # fmt: skip
-@click.option("--seed", type=click.IntRange(min=0), default=0, show_default=True)
+@click.option("--seed", type=click.IntRange(min=0), default=0, show_default=True, help="Of what befalls.")
 @workers_option
 @engine_option
 @click.option("--json", "as_json", is_flag=True, help="Print study.json.")
