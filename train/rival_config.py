@@ -1,8 +1,9 @@
 """Settings of the rivals: stable-baselines3's algorithms in PPO's place, everything else being equal.
 
-Equal is what `TrainConfig` says of all: task, rewards and their schedule, hidden layers, discount, samples of a
-round, budget; exploration and figures too, but where a preset says otherwise (`config.py`). What only our PPO has (from `minibatch` to
-`critic_rate`, `gae_lambda`, the entropy's weight) a rival does not look at: it has its own here.
+Equal is what `TrainConfig` says of all: task, rewards and their schedule, hidden layers, discount, samples of
+a round, budget; exploration and figures too, but where a preset says otherwise (`config.py`). What only our
+PPO has (from `minibatch` to `critic_rate`, `gae_lambda`, the entropy's weight) a rival does not look at: it
+has its own here.
 """
 
 from __future__ import annotations
