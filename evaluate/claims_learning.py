@@ -49,12 +49,17 @@ def converged(comparison: Comparison, task: str, variant: str) -> Told:
     return interquartile([v for row in rows if (v := row["converged_samples"]) is not None])
 
 
-def least_loss(comparison: Comparison, task: str, variant: str, budget: int | None = None) -> float | None:
-    """Least, up to a budget, of the seeds' interquartile mean of the critic's loss on normalised returns."""
+def least_loss(comparison: Comparison, task: str, variant: str, budget: int | None = None) -> Told:
+    """Least, up to a budget, of the seeds' interquartile mean of the critic's loss on normalised returns, and
+    its interval there."""
     curve = comparison.curve(task, variant, "critic_loss")
     # A budget ends with a whole round, and so does its last trial: some samples later.
     last = max((row["samples"] for row in comparison.cells(task, variant, budget)), default=0)
-    return min((row["mean"] for row in curve if row["samples"] <= last), default=None)
+    rows = [row for row in curve if row["samples"] <= last]
+    if not rows:
+        return Told(None, None, None, 0)
+    least = min(rows, key=lambda row: float(row["mean"]))
+    return Told(least["mean"], least["low"], least["high"], least["n"])
 
 
 def loss_converged(comparison: Comparison, task: str, variant: str) -> float | None:
@@ -71,7 +76,8 @@ def rewards(comparison: Comparison) -> Iterator[Claim]:
     best = "largest return of a trial, interquartile mean over the seeds, share of the largest possible"
     where = (
         "samples from which the return, smoothed over three trials, stays within 5 % of its largest, and for "
-        "the last quarter of the training at least; interquartile mean over the seeds that have come to that"
+        "the last quarter of the training at least; interquartile mean over the seeds that have come to "
+        "that. No verdict: who trains for less could only converge sooner"
     )
     share = 100.0 / EPISODE
     for task, figure, printed in (
@@ -89,7 +95,7 @@ def rewards(comparison: Comparison) -> Iterator[Claim]:
                 for one in (VARIANTS[PPO], variant)
             )
             told, what = ahead(ours, theirs), f"PPO ahead of {name} by, after {at:,} samples"
-            yield Claim(figure, what, best, "%", share * printed[name], told.mean, "lead",
+            yield Claim(figure, what, best, "%", share * printed[name], told.mean, _lead(told.low),
                         low=told.low, high=told.high)  # fmt: skip
     for task, figure, printed in (
         (WALK, "Fig. 7a", {"PPO": 8e5, "A2C": 5e5, "DDPG": 10e5}),
@@ -98,12 +104,20 @@ def rewards(comparison: Comparison) -> Iterator[Claim]:
         for name, samples in printed.items():
             variant = VARIANTS[name]
             told, last = converged(comparison, task, variant), _last(comparison, task, variant)
-            better: Better = "less" if name == PPO else "neither"
             seeds = f"{told.n} of {len(comparison.cells(task, variant))} seeds"
             what = f"{name} converges, of {last:,} samples ({seeds}), at"
-            yield Claim(figure, what, where, "samples", samples, told.mean, better,
-                        "still rises, or does not stay near its best", "ours",
+            yield Claim(figure, what, where, "samples", samples, told.mean, "neither",
+                        "still rises, or does not stay near its best",
                         low=told.low, high=told.high)  # fmt: skip
+
+
+def _lead(low: float | None) -> Better:
+    """A lead without an interval is of one seed, on which there is no verdict."""
+    return "neither" if low is None else "lead"
+
+
+def _minus(one: float | None, other: float | None) -> float | None:
+    return None if one is None or other is None else one - other
 
 
 def _last(comparison: Comparison, task: str, variant: str) -> int:
@@ -123,15 +137,17 @@ def losses(comparison: Comparison) -> Iterator[Claim]:
     ):
         ppo = VARIANTS[PPO]
         if PPO in printed:
-            yield Claim(
-                figure, "PPO's least loss", how, "", printed[PPO], least_loss(comparison, task, ppo), "less"
-            )
+            told = least_loss(comparison, task, ppo)
+            yield Claim(figure, "PPO's least loss", how, "", printed[PPO], told.mean, "less",
+                        low=told.low, high=told.high)  # fmt: skip
         found = loss_converged(comparison, task, ppo)
         what = "PPO's loss converges at" + ("" if task == WALK else " (printed: basically unchanged)")
         yield Claim(figure, what, where, "samples", 8e5, found, "neither", "does not stay down")
         for name, variant in RIVALS.items():
             at = comparison.shared(task, ppo, variant)
             ours, theirs = (least_loss(comparison, task, one, at) for one in (ppo, variant))
-            lead = None if ours is None or theirs is None else theirs - ours
+            # Apart for certain where their intervals are.
+            lead, low = _minus(theirs.mean, ours.mean), _minus(theirs.low, ours.high)
+            high = _minus(theirs.high, ours.low)
             what = f"PPO's least loss below {name}'s by, after {at:,} samples"
-            yield Claim(figure, what, how, "", printed[name], lead, "lead")
+            yield Claim(figure, what, how, "", printed[name], lead, _lead(low), low=low, high=high)

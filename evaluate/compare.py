@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from importlib.metadata import version
 from os import sched_getaffinity
 from pathlib import Path
 from typing import Any
@@ -28,6 +29,7 @@ from kinemimic.train.budget import samples
 from kinemimic.train.config import PRESETS, TrainConfig
 from kinemimic.train.engines import resolve
 from kinemimic.train.options import engine_option
+from kinemimic.train.rival_config import require_package
 
 FAILED = 1  # exit status where a cell failed
 
@@ -74,7 +76,7 @@ def compare(
         for variant, config in variants.items()
         for task in tasks
     ]  # fmt: skip
-    made = {
+    made: dict[str, Any] = {
         "schema": COMPARE_SCHEMA,
         "tasks": {task.name: about(task, motions[task.name]) for task in tasks},
         "provenance": provenance(
@@ -88,6 +90,9 @@ def compare(
             },
         ),
     }
+    if any(config.rival for config in variants.values()):
+        require_package()
+        made["provenance"]["versions"]["stable-baselines3"] = version("stable-baselines3")
     with alone(out), bars() as several:
         for task in tasks:
             there = out / task.name / MOTION
@@ -139,7 +144,7 @@ def _limit(context: click.Context, parameter: click.Parameter, values: tuple[str
 @click.option("--search", "searched", multiple=True, type=click.Choice(list(SEARCH)),
               help="A rival's preset, and what one would try first to better it; repeatable.")  # fmt: skip
 @click.option("--only", "only", multiple=True, metavar="VARIANT",
-              help="Of what an ablation or a search tries this alone; repeatable.")  # fmt: skip
+              help="Of what an ablation or a search tries, these alone; repeatable.")  # fmt: skip
 @click.option("--seeds", type=click.IntRange(min=1), default=5, show_default=True, help="How many.")
 @click.option("--budgets", type=increasing, metavar="SAMPLES,…", default="1e6,2e6", show_default=True,
               help="Numbers of samples, each scored on the way to the last.")  # fmt: skip
@@ -188,7 +193,8 @@ def command(
         variants |= search(rival)
     if strange := set(only) - variants.keys():
         raise KinemimicError(f"--only: expected some of {', '.join(variants)}, found {min(strange)!r}")
-    variants = {name: config for name, config in variants.items() if name in (only or variants)}
+    if only:
+        variants = {name: config for name, config in variants.items() if name in (*only, *presets)}
     if strange := limits.keys() - variants.keys():
         raise KinemimicError(f"--limit: expected one among {', '.join(variants)}, found {min(strange)!r}")
     if hidden and ablated:

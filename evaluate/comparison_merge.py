@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Mapping
 from typing import Any
 
@@ -34,8 +35,13 @@ def merged(before: Content, now: Content, place: str) -> dict[str, Any]:
         _expect(place, what, settings[what], others[what])
     # One table compares all: the same nets and the same task for everybody, not for each with itself.
     for what in ("hidden", "env"):
-        _expect(place, what, _of_all(settings, what), _of_all(others, what))
-    _expect(place, "versions", before["provenance"].get("versions"), now["provenance"].get("versions"))
+        one, other = (_of_all(config, what) for config in (settings, others))
+        if not other <= one:
+            _expect(place, what, sorted(one), sorted(other))
+    # Who has no rival does not say which stable-baselines3 there was.
+    theirs, ours = (one["provenance"].get("versions", {}) for one in (before, now))
+    for package in sorted(theirs.keys() & ours.keys()):
+        _expect(place, f"version of {package}", theirs[package], ours[package])
     together = {
         **others,
         **{what: {**settings[what], **others[what]} for what in ("variants", "budgets")},
@@ -45,18 +51,19 @@ def merged(before: Content, now: Content, place: str) -> dict[str, Any]:
     return {
         **now,
         "tasks": {**before["tasks"], **now["tasks"]},
-        "provenance": {**made, "inputs": dict(sorted(inputs.items())), "config": together},
+        "provenance": {
+            **made,
+            "inputs": dict(sorted(inputs.items())),
+            "config": together,
+            "versions": {**theirs, **ours},
+        },
         **{key: [*kept[key], *now[key]] for key in _ROWS},
     }
 
 
-def _of_all(settings: Content, what: str) -> list[Any]:
-    """The values that the variants have, each once."""
-    found: list[Any] = []
-    for config in settings["variants"].values():
-        if config[what] not in found:
-            found.append(config[what])
-    return found
+def _of_all(settings: Content, what: str) -> set[str]:
+    """The values that the variants have, as JSON."""
+    return {json.dumps(config[what], sort_keys=True) for config in settings["variants"].values()}
 
 
 def _expect(place: str, what: str, there: Any, here: Any) -> None:

@@ -81,12 +81,16 @@ def _viewer(size: tuple[int, int]) -> Iterator[tuple[ViewerClient, subprocess.Po
             raise _not_drawn(f"it went away ({error})") from None
         finally:
             # Also where the wrapper has ended, and left the viewer behind.
-            for end in (signal.SIGTERM, signal.SIGKILL):
-                with suppress(ProcessLookupError):
-                    os.killpg(process.pid, end)
-                with suppress(subprocess.TimeoutExpired):
-                    process.wait(LEAVING)
-                    break
+            _end(process)
+
+
+def _end(process: subprocess.Popen[bytes]) -> None:
+    """End a process and its group: what it leaves behind too, and what does not listen."""
+    for end in (signal.SIGTERM, signal.SIGKILL):
+        with suppress(ProcessLookupError):
+            os.killpg(process.pid, end)
+        with suppress(subprocess.TimeoutExpired):
+            process.wait(LEAVING)
 
 
 def _listens(port: int) -> bool:

@@ -29,7 +29,7 @@ import numpy as np
 from kinemimic.evaluate.one_update import OneUpdate, PpoUpdate
 from kinemimic.pipeline.errors import KinemimicError
 from kinemimic.train.children import spread
-from kinemimic.train.config import TrainConfig, preset
+from kinemimic.train.config import PRESETS, TrainConfig, preset
 from kinemimic.train.env import observation_size
 from kinemimic.train.rival_config import A2c, Ddpg, StablePpo, require_package
 
@@ -126,6 +126,7 @@ def measured_on() -> dict[str, Any]:
         "samples": list(SAMPLES),
         "nets": [list(hidden) for hidden in NETS],
         "repeats": REPEATS,
+        "presets": {name: PRESETS[of].to_json() for name, of in PRESET_OF.items()},
         "stable_baselines3": version("stable-baselines3") if _rivals() else None,
         "processor": _processor(),
     }

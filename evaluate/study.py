@@ -41,7 +41,7 @@ from kinemimic.train.engines import resolve
 from kinemimic.train.options import engine_option, workers_option
 from kinemimic.train.scenario_file import scenario
 
-STUDY_SCHEMA = 1
+STUDY_SCHEMA = 2
 TRIALS, ROOMS = 50, 12  # of each contender in each scenario; rooms that each walks
 PAGE = "study.html"
 Row = Mapping[str, Any]

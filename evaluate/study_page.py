@@ -90,8 +90,8 @@ def _claims(claims: Sequence[Row]) -> str:
             "by how much, compares better. In brackets: 95 % bootstrap interval of the seeds, which of three "
             "seeds is no wider than their range; a lead whose interval holds 0 is undecided, and one after "
             "more samples than the rival had counts as no comparison. What befalls the figure is measured on "
-            "one policy of each algorithm. PPO is kinemimic's default, whose settings are not the paper's; "
-            "DDPG and A2C are stable-baselines3's, with settings that a search found best.",
+            "one policy of each algorithm. PPO is kinemimic's, whose settings are not the paper's; DDPG and "
+            "A2C are stable-baselines3's, with settings that a small search preferred.",
             words=(1, 4),
         )
         + "<ul>"

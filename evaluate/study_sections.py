@@ -25,7 +25,7 @@ from kinemimic.evaluate.study_plan import (
 )
 from kinemimic.pipeline.html import drawing, number, table
 from kinemimic.pipeline.picture import Draw, picture
-from kinemimic.train.config import TrainConfig
+from kinemimic.train.config import TrainConfig, scheduled_at
 from kinemimic.train.fit import JOINTS
 from kinemimic.train.scenario_file import scenario
 
@@ -60,7 +60,7 @@ def training(comparison: Comparison, drawings: Mapping[str, Draw]) -> Iterator[s
                 title, name, str(len(cells)), f"{cells[0]['samples']:,}",
                 _with_interval(returns(comparison, task, variant)),
                 "–" if converges.mean is None else f"{converges.mean:,.0f} ({converges.n} of {len(cells)})",
-                number(loss, 4),
+                number(loss.mean, 4),
                 number(comparison.middle(task, variant)["frames"], 0),
                 f"{seconds[len(seconds) // 2]:,.0f}",
             ])  # fmt: skip
@@ -70,8 +70,8 @@ def training(comparison: Comparison, drawings: Mapping[str, Draw]) -> Iterator[s
         "Largest return: interquartile mean over the seeds, of three seeds mostly the middle one, and its "
         "95 % interval. Converged: of the seeds in brackets; the others still rise, or fell back. Frames: "
         "before a fall, of 20 s, without obstacles, of the seed in the middle. Seconds of training: median, "
-        "by the clock, with as many trainings side by side as the machine had cores. All have the same task, "
-        f"rewards, layers and trials. {_settings_of(comparison)} SB3: stable-baselines3, whose DDPG and A2C "
+        "by the clock, on a machine that may have done other things beside it. All have the same task, "
+        f"rewards and trials. {_settings_of(comparison)} SB3: stable-baselines3, whose DDPG and A2C "
         "these are; its PPO checks ours.",
         words=(1,),
     )
@@ -90,11 +90,13 @@ def _settings_of(comparison: Comparison) -> str:
     for name, variant in VARIANTS.items():
         config = TrainConfig.from_json(variants[variant])
         often = steps_per_sample(config)
-        noise = " to ".join(f"{value:g}" for value in (config.noise[0][1], config.noise[-1][1]))
-        bound = "" if config.bound is None else f", bounded to ±{config.bound:g}"
+        last = max(comparison.content["provenance"]["config"]["budgets"][variant])
+        noise = " to ".join(f"{scheduled_at(config.noise, at):.2g}" for at in (0, last))
+        bound = "" if config.bound is None else f", actions bounded to ±{config.bound:g}"
+        layers = " and ".join(map(str, config.hidden))
         sentences.append(
             f"{name}: {config.environments} figures, a gradient step for every {1.0 / often:.0f} samples on "
-            f"{own_batch(config)}, hidden units of {config.activation}{bound}, exploration {noise}."
+            f"{own_batch(config)}, layers of {layers} ({config.activation}){bound}, exploration {noise}."
         )
     return " ".join(sentences)
 

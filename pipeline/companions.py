@@ -54,7 +54,7 @@ def read_truth(path: Path) -> dict[str, Array] | None:
 
     CaptureError for another file, KinemimicError for a later version's.
     """
-    if not path.exists():
+    if not path.is_file():
         return None
     try:
         table = pq.read_table(path)
@@ -81,7 +81,7 @@ def read_truth(path: Path) -> dict[str, Array] | None:
 
 def write_note(path: Path, note: Mapping[str, Any]) -> None:
     """How a capture was made, as JSON."""
-    write_json(path, {"schema": NOTE_SCHEMA, **note})
+    write_json(path, {"schema": NOTE_SCHEMA, **{key: note[key] for key in note if key != "schema"}})
 
 
 def read_note(path: Path) -> dict[str, Any]:

@@ -157,7 +157,7 @@ def _retrieve(entry: Entry, path: Path, url: str, downloader: Download | _Copy) 
     help=f"A folder with COLLECTION/FILE within, or what to put for {HOST}.",
 )
 @options.catalog
-@click.option("--json", "as_json", is_flag=True, help="Print paths and failures as JSON.")
+@click.option("--json", "as_json", is_flag=True, help="Print paths, failures and what was replaced as JSON.")
 @click.pass_context
 def command(
     ctx: click.Context,

@@ -108,4 +108,5 @@ def test_the_numbers_of_the_schemas_are_those_of_the_code() -> None:
     }
     assert found.pop("POLICY_SCHEMA") == int(re.search(r"\| `policy.json` \| (\d+)", text)[1])  # type: ignore[index]
     assert found.pop("CHECKPOINT_SCHEMA") == int(re.search(r"\| `checkpoint.safetensors` \| (\d+)", text)[1])  # type: ignore[index]
+    assert found.pop("STUDY_SCHEMA") == int(re.search(r"\| `study.json` \| (\d+)", text)[1])  # type: ignore[index]
     assert set(found.values()) == {1}

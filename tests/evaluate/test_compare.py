@@ -178,6 +178,12 @@ def test_results_of_something_else_are_left_alone(
     changed = {"default": replace(SMALL, discount=0.9)}
     other = compare([Task(run)], changed, seeds=1, budgets=[ROUND], out=out, engine="pybullet")
     assert "of the same settings, found others'" in other["failed"]["walk default seed 0"]
+    record = out / "walk" / "default" / "seed0" / f"policy-{ROUND}.json"
+    mine = record.read_text()
+    record.write_text(mine.replace('"engine": "pybullet"', '"engine": "native"'))
+    elsewhere = small_comparison(out, run, budgets=(ROUND,))
+    assert "of the same engine, found others'" in elsewhere["failed"]["walk default seed 0"]
+    record.write_text(mine)
     earlier = small_comparison(out, run, budgets=(ROUND // 2, ROUND))
     assert "a training cannot go back" in earlier["failed"]["walk default seed 0"]
     write_text(run / "motion.json", motion_to_json(walk))
@@ -242,7 +248,7 @@ def test_a_search_is_a_comparison(
     changes = {"relu": {"rival": {"activation": "relu"}}, "steps-8": {"rival": {"n_steps": 8}}}
     monkeypatch.setitem(SEARCH, "a2c", changes)
     arguments = [str(fresh("walk")), "--search=a2c", "--seeds=1", f"--budgets={ROUND}", "--hidden=32,16"]
-    arguments += ["--only=a2c-relu", "--only=a2c"]
+    arguments += ["--only=a2c-relu", "--preset=a2c"]
     ended = CliRunner().invoke(
         module.command, [*arguments, f"--out={tmp_path / 'out'}", "--engine=pybullet", "--json"]
     )

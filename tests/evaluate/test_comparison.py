@@ -113,7 +113,10 @@ def test_what_is_published_later_joins_what_is_there(compared: Callable[..., Pat
             ),
             "of the same hidden",
         ),
-        (lambda content: content["provenance"].update(versions={"torch": "1"}), "of the same versions"),
+        (
+            lambda content: content["provenance"].update(versions={"torch": "1"}),
+            "of the same version of torch, found '2' there and '1' here",
+        ),
         (
             lambda content: content["provenance"]["config"]["budgets"].update(default=[1]),
             "of the same budgets of default",

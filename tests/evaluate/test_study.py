@@ -50,13 +50,16 @@ def test_a_study_is_a_page_figures_and_numbers_and_is_not_done_twice(
     compared: Callable[..., Path], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     folder, out = compared(), tmp_path / "out"
-    arguments = [f"--comparison={folder}", f"--out={out}", "--trials=2", "--rooms=1", "--engine=pybullet"]
+    arguments = [f"--comparison={folder}", f"--out={out}", "--trials=2", "--rooms=3", "--engine=pybullet"]
     ended = CliRunner().invoke(module.command, [*arguments, "--json"], catch_exceptions=False)
     assert ended.exit_code == 0, ended.output
     content = json.loads((out / "study.json").read_text())
     assert json.loads(ended.stdout) == content
     rows = [(row["contender"], row["scenario"]) for row in content["contests"]]
     assert rows == [(name, scenario) for scenario in SCENARIOS for name in taking_part(scenario)]
+    # All through the same room, which of the three is PPO's middle one.
+    assert len({row["shown"]["number"] for row in content["rooms"]}) == 1
+    assert all(len(row["walks"]) == 3 for row in content["rooms"])
     for name in ("fig7", "fig8", "fig9", "fig10", "fig11", "fig12", "tab2"):
         assert (out / "figures" / f"{name}.png").read_bytes().startswith(b"\x89PNG")
         assert (out / "figures" / f"{name}.svg").read_text().startswith("<?xml")
@@ -66,6 +69,10 @@ def test_a_study_is_a_page_figures_and_numbers_and_is_not_done_twice(
     page = (out / module.PAGE).read_text()
     for claim in content["claims"]:
         assert claim["what"].replace("'", "&#x27;") in page
+    assert (
+        "DDPG: 64 figures, a gradient step for every 8 samples on 256, layers of 512 and 256 (relu)" in page
+    )
+    assert "actions bounded to ±0.5, exploration 0.2 to 0.17." in page
     # It asks for nothing from outside.
     assert not re.search(r"(src|href|srcset)=[\"'](?!data:)", page)
     assert not re.search(r"url\((?!#)", re.sub(r"base64,[A-Za-z0-9+/=]+", "", page))

@@ -61,7 +61,8 @@ def write_comparison(
         "seeds": len(returns),
         "engine": "native",
     }
-    made = {"inputs": {name: about["identity"] for name, about in tasks.items()}, "config": settings}
+    inputs = {name: about["identity"] for name, about in tasks.items()}
+    made = {"inputs": inputs, "config": settings, "versions": {"torch": "2"}}
     content = {
         "schema": 1, "tasks": tasks, "provenance": made,
         "summary": [], "curves": curves, "cells": cells, "failed": {},
