@@ -71,15 +71,11 @@ class RivalUpdate:
             noise = self._config.noise[0][1]
             rollout.actions[:] = noise * random.standard_normal(rollout.actions.shape, dtype=np.float32)
             # PPO's ratio begins at 1, as in training: from any other it would be clipped, or no number.
-            rollout.log_probs[:] = self._log_probabilities(rollout.observations, rollout.actions)
+            with torch.no_grad():
+                seen, done = (torch.from_numpy(one[:, 0]) for one in (rollout.observations, rollout.actions))
+                _, found, _ = gaussian(self.model).evaluate_actions(seen, done)
+            rollout.log_probs[:, 0] = found.numpy()
             rollout.full = True
-
-    def _log_probabilities(self, observations: Floats, actions: Floats) -> Floats:
-        """(n, 1) of made-up actions, (n, 1, ...) each."""
-        with torch.no_grad():
-            seen, done = (torch.from_numpy(one[:, 0]) for one in (observations, actions))
-            found: Floats = gaussian(self.model).evaluate_actions(seen, done)[1].numpy()[:, None]
-        return found
 
     def policy(self) -> Policy:
         return exported(self.model, self._env, self._config)
