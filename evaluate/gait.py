@@ -16,6 +16,7 @@ from kinemimic.evaluate.gait_page import ROWS, cell, gait_page, notes
 from kinemimic.evaluate.gait_report import compare
 from kinemimic.evaluate.gait_sources import captured
 from kinemimic.pipeline.errors import KinemimicError
+from kinemimic.pipeline.options import run_option
 from kinemimic.pipeline.provenance import provenance
 from kinemimic.pipeline.store import file_hash, write_json, write_text
 from kinemimic.retarget.export_json import motion_from_json
@@ -69,13 +70,7 @@ def table(report: Mapping[str, Any], run: Path) -> RenderableType:
 
 
 @click.command("gait")
-@click.option(
-    "--run",
-    type=click.Path(path_type=Path),
-    default=Path("runs/default"),
-    show_default=True,
-    help="The run folder.",
-)
+@run_option()
 @click.option("--json", "as_json", is_flag=True, help="Print gait_report.json.")
 def command(run: Path, as_json: bool) -> None:
     """The gait of a run's capture, reference and simulation, whichever are there, over what is normal.

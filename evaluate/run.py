@@ -20,6 +20,7 @@ import click
 from kinemimic.evaluate.ledger import Ledger, made_from
 from kinemimic.pipeline.cli import load_command
 from kinemimic.pipeline.companions import note_path, truth_path
+from kinemimic.pipeline.options import run_option
 from kinemimic.pipeline.store import read_json
 from kinemimic.train.budget import MINUTES, samples
 from kinemimic.train.config import PRESETS
@@ -176,14 +177,7 @@ def _say(text: str, *, quiet: bool, bold: bool = False) -> None:
 
 @click.command()
 @click.argument("capture", required=False, type=click.Path(path_type=Path))
-@click.option(
-    "--run",
-    "folder",
-    type=click.Path(path_type=Path),
-    default=Path("runs/default"),
-    show_default=True,
-    help="The run folder.",
-)
+@run_option("folder")
 @click.option("--filter", "filter_name", type=click.Choice(FILTERS), help="Of `ingest`.")
 @click.option("--symmetric/--as-recorded", default=None, help="Of `retarget`.")
 @click.option("--no-refine", is_flag=True, help="Of `retarget`.")

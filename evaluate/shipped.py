@@ -17,6 +17,7 @@ import numpy as np
 from kinemimic.evaluate.recipe import POLICIES, recipes, recording
 from kinemimic.pipeline.catalog.entry import Entry
 from kinemimic.pipeline.errors import KinemimicError
+from kinemimic.pipeline.options import DEFAULT_RUN
 from kinemimic.pipeline.store import copy_file, file_hash, read_json, write_json
 from kinemimic.retarget.export_json import motion_from_json
 from kinemimic.retarget.motion import Motion
@@ -143,7 +144,7 @@ def run_options(*, performed: bool = False) -> Callable[[Callable[..., None]], C
         def filled(run: Path | None, policy: str | None, capture: Path | None, **options: Any) -> None:
             if policy is None and capture is not None:
                 raise click.UsageError("--capture is what a policy learnt from: name it with --policy")
-            folder = run or Path(f"runs/policy-{policy}" if policy else "runs/default")
+            folder = run or (Path(f"runs/policy-{policy}") if policy else DEFAULT_RUN)
             if policy is not None:
                 unpack(policy, folder, capture=capture)
                 if performed and not evaluated(folder):
@@ -157,7 +158,7 @@ def run_options(*, performed: bool = False) -> Callable[[Callable[..., None]], C
         for option in (
             click.option("--capture", type=path, help=told),
             click.option("--policy", metavar="NAME", help="One that ships: `kinemimic policies` lists them."),
-            click.option("--run", type=path, help="runs/default, or runs/policy-NAME, unless said."),
+            click.option("--run", type=path, help=f"{DEFAULT_RUN}, or runs/policy-NAME, unless said."),
         ):
             option(filled)
         return filled

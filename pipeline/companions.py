@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from kinemimic.pipeline.angles import ANGLES
 from kinemimic.pipeline.errors import CaptureError
 from kinemimic.pipeline.schema import unchanged, upgraded
-from kinemimic.pipeline.store import atomic, read_json, write_json
+from kinemimic.pipeline.store import read_json, write_json, write_table
 
 Array = NDArray[np.float64]
 
@@ -43,10 +43,7 @@ def write_truth(
 ) -> None:
     """A row a frame on the capture's clock: seconds, pass (-1: nobody there), curves of ANGLES in radians."""
     columns: dict[str, Any] = {"time": times, "pass": passes.astype(np.int32), **angles}
-    header = {"schema": TRUTH_SCHEMA, "provenance": note}
-    table = pa.table(columns).replace_schema_metadata({"kinemimic": json.dumps(header)})
-    with atomic(path) as temporary:
-        pq.write_table(table, temporary, compression="zstd")
+    write_table(path, columns, {"schema": TRUTH_SCHEMA, "provenance": note})
 
 
 def read_truth(path: Path) -> dict[str, Array] | None:

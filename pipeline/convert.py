@@ -15,6 +15,7 @@ from kinemimic.pipeline.clip import Clip
 from kinemimic.pipeline.euler import local_rotations, world_positions
 from kinemimic.pipeline.gimbal import gimbal_report, table
 from kinemimic.pipeline.nodes import to_nodes
+from kinemimic.pipeline.options import run_option
 from kinemimic.pipeline.orient import node_rotations
 from kinemimic.pipeline.provenance import provenance
 from kinemimic.pipeline.rest_pose import node_rotations_of
@@ -95,13 +96,7 @@ def on_nodes(clip: Clip) -> Clip:
 
 
 @click.command()
-@click.option(
-    "--run",
-    type=click.Path(path_type=Path),
-    default=Path("runs/default"),
-    show_default=True,
-    help="The run folder.",
-)
+@run_option()
 @click.option("--json", "as_json", is_flag=True, help="Print the gimbal report as JSON.")
 def command(run: Path, as_json: bool) -> None:
     """Turn the run's clip into quaternions and report where its Euler angles come near gimbal lock.

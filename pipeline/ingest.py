@@ -16,6 +16,7 @@ from kinemimic.pipeline.clip import Clip
 from kinemimic.pipeline.companions import note_path, read_note, read_truth, truth_path
 from kinemimic.pipeline.errors import CaptureError, KinemimicError
 from kinemimic.pipeline.examine import examine
+from kinemimic.pipeline.options import run_option
 from kinemimic.pipeline.provenance import provenance
 from kinemimic.pipeline.quality import quality, table
 from kinemimic.pipeline.store import copy_file, read_json, write_clip, write_json
@@ -68,13 +69,7 @@ def ingest(capture: Path, run: Path, *, filter_name: str | None = None) -> Clip:
 
 @click.command()
 @click.argument("capture", required=False, type=click.Path(path_type=Path))
-@click.option(
-    "--run",
-    type=click.Path(path_type=Path),
-    default=Path("runs/default"),
-    show_default=True,
-    help="The run folder.",
-)
+@run_option()
 @click.option(
     "--filter",
     "filter_name",

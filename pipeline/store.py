@@ -86,6 +86,13 @@ def file_hash(path: Path) -> str:
         return hashlib.file_digest(stream, "sha256").hexdigest()
 
 
+def write_table(path: Path, columns: Mapping[str, Any], header: Mapping[str, Any]) -> None:
+    """Columns as Parquet, atomically; the header is JSON under the metadata's key `kinemimic`."""
+    table = pa.table(dict(columns)).replace_schema_metadata({"kinemimic": json.dumps(header)})
+    with atomic(path) as temporary:
+        pq.write_table(table, temporary, compression="zstd")
+
+
 def write_clip(path: Path, clip: Clip) -> None:
     """A clip as Parquet: one row a frame, a column per joint and component; the rest in the metadata."""
     columns: dict[str, Any] = {"time": clip.times, "pass": clip.passes}
@@ -110,9 +117,7 @@ def write_clip(path: Path, clip: Clip) -> None:
         "rests": None if clip.rests is None else clip.rests.tolist(),
         "provenance": clip.provenance,
     }
-    table = pa.table(columns).replace_schema_metadata({"kinemimic": json.dumps(header)})
-    with atomic(path) as temporary:
-        pq.write_table(table, temporary, compression="zstd")
+    write_table(path, columns, header)
 
 
 def read_clip(path: Path) -> Clip:

@@ -7,22 +7,19 @@ motion is neutral here, so that both speak of the same angle.
 
 from __future__ import annotations
 
-import json
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-import pyarrow as pa
-import pyarrow.parquet as pq
 from numpy.typing import NDArray
 
 from kinemimic.pipeline.angles import ANGLES
 from kinemimic.pipeline.clip import Clip
 from kinemimic.pipeline.orient import local_rotations
 from kinemimic.pipeline.rotations import from_axis_angle, rotate
-from kinemimic.pipeline.store import atomic
+from kinemimic.pipeline.store import write_table
 from kinemimic.retarget.motion import joint_angles
 from kinemimic.retarget.trust import Trust, believed_frames
 
@@ -90,7 +87,4 @@ def _angles(
 
 def write_captured(path: Path, columns: Mapping[str, Array], provenance: Mapping[str, Any]) -> None:
     """Write capture.parquet atomically."""
-    header = {"schema": CAPTURED_SCHEMA, **provenance}
-    table = pa.table(dict(columns)).replace_schema_metadata({"kinemimic": json.dumps(header)})
-    with atomic(path) as temporary:
-        pq.write_table(table, temporary, compression="zstd")
+    write_table(path, columns, {"schema": CAPTURED_SCHEMA, **provenance})

@@ -13,6 +13,7 @@ from kinemimic.pipeline.clip import Clip
 from kinemimic.pipeline.companions import read_truth
 from kinemimic.pipeline.convert import on_nodes
 from kinemimic.pipeline.errors import KinemimicError
+from kinemimic.pipeline.options import run_option
 from kinemimic.pipeline.provenance import provenance
 from kinemimic.pipeline.store import content_hash, read_clip, read_json, write_json, write_text
 from kinemimic.retarget.ankles import ANKLES, Ankle
@@ -174,13 +175,7 @@ def _measures(closed: dict[str, Any], final: dict[str, Any]) -> list[str]:
 
 
 @click.command("retarget")
-@click.option(
-    "--run",
-    type=click.Path(path_type=Path),
-    default=Path("runs/default"),
-    show_default=True,
-    help="The run folder.",
-)
+@run_option()
 @click.option(
     "--symmetric/--as-recorded",
     default=None,

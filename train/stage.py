@@ -14,6 +14,7 @@ import click
 import torch
 
 from kinemimic.pipeline.errors import KinemimicError
+from kinemimic.pipeline.options import run_option
 from kinemimic.pipeline.provenance import provenance
 from kinemimic.retarget.export_json import motion_from_json
 from kinemimic.retarget.gate import admit
@@ -171,14 +172,7 @@ def _record(training: Training, motion: Motion, engine: str) -> dict[str, Any]:
 
 
 @click.command("train")
-@click.option(
-    "--run",
-    "run",
-    type=click.Path(path_type=Path),
-    default=Path("runs/default"),
-    show_default=True,
-    help="The run folder.",
-)
+@run_option()
 @click.option(
     "--preset",
     "preset_name",
