@@ -23,15 +23,14 @@ from kinemimic.evaluate.compare import compare, increasing
 from kinemimic.evaluate.compare_table import summary
 from kinemimic.evaluate.compare_task import Task
 from kinemimic.evaluate.side_by_side import Listener
-from kinemimic.evaluate.variants import ABLATION, SEARCH, ablation, search
+from kinemimic.evaluate.variants import SEARCH
 from kinemimic.pipeline.errors import KinemimicError
 from kinemimic.pipeline.store import write_json, write_text
 from kinemimic.retarget.export_json import motion_to_json
 from kinemimic.retarget.motion import Motion
 from kinemimic.train import perform
 from kinemimic.train import stage as training
-from kinemimic.train.config import PRESETS, TrainConfig
-from kinemimic.train.scenario_file import scenario
+from kinemimic.train.config import PRESETS
 
 SMALL = replace(PRESETS["default"], environments=4, horizon=16, minibatch=32, passes=2, hidden=(32, 16))
 ROUND = SMALL.batch
@@ -212,33 +211,6 @@ def test_medians_are_of_the_seeds_that_have_the_figure() -> None:
     }
 
 
-def test_every_change_of_the_ablation_changes_one_thing() -> None:
-    variants = ablation()
-    base = variants.pop("default")
-    assert base == PRESETS["default"]
-    assert variants.keys() == ABLATION.keys()
-    for name, config in variants.items():
-        assert config.preset == name
-        assert replace(config, preset="default") != base, f"{name} is the default"
-
-
-@pytest.mark.parametrize("rival", SEARCH)
-def test_a_search_changes_one_or_two_things_of_a_rival_and_never_its_task(rival: str) -> None:
-    variants = search(rival)
-    base = variants.pop(rival)
-    assert base == PRESETS[rival]
-    assert 6 <= len(variants) <= 10
-    assert base.rival is not None
-    for name, config in variants.items():
-        assert config.preset == name
-        assert name.removeprefix(f"{rival}-") in SEARCH[rival]
-        assert (config.env, config.scales, config.budget) == (base.env, base.scales, base.budget)
-        assert config.batch == base.batch
-        assert type(config.rival) is type(base.rival)
-        assert replace(config, preset=rival) != base, f"{name} is the preset"
-        assert TrainConfig.from_json(config.to_json()) == config
-
-
 @pytest.mark.usefixtures("here")
 def test_a_search_is_a_comparison(
     fresh: Callable[[str], Path], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
@@ -323,24 +295,6 @@ def test_interrupted_in_its_processes_it_goes_on(fresh: Callable[[str], Path], t
     assert [(row["seed"], row["samples"]) for row in result["cells"]] == [
         (seed, samples) for seed in (0, 1) for samples in (ROUND, 200 * ROUND)
     ]
-
-
-def test_a_task_is_a_run_in_a_scenario_or_in_none(tmp_path: Path) -> None:
-    assert Task.parsed("runs/walk") == Task(Path("runs/walk"))
-    within = Task.parsed("runs/walk@slippery")
-    assert within == Task(Path("runs/walk"), scenario("slippery"))
-    assert within.name == "walk@slippery"
-    (tmp_path / "me@home").mkdir()
-    assert Task.parsed(str(tmp_path / "me@home")).name == "me@home"
-    with pytest.raises(KinemimicError, match="no-such"):
-        Task.parsed("runs/walk@no-such")
-
-
-def test_a_task_changes_of_a_configuration_its_scenario_only() -> None:
-    named = scenario("slippery")
-    config = Task(Path("walk"), named).configured(PRESETS["ddpg"])
-    assert config.env.scenario == named
-    assert replace(config, env=replace(config.env, scenario=None)) == PRESETS["ddpg"]
 
 
 @pytest.mark.usefixtures("here")
