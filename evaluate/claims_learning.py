@@ -38,9 +38,9 @@ def settings(comparison: Comparison) -> Iterator[Claim]:
         yield Claim("Sec. 4.1", what, how, SETTING, printed, found, "neither", "none")
 
 
-def returns(comparison: Comparison, task: str, variant: str, budget: int | None = None) -> Told:
-    """Over the seeds the interquartile mean of the largest return up to a budget, the last unless said; %."""
-    return interquartile([100.0 * row["return"] for row in comparison.cells(task, variant, budget)])
+def returns(comparison: Comparison, task: str, variant: str) -> Told:
+    """Over the seeds the interquartile mean of the largest return; %."""
+    return interquartile([100.0 * row["return"] for row in comparison.cells(task, variant)])
 
 
 def converged(comparison: Comparison, task: str, variant: str) -> Told:
@@ -126,7 +126,10 @@ def _last(comparison: Comparison, task: str, variant: str) -> int:
 
 def losses(comparison: Comparison) -> Iterator[Claim]:
     """Fig. 8: the critics' losses, their leads, and where PPO's converges."""
-    how = "critic's mean squared error over its targets' variance, least of the seeds' interquartile mean"
+    how = (
+        "critic's mean squared error over its targets' variance, least of the seeds' interquartile mean; of a "
+        "lead, from the near ends of both intervals to the far ones"
+    )
     where = (
         "samples from which on the critic's loss, smoothed over three trials, has done 95 % of its way down "
         "from the first trial's, which is large, so that this comes early: no verdict"
