@@ -127,8 +127,8 @@ def _last(comparison: Comparison, task: str, variant: str) -> int:
 def losses(comparison: Comparison) -> Iterator[Claim]:
     """Fig. 8: the critics' losses, their leads, and where PPO's converges."""
     how = (
-        "critic's mean squared error over its targets' variance, least of the seeds' interquartile mean; of a "
-        "lead, from the near ends of both intervals to the far ones"
+        "critic's mean squared error over its targets' variance, least of the seeds' interquartile mean; of "
+        "a lead, from the near ends of both intervals to the far ones"
     )
     where = (
         "samples from which on the critic's loss, smoothed over three trials, has done 95 % of its way down "
