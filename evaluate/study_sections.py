@@ -70,7 +70,8 @@ def training(comparison: Comparison, drawings: Mapping[str, Draw]) -> Iterator[s
         "Largest return: interquartile mean over the seeds, of three seeds mostly the middle one, and its "
         "95 % interval. Converged: of the seeds in brackets; the others still rise, or fell back. Frames: "
         "before a fall, of 20 s, without obstacles, of the seed in the middle. Seconds of training: median, "
-        "by the clock, on a machine that may have done other things beside it. All have the same task, "
+        "by the clock, of machines that may have been several and busy: Tab. 2 has times taken side by "
+        "side. All have the same task, "
         f"rewards and trials. {_settings_of(comparison)} SB3: stable-baselines3, whose DDPG and A2C "
         "these are; its PPO checks ours.",
         words=(1,),
