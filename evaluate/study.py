@@ -20,18 +20,7 @@ from kinemimic.evaluate.processing_times import measured_on, processing_times
 from kinemimic.evaluate.rooms import rooms
 from kinemimic.evaluate.study_output import drawings, numbers
 from kinemimic.evaluate.study_page import study_page
-from kinemimic.evaluate.study_plan import (
-    OBSTACLES,
-    PPO,
-    RIVALS,
-    ROOM,
-    RUN,
-    SCENARIOS,
-    VARIANTS,
-    WALK,
-    contenders,
-    taking_part,
-)
+from kinemimic.evaluate.study_plan import ROOM, SCENARIOS, contenders, taking_part
 from kinemimic.pipeline.inspect.terminal import grid, show
 from kinemimic.pipeline.picture import save
 from kinemimic.pipeline.progress import progress
@@ -64,11 +53,6 @@ def study(
     it is there, and not measured again while what it is made from stays the same. Returns study.json.
     """
     engine = resolve(engine)
-    comparison.expect([WALK, OBSTACLES], list(VARIANTS.values()))
-    comparison.expect([RUN], [VARIANTS[name] for name in (PPO, *RIVALS)])
-    for task in (WALK, RUN, OBSTACLES):
-        for rival in RIVALS.values():
-            comparison.shared(task, VARIANTS[PPO], rival)
     cast = contenders(comparison)
     parts = _Parts(out / "parts", seed=seed, engine=engine)
     befalls = {name: scenario(name) for name in (*SCENARIOS, ROOM)}

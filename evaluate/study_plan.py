@@ -26,7 +26,12 @@ SCENARIOS: Sequence[str] = (*PULLS, *OVERPOWERED, BALL, SEVERAL)
 
 
 def contenders(comparison: Comparison) -> dict[str, Contender]:
-    """All that take part, by their names; KinemimicError where some trained among other obstacles."""
+    """All that take part, by their names; KinemimicError where a training is missing, two share no budget, or
+    some trained among other obstacles."""
+    comparison.expect((WALK, RUN, OBSTACLES), tuple(VARIANTS.values()))
+    for task in (WALK, RUN, OBSTACLES):
+        for rival in RIVALS.values():
+            comparison.shared(task, VARIANTS[PPO], rival)
     comparison.expect_scenario(OBSTACLES, scenario(SEVERAL))
     walkers = [comparison.contender(WALK, variant, name) for name, variant in VARIANTS.items()]
     among = [comparison.contender(OBSTACLES, variant, f"{name}{AMONG}") for name, variant in VARIANTS.items()]

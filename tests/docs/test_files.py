@@ -13,7 +13,9 @@ import numpy as np
 import pyarrow.parquet as pq
 import pytest
 from printed.blocks import ROOT
+from printed.told import PAGE, told
 
+from kinemimic.evaluate.comparison import RESULTS, SHIPPED
 from kinemimic.evaluate.disturb import disturb
 from kinemimic.evaluate.gait import gait
 from kinemimic.evaluate.pushes import pushes
@@ -22,22 +24,10 @@ from kinemimic.pipeline.catalog.entry import Collection, Entry
 from kinemimic.retarget.versions.params import Capture, Params
 from kinemimic.train.scenario_file import scenario
 
-PAGE = ROOT / "docs" / "files.md"
 JSON = (
     "quality.json", "gimbal.json", "orientation.json", "motion.json", "gait.json", "policy.json",
     "scores.json", "pushes.json", "scenario-NAME.json", "gait_report.json", "run.json",
 )  # fmt: skip
-
-
-def told(heading: str) -> set[str]:
-    """The names in the first column of a section's first table."""
-    section = re.search(
-        rf"^## {re.escape(heading)}.*?\n(.*?)(?=^## |\Z)", PAGE.read_text(), re.MULTILINE | re.DOTALL
-    )
-    assert section, heading
-    table = re.search(r"(?:^\|.*\n)+", section[1], re.MULTILINE)
-    assert table, heading
-    return {name for row in table[0].splitlines()[2:] for name in re.findall(r"`([^`]+)`", row.split("|")[1])}
 
 
 @pytest.fixture(scope="module")
@@ -85,6 +75,10 @@ def test_the_columns_and_the_header_of_a_clip_are_told(run: Path) -> None:
     assert {"time", "pass", "JOINT.state"} <= said
     header = json.loads(table.schema.metadata[b"kinemimic"])
     assert all(f"| `{key}` |" in PAGE.read_text() for key in header)
+
+
+def test_the_keys_of_a_comparison_are_told_and_there() -> None:
+    assert told(RESULTS) == set(json.loads((SHIPPED / RESULTS).read_text()))
 
 
 def test_the_keys_that_a_person_writes_are_those_of_the_code() -> None:

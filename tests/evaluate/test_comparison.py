@@ -10,7 +10,8 @@ from typing import Any
 
 import pytest
 
-from kinemimic.evaluate.comparison import Comparison
+from kinemimic.evaluate.comparison import SHIPPED, Comparison
+from kinemimic.evaluate.study_plan import SCENARIOS, contenders, taking_part
 from kinemimic.pipeline.errors import KinemimicError
 from kinemimic.train.scenario_file import scenario
 
@@ -213,3 +214,8 @@ def test_what_is_missing_is_one_line(compared: Callable[..., Path], tmp_path: Pa
     (tmp_path / "compare.json").write_text(json.dumps({"schema": 7}))
     with pytest.raises(KinemimicError, match="expected what `kinemimic compare` writes"):
         Comparison.load(tmp_path)
+
+
+def test_what_ships_is_all_that_a_study_reads() -> None:
+    cast = contenders(Comparison.load(SHIPPED))
+    assert set(cast) == {name for scenario in SCENARIOS for name in taking_part(scenario)}

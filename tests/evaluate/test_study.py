@@ -12,6 +12,7 @@ from typing import Any
 
 import pytest
 from click.testing import CliRunner
+from printed.told import told
 
 from kinemimic.evaluate import rooms as walks
 from kinemimic.evaluate import scenario_trials
@@ -55,6 +56,7 @@ def test_a_study_is_a_page_figures_and_numbers_and_is_not_done_twice(
     assert ended.exit_code == 0, ended.output
     content = json.loads((out / "study.json").read_text())
     assert json.loads(ended.stdout) == content
+    assert told("study.json") == set(content)
     rows = [(row["contender"], row["scenario"]) for row in content["contests"]]
     assert rows == [(name, scenario) for scenario in SCENARIOS for name in taking_part(scenario)]
     # All through the same room, which of the three is PPO's middle one.

@@ -19,7 +19,6 @@ NOT_RUN: dict[str, str] = {
     "kinemimic compare * --search *": "trains sixteen variants; the rivals are an extra",
     "kinemimic compare * --ablation*": "trains twelve variants",
     "kinemimic compare *@*": "trains the rivals, which are an extra, in a scenario",
-    "kinemimic study*": "asks for a comparison of hours of training",
     "kinemimic reproduce*": "trains for hours what ships, at its full budget",
     "kinemimic evaluate --policy kinect_walk *": "asks for a recording that does not ship",
     "kinemimic datasets fetch *": "asks GitHub; tests/pipeline/catalog fetches all from a loopback server",
@@ -32,6 +31,7 @@ CHEAPER: dict[str, dict[str, str]] = {
     "train": {"--budget": "4096"},
     "compare": {"--budgets": "4096", "--seeds": "1"},
     "disturb": {"--trials": "2"},
+    "study": {"--trials": "2", "--rooms": "1"},
 }
 # The same of the Python blocks: patterns and what stands there in a test.
 CHEAPER_PYTHON: dict[str, str] = {r"\bbudget=[\d_]+": "budget=4096"}
