@@ -22,7 +22,7 @@ def settings(comparison: Comparison) -> Iterator[Claim]:
     ours = TrainConfig.from_json(comparison.content["provenance"]["config"]["variants"][VARIANTS[PPO]])
     how = (
         "of the preset that is compared here, which learns sooner on our figure than what the paper prints; "
-        "what that comes to (`--preset paper`) stands in docs/results.md"
+        "what that comes to (--preset paper) stands in docs/results.md"
     )
     for what, printed, found in (
         ("learning rate of the policy" + (", at first" if ours.adapt_rate else ""), 3e-4, ours.actor_rate),

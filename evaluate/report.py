@@ -15,7 +15,7 @@ from kinemimic.evaluate.gait_page import gait_sections
 from kinemimic.evaluate.gait_report import compare
 from kinemimic.evaluate.gait_sources import captured
 from kinemimic.evaluate.scores import rollout_fits
-from kinemimic.pipeline.html import drawing, number, page, table
+from kinemimic.pipeline.html import drawing, made_from, number, page, table
 from kinemimic.pipeline.picture import picture
 from kinemimic.pipeline.store import read_json
 from kinemimic.retarget.motion import Motion
@@ -80,7 +80,7 @@ def report(run: Path, evidence: Evidence) -> str:
     ):
         if (run / file).exists():
             sections.append(section(read_json(run / file)))
-    sections.append(_provenance(evidence.scores))
+    sections.append(made_from(evidence.scores["provenance"]))
     return page(f"kinemimic: {name}", "\n".join(sections))
 
 
@@ -242,17 +242,3 @@ def _figures(evidence: Evidence) -> Iterator[str]:
         f"Largest torque of each joint in all {survived['phases_of']} rollouts, falls included, before its "
         f"limit in grey. Highest: {escape(torque['joint'].replace('_', ' '))}, {torque['peak']:.0f} N·m.",
     )
-
-
-def _provenance(scores: Mapping[str, Any]) -> str:
-    def flat(prefix: str, value: Any) -> Iterator[tuple[str, str]]:
-        if isinstance(value, Mapping):
-            for key, item in value.items():
-                yield from flat(f"{prefix}{key} ", item)
-        else:
-            yield prefix.strip(), "–" if value is None else str(value)
-
-    lines = "".join(
-        f"<dt>{escape(key)}</dt><dd>{escape(value)}</dd>" for key, value in flat("", scores["provenance"])
-    )
-    return f"<h2>Made from</h2><dl>{lines}</dl>"

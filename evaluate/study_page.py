@@ -20,7 +20,7 @@ from kinemimic.evaluate.claim import (
 from kinemimic.evaluate.comparison import Comparison
 from kinemimic.evaluate.report import SIMULATED_BANNER
 from kinemimic.evaluate.study_sections import disturbances, processing, room, training
-from kinemimic.pipeline.html import page, table
+from kinemimic.pipeline.html import made_from, page, table
 from kinemimic.pipeline.picture import Draw
 
 Row = Mapping[str, Any]
@@ -35,7 +35,7 @@ def study_page(comparison: Comparison, content: Row, drawings: Mapping[str, Draw
         *disturbances(content["contests"], drawings),
         *room(content["rooms"], drawings),
         *processing(content["times"], drawings),
-        _made_from(content["provenance"]),
+        made_from(content["provenance"]),
     ]
     return page("kinemimic: the paper's experiments", "\n".join(sections))
 
@@ -98,10 +98,3 @@ def _claims(claims: Sequence[Row]) -> str:
         + "".join(f"<li>{escape(line)}</li>" for line in formulas)
         + "</ul>"
     )
-
-
-def _made_from(provenance: Row) -> str:
-    lines = "".join(
-        f"<dt>{escape(key)}</dt><dd>{escape(str(value))}</dd>" for key, value in provenance.items()
-    )
-    return f"<h2>Made from</h2><dl>{lines}</dl>"

@@ -30,7 +30,7 @@ from kinemimic.train.fit import JOINTS
 from kinemimic.train.scenario_file import scenario
 
 Row = Mapping[str, Any]
-_TASKS = {WALK: "walk", RUN: "run", OBSTACLES: "walk among obstacles"}
+_TASKS = {WALK: "walk", RUN: "run", OBSTACLES: "among obstacles"}
 
 
 def training(comparison: Comparison, drawings: Mapping[str, Draw]) -> Iterator[str]:
@@ -81,7 +81,8 @@ def training(comparison: Comparison, drawings: Mapping[str, Draw]) -> Iterator[s
 def _with_interval(told: Told) -> str:
     if told.low is None:
         return number(told.mean, 1)
-    return f"{number(told.mean, 1)} ({number(told.low, 1)} to {number(told.high, 1)})"
+    # It may wrap before the bracket, and nowhere else.
+    return f"{number(told.mean, 1)} ({number(told.low, 1)}&nbsp;to&nbsp;{number(told.high, 1)})"
 
 
 def _settings_of(comparison: Comparison) -> str:

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from html import escape
+from typing import Any
 
 _CSS = """
 :root { color-scheme: light; }
@@ -45,12 +46,12 @@ dd { margin: 0; overflow-wrap: anywhere; }
   h1 { font-size: 1.5rem; }
   table { font-size: .8rem; }
   th, td { padding-right: .5rem; }
-  th, td:first-child { white-space: normal; }
+  th, td { white-space: normal; }
   th { vertical-align: bottom; }
 }
 @media print {
   body { max-width: none; padding: 0; font-size: 10pt; }
-  figure, .tiles, .banner, tr { break-inside: avoid; }
+  figure:not(:has(table)), .tiles, .banner, tr { break-inside: avoid; }
   h2 { break-after: avoid; }
   .scroll { overflow: visible; }
   .banner { -webkit-print-color-adjust: exact; print-color-adjust: exact; }
@@ -104,3 +105,17 @@ def table(
 def drawing(picture: str, caption: str) -> str:
     """A figure with its caption."""
     return f"<figure>{picture}<figcaption>{caption}</figcaption></figure>"
+
+
+def made_from(provenance: Mapping[str, Any]) -> str:
+    """What a page was made from (`provenance.py`), a line for each value however deep it lies."""
+
+    def flat(prefix: str, value: Any) -> Iterator[tuple[str, str]]:
+        if isinstance(value, Mapping):
+            for key, item in value.items():
+                yield from flat(f"{prefix}{key} ", item)
+        else:
+            yield prefix.strip(), "–" if value is None else str(value)
+
+    lines = "".join(f"<dt>{escape(key)}</dt><dd>{escape(value)}</dd>" for key, value in flat("", provenance))
+    return f"<h2>Made from</h2><dl>{lines}</dl>"
