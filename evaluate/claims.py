@@ -9,9 +9,12 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
+import numpy as np
+
 from kinemimic.evaluate.claim import Better, Claim, Failing
 from kinemimic.evaluate.claims_learning import EPISODE, losses, rewards, settings
 from kinemimic.evaluate.comparison import Comparison
+from kinemimic.evaluate.learning_curves import RESAMPLES, interval
 from kinemimic.evaluate.study_plan import AMONG, BALL, PPO, RIVALS, SEVERAL
 
 Row = Mapping[str, Any]
@@ -37,7 +40,7 @@ def _figure(claim: Claim) -> tuple[int, str]:
 
 
 # Figure, scenario, and what is printed: of PPO, ahead of DDPG, ahead of A2C.
-_DIPS: Sequence[tuple[str, str, float | None, float, float]] = (
+_LOSSES: Sequence[tuple[str, str, float | None, float, float]] = (
     ("Fig. 9a", "pull-forward", 62.4, 123.5, 31.2),
     ("Fig. 9b", "pull-backward", 53.1, 112.7, 30.6),
     ("Fig. 11a", BALL, None, 47.5, 6.7),
@@ -51,52 +54,37 @@ _FALLS: Sequence[tuple[str, str, float, float]] = (
 
 def _disturbances(contests: Sequence[Row]) -> Iterator[Claim]:
     by = {(row["contender"], row["scenario"]): row for row in contests}
-
-    def ahead(name: str, scenario: str, figure: str, among: str = "") -> dict[str, Any]:
-        """`ours` by how much a contender's figure is above PPO's, or None, why, and by whose failure."""
-        ours, theirs = (by[one + among, scenario] for one in (PPO, name))
-        told: dict[str, Any] = {"unequal": ours["samples"] > theirs["samples"]}
-        lacking = [
-            (row, one) for row, one in ((ours, PPO), (theirs, name)) if _figure_of(row, figure) is None
-        ]
-        if not lacking:
-            return {**told, "ours": _figure_of(theirs, figure) - _figure_of(ours, figure)}
-        lead = _standing(ours, figure) - _standing(theirs, figure)
-        failing: Failing = "theirs" if lead > 0 else "ours" if lead < 0 else "both"
-        reason = "; ".join(_why(row, one, figure) for row, one in lacking)
-        return {**told, "ours": None, "reason": reason, "failing": failing}
-
-    dip = (
-        "median over the trials of the largest loss of reward against an undisturbed twin, share of the "
-        "largest reward"
+    loss = (
+        "largest loss of the mean reward against the mean of undisturbed twins, over the trials whose twin "
+        "stands; of a lead, over those in which both algorithms' do, with the 95 % bootstrap interval of the "
+        "pairs; share of the largest reward"
     )
     share = 100.0 / EPISODE
-    for figure, scenario, printed, *leads in _DIPS:
+    for figure, scenario, printed, *leads in _LOSSES:
         if printed is not None:
-            row = by[PPO, scenario]
-            ours, what = _percent(_figure_of(row, "dip")), "PPO's largest loss of reward"
-            reason = _why(row, PPO, "dip")
-            yield Claim(figure, what, dip, "%", share * printed, ours, "less", reason, "ours")
+            row, what = by[PPO, scenario], "PPO's largest loss of reward"
+            found = _of(row["loss"], row["loss"]["share"], 100.0) if _walks(row) else {"ours": None}
+            yield Claim(figure, what, loss, "%", share * printed, better="less", failing="ours",
+                        reason=f"{PPO} falls by itself", **found)  # fmt: skip
         for name, lead in zip(RIVALS, leads, strict=True):
-            found = ahead(name, scenario, "dip")
-            found["ours"] = _percent(found["ours"])
+            found = _ahead(by[PPO, scenario], by[name, scenario], name, "loss", 100.0)
             what = f"PPO loses less than {name} by"
-            yield Claim(figure, what, dip, "%", share * lead, better="lead", **found)
+            yield Claim(figure, what, loss, "%", share * lead, better="lead", **found)
     back = (
-        "median over the trials of the time from the first difference until the reward stays within 5 % of "
-        "the largest reward below the twin's"
+        "median over the trials in which neither algorithm's twin falls of the time from the first "
+        "difference until the reward stays within 5 % of the largest reward below the twin's"
     )
     for name, lead in zip(RIVALS, (0.9, 0.6), strict=True):
-        found = ahead(name, BALL, "typical_recovery_s")
+        found = _ahead(by[PPO, BALL], by[name, BALL], name, "recovery_s")
         yield Claim("Fig. 11a", f"PPO recovers before {name} by", back, "s", lead, better="lead", **found)
     fall = (
-        "median over the trials of the time from the first difference to the fall, where the reward becomes "
-        "0; several obstacles: of those trained among them"
+        "median over the trials in which neither algorithm's twin falls of the time from the first "
+        "difference to the fall, where the reward becomes 0; several obstacles: of those trained among them"
     )
     for figure, scenario, *leads in _FALLS:
+        among = AMONG if scenario == SEVERAL else ""
         for name, lead in zip(RIVALS, leads, strict=True):
-            found = ahead(name, scenario, "typical_fall_s", AMONG if scenario == SEVERAL else "")
-            found["ours"] = None if found["ours"] is None else -found["ours"]
+            found = _ahead(by[PPO + among, scenario], by[name + among, scenario], name, "fall_s")
             what = f"PPO's reward is 0 later than {name}'s by"
             yield Claim(figure, what, fall, "s", lead, better="lead", **found)
 
@@ -106,49 +94,60 @@ def _walks(row: Row) -> bool:
     return bool(row["twins_fallen"] <= row["trials"] / 2)
 
 
-def _figure_of(row: Row, figure: str) -> Any:
-    """The dip's median or a typical time; None where a contender cannot even walk."""
-    if not _walks(row):
-        return None
-    return row["dip"]["median"] if figure == "dip" else row[figure]
+def _of(told: Row, value: float | None, scale: float) -> dict[str, Any]:
+    """`ours` with its interval, of something that `contest_lead.py` tells."""
+    parts = {"ours": value, "low": told["low"], "high": told["high"]}
+    return {key: None if one is None else scale * one for key, one in parts.items()}
 
 
-def _standing(row: Row, figure: str) -> int:
-    """0 for who cannot walk; who never falls stands above who does, who never recovers below."""
-    if not _walks(row):
-        return 0
-    never = _figure_of(row, figure) is None
-    return (2 if never else 1) if figure == "typical_fall_s" else (1 if never else 2)
+_NEVER = {"recovery_s": "mostly does not recover", "fall_s": "mostly does not fall"}
 
 
-def _why(row: Row, name: str, figure: str) -> str:
-    """Why there is no such figure."""
-    return f"{name} {_HAS_NO[figure] if _walks(row) else 'falls by itself'}"
-
-
-_HAS_NO = {
-    "dip": "is not touched",
-    "typical_recovery_s": "mostly does not recover",
-    "typical_fall_s": "mostly does not fall",
-}
-
-
-def _percent(share: float | None) -> float | None:
-    return None if share is None else 100.0 * share
+def _ahead(ours: Row, theirs: Row, name: str, measure: str, scale: float = 1.0) -> dict[str, Any]:
+    """By how much PPO is ahead of a rival, or why there is no number, and by whose failure."""
+    told: dict[str, Any] = {"unequal": ours["samples"] > theirs["samples"], "ours": None}
+    for row, one in ((ours, PPO), (theirs, name)):
+        if not _walks(row):
+            # Who falls untouched cannot show what a touch does to it.
+            failing: Failing = "ours" if one == PPO else "both"
+            return {**told, "reason": f"no comparison: {one} falls by itself", "failing": failing}
+    lead = theirs["lead"][measure]
+    if lead["ahead"] is not None:
+        return {**told, **_of(lead, lead["ahead"], scale)}
+    never = [one for one, key in ((PPO, "ours"), (name, "theirs")) if lead.get(key) is None]
+    if not theirs["lead"]["trials"] or measure not in _NEVER:
+        return {**told, "reason": "no comparison: no trial touches both"}
+    if len(never) == 2:
+        return {**told, "reason": f"both {_NEVER[measure].replace('does', 'do')}"}
+    # Never to fall is as good as never to recover is bad.
+    ahead = (never == [PPO]) == (measure == "fall_s")
+    return {**told, "reason": f"{never[0]} {_NEVER[measure]}", "failing": "theirs" if ahead else "ours"}
 
 
 def _fits(rooms: Sequence[Row]) -> Iterator[Claim]:
     (ours,) = (row for row in rooms if row["contender"] == PPO)
     how = (
         "R² of simulated against reference angle (the loop made of the capture, not the capture itself) over "
-        "500 frames, nothing credited after a fall, mean of both sides, median of the rooms"
+        "500 frames, nothing credited after a fall, mean of both sides, median of the rooms with its 95 % "
+        "bootstrap interval"
     )
+    of = f"median of {ours['trials']} rooms, in {ours['upright']} upright to the end"
     for figure, joint, printed in (("Fig. 12a", "knee", 0.914), ("Fig. 12b", "hip", 0.932)):
-        yield Claim(figure, f"fit of the {joint}s", how, "", printed, ours[joint]["r2_upright"], "more")
-    gap = "largest difference of either hip from its reference over 500 frames, median of the rooms"
+        low, high = _of_median([walk[joint]["r2_upright"] for walk in ours["walks"]])
+        yield Claim(figure, f"fit of the {joint}s, {of}", how, "", printed, ours[joint]["r2_upright"], "more",
+                    low=low, high=high)  # fmt: skip
+    gap = "largest difference of either hip from its reference over 500 frames, falls too, median of rooms"
     yield Claim("Fig. 12b", "largest gap at the hip", gap, "°", 2.3, ours["hip"]["max_gap_deg"], "less")
-    where = "its frame in the room that is the median"
+    where = "frame of the largest gap in the one room whose fit is the median"
     yield Claim("Fig. 12b", "frame of that gap", where, "frame", 410, ours["shown"]["gap_frame"], "neither")
+
+
+def _of_median(values: Sequence[float]) -> tuple[float, float] | tuple[None, None]:
+    """The interval of a median; none of one value."""
+    if len(values) < 2:
+        return None, None
+    draws = np.random.default_rng(0).choice(np.array(values), (RESAMPLES, len(values)))
+    return interval(np.median(draws, axis=1))
 
 
 _MISSING = "stable-baselines3 is missing"
@@ -158,18 +157,46 @@ def _times(times: Row) -> Iterator[Claim]:
     how = (
         "processor time of one gradient step of actor and critic, the paper's networks, one thread. PPO is "
         "ours, with gradients written out by hand; DDPG is stable-baselines3's, which also draws its batch "
-        "from memory and normalises it. Faster by: stable-baselines3's PPO against its DDPG, like with like"
+        "from memory and normalises it"
+    )
+    faster = (
+        "the same of stable-baselines3's PPO and its DDPG, like with like. Whether the lead is as large is "
+        "told by the ratio of both times, for milliseconds are the machine's"
     )
     better: Better
     net, printed = times["nets"][-1]["algorithms"], times["paper"]
+    ppo, ddpg = (net[name] and net[name]["update"] for name in ("sb3-ppo", "ddpg"))
     for k, samples in enumerate(times["samples"]):
         of = f"for {samples:,} samples"
         for name, better in ((PPO, "less"), ("DDPG", "neither")):
             told, found = printed[name.lower()], net[name.lower()]
-            for figure, what in (("mean_ms", f"{name} {of}"), ("deviation_ms", f"{name} {of}, deviation")):
+            for figure, what, which in (
+                ("mean_ms", f"{name} {of}", better),
+                ("deviation_ms", f"{name} {of}, deviation", "neither"),
+            ):
                 here = found and found["update"][figure][k]
-                yield Claim("Tab. 2", what, how, "ms", told[figure][k], here, better, _MISSING)
-        ahead = printed["ddpg"]["mean_ms"][k] - printed["ppo"]["mean_ms"][k]
-        lead = net["ddpg"] and net["ddpg"]["update"]["mean_ms"][k] - net["sb3-ppo"]["update"]["mean_ms"][k]
-        what = f"PPO faster than DDPG {of} by"
-        yield Claim("Tab. 2", what, how, "ms", ahead, lead, "lead", _MISSING)
+                yield Claim("Tab. 2", what, how, "ms", told[figure][k], here, which, _MISSING)
+        theirs, own = (printed[name]["mean_ms"][k] for name in ("ddpg", "ppo"))
+        here = ddpg and ddpg["mean_ms"][k] - ppo["mean_ms"][k]
+        sizes = ddpg and (theirs / own, ddpg["mean_ms"][k] / ppo["mean_ms"][k])
+        yield Claim("Tab. 2", f"PPO faster than DDPG {of} by", faster, "ms", theirs - own, here, "lead",
+                    _MISSING, sizes=sizes)  # fmt: skip
+    steeper = (
+        "difference of the exponents of n that fit the three times best, of stable-baselines3's both, and "
+        "95 % by the repeats' deviation; the paper's from the times that it prints, Lower of PPO, Higher of "
+        "DDPG"
+    )
+    growth = printed["ddpg"]["growth"] - printed["ppo"]["growth"]
+    here = ddpg and ddpg["growth"] - ppo["growth"]
+    far = ddpg and 1.96 * float(np.hypot(*(_exponent_error(times, one) for one in (ppo, ddpg))))
+    low, high = (None if here is None else here + sign * far for sign in (-1.0, 1.0))
+    yield Claim("Tab. 2", "DDPG's time grows with a power of n higher by", steeper, "", growth, here, "lead",
+                _MISSING, low=low, high=high)  # fmt: skip
+
+
+def _exponent_error(times: Row, one: Row) -> float:
+    """Standard error of the slope of log time over log n, from the standard errors of the mean times."""
+    x = np.log(times["samples"])
+    errors = np.array(one["deviation_ms"]) / np.array(one["mean_ms"]) / np.sqrt(times["repeats"])
+    away = x - x.mean()
+    return float(np.sqrt((away**2 * errors**2).sum()) / (away**2).sum())

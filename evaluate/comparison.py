@@ -34,13 +34,22 @@ Row = Mapping[str, Any]
 
 @dataclass(frozen=True)
 class Contender:
-    """A policy by a name for people, the motion that it learnt, and how and for how long it was trained."""
+    """A policy by a name for people, and the motion that it learnt; config, samples: how it was trained, and
+    for how long; kept: after how many of these samples this policy was, that of the best trial."""
 
     name: str
     motion: Motion
     policy: Policy
     config: TrainConfig
     samples: int
+    kept: int
+
+    @classmethod
+    def of(cls, name: str, motion: Motion, policy: Policy, record: Row) -> Contender:
+        """record: policy.json."""
+        config, samples = TrainConfig.from_json(record["config"]), int(record["samples"])
+        best = record.get("best") or {"samples": samples}
+        return cls(name, motion, policy, config, samples, int(best["samples"]))
 
     @property
     def identity(self) -> str:
@@ -178,8 +187,7 @@ class Comparison:
                 f"{path}: expected a policy of {task}'s motion, found another's; `kinemimic "
                 "compare` trains it"
             )
-        config = TrainConfig.from_json(record["config"])
-        return Contender(name, motion, policy, config, int(record["samples"]))
+        return Contender.of(name, motion, policy, record)
 
     def publish(self, into: Path) -> None:
         """Copy what `study` reads, compare.json last: it says that all is there; a comparison that is there

@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 from kinemimic.evaluate.comparison import Contender
+from kinemimic.evaluate.contest_lead import lead, loss
 from kinemimic.evaluate.scenario_trials import conduct_all, figures, in_tasks
 from kinemimic.train.scenario import Scenario
 
@@ -17,12 +18,16 @@ def contest(
     seed: int,
     engine: str,
     workers: int | None = None,
+    over: Mapping[str, str] | None = None,
     progress: Callable[[float], object] | None = None,
 ) -> list[dict[str, Any]]:
-    """Of every pair, in their order: contender, scenario, and the `figures` of its trials.
+    """Of every pair, in their order: contender, scenario, samples (of the training), kept (after how many of
+    them this policy was), the `figures` of its trials, and `loss` and `lead` of `contest_lead.py`.
 
     Trial k is the same for all: start phase and draws come from seed and k alone. workers: processes, all
-    cores by default; progress: called with the share of all trials that is done since.
+    cores by default; over: by a contender's name that of the one whose lead over it is told, in scenarios in
+    which both take part; the lead of others is None; progress: called with the share of all trials that is
+    done since.
     """
     tasks = [
         in_tasks(one.motion, one.policy, one.config, scenario, trials=trials, seed=seed, engine=engine)
@@ -30,12 +35,16 @@ def contest(
     ]
     count = sum(map(len, tasks))
     done = conduct_all(tasks, workers=workers, progress=progress and (lambda k: progress(k / count)))
+    by = {(one.name, scenario.name): found for (one, scenario), found in zip(pairs, done, strict=True)}
     return [
         {
             "contender": one.name,
             "samples": one.samples,
+            "kept": one.kept,
             "scenario": scenario.name,
             **figures(found),
+            "loss": loss(found),
+            "lead": lead(by[over[one.name], scenario.name], found) if over and one.name in over else None,
         }
         for (one, scenario), found in zip(pairs, done, strict=True)
     ]

@@ -42,10 +42,11 @@ def interquartile(values: Sequence[float], seed: int = 0) -> Told:
     if len(found) == 1:
         return Told(mean, None, None, 1)
     draws = np.random.default_rng(seed).choice(found, (RESAMPLES, len(found)))
-    return Told(mean, *_interval(_middle_half(draws)), len(found))
+    return Told(mean, *interval(_middle_half(draws)), len(found))
 
 
-def _interval(draws: Array) -> tuple[float, float]:
+def interval(draws: Array) -> tuple[float, float]:
+    """The middle CONFIDENCE of resamples."""
     tail = 50.0 * (1.0 - CONFIDENCE)
     low, high = np.percentile(draws, [tail, 100.0 - tail])
     return float(low), float(high)
@@ -90,7 +91,7 @@ def ahead(ones: Sequence[float], others: Sequence[float], seed: int = 0) -> Told
         return Told(mean, None, None, 1)
     random = np.random.default_rng(seed)
     draws = [_middle_half(random.choice(one, (RESAMPLES, len(one)))) for one in (first, second)]
-    return Told(mean, *_interval(draws[0] - draws[1]), n)
+    return Told(mean, *interval(draws[0] - draws[1]), n)
 
 
 def together(records: Sequence[Mapping[str, Any]], key: str) -> list[dict[str, Any]]:

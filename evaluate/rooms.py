@@ -34,8 +34,9 @@ class Walk:
 def walked(walk: Walk) -> dict[str, Any]:
     """What a walk comes to over its first FIT_FRAMES frames, fallen ones included.
 
-    frames: before a fall; knee, hip: MEASURED, mean of both sides but for the largest gap; gap_frame: of the
-    hips' largest gap, counted from 1; curves: degrees of each angle, reference and simulated.
+    frames: before a fall; knee, hip: MEASURED, mean of both sides but for the largest gap; gap_side,
+    gap_frame: where the hips' largest gap is, frames counted from 1; curves: degrees of each angle,
+    reference and simulated.
     """
     one = walk.contender
     played, _ = staged(
@@ -52,6 +53,7 @@ def walked(walk: Walk) -> dict[str, Any]:
         "frames": int(min(played.fallen_at[0], frames)),
         "of": frames,
         **{joint: {name: round(getattr(fits[joint].both, name), 6) for name in MEASURED} for joint in JOINTS},
+        "gap_side": SIDES[int(np.argmax([gap.max() for gap in gaps]))],
         "gap_frame": int(np.maximum(*gaps).argmax()) + 1,
         "curves": {
             name: {

@@ -155,6 +155,41 @@ def _performed(batch: ImitationBatch, policy: Policy, steps: int) -> tuple[Array
     return rewards, fallen_at
 
 
+@dataclass(frozen=True)
+class Moments:
+    """Of N trials, (N,) each. touched: whether anything made a difference to the figure, and its twin stands;
+    onset_s: of the first difference; recovery_s, fall_s: how much later. Seconds, infinite where it never is,
+    and in trials that are not touched."""
+
+    touched: NDArray[np.bool_]
+    onset_s: Array
+    recovery_s: Array
+    fall_s: Array
+
+
+def moments(trials: Trials) -> Moments:
+    """When what befalls the figures begins, when it is over, and when they fall."""
+    steps = trials.rewards.shape[1]
+    gaps = trials.calm - trials.rewards
+    differs, behind = np.abs(gaps) > DIFFERENT, gaps > RECOVERED
+    touched = differs.any(axis=1) & ~trials.twin_fell
+    onset = differs.argmax(axis=1)
+    fell = touched & (trials.fallen_at < steps)
+    # One step after the last at which it stays behind; what ends behind has not recovered.
+    back = np.where(behind.any(axis=1), steps - behind[:, ::-1].argmax(axis=1), onset)
+    recovered = touched & ~fell & (back < steps)
+
+    def after(step: NDArray[np.int64], happened: NDArray[np.bool_]) -> Array:
+        return np.where(happened, (step - onset) / CONTROL_RATE, np.inf)
+
+    return Moments(
+        touched,
+        np.where(touched, onset / CONTROL_RATE, np.inf),
+        after(back, recovered),
+        after(trials.fallen_at, fell),
+    )
+
+
 def figures(trials: Trials) -> dict[str, Any]:
     """What the trials come to: how many survive, and of dip, recovery and fall the quartiles.
 
@@ -165,32 +200,23 @@ def figures(trials: Trials) -> dict[str, Any]:
     recover) and fall_s (of those that fall) count; typical_recovery_s, typical_fall_s: medians of all of
     them, None where most never do.
     """
-    count, steps = trials.rewards.shape
-    gaps = trials.calm - trials.rewards
-    differs = np.abs(gaps) > DIFFERENT
-    touched = differs.any(axis=1) & ~trials.twin_fell
-    onset = np.where(touched, differs.argmax(axis=1), steps)
-    fell = trials.fallen_at < steps
-    behind = gaps > RECOVERED
-    # One step after the last at which it stays behind; what ends behind has not recovered.
-    back = np.where(behind.any(axis=1), steps - behind[:, ::-1].argmax(axis=1), onset)
-    recovered = ~fell & touched & (back < steps)
-    recovery, fall = back - onset, trials.fallen_at - onset
-    survived = int((~fell).sum())
+    count = len(trials.rewards)
+    gaps, when = trials.calm - trials.rewards, moments(trials)
+    survived = int((trials.fallen_at == trials.rewards.shape[1]).sum())
     interval = binomtest(survived, count).proportion_ci(method="wilson")
-    seconds = 1.0 / CONTROL_RATE
+    touched = when.touched
     return {
         "trials": count,
         "survived": survived / count,
         "survived_95": [round(float(interval.low), 6), round(float(interval.high), 6)],
         "touched": float(touched.mean()),
         "dip": _quartiles(gaps.max(axis=1)[touched]),
-        "onset_s": _quartiles(seconds * onset[touched]),
-        "recovered": int(recovered.sum()),
-        "recovery_s": _quartiles(seconds * recovery[recovered]),
-        "typical_recovery_s": _typical(seconds * recovery[touched], recovered[touched]),
-        "fall_s": _quartiles(seconds * fall[fell & touched]),
-        "typical_fall_s": _typical(seconds * fall[touched], fell[touched]),
+        "onset_s": _quartiles(when.onset_s[touched]),
+        "recovered": int(np.isfinite(when.recovery_s).sum()),
+        "recovery_s": _quartiles(_finite(when.recovery_s)),
+        "typical_recovery_s": _typical(when.recovery_s[touched]),
+        "fall_s": _quartiles(_finite(when.fall_s)),
+        "typical_fall_s": _typical(when.fall_s[touched]),
         "twins_fallen": int(trials.twin_fell.sum()),
         "curve": _curve(trials.rewards),
         "calm_curve": _curve(trials.calm),
@@ -205,12 +231,16 @@ def _quartiles(values: Array) -> dict[str, Any]:
     return {"median": middle, "quarter": low, "three_quarters": high, "n": len(values)}
 
 
-def _typical(times: Array, happened: NDArray[np.bool_]) -> float | None:
-    """Median of times of which those that never happened are the latest; None if it is among these."""
+def _finite(times: Array) -> Array:
+    return times[np.isfinite(times)]
+
+
+def _typical(times: Array) -> float | None:
+    """Median of times, infinite where it never happened; None if most never do."""
     if not len(times):
         return None
     # The later of the middle two: between a time and never there is no mean.
-    middle = float(np.sort(np.where(happened, times, np.inf))[len(times) // 2])
+    middle = float(np.sort(times)[len(times) // 2])
     return round(middle, 6) if np.isfinite(middle) else None
 
 

@@ -20,7 +20,7 @@ from kinemimic.evaluate.processing_times import measured_on, processing_times
 from kinemimic.evaluate.rooms import rooms
 from kinemimic.evaluate.study_output import drawings, numbers
 from kinemimic.evaluate.study_page import study_page
-from kinemimic.evaluate.study_plan import ROOM, SCENARIOS, contenders, taking_part
+from kinemimic.evaluate.study_plan import AHEAD, ROOM, SCENARIOS, contenders, taking_part
 from kinemimic.pipeline.inspect.terminal import grid, show
 from kinemimic.pipeline.picture import save
 from kinemimic.pipeline.progress import progress
@@ -30,7 +30,7 @@ from kinemimic.train.engines import resolve
 from kinemimic.train.options import engine_option, workers_option
 from kinemimic.train.scenario_file import scenario
 
-STUDY_SCHEMA = 2
+STUDY_SCHEMA = 3
 TRIALS, ROOMS = 50, 12  # of each contender in each scenario; rooms that each walks
 PAGE = "study.html"
 Row = Mapping[str, Any]
@@ -62,7 +62,7 @@ def study(
         for name in SCENARIOS:
             theirs = [cast[one] for one in taking_part(name)]
             pairs = [(one, befalls[name]) for one in theirs]
-            measure = partial(contest, pairs, trials=trials, **options)
+            measure = partial(contest, pairs, trials=trials, over=AHEAD, **options)
             settings = {"scenario": befalls[name].to_json(), "trials": trials}
             contests += parts.kept(name, theirs, settings, bar.advance, measure)
         theirs = [cast[one] for one in taking_part(ROOM)]

@@ -80,7 +80,9 @@ def learning(
 
 
 def disturbances(contests: Sequence[Row], panels: Sequence[tuple[str, str, Sequence[str]]]) -> Draw:
-    """Mean reward over time, one panel a scenario, with the quartiles of the trials.
+    """Mean reward over time, one panel a scenario, with the quartiles of the trials; thin: of the undisturbed
+    twins. A dotted line is where most of the first contender's trials begin to differ; time ends where nobody
+    earns anything any more.
 
     panels: scenario, title, contenders.
     """
@@ -91,7 +93,11 @@ def disturbances(contests: Sequence[Row], panels: Sequence[tuple[str, str, Seque
         for panel, (scenario, title, names) in zip(axes, panels, strict=True):
             for name in names:
                 _over_time(panel, by[name, scenario], name)
-            panel.set(title=title, xlabel="time [s]", ylim=(0, 100))
+            rows = [by[name, scenario] for name in names]
+            onset = rows[0]["onset_s"]["median"]
+            if onset is not None:
+                panel.axvline(onset, color="#999", linewidth=0.8, linestyle=(0, (1, 2)))
+            panel.set(title=title, xlabel="time [s]", xlim=(0, _last_second(rows)), ylim=(0, 100))
         axes[0].set_ylabel("reward [% of the largest]")
         legend(figure, axes[0])
         return figure
@@ -103,6 +109,7 @@ def _over_time(panel: Axes, row: Row, name: str) -> None:
     curve = {key: 100.0 * np.array(values) for key, values in row["curve"].items()}
     time = (np.arange(len(curve["mean"])) + 1) / CONTROL_RATE
     panel.plot(time, curve["mean"], **_look(name))
+    panel.plot(time, 100.0 * np.array(row["calm_curve"]["mean"]), color=_look(name)["color"], linewidth=0.5)
     if name.startswith("PPO"):
         panel.fill_between(
             time,
@@ -112,7 +119,13 @@ def _over_time(panel: Axes, row: Row, name: str) -> None:
             alpha=0.12,
             linewidth=0,
         )
-    panel.set_xlim(0, time[-1])
+
+
+def _last_second(rows: Sequence[Row]) -> float:
+    """A second after the last at which anybody's mean reward is above a hundredth."""
+    means = np.array([row["curve"]["mean"] for row in rows]).max(axis=0)
+    last = int(np.flatnonzero(means > 0.01).max(initial=0))
+    return min(len(means), last + CONTROL_RATE) / CONTROL_RATE
 
 
 def joints(walk: Row, rivals: Mapping[str, Row], side: str) -> Draw:

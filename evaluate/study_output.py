@@ -50,7 +50,7 @@ def drawings(comparison: Comparison, content: Row) -> dict[str, Draw]:
         "fig9": figures.disturbances(contests, panels(*PULLS)),
         "fig10": figures.disturbances(contests, panels(*OVERPOWERED)),
         "fig11": figures.disturbances(contests, panels(BALL) + several),
-        "fig12": figures.joints(shown[PPO], {name: shown[name] for name in RIVALS}, "left"),
+        "fig12": figures.joints(shown[PPO], {name: shown[name] for name in RIVALS}, shown[PPO]["gap_side"]),
         "tab2": figures.times(content["times"]),
     }
 
@@ -68,13 +68,24 @@ def numbers(comparison: Comparison, content: Row) -> Iterator[tuple[str, list[Ro
         ],
     )
     quartiles = ("dip", "onset_s", "recovery_s", "fall_s")
-    plain = ("contender", "samples", "scenario", "trials", "twins_fallen", "touched", "survived", "recovered")
+    plain = (
+        "contender",
+        "samples",
+        "kept",
+        "scenario",
+        "trials",
+        "twins_fallen",
+        "touched",
+        "survived",
+        "recovered",
+    )
     typical = ("typical_recovery_s", "typical_fall_s")
     yield (
         "disturbances",
         [
             {
                 **{key: row[key] for key in (*plain, *typical)},
+                **{f"loss_{key}": value for key, value in row["loss"].items()},
                 "survived_low": row["survived_95"][0],
                 "survived_high": row["survived_95"][1],
                 **{f"{key}_{of}": row[key][of] for key in quartiles for of in QUARTILES},
@@ -89,7 +100,7 @@ def numbers(comparison: Comparison, content: Row) -> Iterator[tuple[str, list[Ro
                 "contender": row["contender"], "room": walk["number"],
                 "frames": walk["frames"], "of": walk["of"],
                 **{f"{joint}_{key}": value for joint in JOINTS for key, value in walk[joint].items()},
-                "gap_frame": walk["gap_frame"],
+                "gap_side": walk["gap_side"], "gap_frame": walk["gap_frame"],
             }
             for row in content["rooms"]
             for walk in row["walks"]

@@ -9,10 +9,11 @@ from typing import Any
 from kinemimic.evaluate.claim import (
     BETTER,
     CONFIRMED,
-    LARGER,
+    CONTRADICTED,
     NOT_CONFIRMED,
     SMALLER,
     UNDECIDED,
+    UNSURE,
     WORSE,
     between,
     told,
@@ -42,14 +43,13 @@ def study_page(comparison: Comparison, content: Row, drawings: Mapping[str, Draw
 
 def _head(content: Row, *, simulated: bool) -> str:
     verdicts = [claim["verdict"] for claim in content["claims"]]
-    better = [v for v in verdicts if v in (BETTER, LARGER) or v.startswith(f"{CONFIRMED}:")]
-    smaller = verdicts.count(SMALLER)
-    worse = [v for v in verdicts if _is_worse(v)]
+    better, leads = verdicts.count(BETTER), sum(v.startswith(CONFIRMED) for v in verdicts)
+    worse = sum(map(_is_worse, verdicts))
     tiles = (
-        (len(better), "numbers better than the paper's"),
-        (smaller, "leads confirmed, but smaller"),
-        (len(worse), "worse, or not confirmed"),
-        (len(verdicts) - len(better) - smaller - len(worse), "without a comparison"),
+        (better, "numbers better than the paper's"),
+        (leads, f"leads confirmed, {verdicts.count(SMALLER)} of them smaller"),
+        (worse, "worse, not confirmed, or not for certain"),
+        (len(verdicts) - better - leads - worse, "without a comparison"),
     )
     return (
         "<h1>The paper's experiments</h1>"
@@ -63,7 +63,7 @@ def _head(content: Row, *, simulated: bool) -> str:
 
 
 def _is_worse(verdict: str) -> bool:
-    return verdict in (NOT_CONFIRMED, UNDECIDED) or verdict.startswith(WORSE)
+    return verdict in (NOT_CONFIRMED, CONTRADICTED, UNDECIDED, UNSURE) or verdict.startswith(WORSE)
 
 
 def _claims(claims: Sequence[Row]) -> str:
@@ -87,11 +87,12 @@ def _claims(claims: Sequence[Row]) -> str:
             "what machine it ran on, or how it computed fit, dip, recovery, convergence and loss. We take "
             "its rewards as shares of 500, one for each of its frames; forces are ours, formulas are "
             "below. So sizes compare by order of magnitude at best; that PPO is ahead of its rivals, and "
-            "by how much, compares better. In brackets: 95 % bootstrap interval of the seeds, which of three "
-            "seeds is no wider than their range; a lead whose interval holds 0 is undecided, and one after "
-            "more samples than the rival had counts as no comparison. What befalls the figure is measured on "
-            "one policy of each algorithm. PPO is kinemimic's, whose settings are not the paper's; DDPG and "
-            "A2C are stable-baselines3's, with settings that a small search preferred.",
+            "by how much, compares better. In brackets: 95 % bootstrap interval, of what is learnt over the "
+            "seeds, of three no wider than their range, else over the trials or rooms of one policy of each "
+            "algorithm. A lead whose interval holds 0 is undecided; after more samples than the rival had, "
+            "or fewer than the paper's, it is not called larger or smaller. Fig. 7b names its two rivals in "
+            "no order: we take DDPG first, as elsewhere. PPO is kinemimic's, whose settings are not the "
+            "paper's; DDPG and A2C are stable-baselines3's, with settings that a small search preferred.",
             words=(1, 4),
         )
         + "<ul>"

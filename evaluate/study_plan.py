@@ -6,7 +6,6 @@ from collections.abc import Mapping, Sequence
 
 from kinemimic.evaluate.comparison import Comparison, Contender
 from kinemimic.evaluate.recipe import POLICIES
-from kinemimic.train.config import TrainConfig
 from kinemimic.train.policy import learnt
 from kinemimic.train.scenario_file import scenario
 
@@ -18,6 +17,11 @@ VARIANTS: Mapping[str, str] = {PPO: "default", **RIVALS, "SB3 PPO": "sb3-ppo"}
 ALGORITHMS: Mapping[str, str] = {"ppo": PPO, "ddpg": "DDPG", "a2c": "A2C", "sb3-ppo": "SB3 PPO"}
 ROBUST = "PPO, robust"  # trained under pushes; ships, and is nobody's rival
 AMONG = ", among obstacles"  # of a contender's name: it was trained there
+
+# PPO's rivals, and who is to be ahead of each.
+AHEAD: Mapping[str, str] = {
+    f"{name}{where}": f"{PPO}{where}" for where in ("", AMONG) for name in VARIANTS if name != PPO
+}
 
 PULLS = ("pull-forward", "pull-backward")
 OVERPOWERED = ("leg-force", "arm-torque")
@@ -40,7 +44,7 @@ def contenders(comparison: Comparison) -> dict[str, Contender]:
 
 def _robust() -> Contender:
     motion, policy, record = learnt(POLICIES / "robust_walk")
-    return Contender(ROBUST, motion, policy, TrainConfig.from_json(record["config"]), int(record["samples"]))
+    return Contender.of(ROBUST, motion, policy, record)
 
 
 def taking_part(scenario: str) -> tuple[str, ...]:

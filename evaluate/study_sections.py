@@ -4,9 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from html import escape
+from statistics import median
 from typing import Any
 
-from kinemimic.evaluate.claims_learning import converged, least_loss, returns
+from kinemimic.evaluate.claims_learning import converged, last_loss, least_loss, returns
 from kinemimic.evaluate.comparison import Comparison
 from kinemimic.evaluate.learning_curves import Told
 from kinemimic.evaluate.processing_times import own_batch, steps_per_sample
@@ -39,14 +40,15 @@ def training(comparison: Comparison, drawings: Mapping[str, Draw]) -> Iterator[s
     yield drawing(
         picture(drawings["fig7"], "Return over samples, walking and running"),
         "Fig. 7. Return of trials without noise, a share of the largest possible; interquartile mean over "
-        "the seeds, the band its 95 % bootstrap interval.",
+        "the seeds, the band its 95 % bootstrap interval. A curve ends where its training did.",
     )
     yield drawing(
         picture(drawings["fig8"], "Critic's loss over samples, without and with obstacles"),
         "Fig. 8. The critic's mean squared error as a share of its targets' variance, so that nobody's "
         "scale of rewards counts. Targets are in part the critics' own estimates of what comes later, DDPG's "
         "and A2C's nearly all, PPO's about half: the more, the smaller the loss by construction. It is least "
-        "where a policy falls at once and there is little to foresee, and says little about the policy.",
+        "where a policy falls at once and there is little to foresee, rises as it walks, and says little "
+        "about the policy.",
     )
     rows = []
     for task, title in _TASKS.items():
@@ -54,26 +56,25 @@ def training(comparison: Comparison, drawings: Mapping[str, Draw]) -> Iterator[s
             cells = comparison.cells(task, variant)
             if not cells:
                 continue
-            seconds = sorted(row["seconds"] for row in cells)
             converges, loss = converged(comparison, task, variant), least_loss(comparison, task, variant)
             rows.append([
-                title, name, str(len(cells)), f"{cells[0]['samples']:,}",
+                title, name, f"{cells[0]['samples']:,}",
                 _with_interval(returns(comparison, task, variant)),
                 "–" if converges.mean is None else f"{converges.mean:,.0f} ({converges.n} of {len(cells)})",
-                number(loss.mean, 4),
-                number(comparison.middle(task, variant)["frames"], 0),
-                f"{seconds[len(seconds) // 2]:,.0f}",
+                f"{number(loss.mean, 4)}; {number(last_loss(comparison, task, variant), 4)}",
+                number(median(row["frames"] for row in cells), 0),
+                f"{median(row['seconds'] for row in cells):,.0f}",
             ])  # fmt: skip
     yield table(
-        ["", "", "seeds", "samples", "return, %", "converged at", "least loss", "frames", "s"],
+        ["", "", "samples", "return, %", "converged at", "least; last loss", "frames", "s"],
         rows,
-        "Largest return: interquartile mean over the seeds, of three seeds mostly the middle one, and its "
-        "95 % interval. Converged: of the seeds in brackets; the others still rise, or fell back. Frames: "
-        "before a fall, of 20 s, without obstacles, of the seed in the middle. Seconds of training: median, "
-        "by the clock, of machines that may have been several and busy: Tab. 2 has times taken side by "
-        "side. All have the same task, "
-        f"rewards and trials. {_settings_of(comparison)} SB3: stable-baselines3, whose DDPG and A2C "
-        "these are; its PPO checks ours.",
+        f"{comparison.content['provenance']['config']['seeds']} seeds. Largest return: interquartile mean "
+        "over them, of three mostly the middle one, and its 95 % interval. Converged: of the seeds in "
+        "brackets; the others still rise, or fell back. Frames "
+        "before a fall, of 20 s without obstacles, and seconds of training: medians; seconds by the clock, "
+        "of machines that may have been several and busy: Tab. 2 has times taken side by side. All have the "
+        f"same task, rewards and trials. {_settings_of(comparison)} SB3: stable-baselines3, whose DDPG and "
+        "A2C these are; its PPO checks ours.",
         words=(1,),
     )
 
@@ -106,10 +107,10 @@ def _settings_of(comparison: Comparison) -> str:
 def disturbances(contests: Sequence[Row], drawings: Mapping[str, Draw]) -> Iterator[str]:
     """Fig. 9 to 11: contests as `contest.py` has them."""
     yield "<h2>Forces, torques, obstacles</h2>"
-    spent = dict.fromkeys(f"{row['contender']} {row['samples']:,}" for row in contests)
+    spent = dict.fromkeys(f"{row['contender']} {row['kept']:,} of {row['samples']:,}" for row in contests)
     yield (
-        "<p>Of every algorithm the policy whose return is in the middle of its seeds, after all the samples "
-        f"that it was trained for: {'; '.join(spent)}.</p>"
+        "<p>Of every algorithm the seed whose return is in the middle, and of that the policy of its best "
+        f"trial, after so many of the samples that it was trained for: {'; '.join(spent)}.</p>"
     )
     abouts = {name: scenario(name).about for name in SCENARIOS}
     for name, alternative, left, right in (
@@ -118,8 +119,9 @@ def disturbances(contests: Sequence[Row], drawings: Mapping[str, Draw]) -> Itera
         ("fig11", "Reward with one and with several obstacles", BALL, SEVERAL),
     ):
         caption = (
-            f"Fig. {name[3:]}. First: {escape(abouts[left])} Then: {escape(abouts[right])} Mean of the "
-            "trials, and of PPO's the quartiles."
+            f"Fig. {name[3:]}. First: {escape(abouts[left])} Then: {escape(abouts[right])} Mean of "
+            "all trials, and of PPO's the quartiles; thin: their twins, to which nothing happens. Dotted: "
+            "where it begins."
         )
         if right == SEVERAL:
             caption += " Among several obstacles those who trained there; the table has the others too."
@@ -131,23 +133,23 @@ def disturbances(contests: Sequence[Row], drawings: Mapping[str, Draw]) -> Itera
             row["scenario"], row["contender"], f"{100 * row['survived']:.0f}",
             f"{100 * low:.0f}–{100 * high:.0f}",
             f"{100 * row['twins_fallen'] / row['trials']:.0f}",
-            _percent(row["dip"]), f"{row['recovered']}/{round(row['touched'] * row['trials'])}",
+            _percent(row["loss"]["share"]), f"{row['recovered']}/{round(row['touched'] * row['trials'])}",
             number(row["typical_recovery_s"], 1), number(row["typical_fall_s"], 1),
         ])  # fmt: skip
     yield table(
-        ["", "", "survive, %", "95 %", "twins fall, %", "dip, %", "recover", "after, s", "fall after, s"],
+        ["", "", "survive, %", "95 %", "twins fall, %", "loss, %", "recover", "after, s", "fall after, s"],
         rows,
         "Each trial beside a twin to which nothing happens; twins fall: how many of these do, whose "
-        "trials then tell nothing but survival. Survival with Wilson's interval. All that follows is of the "
-        "trials in which anything made a difference: medians of the dip, of the time until the reward stays "
-        "within 5 % of the largest reward below the twin's, and of the time to the fall; a dash where most "
-        "never do.",
+        "trials then tell nothing but survival. Survival with Wilson's interval. Loss: the largest of the "
+        "mean reward against the twins', of trials whose twin stands. What follows is of those of them in "
+        "which anything made a difference: medians of the time until the reward stays within 5 % of the "
+        "largest reward below the twin's, and of the time to the fall; a dash where most never do.",
         words=(1,),
     )
 
 
-def _percent(quartiles: Row) -> str:
-    return number(None if quartiles["median"] is None else 100.0 * quartiles["median"], 1)
+def _percent(share: float | None) -> str:
+    return number(None if share is None else 100.0 * share, 1)
 
 
 def room(rooms: Sequence[Row], drawings: Mapping[str, Draw]) -> Iterator[str]:
@@ -157,11 +159,13 @@ def room(rooms: Sequence[Row], drawings: Mapping[str, Draw]) -> Iterator[str]:
     walk = ours["shown"]
     yield drawing(
         picture(drawings["fig12"], "Knee and hip over 500 frames in a room"),
-        f"Fig. 12. Left knee and hip of PPO's figure over {walk['of']} frames on a way with two bends among "
+        f"Fig. 12. {walk['gap_side'].capitalize()} knee and hip of PPO's figure over {walk['of']} frames on "
+        "a way with two bends among "
         f"vases, chairs and tables of knee and hip height, in the room that is the median of "
-        f"{ours['trials']}. Largest gap at a hip: {number(walk['hip']['max_gap_deg'], 1)}° in frame "
-        f"{walk['gap_frame']}; the paper's: 2.3° in frame 410. Thin: DDPG's and A2C's in the same room, to "
-        "their falls. The reference is the loop that was made of the capture, its heading led along the way.",
+        f"{ours['trials']}. Largest gap at its hips: {number(walk['hip']['max_gap_deg'], 1)}° in "
+        f"frame {walk['gap_frame']}; the paper's: 2.3° in frame 410. Thin: DDPG's and A2C's in the same "
+        "room, to their falls. The reference is the loop that was made of the capture, its heading led "
+        "along the way.",
     )
     rows = [
         [
@@ -176,8 +180,8 @@ def room(rooms: Sequence[Row], drawings: Mapping[str, Draw]) -> Iterator[str]:
     yield table(
         ["", "upright", "R² knee", "hip", "RMSE,\u00a0° knee", "hip", "gap,\u00a0° knee", "hip"],
         rows,
-        "Medians over the rooms; R² credits nothing after a fall. Who falls after the frames that count is "
-        "upright here.",
+        "Medians over the rooms. R² credits nothing after a fall; RMSE and gap count frames on the ground "
+        "too. Who falls after the frames that count is upright here.",
     )
 
 

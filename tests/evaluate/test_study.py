@@ -75,6 +75,7 @@ def test_a_study_is_a_page_figures_and_numbers_and_is_not_done_twice(
         "DDPG: 64 figures, a gradient step for every 8 samples on 256, layers of 512 and 256 (relu)" in page
     )
     assert "actions bounded to ±0.5, exploration 0.2 to 0.17." in page
+    assert re.search(r"PPO [\d,]+ of [\d,]+; DDPG [\d,]+ of [\d,]+;", page)
     # It asks for nothing from outside.
     assert not re.search(r"(src|href|srcset)=[\"'](?!data:)", page)
     assert not re.search(r"url\((?!#)", re.sub(r"base64,[A-Za-z0-9+/=]+", "", page))
