@@ -56,8 +56,7 @@ def _disturbances(contests: Sequence[Row]) -> Iterator[Claim]:
     by = {(row["contender"], row["scenario"]): row for row in contests}
     loss = (
         "largest loss of the mean reward against the mean of undisturbed twins, over the trials whose twin "
-        "stands; of a lead, over those in which both algorithms' do, with the 95 % bootstrap interval of the "
-        "pairs; share of the largest reward"
+        "stands; of a lead, over those in which both algorithms' do; share of the largest reward"
     )
     share = 100.0 / EPISODE
     for figure, scenario, printed, *leads in _LOSSES:
@@ -68,25 +67,24 @@ def _disturbances(contests: Sequence[Row]) -> Iterator[Claim]:
                         reason=f"{PPO} falls by itself", **found)  # fmt: skip
         for name, lead in zip(RIVALS, leads, strict=True):
             found = _ahead(by[PPO, scenario], by[name, scenario], name, "loss", 100.0)
-            what = f"PPO loses less than {name} by"
-            yield Claim(figure, what, loss, "%", share * lead, better="lead", **found)
+            yield _lead(figure, f"PPO loses less than {name} by", loss, "%", share * lead, found)
     back = (
-        "median over the trials in which neither algorithm's twin falls of the time from the first "
-        "difference until the reward stays within 5 % of the largest reward below the twin's"
+        "median over the trials that touch both figures, and in which neither twin falls, of the time from "
+        "the first difference until the reward stays within 5 % of the largest reward below the twin's"
     )
     for name, lead in zip(RIVALS, (0.9, 0.6), strict=True):
         found = _ahead(by[PPO, BALL], by[name, BALL], name, "recovery_s")
-        yield Claim("Fig. 11a", f"PPO recovers before {name} by", back, "s", lead, better="lead", **found)
+        yield _lead("Fig. 11a", f"PPO recovers before {name} by", back, "s", lead, found)
     fall = (
-        "median over the trials in which neither algorithm's twin falls of the time from the first "
-        "difference to the fall, where the reward becomes 0; several obstacles: of those trained among them"
+        "median over the trials that touch both figures, and in which neither twin falls, of the time from "
+        "the first difference to the fall, where the reward becomes 0; several obstacles: of those trained "
+        "among them"
     )
     for figure, scenario, *leads in _FALLS:
         among = AMONG if scenario == SEVERAL else ""
         for name, lead in zip(RIVALS, leads, strict=True):
             found = _ahead(by[PPO + among, scenario], by[name + among, scenario], name, "fall_s")
-            what = f"PPO's reward is 0 later than {name}'s by"
-            yield Claim(figure, what, fall, "s", lead, better="lead", **found)
+            yield _lead(figure, f"PPO's reward is 0 later than {name}'s by", fall, "s", lead, found)
 
 
 def _walks(row: Row) -> bool:
@@ -106,22 +104,34 @@ _NEVER = {"recovery_s": "mostly does not recover", "fall_s": "mostly does not fa
 def _ahead(ours: Row, theirs: Row, name: str, measure: str, scale: float = 1.0) -> dict[str, Any]:
     """By how much PPO is ahead of a rival, or why there is no number, and by whose failure."""
     told: dict[str, Any] = {"unequal": ours["samples"] > theirs["samples"], "ours": None}
-    for row, one in ((ours, PPO), (theirs, name)):
-        if not _walks(row):
-            # Who falls untouched cannot show what a touch does to it.
-            failing: Failing = "ours" if one == PPO else "both"
-            return {**told, "reason": f"no comparison: {one} falls by itself", "failing": failing}
+    if not _walks(theirs):
+        # Who falls untouched cannot show what a touch does to it.
+        return {**told, "reason": f"no comparison: {name} falls by itself"}
+    if not _walks(ours):
+        return {**told, "reason": f"{PPO} falls by itself", "failing": "ours"}
     lead = theirs["lead"][measure]
+    told["trials"] = lead["trials"]
     if lead["ahead"] is not None:
         return {**told, **_of(lead, lead["ahead"], scale)}
-    never = [one for one, key in ((PPO, "ours"), (name, "theirs")) if lead.get(key) is None]
-    if not theirs["lead"]["trials"] or measure not in _NEVER:
-        return {**told, "reason": "no comparison: no trial touches both"}
+    if not lead["trials"]:
+        return {**told, "reason": "no comparison: no trial for both"}
+    never = [one for one, key in ((PPO, "ours"), (name, "theirs")) if lead[key] is None]
     if len(never) == 2:
         return {**told, "reason": f"both {_NEVER[measure].replace('does', 'do')}"}
-    # Never to fall is as good as never to recover is bad.
-    ahead = (never == [PPO]) == (measure == "fall_s")
-    return {**told, "reason": f"{never[0]} {_NEVER[measure]}", "failing": "theirs" if ahead else "ours"}
+    # Without a number the interval, in which never is the trial's end, says who is ahead.
+    failing: Failing = "both"
+    if lead["low"] is not None and not lead["low"] <= 0.0 <= lead["high"]:
+        failing = "theirs" if lead["low"] > 0.0 else "ours"
+    chance = "undecided: " if failing == "both" else ""
+    return {**told, "reason": f"{chance}{never[0]} {_NEVER[measure]}", "failing": failing}
+
+
+def _lead(figure: str, what: str, formula: str, unit: str, paper: float, found: dict[str, Any]) -> Claim:
+    """The claim that PPO is ahead; found: of `_ahead`. There is no verdict on a single trial."""
+    trials = found.pop("trials", None)
+    of = "" if trials is None else f", in {trials} trials"
+    better: Better = "neither" if found["ours"] is not None and found["low"] is None else "lead"
+    return Claim(figure, f"{what}{of}", formula, unit, paper, better=better, **found)
 
 
 def _fits(rooms: Sequence[Row]) -> Iterator[Claim]:
@@ -134,7 +144,8 @@ def _fits(rooms: Sequence[Row]) -> Iterator[Claim]:
     of = f"median of {ours['trials']} rooms, in {ours['upright']} upright to the end"
     for figure, joint, printed in (("Fig. 12a", "knee", 0.914), ("Fig. 12b", "hip", 0.932)):
         low, high = _of_median([walk[joint]["r2_upright"] for walk in ours["walks"]])
-        yield Claim(figure, f"fit of the {joint}s, {of}", how, "", printed, ours[joint]["r2_upright"], "more",
+        better: Better = "neither" if low is None else "more"
+        yield Claim(figure, f"fit of the {joint}s, {of}", how, "", printed, ours[joint]["r2_upright"], better,
                     low=low, high=high)  # fmt: skip
     gap = "largest difference of either hip from its reference over 500 frames, falls too, median of rooms"
     yield Claim("Fig. 12b", "largest gap at the hip", gap, "°", 2.3, ours["hip"]["max_gap_deg"], "less")
@@ -188,7 +199,8 @@ def _times(times: Row) -> Iterator[Claim]:
     )
     growth = printed["ddpg"]["growth"] - printed["ppo"]["growth"]
     here = ddpg and ddpg["growth"] - ppo["growth"]
-    far = ddpg and 1.96 * float(np.hypot(*(_exponent_error(times, one) for one in (ppo, ddpg))))
+    errors = ddpg and [_exponent_error(times, one) for one in (ppo, ddpg)]
+    far = errors and 1.96 * float(np.hypot(errors[0], errors[1]))
     low, high = (None if here is None else here + sign * far for sign in (-1.0, 1.0))
     yield Claim("Tab. 2", "DDPG's time grows with a power of n higher by", steeper, "", growth, here, "lead",
                 _MISSING, low=low, high=high)  # fmt: skip

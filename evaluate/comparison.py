@@ -48,8 +48,7 @@ class Contender:
     def of(cls, name: str, motion: Motion, policy: Policy, record: Row) -> Contender:
         """record: policy.json."""
         config, samples = TrainConfig.from_json(record["config"]), int(record["samples"])
-        best = record.get("best") or {"samples": samples}
-        return cls(name, motion, policy, config, samples, int(best["samples"]))
+        return cls(name, motion, policy, config, samples, int(record["best"]["samples"]))
 
     @property
     def identity(self) -> str:

@@ -36,15 +36,16 @@ def contest(
     count = sum(map(len, tasks))
     done = conduct_all(tasks, workers=workers, progress=progress and (lambda k: progress(k / count)))
     by = {(one.name, scenario.name): found for (one, scenario), found in zip(pairs, done, strict=True)}
-    return [
-        {
+    rows = []
+    for (one, scenario), found in zip(pairs, done, strict=True):
+        leader = by.get((over[one.name], scenario.name)) if over and one.name in over else None
+        rows.append({
             "contender": one.name,
             "samples": one.samples,
             "kept": one.kept,
             "scenario": scenario.name,
             **figures(found),
             "loss": loss(found),
-            "lead": lead(by[over[one.name], scenario.name], found) if over and one.name in over else None,
-        }
-        for (one, scenario), found in zip(pairs, done, strict=True)
-    ]
+            "lead": lead(leader, found) if leader else None,
+        })  # fmt: skip
+    return rows

@@ -213,10 +213,10 @@ def figures(trials: Trials) -> dict[str, Any]:
         "dip": _quartiles(gaps.max(axis=1)[touched]),
         "onset_s": _quartiles(when.onset_s[touched]),
         "recovered": int(np.isfinite(when.recovery_s).sum()),
-        "recovery_s": _quartiles(_finite(when.recovery_s)),
-        "typical_recovery_s": _typical(when.recovery_s[touched]),
-        "fall_s": _quartiles(_finite(when.fall_s)),
-        "typical_fall_s": _typical(when.fall_s[touched]),
+        "recovery_s": _quartiles(when.recovery_s[np.isfinite(when.recovery_s)]),
+        "typical_recovery_s": finite(median_time(when.recovery_s[touched])),
+        "fall_s": _quartiles(when.fall_s[np.isfinite(when.fall_s)]),
+        "typical_fall_s": finite(median_time(when.fall_s[touched])),
         "twins_fallen": int(trials.twin_fell.sum()),
         "curve": _curve(trials.rewards),
         "calm_curve": _curve(trials.calm),
@@ -231,17 +231,17 @@ def _quartiles(values: Array) -> dict[str, Any]:
     return {"median": middle, "quarter": low, "three_quarters": high, "n": len(values)}
 
 
-def _finite(times: Array) -> Array:
-    return times[np.isfinite(times)]
-
-
-def _typical(times: Array) -> float | None:
-    """Median of times, infinite where it never happened; None if most never do."""
+def median_time(times: Array) -> float:
+    """Median of times, infinite where it never happened; infinite if most never do, or of none."""
     if not len(times):
-        return None
-    # The later of the middle two: between a time and never there is no mean.
-    middle = float(np.sort(times)[len(times) // 2])
-    return round(middle, 6) if np.isfinite(middle) else None
+        return np.inf
+    # Of an even number the later of both: between a time and never there is no mean.
+    return float(np.sort(times)[len(times) // 2])
+
+
+def finite(time: float) -> float | None:
+    """A time for JSON, None for never."""
+    return round(time, 6) if np.isfinite(time) else None
 
 
 def _curve(rewards: Array) -> dict[str, list[float]]:

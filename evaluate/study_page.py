@@ -12,7 +12,6 @@ from kinemimic.evaluate.claim import (
     CONTRADICTED,
     NOT_CONFIRMED,
     SMALLER,
-    UNDECIDED,
     UNSURE,
     WORSE,
     between,
@@ -63,7 +62,7 @@ def _head(content: Row, *, simulated: bool) -> str:
 
 
 def _is_worse(verdict: str) -> bool:
-    return verdict in (NOT_CONFIRMED, CONTRADICTED, UNDECIDED, UNSURE) or verdict.startswith(WORSE)
+    return verdict in (NOT_CONFIRMED, CONTRADICTED, UNSURE) or verdict.startswith((WORSE, "undecided"))
 
 
 def _claims(claims: Sequence[Row]) -> str:
@@ -84,15 +83,16 @@ def _claims(claims: Sequence[Row]) -> str:
             ["", "claim", "paper", "here", ""],
             rows,
             "The paper says neither what its rewards could have come to, nor how strong its forces were, "
-            "what machine it ran on, or how it computed fit, dip, recovery, convergence and loss. We take "
+            "what machine it ran on, or how it computed fit, loss, recovery, convergence and loss. We take "
             "its rewards as shares of 500, one for each of its frames; forces are ours, formulas are "
             "below. So sizes compare by order of magnitude at best; that PPO is ahead of its rivals, and "
-            "by how much, compares better. In brackets: 95 % bootstrap interval, of what is learnt over the "
-            "seeds, of three no wider than their range, else over the trials or rooms of one policy of each "
-            "algorithm. A lead whose interval holds 0 is undecided; after more samples than the rival had, "
-            "or fewer than the paper's, it is not called larger or smaller. Fig. 7b names its two rivals in "
-            "no order: we take DDPG first, as elsewhere. PPO is kinemimic's, whose settings are not the "
-            "paper's; DDPG and A2C are stable-baselines3's, with settings that a small search preferred.",
+            "by how much, compares better. In brackets: 95 % interval, of what is learnt by resampling "
+            "seeds, of three no wider than their range, else by resampling trials or rooms of one policy of "
+            "each algorithm; of Fig. 8's leads and of Tab. 2 as told below. A lead whose interval holds 0 is "
+            "undecided; after more samples than the rival had, or fewer than the paper's, it is not called "
+            "larger or smaller. Fig. 7b names its two rivals in no order: we take DDPG first, as elsewhere. "
+            "PPO is kinemimic's, whose settings are not the paper's; DDPG and A2C are stable-baselines3's, "
+            "with settings that a small search preferred.",
             words=(1, 4),
         )
         + "<ul>"

@@ -19,9 +19,7 @@ ROBUST = "PPO, robust"  # trained under pushes; ships, and is nobody's rival
 AMONG = ", among obstacles"  # of a contender's name: it was trained there
 
 # PPO's rivals, and who is to be ahead of each.
-AHEAD: Mapping[str, str] = {
-    f"{name}{where}": f"{PPO}{where}" for where in ("", AMONG) for name in VARIANTS if name != PPO
-}
+AHEAD: Mapping[str, str] = {f"{name}{where}": f"{PPO}{where}" for where in ("", AMONG) for name in RIVALS}
 
 PULLS = ("pull-forward", "pull-backward")
 OVERPOWERED = ("leg-force", "arm-torque")

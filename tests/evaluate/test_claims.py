@@ -161,12 +161,11 @@ def contests() -> list[dict[str, Any]]:
                 ("A2C", 4, 0.3, 1.5, 2.0),
                 ("DDPG", 6, 0.9, None, 0.1),
             ):
-                certain = {"low": 0.1, "high": 2.0}
+                certain = {"low": 0.1, "high": 2.0, "trials": 6}
                 sooner = None if recovery is None else recovery - 1.0
                 later = None if fall is None or theirs is None else fall - theirs
                 lead = {
-                    "trials": 6,
-                    "loss": {"ahead": loss - 0.1, "low": 0.05, "high": 0.4},
+                    "loss": {"ahead": loss - 0.1, "low": 0.05, "high": 0.4, "trials": 6},
                     "recovery_s": {"ours": 1.0, "theirs": recovery, "ahead": sooner, **certain},
                     "fall_s": {"ours": fall, "theirs": theirs, "ahead": later, **certain},
                 }
@@ -237,14 +236,17 @@ def test_ours_are_computed_by_hand(comparison: Comparison, contests: list[dict[s
     assert ours("Fig. 8a", lead.format("DDPG")) == (pytest.approx(0.18), SHORT)
     assert ours("Fig. 8a", lead.format("A2C")) == (pytest.approx(-0.01), NOT_CONFIRMED)
     assert ours("Fig. 9a", "PPO's largest loss of reward") == (pytest.approx(10.0), UNSURE)
-    assert ours("Fig. 9b", "PPO loses less than A2C by") == (pytest.approx(20.0), LARGER)
-    assert found["Fig. 9b", "PPO loses less than A2C by"].low == pytest.approx(5.0)
+    assert ours("Fig. 9b", "PPO loses less than A2C by, in 6 trials") == (pytest.approx(20.0), LARGER)
+    assert found["Fig. 9b", "PPO loses less than A2C by, in 6 trials"].low == pytest.approx(5.0)
     no = "no comparison: DDPG falls by itself"
     assert ours("Fig. 9b", "PPO loses less than DDPG by") == (None, no)
-    assert ours("Fig. 10a", "PPO's reward is 0 later than A2C's by") == (pytest.approx(1.0), SMALLER)
-    assert ours("Fig. 11a", "PPO recovers before A2C by") == (pytest.approx(0.5), SMALLER)
+    assert ours("Fig. 10a", "PPO's reward is 0 later than A2C's by, in 6 trials") == (
+        pytest.approx(1.0),
+        SMALLER,
+    )
+    assert ours("Fig. 11a", "PPO recovers before A2C by, in 6 trials") == (pytest.approx(0.5), SMALLER)
     never = "confirmed: PPO mostly does not fall"
-    assert ours("Fig. 11b", "PPO's reward is 0 later than A2C's by") == (None, never)
+    assert ours("Fig. 11b", "PPO's reward is 0 later than A2C's by, in 6 trials") == (None, never)
     assert ours("Fig. 11b", "PPO's reward is 0 later than DDPG's by") == (None, no)
     # 7 of the 27 resamples of three rooms have 0.92 in the middle.
     knees = "fit of the knees, median of 3 rooms, in 2 upright to the end"
@@ -266,6 +268,41 @@ def test_ours_are_computed_by_hand(comparison: Comparison, contests: list[dict[s
     variances = [np.sum((x * 0.05 / np.array(ms)) ** 2) for ms in ((15, 30, 40), (20, 20, 400))]
     assert steeper.low == pytest.approx(0.5 - 1.96 * np.sqrt(sum(variances)) / np.sum(x**2))
     assert ours("Tab. 2", "PPO faster than DDPG for 2,000 samples by") == (-10, NOT_CONFIRMED)
+
+
+@pytest.mark.parametrize(
+    ("lead", "verdict"),
+    [
+        ({"ours": None, "theirs": None, "low": 0.0, "high": 0.0}, "both mostly do not fall"),
+        ({"ours": None, "theirs": 3.0, "low": 1.0, "high": 4.0}, "confirmed: PPO mostly does not fall"),
+        ({"ours": None, "theirs": 3.0, "low": -1.0, "high": 4.0}, "undecided: PPO mostly does not fall"),
+        ({"ours": None, "theirs": 3.0, "low": None, "high": None}, "undecided: PPO mostly does not fall"),
+        ({"ours": 3.0, "theirs": None, "low": -4.0, "high": -1.0}, "worse: A2C mostly does not fall"),
+        (
+            {"ours": None, "theirs": None, "low": None, "high": None, "trials": 0},
+            "no comparison: no trial for both",
+        ),
+        # One trial is no evidence.
+        ({"ours": 3.0, "theirs": 1.0, "ahead": 2.0, "low": None, "high": None, "trials": 1}, ""),
+    ],
+)
+def test_who_never_falls_is_ahead_only_where_chance_is_not(
+    comparison: Comparison, contests: list[dict[str, Any]], lead: dict[str, Any], verdict: str
+) -> None:
+    (row,) = (one for one in contests if (one["contender"], one["scenario"]) == ("A2C", "leg-force"))
+    row["lead"]["fall_s"] = {"ahead": None, "trials": 6, **lead}
+    made = claims(comparison, contests, ROOMS, _times())
+    (found,) = (one for one in made if one.figure == "Fig. 10a" and "A2C" in one.what)
+    assert found.verdict == verdict
+
+
+def test_who_falls_untouched_is_not_compared(comparison: Comparison, contests: list[dict[str, Any]]) -> None:
+    for row in contests:
+        if (row["contender"], row["scenario"]) == ("PPO", "pull-forward"):
+            row["twins_fallen"] = 6
+    made = [one for one in claims(comparison, contests, ROOMS, _times()) if one.figure == "Fig. 9a"]
+    falls = "worse: PPO falls by itself"
+    assert [one.verdict for one in made] == [falls, "no comparison: DDPG falls by itself", falls]
 
 
 def test_they_come_in_the_papers_sequence(comparison: Comparison, contests: list[dict[str, Any]]) -> None:

@@ -12,6 +12,7 @@ from typing import Any
 
 import pytest
 from click.testing import CliRunner
+from peers.compared import BUDGET, KEPT
 from printed.told import told
 
 from kinemimic.evaluate import rooms as walks
@@ -75,7 +76,10 @@ def test_a_study_is_a_page_figures_and_numbers_and_is_not_done_twice(
         "DDPG: 64 figures, a gradient step for every 8 samples on 256, layers of 512 and 256 (relu)" in page
     )
     assert "actions bounded to ±0.5, exploration 0.2 to 0.17." in page
-    assert re.search(r"PPO [\d,]+ of [\d,]+; DDPG [\d,]+ of [\d,]+;", page)
+    assert f"PPO {KEPT:,} of {BUDGET:,}; DDPG {KEPT:,} of {BUDGET:,};" in page
+    # Nobody leads PPO; the rivals that trained among obstacles are PPO's that did.
+    led = {row["contender"] for row in content["contests"] if row["lead"] is not None}
+    assert led == {"DDPG", "A2C", "DDPG, among obstacles", "A2C, among obstacles"}
     # It asks for nothing from outside.
     assert not re.search(r"(src|href|srcset)=[\"'](?!data:)", page)
     assert not re.search(r"url\((?!#)", re.sub(r"base64,[A-Za-z0-9+/=]+", "", page))
@@ -99,9 +103,13 @@ def test_a_contest_does_not_depend_on_who_takes_part(compared: Callable[..., Pat
     pull = replace(scenario("pull-forward"), seconds=1.5)
     options: dict[str, Any] = {"trials": 3, "seed": 5, "engine": "pybullet", "workers": 1}
     both = contest([(one, pull), (other, pull)], **options)
-    (alone,) = contest([(other, pull)], **options)
+    (alone,) = contest([(other, pull)], **options, over={"DDPG": "PPO"})
     assert [row["contender"] for row in both] == ["PPO", "DDPG"]
     assert both[1] == alone
+    led = contest([(one, pull), (other, pull)], **options, over={"DDPG": "PPO"})
+    assert led[0] == both[0]
+    lost = [row["loss"]["share"] for row in led]
+    assert led[1]["lead"]["loss"]["ahead"] == pytest.approx(lost[1] - lost[0], abs=2e-6)
     shares = list[float]()
     contest([(one, pull)], **options, progress=shares.append)
     assert sum(shares) == pytest.approx(1.0)

@@ -17,6 +17,7 @@ from kinemimic.train.scenario_file import scenario
 from peers.constant import constant
 
 BUDGET = 131_072
+KEPT = 65_536  # after which the best trial was
 
 
 def write_comparison(
@@ -44,6 +45,7 @@ def write_comparison(
                 policy = replace(constant(0.01 * seed), activation=config.activation, bound=config.bound)
                 record = {"config": config.to_json(), "mirrored": False, "samples": BUDGET}
                 record |= {"provenance": {"inputs": {"motion": tasks[task]["identity"]}}}
+                record |= {"best": {"samples": KEPT}}
                 path = folder / task / variant / f"seed{seed}" / f"policy-{BUDGET}.safetensors"
                 policy.save(path, record)
                 cells.append({
