@@ -199,9 +199,10 @@ def _times(times: Row) -> Iterator[Claim]:
     )
     growth = printed["ddpg"]["growth"] - printed["ppo"]["growth"]
     here = ddpg and ddpg["growth"] - ppo["growth"]
-    errors = ddpg and [_exponent_error(times, one) for one in (ppo, ddpg)]
-    far = errors and 1.96 * float(np.hypot(errors[0], errors[1]))
-    low, high = (None if here is None else here + sign * far for sign in (-1.0, 1.0))
+    low = high = None
+    if ddpg and here is not None:
+        far = 1.96 * float(np.hypot(_exponent_error(times, ppo), _exponent_error(times, ddpg)))
+        low, high = here - far, here + far
     yield Claim("Tab. 2", "DDPG's time grows with a power of n higher by", steeper, "", growth, here, "lead",
                 _MISSING, low=low, high=high)  # fmt: skip
 
