@@ -22,8 +22,7 @@ SHORT = "ahead, after fewer samples than the paper's"
 class Claim:
     """figure: of the paper, or its table; formula: how ours is computed; paper, ours: in the unit; better:
     whether more or less is, how far PPO leads, or neither, as of a rival's number; reason: why ours is None,
-    and failing: by whose failure; low, high: 95 % interval of ours, where there
-    is one, of what the formula says; unequal: PPO had more
+    and failing: by whose failure; low, high: 95 % interval of ours, where there is one; unequal: PPO had more
     samples than the rival; short: both had fewer than the paper's; sizes: the paper's lead and ours as they
     compare, where the numbers themselves do not, as times of two machines."""
 

@@ -70,9 +70,9 @@ def training(comparison: Comparison, drawings: Mapping[str, Draw]) -> Iterator[s
         rows,
         f"{comparison.content['provenance']['config']['seeds']} seeds. Largest return: interquartile mean "
         "over them, of three mostly the middle one, and its 95 % interval. Converged: of the seeds in "
-        "brackets; the others still rise, or fell back. Frames "
-        "before a fall, of 20 s without obstacles, and seconds of training: medians; seconds by the clock, "
-        "of machines that may have been several and busy: Tab. 2 has times taken side by side. All have the "
+        "brackets; the others still rise, or fell back. Frames before a fall, of 20 s without obstacles, and "
+        "seconds of training: medians; seconds by the clock, of machines that may have been several and "
+        "busy: Tab. 2 has times taken side by side. All have the "
         f"same task, rewards and trials. {_settings_of(comparison)} SB3: stable-baselines3, whose DDPG and "
         "A2C these are; its PPO checks ours.",
         words=(1,),
