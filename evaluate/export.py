@@ -91,8 +91,8 @@ def export(
             written.append(Written(path, what, form, *subject.size(form), subject.note(form)))
     if URDF in wanted:
         path = folder / f"{name}-humanoid.urdf"
-        write_text(path, humanoid_urdf("floating"))
-        written.append(Written(path, "humanoid", URDF, None, None, "15 bodies, ball joints as floating ones"))
+        write_text(path, humanoid_urdf("revolute"))
+        written.append(Written(path, "humanoid", URDF, None, None, "15 bodies, ball joints as three hinges"))
     if ONNX in wanted and policy is not None:
         path = folder / f"{name}-policy.onnx"
         written.append(Written(path, "policy", ONNX, None, None, _write_onnx(path, policy)))

@@ -1,4 +1,4 @@
-"""The humanoid as URDF, from the one description in `body.py`."""
+"""The humanoid as URDF, from the one description in `body.py`: for Bullet, for simulators, for viewers."""
 
 from __future__ import annotations
 
@@ -9,9 +9,11 @@ from xml.etree import ElementTree as ET
 from kinemimic.pipeline.skeleton import NODE_INDEX
 from kinemimic.retarget.body import BODIES, Body, node_offsets
 
-# The massless link within the pelvis that pybullet wants as its base.
-BASE_MASS = 1e-4  # kg
-BASE_INERTIA = 1e-4  # kg·m²
+# What has no body of its own: the base within the pelvis that pybullet wants, and what lies between the
+# hinges of a joint. Simulators refuse a moving link without mass.
+SMALL_MASS = 1e-4  # kg
+SMALL_INERTIA = 1e-4  # kg·m²
+HINGES = {"x": (1.0, 0.0, 0.0), "y": (0.0, 1.0, 0.0), "z": (0.0, 0.0, 1.0)}
 
 
 def _numbers(*values: float) -> str:
@@ -59,33 +61,68 @@ def _link(robot: ET.Element, body: Body, plain: bool, y_up: bool) -> None:
             ET.SubElement(ET.SubElement(element, "geometry"), kind, size or {"size": _axes(body.size, y_up)})
 
 
+def _small_link(robot: ET.Element, name: str) -> None:
+    inertial = ET.SubElement(ET.SubElement(robot, "link", name=name), "inertial")
+    ET.SubElement(inertial, "origin", xyz="0 0 0", rpy="0 0 0")
+    ET.SubElement(inertial, "mass", value=_numbers(SMALL_MASS))
+    moment = _numbers(SMALL_INERTIA)
+    ET.SubElement(inertial, "inertia", ixx=moment, iyy=moment, izz=moment, ixy="0", ixz="0", iyz="0")
+
+
+def _joint(
+    robot: ET.Element,
+    name: str,
+    kind: str,
+    parent: str,
+    child: str,
+    origin: str,
+    axis: str = "",
+    effort: str = "",
+) -> None:
+    """axis, effort (N·m): of a joint that moves."""
+    joint = ET.SubElement(robot, "joint", name=name, type=kind)
+    ET.SubElement(joint, "parent", link=parent)
+    ET.SubElement(joint, "child", link=child)
+    ET.SubElement(joint, "origin", xyz=origin, rpy="0 0 0")
+    if not axis:
+        return
+    # Unused by ball joints, but their absence is warned about.
+    ET.SubElement(joint, "axis", xyz=axis)
+    turn = {"lower": _numbers(-math.pi), "upper": _numbers(math.pi)} if kind == "revolute" else {}
+    ET.SubElement(joint, "limit", effort=effort, velocity="100", **turn)
+
+
 def humanoid_urdf(joint_type: str = "floating", *, y_up: bool = False) -> str:
     """URDF text of the Table 1 humanoid.
 
-    joint_type: "spherical" for Bullet, whose extension of URDF it is; "floating" for readers of plain URDF
-    (rerun, Foxglove), which know neither ball joints nor capsules: a cylinder and two spheres
-    stand for these.
+    joint_type: "spherical" for Bullet, whose extension of URDF it is; "revolute" for any simulator: each ball
+    joint NODE is three hinges NODE_x, NODE_y, NODE_z from the parent outwards, which turn the child by
+    Rx Ry Rz (intrinsic x, y, z); "floating" for viewers (rerun, Foxglove), which take the pose of every body
+    from elsewhere. Plain URDF, which the latter two are, has no capsule: a cylinder and two spheres stand
+    for it.
     y_up: axes X left, Y up, Z forward instead of ours. Bullet's stable PD builds its mass matrix from the
     collision shapes and takes every capsule to lie along Y; with limbs along Z it is unstable.
     A massless base carries the pelvis: that controller takes joints in this layout only.
     """
     robot = ET.Element("robot", name="kinemimic_humanoid")
-    base = ET.SubElement(ET.SubElement(robot, "link", name="base"), "inertial")
-    ET.SubElement(base, "origin", xyz="0 0 0", rpy="0 0 0")
-    ET.SubElement(base, "mass", value=_numbers(BASE_MASS))
-    moment = _numbers(BASE_INERTIA)
-    ET.SubElement(base, "inertia", ixx=moment, iyy=moment, izz=moment, ixy="0", ixz="0", iyz="0")
+    _small_link(robot, "base")
     offsets = node_offsets()
     for body in BODIES:
+        origin, effort = _axes(offsets[NODE_INDEX[body.node]], y_up), _numbers(body.torque_limit)
+        parent = body.parent or "base"
+        if joint_type == "revolute" and body.parent:
+            for name, axis in HINGES.items():
+                child = f"{body.name}_{name}" if name != "z" else body.name
+                _joint(
+                    robot, f"{body.node}_{name}", joint_type, parent, child, origin, _axes(axis, y_up), effort
+                )
+                if name != "z":
+                    _small_link(robot, child)
+                parent, origin = child, "0 0 0"
+        elif body.parent:
+            _joint(robot, body.node, joint_type, parent, body.name, origin, "1 0 0", effort)
+        else:
+            _joint(robot, body.node, "fixed", parent, body.name, origin)
         _link(robot, body, joint_type != "spherical", y_up)
-        root = body.parent == ""
-        joint = ET.SubElement(robot, "joint", name=body.node, type="fixed" if root else joint_type)
-        ET.SubElement(joint, "parent", link="base" if root else body.parent)
-        ET.SubElement(joint, "child", link=body.name)
-        ET.SubElement(joint, "origin", xyz=_axes(offsets[NODE_INDEX[body.node]], y_up), rpy="0 0 0")
-        if not root:
-            # Unused by ball joints, but its absence is warned about.
-            ET.SubElement(joint, "axis", xyz="1 0 0")
-            ET.SubElement(joint, "limit", effort=_numbers(body.torque_limit), velocity="100")
     ET.indent(robot)
     return ET.tostring(robot, encoding="unicode") + "\n"

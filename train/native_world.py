@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from kinemimic.pipeline.skeleton import NODE_INDEX
 from kinemimic.retarget.body import BODIES, BODY_INDEX, BODY_PARENTS, Body, node_offsets
-from kinemimic.retarget.urdf import BASE_INERTIA, BASE_MASS
+from kinemimic.retarget.urdf import SMALL_INERTIA, SMALL_MASS
 from kinemimic.train.world import (
     FASTEST,
     FREE_SPEED,
@@ -70,8 +70,8 @@ def description() -> dict[str, Any]:
     masses = np.array([body.mass for body in BODIES])
     inertias = np.array([body.inertia for body in BODIES])
     # pybullet's figure has a base within its pelvis.
-    masses[0] += BASE_MASS
-    inertias[0] += BASE_INERTIA
+    masses[0] += SMALL_MASS
+    inertias[0] += SMALL_INERTIA
     return {
         "parents": np.array(BODY_PARENTS, dtype=np.int32),
         "shapes": np.array([_SHAPES[body.shape] for body in BODIES], dtype=np.int32),

@@ -164,7 +164,9 @@ def test_what_a_policy_performs_of_a_real_capture_is_marked_as_no_recording(
 
 def test_the_body_is_a_tree_of_bodies(files: list[dict[str, object]]) -> None:
     robot = ET.fromstring(of(files, "humanoid", "urdf").read_text())
-    assert len(robot.findall("joint")) == 15 and len(robot.findall("link")) == 16
+    joints = [joint.get("type") for joint in robot.findall("joint")]
+    assert joints.count("revolute") == 3 * 14 and joints.count("fixed") == 1
+    assert len(robot.findall("link")) == 16 + 2 * 14  # two of little mass between the hinges of each joint
 
 
 def test_the_same_bytes_again(run: Path, files: list[dict[str, object]], tmp_path: Path) -> None:

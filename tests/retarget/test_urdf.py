@@ -9,9 +9,10 @@ from xml.etree import ElementTree as ET
 import numpy as np
 import pybullet as bullet
 import pytest
+from scipy.spatial.transform import Rotation
 
 from kinemimic.retarget.body import BODIES, TOTAL_MASS
-from kinemimic.retarget.urdf import humanoid_urdf
+from kinemimic.retarget.urdf import SMALL_MASS, humanoid_urdf
 
 
 def loaded(text: str, folder: Path) -> list[dict[str, Any]]:
@@ -76,3 +77,40 @@ def test_plain_urdf_has_standard_shapes_and_joints_and_the_same_extent() -> None
             tops.append((float(origin.get("xyz", "").split()[2]), float(sphere.get("radius", ""))))
     assert [center + radius for center, radius in tops if center > -0.2] == pytest.approx([0.0])
     assert [center - radius for center, radius in tops if center < -0.2] == pytest.approx([-0.40])
+
+
+def test_hinges_turn_a_body_as_a_ball_joint_does(tmp_path: Path) -> None:
+    path = tmp_path / "humanoid.urdf"
+    path.write_text(humanoid_urdf("revolute"))
+    turns = {body: Rotation.random(random_state=k) for k, body in enumerate(BODIES[1:])}
+    client = bullet.connect(bullet.DIRECT)
+    try:
+        figure = bullet.loadURDF(str(path), physicsClientId=client)
+        infos = [
+            bullet.getJointInfo(figure, k, client)
+            for k in range(bullet.getNumJoints(figure, physicsClientId=client))
+        ]
+        places = {info[1].decode(): k for k, info in enumerate(infos)}
+        assert sum(info[2] == bullet.JOINT_REVOLUTE for info in infos) == 3 * len(turns)
+        for body, turn in turns.items():
+            for axis, angle in zip("xyz", turn.as_euler("XYZ"), strict=True):
+                bullet.resetJointState(figure, places[f"{body.node}_{axis}"], angle, physicsClientId=client)
+        links = {info[12].decode(): k for k, info in enumerate(infos)}
+        rotations = {
+            name: Rotation.from_quat(bullet.getLinkState(figure, k, physicsClientId=client)[5])
+            for name, k in links.items()
+        }
+        for body, turn in turns.items():
+            found = rotations[body.parent].inv() * rotations[body.name]
+            assert (found * turn.inv()).magnitude() < 1e-5
+    finally:
+        bullet.disconnect(client)
+
+
+def test_another_simulator_takes_the_hinges() -> None:
+    mujoco = pytest.importorskip("mujoco", reason="MuJoCo is not installed")
+    model = mujoco.MjModel.from_xml_string(humanoid_urdf("revolute"))
+    assert model.njnt == 42
+    # Its world takes what is fixed to it, the pelvis.
+    moving = sum(body.mass for body in BODIES[1:]) + 28 * SMALL_MASS
+    assert model.body_mass.sum() == pytest.approx(moving, rel=1e-6)
