@@ -34,8 +34,12 @@ def test_what_does_not_fit_is_refused_by_name() -> None:
 
 def test_weights_of_pose_and_reward_sum_to_one() -> None:
     assert sum(POSE_WEIGHTS.values()) == pytest.approx(1.0)
-    for config in PRESETS.values():
-        assert sum(config.env.reward.weights.values()) == pytest.approx(1.0)
+    rewards = {name: dict(config.env.reward.weights) for name, config in PRESETS.items()}
+    # The path of `robust` weighs more on top of the rest; a return is told as a share of the largest.
+    assert rewards["robust"].pop("path") == pytest.approx(3 * rewards["default"]["path"])
+    assert rewards.pop("robust").items() < rewards["default"].items()
+    for weights in rewards.values():
+        assert sum(weights.values()) == pytest.approx(1.0)
 
 
 def test_a_schedule_is_linear_between_its_points_and_constant_beyond() -> None:
