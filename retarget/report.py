@@ -31,7 +31,7 @@ def gait_report(
     closed, fit: before and after the refinement.
     """
     motion, path = fit.motion, fit.path
-    strides = sum(_strides(p, clip) for p in _used(passes, fit))
+    strides = sum(_strides(p) for p in _used(passes, fit))
     gait = "run" if is_running(path.speed) else "walk"
     ranges = {name: _range(curve) for name, curve in joint_angles(motion.rotations).items()}
     cadence = 120.0 / motion.duration
@@ -154,8 +154,8 @@ def reference_at(motion: Motion, phase: Array) -> dict[str, Array]:
     }
 
 
-def _strides(one: Pass, clip: Clip) -> float:
-    return float(np.ptp(one.harmonic.phase(clip.times[one.frames]))) if one.harmonic else 0.0
+def _strides(one: Pass) -> float:
+    return float(np.ptp(one.phase)) if one.harmonic else 0.0
 
 
 def _used(passes: list[Pass], fit: GaitFit) -> list[Pass]:
@@ -193,6 +193,8 @@ def _pass_row(one: Pass, clip: Clip, fit: GaitFit) -> dict[str, Any]:
             "harmonic_kept": _n(h.kept),
             "period_s": _n(h.period),
             "ankles_m": _n(h.amplitude),
+            "drift_cycles": _n(one.drift),
+            "strides_followed": one.followed,
         }
     if used:
         row["r2"] = _r2(fit, mine)

@@ -105,8 +105,16 @@ def _hash(clip: Clip) -> str:
 def _stride_span(clip: Clip, one: Pass) -> Span:
     if one.harmonic is None:
         raise ValueError(f"pass {one.number} has no phase")
-    first, last = clip.times[one.frames[[0, -1]]]
-    return Span(one.number, float(first), float(last), one.heading, one.harmonic.start, one.harmonic.period)
+    times = clip.times[one.frames]
+    return Span(
+        one.number,
+        float(times[0]),
+        float(times[-1]),
+        one.heading,
+        one.harmonic.start,
+        one.harmonic.period,
+        (times, one.clock) if one.followed else None,
+    )
 
 
 def _frames(clip: Clip, one: Pass) -> int:
@@ -128,6 +136,7 @@ def _table(report: dict[str, Any]) -> list[str]:
             f"  passes     {len(used)} of {len(report['passes'])}, {report['strides']:.1f} strides",
             f"  cadence    {report['cadence_steps_per_min']:.0f} steps/min, "
             f"period {report['period_s']:.3f} s",
+            *_followed(used),
             f"  speed      {report['speed_m_s']:.2f} m/s on the body, "
             f"{report['speed_capture_m_s']:.2f} captured",
             f"  sides      {'made one' if report['symmetric'] else 'as recorded'}, "
@@ -156,6 +165,15 @@ def _table(report: dict[str, Any]) -> list[str]:
     if refused:
         lines.append("  `train` refuses this motion for what ✗ marks: record it again, or `train --anyway`")
     return lines
+
+
+def _followed(used: list[dict[str, Any]]) -> list[str]:
+    """Which passes one period does not time."""
+    numbers = [str(row["pass"]) for row in used if row.get("strides_followed")]
+    if not numbers:
+        return []
+    told = "each is timed by itself, and the period is their median"
+    return [f"  strides    vary in pass {', '.join(numbers)}: {told}"]
 
 
 def _measures(closed: dict[str, Any], final: dict[str, Any]) -> list[str]:
