@@ -50,7 +50,8 @@ class Pass:
     metres from one end of the path to the other, along the heading; harmonic: of the ankles, over `clock`:
     (frames,) seconds in which every stride takes one period, which are the clip's times unless the strides
     vary; bad: (frames,) flagged within the pass; reason: why it was not simply accepted; walks: whether that
-    is somebody walking or running, well recorded or not; drift: cycles (rms) by which the strides' own phase
+    is somebody walking or running, well recorded or not; steps: whether the legs at least move so, however
+    briefly; drift: cycles (rms) by which the strides' own phase
     wanders about that of one period, NaN where there is none; followed: whether that made another clock.
     """
 
@@ -65,6 +66,7 @@ class Pass:
     reason: str = ""
     travel: float = 0.0
     walks: bool = False
+    steps: bool = False
     drift: float = float("nan")
     followed: bool = False
 
@@ -122,18 +124,10 @@ def study_pass(clip: Clip, number: int, bones: Array) -> Pass:
     # Not from end to end: single wild frames go anywhere.
     travel = float(np.ptp(np.nanpercentile(middle, (5.0, 95.0))))
     timed = verdict == "refused" or PERIODS[0] <= harmonic.period <= PERIODS[1]
-    walks = (
-        timed
-        and _walks(clip, whole, frames, heading, harmonic, bones)
-        and (
-            (abs(speed) > WALKS and travel > TRAVELS)
-            or (
-                verdict != "refused"
-                and harmonic.amplitude > STEPS
-                and _strides(clip, frames, harmonic) > REPEATS
-            )
-        )
-    )
+    alternates = timed and _alternates(clip, whole, frames, heading, harmonic, bones)
+    steps = alternates and verdict != "refused" and harmonic.amplitude > STEPS
+    advances = alternates and abs(speed) > WALKS and travel > TRAVELS
+    walks = advances or (steps and _strides(clip, frames, harmonic) > REPEATS)
     return Pass(
         number=number,
         frames=frames,
@@ -146,6 +140,7 @@ def study_pass(clip: Clip, number: int, bones: Array) -> Pass:
         reason=reason,
         travel=travel,
         walks=walks,
+        steps=steps,
         drift=drift,
         followed=clock is not t,
     )
@@ -170,7 +165,7 @@ def _timed(times: Array, ankles: Array, bad: NDArray[np.bool_]) -> tuple[Harmoni
     return (followed, clock, drift) if followed.r2 > steady.r2 else (steady, times, drift)
 
 
-def _walks(
+def _alternates(
     clip: Clip,
     whole: NDArray[np.intp],
     frames: NDArray[np.intp],
@@ -246,6 +241,17 @@ def _compare(one: Pass, speed: float, period: float) -> Pass:
 def is_gait(passes: list[Pass]) -> bool:
     """Whether somebody walks in any of the passes, well recorded or not: along a path, or on the spot."""
     return any(one.walks for one in passes)
+
+
+def too_brief(one: Pass) -> str:
+    """What a pass lacks whose legs step as in walking, though nobody walks in it; "" of any other."""
+    if one.walks or not one.steps:
+        return ""
+    seconds = float(np.ptp(one.clock))
+    return (
+        f"somebody may walk, but in place for {np.ptp(one.phase):.1f} strides ({seconds:.1f} s) only, and a "
+        f"loop takes more than {REPEATS:.0f}, or {TRAVELS} m of way"
+    )
 
 
 def usable(passes: list[Pass]) -> tuple[list[Pass], list[str]]:

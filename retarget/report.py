@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from kinemimic.pipeline.angles import ANGLES
 from kinemimic.pipeline.clip import Clip
-from kinemimic.retarget.cycle import Pass
+from kinemimic.retarget.cycle import Pass, too_brief
 from kinemimic.retarget.fit import GaitFit
 from kinemimic.retarget.gate import judge
 from kinemimic.retarget.ground import is_running
@@ -115,7 +115,8 @@ def plain_report(clip: Clip, fit: PlainFit, motion: Motion, one: Pass) -> dict[s
             for name, each in (("closed_form", fit.motion), ("measures", motion))
         },
     }
-    told = "nobody walks in this capture: the longest pass is used as it is, without a loop"
+    why = too_brief(one) or "nobody walks in this capture"
+    told = f"{why}: the longest pass is used as it is, without a loop"
     return _judged(report, [] if walk else [told])
 
 

@@ -19,7 +19,7 @@ from kinemimic.pipeline.store import content_hash, read_clip, read_json, write_j
 from kinemimic.retarget.ankles import ANKLES, Ankle
 from kinemimic.retarget.belt import off_the_belt
 from kinemimic.retarget.captured import Span, captured_angles, write_captured
-from kinemimic.retarget.cycle import Pass, is_gait, study_passes, usable
+from kinemimic.retarget.cycle import Pass, is_gait, study_passes, too_brief, usable
 from kinemimic.retarget.export_json import motion_to_json
 from kinemimic.retarget.export_mcap import write_mcap
 from kinemimic.retarget.fit import fit_gait
@@ -56,7 +56,10 @@ def retarget(
         raise KinemimicError(f"{run}: expected a pass with a person in it, found none; run `ingest` again")
     walked = is_gait(passes)
     if loop and not walked:
-        raise KinemimicError(f"{run}: expected a walk to make a loop of, found none; leave out --loop")
+        brief = "; ".join(filter(None, map(too_brief, passes)))
+        raise KinemimicError(
+            f"{run}: expected a walk to make a loop of, found none{brief and f' ({brief})'}; leave out --loop"
+        )
     if walked and loop is not False:
         chosen, warnings = usable(passes)
         fit = fit_gait(clip, chosen, symmetric, ankle=ankle)
