@@ -8,13 +8,14 @@ from pathlib import Path
 from typing import Any
 
 import click
+import numpy as np
 from rich.console import Console, Group, RenderableType
 from rich.table import Table
 from rich.text import Text
 
 from kinemimic.evaluate.gait_page import ROWS, cell, gait_page, notes
 from kinemimic.evaluate.gait_report import compare
-from kinemimic.evaluate.gait_sources import captured
+from kinemimic.evaluate.gait_sources import Walker, captured
 from kinemimic.pipeline.errors import KinemimicError
 from kinemimic.pipeline.options import run_option
 from kinemimic.pipeline.provenance import provenance
@@ -40,11 +41,12 @@ def gait(run: Path) -> dict[str, Any]:
         )
     motion = motion_from_json(run / "motion.json") if (run / "motion.json").exists() else None
     playback = Playback.load(run / "playback.npz") if motion and (run / "playback.npz").exists() else None
-    report = compare(captured(run, motion), motion, playback)
+    capture = captured(run, motion)
+    report = compare(capture, motion, playback)
     if not report["walkers"]:
         raise KinemimicError(
             f"{run}: expected a gait with at least one whole stride, found none in capture, reference or "
-            "simulation; is it a recording of walking or running?"
+            f"simulation{_recorded(capture)}; is it walking or running, for two strides or more?"
         )
     report["provenance"] = provenance(
         "gait", inputs={name: file_hash(run / name) for name in FILES if (run / name).exists()}, config={}
@@ -53,6 +55,20 @@ def gait(run: Path) -> dict[str, Any]:
     write_text(run / "gait_report.html", page)
     write_json(run / "gait_report.json", report)
     return report
+
+
+def _recorded(capture: Walker | None) -> str:
+    """How much of a gait there is in a capture without a whole stride."""
+    if capture is None:
+        return ""
+    seconds = sum(
+        float(np.ptp(capture.times[capture.passes == k])) for k in set(capture.passes[capture.passes >= 0])
+    )
+    strikes = [sum(len(feet.strikes[k]) for feet in capture.gait.feet.values()) for k in range(2)]
+    return (
+        f"; the capture's {seconds:.1f} s have {strikes[0]} left and {strikes[1]} right foot strikes, of "
+        "which a stride takes two of one foot"
+    )
 
 
 def table(report: Mapping[str, Any], run: Path) -> RenderableType:

@@ -45,7 +45,9 @@ class Feet:
     lie still on the ground (a treadmill's belt is the ground); forward: (T, 2) unit vectors of progression;
     seen: (T, 2) whether the capture shows both hips and this ankle, or they are interpolated;
     strikes, offs: seconds at which each foot comes down and leaves the ground;
-    belt: m/s of a treadmill's belt, 0 on firm ground; running: whether the body bounces instead of vaulting.
+    belt: m/s of a treadmill's belt, 0 on firm ground; treads: of each foot (2, S) seconds and m/s backward of
+    its stances while it lies flat on a belt, none on firm ground; running: whether the body bounces, and does
+    not vault.
     """
 
     times: Array
@@ -56,6 +58,7 @@ class Feet:
     strikes: tuple[Array, Array]
     offs: tuple[Array, Array]
     belt: float
+    treads: tuple[Array, Array]
     running: bool
 
 
@@ -80,9 +83,11 @@ def find_feet(times: Array, positions: Array) -> Feet | None:
     if not all(len(ahead) and len(behind) for ahead, behind in turns):
         return None
     advance = np.einsum("tkc,tc->tk", np.gradient(ankles[..., :2], 1.0 / RATE, axis=0), forward)
-    belt = 0.0
+    belt, treads = 0.0, (np.empty((2, 0)), np.empty((2, 0)))
     if not travels:
-        belt = -_ground_speed(advance, turns)
+        flat = [_flat(*turns[k]) for k in range(2)]
+        belt = -_ground_speed(advance, flat)
+        treads = (_treads(clock, advance[:, 0], flat[0]), _treads(clock, advance[:, 1], flat[1]))
         if belt < TRAVELS:
             return None
         ankles, pelvis = (_on_belt(points, belt, forward) for points in (ankles, pelvis))
@@ -98,7 +103,16 @@ def find_feet(times: Array, positions: Array) -> Feet | None:
         for which, sign in ((0, 1.0), (1, -1.0))
     )
     return Feet(
-        clock, pelvis, ankles, forward, seen, (strikes[0], strikes[1]), (offs[0], offs[1]), belt, running
+        times=clock,
+        pelvis=pelvis,
+        ankles=ankles,
+        forward=forward,
+        seen=seen,
+        strikes=(strikes[0], strikes[1]),
+        offs=(offs[0], offs[1]),
+        belt=belt,
+        treads=treads,
+        running=running,
     )
 
 
@@ -188,17 +202,24 @@ def _stances(ahead: NDArray[np.intp], behind: NDArray[np.intp]) -> list[tuple[in
     ]
 
 
-def _ground_speed(advance: Array, turns: list[tuple[NDArray[np.intp], NDArray[np.intp]]]) -> float:
-    """Median speed forward (m/s) of the ankles while their foot lies flat.
+def _flat(ahead: NDArray[np.intp], behind: NDArray[np.intp]) -> list[slice]:
+    """Samples of each stance in which the foot lies flat.
 
     That is the second quarter of a stance: later the heel rises and takes the ankle forward with it.
     """
-    flat = [
-        advance[start + (end - start) // 4 : start + (end - start) // 2, k]
-        for k in range(2)
-        for start, end in _stances(*turns[k])
-    ]
-    return float(np.median(np.concatenate(flat))) if flat else 0.0
+    quarters = [(start, (end - start) // 4, (end - start) // 2) for start, end in _stances(ahead, behind)]
+    return [slice(start + one, start + two) for start, one, two in quarters if two > one]
+
+
+def _ground_speed(advance: Array, flat: list[list[slice]]) -> float:
+    """Median speed forward (m/s) of the ankles (T, 2) while their foot lies flat."""
+    speeds = [advance[part, k] for k in range(2) for part in flat[k]]
+    return float(np.median(np.concatenate(speeds))) if speeds else 0.0
+
+
+def _treads(clock: Array, advance: Array, flat: list[slice]) -> Array:
+    """Moments and median speeds backward (2, S) of an ankle in its flat stances."""
+    return np.array([[clock[part].mean(), -np.median(advance[part])] for part in flat]).reshape(-1, 2).T
 
 
 def _on_belt(points: Array, belt: float, forward: Array) -> Array:

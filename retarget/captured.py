@@ -30,7 +30,8 @@ CAPTURED_SCHEMA = 1
 @dataclass(frozen=True)
 class Span:
     """The part of a pass that became the motion: `start` to `end` seconds, heading in radians; the motion's
-    phase is (time - zero) / duration."""
+    phase is (time - zero) / duration, on the clock of the strides (times and clock, (N,) each) where they
+    have one of their own (`Pass.clock`)."""
 
     number: int
     start: float
@@ -38,6 +39,12 @@ class Span:
     heading: float
     zero: float
     duration: float
+    clock: tuple[Array, Array] | None = None
+
+    def phase(self, times: Array) -> Array:
+        """The motion's phase at times (T,) within the span."""
+        even = times if self.clock is None else np.interp(times, *self.clock)
+        return np.asarray((even - self.zero) / self.duration)
 
 
 def captured_angles(
@@ -56,7 +63,7 @@ def captured_angles(
         part: dict[str, Array] = {
             "time": times,
             "pass": np.full(len(times), span.number, dtype=np.int32),
-            "phase": (times - span.zero) / span.duration,
+            "phase": span.phase(times),
         }
         part |= measured[k]
         for name, curve in cleaned[k].items():

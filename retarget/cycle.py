@@ -12,6 +12,7 @@ from kinemimic.pipeline.clip import Clip
 from kinemimic.pipeline.errors import KinemimicError
 from kinemimic.pipeline.harmonic import PERIODS, Harmonic, fit_harmonic, walking_direction
 from kinemimic.pipeline.skeleton import NODE_INDEX as N
+from kinemimic.retarget.stride_phase import stride_phase
 from kinemimic.retarget.trim import BONE_SPREAD, bad_frames, best_window, forward_speed, leg_bones
 
 Array = NDArray[np.float64]
@@ -34,6 +35,11 @@ UPRIGHT = np.radians(60.0)  # of the trunk from the vertical, in all but the wil
 ALTERNATE = 0.5  # share of the variance of both ankles about the hips that lies in their difference
 LASTS, REPEATS = 0.5, 2.0  # share of the pass; strides
 SEEN_BADLY = 0.2  # share of frames with a leg missing or of another length
+# Cycles (rms) by which the strides' own phase may wander about that of one period. A walking knee's peak is
+# so sharp that frames pooled 0.02 cycles off take 1° from it, and leave 0.98 of the knee's variance.
+DRIFT = 0.02
+# Strides below which legs that were confused look as if they drifted: over so few nobody gets as far.
+FEW = 4.0
 
 
 @dataclass(frozen=True)
@@ -41,9 +47,12 @@ class Pass:
     """One pass over the sensor's view, or what is left of it after trimming.
 
     number: as in the clip; frames: indices into the clip; heading: radians from +X; speed: m/s; travel:
-    metres from one end of the path to the other, along the heading; harmonic: of the ankles; bad: (frames,)
-    flagged within the pass; reason: why it was not simply accepted; walks: whether that is somebody walking
-    or running, well recorded or not.
+    metres from one end of the path to the other, along the heading; harmonic: of the ankles, over `clock`:
+    (frames,) seconds in which every stride takes one period, which are the clip's times unless the strides
+    vary; bad: (frames,) flagged within the pass; reason: why it was not simply accepted; walks: whether that
+    is somebody walking or running, well recorded or not; steps: whether the legs at least move so, however
+    briefly; drift: cycles (rms) by which the strides' own phase
+    wanders about that of one period, NaN where there is none; followed: whether that made another clock.
     """
 
     number: int
@@ -51,11 +60,22 @@ class Pass:
     heading: float
     speed: float
     harmonic: Harmonic | None
+    clock: Array
     bad: NDArray[np.bool_]
     verdict: Verdict
     reason: str = ""
     travel: float = 0.0
     walks: bool = False
+    steps: bool = False
+    drift: float = float("nan")
+    followed: bool = False
+
+    @property
+    def phase(self) -> Array:
+        """(frames,) cycles, not wrapped; a ValueError where the pass has no harmonic."""
+        if self.harmonic is None:
+            raise ValueError(f"pass {self.number} has no phase")
+        return self.harmonic.phase(self.clock)
 
 
 def study_pass(clip: Clip, number: int, bones: Array) -> Pass:
@@ -64,8 +84,9 @@ def study_pass(clip: Clip, number: int, bones: Array) -> Pass:
     whole = frames
     legs_seen = np.isfinite(clip.positions[frames][:, [N["hip_left"], N["hip_right"]]]).all(axis=(1, 2))
     if legs_seen.sum() < 4:
+        unseen = np.ones(len(frames), dtype=bool)
         return Pass(
-            number, frames, 0.0, 0.0, None, np.ones(len(frames), bool), "refused", "the hips were not seen"
+            number, frames, 0.0, 0.0, None, clip.times[frames], unseen, "refused", "the hips were not seen"
         )
     heading, on_path = walking_direction(clip.positions[frames])
     # The first heading and the first harmonic still contain the edges that they help to cut.
@@ -79,7 +100,8 @@ def study_pass(clip: Clip, number: int, bones: Array) -> Pass:
         if period > 0 and np.ptp(clip.times[whole[window]]) < 1.1 * period:
             window = best_window(flagged)
         if window.stop - window.start < 8:
-            return Pass(number, frames, heading, 0.0, None, flagged, "refused", "no run of good frames")
+            clock, reason = clip.times[frames], "no run of good frames"
+            return Pass(number, frames, heading, 0.0, None, clock, flagged, "refused", reason)
         if settled == (window, flagged[window].tobytes()):
             break
         settled = (window, flagged[window].tobytes())
@@ -88,7 +110,7 @@ def study_pass(clip: Clip, number: int, bones: Array) -> Pass:
         p, t = clip.positions[frames], clip.times[frames]
         along = np.array([np.cos(heading), np.sin(heading)])
         ankles = (p[:, N["ankle_right"], :2] - p[:, N["ankle_left"], :2]) @ along
-        harmonic = fit_harmonic(t, np.where(bad, 0.0, ankles), np.where(bad, 0.0, 1.0))
+        harmonic, clock, drift = _timed(t, ankles, bad)
         doubt[window] = harmonic.weights < 1.0 / 3.0
         period = harmonic.period
     speed = float(np.median(forward_speed(t[~bad], p[~bad], heading)))
@@ -102,22 +124,48 @@ def study_pass(clip: Clip, number: int, bones: Array) -> Pass:
     # Not from end to end: single wild frames go anywhere.
     travel = float(np.ptp(np.nanpercentile(middle, (5.0, 95.0))))
     timed = verdict == "refused" or PERIODS[0] <= harmonic.period <= PERIODS[1]
-    walks = (
-        timed
-        and _walks(clip, whole, frames, heading, harmonic, bones)
-        and (
-            (abs(speed) > WALKS and travel > TRAVELS)
-            or (
-                verdict != "refused"
-                and harmonic.amplitude > STEPS
-                and _strides(clip, frames, harmonic) > REPEATS
-            )
-        )
+    alternates = timed and _alternates(clip, whole, frames, heading, harmonic, bones)
+    steps = alternates and verdict != "refused" and harmonic.amplitude > STEPS
+    advances = alternates and abs(speed) > WALKS and travel > TRAVELS
+    walks = advances or (steps and _strides(clip, frames, harmonic) > REPEATS)
+    return Pass(
+        number=number,
+        frames=frames,
+        heading=heading,
+        speed=speed,
+        harmonic=harmonic,
+        clock=clock,
+        bad=bad,
+        verdict=verdict,
+        reason=reason,
+        travel=travel,
+        walks=walks,
+        steps=steps,
+        drift=drift,
+        followed=clock is not t,
     )
-    return Pass(number, frames, heading, speed, harmonic, bad, verdict, reason, travel, walks)
 
 
-def _walks(
+def _timed(times: Array, ankles: Array, bad: NDArray[np.bool_]) -> tuple[Harmonic, Array, float]:
+    """The harmonic of the ankles' distance (T,), the clock (T,) in which it has one period, and the drift.
+
+    The clock is `times` itself unless the strides vary: then each gets the median of their periods.
+    """
+    weights = np.where(bad, 0.0, 1.0)
+    steady = fit_harmonic(times, np.where(bad, 0.0, ankles), weights)
+    strides = stride_phase(times, np.where(bad, np.nan, ankles))
+    if strides is None:
+        return steady, times, float("nan")
+    drift = float(np.std((strides.phase - steady.phase(times))[~bad]))
+    if drift < DRIFT or np.ptp(strides.phase) < FEW:
+        return steady, times, drift
+    clock = times[0] + strides.period * (strides.phase - strides.phase[0])
+    followed = fit_harmonic(clock, np.where(bad, 0.0, ankles), weights)
+    # Legs that the sensor exchanged for a while seem to drift, and do not fit the better for it.
+    return (followed, clock, drift) if followed.r2 > steady.r2 else (steady, times, drift)
+
+
+def _alternates(
     clip: Clip,
     whole: NDArray[np.intp],
     frames: NDArray[np.intp],
@@ -195,6 +243,17 @@ def is_gait(passes: list[Pass]) -> bool:
     return any(one.walks for one in passes)
 
 
+def too_brief(one: Pass) -> str:
+    """What a pass lacks whose legs step as in walking, though nobody walks in it; "" of any other."""
+    if one.walks or not one.steps:
+        return ""
+    seconds = float(np.ptp(one.clock))
+    return (
+        f"somebody may walk, but in place for {np.ptp(one.phase):.1f} strides ({seconds:.1f} s) only, and a "
+        f"loop takes more than {REPEATS:.0f}, or {TRAVELS} m of way"
+    )
+
+
 def usable(passes: list[Pass]) -> tuple[list[Pass], list[str]]:
     """The passes to pool, and warnings.
 
@@ -203,7 +262,8 @@ def usable(passes: list[Pass]) -> tuple[list[Pass], list[str]]:
     """
     accepted = [p for p in passes if p.verdict == "accepted"]
     if accepted:
-        return accepted, []
+        # What remains of a walk at the edge of the view may fit a harmonic, and still go nowhere.
+        return [p for p in accepted if p.walks] or accepted, []
     doubtful = [p for p in passes if p.verdict == "warned"]
     if doubtful:
         best = max(doubtful, key=lambda p: p.harmonic.r2 if p.harmonic else 0.0)

@@ -30,6 +30,8 @@ Array = NDArray[np.float64]
 
 STATE_WEIGHTS = np.array([0.0, 0.3, 1.0])  # of missing, inferred, tracked joints
 RIDGE = 1e-5
+# Strides that share a straight advance. In fewer a line is taken for a part of the sway that it goes along.
+SECTION = 4.0
 FEWEST_HARMONICS = 3  # of a node's rotation: below that too few frames were seen to tell how it turns
 HINGES: dict[str, tuple[str, ...]] = {
     f"{hinge}_{side}": tuple(f"{joint}_{side}" for joint in joints)
@@ -45,9 +47,9 @@ MIRROR_NODES: NDArray[np.intp] = np.array(
 class Strides:
     """M pooled frames, each turned so that the pass goes along +X.
 
-    phase: (M,) cycles; group: (M,) index of the pass; times: (M,) seconds from the start of the pass;
-    positions: (M, 20, 3); weights: (M, 20) of each node; frames: (M,) indices into the clip;
-    headings: (M,) radians, the turn undone.
+    phase: (M,) cycles; group: (M,) index of the pass, or of the section of one whose strides vary; times:
+    (M,) seconds from the start of the pass, on its clock (`Pass.clock`); positions: (M, 20, 3); weights:
+    (M, 20) of each node; frames: (M,) indices into the clip; headings: (M,) radians, the turn undone.
     """
 
     phase: Array
@@ -95,20 +97,34 @@ class Loop:
 def gather(clip: Clip, passes: list[Pass]) -> Strides:
     """Pool the frames of passes of a clip on the 20 nodes."""
     parts: dict[str, list[NDArray[Any]]] = {name: [] for name in Strides.__dataclass_fields__}
-    for group, one in enumerate(passes):
+    groups = 0
+    for one in passes:
         if one.harmonic is None:
             continue
         p = clip.positions[one.frames]
         states = np.where(np.isfinite(p).all(axis=-1), clip.states[one.frames], 0)
         frame_weight = one.harmonic.weights * ~one.bad
-        parts["phase"].append(one.harmonic.phase(clip.times[one.frames]))
-        parts["group"].append(np.full(len(p), group))
-        parts["times"].append(clip.times[one.frames] - clip.times[one.frames[0]])
+        section = _sections(one)
+        parts["phase"].append(one.phase)
+        parts["group"].append(groups + section)
+        groups += int(section.max()) + 1
+        parts["times"].append(one.clock - one.clock[0])
         parts["positions"].append(rotate(from_axis_angle("Z", -one.heading), p))
         parts["weights"].append(STATE_WEIGHTS[states] * frame_weight[:, None])
         parts["frames"].append(one.frames)
         parts["headings"].append(np.full(len(p), one.heading))
     return Strides(**{name: np.concatenate(arrays) for name, arrays in parts.items()})
+
+
+def _sections(one: Pass) -> NDArray[np.intp]:
+    """(frames,) the section of a pass, from 0: whoever varies strides also varies speed, and only over a few
+    strides is the advance even.
+    """
+    if not one.followed:
+        return np.zeros(len(one.frames), dtype=np.intp)
+    done = one.phase - one.phase[0]
+    count = max(1, round(float(done[-1]) / SECTION))
+    return np.asarray(np.minimum((done * count / done[-1]).astype(np.intp), count - 1))
 
 
 def with_mirror(strides: Strides) -> Strides:

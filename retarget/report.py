@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from kinemimic.pipeline.angles import ANGLES
 from kinemimic.pipeline.clip import Clip
-from kinemimic.retarget.cycle import Pass
+from kinemimic.retarget.cycle import Pass, too_brief
 from kinemimic.retarget.fit import GaitFit
 from kinemimic.retarget.gate import judge
 from kinemimic.retarget.ground import is_running
@@ -31,7 +31,7 @@ def gait_report(
     closed, fit: before and after the refinement.
     """
     motion, path = fit.motion, fit.path
-    strides = sum(_strides(p, clip) for p in _used(passes, fit))
+    strides = sum(_strides(p) for p in _used(passes, fit))
     gait = "run" if is_running(path.speed) else "walk"
     ranges = {name: _range(curve) for name, curve in joint_angles(motion.rotations).items()}
     cadence = 120.0 / motion.duration
@@ -115,7 +115,8 @@ def plain_report(clip: Clip, fit: PlainFit, motion: Motion, one: Pass) -> dict[s
             for name, each in (("closed_form", fit.motion), ("measures", motion))
         },
     }
-    told = "nobody walks in this capture: the longest pass is used as it is, without a loop"
+    why = too_brief(one) or "nobody walks in this capture"
+    told = f"{why}: the longest pass is used as it is, without a loop"
     return _judged(report, [] if walk else [told])
 
 
@@ -154,8 +155,8 @@ def reference_at(motion: Motion, phase: Array) -> dict[str, Array]:
     }
 
 
-def _strides(one: Pass, clip: Clip) -> float:
-    return float(np.ptp(one.harmonic.phase(clip.times[one.frames]))) if one.harmonic else 0.0
+def _strides(one: Pass) -> float:
+    return float(np.ptp(one.phase)) if one.harmonic else 0.0
 
 
 def _used(passes: list[Pass], fit: GaitFit) -> list[Pass]:
@@ -193,6 +194,8 @@ def _pass_row(one: Pass, clip: Clip, fit: GaitFit) -> dict[str, Any]:
             "harmonic_kept": _n(h.kept),
             "period_s": _n(h.period),
             "ankles_m": _n(h.amplitude),
+            "drift_cycles": _n(one.drift),
+            "strides_followed": one.followed,
         }
     if used:
         row["r2"] = _r2(fit, mine)

@@ -19,7 +19,7 @@ from kinemimic.pipeline.store import content_hash, read_clip, read_json, write_j
 from kinemimic.retarget.ankles import ANKLES, Ankle
 from kinemimic.retarget.belt import off_the_belt
 from kinemimic.retarget.captured import Span, captured_angles, write_captured
-from kinemimic.retarget.cycle import Pass, is_gait, study_passes, usable
+from kinemimic.retarget.cycle import Pass, is_gait, study_passes, too_brief, usable
 from kinemimic.retarget.export_json import motion_to_json
 from kinemimic.retarget.export_mcap import write_mcap
 from kinemimic.retarget.fit import fit_gait
@@ -56,7 +56,10 @@ def retarget(
         raise KinemimicError(f"{run}: expected a pass with a person in it, found none; run `ingest` again")
     walked = is_gait(passes)
     if loop and not walked:
-        raise KinemimicError(f"{run}: expected a walk to make a loop of, found none; leave out --loop")
+        brief = "; ".join(filter(None, map(too_brief, passes)))
+        raise KinemimicError(
+            f"{run}: expected a walk to make a loop of, found none{brief and f' ({brief})'}; leave out --loop"
+        )
     if walked and loop is not False:
         chosen, warnings = usable(passes)
         fit = fit_gait(clip, chosen, symmetric, ankle=ankle)
@@ -105,8 +108,16 @@ def _hash(clip: Clip) -> str:
 def _stride_span(clip: Clip, one: Pass) -> Span:
     if one.harmonic is None:
         raise ValueError(f"pass {one.number} has no phase")
-    first, last = clip.times[one.frames[[0, -1]]]
-    return Span(one.number, float(first), float(last), one.heading, one.harmonic.start, one.harmonic.period)
+    times = clip.times[one.frames]
+    return Span(
+        one.number,
+        float(times[0]),
+        float(times[-1]),
+        one.heading,
+        one.harmonic.start,
+        one.harmonic.period,
+        (times, one.clock) if one.followed else None,
+    )
 
 
 def _frames(clip: Clip, one: Pass) -> int:
@@ -128,6 +139,7 @@ def _table(report: dict[str, Any]) -> list[str]:
             f"  passes     {len(used)} of {len(report['passes'])}, {report['strides']:.1f} strides",
             f"  cadence    {report['cadence_steps_per_min']:.0f} steps/min, "
             f"period {report['period_s']:.3f} s",
+            *_followed(used),
             f"  speed      {report['speed_m_s']:.2f} m/s on the body, "
             f"{report['speed_capture_m_s']:.2f} captured",
             f"  sides      {'made one' if report['symmetric'] else 'as recorded'}, "
@@ -156,6 +168,15 @@ def _table(report: dict[str, Any]) -> list[str]:
     if refused:
         lines.append("  `train` refuses this motion for what ✗ marks: record it again, or `train --anyway`")
     return lines
+
+
+def _followed(used: list[dict[str, Any]]) -> list[str]:
+    """Which passes one period does not time."""
+    numbers = [str(row["pass"]) for row in used if row.get("strides_followed")]
+    if not numbers:
+        return []
+    told = "each is timed by itself, and the period is their median"
+    return [f"  strides    vary in pass {', '.join(numbers)}: {told}"]
 
 
 def _measures(closed: dict[str, Any], final: dict[str, Any]) -> list[str]:

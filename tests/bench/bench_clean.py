@@ -112,7 +112,8 @@ def compare(raw: Clip, cleaned: Clip, truth: dict[str, Array]) -> Row:
 def _span(clip: Clip, one: Pass, frames: NDArray[np.intp]) -> Span:
     first, last = clip.times[frames[[0, -1]]]
     start, period = (one.harmonic.start, one.harmonic.period) if one.harmonic else (0.0, 1.0)
-    return Span(one.number, float(first), float(last), one.heading, start, period)
+    clock = (clip.times[one.frames], one.clock) if one.followed else None
+    return Span(one.number, float(first), float(last), one.heading, start, period, clock)
 
 
 def _errors(columns: dict[str, Array], prefix: str) -> tuple[float, float]:

@@ -64,7 +64,7 @@ def long_pass(recorded: Clip, frames: int) -> tuple[Clip, Pass]:
         passes=np.zeros(frames, dtype=np.int32),
     )
     every = np.arange(frames)
-    return made, Pass(0, every, 0.0, 0.0, None, np.zeros(frames, bool), "accepted")
+    return made, Pass(0, every, 0.0, 0.0, None, made.times, np.zeros(frames, bool), "accepted")
 
 
 # For each node the bone along its frame's own axis: what hangs from it.

@@ -161,6 +161,13 @@ def test_nobody_walks(tmp_path):
     assert [path.name for path in tmp_path.iterdir()] == ["motion.json"]
 
 
+def test_one_cycle_has_no_stride_and_the_message_says_what_there_is(captures, tmp_path):
+    ingest(captures / "lab_opensim_gait/Gait2354_Simbody__subject01_walk1_ik.mot", tmp_path)
+    convert(tmp_path)
+    with pytest.raises(KinemimicError, match=r"1\.2 s have 1 left and 1 right foot strikes"):
+        gait(tmp_path)
+
+
 def test_a_run_that_is_not_there_or_has_nothing_to_measure_is_told(tmp_path):
     with pytest.raises(KinemimicError, match="expected a run folder, found none"):
         gait(tmp_path / "none")

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 import pytest
 from numpy.typing import NDArray
+from scipy.interpolate import CubicSpline
 
 from kinemimic.pipeline.clip import Clip, forward_kinematics
 from kinemimic.pipeline.rotations import IDENTITY, from_axis_angle, rotate
@@ -54,9 +55,19 @@ def _rotations(phase: Array, limp: float) -> Array:
     return q
 
 
+def _phase(t: Array, period: float, vary: float, faster: float, rng: np.random.Generator) -> Array:
+    """Cycles (T,) of strides that vary by a share of their time, in the end `faster` times as fast."""
+    if vary == 0.0 and faster == 1.0:
+        return t / period
+    even = t + 0.5 * (faster - 1.0) * t**2 / t[-1]
+    takes = period * (1.0 + vary * rng.standard_normal(int(even[-1] / period) + 9))
+    begins = np.concatenate([[0.0], np.cumsum(takes)])
+    return np.asarray(CubicSpline(begins, np.arange(len(begins)))(even))
+
+
 @pytest.fixture
 def walker() -> Callable[..., Walker]:
-    """walker(seconds, rate, period, limp (degrees), heading, size, passes, noise (m), seed)."""
+    """walker(seconds, rate, period, limp (degrees), heading, size, passes, noise (m), seed, vary, faster)."""
 
     def make(
         seconds: float = 3.3,
@@ -68,6 +79,8 @@ def walker() -> Callable[..., Walker]:
         passes: int = 1,
         noise: float = 0.0,
         seed: int = 0,
+        vary: float = 0.0,
+        faster: float = 1.0,
     ) -> Walker:
         skeleton = node_skeleton(size * node_offsets())
         cycle = np.arange(200) / 200.0
@@ -86,8 +99,10 @@ def walker() -> Callable[..., Walker]:
         for number in range(passes):
             t = np.arange(round(seconds * rate)) / rate
             translations = np.broadcast_to(skeleton.offsets, (len(t), 20, 3)).copy()
-            translations[:, 0] = np.stack([speed * t, 0 * t, np.full(len(t), 0.95 * size)], axis=-1)
-            p, _ = forward_kinematics(skeleton, translations, _rotations(t / period + 0.3 * number, limp))
+            phase = _phase(t, period, vary, faster, rng)
+            along = speed * t if vary == 0.0 and faster == 1.0 else speed * period * phase
+            translations[:, 0] = np.stack([along, 0 * t, np.full(len(t), 0.95 * size)], axis=-1)
+            p, _ = forward_kinematics(skeleton, translations, _rotations(phase + 0.3 * number, limp))
             positions.append(rotate(from_axis_angle("Z", heading), p + noise * rng.standard_normal(p.shape)))
             times.append(t + number * (seconds + 2.0))
             numbers.append(np.full(len(t), number, dtype=np.int32))

@@ -8,9 +8,13 @@ import numpy as np
 import pytest
 
 from kinemimic.pipeline.clip import Clip
+from kinemimic.pipeline.convert import convert, on_nodes
+from kinemimic.pipeline.gait_parameters import study_gait
+from kinemimic.pipeline.ingest import ingest
 from kinemimic.pipeline.rotations import IDENTITY, angle_between, from_axis_angle, rotate
 from kinemimic.pipeline.skeleton import NODE_INDEX as N
 from kinemimic.pipeline.skeleton import node_skeleton
+from kinemimic.pipeline.store import read_clip
 from kinemimic.retarget.belt import off_the_belt
 from kinemimic.retarget.body import STANDING_HEIGHT
 from kinemimic.retarget.cycle import is_gait, study_passes, usable
@@ -129,3 +133,27 @@ def test_a_walk_as_recorded_goes_at_the_speed_at_which_its_feet_stand(walker):
     assert speed == pytest.approx(w.speed / w.size, rel=0.1)
     assert 0.4 < motion.contacts.mean() < 0.8
     assert motion.contacts.any(axis=1).mean() > 0.8
+
+
+def test_two_strides_are_enough_and_less_is_no_walk():
+    assert off_the_belt(stepping(1.2, 0.0, seconds=2.5))[1] == {0: pytest.approx(1.2, rel=0.03)}
+    assert off_the_belt(stepping(1.2, 0.0, seconds=1.5))[1] == {}
+
+
+@pytest.mark.parametrize(
+    ("file", "speed"),
+    [
+        # Markers on the foot while it lies flat: 1.12 to 1.13, and on the toes in stance 3.85 to 3.96 m/s.
+        ("Gait2354_Simbody__subject01_walk1.trc", 1.13),
+        ("Hamner__subject02_running.trc", 3.9),
+    ],
+)
+def test_the_belt_of_a_real_treadmill_is_what_the_markers_and_the_gait_report_say(
+    captures, tmp_path, file, speed
+):
+    ingest(captures / "lab_opensim_gait" / file, tmp_path)
+    convert(tmp_path)
+    clip = on_nodes(read_clip(tmp_path / "quaternions.parquet"))
+    found = off_the_belt(clip)[1]
+    assert found == {0: pytest.approx(speed, rel=0.02)}
+    assert found[0] == pytest.approx(study_gait(clip.times, clip.passes, clip.positions).belt, rel=0.01)

@@ -8,7 +8,7 @@ from kinemimic.pipeline.convert import on_nodes
 from kinemimic.pipeline.harmonic import fit_harmonic, walking_direction
 from kinemimic.pipeline.rotations import from_axis_angle, rotate
 from kinemimic.pipeline.skeleton import NODE_INDEX as N
-from kinemimic.retarget.cycle import is_gait, study_passes
+from kinemimic.retarget.cycle import is_gait, study_passes, too_brief
 from kinemimic.retarget.trim import best_window, leg_bones
 
 
@@ -108,6 +108,16 @@ def test_who_turns_over_does_not_walk(walker):
     middle = clip.positions[:, :1]
     turn = from_axis_angle("Y", np.linspace(0.0, 2.0 * np.pi, len(clip.times)))[:, None]
     assert not is_gait(study_passes(as_clip(clip, middle + rotate(turn, clip.positions - middle))))
+
+
+def test_one_cycle_in_place_is_too_brief_and_says_by_how_much(walker):
+    w = walker(seconds=1.1)
+    still = w.clip.positions - (w.clip.positions[:, :1] - w.clip.positions[:1, :1])
+    (one,) = study_passes(as_clip(w.clip, still))
+    assert one.steps and not one.walks
+    assert "1.0 strides (1.1 s)" in too_brief(one) and "more than 2" in too_brief(one)
+    (long,) = study_passes(walker().clip)
+    assert long.walks and too_brief(long) == ""
 
 
 def test_two_steps_in_a_long_stand_are_no_gait(walker):

@@ -38,3 +38,13 @@ def test_one_step_has_no_phase():
     t = np.arange(0, 1.0, 1 / 30)
     assert stride_phase(t, 0.3 * t) is None
     assert stride_phase(t[:4], t[:4]) is None
+
+
+def test_a_lopsided_wave_with_a_sensors_noise_is_timed_to_a_hundredth_of_a_cycle():
+    t = np.arange(0, 40.0, 1 / 30)
+    rng = np.random.default_rng(0)
+    truth = t / 1.1 + 0.05 * np.sin(2 * np.pi * t / 15.0)
+    d = -0.3 * np.cos(2 * np.pi * truth) + 0.03 * np.sin(4 * np.pi * truth)
+    found = stride_phase(t, d + 0.02 * rng.standard_normal(len(t)))
+    assert np.std(found.phase - truth) < 0.008
+    assert found.period == pytest.approx(1.1, rel=0.01)
