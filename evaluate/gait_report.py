@@ -85,7 +85,7 @@ def _rows(walker: Walker, curve: Array, side: str) -> Array:
 
 
 def _by_contact(walker: Walker) -> dict[str, float] | None:
-    """Share of the frames in which the body itself says that each foot is on the ground."""
+    """Share of the frames in which the simulation says that each foot touches the ground."""
     if walker.contacts is None:
         return None
     counts = walker.passes >= 0

@@ -41,8 +41,8 @@ class Walker:
 
     times: (T,) seconds within each pass; passes: (T,) number of the pass, -1 for frames that do not count;
     gait: its strides; angles: curves (T,) in radians by name ("knee_left", …, and "ankle_left" where feet
-    were measured); off_axis: (T,) radians by side; contacts: (T, 2) left, right foot on the ground; each None
-    where it is not known; notes: what must be said of them.
+    were measured); off_axis: (T,) radians by side; contacts: (T, 2) left, right foot touches the ground; each
+    None where it is not known; notes: what must be said of them.
     """
 
     times: Array
@@ -135,7 +135,8 @@ def reference(motion: Motion) -> Walker:
         np.zeros(cycles * frames, dtype=np.int32),
         walked,
         np.tile(motion.rotations, (cycles, 1, 1)),
-        np.tile(motion.contacts, (cycles, 1)),
+        # A motion's contacts are of feet that lie flat and still: no stance.
+        None,
     )
 
 
@@ -157,7 +158,7 @@ def _on_body(
     passes: NDArray[np.int32],
     positions: Array,
     rotations: Array,
-    contacts: NDArray[np.bool_],
+    contacts: NDArray[np.bool_] | None,
 ) -> Walker:
     knees = {side: off_axis(rotations[:, NODE_INDEX[f"knee_{side}"]]) for side in SIDES}
     angles = joint_angles(rotations) | _ankles(rotations)

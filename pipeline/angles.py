@@ -14,6 +14,8 @@ Array = NDArray[np.float64]
 ANGLES: tuple[str, ...] = ("knee_left", "knee_right", "hip_left", "hip_right")
 # Square metres; a child's pelvis spans a hundred square centimetres.
 _FLAT = 1e-8
+# Radians that a knee bends to the front at most; optical captures of the healthy show up to 11 degrees.
+HYPEREXTENSION = np.radians(15.0)
 
 
 def knee_flexion(hip: Array, knee: Array, ankle: Array, lateral: Array) -> Array:
@@ -28,6 +30,22 @@ def knee_flexion(hip: Array, knee: Array, ankle: Array, lateral: Array) -> Array
     return np.asarray(np.where(np.sum(normal * lateral, axis=-1) < 0, -angle, angle))
 
 
+def anatomical(knee: Array) -> Array:
+    """Knee flexion (T,) in radians, frames in the sequence of time, as a knee can have it; NaN stays.
+
+    No knee bends to the front by more than HYPEREXTENSION, and none gets there but through straight. A run of
+    negative frames that goes further, or begins or ends with such a leap, has its sign from the noise of a
+    sensor that sees the hips on nearly one spot, or the knee beside the leg: its size is the flexion's.
+    """
+    front = knee < 0
+    run = np.where(front, np.cumsum(front & ~np.concatenate([[False], front[:-1]])), 0)
+    wrong = np.zeros(int(run.max(initial=0)) + 1, dtype=bool)
+    leaps = np.abs(np.diff(knee)) > HYPEREXTENSION
+    for frames in (run[knee < -HYPEREXTENSION], run[1:][leaps], run[:-1][leaps]):
+        wrong[frames] = True
+    return np.where(front & wrong[run], -knee, knee)
+
+
 def pelvis_frame(hip_left: Array, hip_right: Array, hip_center: Array, spine: Array) -> Array:
     """World frames (..., 4) of the pelvis from both hips and the spine: Y to the left hip, Z up the trunk."""
     return from_two_axes(hip_left - hip_right, spine - hip_center, "YZ")
@@ -40,10 +58,10 @@ def hip_flexion(pelvis: Array, hip: Array, knee: Array) -> Array:
 
 
 def leg_angles(positions: Array, pelvis: Array | None = None) -> dict[str, Array]:
-    """The curves of ANGLES from positions (T, 20, 3) of the 20 nodes.
+    """The curves of ANGLES in radians from positions (T, 20, 3) of the 20 nodes, in the sequence of time.
 
-    Without `pelvis` (T, 4) its frame is taken from both hips and the spine, which a Kinect sees badly: both
-    the hip's angle and the sign of the knee's suffer.
+    Without `pelvis` (T, 4) its frame is taken from both hips and the spine, which a Kinect sees badly: the
+    hip's angle suffers, the knee's keeps its size, and its sign where that is possible (`anatomical`).
     Frames with a missing joint, or with the pelvis in one point, give NaN.
     """
     p = positions
@@ -62,6 +80,6 @@ def leg_angles(positions: Array, pelvis: Array | None = None) -> dict[str, Array
         )
     for side in ("left", "right"):
         hip, knee, ankle = (p[:, N[f"{joint}_{side}"]] for joint in ("hip", "knee", "ankle"))
-        curves[f"knee_{side}"] = knee_flexion(hip, knee, ankle, lateral)
+        curves[f"knee_{side}"] = anatomical(knee_flexion(hip, knee, ankle, lateral))
         curves[f"hip_{side}"] = hip_flexion(frame, hip, knee)
     return {name: curves[name] for name in ANGLES}

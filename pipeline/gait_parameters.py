@@ -3,7 +3,8 @@
 A stride goes from a foot's strike to its next one. Lengths are taken between ankles: a stride's from where
 the ankle came down to where it comes down again; a step's along that line, from the other ankle where it came
 down in between; the step's width across it (Huxham, Gong, Baker, Morris and Iansek 2006, Gait & Posture
-23(2), 159-163). They need no direction of progression and hold on a curved path too.
+23(2), 159-163). They need no direction of progression and hold on a curved path too. The width is that of
+where both feet lie flat: the ankle is farthest ahead in late swing, which may come in from the side.
 """
 
 from __future__ import annotations
@@ -163,12 +164,26 @@ def _strides(number: int, feet: Feet) -> tuple[list[Stride], int]:
                     length=length,
                     step_time=float(end - opposite[0]),
                     step_length=float(step @ along),
-                    width=float(abs(along[0] * step[1] - along[1] * step[0])),
+                    width=_width(feet, foot, along, float(start), float(opposite[0]), float(off[0] - start)),
                     double_support=both,
                     flight=none,
                 )
             )
     return strides, unseen
+
+
+def _width(feet: Feet, foot: int, along: Array, start: float, opposite: float, stance: float) -> float:
+    """Metres across the unit vector `along` (2,) between where a foot stands and the other one after it.
+
+    They come down at `start` and `opposite`. In the second quarter of a stance, which takes `stance` seconds,
+    a foot lies flat: before it may not have landed, later the heel rises.
+    """
+    across = []
+    for which, strike in ((foot, start), (1 - foot, opposite)):
+        first, last = np.searchsorted(feet.times, (strike + stance / 4.0, strike + stance / 2.0))
+        x, y = feet.ankles[first : max(last, first + 1), which, :2].T
+        across.append(np.median(along[0] * y - along[1] * x))
+    return float(abs(across[1] - across[0]))
 
 
 def _support(start: float, off: float, end: float, opposite: float, offs: Array) -> tuple[float, float]:

@@ -27,7 +27,7 @@ class Motion:
     root: (T, 3) position of the hip centre, metres;
     rotations: (T, 20, 4) child to parent, sign-continuous, the root's in the world; the identity everywhere
         is standing upright with hanging arms; end nodes (head, hands, feet) are the identity;
-    contacts: (T, 2) True where the left, right foot is planted;
+    contacts: (T, 2) True where the left, right foot lies flat and still, not wherever it touches the ground;
     cyclic: whether frame T continues at frame 0, moved by `cycle_offset` (3,) metres;
     provenance: JSON values, as in Clip.
     """

@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
+from kinemimic.pipeline.angles import anatomical
 from kinemimic.pipeline.captures.mot import JOINTS, WORLD_FROM_FILE
 from kinemimic.pipeline.poses import Poses
 from kinemimic.pipeline.rotations import conjugate, multiply, rotate, to_rotvec
@@ -37,8 +38,8 @@ def write_mot(path: Path, poses: Poses) -> None:
     """Write poses of the 20 nodes, angles in degrees and places in metres.
 
     Hinges (knees, ankles, elbows) get the part of their turn about the lateral axis: all of it in knees and
-    elbows, unless a simulated joint gave way, but a foot's turn to the side is lost. Neck and wrists have no
-    coordinates in these models.
+    elbows, unless a simulated joint gave way, but a foot's turn to the side is lost. Knees bend as knees can
+    (`angles.anatomical`). Neck and wrists have no coordinates in these models.
     """
     if poses.skeleton.names != NODES:
         raise ValueError("only the 20 nodes have coordinates in OpenSim's models")
@@ -72,16 +73,18 @@ def coordinates(poses: Poses) -> dict[str, Array]:
         return dict(zip(names, (flexion, mirror * second, mirror * third), strict=True))
 
     def hinge(node: str) -> Array:
-        return np.degrees(to_rotvec(turns[:, NODE_INDEX[node]])[:, 2])
+        return np.asarray(to_rotvec(turns[:, NODE_INDEX[node]])[:, 2])
 
     table = ball("hip_center", "pelvis_tilt", "pelvis_list", "pelvis_rotation")
     table |= {f"pelvis_t{axis}": place for axis, place in zip("xyz", pelvis.T, strict=True)}
     for side, s, mirror in (("right", "r", 1.0), ("left", "l", -1.0)):
         hip = (f"hip_flexion_{s}", f"hip_adduction_{s}", f"hip_rotation_{s}")
         table |= ball(f"hip_{side}", *hip, mirror=mirror)
-        table |= {f"knee_angle_{s}": hinge(f"knee_{side}"), f"ankle_angle_{s}": hinge(f"ankle_{side}")}
+        # gait2354's knee too bends to the front by no more than ten degrees.
+        table[f"knee_angle_{s}"] = -np.degrees(anatomical(-hinge(f"knee_{side}")))
+        table[f"ankle_angle_{s}"] = np.degrees(hinge(f"ankle_{side}"))
     table |= ball("spine", "lumbar_extension", "lumbar_bending", "lumbar_rotation")
     for side, s, mirror in (("right", "r", 1.0), ("left", "l", -1.0)):
         table |= ball(f"shoulder_{side}", f"arm_flex_{s}", f"arm_add_{s}", f"arm_rot_{s}", mirror=mirror)
-        table[f"elbow_flex_{s}"] = hinge(f"elbow_{side}")
+        table[f"elbow_flex_{s}"] = np.degrees(hinge(f"elbow_{side}"))
     return table

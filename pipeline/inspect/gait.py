@@ -110,8 +110,12 @@ def _stretch(times: Array, nodes: Array) -> _Stretch | None:
     best = max(fits, key=lambda one: one.r2 * one.kept)
     middle = hips[seen].mean(axis=1)
     ends = max(1, len(middle) // 10)
-    way = float(np.linalg.norm(middle[-ends:].mean(axis=0) - middle[:ends].mean(axis=0)))
-    stretch = _Stretch(best, seconds, way / seconds)
+    # From the mean place of the first tenth to that of the last: so far apart are their mean times as well.
+    way, between = (
+        last.mean(axis=0) - first.mean(axis=0)
+        for first, last in ((of[:ends], of[-ends:]) for of in (middle, times[seen]))
+    )
+    stretch = _Stretch(best, seconds, float(np.linalg.norm(way) / between))
     good = best.r2 >= FITS and best.kept * len(times) >= KEPT * seen.sum() and best.amplitude >= STRIDE
     human = SHORTEST < best.period < LONGEST
     return stretch if good and human and _cycles(stretch) >= CYCLES_ON_PATH else None

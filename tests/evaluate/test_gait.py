@@ -48,6 +48,12 @@ def test_a_made_up_walk_is_measured_as_it_was_made(report, who):
     assert abs(walker["range_symmetry_percent"]["knee"]) < 0.5
 
 
+def test_only_a_figure_that_touches_the_ground_has_a_stance_by_contact(report):
+    # The motion's contacts are of feet that lie flat and still.
+    assert report["walkers"]["reference"]["stance_ratio_by_contact"] is None
+    assert set(report["walkers"]["simulated"]["stance_ratio_by_contact"]) == {"left", "right"}
+
+
 def test_the_simulations_knees_lie_above_the_references_by_what_they_were_bent(report):
     reference, simulated = (
         np.array(report["walkers"][who]["curves"]["knee_left"]["mean"]) for who in ("reference", "simulated")

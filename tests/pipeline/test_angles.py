@@ -5,8 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from numpy.typing import NDArray
+from samples.motion import walk
 
-from kinemimic.pipeline.angles import ANGLES, hip_flexion, knee_flexion, leg_angles
+from kinemimic.pipeline.angles import ANGLES, anatomical, hip_flexion, knee_flexion, leg_angles
 from kinemimic.pipeline.rotations import from_axis_angle, multiply, rotate
 from kinemimic.pipeline.skeleton import NODE_INDEX, NODES
 
@@ -69,3 +70,32 @@ def test_definitions_by_hand() -> None:
     assert knee_flexion(hip, knee, np.array([-1.0, 0, 1]), lateral) == pytest.approx(np.pi / 2)
     assert knee_flexion(hip, knee, np.array([1.0, 0, 1]), lateral) == pytest.approx(-np.pi / 2)
     assert hip_flexion(np.array([0, 0, 0, 1.0]), hip, np.array([1.0, 0, 1])) == pytest.approx(np.pi / 4)
+
+
+@pytest.mark.parametrize(
+    ("shown", "meant"),
+    [
+        ([20, 8, 2, -4, -9, -14, -6, 3], [20, 8, 2, -4, -9, -14, -6, 3]),  # through straight, not too far
+        ([9, -6, -16, -30, -12, 5, -3], [9, 6, 16, 30, 12, 5, -3]),  # too far: the whole run, and it alone
+        ([13, -12, -9, 2], [13, 12, 9, 2]),  # leaps in
+        ([2, -9, -12, 13], [2, 9, 12, 13]),  # leaps out
+        ([50, 20, 40, -2], [50, 20, 40, 2]),
+        ([5, np.nan, -3, np.nan, -40], [5, np.nan, -3, np.nan, 40]),
+        ([], []),
+    ],
+)
+def test_a_knee_bends_to_the_front_a_little_and_only_through_straight(
+    shown: list[float], meant: list[float]
+) -> None:
+    found = anatomical(np.radians(np.array(shown, dtype=np.float64)))
+    np.testing.assert_array_equal(found, np.radians(np.array(meant, dtype=np.float64)))
+
+
+@pytest.mark.parametrize("wrong", [70.0, 120.0, 180.0])
+def test_a_pelvis_that_looks_the_wrong_way_does_not_turn_the_knees_over(wrong: float) -> None:
+    shown = walk(120)
+    # Turned in every third second, as where a sensor exchanges the hips.
+    heading = np.where(shown.times % 3.0 < 1.0, np.radians(wrong), 0.0)
+    found = leg_angles(shown.joints, from_axis_angle("Z", heading))
+    for side in ("left", "right"):
+        np.testing.assert_allclose(found[f"knee_{side}"], shown.angles[f"knee_{side}"], atol=1e-6)

@@ -105,6 +105,25 @@ def test_a_mirrored_walker_swaps_sides() -> None:
             assert other[name]["symmetry_percent"] == pytest.approx(-row["symmetry_percent"], abs=1e-6)
 
 
+def test_step_width_is_of_the_feet_that_stand_however_they_swing(kind: str) -> None:
+    shown = walk(300, motion=kind)
+    straight = shown.joints.copy()
+    for side, lateral in (("left", 0.05), ("right", -0.03)):
+        straight[:, NODE_INDEX[f"ankle_{side}"], 1] = lateral
+    swinging, gait = straight.copy(), study(shown, straight)
+    for foot, (side, out) in enumerate((("left", 0.1), ("right", -0.1))):
+        for strike in gait.feet[0].strikes[foot]:
+            # Comes in from 10 cm aside, and is there when it lands.
+            away = np.exp(-(((shown.times - strike + 0.03) / 0.04) ** 2))
+            swinging[:, NODE_INDEX[f"ankle_{side}"], 1] += out * away
+    found, plain = (parameters(study(shown, joints)) for joints in (swinging, straight))
+    for side in ("left", "right"):
+        assert plain["step_width_m"][side]["mean"] == pytest.approx(0.08, abs=0.002)
+        assert found["step_width_m"][side]["mean"] == pytest.approx(0.08, abs=0.005)
+        length = plain["step_length_m"][side]["mean"]
+        assert found["step_length_m"][side]["mean"] == pytest.approx(length, rel=0.01)
+
+
 @pytest.mark.parametrize("seed", range(4))
 def test_a_kinects_noise_moves_cadence_by_one_per_cent_and_speed_by_three(seed: int) -> None:
     shown, rng = walk(300), np.random.default_rng(seed)

@@ -178,6 +178,8 @@ def bone(positions: Array, names: tuple[str, ...], start: str, end: str) -> Arra
     ("node", "axis", "angle", "coordinate", "expected"),
     [
         ("knee_right", "Y", 0.5, "knee_angle_r", -0.5),
+        ("knee_right", "Y", -0.1, "knee_angle_r", 0.1),
+        ("knee_right", "Y", -0.5, "knee_angle_r", -0.5),  # no knee bends to the front so far
         ("hip_left", "Y", -0.4, "hip_flexion_l", 0.4),
         ("hip_left", "X", 0.3, "hip_adduction_l", -0.3),
         ("hip_right", "X", 0.3, "hip_adduction_r", 0.3),
