@@ -2,13 +2,17 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
+from kinemimic.pipeline.defect import Defect
 from kinemimic.pipeline.errors import CaptureError
 from kinemimic.pipeline.nodes import joints_of_nodes
+from kinemimic.pipeline.proportions import SHANK, THIGH
 
 Array = NDArray[np.float64]
 
@@ -20,15 +24,26 @@ UNITS: dict[str, float] = {
     "cm": 0.01,
     "mm": 0.001,
 }
-# Thigh plus shank of an adult; units differ by 2.2 or more, so children and giants are told apart too.
-ADULT_LEG = 0.82
+# Thigh plus shank, in metres: of whoever walks, from a toddler of 0.81 m to a giant of 2.44 m …
 LEG_RANGE = (0.40, 1.20)
+# … and of nearly everybody, from a child of 1.22 m to a man of 2.04 m: units differ by 2.2 or more, so that
+# no two make a leg as long as that.
+USUAL_LEG = (0.60, 1.00)
 # Frames, spread over the recording, that are enough for a median.
 _ENOUGH = 500
 
 
-def metres_per_unit(names: tuple[str, ...], offsets: Array, path: Path) -> tuple[float, str]:
-    """The unit that makes thigh plus shank the most like an adult's, by ratio: (metres, name).
+class Unit(NamedTuple):
+    """metres: the unit's length; name: of UNITS; rule: how it is known; defects: what speaks against it."""
+
+    metres: float
+    name: str
+    rule: str
+    defects: list[Defect]
+
+
+def metres_per_unit(names: tuple[str, ...], offsets: Array, path: Path) -> Unit:
+    """The likeliest unit (see `fitting`) for the thighs and shanks of a skeleton.
 
     offsets: (T, J, 3) of each joint from its parent in the file's unit; T = 1 for a rigid skeleton.
     Raises CaptureError if the legs cannot be found by name or fit in no unit.
@@ -45,12 +60,42 @@ def metres_per_unit(names: tuple[str, ...], offsets: Array, path: Path) -> tuple
     some = offsets[:: len(offsets) // _ENOUGH + 1]
     legs = [np.median(np.linalg.norm(some[:, found[node]], axis=-1)) for node in wanted]
     leg = float(sum(legs)) / 2.0
-    if leg > 0:
-        name = min(UNITS, key=lambda unit: abs(np.log(leg * UNITS[unit] / ADULT_LEG)))
-        if LEG_RANGE[0] <= leg * UNITS[name] <= LEG_RANGE[1]:
-            return UNITS[name], name
-    raise CaptureError(
-        path,
-        expected=f"a leg of {LEG_RANGE[0]} to {LEG_RANGE[1]} m in one of {', '.join(UNITS)}",
-        found=f"thigh plus shank of {leg:.4g} units",
+    possible = fitting(leg, UNITS)
+    if not possible:
+        raise CaptureError(
+            path,
+            expected=f"a leg of {LEG_RANGE[0]} to {LEG_RANGE[1]} m in one of {', '.join(UNITS)}",
+            found=f"thigh plus shank of {leg:.4g} units",
+        )
+    name, metres = possible[0], UNITS[possible[0]]
+    whose = "nearest to an adult's" if _usual(leg * metres) else "as long as a person's"
+    return Unit(metres, name, f"thigh and shank {whose}", doubt(leg, possible, UNITS, joints=len(names)))
+
+
+def fitting(leg: float, units: Mapping[str, float]) -> list[str]:
+    """The units (name -> metres) in which a leg (thigh plus shank, in them) is a person's, likeliest first.
+
+    First comes one in which it is of usual length. Between unusual ones the shorter is likelier: everybody
+    was a small child, while hardly anybody is taller than 2.04 m. A walk does not tell them apart: between
+    legs of 0.45 and 1.14 m (one number in cm and in inches) strides at ease take 1.6 times as long, which is
+    no more than between a hurried walk and a patient's of one person.
+    """
+    low, high = LEG_RANGE
+    possible = [name for name, metres in units.items() if low <= leg * metres <= high]
+    return sorted(possible, key=lambda name: (not _usual(leg * units[name]), leg * units[name]))
+
+
+def doubt(leg: float, possible: Sequence[str], units: Mapping[str, float], *, joints: int) -> list[Defect]:
+    """What to say where a leg is a person's in several units and of usual length in none (see `fitting`)."""
+    if len(possible) < 2 or _usual(leg * units[possible[0]]):
+        return []
+    (chosen, tall), (other, taller) = ((name, leg * units[name] / (THIGH + SHANK)) for name in possible[:2])
+    text = (
+        f"thigh plus shank are {leg:.4g}: in {chosen} those of a person of {tall:.2f} m, in {other} of "
+        f"{taller:.2f} m; read in {chosen}, as children are the likelier"
     )
+    return [Defect("wrong_units", joints, "joints", "flagged", text)]
+
+
+def _usual(leg: float) -> bool:
+    return USUAL_LEG[0] <= leg <= USUAL_LEG[1]

@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from kinemimic.pipeline.captures.units import ADULT_LEG, LEG_RANGE
+from kinemimic.pipeline.captures.units import LEG_RANGE, doubt, fitting
 from kinemimic.pipeline.clip import Clip
 from kinemimic.pipeline.defect import Defect
 from kinemimic.pipeline.rules.body import length, median, nodes_of
@@ -22,12 +22,11 @@ FACTORS: dict[str, float] = {
     "metres read as centimetres": 100.0,
     "metres read as millimetres": 1000.0,
 }
-# An adult's leg within this factor either way decides between two units that both give a possible leg.
-ADULT = 1.35
 
 
 def check(clip: Clip) -> tuple[Clip, list[Defect]]:
-    """The clip in metres. Legs of 0.4 to 1.2 m are left alone; such as fit in no unit, or two, refuse it."""
+    """The clip in metres. Legs of 0.4 to 1.2 m are left alone; such as fit in no unit refuse it, and where
+    two fit, the likelier is taken and the doubt flagged."""
     points = nodes_of(clip)
     legs = [
         median(length(points, f"hip_{side}", f"knee_{side}"))
@@ -37,17 +36,15 @@ def check(clip: Clip) -> tuple[Clip, list[Defect]]:
     leg = float(np.nanmean(legs)) if np.isfinite(legs).any() else float("nan")
     if np.isnan(leg) or leg == 0.0 or LEG_RANGE[0] <= leg <= LEG_RANGE[1]:
         return clip, []
-    fitting = [name for name, factor in FACTORS.items() if LEG_RANGE[0] <= leg * factor <= LEG_RANGE[1]]
-    adult = [name for name in fitting if 1.0 / ADULT <= leg * FACTORS[name] / ADULT_LEG <= ADULT]
-    chosen = fitting if len(fitting) == 1 else adult
+    possible = fitting(leg, FACTORS)
     joints = len(clip.skeleton.names)
-    if len(chosen) != 1:
-        why = f"it fits in {' and in '.join(fitting)}" if fitting else "it fits in no unit of length"
-        text = f"a leg (thigh and shank) of {leg:.4g} m, and {why}; say which unit the file has"
+    if not possible:
+        text = f"a leg (thigh and shank) of {leg:.4g} m, which fits in no unit of length"
         return clip, [Defect("wrong_units", joints, "joints", "refused", text)]
-    factor = FACTORS[chosen[0]]
-    text = f"a leg of {leg:.4g} m: lengths are {chosen[0]}; times {factor:g} it is {leg * factor:.2f} m"
-    return scaled(clip, factor), [Defect("wrong_units", joints, "joints", "repaired", text)]
+    factor = FACTORS[possible[0]]
+    text = f"a leg of {leg:.4g} m: lengths are {possible[0]}; times {factor:g} it is {leg * factor:.2f} m"
+    repaired = Defect("wrong_units", joints, "joints", "repaired", text)
+    return scaled(clip, factor), [repaired, *doubt(leg, possible, FACTORS, joints=joints)]
 
 
 def scaled(clip: Clip, factor: float) -> Clip:

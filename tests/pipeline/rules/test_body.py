@@ -55,7 +55,7 @@ def test_wrong_units_are_told_and_repaired(moving: Moving, times: float, name: s
     np.testing.assert_allclose(repaired.positions, clip.positions, atol=1e-9)
 
 
-def test_units_that_fit_twice_or_never_are_refused(moving: Moving) -> None:
+def test_units_that_fit_twice_are_flagged_those_that_fit_never_refused(moving: Moving) -> None:
     clip = moving(60)
     leg = np.median(
         np.linalg.norm(clip.positions[:, N["hip_left"]] - clip.positions[:, N["knee_left"]], axis=-1)
@@ -63,8 +63,11 @@ def test_units_that_fit_twice_or_never_are_refused(moving: Moving) -> None:
     leg += np.median(
         np.linalg.norm(clip.positions[:, N["knee_left"]] - clip.positions[:, N["ankle_left"]], axis=-1)
     )
-    _, (found,) = units.check(units.scaled(clip, 45.0 / leg))  # a child in cm, a giant in inches
-    assert found.action == "refused" and "fits in centimetres and in inches" in found.text
+    # A child in cm is likelier than a giant in inches.
+    child, found = units.check(units.scaled(clip, 45.0 / leg))
+    np.testing.assert_allclose(child.positions, clip.positions * (0.45 / leg), atol=1e-9)
+    assert [one.action for one in found] == ["repaired", "flagged"]
+    assert "lengths are centimetres" in found[0].text and "in inches of 2.33 m" in found[1].text
     assert units.check(units.scaled(clip, 4.0 / leg))[1][0].action == "refused"
     assert units.check(units.scaled(clip, 0.5 / leg))[1] == []  # a child in metres
 
