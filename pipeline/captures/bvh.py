@@ -56,7 +56,7 @@ def read(source: Source) -> Clip:
         )
     orders, euler, offsets = channels(bvh)
     names = tuple(joint.name for joint in bvh.joints)
-    unit = metres_per_unit(names, offsets, source.path)
+    unit = metres_per_unit(names, offsets, source.path, named=source.unit)
     translations = offsets * unit.metres
     parents = tuple(joint.parent for joint in bvh.joints)
     skeleton = Skeleton(names, parents, np.array([joint.offset for joint in bvh.joints]) * unit.metres)

@@ -1,4 +1,4 @@
-"""The length unit of a file that does not name it, from the size of the body in it."""
+"""The length unit of a file: as its user names it (--unit), or from the size of the body in it."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from kinemimic.pipeline.defect import Defect
-from kinemimic.pipeline.errors import CaptureError
+from kinemimic.pipeline.errors import CaptureError, KinemimicError
 from kinemimic.pipeline.nodes import joints_of_nodes
 from kinemimic.pipeline.proportions import SHANK, THIGH
 
@@ -24,6 +24,9 @@ UNITS: dict[str, float] = {
     "cm": 0.01,
     "mm": 0.001,
 }
+# How --unit spells them, and how it is told that it did.
+SPELT: dict[str, str] = {name.split()[0].lower(): name for name in UNITS}
+NAMED = "as --unit says"
 # Thigh plus shank, in metres: of whoever walks, from a toddler of 0.81 m to a giant of 2.44 m …
 LEG_RANGE = (0.40, 1.20)
 # … and of nearly everybody, from a child of 1.22 m to a man of 2.04 m: units differ by 2.2 or more, so that
@@ -42,12 +45,21 @@ class Unit(NamedTuple):
     defects: list[Defect]
 
 
-def metres_per_unit(names: tuple[str, ...], offsets: Array, path: Path) -> Unit:
-    """The likeliest unit (see `fitting`) for the thighs and shanks of a skeleton.
+def unit_named(spelt: str | None) -> str | None:
+    """The name in UNITS of what --unit says; None of None. KinemimicError for another word."""
+    if spelt is not None and spelt not in SPELT:
+        raise KinemimicError(f"expected a unit among {', '.join(SPELT)}, found {spelt!r}")
+    return None if spelt is None else SPELT[spelt]
+
+
+def metres_per_unit(names: tuple[str, ...], offsets: Array, path: Path, *, named: str | None = None) -> Unit:
+    """The unit that the user named (of UNITS), else the likeliest (see `fitting`) for a skeleton's legs.
 
     offsets: (T, J, 3) of each joint from its parent in the file's unit; T = 1 for a rigid skeleton.
-    Raises CaptureError if the legs cannot be found by name or fit in no unit.
+    Raises CaptureError if no unit is named and the legs cannot be found by name or fit in none.
     """
+    if named is not None:
+        return Unit(UNITS[named], named, NAMED, [])
     found = joints_of_nodes(names)
     wanted = [f"{joint}_{side}" for side in ("left", "right") for joint in ("knee", "ankle")]
     missing = [node for node in wanted if node not in found]
@@ -56,6 +68,7 @@ def metres_per_unit(names: tuple[str, ...], offsets: Array, path: Path) -> Unit:
             path,
             expected="joints named as legs, from which the unit of length is told",
             found=f"no {', '.join(missing)} among {', '.join(names[:8])}{' …' if len(names) > 8 else ''}",
+            advice="--unit names the unit",
         )
     some = offsets[:: len(offsets) // _ENOUGH + 1]
     legs = [np.median(np.linalg.norm(some[:, found[node]], axis=-1)) for node in wanted]
@@ -92,7 +105,8 @@ def doubt(leg: float, possible: Sequence[str], units: Mapping[str, float], *, jo
     (chosen, tall), (other, taller) = ((name, leg * units[name] / (THIGH + SHANK)) for name in possible[:2])
     text = (
         f"thigh plus shank are {leg:.4g}: in {chosen} those of a person of {tall:.2f} m, in {other} of "
-        f"{taller:.2f} m; read in {chosen}, as children are the likelier"
+        f"{taller:.2f} m; read in {chosen}, as children are likelier; "
+        f"--unit says which it is"
     )
     return [Defect("wrong_units", joints, "joints", "flagged", text)]
 

@@ -2,15 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 
-from kinemimic.pipeline.captures.units import LEG_RANGE, doubt, fitting
-from kinemimic.pipeline.clip import Clip
+from kinemimic.pipeline.captures.units import LEG_RANGE, NAMED, UNITS, doubt, fitting
+from kinemimic.pipeline.clip import Clip, scaled
 from kinemimic.pipeline.defect import Defect
 from kinemimic.pipeline.rules.body import length, median, nodes_of
-from kinemimic.pipeline.skeleton import Skeleton
 
 # True metres in what was taken for one metre: the file's unit is not the one that it was read in.
 FACTORS: dict[str, float] = {
@@ -26,7 +23,7 @@ FACTORS: dict[str, float] = {
 
 def check(clip: Clip) -> tuple[Clip, list[Defect]]:
     """The clip in metres. Legs of 0.4 to 1.2 m are left alone; such as fit in no unit refuse it, and where
-    two fit, the likelier is taken and the doubt flagged."""
+    two fit, the likelier is taken and the doubt flagged. A unit that the user named is not corrected."""
     points = nodes_of(clip)
     legs = [
         median(length(points, f"hip_{side}", f"knee_{side}"))
@@ -36,8 +33,12 @@ def check(clip: Clip) -> tuple[Clip, list[Defect]]:
     leg = float(np.nanmean(legs)) if np.isfinite(legs).any() else float("nan")
     if np.isnan(leg) or leg == 0.0 or LEG_RANGE[0] <= leg <= LEG_RANGE[1]:
         return clip, []
-    possible = fitting(leg, FACTORS)
     joints = len(clip.skeleton.names)
+    reading = clip.provenance.get("reading", {})
+    if reading.get("units_rule") == NAMED:
+        text = _not_as_named(leg, reading["units"])
+        return clip, [Defect("wrong_units", joints, "joints", "refused", text)]
+    possible = fitting(leg, FACTORS)
     if not possible:
         text = f"a leg (thigh and shank) of {leg:.4g} m, which fits in no unit of length"
         return clip, [Defect("wrong_units", joints, "joints", "refused", text)]
@@ -47,12 +48,9 @@ def check(clip: Clip) -> tuple[Clip, list[Defect]]:
     return scaled(clip, factor), [repaired, *doubt(leg, possible, FACTORS, joints=joints)]
 
 
-def scaled(clip: Clip, factor: float) -> Clip:
-    """All lengths of the clip times a factor."""
-    skeleton = Skeleton(clip.skeleton.names, clip.skeleton.parents, clip.skeleton.offsets * factor)
-    return replace(
-        clip,
-        skeleton=skeleton,
-        positions=clip.positions * factor,
-        translations=None if clip.translations is None else clip.translations * factor,
-    )
+def _not_as_named(leg: float, unit: str) -> str:
+    """Why a leg of so many metres is refused in the unit that the user named, and which unit would do."""
+    length = leg / UNITS[unit]
+    fits = " or ".join(f"{length * UNITS[name]:.2f} m in {name}" for name in fitting(length, UNITS))
+    would = f"it would be {fits}" if fits else "it fits in no unit of length"
+    return f"a leg (thigh and shank) of {leg:.4g} m in {unit}, {NAMED}; {would}"

@@ -15,11 +15,10 @@ from kinemimic.pipeline.captures.nui_skl import FORMAT
 from kinemimic.pipeline.captures.recognise import read
 from kinemimic.pipeline.captures.recording import clip_of_points, reading
 from kinemimic.pipeline.captures.virtual import record_virtual
-from kinemimic.pipeline.clip import Clip
+from kinemimic.pipeline.clip import Clip, scaled
 from kinemimic.pipeline.defect import RULES, Defect
 from kinemimic.pipeline.examine import examine, plan
 from kinemimic.pipeline.rotations import IDENTITY, from_axis_angle
-from kinemimic.pipeline.rules.units import scaled
 from kinemimic.pipeline.rules.upright import turned
 from kinemimic.pipeline.skeleton import NODES, Skeleton, node_skeleton
 
