@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from kinemimic.pipeline.captures.c3d_layout import check_layout, marked
 from kinemimic.pipeline.captures.c3d_points import read_points
+from kinemimic.pipeline.captures.declared_unit import in_metres
 from kinemimic.pipeline.captures.format import Format
 from kinemimic.pipeline.captures.frame_defects import FARTHEST, zero_frames
 from kinemimic.pipeline.captures.marker_names import landmarks
@@ -23,6 +24,7 @@ from kinemimic.pipeline.captures.source import Source
 from kinemimic.pipeline.captures.treadmill import JOINTS, own_angles, true_rate
 from kinemimic.pipeline.captures.units import NAMED, UNITS
 from kinemimic.pipeline.clip import Clip
+from kinemimic.pipeline.defect import Defect
 from kinemimic.pipeline.nodes import joints_of_nodes
 from kinemimic.pipeline.rotations import IDENTITY, Y_UP_TO_Z_UP, from_axis_angle
 from kinemimic.pipeline.skeleton import node_skeleton
@@ -67,12 +69,14 @@ def read(source: Source) -> Clip:
     chosen = points[:, [labels.index(label) for label in wanted]]
     unit, rule = _unit(file.units.lower(), chosen, source)
     chosen = chosen * UNITS[unit]
+    wrong: list[Defect] = []
     if source.unit is None:
+        chosen, wrong = in_metres(wanted, chosen)
         _check_places(chosen, wanted, source)
     up = file.up.upper().removeprefix("+")
     facts: dict[str, Any] = {"points": len(labels), "declared_rate": rate, "up": up or "not said"}
     if kinect:
-        rate, wrong = true_rate(rate, len(points))
+        rate, wrong_rate = true_rate(rate, len(points))
         own = {label: points[:, k, 0] for k, label in enumerate(labels)}
         return clip_of_points(
             node_skeleton(),
@@ -80,7 +84,9 @@ def read(source: Source) -> Clip:
             chosen,
             None,
             format=FORMAT,
-            reading=reading(units=unit, units_rule=rule, defects=[*wrong, *zero_frames(chosen)], **facts),
+            reading=reading(
+                units=unit, units_rule=rule, defects=[*wrong, *wrong_rate, *zero_frames(chosen)], **facts
+            ),
             world_from_file=_UP.get(up, Y_UP_TO_Z_UP),
             angles=own_angles(own),
         )
@@ -92,7 +98,9 @@ def read(source: Source) -> Clip:
         np.arange(len(points)) / rate,
         chosen,
         format=FORMAT,
-        reading=reading(units=unit, units_rule=rule, defects=zero_frames(chosen), notes=notes, **facts),
+        reading=reading(
+            units=unit, units_rule=rule, defects=[*wrong, *zero_frames(chosen)], notes=notes, **facts
+        ),
         world_from_file=_UP.get(up, IDENTITY),
         source=source,
     )

@@ -12,6 +12,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from kinemimic.pipeline.captures.declared_unit import in_metres
 from kinemimic.pipeline.captures.format import Format
 from kinemimic.pipeline.captures.frame_defects import in_sequence, refuse_far
 from kinemimic.pipeline.captures.markers import clip_of_markers
@@ -75,6 +76,9 @@ def read(source: Source) -> Clip:
     times, notes = _times(values[:, 1], later, declared, source)
     kept = values if later.all() else values[later]
     points = (kept[:, 2:] * UNITS[units]).reshape(-1, count, 3)
+    if source.unit is None:
+        points, wrong = in_metres(labels, points)
+        defects += wrong
     refuse_far(points, labels, source, lambda row: table.line(int(np.flatnonzero(later)[row])))
     for key, found in (("numframes", len(values)), ("nummarkers", count)):
         told = declared.get(key, "")

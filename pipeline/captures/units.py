@@ -32,6 +32,16 @@ LEG_RANGE = (0.40, 1.20)
 # … and of nearly everybody, from a child of 1.22 m to a man of 2.04 m: units differ by 2.2 or more, so that
 # no two make a leg as long as that.
 USUAL_LEG = (0.60, 1.00)
+# True metres in what was taken for one metre: the file's unit is not the one that it was read in.
+FACTORS: dict[str, float] = {
+    "millimetres": 0.001,
+    "centimetres": 0.01,
+    "inches": 0.0254,
+    "feet": 0.3048,
+    "centimetres read as millimetres": 10.0,
+    "metres read as centimetres": 100.0,
+    "metres read as millimetres": 1000.0,
+}
 # Frames, spread over the recording, that are enough for a median.
 _ENOUGH = 500
 
@@ -96,6 +106,21 @@ def fitting(leg: float, units: Mapping[str, float]) -> list[str]:
     low, high = LEG_RANGE
     possible = [name for name, metres in units.items() if low <= leg * metres <= high]
     return sorted(possible, key=lambda name: (not _usual(leg * units[name]), leg * units[name]))
+
+
+def correction(leg: float, joints: int) -> tuple[float, list[Defect]]:
+    """The factor of FACTORS that makes a person's of a leg (metres) that is nobody's, and what to say.
+
+    joints: how many it is of. Where no unit fits the factor is 1 and the defect one that refuses the capture.
+    """
+    possible = fitting(leg, FACTORS)
+    if not possible:
+        text = f"a leg (thigh and shank) of {leg:.4g} m, which fits in no unit of length"
+        return 1.0, [Defect("wrong_units", joints, "joints", "refused", text)]
+    factor = FACTORS[possible[0]]
+    text = f"a leg of {leg:.4g} m: lengths are {possible[0]}; times {factor:g} it is {leg * factor:.2f} m"
+    repaired = Defect("wrong_units", joints, "joints", "repaired", text)
+    return factor, [repaired, *doubt(leg, possible, FACTORS, joints=joints)]
 
 
 def doubt(leg: float, possible: Sequence[str], units: Mapping[str, float], *, joints: int) -> list[Defect]:

@@ -4,21 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from kinemimic.pipeline.captures.units import LEG_RANGE, NAMED, UNITS, doubt, fitting
+from kinemimic.pipeline.captures.units import LEG_RANGE, NAMED, UNITS, correction, fitting
 from kinemimic.pipeline.clip import Clip, scaled
 from kinemimic.pipeline.defect import Defect
 from kinemimic.pipeline.rules.body import length, median, nodes_of
-
-# True metres in what was taken for one metre: the file's unit is not the one that it was read in.
-FACTORS: dict[str, float] = {
-    "millimetres": 0.001,
-    "centimetres": 0.01,
-    "inches": 0.0254,
-    "feet": 0.3048,
-    "centimetres read as millimetres": 10.0,
-    "metres read as centimetres": 100.0,
-    "metres read as millimetres": 1000.0,
-}
 
 
 def check(clip: Clip) -> tuple[Clip, list[Defect]]:
@@ -38,14 +27,8 @@ def check(clip: Clip) -> tuple[Clip, list[Defect]]:
     if reading.get("units_rule") == NAMED:
         text = _not_as_named(leg, reading["units"])
         return clip, [Defect("wrong_units", joints, "joints", "refused", text)]
-    possible = fitting(leg, FACTORS)
-    if not possible:
-        text = f"a leg (thigh and shank) of {leg:.4g} m, which fits in no unit of length"
-        return clip, [Defect("wrong_units", joints, "joints", "refused", text)]
-    factor = FACTORS[possible[0]]
-    text = f"a leg of {leg:.4g} m: lengths are {possible[0]}; times {factor:g} it is {leg * factor:.2f} m"
-    repaired = Defect("wrong_units", joints, "joints", "repaired", text)
-    return scaled(clip, factor), [repaired, *doubt(leg, possible, FACTORS, joints=joints)]
+    factor, found = correction(leg, joints)
+    return scaled(clip, factor) if factor != 1.0 else clip, found
 
 
 def _not_as_named(leg: float, unit: str) -> str:

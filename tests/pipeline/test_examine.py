@@ -119,8 +119,8 @@ def test_what_is_too_short_without_its_repeats_is_refused() -> None:
 
 
 def test_a_wrong_unit_is_the_reason_where_everybody_jumps() -> None:
-    refused = examine(scaled(walk(), 5.0)).refused
-    assert refused is not None and refused.rule == "wrong_units"
+    (found,) = examine(scaled(walk(), 5.0)).defects  # and nothing is said of its limbs
+    assert (found.rule, found.action) == ("wrong_units", "refused")
 
 
 def test_nobody_and_moments_are_refused(node_clip: Build) -> None:
