@@ -20,7 +20,7 @@ import click
 from kinemimic.evaluate.ledger import Ledger, made_from
 from kinemimic.pipeline.cli import load_command
 from kinemimic.pipeline.companions import note_path, truth_path
-from kinemimic.pipeline.options import run_option
+from kinemimic.pipeline.options import run_option, unit_option
 from kinemimic.pipeline.store import read_json
 from kinemimic.train.budget import MINUTES, samples
 from kinemimic.train.config import PRESETS
@@ -179,6 +179,7 @@ def _say(text: str, *, quiet: bool, bold: bool = False) -> None:
 @click.argument("capture", required=False, type=click.Path(path_type=Path))
 @run_option("folder")
 @click.option("--filter", "filter_name", type=click.Choice(FILTERS), help="Of `ingest`.")
+@unit_option("Of `ingest`.")
 @click.option("--symmetric/--as-recorded", default=None, help="Of `retarget`.")
 @click.option("--no-refine", is_flag=True, help="Of `retarget`.")
 @click.option("--ankle", type=click.Choice(ANKLES), help="Of `retarget`.")
@@ -194,6 +195,7 @@ def command(
     capture: Path | None,
     folder: Path,
     filter_name: str | None,
+    unit: str | None,
     symmetric: bool | None,
     no_refine: bool,
     ankle: str | None,
@@ -215,7 +217,7 @@ def command(
       kinemimic run walk.skl --run runs/walk --budget 1e6
     """
     options: dict[str, dict[str, Any]] = {
-        "ingest": {"filter": filter_name},
+        "ingest": {"filter": filter_name, "unit": unit},
         "retarget": {
             "symmetric": symmetric or None,
             "as-recorded": True if symmetric is False else None,

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -84,6 +84,17 @@ class Clip:
     def simulated(self) -> bool:
         """True for a recording that the virtual Kinect made."""
         return bool(self.provenance.get("simulated", False))
+
+
+def scaled(clip: Clip, factor: float) -> Clip:
+    """All lengths of the clip times a factor."""
+    skeleton = Skeleton(clip.skeleton.names, clip.skeleton.parents, clip.skeleton.offsets * factor)
+    return replace(
+        clip,
+        skeleton=skeleton,
+        positions=clip.positions * factor,
+        translations=None if clip.translations is None else clip.translations * factor,
+    )
 
 
 def forward_kinematics(skeleton: Skeleton, translations: Array, rotations: Array) -> tuple[Array, Array]:

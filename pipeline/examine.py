@@ -67,9 +67,11 @@ def examine(recorded: Clip) -> Examination:
         defects += found
     read = _still_there(read, recorded, clip)
     clip, acquisition = _passes(clip)
-    if acquisition.count == 0:
-        # Nobody is there whose axes or sides could be judged; in a wrong unit everybody jumps all the time.
-        why = [one for one in defects if one.action == "refused"] or [_nobody(clip, acquisition)]
+    refused = [one for one in defects if one.action == "refused"]
+    if refused or acquisition.count == 0:
+        # In a wrong unit no limb can be judged, and everybody jumps all the time; nor can the axes or sides
+        # of nobody.
+        why = refused or [_nobody(clip, acquisition)]
         return Examination(clip, acquisition, in_order([*read, *why]))
     once, found = duplicates.check(clip)
     if found:

@@ -16,16 +16,16 @@ from kinemimic.pipeline.clip import Clip
 from kinemimic.pipeline.companions import note_path, read_note, read_truth, truth_path
 from kinemimic.pipeline.errors import CaptureError, KinemimicError
 from kinemimic.pipeline.examine import examine
-from kinemimic.pipeline.options import run_option
+from kinemimic.pipeline.options import run_option, unit_option
 from kinemimic.pipeline.provenance import provenance
 from kinemimic.pipeline.quality import quality, table
 from kinemimic.pipeline.store import copy_file, read_json, write_clip, write_json
 
 
-def ingest(capture: Path, run: Path, *, filter_name: str | None = None) -> Clip:
+def ingest(capture: Path, run: Path, *, filter_name: str | None = None, unit: str | None = None) -> Clip:
     """Read a capture and write raw.parquet, clip.parquet, quality.json (and truth.parquet) to the run folder.
 
-    filter_name: one of FILTERS; by default the one that `make bench-clean` found best.
+    filter_name: one of FILTERS; by default the one that `make bench-clean` found best; unit: as in `read`.
     raw.parquet holds the frames as recorded but for what the rules repaired (sides, axes, units; unfiltered,
     gaps NaN); clip.parquet the same frames cleaned; quality.json every defect, repaired or flagged.
     A file NAME.truth.parquet beside the capture NAME.* marks it as simulated and is copied; what
@@ -35,16 +35,15 @@ def ingest(capture: Path, run: Path, *, filter_name: str | None = None) -> Clip:
     """
     if filter_name is not None and filter_name not in FILTERS:
         raise KinemimicError(f"expected a filter among {', '.join(FILTERS)}, found {filter_name!r}")
-    recorded = read(capture)
+    recorded = read(capture, unit=unit)
     truth, note = truth_path(capture), read_note(note_path(capture))
     simulated = read_truth(truth) is not None
     examination = examine(recorded)
     if examination.refused is not None:
         raise CaptureError(capture, expected="a person's movement", found=examination.refused.text)
     chosen = filter_name or FILTERS[0]
-    made_by = provenance(
-        "ingest", inputs={"capture": recorded.provenance["sha256"]}, config={"filter": chosen}
-    )
+    config = {"filter": chosen} if unit is None else {"filter": chosen, "unit": unit}
+    made_by = provenance("ingest", inputs={"capture": recorded.provenance["sha256"]}, config=config)
     raw = replace(
         examination.clip,
         provenance={
@@ -76,8 +75,11 @@ def ingest(capture: Path, run: Path, *, filter_name: str | None = None) -> Clip:
     type=click.Choice(FILTERS),
     help="What takes out the noise; by default the Kalman smoother.",
 )
+@unit_option("The file's unit of length; by default as its format or the body in it says.")
 @click.option("--json", "as_json", is_flag=True, help="Print the quality report as JSON.")
-def command(capture: Path | None, run: Path, filter_name: str | None, as_json: bool) -> None:
+def command(
+    capture: Path | None, run: Path, filter_name: str | None, unit: str | None, as_json: bool
+) -> None:
     """Read CAPTURE (what `kinemimic formats` lists), divide it into passes, clean it, report its quality.
 
     Without CAPTURE, what a virtual Kinect records of the stock walk.
@@ -85,12 +87,13 @@ def command(capture: Path | None, run: Path, filter_name: str | None, as_json: b
     \b
       kinemimic ingest walk.skl --run runs/walk
       kinemimic ingest walk.skl --run runs/walk --filter butterworth
+      kinemimic ingest child.bvh --run runs/child --unit cm
     """
     if capture is None:
         from kinemimic.pipeline.captures.virtual import record_virtual  # noqa: PLC0415 (nobody else waits for it)
 
         capture = record_virtual(run / "capture").euler
-    ingest(capture, run, filter_name=filter_name)
+    ingest(capture, run, filter_name=filter_name, unit=unit)
     report: dict[str, Any] = read_json(run / "quality.json")
     if as_json:
         click.echo(json.dumps(report, indent=2))

@@ -9,6 +9,8 @@ from typing import Any
 import click
 
 DEFAULT_RUN = Path("runs/default")
+# As in captures/units.py, which is not loaded for --help.
+UNITS = ("m", "cmu", "inch", "cm", "mm")
 
 
 def run_option(name: str = "run") -> Callable[[Callable[..., Any]], Callable[..., Any]]:
@@ -21,3 +23,8 @@ def run_option(name: str = "run") -> Callable[[Callable[..., Any]], Callable[...
         show_default=True,
         help="The run folder.",
     )
+
+
+def unit_option(text: str) -> Callable[[Callable[..., Any]], Callable[..., Any]]:
+    """--unit, a length unit by its short name or None."""
+    return click.option("--unit", type=click.Choice(UNITS), help=text)

@@ -82,11 +82,11 @@ def read(source: Source) -> Clip:
     values = amc.values if later.all() else {bone: array[later] for bone, array in amc.values.items()}
 
     names, parents, rests, offsets = _joints(text)
-    scale, unit = metres_per_unit(names, offsets[None], beside.path)
-    skeleton = Skeleton(names, parents, offsets * scale)
+    unit = metres_per_unit(names, offsets[None], beside.path, named=source.unit)
+    skeleton = Skeleton(names, parents, offsets * unit.metres)
     orders, euler, root = _channels(text, values, len(names), degrees)
     translations = np.broadcast_to(skeleton.offsets, (len(root), len(names), 3)).copy()
-    translations[:, 0] = root * scale
+    translations[:, 0] = root * unit.metres
     return Clip(
         skeleton=skeleton,
         times=(amc.numbers[later] - amc.numbers[0]) / rate,
@@ -102,9 +102,9 @@ def read(source: Source) -> Clip:
         provenance={
             "format": FORMAT.name,
             "reading": reading(
-                units=unit,
-                units_rule="thigh and shank nearest to an adult's",
-                defects=defects,
+                units=unit.name,
+                units_rule=unit.rule,
+                defects=[*unit.defects, *defects],
                 notes=[rate_rule],
                 skeleton=beside.path.name,
                 skeleton_length_scale=text.length,

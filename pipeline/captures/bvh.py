@@ -56,13 +56,15 @@ def read(source: Source) -> Clip:
         )
     orders, euler, offsets = channels(bvh)
     names = tuple(joint.name for joint in bvh.joints)
-    scale, unit = metres_per_unit(names, offsets, source.path)
-    translations = offsets * scale
+    unit = metres_per_unit(names, offsets, source.path, named=source.unit)
+    translations = offsets * unit.metres
     parents = tuple(joint.parent for joint in bvh.joints)
-    skeleton = Skeleton(names, parents, np.array([joint.offset for joint in bvh.joints]) * scale)
+    skeleton = Skeleton(names, parents, np.array([joint.offset for joint in bvh.joints]) * unit.metres)
     first, note = calibration_frames(euler, orders)
     frames = len(euler) - first
-    defects = [Defect("calibration_frames", first, "frames", "repaired", note)] if first else []
+    defects = unit.defects
+    if first:
+        defects.append(Defect("calibration_frames", first, "frames", "repaired", note))
     notes = ["numbers with decimal commas"] if bvh.commas else []
     if bvh.declared > len(euler):
         lost = bvh.declared - len(euler)
@@ -83,8 +85,8 @@ def read(source: Source) -> Clip:
         provenance={
             "format": FORMAT.name,
             "reading": reading(
-                units=unit,
-                units_rule="thigh and shank nearest to an adult's",
+                units=unit.name,
+                units_rule=unit.rule,
                 defects=defects,
                 notes=notes,
                 channels=int(bvh.motion.shape[1]),

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from kinemimic.pipeline.captures.c3d_layout import check_layout, marked
 from kinemimic.pipeline.captures.c3d_points import read_points
+from kinemimic.pipeline.captures.declared_unit import in_metres
 from kinemimic.pipeline.captures.format import Format
 from kinemimic.pipeline.captures.frame_defects import FARTHEST, zero_frames
 from kinemimic.pipeline.captures.marker_names import landmarks
@@ -21,7 +22,9 @@ from kinemimic.pipeline.captures.markers import clip_of_markers
 from kinemimic.pipeline.captures.recording import clip_of_points, reading
 from kinemimic.pipeline.captures.source import Source
 from kinemimic.pipeline.captures.treadmill import JOINTS, own_angles, true_rate
+from kinemimic.pipeline.captures.units import NAMED, UNITS
 from kinemimic.pipeline.clip import Clip
+from kinemimic.pipeline.defect import Defect
 from kinemimic.pipeline.nodes import joints_of_nodes
 from kinemimic.pipeline.rotations import IDENTITY, Y_UP_TO_Z_UP, from_axis_angle
 from kinemimic.pipeline.skeleton import node_skeleton
@@ -35,7 +38,7 @@ FORMAT = Format(
     told_by="the byte 0x50 in second place",
     binary=True,
 )
-UNITS: dict[str, float] = {"m": 1.0, "cm": 0.01, "mm": 0.001}
+DECLARED: dict[str, float] = {"m": 1.0, "cm": 0.01, "mm": 0.001}
 # The axis that points up -> the turn that makes it Z.
 _UP: dict[str, Array] = {
     "Z": IDENTITY,
@@ -66,11 +69,14 @@ def read(source: Source) -> Clip:
     chosen = points[:, [labels.index(label) for label in wanted]]
     unit, rule = _unit(file.units.lower(), chosen, source)
     chosen = chosen * UNITS[unit]
-    _check_places(chosen, wanted, source)
+    wrong: list[Defect] = []
+    if source.unit is None:
+        chosen, wrong = in_metres(wanted, chosen)
+        _check_places(chosen, wanted, source)
     up = file.up.upper().removeprefix("+")
     facts: dict[str, Any] = {"points": len(labels), "declared_rate": rate, "up": up or "not said"}
     if kinect:
-        rate, wrong = true_rate(rate, len(points))
+        rate, wrong_rate = true_rate(rate, len(points))
         own = {label: points[:, k, 0] for k, label in enumerate(labels)}
         return clip_of_points(
             node_skeleton(),
@@ -78,7 +84,9 @@ def read(source: Source) -> Clip:
             chosen,
             None,
             format=FORMAT,
-            reading=reading(units=unit, units_rule=rule, defects=[*wrong, *zero_frames(chosen)], **facts),
+            reading=reading(
+                units=unit, units_rule=rule, defects=[*wrong, *wrong_rate, *zero_frames(chosen)], **facts
+            ),
             world_from_file=_UP.get(up, Y_UP_TO_Z_UP),
             angles=own_angles(own),
         )
@@ -90,7 +98,9 @@ def read(source: Source) -> Clip:
         np.arange(len(points)) / rate,
         chosen,
         format=FORMAT,
-        reading=reading(units=unit, units_rule=rule, defects=zero_frames(chosen), notes=notes, **facts),
+        reading=reading(
+            units=unit, units_rule=rule, defects=[*wrong, *zero_frames(chosen)], notes=notes, **facts
+        ),
         world_from_file=_UP.get(up, IDENTITY),
         source=source,
     )
@@ -118,18 +128,21 @@ def _check_places(places: Array, labels: tuple[str, ...], source: Source) -> Non
 
 def _unit(told: str, points: Array, source: Source) -> tuple[str, str]:
     """The unit of length, and how it is known; points: (T, N, 3) in it."""
-    if told in UNITS:
+    if source.unit is not None:
+        return source.unit, NAMED
+    if told in DECLARED:
         return told, "the file's"
     spans = np.linalg.norm(_extent(points), axis=-1)
     spans = spans[np.isfinite(spans) & (spans > 0)]
     span = float(np.median(spans)) if len(spans) else 0.0
     if span > 0:
-        unit = min(UNITS, key=lambda name: abs(np.log(span * UNITS[name] / _SPAN)))
-        if _SPANS[0] <= span * UNITS[unit] <= _SPANS[1]:
+        unit = min(DECLARED, key=lambda name: abs(np.log(span * DECLARED[name] / _SPAN)))
+        if _SPANS[0] <= span * DECLARED[unit] <= _SPANS[1]:
             return unit, "the size of the body, because the file does not say it"
     raise source.error(
-        expected=f"POINT:UNITS of {', '.join(UNITS)}, or a body of {_SPANS[0]} to {_SPANS[1]} m in one",
+        expected=f"POINT:UNITS of {', '.join(DECLARED)}, or a body of {_SPANS[0]} to {_SPANS[1]} m in one",
         found=f"{told[:20]!r} and a body of {span:.4g}",
+        advice="--unit names the unit",
     )
 
 

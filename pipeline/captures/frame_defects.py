@@ -65,7 +65,10 @@ def refuse_far(points: Array, joints: Sequence[str], source: Source, line: Calla
     """CaptureError for the first coordinate beyond FARTHEST; NaN and infinity say "not seen" and pass.
 
     points: (T, J, 3) metres; joints: (J,) as the file names them; line: number in the file of a frame.
+    Where the user names another unit, they are not metres yet: then the leg judges them (rules/units.py).
     """
+    if source.unit is not None:
+        return
     # A comparison with NaN is False, so that only infinity needs a word.
     far = np.abs(points) > FARTHEST
     if far.any() and (far := far & np.isfinite(points)).any():

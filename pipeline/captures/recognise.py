@@ -12,9 +12,10 @@ from typing import cast
 from kinemimic.pipeline.captures.format import Format, Reader
 from kinemimic.pipeline.captures.numbers import numbers_of
 from kinemimic.pipeline.captures.source import Source
-from kinemimic.pipeline.clip import Clip
+from kinemimic.pipeline.captures.units import NAMED, UNITS, unit_named
+from kinemimic.pipeline.clip import Clip, scaled
+from kinemimic.pipeline.depth.folder import CAMERA, is_recording
 from kinemimic.pipeline.depth.folder import FORMAT as DEPTH_RECORDING
-from kinemimic.pipeline.depth.folder import is_recording
 from kinemimic.pipeline.errors import CaptureError, NotACaptureError
 
 # Asked in this sequence: formats with a header or a keyword first, tables of bare numbers last.
@@ -56,27 +57,43 @@ def formats() -> tuple[Format, ...]:
     return (*(reader.FORMAT for reader in readers()), DEPTH_RECORDING)
 
 
-def read(path: Path) -> Clip:
+def read(path: Path, *, unit: str | None = None) -> Clip:
     """The capture in a file, as recorded: in our units and axes, one pass, nothing filled or filtered.
 
+    unit: the file's unit of length as --unit spells it (`units.SPELT`), whatever the file says; by default
+    the format's, the header's or, where neither names it, the likeliest for the size of the body.
     A folder is read if it is a depth recording.
     provenance holds source (the file's name), format, sha256, companions (files beside it that belong to it:
     name -> SHA-256) and what the reader found ("reading").
-    Raises CaptureError for anything that is not a whole capture in one of the formats.
+    Raises CaptureError for anything that is not a whole capture in one of the formats, KinemimicError for a
+    unit that is none.
     """
+    named = unit_named(unit)
     if is_recording(path):
+        if named is not None:
+            raise CaptureError(path, expected=f"its unit in {CAMERA}", found="--unit")
         from kinemimic.pipeline.depth.recording import read_recording  # noqa: PLC0415 (loads OpenCV)
 
         return read_recording(path)
-    return read_source(Source.open(path))
+    return read_source(Source.open(path, unit=named))
 
 
 def read_source(source: Source) -> Clip:
     """`read` of content that is in memory."""
     reader = reader_of(source)
-    clip = reader.read(source)
+    clip = _as_named(reader.read(source), source.unit)
     made = {"source": source.path.name, "sha256": source.sha256, "companions": dict(source.companions)}
     return replace(clip, provenance={**made, **clip.provenance})
+
+
+def _as_named(clip: Clip, unit: str | None) -> Clip:
+    """The clip with its lengths in the unit that the user named, where its reader has one of its own."""
+    reading = clip.provenance["reading"]
+    if unit is None or reading["units_rule"] == NAMED:
+        return clip
+    told = {**reading, "units": unit, "units_rule": NAMED}
+    clip = replace(clip, provenance={**clip.provenance, "reading": told})
+    return scaled(clip, UNITS[unit] / UNITS[reading["units"]])
 
 
 def reader_of(source: Source) -> Reader:

@@ -28,17 +28,19 @@ class Source:
 
     path: where it came from, for messages and for its companions; content: bytes, decompressed, and of text
     without a byte-order mark and with lines ended by a line feed; sha256: of the file's own bytes;
-    companions: name -> SHA-256 of the files beside it that were read.
+    unit: of length (a name of units.UNITS), where the user names it; companions: name -> SHA-256 of the files
+    beside it that were read.
     """
 
-    def __init__(self, path: Path, content: bytes, sha256: str) -> None:
+    def __init__(self, path: Path, content: bytes, sha256: str, unit: str | None = None) -> None:
         self.path = path
         self.content = _plain(content)
         self.sha256 = sha256
+        self.unit = unit
         self.companions: dict[str, str] = {}
 
     @classmethod
-    def open(cls, path: Path) -> Source:
+    def open(cls, path: Path, *, unit: str | None = None) -> Source:
         """Read a file; gzip is recognised by its content. CaptureError if that cannot be done."""
         try:
             if path.is_dir():
@@ -58,7 +60,7 @@ class Source:
         content = _unpacked(packed, path) if packed[:2] == b"\x1f\x8b" else packed
         if not content or content.isspace():
             raise CaptureError(path, expected="a capture", found="an empty file")
-        return cls(path, content, hashlib.sha256(packed).hexdigest())
+        return cls(path, content, hashlib.sha256(packed).hexdigest(), unit)
 
     @classmethod
     def of_text(cls, text: str, path: Path) -> Source:

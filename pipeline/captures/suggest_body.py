@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from kinemimic.pipeline.captures.description_file import LENGTHS, SECONDS
-from kinemimic.pipeline.captures.units import ADULT_LEG, LEG_RANGE
+from kinemimic.pipeline.captures.units import fitting
 from kinemimic.pipeline.nodes import joints_of_nodes
 from kinemimic.pipeline.rotations import normalize, rotate
 
@@ -18,6 +18,8 @@ Array = NDArray[np.float64]
 # A recorder's usual step, and the steps between which a unit of time may be right.
 _STEP = 1.0 / 30.0
 _STEPS = (0.004, 0.2)
+# Thigh plus shank of an adult: which unit is nearest where none gives a person's.
+_LEG = 0.82
 _AXES = "XYZ"
 # Mean cosine from which a frame's axis lies along a bone.
 _ALONG = 0.9
@@ -71,10 +73,12 @@ def _unit(places: dict[str, Array], notes: dict[str, str]) -> str:
     if not leg > 0:
         notes["unit"] = "please check"
         return "m"
-    name = min(LENGTHS, key=lambda unit: abs(np.log(leg * LENGTHS[unit] / ADULT_LEG)))
-    metres = leg * LENGTHS[name]
-    sane = LEG_RANGE[0] <= metres <= LEG_RANGE[1]
-    notes["unit"] = f"thigh plus shank are {metres:.2f} m then" + ("" if sane else ": please check")
+    possible = fitting(leg, LENGTHS)
+    nearest = min(LENGTHS, key=lambda unit: abs(np.log(leg * LENGTHS[unit] / _LEG)))
+    name = possible[0] if possible else nearest
+    others = "".join(f", or {leg * LENGTHS[other]:.2f} m in {other}" for other in possible[1:])
+    check = "" if len(possible) == 1 else ": please check"
+    notes["unit"] = f"thigh plus shank are {leg * LENGTHS[name]:.2f} m then{others}{check}"
     return name
 
 

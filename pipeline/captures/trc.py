@@ -12,12 +12,14 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from kinemimic.pipeline.captures.declared_unit import in_metres
 from kinemimic.pipeline.captures.format import Format
 from kinemimic.pipeline.captures.frame_defects import in_sequence, refuse_far
 from kinemimic.pipeline.captures.markers import clip_of_markers
 from kinemimic.pipeline.captures.numbers import Table, numbers_of, parse_table
 from kinemimic.pipeline.captures.recording import reading
 from kinemimic.pipeline.captures.source import Source
+from kinemimic.pipeline.captures.units import NAMED, UNITS
 from kinemimic.pipeline.clip import Clip
 from kinemimic.pipeline.defect import Defect
 from kinemimic.pipeline.errors import CaptureError
@@ -32,7 +34,7 @@ FORMAT = Format(
     told_by="the word PathFileType and a line that begins with Frame# and Time",
     any_width=True,
 )
-UNITS: dict[str, float] = {"mm": 0.001, "cm": 0.01, "m": 1.0}
+DECLARED: tuple[str, ...] = ("mm", "cm", "m")
 # X forward, Y up, Z right: a quarter turn about X makes it X forward, Y left, Z up.
 WORLD_FROM_FILE: Array = from_axis_angle("X", np.pi / 2.0)
 # The Time column is mostly written with three digits, 0.017 for 1/60: if it agrees with the declared rate as
@@ -54,10 +56,12 @@ def read(source: Source) -> Clip:
     if at is None:
         raise source.error(expected="a line that begins with Frame# and Time", found="none in the first 16")
     declared = _declared(source, at)
-    units = declared.get("units", "").lower()
-    if units not in UNITS:
+    units = source.unit or declared.get("units", "").lower()
+    if source.unit is None and units not in DECLARED:
         raise source.error(
-            expected=f"Units of {', '.join(UNITS)} in the header", found=repr(units[:20]) if units else "none"
+            expected=f"Units of {', '.join(DECLARED)} in the header",
+            found=repr(units[:20]) if units else "none",
+            advice="--unit names the unit",
         )
     # Below the names stand X1 Y1 Z1 …; a file without that line has its first frame there.
     below = source.lines[at + 1] if at + 1 < len(source.lines) else ""
@@ -72,6 +76,9 @@ def read(source: Source) -> Clip:
     times, notes = _times(values[:, 1], later, declared, source)
     kept = values if later.all() else values[later]
     points = (kept[:, 2:] * UNITS[units]).reshape(-1, count, 3)
+    if source.unit is None:
+        points, wrong = in_metres(labels, points)
+        defects += wrong
     refuse_far(points, labels, source, lambda row: table.line(int(np.flatnonzero(later)[row])))
     for key, found in (("numframes", len(values)), ("nummarkers", count)):
         told = declared.get(key, "")
@@ -87,7 +94,7 @@ def read(source: Source) -> Clip:
         format=FORMAT,
         reading=reading(
             units=units,
-            units_rule="the header's",
+            units_rule=NAMED if source.unit else "the header's",
             defects=defects,
             notes=notes,
             columns=values.shape[1],

@@ -19,6 +19,7 @@ from kinemimic.pipeline.inspect.study import COMPANION, FLAGGED, OTHER, USABLE
 from kinemimic.pipeline.inspect.summary import summary
 from kinemimic.pipeline.inspect.survey import drawings_of, files_of, folders, reports_of, with_companions
 from kinemimic.pipeline.inspect.terminal import show
+from kinemimic.pipeline.options import unit_option
 from kinemimic.pipeline.progress import progress
 
 
@@ -32,11 +33,18 @@ from kinemimic.pipeline.progress import progress
 @click.option("--json", "as_json", is_flag=True, help="Print everything as JSON.")
 @click.option("--files", "by_file", is_flag=True, help="A row for each file, not only for each folder.")
 @click.option("--suggest", is_flag=True, help="Only draft a description (TOML) of one file's own columns.")
+@unit_option("The files' unit of length; by default as their format or the body in them says.")
 @click.option(
     "--jobs", type=click.IntRange(min=1), help="Files looked at at once.  [default: one a processor]"
 )
 def command(
-    paths: tuple[Path, ...], plot: Path | None, as_json: bool, by_file: bool, suggest: bool, jobs: int | None
+    paths: tuple[Path, ...],
+    plot: Path | None,
+    as_json: bool,
+    by_file: bool,
+    suggest: bool,
+    unit: str | None,
+    jobs: int | None,
 ) -> int:
     """Say what each capture in PATHS is, how good it is, joint by joint, and what will be done to it.
 
@@ -59,7 +67,7 @@ def command(
     status = 0
     try:
         with progress("inspect", len(files)) as bar:
-            for one in reports_of(files, jobs=at_once):
+            for one in reports_of(files, jobs=at_once, unit=unit):
                 found.append(one)
                 bar.advance()
     except KeyboardInterrupt:
@@ -69,7 +77,7 @@ def command(
         return status
     reports = with_companions(found)
     if plot:
-        _write_page(plot, reports, jobs=at_once)
+        _write_page(plot, reports, jobs=at_once, unit=unit)
     if as_json:
         click.echo(json.dumps({"files": reports, "folders": folders(reports)}, indent=2, allow_nan=False))
     else:
@@ -94,7 +102,7 @@ def _suggest(paths: Sequence[Path]) -> int:
     return 0
 
 
-def _write_page(path: Path, reports: Sequence[dict[str, Any]], *, jobs: int) -> None:
+def _write_page(path: Path, reports: Sequence[dict[str, Any]], *, jobs: int, unit: str | None) -> None:
     """Read again what is drawn: the drawings of all files at once would not fit into a browser, or here."""
     from kinemimic.pipeline.inspect.curves import MOST_DRAWN, write_page  # noqa: PLC0415 (loads matplotlib)
 
@@ -102,7 +110,7 @@ def _write_page(path: Path, reports: Sequence[dict[str, Any]], *, jobs: int) -> 
     files = [Path(report["file"]) for report in captures[:MOST_DRAWN]]
     drawn: dict[Path, str] = {}
     with progress("draw", len(files)) as bar:
-        for file, section in drawings_of(files, jobs=jobs):
+        for file, section in drawings_of(files, jobs=jobs, unit=unit):
             drawn[file] = section
             bar.advance()
     write_page(path, captures, [drawn[file] for file in files])

@@ -38,19 +38,21 @@ class Studied:
     examination: Examination | None = None
 
 
-def study(path: Path) -> dict[str, Any]:
+def study(path: Path, *, unit: str | None = None) -> dict[str, Any]:
     """The report on one file; keys are the same for every file, None where there is nothing to say.
+
+    unit: of length, as in `recognise.read`.
 
     status: "usable", "flagged" (usable, with something that a person should know), "refused" or "other" (no
     capture at all); reason: why refused, or why no capture.
     """
-    return look_at(path).report
+    return look_at(path, unit=unit).report
 
 
-def look_at(path: Path) -> Studied:
+def look_at(path: Path, *, unit: str | None = None) -> Studied:
     """`study` with the clips in hand, for who wants to draw them."""
     try:
-        recorded = read(path)
+        recorded = read(path, unit=unit)
     except NotACaptureError as error:
         return Studied(unread(path, OTHER, str(error)))
     except KinemimicError as error:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 from collections import Counter
 from collections.abc import Iterable, Iterator, Sequence
+from functools import partial
 from pathlib import Path
 from statistics import median
 from typing import Any
@@ -36,28 +37,31 @@ def _below(folder: Path) -> Iterator[Path]:
         yield from (Path(place) / name for name in names if not name.startswith("."))
 
 
-def reports_of(files: Sequence[Path], *, jobs: int) -> Iterator[Report]:
-    """The report on each file as it is done, over a pool of processes: a damaged file costs only itself."""
-    for index, result in each(study, files, jobs=jobs, seconds=_patience(files)):
+def reports_of(files: Sequence[Path], *, jobs: int, unit: str | None = None) -> Iterator[Report]:
+    """The report on each file as it is done, over a pool of processes: a damaged file costs only itself.
+
+    unit: of length in all of them, as in `recognise.read`.
+    """
+    for index, result in each(partial(study, unit=unit), files, jobs=jobs, seconds=_patience(files)):
         yield unread(files[index], REFUSED, result.reason) if isinstance(result, Lost) else result
 
 
-def drawings_of(files: Sequence[Path], *, jobs: int) -> Iterator[tuple[Path, str]]:
+def drawings_of(files: Sequence[Path], *, jobs: int, unit: str | None = None) -> Iterator[tuple[Path, str]]:
     """Each file with its part of the page of curves (HTML), likewise; or with the reason why it has none."""
     from kinemimic.pipeline.inspect.curves import section  # noqa: PLC0415 (see `draw`)
 
-    for index, result in each(draw, files, jobs=jobs, seconds=_patience(files)):
+    for index, result in each(partial(draw, unit=unit), files, jobs=jobs, seconds=_patience(files)):
         file = files[index]
         lost = isinstance(result, Lost)
         yield file, section(Studied(unread(file, REFUSED, result.reason))) if lost else result
 
 
-def draw(path: Path) -> str:
+def draw(path: Path, *, unit: str | None = None) -> str:
     """One file's part of the page of curves (HTML)."""
     # matplotlib takes longer to load than most captures to read.
     from kinemimic.pipeline.inspect.curves import section  # noqa: PLC0415
 
-    return section(look_at(path))
+    return section(look_at(path, unit=unit))
 
 
 def _patience(files: Sequence[Path]) -> float:

@@ -2,32 +2,17 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 
-from kinemimic.pipeline.captures.units import ADULT_LEG, LEG_RANGE
-from kinemimic.pipeline.clip import Clip
+from kinemimic.pipeline.captures.units import LEG_RANGE, NAMED, UNITS, correction, fitting
+from kinemimic.pipeline.clip import Clip, scaled
 from kinemimic.pipeline.defect import Defect
 from kinemimic.pipeline.rules.body import length, median, nodes_of
-from kinemimic.pipeline.skeleton import Skeleton
-
-# True metres in what was taken for one metre: the file's unit is not the one that it was read in.
-FACTORS: dict[str, float] = {
-    "millimetres": 0.001,
-    "centimetres": 0.01,
-    "inches": 0.0254,
-    "feet": 0.3048,
-    "centimetres read as millimetres": 10.0,
-    "metres read as centimetres": 100.0,
-    "metres read as millimetres": 1000.0,
-}
-# An adult's leg within this factor either way decides between two units that both give a possible leg.
-ADULT = 1.35
 
 
 def check(clip: Clip) -> tuple[Clip, list[Defect]]:
-    """The clip in metres. Legs of 0.4 to 1.2 m are left alone; such as fit in no unit, or two, refuse it."""
+    """The clip in metres. Legs of 0.4 to 1.2 m are left alone; such as fit in no unit refuse it, and where
+    two fit, the likelier is taken and the doubt flagged. A unit that the user named is not corrected."""
     points = nodes_of(clip)
     legs = [
         median(length(points, f"hip_{side}", f"knee_{side}"))
@@ -37,25 +22,18 @@ def check(clip: Clip) -> tuple[Clip, list[Defect]]:
     leg = float(np.nanmean(legs)) if np.isfinite(legs).any() else float("nan")
     if np.isnan(leg) or leg == 0.0 or LEG_RANGE[0] <= leg <= LEG_RANGE[1]:
         return clip, []
-    fitting = [name for name, factor in FACTORS.items() if LEG_RANGE[0] <= leg * factor <= LEG_RANGE[1]]
-    adult = [name for name in fitting if 1.0 / ADULT <= leg * FACTORS[name] / ADULT_LEG <= ADULT]
-    chosen = fitting if len(fitting) == 1 else adult
     joints = len(clip.skeleton.names)
-    if len(chosen) != 1:
-        why = f"it fits in {' and in '.join(fitting)}" if fitting else "it fits in no unit of length"
-        text = f"a leg (thigh and shank) of {leg:.4g} m, and {why}; say which unit the file has"
+    reading = clip.provenance.get("reading", {})
+    if reading.get("units_rule") == NAMED:
+        text = _not_as_named(leg, reading["units"])
         return clip, [Defect("wrong_units", joints, "joints", "refused", text)]
-    factor = FACTORS[chosen[0]]
-    text = f"a leg of {leg:.4g} m: lengths are {chosen[0]}; times {factor:g} it is {leg * factor:.2f} m"
-    return scaled(clip, factor), [Defect("wrong_units", joints, "joints", "repaired", text)]
+    factor, found = correction(leg, joints)
+    return scaled(clip, factor) if factor != 1.0 else clip, found
 
 
-def scaled(clip: Clip, factor: float) -> Clip:
-    """All lengths of the clip times a factor."""
-    skeleton = Skeleton(clip.skeleton.names, clip.skeleton.parents, clip.skeleton.offsets * factor)
-    return replace(
-        clip,
-        skeleton=skeleton,
-        positions=clip.positions * factor,
-        translations=None if clip.translations is None else clip.translations * factor,
-    )
+def _not_as_named(leg: float, unit: str) -> str:
+    """Why a leg of so many metres is refused in the unit that the user named, and which unit would do."""
+    length = leg / UNITS[unit]
+    fits = " or ".join(f"{length * UNITS[name]:.2f} m in {name}" for name in fitting(length, UNITS))
+    would = f"it would be {fits}" if fits else "it fits in no unit of length"
+    return f"a leg (thigh and shank) of {leg:.4g} m in {unit}, {NAMED}; {would}"

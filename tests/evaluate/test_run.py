@@ -184,6 +184,7 @@ def test_the_choices_are_those_of_the_stages() -> None:
     ("flags", "stage", "file"),
     [
         (["--filter", "none"], "ingest", "raw.parquet"),
+        (["--unit", "cm"], "ingest", "raw.parquet"),
         (["--ankle", "normal"], "retarget", "motion.json"),
         (["--no-refine"], "retarget", "motion.json"),
         (["--symmetric"], "retarget", "motion.json"),

@@ -15,11 +15,10 @@ from kinemimic.pipeline.captures.nui_skl import FORMAT
 from kinemimic.pipeline.captures.recognise import read
 from kinemimic.pipeline.captures.recording import clip_of_points, reading
 from kinemimic.pipeline.captures.virtual import record_virtual
-from kinemimic.pipeline.clip import Clip
+from kinemimic.pipeline.clip import Clip, scaled
 from kinemimic.pipeline.defect import RULES, Defect
 from kinemimic.pipeline.examine import examine, plan
 from kinemimic.pipeline.rotations import IDENTITY, from_axis_angle
-from kinemimic.pipeline.rules.units import scaled
 from kinemimic.pipeline.rules.upright import turned
 from kinemimic.pipeline.skeleton import NODES, Skeleton, node_skeleton
 
@@ -120,8 +119,8 @@ def test_what_is_too_short_without_its_repeats_is_refused() -> None:
 
 
 def test_a_wrong_unit_is_the_reason_where_everybody_jumps() -> None:
-    refused = examine(scaled(walk(), 5.0)).refused
-    assert refused is not None and refused.rule == "wrong_units"
+    (found,) = examine(scaled(walk(), 5.0)).defects  # and nothing is said of its limbs
+    assert (found.rule, found.action) == ("wrong_units", "refused")
 
 
 def test_nobody_and_moments_are_refused(node_clip: Build) -> None:

@@ -112,27 +112,54 @@ def test_spelling_does_not_matter(bvh: Text, change: Callable[[str], str]) -> No
     )
 
 
+LEGS = ("Hips", "LeftUpLeg", "LeftLeg", "LeftFoot", "RightUpLeg", "RightLeg", "RightFoot")
+
+
+def legs_of(length: float) -> Array:
+    """Offsets (5, 7, 3) of LEGS with thigh plus shank so long."""
+    offsets = np.zeros((5, 7, 3))
+    offsets[:, [2, 3, 5, 6], 1] = -0.5 * length
+    offsets[:, 0] = 1e4  # where the root is says nothing
+    return offsets
+
+
 @pytest.mark.parametrize(
     ("metres", "name"),
     [(1.0, "m"), (0.01, "cm"), (0.001, "mm"), (0.0254, "inch"), (0.056444, "CMU (0.056444 m)")],
 )
 @pytest.mark.parametrize("leg", [0.62, 0.82, 0.98])
 def test_units_are_told_from_the_legs(metres: float, name: str, leg: float) -> None:
-    names = ("Hips", "LeftUpLeg", "LeftLeg", "LeftFoot", "RightUpLeg", "RightLeg", "RightFoot")
-    offsets = np.zeros((5, 7, 3))
-    offsets[:, [2, 3, 5, 6], 1] = -0.5 * leg / metres
-    offsets[:, 0] = 1e4  # where the root is says nothing
-    scale, unit = metres_per_unit(names, offsets, PATH)
-    assert unit == name
-    assert scale == pytest.approx(metres, rel=1e-4)
+    unit = metres_per_unit(LEGS, legs_of(leg / metres), PATH)
+    assert unit.name == name
+    assert unit.metres == pytest.approx(metres, rel=1e-4)
+    assert unit.defects == []
+
+
+@pytest.mark.parametrize("metres", [1.0, 0.01, 0.001])
+@pytest.mark.parametrize("leg", [0.41, 0.44, 0.46, 0.48, 0.52, 0.58])
+def test_a_small_child_is_no_giant_in_inches(metres: float, leg: float) -> None:
+    unit = metres_per_unit(LEGS, legs_of(leg / metres), PATH)
+    assert unit.metres == metres
+    # As inches, 41 to 47 are the legs of somebody of 2.1 to 2.4 m: hardly likely, but not impossible.
+    doubtful = unit.name == "cm" and leg < 1.2 / 2.54
+    assert [(found.rule, found.action) for found in unit.defects] == [("wrong_units", "flagged")] * doubtful
+    if doubtful:
+        assert f"in cm those of a person of {leg / 0.491:.2f} m, in inch of" in unit.defects[0].text
+
+
+def test_a_doubtful_unit_is_in_the_report(bvh: Text) -> None:
+    child = bvh().replace("OFFSET 0 -43 0", "OFFSET 0 -23 0").replace("OFFSET 0 -40 0", "OFFSET 0 -21 0")
+    reading = reader.read(Source.of_text(child, PATH)).provenance["reading"]
+    assert reading["units"] == "cm"
+    (defect,) = reading["defects"]
+    assert (defect["rule"], defect["action"]) == ("wrong_units", "flagged")
 
 
 def test_units_that_cannot_be_told() -> None:
-    names = ("Hips", "LeftUpLeg", "LeftLeg", "LeftFoot", "RightUpLeg", "RightLeg", "RightFoot")
     with pytest.raises(CaptureError, match="thigh plus shank of 0 units"):
-        metres_per_unit(names, np.zeros((2, 7, 3)), PATH)
+        metres_per_unit(LEGS, np.zeros((2, 7, 3)), PATH)
     with pytest.raises(CaptureError, match=r"thigh plus shank of 1e\+06 units"):
-        metres_per_unit(names, np.full((2, 7, 3), 0.5e6 / np.sqrt(3)), PATH)
+        metres_per_unit(LEGS, np.full((2, 7, 3), 0.5e6 / np.sqrt(3)), PATH)
     with pytest.raises(CaptureError, match="no knee_left, ankle_left, knee_right, ankle_right among a, b"):
         metres_per_unit(("a", "b"), np.ones((2, 2, 3)), PATH)
 

@@ -77,6 +77,16 @@ def test_axes_units_and_points_that_are_no_markers() -> None:
     assert_is_the_walk(read(written([*labels, "LKneeMoment"], forces, rate=RATE, units="mm")), 1e-6)
 
 
+@pytest.mark.parametrize(("units", "times"), [("mm", 1.0), ("m", 1000.0), ("cm", 1.0)])
+def test_markers_in_another_unit_than_the_file_says(units: str, times: float) -> None:
+    places = markers(in_sight(walk(30, RATE)))
+    points = times * np.stack(list(places.values()), axis=1)
+    clip = read(written(list(places), points, rate=RATE, units=units, Y_SCREEN=["+Z"]))
+    assert_is_the_walk(clip, 1e-6)
+    (found,) = clip.provenance["reading"]["defects"]
+    assert (found["rule"], found["action"]) == ("wrong_units", "repaired")
+
+
 def test_points_with_a_negative_residual_are_missing() -> None:
     places = markers(in_sight(walk(30, RATE)))
     points = 1000.0 * np.stack(list(places.values()), axis=1)

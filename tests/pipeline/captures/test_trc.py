@@ -15,11 +15,13 @@ from kinemimic.pipeline.captures import recognise
 from kinemimic.pipeline.captures.source import Source
 from kinemimic.pipeline.clip import Clip
 from kinemimic.pipeline.errors import CaptureError
+from kinemimic.pipeline.examine import examine
 from kinemimic.pipeline.nodes import made_up, to_nodes
 from kinemimic.pipeline.skeleton import NODE_INDEX
 
 Array = NDArray[np.float64]
 TEXT = files(30)["walk.trc"].decode()
+LONGER = files(90)["walk.trc"].decode()
 
 
 def read(content: str) -> Clip:
@@ -73,6 +75,42 @@ def test_units_of_the_header() -> None:
     assert clip.provenance["reading"]["units"] == "m"
     with pytest.raises(CaptureError, match="expected Units of mm, cm, m in the header, found 'furlong'"):
         read(TEXT.replace("\tmm\t", "\tfurlong\t"))
+
+
+def in_unit(metres: float) -> str:
+    """The file, whose header says mm, with its numbers in another unit."""
+    rows = LONGER.split("\n")
+    for k in range(6, len(rows) - 1):
+        fields = rows[k].split("\t")
+        rows[k] = "\t".join([*fields[:2], *(f"{float(x) * 0.001 / metres:.9f}" for x in fields[2:])])
+    return "\n".join(rows)
+
+
+@pytest.mark.parametrize(
+    ("content", "name"),
+    [
+        (in_unit(1.0), "metres read as millimetres"),
+        (in_unit(0.01), "centimetres read as millimetres"),
+        (LONGER.replace("\tmm\t", "\tm\t"), "millimetres"),
+    ],
+)
+def test_a_header_with_another_unit_is_repaired(content: str, name: str) -> None:
+    clip = read(content)
+    assert np.allclose(clip.positions, read(LONGER).positions, atol=1e-8)
+    # Nothing else is wrong with it: of centres that are built before the repair it would seem mirrored, too.
+    (found,) = examine(clip).defects
+    assert (found.rule, found.action) == ("wrong_units", "repaired")
+    assert f"lengths are {name}; " in found.text
+
+
+@pytest.mark.parametrize("capture", ["Gait2354_Simbody__subject01_walk1", "Hamner__subject02_running"])
+def test_clusters_in_another_unit_are_repaired(captures: Path, tmp_path: Path, capture: str) -> None:
+    path = captures / "lab_opensim_gait" / f"{capture}.trc"
+    liar = tmp_path / "liar.trc"
+    liar.write_bytes(path.read_bytes().replace(b"\tmm\t", b"\tm\t"))
+    clip, true = recognise.read(liar), recognise.read(path)
+    assert np.allclose(clip.positions, true.positions, atol=1e-9, equal_nan=True)
+    assert [defect["rule"] for defect in clip.provenance["reading"]["defects"]] == ["wrong_units"]
 
 
 def test_a_marker_that_was_not_seen_is_a_gap_in_what_follows_from_it() -> None:

@@ -170,6 +170,11 @@ def test_damage_is_one_line(short: Path, name: str, content: bytes | None, messa
         read(short)
 
 
+def test_its_unit_is_not_for_the_command_line_to_say(short: Path) -> None:
+    with pytest.raises(CaptureError, match=r"expected its unit in camera.toml, found --unit"):
+        read(short, unit="mm")
+
+
 def test_no_images_and_no_recording_are_told(short: Path, tmp_path: Path) -> None:
     shutil.rmtree(short / "depth")
     with pytest.raises(CaptureError, match="expected depth images named by their frame"):

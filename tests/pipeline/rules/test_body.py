@@ -12,7 +12,7 @@ import pytest
 from kinemimic.pipeline.captures.bvh import read as read_bvh
 from kinemimic.pipeline.captures.deepmimic import read_deepmimic, stock_motion
 from kinemimic.pipeline.captures.source import Source
-from kinemimic.pipeline.clip import Clip
+from kinemimic.pipeline.clip import Clip, scaled
 from kinemimic.pipeline.euler import local_rotations, world_positions
 from kinemimic.pipeline.orient import node_rotations
 from kinemimic.pipeline.rotations import from_axis_angle, rotate
@@ -50,12 +50,12 @@ def test_a_sound_body_has_no_defect(moving: Moving, kind: str, noise: float) -> 
 )
 def test_wrong_units_are_told_and_repaired(moving: Moving, times: float, name: str) -> None:
     clip = moving(60)
-    repaired, (found,) = units.check(units.scaled(clip, times))
+    repaired, (found,) = units.check(scaled(clip, times))
     assert (found.rule, found.action) == ("wrong_units", "repaired") and name in found.text
     np.testing.assert_allclose(repaired.positions, clip.positions, atol=1e-9)
 
 
-def test_units_that_fit_twice_or_never_are_refused(moving: Moving) -> None:
+def test_units_that_fit_twice_are_flagged_those_that_fit_never_refused(moving: Moving) -> None:
     clip = moving(60)
     leg = np.median(
         np.linalg.norm(clip.positions[:, N["hip_left"]] - clip.positions[:, N["knee_left"]], axis=-1)
@@ -63,15 +63,18 @@ def test_units_that_fit_twice_or_never_are_refused(moving: Moving) -> None:
     leg += np.median(
         np.linalg.norm(clip.positions[:, N["knee_left"]] - clip.positions[:, N["ankle_left"]], axis=-1)
     )
-    _, (found,) = units.check(units.scaled(clip, 45.0 / leg))  # a child in cm, a giant in inches
-    assert found.action == "refused" and "fits in centimetres and in inches" in found.text
-    assert units.check(units.scaled(clip, 4.0 / leg))[1][0].action == "refused"
-    assert units.check(units.scaled(clip, 0.5 / leg))[1] == []  # a child in metres
+    # A child in cm is likelier than a giant in inches.
+    child, found = units.check(scaled(clip, 45.0 / leg))
+    np.testing.assert_allclose(child.positions, clip.positions * (0.45 / leg), atol=1e-9)
+    assert [one.action for one in found] == ["repaired", "flagged"]
+    assert "lengths are centimetres" in found[0].text and "in inches of 2.33 m" in found[1].text
+    assert units.check(scaled(clip, 4.0 / leg))[1][0].action == "refused"
+    assert units.check(scaled(clip, 0.5 / leg))[1] == []  # a child in metres
 
 
 def test_euler_captures_are_scaled_whole(bvh: Text) -> None:
     clip = read_bvh(Source.of_text(bvh(), Path("a.bvh")))
-    repaired, _ = units.check(units.scaled(clip, 100.0))
+    repaired, _ = units.check(scaled(clip, 100.0))
     assert repaired.translations is not None and clip.translations is not None
     np.testing.assert_allclose(repaired.translations, clip.translations, atol=1e-12)
     np.testing.assert_allclose(repaired.skeleton.offsets, clip.skeleton.offsets, atol=1e-12)
@@ -237,16 +240,16 @@ def shortened(clip: Clip, share: float, joint: str, above: str) -> Clip:
 def test_children_pass_and_fused_legs_do_not(moving: Moving) -> None:
     clip = moving(120, noise=0.006)
     for size in (0.6, 0.75, 1.15):
-        assert limbs.check(units.scaled(moving(120, noise=0.006 * size), size)) == []
+        assert limbs.check(scaled(moving(120, noise=0.006 * size), size)) == []
     assert limbs.check(shortened(clip, 0.9, "ankle", "knee")) == []
-    fused = shortened(units.scaled(clip, 0.75), 0.72, "ankle", "knee")
+    fused = shortened(scaled(clip, 0.75), 0.72, "ankle", "knee")
     (found,) = limbs.check(fused)
     assert (found.rule, found.action) == ("impossible_limbs", "refused")
     assert "times the shank" in found.text
 
 
 def test_a_child_before_a_noisy_sensor_is_no_machine(moving: Moving) -> None:
-    found = limbs.check(units.scaled(moving(240, noise=0.045), 0.7))
+    found = limbs.check(scaled(moving(240, noise=0.045), 0.7))
     assert {defect.rule for defect in found} <= {"bone_drift"}
     assert found == [] or found[0].action == "flagged"
 
