@@ -12,12 +12,13 @@ from typing import Any
 import numpy as np
 from foxglove_schemas_protobuf.FrameTransforms_pb2 import FrameTransforms
 from google.protobuf.message import DecodeError
+from lz4.frame import LZ4FrameDecompressor
 from mcap.exceptions import EndOfFile, InvalidMagic, McapError
 from mcap.records import Channel, Chunk, McapRecord, Message, Metadata
 from mcap.stream_reader import StreamReader, breakup_chunk
 from mcap.writer import MCAP0_MAGIC
 from numpy.typing import NDArray
-from zstandard import ZstdError
+from zstandard import ZstdDecompressor, ZstdError
 
 from kinemimic.pipeline.errors import KinemimicError
 from kinemimic.pipeline.rotations import continuous
@@ -27,8 +28,16 @@ from kinemimic.retarget.motion import Motion
 
 Array = NDArray[np.float64]
 
-# What the library raises over damaged bytes; EndOfFile says that the file is too short.
-_DAMAGE = (McapError, ZstdError, DecodeError, ValueError, KeyError, IndexError, struct.error, OverflowError)
+# A frame takes 3 kB: 100 minutes at 60 Hz, far more than is performed in one go. What is packed may claim
+# any size, and a few kilobytes unpack to gigabytes. A chunk of ours has 256 KiB, of other writers some MiB.
+MAX_BYTES = 2**30
+MAX_CHUNK = 16 * 2**20
+
+# What the libraries raise over damaged bytes (lz4: RuntimeError); EndOfFile says that the file is too short.
+_DAMAGE = (
+    McapError, ZstdError, DecodeError, ValueError, KeyError, IndexError, struct.error, OverflowError,
+    RuntimeError,
+)  # fmt: skip
 
 
 @dataclass(frozen=True)
@@ -106,17 +115,23 @@ def _records(path: Path, scan: _Scan) -> Iterator[McapRecord]:
     """The records that can be read; `scan.trouble` tells of the first that cannot."""
     if not path.is_file():
         raise KinemimicError(f"{path}: expected an MCAP file, found none")
+    _bound(path, path.stat().st_size)
+    unpacked = 0
     with path.open("rb") as stream:
         if stream.read(len(MCAP0_MAGIC)) != MCAP0_MAGIC:
             raise KinemimicError(f"{path}: expected an MCAP file, found something else")
         stream.seek(0)
+        reader = StreamReader(stream, emit_chunks=True, validate_crcs=True, record_size_limit=MAX_BYTES)
         try:
-            for record in StreamReader(stream, emit_chunks=True, validate_crcs=True).records:
+            for record in reader.records:
                 if not isinstance(record, Chunk):
                     yield record
                     continue
                 try:
-                    yield from breakup_chunk(record, validate_crc=True)
+                    chunk = _unpacked(record)
+                    unpacked += len(chunk.data)
+                    _bound(path, unpacked)
+                    yield from breakup_chunk(chunk, validate_crc=True)
                 except _DAMAGE:
                     scan.trouble = scan.trouble or "damaged (a checksum is wrong)"
         except (EndOfFile, InvalidMagic, struct.error):
@@ -124,6 +139,31 @@ def _records(path: Path, scan: _Scan) -> Iterator[McapRecord]:
             scan.trouble = scan.trouble or "cut off"
         except (*_DAMAGE, MemoryError):
             scan.trouble = scan.trouble or "damaged"
+
+
+def _bound(path: Path, size: int) -> None:
+    if size > MAX_BYTES:
+        raise KinemimicError(f"{path}: expected an MCAP of at most {MAX_BYTES >> 20} MiB, found more")
+
+
+def _unpacked(chunk: Chunk) -> Chunk:
+    """The chunk uncompressed; ValueError if it is not of the size that it says, or larger than MAX_CHUNK.
+
+    The library trusts the size that stands in the compressed data.
+    """
+    size = chunk.uncompressed_size
+    if size > MAX_CHUNK:
+        raise ValueError("a chunk too large")
+    match chunk.compression:
+        case "zstd":
+            data = ZstdDecompressor().stream_reader(chunk.data).read(size + 1)
+        case "lz4":
+            data = LZ4FrameDecompressor().decompress(chunk.data, max_length=size + 1)
+        case _:
+            data = chunk.data
+    if len(data) != size:
+        raise ValueError("a chunk of another size than it says")
+    return replace(chunk, compression="", data=data)
 
 
 def _longest(numbers: list[int]) -> tuple[int, int]:
