@@ -7,7 +7,6 @@ the reader (described.py) needs to know nothing of patterns and steps.
 from __future__ import annotations
 
 import codecs
-import tomllib
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -16,9 +15,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from kinemimic.pipeline.captures.description import Clock, Description, Joint, Space, States, Text, Turns
-from kinemimic.pipeline.captures.toml_keys import MAX_COLUMNS, Column, Keys, short
+from kinemimic.pipeline.captures.toml_keys import MAX_COLUMNS, Column, Keys, parse_toml
 from kinemimic.pipeline.captures.units import UNITS
-from kinemimic.pipeline.errors import CaptureError
 from kinemimic.pipeline.rotations import ORDERS
 
 Array = NDArray[np.float64]
@@ -44,10 +42,7 @@ _PARTS = {"position": 3, "quaternion": 4, "euler": 3, "state": 1}
 
 def parse(path: Path, content: str) -> Description:
     """The description in a TOML file's text; CaptureError names the first mistake's key."""
-    try:
-        values = tomllib.loads(content)
-    except (tomllib.TOMLDecodeError, RecursionError) as error:
-        raise CaptureError(path, expected="TOML", found=short(str(error)) or "deep nesting") from None
+    values = parse_toml(path, content)
     keys = Keys(path, "", values)
     if keys.get(SCHEMA_KEY) != SCHEMA:
         keys.fail(

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import re
-import tomllib
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any, NoReturn
 
-from kinemimic.pipeline.captures.toml_keys import Keys
+from kinemimic.pipeline.bounded import MEGABYTE, read_bounded
+from kinemimic.pipeline.captures.toml_keys import Keys, parse_toml
 from kinemimic.pipeline.catalog.entry import Catalog, Collection, Entry
 from kinemimic.pipeline.data_folder import DATASETS
 from kinemimic.pipeline.errors import KinemimicError
@@ -16,7 +16,7 @@ from kinemimic.pipeline.errors import KinemimicError
 CATALOG = DATASETS / "catalog.toml"
 SCHEMA = 1
 NONE = "none"  # the format of what no reader takes
-MAX_BYTES = 16 * 2**20  # of a catalogue
+MAX_BYTES = 16 * MEGABYTE  # of a catalogue
 MAX_COLLECTIONS = 10_000
 MAX_FILES = 100_000  # of a collection
 LARGEST = 2**40  # bytes of a file
@@ -37,13 +37,9 @@ def load_catalog(path: Path = CATALOG) -> Catalog:
     A KinemimicError, in one line, names the line and the key of the first mistake.
     """
     try:
-        if path.stat().st_size > MAX_BYTES:
-            raise KinemimicError(f"{path}: expected a catalogue of at most {MAX_BYTES:,} bytes, found more")
-        text = path.read_bytes().decode("utf-8")
+        text = read_bounded(path, MAX_BYTES, "a catalogue").decode("utf-8")
     except FileNotFoundError:
         raise KinemimicError(f"{path}: expected a catalogue, found no file") from None
-    except IsADirectoryError:
-        raise KinemimicError(f"{path}: expected a catalogue, found a folder") from None
     except UnicodeDecodeError as error:
         raise KinemimicError(f"{path}: expected text in UTF-8, found {error.reason}") from None
     return parse_catalog(path, text)
@@ -51,11 +47,7 @@ def load_catalog(path: Path = CATALOG) -> Catalog:
 
 def parse_catalog(path: Path, text: str) -> Catalog:
     """The catalogue of a text; path: what messages call it."""
-    try:
-        values = tomllib.loads(text)
-    except (tomllib.TOMLDecodeError, RecursionError) as error:
-        raise KinemimicError(f"{path}: expected TOML, found {error or 'deep nesting'}") from None
-    keys = Keys(path, "", values)
+    keys = Keys(path, "", parse_toml(path, text))
     if keys.get("schema") != SCHEMA or isinstance(keys.get("schema"), bool):
         keys.fail("schema", expected=f"{SCHEMA}", found=keys.get("schema"))
     lines = _Lines(text)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from pathlib import Path
 
 import pytest
@@ -96,6 +97,7 @@ BROKEN = [
     (f"bytes = {len(CONTENT)}", "bytes = true", r"bytes: expected the file's size in bytes"),
     ('sha256 = "', 'sha256 = "A', r"line 16, key walks\.files\[1\]\.sha256: expected 64 hexadecimal digits"),
     ("[[collection]] # of walks", "[collection]", r"expected TOML"),
+    (f"bytes = {len(CONTENT)}", "bytes = 99999999999999999999", r"bytes: expected whole numbers from"),
 ]  # fmt: skip
 
 
@@ -110,11 +112,13 @@ def test_a_mistake_is_one_line_with_its_place(catalog_file: Path, put: str, by: 
 
 
 def test_what_is_no_catalogue_is_told(tmp_path: Path) -> None:
+    os.mkfifo(tmp_path / "pipe")
     (tmp_path / "binary").write_bytes(b"\xff\xfe\x00")
     (tmp_path / "files").write_text('schema = 1\n[[collection]]\nname = "x"\nfiles = 3')
     for name, told in (
         ("none", "found no file"),
         ("", "found a folder"),
+        ("pipe", "found a pipe or a device"),
         ("binary", "expected text in UTF-8"),
     ):
         with pytest.raises(KinemimicError, match=told):
