@@ -88,6 +88,8 @@ BROKEN = [
     ('name = "one.skl"', 'name = "/one.skl"', r"walks\.files\[1\]\.name"),
     ('name = "one.skl"', 'name = ".bashrc"', r"walks\.files\[1\]\.name"),
     ('name = "one.skl"', 'name = "one\\u0000"', r"walks\.files\[1\]\.name"),
+    ('name = "one.skl"', 'name = "a\\u202elks.exe"', r"files\[1\]\.name: .* found 'a.u202elks.exe'"),
+    ('path = "a folder/one.skl"', 'path = "a\\u2066/one"', r"line 16, key walks\.files\[1\]\.path"),
     ('name = "one.skl"', 'name = "two.skl"', r"walks\.files\[2\]\.name: .* 'two.skl' for the second time"),
     ('path = "a folder/one.skl"', 'path = "a/../../one"', r"line 16, key walks\.files\[1\]\.path"),
     ('path = "a folder/one.skl"', 'path = "/one"', r"line 16, key walks\.files\[1\]\.path"),
@@ -109,6 +111,18 @@ def test_a_mistake_is_one_line_with_its_place(catalog_file: Path, put: str, by: 
     with pytest.raises(KinemimicError, match=rf"made\.toml.*{told}") as raised:
         load_catalog(catalog_file)
     assert "\n" not in str(raised.value)
+
+
+def test_a_long_catalogue_is_read_and_its_last_mistake_found(catalog_file: Path) -> None:
+    head = catalog_file.read_text().partition("files = [")[0]
+    files = [f'{{ name = "f{k}", path = "p/f{k}", bytes = 1, sha256 = "{k:064d}" }},' for k in range(20_000)]
+    text = head + "files = [\n" + "\n".join(files) + "\n]\n"
+    (found,) = parse_catalog(catalog_file, text).collections
+    assert [one.file for one in found.entries] == [f"f{k}" for k in range(20_000)]
+    wrong = text.replace('"p/f19998"', "7").replace('"f19999"', '"f19998"')
+    line = text.count("\n") - 2
+    with pytest.raises(KinemimicError, match=rf"line {line}, key walks\.files\[19999\]\.path"):
+        parse_catalog(catalog_file, wrong)
 
 
 def test_what_is_no_catalogue_is_told(tmp_path: Path) -> None:
