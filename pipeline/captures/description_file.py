@@ -34,6 +34,8 @@ SEPARATORS: dict[str, str | None] = {
 SECONDS: dict[str, float] = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "100ns": 1e-7, "frame": 1.0}
 LENGTHS: dict[str, float] = {name: UNITS[name] for name in ("m", "cm", "mm", "inch")}
 _AXES = "XYZ"
+# Python's codecs of single names, and one that always fails; none is of a file, and the first two take hours.
+_NO_ENCODINGS = ("punycode", "idna", "undefined")
 _MAX_LINES = 10_000
 _MAX_JOINTS = 500
 # What a joint has columns of, and how many.
@@ -78,8 +80,10 @@ def _text(keys: Keys) -> Text:
     encoding = keys.text("encoding", "")
     if encoding:
         try:
-            codecs.lookup(encoding)
-        except LookupError:
+            known = codecs.lookup(encoding).name not in _NO_ENCODINGS
+        except (LookupError, ValueError):  # the latter of a name with a NUL
+            known = False
+        if not known:
             keys.fail("encoding", expected='an encoding such as "utf-8" or "latin-1"', found=repr(encoding))
     header = keys.whole("header", 0, 0, _MAX_LINES)
     first = keys.whole("first_row", header + 1, header + 1, _MAX_LINES)
