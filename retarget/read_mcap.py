@@ -25,6 +25,7 @@ from kinemimic.pipeline.rotations import continuous
 from kinemimic.pipeline.skeleton import NODE_INDEX, NODES
 from kinemimic.retarget.export_mcap import BASE, FRAMES, RECORD, SIDES
 from kinemimic.retarget.motion import Motion
+from kinemimic.retarget.motion_check import checked
 
 Array = NDArray[np.float64]
 
@@ -82,6 +83,7 @@ def recover_mcap(path: Path) -> Recovered:
             f"{path}: expected what `retarget` or `export` writes, found another's or an older file; "
             "write it again"
         ) from None
+    motion = checked(path, motion)
     if scan.trouble is None and last - first == played:
         return Recovered(motion, None)
     held = f"frames {first} to {last - 1} of {played} ({(last - first) / motion.rate:.2f} s)"
@@ -204,7 +206,7 @@ def _motion(record: dict[str, Any], frames: dict[int, bytes], first: int, last: 
         rotations=continuous(rotations),
         contacts=planted[np.arange(first, last) % length],
         cyclic=cyclic,
-        cycle_offset=np.array(record["cycle_offset"]) if cyclic else np.zeros(3),
+        cycle_offset=np.array(record["cycle_offset"], dtype=np.float64) if cyclic else np.zeros(3),
         offsets=offsets,
         provenance=record["provenance"],
     )

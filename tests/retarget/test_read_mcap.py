@@ -190,6 +190,35 @@ def test_a_chunk_of_other_bytes_than_its_compression_is_damage(
         motion_from_mcap(path)
 
 
+@pytest.mark.parametrize(
+    ("key", "value", "told"),
+    [
+        ("fps", "0", "fps: expected 1 to 1000 frames a second, found 0"),
+        ("fps", "NaN", "fps: expected 1 to 1000 frames a second, found nan"),
+        ("fps", "1e300", "fps: expected 1 to 1000 frames a second"),
+        ("fps", "1" + 400 * "0", "another's or an older file"),
+        ("provenance", "[]", "provenance: expected an object"),
+        ("provenance", '"x"', "provenance: expected an object"),
+        ("provenance", '{"x": NaN}', "provenance: expected plain JSON"),
+        ("provenance", '{"capture": "x"}', "provenance.capture: expected an object, found 'x'"),
+        ("provenance", 100_000 * "[", "another's or an older file"),
+        ("cycle_offset", "[NaN, 0, 0]", "cycle_offset: expected less than 10,000 m, found nan"),
+        ("cycle_offset", "[1]", "cycle_offset: expected 3 numbers"),
+        ("cycle_offset", '"x"', "another's or an older file"),
+    ],
+)
+def test_a_record_out_of_reason_is_refused(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, key: str, value: str, told: str
+) -> None:
+    original = export_mcap._metadata
+    monkeypatch.setattr(export_mcap, "_metadata", lambda *told: original(*told) | {key: value})
+    write_mcap(tmp_path / "odd.mcap", motion(5, cyclic=True))
+    for read in (motion_from_mcap, recover_mcap):
+        with pytest.raises(KinemimicError, match=told) as caught:
+            read(tmp_path / "odd.mcap")
+        assert "\n" not in str(caught.value)
+
+
 def test_files_of_others_are_refused(tmp_path: Path) -> None:
     with pytest.raises(KinemimicError, match="expected an MCAP file, found none"):
         motion_from_mcap(tmp_path / "none.mcap")
