@@ -123,7 +123,7 @@ def _records(path: Path, scan: _Scan) -> Iterator[McapRecord]:
         if stream.read(len(MCAP0_MAGIC)) != MCAP0_MAGIC:
             raise KinemimicError(f"{path}: expected an MCAP file, found something else")
         stream.seek(0)
-        reader = StreamReader(stream, emit_chunks=True, validate_crcs=True, record_size_limit=MAX_BYTES)
+        reader = StreamReader(stream, emit_chunks=True, validate_crcs=True)
         try:
             for record in reader.records:
                 if not isinstance(record, Chunk):
@@ -149,22 +149,20 @@ def _bound(path: Path, size: int) -> None:
 
 
 def _unpacked(chunk: Chunk) -> Chunk:
-    """The chunk uncompressed; ValueError if it is not of the size that it says, or larger than MAX_CHUNK.
+    """The chunk uncompressed; ValueError for more than MAX_CHUNK bytes.
 
-    The library trusts the size that stands in the compressed data.
+    The library unpacks as much as there is, or as the compressed data say. What the chunk says of its size is
+    not needed: its checksum vouches for its content.
     """
-    size = chunk.uncompressed_size
-    if size > MAX_CHUNK:
-        raise ValueError("a chunk too large")
     match chunk.compression:
         case "zstd":
-            data = ZstdDecompressor().stream_reader(chunk.data).read(size + 1)
+            data = ZstdDecompressor().stream_reader(chunk.data).read(MAX_CHUNK + 1)
         case "lz4":
-            data = LZ4FrameDecompressor().decompress(chunk.data, max_length=size + 1)
+            data = LZ4FrameDecompressor().decompress(chunk.data, max_length=MAX_CHUNK + 1)
         case _:
             data = chunk.data
-    if len(data) != size:
-        raise ValueError("a chunk of another size than it says")
+    if len(data) > MAX_CHUNK:
+        raise ValueError("a chunk too large")
     return replace(chunk, compression="", data=data)
 
 

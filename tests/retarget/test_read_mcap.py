@@ -165,7 +165,7 @@ def test_a_chunk_that_unpacks_to_more_than_it_may_is_damage(
     packed = zstandard.compress(zeros) if compression == "zstd" else lz4.frame.compress(zeros)
     assert len(packed) < 100_000
     bomb = with_chunk(cycle, tmp_path, size=claimed, compression=compression.encode(), packed=packed)
-    # The lie tells on itself: it is found without a checksum, and what else there is stays whole.
+    # Found without a checksum, and what else there is stays whole.
     found = recover_mcap(bomb)
     assert found.lost is not None and "damaged" in found.lost
     assert found.motion.identity == motion(50, cyclic=True).identity
