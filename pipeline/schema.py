@@ -37,7 +37,7 @@ def upgraded(
     """
     found = document.get("schema", 0)
     if type(found) is not int or found < 0:
-        raise KinemimicError(f"{path}: expected {kind} of schema {schema}, found {found!r}; {advice}")
+        raise KinemimicError(f"{path}: expected {kind} of schema {schema}, found {found!r:.40}; {advice}")
     if found > schema:
         raise KinemimicError(
             f"{path}: expected {kind} of schema {schema}, found {found}, which a later version of kinemimic "

@@ -14,6 +14,7 @@ from kinemimic.pipeline.schema import upgraded
 from kinemimic.pipeline.skeleton import LAYERS, NODE_INDEX, NODE_PARENTS, NODES
 from kinemimic.pipeline.store import read_json
 from kinemimic.retarget.motion import Motion
+from kinemimic.retarget.motion_check import checked
 
 Array = NDArray[np.float64]
 T = TypeVar("T")
@@ -77,8 +78,8 @@ def motion_from_json(path: Path) -> Motion:
     )
     frames = document.value("frames", int)
     rate = document.value("fps", float)
-    if frames < 1 or not (np.isfinite(rate) and rate > 0):
-        raise KinemimicError(f"{path}: expected frames and fps above zero, found {frames} and {rate}")
+    if frames < 1:
+        raise KinemimicError(f"{path}: expected frames above zero, found {frames}")
     # First, so that a wrong number of frames is found before room is made for them.
     root = document.array("root.positions", (frames, 3))
     rotations, offsets = np.empty((frames, len(NODES), 4)), np.empty((len(NODES), 3))
@@ -94,7 +95,7 @@ def motion_from_json(path: Path) -> Motion:
                     f"{path}: {place}.rotations, frame {off[0]}: expected a unit quaternion, "
                     f"found length {lengths[off[0]]:.6g}"
                 )
-    return Motion(
+    motion = Motion(
         rate=rate,
         root=root,
         rotations=rotations,
@@ -106,6 +107,7 @@ def motion_from_json(path: Path) -> Motion:
         offsets=offsets,
         provenance=document.value("provenance", dict),
     )
+    return checked(path, motion)
 
 
 class _Checked:
@@ -126,11 +128,12 @@ class _Checked:
 
     def expect(self, place: str, wanted: Any) -> None:
         if (found := self.fetch(place)) != wanted:
-            raise KinemimicError(f"{self.path}: {place}: expected {wanted!r}, found {found!r}")
+            raise KinemimicError(f"{self.path}: {place}: expected {wanted!r}, found {found!r:.40}")
 
     def value(self, place: str, kind: type[T]) -> T:
         found = self.fetch(place)
-        if kind is float and type(found) is int:
+        # 64 bits, as far as whole numbers go in JSON; float() cannot take them all.
+        if kind is float and type(found) is int and abs(found) < 2**63:
             found = float(found)
         if type(found) is not kind:
             raise KinemimicError(f"{self.path}: {place}: expected {kind.__name__}, found {found!r:.40}")
@@ -139,7 +142,7 @@ class _Checked:
     def array(self, place: str, shape: tuple[int, ...]) -> Array:
         try:
             array = np.array(self.fetch(place), dtype=np.float64)
-        except (TypeError, ValueError):
+        except (TypeError, ValueError, OverflowError):
             raise KinemimicError(
                 f"{self.path}: {place}: expected numbers of shape {shape}, found other"
             ) from None

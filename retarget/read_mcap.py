@@ -12,23 +12,33 @@ from typing import Any
 import numpy as np
 from foxglove_schemas_protobuf.FrameTransforms_pb2 import FrameTransforms
 from google.protobuf.message import DecodeError
+from lz4.frame import LZ4FrameDecompressor
 from mcap.exceptions import EndOfFile, InvalidMagic, McapError
 from mcap.records import Channel, Chunk, McapRecord, Message, Metadata
 from mcap.stream_reader import StreamReader, breakup_chunk
 from mcap.writer import MCAP0_MAGIC
 from numpy.typing import NDArray
-from zstandard import ZstdError
+from zstandard import ZstdDecompressor, ZstdError
 
 from kinemimic.pipeline.errors import KinemimicError
 from kinemimic.pipeline.rotations import continuous
 from kinemimic.pipeline.skeleton import NODE_INDEX, NODES
 from kinemimic.retarget.export_mcap import BASE, FRAMES, RECORD, SIDES
 from kinemimic.retarget.motion import Motion
+from kinemimic.retarget.motion_check import checked
 
 Array = NDArray[np.float64]
 
-# What the library raises over damaged bytes; EndOfFile says that the file is too short.
-_DAMAGE = (McapError, ZstdError, DecodeError, ValueError, KeyError, IndexError, struct.error, OverflowError)
+# A frame takes 3 kB: 100 minutes at 60 Hz, far more than is performed in one go. What is packed may claim
+# any size, and a few kilobytes unpack to gigabytes. A chunk of ours has 256 KiB, of other writers some MiB.
+MAX_BYTES = 2**30
+MAX_CHUNK = 16 * 2**20
+
+# What the libraries raise over damaged bytes (lz4: RuntimeError); EndOfFile says that the file is too short.
+_DAMAGE = (
+    McapError, ZstdError, DecodeError, ValueError, KeyError, IndexError, struct.error, OverflowError,
+    RuntimeError,
+)  # fmt: skip
 
 
 @dataclass(frozen=True)
@@ -73,6 +83,7 @@ def recover_mcap(path: Path) -> Recovered:
             f"{path}: expected what `retarget` or `export` writes, found another's or an older file; "
             "write it again"
         ) from None
+    motion = checked(path, motion)
     if scan.trouble is None and last - first == played:
         return Recovered(motion, None)
     held = f"frames {first} to {last - 1} of {played} ({(last - first) / motion.rate:.2f} s)"
@@ -106,17 +117,23 @@ def _records(path: Path, scan: _Scan) -> Iterator[McapRecord]:
     """The records that can be read; `scan.trouble` tells of the first that cannot."""
     if not path.is_file():
         raise KinemimicError(f"{path}: expected an MCAP file, found none")
+    _bound(path, path.stat().st_size)
+    unpacked = 0
     with path.open("rb") as stream:
         if stream.read(len(MCAP0_MAGIC)) != MCAP0_MAGIC:
             raise KinemimicError(f"{path}: expected an MCAP file, found something else")
         stream.seek(0)
+        reader = StreamReader(stream, emit_chunks=True, validate_crcs=True)
         try:
-            for record in StreamReader(stream, emit_chunks=True, validate_crcs=True).records:
+            for record in reader.records:
                 if not isinstance(record, Chunk):
                     yield record
                     continue
                 try:
-                    yield from breakup_chunk(record, validate_crc=True)
+                    chunk = _unpacked(record)
+                    unpacked += len(chunk.data)
+                    _bound(path, unpacked)
+                    yield from breakup_chunk(chunk, validate_crc=True)
                 except _DAMAGE:
                     scan.trouble = scan.trouble or "damaged (a checksum is wrong)"
         except (EndOfFile, InvalidMagic, struct.error):
@@ -124,6 +141,29 @@ def _records(path: Path, scan: _Scan) -> Iterator[McapRecord]:
             scan.trouble = scan.trouble or "cut off"
         except (*_DAMAGE, MemoryError):
             scan.trouble = scan.trouble or "damaged"
+
+
+def _bound(path: Path, size: int) -> None:
+    if size > MAX_BYTES:
+        raise KinemimicError(f"{path}: expected an MCAP of at most {MAX_BYTES >> 20} MiB, found more")
+
+
+def _unpacked(chunk: Chunk) -> Chunk:
+    """The chunk uncompressed; ValueError for more than MAX_CHUNK bytes.
+
+    The library unpacks as much as there is, or as the compressed data say. What the chunk says of its size is
+    not needed: its checksum vouches for its content.
+    """
+    match chunk.compression:
+        case "zstd":
+            data = ZstdDecompressor().stream_reader(chunk.data).read(MAX_CHUNK + 1)
+        case "lz4":
+            data = LZ4FrameDecompressor().decompress(chunk.data, max_length=MAX_CHUNK + 1)
+        case _:
+            data = chunk.data
+    if len(data) > MAX_CHUNK:
+        raise ValueError("a chunk too large")
+    return replace(chunk, compression="", data=data)
 
 
 def _longest(numbers: list[int]) -> tuple[int, int]:
@@ -164,7 +204,7 @@ def _motion(record: dict[str, Any], frames: dict[int, bytes], first: int, last: 
         rotations=continuous(rotations),
         contacts=planted[np.arange(first, last) % length],
         cyclic=cyclic,
-        cycle_offset=np.array(record["cycle_offset"]) if cyclic else np.zeros(3),
+        cycle_offset=np.array(record["cycle_offset"], dtype=np.float64) if cyclic else np.zeros(3),
         offsets=offsets,
         provenance=record["provenance"],
     )

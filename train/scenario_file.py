@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import math
-import tomllib
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any, get_args
 
-from kinemimic.pipeline.captures.toml_keys import Keys
+from kinemimic.pipeline.bounded import MEGABYTE, read_bounded
+from kinemimic.pipeline.captures.toml_keys import Keys, parse_toml
 from kinemimic.pipeline.data_folder import DATASETS
 from kinemimic.pipeline.errors import KinemimicError
 from kinemimic.retarget.body import BODY_NAMES
@@ -16,7 +16,7 @@ from kinemimic.train.scenario import Load, Placement, Range, Scenario
 from kinemimic.train.world import CONTROL_RATE, Shape
 
 SHIPPED = DATASETS / "scenarios"
-MAX_BYTES = 1_000_000
+MAX_BYTES = MEGABYTE
 MAX_ITEMS = 200  # of forces, torques and obstacles each
 MAX_SECONDS = 600.0
 SHORTEST, TIGHTEST = 0.1, 0.5  # m, of a part of a route and of its radius
@@ -48,16 +48,12 @@ def shipped_scenarios() -> tuple[str, ...]:
 def read_scenario(path: Path) -> Scenario:
     """The scenario of a file, which gives it its name."""
     try:
-        if path.stat().st_size > MAX_BYTES:
-            raise KinemimicError(
-                f"{path}: expected at most {MAX_BYTES:,} bytes, found more; is it a scenario?"
-            )
-        values = tomllib.loads(path.read_text(encoding="utf-8"))
+        text = read_bounded(path, MAX_BYTES, "a scenario").decode("utf-8")
     except FileNotFoundError:
         raise KinemimicError(f"{path}: expected a scenario, found no file") from None
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError, RecursionError) as error:
-        raise KinemimicError(f"{path}: expected TOML, found {error or 'deep nesting'}") from None
-    keys = Keys(path, "", values)
+    except UnicodeDecodeError as error:
+        raise KinemimicError(f"{path}: expected TOML, found {error}") from None
+    keys = Keys(path, "", parse_toml(path, text))
     about = keys.text("about", "")
     seconds = keys.number("seconds", 0.1, MAX_SECONDS) or 10.0
     phase = _range(keys, "phase", 1, 0.0, 1.0) or Range((0.0,), (1.0,))

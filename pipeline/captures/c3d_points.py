@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import importlib.util
 import json
+import os
 import subprocess
 import sys
 import tempfile
@@ -25,7 +26,8 @@ from kinemimic.pipeline.errors import KinemimicError
 Array = NDArray[np.float64]
 
 _SECONDS = 120
-_MEMORY = 8 * 2**30
+# Bytes: ezc3d takes some 20 for each of a whole file's; what a header promises beyond that is not there.
+_MEMORY, _PER_BYTE, _MOST = 2**30, 32, 4 * 2**30
 
 
 @dataclass(frozen=True)
@@ -51,8 +53,12 @@ def read_points(source: Source) -> Points:
         file, out = Path(folder) / "capture.c3d", Path(folder) / "points.npz"
         file.write_bytes(source.content)
         command = [sys.executable, "-m", __spec__.name, str(file), str(out)]
+        # A thread for each of many cores would take the bounded memory before anything is read.
+        environment = {**os.environ, "OPENBLAS_NUM_THREADS": "1"}
         try:
-            done = subprocess.run(command, capture_output=True, timeout=_SECONDS, check=False)  # noqa: S603
+            done = subprocess.run(  # noqa: S603
+                command, capture_output=True, timeout=_SECONDS, check=False, env=environment
+            )
         except subprocess.TimeoutExpired:
             raise source.error(
                 expected="a whole C3D file", found="one that ezc3d does not end with"
@@ -99,17 +105,20 @@ def _first(parameters: Mapping[str, Any], key: str, default: Any) -> Any:
     return values[0] if len(values) else default
 
 
-def _bound_memory() -> None:
+def _bound_memory(size: int) -> None:
+    """size: of the file, bytes."""
     try:
         import resource  # noqa: PLC0415 (not on Windows)
     except ImportError:
         return
     # Where this process was given less already, less it stays.
     most = resource.getrlimit(resource.RLIMIT_AS)[1]
-    limit = _MEMORY if most == resource.RLIM_INFINITY else min(_MEMORY, most)
+    limit = min(_MEMORY + _PER_BYTE * size, _MOST)
+    if most != resource.RLIM_INFINITY:
+        limit = min(limit, most)
     resource.setrlimit(resource.RLIMIT_AS, (limit, limit))
 
 
 if __name__ == "__main__":
-    _bound_memory()
+    _bound_memory(Path(sys.argv[1]).stat().st_size)
     _extract(*sys.argv[1:])

@@ -124,7 +124,7 @@ class Cells:
                 content = content.decode(encoding).encode()
             elif not content.isascii():
                 content.decode()
-        except (UnicodeDecodeError, LookupError):
+        except (UnicodeError, LookupError):  # of what is decoded, some is no text: half a surrogate pair
             if encoding:
                 self.fail("table.encoding", expected=f"text in {encoding}", found="other bytes")
             # Only names can hold more than ASCII, and every byte is some character of Latin-1.

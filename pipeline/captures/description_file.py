@@ -7,7 +7,6 @@ the reader (described.py) needs to know nothing of patterns and steps.
 from __future__ import annotations
 
 import codecs
-import tomllib
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -16,9 +15,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from kinemimic.pipeline.captures.description import Clock, Description, Joint, Space, States, Text, Turns
-from kinemimic.pipeline.captures.toml_keys import MAX_COLUMNS, Column, Keys, short
+from kinemimic.pipeline.captures.toml_keys import MAX_COLUMNS, Column, Keys, parse_toml
 from kinemimic.pipeline.captures.units import UNITS
-from kinemimic.pipeline.errors import CaptureError
 from kinemimic.pipeline.rotations import ORDERS
 
 Array = NDArray[np.float64]
@@ -36,6 +34,8 @@ SEPARATORS: dict[str, str | None] = {
 SECONDS: dict[str, float] = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "100ns": 1e-7, "frame": 1.0}
 LENGTHS: dict[str, float] = {name: UNITS[name] for name in ("m", "cm", "mm", "inch")}
 _AXES = "XYZ"
+# Python's codecs of single names, and one that always fails; none is of a file, and the first two take hours.
+_NO_ENCODINGS = ("punycode", "idna", "undefined")
 _MAX_LINES = 10_000
 _MAX_JOINTS = 500
 # What a joint has columns of, and how many.
@@ -44,10 +44,7 @@ _PARTS = {"position": 3, "quaternion": 4, "euler": 3, "state": 1}
 
 def parse(path: Path, content: str) -> Description:
     """The description in a TOML file's text; CaptureError names the first mistake's key."""
-    try:
-        values = tomllib.loads(content)
-    except (tomllib.TOMLDecodeError, RecursionError) as error:
-        raise CaptureError(path, expected="TOML", found=short(str(error)) or "deep nesting") from None
+    values = parse_toml(path, content)
     keys = Keys(path, "", values)
     if keys.get(SCHEMA_KEY) != SCHEMA:
         keys.fail(
@@ -83,8 +80,10 @@ def _text(keys: Keys) -> Text:
     encoding = keys.text("encoding", "")
     if encoding:
         try:
-            codecs.lookup(encoding)
-        except LookupError:
+            known = codecs.lookup(encoding).name not in _NO_ENCODINGS
+        except (LookupError, ValueError):  # the latter of a name with a NUL
+            known = False
+        if not known:
             keys.fail("encoding", expected='an encoding such as "utf-8" or "latin-1"', found=repr(encoding))
     header = keys.whole("header", 0, 0, _MAX_LINES)
     first = keys.whole("first_row", header + 1, header + 1, _MAX_LINES)

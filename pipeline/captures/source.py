@@ -17,6 +17,9 @@ from kinemimic.pipeline.errors import CaptureError
 
 # Larger than any capture of a person; guards the memory against a file that is none.
 MAX_BYTES = 512 * 2**20
+# Of a text: an object for each takes many times the bytes of a short line; and a line's words do, too.
+MAX_LINES = 5_000_000
+MAX_LINE = 2**20
 _HEAD = 65536
 _CHUNK = 2**20
 _BLANK = " \t\n\f\v,;"
@@ -41,7 +44,9 @@ class Source:
 
     @classmethod
     def open(cls, path: Path, *, unit: str | None = None) -> Source:
-        """Read a file; gzip is recognised by its content. CaptureError if that cannot be done."""
+        """Read a file; gzip is recognised by its content. CaptureError if that cannot be done, and for more
+        than MAX_BYTES, or a text of more than MAX_LINES.
+        """
         try:
             if path.is_dir():
                 raise CaptureError(path, expected="a capture file", found="a folder")
@@ -60,7 +65,10 @@ class Source:
         content = _unpacked(packed, path) if packed[:2] == b"\x1f\x8b" else packed
         if not content or content.isspace():
             raise CaptureError(path, expected="a capture", found="an empty file")
-        return cls(path, content, hashlib.sha256(packed).hexdigest(), unit)
+        source = cls(path, content, hashlib.sha256(packed).hexdigest(), unit)
+        if source.is_text and (count := source.content.count(b"\n")) > MAX_LINES:
+            raise source.error(expected=f"a capture of at most {MAX_LINES:,} lines", found=f"{count:,}")
+        return source
 
     @classmethod
     def of_text(cls, text: str, path: Path) -> Source:
@@ -81,8 +89,16 @@ class Source:
 
     @cached_property
     def lines(self) -> Sequence[str]:
-        """The lines of the text: line 1 of the file is lines[0]."""
-        return self.text.split("\n")
+        """The lines of the text: line 1 of the file is lines[0]; CaptureError for one above MAX_LINE."""
+        lines = self.text.split("\n")
+        lengths = [len(line) for line in lines]
+        if (longest := max(lengths)) > MAX_LINE:
+            raise self.error(
+                expected=f"a line of at most {MAX_LINE:,} characters",
+                found=f"{longest:,}",
+                where=f"line {lengths.index(longest) + 1}",
+            )
+        return lines
 
     @cached_property
     def head(self) -> tuple[str, ...]:

@@ -1,8 +1,9 @@
-"""The keys of a TOML table, asked for by name and type; a mistake is one line that names the key."""
+"""TOML, and the keys of its tables, asked for by name and type; a mistake is one line that names the key."""
 
 from __future__ import annotations
 
 import difflib
+import tomllib
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any, NoReturn
@@ -15,12 +16,48 @@ Column = str | int
 MAX_COLUMNS = 10_000
 # Larger numbers than this are no lengths in any unit.
 _SANE = 1e6
+_DEEPEST = 32
 
 
 def short(text: str, most: int = 80) -> str:
     """A text on one line, cut to what a message can hold."""
     line = " ".join(text.split())
     return line if len(line) <= most else f"{line[: most - 2]} …"
+
+
+def parse_toml(path: Path, text: str) -> dict[str, Any]:
+    """The values of a TOML file's text; path: what messages call it.
+
+    CaptureError for what is no TOML, is nested too deep, or has a whole number of more than the 64 bits that
+    TOML promises: Python takes any, and cannot print or divide them all.
+    """
+    try:
+        values = tomllib.loads(text)
+    except RecursionError:
+        raise CaptureError(path, expected="TOML", found="deep nesting") from None
+    except tomllib.TOMLDecodeError as error:
+        raise CaptureError(path, expected="TOML", found=short(str(error), 200)) from None
+    except ValueError:
+        # int() refuses thousands of digits, which tomllib passes on.
+        raise CaptureError(path, expected="TOML", found="a number of thousands of digits") from None
+    stack: list[tuple[tuple[str, ...], Any]] = [((), values)]
+    while stack:
+        place, value = stack.pop()
+        if len(place) > _DEEPEST:
+            # Dotted keys nest without limit, and printing them is what fails then.
+            raise CaptureError(path, expected="TOML", found="deep nesting")
+        if isinstance(value, dict):
+            stack += [((*place, name), item) for name, item in value.items()]
+        elif isinstance(value, list):
+            stack += [((*place, ""), item) for item in value]
+        elif isinstance(value, int) and not -(2**63) <= value < 2**63:
+            raise CaptureError(
+                path,
+                where=f"key {short('.'.join(filter(None, place)))}",
+                expected="whole numbers from -2^63 to 2^63 - 1",
+                found=f"one of some {1 + int(0.30103 * value.bit_length()):,} digits",
+            )
+    return values
 
 
 class Keys:

@@ -35,7 +35,8 @@ def command(patterns: tuple[str, ...], folder: Path | None, catalog_file: Path |
     catalog, place = load_catalog(catalog_file or CATALOG), captures_folder(folder)
     entries = catalog.select(patterns) if patterns else catalog.entries
     collections = collections_of(catalog, entries)
-    chosen = [(one, [entry for entry in one.entries if entry in entries]) for one in collections]
+    wanted = set(entries)
+    chosen = [(one, [entry for entry in one.entries if entry in wanted]) for one in collections]
     if as_json:
         records = [_record(one, own, place) for one, own in chosen]
         click.echo(json.dumps(records, indent=2, ensure_ascii=False))

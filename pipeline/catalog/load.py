@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import re
-import tomllib
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any, NoReturn
 
-from kinemimic.pipeline.captures.toml_keys import Keys
+from kinemimic.pipeline.bounded import MEGABYTE, read_bounded
+from kinemimic.pipeline.captures.toml_keys import Keys, parse_toml
 from kinemimic.pipeline.catalog.entry import Catalog, Collection, Entry
 from kinemimic.pipeline.data_folder import DATASETS
 from kinemimic.pipeline.errors import KinemimicError
@@ -16,19 +16,21 @@ from kinemimic.pipeline.errors import KinemimicError
 CATALOG = DATASETS / "catalog.toml"
 SCHEMA = 1
 NONE = "none"  # the format of what no reader takes
-MAX_BYTES = 16 * 2**20  # of a catalogue
+MAX_BYTES = 16 * MEGABYTE  # of a catalogue
 MAX_COLLECTIONS = 10_000
 MAX_FILES = 100_000  # of a collection
 LARGEST = 2**40  # bytes of a file
 FASTEST = 100_000.0  # Hz
 
+# Characters that a terminal does not show, or by which it shows others in another sequence.
+_UNSEEN = r"\x00-\x1f\x7f-\x9f\xad\u061c\u200b\u200e\u200f\u2028-\u202e\u2060-\u206f\ufeff\ufff9-\ufffb"
 # Names become folders and files of the user's: one component each, not hidden, of characters that a terminal
 # shows as they are.
 _COLLECTION = r"[A-Za-z0-9_][A-Za-z0-9_.-]{0,99}"
-_FILE = r"[^\W.][^/\\\x00-\x1f\x7f-\x9f]{0,199}|_[^/\\\x00-\x1f\x7f-\x9f]{0,199}"
+_FILE = rf"[^\W.][^/\\{_UNSEEN}]{{0,199}}"
 _REPOSITORY = r"[A-Za-z0-9_-][A-Za-z0-9_.-]*/[A-Za-z0-9_-][A-Za-z0-9_.-]*"
-_PATH = r"(?!.*(?:^|/)\.{0,2}(?:/|$))[^\\\x00-\x1f\x7f-\x9f]{1,1000}"
-_TEXT = r"(?=.*\S)[^\x00-\x1f\x7f-\x9f]{1,2000}"
+_PATH = rf"(?!.*(?:^|/)\.{{0,2}}(?:/|$))[^\\{_UNSEEN}]{{1,1000}}"
+_TEXT = rf"(?=.*\S)[^{_UNSEEN}]{{1,2000}}"
 
 
 def load_catalog(path: Path = CATALOG) -> Catalog:
@@ -37,13 +39,9 @@ def load_catalog(path: Path = CATALOG) -> Catalog:
     A KinemimicError, in one line, names the line and the key of the first mistake.
     """
     try:
-        if path.stat().st_size > MAX_BYTES:
-            raise KinemimicError(f"{path}: expected a catalogue of at most {MAX_BYTES:,} bytes, found more")
-        text = path.read_bytes().decode("utf-8")
+        text = read_bounded(path, MAX_BYTES, "a catalogue").decode("utf-8")
     except FileNotFoundError:
         raise KinemimicError(f"{path}: expected a catalogue, found no file") from None
-    except IsADirectoryError:
-        raise KinemimicError(f"{path}: expected a catalogue, found a folder") from None
     except UnicodeDecodeError as error:
         raise KinemimicError(f"{path}: expected text in UTF-8, found {error.reason}") from None
     return parse_catalog(path, text)
@@ -51,23 +49,19 @@ def load_catalog(path: Path = CATALOG) -> Catalog:
 
 def parse_catalog(path: Path, text: str) -> Catalog:
     """The catalogue of a text; path: what messages call it."""
-    try:
-        values = tomllib.loads(text)
-    except (tomllib.TOMLDecodeError, RecursionError) as error:
-        raise KinemimicError(f"{path}: expected TOML, found {error or 'deep nesting'}") from None
-    keys = Keys(path, "", values)
+    keys = Keys(path, "", parse_toml(path, text))
     if keys.get("schema") != SCHEMA or isinstance(keys.get("schema"), bool):
         keys.fail("schema", expected=f"{SCHEMA}", found=keys.get("schema"))
     lines = _Lines(text)
-    made: list[Collection] = []
+    made: dict[str, Collection] = {}
     for number, table in enumerate(_tables(keys, "collection", MAX_COLLECTIONS), 1):
         here = Keys(lines.of_collection(path, number), f"collection[{number}]", table)
         collection = _collection(path, here, lines, number)
-        if any(collection.name == one.name for one in made):
+        if collection.name in made:
             _twice(here, collection.name)
-        made.append(collection)
+        made[collection.name] = collection
     keys.finish()
-    return Catalog(path, tuple(made))
+    return Catalog(path, tuple(made.values()))
 
 
 def _collection(path: Path, keys: Keys, lines: _Lines, number: int) -> Collection:
@@ -77,10 +71,9 @@ def _collection(path: Path, keys: Keys, lines: _Lines, number: int) -> Collectio
     rate = _rate(keys, None)
     licence, citation = (_matching(keys, key, _TEXT, "a line of text") for key in ("licence", "citation"))
     repository, commit = _place(keys, None, None)
-    entries: list[Entry] = []
+    entries: dict[str, Entry] = {}
     for place, table in enumerate(_tables(keys, "files", MAX_FILES), 1):
-        where = lines.of_file(path, number, table.get("name"))
-        here = Keys(where, f"{name}.files[{place}]", table)
+        here = _FileKeys(path, f"{name}.files[{place}]", table, lines, number)
         own_format = _format(here, format)
         own_place = _place(here, repository, commit)
         entry = Entry(
@@ -96,9 +89,9 @@ def _collection(path: Path, keys: Keys, lines: _Lines, number: int) -> Collectio
             frame_rate=_rate(here, None if own_format is None else rate),
         )
         here.finish()
-        if any(entry.file == one.file for one in entries):
+        if entry.file in entries:
             _twice(here, entry.file)
-        entries.append(entry)
+        entries[entry.file] = entry
     if not entries:
         keys.fail("files", expected="at least one file", found="none")
     keys.finish()
@@ -111,7 +104,7 @@ def _collection(path: Path, keys: Keys, lines: _Lines, number: int) -> Collectio
         citation=citation,
         repository=repository,
         commit=commit,
-        entries=tuple(entries),
+        entries=tuple(entries.values()),
     )
 
 
@@ -192,3 +185,15 @@ class _Lines:
                 if mark.search(self._lines[line]):
                     return Path(f"{path}, line {line + 1}")
         return self.of_collection(path, number)
+
+
+class _FileKeys(Keys):
+    """The keys of a file of collection `number`; its line is looked for only when a mistake is told."""
+
+    def __init__(self, path: Path, name: str, values: Mapping[str, Any], lines: _Lines, number: int) -> None:
+        super().__init__(path, name, values)
+        self._lines, self._number = lines, number
+
+    def fail(self, key: str, *, expected: str, found: Any, advice: str | None = None) -> NoReturn:
+        self.path = self._lines.of_file(self.path, self._number, self.values.get("name"))
+        super().fail(key, expected=expected, found=found, advice=advice)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import tomllib
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -11,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from kinemimic.pipeline.captures.source import Source
-from kinemimic.pipeline.captures.toml_keys import Keys
+from kinemimic.pipeline.captures.toml_keys import Keys, parse_toml
 from kinemimic.pipeline.depth.camera import Camera
 from kinemimic.pipeline.errors import CaptureError
 from kinemimic.pipeline.rotations import from_matrix, rotate
@@ -86,11 +85,7 @@ class Setup:
 
 def read_setup(source: Source) -> Setup:
     """What camera.toml says; CaptureError names the key of the first mistake."""
-    try:
-        values = tomllib.loads(source.text)
-    except (tomllib.TOMLDecodeError, RecursionError) as error:
-        raise source.error(expected="TOML", found=str(error) or "deep nesting") from None
-    keys = Keys(source.path, "", values)
+    keys = Keys(source.path, "", parse_toml(source.path, source.text))
     version = keys.get(SCHEMA_KEY)
     if isinstance(version, bool) or version != SCHEMA:
         found = "none" if version is None else repr(version)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import re
-import tomllib
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path, PurePosixPath
@@ -11,13 +10,15 @@ from typing import Any
 
 import click
 
-from kinemimic.pipeline.captures.toml_keys import Keys
+from kinemimic.pipeline.bounded import MEGABYTE, read_bounded
+from kinemimic.pipeline.captures.toml_keys import Keys, parse_toml
 from kinemimic.pipeline.clean import FILTERS
 from kinemimic.pipeline.errors import KinemimicError
 from kinemimic.retarget.ankles import ANKLES, Ankle
 
 PARAMS = Path("datasets/versions/params.toml")
 SCHEMA = 1
+MAX_BYTES = MEGABYTE
 _NAME = re.compile(r"[a-z0-9_]+")
 
 params_option: Callable[[Callable[..., Any]], Callable[..., Any]] = click.option(
@@ -59,12 +60,12 @@ class Params:
     def load(cls, path: Path, root: Path = Path()) -> Params:
         """path: from `root`, the folder that is built in. A KinemimicError names the first mistake's key."""
         try:
-            values = tomllib.loads((root / path).read_text(encoding="utf-8"))
+            text = read_bounded(root / path, MAX_BYTES, "the parameters of a data set").decode("utf-8")
         except FileNotFoundError:
             raise KinemimicError(f"{path}: expected the parameters of a data set, found no file") from None
-        except (tomllib.TOMLDecodeError, UnicodeDecodeError, RecursionError) as error:
+        except UnicodeDecodeError as error:
             raise KinemimicError(f"{path}: expected TOML, found {error}") from None
-        keys = Keys(path, "", values)
+        keys = Keys(path, "", parse_toml(path, text))
         if (schema := keys.get("schema")) != SCHEMA or isinstance(schema, bool):
             keys.fail("schema", expected=f"{SCHEMA}", found=schema)
         version = keys.whole("version", 0, 1, 1_000_000)

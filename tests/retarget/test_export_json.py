@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -93,7 +94,20 @@ def change(place: str, value: Any) -> str:
     [
         ("layers.leg_left.knee_left", None, "layers.leg_left.knee_left.parent"),
         ("fps", None, "'fps'"),
-        ("fps", -1.0, "above zero"),
+        ("fps", -1.0, "fps: expected 1 to 1000 frames a second, found -1;"),
+        ("fps", 1e-300, "fps: expected 1 to 1000 frames a second, found 1e-300"),
+        ("fps", float("inf"), "fps: expected 1 to 1000 frames a second, found inf"),
+        ("fps", 10**400, "fps: expected float, found 1000"),
+        ("frames", 0, "expected frames above zero, found 0"),
+        ("cycle_offset", [1e300, 0.0, 0.0], r"cycle_offset: expected less than 10,000 m, found 1e\+300"),
+        ("root.positions", [[1e200, 0.0, 0.9]] * FRAMES, "positions: expected less than 10,000 m"),
+        ("root.positions", [[10**400, 0.0, 0.9]] * FRAMES, "root.positions: expected numbers"),
+        ("layers.torso.spine.offset", [0.0, -1e5, 0.0], "offsets: expected less than 10,000 m, found -1000"),
+        ("provenance.capture", "x", "provenance.capture: expected an object, found 'x'"),
+        ("provenance.capture", {"source": 7}, "provenance.capture.source: expected text, found 7"),
+        ("provenance.x", "\ud800", "provenance: expected plain JSON"),
+        ("format", "A" * 200_000, "format: expected 'kinemimic.motion', found 'A{39}$"),
+        ("schema", "A" * 200_000, "found 'A{39};"),
         ("frames", 10**15, r"root.positions: expected shape \(1000000000000000, 3\), found \(7, 3\)"),
         ("fps", "fast", "fps: expected float"),
         ("cyclic", 1, "cyclic: expected bool"),
@@ -112,6 +126,16 @@ def test_damage_is_named(tmp_path: Path, place: str, value: Any, complaint: str)
         motion_from_json(written(tmp_path, change(place, value)))
     assert "\n" not in str(caught.value)
     assert "motion.json" in str(caught.value)
+
+
+def test_one_frame_is_enough_for_a_cycle_alone(tmp_path: Path) -> None:
+    one = motion()
+    one = replace(one, root=one.root[:1], rotations=one.rotations[:1], contacts=one.contacts[:1])
+    cycle = replace(one, cyclic=True, cycle_offset=np.zeros(3))
+    assert len(motion_from_json(written(tmp_path, motion_to_json(cycle))).root) == 1
+    once = replace(one, cyclic=False, cycle_offset=np.zeros(3))
+    with pytest.raises(KinemimicError, match="frames: expected at least 2, or 1 of a cycle, found 1"):
+        motion_from_json(written(tmp_path, motion_to_json(once)))
 
 
 @pytest.mark.parametrize("text", ["", "{", "[]", "\x00\x01"])

@@ -2,20 +2,24 @@
 
 from __future__ import annotations
 
+import struct
 from pathlib import Path
 
+import lz4.frame
 import numpy as np
 import pytest
+import zstandard
+from mcap.opcode import Opcode
 from mcap.reader import NonSeekingReader
 from mcap.writer import Writer
 
 from kinemimic.pipeline.errors import KinemimicError
 from kinemimic.pipeline.rotations import continuous, normalize
 from kinemimic.pipeline.skeleton import NODES
-from kinemimic.retarget import export_mcap
+from kinemimic.retarget import export_mcap, read_mcap
 from kinemimic.retarget.export_mcap import write_mcap
 from kinemimic.retarget.motion import Motion
-from kinemimic.retarget.read_mcap import motion_from_mcap, recover_mcap
+from kinemimic.retarget.read_mcap import MAX_CHUNK, motion_from_mcap, recover_mcap
 
 FRAMES = 400
 
@@ -137,6 +141,82 @@ def test_no_byte_that_is_lost_or_wrong_makes_a_traceback(cycle: Path, tmp_path: 
                 read(path)
             except KinemimicError as error:
                 assert "\n" not in str(error)
+
+
+def with_chunk(path: Path, folder: Path, *, size: int, compression: bytes, packed: bytes) -> Path:
+    """A copy with one more chunk, without a checksum, before the first."""
+    body = struct.pack("<QQQI", 0, 1, size, 0)
+    for part, form in ((compression, "<I"), (packed, "<Q")):
+        body += struct.pack(form, len(part)) + part
+    data, at = path.read_bytes(), 8
+    while data[at] != Opcode.CHUNK:
+        at += 9 + struct.unpack_from("<Q", data, at + 1)[0]
+    record = bytes([Opcode.CHUNK]) + struct.pack("<Q", len(body)) + body
+    (folder / "chunk.mcap").write_bytes(data[:at] + record + data[at:])
+    return folder / "chunk.mcap"
+
+
+@pytest.mark.parametrize("claimed", [10, MAX_CHUNK + 1])
+@pytest.mark.parametrize("compression", ["zstd", "lz4"])
+def test_a_chunk_that_unpacks_to_more_than_it_may_is_damage(
+    cycle: Path, tmp_path: Path, compression: str, claimed: int
+) -> None:
+    zeros = bytes(MAX_CHUNK + 1)
+    packed = zstandard.compress(zeros) if compression == "zstd" else lz4.frame.compress(zeros)
+    assert len(packed) < 100_000
+    bomb = with_chunk(cycle, tmp_path, size=claimed, compression=compression.encode(), packed=packed)
+    # Found without a checksum, and what else there is stays whole.
+    found = recover_mcap(bomb)
+    assert found.lost is not None and "damaged" in found.lost
+    assert found.motion.identity == motion(50, cyclic=True).identity
+
+
+def test_no_more_is_unpacked_in_all_than_the_limit(
+    cycle: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(read_mcap, "MAX_BYTES", 2**20)
+    zeros = bytes(2**20 + 1)
+    bomb = with_chunk(cycle, tmp_path, size=len(zeros), compression=b"zstd", packed=zstandard.compress(zeros))
+    with pytest.raises(KinemimicError, match=r"chunk.mcap: expected an MCAP of at most 1 MiB, found more"):
+        recover_mcap(bomb)
+
+
+@pytest.mark.parametrize("compression", [b"lz4", b"zstd", b"bzip", b"\xff\xfe"])
+def test_a_chunk_of_other_bytes_than_its_compression_is_damage(
+    cycle: Path, tmp_path: Path, compression: bytes
+) -> None:
+    path = with_chunk(cycle, tmp_path, size=100, compression=compression, packed=b"junk")
+    with pytest.raises(KinemimicError, match="damaged"):
+        motion_from_mcap(path)
+
+
+@pytest.mark.parametrize(
+    ("key", "value", "told"),
+    [
+        ("fps", "0", "fps: expected 1 to 1000 frames a second, found 0"),
+        ("fps", "NaN", "fps: expected 1 to 1000 frames a second, found nan"),
+        ("fps", "1e300", "fps: expected 1 to 1000 frames a second"),
+        ("fps", "1" + 400 * "0", "another's or an older file"),
+        ("provenance", "[]", "provenance: expected an object"),
+        ("provenance", '"x"', "provenance: expected an object"),
+        ("provenance", '{"x": NaN}', "provenance: expected plain JSON"),
+        ("provenance", '{"capture": "x"}', "provenance.capture: expected an object, found 'x'"),
+        ("provenance", 100_000 * "[", "another's or an older file"),
+        ("cycle_offset", "[NaN, 0, 0]", "cycle_offset: expected less than 10,000 m, found nan"),
+        ("cycle_offset", "[1]", "cycle_offset: expected 3 numbers"),
+        ("cycle_offset", '"x"', "another's or an older file"),
+    ],
+)
+def test_a_record_out_of_reason_is_refused(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, key: str, value: str, told: str
+) -> None:
+    original = export_mcap._metadata
+    monkeypatch.setattr(export_mcap, "_metadata", lambda *told: original(*told) | {key: value})
+    write_mcap(tmp_path / "odd.mcap", motion(5, cyclic=True))
+    for read in (motion_from_mcap, recover_mcap):
+        with pytest.raises(KinemimicError, match=told) as caught:
+            read(tmp_path / "odd.mcap")
+        assert "\n" not in str(caught.value)
 
 
 def test_files_of_others_are_refused(tmp_path: Path) -> None:

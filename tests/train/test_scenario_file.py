@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+import os
 from pathlib import Path
 
 import pytest
@@ -134,6 +135,8 @@ def test_a_scenario_survives_json(tmp_path: Path) -> None:
         ("seconds = 6.0", "seconds = 1e9", r"key seconds: expected a number from"),
         ("[[force]]", "[force]", r"key force: expected tables \[\[force\]\]"),
         ("[[force]]", "[[force", "expected TOML"),
+        ("seconds = 6.0", f"seconds = 0x{'f' * 5000}", "key seconds: expected whole numbers from -2"),
+        ("seconds = 6.0", f"seconds = {'9' * 5000}", "expected TOML, found a number of thousands of digits"),
     ],
 )  # fmt: skip
 def test_a_mistake_gets_one_line_that_names_it(tmp_path: Path, before: str, after: str, line: str) -> None:
@@ -159,8 +162,13 @@ def test_what_is_no_scenario_is_told(tmp_path: Path) -> None:
     with pytest.raises(KinemimicError, match=r"expected a scenario that ships .*pull-forward.*found 'pull'"):
         scenario("pull")
     large = written(tmp_path, "#" * (MAX_BYTES + 1))
-    with pytest.raises(KinemimicError, match="at most 1,000,000 bytes"):
+    with pytest.raises(KinemimicError, match="expected a scenario of at most 1 MB"):
         read_scenario(large)
+    with pytest.raises(KinemimicError, match="zero: expected a scenario, found a pipe or a device"):
+        scenario("/dev/zero")
+    os.mkfifo(tmp_path / "pipe.toml")
+    with pytest.raises(KinemimicError, match=r"pipe\.toml: expected a scenario, found a pipe"):
+        read_scenario(tmp_path / "pipe.toml")
 
 
 def test_every_scenario_that_ships_is_sound_and_says_what_it_is() -> None:

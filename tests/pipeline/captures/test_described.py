@@ -139,6 +139,10 @@ BASE = (
         (BASE + "[states]\ntracked_from = 1\nmissing = [0]\n", "key states.tracked_from: expected either"),
         (BASE + "[table]\nseparator = 'comma'\ndecimal = ','\n", r"key table.decimal: expected '\.'"),
         (BASE + "[table]\nencoding = 'klingon'\n", "key table.encoding: expected an encoding"),
+        (BASE + "[table]\nencoding = 'punycode'\n", "key table.encoding: expected an encoding"),
+        (BASE + "[table]\nencoding = 'undefined'\n", "key table.encoding: expected an encoding"),
+        (BASE + '[table]\nencoding = "a\\u0000b"\n', "key table.encoding: expected an encoding"),
+        (BASE + f"[table]\nmissing = [{10**400}]\n", "key table.missing: expected whole numbers from"),
         (BASE + "[table]\nheader = 3\nfirst_row = 2\n", "table.first_row: expected a whole number from 4"),
         (BASE.replace("step = 3", "step = 3\njoint = 1"), "columns.joint: expected table.rows ="),
         (BASE.replace(NODE_LIST, ""), "key joints: expected a list or a table of joints, found none"),
@@ -151,6 +155,13 @@ def test_mistakes_in_a_description_name_their_key(tmp_path: Path, wrong: str, me
     with pytest.raises(CaptureError, match=rf"walk\.toml.*{message}") as caught:
         read(tmp_path, table(y_up(joints()).reshape(FRAMES, -1)), wrong)
     assert "\n" not in str(caught.value)
+
+
+@pytest.mark.parametrize(("encoding", "half"), [("utf-7", "+2AA-"), ("unicode_escape", "\\ud800")])
+def test_half_a_surrogate_pair_is_no_text(tmp_path: Path, encoding: str, half: str) -> None:
+    rows = table(y_up(joints()).reshape(FRAMES, -1)).replace("\n", f",{half}\n", 1)
+    with pytest.raises(CaptureError, match=f"expected text in {encoding}, found other bytes; walk.toml desc"):
+        read(tmp_path, rows, BASE + f'[table]\nencoding = "{encoding}"\n')
 
 
 @pytest.mark.parametrize(

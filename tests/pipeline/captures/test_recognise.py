@@ -68,6 +68,23 @@ def test_packed_files_whole_in_pieces_cut_off_and_too_large(
         recognise.read(path)
 
 
+def test_a_text_of_too_many_or_too_long_lines_is_refused_before_it_is_cut(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, bvh: Text
+) -> None:
+    path, text = tmp_path / "walk.bvh.gz", bvh()
+    monkeypatch.setattr(source.Source, "lines", property(lambda _: pytest.fail("it was cut")))
+    path.write_bytes(gzip.compress(text.encode() + b"1\n" * source.MAX_LINES))
+    with pytest.raises(
+        CaptureError, match=r"gz: expected a capture of at most 5,000,000 lines, found 5,000,"
+    ):
+        recognise.read(path)
+    monkeypatch.undo()
+    path.write_bytes(gzip.compress(text.encode() + b"1 " * source.MAX_LINE))
+    last = text.count("\n") + 1
+    with pytest.raises(CaptureError, match=rf"line {last}: expected a line of at most 1,048,576 characters"):
+        recognise.read(path)
+
+
 def test_joint_names_in_another_encoding(tmp_path: Path, bvh: Text) -> None:
     (tmp_path / "a").write_bytes(bvh().replace("JOINT Head", "JOINT T\u00eate").encode("latin-1"))
     assert "T\u00eate" in recognise.read(tmp_path / "a").skeleton.names

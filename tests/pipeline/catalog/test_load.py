@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from pathlib import Path
 
 import pytest
@@ -87,6 +88,8 @@ BROKEN = [
     ('name = "one.skl"', 'name = "/one.skl"', r"walks\.files\[1\]\.name"),
     ('name = "one.skl"', 'name = ".bashrc"', r"walks\.files\[1\]\.name"),
     ('name = "one.skl"', 'name = "one\\u0000"', r"walks\.files\[1\]\.name"),
+    ('name = "one.skl"', 'name = "a\\u202elks.exe"', r"files\[1\]\.name: .* found 'a.u202elks.exe'"),
+    ('path = "a folder/one.skl"', 'path = "a\\u2066/one"', r"line 16, key walks\.files\[1\]\.path"),
     ('name = "one.skl"', 'name = "two.skl"', r"walks\.files\[2\]\.name: .* 'two.skl' for the second time"),
     ('path = "a folder/one.skl"', 'path = "a/../../one"', r"line 16, key walks\.files\[1\]\.path"),
     ('path = "a folder/one.skl"', 'path = "/one"', r"line 16, key walks\.files\[1\]\.path"),
@@ -96,6 +99,7 @@ BROKEN = [
     (f"bytes = {len(CONTENT)}", "bytes = true", r"bytes: expected the file's size in bytes"),
     ('sha256 = "', 'sha256 = "A', r"line 16, key walks\.files\[1\]\.sha256: expected 64 hexadecimal digits"),
     ("[[collection]] # of walks", "[collection]", r"expected TOML"),
+    (f"bytes = {len(CONTENT)}", "bytes = 99999999999999999999", r"bytes: expected whole numbers from"),
 ]  # fmt: skip
 
 
@@ -109,12 +113,26 @@ def test_a_mistake_is_one_line_with_its_place(catalog_file: Path, put: str, by: 
     assert "\n" not in str(raised.value)
 
 
+def test_a_long_catalogue_is_read_and_its_last_mistake_found(catalog_file: Path) -> None:
+    head = catalog_file.read_text().partition("files = [")[0]
+    files = [f'{{ name = "f{k}", path = "p/f{k}", bytes = 1, sha256 = "{k:064d}" }},' for k in range(20_000)]
+    text = head + "files = [\n" + "\n".join(files) + "\n]\n"
+    (found,) = parse_catalog(catalog_file, text).collections
+    assert [one.file for one in found.entries] == [f"f{k}" for k in range(20_000)]
+    wrong = text.replace('"p/f19998"', "7").replace('"f19999"', '"f19998"')
+    line = text.count("\n") - 2
+    with pytest.raises(KinemimicError, match=rf"line {line}, key walks\.files\[19999\]\.path"):
+        parse_catalog(catalog_file, wrong)
+
+
 def test_what_is_no_catalogue_is_told(tmp_path: Path) -> None:
+    os.mkfifo(tmp_path / "pipe")
     (tmp_path / "binary").write_bytes(b"\xff\xfe\x00")
     (tmp_path / "files").write_text('schema = 1\n[[collection]]\nname = "x"\nfiles = 3')
     for name, told in (
         ("none", "found no file"),
         ("", "found a folder"),
+        ("pipe", "found a pipe or a device"),
         ("binary", "expected text in UTF-8"),
     ):
         with pytest.raises(KinemimicError, match=told):
