@@ -203,11 +203,11 @@ import signal, sys, time
 from kinemimic.pipeline import cli
 from kinemimic.pipeline.inspect import study, survey
 
-def slow(path):
+def slow(path, *, unit):
     if path.name == "three.skl":
         print("hangs", flush=True)
         time.sleep(60)
-    return study.study(path)
+    return study.study(path, unit=unit)
 
 if __name__ == "__main__":
     signal.signal(signal.SIGINT, signal.default_int_handler)

@@ -87,7 +87,7 @@ def test_simulated_by_what_lies_beside(walking: Writer) -> None:
 
 
 def test_too_large_for_the_memory_is_one_line(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    def read(path: Path) -> Clip:
+    def read(path: Path, *, unit: str | None) -> Clip:
         raise MemoryError
 
     monkeypatch.setattr("kinemimic.pipeline.inspect.study.read", read)
