@@ -229,9 +229,9 @@ class TrainConfig:
 PRESETS: dict[str, TrainConfig] = {
     "default": TrainConfig(),
     # For whoever is pushed, slips, weighs more or reacts late. An episode bears more before it ends; what it
-    # is trained for costs fit. A push leaves the figure half a metre off its path, where `default`'s path term
-    # is all but zero and nothing calls it back: it would walk on too slowly. So the term reaches further, and
-    # weighs more, since the same distance then changes it less.
+    # is trained for costs fit. A push leaves the figure half a metre off its path, where the path term of
+    # `default` is all but zero and nothing calls it back: it would walk on too slowly. So the term reaches
+    # further, and weighs more, since the same distance then changes it less.
     "robust": TrainConfig(
         preset="robust",
         env=EnvConfig(
