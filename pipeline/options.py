@@ -8,7 +8,23 @@ from typing import Any
 
 import click
 
+from kinemimic.pipeline.errors import KinemimicError
+
 DEFAULT_RUN = Path("runs/default")
+
+
+class RunFolder(click.Path):
+    """The path of a folder that need not be there; a file in its place is told before anything is read."""
+
+    def __init__(self) -> None:
+        super().__init__(path_type=Path)
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
+        """A Path; KinemimicError for a file."""
+        run = super().convert(value, param, ctx)
+        if run.is_file():
+            raise KinemimicError(f"{run}: expected a run folder, found a file; name another --run")
+        return run
 
 
 def run_option(name: str = "run") -> Callable[[Callable[..., Any]], Callable[..., Any]]:
@@ -16,7 +32,7 @@ def run_option(name: str = "run") -> Callable[[Callable[..., Any]], Callable[...
     return click.option(
         "--run",
         name,
-        type=click.Path(path_type=Path),
+        type=RunFolder(),
         default=DEFAULT_RUN,
         show_default=True,
         help="The run folder.",
