@@ -1,4 +1,4 @@
-"""Settings that came from a file, against the types that their dataclasses declare."""
+"""What came from a file, against the types that their dataclasses declare."""
 
 from __future__ import annotations
 
@@ -6,13 +6,13 @@ from dataclasses import fields, is_dataclass
 from types import UnionType
 from typing import Any, Literal, Union, get_args, get_origin, get_type_hints
 
-_LARGEST = 1e300
+_LARGEST = 1 << 63  # numpy's whole numbers end there
 
 
 def check_types(settings: Any, place: str = "") -> None:
     """ValueError names the first field of a dataclass whose value is not of its declared type.
 
-    A float may be a whole number, and is finite.
+    A float may be a whole number too.
     """
     hints = get_type_hints(type(settings))
     for field in fields(settings):
@@ -41,8 +41,10 @@ def _fits(value: Any, kind: Any) -> bool:
         found = type(value) is kind and all(
             _fits(getattr(value, f.name), hints[f.name]) for f in fields(kind)
         )
-    elif kind is float:
-        found = type(value) in (int, float) and -_LARGEST < value < _LARGEST
+    elif origin is list:
+        found = isinstance(value, list) and all(_fits(item, inside[0]) for item in value)
+    elif kind in (int, float) and type(value) is int:
+        found = -_LARGEST <= value < _LARGEST
     else:
         found = type(value) is kind
     return found

@@ -57,7 +57,6 @@ def test_what_does_not_fit_is_refused_by_name() -> None:
         ("env.reward.form", "cubes"),
         ("env.reward.weights", {"poise": 1.0}),
         ("env.reward.scales", {}),
-        ("env.reward.scales", {"pose": float("nan")}),
     ],
 )
 def test_a_value_of_another_kind_is_refused(place: str, value: object) -> None:
