@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -19,9 +20,9 @@ class RunFolder(click.Path):
     def __init__(self) -> None:
         super().__init__(path_type=Path)
 
-    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Path:
         """A Path; KinemimicError for a file."""
-        run = super().convert(value, param, ctx)
+        run = Path(os.fsdecode(super().convert(value, param, ctx)))
         if run.is_file():
             raise KinemimicError(f"{run}: expected a run folder, found a file; name another --run")
         return run

@@ -15,6 +15,7 @@ from kinemimic.pipeline.errors import CaptureError
 from kinemimic.pipeline.plain_json import plain_json
 
 _CELLS = 1 << 28  # 2 GB of doubles: twelve hours of a clip at 30 Hz
+_LARGEST = 1e12  # of seconds, metres or radians; a flipped bit makes more of them
 _SHOWN = 160  # characters of what pyarrow says
 
 
@@ -45,7 +46,7 @@ def read_table(path: Path, *, kind: str, advice: str) -> tuple[pa.Table, Any]:
 def numbers(table: pa.Table, name: str, kinds: str = "f") -> NDArray[Any]:
     """A column (T,) without nulls, as it is stored; ValueError if there is none of that name and kind.
 
-    kinds: of numpy's dtypes: f, i, u.
+    kinds: of numpy's dtypes: f, i, u. NaN may be among them, infinity not.
     """
     if table.column_names.count(name) != 1:
         raise ValueError(f"{table.column_names.count(name)} columns {name!r}")
@@ -55,4 +56,6 @@ def numbers(table: pa.Table, name: str, kinds: str = "f") -> NDArray[Any]:
     array = np.asarray(column.to_numpy())
     if array.dtype.kind not in kinds:
         raise ValueError(f"column {name!r} of {column.type}")
+    if (np.abs(array) > _LARGEST).any():
+        raise ValueError(f"column {name!r} with numbers that nobody measures")
     return array
