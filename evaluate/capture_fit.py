@@ -6,20 +6,18 @@ simulated angle is read at the same phase of every cycle that the rollout walked
 
 from __future__ import annotations
 
-import json
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-import pyarrow as pa
-import pyarrow.parquet as pq
 from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 
 from kinemimic.pipeline.angles import ANGLES
 from kinemimic.pipeline.errors import CaptureError
 from kinemimic.pipeline.schema import unchanged, upgraded
+from kinemimic.pipeline.tables import numbers, read_table
 from kinemimic.retarget.captured import CAPTURED_SCHEMA
 from kinemimic.retarget.motion import Motion, joint_angles
 from kinemimic.train.fit import Flags, JointFit, joint_fits
@@ -47,44 +45,31 @@ def read_capture(path: Path) -> Capture | None:
     """Read the capture.parquet of `retarget`; None where that stage wrote none."""
     if not path.exists():
         return None
-    try:
-        table = pq.read_table(path)
-    except (pa.ArrowInvalid, OSError) as error:
-        found = str(error).splitlines()[0]
-        raise CaptureError(
-            path, expected="a table (Parquet)", found=found, advice="run retarget again"
-        ) from None
-
-    _check_schema(table, path)
-    if "phase" not in table.column_names:
-        raise CaptureError(path, expected="a column 'phase'", found="none", advice="run retarget again")
-    phase = np.asarray(table["phase"].to_numpy(), dtype=np.float64)
-    placed = np.isfinite(phase)
-
-    def curves(prefix: str) -> dict[str, Array]:
-        missing = [name for name in ANGLES if prefix + name not in table.column_names]
-        if missing:
-            found = f"no column {prefix + missing[0]!r}"
-            raise CaptureError(path, expected="joint angles", found=found, advice="run retarget again")
-        return {name: np.asarray(table[prefix + name].to_numpy(), np.float64)[placed] for name in ANGLES}
-
-    truth = curves("truth_") if f"truth_{ANGLES[0]}" in table.column_names else None
-    return Capture(phase[placed], curves(""), curves("clean_"), truth)
-
-
-def _check_schema(table: pa.Table, path: Path) -> None:
-    try:
-        header = json.loads((table.schema.metadata or {}).get(b"kinemimic", b"{}"))
-    except ValueError:
-        header = {}
+    kind, advice = "a table (Parquet) of captured angles", "run retarget again"
+    table, header = read_table(path, kind=kind, advice=advice)
     upgraded(
         header if isinstance(header, dict) else {},
         path,
         kind="captured angles",
         schema=CAPTURED_SCHEMA,
-        advice="run retarget again",
+        advice=advice,
         upgrades={0: unchanged},
     )
+
+    def column(name: str) -> Array:
+        try:
+            return np.asarray(numbers(table, name), dtype=np.float64)
+        except ValueError as error:
+            raise CaptureError(path, expected=kind, found=str(error), advice=advice) from None
+
+    phase = column("phase")
+    placed = np.isfinite(phase)
+
+    def curves(prefix: str) -> dict[str, Array]:
+        return {name: column(prefix + name)[placed] for name in ANGLES}
+
+    truth = curves("truth_") if f"truth_{ANGLES[0]}" in table.column_names else None
+    return Capture(phase[placed], curves(""), curves("clean_"), truth)
 
 
 @dataclass(frozen=True)

@@ -39,12 +39,14 @@ def quality_section(quality: Mapping[str, Any]) -> str:
         if not name.lower().endswith("end")
     ]
     clock = quality["clock"]
+    counted = ("frames", "complete_frames", "frames_in_passes")
+    frames, complete, within = (escape(str(quality[key])) for key in counted)
     notes = [*quality.get("notes", ()), *quality.get("done", ())]
     return (
         f"<h2>The capture</h2><p>{escape(str(quality['source']))} ({escape(str(quality['format']))}): "
-        f"{quality['frames']} frames at {clock['rate_hz']:.1f} Hz (jitter {clock['jitter_ms']:.1f} ms, "
+        f"{frames} frames at {clock['rate_hz']:.1f} Hz (jitter {clock['jitter_ms']:.1f} ms, "
         f"longest step {clock['longest_step_ms']:.0f} ms), {len(quality['passes'])} pass(es); "
-        f"{quality['complete_frames']} of {quality['frames_in_passes']} frames within passes show every "
+        f"{complete} of {within} frames within passes show every "
         "joint.</p>"
         + (f"<ul>{''.join(f'<li>{escape(str(note))}</li>' for note in notes)}</ul>" if notes else "")
         + table(
@@ -81,8 +83,8 @@ def gimbal_section(gimbal: Mapping[str, Any]) -> str:
         ["joint", "order", "locks at °", "nearest °", "frames flagged", "flips at frames"],
         rows,
         f"{len(marked)} of {len(joints)} joints come within {gimbal['flag_within_deg']:g}° of lock or flip "
-        f"in {gimbal['frames']} frames; the nearest others follow. The quaternions stay right there: what "
-        "is lost at lock is only the split between the first and the third angle.",
+        f"in {escape(str(gimbal['frames']))} frames; the nearest others follow. The quaternions stay right "
+        "there: what is lost at lock is only the split between the first and the third angle.",
     )
 
 
@@ -127,4 +129,4 @@ def _some(items: list[str]) -> str:
     if not items:
         return "–"
     more = f" and {len(items) - _SHOWN_FRAMES} more" if len(items) > _SHOWN_FRAMES else ""
-    return ", ".join(items[:_SHOWN_FRAMES]) + more
+    return escape(", ".join(items[:_SHOWN_FRAMES])) + more

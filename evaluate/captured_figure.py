@@ -14,8 +14,6 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-import pyarrow as pa
-import pyarrow.parquet as pq
 import rerun as rr
 from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
@@ -25,6 +23,7 @@ from kinemimic.pipeline.convert import on_nodes
 from kinemimic.pipeline.errors import CaptureError
 from kinemimic.pipeline.skeleton import INFERRED, MISSING, NODE_INDEX, NODES, TRACKED
 from kinemimic.pipeline.store import read_clip
+from kinemimic.pipeline.tables import numbers, read_table
 from kinemimic.retarget.scale import length_scale
 
 Array = NDArray[np.float64]
@@ -97,14 +96,12 @@ def captured(run: Path, phases: Array, clock: Array, reference: Figure, *, cycli
 
 def _placed(path: Path) -> tuple[Array, NDArray[np.int32], Array]:
     """Time in seconds, number of the pass and phase of the captured frames that have one."""
+    kind, advice = "captured frames", "run retarget again"
+    table, _ = read_table(path, kind=kind, advice=advice)
     try:
-        table = pq.read_table(path, columns=["time", "pass", "phase"])
-        time, passes, phase = (table[name].to_numpy() for name in ("time", "pass", "phase"))
-    except (pa.ArrowInvalid, KeyError, OSError) as error:
-        found = str(error).splitlines()[0]
-        raise CaptureError(
-            path, expected="captured frames", found=found, advice="run retarget again"
-        ) from None
+        time, passes, phase = (numbers(table, name, "fiu") for name in ("time", "pass", "phase"))
+    except ValueError as error:
+        raise CaptureError(path, expected=kind, found=str(error), advice=advice) from None
     placed = np.isfinite(phase)
     return time[placed], passes[placed], phase[placed]
 

@@ -29,20 +29,21 @@ class Ledger:
     """The entries of a run folder; each is kept until `record` replaces it."""
 
     def __init__(self, folder: Path) -> None:
-        """Read folder/run.json; one that is missing or of another schema counts as empty."""
+        """Read folder/run.json; what is missing, of another schema or no entry at all counts as not there."""
         self._folder = folder
         self._path = folder / "run.json"
         content = read_json(self._path) if self._path.exists() else {}
         known = isinstance(content, dict) and content.get("schema") == LEDGER_SCHEMA
-        self._stages: dict[str, Any] = content.get("stages", {}) if known else {}
+        stages = content.get("stages") if known else None
+        self._stages: dict[str, Any] = stages if isinstance(stages, dict) else {}
 
     def up_to_date(self, stage: str, source: Mapping[str, Any]) -> bool:
         """True if the stage was made from `source` and its files are still those that it wrote."""
         entry = self._stages.get(stage)
-        return (
-            entry is not None
-            and all(entry[key] == value for key, value in source.items())
-            and all(_digest(self._folder / name) == digest for name, digest in entry["outputs"].items())
+        if not isinstance(entry, dict) or not isinstance(outputs := entry.get("outputs"), dict):
+            return False
+        return all(entry.get(key) == value for key, value in source.items()) and all(
+            _digest(self._folder / name) == digest for name, digest in outputs.items()
         )
 
     def record(self, stage: str, source: Mapping[str, Any], writes: Iterable[str]) -> None:

@@ -102,7 +102,8 @@ def _head(name: str, evidence: Evidence) -> str:
     return (
         f"<h1>{escape(name)}</h1>"
         f'<p class="lead">A Bullet humanoid imitates this capture: {kind}. Policy: preset '
-        f"{escape(str(train['preset']))}, {train['samples'] or 0:,} samples, seed {train['seed']}.</p>"
+        f"{escape(str(train['preset']))}, {train['samples'] or 0:,} samples, seed "
+        f"{escape(str(train['seed']))}.</p>"
         + (SIMULATED_BANNER if scores["capture"]["simulated"] else "")
         + '<div class="tiles">'
         + "".join(f"<div><b>{value}</b><span>{label}</span></div>" for value, label in tiles)

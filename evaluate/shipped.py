@@ -17,7 +17,7 @@ import numpy as np
 from kinemimic.evaluate.recipe import POLICIES, recipes, recording
 from kinemimic.pipeline.catalog.entry import Entry
 from kinemimic.pipeline.errors import KinemimicError
-from kinemimic.pipeline.options import DEFAULT_RUN
+from kinemimic.pipeline.options import DEFAULT_RUN, RunFolder
 from kinemimic.pipeline.store import copy_file, file_hash, read_json, write_json
 from kinemimic.retarget.export_json import motion_from_json
 from kinemimic.retarget.motion import Motion
@@ -128,8 +128,12 @@ def evaluated(run: Path) -> bool:
     """Whether the run's scores and playback are those of its policy."""
     if not all((run / name).is_file() for name in (SCORES, "playback.npz")):
         return False
-    made: Any = read_json(run / SCORES)["provenance"]["inputs"]
-    return bool(made["policy"] == file_hash(run / POLICY))
+    scores: Any = read_json(run / SCORES)
+    try:
+        made = scores["provenance"]["inputs"]["policy"]
+    except (TypeError, KeyError):  # another's scores, which are none of it
+        return False
+    return bool(made == file_hash(run / POLICY))
 
 
 def run_options(*, performed: bool = False) -> Callable[[Callable[..., None]], Callable[..., None]]:
@@ -158,7 +162,7 @@ def run_options(*, performed: bool = False) -> Callable[[Callable[..., None]], C
         for option in (
             click.option("--capture", type=path, help=told),
             click.option("--policy", metavar="NAME", help="One that ships: `kinemimic policies` lists them."),
-            click.option("--run", type=path, help=f"{DEFAULT_RUN}, or runs/policy-NAME, unless said."),
+            click.option("--run", type=RunFolder(), help=f"{DEFAULT_RUN}, or runs/policy-NAME, unless said."),
         ):
             option(filled)
         return filled

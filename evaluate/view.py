@@ -91,19 +91,21 @@ def write_recording(
     # A viewer merges recordings of one id: it has to differ between runs, and only between runs.
     identity = content_hash({"root": playback.root[ROLLOUT], "rotations": playback.rotations[ROLLOUT]})[:32]
     stream = rr.RecordingStream("kinemimic", recording_id=identity, send_properties=False)
+    # Into memory: rerun's own file sink logs that the disk is full, and goes on.
+    recorded = stream.memory_recording()
+    stream.send_blueprint(layout(capture=shown is not None), make_active=False, make_default=True)
+    log_scenes(stream, *pair)
+    log_contacts(stream, pair[1], playback.contact_forces[ROLLOUT])
+    if props is not None:
+        log_props(stream, pair[1], props)
+    if shown is not None:
+        log_captured(stream, shown)
+    set_apart(stream, (SIMULATED, REFERENCE) if shown is None else (SIMULATED, REFERENCE, CAPTURED))
+    log_curves(stream, playback, ROLLOUT)
+    stream.log("scores", rr.TextDocument(told, media_type=rr.MediaType.MARKDOWN), static=True)
     with atomic(path) as temporary:
-        stream.save(temporary, default_blueprint=layout(capture=shown is not None))
-        log_scenes(stream, *pair)
-        log_contacts(stream, pair[1], playback.contact_forces[ROLLOUT])
-        if props is not None:
-            log_props(stream, pair[1], props)
-        if shown is not None:
-            log_captured(stream, shown)
-        set_apart(stream, (SIMULATED, REFERENCE) if shown is None else (SIMULATED, REFERENCE, CAPTURED))
-        log_curves(stream, playback, ROLLOUT)
-        text = rr.TextDocument(told, media_type=rr.MediaType.MARKDOWN)
-        stream.log("scores", text, static=True)
-        stream.disconnect()
+        temporary.write_bytes(recorded.drain_as_bytes())
+    stream.disconnect()
 
 
 def how_to_open(recording: Path) -> str:

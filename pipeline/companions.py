@@ -6,20 +6,18 @@ was made, which few formats can say themselves.
 
 from __future__ import annotations
 
-import json
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-import pyarrow as pa
-import pyarrow.parquet as pq
 from numpy.typing import NDArray
 
 from kinemimic.pipeline.angles import ANGLES
 from kinemimic.pipeline.errors import CaptureError
 from kinemimic.pipeline.schema import unchanged, upgraded
 from kinemimic.pipeline.store import read_json, write_json, write_table
+from kinemimic.pipeline.tables import numbers, read_table
 
 Array = NDArray[np.float64]
 
@@ -53,27 +51,26 @@ def read_truth(path: Path) -> dict[str, Array] | None:
     """
     if not path.is_file():
         return None
-    try:
-        table = pq.read_table(path)
-        header = json.loads((table.schema.metadata or {}).get(b"kinemimic", b"{}"))
-    except (pa.ArrowInvalid, ValueError) as error:
-        raise CaptureError(
-            path, expected="the truth of a simulated capture", found=str(error).splitlines()[0]
-        ) from None
+    kind, advice = "the truth of a simulated capture", "record it again"
+    table, header = read_table(path, kind=kind, advice=advice)
     names = ("time", *ANGLES)
     if missing := [name for name in names if name not in table.column_names]:
-        raise CaptureError(
-            path, expected="the truth of a simulated capture", found=f"no column {', '.join(missing)}"
-        )
+        raise CaptureError(path, expected=kind, found=f"no column {', '.join(missing)}", advice=advice)
     upgraded(
         header if isinstance(header, dict) else {},
         path,
         kind="the truth of a capture",
         schema=TRUTH_SCHEMA,
         upgrades={0: unchanged},
-        advice="record it again",
+        advice=advice,
     )
-    return {name: table[name].to_numpy() for name in names}
+    try:
+        truth = {name: numbers(table, name) for name in names}
+    except ValueError as error:
+        raise CaptureError(path, expected=kind, found=str(error), advice=advice) from None
+    if not np.all(np.diff(truth["time"]) > 0) or not np.isfinite(truth["time"]).all():
+        raise CaptureError(path, expected=kind, found="times that do not increase", advice=advice)
+    return truth
 
 
 def write_note(path: Path, note: Mapping[str, Any]) -> None:

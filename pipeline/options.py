@@ -2,15 +2,32 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 import click
 
+from kinemimic.pipeline.errors import KinemimicError
+
 DEFAULT_RUN = Path("runs/default")
 # As in captures/units.py, which is not loaded for --help.
 UNITS = ("m", "cmu", "inch", "cm", "mm")
+
+
+class RunFolder(click.Path):
+    """The path of a folder that need not be there; a file in its place is told before anything is read."""
+
+    def __init__(self) -> None:
+        super().__init__(path_type=Path)
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Path:
+        """A Path; KinemimicError for a file."""
+        run = Path(os.fsdecode(super().convert(value, param, ctx)))
+        if run.is_file():
+            raise KinemimicError(f"{run}: expected a run folder, found a file; name another --run")
+        return run
 
 
 def run_option(name: str = "run") -> Callable[[Callable[..., Any]], Callable[..., Any]]:
@@ -18,7 +35,7 @@ def run_option(name: str = "run") -> Callable[[Callable[..., Any]], Callable[...
     return click.option(
         "--run",
         name,
-        type=click.Path(path_type=Path),
+        type=RunFolder(),
         default=DEFAULT_RUN,
         show_default=True,
         help="The run folder.",

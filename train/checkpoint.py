@@ -14,15 +14,19 @@ from numpy.typing import NDArray
 from safetensors import SafetensorError, safe_open
 from safetensors.numpy import save_file
 
+from kinemimic.pipeline.bounded import require_regular
 from kinemimic.pipeline.errors import KinemimicError
+from kinemimic.pipeline.plain_json import plain_json
 from kinemimic.pipeline.store import atomic
 from kinemimic.train.learning import Learning
 from kinemimic.train.policy import Policy
 from kinemimic.train.rollout import Figures
 from kinemimic.train.trial import Trial
+from kinemimic.train.typed import check_types
 
 CHECKPOINT_SCHEMA = 5
 _LEARNER, _FIGURES, _BEST = "learner.", "figures.", "best."
+_MEMORY = "memory."  # of a rival, among what is the learner's
 
 Arrays = dict[str, NDArray[Any]]
 
@@ -73,30 +77,58 @@ def save(path: Path, training: Training, motion: str) -> None:
 
 
 def restore(path: Path, training: Training, motion: str) -> bool:
-    """Load `path` into a training; False if it belongs to another motion or configuration (budget aside)."""
+    """Load `path` into a training; False if it belongs to another motion or configuration (budget aside).
+
+    KinemimicError for a damaged one; the training is then of no use.
+    """
+    require_regular(path, "a checkpoint")
     try:
         with safe_open(path, framework="np") as stream:
-            record = json.loads((stream.metadata() or {})["kinemimic"])
+            # A mean of losses may be NaN.
+            record = plain_json((stream.metadata() or {})["kinemimic"], finite=False)
             arrays = {name: stream.get_tensor(name) for name in stream.keys()}  # noqa: SIM118 (not a dict)
-        schema, imitated, stored = record["schema"], record["motion"], record["config"]
-        trials = [Trial(**trial) for trial in record["trials"]] if schema == CHECKPOINT_SCHEMA else []
-    except (OSError, KeyError, TypeError, ValueError, SafetensorError) as error:
+        schema, imitated, stored = record["schema"], record["motion"], {**record["config"], "budget": None}
+        if schema != CHECKPOINT_SCHEMA:
+            return False
+        trials = [Trial(**trial) for trial in record["trials"]]
+        if imitated != motion or stored != {**training.learner.config.to_json(), "budget": None}:
+            return False
+        _take_up(training, arrays, record, trials)
+    # Of types of numbers that numpy has not, safetensors tells by an AttributeError; torch of shapes by a
+    # RuntimeError.
+    except (
+        OSError, KeyError, TypeError, ValueError, AttributeError, IndexError, RuntimeError, SafetensorError,
+    ) as error:  # fmt: skip
+        found = f"no {error}" if isinstance(error, KeyError) else error
         raise KinemimicError(
-            f"{path}: expected a checkpoint, found {error}; delete it or train with --no-resume"
+            f"{path}: expected a checkpoint, found {found}; delete it or train with --no-resume"
         ) from None
-    learner = training.learner
-    wanted = {**learner.config.to_json(), "budget": None}
-    if schema != CHECKPOINT_SCHEMA or imitated != motion:
-        return False
-    if wanted != {**stored, "budget": None}:
-        return False
-    tensors = {name: torch.from_numpy(array) for name, array in _below(_LEARNER, arrays).items()}
-    learner.restore(tensors, record)
-    training.figures = _below(_FIGURES, arrays) or None
-    training.trials = trials
-    best = _below(_BEST, arrays)
-    training.best = Policy.of_tensors(best, learner.config) if best else None
     return True
+
+
+def _take_up(training: Training, arrays: Arrays, record: dict[str, Any], trials: list[Trial]) -> None:
+    """KeyError, TypeError, ValueError or RuntimeError for what is not as `save` wrote it."""
+    learner = training.learner
+    for trial in trials:
+        check_types(trial)
+    tensors = {name: torch.from_numpy(array) for name, array in _below(_LEARNER, arrays).items()}
+    for name, own in learner.tensors().items():
+        # What a rival remembers grows; all else is as large as in one that has not learnt yet.
+        if name.startswith(_MEMORY):
+            continue
+        if (tensors[name].shape, tensors[name].dtype) != (own.shape, own.dtype):
+            raise ValueError(f"{name} of shape {tuple(tensors[name].shape)} and type {tensors[name].dtype}")
+    learner.restore(tensors, record)
+    check_types(learner.progress)
+    figures, best = _below(_FIGURES, arrays), _below(_BEST, arrays)
+    for name, array in figures.items():
+        if array.shape[:1] != (learner.config.environments,):
+            raise ValueError(f"{name} of shape {array.shape} for {learner.config.environments} figures")
+    training.figures = figures or None
+    training.trials = trials
+    training.best = Policy.of_tensors(best, learner.config) if best else None
+    if training.best is not None and training.best.shape != learner.policy().shape:
+        raise ValueError("a best policy whose layers do not fit")
 
 
 def _named(prefix: str, arrays: Mapping[str, NDArray[Any]]) -> Arrays:

@@ -15,6 +15,7 @@ import numpy as np
 from kinemimic.pipeline.errors import KinemimicError
 from kinemimic.train.rival_config import A2c, Activation, Ddpg, Rival, StablePpo, rival_from_json
 from kinemimic.train.scenario import Scenario
+from kinemimic.train.typed import check_types
 
 # Weights of the joints in the pose error, by the body that the joint carries; they sum to one.
 POSE_WEIGHTS: dict[str, float] = {
@@ -26,6 +27,8 @@ POSE_WEIGHTS: dict[str, float] = {
        for limb, weight in (("upper_arm", 0.03), ("forearm", 0.02), ("hand", 0.01),
                             ("thigh", 0.13), ("shin", 0.11), ("foot", 0.05))},
 }  # fmt: skip
+_FORMS = ("squares", "norm")
+_TERMS = ("pose", "linear", "angular", "height", "path")
 
 
 @dataclass(frozen=True)
@@ -36,6 +39,7 @@ class RewardConfig:
     printed, with kᵢ = 1/ωᵢ and θ = 1 (its own factor is in the weight).
     Terms: pose (rad), linear (m/s), angular (rad/s), height (m) and, in the default preset only, path: the
     horizontal distance of the root from its reference (m), without which a figure walks well but too slowly.
+    ValueError for another form or term, and for a weight without a scale.
     """
 
     form: str = "squares"
@@ -45,6 +49,14 @@ class RewardConfig:
     scales: dict[str, float] = field(
         default_factory=lambda: {"pose": 8.0, "linear": 2.0, "angular": 0.05, "height": 40.0, "path": 8.0}
     )
+
+    def __post_init__(self) -> None:
+        if self.form not in _FORMS:
+            raise ValueError(f"reward.form: expected one among {', '.join(_FORMS)}, found {self.form!r}")
+        if strange := self.weights.keys() - set(_TERMS):
+            raise ValueError(f"reward.weights: expected {', '.join(_TERMS)}, found {', '.join(strange)}")
+        if missing := self.weights.keys() - self.scales.keys():
+            raise ValueError(f"reward.scales: expected one for each weight, found no {', '.join(missing)}")
 
 
 @dataclass(frozen=True)
@@ -122,7 +134,7 @@ def _schedule(points: list[list[float]]) -> Schedule:
 class TrainConfig:
     """PPO: see `ppo.py` for what each number does; with a `rival`, what `rival_config.py` says of it.
 
-    ValueError if the rival does not train a whole number of times in a round.
+    ValueError if the rival does not train a whole number of times in a round, or a schedule has no point.
     """
 
     preset: str = "default"
@@ -158,6 +170,8 @@ class TrainConfig:
     rival: Rival | None = None
 
     def __post_init__(self) -> None:
+        if not all((self.noise, self.strength, *self.scales.values())):
+            raise ValueError("noise, strength, scales: expected points of a schedule, found none")
         if self.rival and self.horizon % self.rival.steps:
             raise ValueError(
                 f"horizon: expected a multiple of the rival's {self.rival.steps} steps, found {self.horizon}"
@@ -219,11 +233,13 @@ class TrainConfig:
             plain["scales"] = {name: _schedule(points) for name, points in plain["scales"].items()}
             for name in ("noise", "strength"):
                 plain[name] = _schedule(plain[name])
-            return cls(env=EnvConfig(**env), rival=rival, **plain)
-        except (KeyError, TypeError, ValueError) as error:
+            config = cls(env=EnvConfig(**env), rival=rival, **plain)
+            check_types(config)
+        except (AttributeError, KeyError, TypeError, ValueError, ArithmeticError) as error:
             raise KinemimicError(
                 f"expected a training configuration, found one that does not fit: {error}"
             ) from None
+        return config
 
 
 PRESETS: dict[str, TrainConfig] = {

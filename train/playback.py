@@ -10,12 +10,15 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from kinemimic.pipeline.bounded import MEGABYTE, require_regular
 from kinemimic.pipeline.errors import KinemimicError
 from kinemimic.pipeline.schema import unchanged, upgraded
 from kinemimic.pipeline.store import atomic
 
 Array = NDArray[np.float64]
 PLAYBACK_SCHEMA = 1
+_LIMIT = 1024 * MEGABYTE  # five hours of a performance; a walk's take 15 MB
+_AGAIN = "run `evaluate` again"
 
 
 @dataclass(frozen=True)
@@ -53,8 +56,10 @@ class Playback:
 
     @classmethod
     def load(cls, path: Path) -> Playback:
-        """Read what `save` wrote; nothing is unpickled."""
+        """Read what `save` wrote; nothing is unpickled. A KinemimicError says what is not so."""
+        require_regular(path, "a playback")
         try:
+            _check_sizes(path)
             with np.load(path, allow_pickle=False) as data:
                 header = {"schema": int(data["schema"])} if "schema" in data else {}
                 upgraded(
@@ -62,17 +67,67 @@ class Playback:
                     path,
                     kind="a playback",
                     schema=PLAYBACK_SCHEMA,
-                    advice="run `evaluate` again",
+                    advice=_AGAIN,
                     upgrades={0: unchanged},
                 )
-                return cls(**{f.name: data[f.name] for f in fields(cls)})
+                playback = cls(**{f.name: data[f.name] for f in fields(cls)})
         except FileNotFoundError:
             raise KinemimicError(
                 f"{path}: expected a playback, found no file; run `evaluate` first"
             ) from None
-        except (KeyError, ValueError, OSError, EOFError, zipfile.BadZipFile, zlib.error):
+        # RuntimeError: encrypted, or packed as nobody does; MemoryError: a header that tells lies.
+        except (
+            KeyError, TypeError, ValueError, OSError, EOFError, RuntimeError, MemoryError,
+            zipfile.BadZipFile, zlib.error,
+        ):  # fmt: skip
             # numpy's own words advise to unpickle what it cannot read.
             raise KinemimicError(
                 f"{path}: expected a playback, found a damaged or another file, or an earlier version's; "
-                "run `evaluate` again"
+                + _AGAIN
             ) from None
+        if found := playback._misfit():
+            raise KinemimicError(f"{path}: expected a playback, found {found}; {_AGAIN}")
+        return playback
+
+    def _misfit(self) -> str | None:
+        """What is not as the class says, in words."""
+        rollouts, frames = self.phases.shape if self.phases.ndim == 2 else (0, 0)
+        if not rollouts or not frames:
+            return "no rollouts"
+        each, terms = (rollouts, frames), self.reward_names.shape[:1]
+        wanted: dict[str, tuple[tuple[int, ...], str]] = {
+            "start_phases": ((rollouts,), "f"),
+            "phases": (each, "f"),
+            "root": ((*each, 3), "f"),
+            "rotations": ((*each, 20, 4), "f"),
+            "reference_root": ((*each, 3), "f"),
+            "reference_rotations": ((*each, 20, 4), "f"),
+            "rewards": ((*each, *terms), "f"),
+            "reward_names": (terms, "U"),
+            "fallen_at": ((rollouts,), "iu"),
+            "torques": ((*each, 14), "f"),
+            "contacts": ((*each, 2), "b"),
+            "contact_forces": ((*each, 15, 3), "f"),
+        }
+        for name, (shape, kinds) in wanted.items():
+            array = getattr(self, name)
+            if array.shape != shape or array.dtype.kind not in kinds:
+                return f"{name} of shape {array.shape} and type {array.dtype}"
+            if kinds == "f" and not np.isfinite(array).all():
+                return f"{name} that are not finite"
+        if self.fallen_at.min() < 0 or not (np.diff(self.phases) > 0).all():
+            return "falls before the start, or phases that do not increase"
+        return None
+
+
+def _check_sizes(path: Path) -> None:
+    """ValueError where unpacking would take more memory than any playback does.
+
+    Of each array no more is unpacked than the archive's directory says.
+    """
+    with zipfile.ZipFile(path) as archive:
+        infos = archive.infolist()
+    if sum(info.file_size for info in infos) > _LIMIT:
+        raise ValueError("too large")
+    if any(info.compress_type not in (zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED) for info in infos):
+        raise ValueError("packed otherwise than numpy does")

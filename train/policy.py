@@ -10,8 +10,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 from safetensors import SafetensorError
-from safetensors.numpy import load_file, save_file
+from safetensors.numpy import load, save
 
+from kinemimic.pipeline.bounded import MEGABYTE, read_bounded
 from kinemimic.pipeline.errors import KinemimicError
 from kinemimic.pipeline.schema import upgraded
 from kinemimic.pipeline.store import atomic, read_json, write_json
@@ -27,6 +28,8 @@ Floats = NDArray[np.float32]
 POLICY = "policy.safetensors"  # of a run
 POLICY_SCHEMA = 3
 OBSERVATION_CLIP = 8.0
+_LIMIT = 256 * MEGABYTE  # a hundred times what a preset's networks take
+_AGAIN = "train again"
 
 
 def normalized(observations: NDArray[Any], mean: Floats, scale: Floats) -> Floats:
@@ -89,7 +92,8 @@ class Policy:
     def save(self, path: Path, record: Mapping[str, Any]) -> None:
         """`path` (.safetensors) and beside it the record (.json): configuration, samples, provenance."""
         with atomic(path) as temporary:
-            save_file(self.tensors(), temporary)
+            # By Python, whose error says which file it is that the disk is too full for.
+            temporary.write_bytes(save(self.tensors()))
         write_json(path.with_suffix(".json"), {**record, "schema": POLICY_SCHEMA, "body": body_identity()})
 
     @classmethod
@@ -112,10 +116,8 @@ class Policy:
                 f"{path}: expected a policy for this version's body, found one that learnt on another "
                 "(other lengths, masses or motors), on which it would fall; train again"
             )
-        try:
-            tensors = load_file(path)
-        except (OSError, SafetensorError) as error:
-            raise KinemimicError(f"{path}: expected a policy (safetensors), found {error}") from None
+        _check_record(record, path.with_suffix(".json"))
+        tensors = _read_tensors(path)
         try:
             config = TrainConfig.from_json(record["config"])
         except KinemimicError as error:
@@ -132,7 +134,49 @@ class Policy:
                 f"{path}: expected {wanted[0]} observations and {wanted[1]} actions, as its configuration "
                 f"has them, found {shape[0]} and {shape[1]}"
             )
+        if not (policy.scale > 0).all():
+            raise KinemimicError(f"{path}: expected a scale above zero, found {policy.scale.min()}; {_AGAIN}")
         return policy, record
+
+
+def _check_record(record: Mapping[str, Any], path: Path) -> None:
+    """KinemimicError for what is not as `train` writes it, where scores and reports take it over."""
+    kinds: dict[str, tuple[type, ...]] = {
+        **dict.fromkeys(("samples", "seed"), (int,)),
+        "seconds": (int, float),
+        **dict.fromkeys(("preset", "engine"), (str,)),
+        **dict.fromkeys(("mirrored", "simulated"), (bool,)),
+        "provenance": (dict,),
+    }
+    for key, wanted in kinds.items():
+        if key in record and type(record[key]) not in wanted:
+            names = " or ".join(kind.__name__ for kind in wanted)
+            raise KinemimicError(f"{path}, key {key}: expected {names}, found {record[key]!r}; {_AGAIN}")
+    inputs = record["provenance"].get("inputs", {})
+    if not isinstance(inputs, dict):
+        raise KinemimicError(f"{path}, key provenance.inputs: expected dict, found {inputs!r}; {_AGAIN}")
+
+
+def _read_tensors(path: Path) -> dict[str, Floats]:
+    """Finite float32 of one or two dimensions; a KinemimicError for anything else."""
+    try:
+        tensors: dict[str, Floats] = load(read_bounded(path, _LIMIT, "a policy (safetensors)"))
+    except FileNotFoundError:
+        raise KinemimicError(f"{path}: expected a policy (safetensors), found no file; {_AGAIN}") from None
+    # Of types of numbers that numpy has not, safetensors tells in any of these.
+    except (SafetensorError, AttributeError, KeyError, TypeError, ValueError) as error:
+        raise KinemimicError(f"{path}: expected a policy (safetensors), found {error}; {_AGAIN}") from None
+    for name, tensor in tensors.items():
+        if tensor.dtype != np.float32 or tensor.ndim not in (1, 2):
+            found = f"{tensor.dtype} of {tensor.ndim} dimensions"
+        elif not np.isfinite(tensor).all():
+            found = "numbers that are infinite or NaN"
+        else:
+            continue
+        raise KinemimicError(
+            f"{path}: expected finite float32 of one or two dimensions in {name!r}, found {found}; {_AGAIN}"
+        )
+    return tensors
 
 
 def learnt(run: Path) -> tuple[Motion, Policy, dict[str, Any]]:
@@ -141,6 +185,6 @@ def learnt(run: Path) -> tuple[Motion, Policy, dict[str, Any]]:
     if not path.exists():
         raise KinemimicError(f"{path}: expected a policy, found no file; run `kinemimic train` first")
     policy, record = Policy.load(path)
-    if record["provenance"]["inputs"].get("motion") != motion.identity:
+    if record["provenance"].get("inputs", {}).get("motion") != motion.identity:
         raise KinemimicError(f"{path}: expected a policy for this motion, found another's; train again")
     return motion, policy, record

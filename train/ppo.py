@@ -241,9 +241,13 @@ class Learner:
             saved = optimizer.state_dict()
             prefix = f"optimizer.{kind}."
             slots: dict[int, dict[str, Tensor]] = {}
+            weights = optimizer.param_groups[0]["params"]
             for name, value in tensors.items():
                 if name.startswith(prefix):
                     index, slot = name.removeprefix(prefix).split(".")
+                    # torch looks at neither, and fails in the next round.
+                    if value.ndim and value.shape != weights[int(index)].shape:
+                        raise ValueError(f"{name} of shape {tuple(value.shape)}")
                     slots.setdefault(int(index), {})[slot] = value
             saved["state"] = slots
             optimizer.load_state_dict(saved)

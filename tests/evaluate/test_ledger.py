@@ -31,6 +31,18 @@ def test_what_was_recorded_is_up_to_date(folder: Path) -> None:
     assert Ledger(folder).up_to_date("convert", source(folder))
 
 
+@pytest.mark.parametrize(
+    "stages",
+    [[], 5, {"convert": 5}, {"convert": {}}, {"convert": {"outputs": 5}}, {"convert": {"outputs": {}}}],
+)
+def test_what_is_no_entry_is_not_and_is_replaced(folder: Path, stages: object) -> None:
+    write_json(folder / "run.json", {"schema": module.LEDGER_SCHEMA, "stages": stages})
+    ledger = Ledger(folder)
+    assert not ledger.up_to_date("convert", source(folder))
+    ledger.record("convert", source(folder), ["out"])
+    assert Ledger(folder).up_to_date("convert", source(folder))
+
+
 def test_another_stage_is_not(folder: Path) -> None:
     assert not Ledger(folder).up_to_date("retarget", source(folder))
 

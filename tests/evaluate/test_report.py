@@ -65,6 +65,14 @@ def page(evidence, tmp_path_factory):
     return report(tmp_path_factory.mktemp("run"), evidence)
 
 
+def test_what_a_policy_says_of_itself_is_text(evidence, tmp_path):
+    marked = "<script>alert(1)</script>"
+    train = {**evidence.scores["train"], "preset": marked, "seed": marked}
+    page = report(tmp_path, replace(evidence, scores={**evidence.scores, "train": train}))
+    assert marked not in page
+    assert page.count("&lt;script&gt;") == 2
+
+
 def test_the_page_is_whole_and_asks_for_nothing_from_outside(page, evidence):
     checker, text = _check(page)
     assert checker.links and all(link.startswith("data:image/svg+xml;base64,") for link in checker.links)

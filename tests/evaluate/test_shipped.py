@@ -14,7 +14,7 @@ from peers.shelf import RECIPES, write_run
 
 from kinemimic.evaluate import export, policies, shipped, stage, view
 from kinemimic.evaluate.recipe import recording
-from kinemimic.evaluate.shipped import MOTION, POLICY, RECORD, SCORES, unpack
+from kinemimic.evaluate.shipped import MOTION, POLICY, RECORD, SCORES, evaluated, unpack
 from kinemimic.pipeline.errors import KinemimicError
 from kinemimic.pipeline.store import file_hash, read_json, write_json, write_text
 from kinemimic.retarget.export_json import motion_from_json, motion_to_json
@@ -148,6 +148,14 @@ def test_a_view_lets_it_perform_where_nobody_has_yet(shelf: Path, monkeypatch: p
     assert scores["survival"]["of"] == 35
     monkeypatch.setattr(stage, "evaluate", lambda *_: pytest.fail("it was evaluated already"))
     assert invoke(["--policy", "walk"]).exit_code == 0
+
+
+@pytest.mark.parametrize("scores", [{}, [], {"provenance": []}, {"provenance": {"inputs": "x"}}])
+def test_scores_that_do_not_say_of_what_are_of_no_policy(shelf: Path, tmp_path: Path, scores: object) -> None:
+    shipped.unpack("walk", tmp_path / "run")
+    (tmp_path / "run" / "playback.npz").touch()
+    write_json(tmp_path / "run" / SCORES, scores)
+    assert not evaluated(tmp_path / "run")
 
 
 def test_evaluate_and_export_take_its_name(shelf: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import resource
 import shutil
 import subprocess
 import sys
@@ -207,6 +208,24 @@ def test_command_prints_the_path_and_how_to_open_it(run: Path) -> None:
     assert told.output.strip() == f"{run}/view.rrd ({how_to_open(run / 'view.rrd')})"
     told = CliRunner().invoke(command, ["--run", str(run), "--json"])
     assert json.loads(told.output) == {"recording": f"{run}/view.rrd", "screenshot": None, "video": None}
+
+
+def test_a_full_disk_is_one_clear_line_and_leaves_the_view_of_before(
+    run: Path, capfd: pytest.CaptureFixture[str]
+) -> None:
+    before = (run / "view.rrd").read_bytes()
+    limits = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (len(before) // 2, limits[1]))
+    try:
+        with pytest.raises(SystemExit) as left:
+            main(["view", "--run", str(run)])
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, limits)
+    assert left.value.code == 2
+    told = capfd.readouterr()
+    assert told.err == f"kinemimic: {run / 'view.rrd'}: file too large\n" and not told.out
+    assert (run / "view.rrd").read_bytes() == before
+    assert not [path for path in run.iterdir() if path.name.startswith(".")]
 
 
 @pytest.mark.parametrize("option", ["--at", "--seconds", "--trial", "--seed"])

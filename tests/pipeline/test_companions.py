@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Mapping
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pyarrow as pa
@@ -44,8 +46,8 @@ def test_a_truth_comes_back_and_says_its_schema(tmp_path: Path) -> None:
     assert read_truth(tmp_path / "b.truth.parquet") is None
 
 
-def _table(path: Path, header: object, columns: dict[str, list[float]] = COLUMNS) -> Path:
-    table = pa.table(columns)
+def _table(path: Path, header: object, columns: Mapping[str, list[Any]] = COLUMNS) -> Path:
+    table = pa.table(dict(columns))
     if header is not None:
         table = table.replace_schema_metadata({"kinemimic": json.dumps(header)})
     pq.write_table(table, path)
@@ -64,6 +66,16 @@ def test_a_later_truth_and_another_file_are_told(tmp_path: Path) -> None:
         read_truth(_table(path, {"schema": TRUTH_SCHEMA + 1}))
     with pytest.raises(KinemimicError, match=r"found no column knee_right, hip_left, hip_right"):
         read_truth(_table(path, None, {"time": [0.1], "knee_left": [0.1]}))
+    for damaged in (
+        {"time": ["x"]},
+        {"time": [None]},
+        {"time": [float("nan")] * 2, "hip_left": [0.1, 0.1]},
+        {"knee_left": [None]},
+    ):
+        rows = max(len(values) for values in damaged.values())
+        table = {**{name: [0.1] * rows for name in COLUMNS}, **damaged}
+        with pytest.raises(KinemimicError, match=r"a\.truth\.parquet: expected .*; record it again"):
+            read_truth(_table(path, None, table))
     path.write_text("truth")
     with pytest.raises(KinemimicError, match=r"expected the truth of a simulated capture, found"):
         read_truth(path)

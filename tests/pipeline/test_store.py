@@ -2,15 +2,21 @@
 
 from __future__ import annotations
 
+import errno
 import json
+import os
 from collections.abc import Callable
+from contextlib import suppress
 from dataclasses import fields, replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
+import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
 
+from kinemimic.pipeline import tables
 from kinemimic.pipeline.clip import Clip
 from kinemimic.pipeline.errors import CaptureError, KinemimicError
 from kinemimic.pipeline.rotations import Y_UP_TO_Z_UP
@@ -83,6 +89,24 @@ def test_a_failed_write_leaves_the_old_file_and_nothing_else(tmp_path: Path) -> 
     assert list(tmp_path.iterdir()) == [target]
 
 
+def test_what_cannot_be_written_is_named(tmp_path: Path) -> None:
+    target = tmp_path / "result.json"
+    with pytest.raises(OSError, match="No space left") as full, atomic(target):
+        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+    assert full.value.filename == str(target)
+    target.mkdir()
+    with pytest.raises(IsADirectoryError) as folder:
+        write_text(target, "")
+    assert folder.value.filename == str(target)
+    assert list(tmp_path.iterdir()) == [target]
+
+
+def test_a_folder_whose_name_is_no_utf8_holds_clips(tmp_path: Path, node_clip: Build) -> None:
+    path = tmp_path / os.fsdecode(b"r\xff") / "clip.parquet"
+    write_clip(path, node_clip())
+    assert_same(node_clip(), read_clip(path))
+
+
 def test_a_copy_that_has_no_source_leaves_the_old_file(tmp_path: Path) -> None:
     source, target = tmp_path / "source", tmp_path / "there" / "copy"
     source.write_bytes(b"\x00\xff")
@@ -105,6 +129,20 @@ def test_json_keeps_its_sequence_and_refuses_nan(tmp_path: Path) -> None:
     with pytest.raises(ValueError, match="JSON compliant"):
         write_json(tmp_path / "b.json", float("nan"))
     assert not (tmp_path / "b.json").exists()
+
+
+@pytest.mark.parametrize("text", ["[" * 100_000, '{"x": NaN}', "[-Infinity]", "[1e999]", "{", "\udcff"])
+def test_what_is_no_json_is_one_clear_line(tmp_path: Path, text: str) -> None:
+    path = tmp_path / "a.json"
+    path.write_text(text, encoding="utf-8", errors="surrogateescape")
+    with pytest.raises(KinemimicError, match=r"a\.json: expected JSON, found "):
+        read_json(path)
+
+
+def test_json_that_never_ends_is_not_read(tmp_path: Path) -> None:
+    (tmp_path / "motion.json").symlink_to("/dev/zero")
+    with pytest.raises(KinemimicError, match=r"motion\.json: expected a JSON file, found a pipe or a device"):
+        read_json(tmp_path / "motion.json")
 
 
 def test_content_hash_is_of_names_types_shapes_and_values() -> None:
@@ -144,5 +182,95 @@ def test_errors_name_the_file_and_what_to_do(tmp_path: Path, node_clip: Build) -
         read_clip(path)
     for other in ({"rate": 60.0}, []):
         pq.write_table(table.replace_schema_metadata({"kinemimic": json.dumps(other)}), path)
-        with pytest.raises(CaptureError, match=r"expected a kinemimic clip .* found another table of ours"):
+        with pytest.raises(CaptureError, match=r"expected a kinemimic clip .* found another table"):
             read_clip(path)
+
+
+def _column(name: str, values: Any) -> Callable[[pa.Table], pa.Table]:
+    return lambda table: table.set_column(table.column_names.index(name), name, pa.array(values))
+
+
+DAMAGED: dict[str, tuple[Callable[[pa.Table], pa.Table], dict[str, Any], str]] = {
+    "no names": (lambda t: t, {"skeleton": {}}, "no key 'names'"),
+    "a list": (lambda t: t, {"skeleton": []}, "list indices"),
+    "a twin": (
+        lambda t: t,
+        {"skeleton": {"names": ["a", "a"], "parents": [-1, 0], "offsets": [[0, 0, 0]] * 2}},
+        "joint names must be unique",
+    ),
+    "a cycle": (
+        lambda t: t,
+        {"skeleton": {"names": ["a", "b"], "parents": [1, 0], "offsets": [[0, 0, 0]] * 2}},
+        "every parent must stand before",
+    ),
+    "no joint": (
+        lambda t: t,
+        {"skeleton": {"names": ["a", "b"], "parents": [-1, -7], "offsets": [[0, 0, 0]] * 2}},
+        "parents that are no joints",
+    ),
+    "orders": (lambda t: t, {"orders": ["QQQ"] * 20}, "the Euler orders"),
+    "no rotation": (lambda t: t, {"world_from_file": [0, 0]}, "for a rotation from the file's axes"),
+    "zero rotation": (lambda t: t, {"world_from_file": [0, 0, 0, 0]}, "for a rotation"),
+    "provenance": (lambda t: t, {"provenance": "x"}, "the provenance 'x'"),
+    "NaN": (lambda t: t, {"provenance": {"x": float("nan")}}, "not JSON compliant"),
+    "no frames": (lambda t: t.slice(0, 0), {}, "no frames"),
+    "no time": (lambda t: t.drop(["time"]), {}, "0 columns 'time'"),
+    "nulls": (_column("time", [None] * 60), {}, "column 'time' with nulls"),
+    "words": (_column("time", ["x"] * 60), {}, "column 'time' of string"),
+    "NaN times": (_column("time", np.full(60, np.nan)), {}, "times that are not finite"),
+    "backwards": (_column("time", np.arange(60.0)[::-1]), {}, "times must increase strictly"),
+    "infinity": (_column("hip_center.positions.x", np.full(60, np.inf)), {}, "that nobody measures"),
+    "no pass": (lambda t: t.drop(["pass"]), {}, "0 columns 'pass'"),
+    "no state": (lambda t: t.drop(["head.state"]), {}, "0 columns 'head.state'"),
+    "no positions": (lambda t: t.drop(["hip_center.positions.x"]), {}, "no positions"),
+}
+
+
+@pytest.mark.parametrize("name", DAMAGED)
+def test_a_damaged_clip_is_one_clear_line(tmp_path: Path, node_clip: Build, name: str) -> None:
+    path = tmp_path / "clip.parquet"
+    change, header, found = DAMAGED[name]
+    write_clip(path, node_clip())
+    table = pq.read_table(path)
+    told = json.dumps(json.loads(table.schema.metadata[b"kinemimic"]) | header)
+    pq.write_table(change(table).replace_schema_metadata({"kinemimic": told}), path)
+    with pytest.raises(
+        CaptureError, match=r"clip\.parquet: expected a kinemimic clip \(Parquet\), found "
+    ) as error:
+        read_clip(path)
+    assert found in str(error.value) and str(error.value).endswith("; run the stage that writes it again")
+
+
+@pytest.mark.parametrize("told", ["[" * 100_000, "{", "\udcff"])
+def test_a_clip_with_a_damaged_header_is_one_clear_line(tmp_path: Path, told: str) -> None:
+    path = tmp_path / "clip.parquet"
+    header = {b"kinemimic": told.encode("utf-8", "surrogateescape")}
+    pq.write_table(pa.table({"time": [0.0]}).replace_schema_metadata(header), path)
+    with pytest.raises(CaptureError, match=r"clip\.parquet: expected a kinemimic clip .*; run the stage"):
+        read_clip(path)
+
+
+def test_any_damage_to_a_clip_names_it(tmp_path: Path, node_clip: Build) -> None:
+    path, random = tmp_path / "clip.parquet", np.random.default_rng(0)
+    write_clip(path, node_clip())
+    whole = np.frombuffer(path.read_bytes(), np.uint8)
+    for _ in range(60):
+        spoilt = whole.copy()
+        # Most of it in the footer, which is what is believed.
+        at = random.choice([random.integers(len(whole)), len(whole) - 1 - random.integers(8000)])
+        spoilt[at] = random.integers(256)
+        path.write_bytes(spoilt.tobytes())
+        with suppress(KinemimicError):  # a value of a column may be another
+            read_clip(path)
+        with pytest.raises(CaptureError, match=r"clip\.parquet: expected a kinemimic clip"):
+            path.write_bytes(spoilt[: random.integers(len(spoilt))].tobytes())
+            read_clip(path)
+
+
+def test_a_table_of_more_than_fits_is_not_read(
+    tmp_path: Path, node_clip: Build, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    write_clip(tmp_path / "clip.parquet", node_clip())
+    monkeypatch.setattr(tables, "_CELLS", 60 * 82 - 1)
+    with pytest.raises(CaptureError, match="found 60 rows of 82 columns, more than fit into memory"):
+        read_clip(tmp_path / "clip.parquet")

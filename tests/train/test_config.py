@@ -32,6 +32,45 @@ def test_what_does_not_fit_is_refused_by_name() -> None:
         preset("none")
 
 
+@pytest.mark.parametrize(
+    ("place", "value"),
+    [
+        ("noise", []),
+        ("noise", "x"),
+        ("noise", [[0, None]]),
+        ("scales", []),
+        ("scales", {"pose": []}),
+        ("hidden", [0.5]),
+        ("seed", "x"),
+        ("kl_penalty", 1),
+        ("rival", "ddpg"),
+        ("rival", {"algorithm": "ddpg", "batch": "x"}),
+        ("env", []),
+        ("env.hardships", []),
+        ("env.hardships.push", [0.0]),
+        ("env.preview", ["a"]),
+        ("env.preview", [1e300]),
+        ("env.max_drift", "x"),
+        ("env.max_drift", 10**400),
+        ("env.episode", True),
+        ("env.scenario", 5),
+        ("env.reward.form", "cubes"),
+        ("env.reward.weights", {"poise": 1.0}),
+        ("env.reward.scales", {}),
+    ],
+)
+def test_a_value_of_another_kind_is_refused(place: str, value: object) -> None:
+    """Before a worker gets it: what an error says there is not told in one line."""
+    config = PRESETS["default"].to_json()
+    *way, last = place.split(".")
+    at = config
+    for name in way:
+        at = at[name]
+    at[last] = value
+    with pytest.raises(KinemimicError, match=r"expected a (training configuration|scenario), found one that"):
+        TrainConfig.from_json(config)
+
+
 def test_weights_of_pose_and_reward_sum_to_one() -> None:
     assert sum(POSE_WEIGHTS.values()) == pytest.approx(1.0)
     rewards = {name: dict(config.env.reward.weights) for name, config in PRESETS.items()}

@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import torch
+from safetensors.numpy import save_file
 
 from kinemimic.pipeline.errors import KinemimicError
 from kinemimic.retarget import body
@@ -68,6 +69,73 @@ def test_layers_that_do_not_fit_together_are_refused(tmp_path: Path, learner, ch
     tensors[change] = tensors[change][..., :-1]
     Policy.of_tensors(tensors, PRESETS["default"]).save(tmp_path / "p.safetensors", RECORD)
     with pytest.raises(KinemimicError, match="found 0 and 0"):
+        Policy.load(tmp_path / "p.safetensors")
+
+
+@pytest.mark.parametrize(
+    ("name", "change", "found"),
+    [
+        ("actor.0.weight", lambda t: t * np.float32(np.nan), "infinite or NaN"),
+        ("actor.1.bias", lambda t: t + np.float32(np.inf), "infinite or NaN"),
+        ("mean", lambda t: t.astype(np.float64), "float64 of 1"),
+        ("actor.0.weight", lambda t: t.astype(np.float16), "float16 of 2"),
+        ("actor.0.bias", lambda t: t.astype(np.int32), "int32 of 1"),
+        ("scale", lambda t: t > 0, "bool of 1"),
+        ("mean", lambda t: t[0], "float32 of 0"),
+        ("actor.0.weight", lambda t: t[None], "float32 of 3"),
+        ("scale", lambda t: 0 * t, "above zero, found 0"),
+        ("scale", lambda t: -t, "above zero, found -"),
+    ],
+)
+def test_numbers_that_no_training_ends_with_are_refused(tmp_path: Path, learner, name, change, found) -> None:
+    path, policy = tmp_path / "p.safetensors", export(*learner)
+    policy.save(path, RECORD)
+    tensors = policy.tensors()
+    save_file({**tensors, name: np.array(change(tensors[name]))}, path)
+    with pytest.raises(KinemimicError, match=rf"p\.safetensors: expected .*{found}.*; train again"):
+        Policy.load(path)
+
+
+@pytest.mark.parametrize("kind", ["F8_E4M3", "F4", "BF16", "X"])
+def test_kinds_of_numbers_that_numpy_has_not_are_one_clear_line(tmp_path: Path, learner, kind: str) -> None:
+    path = tmp_path / "p.safetensors"
+    export(*learner).save(path, RECORD)
+    content = path.read_bytes()
+    end = 8 + int.from_bytes(content[:8], "little")
+    header = json.loads(content[8:end])
+    size = 8 * 4 * len(export(*learner).mean)
+    header["mean"] |= {"dtype": kind, "shape": [size // {"F4": 4, "BF16": 16}.get(kind, 8)]}
+    told = json.dumps(header).encode()
+    path.write_bytes(len(told).to_bytes(8, "little") + told + content[end:])
+    with pytest.raises(KinemimicError, match=r"p\.safetensors: expected .*; train again"):
+        Policy.load(path)
+
+
+def test_a_folder_in_place_of_a_policy_is_told(tmp_path: Path, learner) -> None:
+    path = tmp_path / "p.safetensors"
+    export(*learner).save(path, RECORD)
+    path.unlink()
+    path.mkdir()
+    with pytest.raises(KinemimicError, match=r"p\.safetensors: expected a policy .*, found a folder"):
+        Policy.load(path)
+
+
+@pytest.mark.parametrize(
+    ("key", "value"),
+    [
+        ("seed", "<script>alert(1)</script>"),
+        ("samples", 1.5),
+        ("samples", True),
+        ("seconds", "x"),
+        ("preset", 5),
+        ("mirrored", "no"),
+        ("provenance", []),
+        ("provenance", {"inputs": "x"}),
+    ],
+)
+def test_a_record_whose_values_are_of_another_kind_is_refused(tmp_path: Path, learner, key, value) -> None:
+    export(*learner).save(tmp_path / "p.safetensors", RECORD | {key: value})
+    with pytest.raises(KinemimicError, match=rf"p\.json, key {key}.*: expected .*; train again"):
         Policy.load(tmp_path / "p.safetensors")
 
 

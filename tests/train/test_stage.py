@@ -2,15 +2,19 @@
 
 from __future__ import annotations
 
+import copy
 import json
+from collections.abc import Callable
 from dataclasses import replace
 from itertools import count
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 from click.testing import CliRunner
-from safetensors.numpy import save_file
+from safetensors import safe_open
+from safetensors.numpy import load_file, save_file
 
 from kinemimic.pipeline.errors import KinemimicError
 from kinemimic.pipeline.store import write_text
@@ -175,7 +179,7 @@ def noise(seed: int) -> Samples:
 
 def test_a_checkpoint_brings_the_learner_back_whole(tmp_path: Path) -> None:
     """One more update after the restoration gives what it gives without: nothing was forgotten."""
-    config = TrainConfig(hidden=(8, 4), seed=5, minibatch=6, passes=2)
+    config = TrainConfig(hidden=(8, 4), seed=5, minibatch=6, passes=2, environments=4)
     learner = Learner(config)
     learner.update(noise(0))
     tried = Trial(64, 0.5, 1.0, frames=3, frames_first=4, of=5, reward=0.25, knee=0.5, hip=-2.0)
@@ -221,10 +225,58 @@ def test_a_file_that_is_no_checkpoint_is_one_line(tmp_path: Path) -> None:
     with pytest.raises(KinemimicError, match="expected a checkpoint"):
         checkpoint.restore(path, training, "walk")
     other = {"schema": checkpoint.CHECKPOINT_SCHEMA, "motion": "walk", "config": {}, "trials": [{}]}
-    for said in ("{}", "[1]", "{", json.dumps(other)):
+    for said in ("{}", "[1]", "{", "[" * 100_000, json.dumps(other)):
         save_file({"mean": np.zeros(3)}, path, {"kinemimic": said})
         with pytest.raises(KinemimicError, match="expected a checkpoint"):
             checkpoint.restore(path, training, "walk")
+
+
+@pytest.fixture(scope="module")
+def trained(tmp_path_factory: pytest.TempPathFactory) -> tuple[dict[str, np.ndarray], dict[str, Any]]:
+    """Arrays and record of a checkpoint after a round, with a trial."""
+    learner = Learner(TrainConfig(hidden=(8, 4), minibatch=6, passes=2))
+    learner.update(noise(0))
+    figures = {"ages": np.zeros(64, np.int64)}
+    trial = Trial(6, 1.0, 0.0, 10, 10, 10, 0.5, 0.9, 0.9)
+    path = tmp_path_factory.mktemp("trained") / "c.safetensors"
+    checkpoint.save(path, Training(learner, figures, [trial], learner.policy()), "walk")
+    with safe_open(path, framework="np") as stream:
+        return load_file(path), json.loads(stream.metadata()["kinemimic"])
+
+
+DAMAGED: dict[str, Callable[[dict[str, Any], dict[str, Any]], object]] = {
+    "no actor": lambda a, r: a.pop("learner.actor"),
+    "no normaliser": lambda a, r: a.pop("learner.normalizer.mean"),
+    "no mean of the best": lambda a, r: a.pop("best.mean"),
+    "another actor": lambda a, r: a.update({"learner.actor": np.zeros(3, np.float32)}),
+    "a broad actor": lambda a, r: a.update({"learner.actor": np.zeros(1, np.float32)}),
+    "another type": lambda a, r: a.update({"learner.actor": a["learner.actor"].astype(np.float64)}),
+    "another slot": lambda a, r: a.update({"learner.optimizer.actor.0.exp_avg": np.zeros(3, np.float32)}),
+    "another best": lambda a, r: a.update({"best.mean": np.zeros(3, np.float32)}),
+    "other figures": lambda a, r: a.update({"figures.ages": np.zeros(3, np.int64)}),
+    "no progress": lambda a, r: r.pop("progress"),
+    "samples in words": lambda a, r: r["progress"].update(samples="x"),
+    "no random": lambda a, r: r.update(random={}),
+    "a list for settings": lambda a, r: r.update(config=[]),
+    "a number for trials": lambda a, r: r.update(trials=5),
+    "a trial in words": lambda a, r: r["trials"][0].update(reward="x"),
+}
+
+
+@pytest.mark.parametrize("name", DAMAGED)
+def test_a_damaged_checkpoint_is_one_clear_line(tmp_path: Path, trained, name: str) -> None:
+    arrays, record = copy.deepcopy(trained)
+    path = tmp_path / "c.safetensors"
+    learner = Learner(TrainConfig(hidden=(8, 4), minibatch=6, passes=2))
+    save_file(arrays, path, {"kinemimic": json.dumps(record)})
+    assert checkpoint.restore(path, Training(learner), "walk")
+    DAMAGED[name](arrays, record)
+    save_file(arrays, path, {"kinemimic": json.dumps(record)})
+    with pytest.raises(
+        KinemimicError,
+        match=r"c\.safetensors: expected a checkpoint, found .*; delete it or train with --no-res",
+    ):
+        checkpoint.restore(path, Training(learner), "walk")
 
 
 def test_performance_without_a_policy_is_the_reference_alone(motion: Motion) -> None:
