@@ -101,6 +101,11 @@ def test_what_cannot_be_written_is_named(tmp_path: Path) -> None:
     assert list(tmp_path.iterdir()) == [target]
 
 
+def test_a_name_that_is_no_utf8_is_written(tmp_path: Path) -> None:
+    write_text(tmp_path / "a.txt", f"made of {os.fsdecode(bytes([0xC3, 0xA4, 0xFF]))}")
+    assert (tmp_path / "a.txt").read_text(encoding="utf-8") == "made of ä\\udcff"
+
+
 def test_a_folder_whose_name_is_no_utf8_holds_clips(tmp_path: Path, node_clip: Build) -> None:
     path = tmp_path / os.fsdecode(b"r\xff") / "clip.parquet"
     write_clip(path, node_clip())
