@@ -88,8 +88,10 @@ def _joint(
         return
     # Unused by ball joints, but their absence is warned about.
     ET.SubElement(joint, "axis", xyz=axis)
-    turn = {"lower": _numbers(-math.pi), "upper": _numbers(math.pi)} if kind == "revolute" else {}
-    ET.SubElement(joint, "limit", effort=effort, velocity="100", **turn)
+    limit = ET.SubElement(joint, "limit", effort=effort, velocity="100")
+    if kind == "revolute":
+        limit.set("lower", _numbers(-math.pi))
+        limit.set("upper", _numbers(math.pi))
 
 
 def humanoid_urdf(joint_type: str = "floating", *, y_up: bool = False) -> str:
