@@ -9,6 +9,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from kinemimic.pipeline.errors import KinemimicError
 from kinemimic.pipeline.rotations import conjugate, multiply, to_rotvec
 from kinemimic.retarget.body import BODY_NAMES
 from kinemimic.train.config import POSE_WEIGHTS, RewardConfig
@@ -38,7 +39,7 @@ def pose_turns(sim: BodyStates, *refs: BodyStates) -> Array:
 def errors(sim: BodyStates, ref: BodyStates, turns: Array, config: RewardConfig) -> dict[str, Array]:
     """The errors eᵢ (E,) of the terms that have a weight, in the form of the configuration.
 
-    turns: (E, 15, 3) from the one pose to the other, of `pose_turns`.
+    turns: (E, 15, 3) from the one pose to the other, of `pose_turns`. KinemimicError for a weight of no term.
     """
     differences = {
         "pose": turns,
@@ -47,6 +48,8 @@ def errors(sim: BodyStates, ref: BodyStates, turns: Array, config: RewardConfig)
         "height": sim.positions[:, :1, 2:] - ref.positions[:, :1, 2:],
         "path": sim.positions[:, :1, :2] - ref.positions[:, :1, :2],
     }
+    if strange := config.weights.keys() - differences.keys():
+        raise KinemimicError(f"reward: expected {', '.join(differences)}, found {', '.join(sorted(strange))}")
     if config.form == "norm":
         return {name: np.sqrt(_total(differences[name])) for name in config.weights}
     differences["pose"] = turns * _ROOT_WEIGHTS

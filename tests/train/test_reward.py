@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from kinemimic.pipeline.errors import KinemimicError
 from kinemimic.pipeline.rotations import angle_between, from_axis_angle, from_rotvec, multiply
 from kinemimic.retarget.body import BODY_INDEX
 from kinemimic.train.config import POSE_WEIGHTS, PRESETS, RewardConfig
@@ -86,3 +87,9 @@ def test_path_error_by_hand(bodies: BodyStates) -> None:
     assert error(aside, bodies, RewardConfig(), "path") == pytest.approx(0.05**2)
     for name in ("pose", "linear", "angular", "height"):
         assert error(aside, bodies, RewardConfig(), name) == pytest.approx(0.0, abs=1e-12)
+
+
+def test_a_weight_of_no_term_is_named(bodies: BodyStates) -> None:
+    config = RewardConfig(weights={"pose": 0.5, "poise": 0.5}, scales={"pose": 1.0, "poise": 1.0})
+    with pytest.raises(KinemimicError, match="expected pose, linear, angular, height, path, found poise"):
+        earned(bodies, bodies, config)
