@@ -11,16 +11,16 @@ import click
 import numpy as np
 from rich.console import Console
 
-from kinemimic.pipeline.clip import Clip
-from kinemimic.pipeline.euler import local_rotations, world_positions
-from kinemimic.pipeline.gimbal import gimbal_report, table
-from kinemimic.pipeline.nodes import to_nodes
-from kinemimic.pipeline.options import run_option
-from kinemimic.pipeline.orient import node_rotations
-from kinemimic.pipeline.provenance import provenance
-from kinemimic.pipeline.rest_pose import node_rotations_of
-from kinemimic.pipeline.skeleton import node_skeleton
-from kinemimic.pipeline.store import file_hash, read_clip, read_json, write_clip, write_json
+from kinemimic.pipeline.cli.options import run_option
+from kinemimic.pipeline.files.provenance import provenance
+from kinemimic.pipeline.files.store import file_hash, read_clip, read_json, write_clip, write_json
+from kinemimic.pipeline.kinematics.clip import Clip
+from kinemimic.pipeline.kinematics.euler import local_rotations, world_positions
+from kinemimic.pipeline.kinematics.gimbal import gimbal_report, table
+from kinemimic.pipeline.kinematics.nodes import to_nodes
+from kinemimic.pipeline.kinematics.orient import node_rotations
+from kinemimic.pipeline.kinematics.rest_pose import node_rotations_of
+from kinemimic.pipeline.kinematics.skeleton import node_skeleton
 
 ORIENTATION_SCHEMA = 1
 ENOUGH = 10_000

@@ -10,16 +10,16 @@ from typing import Any
 import click
 from rich.console import Console
 
-from kinemimic.pipeline.captures.recognise import read
-from kinemimic.pipeline.clean import FILTERS, clean
-from kinemimic.pipeline.clip import Clip
-from kinemimic.pipeline.companions import note_path, read_note, read_truth, truth_path
+from kinemimic.pipeline.cli.options import run_option, unit_option
 from kinemimic.pipeline.errors import CaptureError, KinemimicError
-from kinemimic.pipeline.examine import examine
-from kinemimic.pipeline.options import run_option, unit_option
-from kinemimic.pipeline.provenance import provenance
-from kinemimic.pipeline.quality import quality, table
-from kinemimic.pipeline.store import copy_file, read_json, write_clip, write_json
+from kinemimic.pipeline.files.provenance import provenance
+from kinemimic.pipeline.files.sidecars import note_path, read_note, read_truth, truth_path
+from kinemimic.pipeline.files.store import copy_file, read_json, write_clip, write_json
+from kinemimic.pipeline.filters.clean import FILTERS, clean
+from kinemimic.pipeline.kinematics.clip import Clip
+from kinemimic.pipeline.quality.examine import examine
+from kinemimic.pipeline.quality.report import quality, table
+from kinemimic.pipeline.readers.recognise import read
 
 
 def ingest(capture: Path, run: Path, *, filter_name: str | None = None, unit: str | None = None) -> Clip:
@@ -90,7 +90,7 @@ def command(
       kinemimic ingest child.bvh --run runs/child --unit cm
     """
     if capture is None:
-        from kinemimic.pipeline.captures.virtual import record_virtual  # noqa: PLC0415 (nobody else waits for it)
+        from kinemimic.pipeline.virtual_kinect.recorder import record_virtual  # noqa: PLC0415 (nobody else waits for it)
 
         capture = record_virtual(run / "capture").euler
     ingest(capture, run, filter_name=filter_name, unit=unit)

@@ -15,15 +15,15 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from kinemimic.pipeline.angles import ANGLES
-from kinemimic.pipeline.clip import Clip
-from kinemimic.pipeline.orient import local_rotations
-from kinemimic.pipeline.rotations import from_axis_angle, rotate
-from kinemimic.pipeline.store import write_table
-from kinemimic.retarget.motion import joint_angles
-from kinemimic.retarget.trust import Trust, believed_frames
+from kinemimic.pipeline.arrays import Array
+from kinemimic.pipeline.files.store import write_table
+from kinemimic.pipeline.kinematics.angles import ANGLES
+from kinemimic.pipeline.kinematics.clip import Clip
+from kinemimic.pipeline.kinematics.orient import local_rotations
+from kinemimic.pipeline.kinematics.rotations import from_axis_angle, rotate
+from kinemimic.retarget.humanoid.motion import joint_angles
+from kinemimic.retarget.strides.sensor_reliability import Trust, believed_frames
 
-Array = NDArray[np.float64]
 CAPTURED_SCHEMA = 1
 
 

@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import Any, Literal
 
 from kinemimic.pipeline.errors import KinemimicError
-from kinemimic.pipeline.store import read_json
+from kinemimic.pipeline.files.store import read_json
 
 Severity = Literal["warn", "refuse"]
 Report = Mapping[str, Any]

@@ -8,14 +8,12 @@ from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
-from numpy.typing import NDArray
 
-from kinemimic.pipeline.skeleton import NODE_INDEX as N
-from kinemimic.retarget.contact import soles, steps
-from kinemimic.retarget.limits import beyond_limits
-from kinemimic.retarget.motion import Motion
-
-Array = NDArray[np.float64]
+from kinemimic.pipeline.arrays import Array
+from kinemimic.pipeline.kinematics.skeleton import NODE_INDEX as N
+from kinemimic.retarget.feet.contact import soles, steps
+from kinemimic.retarget.humanoid.limits import beyond_limits
+from kinemimic.retarget.humanoid.motion import Motion
 
 # Chains along which a recorded figure is put together in the body's lengths: trunk and legs from the middle
 # of the hips, arms from their shoulders, which on the body stand still on the trunk where a person's do

@@ -7,18 +7,17 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from kinemimic.pipeline.angles import ANGLES
-from kinemimic.pipeline.clip import Clip
-from kinemimic.retarget.cycle import Pass, too_brief
-from kinemimic.retarget.fit import GaitFit
+from kinemimic.pipeline.arrays import Array
+from kinemimic.pipeline.kinematics.angles import ANGLES
+from kinemimic.pipeline.kinematics.clip import Clip
+from kinemimic.retarget.cyclic import GaitFit
+from kinemimic.retarget.feet.ground import is_running
+from kinemimic.retarget.feet.scale import subject
 from kinemimic.retarget.gate import judge
-from kinemimic.retarget.ground import is_running
+from kinemimic.retarget.humanoid.motion import Motion, joint_angles
 from kinemimic.retarget.measure import Measures, measure
-from kinemimic.retarget.motion import Motion, joint_angles
-from kinemimic.retarget.plain import PlainFit
-from kinemimic.retarget.scale import subject
-
-Array = NDArray[np.float64]
+from kinemimic.retarget.noncyclic import PlainFit
+from kinemimic.retarget.strides.cycle import Pass, too_brief
 
 GAIT_SCHEMA = 1
 

@@ -53,7 +53,7 @@ def test_the_wheel_holds_every_source_file(wheel: Path) -> None:
 def test_the_wheel_installs_a_console_script_and_the_licence(wheel: Path) -> None:
     archive = zipfile.ZipFile(wheel)
     (entry_points,) = (name for name in archive.namelist() if name.endswith("entry_points.txt"))
-    assert "kinemimic = kinemimic.pipeline.cli:main" in archive.read(entry_points).decode()
+    assert "kinemimic = kinemimic.pipeline.cli.main:main" in archive.read(entry_points).decode()
     assert any(name.endswith("licenses/LICENSE") for name in archive.namelist())
 
 

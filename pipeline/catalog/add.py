@@ -10,13 +10,13 @@ from pathlib import Path
 
 import click
 
-from kinemimic.pipeline.captures.recognise import reader_of
-from kinemimic.pipeline.captures.source import Source
-from kinemimic.pipeline.captures.toml_text import quoted
 from kinemimic.pipeline.catalog.entry import Catalog, Collection, Entry
 from kinemimic.pipeline.catalog.load import NONE, SCHEMA, parse_catalog
 from kinemimic.pipeline.errors import CaptureError, KinemimicError
-from kinemimic.pipeline.store import atomic, file_hash
+from kinemimic.pipeline.files.store import atomic, file_hash
+from kinemimic.pipeline.files.toml_text import quoted
+from kinemimic.pipeline.readers.base.source import Source
+from kinemimic.pipeline.readers.recognise import reader_of
 
 _UNTOLD = "not stated"
 

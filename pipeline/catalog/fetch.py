@@ -18,9 +18,9 @@ from kinemimic.pipeline.catalog.download import Download, Patience, UnreachableE
 from kinemimic.pipeline.catalog.entry import HOST, Entry, collections_of
 from kinemimic.pipeline.catalog.load import CATALOG, load_catalog
 from kinemimic.pipeline.catalog.place import captures_folder, place_of
+from kinemimic.pipeline.cli.progress import progress
 from kinemimic.pipeline.errors import KinemimicError
-from kinemimic.pipeline.progress import progress
-from kinemimic.pipeline.store import file_hash
+from kinemimic.pipeline.files.store import file_hash
 
 _CHUNK = 2**20
 BAD_INPUT = 2

@@ -14,7 +14,7 @@ from kinemimic.pipeline.catalog import options
 from kinemimic.pipeline.catalog.entry import Collection, Entry, collections_of
 from kinemimic.pipeline.catalog.load import CATALOG, load_catalog
 from kinemimic.pipeline.catalog.place import captures_folder, is_here
-from kinemimic.pipeline.inspect.terminal import facts, grid, show
+from kinemimic.pipeline.cli.terminal import facts, grid, show
 
 _WORD = 12  # characters: the longest word of a column that wraps
 

@@ -7,11 +7,11 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any, NoReturn
 
-from kinemimic.pipeline.bounded import MEGABYTE, read_bounded
-from kinemimic.pipeline.captures.toml_keys import Keys, parse_toml
 from kinemimic.pipeline.catalog.entry import Catalog, Collection, Entry
-from kinemimic.pipeline.data_folder import DATASETS
 from kinemimic.pipeline.errors import KinemimicError
+from kinemimic.pipeline.files.bounded import MEGABYTE, read_bounded
+from kinemimic.pipeline.files.data_folder import DATASETS
+from kinemimic.pipeline.files.toml_keys import Keys, parse_toml
 
 CATALOG = DATASETS / "catalog.toml"
 SCHEMA = 1

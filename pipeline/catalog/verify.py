@@ -13,9 +13,9 @@ from kinemimic.pipeline.catalog import options
 from kinemimic.pipeline.catalog.entry import Catalog, Entry, collections_of
 from kinemimic.pipeline.catalog.load import CATALOG, load_catalog
 from kinemimic.pipeline.catalog.place import captures_folder
+from kinemimic.pipeline.cli.progress import progress
 from kinemimic.pipeline.errors import KinemimicError
-from kinemimic.pipeline.progress import progress
-from kinemimic.pipeline.store import file_hash
+from kinemimic.pipeline.files.store import file_hash
 
 
 @dataclass(frozen=True)

@@ -11,16 +11,16 @@ from typing import Any
 
 import click
 
-from kinemimic.pipeline.captures.source import Source
-from kinemimic.pipeline.cli import BAD_INPUT, INTERRUPTED
+from kinemimic.pipeline.cli.main import BAD_INPUT, INTERRUPTED
+from kinemimic.pipeline.cli.options import unit_option
+from kinemimic.pipeline.cli.progress import progress
+from kinemimic.pipeline.cli.terminal import show
 from kinemimic.pipeline.errors import CaptureError, KinemimicError
+from kinemimic.pipeline.inspect.assessment import COMPANION, FLAGGED, OTHER, USABLE
 from kinemimic.pipeline.inspect.sheet import sheet
-from kinemimic.pipeline.inspect.study import COMPANION, FLAGGED, OTHER, USABLE
 from kinemimic.pipeline.inspect.summary import summary
 from kinemimic.pipeline.inspect.survey import drawings_of, files_of, folders, reports_of, with_companions
-from kinemimic.pipeline.inspect.terminal import show
-from kinemimic.pipeline.options import unit_option
-from kinemimic.pipeline.progress import progress
+from kinemimic.pipeline.readers.base.source import Source
 
 
 @click.command()
@@ -89,8 +89,8 @@ def command(
 
 def _suggest(paths: Sequence[Path]) -> int:
     """Print the draft of a description; a word on stderr if the file is read without one."""
-    from kinemimic.pipeline.captures.recognise import reader_of  # noqa: PLC0415 (loads every reader)
-    from kinemimic.pipeline.captures.suggest import suggest  # noqa: PLC0415
+    from kinemimic.pipeline.readers.custom_table.suggest import suggest  # noqa: PLC0415
+    from kinemimic.pipeline.readers.recognise import reader_of  # noqa: PLC0415 (loads every reader)
 
     if len(paths) != 1:
         raise KinemimicError(f"expected one file with --suggest, found {len(paths)}")

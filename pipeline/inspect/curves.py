@@ -12,20 +12,18 @@ from matplotlib.axes import Axes
 from matplotlib.colors import ListedColormap
 from matplotlib.figure import Figure
 from matplotlib.patches import Patch
-from numpy.typing import NDArray
 
-from kinemimic.pipeline.angles import leg_angles
-from kinemimic.pipeline.clip import Clip
-from kinemimic.pipeline.defect import RULES, Defect
-from kinemimic.pipeline.html import drawing, number, page, table
+from kinemimic.pipeline.arrays import Array
+from kinemimic.pipeline.cli.html import drawing, number, page, table
+from kinemimic.pipeline.cli.picture import Draw, legend, panel_grid, picture
+from kinemimic.pipeline.files.store import write_text
+from kinemimic.pipeline.inspect.assessment import Studied
 from kinemimic.pipeline.inspect.measures import SEGMENTS, SIDES, nodes_of
-from kinemimic.pipeline.inspect.study import Studied
-from kinemimic.pipeline.nodes import joints_of_nodes
-from kinemimic.pipeline.picture import Draw, legend, panel_grid, picture
-from kinemimic.pipeline.skeleton import NODE_INDEX
-from kinemimic.pipeline.store import write_text
-
-Array = NDArray[np.float64]
+from kinemimic.pipeline.kinematics.angles import leg_angles
+from kinemimic.pipeline.kinematics.clip import Clip
+from kinemimic.pipeline.kinematics.nodes import joints_of_nodes
+from kinemimic.pipeline.kinematics.skeleton import NODE_INDEX
+from kinemimic.pipeline.quality.defect import RULES, Defect
 
 _SIDE_COLORS = {"left": "#0072b2", "right": "#d55e00", "": "#2b2b2b"}
 _OWN = "#8a8a8a"

@@ -7,8 +7,8 @@ import json
 import click
 from rich.table import Table
 
-from kinemimic.pipeline.captures.recognise import formats
-from kinemimic.pipeline.inspect.terminal import show
+from kinemimic.pipeline.cli.terminal import show
+from kinemimic.pipeline.readers.recognise import formats
 
 
 @click.command()

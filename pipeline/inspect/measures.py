@@ -5,17 +5,14 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-from kinemimic.pipeline.angles import ANGLES, leg_angles
-from kinemimic.pipeline.clip import Clip
+from kinemimic.pipeline.arrays import Array, Mask, States
 from kinemimic.pipeline.errors import KinemimicError
-from kinemimic.pipeline.nodes import joints_of_nodes, to_nodes
-from kinemimic.pipeline.skeleton import INFERRED, MISSING, NODE_INDEX, NODES, TRACKED
-
-Array = NDArray[np.float64]
-States = NDArray[np.uint8]
-Mask = NDArray[np.bool_]
+from kinemimic.pipeline.files.json_layout import rounded
+from kinemimic.pipeline.kinematics.angles import ANGLES, leg_angles
+from kinemimic.pipeline.kinematics.clip import Clip
+from kinemimic.pipeline.kinematics.nodes import joints_of_nodes, to_nodes
+from kinemimic.pipeline.kinematics.skeleton import INFERRED, MISSING, NODE_INDEX, NODES, TRACKED
 
 # Each bone's ends, per side, or once for the trunk.
 SEGMENTS: dict[str, tuple[str, str]] = {
@@ -177,11 +174,6 @@ def jitter(clip: Clip, inside: Mask) -> Array:
 def median(values: Array) -> float:
     """The median, NaN of nothing."""
     return float(np.median(values)) if len(values) else float("nan")
-
-
-def rounded(value: Any, digits: int) -> float | None:
-    """A number for JSON: so many decimals, no minus zero, None for what is not finite."""
-    return round(float(value), digits) + 0.0 if np.isfinite(value) else None
 
 
 def _length(nodes: Array, start: str, end: str) -> Array:

@@ -9,11 +9,11 @@ from rich.console import Group, RenderableType
 from rich.table import Table
 from rich.text import Text
 
-from kinemimic.pipeline.defect import RULES
+from kinemimic.pipeline.cli.terminal import facts, grid, heading, number, percent
+from kinemimic.pipeline.inspect.assessment import FLAGGED, OTHER, REFUSED
 from kinemimic.pipeline.inspect.measures import SIDES
-from kinemimic.pipeline.inspect.study import FLAGGED, OTHER, REFUSED
-from kinemimic.pipeline.inspect.terminal import facts, grid, heading, number, percent
-from kinemimic.pipeline.nodes import joints_of_nodes
+from kinemimic.pipeline.kinematics.nodes import joints_of_nodes
+from kinemimic.pipeline.quality.defect import RULES
 
 Report = dict[str, Any]
 

@@ -11,10 +11,10 @@ from rich.console import Group, RenderableType
 from rich.table import Table
 from rich.text import Text
 
-from kinemimic.pipeline.defect import RULES
-from kinemimic.pipeline.inspect.study import COMPANION, OTHER, REFUSED
+from kinemimic.pipeline.cli.terminal import facts, grid, heading, number
+from kinemimic.pipeline.inspect.assessment import COMPANION, OTHER, REFUSED
 from kinemimic.pipeline.inspect.survey import folders, rule_counts
-from kinemimic.pipeline.inspect.terminal import facts, grid, heading, number
+from kinemimic.pipeline.quality.defect import RULES
 
 Report = dict[str, Any]
 

@@ -10,9 +10,9 @@ from pathlib import Path
 from statistics import median
 from typing import Any
 
-from kinemimic.pipeline.depth.folder import is_recording
-from kinemimic.pipeline.inspect.pool import SECONDS, Lost, each
-from kinemimic.pipeline.inspect.study import COMPANION, OTHER, REFUSED, Studied, look_at, study, unread
+from kinemimic.pipeline.inspect.assessment import COMPANION, OTHER, REFUSED, Studied, look_at, study, unread
+from kinemimic.pipeline.parallel.isolated_pool import SECONDS, Lost, each
+from kinemimic.pipeline.readers.depth.folder import is_recording
 
 Report = dict[str, Any]
 

@@ -10,14 +10,14 @@ from tempfile import TemporaryDirectory
 import click
 import numpy as np
 
-from kinemimic.pipeline.canonical import Canonical
 from kinemimic.pipeline.convert import convert
+from kinemimic.pipeline.files.canonical import Canonical
+from kinemimic.pipeline.files.store import read_clip
 from kinemimic.pipeline.ingest import ingest
-from kinemimic.pipeline.skeleton import NODES
-from kinemimic.pipeline.store import read_clip
-from kinemimic.retarget.export_json import motion_from_json
-from kinemimic.retarget.motion import Motion
-from kinemimic.retarget.stage import retarget
+from kinemimic.pipeline.kinematics.skeleton import NODES
+from kinemimic.retarget.command import retarget
+from kinemimic.retarget.formats.motion_json import motion_from_json
+from kinemimic.retarget.humanoid.motion import Motion
 from kinemimic.retarget.versions.params import Capture, Params, params_option
 
 # Each stage, and the file that holds what it makes.

@@ -9,9 +9,9 @@ from pathlib import Path
 
 import click
 
-from kinemimic.pipeline.canonical import Canonical
+from kinemimic.pipeline.cli.progress import progress
 from kinemimic.pipeline.errors import KinemimicError
-from kinemimic.pipeline.progress import progress
+from kinemimic.pipeline.files.canonical import Canonical
 from kinemimic.retarget.versions.build import LAST, STAGES, built, place
 from kinemimic.retarget.versions.diff import changes, told
 from kinemimic.retarget.versions.manifest import MANIFEST, Manifest, changed_raw, different, unsaid

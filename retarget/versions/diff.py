@@ -10,16 +10,15 @@ from typing import Any
 
 import click
 import numpy as np
-from numpy.typing import NDArray
 
-from kinemimic.pipeline.canonical import FORMAT, Canonical
+from kinemimic.pipeline.arrays import Array
+from kinemimic.pipeline.cli.terminal import grid, show
 from kinemimic.pipeline.errors import KinemimicError
-from kinemimic.pipeline.inspect.terminal import grid, show
-from kinemimic.pipeline.store import read_clip, read_json
-from kinemimic.retarget.export_json import MOTION_FORMAT, motion_from_json
+from kinemimic.pipeline.files.canonical import FORMAT, Canonical
+from kinemimic.pipeline.files.store import read_clip, read_json
+from kinemimic.retarget.formats.motion_json import MOTION_FORMAT, motion_from_json
 from kinemimic.retarget.versions.build import STAGES, canonical_motion
 
-Array = NDArray[np.float64]
 DIFFERENT = 1  # exit status
 
 # How an array is compared: the unit, and what a difference of one of its numbers is in that unit.

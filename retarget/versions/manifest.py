@@ -11,10 +11,10 @@ from typing import Any
 
 import click
 
-from kinemimic.pipeline.canonical import Canonical
 from kinemimic.pipeline.errors import KinemimicError
-from kinemimic.pipeline.schema import upgraded
-from kinemimic.pipeline.store import file_hash, read_json, write_json
+from kinemimic.pipeline.files.canonical import Canonical
+from kinemimic.pipeline.files.schema import upgraded
+from kinemimic.pipeline.files.store import file_hash, read_json, write_json
 from kinemimic.retarget.versions.build import STAGES, place
 from kinemimic.retarget.versions.params import Params, params_option
 

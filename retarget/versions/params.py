@@ -10,11 +10,11 @@ from typing import Any
 
 import click
 
-from kinemimic.pipeline.bounded import MEGABYTE, read_bounded
-from kinemimic.pipeline.captures.toml_keys import Keys, parse_toml
-from kinemimic.pipeline.clean import FILTERS
 from kinemimic.pipeline.errors import KinemimicError
-from kinemimic.retarget.ankles import ANKLES, Ankle
+from kinemimic.pipeline.files.bounded import MEGABYTE, read_bounded
+from kinemimic.pipeline.files.toml_keys import Keys, parse_toml
+from kinemimic.pipeline.filters.clean import FILTERS
+from kinemimic.retarget.feet.ankles import ANKLES, Ankle
 
 PARAMS = Path("datasets/versions/params.toml")
 SCHEMA = 1

@@ -21,25 +21,24 @@ import numpy as np
 import pyarrow.parquet as pq
 from numpy.typing import NDArray
 
-from kinemimic.pipeline.angles import ANGLES
-from kinemimic.pipeline.captures.kinect_noise import Levels
-from kinemimic.pipeline.captures.recognise import read
-from kinemimic.pipeline.captures.virtual import record_virtual
-from kinemimic.pipeline.clean import FILTERS, clean
-from kinemimic.pipeline.clip import Clip
+from kinemimic.pipeline.arrays import Array
 from kinemimic.pipeline.convert import on_nodes
 from kinemimic.pipeline.errors import KinemimicError
-from kinemimic.pipeline.examine import examine
+from kinemimic.pipeline.filters.clean import FILTERS, clean
+from kinemimic.pipeline.kinematics.angles import ANGLES
+from kinemimic.pipeline.kinematics.clip import Clip
+from kinemimic.pipeline.quality.examine import examine
+from kinemimic.pipeline.readers.recognise import read
+from kinemimic.pipeline.virtual_kinect.noise import Levels
+from kinemimic.pipeline.virtual_kinect.recorder import record_virtual
 from kinemimic.retarget.captured import Span, captured_angles
-from kinemimic.retarget.cycle import Pass, study_passes, usable
-from kinemimic.retarget.fit import fit_gait
-from kinemimic.retarget.loop import gather
-from kinemimic.retarget.motion import joint_angles
-from kinemimic.retarget.refine import refine
-from kinemimic.retarget.trust import assess
-from kinemimic.train.reference import Reference
-
-Array = NDArray[np.float64]
+from kinemimic.retarget.cyclic import fit_gait
+from kinemimic.retarget.humanoid.motion import joint_angles
+from kinemimic.retarget.optimise.refine import refine
+from kinemimic.retarget.strides.cycle import Pass, study_passes, usable
+from kinemimic.retarget.strides.loop import gather
+from kinemimic.retarget.strides.sensor_reliability import assess
+from kinemimic.train.reference.reference import Reference
 
 SEEDS = 20
 LEVELS = (0.5, 1.0, 2.0)  # of the white noise, in that of real Kinect v1 walks

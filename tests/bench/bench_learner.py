@@ -24,11 +24,11 @@ import torch
 sys.path.insert(0, str(Path(__file__).parents[1]))
 from peers.plain_ppo import PlainPPO
 
-from kinemimic.train.config import PRESETS, TrainConfig
-from kinemimic.train.env import ACTIONS, OBSERVATIONS
-from kinemimic.train.mlp import choose_products
-from kinemimic.train.ppo import Learner
-from kinemimic.train.rollout import Samples
+from kinemimic.train.config.config import PRESETS, TrainConfig
+from kinemimic.train.ppo.mlp import choose_products
+from kinemimic.train.ppo.ppo import Learner
+from kinemimic.train.rollout.sampler import Samples
+from kinemimic.train.task.env import ACTIONS, OBSERVATIONS
 
 ROUNDS = 3
 CORES = sorted(os.sched_getaffinity(0))

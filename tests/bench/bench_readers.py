@@ -25,9 +25,9 @@ import pandas as pd
 sys.path.insert(0, str(Path(__file__).parents[1]))
 import samples
 
-from kinemimic.pipeline.captures import bvh_text
-from kinemimic.pipeline.captures.recognise import read
-from kinemimic.pipeline.captures.source import Source
+from kinemimic.pipeline.readers.base.source import Source
+from kinemimic.pipeline.readers.mocap import bvh_text
+from kinemimic.pipeline.readers.recognise import read
 
 SIZE = 10 * 2**20
 REPEATS = 5
@@ -92,7 +92,7 @@ def main() -> None:
     for _, name, _ in pkgutil.iter_modules(samples.__path__):
         if name in NO_FORMATS:
             continue
-        if importlib.import_module(f"kinemimic.pipeline.captures.{name}").FORMAT.binary:
+        if importlib.import_module(f"kinemimic.pipeline.readers.{name}").FORMAT.binary:
             continue
         files, frames = grown(name)
         # Files that do not grow with the recording (a skeleton, labels) are not parsed in bulk.

@@ -23,18 +23,18 @@ import numpy as np
 from scipy.optimize import least_squares
 from scipy.spatial.transform import Rotation
 
-from kinemimic.pipeline.captures.recognise import read
-from kinemimic.pipeline.captures.virtual import record_virtual
-from kinemimic.pipeline.clip import Clip
 from kinemimic.pipeline.convert import on_nodes
-from kinemimic.pipeline.skeleton import NODE_INDEX as N
-from kinemimic.pipeline.skeleton import NODE_PARENTS, NODES
-from kinemimic.retarget.contact import stances
-from kinemimic.retarget.cycle import Pass
-from kinemimic.retarget.leg_chain import SIZE, chain_of, leg_jacobian, leg_points
-from kinemimic.retarget.motion import Motion
-from kinemimic.retarget.plain import plain_motion
-from kinemimic.retarget.refine import refine
+from kinemimic.pipeline.kinematics.clip import Clip
+from kinemimic.pipeline.kinematics.skeleton import NODE_INDEX as N
+from kinemimic.pipeline.kinematics.skeleton import NODE_PARENTS, NODES
+from kinemimic.pipeline.readers.recognise import read
+from kinemimic.pipeline.virtual_kinect.recorder import record_virtual
+from kinemimic.retarget.feet.contact import stances
+from kinemimic.retarget.humanoid.motion import Motion
+from kinemimic.retarget.noncyclic import plain_motion
+from kinemimic.retarget.optimise.leg_chain import SIZE, chain_of, leg_jacobian, leg_points
+from kinemimic.retarget.optimise.refine import refine
+from kinemimic.retarget.strides.cycle import Pass
 
 FRAMES = 20_000
 PEER_FRAMES = 150
@@ -157,7 +157,7 @@ def end_to_end(capture: Path, folder: Path) -> None:
     total = 0.0
     for stage in (["ingest", str(capture)], ["convert"], ["retarget"]):
         code = (
-            "import resource, sys; from kinemimic.pipeline.cli import _status; "
+            "import resource, sys; from kinemimic.pipeline.cli.main import _status; "
             "status = _status(sys.argv[1:]); "
             "print(resource.getrusage(resource.RUSAGE_SELF).ru_maxrss, file=sys.stderr); sys.exit(status)"
         )

@@ -16,13 +16,13 @@ from pathlib import Path
 import numpy as np
 import rerun as rr
 
-from kinemimic.evaluate.scene import NAMES, REFERENCE, SCENES, Figure, clock, figures
-from kinemimic.evaluate.view import write_recording
-from kinemimic.pipeline.rotations import IDENTITY, from_axis_angle
-from kinemimic.pipeline.skeleton import NODE_INDEX, NODES
-from kinemimic.retarget.body import BODIES, BODY_INDEX, BODY_NODES, node_offsets
-from kinemimic.retarget.motion import joint_angles
-from kinemimic.train.playback import Playback
+from kinemimic.evaluate.view.command import write_recording
+from kinemimic.evaluate.view.scene import NAMES, REFERENCE, SCENES, Figure, clock, figures
+from kinemimic.pipeline.kinematics.rotations import IDENTITY, from_axis_angle
+from kinemimic.pipeline.kinematics.skeleton import NODE_INDEX, NODES
+from kinemimic.retarget.humanoid.body import BODIES, BODY_INDEX, BODY_NODES, node_offsets
+from kinemimic.retarget.humanoid.motion import joint_angles
+from kinemimic.train.rollout.trajectory import Playback
 
 FRAMES, PEER_FRAMES = 10_000, 200
 REPEATS = 3

@@ -6,12 +6,12 @@ from pathlib import Path
 
 import pytest
 
-from kinemimic.pipeline.captures.recognise import formats, reader_of
-from kinemimic.pipeline.captures.source import Source
 from kinemimic.pipeline.catalog.entry import Collection, Entry
 from kinemimic.pipeline.catalog.load import CATALOG, load_catalog
 from kinemimic.pipeline.errors import CaptureError
-from kinemimic.pipeline.store import file_hash
+from kinemimic.pipeline.files.store import file_hash
+from kinemimic.pipeline.readers.base.source import Source
+from kinemimic.pipeline.readers.recognise import formats, reader_of
 
 ENTRIES = load_catalog().entries
 COLLECTIONS = load_catalog().collections

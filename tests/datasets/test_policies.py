@@ -6,12 +6,12 @@ import re
 
 import pytest
 
-from kinemimic.evaluate.recipe import POLICIES, recipes
-from kinemimic.evaluate.reproduce import LARGEST, publish
-from kinemimic.evaluate.shipped import MOTION, POLICY, RECORD, SCORES, gist, shipped
-from kinemimic.pipeline.store import file_hash, read_json
-from kinemimic.retarget.export_json import motion_from_json
-from kinemimic.train.policy import Policy
+from kinemimic.evaluate.policies.recipe import POLICIES, recipes
+from kinemimic.evaluate.policies.shipped import MOTION, POLICY, RECORD, SCORES, gist, shipped
+from kinemimic.evaluate.workflow.reproduce import LARGEST, publish
+from kinemimic.pipeline.files.store import file_hash, read_json
+from kinemimic.retarget.formats.motion_json import motion_from_json
+from kinemimic.train.rollout.policy import Policy
 
 
 def test_every_recipe_has_been_made() -> None:

@@ -15,7 +15,7 @@ from printed.declared import CHEAPER, CHEAPER_PYTHON, NOT_RUN, cheaper
 from printed.prepared import PREPARED
 
 from kinemimic.pipeline.catalog.command import COMMANDS as OF_DATASETS
-from kinemimic.pipeline.cli import COMMANDS, cli
+from kinemimic.pipeline.cli.main import COMMANDS, cli
 
 PRINTED = printed()
 LANGUAGES = {"sh", "python", "diff", "console", "toml", "text", ""}

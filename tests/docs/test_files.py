@@ -15,14 +15,14 @@ import pytest
 from printed.blocks import ROOT
 from printed.told import PAGE, told
 
-from kinemimic.evaluate.comparison import RESULTS, SHIPPED
-from kinemimic.evaluate.disturb import disturb
-from kinemimic.evaluate.gait import gait
-from kinemimic.evaluate.pushes import pushes
-from kinemimic.evaluate.recipe import Recipe
+from kinemimic.evaluate.compare.comparison import RESULTS, SHIPPED
+from kinemimic.evaluate.policies.recipe import Recipe
+from kinemimic.evaluate.robustness.disturb import disturb
+from kinemimic.evaluate.robustness.pushes import pushes
+from kinemimic.evaluate.scoring.gait_command import gait
 from kinemimic.pipeline.catalog.entry import Collection, Entry
 from kinemimic.retarget.versions.params import Capture, Params
-from kinemimic.train.scenario_file import scenario
+from kinemimic.train.scenario.scenario_file import scenario
 
 JSON = (
     "quality.json", "gimbal.json", "orientation.json", "motion.json", "gait.json", "policy.json",

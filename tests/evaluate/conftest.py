@@ -8,17 +8,15 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 from peers.compared import write_comparison
 from peers.crouch import crouching
 
-from kinemimic.pipeline.rotations import IDENTITY, from_axis_angle
-from kinemimic.pipeline.skeleton import NODE_INDEX, NODES
-from kinemimic.retarget.motion import Motion
-from kinemimic.train.playback import Playback
-from kinemimic.train.world import CONTROL_RATE
-
-Array = NDArray[np.float64]
+from kinemimic.pipeline.arrays import Array
+from kinemimic.pipeline.kinematics.rotations import IDENTITY, from_axis_angle
+from kinemimic.pipeline.kinematics.skeleton import NODE_INDEX, NODES
+from kinemimic.retarget.humanoid.motion import Motion
+from kinemimic.train.rollout.trajectory import Playback
+from kinemimic.train.sim.world import CONTROL_RATE
 
 PERIOD, SPEED, HEIGHT = 1.2, 1.1, 0.9
 KNEE, HIP = (0.5, 0.4), (0.1, 0.35)  # mean and amplitude, rad

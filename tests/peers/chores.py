@@ -6,9 +6,9 @@ import os
 import time
 from pathlib import Path
 
+from kinemimic.pipeline.cli.progress import progress
 from kinemimic.pipeline.errors import KinemimicError
-from kinemimic.pipeline.progress import progress
-from kinemimic.train.interruption import deferred
+from kinemimic.pipeline.parallel.interruption import deferred
 
 
 def chore(task: str) -> None:

@@ -8,12 +8,12 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from kinemimic.evaluate.compare_task import scenario_identity
-from kinemimic.pipeline.store import write_text
-from kinemimic.retarget.export_json import motion_from_json, motion_to_json
-from kinemimic.retarget.motion import Motion
-from kinemimic.train.config import PRESETS
-from kinemimic.train.scenario_file import scenario
+from kinemimic.evaluate.compare.task import scenario_identity
+from kinemimic.pipeline.files.store import write_text
+from kinemimic.retarget.formats.motion_json import motion_from_json, motion_to_json
+from kinemimic.retarget.humanoid.motion import Motion
+from kinemimic.train.config.config import PRESETS
+from kinemimic.train.scenario.scenario_file import scenario
 from peers.constant import constant
 
 BUDGET = 131_072

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from kinemimic.train.env import ACTIONS, OBSERVATIONS
-from kinemimic.train.policy import Policy
+from kinemimic.train.rollout.policy import Policy
+from kinemimic.train.task.env import ACTIONS, OBSERVATIONS
 
 
 def constant(correction: float = 0.0) -> Policy:

@@ -8,13 +8,13 @@ from pathlib import Path
 
 import numpy as np
 
-from kinemimic.pipeline.rotations import conjugate, from_axis_angle, multiply
-from kinemimic.pipeline.skeleton import NODE_INDEX
-from kinemimic.pipeline.store import write_text
-from kinemimic.retarget.body import LEG_LENGTH, STANDING_HEIGHT
-from kinemimic.retarget.export_json import motion_from_json, motion_to_json
-from kinemimic.retarget.motion import Motion
-from kinemimic.train.config import PRESETS
+from kinemimic.pipeline.files.store import write_text
+from kinemimic.pipeline.kinematics.rotations import conjugate, from_axis_angle, multiply
+from kinemimic.pipeline.kinematics.skeleton import NODE_INDEX
+from kinemimic.retarget.formats.motion_json import motion_from_json, motion_to_json
+from kinemimic.retarget.humanoid.body import LEG_LENGTH, STANDING_HEIGHT
+from kinemimic.retarget.humanoid.motion import Motion
+from kinemimic.train.config.config import PRESETS
 from peers.constant import constant
 
 

@@ -5,14 +5,13 @@ from __future__ import annotations
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 from samples.motion import walk
 
-from kinemimic.pipeline.captures import recognise
-from kinemimic.pipeline.clip import Clip
-from kinemimic.pipeline.skeleton import NODES
+from kinemimic.pipeline.arrays import Array
+from kinemimic.pipeline.kinematics.clip import Clip
+from kinemimic.pipeline.kinematics.skeleton import NODES
+from kinemimic.pipeline.readers import recognise
 
-Array = NDArray[np.float64]
 FRAMES = 40
 NODE_LIST = "joints = [" + ", ".join(f'"{node}"' for node in NODES) + "]\n"
 

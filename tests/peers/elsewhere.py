@@ -6,8 +6,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from kinemimic.pipeline.rotations import from_axis_angle, multiply, rotate
-from kinemimic.retarget.motion import Motion
+from kinemimic.pipeline.kinematics.rotations import from_axis_angle, multiply, rotate
+from kinemimic.retarget.humanoid.motion import Motion
 
 
 def turned(motion: Motion, angle: float) -> Motion:

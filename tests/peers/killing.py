@@ -14,13 +14,13 @@ import numpy as np
 import pyarrow.parquet as pq
 from safetensors.numpy import load_file
 
-from kinemimic.pipeline.store import read_json
+from kinemimic.pipeline.files.store import read_json
 
 # A checkpoint after every round gives a kill many chances to hit one that is being written.
 PROGRAM = """
 import sys
 from dataclasses import replace
-from kinemimic.pipeline.cli import main
+from kinemimic.pipeline.cli.main import main
 from kinemimic.train import config, trial
 small = dict(environments=4, horizon=16, minibatch=32, passes=2, hidden=(32, 16))
 config.PRESETS["default"] = replace(config.PRESETS["default"], **small)

@@ -9,11 +9,11 @@ import numpy as np
 import torch
 from torch import Tensor, nn
 
-from kinemimic.train.advantages import advantages
-from kinemimic.train.mlp import Mlp
-from kinemimic.train.objective import divergence, log_density
-from kinemimic.train.ppo import Learner
-from kinemimic.train.rollout import Samples
+from kinemimic.train.ppo.advantages import advantages
+from kinemimic.train.ppo.mlp import Mlp
+from kinemimic.train.ppo.objective import divergence, log_density
+from kinemimic.train.ppo.ppo import Learner
+from kinemimic.train.rollout.sampler import Samples
 
 
 def sequential(mlp: Mlp) -> nn.Sequential:

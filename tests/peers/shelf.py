@@ -5,11 +5,11 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
-from kinemimic.evaluate.shipped import MOTION, POLICY, SCORES, gist
-from kinemimic.pipeline.store import file_hash, write_json, write_text
-from kinemimic.retarget.export_json import motion_from_json, motion_to_json
-from kinemimic.retarget.motion import Motion
-from kinemimic.train.config import preset
+from kinemimic.evaluate.policies.shipped import MOTION, POLICY, SCORES, gist
+from kinemimic.pipeline.files.store import file_hash, write_json, write_text
+from kinemimic.retarget.formats.motion_json import motion_from_json, motion_to_json
+from kinemimic.retarget.humanoid.motion import Motion
+from kinemimic.train.config.config import preset
 from peers.constant import constant
 
 RECIPES = """

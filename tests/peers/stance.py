@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from kinemimic.retarget.body import BODIES
-from kinemimic.train.world import SUBSTEPS, TIME_STEP, BodyStates, Poses
+from kinemimic.retarget.humanoid.body import BODIES
+from kinemimic.train.sim.world import SUBSTEPS, TIME_STEP, BodyStates, Poses
 
 MASSES = np.array([body.mass for body in BODIES])
 STEP = SUBSTEPS * TIME_STEP

@@ -7,10 +7,10 @@ from typing import Any
 
 import numpy as np
 
-from kinemimic.retarget.motion import Motion
-from kinemimic.train.config import EnvConfig
-from kinemimic.train.rollout import Sampler
-from kinemimic.train.workers import Workers, answer
+from kinemimic.retarget.humanoid.motion import Motion
+from kinemimic.train.config.config import EnvConfig
+from kinemimic.train.rollout.sampler import Sampler
+from kinemimic.train.rollout.workers import Workers, answer
 
 
 class Troupe(Workers):

@@ -8,10 +8,9 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from kinemimic.pipeline.clip import Clip
-from kinemimic.pipeline.skeleton import NODES, TRACKED, node_skeleton
-
-Array = NDArray[np.float64]
+from kinemimic.pipeline.arrays import Array
+from kinemimic.pipeline.kinematics.clip import Clip
+from kinemimic.pipeline.kinematics.skeleton import NODES, TRACKED, node_skeleton
 
 # A standing figure in a Kinect's axes (X to the subject's left, Y up, Z from the sensor), metres.
 FIGURE: dict[str, tuple[float, float, float]] = {

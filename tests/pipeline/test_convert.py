@@ -8,22 +8,21 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 from samples.motion import kinect_v2_joints, walk
 
-from kinemimic.pipeline.angles import leg_angles
-from kinemimic.pipeline.captures.kinect_v2 import FROM_SDK, kinect_v2_skeleton
-from kinemimic.pipeline.cli import main
-from kinemimic.pipeline.clip import Clip
+from kinemimic.pipeline.arrays import Array
+from kinemimic.pipeline.cli.main import main
 from kinemimic.pipeline.convert import convert
 from kinemimic.pipeline.errors import KinemimicError
+from kinemimic.pipeline.files.store import file_hash, read_clip, read_json, write_clip
 from kinemimic.pipeline.ingest import ingest
-from kinemimic.pipeline.nodes import to_nodes
-from kinemimic.pipeline.rotations import from_axis_angle
-from kinemimic.pipeline.skeleton import NODE_INDEX, NODES, TRACKED
-from kinemimic.pipeline.store import file_hash, read_clip, read_json, write_clip
+from kinemimic.pipeline.kinematics.angles import leg_angles
+from kinemimic.pipeline.kinematics.clip import Clip
+from kinemimic.pipeline.kinematics.nodes import to_nodes
+from kinemimic.pipeline.kinematics.rotations import from_axis_angle
+from kinemimic.pipeline.kinematics.skeleton import NODE_INDEX, NODES, TRACKED
+from kinemimic.pipeline.readers.kinect.kinect_v2 import FROM_SDK, kinect_v2_skeleton
 
-Array = NDArray[np.float64]
 Text = Callable[..., str]
 
 

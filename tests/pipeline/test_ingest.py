@@ -11,11 +11,11 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
 
-from kinemimic.pipeline.angles import ANGLES
-from kinemimic.pipeline.captures.recognise import read
-from kinemimic.pipeline.cli import main
+from kinemimic.pipeline.cli.main import main
+from kinemimic.pipeline.files.store import file_hash, read_clip, read_json
 from kinemimic.pipeline.ingest import ingest
-from kinemimic.pipeline.store import file_hash, read_clip, read_json
+from kinemimic.pipeline.kinematics.angles import ANGLES
+from kinemimic.pipeline.readers.recognise import read
 
 Text = Callable[..., str]
 

@@ -8,7 +8,7 @@ from collections.abc import Sequence
 
 import click
 
-from kinemimic.pipeline.cli import COMMANDS, load_command
+from kinemimic.pipeline.cli.main import COMMANDS, load_command
 from printed.blocks import ROOT
 
 # Programs that come with what is installed, or with the system.

@@ -10,7 +10,7 @@ from typing import Any
 
 from samples import depth_scene, described
 
-from kinemimic.pipeline.data_folder import DATASETS
+from kinemimic.pipeline.files.data_folder import DATASETS
 from printed.blocks import ROOT, blocks
 
 POLICY_FILES = ("policy.safetensors", "policy.json")

@@ -7,16 +7,14 @@ from dataclasses import dataclass
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 
-from kinemimic.pipeline.clip import Clip, forward_kinematics
-from kinemimic.pipeline.rotations import IDENTITY, from_axis_angle, rotate
-from kinemimic.pipeline.skeleton import NODE_INDEX as N
-from kinemimic.pipeline.skeleton import NODES, node_skeleton
-from kinemimic.retarget.body import node_offsets
-
-Array = NDArray[np.float64]
+from kinemimic.pipeline.arrays import Array
+from kinemimic.pipeline.kinematics.clip import Clip, forward_kinematics
+from kinemimic.pipeline.kinematics.rotations import IDENTITY, from_axis_angle, rotate
+from kinemimic.pipeline.kinematics.skeleton import NODE_INDEX as N
+from kinemimic.pipeline.kinematics.skeleton import NODES, node_skeleton
+from kinemimic.retarget.humanoid.body import node_offsets
 
 
 @dataclass(frozen=True)

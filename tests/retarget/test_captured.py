@@ -8,16 +8,16 @@ import numpy as np
 import pyarrow.parquet as pq
 import pytest
 
-from kinemimic.pipeline.angles import ANGLES
+from kinemimic.pipeline.kinematics.angles import ANGLES
+from kinemimic.retarget.command import retarget
 from kinemimic.retarget.report import reference_at
-from kinemimic.retarget.stage import retarget
 
 
 @pytest.mark.parametrize("form", [0, 1], ids=["skl", "euler"])
 def test_loop_of_the_virtual_kinect_is_within_four_degrees_of_the_truth(tmp_path, form):
-    from kinemimic.pipeline.captures.virtual import record_virtual  # noqa: PLC0415 - the stages before
     from kinemimic.pipeline.convert import convert  # noqa: PLC0415
     from kinemimic.pipeline.ingest import ingest  # noqa: PLC0415
+    from kinemimic.pipeline.virtual_kinect.recorder import record_virtual  # noqa: PLC0415 - the stages before
 
     run = tmp_path / "run"
     ingest(record_virtual(tmp_path, seed=3)[form], run)

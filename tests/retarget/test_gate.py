@@ -7,10 +7,10 @@ import pytest
 
 from kinemimic.pipeline.convert import convert
 from kinemimic.pipeline.errors import KinemimicError
+from kinemimic.pipeline.files.store import read_json, write_json
 from kinemimic.pipeline.ingest import ingest
-from kinemimic.pipeline.store import read_json, write_json
+from kinemimic.retarget.command import retarget
 from kinemimic.retarget.gate import RULES, admit, judge
-from kinemimic.retarget.stage import retarget
 
 GOOD = {
     "kind": "walk",

@@ -7,11 +7,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from kinemimic.pipeline.rotations import IDENTITY, from_axis_angle
-from kinemimic.pipeline.skeleton import NODE_INDEX as N
-from kinemimic.retarget.body import STANDING_HEIGHT
+from kinemimic.pipeline.kinematics.rotations import IDENTITY, from_axis_angle
+from kinemimic.pipeline.kinematics.skeleton import NODE_INDEX as N
+from kinemimic.retarget.humanoid.body import STANDING_HEIGHT
+from kinemimic.retarget.humanoid.motion import Motion
 from kinemimic.retarget.measure import measure
-from kinemimic.retarget.motion import Motion
 
 FRAMES, RATE = 31, 30.0
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from kinemimic.pipeline.skeleton import NODE_INDEX
+from kinemimic.pipeline.kinematics.skeleton import NODE_INDEX
 from samples.motion import in_range, walk, y_up
 
 

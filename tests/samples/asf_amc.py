@@ -3,14 +3,12 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from kinemimic.pipeline.rotations import IDENTITY, conjugate, from_euler, multiply
-from kinemimic.pipeline.skeleton import NODE_INDEX
+from kinemimic.pipeline.arrays import Array
+from kinemimic.pipeline.kinematics.rotations import IDENTITY, conjugate, from_euler, multiply
+from kinemimic.pipeline.kinematics.skeleton import NODE_INDEX
 from samples.motion import rigid_walk, y_up, y_up_turns
-
-Array = NDArray[np.float64]
 
 METRES = 0.0254 / 0.45
 # bone: the bone above, the nodes at its start and end, the node whose rotation it has ("": it is fixed to

@@ -6,14 +6,12 @@ import json
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-from kinemimic.pipeline.captures.azure_joints import JOINTS, azure_skeleton
-from kinemimic.pipeline.rotations import from_two_axes
-from kinemimic.pipeline.skeleton import NODE_INDEX, NODES
+from kinemimic.pipeline.arrays import Array
+from kinemimic.pipeline.kinematics.rotations import from_two_axes
+from kinemimic.pipeline.kinematics.skeleton import NODE_INDEX, NODES
+from kinemimic.pipeline.readers.kinect.azure_joints import JOINTS, azure_skeleton
 from samples.motion import Walk, in_sight, walk
-
-Array = NDArray[np.float64]
 
 # Where the camera stands in our axes, metres: 2 m behind the start, at the height of the chest.
 CAMERA = np.array([-2.0, 0.3, 1.1])

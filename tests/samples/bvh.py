@@ -5,8 +5,8 @@ from __future__ import annotations
 import tempfile
 from pathlib import Path
 
-from kinemimic.pipeline.captures.write_bvh import write_bvh
-from kinemimic.pipeline.poses import Poses
+from kinemimic.pipeline.writers.bvh import write_bvh
+from kinemimic.pipeline.writers.poses import Poses
 from samples.motion import rigid_walk
 
 

@@ -8,13 +8,11 @@ from typing import Any
 
 import ezc3d
 import numpy as np
-from numpy.typing import NDArray
 
-from kinemimic.pipeline.captures.treadmill import JOINTS
+from kinemimic.pipeline.arrays import Array
+from kinemimic.pipeline.readers.kinect.treadmill import JOINTS
 from samples.motion import in_sight, walk, y_up
 from samples.trc import RATE, markers
-
-Array = NDArray[np.float64]
 
 
 def written(

@@ -3,14 +3,12 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
-from kinemimic.pipeline.captures.deepmimic import BALLS, HINGES
-from kinemimic.pipeline.rotations import to_rotvec
-from kinemimic.pipeline.skeleton import NODE_INDEX
+from kinemimic.pipeline.arrays import Array
+from kinemimic.pipeline.kinematics.rotations import to_rotvec
+from kinemimic.pipeline.kinematics.skeleton import NODE_INDEX
+from kinemimic.pipeline.readers.mocap.deepmimic import BALLS, HINGES
 from samples.motion import rigid_walk
-
-Array = NDArray[np.float64]
 
 
 def frames(count: int) -> Array:

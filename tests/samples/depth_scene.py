@@ -16,10 +16,10 @@ import numpy as np
 from numpy.typing import NDArray
 from PIL import Image
 
-from kinemimic.pipeline.skeleton import BONES, NODE_INDEX, NODES
+from kinemimic.pipeline.arrays import Array
+from kinemimic.pipeline.kinematics.skeleton import BONES, NODE_INDEX, NODES
 from samples.motion import walk
 
-Array = NDArray[np.float64]
 Capsule = tuple[Array, Array, float]
 Frame = NDArray[np.uint16]
 

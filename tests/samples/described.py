@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from kinemimic.pipeline.skeleton import NODES
+from kinemimic.pipeline.kinematics.skeleton import NODES
 from samples.motion import walk
 
 # Our node for each name in the file.

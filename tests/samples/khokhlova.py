@@ -3,14 +3,12 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
-from kinemimic.pipeline.captures.kinect_v2 import SDK_JOINTS, SDK_PARENTS
-from kinemimic.pipeline.rotations import from_two_axes
+from kinemimic.pipeline.arrays import Array
+from kinemimic.pipeline.kinematics.rotations import from_two_axes
+from kinemimic.pipeline.readers.kinect.kinect_v2 import SDK_JOINTS, SDK_PARENTS
 from samples.kimore import SENSOR
 from samples.motion import in_sight, kinect_v2_joints, walk, y_up
-
-Array = NDArray[np.float64]
 
 EMPTY_LINES = 4
 LEAVES = ("Head", "FootLeft", "FootRight", "HandTipLeft", "ThumbLeft", "HandTipRight", "ThumbRight")

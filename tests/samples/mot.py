@@ -3,15 +3,13 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from kinemimic.pipeline.captures.mot import WORLD_FROM_FILE
-from kinemimic.pipeline.rotations import conjugate, multiply, rotate
-from kinemimic.pipeline.skeleton import NODE_INDEX
+from kinemimic.pipeline.arrays import Array
+from kinemimic.pipeline.kinematics.rotations import conjugate, multiply, rotate
+from kinemimic.pipeline.kinematics.skeleton import NODE_INDEX
+from kinemimic.pipeline.readers.mocap.mot import WORLD_FROM_FILE
 from samples.motion import rigid_walk
-
-Array = NDArray[np.float64]
 
 
 def columns(frames: int) -> dict[str, Array]:

@@ -6,15 +6,13 @@ from dataclasses import dataclass
 from functools import cache
 
 import numpy as np
-from numpy.typing import NDArray
 
-from kinemimic.pipeline.captures.deepmimic import read_deepmimic, stock_motion
-from kinemimic.pipeline.captures.subject import close_loop, perform
-from kinemimic.pipeline.clip import forward_kinematics
-from kinemimic.pipeline.rotations import Y_UP_TO_Z_UP, conjugate, multiply
-from kinemimic.pipeline.skeleton import NODE_INDEX, NODES, Skeleton
-
-Array = NDArray[np.float64]
+from kinemimic.pipeline.arrays import Array
+from kinemimic.pipeline.kinematics.clip import forward_kinematics
+from kinemimic.pipeline.kinematics.rotations import Y_UP_TO_Z_UP, conjugate, multiply
+from kinemimic.pipeline.kinematics.skeleton import NODE_INDEX, NODES, Skeleton
+from kinemimic.pipeline.readers.mocap.deepmimic import read_deepmimic, stock_motion
+from kinemimic.pipeline.virtual_kinect.subject import close_loop, perform
 
 
 @dataclass(frozen=True)

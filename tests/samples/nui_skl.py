@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from kinemimic.pipeline.skeleton import NODES
+from kinemimic.pipeline.kinematics.skeleton import NODES
 from samples.motion import in_range, walk, y_up
 
 

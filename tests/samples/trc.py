@@ -3,13 +3,11 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
-from kinemimic.pipeline.captures.joint_centres import BELL
-from kinemimic.pipeline.skeleton import NODE_INDEX
+from kinemimic.pipeline.arrays import Array
+from kinemimic.pipeline.kinematics.skeleton import NODE_INDEX
+from kinemimic.pipeline.readers.mocap.joint_centres import BELL
 from samples.motion import Walk, in_sight, walk
-
-Array = NDArray[np.float64]
 
 # Half of a knee and of an ankle with its marker, metres.
 HALF = {"knee": 0.055, "ankle": 0.04}

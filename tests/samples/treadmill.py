@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from kinemimic.pipeline.skeleton import NODE_INDEX as N
-from kinemimic.pipeline.skeleton import NODES
+from kinemimic.pipeline.kinematics.skeleton import NODE_INDEX as N
+from kinemimic.pipeline.kinematics.skeleton import NODES
 from samples.motion import in_range, walk, y_up
 
 DECLARED = 50

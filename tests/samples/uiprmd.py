@@ -5,14 +5,12 @@ from __future__ import annotations
 import gzip
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from kinemimic.pipeline.captures.uiprmd import JOINTS, PARENTS
-from kinemimic.pipeline.skeleton import NODE_INDEX
+from kinemimic.pipeline.arrays import Array
+from kinemimic.pipeline.kinematics.skeleton import NODE_INDEX
+from kinemimic.pipeline.readers.public_datasets.uiprmd import JOINTS, PARENTS
 from samples.motion import Walk, in_sight, walk, y_up
-
-Array = NDArray[np.float64]
 
 _NODES = {
     "Waist": "hip_center",

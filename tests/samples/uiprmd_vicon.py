@@ -5,14 +5,12 @@ from __future__ import annotations
 import gzip
 
 import numpy as np
-from numpy.typing import NDArray
 
-from kinemimic.pipeline.captures.joint_centres import HALF_ANKLE, HALF_KNEE
-from kinemimic.pipeline.captures.uiprmd_vicon import MARKERS, RATE, TRIPLETS, WIDTH
+from kinemimic.pipeline.arrays import Array
+from kinemimic.pipeline.readers.mocap.joint_centres import HALF_ANKLE, HALF_KNEE
+from kinemimic.pipeline.readers.public_datasets.uiprmd_vicon import MARKERS, RATE, TRIPLETS, WIDTH
 from samples.motion import Walk, in_sight, walk
 from samples.trc import at, markers, pelvis_of, unit
-
-Array = NDArray[np.float64]
 
 
 def plug_in_gait(walk: Walk) -> dict[str, Array]:

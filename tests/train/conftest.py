@@ -11,12 +11,12 @@ from dataclasses import fields
 import numpy as np
 import pytest
 
-from kinemimic.pipeline.rotations import IDENTITY, continuous, from_axis_angle
-from kinemimic.pipeline.skeleton import NODE_INDEX, NODES
-from kinemimic.retarget.body import STANDING_HEIGHT
-from kinemimic.retarget.motion import Motion
-from kinemimic.train.engines import open_world
-from kinemimic.train.world import BodyStates, Poses, World
+from kinemimic.pipeline.kinematics.rotations import IDENTITY, continuous, from_axis_angle
+from kinemimic.pipeline.kinematics.skeleton import NODE_INDEX, NODES
+from kinemimic.retarget.humanoid.body import STANDING_HEIGHT
+from kinemimic.retarget.humanoid.motion import Motion
+from kinemimic.train.sim.engines import open_world
+from kinemimic.train.sim.world import BodyStates, Poses, World
 
 SPEED = 0.9
 PERIOD = 1.2

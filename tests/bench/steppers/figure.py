@@ -5,16 +5,14 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
-from kinemimic.pipeline.rotations import from_axis_angle, multiply
-from kinemimic.pipeline.skeleton import NODE_INDEX
-from kinemimic.retarget.body import STANDING_HEIGHT
-from kinemimic.retarget.motion import Motion
-from kinemimic.train.reference import Reference
-from kinemimic.train.world import CONTROL_RATE, SUBSTEPS, TIME_STEP, Poses
-
-Array = NDArray[np.float64]
+from kinemimic.pipeline.arrays import Array
+from kinemimic.pipeline.kinematics.rotations import from_axis_angle, multiply
+from kinemimic.pipeline.kinematics.skeleton import NODE_INDEX
+from kinemimic.retarget.humanoid.body import STANDING_HEIGHT
+from kinemimic.retarget.humanoid.motion import Motion
+from kinemimic.train.reference.reference import Reference
+from kinemimic.train.sim.world import CONTROL_RATE, SUBSTEPS, TIME_STEP, Poses
 
 PERIOD = 30  # control steps: one second
 DROP = 0.3  # m from the hip centre to the ground where a fall begins

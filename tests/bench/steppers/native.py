@@ -6,9 +6,9 @@ import figure
 import numpy as np
 from measuring import print_alone
 
-from kinemimic.train.engines import open_world
-from kinemimic.train.reference import Reference
-from kinemimic.train.world import CONTROL_RATE
+from kinemimic.train.reference.reference import Reference
+from kinemimic.train.sim.engines import open_world
+from kinemimic.train.sim.world import CONTROL_RATE
 
 FIGURES = 16
 

@@ -6,11 +6,11 @@ import figure
 import numpy as np
 from measuring import print_alone
 
-from kinemimic.train.config import EnvConfig
-from kinemimic.train.engines import open_world
-from kinemimic.train.env import ACTIONS, ImitationBatch
-from kinemimic.train.reference import Reference
-from kinemimic.train.world import CONTROL_RATE
+from kinemimic.train.config.config import EnvConfig
+from kinemimic.train.reference.reference import Reference
+from kinemimic.train.sim.engines import open_world
+from kinemimic.train.sim.world import CONTROL_RATE
+from kinemimic.train.task.env import ACTIONS, ImitationBatch
 
 FIGURES = 16  # as our engine alone; a process of a training on two cores has twice as many
 

@@ -13,7 +13,7 @@ from kinemimic.pipeline.catalog.add import add, command
 from kinemimic.pipeline.catalog.fetch import fetch
 from kinemimic.pipeline.catalog.load import load_catalog
 from kinemimic.pipeline.errors import KinemimicError
-from kinemimic.pipeline.store import file_hash
+from kinemimic.pipeline.files.store import file_hash
 
 TOLD = {
     "repository": "my/walks",

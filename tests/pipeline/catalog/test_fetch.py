@@ -74,7 +74,7 @@ def test_ctrl_c_loses_nothing(catalog_file: Path, tmp_path: Path, serve: Serve) 
     # A job that a shell put into the background hands its children a SIGINT that is ignored.
     code = """
 import signal
-from kinemimic.pipeline.cli import main
+from kinemimic.pipeline.cli.main import main
 signal.signal(signal.SIGINT, signal.default_int_handler)
 main()
 """

@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 from samples.motion import walk
 
-from kinemimic.pipeline.captures.write_skl import write_skl
-from kinemimic.pipeline.skeleton import TRACKED
+from kinemimic.pipeline.kinematics.skeleton import TRACKED
+from kinemimic.pipeline.writers.skl import write_skl
 
 Writer = Callable[..., Path]
 

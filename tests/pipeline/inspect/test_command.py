@@ -13,10 +13,10 @@ from typing import Any
 
 import pytest
 
-from kinemimic.pipeline import cli
-from kinemimic.pipeline.captures.recognise import formats
-from kinemimic.pipeline.inspect.study import study, unread
+from kinemimic.pipeline.cli import main as cli
+from kinemimic.pipeline.inspect.assessment import study, unread
 from kinemimic.pipeline.inspect.survey import files_of, folders, with_companions
+from kinemimic.pipeline.readers.recognise import formats
 
 Writer = Callable[..., Path]
 Out = pytest.CaptureFixture[str]

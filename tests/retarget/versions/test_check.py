@@ -12,10 +12,10 @@ import numpy as np
 import pytest
 from click.testing import CliRunner
 
-from kinemimic.pipeline.canonical import Canonical
 from kinemimic.pipeline.errors import KinemimicError
-from kinemimic.pipeline.rotations import from_axis_angle, multiply
-from kinemimic.pipeline.skeleton import NODE_INDEX
+from kinemimic.pipeline.files.canonical import Canonical
+from kinemimic.pipeline.kinematics.rotations import from_axis_angle, multiply
+from kinemimic.pipeline.kinematics.skeleton import NODE_INDEX
 from kinemimic.retarget.versions import check as module
 from kinemimic.retarget.versions.build import built, place
 from kinemimic.retarget.versions.build import command as build_command

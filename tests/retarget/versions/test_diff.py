@@ -11,12 +11,12 @@ import numpy as np
 import pytest
 from click.testing import CliRunner
 
-from kinemimic.pipeline.canonical import Canonical
-from kinemimic.pipeline.clip import Clip
 from kinemimic.pipeline.errors import KinemimicError
-from kinemimic.pipeline.rotations import IDENTITY, from_axis_angle
-from kinemimic.pipeline.skeleton import Skeleton
-from kinemimic.pipeline.store import write_clip, write_json
+from kinemimic.pipeline.files.canonical import Canonical
+from kinemimic.pipeline.files.store import write_clip, write_json
+from kinemimic.pipeline.kinematics.clip import Clip
+from kinemimic.pipeline.kinematics.rotations import IDENTITY, from_axis_angle
+from kinemimic.pipeline.kinematics.skeleton import Skeleton
 from kinemimic.retarget.versions.diff import Change, changes, command, told
 
 JOINTS = ("hip", "knee", "ankle")

@@ -9,7 +9,7 @@ from typing import Any
 import pytest
 import yaml
 
-from kinemimic.pipeline.canonical import Canonical
+from kinemimic.pipeline.files.canonical import Canonical
 from kinemimic.retarget.versions.build import STAGES, built, place
 from kinemimic.retarget.versions.manifest import Manifest, changed_raw, unsaid
 from kinemimic.retarget.versions.params import PARAMS, Params

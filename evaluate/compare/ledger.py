@@ -1,0 +1,123 @@
+"""The state of a comparison: what is finished, what failed, what is shown; one at a time in a folder."""
+
+from __future__ import annotations
+
+import fcntl
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+from kinemimic.evaluate.compare.cell import Cell, outcome
+from kinemimic.evaluate.compare.comparison import RESULTS
+from kinemimic.evaluate.compare.table import curves, figures, summary, table_csv
+from kinemimic.pipeline.cli.progress import Bar, Bars
+from kinemimic.pipeline.errors import KinemimicError
+from kinemimic.pipeline.files.store import write_json, write_text
+
+
+@contextmanager
+def alone(out: Path) -> Iterator[None]:
+    """Two comparisons at once in one folder would train the same cells."""
+    out.mkdir(parents=True, exist_ok=True)
+    with (out / ".lock").open("w") as stream:
+        try:
+            fcntl.flock(stream, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except BlockingIOError:
+            raise KinemimicError(
+                f"{out}: expected to be alone here, found another comparison at work; wait, or name "
+                "another --out"
+            ) from None
+        yield
+
+
+class Ledger:
+    """The cells of a comparison, and what has become of each so far.
+
+    failed: one line for each cell that went wrong.
+    """
+
+    def __init__(self, out: Path, cells: Sequence[Cell], made: Mapping[str, Any]) -> None:
+        self._out, self._made = out, made
+        self.cells, self.failed = cells, dict[str, str]()
+
+    def finished(self, cell: Cell) -> dict[int, tuple[dict[str, Any], dict[str, Any]]]:
+        """policy.json and scores.json of each finished budget; another comparison's are a failure."""
+        try:
+            found = {budget: outcome(cell, budget) for budget in cell.budgets}
+        except KinemimicError as error:
+            self.failed[cell.name] = str(error)
+            return {}
+        return {budget: both for budget, both in found.items() if both is not None}
+
+    def unfinished(self) -> list[Cell]:
+        """Cells with something left to do."""
+        left = [cell for cell in self.cells if len(self.finished(cell)) < len(cell.budgets)]
+        return [cell for cell in left if cell.name not in self.failed]
+
+    def write(self) -> dict[str, Any]:
+        """Write compare.json and compare.csv of what is finished; returns the content of the former."""
+        rows = [
+            {
+                "task": cell.task,
+                "variant": cell.variant,
+                "seed": cell.config.seed,
+                "budget": budget,
+                "engine": record["engine"],
+                **figures(record, scores),
+            }
+            for cell in self.cells
+            for budget, (record, scores) in self.finished(cell).items()
+        ]
+        furthest: dict[tuple[str, str], list[dict[str, Any]]] = {}
+        for cell in self.cells:
+            if found := self.finished(cell):
+                furthest.setdefault((cell.task, cell.variant), []).append(found[max(found)][0])
+        content = {
+            **self._made,
+            "summary": summary(rows),
+            "curves": curves(furthest),
+            "cells": rows,
+            "failed": self.failed,
+        }
+        write_text(self._out / "compare.csv", table_csv(rows))
+        write_json(self._out / RESULTS, content)
+        return content
+
+
+class Watcher:
+    """Draws a bar for all cells and one for each that runs, and has the ledger written after each."""
+
+    def __init__(self, several: Bars, ledger: Ledger) -> None:
+        self._several, self._ledger = several, ledger
+        self._running: dict[str, tuple[Bar, float]] = {}
+        self._all = several.add("compare", sum(cell.budgets[-1] for cell in ledger.cells))
+        self._all.advance(sum(max(ledger.finished(cell), default=0) for cell in ledger.cells))
+        for name, error in ledger.failed.items():
+            several.say(f"{name}: {error}")
+
+    def begun(self, cell: Cell) -> None:
+        bar, done = (
+            self._several.add(cell.name, cell.budgets[-1]),
+            max(self._ledger.finished(cell), default=0),
+        )
+        bar.advance(done)
+        self._running[cell.name] = (bar, done)
+
+    def advanced(self, cell: Cell, description: str, done: float, fields: Mapping[str, object]) -> None:
+        bar, before = self._running[cell.name]
+        if description != "train":
+            bar.advance(0, now=description)
+            return
+        # A training that goes on begins its count where it was.
+        forward = max(0.0, done - before)
+        self._running[cell.name] = (bar, before + forward)
+        bar.advance(forward, **fields)
+        self._all.advance(forward)
+
+    def ended(self, cell: Cell, error: str | None) -> None:
+        self._running.pop(cell.name)[0].remove()
+        if error is not None:
+            self._ledger.failed[cell.name] = " ".join(error.split())
+            self._several.say(f"{cell.name}: {self._ledger.failed[cell.name]}")
+        self._ledger.write()

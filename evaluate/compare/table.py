@@ -1,0 +1,189 @@
+"""What the cells of a comparison come to: figures, medians over the seeds, CSV and tables for a terminal."""
+
+from __future__ import annotations
+
+import csv
+import io
+import statistics
+from collections.abc import Iterator, Mapping, Sequence
+from typing import Any
+
+from rich.console import RenderableType
+
+from kinemimic.evaluate.compare.learning_curves import converged_at, together
+from kinemimic.pipeline.cli.terminal import grid, heading, number
+
+Row = Mapping[str, Any]
+_KEY = ("task", "variant", "budget")
+_DECIMALS = 6
+_CURVES = ("reward", "critic_loss")  # of the trials
+
+
+def figures(record: Row, scores: Row) -> dict[str, float | None]:
+    """The figures of one policy, from its policy.json and scores.json; None where one is not defined.
+
+    frames, phases: survived from phase 0, and start phases survived whole; …_r2: credits nothing after a fall
+    (`r2_upright`), from phase 0; …_gap_deg: the largest; capture_…: against the capture as it was read;
+    return: of the best trial, as a share of the largest possible; converged_samples: from which on the
+    trials' return stays near its largest (`learning_curves.py`); seconds: of training.
+    """
+    survival, fit, root = scores["survival"], scores["fit"], scores["root"]
+    capture, walk = scores["fit_capture"], record["first_walk"]
+    return {
+        "frames": survival["frames"],
+        "of": survival["of"],
+        "phases": survival["phases"],
+        "phases_of": survival["phases_of"],
+        **{f"{joint}_r2": fit[joint]["r2_upright"] for joint in ("knee", "hip")},
+        **{f"{joint}_gap_deg": fit[joint]["max_gap_deg"] for joint in ("knee", "hip")},
+        "speed_ratio": root["speed_ratio"],
+        "end_off_m": root["path_error_m"],
+        "return": round(record["best"]["reward"], _DECIMALS),
+        "converged_samples": converged_at(
+            [trial["samples"] for trial in record["trials"]], [trial["reward"] for trial in record["trials"]]
+        ),
+        "first_walk_samples": walk and walk["samples"],
+        "first_walk_seconds": walk and walk["seconds"],
+        **{f"capture_{joint}_r2": capture and capture[joint]["r2_upright"] for joint in ("knee", "hip")},
+        "kept_samples": record["best"]["samples"],
+        "samples": record["samples"],
+        "seconds": record["seconds"],
+    }
+
+
+def summary(cells: Sequence[Row]) -> list[dict[str, Any]]:
+    """Per task, variant and budget: median, least and greatest of each figure over the seeds that have it.
+
+    seeds: how many there are; n: how many have the figure. Only some may ever walk.
+    """
+    groups: dict[tuple[Any, ...], list[Row]] = {}
+    for cell in cells:
+        groups.setdefault(tuple(cell[name] for name in _KEY), []).append(cell)
+    named = (*_KEY, "seed", "engine")
+    return [
+        {
+            **dict(zip(_KEY, key, strict=True)),
+            "seeds": len(group),
+            "figures": {
+                name: _spread([cell[name] for cell in group if cell[name] is not None])
+                for name in group[0]
+                if name not in named
+            },
+        }
+        for key, group in groups.items()
+    ]
+
+
+def _spread(values: Sequence[float]) -> dict[str, Any]:
+    if not values:
+        return {"median": None, "least": None, "greatest": None, "n": 0}
+    return {
+        "median": round(statistics.median(values), _DECIMALS),
+        "least": min(values),
+        "greatest": max(values),
+        "n": len(values),
+    }
+
+
+def curves(records: Mapping[tuple[str, str], Sequence[Row]]) -> list[dict[str, Any]]:
+    """Per task and variant, over the samples: return and critic's loss of the trials of all seeds.
+
+    records: policy.json of each seed that has got furthest.
+    """
+    return [
+        {
+            "task": task,
+            "variant": variant,
+            **{key: together(seeds, key) for key in _CURVES},
+        }
+        for (task, variant), seeds in records.items()
+    ]
+
+
+def table_csv(cells: Sequence[Row]) -> str:
+    """A line for every cell and budget; what is not defined is empty."""
+    stream = io.StringIO()
+    writer = csv.DictWriter(stream, list(cells[0]) if cells else ["task"], lineterminator="\n")
+    writer.writeheader()
+    writer.writerows(cells)
+    return stream.getvalue()
+
+
+def tables(comparison: Row) -> Iterator[RenderableType]:
+    """Headings and tables, one set for each task and budget; comparison: the content of compare.json."""
+    pairs = dict.fromkeys((row["task"], row["budget"]) for row in comparison["summary"])
+    for task, budget in pairs:
+        rows = [row for row in comparison["summary"] if (row["task"], row["budget"]) == (task, budget)]
+        about = comparison["tasks"][task]
+        simulated = ", SIMULATED CAPTURE" if about["simulated"] else ""
+        yield heading(f"{task}{simulated}, {budget:,} samples; medians over the seeds")
+        yield from _cyclic(rows, about) if about["cyclic"] else (_single(rows),)
+
+
+def _single(rows: Sequence[Row]) -> RenderableType:
+    """Of a motion that is performed once."""
+    table = grid("", "seeds", "frames", "least", "return %", "least")
+    for row in rows:
+        of = row["figures"]
+        table.add_row(
+            row["variant"],
+            f"{row['seeds']}",
+            f"{_at(of, 'frames', 0)}/{of['of']['greatest']}",
+            _at(of, "frames", 0, "least"),
+            _at(of, "return", 1, scale=100),
+            _at(of, "return", 1, "least", scale=100),
+        )
+    return table
+
+
+def _cyclic(rows: Sequence[Row], about: Row) -> Iterator[RenderableType]:
+    fit = grid(
+        "", "seeds", "frames", "phases", "R² knee", "least", "hip", "least", "gap °", "speed", "off m", gap=1
+    )
+    cost = grid("", "return %", "converged", "first walk", "after s", "of seeds", "trained s")
+    for row in rows:
+        of = row["figures"]
+        fit.add_row(
+            row["variant"],
+            f"{row['seeds']}",
+            f"{_at(of, 'frames', 0)}/{of['of']['greatest']}",
+            f"{_at(of, 'phases', 0)}/{of['phases_of']['greatest']}",
+            _at(of, "knee_r2", 3),
+            _at(of, "knee_r2", 3, "least"),
+            _at(of, "hip_r2", 3),
+            _at(of, "hip_r2", 3, "least"),
+            _at(of, "hip_gap_deg", 1),
+            _at(of, "speed_ratio", 3),
+            _at(of, "end_off_m", 2),
+        )
+        cost.add_row(
+            row["variant"],
+            _at(of, "return", 1, scale=100),
+            _whole(of["converged_samples"]["median"]),
+            _whole(of["first_walk_samples"]["median"]),
+            _at(of, "first_walk_seconds", 0),
+            f"{of['first_walk_samples']['n']}/{row['seeds']}",
+            _at(of, "seconds", 0),
+        )
+    yield fit
+    yield ""
+    yield cost
+    if any(row["figures"]["capture_knee_r2"]["n"] for row in rows):
+        capture = grid("R² against the capture", "knee", "ceiling", "hip", "ceiling")
+        for row in rows:
+            cells = (
+                (_at(row["figures"], f"capture_{joint}_r2", 3), number(about["ceiling"][joint], 3))
+                for joint in ("knee", "hip")
+            )
+            capture.add_row(row["variant"], *(text for cell in cells for text in cell))
+        yield ""
+        yield capture
+
+
+def _whole(value: float | None) -> str:
+    return "-" if value is None else f"{value:,.0f}"
+
+
+def _at(of: Row, name: str, digits: int, which: str = "median", scale: float = 1.0) -> str:
+    value = of[name][which]
+    return number(None if value is None else scale * value, digits)

@@ -1,0 +1,78 @@
+"""What is compared on: a run folder's motion, in a scenario or in none."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from kinemimic.pipeline.files.store import content_hash, read_json
+from kinemimic.pipeline.gait.curve_metrics import JOINTS, SIDES
+from kinemimic.retarget.formats.motion_json import motion_from_json
+from kinemimic.retarget.humanoid.motion import Motion
+from kinemimic.train.config.config import TrainConfig
+from kinemimic.train.scenario.scenario import Scenario
+from kinemimic.train.scenario.scenario_file import scenario
+
+MOTION = "motion.json"
+_IN = "@"
+
+
+@dataclass(frozen=True)
+class Task:
+    """run: folder with a motion.json; scenario: what befalls those that train."""
+
+    run: Path
+    scenario: Scenario | None = None
+
+    @classmethod
+    def parsed(cls, text: str) -> Task:
+        """RUN or RUN@SCENARIO, the latter by name or file; a folder whose own name has an @ is a RUN."""
+        run, _, named = text.rpartition(_IN)
+        if not run or Path(text).is_dir():
+            return cls(Path(text))
+        return cls(Path(run), scenario(named))
+
+    @property
+    def name(self) -> str:
+        """Of the run folder and the scenario; the task's folder bears it."""
+        run = self.run.resolve().name
+        return run if self.scenario is None else f"{run}{_IN}{self.scenario.name}"
+
+    @property
+    def motion(self) -> Motion:
+        """What is imitated."""
+        return motion_from_json(self.run / MOTION)
+
+    def configured(self, config: TrainConfig) -> TrainConfig:
+        """A variant's configuration for this task."""
+        return replace(config, env=replace(config.env, scenario=self.scenario))
+
+
+def scenario_identity(one: Scenario) -> str:
+    """Content hash of all that a scenario says."""
+    return content_hash({"scenario": np.array(json.dumps(one.to_json(), sort_keys=True))})
+
+
+def about(task: Task, motion: Motion) -> dict[str, Any]:
+    """What a comparison says of a task; ceiling: the loop's own R² against the capture, mean of sides."""
+    run = task.run
+    gait = read_json(run / "gait.json") if (run / "gait.json").exists() else {}
+    loop = gait.get("r2_loop_against_capture") or {}
+    ceiling = {}
+    for joint in JOINTS:
+        both = [loop[name] for side in SIDES if loop.get(name := f"{joint}_{side}") is not None]
+        ceiling[joint] = round(sum(both) / 2, 6) if len(both) == 2 else None
+    return {
+        "motion": run.resolve().name,
+        "scenario": task.scenario and task.scenario.name,
+        "scenario_identity": task.scenario and scenario_identity(task.scenario),
+        "identity": motion.identity,
+        "cyclic": motion.cyclic,
+        "seconds": round(motion.duration, 6),
+        "simulated": motion.simulated,
+        "ceiling": ceiling,
+    }

@@ -1,0 +1,87 @@
+"""The variants of a comparison: presets, an ablation, one change each against `default`, and a search.
+
+The search is what an expert would try first of each rival, one or two changes each against its preset.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import replace
+from typing import Any
+
+from kinemimic.train.config.config import PRESETS, TrainConfig
+
+# What is changed of TrainConfig; below "env", of its EnvConfig, below "rival", of its rival.
+Changes = Mapping[str, Any]
+
+ABLATION: dict[str, Changes] = {
+    "no-residual": {"env": {"residual": False}},
+    "no-velocity-ff": {"env": {"velocity_feedforward": False}},
+    "no-torque-ff": {"env": {"torque_feedforward": False}},
+    "no-mirror": {"env": {"mirror": False}},
+    "start-at-0": {"env": {"start_anywhere": False}},
+    # The paper's rule in place of the adapted rate, with the target of the preset `paper`.
+    "kl-penalty": {"kl_penalty": True, "adapt_rate": False, "kl_target": 0.01},
+    "no-clip": {"clip": None},
+    "small-net": {"hidden": (128, 64)},
+    "large-net": {"hidden": (1024, 512)},
+    "preview-1-4-12": {"env": {"preview": (1, 4, 12)}},
+    "discount-0.99": {"discount": 0.99},
+}
+
+SEARCH: dict[str, dict[str, Changes]] = {
+    "ddpg": {
+        "actor-3e-5": {"rival": {"actor_rate": 3e-5}},
+        "actor-1e-5": {"rival": {"actor_rate": 1e-5}},
+        "critic-3e-4": {"rival": {"critic_rate": 3e-4}},
+        "tau-0.001": {"rival": {"tau": 0.001}},
+        "tau-0.02": {"rival": {"tau": 0.02}},
+        "updates-0.5": {"rival": {"updates_per_sample": 0.5}},
+        "batch-1024": {"rival": {"batch": 1024, "updates_per_sample": 0.03125}},
+        "noise-0.08": {"noise": ((0, 0.08), (400_000, 0.04), (1_000_000, 0.02))},
+        "every-8-steps": {"rival": {"train_every": 8}},
+        "tanh": {"rival": {"activation": "tanh"}},
+    },
+    "a2c": {
+        "actor-1e-4": {"rival": {"actor_rate": 1e-4}},
+        "actor-1e-5": {"rival": {"actor_rate": 1e-5}},
+        "critic-3e-4": {"rival": {"critic_rate": 3e-4}},
+        "steps-8": {"rival": {"n_steps": 8}},
+        "steps-32": {"rival": {"n_steps": 32}},
+        "figures-64": {"environments": 64, "horizon": 64},
+        "rms-prop": {"rival": {"use_rms_prop": True}},
+        "raw-advantage": {"rival": {"normalize_advantage": False}},
+        "learn-noise": {"learn_noise": True},
+        "relu": {"rival": {"activation": "relu"}},
+    },
+    "sb3-ppo": {
+        "actor-2e-5": {"rival": {"actor_rate": 2e-5}},
+        "actor-1e-4": {"rival": {"actor_rate": 1e-4}},
+        "critic-3e-4": {"rival": {"critic_rate": 3e-4}},
+        "clip-0.1": {"rival": {"clip": 0.1}},
+        "passes-16": {"rival": {"passes": 16}},
+        "batch-2048": {"rival": {"batch": 2048}},
+        "grad-norm-0.5": {"rival": {"max_grad_norm": 0.5}},
+        "learn-noise": {"learn_noise": True},
+        "tanh": {"rival": {"activation": "tanh"}},
+    },
+}
+
+
+def ablation() -> dict[str, TrainConfig]:
+    """`default`, and `default` with each change of ABLATION, which its `preset` then names."""
+    base = PRESETS["default"]
+    return {"default": base, **{name: _changed(base, changes, name) for name, changes in ABLATION.items()}}
+
+
+def search(rival: str) -> dict[str, TrainConfig]:
+    """A rival's preset, and it with each change of its SEARCH, as RIVAL-NAME, which `preset` then names."""
+    base = PRESETS[rival]
+    names = {f"{rival}-{name}": changes for name, changes in SEARCH[rival].items()}
+    return {rival: base, **{name: _changed(base, changes, name) for name, changes in names.items()}}
+
+
+def _changed(base: TrainConfig, changes: Changes, name: str) -> TrainConfig:
+    env = replace(base.env, **changes.get("env", {}))
+    rival = replace(base.rival, **changes.get("rival", {})) if base.rival else None
+    return replace(base, **{**changes, "env": env, "rival": rival}, preset=name)

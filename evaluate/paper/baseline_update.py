@@ -1,0 +1,84 @@
+"""One gradient step of actor and critic on n samples, of stable-baselines3's DDPG, A2C and PPO."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any
+
+import gymnasium as gym
+import numpy as np
+import torch
+from stable_baselines3 import DDPG
+from stable_baselines3.common.logger import Logger
+from stable_baselines3.common.vec_env import DummyVecEnv
+
+from kinemimic.train.baselines.env import spaces
+from kinemimic.train.baselines.model import build, exported, gaussian, normalized
+from kinemimic.train.baselines.runner import Randomness
+from kinemimic.train.config.baseline_config import A2c, Ddpg, StablePpo
+from kinemimic.train.config.config import TrainConfig
+from kinemimic.train.rollout.policy import Policy
+
+
+class _Spaces(gym.Env[Any, Any]):
+    """What a figure observes and does, without a figure."""
+
+    def __init__(self, config: TrainConfig) -> None:
+        self.observation_space, self.action_space = spaces(config)
+
+
+class RivalUpdate:
+    """`OneUpdate` (`one_update.py`) of a rival as training builds it, with samples drawn from a seed.
+
+    DDPG draws its batch from a memory that is as large as at its first gradient step, and its step has both
+    target networks follow; A2C's and PPO's batch is one rollout, over which PPO goes once.
+    """
+
+    def __init__(self, config: TrainConfig, samples: int, seed: int) -> None:
+        rival = config.rival
+        if isinstance(rival, Ddpg):
+            rival = replace(rival, buffer=rival.warm_up, batch=samples)
+        elif isinstance(rival, A2c):
+            rival = replace(rival, n_steps=samples)
+        elif isinstance(rival, StablePpo):
+            rival = replace(rival, batch=samples, passes=1)
+        else:
+            raise ValueError("expected a configuration with a rival, found none")
+        # One figure, so that any number of samples is a whole number of steps.
+        self._config = replace(config, environments=1, horizon=samples, rival=rival)
+        self._env = normalized(DummyVecEnv([lambda: _Spaces(config)]))
+        with Randomness(config.seed).here():
+            self.model = build(self._config, self._env)
+        self.model.set_logger(Logger(None, []))
+        self._fill(np.random.default_rng(seed))
+
+    def _fill(self, random: np.random.Generator) -> None:
+        """What the algorithm learns from, as if it had sampled."""
+        if isinstance(self.model, DDPG):
+            memory = self.model.replay_buffer
+            assert memory is not None  # noqa: S101 (for the type's sake)
+            for column in (memory.observations, memory.next_observations, memory.rewards):
+                random.standard_normal(out=column, dtype=np.float32)
+            memory.actions[:] = random.uniform(-1.0, 1.0, memory.actions.shape)
+            memory.full = True
+        else:
+            rollout = self.model.rollout_buffer
+            for column in (rollout.observations, rollout.advantages, rollout.returns, rollout.values):
+                random.standard_normal(out=column, dtype=np.float32)
+            noise = self._config.noise[0][1]
+            rollout.actions[:] = noise * random.standard_normal(rollout.actions.shape, dtype=np.float32)
+            # PPO's ratio begins at 1, as in training: from any other it would be clipped, or no number.
+            with torch.no_grad():
+                seen, done = (torch.from_numpy(one[:, 0]) for one in (rollout.observations, rollout.actions))
+                _, found, _ = gaussian(self.model).evaluate_actions(seen, done)
+            rollout.log_probs[:, 0] = found.numpy()
+            rollout.full = True
+
+    def policy(self) -> Policy:
+        return exported(self.model, self._env, self._config)
+
+    def step(self) -> None:
+        if isinstance(self.model, DDPG):
+            self.model.train(gradient_steps=1, batch_size=self.model.batch_size)
+        else:
+            self.model.train()

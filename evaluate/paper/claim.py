@@ -1,0 +1,97 @@
+"""A claim of the paper: its number, ours beside it, and which of the two is better."""
+
+from __future__ import annotations
+
+from dataclasses import asdict, dataclass
+from typing import Any, Literal
+
+from kinemimic.pipeline.cli.html import number
+
+Better = Literal["more", "less", "lead", "neither"]
+Failing = Literal["ours", "theirs", "both"]
+BETTER, WORSE, CONFIRMED, NOT_CONFIRMED = "better", "worse", "confirmed", "not confirmed"
+LARGER, SMALLER = f"{CONFIRMED}, a larger lead", f"{CONFIRMED}, a smaller lead"
+CONTRADICTED = "contradicted"
+UNDECIDED = "undecided: its interval holds 0"
+UNSURE = "better, but its interval holds the paper's"
+UNEQUAL = "ahead, but after more samples"
+SHORT = "ahead, after fewer samples than the paper's"
+
+
+@dataclass(frozen=True)
+class Claim:
+    """figure: of the paper, or its table; formula: how ours is computed; paper, ours: in the unit; better:
+    whether more or less is, how far PPO leads, or neither, as of a rival's number; reason: why ours is None,
+    and failing: by whose failure; low, high: 95 % interval of ours, where there is one; unequal: PPO had more
+    samples than the rival; short: both had fewer than the paper's; sizes: the paper's lead and ours as they
+    compare, where the numbers themselves do not, as times of two machines."""
+
+    figure: str
+    what: str
+    formula: str
+    unit: str
+    paper: float
+    ours: float | None
+    better: Better
+    reason: str = "not measured"
+    failing: Failing = "both"
+    low: float | None = None
+    high: float | None = None
+    unequal: bool = False
+    short: bool = False
+    sizes: tuple[float, float] | None = None
+
+    @property
+    def verdict(self) -> str:
+        """In words: a worse number is called so."""
+        if self.better == "neither":
+            return self.reason if self.ours is None else ""
+        if self.ours is None:
+            theirs = UNEQUAL if self.unequal else CONFIRMED
+            told = {"ours": f"{WORSE}: ", "theirs": f"{theirs}: ", "both": ""}
+            return told[self.failing] + self.reason
+        if self.better == "lead":
+            return self._lead(self.ours)
+        if not self._above(self.ours):
+            return WORSE
+        worst = self.low if self.better == "more" else self.high
+        return BETTER if worst is None or self._above(worst) else UNSURE
+
+    def _above(self, ours: float) -> bool:
+        return ours >= self.paper if self.better == "more" else ours <= self.paper
+
+    def _lead(self, ours: float) -> str:
+        if ours <= 0.0:
+            return CONTRADICTED if self.high is not None and self.high < 0.0 else NOT_CONFIRMED
+        if self.low is not None and self.low <= 0.0:
+            return UNDECIDED
+        if self.unequal:
+            return UNEQUAL
+        if self.short:
+            return SHORT
+        paper, here = self.sizes or (self.paper, ours)
+        return LARGER if here >= paper else SMALLER
+
+    def to_json(self) -> dict[str, Any]:
+        """JSON values with the verdict."""
+        return {**asdict(self), "verdict": self.verdict}
+
+
+SETTING = "setting"  # in place of a unit: a number of the configuration, told as people write it
+LOSS = "loss"  # likewise: a share so small that it takes another digit
+_DIGITS = {"%": 1, "s": 2, "ms": 2, "°": 1, LOSS: 4}
+
+
+def between(low: float, high: float, unit: str) -> str:
+    """An interval for people, the unit of its middle being told already."""
+    return " to ".join(told(one, unit).removesuffix(f"\u00a0{unit}") for one in (low, high))
+
+
+def told(value: float | None, unit: str) -> str:
+    """A number with its unit, for people."""
+    if value is not None and unit in ("samples", "frame"):
+        return f"{value:,.0f}"
+    if value is not None and unit == SETTING:
+        return f"{value:g}"
+    text = number(value, _DIGITS.get(unit, 3))
+    return text if value is None or unit in ("", LOSS) else f"{text}\u00a0{unit}"

@@ -1,0 +1,215 @@
+"""What the paper's sections 4.1 and 4.2 claim in numbers, ours beside them, and who is ahead.
+
+Of training in `claims_learning.py`; here, of what befalls those that were trained. "PPO ahead of X by"
+compares leads; everything else compares the numbers themselves.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from typing import Any
+
+import numpy as np
+
+from kinemimic.evaluate.compare.comparison import Comparison
+from kinemimic.evaluate.compare.learning_curves import RESAMPLES, interval
+from kinemimic.evaluate.paper.claim import Better, Claim, Failing
+from kinemimic.evaluate.paper.claims_learning import EPISODE, losses, rewards, settings
+from kinemimic.evaluate.paper.plan import AMONG, BALL, PPO, RIVALS, SEVERAL
+
+Row = Mapping[str, Any]
+
+
+def claims(comparison: Comparison, contests: Sequence[Row], rooms: Sequence[Row], times: Row) -> list[Claim]:
+    """Every number of both sections, in the paper's sequence.
+
+    contests: of `contest.py`; rooms: of `rooms.py`; times: of `processing_times.py`.
+    """
+    made = [
+        *rewards(comparison),
+        *losses(comparison),
+        *_disturbances(contests),
+        *_fits(rooms),
+    ]
+    return [*settings(comparison), *sorted(made, key=_figure), *_times(times)]
+
+
+def _figure(claim: Claim) -> tuple[int, str]:
+    digits = claim.figure.removeprefix("Fig. ").rstrip("ab")
+    return int(digits), claim.figure
+
+
+# Figure, scenario, and what is printed: of PPO, ahead of DDPG, ahead of A2C.
+_LOSSES: Sequence[tuple[str, str, float | None, float, float]] = (
+    ("Fig. 9a", "pull-forward", 62.4, 123.5, 31.2),
+    ("Fig. 9b", "pull-backward", 53.1, 112.7, 30.6),
+    ("Fig. 11a", BALL, None, 47.5, 6.7),
+)
+_FALLS: Sequence[tuple[str, str, float, float]] = (
+    ("Fig. 10a", "leg-force", 0.7, 1.3),
+    ("Fig. 10b", "arm-torque", 1.1, 1.8),
+    ("Fig. 11b", SEVERAL, 0.8, 2.1),
+)
+
+
+def _disturbances(contests: Sequence[Row]) -> Iterator[Claim]:
+    by = {(row["contender"], row["scenario"]): row for row in contests}
+    loss = (
+        "largest loss of the mean reward against the mean of undisturbed twins, over the trials whose twin "
+        "stands; of a lead, over those in which both algorithms' do; share of the largest reward"
+    )
+    share = 100.0 / EPISODE
+    for figure, scenario, printed, *leads in _LOSSES:
+        if printed is not None:
+            row, what = by[PPO, scenario], "PPO's largest loss of reward"
+            found = _of(row["loss"], row["loss"]["share"], 100.0) if _walks(row) else {"ours": None}
+            yield Claim(figure, what, loss, "%", share * printed, better="less", failing="ours",
+                        reason=f"{PPO} falls by itself", **found)  # fmt: skip
+        for name, lead in zip(RIVALS, leads, strict=True):
+            found = _ahead(by[PPO, scenario], by[name, scenario], name, "loss", 100.0)
+            yield _lead(figure, f"PPO loses less than {name} by", loss, "%", share * lead, found)
+    back = (
+        "median over the trials that touch both figures, and in which neither twin falls, of the time from "
+        "the first difference until the reward stays within 5 % of the largest reward below the twin's"
+    )
+    for name, lead in zip(RIVALS, (0.9, 0.6), strict=True):
+        found = _ahead(by[PPO, BALL], by[name, BALL], name, "recovery_s")
+        yield _lead("Fig. 11a", f"PPO recovers before {name} by", back, "s", lead, found)
+    fall = (
+        "median over the trials that touch both figures, and in which neither twin falls, of the time from "
+        "the first difference to the fall, where the reward becomes 0; several obstacles: of those trained "
+        "among them"
+    )
+    for figure, scenario, *leads in _FALLS:
+        among = AMONG if scenario == SEVERAL else ""
+        for name, lead in zip(RIVALS, leads, strict=True):
+            found = _ahead(by[PPO + among, scenario], by[name + among, scenario], name, "fall_s")
+            yield _lead(figure, f"PPO's reward is 0 later than {name}'s by", fall, "s", lead, found)
+
+
+def _walks(row: Row) -> bool:
+    """Whether most of the undisturbed twins did not fall."""
+    return bool(row["twins_fallen"] <= row["trials"] / 2)
+
+
+def _of(told: Row, value: float | None, scale: float) -> dict[str, Any]:
+    """`ours` with its interval, of something that `contest_lead.py` tells."""
+    parts = {"ours": value, "low": told["low"], "high": told["high"]}
+    return {key: None if one is None else scale * one for key, one in parts.items()}
+
+
+_NEVER = {"recovery_s": "mostly does not recover", "fall_s": "mostly does not fall"}
+
+
+def _ahead(ours: Row, theirs: Row, name: str, measure: str, scale: float = 1.0) -> dict[str, Any]:
+    """By how much PPO is ahead of a rival, or why there is no number, and by whose failure."""
+    told: dict[str, Any] = {"unequal": ours["samples"] > theirs["samples"], "ours": None}
+    if not _walks(theirs):
+        # Who falls untouched cannot show what a touch does to it.
+        return {**told, "reason": f"no comparison: {name} falls by itself"}
+    if not _walks(ours):
+        return {**told, "reason": f"{PPO} falls by itself", "failing": "ours"}
+    lead = theirs["lead"][measure]
+    told["trials"] = lead["trials"]
+    if lead["ahead"] is not None:
+        return {**told, **_of(lead, lead["ahead"], scale)}
+    if not lead["trials"]:
+        return {**told, "reason": "no comparison: no trial for both"}
+    never = [one for one, key in ((PPO, "ours"), (name, "theirs")) if lead[key] is None]
+    if len(never) == 2:
+        return {**told, "reason": f"both {_NEVER[measure].replace('does', 'do')}"}
+    # Without a number the interval, in which never is the trial's end, says who is ahead.
+    failing: Failing = "both"
+    if lead["low"] is not None and not lead["low"] <= 0.0 <= lead["high"]:
+        failing = "theirs" if lead["low"] > 0.0 else "ours"
+    chance = "undecided: " if failing == "both" else ""
+    return {**told, "reason": f"{chance}{never[0]} {_NEVER[measure]}", "failing": failing}
+
+
+def _lead(figure: str, what: str, formula: str, unit: str, paper: float, found: dict[str, Any]) -> Claim:
+    """The claim that PPO is ahead; found: of `_ahead`. There is no verdict on a single trial."""
+    trials = found.pop("trials", None)
+    of = "" if trials is None else f", in {trials} trials"
+    better: Better = "neither" if found["ours"] is not None and found["low"] is None else "lead"
+    return Claim(figure, f"{what}{of}", formula, unit, paper, better=better, **found)
+
+
+def _fits(rooms: Sequence[Row]) -> Iterator[Claim]:
+    (ours,) = (row for row in rooms if row["contender"] == PPO)
+    how = (
+        "R² of simulated against reference angle (the loop made of the capture, not the capture itself) over "
+        "500 frames, nothing credited after a fall, mean of both sides, median of the rooms with its 95 % "
+        "bootstrap interval"
+    )
+    of = f"median of {ours['trials']} rooms, in {ours['upright']} upright to the end"
+    for figure, joint, printed in (("Fig. 12a", "knee", 0.914), ("Fig. 12b", "hip", 0.932)):
+        low, high = _of_median([walk[joint]["r2_upright"] for walk in ours["walks"]])
+        better: Better = "neither" if low is None else "more"
+        yield Claim(figure, f"fit of the {joint}s, {of}", how, "", printed, ours[joint]["r2_upright"], better,
+                    low=low, high=high)  # fmt: skip
+    gap = "largest difference of either hip from its reference over 500 frames, falls too, median of rooms"
+    yield Claim("Fig. 12b", "largest gap at the hip", gap, "°", 2.3, ours["hip"]["max_gap_deg"], "less")
+    where = "frame of the largest gap in the one room whose fit is the median"
+    yield Claim("Fig. 12b", "frame of that gap", where, "frame", 410, ours["shown"]["gap_frame"], "neither")
+
+
+def _of_median(values: Sequence[float]) -> tuple[float, float] | tuple[None, None]:
+    """The interval of a median; none of one value."""
+    if len(values) < 2:
+        return None, None
+    draws = np.random.default_rng(0).choice(np.array(values), (RESAMPLES, len(values)))
+    return interval(np.median(draws, axis=1))
+
+
+_MISSING = "stable-baselines3 is missing"
+
+
+def _times(times: Row) -> Iterator[Claim]:
+    how = (
+        "processor time of one gradient step of actor and critic, the paper's networks, one thread. PPO is "
+        "ours, with gradients written out by hand; DDPG is stable-baselines3's, which also draws its batch "
+        "from memory and normalises it"
+    )
+    faster = (
+        "the same of stable-baselines3's PPO and its DDPG, like with like. Whether the lead is as large is "
+        "told by the ratio of both times, for milliseconds are the machine's"
+    )
+    better: Better
+    net, printed = times["nets"][-1]["algorithms"], times["paper"]
+    ppo, ddpg = (net[name] and net[name]["update"] for name in ("sb3-ppo", "ddpg"))
+    for k, samples in enumerate(times["samples"]):
+        of = f"for {samples:,} samples"
+        for name, better in ((PPO, "less"), ("DDPG", "neither")):
+            told, found = printed[name.lower()], net[name.lower()]
+            for figure, what, which in (
+                ("mean_ms", f"{name} {of}", better),
+                ("deviation_ms", f"{name} {of}, deviation", "neither"),
+            ):
+                here = found and found["update"][figure][k]
+                yield Claim("Tab. 2", what, how, "ms", told[figure][k], here, which, _MISSING)
+        theirs, own = (printed[name]["mean_ms"][k] for name in ("ddpg", "ppo"))
+        here = ddpg and ddpg["mean_ms"][k] - ppo["mean_ms"][k]
+        sizes = ddpg and (theirs / own, ddpg["mean_ms"][k] / ppo["mean_ms"][k])
+        yield Claim("Tab. 2", f"PPO faster than DDPG {of} by", faster, "ms", theirs - own, here, "lead",
+                    _MISSING, sizes=sizes)  # fmt: skip
+    steeper = (
+        "difference of the exponents of n that fit the three times best, of stable-baselines3's both, and "
+        "95 % by the repeats' deviation; the paper's from the times that it prints, Lower of PPO, Higher of "
+        "DDPG"
+    )
+    growth = printed["ddpg"]["growth"] - printed["ppo"]["growth"]
+    here = ddpg and ddpg["growth"] - ppo["growth"]
+    low = high = None
+    if ddpg and here is not None:
+        far = 1.96 * float(np.hypot(_exponent_error(times, ppo), _exponent_error(times, ddpg)))
+        low, high = here - far, here + far
+    yield Claim("Tab. 2", "DDPG's time grows with a power of n higher by", steeper, "", growth, here, "lead",
+                _MISSING, low=low, high=high)  # fmt: skip
+
+
+def _exponent_error(times: Row, one: Row) -> float:
+    """Standard error of the slope of log time over log n, from the standard errors of the mean times."""
+    x = np.log(times["samples"])
+    errors = np.array(one["deviation_ms"]) / np.array(one["mean_ms"]) / np.sqrt(times["repeats"])
+    away = x - x.mean()
+    return float(np.sqrt((away**2 * errors**2).sum()) / (away**2).sum())

@@ -1,0 +1,183 @@
+"""`kinemimic study`: the paper's sections 4.1 and 4.2 again, as one page with its figures and numbers."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable, Mapping, Sequence
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import click
+from rich.console import RenderableType
+
+from kinemimic.evaluate.compare.comparison import RESULTS, SHIPPED, Comparison, Contender
+from kinemimic.evaluate.compare.table import table_csv
+from kinemimic.evaluate.paper.claim import told
+from kinemimic.evaluate.paper.claims import claims
+from kinemimic.evaluate.paper.head_to_head import contest
+from kinemimic.evaluate.paper.output import drawings, numbers
+from kinemimic.evaluate.paper.page import study_page
+from kinemimic.evaluate.paper.plan import AHEAD, ROOM, SCENARIOS, contenders, taking_part
+from kinemimic.evaluate.paper.processing_times import measured_on, processing_times
+from kinemimic.evaluate.paper.room_walks import rooms
+from kinemimic.pipeline.cli.picture import save
+from kinemimic.pipeline.cli.progress import progress
+from kinemimic.pipeline.cli.terminal import grid, show
+from kinemimic.pipeline.files.provenance import provenance
+from kinemimic.pipeline.files.store import file_hash, read_json, write_json, write_text
+from kinemimic.train.scenario.scenario_file import scenario
+from kinemimic.train.sim.engines import resolve
+from kinemimic.train.sim.options import engine_option, workers_option
+
+STUDY_SCHEMA = 3
+TRIALS, ROOMS = 50, 12  # of each contender in each scenario; rooms that each walks
+PAGE = "study.html"
+Row = Mapping[str, Any]
+
+
+def study(
+    comparison: Comparison,
+    out: Path,
+    *,
+    trials: int = TRIALS,
+    walks: int = ROOMS,
+    seed: int = 0,
+    workers: int | None = None,
+    engine: str = "auto",
+) -> dict[str, Any]:
+    """Measure, compare with the paper, and write out/study.html, study.json, figures/, numbers/.
+
+    trials: of every contender in every scenario; walks: through rooms; seed: of what they draw; workers:
+    processes, all cores by default; engine: of `train/engines.py`. Each part is kept in out/parts as soon as
+    it is there, and not measured again while what it is made from stays the same. Returns study.json.
+    """
+    engine = resolve(engine)
+    cast = contenders(comparison)
+    parts = _Parts(out / "parts", seed=seed, engine=engine)
+    befalls = {name: scenario(name) for name in (*SCENARIOS, ROOM)}
+    options: dict[str, Any] = {"seed": seed, "engine": engine, "workers": workers}
+    contests: list[Row] = []
+    with progress("study", len(SCENARIOS) + 2) as bar:
+        for name in SCENARIOS:
+            theirs = [cast[one] for one in taking_part(name)]
+            pairs = [(one, befalls[name]) for one in theirs]
+            measure = partial(contest, pairs, trials=trials, over=AHEAD, **options)
+            settings = {"scenario": befalls[name].to_json(), "trials": trials}
+            contests += parts.kept(name, theirs, settings, bar.advance, measure)
+        theirs = [cast[one] for one in taking_part(ROOM)]
+        measure = partial(rooms, theirs, befalls[ROOM], trials=walks, **options)
+        settings = {"scenario": befalls[ROOM].to_json(), "trials": walks}
+        walked = parts.kept(ROOM, theirs, settings, bar.advance, measure)
+        times = parts.kept("times", [], measured_on(), bar.advance, partial(processing_times, seed=seed))
+    content = {
+        "schema": STUDY_SCHEMA,
+        "claims": [claim.to_json() for claim in claims(comparison, contests, walked, times)],
+        "contests": contests,
+        "rooms": walked,
+        "times": times,
+        "provenance": provenance(
+            "study",
+            inputs={
+                "comparison": file_hash(comparison.folder / RESULTS),
+                **{one.name: one.identity for one in cast.values()},
+            },
+            config={"trials": trials, "rooms": walks, "engine": engine},
+            seed=seed,
+        ),
+    }
+    drawn = drawings(comparison, content)
+    for name, draw in drawn.items():
+        save(draw, out / "figures" / name)
+    for name, rows in numbers(comparison, content):
+        write_text(out / "numbers" / f"{name}.csv", table_csv(rows))
+    write_json(out / "study.json", content)
+    write_text(out / PAGE, study_page(comparison, content, drawn))
+    return content
+
+
+class _Parts:
+    """What has been measured already, in files of their own."""
+
+    def __init__(self, folder: Path, *, seed: int, engine: str) -> None:
+        self._folder, self._always = folder, {"seed": seed, "engine": engine}
+
+    def kept(
+        self,
+        name: str,
+        cast: Sequence[Contender],
+        config: Row,
+        advance: Callable[[float], object],
+        measure: Callable[..., Any],
+    ) -> Any:
+        """What `measure` returned for these policies and settings, now or before; as `progress` it is given a
+        function to call with the share that is done since."""
+        wanted = provenance(
+            "study",
+            inputs={one.name: one.identity for one in cast},
+            config={**config, **self._always, "schema": STUDY_SCHEMA},
+        )
+        path = self._folder / f"{name}.json"
+        found = read_json(path) if path.exists() else None
+        if isinstance(found, dict) and found.get("made_from") == json.loads(json.dumps(wanted)):
+            advance(1.0)
+            return found["measured"]
+        measured = measure(progress=advance)
+        write_json(path, {"made_from": wanted, "measured": measured})
+        return measured
+
+
+def table(content: Row) -> RenderableType:
+    """The claims for a terminal."""
+    rows = grid("", "", "paper", "here", "", left=2)
+    for claim in content["claims"]:
+        paper, ours = (told(claim[key], claim["unit"]) for key in ("paper", "ours"))
+        rows.add_row(claim["figure"], claim["what"], paper, ours, claim["verdict"])
+    return rows
+
+
+@click.command("study")
+@click.option(
+    "--comparison",
+    "folder",
+    type=click.Path(path_type=Path, file_okay=False),
+    default=SHIPPED,
+    help="What `compare` wrote; by default what ships.",
+)
+@click.option("--out", type=click.Path(path_type=Path, file_okay=False), default=Path("runs/study"),
+              show_default=True, help="Page, figures, numbers.")  # fmt: skip
+@click.option("--trials", type=click.IntRange(min=1, max=100_000), default=TRIALS, show_default=True,
+              help="Of everybody in each scenario.")  # fmt: skip
+@click.option("--rooms", "walks", type=click.IntRange(min=1, max=10_000), default=ROOMS, show_default=True,
+              help="That everybody walks.")  # fmt: skip
+@click.option("--seed", type=click.IntRange(min=0), default=0, show_default=True, help="Of what befalls.")
+@workers_option
+@engine_option
+@click.option("--json", "as_json", is_flag=True, help="Print study.json.")
+def command(
+    folder: Path,
+    out: Path,
+    trials: int,
+    walks: int,
+    seed: int,
+    workers: int | None,
+    engine: str,
+    as_json: bool,
+) -> None:
+    """The paper's experiments with PPO, DDPG and actor-critic: every number of its section 4 with ours beside
+    it, in study.html; figures as SVG and PNG, numbers as CSV.
+
+    Nothing is trained: the policies are those of `kinemimic compare`. An interrupted study goes on.
+
+    \b
+      kinemimic study --comparison runs/comparison
+      kinemimic study --trials 100 --out runs/study
+    """
+    content = study(
+        Comparison.load(folder), out, trials=trials, walks=walks, seed=seed, workers=workers, engine=engine
+    )
+    if as_json:
+        click.echo(json.dumps(content, indent=2))
+    else:
+        show(table(content))
+        click.echo(f"\nstudy: {out / PAGE}")

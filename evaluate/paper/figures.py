@@ -1,0 +1,189 @@
+"""The study's figures, after the paper's: each a function that draws what was measured, with units."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from kinemimic.evaluate.compare.comparison import Comparison
+from kinemimic.evaluate.paper.plan import ALGORITHMS, AMONG
+from kinemimic.evaluate.scoring.figures import REFERENCE, SIMULATED
+from kinemimic.pipeline.cli.picture import Draw, legend, panel_grid
+from kinemimic.train.sim.world import CONTROL_RATE
+
+Row = Mapping[str, Any]
+
+# Safe for the colour-blind (Okabe and Ito); a name keeps its colour from figure to figure.
+COLORS: Mapping[str, str] = {
+    "PPO": "#0072b2",
+    "DDPG": "#d98c00",
+    "A2C": "#009e73",
+    "SB3 PPO": "#cc79a7",
+}
+# Told apart in grey print too.
+_DASHES: Mapping[str, str] = {
+    "PPO": "-",
+    "DDPG": "--",
+    "A2C": "-.",
+    "SB3 PPO": ":",
+}
+
+
+def _look(name: str) -> dict[str, Any]:
+    base = name.removesuffix(AMONG)
+    return {"color": COLORS[base], "linestyle": _DASHES[base], "label": name}
+
+
+def learning(
+    comparison: Comparison,
+    panels: Sequence[tuple[str, str]],
+    variants: Mapping[str, str],
+    figure_of: str,
+    *,
+    share: bool,
+) -> Draw:
+    """A figure of the trials over the samples, one panel a task, with the interval of the seeds.
+
+    panels: task and title; variants: of each name; figure_of: "reward", as a share of the largest, or
+    "critic_loss", drawn over a logarithmic axis.
+    """
+
+    def draw(phone: bool) -> Figure:
+        figure, axes = panel_grid(1, len(panels), 2.6, phone, sharey=True)
+        for panel, (task, title) in zip(axes, panels, strict=True):
+            for name, variant in variants.items():
+                curve = comparison.curve(task, variant, figure_of)
+                if not curve:
+                    continue
+                scale = 100.0 if share else 1.0
+                samples = [row["samples"] / 1e6 for row in curve]
+                panel.plot(samples, [scale * row["mean"] for row in curve], **_look(name))
+                if all(row["low"] is not None for row in curve):
+                    low, high = ([scale * row[key] for row in curve] for key in ("low", "high"))
+                    panel.fill_between(samples, low, high, color=COLORS[name], alpha=0.15, linewidth=0)
+            panel.set(title=title, xlabel="samples [10⁶]")
+            if share:
+                panel.set_ylim(0, 100)
+            else:
+                panel.set_yscale("log")
+        axes[0].set_ylabel(
+            "return [% of the largest]" if share else "critic's loss [of the targets' variance]"
+        )
+        legend(figure, axes[0])
+        return figure
+
+    return draw
+
+
+def disturbances(contests: Sequence[Row], panels: Sequence[tuple[str, str, Sequence[str]]]) -> Draw:
+    """Mean reward over time, one panel a scenario, with the quartiles of the trials; thin: of the undisturbed
+    twins. A dotted line is where most of the first contender's trials begin to differ; time ends where nobody
+    earns anything any more.
+
+    panels: scenario, title, contenders.
+    """
+    by = {(row["contender"], row["scenario"]): row for row in contests}
+
+    def draw(phone: bool) -> Figure:
+        figure, axes = panel_grid(1, len(panels), 2.6, phone, sharey=True)
+        for panel, (scenario, title, names) in zip(axes, panels, strict=True):
+            for name in names:
+                _over_time(panel, by[name, scenario], name)
+            rows = [by[name, scenario] for name in names]
+            onset = rows[0]["onset_s"]["median"]
+            if onset is not None:
+                panel.axvline(onset, color="#999", linewidth=0.8, linestyle=(0, (1, 2)))
+            panel.set(title=title, xlabel="time [s]", xlim=(0, _last_second(rows)), ylim=(0, 100))
+        axes[0].set_ylabel("reward [% of the largest]")
+        legend(figure, axes[0])
+        return figure
+
+    return draw
+
+
+def _over_time(panel: Axes, row: Row, name: str) -> None:
+    curve = {key: 100.0 * np.array(values) for key, values in row["curve"].items()}
+    time = (np.arange(len(curve["mean"])) + 1) / CONTROL_RATE
+    panel.plot(time, curve["mean"], **_look(name))
+    panel.plot(time, 100.0 * np.array(row["calm_curve"]["mean"]), color=_look(name)["color"], linewidth=0.5)
+    if name.startswith("PPO"):
+        panel.fill_between(
+            time,
+            curve["quarter"],
+            curve["three_quarters"],
+            color=_look(name)["color"],
+            alpha=0.12,
+            linewidth=0,
+        )
+
+
+def _last_second(rows: Sequence[Row]) -> float:
+    """A second after the last at which anybody's mean reward is above a hundredth."""
+    means = np.array([row["curve"]["mean"] for row in rows]).max(axis=0)
+    last = int(np.flatnonzero(means > 0.01).max(initial=0))
+    return min(len(means), last + CONTROL_RATE) / CONTROL_RATE
+
+
+def joints(walk: Row, rivals: Mapping[str, Row], side: str) -> Draw:
+    """Knee and hip of one side over the frames of a walk through a room, and faintly those of rivals in the
+    same room, each to its fall; walks: as `rooms.walked` tells them."""
+
+    def draw(phone: bool) -> Figure:
+        figure, axes = panel_grid(2, 1, 1.9, phone, sharex=True)
+        for panel, joint in zip(axes, ("knee", "hip"), strict=True):
+            name = f"{joint}_{side}"
+            for rival, other in rivals.items():
+                theirs = other["curves"][name]["simulated"][: other["frames"]]
+                panel.plot(np.arange(len(theirs)) + 1, theirs, **_look(rival), linewidth=0.8, alpha=0.7)
+            curve = walk["curves"][name]
+            frames = np.arange(len(curve["reference"])) + 1
+            panel.plot(frames, curve["reference"], color=REFERENCE, linewidth=0.9, label="reference")
+            panel.plot(frames, curve["simulated"], color=SIMULATED, linewidth=1.1, label="PPO")
+            if walk["frames"] < walk["of"]:
+                panel.axvspan(walk["frames"], frames[-1], color="#f4e3e0", linewidth=0, label="fallen")
+            panel.set(title=f"{side} {joint}", ylabel="flexion [°]", xlim=(1, frames[-1]))
+        axes[-1].set_xlabel("frame, 30 a second")
+        legend(figure, axes[0])
+        return figure
+
+    return draw
+
+
+def times(found: Row) -> Draw:
+    """Milliseconds over samples, one panel a size of networks; found: of `processing_times.py`."""
+
+    def draw(phone: bool) -> Figure:
+        figure, axes = panel_grid(1, len(found["nets"]), 2.6, phone, sharey=True)
+        for panel, net in zip(axes, found["nets"], strict=True):
+            for key, name in ALGORITHMS.items():
+                if (one := net["algorithms"][key]) is None:
+                    continue
+                look: dict[str, Any] = {"color": COLORS[name], "marker": "o", "markersize": 3.5}
+                panel.errorbar(
+                    found["samples"],
+                    one["update"]["mean_ms"],
+                    one["update"]["deviation_ms"],
+                    label=name,
+                    **look,
+                )
+                panel.plot(found["samples"], one["inference"]["mean_ms"], linestyle="--", **look)
+            if net is found["nets"][-1]:
+                for key, marker in (("ppo", "s"), ("ddpg", "^")):
+                    told = found["paper"][key]["mean_ms"]
+                    label = f"{ALGORITHMS[key]}, paper"
+                    panel.plot(
+                        found["samples"], told, color="#2b2b2b", marker=marker, linewidth=0.9, label=label
+                    )
+            layers = " and ".join(map(str, net["hidden"]))
+            panel.set(title=f"layers of {layers}", xlabel="samples", xscale="log", yscale="log")
+            panel.set_xticks(found["samples"], [f"{n:,}" for n in found["samples"]], minor=False)
+            panel.minorticks_off()
+        axes[0].set_ylabel("time [ms]")
+        legend(figure, axes[-1])
+        return figure
+
+    return draw

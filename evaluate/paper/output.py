@@ -1,0 +1,123 @@
+"""What the study writes beside its page: the figures after the paper's, and the numbers as tables."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from typing import Any
+
+from kinemimic.evaluate.compare.comparison import Comparison
+from kinemimic.evaluate.paper import figures
+from kinemimic.evaluate.paper.plan import (
+    AMONG,
+    BALL,
+    OBSTACLES,
+    OVERPOWERED,
+    PPO,
+    PULLS,
+    RIVALS,
+    RUN,
+    SEVERAL,
+    VARIANTS,
+    WALK,
+)
+from kinemimic.pipeline.cli.picture import Draw
+from kinemimic.pipeline.gait.curve_metrics import JOINTS
+
+Row = Mapping[str, Any]
+QUARTILES = ("median", "quarter", "three_quarters", "n")
+
+
+def drawings(comparison: Comparison, content: Row) -> dict[str, Draw]:
+    """The figures by the paper's numbers. content: of study.json."""
+    contests = content["contests"]
+    walkers = list(VARIANTS)
+    titles = {
+        "pull-forward": "forward pull", "pull-backward": "backward pull", "leg-force": "force on a thigh",
+        "arm-torque": "torque on an arm", BALL: "one obstacle above the hip",
+    }  # fmt: skip
+
+    def panels(*names: str) -> list[tuple[str, str, list[str]]]:
+        return [(name, titles[name], walkers) for name in names]
+
+    # Only those who trained there, each in its algorithm's colour; the page's table has the others.
+    several = [(SEVERAL, "several obstacles", [f"{name}{AMONG}" for name in walkers])]
+    shown = {row["contender"]: row["shown"] for row in content["rooms"]}
+    walk_and_run = [(WALK, "walk"), (RUN, "run")]
+    obstacles = [(WALK, "without obstacles"), (OBSTACLES, "among obstacles")]
+    return {
+        "fig7": figures.learning(comparison, walk_and_run, VARIANTS, "reward", share=True),
+        "fig8": figures.learning(comparison, obstacles, VARIANTS, "critic_loss", share=False),
+        "fig9": figures.disturbances(contests, panels(*PULLS)),
+        "fig10": figures.disturbances(contests, panels(*OVERPOWERED)),
+        "fig11": figures.disturbances(contests, panels(BALL) + several),
+        "fig12": figures.joints(shown[PPO], {name: shown[name] for name in RIVALS}, shown[PPO]["gap_side"]),
+        "tab2": figures.times(content["times"]),
+    }
+
+
+def numbers(comparison: Comparison, content: Row) -> Iterator[tuple[str, list[Row]]]:
+    """Names and rows of the CSV files."""
+    yield "claims", content["claims"]
+    yield (
+        "learning",
+        [
+            {"task": curve["task"], "variant": curve["variant"], "figure": figure, **row}
+            for curve in comparison.content["curves"]
+            for figure in ("reward", "critic_loss")
+            for row in curve[figure]
+        ],
+    )
+    quartiles = ("dip", "onset_s", "recovery_s", "fall_s")
+    plain = (
+        "contender",
+        "samples",
+        "kept",
+        "scenario",
+        "trials",
+        "twins_fallen",
+        "touched",
+        "survived",
+        "recovered",
+    )
+    typical = ("typical_recovery_s", "typical_fall_s")
+    yield (
+        "disturbances",
+        [
+            {
+                **{key: row[key] for key in (*plain, *typical)},
+                **{f"loss_{key}": value for key, value in row["loss"].items()},
+                "survived_low": row["survived_95"][0],
+                "survived_high": row["survived_95"][1],
+                **{f"{key}_{of}": row[key][of] for key in quartiles for of in QUARTILES},
+            }
+            for row in content["contests"]
+        ],
+    )
+    yield (
+        "rooms",
+        [
+            {
+                "contender": row["contender"], "room": walk["number"],
+                "frames": walk["frames"], "of": walk["of"],
+                **{f"{joint}_{key}": value for joint in JOINTS for key, value in walk[joint].items()},
+                "gap_side": walk["gap_side"], "gap_frame": walk["gap_frame"],
+            }
+            for row in content["rooms"]
+            for walk in row["walks"]
+        ],
+    )  # fmt: skip
+    yield (
+        "times",
+        [
+            {
+                "layers": "-".join(map(str, net["hidden"])),
+                "algorithm": name, "what": what, "samples": samples,
+                "mean_ms": one[what]["mean_ms"][k], "deviation_ms": one[what]["deviation_ms"][k],
+            }
+            for net in content["times"]["nets"]
+            for name, one in net["algorithms"].items()
+            if one is not None
+            for what in ("update", "inference")
+            for k, samples in enumerate(content["times"]["samples"])
+        ],
+    )  # fmt: skip

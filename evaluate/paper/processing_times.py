@@ -1,0 +1,245 @@
+"""Processing times for 1000, 2000 and 3000 samples, the paper's Tab. 2: PPO beside DDPG and A2C, and beside
+stable-baselines3's PPO, which tells what is the algorithm's and what our code's.
+
+The paper does not say what it processed. Here it is, for every algorithm alike,
+
+- inference: what the actor does with n observations (`Policy.act`, numpy, as every rollout does it);
+- update: one gradient step of actor and critic on a batch of n samples, in the training's own code; DDPG's
+  has its target networks follow, and draws the batch from its memory;
+- learning: the gradient steps that the preset's training takes for n new samples. It follows from the time of
+  one step on the preset's own batch, so it grows with n by definition; what happens once a round besides is
+  not in it.
+
+Times are processor time of one process that may use one thread, so that a machine that is busy with other
+things hardly matters.
+"""
+
+from __future__ import annotations
+
+import platform
+import time
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, fields
+from importlib.metadata import version
+from pathlib import Path
+from typing import Any, TypeVar
+
+import numpy as np
+
+from kinemimic.evaluate.paper.ppo_update import OneUpdate, PpoUpdate
+from kinemimic.pipeline.errors import KinemimicError
+from kinemimic.pipeline.parallel.process_pool import spread
+from kinemimic.train.config.baseline_config import A2c, Ddpg, StablePpo, require_package
+from kinemimic.train.config.config import PRESETS, TrainConfig, preset
+from kinemimic.train.task.env import observation_size
+
+SAMPLES = (1000, 2000, 3000)
+NETS = ((512, 256), (1024, 512))  # hidden layers: as the presets have them, and the paper's
+PRESET_OF = {"ppo": "default", "ddpg": "ddpg", "a2c": "a2c", "sb3-ppo": "sb3-ppo"}
+REPEATS = 10
+_WARM_UPS = 2
+
+# Tab. 2 as printed.
+PAPER: dict[str, dict[str, list[float]]] = {
+    "ppo": {"mean_ms": [12.5, 26.2, 40.2], "deviation_ms": [1.7, 3.5, 5.8]},
+    "ddpg": {"mean_ms": [29.4, 79.5, 178.6], "deviation_ms": [2.8, 7.2, 9.4]},
+}
+
+Name = TypeVar("Name")
+
+
+@dataclass(frozen=True)
+class Timing:
+    """Of one operation, ms of processor time: mean and standard deviation."""
+
+    mean_ms: float
+    deviation_ms: float
+
+
+@dataclass(frozen=True)
+class Task:
+    """What is measured by turns in one process: all sizes together, for a time that drifts would bend growth.
+
+    configs: by the algorithm's name; samples: of the updates and of inference, beside the presets' batches.
+    """
+
+    configs: Mapping[str, TrainConfig]
+    samples: Sequence[int]
+    repeats: int
+    seed: int
+
+
+@dataclass(frozen=True)
+class Measured:
+    """Of one algorithm: inference and update for every number of samples, step on the preset's own batch."""
+
+    inference: list[Timing]
+    update: list[Timing]
+    step: Timing
+
+
+def processing_times(
+    *,
+    samples: Sequence[int] = SAMPLES,
+    nets: Sequence[tuple[int, ...]] = NETS,
+    repeats: int = REPEATS,
+    seed: int = 0,
+    progress: Callable[[float], object] | None = None,
+) -> dict[str, Any]:
+    """Measure all algorithms; returns JSON values.
+
+    progress: called with the share of all parts that is done since.
+
+    samples (two at least), repeats, threads (1), seed: of the measurement;
+    nets: for each size of the networks `hidden` and, by algorithm (None for a rival where stable-baselines3
+    is not installed), `inference` and `update`, each with mean_ms, deviation_ms of every number of
+    samples and `growth` (see there) of mean_ms; and `learning`: the preset's `batch` and
+    `steps_per_sample`, `step` with the Timing of one gradient step on such a batch, and mean_ms of every
+    number of samples;
+    paper: mean_ms, deviation_ms and their growth as Tab. 2 has them, for 1000, 2000 and 3000 samples.
+    """
+    names = [name for name in PRESET_OF if name == "ppo" or _rivals()]
+    tasks = [
+        Task(
+            {name: preset(PRESET_OF[name], hidden=hidden, seed=seed) for name in names},
+            tuple(samples),
+            repeats,
+            seed,
+        )
+        for hidden in nets
+    ]
+    # In one child, which has one thread for matrix products, numpy's and torch's (`children.py`).
+    found = spread(measured, tasks, workers=1, progress=progress and (lambda k: progress(k / len(tasks))))
+    return {
+        "samples": list(samples),
+        "repeats": repeats,
+        "threads": 1,
+        "seed": seed,
+        "nets": [_net(task, one) for task, one in zip(tasks, found, strict=True)],
+        "paper": {name: {**told, "growth": growth(SAMPLES, told["mean_ms"])} for name, told in PAPER.items()},
+    }
+
+
+def measured_on() -> dict[str, Any]:
+    """What times depend on, JSON values: what is measured, with which packages, on which processor."""
+    return {
+        "samples": list(SAMPLES),
+        "nets": [list(hidden) for hidden in NETS],
+        "repeats": REPEATS,
+        "presets": {name: PRESETS[of].to_json() for name, of in PRESET_OF.items()},
+        "stable_baselines3": version("stable-baselines3") if _rivals() else None,
+        "processor": _processor(),
+    }
+
+
+def _processor() -> str:
+    listed = Path("/proc/cpuinfo")
+    names = [line for line in listed.read_text().splitlines() if line.startswith("model name")]
+    return names[0].partition(":")[2].strip() if names else platform.machine()
+
+
+def growth(samples: Sequence[int], times: Sequence[float]) -> float:
+    """The exponent p of a time ~ nᵖ: the slope of the least squares' line through log time over log n."""
+    return float(np.polyfit(np.log(samples), np.log(times), 1)[0])
+
+
+def own_batch(config: TrainConfig) -> int:
+    """Samples of a gradient step in training."""
+    rival = config.rival
+    if isinstance(rival, Ddpg | StablePpo):
+        return rival.batch
+    return config.environments * rival.n_steps if isinstance(rival, A2c) else config.minibatch
+
+
+def steps_per_sample(config: TrainConfig) -> float:
+    """Gradient steps that training takes for a new sample."""
+    rival = config.rival
+    if isinstance(rival, Ddpg):
+        return rival.updates_per_sample
+    passes = rival.passes if isinstance(rival, StablePpo) else 1 if rival else config.passes
+    return passes / own_batch(config)
+
+
+def measured(task: Task) -> dict[str, Measured]:
+    """By algorithm, with this process's threads."""
+    operations: dict[tuple[str, str, int], Callable[[], object]] = {}
+    for name, config in task.configs.items():
+        own = own_batch(config)
+        operations[name, "step", own] = _update(config, own, task.seed).step
+        for count in task.samples:
+            update = _update(config, count, task.seed)
+            operations[name, "update", count] = update.step
+            operations[name, "inference", count] = _acting(update, config, count, task.seed)
+    timings = timed(operations, task.repeats)
+    return {
+        name: Measured(
+            [timings[name, "inference", count] for count in task.samples],
+            [timings[name, "update", count] for count in task.samples],
+            timings[name, "step", own_batch(config)],
+        )
+        for name, config in task.configs.items()
+    }
+
+
+def timed(
+    operations: Mapping[Name, Callable[[], object]],
+    repeats: int,
+    clock: Callable[[], float] = time.process_time,
+) -> dict[Name, Timing]:
+    """Time operations by turns, so that what else happens meets all alike, after some unmeasured turns."""
+    spent: dict[Name, list[float]] = {name: [] for name in operations}
+    for turn in range(_WARM_UPS + repeats):
+        for name, operation in operations.items():
+            before = clock()
+            operation()
+            if turn >= _WARM_UPS:
+                spent[name].append(1e3 * (clock() - before))
+    return {
+        name: Timing(float(np.mean(times)), float(np.std(times, ddof=1)) if repeats > 1 else 0.0)
+        for name, times in spent.items()
+    }
+
+
+def _acting(update: OneUpdate, config: TrainConfig, count: int, seed: int) -> Callable[[], object]:
+    policy, random = update.policy(), np.random.default_rng(seed)
+    seen = random.standard_normal((count, observation_size(config.env)), dtype=np.float32)
+    return lambda: policy.act(seen)
+
+
+def _rivals() -> bool:
+    try:
+        require_package()
+    except KinemimicError:
+        return False
+    return True
+
+
+def _update(config: TrainConfig, samples: int, seed: int) -> OneUpdate:
+    if config.rival is None:
+        return PpoUpdate(config, samples, seed)
+    from kinemimic.evaluate.paper.baseline_update import RivalUpdate  # noqa: PLC0415 (its package may be missing)
+
+    return RivalUpdate(config, samples, seed)
+
+
+def _net(task: Task, found: Mapping[str, Measured]) -> dict[str, Any]:
+    """Of one size of networks."""
+    algorithms: dict[str, Any] = dict.fromkeys(PRESET_OF)
+    for name, config in task.configs.items():
+        one, often = found[name], steps_per_sample(config)
+        algorithms[name] = {
+            "inference": _row(task.samples, one.inference),
+            "update": _row(task.samples, one.update),
+            "learning": {
+                "batch": own_batch(config),
+                "steps_per_sample": often,
+                "step": vars(one.step),
+                "mean_ms": [often * count * one.step.mean_ms for count in task.samples],
+            },
+        }
+    return {"hidden": list(task.configs["ppo"].hidden), "algorithms": algorithms}
+
+
+def _row(samples: Sequence[int], timings: Sequence[Timing]) -> dict[str, Any]:
+    columns = {field.name: [getattr(one, field.name) for one in timings] for field in fields(Timing)}
+    return {**columns, "growth": growth(samples, columns["mean_ms"])}

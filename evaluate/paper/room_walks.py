@@ -1,0 +1,108 @@
+"""Knees and hips of a figure that walks a room among furniture: the paper's Fig. 12, over several rooms."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from kinemimic.evaluate.compare.comparison import Contender
+from kinemimic.evaluate.scoring.scores import FIT_FRAMES, rollout_fits
+from kinemimic.evaluate.view.scenario_replay import staged
+from kinemimic.pipeline.gait.curve_metrics import JOINTS, SIDES
+from kinemimic.pipeline.kinematics.angles import ANGLES
+from kinemimic.pipeline.parallel.process_pool import spread
+from kinemimic.retarget.humanoid.motion import joint_angles
+from kinemimic.train.scenario.scenario import Scenario
+
+MEASURED = ("r2_upright", "r2", "rmse_deg", "max_gap_deg", "nrmse_fit")
+
+
+@dataclass(frozen=True)
+class Walk:
+    """One walk through one draw of a room."""
+
+    contender: Contender
+    scenario: Scenario
+    number: int
+    seed: int
+    engine: str
+
+
+def walked(walk: Walk) -> dict[str, Any]:
+    """What a walk comes to over its first FIT_FRAMES frames, fallen ones included.
+
+    frames: before a fall; knee, hip: MEASURED, mean of both sides but for the largest gap; gap_side,
+    gap_frame: where the hips' largest gap is, frames counted from 1; curves: degrees of each angle,
+    reference and simulated.
+    """
+    one = walk.contender
+    played, _ = staged(
+        one.motion, one.policy, one.config, walk.scenario,
+        number=walk.number, seed=walk.seed, engine=walk.engine,
+    )  # fmt: skip
+    frames = min(FIT_FRAMES, played.root.shape[1])
+    fits = rollout_fits(played, 0, frames)
+    reference = joint_angles(played.reference_rotations[0, :frames])
+    simulated = joint_angles(played.rotations[0, :frames])
+    gaps = [np.abs(simulated[f"hip_{side}"] - reference[f"hip_{side}"]) for side in SIDES]
+    return {
+        "number": walk.number,
+        "frames": int(min(played.fallen_at[0], frames)),
+        "of": frames,
+        **{joint: {name: round(getattr(fits[joint].both, name), 6) for name in MEASURED} for joint in JOINTS},
+        "gap_side": SIDES[int(np.argmax([gap.max() for gap in gaps]))],
+        "gap_frame": int(np.maximum(*gaps).argmax()) + 1,
+        "curves": {
+            name: {
+                "reference": np.degrees(reference[name]).round(2).tolist(),
+                "simulated": np.degrees(simulated[name]).round(2).tolist(),
+            }
+            for name in ANGLES
+        },
+    }
+
+
+def rooms(
+    contenders: Sequence[Contender],
+    scenario: Scenario,
+    *,
+    trials: int,
+    seed: int,
+    engine: str,
+    workers: int | None = None,
+    progress: Callable[[float], object] | None = None,
+) -> list[dict[str, Any]]:
+    """Of every contender: how many of its walks end upright, medians of the fit, and the curves of one.
+
+    Walk k goes through the same room for all. shown: the walk through the room in which the first contender's
+    knees' and hips' mean `r2_upright` is the median of all its rooms, the lower of two; progress: called with
+    the share of all walks that is done since.
+    """
+    walks = [Walk(one, scenario, number, seed, engine) for one in contenders for number in range(trials)]
+    share = progress and (lambda k: progress(k / len(walks)))
+    done = spread(walked, walks, workers=workers, progress=share)
+    ordered = sorted(done[:trials], key=lambda walk: sum(walk[joint]["r2_upright"] for joint in JOINTS))
+    middle = ordered[(trials - 1) // 2]["number"]
+    results = []
+    for k, one in enumerate(contenders):
+        theirs = done[k * trials : (k + 1) * trials]
+        results.append(
+            {
+                "contender": one.name,
+                "trials": trials,
+                "upright": sum(walk["frames"] == walk["of"] for walk in theirs),
+                **{
+                    joint: {
+                        name: round(float(np.median([walk[joint][name] for walk in theirs])), 6)
+                        for name in MEASURED
+                    }
+                    for joint in JOINTS
+                },
+                "shown": theirs[middle],
+                "walks": [{key: v for key, v in walk.items() if key != "curves"} for walk in theirs],
+            }
+        )
+    return results

@@ -1,0 +1,58 @@
+"""`kinemimic policies`: what ships, and how well it does."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+import click
+
+from kinemimic.evaluate.policies.recipe import POLICIES, recipes
+from kinemimic.evaluate.policies.shipped import MOTION, POLICY, RECORD, SCORES, shipped
+from kinemimic.pipeline.cli.terminal import grid, number, show
+from kinemimic.pipeline.files.store import read_json
+
+
+def summary(name: str, folder: Path) -> dict[str, Any]:
+    """A policy that ships in JSON values: what it is, and what `evaluate` measured when it was made."""
+    record, scores = read_json(folder / name / RECORD), read_json(folder / name / SCORES)
+    return {
+        "name": name,
+        "told": recipes(folder)[name].told,
+        "motion_ships": (folder / name / MOTION).is_file(),
+        **{key: record[key] for key in ("preset", "seed", "samples", "engine")},
+        "bytes": (folder / name / POLICY).stat().st_size,
+        "survival": scores["survival"],
+        "r2": {joint: scores["fit"][joint]["r2"] for joint in ("knee", "hip")},
+        "speed_ratio": scores["root"]["speed_ratio"],
+    }
+
+
+@click.command("policies")
+@click.option("--json", "as_json", is_flag=True, help="Print the list as JSON.")
+def command(as_json: bool) -> None:
+    """The policies that ship, for `--policy` of evaluate, view, export, pushes and disturb.
+
+    \b
+      kinemimic policies
+      kinemimic policies --json
+    """
+    found = [summary(name, POLICIES) for name in shipped(POLICIES)]
+    if as_json:
+        click.echo(json.dumps(found, indent=2, ensure_ascii=False))
+        return
+    table = grid("policy", "frames", "phases", "R² knee", "R² hip", "speed", "samples")
+    table.add_column("", overflow="fold")
+    for one in found:
+        survived = one["survival"]
+        table.add_row(
+            one["name"],
+            f"{survived['frames']}/{survived['of']}",
+            f"{survived['phases']}/{survived['phases_of']}",
+            *(number(one["r2"][joint], 3) for joint in ("knee", "hip")),
+            number(one["speed_ratio"], 3),
+            f"{one['samples']:,}",
+            one["told"] + ("" if one["motion_ships"] else "; asks for the recording"),
+        )
+    show(table)

@@ -1,0 +1,166 @@
+"""`kinemimic pushes`: how hard a push the figure survives, from each side; pushes.json."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import click
+import numpy as np
+from rich.console import Console, Group, RenderableType
+from rich.table import Table
+from rich.text import Text
+
+from kinemimic.evaluate.policies.shipped import run_options
+from kinemimic.evaluate.robustness.push_trials import (
+    BEYOND,
+    DIRECTIONS,
+    GRID,
+    PELVIS,
+    PUSH,
+    RESOLUTION,
+    SETTLE,
+    SURVIVE,
+    Found,
+    Task,
+    push_all_ways,
+    push_phases,
+)
+from kinemimic.pipeline.cli.progress import progress
+from kinemimic.pipeline.files.provenance import provenance
+from kinemimic.pipeline.files.store import file_hash, write_json
+from kinemimic.pipeline.parallel.process_pool import spread
+from kinemimic.retarget.humanoid.body import BODIES
+from kinemimic.train.config.config import TrainConfig
+from kinemimic.train.rollout.policy import POLICY, learnt
+from kinemimic.train.sim.engines import resolve
+from kinemimic.train.sim.options import engine_option, workers_option
+from kinemimic.train.sim.world import CONTROL_RATE
+
+PUSHES_SCHEMA = 1
+PHASES = 20
+SHARES = (50, 90)  # % of the phases
+
+_PROTOCOL: dict[str, Any] = {
+    "body": BODIES[PELVIS].name,
+    "push_s": PUSH / CONTROL_RATE,
+    "settle_s": SETTLE / CONTROL_RATE,
+    "survive_s": SURVIVE / CONTROL_RATE,
+    "grid_n": list(GRID),
+    "beyond_n": list(BEYOND),
+    "resolution_n": RESOLUTION,
+}
+
+
+def pushes(
+    run: Path, *, phases: int = PHASES, workers: int | None = None, engine: str = "auto"
+) -> dict[str, Any]:
+    """Push run/policy.safetensors on run/motion.json; writes and returns the content of pushes.json.
+
+    phases: of the motion, at which pushes come; workers: processes that simulate, all cores by default;
+    engine: of `train/engines.py`.
+    """
+    engine = resolve(engine)
+    motion, policy, record = learnt(run)
+    config = TrainConfig.from_json(record["config"]).env
+    at = push_phases(motion, phases)
+    with progress("pushes", phases) as bar:
+        # One phase a task: what a figure does must not depend on how many processes share the work.
+        tasks = [Task(motion, policy, config, float(phase), engine) for phase in at]
+        found = spread(push_all_ways, tasks, workers=workers, progress=bar.advance)
+    result = {
+        "schema": PUSHES_SCHEMA,
+        "phases": at.tolist(),
+        **summary(found),
+        "train": {key: record.get(key) for key in ("preset", "samples", "seed")},
+        "provenance": provenance(
+            "pushes",
+            inputs={"motion": motion.identity, "policy": file_hash(run / POLICY)},
+            config={**_PROTOCOL, "phases": phases, "engine": engine},
+            seed=record.get("seed"),
+        ),
+    }
+    write_json(run / "pushes.json", result)
+    return result
+
+
+def survived(borders: Sequence[float], percent: int) -> float:
+    """The largest force, N, that is at most the border of at least `percent` % of the phases."""
+    needed = -(-percent * len(borders) // 100)
+    return sorted(borders, reverse=True)[needed - 1]
+
+
+def summary(found: Sequence[Sequence[Found]]) -> dict[str, Any]:
+    """What the searches of all phases, each with one for every direction, come to.
+
+    directions: per direction the force survived by each of SHARES, every phase's border, and the share of the
+    phases that survive each force of GRID; weakest: per share the least of all directions; unpushed: share of
+    all searches whose figure stands if nothing pushes it.
+    """
+    directions: dict[str, Any] = {}
+    for k, name in enumerate(DIRECTIONS):
+        ones = [phase[k] for phase in found]
+        borders = [one.border for one in ones]
+        directions[name] = {
+            "survived_n": {str(percent): survived(borders, percent) for percent in SHARES},
+            "borders_n": borders,
+            "grid": np.mean([one.grid for one in ones], axis=0).tolist(),
+        }
+    return {
+        "directions": directions,
+        "weakest_n": {
+            str(percent): min(one["survived_n"][str(percent)] for one in directions.values())
+            for percent in SHARES
+        },
+        "unpushed": float(np.mean([one.unpushed for phase in found for one in phase])),
+    }
+
+
+def table(result: dict[str, Any]) -> RenderableType:
+    """The result for a terminal."""
+    protocol = result["provenance"]["config"]
+    grid = Table("", header_style="bold", box=None, pad_edge=False)
+    for percent in SHARES:
+        grid.add_column(f"{percent} %", justify="right")
+    for force in protocol["grid_n"]:
+        grid.add_column(f"{force:.0f}", justify="right", style="dim")
+    for name, one in result["directions"].items():
+        forces = [_force(one["survived_n"][str(percent)]) for percent in SHARES]
+        grid.add_row(name, *forces, *(f"{100 * share:.0f}" for share in one["grid"]))
+    above = [
+        f"largest push, N, that {' and '.join(f'{percent} %' for percent in SHARES)} of "
+        f"{len(result['phases'])} phases survive; then, per force in N, how many % do",
+        f"({protocol['push_s']:.1f} s on the {protocol['body']}; survived: still upright "
+        f"{protocol['survive_s']:.0f} s later)",
+    ]
+    if result["unpushed"] < 1.0:
+        above.append(f"with no push {100 * result['unpushed']:.0f} % stand; the others count as 0 N")
+    return Group(*(Text(line) for line in above), grid)
+
+
+def _force(newton: float) -> str:
+    return f"{newton:.0f}" if newton < BEYOND[-1] else f"≥{newton:.0f}"
+
+
+@click.command("pushes")
+@run_options()
+@workers_option
+@engine_option
+@click.option("--json", "as_json", is_flag=True, help="Print pushes.json.")
+def command(run: Path, workers: int | None, engine: str, as_json: bool) -> None:
+    """How hard a push the run's policy, or one that ships, survives: 0.2 s on the pelvis.
+
+    Forward, backward, left and right, in 20 phases each; the forces that 50 % and 90 % of the phases
+    survive go into pushes.json.
+
+    \b
+      kinemimic pushes --run runs/walk
+      kinemimic pushes --policy robust_walk --json
+    """
+    result = pushes(run, workers=workers, engine=engine)
+    if as_json:
+        click.echo(json.dumps(result, indent=2))
+    else:
+        Console(highlight=False).print(table(result))

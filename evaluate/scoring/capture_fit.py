@@ -1,0 +1,125 @@
+"""The simulated figure against the capture itself, before filtering and loop closing, and against the truth.
+
+A capture and a rollout share no clock: they meet at the phase of the motion. For every captured frame the
+simulated angle is read at the same phase of every cycle that the rollout walked, and all pairs are pooled.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.interpolate import CubicSpline
+
+from kinemimic.pipeline.arrays import Array
+from kinemimic.pipeline.errors import CaptureError
+from kinemimic.pipeline.files.schema import unchanged, upgraded
+from kinemimic.pipeline.files.tables import numbers, read_table
+from kinemimic.pipeline.gait.curve_metrics import Flags, JointFit, joint_fits
+from kinemimic.pipeline.kinematics.angles import ANGLES
+from kinemimic.retarget.captured import CAPTURED_SCHEMA
+from kinemimic.retarget.humanoid.motion import Motion, joint_angles
+from kinemimic.train.reference.reference import Reference
+
+Curves = Mapping[str, Array]
+
+
+@dataclass(frozen=True)
+class Capture:
+    """N captured frames on the motion's phase.
+
+    phase: (N,) in durations of the motion; raw, clean, truth: knee and hip (N,) in radians as read, after
+    cleaning, and as the subject really moved (None unless the capture was simulated); NaN where missing.
+    """
+
+    phase: Array
+    raw: Curves
+    clean: Curves
+    truth: Curves | None
+
+
+def read_capture(path: Path) -> Capture | None:
+    """Read the capture.parquet of `retarget`; None where that stage wrote none."""
+    if not path.exists():
+        return None
+    kind, advice = "a table (Parquet) of captured angles", "run retarget again"
+    table, header = read_table(path, kind=kind, advice=advice)
+    upgraded(
+        header if isinstance(header, dict) else {},
+        path,
+        kind="captured angles",
+        schema=CAPTURED_SCHEMA,
+        advice=advice,
+        upgrades={0: unchanged},
+    )
+
+    def column(name: str) -> Array:
+        try:
+            return np.asarray(numbers(table, name), dtype=np.float64)
+        except ValueError as error:
+            raise CaptureError(path, expected=kind, found=str(error), advice=advice) from None
+
+    phase = column("phase")
+    placed = np.isfinite(phase)
+
+    def curves(prefix: str) -> dict[str, Array]:
+        return {name: column(prefix + name)[placed] for name in ANGLES}
+
+    truth = curves("truth_") if f"truth_{ANGLES[0]}" in table.column_names else None
+    return Capture(phase[placed], curves(""), curves("clean_"), truth)
+
+
+@dataclass(frozen=True)
+class Rollout:
+    """F frames of a rollout: its phases (F,), not wrapped, increasing; knee and hip (F,) in radians.
+
+    fallen_at: first frame of a fall, F or more if there was none; cyclic: whether phases of the capture come
+    again in every cycle.
+    """
+
+    phases: Array
+    angles: Curves
+    fallen_at: int
+    cyclic: bool
+
+    def at(self, phase: Array) -> tuple[NDArray[np.intp], Curves, Flags]:
+        """The simulated angles at captured phases (N,), once for every cycle in which they are passed.
+
+        Returns which captured frame each of the M pairs belongs to (M,), the curves (M,), and whether the
+        figure still stood (M,). A cubic spline reads between control frames: at 30 Hz a straight line would
+        cut almost a degree off the knee's peak.
+        """
+        first, last = self.phases[0], self.phases[-1]
+        shifts = np.zeros(1)
+        if self.cyclic and len(phase):
+            shifts = np.arange(np.floor(first - phase.max()), np.ceil(last - phase.min()) + 1)
+        at = phase[:, None] + shifts
+        frame, column = np.nonzero((at >= first) & (at <= last))
+        points = at[frame, column]
+        curves = {name: CubicSpline(self.phases, values)(points) for name, values in self.angles.items()}
+        fallen = self.fallen_at < len(self.phases)
+        upright = points < self.phases[self.fallen_at] if fallen else np.ones(len(points), dtype=np.bool_)
+        return frame, curves, upright
+
+
+def capture_fits(capture: Capture, rollout: Rollout, *, against: Curves | None = None) -> dict[str, JointFit]:
+    """Fit of a rollout to the capture, or to other curves of its frames, `against`; all cycles pooled."""
+    frame, simulated, upright = rollout.at(capture.phase)
+    target = capture.raw if against is None else against
+    return joint_fits({name: values[frame] for name, values in target.items()}, simulated, upright)
+
+
+def truth_fits(capture: Capture, motion: Motion, rollout: Rollout) -> dict[str, dict[str, JointFit]] | None:
+    """Where the error comes from: raw and cleaned capture, reference and rollout, each against the truth."""
+    if capture.truth is None:
+        return None
+    reference = joint_angles(Reference(motion).nodes(capture.phase))
+    return {
+        "raw": joint_fits(capture.truth, capture.raw),
+        "clean": joint_fits(capture.truth, capture.clean),
+        "reference": joint_fits(capture.truth, reference),
+        "simulated": capture_fits(capture, rollout, against=capture.truth),
+    }

@@ -1,0 +1,184 @@
+"""scores.json: what is measured on the rollouts, under keys that stay.
+
+The headline (`survival.frames`, `fit.knee`, `fit.hip`, `root`) is the rollout from phase 0. No rollout is cut
+at a fall: the figure lies there while the reference goes on, and its frames count. Lying there it bends its
+joints as it is told, so every fit has an `r2_upright` too, which credits nothing after the fall; for a figure
+that never falls both are one. `fit.phases` and `survival.phases` say how the other start phases did; `torque`
+is the worst of all.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+
+from kinemimic.evaluate.scoring.capture_fit import Capture, Rollout, capture_fits, truth_fits
+from kinemimic.pipeline.gait.curve_metrics import JOINTS, MEASURES, JointFit, joint_fits
+from kinemimic.pipeline.kinematics.angles import ANGLES
+from kinemimic.retarget.humanoid.body import BODIES
+from kinemimic.retarget.humanoid.motion import Motion, joint_angles
+from kinemimic.train.rollout.trajectory import Playback
+
+SCORES_SCHEMA = 1
+FIT_FRAMES = 500  # the paper's
+_DECIMALS = 6
+_STANDS = 0.1  # m: a reference that gets no further walks nowhere, and has no speed to compare with
+
+
+def survival(playback: Playback) -> dict[str, int]:
+    """Frames before the first fall from phase 0, and how many start phases came through all frames."""
+    frames = playback.root.shape[1]
+    return {
+        "frames": int(min(playback.fallen_at[0], frames)),
+        "of": frames,
+        "phases": int(np.sum(playback.fallen_at >= frames)),
+        "phases_of": len(playback.fallen_at),
+    }
+
+
+def rollout_fits(playback: Playback, rollout: int, frames: int) -> dict[str, JointFit]:
+    """Knee and hip of one rollout against its reference, over its first `frames` frames."""
+    reference = joint_angles(playback.reference_rotations[rollout, :frames])
+    simulated = joint_angles(playback.rotations[rollout, :frames])
+    upright = np.arange(len(simulated[ANGLES[0]])) < playback.fallen_at[rollout]
+    return joint_fits(reference, simulated, upright)
+
+
+def fit(playback: Playback, frames: int) -> dict[str, Any]:
+    """The fit from phase 0 per joint and side, and its spread over all start phases."""
+    rollouts = [rollout_fits(playback, k, frames) for k in range(len(playback.start_phases))]
+    spread: dict[str, dict[str, dict[str, float]]] = {}
+    for joint in JOINTS:
+        spread[joint] = {}
+        for measure in MEASURES:
+            values = [getattr(fits[joint].both, measure) for fits in rollouts]
+            spread[joint][measure] = {
+                "min": float(np.min(values)),
+                "median": float(np.median(values)),
+                "max": float(np.max(values)),
+            }
+    return {
+        **{joint: rollouts[0][joint].as_dict() for joint in JOINTS},
+        "frames": min(frames, playback.root.shape[1]),
+        "phases": spread,
+    }
+
+
+def root_path(playback: Playback) -> dict[str, float | None]:
+    """The path over the ground from phase 0, heights left out.
+
+    path_error_m: distance between the two figures at the end; path_rms_m: its root mean square on the way;
+    advance_m, reference_advance_m: the way along the line from the reference's start to its end;
+    speed_ratio: the quotient of both, None where the reference gets nowhere.
+    """
+    path, reference = playback.root[0, :, :2], playback.reference_root[0, :, :2]
+    gap = np.linalg.norm(path - reference, axis=-1)
+    way = reference[-1] - reference[0]
+    distance = float(np.linalg.norm(way))
+    moves = distance > _STANDS
+    advance = float((path[-1] - path[0]) @ way / distance) if moves else None
+    return {
+        "path_error_m": float(gap[-1]),
+        "path_rms_m": float(np.sqrt(np.mean(gap**2))),
+        "advance_m": advance,
+        "reference_advance_m": distance,
+        "speed_ratio": None if advance is None else advance / distance,
+    }
+
+
+def torque(playback: Playback) -> dict[str, Any]:
+    """Largest torques of all rollouts, falls included: `peak` of any joint in N·m, and each joint's.
+
+    share: of the joint's limit; 1 means that the motor was at its end.
+    """
+    peaks = playback.torques.max(axis=(0, 1))  # (14,)
+    joints = {
+        body.node: {
+            "peak": float(peak),
+            "limit": body.torque_limit,
+            "share": float(peak / body.torque_limit),
+        }
+        for body, peak in zip(BODIES[1:], peaks, strict=True)
+    }
+    highest = max(joints, key=lambda name: joints[name]["peak"])
+    return {"peak": joints[highest]["peak"], "joint": highest, "joints": joints}
+
+
+def rewards(playback: Playback) -> dict[str, float]:
+    """Mean of each reward term over the frames from phase 0."""
+    return {
+        str(name): float(value)
+        for name, value in zip(playback.reward_names, playback.rewards[0].mean(axis=0), strict=True)
+    }
+
+
+def _against_capture(
+    playback: Playback, motion: Motion, capture: Capture | None, frames: int
+) -> tuple[dict[str, Any] | None, dict[str, Any] | None]:
+    if capture is None:
+        return None, None
+    rollout = Rollout(
+        phases=playback.phases[0, :frames],
+        angles=joint_angles(playback.rotations[0, :frames]),
+        fallen_at=int(playback.fallen_at[0]),
+        cyclic=motion.cyclic,
+    )
+    fits = capture_fits(capture, rollout)
+    truth = truth_fits(capture, motion, rollout)
+    return (
+        {joint: fits[joint].as_dict() for joint in JOINTS},
+        None
+        if truth is None
+        else {source: {joint: of[joint].as_dict() for joint in JOINTS} for source, of in truth.items()},
+    )
+
+
+def compose(
+    playback: Playback,
+    baseline: Playback,
+    motion: Motion,
+    *,
+    capture: Capture | None,
+    policy: Mapping[str, Any],
+    provenance: Mapping[str, Any],
+) -> dict[str, Any]:
+    """The content of scores.json: JSON values, rounded, None where a number is not known or not defined.
+
+    baseline: the same start phases with no policy, the reference's PD targets alone; policy: policy.json.
+    """
+    # A single performance (a kick, a jump) is scored whole, a walk over the paper's 500 frames.
+    frames = FIT_FRAMES if motion.cyclic else playback.root.shape[1]
+    fit_capture, truth = _against_capture(playback, motion, capture, frames)
+    scores = {
+        "schema": SCORES_SCHEMA,
+        "survival": survival(playback),
+        "fit": fit(playback, frames),
+        "fit_capture": fit_capture,
+        "no_policy": {
+            "survival": survival(baseline),
+            "fit": fit(baseline, frames),
+            "root": root_path(baseline),
+        },
+        "truth": truth,
+        "root": root_path(playback),
+        "torque": torque(playback),
+        "reward": rewards(playback),
+        "train": {key: policy.get(key) for key in ("samples", "seconds", "preset", "seed")},
+        "capture": {"simulated": motion.simulated},
+        "provenance": provenance,
+    }
+    plain: dict[str, Any] = _plain(scores)
+    return plain
+
+
+def _plain(value: Any) -> Any:
+    """JSON values: numbers rounded, what is not finite as None."""
+    if isinstance(value, Mapping):
+        return {str(key): _plain(item) for key, item in value.items()}
+    if isinstance(value, list | tuple):
+        return [_plain(item) for item in value]
+    if isinstance(value, float):
+        return round(value, _DECIMALS) if np.isfinite(value) else None
+    return value

@@ -1,0 +1,79 @@
+"""The scores in a few lines of Markdown, to stand beside the moving figure."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+from kinemimic.pipeline.gait.curve_metrics import JOINTS
+from kinemimic.retarget.humanoid.motion import Motion
+from kinemimic.train.rollout.trajectory import Playback
+from kinemimic.train.scenario.scenario import Scenario
+from kinemimic.train.sim.world import CONTROL_RATE
+
+_ROWS = (
+    ("R²", "fit.{}.r2", "{:.3f}"),
+    ("R², upright", "fit.{}.r2_upright", "{:.3f}"),
+    ("… with no policy", "no_policy.fit.{}.r2_upright", "{:.3f}"),
+    ("RMSE", "fit.{}.rmse_deg", "{:.1f}°"),
+    ("largest gap", "fit.{}.max_gap_deg", "{:.1f}°"),
+    ("R², unfiltered capture", "fit_capture.{}.r2", "{:.3f}"),
+)
+
+
+def caption_of_trial(motion: Motion, playback: Playback, scenario: Scenario, number: int) -> str:
+    """Markdown on one trial of a scenario."""
+    told = f"Scenario **{scenario.name}**, trial {number}: {scenario.about}"
+    return "\n".join([*_survival(motion, playback, 0), "", told])
+
+
+def _survival(motion: Motion, playback: Playback, rollout: int) -> list[str]:
+    lines = ["**Simulated capture (virtual Kinect)**", ""] if motion.simulated else []
+    frames, fallen = playback.root.shape[1], int(playback.fallen_at[rollout])
+    walked = f"**{min(fallen, frames)} of {frames} frames** without a fall"
+    return [*lines, walked if fallen >= frames else f"{walked}; fell at {(fallen + 1) / CONTROL_RATE:.1f} s"]
+
+
+def caption(
+    motion: Motion,
+    playback: Playback,
+    rollout: int,
+    scores: Mapping[str, Any] | None,
+    capture: str | None = None,
+) -> str:
+    """Markdown on one rollout and, if they are known, the scores (the content of scores.json).
+
+    capture: a line on the capture beside it.
+    """
+    lines = _survival(motion, playback, rollout)
+    if scores is None:
+        lines += ["", "Not scored yet: there is no scores.json; run `kinemimic evaluate`."]
+    else:
+        lines += _scored(scores)
+    return "\n".join(lines if capture is None else [*lines, "", capture])
+
+
+def _scored(scores: Mapping[str, Any]) -> list[str]:
+    lines = ["", "| | " + " | ".join(JOINTS) + " |", "|---|" + "---|" * len(JOINTS)]
+    for label, place, form in _ROWS:
+        cells = (_shown(scores, place.format(joint), form) for joint in JOINTS)
+        lines.append(f"| {label} | " + " | ".join(cells) + " |")
+    lines += [
+        "",
+        f"- walked from {_shown(scores, 'survival.phases')} of "
+        f"{_shown(scores, 'survival.phases_of')} start phases",
+        f"- speed: {_shown(scores, 'root.speed_ratio', '{:.3f}')} of the reference's, "
+        f"path error {_shown(scores, 'root.path_error_m', '{:.2f}')} m at the end",
+        f"- peak torque: {_shown(scores, 'torque.peak', '{:.0f}')} N·m",
+        f"- trained on {_shown(scores, 'train.samples', '{:,}')} samples",
+    ]
+    return lines
+
+
+def _shown(scores: Any, place: str, form: str = "{}") -> str:
+    """A number at a dotted place; a dash where there is none."""
+    for key in place.split("."):
+        if not isinstance(scores, Mapping) or scores.get(key) is None:
+            return "–"
+        scores = scores[key]
+    return form.format(scores)

@@ -1,0 +1,52 @@
+"""One trial of a scenario as one can look at it: the playback, and what was about the figure."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from kinemimic.evaluate.robustness.scenario_trials import start, steps_of
+from kinemimic.evaluate.view.obstacle_rendering import Props
+from kinemimic.retarget.humanoid.body import BODIES
+from kinemimic.retarget.humanoid.motion import Motion
+from kinemimic.train.config.config import TrainConfig
+from kinemimic.train.rollout.policy import Policy
+from kinemimic.train.rollout.rollout import watched
+from kinemimic.train.rollout.trajectory import Playback
+from kinemimic.train.scenario.event_schedule import draw_course
+from kinemimic.train.scenario.route import reference_for
+from kinemimic.train.scenario.scenario import Scenario
+from kinemimic.train.sim.engines import open_world
+from kinemimic.train.task.env import ImitationBatch
+
+
+def staged(
+    motion: Motion,
+    policy: Policy,
+    config: TrainConfig,
+    scenario: Scenario,
+    *,
+    number: int = 0,
+    seed: int = 0,
+    engine: str = "auto",
+) -> tuple[Playback, Props]:
+    """Trial `number` of those that `disturb` makes of a seed, alone, and not ended by a fall."""
+    reference, steps = reference_for(motion, scenario), steps_of(motion, scenario)
+    own, phase = start(motion, scenario, seed, number)
+    task = replace(config.env, reward=config.final_reward, scenario=scenario)
+    batch = ImitationBatch(open_world(1, engine, measure_torques=True), reference, task)
+    batch.reset(np.array([0]), np.array([phase]), seeds=np.array([own], dtype=np.uint64))
+    course = draw_course(scenario, reference, phase, np.random.default_rng(own))
+    states = np.full((steps, len(course.releases), 13), np.nan)
+    loads = np.zeros((steps, len(BODIES), 3))
+    frame = iter(range(steps))
+
+    def note() -> None:
+        at, there = next(frame), batch.world.obstacles(0)
+        states[at, : len(there)] = there
+        loads[at] = 0.0 if batch.wrenches is None else batch.wrenches[0, :, :3]
+
+    played = watched(batch, policy, phase, steps, note)
+    batch.world.close()
+    return played, Props([item for _, item in course.releases], states, loads)

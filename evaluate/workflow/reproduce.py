@@ -1,0 +1,185 @@
+"""`kinemimic reproduce`: make the policies that ship, each from its recipe."""
+
+from __future__ import annotations
+
+import json
+import shlex
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import click
+
+from kinemimic.evaluate.policies.recipe import POLICIES, Recipe, recipes, recording
+from kinemimic.evaluate.policies.shipped import MOTION, POLICY, RECORD, SCORES, gist
+from kinemimic.evaluate.workflow.run import run as run_stages
+from kinemimic.pipeline.catalog.place import captures_folder
+from kinemimic.pipeline.errors import KinemimicError
+from kinemimic.pipeline.files.store import copy_file, file_hash, read_json, write_json
+from kinemimic.train.sim.engines import ENGINES
+
+LARGEST = 4_000_000  # bytes of a file that ships
+
+
+def capture_of(recipe: Recipe, captures: Path | None) -> Path | None:
+    """The capture that a policy is made from, None for the virtual Kinect's; checked to be the one meant.
+
+    captures: folder of recordings, COLLECTION/FILE; by default where `kinemimic datasets fetch` puts them.
+    """
+    if recipe.stock is not None:
+        from kinemimic.pipeline.readers.mocap.deepmimic import stock_motion  # noqa: PLC0415 (nobody else waits for it)
+
+        return stock_motion(recipe.stock)
+    if recipe.recording is None:
+        return None
+    wanted = recording(recipe.recording)
+    folder = captures_folder(captures)
+    path = folder / wanted.collection / wanted.file
+    if not path.is_file():
+        into = "" if captures is None else f" --into {shlex.quote(str(captures))}"
+        raise KinemimicError(
+            f"{recipe.name}: expected the recording {wanted.name} in {folder}, found none; "
+            f"`kinemimic datasets fetch {wanted.name}{into}` fetches it (licence: {wanted.licence})"
+        )
+    if file_hash(path) != wanted.sha256:
+        raise KinemimicError(f"{path}: expected the recording {wanted.name}, found another file")
+    return path
+
+
+def publish(run: Path, recipe: Recipe, into: Path = POLICIES) -> Path:
+    """Put a trained and evaluated run where policies ship from; returns the folder.
+
+    The run has to be what the recipe says. The motion of a recording stays out.
+    """
+    # Reading a policy and a motion loads the simulation, which --help has no use for.
+    from kinemimic.retarget.formats.motion_json import motion_from_json  # noqa: PLC0415
+    from kinemimic.train.rollout.policy import Policy  # noqa: PLC0415
+
+    _, record = Policy.load(run / POLICY)
+    motion, scores = motion_from_json(run / MOTION), read_json(run / SCORES)
+    capture = motion.provenance.get("capture", {})
+    expected: dict[str, tuple[Any, Any]] = {
+        "preset": (recipe.preset, record["preset"]),
+        "budget": (recipe.budget, record["config"]["budget"]),
+        # `--minutes` ends sooner.
+        "budget spent": (True, record["samples"] >= recipe.budget),
+        "seed": (recipe.seed, record["seed"]),
+        "motion": (motion.identity, record["provenance"]["inputs"]["motion"]),
+        "scored policy": (file_hash(run / POLICY), scores["provenance"]["inputs"]["policy"]),
+        "simulated capture": (recipe.stock is None and recipe.recording is None, motion.simulated),
+    }
+    if recipe.recording is not None:
+        expected["recording"] = (recording(recipe.recording).sha256, capture.get("sha256"))
+    if recipe.stock is not None:
+        expected["stock motion"] = (f"humanoid3d_{recipe.stock}.txt", capture.get("source"))
+    for what, (wanted, found) in expected.items():
+        if wanted != found:
+            raise KinemimicError(
+                f"{run}: {what}: expected {wanted!r}, as the recipe of {recipe.name!r} has it, found "
+                f"{found!r}"
+            )
+    folder = into / recipe.name
+    ships = (POLICY, SCORES) if recipe.recording else (MOTION, POLICY, SCORES)
+    if heavy := [name for name in ships if (run / name).stat().st_size > LARGEST]:
+        raise KinemimicError(
+            f"{run / heavy[0]}: expected at most {LARGEST:,} bytes, found more: too large to ship"
+        )
+    if recipe.recording:
+        (folder / MOTION).unlink(missing_ok=True)
+    for name in ships:
+        copy_file(run / name, folder / name)
+    write_json(folder / RECORD, {**record, "imitates": gist(motion)})
+    return folder
+
+
+def reproduce(
+    wanted: Sequence[Recipe],
+    runs: Path,
+    into: Path = POLICIES,
+    *,
+    captures: Path | None = None,
+    engine: str | None = None,
+    quiet: bool = False,
+) -> list[Path]:
+    """Make policies one after the other, each in its run folder below `runs`; returns where they lie.
+
+    What is finished is not done again, and an interrupted training goes on, as `kinemimic run` does it. A
+    recording that is missing is told before anything is trained.
+    """
+    sources = [capture_of(recipe, captures) for recipe in wanted]
+    made: list[Path] = []
+    for recipe, source in zip(wanted, sources, strict=True):
+        options: Mapping[str, Mapping[str, Any]] = {
+            "train": {
+                "preset": recipe.preset,
+                "budget": recipe.budget,
+                "seed": recipe.seed,
+                "engine": engine,
+            },
+            "evaluate": {"engine": engine},
+        }
+        if not quiet:
+            click.secho(f"{recipe.name}: {recipe.told}", bold=True)
+        run_stages(source, runs / recipe.name, options=options, quiet=quiet)
+        made.append(publish(runs / recipe.name, recipe, into))
+    return made
+
+
+@click.command("reproduce")
+@click.option("--only", multiple=True, metavar="NAME", help="Repeatable; by default all of recipes.toml.")
+@click.option(
+    "--runs",
+    type=click.Path(path_type=Path, file_okay=False),
+    default=Path("runs/reproduce"),
+    show_default=True,
+    help="Each is trained in a folder of its name below this one.",
+)
+@click.option(
+    "--captures",
+    type=click.Path(path_type=Path, file_okay=False),
+    help="Folder of the recordings; else where `kinemimic datasets fetch` puts them.",
+)
+@click.option(
+    "--from",
+    "ready",
+    type=click.Path(path_type=Path),
+    help="A run folder to publish as it is, with one --only.",
+)
+@click.option(
+    "--into",
+    type=click.Path(path_type=Path, file_okay=False),
+    default=Path("datasets/policies"),
+    show_default=True,
+    help="Each is written into a folder of its name below this one.",
+)
+@click.option("--engine", type=click.Choice(ENGINES), help="Native where it is built.")
+@click.option("--json", "as_json", is_flag=True, help="Print the folders that were written as JSON.")
+def command(
+    only: tuple[str, ...],
+    runs: Path,
+    captures: Path | None,
+    ready: Path | None,
+    into: Path,
+    engine: str | None,
+    as_json: bool,
+) -> None:
+    """Train and evaluate the policies that ship as their recipes say, and write them to --into.
+
+    \b
+      kinemimic reproduce --only walk
+      kinemimic reproduce --only kinect_walk --captures recordings
+    """
+    known = recipes()
+    if unknown := [name for name in only if name not in known]:
+        raise KinemimicError(f"expected a recipe among {', '.join(known)}, found {unknown[0]!r}")
+    wanted = [known[name] for name in only] or list(known.values())
+    if ready is not None and len(only) != 1:
+        raise click.UsageError("--from is one policy: name it with --only")
+    if ready is not None:
+        made = [publish(ready, wanted[0], into)]
+    else:
+        made = reproduce(wanted, runs, into, captures=captures, engine=engine, quiet=as_json)
+    if as_json:
+        click.echo(json.dumps([folder.as_posix() for folder in made]))
+    else:
+        click.echo("\n".join(str(folder) for folder in made))

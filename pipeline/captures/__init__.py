@@ -1,1 +1,0 @@
-"""Readers of capture formats, one file each, recognised from content."""

@@ -1,0 +1,89 @@
+"""Drawings of a page: one style, embedded as SVG.
+
+A figure is drawn twice, for a page and for a phone, instead of being shrunk until nobody can read it.
+"""
+
+from __future__ import annotations
+
+import base64
+import io
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import matplotlib as mpl
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from kinemimic.pipeline.files.store import atomic
+
+Draw = Callable[[bool], Figure]  # told whether it is for a phone
+
+# The salt makes the ids, and with them the bytes, the same on every run.
+_STYLE: dict[Any, Any] = {
+    "font.family": "DejaVu Sans",
+    "font.size": 9,
+    "axes.titlesize": 9.5,
+    "axes.titlelocation": "left",
+    "axes.spines.top": False,
+    "axes.spines.right": False,
+    "axes.edgecolor": "#9a9a9a",
+    "axes.linewidth": 0.8,
+    "axes.grid": True,
+    "axes.axisbelow": True,
+    "grid.color": "#ececec",
+    "xtick.color": "#555555",
+    "ytick.color": "#555555",
+    "axes.labelcolor": "#333333",
+    "legend.frameon": False,
+    "lines.linewidth": 1.2,
+    "svg.fonttype": "path",
+    "svg.hashsalt": "kinemimic",
+}
+_PAGE, _PHONE = 8.6, 4.3  # inches
+_DPI = 200  # of PNG
+# No date: the same figure is the same file.
+_SVG_METADATA: dict[str, Any] = {"Date": None, "Creator": None}
+
+
+def picture(draw: Draw, alternative: str) -> str:
+    """HTML of a figure for page and phone, self-contained; `alternative` is read to who cannot see it."""
+    wide, narrow = (_svg(draw, phone) for phone in (False, True))
+    return (
+        f'<picture><source media="(max-width: 640px)" srcset="{narrow}">'
+        f'<img src="{wide}" alt="{alternative}"></picture>'
+    )
+
+
+def save(draw: Draw, stem: Path) -> None:
+    """The figure as it is on a page, as STEM.svg and STEM.png."""
+    with mpl.rc_context(_STYLE):
+        figure = draw(False)
+        for suffix, metadata in ((".svg", _SVG_METADATA), (".png", {"Software": None})):
+            with atomic(stem.with_suffix(suffix)) as temporary:
+                figure.savefig(temporary, dpi=_DPI, metadata=metadata)
+
+
+def _svg(draw: Draw, phone: bool) -> str:
+    with mpl.rc_context(_STYLE):
+        figure = draw(phone)
+        stream = io.BytesIO()
+        figure.savefig(stream, format="svg", metadata=_SVG_METADATA)
+    return "data:image/svg+xml;base64," + base64.b64encode(stream.getvalue()).decode()
+
+
+def panel_grid(
+    rows: int, columns: int, height: float, phone: bool, **options: Any
+) -> tuple[Figure, list[Axes]]:
+    """Axes in reading sequence; on a phone one below the other. height: inches of one panel."""
+    if phone:
+        rows, columns = rows * columns, 1
+    figure = Figure(figsize=(_PHONE if phone else _PAGE, rows * height + 0.5), layout="constrained")
+    axes = figure.subplots(rows, columns, squeeze=False, **options)
+    return figure, list(axes.ravel())
+
+
+def legend(figure: Figure, axes: Axes) -> None:
+    """One legend over the whole figure, of what `axes` shows."""
+    handles, labels = axes.get_legend_handles_labels()
+    figure.legend(handles, labels, loc="outside upper left", ncols=2 if figure.get_figwidth() < _PAGE else 5)

@@ -1,0 +1,114 @@
+"""Arrays in a canonical file: what a data set is locked by, the same bytes on every machine.
+
+Numbers are rounded to 1e-5 (10 µm, 0.002°), far above what differs between processors, so that only a number
+right at the edge between two could come out otherwise; nothing tells of times, versions or paths.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from kinemimic.pipeline.arrays import Array
+from kinemimic.pipeline.errors import KinemimicError
+from kinemimic.pipeline.files.json_layout import layout
+from kinemimic.pipeline.files.schema import upgraded
+from kinemimic.pipeline.files.store import content_hash, read_json, write_text
+from kinemimic.pipeline.kinematics.clip import Clip
+
+FORMAT, SCHEMA, DECIMALS = "kinemimic.arrays", 1, 5
+_OF_CLIP = (
+    "times", "positions", "states", "passes", "euler", "translations", "rotations", "rests", "world_from_file"
+)  # fmt: skip
+
+
+@dataclass(frozen=True)
+class Canonical:
+    """kind: "clip" or "motion"; joints: names along the axis of what has one; arrays: rounded, NaN where
+    nothing was measured; facts: what else gives them meaning, as JSON values."""
+
+    kind: str
+    joints: tuple[str, ...]
+    arrays: Mapping[str, Array]
+    facts: Mapping[str, Any]
+
+    @classmethod
+    def of(
+        cls, kind: str, joints: tuple[str, ...], arrays: Mapping[str, Any], facts: Mapping[str, Any]
+    ) -> Canonical:
+        """Rounds; the signs of zero and of NaN, which are noise, become plus."""
+        return cls(kind, joints, {name: _rounded(array) for name, array in arrays.items()}, facts)
+
+    @classmethod
+    def of_clip(cls, clip: Clip) -> Canonical:
+        """All that was measured, and on what; of a converted clip its rotations too."""
+        found = {
+            **{name: getattr(clip, name) for name in _OF_CLIP},
+            **{f"angle.{name}": curve for name, curve in (clip.angles or {}).items()},
+            "parents": clip.skeleton.parents,
+            "offsets": clip.skeleton.offsets,
+        }
+        return cls.of(
+            "clip",
+            clip.skeleton.names,
+            {name: array for name, array in found.items() if array is not None},
+            {"simulated": clip.simulated, "orders": None if clip.orders is None else list(clip.orders)},
+        )
+
+    @property
+    def identity(self) -> str:
+        """SHA-256 over names and values."""
+        told = json.dumps([self.kind, self.joints, self.facts], sort_keys=True)
+        return content_hash({**self.arrays, "": np.array(told)})
+
+    def write(self, path: Path) -> None:
+        """The same bytes for the same arrays."""
+        document = {
+            "format": FORMAT,
+            "schema": SCHEMA,
+            "kind": self.kind,
+            "decimals": DECIMALS,
+            "joints": list(self.joints),
+            "facts": self.facts,
+            "arrays": {name: _values(array) for name, array in self.arrays.items()},
+        }
+        write_text(path, layout(document) + "\n")
+
+    @classmethod
+    def read(cls, path: Path) -> Canonical:
+        """What `write` wrote; a KinemimicError says what it is instead."""
+        document = read_json(path)
+        found = document.get("format") if isinstance(document, dict) else None
+        if found != FORMAT:
+            raise KinemimicError(f"{path}: expected {FORMAT}, found {found!r}")
+        document = upgraded(document, path, kind="arrays", schema=SCHEMA, advice="build them again")
+        try:
+            arrays = {name: np.array(rows, dtype=np.float64) for name, rows in document["arrays"].items()}
+            return cls(document["kind"], tuple(document["joints"]), arrays, dict(document["facts"]))
+        except (AttributeError, KeyError, TypeError, ValueError) as error:
+            raise KinemimicError(
+                f"{path}: expected arrays of numbers, found {error}; build it again"
+            ) from None
+
+
+def _rounded(array: Any) -> Array:
+    values = np.round(np.asarray(array, dtype=np.float64), DECIMALS) + 0.0
+    return np.where(np.isnan(values), np.nan, values)
+
+
+def _values(array: Array) -> Any:
+    """Nested lists, None for NaN, whole numbers without a point."""
+    if array.ndim == 0:
+        return _plain(float(array))
+    return [_values(row) for row in array] if array.ndim > 1 else [_plain(v) for v in array.tolist()]
+
+
+def _plain(value: float) -> float | int | None:
+    if np.isnan(value):
+        return None
+    return int(value) if value.is_integer() else value

@@ -1,0 +1,95 @@
+"""What stands beside a capture NAME.*, where somebody put it there.
+
+NAME.truth.parquet: what the person of a simulated capture really did. NAME.provenance.json: how the capture
+was made, which few formats can say themselves.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from kinemimic.pipeline.arrays import Array
+from kinemimic.pipeline.errors import CaptureError
+from kinemimic.pipeline.files.schema import unchanged, upgraded
+from kinemimic.pipeline.files.store import read_json, write_json, write_table
+from kinemimic.pipeline.files.tables import numbers, read_table
+from kinemimic.pipeline.kinematics.angles import ANGLES
+
+TRUTH, NOTE = ".truth.parquet", ".provenance.json"
+TRUTH_SCHEMA = 1
+NOTE_SCHEMA = 1
+
+
+def truth_path(capture: Path) -> Path:
+    """Where the truth of a capture stands."""
+    return capture.with_suffix(TRUTH)
+
+
+def note_path(capture: Path) -> Path:
+    """Where it stands how a capture was made."""
+    return capture.with_suffix(NOTE)
+
+
+def write_truth(
+    path: Path, times: Array, passes: NDArray[np.int64], angles: Mapping[str, Array], note: Mapping[str, Any]
+) -> None:
+    """A row a frame on the capture's clock: seconds, pass (-1: nobody there), curves of ANGLES in radians."""
+    columns: dict[str, Any] = {"time": times, "pass": passes.astype(np.int32), **angles}
+    write_table(path, columns, {"schema": TRUTH_SCHEMA, "provenance": note})
+
+
+def read_truth(path: Path) -> dict[str, Array] | None:
+    """Times (T,) in seconds and the curves of ANGLES (T,) in radians; None where there is no such file.
+
+    CaptureError for another file, KinemimicError for a later version's.
+    """
+    if not path.is_file():
+        return None
+    kind, advice = "the truth of a simulated capture", "record it again"
+    table, header = read_table(path, kind=kind, advice=advice)
+    names = ("time", *ANGLES)
+    if missing := [name for name in names if name not in table.column_names]:
+        raise CaptureError(path, expected=kind, found=f"no column {', '.join(missing)}", advice=advice)
+    upgraded(
+        header if isinstance(header, dict) else {},
+        path,
+        kind="the truth of a capture",
+        schema=TRUTH_SCHEMA,
+        upgrades={0: unchanged},
+        advice=advice,
+    )
+    try:
+        truth = {name: numbers(table, name) for name in names}
+    except ValueError as error:
+        raise CaptureError(path, expected=kind, found=str(error), advice=advice) from None
+    if not np.all(np.diff(truth["time"]) > 0) or not np.isfinite(truth["time"]).all():
+        raise CaptureError(path, expected=kind, found="times that do not increase", advice=advice)
+    return truth
+
+
+def write_note(path: Path, note: Mapping[str, Any]) -> None:
+    """How a capture was made, as JSON."""
+    write_json(path, {"schema": NOTE_SCHEMA, **{key: note[key] for key in note if key != "schema"}})
+
+
+def read_note(path: Path) -> dict[str, Any]:
+    """What `write_note` was given, or what somebody wrote by hand; empty where there is no such file."""
+    if not path.is_file():
+        return {}
+    note = read_json(path)
+    if not isinstance(note, dict):
+        raise CaptureError(path, expected="a JSON object about the capture", found=type(note).__name__)
+    note = upgraded(
+        note,
+        path,
+        kind="a note about a capture",
+        schema=NOTE_SCHEMA,
+        upgrades={0: unchanged},
+        advice="record it again",
+    )
+    return {name: value for name, value in note.items() if name != "schema"}

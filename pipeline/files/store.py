@@ -1,0 +1,223 @@
+"""Files: atomic writes, content hashes, and clips as Parquet."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import os
+import tempfile
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pyarrow as pa
+import pyarrow.parquet as pq
+
+from kinemimic.pipeline.errors import CaptureError, KinemimicError
+from kinemimic.pipeline.files.bounded import MEGABYTE, read_bounded
+from kinemimic.pipeline.files.plain_json import plain_json
+from kinemimic.pipeline.files.schema import upgraded
+from kinemimic.pipeline.files.tables import numbers, read_table
+from kinemimic.pipeline.kinematics.clip import Clip
+from kinemimic.pipeline.kinematics.rotations import ORDERS
+from kinemimic.pipeline.kinematics.skeleton import Skeleton
+
+CLIP_SCHEMA = 1
+# The largest that we write is a motion of 1.3 kB a frame: two hours at 30 Hz fit.
+_JSON_LIMIT = 256 * MEGABYTE
+_CLIP, _CLIP_ADVICE = "a kinemimic clip (Parquet)", "run the stage that writes it again"
+_UNIT = 1e-3  # how far from 1 a quaternion's length may be that we wrote as one
+_ANGLE = "angle."
+_PER_JOINT = {"positions": "xyz", "euler": "123", "translations": "xyz", "rotations": "xyzw"}
+
+
+@contextmanager
+def atomic(path: Path) -> Iterator[Path]:
+    """A temporary path in the same folder; it becomes `path` when the block ends well, else it vanishes.
+
+    OSError names `path` where the temporary file could not be made, filled or renamed.
+    """
+    path.parent.mkdir(parents=True, exist_ok=True)
+    prefix = f".{path.name}."
+    temporary: Path | None = None
+    umask = os.umask(0)
+    os.umask(umask)
+    try:
+        handle, name = tempfile.mkstemp(prefix=prefix, suffix=path.suffix, dir=path.parent)
+        os.close(handle)
+        temporary = Path(name)
+        yield temporary
+        # mkstemp and safetensors make private files; a result gets the mode that any other file would have.
+        temporary.chmod(0o666 & ~umask)
+        temporary.replace(path)
+    except OSError as error:
+        # A full disk names no file, and the temporary one tells nobody anything.
+        ours = error.filename is None or Path(os.fsdecode(error.filename)).name.startswith(prefix)
+        if error.errno is None or not ours:
+            raise
+        raise OSError(error.errno, error.strerror, str(path)) from None
+    finally:
+        if temporary is not None:
+            temporary.unlink(missing_ok=True)
+
+
+def copy_file(source: Path, target: Path) -> None:
+    """Copy a file's content atomically."""
+    with atomic(target) as temporary:
+        temporary.write_bytes(source.read_bytes())
+
+
+def write_text(path: Path, text: str) -> None:
+    """Write a text file atomically."""
+    with atomic(path) as temporary:
+        # The name of a folder that is not UTF-8 may be told in it.
+        temporary.write_text(text, encoding="utf-8", errors="backslashreplace")
+
+
+def write_json(path: Path, value: Any) -> None:
+    """Write JSON atomically, keys in the given sequence, NaN refused."""
+    write_text(path, json.dumps(value, indent=2, allow_nan=False) + "\n")
+
+
+def read_json(path: Path) -> Any:
+    """Read a JSON file of at most 256 MB; a KinemimicError names the file if it is missing or damaged."""
+    try:
+        return plain_json(read_bounded(path, _JSON_LIMIT, "a JSON file").decode("utf-8"))
+    except FileNotFoundError:
+        raise KinemimicError(f"{path}: expected a file, found none; run the stage that writes it") from None
+    except ValueError as error:
+        raise KinemimicError(f"{path}: expected JSON, found {error}") from None
+
+
+def content_hash(arrays: Mapping[str, Any]) -> str:
+    """SHA-256 over names, types, shapes and values of arrays, whatever file they came from."""
+    digest = hashlib.sha256()
+    for name in sorted(arrays):
+        array = np.ascontiguousarray(arrays[name])
+        digest.update(f"{name}:{array.dtype.str}:{array.shape};".encode())
+        digest.update(array.tobytes())
+    return digest.hexdigest()
+
+
+def file_hash(path: Path) -> str:
+    """SHA-256 of a file's bytes."""
+    with path.open("rb") as stream:
+        return hashlib.file_digest(stream, "sha256").hexdigest()
+
+
+def write_table(path: Path, columns: Mapping[str, Any], header: Mapping[str, Any]) -> None:
+    """Columns as Parquet, atomically; the header is JSON under the metadata's key `kinemimic`."""
+    table = pa.table(dict(columns)).replace_schema_metadata({"kinemimic": json.dumps(header)})
+    # An open file: pyarrow takes no path that is not UTF-8, and of a full disk it has an error of its own.
+    with atomic(path) as temporary, temporary.open("wb") as stream:
+        pq.write_table(table, stream, compression="zstd")
+
+
+def write_clip(path: Path, clip: Clip) -> None:
+    """A clip as Parquet: one row a frame, a column per joint and component; the rest in the metadata."""
+    columns: dict[str, Any] = {"time": clip.times, "pass": clip.passes}
+    for j, joint in enumerate(clip.skeleton.names):
+        columns[f"{joint}.state"] = clip.states[:, j]
+        for field, components in _PER_JOINT.items():
+            array = getattr(clip, field)
+            if array is not None:
+                for k, component in enumerate(components):
+                    columns[f"{joint}.{field}.{component}"] = array[:, j, k]
+    for name, curve in (clip.angles or {}).items():
+        columns[f"{_ANGLE}{name}"] = curve
+    header = {
+        "schema": CLIP_SCHEMA,
+        "skeleton": {
+            "names": clip.skeleton.names,
+            "parents": clip.skeleton.parents,
+            "offsets": clip.skeleton.offsets.tolist(),
+        },
+        "orders": clip.orders,
+        "world_from_file": clip.world_from_file.tolist(),
+        "rests": None if clip.rests is None else clip.rests.tolist(),
+        "provenance": clip.provenance,
+    }
+    write_table(path, columns, header)
+
+
+def read_clip(path: Path) -> Clip:
+    """Read a clip that `write_clip` wrote; CaptureError for what is missing, damaged or another file."""
+    try:
+        table, header = read_table(path, kind=_CLIP, advice=_CLIP_ADVICE)
+    except FileNotFoundError:
+        raise CaptureError(path, expected="a clip", found="no file", advice="run the stage before") from None
+    if not isinstance(header, dict) or "skeleton" not in header:
+        raise CaptureError(path, expected=_CLIP, found="another table", advice=_CLIP_ADVICE)
+    header = upgraded(header, path, kind="a clip", schema=CLIP_SCHEMA, advice="run `ingest` again")
+    try:
+        return _clip(table, header)
+    except KeyError as error:
+        raise CaptureError(
+            path, expected=_CLIP, found=f"no key {error} in its header", advice=_CLIP_ADVICE
+        ) from None
+    except (TypeError, ValueError, IndexError, OverflowError) as error:
+        raise CaptureError(path, expected=_CLIP, found=str(error), advice=_CLIP_ADVICE) from None
+
+
+def _clip(table: pa.Table, header: Mapping[str, Any]) -> Clip:
+    """KeyError for what the header lacks, any other error of a value for what is not what it should be."""
+    skeleton = _skeleton(header["skeleton"])
+    orders, rests, world = header["orders"], header.get("rests"), np.array(header["world_from_file"])
+    provenance = header["provenance"]
+    if not isinstance(provenance, dict):
+        raise ValueError(f"the provenance {provenance!r}")
+    json.dumps(provenance, allow_nan=False)  # as whatever is made of the clip will write it
+    if orders is not None and (
+        len(orders) != len(skeleton.names) or any(order not in ("", *ORDERS) for order in orders)
+    ):
+        raise ValueError(f"the Euler orders {orders!r}")
+    if world.shape != (4,) or not abs(np.linalg.norm(world) - 1.0) < _UNIT:
+        raise ValueError(f"{header['world_from_file']!r} for a rotation from the file's axes")
+    times = numbers(table, "time")
+    if not len(times) or not np.isfinite(times).all():
+        raise ValueError("no frames" if not len(times) else "times that are not finite")
+    present = set(table.column_names)
+
+    def stack(field: str) -> Any:
+        components = _PER_JOINT[field]
+        if f"{skeleton.names[0]}.{field}.{components[0]}" not in present:
+            return None
+        return np.stack(
+            [
+                np.stack([numbers(table, f"{joint}.{field}.{c}") for c in components], axis=-1)
+                for joint in skeleton.names
+            ],
+            axis=1,
+        )
+
+    angles = {
+        name.removeprefix(_ANGLE): numbers(table, name)
+        for name in table.column_names
+        if name.startswith(_ANGLE)
+    }
+    fields = {field: stack(field) for field in _PER_JOINT}
+    if fields["positions"] is None:
+        raise ValueError("no positions")
+    return Clip(
+        skeleton=skeleton,
+        times=times,
+        passes=numbers(table, "pass", "iu"),
+        states=np.stack([numbers(table, f"{joint}.state", "iu") for joint in skeleton.names], axis=1),
+        orders=None if orders is None else tuple(orders),
+        world_from_file=world,
+        rests=None if rests is None else np.array(rests, dtype=np.float64),
+        provenance=provenance,
+        angles=angles or None,
+        **fields,
+    )
+
+
+def _skeleton(spec: Mapping[str, Any]) -> Skeleton:
+    names, parents = spec["names"], spec["parents"]
+    if not names or not all(isinstance(name, str) for name in names):
+        raise ValueError("a skeleton without names")
+    if not all(type(parent) is int and parent >= -1 for parent in parents):
+        raise ValueError("a skeleton with parents that are no joints")
+    return Skeleton(tuple(names), tuple(parents), np.array(spec["offsets"], dtype=np.float64))

@@ -1,0 +1,39 @@
+"""Short gaps of a pass filled by a curve through their ends; long ones stay gaps."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.interpolate import PchipInterpolator
+
+from kinemimic.pipeline.kinematics.spans import Array, Mask, pass_spans, usual_step, whole
+
+# Longer gaps stay gaps: a fifth of a second is about a fifth of a stride, beyond which a curve through
+# the ends is invention.
+LONGEST_GAP = 0.2
+
+
+def fill(values: Array, times: Array, passes: NDArray[np.int32]) -> tuple[Array, Mask]:
+    """Values (T, J, K) with the short gaps of each pass interpolated, and where (T, J).
+
+    A gap is filled if the frames on both its sides are at most LONGEST_GAP plus one usual step apart; the
+    edges of a pass are not extrapolated. Monotone cubics do not swing beyond what was measured.
+    """
+    result, filled = values.copy(), np.zeros(values.shape[:2], dtype=np.bool_)
+    longest = LONGEST_GAP + usual_step(times, passes) + 1e-6
+    for span in pass_spans(passes):
+        clock = times[span]
+        for joint in np.flatnonzero(~whole(values[span]).all(axis=0)):
+            there = whole(values[span, joint])
+            if there.sum() < 2:
+                continue
+            known = np.flatnonzero(there)
+            gaps = np.flatnonzero((np.diff(known) > 1) & (np.diff(clock[known]) <= longest))
+            short = np.zeros(len(clock), dtype=np.bool_)
+            for before, after in zip(known[gaps], known[gaps + 1], strict=True):
+                short[before + 1 : after] = True
+            if short.any():
+                curve = PchipInterpolator(clock[there], values[span, joint][there])
+                result[span, joint][short] = curve(clock[short])
+                filled[span, joint] = short
+    return result, filled

@@ -1,0 +1,76 @@
+"""The gait laboratory's filter: a zero-phase Butterworth with a fixed cut-off."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.interpolate import CubicSpline
+from scipy.signal import butter, sosfiltfilt
+
+from kinemimic.pipeline.kinematics.spans import Array, apart, pass_spans, runs, usual_step, whole
+
+CUTOFF = 6.0
+# Clocks within this share of the step count as even.
+EVEN_CLOCK = 0.02
+
+
+def low_pass(values: Array, times: Array, passes: NDArray[np.int32]) -> tuple[Array, str]:
+    """Values (T, J, K) low-passed at CUTOFF in each pass, and a line that says how.
+
+    NaN stay, and each stretch between them is filtered by itself. An uneven clock is first brought to an
+    even one (cubic), and back afterwards.
+    """
+    result = values.copy()
+    short = 0
+    step = usual_step(times, passes)
+    smooth = zero_phase(1.0 / step) if step > 0.0 else None
+    if smooth is None:
+        few = f"{1.0 / step:.4g} frames a second are too few for {CUTOFF:g} Hz" if step else "single frames"
+        return result, f"not filtered: {few}"
+    for span in pass_spans(passes):
+        there = whole(values[span])
+        complete = there.all(axis=0)
+        groups = [(slice(0, len(there)), complete)] if complete.any() else []
+        for joint in np.flatnonzero(~complete):
+            only = np.arange(there.shape[1]) == joint
+            groups += [(stretch, only) for stretch in runs(there[:, joint])]
+        for stretch, joints in groups:
+            if stretch.stop - stretch.start < 4:
+                short += int(joints.sum())
+                continue
+            part = result[span][stretch]
+            part[:, joints] = _on_even_clock(part[:, joints], times[span][stretch], step, smooth)
+    note = f"zero-phase Butterworth, 4th order, {CUTOFF:g} Hz"
+    return result, note + (f"; {short} stretches of under four frames left as they are" if short else "")
+
+
+def zero_phase(rate: float) -> Callable[[Array], Array] | None:
+    """A filter along axis 0 of evenly sampled values, or None if `rate` (Hz) is too low for CUTOFF.
+
+    Two poles forward and two backward make four and no delay; the design is shifted so that the pair, not
+    each, is 3 dB down at the cut-off (Winter 2009, Biomechanics and Motor Control, eq. 3.18).
+    """
+    correction = (np.sqrt(2.0) - 1.0) ** 0.25
+    if 0.4 * rate < CUTOFF:
+        return None
+    design = np.arctan(np.tan(np.pi * CUTOFF / rate) / correction) / np.pi * rate
+    sections = butter(2, design, fs=rate, output="sos")
+
+    def smooth(values: Array) -> Array:
+        # Mirrored through its end, the curve goes on for three periods, as far as there is data, so that
+        # the filter has forgotten its start where the data begin.
+        padding = min(len(values) - 1, int(3.0 * rate / CUTOFF))
+        return np.asarray(sosfiltfilt(sections, values, axis=0, padlen=padding))
+
+    return smooth
+
+
+def _on_even_clock(values: Array, times: Array, step: float, smooth: Callable[[Array], Array]) -> Array:
+    steps = np.diff(times)
+    if np.ptp(steps) <= EVEN_CLOCK * float(np.median(steps)):
+        return smooth(values)
+    even = np.linspace(times[0], times[-1], max(4, round((times[-1] - times[0]) / step) + 1))
+    known = apart(times)
+    return np.asarray(CubicSpline(even, smooth(CubicSpline(times[known], values[known])(even)))(times))

@@ -1,0 +1,170 @@
+"""One capture file looked at: everything that `kinemimic inspect` says about it, as JSON values."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from kinemimic.pipeline.errors import KinemimicError, NotACaptureError
+from kinemimic.pipeline.files.json_layout import rounded
+from kinemimic.pipeline.files.sidecars import note_path, truth_path
+from kinemimic.pipeline.gait.walking import gait
+from kinemimic.pipeline.inspect.measures import (
+    bones,
+    joints,
+    legs,
+    median,
+    nodes_of,
+    own_angles,
+    stature,
+)
+from kinemimic.pipeline.kinematics.clip import Clip
+from kinemimic.pipeline.quality.examine import Examination, examine, plan
+from kinemimic.pipeline.readers.recognise import formats, read
+
+USABLE, FLAGGED, REFUSED, OTHER, COMPANION = "usable", "flagged", "refused", "other", "companion"
+
+
+@dataclass(frozen=True)
+class Studied:
+    """A file's report, and what it was made from where the file could be read."""
+
+    report: dict[str, Any]
+    recorded: Clip | None = None
+    examination: Examination | None = None
+
+
+def study(path: Path, *, unit: str | None = None) -> dict[str, Any]:
+    """The report on one file; keys are the same for every file, None where there is nothing to say.
+
+    unit: of length, as in `recognise.read`.
+
+    status: "usable", "flagged" (usable, with something that a person should know), "refused" or "other" (no
+    capture at all); reason: why refused, or why no capture.
+    """
+    return look_at(path, unit=unit).report
+
+
+def look_at(path: Path, *, unit: str | None = None) -> Studied:
+    """`study` with the clips in hand, for who wants to draw them."""
+    try:
+        recorded = read(path, unit=unit)
+    except NotACaptureError as error:
+        return Studied(unread(path, OTHER, str(error)))
+    except KinemimicError as error:
+        return Studied(unread(path, REFUSED, str(error)))
+    except MemoryError:
+        return Studied(unread(path, REFUSED, f"{path}: expected a capture that fits into memory, found more"))
+    examination = examine(recorded)
+    return Studied(_report(path, recorded, examination), recorded, examination)
+
+
+def unread(path: Path, status: str, reason: str) -> dict[str, Any]:
+    """The report on a file that could not be read: all keys there, only these filled."""
+    return {**_EMPTY, "file": str(path), "status": status, "reason": _without(path, reason)}
+
+
+_EMPTY: dict[str, Any] = {
+    "file": "",
+    "status": REFUSED,
+    "reason": None,
+    "read": False,
+    "format": None,
+    "sensor": None,
+    "simulated": False,
+    "sha256": None,
+    "companions": [],
+    "units": None,
+    "frames": 0,
+    "frames_in_passes": 0,
+    "rate_hz": None,
+    "clock_jitter_ms": None,
+    "duration_s": None,
+    "passes": [],
+    "passes_discarded": 0,
+    "bones_m": None,
+    "stature_m": None,
+    "angles": None,
+    "gait": None,
+    "own_angles": {},
+    "joints": {},
+    "defects": [],
+    "notes": [],
+    "plan": [],
+}
+
+
+def _report(path: Path, recorded: Clip, examination: Examination) -> dict[str, Any]:
+    clip, refused = examination.clip, examination.refused
+    reading, inside = recorded.provenance["reading"], clip.passes >= 0
+    nodes, states, lacking = nodes_of(clip)
+    lengths = bones(nodes[inside])
+    flagged = any(defect.action == "flagged" for defect in examination.defects)
+    beside, simulated = _beside(path)
+    steps = np.diff(clip.times)[inside[1:] & (clip.passes[1:] == clip.passes[:-1])]
+    step = median(steps)
+    return _EMPTY | {
+        "file": str(path),
+        "status": REFUSED if refused else FLAGGED if flagged else USABLE,
+        "reason": refused.text if refused else None,
+        "read": True,
+        "format": recorded.provenance["format"],
+        "sensor": _sensor(recorded),
+        "simulated": recorded.simulated or simulated,
+        "sha256": recorded.provenance["sha256"],
+        "companions": sorted({*recorded.provenance.get("companions", {}), *beside}),
+        "units": {"length": reading["units"], "rule": reading["units_rule"]},
+        "frames": len(recorded.times),
+        "frames_in_passes": int(inside.sum()),
+        "rate_hz": rounded(1.0 / step, 3),
+        "clock_jitter_ms": rounded(1e3 * np.std(steps), 3) if len(steps) else None,
+        "duration_s": rounded(recorded.times[-1] - recorded.times[0], 3),
+        "passes": [_pass(clip, number) for number in range(examination.acquisition.count)],
+        "passes_discarded": examination.acquisition.discarded,
+        "bones_m": lengths,
+        "stature_m": stature(lengths),
+        "angles": legs(nodes[inside], states[inside]),
+        "gait": gait(clip, nodes),
+        "own_angles": own_angles(clip, nodes, inside),
+        "joints": joints(clip, inside),
+        "defects": [defect.to_json() for defect in examination.defects],
+        "notes": [*reading["notes"], *([lacking] if lacking else [])],
+        "plan": plan(examination),
+    }
+
+
+def _pass(clip: Clip, number: int) -> dict[str, Any]:
+    frames = np.flatnonzero(clip.passes == number)
+    return {
+        "pass": number,
+        "frames": len(frames),
+        "start_s": rounded(clip.times[frames[0]], 4),
+        "end_s": rounded(clip.times[frames[-1]], 4),
+    }
+
+
+def _sensor(recorded: Clip) -> str | None:
+    name = recorded.provenance["format"]
+    return next((format.sensor for format in formats() if format.name == name), None)
+
+
+def _beside(path: Path) -> tuple[list[str], bool]:
+    """Names of the files about how a recording was made, and whether they say that it was simulated."""
+    note, truth = note_path(path), truth_path(path)
+    simulated = truth.is_file()
+    if note.is_file() and not simulated:
+        try:
+            content = json.loads(note.read_text(encoding="utf-8"))
+        except (ValueError, OSError, RecursionError):
+            content = None
+        simulated = isinstance(content, dict) and bool(content.get("simulated"))
+    return [one.name for one in (note, truth) if one.is_file()], simulated
+
+
+def _without(path: Path, reason: str) -> str:
+    """An error's text without the path that it begins with: the report names the file already."""
+    return reason.removeprefix(str(path)).removeprefix(":").removeprefix(",").strip()

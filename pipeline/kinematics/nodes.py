@@ -1,0 +1,265 @@
+"""The 20 nodes out of any skeleton, by the names that recorders and mocap libraries give their joints."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator
+
+import numpy as np
+
+from kinemimic.pipeline.arrays import Array, States
+from kinemimic.pipeline.errors import KinemimicError
+from kinemimic.pipeline.kinematics.clip import Clip
+from kinemimic.pipeline.kinematics.proportions import complete
+from kinemimic.pipeline.kinematics.skeleton import NODE_INDEX, NODES
+
+# Per node the names to look for, best first, in lower case without punctuation. A * stands for the side:
+# "*leg" is leftleg or lleg, "leg*" is legleft or legl; a % for the whole word only. The sequence settles
+# what is ambiguous between conventions: LeftFoot is the ankle wherever there is no LeftAnkle, and the foot
+# where there is; ShoulderLeft is a Kinect's shoulder, but Shoulder_L a clavicle beside UpperArm_L.
+_MIDDLE: dict[str, tuple[str, ...]] = {
+    "hip_center": ("hipcenter", "hips", "pelvis", "spinebase", "hip", "root", "waist"),
+    "spine": (
+        "spine",
+        "spinemid",
+        "spinenavel",
+        "lowerback",
+        "spine1",
+        "chest",
+        "abdomen",
+        "torso",
+        "waist",
+        "spinechest",
+    ),
+    "shoulder_center": ("shouldercenter", "spineshoulder", "neck", "neckbase", "lowerneck"),
+    "head": ("headend", "headtip", "head"),
+}
+_SIDED: dict[str, tuple[str, ...]] = {
+    "shoulder": (
+        "shoulder%",
+        "*arm",
+        "*upperarm",
+        "*uparm",
+        "upperarm*",
+        "uparm*",
+        "*humerus",
+        "humerus*",
+        "*shoulder",
+        "shoulder*",
+    ),
+    "elbow": (
+        "elbow*",
+        "*forearm",
+        "*elbow",
+        "*lowerarm",
+        "*lowarm",
+        "lowerarm*",
+        "forearm*",
+        "*radius",
+        "ulna*",
+    ),
+    "wrist": ("wrist*", "*wrist", "*hand", "hand*"),
+    "hand": (
+        "hand%",
+        "*hand",
+        "*handmiddle1",
+        "*handindex1",
+        "*middle1",
+        "*index1",
+        "*fingers",
+        "*handend",
+        "*wristend",
+        "hand*end",
+        "wrist*end",
+    ),
+    "hip": (
+        "hip*",
+        "*upleg",
+        "*upperleg",
+        "*thigh",
+        "*hip",
+        "upperleg*",
+        "upleg*",
+        "thigh*",
+        "*femur",
+        "femur*",
+    ),
+    "knee": (
+        "knee*",
+        "*knee",
+        "*leg",
+        "*lowerleg",
+        "*lowleg",
+        "*shin",
+        "*calf",
+        "lowerleg*",
+        "shin*",
+        "calf*",
+        "*tibia",
+        "tibia*",
+    ),
+    "ankle": ("ankle*", "*ankle", "talus*", "*foot", "foot*"),
+    "foot": (
+        "foot%",
+        "*foot",
+        "*toebase",
+        "*toes",
+        "*toe",
+        "toes*",
+        "toe*",
+        "*footend",
+        "*ankleend",
+        "foot*end",
+        "ankle*end",
+    ),
+}
+# Nodes that fall on one joint have no direction between them: a fingerless hand, a spine at the hips.
+_APART = 0.02
+# Without these no 20 nodes: everything else follows from them, and from one of the trunk's.
+_REQUIRED: tuple[str, ...] = tuple(
+    f"{joint}_{side}" for side in ("left", "right") for joint in ("hip", "knee", "ankle")
+)
+# A node that stands on another one's spot counts as not shown.
+_BEYOND: dict[str, str] = {
+    "spine": "hip_center",
+    "hand_left": "wrist_left",
+    "hand_right": "wrist_right",
+}
+# Thigh, shank, trunk and upper arm outside of these bounds (metres) are no human's, or the unit is wrong.
+_SANE: tuple[tuple[str, str, float, float], ...] = (
+    *(
+        (start.format(side), end.format(side), low, high)
+        for side in ("left", "right")
+        for start, end, low, high in (
+            ("hip_{}", "knee_{}", 0.18, 0.65),
+            ("knee_{}", "ankle_{}", 0.18, 0.60),
+            ("shoulder_{}", "elbow_{}", 0.10, 0.50),
+        )
+    ),
+    ("hip_center", "shoulder_center", 0.15, 0.90),
+)
+
+
+def normalised(name: str) -> str:
+    """A joint's name without namespace ("mixamorig:"), case and punctuation."""
+    return re.sub(r"[^a-z0-9]", "", name.rsplit(":", 1)[-1].lower())
+
+
+def _candidates(node: str) -> Iterator[str]:
+    if node in _MIDDLE:
+        yield from _MIDDLE[node]
+        return
+    joint, side = node.rsplit("_", 1)
+    for pattern in _SIDED[joint]:
+        yield pattern.replace("*", side).replace("%", side)
+        if "*" in pattern:
+            yield pattern.replace("*", side[0])
+
+
+def joints_of_nodes(names: tuple[str, ...]) -> dict[str, int]:
+    """Index of the joint that each node is found on by its name alone; no joint serves two nodes."""
+    index: dict[str, int] = {}
+    for joint, name in enumerate(names):
+        index.setdefault(normalised(name), joint)
+    found: dict[str, int] = {}
+    for node in NODES:
+        for candidate in _candidates(node):
+            if candidate in index and index[candidate] not in found.values():
+                found[node] = index[candidate]
+                break
+    return found
+
+
+def to_nodes(clip: Clip) -> tuple[Array, States]:
+    """Positions (T, 20, 3) in metres and states (T, 20) of the 20 nodes.
+
+    Both hips, knees and ankles must be there, and a trunk (the spine, the shoulder_center or both shoulders):
+    a KinemimicError names what is missing, or lengths that no human has. Everything else that a skeleton
+    lacks is derived, and then "inferred" at best: hip_center and shoulder_center midway between the sides,
+    spine a third of the way up the trunk, a hand 8 cm on along the forearm; and, where the capture does not
+    show them at all, head, arms and feet of an average body's lengths (pipeline/proportions.py). `made_up`
+    names the nodes that were so derived. Missing stays missing: a derived node is NaN wherever a node that it
+    follows from is.
+    """
+    found = joints_of(clip)
+    positions = np.full((len(clip.times), len(NODES), 3), np.nan)
+    states = np.zeros(positions.shape[:2], dtype=np.uint8)
+    for node, joint in found.items():
+        positions[:, NODE_INDEX[node]] = clip.positions[:, joint]
+        states[:, NODE_INDEX[node]] = clip.states[:, joint]
+    complete(positions, states, set(found))
+    _check_lengths(positions)
+    return positions, states
+
+
+def made_up(clip: Clip) -> tuple[str, ...]:
+    """The nodes that no joint of the capture stands for, in the sequence of NODES: `to_nodes` derives them.
+
+    Raises as `to_nodes` does if too little is there.
+    """
+    found = joints_of(clip)
+    return tuple(node for node in NODES if node not in found)
+
+
+def joints_of(clip: Clip) -> dict[str, int]:
+    """Index of the joint that each node is taken from, by name and by where the joints stand.
+
+    Raises as `to_nodes` does if too little is there.
+    """
+    found = joints_of_nodes(clip.skeleton.names)
+    lacking = [node for node in _REQUIRED if node not in found]
+    if not lacking and not {"spine", "shoulder_center"} & found.keys():
+        lacking = [f"shoulder_{side}" for side in ("left", "right") if f"shoulder_{side}" not in found]
+    if lacking:
+        names = clip.skeleton.names
+        raise KinemimicError(
+            "expected joints for hips, knees, ankles and a trunk, found none for "
+            f"{', '.join(lacking)} among {', '.join(names[:40])}{' …' if len(names) > 40 else ''}"
+        )
+    _prefer(clip, found)
+    for node, start in _BEYOND.items():
+        if node in found and start in found:
+            ends = (clip.positions[:, found[name]] for name in (start, node))
+            if _length(*ends) < _APART:
+                del found[node]
+    return found
+
+
+def _prefer(clip: Clip, found: dict[str, int]) -> None:
+    """A spine that lies above the hips, and a head that lies off the neck, where the tree has them."""
+    names, parents = clip.skeleton.names, clip.skeleton.parents
+
+    def distance(a: int, b: int) -> float:
+        return _length(clip.positions[:, a], clip.positions[:, b])
+
+    top = next((found[node] for node in ("shoulder_left", "shoulder_center", "head") if node in found), None)
+    if "spine" in found and "hip_center" in found and top is not None:
+        hips, trunk = found["hip_center"], [parents[top]]
+        while trunk[-1] >= 0 and trunk[-1] != hips:
+            trunk.append(parents[trunk[-1]])
+        if distance(hips, found["spine"]) < _APART and trunk[-1] == hips:
+            # CMU writes the lower back on the spot of the hips: the next joint up that is apart from them.
+            apart = (j for j in trunk[-2::-1] if distance(hips, j) >= _APART)
+            found["spine"] = next(apart, found["spine"])
+    head = found.get("head")
+    if head is None or parents[head] < 0 or normalised(names[head]) not in ("headend", "headtip"):
+        return
+    if distance(parents[head], head) < _APART:
+        found["head"] = parents[head]
+
+
+def _length(start: Array, end: Array) -> float:
+    """Median distance of two joints over the frames that have both; infinite if none has."""
+    distance = np.linalg.norm(end - start, axis=-1)
+    seen = distance[np.isfinite(distance)]
+    return float(np.median(seen)) if len(seen) else np.inf
+
+
+def _check_lengths(positions: Array) -> None:
+    for start, end, low, high in _SANE:
+        length = _length(positions[:, NODE_INDEX[start]], positions[:, NODE_INDEX[end]])
+        if np.isfinite(length) and not low <= length <= high:
+            raise KinemimicError(
+                f"expected {start} to {end} between {low} and {high} m, found a median of {length:.3f} m; "
+                "these are no human's lengths, or the joints are named differently"
+            )

@@ -1,0 +1,125 @@
+"""The parts of the body that a capture does not show, put where an average body has them.
+
+Lengths are shares of stature: Drillis & Contini 1966, as drawn in Winter 2009 (Biomechanics and Motor Control
+of Human Movement), Fig. 4.1; stature follows from the thighs and shanks, which every capture must show. Arms
+and hands hang along the trunk, and a foot points where the pelvis does, at a right angle to its shank: poses
+that stand for "unknown", not measurements.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from kinemimic.pipeline.arrays import Array, States
+from kinemimic.pipeline.kinematics.skeleton import INFERRED, MISSING, NODE_INDEX, NODES
+
+# Shares of stature.
+THIGH, SHANK = 0.245, 0.246
+TRUNK = 0.818 - 0.530  # from the height of the hips to that of the shoulders
+HEAD = 0.936 - 0.818  # from the shoulders to the eyes, the height of a head's centre
+HALF_SHOULDERS = 0.129
+UPPER_ARM, FOREARM = 0.186, 0.146
+FOOT = 0.110  # from the ankle to the toes: the foot's 0.152 less the heel
+# Metres from the wrist to the palm, where a Kinect sees the hand.
+HAND = 0.08
+_SIDES = ("left", "right")
+_HIPS = ("hip_left", "hip_right")
+_ENDS = ("hip_center", "shoulder_center")
+
+
+def stature(positions: Array) -> float:
+    """Metres, from the median thigh and shank in positions (T, 20, 3); NaN where no frame shows a leg."""
+    legs = []
+    for side in _SIDES:
+        hip, knee, ankle = (positions[:, NODE_INDEX[f"{joint}_{side}"]] for joint in ("hip", "knee", "ankle"))
+        length = np.linalg.norm(hip - knee, axis=-1) + np.linalg.norm(knee - ankle, axis=-1)
+        legs.append(length[np.isfinite(length)])
+    seen = np.concatenate(legs)
+    return float(np.median(seen)) / (THIGH + SHANK) if len(seen) else np.nan
+
+
+def complete(positions: Array, states: States, found: set[str]) -> None:
+    """Put the nodes that are not in `found` into positions (T, 20, 3) and states (T, 20), in place.
+
+    Needs both hips, knees and ankles, and the spine, the shoulder_center or both shoulders. What is put there
+    is "inferred" at best, and missing (NaN) in every frame in which a node that it follows from is missing.
+    """
+    if len(found) == len(NODES):
+        return
+    body = _Body(positions, states, stature(positions))
+    for node, needs, place in _rules(body, found):
+        index = NODE_INDEX[node]
+        positions[:, index] = place
+        least = states[:, [NODE_INDEX[need] for need in needs]].min(axis=1)
+        states[:, index] = np.minimum(least, INFERRED)
+        unknown = ~np.isfinite(place).all(axis=-1)
+        positions[unknown, index], states[unknown, index] = np.nan, MISSING
+
+
+class _Body:
+    def __init__(self, positions: Array, states: States, stature: float) -> None:
+        self.positions, self.states, self.stature = positions, states, stature
+
+    def __getitem__(self, node: str) -> Array:
+        return self.positions[:, NODE_INDEX[node]]
+
+    @property
+    def up(self) -> Array:
+        """(T, 3) along the trunk."""
+        return _unit(self["shoulder_center"] - self["hip_center"])
+
+    @property
+    def left(self) -> Array:
+        """(T, 3) from the right to the left hip, level with the trunk."""
+        return _unit(_across(self["hip_left"] - self["hip_right"], self.up))
+
+
+Rule = tuple[str, tuple[str, ...], Array]
+
+
+def _rules(body: _Body, found: set[str]) -> Iterator[Rule]:
+    """Each missing node, the nodes that it follows from, its places (T, 3); later rules use earlier ones."""
+    yield from (rule for rule in _trunk(body, found) if rule[0] not in found)
+    for side, sign in zip(_SIDES, (1.0, -1.0), strict=True):
+        yield from (rule for rule in _limbs(body, found, side, sign) if rule[0] not in found)
+
+
+def _trunk(body: _Body, found: set[str]) -> Iterator[Rule]:
+    yield "hip_center", _HIPS, 0.5 * (body["hip_left"] + body["hip_right"])
+    if {"shoulder_left", "shoulder_right"} <= found:
+        shoulders = ("shoulder_left", "shoulder_right")
+        yield "shoulder_center", shoulders, 0.5 * (body[shoulders[0]] + body[shoulders[1]])
+    else:
+        trunk = TRUNK * body.stature * _unit(body["spine"] - body["hip_center"])
+        yield "shoulder_center", ("hip_center", "spine"), body["hip_center"] + trunk
+    yield "spine", _ENDS, body["hip_center"] + (body["shoulder_center"] - body["hip_center"]) / 3.0
+    yield "head", _ENDS, body["shoulder_center"] + HEAD * body.stature * body.up
+
+
+def _limbs(body: _Body, found: set[str], side: str, sign: float) -> Iterator[Rule]:
+    tall = body.stature
+    shoulder, elbow, wrist, hand = (f"{joint}_{side}" for joint in ("shoulder", "elbow", "wrist", "hand"))
+    out = sign * HALF_SHOULDERS * tall * body.left
+    yield shoulder, (*_ENDS, *_HIPS), body["shoulder_center"] + out
+    if wrist in found:
+        yield elbow, (shoulder, wrist), 0.5 * (body[shoulder] + body[wrist])
+    else:
+        yield elbow, (shoulder, *_ENDS), body[shoulder] - UPPER_ARM * tall * body.up
+    yield wrist, (elbow, *_ENDS), body[elbow] - FOREARM * tall * body.up
+    yield hand, (wrist, elbow), body[wrist] + HAND * _unit(body[wrist] - body[elbow])
+    foot, ankle, knee = (f"{joint}_{side}" for joint in ("foot", "ankle", "knee"))
+    ahead = _unit(_across(np.cross(body.left, body.up), _unit(body[ankle] - body[knee])))
+    yield foot, (ankle, knee, *_ENDS, *_HIPS), body[ankle] + FOOT * tall * ahead
+
+
+def _unit(vectors: Array) -> Array:
+    """Unit vectors; NaN where there is no direction."""
+    length = np.linalg.norm(vectors, axis=-1, keepdims=True)
+    return np.asarray(vectors / np.where(length > 0, length, np.nan))
+
+
+def _across(vectors: Array, axis: Array) -> Array:
+    """The part of the vectors at right angles to a unit axis."""
+    return np.asarray(vectors - np.sum(vectors * axis, axis=-1, keepdims=True) * axis)

@@ -1,0 +1,238 @@
+"""Recorded rotations of any skeleton as those of the 20 nodes: rest poses matched.
+
+A recorder's joint frames stand as its own rest pose has them: arms out in a T or an A, or, in a sensor's SDK,
+axes along the bones. Each differs from the frame of our body by one turn that never changes. It is found by
+holding the recording against itself: the frames that its positions show (pipeline/orient.py), seen from the
+recorder's joint, averaged over the frames in which positions show them. So the same motion on a skeleton of
+another rest pose gives the same rotations, and what positions cannot show is kept as recorded: the turn of a
+straight limb, of the head, of the foot, a forearm's pronation.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from itertools import pairwise
+
+import numpy as np
+
+from kinemimic.pipeline.arrays import Array
+from kinemimic.pipeline.kinematics.clip import Clip, forward_kinematics
+from kinemimic.pipeline.kinematics.euler import local_rotations as rotations_of_channels
+from kinemimic.pipeline.kinematics.nodes import joints_of, to_nodes
+from kinemimic.pipeline.kinematics.orient import local_rotations, node_frames
+from kinemimic.pipeline.kinematics.rotations import IDENTITY, angle_between, conjugate, multiply, rotate
+from kinemimic.pipeline.kinematics.skeleton import NODE_INDEX as N
+from kinemimic.pipeline.kinematics.skeleton import NODE_PARENTS, NODES, Skeleton
+from kinemimic.pipeline.kinematics.trunk import direction, swing
+
+# A joint's frame is the body's if it agrees with the positions to this (rms, radians).
+_AGREES = np.radians(25.0)
+# Frames, spread over the clip, that fix constants of an hour's recording as well as all of it.
+_ENOUGH = 4000
+# Spreads of a bone in two joints' frames (radians) that are the same: the one nearer to the root carries it.
+_SAME = np.radians(0.3)
+# Nodes that the body at a node carries, the first of them along its line.
+_CARRIES: dict[str, tuple[str, ...]] = {
+    "hip_center": ("hip_left", "hip_right"),
+    "spine": ("shoulder_left", "shoulder_right"),
+    "shoulder_center": ("head",),
+    **{
+        f"{start}_{side}": (f"{end}_{side}",)
+        for side in ("left", "right")
+        for start, end in (
+            ("shoulder", "elbow"),
+            ("elbow", "wrist"),
+            ("wrist", "hand"),
+            ("hip", "knee"),
+            ("knee", "ankle"),
+            ("ankle", "foot"),
+        )
+    },
+}
+# Bodies whose turn about their own line no position shows: at rest they stand as the body before them does,
+# with this axis along that line. (A foot's, which needs no more than to be level on average, is averaged.)
+_ENDS: dict[str, Array] = {
+    "shoulder_center": np.array([0.0, 0.0, 1.0]),
+    "wrist_left": np.array([0.0, 0.0, -1.0]),
+    "wrist_right": np.array([0.0, 0.0, -1.0]),
+}
+_HINGES = ("knee_left", "knee_right", "elbow_left", "elbow_right")
+
+
+@dataclass(frozen=True)
+class NodeRotations:
+    """rotations: (T, 20, 4), child to parent, sign-continuous, of the bodies at the nodes; NaN where unknown.
+
+    sources: node -> the recorder's joint whose rotation was taken; the other nodes have what the positions
+    show. off_axis: knee or elbow -> mean angle (radians) between the recorded joint and the pure hinge; the
+    difference went into the limb's turn above it and to the foot or hand below.
+    """
+
+    rotations: Array
+    sources: dict[str, str]
+    off_axis: dict[str, float]
+
+
+def node_rotations_of(clip: Clip) -> NodeRotations:
+    """Rotations of the 20 nodes, as recorded where the clip has rotations that fit its positions.
+
+    Knees and elbows are pure hinges. Raises as `nodes.to_nodes` does where the clip has no 20 nodes.
+    """
+    positions = to_nodes(clip)[0]
+    shown = node_frames(positions)
+    local = _recorded(clip)
+    if local is None:
+        return NodeRotations(local_rotations(shown), {}, {})
+    world = forward_kinematics(clip.skeleton, np.zeros((*local.shape[:2], 3)), local)[1]
+    if clip.skeleton.names == NODES and clip.skeleton.parents == NODE_PARENTS:
+        recorded, sources = world, {node: node for node in _CARRIES}
+    else:
+        rows = np.unique(np.linspace(0, len(world) - 1, min(len(world), _ENOUGH)).astype(np.intp))
+        matched = _offsets(clip, world[rows], positions[rows], shown[rows])
+        recorded = np.full_like(shown, np.nan)
+        for node, (joint, offset) in matched.items():
+            recorded[:, N[node]] = multiply(world[:, joint], offset)
+        sources = {node: clip.skeleton.names[joint] for node, (joint, _) in matched.items()}
+    frames = node_frames(positions, recorded=recorded)
+    return NodeRotations(local_rotations(frames), sources, _off_axis(recorded, frames))
+
+
+def _recorded(clip: Clip) -> Array | None:
+    """Local rotations (T, J, 4) of the clip's own joints, if it has any."""
+    if clip.rotations is not None or clip.euler is None or clip.orders is None:
+        return clip.rotations
+    return rotations_of_channels(clip.euler, clip.orders, clip.world_from_file, clip.rests)
+
+
+def _offsets(clip: Clip, world: Array, positions: Array, shown: Array) -> dict[str, tuple[int, Array]]:
+    """Node -> the recorder's joint that turns its body, and the turn (4,) from that joint's frame to ours.
+
+    world: (M, J, 4) of the joints, positions: (M, 20, 3), shown: (M, 20, 4), of M frames of the clip.
+    """
+    found, rest = joints_of(clip), _rest(clip)
+    matched: dict[str, tuple[int, Array]] = {}
+    at_rest: dict[str, Array] = {}
+    for node, carried in _CARRIES.items():
+        joint = _carrier(clip.skeleton, world, positions, found, node, carried)
+        if joint is None:
+            continue
+        above = NODES[NODE_PARENTS[N[node]]]
+        frames, weight = shown[:, N[node]], _visible(node, positions)
+        by_rest = node in _ENDS and rest is not None and above in at_rest
+        if by_rest and rest is not None:
+            offset = multiply(conjugate(rest[joint]), at_rest[above])
+            line = rotate(
+                conjugate(multiply(world[:, joint], offset)), direction(positions, node, carried[0])
+            )
+            offset = multiply(offset, swing(_ENDS[node], _mean_direction(line), np.pi))
+        else:
+            offset = _mean(multiply(conjugate(world[:, joint]), frames), weight)
+        apart = angle_between(multiply(world[:, joint], offset), frames)
+        clear = np.isfinite(apart) & (weight > 0.1)
+        if not by_rest and clear.any() and np.sqrt(np.mean(apart[clear] ** 2)) > _AGREES:
+            continue
+        matched[node] = joint, offset
+        if rest is not None:
+            at_rest[node] = multiply(rest[joint], offset)
+    return matched
+
+
+def _carrier(
+    skeleton: Skeleton,
+    world: Array,
+    positions: Array,
+    found: dict[str, int],
+    node: str,
+    carried: tuple[str, ...],
+) -> int | None:
+    """The joint in whose frame the body at a node stands still: in a BVH the one that it hangs from, in a
+    Kinect's tree the one that it ends at. Of a neck's many joints the head's own, since it turns the head.
+    """
+    if any(end not in found for end in carried):
+        return None
+    ways = [_way(skeleton, found.get(node), found[end]) for end in carried]
+    joints = [j for j in ways[0] if all(j in way for way in ways) and np.isfinite(world[:, j]).any()]
+    if node == "shoulder_center" or not joints:
+        return joints[-1] if joints else None
+    spreads = np.array([max(_spread(world[:, j], positions, node, end) for end in carried) for j in joints])
+    return joints[int(np.argmax(spreads <= spreads.min() + _SAME))]
+
+
+def _way(skeleton: Skeleton, start: int | None, end: int) -> list[int]:
+    """Joints from `start` down to `end`; from the root, if the tree does not lead from one to the other."""
+    way = [end]
+    while skeleton.parents[way[-1]] >= 0 and way[-1] != start:
+        way.append(skeleton.parents[way[-1]])
+    return way[::-1]
+
+
+def _spread(frames: Array, positions: Array, node: str, end: str) -> float:
+    """Rms angle (radians) of the line between two nodes about its mean, seen from frames (T, 4)."""
+    line = rotate(conjugate(frames), direction(positions, node, end))
+    if not np.isfinite(line).all(axis=-1).any():
+        return float("inf")
+    return float(np.sqrt(max(0.0, 1.0 - np.sum(np.nanmean(line, axis=0) ** 2))))
+
+
+def _mean_direction(line: Array) -> Array:
+    """Unit vector (3,) along the mean of unit vectors (T, 3), NaN left out."""
+    mean = np.nanmean(line, axis=0)
+    return np.asarray(mean / np.linalg.norm(mean))
+
+
+def _visible(node: str, positions: Array) -> Array:
+    """How well positions show the turn of the body at a node, 0 to 1 (T,): of a limb as far as it is bent."""
+    joint, _, side = node.partition("_")
+    chain = {"shoulder": "arm", "elbow": "arm", "hip": "leg", "knee": "leg"}.get(joint)
+    if chain is None or side not in ("left", "right"):
+        return np.ones(len(positions))
+    first, hinge, last = ("shoulder", "elbow", "wrist") if chain == "arm" else ("hip", "knee", "ankle")
+    upper = direction(positions, f"{first}_{side}", f"{hinge}_{side}")
+    lower = direction(positions, f"{hinge}_{side}", f"{last}_{side}")
+    bend = np.sum(np.cross(upper, lower) ** 2, axis=-1)
+    return np.asarray(np.where(np.isfinite(bend), bend, 0.0))
+
+
+def _mean(turns: Array, weight: Array) -> Array:
+    """The turn (4,) that agrees with most of turns (T, 4), by their weights and how far each is off."""
+    seen = np.isfinite(turns).all(axis=-1)
+    q, given = turns[seen], weight[seen] + 1e-6
+    if not len(q):
+        return np.full(4, np.nan)
+    w = given
+    for _ in range(8):
+        mean = np.linalg.eigh(np.einsum("m,mi,mj->ij", w, q, q))[1][:, -1]
+        w = given / (1.0 + (angle_between(np.broadcast_to(mean, q.shape), q) / np.radians(5.0)) ** 2)
+    return np.asarray(mean)
+
+
+def _rest(clip: Clip) -> Array | None:
+    """World rotations (J, 4) of the joints with all channels at zero, where that is a person who stands."""
+    if clip.euler is None or clip.translations is None:
+        return None
+    joints = len(clip.skeleton.names)
+    turned = (np.tile(IDENTITY, (joints, 1)) if clip.rests is None else clip.rests)[None].copy()
+    turned[:, 0] = multiply(clip.world_from_file, turned[:, 0])
+    offsets = np.median(clip.translations, axis=0)[None]
+    places, frames = forward_kinematics(clip.skeleton, offsets, turned)
+    found = joints_of(clip)
+    # From below upwards, in a skeleton that stands.
+    chains = [
+        [found.get(f"{joint}_{side}") for joint in ("ankle", "knee", "hip")] for side in ("left", "right")
+    ]
+    steps = [(a, b) for chain in chains for a, b in pairwise(chain) if a is not None and b is not None]
+    ups = [places[0, b] - places[0, a] for a, b in steps]
+    stands = all(up[2] > 0.8 * np.linalg.norm(up) for up in ups)
+    return frames[0] if stands else None
+
+
+def _off_axis(recorded: Array, frames: Array) -> dict[str, float]:
+    """Mean angle of the recorded knees and elbows from those of frames (T, 20, 4)."""
+    angles: dict[str, float] = {}
+    for node in _HINGES:
+        joint, above = N[node], NODE_PARENTS[N[node]]
+        pair = [multiply(conjugate(f[:, above]), f[:, joint]) for f in (recorded, frames)]
+        apart = angle_between(*pair)
+        if np.isfinite(apart).any():
+            angles[node] = float(np.nanmean(apart))
+    return angles

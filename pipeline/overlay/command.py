@@ -1,0 +1,157 @@
+"""`kinemimic overlay`: a depth recording's skeleton drawn into its colour or depth frames, as a video."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator
+from dataclasses import asdict, dataclass
+from pathlib import Path
+
+import click
+import numpy as np
+from numpy.typing import NDArray
+
+from kinemimic.pipeline.arrays import Array
+from kinemimic.pipeline.cli.progress import progress
+from kinemimic.pipeline.errors import CaptureError, KinemimicError
+from kinemimic.pipeline.files.store import read_clip
+from kinemimic.pipeline.kinematics.clip import Clip
+from kinemimic.pipeline.kinematics.nodes import to_nodes
+from kinemimic.pipeline.overlay.draw import draw_caption, draw_skeleton, shaded
+from kinemimic.pipeline.overlay.video import video
+from kinemimic.pipeline.readers.depth.camera import Camera
+from kinemimic.pipeline.readers.depth.folder import COLOR, COLOR_SUFFIXES, is_recording, numbered_images
+from kinemimic.pipeline.readers.depth.frames import Image, load, read_color, read_depth
+from kinemimic.pipeline.readers.depth.recording import Recording, open_recording, read_recording
+
+VIEWS: tuple[str, ...] = ("depth", "color")
+# Shades of depth reach so far (metres) before and behind the middle of the person.
+_AROUND = 1.0
+# Seconds; times since 1970 are exact to less.
+_SAME_TIME = 1e-5
+
+
+@dataclass(frozen=True)
+class Overlay:
+    """What was drawn: path of the video, view, frames, and joints drawn in all of them."""
+
+    path: Path
+    view: str
+    frames: int
+    joints: int
+
+
+def overlay(folder: Path, out: Path, *, run: Path | None = None, view: str | None = None) -> Overlay:
+    """Draw the 20 nodes of a recording, or of the run that was made from it (its clip.parquet), into a video.
+
+    view: "depth" or "color"; by default colour where there is some. One picture a depth frame, at the usual
+    rate of the recording. KinemimicError for a folder that is no recording, a run of another capture, or no
+    colour.
+    """
+    if not is_recording(folder):
+        raise CaptureError(folder, expected="a depth recording, a folder with a camera.toml", found="none")
+    recording = open_recording(folder)
+    colours = numbered_images(folder / COLOR, COLOR_SUFFIXES)
+    view = view or ("color" if colours else "depth")
+    if view not in VIEWS or (view == "color" and not colours):
+        found = "no colour images there" if view in VIEWS else repr(view)
+        raise CaptureError(folder, expected=f"a view among {', '.join(VIEWS)}", found=found)
+    clip = read_recording(folder) if run is None else _clip_of_run(run, folder)
+    pixels, states = _nodes_in_view(recording, clip, view)
+    if not states.any():
+        raise CaptureError(folder, expected="joints on valid depth", found="none in any frame")
+    camera = _camera(recording, view)
+    pictures = _depths(recording, clip) if view == "depth" else _colours(recording, colours)
+    rate = 1.0 / float(np.median(np.diff(recording.times))) if len(recording.times) > 1 else 1.0
+    with (
+        video(out, camera.width, camera.height, rate) as film,
+        progress("overlay", len(recording.frames)) as bar,
+    ):
+        for row, picture in enumerate(pictures):
+            caption = f"frame {recording.frames[row]}   {recording.times[row] - recording.times[0]:.3f} s"
+            draw_skeleton(picture, pixels[row], states[row])
+            draw_caption(picture, caption, states[row])
+            film.add(picture)
+            bar.advance()
+    drawn = int((np.isfinite(pixels).all(axis=-1) & camera.inside(pixels)).sum())
+    return Overlay(out, view, len(recording.frames), drawn)
+
+
+def _clip_of_run(run: Path, folder: Path) -> Clip:
+    clip = read_clip(run / "clip.parquet")
+    name, source = folder.name or folder.resolve().name, clip.provenance.get("source")
+    if source != name:
+        raise KinemimicError(f"{run}: expected a run of {name}, found one of {source}; ingest {name} into it")
+    return clip
+
+
+def _camera(recording: Recording, view: str) -> Camera:
+    color = recording.setup.color
+    return color.camera if view == "color" and color is not None else recording.setup.camera
+
+
+def _nodes_in_view(recording: Recording, clip: Clip, view: str) -> tuple[Array, NDArray[np.uint8]]:
+    """Pixels (T, 20, 2) and states (T, 20) of the nodes in every frame of the recording.
+
+    Those of a frame that the clip does not have are missing.
+    """
+    positions, states = to_nodes(clip)
+    row = np.searchsorted(clip.times, recording.times - _SAME_TIME)
+    row = np.minimum(row, len(clip.times) - 1)
+    there = np.abs(clip.times[row] - recording.times) <= _SAME_TIME
+    points = recording.setup.mount.to_camera(positions[row])
+    color = recording.setup.color
+    if view == "color" and color is not None:
+        points = color.from_depth(points)
+    pixels = _camera(recording, view).project(points)
+    pixels[~there] = np.nan
+    seen = np.isfinite(pixels).all(axis=-1)
+    return pixels, np.where(seen, states[row], 0).astype(np.uint8)
+
+
+def _depths(recording: Recording, clip: Clip) -> Iterator[Image]:
+    """Every depth image as grey, shaded about the person, who else would be one grey in a deep room."""
+    setup = recording.setup
+    depth = setup.mount.to_camera(clip.positions)[..., 2]
+    seen = np.isfinite(depth).any(axis=1)
+    # Where nobody is seen, the shades stay what they were.
+    middle = np.interp(recording.times, clip.times[seen], [np.nanmedian(row) for row in depth[seen]])
+    for path, person in zip(recording.images, middle.tolist(), strict=True):
+        image = read_depth(path, load(path, setup.camera, 2), setup.camera, setup.units)
+        yield shaded(image, person - _AROUND, person + _AROUND)
+
+
+def _colours(recording: Recording, colours: dict[int, Path]) -> Iterator[Image]:
+    """The colour image of every depth frame; black where it has none."""
+    camera = _camera(recording, "color")
+    for frame in recording.frames:
+        path = colours.get(frame)
+        black: Image = np.zeros((camera.height, camera.width, 3), dtype=np.uint8)
+        yield black if path is None else read_color(path, camera)
+
+
+@click.command()
+@click.argument("folder", type=click.Path(path_type=Path))
+@click.option(
+    "--run",
+    type=click.Path(path_type=Path),
+    help="Draw what `ingest` made of it instead.",
+)
+@click.option("--on", "view", type=click.Choice(VIEWS), help="By default colour, where there is some.")
+@click.option(
+    "--out", type=click.Path(path_type=Path, dir_okay=False), default=Path("overlay.mp4"), show_default=True,
+    help="An .mp4 or .avi file.",
+)  # fmt: skip
+@click.option("--json", "as_json", is_flag=True, help="Print what was drawn as JSON.")
+def command(folder: Path, run: Path | None, view: str | None, out: Path, as_json: bool) -> None:
+    """Draw the 20 nodes of the depth recording in FOLDER into its frames, as a video.
+
+    \b
+      kinemimic overlay recording
+      kinemimic overlay recording --run runs/recording --on depth --out overlay.avi
+    """
+    drawn = overlay(folder, out, run=run, view=view)
+    if as_json:
+        click.echo(json.dumps({**asdict(drawn), "path": drawn.path.as_posix()}))
+    else:
+        click.echo(f"{drawn.path}: {drawn.frames} frames, {drawn.joints} joints drawn on {drawn.view}")

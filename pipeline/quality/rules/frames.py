@@ -1,0 +1,43 @@
+"""A choice of a clip's frames: all its arrays alike, and what was said of them."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from kinemimic.pipeline.kinematics.clip import Clip
+from kinemimic.pipeline.quality.defect import Defect
+
+
+def kept(clip: Clip, mask: NDArray[np.bool_]) -> Clip:
+    """The frames of a clip where mask (T,) is True, with their times."""
+    return replace(
+        clip,
+        times=clip.times[mask],
+        positions=clip.positions[mask],
+        states=clip.states[mask],
+        passes=clip.passes[mask],
+        euler=None if clip.euler is None else clip.euler[mask],
+        translations=None if clip.translations is None else clip.translations[mask],
+        rotations=None if clip.rotations is None else clip.rotations[mask],
+        angles=None if clip.angles is None else {name: curve[mask] for name, curve in clip.angles.items()},
+    )
+
+
+def renumbered(defects: Sequence[Defect], mask: NDArray[np.bool_]) -> list[Defect]:
+    """Defects with the frames that they name as they are numbered among those where mask (T,) is True."""
+    before = np.concatenate([[0], np.cumsum(mask)])  # how many of them come before each frame
+    return [
+        replace(
+            defect,
+            frames=tuple(
+                (int(before[first]), int(before[last + 1]) - 1)
+                for first, last in defect.frames
+                if before[last + 1] > before[first]
+            ),
+        )
+        for defect in defects
+    ]

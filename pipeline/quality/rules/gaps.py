@@ -1,0 +1,66 @@
+"""Joints that are missing for a while inside a pass: which of these gaps cleaning fills, and which stay."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from kinemimic.pipeline.filters.fill import LONGEST_GAP
+from kinemimic.pipeline.kinematics.clip import Clip
+from kinemimic.pipeline.kinematics.skeleton import MISSING
+from kinemimic.pipeline.kinematics.spans import frame_runs
+from kinemimic.pipeline.quality.defect import Defect, several
+
+
+def check(clip: Clip) -> list[Defect]:
+    """The gaps of a clip with numbered passes; "repaired" if all of them are short enough to be filled."""
+    inside = clip.passes >= 0
+    missing = (clip.states == MISSING) & inside[:, None]
+    never = missing.sum(axis=0) == inside.sum()
+    missing[:, never] = False
+    lost = int(missing.sum())
+    absent = [clip.skeleton.names[joint] for joint in np.flatnonzero(never)] if inside.any() else []
+    if not lost and not absent:
+        return []
+    count, filled, longest = _gaps(clip, missing)
+    if clip.euler is not None:
+        filled = 0  # the channels are whole, and what they do not give nothing else can
+    parts = []
+    if lost:
+        parts.append(
+            f"{several(lost, 'joint position')} missing in {several(count, 'gap')} inside passes, the "
+            f"longest {longest:.2f} s: {filled} of up to {LONGEST_GAP} s will be filled, "
+            f"{count - filled} will stay"
+        )
+    if absent:
+        parts.append(f"never seen: {', '.join(absent)}")
+    whole = count == filled and not absent
+    return [
+        Defect(
+            "gaps",
+            lost if lost else len(absent),
+            "joint positions" if lost else "joints",
+            "repaired" if whole else "flagged",
+            "; ".join(parts),
+            frame_runs(missing.any(axis=1)),
+        )
+    ]
+
+
+def _gaps(clip: Clip, missing: np.typing.NDArray[np.bool_]) -> tuple[int, int, float]:
+    """Number of gaps, how many of them `fill` fills, and the longest in seconds."""
+    step = float(np.median(np.diff(clip.times)))
+    # A gap ends with its pass: one row between passes keeps neighbours apart.
+    starts = np.flatnonzero(np.diff(clip.passes)) + 1
+    broken = np.insert(missing, starts, False, axis=0)
+    frame = np.insert(np.arange(len(clip.times)), starts, -1)
+    edge = np.zeros((1, broken.shape[1]), dtype=np.int8)
+    change = np.diff(np.concatenate([edge, broken.astype(np.int8), edge]), axis=0)
+    first, last = np.argwhere(change.T == 1)[:, 1], np.argwhere(change.T == -1)[:, 1] - 1
+    first, last = frame[first], frame[last]
+    before, after = np.maximum(first - 1, 0), np.minimum(last + 1, len(clip.times) - 1)
+    bounded = (clip.passes[before] == clip.passes[first]) & (clip.passes[after] == clip.passes[last])
+    bounded &= (before < first) & (after > last)
+    across = clip.times[after] - clip.times[before]
+    filled = bounded & (across <= LONGEST_GAP + step + 1e-6)
+    longest = float((clip.times[last] - clip.times[first] + step).max()) if len(first) else 0.0
+    return len(first), int(filled.sum()), longest

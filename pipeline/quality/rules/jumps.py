@@ -1,0 +1,74 @@
+"""A joint that leaves its way for one frame and is back in the next: no limb does that."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from kinemimic.pipeline.arrays import Array
+from kinemimic.pipeline.kinematics.clip import Clip
+from kinemimic.pipeline.kinematics.skeleton import MISSING
+from kinemimic.pipeline.kinematics.spans import frame_runs
+from kinemimic.pipeline.quality.defect import Defect, several
+
+# Off the line between the frames around it by more than this (metres), which is beyond a Kinect's noise …
+NOISE = 0.10
+# … and by more than the greatest acceleration of a hand or foot (m/s²) explains in that time; a kick or a
+# throw has some 200 at its sharpest, a stride less than 60.
+ACCELERATION = 200.0
+# Without it the two frames on either side go straight on, off their own lines by less than this share of the
+# jump; where they do not (a body that enters the view, a joint that moves on to another place) nobody can say
+# which of the places are wrong.
+ALONE = 0.4
+
+
+def check(clip: Clip) -> tuple[Clip, list[Defect]]:
+    """The clip with such places missing, so that cleaning fills them; Euler captures are only flagged."""
+    if len(clip.times) < 5:
+        return clip, []
+    off = np.zeros(clip.states.shape)
+    off[1:-1] = _off_line(clip, 1, 1)
+    around = np.full(clip.states.shape, np.inf)
+    around[2:-2] = np.maximum(_off_line(clip, 1, 2)[:-1], _off_line(clip, 2, 1)[1:])
+    steps = np.diff(clip.times)
+    limit = np.full(len(clip.times), np.inf)
+    limit[1:-1] = np.maximum(NOISE, 0.5 * ACCELERATION * steps[:-1] * steps[1:])
+    whole = np.zeros(len(clip.times), dtype=np.bool_)
+    whole[2:-2] = (clip.passes[2:-2] >= 0) & (clip.passes[:-4] == clip.passes[4:])
+    with np.errstate(invalid="ignore"):
+        jumps = whole[:, None] & (off > limit[:, None]) & (around < ALONE * off)
+    count = int(jumps.sum())
+    if not count:
+        return clip, []
+    per_joint = jumps.sum(axis=0)
+    worst = np.argsort(-per_joint, kind="stable")[:3]
+    names = ", ".join(f"{clip.skeleton.names[j]} {per_joint[j]}" for j in worst if per_joint[j])
+    largest = float(off[jumps].max())
+    text = f"{several(count, 'joint position')} off for one frame, up to {largest:.2f} m (most: {names}); "
+    frames = frame_runs(np.asarray(jumps.any(axis=1)))
+    if clip.euler is not None:
+        text += "left as recorded: Euler channels cannot be filled"
+        return clip, [Defect("jumps", count, "joint positions", "flagged", text, frames)]
+    positions, states = clip.positions.copy(), clip.states.copy()
+    positions[jumps], states[jumps] = np.nan, MISSING
+    rotations = clip.rotations
+    if rotations is not None:
+        # The recorder found them from the places that are wrong.
+        rotations = rotations.copy()
+        rotations[jumps] = np.nan
+    text += "taken out, so that they are filled"
+    return replace(clip, positions=positions, states=states, rotations=rotations), [
+        Defect("jumps", count, "joint positions", "repaired", text, frames)
+    ]
+
+
+def _off_line(clip: Clip, before: int, after: int) -> Array:
+    """Metres (T - before - after, J) that a frame's joints are off the line from `before` frames earlier to
+    `after` frames later; the first row is that of frame `before`."""
+    rows = len(clip.times) - before - after
+    first, there, last = (slice(k, k + rows) for k in (0, before, before + after))
+    times = clip.times
+    share = ((times[there] - times[first]) / (times[last] - times[first]))[:, None, None]
+    p = clip.positions
+    return np.asarray(np.linalg.norm(p[there] - p[first] - share * (p[last] - p[first]), axis=-1))

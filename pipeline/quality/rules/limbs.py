@@ -1,0 +1,123 @@
+"""Limbs that no human has, and bones that change their length over the clip.
+
+Bounds are of what trackers make of people, not of anatomy: a Kinect v1 puts the hip joint higher than it is
+(thigh up to 1.4 times the shank), a Kinect v2 lower (leg down to 1.2 times the trunk), model-fitted
+skeletons have trunks a third too short. Whoever is smaller than that may be a child; but then the child has
+a child's proportions, which a tracker that took a machine for legs does not show.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from kinemimic.pipeline.arrays import Array
+from kinemimic.pipeline.kinematics.body_points import between, length, median, nodes_of
+from kinemimic.pipeline.kinematics.clip import Clip
+from kinemimic.pipeline.quality.defect import Defect
+
+# Medians outside of these (metres) are nobody's, a toddler's and a giant's included.
+POSSIBLE: dict[str, tuple[float, float]] = {
+    "thigh": (0.20, 0.65),
+    "shank": (0.18, 0.60),
+    "upper arm": (0.10, 0.50),
+    "forearm": (0.08, 0.45),
+    "trunk": (0.15, 0.80),
+}
+_BONES: dict[str, tuple[str, str]] = {
+    "thigh": ("hip", "knee"),
+    "shank": ("knee", "ankle"),
+    "upper arm": ("shoulder", "elbow"),
+    "forearm": ("elbow", "wrist"),
+}
+# Thigh plus shank of a child of six; who is smaller must stand within the bounds below.
+SMALL = 0.60
+CHILD_THIGH_TO_SHANK = (0.75, 1.40)
+CHILD_LEG_TO_TRUNK = (1.00, 2.15)
+CHILD_SPREAD = 0.12
+# Spread of a bone's length (robust, relative), and its change from the first to the last fifth of the clip.
+# A Kinect v1 walk has a spread of 0.06 to 0.12 and, as limbs turn to and from the sensor, trends of 0.15.
+SPREAD = 0.15
+TREND = 0.20
+
+
+def check(clip: Clip) -> list[Defect]:
+    """Impossible limbs refuse the clip, drifting bones flag it; frames outside of passes do not count."""
+    points = nodes_of(clip)[clip.passes >= 0]
+    if not len(points):
+        return []
+    bones = {
+        f"{side} {bone}": length(points, f"{start}_{side}", f"{end}_{side}")
+        for bone, (start, end) in _BONES.items()
+        for side in ("left", "right")
+    }
+    return _impossible(points, bones) + _drifting(bones)
+
+
+def _impossible(points: Array, bones: dict[str, Array]) -> list[Defect]:
+    trunk = median(np.linalg.norm(between(points, "hips", "shoulders"), axis=-1))
+    medians = {name: median(values) for name, values in bones.items()} | {"trunk": trunk}
+    wrong = [
+        f"{name} {value:.2f} m"
+        for name, value in medians.items()
+        if not np.isnan(value) and not _within(value, POSSIBLE[name.split(" ", 1)[-1]])
+    ]
+    thigh, shank = (0.5 * (medians[f"left {bone}"] + medians[f"right {bone}"]) for bone in ("thigh", "shank"))
+    leg = thigh + shank
+    if not wrong and leg < SMALL:
+        spread = max(
+            _spread(bones[f"{side} {bone}"]) for side in ("left", "right") for bone in ("thigh", "shank")
+        )
+        if not _within(thigh / shank, CHILD_THIGH_TO_SHANK):
+            wrong.append(f"thigh {thigh / shank:.2f} times the shank")
+        if not np.isnan(trunk) and not _within(leg / trunk, CHILD_LEG_TO_TRUNK):
+            wrong.append(f"leg {leg / trunk:.2f} times the trunk")
+        # On its own that is a noisy sensor, and a child all the same.
+        if wrong and spread > CHILD_SPREAD:
+            wrong.append(f"length of a leg bone varies by {100 * spread:.0f} %")
+        if wrong:
+            wrong.insert(0, f"thigh {thigh:.2f} m and shank {shank:.2f} m as of a small child, but")
+    if not wrong:
+        return []
+    small = wrong[0].endswith("but")
+    joined = f"{wrong[0]} {', '.join(wrong[1:])}" if small else ", ".join(wrong)
+    text = f"limbs that no human has: {joined}; the tracker lost the body, record it again"
+    return [Defect("impossible_limbs", len(wrong) - small, "measures", "refused", text)]
+
+
+def _drifting(bones: dict[str, Array]) -> list[Defect]:
+    drifting: list[tuple[float, str]] = []
+    for name, values in bones.items():
+        there = values[np.isfinite(values)]
+        if len(there) < 10 or np.median(there) == 0.0:
+            continue
+        fifth = max(len(there) // 5, 1)
+        usual, spread = float(np.median(there)), _spread(there)
+        trend = float(np.median(there[-fifth:]) - np.median(there[:fifth])) / usual
+        if spread > SPREAD or abs(trend) > TREND:
+            drifting.append(
+                (
+                    max(spread / SPREAD, abs(trend) / TREND),
+                    f"{name} ±{100 * spread:.0f} %, {100 * trend:+.0f} % over the clip",
+                )
+            )
+    if not drifting:
+        return []
+    drifting.sort(reverse=True)
+    text = "; ".join(text for _, text in drifting[:3])
+    more = f"; and {len(drifting) - 3} more" if len(drifting) > 3 else ""
+    return [
+        Defect("bone_drift", len(drifting), "bones", "flagged", f"bones change their length: {text}{more}")
+    ]
+
+
+def _spread(values: Array) -> float:
+    """Half the width of the middle 68 % over the median: the standard deviation, but for outliers."""
+    there = values[np.isfinite(values)]
+    if not len(there):
+        return 0.0
+    low, middle, high = np.percentile(there, [16.0, 50.0, 84.0])
+    return float(0.5 * (high - low) / middle) if middle > 0 else 0.0
+
+
+def _within(value: float, bounds: tuple[float, float]) -> bool:
+    return bounds[0] <= value <= bounds[1]

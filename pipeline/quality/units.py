@@ -1,0 +1,138 @@
+"""The length unit of a file: as its user names it (--unit), or from the size of the body in it."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+
+from kinemimic.pipeline.arrays import Array
+from kinemimic.pipeline.errors import CaptureError, KinemimicError
+from kinemimic.pipeline.kinematics.nodes import joints_of_nodes
+from kinemimic.pipeline.kinematics.proportions import SHANK, THIGH
+from kinemimic.pipeline.quality.defect import Defect
+
+# Units in use, in metres. "CMU" is the inch of the CMU library divided by the 0.45 of its skeleton files.
+UNITS: dict[str, float] = {
+    "m": 1.0,
+    "CMU (0.056444 m)": 0.0254 / 0.45,
+    "inch": 0.0254,
+    "cm": 0.01,
+    "mm": 0.001,
+}
+# How --unit spells them, and how it is told that it did.
+SPELT: dict[str, str] = {name.split()[0].lower(): name for name in UNITS}
+NAMED = "as --unit says"
+# Thigh plus shank, in metres: of whoever walks, from a toddler of 0.81 m to a giant of 2.44 m …
+LEG_RANGE = (0.40, 1.20)
+# … and of nearly everybody, from a child of 1.22 m to a man of 2.04 m: units differ by 2.2 or more, so that
+# no two make a leg as long as that.
+USUAL_LEG = (0.60, 1.00)
+# True metres in what was taken for one metre: the file's unit is not the one that it was read in.
+FACTORS: dict[str, float] = {
+    "millimetres": 0.001,
+    "centimetres": 0.01,
+    "inches": 0.0254,
+    "feet": 0.3048,
+    "centimetres read as millimetres": 10.0,
+    "metres read as centimetres": 100.0,
+    "metres read as millimetres": 1000.0,
+}
+# Frames, spread over the recording, that are enough for a median.
+_ENOUGH = 500
+
+
+class Unit(NamedTuple):
+    """metres: the unit's length; name: of UNITS; rule: how it is known; defects: what speaks against it."""
+
+    metres: float
+    name: str
+    rule: str
+    defects: list[Defect]
+
+
+def unit_named(spelt: str | None) -> str | None:
+    """The name in UNITS of what --unit says; None of None. KinemimicError for another word."""
+    if spelt is not None and spelt not in SPELT:
+        raise KinemimicError(f"expected a unit among {', '.join(SPELT)}, found {spelt!r}")
+    return None if spelt is None else SPELT[spelt]
+
+
+def metres_per_unit(names: tuple[str, ...], offsets: Array, path: Path, *, named: str | None = None) -> Unit:
+    """The unit that the user named (of UNITS), else the likeliest (see `fitting`) for a skeleton's legs.
+
+    offsets: (T, J, 3) of each joint from its parent in the file's unit; T = 1 for a rigid skeleton.
+    Raises CaptureError if no unit is named and the legs cannot be found by name or fit in none.
+    """
+    if named is not None:
+        return Unit(UNITS[named], named, NAMED, [])
+    found = joints_of_nodes(names)
+    wanted = [f"{joint}_{side}" for side in ("left", "right") for joint in ("knee", "ankle")]
+    missing = [node for node in wanted if node not in found]
+    if missing:
+        raise CaptureError(
+            path,
+            expected="joints named as legs, from which the unit of length is told",
+            found=f"no {', '.join(missing)} among {', '.join(names[:8])}{' …' if len(names) > 8 else ''}",
+            advice="--unit names the unit",
+        )
+    some = offsets[:: len(offsets) // _ENOUGH + 1]
+    legs = [np.median(np.linalg.norm(some[:, found[node]], axis=-1)) for node in wanted]
+    leg = float(sum(legs)) / 2.0
+    possible = fitting(leg, UNITS)
+    if not possible:
+        raise CaptureError(
+            path,
+            expected=f"a leg of {LEG_RANGE[0]} to {LEG_RANGE[1]} m in one of {', '.join(UNITS)}",
+            found=f"thigh plus shank of {leg:.4g} units",
+        )
+    name, metres = possible[0], UNITS[possible[0]]
+    whose = "nearest to an adult's" if _usual(leg * metres) else "as long as a person's"
+    return Unit(metres, name, f"thigh and shank {whose}", doubt(leg, possible, UNITS, joints=len(names)))
+
+
+def fitting(leg: float, units: Mapping[str, float]) -> list[str]:
+    """The units (name -> metres) in which a leg (thigh plus shank, in them) is a person's, likeliest first.
+
+    First comes one in which it is of usual length. Between unusual ones the shorter is likelier: everybody
+    was a small child, while hardly anybody is taller than 2.04 m. A walk does not tell them apart: between
+    legs of 0.45 and 1.14 m (one number in cm and in inches) strides at ease take 1.6 times as long, which is
+    no more than between a hurried walk and a patient's of one person.
+    """
+    low, high = LEG_RANGE
+    possible = [name for name, metres in units.items() if low <= leg * metres <= high]
+    return sorted(possible, key=lambda name: (not _usual(leg * units[name]), leg * units[name]))
+
+
+def correction(leg: float, joints: int) -> tuple[float, list[Defect]]:
+    """The factor of FACTORS that makes a person's of a leg (metres) that is nobody's, and what to say.
+
+    joints: how many it is of. Where no unit fits the factor is 1 and the defect one that refuses the capture.
+    """
+    possible = fitting(leg, FACTORS)
+    if not possible:
+        text = f"a leg (thigh and shank) of {leg:.4g} m, which fits in no unit of length"
+        return 1.0, [Defect("wrong_units", joints, "joints", "refused", text)]
+    factor = FACTORS[possible[0]]
+    text = f"a leg of {leg:.4g} m: lengths are {possible[0]}; times {factor:g} it is {leg * factor:.2f} m"
+    repaired = Defect("wrong_units", joints, "joints", "repaired", text)
+    return factor, [repaired, *doubt(leg, possible, FACTORS, joints=joints)]
+
+
+def doubt(leg: float, possible: Sequence[str], units: Mapping[str, float], *, joints: int) -> list[Defect]:
+    """What to say where a leg is a person's in several units and of usual length in none (see `fitting`)."""
+    if len(possible) < 2 or _usual(leg * units[possible[0]]):
+        return []
+    (chosen, tall), (other, taller) = ((name, leg * units[name] / (THIGH + SHANK)) for name in possible[:2])
+    text = (
+        f"thigh plus shank are {leg:.4g}: in {chosen} those of a person of {tall:.2f} m, in {other} of "
+        f"{taller:.2f} m; read in {chosen}, as children are likelier; "
+        f"--unit says which it is"
+    )
+    return [Defect("wrong_units", joints, "joints", "flagged", text)]
+
+
+def _usual(leg: float) -> bool:
+    return USUAL_LEG[0] <= leg <= USUAL_LEG[1]

@@ -1,0 +1,51 @@
+"""What a column says of a joint: whether it is missing, inferred or tracked."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from kinemimic.pipeline.arrays import Mask
+from kinemimic.pipeline.readers.custom_table.description import States
+from kinemimic.pipeline.readers.custom_table.table import Words
+
+Codes = NDArray[np.uint8]
+
+
+def in_words(marks: States) -> bool:
+    """Whether the description has states that are words, so that their columns are to be read as such."""
+    return any(isinstance(mark, str) for mark in (*marks.missing, *marks.inferred, *marks.tracked))
+
+
+def states_of_numbers(written: NDArray[np.float64], marks: States) -> tuple[Mask, Codes]:
+    """Of each number whether it means a state, and which (0, 1, 2); NaN is a missing joint."""
+    if marks.tracked_from is not None:
+        # A comparison with NaN is False, which leaves 0.
+        sure = (written >= marks.inferred_from).astype(np.uint8) + (written >= marks.tracked_from)
+        return np.ones(len(written), dtype=np.bool_), sure.astype(np.uint8)
+    listed = [
+        np.isin(written, [mark for mark in state if not isinstance(mark, str)]) for state in _lists(marks)
+    ]
+    return _coded(np.isnan(written), listed)
+
+
+def states_of_words(written: Words, marks: States) -> tuple[Mask, Codes]:
+    """Of each word whether it means a state, and which (0, 1, 2); an empty cell is a missing joint."""
+    listed = [
+        np.isin(written.known, [mark if isinstance(mark, str) else f"{mark:g}" for mark in state])
+        for state in _lists(marks)
+    ]
+    known, codes = _coded(np.array([not word for word in written.known]), listed)
+    return known[written.codes], codes[written.codes]
+
+
+def _lists(marks: States) -> tuple[Sequence[str | float], ...]:
+    return marks.missing, marks.inferred, marks.tracked
+
+
+def _coded(empty: Mask, listed: list[Mask]) -> tuple[Mask, Codes]:
+    missing, inferred, tracked = listed
+    codes = np.where(tracked, 2, np.where(inferred, 1, 0)).astype(np.uint8)
+    return empty | missing | inferred | tracked, codes

@@ -1,0 +1,189 @@
+"""What the size and posture of a body in a table say of its unit and its axes, and what its times say."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from kinemimic.pipeline.arrays import Array
+from kinemimic.pipeline.kinematics.nodes import joints_of_nodes
+from kinemimic.pipeline.kinematics.rotations import normalize, rotate
+from kinemimic.pipeline.quality.units import fitting
+from kinemimic.pipeline.readers.custom_table.description_file import LENGTHS, SECONDS
+
+# A recorder's usual step, and the steps between which a unit of time may be right.
+_STEP = 1.0 / 30.0
+_STEPS = (0.004, 0.2)
+# Thigh plus shank of an adult: which unit is nearest where none gives a person's.
+_LEG = 0.82
+_AXES = "XYZ"
+# Mean cosine from which a frame's axis lies along a bone.
+_ALONG = 0.9
+
+
+@dataclass(frozen=True)
+class Axes:
+    """unit: a name of LENGTHS; up, forward, left: "Y", "-Z" …; left "" if it follows by the right hand;
+    certain: which of them the body shows; notes: what shows them, by key."""
+
+    unit: str
+    up: str
+    forward: str
+    left: str
+    notes: dict[str, str]
+
+
+def axes_of(points: Array, names: Sequence[str]) -> Axes:
+    """Unit and axes of points (T, J, 3) of joints with these names; what cannot be told is a Kinect's."""
+    index = joints_of_nodes(tuple(names))
+    places = {node: points[:, joint] for node, joint in index.items()}
+    notes: dict[str, str] = {}
+    unit = _unit(places, notes)
+    up = _up(places)
+    if up is None:
+        notes["up"] = "please check"
+        up = np.array([0.0, 1.0, 0.0])
+    else:
+        notes["up"] = "the head is above the feet there"
+    forward = _forward(places, up)
+    left = ""
+    if forward is None:
+        notes["forward"] = "please check: where people mostly look; it only turns the picture"
+        forward = np.roll(up, 1)
+    else:
+        notes["forward"] = "the feet point there"
+        right_handed = _right_handed(places, up)
+        if right_handed is not None and not right_handed:
+            left = _name(-np.cross(up, forward))
+            notes["left"] = "please check: left-handed axes, or left and right are exchanged in the names"
+    return Axes(unit, _name(up), _name(forward), left, notes)
+
+
+def _unit(places: dict[str, Array], notes: dict[str, str]) -> str:
+    legs = [
+        _length(places[a], places[b]) + _length(places[b], places[c])
+        for a, b, c in ((f"hip_{s}", f"knee_{s}", f"ankle_{s}") for s in ("left", "right"))
+        if {a, b, c} <= places.keys()
+    ]
+    leg = float(np.mean(legs)) if legs else np.nan
+    if not leg > 0:
+        notes["unit"] = "please check"
+        return "m"
+    possible = fitting(leg, LENGTHS)
+    nearest = min(LENGTHS, key=lambda unit: abs(np.log(leg * LENGTHS[unit] / _LEG)))
+    name = possible[0] if possible else nearest
+    others = "".join(f", or {leg * LENGTHS[other]:.2f} m in {other}" for other in possible[1:])
+    check = "" if len(possible) == 1 else ": please check"
+    notes["unit"] = f"thigh plus shank are {leg * LENGTHS[name]:.2f} m then{others}{check}"
+    return name
+
+
+def _length(start: Array, end: Array) -> float:
+    length = np.linalg.norm(end - start, axis=-1)
+    seen = length[np.isfinite(length) & (length > 0)]
+    return float(np.median(seen)) if len(seen) else np.nan
+
+
+def _mean(places: dict[str, Array], start: str, end: str) -> Array | None:
+    """Mean of the unit vectors between two nodes, over both sides for names with {}."""
+    vectors = []
+    for side in ("left", "right"):
+        a, b = start.format(side), end.format(side)
+        if a in places and b in places:
+            vectors.append(places[b] - places[a])
+    if not vectors:
+        return None
+    joined = np.concatenate(vectors)
+    length = np.linalg.norm(joined, axis=-1, keepdims=True)
+    seen = (np.isfinite(length) & (length > 0))[:, 0]
+    return np.asarray((joined[seen] / length[seen]).mean(axis=0)) if seen.any() else None
+
+
+def _axis(direction: Array) -> Array:
+    """The coordinate axis nearest to a direction."""
+    axis = np.zeros(3)
+    largest = int(np.argmax(np.abs(direction)))
+    axis[largest] = 1.0 if direction[largest] > 0 else -1.0
+    return axis
+
+
+def _name(axis: Array) -> str:
+    largest = int(np.argmax(np.abs(axis)))
+    return ("" if axis[largest] > 0 else "-") + _AXES[largest]
+
+
+def _up(places: dict[str, Array]) -> Array | None:
+    for start, end in (("ankle_{}", "head"), ("knee_{}", "head"), ("hip_center", "shoulder_center")):
+        if (direction := _mean(places, start, end)) is not None and np.abs(direction).max() > 0.7:
+            return _axis(direction)
+    return None
+
+
+def _forward(places: dict[str, Array], up: Array) -> Array | None:
+    direction = _mean(places, "ankle_{}", "foot_{}")
+    if direction is None:
+        return None
+    level = direction * (up == 0)
+    return _axis(level) if np.abs(level).max() > 0.2 else None
+
+
+def _right_handed(places: dict[str, Array], up: Array) -> bool | None:
+    """Whether forward is left x up, frame by frame, so that turning round does not matter."""
+    if not {"hip_left", "hip_right"} <= places.keys():
+        return None
+    lateral = places["hip_left"] - places["hip_right"]
+    agree = []
+    for side in ("left", "right"):
+        if {f"ankle_{side}", f"foot_{side}"} <= places.keys():
+            toes = places[f"foot_{side}"] - places[f"ankle_{side}"]
+            agree.append(np.sum(np.cross(lateral, up) * toes, axis=-1))
+    if not agree:
+        return None
+    seen = np.concatenate(agree)
+    seen = seen[np.isfinite(seen) & (seen != 0)]
+    return None if len(seen) == 0 else bool((seen > 0).mean() > 0.5)
+
+
+def time_unit(times: Array, name: str) -> tuple[str, float] | None:
+    """Unit of increasing times (T,) and their usual step in seconds; None if they are no times.
+
+    Whole numbers with steps of 1 to 7 count frames, with a step of 0.
+    """
+    steps = np.diff(times[np.isfinite(times)])
+    if len(steps) < 2 or (steps < 0).mean() > 0.02 or (steps > 0).mean() < 0.4:
+        return None
+    step = float(np.median(steps[steps > 0]))
+    whole = bool(np.all(np.mod(steps, 1.0) == 0.0))
+    if whole and step <= 7:
+        return "frame", 0.0
+    named = next(
+        (unit for unit in ("ms", "us", "100ns", "s") if f"({unit})" in name or f"[{unit}]" in name), None
+    )
+    fitting = [u for u in SECONDS if u != "frame" and _STEPS[0] <= step * SECONDS[u] <= _STEPS[1]]
+    if not fitting:
+        return None
+    best = named if named in fitting else min(fitting, key=lambda u: abs(np.log(step * SECONDS[u] / _STEP)))
+    return best, step * SECONDS[best]
+
+
+def quaternion_order(q: Array, points: Array, parents: Sequence[int]) -> tuple[str, bool | None, str]:
+    """Order of quaternions (T, J, 4) as they stand, whether relative to the world if known, and why.
+
+    parents: (J,) index of each joint's parent, -1 for none. A Kinect turns its joints so that their +Y lies
+    along the bone that ends there, in the camera's axes: where one order gives that, both are certain.
+    """
+    joints = [joint for joint, parent in enumerate(parents) if parent >= 0]
+    bones = points[:, joints] - points[:, [parents[joint] for joint in joints]]
+    with np.errstate(invalid="ignore", divide="ignore"):
+        bones = normalize(bones)
+        for order, taken in (("xyzw", [0, 1, 2, 3]), ("wxyz", [1, 2, 3, 0])):
+            along = np.sum(
+                rotate(normalize(q[:, joints][..., taken]), np.array([0.0, 1.0, 0.0])) * bones, axis=-1
+            )
+            if joints and np.isfinite(along).any() and np.nanmean(along) > _ALONG:
+                return order, True, "their +Y then lies along the bones, as a Kinect's do"
+    largest = np.nan_to_num(np.abs(q)).mean(axis=(0, 1))
+    order = "wxyz" if largest[0] > largest[3] else "xyzw"
+    return order, None, "please check: the largest component is taken for w"

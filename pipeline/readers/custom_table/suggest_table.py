@@ -1,0 +1,150 @@
+"""What a text looks like as a table: separator, decimal mark, header, rows, and what stands for nothing."""
+
+from __future__ import annotations
+
+import csv
+from collections import Counter
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import islice, pairwise
+
+import numpy as np
+
+from kinemimic.pipeline.arrays import Array
+from kinemimic.pipeline.readers.base.numbers import to_number
+from kinemimic.pipeline.readers.base.source import Source
+
+# Enough lines to know a table by, and enough rows to know a body by.
+_SAMPLE = 200
+_ROWS = 2000
+_SEPARATORS: dict[str, str | None] = {"tab": "\t", "semicolon": ";", "comma": ",", "space": None}
+# What pandas takes for a missing value by itself.
+_EMPTY = frozenset({"", "nan", "na", "n/a", "null", "none", "-nan", "#n/a", "<na>"})
+_SENTINELS = (-9999.0, -999.0, -99999.0, 9999.0, 99999.0, 999.0)
+# No place, no angle and no time; its square is still a number.
+_HUGE = 1e30
+_COMMENTS = ("#", "%", "!")
+
+
+@dataclass(frozen=True)
+class Sheet:
+    """separator: as a description names it; header, first: line numbers from 1 (header 0: none);
+    names: (w,) of the columns, or empty; values: (R, w) of the first rows, NaN where there is no number;
+    words: the cells of the columns that hold words; marks: what stands for a missing value, ready for TOML;
+    comment: a mark of lines to leave out, or "".
+    """
+
+    separator: str
+    decimal: str
+    header: int
+    first: int
+    names: tuple[str, ...]
+    values: Array
+    words: dict[int, tuple[str, ...]]
+    marks: tuple[str, ...]
+    comment: str
+
+    @property
+    def width(self) -> int:
+        """Number of columns."""
+        return int(self.values.shape[1])
+
+
+def sheet_of(source: Source) -> Sheet:
+    """The table in a text; CaptureError if there is none."""
+    lines = list(enumerate(islice(source.lines, _ROWS + _SAMPLE), 1))
+    comment = next((mark for mark in _COMMENTS if any(text.startswith(mark) for _, text in lines)), "")
+    filled = [(n, text) for n, text in lines if text.strip() and not (comment and text.startswith(comment))]
+    # From all over: recorders write other lines while nobody is there yet.
+    separator, width = _cut([text for _, text in filled[:: max(1, len(filled) // _SAMPLE)]])
+    if width < 3:
+        raise source.error(expected="a table of numbers", found="lines that are none")
+    rows = [(number, _split(text, separator)) for number, text in filled]
+    rows = [(number, fields) for number, fields in rows if len(fields) == width]
+    decimal = _decimal(rows, separator)
+    starts = [k for k, (_, fields) in enumerate(rows) if _numeric(fields, decimal)]
+    # A row of data is followed by another one; a line of numbers above the header is not.
+    begin = next((k for k, after in pairwise(starts) if after == k + 1), None)
+    if begin is None:
+        raise source.error(expected="a table of numbers", found="no two rows of numbers")
+    header = 0
+    names: tuple[str, ...] = ()
+    if begin > 0 and not _numeric(rows[begin - 1][1], decimal) and len(set(rows[begin - 1][1])) == width:
+        header, names = rows[begin - 1][0], tuple(rows[begin - 1][1])
+    cells = [fields for _, fields in rows[begin : begin + _ROWS]]
+    values, words, marks = _read(cells, decimal)
+    later = comment and any(text.startswith(comment) for n, text in lines if n > rows[begin][0])
+    return Sheet(
+        separator, decimal, header, rows[begin][0], names, values, words, marks, comment if later else ""
+    )
+
+
+def _cut(lines: Sequence[str]) -> tuple[str, int]:
+    """The separator that cuts most lines to one width, the rarer one first, and that width."""
+    best = ("space", 0, 0.0)
+    for name in _SEPARATORS:
+        counts = Counter(len(_split(line, name)) for line in lines)
+        width, often = max(counts.items(), key=lambda item: (item[1] * (item[0] > 2), item[0]))
+        share = often / max(len(lines), 1)
+        if width > 2 and share > best[2] + 0.05:
+            best = (name, width, share)
+    return best[0], best[1]
+
+
+def _split(line: str, separator: str) -> list[str]:
+    mark = _SEPARATORS[separator]
+    if mark is None:
+        return line.split()
+    try:
+        fields = [field.strip() for field in next(csv.reader([line], delimiter=mark), [])]
+    except csv.Error:
+        return []
+    return fields[:-1] if fields and not fields[-1] else fields
+
+
+def _decimal(rows: Sequence[tuple[int, list[str]]], separator: str) -> str:
+    if separator == "comma":
+        return "."
+    fields = [field for _, row in rows[:_SAMPLE] for field in row]
+    commas = sum(to_number(field.replace(",", ".")) is not None for field in fields if field.count(",") == 1)
+    points = sum(to_number(field) is not None for field in fields if "." in field)
+    return "," if commas > points else "."
+
+
+def _numeric(fields: Sequence[str], decimal: str) -> bool:
+    """A row of data: at least half of it numbers, or empty, and three numbers."""
+    found = [to_number(field.replace(decimal, ".")) is not None for field in fields]
+    empty = sum(field.lower() in _EMPTY for field in fields)
+    return sum(found) + empty >= 0.5 * len(fields) and sum(found) >= 3
+
+
+def _read(
+    cells: Sequence[Sequence[str]], decimal: str
+) -> tuple[Array, dict[int, tuple[str, ...]], tuple[str, ...]]:
+    values = np.full((len(cells), len(cells[0])), np.nan)
+    words: dict[int, tuple[str, ...]] = {}
+    marks: dict[str, None] = {}
+    for column, fields in enumerate(zip(*cells, strict=True)):
+        numbers = [to_number(field.replace(decimal, ".")) for field in fields]
+        other = {f for f, v in zip(fields, numbers, strict=True) if v is None and f.lower() not in _EMPTY}
+        if len(other) > 3 or sum(v is not None for v in numbers) < 0.2 * len(numbers):
+            words[column] = tuple(fields)
+            continue
+        marks.update(
+            dict.fromkeys(f'"{mark}"' for mark in sorted(other) if '"' not in mark and "\\" not in mark)
+        )
+        values[:, column] = [v if v is not None and abs(v) < _HUGE else np.nan for v in numbers]
+    sane = np.abs(values[np.isfinite(values) & ~np.isin(values, _SENTINELS)])
+    for sentinel in _SENTINELS:
+        # The largest of the other values is far below it, or it is a measurement like them.
+        among = np.isin(values, sentinel)
+        if among.sum() > 1 and np.unique(np.nonzero(among)[1]).size > 1 and _stands_out(sane, sentinel):
+            marks[f"{sentinel:g}"] = None
+            values[among] = np.nan
+    return values, words, tuple(marks)
+
+
+def _stands_out(others: Array, sentinel: float) -> bool:
+    """Whether no measurement has just that whole value by chance: none of its neighbours occurs."""
+    near = np.abs(others - abs(sentinel)) < 0.01 * abs(sentinel)
+    return bool(near.sum() <= 1e-4 * max(len(others), 1))

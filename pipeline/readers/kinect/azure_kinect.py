@@ -1,0 +1,231 @@
+"""Azure Kinect body tracking as JSON, as the SDK's offline_processor sample writes it.
+
+Format: microsoft/Azure-Kinect-Samples, body-tracking-samples/offline_processor/main.cpp. One object with
+joint_names, bone_list, k4abt_sdk_version, source_file and frames; a frame has timestamp_usec, frame_id,
+num_bodies and bodies; a body has body_id and, 32 each, joint_positions (mm) and joint_orientations (w first).
+A person that the tracker loses comes back under another body_id. The SDK's confidence of a joint is not in
+it, but some recorders made after the sample add it: 0 out of range, 1 predicted, 2 seen (3 is reserved).
+Joints, axes and the frames of the joints: captures/azure_joints.py.
+"""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Iterator, Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from kinemimic.pipeline.arrays import Array
+from kinemimic.pipeline.kinematics.clip import Clip
+from kinemimic.pipeline.kinematics.skeleton import INFERRED, TRACKED
+from kinemimic.pipeline.quality.defect import Defect
+from kinemimic.pipeline.readers.base.absolute_orientations import child_to_parent
+from kinemimic.pipeline.readers.base.format import Format
+from kinemimic.pipeline.readers.base.frame_defects import FARTHEST
+from kinemimic.pipeline.readers.base.json_text import numbers, parse_json
+from kinemimic.pipeline.readers.base.recording import clip_of_points, reading
+from kinemimic.pipeline.readers.base.source import Source
+from kinemimic.pipeline.readers.kinect.azure_joints import (
+    JOINTS,
+    OLD_NAMES,
+    WORLD_FROM_CAMERA,
+    azure_skeleton,
+)
+from kinemimic.pipeline.readers.kinect.kinect_values import check_quaternions, sensor_clock
+
+FORMAT = Format(
+    name="Azure Kinect body tracking JSON",
+    sensor="Azure Kinect",
+    holds="times, positions and orientations of 32 joints, any number of people",
+    told_by="a JSON object with bone_list, joint_positions or k4abt_sdk_version",
+)
+_MARKS = (
+    '"bone_list"',
+    '"joint_positions"',
+    '"joint_orientations"',
+    '"k4abt_sdk_version"',
+    '"timestamp_usec"',
+)
+_CONFIDENCES = ("confidence_levels", "joint_confidences", "joint_confidence")
+# The SDK's confidence (index) as our state.
+_STATE_OF = np.array([0, INFERRED, TRACKED, TRACKED], dtype=np.uint8)
+# Two hours at 30 fps: an empty frame is few bytes in the file and 2 kB here.
+_MOST_FRAMES = 216_000
+# Microseconds: beyond is no clock, and would not fit a float exactly.
+_LAST_TIME = 2**53
+_MM = 1000.0
+
+
+def recognises(source: Source) -> bool:
+    """True if the text begins as an object and one of the format's own keys is among its first lines."""
+    head = "".join(source.head)
+    return head.lstrip().startswith("{") and any(mark in head for mark in _MARKS)
+
+
+def read(source: Source) -> Clip:
+    """The clip of the person seen in most frames, 32 joints with rotations, one frame per frame of the file.
+
+    Where that person is not seen every joint is missing. Other people are left out and counted.
+    """
+    document = parse_json(source)
+    frames = document.get("frames") if isinstance(document, dict) else None
+    if not isinstance(frames, list) or not frames:
+        raise source.error(expected='a list "frames" of body-tracking results', found="none")
+    if len(frames) > _MOST_FRAMES:
+        raise source.error(expected=f"at most {_MOST_FRAMES} frames", found=f"{len(frames)}")
+    order = _order(document.get("joint_names", list(JOINTS)), source)
+    times = np.array([_time(frame, number, source) for number, frame in enumerate(frames)]) * 1e-6
+    later, defects = sensor_clock(times, _where, source)
+    people = [_people(frame, number, source) for number, frame in enumerate(frames)]
+    seen = Counter(body for bodies in people for body in bodies)
+    if not seen:
+        raise source.error(expected="a person", found=f"{len(frames)} frames without one")
+    # The first to appear where two are seen equally long.
+    person = seen.most_common(1)[0][0]
+    rows = [number for number, bodies in enumerate(people) if person in bodies and later[number]]
+    bodies = [people[number][person] for number in rows]
+
+    points = np.full((len(frames), len(JOINTS), 3), np.nan)
+    turns = np.full((len(frames), len(JOINTS), 4), np.nan)
+    states = np.zeros((len(frames), len(JOINTS)), dtype=np.uint8)
+    points[rows] = _values(bodies, rows, "joint_positions", 3, source)[:, order] / _MM
+    turns[rows] = _values(bodies, rows, "joint_orientations", 4, source)[:, order][..., [1, 2, 3, 0]]
+    states[rows] = _states(bodies, rows, source)[:, order]
+    _refuse_far(points, source)
+    check_quaternions(turns, JOINTS, _where, source)
+    skeleton = azure_skeleton()
+    return clip_of_points(
+        skeleton,
+        times[later],
+        points[later],
+        states[later],
+        format=FORMAT,
+        reading=reading(
+            units="mm",
+            units_rule="the format's",
+            defects=[*defects, *_several(people, person)],
+            sdk=str(document.get("k4abt_sdk_version", ""))[:40],
+        ),
+        world_from_file=WORLD_FROM_CAMERA,
+        rotations=child_to_parent(turns[later], skeleton, WORLD_FROM_CAMERA),
+    )
+
+
+def _where(frame: int) -> str:
+    return f"frame {frame}"
+
+
+def _order(names: Any, source: Source) -> list[int]:
+    """For each of JOINTS its place in the file."""
+    given = names if isinstance(names, list) else []
+    found = [OLD_NAMES.get(name, name) for name in given if isinstance(name, str)]
+    if sorted(found) != sorted(JOINTS):
+        strange = next((name for name in found if name not in JOINTS), None)
+        raise source.error(
+            expected=f"{len(JOINTS)} joint_names of the Azure Kinect, each once",
+            found=f"{len(found)} names" + (f", among them {strange[:40]!r}" if strange else ""),
+        )
+    return [found.index(joint) for joint in JOINTS]
+
+
+def _time(frame: Any, number: int, source: Source) -> float:
+    """The frame's time in microseconds."""
+    time = frame.get("timestamp_usec") if isinstance(frame, dict) else None
+    if isinstance(time, bool) or not isinstance(time, int | float) or not 0 <= time < _LAST_TIME:
+        raise source.error(expected="a timestamp_usec", found=_kind(time), where=_where(number))
+    return float(time)
+
+
+def _people(frame: dict[str, Any], number: int, source: Source) -> dict[int, dict[str, Any]]:
+    """The frame's bodies by their body_id."""
+    bodies = frame.get("bodies")
+    if not isinstance(bodies, list) or not all(isinstance(body, dict) for body in bodies):
+        raise source.error(expected='a list "bodies" of objects', found=_kind(bodies), where=_where(number))
+    count = frame.get("num_bodies", len(bodies))
+    if count != len(bodies):
+        raise source.error(
+            expected=f"{_kind(count)} bodies, as num_bodies says",
+            found=f"{len(bodies)}",
+            where=_where(number),
+        )
+    people = {body["body_id"]: body for body in bodies if isinstance(body.get("body_id"), int)}
+    if len(people) != len(bodies):
+        raise source.error(
+            expected="a whole number as body_id, another one for each body",
+            found=f"{len(bodies)} bodies with {len(people)} such numbers",
+            where=_where(number),
+        )
+    return people
+
+
+def _values(
+    bodies: Sequence[dict[str, Any]], rows: Sequence[int], key: str, width: int, source: Source
+) -> Array:
+    """(len(bodies), 32, width) numbers of that key."""
+    shape = (len(JOINTS), width)
+    values = numbers([body.get(key) for body in bodies])
+    if values is not None and values.shape[1:] == shape:
+        return values
+    for row, body in zip(rows, bodies, strict=True):
+        one = numbers(body.get(key))
+        if one is None or one.shape != shape:
+            raise source.error(
+                expected=f"{key} of {shape[0]} x {shape[1]} numbers",
+                found="something else" if one is None else " x ".join(map(str, one.shape)) or "one number",
+                where=_where(row),
+            )
+    raise source.error(expected=f"{key} of {shape[0]} x {shape[1]} numbers", found="something else")
+
+
+def _states(bodies: Sequence[dict[str, Any]], rows: Sequence[int], source: Source) -> NDArray[np.uint8]:
+    """(len(bodies), 32) states of the joints, from their confidence where the recorder wrote it."""
+    key = next((key for key in _CONFIDENCES if key in bodies[0]), None)
+    if key is None:
+        return np.full((len(bodies), len(JOINTS)), TRACKED, dtype=np.uint8)
+    given = [body.get(key) for body in bodies]
+    levels = numbers(given)
+    # A recorder writes [2] instead of 2.
+    if levels is not None and levels.shape[1:] in ((len(JOINTS),), (len(JOINTS), 1)):
+        levels = levels.reshape(len(bodies), len(JOINTS))
+        wrong = ~np.isin(levels, np.arange(len(_STATE_OF)))
+        if not wrong.any():
+            return _STATE_OF[levels.astype(np.intp)]
+        row = int(np.argwhere(wrong)[0][0])
+        raise source.error(expected=f"{key} of 0 to 3", found="another value", where=_where(rows[row]))
+    raise source.error(expected=f"{key} of {len(JOINTS)} numbers in every body", found="something else")
+
+
+def _refuse_far(points: Array, source: Source) -> None:
+    """Metres as everywhere, but a JSON file has frames, not lines."""
+    far = (np.abs(points) > FARTHEST) & np.isfinite(points)
+    if far.any():
+        frame, joint, axis = (int(k) for k in np.argwhere(far)[0])
+        raise source.error(
+            expected=f"millimetres, at most {FARTHEST * _MM:g}, in {'XYZ'[axis]} of {JOINTS[joint]}",
+            found=f"{points[frame, joint, axis] * _MM:g}",
+            where=_where(frame),
+        )
+
+
+def _several(people: Sequence[dict[int, dict[str, Any]]], person: int) -> Iterator[Defect]:
+    """Bodies beside the one that was kept; one that never stands beside it may be the same person."""
+    others = {body for bodies in people for body in bodies} - {person}
+    if not others:
+        return
+    frames = [bodies for bodies in people if bodies.keys() & others]
+    beside = sum(person in bodies for bodies in frames)
+    text = f"{len(others)} more in {len(frames)} frames, left out; body {person} is seen in most"
+    if beside:
+        yield Defect("several_people", len(others), "people", "repaired", text)
+    else:
+        text += ", never beside them: they may be the same person, lost and found again"
+        yield Defect("several_people", len(others), "people", "flagged", text)
+
+
+def _kind(value: Any) -> str:
+    """A value in a message: numbers short, anything else by its kind."""
+    if value is None:
+        return "none"
+    return f"{value}"[:24] if isinstance(value, int | float) else f"a {type(value).__name__}"

@@ -1,0 +1,185 @@
+"""The raw dump of a Kinect v2 that Kinect2BVH makes its BVH from: blocks of lines, one block a frame.
+
+A block is a time in ms, `Pos N`, N lines `joint x y z`, `Rot N`, N lines `joint qx qy qz qw`; joint is the
+index in the SDK's JointType. Only joints that the sensor tracked are written, so that N changes from frame
+to frame, and a person at a desk has no legs. Metres, Y up. The quaternions are the sensor's own guess about
+bones and are left aside: positions give the bones themselves.
+"""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from kinemimic.pipeline.arrays import Array
+from kinemimic.pipeline.kinematics.clip import Clip
+from kinemimic.pipeline.readers.base.format import Format
+from kinemimic.pipeline.readers.base.frame_defects import in_sequence, refuse_far
+from kinemimic.pipeline.readers.base.recording import clip_of_points, reading
+from kinemimic.pipeline.readers.base.source import Source
+from kinemimic.pipeline.readers.kinect.kinect_v2 import FROM_SDK, SDK_JOINTS, kinect_v2_skeleton
+
+FORMAT = Format(
+    name="Kinect2BVH raw dump",
+    sensor="Kinect v2",
+    holds="positions of the tracked joints of 25",
+    told_by="a time, then a line `Pos N`",
+)
+_POS, _ROT = re.compile(r"Pos (\d{1,9})\s*$"), re.compile(r"Rot (\d{1,9})\s*$")
+_LEG = ("Hip", "Knee", "Ankle")
+# A leg that is seen in fewer frames is not what was recorded.
+_ENOUGH_FRAMES = 0.5
+
+
+@dataclass
+class _Blocks:
+    """times: ms, one a block; counts: joints of each block; lines: `joint x y z` of all blocks; numbers: of
+    the first of these lines of each block, in the file."""
+
+    times: list[float] = field(default_factory=list)
+    counts: list[int] = field(default_factory=list)
+    lines: list[str] = field(default_factory=list)
+    numbers: list[int] = field(default_factory=list)
+
+
+def recognises(source: Source) -> bool:
+    """True if `Pos N` stands in the second line, below a number."""
+    return (
+        len(source.head) > 2 and _POS.match(source.head[1]) is not None and source.head[0].strip().isdecimal()
+    )
+
+
+def read(source: Source) -> Clip:
+    """The clip of the 25 joints, missing wherever a block does not have them.
+
+    Blocks with a repeated or earlier time are dropped and counted. CaptureError for a block that is not
+    whole, and for a recording without legs.
+    """
+    blocks = _blocks(source)
+    points = _points(source, blocks)
+    refuse_far(points, SDK_JOINTS, source, lambda frame: blocks.numbers[frame])
+    _refuse_without_legs(source, points)
+    times = np.array(blocks.times)
+    later, defects = in_sequence(times)
+    return clip_of_points(
+        kinect_v2_skeleton(),
+        times[later] / 1000.0,
+        points[later][:, FROM_SDK],
+        None,
+        format=FORMAT,
+        reading=reading(units="m", units_rule="the format's", defects=defects),
+    )
+
+
+def _blocks(source: Source) -> _Blocks:
+    lines = source.lines
+    end = len(lines)
+    while end and not lines[end - 1].strip():
+        end -= 1
+    found = _Blocks()
+    at = source.blank_lines
+    while at < end:
+        found.times.append(_time(source, lines[at], at + 1))
+        count = _count(source, at + 1, end, _POS, "Pos N")
+        found.counts.append(count)
+        found.numbers.append(at + 3)
+        found.lines += lines[at + 2 : at + 2 + count]
+        again = _count(source, at + 2 + count, end, _ROT, "Rot N")
+        if again != count:
+            raise source.error(expected=f"Rot {count}", found=f"{again}", where=f"line {at + 3 + count}")
+        at += 3 + 2 * count
+    if at > end:
+        raise source.error(
+            expected="whole blocks",
+            found=f"{at - end} lines too few in the last",
+            where=f"line {end}",
+            advice="the file is cut off there",
+        )
+    return found
+
+
+def _time(source: Source, line: str, number: int) -> float:
+    text = line.strip()
+    if not (text.isascii() and text.isdecimal() and len(text) < 16):
+        raise source.error(expected="a time in ms", found=repr(text[:40]), where=f"line {number}")
+    return float(text)
+
+
+def _count(source: Source, at: int, end: int, head: re.Pattern[str], expected: str) -> int:
+    """N of the line at index `at`; it is checked before anything is made of it."""
+    match = head.match(source.lines[at]) if at < end else None
+    if match is None:
+        raise source.error(
+            expected=expected,
+            found=repr(source.lines[at].strip()[:40]) if at < end else "the end",
+            where=f"line {min(at, end - 1) + 1}",
+            advice=None if at < end else "the file is cut off there",
+        )
+    count = int(match.group(1))
+    if not 1 <= count <= len(SDK_JOINTS):
+        raise source.error(
+            expected=f"1 to {len(SDK_JOINTS)} joints", found=f"{count}", where=f"line {at + 1}"
+        )
+    return count
+
+
+def _points(source: Source, blocks: _Blocks) -> Array:
+    """Positions (T, 25, 3) in the SDK's order; NaN where a block has none."""
+    try:
+        rows = np.loadtxt(blocks.lines, dtype=np.float64, comments=None, ndmin=2)
+    except ValueError:
+        rows = np.empty((0, 0))
+    if rows.shape != (len(blocks.lines), 4):
+        raise _bad_line(source, blocks)
+    frame = np.repeat(np.arange(len(blocks.counts)), blocks.counts)
+    joint = rows[:, 0]
+    wrong = ~((joint >= 0) & (joint < len(SDK_JOINTS)) & (joint == np.rint(joint)))
+    if wrong.any():
+        bad = int(np.argmax(wrong))
+        raise source.error(
+            expected=f"the index of a joint, 0 to {len(SDK_JOINTS) - 1}",
+            found=f"{joint[bad]:g}",
+            where=f"the block of line {blocks.numbers[int(frame[bad])]}",
+        )
+    points = np.full((len(blocks.counts), len(SDK_JOINTS), 3), np.nan)
+    points[frame, joint.astype(np.intp)] = rows[:, 1:]
+    return points
+
+
+def _bad_line(source: Source, blocks: _Blocks) -> Exception:
+    """The error for the first line of positions that is not four numbers."""
+    frame = np.repeat(np.arange(len(blocks.counts)), blocks.counts)
+    for line, block in zip(blocks.lines, frame, strict=True):
+        try:
+            good = len(np.loadtxt([line], comments=None, ndmin=1)) == 4
+        except ValueError:
+            good = False
+        if not good:
+            return source.error(
+                expected="`joint x y z`",
+                found=repr(line.strip()[:40]),
+                where=f"the block of line {blocks.numbers[int(block)]}",
+            )
+    return source.error(expected="lines `joint x y z`", found="something else")
+
+
+def _refuse_without_legs(source: Source, points: Array) -> None:
+    """CaptureError unless a whole leg is there in half of the frames."""
+    unseen = np.isnan(points[..., 0])
+    broken = [
+        np.logical_or.reduce([unseen[:, SDK_JOINTS.index(f"{joint}{side}")] for joint in _LEG])
+        for side in ("Left", "Right")
+    ]
+    whole = len(points) - int(np.count_nonzero(broken[0] & broken[1]))
+    if whole >= _ENOUGH_FRAMES * len(points):
+        return
+    share = 1.0 - unseen.mean(axis=0)
+    usual = [joint for joint, seen in zip(SDK_JOINTS, share, strict=True) if seen >= _ENOUGH_FRAMES]
+    raise source.error(
+        expected="hips, knees and ankles",
+        found=f"a whole leg in {whole} of {len(points)} frames, usually the {len(usual)} joints "
+        f"{', '.join(usual)}",
+        advice="no walk can be read from it",
+    )

@@ -1,0 +1,54 @@
+"""The 25 joints of a Kinect v2, in the order of its SDK's JointType, which v2 recorders write."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from kinemimic.pipeline.kinematics.skeleton import Skeleton
+
+# Joint, and the one that its bone comes from.
+_TREE: tuple[tuple[str, str], ...] = (
+    ("SpineBase", ""),
+    ("SpineMid", "SpineBase"),
+    ("Neck", "SpineShoulder"),
+    ("Head", "Neck"),
+    ("ShoulderLeft", "SpineShoulder"),
+    ("ElbowLeft", "ShoulderLeft"),
+    ("WristLeft", "ElbowLeft"),
+    ("HandLeft", "WristLeft"),
+    ("ShoulderRight", "SpineShoulder"),
+    ("ElbowRight", "ShoulderRight"),
+    ("WristRight", "ElbowRight"),
+    ("HandRight", "WristRight"),
+    ("HipLeft", "SpineBase"),
+    ("KneeLeft", "HipLeft"),
+    ("AnkleLeft", "KneeLeft"),
+    ("FootLeft", "AnkleLeft"),
+    ("HipRight", "SpineBase"),
+    ("KneeRight", "HipRight"),
+    ("AnkleRight", "KneeRight"),
+    ("FootRight", "AnkleRight"),
+    ("SpineShoulder", "SpineMid"),
+    ("HandTipLeft", "HandLeft"),
+    ("ThumbLeft", "HandLeft"),
+    ("HandTipRight", "HandRight"),
+    ("ThumbRight", "HandRight"),
+)
+# As the files write them.
+SDK_JOINTS: tuple[str, ...] = tuple(name for name, _ in _TREE)
+SDK_PARENTS: tuple[str, ...] = tuple(parent for _, parent in _TREE)
+# SpineShoulder stands 21st in the file and is the parent of joints before it: our skeletons have every
+# parent first, so it goes behind SpineMid.
+JOINTS: tuple[str, ...] = ("SpineBase", "SpineMid", "SpineShoulder", *(
+    name for name in SDK_JOINTS if name not in ("SpineBase", "SpineMid", "SpineShoulder")
+))  # fmt: skip
+# positions_in_our_order = positions_of_the_file[:, FROM_SDK]
+FROM_SDK: tuple[int, ...] = tuple(SDK_JOINTS.index(name) for name in JOINTS)
+
+
+def kinect_v2_skeleton() -> Skeleton:
+    """The 25 joints of JOINTS; rest offsets unknown (zeros)."""
+    parents = tuple(
+        JOINTS.index(parent) if (parent := SDK_PARENTS[SDK_JOINTS.index(name)]) else -1 for name in JOINTS
+    )
+    return Skeleton(JOINTS, parents, np.zeros((len(JOINTS), 3)))

@@ -1,0 +1,210 @@
+"""Acclaim motion: an AMC file of angles with the ASF skeleton that lies beside it.
+
+A bone turns in a frame of its own (`axis`), which rest tilts against the world: with C the rotation of that
+frame and M the product of the bone's angles, all bones hang by C M C^-1 from the one before (Lander 1998,
+"Working with Motion Capture File Formats"). A joint here stands at the START of its bone and has the frame
+C: its rest is C_parent^-1 C, and its Euler channels stay the file's own. Sequences are extrinsic: `rx ry rz`
+is R = Rz Ry Rx. The file's world is Y up.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from kinemimic.pipeline.arrays import Array
+from kinemimic.pipeline.kinematics.clip import Clip
+from kinemimic.pipeline.kinematics.euler import positions_of_channels
+from kinemimic.pipeline.kinematics.rotations import IDENTITY, Y_UP_TO_Z_UP, conjugate, multiply, rotate
+from kinemimic.pipeline.kinematics.skeleton import TRACKED, Skeleton
+from kinemimic.pipeline.quality.defect import Defect
+from kinemimic.pipeline.quality.units import metres_per_unit
+from kinemimic.pipeline.readers.base.format import Format
+from kinemimic.pipeline.readers.base.frame_defects import in_sequence
+from kinemimic.pipeline.readers.base.recording import reading
+from kinemimic.pipeline.readers.base.source import Source
+from kinemimic.pipeline.readers.mocap import amc_text, asf_text
+from kinemimic.pipeline.readers.mocap.asf_text import AsfText
+
+FORMAT = Format(
+    name="ASF/AMC",
+    sensor="optical",
+    holds="a skeleton with Euler channels in the bones' own axes",
+    told_by="the keyword :FULLY-SPECIFIED, or a frame's number with a line `root` below it",
+    together_with="the skeleton NAME.asf (02.asf for 02_01.amc)",
+)
+# CMU's library and HDM05 were recorded at 120 Hz, and their files do not say so.
+RATE = 120.0
+_RATES = (5.0, 2000.0)
+_RATE_WORDS = (":SAMPLES-PER-SECOND", ":FRAMES-PER-SECOND")
+_KNEES = {"knee_left": "ltibia", "knee_right": "rtibia"}
+# A day at 120 Hz; larger frame numbers are damage.
+_LAST_FRAME = 1e7
+
+
+def recognises(source: Source) -> bool:
+    """True for motion, and for a skeleton, which `read` answers with what to read in its place."""
+    words = [line.split() for line in source.head]
+    first = [word[0].upper() for word in words]
+    if ":FULLY-SPECIFIED" in first or is_skeleton(source):
+        return True
+    numbers = [k for k, word in enumerate(words) if len(word) == 1 and word[0].isdigit()]
+    return any(first[k + 1 : k + 2] == ["ROOT"] and len(words[k + 1]) == 7 for k in numbers[:1])
+
+
+def is_skeleton(source: Source) -> bool:
+    """True for an ASF file."""
+    first = {line.split()[0].lower() for line in source.head}
+    return ":bonedata" in first or {":root", ":units"} <= first
+
+
+def read(source: Source) -> Clip:
+    """The clip of a joint at the start of each bone, and one at the end of bones that nothing hangs from.
+
+    The file has no clock: frames are 1/120 s apart unless it states a rate; frames whose number is not above
+    all before them are dropped and told. angles: the file's own knees, where the shin has one angle.
+    """
+    if is_skeleton(source):
+        raise source.error(
+            expected="a motion", found="a skeleton (ASF) alone",
+            advice="give the .amc file; the skeleton beside it is found",
+        )  # fmt: skip
+    beside, text = _skeleton_beside(source)
+    amc = amc_text.parse(source, {bone.name: len(bone.dofs) for bone in text.bones})
+    degrees = text.degrees if ":RADIANS" not in amc.keywords else False
+    degrees = degrees or ":DEGREES" in amc.keywords
+    rate, rate_rule = _rate(source, amc.keywords)
+    later, defects = _later(source, amc.numbers)
+    values = amc.values if later.all() else {bone: array[later] for bone, array in amc.values.items()}
+
+    names, parents, rests, offsets = _joints(text)
+    unit = metres_per_unit(names, offsets[None], beside.path, named=source.unit)
+    skeleton = Skeleton(names, parents, offsets * unit.metres)
+    orders, euler, root = _channels(text, values, len(names), degrees)
+    translations = np.broadcast_to(skeleton.offsets, (len(root), len(names), 3)).copy()
+    translations[:, 0] = root * unit.metres
+    return Clip(
+        skeleton=skeleton,
+        times=(amc.numbers[later] - amc.numbers[0]) / rate,
+        positions=positions_of_channels(skeleton, translations, euler, orders, Y_UP_TO_Z_UP, rests),
+        states=np.full(euler.shape[:2], TRACKED, dtype=np.uint8),
+        passes=np.zeros(len(euler), dtype=np.int32),
+        euler=euler,
+        orders=orders,
+        translations=translations,
+        world_from_file=Y_UP_TO_Z_UP.copy(),
+        rests=rests,
+        angles=_knees(text, values, degrees) or None,
+        provenance={
+            "format": FORMAT.name,
+            "reading": reading(
+                units=unit.name,
+                units_rule=unit.rule,
+                defects=[*unit.defects, *defects],
+                notes=[rate_rule],
+                skeleton=beside.path.name,
+                skeleton_length_scale=text.length,
+                channels=int(sum(len(bone.dofs) for bone in text.bones)),
+            ),
+        },
+    )
+
+
+def _skeleton_beside(source: Source) -> tuple[Source, AsfText]:
+    """The skeleton of this motion: of the same name, else of the longest name that its own starts with (CMU's
+    02.asf of 02_01.amc), else the only one in the folder."""
+    try:
+        there = sorted(path.name for path in source.path.parent.iterdir() if _is_asf(path))
+    except OSError:
+        there = []
+    stem = source.path.name.split(".")[0].lower()
+    fitting = [name for name in there if (stem + "_").startswith(name.lower().removesuffix(".gz")[:-4] + "_")]
+    chosen = max(fitting, key=len) if fitting else there[0] if len(there) == 1 else None
+    beside = source.beside(chosen) if chosen else None
+    if beside is None:
+        among = f"{', '.join(there[:4])}{' …' if len(there) > 4 else ''}" if there else "no .asf file"
+        raise source.error(
+            expected=f"its skeleton beside it, {stem}.asf or {stem.split('_')[0]}.asf", found=among,
+            advice="put the skeleton that came with the motion into the same folder",
+        )  # fmt: skip
+    if not beside.is_text or not is_skeleton(beside):
+        raise beside.error(expected="a skeleton (ASF)", found="something else")
+    return beside, asf_text.parse(beside)
+
+
+def _is_asf(path: Path) -> bool:
+    return path.name.lower().endswith((".asf", ".asf.gz"))
+
+
+def _rate(source: Source, keywords: Mapping[str, str]) -> tuple[float, str]:
+    """Frames a second, and how they are known."""
+    stated = next((keywords[word] for word in _RATE_WORDS if word in keywords), None)
+    if stated is None:
+        return RATE, f"the file states no frame rate: {RATE:g} a second, as the CMU library was recorded"
+    try:
+        rate = float(stated)
+    except ValueError:
+        rate = np.nan
+    if not _RATES[0] <= rate <= _RATES[1]:
+        raise source.error(
+            expected=f"a rate of {_RATES[0]:g} to {_RATES[1]:g} frames a second", found=repr(stated[:40])
+        )
+    return rate, f"{rate:g} frames a second, as the file states"
+
+
+def _later(source: Source, numbers: Array) -> tuple[NDArray[np.bool_], list[Defect]]:
+    """The frames whose number is above all before them."""
+    if not numbers.max() <= _LAST_FRAME:
+        raise source.error(expected="frame numbers of a recording", found=f"{numbers.max():g}")
+    return in_sequence(numbers)
+
+
+def _joints(text: AsfText) -> tuple[tuple[str, ...], tuple[int, ...], Array, Array]:
+    """Names, parents, rests (J, 4) and offsets (J, 3) in the declared unit: bones first, then bare ends."""
+    bones = text.bones
+    names, parents = [bone.name for bone in bones], [bone.parent for bone in bones]
+    above = [bones[bone.parent].axis if bone.parent >= 0 else IDENTITY for bone in bones]
+    rests = [multiply(conjugate(axis), bone.axis) for axis, bone in zip(above, bones, strict=True)]
+    ends = [rotate(conjugate(bone.axis), bone.end) / text.length for bone in bones]
+    offsets = [text.place / text.length, *(ends[parent] for parent in parents[1:])]
+    for joint, bone in enumerate(bones):
+        if joint not in parents and ends[joint].any():
+            names.append(f"{bone.name}_end")
+            parents.append(joint)
+            rests.append(IDENTITY)
+            offsets.append(ends[joint])
+    return tuple(names), tuple(parents), np.array(rests), np.array(offsets)
+
+
+def _channels(
+    text: AsfText, values: Mapping[str, Array], joints: int, degrees: bool
+) -> tuple[tuple[str, ...], Array, Array]:
+    """Intrinsic orders (J,), angles (T, J, 3), radians, and the root's place (T, 3), declared unit."""
+    frames = len(next(iter(values.values())))
+    euler, root = np.zeros((frames, joints, 3)), np.zeros((frames, 3))
+    orders = [""] * joints
+    for joint, bone in enumerate(text.bones):
+        for k in reversed(range(len(bone.dofs))):
+            kind, axis = tuple(bone.dofs[k].upper())
+            column = values[bone.name][:, k]
+            if kind == "T":
+                root[:, "XYZ".index(axis)] = column / text.length
+            else:
+                euler[:, joint, len(orders[joint])] = column
+                orders[joint] += axis
+        # The axes that a bone lacks stay zero, at the end of its order.
+        orders[joint] += "".join(axis for axis in "XYZ" if orders[joint] and axis not in orders[joint])
+    return tuple(orders), np.radians(euler, out=euler) if degrees else euler, root + text.place / text.length
+
+
+def _knees(text: AsfText, values: Mapping[str, Array], degrees: bool) -> dict[str, Array]:
+    """The file's own knee curves: a shin with one angle has the knee's flexion for it, in every library."""
+    hinges = {bone.name for bone in text.bones if bone.dofs == ("rx",)}
+    return {
+        knee: np.radians(values[shin][:, 0]) if degrees else values[shin][:, 0].copy()
+        for knee, shin in _KNEES.items()
+        if shin in hinges
+    }

@@ -1,0 +1,229 @@
+"""The text of an ASF skeleton: bones with their axes, lengths and degrees of freedom, nothing interpreted."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from kinemimic.pipeline.arrays import Array
+from kinemimic.pipeline.kinematics.rotations import IDENTITY, ORDERS, from_euler
+from kinemimic.pipeline.readers.base.numbers import to_number
+from kinemimic.pipeline.readers.base.source import Source
+
+ROOT = "root"
+MAX_BONES = 1024
+# In any unit and in degrees; what is larger is damage, and would overflow further on.
+LARGEST = 1e9
+_SCALES = (1e-4, 1e4)
+_SECTIONS = ("units", "root", "bonedata", "hierarchy")
+# The kinds of freedom that a bone may have; "l" (a length that changes) is in the format but in no library.
+DOFS: tuple[str, ...] = ("rx", "ry", "rz")
+ROOT_DOFS: tuple[str, ...] = ("tx", "ty", "tz", *DOFS)
+_Line = tuple[int, list[str]]
+
+
+@dataclass
+class Bone:
+    """A bone, or the root. axis: (4,) its frame at rest in the file's world; end: (3,) from its start to its
+    end at rest, in the file's world and unit; dofs: its values in a frame of motion, in this sequence.
+    """
+
+    name: str
+    axis: Array = field(default_factory=IDENTITY.copy)
+    end: Array = field(default_factory=lambda: np.zeros(3))
+    dofs: tuple[str, ...] = ()
+    parent: int = -1
+
+
+@dataclass
+class AsfText:
+    """bones: parents before children, the root first; place: (3,) of the root, in the file's unit.
+
+    length: what the file divides its lengths by; degrees: its angles are no radians.
+    """
+
+    bones: list[Bone]
+    place: Array
+    length: float
+    degrees: bool
+
+
+def parse(source: Source) -> AsfText:
+    """The skeleton; CaptureError names the line of the first mistake."""
+    sections = _sections(source)
+    for name in _SECTIONS[1:]:
+        if name not in sections:
+            raise source.error(expected=f"a section :{name}", found="none", advice="the skeleton is cut off")
+    length, degrees = _units(source, sections.get("units", []))
+    root, place = _root(source, sections["root"], degrees)
+    bones = {ROOT: root}
+    for block in _blocks(source, sections["bonedata"]):
+        bone = _bone(source, block, degrees)
+        if bone.name in bones:
+            raise source.error(
+                expected="bones once each", found=f"{bone.name!r} twice", where=f"line {block[0][0]}"
+            )
+        if len(bones) > MAX_BONES:
+            raise source.error(expected=f"at most {MAX_BONES} bones", found="more")
+        bones[bone.name] = bone
+    return AsfText(_tree(source, sections["hierarchy"], bones), place, length, degrees)
+
+
+def _sections(source: Source) -> Mapping[str, list[_Line]]:
+    """The words of each line, by the keyword above them (":root"); comments and blank lines left out."""
+    sections: dict[str, list[_Line]] = {}
+    current: list[_Line] = []
+    for number, line in enumerate(source.lines, 1):
+        words = line.partition("#")[0].split()
+        if words and words[0].startswith(":"):
+            current = sections.setdefault(words[0][1:].lower(), [])
+        elif words:
+            current.append((number, words))
+    return sections
+
+
+def _units(source: Source, lines: Sequence[_Line]) -> tuple[float, bool]:
+    length, degrees = 1.0, True
+    for number, words in lines:
+        match words[0].lower():
+            case "length":
+                length = float(_numbers(source, number, words[1:], 1, "a scale of lengths")[0])
+                if not _SCALES[0] <= length <= _SCALES[1]:
+                    raise source.error(
+                        expected=f"a scale of lengths of {_SCALES[0]:g} to {_SCALES[1]:g}",
+                        found=words[1][:40],
+                        where=f"line {number}",
+                    )
+            case "angle":
+                degrees = not words[-1].lower().startswith("rad")
+    return length, degrees
+
+
+def _root(source: Source, lines: Sequence[_Line], degrees: bool) -> tuple[Bone, Array]:
+    root, place, turn, order = Bone(ROOT, dofs=ROOT_DOFS), np.zeros(3), np.zeros(3), "XYZ"
+    for number, words in lines:
+        match words[0].lower():
+            case "order":
+                root.dofs = _dofs(source, number, words[1:], ROOT_DOFS)
+            case "axis":
+                order = _order(source, number, words[1:])
+            case "position":
+                place = _numbers(source, number, words[1:], 3, "the root's position")
+            case "orientation":
+                turn = _numbers(source, number, words[1:], 3, "the root's orientation")
+    root.axis = _axis(turn, order, degrees)
+    return root, place
+
+
+def _blocks(source: Source, lines: Sequence[_Line]) -> Iterator[list[_Line]]:
+    """The lines between each `begin` and its `end`."""
+    block: list[_Line] | None = None
+    for number, words in lines:
+        word = words[0].lower()
+        if (word == "begin") == (block is not None) and word in ("begin", "end"):
+            raise source.error(expected="begin and end in turn", found=repr(word), where=f"line {number}")
+        if word == "begin":
+            block = []
+        elif word == "end":
+            if block:
+                yield block
+            block = None
+        elif block is not None:
+            block.append((number, words))
+    if block is not None:
+        raise source.error(expected="an end", found="none", advice="the skeleton is cut off")
+
+
+def _bone(source: Source, lines: Sequence[_Line], degrees: bool) -> Bone:
+    bone = Bone("")
+    direction, length = np.zeros(3), 0.0
+    for number, words in lines:
+        match words[0].lower():
+            case "name":
+                bone.name = " ".join(words[1:])
+            case "direction":
+                direction = _numbers(source, number, words[1:], 3, "a bone's direction")
+            case "length":
+                length = float(_numbers(source, number, words[1:], 1, "a bone's length")[0])
+            case "axis":
+                turn = _numbers(source, number, words[1:4], 3, "a bone's axis: three angles and an order")
+                bone.axis = _axis(turn, _order(source, number, words[4:]), degrees)
+            case "dof":
+                bone.dofs = _dofs(source, number, words[1:], DOFS)
+    where = f"line {lines[0][0]}"
+    if not bone.name:
+        raise source.error(expected="a bone's name", found="none", where=where)
+    size = float(np.linalg.norm(direction))
+    if size > 0 and abs(size - 1.0) > 0.01:
+        raise source.error(
+            expected=f"a direction of length 1 at {bone.name}", found=f"length {size:.4g}", where=where
+        )
+    bone.end = direction * length
+    return bone
+
+
+def _tree(source: Source, lines: Sequence[_Line], bones: dict[str, Bone]) -> list[Bone]:
+    """Bones in the sequence of a walk down the hierarchy, depth first as files list them."""
+    children: dict[str, list[str]] = {}
+    seen = {ROOT}
+    for number, words in (line for block in _blocks(source, lines) for line in block):
+        for name in words:
+            if name not in bones:
+                raise source.error(
+                    expected="a bone of :bonedata", found=repr(name[:40]), where=f"line {number}"
+                )
+        for name in words[1:]:
+            if name in seen:
+                raise source.error(
+                    expected="one parent to a bone", found=f"{name!r} again", where=f"line {number}"
+                )
+            seen.add(name)
+        children.setdefault(words[0], []).extend(words[1:])
+    ordered: list[Bone] = []
+    pending = [(ROOT, -1)]
+    while pending:
+        name, parent = pending.pop()
+        bones[name].parent = parent
+        pending += [(child, len(ordered)) for child in reversed(children.get(name, []))]
+        ordered.append(bones[name])
+    lost = [name for name in bones if name not in {bone.name for bone in ordered}]
+    if lost:
+        raise source.error(
+            expected="every bone in :hierarchy below root", found=f"no {', '.join(lost[:4])} there"
+        )
+    return ordered
+
+
+def _axis(angles: Array, order: str, degrees: bool) -> Array:
+    """ASF's sequences are extrinsic: XYZ turns about X first, R = Rz Ry Rx, which is our ZYX."""
+    return from_euler((np.radians(angles) if degrees else angles)[::-1], order[::-1])
+
+
+def _order(source: Source, number: int, words: Sequence[str]) -> str:
+    order = "".join(words).upper() or "XYZ"
+    if order not in ORDERS:
+        raise source.error(
+            expected="an order of axes such as XYZ", found=repr(order[:40]), where=f"line {number}"
+        )
+    return order
+
+
+def _dofs(source: Source, number: int, words: Sequence[str], known: tuple[str, ...]) -> tuple[str, ...]:
+    dofs = tuple(word.lower() for word in words)
+    if not set(dofs) <= set(known) or len(set(dofs)) != len(dofs):
+        raise source.error(
+            expected=f"degrees of freedom among {' '.join(known)}, each once",
+            found=repr(" ".join(words)[:40]),
+            where=f"line {number}",
+        )
+    return dofs
+
+
+def _numbers(source: Source, number: int, words: Sequence[str], count: int, expected: str) -> Array:
+    """The first `count` words as numbers."""
+    values = np.array([value for word in words[:count] if (value := to_number(word)) is not None])
+    if len(values) < count or not (np.abs(values) < LARGEST).all():
+        raise source.error(expected=expected, found=repr(" ".join(words)[:40]), where=f"line {number}")
+    return values

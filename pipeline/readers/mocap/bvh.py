@@ -1,0 +1,147 @@
+"""BVH motion files: Euler channels in any order per joint, offsets, end sites.
+
+A joint's rotation is the product of its rotation channels in the sequence in which they stand, each in the
+turned frame of the one before (intrinsic). Position channels replace the joint's OFFSET, they are not added
+to it: Kinect exporters (Brekel) write both, and adding them doubles every bone. The file's world is Y up.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from kinemimic.pipeline.arrays import Array
+from kinemimic.pipeline.kinematics.clip import Clip
+from kinemimic.pipeline.kinematics.euler import local_rotations, positions_of_channels
+from kinemimic.pipeline.kinematics.rotations import Y_UP_TO_Z_UP, angle_between
+from kinemimic.pipeline.kinematics.skeleton import TRACKED, Skeleton
+from kinemimic.pipeline.quality.defect import Defect
+from kinemimic.pipeline.quality.units import metres_per_unit
+from kinemimic.pipeline.readers.base.format import Format
+from kinemimic.pipeline.readers.base.recording import reading
+from kinemimic.pipeline.readers.base.source import Source
+from kinemimic.pipeline.readers.mocap.bvh_text import BvhText, parse
+
+FORMAT = Format(
+    name="BVH",
+    sensor="optical, inertial or Kinect",
+    holds="a skeleton with Euler channels in any order",
+    told_by="the keyword HIERARCHY",
+    any_width=True,
+)
+_AXES = "XYZ"
+# A T-pose is one frame, at most a few; a longer stillness is a subject who is not there (acquire.py).
+_MAX_CALIBRATION = 5
+# Enough frames to know the usual step of a motion.
+_ENOUGH_STEPS = 600
+
+
+def recognises(source: Source) -> bool:
+    """True if the first word is HIERARCHY."""
+    return source.head[0].split()[0].lower() == "hierarchy"
+
+
+def read(source: Source) -> Clip:
+    """The clip of all joints, end sites as `<parent>_end`; a leading calibration pose is dropped, and told.
+
+    The clock starts at 0 with the file's first frame, so that a dropped first frame shows in the times.
+    """
+    bvh = parse(source)
+    if not bvh.motion.any():
+        raise source.error(
+            expected="a motion",
+            found=f"every channel is zero in all {len(bvh.motion)} frames",
+            advice="no motion was recorded, or the exporter failed",
+        )
+    orders, euler, offsets = channels(bvh)
+    names = tuple(joint.name for joint in bvh.joints)
+    unit = metres_per_unit(names, offsets, source.path, named=source.unit)
+    translations = offsets * unit.metres
+    parents = tuple(joint.parent for joint in bvh.joints)
+    skeleton = Skeleton(names, parents, np.array([joint.offset for joint in bvh.joints]) * unit.metres)
+    first, note = calibration_frames(euler, orders)
+    frames = len(euler) - first
+    defects = unit.defects
+    if first:
+        defects.append(Defect("calibration_frames", first, "frames", "repaired", note))
+    notes = ["numbers with decimal commas"] if bvh.commas else []
+    if bvh.declared > len(euler):
+        lost = bvh.declared - len(euler)
+        text = f"the file declares {bvh.declared} frames, {len(euler)} are there: it may be cut off"
+        defects.append(Defect("dropped_frames", lost, "frames", "flagged", text))
+    elif bvh.declared < len(euler):
+        notes.append(f"the file declares {bvh.declared} frames, {len(euler)} are there: all are read")
+    return Clip(
+        skeleton=skeleton,
+        times=np.arange(first, len(euler), dtype=np.float64) * bvh.frame_time,
+        positions=positions_of_channels(skeleton, translations[first:], euler[first:], orders, Y_UP_TO_Z_UP),
+        states=np.full((frames, len(names)), TRACKED, dtype=np.uint8),
+        passes=np.zeros(frames, dtype=np.int32),
+        euler=euler[first:],
+        orders=orders,
+        translations=translations[first:],
+        world_from_file=Y_UP_TO_Z_UP.copy(),
+        provenance={
+            "format": FORMAT.name,
+            "reading": reading(
+                units=unit.name,
+                units_rule=unit.rule,
+                defects=defects,
+                notes=notes,
+                channels=int(bvh.motion.shape[1]),
+            ),
+        },
+    )
+
+
+def channels(bvh: BvhText) -> tuple[tuple[str, ...], Array, Array]:
+    """Per joint the intrinsic order (J,), angles (T, J, 3), radians, local positions (T, J, 3), file units.
+
+    A joint with one or two rotation channels gets its missing axes as zeros at the end of its order.
+    """
+    shape = (len(bvh.motion), len(bvh.joints), 3)
+    euler, local = np.zeros(shape), np.empty(shape)
+    local[:] = [joint.offset for joint in bvh.joints]
+    orders: list[str] = []
+    # Where the file's columns go: place among all joints' three numbers -> column.
+    turns: dict[int, int] = {}
+    moves: dict[int, int] = {}
+    column = 0
+    for index, joint in enumerate(bvh.joints):
+        order = ""
+        for name in joint.channels:
+            if name.endswith("rotation"):
+                turns[3 * index + len(order)] = column
+                order += name[0]
+            else:
+                moves[3 * index + _AXES.index(name[0])] = column
+            column += 1
+        orders.append(order + "".join(axis for axis in _AXES if order and axis not in order))
+    for array, places in ((euler, turns), (local, moves)):
+        array.reshape(len(array), -1)[:, list(places)] = bvh.motion[:, list(places.values())]
+    return tuple(orders), np.radians(euler, out=euler), local
+
+
+def calibration_frames(euler: Array, orders: tuple[str, ...]) -> tuple[int, str]:
+    """How many leading frames are poses put before the motion (a T-pose), and what shows it.
+
+    Two things together: their channels are whole degrees (most of them 0), which recorded angles never are;
+    and the joints jump from the last of them into the motion by ten times their usual step.
+    euler: (T, J, 3) radians in the sequence of orders (J,).
+    """
+    if len(euler) > _ENOUGH_STEPS:
+        euler = euler[:_ENOUGH_STEPS]
+    moving = np.ptp(euler, axis=0) > 0
+    degrees = np.degrees(euler[:, moving])
+    whole = (np.abs(degrees - np.round(degrees)) < 1e-6).mean(axis=1) if moving.any() else np.ones(len(euler))
+    lead = int(np.argmin(whole > 0.9))
+    if not 0 < lead <= _MAX_CALIBRATION or np.median(whole) > 0.5 or len(euler) < lead + 3:
+        return 0, ""
+    rotations = local_rotations(euler, orders, Y_UP_TO_Z_UP)
+    steps = angle_between(rotations[:-1], rotations[1:])[:, moving.any(axis=-1)].mean(axis=-1)
+    if steps[lead - 1] < 10.0 * max(float(np.median(steps[lead:])), 1e-9):
+        return 0, ""
+    frames = "frame 0 is a calibration pose" if lead == 1 else f"frames 0 to {lead - 1} are calibration poses"
+    return lead, (
+        f"{frames}, dropped: whole degrees in {100 * whole[0]:.0f} % of the moving channels, and "
+        f"{np.degrees(steps[lead - 1]):.0f} deg a joint from frame {lead}"
+    )

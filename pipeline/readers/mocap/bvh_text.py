@@ -1,0 +1,247 @@
+"""The text of a BVH file: its hierarchy of joints and its table of motion, nothing interpreted."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from kinemimic.pipeline.arrays import Array
+from kinemimic.pipeline.errors import CaptureError
+from kinemimic.pipeline.readers.base.numbers import parse_table, to_number
+from kinemimic.pipeline.readers.base.source import Source
+
+# A hand with all its fingers hangs about 12 deep on 70 joints; these guard against files that are no person.
+MAX_DEPTH = 128
+MAX_JOINTS = 1024
+MAX_JOINT_FRAMES = 50_000_000
+# In any unit and in degrees; what is larger is damage, and would overflow further on.
+LARGEST = 1e9
+CHANNELS: tuple[str, ...] = ("Xposition", "Yposition", "Zposition", "Xrotation", "Yrotation", "Zrotation")
+_CHANNEL = {name.lower(): name for name in CHANNELS}
+
+
+@dataclass
+class Joint:
+    """A joint as written. end: an End Site, named `<parent>_end`; parent: index, -1 for the root."""
+
+    name: str
+    parent: int
+    end: bool = False
+    offset: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    channels: tuple[str, ...] = ()
+
+
+@dataclass
+class BvhText:
+    """joints: parents before children; motion: (T, channels) in the file's units and degrees; declared: the
+    number of frames that the file says it has; commas: its numbers have decimal commas.
+    """
+
+    joints: list[Joint] = field(default_factory=list)
+    frame_time: float = 0.0
+    motion: Array = field(default_factory=lambda: np.zeros((0, 0)))
+    declared: int = 0
+    commas: bool = False
+
+
+@dataclass(frozen=True)
+class _Token:
+    text: str
+    line: int
+
+
+class _Tokens:
+    """The words of the hierarchy, with their lines; a brace is a word of its own."""
+
+    def __init__(self, lines: Sequence[str], source: Source) -> None:
+        self.source = source
+        self._words = self._split(lines)
+        self._last = len(lines)
+
+    @staticmethod
+    def _split(lines: Sequence[str]) -> Iterator[_Token]:
+        for number, line in enumerate(lines, 1):
+            for word in line.replace("{", " { ").replace("}", " } ").split():
+                yield _Token(word, number)
+
+    def next(self, expected: str) -> _Token:
+        token = next(self._words, None)
+        if token is None:
+            raise self.source.error(
+                expected=expected,
+                found="the end of the file",
+                where=f"line {self._last}",
+                advice="the file is cut off there",
+            )
+        return token
+
+    def require(self, word: str) -> _Token:
+        token = self.next(word)
+        if token.text.lower() != word.lower():
+            raise self.error(token, word)
+        return token
+
+    def number(self, expected: str) -> float:
+        token = self.next(expected)
+        value = to_number(token.text)
+        if value is None or not abs(value) < LARGEST:
+            raise self.error(token, expected)
+        return value
+
+    def error(self, token: _Token, expected: str) -> CaptureError:
+        return self.source.error(expected=expected, found=repr(token.text[:40]), where=f"line {token.line}")
+
+
+def parse(source: Source) -> BvhText:
+    """Hierarchy and motion; CaptureError names the line of the first mistake.
+
+    What is there is read, whatever number of frames the file declares, as long as its last line is whole.
+    """
+    if _has_decimal_commas(source):
+        bvh = parse(Source(source.path, source.text.replace(",", ".").encode(), source.sha256))
+        bvh.commas = True
+        return bvh
+    lines = source.lines
+    marker = next((i for i, line in enumerate(lines) if line.strip().lower() == "motion"), None)
+    bvh = BvhText(joints=_hierarchy(_Tokens(lines[:marker], source)))
+    if marker is None:
+        raise source.error(
+            expected="MOTION", found="the end of the file", where=f"line {len(lines)}",
+            advice="the file is cut off there",
+        )  # fmt: skip
+    frames, bvh.frame_time, start = _declared(source, marker + 1)
+    width = sum(len(joint.channels) for joint in bvh.joints)
+    if width == 0:
+        raise source.error(expected="a joint with CHANNELS", found="none")
+    most = max(frames, len(lines) - start)
+    if most * len(bvh.joints) > MAX_JOINT_FRAMES:
+        raise source.error(
+            expected=f"at most {MAX_JOINT_FRAMES} joints times frames",
+            found=f"{len(bvh.joints)} joints in {most} frames",
+            where=f"line {marker + 2}",
+        )
+    table = parse_table(source, start=start, width=width)
+    bvh.motion, bvh.declared = table.values, frames
+    wrong = ~(np.abs(bvh.motion) < LARGEST)  # NaN too
+    if wrong.any():
+        frame, channel = (int(k) for k in np.argwhere(wrong)[0])
+        raise source.error(
+            expected="finite numbers", found=f"{bvh.motion[frame, channel]} in channel {channel + 1}",
+            where=f"line {table.line(frame)}, frame {frame}",
+        )  # fmt: skip
+    return bvh
+
+
+def _has_decimal_commas(source: Source) -> bool:
+    """True if the last line has commas and no point: the exporter ran on a computer set to, say, German."""
+    last = next((line for line in reversed(source.lines) if line.strip()), "")
+    return "," in last and "." not in last and all(word.count(",") < 2 for word in last.split())
+
+
+def _declared(source: Source, start: int) -> tuple[int, float, int]:
+    """Number of frames and seconds a frame, from the two lines below MOTION; and where the motion starts."""
+    filled = [(k, line) for k, line in enumerate(source.lines[start : start + 64], start) if line.strip()][:2]
+    found: list[str] = []
+    for position, key in enumerate(("frames", "frame time")):
+        number, line = filled[position] if position < len(filled) else (len(source.lines) - 1, "")
+        name, _, value = line.partition(":")
+        if " ".join(name.lower().split()) != key:
+            shown = repr(line.strip()[:40]) if line else "the end of the file"
+            raise source.error(
+                expected=f"{key.title()}: and a number", found=shown, where=f"line {number + 1}"
+            )
+        found.append(value.strip())
+    if not (found[0].isascii() and found[0].isdigit() and len(found[0]) < 12 and int(found[0]) > 0):
+        raise source.error(
+            expected="a number of frames above 0", found=repr(found[0][:40]), where=f"line {filled[0][0] + 1}"
+        )
+    seconds = to_number(found[1])
+    if seconds is None or not 1e-4 <= seconds <= 1.0:
+        raise source.error(
+            expected="a frame time of 0.0001 to 1 s",
+            found=repr(found[1][:40]),
+            where=f"line {filled[1][0] + 1}",
+        )
+    return int(found[0]), seconds, filled[1][0] + 1
+
+
+def _hierarchy(tokens: _Tokens) -> list[Joint]:
+    """Joints in the file's sequence. Iterative: nesting costs no stack."""
+    tokens.require("HIERARCHY")
+    tokens.require("ROOT")
+    joints: list[Joint] = []
+    names: set[str] = set()
+    open_joints: list[int] = []
+
+    def begin(end: bool) -> None:
+        # A name may hold spaces; the brace ends it.
+        words: list[str] = []
+        while (token := tokens.next("a joint's name and {")).text != "{":
+            words.append(token.text)
+        parent = open_joints[-1] if open_joints else -1
+        name = f"{joints[parent].name}_end" if end else " ".join(words)
+        if not name:
+            raise tokens.error(token, "a joint's name")
+        if len(open_joints) >= MAX_DEPTH or len(joints) >= MAX_JOINTS:
+            raise tokens.source.error(
+                expected=f"at most {MAX_JOINTS} joints, nested at most {MAX_DEPTH} deep",
+                found="more",
+                where=f"line {token.line}",
+            )
+        unique, count = name, 1
+        while unique in names:
+            count += 1
+            unique = f"{name}_{count}"
+        names.add(unique)
+        open_joints.append(len(joints))
+        joints.append(Joint(unique, parent, end))
+
+    begin(end=False)
+    while open_joints:
+        joint = joints[open_joints[-1]]
+        token = tokens.next("OFFSET, CHANNELS, JOINT, End Site or }")
+        match token.text.lower():
+            case "offset":
+                x, y, z = (tokens.number("three numbers after OFFSET") for _ in range(3))
+                joint.offset = (x, y, z)
+            case "channels" if not joint.end:
+                joint.channels = _channels(tokens)
+            case "joint" if not joint.end:
+                begin(end=False)
+            case "end" if not joint.end:
+                begin(end=True)
+            case "}":
+                open_joints.pop()
+            case _:
+                raise tokens.source.error(
+                    expected="OFFSET, CHANNELS, JOINT, End Site or }",
+                    found=repr(token.text[:40]),
+                    where=f"line {token.line}",
+                    advice="BVH has no such word: delete its lines, or export again",
+                )
+    if (extra := next(tokens._words, None)) is not None:
+        if extra.text.lower() == "root":
+            raise tokens.source.error(
+                expected="one ROOT",
+                found="a second one",
+                where=f"line {extra.line}",
+                advice="export each person or object to a file of its own",
+            )
+        raise tokens.error(extra, "MOTION after the one ROOT")
+    return joints
+
+
+def _channels(tokens: _Tokens) -> tuple[str, ...]:
+    count = tokens.next("the number of channels")
+    if count.text not in {str(n) for n in range(7)}:
+        raise tokens.error(count, "0 to 6 channels")
+    names: list[str] = []
+    for _ in range(int(count.text)):
+        token = tokens.next("a channel")
+        name = _CHANNEL.get(token.text.lower())
+        if name is None or name in names:
+            raise tokens.error(token, f"channels among {', '.join(CHANNELS)}, each once")
+        names.append(name)
+    return tuple(names)

@@ -1,0 +1,276 @@
+"""OpenSim motions (.mot, .sto): generalised coordinates by name, put on a standard adult's skeleton.
+
+The file holds joint angles but no lengths: those here are the published ones of the models that such files
+are made with (legs and pelvis: Delp et al. 1990, as in gait2354; arms: Hamner, Seth & Delp 2010), 1.80 m
+tall, and the angles do not depend on them. Coordinates are intrinsic Z-X-Y turns of each joint (pelvis tilt,
+list, rotation; hip flexion, adduction, rotation; lumbar extension, bending, rotation; arm likewise), of which
+the left side's second and third are mirrored. The file's world is X forward, Y up, Z right. What the model
+knows beyond that (skew axes of ankle and elbow, millimetres of gliding in the knee) is left out.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+
+from kinemimic.pipeline.arrays import Array
+from kinemimic.pipeline.kinematics.clip import Clip
+from kinemimic.pipeline.kinematics.euler import positions_of_channels
+from kinemimic.pipeline.kinematics.rotations import from_axis_angle
+from kinemimic.pipeline.kinematics.skeleton import TRACKED, Skeleton
+from kinemimic.pipeline.quality.defect import Defect
+from kinemimic.pipeline.readers.base.format import Format
+from kinemimic.pipeline.readers.base.frame_defects import in_sequence
+from kinemimic.pipeline.readers.base.numbers import parse_table
+from kinemimic.pipeline.readers.base.recording import reading
+from kinemimic.pipeline.readers.base.source import Source
+
+FORMAT = Format(
+    name="OpenSim .mot/.sto",
+    sensor="optical, through inverse kinematics",
+    holds="joint angles of an OpenSim model by name",
+    told_by="the keyword endheader",
+    any_width=True,
+)
+ORDER = "ZXY"
+# X forward, Y up, Z right to X forward, Y left, Z up.
+WORLD_FROM_FILE: Array = from_axis_angle("X", np.array(0.5 * np.pi))
+# Height of the pelvis' origin above the floor when the figure below stands: for files that do not say.
+STANDING = 0.94
+PLACES: tuple[str, ...] = ("pelvis_tx", "pelvis_ty", "pelvis_tz")
+REQUIRED: tuple[str, ...] = ("hip_flexion_r", "knee_angle_r", "hip_flexion_l", "knee_angle_l")
+# Radians, metres and seconds; what is larger is damage.
+_LARGEST_TURN, _LARGEST_PLACE, _LARGEST_TIME = 100.0, 1e4, 1e6
+
+
+class _Joint(NamedTuple):
+    """parent and place (metres, in its frame) of a joint, and the coordinates of its turns about Z, X, Y.
+
+    only_with: the joint is left out where the file has no such coordinate: nothing is known of it then.
+    """
+
+    name: str
+    parent: str
+    place: tuple[float, float, float]
+    turns: tuple[str, str, str] = ("", "", "")
+    only_with: str = ""
+
+
+def _leg(side: str, s: str, right: float) -> tuple[_Joint, ...]:
+    hip = (f"hip_flexion_{s}", f"hip_adduction_{s}", f"hip_rotation_{s}")
+    return (
+        _Joint(f"hip_{side}", "pelvis", (-0.0707, -0.0661, 0.0835 * right), hip),
+        _Joint(f"knee_{side}", f"hip_{side}", (0.0, -0.396, 0.0), (f"knee_angle_{s}", "", "")),
+        _Joint(f"ankle_{side}", f"knee_{side}", (0.0, -0.43, 0.0), (f"ankle_angle_{s}", "", "")),
+        _Joint(f"foot_{side}", f"ankle_{side}", (0.130, -0.044, 0.009 * right)),
+    )
+
+
+def _arm(side: str, s: str, right: float) -> tuple[_Joint, ...]:
+    arm, elbow = f"arm_flex_{s}", f"elbow_flex_{s}"
+    turns = (arm, f"arm_add_{s}", f"arm_rot_{s}")
+    return (
+        _Joint(f"shoulder_{side}", "lumbar", (0.003155, 0.3715, 0.17 * right), turns, "lumbar_extension"),
+        _Joint(f"elbow_{side}", f"shoulder_{side}", (0.0131, -0.2863, -0.0096 * right), (elbow, "", ""), arm),
+        _Joint(f"wrist_{side}", f"elbow_{side}", (-0.0155, -0.2488, 0.0397 * right), only_with=elbow),
+    )
+
+
+# The hips' middle and a place straight above it, both fixed to the pelvis, show its frame.
+JOINTS: tuple[_Joint, ...] = (
+    _Joint("pelvis", "", (0.0, 0.0, 0.0), ("pelvis_tilt", "pelvis_list", "pelvis_rotation")),
+    _Joint("hip_center", "pelvis", (-0.0707, -0.0661, 0.0)),
+    _Joint("spine", "pelvis", (-0.0707, 0.0815, 0.0)),
+    _Joint(
+        "lumbar",
+        "pelvis",
+        (-0.1007, 0.0815, 0.0),
+        ("lumbar_extension", "lumbar_bending", "lumbar_rotation"),
+        "lumbar_extension",
+    ),
+    *_arm("left", "l", -1.0),
+    *_arm("right", "r", 1.0),
+    *_leg("left", "l", -1.0),
+    *_leg("right", "r", 1.0),
+)
+
+
+def recognises(source: Source) -> bool:
+    """True if a line says endheader."""
+    return any(line.strip().lower() == "endheader" for line in source.head)
+
+
+def read(source: Source) -> Clip:
+    """The clip of the joints that the file's coordinates move, each with Euler channels.
+
+    Rows whose time is not after all before them are dropped and told. angles: the file's own knees and hips.
+    """
+    table = _table(source)
+    later, defects = in_sequence(table.times)
+    if table.declared > len(later):
+        lost = table.declared - len(later)
+        text = f"the header says {table.declared} rows, {len(later)} are there: the file may be cut off"
+        defects.append(Defect("dropped_frames", lost, "frames", "flagged", text))
+    values = {name: column[later] for name, column in table.columns.items()}
+    bends, knee_rule = _knee_sign(values)
+
+    joints = [joint for joint in JOINTS if not joint.only_with or joint.only_with in values]
+    names = tuple(joint.name for joint in joints)
+    parents = tuple(names.index(joint.parent) if joint.parent else -1 for joint in joints)
+    skeleton = Skeleton(names, parents, np.array([joint.place for joint in joints]))
+    euler, orders = _channels(joints, values, bends)
+    translations = np.broadcast_to(skeleton.offsets, euler.shape).copy()
+    still = np.zeros(len(euler))
+    standing = {"pelvis_ty": still + STANDING}
+    translations[:, 0] = np.stack(
+        [values.get(place, standing.get(place, still)) for place in PLACES], axis=-1
+    )
+    absent = [place for place in PLACES if place not in values]
+    notes = [
+        "the file holds no lengths: a standard adult's, 1.80 m tall (Delp et al. 1990, Hamner et al. 2010)",
+        knee_rule,
+        *([f"no {', '.join(absent)} in the file: the walker does not move along it"] if absent else []),
+    ]
+    angles = {
+        f"{joint}_{side}": sign * values[f"{column}_{side[0]}"]
+        for joint, column, sign in (("knee", "knee_angle", bends), ("hip", "hip_flexion", 1.0))
+        for side in ("left", "right")
+    }
+    return Clip(
+        skeleton=skeleton,
+        times=table.times[later] - table.times[0],
+        positions=positions_of_channels(skeleton, translations, euler, orders, WORLD_FROM_FILE),
+        states=np.full(euler.shape[:2], TRACKED, dtype=np.uint8),
+        passes=np.zeros(len(euler), dtype=np.int32),
+        euler=euler,
+        orders=orders,
+        translations=translations,
+        world_from_file=WORLD_FROM_FILE.copy(),
+        angles=angles,
+        provenance={
+            "format": FORMAT.name,
+            "reading": reading(
+                units="m",
+                units_rule="the format's",
+                defects=defects,
+                notes=notes,
+                columns=table.width,
+            ),
+        },
+    )
+
+
+@dataclass(frozen=True)
+class _Table:
+    """times: (T,) seconds; columns: coordinate -> (T,), radians and metres; declared: rows by the header;
+    width: columns of the file."""
+
+    times: Array
+    columns: Mapping[str, Array]
+    declared: int
+    width: int
+
+
+def _table(source: Source) -> _Table:
+    end = next(k for k, line in enumerate(source.lines) if line.strip().lower() == "endheader")
+    header = {
+        key.strip().lower(): value.strip()
+        for key, _, value in (line.partition("=") for line in source.lines[:end])
+    }
+    start = next((k for k in range(end + 1, len(source.lines)) if source.lines[k].strip()), None)
+    if start is None:
+        raise source.error(
+            expected="column names below endheader", found="none", advice="the file is cut off"
+        )
+    labels = [_coordinate(label) for label in source.lines[start].split()]
+    _check_labels(labels, source, start + 1)
+    table = parse_table(source, start=start + 1, width=len(labels))
+    numbers = table.values
+    if not np.isfinite(numbers).all():
+        row, column = (int(k) for k in np.argwhere(~np.isfinite(numbers))[0])
+        raise source.error(
+            expected=f"a finite number in {labels[column]}", found=f"{numbers[row, column]}",
+            where=f"line {table.line(row)}",
+        )  # fmt: skip
+    turns = {name for joint in JOINTS for name in joint.turns if name} & set(labels)
+    used = {"time", *PLACES, *turns}
+    columns = {label: numbers[:, k] for k, label in enumerate(labels) if label in used}
+    if _in_degrees(header.get("indegrees", ""), [columns[name] for name in turns]):
+        columns |= {name: np.radians(columns[name]) for name in turns}
+    units = {"time": ("s", _LARGEST_TIME), **dict.fromkeys(PLACES, ("m", _LARGEST_PLACE))}
+    for label, values in columns.items():
+        unit, most = units.get(label, ("rad", _LARGEST_TURN))
+        if np.abs(values).max() > most:
+            row = int(np.argmax(np.abs(values)))
+            raise source.error(
+                expected=f"at most {most:g} {unit} in {label}",
+                found=f"{values[row]:g}",
+                where=f"line {table.line(row)}",
+            )
+    rows = header.get("nrows", "")
+    # A header that counts more rows than any recording has is damaged itself.
+    declared = int(rows) if rows.isascii() and rows.isdigit() and len(rows) < 9 else 0
+    return _Table(columns.pop("time"), columns, declared, len(labels))
+
+
+def _coordinate(label: str) -> str:
+    """A column's coordinate: OpenSim 4 writes states as /jointset/hip_r/hip_flexion_r/value."""
+    parts = label.split("/")
+    return parts[-2] if len(parts) > 2 and parts[-1] == "value" else label
+
+
+def _check_labels(labels: Sequence[str], source: Source, line: int) -> None:
+    where = f"line {line}"
+    missing = [name for name in REQUIRED if name not in labels]
+    if missing:
+        shown = ", ".join(labels[:6]) + (" …" if len(labels) > 6 else "")
+        raise source.error(
+            expected=f"columns {', '.join(REQUIRED)}",
+            found=f"no {', '.join(missing)} among {shown[:200]}",
+            where=where,
+            advice="forces and muscle states are no motion: give the file of inverse kinematics",
+        )
+    if labels[0] != "time":
+        raise source.error(expected="time as the first column", found=repr(labels[0][:40]), where=where)
+    twice = next((label for label in labels if labels.count(label) > 1), None)
+    if twice is not None:
+        raise source.error(expected="column names once each", found=f"{twice[:40]} twice", where=where)
+
+
+def _in_degrees(stated: str, turns: Sequence[Array]) -> bool:
+    """As the header says; where it does not, angles beyond a whole turn of radians are degrees."""
+    if stated.lower() in ("yes", "no"):
+        return stated.lower() == "yes"
+    return max(float(np.abs(turn).max()) for turn in turns) > 2.0 * np.pi
+
+
+def _knee_sign(values: Mapping[str, Array]) -> tuple[float, str]:
+    """What a knee's angle is to be multiplied with for flexion to be positive, and how that is known.
+
+    A knee flexes far to one side and over-extends by a few degrees at most; models differ in the side.
+    """
+    knees = np.concatenate([values["knee_angle_r"], values["knee_angle_l"]])
+    negative = -float(knees.min()) > float(knees.max())
+    rule = f"knee_angle is {'negative' if negative else 'positive'} in flexion, as its larger values show"
+    return (-1.0 if negative else 1.0), rule
+
+
+def _channels(
+    joints: Sequence[_Joint], values: Mapping[str, Array], bends: float
+) -> tuple[Array, tuple[str, ...]]:
+    """Angles (T, J, 3) in radians in the sequence of ORDER, zeros for what the file does not have; orders."""
+    frames = len(next(iter(values.values())))
+    euler = np.zeros((frames, len(joints), 3))
+    orders: list[str] = []
+    for j, joint in enumerate(joints):
+        for k, coordinate in enumerate(joint.turns):
+            if coordinate in values:
+                # On the left, X and Y point the other way in the body; a shin swings backward about -Z.
+                mirrored = k > 0 and joint.name.endswith("_left")
+                sign = -bends if coordinate.startswith("knee") else -1.0 if mirrored else 1.0
+                euler[:, j, k] = sign * values[coordinate]
+        orders.append(ORDER if any(coordinate in values for coordinate in joint.turns) else "")
+    return euler, tuple(orders)

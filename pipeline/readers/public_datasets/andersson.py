@@ -1,0 +1,124 @@
+"""Kinect v1 walks of Andersson and Araujo: one joint a line, `Name;x;y;z`, and no mark between frames.
+
+A new frame starts wherever the first name comes again (Head, in the recorder's own sequence). There is no
+clock and no tracking state: 30 frames a second are nominal. Metres, Y up.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from kinemimic.pipeline.kinematics.clip import Clip
+from kinemimic.pipeline.kinematics.skeleton import NODES, node_skeleton
+from kinemimic.pipeline.readers.base.format import Format
+from kinemimic.pipeline.readers.base.frame_defects import refuse_far, zero_frames
+from kinemimic.pipeline.readers.base.numbers import parse_table
+from kinemimic.pipeline.readers.base.recording import clip_of_points, reading
+from kinemimic.pipeline.readers.base.source import Source
+
+FORMAT = Format(
+    name="Andersson lines",
+    sensor="Kinect v1",
+    holds="positions of 20 joints",
+    told_by="lines `Head;x;y;z` with one joint's name each",
+)
+RATE = 30.0
+# "hip_center" is Hip-centro in the file, "shoulder_left" is Shoulder-Left.
+JOINTS: dict[str, str] = {node.title().replace("_", "-"): node for node in NODES if node != "hip_center"} | {
+    "Hip-centro": "hip_center"
+}
+# What numbers are made of. Without it, a file of 20 names a frame is the same few bytes over and over.
+_NUMERIC = b"0123456789.+-eE"
+
+
+def recognises(source: Source) -> bool:
+    """True if two of the first three lines (one may be damaged) are a known joint's name and three fields."""
+    lines = [line.split(";") for line in source.head[:3]]
+    return sum(len(fields) == 4 and fields[0] in JOINTS for fields in lines) >= 2
+
+
+def read(source: Source) -> Clip:
+    """The clip of the 20 nodes at the nominal rate.
+
+    CaptureError names the first line that is not the joint that is due, or if the last frame is cut off.
+    """
+    due = _sequence(source)
+    if not _is_regular(source, due):
+        _check_lines(source, due)
+    table = parse_table(source, width=4, separator=";", words=1)
+    points = table.values.reshape(-1, len(due), 3)
+    refuse_far(points, due, source, lambda frame: table.line(frame * len(due)))
+    nodes = [JOINTS[name] for name in due]
+    points = points[:, [nodes.index(node) for node in NODES]]
+    return clip_of_points(
+        node_skeleton(),
+        np.arange(len(points)) / RATE,
+        points,
+        None,
+        format=FORMAT,
+        reading=reading(
+            units="m",
+            units_rule="the format's",
+            defects=zero_frames(points),
+            notes=[f"the file has no clock: {RATE:g} frames a second are the sensor's nominal rate"],
+        ),
+    )
+
+
+def _sequence(source: Source) -> tuple[str, ...]:
+    """The names of the first frame, in the sequence that all frames must have."""
+    names: list[str] = []
+    for number, line in enumerate(source.head, start=source.blank_lines + 1):
+        name = line.partition(";")[0].strip()
+        if len(names) == len(JOINTS) or (names and name == names[0]):
+            break
+        if name in names or name not in JOINTS:
+            found = f"{name[:40]!r}{' again' if name in names else ''}"
+            raise source.error(expected="a joint's name", found=found, where=f"line {number}")
+        names.append(name)
+    if len(names) < len(JOINTS):
+        missing = [name for name in JOINTS if name not in names]
+        raise source.error(
+            expected=f"{len(JOINTS)} joints in the first frame",
+            found=f"{len(names)}, without {', '.join(missing[:3])}{' …' if len(missing) > 3 else ''}",
+            where=f"line {source.blank_lines + len(names)}",
+            advice="the file is cut off there" if len(names) == len(source.head) else None,
+        )
+    return tuple(names)
+
+
+def _is_regular(source: Source, due: tuple[str, ...]) -> bool:
+    """Whether there is nothing but the due names in turn, with three numbers each; spaces are odd already."""
+    names = source.content.translate(None, _NUMERIC).rstrip(b"\n") + b"\n"
+    frame = "".join(f"{name};;;\n" for name in due).encode().translate(None, _NUMERIC)
+    return names == len(names) // len(frame) * frame
+
+
+def _check_lines(source: Source, due: tuple[str, ...]) -> None:
+    """CaptureError for the first line that is not the due joint's, with three fields behind its name."""
+    filled = [(number, line) for number, line in enumerate(source.lines, start=1) if line.strip()]
+    for index, (number, line) in enumerate(filled):
+        name, *fields = (field.strip() for field in line.split(";"))
+        wanted, where = due[index % len(due)], f"line {number}"
+        if name != wanted:
+            raise source.error(
+                expected=f"{wanted} of frame {index // len(due)}",
+                found=repr(name[:40]),
+                where=where,
+                advice="a joint's line is missing or there twice" if name in JOINTS else None,
+            )
+        if len(fields) != 3:
+            cut = index == len(filled) - 1 and len(fields) < 3
+            raise source.error(
+                expected=f"{wanted} and 3 numbers",
+                found=f"{len(fields)}",
+                where=where,
+                advice="the file is cut off there" if cut else None,
+            )
+    if len(filled) % len(due):
+        raise source.error(
+            expected=f"{len(due)} joints in the last frame",
+            found=f"{len(filled) % len(due)}",
+            where=f"line {filled[-1][0]}",
+            advice="the file is cut off there",
+        )

@@ -1,0 +1,124 @@
+"""MSR-Action3D in world coordinates: x y z confidence a line, 20 lines a frame, 15 frames a second.
+
+The order of the joints is the set's own. A model was fitted to what the camera saw, so that every joint has a
+place; confidence (0 to 1) says how much of it was seen: spine, neck and feet have 0 in nearly all frames and
+are as still as any, wrists jump two to four times as far below 1. Hence 0.5 and more is tracked, less is
+inferred, and only a place of zeros is missing. Metres, Y up. The set's other form, in pixels, is refused.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from kinemimic.pipeline.arrays import Array
+from kinemimic.pipeline.kinematics.clip import Clip
+from kinemimic.pipeline.kinematics.skeleton import INFERRED, NODE_INDEX, NODES, TRACKED, node_skeleton
+from kinemimic.pipeline.quality.units import LEG_RANGE
+from kinemimic.pipeline.readers.base.body_size import upright
+from kinemimic.pipeline.readers.base.format import Format
+from kinemimic.pipeline.readers.base.frame_defects import zero_frames
+from kinemimic.pipeline.readers.base.numbers import Table, numbers_of, parse_table
+from kinemimic.pipeline.readers.base.recording import clip_of_points, reading
+from kinemimic.pipeline.readers.base.source import Source
+
+FORMAT = Format(
+    name="MSR-Action3D lines",
+    sensor="depth camera like a Kinect v1",
+    holds="positions and confidence of 20 joints",
+    told_by="lines of 4 numbers, the last from 0 to 1, of which 20 are an upright body",
+    columns=(4,),
+)
+RATE = 15.0
+JOINTS: tuple[str, ...] = (
+    "shoulder_left", "shoulder_right", "shoulder_center", "spine", "hip_left", "hip_right", "hip_center",
+    "elbow_left", "elbow_right", "wrist_left", "wrist_right", "hand_left", "hand_right", "knee_left",
+    "knee_right", "ankle_left", "ankle_right", "foot_left", "foot_right", "head",
+)  # fmt: skip
+# positions_of_nodes = positions_of_the_file[:, FROM_FILE]
+FROM_FILE: tuple[int, ...] = tuple(JOINTS.index(node) for node in NODES)
+_SURE = 0.5
+# Depth cameras of that time see no further.
+_FARTHEST = 20.0
+
+
+def recognises(source: Source) -> bool:
+    """True if the lines are four numbers, confidences last, and whole frames of 20 are a body."""
+    rows: list[list[float]] = []
+    for line in source.head:
+        row = numbers_of(line, None)
+        if row is None or len(row) != 4:
+            break
+        rows.append(row)
+    frames = len(rows) // len(JOINTS)
+    # Lines that are no numbers may be damage further down, but not in the first frame.
+    if not frames or (len(rows) < len(source.head) - 1 and frames < 2):
+        return False
+    table = np.array(rows[: frames * len(JOINTS)]).reshape(frames, len(JOINTS), 4)
+    if not ((table[..., 3] >= 0) & (table[..., 3] <= 1)).all():
+        return False
+    seen = table[table[..., :3].any(axis=(1, 2))]
+    return upright(seen[:, FROM_FILE, :3])
+
+
+def read(source: Source) -> Clip:
+    """The clip of the 20 nodes at the nominal 15 frames a second.
+
+    CaptureError for a frame of fewer than 20 lines, a confidence outside of 0 to 1, and for pixels.
+    """
+    table = parse_table(source, width=4)
+    rows = len(table.values)
+    if rows % len(JOINTS):
+        raise source.error(
+            expected=f"{len(JOINTS)} lines a frame",
+            found=f"{rows % len(JOINTS)} in the last one",
+            where=f"line {table.line(rows - 1)}",
+            advice="the file is cut off there, or a line is missing",
+        )
+    confidence = table.values[:, 3]
+    wrong = ~((confidence >= 0.0) & (confidence <= 1.0))
+    if wrong.any():
+        bad = int(np.argmax(wrong))
+        raise source.error(
+            expected="a confidence from 0 to 1",
+            found=f"{confidence[bad]:g}",
+            where=f"line {table.line(bad)}",
+        )
+    frames = table.values.reshape(-1, len(JOINTS), 4)[:, FROM_FILE]
+    points = np.where(np.isfinite(frames[..., :3]), frames[..., :3], np.nan)
+    _refuse_pixels(points, table, source)
+    return clip_of_points(
+        node_skeleton(),
+        np.arange(len(points)) / RATE,
+        points,
+        np.where(frames[..., 3] >= _SURE, TRACKED, INFERRED).astype(np.uint8),
+        format=FORMAT,
+        reading=reading(
+            units="m",
+            units_rule="the format's",
+            defects=zero_frames(points),
+            notes=[f"the file has no clock: {RATE:g} frames a second are the set's nominal rate"],
+        ),
+    )
+
+
+def _refuse_pixels(points: Array, table: Table, source: Source) -> None:
+    """CaptureError unless coordinates and legs are a person's in metres."""
+    advice = "the set's image coordinates hold no metres: take its real-world form"
+    far = np.abs(points) > _FARTHEST
+    if far.any():
+        frame, node, axis = (int(k) for k in np.argwhere(far)[0])
+        raise source.error(
+            expected=f"metres, at most {_FARTHEST:g}, in the {NODES[node]}",
+            found=f"{points[frame, node, axis]:g}",
+            where=f"line {table.line(frame * len(JOINTS) + FROM_FILE[node])}",
+            advice=advice,
+        )
+    hip, knee, ankle = (points[:, NODE_INDEX[f"{joint}_left"]] for joint in ("hip", "knee", "ankle"))
+    legs = np.linalg.norm(knee - hip, axis=-1) + np.linalg.norm(ankle - knee, axis=-1)
+    legs = legs[np.isfinite(legs) & (legs > 0)]
+    if len(legs) and not LEG_RANGE[0] <= np.median(legs) <= LEG_RANGE[1]:
+        raise source.error(
+            expected=f"thigh and shank of {LEG_RANGE[0]} to {LEG_RANGE[1]} m",
+            found=f"{np.median(legs):.3g}",
+            advice=advice,
+        )

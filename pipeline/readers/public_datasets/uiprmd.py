@@ -1,0 +1,179 @@
+"""UI-PRMD's Kinect v2 recordings: local offsets of 22 joints and, in a second file, their Euler angles.
+
+Both files have 66 comma-separated numbers a line, x y z per joint, at 30 Hz and without header. The positions
+are each joint's offset in its parent's frame, in cm; only the waist's is absolute. The angles are local, in
+degrees, stored as (x, y, z), and turn as the intrinsic order ZXY: R = Rz Rx Ry. That order is not published
+(the dataset's own viewer has another): it is the only one of the six in which the feet of a person who squats
+stay on the ground. Y is up, X to the subject's left.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from kinemimic.pipeline.arrays import Array
+from kinemimic.pipeline.kinematics.clip import Clip
+from kinemimic.pipeline.kinematics.euler import positions_of_channels
+from kinemimic.pipeline.kinematics.rotations import Y_UP_TO_Z_UP
+from kinemimic.pipeline.kinematics.skeleton import TRACKED, Skeleton
+from kinemimic.pipeline.quality.defect import Defect
+from kinemimic.pipeline.readers.base.format import Format
+from kinemimic.pipeline.readers.base.frame_defects import refuse_far
+from kinemimic.pipeline.readers.base.numbers import Table, parse_table
+from kinemimic.pipeline.readers.base.recording import reading
+from kinemimic.pipeline.readers.base.source import Source
+from kinemimic.pipeline.readers.public_datasets.uiprmd_pair import companion, head_of_numbers
+
+RATE = 30.0
+ORDER = "ZXY"
+# Joint, and the one that it hangs from, in the file's sequence.
+_TREE: tuple[tuple[str, str], ...] = (
+    ("Waist", ""),
+    ("Spine", "Waist"),
+    ("Chest", "Spine"),
+    ("Neck", "Chest"),
+    ("Head", "Neck"),
+    ("HeadTip", "Head"),
+    ("LCollar", "Chest"),
+    ("LUpperArm", "LCollar"),
+    ("LForearm", "LUpperArm"),
+    ("LHand", "LForearm"),
+    ("RCollar", "Chest"),
+    ("RUpperArm", "RCollar"),
+    ("RForearm", "RUpperArm"),
+    ("RHand", "RForearm"),
+    ("LUpperLeg", "Waist"),
+    ("LLowerLeg", "LUpperLeg"),
+    ("LFoot", "LLowerLeg"),
+    ("LToes", "LFoot"),
+    ("RUpperLeg", "Waist"),
+    ("RLowerLeg", "RUpperLeg"),
+    ("RFoot", "RLowerLeg"),
+    ("RToes", "RFoot"),
+)
+JOINTS: tuple[str, ...] = tuple(name for name, _ in _TREE)
+PARENTS: tuple[int, ...] = tuple(JOINTS.index(parent) if parent else -1 for _, parent in _TREE)
+WIDTH = 3 * len(JOINTS)
+
+FORMAT = Format(
+    name="UI-PRMD Kinect",
+    sensor="Kinect v2",
+    holds="local offsets of 22 joints with Euler angles",
+    told_by="66 numbers a line, of which knees and ankles lie straight below their parents",
+    columns=(WIDTH,),
+    together_with="the angles of the same recording: `angles` in place of `positions` in its name",
+)
+# Knees and ankles, as offsets, lie on their parent's -Y axis to the last digit; as angles they never do.
+_LEGS = [JOINTS.index(name) for name in ("LLowerLeg", "LFoot", "RLowerLeg", "RFoot")]
+# What ends a limb has no angle of its own.
+_TIPS = [JOINTS.index(name) for name in ("HeadTip", "LToes", "RToes")]
+_OFF_AXIS, _BONE = 0.01, (10.0, 80.0)
+# More turns than this (degrees) are damage.
+_MOST_DEGREES = 3600.0
+_CM = 0.01
+
+
+def recognises(source: Source) -> bool:
+    """True for 66 comma-separated numbers a line that are either of the two files."""
+    head = head_of_numbers(source, WIDTH)
+    return head is not None and (_are_positions(head) or _are_angles(head))
+
+
+def read(source: Source) -> Clip:
+    """The clip of the 22 joints with their Euler angles; the files of a pair give the same clip.
+
+    A line of zeros only is a frame in which nobody was seen; it is left out, and told.
+    CaptureError if the other file is not there or does not fit.
+    """
+    first = parse_table(source, width=WIDTH, separator=",")
+    given = _are_positions(_joints(first))
+    other = companion(source, "positions", "angles", has_positions=given)
+    second = parse_table(other, width=WIDTH, separator=",")
+    if _are_positions(_joints(second)) == given:
+        kind = "positions" if given else "angles"
+        raise source.error(
+            expected=f"positions and angles, told by their numbers, in this file and {other.path.name}",
+            found=f"{kind} in both",
+        )
+    if len(first.values) != len(second.values):
+        raise source.error(
+            expected=f"as many frames as in {other.path.name}, {len(second.values)}",
+            found=f"{len(first.values)}",
+            advice="one of the two is cut off",
+        )
+    (places, at), (turns, beside) = ((first, source), (second, other))[:: 1 if given else -1]
+    offsets, degrees = _joints(places), _joints(turns)
+    _check(offsets, places, at, degrees, turns, beside)
+    seen = offsets.any(axis=(1, 2))
+    if not seen.any():
+        raise at.error(expected="a person in some frame", found="zeros only")
+    offsets = offsets[seen] * _CM
+    rest = np.median(offsets, axis=0)
+    rest[0] = 0.0
+    skeleton = Skeleton(JOINTS, PARENTS, rest)
+    euler = np.radians(degrees[seen])[..., ["XYZ".index(axis) for axis in ORDER]]
+    orders = (ORDER,) * len(JOINTS)
+    return Clip(
+        skeleton=skeleton,
+        times=np.flatnonzero(seen) / RATE,
+        positions=positions_of_channels(skeleton, offsets, euler, orders, Y_UP_TO_Z_UP),
+        states=np.full(offsets.shape[:2], TRACKED, dtype=np.uint8),
+        passes=np.zeros(len(offsets), dtype=np.int32),
+        euler=euler,
+        orders=orders,
+        translations=offsets,
+        world_from_file=Y_UP_TO_Z_UP.copy(),
+        provenance={
+            "format": FORMAT.name,
+            "reading": reading(
+                units="cm",
+                units_rule="the format's",
+                defects=_unseen(int((~seen).sum())),
+                notes=[f"{RATE:g} Hz and Euler order {ORDER}: the format's, the files do not say them"],
+                columns=WIDTH,
+            ),
+        },
+    )
+
+
+def _joints(table: Table) -> Array:
+    return table.values.reshape(-1, len(JOINTS), 3)
+
+
+def _are_positions(values: Array) -> bool:
+    """Whether (T, 22, 3) are offsets: knees and ankles straight below, in most frames."""
+    legs = values[:, _LEGS]
+    below = (legs[..., 1] < -_BONE[0]) & (legs[..., 1] > -_BONE[1])
+    straight = (np.abs(legs[..., [0, 2]]) < _OFF_AXIS).all(axis=-1)
+    return bool((below & straight).all(axis=1).mean() > 0.5)
+
+
+def _are_angles(values: Array) -> bool:
+    """Whether (T, 22, 3) are angles: none at the ends of the limbs, in most frames."""
+    tips = np.abs(values[:, _TIPS]).max(axis=(1, 2)) < _OFF_AXIS
+    return bool(tips.mean() > 0.5 and values.any())
+
+
+def _check(offsets: Array, places: Table, at: Source, degrees: Array, turns: Table, beside: Source) -> None:
+    """What is not finite, too far off or turned too often is damage: forward kinematics needs every joint."""
+    for values, table, source in ((offsets, places, at), (degrees, turns, beside)):
+        if not np.isfinite(values).all():
+            frame, joint, axis = (int(k) for k in np.argwhere(~np.isfinite(values))[0])
+            raise source.error(
+                expected="a finite number",
+                found=f"{values[frame, joint, axis]:g} in {JOINTS[joint]}",
+                where=f"line {table.line(frame)}",
+            )
+    refuse_far(offsets * _CM, JOINTS, at, places.line)
+    if np.abs(degrees).max() > _MOST_DEGREES:
+        frame, joint, _ = (int(k) for k in np.argwhere(np.abs(degrees) > _MOST_DEGREES)[0])
+        raise beside.error(
+            expected=f"degrees, at most {_MOST_DEGREES:g}, in {JOINTS[joint]}",
+            found=f"{np.abs(degrees[frame, joint]).max():g}",
+            where=f"line {turns.line(frame)}",
+        )
+
+
+def _unseen(count: int) -> list[Defect]:
+    text = f"{count} lines of zeros only, left out"
+    return [Defect("zero_frames", count, "frames", "repaired", text)] if count else []

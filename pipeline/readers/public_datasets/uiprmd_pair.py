@@ -1,0 +1,49 @@
+"""What the two UI-PRMD readers share: headerless pairs of files, positions and angles, found by name."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from kinemimic.pipeline.arrays import Array
+from kinemimic.pipeline.readers.base.numbers import numbers_of
+from kinemimic.pipeline.readers.base.source import Source
+
+
+def head_of_numbers(source: Source, width: int) -> Array | None:
+    """The first lines as (n, width / 3, 3), or None if one of them is not `width` comma-separated numbers.
+
+    The last line of a head may be cut off, so that it does not count where there are others.
+    """
+    lines = source.head[:-1] if len(source.head) > 1 else source.head
+    rows = [row for line in lines[:16] if (row := numbers_of(line, ",")) is not None and len(row) == width]
+    if len(rows) < len(lines[:16]):
+        return None
+    head = np.array(rows).reshape(len(rows), -1, 3)
+    return np.where(np.isfinite(head), head, 0.0)
+
+
+def companion_name(source: Source, own: str, other: str) -> str | None:
+    """The source's name with `other` in place of `own`, or None if `own` does not occur in it."""
+    name = source.path.name
+    return name.replace(own, other) if own in name else None
+
+
+def companion(source: Source, positions: str, angles: str, *, has_positions: bool) -> Source:
+    """The file beside `source` with the other half of the recording, whichever half `source` is.
+
+    positions, angles: the words of the names that tell the halves apart. CaptureError names the file that is
+    expected if it is not there.
+    """
+    own, other = (positions, angles) if has_positions else (angles, positions)
+    wanted = companion_name(source, own, other)
+    if wanted is None:
+        raise source.error(
+            expected=f"{own!r} in the name of this file of {own}, by which its {other} beside it are found",
+            found=f"{source.path.name!r}",
+        )
+    beside = source.beside(wanted)
+    if beside is None:
+        raise source.error(
+            expected=f"the file {wanted} with the {other} of this recording beside it", found="no such file"
+        )
+    return beside

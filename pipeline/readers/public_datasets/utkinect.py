@@ -1,0 +1,194 @@
+"""UTKinect-Action3D: a frame number and 20 joints x y z a line, no header; labels of actions beside it.
+
+The number counts the camera's frames at 30 Hz; lines come with every second to eighth of them, and some
+numbers twice: two updates of the tracker within one picture, or two people. Metres, Y up, no tracking state.
+"""
+
+from __future__ import annotations
+
+import re
+from itertools import product
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from kinemimic.pipeline.arrays import Array
+from kinemimic.pipeline.kinematics.clip import Clip
+from kinemimic.pipeline.kinematics.skeleton import NODES, node_skeleton
+from kinemimic.pipeline.quality.defect import Defect
+from kinemimic.pipeline.readers.base.body_size import upright
+from kinemimic.pipeline.readers.base.format import Format
+from kinemimic.pipeline.readers.base.frame_defects import in_sequence, refuse_far, zero_frames
+from kinemimic.pipeline.readers.base.numbers import numbers_of, parse_table
+from kinemimic.pipeline.readers.base.recording import clip_of_points, reading
+from kinemimic.pipeline.readers.base.source import Source
+
+WIDTH = 1 + 3 * len(NODES)
+FORMAT = Format(
+    name="UTKinect lines",
+    sensor="Kinect v1",
+    holds="positions of 20 joints",
+    told_by="lines of 61 numbers: a frame number that never falls, then an upright body",
+    columns=(WIDTH,),
+)
+RATE = 30.0
+LABELS = "actionLabel.txt"
+# Two updates of one body within a picture are centimetres apart; this far apart are two people.
+_TWO_PEOPLE = 0.3
+# Lines of one number that are looked at.
+_CHOICES = 6
+_TAKE = re.compile(r"s\d+_e\d+")
+_LABEL = re.compile(r"\s*(\w+)\s*:\s*(\S+)\s+(\S+)\s*$")
+
+
+def recognises(source: Source) -> bool:
+    """True if the lines are 61 numbers: whole ones first that never fall, and a body that is upright."""
+    rows: list[list[float]] = []
+    # The last line of the head may be cut off.
+    for line in source.head[:-1] if len(source.head) > 1 else source.head:
+        row = numbers_of(line, None)
+        if row is None or len(row) != WIDTH:
+            return False
+        rows.append(row)
+    table = np.array(rows)
+    if not np.isfinite(table).all():
+        return False
+    numbers = table[:, 0]
+    whole = (numbers >= 0).all() and (numbers == np.rint(numbers)).all() and (np.diff(numbers) >= 0).all()
+    return bool(whole) and upright(table[:, 1:].reshape(-1, len(NODES), 3))
+
+
+def read(source: Source) -> Clip:
+    """The clip of the 20 nodes; times are frame numbers over 30, one line for each.
+
+    Of lines with one number the one nearest to the line before is kept: it is the first of two updates, and
+    the same person where there are two.
+    """
+    table = parse_table(source, width=WIDTH)
+    numbers = table.values[:, 0]
+    wrong = ~((np.abs(numbers) < 1e9) & (numbers == np.rint(numbers)))
+    if wrong.any():
+        bad = int(np.argmax(wrong))
+        where = f"line {table.line(bad)}"
+        raise source.error(expected="a frame number", found=f"{numbers[bad]:g}", where=where)
+    points = table.values[:, 1:].reshape(-1, len(NODES), 3)
+    refuse_far(points, NODES, source, table.line)
+    if not np.isfinite(points).all():
+        points = np.where(np.isfinite(points), points, np.nan)
+    rows, defects = _one_of_each(numbers, points)
+    labels, notes = _labels(source)
+    return clip_of_points(
+        node_skeleton(),
+        numbers[rows] / RATE,
+        points[rows],
+        None,
+        format=FORMAT,
+        reading=reading(
+            units="m",
+            units_rule="the format's",
+            defects=[*defects, *zero_frames(points[rows])],
+            notes=notes,
+            labels=labels,
+        ),
+    )
+
+
+def _one_of_each(numbers: Array, points: Array) -> tuple[NDArray[np.intp], list[Defect]]:
+    """The rows to keep, one of each frame number, and what was found among the others."""
+    later, defects = in_sequence(numbers)
+    if not defects:
+        return np.arange(len(numbers)), []
+    # Rows that are neither later nor of the latest number stand behind the clock; nothing is chosen of them.
+    current = np.flatnonzero(numbers == np.maximum.accumulate(numbers))
+    bodies, first = points[current], np.flatnonzero(later[current])
+    sizes = np.diff(np.append(first, len(current)))
+    far = _apart(bodies, bodies[np.repeat(first, sizes)])
+    two_people = np.unique(np.repeat(np.arange(len(first)), sizes)[np.isfinite(far) & (far > _TWO_PEOPLE)])
+    rows = current[_nearest(bodies, first, sizes)]
+    count = len(numbers) - len(rows)
+    text = f"{count} lines with the number of another, dropped: the nearest to the frame before is kept"
+    found = [Defect("duplicate_frames", count, "frames", "repaired", text)]
+    if defects[0].action == "flagged":
+        found = defects
+    if len(two_people):
+        spans = tuple((int(frame), int(frame)) for frame in two_people[:100])
+        text = (
+            f"{len(two_people)} frame numbers have lines more than {_TWO_PEOPLE:g} m apart: two people; "
+            "the one nearest to the frame before is kept"
+        )
+        found.append(Defect("several_people", len(two_people), "frames", "repaired", text, spans))
+    return rows, found
+
+
+def _nearest(bodies: Array, first: NDArray[np.intp], sizes: NDArray[np.intp]) -> list[int]:
+    """Of each frame, bodies[first : first + size], the one nearest to the one of the frame before.
+
+    Each choice depends on the one before. All distances that may be asked for are computed at once, by how
+    many rows the two bodies stand apart; what is left for each frame is to look them up. Of more than
+    _CHOICES bodies the others are not looked at: no sensor sees so many.
+    """
+    choices = np.minimum(sizes, _CHOICES)
+    chosen: list[int] = first.tolist()
+    several = np.flatnonzero(choices > 1)
+    several = several[several > 0]
+    distance: dict[tuple[int, int], float] = {}
+    for one, other in product(range(_CHOICES), repeat=2):
+        frames = several[(choices[several] > one) & (choices[several - 1] > other)]
+        here, before = first[frames] + one, first[frames - 1] + other
+        distance |= zip(
+            zip(here.tolist(), before.tolist(), strict=True),
+            _apart(bodies[here], bodies[before]).tolist(),
+            strict=True,
+        )
+    for frame in several.tolist():
+        last, start = chosen[frame - 1], chosen[frame]
+        chosen[frame] = min(range(start, start + int(choices[frame])), key=lambda k: distance[k, last])
+    return chosen
+
+
+def _apart(bodies: Array, others: Array) -> Array:
+    """Mean distance (K,), metres, of the joints of bodies (K, 20, 3) from those of others; else infinite."""
+    difference = bodies - others
+    distance = np.sqrt(np.einsum("kji,kji->kj", difference, difference)).mean(axis=-1)
+    return np.where(np.isfinite(distance), distance, np.inf)
+
+
+def _labels(source: Source) -> tuple[list[dict[str, Any]], list[str]]:
+    """Actions of this take by the label file beside it: name, first and last frame number, start and end.
+
+    A label without frames (NaN), or one that cannot be read, is told in a note: labels are not needed.
+    """
+    take = _TAKE.search(source.path.name)
+    beside = source.beside(LABELS) if take else None
+    if take is None or beside is None:
+        return [], []
+    labels: list[dict[str, Any]] = []
+    notes: list[str] = []
+    inside = False
+    for line in beside.lines:
+        if _TAKE.fullmatch(line.strip()):
+            inside = line.strip() == take.group()
+        elif inside and line.strip():
+            match = _LABEL.match(line)
+            frames = [_whole(match.group(k)) for k in (2, 3)] if match else []
+            first, last = frames if frames else (None, None)
+            if match is None or first is None or last is None:
+                notes.append(f"{LABELS} has no frames for {line.strip()[:40]!r}")
+                continue
+            labels.append(
+                {
+                    "name": match.group(1),
+                    "first_frame": first,
+                    "last_frame": last,
+                    "start": first / RATE,
+                    "end": last / RATE,
+                }
+            )
+    if not labels:
+        notes.append(f"{LABELS} has no action of {take.group()}")
+    return labels, notes
+
+
+def _whole(text: str) -> int | None:
+    return int(text) if text.isascii() and text.isdigit() and len(text) < 10 else None

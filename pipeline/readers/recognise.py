@@ -1,0 +1,140 @@
+"""Which reader a capture file takes: decided by its content, never by its name."""
+
+from __future__ import annotations
+
+import importlib
+import re
+from collections.abc import Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import cast
+
+from kinemimic.pipeline.errors import CaptureError, NotACaptureError
+from kinemimic.pipeline.kinematics.clip import Clip, scaled
+from kinemimic.pipeline.quality.units import NAMED, UNITS, unit_named
+from kinemimic.pipeline.readers.base.format import Format, Reader
+from kinemimic.pipeline.readers.base.numbers import numbers_of
+from kinemimic.pipeline.readers.base.source import Source
+from kinemimic.pipeline.readers.depth.folder import CAMERA, is_recording
+from kinemimic.pipeline.readers.depth.folder import FORMAT as DEPTH_RECORDING
+
+# Asked in this sequence: formats with a header or a keyword first, tables of bare numbers last.
+_MODULES: tuple[str, ...] = (
+    "custom_table.reader",
+    "kinect.kinect2_skl",
+    "kinect.nui_skl",
+    "kinect.treadmill",
+    "mocap.trc",
+    "mocap.c3d",
+    "public_datasets.andersson",
+    "kinect.kinect2bvh_dump",
+    "mocap.asf_amc",
+    "mocap.mot",
+    "mocap.deepmimic",
+    "mocap.bvh",
+    "kinect.azure_kinect",
+    "kinect.processing_session",
+    "public_datasets.uiprmd",
+    "public_datasets.uiprmd_vicon",
+    "public_datasets.utkinect",
+    "public_datasets.msr_action3d",
+    "public_datasets.khokhlova",
+    "public_datasets.labanotation",
+    "public_datasets.kimore",
+)
+_SEPARATORS = re.compile(r"[,;]+")
+
+
+def readers() -> tuple[Reader, ...]:
+    """Every reader, in the sequence in which they are asked."""
+    return tuple(
+        cast(Reader, importlib.import_module(f"kinemimic.pipeline.readers.{name}")) for name in _MODULES
+    )
+
+
+def formats() -> tuple[Format, ...]:
+    """What can be read."""
+    return (*(reader.FORMAT for reader in readers()), DEPTH_RECORDING)
+
+
+def read(path: Path, *, unit: str | None = None) -> Clip:
+    """The capture in a file, as recorded: in our units and axes, one pass, nothing filled or filtered.
+
+    unit: the file's unit of length as --unit spells it (`units.SPELT`), whatever the file says; by default
+    the format's, the header's or, where neither names it, the likeliest for the size of the body.
+    A folder is read if it is a depth recording.
+    provenance holds source (the file's name), format, sha256, companions (files beside it that belong to it:
+    name -> SHA-256) and what the reader found ("reading").
+    Raises CaptureError for anything that is not a whole capture in one of the formats, KinemimicError for a
+    unit that is none.
+    """
+    named = unit_named(unit)
+    if is_recording(path):
+        if named is not None:
+            raise CaptureError(path, expected=f"its unit in {CAMERA}", found="--unit")
+        from kinemimic.pipeline.readers.depth.recording import read_recording  # noqa: PLC0415 (loads OpenCV)
+
+        return read_recording(path)
+    return read_source(Source.open(path, unit=named))
+
+
+def read_source(source: Source) -> Clip:
+    """`read` of content that is in memory."""
+    reader = reader_of(source)
+    clip = _as_named(reader.read(source), source.unit)
+    made = {"source": source.path.name, "sha256": source.sha256, "companions": dict(source.companions)}
+    return replace(clip, provenance={**made, **clip.provenance})
+
+
+def _as_named(clip: Clip, unit: str | None) -> Clip:
+    """The clip with its lengths in the unit that the user named, where its reader has one of its own."""
+    reading = clip.provenance["reading"]
+    if unit is None or reading["units_rule"] == NAMED:
+        return clip
+    told = {**reading, "units": unit, "units_rule": NAMED}
+    clip = replace(clip, provenance={**clip.provenance, "reading": told})
+    return scaled(clip, UNITS[unit] / UNITS[reading["units"]])
+
+
+def reader_of(source: Source) -> Reader:
+    """The first reader that recognises the content; CaptureError with the candidates if none does."""
+    if not source.head:
+        raise source.error(expected="a capture", found="nothing but blank lines where it begins")
+    asked = readers()
+    for reader in asked:
+        if reader.FORMAT.binary != source.is_text and reader.recognises(source):
+            return reader
+    raise _unknown(source, [reader.FORMAT for reader in asked])
+
+
+def _unknown(source: Source, known: Sequence[Format]) -> CaptureError:
+    if not source.is_text:
+        return NotACaptureError(
+            source.path, expected="a capture", found="a binary file of no known format",
+            advice="`kinemimic formats` lists what is read",
+        )  # fmt: skip
+    widths = [len(fields) for line in source.head[:32] if (fields := _numbers(line))]
+    if widths and len(widths) >= 0.9 * len(source.head[:32]):
+        width = max(set(widths), key=widths.count)
+        candidates = [format.name for format in known if width in format.columns]
+        headed = [format.name for format in known if format.any_width]
+        names = ", ".join(candidates) if candidates else "none"
+        return source.error(
+            expected="a capture",
+            found=f"a table of {width} numbers a line without a mark; formats of that width: {names}; "
+            f"of any width below their header: {', '.join(headed)}",
+            advice="put its header back, or describe its columns (`kinemimic inspect --suggest` drafts that)",
+        )
+    start = " ".join(" ".join(source.head[:3]).split(maxsplit=6)[:6])[:60]
+    return NotACaptureError(
+        source.path,
+        expected="a capture",
+        found=f"text that begins {start!r}",
+        advice="`kinemimic formats` lists what is read, `kinemimic inspect --suggest` drafts a description "
+        "of a table of one's own",
+    )
+
+
+def _numbers(line: str) -> list[float]:
+    """The numbers of a line that holds nothing else, else an empty list."""
+    return numbers_of(_SEPARATORS.sub(" ", line), None) or []

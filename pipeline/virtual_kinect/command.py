@@ -1,0 +1,26 @@
+"""`kinemimic datasets record`: a virtual Kinect's recordings as files."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import click
+
+from kinemimic.pipeline.virtual_kinect.recorder import record_virtual
+
+
+@click.command("record")
+@click.argument("motions", nargs=-1, required=True, type=click.Choice(["walk", "run"]), metavar="walk|run...")
+@click.option("--into", type=click.Path(path_type=Path, file_okay=False), required=True, help="Folder.")
+@click.option("--seed", type=click.IntRange(min=0), default=0, show_default=True, help="Of noise and passes.")
+@click.option("--json", "as_json", is_flag=True, help="Print the paths as JSON.")
+def command(motions: tuple[str, ...], into: Path, seed: int, as_json: bool) -> None:
+    """Let a virtual Kinect film a real person's walk or run: as .skl, as BVH with Euler angles, and beside
+    each its truth and how it was made. Marked as simulated wherever it is shown.
+
+    \b
+      kinemimic datasets record walk --into recordings
+    """
+    paths = [str(path) for motion in motions for path in record_virtual(into, motion=motion, seed=seed)]
+    click.echo(json.dumps({"paths": paths}, indent=2) if as_json else "\n".join(paths))

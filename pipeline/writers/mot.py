@@ -1,0 +1,88 @@
+"""Writes OpenSim motions (.mot): poses of the 20 nodes as coordinates of the model gait2354.
+
+Coordinates and their sequence are those of Delp et al. 1990 (gait2354) and, for the arms, Hamner, Seth &
+Delp 2010; `mot.py`, which reads them, tells of their axes.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from kinemimic.pipeline.arrays import Array
+from kinemimic.pipeline.files.store import write_text
+from kinemimic.pipeline.kinematics.angles import anatomical
+from kinemimic.pipeline.kinematics.rotations import conjugate, multiply, rotate, to_rotvec
+from kinemimic.pipeline.kinematics.skeleton import NODE_INDEX, NODES
+from kinemimic.pipeline.readers.mocap.mot import JOINTS, WORLD_FROM_FILE
+from kinemimic.pipeline.writers.poses import Poses
+
+# Of the hips' middle from the pelvis' origin in the models, metres.
+_HIPS_MIDDLE = np.array(next(joint.place for joint in JOINTS if joint.name == "hip_center"))
+_HEADER = """\
+inDegrees=yes
+
+Units are S.I. units (second, meters, Newtons, ...)
+Angles are in degrees. X is forward, Y up, Z to the right.
+knee_angle is negative in flexion, as in gait2354; elbow_flex is positive; ankle_angle is dorsiflexion.
+Turns of the foot to the side, of neck and wrists are not in this file.
+pelvis_tx, ty, tz put the model's hip joints where the motion's are; the model keeps its own lengths.
+endheader"""
+
+
+def write_mot(path: Path, poses: Poses) -> None:
+    """Write poses of the 20 nodes, angles in degrees and places in metres.
+
+    Hinges (knees, ankles, elbows) get the part of their turn about the lateral axis: all of it in knees and
+    elbows, unless a simulated joint gave way, but a foot's turn to the side is lost. Knees bend as knees can
+    (`angles.anatomical`). Neck and wrists have no coordinates in these models.
+    """
+    if poses.skeleton.names != NODES:
+        raise ValueError("only the 20 nodes have coordinates in OpenSim's models")
+    table = coordinates(poses)
+    rows = np.stack([np.arange(len(poses.rotations)) / poses.rate, *table.values()], axis=1)
+    form = "\t".join(["%.6f", *["%.8f"] * len(table)])
+    lines = [
+        path.stem,
+        "version=1",
+        f"nRows={len(rows)}",
+        f"nColumns={rows.shape[1]}",
+        _HEADER,
+        "\t".join(["time", *table]),
+        *(form % tuple(row) for row in rows.tolist()),
+    ]
+    write_text(path, "\n".join(lines) + "\n")
+
+
+def coordinates(poses: Poses) -> dict[str, Array]:
+    """Coordinates (T,) by name, in degrees and metres."""
+    back = conjugate(WORLD_FROM_FILE)
+    turns = multiply(multiply(back, poses.rotations), WORLD_FROM_FILE)
+    places, _ = poses.kinematics()
+    hips = 0.5 * (places[:, NODE_INDEX["hip_left"]] + places[:, NODE_INDEX["hip_right"]])
+    pelvis = rotate(back, hips) - rotate(turns[:, 0], _HIPS_MIDDLE)
+
+    def ball(node: str, *names: str, mirror: float = 1.0) -> dict[str, Array]:
+        angles = Rotation.from_quat(turns[:, NODE_INDEX[node]]).as_euler("ZXY").T
+        # Without jumps by a whole turn, for whoever differentiates them.
+        flexion, second, third = np.degrees(np.unwrap(angles))
+        return dict(zip(names, (flexion, mirror * second, mirror * third), strict=True))
+
+    def hinge(node: str) -> Array:
+        return np.asarray(to_rotvec(turns[:, NODE_INDEX[node]])[:, 2])
+
+    table = ball("hip_center", "pelvis_tilt", "pelvis_list", "pelvis_rotation")
+    table |= {f"pelvis_t{axis}": place for axis, place in zip("xyz", pelvis.T, strict=True)}
+    for side, s, mirror in (("right", "r", 1.0), ("left", "l", -1.0)):
+        hip = (f"hip_flexion_{s}", f"hip_adduction_{s}", f"hip_rotation_{s}")
+        table |= ball(f"hip_{side}", *hip, mirror=mirror)
+        # gait2354's knee too bends to the front by no more than ten degrees.
+        table[f"knee_angle_{s}"] = -np.degrees(anatomical(-hinge(f"knee_{side}")))
+        table[f"ankle_angle_{s}"] = np.degrees(hinge(f"ankle_{side}"))
+    table |= ball("spine", "lumbar_extension", "lumbar_bending", "lumbar_rotation")
+    for side, s, mirror in (("right", "r", 1.0), ("left", "l", -1.0)):
+        table |= ball(f"shoulder_{side}", f"arm_flex_{s}", f"arm_add_{s}", f"arm_rot_{s}", mirror=mirror)
+        table[f"elbow_flex_{s}"] = np.degrees(hinge(f"elbow_{side}"))
+    return table

@@ -1,0 +1,82 @@
+"""From the person's proportions to those of Table 1: leg length and stance width."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from kinemimic.pipeline.arrays import Array
+from kinemimic.pipeline.kinematics.clip import forward_kinematics
+from kinemimic.pipeline.kinematics.proportions import stature
+from kinemimic.pipeline.kinematics.rotations import conjugate, from_axis_angle, multiply
+from kinemimic.pipeline.kinematics.skeleton import NODE_INDEX as N
+from kinemimic.pipeline.kinematics.skeleton import node_skeleton
+from kinemimic.retarget.humanoid.body import LEG_LENGTH, TOTAL_MASS, node_offsets
+from kinemimic.retarget.strides.trim import leg_bones
+
+WIDTHS = (0.08, 0.16)  # m between the ankles on the Table 1 body
+_SIDES = (("left", 1.0), ("right", -1.0))
+
+
+def length_scale(positions: Array) -> float:
+    """Length of Table 1's leg over the person's: the median bones of (M, 20, 3), mean of both sides."""
+    left_thigh, left_shank, right_thigh, right_shank = np.nanmedian(leg_bones(positions), axis=0)
+    return float(LEG_LENGTH / (0.5 * (left_thigh + left_shank + right_thigh + right_shank)))
+
+
+@dataclass(frozen=True)
+class Subject:
+    """The person in the recording: height in metres by average proportions, and the mass in kg that the
+    Table 1 body would have at their size and its own density.
+    """
+
+    height: float
+    mass: float
+
+
+def subject(positions: Array) -> Subject:
+    """What the legs of (M, 20, 3) say of the person; medians over the frames, so that wild ones do not
+    count.
+    """
+    return Subject(stature(positions), TOTAL_MASS / length_scale(positions) ** 3)
+
+
+def pose(rotations: Array, root: Array | None = None) -> tuple[Array, Array]:
+    """Node positions (T, 20, 3) and frames (T, 20, 4) on the Table 1 body; root (T, 3), by default at 0."""
+    offsets = node_offsets()
+    translations = np.broadcast_to(offsets, (len(rotations), *offsets.shape)).copy()
+    translations[:, 0] = 0.0 if root is None else root
+    return forward_kinematics(node_skeleton(offsets), translations, rotations)
+
+
+def stance_width(positions: Array) -> float:
+    """Mean lateral distance in metres of the left from the right ankle, (T, 20, 3) along +X."""
+    return float(np.nanmean(positions[:, N["ankle_left"], 1] - positions[:, N["ankle_right"], 1]))
+
+
+def abduct(rotations: Array, angle: float) -> Array:
+    """Both thighs turned outward by a constant angle, the feet left as they stand in the world.
+
+    A sensor sees hips 8 to 14 cm apart where the body's are 17: without this the figure straddles.
+    """
+    out = rotations.copy()
+    for side, sign in _SIDES:
+        hip, knee, ankle = (N[f"{joint}_{side}"] for joint in ("hip", "knee", "ankle"))
+        turn = from_axis_angle("X", sign * angle)
+        out[:, hip] = multiply(turn, rotations[:, hip])
+        leg = multiply(rotations[:, hip], rotations[:, knee])
+        out[:, ankle] = multiply(
+            multiply(conjugate(leg), multiply(conjugate(turn), leg)), rotations[:, ankle]
+        )
+    return out
+
+
+def with_stance_width(rotations: Array, width: float) -> tuple[Array, float]:
+    """Local rotations (T, 20, 4) abducted so that the mean ankle distance is `width`, and the angle."""
+    target = float(np.clip(width, *WIDTHS))
+    angle = 0.0
+    for _ in range(6):
+        found = stance_width(pose(abduct(rotations, angle))[0])
+        angle += (target - found) / (2.0 * LEG_LENGTH)
+    return abduct(rotations, angle), angle

@@ -1,0 +1,207 @@
+"""Motions out of the MCAP files that `export_mcap` writes, whole ones and what is left of damaged ones."""
+
+from __future__ import annotations
+
+import json
+import struct
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from foxglove_schemas_protobuf.FrameTransforms_pb2 import FrameTransforms
+from google.protobuf.message import DecodeError
+from lz4.frame import LZ4FrameDecompressor
+from mcap.exceptions import EndOfFile, InvalidMagic, McapError
+from mcap.records import Channel, Chunk, McapRecord, Message, Metadata
+from mcap.stream_reader import StreamReader, breakup_chunk
+from mcap.writer import MCAP0_MAGIC
+from zstandard import ZstdDecompressor, ZstdError
+
+from kinemimic.pipeline.errors import KinemimicError
+from kinemimic.pipeline.kinematics.rotations import continuous
+from kinemimic.pipeline.kinematics.skeleton import NODE_INDEX, NODES
+from kinemimic.retarget.formats.write_mcap import BASE, FRAMES, RECORD, SIDES
+from kinemimic.retarget.humanoid.motion import Motion
+from kinemimic.retarget.humanoid.motion_check import checked
+
+# A frame takes 3 kB: 100 minutes at 60 Hz, far more than is performed in one go. What is packed may claim
+# any size, and a few kilobytes unpack to gigabytes. A chunk of ours has 256 KiB, of other writers some MiB.
+MAX_BYTES = 2**30
+MAX_CHUNK = 16 * 2**20
+
+# What the libraries raise over damaged bytes (lz4: RuntimeError); EndOfFile says that the file is too short.
+_DAMAGE = (
+    McapError, ZstdError, DecodeError, ValueError, KeyError, IndexError, struct.error, OverflowError,
+    RuntimeError,
+)  # fmt: skip
+
+
+@dataclass(frozen=True)
+class Recovered:
+    """A motion, and what of the file it lacks: None where the file is whole."""
+
+    motion: Motion
+    lost: str | None
+
+
+def motion_from_mcap(path: Path) -> Motion:
+    """The motion of an MCAP that `write_mcap` wrote, all checksums checked; a cycle comes back as one.
+
+    A KinemimicError says what is wrong with a file that is cut off or damaged, and how much it still holds.
+    """
+    found = recover_mcap(path)
+    if found.lost is not None:
+        raise KinemimicError(
+            f"{path}: expected a whole MCAP, found {found.lost}; --recover takes what is left"
+        )
+    return found.motion
+
+
+def recover_mcap(path: Path) -> Recovered:
+    """What there is of a motion in an MCAP that may be cut off or damaged.
+
+    Only chunks whose checksum is right count; of the frames in them the longest stretch without a gap is
+    taken. A cycle that is there from its first frame to its last comes back whole. KinemimicError where
+    nothing is left, or for a file of others.
+    """
+    scan = _scan(path)
+    if not scan.frames:
+        where = f" in a file that is {scan.trouble}" if scan.trouble else ""
+        raise KinemimicError(f"{path}: expected the transforms of a motion, found none{where}")
+    try:
+        record = {key: json.loads(value) for key, value in scan.record.items() if key != "time"}
+        first, last = _longest(sorted(scan.frames))
+        motion = _motion(record, scan.frames, first, last)
+        played = int(record["played"])
+    except (*_DAMAGE, TypeError):
+        raise KinemimicError(
+            f"{path}: expected what `retarget` or `export` writes, found another's or an older file; "
+            "write it again"
+        ) from None
+    motion = checked(path, motion)
+    if scan.trouble is None and last - first == played:
+        return Recovered(motion, None)
+    held = f"frames {first} to {last - 1} of {played} ({(last - first) / motion.rate:.2f} s)"
+    lost = f"it {scan.trouble or 'lacking frames'}, with {held} in it"
+    return Recovered(replace(motion, provenance={**motion.provenance, "recovered": held}), lost)
+
+
+@dataclass
+class _Scan:
+    """record: the metadata; frames: serialised transforms by number; trouble: what is wrong in the file."""
+
+    record: dict[str, str]
+    frames: dict[int, bytes]
+    trouble: str | None = None
+
+
+def _scan(path: Path) -> _Scan:
+    scan = _Scan({}, {})
+    channels: set[int] = set()
+    for record in _records(path, scan):
+        if isinstance(record, Metadata) and record.name == RECORD:
+            scan.record = record.metadata
+        elif isinstance(record, Channel) and record.topic == "/tf":
+            channels.add(record.id)
+        elif isinstance(record, Message) and record.channel_id in channels:
+            scan.frames[record.sequence] = record.data
+    return scan
+
+
+def _records(path: Path, scan: _Scan) -> Iterator[McapRecord]:
+    """The records that can be read; `scan.trouble` tells of the first that cannot."""
+    if not path.is_file():
+        raise KinemimicError(f"{path}: expected an MCAP file, found none")
+    _bound(path, path.stat().st_size)
+    unpacked = 0
+    with path.open("rb") as stream:
+        if stream.read(len(MCAP0_MAGIC)) != MCAP0_MAGIC:
+            raise KinemimicError(f"{path}: expected an MCAP file, found something else")
+        stream.seek(0)
+        reader = StreamReader(stream, emit_chunks=True, validate_crcs=True)
+        try:
+            for record in reader.records:
+                if not isinstance(record, Chunk):
+                    yield record
+                    continue
+                try:
+                    chunk = _unpacked(record)
+                    unpacked += len(chunk.data)
+                    _bound(path, unpacked)
+                    yield from breakup_chunk(chunk, validate_crc=True)
+                except _DAMAGE:
+                    scan.trouble = scan.trouble or "damaged (a checksum is wrong)"
+        except (EndOfFile, InvalidMagic, struct.error):
+            # In the middle of a record, or without the magic bytes behind the last one.
+            scan.trouble = scan.trouble or "cut off"
+        except (*_DAMAGE, MemoryError):
+            scan.trouble = scan.trouble or "damaged"
+
+
+def _bound(path: Path, size: int) -> None:
+    if size > MAX_BYTES:
+        raise KinemimicError(f"{path}: expected an MCAP of at most {MAX_BYTES >> 20} MiB, found more")
+
+
+def _unpacked(chunk: Chunk) -> Chunk:
+    """The chunk uncompressed; ValueError for more than MAX_CHUNK bytes.
+
+    The library unpacks as much as there is, or as the compressed data say. What the chunk says of its size is
+    not needed: its checksum vouches for its content.
+    """
+    match chunk.compression:
+        case "zstd":
+            data = ZstdDecompressor().stream_reader(chunk.data).read(MAX_CHUNK + 1)
+        case "lz4":
+            data = LZ4FrameDecompressor().decompress(chunk.data, max_length=MAX_CHUNK + 1)
+        case _:
+            data = chunk.data
+    if len(data) > MAX_CHUNK:
+        raise ValueError("a chunk too large")
+    return replace(chunk, compression="", data=data)
+
+
+def _longest(numbers: list[int]) -> tuple[int, int]:
+    """First and behind-last number of the longest stretch without a gap in ascending numbers."""
+    stretches = np.split(np.array(numbers), np.flatnonzero(np.diff(numbers) != 1) + 1)
+    longest = max(stretches, key=len)
+    return int(longest[0]), int(longest[-1]) + 1
+
+
+def _motion(record: dict[str, Any], frames: dict[int, bytes], first: int, last: int) -> Motion:
+    """The motion of frames first to last - 1, one cycle of them if they hold a whole one."""
+    cyclic, length = bool(record["cyclic"]), int(record["frames"])
+    if cyclic := cyclic and first == 0 and last >= length:
+        last = length
+    nodes = {name: NODE_INDEX[node] for node, name in FRAMES.items()}
+    root = np.full((last - first, 3), np.nan)
+    rotations = np.full((last - first, len(NODES), 4), np.nan)
+    offsets = np.full((len(NODES), 3), np.nan)
+    for row, number in enumerate(range(first, last)):
+        message = FrameTransforms.FromString(frames[number])
+        for link in message.transforms:
+            place, turn = link.translation, link.rotation
+            if link.child_frame_id == BASE:
+                # The pelvis rests in the base: the base's turn is the root's.
+                root[row] = place.x, place.y, place.z
+                rotations[row, 0] = turn.x, turn.y, turn.z, turn.w
+                continue
+            node = nodes[link.child_frame_id]
+            offsets[node] = place.x, place.y, place.z
+            if node:
+                rotations[row, node] = turn.x, turn.y, turn.z, turn.w
+    if not all(np.isfinite(array).all() for array in (root, rotations, offsets)):
+        raise ValueError("a frame lacks a link, or its place")
+    planted = np.array([record["contacts"][side] for side in SIDES], dtype=np.bool_).T
+    return Motion(
+        rate=float(record["fps"]),
+        root=root,
+        rotations=continuous(rotations),
+        contacts=planted[np.arange(first, last) % length],
+        cyclic=cyclic,
+        cycle_offset=np.array(record["cycle_offset"], dtype=np.float64) if cyclic else np.zeros(3),
+        offsets=offsets,
+        provenance=record["provenance"],
+    )

@@ -1,0 +1,130 @@
+"""The humanoid as URDF, from the one description in `body.py`: for Bullet, for simulators, for viewers."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Iterator
+from xml.etree import ElementTree as ET
+
+from kinemimic.pipeline.kinematics.skeleton import NODE_INDEX
+from kinemimic.retarget.humanoid.body import BODIES, Body, node_offsets
+
+# What has no body of its own: the base within the pelvis that pybullet wants, and what lies between the
+# hinges of a joint. Simulators refuse a moving link without mass.
+SMALL_MASS = 1e-4  # kg
+SMALL_INERTIA = 1e-4  # kg·m²
+HINGES = {"x": (1.0, 0.0, 0.0), "y": (0.0, 1.0, 0.0), "z": (0.0, 0.0, 1.0)}
+
+
+def _numbers(*values: float) -> str:
+    return " ".join(f"{value:.9g}" for value in values)
+
+
+def _axes(vector: Iterable[float], y_up: bool) -> str:
+    """A vector's components in the file's axes: ours, or the cyclic (left, up, forward)."""
+    x, y, z = vector
+    return _numbers(y, z, x) if y_up else _numbers(x, y, z)
+
+
+def _shapes(body: Body, plain: bool) -> Iterator[tuple[str, Iterable[float], dict[str, str]]]:
+    """Kind, centre and size attributes of the shapes that make up a body."""
+    x, _, z = body.size
+    radius, length = {"radius": _numbers(0.5 * x)}, {"length": _numbers(z - x)}
+    if body.shape == "sphere":
+        yield "sphere", body.center, radius
+    elif body.shape == "box":
+        yield "box", body.center, {}
+    elif not plain:
+        # Bullet has no ellipsoid: the capsule that lies inside it end to end (length without the caps).
+        yield "capsule", body.center, radius | length
+    else:
+        # Plain URDF has no capsule either: a cylinder and its two caps.
+        yield "cylinder", body.center, radius | length
+        for end in (-0.5, 0.5):
+            yield "sphere", (body.center[0], body.center[1], body.center[2] + end * (z - x)), radius
+
+
+def _link(robot: ET.Element, body: Body, plain: bool, y_up: bool) -> None:
+    link = ET.SubElement(robot, "link", name=body.name)
+    inertial = ET.SubElement(link, "inertial")
+    ET.SubElement(inertial, "origin", xyz=_axes(body.center, y_up), rpy="0 0 0")
+    ET.SubElement(inertial, "mass", value=_numbers(body.mass))
+    ixx, iyy, izz = _axes(body.inertia, y_up).split()
+    ET.SubElement(inertial, "inertia", ixx=ixx, iyy=iyy, izz=izz, ixy="0", ixz="0", iyz="0")
+    # URDF's capsule and cylinder lie along Z, the limbs of a Y-up file along Y.
+    along_limb = f"{_numbers(-0.5 * math.pi)} 0 0" if y_up else "0 0 0"
+    for role in ("visual", "collision"):
+        for kind, center, size in _shapes(body, plain):
+            element = ET.SubElement(link, role)
+            turn = along_limb if kind in ("capsule", "cylinder") else "0 0 0"
+            ET.SubElement(element, "origin", xyz=_axes(center, y_up), rpy=turn)
+            ET.SubElement(ET.SubElement(element, "geometry"), kind, size or {"size": _axes(body.size, y_up)})
+
+
+def _small_link(robot: ET.Element, name: str) -> None:
+    inertial = ET.SubElement(ET.SubElement(robot, "link", name=name), "inertial")
+    ET.SubElement(inertial, "origin", xyz="0 0 0", rpy="0 0 0")
+    ET.SubElement(inertial, "mass", value=_numbers(SMALL_MASS))
+    moment = _numbers(SMALL_INERTIA)
+    ET.SubElement(inertial, "inertia", ixx=moment, iyy=moment, izz=moment, ixy="0", ixz="0", iyz="0")
+
+
+def _joint(
+    robot: ET.Element,
+    name: str,
+    kind: str,
+    parent: str,
+    child: str,
+    origin: str,
+    axis: str = "",
+    effort: str = "",
+) -> None:
+    """axis, effort (N·m): of a joint that moves."""
+    joint = ET.SubElement(robot, "joint", name=name, type=kind)
+    ET.SubElement(joint, "parent", link=parent)
+    ET.SubElement(joint, "child", link=child)
+    ET.SubElement(joint, "origin", xyz=origin, rpy="0 0 0")
+    if not axis:
+        return
+    # Unused by ball joints, but their absence is warned about.
+    ET.SubElement(joint, "axis", xyz=axis)
+    limit = ET.SubElement(joint, "limit", effort=effort, velocity="100")
+    if kind == "revolute":
+        limit.set("lower", _numbers(-math.pi))
+        limit.set("upper", _numbers(math.pi))
+
+
+def humanoid_urdf(joint_type: str = "floating", *, y_up: bool = False) -> str:
+    """URDF text of the Table 1 humanoid.
+
+    joint_type: "spherical" for Bullet, whose extension of URDF it is; "revolute" for any simulator: each ball
+    joint NODE is three hinges NODE_x, NODE_y, NODE_z from the parent outwards, which turn the child by
+    Rx Ry Rz (intrinsic x, y, z); "floating" for viewers (rerun, Foxglove), which take the pose of every body
+    from elsewhere. Plain URDF, which the latter two are, has no capsule: a cylinder and two spheres stand
+    for it.
+    y_up: axes X left, Y up, Z forward instead of ours. Bullet's stable PD builds its mass matrix from the
+    collision shapes and takes every capsule to lie along Y; with limbs along Z it is unstable.
+    A massless base carries the pelvis: that controller takes joints in this layout only.
+    """
+    robot = ET.Element("robot", name="kinemimic_humanoid")
+    _small_link(robot, "base")
+    offsets = node_offsets()
+    for body in BODIES:
+        origin, effort = _axes(offsets[NODE_INDEX[body.node]], y_up), _numbers(body.torque_limit)
+        parent = body.parent or "base"
+        if joint_type == "revolute" and body.parent:
+            for name, axis in HINGES.items():
+                child = f"{body.name}_{name}" if name != "z" else body.name
+                _joint(
+                    robot, f"{body.node}_{name}", joint_type, parent, child, origin, _axes(axis, y_up), effort
+                )
+                if name != "z":
+                    _small_link(robot, child)
+                parent, origin = child, "0 0 0"
+        elif body.parent:
+            _joint(robot, body.node, joint_type, parent, body.name, origin, "1 0 0", effort)
+        else:
+            _joint(robot, body.node, "fixed", parent, body.name, origin)
+        _link(robot, body, joint_type != "spherical", y_up)
+    ET.indent(robot)
+    return ET.tostring(robot, encoding="unicode") + "\n"

@@ -1,0 +1,245 @@
+"""Motions as MCAP: a figure that moves in rerun and in Foxglove as soon as the file is opened.
+
+Both draw the URDF of `/robot_description` and move it by the transforms of `/tf`. rerun draws no Foxglove
+message in JSON and no Foxglove joint state: hence protobuf for the one, ROS 2's form for the other.
+"""
+
+from __future__ import annotations
+
+import json
+import struct
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+from foxglove_schemas_protobuf.FrameTransform_pb2 import FrameTransform
+from foxglove_schemas_protobuf.FrameTransforms_pb2 import FrameTransforms
+from foxglove_schemas_protobuf.PackedElementField_pb2 import PackedElementField
+from foxglove_schemas_protobuf.PointCloud_pb2 import PointCloud
+from google.protobuf.timestamp_pb2 import Timestamp
+from mcap.writer import CompressionType, Writer
+from mcap_protobuf.schema import register_schema
+from numpy.typing import NDArray
+
+from kinemimic.pipeline.arrays import Array
+from kinemimic.pipeline.files.store import atomic
+from kinemimic.pipeline.kinematics.rotations import IDENTITY, continuous
+from kinemimic.pipeline.kinematics.skeleton import NODE_INDEX, NODE_PARENTS, NODES
+from kinemimic.retarget.formats.urdf import humanoid_urdf
+from kinemimic.retarget.humanoid.body import BODIES
+from kinemimic.retarget.humanoid.motion import Motion, joint_angles
+
+WORLD = "world"
+BASE = "base"  # the URDF's massless first link, to which the pelvis is fixed
+# The nodes at the ends of limbs carry no body; three of them bear the name of the body that they end.
+END_FRAMES: dict[str, str] = {
+    node: f"{node}_end" for node in NODES if node not in {body.node for body in BODIES}
+}
+# A link's frame is that of the node that carries the body.
+FRAMES: dict[str, str] = {body.node: body.name for body in BODIES} | END_FRAMES
+SIDES = ("left", "right")
+# Readers of MCAP expect times since 1970; a fixed one keeps the file a function of the motion alone.
+START_NS = 946_684_800 * 10**9  # 2000-01-01
+CYCLIC_SECONDS = 10.0  # how long a cycle is repeated; a longer one is written once
+RECORD = "kinemimic"  # the metadata record, which stands before the messages
+# A file that was cut off loses at most one chunk: 85 frames here, 340 in chunks of the library's usual size,
+# which make a file smaller by a third.
+CHUNK_BYTES = 256 * 1024
+
+_STRING = "string data\n"
+_JOINT_STATE = f"""std_msgs/Header header
+string[] name
+float64[] position
+float64[] velocity
+float64[] effort
+{"=" * 80}
+MSG: std_msgs/Header
+builtin_interfaces/Time stamp
+string frame_id
+{"=" * 80}
+MSG: builtin_interfaces/Time
+int32 sec
+uint32 nanosec
+"""
+_POINT = np.dtype(
+    [(axis, "<f4") for axis in "xyz"] + [(name, "u1") for name in ("red", "green", "blue", "alpha")]
+)
+_COLORS = {"left": (86, 180, 233, 255), "right": (230, 159, 0, 255), "": (200, 200, 200, 255)}
+
+
+def write_mcap(path: Path, motion: Motion) -> None:
+    """Write a motion as MCAP (zstd), the same bytes for the same motion.
+
+    /tf               foxglove.FrameTransforms: world to base, and every link and end node to its parent
+    /robot_description std_msgs/String: the URDF of the Table 1 body
+    /skeleton         foxglove.PointCloud: the 20 nodes in the world
+    /joint_states     sensor_msgs/JointState: knee and hip flexion, radians and radians a second
+    and a metadata record "kinemimic" with the provenance and what else `read_mcap` needs. A cyclic motion is
+    repeated for CYCLIC_SECONDS, each cycle moved on by its offset. Checksums are on every part.
+    """
+    played = _played(motion)
+    times = START_NS + np.round(np.arange(len(played.root)) * 1e9 / played.rate).astype(np.int64)
+    with atomic(path) as temporary, temporary.open("wb") as stream:
+        writer = Writer(
+            stream, chunk_size=CHUNK_BYTES, compression=CompressionType.ZSTD, enable_data_crcs=True
+        )
+        writer.start(profile="", library="kinemimic")
+        topics = _topics(writer)
+        writer.add_metadata(RECORD, _metadata(motion, len(played.root)))
+        urdf = _cdr_string(humanoid_urdf("floating"))
+        writer.add_message(topics["/robot_description"], START_NS, urdf, START_NS)
+        messages = zip(
+            _transforms(played, times), _points(played, times), _angles(played, times), strict=True
+        )
+        for sequence, (time, row) in enumerate(zip(times.tolist(), messages, strict=True)):
+            for topic, data in zip(("/tf", "/skeleton", "/joint_states"), row, strict=True):
+                writer.add_message(topics[topic], time, data, time, sequence)
+        writer.finish()  # type: ignore[no-untyped-call]
+
+
+def _played(motion: Motion) -> Motion:
+    """The frames that are written: a cycle again and again, anything else once."""
+    if not motion.cyclic:
+        return motion
+    frames = max(len(motion.root), int(np.ceil(CYCLIC_SECONDS * motion.rate)))
+    cycle, frame = np.divmod(np.arange(frames), len(motion.root))
+    return replace(
+        motion,
+        root=motion.root[frame] + cycle[:, None] * motion.cycle_offset,
+        rotations=continuous(motion.rotations[frame]),
+        contacts=motion.contacts[frame],
+        cyclic=False,
+    )
+
+
+def _metadata(motion: Motion, played: int) -> dict[str, str]:
+    """Values are JSON but for `time`; `frames` of the motion, which are written one after the other again
+    and again until there are `played`."""
+    return {
+        "provenance": json.dumps(motion.provenance, sort_keys=True),
+        "simulated_capture": json.dumps(motion.simulated),
+        "cyclic": json.dumps(motion.cyclic),
+        "fps": json.dumps(float(motion.rate)),
+        "frames": json.dumps(len(motion.root)),
+        "played": json.dumps(played),
+        "cycle_offset": json.dumps(motion.cycle_offset.tolist()),
+        "contacts": json.dumps(
+            {
+                side: planted.astype(int).tolist()
+                for side, planted in zip(SIDES, motion.contacts.T, strict=True)
+            }
+        ),
+        "time": "log times begin at 2000-01-01T00:00:00Z, whenever the motion was captured",
+    }
+
+
+def _topics(writer: Writer) -> dict[str, int]:
+    """Register schemas and channels; the channel of each topic."""
+    string = writer.register_schema("std_msgs/msg/String", "ros2msg", _STRING.encode())
+    joints = writer.register_schema("sensor_msgs/msg/JointState", "ros2msg", _JOINT_STATE.encode())
+    return {
+        "/robot_description": writer.register_channel("/robot_description", "cdr", string),
+        "/tf": writer.register_channel("/tf", "protobuf", register_schema(writer, FrameTransforms)),
+        "/skeleton": writer.register_channel("/skeleton", "protobuf", register_schema(writer, PointCloud)),
+        "/joint_states": writer.register_channel("/joint_states", "cdr", joints),
+    }
+
+
+def _stamp(time: int) -> Timestamp:
+    seconds, nanoseconds = divmod(time, 10**9)
+    return Timestamp(seconds=seconds, nanos=nanoseconds)
+
+
+def _transforms(motion: Motion, times: NDArray[np.int64]) -> Iterator[bytes]:
+    """/tf: the root moves the base, in which the pelvis rests; the rest are local transforms."""
+    for frame, time in enumerate(times.tolist()):
+        stamp = _stamp(time)
+        message = FrameTransforms()
+        message.transforms.append(
+            _transform(stamp, WORLD, BASE, motion.root[frame], motion.rotations[frame, 0])
+        )
+        for node, name in FRAMES.items():
+            index = NODE_INDEX[node]
+            parent = NODE_PARENTS[index]
+            # The pelvis, too, although the URDF fixes it to the base: rerun takes no transforms from there.
+            above = FRAMES[NODES[parent]] if parent >= 0 else BASE
+            offset, rotation = motion.offsets[index], motion.rotations[frame, index]
+            message.transforms.append(
+                _transform(stamp, above, name, offset, rotation if parent >= 0 else IDENTITY)
+            )
+        yield message.SerializeToString(deterministic=True)
+
+
+def _transform(stamp: Timestamp, parent: str, child: str, offset: Array, rotation: Array) -> FrameTransform:
+    message = FrameTransform(timestamp=stamp, parent_frame_id=parent, child_frame_id=child)
+    message.translation.x, message.translation.y, message.translation.z = offset.tolist()
+    turn = message.rotation
+    turn.x, turn.y, turn.z, turn.w = rotation.tolist()
+    return message
+
+
+def _points(motion: Motion, times: NDArray[np.int64]) -> Iterator[bytes]:
+    """/skeleton: left blue, right orange, trunk and head grey."""
+    positions, _ = motion.kinematics()
+    kinds = {"<f4": PackedElementField.FLOAT32, "|u1": PackedElementField.UINT8}
+    fields = [
+        PackedElementField(name=name, offset=offset, type=kinds[kind.str])
+        for name, (kind, offset, *_) in (_POINT.fields or {}).items()
+    ]
+    points = np.zeros(len(NODES), _POINT)
+    for node in NODES:
+        side = node.rpartition("_")[2]
+        color = _COLORS.get(side, _COLORS[""])
+        for name, value in zip(("red", "green", "blue", "alpha"), color, strict=True):
+            points[name][NODE_INDEX[node]] = value
+    for frame, time in enumerate(times.tolist()):
+        for k, axis in enumerate("xyz"):
+            points[axis] = positions[frame, :, k]
+        message = PointCloud(
+            timestamp=_stamp(time), frame_id=WORLD, point_stride=_POINT.itemsize, fields=fields
+        )
+        message.pose.orientation.w = 1.0
+        # Said although it is zero: of one that is not, rerun makes recordings that it rejects itself.
+        message.pose.position.SetInParent()
+        message.data = points.tobytes()
+        yield message.SerializeToString(deterministic=True)
+
+
+def _angles(motion: Motion, times: NDArray[np.int64]) -> Iterator[bytes]:
+    """/joint_states: the four curves of the scores."""
+    curves = joint_angles(motion.rotations)
+    names = list(curves)
+    angles = np.stack([curves[name] for name in names], axis=-1)
+    speeds = np.gradient(angles, 1.0 / motion.rate, axis=0) if len(angles) > 1 else np.zeros_like(angles)
+    for time, positions, velocities in zip(times.tolist(), angles.tolist(), speeds.tolist(), strict=True):
+        yield _cdr_joint_state(time, names, positions, velocities)
+
+
+_CDR = b"\x00\x01\x00\x00"  # marker: plain CDR, little-endian
+
+
+def _text(value: str) -> bytes:
+    """A string in CDR: its length with the closing zero, its bytes."""
+    data = value.encode() + b"\0"
+    return struct.pack("<I", len(data)) + data
+
+
+def _cdr_string(value: str) -> bytes:
+    """std_msgs/String in CDR."""
+    return _CDR + _text(value)
+
+
+def _cdr_joint_state(time: int, names: Sequence[str], *values: Sequence[float]) -> bytes:
+    """sensor_msgs/JointState in CDR, without efforts; every value aligned to its size, behind the marker."""
+    body = struct.pack("<iI", *divmod(time, 10**9))
+    for part in (_text(""), struct.pack("<I", len(names)), *map(_text, names)):
+        body = _aligned(body, 4) + part
+    for numbers in values:
+        body = _aligned(body, 4) + struct.pack("<I", len(numbers))
+        body = _aligned(body, 8) + struct.pack(f"<{len(numbers)}d", *numbers)
+    return _CDR + body + struct.pack("<I", 0)
+
+
+def _aligned(data: bytes, size: int) -> bytes:
+    return data + b"\0" * (-len(data) % size)

@@ -1,0 +1,97 @@
+"""A motion of the 20-node skeleton on the simulated body: what the policy is asked to perform."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from kinemimic.pipeline.arrays import Array
+from kinemimic.pipeline.files.store import content_hash
+from kinemimic.pipeline.kinematics.angles import ANGLES, hip_flexion
+from kinemimic.pipeline.kinematics.clip import forward_kinematics
+from kinemimic.pipeline.kinematics.rotations import IDENTITY, rotate, to_rotvec
+from kinemimic.pipeline.kinematics.skeleton import NODE_INDEX, NODES, node_skeleton
+from kinemimic.retarget.humanoid.body import node_offsets
+
+
+@dataclass(frozen=True)
+class Motion:
+    """T frames at a constant rate on the Table 1 body, ground at z = 0, starting at x = y = 0 along +X.
+
+    rate: frames per second, not necessarily whole (a cycle is cut into equal steps);
+    root: (T, 3) position of the hip centre, metres;
+    rotations: (T, 20, 4) child to parent, sign-continuous, the root's in the world; the identity everywhere
+        is standing upright with hanging arms; end nodes (head, hands, feet) are the identity;
+    contacts: (T, 2) True where the left, right foot lies flat and still, not wherever it touches the ground;
+    cyclic: whether frame T continues at frame 0, moved by `cycle_offset` (3,) metres;
+    provenance: JSON values, as in Clip.
+    """
+
+    rate: float
+    root: Array
+    rotations: Array
+    contacts: NDArray[np.bool_]
+    cyclic: bool
+    cycle_offset: Array = field(default_factory=lambda: np.zeros(3))
+    offsets: Array = field(default_factory=node_offsets)
+    provenance: Mapping[str, Any] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        frames = len(self.root)
+        if self.root.shape != (frames, 3) or self.rotations.shape != (frames, len(NODES), 4):
+            raise ValueError("root must be (T, 3) and rotations (T, 20, 4)")
+        if self.contacts.shape != (frames, 2) or self.offsets.shape != (len(NODES), 3):
+            raise ValueError("contacts must be (T, 2) and offsets (20, 3)")
+        if not (np.isfinite(self.root).all() and np.isfinite(self.rotations).all()):
+            raise ValueError("a motion has no missing values")
+
+    @property
+    def duration(self) -> float:
+        """Seconds; of one cycle if cyclic."""
+        return (len(self.root) if self.cyclic else len(self.root) - 1) / self.rate
+
+    @property
+    def identity(self) -> str:
+        """Content hash of all that a policy learns from; provenance left out."""
+        return content_hash(
+            {
+                "rate": np.array(self.rate),
+                "root": self.root,
+                "rotations": self.rotations,
+                "offsets": self.offsets,
+                "cyclic": np.array(self.cyclic),
+                "cycle_offset": self.cycle_offset,
+            }
+        )
+
+    @property
+    def simulated(self) -> bool:
+        """True if the capture was made by the virtual Kinect."""
+        return bool(self.provenance.get("simulated", False))
+
+    def kinematics(self) -> tuple[Array, Array]:
+        """World positions (T, 20, 3) and world rotations (T, 20, 4) of the nodes."""
+        translations = np.broadcast_to(self.offsets, (len(self.root), *self.offsets.shape)).copy()
+        translations[:, 0] = self.root
+        return forward_kinematics(node_skeleton(self.offsets), translations, self.rotations)
+
+
+def joint_angles(rotations: Array) -> dict[str, Array]:
+    """Knee and hip flexion (...,) in radians from local node rotations (..., 20, 4), as in `ANGLES`.
+
+    The knee's is the turn about the lateral axis; the hip's is the thigh's direction in the pelvis' sagittal
+    plane. The same function reads reference and simulated figures.
+    """
+    curves: dict[str, Array] = {}
+    down = np.array([0.0, 0.0, -1.0])
+    for side in ("left", "right"):
+        curves[f"knee_{side}"] = to_rotvec(rotations[..., NODE_INDEX[f"knee_{side}"], :])[..., 1]
+        thigh = rotations[..., NODE_INDEX[f"hip_{side}"], :]
+        curves[f"hip_{side}"] = hip_flexion(
+            np.broadcast_to(IDENTITY, thigh.shape), np.zeros(3), rotate(thigh, down)
+        )
+    return {name: curves[name] for name in ANGLES}

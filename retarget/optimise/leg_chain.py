@@ -1,0 +1,141 @@
+"""Root and legs as one chain of 20 unknowns a frame: where their points are, and the derivatives.
+
+The unknowns x are corrections to a motion: x[0:3] metres added to the root, x[3:6] a rotation vector after
+the root's rotation, then for each leg hip (3), knee (1, a hinge about Y) and ankle (3), after the joint's
+rotation.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from kinemimic.pipeline.arrays import Array
+from kinemimic.pipeline.kinematics.rotations import to_matrix
+from kinemimic.pipeline.kinematics.skeleton import NODE_INDEX as N
+from kinemimic.retarget.humanoid.body import node_offsets, sole_corners
+from kinemimic.retarget.optimise.tangent import exponential
+
+SIZE = 20
+SIDES = ("left", "right")
+ROOT_POSITION, ROOT_TURN = slice(0, 3), slice(3, 6)
+# Where each leg's joints begin in x, left then right.
+HIP, KNEE, ANKLE = (6, 13), (9, 16), (10, 17)
+_LEG = 7
+POINTS = 6  # of a leg: knee, ankle and the four corners of the sole
+
+
+@dataclass(frozen=True)
+class Chain:
+    """T frames of a motion, as what `leg_points` needs: root (T, 3), turn (T, 3, 3) of the root, and the
+    local rotations (T, 2, 3, 3) of left and right hip, knee and ankle.
+    """
+
+    root: Array
+    turn: Array
+    hip: Array
+    knee: Array
+    ankle: Array
+
+    def window(self, frames: slice) -> Chain:
+        """The same for some of the frames."""
+        return Chain(
+            self.root[frames], self.turn[frames], self.hip[frames], self.knee[frames], self.ankle[frames]
+        )
+
+
+def chain_of(root: Array, rotations: Array) -> Chain:
+    """The chain of root positions (T, 3) and local rotations (T, 20, 4)."""
+    hip, knee, ankle = (
+        to_matrix(rotations[:, [N[f"{joint}_{side}"] for side in SIDES]])
+        for joint in ("hip", "knee", "ankle")
+    )
+    return Chain(root, to_matrix(rotations[:, N["hip_center"]]), hip, knee, ankle)
+
+
+def leg_points(chain: Chain, x: Array) -> Array:
+    """World positions (T, 2, 6, 3) of each leg's knee, ankle and sole corners under corrections x (T, 20)."""
+    return _place(chain, x)[0]
+
+
+def leg_jacobian(chain: Chain, x: Array) -> tuple[Array, Array]:
+    """`leg_points`, and its derivative (T, 2, 6, 3, 13) by the root's six unknowns and the leg's own seven.
+
+    A turn of joint j by the column m of M_j moves a point p below it by m × (p - p_j).
+    """
+    points, joints, turns = _place(chain, x)
+    jacobian = np.zeros((*points.shape, 6 + _LEG))
+    at = np.arange(3)
+    jacobian[..., at, at] = 1.0
+    hip, knee, ankle = joints
+    by_root, by_hip, by_knee, by_ankle = turns
+    _cross(by_root[:, None, None], points - chain_root(chain, x)[:, None, None], jacobian[..., 3:6])
+    _cross(by_hip[:, :, None], points - hip[:, :, None], jacobian[..., 6:9])
+    _cross(by_knee[:, :, None], points - knee[:, :, None], jacobian[..., 9:10])
+    # The knee does not move by itself, nor the ankle by its own turn: their levers are zero.
+    _cross(by_ankle[:, :, None], points[:, :, 1:] - ankle[:, :, None], jacobian[:, :, 1:, :, 10:13])
+    return points, jacobian
+
+
+def chain_root(chain: Chain, x: Array) -> Array:
+    """The root's corrected position (T, 3)."""
+    return chain.root + x[:, ROOT_POSITION]
+
+
+def _place(chain: Chain, x: Array) -> tuple[Array, tuple[Array, Array, Array], tuple[Array, ...]]:
+    """Points (T, 2, 6, 3); hips, knees and ankles (T, 2, 3); for each joint M (T, [2,] 3, k): the world axes
+    about which its unknowns turn what hangs from it."""
+    offsets, corners = node_offsets(), sole_corners()
+    own = x[:, 6:].reshape(-1, 2, _LEG)
+    root = chain_root(chain, x)
+    turn, tangent = exponential(x[:, ROOT_TURN])
+    pelvis = chain.turn @ turn
+    by_root = pelvis @ tangent
+    hip = root[:, None] + np.einsum("tij,sj->tsi", pelvis, offsets[[N["hip_left"], N["hip_right"]]])
+    turn, tangent = exponential(own[..., 0:3])
+    thigh = pelvis[:, None] @ chain.hip @ turn
+    by_hip = thigh @ tangent
+    # Knees and ankles hang straight below: only the third column of the bone's frame counts.
+    knee = hip + thigh[..., 2] * offsets[N["knee_left"], 2]
+    shank = thigh @ chain.knee
+    by_knee = shank[..., 1:2].copy()
+    cosine, sine = np.cos(own[..., 3:4]), np.sin(own[..., 3:4])
+    front, up = shank[..., 0], shank[..., 2]
+    shank = np.stack([cosine * front - sine * up, shank[..., 1], sine * front + cosine * up], axis=-1)
+    ankle = knee + shank[..., 2] * offsets[N["ankle_left"], 2]
+    turn, tangent = exponential(own[..., 4:7])
+    foot = shank @ chain.ankle @ turn
+    by_ankle = foot @ tangent
+    points = np.empty((len(x), 2, POINTS, 3))
+    points[:, :, 0], points[:, :, 1] = knee, ankle
+    points[:, :, 2:] = ankle[:, :, None] + np.einsum("tsij,cj->tsci", foot, corners)
+    return points, (hip, knee, ankle), (by_root, by_hip, by_knee, by_ankle)
+
+
+def _cross(axes: Array, lever: Array, out: Array) -> None:
+    """Columns of axes (..., 3, k) × lever (..., 3) into out (..., 3, k)."""
+    lx, ly, lz = (lever[..., k, None] for k in range(3))
+    ax, ay, az = (axes[..., k, :] for k in range(3))
+    out[..., 0, :] = ay * lz - az * ly
+    out[..., 1, :] = az * lx - ax * lz
+    out[..., 2, :] = ax * ly - ay * lx
+
+
+def normal_equations(jacobian: Array, residual: Array, weights: Array) -> tuple[Array, Array]:
+    """J'WJ (T, 20, 20) and J'Wr (T, 20) of point residuals (T, 2, 6, 3) with weights of the same shape."""
+    frames = len(jacobian)
+    rows = jacobian.reshape(frames, 2, 3 * POINTS, 6 + _LEG)
+    weighted = rows * weights.reshape(frames, 2, 3 * POINTS, 1)
+    legs = np.swapaxes(weighted, -1, -2) @ rows
+    pulls = (residual.reshape(frames, 2, 1, 3 * POINTS) @ weighted)[:, :, 0]
+    square, right = np.zeros((frames, SIZE, SIZE)), np.zeros((frames, SIZE))
+    for side, begin in enumerate(HIP):
+        own = slice(begin, begin + _LEG)
+        square[:, :6, :6] += legs[:, side, :6, :6]
+        square[:, own, own] = legs[:, side, 6:, 6:]
+        square[:, own, :6] = legs[:, side, 6:, :6]
+        square[:, :6, own] = legs[:, side, :6, 6:]
+        right[:, :6] += pulls[:, side, :6]
+        right[:, own] = pulls[:, side, 6:]
+    return square, right

@@ -1,0 +1,43 @@
+"""A joint's limits as terms of least squares."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from kinemimic.pipeline.arrays import Array
+from kinemimic.pipeline.kinematics.rotations import from_axis_angle, from_rotvec, multiply
+from kinemimic.retarget.humanoid.limits import HINGES, LIMITS, swing_twist, swing_twist_jacobian
+from kinemimic.retarget.optimise.one_sided import OneSided
+from kinemimic.retarget.optimise.tangent import exponential
+
+EXPECTED = np.radians(0.3)  # how far a joint is expected to be beyond
+MARGIN = np.radians(1.5)  # the limits hold from so far within
+HELD = np.radians(3.0)  # as in OneSided
+
+
+class Limit:
+    """The limits of one joint over T frames, as `refine` asks for them."""
+
+    def __init__(self, joint: str, frames: int) -> None:
+        self._hinge = joint in HINGES
+        axes = slice(1, 2) if self._hinge else slice(0, 3)
+        self._least, self._most = LIMITS[joint][axes, 0] + MARGIN, LIMITS[joint][axes, 1] - MARGIN
+        shape = (frames, len(self._least))
+        self._low, self._high = OneSided(shape, HELD), OneSided(shape, HELD)
+
+    def terms(self, q: Array, x: Array, window: slice) -> tuple[Array, Array]:
+        """J'WJ (t, k, k) and J'Wr (t, k) of what rotations q (t, 4) are beyond, corrected by x (t, k): one
+        angle of a hinge, else a rotation vector.
+        """
+        if self._hinge:
+            turned = multiply(q, from_axis_angle("Y", x[:, 0]))
+            angles, jacobian = swing_twist(turned)[:, 1:2], np.ones((len(x), 1, 1))
+        else:
+            angles, by_turn = swing_twist_jacobian(multiply(q, from_rotvec(x)))
+            jacobian = by_turn @ exponential(x)[1]
+        under, over = angles - self._least, angles - self._most
+        low, high = self._low.weight(under, window), self._high.weight(-over, window)
+        weighted = jacobian * ((low + high) / EXPECTED**2)[..., None]
+        square = np.swapaxes(weighted, -1, -2) @ jacobian
+        pull = (low * under + high * over) / EXPECTED**2
+        return square, np.einsum("tij,ti->tj", jacobian, pull)

@@ -1,0 +1,74 @@
+"""What of the body is neither foot nor leg chain: it rides on the root, and must not sink into the ground.
+
+In a roll the back is down, in a cartwheel a hand, on all fours the knees. Where such a part would sink, the
+root is asked to rise; how the part itself is bent stays.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from kinemimic.pipeline.arrays import Array
+from kinemimic.pipeline.kinematics.rotations import conjugate, from_axis_angle, from_rotvec, multiply, rotate
+from kinemimic.pipeline.kinematics.skeleton import NODE_INDEX as N
+from kinemimic.retarget.humanoid.body import BODIES
+from kinemimic.retarget.humanoid.motion import Motion
+from kinemimic.retarget.humanoid.surface import lowest_points
+from kinemimic.retarget.optimise.leg_chain import ANKLE, HIP, KNEE, ROOT_POSITION, ROOT_TURN, SIDES
+from kinemimic.retarget.optimise.one_sided import OneSided
+
+NEAR = 0.05  # m: a body that never comes as low needs no care
+HELD = 0.005  # m, as in OneSided
+_UP = np.array([0.0, 0.0, 1.0])
+
+
+def corrected(motion: Motion, x: Array) -> Motion:
+    """The motion with corrections x (T, 20) of root and legs as `leg_chain` has them."""
+    rotations = motion.rotations.copy()
+    rotations[:, 0] = multiply(rotations[:, 0], from_rotvec(x[:, ROOT_TURN]))
+    for side, hip, knee, ankle in zip(SIDES, HIP, KNEE, ANKLE, strict=True):
+        for joint, begin in (("hip", hip), ("ankle", ankle)):
+            node = N[f"{joint}_{side}"]
+            rotations[:, node] = multiply(rotations[:, node], from_rotvec(x[:, begin : begin + 3]))
+        node = N[f"knee_{side}"]
+        rotations[:, node] = multiply(rotations[:, node], from_axis_angle("Y", x[:, knee]))
+    return replace(motion, root=motion.root + x[:, ROOT_POSITION], rotations=rotations)
+
+
+class Rest:
+    """The lowest points of a motion's bodies but the feet, as far as any comes near the ground."""
+
+    def __init__(self, motion: Motion) -> None:
+        heights = lowest_points(*motion.kinematics())[..., 2].min(axis=0)
+        self._motion = motion
+        self._bodies = [
+            index
+            for index, body in enumerate(BODIES)
+            if not body.name.startswith("foot") and heights[index] < NEAR
+        ]
+        self._heights = np.zeros((len(motion.root), len(self._bodies)))
+        self._levers = np.zeros((len(motion.root), len(self._bodies), 3))
+        self._ground = OneSided(self._heights.shape, HELD)
+
+    def look(self, x: Array) -> None:
+        """Find where the points are under corrections x (T, 20)."""
+        if not self._bodies:
+            return
+        motion = corrected(self._motion, x)
+        points = lowest_points(*motion.kinematics())[:, self._bodies]
+        self._heights = points[..., 2]
+        # A small turn w of the root, in its own frame, lifts a point at r from it by w · R'(r × up).
+        around = np.cross(points - motion.root[:, None], _UP)
+        self._levers = rotate(conjugate(motion.rotations[:, :1]), around)
+
+    def terms(self, window: slice, sinks: float) -> tuple[Array, Array]:
+        """J'WJ (t, 6, 6) and J'Wr (t, 6) by the root's six unknowns of what is below the ground where `look`
+        looked; sinks: metres, how far a point is expected to be."""
+        heights = self._heights[window]
+        rows = np.zeros((*heights.shape, 6))
+        rows[..., 2] = 1.0
+        rows[..., ROOT_TURN] = self._levers[window]
+        weighted = rows * (self._ground.weight(heights, window) / sinks**2)[..., None]
+        return np.swapaxes(weighted, -1, -2) @ rows, np.einsum("tpi,tp->ti", weighted, heights)

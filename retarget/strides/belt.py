@@ -1,0 +1,78 @@
+"""A treadmill's belt: how fast it carried the standing feet backward, and the walk as it is over the ground.
+
+Someone on a treadmill stays where they are. A foot that lies flat on the belt moves with it; it does so
+lower than when it swings forward, and in every stride alike. Where that is seen of both feet, the way of the
+belt is added to the person's. When a foot lies flat, and how fast it then goes, is measured as `gait` does.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+from scipy.ndimage import median_filter
+
+from kinemimic.pipeline.arrays import Array
+from kinemimic.pipeline.gait.events import Feet, find_feet
+from kinemimic.pipeline.gait.harmonic import walking_direction
+from kinemimic.pipeline.kinematics.clip import Clip
+from kinemimic.pipeline.kinematics.skeleton import NODE_INDEX as N
+
+FEWEST = 8  # frames
+STROKES = 1  # of each foot while it lies flat: both must agree
+SHORTEST = 2.0  # s of a pass: legs that swing but once are no walk
+SLOWEST = 0.3  # m/s of the belt
+SPREAD = 0.3  # median deviation of the strokes' speeds from those around them, over their median
+STAYS = 0.15  # of the belt's way, that the person may go
+AROUND = 9  # strokes, of both feet, over which the belt's speed is the median
+
+
+def off_the_belt(clip: Clip) -> tuple[Clip, dict[int, float]]:
+    """The clip on the 20 nodes with the belt's way added to every pass on a treadmill, and the belts' mean
+    speeds in m/s by number of the pass.
+    """
+    positions = clip.positions.copy()
+    speeds: dict[int, float] = {}
+    for number in np.unique(clip.passes[clip.passes >= 0]):
+        rows = np.flatnonzero(clip.passes == number)
+        found = _way(clip.times[rows], clip.positions[rows])
+        if found is not None:
+            heading, way = found
+            positions[rows] += way[:, None, None] * np.array([np.cos(heading), np.sin(heading), 0.0])
+            speeds[int(number)] = float(way[-1] / np.ptp(clip.times[rows]))
+    return (replace(clip, positions=positions) if speeds else clip), speeds
+
+
+def _way(times: Array, positions: Array) -> tuple[float, Array] | None:
+    """Heading in radians and the belt's way (T,) in metres; None where nobody walks on a belt."""
+    hips = positions[:, [N["hip_left"], N["hip_right"]], :2]
+    if np.ptp(times) < SHORTEST or np.isfinite(hips).all(axis=(1, 2)).sum() < FEWEST:
+        return None
+    heading, on_path = walking_direction(positions)
+    along = np.array([np.cos(heading), np.sin(heading)])
+    feet = find_feet(times, positions)
+    if on_path or feet is None or not all(_carried(feet, k) for k in range(2)):
+        return None
+    moments, strokes = np.concatenate(feet.treads, axis=1)
+    order = np.argsort(moments)
+    moments, strokes = moments[order], strokes[order]
+    belt = median_filter(strokes, size=min(AROUND, len(strokes)), mode="nearest")
+    usual = float(np.median(belt))
+    if usual < SLOWEST or np.median(np.abs(strokes - belt)) > SPREAD * usual:
+        return None
+    pace = np.interp(times, moments, belt)
+    way = np.concatenate([[0.0], np.cumsum(0.5 * (pace[1:] + pace[:-1]) * np.diff(times))])
+    middle = hips.mean(axis=1) @ along
+    if np.ptp(middle[np.isfinite(middle)]) > STAYS * way[-1]:
+        return None
+    return heading, way
+
+
+def _carried(feet: Feet, foot: int) -> bool:
+    """Whether a foot goes backward often enough, and low: one that swings does so high."""
+    speed = np.gradient(np.einsum("tc,tc->t", feet.ankles[:, foot, :2] - feet.pelvis[:, :2], feet.forward))
+    back, ahead = np.maximum(-speed, 0.0), np.maximum(speed, 0.0)
+    height = feet.ankles[:, foot, 2]
+    return feet.treads[foot].shape[1] >= STROKES and bool(
+        back @ height / back.sum() < ahead @ height / ahead.sum()
+    )

@@ -1,0 +1,278 @@
+"""The passes of a gait: trimmed, timed by the harmonic of their ankles, and judged."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from kinemimic.pipeline.arrays import Array
+from kinemimic.pipeline.errors import KinemimicError
+from kinemimic.pipeline.gait.harmonic import PERIODS, Harmonic, fit_harmonic, walking_direction
+from kinemimic.pipeline.kinematics.clip import Clip
+from kinemimic.pipeline.kinematics.skeleton import NODE_INDEX as N
+from kinemimic.retarget.strides.phase import stride_phase
+from kinemimic.retarget.strides.trim import BONE_SPREAD, bad_frames, best_window, forward_speed, leg_bones
+
+Verdict = Literal["accepted", "warned", "refused"]
+
+ACCEPT, WARN = 0.95, 0.85  # R² of the harmonic
+KEEP = 0.80  # share of frames that the harmonic must explain: the others are leg swaps and wild frames
+SPEED_SPREAD, PERIOD_SPREAD = 0.30, 0.20  # from the median of the passes
+SHORTEST = 25 / 30.0  # seconds of good frames, unless they are most of a stride
+# A runner crosses a sensor's view in less than a stride. From this share of it one harmonic still tells the
+# period to 5 %; what is missing other passes must show (fit.LARGEST_GAP).
+MOST = 0.75
+# m/s and m: a pass that advances faster and farther is one of walking. A squat moves the hips as fast, not
+# as far.
+WALKS, TRAVELS = 0.3, 0.8
+STEPS = 0.12  # m: half the least stride of the ankles in walking on the spot
+# What tells walking from a jump, a kick or a cartwheel that gets as far: the trunk stays upright, one foot
+# goes ahead while the other goes back, and that is most of what happens, or repeats itself.
+UPRIGHT = np.radians(60.0)  # of the trunk from the vertical, in all but the wildest frames
+ALTERNATE = 0.5  # share of the variance of both ankles about the hips that lies in their difference
+LASTS, REPEATS = 0.5, 2.0  # share of the pass; strides
+SEEN_BADLY = 0.2  # share of frames with a leg missing or of another length
+# Cycles (rms) by which the strides' own phase may wander about that of one period. A walking knee's peak is
+# so sharp that frames pooled 0.02 cycles off take 1° from it, and leave 0.98 of the knee's variance.
+DRIFT = 0.02
+# Strides below which legs that were confused look as if they drifted: over so few nobody gets as far.
+FEW = 4.0
+
+
+@dataclass(frozen=True)
+class Pass:
+    """One pass over the sensor's view, or what is left of it after trimming.
+
+    number: as in the clip; frames: indices into the clip; heading: radians from +X; speed: m/s; travel:
+    metres from one end of the path to the other, along the heading; harmonic: of the ankles, over `clock`:
+    (frames,) seconds in which every stride takes one period, which are the clip's times unless the strides
+    vary; bad: (frames,) flagged within the pass; reason: why it was not simply accepted; walks: whether that
+    is somebody walking or running, well recorded or not; steps: whether the legs at least move so, however
+    briefly; drift: cycles (rms) by which the strides' own phase
+    wanders about that of one period, NaN where there is none; followed: whether that made another clock.
+    """
+
+    number: int
+    frames: NDArray[np.intp]
+    heading: float
+    speed: float
+    harmonic: Harmonic | None
+    clock: Array
+    bad: NDArray[np.bool_]
+    verdict: Verdict
+    reason: str = ""
+    travel: float = 0.0
+    walks: bool = False
+    steps: bool = False
+    drift: float = float("nan")
+    followed: bool = False
+
+    @property
+    def phase(self) -> Array:
+        """(frames,) cycles, not wrapped; a ValueError where the pass has no harmonic."""
+        if self.harmonic is None:
+            raise ValueError(f"pass {self.number} has no phase")
+        return self.harmonic.phase(self.clock)
+
+
+def study_pass(clip: Clip, number: int, bones: Array) -> Pass:
+    """Trim one pass of a clip on the 20 nodes and fit the harmonic of its ankles."""
+    frames = np.flatnonzero(clip.passes == number)
+    whole = frames
+    legs_seen = np.isfinite(clip.positions[frames][:, [N["hip_left"], N["hip_right"]]]).all(axis=(1, 2))
+    if legs_seen.sum() < 4:
+        unseen = np.ones(len(frames), dtype=bool)
+        return Pass(
+            number, frames, 0.0, 0.0, None, clip.times[frames], unseen, "refused", "the hips were not seen"
+        )
+    heading, on_path = walking_direction(clip.positions[frames])
+    # The first heading and the first harmonic still contain the edges that they help to cut.
+    doubt = np.zeros(len(frames), dtype=bool)
+    period = 0.0
+    settled: tuple[slice, bytes] | None = None
+    for _ in range(3):
+        flagged = bad_frames(clip.times[whole], clip.positions[whole], heading, bones)
+        window = best_window(flagged | doubt)
+        # A loop needs every phase: doubtful edges stay, at their low weight, where else it would not close.
+        if period > 0 and np.ptp(clip.times[whole[window]]) < 1.1 * period:
+            window = best_window(flagged)
+        if window.stop - window.start < 8:
+            clock, reason = clip.times[frames], "no run of good frames"
+            return Pass(number, frames, heading, 0.0, None, clock, flagged, "refused", reason)
+        if settled == (window, flagged[window].tobytes()):
+            break
+        settled = (window, flagged[window].tobytes())
+        frames, bad = whole[window], flagged[window]
+        heading, on_path = walking_direction(clip.positions[frames])
+        p, t = clip.positions[frames], clip.times[frames]
+        along = np.array([np.cos(heading), np.sin(heading)])
+        ankles = (p[:, N["ankle_right"], :2] - p[:, N["ankle_left"], :2]) @ along
+        harmonic, clock, drift = _timed(t, ankles, bad)
+        doubt[window] = harmonic.weights < 1.0 / 3.0
+        period = harmonic.period
+    speed = float(np.median(forward_speed(t[~bad], p[~bad], heading)))
+    facing = np.median(
+        (p[~bad, N["hip_left"], :2] - p[~bad, N["hip_right"], :2]) @ np.array([-along[1], along[0]])
+    )
+    verdict, reason = _judge(harmonic, t, bad)
+    if on_path and facing < 0:
+        verdict, reason = "refused", "walks backward, or left and right are exchanged"
+    middle = clip.positions[whole][:, [N["hip_left"], N["hip_right"]], :2].mean(axis=1) @ along
+    # Not from end to end: single wild frames go anywhere.
+    travel = float(np.ptp(np.nanpercentile(middle, (5.0, 95.0))))
+    timed = verdict == "refused" or PERIODS[0] <= harmonic.period <= PERIODS[1]
+    alternates = timed and _alternates(clip, whole, frames, heading, harmonic, bones)
+    steps = alternates and verdict != "refused" and harmonic.amplitude > STEPS
+    advances = alternates and abs(speed) > WALKS and travel > TRAVELS
+    walks = advances or (steps and _strides(clip, frames, harmonic) > REPEATS)
+    return Pass(
+        number=number,
+        frames=frames,
+        heading=heading,
+        speed=speed,
+        harmonic=harmonic,
+        clock=clock,
+        bad=bad,
+        verdict=verdict,
+        reason=reason,
+        travel=travel,
+        walks=walks,
+        steps=steps,
+        drift=drift,
+        followed=clock is not t,
+    )
+
+
+def _timed(times: Array, ankles: Array, bad: NDArray[np.bool_]) -> tuple[Harmonic, Array, float]:
+    """The harmonic of the ankles' distance (T,), the clock (T,) in which it has one period, and the drift.
+
+    The clock is `times` itself unless the strides vary: then each gets the median of their periods.
+    """
+    weights = np.where(bad, 0.0, 1.0)
+    steady = fit_harmonic(times, np.where(bad, 0.0, ankles), weights)
+    strides = stride_phase(times, np.where(bad, np.nan, ankles))
+    if strides is None:
+        return steady, times, float("nan")
+    drift = float(np.std((strides.phase - steady.phase(times))[~bad]))
+    if drift < DRIFT or np.ptp(strides.phase) < FEW:
+        return steady, times, drift
+    clock = times[0] + strides.period * (strides.phase - strides.phase[0])
+    followed = fit_harmonic(clock, np.where(bad, 0.0, ankles), weights)
+    # Legs that the sensor exchanged for a while seem to drift, and do not fit the better for it.
+    return (followed, clock, drift) if followed.r2 > steady.r2 else (steady, times, drift)
+
+
+def _alternates(
+    clip: Clip,
+    whole: NDArray[np.intp],
+    frames: NDArray[np.intp],
+    heading: float,
+    harmonic: Harmonic,
+    bones: Array,
+) -> bool:
+    """Whether legs and trunk do as in walking in the frames that are left of a whole pass."""
+    # How little is left of a pass that was badly seen is the sensor's doing.
+    lost = ~(np.abs(leg_bones(clip.positions[whole]) / bones - 1.0).max(axis=-1) < BONE_SPREAD)
+    brief = len(frames) < LASTS * len(whole) and _strides(clip, frames, harmonic) < REPEATS
+    if brief and lost.mean() < SEEN_BADLY:
+        return False
+    p = clip.positions[whole]
+    trunk = p[:, N["shoulder_center"]] - p[:, [N["hip_left"], N["hip_right"]]].mean(axis=1)
+    lean = np.arctan2(np.hypot(trunk[:, 0], trunk[:, 1]), trunk[:, 2])
+    if np.isfinite(lean).any() and np.nanpercentile(lean, 95.0) > UPRIGHT:
+        return False
+    p = clip.positions[frames]
+    along = np.array([np.cos(heading), np.sin(heading)])
+    middle = p[:, [N["hip_left"], N["hip_right"]], :2].mean(axis=1)
+    left, right = ((p[:, N[f"ankle_{side}"], :2] - middle) @ along for side in ("left", "right"))
+    apart, together = float(np.nanvar(left - right)), float(np.nanvar(left + right))
+    return apart > ALTERNATE * (apart + together)
+
+
+def _strides(clip: Clip, frames: NDArray[np.intp], harmonic: Harmonic) -> float:
+    return float(np.ptp(clip.times[frames]) / harmonic.period)
+
+
+def _judge(harmonic: Harmonic, times: Array, bad: NDArray[np.bool_]) -> tuple[Verdict, str]:
+    good = float(np.median(np.diff(times))) * float((~bad).sum())
+    if good < min(SHORTEST, MOST * harmonic.period):
+        return "refused", f"only {good:.2f} s of good frames"
+    if harmonic.kept < KEEP:
+        return "refused", f"only {100 * harmonic.kept:.0f} % of the frames follow the ankles' harmonic"
+    if harmonic.r2 < WARN:
+        return "refused", f"ankles fit one harmonic with R² {harmonic.r2:.2f} (legs confused)"
+    if harmonic.r2 < ACCEPT:
+        return "warned", f"ankles fit one harmonic with R² {harmonic.r2:.2f} only"
+    return "accepted", ""
+
+
+def study_passes(clip: Clip) -> list[Pass]:
+    """Every pass of a clip on the 20 nodes, judged by itself and against the others."""
+    lengths = leg_bones(clip.positions)
+    bones = np.nanmedian(lengths, axis=0) if np.isfinite(lengths).any(axis=0).all() else np.ones(4)
+    passes = [study_pass(clip, int(number), bones) for number in np.unique(clip.passes[clip.passes >= 0])]
+    good = [p for p in passes if p.verdict == "accepted"]
+    if len(good) < 3:
+        return passes
+    speed = float(np.median([p.speed for p in good]))
+    period = float(np.median([p.harmonic.period for p in good if p.harmonic]))
+    return [_compare(p, speed, period) for p in passes]
+
+
+def _compare(one: Pass, speed: float, period: float) -> Pass:
+    if one.verdict == "refused" or one.harmonic is None:
+        return one
+    if abs(one.speed - speed) > SPEED_SPREAD * speed:
+        return replace(
+            one, verdict="refused", reason=f"{one.speed:.2f} m/s where the others walk {speed:.2f}"
+        )
+    if abs(one.harmonic.period - period) > PERIOD_SPREAD * period:
+        return replace(
+            one,
+            verdict="refused",
+            reason=f"a stride of {one.harmonic.period:.2f} s where the others take {period:.2f}",
+        )
+    return one
+
+
+def is_gait(passes: list[Pass]) -> bool:
+    """Whether somebody walks in any of the passes, well recorded or not: along a path, or on the spot."""
+    return any(one.walks for one in passes)
+
+
+def too_brief(one: Pass) -> str:
+    """What a pass lacks whose legs step as in walking, though nobody walks in it; "" of any other."""
+    if one.walks or not one.steps:
+        return ""
+    seconds = float(np.ptp(one.clock))
+    return (
+        f"somebody may walk, but in place for {np.ptp(one.phase):.1f} strides ({seconds:.1f} s) only, and a "
+        f"loop takes more than {REPEATS:.0f}, or {TRAVELS} m of way"
+    )
+
+
+def usable(passes: list[Pass]) -> tuple[list[Pass], list[str]]:
+    """The passes to pool, and warnings.
+
+    The accepted ones; without any, the best of the doubtful ones; without those, a KinemimicError that says
+    what was wrong with the best.
+    """
+    accepted = [p for p in passes if p.verdict == "accepted"]
+    if accepted:
+        # What remains of a walk at the edge of the view may fit a harmonic, and still go nowhere.
+        return [p for p in accepted if p.walks] or accepted, []
+    doubtful = [p for p in passes if p.verdict == "warned"]
+    if doubtful:
+        best = max(doubtful, key=lambda p: p.harmonic.r2 if p.harmonic else 0.0)
+        return [best], [
+            f"no pass is above R² {ACCEPT}: pass {best.number} is used although its {best.reason}"
+        ]
+    longest = max(passes, key=lambda p: len(p.frames))
+    raise KinemimicError(
+        f"retarget: expected a pass of walking whose ankles fit one harmonic with R² of at least {WARN}, "
+        f"found none in {len(passes)}; the longest, pass {longest.number}: {longest.reason}; "
+        "record a longer or clearer walk"
+    )

@@ -1,0 +1,286 @@
+"""The gait loop: every accepted frame pooled by its phase into one Fourier series per joint.
+
+Smoothing, averaging over strides and closing the loop are this one weighted ridge fit. Its weights fall for
+joints that the sensor only inferred and, by Tukey's biweight, for frames that contradict all others.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from kinemimic.pipeline.arrays import Array
+from kinemimic.pipeline.gait import fourier
+from kinemimic.pipeline.kinematics.clip import Clip
+from kinemimic.pipeline.kinematics.rotations import (
+    IDENTITY,
+    conjugate,
+    from_axis_angle,
+    from_rotvec,
+    multiply,
+    rotate,
+    to_rotvec,
+)
+from kinemimic.pipeline.kinematics.skeleton import NODE_INDEX, NODES
+from kinemimic.retarget.strides.cycle import Pass
+
+STATE_WEIGHTS = np.array([0.0, 0.3, 1.0])  # of missing, inferred, tracked joints
+RIDGE = 1e-5
+# Strides that share a straight advance. In fewer a line is taken for a part of the sway that it goes along.
+SECTION = 4.0
+FEWEST_HARMONICS = 3  # of a node's rotation: below that too few frames were seen to tell how it turns
+HINGES: dict[str, tuple[str, ...]] = {
+    f"{hinge}_{side}": tuple(f"{joint}_{side}" for joint in joints)
+    for side in ("left", "right")
+    for hinge, joints in (("knee", ("hip", "knee", "ankle")), ("elbow", ("shoulder", "elbow", "wrist")))
+}
+MIRROR_NODES: NDArray[np.intp] = np.array(
+    [NODE_INDEX[name.replace("left", "*").replace("right", "left").replace("*", "right")] for name in NODES]
+)
+
+
+@dataclass(frozen=True)
+class Strides:
+    """M pooled frames, each turned so that the pass goes along +X.
+
+    phase: (M,) cycles; group: (M,) index of the pass, or of the section of one whose strides vary; times:
+    (M,) seconds from the start of the pass, on its clock (`Pass.clock`); positions: (M, 20, 3); weights:
+    (M, 20) of each node; frames: (M,) indices into the clip; headings: (M,) radians, the turn undone.
+    """
+
+    phase: Array
+    group: NDArray[np.intp]
+    times: Array
+    positions: Array
+    weights: Array
+    frames: NDArray[np.intp]
+    headings: Array
+
+
+@dataclass(frozen=True)
+class Series:
+    """A node's rotation: `mean` (4,), then a rotation vector as a Fourier series (1 + 2 h, 3)."""
+
+    mean: Array
+    coefficients: Array
+
+    def rotations(self, phase: Array) -> Array:
+        """Local rotations (N, 4) at phases (N,) in cycles."""
+        return multiply(self.mean, from_rotvec(fourier.evaluate(self.coefficients, phase)))
+
+
+@dataclass(frozen=True)
+class Loop:
+    """One stride of the person, still with the person's own proportions.
+
+    period: seconds; speed: m/s; root: (1 + 2 h, 3) series of the hip centre about its uniform advance;
+    joints: node -> series.
+    """
+
+    period: float
+    speed: float
+    root: Array
+    joints: dict[str, Series]
+
+    def rotations(self, phase: Array) -> Array:
+        """Local rotations (N, 20, 4) at phases (N,); nodes without a series do not turn."""
+        out = np.tile(IDENTITY, (len(phase), len(NODES), 1))
+        for name, series in self.joints.items():
+            out[:, NODE_INDEX[name]] = series.rotations(phase)
+        return out
+
+
+def gather(clip: Clip, passes: list[Pass]) -> Strides:
+    """Pool the frames of passes of a clip on the 20 nodes."""
+    parts: dict[str, list[NDArray[Any]]] = {name: [] for name in Strides.__dataclass_fields__}
+    groups = 0
+    for one in passes:
+        if one.harmonic is None:
+            continue
+        p = clip.positions[one.frames]
+        states = np.where(np.isfinite(p).all(axis=-1), clip.states[one.frames], 0)
+        frame_weight = one.harmonic.weights * ~one.bad
+        section = _sections(one)
+        parts["phase"].append(one.phase)
+        parts["group"].append(groups + section)
+        groups += int(section.max()) + 1
+        parts["times"].append(one.clock - one.clock[0])
+        parts["positions"].append(rotate(from_axis_angle("Z", -one.heading), p))
+        parts["weights"].append(STATE_WEIGHTS[states] * frame_weight[:, None])
+        parts["frames"].append(one.frames)
+        parts["headings"].append(np.full(len(p), one.heading))
+    return Strides(**{name: np.concatenate(arrays) for name, arrays in parts.items()})
+
+
+def _sections(one: Pass) -> NDArray[np.intp]:
+    """(frames,) the section of a pass, from 0: whoever varies strides also varies speed, and only over a few
+    strides is the advance even.
+    """
+    if not one.followed:
+        return np.zeros(len(one.frames), dtype=np.intp)
+    done = one.phase - one.phase[0]
+    count = max(1, round(float(done[-1]) / SECTION))
+    return np.asarray(np.minimum((done * count / done[-1]).astype(np.intp), count - 1))
+
+
+def with_mirror(strides: Strides) -> Strides:
+    """The strides and their mirror image half a cycle later: what makes a loop left-right symmetric."""
+    image = replace(
+        strides,
+        phase=strides.phase + 0.5,
+        group=strides.group + strides.group.max() + 1,
+        positions=strides.positions[:, MIRROR_NODES] * np.array([1.0, -1.0, 1.0]),
+        weights=strides.weights[:, MIRROR_NODES],
+    )
+    return Strides(
+        **{
+            name: np.concatenate([getattr(strides, name), getattr(image, name)])
+            for name in Strides.__dataclass_fields__
+        }
+    )
+
+
+def robust_fit(
+    phase: Array, values: Array, harmonics: int, weights: Array, group: NDArray[np.intp], floor: float
+) -> Array:
+    """Series (1 + 2 harmonics, K) of values (M, K), iteratively reweighted.
+
+    Tukey's biweight on the length of a residual throws out single wild frames; each pass, group (M,), counts
+    by the inverse of its variance, since from the side the far leg of a whole pass is guesswork. floor: least
+    scale, in the unit of the values, below which a difference is no reason for suspicion.
+    """
+    seen = weights > 0
+    # Frames that do not count would only be carried along.
+    x, y, given = fourier.design(phase[seen], harmonics), values[seen], weights[seen]
+    _, group = np.unique(group[seen], return_inverse=True)
+    median = _Medians(group)
+    w = given
+    for _ in range(8):
+        rest = y - x @ fourier.solve(x, y, w, RIDGE)
+        size = np.sqrt(np.einsum("mk,mk->m", rest, rest))
+        scale = max(1.4826 * float(np.median(size)), floor)
+        w = given * np.maximum(1.0 - (size / (4.685 * scale)) ** 2, 0.0) ** 2
+        w *= scale**2 / (scale**2 + 2.0 * median(size)[group] ** 2)
+    return fourier.solve(x, y, w, RIDGE)
+
+
+class _Medians:
+    """Medians of many values (M,) over the groups (M,) that they belong to, numbered from 0 without a gap."""
+
+    def __init__(self, group: NDArray[np.intp]) -> None:
+        self._counts = np.bincount(group)
+        order = np.argsort(group, kind="stable")
+        first = np.cumsum(self._counts) - self._counts
+        self._place = np.empty_like(order)
+        self._place[order] = np.arange(len(group)) - np.repeat(first, self._counts)
+        self._group = group
+
+    def __call__(self, values: Array) -> Array:
+        """(G,) of values (M,)."""
+        table = np.full((len(self._counts), int(self._counts.max())), np.inf)
+        table[self._group, self._place] = values
+        table.sort(axis=1)
+        rows = np.arange(len(table))
+        low, high = (self._counts - 1) // 2, self._counts // 2
+        return np.asarray(0.5 * (table[rows, low] + table[rows, high]))
+
+
+def mean_rotation(q: Array, weights: Array) -> Array:
+    """The rotation (4,) nearest to all of q (M, 4): the first axis of their weighted second moment."""
+    moment = np.einsum("m,mi,mj->ij", weights, q, q)
+    mean = np.linalg.eigh(moment)[1][:, -1]
+    return np.asarray(mean if mean[3] >= 0 else -mean)
+
+
+def fit_joint(strides: Strides, local: Array, name: str, harmonics: int) -> Series | None:
+    """Series of one node from its local rotations (M, 4); None where it was hardly ever seen.
+
+    Of few frames, as one stride at 30 Hz has, fewer than `harmonics`: two frames for each coefficient.
+    """
+    weights = strides.weights[:, [NODE_INDEX[node] for node in made_of(name)]].min(axis=1)
+    finite = np.asarray(np.isfinite(local).all(axis=-1))
+    weights = np.where(finite, weights, 0.0)
+    harmonics = min(harmonics, (int((weights > 0).sum()) // 2 - 1) // 2)
+    if harmonics < FEWEST_HARMONICS or weights.sum() < 3.0:
+        return None
+    q = np.where(finite[:, None], local, IDENTITY)
+    mean = IDENTITY if name in HINGES else mean_rotation(q, weights)
+    values = to_rotvec(multiply(conjugate(mean), q))
+    if name in HINGES:
+        values[:, [0, 2]] = 0.0
+    coefficients = robust_fit(strides.phase, values, harmonics, weights, strides.group, np.radians(2.0))
+    return Series(mean, coefficients)
+
+
+def made_of(name: str) -> tuple[str, ...]:
+    """Nodes whose positions a node's rotation is made of, apart from the body that it hangs from."""
+    if name in HINGES:
+        return HINGES[name]
+    chain = {"hip": "knee", "ankle": "foot", "shoulder": "elbow", "wrist": "hand"}
+    joint, _, side = name.partition("_")
+    if name == "hip_center":
+        return ("hip_left", "hip_right", "spine")
+    if name == "spine":
+        return ("spine", "shoulder_center")
+    if name == "shoulder_center":
+        return ("shoulder_center", "head")
+    if joint not in chain:
+        return (name,)
+    return name, f"{chain[joint]}_{side}"
+
+
+def fit_root(strides: Strides, harmonics: int) -> tuple[Array, float]:
+    """Series (1 + 2 h, 3) of the hip centre about a uniform advance, and that advance's speed in m/s.
+
+    Each pass has its own straight line (it starts elsewhere, and a floor seen by a sensor is never quite
+    level); lines and common series are fitted in turn, since a pass is no whole number of strides.
+    """
+    center = np.nanmean(strides.positions[:, [NODE_INDEX["hip_left"], NODE_INDEX["hip_right"]]], axis=1)
+    weights = strides.weights[:, [NODE_INDEX["hip_left"], NODE_INDEX["hip_right"]]].min(axis=1)
+    weights = np.where(np.isfinite(center).all(axis=-1), weights, 0.0)
+    center = np.where(weights[:, None] > 0, center, 0.0)
+    _, group = np.unique(strides.group, return_inverse=True)
+
+    def sums(values: Array) -> Array:
+        """Weighted sums (G, ...) of values (M, ...) over each pass."""
+        flat = (weights[:, None] * values.reshape(len(values), -1)).T
+        return np.stack([np.bincount(group, column) for column in flat], axis=-1)
+
+    amounts = np.maximum(sums(np.ones(len(group))), 1e-12)
+    times = strides.times - (sums(strides.times) / amounts)[group, 0]
+    spread = np.maximum(sums(times**2), 1e-12)
+    series = np.zeros((1 + 2 * harmonics, 3))
+    for _ in range(10):
+        wavy = center - fourier.evaluate(series, strides.phase)
+        slopes, middles = sums(times[:, None] * wavy) / spread, sums(wavy) / amounts
+        rest = center - middles[group] - slopes[group] * times[:, None]
+        series = robust_fit(strides.phase, rest, harmonics, weights, strides.group, 0.01)
+        series[0] = 0.0
+    series[0, 2] = np.average(middles[:, 2], weights=amounts[:, 0])
+    return series, float(np.average(slopes[:, 0], weights=amounts[:, 0]))
+
+
+def fit_loop(
+    strides: Strides, local: Array, period: float, *, leg: int, arm: int = 3, trunk: int = 4
+) -> Loop:
+    """The loop of pooled strides and their local rotations (M, 20, 4); `leg`, `arm`, `trunk`: harmonics.
+
+    Nodes that were hardly ever seen get no series and do not turn.
+    """
+    joints: dict[str, Series] = {}
+    for name in NODES:
+        joint = name.partition("_")[0]
+        if name in ("head", "hip_center", "spine", "shoulder_center"):
+            harmonics = trunk
+        else:
+            harmonics = leg if joint in ("hip", "knee", "ankle") else arm
+        if joint in ("hand", "foot", "head"):
+            continue
+        series = fit_joint(strides, local[:, NODE_INDEX[name]], name, harmonics)
+        if series is not None:
+            joints[name] = series
+    root, speed = fit_root(strides, trunk)
+    return Loop(period=period, speed=speed, root=root, joints=joints)

@@ -1,0 +1,106 @@
+"""The phase of a long walk, stride by stride: no harmonic of one period follows who speeds up."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.ndimage import uniform_filter1d
+from scipy.signal import find_peaks
+
+from kinemimic.pipeline.arrays import Array
+from kinemimic.pipeline.gait.fourier import design
+
+STILL = 0.08  # s over which the ankles' distance is averaged before its turning points are looked for
+PROMINENT = 0.5  # of its spread, times two, by which a turning point stands out
+# Strides before and after a moment through which its harmonic is fitted. A turning point at 30 Hz is 0.02
+# cycles off by a Kinect's noise, this 0.005; half as many strides let a lopsided wave through.
+REACH = 1.0
+EVERY = 0.25  # strides between the moments
+SEEN = 0.5  # share of those strides' frames that has to be seen
+
+
+@dataclass(frozen=True)
+class StridePhase:
+    """phase: (T,) cycles, not wrapped, whole where the first harmonic has the left ankle farthest before the
+    right; r2: share of the variance of the ankles' distance that this harmonic explains; period: seconds, the
+    median of the strides.
+    """
+
+    phase: Array
+    r2: float
+    period: float
+
+
+def stride_phase(times: Array, ankles: Array) -> StridePhase | None:
+    """Phase from x(right ankle) - x(left ankle), (T,) metres at times (T,), NaN where it was not seen.
+
+    Its turning points count the strides, and the harmonic of the strides around each moment times it. None
+    where there are fewer than three turning points.
+    """
+    seen = np.isfinite(ankles)
+    if seen.sum() < 8:
+        return None
+    d = np.interp(times, times[seen], ankles[seen])
+    counted = _counted(times, d)
+    if counted is None:
+        return None
+    phase = counted - _ahead(counted, d, seen)
+    wave = design(phase, 1)
+    found = np.asarray(np.linalg.lstsq(wave, d, rcond=None)[0], dtype=np.float64)
+    rest = d - wave @ found
+    spread = float(np.sum((d - d.mean()) ** 2))
+    phase = phase - _angle(found)
+    whole = np.arange(np.ceil(phase[0]), phase[-1])
+    begins = np.interp(whole, phase, times)
+    period = float(np.median(np.diff(begins))) if len(begins) > 1 else float(np.ptp(times) / np.ptp(phase))
+    return StridePhase(phase, 1.0 - float(rest @ rest) / spread if spread > 0 else 0.0, period)
+
+
+def _counted(times: Array, d: Array) -> Array | None:
+    """Cycles (T,) up to a constant: even between the middles of neighbouring turning points of d (T,).
+
+    Of a lopsided wave one foot's turning points come late; the middles stay evenly apart.
+    """
+    step = float(np.median(np.diff(times)))
+    still = uniform_filter1d(d, max(1, round(STILL / step)))
+    prominence = 2.0 * PROMINENT * float(still.std())
+    left, right = (find_peaks(sign * still, prominence=prominence)[0] for sign in (-1.0, 1.0))
+    turns = np.concatenate([left, right])
+    if len(turns) < 3:
+        return None
+    order = np.argsort(turns)
+    at, is_right = times[turns[order]], (np.arange(len(turns)) >= len(left))[order]
+    # Between two of the same foot one of the other was missed.
+    advance = np.where(is_right[1:] == is_right[:-1], 1.0, 0.5)
+    knots = np.concatenate([[0.5 * float(is_right[0])], advance]).cumsum()
+    at, knots = 0.5 * (at[1:] + at[:-1]), 0.5 * (knots[1:] + knots[:-1])
+    phase = np.asarray(np.interp(times, at, knots), dtype=np.float64)
+    for edge, (a, b) in ((times < at[0], (0, 1)), (times > at[-1], (-2, -1))):
+        rate = (knots[b] - knots[a]) / (at[b] - at[a])
+        near = 0 if a == 0 else -1
+        phase[edge] = knots[near] + rate * (times[edge] - at[near])
+    return phase
+
+
+def _ahead(phase: Array, d: Array, seen: NDArray[np.bool_]) -> Array:
+    """Cycles (T,) by which a counted phase (T,) is ahead of the harmonic of the strides around."""
+    moments = np.arange(phase[0] + EVERY, phase[-1], EVERY)
+    known, off = [], []
+    for moment in moments:
+        near = slice(*np.searchsorted(phase, [moment - REACH, moment + REACH]))
+        if seen[near].mean() < SEEN:
+            continue
+        weights = np.cos(0.5 * np.pi * (phase[near] - moment) / REACH) * seen[near]
+        wave = design(phase[near], 1) * weights[:, None]
+        known.append(moment)
+        off.append(_angle(np.asarray(np.linalg.lstsq(wave, d[near] * weights, rcond=None)[0], np.float64)))
+    if not known:
+        return np.zeros(len(phase))
+    return np.asarray(np.interp(phase, known, np.unwrap(off, period=1.0)))
+
+
+def _angle(amplitudes: Array) -> float:
+    """Cycles at which mean, cosine and sine (3,) have their lowest point."""
+    return float(np.arctan2(-amplitudes[2], -amplitudes[1])) / (2.0 * np.pi)

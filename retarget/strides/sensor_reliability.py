@@ -1,0 +1,134 @@
+"""What of a recording can be believed: decided by measuring it, not by its file format.
+
+A depth sensor sees the line of the hips badly (its yaw is off by 15 to 43 degrees in an oblique view) and
+the feet worse. What does not repeat from stride to stride, or changes its length, is replaced by a neutral
+pose; an optical recording passes every test and keeps all of its own.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from kinemimic.pipeline.arrays import Array
+from kinemimic.pipeline.gait import fourier
+from kinemimic.pipeline.kinematics.orient import FOOT_DROP, node_frames
+from kinemimic.pipeline.kinematics.rotations import conjugate, from_axis_angle, multiply, to_rotvec
+from kinemimic.pipeline.kinematics.skeleton import NODE_INDEX as N
+from kinemimic.retarget.strides.loop import Strides, mean_rotation
+from kinemimic.retarget.strides.trim import leg_bones
+
+RIGID = 0.025  # spread of a leg bone over its length, below which the points are those of a real skeleton
+WIDTH_SPREAD = 0.05  # of the hip and shoulder lines
+RESIDUAL = np.radians(4.0)  # rms about the segment's own loop
+FOOT_PITCH = np.radians(20.0)  # largest difference of the planted foot from flat
+FLAT = (0.12, 0.35)  # phases after the foot is farthest ahead in which it lies flat
+
+
+@dataclass(frozen=True)
+class Trust:
+    """Which measurements of a recording are used; the others are replaced by a neutral pose.
+
+    precise: the legs are seen to a centimetre: their bones keep their length and the pelvis repeats itself
+        (a depth sensor's recording that was stored as angles has bones of constant length too).
+    pelvis, torso, feet: measured (True) or neutral.
+    lean: radians, the trunk's usual pitch, which a neutral pelvis and torso get.
+    foot_pitch: (2,) radians of the planted left and right sole, to be taken off.
+    measured: the numbers behind the choices.
+    """
+
+    precise: bool
+    pelvis: bool
+    torso: bool
+    feet: bool
+    lean: float
+    foot_pitch: tuple[float, float]
+    measured: dict[str, float]
+
+
+def assess(strides: Strides) -> Trust:
+    """Measure pooled strides and choose what to believe."""
+    p, phase = strides.positions, strides.phase
+    frames = node_frames(p)
+    bones = leg_bones(p)
+    rigidity = float(np.max(np.nanstd(bones, axis=0) / np.nanmean(bones, axis=0)))
+    measured = {"leg_bone_spread": rigidity}
+    steady: dict[str, bool] = {}
+    for name, node, line in (("pelvis", "hip_center", "hip"), ("torso", "spine", "shoulder")):
+        width = np.linalg.norm(p[:, N[f"{line}_left"]] - p[:, N[f"{line}_right"]], axis=-1)
+        seen = width[np.isfinite(width)]
+        # What was never seen, as the shoulders in a recording of legs, is not steady.
+        spread = float(np.std(seen) / np.mean(seen)) if len(seen) else float("inf")
+        residual = _residual(phase, frames[:, N[node]])
+        measured |= {f"{line}_width_spread": spread, f"{name}_residual_deg": float(np.degrees(residual))}
+        steady[name] = bool(spread < WIDTH_SPREAD and residual < RESIDUAL)
+    # The short line from the hip centre to the spine, the pelvis' own, is off by tens of degrees.
+    trunk = p[:, N["shoulder_center"]] - 0.5 * (p[:, N["hip_left"]] + p[:, N["hip_right"]])
+    leans = np.arctan2(trunk[:, 0], trunk[:, 2])
+    leans = leans[np.isfinite(leans)]
+    lean = float(np.median(leans)) if len(leans) else 0.0
+    pitches = []
+    for side, shift in (("left", 0.0), ("right", 0.5)):
+        toe = p[:, N[f"foot_{side}"]] - p[:, N[f"ankle_{side}"]]
+        pitch = np.arctan2(-toe[:, 2], toe[:, 0]) - FOOT_DROP
+        stance = np.mod(phase + shift, 1.0)
+        planted = (stance > FLAT[0]) & (stance < FLAT[1]) & np.isfinite(pitch)
+        pitches.append(float(np.median(pitch[planted])) if planted.any() else np.pi)
+    measured |= {
+        "trunk_lean_deg": float(np.degrees(lean)),
+        "planted_foot_pitch_deg": float(np.degrees(np.mean(pitches))),
+    }
+    precise = rigidity < RIGID and steady["pelvis"]
+    return Trust(
+        precise=precise,
+        pelvis=steady["pelvis"],
+        torso=steady["torso"],
+        feet=precise and bool(np.max(np.abs(pitches)) < FOOT_PITCH),
+        lean=lean,
+        foot_pitch=(pitches[0], pitches[1]),
+        measured=measured,
+    )
+
+
+def believed_frames(positions: Array, trust: Trust) -> Array:
+    """World frames (M, 20, 4) of the nodes at positions (M, 20, 3) along +X, neutral where not believed."""
+    neutral = np.broadcast_to(from_axis_angle("Y", trust.lean), (len(positions), 4))
+    points = positions if trust.precise else knees_ahead(positions)
+    frames = node_frames(
+        points, pelvis=None if trust.pelvis else neutral, torso=None if trust.torso else neutral
+    )
+    for side, pitch in zip(("left", "right"), trust.foot_pitch, strict=True):
+        ankle, knee = N[f"ankle_{side}"], N[f"knee_{side}"]
+        if trust.feet:
+            frames[:, ankle] = multiply(frames[:, ankle], from_axis_angle("Y", -pitch))
+        else:
+            frames[:, ankle] = frames[:, knee]
+    return frames
+
+
+def knees_ahead(positions: Array) -> Array:
+    """Positions (M, 20, 3) along +X with each knee moved sideways into the plane of hip, ankle and heading.
+
+    The bend of a nearly straight leg shows its twist only to a sensor that sees centimetres; to others it
+    shows noise of 30 degrees, which would swing the feet.
+    """
+    out = positions.copy()
+    for side in ("left", "right"):
+        hip, knee, ankle = (positions[:, N[f"{joint}_{side}"]] for joint in ("hip", "knee", "ankle"))
+        normal = np.cross(ankle - hip, np.array([1.0, 0.0, 0.0]))
+        normal /= np.linalg.norm(normal, axis=-1, keepdims=True)
+        aside = np.sum((knee - hip) * normal, axis=-1, keepdims=True)
+        out[:, N[f"knee_{side}"]] = knee - aside * normal
+    return out
+
+
+def _residual(phase: Array, frames: Array) -> float:
+    """Root mean square angle (radians) of world frames (M, 4) about their own loop of four harmonics."""
+    seen = np.isfinite(frames).all(axis=-1)
+    if seen.sum() < 12:
+        return float("inf")
+    q = frames[seen]
+    turns = to_rotvec(multiply(conjugate(mean_rotation(q, np.ones(len(q)))), q))
+    rest = turns - fourier.evaluate(fourier.fit(phase[seen], turns, 4), phase[seen])
+    return float(np.sqrt(np.mean(np.sum(rest**2, axis=-1))))

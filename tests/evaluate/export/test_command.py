@@ -1,0 +1,232 @@
+"""kinemimic export: every subject in every format, read back; what is missing or damaged is said."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+from xml.etree import ElementTree as ET
+
+import numpy as np
+import pytest
+from click.testing import CliRunner
+from samples.motion import rigid_walk
+
+from kinemimic.evaluate.export.command import WRITERS, command, export
+from kinemimic.evaluate.export.subject import SUBJECTS, of_run
+from kinemimic.pipeline.cli.main import main
+from kinemimic.pipeline.errors import KinemimicError
+from kinemimic.pipeline.files.store import write_clip
+from kinemimic.pipeline.ingest import ingest
+from kinemimic.pipeline.kinematics.clip import Clip
+from kinemimic.pipeline.kinematics.orient import node_rotations
+from kinemimic.pipeline.kinematics.rotations import angle_between, from_axis_angle
+from kinemimic.pipeline.kinematics.skeleton import NODES, node_skeleton
+from kinemimic.pipeline.readers.mocap.deepmimic import read_deepmimic
+from kinemimic.pipeline.readers.recognise import read
+from kinemimic.retarget.formats.motion_json import motion_from_json, motion_to_json
+from kinemimic.retarget.formats.read_mcap import motion_from_mcap
+from kinemimic.retarget.formats.write_mcap import write_mcap
+from kinemimic.retarget.humanoid.motion import Motion
+from kinemimic.train.rollout.trajectory import Playback
+
+FRAMES = 90
+
+
+def captured() -> Clip:
+    """Two passes of 30 and 60 frames, seen by a sensor at uneven times."""
+    shown = rigid_walk(FRAMES, 30.0)
+    steps = np.tile([0.032, 0.033, 0.035], FRAMES // 3)
+    return Clip(
+        skeleton=node_skeleton(),
+        times=50.0 + np.cumsum(steps),
+        positions=shown.joints,
+        states=np.full(shown.joints.shape[:2], 2, dtype=np.uint8),
+        passes=np.repeat([0, 1], [30, 60]).astype(np.int32),
+        rotations=node_rotations(shown.joints),
+        provenance={"source": "walk.skl", "simulated": True},
+    )
+
+
+@pytest.fixture(scope="module")
+def run(tmp_path_factory: pytest.TempPathFactory, walk: Motion, performance: Callable[..., Playback]) -> Path:
+    folder = tmp_path_factory.mktemp("export") / "walk"
+    folder.mkdir()
+    write_clip(folder / "quaternions.parquet", captured())
+    (folder / "motion.json").write_text(motion_to_json(walk))
+    performance(2, FRAMES, offset=0.1).save(folder / "playback.npz")
+    return folder
+
+
+@pytest.fixture(scope="module")
+def files(run: Path) -> list[dict[str, object]]:
+    """What --json tells of an export of everything."""
+    result = CliRunner().invoke(command, ["--run", str(run), "--json"], catch_exceptions=False)
+    assert result.exit_code == 0
+    return json.loads(result.stdout)  # type: ignore[no-any-return]
+
+
+def test_everything_is_written_once_and_told(run: Path, files: list[dict[str, object]]) -> None:
+    kinds = [(record["what"], record["format"]) for record in files]
+    expected = [(what, form) for what in SUBJECTS for form in WRITERS]
+    assert kinds == [*expected, ("humanoid", "urdf")]
+    written = {Path(str(record["path"])).name for record in files}
+    notes = {f"walk-{what}{end}.provenance.json" for what in SUBJECTS for end in ("", ".deepmimic")}
+    assert {path.name for path in (run / "export").iterdir()} == written | notes
+    for record in files:
+        assert Path(str(record["path"])).stat().st_size == record["bytes"]
+
+
+def of(files: list[dict[str, object]], what: str, form: str) -> Path:
+    return next(Path(str(r["path"])) for r in files if (r["what"], r["format"]) == (what, form))
+
+
+@pytest.mark.parametrize("what", list(SUBJECTS))
+def test_positions_are_equal_in_every_format_that_holds_them(
+    run: Path, files: list[dict[str, object]], what: str
+) -> None:
+    subject = of_run(run)[what]
+    expected, _ = subject.poses.kinematics()
+    for form in ("bvh", "trc"):
+        back = read(of(files, what, form))
+        index = [back.skeleton.index(node) for node in NODES]
+        wanted = subject.clip.positions if form == "trc" else expected
+        np.testing.assert_allclose(back.positions[:, index], wanted, atol=1e-6)
+    for motion in (
+        motion_from_json(of(files, what, "json")),
+        motion_from_mcap(of(files, what, "mcap")),
+    ):
+        # These two have rigid bones; a capture's are as long as they mostly were.
+        found = motion.kinematics()[0]
+        np.testing.assert_allclose(found, expected, atol=0.02 if what == "capture" else 1e-8)
+    angles = read(of(files, what, "mot")).angles
+    assert angles is not None
+    for name, curve in subject.angles.items():
+        if what != "capture":
+            np.testing.assert_allclose(angles[name], curve, atol=1e-8)
+    peers = read_deepmimic(of(files, what, "deepmimic"))
+    told = next(r["frames"] for r in files if (r["what"], r["format"]) == (what, "deepmimic"))
+    assert len(peers.times) == told == len(expected) + (what == "reference")
+
+
+def test_a_cycle_is_closed_for_deepmimic(walk: Motion, files: list[dict[str, object]]) -> None:
+    content = json.loads(of(files, "reference", "deepmimic").read_text())
+    assert content["Loop"] == "wrap"
+    first, last = np.array(content["Frames"][0]), np.array(content["Frames"][-1])
+    assert len(content["Frames"]) == len(walk.root) + 1
+    np.testing.assert_allclose(last[4:], first[4:], atol=1e-9)
+    legs = 0.78 / 0.831416  # of the body's leg in the format's
+    np.testing.assert_allclose((last - first)[1:4] * legs, [walk.cycle_offset[0], 0.0, 0.0], atol=1e-5)
+    assert json.loads(of(files, "simulated", "deepmimic").read_text())["Loop"] == "none"
+
+
+def test_the_capture_is_its_longest_pass_or_the_one_asked_for(run: Path, tmp_path: Path) -> None:
+    clip = captured()
+    subject = of_run(run, ["capture"])["capture"]
+    np.testing.assert_array_equal(subject.clip.times, clip.times[30:])
+    assert subject.note("csv") == "from a SIMULATED capture; pass 1 of 2"
+    assert len(of_run(run, ["capture"], 0)["capture"].clip.times) == 30
+    with pytest.raises(KinemimicError, match="expected pass 2, found 2 passes, counted from 0"):
+        of_run(run, ["capture"], 2)
+
+
+def test_a_recorded_turn_that_no_position_shows_is_kept(tmp_path: Path) -> None:
+    """A head that looks a little to the left, all the time."""
+    clip, neck = captured(), NODES.index("shoulder_center")
+    assert clip.rotations is not None
+    turned = clip.rotations.copy()
+    turned[:, neck] = from_axis_angle("Z", np.full(len(turned), 0.4))
+    write_clip(tmp_path / "quaternions.parquet", replace(clip, rotations=turned))
+    exported = of_run(tmp_path)["capture"].on_nodes.rotations[:, neck]
+    assert np.abs(angle_between(exported, turned[:1, neck])).max() < 1e-6
+
+
+def test_provenance_says_what_it_was_made_of_and_that_it_was_simulated(
+    run: Path, files: list[dict[str, object]], tmp_path: Path
+) -> None:
+    note = json.loads((run / "export" / "walk-capture.provenance.json").read_text())
+    assert (note["stage"], note["source"], note["simulated"]) == ("export", "walk.skl", True)
+    assert len(note["inputs"]["clip"]) == 64
+    for form in ("bvh", "trc", "mot", "deepmimic"):
+        assert ingest(of(files, "capture", form), tmp_path / form).simulated, form
+
+
+@pytest.mark.parametrize(("what", "made"), [("reference", False), ("simulated", True)])
+def test_what_a_policy_performs_of_a_real_capture_is_marked_as_no_recording(
+    run: Path, tmp_path: Path, what: str, made: bool
+) -> None:
+    subject = of_run(run)[what]
+    real = replace(subject, clip=replace(subject.clip, provenance={}), provenance={})
+    (written,) = export({what: real}, ["bvh"], tmp_path, "walk")
+    assert json.loads(written.path.with_suffix(".provenance.json").read_text())["simulated"] is made
+
+
+def test_the_body_is_a_tree_of_bodies(files: list[dict[str, object]]) -> None:
+    robot = ET.fromstring(of(files, "humanoid", "urdf").read_text())
+    joints = [joint.get("type") for joint in robot.findall("joint")]
+    assert joints.count("revolute") == 3 * 14 and joints.count("fixed") == 1
+    assert len(robot.findall("link")) == 16 + 2 * 14  # two of little mass between the hinges of each joint
+
+
+def test_the_same_bytes_again(run: Path, files: list[dict[str, object]], tmp_path: Path) -> None:
+    CliRunner().invoke(command, ["--run", str(run), "--out", str(tmp_path)], catch_exceptions=False)
+    for path in (run / "export").iterdir():
+        assert (tmp_path / path.name).read_bytes() == path.read_bytes(), path.name
+
+
+def test_only_what_is_asked_for(run: Path, tmp_path: Path) -> None:
+    arguments = ["--run", str(run), "--what", "reference", "--format", "npz", "--format", "bvh"]
+    result = CliRunner().invoke(command, [*arguments, "--out", str(tmp_path / "new")], catch_exceptions=False)
+    names = sorted(path.name for path in (tmp_path / "new").iterdir())
+    assert names == ["walk-reference.bvh", "walk-reference.npz", "walk-reference.provenance.json"]
+    assert "walk-reference.bvh" in result.stdout and "one cycle" in result.stdout
+
+
+def test_a_damaged_mcap_is_named_and_recovered(
+    run: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    whole = tmp_path / "long.mcap"
+    random = rigid_walk(400, 60.0)
+    motion = Motion(60.0, random.root, random.rotations, np.ones((400, 2), dtype=bool), cyclic=False)
+    write_mcap(whole, motion)
+    short = tmp_path / "cut.mcap"
+    short.write_bytes(whole.read_bytes()[: whole.stat().st_size // 2])
+    with pytest.raises(SystemExit) as caught:
+        main(["export", "--from", str(short), "--format", "mcap"])
+    assert caught.value.code == 2
+    said = capsys.readouterr().err
+    assert "cut.mcap: expected a whole MCAP, found it cut off" in said and said.count("\n") == 1
+    assert not (tmp_path / "export").exists()
+    arguments = ["--from", str(short), "--recover", "--format", "mcap", "--format", "bvh", "--json"]
+    result = CliRunner().invoke(command, arguments, catch_exceptions=False)
+    (bvh, mcap) = json.loads(result.stdout)
+    assert Path(mcap["path"]).name == "cut-recovered.mcap" and "cut off" in mcap["note"]
+    back = motion_from_mcap(Path(mcap["path"]))
+    assert 80 < len(back.root) == mcap["frames"] == len(read(Path(bvh["path"])).times) < 400
+    np.testing.assert_array_equal(back.rotations, motion.rotations[: len(back.root)])
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (["--run", "none"], "expected a run folder, found none"),
+        (["--run", "."], "expected quaternions.parquet, motion.json, playback.npz, found none"),
+        (["--run", ".", "--what", "simulated"], "motion.json: expected a file, found none"),
+        (["--recover"], "--recover needs --from"),
+        (["--from", "a.mcap", "--what", "capture"], "--what and --pass belong to a run"),
+        (["--what", "reference", "--pass", "1"], "--pass is one of the capture's"),
+        (["--from", "a.mcap"], "expected an MCAP file, found none"),
+        (["--format", "fbx"], "'fbx' is not one of"),
+    ],
+)  # fmt: skip
+def test_what_cannot_be_done_is_said_in_a_line(
+    arguments: list[str], message: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:  # fmt: skip
+    monkeypatch.chdir(tmp_path)
+    with pytest.raises(SystemExit) as caught:
+        main(["export", *arguments])
+    assert caught.value.code == 2
+    assert message in capsys.readouterr().err
+    assert not list(tmp_path.iterdir())

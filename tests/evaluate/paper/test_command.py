@@ -1,0 +1,122 @@
+"""The study, with policies that do nothing: every file is there, and nothing is measured twice."""
+
+from __future__ import annotations
+
+import csv
+import json
+import re
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import pytest
+from click.testing import CliRunner
+from peers.compared import BUDGET, KEPT
+from printed.told import told
+
+from kinemimic.evaluate.compare.comparison import Comparison
+from kinemimic.evaluate.paper import command as module
+from kinemimic.evaluate.paper import room_walks as walks
+from kinemimic.evaluate.paper.head_to_head import contest
+from kinemimic.evaluate.paper.plan import SCENARIOS, VARIANTS, taking_part
+from kinemimic.evaluate.robustness import scenario_trials
+from kinemimic.pipeline.errors import KinemimicError
+from kinemimic.train.scenario.scenario import Scenario
+from kinemimic.train.scenario.scenario_file import scenario
+
+
+@pytest.fixture
+def short(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Scenarios of a second, rooms without bends or furniture, and times that nobody measured."""
+
+    def cut(name: str) -> Scenario:
+        return replace(scenario(name), seconds=1.0, obstacles=(), route=())
+
+    def times(**_: Any) -> dict[str, Any]:
+        one = {"mean_ms": [1.0, 2.0, 3.0], "deviation_ms": [0.1, 0.1, 0.1], "growth": 1.0}
+        algorithm = {"update": one, "inference": one, "learning": {"mean_ms": [1.0, 2.0, 3.0]}}
+        algorithms = {"ppo": algorithm, "ddpg": algorithm, "a2c": None, "sb3-ppo": algorithm}
+        nets = [{"hidden": [8, 4], "algorithms": algorithms}, {"hidden": [16, 8], "algorithms": algorithms}]
+        samples = [1000, 2000, 3000]
+        return {"samples": samples, "nets": nets, "repeats": 1, "paper": {"ppo": one, "ddpg": one}}
+
+    monkeypatch.setattr(module, "scenario", cut)
+    for user in (scenario_trials, walks):
+        monkeypatch.setattr(user, "spread", lambda work, tasks, **_: [work(task) for task in tasks])
+    monkeypatch.setattr(module, "processing_times", times)
+
+
+@pytest.mark.usefixtures("short")
+def test_a_study_is_a_page_figures_and_numbers_and_is_not_done_twice(
+    compared: Callable[..., Path], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    folder, out = compared(), tmp_path / "out"
+    arguments = [f"--comparison={folder}", f"--out={out}", "--trials=2", "--rooms=3", "--engine=pybullet"]
+    ended = CliRunner().invoke(module.command, [*arguments, "--json"], catch_exceptions=False)
+    assert ended.exit_code == 0, ended.output
+    content = json.loads((out / "study.json").read_text())
+    assert json.loads(ended.stdout) == content
+    assert told("study.json") == set(content)
+    rows = [(row["contender"], row["scenario"]) for row in content["contests"]]
+    assert rows == [(name, scenario) for scenario in SCENARIOS for name in taking_part(scenario)]
+    # All through the same room, which of the three is PPO's middle one.
+    assert len({row["shown"]["number"] for row in content["rooms"]}) == 1
+    assert all(len(row["walks"]) == 3 for row in content["rooms"])
+    for name in ("fig7", "fig8", "fig9", "fig10", "fig11", "fig12", "tab2"):
+        assert (out / "figures" / f"{name}.png").read_bytes().startswith(b"\x89PNG")
+        assert (out / "figures" / f"{name}.svg").read_text().startswith("<?xml")
+    for name in ("claims", "learning", "disturbances", "rooms", "times"):
+        with (out / "numbers" / f"{name}.csv").open() as stream:
+            assert list(csv.DictReader(stream)), name
+    page = (out / module.PAGE).read_text()
+    for claim in content["claims"]:
+        assert claim["what"].replace("'", "&#x27;") in page
+    assert (
+        "DDPG: 64 figures, a gradient step for every 8 samples on 256, layers of 512 and 256 (relu)" in page
+    )
+    assert "actions bounded to ±0.5, exploration 0.2 to 0.17." in page
+    assert f"PPO {KEPT:,} of {BUDGET:,}; DDPG {KEPT:,} of {BUDGET:,};" in page
+    # Nobody leads PPO; the rivals that trained among obstacles are PPO's that did.
+    led = {row["contender"] for row in content["contests"] if row["lead"] is not None}
+    assert led == {"DDPG", "A2C", "DDPG, among obstacles", "A2C, among obstacles"}
+    # It asks for nothing from outside.
+    assert not re.search(r"(src|href|srcset)=[\"'](?!data:)", page)
+    assert not re.search(r"url\((?!#)", re.sub(r"base64,[A-Za-z0-9+/=]+", "", page))
+
+    def never(*_: object, **__: object) -> None:
+        raise AssertionError("measured again")
+
+    with monkeypatch.context() as patched:
+        for measure in ("contest", "rooms", "processing_times"):
+            patched.setattr(module, measure, never)
+        again = CliRunner().invoke(module.command, [*arguments, "--json"], catch_exceptions=False)
+        assert json.loads(again.stdout) == content
+        assert (out / module.PAGE).read_text() == page
+        with pytest.raises(AssertionError, match="measured again"):
+            CliRunner().invoke(module.command, [*arguments, "--seed=1"], catch_exceptions=False)
+
+
+def test_a_contest_does_not_depend_on_who_takes_part(compared: Callable[..., Path]) -> None:
+    comparison = Comparison.load(compared())
+    one, other = (comparison.contender("walk", VARIANTS[name], name) for name in ("PPO", "DDPG"))
+    pull = replace(scenario("pull-forward"), seconds=1.5)
+    options: dict[str, Any] = {"trials": 3, "seed": 5, "engine": "pybullet", "workers": 1}
+    both = contest([(one, pull), (other, pull)], **options)
+    (alone,) = contest([(other, pull)], **options, over={"DDPG": "PPO"})
+    assert [row["contender"] for row in both] == ["PPO", "DDPG"]
+    assert both[1] == alone
+    led = contest([(one, pull), (other, pull)], **options, over={"DDPG": "PPO"})
+    assert led[0] == both[0]
+    lost = [row["loss"]["share"] for row in led]
+    assert led[1]["lead"]["loss"]["ahead"] == pytest.approx(lost[1] - lost[0], abs=2e-6)
+    shares = list[float]()
+    contest([(one, pull)], **options, progress=shares.append)
+    assert sum(shares) == pytest.approx(1.0)
+
+
+def test_a_study_of_too_little_is_one_line(compared: Callable[..., Path], tmp_path: Path) -> None:
+    folder = compared(variants=("default", "ddpg"))
+    with pytest.raises(KinemimicError, match="found some missing of a2c on walk"):
+        module.study(Comparison.load(folder), tmp_path / "out")
+    assert not (tmp_path / "out").exists()

@@ -1,0 +1,119 @@
+import csv
+import json
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from click.testing import CliRunner
+from peers.constant import constant
+
+from kinemimic.evaluate.scoring import command as stage
+from kinemimic.pipeline.errors import KinemimicError
+from kinemimic.pipeline.files.store import write_text
+from kinemimic.retarget.formats.motion_json import motion_from_json, motion_to_json
+from kinemimic.train.config.config import PRESETS
+from kinemimic.train.rollout.trajectory import Playback
+from kinemimic.train.sim.engines import resolve
+
+OUTPUTS = {"scores.json", "curves.csv", "report.html", "playback.npz"}
+
+
+def write_inputs(folder, motion):
+    """A motion, and a policy for it that never corrects anything."""
+    write_text(folder / "motion.json", motion_to_json(motion))
+    idle = constant()
+    record = {"samples": 0, "seconds": 0.0, "preset": "default", "seed": 0, "mirrored": True}
+    record |= {"config": PRESETS["default"].to_json()}
+    # As `train` does it: the identity of what was read back, rounded as the file is.
+    made_from = {"inputs": {"motion": motion_from_json(folder / "motion.json").identity}}
+    idle.save(folder / "policy.safetensors", record | {"provenance": made_from})
+
+
+@pytest.fixture
+def run(tmp_path, walk):
+    """A run of a short single performance, and an idle policy."""
+    write_inputs(tmp_path, replace(walk, cyclic=False))
+    return tmp_path
+
+
+def test_protocol(walk):
+    phases, frames = stage.protocol(walk)
+    assert (len(phases), phases[0], phases[1], frames) == (13, 0.0, 1 / 13, 600)
+    # 36 frames at 30 Hz, performed once, last 35/30 s: 35 control steps.
+    assert stage.protocol(replace(walk, cyclic=False)) == (np.zeros(1), 35)
+
+
+def test_an_idle_policy_scores_what_no_policy_scores(run):
+    scores = stage.evaluate(run, workers=1)
+    assert scores["fit"] == scores["no_policy"]["fit"]
+    assert scores["survival"] == scores["no_policy"]["survival"]
+    assert scores["root"] == scores["no_policy"]["root"]
+    assert scores["survival"]["of"] == 35
+    assert scores["provenance"]["config"]["engine"] == resolve("auto")
+    assert {path.name for path in run.iterdir()} >= OUTPUTS
+    assert json.loads((run / "scores.json").read_text()) == scores
+    assert str(run) not in (run / "scores.json").read_text() + (run / "report.html").read_text()
+
+
+@pytest.fixture
+def acted(run, walk, performance, monkeypatch):
+    """The same with made-up rollouts instead of a simulation: a policy's fit, and none's that falls."""
+
+    def perform(motion, policy, *, start_phases, frames, engine, workers, progress):
+        for _ in start_phases:
+            progress(1)
+        return performance(len(start_phases), frames, offset=0.05, fall=None if policy else 20)
+
+    write_inputs(run, walk)
+    monkeypatch.setattr(stage, "perform", perform)
+    # Drawing takes seconds and has its own tests.
+    monkeypatch.setattr(stage, "report", lambda *_: "<!doctype html>")
+    return run
+
+
+def test_curves_are_those_of_the_playback(acted):
+    scores = stage.evaluate(acted)
+    rows = list(csv.DictReader((acted / "curves.csv").open()))
+    assert len(rows) == 600
+    gaps = [
+        float(row["simulated_knee_left_deg"]) - float(row["reference_knee_left_deg"]) for row in rows[:500]
+    ]
+    assert np.sqrt(np.mean(np.square(gaps))) == pytest.approx(
+        scores["fit"]["knee"]["left"]["rmse_deg"], abs=1e-3
+    )
+    assert float(rows[29]["time_s"]) == pytest.approx(1.0)
+    assert rows[20]["no_policy_hip_right_deg"] == rows[599]["no_policy_hip_right_deg"]
+    assert len(Playback.load(acted / "playback.npz").start_phases) == 13
+
+
+def test_same_input_same_bytes(acted):
+    first, second = (
+        stage.evaluate(acted) and [(acted / name).read_bytes() for name in sorted(OUTPUTS - {"playback.npz"})]
+        for _ in range(2)
+    )
+    assert first == second
+
+
+def test_command_prints_a_table_or_json(acted):
+    printed = CliRunner().invoke(stage.command, ["--run", str(acted)], catch_exceptions=False).output
+    assert "SIMULATED CAPTURE" in printed
+    assert "600 of 600" in printed and "13 of 13" in printed
+    assert f"report: {acted / 'report.html'}" in printed
+    printed = (
+        CliRunner().invoke(stage.command, ["--run", str(acted), "--json"], catch_exceptions=False).output
+    )
+    assert json.loads(printed)["survival"]["phases"] == 13
+
+
+def test_without_a_policy_nothing_is_written(run):
+    (run / "policy.safetensors").unlink()
+    with pytest.raises(KinemimicError, match="run `kinemimic train` first"):
+        stage.evaluate(run)
+    assert not OUTPUTS & {path.name for path in run.iterdir()}
+
+
+def test_a_policy_of_another_motion_is_refused(run, walk):
+    write_text(run / "motion.json", motion_to_json(walk))
+    with pytest.raises(KinemimicError, match="expected a policy for this motion"):
+        stage.evaluate(run)
+    assert not OUTPUTS & {path.name for path in run.iterdir()}

@@ -1,0 +1,183 @@
+"""The gait of made-up walkers whose every number is known, and of a virtual Kinect's beside its truth."""
+
+import shutil
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from kinemimic.evaluate.scoring.gait_command import gait
+from kinemimic.evaluate.scoring.gait_page import cell, gait_page, notes
+from kinemimic.evaluate.scoring.gait_report import compare
+from kinemimic.evaluate.scoring.gait_sources import captured
+from kinemimic.pipeline.convert import convert
+from kinemimic.pipeline.errors import KinemimicError
+from kinemimic.pipeline.files.sidecars import read_truth
+from kinemimic.pipeline.files.store import read_clip, read_json
+from kinemimic.pipeline.gait.curves import cut
+from kinemimic.pipeline.ingest import ingest
+from kinemimic.pipeline.kinematics.rotations import from_axis_angle, multiply
+from kinemimic.pipeline.kinematics.skeleton import NODE_INDEX
+from kinemimic.pipeline.virtual_kinect.recorder import record_virtual
+from kinemimic.retarget.command import retarget
+from kinemimic.retarget.formats.motion_json import motion_to_json
+
+# As in conftest.py: a period of 1.2 s at 1.1 m/s, knees 0.5 ± 0.4 rad, hips 0.1 ± 0.35 rad.
+CADENCE, SPEED, STRIDE, KNEE_RANGE, HIP_RANGE = 100.0, 1.1, 1.32, np.degrees(0.8), np.degrees(0.7)
+
+
+@pytest.fixture(scope="module")
+def report(walk, performance):
+    return compare(None, walk, performance(offset=np.radians(4.0)))
+
+
+@pytest.mark.parametrize("who", ["reference", "simulated"])
+def test_a_made_up_walk_is_measured_as_it_was_made(report, who):
+    walker = report["walkers"][who]
+    table, curves = walker["parameters"], walker["curves"]
+    assert table["cadence_steps_per_min"]["both"]["mean"] == pytest.approx(CADENCE, rel=0.002)
+    assert table["speed_m_s"]["both"]["mean"] == pytest.approx(SPEED, rel=0.005)
+    assert table["stride_length_m"]["both"]["mean"] == pytest.approx(STRIDE, rel=0.005)
+    assert walker["leg_length_m"] == pytest.approx(0.78)  # of the body of Table 1
+    assert walker["normalised"]["speed"] == pytest.approx(SPEED / np.sqrt(9.81 * 0.78), rel=0.005)
+    for side in ("left", "right"):
+        assert curves[f"knee_{side}"]["range_deg"]["mean"] == pytest.approx(KNEE_RANGE, abs=0.1)
+        assert curves[f"hip_{side}"]["range_deg"]["mean"] == pytest.approx(HIP_RANGE, abs=0.1)
+        assert max(curves[f"knee_{side}"]["sd"]) < 0.5
+        assert walker["off_axis_knee_deg"][side]["peak"] == pytest.approx(0.0, abs=1e-6)
+    assert abs(walker["range_symmetry_percent"]["knee"]) < 0.5
+
+
+def test_only_a_figure_that_touches_the_ground_has_a_stance_by_contact(report):
+    # The motion's contacts are of feet that lie flat and still.
+    assert report["walkers"]["reference"]["stance_ratio_by_contact"] is None
+    assert set(report["walkers"]["simulated"]["stance_ratio_by_contact"]) == {"left", "right"}
+
+
+def test_the_simulations_knees_lie_above_the_references_by_what_they_were_bent(report):
+    reference, simulated = (
+        np.array(report["walkers"][who]["curves"]["knee_left"]["mean"]) for who in ("reference", "simulated")
+    )
+    assert np.mean(simulated - reference) == pytest.approx(4.0, abs=0.1)
+
+
+def test_nothing_after_a_fall_counts(walk, performance):
+    # Two seconds of three rollouts: one stride of 1.2 s a side fits, and never three.
+    walker = compare(None, walk, performance(fall=60))["walkers"]["simulated"]
+    assert 0 < walker["strides"]["left"] <= 3
+    assert walker["parameters"]["speed_m_s"]["both"]["mean"] == pytest.approx(SPEED, rel=0.01)
+    fallen = compare(None, walk, performance(fall=5))
+    assert fallen["without_a_stride"] == ["simulated"]
+    assert notes(fallen) == ["simulated: no stride is whole, nothing is measured"]
+    assert "simulated: no stride" in gait_page("x", fallen)
+
+
+def test_a_knee_that_swings_about_another_axis_is_found_on_its_side_alone(walk, performance):
+    played = performance()
+    rotations, knee = played.rotations.copy(), NODE_INDEX["knee_right"]
+    rotations[..., knee, :] = multiply(from_axis_angle("X", np.radians(5.0)), rotations[..., knee, :])
+    found = compare(None, walk, replace(played, rotations=rotations))["walkers"]["simulated"][
+        "off_axis_knee_deg"
+    ]
+    assert found["right"]["rms"] == pytest.approx(5.0, abs=0.01)
+    assert found["right"]["peak"] == pytest.approx(5.0, abs=0.01)
+    assert found["left"]["peak"] == pytest.approx(0.0, abs=1e-6)
+
+
+def test_cells():
+    assert cell("4 + 5", 1, 1.0) == "4 + 5" and cell(None, 1, 1.0) == "–"
+    assert cell(0.61, 1, 100.0) == "61.0"
+    assert cell({"mean": 1.234, "sd": 0.056, "n": 3}, 2, 1.0) == "1.23 ± 0.06"
+    # A loop's strides differ by rounding only.
+    assert cell({"mean": 1.234, "sd": 1e-9, "n": 3}, 2, 1.0) == "1.23"
+    assert cell({"mean": 1.234, "sd": None, "n": 1}, 2, 1.0) == "1.23"
+
+
+def test_the_page_draws_who_is_there_and_names_the_source_of_what_is_normal(report):
+    page = gait_page("a <walk>", report)
+    assert "a &lt;walk&gt;" in page and "Schwartz et al. 2008" in page
+    assert "Robinson et al. 1987" in page and "Zeni et al. 2008" in page and "Baker et al. 2009" in page
+    assert '<th scope="col">reference</th><th scope="col">simulated</th>' in page
+    assert "capture</th>" not in page
+    assert page == gait_page("a <walk>", report)
+
+
+@pytest.fixture(scope="module")
+def virtual(tmp_path_factory):
+    """A run folder with a virtual Kinect's capture of the stock walk in it."""
+    run = tmp_path_factory.mktemp("run")
+    ingest(record_virtual(run / "capture", seed=3).skl, run)
+    convert(run)
+    return run
+
+
+def test_a_kinect_beside_its_truth(virtual):
+    note = read_json(virtual / "capture" / "kinect_walk.provenance.json")["virtual_kinect"]
+    walker = gait(virtual)["walkers"]["capture"]
+    table = walker["parameters"]
+    assert table["cadence_steps_per_min"]["both"]["mean"] == pytest.approx(120 / note["period"], rel=0.03)
+    assert table["speed_m_s"]["both"]["mean"] == pytest.approx(note["speed"], rel=0.05)
+    assert table["stride_length_m"]["both"]["mean"] == pytest.approx(note["speed"] * note["period"], rel=0.05)
+    assert walker["off_axis_knee_deg"] is None
+    assert any("virtual Kinect" in text for text in walker["notes"])
+    assert any("positions do not show" in text for text in walker["notes"])
+
+
+def errors(run, joint):
+    """Degrees (strides, 101) by which the capture's curves miss the truth's over the same strides."""
+    truth, walker = read_truth(run / "truth.parquet"), captured(run)
+    found = []
+    for stride in walker.gait.strides:
+        name = f"{joint}_{stride.side}"
+        seen, true = (
+            cut(times[near], curve[near], [stride])
+            for times, curve in ((walker.times, walker.angles[name]), (truth["time"], truth[name]))
+            for near in [(times > stride.start - 0.2) & (times < stride.end + 0.2)]
+        )
+        found.append(np.degrees(seen - true)[0])
+    errors = np.array(found)
+    return errors[np.isfinite(errors).all(axis=1)]
+
+
+def rms(values):
+    return np.sqrt(np.mean(values**2))
+
+
+def test_a_kinects_mean_curves_are_those_of_the_truth(virtual):
+    for joint in ("knee", "hip"):
+        missed = errors(virtual, joint)
+        assert len(missed) >= 8
+        assert rms(missed.mean(axis=0)) < 4.0
+
+
+def test_hips_are_relative_to_a_pelvis_that_is_believed(virtual, tmp_path):
+    """A Kinect's own pelvis throws each stride's hip off; the upright one that `retarget` chose does not."""
+    shutil.copytree(virtual, tmp_path / "run")
+    before = rms(errors(tmp_path / "run", "hip"))
+    retarget(tmp_path / "run")
+    assert rms(errors(tmp_path / "run", "hip")) < 0.7 * before
+    notes = captured(tmp_path / "run").notes
+    assert any("upright" in text for text in notes) and any("no ankle" in text for text in notes)
+
+
+@pytest.mark.parametrize(
+    "text", ["[1]", '{"believed": 3}', '{"believed": {"pelvis": false, "trunk_lean_deg": "x"}}', "{"]
+)
+def test_a_damaged_judgement_of_retarget_is_named(virtual, tmp_path, text):
+    shutil.copytree(virtual, tmp_path / "run", ignore=shutil.ignore_patterns("capture"))
+    (tmp_path / "run" / "gait.json").write_text(text)
+    with pytest.raises(KinemimicError, match=r"gait\.json: expected") as caught:
+        captured(tmp_path / "run")
+    assert "\n" not in str(caught.value)
+
+
+def test_a_motion_of_another_recording_is_not_set_beside_this_one(virtual, walk, tmp_path):
+    shutil.copytree(virtual, tmp_path / "run", ignore=shutil.ignore_patterns("capture"))
+    own = read_clip(virtual / "quaternions.parquet").provenance
+    place = tmp_path / "run" / "motion.json"
+    place.write_text(motion_to_json(replace(walk, provenance={"capture": own})))
+    assert list(gait(tmp_path / "run")["walkers"]) == ["capture", "reference"]
+    stranger = {**own, "sha256": "0", "source": "a.skl"}
+    place.write_text(motion_to_json(replace(walk, provenance={"capture": stranger})))
+    with pytest.raises(KinemimicError, match=r"one recording, found kinect_walk\.skl and a\.skl"):
+        gait(tmp_path / "run")

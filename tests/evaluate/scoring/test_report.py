@@ -1,0 +1,158 @@
+import re
+from dataclasses import replace
+from html.parser import HTMLParser
+
+import numpy as np
+import pytest
+
+from kinemimic.evaluate.scoring.capture_fit import Capture
+from kinemimic.evaluate.scoring.report import Evidence, report
+from kinemimic.evaluate.scoring.scores import compose
+from kinemimic.pipeline.cli.html import number
+from kinemimic.pipeline.files.store import write_json
+from kinemimic.pipeline.kinematics.angles import ANGLES
+
+VOID = {"meta", "img", "source", "br"}
+
+
+class Checker(HTMLParser):
+    """Collects text and references, and fails on tags that do not close."""
+
+    def __init__(self):
+        super().__init__()
+        self.open, self.text, self.links, self.captions = [], [], [], 0
+
+    def handle_starttag(self, tag, attrs):
+        if tag not in VOID:
+            self.open.append(tag)
+        self.captions += tag == "figcaption"
+        self.links += [value for name, value in attrs if name in ("src", "srcset", "href")]
+
+    def handle_endtag(self, tag):
+        assert self.open.pop() == tag
+
+    def handle_data(self, data):
+        self.text.append(data)
+
+
+def _check(page):
+    checker = Checker()
+    checker.feed(page)
+    assert checker.open == []
+    return checker, re.sub(r"\s+", " ", " ".join(checker.text))
+
+
+@pytest.fixture(scope="module")
+def evidence(performance, walk, curve):
+    phase = np.linspace(0, 2, 60)
+    truth = {name: curve(name, phase) for name in ANGLES}
+    capture = Capture(phase, truth, truth, truth)
+    played, base = performance(offset=0.02), performance(fall=30)
+    scores = compose(
+        played,
+        base,
+        walk,
+        capture=capture,
+        policy={"samples": 1000, "seconds": 2.0, "preset": "default", "seed": 7},
+        provenance={"stage": "evaluate", "inputs": {"motion": "abc"}},
+    )
+    return Evidence(scores, played, base, walk, capture)
+
+
+@pytest.fixture(scope="module")
+def page(evidence, tmp_path_factory):
+    """Of a run folder that no other stage has written to."""
+    return report(tmp_path_factory.mktemp("run"), evidence)
+
+
+def test_what_a_policy_says_of_itself_is_text(evidence, tmp_path):
+    marked = "<script>alert(1)</script>"
+    train = {**evidence.scores["train"], "preset": marked, "seed": marked}
+    page = report(tmp_path, replace(evidence, scores={**evidence.scores, "train": train}))
+    assert marked not in page
+    assert page.count("&lt;script&gt;") == 2
+
+
+def test_the_page_is_whole_and_asks_for_nothing_from_outside(page, evidence):
+    checker, text = _check(page)
+    assert checker.links and all(link.startswith("data:image/svg+xml;base64,") for link in checker.links)
+    assert "url(" not in page and "@import" not in page
+    assert len(page) < 5e6
+    assert page.count("<figure>") == checker.captions
+    assert "Simulated capture (virtual Kinect)" in text
+    assert "91.4 %" in text and "93.2 %" in text and "without a formula" in text
+    assert number(evidence.scores["fit"]["knee"]["r2"], 3) in text
+    assert number(evidence.scores["no_policy"]["fit"]["hip"]["r2"], 3) in text
+    assert "made <up>.bvh" in text
+    assert "Gait parameters" in text and "cadence" in text
+
+
+def test_sections_follow_the_files_of_other_stages_and_a_real_capture_has_no_banner(tmp_path, page, evidence):
+    _, bare = _check(page)
+    assert "Gimbal lock" not in bare and "The capture " not in bare
+    write_json(
+        tmp_path / "gimbal.json",
+        {
+            "frames": 50,
+            "flag_within_deg": 5.0,
+            "flip_beyond_deg": 45.0,
+            "joints": [
+                {
+                    "joint": "RightArm",
+                    "order": "YZX",
+                    "lock_at_deg": [-90, 90],
+                    "nearest_deg": 0.25,
+                    "nearest_frame": 12,
+                    "flagged_frames": [[10, 14], [30, 30]],
+                    "flips": [12],
+                }
+            ],
+        },
+    )
+    joint = {"tracked": 0.9, "inferred": 0.08, "lost": 0.02, "filled": 0.02, "bone_m": None, "bone_cv": None}
+    write_json(
+        tmp_path / "quality.json",
+        {
+            "source": "walk.bvh",
+            "format": "BVH",
+            "frames": 50,
+            "frames_in_passes": 48,
+            "complete_frames": 40,
+            "clock": {"rate_hz": 30.0, "step_ms": 33.3, "jitter_ms": 1.5, "longest_step_ms": 40.0},
+            "passes": [{}],
+            "notes": ["a <note>"],
+            "joints": {"ankle_left": joint},
+        },
+    )
+    write_json(
+        tmp_path / "gait.json",
+        {
+            "kind": "walk",
+            "cyclic": True,
+            "period_s": 1.2,
+            "range_deg": {"knee_left": [1.0, 60.0]},
+            "warnings": ["short"],
+        },
+    )
+    real = replace(evidence, scores=evidence.scores | {"capture": {"simulated": False}})
+    full = report(tmp_path, real)
+    _, text = _check(full)
+    assert "virtual Kinect" not in text
+    # The same evidence gives the same drawings, byte for byte.
+    assert re.findall('base64,[^"]+', full) == re.findall('base64,[^"]+', page)
+    assert "RightArm" in text and "10–14, 30" in text
+    assert "ankle left" in text and "90.0" in text and "a <note>" in text
+    assert "60.0" in text and "short" in text
+
+
+def test_a_fallen_single_performance_without_capture_is_drawn_too(tmp_path, performance, walk):
+    played = performance(1, 20, fall=5)
+    once = replace(walk, cyclic=False)
+    scores = compose(played, played, once, capture=None, policy={}, provenance={})
+    _, text = _check(report(tmp_path, Evidence(scores, played, played, once, None)))
+    assert "Against the capture" not in text
+    assert "5 / 20" in text
+
+
+def test_numbers():
+    assert [number(v, 2) for v in (None, 1.005, -0.001, -2.5)] == ["–", "1.00", "0.00", "−2.50"]

@@ -1,0 +1,143 @@
+import json
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from kinemimic.evaluate.scoring.scores import compose, root_path, survival, torque
+from kinemimic.retarget.humanoid.body import BODIES
+
+POLICY = {"samples": 1000, "seconds": 2.5, "preset": "default", "seed": 7, "config": {}}
+
+
+def _scores(played, baseline, motion, capture=None):
+    return compose(played, baseline, motion, capture=capture, policy=POLICY, provenance={"stage": "evaluate"})
+
+
+def test_keys_that_stay(performance, walk):
+    scores = _scores(performance(), performance(fall=30), walk)
+    assert {"frames", "of", "phases", "phases_of"} <= set(scores["survival"])
+    for group in (scores["fit"], scores["no_policy"]["fit"]):
+        for joint in ("knee", "hip"):
+            assert {
+                "r2",
+                "r2_upright",
+                "rmse_deg",
+                "max_gap_deg",
+                "nrmse_fit",
+                "cmc",
+                "r",
+                "left",
+                "right",
+            } <= set(group[joint])
+    assert {"path_error_m", "speed_ratio"} <= set(scores["root"])
+    assert scores["train"] == {"samples": 1000, "seconds": 2.5, "preset": "default", "seed": 7}
+    assert scores["capture"] == {"simulated": True}
+    assert scores["fit_capture"] is None
+    assert scores["truth"] is None
+    assert "peak" in scores["torque"]
+
+
+def test_a_perfect_figure(performance, walk):
+    scores = _scores(performance(), performance(), walk)
+    assert scores["survival"] == {"frames": 600, "of": 600, "phases": 3, "phases_of": 3}
+    assert scores["fit"]["knee"]["r2"] == scores["fit"]["hip"]["left"]["r2"] == 1.0
+    assert scores["fit"]["frames"] == 500
+    assert scores["root"]["speed_ratio"] == 1.0
+    assert scores["root"]["path_error_m"] == 0.0
+    # 599 steps between 600 frames at 1.1 m/s.
+    assert scores["root"]["reference_advance_m"] == pytest.approx(1.1 * 599 / 30, abs=1e-5)
+
+
+def test_a_fall_counts_to_the_end(performance, walk):
+    scores = _scores(performance(fall=30), performance(fall=10), walk)
+    assert scores["survival"] == {"frames": 30, "of": 600, "phases": 0, "phases_of": 3}
+    # The figure lies there while the reference goes on: almost nothing of 500 frames is explained.
+    assert scores["fit"]["knee"]["r2"] < 0.2
+    assert scores["root"]["speed_ratio"] == pytest.approx(30 / 599, abs=1e-4)
+    assert scores["no_policy"]["survival"]["frames"] == 10
+
+
+def test_a_figure_that_dances_on_its_back_is_not_credited(performance, walk):
+    lying = replace(performance(), fallen_at=np.full(3, 25))
+    knee = _scores(lying, lying, walk)["fit"]["knee"]
+    assert knee["r2"] == 1.0
+    assert 0.0 < knee["r2_upright"] < 0.1
+
+
+def test_one_fall_of_three_shows_in_the_spread_alone(performance, walk):
+    good, bad = performance(), performance(fall=30)
+    fallen_at = np.array([600, 30, 600])
+    rotations = good.rotations.copy()
+    rotations[1] = bad.rotations[1]
+    scores = _scores(replace(good, rotations=rotations, fallen_at=fallen_at), bad, walk)
+    assert scores["survival"]["phases"] == 2
+    assert scores["fit"]["knee"]["r2"] == 1.0
+    spread = scores["fit"]["phases"]["knee"]["r2"]
+    assert spread["min"] < 0.2
+    assert spread["median"] == spread["max"] == 1.0
+
+
+def test_no_nan_reaches_the_file(performance, walk):
+    lost = performance(fall=0)
+    lost = replace(lost, torques=np.full_like(lost.torques, np.nan))
+    text = json.dumps(_scores(lost, lost, walk), allow_nan=False)
+    assert '"peak": null' in text
+
+
+def test_a_knee_five_degrees_too_bent(performance, walk):
+    scores = _scores(performance(offset=np.radians(5.0)), performance(), walk)
+    assert scores["fit"]["knee"]["rmse_deg"] == pytest.approx(5.0, abs=1e-6)
+    assert scores["fit"]["hip"]["rmse_deg"] == pytest.approx(0.0, abs=1e-6)
+    assert scores["no_policy"]["fit"]["knee"]["rmse_deg"] == pytest.approx(0.0, abs=1e-6)
+
+
+def test_root_path_of_a_slower_and_drifting_walk(performance):
+    played = performance()
+    root = played.root.copy()
+    start = root[:, :1, 0]
+    root[..., 0] = start + 0.9 * (root[..., 0] - start)
+    root[..., 1] += 0.3
+    scores = root_path(replace(played, root=root))
+    assert scores["speed_ratio"] == pytest.approx(0.9)
+    assert scores["path_error_m"] == pytest.approx(np.hypot(0.1 * 1.1 * 599 / 30, 0.3))
+
+
+def test_speed_ratio_of_standing_is_not_defined(performance):
+    played = performance()
+    still = np.broadcast_to([0.0, 0.0, 0.9], played.root.shape)
+    scores = root_path(replace(played, reference_root=still))
+    assert scores["speed_ratio"] is None
+    assert scores["advance_m"] is None
+
+
+def test_speed_ratio_does_not_depend_on_the_heading(performance):
+    played = performance()
+    turned = played.root[..., [1, 0, 2]] * [-1.0, 1.0, 1.0]
+    scores = root_path(replace(played, root=0.8 * turned, reference_root=turned))
+    assert scores["speed_ratio"] == pytest.approx(0.8)
+
+
+def test_torques_find_the_highest_joint_in_any_rollout(performance):
+    played = performance()
+    torques = played.torques.copy()
+    knee = [body.node for body in BODIES[1:]].index("knee_right")
+    torques[2, 400, knee] = 120.0
+    scores = torque(replace(played, torques=torques))
+    assert (scores["peak"], scores["joint"]) == (120.0, "knee_right")
+    assert scores["joints"]["knee_right"] == {"peak": 120.0, "limit": 150, "share": 0.8}
+
+
+def test_a_fall_later_than_the_last_frame_is_none(performance):
+    assert survival(replace(performance(), fallen_at=np.array([900, 600, 599]))) == {
+        "frames": 600,
+        "of": 600,
+        "phases": 2,
+        "phases_of": 3,
+    }
+
+
+def test_a_single_performance_is_scored_whole(performance, walk):
+    short = performance(1, 40)
+    scores = _scores(short, short, replace(walk, cyclic=False))
+    assert scores["fit"]["frames"] == 40

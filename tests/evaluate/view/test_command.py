@@ -1,0 +1,280 @@
+"""view.rrd: what was performed is what is drawn, in a file that rerun verifies."""
+
+from __future__ import annotations
+
+import json
+import os
+import resource
+import shutil
+import subprocess
+import sys
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from click.testing import CliRunner
+from peers.crouch import crouching, write_idle_run
+from rerun.chunk import RrdReader
+
+from kinemimic.evaluate.view.command import command, how_to_open, view, view_trial
+from kinemimic.evaluate.view.film import length
+from kinemimic.evaluate.view.scene import figures
+from kinemimic.pipeline.cli.main import main
+from kinemimic.pipeline.errors import KinemimicError
+from kinemimic.pipeline.kinematics.rotations import rotate
+from kinemimic.pipeline.kinematics.skeleton import NODE_INDEX, NODES
+from kinemimic.retarget.formats.motion_json import motion_to_json
+from kinemimic.retarget.humanoid.body import BODIES, BODY_INDEX, TOTAL_MASS
+from kinemimic.retarget.humanoid.motion import Motion, joint_angles
+from kinemimic.train.rollout.trajectory import Playback
+from kinemimic.train.scenario.scenario import Load, Placement, Range, Scenario
+
+FRAMES = 90
+SCORES = {"survival": {"frames": 90, "of": 90, "phases": 3, "phases_of": 3}, "fit": {"knee": {"r2": 0.96125}}}
+
+
+def fill(run: Path, walk: Motion, playback: Playback) -> Path:
+    run.mkdir(exist_ok=True)
+    (run / "motion.json").write_text(motion_to_json(walk))
+    playback.save(run / "playback.npz")
+    return run
+
+
+@pytest.fixture(scope="module")
+def run(tmp_path_factory: pytest.TempPathFactory, walk: Motion, performance: Callable[..., Playback]) -> Path:
+    """A run folder, its view written."""
+    folder = fill(tmp_path_factory.mktemp("view") / "run", walk, performance(2, FRAMES, offset=0.1))
+    (folder / "scores.json").write_text(json.dumps(SCORES))
+    view(folder)
+    return folder
+
+
+def columns(recording: Path) -> dict[str, dict[str, Any]]:
+    """Column of each component, by entity and by the component's name; times under "time"."""
+    found: dict[str, dict[str, Any]] = {}
+    for chunk in RrdReader(recording).store().stream():
+        batch = chunk.to_record_batch()
+        found.setdefault(str(chunk.entity_path), {}).update(
+            zip(batch.schema.names, batch.columns, strict=True)
+        )
+    return found
+
+
+def arrows(found: dict[str, dict[str, Any]], name: str, part: str = "vectors") -> list[np.ndarray]:
+    """Of every frame those on the simulated figure, (N, 3)."""
+    rows = found[f"/overlaid/simulated/{name}"][f"Arrows3D:{part}"].to_pylist()
+    return [np.reshape(row, (-1, 3)) for row in rows]
+
+
+def test_both_figures_are_drawn_where_they_were(run: Path, walk: Motion) -> None:
+    entities = columns(run / "view.rrd")
+    reference, simulated = figures(Playback.load(run / "playback.npz"), 0, walk.offsets)
+    for scene in ("overlaid", "beside"):
+        for figure, name in ((reference, "reference"), (simulated, "simulated")):
+            points = entities[f"/{scene}/{name}/skeleton"]["Points3D:positions"]
+            drawn = np.array(points.to_pylist())
+            assert drawn.shape == (FRAMES, len(NODES), 3)
+            np.testing.assert_allclose(drawn, figure.positions, atol=1e-6)
+    # The first frame is the state after one control step.
+    times = entities["/overlaid/walker"]["time"].cast("int64").to_numpy()
+    np.testing.assert_allclose(times * 1e-9, (np.arange(FRAMES) + 1) / 30, atol=1e-8)
+
+
+def test_drawn_joints_hold_the_angles_that_are_scored(run: Path) -> None:
+    """A knee is bent by what thigh and shank are out of line, whoever computes it."""
+    drawn = np.array(
+        columns(run / "view.rrd")["/overlaid/simulated/skeleton"]["Points3D:positions"].to_pylist()
+    )
+    scored = joint_angles(Playback.load(run / "playback.npz").rotations[0])
+    for side in ("left", "right"):
+        hip, knee, ankle = (drawn[:, NODE_INDEX[f"{joint}_{side}"]] for joint in ("hip", "knee", "ankle"))
+        thigh, shank = knee - hip, ankle - knee
+        cosine = (thigh * shank).sum(axis=1) / np.linalg.norm(thigh, axis=1) / np.linalg.norm(shank, axis=1)
+        np.testing.assert_allclose(np.arccos(cosine), scored[f"knee_{side}"], atol=1e-4)
+
+
+def test_what_pushes_a_foot_is_an_arrow_from_it_and_a_curve(
+    tmp_path: Path, walk: Motion, performance: Callable[..., Playback]
+) -> None:
+    played = performance(1, 5)
+    foot = BODY_INDEX["foot_left"]
+    played.contact_forces[0, 2, foot] = [30.0, 0.0, 400.0]
+    found = columns(view(fill(tmp_path, walk, played)))
+    pushes = arrows(found, "contacts")
+    assert [len(row) for row in pushes] == [0, 0, 1, 0, 0]
+    np.testing.assert_allclose(pushes[2], [[0.03, 0.0, 0.4]], atol=1e-6)
+    _, simulated = figures(played, 0, walk.offsets)
+    ankle = NODE_INDEX["ankle_left"]
+    turn = simulated.rotations[2, ankle]
+    middle = simulated.positions[2, ankle] + rotate(turn, np.array(BODIES[foot].center))
+    np.testing.assert_allclose(arrows(found, "contacts", "origins")[2], [middle], atol=1e-6)
+    curve = np.ravel(found["/ground/left"]["Scalars:scalars"].to_pylist())
+    np.testing.assert_allclose(curve, [0.0, 0.0, 400.0, 0.0, 0.0])
+
+
+def test_fifteen_bodies_hang_from_their_nodes(run: Path, walk: Motion) -> None:
+    entities = columns(run / "view.rrd")
+    _, simulated = figures(Playback.load(run / "playback.npz"), 0, walk.offsets)
+    for scene in ("overlaid", "beside"):
+        for body in BODIES:
+            drawn = entities[f"/{scene}/simulated/bodies/{body.name}"]
+            kind = "Boxes3D" if body.shape == "box" else "Ellipsoids3D"
+            np.testing.assert_allclose(drawn[f"{kind}:half_sizes"].to_pylist()[0][0], np.array(body.size) / 2)
+            node = NODE_INDEX[body.node]
+            places = np.array(drawn["Transform3D:translation"].to_pylist()).reshape(FRAMES, 3)
+            turns = np.array(drawn["Transform3D:quaternion"].to_pylist()).reshape(FRAMES, 4)
+            np.testing.assert_allclose(places, simulated.positions[:, node], atol=1e-6)
+            np.testing.assert_allclose(turns, simulated.rotations[:, node], atol=1e-6)
+
+
+def test_curves_are_in_degrees_from_the_first_rollout(
+    run: Path, curve: Callable[[str, np.ndarray], np.ndarray]
+) -> None:
+    entities = columns(run / "view.rrd")
+    phase = Playback.load(run / "playback.npz").phases[0]
+    for name in ("knee_left", "knee_right", "hip_left", "hip_right"):
+        for kind, offset in (("reference", 0.0), ("simulated", 0.1 if name.startswith("knee") else 0.0)):
+            drawn = np.array(entities[f"/angles/{name}/{kind}"]["Scalars:scalars"].to_pylist()).ravel()
+            np.testing.assert_allclose(drawn, np.degrees(curve(name, phase) + offset), atol=1e-9)
+    assert set(entities["/reward/pose"]["Scalars:scalars"].to_pylist()[0]) == {0.5}
+    assert set(entities["/torque/shin_left"]["Scalars:scalars"].to_pylist()[0]) == {5.0}
+
+
+def test_a_view_that_goes_along_keeps_the_walker_in_sight(run: Path) -> None:
+    walker = columns(run / "view.rrd")["/overlaid/walker"]["Transform3D:translation"].to_pylist()
+    gap = np.array(walker).reshape(FRAMES, 3)[:, :2] - Playback.load(run / "playback.npz").root[0, :, :2]
+    np.testing.assert_allclose(gap, 0.0, atol=1e-6)  # the made-up walk goes straight on at a constant speed
+
+
+def test_a_simulated_capture_is_labelled_and_scores_are_shown(run: Path) -> None:
+    (text,) = columns(run / "view.rrd")["/scores"]["TextDocument:text"].to_pylist()[0]
+    assert "Simulated capture (virtual Kinect)" in text
+    assert "**90 of 90 frames** without a fall" in text
+    assert "| R² | 0.961 | – |" in text
+
+
+def test_a_fall_is_told_and_a_real_capture_is_not_labelled(
+    tmp_path: Path, walk: Motion, performance: Callable[..., Playback]
+) -> None:
+    view(fill(tmp_path, replace(walk, provenance={}), performance(1, FRAMES, fall=59)))
+    (text,) = columns(tmp_path / "view.rrd")["/scores"]["TextDocument:text"].to_pylist()[0]
+    assert "imulated capture" not in text
+    assert "**59 of 90 frames** without a fall; fell at 2.0 s" in text
+    assert "Not scored yet" in text
+
+
+def test_a_film_knows_how_long_the_recording_is(run: Path) -> None:
+    assert length(run / "view.rrd", "time") == pytest.approx(FRAMES / 30)
+    assert length(run / "view.rrd", "another") == 0.0
+
+
+def rerun(*arguments: str) -> None:
+    command = [sys.executable, "-m", "rerun_cli", "rrd", *arguments]
+    # With CI set, the program collects no usage data.
+    subprocess.run(command, check=True, capture_output=True, env={**os.environ, "CI": "true"})
+
+
+def test_rerun_verifies_the_file_and_two_writings_are_one_recording(
+    run: Path, tmp_path: Path, walk: Motion
+) -> None:
+    rerun("verify", str(run / "view.rrd"))
+    again = fill(tmp_path / "again", walk, Playback.load(run / "playback.npz"))
+    (again / "scores.json").write_text(json.dumps(SCORES))
+    rerun("compare", "--unordered", str(run / "view.rrd"), str(view(again)))
+    assert [path.name for path in sorted(again.iterdir())] == [
+        "motion.json",
+        "playback.npz",
+        "scores.json",
+        "view.rrd",
+    ]
+
+
+@pytest.mark.parametrize("missing", ["motion.json", "playback.npz"])
+def test_what_is_missing_is_named_and_nothing_is_written(
+    tmp_path: Path, walk: Motion, performance: Callable[..., Playback], missing: str
+) -> None:
+    (fill(tmp_path, walk, performance(1, 5)) / missing).unlink()
+    with pytest.raises(KinemimicError, match=missing):
+        view(tmp_path)
+    assert len(list(tmp_path.iterdir())) == 1
+
+
+def test_command_prints_the_path_and_how_to_open_it(run: Path) -> None:
+    told = CliRunner().invoke(command, ["--run", str(run)])
+    assert told.exit_code == 0
+    assert told.output.strip() == f"{run}/view.rrd ({how_to_open(run / 'view.rrd')})"
+    told = CliRunner().invoke(command, ["--run", str(run), "--json"])
+    assert json.loads(told.output) == {"recording": f"{run}/view.rrd", "screenshot": None, "video": None}
+
+
+def test_a_full_disk_is_one_clear_line_and_leaves_the_view_of_before(
+    run: Path, capfd: pytest.CaptureFixture[str]
+) -> None:
+    before = (run / "view.rrd").read_bytes()
+    limits = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (len(before) // 2, limits[1]))
+    try:
+        with pytest.raises(SystemExit) as left:
+            main(["view", "--run", str(run)])
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, limits)
+    assert left.value.code == 2
+    told = capfd.readouterr()
+    assert told.err == f"kinemimic: {run / 'view.rrd'}: file too large\n" and not told.out
+    assert (run / "view.rrd").read_bytes() == before
+    assert not [path for path in run.iterdir() if path.name.startswith(".")]
+
+
+@pytest.mark.parametrize("option", ["--at", "--seconds", "--trial", "--seed"])
+def test_an_option_of_what_is_not_asked_for_is_refused(run: Path, option: str) -> None:
+    told = CliRunner().invoke(command, ["--run", str(run), option, "3"])
+    assert told.exit_code == 2 and option in told.output
+
+
+@pytest.mark.parametrize("option", ["--screenshot", "--video"])
+def test_a_picture_without_a_driver_is_one_clear_line(
+    run: Path, option: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setenv("WGPU_BACKEND", "vulkan")
+    for name in ("VK_ICD_FILENAMES", "VK_DRIVER_FILES"):
+        monkeypatch.setenv(name, "/nonexistent")
+    picture = run.parent / {"--screenshot": "view.png", "--video": "view.mp4"}[option]
+    with pytest.raises(SystemExit) as left:
+        main(["view", "--run", str(run), option, str(picture)])
+    assert left.value.code == 2
+    (line,) = capsys.readouterr().err.strip().splitlines()
+    assert "needs a Vulkan driver" in line
+    assert [path.name for path in run.parent.iterdir()] == [run.name]
+
+
+def test_the_command_to_open_it_exists(tmp_path):
+    viewer = how_to_open(tmp_path / "view.rrd").split()[-2]
+    assert shutil.which(viewer)
+
+
+def test_a_trial_is_drawn_with_obstacles_from_when_they_appear_and_loads(
+    tmp_path: Path, walk: Motion
+) -> None:
+    write_idle_run(tmp_path, crouching(walk))
+    ball = Placement("sphere", Range.of(0.2, 0.2, 0.2), Range.of(1.0, 0.5, 1.0), at=Range.of(0.2))
+    pole = Placement("cylinder", Range.of(0.1, 0.1, 1.0), Range.of(1.0, -0.5))
+    pull = Load("torso", Range.of(0.1), Range.of(0.1), force=Range.of(50.0, 0.0, 0.0))
+    scenario = Scenario("yard", "A yard.", seconds=0.5, loads=(pull,), obstacles=(ball, pole))
+    path = view_trial(tmp_path, scenario)
+    assert path.name == "view-yard.rrd"
+    found, place = columns(path), "/overlaid/simulated"
+    standing, flying = (found[f"{place}/obstacles/{k}"] for k in (1, 2))
+    assert [len(one["Transform3D:translation"]) for one in (standing, flying)] == [15, 9]
+    np.testing.assert_allclose(standing["Transform3D:translation"][0].as_py()[0], [1.0, -0.5, 0.5], atol=1e-6)
+    assert standing["Cylinders3D:lengths"][0].as_py() == [1.0]
+    assert flying["Ellipsoids3D:half_sizes"][0].as_py() == [[pytest.approx(0.1)] * 3]
+    loads = arrows(found, "loads")
+    assert [len(row) for row in loads] == [1 if frame in (3, 4, 5) else 0 for frame in range(15)]
+    np.testing.assert_allclose(loads[4], [[0.5, 0.0, 0.0]], atol=1e-6)
+    text = found["/scores"]["TextDocument:text"][0].as_py()[0]
+    assert "Scenario **yard**, trial 0: A yard." in text
+    weight = np.mean([row[:, 2].sum() for row in arrows(found, "contacts")])
+    assert weight == pytest.approx(TOTAL_MASS * 9.81 / 1000.0, rel=0.3)

@@ -1,0 +1,171 @@
+"""The policies that ship are what their recipes say, or they do not get there."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import pytest
+from click.testing import CliRunner
+from peers.shelf import write_run
+
+from kinemimic.evaluate.policies.recipe import Recipe, recipes, recording
+from kinemimic.evaluate.policies.shipped import MOTION, POLICY, RECORD, SCORES, gist
+from kinemimic.evaluate.workflow import reproduce as module
+from kinemimic.evaluate.workflow.reproduce import LARGEST, capture_of, command, publish, reproduce
+from kinemimic.pipeline.errors import KinemimicError
+from kinemimic.pipeline.files.store import file_hash, read_json, write_json
+from kinemimic.pipeline.readers.mocap.deepmimic import stock_motion
+from kinemimic.retarget.humanoid.motion import Motion
+from kinemimic.train.config.config import PRESETS
+
+WALK = Recipe("walk", "a made-up walk", "default", 5, 3)
+RUN = replace(WALK, name="run", stock="run")
+KINECT = replace(WALK, name="kinect_walk", recording="kinect1_bernstein_skl/r2.skl")
+
+
+def recorded(walk: Motion, **capture: str) -> Motion:
+    return replace(walk, provenance={"simulated": False, "capture": capture})
+
+
+def test_every_recipe_can_be_followed() -> None:
+    made = recipes()
+    assert list(made) == [recipe.name for recipe in made.values()]
+    for recipe in made.values():
+        assert recipe.preset in PRESETS
+        if recipe.stock is not None:
+            assert stock_motion(recipe.stock).is_file()
+        if recipe.recording is not None:
+            assert recording(recipe.recording).address.startswith("https://")
+
+
+def test_a_recipe_of_another_form_is_one_clear_line(tmp_path: Path) -> None:
+    for text, found in (
+        ("[[policy]]\nname = 'x'\nnoise = 3", "noise"),
+        ("x", "expected TOML"),
+        ("x = 1", "policy"),
+    ):
+        (tmp_path / "recipes.toml").write_text(text)
+        with pytest.raises(KinemimicError, match=rf"recipes\.toml: .*{found}"):
+            recipes(tmp_path)
+
+
+def test_a_run_is_published_as_it_is(tmp_path: Path, walk: Motion) -> None:
+    run = write_run(tmp_path / "run", walk)
+    folder = publish(run, WALK, tmp_path / "shelf")
+    assert folder == tmp_path / "shelf" / "walk"
+    assert {path.name for path in folder.iterdir()} == {MOTION, POLICY, RECORD, SCORES}
+    for name in (MOTION, POLICY, SCORES):
+        assert (folder / name).read_bytes() == (run / name).read_bytes()
+    assert read_json(folder / RECORD)["imitates"] == gist(walk)
+
+
+def test_the_motion_of_a_recording_stays_out(tmp_path: Path, walk: Motion) -> None:
+    sha256 = recording(KINECT.recording or "").sha256
+    run = write_run(tmp_path / "run", recorded(walk, sha256=sha256, source="r2.skl"))
+    (tmp_path / "kinect_walk").mkdir()
+    (tmp_path / "kinect_walk" / MOTION).write_text("of an earlier recipe")
+    folder = publish(run, KINECT, tmp_path)
+    assert {path.name for path in folder.iterdir()} == {POLICY, RECORD, SCORES}
+    assert (run / MOTION).exists()
+
+
+@pytest.mark.parametrize(
+    ("recipe", "spoil", "found"),
+    [
+        (replace(WALK, seed=4), None, "seed: expected 4.*found 3"),
+        (replace(WALK, budget=6), None, "budget: expected 6"),
+        (replace(WALK, preset="paper"), None, "preset: expected 'paper'"),
+        (RUN, None, "simulated capture: expected False.*found True"),
+        (KINECT, None, "simulated capture: expected False.*found True"),
+        (WALK, lambda run, walk: write_run(run, recorded(walk)), "simulated capture: expected True"),
+        (RUN, lambda run, walk: write_run(run, recorded(walk, source="b")), "stock motion.*_run.txt.*'b'"),
+        (KINECT, lambda run, walk: write_run(run, recorded(walk, sha256="b")), "recording: .*found 'b'"),
+        (WALK, lambda run, walk: _ended_early(run), "budget spent: expected True.*found False"),
+        (WALK, lambda run, walk: _other_scores(run), "scored policy"),
+        (WALK, lambda run, walk: (run / SCORES).unlink(), "scores.json: expected a file"),
+        (WALK, lambda run, walk: _swell(run), "too large to ship"),
+    ],
+)
+def test_what_is_not_the_recipes_is_not_published(
+    tmp_path: Path, walk: Motion, recipe: Recipe, spoil: Callable[[Path, Motion], Any] | None, found: str
+) -> None:
+    run = write_run(tmp_path / "run", walk)
+    if spoil is not None:
+        spoil(run, walk)
+    with pytest.raises(KinemimicError, match=found):
+        publish(run, recipe, tmp_path / "shelf")
+    assert not (tmp_path / "shelf").exists()
+
+
+def _ended_early(run: Path) -> None:
+    write_json(run / RECORD, {**read_json(run / RECORD), "samples": 4})
+
+
+def _other_scores(run: Path) -> None:
+    write_json(run / SCORES, {"provenance": {"inputs": {"policy": "another"}}})
+
+
+def _swell(run: Path) -> None:
+    scores = read_json(run / SCORES)
+    write_json(run / SCORES, {**scores, "more": "x" * LARGEST})
+
+
+@pytest.fixture
+def trained(walk: Motion, monkeypatch: pytest.MonkeyPatch) -> list[tuple[Path | None, str]]:
+    """What `reproduce` has run, capture and preset; each run ends at once as its recipe wants it."""
+    calls: list[tuple[Path | None, str]] = []
+
+    def stand_in(capture: Path | None, folder: Path, *, options: Any, quiet: bool) -> None:
+        motion = walk if capture is None else recorded(walk, source=capture.name, sha256=file_hash(capture))
+        write_run(folder, motion, seed=options["train"]["seed"], budget=options["train"]["budget"])
+        calls.append((capture, options["train"]["preset"]))
+
+    monkeypatch.setattr(module, "run_stages", stand_in)
+    return calls
+
+
+def test_policies_are_made_one_after_the_other(tmp_path: Path, trained: list[Any]) -> None:
+    made = reproduce([WALK, replace(RUN, seed=9)], tmp_path / "runs", tmp_path / "shelf", quiet=True)
+    assert made == [tmp_path / "shelf" / "walk", tmp_path / "shelf" / "run"]
+    assert trained == [(None, "default"), (stock_motion("run"), "default")]
+    assert read_json(tmp_path / "shelf" / "run" / RECORD)["seed"] == 9
+
+
+def test_a_missing_recording_is_told_before_anything_is_trained(
+    tmp_path: Path, trained: list[Any], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("KINEMIMIC_CAPTURES", str(tmp_path / "empty"))
+    command = "kinemimic datasets fetch kinect1_bernstein_skl/r2.skl"
+    for captures in (None, tmp_path):
+        with pytest.raises(KinemimicError, match=rf"r2\.skl in .*`{command}"):
+            reproduce([WALK, KINECT], tmp_path / "runs", tmp_path / "shelf", captures=captures)
+    other = tmp_path / (KINECT.recording or "")
+    other.parent.mkdir()
+    other.write_text("another")
+    with pytest.raises(KinemimicError, match="found another file"):
+        reproduce([WALK, KINECT], tmp_path / "runs", tmp_path / "shelf", captures=tmp_path)
+    assert trained == []
+
+
+def test_the_recording_is_the_one_of_the_catalogue(captures: Path) -> None:
+    assert capture_of(KINECT, captures) == captures / (KINECT.recording or "")
+
+
+def test_command_publishes_a_run_that_is_there(tmp_path: Path, walk: Motion) -> None:
+    recipe = recipes()["walk"]
+    run = write_run(tmp_path / "run", walk, seed=recipe.seed, budget=recipe.budget)
+    shelf = tmp_path / "shelf"
+    told = CliRunner().invoke(
+        command,
+        ["--only", "walk", "--from", str(run), "--into", str(shelf), "--json"],
+        catch_exceptions=False,
+    )
+    assert json.loads(told.output) == [f"{shelf}/walk"]
+    assert (shelf / "walk" / POLICY).is_file()
+    assert CliRunner().invoke(command, ["--from", str(run)]).exit_code == 2
+    with pytest.raises(KinemimicError, match=r"expected a recipe among walk, run, .*, found 'wlk'"):
+        CliRunner().invoke(command, ["--only", "wlk"], catch_exceptions=False)

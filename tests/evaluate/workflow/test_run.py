@@ -1,0 +1,246 @@
+"""The whole way: what is done again, what is skipped, and the same result from the same seed."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import click
+import pytest
+from click.testing import CliRunner
+
+from kinemimic.evaluate.workflow import run as module
+from kinemimic.evaluate.workflow.run import STAGES, VIRTUAL_CAPTURE, VIRTUAL_STAGE, run
+from kinemimic.pipeline import ingest as ingest_module
+from kinemimic.pipeline.cli.main import load_command, main
+from kinemimic.pipeline.convert import convert
+from kinemimic.pipeline.errors import KinemimicError
+from kinemimic.pipeline.files.store import read_json
+from kinemimic.pipeline.ingest import ingest
+from kinemimic.pipeline.virtual_kinect.recorder import record_virtual
+from kinemimic.retarget.command import retarget
+from kinemimic.retarget.feet import ankles as ankles_module
+
+NAMES = tuple(stage.name for stage in STAGES)
+
+Stages = dict[str, Callable[[], None]]
+
+
+@pytest.fixture
+def stages(monkeypatch: pytest.MonkeyPatch) -> Stages:
+    """Stand-ins for the stages: each writes, from what it reads and its options, what the real one would.
+
+    The dictionary takes a function to call at the start of a stage.
+    """
+    hooks: Stages = {}
+
+    def stand_in(name: str) -> click.Command:
+        stage = next(stage for stage in STAGES if stage.name == name)
+
+        @click.command(context_settings={"ignore_unknown_options": True, "allow_extra_args": True})
+        @click.option("--run", "folder", type=click.Path(path_type=Path))
+        @click.option("--json", "as_json", is_flag=True)
+        @click.pass_context
+        def command(context: click.Context, folder: Path, as_json: bool) -> None:
+            hooks.get(name, lambda: None)()
+            folder.mkdir(parents=True, exist_ok=True)
+            read = [(folder / file).read_text() for file in stage.reads if (folder / file).exists()]
+            read += [
+                Path(file).read_text() if name == "ingest" and Path(file).is_file() else file
+                for file in context.args[:1]
+            ]
+            for file in stage.writes:
+                made: Any = [name, file, read, context.args[1:]]
+                if file == "quality.json":
+                    made = {"made": made, "companions": {"capture.toml": "digest"}}
+                (folder / file).write_text(json.dumps(made))
+            click.echo(f"table of {name}")
+
+        return command
+
+    monkeypatch.setattr(module, "load_command", stand_in)
+    return hooks
+
+
+@pytest.fixture
+def capture(tmp_path: Path) -> Path:
+    path = tmp_path / "walk.bvh"
+    path.write_text("a walk")
+    return path
+
+
+def test_everything_once_then_nothing(stages: Stages, capture: Path, tmp_path: Path) -> None:
+    assert run(capture, tmp_path / "run").ran == NAMES
+    again = run(capture, tmp_path / "run")
+    assert again.ran == ()
+    assert again.skipped == NAMES
+
+
+def test_a_changed_capture_does_everything_again(stages: Stages, capture: Path, tmp_path: Path) -> None:
+    run(capture, tmp_path / "run")
+    capture.write_text("another walk")
+    assert run(capture, tmp_path / "run").ran == NAMES
+
+
+def test_a_truth_that_appears_beside_the_capture_counts(
+    stages: Stages, capture: Path, tmp_path: Path
+) -> None:
+    run(capture, tmp_path / "run")
+    capture.with_suffix(".truth.parquet").write_text("truth")
+    assert run(capture, tmp_path / "run").ran == NAMES
+
+
+def test_a_changed_companion_of_the_capture_counts(stages: Stages, capture: Path, tmp_path: Path) -> None:
+    # The stand-in of `ingest` says that it read a description of the columns beside the capture.
+    description = capture.with_name("capture.toml")
+    description.write_text("unit = 'm'")
+    run(capture, tmp_path / "run")
+    assert run(capture, tmp_path / "run").ran == ()
+    description.write_text("unit = 'mm'")
+    assert run(capture, tmp_path / "run").ran == NAMES
+
+
+def test_a_changed_file_of_a_capture_that_is_a_folder_counts(stages: Stages, tmp_path: Path) -> None:
+    folder = tmp_path / "recording"
+    (folder / "depth").mkdir(parents=True)
+    (folder / "depth" / "000000.png").write_text("a frame")
+    assert run(folder, tmp_path / "run").ran == NAMES
+    assert run(folder, tmp_path / "run").ran == ()
+    (folder / "depth" / "000000.png").write_text("another frame")
+    assert run(folder, tmp_path / "run").ran == NAMES
+
+
+def test_a_changed_option_does_its_stage_and_all_after_it(
+    stages: Stages, capture: Path, tmp_path: Path
+) -> None:
+    run(capture, tmp_path / "run", options={"train": {"seed": 1}})
+    outcome = run(capture, tmp_path / "run", options={"train": {"seed": 2}})
+    assert outcome.skipped == ("ingest", "convert", "retarget")
+    assert outcome.ran == ("train", "evaluate", "view")
+
+
+def test_a_lost_output_does_its_stage_and_all_after_it(stages: Stages, capture: Path, tmp_path: Path) -> None:
+    run(capture, tmp_path / "run")
+    (tmp_path / "run" / "curves.csv").unlink()
+    assert run(capture, tmp_path / "run").ran == ("evaluate", "view")
+
+
+@pytest.mark.parametrize("error", [KeyboardInterrupt(), KinemimicError("no ground")])
+def test_an_interrupted_run_goes_on_where_it_was(
+    error: BaseException, stages: Stages, capture: Path, tmp_path: Path
+) -> None:
+    def fail() -> None:
+        raise error
+
+    stages["train"] = fail
+    with pytest.raises(type(error)):
+        run(capture, tmp_path / "run")
+    del stages["train"]
+    outcome = run(capture, tmp_path / "run")
+    assert outcome.skipped == ("ingest", "convert", "retarget")
+    assert outcome.ran == ("train", "evaluate", "view")
+
+
+def test_options_reach_their_stage_and_no_other(stages: Stages, capture: Path, tmp_path: Path) -> None:
+    options = {"train": {"seed": 5, "budget": None}}
+    run(capture, tmp_path, options=options)
+    assert "--seed=5" in (tmp_path / "policy.json").read_text()
+    assert "--budget" not in (tmp_path / "policy.json").read_text()
+    assert "--seed=5" not in (tmp_path / "gimbal.json").read_text()
+
+
+def test_json_prints_json_alone(stages: Stages, capture: Path, tmp_path: Path) -> None:
+    result = CliRunner().invoke(module.command, [str(capture), "--run", str(tmp_path / "run"), "--json"])
+    assert result.exit_code == 0, result.output
+    printed = json.loads(result.output)
+    assert printed["ran"] == list(NAMES)
+    assert printed["scores"] == read_json(tmp_path / "run" / "scores.json")
+
+
+@pytest.mark.parametrize("content", [None, b"", b"a walk", bytes(range(256))])
+def test_what_is_no_capture_is_one_line_status_2_and_nothing_written(
+    content: bytes | None, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path, folder = tmp_path / "walk.skl", tmp_path / "run"
+    if content is not None:
+        path.write_bytes(content)
+    with pytest.raises(SystemExit) as ended:
+        main(["run", str(path), "--run", str(folder)])
+    assert ended.value.code == 2
+    error = capsys.readouterr().err
+    assert len(error.strip().splitlines()) == 1
+    assert error.startswith(f"kinemimic: {path}: expected ")
+    assert not folder.exists()
+
+
+def test_the_choices_are_those_of_the_stages() -> None:
+    assert module.FILTERS == ingest_module.FILTERS
+    assert module.ANKLES == ankles_module.ANKLES
+
+
+@pytest.mark.parametrize(
+    ("flags", "stage", "file"),
+    [
+        (["--filter", "none"], "ingest", "raw.parquet"),
+        (["--unit", "cm"], "ingest", "raw.parquet"),
+        (["--ankle", "normal"], "retarget", "motion.json"),
+        (["--no-refine"], "retarget", "motion.json"),
+        (["--symmetric"], "retarget", "motion.json"),
+        (["--as-recorded"], "retarget", "motion.json"),
+        (["--no-loop"], "retarget", "motion.json"),
+        (["--engine", "pybullet"], "train", "policy.json"),
+        (["--anyway"], "train", "policy.json"),
+    ],
+)
+def test_a_flag_reaches_its_stage_which_is_done_again_with_all_after_it(
+    stages: Stages, capture: Path, tmp_path: Path, flags: list[str], stage: str, file: str
+) -> None:
+    arguments = [str(capture), "--run", str(tmp_path), "--json"]
+    CliRunner().invoke(module.command, arguments, catch_exceptions=False)
+    again = CliRunner().invoke(module.command, [*arguments, *flags], catch_exceptions=False)
+    assert json.loads(again.output)["ran"] == list(NAMES[NAMES.index(stage) :])
+    assert "=".join(flags) in (tmp_path / file).read_text()
+    same = CliRunner().invoke(module.command, [*arguments, *flags], catch_exceptions=False)
+    assert json.loads(same.output)["ran"] == []
+    # What the stand-ins take, the real command must know.
+    names = {name for option in load_command(stage).params for name in (*option.opts, *option.secondary_opts)}
+    assert flags[0] in names
+
+
+def test_the_same_seed_gives_the_same_bytes(tmp_path: Path) -> None:
+    files = ("quality.json", "gimbal.json", "gait.json", "motion.json")
+    written = []
+    for folder in (tmp_path / "one", tmp_path / "two"):
+        capture = record_virtual(folder / "capture", seed=4).euler
+        ingest(capture, folder)
+        convert(folder)
+        retarget(folder)
+        written.append({name: (folder / name).read_bytes() for name in files})
+    assert written[0] == written[1]
+
+
+def without_clock(scores: dict[str, Any]) -> dict[str, Any]:
+    """Scores less what a clock says of the training; the policy's hash stays."""
+    train = {key: value for key, value in scores["train"].items() if key != "seconds"}
+    return {**scores, "train": train}
+
+
+@pytest.mark.slow
+def test_the_whole_way_twice_from_the_same_seed(tmp_path: Path) -> None:
+    arguments = ["--budget", "2000", "--seed", "3", "--json"]
+    results = [
+        CliRunner().invoke(module.command, ["--run", str(tmp_path / name), *arguments])
+        for name in ("one", "two")
+    ]
+    assert [result.exit_code for result in results] == [0, 0]
+    one, two = (json.loads(result.stdout) for result in results)
+    assert one["ran"] == [VIRTUAL_STAGE, *NAMES]
+    assert one["scores"]["capture"]["simulated"] is True
+    assert (tmp_path / "one" / VIRTUAL_CAPTURE).is_file()
+    for name in ("report.html", "view.rrd", "motion.mcap", "curves.csv"):
+        assert (tmp_path / "one" / name).stat().st_size > 0
+    assert without_clock(one["scores"]) == without_clock(two["scores"])
+    motions = [(tmp_path / name / "motion.json").read_bytes() for name in ("one", "two")]
+    assert motions[0] == motions[1]

@@ -1,0 +1,81 @@
+"""Scores of the policies that ship: within their tolerance they are written as recorded, else it fails."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+import pytest
+from click.testing import CliRunner
+
+from kinemimic.evaluate.policies.recipe import POLICIES
+from kinemimic.evaluate.workflow import score_lock as module
+from kinemimic.evaluate.workflow.score_lock import command, figures, watched
+from kinemimic.pipeline.errors import KinemimicError
+from kinemimic.retarget.versions.params import Params
+
+ROOT = Path(__file__).resolve().parents[2]
+PARAMS = Params.load(ROOT / "datasets/versions/params.toml")
+TEXT = 'schema = 1\nversion = 1\npolicies = ["walk"]\n[captures]\n[tolerances]\nknee_r2 = 0.01\n'
+
+
+def recorded(name: str) -> dict[str, Any]:
+    scores: dict[str, Any] = json.loads((POLICIES / name / "scores.json").read_text())
+    return scores
+
+
+def test_within_its_tolerance_a_figure_is_the_one_on_record() -> None:
+    known = {"frames": 600.0, "r2": 0.95}
+    assert watched(known, {"frames": 600.0, "r2": 0.953}, {"r2": 0.003001}, "walk") == known
+    with pytest.raises(KinemimicError, match=r"on record, found r2 0\.954 instead"):
+        watched(known, {"frames": 600.0, "r2": 0.954}, {"r2": 0.003}, "walk")
+    # What has no tolerance is the same or wrong.
+    with pytest.raises(KinemimicError, match="frames 599 instead of 600 ± 0"):
+        watched(known, {"frames": 599.0, "r2": 0.95}, {"r2": 0.003}, "walk")
+    with pytest.raises(KinemimicError, match="r2 nan instead"):
+        watched(known, {"frames": 600.0, "r2": float("nan")}, {"r2": 0.003}, "walk")
+    # As scores.json has what cannot be measured.
+    with pytest.raises(KinemimicError, match="r2 none instead"):
+        watched(known, {"frames": 600.0, "r2": None}, {"r2": 0.003}, "walk")
+    assert watched({"r2": None}, {"r2": None}, {}, "jump") == {"r2": None}
+
+
+@pytest.mark.parametrize("name", PARAMS.policies)
+def test_what_is_committed_is_what_the_policies_have_on_record(name: str) -> None:
+    found = json.loads((ROOT / "datasets/versions/scores" / f"{name}.json").read_text())
+    assert found == {"schema": 1, "policy": name, **figures(recorded(name))}
+    assert PARAMS.tolerances.keys() < figures(recorded(name)).keys()
+
+
+def test_the_command_writes_the_record_or_nothing(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    (tmp_path / "params.toml").write_text(TEXT)
+    found = recorded("walk")
+    found["fit"]["knee"]["r2"] -= 0.005
+    monkeypatch.setattr(module, "evaluate", lambda *_, **__: found)
+    target, arguments = tmp_path / "scores" / "walk.json", ["walk", "--params", str(tmp_path / "params.toml")]
+    assert CliRunner().invoke(command, arguments).stdout == f"{target}\n"
+    assert json.loads(target.read_text())["knee_r2"] == figures(recorded("walk"))["knee_r2"]
+    target.unlink()
+    found["fit"]["knee"]["r2"] -= 0.01
+    ended = CliRunner().invoke(command, arguments)
+    assert isinstance(ended.exception, KinemimicError)
+    assert "knee_r2 0.98" in str(ended.exception)
+    assert not target.exists()
+
+
+def test_what_is_not_watched_is_one_line(tmp_path: Path) -> None:
+    for text, name, told in (
+        (TEXT, "run", "expected a policy among walk, found 'run'"),
+        (TEXT + "knee_r3 = 1\n", "walk", "expected tolerances of figures that are watched, found knee_r3"),
+    ):
+        (tmp_path / "params.toml").write_text(text)
+        ended = CliRunner().invoke(command, [name, "--params", str(tmp_path / "params.toml")])
+        assert told in str(ended.exception)
+
+
+@pytest.mark.slow
+def test_a_policy_that_ships_has_its_scores(tmp_path: Path) -> None:
+    (tmp_path / "params.toml").write_text((ROOT / "datasets/versions/params.toml").read_text())
+    ended = CliRunner().invoke(command, ["walk", "--params", str(tmp_path / "params.toml")])
+    assert ended.exit_code == 0, ended.exception

@@ -1,0 +1,54 @@
+"""The harmonic of a gait: its period, phase and amplitude from made-up ankles."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from kinemimic.pipeline.arrays import Array
+from kinemimic.pipeline.gait.harmonic import fit_harmonic
+
+# None of the periods that the search begins with.
+PERIOD, AMPLITUDE, START, RATE = 1.1349, 0.6, 0.4, 30.0
+
+
+def ankles(times: Array) -> Array:
+    """Metres (T,), with a Kinect's noise, farthest apart at START."""
+    noise = np.random.default_rng(0).normal(0.0, 0.02, len(times))
+    return -AMPLITUDE * np.cos(2.0 * np.pi * (times - START) / PERIOD) + 0.03 + noise
+
+
+@pytest.mark.parametrize("seconds", [3.0, 30.0, 60.0, 61.0, 300.0, 1200.0])
+def test_period_and_phase_of_a_walk_of_any_length(seconds: float) -> None:
+    times = 17.0 + np.arange(int(seconds * RATE)) / RATE
+    found = fit_harmonic(times, ankles(times))
+    assert found.r2 > 0.99 and found.kept > 0.97
+    assert found.period == pytest.approx(PERIOD, abs=0.02 / seconds)
+    assert found.amplitude == pytest.approx(AMPLITUDE, abs=0.01)
+    off = found.phase(times) - (times - START) / PERIOD
+    off -= np.round(off[0])
+    assert np.abs(off).max() < 0.02
+
+
+def test_frames_without_weight_do_not_count_wherever_they_are() -> None:
+    times = np.arange(int(200 * RATE)) / RATE
+    seen = (times > 130.0).astype(np.float64)
+    found = fit_harmonic(times, np.where(seen > 0, ankles(times), 0.0), seen)
+    assert found.period == pytest.approx(PERIOD, abs=1e-3)
+    assert found.r2 > 0.99
+
+
+def test_exchanged_legs_are_thrown_out() -> None:
+    times = np.arange(int(6 * RATE)) / RATE
+    given = ankles(times)
+    given[40:50] *= -1.0
+    found = fit_harmonic(times, given)
+    assert found.period == pytest.approx(PERIOD, abs=0.01)
+    wrong = np.abs(given - ankles(times)) > 0.3
+    assert wrong.sum() > 4 and (found.weights[wrong] < 0.01).all()
+    assert found.kept > 0.9
+
+
+def test_a_clock_with_a_hole_of_years_takes_no_room() -> None:
+    times = np.concatenate([np.arange(300) / RATE, 1e11 + np.arange(200) / RATE])
+    assert 0.4 < fit_harmonic(times, ankles(times)).period < 2.2

@@ -1,0 +1,199 @@
+"""What `inspect` measures in a known walk is what is known of it."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from samples.motion import walk
+
+from kinemimic.pipeline.gait.walking import gait
+from kinemimic.pipeline.inspect.assessment import look_at, study, unread
+from kinemimic.pipeline.inspect.measures import bones, jitter, legs, nodes_of, own_angles, stature
+from kinemimic.pipeline.kinematics.clip import Clip
+from kinemimic.pipeline.kinematics.rotations import from_axis_angle, rotate
+from kinemimic.pipeline.kinematics.skeleton import INFERRED, NODE_INDEX
+from kinemimic.pipeline.quality.examine import examine
+from kinemimic.pipeline.readers.mocap.deepmimic import read_deepmimic, stock_motion
+from kinemimic.pipeline.readers.recognise import formats
+from kinemimic.pipeline.readers.recognise import read as read_capture
+from kinemimic.pipeline.virtual_kinect.subject import close_loop
+
+Writer = Callable[..., Path]
+
+
+@pytest.fixture
+def walk_clip(walking: Writer) -> Clip:
+    return examine(read_capture(walking())).clip
+
+
+def test_the_report_on_a_known_walk(walking: Writer) -> None:
+    report = study(walking())
+    truth = walk(150)
+    assert (report["status"], report["format"]) == ("usable", "Kinect v1 .skl text")
+    assert report["sensor"] == "Kinect v1"
+    assert report["rate_hz"] == pytest.approx(30.0, rel=0.03)
+    assert (report["frames"], report["frames_in_passes"], len(report["passes"])) == (150, 150, 1)
+    thigh = np.linalg.norm(truth.joints[0, NODE_INDEX["hip_left"]] - truth.joints[0, NODE_INDEX["knee_left"]])
+    assert report["bones_m"]["thigh"]["left"] == pytest.approx(thigh, abs=1e-3)
+    assert report["bones_m"]["thigh"]["spread"] < 1e-3
+    for side in ("left", "right"):
+        peak = np.degrees(np.percentile(truth.angles[f"knee_{side}"], 95.0))
+        assert report["angles"]["knee"][side]["high_deg"] == pytest.approx(peak, abs=0.5)
+    assert report["joints"]["knee_left"]["tracked"] == 1.0
+    assert report["joints"]["knee_left"]["lost"] == 0.0
+    assert report["plan"]
+
+
+def test_a_report_is_json_with_the_same_keys_whatever_the_file(walking: Writer, tmp_path: Path) -> None:
+    good = study(walking())
+    (tmp_path / "cut.skl").write_text(walking().read_text()[:9000])
+    damaged, missing = study(tmp_path / "cut.skl"), study(tmp_path / "none")
+    assert damaged["status"] == missing["status"] == "refused"
+    assert list(good) == list(damaged) == list(missing) == list(unread(tmp_path, "refused", ""))
+    json.dumps([good, damaged, missing], allow_nan=False)
+
+
+def test_reasons_do_not_repeat_the_path(walking: Writer, tmp_path: Path) -> None:
+    (tmp_path / "cut.skl").write_text(walking().read_text()[:9000])
+    assert str(tmp_path) not in study(tmp_path / "cut.skl")["reason"]
+
+
+@pytest.mark.parametrize(
+    ("content", "status"),
+    [
+        (b"This data set was recorded by us.\nPlease cite the paper.\n", "other"),
+        (b"\x00\x01\x02" * 500, "other"),
+        (b"1.5 2.5 3.5\n" * 40, "refused"),  # a table of numbers: someone's capture, but whose
+        (b"", "refused"),
+    ],
+)
+def test_prose_is_no_capture_and_a_table_is_one(tmp_path: Path, content: bytes, status: str) -> None:
+    (tmp_path / "file").write_bytes(content)
+    assert study(tmp_path / "file")["status"] == status
+
+
+def test_simulated_by_what_lies_beside(walking: Writer) -> None:
+    path = walking()
+    assert not study(path)["simulated"]
+    path.with_suffix(".provenance.json").write_text('{"simulated": true}')
+    report = study(path)
+    assert report["simulated"]
+    assert report["companions"] == ["walk.provenance.json"]
+
+
+def test_too_large_for_the_memory_is_one_line(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def read(path: Path, *, unit: str | None) -> Clip:
+        raise MemoryError
+
+    monkeypatch.setattr("kinemimic.pipeline.inspect.assessment.read", read)
+    assert "memory" in look_at(tmp_path / "huge").report["reason"]
+
+
+def test_every_sensor_that_formats_names_is_found(walking: Writer) -> None:
+    assert study(walking())["sensor"] in {format.sensor for format in formats()}
+
+
+def test_gait_on_a_path_a_treadmill_and_before_a_turning_camera(walk_clip: Clip) -> None:
+    nodes, _, _ = nodes_of(walk_clip)
+    on_path = gait(walk_clip, nodes)
+    middle = nodes[:, [NODE_INDEX["hip_left"], NODE_INDEX["hip_right"]], :2].mean(axis=1)
+    in_place = nodes.copy()
+    in_place[..., :2] -= middle[:, None]
+    treadmill = gait(walk_clip, in_place)
+    turn = from_axis_angle("Z", 0.4 * walk_clip.times)
+    turning = gait(walk_clip, rotate(turn[:, None], in_place))
+    assert on_path is not None
+    made = close_loop(read_deepmimic(stock_motion("walk"))).speed
+    assert on_path["speed_m_s"] == pytest.approx(made, rel=0.02)
+    # Both legs of one stride: the ankles' harmonic has the period of the knee.
+    knee = walk(300).angles["knee_left"]
+    shifted = [np.corrcoef(knee[:-lag], knee[lag:])[0, 1] for lag in range(25, 60)]
+    assert on_path["period_s"] == pytest.approx((25 + int(np.argmax(shifted))) / 30.0, abs=0.02)
+    for still in (treadmill, turning):
+        assert still is not None
+        assert still["speed_m_s"] is None
+        assert still["period_s"] == pytest.approx(on_path["period_s"], abs=0.02)
+
+
+def test_standing_and_exchanged_legs_are_no_gait(walk_clip: Clip) -> None:
+    nodes, _, _ = nodes_of(walk_clip)
+    standing = np.repeat(nodes[:1], len(nodes), axis=0)
+    standing += np.random.default_rng(0).normal(scale=0.01, size=standing.shape)
+    assert gait(walk_clip, standing) is None
+    # The left ankle is always the one in front: twice the frequency, which no human has.
+    left, right = NODE_INDEX["ankle_left"], NODE_INDEX["ankle_right"]
+    behind = nodes[:, left, 0] < nodes[:, right, 0]
+    nodes[behind, left], nodes[behind, right] = nodes[behind, right].copy(), nodes[behind, left].copy()
+    assert gait(walk_clip, nodes) is None
+
+
+def test_the_peak_is_of_the_better_tracked_side(walk_clip: Clip) -> None:
+    nodes, states, _ = nodes_of(walk_clip)
+    worse = states.copy()
+    worse[:, NODE_INDEX["ankle_left"]] = INFERRED
+    assert legs(nodes, worse)["knee_peak_side"] == "right"
+    noisy = nodes.copy()
+    noisy[:, NODE_INDEX["knee_right"]] += np.random.default_rng(0).normal(scale=0.02, size=(len(nodes), 3))
+    assert legs(noisy, states)["knee_peak_side"] == "left"
+    gone = np.full_like(nodes, np.nan)
+    assert legs(gone, states)["knee_peak_deg"] is None
+
+
+def test_stature_of_an_average_body() -> None:
+    # Winter's average man of 1.75 m has a thigh of 0.245 and a shank of 0.246 of that.
+    lengths = {"thigh": {"median": 0.245 * 1.75}, "shank": {"median": 0.246 * 1.75}}
+    assert stature(lengths) == pytest.approx(1.75, abs=1e-3)
+
+
+def test_bones_of_half_a_body_are_those_that_are_there(walk_clip: Clip) -> None:
+    nodes, _, _ = nodes_of(walk_clip)
+    nodes[:, NODE_INDEX["ankle_left"]] = np.nan
+    lengths = bones(nodes)
+    assert lengths["shank"]["left"] is None
+    assert lengths["shank"]["median"] == lengths["shank"]["right"]
+
+
+def test_jitter_is_the_noise_that_was_added(walk_clip: Clip) -> None:
+    noise = np.zeros_like(walk_clip.positions)
+    wrist = NODE_INDEX["wrist_left"]
+    noise[:, wrist] = np.random.default_rng(1).normal(scale=0.02, size=(len(noise), 3))
+    noisy = replace(walk_clip, positions=walk_clip.positions + noise)
+    found = jitter(noisy, noisy.passes >= 0)
+    assert found[wrist] == pytest.approx(0.02 * np.sqrt(3.0), rel=0.2)
+    assert found[NODE_INDEX["hip_center"]] < 0.003
+
+
+def test_the_files_own_knee_against_ours(walk_clip: Clip) -> None:
+    nodes, _, _ = nodes_of(walk_clip)
+    truth = walk(150).angles["knee_left"]
+    shifted = replace(walk_clip, angles={"knee_left": truth + np.radians(4.0), "elbow_left": truth})
+    report = own_angles(shifted, nodes, shifted.passes >= 0)
+    assert report["knee_left"]["r"] == pytest.approx(1.0, abs=1e-3)
+    assert report["knee_left"]["difference_deg"] == pytest.approx(4.0, abs=0.1)
+    assert "r" not in report["elbow_left"]
+
+
+@pytest.mark.parametrize(
+    ("name", "peak", "period"),
+    [
+        # The captures' README: walking 50 to 75 degrees and 0.9 to 1.4 s, running 90 to 125 and 0.7 to 0.8 s.
+        ("cmu_bvh/02_01.bvh", (50.0, 75.0), (0.9, 1.4)),
+        ("cmu_bvh/09_01.bvh", (90.0, 125.0), (0.70, 0.76)),
+        ("kinect1_bernstein_skl/i1.skl", (50.0, 75.0), (0.9, 1.4)),
+        ("shum_gait_bvh/SubjectC1_Cycle1.bvh", (50.0, 75.0), (0.9, 1.4)),
+    ],
+)
+def test_real_recordings(
+    captures: Path, name: str, peak: tuple[float, float], period: tuple[float, float]
+) -> None:
+    report = study(captures / name)
+    assert report["read"]
+    assert peak[0] <= report["angles"]["knee_peak_deg"] <= peak[1]
+    assert period[0] <= report["gait"]["period_s"] <= period[1]
+    assert 0.35 <= report["bones_m"]["thigh"]["median"] <= 0.55
+    assert 0.33 <= report["bones_m"]["shank"]["median"] <= 0.45

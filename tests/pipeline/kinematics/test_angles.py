@@ -1,0 +1,99 @@
+"""Clinical angles at postures whose angles are known by construction."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from samples.motion import walk
+
+from kinemimic.pipeline.arrays import Array
+from kinemimic.pipeline.kinematics.angles import ANGLES, anatomical, hip_flexion, knee_flexion, leg_angles
+from kinemimic.pipeline.kinematics.rotations import from_axis_angle, multiply, rotate
+from kinemimic.pipeline.kinematics.skeleton import NODE_INDEX, NODES
+
+
+def posture(hip: float, knee: float, heading: float = 0.0) -> Array:
+    """Nodes (1, 20, 3) of a figure that flexes both legs by these angles and looks along `heading`."""
+    place = {"hip_center": (0, 0, 1.0), "spine": (0, 0, 1.1), "shoulder_center": (0, 0, 1.5)}
+    p = np.zeros((len(NODES), 3))
+    for name, xyz in place.items():
+        p[NODE_INDEX[name]] = xyz
+    for side, y in (("left", 0.1), ("right", -0.1)):
+        thigh = 0.4 * np.array([np.sin(hip), 0, -np.cos(hip)])
+        # The shank turns backward by the knee's flexion from the thigh's direction.
+        shank = 0.4 * np.array([np.sin(hip - knee), 0, -np.cos(hip - knee)])
+        p[NODE_INDEX[f"hip_{side}"]] = (0, y, 0.95)
+        p[NODE_INDEX[f"knee_{side}"]] = p[NODE_INDEX[f"hip_{side}"]] + thigh
+        p[NODE_INDEX[f"ankle_{side}"]] = p[NODE_INDEX[f"knee_{side}"]] + shank
+    return rotate(from_axis_angle("Z", heading), p)[None]
+
+
+@pytest.mark.parametrize("heading", [0.0, 1.0, -2.5])
+@pytest.mark.parametrize(("hip", "knee"), [(0, 0), (30, 60), (-20, 5), (90, 120), (10, -8), (0, 179)])
+def test_known_posture(hip: float, knee: float, heading: float) -> None:
+    curves = leg_angles(posture(np.radians(hip), np.radians(knee), heading))
+    assert tuple(curves) == ANGLES
+    for side in ("left", "right"):
+        assert np.degrees(curves[f"knee_{side}"][0]) == pytest.approx(knee, abs=1e-6)
+        assert np.degrees(curves[f"hip_{side}"][0]) == pytest.approx(hip, abs=1e-9)
+
+
+def test_angles_do_not_depend_on_where_the_figure_stands() -> None:
+    p = posture(0.4, 0.9)
+    tilt = multiply(from_axis_angle("X", 0.5), from_axis_angle("Y", -0.7))
+    moved = rotate(tilt, p) + np.array([3.0, -2.0, 0.5])
+    for name, curve in leg_angles(p).items():
+        assert np.allclose(leg_angles(moved)[name], curve, atol=1e-12)
+
+
+def test_a_given_pelvis_frame_is_used() -> None:
+    p = posture(0.4, 0.9)
+    leaning = from_axis_angle("Y", np.array([0.25]))  # the pelvis tips forward: the thigh is nearer its front
+    assert leg_angles(p, leaning)["hip_left"][0] == pytest.approx(0.4 + 0.25)
+
+
+def test_missing_joints_give_nan_and_nothing_else() -> None:
+    p = np.concatenate([posture(0.4, 0.9)] * 3)
+    p[1, NODE_INDEX["knee_left"]] = np.nan
+    p[2, NODE_INDEX["spine"]] = np.nan
+    curves = leg_angles(p)
+    assert np.array_equal(np.isnan(curves["knee_left"]), [False, True, False])
+    assert np.array_equal(np.isnan(curves["hip_left"]), [False, True, True])
+    assert np.array_equal(np.isnan(curves["knee_right"]), [False, False, False])
+
+
+def test_definitions_by_hand() -> None:
+    lateral = np.array([0.0, 1.0, 0.0])
+    hip, knee = np.array([0.0, 0, 2]), np.array([0.0, 0, 1])
+    assert knee_flexion(hip, knee, np.array([-1.0, 0, 1]), lateral) == pytest.approx(np.pi / 2)
+    assert knee_flexion(hip, knee, np.array([1.0, 0, 1]), lateral) == pytest.approx(-np.pi / 2)
+    assert hip_flexion(np.array([0, 0, 0, 1.0]), hip, np.array([1.0, 0, 1])) == pytest.approx(np.pi / 4)
+
+
+@pytest.mark.parametrize(
+    ("shown", "meant"),
+    [
+        ([20, 8, 2, -4, -9, -14, -6, 3], [20, 8, 2, -4, -9, -14, -6, 3]),  # through straight, not too far
+        ([9, -6, -16, -30, -12, 5, -3], [9, 6, 16, 30, 12, 5, -3]),  # too far: the whole run, and it alone
+        ([13, -12, -9, 2], [13, 12, 9, 2]),  # leaps in
+        ([2, -9, -12, 13], [2, 9, 12, 13]),  # leaps out
+        ([50, 20, 40, -2], [50, 20, 40, 2]),
+        ([5, np.nan, -3, np.nan, -40], [5, np.nan, -3, np.nan, 40]),
+        ([], []),
+    ],
+)
+def test_a_knee_bends_to_the_front_a_little_and_only_through_straight(
+    shown: list[float], meant: list[float]
+) -> None:
+    found = anatomical(np.radians(np.array(shown, dtype=np.float64)))
+    np.testing.assert_array_equal(found, np.radians(np.array(meant, dtype=np.float64)))
+
+
+@pytest.mark.parametrize("wrong", [70.0, 120.0, 180.0])
+def test_a_pelvis_that_looks_the_wrong_way_does_not_turn_the_knees_over(wrong: float) -> None:
+    shown = walk(120)
+    # Turned in every third second, as where a sensor exchanges the hips.
+    heading = np.where(shown.times % 3.0 < 1.0, np.radians(wrong), 0.0)
+    found = leg_angles(shown.joints, from_axis_angle("Z", heading))
+    for side in ("left", "right"):
+        np.testing.assert_allclose(found[f"knee_{side}"], shown.angles[f"knee_{side}"], atol=1e-6)

@@ -1,0 +1,36 @@
+"""Euler channels of whole skeletons: the fast way to positions is the slow one."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from kinemimic.pipeline.kinematics.euler import local_rotations, positions_of_channels, world_positions
+from kinemimic.pipeline.kinematics.rotations import ORDERS, from_axis_angle, normalize, to_matrix
+from kinemimic.pipeline.kinematics.skeleton import Skeleton
+
+
+@pytest.mark.parametrize("tilted", [False, True])
+def test_positions_of_channels_are_those_of_forward_kinematics(tilted: bool) -> None:
+    rng = np.random.default_rng(3)
+    frames, joints = 1500, 16  # more frames than are worked on at once
+    parents = (-1, *(int(rng.integers(0, joint)) for joint in range(1, joints)))
+    skeleton = Skeleton(tuple(f"j{k}" for k in range(joints)), parents, rng.normal(size=(joints, 3)))
+    orders = (*ORDERS, "ZXY", "XYZ", "", "")
+    euler = rng.uniform(-4.0, 4.0, (frames, joints, 3))
+    euler[:, 13, 1:] = 0.0
+    euler[:, 14:] = 0.0
+    translations = rng.normal(size=(frames, joints, 3))
+    world = normalize(rng.normal(size=4))
+    rests = normalize(rng.normal(size=(joints, 4))) if tilted else None
+    slow = world_positions(skeleton, translations, local_rotations(euler, orders, world, rests), world)
+    fast = positions_of_channels(skeleton, translations, euler, orders, world, rests)
+    np.testing.assert_allclose(fast, slow, atol=1e-12)
+
+
+def test_a_rest_turns_the_frame_in_which_channels_turn() -> None:
+    """A quarter turn about Z at rest, then one of the channel X: about the world's Y."""
+    rests = from_axis_angle("Z", np.array([0.5 * np.pi]))
+    q = local_rotations(np.array([[[0.5 * np.pi, 0, 0]]]), ("XYZ",), np.array([0.0, 0, 0, 1]), rests)
+    np.testing.assert_allclose(to_matrix(q)[0, 0] @ [0, 1, 0], to_matrix(rests)[0] @ [0, 0, 1], atol=1e-12)
+    np.testing.assert_allclose(to_matrix(q)[0, 0] @ [1, 0, 0], [0, 1, 0], atol=1e-12)

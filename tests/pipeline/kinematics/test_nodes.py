@@ -1,0 +1,269 @@
+"""The 20 nodes from the joint names of several conventions."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from kinemimic.pipeline.errors import KinemimicError
+from kinemimic.pipeline.kinematics.clip import Clip
+from kinemimic.pipeline.kinematics.nodes import joints_of_nodes, made_up, normalised, to_nodes
+from kinemimic.pipeline.kinematics.skeleton import BONES, NODE_INDEX, NODES, Skeleton
+from kinemimic.pipeline.readers.base.source import Source
+from kinemimic.pipeline.readers.kinect.kinect_v2 import SDK_JOINTS
+from kinemimic.pipeline.readers.mocap import bvh as reader
+
+Build = Callable[..., Clip]
+Text = Callable[..., str]
+PATH = Path("walk.bvh")
+
+
+def test_names_lose_case_punctuation_and_namespace() -> None:
+    assert normalised("mixamorig:LeftUpLeg") == "leftupleg"
+    assert normalised("Upper_Leg.L") == "upperlegl"
+
+
+CMU = "Hips LHipJoint LeftUpLeg LeftLeg LeftFoot LeftToeBase RightUpLeg RightLeg RightFoot RightToeBase "
+CMU += "LowerBack Spine Spine1 Neck Neck1 Head Head_end LeftShoulder LeftArm LeftForeArm LeftHand "
+CMU += "LeftHandIndex1 RightShoulder RightArm RightForeArm RightHand RightHandIndex1"
+MIXAMO = "Hips Spine Spine1 Spine2 Neck Head HeadTop_End LeftShoulder LeftArm LeftForeArm LeftHand "
+MIXAMO += "LeftHandMiddle1 RightShoulder RightArm RightForeArm RightHand RightHandMiddle1 LeftUpLeg LeftLeg "
+MIXAMO += "LeftFoot LeftToeBase RightUpLeg RightLeg RightFoot RightToeBase"
+BANDAI = (
+    "joint_Root Hips Spine Chest Neck Head Shoulder_L UpperArm_L LowerArm_L Hand_L Shoulder_R UpperArm_R "
+)
+BANDAI += "LowerArm_R Hand_R UpperLeg_L LowerLeg_L Foot_L Toes_L UpperLeg_R LowerLeg_R Foot_R Toes_R"
+POSER = (
+    "Hips Chest LeftCollar LeftShoulder LeftElbow LeftWrist RightCollar RightShoulder RightElbow RightWrist "
+)
+POSER += "Neck Head LeftHip LeftKnee LeftAnkle LeftToe RightHip RightKnee RightAnkle RightToe"
+KINECT2 = (
+    "SpineBase SpineMid SpineShoulder Neck Head ShoulderLeft ElbowLeft WristLeft HandLeft ShoulderRight "
+)
+KINECT2 += (
+    "ElbowRight WristRight HandRight HipLeft KneeLeft AnkleLeft FootLeft HipRight KneeRight AnkleRight "
+)
+KINECT2 += "FootRight"
+AZURE = "PELVIS SPINE_NAVEL SPINE_CHEST NECK "
+for _side in ("LEFT", "RIGHT"):
+    AZURE += " ".join(f"{joint}_{_side}" for joint in ("CLAVICLE", "SHOULDER", "ELBOW", "WRIST", "HAND"))
+    AZURE += f" HANDTIP_{_side} THUMB_{_side} "
+for _side in ("LEFT", "RIGHT"):
+    AZURE += " ".join(f"{joint}_{_side}" for joint in ("HIP", "KNEE", "ANKLE", "FOOT")) + " "
+AZURE += "HEAD NOSE EYE_LEFT EAR_LEFT EYE_RIGHT EAR_RIGHT"
+UIPRMD = "Waist Spine Chest Neck Head HeadTip LCollar LUpperArm LForearm LHand RCollar RUpperArm RForearm "
+UIPRMD += "RHand LUpperLeg LLowerLeg LFoot LToes RUpperLeg RLowerLeg RFoot RToes"
+ASF = "root lhipjoint lfemur ltibia lfoot ltoes rhipjoint rfemur rtibia rfoot rtoes lowerback upperback "
+ASF += "thorax lowerneck upperneck head lclavicle lhumerus lradius lwrist lhand lfingers lthumb rclavicle "
+ASF += "rhumerus rradius rwrist rhand rfingers rthumb"
+OPENSIM = "pelvis femur_r tibia_r patella_r talus_r calcn_r toes_r femur_l tibia_l patella_l talus_l calcn_l "
+OPENSIM += "toes_l torso humerus_r ulna_r radius_r hand_r humerus_l ulna_l radius_l hand_l"
+
+
+@pytest.mark.parametrize(
+    ("names", "expected"),
+    [
+        (CMU, "LeftUpLeg LeftLeg LeftFoot LeftToeBase LeftArm LeftForeArm LeftHand LeftHandIndex1 Neck"),
+        (MIXAMO, "LeftUpLeg LeftLeg LeftFoot LeftToeBase LeftArm LeftForeArm LeftHand LeftHandMiddle1 Neck"),
+        (BANDAI, "UpperLeg_L LowerLeg_L Foot_L Toes_L UpperArm_L LowerArm_L Hand_L - Neck"),
+        (POSER, "LeftHip LeftKnee LeftAnkle LeftToe LeftShoulder LeftElbow LeftWrist - Neck"),
+        (KINECT2, "HipLeft KneeLeft AnkleLeft FootLeft ShoulderLeft ElbowLeft WristLeft HandLeft "
+         "SpineShoulder"),
+        (" ".join(SDK_JOINTS), "HipLeft KneeLeft AnkleLeft FootLeft ShoulderLeft ElbowLeft WristLeft "
+         "HandLeft SpineShoulder"),
+        (AZURE, "HIP_LEFT KNEE_LEFT ANKLE_LEFT FOOT_LEFT SHOULDER_LEFT ELBOW_LEFT WRIST_LEFT HAND_LEFT NECK"),
+        (UIPRMD, "LUpperLeg LLowerLeg LFoot LToes LUpperArm LForearm LHand - Neck"),
+        (ASF, "lfemur ltibia lfoot ltoes lhumerus lradius lwrist lhand lowerneck"),
+        (" ".join(NODES), "hip_left knee_left ankle_left foot_left shoulder_left elbow_left wrist_left "
+         "hand_left shoulder_center"),
+    ],
+)  # fmt: skip
+def test_conventions(names: str, expected: str) -> None:
+    joints = tuple(names.split())
+    found = joints_of_nodes(joints)
+    nodes = [
+        f"{joint}_left" for joint in ("hip", "knee", "ankle", "foot", "shoulder", "elbow", "wrist", "hand")
+    ]
+    nodes.append("shoulder_center")
+    assert [joints[found[n]] if n in found else "-" for n in nodes] == expected.split()
+    # The other side is the same names with the side exchanged, and no joint serves twice.
+    assert len(set(found.values())) == len(found)
+    for node in nodes[:-1]:
+        other = node.replace("left", "right")
+        assert (node in found) == (other in found)
+        if node in found:
+            name = joints[found[node]]
+            words = (("LEFT", "RIGHT"), ("Left", "Right"), ("left", "right"), ("_L", "_R"))
+            word = next(
+                (pair for pair in words if pair[0] in name), (name[0], {"L": "R", "l": "r"}.get(name[0]))
+            )
+            assert joints[found[other]] == name.replace(*word, 1)
+
+
+@pytest.mark.parametrize(
+    ("names", "expected"),
+    [
+        (KINECT2, "SpineBase SpineMid SpineShoulder Head"),
+        (AZURE, "PELVIS SPINE_NAVEL NECK HEAD"),
+        (UIPRMD, "Waist Spine Neck HeadTip"),
+        (ASF, "root lowerback lowerneck head"),
+    ],
+)
+def test_the_trunk_of_each_convention(names: str, expected: str) -> None:
+    joints = tuple(names.split())
+    found = joints_of_nodes(joints)
+    assert [joints[found[node]] for node in ("hip_center", "spine", "shoulder_center", "head")] == (
+        expected.split()
+    )
+
+
+def test_the_bodies_of_opensim() -> None:
+    joints = tuple(OPENSIM.split())
+    found = {node: joints[index] for node, index in joints_of_nodes(joints).items()}
+    legs = ("hip", "knee", "ankle", "foot")
+    assert [found[f"{joint}_left"] for joint in legs] == ["femur_l", "tibia_l", "talus_l", "toes_l"]
+    assert [found[f"{joint}_right"] for joint in ("shoulder", "elbow", "wrist")] == [
+        "humerus_r",
+        "ulna_r",
+        "hand_r",
+    ]
+    assert (found["hip_center"], found["spine"]) == ("pelvis", "torso")
+
+
+def test_the_nodes_themselves(node_clip: Build) -> None:
+    clip = node_clip()
+    positions, states = to_nodes(clip)
+    assert np.array_equal(positions, clip.positions)
+    assert np.array_equal(states, clip.states)
+
+
+def test_what_is_derived(bvh: Text) -> None:
+    clip = reader.read(Source.of_text(bvh(), PATH))  # no clavicles, no fingers
+    positions, states = to_nodes(clip)
+
+    def at(node: str) -> np.ndarray:
+        return positions[:, NODE_INDEX[node]]
+
+    assert np.allclose(np.linalg.norm(at("hand_left") - at("wrist_left"), axis=-1), 0.08)
+    forearm = at("wrist_left") - at("elbow_left")
+    assert np.allclose(np.cross(forearm, at("hand_left") - at("wrist_left")), 0.0, atol=1e-12)
+    assert (states[:, NODE_INDEX["hand_left"]] == 1).all()
+    assert (states[:, NODE_INDEX["wrist_left"]] == 2).all()
+    assert np.allclose(at("head"), clip.positions[:, clip.skeleton.index("Head_end")])
+
+
+def test_without_a_neck_the_shoulders_give_their_centre(bvh: Text) -> None:
+    clip = reader.read(Source.of_text(bvh().replace("JOINT Neck", "JOINT Throat"), PATH))
+    positions, states = to_nodes(clip)
+    arms = [clip.positions[:, clip.skeleton.index(f"{side}Arm")] for side in ("Left", "Right")]
+    assert np.allclose(positions[:, NODE_INDEX["shoulder_center"]], 0.5 * (arms[0] + arms[1]))
+    assert (states[:, NODE_INDEX["shoulder_center"]] == 1).all()
+
+
+def rename(clip: Clip, old: str, new: str) -> Clip:
+    names = tuple(new if name == old else name for name in clip.skeleton.names)
+    return replace(clip, skeleton=Skeleton(names, clip.skeleton.parents, clip.skeleton.offsets))
+
+
+LEGS = tuple(f"{joint}_{side}" for side in ("left", "right") for joint in ("hip", "knee", "ankle"))
+
+
+def only(clip: Clip, kept: tuple[str, ...]) -> Clip:
+    """The clip with these joints alone, each of them a root."""
+    joints = [clip.skeleton.index(name) for name in kept]
+    skeleton = Skeleton(kept, (-1,) * len(kept), np.zeros((len(kept), 3)))
+    return replace(
+        clip, skeleton=skeleton, positions=clip.positions[:, joints], states=clip.states[:, joints]
+    )
+
+
+def test_legs_and_a_trunk_become_a_whole_body(node_clip: Build) -> None:
+    whole = node_clip()
+    clip = only(whole, (*LEGS, "hip_center", "spine"))
+    positions, states = to_nodes(clip)
+    assert set(made_up(clip)) == set(NODES) - {*LEGS, "hip_center", "spine"}
+    shown = [NODE_INDEX[node] for node in clip.skeleton.names]
+    assert np.array_equal(positions[:, shown], clip.positions)
+    assert (states[:, shown] == 2).all()
+    assert (np.delete(states, shown, axis=1) == 1).all()
+
+    def at(node: str) -> np.ndarray:
+        return np.median(positions[:, NODE_INDEX[node]], axis=0)
+
+    # The figure stands upright and looks along -X: thigh plus shank of 0.80 m make a stature of 1.63 m.
+    tall = np.median(
+        np.linalg.norm(whole.positions[:, NODE_INDEX["hip_left"]] - at("knee_left"), axis=-1)
+        + np.linalg.norm(at("knee_left") - at("ankle_left"))
+    ) / (0.245 + 0.246)
+    assert tall == pytest.approx(1.63, abs=0.03)
+    assert np.linalg.norm(at("elbow_left") - at("shoulder_left")) == pytest.approx(0.186 * tall, rel=0.02)
+    assert np.linalg.norm(at("wrist_right") - at("elbow_right")) == pytest.approx(0.146 * tall, rel=0.02)
+    assert np.linalg.norm(at("shoulder_center") - at("hip_center")) == pytest.approx(0.288 * tall, rel=0.02)
+    assert at("shoulder_left")[1] - at("shoulder_right")[1] == pytest.approx(0.258 * tall, rel=0.02)
+    assert at("hand_left")[2] < at("wrist_left")[2] < at("elbow_left")[2] < at("shoulder_left")[2]
+    assert at("head")[2] > at("shoulder_center")[2] > at("spine")[2]
+    # Left of an upright person is +Y, so that forward is +X.
+    assert at("foot_left")[0] - at("ankle_left")[0] == pytest.approx(0.11 * tall, rel=0.02)
+
+
+def test_what_is_derived_from_a_missing_joint_is_missing(node_clip: Build) -> None:
+    clip = only(node_clip(), (*LEGS, "shoulder_left", "shoulder_right"))
+    positions, states = clip.positions.copy(), clip.states.copy()
+    positions[7, clip.skeleton.index("shoulder_left")] = np.nan
+    states[7, clip.skeleton.index("shoulder_left")] = 0
+    positions[9, clip.skeleton.index("knee_right")] = np.nan
+    states[9, clip.skeleton.index("knee_right")] = 0
+    placed, known = to_nodes(replace(clip, positions=positions, states=states))
+    missing = {int(frame): set() for frame in np.flatnonzero(np.isnan(placed).any(axis=(1, 2)))}
+    for frame in missing:
+        missing[frame] = {NODES[k] for k in np.flatnonzero(np.isnan(placed[frame]).any(axis=-1))}
+    trunk = {"shoulder_center", "spine", "head", "foot_left", "foot_right"}
+    arms = {f"{joint}_{side}" for joint in ("elbow", "wrist", "hand") for side in ("left", "right")}
+    assert missing == {7: trunk | arms | {"shoulder_left"}, 9: {"knee_right", "foot_right"}}
+    assert np.array_equal(known == 0, np.isnan(placed).any(axis=-1))
+
+
+def test_an_elbow_between_shoulder_and_wrist(node_clip: Build) -> None:
+    clip = node_clip()
+    clip = only(clip, tuple(node for node in NODES if node not in ("elbow_left", "hand_left")))
+    positions, _ = to_nodes(clip)
+    ends = [clip.positions[:, clip.skeleton.index(f"{joint}_left")] for joint in ("shoulder", "wrist")]
+    assert np.allclose(positions[:, NODE_INDEX["elbow_left"]], 0.5 * (ends[0] + ends[1]))
+    assert made_up(clip) == ("elbow_left", "hand_left")
+
+
+def test_a_capture_without_a_trunk_is_refused(node_clip: Build) -> None:
+    with pytest.raises(KinemimicError, match="found none for shoulder_left, shoulder_right among"):
+        to_nodes(only(node_clip(), (*LEGS, "hip_center")))
+
+
+def test_what_is_missing_is_named(node_clip: Build) -> None:
+    with pytest.raises(KinemimicError, match="found none for knee_right among hip_center"):
+        to_nodes(rename(node_clip(), "knee_right", "kn"))
+
+
+def test_lengths_of_no_human_are_refused(node_clip: Build) -> None:
+    clip = node_clip()
+    with pytest.raises(
+        KinemimicError, match=r"hip_left to knee_left between 0\.18 and 0\.65 m, found a median of 4"
+    ):
+        to_nodes(replace(clip, positions=10.0 * clip.positions))
+
+
+@pytest.mark.parametrize("folder", ["cmu_bvh", "shum_gait_bvh", "bandai_bvh_ccbync", "kinect2_brekel_bvh"])
+def test_real_bodies_have_human_bones(captures: Path, folder: str) -> None:
+    for path in sorted((captures / folder).glob("*.bvh")):
+        positions, states = to_nodes(reader.read(Source.open(path)))
+        assert (states > 0).all()
+        for start, end in BONES:
+            bone = np.linalg.norm(positions[:, NODE_INDEX[end]] - positions[:, NODE_INDEX[start]], axis=-1)
+            assert 0.03 < np.median(bone) < 0.52, (path.name, start, end)
+        left, right = positions[:, NODE_INDEX["hip_left"]], positions[:, NODE_INDEX["hip_right"]]
+        toes = positions[:, NODE_INDEX["foot_left"]] - positions[:, NODE_INDEX["ankle_left"]]
+        # The pelvis' left crossed with up points where the toes do: nothing is mirrored.
+        forward = np.cross(left - right, [0.0, 0.0, 1.0])
+        assert np.median(np.sum(forward * toes, axis=-1)) > 0

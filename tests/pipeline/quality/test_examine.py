@@ -1,0 +1,263 @@
+"""Every rule over a whole capture: what is found, what is refused, what will be done."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from samples import motion
+
+from kinemimic.pipeline.kinematics.clip import Clip, scaled
+from kinemimic.pipeline.kinematics.rotations import IDENTITY, from_axis_angle
+from kinemimic.pipeline.kinematics.skeleton import NODES, Skeleton, node_skeleton
+from kinemimic.pipeline.quality.acquire import acquire
+from kinemimic.pipeline.quality.defect import RULES, Defect
+from kinemimic.pipeline.quality.examine import examine, plan
+from kinemimic.pipeline.quality.rules.upright import turned
+from kinemimic.pipeline.readers.base.recording import clip_of_points, reading
+from kinemimic.pipeline.readers.kinect.nui_skl import FORMAT
+from kinemimic.pipeline.readers.recognise import read
+from kinemimic.pipeline.virtual_kinect.recorder import record_virtual
+
+Build = Callable[..., Clip]
+
+
+def walk(
+    frames: int = 120, *, kind: str = "walk", noise: float = 0.008, defects: tuple[Defect, ...] = ()
+) -> Clip:
+    """The known motion as a reader gives it."""
+    shown = motion.walk(frames, motion=kind)
+    joints = shown.joints + noise * np.random.default_rng(0).standard_normal(shown.joints.shape)
+    known = reading(units="m", units_rule="the format's", defects=defects)
+    clip = clip_of_points(
+        node_skeleton(), shown.times, joints, None, format=FORMAT, reading=known, world_from_file=IDENTITY
+    )
+    return replace(clip, provenance={**clip.provenance, "source": "made.skl", "sha256": "0" * 64})
+
+
+@pytest.mark.parametrize("kind", ["walk", "run"])
+def test_a_sound_capture_comes_through_untouched(kind: str) -> None:
+    clip = walk(240, kind=kind)
+    examination = examine(clip)
+    assert examination.defects == () and examination.refused is None
+    assert np.array_equal(examination.clip.positions, clip.positions)
+    assert plan(examination) == [
+        "1 pass of 240 frames in all, 8.0 s",
+        "positions: Kalman-RTS smoother, cut-offs by likelihood, wild values overruled",
+    ]
+
+
+def test_many_faults_at_once() -> None:
+    """In millimetres, lying on its side, mirrored, with exchanged legs, jumps and repeated frames."""
+    clip = walk(240)
+    p = clip.positions.copy()
+    p[100:102][:, 12:20] = p[100:102][:, [16, 17, 18, 19, 12, 13, 14, 15]]
+    p[150, 10, 2] += 0.5
+    p[200] = p[199]
+    broken = replace(clip, positions=p * [1.0, -1.0, 1.0])
+    examination = examine(scaled(turned(broken, from_axis_angle("X", 0.5 * np.pi)), 1000.0))
+    found = {defect.rule: (defect.count, defect.action) for defect in examination.defects}
+    assert found == {
+        "duplicate_frames": (1, "repaired"),
+        "dropped_frames": (1, "flagged"),
+        "wrong_units": (20, "repaired"),
+        "wrong_up_axis": (240, "repaired"),
+        "mirrored": (240, "repaired"),
+        "swapped_sides": (2, "repaired"),
+        "jumps": (1, "repaired"),
+    }
+    assert [defect.rule for defect in examination.defects] == [rule for rule in RULES if rule in found]
+    heights = np.delete(clip.positions[..., 2], 200, axis=0)
+    seen = np.isfinite(examination.clip.positions[..., 2])
+    assert seen.sum() == seen.size - 1
+    np.testing.assert_allclose(examination.clip.positions[..., 2][seen], heights[seen], atol=1e-9)
+
+
+def test_the_readers_defects_come_first_and_stay() -> None:
+    told = (Defect("several_people", 2, "people", "flagged", "two people; the first is taken"),)
+    assert examine(walk(defects=told)).defects == told
+
+
+def test_frames_are_named_as_they_are_numbered_in_the_clip() -> None:
+    """The reader's, found before a T-pose and a repeat were dropped, and those of the rules after that."""
+    told = Defect("zero_frames", 3, "frames", "repaired", "nobody", frames=((0, 1), (30, 40), (99, 101)))
+    clip = walk(120, noise=0.0, defects=(told,))
+    p = clip.positions
+    p[:2] = p[2]
+    for side, sign in (("left", 1.0), ("right", -1.0)):
+        for k, joint in enumerate(("elbow", "wrist", "hand"), start=1):
+            p[:2, NODES.index(f"{joint}_{side}")] = p[2, NODES.index(f"shoulder_{side}")] + [
+                0,
+                0.3 * k * sign,
+                0,
+            ]
+    p[1, :, 2] += 0.01
+    p[50] = p[49]
+    p[80, NODES.index("hand_left")] += 0.5
+    examination = examine(clip)
+    frames = {defect.rule: defect.frames for defect in examination.defects}
+    assert frames == {
+        "zero_frames": ((28, 38), (96, 98)),
+        "calibration_frames": (),
+        "duplicate_frames": ((47, 47),),
+        "dropped_frames": ((47, 47),),
+        "jumps": ((77, 77),),
+    }
+    assert len(examination.clip.times) == 117
+    assert np.isnan(examination.clip.positions[77, NODES.index("hand_left")]).all()
+
+
+def test_what_is_too_short_without_its_repeats_is_refused() -> None:
+    clip = walk(18)
+    clip.positions[13:] = clip.positions[12]
+    examination = examine(clip)
+    assert examination.refused is not None and "shorter than 0.5 s" in examination.refused.text
+    assert plan(examination)[0].startswith("refused")
+
+
+def test_a_wrong_unit_is_the_reason_where_everybody_jumps() -> None:
+    (found,) = examine(scaled(walk(), 5.0)).defects  # and nothing is said of its limbs
+    assert (found.rule, found.action) == ("wrong_units", "refused")
+
+
+def test_nobody_and_moments_are_refused(node_clip: Build) -> None:
+    clip = walk()
+    empty = replace(clip, positions=np.full_like(clip.positions, np.nan), states=np.zeros_like(clip.states))
+    refused = examine(empty).refused
+    assert refused is not None and refused.text == "nobody in any of 120 frames"
+    refused = examine(walk(10)).refused
+    assert refused is not None and "shorter than 0.5 s" in refused.text
+    assert plan(examine(empty)) == ["refused: nobody in any of 120 frames"]
+
+
+def test_a_body_without_legs_is_refused_with_the_names() -> None:
+    clip = walk()
+    names = tuple(name.replace("knee", "thing") for name in NODES)
+    nameless = replace(clip, skeleton=Skeleton(names, clip.skeleton.parents, clip.skeleton.offsets))
+    refused = examine(nameless).refused
+    assert refused is not None and refused.rule == "wrong_names"
+    assert "knee_left" in refused.text and "thing_left" in refused.text
+
+
+def test_the_plan_tells_gaps_and_filters() -> None:
+    clip = walk()
+    clip.positions[50:53, 7], clip.states[50:53, 7] = np.nan, 0
+    sentences = plan(examine(clip))
+    assert any("of up to 0.2 s will be filled" in sentence for sentence in sentences)
+    assert plan(examine(walk()), filter_name="none")[-1] == "positions: not filtered"
+
+
+def test_clips_of_one_frame_and_of_two(node_clip: Build) -> None:
+    for frames in (1, 2, 3, 5):
+        clip = walk(frames)
+        assert examine(clip).refused is not None
+        assert acquire(clip).count == 0
+
+
+@pytest.mark.parametrize("kind", ["walk", "run"])
+def test_a_virtual_kinect_has_only_what_it_was_given(tmp_path: Path, kind: str) -> None:
+    """Lost frames and joints, exchanged legs and wild edges are in it; nothing else may be found."""
+    recording = record_virtual(tmp_path, motion=kind)
+    for path in (recording.skl, recording.euler):
+        found = {defect.rule for defect in examine(read(path)).defects}
+        assert found <= {"dropped_frames", "swapped_sides", "jumps", "gaps"}, path.name
+
+
+def test_real_recordings(captures: Path) -> None:
+    sound = [*(captures / "cmu_bvh").glob("*.bvh"), *(captures / "bandai_bvh_ccbync").glob("*.bvh")]
+    for path in sorted(sound):
+        assert {defect.rule for defect in examine(read(path)).defects} <= {"calibration_frames"}, path.name
+    for path in sorted((captures / "kinect1_bernstein_skl").glob("*.skl")):
+        examination = examine(read(path))
+        assert examination.refused is None
+        assert not {"turning_camera", "mirrored", "wrong_units", "wrong_up_axis", "wrong_rate"} & {
+            defect.rule for defect in examination.defects
+        }, path.name
+
+
+ANDERSSON = [
+    f"Person{number}.txt" for number in ("001_1", "003_2", "017_2", "020_2", "077_2", "083_2", "097_2")
+]
+REFUSED = {
+    "kinect1_treadmill_c3d/skeleton_3d_20h17m38.txt": "thigh 0.32 m and shank 0.22 m",
+    "kinect2_kimore/JointPositionExercise5.csv": "as of a small child, but leg 2.2",
+}
+
+
+@pytest.mark.parametrize("name", REFUSED)
+def test_real_limbs_that_no_human_has(captures: Path, name: str) -> None:
+    refused = examine(read(captures / name)).refused
+    assert refused is not None and refused.rule == "impossible_limbs"
+    assert REFUSED[name] in refused.text
+
+
+@pytest.mark.parametrize(
+    "folder",
+    [
+        "kinect1_msraction3d",
+        "kinect1_utkinect",
+        "kinect2_bernstein_skl",
+        "kinect2_labanotation",
+        "kinect2_khokhlova_orient",
+        "kinect2_brekel_bvh",
+        "shum_gait_bvh",
+    ],
+)
+def test_real_bodies_pass_whatever_the_tracker_made_of_them(captures: Path, folder: str) -> None:
+    """Long thighs, short thighs, many people: none is refused, mirrored, in wrong units or on its side."""
+    for path in sorted((captures / folder).iterdir()):
+        if path.name in ("SOURCE.txt", "actionLabel.txt"):
+            continue
+        found = {defect.rule for defect in examine(read(path)).defects}
+        wrong = {
+            "impossible_limbs",
+            "mirrored",
+            "wrong_units",
+            "wrong_up_axis",
+            "turning_camera",
+            "wrong_rate",
+        }
+        assert not wrong & found, path.name
+
+
+@pytest.mark.parametrize("name", ANDERSSON)
+def test_the_camera_on_the_spinning_dish(captures: Path, name: str) -> None:
+    examination = examine(read(captures / "kinect1_andersson_gait" / name))
+    assert examination.refused is None
+    assert "turning_camera" in {defect.rule for defect in examination.defects}
+
+
+def test_a_treadmill_is_no_turning_camera(captures: Path) -> None:
+    clip = read(captures / "kinect1_treadmill_c3d" / "skeleton_3d_19h58m42.txt")
+    assert "turning_camera" not in {defect.rule for defect in examine(clip).defects}
+
+
+def test_nothing_that_a_clip_may_hold_raises() -> None:
+    """Holes, frozen frames, points in one place, other scales, axes, orders and clocks, three at a time."""
+    rng = np.random.default_rng(0)
+    for _ in range(200):
+        clip = walk(int(rng.choice([1, 2, 3, 5, 12, 40, 90])), noise=0.0)
+        p, times = clip.positions, clip.times
+        for kind in rng.integers(0, 8, size=3):
+            if kind == 0:
+                p[rng.random(p.shape[:2]) < rng.random()] = np.nan
+            elif kind == 1:
+                p[len(p) // 2 :] = p[len(p) // 2]
+            elif kind == 2:
+                p[:] = p[:, :1]
+            elif kind == 3:
+                p *= 10.0 ** rng.integers(-5, 5)
+            elif kind == 4:
+                p[:] = p[..., rng.permutation(3)]
+            elif kind == 5:
+                p += rng.standard_normal(p.shape) * 10.0 ** rng.integers(-3, 2)
+            elif kind == 6:
+                times = np.cumsum(rng.random(len(p)) * rng.choice([0.001, 0.03, 10.0]) + 1e-6)
+            else:
+                p[:] = p[:, rng.permutation(20)]
+        states = np.where(np.isnan(p).any(axis=-1), 0, 2).astype(np.uint8)
+        p[states == 0] = np.nan
+        assert plan(examine(replace(clip, times=times, states=states)))

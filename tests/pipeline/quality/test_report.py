@@ -1,0 +1,94 @@
+"""The quality report counts what was put there."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from rich.console import Console
+
+from kinemimic.pipeline.filters.clean import clean
+from kinemimic.pipeline.kinematics.clip import Clip
+from kinemimic.pipeline.kinematics.skeleton import NODE_INDEX
+from kinemimic.pipeline.quality.acquire import acquire, in_passes
+from kinemimic.pipeline.quality.defect import Defect
+from kinemimic.pipeline.quality.report import quality, table
+
+Build = Callable[..., Clip]
+READING = {"units": "m", "units_rule": "the format's", "notes": [], "defects": []}
+DEFECTS = (Defect("duplicate_frames", 3, "frames", "repaired", "3 lines dropped"),)
+
+
+@pytest.fixture
+def clip(node_clip: Build) -> Clip:
+    """100 frames: head inferred in 10, left hand lost in 5 (a short gap) and in 20 (a long one)."""
+    clip = replace(
+        node_clip(100), provenance={"source": "made.skl", "format": "Kinect v1 .skl text", "reading": READING}
+    )
+    clip.states[10:20, NODE_INDEX["head"]] = 1
+    for gap in (slice(30, 35), slice(60, 80)):
+        clip.states[gap, NODE_INDEX["hand_left"]] = 0
+        clip.positions[gap, NODE_INDEX["hand_left"]] = np.nan
+    return clip
+
+
+def test_counts(clip: Clip) -> None:
+    acquisition = acquire(clip)
+    raw = in_passes(clip, acquisition)
+    _, cleaning = clean(raw, "butterworth")
+    report = quality(raw, acquisition, cleaning, DEFECTS)
+    assert report["frames"] == report["frames_in_passes"] == 100
+    assert report["complete_frames"] == 75
+    assert [(d["rule"], d["count"]) for d in report["defects"]] == [("duplicate_frames", 3)]
+    head, hand = report["joints"]["head"], report["joints"]["hand_left"]
+    assert (head["tracked"], head["inferred"], head["lost"], head["filled"]) == (0.9, 0.1, 0.0, 0.0)
+    assert (hand["tracked"], hand["inferred"], hand["lost"], hand["filled"]) == (0.75, 0.0, 0.25, 0.05)
+    assert report["clock"] == {
+        "rate_hz": 30.0,
+        "step_ms": 33.333,
+        "jitter_ms": 0.0,
+        "longest_step_ms": 33.333,
+    }
+    assert report["passes"] == [
+        {"pass": 0, "first_frame": 0, "last_frame": 99, "start": 0.0, "end": 3.3, "complete_frames": 75}
+    ]
+    assert "gaps up to 0.2 s filled: 5 joint positions" in report["done"]
+    json.dumps(report, allow_nan=False)
+
+
+def test_bones(clip: Clip) -> None:
+    clip.positions[:, NODE_INDEX["knee_left"]] = clip.positions[:, NODE_INDEX["hip_left"]] - [0.0, 0.0, 0.4]
+    down = np.where(np.arange(100) % 2, 0.36, 0.44)[:, None] * [0.0, 0.0, -1.0]
+    clip.positions[:, NODE_INDEX["ankle_left"]] = clip.positions[:, NODE_INDEX["knee_left"]] + down
+    acquisition = acquire(clip)
+    report = quality(clip, acquisition, clean(clip, "none")[1], ())
+    knee, ankle = report["joints"]["knee_left"], report["joints"]["ankle_left"]
+    assert (knee["bone_m"], knee["bone_cv"]) == (0.4, 0.0)
+    assert (ankle["bone_m"], ankle["bone_cv"]) == (0.4, 0.1)
+    assert report["joints"]["hip_center"]["bone_m"] is None
+
+
+def test_frames_outside_passes_do_not_count(clip: Clip) -> None:
+    clip.states[:10] = 0
+    clip.positions[:10] = np.nan
+    acquisition = acquire(clip)
+    raw = in_passes(clip, acquisition)
+    report = quality(raw, acquisition, clean(raw, "butterworth")[1], ())
+    assert report["frames_in_passes"] == 90
+    assert report["joints"]["spine"]["tracked"] == 1.0
+    assert report["events"][2] == {"frame": 10, "time": 0.3333, "state": "tracking", "reason": "subject seen"}
+
+
+def test_the_table_says_when_a_capture_is_simulated(clip: Clip) -> None:
+    simulated = replace(clip, provenance={**clip.provenance, "simulated": True})
+    report = quality(simulated, acquire(clip), clean(clip, "butterworth")[1], DEFECTS)
+    console = Console(width=120)
+    with console.capture() as captured:
+        console.print(table(report))
+    text = captured.get()
+    assert "made.skl: Kinect v1 .skl text, SIMULATED, unit m" in text
+    assert "  repaired  duplicated frames  3 lines dropped" in text
+    assert any(line.split()[:4] == ["hand_left", "75.0", "0.0", "25.0"] for line in text.splitlines())

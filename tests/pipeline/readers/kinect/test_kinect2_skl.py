@@ -1,0 +1,145 @@
+"""Kinect v2 .skl: names that lie are told by bones, clocks by their step."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+from samples.kinect2_skl import SDK, WRONG, files, text
+from samples.motion import Walk, in_range, kinect_v2_joints, walk
+
+from kinemimic.pipeline.errors import CaptureError
+from kinemimic.pipeline.kinematics.clip import Clip
+from kinemimic.pipeline.readers.base.source import Source
+from kinemimic.pipeline.readers.kinect.kinect_v2 import FROM_SDK, JOINTS
+from kinemimic.pipeline.readers.recognise import read, read_source
+
+PATH = Path("walk.skl")
+
+
+def clip_of(content: str) -> Clip:
+    return read_source(Source.of_text(content.replace("\r\n", "\n"), PATH))
+
+
+def truth(frames: int) -> np.ndarray:
+    seen = walk(frames)
+    return kinect_v2_joints(Walk(seen.times, in_range(seen), seen.angles))[:, FROM_SDK]
+
+
+def defects(clip: Clip) -> dict[str, int]:
+    return {defect["rule"]: defect["count"] for defect in clip.provenance["reading"]["defects"]}
+
+
+def test_wrong_names_are_repaired_with_evidence() -> None:
+    clip = clip_of(files(20)["walk_v2.skl"].decode())
+    assert clip.provenance["format"] == "Kinect v2 .skl text"
+    assert clip.skeleton.names == JOINTS
+    assert np.abs(clip.positions - truth(20)).max() < 1e-12
+    assert defects(clip) == {"wrong_names": 24}
+    (defect,) = clip.provenance["reading"]["defects"]
+    assert defect["action"] == "repaired"
+    assert "by the header's names HipRight-KneeRight 0." in defect["text"]
+    assert "by the SDK's order HipRight-KneeRight 0." in defect["text"]
+
+
+def test_right_names_are_believed_in_any_sequence() -> None:
+    clip = clip_of(text(20, SDK))
+    assert defects(clip) == {}
+    lines = text(20, SDK).split("\r\n")
+    names = lines[0].split("\t")
+    joints = np.random.default_rng(5).permutation(25)
+    order = [0, 1, *(2 + 4 * int(j) + k for j in joints for k in range(4)), *range(102, 106)]
+    shuffled = "\n".join("\t".join(line.split("\t")[k] for k in order) for line in lines if line)
+    assert names[order[2]] != "SpineBase_X"
+    assert np.array_equal(clip_of(shuffled).positions, clip.positions)
+    assert defects(clip_of(shuffled)) == {}
+
+
+def test_head_and_neck_exchanged_are_noticed() -> None:
+    clip = clip_of(text(20, ("SpineBase", "SpineMid", "Head", "Neck", *SDK[4:])))
+    assert defects(clip) == {"wrong_names": 2}
+    assert np.abs(clip.positions - truth(20)).max() < 1e-12
+
+
+@pytest.mark.parametrize(("tick", "unit"), [(1e-7, "100 ns"), (1e-3, "ms")])
+def test_the_clock_is_told_by_its_step(tick: float, unit: str) -> None:
+    clip = clip_of(text(20, SDK, tick=tick))
+    assert clip.provenance["reading"]["clock"] == unit
+    assert clip.times == pytest.approx(25010.7 + 0.0330377 * np.arange(20))
+
+
+def test_zeros_that_are_not_tracked_are_missing() -> None:
+    lines = text(20, SDK).split("\r\n")
+    fields = lines[5].split("\t")
+    fields[2:6] = ["0", "0", "0", "0"]
+    lines[5] = "\t".join(fields)
+    clip = clip_of("\n".join(lines))
+    assert np.argwhere(clip.states == 0).tolist() == [[4, JOINTS.index("SpineBase")]]
+    assert np.isnan(clip.positions[4, JOINTS.index("SpineBase")]).all()
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        (lambda t: t.replace("KneeLeft_Y", "Knee_Y"), "line 1: expected the 25 joints .*found 26 joints"),
+        (lambda t: t.replace("KneeLeft_Y", "Other"), "line 1: .*found no column KneeLeft_Y$"),
+        (lambda t: t.replace("timestamp", "time"), "no column timestamp"),
+        (lambda t: t[:-60], "line 21: expected 106 numbers, found .*; the file is cut off there"),
+        (lambda t: t.replace("\t2\t", "\t3\t", 1), "line 2: expected 0, 1 or 2 in .*_tracked, found 3"),
+        (lambda t: t.replace("\t1\t", "\tx\t", 1), "line 3: expected a number, found 'x'"),
+        (lambda t: t.split("\n")[0], "line 2: expected lines of numbers, found none"),
+    ],
+)
+def test_damage_is_named_with_its_line(change: Callable[[str], str], message: str) -> None:
+    with pytest.raises(CaptureError, match=message):
+        clip_of(change(text(20, WRONG).replace("\r\n", "\n")))
+
+
+def test_a_clock_of_no_kinect_is_refused() -> None:
+    with pytest.raises(
+        CaptureError, match=r"expected timestamps in 100 ns, .* or in ms, .*, found a usual step"
+    ):
+        clip_of(text(20, SDK, tick=1.0))
+
+
+def test_bones_that_are_nobodys_are_refused() -> None:
+    rng = np.random.default_rng(6)
+    lines = text(20, SDK).split("\r\n")
+    rows = []
+    for line in lines[1:-1]:
+        fields = line.split("\t")
+        for column in range(2, 102):
+            if (column - 2) % 4 < 3:
+                fields[column] = f"{rng.uniform(-2, 2):.6f}"
+        rows.append("\t".join(fields))
+    with pytest.raises(CaptureError, match=r"expected bones within a factor of 1.7 of an adult's"):
+        clip_of("\n".join([lines[0], *rows]))
+
+
+@pytest.mark.parametrize(
+    ("name", "frames", "clock", "wrong", "thigh", "shank"),
+    [
+        ("Karen_happy_20_2", 337, "ms", 2, 0.39, 0.36),
+        ("Kinect_v2_v2RanLong", 1824, "100 ns", 24, 0.376, 0.36),
+        ("Rachelle_anger_3_1", 250, "100 ns", 24, 0.378, 0.32),
+    ],
+)
+def test_real_recordings(
+    captures: Path, name: str, frames: int, clock: str, wrong: int, thigh: float, shank: float
+) -> None:
+    clip = read(captures / "kinect2_bernstein_skl" / f"{name}.skl")
+    assert len(clip.times) == frames
+    assert clip.provenance["reading"]["clock"] == clock
+    assert clip.rate == pytest.approx(30.27, abs=0.02)
+    assert defects(clip) == {"wrong_names": wrong}
+    at = {joint: clip.positions[:, JOINTS.index(joint)] for joint in JOINTS}
+
+    def length(a: str, b: str) -> float:
+        return float(np.nanmedian(np.linalg.norm(at[a] - at[b], axis=-1)))
+
+    assert length("HipRight", "KneeRight") == pytest.approx(thigh, abs=0.02)
+    assert length("KneeRight", "AnkleRight") == pytest.approx(shank, abs=0.02)
+    assert 0.12 < length("HipLeft", "HipRight") < 0.15
+    assert np.nanmedian(at["Head"][:, 2]) > np.nanmedian(at["Neck"][:, 2])

@@ -1,0 +1,140 @@
+"""The reader of Kinect v1 .skl text: four variants of columns, states, clocks, and mistakes by line."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from kinemimic.pipeline.errors import CaptureError
+from kinemimic.pipeline.kinematics.skeleton import NODE_INDEX, NODES
+from kinemimic.pipeline.readers.base.source import Source
+from kinemimic.pipeline.readers.kinect import nui_skl
+
+Text = Callable[..., str]
+PATH = Path("walk.skl")
+GYRO = ("framenum", "adc0", "adc1", "gyroX", "gyroY", "gyroZ")
+
+
+@pytest.mark.parametrize(
+    ("before", "floor", "width"),
+    [((), False, 81), ((), True, 85), (("framenum",), True, 86), (GYRO, True, 91)],
+)
+@pytest.mark.parametrize("newline", ["\n", "\r\n"])
+def test_all_four_variants_say_the_same(
+    skl: Text, before: tuple[str, ...], floor: bool, width: int, newline: str
+) -> None:
+    text = skl(before=before, floor=floor, newline=newline).replace("\r\n", "\n")
+    assert nui_skl.recognises(Source.of_text(text, PATH))
+    clip = nui_skl.read(Source.of_text(text, PATH))
+    assert clip.provenance["reading"]["columns"] == width
+    assert clip.skeleton.names == NODES
+    assert np.array_equal(
+        clip.positions, nui_skl.read(Source.of_text(skl().replace("\r\n", "\n"), PATH)).positions
+    )
+    assert clip.times[:2] == pytest.approx([0.0, 0.033])
+
+
+def test_axes_up_is_z_and_left_is_y_and_the_floor_plane_is_not_applied(skl: Text) -> None:
+    clip = nui_skl.read(Source.of_text(skl(), PATH))
+    place = dict(zip(NODES, clip.positions.mean(axis=0), strict=True))
+    assert place["head"] == pytest.approx([3.0, 0.0, 1.6], abs=0.01)
+    assert place["wrist_left"] == pytest.approx([3.0, 0.21, 0.83], abs=0.01)
+    assert place["ankle_right"] == pytest.approx([3.0, -0.09, 0.08], abs=0.01)
+
+
+def test_columns_are_found_by_name_wherever_they_stand(skl: Text) -> None:
+    shuffled = skl(columns=lambda names: [str(n) for n in np.random.default_rng(2).permutation(names)])
+    assert np.array_equal(
+        nui_skl.read(Source.of_text(shuffled, PATH)).positions,
+        nui_skl.read(Source.of_text(skl(), PATH)).positions,
+    )
+
+
+def test_states_and_what_is_not_tracked(skl: Text) -> None:
+    states = np.full((40, 20), 2)
+    states[7, NODE_INDEX["head"]] = 0
+    states[8, NODE_INDEX["knee_left"]] = 1
+    clip = nui_skl.read(Source.of_text(skl(states=states), PATH))
+    assert np.array_equal(clip.states, states)
+    missing = np.isnan(clip.positions).any(axis=-1)
+    assert np.array_equal(missing, states == 0)
+    assert np.array_equal(missing, np.isnan(clip.positions).all(axis=-1))
+
+
+def test_the_sensors_origin_and_nan_are_no_positions(skl: Text) -> None:
+    lines = skl().replace("\r\n", "\n").split("\n")
+    names = lines[0].split("\t")
+    for line, value in ((4, "0"), (5, "NaN")):
+        fields = lines[line].split("\t")
+        for axis in "XYZ":
+            fields[names.index(f"Head_{axis}")] = value
+        lines[line] = "\t".join(fields)
+    clip = nui_skl.read(Source.of_text("\n".join(lines), PATH))
+    assert np.flatnonzero(clip.states[:, NODE_INDEX["head"]] == 0).tolist() == [3, 4]
+    assert np.isnan(clip.positions[[3, 4], NODE_INDEX["head"]]).all()
+
+
+def test_repeated_and_earlier_times_are_dropped_and_counted(skl: Text) -> None:
+    times = [0, 31, 62, 62, 94, 40, 95, 156]
+    clip = nui_skl.read(Source.of_text(skl(8, times_ms=times), PATH))
+    assert clip.times.tolist() == pytest.approx([0.0, 0.031, 0.062, 0.094, 0.095, 0.156])
+    assert [d["count"] for d in clip.provenance["reading"]["defects"]] == [2]
+
+
+def test_a_clock_in_another_unit_is_refused(skl: Text) -> None:
+    for unit in (1e-3, 1e4):  # seconds, and the 100 ns of a Kinect v2
+        with pytest.raises(CaptureError, match="expected timestamps in ms, with steps of 5 to 500, found"):
+            nui_skl.read(Source.of_text(skl(8, times_ms=[33 * unit * k for k in range(8)]), PATH))
+
+
+def test_the_clock_is_the_captures_own(skl: Text) -> None:
+    clip = nui_skl.read(Source.of_text(skl(3, times_ms=[18930265, 18930297, 18930333]), PATH))
+    assert clip.times.tolist() == pytest.approx([18930.265, 18930.297, 18930.333])
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        (lambda t: t.replace("KneeLeft_Y", "Knee_Y"), "walk.skl, line 1: .* 20 joints .*found 21 joints"),
+        (lambda t: t.replace("KneeLeft_Y", "Other"), "walk.skl, line 1: .*found no column KneeLeft_Y$"),
+        (lambda t: t.replace("timestamp", "time"), "no column timestamp"),
+        (lambda t: t.replace("\n99\t", "\nx99\t"), "line 5: expected a number, found 'x99'"),
+        (lambda t: t.replace("\n99\t", "\nnan\t"), "line 5: expected a timestamp"),
+        (lambda t: t.replace("\n99\t", "\n99\t7\t"), "line 5: expected 86 numbers, found 87$"),
+        (lambda t: t[:-60], "line 41: expected 86 numbers, found 79; the file is cut off there"),
+        (lambda t: t.split("\n")[0], "line 2: expected lines of numbers, found none"),
+        (
+            lambda t: t.replace("\t2\t", "\t3\t", 1),
+            "line 2: expected 0, 1 or 2 in HipCenter_tracked, found 3",
+        ),
+        (lambda t: t.replace("HipLeft_X", "HipRight_X"), "line 1: expected column names once each"),
+        (
+            lambda t: t.replace("\n99\t3\t0.", "\n99\t3\t777."),
+            "line 5: expected metres, .*HipCenter_X, found 777",
+        ),
+    ],
+)
+def test_mistakes_are_named_with_their_line(skl: Text, change: Callable[[str], str], message: str) -> None:
+    with pytest.raises(CaptureError, match=message) as caught:
+        nui_skl.read(Source.of_text(change(skl().replace("\r\n", "\n")), PATH))
+    assert "\n" not in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    ("name", "columns", "frames"),
+    [("tal_l2r", 81, 77), ("micha_walk", 85, 58), ("r2", 86, 408), ("asc_gyro_l", 91, 468)],
+)
+def test_real_recordings(captures: Path, name: str, columns: int, frames: int) -> None:
+    path = captures / "kinect1_bernstein_skl" / f"{name}.skl"
+    clip = nui_skl.read(Source.open(path))
+    assert clip.provenance["reading"]["columns"] == columns
+    assert len(clip.times) == frames
+    assert 0.030 < np.median(np.diff(clip.times)) < 0.034
+    hip, knee, ankle = (clip.positions[:, NODE_INDEX[f"{joint}_left"]] for joint in ("hip", "knee", "ankle"))
+    assert 0.40 < np.nanmedian(np.linalg.norm(knee - hip, axis=-1)) < 0.52
+    assert 0.33 < np.nanmedian(np.linalg.norm(ankle - knee, axis=-1)) < 0.41
+    if name != "tal_l2r":  # the one that is not referred to the floor
+        assert 0.0 < np.nanmedian(ankle[:, 2]) < 0.15

@@ -1,0 +1,317 @@
+"""The reader of BVH: kinematics against matrices written out here, variants of the format, mistakes."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from kinemimic.pipeline.arrays import Array
+from kinemimic.pipeline.errors import CaptureError
+from kinemimic.pipeline.kinematics.rotations import from_euler, to_matrix
+from kinemimic.pipeline.quality.units import metres_per_unit
+from kinemimic.pipeline.readers.base.source import Source
+from kinemimic.pipeline.readers.mocap import bvh as reader
+from kinemimic.pipeline.readers.mocap.bvh_text import MAX_DEPTH, parse
+
+Text = Callable[..., str]
+PATH = Path("walk.bvh")
+
+
+def turn(axis: str, degrees: float) -> Array:
+    c, s = np.cos(np.radians(degrees)), np.sin(np.radians(degrees))
+    return {
+        "X": np.array([[1, 0, 0], [0, c, -s], [0, s, c]]),
+        "Y": np.array([[c, 0, s], [0, 1, 0], [-s, 0, c]]),
+        "Z": np.array([[c, -s, 0], [s, c, 0], [0, 0, 1]]),
+    }[axis]
+
+
+def test_kinematics_by_hand(bvh: Text) -> None:
+    motion = np.zeros((3, 37))
+    motion[:, 1] = [95, 96, 97]
+    motion[1, 3:6] = [10, 20, 30]  # root Z Y X
+    motion[1, 27:30] = [-40, 50, 60]  # left thigh Z X Y
+    motion[1, 30:33] = [70, -15, 25]  # left knee X Y Z
+    clip = reader.read(Source.of_text(bvh(motion=motion), PATH))
+    root = turn("Z", 10) @ turn("Y", 20) @ turn("X", 30)
+    thigh = root @ turn("Z", -40) @ turn("X", 50) @ turn("Y", 60)
+    shank = thigh @ turn("X", 70) @ turn("Y", -15) @ turn("Z", 25)
+    hip = np.array([0, 96, 0]) + root @ [9, -8, 0]
+    knee = hip + thigh @ [0, -43, 0]
+    ankle = knee + shank @ [0, -40, 0]
+    toe = ankle + shank @ [0, -4, 12]
+    for name, place in {"LeftUpLeg": hip, "LeftLeg": knee, "LeftFoot": ankle, "LeftFoot_end": toe}.items():
+        x, y, z = 0.01 * place
+        assert clip.positions[1, clip.skeleton.index(name)] == pytest.approx([z, x, y], abs=1e-9), name
+
+
+def test_orders_channels_and_clock(bvh: Text) -> None:
+    clip = reader.read(Source.of_text(bvh(), PATH))
+    orders = dict(zip(clip.skeleton.names, clip.orders or (), strict=True))
+    assert orders["Hips"] == "ZYX"
+    assert orders["LeftForeArm"] == "YZX"
+    assert orders["RightLeg"] == "XYZ"  # one channel; the axes that it lacks stay zero
+    assert orders["LeftHand"] == orders["Head_end"] == ""
+    assert clip.euler is not None
+    assert not clip.euler[:, clip.skeleton.index("RightLeg"), 1:].any()
+    assert np.allclose(clip.times, np.arange(40) * 0.0333333)
+    assert clip.provenance["reading"]["units"] == "cm"
+
+
+@pytest.mark.parametrize("order", ["XYZ", "XZY", "YXZ", "YZX", "ZXY", "ZYX"])
+def test_any_order_of_three_channels(bvh: Text, order: str) -> None:
+    names = " ".join(f"{axis}rotation" for axis in order)
+    text = bvh().replace(
+        "LeftUpLeg { OFFSET 9 -8 0 CHANNELS 3 Zrotation Xrotation Yrotation",
+        "LeftUpLeg { OFFSET 9 -8 0 CHANNELS 3 " + names,
+    )
+    clip = reader.read(Source.of_text(text, PATH))
+    joint = clip.skeleton.index("LeftUpLeg")
+    assert clip.euler is not None and clip.orders is not None
+    assert clip.orders[joint] == order
+    q = from_euler(clip.euler[0, joint], order)
+    product = np.linalg.multi_dot(
+        [turn(a, np.degrees(v)) for a, v in zip(order, clip.euler[0, joint], strict=True)]
+    )
+    assert np.allclose(to_matrix(q), product, atol=1e-12)
+
+
+def test_position_channels_replace_the_offset(bvh: Text) -> None:
+    six = "CHANNELS 6 Xposition Yposition Zposition Zrotation Xrotation Yrotation"
+    text = bvh().replace(
+        "LeftUpLeg { OFFSET 9 -8 0 CHANNELS 3 Zrotation Xrotation Yrotation",
+        f"LeftUpLeg {{ OFFSET 9 -8 0 {six}",
+    )
+    head, rows = text.split("0.0333333\n")
+    lines = [row.split() for row in rows.strip().split("\n")]
+    longer = [" ".join([*row[:27], "11", "-7", "1", *row[27:]]) for row in lines]
+    clip = reader.read(Source.of_text(head + "0.0333333\n" + "\n".join(longer), PATH))
+    hips, thigh = (clip.positions[:, clip.skeleton.index(name)] for name in ("Hips", "LeftUpLeg"))
+    assert np.linalg.norm(thigh - hips, axis=-1) == pytest.approx(0.01 * np.sqrt(121 + 49 + 1))
+
+
+@pytest.mark.parametrize(
+    "change",
+    [
+        lambda t: t.lower().replace("hips", "Hips"),
+        lambda t: t.replace(" ", "\t").replace("Frame\tTime", "Frame Time").replace("End\tSite", "End Site"),
+        lambda t: t.replace("Frames: 40", "Frames:\t40").replace("\n", "\n\n"),
+        lambda t: t.replace("OFFSET 0 -43 0", "OFFSET 0.0e0 -4.3E+1 0"),
+        lambda t: t.rstrip("\n"),
+        lambda t: t.replace("{", "\n{\n").replace("}", "\n}\n"),
+    ],
+)
+def test_spelling_does_not_matter(bvh: Text, change: Callable[[str], str]) -> None:
+    assert np.array_equal(
+        reader.read(Source.of_text(change(bvh()), PATH)).positions,
+        reader.read(Source.of_text(bvh(), PATH)).positions,
+    )
+
+
+LEGS = ("Hips", "LeftUpLeg", "LeftLeg", "LeftFoot", "RightUpLeg", "RightLeg", "RightFoot")
+
+
+def legs_of(length: float) -> Array:
+    """Offsets (5, 7, 3) of LEGS with thigh plus shank so long."""
+    offsets = np.zeros((5, 7, 3))
+    offsets[:, [2, 3, 5, 6], 1] = -0.5 * length
+    offsets[:, 0] = 1e4  # where the root is says nothing
+    return offsets
+
+
+@pytest.mark.parametrize(
+    ("metres", "name"),
+    [(1.0, "m"), (0.01, "cm"), (0.001, "mm"), (0.0254, "inch"), (0.056444, "CMU (0.056444 m)")],
+)
+@pytest.mark.parametrize("leg", [0.62, 0.82, 0.98])
+def test_units_are_told_from_the_legs(metres: float, name: str, leg: float) -> None:
+    unit = metres_per_unit(LEGS, legs_of(leg / metres), PATH)
+    assert unit.name == name
+    assert unit.metres == pytest.approx(metres, rel=1e-4)
+    assert unit.defects == []
+
+
+@pytest.mark.parametrize("metres", [1.0, 0.01, 0.001])
+@pytest.mark.parametrize("leg", [0.41, 0.44, 0.46, 0.48, 0.52, 0.58])
+def test_a_small_child_is_no_giant_in_inches(metres: float, leg: float) -> None:
+    unit = metres_per_unit(LEGS, legs_of(leg / metres), PATH)
+    assert unit.metres == metres
+    # As inches, 41 to 47 are the legs of somebody of 2.1 to 2.4 m: hardly likely, but not impossible.
+    doubtful = unit.name == "cm" and leg < 1.2 / 2.54
+    assert [(found.rule, found.action) for found in unit.defects] == [("wrong_units", "flagged")] * doubtful
+    if doubtful:
+        assert f"in cm those of a person of {leg / 0.491:.2f} m, in inch of" in unit.defects[0].text
+
+
+def test_a_doubtful_unit_is_in_the_report(bvh: Text) -> None:
+    child = bvh().replace("OFFSET 0 -43 0", "OFFSET 0 -23 0").replace("OFFSET 0 -40 0", "OFFSET 0 -21 0")
+    reading = reader.read(Source.of_text(child, PATH)).provenance["reading"]
+    assert reading["units"] == "cm"
+    (defect,) = reading["defects"]
+    assert (defect["rule"], defect["action"]) == ("wrong_units", "flagged")
+
+
+def test_units_that_cannot_be_told() -> None:
+    with pytest.raises(CaptureError, match="thigh plus shank of 0 units"):
+        metres_per_unit(LEGS, np.zeros((2, 7, 3)), PATH)
+    with pytest.raises(CaptureError, match=r"thigh plus shank of 1e\+06 units"):
+        metres_per_unit(LEGS, np.full((2, 7, 3), 0.5e6 / np.sqrt(3)), PATH)
+    with pytest.raises(CaptureError, match="no knee_left, ankle_left, knee_right, ankle_right among a, b"):
+        metres_per_unit(("a", "b"), np.ones((2, 2, 3)), PATH)
+
+
+def t_pose_before(frames: int, leading: int) -> Array:
+    motion = 20.0 * np.sin(0.05 * np.arange(frames)[:, None] + 1.7 * np.arange(37))
+    motion[:leading] = 0.0
+    motion[:leading, 30] = -21.0
+    return motion
+
+
+@pytest.mark.parametrize("leading", [1, 2])
+def test_calibration_pose_is_dropped_and_told(bvh: Text, leading: int) -> None:
+    clip = reader.read(Source.of_text(bvh(motion=t_pose_before(60, leading)), PATH))
+    assert len(clip.times) == 60 - leading
+    assert clip.times[0] == pytest.approx(leading * 0.0333333)
+    reading = clip.provenance["reading"]
+    (defect,) = reading["defects"]
+    assert (defect["rule"], defect["action"], defect["count"]) == ("calibration_frames", "repaired", leading)
+    assert "calibration pose" in defect["text"]
+
+
+def test_a_motion_in_whole_degrees_or_starting_at_rest_keeps_its_first_frame(bvh: Text) -> None:
+    for motion in (np.round(t_pose_before(60, 0)), t_pose_before(60, 0) * np.linspace(0, 1, 60)[:, None]):
+        clip = reader.read(Source.of_text(bvh(motion=motion), PATH))
+        assert len(clip.times) == 60
+        assert clip.provenance["reading"]["defects"] == []
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        (
+            lambda t: t[: t.index("JOINT RightLeg")],
+            "line 19: expected OFFSET.*found the end of the file; .*cut off",
+        ),
+        (lambda t: t[: t.index("MOTION")], "expected MOTION, found the end of the file"),
+        (
+            lambda t: t[: t.index("Frame Time")],
+            "line 24: expected Frame Time: and a number, found the end of",
+        ),
+        (lambda t: t[:-30], "line 64: expected 37 numbers, found 3.; the file is cut off there"),
+        (
+            lambda t: t.replace("Frames: 40", "Frames: 999999999"),
+            "expected at most 50000000 joints times frames",
+        ),
+        (lambda t: t.replace("Frames: 40", "Frames: -3"), "a number of frames above 0, found '-3'"),
+        (lambda t: t.replace("0.0333333\n", "0\n"), "expected a frame time of 0.0001 to 1 s, found '0'"),
+        (lambda t: t.replace("0.0333333\n", "nan\n"), "expected a frame time"),
+        (lambda t: t.replace("OFFSET 9 -8 0", "OFFSET 9 -8"), "three numbers after OFFSET, found 'CHANNELS'"),
+        (lambda t: t.replace("OFFSET 9 -8 0", "OFFSET 9 nan 0"), "three numbers after OFFSET, found 'nan'"),
+        (lambda t: t.replace("CHANNELS 1", "CHANNELS 7"), "expected 0 to 6 channels, found '7'"),
+        (lambda t: t.replace("CHANNELS 1", "CHANNELS 2"), "channels among .*, found 'JOINT'"),
+        (
+            lambda t: t.replace("CHANNELS 3 Xrotation Yrotation", "CHANNELS 3 Xrotation Xrotation"),
+            "each once",
+        ),
+        (
+            lambda t: t.replace("CHANNELS 1", "ROT 1"),
+            "line 19: expected OFFSET, CHANNELS.*found 'ROT'; BVH has no such",
+        ),
+        (lambda t: t.replace("ROOT Hips", "ROOT"), "line 3: expected a joint's name, found '{'"),
+        (
+            lambda t: t.replace("}\nMOTION", "}\nROOT Other { OFFSET 0 0 0 }\nMOTION"),
+            "expected one ROOT, found a second one; export each person",
+        ),
+    ],
+)
+def test_mistakes_are_named_with_their_line(bvh: Text, change: Callable[[str], str], message: str) -> None:
+    with pytest.raises(CaptureError, match=message) as caught:
+        reader.read(Source.of_text(change(bvh()), PATH))
+    assert "\n" not in str(caught.value)
+
+
+def test_frames_that_are_there_are_read_whatever_the_file_declares(bvh: Text) -> None:
+    fewer = reader.read(Source.of_text("\n".join(bvh().split("\n")[:40]), PATH))
+    assert len(fewer.times) == 16
+    (defect,) = fewer.provenance["reading"]["defects"]
+    assert (defect["rule"], defect["count"], defect["action"]) == ("dropped_frames", 24, "flagged")
+    more = reader.read(Source.of_text(bvh().replace("Frames: 40", "Frames: 39"), PATH))
+    assert len(more.times) == 40
+    assert more.provenance["reading"]["notes"] == ["the file declares 39 frames, 40 are there: all are read"]
+
+
+def test_decimal_commas(bvh: Text) -> None:
+    motion = np.round(t_pose_before(30, 0), 3) + 0.0001
+    points = bvh(motion=motion)
+    commas = reader.read(Source.of_text(points.replace(".", ","), PATH))
+    assert np.array_equal(commas.positions, reader.read(Source.of_text(points, PATH)).positions)
+    assert commas.provenance["reading"]["notes"] == ["numbers with decimal commas"]
+
+
+def test_a_leaf_without_an_end_site(bvh: Text) -> None:
+    clip = reader.read(Source.of_text(bvh().replace("End Site { OFFSET 0 -4 12 }", ""), PATH))
+    assert "LeftFoot_end" not in clip.skeleton.names
+
+
+def test_no_motion_at_all(bvh: Text, captures: Path) -> None:
+    with pytest.raises(CaptureError, match="every channel is zero in all 30 frames; no motion was recorded"):
+        reader.read(Source.of_text(bvh(motion=np.zeros((30, 37))), PATH))
+    with pytest.raises(CaptureError, match="every channel is zero in all 219 frames"):
+        reader.read(Source.open(captures / "kinect2_kinect2bvh" / "test.bvh"))
+    with pytest.raises(CaptureError, match=r"line 5: .*found 'ROT'"):
+        reader.read(Source.open(captures / "kinect2_kinect2bvh" / "Girl_Blendswap5_AddRoot3.bvh"))
+
+
+@pytest.mark.parametrize("word", ["nan", "inf", "-1.#IND", "1,5"])
+def test_no_number_in_the_motion(bvh: Text, word: str) -> None:
+    lines = bvh().split("\n")
+    fields = lines[30].split()
+    lines[30] = " ".join([*fields[:4], word, *fields[5:]])
+    with pytest.raises(CaptureError, match="line 31"):
+        reader.read(Source.of_text("\n".join(lines), PATH))
+
+
+def test_deep_nesting_is_refused_without_exhausting_the_stack() -> None:
+    deep = "HIERARCHY\nROOT r {" + "JOINT a {" * 50_000
+    with pytest.raises(CaptureError, match=f"nested at most {MAX_DEPTH} deep"):
+        parse(Source.of_text(deep, PATH))
+
+
+def test_names_that_repeat_are_told_apart(bvh: Text) -> None:
+    text = bvh().replace("OFFSET 0 -4 12 }", "OFFSET 0 -4 12 } End Site { OFFSET 0 -4 9 }", 1)
+    names = reader.read(Source.of_text(text, PATH)).skeleton.names
+    assert {"LeftFoot_end", "LeftFoot_end_2"} <= set(names)
+
+
+def test_cmu_drops_its_t_pose(captures: Path) -> None:
+    for path in sorted((captures / "cmu_bvh").glob("*.bvh")):
+        clip = reader.read(Source.open(path))
+        # 07_12 was recorded with a second such pose, all zero.
+        assert [d["count"] for d in clip.provenance["reading"]["defects"]] == [
+            2 if path.stem == "07_12" else 1
+        ]
+        assert clip.provenance["reading"]["units"].startswith("CMU")
+        knee, ankle = (clip.skeleton.index(f"Left{joint}") for joint in ("Leg", "Foot"))
+        shank = np.linalg.norm(clip.positions[:, ankle] - clip.positions[:, knee], axis=-1)
+        assert 0.40 < shank.mean() < 0.44
+        assert np.ptp(shank) < 1e-9
+
+
+def test_kinect_exporters_positions_replace_offsets(captures: Path) -> None:
+    path = captures / "kinect2_brekel_bvh" / "motion1_v.bvh"
+    clip = reader.read(Source.open(path))
+    hip, knee = (clip.positions[:, clip.skeleton.index(name)] for name in ("LeftUpLeg", "LeftLeg"))
+    assert np.linalg.norm(knee - hip, axis=-1).mean() == pytest.approx(0.315, abs=0.01)
+
+
+@pytest.mark.parametrize("folder", ["shum_gait_bvh", "bandai_bvh_ccbync"])
+def test_other_real_libraries(captures: Path, folder: str) -> None:
+    for path in sorted((captures / folder).glob("*.bvh")):
+        clip = reader.read(Source.open(path))
+        assert clip.provenance["reading"]["units"] == "cm"
+        assert clip.provenance["reading"]["defects"] == []
+        height = np.median(np.ptp(clip.positions[..., 2], axis=1))
+        assert 1.2 < height < 1.9

@@ -1,0 +1,253 @@
+"""OpenSim's marker files: the joints behind the markers, their header's slips, and OpenSim's own angles."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from samples.motion import in_sight, walk
+from samples.trc import RATE, files, markers, text
+
+from kinemimic.pipeline.arrays import Array
+from kinemimic.pipeline.errors import CaptureError
+from kinemimic.pipeline.kinematics.angles import leg_angles
+from kinemimic.pipeline.kinematics.clip import Clip
+from kinemimic.pipeline.kinematics.nodes import made_up, to_nodes
+from kinemimic.pipeline.kinematics.skeleton import NODE_INDEX
+from kinemimic.pipeline.quality.examine import examine
+from kinemimic.pipeline.readers import recognise
+from kinemimic.pipeline.readers.base.source import Source
+
+TEXT = files(30)["walk.trc"].decode()
+LONGER = files(90)["walk.trc"].decode()
+
+
+def read(content: str) -> Clip:
+    return recognise.read_source(Source.of_text(content, Path("walk.trc")))
+
+
+def notes(clip: Clip) -> str:
+    return " / ".join(clip.provenance["reading"]["notes"])
+
+
+def test_the_known_walk_comes_back() -> None:
+    clip = read(TEXT)
+    shown = in_sight(walk(30, RATE))
+    assert clip.provenance["format"] == "TRC"
+    assert np.allclose(clip.times, shown.times, atol=1e-12)
+    positions, _ = to_nodes(clip)
+    for node in ("hip", "knee", "ankle", "foot", "shoulder", "elbow", "wrist"):
+        for side in ("left", "right"):
+            index = NODE_INDEX[f"{node}_{side}"]
+            assert np.abs(positions[:, index] - shown.joints[:, index]).max() < 1e-7, node
+    assert np.abs(positions[:, NODE_INDEX["head"]] - shown.joints[:, NODE_INDEX["head"]]).max() < 1e-7
+    assert made_up(clip) == ("shoulder_center", "hand_left", "hand_right")
+    # The spine node stands where it gives the pelvis' own frame.
+    for name, curve in leg_angles(positions).items():
+        assert np.abs(curve - shown.angles[name]).max() < 1e-6, name
+    assert "Bell et al. 1990" in notes(clip)
+    assert "knee centres: midway between the medial and the lateral marker" in notes(clip)
+
+
+def lines(change: dict[int, str]) -> str:
+    return "\n".join(change.get(k, line) for k, line in enumerate(TEXT.split("\n")))
+
+
+def test_without_the_blank_line_with_crlf_and_closing_tabs() -> None:
+    clip = read(TEXT)
+    parts = TEXT.split("\n")
+    assert np.array_equal(read("\n".join(parts[:5] + parts[6:])).positions, clip.positions)
+    assert np.array_equal(read(TEXT.replace("\n", "\r\n")).positions, clip.positions)
+    closed = "\n".join([*parts[:6], *(f"{line}\t" for line in parts[6:-1]), ""])
+    assert np.array_equal(read(closed).positions, clip.positions)
+
+
+def test_units_of_the_header() -> None:
+    metres = TEXT.split("\n")
+    metres[2] = metres[2].replace("mm", "m")
+    for k in range(6, len(metres) - 1):
+        fields = metres[k].split("\t")
+        metres[k] = "\t".join([*fields[:2], *(f"{float(x) / 1000:.9f}" for x in fields[2:])])
+    clip = read("\n".join(metres))
+    assert np.allclose(clip.positions, read(TEXT).positions, atol=2e-9)
+    assert clip.provenance["reading"]["units"] == "m"
+    with pytest.raises(CaptureError, match="expected Units of mm, cm, m in the header, found 'furlong'"):
+        read(TEXT.replace("\tmm\t", "\tfurlong\t"))
+
+
+def in_unit(metres: float) -> str:
+    """The file, whose header says mm, with its numbers in another unit."""
+    rows = LONGER.split("\n")
+    for k in range(6, len(rows) - 1):
+        fields = rows[k].split("\t")
+        rows[k] = "\t".join([*fields[:2], *(f"{float(x) * 0.001 / metres:.9f}" for x in fields[2:])])
+    return "\n".join(rows)
+
+
+@pytest.mark.parametrize(
+    ("content", "name"),
+    [
+        (in_unit(1.0), "metres read as millimetres"),
+        (in_unit(0.01), "centimetres read as millimetres"),
+        (LONGER.replace("\tmm\t", "\tm\t"), "millimetres"),
+    ],
+)
+def test_a_header_with_another_unit_is_repaired(content: str, name: str) -> None:
+    clip = read(content)
+    assert np.allclose(clip.positions, read(LONGER).positions, atol=1e-8)
+    # Nothing else is wrong with it: of centres that are built before the repair it would seem mirrored, too.
+    (found,) = examine(clip).defects
+    assert (found.rule, found.action) == ("wrong_units", "repaired")
+    assert f"lengths are {name}; " in found.text
+
+
+@pytest.mark.parametrize("capture", ["Gait2354_Simbody__subject01_walk1", "Hamner__subject02_running"])
+def test_clusters_in_another_unit_are_repaired(captures: Path, tmp_path: Path, capture: str) -> None:
+    path = captures / "lab_opensim_gait" / f"{capture}.trc"
+    liar = tmp_path / "liar.trc"
+    liar.write_bytes(path.read_bytes().replace(b"\tmm\t", b"\tm\t"))
+    clip, true = recognise.read(liar), recognise.read(path)
+    assert np.allclose(clip.positions, true.positions, atol=1e-9, equal_nan=True)
+    assert [defect["rule"] for defect in clip.provenance["reading"]["defects"]] == ["wrong_units"]
+
+
+def test_a_marker_that_was_not_seen_is_a_gap_in_what_follows_from_it() -> None:
+    shown = in_sight(walk(30, RATE))
+    places = markers(shown)
+    points = 1000.0 * np.stack(list(places.values()), axis=1)[..., [0, 2, 1]] * [1.0, 1.0, -1.0]
+    labels = list(places)
+    points[4, labels.index("L.Knee.Med")] = np.nan
+    points[5, labels.index("Top.Head")] = np.nan  # the last cells of its line
+    points[6, labels.index("R.Toe.Tip")] = 0.0
+    clip = read(text(labels, shown.times, points))
+    missing = {
+        (int(frame), clip.skeleton.names[joint])
+        for frame, joint in zip(*np.nonzero(clip.states == 0), strict=True)
+    }
+    # Without the knee there is no direction of the shank either, but its ankle has two markers of its own.
+    assert missing == {(4, "knee_left"), (5, "head"), (6, "foot_right")}
+    assert np.array_equal(np.isnan(clip.positions).any(axis=-1), clip.states == 0)
+
+
+def test_the_time_column_wins_over_the_header() -> None:
+    clip = read(TEXT.replace("100.00", "250.00"))
+    assert clip.rate == pytest.approx(100.0)
+    assert "the header says 250 Hz" in notes(clip)
+    # Three digits of 1/60: frames over the declared rate are the better times.
+    shown = walk(30, 60.0)
+    places = markers(shown)
+    points = 1000.0 * np.stack(list(places.values()), axis=1)[..., [0, 2, 1]] * [1.0, 1.0, -1.0]
+    assert np.allclose(np.diff(read(text(list(places), shown.times, points, rate=60.0)).times), 1 / 60)
+    wrong = read(text(list(places), shown.times, points, rate=60.0, declared=600))
+    (lost,) = wrong.provenance["reading"]["defects"]
+    assert (lost["rule"], lost["count"], lost["action"]) == ("dropped_frames", 570, "flagged")
+    assert "the header names no rate" in notes(
+        read(TEXT.replace("DataRate", "Data").replace("\t0.01", "\t0.02"))
+    )
+
+
+def test_the_first_frame_is_not_taken_for_the_line_of_axes() -> None:
+    parts = TEXT.split("\n")
+    (axes,) = [k for k, line in enumerate(parts) if line.split()[:1] == ["X1"]]
+    clip = read("\n".join(parts[:axes] + parts[axes + 1 :]))
+    assert np.array_equal(clip.positions, read(TEXT).positions, equal_nan=True)
+
+
+def test_repeated_times_are_dropped_and_counted() -> None:
+    parts = TEXT.split("\n")
+    clip = read("\n".join([*parts[:10], parts[9], *parts[10:]]))
+    assert len(clip.times) == 30
+    assert [(d["rule"], d["count"]) for d in clip.provenance["reading"]["defects"]] == [
+        ("duplicate_frames", 1)
+    ]
+
+
+def test_missing_markers_are_named() -> None:
+    with pytest.raises(CaptureError) as error:
+        read(TEXT.replace("L.Knee.Lat", "L.Pocket").replace("V.Sacral", "V.Belt"))
+    assert str(error.value).startswith(
+        "walk.trc: expected markers from which hips, knees and ankles follow, found none for sacrum or both "
+        "PSIS; left knee (at its side, or three each on thigh and shank) among V.Belt, L.ASIS, L.Pocket, "
+    )
+
+
+def test_joints_by_their_own_names_are_taken_as_they_are() -> None:
+    shown = in_sight(walk(20, RATE))
+    labels = [
+        f"{s}{j}" for s in "RL" for j in ("Hip", "Knee", "Ankle", "BigToe", "Shoulder", "Elbow", "Wrist")
+    ]
+    nodes = [f"{j}_{s}" for s in ("right", "left")
+             for j in ("hip", "knee", "ankle", "foot", "shoulder", "elbow", "wrist")]  # fmt: skip
+    points = shown.joints[:, [NODE_INDEX[node] for node in nodes]]
+    clip = read(text(labels, shown.times, 1000.0 * points[..., [0, 2, 1]] * [1.0, 1.0, -1.0]))
+    positions, _ = to_nodes(clip)
+    for node in ("hip_left", "knee_right", "ankle_left", "shoulder_right", "wrist_left"):
+        assert np.allclose(positions[:, NODE_INDEX[node]], shown.joints[:, NODE_INDEX[node]], atol=1e-8)
+
+
+@pytest.mark.parametrize(
+    ("content", "message"),
+    [
+        (TEXT.replace("Frame#", "Image"), "expected a line that begins with Frame# and Time, found none"),
+        (lines({8: "3\tsoon" + TEXT.split("\n")[8][7:]}), "line 9: expected a number, found 'soon"),
+        (lines({8: TEXT.split("\n")[8].rsplit("\t", 5)[0]}), "line 9: expected 68 numbers, found 63"),
+        (
+            lines({7: TEXT.split("\n")[7].replace("0.010", "nan", 1)}),
+            "line 8: expected a time in s, found none",
+        ),
+        ("\n".join(TEXT.split("\n")[:5]), "expected lines of numbers, found none"),
+    ],
+)
+def test_damage_is_named(content: str, message: str) -> None:
+    with pytest.raises(CaptureError, match=message):
+        read(content)
+
+
+def mot(path: Path) -> dict[str, Array]:
+    """Columns of an OpenSim motion file by name."""
+    rows = path.read_text().splitlines()
+    start = next(k for k, row in enumerate(rows) if row.strip() == "endheader") + 1
+    values = np.array([[float(x) for x in row.split()] for row in rows[start + 1 :] if row.strip()])
+    return dict(zip(rows[start].split(), values.T, strict=True))
+
+
+@pytest.mark.parametrize(
+    ("capture", "solved"),
+    [
+        ("Gait2354_Simbody__subject01_walk1.trc", "Gait2354_Simbody__subject01_walk1_ik.mot"),
+        ("Gait2354_Simbody__subject01_walk1.trc", "Gait10dof18musc__subject01_walk_IK.mot"),
+        ("Hamner__subject02_running.trc", "Hamner__subject02_running_ik.mot"),
+    ],
+)
+def test_knee_and_hip_agree_with_inverse_kinematics(captures: Path, capture: str, solved: str) -> None:
+    # Their markers are clusters only: knees and ankles are centres of rotation.
+    clip = recognise.read(captures / "lab_opensim_gait" / capture)
+    curves = leg_angles(to_nodes(clip)[0])
+    truth = mot(captures / "lab_opensim_gait" / solved)
+    inside = (clip.times >= truth["time"][0] - 1e-6) & (clip.times <= truth["time"][-1] + 1e-6)
+    for side in ("left", "right"):
+        # These models' knees are negative in flexion.
+        for name, column in (
+            (f"knee_{side}", f"knee_angle_{side[0]}"),
+            (f"hip_{side}", f"hip_flexion_{side[0]}"),
+        ):
+            sign = -1.0 if name.startswith("knee") else 1.0
+            wanted = np.interp(clip.times, truth["time"], sign * truth[column])[inside]
+            got = np.degrees(curves[name][inside])
+            assert np.corrcoef(got, wanted)[0, 1] >= 0.98, name
+            assert abs(float(np.mean(got - wanted))) < 8.0, name
+
+
+def test_a_lab_walk_without_arms(captures: Path) -> None:
+    clip = recognise.read(captures / "lab_angle_curves" / "bmc_walk1.trc")
+    assert "elbow_left" in made_up(clip)
+    positions, states = to_nodes(clip)
+    assert (states > 0).all()
+    thigh = np.linalg.norm(
+        positions[:, NODE_INDEX["knee_left"]] - positions[:, NODE_INDEX["hip_left"]], axis=-1
+    )
+    assert 0.35 < np.median(thigh) < 0.55
+    # The file is mirrored (its left is on the right): bent the wrong way until the rules repair that.
+    knee = np.degrees(leg_angles(positions)["knee_right"])
+    assert 45.0 < np.abs(knee).max() < 75.0

@@ -1,0 +1,94 @@
+"""Two thousand damaged files of every text format: a clear error or a valid clip, in bounded time."""
+
+from __future__ import annotations
+
+import faulthandler
+import gzip
+import importlib
+import pkgutil
+import resource
+from collections.abc import Iterator
+from pathlib import Path
+from types import ModuleType
+
+import numpy as np
+import pytest
+import samples
+from samples.mutate import mutated
+
+from kinemimic.pipeline.errors import KinemimicError
+from kinemimic.pipeline.kinematics.clip import Clip
+from kinemimic.pipeline.kinematics.skeleton import MISSING
+from kinemimic.pipeline.quality.examine import examine
+from kinemimic.pipeline.readers import recognise
+
+INPUTS = 2000
+FRAMES = 24
+# A hang, not slowness, is what is looked for: the slowest of these inputs takes about a tenth of a second.
+SECONDS = 20
+MEMORY = 400 * 2**20
+NO_FORMATS = {"motion", "mutate", "depth_scene"}
+TEXT_FORMATS = sorted(
+    name
+    for _, name, _ in pkgutil.iter_modules(samples.__path__)
+    if name not in NO_FORMATS
+    and not importlib.import_module(f"kinemimic.pipeline.readers.{name}").FORMAT.binary
+)
+
+
+@pytest.fixture(autouse=True)
+def bounds() -> Iterator[None]:
+    """Any input that hangs ends the test with its traceback; growing memory fails it."""
+    before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+    yield
+    faulthandler.cancel_dump_traceback_later()
+    grown = (resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before) * 1024
+    assert grown < MEMORY
+
+
+def unpacked(content: bytes) -> bytes:
+    return gzip.decompress(content) if content[:2] == b"\x1f\x8b" else content
+
+
+def check(clip: Clip) -> None:
+    """What every clip promises, whatever it was read from."""
+    frames, joints = len(clip.times), len(clip.skeleton.names)
+    assert frames > 0
+    assert clip.positions.shape == (frames, joints, 3)
+    assert np.isfinite(clip.times).all()
+    assert (np.diff(clip.times) > 0).all()
+    missing = clip.states == MISSING
+    assert np.isnan(clip.positions[missing]).all()
+    assert np.isfinite(clip.positions[~missing]).all()
+    assert np.isin(clip.states, (0, 1, 2)).all()
+
+
+@pytest.mark.parametrize("name", TEXT_FORMATS)
+def test_damaged_files(name: str, tmp_path: Path) -> None:
+    module: ModuleType = importlib.import_module(f"samples.{name}")
+    # Damage inside of a packed file is found by gzip's checksum alone; here the reader shall meet it.
+    files = {name: unpacked(content) for name, content in module.files(FRAMES).items()}
+    rng = np.random.default_rng(2026)
+    capture = tmp_path / next(iter(files))
+    clips = errors = 0
+    for number in range(INPUTS):
+        # The capture mostly; now and then what lies beside it.
+        victim = list(files)[int(rng.integers(len(files)))] if rng.random() < 0.3 else capture.name
+        for file, content in files.items():
+            (tmp_path / file).write_bytes(mutated(content, rng) if file == victim else content)
+        faulthandler.dump_traceback_later(SECONDS, exit=True)
+        try:
+            clip = recognise.read(capture)
+            check(clip)
+            check(examine(clip).clip)
+            clips += 1
+        except KinemimicError as error:
+            assert len(str(error).splitlines()) == 1
+            assert len(str(error)) < 1000
+            errors += 1
+        except Exception as error:
+            error.add_note(f"input {number} of {name}, damaged {victim}, kept in {tmp_path}")
+            raise
+    assert clips + errors == INPUTS
+    # The mutations neither leave everything whole nor break everything.
+    assert errors > INPUTS // 5

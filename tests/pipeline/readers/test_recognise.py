@@ -1,0 +1,130 @@
+"""A capture is known by its content; what is none gets one clear line."""
+
+from __future__ import annotations
+
+import gzip
+import hashlib
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+from samples import andersson, asf_amc, kimore, nui_skl, treadmill
+from samples import bvh as bvh_sample
+
+from kinemimic.pipeline.errors import CaptureError
+from kinemimic.pipeline.readers import recognise
+from kinemimic.pipeline.readers.base import source
+
+Text = Callable[..., str]
+
+
+def test_content_decides_not_the_name(tmp_path: Path, skl: Text, bvh: Text) -> None:
+    (tmp_path / "a.bvh").write_text(skl(newline="\n"))
+    (tmp_path / "b.txt").write_text("\ufeff" + bvh(), encoding="utf-8")
+    first, second = recognise.read(tmp_path / "a.bvh"), recognise.read(tmp_path / "b.txt")
+    assert first.provenance["format"] == "Kinect v1 .skl text"
+    assert second.provenance["format"] == "BVH"
+    assert second.provenance["source"] == "b.txt"
+    assert second.provenance["sha256"] == hashlib.sha256((tmp_path / "b.txt").read_bytes()).hexdigest()
+
+
+# "\r\r\n" is what Python's csv module makes on Windows of a file opened without newline="".
+@pytest.mark.parametrize("newline", ["\n", "\r\n", "\r", "\r\r\n"])
+@pytest.mark.parametrize("encoding", ["utf-8", "utf-8-sig", "utf-16"])
+def test_line_ends_and_byte_order_marks(tmp_path: Path, newline: str, encoding: str) -> None:
+    for module in (andersson, asf_amc, bvh_sample, kimore, nui_skl, treadmill):
+        (capture, content), *companions = module.files(12).items()
+        for name, other in companions:
+            (tmp_path / name).write_bytes(other)
+        (tmp_path / capture).write_bytes(content)
+        same = recognise.read(tmp_path / capture)
+        text = source.Source.open(tmp_path / capture).text
+        (tmp_path / capture).write_bytes(text.replace("\n", newline).encode(encoding))
+        clip = recognise.read(tmp_path / capture)
+        assert np.array_equal(clip.positions, same.positions, equal_nan=True)
+        assert np.array_equal(clip.times, same.times)
+
+
+def test_packed_files_whole_in_pieces_cut_off_and_too_large(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, bvh: Text
+) -> None:
+    text, path = bvh().encode(), tmp_path / "walk.bvh.gz"
+    plain = recognise.read_source(source.Source(path, text, ""))
+    for packed in (gzip.compress(text), gzip.compress(text[:500]) + gzip.compress(text[500:])):
+        path.write_bytes(packed)
+        assert np.array_equal(recognise.read(path).positions, plain.positions)
+    packed = gzip.compress(text)
+    middle = len(packed) // 2
+    for damaged, found in (
+        (packed[:middle], "its end too early; the file is cut off"),
+        (packed[:middle] + bytes(4) + packed[middle + 4 :], "damaged data"),
+    ):
+        path.write_bytes(damaged)
+        with pytest.raises(CaptureError, match=found):
+            recognise.read(path)
+    monkeypatch.setattr(source, "MAX_BYTES", 3 * 2**20)
+    path.write_bytes(gzip.compress(bytes(8 * 2**20)))
+    with pytest.raises(CaptureError, match="expected a capture of at most 3 MiB, found more, unpacked"):
+        recognise.read(path)
+
+
+def test_a_text_of_too_many_or_too_long_lines_is_refused_before_it_is_cut(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, bvh: Text
+) -> None:
+    path, text = tmp_path / "walk.bvh.gz", bvh()
+    monkeypatch.setattr(source.Source, "lines", property(lambda _: pytest.fail("it was cut")))
+    path.write_bytes(gzip.compress(text.encode() + b"1\n" * source.MAX_LINES))
+    with pytest.raises(
+        CaptureError, match=r"gz: expected a capture of at most 5,000,000 lines, found 5,000,"
+    ):
+        recognise.read(path)
+    monkeypatch.undo()
+    path.write_bytes(gzip.compress(text.encode() + b"1 " * source.MAX_LINE))
+    last = text.count("\n") + 1
+    with pytest.raises(CaptureError, match=rf"line {last}: expected a line of at most 1,048,576 characters"):
+        recognise.read(path)
+
+
+def test_joint_names_in_another_encoding(tmp_path: Path, bvh: Text) -> None:
+    (tmp_path / "a").write_bytes(bvh().replace("JOINT Head", "JOINT T\u00eate").encode("latin-1"))
+    assert "T\u00eate" in recognise.read(tmp_path / "a").skeleton.names
+
+
+@pytest.mark.parametrize(
+    ("content", "found"),
+    [
+        (b"", "an empty file"),
+        (b" \n\n", "an empty file"),
+        (bytes(range(256)) * 20, "a binary file"),
+        (b"HIERARCHY\x00ROOT", "a binary file"),
+        (b"name,age\n1,2\n", "text that begins 'name,age 1,2'"),
+        ("über".encode() * 100, "text that begins"),
+    ],
+)
+def test_what_is_no_capture(tmp_path: Path, content: bytes, found: str) -> None:
+    (tmp_path / "file").write_bytes(content)
+    with pytest.raises(CaptureError, match=f"expected a capture, found {found}"):
+        recognise.read(tmp_path / "file")
+
+
+def test_no_file_a_folder_and_one_too_large(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, bvh: Text
+) -> None:
+    with pytest.raises(CaptureError, match=r"expected a capture file, found no file"):
+        recognise.read(tmp_path / "none.bvh")
+    with pytest.raises(CaptureError, match="found a folder"):
+        recognise.read(tmp_path)
+    monkeypatch.setattr(source, "MAX_BYTES", 1000)
+    (tmp_path / "large.bvh").write_text(bvh())
+    with pytest.raises(CaptureError, match="expected a capture of at most"):
+        recognise.read(tmp_path / "large.bvh")
+
+
+def test_a_kinect_v2_recording_is_told_from_a_v1(captures: Path) -> None:
+    # Both are .skl with the same header of columns; only joints that a v1 lacks tell them apart.
+    for version, joints in ((1, 20), (2, 25)):
+        for path in sorted((captures / f"kinect{version}_bernstein_skl").glob("*.skl")):
+            clip = recognise.read(path)
+            assert clip.provenance["format"] == f"Kinect v{version} .skl text"
+            assert len(clip.skeleton.names) == joints

@@ -1,0 +1,111 @@
+"""A capture under any name is known; without its header it is known too, or refused with what would help."""
+
+from __future__ import annotations
+
+import importlib
+import importlib.util
+import re
+from itertools import pairwise
+from pathlib import Path
+
+import pytest
+
+from kinemimic.pipeline.errors import CaptureError
+from kinemimic.pipeline.readers import recognise
+from kinemimic.pipeline.readers.base.source import Source
+
+FRAMES = 30
+READERS = recognise._MODULES
+# These find the file that belongs to them by the capture's own name, so that it is renamed along.
+PAIRED_BY_NAME = {"described": "aufnahme", "uiprmd": "kinect_m01_s01_e01"}
+# What a refusal says: formats that it may be, or what is missing.
+HELPFUL = re.compile(
+    r"formats of that width: .+; put its header back, or describe its columns \(`kinemimic inspect --suggest`"
+    r"|found (?:text that begins|a binary file of no known format).*`kinemimic formats` lists what is read"
+    r"|line 1: expected a keyword or the first frame's number"
+)
+
+
+def sample(name: str) -> dict[str, bytes]:
+    files: dict[str, bytes] = importlib.import_module(f"samples.{name}").files(FRAMES)
+    return files
+
+
+def named_anew(name: str, folder: Path) -> Path:
+    """The sample's files, the capture under a name and a suffix that say nothing; companions are kept."""
+    capture, *companions = sample(name).items()
+    stem = PAIRED_BY_NAME.get(name)
+    path = folder / ("Copy (3) of x.dat" if stem is None else capture[0].replace(stem, "Copy (3) of x"))
+    path.write_bytes(capture[1])
+    for file, content in companions:
+        (folder / (file.replace(stem, "Copy (3) of x") if stem else file)).write_bytes(content)
+    return path
+
+
+def test_every_reader_has_a_sample() -> None:
+    assert [name for name in READERS if importlib.util.find_spec(f"samples.{name}") is None] == []
+
+
+@pytest.mark.parametrize("name", READERS)
+def test_renamed(name: str, tmp_path: Path) -> None:
+    clip = recognise.read(named_anew(name, tmp_path))
+    assert clip.provenance["format"] == format_of(name)
+
+
+def test_a_half_of_a_pair_under_a_name_that_hides_the_other_half(tmp_path: Path) -> None:
+    capture, content = next(iter(sample("uiprmd").items()))
+    assert "positions" in capture
+    (tmp_path / "x.dat").write_bytes(content)
+    with pytest.raises(CaptureError, match="expected 'positions' in the name of this file"):
+        recognise.read(tmp_path / "x.dat")
+
+
+@pytest.mark.parametrize("name", READERS)
+def test_without_its_header(name: str, tmp_path: Path) -> None:
+    path = named_anew(name, tmp_path)
+    source = Source.open(path)
+    if source.is_text:
+        lines = source.text.split("\n")
+        path.write_text("\n".join(lines[header_lines(lines) :]))
+    else:
+        path.write_bytes(source.content[512:])
+    if name == "described":
+        # The description says that the second line is a header, and there a row of data stands.
+        with pytest.raises(
+            CaptureError, match=r"line 2: expected a column 'Becken x', found none of that name"
+        ):
+            recognise.read(path)
+        return
+    try:
+        clip = recognise.read(path)
+    except CaptureError as error:
+        assert HELPFUL.search(str(error)), str(error)
+        assert "\n" not in str(error)
+        columns = importlib.import_module(f"kinemimic.pipeline.readers.{name}").FORMAT.columns
+        width = re.search(r"a table of (\d+) numbers", str(error))
+        if width and int(width[1]) in columns:
+            assert format_of(name) in str(error), "a table names its own format among the candidates"
+    else:
+        assert clip.provenance["format"] == format_of(name)
+
+
+def format_of(name: str) -> str:
+    found: str = importlib.import_module(f"kinemimic.pipeline.readers.{name}").FORMAT.name
+    return found
+
+
+def header_lines(lines: list[str]) -> int:
+    """Lines before two in a row that are mostly numbers; of a file without such lines, the first."""
+    for number, (line, after) in enumerate(pairwise(lines)):
+        if mostly_numbers(line) and mostly_numbers(after):
+            return number
+    return 1
+
+
+def mostly_numbers(line: str) -> bool:
+    fields = [field for field in re.split(r"[\s,;]+", line) if field]
+    numbers = sum(
+        re.fullmatch(r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?|nan", field, re.I) is not None
+        for field in fields
+    )
+    return len(fields) > 2 and numbers >= 0.5 * len(fields)

@@ -1,0 +1,84 @@
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from kinemimic.pipeline.convert import convert, on_nodes
+from kinemimic.pipeline.gait.normative import band
+from kinemimic.pipeline.ingest import ingest
+from kinemimic.pipeline.kinematics.rotations import IDENTITY, from_axis_angle, rotate, to_rotvec
+from kinemimic.pipeline.kinematics.skeleton import NODE_INDEX as N
+from kinemimic.pipeline.kinematics.skeleton import NODES
+from kinemimic.retarget.cyclic import fit_gait
+from kinemimic.retarget.feet.ankles import CLEAR, FLAT, PASSES, normal_feet
+from kinemimic.retarget.feet.contact import soles
+from kinemimic.retarget.feet.legs import neutral_feet
+from kinemimic.retarget.feet.scale import pose
+from kinemimic.retarget.strides.cycle import study_passes, usable
+
+PHASE = np.arange(120) / 120.0
+
+
+def normal_walk(knee: float = 1.0, lean: float = 0.0):
+    """A walk with the hips and, times `knee`, the knees of normal walking; lean: radians of the pelvis."""
+    rotations = np.tile(IDENTITY, (len(PHASE), len(NODES), 1))
+    rotations[:, 0] = from_axis_angle("Y", np.full(len(PHASE), lean))
+    for side, shift in (("left", 0.0), ("right", 0.5)):
+        rotations[:, N[f"hip_{side}"]] = from_axis_angle("Y", -band("hip", PHASE + shift)[0])
+        rotations[:, N[f"knee_{side}"]] = from_axis_angle("Y", knee * band("knee", PHASE + shift)[0])
+    return rotations
+
+
+def flexion(rotations, side):
+    """Of the ankle, toes up."""
+    return -to_rotvec(rotations[:, N[f"ankle_{side}"]])[:, 1]
+
+
+def test_a_normal_walk_gets_the_normal_ankle_up_to_a_constant():
+    walked = normal_feet(normal_walk(), PHASE)
+    for side, shift in (("left", 0.0), ("right", 0.5)):
+        apart = flexion(walked, side) - band("ankle", PHASE + shift)[0]
+        assert np.ptp(apart[np.mod(PHASE + shift, 1.0) < 0.6]) < 1e-9
+        assert np.degrees(np.abs(apart).max()) < 8
+
+
+def test_the_sole_is_flat_in_the_middle_of_stance_whatever_the_pelvis_leans():
+    for lean in (0.0, 0.15):
+        frames = pose(normal_feet(normal_walk(lean=lean), PHASE))[1]
+        for side, shift in (("left", 0.0), ("right", 0.5)):
+            toe = rotate(frames[:, N[f"ankle_{side}"]], np.array([1.0, 0.0, 0.0]))
+            stride = np.mod(PHASE + shift, 1.0)
+            pitch = np.degrees(np.arcsin(toe[(stride > FLAT[0]) & (stride < FLAT[1]), 2]))
+            assert abs(pitch.mean()) < 0.5
+            assert np.abs(pitch).max() < 8
+
+
+def test_the_toes_are_lifted_where_a_sensor_s_knee_bends_too_little():
+    def clearance(rotations):
+        low = soles(*pose(rotations))[..., 2].min(axis=-1)
+        start, end = PASSES
+        swings = (start < PHASE) & (end > PHASE)
+        return (low[swings, 0] - low[swings, 1]).min()
+
+    stiff = normal_walk(knee=0.8)
+    assert clearance(normal_feet(stiff, PHASE)) > 0.8 * CLEAR
+    assert clearance(normal_feet(normal_walk(), PHASE)) > 0.8 * CLEAR
+
+
+@pytest.mark.parametrize("name", ["02_01.bvh", "02_02.bvh", "07_01.bvh"])
+def test_it_is_nearer_to_a_measured_ankle_than_a_neutral_one(tmp_path: Path, captures: Path, name: str):
+    """Optical walks, whose feet are seen: the made-up ankles against the measured ones."""
+    ingest(captures / "cmu_bvh" / name, tmp_path)
+    clip = on_nodes(convert(tmp_path))
+    motion = fit_gait(clip, usable(study_passes(clip))[0]).motion
+    phase = np.arange(len(motion.root)) / len(motion.root)
+
+    def error(made):
+        apart = [flexion(made, side) - flexion(motion.rotations, side) for side in ("left", "right")]
+        return float(np.degrees(np.sqrt(np.mean(np.square(apart)))))
+
+    normal = error(normal_feet(motion.rotations, phase))
+    assert normal < 10.0
+    assert normal < 0.75 * error(neutral_feet(motion.rotations, phase))

@@ -1,0 +1,91 @@
+"""Root and legs: points as forward kinematics has them, Jacobians against finite differences."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from kinemimic.pipeline.kinematics.rotations import from_axis_angle, from_rotvec, multiply
+from kinemimic.pipeline.kinematics.skeleton import NODE_INDEX as N
+from kinemimic.retarget.feet.contact import soles
+from kinemimic.retarget.feet.scale import pose
+from kinemimic.retarget.optimise.leg_chain import (
+    ANKLE,
+    HIP,
+    KNEE,
+    SIDES,
+    SIZE,
+    chain_of,
+    leg_jacobian,
+    leg_points,
+    normal_equations,
+)
+
+FRAMES = 12
+
+
+@pytest.fixture
+def case():
+    rng = np.random.default_rng(0)
+    root, rotations = rng.standard_normal((FRAMES, 3)), from_rotvec(rng.uniform(-0.6, 0.6, (FRAMES, 20, 3)))
+    return root, rotations, rng.uniform(-0.4, 0.4, (FRAMES, SIZE))
+
+
+def corrected(root, rotations, x):
+    """The corrections as the docstring says them, on quaternions."""
+    rotations = rotations.copy()
+    rotations[:, 0] = multiply(rotations[:, 0], from_rotvec(x[:, 3:6]))
+    for side, hip, knee, ankle in zip(SIDES, HIP, KNEE, ANKLE, strict=True):
+        for joint, turn in (
+            ("hip", from_rotvec(x[:, hip : hip + 3])),
+            ("knee", from_axis_angle("Y", x[:, knee])),
+            ("ankle", from_rotvec(x[:, ankle : ankle + 3])),
+        ):
+            node = N[f"{joint}_{side}"]
+            rotations[:, node] = multiply(rotations[:, node], turn)
+    return pose(rotations, root + x[:, :3])
+
+
+def test_points_are_those_of_the_corrected_figure(case):
+    root, rotations, x = case
+    positions, frames = corrected(root, rotations, x)
+    points = leg_points(chain_of(root, rotations), x)
+    for k, side in enumerate(SIDES):
+        assert points[:, k, 0] == pytest.approx(positions[:, N[f"knee_{side}"]])
+        assert points[:, k, 1] == pytest.approx(positions[:, N[f"ankle_{side}"]])
+    assert points[:, :, 2:] == pytest.approx(soles(positions, frames))
+
+
+def differences(chain, x):
+    """(T, 2, 6, 3, 20) by central differences."""
+    step = 1e-6
+    return np.stack(
+        [
+            (leg_points(chain, x + step * e) - leg_points(chain, x - step * e)) / (2 * step)
+            for e in np.eye(SIZE)
+        ],
+        axis=-1,
+    )
+
+
+def test_jacobian_is_the_derivative(case):
+    root, rotations, x = case
+    chain = chain_of(root, rotations)
+    expected, (_, found) = differences(chain, x), leg_jacobian(chain, x)
+    for k, begin in enumerate(HIP):
+        own = [*range(6), *range(begin, begin + 7)]
+        assert found[:, k] == pytest.approx(expected[:, k][..., own], abs=1e-7)
+        # One leg's joints do not move the other.
+        assert not np.delete(expected[:, k], own, axis=-1).any()
+
+
+def test_normal_equations_are_those_of_all_rows(case):
+    root, rotations, x = case
+    chain = chain_of(root, rotations)
+    rng = np.random.default_rng(1)
+    residual, weights = rng.standard_normal((FRAMES, 2, 6, 3)), rng.random((FRAMES, 2, 6, 3))
+    rows = differences(chain, x).reshape(FRAMES, 36, SIZE)
+    w, r = weights.reshape(FRAMES, 36), residual.reshape(FRAMES, 36)
+    square, right = normal_equations(leg_jacobian(chain, x)[1], residual, weights)
+    assert square == pytest.approx(np.einsum("tri,tr,trj->tij", rows, w, rows), abs=1e-6)
+    assert right == pytest.approx(np.einsum("tri,tr,tr->ti", rows, w, r), abs=1e-6)

@@ -1,0 +1,144 @@
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from kinemimic.pipeline.convert import on_nodes
+from kinemimic.pipeline.gait.harmonic import fit_harmonic, walking_direction
+from kinemimic.pipeline.kinematics.rotations import from_axis_angle, rotate
+from kinemimic.pipeline.kinematics.skeleton import NODE_INDEX as N
+from kinemimic.pipeline.readers.mocap.deepmimic import read_deepmimic, stock_motion
+from kinemimic.retarget.strides.cycle import is_gait, study_passes, too_brief
+from kinemimic.retarget.strides.trim import best_window, leg_bones
+
+
+def test_harmonic_of_a_cosine_is_exact():
+    t = np.arange(0, 2.9, 1 / 30)
+    h = fit_harmonic(t, 0.02 - 0.6 * np.cos(2 * np.pi * (t - 0.4) / 1.13))
+    assert h.period == pytest.approx(1.13, abs=1e-4)
+    assert np.mod(h.phase(np.array([0.4]))[0] + 0.5, 1.0) == pytest.approx(0.5, abs=1e-3)
+    assert h.amplitude == pytest.approx(0.6, abs=1e-4)
+    assert h.r2 > 0.9999 and h.kept == 1.0
+
+
+def test_harmonic_throws_out_swapped_legs():
+    t = np.arange(0, 2.9, 1 / 30)
+    d = -0.6 * np.cos(2 * np.pi * (t - 0.4) / 1.13)
+    swapped = d.copy()
+    swapped[20:28] *= -1
+    h = fit_harmonic(t, swapped)
+    assert h.period == pytest.approx(1.13, abs=5e-3)
+    # All but the frame where the ankles pass each other are far off.
+    assert (h.weights[20:28][np.abs(d[20:28]) > 0.2] == 0).all()
+
+
+def test_noise_is_no_harmonic():
+    rng = np.random.default_rng(0)
+    assert fit_harmonic(np.arange(90) / 30, rng.standard_normal(90)).r2 < 0.5
+
+
+@pytest.mark.parametrize(
+    ("bad", "start", "stop"),
+    [
+        ("11000000111", 2, 8),
+        ("00000", 0, 5),
+        ("0000100000000", 0, 13),  # one bad frame costs three: dearer than the four before it
+        ("0010000000", 3, 10),
+        ("111", 0, 0),
+    ],
+)
+def test_best_window(bad, start, stop):
+    window = best_window(np.array([c == "1" for c in bad]))
+    assert window.stop - window.start == stop - start
+    if stop > start:
+        assert (window.start, window.stop) == (start, stop)
+
+
+def test_direction_of_a_path_and_of_someone_who_stays(walker):
+    clip = walker(heading=-0.7).clip
+    assert walking_direction(clip.positions) == (pytest.approx(-0.7, abs=0.02), True)
+    still = clip.positions - (clip.positions[:, :1] - clip.positions[:1, :1])
+    heading, on_path = walking_direction(still)
+    assert heading == pytest.approx(-0.7, abs=0.05) and not on_path
+
+
+def test_bones_of_the_walker(walker):
+    w = walker(size=1.1)
+    assert leg_bones(w.clip.positions) == pytest.approx(1.1 * np.tile([0.40, 0.38], (len(w.clip.times), 2)))
+
+
+def test_passes_are_judged_one_by_one(walker):
+    clip = walker(passes=4, seconds=2.4).clip
+    p = clip.positions.copy()
+    second = clip.passes == 1
+    rng = np.random.default_rng(0)
+    p[second] += 0.3 * rng.standard_normal(p[second].shape)
+    broken = type(clip)(clip.skeleton, clip.times, p, clip.states, clip.passes)
+    passes = study_passes(broken)
+    assert [one.verdict for one in passes] == ["accepted", "refused", "accepted", "accepted"]
+    assert passes[1].reason
+
+
+def test_walking_backward_is_said(walker):
+    clip = walker().clip
+    # The same poses in reverse: the person goes backward, facing +X.
+    reverse = type(clip)(clip.skeleton, clip.times, clip.positions[::-1].copy(), clip.states, clip.passes)
+    (one,) = study_passes(reverse)
+    assert one.verdict == "refused" and "backward" in one.reason
+
+
+def as_clip(clip, positions):
+    return type(clip)(clip.skeleton, clip.times, positions, clip.states, clip.passes)
+
+
+def test_who_gets_as_far_without_stepping_does_not_walk(walker):
+    clip = walker().clip
+    assert is_gait(study_passes(clip))
+    p = clip.positions.copy()
+    # Both legs do as the left one: a hop.
+    for joint in ("knee", "ankle", "foot"):
+        left, right = N[f"{joint}_left"], N[f"{joint}_right"]
+        p[:, right] = p[:, left] + p[:, [N["hip_right"]]][:, 0] - p[:, N["hip_left"]]
+    hop = study_passes(as_clip(clip, p))
+    assert hop[0].travel > 2.0 and not is_gait(hop)
+
+
+def test_who_turns_over_does_not_walk(walker):
+    clip = walker().clip
+    middle = clip.positions[:, :1]
+    turn = from_axis_angle("Y", np.linspace(0.0, 2.0 * np.pi, len(clip.times)))[:, None]
+    assert not is_gait(study_passes(as_clip(clip, middle + rotate(turn, clip.positions - middle))))
+
+
+def test_one_cycle_in_place_is_too_brief_and_says_by_how_much(walker):
+    w = walker(seconds=1.1)
+    still = w.clip.positions - (w.clip.positions[:, :1] - w.clip.positions[:1, :1])
+    (one,) = study_passes(as_clip(w.clip, still))
+    assert one.steps and not one.walks
+    assert "1.0 strides (1.1 s)" in too_brief(one) and "more than 2" in too_brief(one)
+    (long,) = study_passes(walker().clip)
+    assert long.walks and too_brief(long) == ""
+
+
+def test_two_steps_in_a_long_stand_are_no_gait(walker):
+    clip = walker(seconds=6.0).clip
+    p = clip.positions.copy()
+    t = clip.times
+    begin, end = np.searchsorted(t, [2.0, 3.2])
+    p[:begin] = p[begin]
+    p[end:] = p[end]
+    assert not is_gait(study_passes(as_clip(clip, p)))
+
+
+@pytest.mark.parametrize("name", ["walk", "run"])
+def test_stock_gaits_are_gaits(name):
+    clip = on_nodes(read_deepmimic(stock_motion(name)))
+    assert is_gait(study_passes(clip))
+
+
+@pytest.mark.parametrize(
+    "name", ["jump", "kick", "punch", "spin", "spinkick", "cartwheel", "roll", "dance_a"]
+)
+def test_other_stock_motions_are_none(name):
+    clip = on_nodes(read_deepmimic(stock_motion(name)))
+    assert not is_gait(study_passes(clip))

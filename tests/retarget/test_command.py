@@ -1,0 +1,175 @@
+"""The stage: files in a run folder, from clips that the stages before wrote."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+
+import numpy as np
+import pyarrow as pa
+import pyarrow.parquet as pq
+import pytest
+from click.testing import CliRunner
+
+from kinemimic.pipeline.errors import KinemimicError
+from kinemimic.pipeline.files.store import read_clip, write_clip
+from kinemimic.retarget.command import _table, command, retarget
+from kinemimic.retarget.formats.motion_json import motion_from_json
+from kinemimic.retarget.gate import judge
+from kinemimic.retarget.humanoid.motion import joint_angles
+from kinemimic.retarget.report import r_squared, reference_at
+
+FILES = ("motion.json", "motion.mcap", "gait.json", "capture.parquet")
+
+
+@pytest.fixture
+def run(tmp_path, walker):
+    """A run folder as after `convert`, with a truth: a noisy sensor that sees four passes."""
+    w = walker(noise=0.008, passes=4, rate=30.0, seconds=2.6, heading=0.8)
+    write_clip(tmp_path / "quaternions.parquet", w.clip)
+    write_clip(tmp_path / "raw.parquet", w.clip)
+    clean = walker(passes=4, rate=30.0, seconds=2.6, heading=0.8)
+    phase = np.concatenate([np.arange(78) / 30 / w.period + 0.3 * k for k in range(4)])
+    begin = 0.0
+    truth = clean.curves(phase + begin)
+    columns = {"time": w.clip.times, "pass": w.clip.passes, **truth}
+    pq.write_table(pa.table(columns), tmp_path / "truth.parquet")
+    return tmp_path
+
+
+def test_writes_what_the_next_stages_read(run):
+    motion = retarget(run)
+    assert all((run / name).exists() for name in FILES)
+    assert not list(run.glob(".*"))
+    read = motion_from_json(run / "motion.json")
+    assert read.rotations == pytest.approx(motion.rotations, abs=1e-6)
+    report = json.loads((run / "gait.json").read_text())
+    assert report["kind"] == "walk" and report["cyclic"]
+    assert report["cadence_steps_per_min"] == pytest.approx(120 / 1.1, rel=0.01)
+    assert [row["used"] for row in report["passes"]] == [True] * 4
+    assert report["symmetric"]  # the sides differ by less than the noise
+
+
+def test_the_same_input_gives_the_same_bytes(run):
+    retarget(run)
+    first = {name: (run / name).read_bytes() for name in ("motion.json", "gait.json")}
+    retarget(run)
+    assert first == {name: (run / name).read_bytes() for name in first}
+
+
+def test_captured_rows_stand_at_the_motions_phase(run):
+    motion = retarget(run)
+    table = pq.read_table(run / "capture.parquet")
+    columns = {name: table[name].to_numpy() for name in table.column_names}
+    reference = reference_at(motion, columns["phase"])
+    for name, curve in joint_angles(motion.rotations).items():
+        assert r_squared(columns[name], reference[name]) > 0.8
+        assert r_squared(columns[f"clean_{name}"], reference[name]) > 0.8
+        # Frame k of the motion is phase k / T.
+        assert reference_at(motion, np.array([3 / len(curve)]))[name] == pytest.approx(curve[3])
+        assert f"truth_{name}" in columns
+    assert set(columns["pass"]) == {0, 1, 2, 3}
+
+
+def test_raw_gaps_stay_gaps(run, walker):
+    clip = walker(noise=0.008, passes=4, rate=30.0, seconds=2.6, heading=0.8).clip
+    holes = clip.positions.copy()
+    holes[30:34, :] = np.nan
+    write_clip(run / "raw.parquet", replace(clip, positions=holes))
+    retarget(run)
+    table = pq.read_table(run / "capture.parquet")
+    lost = np.isnan(table["knee_left"].to_numpy())
+    assert lost.sum() == 4
+    assert np.isfinite(table["clean_knee_left"].to_numpy()[lost]).all()
+
+
+def test_a_command_prints_a_table_or_json(run):
+    printed = CliRunner().invoke(command, ["--run", str(run)])
+    assert printed.exit_code == 0 and "cadence" in printed.output
+    as_json = CliRunner().invoke(command, ["--run", str(run), "--json", "--as-recorded"])
+    assert json.loads(as_json.output)["symmetric"] is False
+
+
+def test_the_table_tells_what_train_refuses_from_what_is_only_to_be_seen(run):
+    retarget(run)
+    report = json.loads((run / "gait.json").read_text())
+    assert "✗" not in "\n".join(_table(report))
+    (finding,) = judge({**report, "range_deg": {name: [0.0, 20.0] for name in report["range_deg"]}})
+    told = {**report, "gate": [finding.to_json()], "warnings": ["it limps", finding.text]}
+    lines = _table(told)
+    assert lines[-3:-1] == ["  ! it limps", "  ✗ a knee flexes by 20° at most (limit 35°)"]
+    assert "--anyway" in lines[-1]
+
+
+def test_the_refinement_is_measured_before_and_after_and_can_be_left_out(run):
+    printed = CliRunner().invoke(command, ["--run", str(run)])
+    report = json.loads((run / "gait.json").read_text())
+    before, after = report["closed_form"], report["measures"]
+    assert after["foot_speed_m_s"] < 0.5 * before["foot_speed_m_s"] and after["penetration_m"] < 0.005
+    assert after["beyond_limits_deg"] == {}
+    assert 0.0 < after["node_error_m"] < 0.1
+    assert (
+        f"{100 * before['foot_speed_m_s']:.1f} → {100 * after['foot_speed_m_s']:.1f} cm/s" in printed.output
+    )
+    closed = CliRunner().invoke(command, ["--run", str(run), "--no-refine", "--json"])
+    plain = json.loads(closed.output)
+    assert plain["closed_form"] == plain["measures"] == before
+
+
+def test_nothing_is_written_where_the_walk_cannot_be_read(run, walker):
+    clip = walker(rate=30.0).clip
+    swap = np.random.default_rng(1).random(len(clip.times)) < 0.5
+    p = clip.positions.copy()
+    p[np.ix_(swap, [14, 18])] = p[np.ix_(swap, [18, 14])]
+    write_clip(run / "quaternions.parquet", replace(clip, positions=p))
+    write_clip(run / "raw.parquet", replace(clip, positions=p))
+    with pytest.raises(Exception, match="expected a pass of walking"):
+        retarget(run)
+    assert not any((run / name).exists() for name in FILES)
+
+
+@pytest.mark.parametrize(
+    ("name", "cadence", "knee_peak", "r2_hip"),
+    [
+        # Counted in the recording: 2.6 strides of 1.105 s; the AMC knee of the same take peaks at 73 degrees.
+        ("cmu_bvh/02_01.bvh", 108.6, (70, 75), 0.98),
+        ("kinect1_bernstein_skl/micha_walk.skl", 107.0, (35, 60), 0.85),
+    ],
+)
+def test_real_walks(captures, tmp_path, name, cadence, knee_peak, r2_hip):
+    from kinemimic.pipeline.convert import convert  # noqa: PLC0415 - the stages before, only here
+    from kinemimic.pipeline.ingest import ingest  # noqa: PLC0415
+
+    ingest(captures / name, tmp_path)
+    convert(tmp_path)
+    retarget(tmp_path)
+    report = json.loads((tmp_path / "gait.json").read_text())
+    assert report["cadence_steps_per_min"] == pytest.approx(cadence, rel=0.03)
+    for side in ("left", "right"):
+        low, high = report["range_deg"][f"knee_{side}"]
+        assert low > -3 and knee_peak[0] < high < knee_peak[1]
+        assert report["r2_loop_against_capture"][f"hip_{side}"] > r2_hip
+    ground = report["ground"]
+    assert max(ground["penetration_m"], ground["floating_m"]) < 0.025
+    assert ground["slip_m_s"] < 0.15 and ground["swing_clearance_m"] > 0
+
+
+def test_a_walk_can_be_kept_as_it_was_recorded(run):
+    kept = CliRunner().invoke(command, ["--run", str(run), "--no-loop", "--json"])
+    report = json.loads(kept.output)
+    assert report["kind"] == "walk" and not report["cyclic"]
+    assert report["duration_s"] == pytest.approx(2.6, abs=0.1)
+    assert report["strides"] == pytest.approx(2.6 / 1.1, abs=0.3)
+    assert report["cadence_steps_per_min"] == pytest.approx(120 / 1.1, rel=0.05)
+    assert not motion_from_json(run / "motion.json").cyclic
+    table = pq.read_table(run / "capture.parquet")
+    assert len(set(table["pass"].to_pylist())) == 1
+    assert "strides in" in "\n".join(_table(report))
+
+
+def test_a_loop_that_is_asked_for_needs_a_walk(run):
+    clip = read_clip(run / "quaternions.parquet")
+    still = replace(clip, positions=np.repeat(clip.positions[:1], len(clip.times), axis=0))
+    write_clip(run / "quaternions.parquet", still)
+    with pytest.raises(KinemimicError, match="expected a walk to make a loop of"):
+        retarget(run, loop=True)

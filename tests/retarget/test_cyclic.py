@@ -1,0 +1,171 @@
+"""Angles in, positions, and angles out again: the loop against a walker whose truth is known."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from kinemimic.pipeline.errors import KinemimicError
+from kinemimic.pipeline.kinematics.clip import Clip
+from kinemimic.pipeline.kinematics.rotations import angle_between, from_axis_angle, rotate
+from kinemimic.pipeline.kinematics.skeleton import NODE_INDEX as N
+from kinemimic.retarget.cyclic import HARMONICS, GaitFit, fit_gait
+from kinemimic.retarget.feet.contact import corner_velocity, lowest, soles
+from kinemimic.retarget.humanoid.motion import joint_angles
+from kinemimic.retarget.noncyclic import plain_motion
+from kinemimic.retarget.strides.cycle import is_gait, study_passes, usable
+from kinemimic.retarget.strides.loop import MIRROR_NODES
+
+
+def loop_of(clip: Clip, symmetric: bool | None = None) -> GaitFit:
+    chosen, _ = usable(study_passes(clip))
+    return fit_gait(clip, chosen, symmetric)
+
+
+def rmse_deg(fit: GaitFit, curves) -> dict[str, float]:
+    frames = len(fit.motion.root)
+    truth = curves(np.arange(frames) / frames)
+    found = joint_angles(fit.motion.rotations)
+    return {name: float(np.degrees(np.sqrt(np.mean((found[name] - truth[name]) ** 2)))) for name in truth}
+
+
+def test_clean_walker_comes_back(walker):
+    w = walker()
+    fit = loop_of(w.clip)
+    motion = fit.motion
+    assert motion.duration == pytest.approx(w.period, rel=2e-3)
+    assert len(motion.root) == 66 and motion.cyclic
+    assert max(rmse_deg(fit, w.curves).values()) < 1.0
+    assert fit.trust.precise and fit.trust.pelvis and fit.trust.feet
+    assert fit.scale == pytest.approx(1 / w.size, rel=1e-3)
+
+
+def test_planted_foot_stands_still_and_ground_is_zero(walker):
+    w = walker()
+    fit = loop_of(w.clip)
+    motion = fit.motion
+    corners = soles(*motion.kinematics())
+    velocity = lowest(corners, corner_velocity(corners, motion.rate, motion.cycle_offset))[:, 0, 0]
+    phase = np.arange(len(velocity)) / len(velocity)
+    assert abs(velocity[(phase > 0.12) & (phase < 0.46)].mean()) < 0.02 * fit.path.speed
+    assert fit.path.speed == pytest.approx(w.speed / w.size, rel=0.1)
+    assert fit.path.slip < 0.12
+    assert fit.path.penetration < 0.025 and fit.path.floating < 0.025
+    assert np.all(fit.motion.root[0, :2] == 0)
+    assert fit.motion.cycle_offset == pytest.approx([fit.path.speed * fit.motion.duration, 0, 0])
+
+
+def test_heading_does_not_matter(walker):
+    straight, turned = loop_of(walker().clip), loop_of(walker(heading=2.2).clip)
+    assert np.degrees(angle_between(straight.motion.rotations, turned.motion.rotations)).max() < 1e-3
+    assert turned.motion.root == pytest.approx(straight.motion.root, abs=1e-3)
+
+
+def test_mirrored_walker_gives_the_mirrored_loop(walker):
+    clip = walker(limp=20.0, seconds=4.4).clip
+    image = replace(clip, positions=clip.positions[:, MIRROR_NODES] * [1, -1, 1])
+    one, other = loop_of(clip, False).motion, loop_of(image, False).motion
+    half = len(one.root) // 2
+    expected = np.roll(one.rotations, -half, axis=0)[:, MIRROR_NODES] * [-1, 1, -1, 1]
+    assert np.degrees(angle_between(expected, other.rotations)).max() < 0.5
+
+
+def test_a_limp_survives_unless_symmetry_is_asked_for(walker):
+    w = walker(limp=20.0, seconds=4.4)
+    knees = joint_angles(loop_of(w.clip).motion.rotations)
+    peaks = {side: np.degrees(knees[f"knee_{side}"].max()) for side in ("left", "right")}
+    truth = {side: np.degrees(w.curves(np.arange(100) / 100)[f"knee_{side}"].max()) for side in peaks}
+    assert peaks == pytest.approx(truth, abs=1.5)
+    even = joint_angles(loop_of(w.clip, True).motion.rotations)
+    assert even["knee_left"].max() == pytest.approx(even["knee_right"].max(), abs=0.01)
+
+
+def test_frames_with_swapped_legs_are_thrown_out(walker):
+    w = walker(seconds=4.4)
+    p = w.clip.positions.copy()
+    legs = [N[f"{joint}_left"] for joint in ("hip", "knee", "ankle", "foot")]
+    other = [N[f"{joint}_right"] for joint in ("hip", "knee", "ankle", "foot")]
+    span = slice(100, 115)
+    p[span, legs], p[span, other] = p[span, other].copy(), p[span, legs].copy()
+    fit = loop_of(replace(w.clip, positions=p), False)
+    assert max(rmse_deg(fit, w.curves).values()) < 1.5
+
+
+def test_sensor_noise_stays_below_four_degrees(walker):
+    w = walker(noise=0.012, passes=3, rate=30.0, seconds=2.6)
+    fit = loop_of(w.clip)
+    errors = rmse_deg(fit, w.curves)
+    assert not fit.trust.precise and not fit.trust.feet
+    assert max(errors.values()) < 4.0
+    assert joint_angles(fit.motion.rotations)["knee_left"].min() > -0.02
+
+
+def test_missing_frames_are_bridged(walker):
+    w = walker()
+    p, states = w.clip.positions.copy(), w.clip.states.copy()
+    p[40:60, N["knee_left"]] = np.nan
+    states[40:60, N["knee_left"]] = 0
+    assert max(rmse_deg(loop_of(replace(w.clip, positions=p, states=states)), w.curves).values()) < 1.0
+
+
+def test_a_walk_that_shows_no_gait_is_refused_in_one_line(walker):
+    w = walker()
+    rng = np.random.default_rng(1)
+    p = w.clip.positions.copy()
+    # The ankles jump between the legs at random: somebody walks, but nobody can tell how.
+    swap = rng.random(len(p)) < 0.5
+    a, b = N["ankle_left"], N["ankle_right"]
+    p[np.ix_(swap, [a, b])] = p[np.ix_(swap, [b, a])]
+    passes = study_passes(replace(w.clip, positions=p))
+    assert is_gait(passes)
+    with pytest.raises(KinemimicError, match="expected a pass of walking"):
+        usable(passes)
+
+
+def test_a_movement_on_the_spot_is_no_gait(walker):
+    clip = walker().clip
+    t = clip.times
+    standing = np.repeat(clip.positions[:1], len(t), axis=0)
+    # One frame of the walk has a leg behind: stand upright instead, and lift the left forearm.
+    for side in ("left", "right"):
+        hip = standing[:, N[f"hip_{side}"]]
+        standing[:, N[f"knee_{side}"]] = hip - [0, 0, 0.44]
+        standing[:, N[f"ankle_{side}"]] = hip - [0, 0, 0.86]
+        standing[:, N[f"foot_{side}"]] = hip - [-0.12, 0, 0.89]
+    lift = from_axis_angle("Y", -0.8 * (1 - np.cos(2 * np.pi * t / 3)))
+    elbow = standing[:, N["elbow_left"]]
+    standing[:, N["wrist_left"]] = elbow + rotate(lift, np.array([0, 0, -0.27]))
+    still = replace(clip, positions=standing)
+    passes = study_passes(still)
+    assert not is_gait(passes)
+    fit = plain_motion(still, passes[0])
+    motion = fit.motion
+    assert fit.trust.precise and not motion.cyclic
+    assert motion.contacts.all() and fit.seen.shape == motion.rotations.shape[:2]
+    assert motion.duration == pytest.approx(t[-1] - t[0], abs=0.02)
+    assert np.abs(motion.root[:, :2]).max() < 1e-9
+    bend = -2 * np.arctan2(motion.rotations[:, N["elbow_left"], 1], motion.rotations[:, N["elbow_left"], 3])
+    # The upper arm of the first frame hangs 0.3 rad behind the vertical from which the lift counts.
+    assert bend.max() == pytest.approx(1.6 + 0.3, abs=0.02)
+
+
+def test_one_stride_of_few_frames_has_fewer_harmonics_but_its_knees_turn(walker):
+    """26 frames cannot hold the 17 coefficients of eight harmonics."""
+    w = walker(seconds=1.3, rate=20.0)
+    (one,) = study_passes(w.clip)
+    assert len(one.frames) < 34
+    fit = fit_gait(w.clip, [one], False)
+    assert fit.trust.precise
+    assert len(fit.loop.joints["knee_left"].coefficients) < 1 + 2 * HARMONICS[True]
+    assert max(rmse_deg(fit, w.curves).values()) < 2.5
+
+
+def test_less_than_a_stride_is_completed_by_the_mirror_or_refused(walker):
+    clip = walker(seconds=0.85).clip
+    (one,) = study_passes(clip)
+    assert one.verdict == "accepted"
+    assert fit_gait(clip, [one]).symmetric
+    with pytest.raises(KinemimicError, match="whole stride"):
+        fit_gait(clip, [one], False)

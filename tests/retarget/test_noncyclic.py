@@ -1,0 +1,121 @@
+"""What is no gait: the stock motions on the body, recognisable and above the ground."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from kinemimic.pipeline.convert import on_nodes
+from kinemimic.pipeline.kinematics.rotations import angle_between
+from kinemimic.pipeline.kinematics.skeleton import NODE_INDEX as N
+from kinemimic.pipeline.readers.mocap.deepmimic import read_deepmimic, stock_motion
+from kinemimic.retarget.feet.contact import soles
+from kinemimic.retarget.humanoid.limits import beyond_limits
+from kinemimic.retarget.humanoid.motion import Motion
+from kinemimic.retarget.humanoid.surface import lowest_points
+from kinemimic.retarget.measure import measure
+from kinemimic.retarget.noncyclic import PlainFit, plain_motion
+from kinemimic.retarget.optimise.refine import refine
+from kinemimic.retarget.strides.cycle import study_passes
+
+
+def stock(name: str) -> PlainFit:
+    clip = on_nodes(read_deepmimic(stock_motion(name)))
+    return plain_motion(clip, study_passes(clip)[0])
+
+
+def lowest(motion: Motion) -> float:
+    return float(lowest_points(*motion.kinematics())[..., 2].min())
+
+
+@pytest.mark.parametrize("name", ["jump", "kick", "roll", "cartwheel", "backflip", "dance_b"])
+def test_stock_motions_keep_their_shape_above_the_ground_and_within_the_joints(name):
+    fit = stock(name)
+    motion = refine(fit.motion, fit.seen)
+    assert not motion.cyclic
+    assert lowest(motion) > -0.01
+    assert max(beyond_limits(motion.rotations).values(), default=0.0) < np.radians(1.0)
+    # Every node within some centimetres of where the recording has it, in the body's lengths.
+    assert measure(motion, fit.positions, fit.phase).node_error < 0.03
+    steps = np.degrees(angle_between(motion.rotations[1:], motion.rotations[:-1]))
+    assert steps.max() < 40.0  # no flip: at 60 frames a second, 2,400 degrees a second
+    assert np.linalg.norm(np.diff(motion.root, axis=0), axis=1).max() * motion.rate < 6.0
+
+
+def test_a_jump_leaves_the_ground_and_falls_as_bodies_do():
+    motion = refine(stock("jump").motion)
+    height = soles(*motion.kinematics())[..., 2].min(axis=(1, 2))
+    flight = np.flatnonzero(height > 0.05)
+    assert height.max() > 0.15 and not motion.contacts[flight].any()
+    top = motion.root[flight[4:-4], 2]
+    curve = np.polyfit(np.arange(len(top)) / motion.rate, top, 2)
+    # The hips are not the centre of mass, and the legs fold and unfold about it.
+    assert -15.0 < 2.0 * curve[0] < -5.0
+
+
+def test_a_recording_between_frames_is_smooth():
+    """16 frames a second of a somersault: linear steps would give velocities with jumps."""
+    motion = stock("backflip").motion
+    speed = np.diff(motion.root[:, 2]) * motion.rate
+    flight = slice(35, 55)
+    assert np.abs(np.diff(speed[flight])).max() < 2.5 * np.abs(np.diff(speed[flight])).mean()
+
+
+def test_feet_in_the_air_point_as_recorded():
+    fit = stock("kick")
+    assert fit.trust.precise and fit.trust.feet
+    clip = on_nodes(read_deepmimic(stock_motion("kick")))
+    assert len(fit.frames) == len(clip.times)
+
+
+def test_without_toes_the_ankles_say_where_feet_stand_and_these_are_flat():
+    clip = on_nodes(read_deepmimic(stock_motion("jump")))
+    positions = clip.positions.copy()
+    positions[:, [N["foot_left"], N["foot_right"]]] = np.nan
+    bare = replace(clip, positions=positions)
+    fit = plain_motion(bare, study_passes(bare)[0])
+    assert fit.trust.precise and not fit.trust.feet
+    assert 0.2 < fit.motion.contacts.mean() < 0.95
+    corners = soles(*fit.motion.kinematics())[..., 2]
+    # In the deepest crouch the ankle is at its limit.
+    assert np.median(np.ptp(corners, axis=-1)[fit.motion.contacts]) < 0.001
+
+
+def test_a_foot_that_turns_on_the_spot_does_not_stand_as_a_whole():
+    """Anchored at one heading, a foot that pivots would turn the body instead."""
+    fit = stock("dance_a")
+    motion = refine(fit.motion, fit.seen)
+    turned = np.degrees(angle_between(motion.rotations[:, 0], fit.motion.rotations[:, 0]))
+    assert turned.max() < 10.0
+
+
+def test_a_rest_that_sinks_lifts_the_root_and_nothing_else():
+    fit = stock("jump")
+    still = replace(
+        fit.motion,
+        root=np.repeat(fit.motion.root[:1], 60, axis=0),
+        rotations=np.repeat(fit.motion.rotations[:1], 60, axis=0),
+        contacts=np.zeros((60, 2), dtype=bool),
+    )
+    # On the back, 3 cm deep.
+    q = still.rotations.copy()
+    q[:, 0] = [0.0, -np.sin(np.pi / 4), 0.0, np.cos(np.pi / 4)]
+    lying = replace(still, rotations=q)
+    deep = replace(lying, root=lying.root - [0.0, 0.0, lowest(lying) + 0.03])
+    found = refine(deep)
+    assert lowest(found) > -0.004
+    assert np.abs(found.root[:, :2] - deep.root[:, :2]).max() < 0.02
+
+
+@pytest.mark.parametrize("name", ["jump", "kick", "cartwheel", "punch"])
+def test_feet_that_land_and_leave_do_not_jerk_the_root(name):
+    """Refined, it is nowhere jerked as much as recorded: a foot that shall stand still moves the legs."""
+
+    def largest_jerk(motion: Motion) -> float:
+        acceleration = np.gradient(np.gradient(motion.root, axis=0), axis=0) * motion.rate**2
+        return float(np.abs(np.diff(acceleration, axis=0)).max())
+
+    plain = stock(name).motion
+    assert largest_jerk(refine(plain)) < largest_jerk(plain)

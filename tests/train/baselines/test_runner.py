@@ -1,0 +1,283 @@
+"""Rivals train as PPO does: same seed, same policy, also if interrupted; what is stored acts as what was
+trained."""
+
+from __future__ import annotations
+
+import json
+import signal
+from collections.abc import Callable, Iterator
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import onnxruntime
+import pytest
+import torch
+from peers.killing import without_clock
+from safetensors.numpy import load_file
+from stable_baselines3 import DDPG
+
+from kinemimic.evaluate.scoring.command import evaluate
+from kinemimic.pipeline.errors import KinemimicError
+from kinemimic.pipeline.files.store import write_text
+from kinemimic.retarget.formats.motion_json import motion_to_json
+from kinemimic.retarget.humanoid.motion import Motion
+from kinemimic.train import command as stage
+from kinemimic.train.baselines import runner as rival
+from kinemimic.train.baselines.model import actor_layers
+from kinemimic.train.baselines.runner import RivalLearner, RivalPractice
+from kinemimic.train.config import baseline_config as rival_config
+from kinemimic.train.config.baseline_config import A2c, Ddpg, StablePpo
+from kinemimic.train.config.config import PRESETS, TrainConfig
+from kinemimic.train.rollout import evaluation as trial
+from kinemimic.train.rollout.export_onnx import write_onnx
+from kinemimic.train.rollout.policy import Policy
+from kinemimic.train.runner import training_loop as rounds
+from kinemimic.train.task.stopwatch import Stopwatch
+
+RIVALS = [name for name, config in PRESETS.items() if config.rival]
+# Short episodes, so that many end by time and by falls.
+ENV = replace(PRESETS["default"].env, episode=11)
+
+
+ROUND = 4 * 16
+BUDGET = 6 * ROUND
+
+
+def small(name: str) -> TrainConfig:
+    # With rewards that change all along.
+    scales = {"pose": ((0, 8.0), (BUDGET, 64.0))}
+    config = replace(
+        PRESETS[name], env=ENV, environments=4, horizon=16, hidden=(32, 16), scales=scales, budget=BUDGET
+    )
+    if isinstance(config.rival, Ddpg):
+        # Its memory is full after four rounds and a half.
+        return replace(config, rival=replace(config.rival, batch=16, warm_up=ROUND, buffer=4 * 72))
+    if isinstance(config.rival, StablePpo):
+        return replace(config, rival=replace(config.rival, batch=32))
+    return config
+
+
+@pytest.fixture
+def fresh(tmp_path: Path, motion: Motion, monkeypatch: pytest.MonkeyPatch) -> Iterator[Callable[[str], Path]]:
+    """Makes run folders; trainings are small, with a trial every second round and a checkpoint every one."""
+    monkeypatch.setattr(trial, "EVERY", 2 * ROUND)
+    monkeypatch.setattr(trial, "FRAMES", 20)
+    monkeypatch.setattr(rounds, "CHECKPOINT_SECONDS", 0.0)
+    # A job that a shell put into the background has a SIGINT that is ignored.
+    earlier = signal.signal(signal.SIGINT, signal.default_int_handler)
+
+    def make(name: str) -> Path:
+        write_text(tmp_path / name / "motion.json", motion_to_json(motion))
+        return tmp_path / name
+
+    yield make
+    signal.signal(signal.SIGINT, earlier)
+
+
+def train(run: Path, config: TrainConfig, budget: int = BUDGET, **options: Any) -> dict[str, Any]:
+    return stage.train(run, config=config, budget=budget, workers=1, engine="pybullet", **options)
+
+
+def in_round(monkeypatch: pytest.MonkeyPatch, number: int) -> None:
+    """A signal in the midst of the round that has this number, from one."""
+    rounds_done, learn = iter(range(1, 1000)), RivalPractice.round
+
+    def acting(practice: RivalPractice) -> dict[str, float]:
+        if next(rounds_done) == number:
+            signal.raise_signal(signal.SIGTERM)
+        return learn(practice)
+
+    monkeypatch.setattr(RivalPractice, "round", acting)
+
+
+def same_result(run: Path, other: Path) -> None:
+    assert (run / "policy.safetensors").read_bytes() == (other / "policy.safetensors").read_bytes()
+    assert without_clock(run / "policy.json") == without_clock(other / "policy.json")
+    ours, theirs = (load_file(folder / stage.CHECKPOINT) for folder in (run, other))
+    assert ours.keys() == theirs.keys()
+    assert {name for name in ours if ours[name].tobytes() != theirs[name].tobytes()} == set()
+
+
+@pytest.mark.parametrize("name", RIVALS)
+def test_interrupted_and_resumed_it_comes_to_the_same_bytes(
+    name: str, fresh: Callable[[str], Path], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    straight, cut, config = fresh("straight"), fresh("cut"), small(name)
+    train(straight, config)
+    torch.rand(3)  # whoever else draws from the global generators changes nothing
+    for stopped in (1, 5):
+        with monkeypatch.context() as patched:
+            in_round(patched, 1 if stopped == 1 else 4)
+            with pytest.raises(KeyboardInterrupt, match=f"saved at {stopped * ROUND} samples"):
+                train(cut, config)
+    train(cut, config)
+    same_result(straight, cut)
+    record = json.loads((cut / "policy.json").read_text())
+    assert record["samples"] == BUDGET
+    assert TrainConfig.from_json(record["config"]) == config
+    assert set(record["seconds_by"]) == {
+        "simulation", "observation and reward", "inference", "update", "trial", "checkpoint", "other",
+    }  # fmt: skip
+    if name == "ddpg":
+        # Not in the first round, which is its warming up.
+        assert record["gradient_steps_per_sample"] == pytest.approx(0.25 * 5 / 6, abs=1e-4)
+
+
+@pytest.mark.parametrize("name", RIVALS)
+def test_another_seed_is_another_policy_and_keeps_the_checkpoint_aside(
+    name: str, fresh: Callable[[str], Path]
+) -> None:
+    run, config = fresh("run"), small(name)
+    train(run, config, ROUND)
+    policy, saved = ((run / file).read_bytes() for file in ("policy.safetensors", stage.CHECKPOINT))
+    train(run, replace(config, seed=1), ROUND)
+    assert (run / "policy.safetensors").read_bytes() != policy
+    assert (run / stage.PREVIOUS).read_bytes() == saved
+    train(run, replace(config, rival=None), ROUND)
+    assert json.loads((run / "policy.json").read_text())["config"].get("rival") is None
+
+
+@pytest.mark.parametrize("name", RIVALS)
+@pytest.mark.parametrize("activation", ["tanh", "relu"])
+def test_the_stored_policy_acts_as_the_trained_one(
+    name: str, activation: str, motion: Motion, tmp_path: Path
+) -> None:
+    config = small(name)
+    assert config.rival is not None
+    config = replace(config, rival=replace(config.rival, activation=activation))
+    learner = RivalLearner(config, motion, "pybullet", 1)
+    practice = RivalPractice(learner, Stopwatch())
+    practice.begin(None)
+    practice.round()
+    # As far as actors go that have learnt for long.
+    with torch.no_grad():
+        actor_layers(learner.model)[-1].weight.mul_(30.0)
+    random = np.random.default_rng(0)
+    stands = learner.env.sampler.batch.observe()
+    seen = (
+        (stands + random.normal(0, 0.3, (20, *stands.shape))).reshape(-1, stands.shape[1]).astype(np.float32)
+    )
+    wanted, _ = learner.model.predict(learner.normalizer.normalize_obs(seen), deterministic=True)
+    assert np.abs(wanted).max() > 0.05
+    learner.policy().save(
+        tmp_path / "p.safetensors", {"config": config.to_json(), "provenance": {}, "mirrored": True}
+    )
+    policy, record = Policy.load(tmp_path / "p.safetensors")
+    np.testing.assert_allclose(policy.act(seen), wanted, atol=1e-5)
+    write_onnx(tmp_path / "p.onnx", policy, record)
+    session = onnxruntime.InferenceSession(tmp_path / "p.onnx", providers=["CPUExecutionProvider"])
+    np.testing.assert_allclose(session.run(["action"], {"observation": seen})[0], wanted, atol=1e-5)
+
+
+def test_what_a_rival_learnt_is_evaluated_as_any_policy(
+    fresh: Callable[[str], Path], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    run = fresh("run")
+    train(run, small("ddpg"), ROUND)
+    monkeypatch.setattr("kinemimic.evaluate.scoring.command.START_PHASES", 1)
+    assert evaluate(run, workers=1, engine="pybullet")["survival"]["frames"] > 0
+
+
+def test_without_the_package_it_is_one_line_and_nothing_is_written(
+    fresh: Callable[[str], Path], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    run = fresh("run")
+    monkeypatch.setattr(rival_config, "find_spec", lambda _: None)
+    with pytest.raises(KinemimicError, match=r"found none; pip install 'kinemimic\[rivals\]'"):
+        stage.train(run, preset_name="ddpg")
+    assert [path.name for path in run.iterdir()] == ["motion.json"]
+
+
+def test_a_spoilt_rival_stops_with_one_line(
+    fresh: Callable[[str], Path], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    run, explore = fresh("run"), rival.explore
+
+    def spoiling(model: DDPG, config: TrainConfig, samples: int) -> float:
+        if samples == 2 * ROUND:
+            model.policy.actor.mu[0].weight.data[0, 0] = np.nan
+        return explore(model, config, samples)
+
+    monkeypatch.setattr(rival, "explore", spoiling)
+    with pytest.raises(KinemimicError, match=rf"at {2 * ROUND} samples: .* NaN; .*{stage.CHECKPOINT} "):
+        train(run, small("ddpg"))
+    assert all(np.isfinite(array).all() for array in load_file(run / stage.CHECKPOINT).values())
+
+
+def test_noise_follows_the_schedule_of_ours(motion: Motion) -> None:
+    for name in RIVALS:
+        config = replace(small(name), noise=((0, 0.08), (ROUND, 0.02)))
+        practice = RivalPractice(RivalLearner(config, motion, "pybullet", 1), Stopwatch())
+        practice.begin(None)
+        assert [practice.round()["policy/noise"] for _ in range(2)] == pytest.approx([0.08, 0.02])
+
+
+def test_learnt_noise_begins_where_the_schedule_does_and_moves(motion: Motion) -> None:
+    config = replace(small("a2c"), learn_noise=True)
+    practice = RivalPractice(RivalLearner(config, motion, "pybullet", 1), Stopwatch())
+    practice.begin(None)
+    first, second = (practice.round()["policy/noise"] for _ in range(2))
+    assert first == pytest.approx(0.08)
+    assert second != first
+
+
+def test_the_critic_of_a_rollout_is_measured_against_its_own_targets(motion: Motion) -> None:
+    """On-policy: 1 less the explained variance, but for the mean error, which it counts too."""
+    practice = RivalPractice(RivalLearner(small("sb3-ppo"), motion, "pybullet", 1), Stopwatch())
+    practice.begin(None)
+    logged = practice.round()
+    assert logged["value/normalized_loss"] >= 1.0 - logged["value/explained_variance"] - 1e-6
+    assert logged["value/normalized_loss"] > 0.0
+
+
+def test_actors_begin_near_the_reference(motion: Motion) -> None:
+    for name in RIVALS:
+        learner = RivalLearner(small(name), motion, "pybullet", 1)
+        learner.env.sampler.begin(learner.config.env.reward)
+        assert np.abs(learner.policy().act(learner.env.sampler.batch.observe())).max() < 0.1
+
+
+def test_rates_of_actor_and_critic_are_their_own(motion: Motion) -> None:
+    config = replace(small("ddpg"), rival=replace(Ddpg(), actor_rate=0.0, warm_up=0, batch=16, buffer=640))
+    learner = RivalLearner(config, motion, "pybullet", 1)
+    assert isinstance(learner.model, DDPG)
+    nets = learner.model.actor, learner.model.critic
+    before = [torch.cat([p.flatten() for p in net.parameters()]).clone() for net in nets]
+    practice = RivalPractice(learner, Stopwatch())
+    practice.begin(None)
+    practice.round()
+    after = [torch.cat([p.flatten() for p in net.parameters()]) for net in nets]
+    assert [bool((a == b).all()) for a, b in zip(before, after, strict=True)] == [True, False]
+
+
+@pytest.mark.parametrize("name", RIVALS)
+def test_a_rival_does_the_task_of_default(name: str) -> None:
+    config = PRESETS[name]
+    assert config.preset == name
+    default = PRESETS["default"]
+    # How many figures it has and how it explores is its own, found by the search.
+    own = {"environments": 64, "horizon": 64, "noise": default.noise}
+    assert replace(config, preset="default", rival=None, **own) == default
+    assert config.batch == default.batch
+
+
+def test_settings_that_do_not_fit_are_refused_by_name() -> None:
+    value = PRESETS["a2c"].to_json()
+    for change, told in (
+        ({"algorithm": "sac"}, "expected one among ddpg, a2c, ppo, found 'sac'"),
+        ({"tau": 0.1}, "expected settings of a2c, found tau"),
+        ({"activation": "elu"}, "among tanh, relu, found 'elu'"),
+        ({"n_steps": 7}, "multiple of the rival's 7 steps, found 256"),
+    ):
+        with pytest.raises(KinemimicError, match=told):
+            TrainConfig.from_json({**value, "rival": {**value["rival"], **change}})
+    del value["rival"]["actor_rate"]
+    with pytest.raises(KinemimicError, match="actor_rate"):
+        TrainConfig.from_json(value)
+
+
+def test_what_has_no_rival_is_stored_as_before() -> None:
+    assert "rival" not in PRESETS["default"].to_json()
+    assert replace(PRESETS["default"], rival=A2c()).to_json()["rival"]["algorithm"] == "a2c"

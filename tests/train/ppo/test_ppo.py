@@ -1,0 +1,145 @@
+"""GAE, the penalty rule and the normaliser by hand; the whole update against the plain way to write it."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import torch
+from peers.plain_ppo import PlainPPO
+
+from kinemimic.train.config.config import PRESETS
+from kinemimic.train.ppo import networks
+from kinemimic.train.ppo.advantages import advantages
+from kinemimic.train.ppo.networks import Normalizer
+from kinemimic.train.ppo.ppo import Learner, adapt_penalty, adapt_rate
+from kinemimic.train.rollout.sampler import Samples
+from kinemimic.train.task.env import ACTIONS, OBSERVATIONS
+
+
+def column(*values: float) -> np.ndarray:
+    return np.array(values, dtype=np.float64)[:, None]
+
+
+def test_advantages_by_hand() -> None:
+    """γ = 0.5, λ = 0.5, three steps without an end: δ = r + γ v' - v.
+
+    δ0 = 1 + 1 - 1 = 1; δ1 = 2 + 0.5·4 - 2 = 2; δ2 = 3 + 0.5·2 - 4 = 0
+    A2 = 0; A1 = 2 + 0.25·0 = 2; A0 = 1 + 0.25·2 = 1.5
+    """
+    found = advantages(
+        column(1, 2, 3), column(1, 2, 4), column(2, 4, 2), column(0, 0, 0).astype(bool), 0.5, 0.5
+    )
+    np.testing.assert_allclose(found[:, 0], [1.5, 2.0, 0.0])
+
+
+def test_a_fall_and_a_time_out_differ_by_the_bootstrap() -> None:
+    """After step 0 the episode ends. Fall: nothing follows, A0 = 1 - 1 = 0. Time-out with V(s') = 6: A0 = 3.
+
+    Neither lets step 1 (δ1 = 2 + 0.5·0 - 1 = 1) reach back.
+    """
+    ended = column(1, 0).astype(bool)
+    fall = advantages(column(1, 2), column(1, 1), column(0, 0), ended, 0.5, 0.5)
+    time_out = advantages(column(1, 2), column(1, 1), column(6, 0), ended, 0.5, 0.5)
+    np.testing.assert_allclose(fall[:, 0], [0.0, 1.0])
+    np.testing.assert_allclose(time_out[:, 0], [3.0, 1.0])
+
+
+@pytest.mark.parametrize(
+    ("kl", "running", "initial"),
+    [(0.0066, 2.0, 0.5), (0.0067, 4.0, 4.0), (0.0149, 4.0, 4.0), (0.0151, 8.0, 2.0)],
+)
+def test_penalty_rule(kl: float, running: float, initial: float) -> None:
+    """η = 0.01, coefficient 4 in force, 1 at the beginning: borders at 0.00667 and 0.015."""
+    assert adapt_penalty(4.0, kl, 0.01, 1.0, "running") == running
+    assert adapt_penalty(4.0, kl, 0.01, 1.0, "initial") == initial
+
+
+def test_rate_steers_towards_the_target() -> None:
+    assert adapt_rate(3e-4, 0.2, 0.1) == pytest.approx(2e-4)
+    assert adapt_rate(3e-4, 0.05, 0.1) == pytest.approx(4.5e-4)
+    assert adapt_rate(3e-4, 0.1, 0.1) == 3e-4
+    assert adapt_rate(1e-3, 0.0, 0.1) == 1e-3
+
+
+def test_normalizer_equals_the_statistics_of_everything_seen() -> None:
+    random = np.random.default_rng(0)
+    batches = [random.normal(3.0, 2.0, (n, 3)) for n in (1, 7, 40)]
+    normalizer = Normalizer(3)
+    for batch in batches:
+        normalizer.update(batch)
+    every = np.concatenate(batches)
+    np.testing.assert_allclose(normalizer.mean, every.mean(axis=0))
+    np.testing.assert_allclose(normalizer.scale, every.std(axis=0))
+
+
+def followed(steps: int, figures: int) -> Samples:
+    """Made-up samples in which, as in a rollout, a step begins where the one before it left off."""
+    random = np.random.default_rng(0)
+    observations = random.normal(size=(steps, figures, OBSERVATIONS)).astype(np.float32)
+    final = random.normal(size=observations.shape).astype(np.float32)
+    terminated = random.random((steps, figures)) < 0.1
+    truncated = ~terminated & (random.random((steps, figures)) < 0.1)
+    goes_on = ~(terminated | truncated)[:-1]
+    final[:-1][goes_on] = observations[1:][goes_on]
+    return Samples(
+        observations=observations,
+        actions=random.normal(0.0, 0.15, (steps, figures, ACTIONS)).astype(np.float32),
+        terms=random.random((steps, figures, 5)).astype(np.float32),
+        terminated=terminated,
+        truncated=truncated,
+        final=final,
+        lengths=np.array([7]),
+        exploded=0,
+    )
+
+
+@pytest.mark.parametrize("name", sorted(PRESETS))
+def test_an_update_is_that_of_plain_ppo(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Two threads, slopes by hand, flat Adam, next values from the next row: the same networks come out."""
+    monkeypatch.setattr(networks, "choose_products", lambda: torch.float32)
+    learner = Learner(replace(PRESETS[name], hidden=(24, 16), minibatch=24, passes=3))
+    samples = followed(16, 4)
+    learner.normalizer.update(samples.observations.reshape(-1, OBSERVATIONS))
+    plain = PlainPPO(learner)
+    before = learner.net.actor.parameters.clone(), learner.net.critic.parameters.clone()
+    learner.update(samples)
+    plain.update(samples)
+    for ours, start, theirs in zip(
+        (learner.net.actor, learner.net.critic), before, (plain.actor, plain.critic), strict=True
+    ):
+        wanted = torch.cat([p.detach().reshape(-1) for p in theirs.parameters()])
+        assert (wanted - start).norm() > 0.01
+        assert (ours.parameters - wanted).norm() < 1e-3 * (wanted - start).norm()
+    torch.testing.assert_close(learner.net.log_noise, plain.log_noise.detach())
+
+
+@pytest.mark.parametrize("reward", [np.nan, 1e21])
+def test_a_learner_that_is_spoilt_says_so(reward: float) -> None:
+    """A reward that is no number spoils both networks, one whose square is infinite the critic alone."""
+    learner = Learner(replace(PRESETS["default"], hidden=(8, 4), passes=1))
+    samples = followed(8, 4)
+    samples.terms[0, 0, 0] = reward
+    with pytest.raises(FloatingPointError, match="infinite or NaN"):
+        learner.update(samples)
+
+
+def test_same_seed_same_bytes() -> None:
+    """Whichever of the two threads is ahead."""
+    found = []
+    for _ in range(2):
+        learner = Learner(replace(PRESETS["default"], hidden=(64, 32), minibatch=64, passes=4))
+        for _ in range(3):
+            learner.update(followed(32, 8))
+        found.append({name: value.numpy().tobytes() for name, value in learner.tensors().items()})
+    assert found[0] == found[1]
+
+
+def test_the_critic_learns_what_is_there_to_learn() -> None:
+    learner = Learner(replace(PRESETS["default"], hidden=(64, 32), minibatch=64, discount=0.0))
+    samples = followed(32, 8)
+    first = learner.update(samples)["value/loss"]
+    for _ in range(5):
+        last = learner.update(samples)["value/loss"]
+    assert last < 0.2 * first

@@ -1,0 +1,47 @@
+"""Which engine runs is what was asked for, or one line says why not."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Iterator
+from types import ModuleType
+
+import pytest
+
+from kinemimic.pipeline.errors import KinemimicError
+from kinemimic.train.sim import engines
+
+
+@pytest.fixture(autouse=True)
+def fresh() -> Iterator[None]:
+    engines._native_trouble.cache_clear()
+    yield
+    engines._native_trouble.cache_clear()
+
+
+def test_auto_takes_native_where_it_is_built(monkeypatch: pytest.MonkeyPatch) -> None:
+    native = ModuleType("kinemimic_native")
+    native.interface = engines._INTERFACE  # type: ignore[attr-defined]
+    monkeypatch.setitem(sys.modules, "kinemimic_native", native)
+    monkeypatch.setattr(engines, "find_spec", lambda name: name)
+    assert [engines.resolve(name) for name in engines.ENGINES] == ["native", "native", "pybullet"]
+
+
+def test_without_it_auto_takes_pybullet(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(engines, "find_spec", lambda name: None)
+    assert engines.resolve("auto") == "pybullet"
+    with pytest.raises(KinemimicError, match=r"not built: `make setup`.*; or take --engine pybullet"):
+        engines.resolve("native")
+
+
+def test_one_of_another_version_is_not_taken(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(sys.modules, "kinemimic_native", ModuleType("kinemimic_native"))
+    monkeypatch.setattr(engines, "find_spec", lambda name: name)
+    assert engines.resolve("auto") == "pybullet"
+    with pytest.raises(KinemimicError, match="another version"):
+        engines.resolve("native")
+
+
+def test_an_unknown_engine_is_named() -> None:
+    with pytest.raises(KinemimicError, match="auto, native, pybullet, found 'mujoco'"):
+        engines.resolve("mujoco")

@@ -1,0 +1,217 @@
+"""The native engine against mechanics on paper, against pybullet, and against itself."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from itertools import pairwise
+from typing import Any
+
+import numpy as np
+import pytest
+
+from kinemimic.pipeline.kinematics.rotations import conjugate, from_rotvec, multiply, rotate
+from kinemimic.retarget.humanoid.body import BODIES, BODY_INDEX
+from kinemimic.train.reference.reference import Reference
+from kinemimic.train.sim.engines import open_world
+from kinemimic.train.sim.world import GRAVITY, SUBSTEPS, TIME_STEP
+
+native = pytest.importorskip("kinemimic_native", reason="the native engine is not built here")
+from kinemimic.train.sim.native_world import SETTINGS, NativeWorld, description  # noqa: E402 (needs the extension)
+
+RATE = 1.0 / TIME_STEP
+ARM = [BODY_INDEX[f"{part}_left"] for part in ("upper_arm", "forearm", "hand")]
+
+
+def batch(size: int = 1, *, rate: float = RATE, gains: float = 1.0, **changes: Any) -> Any:
+    """Figures with the project's body; `gains` scales stiffness and damping."""
+    body = description()
+    body |= {name: gains * body[name] for name in ("stiffness", "damping")}
+    settings: dict[str, Any] = {
+        **SETTINGS, "threads": 1, "time_step": 1.0 / rate,
+    }  # fmt: skip
+    return native.Batch(size=size, **{**body, **settings, **changes})
+
+
+def put(figures: Any, joints: np.ndarray, *, spin: Any = (0, 0, 0), velocities: Any = 0.0) -> None:
+    """Every figure 5 m up, turning at `spin` rad/s, with these joints (14, 4)."""
+    size = len(figures.positions)
+    each = np.ones((size, 1))
+    figures.reset(
+        np.arange(size), each * [0, 0, 5.0], each * [0, 0, 0, 1.0], 0 * each * [1, 1, 1], each * spin,
+        np.broadcast_to(joints, (size, 14, 4)), np.broadcast_to(velocities, (size, 14, 3)).astype(float),
+    )  # fmt: skip
+
+
+def hold(figures: Any, joints: np.ndarray, seconds: float, rate: float = RATE) -> None:
+    """Step with these joints as targets."""
+    size, substeps = len(figures.positions), round(seconds * rate)
+    targets = np.broadcast_to(joints, (size, substeps, 14, 4))
+    figures.step(targets, np.zeros((size, substeps, 14, 3)))
+
+
+def posed(seed: int) -> np.ndarray:
+    return from_rotvec(np.random.default_rng(seed).normal(0, 0.4, (14, 3)))
+
+
+def energy_and_spin(figures: Any) -> tuple[float, np.ndarray]:
+    """Kinetic energy, J, and angular momentum about the centre of mass, N·m·s, of the first figure."""
+    body = description()
+    mass, moments = body["masses"][:, None], body["inertias"]
+    center = (mass * figures.positions[0]).sum(axis=0) / mass.sum()
+    turning = rotate(conjugate(figures.rotations[0]), figures.angular[0])
+    own = rotate(figures.rotations[0], moments * turning)
+    energy = 0.5 * (mass * figures.linear[0] ** 2).sum() + 0.5 * (own * figures.angular[0]).sum()
+    spin = (np.cross(figures.positions[0] - center, mass * figures.linear[0]) + own).sum(axis=0)
+    return float(energy), spin
+
+
+def test_falls_freely() -> None:
+    """z = h - g t²/2, and half a time step's speed further: semi-implicit Euler."""
+    figures = batch(gains=0.0)
+    put(figures, posed(0))
+    before = figures.positions.copy()
+    hold(figures, posed(0), 0.5)
+    fallen = 0.5 * GRAVITY * 0.5 * (0.5 + TIME_STEP)
+    np.testing.assert_allclose(before - figures.positions, np.ones((1, 15, 1)) * [0, 0, fallen], atol=1e-6)
+
+
+def test_a_limp_arm_swings_with_the_period_of_a_pendulum() -> None:
+    """Shoulder limp, elbow and wrist stiff, pelvis held: T = 2 π √(I / m g d), at 3° of swing."""
+    body = description()
+    gains = {name: body[name].copy() for name in ("stiffness", "damping")}
+    for values in gains.values():
+        values[ARM[0]] = 0.0
+    figures = batch(rate=1920.0, fixed_root=True, **gains)
+    start = np.tile([0.0, 0.0, 0.0, 1.0], (14, 1))
+    start[ARM[0] - 1] = from_rotvec(np.array([0.0, np.radians(3.0), 0.0]))
+    put(figures, start)
+    targets = start.copy()
+    x = []
+    for _ in range(2 * 1920 // 4):
+        hold(figures, targets, 4 / 1920, 1920.0)
+        x.append(figures.positions[0, ARM[2], 0])
+    swing = np.array(x) - np.mean(x)
+    crossings = np.flatnonzero(np.diff(np.sign(swing)) != 0)
+    exact = crossings + swing[crossings] / (swing[crossings] - swing[crossings + 1])
+    period = 2 * np.diff(exact).mean() * 4 / 1920
+    shoulder = figures.positions[0, ARM[0]] + rotate(figures.rotations[0, ARM[0]], np.array([0, 0, 0.15]))
+    arms = figures.positions[0, ARM] - shoulder
+    masses = body["masses"][ARM]
+    inertia = sum(body["inertias"][ARM][:, 1]) + (masses * (arms**2).sum(axis=-1)).sum()
+    lever = np.linalg.norm((masses[:, None] * arms).sum(axis=0))
+    assert period == pytest.approx(2 * np.pi * np.sqrt(inertia / (GRAVITY * lever)), rel=0.005)
+
+
+def test_a_locked_figure_keeps_energy_and_spin() -> None:
+    """No gravity, all joints held while it tumbles: within 1 % over 2 s."""
+    figures = batch(gravity=0.0)
+    put(figures, posed(1), spin=[0.6, 1.0, 1.6])
+    before = energy_and_spin(figures)
+    hold(figures, posed(1), 2.0)
+    after = energy_and_spin(figures)
+    assert after[0] == pytest.approx(before[0], rel=0.01)
+    np.testing.assert_allclose(after[1], before[1], atol=0.01 * np.linalg.norm(before[1]))
+
+
+def test_a_limp_figures_error_falls_with_the_time_step() -> None:
+    """First order: each halving of the step about halves the error after 0.25 s of flailing.
+
+    Gentle flailing, so that no step is divided.
+    """
+    velocities = np.random.default_rng(2).normal(0, 3.0, (14, 3))
+    ends = {}
+    for rate in (240.0, 480.0, 960.0, 1920.0, 30720.0):
+        figures = batch(rate=rate, gains=0.0, gravity=0.0)
+        put(figures, posed(2), spin=[1.0, 2.0, 0.5], velocities=velocities)
+        hold(figures, posed(2), 0.25, rate)
+        ends[rate] = figures.positions.copy()
+    truth = ends.pop(30720.0)
+    errors = [float(np.abs(end - truth).max()) for end in ends.values()]
+    assert all(finer < 0.65 * coarser for coarser, finer in pairwise(errors))
+
+
+@pytest.mark.parametrize(("height", "bound"), [(5.0, 1e-6), (0.0, 1e-6)], ids=["air", "ground"])
+def test_agrees_with_pybullet(motion: Any, height: float, bound: float) -> None:
+    """A striding figure under stable PD for 0.25 s; single precision may differ by a millimetre."""
+    reference, phases = Reference(motion), np.array([0.1, 0.6])
+    ends = []
+    for engine in ("native", "pybullet"):
+        world = open_world(2, engine)
+        pose = reference.poses(phases)
+        world.reset(np.arange(2), replace(pose, root=pose.root + np.array([0, 0, height])))
+        for k in range(round(0.25 * RATE / SUBSTEPS)):
+            at = phases[:, None] + (k * SUBSTEPS + 1 + np.arange(SUBSTEPS)) * TIME_STEP / motion.duration
+            state = world.step(*reference.joints(at))
+        ends.append(state.positions.copy())
+        assert world.contacts().any() == (height == 0.0)
+        world.close()
+    assert np.abs(ends[0] - ends[1]).max() < (bound if native.double_precision else 1e-3)
+
+
+def test_a_figure_is_the_same_to_the_bit_whoever_is_beside_it(motion: Any) -> None:
+    """One or two threads, alone or among others, in any row, new or after a life of its own and a reset."""
+    reference, random = Reference(motion), np.random.default_rng(4)
+    corrections = from_rotvec(random.normal(0, 0.1, (25, 1, 1, 14, 3)))
+    pushes = random.normal(0, 20.0, (25, 1, 15, 6))
+
+    def live(world: NativeWorld, rows: list[int], phases: list[float]) -> np.ndarray:
+        at = np.array(phases)
+        world.reset(np.array(rows), reference.poses(at))
+        kept = []
+        for k, (correction, push) in enumerate(zip(corrections, pushes, strict=True)):
+            now = np.full(world.size, at[0])
+            now[rows] = at
+            times = now[:, None] + (k * SUBSTEPS + 1 + np.arange(SUBSTEPS)) * TIME_STEP / motion.duration
+            joints, velocities = reference.joints(times)
+            state = world.step(multiply(joints, correction), velocities, np.tile(push, (world.size, 1, 1)))
+            found = [getattr(state, name)[rows] for name in ("positions", "rotations", "linear", "angular")]
+            kept.append(np.concatenate(found, axis=-1))
+        return np.array(kept)
+
+    alone = [live(NativeWorld(1), [0], [phase]) for phase in (0.2, 0.7)]
+    pair = live(NativeWorld(2), [0, 1], [0.2, 0.7])
+    crowd = NativeWorld(7, threads=2)
+    many = live(crowd, [5, 1], [0.2, 0.7])
+    again = live(crowd, [1, 5], [0.2, 0.7])
+    for found in (pair, many, again):
+        assert found[:, 0].tobytes() == alone[0][:, 0].tobytes()
+        assert found[:, 1].tobytes() == alone[1][:, 0].tobytes()
+
+
+def test_what_does_not_fit_is_refused_by_name() -> None:
+    figures = batch(2)
+    hold(figures, posed(0), TIME_STEP)
+    with pytest.raises(
+        ValueError, match=r"velocities: expected the shape \(2, 8, 14, 3\), found \(2, 1, 14, 3\)"
+    ):
+        figures.step(np.zeros((2, 8, 14, 4)), np.zeros((2, 1, 14, 3)))
+    with pytest.raises(ValueError, match="every figure once"):
+        row = np.zeros((2, 3))
+        figures.reset(
+            np.array([1, 1]), row, np.ones((2, 4)), row, row, np.ones((2, 14, 4)), np.zeros((2, 14, 3))
+        )
+    with pytest.raises(IndexError, match="below 2, found 2"):
+        figures.obstacles(2)
+    with pytest.raises(ValueError, match="parents"):
+        native.Batch(
+            size=1, **{**description(), "parents": np.zeros(15, dtype=np.int32)}, **SETTINGS, threads=1
+        )
+
+
+def test_windows_outlive_their_batch() -> None:
+    """The arrays are the engine's memory, which lives as long as any of them."""
+    figures = batch()
+    put(figures, posed(0))
+    positions = figures.positions
+    copy = positions.copy()
+    del figures
+    assert positions.tobytes() == copy.tobytes()
+    assert len(BODIES) == positions.shape[1]
+
+
+def test_more_threads_than_figures_are_not_made() -> None:
+    """More than the system gives, even: no figure would be left for them."""
+    figures = batch(2, threads=1_000_000)
+    put(figures, posed(0))
+    hold(figures, posed(0), TIME_STEP)
+    assert not figures.exploded.any()

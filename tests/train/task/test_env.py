@@ -1,0 +1,295 @@
+from __future__ import annotations
+
+from dataclasses import fields, replace
+
+import numpy as np
+import pytest
+from gymnasium.utils import seeding
+from gymnasium.utils.env_checker import check_env
+
+from kinemimic.pipeline.kinematics.rotations import (
+    IDENTITY,
+    conjugate,
+    from_axis_angle,
+    from_rotvec,
+    multiply,
+    normalize,
+    rotate,
+    to_rotvec,
+    to_six,
+)
+from kinemimic.retarget.humanoid.motion import Motion
+from kinemimic.train.config.config import EnvConfig, Hardships
+from kinemimic.train.reference.reference import Reference
+from kinemimic.train.rollout.gym_env import ImitationEnv
+from kinemimic.train.sim.engines import open_world
+from kinemimic.train.sim.pybullet_world import BulletWorld
+from kinemimic.train.sim.world import SUBSTEPS, TIME_STEP, BodyStates
+from kinemimic.train.task.domain_randomization import Conditions, draw
+from kinemimic.train.task.env import ACTION_SCALE, ACTIONS, OBSERVATIONS, ImitationBatch, observation_size
+
+pytestmark = pytest.mark.filterwarnings("ignore:.*obs.*:UserWarning")
+
+
+def turned(motion: Motion, angle: float) -> Motion:
+    """The same walk in another direction."""
+    q = from_axis_angle("Z", angle)
+    rotations = motion.rotations.copy()
+    rotations[:, 0] = multiply(q, rotations[:, 0])
+    return replace(
+        motion, root=rotate(q, motion.root), rotations=rotations, cycle_offset=rotate(q, motion.cycle_offset)
+    )
+
+
+def test_passes_gymnasiums_checker(motion: Motion) -> None:
+    env = ImitationEnv(motion)
+    check_env(env, skip_render_check=True)
+    env.close()
+
+
+def test_a_gymnasium_episode_is_as_hard_as_the_configuration_says(motion: Motion) -> None:
+    """All of it is drawn, at full strength, by Gymnasium's own seed."""
+    hard = EnvConfig(start_anywhere=False, hardships=Hardships(tilt=0.1, spin=0.5))
+    env = ImitationEnv(motion, hard)
+    observation, _ = env.reset(seed=7)
+    batch = ImitationBatch(BulletWorld(1), Reference(motion), hard)
+    drawn = draw(hard.hardships, 1.0, seeding.np_random(7)[0])
+    batch.reset(np.array([0]), np.array([0.0]), drawn)
+    np.testing.assert_allclose(observation, batch.observe()[0], atol=1e-5)
+    env.close()
+    batch.world.close()
+
+
+def test_time_up_truncates_and_a_fall_terminates(motion: Motion) -> None:
+    env = ImitationEnv(motion, replace(EnvConfig(), episode=3))
+    env.reset(seed=0, options={"phase": 0.0})
+    ends = [env.step(np.zeros(ACTIONS, dtype=np.float32))[2:4] for _ in range(3)]
+    assert ends == [(False, False), (False, False), (False, True)]
+    env.close()
+    limp = ImitationEnv(motion, EnvConfig())
+    limp.reset(seed=0, options={"phase": 0.0})
+    for _ in range(100):
+        _, reward, terminated, truncated, _ = limp.step(np.full(ACTIONS, 1.5, dtype=np.float32))
+        if terminated or truncated:
+            break
+    assert terminated
+    assert not truncated
+    assert reward == 0.0
+    limp.close()
+
+
+def test_observation_does_not_depend_on_where_the_walk_leads(motion: Motion) -> None:
+    """It is taken in the figure's own heading: turn world and reference together, and nothing changes."""
+    found = []
+    for angle in (0.0, 2.0):
+        batch = ImitationBatch(BulletWorld(2), Reference(turned(motion, angle)), EnvConfig())
+        batch.reset(np.arange(2), np.array([0.2, 0.7]))
+        found.append(batch.observe())
+        batch.world.close()
+    assert found[0].shape == (2, OBSERVATIONS)
+    np.testing.assert_allclose(found[0], found[1], atol=1e-5)
+
+
+def test_on_the_reference_nothing_is_left_to_correct(motion: Motion) -> None:
+    """Right after a reset the terms are full, the drift zero and the phase as asked."""
+    batch = ImitationBatch(BulletWorld(1), Reference(motion), EnvConfig())
+    batch.reset(np.array([0]), np.array([0.25]))
+    observation = batch.observe()[0]
+    assert observation[0] == pytest.approx(1.0)
+    assert observation[1] == pytest.approx(0.0, abs=1e-12)
+    assert not batch.fallen()[0]
+    step = batch.step(np.zeros((1, ACTIONS)))
+    assert step.terms.sum() > 0.9
+    assert batch.phases[0] == pytest.approx(0.25 + 1 / (30 * motion.duration))
+    batch.world.close()
+
+
+def scattered(reference: Reference, phases: np.ndarray) -> BodyStates:
+    """Bodies near the reference, each figure's errors its own."""
+    bodies = reference.bodies(phases)
+    size = (len(phases), 15, 3)
+    near = np.random.default_rng(0).normal
+    return BodyStates(
+        bodies.positions + near(0, 0.05, size),
+        normalize(bodies.rotations + near(0, 0.1, (*size[:2], 4))),
+        bodies.linear + near(0, 1.0, size),
+        bodies.angular + near(0, 1.0, size),
+    )
+
+
+def test_observation_is_what_its_parts_say(motion: Motion, puppets) -> None:
+    """Written out figure by figure with the rotations of the pipeline."""
+    reference, phases = Reference(motion), np.array([0.1, 0.55, 1.8])
+    world = puppets(3)
+    batch = ImitationBatch(world, reference, EnvConfig(mirror=False))
+    states = scattered(reference, phases)
+    world.put(states)
+    batch.phases[:] = phases
+    batch.reset(np.array([], dtype=np.intp), np.array([]))
+    ahead = reference.bodies(phases + 1 / (30 * reference.duration))
+    for k, found in enumerate(batch.observe()):
+        pelvis = states.positions[k, 0]
+        forward = rotate(states.rotations[k, 0], np.array([1.0, 0.0, 0.0]))
+        level = from_axis_angle("Z", -np.arctan2(forward[1], forward[0]))
+        wanted = [
+            [np.sin(2 * np.pi * phases[k]), np.cos(2 * np.pi * phases[k]), pelvis[2]],
+            to_six(multiply(level, states.rotations[k])),
+            rotate(level, states.positions[k, 1:] - pelvis),
+            rotate(level, states.linear[k]),
+            rotate(level, states.angular[k]),
+            to_rotvec(multiply(conjugate(states.rotations[k, 0]), ahead.rotations[k, 0])),
+            to_rotvec(multiply(conjugate(states.joints[k]), ahead.joints[k])),
+            rotate(level, ahead.positions[k, 0] - pelvis)[:2],
+        ]
+        np.testing.assert_allclose(found, np.concatenate([np.ravel(part) for part in wanted]), atol=1e-12)
+
+
+def test_targets_are_the_reference_at_every_substep_times_the_correction(motion: Motion, puppets) -> None:
+    world, reference = puppets(2), Reference(motion)
+    batch = ImitationBatch(world, reference, EnvConfig(mirror=False))
+    batch.reset(np.arange(2), np.array([0.2, 0.7]))
+    actions = np.random.default_rng(1).normal(0, 0.5, (2, ACTIONS))
+    batch.step(actions)
+    for k, phase in enumerate((0.2, 0.7)):
+        correction = from_rotvec((actions[k] * ACTION_SCALE).reshape(14, 3))
+        for substep in range(SUBSTEPS):
+            at = np.array([phase + (substep + 1) * TIME_STEP / reference.duration])
+            wanted = multiply(reference.targets(at)[0][0], correction)
+            np.testing.assert_allclose(world.targets[k, substep], wanted, atol=1e-13)
+
+
+def test_without_its_switches_less_of_the_reference_reaches_the_motors(motion: Motion, puppets) -> None:
+    reference, phase, still = Reference(motion), np.array([0.2]), np.zeros((1, ACTIONS))
+
+    def given(**switches: bool) -> tuple[np.ndarray, np.ndarray]:
+        world = puppets(1)
+        batch = ImitationBatch(world, reference, EnvConfig(**switches, mirror=False))
+        batch.reset(np.arange(1), phase)
+        batch.step(still)
+        return world.targets[0], world.velocities[0]
+
+    at = 0.2 + np.arange(1, SUBSTEPS + 1) * TIME_STEP / reference.duration
+    joints, speeds = reference.joints(at)
+    np.testing.assert_allclose(given(torque_feedforward=False)[0], joints, atol=1e-13)
+    np.testing.assert_allclose(given()[1], speeds, atol=1e-13)
+    np.testing.assert_array_equal(given(velocity_feedforward=False)[1], np.zeros_like(speeds))
+    np.testing.assert_allclose(given(residual=False)[0], np.broadcast_to(IDENTITY, joints.shape), atol=1e-13)
+
+
+def test_each_pose_of_the_preview_is_what_a_figure_there_would_see_next(motion: Motion, puppets) -> None:
+    """Previews of 1 and of 4 steps, side by side, are the preview of both."""
+    reference, states = Reference(motion), scattered(Reference(motion), np.array([0.2]))
+
+    def seen(preview: tuple[int, ...]) -> np.ndarray:
+        world, config = puppets(1), EnvConfig(preview=preview)
+        batch = ImitationBatch(world, reference, config)
+        world.put(states)
+        batch.phases[:] = 0.2
+        batch.reset(np.array([], dtype=np.intp), np.array([]))
+        assert batch.observe().shape == (1, observation_size(config))
+        return batch.observe()[0]
+
+    both, near, far = seen((1, 4)), seen((1,)), seen((4,))
+    body = len(near) - 47
+    np.testing.assert_array_equal(both[: body + 45], near[: body + 45])
+    np.testing.assert_array_equal(both[body + 45 : body + 90], far[body : body + 45])
+    np.testing.assert_array_equal(both[body + 90 :], np.concatenate([near[-2:], far[-2:]]))
+
+
+def test_what_is_performed_once_ends_elsewhere_than_it_begins(motion: Motion, puppets) -> None:
+    once = ImitationBatch(puppets(3), Reference(replace(motion, cyclic=False)), EnvConfig())
+    once.reset(np.arange(3), np.array([0.0, 0.5, 1.0]))
+    np.testing.assert_allclose(once.observe()[:, :2], [[0, 1], [1, 0], [0, -1]], atol=1e-12)
+
+
+def test_a_snapshot_is_where_the_figures_go_on(motion: Motion, engine: str) -> None:
+    """Two batches that are put into one snapshot go the same way to the last bit, whatever came before."""
+    random = np.random.default_rng(4)
+    config = EnvConfig(hardships=Hardships(push=(20.0, 60.0), rest=(0.0, 0.1), delay=(0.004, 0.012)))
+
+    def batch() -> ImitationBatch:
+        return ImitationBatch(open_world(2, engine), Reference(motion), config)
+
+    first, second = batch(), batch()
+    conditions = Conditions.joined([draw(config.hardships, 1.0, random) for _ in range(2)])
+    first.reset(np.arange(2), np.array([0.1, 0.6]), conditions)
+    second.reset(np.arange(2), np.array([0.9, 0.3]))
+    actions = random.normal(0, 0.1, (9, 2, ACTIONS))
+    for k in range(4):
+        first.step(actions[k])
+        second.step(np.zeros((2, ACTIONS)))
+    saved, seen = first.snapshot(), first.observe()
+    for one in (first, second):
+        one.restore(saved)
+    np.testing.assert_allclose(first.observe(), seen, atol=1e-9)
+    for k in range(4, 9):
+        a, b = first.step(actions[k]), second.step(actions[k])
+        np.testing.assert_array_equal(a.observations, b.observations)
+        np.testing.assert_array_equal(a.terms, b.terms)
+    for one in (first, second):
+        one.world.close()
+
+
+def test_a_late_correction_comes_after_the_one_before(motion: Motion, puppets) -> None:
+    world, reference = puppets(2), Reference(motion)
+    batch = ImitationBatch(world, reference, EnvConfig())
+    late = replace(Conditions.calm(2), delay=np.array([0.0, 3.0]))
+    batch.reset(np.arange(2), np.full(2, 0.2), late)
+    one, other = (np.random.default_rng(k).normal(0, 0.3, (2, ACTIONS)) for k in (1, 2))
+    batch.step(one)
+    batch.step(other)
+    at = batch.phases[0] + (np.arange(1, SUBSTEPS + 1) - SUBSTEPS) * TIME_STEP / reference.duration
+    led = reference.targets(at)[0]
+    for k, begins in ((0, 0), (1, 3)):
+        turns = [from_rotvec((a[k] * ACTION_SCALE).reshape(14, 3)) for a in (one, other)]
+        np.testing.assert_allclose(world.targets[k, :begins], multiply(led[:begins], turns[0]), atol=1e-12)
+        np.testing.assert_allclose(world.targets[k, begins:], multiply(led[begins:], turns[1]), atol=1e-12)
+
+
+def test_the_reference_ahead_becomes_the_target_but_after_a_reset(motion: Motion, puppets) -> None:
+    """It is not sampled again: to the bit what the reference has at the figures' phases."""
+    reference = Reference(motion)
+    batch = ImitationBatch(puppets(3), reference, EnvConfig())
+    batch.reset(np.arange(3), np.array([0.1, 0.5, 0.95]))
+    for k in range(4):
+        batch.step(np.zeros((3, ACTIONS)))
+        if k == 1:
+            batch.reset(np.array([1]), np.array([0.3]))
+        np.testing.assert_array_equal(batch.target.rotations, reference.bodies(batch.phases).rotations)
+        np.testing.assert_array_equal(batch.target.positions, reference.bodies(batch.phases).positions)
+
+
+def test_a_figure_does_not_know_how_many_others_there_are(motion: Motion, puppets) -> None:
+    """Observation and reward of five figures are to the bit those of each alone."""
+    reference, phases = Reference(motion), np.linspace(0.0, 0.9, 5)
+    actions = np.random.default_rng(2).normal(0, 0.3, (5, ACTIONS))
+    states = scattered(reference, phases)
+
+    def play(rows: slice) -> tuple[np.ndarray, ...]:
+        world = puppets(len(phases[rows]))
+        batch = ImitationBatch(world, reference, EnvConfig())
+        batch.reset(np.arange(world.size), phases[rows])
+        world.put(BodyStates(*(getattr(states, f.name)[rows] for f in fields(BodyStates))))
+        step = batch.step(actions[rows])
+        return step.observations, batch.terms(), world.targets
+
+    together = play(slice(None))
+    for k in range(5):
+        for whole, alone in zip(together, play(slice(k, k + 1)), strict=True):
+            np.testing.assert_array_equal(whole[k], alone[0])
+
+
+def test_an_exploded_figure_terminates_without_a_reward(motion: Motion, puppets) -> None:
+    world, reference = puppets(3), Reference(motion)
+    batch = ImitationBatch(world, reference, EnvConfig())
+    batch.reset(np.arange(3), np.full(3, 0.4))
+    ahead = reference.bodies(np.full(3, 0.4 + 1 / (30 * reference.duration)))
+    # A step of the puppets leads one metre ahead: from here onto the reference.
+    world.put(replace(ahead, positions=ahead.positions - np.array([1.0, 0.0, 0.0])))
+    world.lost[1] = True
+    step = batch.step(np.zeros((3, ACTIONS)))
+    assert step.terminated.tolist() == step.exploded.tolist() == [False, True, False]
+    assert not step.truncated.any()
+    np.testing.assert_allclose(step.terms.sum(axis=1), [1.0, 0.0, 1.0], atol=1e-9)
+    batch.reset(np.array([1]), np.array([0.4]))
+    assert not world.exploded().any()

@@ -1,0 +1,60 @@
+from __future__ import annotations
+
+from kinemimic.train.task.stopwatch import Stopwatch, split, summed, table
+
+
+class Clock:
+    """Says what it is told to."""
+
+    def __init__(self) -> None:
+        self.now = 1000.0
+
+    def __call__(self) -> float:
+        return self.now
+
+
+def test_every_moment_is_put_down_to_one_name() -> None:
+    clock = Clock()
+    watch = Stopwatch(clock)
+    for name, spent in (("work", 2.0), ("rest", 0.5), ("work", 3.0)):
+        clock.now += spent
+        assert watch.lap(name) == spent
+    assert watch.seconds == {"work": 5.0, "rest": 0.5}
+    assert sum(watch.seconds.values()) == clock.now - 1000.0
+
+
+def test_a_restart_forgets_what_was_and_what_is_not_put_down_yet() -> None:
+    clock = Clock()
+    watch = Stopwatch(clock)
+    watch.lap("work")
+    clock.now += 7.0
+    watch.restart()
+    clock.now += 1.0
+    watch.lap("rest")
+    assert watch.seconds == {"rest": 1.0}
+
+
+def test_sums_take_every_name() -> None:
+    assert summed({"a": 1.0}, {}, {"b": 2.0, "a": 0.5}) == {"a": 1.5, "b": 2.0}
+    assert summed() == {}
+
+
+def test_a_part_is_split_and_the_whole_stays() -> None:
+    seconds = {"rollout": 10.0, "update": 4.0}
+    found = split(seconds, "rollout", {"simulation": 7.0, "inference": 1.0}, "waiting")
+    assert found == {"simulation": 7.0, "inference": 1.0, "waiting": 2.0, "update": 4.0}
+    assert sum(found.values()) == sum(seconds.values())
+
+
+def test_the_table_has_a_line_for_each_part_and_the_whole() -> None:
+    head, *lines = table({"update": 30.0, "simulation": 90.0}).splitlines()
+    assert head.split() == ["seconds", "share", "of", "a", "minute"]
+    assert [line.split() for line in lines] == [
+        ["simulation", "90.0", "75.0", "%", "45.0", "s"],
+        ["update", "30.0", "25.0", "%", "15.0", "s"],
+        ["together", "120.0", "100.0", "%", "60.0", "s"],
+    ]
+
+
+def test_a_table_of_no_time_at_all() -> None:
+    assert table({"update": 0.0}).splitlines()[-1].split()[1] == "0.0"

@@ -1,0 +1,295 @@
+"""Training as a stage: same seed, same policy; an interrupted run goes on; a bad one says why."""
+
+from __future__ import annotations
+
+import copy
+import json
+from collections.abc import Callable
+from dataclasses import replace
+from itertools import count
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from click.testing import CliRunner
+from safetensors import safe_open
+from safetensors.numpy import load_file, save_file
+
+from kinemimic.pipeline.errors import KinemimicError
+from kinemimic.pipeline.files.store import write_text
+from kinemimic.retarget.formats.motion_json import motion_to_json
+from kinemimic.retarget.humanoid.motion import Motion
+from kinemimic.train import command as stage
+from kinemimic.train.config.config import PRESETS, TrainConfig
+from kinemimic.train.ppo.networks import export
+from kinemimic.train.ppo.ppo import Learner
+from kinemimic.train.rollout.evaluation import Trial
+from kinemimic.train.rollout.rollout import perform
+from kinemimic.train.rollout.sampler import Samples
+from kinemimic.train.runner import checkpoint
+from kinemimic.train.runner.base import normalized_loss
+from kinemimic.train.runner.checkpoint import Training
+from kinemimic.train.task.env import ACTIONS, OBSERVATIONS
+from kinemimic.train.task.stopwatch import Stopwatch
+
+SMALL = replace(PRESETS["default"], environments=4, horizon=16, minibatch=32, passes=2, hidden=(32, 16))
+ROUND = SMALL.batch
+
+
+@pytest.fixture
+def run(tmp_path: Path, motion: Motion, monkeypatch: pytest.MonkeyPatch) -> Path:
+    monkeypatch.setitem(PRESETS, "default", SMALL)
+    write_text(tmp_path / "a" / "motion.json", motion_to_json(motion))
+    return tmp_path / "a"
+
+
+def test_same_seed_same_policy_and_same_performance(run: Path, motion: Motion, tmp_path: Path) -> None:
+    other = tmp_path / "b"
+    other.mkdir()
+    (other / "motion.json").write_bytes((run / "motion.json").read_bytes())
+    for folder in (run, other):
+        stage.train(folder, budget=2 * ROUND, seed=3, workers=2)
+    first, second = ((folder / "policy.safetensors").read_bytes() for folder in (run, other))
+    assert first == second
+    played = [
+        perform(
+            motion, folder / "policy.safetensors", start_phases=np.array([0.0, 0.5]), frames=10, workers=2
+        )
+        for folder in (run, other)
+    ]
+    assert played[0].rotations.tobytes() == played[1].rotations.tobytes()
+    stage.train(other, budget=2 * ROUND, seed=4, workers=2, resume=False)
+    assert (other / "policy.safetensors").read_bytes() != first
+
+
+def test_goes_on_from_its_checkpoint(run: Path) -> None:
+    first = stage.train(run, budget=ROUND, workers=1)
+    assert first["samples"] == ROUND
+    more = stage.train(run, budget=3 * ROUND, workers=1)
+    assert more["samples"] == 3 * ROUND
+    before = (run / "policy.safetensors").read_bytes()
+    stage.train(run, budget=3 * ROUND, workers=1)
+    assert (run / "policy.safetensors").read_bytes() == before
+    with pytest.raises(KinemimicError, match="--no-resume"):
+        stage.train(run, budget=ROUND, workers=1)
+
+
+def test_more_workers_than_figures_are_not_started(run: Path) -> None:
+    assert stage.train(run, budget=ROUND, workers=SMALL.environments + 3)["samples"] == ROUND
+
+
+def test_another_seed_keeps_the_checkpoint_aside(run: Path) -> None:
+    stage.train(run, budget=ROUND, seed=1, workers=1)
+    before = (run / "checkpoint.safetensors").read_bytes()
+    stage.train(run, budget=ROUND, seed=2, workers=1)
+    assert (run / "checkpoint.previous.safetensors").read_bytes() == before
+
+
+def test_the_record_says_which_engine_and_where_the_time_went(run: Path) -> None:
+    record = stage.train(run, budget=ROUND, workers=2, engine="pybullet")
+    assert json.loads((run / "policy.json").read_text())["engine"] == record["engine"] == "pybullet"
+    assert record["exploded"] == 0
+    parts = record["seconds_by"]
+    assert set(parts) == {
+        "simulation", "observation and reward", "inference", "bookkeeping", "transfer and waiting", "update",
+        "trial", "checkpoint", "other",
+    }  # fmt: skip
+    # Rounded each for itself.
+    assert sum(parts.values()) == pytest.approx(record["seconds"], abs=0.1)
+    assert min(parts.values()) >= 0.0
+
+
+def test_another_engine_goes_on_from_the_checkpoint(run: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    # A clock that ticks a thousand seconds whenever it is read: two rounds took exactly twice what one took.
+    ticks = count(0.0, 1000.0)
+    monkeypatch.setattr(stage, "Stopwatch", lambda: Stopwatch(lambda: next(ticks)))
+    first = stage.train(run, budget=ROUND, workers=1, engine="pybullet")
+    more = stage.train(run, budget=2 * ROUND, workers=1, engine="auto")
+    assert more["samples"] == 2 * ROUND
+    assert first["seconds_by"]["update"] == 1000.0
+    assert more["seconds_by"]["update"] == 2000.0
+    assert not (run / "checkpoint.previous.safetensors").exists()
+
+
+@pytest.mark.parametrize(
+    ("written", "meant"), [("1e6", 1_000_000), ("4096", 4096), ("500_000", 500_000), ("1", 1)]
+)
+def test_a_budget_is_written_as_people_write_numbers(
+    written: str, meant: int, run: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    asked: dict[str, object] = {}
+
+    def stop(_: Path, **options: object) -> None:
+        asked.update(options)
+        raise KinemimicError("enough")
+
+    monkeypatch.setattr(stage, "train", stop)
+    CliRunner().invoke(stage.command, ["--run", str(run), "--budget", written, "--minutes", "2.5"])
+    assert (asked["budget"], asked["minutes"]) == (meant, 2.5)
+
+
+@pytest.mark.parametrize("written", ["0", "-5", "1.5", "nan", "inf", "much"])
+def test_what_is_no_budget_is_refused(written: str, run: Path) -> None:
+    result = CliRunner().invoke(stage.command, ["--run", str(run), f"--budget={written}"])
+    assert result.exit_code == 2
+    assert "--budget" in result.output
+    assert "expected a whole number of samples" in result.output
+
+
+def test_an_unknown_engine_is_one_line(run: Path) -> None:
+    with pytest.raises(
+        KinemimicError, match="expected an engine among auto, native, pybullet, found 'mujoco'"
+    ):
+        stage.train(run, engine="mujoco")
+
+
+def test_the_command_ends_with_a_table_of_the_time(run: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    record = {
+        "preset": "robust", "engine": "native", "samples": 4096, "exploded": 2, "seconds": 4.0, "seed": 0,
+        "mirrored": True,
+        "seconds_by": {"simulation": 3.0, "update": 1.0},
+        "best": {"samples": 2048, "seconds": 2.0, "strength": 0.0, "frames": 599, "frames_first": 600,
+                 "of": 600, "reward": 0.5, "knee": 0.91, "hip": 0.92, "endured": 0.25},
+    }  # fmt: skip
+    monkeypatch.setattr(stage, "train", lambda *_, **__: record)
+    lines = CliRunner().invoke(stage.command, ["--run", str(run)]).output.splitlines()
+    assert "4,096 samples in 4 s" in lines[0]
+    assert "native engine" in lines[0]
+    assert "2,048 samples: 599 of 600 frames, R² 0.910 knee, 0.920 hip, 50.0 % of the reward" in lines[1]
+    assert lines[1].endswith("25.0 % under hardships")
+    assert lines.pop(2).endswith("mirror")
+    assert lines[2].startswith("2 figures exploded")
+    assert lines[4].split() == ["simulation", "3.0", "75.0", "%", "45.0", "s"]
+
+
+def noise(seed: int) -> Samples:
+    """Samples of 3 steps of 4 figures that mean nothing."""
+    random = np.random.default_rng(seed)
+    return Samples(
+        observations=random.normal(size=(3, 4, OBSERVATIONS)).astype(np.float32),
+        actions=random.normal(0, 0.1, (3, 4, ACTIONS)).astype(np.float32),
+        terms=random.random((3, 4, 5)).astype(np.float32),
+        terminated=random.random((3, 4)) < 0.2,
+        truncated=np.zeros((3, 4), dtype=bool),
+        final=random.normal(size=(3, 4, OBSERVATIONS)).astype(np.float32),
+        lengths=np.array([2]),
+        exploded=0,
+    )
+
+
+def test_a_checkpoint_brings_the_learner_back_whole(tmp_path: Path) -> None:
+    """One more update after the restoration gives what it gives without: nothing was forgotten."""
+    config = TrainConfig(hidden=(8, 4), seed=5, minibatch=6, passes=2, environments=4)
+    learner = Learner(config)
+    learner.update(noise(0))
+    tried = Trial(64, 0.5, 1.0, frames=3, frames_first=4, of=5, reward=0.25, knee=0.5, hip=-2.0)
+    training = Training(learner, {"ages": np.arange(4)}, [tried], export(learner.net, learner.normalizer))
+    checkpoint.save(tmp_path / "c.safetensors", training, "walk")
+    other = Learner(config)
+    back = Training(other)
+    assert checkpoint.restore(tmp_path / "c.safetensors", back, "walk")
+    assert back.trials == [tried]
+    assert back.figures is not None
+    assert back.best is not None
+    assert back.figures["ages"].tolist() == [0, 1, 2, 3]
+    assert training.best is not None
+    kept, ours = back.best.tensors(), training.best.tensors()
+    assert all(np.array_equal(kept[name], ours[name]) for name in ours)
+    assert other.progress == learner.progress
+    assert learner.update(noise(1)) == other.update(noise(1))
+    wanted, found = learner.tensors(), other.tensors()
+    assert wanted.keys() == found.keys()
+    assert all(bool((wanted[name] == found[name]).all()) for name in wanted)
+
+
+def test_the_critics_error_is_told_as_a_share_of_what_its_targets_vary() -> None:
+    """At least what their variance leaves unexplained: an error that is everywhere the same counts too."""
+    logged = Learner(TrainConfig(hidden=(8, 4), minibatch=6, passes=2)).update(noise(0))
+    assert logged["value/normalized_loss"] >= 1.0 - logged["value/explained_variance"] - 1e-6
+    assert normalized_loss(3.0, 2.0) == 1.5
+    assert normalized_loss(0.0, 0.0) == 0.0
+
+
+def test_a_checkpoint_of_something_else_is_left_alone(tmp_path: Path) -> None:
+    config = TrainConfig(hidden=(8, 4))
+    path = tmp_path / "c.safetensors"
+    checkpoint.save(path, Training(Learner(config)), "walk")
+    assert not checkpoint.restore(path, Training(Learner(config)), "run")
+    assert not checkpoint.restore(path, Training(Learner(replace(config, discount=0.9))), "walk")
+    assert checkpoint.restore(path, Training(Learner(replace(config, budget=5))), "walk")
+
+
+def test_a_file_that_is_no_checkpoint_is_one_line(tmp_path: Path) -> None:
+    path, training = tmp_path / "c.safetensors", Training(Learner(TrainConfig(hidden=(8, 4))))
+    path.write_bytes(b"nonsense")
+    with pytest.raises(KinemimicError, match="expected a checkpoint"):
+        checkpoint.restore(path, training, "walk")
+    other = {"schema": checkpoint.CHECKPOINT_SCHEMA, "motion": "walk", "config": {}, "trials": [{}]}
+    for said in ("{}", "[1]", "{", "[" * 100_000, json.dumps(other)):
+        save_file({"mean": np.zeros(3)}, path, {"kinemimic": said})
+        with pytest.raises(KinemimicError, match="expected a checkpoint"):
+            checkpoint.restore(path, training, "walk")
+
+
+@pytest.fixture(scope="module")
+def trained(tmp_path_factory: pytest.TempPathFactory) -> tuple[dict[str, np.ndarray], dict[str, Any]]:
+    """Arrays and record of a checkpoint after a round, with a trial."""
+    learner = Learner(TrainConfig(hidden=(8, 4), minibatch=6, passes=2))
+    learner.update(noise(0))
+    figures = {"ages": np.zeros(64, np.int64)}
+    trial = Trial(6, 1.0, 0.0, 10, 10, 10, 0.5, 0.9, 0.9)
+    path = tmp_path_factory.mktemp("trained") / "c.safetensors"
+    checkpoint.save(path, Training(learner, figures, [trial], learner.policy()), "walk")
+    with safe_open(path, framework="np") as stream:
+        return load_file(path), json.loads(stream.metadata()["kinemimic"])
+
+
+DAMAGED: dict[str, Callable[[dict[str, Any], dict[str, Any]], object]] = {
+    "no actor": lambda a, r: a.pop("learner.actor"),
+    "no normaliser": lambda a, r: a.pop("learner.normalizer.mean"),
+    "no mean of the best": lambda a, r: a.pop("best.mean"),
+    "another actor": lambda a, r: a.update({"learner.actor": np.zeros(3, np.float32)}),
+    "a broad actor": lambda a, r: a.update({"learner.actor": np.zeros(1, np.float32)}),
+    "another type": lambda a, r: a.update({"learner.actor": a["learner.actor"].astype(np.float64)}),
+    "another slot": lambda a, r: a.update({"learner.optimizer.actor.0.exp_avg": np.zeros(3, np.float32)}),
+    "another best": lambda a, r: a.update({"best.mean": np.zeros(3, np.float32)}),
+    "other figures": lambda a, r: a.update({"figures.ages": np.zeros(3, np.int64)}),
+    "no progress": lambda a, r: r.pop("progress"),
+    "samples in words": lambda a, r: r["progress"].update(samples="x"),
+    "no random": lambda a, r: r.update(random={}),
+    "a list for settings": lambda a, r: r.update(config=[]),
+    "a number for trials": lambda a, r: r.update(trials=5),
+    "a trial in words": lambda a, r: r["trials"][0].update(reward="x"),
+}
+
+
+@pytest.mark.parametrize("name", DAMAGED)
+def test_a_damaged_checkpoint_is_one_clear_line(tmp_path: Path, trained, name: str) -> None:
+    arrays, record = copy.deepcopy(trained)
+    path = tmp_path / "c.safetensors"
+    learner = Learner(TrainConfig(hidden=(8, 4), minibatch=6, passes=2))
+    save_file(arrays, path, {"kinemimic": json.dumps(record)})
+    assert checkpoint.restore(path, Training(learner), "walk")
+    DAMAGED[name](arrays, record)
+    save_file(arrays, path, {"kinemimic": json.dumps(record)})
+    with pytest.raises(
+        KinemimicError,
+        match=r"c\.safetensors: expected a checkpoint, found .*; delete it or train with --no-res",
+    ):
+        checkpoint.restore(path, Training(learner), "walk")
+
+
+def test_performance_without_a_policy_is_the_reference_alone(motion: Motion) -> None:
+    played = perform(motion, None, start_phases=np.array([0.25]), frames=45, workers=1)
+    assert played.root.shape == (1, 45, 3)
+    # The first frames follow the reference closely; without balance it is on the ground within seconds.
+    assert np.abs(played.root[0, 0] - played.reference_root[0, 0]).max() < 0.02
+    assert played.fallen_at[0] < 45
+    assert np.isfinite(played.rotations).all()
+    np.testing.assert_allclose(np.diff(played.phases[0]), 1 / (30 * motion.duration), rtol=1e-9)
+
+
+def test_what_is_missing_is_one_line(tmp_path: Path) -> None:
+    with pytest.raises(KinemimicError, match=r"motion\.json"):
+        stage.train(tmp_path)

@@ -1,0 +1,254 @@
+"""The stage `train`: a policy that imitates the run's motion."""
+
+from __future__ import annotations
+
+import json
+import os
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import click
+import torch
+
+from kinemimic.pipeline.cli.options import run_option
+from kinemimic.pipeline.errors import KinemimicError
+from kinemimic.pipeline.files.provenance import provenance
+from kinemimic.retarget.formats.motion_json import motion_from_json
+from kinemimic.retarget.gate import admit
+from kinemimic.retarget.humanoid.motion import Motion
+from kinemimic.train.config.baseline_config import require_package
+from kinemimic.train.config.budget import MINUTES, samples
+from kinemimic.train.config.config import PRESETS, TrainConfig, preset
+from kinemimic.train.ppo.ppo import Learner
+from kinemimic.train.ppo.runner import PpoPractice
+from kinemimic.train.reference.reference import Reference
+from kinemimic.train.rollout.evaluation import Trial, best, first_walk
+from kinemimic.train.rollout.policy import POLICY
+from kinemimic.train.rollout.workers import Workers
+from kinemimic.train.runner import checkpoint
+from kinemimic.train.runner.base import Learning, Practice
+from kinemimic.train.runner.checkpoint import Training
+from kinemimic.train.runner.training_loop import Rounds, is_complete
+from kinemimic.train.scenario.event_schedule import check
+from kinemimic.train.scenario.route import reference_for
+from kinemimic.train.scenario.scenario import Scenario
+from kinemimic.train.scenario.scenario_file import scenario as read
+from kinemimic.train.sim.engines import resolve
+from kinemimic.train.sim.options import engine_option, workers_option
+from kinemimic.train.task.mirror import mirrored
+from kinemimic.train.task.stopwatch import Stopwatch, table
+
+CHECKPOINT = "checkpoint.safetensors"
+PREVIOUS = "checkpoint.previous.safetensors"
+CURVES = "tensorboard"
+
+
+def train(
+    run: Path,
+    *,
+    preset_name: str = "default",
+    budget: int | None = None,
+    minutes: float | None = None,
+    seed: int = 0,
+    workers: int | None = None,
+    engine: str = "auto",
+    resume: bool = True,
+    anyway: bool = False,
+    scenario: Scenario | None = None,
+    config: TrainConfig | None = None,
+) -> dict[str, Any]:
+    """Train on run/motion.json for `budget` samples, in whole rounds; returns the policy's record.
+
+    Writes a checkpoint twice a minute and at the end or on Ctrl-C, from which the next call goes on unless
+    `resume` is False, as if there had been one call (but that each call's last policy is tried too); then
+    policy.safetensors, which is the policy of the best trial (`trial.py`), policy.json, and TensorBoard's
+    curves. A checkpoint of another motion or of other settings is not taken up but kept as
+    checkpoint.previous.safetensors.
+    A motion that the gate (retarget/gate.py) refuses is not trained on unless `anyway`.
+    minutes: of all calls together, after which it ends even if the budget is not spent.
+    workers: processes that simulate, by default one for every core; threads with a rival. They are spawned: a
+    script of one's own calls this below `if __name__ == "__main__"`. engine: of `engines.py`. One may go on
+    with another engine or another number of workers, but only with the same ones to the last bit.
+    scenario: what befalls the figures all the while (`scenario.py`), each episode by a draw of its own.
+    config: settings of one's own, seed, budget and scenario among them, in place of a preset and a seed.
+    """
+    watch = Stopwatch()
+    engine = resolve(engine)
+    motion = motion_from_json(run / "motion.json")
+    admit(run, anyway=anyway)
+    if config is None:
+        config = preset(preset_name, seed=seed)
+    if scenario is not None:
+        config = replace(config, env=replace(config.env, scenario=scenario))
+    if config.env.scenario is not None:
+        check(config.env.scenario, reference_for(motion, config.env.scenario))
+    if budget is not None:
+        config = replace(config, budget=budget)
+    if config.budget < 1:
+        raise KinemimicError(f"expected a budget of at least one sample, found {config.budget}")
+    if config.rival is not None:
+        require_package()
+    # A worker holds one figure at least.
+    count = min(workers or len(os.sched_getaffinity(0)), config.environments)
+    # A rival's small products gain little from a second thread, and lose much where a core is busy: threads
+    # spin until the last one is there. With one, the number of workers changes not a bit.
+    torch.set_num_threads(count if config.rival is None else 1)
+    learner = _learner(config, motion, engine, count)
+    training = Training(learner)
+    saved = run / CHECKPOINT
+    resumed = resume and saved.exists() and checkpoint.restore(saved, training, motion.identity)
+    state = training.learner.progress
+    if state.samples >= config.budget + config.batch:
+        raise KinemimicError(
+            f"{saved}: expected at most the budget of {config.budget} samples, found "
+            f"{state.samples}; train with --no-resume, or into another run folder"
+        )
+    if saved.exists() and not resumed:
+        saved.replace(run / PREVIOUS)
+    seconds = None if minutes is None else 60.0 * minutes
+    if not is_complete(training, seconds):
+        with _practice(learner, motion, engine, count, watch) as practice:
+            Rounds(training, practice, motion, saved, watch, seconds).go(run / CURVES)
+    record = _record(training, motion, engine)
+    if training.best is not None:
+        policy = run / POLICY
+        # Killed between the two files, it leaves a policy without a record rather than with another's.
+        policy.with_suffix(".json").unlink(missing_ok=True)
+        training.best.save(policy, record)
+    return record
+
+
+def _learner(config: TrainConfig, motion: Motion, engine: str, threads: int) -> Learning:
+    if config.rival is None:
+        return Learner(config)
+    from kinemimic.train.baselines.runner import RivalLearner  # noqa: PLC0415 (may not be installed)
+
+    return RivalLearner(config, motion, engine, threads)
+
+
+@contextmanager
+def _practice(
+    learner: Learning, motion: Motion, engine: str, count: int, watch: Stopwatch
+) -> Iterator[Practice]:
+    if isinstance(learner, Learner):
+        config = learner.config
+        with Workers(motion, config.env, config.environments, config.seed, count, engine) as crew:
+            yield PpoPractice(learner, crew, watch)
+        return
+    from kinemimic.train.baselines.runner import RivalLearner, RivalPractice  # noqa: PLC0415 (may not be installed)
+
+    assert isinstance(learner, RivalLearner)  # noqa: S101 (for the type's sake)
+    try:
+        yield RivalPractice(learner, watch)
+    finally:
+        learner.env.close()
+
+
+def _record(training: Training, motion: Motion, engine: str) -> dict[str, Any]:
+    """policy.json, but for its schema."""
+    config, state, trials = training.learner.config, training.learner.progress, training.trials
+    return {
+        "preset": config.preset,
+        "engine": engine,
+        "samples": state.samples,
+        "exploded": state.exploded,
+        "seconds": round(sum(state.seconds_by.values()), 1),
+        "seconds_by": {name: round(value, 2) for name, value in state.seconds_by.items()},
+        "seed": config.seed,
+        "best": best(trials).to_json(),
+        "first_walk": first_walk(trials),
+        "trials": [trial.to_json() for trial in trials],
+        **training.learner.notes(),
+        "config": config.to_json(),
+        "mirrored": mirrored(config.env, Reference(motion)),
+        "simulated": motion.simulated,
+        "provenance": provenance(
+            "train", inputs={"motion": motion.identity}, config=config.to_json(), seed=config.seed
+        ),
+    }
+
+
+@click.command("train")
+@run_option()
+@click.option(
+    "--preset",
+    "preset_name",
+    type=click.Choice(list(PRESETS)),
+    default="default",
+    show_default=True,
+    help="A named set of training settings.",
+)
+@click.option(
+    "--budget",
+    type=samples,
+    help="Samples (control steps) of all calls together, such as 1e6; the preset's by default.",
+)
+@click.option(
+    "--minutes",
+    type=MINUTES,
+    help="End after so many minutes of all calls together, if the budget lasts longer.",
+)
+@click.option(
+    "--seed", type=click.IntRange(min=0), default=0, show_default=True, help="Of all that is drawn at random."
+)
+@workers_option
+@engine_option
+@click.option(
+    "--resume/--no-resume", default=True, show_default=True, help="Go on from the run's checkpoint."
+)
+@click.option("--anyway", is_flag=True, help="Train on a motion that the gate before training refuses.")
+@click.option("--scenario", "named", metavar="NAME", help="Train in it: one that ships, or a TOML file.")
+@click.option("--json", "as_json", is_flag=True, help="Print the policy's record as JSON.")
+def command(
+    run: Path,
+    preset_name: str,
+    budget: int | None,
+    minutes: float | None,
+    seed: int,
+    workers: int | None,
+    engine: str,
+    resume: bool,
+    anyway: bool,
+    named: str | None,
+    as_json: bool,
+) -> None:
+    """Train a policy that imitates the run's motion in Bullet, by PPO or, with its preset, by a rival.
+
+    \b
+      kinemimic train --run runs/walk --minutes 5
+      kinemimic train --run runs/walk --preset robust --budget 3e6 --seed 1
+    """
+    record = train(
+        run,
+        preset_name=preset_name,
+        budget=budget,
+        minutes=minutes,
+        seed=seed,
+        workers=workers,
+        engine=engine,
+        resume=resume,
+        anyway=anyway,
+        scenario=None if named is None else read(named),
+    )
+    if as_json:
+        click.echo(json.dumps(record, indent=2))
+    else:
+        rate = record["samples"] / max(record["seconds"], 1e-9)
+        click.echo(
+            f"{record['samples']:,} samples in {record['seconds']:.0f} s ({rate:,.0f}/s), preset "
+            f"{record['preset']}, seed {record['seed']}, {record['engine']} engine: {run / POLICY}"
+        )
+        kept = Trial(**record["best"])
+        click.echo(
+            f"kept, as the best: the policy of {kept.samples:,} samples: {kept.frames} of {kept.of} frames, "
+            f"R² {kept.knee:.3f} knee, {kept.hip:.3f} hip, {100 * kept.reward:.1f} % of the reward"
+            + ("" if kept.endured is None else f", {100 * kept.endured:.1f} % under hardships")
+        )
+        if record["mirrored"]:
+            click.echo("the second half of the cycle is performed as the first in a mirror")
+        if record["exploded"]:
+            click.echo(f"{record['exploded']:,} figures exploded in the simulation and were set back")
+        click.echo(table(record["seconds_by"]))

@@ -1,0 +1,63 @@
+"""Actor and critic of the paper's Fig. 1, what they see, and the policy that is stored of them."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import torch
+from numpy.typing import NDArray
+from torch import Tensor
+
+from kinemimic.train.ppo.mlp import Mlp, choose_products
+from kinemimic.train.rollout.policy import Policy, normalized
+
+
+class ActorCritic:
+    """Two networks of the same hidden sizes, and the logarithm of the noise (actions,).
+
+    The actor's output is the mean of a Gaussian, the critic's the value (N, 1).
+    """
+
+    def __init__(self, observations: int, actions: int, hidden: tuple[int, ...], noise: float) -> None:
+        products = choose_products()
+        self.actor = Mlp((observations, *hidden, actions), 0.01, products)
+        self.critic = Mlp((observations, *hidden, 1), 1.0, products)
+        self.log_noise = torch.full((actions,), math.log(noise))
+
+
+class Normalizer:
+    """Running mean and variance of observations, merged batch by batch (Chan et al. 1979)."""
+
+    def __init__(self, size: int) -> None:
+        self.count = 0.0
+        self.mean: NDArray[np.float64] = np.zeros(size)
+        self.squares: NDArray[np.float64] = np.zeros(size)
+
+    def update(self, batch: NDArray[np.floating]) -> None:
+        """Merge a batch (N, O)."""
+        rows = batch.astype(np.float64)
+        mean, count = rows.mean(axis=0), float(len(rows))
+        shift, total = mean - self.mean, self.count + count
+        rows -= mean
+        self.squares += np.einsum("no,no->o", rows, rows) + shift**2 * self.count * count / total
+        self.mean = self.mean + shift * count / total
+        self.count = total
+
+    @property
+    def scale(self) -> NDArray[np.float64]:
+        """Standard deviation, at least 1e-3 so that constant entries stay tame."""
+        if self.count < 2:
+            return np.ones_like(self.mean)
+        return np.maximum(np.sqrt(self.squares / self.count), 1e-3)
+
+    def apply(self, observations: NDArray[np.floating]) -> Tensor:
+        """Normalised and clipped, float32, as the stored policy does it."""
+        mean, scale = self.mean.astype(np.float32), self.scale.astype(np.float32)
+        return torch.from_numpy(normalized(observations, mean, scale))
+
+
+def export(net: ActorCritic, normalizer: Normalizer) -> Policy:
+    """The actor with its normaliser, for rollouts and for a file."""
+    layers = tuple((weight.numpy().copy(), bias.numpy().copy()) for weight, bias in net.actor.layers)
+    return Policy(layers, normalizer.mean.astype(np.float32), normalizer.scale.astype(np.float32))

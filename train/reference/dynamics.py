@@ -1,0 +1,115 @@
+"""Torques that a reference asks of its joints, by inverse dynamics with the contacts that it implies.
+
+Newton and Euler give each body's force and moment from its motion. What gravity and inertia leave must come
+from the ground: forces in friction cones at points of the body that are low and slow, found by non-negative
+least squares. What no such forces explain (a recorded motion is never quite possible) stays at the root,
+which has no motor. Torques then follow from the leaves to the root (Featherstone 2008, chapter 5).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.optimize import nnls
+
+from kinemimic.pipeline.arrays import Array
+from kinemimic.pipeline.kinematics.rotations import conjugate, rotate
+from kinemimic.retarget.humanoid.body import BODIES, BODY_PARENTS, Body
+from kinemimic.train.sim.world import FRICTION, GRAVITY, BodyStates
+
+# A point carries the less, the higher over the ground and the faster it is.
+HEIGHT = 0.015  # m
+SPEED = 0.4  # m/s
+BEYOND = 3.0  # times these it carries nothing
+COST = 1e-3  # of a newton at a point that lies still on the ground, against one newton unexplained
+STEPS = 100  # of the solver per unknown, at most: corners of one sole are alike, and its own 3 can be too few
+LEVER = 0.3  # m: a newton metre unexplained counts as a newton at this distance
+CONE = FRICTION / np.sqrt(2.0) * np.array([[1, 1], [1, -1], [-1, 1], [-1, -1]])  # edges, inside the cone
+
+
+def _points(body: Body) -> Array:
+    """Points (P, 4) by which a body can touch the ground: from its centre in its frame, and a radius."""
+    x, y, z = (0.5 * s for s in body.size)
+    if body.shape == "box":
+        corners = [(a * x, b * y, c * z, 0.0) for a in (-1, 1) for b in (-1, 1) for c in (-1, 1)]
+        return np.array(corners)
+    if body.shape == "sphere":
+        return np.array([[0.0, 0.0, 0.0, x]])
+    return np.array([[0.0, 0.0, sign * (z - x), x] for sign in (-1, 1)])
+
+
+_POINTS = [(index, _points(body)) for index, body in enumerate(BODIES)]
+_OWNER = np.concatenate([np.full(len(points), index) for index, points in _POINTS])
+_PLACES = np.concatenate([points for _, points in _POINTS])
+_MASSES = np.array([body.mass for body in BODIES])
+_INERTIAS = np.array([body.inertia for body in BODIES])
+_CENTERS = np.array([body.center for body in BODIES])
+
+
+@dataclass(frozen=True)
+class Efforts:
+    """torques: (T, 14, 3) of each joint on its child, in the child's frame, N·m;
+    ground: (T, 3) force of the ground on the whole figure, N; missing: (T, 6) force and moment about the
+    pelvis that nothing explains, N and N·m, in the world."""
+
+    torques: Array
+    ground: Array
+    missing: Array
+
+
+def efforts(bodies: BodyStates, linear_rate: Array, angular_rate: Array) -> Efforts:
+    """What motions of the 15 bodies (T, 15, ...) take, given their accelerations (T, 15, 3) in the world."""
+    frames = len(bodies.positions)
+    spin = rotate(conjugate(bodies.rotations), bodies.angular)
+    turn = rotate(conjugate(bodies.rotations), angular_rate)
+    forces = _MASSES[:, None] * (linear_rate + np.array([0.0, 0.0, GRAVITY]))
+    moments = rotate(bodies.rotations, _INERTIAS * turn + np.cross(spin, _INERTIAS * spin))
+    joints = bodies.positions - rotate(bodies.rotations, np.broadcast_to(_CENTERS, (frames, 15, 3)))
+
+    arms = rotate(bodies.rotations[:, _OWNER], np.broadcast_to(_PLACES[:, :3], (frames, len(_OWNER), 3)))
+    places = bodies.positions[:, _OWNER] + arms
+    places[..., 2] -= _PLACES[:, 3]
+    velocities = bodies.linear[:, _OWNER] + np.cross(
+        bodies.angular[:, _OWNER], places - bodies.positions[:, _OWNER]
+    )
+    height = np.maximum(places[..., 2], 0.0) / HEIGHT
+    slip = np.sqrt(np.sum(velocities**2, axis=-1)) / SPEED
+    pushes = np.concatenate([CONE, np.ones((4, 1))], axis=1)  # (4, 3): force per unit along each edge
+
+    root = joints[:, 0]
+    wanted = np.concatenate(
+        [
+            forces.sum(axis=1),
+            (moments + np.cross(bodies.positions - root[:, None], forces)).sum(axis=1) / LEVER,
+        ],
+        axis=-1,
+    )
+    contact = np.zeros((frames, len(_OWNER), 3))
+    for t in range(frames):
+        near = np.flatnonzero((height[t] < BEYOND) & (slip[t] < BEYOND))
+        if not len(near):
+            continue
+        unit = np.repeat(pushes[None], len(near), axis=0)  # (P, 4, 3)
+        moment = np.cross((places[t, near] - root[t])[:, None], unit) / LEVER
+        matrix = np.concatenate([unit, moment], axis=-1).reshape(-1, 6).T  # (6, 4 P)
+        cost = COST * np.exp(0.5 * (height[t, near] ** 2 + slip[t, near] ** 2))
+        system = np.concatenate([matrix, np.diag(np.repeat(cost, 4))])
+        found, _ = nnls(
+            system, np.concatenate([wanted[t], np.zeros(4 * len(near))]), maxiter=STEPS * 4 * len(near)
+        )
+        contact[t, near] = np.einsum("pk,pki->pi", found.reshape(-1, 4), unit)
+
+    for point, owner in enumerate(_OWNER):
+        forces[:, owner] -= contact[:, point]
+        moments[:, owner] -= np.cross(places[:, point] - bodies.positions[:, owner], contact[:, point])
+    # From the leaves on: what a body needs, it takes from its joint, whose parent then needs that much more.
+    force, moment = forces.copy(), moments + np.cross(bodies.positions - joints, forces)
+    for index in range(len(BODIES) - 1, 0, -1):
+        parent = BODY_PARENTS[index]
+        force[:, parent] += force[:, index]
+        moment[:, parent] += moment[:, index] + np.cross(
+            joints[:, index] - joints[:, parent], force[:, index]
+        )
+    torques = rotate(conjugate(bodies.rotations[:, 1:]), moment[:, 1:])
+    return Efforts(torques, contact.sum(axis=1), np.concatenate([force[:, 0], moment[:, 0]], axis=-1))

@@ -1,0 +1,29 @@
+"""Where a reference goes."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from kinemimic.pipeline.kinematics.rotations import rotate
+from kinemimic.retarget.humanoid.body import BODY_INDEX
+from kinemimic.train.reference.reference import Reference
+
+_STROLL = 0.1  # m/s: a slower reference goes nowhere, and is taken to go as its pelvis faces
+
+
+def heading(reference: Reference, phase: float) -> float:
+    """Where the reference goes at a phase, in radians about the vertical from the x-axis.
+
+    The way of its root over the cycle around the phase (over a second of a single performance); if it hardly
+    gets anywhere, the way its pelvis faces.
+    """
+    seconds = reference.duration if reference.cyclic else 1.0
+    around = phase + np.array([-0.5, 0.5]) * seconds / reference.duration
+    before, after = reference.root(around)
+    way = after - before
+    if math.hypot(way[0], way[1]) < _STROLL * seconds:
+        pelvis = reference.bodies(np.array([phase])).rotations[:, BODY_INDEX["pelvis"]]
+        way = rotate(pelvis, np.array([[1.0, 0.0, 0.0]]))[0]
+    return math.atan2(way[1], way[0])

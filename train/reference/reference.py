@@ -1,0 +1,193 @@
+"""The reference as the simulation needs it: any time, with velocities, from dense tables."""
+
+from __future__ import annotations
+
+from functools import cached_property
+
+import numpy as np
+from scipy.interpolate import CubicSpline, interp1d
+
+from kinemimic.pipeline.arrays import Array
+from kinemimic.pipeline.kinematics.clip import forward_kinematics
+from kinemimic.pipeline.kinematics.rotations import (
+    conjugate,
+    continuous,
+    from_rotvec,
+    multiply,
+    normalize,
+    rotate,
+    to_rotvec,
+)
+from kinemimic.pipeline.kinematics.skeleton import node_skeleton
+from kinemimic.retarget.humanoid.body import BODIES, BODY_NODES
+from kinemimic.retarget.humanoid.motion import Motion
+from kinemimic.train.reference.dynamics import efforts
+from kinemimic.train.sim.world import BodyStates, Poses
+
+_TABLE_RATE = 960.0  # Hz: linear steps between its rows err by less than 0.01 degrees on a run
+_EFFORT_RATE = 120.0  # Hz of the torques, from accelerations over two of its steps
+_LARGEST_SHARE = 0.7  # of a joint's torque limit that goes into the feed-forward: the rest balances
+
+
+class Reference:
+    """A motion sampled by phase (0 to 1 over its duration, not wrapped).
+
+    A cyclic motion goes on for ever, advancing by its cycle offset; any other holds its last frame.
+    """
+
+    def __init__(self, motion: Motion) -> None:
+        self.cyclic = motion.cyclic
+        self.duration = motion.duration
+        self._offset = motion.cycle_offset
+        rows = round(self.duration * _TABLE_RATE) + 1
+        phase = np.linspace(0.0, 1.0, rows)
+        root, rotations = _resample(motion, phase)
+        step = self.duration / (rows - 1)
+        centers = np.array([body.center for body in BODIES])
+        translations = np.broadcast_to(motion.offsets, (rows, *motion.offsets.shape)).copy()
+        translations[:, 0] = root
+        nodes, world = forward_kinematics(node_skeleton(motion.offsets), translations, rotations)
+        rotation = world[:, BODY_NODES]
+        position = nodes[:, BODY_NODES] + rotate(rotation, np.broadcast_to(centers, (rows, *centers.shape)))
+        joints = rotations[:, BODY_NODES[1:]]
+        # What is asked for together lies together: a row of a table is one look-up.
+        self._root = root
+        self._nodes = rotations
+        self._bodies = np.concatenate(
+            [
+                position,
+                self._rate(position, step, self._offset),
+                self._turn(rotation, step, world=True),
+                rotation,
+            ],
+            axis=-1,
+        )
+        speeds = self._turn(joints, step, world=False)
+        self._joints = np.concatenate([joints, speeds], axis=-1)
+        self._phase = phase
+
+    @cached_property
+    def _targets(self) -> Array:
+        """Table of `targets`: its inverse dynamics take longer than all the rest, and not all need them."""
+        joints, speeds = self._joints[..., 0:4], self._joints[..., 4:7]
+        led = continuous(multiply(joints, from_rotvec(self._leads(self._phase))))
+        return np.concatenate([led, speeds], axis=-1)
+
+    def _rate(self, values: Array, step: float, offset: Array) -> Array:
+        if self.cyclic:
+            before, after = values[-2:-1] - offset, values[1:2] + offset
+            padded = np.concatenate([before, values, after])
+            return np.asarray((padded[2:] - padded[:-2]) / (2.0 * step))
+        return np.asarray(np.gradient(values, step, axis=0))
+
+    def _turn(self, q: Array, step: float, *, world: bool) -> Array:
+        """Angular velocity by central differences, in the world or in the turning frame itself."""
+        before, after = (q[-2:-1], q[1:2]) if self.cyclic else (q[:1], q[-1:])
+        padded = np.concatenate([before, q, after])
+        a, b = padded[:-2], padded[2:]
+        change = to_rotvec(multiply(b, conjugate(a)) if world else multiply(conjugate(a), b))
+        width = np.full(len(q), 2.0 * step)
+        if not self.cyclic:
+            width[[0, -1]] = step
+        return np.asarray(change / width.reshape(-1, *([1] * (q.ndim - 1))))
+
+    def _leads(self, phase: Array) -> Array:
+        """How far (N, 14, 3) at phases (N,), as rotation vectors, a target has to lead its joint so that the
+        stable PD's stiffness gives the torque that the motion takes there."""
+        at = np.linspace(0.0, 1.0, max(2, round(self.duration * _EFFORT_RATE) + 1))
+        step = 1.0 / (_EFFORT_RATE * self.duration)
+        first, last = at - step, at + step
+        if not self.cyclic:
+            # Nothing is known of before and after.
+            first, last = np.maximum(first, 0.0), np.minimum(last, 1.0)
+        # Straight ahead, also where it is steered (`route.py`).
+        before, now, after = (Reference.bodies(self, moment) for moment in (first, at, last))
+        rate = 1.0 / ((last - first) * self.duration)[:, None, None]
+        found = efforts(now, rate * (after.linear - before.linear), rate * (after.angular - before.angular))
+        limits, stiffness = (
+            np.array([[getattr(body, name)] for body in BODIES[1:]]) for name in ("torque_limit", "stiffness")
+        )
+        leads = np.clip(found.torques, -_LARGEST_SHARE * limits, _LARGEST_SHARE * limits) / stiffness
+        return np.asarray(interp1d(at, leads, axis=0)(phase))
+
+    def _sample(self, table: Array, phase: Array) -> Array:
+        """Rows (..., table's own shape) at phases (...), linear between those of the table."""
+        fraction = phase - np.floor(phase) if self.cyclic else np.minimum(np.maximum(phase, 0.0), 1.0)
+        place = fraction * (len(table) - 1)
+        low = np.minimum(place.astype(np.intp), len(table) - 2)
+        rows = table.reshape(len(table), -1)
+        value, change = rows.take(low, axis=0), rows.take(low + 1, axis=0)
+        change -= value
+        change *= (place - low)[..., None]
+        value += change
+        return value.reshape(*phase.shape, *table.shape[1:])
+
+    def _advance(self, positions: Array, phase: Array) -> None:
+        """Carry positions (..., 3) or (..., 15, 3) on by the offset of the laps that are behind."""
+        if self.cyclic:
+            laps = np.floor(phase).reshape(*phase.shape, *[1] * (positions.ndim - phase.ndim))
+            positions += laps * self._offset
+
+    def _stop(self, velocities: Array, phase: Array) -> None:
+        """Nothing moves after the last frame of a motion that is not cyclic."""
+        if not self.cyclic:
+            velocities[phase > 1.0] = 0.0
+
+    def bodies(self, phase: Array) -> BodyStates:
+        """The 15 bodies (..., 15, 3 or 4) at phases (...)."""
+        row = self._sample(self._bodies, phase)
+        self._advance(row[..., 0:3], phase)
+        self._stop(row[..., 3:9], phase)
+        return BodyStates(row[..., 0:3], normalize(row[..., 9:13]), row[..., 3:6], row[..., 6:9])
+
+    def poses(self, phase: Array) -> Poses:
+        """Full states at phases (E,), to set figures to."""
+        bodies = self.bodies(phase)
+        joints, velocities = self.joints(phase)
+        return Poses(
+            self.root(phase),
+            bodies.rotations[:, 0],
+            bodies.linear[:, 0],
+            bodies.angular[:, 0],
+            joints,
+            velocities,
+        )
+
+    def root(self, phase: Array) -> Array:
+        """Hip centre (..., 3) at phases (...)."""
+        root = self._sample(self._root, phase)
+        self._advance(root, phase)
+        return root
+
+    def nodes(self, phase: Array) -> Array:
+        """Local node rotations (..., 20, 4) at phases (...)."""
+        return normalize(self._sample(self._nodes, phase))
+
+    def joints(self, phase: Array) -> tuple[Array, Array]:
+        """Joint rotations (..., 14, 4) and velocities (..., 14, 3) in the child's frame at phases (...)."""
+        row = self._sample(self._joints, phase)
+        self._stop(row[..., 4:7], phase)
+        return normalize(row[..., 0:4]), row[..., 4:7]
+
+    def targets(self, phase: Array) -> tuple[Array, Array]:
+        """What the stable PD is to follow, in the form of `joints`: rotations ahead of the reference's by as
+        much as gives the torques that the motion takes, and the reference's velocities."""
+        row = self._sample(self._targets, phase)
+        self._stop(row[..., 4:7], phase)
+        return normalize(row[..., 0:4]), row[..., 4:7]
+
+
+def _resample(motion: Motion, phase: Array) -> tuple[Array, Array]:
+    """Root and node rotations at phases (N,) by cubic splines, closed over the loop if cyclic."""
+    root, rotations = motion.root, motion.rotations
+    if not motion.cyclic:
+        at = np.linspace(0.0, 1.0, len(root))
+        return CubicSpline(at, root)(phase), normalize(CubicSpline(at, rotations)(phase))
+    at = np.linspace(0.0, 1.0, len(root) + 1)
+    drift = at[:, None] * motion.cycle_offset
+    # The loop closes on the same rotation, perhaps with the other sign; local ones stay near the identity.
+    level = np.concatenate([root, root[:1] + motion.cycle_offset]) - drift
+    level[-1] = level[0]
+    closed = np.concatenate([rotations, rotations[:1]])
+    path = CubicSpline(at, level, bc_type="periodic")(phase) + phase[:, None] * motion.cycle_offset
+    return path, normalize(CubicSpline(at, closed, bc_type="periodic")(phase))

@@ -1,0 +1,164 @@
+"""A policy as ONNX, for whoever runs it elsewhere: raw observations in, actions out, all else as metadata."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import onnx
+from numpy.typing import NDArray
+from onnx import TensorProto, helper, numpy_helper
+
+from kinemimic.pipeline.files.store import atomic
+from kinemimic.retarget.humanoid.body import BODIES, BODY_NAMES
+from kinemimic.train.config.config import EnvConfig, TrainConfig
+from kinemimic.train.rollout.policy import OBSERVATION_CLIP, Policy
+from kinemimic.train.sim.world import CONTROL_RATE, SUBSTEPS, TIME_STEP
+from kinemimic.train.task.env import ACTION_SCALE, ACTIONS
+from kinemimic.train.task.mirror import of_action, of_observation
+
+# Of 2022, and nothing newer is needed: every runtime in use reads them.
+OPSET, IR = 17, 8
+OBSERVATION, ACTION = "observation", "action"
+_ACTIVATIONS = {"tanh": "Tanh", "relu": "Relu"}
+
+
+def onnx_model(policy: Policy, record: Mapping[str, Any]) -> onnx.ModelProto:
+    """The graph (N, O) -> (N, 42) in float32: normalise, clip, layers; N is free.
+
+    record: policy.json. What the numbers mean stands in the metadata (`metadata`).
+    """
+    arrays: dict[str, NDArray[Any]] = {
+        "mean": policy.mean,
+        "scale": policy.scale,
+        "low": np.array(-OBSERVATION_CLIP, np.float32),
+        "high": np.array(OBSERVATION_CLIP, np.float32),
+    }
+    nodes = [
+        helper.make_node("Sub", [OBSERVATION, "mean"], ["centred"]),
+        helper.make_node("Div", ["centred", "scale"], ["level"]),
+        helper.make_node("Clip", ["level", "low", "high"], ["clipped"]),
+    ]
+    flow, last = "clipped", len(policy.layers) - 1
+    for k, (weight, bias) in enumerate(policy.layers):
+        arrays |= {f"actor.{k}.weight": weight, f"actor.{k}.bias": bias}
+        name = ACTION if k == last else f"sum.{k}"
+        # Gemm is weight · x + bias, the weights (out, in) as they lie.
+        inputs = [flow, f"actor.{k}.weight", f"actor.{k}.bias"]
+        nodes.append(helper.make_node("Gemm", inputs, [name], transB=1))
+        if k != last:
+            flow = f"hidden.{k}"
+            nodes.append(helper.make_node(_ACTIVATIONS[policy.activation], [name], [flow]))
+    if policy.bound is not None:
+        nodes[-1].output[0] = "free"
+        arrays["bound"] = np.array(policy.bound, np.float32)
+        nodes += [
+            helper.make_node("Tanh", ["free"], ["share"]),
+            helper.make_node("Mul", ["share", "bound"], [ACTION]),
+        ]
+    observations, actions = policy.shape
+    graph = helper.make_graph(
+        nodes,
+        "policy",
+        [helper.make_tensor_value_info(OBSERVATION, TensorProto.FLOAT, ["N", observations])],
+        [helper.make_tensor_value_info(ACTION, TensorProto.FLOAT, ["N", actions])],
+        [numpy_helper.from_array(np.ascontiguousarray(array), name) for name, array in arrays.items()],
+    )
+    model = helper.make_model(
+        graph, opset_imports=[helper.make_opsetid("", OPSET)], ir_version=IR, producer_name="kinemimic"
+    )
+    helper.set_model_props(model, metadata(record))
+    onnx.checker.check_model(model, full_check=True)
+    return model
+
+
+def write_onnx(path: Path, policy: Policy, record: Mapping[str, Any]) -> None:
+    """Write `onnx_model` to `path`, the same bytes for the same policy."""
+    content = onnx_model(policy, record).SerializeToString(deterministic=True)
+    with atomic(path) as temporary:
+        temporary.write_bytes(content)
+
+
+def layout(config: EnvConfig) -> list[dict[str, Any]]:
+    """What stands where in an observation (`ImitationBatch.observe`), part by part.
+
+    Vectors are of the world, turned about the vertical so that x is where the pelvis faces; bodies stand in
+    the sequence of BODY_NAMES, x, y, z of each together.
+    """
+    bodies = len(BODIES)
+    parts = [
+        ("phase", 2, "sine and cosine of 2π times the phase of a loop, of π times that of a performance"),
+        ("height", 1, "of the pelvis' centre over the ground, m"),
+        ("rotations", 6 * bodies, "x and y axis of every body"),
+        ("positions", 3 * (bodies - 1), "centre of mass of every body but the pelvis, from the pelvis, m"),
+        ("linear", 3 * bodies, "velocity of every body's centre of mass, m/s"),
+        ("angular", 3 * bodies, "velocity of every body, rad/s"),
+        *(
+            (
+                f"turns_{k}",
+                3 * bodies,
+                "rotation vectors from the pose now to the reference's, rad: the pelvis in its own frame, "
+                f"then the joints in the child's; the reference {k} control steps ahead",
+            )
+            for k in config.preview
+        ),
+        *(
+            (f"way_{k}", 2, f"x, y from the pelvis to the reference's {k} control steps ahead, m, within ±1")
+            for k in config.preview
+        ),
+    ]
+    rows: list[dict[str, Any]] = []
+    start = 0
+    for name, size, what in parts:
+        rows.append({"name": name, "start": start, "size": size, "what": what})
+        start += size
+    return rows
+
+
+def _mirror(previews: int) -> dict[str, Any]:
+    """What is to be done in the second half of a mirrored cycle (`mirror.py`)."""
+    tables = {"observation": of_observation(previews), "action": of_action()}
+    return {
+        "what": "at phases from a half to one, number k of the observation is sign[k] times number source[k] "
+        "of the layout above, and number k of what goes to the motors is sign[k] times action source[k]",
+        **{
+            name: {"source": sources.tolist(), "sign": signs.astype(int).tolist()}
+            for name, (sources, signs) in tables.items()
+        },
+    }
+
+
+def metadata(record: Mapping[str, Any]) -> dict[str, str]:
+    """What a user has to know to drive a body with the actions; values other than text are JSON."""
+    config = TrainConfig.from_json(record["config"]).env
+    scale = ACTION_SCALE if config.residual else np.ones(ACTIONS)
+    base = "the reference's joint" if config.residual else "the identity"
+    lead = " times its lead (train/dynamics.py)" if config.residual and config.torque_feedforward else ""
+    values: dict[str, Any] = {
+        "observation": layout(config),
+        "conventions": "m, s, rad; x forward, y left, z up; quaternions child to parent",
+        "bodies": list(BODY_NAMES),
+        "joints": [body.name for body in BODIES[1:]],
+        "joint_parents": [body.parent for body in BODIES[1:]],
+        "action": "three numbers a joint, in the sequence of joints: times action_scale, a rotation vector "
+        f"in the child's frame; target = {base}{lead} times the rotation of that vector",
+        "action_scale": scale.tolist(),
+        "mirror": _mirror(len(config.preview)) if record["mirrored"] else "none",
+        "control_rate_hz": CONTROL_RATE,
+        "physics_step_s": TIME_STEP,
+        "physics_steps_per_action": SUBSTEPS,
+        "pd": "stable PD; target velocity is "
+        + ("the reference's" if config.velocity_feedforward else "zero"),
+        "pd_stiffness_nm_per_rad": [body.stiffness for body in BODIES[1:]],
+        "pd_damping_nms_per_rad": [body.damping for body in BODIES[1:]],
+        "torque_limit_nm": [body.torque_limit for body in BODIES[1:]],
+        **{key: record.get(key) for key in ("preset", "seed", "samples", "provenance")},
+    }
+    texts = {
+        key: value if isinstance(value, str) else json.dumps(value, ensure_ascii=False)
+        for key, value in values.items()
+    }
+    return {f"kinemimic.{key}": text for key, text in texts.items()}

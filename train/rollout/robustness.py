@@ -1,0 +1,51 @@
+"""Ordeals: how a policy that trains under hardships does under all of them, without noise.
+
+A calm trial cannot tell: whoever was never pushed does best in it, and falls at the first push. The hardships
+are drawn from seeds of their own, the same for every policy, so that two can be compared.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from kinemimic.train.config.config import EnvConfig, RewardConfig
+from kinemimic.train.reference.reference import Reference
+from kinemimic.train.rollout.policy import Policy
+from kinemimic.train.sim.engines import open_world
+from kinemimic.train.task.domain_randomization import Conditions, draw
+from kinemimic.train.task.env import ImitationBatch
+
+FIGURES = 16
+
+
+class Ordeal:
+    """Figures that face the hardships with some of the numbers 0 to FIGURES - 1, one each."""
+
+    def __init__(self, reference: Reference, config: EnvConfig, numbers: Sequence[int], engine: str) -> None:
+        self._config, self._size = config, len(numbers)
+        self._batch = ImitationBatch(open_world(self._size, engine), reference, config)
+        drawn = [draw(config.hardships, 1.0, np.random.default_rng(number)) for number in numbers]
+        self._conditions = Conditions.joined(drawn)
+        self._seeds = np.array(numbers, dtype=np.uint64)
+        # A cycle is begun all around; what is performed once has one beginning.
+        self._phases = np.array(numbers) / FIGURES if reference.cyclic else np.zeros(self._size)
+
+    def endure(self, policy: Policy, reward: RewardConfig) -> list[float]:
+        """Of each figure the mean reward of an episode, 0 after a fall, as a share of the largest."""
+        batch = self._batch
+        batch.reward = reward
+        batch.reset(np.arange(self._size), self._phases, self._conditions, self._seeds)
+        observations = batch.observe()
+        stands: NDArray[np.bool_] = np.ones(self._size, dtype=np.bool_)
+        total = np.zeros(self._size)
+        for _ in range(self._config.steps):
+            observations = batch.step(policy.act(observations).astype(np.float64)).observations
+            stands &= ~batch.fallen()
+            if not stands.any():
+                break
+            total += stands * batch.terms().sum(axis=1)
+        shares: list[float] = (total / self._config.steps / sum(reward.weights.values())).tolist()
+        return shares

@@ -1,0 +1,133 @@
+"""What a policy did: rollouts of the simulated figure beside the reference that it was asked to perform."""
+
+from __future__ import annotations
+
+import zipfile
+import zlib
+from dataclasses import dataclass, fields
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from kinemimic.pipeline.arrays import Array
+from kinemimic.pipeline.errors import KinemimicError
+from kinemimic.pipeline.files.bounded import MEGABYTE, require_regular
+from kinemimic.pipeline.files.schema import unchanged, upgraded
+from kinemimic.pipeline.files.store import atomic
+
+PLAYBACK_SCHEMA = 1
+_LIMIT = 1024 * MEGABYTE  # five hours of a performance; a walk's take 15 MB
+_AGAIN = "run `evaluate` again"
+
+
+@dataclass(frozen=True)
+class Playback:
+    """S rollouts of F frames at 30 Hz; frame f is the state after f + 1 control steps.
+
+    start_phases: (S,) where in the reference each rollout began, 0 to 1 of its duration;
+    phases: (S, F) the reference's phase at each frame, in durations, not wrapped;
+    root, reference_root: (S, F, 3) hip centre, metres; rotations, reference_rotations: (S, F, 20, 4) local;
+    rewards: (S, F, K) terms in the sequence of reward_names (K,); they are counted after a fall too;
+    fallen_at: (S,) first frame of a fall, F if there was none: the rollout goes on regardless;
+    torques: (S, F, 14) largest torque of each joint within the control step, N·m;
+    contacts: (S, F, 2) left, right foot on the ground;
+    contact_forces: (S, F, 15, 3) force of all contacts on each body in the last physics step, N.
+    """
+
+    start_phases: Array
+    phases: Array
+    root: Array
+    rotations: Array
+    reference_root: Array
+    reference_rotations: Array
+    rewards: Array
+    reward_names: NDArray[np.str_]
+    fallen_at: NDArray[np.int64]
+    torques: Array
+    contacts: NDArray[np.bool_]
+    contact_forces: Array
+
+    def save(self, path: Path) -> None:
+        """Write as .npz, atomically."""
+        with atomic(path) as temporary, temporary.open("wb") as stream:
+            arrays = {f.name: getattr(self, f.name) for f in fields(self)}
+            np.savez_compressed(stream, schema=np.array(PLAYBACK_SCHEMA), **arrays)
+
+    @classmethod
+    def load(cls, path: Path) -> Playback:
+        """Read what `save` wrote; nothing is unpickled. A KinemimicError says what is not so."""
+        require_regular(path, "a playback")
+        try:
+            _check_sizes(path)
+            with np.load(path, allow_pickle=False) as data:
+                header = {"schema": int(data["schema"])} if "schema" in data else {}
+                upgraded(
+                    header,
+                    path,
+                    kind="a playback",
+                    schema=PLAYBACK_SCHEMA,
+                    advice=_AGAIN,
+                    upgrades={0: unchanged},
+                )
+                playback = cls(**{f.name: data[f.name] for f in fields(cls)})
+        except FileNotFoundError:
+            raise KinemimicError(
+                f"{path}: expected a playback, found no file; run `evaluate` first"
+            ) from None
+        # RuntimeError: encrypted, or packed as nobody does; MemoryError: a header that tells lies.
+        except (
+            KeyError, TypeError, ValueError, OSError, EOFError, RuntimeError, MemoryError,
+            zipfile.BadZipFile, zlib.error,
+        ):  # fmt: skip
+            # numpy's own words advise to unpickle what it cannot read.
+            raise KinemimicError(
+                f"{path}: expected a playback, found a damaged or another file, or an earlier version's; "
+                + _AGAIN
+            ) from None
+        if found := playback._misfit():
+            raise KinemimicError(f"{path}: expected a playback, found {found}; {_AGAIN}")
+        return playback
+
+    def _misfit(self) -> str | None:
+        """What is not as the class says, in words."""
+        rollouts, frames = self.phases.shape if self.phases.ndim == 2 else (0, 0)
+        if not rollouts or not frames:
+            return "no rollouts"
+        each, terms = (rollouts, frames), self.reward_names.shape[:1]
+        wanted: dict[str, tuple[tuple[int, ...], str]] = {
+            "start_phases": ((rollouts,), "f"),
+            "phases": (each, "f"),
+            "root": ((*each, 3), "f"),
+            "rotations": ((*each, 20, 4), "f"),
+            "reference_root": ((*each, 3), "f"),
+            "reference_rotations": ((*each, 20, 4), "f"),
+            "rewards": ((*each, *terms), "f"),
+            "reward_names": (terms, "U"),
+            "fallen_at": ((rollouts,), "iu"),
+            "torques": ((*each, 14), "f"),
+            "contacts": ((*each, 2), "b"),
+            "contact_forces": ((*each, 15, 3), "f"),
+        }
+        for name, (shape, kinds) in wanted.items():
+            array = getattr(self, name)
+            if array.shape != shape or array.dtype.kind not in kinds:
+                return f"{name} of shape {array.shape} and type {array.dtype}"
+            if kinds == "f" and not np.isfinite(array).all():
+                return f"{name} that are not finite"
+        if self.fallen_at.min() < 0 or not (np.diff(self.phases) > 0).all():
+            return "falls before the start, or phases that do not increase"
+        return None
+
+
+def _check_sizes(path: Path) -> None:
+    """ValueError where unpacking would take more memory than any playback does.
+
+    Of each array no more is unpacked than the archive's directory says.
+    """
+    with zipfile.ZipFile(path) as archive:
+        infos = archive.infolist()
+    if sum(info.file_size for info in infos) > _LIMIT:
+        raise ValueError("too large")
+    if any(info.compress_type not in (zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED) for info in infos):
+        raise ValueError("packed otherwise than numpy does")

@@ -1,0 +1,176 @@
+"""Workers: processes that share the figures of a training, one for every core."""
+
+from __future__ import annotations
+
+import multiprocessing
+import signal
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import fields
+from multiprocessing.connection import Connection, wait
+from types import TracebackType
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from kinemimic.pipeline.arrays import Floats
+from kinemimic.pipeline.errors import KinemimicError
+from kinemimic.pipeline.parallel.process_pool import inherited
+from kinemimic.retarget.humanoid.motion import Motion
+from kinemimic.train.config.config import EnvConfig, RewardConfig
+from kinemimic.train.rollout.evaluation import Attempt
+from kinemimic.train.rollout.policy import Policy
+from kinemimic.train.rollout.robustness import FIGURES
+from kinemimic.train.rollout.sampler import Figures, Sampler, Samples
+from kinemimic.train.task.stopwatch import summed
+
+
+def answer(sampler: Sampler, request: str, arguments: tuple[Any, ...]) -> Any:
+    """What a worker sends back: what the sampler's method `request` returns; samples packed, with seconds."""
+    found = getattr(sampler, request)(*arguments)
+    return (found.packed(), sampler.seconds) if request == "sample" else found
+
+
+def _serve(
+    connection: Connection,
+    motion: Motion,
+    config: EnvConfig,
+    seeds: list[np.random.SeedSequence],
+    engine: str,
+) -> None:
+    # The parent ends its workers; a signal to the whole group must not take them from it in mid-round.
+    signal.signal(signal.SIGTERM, signal.SIG_IGN)
+    try:
+        try:
+            sampler = Sampler(motion, config, seeds, engine)
+        except KinemimicError as error:
+            connection.send(error)
+            return
+        connection.send(None)  # ready
+        while True:
+            request, arguments = connection.recv()
+            try:
+                found = answer(sampler, request, arguments)
+            except KinemimicError as error:
+                found = error
+            connection.send(found)
+    except (EOFError, ConnectionError):  # the parent is gone
+        return
+
+
+class Workers:
+    """`count` processes that share E figures; use as a context.
+
+    seconds: where the workers' time went in all calls of `sample` so far, mean over the workers.
+    """
+
+    def __init__(
+        self, motion: Motion, config: EnvConfig, environments: int, seed: int, count: int, engine: str
+    ) -> None:
+        self.seconds: dict[str, float] = {}
+        self._count = count
+        seeds = np.random.SeedSequence(seed).spawn(environments)
+        context = multiprocessing.get_context("spawn")
+        self._connections: list[Connection] = []
+        self._processes: list[multiprocessing.process.BaseProcess] = []
+        with inherited():
+            for k in range(count):
+                ours, theirs = context.Pipe()
+                process = context.Process(
+                    target=_serve, args=(theirs, motion, config, seeds[k::count], engine), daemon=True
+                )
+                process.start()
+                theirs.close()
+                self._connections.append(ours)
+                self._processes.append(process)
+        # What it takes to start is not part of the first samples' time.
+        with self._all_alive():
+            _sound([connection.recv() for connection in self._connections])
+
+    @contextmanager
+    def _all_alive(self) -> Iterator[None]:
+        try:
+            yield
+        except (EOFError, ConnectionError):
+            ended = wait([process.sentinel for process in self._processes])
+            lost = next(process for process in self._processes if process.sentinel in ended)
+            lost.join()
+            raise KinemimicError(
+                f"expected {len(self._processes)} processes that simulate, found that one ended, status "
+                f"{lost.exitcode}; if it was killed (-9), memory may be short: train with fewer --workers"
+            ) from None
+
+    def _ask(self, request: str, arguments: Sequence[tuple[Any, ...]]) -> list[Any]:
+        """What each worker's sampler answers to the method `request` with its own arguments."""
+        with self._all_alive():
+            for connection, given in zip(self._connections, arguments, strict=True):
+                connection.send((request, given))
+            return _sound([connection.recv() for connection in self._connections])
+
+    def figures(self) -> Figures:
+        """What the next `sample` begins with, for all figures."""
+        parts = self._ask("figures", [()] * self._count)
+        return {name: _dealt_back([part[name] for part in parts]) for name in parts[0]}
+
+    def place(self, figures: Figures) -> None:
+        """Let the next `sample` begin with these figures; they may come from another number of workers."""
+        count = self._count
+        self._ask("place", [({n: array[k::count] for n, array in figures.items()},) for k in range(count)])
+
+    def attempts(self, policy: Policy, reward: RewardConfig, phases: Sequence[float]) -> list[Attempt]:
+        """Performances from these phases, in their order, as many at a time as there are workers."""
+        count = self._count
+        parts = self._ask("attempts", [(policy, reward, phases[k::count]) for k in range(count)])
+        return [parts[k % count][k // count] for k in range(len(phases))]
+
+    def ordeals(self, policy: Policy, reward: RewardConfig) -> list[float]:
+        """What each of the figures of `ordeal.py` endures, in the sequence of their numbers."""
+        count, numbers = self._count, range(FIGURES)
+        parts = self._ask("ordeals", [(policy, reward, numbers[k::count]) for k in range(count)])
+        return [parts[k % count][k // count] for k in numbers]
+
+    def sample(
+        self, policy: Policy, noise: Floats, reward: RewardConfig, strength: float, steps: int
+    ) -> Samples:
+        """Samples of all workers, figures side by side."""
+        received = self._ask("sample", [(policy, noise, reward, strength, steps)] * self._count)
+        parts = [samples.unpacked() for samples, _ in received]
+        shares = ({name: spent / len(parts) for name, spent in seconds.items()} for _, seconds in received)
+        self.seconds = summed(self.seconds, *shares)
+        joined: dict[str, Any] = {
+            f.name: np.concatenate([getattr(part, f.name) for part in parts], axis=1)
+            for f in fields(Samples)
+            if f.name not in ("lengths", "exploded")
+        }
+        lengths = np.concatenate([part.lengths for part in parts])
+        return Samples(**joined, lengths=lengths, exploded=sum(part.exploded for part in parts))
+
+    def __enter__(self) -> Workers:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        for connection in self._connections:
+            connection.close()
+        for process in self._processes:
+            process.join(timeout=5)
+            if process.is_alive():
+                process.kill()
+
+
+def _sound(answers: list[Any]) -> list[Any]:
+    """The answers, unless one is an error that a worker met."""
+    for found in answers:
+        if isinstance(found, KinemimicError):
+            raise found
+    return answers
+
+
+def _dealt_back(hands: list[NDArray[Any]]) -> NDArray[Any]:
+    """(E, ...) of which each worker holds every count-th row, beginning with its own number."""
+    together = np.empty((sum(map(len, hands)), *hands[0].shape[1:]), dtype=hands[0].dtype)
+    for k, hand in enumerate(hands):
+        together[k :: len(hands)] = hand
+    return together

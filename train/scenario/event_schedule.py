@@ -1,0 +1,180 @@
+"""The course of a trial: what a scenario's draw makes happen to one figure, and when."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from kinemimic.pipeline.arrays import Array
+from kinemimic.pipeline.errors import KinemimicError
+from kinemimic.pipeline.kinematics.rotations import multiply, rotate
+from kinemimic.retarget.humanoid.body import BODIES, BODY_INDEX
+from kinemimic.train.reference.heading import heading
+from kinemimic.train.reference.reference import Reference
+from kinemimic.train.scenario.overlap import clash, overlapped
+from kinemimic.train.scenario.scenario import Placement, Scenario
+from kinemimic.train.sim.world import CONTROL_RATE, GRAVITY, BodyStates, Obstacle
+
+# Obstacles with ranges that reach into the figure are drawn again, so often at most.
+_DRAWS = 50
+_LOOKS = 100  # draws that are tried before a training
+_MASSES = np.array([body.mass for body in BODIES])
+
+
+@dataclass(frozen=True)
+class Course:
+    """begins, ends: (L,) control steps after the start between which a load acts; bodies: (L,) on what;
+    wrenches: (L, 6) force and torque in the world, N and N·m; growing: (L,);
+    friction: None for what the figure has anyway; tilt: (3,) m/s² that a slope adds to gravity;
+    releases: control step and obstacle, in the world, as it is then; in their order in time."""
+
+    begins: NDArray[np.int64]
+    ends: NDArray[np.int64]
+    bodies: NDArray[np.intp]
+    wrenches: Array
+    growing: NDArray[np.bool_]
+    friction: float | None
+    tilt: Array
+    releases: tuple[tuple[int, Obstacle], ...]
+
+    def wrench(self, age: int, mass: float = 1.0) -> Array | None:
+        """(15, 6) on the bodies of the figure, whose masses are `mass` times the nominal ones, in the control
+        step that begins at this age; None for nothing."""
+        acts = (self.begins <= age) & (age < self.ends)
+        if not (acts.any() or self.tilt.any()):
+            return None
+        total = np.zeros((len(BODIES), 6))
+        total[:, :3] = mass * _MASSES[:, None] * self.tilt
+        # What grows has its mean over the step.
+        shares = np.where(self.growing, (age + 0.5 - self.begins) / (self.ends - self.begins), 1.0)
+        np.add.at(total, self.bodies[acts], shares[acts, None] * self.wrenches[acts])
+        return total
+
+    def released(self, before: int) -> list[Obstacle]:
+        """The obstacles that have appeared before a control step, the earliest first."""
+        return [item for step, item in self.releases if step < before]
+
+
+def draw_course(
+    scenario: Scenario, reference: Reference, phase: float, random: np.random.Generator
+) -> Course:
+    """What happens in a trial that begins at a phase.
+
+    KinemimicError if an obstacle lies inside the reference's figure, or in another that appears with it,
+    however often it is drawn.
+    """
+    loads = scenario.loads
+    begins = np.array([_step(load.at.draw(random)) for load in loads], dtype=np.int64)
+    lengths = np.array([max(1, _step(load.lasts.draw(random))) for load in loads], dtype=np.int64)
+    wrenches = np.zeros((len(loads), 6))
+    for k, load in enumerate(loads):
+        turn = _turn(heading(reference, phase + _phases(reference, begins[k])))
+        wrenches[k, :3] = rotate(turn, load.force.draw(random))
+        wrenches[k, 3:] = rotate(turn, load.torque.draw(random))
+    slope = float(scenario.slope.draw(random)[0])
+    along = rotate(_turn(heading(reference, phase)), np.array([math.sin(slope), 0.0, 0.0]))
+    placed: list[tuple[int, Obstacle]] = []
+    for item in scenario.obstacles:
+        placed.append(_place(scenario, placed, item, reference, phase, random))
+    return Course(
+        begins=begins,
+        ends=begins + lengths,
+        bodies=np.array([BODY_INDEX[load.body] for load in loads], dtype=np.intp),
+        wrenches=wrenches,
+        growing=np.array([load.growing for load in loads], dtype=np.bool_),
+        friction=None if scenario.friction is None else float(scenario.friction.draw(random)[0]),
+        tilt=GRAVITY * (np.array([0.0, 0.0, 1.0 - math.cos(slope)]) - along),
+        releases=tuple(sorted(placed, key=lambda release: release[0])),
+    )
+
+
+def check(scenario: Scenario, reference: Reference) -> None:
+    """KinemimicError where a trial cannot be drawn from some phase, as `draw_course` says it."""
+    for number in range(_LOOKS):
+        random = np.random.default_rng(number)
+        draw_course(scenario, reference, float(scenario.phase.draw(random)[0]), random)
+
+
+def _place(
+    scenario: Scenario,
+    placed: Sequence[tuple[int, Obstacle]],
+    item: Placement,
+    reference: Reference,
+    phase: float,
+    random: np.random.Generator,
+) -> tuple[int, Obstacle]:
+    step = _step(item.at.draw(random))
+    then = phase + _phases(reference, step)
+    bodies = reference.bodies(np.array([then]))
+    figure = BodyStates(bodies.positions[0], bodies.rotations[0], bodies.linear[0], bodies.angular[0])
+    ahead, below = _turn(heading(reference, then)), reference.root(np.array([then]))[0] * [1.0, 1.0, 0.0]
+    if scenario.route and step == 0:
+        ahead, below = _turn(0.0), np.zeros(3)
+    for _ in range(_DRAWS):
+        obstacle = _obstacle(item, random)
+        obstacle = replace(
+            obstacle,
+            position=tuple(below + rotate(ahead, np.array(obstacle.position))),
+            rotation=tuple(multiply(ahead, np.array(obstacle.rotation))),
+            velocity=tuple(rotate(ahead, np.array(obstacle.velocity))),
+            spin=tuple(rotate(ahead, np.array(obstacle.spin))),
+        )
+        inside = overlapped(obstacle, figure)
+        if inside is not None:
+            continue
+        others = [k for k, (when, other) in enumerate(placed, 1) if when == step and clash(obstacle, other)]
+        if not others:
+            return step, obstacle
+        inside = f"obstacle {others[0]}"
+    where = f"{inside} {step / CONTROL_RATE:.2f} s after the start, from phase {phase:.2f}"
+    raise KinemimicError(
+        f"scenario {scenario.name}: expected obstacle {len(placed) + 1} ({item.shape}) apart from the figure "
+        f"and from other obstacles, found it in {where}; place it elsewhere"
+    )
+
+
+def _obstacle(item: Placement, random: np.random.Generator) -> Obstacle:
+    """One draw, as the reference would see it from the origin."""
+    size, place = item.size.draw(random), item.position.draw(random)
+    height = size[0] if item.shape == "sphere" else size[2]
+    center = place if len(place) == 3 else np.append(place, 0.5 * height)
+    return Obstacle(
+        shape=item.shape,
+        size=tuple(size),
+        position=tuple(center),
+        rotation=tuple(_turn(float(item.turn.draw(random)[0]))),
+        mass=float(item.mass.draw(random)[0]),
+        velocity=tuple(item.velocity.draw(random)),
+        spin=tuple(item.spin.draw(random)),
+    )
+
+
+def _step(seconds: Array) -> int:
+    return round(float(seconds[0]) * CONTROL_RATE)
+
+
+def _phases(reference: Reference, steps: float) -> float:
+    return float(steps) / (CONTROL_RATE * reference.duration)
+
+
+def _turn(angle: float) -> Array:
+    """(4,) a turn about the vertical."""
+    return np.array([0.0, 0.0, math.sin(0.5 * angle), math.cos(0.5 * angle)])
+
+
+def as_it_is(obstacles: Sequence[Obstacle], states: Array) -> list[Obstacle]:
+    """Obstacles with the states (K, 13) that `World.obstacles` tells."""
+    return [
+        replace(
+            item,
+            position=tuple(state[0:3]),
+            rotation=tuple(state[3:7]),
+            velocity=tuple(state[7:10]),
+            spin=tuple(state[10:13]),
+        )
+        for item, state in zip(obstacles, states.tolist(), strict=True)
+    ]

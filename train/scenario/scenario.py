@@ -1,0 +1,133 @@
+"""Scenarios: what befalls a figure while it performs. Forces, torques, obstacles and the ground, as data.
+
+A scenario is made of ranges; `course.py` draws from them what happens in one trial. Vectors and places are
+(ahead, left, up) in metres, newtons and newton metres as the reference goes at that time; times are seconds
+from the start. `scenario_file.py` reads one from TOML.
+"""
+
+from __future__ import annotations
+
+import json
+from dataclasses import asdict, dataclass
+from typing import Any
+
+import numpy as np
+
+from kinemimic.pipeline.arrays import Array
+from kinemimic.pipeline.errors import KinemimicError
+from kinemimic.retarget.humanoid.body import BODY_NAMES
+from kinemimic.train.sim.world import CONTROL_RATE, Shape
+
+
+@dataclass(frozen=True)
+class Range:
+    """Numbers (n,) that a trial draws, each evenly between its `low` and its `high`."""
+
+    low: tuple[float, ...]
+    high: tuple[float, ...]
+
+    @classmethod
+    def of(cls, *values: float) -> Range:
+        """Always these."""
+        return cls(values, values)
+
+    def draw(self, random: np.random.Generator) -> Array:
+        """(n,)"""
+        return random.uniform(self.low, self.high)
+
+    @classmethod
+    def from_json(cls, value: dict[str, Any]) -> Range:
+        return cls(tuple(value["low"]), tuple(value["high"]))
+
+
+_ZERO, _NOWHERE = Range.of(0.0), Range.of(0.0, 0.0, 0.0)
+
+
+@dataclass(frozen=True)
+class Load:
+    """A force N or a torque N·m (3,), or both, on one body at its centre of mass.
+
+    at: s; lasts: s; growing: from nothing, evenly, to its full size at its end.
+    """
+
+    body: str
+    at: Range
+    lasts: Range
+    force: Range = _NOWHERE
+    torque: Range = _NOWHERE
+    growing: bool = False
+
+    def __post_init__(self) -> None:
+        if self.body not in BODY_NAMES:
+            raise ValueError(f"load: expected a body among {', '.join(BODY_NAMES)}, found {self.body!r}")
+
+
+@dataclass(frozen=True)
+class Placement:
+    """An obstacle that stands in the way, or is thrown.
+
+    size: outer dimensions (3,), m, as in `Obstacle`; position: (2,) where it stands on the ground or (3,) of
+    its centre, m, seen from the point on the ground below the reference's root at that time; turn: rad about
+    the vertical; mass: kg, 0 for what never moves; at: s, when it appears; velocity, spin: (3,) then, in m/s
+    and rad/s.
+    """
+
+    shape: Shape
+    size: Range
+    position: Range
+    turn: Range = _ZERO
+    mass: Range = _ZERO
+    at: Range = _ZERO
+    velocity: Range = _NOWHERE
+    spin: Range = _NOWHERE
+
+
+@dataclass(frozen=True)
+class Scenario:
+    """seconds: of a trial; phase: where in the reference it begins; friction: of the ground under the figure,
+    None for the usual; slope: rad, uphill along the way; route: of a gait, (length in m, turn in rad to the
+    left) one after the other (`route.py`), empty for straight ahead. What stands there from the start has its
+    place seen from where the route begins."""
+
+    name: str
+    about: str = ""
+    seconds: float = 10.0
+    phase: Range = Range((0.0,), (1.0,))
+    friction: Range | None = None
+    slope: Range = _ZERO
+    route: tuple[tuple[float, float], ...] = ()
+    loads: tuple[Load, ...] = ()
+    obstacles: tuple[Placement, ...] = ()
+
+    @property
+    def steps(self) -> int:
+        """Control steps of a trial."""
+        return round(self.seconds * CONTROL_RATE)
+
+    def to_json(self) -> dict[str, Any]:
+        """JSON values that `from_json` reads back."""
+        value: dict[str, Any] = json.loads(json.dumps(asdict(self)))
+        return value
+
+    @classmethod
+    def from_json(cls, value: dict[str, Any]) -> Scenario:
+        """A scenario from JSON values; a KinemimicError says what does not fit."""
+        try:
+            return cls(
+                **{
+                    **_ranges(value),
+                    "route": tuple((length, turn) for length, turn in value["route"]),
+                    "loads": tuple(Load(**_ranges(load)) for load in value["loads"]),
+                    "obstacles": tuple(Placement(**_ranges(item)) for item in value["obstacles"]),
+                }
+            )
+        except (AttributeError, KeyError, TypeError, ValueError) as error:
+            raise KinemimicError(f"expected a scenario, found one that does not fit: {error}") from None
+
+
+def _ranges(value: dict[str, Any]) -> dict[str, Any]:
+    """A table in which every {"low": …, "high": …} has become a Range."""
+    return {
+        name: Range.from_json(item) if isinstance(item, dict) and set(item) == {"low", "high"} else item
+        for name, item in value.items()
+    }

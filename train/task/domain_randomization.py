@@ -1,0 +1,109 @@
+"""What an episode makes hard for a figure: pushes, slippery ground, another weight, late corrections."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, fields, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from kinemimic.pipeline.arrays import Array
+from kinemimic.pipeline.kinematics.rotations import from_rotvec, multiply
+from kinemimic.train.config.config import Hardships
+from kinemimic.train.sim.world import CONTROL_RATE, FRICTION, TIME_STEP, Poses
+
+PUSH_STEPS = 6  # control steps: 0.2 s
+PUSHES = 12  # at most in an episode
+
+
+@dataclass(frozen=True)
+class Conditions:
+    """Of E figures for one episode each.
+
+    begins: (E, PUSHES) control steps after the start; forces: (E, PUSHES, 2) N along x and y of the world;
+    friction, mass: (E,); delay: (E,) physics steps until a correction takes effect;
+    tilts, spins: (E, 15, 3) what the start is off its reference, rad and rad/s, of the root and each joint.
+    """
+
+    begins: Array
+    forces: Array
+    friction: Array
+    mass: Array
+    delay: Array
+    tilts: Array
+    spins: Array
+
+    @classmethod
+    def calm(cls, size: int) -> Conditions:
+        """Nothing hard for any figure."""
+        return cls(
+            begins=np.zeros((size, PUSHES)),
+            forces=np.zeros((size, PUSHES, 2)),
+            friction=np.full(size, FRICTION),
+            mass=np.ones(size),
+            delay=np.zeros(size),
+            tilts=np.zeros((size, 15, 3)),
+            spins=np.zeros((size, 15, 3)),
+        )
+
+    @classmethod
+    def joined(cls, parts: Sequence[Conditions]) -> Conditions:
+        """Of all figures of the parts."""
+        return cls(*(np.concatenate([getattr(part, f.name) for part in parts]) for f in fields(cls)))
+
+    def held(self) -> dict[str, Array]:
+        """By name what matters after the start too."""
+        return {f.name: getattr(self, f.name) for f in fields(self) if f.name not in ("tilts", "spins")}
+
+    def disturbed(self, poses: Poses) -> Poses:
+        """Poses with the start's errors in them."""
+        if not (self.tilts.any() or self.spins.any()):
+            return poses
+        off = from_rotvec(self.tilts)
+        return replace(
+            poses,
+            root_rotation=multiply(poses.root_rotation, off[:, 0]),
+            root_angular=poses.root_angular + self.spins[:, 0],
+            joints=multiply(poses.joints, off[:, 1:]),
+            joint_velocities=poses.joint_velocities + self.spins[:, 1:],
+        )
+
+    def put(self, indices: NDArray[np.intp], other: Conditions) -> None:
+        """Give figures (N,) the conditions of the N of another."""
+        for f in fields(self):
+            getattr(self, f.name)[indices] = getattr(other, f.name)
+
+    def pushes(self, ages: NDArray[np.int64]) -> Array | None:
+        """Wrenches (E, 15, 6) of the pushes that act at ages (E,) in control steps, None if none does."""
+        since = ages[:, None] - self.begins
+        acts = (since >= 0) & (since < PUSH_STEPS) & (self.forces != 0.0).any(axis=-1)
+        if not acts.any():
+            return None
+        wrenches = np.zeros((len(ages), 15, 6))
+        wrenches[:, 0, :2] = np.einsum("ek,eki->ei", acts, self.forces)
+        return wrenches
+
+
+def draw(hardships: Hardships, strength: float, random: np.random.Generator) -> Conditions:
+    """The conditions of one figure (E = 1). strength: 0 for calm to 1 for the full ranges."""
+    calm = Conditions.calm(1)
+    if strength <= 0.0 or hardships == Hardships():
+        return calm
+
+    def between(bounds: tuple[float, float], usual: float) -> float:
+        """Uniform in the range, which narrows towards what is usual."""
+        return usual + strength * (random.uniform(*bounds) - usual)
+
+    rests = random.uniform(*hardships.rest, PUSHES) * CONTROL_RATE
+    angles = random.uniform(-np.pi, np.pi, PUSHES)
+    sizes = strength * random.uniform(*hardships.push, PUSHES)
+    return Conditions(
+        begins=np.floor(np.cumsum(rests + PUSH_STEPS) - PUSH_STEPS)[None],
+        forces=(sizes[:, None] * np.stack([np.cos(angles), np.sin(angles)], axis=-1))[None],
+        friction=np.array([between(hardships.friction, FRICTION)]),
+        mass=np.array([between(hardships.mass, 1.0)]),
+        delay=np.array([np.rint(between(hardships.delay, 0.0) / TIME_STEP)]),
+        tilts=strength * hardships.tilt * random.standard_normal((1, 15, 3)),
+        spins=strength * hardships.spin * random.standard_normal((1, 15, 3)),
+    )

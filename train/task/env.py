@@ -1,0 +1,298 @@
+"""The imitation task on a batch of figures: observation, action, reward, end of an episode."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, fields, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from kinemimic.pipeline.arrays import Array
+from kinemimic.pipeline.kinematics.rotations import (
+    IDENTITY,
+    conjugate,
+    from_rotvec,
+    multiplier,
+    rotate,
+    to_six,
+)
+from kinemimic.retarget.humanoid.body import BODIES
+from kinemimic.train.config.config import EnvConfig
+from kinemimic.train.reference.reference import Reference
+from kinemimic.train.scenario.scenario_manager import Scenery
+from kinemimic.train.sim.world import (
+    CONTROL_RATE,
+    JOINT_PARENTS,
+    SUBSTEPS,
+    TIME_STEP,
+    BodyStates,
+    Poses,
+    World,
+)
+from kinemimic.train.task.domain_randomization import Conditions
+from kinemimic.train.task.mirror import Mirror, mirrored
+from kinemimic.train.task.reward import pose_turns, rewards
+from kinemimic.train.task.stopwatch import Stopwatch
+
+JOINTS = len(BODIES) - 1
+ACTIONS = 3 * JOINTS
+# Radians of correction per unit of action: the legs and the trunk balance, the arms only hang.
+_REACH = {
+    "torso": 1.0,
+    "head": 0.1,
+    "upper_arm": 0.1,
+    "forearm": 0.1,
+    "hand": 0.03,
+    "thigh": 1.0,
+    "shin": 1.0,
+    "foot": 1.0,
+}
+ACTION_SCALE: Array = np.repeat(
+    [_REACH[body.name.removesuffix("_left").removesuffix("_right")] for body in BODIES[1:]], 3
+)
+# What a moment between two control steps is put down to (`stopwatch.py`).
+SIMULATION = "simulation"
+TASK = "observation and reward"
+# A figure has fallen when its pelvis is so far from the reference's height, or so far turned from it: for
+# every policy the same, however early an episode of its training ends.
+FALL_HEIGHT = 0.25  # m
+FALL_TURN = 1.0  # rad
+
+
+def observation_size(config: EnvConfig) -> int:
+    """Numbers in an observation: phase, height, the bodies, and the way to each pose of the preview."""
+    return 2 + 1 + 15 * 6 + 14 * 3 + 15 * 3 + 15 * 3 + len(config.preview) * (15 * 3 + 2)
+
+
+OBSERVATIONS = observation_size(EnvConfig())
+
+
+@dataclass(frozen=True)
+class Step:
+    """Result of a control step for E figures.
+
+    observations: (E, O) of `observation_size`, after the step, before any reset; terms: (E, K) reward terms;
+    terminated: (E,) fell, lost the reference or exploded; truncated: (E,) time is up (not a fall);
+    exploded: (E,) the engine lost the figure's state and holds its last sound one.
+    """
+
+    observations: Array
+    terms: Array
+    terminated: NDArray[np.bool_]
+    truncated: NDArray[np.bool_]
+    exploded: NDArray[np.bool_]
+
+
+class ImitationBatch:
+    """E figures that imitate one reference. Time of each is its phase in the reference, not wrapped.
+
+    bodies: simulated, in the world's own arrays: valid until the next step or reset;
+    target: the reference now; wrenches: (E, 15, 6) force and torque on the bodies in the last step, or None;
+    watch: where the time goes.
+    """
+
+    def __init__(self, world: World, reference: Reference, config: EnvConfig) -> None:
+        self.world = world
+        self.reference = reference
+        self.config = config
+        self.reward = config.reward  # may be changed between steps
+        self.wrenches: Array | None = None
+        self.watch = Stopwatch()
+        self.phases: Array = np.zeros(world.size)
+        self.ages = np.zeros(world.size, dtype=np.int64)  # control steps since the reset
+        self._conditions = Conditions.calm(world.size)
+        scenario = config.scenario
+        self._scenery = None if scenario is None else Scenery(scenario, reference, world)
+        self._last_action: Array = np.zeros((world.size, ACTIONS))
+        self._increment = 1.0 / (CONTROL_RATE * reference.duration)
+        self._substeps: Array = np.arange(1.0, SUBSTEPS + 1) * TIME_STEP / reference.duration
+        self._scale = ACTION_SCALE if config.residual else np.ones(ACTIONS)
+        self._mirror = Mirror(len(config.preview)) if mirrored(config, reference) else None
+        self.bodies: BodyStates = world.states()
+        self._face(reference.bodies(self.phases))
+
+    def _face(self, target: BodyStates) -> None:
+        """Set the figures, as they are now, against their target and what comes after it."""
+        self.target = target
+        self._exploded = self.world.exploded()
+        self._ahead = [self.reference.bodies(self.phases + k * self._increment) for k in self.config.preview]
+        self._turns, *self._turns_ahead = pose_turns(self.bodies, self.target, *self._ahead)
+
+    def reset(
+        self,
+        indices: NDArray[np.intp],
+        phases: Array,
+        conditions: Conditions | None = None,
+        seeds: NDArray[np.uint64] | None = None,
+    ) -> None:
+        """Put figures (N,) on the reference at phases (N,), or as far off it as their conditions say.
+
+        seeds: (N,) from which the configuration's scenario draws what befalls each; without them, nothing.
+        """
+        conditions = conditions or Conditions.calm(len(indices))
+        self.phases[indices] = phases
+        self.ages[indices] = 0
+        self._last_action[indices] = 0.0
+        self._conditions.put(indices, conditions)
+        poses = conditions.disturbed(self.reference.poses(phases))
+        if self._scenery is not None:
+            self._scenery.begin(indices, phases, seeds)
+        self.watch.lap(TASK)
+        self._place(indices, poses)
+
+    def _place(self, indices: NDArray[np.intp], poses: Poses) -> None:
+        friction = self._conditions.friction[indices]
+        if self._scenery is not None:
+            friction = self._scenery.friction(indices, friction)
+        self.world.vary(indices, friction, self._conditions.mass[indices])
+        self.world.reset(indices, poses)
+        self.bodies = self.world.states()
+        self.watch.lap(SIMULATION)
+        self._face(self.reference.bodies(self.phases))
+
+    def snapshot(self) -> dict[str, NDArray[Any]]:
+        """All that the figures' further way depends on, arrays (E, ...), given to `restore`."""
+        b = self.bodies
+        spins = b.angular[:, 1:] - b.angular[:, JOINT_PARENTS]
+        held = self._conditions.held()
+        return {
+            "phases": self.phases.copy(),
+            "ages": self.ages.copy(),
+            "last_action": self._last_action.copy(),
+            "root": b.positions[:, 0].copy(),
+            "root_rotation": b.rotations[:, 0].copy(),
+            "root_linear": b.linear[:, 0].copy(),
+            "root_angular": b.angular[:, 0].copy(),
+            "joints": b.joints,
+            "joint_velocities": rotate(conjugate(b.rotations[:, 1:]), spins),
+            **{name: value.copy() for name, value in held.items()},
+            **({} if self._scenery is None else self._scenery.snapshot()),
+        }
+
+    def restore(self, snapshot: Mapping[str, NDArray[Any]]) -> None:
+        """Put all figures where a snapshot says. The engine forgets contacts and warm starts by that: two
+        that begin with the same snapshot go the same way, to the last bit."""
+        self.phases = snapshot["phases"].copy()
+        self.ages = snapshot["ages"].copy()
+        self._last_action = snapshot["last_action"].copy()
+        held = self._conditions.held()
+        self._conditions = replace(self._conditions, **{name: snapshot[name].copy() for name in held})
+        if self._scenery is not None:
+            self._scenery.restore(snapshot, self.ages)
+        poses = Poses(**{f.name: snapshot[f.name] for f in fields(Poses)})
+        self._place(np.arange(self.world.size), poses)
+
+    def step(self, actions: Array, wrenches: Array | None = None) -> Step:
+        """One control step with actions (E, 42): corrections of the reference joints as rotation vectors, in
+        the second half of a mirrored cycle (`mirror.py`) those of the mirror image."""
+        if self._mirror is not None:
+            actions = np.array(actions, dtype=np.float64)
+            self._mirror.actions(actions, self._second_half())
+        at = self.phases[:, None] + self._substeps
+        joints, velocities = self._targets(at)
+        # One correction for the targets of all substeps: products of 8 x 4 and 4 x 4 matrices.
+        targets = np.empty(joints.shape)
+        np.matmul(joints.swapaxes(1, 2), self._correction(actions), out=targets.swapaxes(1, 2))
+        late = np.arange(SUBSTEPS) < self._conditions.delay[:, None]  # (E, SUBSTEPS)
+        if late.any():
+            before = joints.swapaxes(1, 2) @ self._correction(self._last_action)
+            targets[late] = before.swapaxes(1, 2)[late]
+            self._last_action = np.array(actions, dtype=np.float64)
+        acting = [wrenches, self._conditions.pushes(self.ages)]
+        if self._scenery is not None:
+            acting.append(self._scenery.act(self.ages, self._conditions.mass))
+        found = [one for one in acting if one is not None]
+        wrenches = self.wrenches = sum(found[1:], found[0]) if found else None
+        self.watch.lap(TASK)
+        self.bodies = self.world.step(targets, velocities, wrenches)
+        self.watch.lap(SIMULATION)
+        self.phases = self.phases + self._increment
+        self.ages += 1
+        ahead = self._ahead[0] if self.config.preview[0] == 1 else self.reference.bodies(self.phases)
+        self._face(ahead)
+        terminated = self.lost()
+        truncated = ~terminated & (self.ages >= self.config.steps)
+        if not self.reference.cyclic:
+            truncated |= ~terminated & (self.phases >= 1.0)
+        terms = np.where(terminated[:, None], 0.0, self.terms())
+        return Step(self.observe(), terms, terminated, truncated, self._exploded)
+
+    def _targets(self, at: Array) -> tuple[Array, Array]:
+        """What the stable PD follows without a correction: rotations (..., 14, 4), speeds (..., 14, 3)."""
+        config, reference = self.config, self.reference
+        joints, velocities = reference.targets(at) if config.torque_feedforward else reference.joints(at)
+        if not config.residual:
+            joints = np.broadcast_to(IDENTITY, joints.shape)
+        return joints, velocities if config.velocity_feedforward else np.zeros_like(velocities)
+
+    def _correction(self, actions: Array) -> Array:
+        """Right factors (E, 14, 4, 4) of the corrections that actions (E, 42) ask for."""
+        return multiplier(from_rotvec((actions * self._scale).reshape(-1, JOINTS, 3)))
+
+    def terms(self) -> Array:
+        """Reward terms (E, K) of the figures as they are, fallen or not."""
+        return rewards(self.bodies, self.target, self._turns, self.reward)
+
+    def fallen(self) -> NDArray[np.bool_]:
+        """(E,) exploded, or with the pelvis too low, too high or too far turned for its reference."""
+        return self._beyond(FALL_HEIGHT, FALL_TURN)
+
+    def lost(self) -> NDArray[np.bool_]:
+        """(E,) whether the episode ends: fallen by the configuration's own measures, or off the path."""
+        way = self.bodies.positions[:, 0] - self.target.positions[:, 0]
+        far = np.hypot(way[:, 0], way[:, 1]) > self.config.max_drift
+        return far | self._beyond(self.config.max_height_error, self.config.max_rotation_error)
+
+    def _beyond(self, height: float, turn: float) -> NDArray[np.bool_]:
+        off = np.abs(self.bodies.positions[:, 0, 2] - self.target.positions[:, 0, 2])
+        turned = np.einsum("ei,ei->e", self._turns[:, 0], self._turns[:, 0])
+        return np.asarray((off > height) | (turned > turn**2) | self._exploded)
+
+    def observe(self) -> Array:
+        """(E, O) in the figure's own heading: what it is doing and how far from what is next. In the second
+        half of a mirrored cycle (`mirror.py`) it is the mirror image that is seen."""
+        b = self.bodies
+        size = len(self.phases)
+        six = to_six(b.rotations)
+        vectors = np.concatenate(
+            [
+                six.reshape(size, -1, 3),
+                b.positions[:, 1:] - b.positions[:, :1],
+                b.linear,
+                b.angular,
+                *(ahead.positions[:, :1] - b.positions[:, :1] for ahead in self._ahead),
+            ],
+            axis=1,
+        )
+        previews = len(self._ahead)
+        # The pelvis faces along its x-axis.
+        vectors = _levelled(vectors, np.arctan2(six[:, 0, 1], six[:, 0, 0]))
+        # A loop ends where it begins; what is performed once must tell its end from its beginning.
+        turn = 2.0 * np.pi * self.phases if self.reference.cyclic else np.pi * np.minimum(self.phases, 1.0)
+        parts = [
+            np.array([np.sin(turn), np.cos(turn), b.positions[:, 0, 2]]).T,
+            vectors[:, :-previews].reshape(size, -1),
+            *(turns.reshape(size, -1) for turns in self._turns_ahead),
+            np.minimum(np.maximum(vectors[:, -previews:, :2], -1.0), 1.0).reshape(size, -1),
+        ]
+        observations = np.concatenate(parts, axis=1)
+        if self._mirror is not None:
+            self._mirror.observations(observations, self._second_half())
+        return observations
+
+    def _second_half(self) -> NDArray[np.bool_]:
+        """(E,) figures in the second half of a cycle, which a mirror makes the first."""
+        return np.mod(self.phases, 1.0) >= 0.5
+
+
+def _levelled(vectors: Array, heading: Array) -> Array:
+    """Vectors (E, N, 3) of the world as seen along a heading (E,), radians about the vertical."""
+    cosine, sine = np.cos(heading)[:, None], np.sin(heading)[:, None]
+    x, y, z = vectors[..., 0], vectors[..., 1], vectors[..., 2]
+    turned = np.empty(vectors.shape)
+    turned[..., 0] = cosine * x + sine * y
+    turned[..., 1] = cosine * y - sine * x
+    turned[..., 2] = z
+    return turned
