@@ -14,7 +14,7 @@ from peers.wheels import FOLDERS, ROOT, call
 IMPORTS = """
 import importlib, sys
 folder = sys.argv[1]
-for name in ("pipeline.rotations", "retarget.body", "train.playback", "evaluate.ledger"):
+for name in ("pipeline.kinematics.rotations", "retarget.humanoid.body", "train.rollout.trajectory", "evaluate.workflow.ledger"):
     module = importlib.import_module("kinemimic." + name)
     assert module.__file__.startswith(folder), module
 import datasets, evaluate

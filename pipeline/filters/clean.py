@@ -6,6 +6,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from kinemimic.pipeline.arrays import Array, Mask
 from kinemimic.pipeline.errors import KinemimicError
 from kinemimic.pipeline.filters.fill import LONGEST_GAP, fill
 from kinemimic.pipeline.filters.kalman import smooth
@@ -16,7 +17,6 @@ from kinemimic.pipeline.kinematics.clip import Clip
 from kinemimic.pipeline.kinematics.euler import local_rotations, world_positions
 from kinemimic.pipeline.kinematics.rotations import continuous, normalize
 from kinemimic.pipeline.kinematics.skeleton import INFERRED
-from kinemimic.pipeline.kinematics.spans import Array, Mask
 
 # The first is the default: `make bench-clean` finds it nearest to the truth.
 FILTERS: tuple[str, ...] = ("kalman", "butterworth", "one-euro", "none")

@@ -6,7 +6,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import PchipInterpolator
 
-from kinemimic.pipeline.kinematics.spans import Array, Mask, pass_spans, usual_step, whole
+from kinemimic.pipeline.arrays import Array, Mask
+from kinemimic.pipeline.kinematics.spans import pass_spans, usual_step, whole
 
 # Longer gaps stay gaps: a fifth of a second is about a fifth of a stride, beyond which a curve through
 # the ends is invention.

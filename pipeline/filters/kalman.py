@@ -21,8 +21,9 @@ from numpy.typing import NDArray
 from scipy.linalg import cho_solve_banded, cholesky_banded
 from scipy.ndimage import median_filter
 
+from kinemimic.pipeline.arrays import Array, Mask
 from kinemimic.pipeline.kinematics.skeleton import TRACKED
-from kinemimic.pipeline.kinematics.spans import Array, Mask, usual_step, whole
+from kinemimic.pipeline.kinematics.spans import usual_step, whole
 
 # Inverse variance of an inferred joint's error over that of a tracked one's.
 INFERRED_WEIGHT = 0.5

@@ -9,7 +9,8 @@ from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 from scipy.signal import butter, sosfiltfilt
 
-from kinemimic.pipeline.kinematics.spans import Array, apart, pass_spans, runs, usual_step, whole
+from kinemimic.pipeline.arrays import Array
+from kinemimic.pipeline.kinematics.spans import apart, pass_spans, runs, usual_step, whole
 
 CUTOFF = 6.0
 # Clocks within this share of the step count as even.

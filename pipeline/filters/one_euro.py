@@ -10,7 +10,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from kinemimic.pipeline.kinematics.spans import Array, pass_spans, whole
+from kinemimic.pipeline.arrays import Array
+from kinemimic.pipeline.kinematics.spans import pass_spans, whole
 
 # Hz at rest; Hz per unit of speed (m/s of a position); Hz of the speed's own low-pass, as in the paper.
 REST_CUTOFF = 2.0

@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from kinemimic.pipeline.kinematics.spans import Array, Mask, pass_spans, whole
+from kinemimic.pipeline.arrays import Array, Mask
+from kinemimic.pipeline.kinematics.spans import pass_spans, whole
 
 # A value this far (metres) from the median of five frames, and further than three times the usual scatter
 # about it, is a spike.

@@ -8,12 +8,13 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 
+from kinemimic.pipeline.arrays import Array
 from kinemimic.pipeline.errors import KinemimicError
 from kinemimic.pipeline.kinematics.clip import Clip
 from kinemimic.pipeline.kinematics.euler import local_rotations, world_positions
 from kinemimic.pipeline.kinematics.rotations import conjugate, continuous, from_rotvec, multiply, to_rotvec
 from kinemimic.pipeline.kinematics.skeleton import MISSING
-from kinemimic.pipeline.kinematics.spans import Array, apart, pass_spans, runs, whole
+from kinemimic.pipeline.kinematics.spans import apart, pass_spans, runs, whole
 
 # Seconds by which a clock that was written with few digits may miss a frame.
 _SLACK = 1e-6

@@ -20,7 +20,7 @@ from kinemimic.pipeline.readers.depth.folder import FORMAT as DEPTH_RECORDING
 
 # Asked in this sequence: formats with a header or a keyword first, tables of bare numbers last.
 _MODULES: tuple[str, ...] = (
-    "custom_table.reader",
+    "custom_table.custom_table",
     "kinect.kinect2_skl",
     "kinect.nui_skl",
     "kinect.treadmill",

@@ -92,7 +92,7 @@ def main() -> None:
     for _, name, _ in pkgutil.iter_modules(samples.__path__):
         if name in NO_FORMATS:
             continue
-        if importlib.import_module(f"kinemimic.pipeline.readers.{name}").FORMAT.binary:
+        if samples.reader(name).FORMAT.binary:
             continue
         files, frames = grown(name)
         # Files that do not grow with the recording (a skeleton, labels) are not parsed in bulk.

@@ -21,14 +21,15 @@ PROGRAM = """
 import sys
 from dataclasses import replace
 from kinemimic.pipeline.cli.main import main
-from kinemimic.train import config, trial
+from kinemimic.train.config import config
+from kinemimic.train.rollout import evaluation as trial
 small = dict(environments=4, horizon=16, minibatch=32, passes=2, hidden=(32, 16))
 config.PRESETS["default"] = replace(config.PRESETS["default"], **small)
 trial.EVERY, trial.FRAMES = 256, 60
-from kinemimic.train import rounds
+from kinemimic.train.runner import training_loop as rounds
 rounds.CHECKPOINT_SECONDS = 0.0
 if sys.argv[1] == "run":
-    from kinemimic.evaluate import stage
+    from kinemimic.evaluate.scoring import command as stage
     stage.START_PHASES = 1
 main(sys.argv[1:])
 """

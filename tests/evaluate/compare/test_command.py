@@ -269,7 +269,7 @@ def test_interrupted_in_its_processes_it_goes_on(fresh: Callable[[str], Path], t
     """The command line itself, its cells in processes of their own, interrupted amid a training."""
     run, out = fresh("walk"), tmp_path / "out"
     program = (
-        "import sys; from dataclasses import replace; from kinemimic.train import config\n"
+        "import sys; from dataclasses import replace; from kinemimic.train.config import config\n"
         "config.PRESETS['default'] = replace(config.PRESETS['default'], environments=4, horizon=16, "
         "minibatch=32, passes=2, hidden=(32, 16))\n"
         "if __name__ == '__main__':\n"

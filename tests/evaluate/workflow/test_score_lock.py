@@ -15,7 +15,7 @@ from kinemimic.evaluate.workflow.score_lock import command, figures, watched
 from kinemimic.pipeline.errors import KinemimicError
 from kinemimic.retarget.versions.params import Params
 
-ROOT = Path(__file__).resolve().parents[2]
+ROOT = Path(__file__).resolve().parents[3]
 PARAMS = Params.load(ROOT / "datasets/versions/params.toml")
 TEXT = 'schema = 1\nversion = 1\npolicies = ["walk"]\n[captures]\n[tolerances]\nknee_r2 = 0.01\n'
 

@@ -14,7 +14,7 @@ import pytest
 
 from kinemimic.pipeline.catalog.command import COMMANDS as OF_DATASETS
 from kinemimic.pipeline.cli import lazy_group
-from kinemimic.pipeline.cli import main as cli
+from kinemimic.pipeline.cli.main import COMMANDS, main
 from kinemimic.pipeline.errors import KinemimicError
 
 HEAVY = ("numpy", "scipy", "torch", "pandas", "pyarrow", "matplotlib", "rerun", "pybullet", "cv2", "rich")
@@ -33,7 +33,7 @@ def ending(monkeypatch: pytest.MonkeyPatch) -> Failing:
 
         monkeypatch.setattr(lazy_group, "load", lambda where: command)
         with pytest.raises(SystemExit) as ended:
-            cli.main(["view"])
+            main(["view"])
         assert isinstance(ended.value.code, int)
         return ended.value.code
 
@@ -42,7 +42,7 @@ def ending(monkeypatch: pytest.MonkeyPatch) -> Failing:
 
 def call(*arguments: str) -> int:
     with pytest.raises(SystemExit) as ended:
-        cli.main(list(arguments))
+        main(list(arguments))
     assert isinstance(ended.value.code, int)
     return ended.value.code
 
@@ -66,10 +66,10 @@ sys.exit(", ".join(name for name in {HEAVY} if name in sys.modules) or 0)
     process = in_a_process(code)
     out, err = process.communicate(timeout=30)
     assert process.returncode == 0, f"loaded: {err}"
-    assert all(name in out for name in cli.COMMANDS)
+    assert all(name in out for name in COMMANDS)
 
 
-@pytest.mark.parametrize("name", [*cli.COMMANDS, *(f"datasets {name}" for name in OF_DATASETS)])
+@pytest.mark.parametrize("name", [*COMMANDS, *(f"datasets {name}" for name in OF_DATASETS)])
 def test_every_command_explains_its_options(name: str, capsys: pytest.CaptureFixture[str]) -> None:
     assert call(*name.split(), "--help") == 0
     out = capsys.readouterr().out
@@ -119,7 +119,8 @@ def test_ctrl_c_is_one_line_and_130(ending: Failing, capsys: pytest.CaptureFixtu
 def test_a_signal_ends_a_process_with_130() -> None:
     code = """
 import click, signal, time
-from kinemimic.pipeline import cli, lazy_group
+from kinemimic.pipeline.cli import lazy_group
+from kinemimic.pipeline.cli.main import main
 # A job that a shell put into the background, as a CI may, hands its children a SIGINT that is ignored.
 signal.signal(signal.SIGINT, signal.default_int_handler)
 @click.command()
@@ -127,7 +128,7 @@ def command():
     print("ready", flush=True)
     time.sleep(30)
 lazy_group.load = lambda where: command
-cli.main(["view"])
+main(["view"])
 """
     process = in_a_process(code)
     assert process.stdout is not None
@@ -146,19 +147,20 @@ def test_a_bug_keeps_its_traceback(bug: Exception, monkeypatch: pytest.MonkeyPat
 
     monkeypatch.setattr(lazy_group, "load", lambda where: command)
     with pytest.raises(type(bug)):
-        cli.main(["view"])
+        main(["view"])
 
 
 def test_a_broken_pipe_is_quiet() -> None:
     code = """
 import click
-from kinemimic.pipeline import cli, lazy_group
+from kinemimic.pipeline.cli import lazy_group
+from kinemimic.pipeline.cli.main import main
 @click.command()
 def command():
     for _ in range(100000):
         click.echo("a line of output")
 lazy_group.load = lambda where: command
-cli.main(["view"])
+main(["view"])
 """
     reading, writing = os.pipe()
     process = subprocess.Popen(

@@ -13,7 +13,7 @@ from typing import Any
 
 import pytest
 
-from kinemimic.pipeline.cli import main as cli
+from kinemimic.pipeline.cli.main import main
 from kinemimic.pipeline.inspect.assessment import study, unread
 from kinemimic.pipeline.inspect.survey import files_of, folders, with_companions
 from kinemimic.pipeline.readers.recognise import formats
@@ -24,7 +24,7 @@ Out = pytest.CaptureFixture[str]
 
 def call(*arguments: str | Path) -> int:
     with pytest.raises(SystemExit) as ended:
-        cli.main([str(argument) for argument in arguments])
+        main([str(argument) for argument in arguments])
     assert isinstance(ended.value.code, int)
     return ended.value.code
 
@@ -200,8 +200,8 @@ def test_ctrl_c_prints_what_is_done_and_ends_with_130(library: Path, tmp_path: P
     script.write_text(
         """
 import signal, sys, time
-from kinemimic.pipeline import cli
-from kinemimic.pipeline.inspect import study, survey
+from kinemimic.pipeline.cli.main import main
+from kinemimic.pipeline.inspect import assessment as study, survey
 
 def slow(path, *, unit):
     if path.name == "three.skl":
@@ -212,7 +212,7 @@ def slow(path, *, unit):
 if __name__ == "__main__":
     signal.signal(signal.SIGINT, signal.default_int_handler)
     survey.study = slow
-    cli.main(["inspect", *sys.argv[1:]])
+    main(["inspect", *sys.argv[1:]])
 """
     )
     process = subprocess.Popen(

@@ -8,7 +8,6 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from tests.pipeline.test_orient import positions_of, standing
 
 from kinemimic.pipeline.kinematics.nodes import to_nodes
 from kinemimic.pipeline.kinematics.orient import node_frames, node_rotations
@@ -18,6 +17,7 @@ from kinemimic.pipeline.kinematics.trunk import direction
 from kinemimic.pipeline.kinematics.twist import follow
 from kinemimic.pipeline.quality.examine import examine
 from kinemimic.pipeline.readers.recognise import read
+from tests.pipeline.kinematics.test_orient import positions_of, standing
 
 # Lines whose directions a body's frame hangs on.
 _PELVIS = (("hip_right", "hip_left"), ("hip_center", "spine"))

@@ -31,8 +31,7 @@ NO_FORMATS = {"motion", "mutate", "depth_scene"}
 TEXT_FORMATS = sorted(
     name
     for _, name, _ in pkgutil.iter_modules(samples.__path__)
-    if name not in NO_FORMATS
-    and not importlib.import_module(f"kinemimic.pipeline.readers.{name}").FORMAT.binary
+    if name not in NO_FORMATS and not samples.reader(name).FORMAT.binary
 )
 
 

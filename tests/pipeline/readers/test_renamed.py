@@ -9,15 +9,16 @@ from itertools import pairwise
 from pathlib import Path
 
 import pytest
+import samples
+from samples import READERS
 
 from kinemimic.pipeline.errors import CaptureError
 from kinemimic.pipeline.readers import recognise
 from kinemimic.pipeline.readers.base.source import Source
 
 FRAMES = 30
-READERS = recognise._MODULES
 # These find the file that belongs to them by the capture's own name, so that it is renamed along.
-PAIRED_BY_NAME = {"described": "aufnahme", "uiprmd": "kinect_m01_s01_e01"}
+PAIRED_BY_NAME = {"custom_table": "aufnahme", "uiprmd": "kinect_m01_s01_e01"}
 # What a refusal says: formats that it may be, or what is missing.
 HELPFUL = re.compile(
     r"formats of that width: .+; put its header back, or describe its columns \(`kinemimic inspect --suggest`"
@@ -69,7 +70,7 @@ def test_without_its_header(name: str, tmp_path: Path) -> None:
         path.write_text("\n".join(lines[header_lines(lines) :]))
     else:
         path.write_bytes(source.content[512:])
-    if name == "described":
+    if name == "custom_table":
         # The description says that the second line is a header, and there a row of data stands.
         with pytest.raises(
             CaptureError, match=r"line 2: expected a column 'Becken x', found none of that name"
@@ -81,7 +82,7 @@ def test_without_its_header(name: str, tmp_path: Path) -> None:
     except CaptureError as error:
         assert HELPFUL.search(str(error)), str(error)
         assert "\n" not in str(error)
-        columns = importlib.import_module(f"kinemimic.pipeline.readers.{name}").FORMAT.columns
+        columns = samples.reader(name).FORMAT.columns
         width = re.search(r"a table of (\d+) numbers", str(error))
         if width and int(width[1]) in columns:
             assert format_of(name) in str(error), "a table names its own format among the candidates"
@@ -90,7 +91,7 @@ def test_without_its_header(name: str, tmp_path: Path) -> None:
 
 
 def format_of(name: str) -> str:
-    found: str = importlib.import_module(f"kinemimic.pipeline.readers.{name}").FORMAT.name
+    found: str = samples.reader(name).FORMAT.name
     return found
 
 

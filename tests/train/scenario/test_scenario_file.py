@@ -13,7 +13,7 @@ from kinemimic.pipeline.errors import KinemimicError
 from kinemimic.train.scenario.scenario import Range, Scenario
 from kinemimic.train.scenario.scenario_file import MAX_BYTES, read_scenario, scenario, shipped_scenarios
 
-DOCUMENT = Path(__file__).parents[2] / "docs" / "scenarios.md"
+DOCUMENT = Path(__file__).parents[3] / "docs" / "scenarios.md"
 
 WHOLE = """
 about = "all there is"

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from peers.described import FRAMES, NODE_LIST, UNITY, joints, read, table, unity
-from samples.described import files
+from samples.custom_table import files
 from samples.motion import walk, y_up
 
 from kinemimic.pipeline.errors import CaptureError
@@ -247,7 +247,7 @@ def test_where_descriptions_lie(tmp_path: Path) -> None:
         recognise.read(tmp_path / "capture.toml")
 
 
-DOCUMENT = Path(__file__).parents[3] / "docs" / "describe-your-columns.md"
+DOCUMENT = Path(__file__).parents[4] / "docs" / "describe-your-columns.md"
 
 
 def test_the_documents_examples_are_true(tmp_path: Path) -> None:
