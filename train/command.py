@@ -22,14 +22,14 @@ from kinemimic.retarget.humanoid.motion import Motion
 from kinemimic.train.config.baseline_config import require_package
 from kinemimic.train.config.budget import MINUTES, samples
 from kinemimic.train.config.config import PRESETS, TrainConfig, preset
-from kinemimic.train.ppo.ppo import Learner
-from kinemimic.train.ppo.runner import PpoPractice
+from kinemimic.train.ppo.ppo import PpoAlgorithm
+from kinemimic.train.ppo.runner import PpoRunner
 from kinemimic.train.reference.reference import Reference
-from kinemimic.train.rollout.evaluation import Trial, best, first_walk
+from kinemimic.train.rollout.evaluation import Evaluation, best, first_walk
 from kinemimic.train.rollout.policy import POLICY
 from kinemimic.train.rollout.workers import Workers
 from kinemimic.train.runner import checkpoint
-from kinemimic.train.runner.base import Learning, Practice
+from kinemimic.train.runner.base import Algorithm, Runner
 from kinemimic.train.runner.checkpoint import Training
 from kinemimic.train.runner.training_loop import Rounds, is_complete
 from kinemimic.train.scenario.event_schedule import check
@@ -89,13 +89,13 @@ def train(
         config = replace(config, budget=budget)
     if config.budget < 1:
         raise KinemimicError(f"expected a budget of at least one sample, found {config.budget}")
-    if config.rival is not None:
+    if config.baseline is not None:
         require_package()
     # A worker holds one figure at least.
-    count = min(workers or len(os.sched_getaffinity(0)), config.environments)
+    count = min(workers or len(os.sched_getaffinity(0)), config.num_envs)
     # A rival's small products gain little from a second thread, and lose much where a core is busy: threads
     # spin until the last one is there. With one, the number of workers changes not a bit.
-    torch.set_num_threads(count if config.rival is None else 1)
+    torch.set_num_threads(count if config.baseline is None else 1)
     learner = _learner(config, motion, engine, count)
     training = Training(learner)
     saved = run / CHECKPOINT
@@ -121,28 +121,28 @@ def train(
     return record
 
 
-def _learner(config: TrainConfig, motion: Motion, engine: str, threads: int) -> Learning:
-    if config.rival is None:
-        return Learner(config)
-    from kinemimic.train.baselines.runner import RivalLearner  # noqa: PLC0415 (may not be installed)
+def _learner(config: TrainConfig, motion: Motion, engine: str, threads: int) -> Algorithm:
+    if config.baseline is None:
+        return PpoAlgorithm(config)
+    from kinemimic.train.baselines.runner import BaselineAlgorithm  # noqa: PLC0415 (may not be installed)
 
-    return RivalLearner(config, motion, engine, threads)
+    return BaselineAlgorithm(config, motion, engine, threads)
 
 
 @contextmanager
 def _practice(
-    learner: Learning, motion: Motion, engine: str, count: int, watch: Stopwatch
-) -> Iterator[Practice]:
-    if isinstance(learner, Learner):
+    learner: Algorithm, motion: Motion, engine: str, count: int, watch: Stopwatch
+) -> Iterator[Runner]:
+    if isinstance(learner, PpoAlgorithm):
         config = learner.config
-        with Workers(motion, config.env, config.environments, config.seed, count, engine) as crew:
-            yield PpoPractice(learner, crew, watch)
+        with Workers(motion, config.env, config.num_envs, config.seed, count, engine) as crew:
+            yield PpoRunner(learner, crew, watch)
         return
-    from kinemimic.train.baselines.runner import RivalLearner, RivalPractice  # noqa: PLC0415 (may not be installed)
+    from kinemimic.train.baselines.runner import BaselineAlgorithm, BaselineRunner  # noqa: PLC0415 (may not be installed)
 
-    assert isinstance(learner, RivalLearner)  # noqa: S101 (for the type's sake)
+    assert isinstance(learner, BaselineAlgorithm)  # noqa: S101 (for the type's sake)
     try:
-        yield RivalPractice(learner, watch)
+        yield BaselineRunner(learner, watch)
     finally:
         learner.env.close()
 
@@ -160,7 +160,7 @@ def _record(training: Training, motion: Motion, engine: str) -> dict[str, Any]:
         "seed": config.seed,
         "best": best(trials).to_json(),
         "first_walk": first_walk(trials),
-        "trials": [trial.to_json() for trial in trials],
+        "evaluations": [trial.to_json() for trial in trials],
         **training.learner.notes(),
         "config": config.to_json(),
         "mirrored": mirrored(config.env, Reference(motion)),
@@ -241,11 +241,11 @@ def command(
             f"{record['samples']:,} samples in {record['seconds']:.0f} s ({rate:,.0f}/s), preset "
             f"{record['preset']}, seed {record['seed']}, {record['engine']} engine: {run / POLICY}"
         )
-        kept = Trial(**record["best"])
+        kept = Evaluation(**record["best"])
         click.echo(
             f"kept, as the best: the policy of {kept.samples:,} samples: {kept.frames} of {kept.of} frames, "
             f"R² {kept.knee:.3f} knee, {kept.hip:.3f} hip, {100 * kept.reward:.1f} % of the reward"
-            + ("" if kept.endured is None else f", {100 * kept.endured:.1f} % under hardships")
+            + ("" if kept.robust_return is None else f", {100 * kept.robust_return:.1f} % under hardships")
         )
         if record["mirrored"]:
             click.echo("the second half of the cycle is performed as the first in a mirror")

@@ -16,6 +16,7 @@ from kinemimic.pipeline.errors import KinemimicError
 from kinemimic.pipeline.files.store import copy_file, read_json
 from kinemimic.retarget.formats.motion_json import motion_from_json
 from kinemimic.train.config.config import TrainConfig
+from kinemimic.train.rollout.policy import read_record
 
 # What else `train` and `evaluate` read, where it is there.
 BESIDE = ("capture.parquet", "gait.json", "quality.json", "gimbal.json")
@@ -54,7 +55,7 @@ def outcome(cell: Cell, budget: int) -> tuple[dict[str, Any], dict[str, Any]] | 
     path = cell.folder / f"scores-{budget}.json"
     if not path.exists():
         return None
-    record, scores = read_json(cell.folder / f"policy-{budget}.json"), read_json(path)
+    record, scores = read_record(cell.folder / f"policy-{budget}.json"), read_json(path)
     _expect(cell, "motion", record["provenance"]["inputs"]["motion"] == cell.identity)
     wanted, found = ({**config, "budget": None} for config in (cell.config.to_json(), record["config"]))
     _expect(cell, "settings", json.loads(json.dumps(wanted)) == found)

@@ -90,7 +90,7 @@ def compare(
             },
         ),
     }
-    if any(config.rival for config in variants.values()):
+    if any(config.baseline for config in variants.values()):
         require_package()
         made["provenance"]["versions"]["stable-baselines3"] = version("stable-baselines3")
     with alone(out), bars() as several:
@@ -189,8 +189,8 @@ def command(
     """
     chosen = presets or (() if ablated or searched else ("default",))
     variants = {**(ablation() if ablated else {}), **{name: PRESETS[name] for name in chosen}}
-    for rival in searched:
-        variants |= search(rival)
+    for baseline in searched:
+        variants |= search(baseline)
     if strange := set(only) - variants.keys():
         raise KinemimicError(f"--only: expected some of {', '.join(variants)}, found {min(strange)!r}")
     if only:

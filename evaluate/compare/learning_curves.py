@@ -97,7 +97,7 @@ def together(records: Sequence[Mapping[str, Any]], key: str) -> list[dict[str, A
     """One row for each number of samples at which all seeds were tried: samples and the seeds' Told of a
     figure of their trials. records: policy.json of each seed."""
     by_seed = [
-        {trial["samples"]: trial[key] for trial in record["trials"] if trial.get(key) is not None}
+        {trial["samples"]: trial[key] for trial in record["evaluations"] if trial.get(key) is not None}
         for record in records
     ]
     shared = sorted(set.intersection(*map(set, by_seed))) if by_seed else []

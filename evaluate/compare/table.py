@@ -40,7 +40,8 @@ def figures(record: Row, scores: Row) -> dict[str, float | None]:
         "end_off_m": root["path_error_m"],
         "return": round(record["best"]["reward"], _DECIMALS),
         "converged_samples": converged_at(
-            [trial["samples"] for trial in record["trials"]], [trial["reward"] for trial in record["trials"]]
+            [trial["samples"] for trial in record["evaluations"]],
+            [trial["reward"] for trial in record["evaluations"]],
         ),
         "first_walk_samples": walk and walk["samples"],
         "first_walk_seconds": walk and walk["seconds"],

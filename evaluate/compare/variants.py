@@ -11,7 +11,7 @@ from typing import Any
 
 from kinemimic.train.config.config import PRESETS, TrainConfig
 
-# What is changed of TrainConfig; below "env", of its EnvConfig, below "rival", of its rival.
+# What is changed of TrainConfig; below "env", of its EnvConfig, below "baseline", of its rival.
 Changes = Mapping[str, Any]
 
 ABLATION: dict[str, Changes] = {
@@ -31,39 +31,39 @@ ABLATION: dict[str, Changes] = {
 
 SEARCH: dict[str, dict[str, Changes]] = {
     "ddpg": {
-        "actor-3e-5": {"rival": {"actor_rate": 3e-5}},
-        "actor-1e-5": {"rival": {"actor_rate": 1e-5}},
-        "critic-3e-4": {"rival": {"critic_rate": 3e-4}},
-        "tau-0.001": {"rival": {"tau": 0.001}},
-        "tau-0.02": {"rival": {"tau": 0.02}},
-        "updates-0.5": {"rival": {"updates_per_sample": 0.5}},
-        "batch-1024": {"rival": {"batch": 1024, "updates_per_sample": 0.03125}},
-        "noise-0.08": {"noise": ((0, 0.08), (400_000, 0.04), (1_000_000, 0.02))},
-        "every-8-steps": {"rival": {"train_every": 8}},
-        "tanh": {"rival": {"activation": "tanh"}},
+        "actor-3e-5": {"baseline": {"actor_rate": 3e-5}},
+        "actor-1e-5": {"baseline": {"actor_rate": 1e-5}},
+        "critic-3e-4": {"baseline": {"critic_rate": 3e-4}},
+        "tau-0.001": {"baseline": {"tau": 0.001}},
+        "tau-0.02": {"baseline": {"tau": 0.02}},
+        "updates-0.5": {"baseline": {"updates_per_sample": 0.5}},
+        "batch-1024": {"baseline": {"batch": 1024, "updates_per_sample": 0.03125}},
+        "noise-0.08": {"action_std": ((0, 0.08), (400_000, 0.04), (1_000_000, 0.02))},
+        "every-8-steps": {"baseline": {"train_every": 8}},
+        "tanh": {"baseline": {"activation": "tanh"}},
     },
     "a2c": {
-        "actor-1e-4": {"rival": {"actor_rate": 1e-4}},
-        "actor-1e-5": {"rival": {"actor_rate": 1e-5}},
-        "critic-3e-4": {"rival": {"critic_rate": 3e-4}},
-        "steps-8": {"rival": {"n_steps": 8}},
-        "steps-32": {"rival": {"n_steps": 32}},
-        "figures-64": {"environments": 64, "horizon": 64},
-        "rms-prop": {"rival": {"use_rms_prop": True}},
-        "raw-advantage": {"rival": {"normalize_advantage": False}},
-        "learn-noise": {"learn_noise": True},
-        "relu": {"rival": {"activation": "relu"}},
+        "actor-1e-4": {"baseline": {"actor_rate": 1e-4}},
+        "actor-1e-5": {"baseline": {"actor_rate": 1e-5}},
+        "critic-3e-4": {"baseline": {"critic_rate": 3e-4}},
+        "steps-8": {"baseline": {"n_steps": 8}},
+        "steps-32": {"baseline": {"n_steps": 32}},
+        "figures-64": {"num_envs": 64, "horizon": 64},
+        "rms-prop": {"baseline": {"use_rms_prop": True}},
+        "raw-advantage": {"baseline": {"normalize_advantage": False}},
+        "learn-noise": {"learn_action_std": True},
+        "relu": {"baseline": {"activation": "relu"}},
     },
     "sb3-ppo": {
-        "actor-2e-5": {"rival": {"actor_rate": 2e-5}},
-        "actor-1e-4": {"rival": {"actor_rate": 1e-4}},
-        "critic-3e-4": {"rival": {"critic_rate": 3e-4}},
-        "clip-0.1": {"rival": {"clip": 0.1}},
-        "passes-16": {"rival": {"passes": 16}},
-        "batch-2048": {"rival": {"batch": 2048}},
-        "grad-norm-0.5": {"rival": {"max_grad_norm": 0.5}},
-        "learn-noise": {"learn_noise": True},
-        "tanh": {"rival": {"activation": "tanh"}},
+        "actor-2e-5": {"baseline": {"actor_rate": 2e-5}},
+        "actor-1e-4": {"baseline": {"actor_rate": 1e-4}},
+        "critic-3e-4": {"baseline": {"critic_rate": 3e-4}},
+        "clip-0.1": {"baseline": {"clip": 0.1}},
+        "passes-16": {"baseline": {"epochs": 16}},
+        "batch-2048": {"baseline": {"batch": 2048}},
+        "grad-norm-0.5": {"baseline": {"max_grad_norm": 0.5}},
+        "learn-noise": {"learn_action_std": True},
+        "tanh": {"baseline": {"activation": "tanh"}},
     },
 }
 
@@ -74,14 +74,14 @@ def ablation() -> dict[str, TrainConfig]:
     return {"default": base, **{name: _changed(base, changes, name) for name, changes in ABLATION.items()}}
 
 
-def search(rival: str) -> dict[str, TrainConfig]:
+def search(baseline: str) -> dict[str, TrainConfig]:
     """A rival's preset, and it with each change of its SEARCH, as RIVAL-NAME, which `preset` then names."""
-    base = PRESETS[rival]
-    names = {f"{rival}-{name}": changes for name, changes in SEARCH[rival].items()}
-    return {rival: base, **{name: _changed(base, changes, name) for name, changes in names.items()}}
+    base = PRESETS[baseline]
+    names = {f"{baseline}-{name}": changes for name, changes in SEARCH[baseline].items()}
+    return {baseline: base, **{name: _changed(base, changes, name) for name, changes in names.items()}}
 
 
 def _changed(base: TrainConfig, changes: Changes, name: str) -> TrainConfig:
     env = replace(base.env, **changes.get("env", {}))
-    rival = replace(base.rival, **changes.get("rival", {})) if base.rival else None
-    return replace(base, **{**changes, "env": env, "rival": rival}, preset=name)
+    baseline = replace(base.baseline, **changes.get("baseline", {})) if base.baseline else None
+    return replace(base, **{**changes, "env": env, "baseline": baseline}, preset=name)

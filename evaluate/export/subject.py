@@ -23,14 +23,14 @@ from kinemimic.retarget.formats.motion_json import motion_from_json
 from kinemimic.retarget.formats.poses import motion_of_poses, poses_of_motion
 from kinemimic.retarget.formats.read_mcap import motion_from_mcap, recover_mcap
 from kinemimic.retarget.humanoid.motion import Motion, joint_angles
-from kinemimic.train.rollout.trajectory import Playback
+from kinemimic.train.rollout.trajectory import Trajectory
 from kinemimic.train.sim.world import CONTROL_RATE
 
 # The subjects of a run folder, and the file that each is made of.
 SUBJECTS: dict[str, str] = {
     "capture": "quaternions.parquet",
     "reference": "motion.json",
-    "simulated": "playback.npz",
+    "simulated": "trajectory.npz",
 }
 # The rollout that began where the reference begins.
 _ROLLOUT = 0
@@ -164,20 +164,20 @@ def _reference(run: Path) -> Subject:
 
 def _simulated(run: Path) -> Subject:
     """The rollout from the reference's start; its first frame is the state after one control step."""
-    reference, path = motion_from_json(run / "motion.json"), run / "playback.npz"
-    playback = Playback.load(path)
-    fallen = int(playback.fallen_at[_ROLLOUT])
+    reference, path = motion_from_json(run / "motion.json"), run / "trajectory.npz"
+    trajectory = Trajectory.load(path)
+    fallen = int(trajectory.fallen_at[_ROLLOUT])
     motion = Motion(
         rate=CONTROL_RATE,
-        root=playback.root[_ROLLOUT],
-        rotations=playback.rotations[_ROLLOUT],
-        contacts=playback.contacts[_ROLLOUT],
+        root=trajectory.root[_ROLLOUT],
+        rotations=trajectory.rotations[_ROLLOUT],
+        contacts=trajectory.contacts[_ROLLOUT],
         cyclic=False,
         offsets=reference.offsets,
         provenance=reference.provenance,
     )
     told = f"falls at frame {fallen}" if fallen < len(motion.root) else ""
-    inputs = {"motion": reference.identity, "playback": file_hash(path)}
+    inputs = {"motion": reference.identity, "trajectory": file_hash(path)}
     return _of_motion(motion, told, inputs)
 
 

@@ -27,7 +27,7 @@ class _Spaces(gym.Env[Any, Any]):
         self.observation_space, self.action_space = spaces(config)
 
 
-class RivalUpdate:
+class BaselineUpdate:
     """`OneUpdate` (`one_update.py`) of a rival as training builds it, with samples drawn from a seed.
 
     DDPG draws its batch from a memory that is as large as at its first gradient step, and its step has both
@@ -35,17 +35,17 @@ class RivalUpdate:
     """
 
     def __init__(self, config: TrainConfig, samples: int, seed: int) -> None:
-        rival = config.rival
-        if isinstance(rival, Ddpg):
-            rival = replace(rival, buffer=rival.warm_up, batch=samples)
-        elif isinstance(rival, A2c):
-            rival = replace(rival, n_steps=samples)
-        elif isinstance(rival, StablePpo):
-            rival = replace(rival, batch=samples, passes=1)
+        baseline = config.baseline
+        if isinstance(baseline, Ddpg):
+            baseline = replace(baseline, buffer=baseline.warm_up, batch=samples)
+        elif isinstance(baseline, A2c):
+            baseline = replace(baseline, n_steps=samples)
+        elif isinstance(baseline, StablePpo):
+            baseline = replace(baseline, batch=samples, epochs=1)
         else:
             raise ValueError("expected a configuration with a rival, found none")
         # One figure, so that any number of samples is a whole number of steps.
-        self._config = replace(config, environments=1, horizon=samples, rival=rival)
+        self._config = replace(config, num_envs=1, horizon=samples, baseline=baseline)
         self._env = normalized(DummyVecEnv([lambda: _Spaces(config)]))
         with Randomness(config.seed).here():
             self.model = build(self._config, self._env)
@@ -65,8 +65,8 @@ class RivalUpdate:
             rollout = self.model.rollout_buffer
             for column in (rollout.observations, rollout.advantages, rollout.returns, rollout.values):
                 random.standard_normal(out=column, dtype=np.float32)
-            noise = self._config.noise[0][1]
-            rollout.actions[:] = noise * random.standard_normal(rollout.actions.shape, dtype=np.float32)
+            action_std = self._config.action_std[0][1]
+            rollout.actions[:] = action_std * random.standard_normal(rollout.actions.shape, dtype=np.float32)
             # PPO's ratio begins at 1, as in training: from any other it would be clipped, or no number.
             with torch.no_grad():
                 seen, done = (torch.from_numpy(one[:, 0]) for one in (rollout.observations, rollout.actions))

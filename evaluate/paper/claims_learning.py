@@ -31,7 +31,7 @@ def settings(comparison: Comparison) -> Iterator[Claim]:
         ("discount", 0.99, ours.discount),
         ("parameter of the generalized advantage estimate", 0.95, ours.gae_lambda),
         ("batch, samples", 4096, ours.batch),
-        ("passes over a batch", 10, ours.passes),
+        ("passes over a batch", 10, ours.epochs),
         ("clip of the ratio", 0.2, ours.clip),
         ("weight of the entropy, at first", 0.01, ours.entropy),
         ("its decay in each round, %", 5.0, 100.0 * (1.0 - ours.entropy_decay)),

@@ -128,7 +128,7 @@ def _last_second(rows: Sequence[Row]) -> float:
     return min(len(means), last + CONTROL_RATE) / CONTROL_RATE
 
 
-def joints(walk: Row, rivals: Mapping[str, Row], side: str) -> Draw:
+def joints(walk: Row, baselines: Mapping[str, Row], side: str) -> Draw:
     """Knee and hip of one side over the frames of a walk through a room, and faintly those of rivals in the
     same room, each to its fall; walks: as `rooms.walked` tells them."""
 
@@ -136,9 +136,9 @@ def joints(walk: Row, rivals: Mapping[str, Row], side: str) -> Draw:
         figure, axes = panel_grid(2, 1, 1.9, phone, sharex=True)
         for panel, joint in zip(axes, ("knee", "hip"), strict=True):
             name = f"{joint}_{side}"
-            for rival, other in rivals.items():
+            for baseline, other in baselines.items():
                 theirs = other["curves"][name]["simulated"][: other["frames"]]
-                panel.plot(np.arange(len(theirs)) + 1, theirs, **_look(rival), linewidth=0.8, alpha=0.7)
+                panel.plot(np.arange(len(theirs)) + 1, theirs, **_look(baseline), linewidth=0.8, alpha=0.7)
             curve = walk["curves"][name]
             frames = np.arange(len(curve["reference"])) + 1
             panel.plot(frames, curve["reference"], color=REFERENCE, linewidth=0.9, label="reference")

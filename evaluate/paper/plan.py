@@ -32,8 +32,8 @@ def contenders(comparison: Comparison) -> dict[str, Contender]:
     some trained among other obstacles."""
     comparison.expect((WALK, RUN, OBSTACLES), tuple(VARIANTS.values()))
     for task in (WALK, RUN, OBSTACLES):
-        for rival in RIVALS.values():
-            comparison.shared(task, VARIANTS[PPO], rival)
+        for baseline in RIVALS.values():
+            comparison.shared(task, VARIANTS[PPO], baseline)
     comparison.expect_scenario(OBSTACLES, scenario(SEVERAL))
     walkers = [comparison.contender(WALK, variant, name) for name, variant in VARIANTS.items()]
     among = [comparison.contender(OBSTACLES, variant, f"{name}{AMONG}") for name, variant in VARIANTS.items()]

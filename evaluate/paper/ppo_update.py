@@ -13,7 +13,7 @@ import torch
 
 from kinemimic.train.config.config import TrainConfig
 from kinemimic.train.ppo.objective import Choices, log_density
-from kinemimic.train.ppo.ppo import Learner, minibatches
+from kinemimic.train.ppo.ppo import PpoAlgorithm, minibatches
 from kinemimic.train.rollout.policy import Policy
 from kinemimic.train.task.env import ACTIONS, observation_size
 
@@ -37,16 +37,16 @@ class PpoUpdate:
 
     def __init__(self, config: TrainConfig, samples: int, seed: int) -> None:
         random = np.random.default_rng(seed)
-        self.learner = Learner(config)
+        self.learner = PpoAlgorithm(config)
         net = self.learner.net
-        self._observations, noise, self._returns, gain = (
+        self._observations, action_std, self._returns, gain = (
             torch.from_numpy(random.standard_normal((samples, width), dtype=np.float32))
             for width in (observation_size(config.env), ACTIONS, 1, 1)
         )
         mean = net.actor.forward(self._observations)
-        actions = mean + net.log_noise.exp() * noise
-        self._old = Choices(actions, mean, log_density(actions, mean, net.log_noise), gain[:, 0])
-        self._log_old = net.log_noise.clone()
+        actions = mean + net.log_std.exp() * action_std
+        self._old = Choices(actions, mean, log_density(actions, mean, net.log_std), gain[:, 0])
+        self._log_old = net.log_std.clone()
         self._orders = [torch.from_numpy(random.permutation(samples))]
 
     def policy(self) -> Policy:

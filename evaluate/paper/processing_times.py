@@ -145,19 +145,19 @@ def growth(samples: Sequence[int], times: Sequence[float]) -> float:
 
 def own_batch(config: TrainConfig) -> int:
     """Samples of a gradient step in training."""
-    rival = config.rival
-    if isinstance(rival, Ddpg | StablePpo):
-        return rival.batch
-    return config.environments * rival.n_steps if isinstance(rival, A2c) else config.minibatch
+    baseline = config.baseline
+    if isinstance(baseline, Ddpg | StablePpo):
+        return baseline.batch
+    return config.num_envs * baseline.n_steps if isinstance(baseline, A2c) else config.minibatch
 
 
 def steps_per_sample(config: TrainConfig) -> float:
     """Gradient steps that training takes for a new sample."""
-    rival = config.rival
-    if isinstance(rival, Ddpg):
-        return rival.updates_per_sample
-    passes = rival.passes if isinstance(rival, StablePpo) else 1 if rival else config.passes
-    return passes / own_batch(config)
+    baseline = config.baseline
+    if isinstance(baseline, Ddpg):
+        return baseline.updates_per_sample
+    epochs = baseline.epochs if isinstance(baseline, StablePpo) else 1 if baseline else config.epochs
+    return epochs / own_batch(config)
 
 
 def measured(task: Task) -> dict[str, Measured]:
@@ -215,11 +215,11 @@ def _rivals() -> bool:
 
 
 def _update(config: TrainConfig, samples: int, seed: int) -> OneUpdate:
-    if config.rival is None:
+    if config.baseline is None:
         return PpoUpdate(config, samples, seed)
-    from kinemimic.evaluate.paper.baseline_update import RivalUpdate  # noqa: PLC0415 (its package may be missing)
+    from kinemimic.evaluate.paper.baseline_update import BaselineUpdate  # noqa: PLC0415 (its package may be missing)
 
-    return RivalUpdate(config, samples, seed)
+    return BaselineUpdate(config, samples, seed)
 
 
 def _net(task: Task, found: Mapping[str, Measured]) -> dict[str, Any]:

@@ -94,12 +94,12 @@ def _settings_of(comparison: Comparison) -> str:
         config = TrainConfig.from_json(variants[variant])
         often = steps_per_sample(config)
         last = max(comparison.content["provenance"]["config"]["budgets"][variant])
-        noise = " to ".join(f"{scheduled_at(config.noise, at):.2g}" for at in (0, last))
+        action_std = " to ".join(f"{scheduled_at(config.action_std, at):.2g}" for at in (0, last))
         bound = "" if config.bound is None else f", actions bounded to ±{config.bound:g}"
         layers = " and ".join(map(str, config.hidden))
         sentences.append(
-            f"{name}: {config.environments} figures, a gradient step for every {1.0 / often:.0f} samples on "
-            f"{own_batch(config)}, layers of {layers} ({config.activation}){bound}, exploration {noise}."
+            f"{name}: {config.num_envs} figures, a gradient step for every {1.0 / often:.0f} samples on "
+            f"{own_batch(config)}, layers of {layers} ({config.activation}){bound}, exploration {action_std}."
         )
     return " ".join(sentences)
 

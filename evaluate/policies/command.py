@@ -12,11 +12,12 @@ from kinemimic.evaluate.policies.recipe import POLICIES, recipes
 from kinemimic.evaluate.policies.shipped import MOTION, POLICY, RECORD, SCORES, shipped
 from kinemimic.pipeline.cli.terminal import grid, number, show
 from kinemimic.pipeline.files.store import read_json
+from kinemimic.train.rollout.policy import read_record
 
 
 def summary(name: str, folder: Path) -> dict[str, Any]:
     """A policy that ships in JSON values: what it is, and what `evaluate` measured when it was made."""
-    record, scores = read_json(folder / name / RECORD), read_json(folder / name / SCORES)
+    record, scores = read_record(folder / name / RECORD), read_json(folder / name / SCORES)
     return {
         "name": name,
         "told": recipes(folder)[name].told,

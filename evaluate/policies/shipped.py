@@ -126,7 +126,7 @@ def _relearnt(record: Mapping[str, Any], motion: Motion, run: Path) -> dict[str,
 
 def evaluated(run: Path) -> bool:
     """Whether the run's scores and playback are those of its policy."""
-    if not all((run / name).is_file() for name in (SCORES, "playback.npz")):
+    if not all((run / name).is_file() for name in (SCORES, "trajectory.npz")):
         return False
     scores: Any = read_json(run / SCORES)
     try:

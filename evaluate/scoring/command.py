@@ -1,4 +1,4 @@
-"""`kinemimic evaluate`: the policy performs; scores.json, curves.csv, report.html, playback.npz say how."""
+"""`kinemimic evaluate`: the policy performs; scores.json, curves.csv, report.html, trajectory.npz say how."""
 
 from __future__ import annotations
 
@@ -25,8 +25,8 @@ from kinemimic.pipeline.gait.curve_metrics import JOINTS, MEASURES
 from kinemimic.retarget.humanoid.motion import Motion, joint_angles
 from kinemimic.train.rollout.evaluation import frames_of
 from kinemimic.train.rollout.policy import POLICY, learnt
-from kinemimic.train.rollout.rollout import perform
-from kinemimic.train.rollout.trajectory import Playback
+from kinemimic.train.rollout.rollout import collect_trajectories
+from kinemimic.train.rollout.trajectory import Trajectory
 from kinemimic.train.sim.engines import resolve
 from kinemimic.train.sim.options import engine_option, workers_option
 from kinemimic.train.sim.world import CONTROL_RATE
@@ -52,8 +52,8 @@ def evaluate(run: Path, *, workers: int | None = None, engine: str = "auto") -> 
     capture = read_capture(run / "capture.parquet")
     phases, frames = protocol(motion)
     with progress("evaluate", 2 * len(phases)) as bar:
-        playback, baseline = (
-            perform(
+        trajectory, no_policy = (
+            collect_trajectories(
                 motion,
                 who,
                 start_phases=phases,
@@ -65,8 +65,8 @@ def evaluate(run: Path, *, workers: int | None = None, engine: str = "auto") -> 
             for who in (policy, None)
         )
     scores = compose(
-        playback,
-        baseline,
+        trajectory,
+        no_policy,
         motion,
         capture=capture,
         policy=record,
@@ -80,23 +80,23 @@ def evaluate(run: Path, *, workers: int | None = None, engine: str = "auto") -> 
             seed=record.get("seed"),
         ),
     )
-    html = report(run, Evidence(scores, playback, baseline, motion, capture))
-    playback.save(run / "playback.npz")
-    write_text(run / "curves.csv", curves_csv(playback, baseline))
+    html = report(run, Evidence(scores, trajectory, no_policy, motion, capture))
+    trajectory.save(run / "trajectory.npz")
+    write_text(run / "curves.csv", curves_csv(trajectory, no_policy))
     write_text(run / "report.html", html)
     # Last, because it is what says that the evaluation is complete.
     write_json(run / "scores.json", scores)
     return scores
 
 
-def curves_csv(playback: Playback, baseline: Playback) -> str:
+def curves_csv(trajectory: Trajectory, no_policy: Trajectory) -> str:
     """Knee and hip in degrees from phase 0, one line a frame: reference, simulated, no policy."""
     columns = {
         f"{who}_{name}_deg": np.degrees(values)
         for who, rotations in (
-            ("reference", playback.reference_rotations),
-            ("simulated", playback.rotations),
-            ("no_policy", baseline.rotations),
+            ("reference", trajectory.reference_rotations),
+            ("simulated", trajectory.rotations),
+            ("no_policy", no_policy.rotations),
         )
         for name, values in joint_angles(rotations[0]).items()
     }

@@ -15,7 +15,7 @@ from kinemimic.pipeline.arrays import Array
 from kinemimic.pipeline.cli.picture import Draw, legend, panel_grid
 from kinemimic.pipeline.kinematics.angles import ANGLES
 from kinemimic.retarget.humanoid.motion import joint_angles
-from kinemimic.train.rollout.trajectory import Playback
+from kinemimic.train.rollout.trajectory import Trajectory
 from kinemimic.train.sim.world import CONTROL_RATE
 
 # Safe for the colour-blind (Okabe and Ito), and told apart by their grey in print.
@@ -32,14 +32,14 @@ def _degrees(rotations: Array) -> dict[str, Array]:
     return {name: np.degrees(values) for name, values in joint_angles(rotations).items()}
 
 
-def curves(playback: Playback, baseline: Playback, frames: int) -> Draw:
+def curves(trajectory: Trajectory, no_policy: Trajectory, frames: int) -> Draw:
     """Knee and hip, left and right, over time from phase 0: reference, simulated, no policy."""
     reference, simulated, nothing = (
         _degrees(q[0, :frames])
-        for q in (playback.reference_rotations, playback.rotations, baseline.rotations)
+        for q in (trajectory.reference_rotations, trajectory.rotations, no_policy.rotations)
     )
     time = (np.arange(len(reference[ANGLES[0]])) + 1) / CONTROL_RATE
-    fall = int(playback.fallen_at[0])
+    fall = int(trajectory.fallen_at[0])
 
     def draw(phone: bool) -> Figure:
         figure, panels = panel_grid(4, 1, 1.45, phone, sharex=True)
@@ -60,11 +60,11 @@ def curves(playback: Playback, baseline: Playback, frames: int) -> Draw:
     return draw
 
 
-def cycles(playback: Playback, capture: Capture | None, frames: int, *, cyclic: bool) -> Draw:
+def cycles(trajectory: Trajectory, capture: Capture | None, frames: int, *, cyclic: bool) -> Draw:
     """Knee and hip over the gait cycle: mean and spread of the rollout, the reference, the capture."""
-    phase = playback.phases[0, :frames]
+    phase = trajectory.phases[0, :frames]
     simulated, reference = (
-        _degrees(q[0, :frames]) for q in (playback.rotations, playback.reference_rotations)
+        _degrees(q[0, :frames]) for q in (trajectory.rotations, trajectory.reference_rotations)
     )
     grid = np.linspace(0.0, 1.0, 101)
     laps = np.arange(np.ceil(phase[0]), np.floor(phase[-1])) if cyclic else np.zeros(1)
@@ -113,15 +113,15 @@ def _along(phase: Array, values: Array, cyclic: bool) -> tuple[Array, Array]:
     return np.array(places), np.array(medians)
 
 
-def start_phases(playback: Playback, baseline: Playback, r2: Mapping[str, Sequence[float]]) -> Draw:
+def start_phases(trajectory: Trajectory, no_policy: Trajectory, r2: Mapping[str, Sequence[float]]) -> Draw:
     """How long each start phase lasted, with and without the policy, and its R² at knee and hip."""
-    frames = playback.root.shape[1]
-    at = np.arange(len(playback.start_phases))
+    frames = trajectory.root.shape[1]
+    at = np.arange(len(trajectory.start_phases))
 
     def draw(phone: bool) -> Figure:
         figure, (survived, fits) = panel_grid(1, 2, 2.6, phone)
-        survived.bar(at - 0.2, playback.fallen_at, color=SIMULATED, width=0.4, label="policy")
-        survived.bar(at + 0.2, baseline.fallen_at, color=NO_POLICY, width=0.4, label="no policy")
+        survived.bar(at - 0.2, trajectory.fallen_at, color=SIMULATED, width=0.4, label="policy")
+        survived.bar(at + 0.2, no_policy.fallen_at, color=NO_POLICY, width=0.4, label="no policy")
         survived.axhline(frames, color=REFERENCE, linewidth=0.8)
         survived.set(ylabel="frames before a fall", ylim=(0, 1.18 * frames))
         survived.legend(loc="upper left", ncols=2, borderaxespad=0.1)
@@ -132,21 +132,21 @@ def start_phases(playback: Playback, baseline: Playback, r2: Mapping[str, Sequen
         fits.legend(loc="upper left", ncols=2, borderaxespad=0.1)
         for axes in (survived, fits):
             axes.set_xlabel("start phase [% of the cycle]")
-            axes.set_xticks(at, [f"{100 * phase:.0f}" for phase in playback.start_phases], fontsize=7.5)
+            axes.set_xticks(at, [f"{100 * phase:.0f}" for phase in trajectory.start_phases], fontsize=7.5)
         return figure
 
     return draw
 
 
-def reward_terms(playback: Playback) -> Draw:
+def reward_terms(trajectory: Trajectory) -> Draw:
     """The reward's terms from phase 0, stacked, over time."""
-    time = (np.arange(playback.rewards.shape[1]) + 1) / CONTROL_RATE
+    time = (np.arange(trajectory.rewards.shape[1]) + 1) / CONTROL_RATE
 
     def draw(phone: bool) -> Figure:
         figure, (axes,) = panel_grid(1, 1, 2.2, phone)
-        colors = [_SERIES[k % len(_SERIES)] for k in range(len(playback.reward_names))]
-        labels = [str(name) for name in playback.reward_names]
-        axes.stackplot(time, playback.rewards[0].T, colors=colors, labels=labels, alpha=0.75, linewidth=0)
+        colors = [_SERIES[k % len(_SERIES)] for k in range(len(trajectory.reward_names))]
+        labels = [str(name) for name in trajectory.reward_names]
+        axes.stackplot(time, trajectory.rewards[0].T, colors=colors, labels=labels, alpha=0.75, linewidth=0)
         axes.set(xlabel="time [s]", ylabel="reward a frame [1]", xlim=(0, time[-1]), ylim=(0, None))
         legend(figure, axes)
         return figure
@@ -154,9 +154,9 @@ def reward_terms(playback: Playback) -> Draw:
     return draw
 
 
-def root_path(playback: Playback) -> Draw:
+def root_path(trajectory: Trajectory) -> Draw:
     """The hip centre seen from above, and its height over time, from phase 0."""
-    reference, path = playback.reference_root[0], playback.root[0]
+    reference, path = trajectory.reference_root[0], trajectory.root[0]
     time = (np.arange(len(path)) + 1) / CONTROL_RATE
 
     def draw(phone: bool) -> Figure:

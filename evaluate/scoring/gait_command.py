@@ -21,11 +21,11 @@ from kinemimic.pipeline.errors import KinemimicError
 from kinemimic.pipeline.files.provenance import provenance
 from kinemimic.pipeline.files.store import file_hash, write_json, write_text
 from kinemimic.retarget.formats.motion_json import motion_from_json
-from kinemimic.train.rollout.trajectory import Playback
+from kinemimic.train.rollout.trajectory import Trajectory
 
 # Of these one must be there: the playback needs the motion's body.
 WALKERS = ("quaternions.parquet", "motion.json")
-FILES = ("quaternions.parquet", "clip.parquet", "gait.json", "motion.json", "playback.npz")
+FILES = ("quaternions.parquet", "clip.parquet", "gait.json", "motion.json", "trajectory.npz")
 
 
 def gait(run: Path) -> dict[str, Any]:
@@ -40,9 +40,11 @@ def gait(run: Path) -> dict[str, Any]:
             f"{run}: expected {' or '.join(WALKERS)}, found neither; run `ingest` and `convert` first"
         )
     motion = motion_from_json(run / "motion.json") if (run / "motion.json").exists() else None
-    playback = Playback.load(run / "playback.npz") if motion and (run / "playback.npz").exists() else None
+    trajectory = (
+        Trajectory.load(run / "trajectory.npz") if motion and (run / "trajectory.npz").exists() else None
+    )
     capture = captured(run, motion)
-    report = compare(capture, motion, playback)
+    report = compare(capture, motion, trajectory)
     if not report["walkers"]:
         raise KinemimicError(
             f"{run}: expected a gait with at least one whole stride, found none in capture, reference or "

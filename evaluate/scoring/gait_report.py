@@ -14,18 +14,18 @@ from kinemimic.pipeline.gait.events import SIDES
 from kinemimic.pipeline.gait.normative import SOURCE
 from kinemimic.pipeline.gait.parameters import normalised, parameters, symmetry_index
 from kinemimic.retarget.humanoid.motion import Motion
-from kinemimic.train.rollout.trajectory import Playback
+from kinemimic.train.rollout.trajectory import Trajectory
 
 GAIT_REPORT_SCHEMA = 1
 JOINTS = ("knee", "hip", "ankle")
 
 
-def compare(capture: Walker | None, motion: Motion | None, playback: Playback | None) -> dict[str, Any]:
+def compare(capture: Walker | None, motion: Motion | None, trajectory: Trajectory | None) -> dict[str, Any]:
     """The JSON value of gait_report.json without its provenance; who makes no whole stride is only named."""
     walkers = {
         "capture": capture,
         "reference": reference(motion) if motion else None,
-        "simulated": simulated(playback, motion) if motion and playback else None,
+        "simulated": simulated(trajectory, motion) if motion and trajectory else None,
     }
     there = {name: walker for name, walker in walkers.items() if walker is not None}
     return {

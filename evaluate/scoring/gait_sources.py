@@ -28,7 +28,7 @@ from kinemimic.pipeline.kinematics.orient import node_rotations
 from kinemimic.pipeline.kinematics.rotations import from_axis_angle, multiply, to_rotvec
 from kinemimic.pipeline.kinematics.skeleton import NODE_INDEX, node_skeleton
 from kinemimic.retarget.humanoid.motion import Motion, joint_angles
-from kinemimic.train.rollout.trajectory import Playback
+from kinemimic.train.rollout.trajectory import Trajectory
 from kinemimic.train.sim.world import CONTROL_RATE
 
 _CYCLES = 6  # of a loop, walked on, so that whole strides begin and end within
@@ -139,17 +139,17 @@ def reference(motion: Motion) -> Walker:
     )
 
 
-def simulated(playback: Playback, motion: Motion) -> Walker:
+def simulated(trajectory: Trajectory, motion: Motion) -> Walker:
     """The figure in all its rollouts, each up to its fall."""
-    rollouts, frames = playback.root.shape[:2]
+    rollouts, frames = trajectory.root.shape[:2]
     times = np.tile((np.arange(frames) + 1) / CONTROL_RATE, rollouts)
-    upright = np.arange(frames) < playback.fallen_at[:, None]
+    upright = np.arange(frames) < trajectory.fallen_at[:, None]
     passes = np.where(upright, np.arange(rollouts)[:, None], -1).astype(np.int32).ravel()
-    rotations = playback.rotations.reshape(rollouts * frames, *playback.rotations.shape[2:])
+    rotations = trajectory.rotations.reshape(rollouts * frames, *trajectory.rotations.shape[2:])
     translations = np.broadcast_to(motion.offsets, (len(rotations), *motion.offsets.shape)).copy()
-    translations[:, 0] = playback.root.reshape(-1, 3)
+    translations[:, 0] = trajectory.root.reshape(-1, 3)
     positions = forward_kinematics(node_skeleton(motion.offsets), translations, rotations)[0]
-    return _on_body(times, passes, positions, rotations, playback.contacts.reshape(-1, 2))
+    return _on_body(times, passes, positions, rotations, trajectory.contacts.reshape(-1, 2))
 
 
 def _on_body(

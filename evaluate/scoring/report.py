@@ -20,7 +20,7 @@ from kinemimic.pipeline.cli.picture import picture
 from kinemimic.pipeline.files.store import read_json
 from kinemimic.pipeline.gait.curve_metrics import JOINTS, MEASURES
 from kinemimic.retarget.humanoid.motion import Motion
-from kinemimic.train.rollout.trajectory import Playback
+from kinemimic.train.rollout.trajectory import Trajectory
 from kinemimic.train.sim.world import CONTROL_RATE
 
 # "Fitting degree" over 500 frames and largest gap, as the paper prints them.
@@ -54,8 +54,8 @@ class Evidence:
     """All that a report is made from."""
 
     scores: Mapping[str, Any]
-    playback: Playback
-    baseline: Playback
+    trajectory: Trajectory
+    no_policy: Trajectory
     motion: Motion
     capture: Capture | None
 
@@ -70,7 +70,7 @@ def report(run: Path, evidence: Evidence) -> str:
         *_sources(evidence.scores),
         *_figures(evidence),
     ]
-    gait = compare(captured(run), evidence.motion, evidence.playback)
+    gait = compare(captured(run), evidence.motion, evidence.trajectory)
     if gait["walkers"]:
         sections.append(gait_sections(gait))
     for file, section in (
@@ -193,7 +193,7 @@ def _sources(scores: Mapping[str, Any]) -> Iterator[str]:
 
 
 def _figures(evidence: Evidence) -> Iterator[str]:
-    scores, played, base = evidence.scores, evidence.playback, evidence.baseline
+    scores, played, base = evidence.scores, evidence.trajectory, evidence.no_policy
     frames, cyclic = scores["fit"]["frames"], evidence.motion.cyclic
     survived = scores["survival"]
     yield "<h2>Knees and hips</h2>"

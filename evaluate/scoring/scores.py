@@ -19,7 +19,7 @@ from kinemimic.pipeline.gait.curve_metrics import JOINTS, MEASURES, JointFit, jo
 from kinemimic.pipeline.kinematics.angles import ANGLES
 from kinemimic.retarget.humanoid.body import BODIES
 from kinemimic.retarget.humanoid.motion import Motion, joint_angles
-from kinemimic.train.rollout.trajectory import Playback
+from kinemimic.train.rollout.trajectory import Trajectory
 
 SCORES_SCHEMA = 1
 FIT_FRAMES = 500  # the paper's
@@ -27,28 +27,28 @@ _DECIMALS = 6
 _STANDS = 0.1  # m: a reference that gets no further walks nowhere, and has no speed to compare with
 
 
-def survival(playback: Playback) -> dict[str, int]:
+def survival(trajectory: Trajectory) -> dict[str, int]:
     """Frames before the first fall from phase 0, and how many start phases came through all frames."""
-    frames = playback.root.shape[1]
+    frames = trajectory.root.shape[1]
     return {
-        "frames": int(min(playback.fallen_at[0], frames)),
+        "frames": int(min(trajectory.fallen_at[0], frames)),
         "of": frames,
-        "phases": int(np.sum(playback.fallen_at >= frames)),
-        "phases_of": len(playback.fallen_at),
+        "phases": int(np.sum(trajectory.fallen_at >= frames)),
+        "phases_of": len(trajectory.fallen_at),
     }
 
 
-def rollout_fits(playback: Playback, rollout: int, frames: int) -> dict[str, JointFit]:
+def rollout_fits(trajectory: Trajectory, rollout: int, frames: int) -> dict[str, JointFit]:
     """Knee and hip of one rollout against its reference, over its first `frames` frames."""
-    reference = joint_angles(playback.reference_rotations[rollout, :frames])
-    simulated = joint_angles(playback.rotations[rollout, :frames])
-    upright = np.arange(len(simulated[ANGLES[0]])) < playback.fallen_at[rollout]
+    reference = joint_angles(trajectory.reference_rotations[rollout, :frames])
+    simulated = joint_angles(trajectory.rotations[rollout, :frames])
+    upright = np.arange(len(simulated[ANGLES[0]])) < trajectory.fallen_at[rollout]
     return joint_fits(reference, simulated, upright)
 
 
-def fit(playback: Playback, frames: int) -> dict[str, Any]:
+def fit(trajectory: Trajectory, frames: int) -> dict[str, Any]:
     """The fit from phase 0 per joint and side, and its spread over all start phases."""
-    rollouts = [rollout_fits(playback, k, frames) for k in range(len(playback.start_phases))]
+    rollouts = [rollout_fits(trajectory, k, frames) for k in range(len(trajectory.start_phases))]
     spread: dict[str, dict[str, dict[str, float]]] = {}
     for joint in JOINTS:
         spread[joint] = {}
@@ -61,19 +61,19 @@ def fit(playback: Playback, frames: int) -> dict[str, Any]:
             }
     return {
         **{joint: rollouts[0][joint].as_dict() for joint in JOINTS},
-        "frames": min(frames, playback.root.shape[1]),
+        "frames": min(frames, trajectory.root.shape[1]),
         "phases": spread,
     }
 
 
-def root_path(playback: Playback) -> dict[str, float | None]:
+def root_path(trajectory: Trajectory) -> dict[str, float | None]:
     """The path over the ground from phase 0, heights left out.
 
     path_error_m: distance between the two figures at the end; path_rms_m: its root mean square on the way;
     advance_m, reference_advance_m: the way along the line from the reference's start to its end;
     speed_ratio: the quotient of both, None where the reference gets nowhere.
     """
-    path, reference = playback.root[0, :, :2], playback.reference_root[0, :, :2]
+    path, reference = trajectory.root[0, :, :2], trajectory.reference_root[0, :, :2]
     gap = np.linalg.norm(path - reference, axis=-1)
     way = reference[-1] - reference[0]
     distance = float(np.linalg.norm(way))
@@ -88,12 +88,12 @@ def root_path(playback: Playback) -> dict[str, float | None]:
     }
 
 
-def torque(playback: Playback) -> dict[str, Any]:
+def torque(trajectory: Trajectory) -> dict[str, Any]:
     """Largest torques of all rollouts, falls included: `peak` of any joint in N·m, and each joint's.
 
     share: of the joint's limit; 1 means that the motor was at its end.
     """
-    peaks = playback.torques.max(axis=(0, 1))  # (14,)
+    peaks = trajectory.torques.max(axis=(0, 1))  # (14,)
     joints = {
         body.node: {
             "peak": float(peak),
@@ -106,23 +106,23 @@ def torque(playback: Playback) -> dict[str, Any]:
     return {"peak": joints[highest]["peak"], "joint": highest, "joints": joints}
 
 
-def rewards(playback: Playback) -> dict[str, float]:
+def rewards(trajectory: Trajectory) -> dict[str, float]:
     """Mean of each reward term over the frames from phase 0."""
     return {
         str(name): float(value)
-        for name, value in zip(playback.reward_names, playback.rewards[0].mean(axis=0), strict=True)
+        for name, value in zip(trajectory.reward_names, trajectory.rewards[0].mean(axis=0), strict=True)
     }
 
 
 def _against_capture(
-    playback: Playback, motion: Motion, capture: Capture | None, frames: int
+    trajectory: Trajectory, motion: Motion, capture: Capture | None, frames: int
 ) -> tuple[dict[str, Any] | None, dict[str, Any] | None]:
     if capture is None:
         return None, None
     rollout = Rollout(
-        phases=playback.phases[0, :frames],
-        angles=joint_angles(playback.rotations[0, :frames]),
-        fallen_at=int(playback.fallen_at[0]),
+        phases=trajectory.phases[0, :frames],
+        angles=joint_angles(trajectory.rotations[0, :frames]),
+        fallen_at=int(trajectory.fallen_at[0]),
         cyclic=motion.cyclic,
     )
     fits = capture_fits(capture, rollout)
@@ -136,8 +136,8 @@ def _against_capture(
 
 
 def compose(
-    playback: Playback,
-    baseline: Playback,
+    trajectory: Trajectory,
+    no_policy: Trajectory,
     motion: Motion,
     *,
     capture: Capture | None,
@@ -149,22 +149,22 @@ def compose(
     baseline: the same start phases with no policy, the reference's PD targets alone; policy: policy.json.
     """
     # A single performance (a kick, a jump) is scored whole, a walk over the paper's 500 frames.
-    frames = FIT_FRAMES if motion.cyclic else playback.root.shape[1]
-    fit_capture, truth = _against_capture(playback, motion, capture, frames)
+    frames = FIT_FRAMES if motion.cyclic else trajectory.root.shape[1]
+    fit_capture, truth = _against_capture(trajectory, motion, capture, frames)
     scores = {
         "schema": SCORES_SCHEMA,
-        "survival": survival(playback),
-        "fit": fit(playback, frames),
+        "survival": survival(trajectory),
+        "fit": fit(trajectory, frames),
         "fit_capture": fit_capture,
         "no_policy": {
-            "survival": survival(baseline),
-            "fit": fit(baseline, frames),
-            "root": root_path(baseline),
+            "survival": survival(no_policy),
+            "fit": fit(no_policy, frames),
+            "root": root_path(no_policy),
         },
         "truth": truth,
-        "root": root_path(playback),
-        "torque": torque(playback),
-        "reward": rewards(playback),
+        "root": root_path(trajectory),
+        "torque": torque(trajectory),
+        "reward": rewards(trajectory),
         "train": {key: policy.get(key) for key in ("samples", "seconds", "preset", "seed")},
         "capture": {"simulated": motion.simulated},
         "provenance": provenance,

@@ -7,7 +7,7 @@ from typing import Any
 
 from kinemimic.pipeline.gait.curve_metrics import JOINTS
 from kinemimic.retarget.humanoid.motion import Motion
-from kinemimic.train.rollout.trajectory import Playback
+from kinemimic.train.rollout.trajectory import Trajectory
 from kinemimic.train.scenario.scenario import Scenario
 from kinemimic.train.sim.world import CONTROL_RATE
 
@@ -21,22 +21,22 @@ _ROWS = (
 )
 
 
-def caption_of_trial(motion: Motion, playback: Playback, scenario: Scenario, number: int) -> str:
+def caption_of_trial(motion: Motion, trajectory: Trajectory, scenario: Scenario, number: int) -> str:
     """Markdown on one trial of a scenario."""
     told = f"Scenario **{scenario.name}**, trial {number}: {scenario.about}"
-    return "\n".join([*_survival(motion, playback, 0), "", told])
+    return "\n".join([*_survival(motion, trajectory, 0), "", told])
 
 
-def _survival(motion: Motion, playback: Playback, rollout: int) -> list[str]:
+def _survival(motion: Motion, trajectory: Trajectory, rollout: int) -> list[str]:
     lines = ["**Simulated capture (virtual Kinect)**", ""] if motion.simulated else []
-    frames, fallen = playback.root.shape[1], int(playback.fallen_at[rollout])
+    frames, fallen = trajectory.root.shape[1], int(trajectory.fallen_at[rollout])
     walked = f"**{min(fallen, frames)} of {frames} frames** without a fall"
     return [*lines, walked if fallen >= frames else f"{walked}; fell at {(fallen + 1) / CONTROL_RATE:.1f} s"]
 
 
 def caption(
     motion: Motion,
-    playback: Playback,
+    trajectory: Trajectory,
     rollout: int,
     scores: Mapping[str, Any] | None,
     capture: str | None = None,
@@ -45,7 +45,7 @@ def caption(
 
     capture: a line on the capture beside it.
     """
-    lines = _survival(motion, playback, rollout)
+    lines = _survival(motion, trajectory, rollout)
     if scores is None:
         lines += ["", "Not scored yet: there is no scores.json; run `kinemimic evaluate`."]
     else:

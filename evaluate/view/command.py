@@ -32,7 +32,7 @@ from kinemimic.pipeline.files.store import atomic, content_hash, read_json
 from kinemimic.retarget.formats.motion_json import motion_from_json
 from kinemimic.train.config.config import TrainConfig
 from kinemimic.train.rollout.policy import learnt
-from kinemimic.train.rollout.trajectory import Playback
+from kinemimic.train.rollout.trajectory import Trajectory
 from kinemimic.train.scenario.scenario import Scenario
 from kinemimic.train.scenario.scenario_file import scenario as read
 from kinemimic.train.sim.world import CONTROL_RATE
@@ -45,17 +45,17 @@ FILE = click.Path(path_type=Path, dir_okay=False)
 def view(run: Path) -> Path:
     """Write view.rrd into the run folder and return its path.
 
-    Reads motion.json and playback.npz, and if they are there scores.json, and raw.parquet with
+    Reads motion.json and trajectory.npz, and if they are there scores.json, and raw.parquet with
     capture.parquet: the capture. The file brings its own layout; nothing is served or sent.
     """
     motion = motion_from_json(run / "motion.json")
-    playback = Playback.load(run / "playback.npz")
+    trajectory = Trajectory.load(run / "trajectory.npz")
     scores = read_json(run / "scores.json") if (run / "scores.json").exists() else None
-    pair, phases = figures(playback, ROLLOUT, motion.offsets), playback.phases[ROLLOUT]
+    pair, phases = figures(trajectory, ROLLOUT, motion.offsets), trajectory.phases[ROLLOUT]
     shown = captured(run, phases, clock(len(phases)), pair[0], cyclic=motion.cyclic)
-    told = caption(motion, playback, ROLLOUT, scores, None if shown is None else shown.told())
+    told = caption(motion, trajectory, ROLLOUT, scores, None if shown is None else shown.told())
     path = run / "view.rrd"
-    write_recording(path, playback, pair, told, shown=shown)
+    write_recording(path, trajectory, pair, told, shown=shown)
     return path
 
 
@@ -68,16 +68,16 @@ def view_trial(
     """
     motion, policy, record = learnt(run)
     config = TrainConfig.from_json(record["config"])
-    playback, props = staged(motion, policy, config, scenario, number=number, seed=seed, engine=engine)
-    told = caption_of_trial(motion, playback, scenario, number)
+    trajectory, props = staged(motion, policy, config, scenario, number=number, seed=seed, engine=engine)
+    told = caption_of_trial(motion, trajectory, scenario, number)
     path = run / f"view-{scenario.name}.rrd"
-    write_recording(path, playback, figures(playback, ROLLOUT, motion.offsets), told, props=props)
+    write_recording(path, trajectory, figures(trajectory, ROLLOUT, motion.offsets), told, props=props)
     return path
 
 
 def write_recording(
     path: Path,
-    playback: Playback,
+    trajectory: Trajectory,
     pair: tuple[Figure, Figure],
     told: str,
     *,
@@ -89,19 +89,21 @@ def write_recording(
     pair: its `figures`; told: Markdown beside them.
     """
     # A viewer merges recordings of one id: it has to differ between runs, and only between runs.
-    identity = content_hash({"root": playback.root[ROLLOUT], "rotations": playback.rotations[ROLLOUT]})[:32]
+    identity = content_hash({"root": trajectory.root[ROLLOUT], "rotations": trajectory.rotations[ROLLOUT]})[
+        :32
+    ]
     stream = rr.RecordingStream("kinemimic", recording_id=identity, send_properties=False)
     # Into memory: rerun's own file sink logs that the disk is full, and goes on.
     recorded = stream.memory_recording()
     stream.send_blueprint(layout(capture=shown is not None), make_active=False, make_default=True)
     log_scenes(stream, *pair)
-    log_contacts(stream, pair[1], playback.contact_forces[ROLLOUT])
+    log_contacts(stream, pair[1], trajectory.contact_forces[ROLLOUT])
     if props is not None:
         log_props(stream, pair[1], props)
     if shown is not None:
         log_captured(stream, shown)
     set_apart(stream, (SIMULATED, REFERENCE) if shown is None else (SIMULATED, REFERENCE, CAPTURED))
-    log_curves(stream, playback, ROLLOUT)
+    log_curves(stream, trajectory, ROLLOUT)
     stream.log("scores", rr.TextDocument(told, media_type=rr.MediaType.MARKDOWN), static=True)
     with atomic(path) as temporary:
         temporary.write_bytes(recorded.drain_as_bytes())

@@ -12,9 +12,9 @@ from kinemimic.retarget.humanoid.body import BODIES
 from kinemimic.retarget.humanoid.motion import Motion
 from kinemimic.train.config.config import TrainConfig
 from kinemimic.train.rollout.policy import Policy
-from kinemimic.train.rollout.rollout import watched
-from kinemimic.train.rollout.trajectory import Playback
-from kinemimic.train.scenario.event_schedule import draw_course
+from kinemimic.train.rollout.rollout import record_trajectory
+from kinemimic.train.rollout.trajectory import Trajectory
+from kinemimic.train.scenario.event_schedule import draw_event_schedule
 from kinemimic.train.scenario.route import reference_for
 from kinemimic.train.scenario.scenario import Scenario
 from kinemimic.train.sim.engines import open_world
@@ -30,14 +30,14 @@ def staged(
     number: int = 0,
     seed: int = 0,
     engine: str = "auto",
-) -> tuple[Playback, Props]:
+) -> tuple[Trajectory, Props]:
     """Trial `number` of those that `disturb` makes of a seed, alone, and not ended by a fall."""
     reference, steps = reference_for(motion, scenario), steps_of(motion, scenario)
     own, phase = start(motion, scenario, seed, number)
     task = replace(config.env, reward=config.final_reward, scenario=scenario)
     batch = ImitationBatch(open_world(1, engine, measure_torques=True), reference, task)
     batch.reset(np.array([0]), np.array([phase]), seeds=np.array([own], dtype=np.uint64))
-    course = draw_course(scenario, reference, phase, np.random.default_rng(own))
+    course = draw_event_schedule(scenario, reference, phase, np.random.default_rng(own))
     states = np.full((steps, len(course.releases), 13), np.nan)
     loads = np.zeros((steps, len(BODIES), 3))
     frame = iter(range(steps))
@@ -47,6 +47,6 @@ def staged(
         states[at, : len(there)] = there
         loads[at] = 0.0 if batch.wrenches is None else batch.wrenches[0, :, :3]
 
-    played = watched(batch, policy, phase, steps, note)
+    played = record_trajectory(batch, policy, phase, steps, note)
     batch.world.close()
     return played, Props([item for _, item in course.releases], states, loads)

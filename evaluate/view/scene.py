@@ -18,7 +18,7 @@ from kinemimic.pipeline.kinematics.clip import forward_kinematics
 from kinemimic.pipeline.kinematics.skeleton import BONES, NODE_INDEX, NODES, node_skeleton
 from kinemimic.retarget.humanoid.body import BODIES, BODY_INDEX, BODY_NODES
 from kinemimic.retarget.humanoid.motion import joint_angles
-from kinemimic.train.rollout.trajectory import Playback
+from kinemimic.train.rollout.trajectory import Trajectory
 from kinemimic.train.sim.world import CONTROL_RATE
 
 TIMELINE = "time"
@@ -41,7 +41,7 @@ class Figure:
     rotations: Array
 
 
-def figures(playback: Playback, rollout: int, offsets: Array) -> tuple[Figure, Figure]:
+def figures(trajectory: Trajectory, rollout: int, offsets: Array) -> tuple[Figure, Figure]:
     """Reference and simulated figure of one rollout; offsets: (20, 3) of the nodes from their parents."""
 
     def figure(kind: int, root: Array, rotations: Array) -> Figure:
@@ -50,8 +50,8 @@ def figures(playback: Playback, rollout: int, offsets: Array) -> tuple[Figure, F
         return Figure(kind, *forward_kinematics(node_skeleton(offsets), translations, rotations))
 
     return (
-        figure(REFERENCE, playback.reference_root[rollout], playback.reference_rotations[rollout]),
-        figure(SIMULATED, playback.root[rollout], playback.rotations[rollout]),
+        figure(REFERENCE, trajectory.reference_root[rollout], trajectory.reference_rotations[rollout]),
+        figure(SIMULATED, trajectory.root[rollout], trajectory.rotations[rollout]),
     )
 
 
@@ -84,26 +84,26 @@ def set_apart(stream: rr.RecordingStream, kinds: Sequence[int]) -> None:
         stream.log(place_of("beside", kind), rr.Transform3D(translation=(ahead, 0.0, 0.0)), static=True)
 
 
-def log_curves(stream: rr.RecordingStream, playback: Playback, rollout: int) -> None:
+def log_curves(stream: rr.RecordingStream, trajectory: Trajectory, rollout: int) -> None:
     """Knee and hip flexion in degrees, reward terms, torques in N·m, the ground's push on each foot in N."""
-    times = moments(clock(playback.root.shape[1]))
+    times = moments(clock(trajectory.root.shape[1]))
     for kind, rotations in (
-        (REFERENCE, playback.reference_rotations[rollout]),
-        (SIMULATED, playback.rotations[rollout]),
+        (REFERENCE, trajectory.reference_rotations[rollout]),
+        (SIMULATED, trajectory.rotations[rollout]),
     ):
         curves = joint_angles(rotations)
         for angle in ANGLES:
             line = rr.SeriesLines(colors=COLORS[kind], names=NAMES[kind], widths=2.0)
             _log_series(stream, f"angles/{angle}/{NAMES[kind]}", times, np.degrees(curves[angle]), line)
-    for k, name in enumerate(playback.reward_names.tolist()):
+    for k, name in enumerate(trajectory.reward_names.tolist()):
         _log_series(
-            stream, f"reward/{name}", times, playback.rewards[rollout, :, k], rr.SeriesLines(names=name)
+            stream, f"reward/{name}", times, trajectory.rewards[rollout, :, k], rr.SeriesLines(names=name)
         )
     for k, body in enumerate(BODIES[1:]):
         line = rr.SeriesLines(names=body.name)
-        _log_series(stream, f"torque/{body.name}", times, playback.torques[rollout, :, k], line)
+        _log_series(stream, f"torque/{body.name}", times, trajectory.torques[rollout, :, k], line)
     for side in FEET:
-        up = playback.contact_forces[rollout, :, BODY_INDEX[f"foot_{side}"], 2]
+        up = trajectory.contact_forces[rollout, :, BODY_INDEX[f"foot_{side}"], 2]
         _log_series(stream, f"ground/{side}", times, up, rr.SeriesLines(names=side))
 
 

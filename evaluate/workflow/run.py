@@ -62,9 +62,9 @@ STAGES = (
     Stage(
         "evaluate",
         ("motion.json", "policy.safetensors", "capture.parquet", "quality.json", "gimbal.json", "gait.json"),
-        ("scores.json", "curves.csv", "report.html", "playback.npz"),
+        ("scores.json", "curves.csv", "report.html", "trajectory.npz"),
     ),
-    Stage("view", ("motion.json", "playback.npz", "scores.json"), ("view.rrd",)),
+    Stage("view", ("motion.json", "trajectory.npz", "scores.json"), ("view.rrd",)),
 )
 
 

@@ -26,7 +26,7 @@ from peers.plain_ppo import PlainPPO
 
 from kinemimic.train.config.config import PRESETS, TrainConfig
 from kinemimic.train.ppo.mlp import choose_products
-from kinemimic.train.ppo.ppo import Learner
+from kinemimic.train.ppo.ppo import PpoAlgorithm
 from kinemimic.train.rollout.sampler import Samples
 from kinemimic.train.task.env import ACTIONS, OBSERVATIONS
 
@@ -36,11 +36,11 @@ CORES = sorted(os.sched_getaffinity(0))
 
 def made_up(config: TrainConfig) -> Samples:
     """A round of samples that mean nothing."""
-    random, shape = np.random.default_rng(0), (config.horizon, config.environments)
+    random, shape = np.random.default_rng(0), (config.horizon, config.num_envs)
     observations = random.normal(size=(*shape, OBSERVATIONS)).astype(np.float32)
     return Samples(
         observations=observations,
-        actions=random.normal(0.0, config.noise[0][1], (*shape, ACTIONS)).astype(np.float32),
+        actions=random.normal(0.0, config.action_std[0][1], (*shape, ACTIONS)).astype(np.float32),
         terms=(0.2 * random.random((*shape, 5))).astype(np.float32),
         terminated=random.random(shape) < 0.01,
         truncated=np.zeros(shape, dtype=bool),
@@ -63,11 +63,11 @@ def stable_baselines(config: TrainConfig, samples: Samples) -> Callable[[], None
 
     model = PPO(
         "MlpPolicy",
-        DummyVecEnv([Nothing] * config.environments),
+        DummyVecEnv([Nothing] * config.num_envs),
         learning_rate=config.actor_rate,
         n_steps=config.horizon,
         batch_size=config.minibatch,
-        n_epochs=config.passes,
+        n_epochs=config.epochs,
         clip_range=config.clip,
         max_grad_norm=1.0,
         policy_kwargs={
@@ -101,14 +101,14 @@ def products(config: TrainConfig) -> tuple[float, float]:
     whole = [sum(a * b for a, b in pairwise(size)) for size in sizes]
     # Nothing flows into the observations: the first layer has one product less. Beside the passes, the actor
     # is evaluated before and after, the critic before.
-    outputs = config.passes * sum(whole) + 2 * whole[0] + whole[1]
-    gradients = config.passes * sum(2 * n - size[0] * size[1] for n, size in zip(whole, sizes, strict=True))
+    outputs = config.epochs * sum(whole) + 2 * whole[0] + whole[1]
+    gradients = config.epochs * sum(2 * n - size[0] * size[1] for n, size in zip(whole, sizes, strict=True))
     return 2e-9 * config.batch * outputs, 2e-9 * config.batch * gradients
 
 
 def compare(config: TrainConfig) -> None:
     """Print seconds, fraction of the peak and ratios of one preset on the cores that are allowed."""
-    learner, samples = Learner(config), made_up(config)
+    learner, samples = PpoAlgorithm(config), made_up(config)
     plain = PlainPPO(learner)
     peers: dict[str, Callable[[], None]] = {"plain autograd": lambda: plain.update(samples)}
     if importlib.util.find_spec("stable_baselines3"):

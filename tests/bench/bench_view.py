@@ -22,14 +22,14 @@ from kinemimic.pipeline.kinematics.rotations import IDENTITY, from_axis_angle
 from kinemimic.pipeline.kinematics.skeleton import NODE_INDEX, NODES
 from kinemimic.retarget.humanoid.body import BODIES, BODY_INDEX, BODY_NODES, node_offsets
 from kinemimic.retarget.humanoid.motion import joint_angles
-from kinemimic.train.rollout.trajectory import Playback
+from kinemimic.train.rollout.trajectory import Trajectory
 
 FRAMES, PEER_FRAMES = 10_000, 200
 REPEATS = 3
 TARGET = 1.0  # s
 
 
-def made_up(frames: int) -> Playback:
+def made_up(frames: int) -> Trajectory:
     """Someone whose legs swing, with a foot on the ground all the time."""
     phase = clock(frames) / 1.2
     rotations = np.tile(IDENTITY, (1, frames, len(NODES), 1))
@@ -41,7 +41,7 @@ def made_up(frames: int) -> Playback:
         forces[0, swing > 0, BODY_INDEX[f"foot_{side}"], 2] = 480.0
     root = np.stack([1.3 * phase, np.zeros(frames), np.full(frames, 0.9)], axis=-1)[None]
     random = np.random.default_rng(0)
-    return Playback(
+    return Trajectory(
         start_phases=np.zeros(1),
         phases=phase[None],
         root=root,
@@ -57,17 +57,17 @@ def made_up(frames: int) -> Playback:
     )
 
 
-def row_by_row(path: Path, playback: Playback, pair: tuple[Figure, Figure], frames: int) -> None:
+def row_by_row(path: Path, trajectory: Trajectory, pair: tuple[Figure, Figure], frames: int) -> None:
     """The first frames as one writes them without thinking of columns."""
     stream = rr.RecordingStream("peer", recording_id="peer")
     stream.save(path)
     curves = {
         **{
             f"angles/{name}": np.degrees(values)
-            for name, values in joint_angles(playback.rotations[0]).items()
+            for name, values in joint_angles(trajectory.rotations[0]).items()
         },
-        **{f"reward/{k}": playback.rewards[0, :, k] for k in range(playback.rewards.shape[-1])},
-        **{f"torque/{k}": playback.torques[0, :, k] for k in range(playback.torques.shape[-1])},
+        **{f"reward/{k}": trajectory.rewards[0, :, k] for k in range(trajectory.rewards.shape[-1])},
+        **{f"torque/{k}": trajectory.torques[0, :, k] for k in range(trajectory.torques.shape[-1])},
     }
     for frame, seconds in enumerate(clock(frames)):
         stream.set_time("time", duration=seconds)
@@ -97,18 +97,18 @@ def seconds_of(call: Callable[[], object]) -> float:
 
 def main() -> None:
     """Print seconds of both and their ratio."""
-    playback, offsets = made_up(FRAMES), node_offsets()
-    pair = figures(playback, 0, offsets)
+    trajectory, offsets = made_up(FRAMES), node_offsets()
+    pair = figures(trajectory, 0, offsets)
     ours, peer = [], []
     with tempfile.TemporaryDirectory() as folder:
         written, other = Path(folder) / "view.rrd", Path(folder) / "peer.rrd"
 
         def write() -> None:
-            write_recording(written, playback, figures(playback, 0, offsets), "made up")
+            write_recording(written, trajectory, figures(trajectory, 0, offsets), "made up")
 
         for _ in range(REPEATS):
             ours.append(seconds_of(write))
-            peer.append(seconds_of(lambda: row_by_row(other, playback, pair, PEER_FRAMES)))
+            peer.append(seconds_of(lambda: row_by_row(other, trajectory, pair, PEER_FRAMES)))
         megabytes = written.stat().st_size / 2**20
     scaled = min(peer) * FRAMES / PEER_FRAMES
     print(

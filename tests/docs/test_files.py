@@ -49,8 +49,8 @@ def test_every_key_of_the_json_files_is_told_and_there(run: Path) -> None:
 
 @pytest.mark.slow
 def test_arrays_and_columns_are_told_and_there(run: Path) -> None:
-    with np.load(run / "playback.npz") as playback:
-        assert told("playback.npz") == set(playback.files)
+    with np.load(run / "trajectory.npz") as trajectory:
+        assert told("trajectory.npz") == set(trajectory.files)
     columns = set(pq.read_table(run / "capture.parquet").column_names)
     angles = {"knee_left", "knee_right", "hip_left", "hip_right"}
     plain = {name for name in told("capture.parquet") if "…" not in name}

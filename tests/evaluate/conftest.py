@@ -15,7 +15,7 @@ from kinemimic.pipeline.arrays import Array
 from kinemimic.pipeline.kinematics.rotations import IDENTITY, from_axis_angle
 from kinemimic.pipeline.kinematics.skeleton import NODE_INDEX, NODES
 from kinemimic.retarget.humanoid.motion import Motion
-from kinemimic.train.rollout.trajectory import Playback
+from kinemimic.train.rollout.trajectory import Trajectory
 from kinemimic.train.sim.world import CONTROL_RATE
 
 PERIOD, SPEED, HEIGHT = 1.2, 1.1, 0.9
@@ -65,15 +65,15 @@ def curve() -> Callable[[str, Array], Array]:
 
 
 @pytest.fixture(scope="session")
-def performance() -> Callable[..., Playback]:
+def performance() -> Callable[..., Trajectory]:
     """Rollouts from `rollouts` phases; `offset` bends the knees (rad), from frame `fall` on nothing moves."""
 
     def make(
         rollouts: int = 3, frames: int = 600, *, offset: float = 0.0, fall: int | None = None
-    ) -> Playback:
+    ) -> Trajectory:
         start = np.arange(rollouts) / rollouts
         phases = start[:, None] + (np.arange(frames) + 1) / CONTROL_RATE / PERIOD
-        played = Playback(
+        played = Trajectory(
             start_phases=start,
             phases=phases,
             root=path(phases),

@@ -23,7 +23,7 @@ from dataclasses import replace
 from kinemimic.pipeline.cli.main import main
 from kinemimic.train.config import config
 from kinemimic.train.rollout import evaluation as trial
-small = dict(environments=4, horizon=16, minibatch=32, passes=2, hidden=(32, 16))
+small = dict(num_envs=4, horizon=16, minibatch=32, epochs=2, hidden=(32, 16))
 config.PRESETS["default"] = replace(config.PRESETS["default"], **small)
 trial.EVERY, trial.FRAMES = 256, 60
 from kinemimic.train.runner import training_loop as rounds
@@ -99,7 +99,7 @@ def check_files(folder: Path) -> None:
 def without_clock(record: Path) -> dict[str, object]:
     """policy.json less what a clock says."""
     content = json.loads(record.read_text())
-    for one in (content, content["best"], *content["trials"], content["first_walk"] or {}):
+    for one in (content, content["best"], *content["evaluations"], content["first_walk"] or {}):
         one.pop("seconds", None)
     del content["seconds_by"]
     return dict(content)

@@ -12,7 +12,7 @@ from torch import Tensor, nn
 from kinemimic.train.ppo.advantages import advantages
 from kinemimic.train.ppo.mlp import Mlp
 from kinemimic.train.ppo.objective import divergence, log_density
-from kinemimic.train.ppo.ppo import Learner
+from kinemimic.train.ppo.ppo import PpoAlgorithm
 from kinemimic.train.rollout.sampler import Samples
 
 
@@ -31,7 +31,7 @@ def sequential(mlp: Mlp) -> nn.Sequential:
 class PlainPPO:
     """Begins where `learner` stands; `update` learns from samples as `Learner.update` does."""
 
-    def __init__(self, learner: Learner) -> None:
+    def __init__(self, learner: PpoAlgorithm) -> None:
         c = self.config = learner.config
         self.actor, self.critic = sequential(learner.net.actor), sequential(learner.net.critic)
         self.log_noise = learner.net.log_noise.clone().requires_grad_(c.learn_noise)
@@ -57,7 +57,7 @@ class PlainPPO:
         returns, gain = (torch.from_numpy(x.reshape(-1)) for x in (gains + values, gains))
         gain = (gain - gain.mean()) / (gain.std() + 1e-8)
         density = log_density(actions, mean_old, log_old)
-        for _ in range(c.passes):
+        for _ in range(c.epochs):
             for part in torch.split(torch.from_numpy(self.random.permutation(rows)), c.minibatch):
                 mean = self.actor(observations[part])
                 ratio = (log_density(actions[part], mean, self.log_noise) - density[part]).exp()

@@ -8,7 +8,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-from samples import depth_scene, described
+from samples import custom_table, depth_scene
 
 from kinemimic.pipeline.files.data_folder import DATASETS
 from printed.blocks import ROOT, blocks
@@ -56,8 +56,8 @@ def scenario(folder: Path, workshop: Path) -> None:
 
 def table(folder: Path, workshop: Path) -> None:
     """walk.csv, a table that no reader knows."""
-    text = described.files()["aufnahme.csv"].decode()
-    for node, name in described.NAMES.items():
+    text = custom_table.files()["aufnahme.csv"].decode()
+    for node, name in custom_table.NAMES.items():
         text = text.replace(f"{name} ", f"{node} ")
     (folder / "walk.csv").write_text(text.replace("Zeit", "Time"))
 

@@ -23,9 +23,9 @@ from kinemimic.retarget.humanoid.motion import Motion
 from kinemimic.train import command as stage
 from kinemimic.train.config.config import PRESETS, TrainConfig
 from kinemimic.train.ppo.networks import export
-from kinemimic.train.ppo.ppo import Learner
-from kinemimic.train.rollout.evaluation import Trial
-from kinemimic.train.rollout.rollout import perform
+from kinemimic.train.ppo.ppo import PpoAlgorithm
+from kinemimic.train.rollout.evaluation import Evaluation
+from kinemimic.train.rollout.rollout import collect_trajectories
 from kinemimic.train.rollout.sampler import Samples
 from kinemimic.train.runner import checkpoint
 from kinemimic.train.runner.base import normalized_loss
@@ -33,7 +33,7 @@ from kinemimic.train.runner.checkpoint import Training
 from kinemimic.train.task.env import ACTIONS, OBSERVATIONS
 from kinemimic.train.task.stopwatch import Stopwatch
 
-SMALL = replace(PRESETS["default"], environments=4, horizon=16, minibatch=32, passes=2, hidden=(32, 16))
+SMALL = replace(PRESETS["default"], num_envs=4, horizon=16, minibatch=32, epochs=2, hidden=(32, 16))
 ROUND = SMALL.batch
 
 
@@ -53,7 +53,7 @@ def test_same_seed_same_policy_and_same_performance(run: Path, motion: Motion, t
     first, second = ((folder / "policy.safetensors").read_bytes() for folder in (run, other))
     assert first == second
     played = [
-        perform(
+        collect_trajectories(
             motion, folder / "policy.safetensors", start_phases=np.array([0.0, 0.5]), frames=10, workers=2
         )
         for folder in (run, other)
@@ -76,7 +76,7 @@ def test_goes_on_from_its_checkpoint(run: Path) -> None:
 
 
 def test_more_workers_than_figures_are_not_started(run: Path) -> None:
-    assert stage.train(run, budget=ROUND, workers=SMALL.environments + 3)["samples"] == ROUND
+    assert stage.train(run, budget=ROUND, workers=SMALL.num_envs + 3)["samples"] == ROUND
 
 
 def test_another_seed_keeps_the_checkpoint_aside(run: Path) -> None:
@@ -150,7 +150,7 @@ def test_the_command_ends_with_a_table_of_the_time(run: Path, monkeypatch: pytes
         "mirrored": True,
         "seconds_by": {"simulation": 3.0, "update": 1.0},
         "best": {"samples": 2048, "seconds": 2.0, "strength": 0.0, "frames": 599, "frames_first": 600,
-                 "of": 600, "reward": 0.5, "knee": 0.91, "hip": 0.92, "endured": 0.25},
+                 "of": 600, "reward": 0.5, "knee": 0.91, "hip": 0.92, "robust_return": 0.25},
     }  # fmt: skip
     monkeypatch.setattr(stage, "train", lambda *_, **__: record)
     lines = CliRunner().invoke(stage.command, ["--run", str(run)]).output.splitlines()
@@ -163,7 +163,7 @@ def test_the_command_ends_with_a_table_of_the_time(run: Path, monkeypatch: pytes
     assert lines[4].split() == ["simulation", "3.0", "75.0", "%", "45.0", "s"]
 
 
-def noise(seed: int) -> Samples:
+def action_std(seed: int) -> Samples:
     """Samples of 3 steps of 4 figures that mean nothing."""
     random = np.random.default_rng(seed)
     return Samples(
@@ -180,13 +180,13 @@ def noise(seed: int) -> Samples:
 
 def test_a_checkpoint_brings_the_learner_back_whole(tmp_path: Path) -> None:
     """One more update after the restoration gives what it gives without: nothing was forgotten."""
-    config = TrainConfig(hidden=(8, 4), seed=5, minibatch=6, passes=2, environments=4)
-    learner = Learner(config)
-    learner.update(noise(0))
-    tried = Trial(64, 0.5, 1.0, frames=3, frames_first=4, of=5, reward=0.25, knee=0.5, hip=-2.0)
+    config = TrainConfig(hidden=(8, 4), seed=5, minibatch=6, epochs=2, num_envs=4)
+    learner = PpoAlgorithm(config)
+    learner.update(action_std(0))
+    tried = Evaluation(64, 0.5, 1.0, frames=3, frames_first=4, of=5, reward=0.25, knee=0.5, hip=-2.0)
     training = Training(learner, {"ages": np.arange(4)}, [tried], export(learner.net, learner.normalizer))
     checkpoint.save(tmp_path / "c.safetensors", training, "walk")
-    other = Learner(config)
+    other = PpoAlgorithm(config)
     back = Training(other)
     assert checkpoint.restore(tmp_path / "c.safetensors", back, "walk")
     assert back.trials == [tried]
@@ -197,7 +197,7 @@ def test_a_checkpoint_brings_the_learner_back_whole(tmp_path: Path) -> None:
     kept, ours = back.best.tensors(), training.best.tensors()
     assert all(np.array_equal(kept[name], ours[name]) for name in ours)
     assert other.progress == learner.progress
-    assert learner.update(noise(1)) == other.update(noise(1))
+    assert learner.update(action_std(1)) == other.update(action_std(1))
     wanted, found = learner.tensors(), other.tensors()
     assert wanted.keys() == found.keys()
     assert all(bool((wanted[name] == found[name]).all()) for name in wanted)
@@ -205,7 +205,7 @@ def test_a_checkpoint_brings_the_learner_back_whole(tmp_path: Path) -> None:
 
 def test_the_critics_error_is_told_as_a_share_of_what_its_targets_vary() -> None:
     """At least what their variance leaves unexplained: an error that is everywhere the same counts too."""
-    logged = Learner(TrainConfig(hidden=(8, 4), minibatch=6, passes=2)).update(noise(0))
+    logged = PpoAlgorithm(TrainConfig(hidden=(8, 4), minibatch=6, epochs=2)).update(action_std(0))
     assert logged["value/normalized_loss"] >= 1.0 - logged["value/explained_variance"] - 1e-6
     assert normalized_loss(3.0, 2.0) == 1.5
     assert normalized_loss(0.0, 0.0) == 0.0
@@ -214,18 +214,18 @@ def test_the_critics_error_is_told_as_a_share_of_what_its_targets_vary() -> None
 def test_a_checkpoint_of_something_else_is_left_alone(tmp_path: Path) -> None:
     config = TrainConfig(hidden=(8, 4))
     path = tmp_path / "c.safetensors"
-    checkpoint.save(path, Training(Learner(config)), "walk")
-    assert not checkpoint.restore(path, Training(Learner(config)), "run")
-    assert not checkpoint.restore(path, Training(Learner(replace(config, discount=0.9))), "walk")
-    assert checkpoint.restore(path, Training(Learner(replace(config, budget=5))), "walk")
+    checkpoint.save(path, Training(PpoAlgorithm(config)), "walk")
+    assert not checkpoint.restore(path, Training(PpoAlgorithm(config)), "run")
+    assert not checkpoint.restore(path, Training(PpoAlgorithm(replace(config, discount=0.9))), "walk")
+    assert checkpoint.restore(path, Training(PpoAlgorithm(replace(config, budget=5))), "walk")
 
 
 def test_a_file_that_is_no_checkpoint_is_one_line(tmp_path: Path) -> None:
-    path, training = tmp_path / "c.safetensors", Training(Learner(TrainConfig(hidden=(8, 4))))
+    path, training = tmp_path / "c.safetensors", Training(PpoAlgorithm(TrainConfig(hidden=(8, 4))))
     path.write_bytes(b"nonsense")
     with pytest.raises(KinemimicError, match="expected a checkpoint"):
         checkpoint.restore(path, training, "walk")
-    other = {"schema": checkpoint.CHECKPOINT_SCHEMA, "motion": "walk", "config": {}, "trials": [{}]}
+    other = {"schema": checkpoint.CHECKPOINT_SCHEMA, "motion": "walk", "config": {}, "evaluations": [{}]}
     for said in ("{}", "[1]", "{", "[" * 100_000, json.dumps(other)):
         save_file({"mean": np.zeros(3)}, path, {"kinemimic": said})
         with pytest.raises(KinemimicError, match="expected a checkpoint"):
@@ -235,10 +235,10 @@ def test_a_file_that_is_no_checkpoint_is_one_line(tmp_path: Path) -> None:
 @pytest.fixture(scope="module")
 def trained(tmp_path_factory: pytest.TempPathFactory) -> tuple[dict[str, np.ndarray], dict[str, Any]]:
     """Arrays and record of a checkpoint after a round, with a trial."""
-    learner = Learner(TrainConfig(hidden=(8, 4), minibatch=6, passes=2))
-    learner.update(noise(0))
+    learner = PpoAlgorithm(TrainConfig(hidden=(8, 4), minibatch=6, epochs=2))
+    learner.update(action_std(0))
     figures = {"ages": np.zeros(64, np.int64)}
-    trial = Trial(6, 1.0, 0.0, 10, 10, 10, 0.5, 0.9, 0.9)
+    trial = Evaluation(6, 1.0, 0.0, 10, 10, 10, 0.5, 0.9, 0.9)
     path = tmp_path_factory.mktemp("trained") / "c.safetensors"
     checkpoint.save(path, Training(learner, figures, [trial], learner.policy()), "walk")
     with safe_open(path, framework="np") as stream:
@@ -260,7 +260,7 @@ DAMAGED: dict[str, Callable[[dict[str, Any], dict[str, Any]], object]] = {
     "no random": lambda a, r: r.update(random={}),
     "a list for settings": lambda a, r: r.update(config=[]),
     "a number for trials": lambda a, r: r.update(trials=5),
-    "a trial in words": lambda a, r: r["trials"][0].update(reward="x"),
+    "a trial in words": lambda a, r: r["evaluations"][0].update(reward="x"),
 }
 
 
@@ -268,7 +268,7 @@ DAMAGED: dict[str, Callable[[dict[str, Any], dict[str, Any]], object]] = {
 def test_a_damaged_checkpoint_is_one_clear_line(tmp_path: Path, trained, name: str) -> None:
     arrays, record = copy.deepcopy(trained)
     path = tmp_path / "c.safetensors"
-    learner = Learner(TrainConfig(hidden=(8, 4), minibatch=6, passes=2))
+    learner = PpoAlgorithm(TrainConfig(hidden=(8, 4), minibatch=6, epochs=2))
     save_file(arrays, path, {"kinemimic": json.dumps(record)})
     assert checkpoint.restore(path, Training(learner), "walk")
     DAMAGED[name](arrays, record)
@@ -281,7 +281,7 @@ def test_a_damaged_checkpoint_is_one_clear_line(tmp_path: Path, trained, name: s
 
 
 def test_performance_without_a_policy_is_the_reference_alone(motion: Motion) -> None:
-    played = perform(motion, None, start_phases=np.array([0.25]), frames=45, workers=1)
+    played = collect_trajectories(motion, None, start_phases=np.array([0.25]), frames=45, workers=1)
     assert played.root.shape == (1, 45, 3)
     # The first frames follow the reference closely; without balance it is on the ground within seconds.
     assert np.abs(played.root[0, 0] - played.reference_root[0, 0]).max() < 0.02

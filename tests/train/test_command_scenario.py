@@ -19,7 +19,7 @@ from kinemimic.train.config.config import PRESETS, TrainConfig
 from kinemimic.train.rollout.policy import Policy
 from kinemimic.train.scenario.scenario import Load, Placement, Range, Scenario
 
-SMALL = replace(PRESETS["default"], environments=4, horizon=16, minibatch=32, passes=2, hidden=(32, 16))
+SMALL = replace(PRESETS["default"], num_envs=4, horizon=16, minibatch=32, epochs=2, hidden=(32, 16))
 ROUND = SMALL.batch
 PUSH = Load(
     "torso", Range((0.0,), (0.5,)), Range.of(0.2), force=Range((-80.0, -80.0, 0.0), (80.0, 80.0, 0.0))

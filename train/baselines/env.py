@@ -56,8 +56,8 @@ class ImitationVecEnv(VecEnv):
     def __init__(self, sampler: Sampler, config: TrainConfig) -> None:
         self.sampler, self.tally = sampler, Tally()
         self._strength = 0.0
-        self._actions: Floats = np.zeros((config.environments, ACTIONS), np.float32)
-        super().__init__(config.environments, *spaces(config))
+        self._actions: Floats = np.zeros((config.num_envs, ACTIONS), np.float32)
+        super().__init__(config.num_envs, *spaces(config))
 
     def begin(self, reward: RewardConfig, strength: float) -> Floats:
         """Begin a round under this reward, and hardships of this strength in the episodes that begin in it.

@@ -14,7 +14,7 @@ from stable_baselines3.common.vec_env import VecEnv, VecNormalize
 from torch import nn
 
 from kinemimic.train.baselines.replay_memory import Memory
-from kinemimic.train.config.baseline_config import A2c, Ddpg, Rival
+from kinemimic.train.config.baseline_config import A2c, Baseline, Ddpg
 from kinemimic.train.config.config import TrainConfig, scheduled_at
 from kinemimic.train.ppo.mlp import choose_products
 from kinemimic.train.rollout.policy import OBSERVATION_CLIP, Policy
@@ -40,27 +40,27 @@ def statistics(env: VecNormalize) -> RunningMeanStd:
 
 def build(config: TrainConfig, env: VecNormalize) -> Model:
     """The untrained algorithm, from the global random states as they are."""
-    if config.rival is None:
+    if config.baseline is None:
         raise ValueError("expected a configuration with a rival, found none")
     choose_products()
     hidden = list(config.hidden)
-    model = _build(config, config.rival, env, {"pi": hidden, "qf" if config.bound else "vf": hidden})
-    _set_rates(model, config.rival)
+    model = _build(config, config.baseline, env, {"pi": hidden, "qf" if config.bound else "vf": hidden})
+    _set_rates(model, config.baseline)
     explore(model, config, 0)
     return model
 
 
-def _build(config: TrainConfig, rival: Rival, env: VecNormalize, nets: dict[str, list[int]]) -> Model:
-    kwargs = {"net_arch": nets, "activation_fn": _ACTIVATIONS[rival.activation]}
-    if isinstance(rival, Ddpg):
+def _build(config: TrainConfig, baseline: Baseline, env: VecNormalize, nets: dict[str, list[int]]) -> Model:
+    kwargs = {"net_arch": nets, "activation_fn": _ACTIVATIONS[baseline.activation]}
+    if isinstance(baseline, Ddpg):
         model = _Ddpg(
             "MlpPolicy",
             env,
-            buffer_size=rival.buffer,
-            batch_size=rival.batch,
-            tau=rival.tau,
+            buffer_size=baseline.buffer,
+            batch_size=baseline.batch,
+            tau=baseline.tau,
             gamma=config.discount,
-            train_freq=rival.train_every,
+            train_freq=baseline.train_every,
             # Neither uniform actions to warm up nor learning before the end of it: see `learns`.
             learning_starts=0,
             gradient_steps=0,
@@ -75,16 +75,16 @@ def _build(config: TrainConfig, rival: Rival, env: VecNormalize, nets: dict[str,
             last.bias.mul_(_SMALL)
         model.actor_target.load_state_dict(model.actor.state_dict())
         return model
-    if isinstance(rival, A2c):
+    if isinstance(baseline, A2c):
         return _A2c(
             "MlpPolicy",
             env,
-            n_steps=rival.n_steps,
+            n_steps=baseline.n_steps,
             gamma=config.discount,
-            gae_lambda=rival.gae_lambda,
-            max_grad_norm=rival.max_grad_norm,
-            use_rms_prop=rival.use_rms_prop,
-            normalize_advantage=rival.normalize_advantage,
+            gae_lambda=baseline.gae_lambda,
+            max_grad_norm=baseline.max_grad_norm,
+            use_rms_prop=baseline.use_rms_prop,
+            normalize_advantage=baseline.normalize_advantage,
             policy_kwargs=kwargs,
             device="cpu",
         )
@@ -92,12 +92,12 @@ def _build(config: TrainConfig, rival: Rival, env: VecNormalize, nets: dict[str,
         "MlpPolicy",
         env,
         n_steps=config.horizon,
-        batch_size=rival.batch,
-        n_epochs=rival.passes,
+        batch_size=baseline.batch,
+        n_epochs=baseline.epochs,
         gamma=config.discount,
-        gae_lambda=rival.gae_lambda,
-        clip_range=rival.clip,
-        max_grad_norm=rival.max_grad_norm,
+        gae_lambda=baseline.gae_lambda,
+        clip_range=baseline.clip,
+        max_grad_norm=baseline.max_grad_norm,
         policy_kwargs=kwargs,
         device="cpu",
     )
@@ -122,9 +122,9 @@ class _Ppo(_OwnRates, PPO):
     pass
 
 
-def _set_rates(model: Model, rival: Rival) -> None:
+def _set_rates(model: Model, baseline: Baseline) -> None:
     """Give actor and critic a rate each."""
-    rates = (rival.actor_rate, rival.critic_rate)
+    rates = (baseline.actor_rate, baseline.critic_rate)
     if isinstance(model, DDPG):
         for optimizer, rate in zip(optimizers(model).values(), rates, strict=True):
             for group in optimizer.param_groups:
@@ -140,25 +140,25 @@ def _set_rates(model: Model, rival: Rival) -> None:
 
 def explore(model: Model, config: TrainConfig, samples: int) -> float:
     """Set the exploration that is scheduled after so many samples; returns its mean standard deviation."""
-    noise = scheduled_at(config.noise, samples)
+    action_std = scheduled_at(config.action_std, samples)
     if isinstance(model, DDPG):
         # In shares of the bound, as the actor's tanh is.
-        share = np.full(ACTIONS, noise / (config.bound or 1.0))
+        share = np.full(ACTIONS, action_std / (config.bound or 1.0))
         model.action_noise = NormalActionNoise(np.zeros(ACTIONS), share)
-        return noise
+        return action_std
     logarithm = gaussian(model).log_std
-    if samples == 0 or not config.learn_noise:
-        logarithm.data.fill_(math.log(noise))
-    logarithm.requires_grad_(config.learn_noise)
+    if samples == 0 or not config.learn_action_std:
+        logarithm.data.fill_(math.log(action_std))
+    logarithm.requires_grad_(config.learn_action_std)
     return float(logarithm.detach().exp().mean())
 
 
 def learns(model: Model, config: TrainConfig, samples: int) -> None:
     """Let a DDPG that has warmed up learn, with so many gradient steps for every sample as it shall."""
-    rival = config.rival
-    if isinstance(model, DDPG) and isinstance(rival, Ddpg) and samples >= rival.warm_up:
-        taken = rival.train_every * config.environments
-        model.gradient_steps = max(1, round(rival.updates_per_sample * taken))
+    baseline = config.baseline
+    if isinstance(model, DDPG) and isinstance(baseline, Ddpg) and samples >= baseline.warm_up:
+        taken = baseline.train_every * config.num_envs
+        model.gradient_steps = max(1, round(baseline.updates_per_sample * taken))
 
 
 def gaussian(model: A2C | PPO) -> ActorCriticPolicy:

@@ -29,7 +29,7 @@ from kinemimic.train.baselines.model import (
 )
 from kinemimic.train.baselines.replay_memory import Memory
 from kinemimic.train.config.config import RewardConfig, TrainConfig, scheduled_at
-from kinemimic.train.rollout.evaluation import Attempt
+from kinemimic.train.rollout.evaluation import Episode
 from kinemimic.train.rollout.policy import Policy
 from kinemimic.train.rollout.robustness import FIGURES
 from kinemimic.train.rollout.sampler import INFERENCE, Figures, Sampler
@@ -76,7 +76,7 @@ class Randomness:
         self._numpy, self.torch = {**record, "state": {**record["state"], "key": key}}, state.clone()
 
 
-class RivalLearner:
+class BaselineAlgorithm:
     """`Learning` (`learning.py`) by stable-baselines3, with the figures, which its algorithms own.
 
     threads: of the native engine.
@@ -85,7 +85,7 @@ class RivalLearner:
     def __init__(self, config: TrainConfig, motion: Motion, engine: str, threads: int) -> None:
         self.config = config
         self.progress = Progress()
-        seeds = np.random.SeedSequence(config.seed).spawn(config.environments)
+        seeds = np.random.SeedSequence(config.seed).spawn(config.num_envs)
         self.env = ImitationVecEnv(Sampler(motion, config.env, seeds, engine, threads), config)
         self.normalizer = normalized(self.env)
         self.random = Randomness(config.seed)
@@ -187,10 +187,10 @@ def check(networks: torch.nn.Module) -> None:
         raise FloatingPointError("the policy or its value became infinite or NaN")
 
 
-class RivalPractice:
+class BaselineRunner:
     """`Practice` (`learning.py`) of a rival."""
 
-    def __init__(self, learner: RivalLearner, watch: Stopwatch) -> None:
+    def __init__(self, learner: BaselineAlgorithm, watch: Stopwatch) -> None:
         self._learner, self._env, self._watch = learner, learner.env, watch
 
     @property
@@ -215,7 +215,7 @@ class RivalPractice:
         seen = self._put()
         model._last_original_obs, model._last_obs = seen, learner.normalizer.normalize_obs(seen)
         model._last_episode_starts = env.sampler.batch.ages == 0
-        noise = explore(model, config, state.samples)
+        action_std = explore(model, config, state.samples)
         learns(model, config, state.samples)
         if learner.memory is not None:
             learner.memory.under(config.reward(state.samples))
@@ -237,7 +237,7 @@ class RivalPractice:
         logged = {
             "reward/mean": float(np.mean(tally.rewards)),
             "episode/length": float(np.mean(tally.lengths)) if tally.lengths else float(config.horizon),
-            "policy/noise": noise,
+            "policy/noise": action_std,
             "value/loss": 0.5 * float(np.square(errors).mean()),
             "value/explained_variance": 1.0 - float(errors.var()) / spread if spread > 0 else 0.0,
             "value/normalized_loss": normalized_loss(float(np.square(errors).mean()), spread),
@@ -253,8 +253,10 @@ class RivalPractice:
     def figures(self) -> Figures:
         return self._env.sampler.figures()
 
-    def attempts(self, policy: Policy, reward: RewardConfig, phases: Sequence[float]) -> Sequence[Attempt]:
-        return self._env.sampler.attempts(policy, reward, phases)
+    def run_episodes(
+        self, policy: Policy, reward: RewardConfig, phases: Sequence[float]
+    ) -> Sequence[Episode]:
+        return self._env.sampler.run_episodes(policy, reward, phases)
 
-    def ordeals(self, policy: Policy, reward: RewardConfig) -> Sequence[float]:
-        return self._env.sampler.ordeals(policy, reward, range(FIGURES))
+    def robust_returns(self, policy: Policy, reward: RewardConfig) -> Sequence[float]:
+        return self._env.sampler.robust_returns(policy, reward, range(FIGURES))

@@ -105,7 +105,7 @@ class StablePpo:
     actor_rate: float = 5e-5
     critic_rate: float = 1e-3
     batch: int = 512
-    passes: int = 8
+    epochs: int = 8
     clip: float = 0.2
     gae_lambda: float = 0.95
     max_grad_norm: float = 1.0
@@ -122,11 +122,11 @@ class StablePpo:
         return 1
 
 
-Rival = Ddpg | A2c | StablePpo
+Baseline = Ddpg | A2c | StablePpo
 _KINDS: dict[str, type[Ddpg] | type[A2c] | type[StablePpo]] = {"ddpg": Ddpg, "a2c": A2c, "ppo": StablePpo}
 
 
-def rival_from_json(value: dict[str, Any]) -> Rival:
+def baseline_from_json(value: dict[str, Any]) -> Baseline:
     """The inverse of `dataclasses.asdict`; KeyError or ValueError names what is missing or does not fit."""
     name = value["algorithm"]
     if name not in _KINDS:

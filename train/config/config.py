@@ -13,7 +13,14 @@ from typing import Any
 import numpy as np
 
 from kinemimic.pipeline.errors import KinemimicError
-from kinemimic.train.config.baseline_config import A2c, Activation, Ddpg, Rival, StablePpo, rival_from_json
+from kinemimic.train.config.baseline_config import (
+    A2c,
+    Activation,
+    Baseline,
+    Ddpg,
+    StablePpo,
+    baseline_from_json,
+)
 from kinemimic.train.config.typed import check_types
 from kinemimic.train.scenario.scenario import Scenario
 
@@ -57,7 +64,7 @@ class RewardConfig:
 
 
 @dataclass(frozen=True)
-class Hardships:
+class DomainRandomization:
     """Ranges (lowest, highest) of what an episode draws at full strength; with none of it, all are calm.
 
     push: N, horizontal in any direction on the pelvis for 0.2 s; rest: s between pushes; friction: of the
@@ -100,7 +107,7 @@ class EnvConfig:
     start_anywhere: bool = True
     mirror: bool = True
     preview: tuple[int, ...] = (1,)
-    hardships: Hardships = field(default_factory=Hardships)
+    domain_randomization: DomainRandomization = field(default_factory=DomainRandomization)
     scenario: Scenario | None = None
 
     def __post_init__(self) -> None:
@@ -137,10 +144,10 @@ class TrainConfig:
     preset: str = "default"
     env: EnvConfig = field(default_factory=EnvConfig)
     hidden: tuple[int, ...] = (512, 256)
-    environments: int = 64
+    num_envs: int = 64
     horizon: int = 64
     minibatch: int = 512
-    passes: int = 8
+    epochs: int = 8
     clip: float | None = 0.2
     kl_penalty: bool = False
     penalty_rule: str = "running"
@@ -151,8 +158,8 @@ class TrainConfig:
     critic_rate: float = 1e-3
     discount: float = 0.95
     gae_lambda: float = 0.95
-    learn_noise: bool = False
-    noise: Schedule = ((0, 0.08), (400_000, 0.04), (1_000_000, 0.02))
+    learn_action_std: bool = False
+    action_std: Schedule = ((0, 0.08), (400_000, 0.04), (1_000_000, 0.02))
     # Reward scales that change: a gentle pose term learns to walk sooner, a tight one then fits the joints,
     # which a walk that cannot fall any more can afford.
     scales: dict[str, Schedule] = field(
@@ -164,30 +171,30 @@ class TrainConfig:
     entropy_decay: float = 1.0
     budget: int = 1_000_000
     seed: int = 0
-    rival: Rival | None = None
+    baseline: Baseline | None = None
 
     def __post_init__(self) -> None:
-        if not all((self.noise, self.strength, *self.scales.values())):
+        if not all((self.action_std, self.strength, *self.scales.values())):
             raise ValueError("noise, strength, scales: expected points of a schedule, found none")
-        if self.rival and self.horizon % self.rival.steps:
+        if self.baseline and self.horizon % self.baseline.steps:
             raise ValueError(
-                f"horizon: expected a multiple of the rival's {self.rival.steps} steps, found {self.horizon}"
+                f"horizon: expected a multiple of the rival's {self.baseline.steps} steps, found {self.horizon}"
             )
 
     @property
     def activation(self) -> Activation:
         """Of the policy's hidden units."""
-        return self.rival.activation if self.rival else "tanh"
+        return self.baseline.activation if self.baseline else "tanh"
 
     @property
     def bound(self) -> float | None:
         """Of the policy's actions, by a tanh; None where they have none."""
-        return self.rival.bound if self.rival else None
+        return self.baseline.bound if self.baseline else None
 
     @property
     def batch(self) -> int:
         """Samples of a round."""
-        return self.environments * self.horizon
+        return self.num_envs * self.horizon
 
     def reward(self, samples: int) -> RewardConfig:
         """The reward in force after so many samples."""
@@ -204,8 +211,8 @@ class TrainConfig:
         value: dict[str, Any] = json.loads(json.dumps(asdict(self)))
         # What has no rival or no scenario is stored as it was before there were any, and belongs to what was
         # stored then.
-        if self.rival is None:
-            del value["rival"]
+        if self.baseline is None:
+            del value["baseline"]
         if self.env.scenario is None:
             del value["env"]["scenario"]
         return value
@@ -219,18 +226,18 @@ class TrainConfig:
             env["preview"] = tuple(env["preview"])
             ranges: dict[str, Any] = {
                 name: tuple(item) if isinstance(item, list) else item
-                for name, item in env["hardships"].items()
+                for name, item in env["domain_randomization"].items()
             }
-            env["hardships"] = Hardships(**ranges)
+            env["domain_randomization"] = DomainRandomization(**ranges)
             if env.get("scenario") is not None:
                 env["scenario"] = Scenario.from_json(env["scenario"])
-            plain = {f.name: value[f.name] for f in fields(cls) if f.name not in ("env", "rival")}
-            rival = rival_from_json(value["rival"]) if "rival" in value else None
+            plain = {f.name: value[f.name] for f in fields(cls) if f.name not in ("env", "baseline")}
+            baseline = baseline_from_json(value["baseline"]) if "baseline" in value else None
             plain["hidden"] = tuple(plain["hidden"])
             plain["scales"] = {name: _schedule(points) for name, points in plain["scales"].items()}
-            for name in ("noise", "strength"):
+            for name in ("action_std", "strength"):
                 plain[name] = _schedule(plain[name])
-            config = cls(env=EnvConfig(**env), rival=rival, **plain)
+            config = cls(env=EnvConfig(**env), baseline=baseline, **plain)
             check_types(config)
         except (AttributeError, KeyError, TypeError, ValueError, ArithmeticError) as error:
             raise KinemimicError(
@@ -254,7 +261,7 @@ PRESETS: dict[str, TrainConfig] = {
             max_height_error=0.35,
             max_rotation_error=1.3,
             max_drift=1.5,
-            hardships=Hardships(
+            domain_randomization=DomainRandomization(
                 push=(0.0, 300.0),
                 rest=(1.0, 3.0),
                 friction=(0.5, 1.0),
@@ -264,7 +271,7 @@ PRESETS: dict[str, TrainConfig] = {
                 spin=0.2,
             ),
         ),
-        noise=((0, 0.08), (400_000, 0.05), (1_600_000, 0.03)),
+        action_std=((0, 0.08), (400_000, 0.05), (1_600_000, 0.03)),
         strength=((400_000, 0.0), (1_400_000, 1.0)),
         scales={
             "pose": ((300_000, 8.0), (500_000, 32.0), (1_100_000, 64.0)),
@@ -288,13 +295,13 @@ PRESETS: dict[str, TrainConfig] = {
         ),
         hidden=(1024, 512),
         minibatch=4096,
-        passes=10,
+        epochs=10,
         kl_penalty=True,
         kl_target=0.01,
         adapt_rate=False,
         discount=0.99,
-        learn_noise=True,
-        noise=((0, 0.15),),
+        learn_action_std=True,
+        action_std=((0, 0.15),),
         scales={},
         entropy=0.01,
         entropy_decay=0.95,
@@ -302,11 +309,13 @@ PRESETS: dict[str, TrainConfig] = {
     ),
     # The rivals, on `default`'s task with its nets, figures, discount and schedules of noise and reward, but
     # where a search (`evaluate/variants.py`) found something better.
-    "ddpg": TrainConfig(preset="ddpg", noise=((0, 0.2), (400_000, 0.1), (1_000_000, 0.05)), rival=Ddpg()),
+    "ddpg": TrainConfig(
+        preset="ddpg", action_std=((0, 0.2), (400_000, 0.1), (1_000_000, 0.05)), baseline=Ddpg()
+    ),
     # A quarter of the figures, each four times as long between rounds: gradient steps on 64 new samples are
     # four times as many as on 256, and there is but one for each.
-    "a2c": TrainConfig(preset="a2c", environments=16, horizon=256, rival=A2c()),
-    "sb3-ppo": TrainConfig(preset="sb3-ppo", rival=StablePpo()),
+    "a2c": TrainConfig(preset="a2c", num_envs=16, horizon=256, baseline=A2c()),
+    "sb3-ppo": TrainConfig(preset="sb3-ppo", baseline=StablePpo()),
 }
 
 

@@ -19,11 +19,11 @@ class ActorCritic:
     The actor's output is the mean of a Gaussian, the critic's the value (N, 1).
     """
 
-    def __init__(self, observations: int, actions: int, hidden: tuple[int, ...], noise: float) -> None:
+    def __init__(self, observations: int, actions: int, hidden: tuple[int, ...], action_std: float) -> None:
         products = choose_products()
         self.actor = Mlp((observations, *hidden, actions), 0.01, products)
         self.critic = Mlp((observations, *hidden, 1), 1.0, products)
-        self.log_noise = torch.full((actions,), math.log(noise))
+        self.log_std = torch.full((actions,), math.log(action_std))
 
 
 class Normalizer:

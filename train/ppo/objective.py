@@ -9,10 +9,10 @@ import torch
 from torch import Tensor
 
 
-def log_density(actions: Tensor, mean: Tensor, log_noise: Tensor) -> Tensor:
+def log_density(actions: Tensor, mean: Tensor, log_std: Tensor) -> Tensor:
     """Logarithm of the diagonal Gaussian's density, (N,)."""
-    z = (actions - mean) / log_noise.exp()
-    return (-0.5 * z.square() - log_noise - 0.5 * math.log(2 * math.pi)).sum(-1)
+    z = (actions - mean) / log_std.exp()
+    return (-0.5 * z.square() - log_std - 0.5 * math.log(2 * math.pi)).sum(-1)
 
 
 def divergence(mean_old: Tensor, log_old: Tensor, mean_new: Tensor, log_new: Tensor) -> Tensor:
@@ -38,7 +38,7 @@ class Slopes(NamedTuple):
     """Derivatives of the loss by the new mean (N, A) and by its noise's logarithm (A,); the share clipped."""
 
     mean: Tensor
-    log_noise: Tensor
+    log_std: Tensor
     clipped: Tensor
 
 
@@ -46,7 +46,7 @@ def policy_slopes(
     old: Choices,
     log_old: Tensor,
     mean: Tensor,
-    log_noise: Tensor,
+    log_std: Tensor,
     clip: float | None,
     penalty: float,
     entropy: float,
@@ -57,18 +57,18 @@ def policy_slopes(
     Where the minimum takes the clamped branch nothing flows.
     clip: None for the plain ratio; penalty, entropy: 0 without such a term.
     """
-    noise, rows = log_noise.exp(), len(mean)
-    z = (old.actions - mean) / noise
-    ratio = (log_density(old.actions, mean, log_noise) - old.density).exp()
+    action_std, rows = log_std.exp(), len(mean)
+    z = (old.actions - mean) / action_std
+    ratio = (log_density(old.actions, mean, log_std) - old.density).exp()
     flow = old.gain * ratio
     clipped = torch.zeros(())
     if clip is not None:
         flow = flow * (flow <= old.gain * ratio.clamp(1 - clip, 1 + clip))
         clipped = ((ratio - 1).abs() > clip).float().mean()
     weight = (flow / -rows)[:, None]
-    by_mean, by_noise = weight * z / noise, (weight * (z.square() - 1)).sum(0) - entropy
+    by_mean, by_noise = weight * z / action_std, (weight * (z.square() - 1)).sum(0) - entropy
     if penalty > 0:
-        shift = (mean - old.mean) / noise
-        by_mean = by_mean + penalty / rows * shift / noise
-        by_noise = by_noise + penalty * (1 - (2 * (log_old - log_noise)).exp() - shift.square().mean(0))
+        shift = (mean - old.mean) / action_std
+        by_mean = by_mean + penalty / rows * shift / action_std
+        by_noise = by_noise + penalty * (1 - (2 * (log_old - log_std)).exp() - shift.square().mean(0))
     return Slopes(by_mean, by_noise, clipped)

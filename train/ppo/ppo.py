@@ -61,7 +61,7 @@ class PpoProgress(Progress):
     entropy: float = 0.0
 
 
-class Learner:
+class PpoAlgorithm:
     """Networks, optimisers and normaliser; `update` learns from one round of samples.
 
     Actor and critic share nothing, so each learns in a thread of its own with half of torch's threads. On two
@@ -73,9 +73,9 @@ class Learner:
         self.config = config
         torch.manual_seed(config.seed)
         size = observation_size(config.env)
-        self.net = ActorCritic(size, ACTIONS, config.hidden, scheduled_at(config.noise, 0))
+        self.net = ActorCritic(size, ACTIONS, config.hidden, scheduled_at(config.action_std, 0))
         self.normalizer = Normalizer(size)
-        actor = [self.net.actor.parameters] + ([self.net.log_noise] if config.learn_noise else [])
+        actor = [self.net.actor.parameters] + ([self.net.log_std] if config.learn_action_std else [])
         self.actor_optimizer = torch.optim.Adam(actor, config.actor_rate, fused=True)
         self.critic_optimizer = torch.optim.Adam([self.net.critic.parameters], config.critic_rate, fused=True)
         self.random = np.random.default_rng(config.seed)
@@ -83,13 +83,13 @@ class Learner:
             penalty=config.penalty_initial, actor_rate=config.actor_rate, entropy=config.entropy
         )
 
-    def noise(self) -> Array:
+    def action_std(self) -> Array:
         """Standard deviation (A,) of the exploration: scheduled over samples, or what was learnt."""
         c = self.config
-        if not c.learn_noise:
-            self.net.log_noise.fill_(math.log(scheduled_at(c.noise, self.progress.samples)))
-        noise: Array = self.net.log_noise.exp().numpy()
-        return noise
+        if not c.learn_action_std:
+            self.net.log_std.fill_(math.log(scheduled_at(c.action_std, self.progress.samples)))
+        action_std: Array = self.net.log_std.exp().numpy()
+        return action_std
 
     def update(self, samples: Samples) -> dict[str, float]:
         """Several passes of minibatches over (T, E) samples; returns what is worth logging."""
@@ -99,7 +99,7 @@ class Learner:
         rewards = samples.terms.sum(axis=-1)
         seen = samples.observations.reshape(count, -1)
         observations = self.normalizer.apply(seen)
-        orders = [torch.from_numpy(self.random.permutation(count)) for _ in range(c.passes)]
+        orders = [torch.from_numpy(self.random.permutation(count)) for _ in range(c.epochs)]
         share = max(1, torch.get_num_threads() // 2)
         with ThreadPoolExecutor(2, initializer=torch.set_num_threads, initargs=(share,)) as threads:
             acting = threads.submit(self.net.actor.forward, observations)
@@ -110,7 +110,7 @@ class Learner:
             gain = torch.from_numpy(gains.reshape(-1))
             gain = (gain - gain.mean()) / (gain.std() + 1e-8)
             actions, mean = torch.from_numpy(samples.actions.reshape(count, -1)), acting.result()
-            old = Choices(actions, mean, log_density(actions, mean, self.net.log_noise), gain)
+            old = Choices(actions, mean, log_density(actions, mean, self.net.log_std), gain)
             actor = threads.submit(self._learn_policy, observations, old, orders)
             critic = threads.submit(self._learn_value, observations, returns, orders)
             (kl, clipped), value_loss = actor.result(), critic.result()
@@ -136,9 +136,9 @@ class Learner:
             "policy/clip_fraction": clipped,
             "policy/penalty": state.penalty,
             "policy/rate": state.actor_rate,
-            "policy/noise": float(self.net.log_noise.exp().mean()),
+            "policy/noise": float(self.net.log_std.exp().mean()),
             # Of a Gaussian: the sum of log σ + ½ log 2πe.
-            "policy/entropy": float((self.net.log_noise + 0.5 * math.log(2.0 * math.pi * math.e)).sum()),
+            "policy/entropy": float((self.net.log_std + 0.5 * math.log(2.0 * math.pi * math.e)).sum()),
             "value/loss": value_loss,
             "value/explained_variance": 1.0 - float(errors.var(correction=0)) / spread if spread > 0 else 0.0,
             "value/normalized_loss": normalized_loss(float(errors.square().mean()), spread),
@@ -160,13 +160,13 @@ class Learner:
 
     def _learn_policy(self, observations: Tensor, old: Choices, orders: list[Tensor]) -> tuple[float, float]:
         """KL of the old policy from the new one, and the share of ratios that were clipped."""
-        actor, log_noise = self.net.actor, self.net.log_noise
-        log_old = log_noise.clone()
+        actor, log_std = self.net.actor, self.net.log_std
+        log_old = log_std.clone()
         clipped = [
             self.step_policy(seen, Choices(*chosen), log_old)
             for seen, *chosen in minibatches(orders, self.config.minibatch, observations, *old)
         ]
-        kl = divergence(old.mean, log_old, actor.forward(observations), log_noise).mean()
+        kl = divergence(old.mean, log_old, actor.forward(observations), log_std).mean()
         return float(kl), float(torch.stack(clipped).mean())
 
     def step_policy(self, seen: Tensor, old: Choices, log_old: Tensor) -> Tensor:
@@ -175,11 +175,11 @@ class Learner:
         seen: (N, O) normalised observations; old: what was chosen at them; log_old: (A,) the logarithm of the
         noise that it was chosen with.
         """
-        c, actor, log_noise = self.config, self.net.actor, self.net.log_noise
+        c, actor, log_std = self.config, self.net.actor, self.net.log_std
         penalty = self.progress.penalty if c.kl_penalty else 0.0
-        entropy = self.progress.entropy if c.learn_noise else 0.0
-        slopes = policy_slopes(old, log_old, actor.forward(seen), log_noise, c.clip, penalty, entropy)
-        log_noise.grad = slopes.log_noise
+        entropy = self.progress.entropy if c.learn_action_std else 0.0
+        slopes = policy_slopes(old, log_old, actor.forward(seen), log_std, c.clip, penalty, entropy)
+        log_std.grad = slopes.log_std
         _descend(actor, slopes.mean, self.actor_optimizer)
         return slopes.clipped
 
@@ -218,7 +218,7 @@ class Learner:
         found = {
             "actor": self.net.actor.parameters,
             "critic": self.net.critic.parameters,
-            "log_noise": self.net.log_noise,
+            "log_noise": self.net.log_std,
             "normalizer.mean": torch.from_numpy(self.normalizer.mean),
             "normalizer.squares": torch.from_numpy(self.normalizer.squares),
         }
@@ -231,7 +231,7 @@ class Learner:
         """Take up what `tensors` and `record` gave."""
         self.net.actor.parameters.copy_(tensors["actor"])
         self.net.critic.parameters.copy_(tensors["critic"])
-        self.net.log_noise.copy_(tensors["log_noise"])
+        self.net.log_std.copy_(tensors["log_noise"])
         self.progress = PpoProgress(**record["progress"])
         self.random.bit_generator.state = record["random"]
         self.normalizer.count = record["normalizer_count"]

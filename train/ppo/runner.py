@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from kinemimic.train.config.config import RewardConfig, scheduled_at
-from kinemimic.train.ppo.ppo import Learner
-from kinemimic.train.rollout.evaluation import Attempt
+from kinemimic.train.ppo.ppo import PpoAlgorithm
+from kinemimic.train.rollout.evaluation import Episode
 from kinemimic.train.rollout.policy import Policy
 from kinemimic.train.rollout.sampler import Figures, Samples
 from kinemimic.train.rollout.workers import Workers
@@ -18,12 +18,12 @@ WAITING = "transfer and waiting"
 _WARM_UP = 16  # steps of the untrained policy that give the normaliser its first statistics
 
 
-class PpoPractice:
+class PpoRunner:
     """`Practice` (`learning.py`) of a learner with a crew."""
 
     patience = 1.0
 
-    def __init__(self, learner: Learner, crew: Workers, watch: Stopwatch) -> None:
+    def __init__(self, learner: PpoAlgorithm, crew: Workers, watch: Stopwatch) -> None:
         self._learner, self._crew, self._watch = learner, crew, watch
 
     def begin(self, figures: Figures | None) -> None:
@@ -46,7 +46,7 @@ class PpoPractice:
         self._watch.lap(OTHER)
         found = self._crew.sample(
             learner.policy(),
-            learner.noise(),
+            learner.action_std(),
             config.reward(samples),
             scheduled_at(config.strength, samples),
             steps,
@@ -60,8 +60,10 @@ class PpoPractice:
     def figures(self) -> Figures:
         return self._crew.figures()
 
-    def attempts(self, policy: Policy, reward: RewardConfig, phases: Sequence[float]) -> Sequence[Attempt]:
-        return self._crew.attempts(policy, reward, phases)
+    def run_episodes(
+        self, policy: Policy, reward: RewardConfig, phases: Sequence[float]
+    ) -> Sequence[Episode]:
+        return self._crew.run_episodes(policy, reward, phases)
 
-    def ordeals(self, policy: Policy, reward: RewardConfig) -> Sequence[float]:
-        return self._crew.ordeals(policy, reward)
+    def robust_returns(self, policy: Policy, reward: RewardConfig) -> Sequence[float]:
+        return self._crew.robust_returns(policy, reward)

@@ -49,7 +49,7 @@ def start_phases(motion: Motion, scenario: Scenario | None = None) -> tuple[floa
 
 
 @dataclass(frozen=True)
-class Attempt:
+class Episode:
     """One performance of `of` frames.
 
     frames: before the fall; reward: its mean over all frames, 0 for those after a fall, as a share of the
@@ -64,7 +64,7 @@ class Attempt:
 
 
 @dataclass(frozen=True)
-class Trial:
+class Evaluation:
     """The attempts after so many samples and seconds of training.
 
     strength: 0 to 1, of the hardships that the policy trained under by then; frames, knee, hip: the least of
@@ -82,33 +82,33 @@ class Trial:
     reward: float
     knee: float
     hip: float
-    endured: float | None = None
+    robust_return: float | None = None
     critic_loss: float | None = None
 
     @classmethod
-    def of_attempts(
+    def of_episodes(
         cls,
-        attempts: Sequence[Attempt],
-        endured: Sequence[float] = (),
+        run_episodes: Sequence[Episode],
+        robust_return: Sequence[float] = (),
         *,
         samples: int,
         seconds: float,
         strength: float,
         losses: Sequence[float] = (),
-    ) -> Trial:
+    ) -> Evaluation:
         """What the attempts, the one from phase 0 first, the rewards under hardships and the critic's losses
         come to."""
         return cls(
             samples=samples,
             seconds=round(seconds, 1),
             strength=strength,
-            frames=min(attempt.frames for attempt in attempts),
-            frames_first=attempts[0].frames,
-            of=attempts[0].of,
-            reward=sum(attempt.reward for attempt in attempts) / len(attempts),
-            knee=min(attempt.knee for attempt in attempts),
-            hip=min(attempt.hip for attempt in attempts),
-            endured=sum(endured) / len(endured) if endured else None,
+            frames=min(run_episode.frames for run_episode in run_episodes),
+            frames_first=run_episodes[0].frames,
+            of=run_episodes[0].of,
+            reward=sum(run_episode.reward for run_episode in run_episodes) / len(run_episodes),
+            knee=min(run_episode.knee for run_episode in run_episodes),
+            hip=min(run_episode.hip for run_episode in run_episodes),
+            robust_return=sum(robust_return) / len(robust_return) if robust_return else None,
             critic_loss=round(sum(losses) / len(losses), 6) if losses else None,
         )
 
@@ -127,13 +127,13 @@ def is_due(before: int, after: int) -> bool:
     return after // EVERY > before // EVERY
 
 
-def best(trials: Sequence[Trial]) -> Trial:
+def best(trials: Sequence[Evaluation]) -> Evaluation:
     """Among those of the greatest strength the one of the highest reward, under hardships if there are any;
     the earliest of equals."""
-    return max(trials, key=lambda t: (t.strength, t.reward if t.endured is None else t.endured))
+    return max(trials, key=lambda t: (t.strength, t.reward if t.robust_return is None else t.robust_return))
 
 
-def first_walk(trials: Sequence[Trial]) -> Mapping[str, float] | None:
+def first_walk(trials: Sequence[Evaluation]) -> Mapping[str, float] | None:
     """Samples and seconds at the first trial that `walks`, None if there is none."""
     for trial in trials:
         if trial.walks:
@@ -141,7 +141,7 @@ def first_walk(trials: Sequence[Trial]) -> Mapping[str, float] | None:
     return None
 
 
-class Rehearsal:
+class Evaluator:
     """A figure of its own for the attempts, so that those that train know nothing of them."""
 
     def __init__(self, motion: Motion, reference: Reference, config: EnvConfig, engine: str) -> None:
@@ -150,7 +150,7 @@ class Rehearsal:
             self._frames = config.scenario.steps
         self._batch = ImitationBatch(open_world(1, engine), reference, config)
 
-    def attempt(self, policy: Policy, reward: RewardConfig, phase: float) -> Attempt:
+    def run_episode(self, policy: Policy, reward: RewardConfig, phase: float) -> Episode:
         """Perform from a phase, up to the end or the fall: what would come after it counts for nothing."""
         batch, frames = self._batch, self._frames
         batch.reward = reward
@@ -174,7 +174,7 @@ class Rehearsal:
             for name, curve in joint_angles(np.array(rotations)).items():
                 done[name][:stood] = curve
         fits = joint_fits(wanted, done, np.arange(frames) < stood)
-        return Attempt(
+        return Episode(
             frames=stood,
             of=frames,
             reward=sum(rewards) / frames / sum(reward.weights.values()),

@@ -51,7 +51,7 @@ class ImitationEnv(gym.Env[Observation, NDArray[np.float32]]):
         phase = (options or {}).get("phase")
         if phase is None:
             phase = start_phase(config, random)
-        conditions = draw(config.hardships, 1.0, random)
+        conditions = draw(config.domain_randomization, 1.0, random)
         seeds = None
         if config.scenario is not None:
             seeds = np.array([random.integers(1 << 63)], dtype=np.uint64)

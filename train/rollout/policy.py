@@ -25,7 +25,7 @@ from kinemimic.train.config.config import TrainConfig
 from kinemimic.train.task.env import ACTIONS, observation_size
 
 POLICY = "policy.safetensors"  # of a run
-POLICY_SCHEMA = 3
+POLICY_SCHEMA = 4
 OBSERVATION_CLIP = 8.0
 _LIMIT = 256 * MEGABYTE  # a hundred times what a preset's networks take
 _AGAIN = "train again"
@@ -98,15 +98,7 @@ class Policy:
     @classmethod
     def load(cls, path: Path) -> tuple[Policy, dict[str, Any]]:
         """Policy and record; a KinemimicError says what does not fit."""
-        record = read_json(path.with_suffix(".json"))
-        # An earlier version's saw and did something else: there is no way from it.
-        record = upgraded(
-            record if isinstance(record, dict) else {},
-            path.with_suffix(".json"),
-            kind="a policy",
-            schema=POLICY_SCHEMA,
-            advice="train again",
-        )
+        record = read_record(path.with_suffix(".json"))
         for key in ("config", "provenance", "body", "mirrored"):
             if key not in record:
                 raise KinemimicError(f"{path.with_suffix('.json')}: expected the key {key!r}, found none")
@@ -136,6 +128,47 @@ class Policy:
         if not (policy.scale > 0).all():
             raise KinemimicError(f"{path}: expected a scale above zero, found {policy.scale.min()}; {_AGAIN}")
         return policy, record
+
+
+# The names of schema 3 and those of schema 4, which are the field's.
+_RENAMED = {
+    "trials": "evaluations",
+    "endured": "robust_return",
+    "hardships": "domain_randomization",
+    "rival": "baseline",
+    "environments": "num_envs",
+    "passes": "epochs",
+    "noise": "action_std",
+    "learn_noise": "learn_action_std",
+}
+
+
+def read_record(path: Path) -> dict[str, Any]:
+    """A policy's record (policy.json) as the present schema has it.
+
+    A policy of schema 2 or earlier observed and did something else, and cannot be used: KinemimicError.
+    """
+    record = read_json(path)
+    return upgraded(
+        record if isinstance(record, dict) else {},
+        path,
+        kind="a policy",
+        schema=POLICY_SCHEMA,
+        advice="train again",
+        upgrades={3: _with_field_names},
+    )
+
+
+def _with_field_names(record: Mapping[str, Any]) -> dict[str, Any]:
+    """Schema 3 to 4: the keys of _RENAMED; values stay as they are."""
+
+    def renamed(value: Any) -> Any:
+        if isinstance(value, dict):
+            return {_RENAMED.get(key, key): renamed(item) for key, item in value.items()}
+        return [renamed(item) for item in value] if isinstance(value, list) else value
+
+    made: dict[str, Any] = renamed(dict(record))
+    return made
 
 
 def _check_record(record: Mapping[str, Any], path: Path) -> None:

@@ -15,25 +15,25 @@ from kinemimic.train.config.config import EnvConfig, RewardConfig
 from kinemimic.train.reference.reference import Reference
 from kinemimic.train.rollout.policy import Policy
 from kinemimic.train.sim.engines import open_world
-from kinemimic.train.task.domain_randomization import Conditions, draw
+from kinemimic.train.task.domain_randomization import RandomizationSample, draw
 from kinemimic.train.task.env import ImitationBatch
 
 FIGURES = 16
 
 
-class Ordeal:
+class RobustnessEvaluation:
     """Figures that face the hardships with some of the numbers 0 to FIGURES - 1, one each."""
 
     def __init__(self, reference: Reference, config: EnvConfig, numbers: Sequence[int], engine: str) -> None:
         self._config, self._size = config, len(numbers)
         self._batch = ImitationBatch(open_world(self._size, engine), reference, config)
-        drawn = [draw(config.hardships, 1.0, np.random.default_rng(number)) for number in numbers]
-        self._conditions = Conditions.joined(drawn)
+        drawn = [draw(config.domain_randomization, 1.0, np.random.default_rng(number)) for number in numbers]
+        self._conditions = RandomizationSample.joined(drawn)
         self._seeds = np.array(numbers, dtype=np.uint64)
         # A cycle is begun all around; what is performed once has one beginning.
         self._phases = np.array(numbers) / FIGURES if reference.cyclic else np.zeros(self._size)
 
-    def endure(self, policy: Policy, reward: RewardConfig) -> list[float]:
+    def robust_returns(self, policy: Policy, reward: RewardConfig) -> list[float]:
         """Of each figure the mean reward of an episode, 0 after a fall, as a share of the largest."""
         batch = self._batch
         batch.reward = reward

@@ -19,13 +19,13 @@ from kinemimic.retarget.humanoid.motion import Motion
 from kinemimic.train.config.config import EnvConfig, TrainConfig
 from kinemimic.train.reference.reference import Reference
 from kinemimic.train.rollout.policy import Policy
-from kinemimic.train.rollout.trajectory import Playback
+from kinemimic.train.rollout.trajectory import Trajectory
 from kinemimic.train.sim.engines import open_world
 from kinemimic.train.sim.world import BodyStates
 from kinemimic.train.task.env import ACTIONS, ImitationBatch
 
 
-def perform(
+def collect_trajectories(
     motion: Motion,
     policy: Path | None,
     *,
@@ -34,7 +34,7 @@ def perform(
     engine: str = "auto",
     workers: int | None = None,
     progress: Callable[[int], object] | None = None,
-) -> Playback:
+) -> Trajectory:
     """Rollouts of the deterministic policy from each phase, side by side on `workers` processes.
 
     policy: file of a trained policy, or None for the reference's PD targets alone. A fall is noted and the
@@ -52,27 +52,27 @@ def perform(
         f.name: parts[0].reward_names
         if f.name == "reward_names"
         else np.concatenate([getattr(part, f.name) for part in parts])
-        for f in fields(Playback)
+        for f in fields(Trajectory)
     }
-    return Playback(**joined)
+    return Trajectory(**joined)
 
 
-def _perform_one(task: tuple[Motion, Policy | None, EnvConfig, float, int, str]) -> Playback:
+def _perform_one(task: tuple[Motion, Policy | None, EnvConfig, float, int, str]) -> Trajectory:
     motion, policy, config, phase, frames, engine = task
     batch = ImitationBatch(open_world(1, engine, measure_torques=True), Reference(motion), config)
     batch.reset(np.array([0]), np.array([phase]))
-    played = watched(batch, policy, phase, frames)
+    played = record_trajectory(batch, policy, phase, frames)
     batch.world.close()
     return played
 
 
-def watched(
+def record_trajectory(
     batch: ImitationBatch,
     policy: Policy | None,
     phase: float,
     frames: int,
     each: Callable[[], object] | None = None,
-) -> Playback:
+) -> Trajectory:
     """What the one figure of a batch does from now on; it began at a phase. A fall is noted, and the figure
     lies there while the reference goes on.
 
@@ -103,7 +103,7 @@ def watched(
         if each is not None:
             each()
     stacked = {name: np.stack(values, axis=1) for name, values in rows.items()}
-    return Playback(
+    return Trajectory(
         start_phases=np.array([phase]),
         reference_root=reference.root(stacked["phases"]),
         reference_rotations=reference.nodes(stacked["phases"]),

@@ -17,12 +17,12 @@ from numpy.typing import NDArray
 from kinemimic.pipeline.arrays import Floats
 from kinemimic.retarget.humanoid.motion import Motion
 from kinemimic.train.config.config import EnvConfig, RewardConfig
-from kinemimic.train.rollout.evaluation import Attempt, Rehearsal
+from kinemimic.train.rollout.evaluation import Episode, Evaluator
 from kinemimic.train.rollout.policy import Policy
-from kinemimic.train.rollout.robustness import Ordeal
+from kinemimic.train.rollout.robustness import RobustnessEvaluation
 from kinemimic.train.scenario.route import reference_for
 from kinemimic.train.sim.engines import open_world
-from kinemimic.train.task.domain_randomization import Conditions, draw
+from kinemimic.train.task.domain_randomization import RandomizationSample, draw
 from kinemimic.train.task.env import TASK, ImitationBatch, observation_size
 
 # What a worker does beside the simulation and the task of `env.py`; inference has the exploration's noise.
@@ -91,8 +91,8 @@ class Sampler:
             open_world(len(seeds), engine, threads=threads), reference_for(motion, config.scenario), config
         )
         self._randoms = [np.random.Generator(np.random.PCG64(seed)) for seed in seeds]
-        self._rehearsal: Rehearsal | None = None
-        self._ordeal: Ordeal | None = None
+        self._rehearsal: Evaluator | None = None
+        self._ordeal: RobustnessEvaluation | None = None
         self.restart(np.arange(len(seeds)), 0.0)
         self._next = self.batch.snapshot()
 
@@ -120,40 +120,40 @@ class Sampler:
         """Keep what the next `begin` begins with."""
         self._next = self.batch.snapshot()
 
-    def attempts(self, policy: Policy, reward: RewardConfig, phases: Sequence[float]) -> list[Attempt]:
+    def run_episodes(self, policy: Policy, reward: RewardConfig, phases: Sequence[float]) -> list[Episode]:
         """Performances from these phases, by a figure apart from those that train."""
         if self._rehearsal is None:
-            self._rehearsal = Rehearsal(self._motion, self.batch.reference, self._config, self._engine)
-        return [self._rehearsal.attempt(policy, reward, phase) for phase in phases]
+            self._rehearsal = Evaluator(self._motion, self.batch.reference, self._config, self._engine)
+        return [self._rehearsal.run_episode(policy, reward, phase) for phase in phases]
 
-    def ordeals(self, policy: Policy, reward: RewardConfig, numbers: Sequence[int]) -> list[float]:
+    def robust_returns(self, policy: Policy, reward: RewardConfig, numbers: Sequence[int]) -> list[float]:
         """What figures apart endure of the hardships with these numbers, which stay the same."""
         if not numbers:
             return []
         if self._ordeal is None:
-            self._ordeal = Ordeal(self.batch.reference, self._config, numbers, self._engine)
-        return self._ordeal.endure(policy, reward)
+            self._ordeal = RobustnessEvaluation(self.batch.reference, self._config, numbers, self._engine)
+        return self._ordeal.robust_returns(policy, reward)
 
     def restart(self, indices: NDArray[np.intp], strength: float) -> None:
         """Begin new episodes under hardships of this strength."""
         config, randoms = self._config, [self._randoms[index] for index in indices]
         phases = np.array([start_phase(config, random) for random in randoms])
-        drawn = [draw(config.hardships, strength, random) for random in randoms]
+        drawn = [draw(config.domain_randomization, strength, random) for random in randoms]
         seeds = None
         if config.scenario is not None:
             seeds = np.array([random.integers(_WORD, dtype=np.uint64) for random in randoms])
-        self.batch.reset(indices, phases, Conditions.joined(drawn), seeds)
+        self.batch.reset(indices, phases, RandomizationSample.joined(drawn), seeds)
 
-    def _exploration(self, noise: Floats, steps: int) -> Floats:
+    def _exploration(self, action_std: Floats, steps: int) -> Floats:
         """(T, E, A) noise of standard deviations (A,), each figure's from its own generator."""
-        draws = np.empty((steps, len(self._randoms), len(noise)), dtype=np.float32)
+        draws = np.empty((steps, len(self._randoms), len(action_std)), dtype=np.float32)
         for k, random in enumerate(self._randoms):
-            draws[:, k] = random.standard_normal((steps, len(noise)), dtype=np.float32)
-        draws *= noise
+            draws[:, k] = random.standard_normal((steps, len(action_std)), dtype=np.float32)
+        draws *= action_std
         return draws
 
     def sample(
-        self, policy: Policy, noise: Floats, reward: RewardConfig, strength: float, steps: int
+        self, policy: Policy, action_std: Floats, reward: RewardConfig, strength: float, steps: int
     ) -> Samples:
         """Steps with exploration noise of standard deviation `noise` (A,) per action.
 
@@ -169,7 +169,7 @@ class Sampler:
         terminated, truncated = np.empty((2, steps, size), dtype=np.bool_)
         lengths: list[int] = []
         exploded = 0
-        actions = self._exploration(noise, steps)
+        actions = self._exploration(action_std, steps)
         batch.watch.lap(INFERENCE)
         observations[0] = batch.observe()
         batch.watch.lap(TASK)

@@ -16,13 +16,13 @@ from kinemimic.pipeline.files.bounded import MEGABYTE, require_regular
 from kinemimic.pipeline.files.schema import unchanged, upgraded
 from kinemimic.pipeline.files.store import atomic
 
-PLAYBACK_SCHEMA = 1
+TRAJECTORY_SCHEMA = 1
 _LIMIT = 1024 * MEGABYTE  # five hours of a performance; a walk's take 15 MB
 _AGAIN = "run `evaluate` again"
 
 
 @dataclass(frozen=True)
-class Playback:
+class Trajectory:
     """S rollouts of F frames at 30 Hz; frame f is the state after f + 1 control steps.
 
     start_phases: (S,) where in the reference each rollout began, 0 to 1 of its duration;
@@ -52,10 +52,10 @@ class Playback:
         """Write as .npz, atomically."""
         with atomic(path) as temporary, temporary.open("wb") as stream:
             arrays = {f.name: getattr(self, f.name) for f in fields(self)}
-            np.savez_compressed(stream, schema=np.array(PLAYBACK_SCHEMA), **arrays)
+            np.savez_compressed(stream, schema=np.array(TRAJECTORY_SCHEMA), **arrays)
 
     @classmethod
-    def load(cls, path: Path) -> Playback:
+    def load(cls, path: Path) -> Trajectory:
         """Read what `save` wrote; nothing is unpickled. A KinemimicError says what is not so."""
         require_regular(path, "a playback")
         try:
@@ -66,11 +66,11 @@ class Playback:
                     header,
                     path,
                     kind="a playback",
-                    schema=PLAYBACK_SCHEMA,
+                    schema=TRAJECTORY_SCHEMA,
                     advice=_AGAIN,
                     upgrades={0: unchanged},
                 )
-                playback = cls(**{f.name: data[f.name] for f in fields(cls)})
+                trajectory = cls(**{f.name: data[f.name] for f in fields(cls)})
         except FileNotFoundError:
             raise KinemimicError(
                 f"{path}: expected a playback, found no file; run `evaluate` first"
@@ -85,9 +85,9 @@ class Playback:
                 f"{path}: expected a playback, found a damaged or another file, or an earlier version's; "
                 + _AGAIN
             ) from None
-        if found := playback._misfit():
+        if found := trajectory._misfit():
             raise KinemimicError(f"{path}: expected a playback, found {found}; {_AGAIN}")
-        return playback
+        return trajectory
 
     def _misfit(self) -> str | None:
         """What is not as the class says, in words."""

@@ -19,7 +19,7 @@ from kinemimic.pipeline.errors import KinemimicError
 from kinemimic.pipeline.parallel.process_pool import inherited
 from kinemimic.retarget.humanoid.motion import Motion
 from kinemimic.train.config.config import EnvConfig, RewardConfig
-from kinemimic.train.rollout.evaluation import Attempt
+from kinemimic.train.rollout.evaluation import Episode
 from kinemimic.train.rollout.policy import Policy
 from kinemimic.train.rollout.robustness import FIGURES
 from kinemimic.train.rollout.sampler import Figures, Sampler, Samples
@@ -66,11 +66,11 @@ class Workers:
     """
 
     def __init__(
-        self, motion: Motion, config: EnvConfig, environments: int, seed: int, count: int, engine: str
+        self, motion: Motion, config: EnvConfig, num_envs: int, seed: int, count: int, engine: str
     ) -> None:
         self.seconds: dict[str, float] = {}
         self._count = count
-        seeds = np.random.SeedSequence(seed).spawn(environments)
+        seeds = np.random.SeedSequence(seed).spawn(num_envs)
         context = multiprocessing.get_context("spawn")
         self._connections: list[Connection] = []
         self._processes: list[multiprocessing.process.BaseProcess] = []
@@ -118,23 +118,23 @@ class Workers:
         count = self._count
         self._ask("place", [({n: array[k::count] for n, array in figures.items()},) for k in range(count)])
 
-    def attempts(self, policy: Policy, reward: RewardConfig, phases: Sequence[float]) -> list[Attempt]:
+    def run_episodes(self, policy: Policy, reward: RewardConfig, phases: Sequence[float]) -> list[Episode]:
         """Performances from these phases, in their order, as many at a time as there are workers."""
         count = self._count
-        parts = self._ask("attempts", [(policy, reward, phases[k::count]) for k in range(count)])
+        parts = self._ask("run_episodes", [(policy, reward, phases[k::count]) for k in range(count)])
         return [parts[k % count][k // count] for k in range(len(phases))]
 
-    def ordeals(self, policy: Policy, reward: RewardConfig) -> list[float]:
+    def robust_returns(self, policy: Policy, reward: RewardConfig) -> list[float]:
         """What each of the figures of `ordeal.py` endures, in the sequence of their numbers."""
         count, numbers = self._count, range(FIGURES)
-        parts = self._ask("ordeals", [(policy, reward, numbers[k::count]) for k in range(count)])
+        parts = self._ask("robust_returns", [(policy, reward, numbers[k::count]) for k in range(count)])
         return [parts[k % count][k // count] for k in numbers]
 
     def sample(
-        self, policy: Policy, noise: Floats, reward: RewardConfig, strength: float, steps: int
+        self, policy: Policy, action_std: Floats, reward: RewardConfig, strength: float, steps: int
     ) -> Samples:
         """Samples of all workers, figures side by side."""
-        received = self._ask("sample", [(policy, noise, reward, strength, steps)] * self._count)
+        received = self._ask("sample", [(policy, action_std, reward, strength, steps)] * self._count)
         parts = [samples.unpacked() for samples, _ in received]
         shares = ({name: spent / len(parts) for name, spent in seconds.items()} for _, seconds in received)
         self.seconds = summed(self.seconds, *shares)

@@ -9,7 +9,7 @@ from typing import Any, Protocol
 from torch import Tensor
 
 from kinemimic.train.config.config import RewardConfig, TrainConfig
-from kinemimic.train.rollout.evaluation import Attempt
+from kinemimic.train.rollout.evaluation import Episode
 from kinemimic.train.rollout.policy import Policy
 from kinemimic.train.rollout.sampler import Figures
 from kinemimic.train.task.stopwatch import Seconds
@@ -36,7 +36,7 @@ class Progress:
     losses: list[float] = field(default_factory=list)
 
 
-class Learning(Protocol):
+class Algorithm(Protocol):
     """What is learnt: networks, optimisers, normaliser, and all else that a checkpoint holds."""
 
     @property
@@ -61,7 +61,7 @@ class Learning(Protocol):
         """What the policy's record says of this way of learning alone."""
 
 
-class Practice(Protocol):
+class Runner(Protocol):
     """What learns, together with the figures that it learns on."""
 
     @property
@@ -83,10 +83,12 @@ class Practice(Protocol):
     def figures(self) -> Figures:
         """What the next round begins with."""
 
-    def attempts(self, policy: Policy, reward: RewardConfig, phases: Sequence[float]) -> Sequence[Attempt]:
+    def run_episodes(
+        self, policy: Policy, reward: RewardConfig, phases: Sequence[float]
+    ) -> Sequence[Episode]:
         """Performances from these phases (`trial.py`)."""
 
-    def ordeals(self, policy: Policy, reward: RewardConfig) -> Sequence[float]:
+    def robust_returns(self, policy: Policy, reward: RewardConfig) -> Sequence[float]:
         """What each of the figures of `ordeal.py` endures."""
 
 

@@ -19,12 +19,12 @@ from kinemimic.pipeline.files.bounded import require_regular
 from kinemimic.pipeline.files.plain_json import plain_json
 from kinemimic.pipeline.files.store import atomic
 from kinemimic.train.config.typed import check_types
-from kinemimic.train.rollout.evaluation import Trial
+from kinemimic.train.rollout.evaluation import Evaluation
 from kinemimic.train.rollout.policy import Policy
 from kinemimic.train.rollout.sampler import Figures
-from kinemimic.train.runner.base import Learning
+from kinemimic.train.runner.base import Algorithm
 
-CHECKPOINT_SCHEMA = 5
+CHECKPOINT_SCHEMA = 6
 _LEARNER, _FIGURES, _BEST = "learner.", "figures.", "best."
 _MEMORY = "memory."  # of a rival, among what is the learner's
 
@@ -38,9 +38,9 @@ class Training:
     figures: what the next round begins with, None before the first one; best: the policy of the best trial.
     """
 
-    learner: Learning
+    learner: Algorithm
     figures: Figures | None = None
-    trials: list[Trial] = field(default_factory=list)
+    trials: list[Evaluation] = field(default_factory=list)
     best: Policy | None = None
 
 
@@ -63,7 +63,7 @@ def save(path: Path, training: Training, motion: str) -> None:
         "motion": motion,
         "config": learner.config.to_json(),
         **learner.record(),
-        "trials": [trial.to_json() for trial in training.trials],
+        "evaluations": [trial.to_json() for trial in training.trials],
     }
     try:
         with atomic(path) as temporary:
@@ -90,7 +90,7 @@ def restore(path: Path, training: Training, motion: str) -> bool:
         schema, imitated, stored = record["schema"], record["motion"], {**record["config"], "budget": None}
         if schema != CHECKPOINT_SCHEMA:
             return False
-        trials = [Trial(**trial) for trial in record["trials"]]
+        trials = [Evaluation(**trial) for trial in record["evaluations"]]
         if imitated != motion or stored != {**training.learner.config.to_json(), "budget": None}:
             return False
         _take_up(training, arrays, record, trials)
@@ -106,7 +106,7 @@ def restore(path: Path, training: Training, motion: str) -> bool:
     return True
 
 
-def _take_up(training: Training, arrays: Arrays, record: dict[str, Any], trials: list[Trial]) -> None:
+def _take_up(training: Training, arrays: Arrays, record: dict[str, Any], trials: list[Evaluation]) -> None:
     """KeyError, TypeError, ValueError or RuntimeError for what is not as `save` wrote it."""
     learner = training.learner
     for trial in trials:
@@ -122,8 +122,8 @@ def _take_up(training: Training, arrays: Arrays, record: dict[str, Any], trials:
     check_types(learner.progress)
     figures, best = _below(_FIGURES, arrays), _below(_BEST, arrays)
     for name, array in figures.items():
-        if array.shape[:1] != (learner.config.environments,):
-            raise ValueError(f"{name} of shape {array.shape} for {learner.config.environments} figures")
+        if array.shape[:1] != (learner.config.num_envs,):
+            raise ValueError(f"{name} of shape {array.shape} for {learner.config.num_envs} figures")
     training.figures = figures or None
     training.trials = trials
     training.best = Policy.of_tensors(best, learner.config) if best else None

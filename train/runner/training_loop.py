@@ -12,15 +12,15 @@ from kinemimic.pipeline.errors import KinemimicError
 from kinemimic.pipeline.parallel.interruption import deferred
 from kinemimic.retarget.humanoid.motion import Motion
 from kinemimic.train.config.config import scheduled_at
-from kinemimic.train.rollout.evaluation import Trial, best, is_due, start_phases
+from kinemimic.train.rollout.evaluation import Evaluation, best, is_due, start_phases
 from kinemimic.train.runner import checkpoint
-from kinemimic.train.runner.base import OTHER, ROLLOUT, UPDATE, Practice
+from kinemimic.train.runner.base import OTHER, ROLLOUT, UPDATE, Runner
 from kinemimic.train.runner.checkpoint import Training
 from kinemimic.train.task.stopwatch import Stopwatch, summed
 
 CHECKPOINT_SECONDS = 30.0
 # Where the time between rounds goes.
-TRIAL = "trial"
+EVALUATION = "trial"
 SAVING = "checkpoint"
 
 
@@ -46,7 +46,7 @@ class Rounds:
     def __init__(
         self,
         training: Training,
-        practice: Practice,
+        practice: Runner,
         motion: Motion,
         path: Path,
         watch: Stopwatch,
@@ -135,12 +135,14 @@ class Rounds:
         policy = training.learner.policy()
         # Under the scales that the schedules end with, so that early and late trials compare.
         reward, strength = self._config.final_reward, scheduled_at(self._config.strength, samples)
-        attempts = practice.attempts(policy, reward, start_phases(self._motion, self._config.env.scenario))
-        endured = practice.ordeals(policy, reward) if strength > 0.0 else ()
-        self._spent(TRIAL)
-        trial = Trial.of_attempts(
-            attempts,
-            endured,
+        run_episodes = practice.run_episodes(
+            policy, reward, start_phases(self._motion, self._config.env.scenario)
+        )
+        robust_return = practice.robust_returns(policy, reward) if strength > 0.0 else ()
+        self._spent(EVALUATION)
+        trial = Evaluation.of_episodes(
+            run_episodes,
+            robust_return,
             samples=samples,
             seconds=sum(self._state.seconds_by.values()),
             strength=strength,
@@ -152,8 +154,8 @@ class Rounds:
             training.best = policy
         for name in ("frames", "reward", "knee", "hip"):
             board.add_scalar(f"trial/{name}", getattr(trial, name), samples)
-        if trial.endured is not None:
-            board.add_scalar("trial/endured", trial.endured, samples)
+        if trial.robust_return is not None:
+            board.add_scalar("trial/endured", trial.robust_return, samples)
 
     def _spent(self, name: str) -> None:
         self._watch.lap(name)

@@ -26,7 +26,7 @@ _MASSES = np.array([body.mass for body in BODIES])
 
 
 @dataclass(frozen=True)
-class Course:
+class EventSchedule:
     """begins, ends: (L,) control steps after the start between which a load acts; bodies: (L,) on what;
     wrenches: (L, 6) force and torque in the world, N and N·m; growing: (L,);
     friction: None for what the figure has anyway; tilt: (3,) m/s² that a slope adds to gravity;
@@ -59,9 +59,9 @@ class Course:
         return [item for step, item in self.releases if step < before]
 
 
-def draw_course(
+def draw_event_schedule(
     scenario: Scenario, reference: Reference, phase: float, random: np.random.Generator
-) -> Course:
+) -> EventSchedule:
     """What happens in a trial that begins at a phase.
 
     KinemimicError if an obstacle lies inside the reference's figure, or in another that appears with it,
@@ -80,7 +80,7 @@ def draw_course(
     placed: list[tuple[int, Obstacle]] = []
     for item in scenario.obstacles:
         placed.append(_place(scenario, placed, item, reference, phase, random))
-    return Course(
+    return EventSchedule(
         begins=begins,
         ends=begins + lengths,
         bodies=np.array([BODY_INDEX[load.body] for load in loads], dtype=np.intp),
@@ -96,7 +96,7 @@ def check(scenario: Scenario, reference: Reference) -> None:
     """KinemimicError where a trial cannot be drawn from some phase, as `draw_course` says it."""
     for number in range(_LOOKS):
         random = np.random.default_rng(number)
-        draw_course(scenario, reference, float(scenario.phase.draw(random)[0]), random)
+        draw_event_schedule(scenario, reference, float(scenario.phase.draw(random)[0]), random)
 
 
 def _place(

@@ -11,17 +11,17 @@ from numpy.typing import NDArray
 from kinemimic.pipeline.arrays import Array
 from kinemimic.retarget.humanoid.body import BODIES
 from kinemimic.train.reference.reference import Reference
-from kinemimic.train.scenario.event_schedule import Course, as_it_is, draw_course
+from kinemimic.train.scenario.event_schedule import EventSchedule, as_it_is, draw_event_schedule
 from kinemimic.train.scenario.scenario import Scenario
 from kinemimic.train.sim.world import World
 
 
-class Scenery:
+class ScenarioManager:
     """The courses of E figures, all at peace until they `begin`. Ages are control steps since then."""
 
     def __init__(self, scenario: Scenario, reference: Reference, world: World) -> None:
         self._scenario, self._reference, self._world = scenario, reference, world
-        self._courses: list[Course | None] = [None] * world.size
+        self._courses: list[EventSchedule | None] = [None] * world.size
         self._seeds = np.zeros(world.size, dtype=np.uint64)
         self._phases: Array = np.zeros(world.size)
 
@@ -37,8 +37,10 @@ class Scenery:
             if course is not None or (before is not None and before.releases):
                 self._world.place(index, [] if course is None else course.released(1))
 
-    def _draw(self, seed: np.uint64, phase: float) -> Course:
-        return draw_course(self._scenario, self._reference, float(phase), np.random.default_rng(int(seed)))
+    def _draw(self, seed: np.uint64, phase: float) -> EventSchedule:
+        return draw_event_schedule(
+            self._scenario, self._reference, float(phase), np.random.default_rng(int(seed))
+        )
 
     def friction(self, indices: NDArray[np.intp], usual: Array) -> Array:
         """(N,) of figures (N,): the scenario's, or what is usual (N,)."""

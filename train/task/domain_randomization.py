@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from kinemimic.pipeline.arrays import Array
 from kinemimic.pipeline.kinematics.rotations import from_rotvec, multiply
-from kinemimic.train.config.config import Hardships
+from kinemimic.train.config.config import DomainRandomization
 from kinemimic.train.sim.world import CONTROL_RATE, FRICTION, TIME_STEP, Poses
 
 PUSH_STEPS = 6  # control steps: 0.2 s
@@ -18,7 +18,7 @@ PUSHES = 12  # at most in an episode
 
 
 @dataclass(frozen=True)
-class Conditions:
+class RandomizationSample:
     """Of E figures for one episode each.
 
     begins: (E, PUSHES) control steps after the start; forces: (E, PUSHES, 2) N along x and y of the world;
@@ -35,7 +35,7 @@ class Conditions:
     spins: Array
 
     @classmethod
-    def calm(cls, size: int) -> Conditions:
+    def calm(cls, size: int) -> RandomizationSample:
         """Nothing hard for any figure."""
         return cls(
             begins=np.zeros((size, PUSHES)),
@@ -48,7 +48,7 @@ class Conditions:
         )
 
     @classmethod
-    def joined(cls, parts: Sequence[Conditions]) -> Conditions:
+    def joined(cls, parts: Sequence[RandomizationSample]) -> RandomizationSample:
         """Of all figures of the parts."""
         return cls(*(np.concatenate([getattr(part, f.name) for part in parts]) for f in fields(cls)))
 
@@ -69,7 +69,7 @@ class Conditions:
             joint_velocities=poses.joint_velocities + self.spins[:, 1:],
         )
 
-    def put(self, indices: NDArray[np.intp], other: Conditions) -> None:
+    def put(self, indices: NDArray[np.intp], other: RandomizationSample) -> None:
         """Give figures (N,) the conditions of the N of another."""
         for f in fields(self):
             getattr(self, f.name)[indices] = getattr(other, f.name)
@@ -85,25 +85,27 @@ class Conditions:
         return wrenches
 
 
-def draw(hardships: Hardships, strength: float, random: np.random.Generator) -> Conditions:
+def draw(
+    domain_randomization: DomainRandomization, strength: float, random: np.random.Generator
+) -> RandomizationSample:
     """The conditions of one figure (E = 1). strength: 0 for calm to 1 for the full ranges."""
-    calm = Conditions.calm(1)
-    if strength <= 0.0 or hardships == Hardships():
+    calm = RandomizationSample.calm(1)
+    if strength <= 0.0 or domain_randomization == DomainRandomization():
         return calm
 
     def between(bounds: tuple[float, float], usual: float) -> float:
         """Uniform in the range, which narrows towards what is usual."""
         return usual + strength * (random.uniform(*bounds) - usual)
 
-    rests = random.uniform(*hardships.rest, PUSHES) * CONTROL_RATE
+    rests = random.uniform(*domain_randomization.rest, PUSHES) * CONTROL_RATE
     angles = random.uniform(-np.pi, np.pi, PUSHES)
-    sizes = strength * random.uniform(*hardships.push, PUSHES)
-    return Conditions(
+    sizes = strength * random.uniform(*domain_randomization.push, PUSHES)
+    return RandomizationSample(
         begins=np.floor(np.cumsum(rests + PUSH_STEPS) - PUSH_STEPS)[None],
         forces=(sizes[:, None] * np.stack([np.cos(angles), np.sin(angles)], axis=-1))[None],
-        friction=np.array([between(hardships.friction, FRICTION)]),
-        mass=np.array([between(hardships.mass, 1.0)]),
-        delay=np.array([np.rint(between(hardships.delay, 0.0) / TIME_STEP)]),
-        tilts=strength * hardships.tilt * random.standard_normal((1, 15, 3)),
-        spins=strength * hardships.spin * random.standard_normal((1, 15, 3)),
+        friction=np.array([between(domain_randomization.friction, FRICTION)]),
+        mass=np.array([between(domain_randomization.mass, 1.0)]),
+        delay=np.array([np.rint(between(domain_randomization.delay, 0.0) / TIME_STEP)]),
+        tilts=strength * domain_randomization.tilt * random.standard_normal((1, 15, 3)),
+        spins=strength * domain_randomization.spin * random.standard_normal((1, 15, 3)),
     )

@@ -21,7 +21,7 @@ from kinemimic.pipeline.kinematics.rotations import (
 from kinemimic.retarget.humanoid.body import BODIES
 from kinemimic.train.config.config import EnvConfig
 from kinemimic.train.reference.reference import Reference
-from kinemimic.train.scenario.scenario_manager import Scenery
+from kinemimic.train.scenario.scenario_manager import ScenarioManager
 from kinemimic.train.sim.world import (
     CONTROL_RATE,
     JOINT_PARENTS,
@@ -31,7 +31,7 @@ from kinemimic.train.sim.world import (
     Poses,
     World,
 )
-from kinemimic.train.task.domain_randomization import Conditions
+from kinemimic.train.task.domain_randomization import RandomizationSample
 from kinemimic.train.task.mirror import Mirror, mirrored
 from kinemimic.train.task.reward import pose_turns, rewards
 from kinemimic.train.task.stopwatch import Stopwatch
@@ -102,9 +102,9 @@ class ImitationBatch:
         self.watch = Stopwatch()
         self.phases: Array = np.zeros(world.size)
         self.ages = np.zeros(world.size, dtype=np.int64)  # control steps since the reset
-        self._conditions = Conditions.calm(world.size)
+        self._conditions = RandomizationSample.calm(world.size)
         scenario = config.scenario
-        self._scenery = None if scenario is None else Scenery(scenario, reference, world)
+        self._scenery = None if scenario is None else ScenarioManager(scenario, reference, world)
         self._last_action: Array = np.zeros((world.size, ACTIONS))
         self._increment = 1.0 / (CONTROL_RATE * reference.duration)
         self._substeps: Array = np.arange(1.0, SUBSTEPS + 1) * TIME_STEP / reference.duration
@@ -124,14 +124,14 @@ class ImitationBatch:
         self,
         indices: NDArray[np.intp],
         phases: Array,
-        conditions: Conditions | None = None,
+        conditions: RandomizationSample | None = None,
         seeds: NDArray[np.uint64] | None = None,
     ) -> None:
         """Put figures (N,) on the reference at phases (N,), or as far off it as their conditions say.
 
         seeds: (N,) from which the configuration's scenario draws what befalls each; without them, nothing.
         """
-        conditions = conditions or Conditions.calm(len(indices))
+        conditions = conditions or RandomizationSample.calm(len(indices))
         self.phases[indices] = phases
         self.ages[indices] = 0
         self._last_action[indices] = 0.0

@@ -30,9 +30,9 @@ from kinemimic.retarget.formats.motion_json import motion_to_json
 from kinemimic.retarget.humanoid.motion import Motion
 from kinemimic.train import command as training
 from kinemimic.train.config.config import PRESETS
-from kinemimic.train.rollout import rollout as perform
+from kinemimic.train.rollout import rollout as collect_trajectories
 
-SMALL = replace(PRESETS["default"], environments=4, horizon=16, minibatch=32, passes=2, hidden=(32, 16))
+SMALL = replace(PRESETS["default"], num_envs=4, horizon=16, minibatch=32, epochs=2, hidden=(32, 16))
 ROUND = SMALL.batch
 
 
@@ -66,7 +66,9 @@ def here(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
     monkeypatch.setitem(PRESETS, "default", SMALL)
     monkeypatch.setattr(module, "side_by_side", one_by_one)
     monkeypatch.setattr(training, "Workers", Troupe)
-    monkeypatch.setattr(perform, "spread", lambda work, tasks, **_: [work(task) for task in tasks])
+    monkeypatch.setattr(
+        collect_trajectories, "spread", lambda work, tasks, **_: [work(task) for task in tasks]
+    )
     monkeypatch.setattr(evaluation, "report", lambda *_: "<!doctype html>")
     earlier = signal.signal(signal.SIGINT, signal.default_int_handler)
     yield
@@ -104,7 +106,7 @@ def test_a_cell_is_what_training_by_hand_is(fresh: Callable[[str], Path], tmp_pa
     records = [json.loads((cell.parent / f"seed{k}" / "policy.json").read_text()) for k in range(2)]
     for key in ("reward", "critic_loss"):
         assert [row["samples"] for row in curve[key]] == [ROUND, 3 * ROUND]
-        last = [record["trials"][-1][key] for record in records]
+        last = [record["evaluations"][-1][key] for record in records]
         assert curve[key][-1]["mean"] == pytest.approx(sum(last) / 2)
         assert min(last) <= curve[key][-1]["low"] <= curve[key][-1]["high"] <= max(last)
     assert len(list(csv.DictReader((tmp_path / "out" / "compare.csv").open()))) == 4
@@ -215,9 +217,9 @@ def test_medians_are_of_the_seeds_that_have_the_figure() -> None:
 def test_a_search_is_a_comparison(
     fresh: Callable[[str], Path], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    small = replace(PRESETS["a2c"], environments=4, horizon=16)
+    small = replace(PRESETS["a2c"], num_envs=4, horizon=16)
     monkeypatch.setitem(PRESETS, "a2c", small)
-    changes = {"relu": {"rival": {"activation": "relu"}}, "steps-8": {"rival": {"n_steps": 8}}}
+    changes = {"relu": {"baseline": {"activation": "relu"}}, "steps-8": {"baseline": {"n_steps": 8}}}
     monkeypatch.setitem(SEARCH, "a2c", changes)
     arguments = [str(fresh("walk")), "--search=a2c", "--seeds=1", f"--budgets={ROUND}", "--hidden=32,16"]
     arguments += ["--only=a2c-relu", "--preset=a2c"]
@@ -270,8 +272,8 @@ def test_interrupted_in_its_processes_it_goes_on(fresh: Callable[[str], Path], t
     run, out = fresh("walk"), tmp_path / "out"
     program = (
         "import sys; from dataclasses import replace; from kinemimic.train.config import config\n"
-        "config.PRESETS['default'] = replace(config.PRESETS['default'], environments=4, horizon=16, "
-        "minibatch=32, passes=2, hidden=(32, 16))\n"
+        "config.PRESETS['default'] = replace(config.PRESETS['default'], num_envs=4, horizon=16, "
+        "minibatch=32, epochs=2, hidden=(32, 16))\n"
         "if __name__ == '__main__':\n"
         "    from kinemimic.pipeline.cli.main import main\n"
         "    main(sys.argv[1:])\n"

@@ -65,8 +65,8 @@ def test_convergence_is_where_a_curve_comes_to_stay() -> None:
 
 def test_seeds_are_told_where_all_of_them_were_tried() -> None:
     records = [
-        {"trials": [{"samples": 10, "reward": 0.2}, {"samples": 20, "reward": 0.4}]},
-        {"trials": [{"samples": 10, "reward": 0.4}, {"samples": 20, "reward": None}, {"samples": 30}]},
+        {"evaluations": [{"samples": 10, "reward": 0.2}, {"samples": 20, "reward": 0.4}]},
+        {"evaluations": [{"samples": 10, "reward": 0.4}, {"samples": 20, "reward": None}, {"samples": 30}]},
     ]
     (row,) = together(records, "reward")
     assert row["samples"] == 10

@@ -20,18 +20,18 @@ def test_every_change_of_the_ablation_changes_one_thing() -> None:
         assert replace(config, preset="default") != base, f"{name} is the default"
 
 
-@pytest.mark.parametrize("rival", SEARCH)
-def test_a_search_changes_one_or_two_things_of_a_rival_and_never_its_task(rival: str) -> None:
-    variants = search(rival)
-    base = variants.pop(rival)
-    assert base == PRESETS[rival]
+@pytest.mark.parametrize("baseline", SEARCH)
+def test_a_search_changes_one_or_two_things_of_a_rival_and_never_its_task(baseline: str) -> None:
+    variants = search(baseline)
+    base = variants.pop(baseline)
+    assert base == PRESETS[baseline]
     assert 6 <= len(variants) <= 10
-    assert base.rival is not None
+    assert base.baseline is not None
     for name, config in variants.items():
         assert config.preset == name
-        assert name.removeprefix(f"{rival}-") in SEARCH[rival]
+        assert name.removeprefix(f"{baseline}-") in SEARCH[baseline]
         assert (config.env, config.scales, config.budget) == (base.env, base.scales, base.budget)
         assert config.batch == base.batch
-        assert type(config.rival) is type(base.rival)
-        assert replace(config, preset=rival) != base, f"{name} is the preset"
+        assert type(config.baseline) is type(base.baseline)
+        assert replace(config, preset=baseline) != base, f"{name} is the preset"
         assert TrainConfig.from_json(config.to_json()) == config

@@ -29,7 +29,7 @@ from kinemimic.retarget.formats.motion_json import motion_from_json, motion_to_j
 from kinemimic.retarget.formats.read_mcap import motion_from_mcap
 from kinemimic.retarget.formats.write_mcap import write_mcap
 from kinemimic.retarget.humanoid.motion import Motion
-from kinemimic.train.rollout.trajectory import Playback
+from kinemimic.train.rollout.trajectory import Trajectory
 
 FRAMES = 90
 
@@ -50,12 +50,14 @@ def captured() -> Clip:
 
 
 @pytest.fixture(scope="module")
-def run(tmp_path_factory: pytest.TempPathFactory, walk: Motion, performance: Callable[..., Playback]) -> Path:
+def run(
+    tmp_path_factory: pytest.TempPathFactory, walk: Motion, performance: Callable[..., Trajectory]
+) -> Path:
     folder = tmp_path_factory.mktemp("export") / "walk"
     folder.mkdir()
     write_clip(folder / "quaternions.parquet", captured())
     (folder / "motion.json").write_text(motion_to_json(walk))
-    performance(2, FRAMES, offset=0.1).save(folder / "playback.npz")
+    performance(2, FRAMES, offset=0.1).save(folder / "trajectory.npz")
     return folder
 
 
@@ -211,7 +213,7 @@ def test_a_damaged_mcap_is_named_and_recovered(
     ("arguments", "message"),
     [
         (["--run", "none"], "expected a run folder, found none"),
-        (["--run", "."], "expected quaternions.parquet, motion.json, playback.npz, found none"),
+        (["--run", "."], "expected quaternions.parquet, motion.json, trajectory.npz, found none"),
         (["--run", ".", "--what", "simulated"], "motion.json: expected a file, found none"),
         (["--recover"], "--recover needs --from"),
         (["--from", "a.mcap", "--what", "capture"], "--what and --pass belong to a run"),

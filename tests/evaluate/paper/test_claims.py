@@ -341,7 +341,7 @@ def test_every_number_that_the_paper_prints_stands_by_its_figure_and_its_rival(
     for figure, (rewards, others) in PRINTED.items():
         theirs = [one for one in made if one.figure == figure]
         assert [one.paper for one in theirs] == pytest.approx([*(v / 5 for v in rewards), *others])
-        rivals = [
+        baselines = [
             name for one in theirs for name in ("DDPG", "A2C") if name in one.what and one.better == "lead"
         ]
-        assert rivals == ["DDPG", "A2C"] * (len(rivals) // 2) or figure == "Tab. 2"
+        assert baselines == ["DDPG", "A2C"] * (len(baselines) // 2) or figure == "Tab. 2"

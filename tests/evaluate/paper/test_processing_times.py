@@ -13,7 +13,7 @@ import pytest
 import torch
 
 from kinemimic.evaluate.paper import processing_times as module
-from kinemimic.evaluate.paper.baseline_update import RivalUpdate
+from kinemimic.evaluate.paper.baseline_update import BaselineUpdate
 from kinemimic.evaluate.paper.ppo_update import OneUpdate, PpoUpdate
 from kinemimic.evaluate.paper.processing_times import (
     PRESET_OF,
@@ -27,16 +27,16 @@ from kinemimic.evaluate.paper.processing_times import (
 )
 from kinemimic.pipeline.errors import KinemimicError
 from kinemimic.train.config.config import PRESETS, TrainConfig
-from kinemimic.train.ppo.ppo import Learner
+from kinemimic.train.ppo.ppo import PpoAlgorithm
 
 SMALL = (12, 8)
 
 
 def made(name: str, samples: int = 40, seed: int = 0) -> OneUpdate:
     config = replace(PRESETS[PRESET_OF[name]], hidden=SMALL)
-    if config.rival is None:
+    if config.baseline is None:
         return PpoUpdate(config, samples, seed)
-    return RivalUpdate(config, samples, seed)
+    return BaselineUpdate(config, samples, seed)
 
 
 def networks(update: Any) -> dict[str, torch.Tensor]:
@@ -120,9 +120,9 @@ def test_ppos_step_is_one_of_its_training(monkeypatch: pytest.MonkeyPatch) -> No
     """On all samples at once, as a round of one pass with one minibatch is."""
     seen: list[int] = []
     for step in ("step_policy", "step_value"):
-        theirs = getattr(Learner, step)
+        theirs = getattr(PpoAlgorithm, step)
         monkeypatch.setattr(
-            Learner,
+            PpoAlgorithm,
             step,
             lambda self, rows, *rest, f=theirs: (seen.append(len(rows)), f(self, rows, *rest))[1],
         )

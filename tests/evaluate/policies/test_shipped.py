@@ -157,7 +157,7 @@ def test_a_view_lets_it_perform_where_nobody_has_yet(shelf: Path, monkeypatch: p
 @pytest.mark.parametrize("scores", [{}, [], {"provenance": []}, {"provenance": {"inputs": "x"}}])
 def test_scores_that_do_not_say_of_what_are_of_no_policy(shelf: Path, tmp_path: Path, scores: object) -> None:
     shipped.unpack("walk", tmp_path / "run")
-    (tmp_path / "run" / "playback.npz").touch()
+    (tmp_path / "run" / "trajectory.npz").touch()
     write_json(tmp_path / "run" / SCORES, scores)
     assert not evaluated(tmp_path / "run")
 

@@ -12,10 +12,10 @@ from kinemimic.pipeline.errors import KinemimicError
 from kinemimic.pipeline.files.store import write_text
 from kinemimic.retarget.formats.motion_json import motion_from_json, motion_to_json
 from kinemimic.train.config.config import PRESETS
-from kinemimic.train.rollout.trajectory import Playback
+from kinemimic.train.rollout.trajectory import Trajectory
 from kinemimic.train.sim.engines import resolve
 
-OUTPUTS = {"scores.json", "curves.csv", "report.html", "playback.npz"}
+OUTPUTS = {"scores.json", "curves.csv", "report.html", "trajectory.npz"}
 
 
 def write_inputs(folder, motion):
@@ -59,13 +59,13 @@ def test_an_idle_policy_scores_what_no_policy_scores(run):
 def acted(run, walk, performance, monkeypatch):
     """The same with made-up rollouts instead of a simulation: a policy's fit, and none's that falls."""
 
-    def perform(motion, policy, *, start_phases, frames, engine, workers, progress):
+    def collect_trajectories(motion, policy, *, start_phases, frames, engine, workers, progress):
         for _ in start_phases:
             progress(1)
         return performance(len(start_phases), frames, offset=0.05, fall=None if policy else 20)
 
     write_inputs(run, walk)
-    monkeypatch.setattr(stage, "perform", perform)
+    monkeypatch.setattr(stage, "perform", collect_trajectories)
     # Drawing takes seconds and has its own tests.
     monkeypatch.setattr(stage, "report", lambda *_: "<!doctype html>")
     return run
@@ -83,12 +83,13 @@ def test_curves_are_those_of_the_playback(acted):
     )
     assert float(rows[29]["time_s"]) == pytest.approx(1.0)
     assert rows[20]["no_policy_hip_right_deg"] == rows[599]["no_policy_hip_right_deg"]
-    assert len(Playback.load(acted / "playback.npz").start_phases) == 13
+    assert len(Trajectory.load(acted / "trajectory.npz").start_phases) == 13
 
 
 def test_same_input_same_bytes(acted):
     first, second = (
-        stage.evaluate(acted) and [(acted / name).read_bytes() for name in sorted(OUTPUTS - {"playback.npz"})]
+        stage.evaluate(acted)
+        and [(acted / name).read_bytes() for name in sorted(OUTPUTS - {"trajectory.npz"})]
         for _ in range(2)
     )
     assert first == second

@@ -10,8 +10,10 @@ from kinemimic.retarget.humanoid.body import BODIES
 POLICY = {"samples": 1000, "seconds": 2.5, "preset": "default", "seed": 7, "config": {}}
 
 
-def _scores(played, baseline, motion, capture=None):
-    return compose(played, baseline, motion, capture=capture, policy=POLICY, provenance={"stage": "evaluate"})
+def _scores(played, no_policy, motion, capture=None):
+    return compose(
+        played, no_policy, motion, capture=capture, policy=POLICY, provenance={"stage": "evaluate"}
+    )
 
 
 def test_keys_that_stay(performance, walk):

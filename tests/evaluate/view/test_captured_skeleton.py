@@ -24,14 +24,14 @@ from kinemimic.pipeline.kinematics.rotations import from_axis_angle, rotate
 from kinemimic.pipeline.kinematics.skeleton import INFERRED, MISSING, NODE_INDEX, TRACKED, node_skeleton
 from kinemimic.retarget.humanoid.motion import Motion
 from kinemimic.train.reference.reference import Reference
-from kinemimic.train.rollout.trajectory import Playback
+from kinemimic.train.rollout.trajectory import Trajectory
 
 PERIOD = 1.2  # s, of the made-up walk
 HAND = NODE_INDEX["hand_left"]
 
 
 @pytest.fixture
-def played(performance: Callable[..., Playback]) -> Playback:
+def played(performance: Callable[..., Trajectory]) -> Trajectory:
     """Twelve seconds: ten cycles."""
     return performance(1, 360)
 
@@ -67,7 +67,7 @@ def figures_at(reference: Reference, walk: Motion, phase: np.ndarray) -> tuple[n
     ).kinematics()
 
 
-def shown(run: Path, walk: Motion, played: Playback) -> Captured:
+def shown(run: Path, walk: Motion, played: Trajectory) -> Captured:
     reference, _ = figures(played, 0, walk.offsets)
     found = captured(run, played.phases[0], clock(360), reference, cyclic=walk.cyclic)
     assert found is not None
@@ -75,7 +75,7 @@ def shown(run: Path, walk: Motion, played: Playback) -> Captured:
 
 
 def test_a_perfect_capture_lies_on_its_reference_pass_after_pass(
-    tmp_path: Path, walk: Motion, played: Playback
+    tmp_path: Path, walk: Motion, played: Trajectory
 ) -> None:
     write_capture(tmp_path, walk, 3)
     found = shown(tmp_path, walk, played)
@@ -91,7 +91,7 @@ def test_a_perfect_capture_lies_on_its_reference_pass_after_pass(
     assert (~seen).sum() == 3 and (found.states[:, HAND] == INFERRED).sum() == len(found.times) - 3
 
 
-def test_only_passes_that_fit_are_shown_and_said(tmp_path: Path, walk: Motion, played: Playback) -> None:
+def test_only_passes_that_fit_are_shown_and_said(tmp_path: Path, walk: Motion, played: Trajectory) -> None:
     write_capture(tmp_path, walk, 8)
     found = shown(tmp_path, walk, played)
     # Ten cycles hold a pass every second one; the fifth, from 8.7, ends with the rollout at 10.
@@ -100,7 +100,7 @@ def test_only_passes_that_fit_are_shown_and_said(tmp_path: Path, walk: Motion, p
     assert "5 of 8 passes" in found.told()
 
 
-def test_what_happens_once_is_shown_once(tmp_path: Path, walk: Motion, played: Playback) -> None:
+def test_what_happens_once_is_shown_once(tmp_path: Path, walk: Motion, played: Trajectory) -> None:
     write_capture(tmp_path, walk, 1, begins=0.5, cycles=1.0)
     once = replace(walk, cyclic=False)
     found = shown(tmp_path, once, played)
@@ -123,7 +123,7 @@ def test_laying_undoes_turn_shift_and_speed_and_keeps_what_trembles() -> None:
 
 
 def test_missing_joints_are_nowhere_and_nothing_stays_after_a_pass(
-    tmp_path: Path, walk: Motion, played: Playback
+    tmp_path: Path, walk: Motion, played: Trajectory
 ) -> None:
     write_capture(tmp_path, walk, 2)
     found = shown(tmp_path, walk, played)
@@ -145,7 +145,7 @@ def test_missing_joints_are_nowhere_and_nothing_stays_after_a_pass(
     assert radii[frames - 1][HAND] == 0.0
 
 
-def test_a_run_without_its_capture_shows_none(tmp_path: Path, walk: Motion, played: Playback) -> None:
+def test_a_run_without_its_capture_shows_none(tmp_path: Path, walk: Motion, played: Trajectory) -> None:
     reference, _ = figures(played, 0, walk.offsets)
     assert captured(tmp_path, played.phases[0], clock(360), reference, cyclic=True) is None
     write_capture(tmp_path, walk, 1)
@@ -153,7 +153,7 @@ def test_a_run_without_its_capture_shows_none(tmp_path: Path, walk: Motion, play
     assert captured(tmp_path, played.phases[0], clock(360), reference, cyclic=True) is None
 
 
-def test_frames_of_another_recording_are_refused(tmp_path: Path, walk: Motion, played: Playback) -> None:
+def test_frames_of_another_recording_are_refused(tmp_path: Path, walk: Motion, played: Trajectory) -> None:
     other = tmp_path / "other"
     other.mkdir()
     write_capture(tmp_path, walk, 1)

@@ -29,22 +29,24 @@ from kinemimic.pipeline.kinematics.skeleton import NODE_INDEX, NODES
 from kinemimic.retarget.formats.motion_json import motion_to_json
 from kinemimic.retarget.humanoid.body import BODIES, BODY_INDEX, TOTAL_MASS
 from kinemimic.retarget.humanoid.motion import Motion, joint_angles
-from kinemimic.train.rollout.trajectory import Playback
+from kinemimic.train.rollout.trajectory import Trajectory
 from kinemimic.train.scenario.scenario import Load, Placement, Range, Scenario
 
 FRAMES = 90
 SCORES = {"survival": {"frames": 90, "of": 90, "phases": 3, "phases_of": 3}, "fit": {"knee": {"r2": 0.96125}}}
 
 
-def fill(run: Path, walk: Motion, playback: Playback) -> Path:
+def fill(run: Path, walk: Motion, trajectory: Trajectory) -> Path:
     run.mkdir(exist_ok=True)
     (run / "motion.json").write_text(motion_to_json(walk))
-    playback.save(run / "playback.npz")
+    trajectory.save(run / "trajectory.npz")
     return run
 
 
 @pytest.fixture(scope="module")
-def run(tmp_path_factory: pytest.TempPathFactory, walk: Motion, performance: Callable[..., Playback]) -> Path:
+def run(
+    tmp_path_factory: pytest.TempPathFactory, walk: Motion, performance: Callable[..., Trajectory]
+) -> Path:
     """A run folder, its view written."""
     folder = fill(tmp_path_factory.mktemp("view") / "run", walk, performance(2, FRAMES, offset=0.1))
     (folder / "scores.json").write_text(json.dumps(SCORES))
@@ -71,7 +73,7 @@ def arrows(found: dict[str, dict[str, Any]], name: str, part: str = "vectors") -
 
 def test_both_figures_are_drawn_where_they_were(run: Path, walk: Motion) -> None:
     entities = columns(run / "view.rrd")
-    reference, simulated = figures(Playback.load(run / "playback.npz"), 0, walk.offsets)
+    reference, simulated = figures(Trajectory.load(run / "trajectory.npz"), 0, walk.offsets)
     for scene in ("overlaid", "beside"):
         for figure, name in ((reference, "reference"), (simulated, "simulated")):
             points = entities[f"/{scene}/{name}/skeleton"]["Points3D:positions"]
@@ -88,7 +90,7 @@ def test_drawn_joints_hold_the_angles_that_are_scored(run: Path) -> None:
     drawn = np.array(
         columns(run / "view.rrd")["/overlaid/simulated/skeleton"]["Points3D:positions"].to_pylist()
     )
-    scored = joint_angles(Playback.load(run / "playback.npz").rotations[0])
+    scored = joint_angles(Trajectory.load(run / "trajectory.npz").rotations[0])
     for side in ("left", "right"):
         hip, knee, ankle = (drawn[:, NODE_INDEX[f"{joint}_{side}"]] for joint in ("hip", "knee", "ankle"))
         thigh, shank = knee - hip, ankle - knee
@@ -97,7 +99,7 @@ def test_drawn_joints_hold_the_angles_that_are_scored(run: Path) -> None:
 
 
 def test_what_pushes_a_foot_is_an_arrow_from_it_and_a_curve(
-    tmp_path: Path, walk: Motion, performance: Callable[..., Playback]
+    tmp_path: Path, walk: Motion, performance: Callable[..., Trajectory]
 ) -> None:
     played = performance(1, 5)
     foot = BODY_INDEX["foot_left"]
@@ -117,7 +119,7 @@ def test_what_pushes_a_foot_is_an_arrow_from_it_and_a_curve(
 
 def test_fifteen_bodies_hang_from_their_nodes(run: Path, walk: Motion) -> None:
     entities = columns(run / "view.rrd")
-    _, simulated = figures(Playback.load(run / "playback.npz"), 0, walk.offsets)
+    _, simulated = figures(Trajectory.load(run / "trajectory.npz"), 0, walk.offsets)
     for scene in ("overlaid", "beside"):
         for body in BODIES:
             drawn = entities[f"/{scene}/simulated/bodies/{body.name}"]
@@ -134,7 +136,7 @@ def test_curves_are_in_degrees_from_the_first_rollout(
     run: Path, curve: Callable[[str, np.ndarray], np.ndarray]
 ) -> None:
     entities = columns(run / "view.rrd")
-    phase = Playback.load(run / "playback.npz").phases[0]
+    phase = Trajectory.load(run / "trajectory.npz").phases[0]
     for name in ("knee_left", "knee_right", "hip_left", "hip_right"):
         for kind, offset in (("reference", 0.0), ("simulated", 0.1 if name.startswith("knee") else 0.0)):
             drawn = np.array(entities[f"/angles/{name}/{kind}"]["Scalars:scalars"].to_pylist()).ravel()
@@ -145,7 +147,7 @@ def test_curves_are_in_degrees_from_the_first_rollout(
 
 def test_a_view_that_goes_along_keeps_the_walker_in_sight(run: Path) -> None:
     walker = columns(run / "view.rrd")["/overlaid/walker"]["Transform3D:translation"].to_pylist()
-    gap = np.array(walker).reshape(FRAMES, 3)[:, :2] - Playback.load(run / "playback.npz").root[0, :, :2]
+    gap = np.array(walker).reshape(FRAMES, 3)[:, :2] - Trajectory.load(run / "trajectory.npz").root[0, :, :2]
     np.testing.assert_allclose(gap, 0.0, atol=1e-6)  # the made-up walk goes straight on at a constant speed
 
 
@@ -157,7 +159,7 @@ def test_a_simulated_capture_is_labelled_and_scores_are_shown(run: Path) -> None
 
 
 def test_a_fall_is_told_and_a_real_capture_is_not_labelled(
-    tmp_path: Path, walk: Motion, performance: Callable[..., Playback]
+    tmp_path: Path, walk: Motion, performance: Callable[..., Trajectory]
 ) -> None:
     view(fill(tmp_path, replace(walk, provenance={}), performance(1, FRAMES, fall=59)))
     (text,) = columns(tmp_path / "view.rrd")["/scores"]["TextDocument:text"].to_pylist()[0]
@@ -181,20 +183,20 @@ def test_rerun_verifies_the_file_and_two_writings_are_one_recording(
     run: Path, tmp_path: Path, walk: Motion
 ) -> None:
     rerun("verify", str(run / "view.rrd"))
-    again = fill(tmp_path / "again", walk, Playback.load(run / "playback.npz"))
+    again = fill(tmp_path / "again", walk, Trajectory.load(run / "trajectory.npz"))
     (again / "scores.json").write_text(json.dumps(SCORES))
     rerun("compare", "--unordered", str(run / "view.rrd"), str(view(again)))
     assert [path.name for path in sorted(again.iterdir())] == [
         "motion.json",
-        "playback.npz",
+        "trajectory.npz",
         "scores.json",
         "view.rrd",
     ]
 
 
-@pytest.mark.parametrize("missing", ["motion.json", "playback.npz"])
+@pytest.mark.parametrize("missing", ["motion.json", "trajectory.npz"])
 def test_what_is_missing_is_named_and_nothing_is_written(
-    tmp_path: Path, walk: Motion, performance: Callable[..., Playback], missing: str
+    tmp_path: Path, walk: Motion, performance: Callable[..., Trajectory], missing: str
 ) -> None:
     (fill(tmp_path, walk, performance(1, 5)) / missing).unlink()
     with pytest.raises(KinemimicError, match=missing):

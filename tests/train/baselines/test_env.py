@@ -11,14 +11,14 @@ from stable_baselines3.common.vec_env import VecNormalize
 from kinemimic.retarget.humanoid.motion import Motion
 from kinemimic.train.baselines.env import ImitationVecEnv
 from kinemimic.train.baselines.replay_memory import Memory
-from kinemimic.train.config.config import PRESETS, EnvConfig, Hardships
+from kinemimic.train.config.config import PRESETS, DomainRandomization, EnvConfig
 from kinemimic.train.reference.reference import Reference
 from kinemimic.train.rollout.sampler import Sampler
 from kinemimic.train.sim.engines import open_world
 from kinemimic.train.task.env import ACTIONS, OBSERVATIONS, ImitationBatch
 
 FIGURES = 3
-CONFIG = replace(PRESETS["ddpg"], environments=FIGURES, env=replace(PRESETS["ddpg"].env, episode=5))
+CONFIG = replace(PRESETS["ddpg"], num_envs=FIGURES, env=replace(PRESETS["ddpg"].env, episode=5))
 
 
 def figures(motion: Motion, env: EnvConfig = CONFIG.env, seed: int = 4) -> ImitationVecEnv:
@@ -91,7 +91,9 @@ def test_a_fall_is_no_matter_of_time_and_earns_nothing(motion: Motion) -> None:
 
 def test_figures_begin_where_those_of_our_ppo_begin(motion: Motion) -> None:
     """The same seed draws the same phases and hardships, however they are stepped."""
-    hard = replace(CONFIG.env, hardships=Hardships(push=(10.0, 90.0), rest=(0.05, 0.1), tilt=0.1))
+    hard = replace(
+        CONFIG.env, domain_randomization=DomainRandomization(push=(10.0, 90.0), rest=(0.05, 0.1), tilt=0.1)
+    )
     env = figures(motion, hard)
     sampler = Sampler(motion, hard, np.random.SeedSequence(4).spawn(FIGURES), "pybullet")
     sampler.begin(hard.reward)

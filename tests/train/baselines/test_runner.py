@@ -24,9 +24,9 @@ from kinemimic.pipeline.files.store import write_text
 from kinemimic.retarget.formats.motion_json import motion_to_json
 from kinemimic.retarget.humanoid.motion import Motion
 from kinemimic.train import command as stage
-from kinemimic.train.baselines import runner as rival
+from kinemimic.train.baselines import runner as baseline
 from kinemimic.train.baselines.model import actor_layers
-from kinemimic.train.baselines.runner import RivalLearner, RivalPractice
+from kinemimic.train.baselines.runner import BaselineAlgorithm, BaselineRunner
 from kinemimic.train.config import baseline_config as rival_config
 from kinemimic.train.config.baseline_config import A2c, Ddpg, StablePpo
 from kinemimic.train.config.config import PRESETS, TrainConfig
@@ -36,7 +36,7 @@ from kinemimic.train.rollout.policy import Policy
 from kinemimic.train.runner import training_loop as rounds
 from kinemimic.train.task.stopwatch import Stopwatch
 
-RIVALS = [name for name, config in PRESETS.items() if config.rival]
+RIVALS = [name for name, config in PRESETS.items() if config.baseline]
 # Short episodes, so that many end by time and by falls.
 ENV = replace(PRESETS["default"].env, episode=11)
 
@@ -49,13 +49,13 @@ def small(name: str) -> TrainConfig:
     # With rewards that change all along.
     scales = {"pose": ((0, 8.0), (BUDGET, 64.0))}
     config = replace(
-        PRESETS[name], env=ENV, environments=4, horizon=16, hidden=(32, 16), scales=scales, budget=BUDGET
+        PRESETS[name], env=ENV, num_envs=4, horizon=16, hidden=(32, 16), scales=scales, budget=BUDGET
     )
-    if isinstance(config.rival, Ddpg):
+    if isinstance(config.baseline, Ddpg):
         # Its memory is full after four rounds and a half.
-        return replace(config, rival=replace(config.rival, batch=16, warm_up=ROUND, buffer=4 * 72))
-    if isinstance(config.rival, StablePpo):
-        return replace(config, rival=replace(config.rival, batch=32))
+        return replace(config, baseline=replace(config.baseline, batch=16, warm_up=ROUND, buffer=4 * 72))
+    if isinstance(config.baseline, StablePpo):
+        return replace(config, baseline=replace(config.baseline, batch=32))
     return config
 
 
@@ -82,14 +82,14 @@ def train(run: Path, config: TrainConfig, budget: int = BUDGET, **options: Any) 
 
 def in_round(monkeypatch: pytest.MonkeyPatch, number: int) -> None:
     """A signal in the midst of the round that has this number, from one."""
-    rounds_done, learn = iter(range(1, 1000)), RivalPractice.round
+    rounds_done, learn = iter(range(1, 1000)), BaselineRunner.round
 
-    def acting(practice: RivalPractice) -> dict[str, float]:
+    def acting(practice: BaselineRunner) -> dict[str, float]:
         if next(rounds_done) == number:
             signal.raise_signal(signal.SIGTERM)
         return learn(practice)
 
-    monkeypatch.setattr(RivalPractice, "round", acting)
+    monkeypatch.setattr(BaselineRunner, "round", acting)
 
 
 def same_result(run: Path, other: Path) -> None:
@@ -135,8 +135,8 @@ def test_another_seed_is_another_policy_and_keeps_the_checkpoint_aside(
     train(run, replace(config, seed=1), ROUND)
     assert (run / "policy.safetensors").read_bytes() != policy
     assert (run / stage.PREVIOUS).read_bytes() == saved
-    train(run, replace(config, rival=None), ROUND)
-    assert json.loads((run / "policy.json").read_text())["config"].get("rival") is None
+    train(run, replace(config, baseline=None), ROUND)
+    assert json.loads((run / "policy.json").read_text())["config"].get("baseline") is None
 
 
 @pytest.mark.parametrize("name", RIVALS)
@@ -145,10 +145,10 @@ def test_the_stored_policy_acts_as_the_trained_one(
     name: str, activation: str, motion: Motion, tmp_path: Path
 ) -> None:
     config = small(name)
-    assert config.rival is not None
-    config = replace(config, rival=replace(config.rival, activation=activation))
-    learner = RivalLearner(config, motion, "pybullet", 1)
-    practice = RivalPractice(learner, Stopwatch())
+    assert config.baseline is not None
+    config = replace(config, baseline=replace(config.baseline, activation=activation))
+    learner = BaselineAlgorithm(config, motion, "pybullet", 1)
+    practice = BaselineRunner(learner, Stopwatch())
     practice.begin(None)
     practice.round()
     # As far as actors go that have learnt for long.
@@ -193,14 +193,14 @@ def test_without_the_package_it_is_one_line_and_nothing_is_written(
 def test_a_spoilt_rival_stops_with_one_line(
     fresh: Callable[[str], Path], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    run, explore = fresh("run"), rival.explore
+    run, explore = fresh("run"), baseline.explore
 
     def spoiling(model: DDPG, config: TrainConfig, samples: int) -> float:
         if samples == 2 * ROUND:
             model.policy.actor.mu[0].weight.data[0, 0] = np.nan
         return explore(model, config, samples)
 
-    monkeypatch.setattr(rival, "explore", spoiling)
+    monkeypatch.setattr(baseline, "explore", spoiling)
     with pytest.raises(KinemimicError, match=rf"at {2 * ROUND} samples: .* NaN; .*{stage.CHECKPOINT} "):
         train(run, small("ddpg"))
     assert all(np.isfinite(array).all() for array in load_file(run / stage.CHECKPOINT).values())
@@ -208,15 +208,15 @@ def test_a_spoilt_rival_stops_with_one_line(
 
 def test_noise_follows_the_schedule_of_ours(motion: Motion) -> None:
     for name in RIVALS:
-        config = replace(small(name), noise=((0, 0.08), (ROUND, 0.02)))
-        practice = RivalPractice(RivalLearner(config, motion, "pybullet", 1), Stopwatch())
+        config = replace(small(name), action_std=((0, 0.08), (ROUND, 0.02)))
+        practice = BaselineRunner(BaselineAlgorithm(config, motion, "pybullet", 1), Stopwatch())
         practice.begin(None)
         assert [practice.round()["policy/noise"] for _ in range(2)] == pytest.approx([0.08, 0.02])
 
 
 def test_learnt_noise_begins_where_the_schedule_does_and_moves(motion: Motion) -> None:
-    config = replace(small("a2c"), learn_noise=True)
-    practice = RivalPractice(RivalLearner(config, motion, "pybullet", 1), Stopwatch())
+    config = replace(small("a2c"), learn_action_std=True)
+    practice = BaselineRunner(BaselineAlgorithm(config, motion, "pybullet", 1), Stopwatch())
     practice.begin(None)
     first, second = (practice.round()["policy/noise"] for _ in range(2))
     assert first == pytest.approx(0.08)
@@ -225,7 +225,7 @@ def test_learnt_noise_begins_where_the_schedule_does_and_moves(motion: Motion) -
 
 def test_the_critic_of_a_rollout_is_measured_against_its_own_targets(motion: Motion) -> None:
     """On-policy: 1 less the explained variance, but for the mean error, which it counts too."""
-    practice = RivalPractice(RivalLearner(small("sb3-ppo"), motion, "pybullet", 1), Stopwatch())
+    practice = BaselineRunner(BaselineAlgorithm(small("sb3-ppo"), motion, "pybullet", 1), Stopwatch())
     practice.begin(None)
     logged = practice.round()
     assert logged["value/normalized_loss"] >= 1.0 - logged["value/explained_variance"] - 1e-6
@@ -234,18 +234,18 @@ def test_the_critic_of_a_rollout_is_measured_against_its_own_targets(motion: Mot
 
 def test_actors_begin_near_the_reference(motion: Motion) -> None:
     for name in RIVALS:
-        learner = RivalLearner(small(name), motion, "pybullet", 1)
+        learner = BaselineAlgorithm(small(name), motion, "pybullet", 1)
         learner.env.sampler.begin(learner.config.env.reward)
         assert np.abs(learner.policy().act(learner.env.sampler.batch.observe())).max() < 0.1
 
 
 def test_rates_of_actor_and_critic_are_their_own(motion: Motion) -> None:
-    config = replace(small("ddpg"), rival=replace(Ddpg(), actor_rate=0.0, warm_up=0, batch=16, buffer=640))
-    learner = RivalLearner(config, motion, "pybullet", 1)
+    config = replace(small("ddpg"), baseline=replace(Ddpg(), actor_rate=0.0, warm_up=0, batch=16, buffer=640))
+    learner = BaselineAlgorithm(config, motion, "pybullet", 1)
     assert isinstance(learner.model, DDPG)
     nets = learner.model.actor, learner.model.critic
     before = [torch.cat([p.flatten() for p in net.parameters()]).clone() for net in nets]
-    practice = RivalPractice(learner, Stopwatch())
+    practice = BaselineRunner(learner, Stopwatch())
     practice.begin(None)
     practice.round()
     after = [torch.cat([p.flatten() for p in net.parameters()]) for net in nets]
@@ -258,8 +258,8 @@ def test_a_rival_does_the_task_of_default(name: str) -> None:
     assert config.preset == name
     default = PRESETS["default"]
     # How many figures it has and how it explores is its own, found by the search.
-    own = {"environments": 64, "horizon": 64, "noise": default.noise}
-    assert replace(config, preset="default", rival=None, **own) == default
+    own = {"num_envs": 64, "horizon": 64, "action_std": default.action_std}
+    assert replace(config, preset="default", baseline=None, **own) == default
     assert config.batch == default.batch
 
 
@@ -272,12 +272,12 @@ def test_settings_that_do_not_fit_are_refused_by_name() -> None:
         ({"n_steps": 7}, "multiple of the rival's 7 steps, found 256"),
     ):
         with pytest.raises(KinemimicError, match=told):
-            TrainConfig.from_json({**value, "rival": {**value["rival"], **change}})
-    del value["rival"]["actor_rate"]
+            TrainConfig.from_json({**value, "baseline": {**value["baseline"], **change}})
+    del value["baseline"]["actor_rate"]
     with pytest.raises(KinemimicError, match="actor_rate"):
         TrainConfig.from_json(value)
 
 
 def test_what_has_no_rival_is_stored_as_before() -> None:
-    assert "rival" not in PRESETS["default"].to_json()
-    assert replace(PRESETS["default"], rival=A2c()).to_json()["rival"]["algorithm"] == "a2c"
+    assert "baseline" not in PRESETS["default"].to_json()
+    assert replace(PRESETS["default"], baseline=A2c()).to_json()["baseline"]["algorithm"] == "a2c"

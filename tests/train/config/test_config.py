@@ -35,19 +35,19 @@ def test_what_does_not_fit_is_refused_by_name() -> None:
 @pytest.mark.parametrize(
     ("place", "value"),
     [
-        ("noise", []),
-        ("noise", "x"),
-        ("noise", [[0, None]]),
+        ("action_std", []),
+        ("action_std", "x"),
+        ("action_std", [[0, None]]),
         ("scales", []),
         ("scales", {"pose": []}),
         ("hidden", [0.5]),
         ("seed", "x"),
         ("kl_penalty", 1),
-        ("rival", "ddpg"),
-        ("rival", {"algorithm": "ddpg", "batch": "x"}),
+        ("baseline", "ddpg"),
+        ("baseline", {"algorithm": "ddpg", "batch": "x"}),
         ("env", []),
-        ("env.hardships", []),
-        ("env.hardships.push", [0.0]),
+        ("env.domain_randomization", []),
+        ("env.domain_randomization.push", [0.0]),
         ("env.preview", ["a"]),
         ("env.preview", [1e300]),
         ("env.max_drift", "x"),
@@ -97,7 +97,7 @@ def test_scheduled_scales_take_the_place_of_constant_ones() -> None:
 
 @pytest.mark.parametrize("name", PRESETS)
 def test_hardships_are_such_as_the_world_can_bear(name: str) -> None:
-    hard = PRESETS[name].env.hardships
+    hard = PRESETS[name].env.domain_randomization
     for low, high in (hard.push, hard.rest, hard.friction, hard.mass, hard.delay):
         assert 0.0 <= low <= high
     assert hard.mass[0] >= LIGHTEST

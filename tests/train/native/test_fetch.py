@@ -89,8 +89,8 @@ def test_an_archive_that_would_fill_the_disk_is_refused(
 
 
 def test_a_damaged_archive_is_refused_wherever_the_damage_is(tmp_path: Path) -> None:
-    noise = hashlib.shake_256(b"cannot be compressed").digest(4000)
-    whole = packed(tmp_path / "a.tar.gz", {f"{NAME}/src/noise.h": noise, **GOOD}).read_bytes()
+    action_std = hashlib.shake_256(b"cannot be compressed").digest(4000)
+    whole = packed(tmp_path / "a.tar.gz", {f"{NAME}/src/noise.h": action_std, **GOOD}).read_bytes()
     damaged = tmp_path / "b.tar.gz"
     for number, content in enumerate((b"", b"<html>404</html>", whole[:100], whole[: len(whole) // 2])):
         damaged.write_bytes(content)

@@ -23,29 +23,29 @@ def gaussians() -> tuple[Choices, Tensor, Tensor, Tensor]:
 
 
 def test_gaussians_agree_with_torch() -> None:
-    old, log_old, mean, log_noise = gaussians()
+    old, log_old, mean, log_std = gaussians()
     before = Independent(Normal(old.mean, log_old.exp()), 1)
-    after = Independent(Normal(mean, log_noise.exp()), 1)
-    torch.testing.assert_close(log_density(old.actions, mean, log_noise), after.log_prob(old.actions))
-    torch.testing.assert_close(divergence(old.mean, log_old, mean, log_noise), kl_divergence(before, after))
+    after = Independent(Normal(mean, log_std.exp()), 1)
+    torch.testing.assert_close(log_density(old.actions, mean, log_std), after.log_prob(old.actions))
+    torch.testing.assert_close(divergence(old.mean, log_old, mean, log_std), kl_divergence(before, after))
 
 
 @pytest.mark.parametrize("clip", [None, 0.05, 0.2])
 @pytest.mark.parametrize("penalty", [0.0, 2.0])
 @pytest.mark.parametrize("entropy", [0.0, 0.01])
 def test_slopes_are_the_derivatives_of_the_loss(clip: float | None, penalty: float, entropy: float) -> None:
-    old, log_old, mean, log_noise = gaussians()
+    old, log_old, mean, log_std = gaussians()
     mean.requires_grad_()
-    log_noise.requires_grad_()
-    ratio = (log_density(old.actions, mean, log_noise) - old.density).exp()
+    log_std.requires_grad_()
+    ratio = (log_density(old.actions, mean, log_std) - old.density).exp()
     gained = ratio * old.gain
     if clip is not None:
         gained = torch.minimum(gained, ratio.clamp(1 - clip, 1 + clip) * old.gain)
-    distance = divergence(old.mean, log_old, mean, log_noise).mean()
-    (penalty * distance - gained.mean() - entropy * log_noise.sum()).backward()
-    found = policy_slopes(old, log_old, mean.detach(), log_noise.detach(), clip, penalty, entropy)
+    distance = divergence(old.mean, log_old, mean, log_std).mean()
+    (penalty * distance - gained.mean() - entropy * log_std.sum()).backward()
+    found = policy_slopes(old, log_old, mean.detach(), log_std.detach(), clip, penalty, entropy)
     torch.testing.assert_close(found.mean, mean.grad)
-    torch.testing.assert_close(found.log_noise, log_noise.grad)
+    torch.testing.assert_close(found.log_std, log_std.grad)
     outside = 0.0 if clip is None else float(((ratio - 1).abs() > clip).double().mean())
     assert float(found.clipped) == pytest.approx(outside)
     assert clip is None or 0 < outside < 1

@@ -13,7 +13,7 @@ from kinemimic.train.config.config import PRESETS
 from kinemimic.train.ppo import networks
 from kinemimic.train.ppo.advantages import advantages
 from kinemimic.train.ppo.networks import Normalizer
-from kinemimic.train.ppo.ppo import Learner, adapt_penalty, adapt_rate
+from kinemimic.train.ppo.ppo import PpoAlgorithm, adapt_penalty, adapt_rate
 from kinemimic.train.rollout.sampler import Samples
 from kinemimic.train.task.env import ACTIONS, OBSERVATIONS
 
@@ -99,7 +99,7 @@ def followed(steps: int, figures: int) -> Samples:
 def test_an_update_is_that_of_plain_ppo(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
     """Two threads, slopes by hand, flat Adam, next values from the next row: the same networks come out."""
     monkeypatch.setattr(networks, "choose_products", lambda: torch.float32)
-    learner = Learner(replace(PRESETS[name], hidden=(24, 16), minibatch=24, passes=3))
+    learner = PpoAlgorithm(replace(PRESETS[name], hidden=(24, 16), minibatch=24, epochs=3))
     samples = followed(16, 4)
     learner.normalizer.update(samples.observations.reshape(-1, OBSERVATIONS))
     plain = PlainPPO(learner)
@@ -112,13 +112,13 @@ def test_an_update_is_that_of_plain_ppo(name: str, monkeypatch: pytest.MonkeyPat
         wanted = torch.cat([p.detach().reshape(-1) for p in theirs.parameters()])
         assert (wanted - start).norm() > 0.01
         assert (ours.parameters - wanted).norm() < 1e-3 * (wanted - start).norm()
-    torch.testing.assert_close(learner.net.log_noise, plain.log_noise.detach())
+    torch.testing.assert_close(learner.net.log_std, plain.log_std.detach())
 
 
 @pytest.mark.parametrize("reward", [np.nan, 1e21])
 def test_a_learner_that_is_spoilt_says_so(reward: float) -> None:
     """A reward that is no number spoils both networks, one whose square is infinite the critic alone."""
-    learner = Learner(replace(PRESETS["default"], hidden=(8, 4), passes=1))
+    learner = PpoAlgorithm(replace(PRESETS["default"], hidden=(8, 4), epochs=1))
     samples = followed(8, 4)
     samples.terms[0, 0, 0] = reward
     with pytest.raises(FloatingPointError, match="infinite or NaN"):
@@ -129,7 +129,7 @@ def test_same_seed_same_bytes() -> None:
     """Whichever of the two threads is ahead."""
     found = []
     for _ in range(2):
-        learner = Learner(replace(PRESETS["default"], hidden=(64, 32), minibatch=64, passes=4))
+        learner = PpoAlgorithm(replace(PRESETS["default"], hidden=(64, 32), minibatch=64, epochs=4))
         for _ in range(3):
             learner.update(followed(32, 8))
         found.append({name: value.numpy().tobytes() for name, value in learner.tensors().items()})
@@ -137,7 +137,7 @@ def test_same_seed_same_bytes() -> None:
 
 
 def test_the_critic_learns_what_is_there_to_learn() -> None:
-    learner = Learner(replace(PRESETS["default"], hidden=(64, 32), minibatch=64, discount=0.0))
+    learner = PpoAlgorithm(replace(PRESETS["default"], hidden=(64, 32), minibatch=64, discount=0.0))
     samples = followed(32, 8)
     first = learner.update(samples)["value/loss"]
     for _ in range(5):

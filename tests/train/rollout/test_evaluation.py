@@ -12,12 +12,20 @@ from kinemimic.retarget.humanoid.motion import Motion
 from kinemimic.train.config.config import EnvConfig, RewardConfig
 from kinemimic.train.reference.reference import Reference
 from kinemimic.train.rollout import evaluation as trial
-from kinemimic.train.rollout.evaluation import Attempt, Rehearsal, Trial, best, first_walk, frames_of, is_due
+from kinemimic.train.rollout.evaluation import (
+    Episode,
+    Evaluation,
+    Evaluator,
+    best,
+    first_walk,
+    frames_of,
+    is_due,
+)
 from kinemimic.train.scenario.scenario import Range, Scenario
 from kinemimic.train.sim.world import CONTROL_RATE
 
 STILL = constant()
-TRIAL = Trial(
+EVALUATION = Evaluation(
     samples=10,
     seconds=1.0,
     strength=0.0,
@@ -37,7 +45,7 @@ def rehearse(
     *,
     lost_at: int | None,
     reward: RewardConfig = RewardConfig(),  # noqa: B008 (frozen)
-) -> Attempt:
+) -> Episode:
     """By a figure that is always where its reference is, until it explodes after so many steps."""
     reference = Reference(motion)
 
@@ -52,7 +60,7 @@ def rehearse(
             return self.states()
 
     monkeypatch.setattr(trial, "open_world", lambda size, engine: Perfect(size))
-    return Rehearsal(motion, reference, EnvConfig(), "puppets").attempt(STILL, reward, 0.25)
+    return Evaluator(motion, reference, EnvConfig(), "puppets").run_episode(STILL, reward, 0.25)
 
 
 def test_a_perfect_performance_is_worth_one(motion: Motion, puppets, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -70,7 +78,7 @@ def test_nothing_counts_after_the_fall(motion: Motion, puppets, monkeypatch: pyt
     assert found.reward == pytest.approx(0.25, abs=1e-6)
     assert found.knee == pytest.approx(0.25, abs=0.02)
     assert found.hip == pytest.approx(0.25, abs=0.02)
-    assert rehearse(motion, puppets, monkeypatch, lost_at=0) == Attempt(0, 600, 0.0, 0.0, 0.0)
+    assert rehearse(motion, puppets, monkeypatch, lost_at=0) == Episode(0, 600, 0.0, 0.0, 0.0)
 
 
 def test_the_reward_is_a_share_of_the_largest(
@@ -84,10 +92,10 @@ def test_the_reward_is_a_share_of_the_largest(
 def test_two_attempts_are_the_same_and_a_real_figure_falls_without_a_policy(
     engine: str, motion: Motion
 ) -> None:
-    rehearsal = Rehearsal(motion, Reference(motion), EnvConfig(), engine)
-    first = rehearsal.attempt(STILL, EnvConfig().reward, 0.0)
-    rehearsal.attempt(STILL, EnvConfig().reward, 0.5)
-    assert rehearsal.attempt(STILL, EnvConfig().reward, 0.0) == first
+    rehearsal = Evaluator(motion, Reference(motion), EnvConfig(), engine)
+    first = rehearsal.run_episode(STILL, EnvConfig().reward, 0.0)
+    rehearsal.run_episode(STILL, EnvConfig().reward, 0.5)
+    assert rehearsal.run_episode(STILL, EnvConfig().reward, 0.0) == first
     assert 0 < first.frames < 100
 
 
@@ -99,39 +107,42 @@ def test_a_scenario_is_tried_from_several_phases_and_from_a_single_one_once(moti
 
 
 def test_a_trial_is_as_good_as_its_worse_attempt() -> None:
-    attempts = [Attempt(600, 600, 0.9, 0.99, 0.95), Attempt(300, 600, 0.4, 0.5, 0.55)]
-    found = Trial.of_attempts(attempts, samples=7, seconds=1.26, strength=0.5)
-    assert found == Trial(7, 1.3, 0.5, 300, 600, 600, 0.65, 0.5, 0.55)
+    run_episodes = [Episode(600, 600, 0.9, 0.99, 0.95), Episode(300, 600, 0.4, 0.5, 0.55)]
+    found = Evaluation.of_episodes(run_episodes, samples=7, seconds=1.26, strength=0.5)
+    assert found == Evaluation(7, 1.3, 0.5, 300, 600, 600, 0.65, 0.5, 0.55)
     assert not found.walks
-    hard = Trial.of_attempts(attempts, [0.1, 0.6, 0.8], samples=7, seconds=1.26, strength=0.5)
-    assert hard == replace(found, endured=pytest.approx(0.5))
-    told = Trial.of_attempts(attempts, samples=7, seconds=1.26, strength=0.5, losses=[0.2, 0.4])
+    hard = Evaluation.of_episodes(run_episodes, [0.1, 0.6, 0.8], samples=7, seconds=1.26, strength=0.5)
+    assert hard == replace(found, robust_return=pytest.approx(0.5))
+    told = Evaluation.of_episodes(run_episodes, samples=7, seconds=1.26, strength=0.5, losses=[0.2, 0.4])
     assert told == replace(found, critic_loss=pytest.approx(0.3))
 
 
 def test_the_first_walk_is_the_first_that_neither_falls_nor_strays() -> None:
-    fell, strayed = replace(TRIAL, frames=599), replace(TRIAL, hip=0.89)
+    fell, strayed = replace(EVALUATION, frames=599), replace(EVALUATION, hip=0.89)
     assert first_walk([fell, strayed]) is None
-    assert first_walk([fell, strayed, replace(TRIAL, samples=30, seconds=3.5), TRIAL]) == {
+    assert first_walk([fell, strayed, replace(EVALUATION, samples=30, seconds=3.5), EVALUATION]) == {
         "samples": 30,
         "seconds": 3.5,
     }
 
 
 def test_the_best_is_the_first_of_equals() -> None:
-    trials = [replace(TRIAL, samples=k, reward=reward) for k, reward in enumerate((0.1, 0.7, 0.7, 0.3))]
+    trials = [replace(EVALUATION, samples=k, reward=reward) for k, reward in enumerate((0.1, 0.7, 0.7, 0.3))]
     assert best(trials) is trials[1]
 
 
 def test_whoever_learnt_under_more_hardship_is_kept_before_whoever_did_better_without() -> None:
     learnt = ((0.0, 0.9), (0.4, 0.8), (1.0, 0.6), (1.0, 0.7))
-    trials = [replace(TRIAL, strength=strength, reward=reward) for strength, reward in learnt]
+    trials = [replace(EVALUATION, strength=strength, reward=reward) for strength, reward in learnt]
     assert [best(trials[:n]) is trials[n - 1] for n in (1, 2, 3, 4)] == [True] * 4
 
 
 def test_under_hardships_whoever_endures_most_is_kept() -> None:
     did = ((0.9, 0.3), (0.7, 0.5), (0.8, 0.4))
-    trials = [replace(TRIAL, strength=1.0, reward=reward, endured=endured) for reward, endured in did]
+    trials = [
+        replace(EVALUATION, strength=1.0, reward=reward, robust_return=robust_return)
+        for reward, robust_return in did
+    ]
     assert best(trials) is trials[1]
 
 

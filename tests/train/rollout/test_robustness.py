@@ -10,16 +10,17 @@ from peers.constant import constant
 from peers.troupe import Troupe
 
 from kinemimic.retarget.humanoid.motion import Motion
-from kinemimic.train.config.config import EnvConfig, Hardships
+from kinemimic.train.config.config import DomainRandomization, EnvConfig
 from kinemimic.train.reference.reference import Reference
 from kinemimic.train.rollout import robustness as ordeal
-from kinemimic.train.rollout.robustness import FIGURES, Ordeal
+from kinemimic.train.rollout.robustness import FIGURES, RobustnessEvaluation
 from kinemimic.train.sim.world import CONTROL_RATE
-from kinemimic.train.task.domain_randomization import Conditions, draw
+from kinemimic.train.task.domain_randomization import RandomizationSample, draw
 
 STILL = constant()
 HARD = EnvConfig(
-    episode=40, hardships=Hardships(push=(50.0, 200.0), rest=(0.1, 0.4), mass=(0.8, 1.2), tilt=0.05)
+    episode=40,
+    domain_randomization=DomainRandomization(push=(50.0, 200.0), rest=(0.1, 0.4), mass=(0.8, 1.2), tilt=0.05),
 )
 REWARD = HARD.reward
 
@@ -42,33 +43,39 @@ def test_it_is_the_share_of_the_reward_until_the_fall(
 
     monkeypatch.setattr(ordeal, "open_world", lambda size, engine: Perfect(size))
     double = replace(REWARD, weights={name: 2.0 * weight for name, weight in REWARD.weights.items()})
-    found = Ordeal(reference, HARD, [0, 5], "puppets").endure(STILL, double)
+    found = RobustnessEvaluation(reference, HARD, [0, 5], "puppets").robust_returns(STILL, double)
     assert found == pytest.approx([1.0, 0.25], abs=1e-6)
 
 
 def test_each_figure_has_hardships_of_its_own_and_they_stay_the_same(motion: Motion, engine: str) -> None:
-    hard = Ordeal(Reference(motion), HARD, range(FIGURES), engine)
-    found = hard.endure(STILL, REWARD)
+    hard = RobustnessEvaluation(Reference(motion), HARD, range(FIGURES), engine)
+    found = hard.robust_returns(STILL, REWARD)
     assert len(set(found)) == FIGURES
-    calm = Ordeal(Reference(motion), replace(HARD, hardships=Hardships()), range(FIGURES), engine)
-    assert all(one != other for one, other in zip(calm.endure(STILL, REWARD), found, strict=True))
-    assert hard.endure(STILL, REWARD) == found
+    calm = RobustnessEvaluation(
+        Reference(motion), replace(HARD, domain_randomization=DomainRandomization()), range(FIGURES), engine
+    )
+    assert all(one != other for one, other in zip(calm.robust_returns(STILL, REWARD), found, strict=True))
+    assert hard.robust_returns(STILL, REWARD) == found
 
 
 def test_they_are_drawn_in_full(motion: Motion, puppets, monkeypatch: pytest.MonkeyPatch) -> None:
     given = []
 
-    def noted(hardships: Hardships, strength: float, random: np.random.Generator) -> Conditions:
-        given.append((hardships, strength))
-        return draw(hardships, strength, random)
+    def noted(
+        domain_randomization: DomainRandomization, strength: float, random: np.random.Generator
+    ) -> RandomizationSample:
+        given.append((domain_randomization, strength))
+        return draw(domain_randomization, strength, random)
 
     monkeypatch.setattr(ordeal, "draw", noted)
     monkeypatch.setattr(ordeal, "open_world", lambda size, engine: puppets(size))
-    Ordeal(Reference(motion), HARD, range(3), "puppets")
-    assert given == [(HARD.hardships, 1.0)] * 3
+    RobustnessEvaluation(Reference(motion), HARD, range(3), "puppets")
+    assert given == [(HARD.domain_randomization, 1.0)] * 3
 
 
 def test_it_does_not_matter_how_many_processes_share_the_figures(motion: Motion, engine: str) -> None:
-    alone, many = (Troupe(motion, HARD, 20, 0, count, engine).ordeals(STILL, REWARD) for count in (1, 20))
+    alone, many = (
+        Troupe(motion, HARD, 20, 0, count, engine).robust_returns(STILL, REWARD) for count in (1, 20)
+    )
     assert len(alone) == FIGURES
     np.testing.assert_array_equal(many, alone)

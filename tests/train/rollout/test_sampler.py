@@ -13,7 +13,7 @@ from peers.constant import constant
 
 from kinemimic.pipeline.errors import KinemimicError
 from kinemimic.retarget.humanoid.motion import Motion
-from kinemimic.train.config.config import EnvConfig, Hardships
+from kinemimic.train.config.config import DomainRandomization, EnvConfig
 from kinemimic.train.rollout import sampler as rollout
 from kinemimic.train.rollout.policy import Policy
 from kinemimic.train.rollout.sampler import Sampler, Samples
@@ -72,7 +72,10 @@ def test_a_figure_does_not_know_how_many_others_there_are(
 def test_what_begins_with_the_same_figures_goes_the_same_way(engine: str, motion: Motion) -> None:
     """Also where hardships were drawn and contacts lent their forces, which the engine forgets."""
     hard = replace(
-        SHORT, hardships=Hardships(push=(10.0, 90.0), rest=(0.05, 0.1), delay=(0.0, 0.02), tilt=0.1)
+        SHORT,
+        domain_randomization=DomainRandomization(
+            push=(10.0, 90.0), rest=(0.05, 0.1), delay=(0.0, 0.02), tilt=0.1
+        ),
     )
     here, there = (Sampler(motion, hard, np.random.SeedSequence(k).spawn(3), engine) for k in (1, 2))
     here.sample(idle(), NOISE, hard.reward, 1.0, 8)

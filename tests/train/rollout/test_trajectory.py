@@ -14,31 +14,31 @@ import pytest
 from kinemimic.pipeline.errors import KinemimicError
 from kinemimic.retarget.humanoid.motion import Motion
 from kinemimic.train.config.config import EnvConfig
-from kinemimic.train.rollout.rollout import perform
-from kinemimic.train.rollout.trajectory import Playback
+from kinemimic.train.rollout.rollout import collect_trajectories
+from kinemimic.train.rollout.trajectory import Trajectory
 
 
 def test_round_trip_and_damage(tmp_path: Path, motion: Motion) -> None:
-    path = tmp_path / "playback.npz"
+    path = tmp_path / "trajectory.npz"
     with pytest.raises(KinemimicError, match="found no file"):
-        Playback.load(path)
-    played = perform(motion, None, start_phases=np.zeros(1), frames=2, workers=1)
+        Trajectory.load(path)
+    played = collect_trajectories(motion, None, start_phases=np.zeros(1), frames=2, workers=1)
     played.save(path)
-    again = Playback.load(path)
-    for f in fields(Playback):
+    again = Trajectory.load(path)
+    for f in fields(Trajectory):
         np.testing.assert_array_equal(getattr(again, f.name), getattr(played, f.name))
     whole = path.read_bytes()
     for damaged in (whole[: len(whole) // 2], b"", b"not a zip"):
         path.write_bytes(damaged)
         with pytest.raises(KinemimicError, match="expected a playback, found a damaged or another file"):
-            Playback.load(path)
+            Trajectory.load(path)
 
 
 @pytest.fixture(scope="module")
 def arrays(motion: Motion, tmp_path_factory: pytest.TempPathFactory) -> dict[str, np.ndarray]:
     """Of two rollouts of three frames, as they are stored."""
-    path = tmp_path_factory.mktemp("played") / "playback.npz"
-    perform(motion, None, start_phases=np.array([0.0, 0.5]), frames=3, workers=1).save(path)
+    path = tmp_path_factory.mktemp("played") / "trajectory.npz"
+    collect_trajectories(motion, None, start_phases=np.array([0.0, 0.5]), frames=3, workers=1).save(path)
     return dict(np.load(path))
 
 
@@ -63,12 +63,12 @@ CHANGES: dict[str, Callable[[np.ndarray], np.ndarray]] = {
 def test_arrays_that_are_no_playback_are_one_clear_line(
     tmp_path: Path, arrays: dict[str, np.ndarray], name: str
 ) -> None:
-    path = tmp_path / "playback.npz"
+    path = tmp_path / "trajectory.npz"
     np.savez_compressed(path, **{**arrays, name: CHANGES[name](arrays[name])})
     with pytest.raises(
         KinemimicError, match=r"playback\.npz: expected a playback, found .*; run `evaluate` ag"
     ):
-        Playback.load(path)
+        Trajectory.load(path)
 
 
 @pytest.mark.parametrize("cut", [np.s_[:0], np.s_[:, :0]])
@@ -77,9 +77,9 @@ def test_nobody_who_performs_is_no_playback(tmp_path: Path, arrays: dict[str, np
         name: a[cut] if name not in ("schema", "reward_names") and a.ndim > 1 else a
         for name, a in arrays.items()
     }
-    np.savez_compressed(tmp_path / "playback.npz", **kept)
+    np.savez_compressed(tmp_path / "trajectory.npz", **kept)
     with pytest.raises(KinemimicError, match="found no rollouts"):
-        Playback.load(tmp_path / "playback.npz")
+        Trajectory.load(tmp_path / "trajectory.npz")
 
 
 def _marked(content: bytes, field: int, value: int) -> bytes:
@@ -95,35 +95,35 @@ def _marked(content: bytes, field: int, value: int) -> bytes:
 def test_an_archive_that_is_encrypted_or_packed_otherwise_is_one_clear_line(
     tmp_path: Path, arrays: dict[str, np.ndarray], field: int, value: int
 ) -> None:
-    path = tmp_path / "playback.npz"
+    path = tmp_path / "trajectory.npz"
     np.savez_compressed(path, **arrays)
     path.write_bytes(_marked(path.read_bytes(), field, value))
     with pytest.raises(KinemimicError, match="found a damaged or another file"):
-        Playback.load(path)
+        Trajectory.load(path)
 
 
 @pytest.mark.parametrize("rows", [2**33, 2**62, -1])
 def test_a_header_that_announces_more_than_there_is_is_one_clear_line(
     tmp_path: Path, arrays: dict[str, np.ndarray], rows: int
 ) -> None:
-    path, header = tmp_path / "playback.npz", io.BytesIO()
+    path, header = tmp_path / "trajectory.npz", io.BytesIO()
     np.lib.format.write_array_header_1_0(header, {"descr": "<f8", "fortran_order": False, "shape": (rows,)})
     np.savez_compressed(path, **{name: a for name, a in arrays.items() if name != "root"})
     with zipfile.ZipFile(path, "a") as archive:
         archive.writestr("root.npy", header.getvalue())
     with pytest.raises(KinemimicError, match="found a damaged or another file"):
-        Playback.load(path)
+        Trajectory.load(path)
 
 
 def test_what_unpacks_to_more_than_fits_is_not_unpacked(
     tmp_path: Path, arrays: dict[str, np.ndarray], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    path = tmp_path / "playback.npz"
+    path = tmp_path / "trajectory.npz"
     np.savez_compressed(path, **arrays)
     module = importlib.import_module("kinemimic.train.rollout.trajectory")
     monkeypatch.setattr(module, "_LIMIT", sum(array.nbytes for array in arrays.values()))
     with pytest.raises(KinemimicError, match="found a damaged or another file"):
-        Playback.load(path)
+        Trajectory.load(path)
 
 
 def test_what_an_engine_overwrites_is_kept(motion: Motion, puppets, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -24,8 +24,8 @@ from kinemimic.pipeline.files.store import write_text
 from kinemimic.retarget.formats.motion_json import motion_to_json
 from kinemimic.retarget.humanoid.motion import Motion
 from kinemimic.train import command as stage
-from kinemimic.train.config.config import PRESETS, EnvConfig, Hardships
-from kinemimic.train.ppo.ppo import Learner
+from kinemimic.train.config.config import PRESETS, DomainRandomization, EnvConfig
+from kinemimic.train.ppo.ppo import PpoAlgorithm
 from kinemimic.train.rollout import evaluation as trial
 from kinemimic.train.rollout.policy import POLICY
 from kinemimic.train.runner import checkpoint
@@ -36,16 +36,18 @@ from kinemimic.train.task.stopwatch import Stopwatch
 # Hardships at their full strength from the beginning: what an episode drew has to come back too.
 HARD = EnvConfig(
     episode=11,
-    hardships=Hardships(push=(20.0, 90.0), rest=(0.05, 0.2), delay=(0.0, 0.02), tilt=0.1, spin=0.2),
+    domain_randomization=DomainRandomization(
+        push=(20.0, 90.0), rest=(0.05, 0.2), delay=(0.0, 0.02), tilt=0.1, spin=0.2
+    ),
 )
 SMALL = replace(
     PRESETS["default"],
     env=HARD,
     strength=((0, 1.0),),
-    environments=4,
+    num_envs=4,
     horizon=16,
     minibatch=32,
-    passes=2,
+    epochs=2,
     hidden=(32, 16),
 )
 ROUND = SMALL.batch
@@ -79,14 +81,14 @@ def fresh(tmp_path: Path, motion: Motion, monkeypatch: pytest.MonkeyPatch) -> It
 
 def in_update(monkeypatch: pytest.MonkeyPatch, number: int, act: Callable[[], object]) -> None:
     """Do something in the midst of the update that has this number, from one."""
-    updates, update = iter(range(1, 1000)), Learner.update
+    updates, update = iter(range(1, 1000)), PpoAlgorithm.update
 
-    def acting(learner: Learner, samples: Any) -> dict[str, float]:
+    def acting(learner: PpoAlgorithm, samples: Any) -> dict[str, float]:
         if next(updates) == number:
             act()
         return update(learner, samples)
 
-    monkeypatch.setattr(Learner, "update", acting)
+    monkeypatch.setattr(PpoAlgorithm, "update", acting)
 
 
 def curves(run: Path) -> dict[str, list[tuple[int, float]]]:
@@ -177,7 +179,7 @@ def test_what_is_no_number_stops_it_and_the_good_checkpoint_stays(
 
 
 def test_a_spoilt_learner_is_not_saved(tmp_path: Path) -> None:
-    path, learner = tmp_path / "c.safetensors", Learner(replace(SMALL, hidden=(8, 4)))
+    path, learner = tmp_path / "c.safetensors", PpoAlgorithm(replace(SMALL, hidden=(8, 4)))
     checkpoint.save(path, checkpoint.Training(learner), "walk")
     good = path.read_bytes()
     learner.net.critic.parameters[0] = np.nan
@@ -219,7 +221,7 @@ def test_seconds_of_all_calls_together_end_it_at_a_round(
     first = stage.train(run, budget=BUDGET, minutes=0.2, workers=1, engine="pybullet")
     assert 0 < first["samples"] < BUDGET
     assert first["samples"] % ROUND == 0
-    assert first["trials"][-1]["samples"] == first["samples"]
+    assert first["evaluations"][-1]["samples"] == first["samples"]
     again = stage.train(run, budget=BUDGET, minutes=0.2, workers=1, engine="pybullet")
     assert again["samples"] == first["samples"]
     assert stage.train(run, budget=BUDGET, workers=1, engine="pybullet")["samples"] == BUDGET

@@ -14,7 +14,7 @@ from kinemimic.pipeline.kinematics.rotations import from_axis_angle, multiply, r
 from kinemimic.retarget.humanoid.body import BODIES, BODY_INDEX, TOTAL_MASS
 from kinemimic.retarget.humanoid.motion import Motion
 from kinemimic.train.reference.reference import Reference
-from kinemimic.train.scenario.event_schedule import Course, as_it_is, draw_course
+from kinemimic.train.scenario.event_schedule import EventSchedule, as_it_is, draw_event_schedule
 from kinemimic.train.scenario.overlap import clash, distance, overlapped
 from kinemimic.train.scenario.route import reference_for
 from kinemimic.train.scenario.scenario import Load, Placement, Range, Scenario
@@ -25,8 +25,8 @@ PULL = Load("torso", Range.of(1.0), Range.of(0.5), force=Range.of(100.0, 10.0, 0
 BOX = Placement("box", Range.of(0.2, 0.4, 0.6), Range.of(2.0, 0.5))
 
 
-def drawn(motion: Motion, scenario: Scenario, phase: float = 0.0, seed: int = 0) -> Course:
-    return draw_course(scenario, Reference(motion), phase, np.random.default_rng(seed))
+def drawn(motion: Motion, scenario: Scenario, phase: float = 0.0, seed: int = 0) -> EventSchedule:
+    return draw_event_schedule(scenario, Reference(motion), phase, np.random.default_rng(seed))
 
 
 def test_a_force_acts_from_its_time_for_its_time(motion: Motion) -> None:
@@ -69,7 +69,9 @@ def test_ahead_is_where_the_reference_goes(motion: Motion) -> None:
 def test_what_stands_stands_on_the_ground_and_what_has_a_height_has_it(motion: Motion) -> None:
     reference = Reference(motion)
     high = replace(BOX, position=Range.of(2.0, 0.5, 1.4), at=Range.of(2.0))
-    course = draw_course(Scenario("two", obstacles=(high, BOX)), reference, 0.5, np.random.default_rng(0))
+    course = draw_event_schedule(
+        Scenario("two", obstacles=(high, BOX)), reference, 0.5, np.random.default_rng(0)
+    )
     (first, standing), (second, hanging) = course.releases
     assert (first, second) == (0, 60)
     start, later = reference.root(0.5 + np.array([0.0, 2.0 / reference.duration]))
@@ -80,7 +82,7 @@ def test_what_stands_stands_on_the_ground_and_what_has_a_height_has_it(motion: M
 
 def test_what_stands_on_a_route_is_seen_from_its_beginning(motion: Motion) -> None:
     scene = Scenario("bent", route=((3.0, 1.0),), obstacles=(BOX,))
-    course = draw_course(scene, reference_for(motion, scene), 0.7, np.random.default_rng(0))
+    course = draw_event_schedule(scene, reference_for(motion, scene), 0.7, np.random.default_rng(0))
     np.testing.assert_allclose(course.releases[0][1].position, [2.0, 0.5, 0.3], atol=1e-9)
 
 

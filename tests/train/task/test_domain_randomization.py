@@ -7,11 +7,11 @@ from dataclasses import fields
 import numpy as np
 import pytest
 
-from kinemimic.train.config.config import Hardships
+from kinemimic.train.config.config import DomainRandomization
 from kinemimic.train.sim.world import FRICTION
-from kinemimic.train.task.domain_randomization import PUSH_STEPS, PUSHES, Conditions, draw
+from kinemimic.train.task.domain_randomization import PUSH_STEPS, PUSHES, RandomizationSample, draw
 
-HARD = Hardships(
+HARD = DomainRandomization(
     push=(50.0, 200.0),
     rest=(0.5, 1.0),
     friction=(0.4, 1.0),
@@ -22,9 +22,9 @@ HARD = Hardships(
 )
 
 
-def many(strength: float) -> Conditions:
+def many(strength: float) -> RandomizationSample:
     random = np.random.default_rng(0)
-    return Conditions.joined([draw(HARD, strength, random) for _ in range(500)])
+    return RandomizationSample.joined([draw(HARD, strength, random) for _ in range(500)])
 
 
 def test_draws_fill_their_ranges_and_do_not_leave_them() -> None:
@@ -56,16 +56,16 @@ def test_half_the_strength_is_half_the_way_from_what_is_usual() -> None:
 
 
 def test_without_strength_or_without_hardships_all_is_calm_and_nothing_is_drawn() -> None:
-    calm, random = Conditions.calm(1), np.random.default_rng(1)
+    calm, random = RandomizationSample.calm(1), np.random.default_rng(1)
     before = random.bit_generator.state
-    for found in (draw(HARD, 0.0, random), draw(Hardships(), 1.0, random)):
-        for f in fields(Conditions):
+    for found in (draw(HARD, 0.0, random), draw(DomainRandomization(), 1.0, random)):
+        for f in fields(RandomizationSample):
             np.testing.assert_array_equal(getattr(found, f.name), getattr(calm, f.name))
     assert random.bit_generator.state == before
 
 
 def test_a_push_acts_on_the_pelvis_for_a_fifth_of_a_second() -> None:
-    conditions = Conditions.calm(2)
+    conditions = RandomizationSample.calm(2)
     conditions.begins[0, :2], conditions.forces[0, :2] = [3, 20], [[10.0, -5.0], [0.0, 7.0]]
     pushed = []
     for age in range(40):
@@ -80,8 +80,8 @@ def test_a_push_acts_on_the_pelvis_for_a_fifth_of_a_second() -> None:
 
 
 def test_figures_take_the_conditions_of_their_own() -> None:
-    whole, part = Conditions.calm(3), many(1.0)
-    chosen = Conditions(*(getattr(part, f.name)[:2] for f in fields(Conditions)))
+    whole, part = RandomizationSample.calm(3), many(1.0)
+    chosen = RandomizationSample(*(getattr(part, f.name)[:2] for f in fields(RandomizationSample)))
     whole.put(np.array([2, 0]), chosen)
     np.testing.assert_array_equal(whole.mass, [part.mass[1], 1.0, part.mass[0]])
     assert whole.begins.shape == (3, PUSHES)

@@ -19,13 +19,13 @@ from kinemimic.pipeline.kinematics.rotations import (
     to_six,
 )
 from kinemimic.retarget.humanoid.motion import Motion
-from kinemimic.train.config.config import EnvConfig, Hardships
+from kinemimic.train.config.config import DomainRandomization, EnvConfig
 from kinemimic.train.reference.reference import Reference
 from kinemimic.train.rollout.gym_env import ImitationEnv
 from kinemimic.train.sim.engines import open_world
 from kinemimic.train.sim.pybullet_world import BulletWorld
 from kinemimic.train.sim.world import SUBSTEPS, TIME_STEP, BodyStates
-from kinemimic.train.task.domain_randomization import Conditions, draw
+from kinemimic.train.task.domain_randomization import RandomizationSample, draw
 from kinemimic.train.task.env import ACTION_SCALE, ACTIONS, OBSERVATIONS, ImitationBatch, observation_size
 
 pytestmark = pytest.mark.filterwarnings("ignore:.*obs.*:UserWarning")
@@ -49,11 +49,11 @@ def test_passes_gymnasiums_checker(motion: Motion) -> None:
 
 def test_a_gymnasium_episode_is_as_hard_as_the_configuration_says(motion: Motion) -> None:
     """All of it is drawn, at full strength, by Gymnasium's own seed."""
-    hard = EnvConfig(start_anywhere=False, hardships=Hardships(tilt=0.1, spin=0.5))
+    hard = EnvConfig(start_anywhere=False, domain_randomization=DomainRandomization(tilt=0.1, spin=0.5))
     env = ImitationEnv(motion, hard)
     observation, _ = env.reset(seed=7)
     batch = ImitationBatch(BulletWorld(1), Reference(motion), hard)
-    drawn = draw(hard.hardships, 1.0, seeding.np_random(7)[0])
+    drawn = draw(hard.domain_randomization, 1.0, seeding.np_random(7)[0])
     batch.reset(np.array([0]), np.array([0.0]), drawn)
     np.testing.assert_allclose(observation, batch.observe()[0], atol=1e-5)
     env.close()
@@ -205,13 +205,17 @@ def test_what_is_performed_once_ends_elsewhere_than_it_begins(motion: Motion, pu
 def test_a_snapshot_is_where_the_figures_go_on(motion: Motion, engine: str) -> None:
     """Two batches that are put into one snapshot go the same way to the last bit, whatever came before."""
     random = np.random.default_rng(4)
-    config = EnvConfig(hardships=Hardships(push=(20.0, 60.0), rest=(0.0, 0.1), delay=(0.004, 0.012)))
+    config = EnvConfig(
+        domain_randomization=DomainRandomization(push=(20.0, 60.0), rest=(0.0, 0.1), delay=(0.004, 0.012))
+    )
 
     def batch() -> ImitationBatch:
         return ImitationBatch(open_world(2, engine), Reference(motion), config)
 
     first, second = batch(), batch()
-    conditions = Conditions.joined([draw(config.hardships, 1.0, random) for _ in range(2)])
+    conditions = RandomizationSample.joined(
+        [draw(config.domain_randomization, 1.0, random) for _ in range(2)]
+    )
     first.reset(np.arange(2), np.array([0.1, 0.6]), conditions)
     second.reset(np.arange(2), np.array([0.9, 0.3]))
     actions = random.normal(0, 0.1, (9, 2, ACTIONS))
@@ -233,7 +237,7 @@ def test_a_snapshot_is_where_the_figures_go_on(motion: Motion, engine: str) -> N
 def test_a_late_correction_comes_after_the_one_before(motion: Motion, puppets) -> None:
     world, reference = puppets(2), Reference(motion)
     batch = ImitationBatch(world, reference, EnvConfig())
-    late = replace(Conditions.calm(2), delay=np.array([0.0, 3.0]))
+    late = replace(RandomizationSample.calm(2), delay=np.array([0.0, 3.0]))
     batch.reset(np.arange(2), np.full(2, 0.2), late)
     one, other = (np.random.default_rng(k).normal(0, 0.3, (2, ACTIONS)) for k in (1, 2))
     batch.step(one)

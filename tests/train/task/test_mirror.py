@@ -15,7 +15,7 @@ from kinemimic.train.config.config import EnvConfig
 from kinemimic.train.reference.reference import Reference
 from kinemimic.train.sim.engines import open_world
 from kinemimic.train.sim.world import CONTROL_RATE, SUBSTEPS, TIME_STEP, Poses
-from kinemimic.train.task.domain_randomization import Conditions
+from kinemimic.train.task.domain_randomization import RandomizationSample
 from kinemimic.train.task.env import ACTION_SCALE, ACTIONS, ImitationBatch, observation_size
 from kinemimic.train.task.mirror import (
     ALIKE,
@@ -33,7 +33,7 @@ class Held:
     """Conditions that put figures at poses of a test's own."""
 
     def __init__(self, poses: Poses) -> None:
-        self._calm = Conditions.calm(len(poses.root))
+        self._calm = RandomizationSample.calm(len(poses.root))
         self._poses = poses
 
     def __getattr__(self, name: str) -> object:
@@ -120,7 +120,7 @@ def test_a_late_correction_is_that_of_its_own_moment(motion: Motion, puppets) ->
     """Given in the first half of the cycle, and late into the second: as it was given, not mirrored."""
     world, reference = puppets(1), Reference(motion)
     batch = ImitationBatch(world, reference, EnvConfig())
-    late = replace(Conditions.calm(1), delay=np.array([3.0]))
+    late = replace(RandomizationSample.calm(1), delay=np.array([3.0]))
     step = 1.0 / (CONTROL_RATE * motion.duration)
     batch.reset(np.array([0]), np.array([0.5 - 0.5 * step]), late)
     first, second = np.random.default_rng(3).normal(0.0, 0.3, (2, 1, ACTIONS))
