@@ -23,7 +23,7 @@ from kinemimic.pipeline.kinematics.angles import leg_angles
 from kinemimic.pipeline.kinematics.clip import Clip
 from kinemimic.pipeline.kinematics.nodes import joints_of_nodes
 from kinemimic.pipeline.kinematics.skeleton import NODE_INDEX
-from kinemimic.pipeline.quality.defect import RULES, Defect
+from kinemimic.pipeline.quality.rules.defect import RULES, Defect
 
 _SIDE_COLORS = {"left": "#0072b2", "right": "#d55e00", "": "#2b2b2b"}
 _OWN = "#8a8a8a"

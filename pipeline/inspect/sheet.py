@@ -13,7 +13,7 @@ from kinemimic.pipeline.cli.terminal import facts, grid, heading, number, percen
 from kinemimic.pipeline.inspect.assessment import FLAGGED, OTHER, REFUSED
 from kinemimic.pipeline.inspect.measures import SIDES
 from kinemimic.pipeline.kinematics.nodes import joints_of_nodes
-from kinemimic.pipeline.quality.defect import RULES
+from kinemimic.pipeline.quality.rules.defect import RULES
 
 Report = dict[str, Any]
 

@@ -14,7 +14,7 @@ from rich.text import Text
 from kinemimic.pipeline.cli.terminal import facts, grid, heading, number
 from kinemimic.pipeline.inspect.assessment import COMPANION, OTHER, REFUSED
 from kinemimic.pipeline.inspect.survey import folders, rule_counts
-from kinemimic.pipeline.quality.defect import RULES
+from kinemimic.pipeline.quality.rules.defect import RULES
 
 Report = dict[str, Any]
 

@@ -16,7 +16,6 @@ from kinemimic.pipeline.filters.clean import FILTERS, WORDS
 from kinemimic.pipeline.kinematics.clip import Clip
 from kinemimic.pipeline.kinematics.nodes import to_nodes
 from kinemimic.pipeline.quality.acquire import SHORTEST_PASS, Acquisition, acquire, in_passes
-from kinemimic.pipeline.quality.defect import RULES, Defect, defect_from_json, in_order
 from kinemimic.pipeline.quality.rules import (
     calibration,
     camera,
@@ -32,6 +31,7 @@ from kinemimic.pipeline.quality.rules import (
     units,
     upright,
 )
+from kinemimic.pipeline.quality.rules.defect import RULES, Defect, defect_from_json, in_order
 from kinemimic.pipeline.quality.rules.frames import renumbered
 
 

@@ -17,7 +17,7 @@ from kinemimic.pipeline.kinematics.clip import Clip
 from kinemimic.pipeline.kinematics.nodes import joints_of_nodes
 from kinemimic.pipeline.kinematics.skeleton import INFERRED, MISSING, TRACKED
 from kinemimic.pipeline.quality.acquire import Acquisition
-from kinemimic.pipeline.quality.defect import RULES, Defect
+from kinemimic.pipeline.quality.rules.defect import RULES, Defect
 
 QUALITY_SCHEMA = 1
 

@@ -11,7 +11,7 @@ from typing import cast
 
 from kinemimic.pipeline.errors import CaptureError, NotACaptureError
 from kinemimic.pipeline.kinematics.clip import Clip, scaled
-from kinemimic.pipeline.quality.units import NAMED, UNITS, unit_named
+from kinemimic.pipeline.quality.rules.length_units import NAMED, UNITS, unit_named
 from kinemimic.pipeline.readers.base.format import Format, Reader
 from kinemimic.pipeline.readers.base.numbers import numbers_of
 from kinemimic.pipeline.readers.base.source import Source

@@ -6,7 +6,7 @@ import numpy as np
 
 from kinemimic.pipeline.kinematics.body_points import beside_the_body, between, nodes_of, unit
 from kinemimic.pipeline.kinematics.clip import Clip
-from kinemimic.pipeline.quality.defect import Defect
+from kinemimic.pipeline.quality.rules.defect import Defect
 from kinemimic.pipeline.quality.rules.frames import kept
 
 # A T-pose is one frame, at most a few; the arms point to the sides within this angle, straight.

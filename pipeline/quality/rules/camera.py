@@ -13,7 +13,7 @@ import numpy as np
 from kinemimic.pipeline.gait.steps import Steps, steps
 from kinemimic.pipeline.kinematics.clip import Clip
 from kinemimic.pipeline.kinematics.spans import frame_runs
-from kinemimic.pipeline.quality.defect import Defect
+from kinemimic.pipeline.quality.rules.defect import Defect
 
 # Speed of the planted foot against the ground's own frame: 0 for a walk over the floor, 1 for a belt.
 CARRIED = (0.75, 1.25)

@@ -7,7 +7,7 @@ import numpy as np
 from kinemimic.pipeline.arrays import Array
 from kinemimic.pipeline.kinematics.clip import Clip
 from kinemimic.pipeline.kinematics.spans import frame_runs
-from kinemimic.pipeline.quality.defect import Defect, several
+from kinemimic.pipeline.quality.rules.defect import Defect, several
 
 # A step within this share of a whole number of usual steps is that number of steps; milliseconds are how
 # finely most recorders write the time, so a step of 33 among steps of 34 is even.

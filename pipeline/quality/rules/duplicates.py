@@ -7,7 +7,7 @@ import numpy as np
 from kinemimic.pipeline.arrays import Mask
 from kinemimic.pipeline.kinematics.clip import Clip
 from kinemimic.pipeline.kinematics.spans import frame_runs, runs
-from kinemimic.pipeline.quality.defect import Defect, several
+from kinemimic.pipeline.quality.rules.defect import Defect, several
 from kinemimic.pipeline.quality.rules.frames import kept
 
 # Metres, mean over the joints: a body whose steps before and after a repeat are no longer than this stands

@@ -15,8 +15,8 @@ from kinemimic.pipeline.kinematics.clip import Clip
 from kinemimic.pipeline.kinematics.nodes import joints_of_nodes
 from kinemimic.pipeline.kinematics.skeleton import INFERRED
 from kinemimic.pipeline.kinematics.spans import frame_runs
-from kinemimic.pipeline.quality.defect import Defect
 from kinemimic.pipeline.quality.rules.camera import carried
+from kinemimic.pipeline.quality.rules.defect import Defect
 from kinemimic.pipeline.quality.rules.exchange import exchanged
 from kinemimic.pipeline.quality.rules.frames import kept
 from kinemimic.pipeline.quality.rules.mirror import votes

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from kinemimic.pipeline.kinematics.clip import Clip
-from kinemimic.pipeline.quality.defect import Defect
+from kinemimic.pipeline.quality.rules.defect import Defect
 
 
 def kept(clip: Clip, mask: NDArray[np.bool_]) -> Clip:

@@ -8,7 +8,7 @@ from kinemimic.pipeline.filters.fill import LONGEST_GAP
 from kinemimic.pipeline.kinematics.clip import Clip
 from kinemimic.pipeline.kinematics.skeleton import MISSING
 from kinemimic.pipeline.kinematics.spans import frame_runs
-from kinemimic.pipeline.quality.defect import Defect, several
+from kinemimic.pipeline.quality.rules.defect import Defect, several
 
 
 def check(clip: Clip) -> list[Defect]:

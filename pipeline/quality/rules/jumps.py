@@ -10,7 +10,7 @@ from kinemimic.pipeline.arrays import Array
 from kinemimic.pipeline.kinematics.clip import Clip
 from kinemimic.pipeline.kinematics.skeleton import MISSING
 from kinemimic.pipeline.kinematics.spans import frame_runs
-from kinemimic.pipeline.quality.defect import Defect, several
+from kinemimic.pipeline.quality.rules.defect import Defect, several
 
 # Off the line between the frames around it by more than this (metres), which is beyond a Kinect's noise …
 NOISE = 0.10

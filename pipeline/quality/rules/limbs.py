@@ -13,7 +13,7 @@ import numpy as np
 from kinemimic.pipeline.arrays import Array
 from kinemimic.pipeline.kinematics.body_points import between, length, median, nodes_of
 from kinemimic.pipeline.kinematics.clip import Clip
-from kinemimic.pipeline.quality.defect import Defect
+from kinemimic.pipeline.quality.rules.defect import Defect
 
 # Medians outside of these (metres) are nobody's, a toddler's and a giant's included.
 POSSIBLE: dict[str, tuple[float, float]] = {

@@ -16,7 +16,7 @@ import numpy as np
 from kinemimic.pipeline.arrays import Array
 from kinemimic.pipeline.kinematics.body_points import between, nodes_of, unit
 from kinemimic.pipeline.kinematics.clip import Clip
-from kinemimic.pipeline.quality.defect import Defect
+from kinemimic.pipeline.quality.rules.defect import Defect
 
 # A foot or knee votes in a frame where its sine or cosine is beyond this: a straight knee says nothing.
 CLEAR = 0.3

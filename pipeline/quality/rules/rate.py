@@ -13,7 +13,7 @@ from kinemimic.pipeline.arrays import Array
 from kinemimic.pipeline.kinematics.body_points import bend, between, nodes_of
 from kinemimic.pipeline.kinematics.clip import Clip
 from kinemimic.pipeline.kinematics.spans import runs
-from kinemimic.pipeline.quality.defect import Defect
+from kinemimic.pipeline.quality.rules.defect import Defect
 
 # A sprinter's stride takes 0.45 s; a patient's slowest walk hardly more than 2.
 HUMAN = (0.45, 2.5)

@@ -14,7 +14,7 @@ from kinemimic.pipeline.arrays import Array, Mask
 from kinemimic.pipeline.kinematics.clip import Clip
 from kinemimic.pipeline.kinematics.nodes import joints_of_nodes
 from kinemimic.pipeline.kinematics.spans import frame_runs, runs
-from kinemimic.pipeline.quality.defect import Defect, several
+from kinemimic.pipeline.quality.rules.defect import Defect, several
 from kinemimic.pipeline.quality.rules.exchange import exchanged
 
 LIMBS: dict[str, tuple[str, ...]] = {"legs": ("knee", "ankle", "foot"), "arms": ("elbow", "wrist", "hand")}

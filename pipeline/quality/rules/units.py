@@ -6,8 +6,8 @@ import numpy as np
 
 from kinemimic.pipeline.kinematics.body_points import length, median, nodes_of
 from kinemimic.pipeline.kinematics.clip import Clip, scaled
-from kinemimic.pipeline.quality.defect import Defect
-from kinemimic.pipeline.quality.units import LEG_RANGE, NAMED, UNITS, correction, fitting
+from kinemimic.pipeline.quality.rules.defect import Defect
+from kinemimic.pipeline.quality.rules.length_units import LEG_RANGE, NAMED, UNITS, correction, fitting
 
 
 def check(clip: Clip) -> tuple[Clip, list[Defect]]:

@@ -11,7 +11,7 @@ from kinemimic.pipeline.kinematics.body_points import bend, between, nodes_of, p
 from kinemimic.pipeline.kinematics.clip import Clip
 from kinemimic.pipeline.kinematics.rotations import conjugate, from_axis_angle, multiply, rotate
 from kinemimic.pipeline.kinematics.skeleton import NODE_INDEX
-from kinemimic.pipeline.quality.defect import Defect
+from kinemimic.pipeline.quality.rules.defect import Defect
 
 # Trunk and legs within this angle of one line: a body that stands, or lies straight.
 STRAIGHT = np.radians(35.0)

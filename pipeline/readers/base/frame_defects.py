@@ -8,7 +8,7 @@ import numpy as np
 
 from kinemimic.pipeline.arrays import Array, Mask
 from kinemimic.pipeline.kinematics.spans import frame_runs
-from kinemimic.pipeline.quality.defect import Defect, several
+from kinemimic.pipeline.quality.rules.defect import Defect, several
 from kinemimic.pipeline.readers.base.source import Source
 
 # A depth camera sees 8 m far at most; what is ten times beyond that is no measurement.

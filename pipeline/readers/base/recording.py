@@ -11,7 +11,7 @@ from kinemimic.pipeline.arrays import Array, States
 from kinemimic.pipeline.kinematics.clip import Clip
 from kinemimic.pipeline.kinematics.rotations import Y_UP_TO_Z_UP, to_matrix
 from kinemimic.pipeline.kinematics.skeleton import MISSING, TRACKED, Skeleton
-from kinemimic.pipeline.quality.defect import Defect, in_order
+from kinemimic.pipeline.quality.rules.defect import Defect, in_order
 from kinemimic.pipeline.readers.base.format import Format
 
 

@@ -16,7 +16,7 @@ import numpy as np
 from kinemimic.pipeline.arrays import Array
 from kinemimic.pipeline.files.toml_keys import MAX_COLUMNS, Column, Keys, parse_toml
 from kinemimic.pipeline.kinematics.rotations import ORDERS
-from kinemimic.pipeline.quality.units import UNITS
+from kinemimic.pipeline.quality.rules.length_units import UNITS
 from kinemimic.pipeline.readers.custom_table.description import (
     Clock,
     Description,

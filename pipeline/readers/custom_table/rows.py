@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from kinemimic.pipeline.arrays import Array
 from kinemimic.pipeline.files.toml_keys import Column
-from kinemimic.pipeline.quality.defect import Defect
+from kinemimic.pipeline.quality.rules.defect import Defect
 from kinemimic.pipeline.readers.base.frame_defects import in_sequence
 from kinemimic.pipeline.readers.base.source import Source
 from kinemimic.pipeline.readers.custom_table.description import Description, Joint

@@ -10,7 +10,7 @@ import numpy as np
 from kinemimic.pipeline.arrays import Array
 from kinemimic.pipeline.kinematics.nodes import joints_of_nodes
 from kinemimic.pipeline.kinematics.rotations import normalize, rotate
-from kinemimic.pipeline.quality.units import fitting
+from kinemimic.pipeline.quality.rules.length_units import fitting
 from kinemimic.pipeline.readers.custom_table.description_file import LENGTHS, SECONDS
 
 # A recorder's usual step, and the steps between which a unit of time may be right.

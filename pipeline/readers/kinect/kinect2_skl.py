@@ -14,7 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from kinemimic.pipeline.kinematics.clip import Clip
-from kinemimic.pipeline.quality.defect import Defect
+from kinemimic.pipeline.quality.rules.defect import Defect
 from kinemimic.pipeline.readers.base.format import Format
 from kinemimic.pipeline.readers.base.frame_defects import zero_frames
 from kinemimic.pipeline.readers.base.recording import clip_of_points, reading

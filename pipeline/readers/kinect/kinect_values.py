@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from kinemimic.pipeline.arrays import Array
 from kinemimic.pipeline.kinematics.skeleton import INFERRED, MISSING, TRACKED
-from kinemimic.pipeline.quality.defect import Defect
+from kinemimic.pipeline.quality.rules.defect import Defect
 from kinemimic.pipeline.readers.base.frame_defects import in_sequence
 from kinemimic.pipeline.readers.base.numbers import numbers_of, to_number
 from kinemimic.pipeline.readers.base.source import Source

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from kinemimic.pipeline.arrays import Array
-from kinemimic.pipeline.quality.defect import Defect
+from kinemimic.pipeline.quality.rules.defect import Defect
 from kinemimic.pipeline.readers.base.frame_defects import in_sequence, refuse_far
 from kinemimic.pipeline.readers.base.numbers import parse_table
 from kinemimic.pipeline.readers.base.source import Source

@@ -20,8 +20,8 @@ from kinemimic.pipeline.kinematics.clip import Clip
 from kinemimic.pipeline.kinematics.euler import positions_of_channels
 from kinemimic.pipeline.kinematics.rotations import IDENTITY, Y_UP_TO_Z_UP, conjugate, multiply, rotate
 from kinemimic.pipeline.kinematics.skeleton import TRACKED, Skeleton
-from kinemimic.pipeline.quality.defect import Defect
-from kinemimic.pipeline.quality.units import metres_per_unit
+from kinemimic.pipeline.quality.rules.defect import Defect
+from kinemimic.pipeline.quality.rules.length_units import metres_per_unit
 from kinemimic.pipeline.readers.base.format import Format
 from kinemimic.pipeline.readers.base.frame_defects import in_sequence
 from kinemimic.pipeline.readers.base.recording import reading

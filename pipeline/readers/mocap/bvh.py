@@ -14,8 +14,8 @@ from kinemimic.pipeline.kinematics.clip import Clip
 from kinemimic.pipeline.kinematics.euler import local_rotations, positions_of_channels
 from kinemimic.pipeline.kinematics.rotations import Y_UP_TO_Z_UP, angle_between
 from kinemimic.pipeline.kinematics.skeleton import TRACKED, Skeleton
-from kinemimic.pipeline.quality.defect import Defect
-from kinemimic.pipeline.quality.units import metres_per_unit
+from kinemimic.pipeline.quality.rules.defect import Defect
+from kinemimic.pipeline.quality.rules.length_units import metres_per_unit
 from kinemimic.pipeline.readers.base.format import Format
 from kinemimic.pipeline.readers.base.recording import reading
 from kinemimic.pipeline.readers.base.source import Source

@@ -16,8 +16,8 @@ from kinemimic.pipeline.kinematics.clip import Clip
 from kinemimic.pipeline.kinematics.nodes import joints_of_nodes
 from kinemimic.pipeline.kinematics.rotations import IDENTITY, Y_UP_TO_Z_UP, from_axis_angle
 from kinemimic.pipeline.kinematics.skeleton import node_skeleton
-from kinemimic.pipeline.quality.defect import Defect
-from kinemimic.pipeline.quality.units import NAMED, UNITS
+from kinemimic.pipeline.quality.rules.defect import Defect
+from kinemimic.pipeline.quality.rules.length_units import NAMED, UNITS
 from kinemimic.pipeline.readers.base.format import Format
 from kinemimic.pipeline.readers.base.frame_defects import FARTHEST, zero_frames
 from kinemimic.pipeline.readers.base.recording import clip_of_points, reading

@@ -10,8 +10,8 @@ import numpy as np
 
 from kinemimic.pipeline.arrays import Array
 from kinemimic.pipeline.kinematics.nodes import joints_of_nodes
-from kinemimic.pipeline.quality.defect import Defect
-from kinemimic.pipeline.quality.units import LEG_RANGE, correction
+from kinemimic.pipeline.quality.rules.defect import Defect
+from kinemimic.pipeline.quality.rules.length_units import LEG_RANGE, correction
 from kinemimic.pipeline.readers.mocap.marker_names import SIDES, landmarks
 
 # The way from the ASIS over the outside of the knee to the ankle, over thigh plus shank.

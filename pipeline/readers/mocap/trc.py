@@ -16,8 +16,8 @@ from kinemimic.pipeline.arrays import Array
 from kinemimic.pipeline.errors import CaptureError
 from kinemimic.pipeline.kinematics.clip import Clip
 from kinemimic.pipeline.kinematics.rotations import from_axis_angle
-from kinemimic.pipeline.quality.defect import Defect
-from kinemimic.pipeline.quality.units import NAMED, UNITS
+from kinemimic.pipeline.quality.rules.defect import Defect
+from kinemimic.pipeline.quality.rules.length_units import NAMED, UNITS
 from kinemimic.pipeline.readers.base.format import Format
 from kinemimic.pipeline.readers.base.frame_defects import in_sequence, refuse_far
 from kinemimic.pipeline.readers.base.numbers import Table, numbers_of, parse_table

@@ -13,7 +13,7 @@ import numpy as np
 
 from kinemimic.pipeline.kinematics.clip import Clip
 from kinemimic.pipeline.kinematics.rotations import Y_UP_TO_Z_UP
-from kinemimic.pipeline.quality.defect import Defect
+from kinemimic.pipeline.quality.rules.defect import Defect
 from kinemimic.pipeline.readers.base.absolute_orientations import child_to_parent
 from kinemimic.pipeline.readers.base.format import Format
 from kinemimic.pipeline.readers.base.frame_defects import refuse_far

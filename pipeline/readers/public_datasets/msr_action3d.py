@@ -13,7 +13,7 @@ import numpy as np
 from kinemimic.pipeline.arrays import Array
 from kinemimic.pipeline.kinematics.clip import Clip
 from kinemimic.pipeline.kinematics.skeleton import INFERRED, NODE_INDEX, NODES, TRACKED, node_skeleton
-from kinemimic.pipeline.quality.units import LEG_RANGE
+from kinemimic.pipeline.quality.rules.length_units import LEG_RANGE
 from kinemimic.pipeline.readers.base.body_size import upright
 from kinemimic.pipeline.readers.base.format import Format
 from kinemimic.pipeline.readers.base.frame_defects import zero_frames

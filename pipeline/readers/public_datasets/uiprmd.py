@@ -16,7 +16,7 @@ from kinemimic.pipeline.kinematics.clip import Clip
 from kinemimic.pipeline.kinematics.euler import positions_of_channels
 from kinemimic.pipeline.kinematics.rotations import Y_UP_TO_Z_UP
 from kinemimic.pipeline.kinematics.skeleton import TRACKED, Skeleton
-from kinemimic.pipeline.quality.defect import Defect
+from kinemimic.pipeline.quality.rules.defect import Defect
 from kinemimic.pipeline.readers.base.format import Format
 from kinemimic.pipeline.readers.base.frame_defects import refuse_far
 from kinemimic.pipeline.readers.base.numbers import Table, parse_table

@@ -19,7 +19,7 @@ from kinemimic.pipeline.files.store import read_clip, read_json
 from kinemimic.pipeline.ingest import ingest
 from kinemimic.pipeline.kinematics.skeleton import TRACKED
 from kinemimic.pipeline.quality.examine import examine
-from kinemimic.pipeline.quality.units import NAMED, SPELT
+from kinemimic.pipeline.quality.rules.length_units import NAMED, SPELT
 from kinemimic.pipeline.readers.recognise import read
 from kinemimic.pipeline.writers.skl import write_skl
 

@@ -14,8 +14,8 @@ from kinemimic.pipeline.kinematics.clip import Clip, scaled
 from kinemimic.pipeline.kinematics.rotations import IDENTITY, from_axis_angle
 from kinemimic.pipeline.kinematics.skeleton import NODES, Skeleton, node_skeleton
 from kinemimic.pipeline.quality.acquire import acquire
-from kinemimic.pipeline.quality.defect import RULES, Defect
 from kinemimic.pipeline.quality.examine import examine, plan
+from kinemimic.pipeline.quality.rules.defect import RULES, Defect
 from kinemimic.pipeline.quality.rules.upright import turned
 from kinemimic.pipeline.readers.base.recording import clip_of_points, reading
 from kinemimic.pipeline.readers.kinect.nui_skl import FORMAT

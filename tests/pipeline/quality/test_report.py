@@ -14,8 +14,8 @@ from kinemimic.pipeline.filters.clean import clean
 from kinemimic.pipeline.kinematics.clip import Clip
 from kinemimic.pipeline.kinematics.skeleton import NODE_INDEX
 from kinemimic.pipeline.quality.acquire import acquire, in_passes
-from kinemimic.pipeline.quality.defect import Defect
 from kinemimic.pipeline.quality.report import quality, table
+from kinemimic.pipeline.quality.rules.defect import Defect
 
 Build = Callable[..., Clip]
 READING = {"units": "m", "units_rule": "the format's", "notes": [], "defects": []}

@@ -11,7 +11,7 @@ import pytest
 from kinemimic.pipeline.arrays import Array
 from kinemimic.pipeline.errors import CaptureError
 from kinemimic.pipeline.kinematics.rotations import from_euler, to_matrix
-from kinemimic.pipeline.quality.units import metres_per_unit
+from kinemimic.pipeline.quality.rules.length_units import metres_per_unit
 from kinemimic.pipeline.readers.base.source import Source
 from kinemimic.pipeline.readers.mocap import bvh as reader
 from kinemimic.pipeline.readers.mocap.bvh_text import MAX_DEPTH, parse

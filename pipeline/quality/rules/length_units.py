@@ -12,7 +12,7 @@ from kinemimic.pipeline.arrays import Array
 from kinemimic.pipeline.errors import CaptureError, KinemimicError
 from kinemimic.pipeline.kinematics.nodes import joints_of_nodes
 from kinemimic.pipeline.kinematics.proportions import SHANK, THIGH
-from kinemimic.pipeline.quality.defect import Defect
+from kinemimic.pipeline.quality.rules.defect import Defect
 
 # Units in use, in metres. "CMU" is the inch of the CMU library divided by the 0.45 of its skeleton files.
 UNITS: dict[str, float] = {
