@@ -11,7 +11,7 @@ import click
 import numpy as np
 from rich.console import Console
 
-from kinemimic.pipeline.cli.options import run_option
+from kinemimic.pipeline.cli.options import json_option, run_option
 from kinemimic.pipeline.files.provenance import provenance
 from kinemimic.pipeline.files.store import file_hash, read_clip, read_json, write_clip, write_json
 from kinemimic.pipeline.kinematics.clip import Clip
@@ -97,7 +97,7 @@ def on_nodes(clip: Clip) -> Clip:
 
 @click.command()
 @run_option()
-@click.option("--json", "as_json", is_flag=True, help="Print the gimbal report as JSON.")
+@json_option("Print the gimbal report as JSON.")
 def command(run: Path, as_json: bool) -> None:
     """Turn the run's clip into quaternions and report where its Euler angles come near gimbal lock.
 

@@ -10,7 +10,7 @@ from typing import Any
 import click
 from rich.console import Console
 
-from kinemimic.pipeline.cli.options import run_option, unit_option
+from kinemimic.pipeline.cli.options import json_option, run_option, unit_option
 from kinemimic.pipeline.errors import CaptureError, KinemimicError
 from kinemimic.pipeline.files.provenance import provenance
 from kinemimic.pipeline.files.sidecars import note_path, read_note, read_truth, truth_path
@@ -76,7 +76,7 @@ def ingest(capture: Path, run: Path, *, filter_name: str | None = None, unit: st
     help="What takes out the noise; by default the Kalman smoother.",
 )
 @unit_option("The file's unit of length; by default as its format or the body in it says.")
-@click.option("--json", "as_json", is_flag=True, help="Print the quality report as JSON.")
+@json_option("Print the quality report as JSON.")
 def command(
     capture: Path | None, run: Path, filter_name: str | None, unit: str | None, as_json: bool
 ) -> None:

@@ -9,7 +9,7 @@ from typing import Any
 
 import click
 
-from kinemimic.pipeline.cli.options import run_option
+from kinemimic.pipeline.cli.options import json_option, run_option
 from kinemimic.pipeline.convert import on_nodes
 from kinemimic.pipeline.errors import KinemimicError
 from kinemimic.pipeline.files.provenance import provenance
@@ -221,7 +221,7 @@ def _measures(closed: dict[str, Any], final: dict[str, Any]) -> list[str]:
     default=None,
     help="One loop of all strides, or the longest pass as recorded; by default a loop where somebody walks.",
 )
-@click.option("--json", "as_json", is_flag=True, help="Print gait.json.")
+@json_option("Print gait.json.")
 def command(
     run: Path, symmetric: bool | None, refined: bool, ankle: Ankle, loop: bool | None, as_json: bool
 ) -> None:

@@ -13,7 +13,7 @@ from typing import Any
 import click
 import torch
 
-from kinemimic.pipeline.cli.options import run_option
+from kinemimic.pipeline.cli.options import json_option, run_option
 from kinemimic.pipeline.errors import KinemimicError
 from kinemimic.pipeline.files.provenance import provenance
 from kinemimic.retarget.formats.motion_json import motion_from_json
@@ -201,7 +201,7 @@ def _record(training: Training, motion: Motion, engine: str) -> dict[str, Any]:
 )
 @click.option("--anyway", is_flag=True, help="Train on a motion that the gate before training refuses.")
 @click.option("--scenario", "named", metavar="NAME", help="Train in it: one that ships, or a TOML file.")
-@click.option("--json", "as_json", is_flag=True, help="Print the policy's record as JSON.")
+@json_option("Print the policy's record as JSON.")
 def command(
     run: Path,
     preset_name: str,

@@ -19,6 +19,7 @@ from kinemimic.evaluate.compare.ledger import Ledger, Watcher, alone
 from kinemimic.evaluate.compare.table import tables
 from kinemimic.evaluate.compare.task import MOTION, Task, about
 from kinemimic.evaluate.compare.variants import SEARCH, ablation, search
+from kinemimic.pipeline.cli.options import json_option
 from kinemimic.pipeline.cli.progress import bars
 from kinemimic.pipeline.cli.terminal import show
 from kinemimic.pipeline.errors import KinemimicError
@@ -159,7 +160,7 @@ def _limit(context: click.Context, parameter: click.Parameter, values: tuple[str
 @click.option("--anyway", is_flag=True, help="Train also on motions that the gate before training refuses.")
 @click.option("--publish", "ships", type=click.Path(path_type=Path, file_okay=False),
               help="Put here what `study` reads: results, of each variant the middle seed.")  # fmt: skip
-@click.option("--json", "as_json", is_flag=True, help="Print compare.json.")
+@json_option("Print compare.json.")
 def command(
     tasks: tuple[str, ...],
     presets: tuple[str, ...],

@@ -13,6 +13,7 @@ import click
 
 from kinemimic.evaluate.export.subject import SUBJECTS, Subject, of_mcap, of_run
 from kinemimic.evaluate.policies.shipped import POLICY, run_options
+from kinemimic.pipeline.cli.options import json_option
 from kinemimic.pipeline.cli.terminal import grid, show
 from kinemimic.pipeline.errors import KinemimicError
 from kinemimic.pipeline.files.provenance import provenance
@@ -137,7 +138,7 @@ def _write_onnx(path: Path, policy: Path) -> str:
     help="A motion of ours in MCAP, in place of a run.",
 )
 @click.option("--recover", is_flag=True, help="Take what is left of a damaged --from.")
-@click.option("--json", "as_json", is_flag=True, help="Print the list of files as JSON.")
+@json_option("Print the list of files as JSON.")
 def command(
     run: Path,
     what: tuple[str, ...],

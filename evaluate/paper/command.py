@@ -21,6 +21,7 @@ from kinemimic.evaluate.paper.page import study_page
 from kinemimic.evaluate.paper.plan import AHEAD, ROOM, SCENARIOS, contenders, taking_part
 from kinemimic.evaluate.paper.processing_times import measured_on, processing_times
 from kinemimic.evaluate.paper.room_walks import rooms
+from kinemimic.pipeline.cli.options import json_option
 from kinemimic.pipeline.cli.picture import save
 from kinemimic.pipeline.cli.progress import progress
 from kinemimic.pipeline.cli.terminal import grid, show
@@ -153,7 +154,7 @@ def table(content: Row) -> RenderableType:
 @click.option("--seed", type=click.IntRange(min=0), default=0, show_default=True, help="Of what befalls.")
 @workers_option
 @engine_option
-@click.option("--json", "as_json", is_flag=True, help="Print study.json.")
+@json_option("Print study.json.")
 def command(
     folder: Path,
     out: Path,

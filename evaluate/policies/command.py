@@ -10,6 +10,7 @@ import click
 
 from kinemimic.evaluate.policies.recipe import POLICIES, recipes
 from kinemimic.evaluate.policies.shipped import MOTION, POLICY, RECORD, SCORES, shipped
+from kinemimic.pipeline.cli.options import json_option
 from kinemimic.pipeline.cli.terminal import grid, number, show
 from kinemimic.pipeline.files.store import read_json
 from kinemimic.train.rollout.policy import read_record
@@ -31,7 +32,7 @@ def summary(name: str, folder: Path) -> dict[str, Any]:
 
 
 @click.command("policies")
-@click.option("--json", "as_json", is_flag=True, help="Print the list as JSON.")
+@json_option("Print the list as JSON.")
 def command(as_json: bool) -> None:
     """The policies that ship, for `--policy` of evaluate, view, export, pushes and disturb.
 

@@ -12,6 +12,7 @@ from rich.console import RenderableType
 
 from kinemimic.evaluate.policies.shipped import run_options
 from kinemimic.evaluate.robustness.scenario_trials import RECOVERED, conduct_all, figures, in_tasks
+from kinemimic.pipeline.cli.options import json_option
 from kinemimic.pipeline.cli.progress import progress
 from kinemimic.pipeline.cli.terminal import grid, number, percent, show
 from kinemimic.pipeline.errors import KinemimicError
@@ -118,7 +119,7 @@ def _list(told: Mapping[str, str]) -> RenderableType:
 )
 @workers_option
 @engine_option
-@click.option("--json", "as_json", is_flag=True, help="Print the results, or the list, as JSON.")
+@json_option("Print the results, or the list, as JSON.")
 def command(
     run: Path,
     scenarios: tuple[str, ...],

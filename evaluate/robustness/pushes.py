@@ -28,6 +28,7 @@ from kinemimic.evaluate.robustness.push_trials import (
     push_all_ways,
     push_phases,
 )
+from kinemimic.pipeline.cli.options import json_option
 from kinemimic.pipeline.cli.progress import progress
 from kinemimic.pipeline.files.provenance import provenance
 from kinemimic.pipeline.files.store import file_hash, write_json
@@ -148,7 +149,7 @@ def _force(newton: float) -> str:
 @run_options()
 @workers_option
 @engine_option
-@click.option("--json", "as_json", is_flag=True, help="Print pushes.json.")
+@json_option("Print pushes.json.")
 def command(run: Path, workers: int | None, engine: str, as_json: bool) -> None:
     """How hard a push the run's policy, or one that ships, survives: 0.2 s on the pelvis.
 

@@ -18,6 +18,7 @@ from kinemimic.evaluate.scoring.report import LABELS, PAPER_FIT, PAPER_GAP_DEG, 
 from kinemimic.evaluate.scoring.scores import compose
 from kinemimic.pipeline.arrays import Array
 from kinemimic.pipeline.cli.html import number
+from kinemimic.pipeline.cli.options import json_option
 from kinemimic.pipeline.cli.progress import progress
 from kinemimic.pipeline.files.provenance import provenance
 from kinemimic.pipeline.files.store import file_hash, write_json, write_text
@@ -156,7 +157,7 @@ def table(scores: dict[str, Any], run: Path) -> RenderableType:
 @run_options()
 @workers_option
 @engine_option
-@click.option("--json", "as_json", is_flag=True, help="Print scores.json.")
+@json_option("Print scores.json.")
 def command(run: Path, workers: int | None, engine: str, as_json: bool) -> None:
     """Let the run's policy, or one that ships, perform; score it against reference, capture and truth.
 

@@ -16,7 +16,7 @@ from rich.text import Text
 from kinemimic.evaluate.scoring.gait_page import ROWS, cell, gait_page, notes
 from kinemimic.evaluate.scoring.gait_report import compare
 from kinemimic.evaluate.scoring.gait_sources import Walker, captured
-from kinemimic.pipeline.cli.options import run_option
+from kinemimic.pipeline.cli.options import json_option, run_option
 from kinemimic.pipeline.errors import KinemimicError
 from kinemimic.pipeline.files.provenance import provenance
 from kinemimic.pipeline.files.store import file_hash, write_json, write_text
@@ -89,7 +89,7 @@ def table(report: Mapping[str, Any], run: Path) -> RenderableType:
 
 @click.command("gait")
 @run_option()
-@click.option("--json", "as_json", is_flag=True, help="Print gait_report.json.")
+@json_option("Print gait_report.json.")
 def command(run: Path, as_json: bool) -> None:
     """The gait of a run's capture, reference and simulation, whichever are there, over what is normal.
 

@@ -28,6 +28,7 @@ from kinemimic.evaluate.view.scene import (
     log_scenes,
     set_apart,
 )
+from kinemimic.pipeline.cli.options import json_option
 from kinemimic.pipeline.files.store import atomic, content_hash, read_json
 from kinemimic.retarget.formats.motion_json import motion_from_json
 from kinemimic.train.config.config import TrainConfig
@@ -134,7 +135,7 @@ def _evaluate_if_needed(run: Path) -> None:
 @click.option("--scenario", "named", metavar="NAME", help="A trial of it into view-NAME.rrd.")
 @click.option("--trial", "number", type=click.IntRange(min=0), default=0, show_default=True, help="Which.")
 @click.option("--seed", type=click.IntRange(min=0), default=0, show_default=True, help="Of the trials.")
-@click.option("--json", "as_json", is_flag=True, help="Print the paths as JSON.")
+@json_option("Print the paths as JSON.")
 def command(
     run: Path,
     picture: Path | None,

@@ -14,6 +14,7 @@ from kinemimic.evaluate.policies.recipe import POLICIES, Recipe, recipes, record
 from kinemimic.evaluate.policies.shipped import MOTION, POLICY, RECORD, SCORES, gist
 from kinemimic.evaluate.workflow.run import run as run_stages
 from kinemimic.pipeline.catalog.place import captures_folder
+from kinemimic.pipeline.cli.options import json_option
 from kinemimic.pipeline.errors import KinemimicError
 from kinemimic.pipeline.files.store import copy_file, file_hash, read_json, write_json
 from kinemimic.train.sim.engines import ENGINES
@@ -153,7 +154,7 @@ def reproduce(
     help="Each is written into a folder of its name below this one.",
 )
 @click.option("--engine", type=click.Choice(ENGINES), help="Native where it is built.")
-@click.option("--json", "as_json", is_flag=True, help="Print the folders that were written as JSON.")
+@json_option("Print the folders that were written as JSON.")
 def command(
     only: tuple[str, ...],
     runs: Path,

@@ -19,7 +19,7 @@ import click
 
 from kinemimic.evaluate.workflow.ledger import Ledger, made_from
 from kinemimic.pipeline.cli.main import load_command
-from kinemimic.pipeline.cli.options import run_option, unit_option
+from kinemimic.pipeline.cli.options import json_option, run_option, unit_option
 from kinemimic.pipeline.files.sidecars import note_path, truth_path
 from kinemimic.pipeline.files.store import read_json
 from kinemimic.train.config.budget import MINUTES, samples
@@ -190,7 +190,7 @@ def _say(text: str, *, quiet: bool, bold: bool = False) -> None:
 @click.option("--seed", type=click.IntRange(min=0), help="Of `train`.")
 @click.option("--engine", type=click.Choice(ENGINES), help="Of `train` and `evaluate`.")
 @click.option("--anyway", is_flag=True, help="Of `train`: also on a motion that its gate refuses.")
-@click.option("--json", "as_json", is_flag=True, help="Print what was run and the scores as JSON.")
+@json_option("Print what was run and the scores as JSON.")
 def command(
     capture: Path | None,
     folder: Path,

@@ -17,6 +17,7 @@ import click
 from kinemimic.evaluate.policies.recipe import POLICIES
 from kinemimic.evaluate.policies.shipped import SCORES, unpack
 from kinemimic.evaluate.scoring.command import evaluate
+from kinemimic.pipeline.cli.options import json_option
 from kinemimic.pipeline.errors import KinemimicError
 from kinemimic.pipeline.files.store import read_json, write_json
 from kinemimic.pipeline.gait.curve_metrics import JOINTS
@@ -70,7 +71,7 @@ def _told(value: float | None) -> str:
 @params_option
 @workers_option
 @engine_option
-@click.option("--json", "as_json", is_flag=True, help="Print the scores.")
+@json_option("Print the scores.")
 def command(policy: str, path: Path, workers: int | None, engine: str, as_json: bool) -> None:
     """Have POLICY, which ships, perform again, and write its scores if they are those on record.
 

@@ -12,6 +12,7 @@ import click
 
 from kinemimic.pipeline.catalog.entry import Catalog, Collection, Entry
 from kinemimic.pipeline.catalog.load import NONE, SCHEMA, parse_catalog
+from kinemimic.pipeline.cli.options import json_option
 from kinemimic.pipeline.errors import CaptureError, KinemimicError
 from kinemimic.pipeline.files.store import atomic, file_hash
 from kinemimic.pipeline.files.toml_text import quoted
@@ -193,7 +194,7 @@ def _unwritable(catalog: Path) -> KinemimicError:
 @click.option("--title", help="What the collection is, in a few words.")
 @click.option("--sensor", help="By default what the file's format is recorded with.")
 @click.option("--shows", help="What is to be seen, and what to look out for.")
-@click.option("--json", "as_json", is_flag=True, help="Print the entry as JSON.")
+@json_option("Print the entry as JSON.")
 def command(file: Path, catalog: Path, collection: str, as_json: bool, **told: str | None) -> None:
     """Write a FILE that is here into a catalogue of one's own: size, SHA-256, format and frame rate.
 

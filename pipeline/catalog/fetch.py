@@ -18,6 +18,7 @@ from kinemimic.pipeline.catalog.download import Download, Patience, UnreachableE
 from kinemimic.pipeline.catalog.entry import HOST, Entry, collections_of
 from kinemimic.pipeline.catalog.load import CATALOG, load_catalog
 from kinemimic.pipeline.catalog.place import captures_folder, place_of
+from kinemimic.pipeline.cli.options import json_option
 from kinemimic.pipeline.cli.progress import progress
 from kinemimic.pipeline.errors import KinemimicError
 from kinemimic.pipeline.files.store import file_hash
@@ -157,7 +158,7 @@ def _retrieve(entry: Entry, path: Path, url: str, downloader: Download | _Copy) 
     help=f"A folder with COLLECTION/FILE within, or what to put for {HOST}.",
 )
 @options.catalog
-@click.option("--json", "as_json", is_flag=True, help="Print paths, failures and what was replaced as JSON.")
+@json_option("Print paths, failures and what was replaced as JSON.")
 @click.pass_context
 def command(
     ctx: click.Context,

@@ -14,6 +14,7 @@ from kinemimic.pipeline.catalog import options
 from kinemimic.pipeline.catalog.entry import Collection, Entry, collections_of
 from kinemimic.pipeline.catalog.load import CATALOG, load_catalog
 from kinemimic.pipeline.catalog.place import captures_folder, is_here
+from kinemimic.pipeline.cli.options import json_option
 from kinemimic.pipeline.cli.terminal import facts, grid, show
 
 _WORD = 12  # characters: the longest word of a column that wraps
@@ -23,7 +24,7 @@ _WORD = 12  # characters: the longest word of a column that wraps
 @click.argument("patterns", nargs=-1, metavar="[PATTERN]...")
 @options.folder("--in")
 @options.catalog
-@click.option("--json", "as_json", is_flag=True, help="Print the list as JSON.")
+@json_option("Print the list as JSON.")
 def command(patterns: tuple[str, ...], folder: Path | None, catalog_file: Path | None, as_json: bool) -> None:
     """List the recordings of the catalogue, or those that names or patterns mean ("kinect2_*", r2.skl).
 

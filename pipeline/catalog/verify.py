@@ -13,6 +13,7 @@ from kinemimic.pipeline.catalog import options
 from kinemimic.pipeline.catalog.entry import Catalog, Entry, collections_of
 from kinemimic.pipeline.catalog.load import CATALOG, load_catalog
 from kinemimic.pipeline.catalog.place import captures_folder
+from kinemimic.pipeline.cli.options import json_option
 from kinemimic.pipeline.cli.progress import progress
 from kinemimic.pipeline.errors import KinemimicError
 from kinemimic.pipeline.files.store import file_hash
@@ -86,7 +87,7 @@ def _unknown(catalog: Catalog, entries: Sequence[Entry], folder: Path) -> list[s
 @click.option("--all", "everything", is_flag=True, help="All of the catalogue has to be there.")
 @options.folder("--in")
 @options.catalog
-@click.option("--json", "as_json", is_flag=True, help="Print what was found as JSON.")
+@json_option("Print what was found as JSON.")
 @click.pass_context
 def command(
     ctx: click.Context,

@@ -5,11 +5,13 @@ from __future__ import annotations
 import os
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 import click
 
 from kinemimic.pipeline.errors import KinemimicError
+
+Command = TypeVar("Command", bound=Callable[..., Any])
 
 DEFAULT_RUN = Path("runs/default")
 # As in captures/units.py, which is not loaded for --help.
@@ -30,7 +32,7 @@ class RunFolder(click.Path):
         return run
 
 
-def run_option(name: str = "run") -> Callable[[Callable[..., Any]], Callable[..., Any]]:
+def run_option(name: str = "run") -> Callable[[Command], Command]:
     """--run, a path, handed to the command's function as `name`."""
     return click.option(
         "--run",
@@ -42,6 +44,13 @@ def run_option(name: str = "run") -> Callable[[Callable[..., Any]], Callable[...
     )
 
 
-def unit_option(text: str) -> Callable[[Callable[..., Any]], Callable[..., Any]]:
+def unit_option(text: str) -> Callable[[Command], Command]:
     """--unit, a length unit by its short name or None."""
     return click.option("--unit", type=click.Choice(UNITS), help=text)
+
+
+def json_option(
+    text: str = "Print the result as JSON.",
+) -> Callable[[Command], Command]:
+    """--json, a flag, handed to the command's function as `as_json`."""
+    return click.option("--json", "as_json", is_flag=True, help=text)

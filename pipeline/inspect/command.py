@@ -12,7 +12,7 @@ from typing import Any
 import click
 
 from kinemimic.pipeline.cli.main import BAD_INPUT, INTERRUPTED
-from kinemimic.pipeline.cli.options import unit_option
+from kinemimic.pipeline.cli.options import json_option, unit_option
 from kinemimic.pipeline.cli.progress import progress
 from kinemimic.pipeline.cli.terminal import show
 from kinemimic.pipeline.errors import CaptureError, KinemimicError
@@ -30,7 +30,7 @@ from kinemimic.pipeline.readers.base.source import Source
     type=click.Path(path_type=Path, dir_okay=False),
     help="Write the curves of the first 40 to this page (HTML).",
 )
-@click.option("--json", "as_json", is_flag=True, help="Print everything as JSON.")
+@json_option("Print everything as JSON.")
 @click.option("--files", "by_file", is_flag=True, help="A row for each file, not only for each folder.")
 @click.option("--suggest", is_flag=True, help="Only draft a description (TOML) of one file's own columns.")
 @unit_option("The files' unit of length; by default as their format or the body in them says.")

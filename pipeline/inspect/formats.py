@@ -7,12 +7,13 @@ import json
 import click
 from rich.table import Table
 
+from kinemimic.pipeline.cli.options import json_option
 from kinemimic.pipeline.cli.terminal import show
 from kinemimic.pipeline.readers.recognise import formats
 
 
 @click.command()
-@click.option("--json", "as_json", is_flag=True, help="Print the list as JSON.")
+@json_option("Print the list as JSON.")
 def command(as_json: bool) -> None:
     """List the capture formats that can be read.
 

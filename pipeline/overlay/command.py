@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from kinemimic.pipeline.arrays import Array
+from kinemimic.pipeline.cli.options import json_option
 from kinemimic.pipeline.cli.progress import progress
 from kinemimic.pipeline.errors import CaptureError, KinemimicError
 from kinemimic.pipeline.files.store import read_clip
@@ -142,7 +143,7 @@ def _colours(recording: Recording, colours: dict[int, Path]) -> Iterator[Image]:
     "--out", type=click.Path(path_type=Path, dir_okay=False), default=Path("overlay.mp4"), show_default=True,
     help="An .mp4 or .avi file.",
 )  # fmt: skip
-@click.option("--json", "as_json", is_flag=True, help="Print what was drawn as JSON.")
+@json_option("Print what was drawn as JSON.")
 def command(folder: Path, run: Path | None, view: str | None, out: Path, as_json: bool) -> None:
     """Draw the 20 nodes of the depth recording in FOLDER into its frames, as a video.
 

@@ -7,6 +7,7 @@ from pathlib import Path
 
 import click
 
+from kinemimic.pipeline.cli.options import json_option
 from kinemimic.pipeline.virtual_kinect.recorder import record_virtual
 
 
@@ -14,7 +15,7 @@ from kinemimic.pipeline.virtual_kinect.recorder import record_virtual
 @click.argument("motions", nargs=-1, required=True, type=click.Choice(["walk", "run"]), metavar="walk|run...")
 @click.option("--into", type=click.Path(path_type=Path, file_okay=False), required=True, help="Folder.")
 @click.option("--seed", type=click.IntRange(min=0), default=0, show_default=True, help="Of noise and passes.")
-@click.option("--json", "as_json", is_flag=True, help="Print the paths as JSON.")
+@json_option("Print the paths as JSON.")
 def command(motions: tuple[str, ...], into: Path, seed: int, as_json: bool) -> None:
     """Let a virtual Kinect film a real person's walk or run: as .skl, as BVH with Euler angles, and beside
     each its truth and how it was made. Marked as simulated wherever it is shown.

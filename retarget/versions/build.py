@@ -10,6 +10,7 @@ from tempfile import TemporaryDirectory
 import click
 import numpy as np
 
+from kinemimic.pipeline.cli.options import json_option
 from kinemimic.pipeline.convert import convert
 from kinemimic.pipeline.files.canonical import Canonical
 from kinemimic.pipeline.files.store import read_clip
@@ -80,7 +81,7 @@ def place(params: Params, root: Path, name: str, file: str) -> Path:
 @click.option("--through", type=click.Choice(list(STAGES)), default=LAST, show_default=True,
               help="The last stage; what it makes is written.")  # fmt: skip
 @params_option
-@click.option("--json", "as_json", is_flag=True, help="Print path and content hash as JSON.")
+@json_option("Print path and content hash as JSON.")
 def command(name: str, through: str, path: Path, as_json: bool) -> None:
     """Make one of the data set's captures, NAME, and write what a stage came to as canonical arrays.
 

@@ -9,6 +9,7 @@ from pathlib import Path
 
 import click
 
+from kinemimic.pipeline.cli.options import json_option
 from kinemimic.pipeline.cli.progress import progress
 from kinemimic.pipeline.errors import KinemimicError
 from kinemimic.pipeline.files.canonical import Canonical
@@ -124,7 +125,7 @@ def _what(before: Canonical, after: Canonical) -> str:
 @click.command("check")
 @params_option
 @click.option("--against", metavar="COMMIT", help="Whose data of the same version have to be the same.")
-@click.option("--json", "as_json", is_flag=True, help="Print what is wrong as JSON.")
+@json_option("Print what is wrong as JSON.")
 def command(path: Path, against: str | None, as_json: bool) -> None:
     """Whether the data set in the current folder is what its manifest says: raw files by SHA-256, and what is
     made of them today, number by number. Exit status 1, and a line for everything that is wrong.

@@ -12,6 +12,7 @@ import click
 import numpy as np
 
 from kinemimic.pipeline.arrays import Array
+from kinemimic.pipeline.cli.options import json_option
 from kinemimic.pipeline.cli.terminal import grid, show
 from kinemimic.pipeline.errors import KinemimicError
 from kinemimic.pipeline.files.canonical import FORMAT, Canonical
@@ -174,7 +175,7 @@ def _amount(change: Change) -> str:
 @click.command("diff")
 @click.argument("before", type=click.Path(path_type=Path))
 @click.argument("after", type=click.Path(path_type=Path))
-@click.option("--json", "as_json", is_flag=True, help="Print every change as JSON.")
+@json_option("Print every change as JSON.")
 def command(before: Path, after: Path, as_json: bool) -> None:
     """What changed from BEFORE to AFTER as motion: joints, degrees, millimetres, frames.
 

@@ -11,6 +11,7 @@ from typing import Any
 
 import click
 
+from kinemimic.pipeline.cli.options import json_option
 from kinemimic.pipeline.errors import KinemimicError
 from kinemimic.pipeline.files.canonical import Canonical
 from kinemimic.pipeline.files.schema import upgraded
@@ -136,7 +137,7 @@ def unsaid(version: int, root: Path) -> str | None:
 
 @click.command("lock")
 @params_option
-@click.option("--json", "as_json", is_flag=True, help="Print the manifest.")
+@json_option("Print the manifest.")
 def command(path: Path, as_json: bool) -> None:
     """Write the manifest of the data set that is built in the current folder.
 

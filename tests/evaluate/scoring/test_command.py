@@ -65,7 +65,7 @@ def acted(run, walk, performance, monkeypatch):
         return performance(len(start_phases), frames, offset=0.05, fall=None if policy else 20)
 
     write_inputs(run, walk)
-    monkeypatch.setattr(stage, "perform", collect_trajectories)
+    monkeypatch.setattr(stage, "collect_trajectories", collect_trajectories)
     # Drawing takes seconds and has its own tests.
     monkeypatch.setattr(stage, "report", lambda *_: "<!doctype html>")
     return run

@@ -9,14 +9,14 @@ from kinemimic.pipeline.kinematics.clip import forward_kinematics
 from kinemimic.pipeline.kinematics.skeleton import NODE_INDEX as N
 from kinemimic.pipeline.readers.mocap.deepmimic import read_deepmimic, stock_motion
 from kinemimic.pipeline.virtual_kinect.sdk_orientation import calibrate, hold, joint_rotations
-from kinemimic.pipeline.virtual_kinect.subject import close_loop, collect_trajectories
+from kinemimic.pipeline.virtual_kinect.subject import close_loop, perform
 
 
 @pytest.fixture(scope="module")
 def joints() -> np.ndarray:
     gait = close_loop(read_deepmimic(stock_motion("walk")))
     elapsed = np.arange(0.0, gait.period, 1 / 30)
-    return collect_trajectories(gait, elapsed, start=np.array([4.0, 0.0]), heading=2.6, phase=0.0).joints
+    return perform(gait, elapsed, start=np.array([4.0, 0.0]), heading=2.6, phase=0.0).joints
 
 
 def test_from_perfect_joints_the_skeleton_stands_on_them_again(joints: np.ndarray) -> None:
