@@ -34,11 +34,11 @@ class PlainPPO:
     def __init__(self, learner: PpoAlgorithm) -> None:
         c = self.config = learner.config
         self.actor, self.critic = sequential(learner.net.actor), sequential(learner.net.critic)
-        self.log_noise = learner.net.log_noise.clone().requires_grad_(c.learn_noise)
+        self.log_std = learner.net.log_std.clone().requires_grad_(c.learn_action_std)
         self.normalizer = copy.deepcopy(learner.normalizer)
         self.random = copy.deepcopy(learner.random)
         self.progress = replace(learner.progress)
-        moved = [*self.actor.parameters(), *([self.log_noise] if c.learn_noise else [])]
+        moved = [*self.actor.parameters(), *([self.log_std] if c.learn_action_std else [])]
         self.actor_optimizer = torch.optim.Adam(moved, c.actor_rate)
         self.critic_optimizer = torch.optim.Adam(self.critic.parameters(), c.critic_rate)
 
@@ -48,7 +48,7 @@ class PlainPPO:
         observations = self.normalizer.apply(samples.observations.reshape(rows, -1))
         actions = torch.from_numpy(samples.actions.reshape(rows, -1))
         with torch.no_grad():
-            mean_old, log_old = self.actor(observations), self.log_noise.detach().clone()
+            mean_old, log_old = self.actor(observations), self.log_std.detach().clone()
             values = self.critic(observations).numpy().reshape(samples.terminated.shape)
             after = self.critic(self.normalizer.apply(samples.final.reshape(rows, -1))).numpy()
         following = np.where(samples.terminated, 0.0, after.reshape(values.shape)).astype(np.float32)
@@ -60,16 +60,16 @@ class PlainPPO:
         for _ in range(c.epochs):
             for part in torch.split(torch.from_numpy(self.random.permutation(rows)), c.minibatch):
                 mean = self.actor(observations[part])
-                ratio = (log_density(actions[part], mean, self.log_noise) - density[part]).exp()
+                ratio = (log_density(actions[part], mean, self.log_std) - density[part]).exp()
                 gained = ratio * gain[part]
                 if c.clip is not None:
                     gained = torch.minimum(gained, ratio.clamp(1 - c.clip, 1 + c.clip) * gain[part])
                 loss = -gained.mean()
                 if c.kl_penalty:
-                    kl = divergence(mean_old[part], log_old, mean, self.log_noise)
+                    kl = divergence(mean_old[part], log_old, mean, self.log_std)
                     loss = loss + self.progress.penalty * kl.mean()
-                if c.learn_noise:
-                    loss = loss - self.progress.entropy * self.log_noise.sum()
+                if c.learn_action_std:
+                    loss = loss - self.progress.entropy * self.log_std.sum()
                 self._descend(loss, self.actor, self.actor_optimizer)
                 error = self.critic(observations[part])[:, 0] - returns[part]
                 self._descend(0.5 * error.square().mean(), self.critic, self.critic_optimizer)

@@ -259,8 +259,8 @@ DAMAGED: dict[str, Callable[[dict[str, Any], dict[str, Any]], object]] = {
     "samples in words": lambda a, r: r["progress"].update(samples="x"),
     "no random": lambda a, r: r.update(random={}),
     "a list for settings": lambda a, r: r.update(config=[]),
-    "a number for trials": lambda a, r: r.update(trials=5),
-    "a trial in words": lambda a, r: r["evaluations"][0].update(reward="x"),
+    "a number for evaluations": lambda a, r: r.update(evaluations=5),
+    "an evaluation in words": lambda a, r: r["evaluations"][0].update(reward="x"),
 }
 
 

@@ -57,7 +57,7 @@ class Trajectory:
     @classmethod
     def load(cls, path: Path) -> Trajectory:
         """Read what `save` wrote; nothing is unpickled. A KinemimicError says what is not so."""
-        require_regular(path, "a playback")
+        require_regular(path, "a trajectory")
         try:
             _check_sizes(path)
             with np.load(path, allow_pickle=False) as data:
@@ -65,7 +65,7 @@ class Trajectory:
                 upgraded(
                     header,
                     path,
-                    kind="a playback",
+                    kind="a trajectory",
                     schema=TRAJECTORY_SCHEMA,
                     advice=_AGAIN,
                     upgrades={0: unchanged},
@@ -73,7 +73,7 @@ class Trajectory:
                 trajectory = cls(**{f.name: data[f.name] for f in fields(cls)})
         except FileNotFoundError:
             raise KinemimicError(
-                f"{path}: expected a playback, found no file; run `evaluate` first"
+                f"{path}: expected a trajectory, found no file; run `evaluate` first"
             ) from None
         # RuntimeError: encrypted, or packed as nobody does; MemoryError: a header that tells lies.
         except (
@@ -82,11 +82,11 @@ class Trajectory:
         ):  # fmt: skip
             # numpy's own words advise to unpickle what it cannot read.
             raise KinemimicError(
-                f"{path}: expected a playback, found a damaged or another file, or an earlier version's; "
+                f"{path}: expected a trajectory, found a damaged or another file, or an earlier version's; "
                 + _AGAIN
             ) from None
         if found := trajectory._misfit():
-            raise KinemimicError(f"{path}: expected a playback, found {found}; {_AGAIN}")
+            raise KinemimicError(f"{path}: expected a trajectory, found {found}; {_AGAIN}")
         return trajectory
 
     def _misfit(self) -> str | None:
@@ -121,7 +121,7 @@ class Trajectory:
 
 
 def _check_sizes(path: Path) -> None:
-    """ValueError where unpacking would take more memory than any playback does.
+    """ValueError where unpacking would take more memory than any trajectory does.
 
     Of each array no more is unpacked than the archive's directory says.
     """

@@ -3,6 +3,7 @@ from __future__ import annotations
 import json
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -11,11 +12,13 @@ from safetensors.numpy import save_file
 
 from kinemimic.pipeline.errors import KinemimicError
 from kinemimic.retarget.humanoid import body
-from kinemimic.train.config.config import PRESETS
+from kinemimic.train.config.config import PRESETS, TrainConfig
 from kinemimic.train.ppo.networks import ActorCritic, Normalizer, export
-from kinemimic.train.rollout.policy import Policy
+from kinemimic.train.rollout.evaluation import Evaluation
+from kinemimic.train.rollout.policy import Policy, read_record
 from kinemimic.train.task.env import ACTIONS, OBSERVATIONS, observation_size
 
+POLICIES = Path(__file__).parents[3] / "datasets/policies"
 RECORD: dict[str, object] = {"config": PRESETS["default"].to_json(), "provenance": {}, "mirrored": True}
 
 
@@ -151,8 +154,54 @@ def test_a_policy_of_an_earlier_schema_is_refused_with_what_to_do(tmp_path: Path
     record = json.loads(path.with_suffix(".json").read_text())
     for other in (record | {"schema": 2}, [record]):
         path.with_suffix(".json").write_text(json.dumps(other))
-        with pytest.raises(KinemimicError, match=r"schema 3, found (2|none).*train again"):
+        with pytest.raises(KinemimicError, match=r"schema 4, found (2|none).*train again"):
             Policy.load(path)
+
+
+OLD_NAMES = {
+    "evaluations": "trials",
+    "robust_return": "endured",
+    "domain_randomization": "hardships",
+    "baseline": "rival",
+    "num_envs": "environments",
+    "epochs": "passes",
+    "action_std": "noise",
+    "learn_action_std": "learn_noise",
+}
+
+
+def with_old_names(value: Any) -> Any:
+    """A record with the keys of schema 3."""
+    if isinstance(value, dict):
+        return {OLD_NAMES.get(key, key): with_old_names(item) for key, item in value.items()}
+    return [with_old_names(item) for item in value] if isinstance(value, list) else value
+
+
+@pytest.mark.parametrize("name", ["robust", "ddpg"])
+def test_schema_3_is_upgraded_to_the_names_of_schema_4(tmp_path: Path, name: str) -> None:
+    config = PRESETS[name]
+    tried = Evaluation(64, 0.5, 1.0, 3, 4, 5, reward=0.25, knee=0.5, hip=-2.0, robust_return=0.75)
+    new = {"evaluations": [tried.to_json()], "best": tried.to_json(), "config": config.to_json()}
+    old = {**with_old_names(new), "schema": 3}
+    assert old["trials"][0]["endured"] == old["best"]["endured"] == 0.75
+    assert old["config"]["env"]["hardships"] == new["config"]["env"]["domain_randomization"]
+    assert ("rival" in old["config"]) == (name == "ddpg")
+    assert old["config"].keys() >= {"environments", "passes", "noise", "learn_noise"}
+    (tmp_path / "p.json").write_text(json.dumps(old))
+    record = read_record(tmp_path / "p.json")
+    assert record == {**json.loads(json.dumps(new)), "schema": 4}
+    assert TrainConfig.from_json(record["config"]) == config
+    assert Evaluation(**record["best"]) == tried
+
+
+@pytest.mark.parametrize("path", sorted(POLICIES.glob("*/policy.safetensors")), ids=lambda p: p.parent.name)
+def test_a_shipped_policy_of_schema_3_is_the_same_after_the_upgrade(tmp_path: Path, path: Path) -> None:
+    stored = json.loads(path.with_suffix(".json").read_text())
+    policy, record = Policy.load(path)
+    assert with_old_names(record) == with_old_names(stored) | {"schema": 4}
+    policy.save(tmp_path / "p.safetensors", record)
+    assert (tmp_path / "p.safetensors").read_bytes() == path.read_bytes()
+    assert Policy.load(tmp_path / "p.safetensors")[1] == record
 
 
 def test_a_record_that_lacks_its_configuration_is_refused(tmp_path: Path, learner) -> None:

@@ -30,7 +30,7 @@ def test_round_trip_and_damage(tmp_path: Path, motion: Motion) -> None:
     whole = path.read_bytes()
     for damaged in (whole[: len(whole) // 2], b"", b"not a zip"):
         path.write_bytes(damaged)
-        with pytest.raises(KinemimicError, match="expected a playback, found a damaged or another file"):
+        with pytest.raises(KinemimicError, match="expected a trajectory, found a damaged or another file"):
             Trajectory.load(path)
 
 
@@ -60,19 +60,21 @@ CHANGES: dict[str, Callable[[np.ndarray], np.ndarray]] = {
 
 
 @pytest.mark.parametrize("name", CHANGES)
-def test_arrays_that_are_no_playback_are_one_clear_line(
+def test_arrays_that_are_no_trajectory_are_one_clear_line(
     tmp_path: Path, arrays: dict[str, np.ndarray], name: str
 ) -> None:
     path = tmp_path / "trajectory.npz"
     np.savez_compressed(path, **{**arrays, name: CHANGES[name](arrays[name])})
     with pytest.raises(
-        KinemimicError, match=r"playback\.npz: expected a playback, found .*; run `evaluate` ag"
+        KinemimicError, match=r"trajectory\.npz: expected a trajectory, found .*; run `evaluate` ag"
     ):
         Trajectory.load(path)
 
 
 @pytest.mark.parametrize("cut", [np.s_[:0], np.s_[:, :0]])
-def test_nobody_who_performs_is_no_playback(tmp_path: Path, arrays: dict[str, np.ndarray], cut: Any) -> None:
+def test_no_rollouts_or_frames_are_no_trajectory(
+    tmp_path: Path, arrays: dict[str, np.ndarray], cut: Any
+) -> None:
     kept = {
         name: a[cut] if name not in ("schema", "reward_names") and a.ndim > 1 else a
         for name, a in arrays.items()
