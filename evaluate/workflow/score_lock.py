@@ -39,7 +39,7 @@ def figures(scores: Mapping[str, Any]) -> dict[str, float | None]:
     return {"frames": scores["survival"]["frames"], "phases": scores["survival"]["phases"], **fit, **root}
 
 
-def record_trajectory(
+def record(
     recorded: Figures, found: Figures, tolerances: Mapping[str, float], name: str
 ) -> dict[str, float | None]:
     """The figures as recorded; KinemimicError names those that are further off than their tolerance.
@@ -92,7 +92,7 @@ def command(policy: str, path: Path, workers: int | None, engine: str, as_json: 
         run = Path(folder)
         unpack(policy, run)
         found = figures(evaluate(run, workers=workers, engine=engine))
-    kept = record_trajectory(recorded, found, params.tolerances, policy)
+    kept = record(recorded, found, params.tolerances, policy)
     target = path.parent / "scores" / f"{policy}.json"
     content = {"schema": SCHEMA, "policy": policy, **kept}
     write_json(target, content)

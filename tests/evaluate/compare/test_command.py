@@ -30,7 +30,7 @@ from kinemimic.retarget.formats.motion_json import motion_to_json
 from kinemimic.retarget.humanoid.motion import Motion
 from kinemimic.train import command as training
 from kinemimic.train.config.config import PRESETS
-from kinemimic.train.rollout import rollout as collect_trajectories
+from kinemimic.train.rollout import rollout as rollouts
 
 SMALL = replace(PRESETS["default"], num_envs=4, horizon=16, minibatch=32, epochs=2, hidden=(32, 16))
 ROUND = SMALL.batch
@@ -66,9 +66,7 @@ def here(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
     monkeypatch.setitem(PRESETS, "default", SMALL)
     monkeypatch.setattr(module, "side_by_side", one_by_one)
     monkeypatch.setattr(training, "Workers", Troupe)
-    monkeypatch.setattr(
-        collect_trajectories, "spread", lambda work, tasks, **_: [work(task) for task in tasks]
-    )
+    monkeypatch.setattr(rollouts, "spread", lambda work, tasks, **_: [work(task) for task in tasks])
     monkeypatch.setattr(evaluation, "report", lambda *_: "<!doctype html>")
     earlier = signal.signal(signal.SIGINT, signal.default_int_handler)
     yield

@@ -188,8 +188,8 @@ def test_rerun_verifies_the_file_and_two_writings_are_one_recording(
     rerun("compare", "--unordered", str(run / "view.rrd"), str(view(again)))
     assert [path.name for path in sorted(again.iterdir())] == [
         "motion.json",
-        "trajectory.npz",
         "scores.json",
+        "trajectory.npz",
         "view.rrd",
     ]
 

@@ -11,7 +11,7 @@ from click.testing import CliRunner
 
 from kinemimic.evaluate.policies.recipe import POLICIES
 from kinemimic.evaluate.workflow import score_lock as module
-from kinemimic.evaluate.workflow.score_lock import command, figures, record_trajectory
+from kinemimic.evaluate.workflow.score_lock import command, figures, record
 from kinemimic.pipeline.errors import KinemimicError
 from kinemimic.retarget.versions.params import Params
 
@@ -27,18 +27,18 @@ def recorded(name: str) -> dict[str, Any]:
 
 def test_within_its_tolerance_a_figure_is_the_one_on_record() -> None:
     known = {"frames": 600.0, "r2": 0.95}
-    assert record_trajectory(known, {"frames": 600.0, "r2": 0.953}, {"r2": 0.003001}, "walk") == known
+    assert record(known, {"frames": 600.0, "r2": 0.953}, {"r2": 0.003001}, "walk") == known
     with pytest.raises(KinemimicError, match=r"on record, found r2 0\.954 instead"):
-        record_trajectory(known, {"frames": 600.0, "r2": 0.954}, {"r2": 0.003}, "walk")
+        record(known, {"frames": 600.0, "r2": 0.954}, {"r2": 0.003}, "walk")
     # What has no tolerance is the same or wrong.
     with pytest.raises(KinemimicError, match="frames 599 instead of 600 ± 0"):
-        record_trajectory(known, {"frames": 599.0, "r2": 0.95}, {"r2": 0.003}, "walk")
+        record(known, {"frames": 599.0, "r2": 0.95}, {"r2": 0.003}, "walk")
     with pytest.raises(KinemimicError, match="r2 nan instead"):
-        record_trajectory(known, {"frames": 600.0, "r2": float("nan")}, {"r2": 0.003}, "walk")
+        record(known, {"frames": 600.0, "r2": float("nan")}, {"r2": 0.003}, "walk")
     # As scores.json has what cannot be measured.
     with pytest.raises(KinemimicError, match="r2 none instead"):
-        record_trajectory(known, {"frames": 600.0, "r2": None}, {"r2": 0.003}, "walk")
-    assert record_trajectory({"r2": None}, {"r2": None}, {}, "jump") == {"r2": None}
+        record(known, {"frames": 600.0, "r2": None}, {"r2": 0.003}, "walk")
+    assert record({"r2": None}, {"r2": None}, {}, "jump") == {"r2": None}
 
 
 @pytest.mark.parametrize("name", PARAMS.policies)
