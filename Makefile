@@ -23,7 +23,7 @@ BULLET := $(or $(BULLET),$(patsubst $(VENV)/native-%,%,$(firstword $(wildcard $(
 NATIVE := $(VENV)/native-$(BULLET)
 NATIVE_FILES := $(wildcard $(addprefix train/native/,*.cpp *.hpp *.py pyproject.toml stubs/*/*.pyi))
 
-.PHONY: help setup formats inspect run ingest convert retarget train evaluate pushes disturb gait view export policies reproduce compare study comparison overlay data data-check data-push data-pull test test-slow lint type format docs docs-test bench bench-clean profile wheel install-test clean
+.PHONY: help setup formats inspect run ingest convert retarget train evaluate pushes disturb gait view export policies reproduce compare study comparison overlay data data-check data-push data-pull test test-slow lint type format docs architecture docs-test mutants bench bench-clean profile wheel install-test clean
 .DEFAULT_GOAL := help
 
 help: ## This list
@@ -152,8 +152,19 @@ format: setup ## Let ruff rewrite the files
 docs: setup $(VENV)/docs-installed ## The pages of docs/ as a site: open site/index.html
 	NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build --strict --quiet
 
+architecture: setup ## docs/architecture.svg: the rooms and the imports between them
+	$(BIN)/python docs/draw_architecture.py
+
 docs-test: setup $(VENV)/docs-installed ## What the pages print, done as their reader does it: minutes
 	$(BIN)/python -m pytest -m slow tests/docs
+
+MUTANTS := $(VENV)/mutants-installed
+$(MUTANTS): constraints.txt | $(STAMP)
+	$(BIN)/python -m pip install --quiet -c constraints.txt cosmic-ray
+	@touch $@
+
+mutants: setup $(MUTANTS) ## Mutations of the core that no test notices (ROOMS="train/ppo"; hours for all)
+	$(BIN)/python tests/mutants.py $(ROOMS)
 
 # The comparison of filters takes minutes, and answers another question than speed.
 bench: setup ## Speed: every tests/bench/bench_*.py but the next
