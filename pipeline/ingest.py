@@ -17,8 +17,8 @@ from kinemimic.pipeline.files.sidecars import note_path, read_note, read_truth, 
 from kinemimic.pipeline.files.store import copy_file, read_json, write_clip, write_json
 from kinemimic.pipeline.filters.clean import FILTERS, clean
 from kinemimic.pipeline.kinematics.clip import Clip
-from kinemimic.pipeline.quality.examine import examine
-from kinemimic.pipeline.quality.report import quality, table
+from kinemimic.pipeline.quality.report import quality_report, quality_table
+from kinemimic.pipeline.quality.check import check_capture
 from kinemimic.pipeline.readers.recognise import read
 
 
@@ -38,7 +38,7 @@ def ingest(capture: Path, run: Path, *, filter_name: str | None = None, unit: st
     recorded = read(capture, unit=unit)
     truth, note = truth_path(capture), read_note(note_path(capture))
     simulated = read_truth(truth) is not None
-    examination = examine(recorded)
+    examination = check_capture(recorded)
     if examination.refused is not None:
         raise CaptureError(capture, expected="a person's movement", found=examination.refused.text)
     chosen = filter_name or FILTERS[0]
@@ -54,7 +54,7 @@ def ingest(capture: Path, run: Path, *, filter_name: str | None = None, unit: st
         },
     )
     cleaned, cleaning = clean(raw, chosen)
-    report = quality(raw, examination.acquisition, cleaning, examination.defects)
+    report = quality_report(raw, examination.acquisition, cleaning, examination.defects)
     write_clip(run / "raw.parquet", raw)
     write_clip(run / "clip.parquet", cleaned)
     if simulated:
@@ -98,4 +98,4 @@ def command(
     if as_json:
         click.echo(json.dumps(report, indent=2))
     else:
-        Console(highlight=False, markup=False).print(table(report), crop=False)
+        Console(highlight=False, markup=False).print(quality_table(report), crop=False)

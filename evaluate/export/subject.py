@@ -17,7 +17,7 @@ from kinemimic.pipeline.files.store import file_hash, read_clip
 from kinemimic.pipeline.kinematics.angles import leg_angles
 from kinemimic.pipeline.kinematics.clip import Clip
 from kinemimic.pipeline.kinematics.rest_pose import node_rotations_of
-from kinemimic.pipeline.quality.rules.frames import kept
+from kinemimic.pipeline.quality.rules.frame_selection import select_frames
 from kinemimic.pipeline.writers.poses import Poses, poses_of_clip
 from kinemimic.retarget.formats.motion_json import motion_from_json
 from kinemimic.retarget.formats.poses import motion_of_poses, poses_of_motion
@@ -148,7 +148,10 @@ def _capture(run: Path, number: int | None) -> Subject:
         raise KinemimicError(f"{path}: expected pass {number}, found {passes}")
     told = f"pass {number} of {len(there)}" if len(there) > 1 else ""
     return Subject(
-        kept(clip, clip.passes == number), told, {"clip": file_hash(path)}, provenance=clip.provenance
+        select_frames(clip, clip.passes == number),
+        told,
+        {"clip": file_hash(path)},
+        provenance=clip.provenance,
     )
 
 

@@ -13,7 +13,7 @@ import click
 from kinemimic.evaluate.policies.recipe import POLICIES, Recipe, recipes, recording
 from kinemimic.evaluate.policies.shipped import MOTION, POLICY, RECORD, SCORES, gist
 from kinemimic.evaluate.workflow.run import run as run_stages
-from kinemimic.pipeline.catalog.place import captures_folder
+from kinemimic.pipeline.catalog.local_files import captures_folder
 from kinemimic.pipeline.cli.options import json_option
 from kinemimic.pipeline.errors import KinemimicError
 from kinemimic.pipeline.files.store import copy_file, file_hash, read_json, write_json

@@ -29,7 +29,7 @@ _STRONG_ETAG = re.compile(r'"[\x21\x23-\x7e]{0,200}"')
 
 
 @dataclass(frozen=True)
-class Patience:
+class RetryPolicy:
     """Seconds to wait for a connection and for more bytes, and before each further try."""
 
     connect: float = 10.0
@@ -62,10 +62,10 @@ class Download:
         entry: Entry,
         target: Path,
         session: requests.Session,
-        patience: Patience,
+        retry_policy: RetryPolicy,
         advance: Callable[[int], object],
     ) -> None:
-        self.entry, self.session, self.patience, self.advance = entry, session, patience, advance
+        self.entry, self.session, self.retry_policy, self.advance = entry, session, retry_policy, advance
         self.partial = target.with_name(f".{target.name}.{entry.sha256[:8]}.part")
         self.mark = self.partial.with_suffix(".etag")
 
@@ -78,7 +78,7 @@ class Download:
 
     def _complete(self, url: str, file: FileIO) -> None:
         try:
-            for pause in (*self.patience.pauses, None):
+            for pause in (*self.retry_policy.pauses, None):
                 try:
                     return self._receive(url, file)
                 except _AgainError as again:
@@ -121,7 +121,7 @@ class Download:
             if etag := self._known_mark():
                 headers["If-Range"] = etag
         try:
-            timeout = (self.patience.connect, self.patience.read)
+            timeout = (self.retry_policy.connect, self.retry_policy.read)
             with self.session.get(url, headers=headers, stream=True, timeout=timeout) as response:
                 self._expect(url, file, response)
                 # As it is: a server that calls a .gz file "encoded" shall not have it unpacked.
@@ -184,19 +184,19 @@ class Download:
     def _broken(self, error: Exception) -> _AgainError:
         reason = getattr(error.args[0] if error.args else None, "reason", None)
         if isinstance(error, requests.ConnectTimeout):
-            return _AgainError(f"no connection within {self.patience.connect:g} s", reached=False)
+            return _AgainError(f"no connection within {self.retry_policy.connect:g} s", reached=False)
         if isinstance(reason, urllib3.exceptions.NameResolutionError):
             return _AgainError("no such host, or no network", reached=False)
         if isinstance(reason, urllib3.exceptions.NewConnectionError):
             return _AgainError("no connection", reached=False)
         if isinstance(error, requests.Timeout | urllib3.exceptions.TimeoutError):
-            return _AgainError(f"nothing came for {self.patience.read:g} s")
+            return _AgainError(f"nothing came for {self.retry_policy.read:g} s")
         if isinstance(error, requests.exceptions.SSLError | requests.exceptions.ProxyError):
             return _AgainError(f"no connection: {reason or error}", reached=False)
         return _AgainError("the connection broke off")
 
     def _given_up(self, url: str, file: FileIO, again: _AgainError) -> KinemimicError:
-        tries = len(self.patience.pauses) + 1
+        tries = len(self.retry_policy.pauses) + 1
         kept = f"; the {file.tell():,} that came stay, and the next call goes on from there"
         return (KinemimicError if again.reached else UnreachableError)(
             f"{self.entry.name}: expected {self.entry.bytes:,} bytes from {url}, "

@@ -14,10 +14,10 @@ import pooch
 import requests
 
 from kinemimic.pipeline.catalog import options
-from kinemimic.pipeline.catalog.download import Download, Patience, UnreachableError
+from kinemimic.pipeline.catalog.download import Download, RetryPolicy, UnreachableError
 from kinemimic.pipeline.catalog.entry import HOST, Entry, collections_of
 from kinemimic.pipeline.catalog.load import CATALOG, load_catalog
-from kinemimic.pipeline.catalog.place import captures_folder, place_of
+from kinemimic.pipeline.catalog.local_files import captures_folder, target_path
 from kinemimic.pipeline.cli.options import json_option
 from kinemimic.pipeline.cli.progress import progress
 from kinemimic.pipeline.errors import KinemimicError
@@ -42,7 +42,7 @@ def fetch(
     folder: Path,
     *,
     mirror: str | Path | None = None,
-    patience: Patience | None = None,
+    retry_policy: RetryPolicy | None = None,
 ) -> Fetched:
     """Get files into `folder`, COLLECTION/FILE; those that are there with the right hash are left alone.
 
@@ -58,7 +58,7 @@ def fetch(
     others: set[Path] = set()
     for entry in entries:
         try:
-            path = place_of(entry, folder)
+            path = target_path(entry, folder)
         except KinemimicError as error:
             failures.append(str(error))
             continue
@@ -79,7 +79,7 @@ def fetch(
                         entry, path, str(source / entry.collection / entry.file), _Copy(entry, bar.advance)
                     )
                 else:
-                    download = Download(entry, path, session, patience or Patience(), bar.advance)
+                    download = Download(entry, path, session, retry_policy or RetryPolicy(), bar.advance)
                     _retrieve(entry, path, entry.address_at(source), download)
                 there[entry.name] = path
             except KinemimicError as error:

@@ -13,7 +13,7 @@ import click
 from kinemimic.pipeline.catalog import options
 from kinemimic.pipeline.catalog.entry import Collection, Entry, collections_of
 from kinemimic.pipeline.catalog.load import CATALOG, load_catalog
-from kinemimic.pipeline.catalog.place import captures_folder, is_here
+from kinemimic.pipeline.catalog.local_files import captures_folder, is_present
 from kinemimic.pipeline.cli.options import json_option
 from kinemimic.pipeline.cli.terminal import facts, grid, show
 
@@ -53,7 +53,7 @@ def _record(collection: Collection, entries: Sequence[Entry], place: Path) -> di
         {
             "name": entry.file,
             **{key: getattr(entry, key) for key in ("bytes", "sha256", "address", "format", "frame_rate")},
-            "here": is_here(entry, place),
+            "here": is_present(entry, place),
         }
         for entry in entries
     ]
@@ -68,7 +68,7 @@ def _show_all(chosen: Sequence[tuple[Collection, Sequence[Entry]]], place: Path)
         table.add_column(heading, justify="right", no_wrap=True)
     table.add_column("licence", overflow="fold", min_width=_WORD)
     for collection, entries in chosen:
-        here = sum(is_here(entry, place) for entry in entries)
+        here = sum(is_present(entry, place) for entry in entries)
         table.add_row(
             collection.name,
             collection.sensor,
@@ -80,7 +80,7 @@ def _show_all(chosen: Sequence[tuple[Collection, Sequence[Entry]]], place: Path)
             _gist(collection.licence),
         )
     entries = [entry for _, own in chosen for entry in own]
-    here = sum(is_here(entry, place) for entry in entries)
+    here = sum(is_present(entry, place) for entry in entries)
     show(table)
     # Without rich, which would break the path.
     click.echo(
@@ -96,7 +96,7 @@ def _show_one(collection: Collection, entries: Sequence[Entry], place: Path) -> 
     table = grid("file", "format", "size", "Hz", "here", left=2)
     for entry in entries:
         row = (entry.format or "-", _size(entry.bytes), _rates([entry]))
-        table.add_row(entry.file, *row, "yes" if is_here(entry, place) else "-")
+        table.add_row(entry.file, *row, "yes" if is_present(entry, place) else "-")
     show(f"{collection.name}\n", told)
     click.echo(f"address   https://github.com/{collection.repository}/tree/{collection.commit}\n")
     show(table)

@@ -8,7 +8,7 @@ from typing import Any, TypeVar
 
 import click
 
-from kinemimic.pipeline.catalog.place import VARIABLE
+from kinemimic.pipeline.catalog.local_files import VARIABLE
 
 _Command = TypeVar("_Command", bound=Callable[..., Any])
 

@@ -12,7 +12,7 @@ import click
 from kinemimic.pipeline.catalog import options
 from kinemimic.pipeline.catalog.entry import Catalog, Entry, collections_of
 from kinemimic.pipeline.catalog.load import CATALOG, load_catalog
-from kinemimic.pipeline.catalog.place import captures_folder
+from kinemimic.pipeline.catalog.local_files import captures_folder
 from kinemimic.pipeline.cli.options import json_option
 from kinemimic.pipeline.cli.progress import progress
 from kinemimic.pipeline.errors import KinemimicError

@@ -16,10 +16,16 @@ from kinemimic.pipeline.cli.options import json_option, unit_option
 from kinemimic.pipeline.cli.progress import progress
 from kinemimic.pipeline.cli.terminal import show
 from kinemimic.pipeline.errors import CaptureError, KinemimicError
-from kinemimic.pipeline.inspect.assessment import COMPANION, FLAGGED, OTHER, USABLE
-from kinemimic.pipeline.inspect.sheet import sheet
-from kinemimic.pipeline.inspect.summary import summary
-from kinemimic.pipeline.inspect.survey import drawings_of, files_of, folders, reports_of, with_companions
+from kinemimic.pipeline.inspect.batch import (
+    file_drawings,
+    file_reports,
+    find_files,
+    folder_summaries,
+    mark_sidecar_files,
+)
+from kinemimic.pipeline.inspect.file_report import FLAGGED, OTHER, SIDECAR, USABLE
+from kinemimic.pipeline.inspect.file_view import file_view
+from kinemimic.pipeline.inspect.files_table import files_table
 from kinemimic.pipeline.readers.base.source import Source
 
 
@@ -59,7 +65,7 @@ def command(
     """
     if suggest:
         return _suggest(paths)
-    files = files_of(paths)
+    files = find_files(paths)
     if not files:
         raise KinemimicError(f"{paths[0]}: expected a capture or a folder of captures, found an empty folder")
     at_once = jobs or _processors()
@@ -67,7 +73,7 @@ def command(
     status = 0
     try:
         with progress("inspect", len(files)) as bar:
-            for one in reports_of(files, jobs=at_once, unit=unit):
+            for one in file_reports(files, jobs=at_once, unit=unit):
                 found.append(one)
                 bar.advance()
     except KeyboardInterrupt:
@@ -75,13 +81,15 @@ def command(
         status = INTERRUPTED
     if not found:
         return status
-    reports = with_companions(found)
+    reports = mark_sidecar_files(found)
     if plot:
         _write_page(plot, reports, jobs=at_once, unit=unit)
     if as_json:
-        click.echo(json.dumps({"files": reports, "folders": folders(reports)}, indent=2, allow_nan=False))
+        click.echo(
+            json.dumps({"files": reports, "folders": folder_summaries(reports)}, indent=2, allow_nan=False)
+        )
     else:
-        show(sheet(reports[0]) if len(files) == 1 else summary(reports, by_file=by_file))
+        show(file_view(reports[0]) if len(files) == 1 else files_table(reports, by_file=by_file))
     if status == 0 and not any(report["status"] in (USABLE, FLAGGED) for report in reports):
         status = BAD_INPUT
     return status
@@ -106,11 +114,11 @@ def _write_page(path: Path, reports: Sequence[dict[str, Any]], *, jobs: int, uni
     """Read again what is drawn: the drawings of all files at once would not fit into a browser, or here."""
     from kinemimic.pipeline.inspect.curves import MOST_DRAWN, write_page  # noqa: PLC0415 (loads matplotlib)
 
-    captures = [report for report in reports if report["status"] not in (OTHER, COMPANION)]
+    captures = [report for report in reports if report["status"] not in (OTHER, SIDECAR)]
     files = [Path(report["file"]) for report in captures[:MOST_DRAWN]]
     drawn: dict[Path, str] = {}
     with progress("draw", len(files)) as bar:
-        for file, section in drawings_of(files, jobs=jobs, unit=unit):
+        for file, section in file_drawings(files, jobs=jobs, unit=unit):
             drawn[file] = section
             bar.advance()
     write_page(path, captures, [drawn[file] for file in files])

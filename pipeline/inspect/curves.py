@@ -17,7 +17,7 @@ from kinemimic.pipeline.arrays import Array
 from kinemimic.pipeline.cli.html import drawing, number, page, table
 from kinemimic.pipeline.cli.picture import Draw, legend, panel_grid, picture
 from kinemimic.pipeline.files.store import write_text
-from kinemimic.pipeline.inspect.assessment import Studied
+from kinemimic.pipeline.inspect.file_report import InspectedFile
 from kinemimic.pipeline.inspect.measures import SEGMENTS, SIDES, nodes_of
 from kinemimic.pipeline.kinematics.angles import leg_angles
 from kinemimic.pipeline.kinematics.clip import Clip
@@ -36,13 +36,13 @@ _POINTS, _COLUMNS, _MARKED = 700, 600, 60
 MOST_DRAWN = 40
 
 
-def section(studied: Studied) -> str:
+def section(inspected: InspectedFile) -> str:
     """HTML of one file: what it is, and its drawings if it could be read."""
-    report = studied.report
+    report = inspected.report
     title = f"<h2>{escape(Path(report['file']).name)}</h2>"
-    if studied.examination is None:
+    if inspected.checked is None:
         return f'{title}<p class="banner">{escape(str(report["reason"]))}</p>'
-    clip, defects = studied.examination.clip, studied.examination.defects
+    clip, defects = inspected.checked.clip, inspected.checked.defects
     nodes, _, _ = nodes_of(clip)
     banner = ""
     if report["status"] == "refused":

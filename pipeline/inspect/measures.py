@@ -103,7 +103,7 @@ def legs(nodes: Array, states: States) -> dict[str, Any]:
     return report
 
 
-def own_angles(clip: Clip, nodes: Array, inside: Mask) -> dict[str, dict[str, Any]]:
+def recorded_angles(clip: Clip, nodes: Array, inside: Mask) -> dict[str, dict[str, Any]]:
     """The recorder's own curves, by name; those of ANGLES against ours: r, median difference in degrees.
 
     nodes: (T, 20, 3) and inside: (T,) of the clip. The difference is the recorder's minus ours.

@@ -30,7 +30,7 @@ Work = Callable[[Any], Any]
 
 
 @dataclass(frozen=True)
-class Lost:
+class Failed:
     """What stands in a result's place when there is none, and why, in words."""
 
     reason: str
@@ -80,11 +80,11 @@ def _finished(
                 result = worker.pipe.recv()
             except (EOFError, OSError):
                 worker.process.join(timeout=5.0)
-                result = Lost(_death(worker.process.exitcode))
+                result = Failed(_death(worker.process.exitcode))
                 workers.remove(worker)
                 _end(worker)
         elif time.monotonic() - worker.since > seconds:
-            result = Lost(f"given up after {seconds:g} s")
+            result = Failed(f"given up after {seconds:g} s")
             workers.remove(worker)
             _end(worker)
         else:
@@ -135,9 +135,9 @@ def _serve(pipe: Connection, work: Work, memory: int) -> None:
             try:
                 result = work(item)
             except MemoryError:
-                result = Lost(f"it takes more than {memory / 2**30:g} GiB of memory")
+                result = Failed(f"it takes more than {memory / 2**30:g} GiB of memory")
             except Exception as error:
-                result = Lost(f"a bug in kinemimic, please report it: {type(error).__name__}: {error}")
+                result = Failed(f"a bug in kinemimic, please report it: {type(error).__name__}: {error}")
             pipe.send(result)
 
 
@@ -147,7 +147,7 @@ def _server() -> ForkServerContext:
     A fork of this process itself would copy the locks of the progress bar's thread.
     """
     context = multiprocessing.get_context("forkserver")
-    context.set_forkserver_preload(["kinemimic.pipeline.inspect.assessment"])
+    context.set_forkserver_preload(["kinemimic.pipeline.inspect.file_report"])
     # What is set here is what the server, and every worker, starts with: Ctrl-C is this process' to handle,
     # and a process per core leaves no core for more threads.
     threads = os.environ.get("OMP_NUM_THREADS")

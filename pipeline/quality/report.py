@@ -16,13 +16,13 @@ from kinemimic.pipeline.filters.clean import Cleaning
 from kinemimic.pipeline.kinematics.clip import Clip
 from kinemimic.pipeline.kinematics.nodes import joints_of_nodes
 from kinemimic.pipeline.kinematics.skeleton import INFERRED, MISSING, TRACKED
-from kinemimic.pipeline.quality.acquire import Acquisition
+from kinemimic.pipeline.quality.passes import Acquisition
 from kinemimic.pipeline.quality.rules.defect import RULES, Defect
 
 QUALITY_SCHEMA = 1
 
 
-def quality(
+def quality_report(
     raw: Clip, acquisition: Acquisition, cleaning: Cleaning, defects: Sequence[Defect]
 ) -> dict[str, Any]:
     """The quality report as JSON values; shares are of the frames inside passes, lengths in metres."""
@@ -105,7 +105,7 @@ def _joints(raw: Clip, inside: NDArray[np.bool_], cleaning: Cleaning) -> dict[st
     return report
 
 
-def table(report: dict[str, Any]) -> RenderableType:
+def quality_table(report: dict[str, Any]) -> RenderableType:
     """The report for a terminal: a summary, and the joints that are nodes of the 20-node skeleton."""
     clock, passes = report["clock"], report["passes"]
     seconds = sum(one["end"] - one["start"] for one in passes)

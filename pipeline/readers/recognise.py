@@ -11,7 +11,7 @@ from typing import cast
 
 from kinemimic.pipeline.errors import CaptureError, NotACaptureError
 from kinemimic.pipeline.kinematics.clip import Clip, scaled
-from kinemimic.pipeline.quality.rules.length_units import NAMED, UNITS, unit_named
+from kinemimic.pipeline.quality.rules.length_units import SET_BY_USER, UNITS, parse_unit
 from kinemimic.pipeline.readers.base.format import Format, Reader
 from kinemimic.pipeline.readers.base.numbers import numbers_of
 from kinemimic.pipeline.readers.base.source import Source
@@ -68,7 +68,7 @@ def read(path: Path, *, unit: str | None = None) -> Clip:
     Raises CaptureError for anything that is not a whole capture in one of the formats, KinemimicError for a
     unit that is none.
     """
-    named = unit_named(unit)
+    named = parse_unit(unit)
     if is_recording(path):
         if named is not None:
             raise CaptureError(path, expected=f"its unit in {CAMERA}", found="--unit")
@@ -89,9 +89,9 @@ def read_source(source: Source) -> Clip:
 def _as_named(clip: Clip, unit: str | None) -> Clip:
     """The clip with its lengths in the unit that the user named, where its reader has one of its own."""
     reading = clip.provenance["reading"]
-    if unit is None or reading["units_rule"] == NAMED:
+    if unit is None or reading["units_rule"] == SET_BY_USER:
         return clip
-    told = {**reading, "units": unit, "units_rule": NAMED}
+    told = {**reading, "units": unit, "units_rule": SET_BY_USER}
     clip = replace(clip, provenance={**clip.provenance, "reading": told})
     return scaled(clip, UNITS[unit] / UNITS[reading["units"]])
 

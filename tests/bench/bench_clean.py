@@ -27,7 +27,7 @@ from kinemimic.pipeline.errors import KinemimicError
 from kinemimic.pipeline.filters.clean import FILTERS, clean
 from kinemimic.pipeline.kinematics.angles import ANGLES
 from kinemimic.pipeline.kinematics.clip import Clip
-from kinemimic.pipeline.quality.examine import examine
+from kinemimic.pipeline.quality.check import check_capture
 from kinemimic.pipeline.readers.recognise import read
 from kinemimic.pipeline.virtual_kinect.noise import Levels
 from kinemimic.pipeline.virtual_kinect.recorder import record_virtual
@@ -78,7 +78,7 @@ def measure(task: Recorded) -> dict[tuple[str, str], Row]:
         levels = Levels(white=task.white)
         recording = record_virtual(Path(folder), motion=task.motion, seed=task.seed, levels=levels)
         for form, path in zip(FORMS, recording, strict=True):
-            raw = examine(read(path)).clip
+            raw = check_capture(read(path)).clip
             table = pq.read_table(path.with_suffix(".truth.parquet"))
             truth = {name: table[name].to_numpy() for name in ("time", *ANGLES)}
             for method in FILTERS:

@@ -4,19 +4,19 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from kinemimic.pipeline.catalog.download import Patience
+from kinemimic.pipeline.catalog.download import RetryPolicy
 from kinemimic.pipeline.catalog.entry import Catalog
 from kinemimic.pipeline.catalog.fetch import Fetched, fetch
 from peers.web import CONTENT, Request, Script
 
 HALF = len(CONTENT) // 2
-QUICK = Patience(connect=2.0, read=0.4, pauses=(0.0, 0.01, 0.02))
-ONCE = Patience(connect=2.0, read=0.4, pauses=())
+QUICK = RetryPolicy(connect=2.0, read=0.4, pauses=(0.0, 0.01, 0.02))
+ONCE = RetryPolicy(connect=2.0, read=0.4, pauses=())
 
 
-def one(catalog: Catalog, folder: Path, mirror: str | Path, patience: Patience = QUICK) -> Fetched:
+def one(catalog: Catalog, folder: Path, mirror: str | Path, retry_policy: RetryPolicy = QUICK) -> Fetched:
     """Fetch one file."""
-    return fetch(catalog.select(["walks/one.skl"]), folder, mirror=mirror, patience=patience)
+    return fetch(catalog.select(["walks/one.skl"]), folder, mirror=mirror, retry_policy=retry_policy)
 
 
 def left(folder: Path) -> dict[str, bytes]:

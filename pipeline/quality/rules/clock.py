@@ -7,7 +7,7 @@ import numpy as np
 from kinemimic.pipeline.arrays import Array
 from kinemimic.pipeline.kinematics.clip import Clip
 from kinemimic.pipeline.kinematics.spans import frame_runs
-from kinemimic.pipeline.quality.rules.defect import Defect, several
+from kinemimic.pipeline.quality.rules.defect import Defect, plural
 
 # A step within this share of a whole number of usual steps is that number of steps; milliseconds are how
 # finely most recorders write the time, so a step of 33 among steps of 34 is even.
@@ -19,7 +19,7 @@ HICCUP = 0.02
 SPARSE = 0.25
 
 
-def check(clip: Clip) -> list[Defect]:
+def detect(clip: Clip) -> list[Defect]:
     """What the clock of a clip with numbered passes shows; the frames stay where they were recorded."""
     within = (clip.passes[1:] == clip.passes[:-1]) & (clip.passes[1:] >= 0)
     steps = np.diff(clip.times)
@@ -38,7 +38,7 @@ def check(clip: Clip) -> list[Defect]:
                 missing,
                 "frames",
                 "flagged",
-                f"{several(missing, 'frame')} missing in {several(int(skipping.sum()), 'place')} inside "
+                f"{plural(missing, 'frame')} missing in {plural(int(skipping.sum()), 'place')} inside "
                 f"passes, at most {int(multiple[skipping].max() - 1)} in a row; the others "
                 "keep their times",
                 frame_runs(np.append(skipping, False)),

@@ -62,12 +62,12 @@ def defect_from_json(record: dict[str, Any]) -> Defect:
     return Defect(**{**record, "frames": tuple((first, last) for first, last in record["frames"])})
 
 
-def in_order(defects: Iterable[Defect]) -> tuple[Defect, ...]:
+def sorted_defects(defects: Iterable[Defect]) -> tuple[Defect, ...]:
     """Defects in the sequence of RULES."""
     rank = {rule: index for index, rule in enumerate(RULES)}
     return tuple(sorted(defects, key=lambda defect: rank[defect.rule]))
 
 
-def several(count: int, noun: str) -> str:
+def plural(count: int, noun: str) -> str:
     """The count with its noun, which takes a plain s: "1 frame", "2 frames"."""
     return f"{count} {noun}" if count == 1 else f"{count} {noun}s"

@@ -8,10 +8,10 @@ from kinemimic.pipeline.filters.fill import LONGEST_GAP
 from kinemimic.pipeline.kinematics.clip import Clip
 from kinemimic.pipeline.kinematics.skeleton import MISSING
 from kinemimic.pipeline.kinematics.spans import frame_runs
-from kinemimic.pipeline.quality.rules.defect import Defect, several
+from kinemimic.pipeline.quality.rules.defect import Defect, plural
 
 
-def check(clip: Clip) -> list[Defect]:
+def detect(clip: Clip) -> list[Defect]:
     """The gaps of a clip with numbered passes; "repaired" if all of them are short enough to be filled."""
     inside = clip.passes >= 0
     missing = (clip.states == MISSING) & inside[:, None]
@@ -27,7 +27,7 @@ def check(clip: Clip) -> list[Defect]:
     parts = []
     if lost:
         parts.append(
-            f"{several(lost, 'joint position')} missing in {several(count, 'gap')} inside passes, the "
+            f"{plural(lost, 'joint position')} missing in {plural(count, 'gap')} inside passes, the "
             f"longest {longest:.2f} s: {filled} of up to {LONGEST_GAP} s will be filled, "
             f"{count - filled} will stay"
         )

@@ -10,7 +10,7 @@ from kinemimic.pipeline.arrays import Array
 from kinemimic.pipeline.kinematics.clip import Clip
 from kinemimic.pipeline.kinematics.skeleton import MISSING
 from kinemimic.pipeline.kinematics.spans import frame_runs
-from kinemimic.pipeline.quality.rules.defect import Defect, several
+from kinemimic.pipeline.quality.rules.defect import Defect, plural
 
 # Off the line between the frames around it by more than this (metres), which is beyond a Kinect's noise …
 NOISE = 0.10
@@ -23,7 +23,7 @@ ACCELERATION = 200.0
 ALONE = 0.4
 
 
-def check(clip: Clip) -> tuple[Clip, list[Defect]]:
+def repair(clip: Clip) -> tuple[Clip, list[Defect]]:
     """The clip with such places missing, so that cleaning fills them; Euler captures are only flagged."""
     if len(clip.times) < 5:
         return clip, []
@@ -45,7 +45,7 @@ def check(clip: Clip) -> tuple[Clip, list[Defect]]:
     worst = np.argsort(-per_joint, kind="stable")[:3]
     names = ", ".join(f"{clip.skeleton.names[j]} {per_joint[j]}" for j in worst if per_joint[j])
     largest = float(off[jumps].max())
-    text = f"{several(count, 'joint position')} off for one frame, up to {largest:.2f} m (most: {names}); "
+    text = f"{plural(count, 'joint position')} off for one frame, up to {largest:.2f} m (most: {names}); "
     frames = frame_runs(np.asarray(jumps.any(axis=1)))
     if clip.euler is not None:
         text += "left as recorded: Euler channels cannot be filled"

@@ -23,8 +23,8 @@ UNITS: dict[str, float] = {
     "mm": 0.001,
 }
 # How --unit spells them, and how it is told that it did.
-SPELT: dict[str, str] = {name.split()[0].lower(): name for name in UNITS}
-NAMED = "as --unit says"
+UNIT_OPTIONS: dict[str, str] = {name.split()[0].lower(): name for name in UNITS}
+SET_BY_USER = "as --unit says"
 # Thigh plus shank, in metres: of whoever walks, from a toddler of 0.81 m to a giant of 2.44 m …
 LEG_RANGE = (0.40, 1.20)
 # … and of nearly everybody, from a child of 1.22 m to a man of 2.04 m: units differ by 2.2 or more, so that
@@ -53,21 +53,21 @@ class Unit(NamedTuple):
     defects: list[Defect]
 
 
-def unit_named(spelt: str | None) -> str | None:
+def parse_unit(spelt: str | None) -> str | None:
     """The name in UNITS of what --unit says; None of None. KinemimicError for another word."""
-    if spelt is not None and spelt not in SPELT:
-        raise KinemimicError(f"expected a unit among {', '.join(SPELT)}, found {spelt!r}")
-    return None if spelt is None else SPELT[spelt]
+    if spelt is not None and spelt not in UNIT_OPTIONS:
+        raise KinemimicError(f"expected a unit among {', '.join(UNIT_OPTIONS)}, found {spelt!r}")
+    return None if spelt is None else UNIT_OPTIONS[spelt]
 
 
-def metres_per_unit(names: tuple[str, ...], offsets: Array, path: Path, *, named: str | None = None) -> Unit:
+def infer_unit(names: tuple[str, ...], offsets: Array, path: Path, *, named: str | None = None) -> Unit:
     """The unit that the user named (of UNITS), else the likeliest (see `fitting`) for a skeleton's legs.
 
     offsets: (T, J, 3) of each joint from its parent in the file's unit; T = 1 for a rigid skeleton.
     Raises CaptureError if no unit is named and the legs cannot be found by name or fit in none.
     """
     if named is not None:
-        return Unit(UNITS[named], named, NAMED, [])
+        return Unit(UNITS[named], named, SET_BY_USER, [])
     found = joints_of_nodes(names)
     wanted = [f"{joint}_{side}" for side in ("left", "right") for joint in ("knee", "ankle")]
     missing = [node for node in wanted if node not in found]
@@ -81,7 +81,7 @@ def metres_per_unit(names: tuple[str, ...], offsets: Array, path: Path, *, named
     some = offsets[:: len(offsets) // _ENOUGH + 1]
     legs = [np.median(np.linalg.norm(some[:, found[node]], axis=-1)) for node in wanted]
     leg = float(sum(legs)) / 2.0
-    possible = fitting(leg, UNITS)
+    possible = plausible_units(leg, UNITS)
     if not possible:
         raise CaptureError(
             path,
@@ -90,10 +90,12 @@ def metres_per_unit(names: tuple[str, ...], offsets: Array, path: Path, *, named
         )
     name, metres = possible[0], UNITS[possible[0]]
     whose = "nearest to an adult's" if _usual(leg * metres) else "as long as a person's"
-    return Unit(metres, name, f"thigh and shank {whose}", doubt(leg, possible, UNITS, joints=len(names)))
+    return Unit(
+        metres, name, f"thigh and shank {whose}", unit_ambiguity(leg, possible, UNITS, joints=len(names))
+    )
 
 
-def fitting(leg: float, units: Mapping[str, float]) -> list[str]:
+def plausible_units(leg: float, units: Mapping[str, float]) -> list[str]:
     """The units (name -> metres) in which a leg (thigh plus shank, in them) is a person's, likeliest first.
 
     First comes one in which it is of usual length. Between unusual ones the shorter is likelier: everybody
@@ -106,22 +108,24 @@ def fitting(leg: float, units: Mapping[str, float]) -> list[str]:
     return sorted(possible, key=lambda name: (not _usual(leg * units[name]), leg * units[name]))
 
 
-def correction(leg: float, joints: int) -> tuple[float, list[Defect]]:
+def unit_correction(leg: float, joints: int) -> tuple[float, list[Defect]]:
     """The factor of FACTORS that makes a person's of a leg (metres) that is nobody's, and what to say.
 
     joints: how many it is of. Where no unit fits the factor is 1 and the defect one that refuses the capture.
     """
-    possible = fitting(leg, FACTORS)
+    possible = plausible_units(leg, FACTORS)
     if not possible:
         text = f"a leg (thigh and shank) of {leg:.4g} m, which fits in no unit of length"
         return 1.0, [Defect("wrong_units", joints, "joints", "refused", text)]
     factor = FACTORS[possible[0]]
     text = f"a leg of {leg:.4g} m: lengths are {possible[0]}; times {factor:g} it is {leg * factor:.2f} m"
     repaired = Defect("wrong_units", joints, "joints", "repaired", text)
-    return factor, [repaired, *doubt(leg, possible, FACTORS, joints=joints)]
+    return factor, [repaired, *unit_ambiguity(leg, possible, FACTORS, joints=joints)]
 
 
-def doubt(leg: float, possible: Sequence[str], units: Mapping[str, float], *, joints: int) -> list[Defect]:
+def unit_ambiguity(
+    leg: float, possible: Sequence[str], units: Mapping[str, float], *, joints: int
+) -> list[Defect]:
     """What to say where a leg is a person's in several units and of usual length in none (see `fitting`)."""
     if len(possible) < 2 or _usual(leg * units[possible[0]]):
         return []

@@ -8,7 +8,7 @@ import numpy as np
 
 from kinemimic.pipeline.arrays import Array, Mask
 from kinemimic.pipeline.kinematics.spans import frame_runs
-from kinemimic.pipeline.quality.rules.defect import Defect, several
+from kinemimic.pipeline.quality.rules.defect import Defect, plural
 from kinemimic.pipeline.readers.base.source import Source
 
 # A depth camera sees 8 m far at most; what is ten times beyond that is no measurement.
@@ -27,7 +27,7 @@ def in_sequence(clock: Array) -> tuple[Mask, list[Defect]]:
     count = int((~later).sum())
     if not count:
         return later, []
-    text = f"{several(count, 'line')} with the time of a line before, dropped"
+    text = f"{plural(count, 'line')} with the time of a line before, dropped"
     behind = _longest_behind(clock, later)
     if behind < _ANEW:
         return later, [Defect("duplicate_frames", count, "frames", "repaired", text)]
@@ -54,7 +54,7 @@ def zero_frames(points: Array) -> list[Defect]:
     count = int(empty.sum())
     if not count:
         return []
-    text = f"{several(count, 'frame')} of zeros only: kept, with every joint missing"
+    text = f"{plural(count, 'frame')} of zeros only: kept, with every joint missing"
     return [Defect("zero_frames", count, "frames", "repaired", text, frame_runs(empty))]
 
 

@@ -11,7 +11,7 @@ from kinemimic.pipeline.arrays import Array, States
 from kinemimic.pipeline.kinematics.clip import Clip
 from kinemimic.pipeline.kinematics.rotations import Y_UP_TO_Z_UP, to_matrix
 from kinemimic.pipeline.kinematics.skeleton import MISSING, TRACKED, Skeleton
-from kinemimic.pipeline.quality.rules.defect import Defect, in_order
+from kinemimic.pipeline.quality.rules.defect import Defect, sorted_defects
 from kinemimic.pipeline.readers.base.format import Format
 
 
@@ -26,7 +26,7 @@ def reading(
     return {
         "units": units,
         "units_rule": units_rule,
-        "defects": [defect.to_json() for defect in in_order(defects)],
+        "defects": [defect.to_json() for defect in sorted_defects(defects)],
         "notes": list(notes),
         **facts,
     }

@@ -10,7 +10,7 @@ import numpy as np
 from kinemimic.pipeline.arrays import Array
 from kinemimic.pipeline.kinematics.nodes import joints_of_nodes
 from kinemimic.pipeline.kinematics.rotations import normalize, rotate
-from kinemimic.pipeline.quality.rules.length_units import fitting
+from kinemimic.pipeline.quality.rules.length_units import plausible_units
 from kinemimic.pipeline.readers.custom_table.description_file import LENGTHS, SECONDS
 
 # A recorder's usual step, and the steps between which a unit of time may be right.
@@ -71,7 +71,7 @@ def _unit(places: dict[str, Array], notes: dict[str, str]) -> str:
     if not leg > 0:
         notes["unit"] = "please check"
         return "m"
-    possible = fitting(leg, LENGTHS)
+    possible = plausible_units(leg, LENGTHS)
     nearest = min(LENGTHS, key=lambda unit: abs(np.log(leg * LENGTHS[unit] / _LEG)))
     name = possible[0] if possible else nearest
     others = "".join(f", or {leg * LENGTHS[other]:.2f} m in {other}" for other in possible[1:])

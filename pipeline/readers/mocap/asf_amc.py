@@ -21,7 +21,7 @@ from kinemimic.pipeline.kinematics.euler import positions_of_channels
 from kinemimic.pipeline.kinematics.rotations import IDENTITY, Y_UP_TO_Z_UP, conjugate, multiply, rotate
 from kinemimic.pipeline.kinematics.skeleton import TRACKED, Skeleton
 from kinemimic.pipeline.quality.rules.defect import Defect
-from kinemimic.pipeline.quality.rules.length_units import metres_per_unit
+from kinemimic.pipeline.quality.rules.length_units import infer_unit
 from kinemimic.pipeline.readers.base.format import Format
 from kinemimic.pipeline.readers.base.frame_defects import in_sequence
 from kinemimic.pipeline.readers.base.recording import reading
@@ -81,7 +81,7 @@ def read(source: Source) -> Clip:
     values = amc.values if later.all() else {bone: array[later] for bone, array in amc.values.items()}
 
     names, parents, rests, offsets = _joints(text)
-    unit = metres_per_unit(names, offsets[None], beside.path, named=source.unit)
+    unit = infer_unit(names, offsets[None], beside.path, named=source.unit)
     skeleton = Skeleton(names, parents, offsets * unit.metres)
     orders, euler, root = _channels(text, values, len(names), degrees)
     translations = np.broadcast_to(skeleton.offsets, (len(root), len(names), 3)).copy()

@@ -15,7 +15,7 @@ from kinemimic.pipeline.kinematics.euler import local_rotations, positions_of_ch
 from kinemimic.pipeline.kinematics.rotations import Y_UP_TO_Z_UP, angle_between
 from kinemimic.pipeline.kinematics.skeleton import TRACKED, Skeleton
 from kinemimic.pipeline.quality.rules.defect import Defect
-from kinemimic.pipeline.quality.rules.length_units import metres_per_unit
+from kinemimic.pipeline.quality.rules.length_units import infer_unit
 from kinemimic.pipeline.readers.base.format import Format
 from kinemimic.pipeline.readers.base.recording import reading
 from kinemimic.pipeline.readers.base.source import Source
@@ -54,7 +54,7 @@ def read(source: Source) -> Clip:
         )
     orders, euler, offsets = channels(bvh)
     names = tuple(joint.name for joint in bvh.joints)
-    unit = metres_per_unit(names, offsets, source.path, named=source.unit)
+    unit = infer_unit(names, offsets, source.path, named=source.unit)
     translations = offsets * unit.metres
     parents = tuple(joint.parent for joint in bvh.joints)
     skeleton = Skeleton(names, parents, np.array([joint.offset for joint in bvh.joints]) * unit.metres)

@@ -17,7 +17,7 @@ from kinemimic.pipeline.kinematics.nodes import joints_of_nodes
 from kinemimic.pipeline.kinematics.rotations import IDENTITY, Y_UP_TO_Z_UP, from_axis_angle
 from kinemimic.pipeline.kinematics.skeleton import node_skeleton
 from kinemimic.pipeline.quality.rules.defect import Defect
-from kinemimic.pipeline.quality.rules.length_units import NAMED, UNITS
+from kinemimic.pipeline.quality.rules.length_units import SET_BY_USER, UNITS
 from kinemimic.pipeline.readers.base.format import Format
 from kinemimic.pipeline.readers.base.frame_defects import FARTHEST, zero_frames
 from kinemimic.pipeline.readers.base.recording import clip_of_points, reading
@@ -127,7 +127,7 @@ def _check_places(places: Array, labels: tuple[str, ...], source: Source) -> Non
 def _unit(told: str, points: Array, source: Source) -> tuple[str, str]:
     """The unit of length, and how it is known; points: (T, N, 3) in it."""
     if source.unit is not None:
-        return source.unit, NAMED
+        return source.unit, SET_BY_USER
     if told in DECLARED:
         return told, "the file's"
     spans = np.linalg.norm(_extent(points), axis=-1)

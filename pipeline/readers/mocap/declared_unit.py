@@ -11,7 +11,7 @@ import numpy as np
 from kinemimic.pipeline.arrays import Array
 from kinemimic.pipeline.kinematics.nodes import joints_of_nodes
 from kinemimic.pipeline.quality.rules.defect import Defect
-from kinemimic.pipeline.quality.rules.length_units import LEG_RANGE, correction
+from kinemimic.pipeline.quality.rules.length_units import LEG_RANGE, unit_correction
 from kinemimic.pipeline.readers.mocap.marker_names import SIDES, landmarks
 
 # The way from the ASIS over the outside of the knee to the ankle, over thigh plus shank.
@@ -30,7 +30,7 @@ def in_metres(labels: tuple[str, ...], points: Array) -> tuple[Array, list[Defec
     leg = _leg(labels, points[:: len(points) // _ENOUGH + 1])
     if np.isnan(leg) or LEG_RANGE[0] / _NEAR <= leg <= LEG_RANGE[1] * _NEAR:
         return points, []
-    factor, found = correction(leg, len(labels))
+    factor, found = unit_correction(leg, len(labels))
     if factor == 1.0:
         return points, []
     return points * factor, found

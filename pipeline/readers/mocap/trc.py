@@ -17,7 +17,7 @@ from kinemimic.pipeline.errors import CaptureError
 from kinemimic.pipeline.kinematics.clip import Clip
 from kinemimic.pipeline.kinematics.rotations import from_axis_angle
 from kinemimic.pipeline.quality.rules.defect import Defect
-from kinemimic.pipeline.quality.rules.length_units import NAMED, UNITS
+from kinemimic.pipeline.quality.rules.length_units import SET_BY_USER, UNITS
 from kinemimic.pipeline.readers.base.format import Format
 from kinemimic.pipeline.readers.base.frame_defects import in_sequence, refuse_far
 from kinemimic.pipeline.readers.base.numbers import Table, numbers_of, parse_table
@@ -93,7 +93,7 @@ def read(source: Source) -> Clip:
         format=FORMAT,
         reading=reading(
             units=units,
-            units_rule=NAMED if source.unit else "the header's",
+            units_rule=SET_BY_USER if source.unit else "the header's",
             defects=defects,
             notes=notes,
             columns=values.shape[1],

@@ -11,7 +11,7 @@ import pytest
 from peers.fetching import HALF, ONCE, QUICK, in_turn, left, one
 from peers.web import CONTENT, ETAG, Request, Script, Server
 
-from kinemimic.pipeline.catalog.download import Patience
+from kinemimic.pipeline.catalog.download import RetryPolicy
 from kinemimic.pipeline.catalog.entry import Catalog
 
 Serve = Callable[[Script], Server]
@@ -40,8 +40,8 @@ def test_a_later_call_goes_on_too(catalog: Catalog, tmp_path: Path, serve: Serve
 def test_every_byte_is_sent_once(catalog: Catalog, tmp_path: Path, serve: Serve, every: int) -> None:
     ends = iter(range(every, 10**6, every))
     server = serve(lambda r: r.cut(min(next(ends), len(CONTENT))))
-    patience = Patience(pauses=(0.0,) * 30)
-    assert one(catalog, tmp_path / "in", server.base, patience).failures == ()
+    retry_policy = RetryPolicy(pauses=(0.0,) * 30)
+    assert one(catalog, tmp_path / "in", server.base, retry_policy).failures == ()
     assert server.ranges == [None, *(f"bytes={at}-" for at in range(every, len(CONTENT), every))]
 
 
@@ -162,7 +162,7 @@ def test_a_server_that_is_busy_is_asked_again_later(
             Request.whole,
         )
     )
-    assert one(catalog, tmp_path / "in", server.base, Patience()).failures == ()
+    assert one(catalog, tmp_path / "in", server.base, RetryPolicy()).failures == ()
     assert pauses == [1.0, 7.0, 60.0]
     server = serve(lambda r: r.head(503, Content_Length=0))
     assert "in 4 tries: the server answered 503" in one(catalog, tmp_path / "b", server.base).failures[0]

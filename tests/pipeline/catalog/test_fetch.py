@@ -26,7 +26,7 @@ Serve = Callable[[Script], Server]
 
 def test_files_arrive_under_their_collection(catalog: Catalog, tmp_path: Path, serve: Serve) -> None:
     server = serve(Request.whole)
-    fetched = fetch(catalog.entries, tmp_path / "in", mirror=server.base, patience=QUICK)
+    fetched = fetch(catalog.entries, tmp_path / "in", mirror=server.base, retry_policy=QUICK)
     assert fetched.failures == ()
     names = ["walks/one.skl", "walks/two.skl", "walks/three.skl", "runs/one.bvh"]
     assert fetched.paths == tuple((tmp_path / "in").resolve() / name for name in names)
@@ -47,7 +47,7 @@ def test_a_file_that_is_not_there_stops_no_other(catalog: Catalog, tmp_path: Pat
             request.whole()
 
     server = serve(some)
-    fetched = fetch(catalog.entries, tmp_path / "in", mirror=server.base, patience=QUICK)
+    fetched = fetch(catalog.entries, tmp_path / "in", mirror=server.base, retry_policy=QUICK)
     assert len(fetched.paths) == 3
     (failure,) = fetched.failures
     assert failure.startswith("walks/two.skl: expected the file at http")
@@ -57,7 +57,7 @@ def test_a_file_that_is_not_there_stops_no_other(catalog: Catalog, tmp_path: Pat
 
 def test_without_a_connection_the_others_are_not_waited_for(catalog: Catalog, tmp_path: Path) -> None:
     # Nobody listens at port 9 of this machine; if somebody did, it would be no HTTP.
-    fetched = fetch(catalog.entries, tmp_path / "in", mirror="http://127.0.0.1:9", patience=ONCE)
+    fetched = fetch(catalog.entries, tmp_path / "in", mirror="http://127.0.0.1:9", retry_policy=ONCE)
     assert fetched.paths == ()
     assert len(fetched.failures) == 2
     assert fetched.failures[0].endswith("in 1 tries: no connection")

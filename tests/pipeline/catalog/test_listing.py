@@ -11,7 +11,7 @@ from peers.web import CONTENT
 
 from kinemimic.pipeline.catalog.listing import command
 from kinemimic.pipeline.catalog.load import load_catalog
-from kinemimic.pipeline.catalog.place import captures_folder
+from kinemimic.pipeline.catalog.local_files import captures_folder
 
 
 def told(*arguments: str) -> str:

@@ -18,8 +18,8 @@ from kinemimic.pipeline.errors import KinemimicError
 from kinemimic.pipeline.files.store import read_clip, read_json
 from kinemimic.pipeline.ingest import ingest
 from kinemimic.pipeline.kinematics.skeleton import TRACKED
-from kinemimic.pipeline.quality.examine import examine
-from kinemimic.pipeline.quality.rules.length_units import NAMED, SPELT
+from kinemimic.pipeline.quality.check import check_capture
+from kinemimic.pipeline.quality.rules.length_units import SET_BY_USER, UNIT_OPTIONS
 from kinemimic.pipeline.readers.recognise import read
 from kinemimic.pipeline.writers.skl import write_skl
 
@@ -49,13 +49,13 @@ def child(tmp_path: Path, bvh: Text) -> Path:
 
 
 def test_the_choices_are_the_units() -> None:
-    assert tuple(SPELT) == options.UNITS
+    assert tuple(UNIT_OPTIONS) == options.UNITS
 
 
 def test_a_named_unit_leaves_no_doubt_and_is_recorded(child: Path, tmp_path: Path) -> None:
     told = ingest(child, tmp_path / "told", unit="cm")
     report = read_json(tmp_path / "told" / "quality.json")
-    assert report["units"] == {"length": "cm", "rule": NAMED}
+    assert report["units"] == {"length": "cm", "rule": SET_BY_USER}
     assert "wrong_units" not in {defect["rule"] for defect in report["defects"]}
     assert read_clip(tmp_path / "told" / "raw.parquet").provenance["config"] == {
         "filter": "kalman",
@@ -67,7 +67,7 @@ def test_a_named_unit_leaves_no_doubt_and_is_recorded(child: Path, tmp_path: Pat
     assert doubt["action"] == "flagged" and "--unit" in doubt["text"]
     giant = read(child, unit="inch")
     np.testing.assert_allclose(giant.positions, 2.54 * read(child).positions, atol=1e-12)
-    assert giant.translations is not None and examine(giant).refused is None
+    assert giant.translations is not None and check_capture(giant).refused is None
 
 
 @pytest.mark.parametrize(("unit", "found"), [("m", "44 m"), ("mm", "0.044 m"), ("cmu", "2.484 m")])
@@ -78,7 +78,7 @@ def test_a_unit_that_makes_no_sense_is_one_line(
     out, error = capsys.readouterr()
     assert out == "" and len(error.strip().splitlines()) == 1
     assert f"a leg (thigh and shank) of {found} in " in error
-    assert f"{NAMED}; it would be 0.44 m in cm or 1.12 m in inch" in error
+    assert f"{SET_BY_USER}; it would be 0.44 m in cm or 1.12 m in inch" in error
     assert not (tmp_path / "run").exists()
     assert command("inspect", child, "--unit", unit) == 2
     with pytest.raises(KinemimicError, match="expected a unit among m, cmu, inch, cm, mm, found 'furlong'"):
@@ -90,7 +90,7 @@ def test_inspect_looks_in_that_unit(child: Path, capsys: Out) -> None:
     for unit in ("cm", "inch"):
         assert command("inspect", child, "--unit", unit, "--json") == 0
         (report,) = json.loads(capsys.readouterr().out)["files"]
-        assert report["units"] == {"length": unit, "rule": NAMED}
+        assert report["units"] == {"length": unit, "rule": SET_BY_USER}
         statures.append(report["stature_m"])
     assert statures == pytest.approx([0.90, 2.28], abs=0.01)
 
@@ -116,7 +116,7 @@ def test_a_format_with_a_unit_of_its_own_is_overruled(tmp_path: Path) -> None:
     )
     with pytest.raises(KinemimicError, match="expected metres, at most 100"):
         read(path)
-    clip = examine(read(path, unit="mm")).clip
+    clip = check_capture(read(path, unit="mm")).clip
     legs = [clip.skeleton.names.index(name) for name in ("hip_left", "knee_left")]
     thigh = np.linalg.norm(clip.positions[:, legs[0]] - clip.positions[:, legs[1]], axis=-1)
     assert 0.35 < float(np.median(thigh)) < 0.50

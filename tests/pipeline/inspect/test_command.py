@@ -14,8 +14,8 @@ from typing import Any
 import pytest
 
 from kinemimic.pipeline.cli.main import main
-from kinemimic.pipeline.inspect.assessment import study, unread
-from kinemimic.pipeline.inspect.survey import files_of, folders, with_companions
+from kinemimic.pipeline.inspect.batch import find_files, folder_summaries, mark_sidecar_files
+from kinemimic.pipeline.inspect.file_report import file_report, unread_report
 from kinemimic.pipeline.readers.recognise import formats
 
 Writer = Callable[..., Path]
@@ -109,7 +109,7 @@ def test_json_is_the_same_bytes_whatever_the_jobs(library: Path, capsys: Out) ->
         "LICENSE", "cut.skl", "one.skl", "two.skl", "three.skl",
     ]  # fmt: skip
     assert [Path(one["folder"]).name for one in content["folders"]] == ["a", "b"]
-    assert content["files"][2] == study(library / "a/one.skl")
+    assert content["files"][2] == file_report(library / "a/one.skl")
 
 
 def test_none_read_is_status_2(library: Path, capsys: Out) -> None:
@@ -129,7 +129,7 @@ def test_the_page_of_curves_stands_alone(library: Path, tmp_path: Path, capsys: 
 
 
 def test_files_are_sorted_once_each_and_hidden_ones_left_out(library: Path) -> None:
-    names = [path.name for path in files_of([library / "b", library, library / "a/one.skl"])]
+    names = [path.name for path in find_files([library / "b", library, library / "a/one.skl"])]
     assert names == ["LICENSE", "cut.skl", "one.skl", "two.skl", "three.skl"]
 
 
@@ -139,8 +139,8 @@ def test_a_depth_recording_is_one_file(tmp_path: Path, capsys: Out) -> None:
     (recording / "camera.toml").write_text("")
     for name in ("depth/000001.png", "depth/000002.png", "joints.csv", "../other.txt"):
         (recording / name).write_text("no image\n")
-    assert files_of([tmp_path]) == [tmp_path / "lib/other.txt", recording]
-    assert files_of([recording]) == [recording]
+    assert find_files([tmp_path]) == [tmp_path / "lib/other.txt", recording]
+    assert find_files([recording]) == [recording]
     assert call("inspect", recording) == 2
     assert "camera.toml" in capsys.readouterr().out
 
@@ -167,13 +167,13 @@ def test_a_page_draws_some_captures_and_names_the_others(
 
 
 def _read(name: str, companions: list[str], **more: Any) -> dict[str, Any]:
-    return unread(Path("lib", name), "usable", "") | {"read": True, "companions": companions, **more}
+    return unread_report(Path("lib", name), "usable", "") | {"read": True, "companions": companions, **more}
 
 
 def test_what_was_read_with_a_capture_is_no_capture() -> None:
-    reports = with_companions(
+    reports = mark_sidecar_files(
         [
-            unread(Path("lib/02.asf"), "refused", "a skeleton without a motion"),
+            unread_report(Path("lib/02.asf"), "refused", "a skeleton without a motion"),
             _read("02_01.amc", ["02.asf"]),
             _read("p_angles.txt", ["p_positions.txt"]),
             _read("p_positions.txt", ["p_angles.txt"]),
@@ -189,7 +189,9 @@ def test_a_folders_medians_leave_out_what_is_refused() -> None:
             bones_m={"thigh": {"median": thigh}, "shank": {"median": 0.4}},
         )  # fmt: skip
 
-    (record,) = folders([one("a", 0.40, "usable"), one("b", 0.44, "flagged"), one("c", 0.1, "refused")])
+    (record,) = folder_summaries(
+        [one("a", 0.40, "usable"), one("b", 0.44, "flagged"), one("c", 0.1, "refused")]
+    )
     assert record["thigh_m"] == pytest.approx(0.42)
     assert (record["captures"], record["read"], record["refused"]) == (3, 3, 1)
     assert record["gait_period_s"] is None
@@ -201,17 +203,17 @@ def test_ctrl_c_prints_what_is_done_and_ends_with_130(library: Path, tmp_path: P
         """
 import signal, sys, time
 from kinemimic.pipeline.cli.main import main
-from kinemimic.pipeline.inspect import assessment as study, survey
+from kinemimic.pipeline.inspect import batch, file_report
 
 def slow(path, *, unit):
     if path.name == "three.skl":
         print("hangs", flush=True)
         time.sleep(60)
-    return study.study(path, unit=unit)
+    return file_report.file_report(path, unit=unit)
 
 if __name__ == "__main__":
     signal.signal(signal.SIGINT, signal.default_int_handler)
-    survey.study = slow
+    batch.file_report = slow
     main(["inspect", *sys.argv[1:]])
 """
     )

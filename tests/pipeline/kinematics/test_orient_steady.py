@@ -15,7 +15,7 @@ from kinemimic.pipeline.kinematics.rotations import angle_between, from_axis_ang
 from kinemimic.pipeline.kinematics.skeleton import NODE_INDEX as N
 from kinemimic.pipeline.kinematics.trunk import direction
 from kinemimic.pipeline.kinematics.twist import follow
-from kinemimic.pipeline.quality.examine import examine
+from kinemimic.pipeline.quality.check import check_capture
 from kinemimic.pipeline.readers.recognise import read
 from tests.pipeline.kinematics.test_orient import positions_of, standing
 
@@ -175,5 +175,5 @@ CLEAN = (
 @pytest.mark.parametrize("name", CLEAN)
 def test_real_recordings_flip_nothing(captures: Path, name: str):
     found = list(captures.rglob(Path(name).name))
-    clip = examine(read(found[0])).clip
+    clip = check_capture(read(found[0])).clip
     assert flips(to_nodes(clip)[0], clip.passes) == 0

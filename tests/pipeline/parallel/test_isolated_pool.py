@@ -7,7 +7,7 @@ import time
 
 import pytest
 
-from kinemimic.pipeline.parallel.isolated_pool import Lost, each
+from kinemimic.pipeline.parallel.isolated_pool import Failed, each
 
 
 def test_each_item_has_its_result_whatever_the_number_of_processes() -> None:
@@ -28,7 +28,7 @@ def test_a_death_costs_one_item() -> None:
     ]
     found = dict(each(eval, items, jobs=2))
     assert [found[k] for k in (0, 3, 6)] == [1, 2, 3]
-    reasons = {k: result.reason for k, result in found.items() if isinstance(result, Lost)}
+    reasons = {k: result.reason for k, result in found.items() if isinstance(result, Failed)}
     assert reasons[1] == "its process ended with status 9"
     assert reasons[2] == "its process was ended by SIGABRT"
     assert "ZeroDivisionError" in reasons[4]
@@ -38,7 +38,7 @@ def test_a_death_costs_one_item() -> None:
 def test_one_that_hangs_is_given_up() -> None:
     begin = time.monotonic()
     found = dict(each(eval, ["__import__('time').sleep(60)", "1"], jobs=1, seconds=1.0))
-    assert found == {0: Lost("given up after 1 s"), 1: 1}
+    assert found == {0: Failed("given up after 1 s"), 1: 1}
     assert time.monotonic() - begin < 20
 
 

@@ -13,8 +13,8 @@ from rich.console import Console
 from kinemimic.pipeline.filters.clean import clean
 from kinemimic.pipeline.kinematics.clip import Clip
 from kinemimic.pipeline.kinematics.skeleton import NODE_INDEX
-from kinemimic.pipeline.quality.acquire import acquire, in_passes
-from kinemimic.pipeline.quality.report import quality, table
+from kinemimic.pipeline.quality.report import quality_report, quality_table
+from kinemimic.pipeline.quality.passes import find_passes, with_passes
 from kinemimic.pipeline.quality.rules.defect import Defect
 
 Build = Callable[..., Clip]
@@ -36,10 +36,10 @@ def clip(node_clip: Build) -> Clip:
 
 
 def test_counts(clip: Clip) -> None:
-    acquisition = acquire(clip)
-    raw = in_passes(clip, acquisition)
+    acquisition = find_passes(clip)
+    raw = with_passes(clip, acquisition)
     _, cleaning = clean(raw, "butterworth")
-    report = quality(raw, acquisition, cleaning, DEFECTS)
+    report = quality_report(raw, acquisition, cleaning, DEFECTS)
     assert report["frames"] == report["frames_in_passes"] == 100
     assert report["complete_frames"] == 75
     assert [(d["rule"], d["count"]) for d in report["defects"]] == [("duplicate_frames", 3)]
@@ -63,8 +63,8 @@ def test_bones(clip: Clip) -> None:
     clip.positions[:, NODE_INDEX["knee_left"]] = clip.positions[:, NODE_INDEX["hip_left"]] - [0.0, 0.0, 0.4]
     down = np.where(np.arange(100) % 2, 0.36, 0.44)[:, None] * [0.0, 0.0, -1.0]
     clip.positions[:, NODE_INDEX["ankle_left"]] = clip.positions[:, NODE_INDEX["knee_left"]] + down
-    acquisition = acquire(clip)
-    report = quality(clip, acquisition, clean(clip, "none")[1], ())
+    acquisition = find_passes(clip)
+    report = quality_report(clip, acquisition, clean(clip, "none")[1], ())
     knee, ankle = report["joints"]["knee_left"], report["joints"]["ankle_left"]
     assert (knee["bone_m"], knee["bone_cv"]) == (0.4, 0.0)
     assert (ankle["bone_m"], ankle["bone_cv"]) == (0.4, 0.1)
@@ -74,9 +74,9 @@ def test_bones(clip: Clip) -> None:
 def test_frames_outside_passes_do_not_count(clip: Clip) -> None:
     clip.states[:10] = 0
     clip.positions[:10] = np.nan
-    acquisition = acquire(clip)
-    raw = in_passes(clip, acquisition)
-    report = quality(raw, acquisition, clean(raw, "butterworth")[1], ())
+    acquisition = find_passes(clip)
+    raw = with_passes(clip, acquisition)
+    report = quality_report(raw, acquisition, clean(raw, "butterworth")[1], ())
     assert report["frames_in_passes"] == 90
     assert report["joints"]["spine"]["tracked"] == 1.0
     assert report["events"][2] == {"frame": 10, "time": 0.3333, "state": "tracking", "reason": "subject seen"}
@@ -84,10 +84,10 @@ def test_frames_outside_passes_do_not_count(clip: Clip) -> None:
 
 def test_the_table_says_when_a_capture_is_simulated(clip: Clip) -> None:
     simulated = replace(clip, provenance={**clip.provenance, "simulated": True})
-    report = quality(simulated, acquire(clip), clean(clip, "butterworth")[1], DEFECTS)
+    report = quality_report(simulated, find_passes(clip), clean(clip, "butterworth")[1], DEFECTS)
     console = Console(width=120)
     with console.capture() as captured:
-        console.print(table(report))
+        console.print(quality_table(report))
     text = captured.get()
     assert "made.skl: Kinect v1 .skl text, SIMULATED, unit m" in text
     assert "  repaired  duplicated frames  3 lines dropped" in text

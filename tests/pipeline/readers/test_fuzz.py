@@ -19,7 +19,7 @@ from samples.mutate import mutated
 from kinemimic.pipeline.errors import KinemimicError
 from kinemimic.pipeline.kinematics.clip import Clip
 from kinemimic.pipeline.kinematics.skeleton import MISSING
-from kinemimic.pipeline.quality.examine import examine
+from kinemimic.pipeline.quality.check import check_capture
 from kinemimic.pipeline.readers import recognise
 
 INPUTS = 2000
@@ -79,7 +79,7 @@ def test_damaged_files(name: str, tmp_path: Path) -> None:
         try:
             clip = recognise.read(capture)
             check(clip)
-            check(examine(clip).clip)
+            check(check_capture(clip).clip)
             clips += 1
         except KinemimicError as error:
             assert len(str(error).splitlines()) == 1

@@ -17,7 +17,7 @@ from kinemimic.pipeline.kinematics.angles import ANGLES, leg_angles
 from kinemimic.pipeline.kinematics.clip import Clip
 from kinemimic.pipeline.kinematics.nodes import to_nodes
 from kinemimic.pipeline.kinematics.skeleton import NODE_INDEX as N
-from kinemimic.pipeline.quality.acquire import acquire
+from kinemimic.pipeline.quality.passes import find_passes
 from kinemimic.pipeline.readers.recognise import read
 from kinemimic.pipeline.virtual_kinect.noise import Levels
 from kinemimic.pipeline.virtual_kinect.recorder import Recording, record_virtual
@@ -85,7 +85,7 @@ def test_the_truth_is_on_the_captures_clock_and_labelled(recording: Recording, f
 @pytest.mark.parametrize("form", FORMS)
 def test_acquisition_finds_the_passes_that_were_walked(recording: Recording, form: str) -> None:
     path, clip = _form(recording, form)
-    found, walked = acquire(clip).passes, _truth(path)["pass"]
+    found, walked = find_passes(clip).passes, _truth(path)["pass"]
     # A wild first frame may be cut off, and the frame before a pause counts as its first repetition.
     middle = np.convolve(walked, np.full(13, 1 / 13), mode="same") == walked
     assert walked.max() == 5 and np.array_equal(found[middle], walked[middle])
@@ -187,5 +187,5 @@ def test_while_nobody_is_there_the_last_pose_is_repeated(recording: Recording) -
 def test_the_run_is_recorded_too(tmp_path: Path) -> None:
     path, clip = _form(record_virtual(tmp_path, motion="run"), "skl")
     truth = _truth(path)
-    assert path.name == "kinect_run.skl" and acquire(clip).count >= 15
+    assert path.name == "kinect_run.skl" and find_passes(clip).count >= 15
     assert 90.0 < np.degrees(np.nanmax(truth["knee_left"])) < 125.0

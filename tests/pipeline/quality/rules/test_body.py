@@ -14,7 +14,13 @@ from kinemimic.pipeline.kinematics.euler import local_rotations, world_positions
 from kinemimic.pipeline.kinematics.orient import node_rotations
 from kinemimic.pipeline.kinematics.rotations import from_axis_angle, rotate
 from kinemimic.pipeline.kinematics.skeleton import NODE_INDEX as N
-from kinemimic.pipeline.quality.rules import calibration, limbs, mirror, units, upright
+from kinemimic.pipeline.quality.rules import (
+    calibration_frames,
+    limb_lengths,
+    mirrored_body,
+    wrong_units,
+    wrong_up_axis,
+)
 from kinemimic.pipeline.readers.base.source import Source
 from kinemimic.pipeline.readers.mocap.bvh import read as read_bvh
 from kinemimic.pipeline.readers.mocap.deepmimic import read_deepmimic, stock_motion
@@ -28,9 +34,9 @@ WRONG_UPS = [("Y", 0.5), ("Y", -0.5), ("X", 0.5), ("X", -0.5), ("X", 1.0)]
 @pytest.mark.parametrize("noise", [0.0, 0.012])
 def test_a_sound_body_has_no_defect(moving: Moving, kind: str, noise: float) -> None:
     clip = moving(120, kind=kind, noise=noise)
-    for rule in (units, upright, mirror, calibration):
-        assert rule.check(clip) == (clip, [])
-    assert limbs.check(clip) == []
+    for rule in (wrong_units, wrong_up_axis, mirrored_body, calibration_frames):
+        assert rule.repair(clip) == (clip, [])
+    assert limb_lengths.detect(clip) == []
 
 
 # --- units
@@ -50,7 +56,7 @@ def test_a_sound_body_has_no_defect(moving: Moving, kind: str, noise: float) -> 
 )
 def test_wrong_units_are_told_and_repaired(moving: Moving, times: float, name: str) -> None:
     clip = moving(60)
-    repaired, (found,) = units.check(scaled(clip, times))
+    repaired, (found,) = wrong_units.repair(scaled(clip, times))
     assert (found.rule, found.action) == ("wrong_units", "repaired") and name in found.text
     np.testing.assert_allclose(repaired.positions, clip.positions, atol=1e-9)
 
@@ -64,17 +70,17 @@ def test_units_that_fit_twice_are_flagged_those_that_fit_never_refused(moving: M
         np.linalg.norm(clip.positions[:, N["knee_left"]] - clip.positions[:, N["ankle_left"]], axis=-1)
     )
     # A child in cm is likelier than a giant in inches.
-    child, found = units.check(scaled(clip, 45.0 / leg))
+    child, found = wrong_units.repair(scaled(clip, 45.0 / leg))
     np.testing.assert_allclose(child.positions, clip.positions * (0.45 / leg), atol=1e-9)
     assert [one.action for one in found] == ["repaired", "flagged"]
     assert "lengths are centimetres" in found[0].text and "in inches of 2.33 m" in found[1].text
-    assert units.check(scaled(clip, 4.0 / leg))[1][0].action == "refused"
-    assert units.check(scaled(clip, 0.5 / leg))[1] == []  # a child in metres
+    assert wrong_units.repair(scaled(clip, 4.0 / leg))[1][0].action == "refused"
+    assert wrong_units.repair(scaled(clip, 0.5 / leg))[1] == []  # a child in metres
 
 
 def test_euler_captures_are_scaled_whole(bvh: Text) -> None:
     clip = read_bvh(Source.of_text(bvh(), Path("a.bvh")))
-    repaired, _ = units.check(scaled(clip, 100.0))
+    repaired, _ = wrong_units.repair(scaled(clip, 100.0))
     assert repaired.translations is not None and clip.translations is not None
     np.testing.assert_allclose(repaired.translations, clip.translations, atol=1e-12)
     np.testing.assert_allclose(repaired.skeleton.offsets, clip.skeleton.offsets, atol=1e-12)
@@ -87,8 +93,8 @@ def test_euler_captures_are_scaled_whole(bvh: Text) -> None:
 def test_a_wrong_up_axis_is_turned_up(moving: Moving, axis: str, halves: float) -> None:
     clip = moving(90, noise=0.005)
     clip = replace(clip, rotations=node_rotations(clip.positions))
-    wrong = upright.turned(clip, from_axis_angle(axis, halves * np.pi))
-    repaired, (found,) = upright.check(wrong)
+    wrong = wrong_up_axis.turned(clip, from_axis_angle(axis, halves * np.pi))
+    repaired, (found,) = wrong_up_axis.repair(wrong)
     assert (found.rule, found.action) == ("wrong_up_axis", "repaired")
     # Up again; which way is forward is free, so distances from the start are what must be the same.
     np.testing.assert_allclose(repaired.positions[..., 2], clip.positions[..., 2], atol=1e-9)
@@ -99,18 +105,18 @@ def test_a_wrong_up_axis_is_turned_up(moving: Moving, axis: str, halves: float) 
     fresh = node_rotations(repaired.positions)
     assert repaired.rotations is not None
     assert np.abs(np.sum(fresh[:, 0] * repaired.rotations[:, 0], axis=-1)).min() > 1.0 - 1e-9
-    assert mirror.check(repaired)[1] == []
+    assert mirrored_body.repair(repaired)[1] == []
 
 
 def test_an_euler_capture_is_turned_in_its_axes(bvh: Text) -> None:
     """A BVH whose Z is up, read as if Y were: after the repair its channels give the repaired positions."""
     clip = read_bvh(Source.of_text(bvh(), Path("a.bvh")))
-    wrong = upright.turned(clip, from_axis_angle("X", 0.5 * np.pi))
+    wrong = wrong_up_axis.turned(clip, from_axis_angle("X", 0.5 * np.pi))
     way = np.linspace(0.0, 2.0, len(wrong.times))[:, None] * [1.0, 0.0, 0.0]
     wrong.positions[:] += way[:, None]
     assert wrong.translations is not None and wrong.euler is not None and wrong.orders is not None
     wrong.translations[:, 0] += rotate(wrong.world_from_file * [-1, -1, -1, 1], way)
-    repaired, (found,) = upright.check(wrong)
+    repaired, (found,) = wrong_up_axis.repair(wrong)
     assert found.action == "repaired"
     assert repaired.translations is not None and repaired.euler is not None and repaired.orders is not None
     turned = local_rotations(repaired.euler, repaired.orders, repaired.world_from_file)
@@ -126,12 +132,12 @@ def test_who_bends_or_lies_is_not_turned(moving: Moving, node_clip: Moving) -> N
         + clip.positions[:, :1]
     )
     bending = replace(clip, positions=np.where(np.arange(120)[:, None, None] < 90, bent, clip.positions))
-    assert upright.check(bending)[1] == []
-    lying = upright.turned(node_clip(60), from_axis_angle("Y", 0.5 * np.pi))
-    same, (found,) = upright.check(lying)
+    assert wrong_up_axis.repair(bending)[1] == []
+    lying = wrong_up_axis.turned(node_clip(60), from_axis_angle("Y", 0.5 * np.pi))
+    same, (found,) = wrong_up_axis.repair(lying)
     assert same is lying and found.action == "flagged" and "lies" in found.text
-    leaning = upright.turned(clip, from_axis_angle("Y", np.radians(25.0)))  # a camera that looks down
-    assert upright.check(leaning)[1] == []
+    leaning = wrong_up_axis.turned(clip, from_axis_angle("Y", np.radians(25.0)))  # a camera that looks down
+    assert wrong_up_axis.repair(leaning)[1] == []
 
 
 @pytest.mark.parametrize(
@@ -140,7 +146,7 @@ def test_who_bends_or_lies_is_not_turned(moving: Moving, node_clip: Moving) -> N
 def test_who_really_is_on_the_floor_stays_there(motion: str) -> None:
     """A crawl goes along the body's length: it might be turned up only where somebody walked across it."""
     clip = read_deepmimic(stock_motion(motion))
-    same, found = upright.check(clip)
+    same, found = wrong_up_axis.repair(clip)
     assert same is clip and [defect.action for defect in found] == (["flagged"] if motion == "crawl" else [])
 
 
@@ -159,11 +165,11 @@ def test_leg_raises_are_no_steps_and_a_squat_is_one(moving: Moving) -> None:
     for side in ("left", "right"):
         squat[:, N[f"knee_{side}"]] += np.outer(bend, [0.33, 0.0, -0.15])
     lying, wrong = (
-        upright.turned(replace(moving(120), positions=positions), from_axis_angle("Y", 0.5 * np.pi))
+        wrong_up_axis.turned(replace(moving(120), positions=positions), from_axis_angle("Y", 0.5 * np.pi))
         for positions in (raised, squat)
     )
-    assert [defect.action for defect in upright.check(lying)[1]] == ["flagged"]
-    assert [defect.action for defect in upright.check(wrong)[1]] == ["repaired"]
+    assert [defect.action for defect in wrong_up_axis.repair(lying)[1]] == ["flagged"]
+    assert [defect.action for defect in wrong_up_axis.repair(wrong)[1]] == ["repaired"]
 
 
 # --- mirror
@@ -173,11 +179,11 @@ def test_leg_raises_are_no_steps_and_a_squat_is_one(moving: Moving) -> None:
 def test_a_mirrored_body_is_reflected(moving: Moving, kind: str) -> None:
     clip = moving(90, kind=kind, noise=0.005)
     mirrored = replace(clip, positions=clip.positions * [1.0, -1.0, 1.0])
-    repaired, (found,) = mirror.check(mirrored)
+    repaired, (found,) = mirrored_body.repair(mirrored)
     assert (found.rule, found.count, found.action) == ("mirrored", 90, "repaired")
     assert np.array_equal(repaired.positions, clip.positions)
     euler = replace(mirrored, euler=np.zeros(clip.positions.shape), orders=("ZYX",) * 20)
-    same, (found,) = mirror.check(euler)
+    same, (found,) = mirrored_body.repair(euler)
     assert same is euler and found.action == "flagged"
 
 
@@ -187,8 +193,8 @@ def test_knees_alone_show_a_mirror(moving: Moving) -> None:
     legs = replace(clip, positions=clip.positions.copy(), states=clip.states.copy())
     for name in ("shoulder_left", "shoulder_right", "foot_left", "foot_right"):
         legs.positions[:, N[name]], legs.states[:, N[name]] = np.nan, 0
-    assert mirror.check(legs)[1] == []
-    repaired, (found,) = mirror.check(replace(legs, positions=legs.positions * [1.0, -1.0, 1.0]))
+    assert mirrored_body.repair(legs)[1] == []
+    repaired, (found,) = mirrored_body.repair(replace(legs, positions=legs.positions * [1.0, -1.0, 1.0]))
     assert found.action == "repaired" and found.text.startswith("knees bend forward in")
     np.testing.assert_allclose(repaired.positions, legs.positions)
 
@@ -202,7 +208,7 @@ def test_who_sits_on_the_heels_is_no_mirror_image(moving: Moving) -> None:
         p[:, N[f"knee_{side}"]] = hip + np.array([0.42, 0.0, -0.05])
         p[:, N[f"ankle_{side}"]] = hip + np.array([0.02, 0.0, -0.10])
         p[:, N[f"foot_{side}"]] = hip + np.array([-0.12, 0.0, -0.10])
-    same, (found,) = mirror.check(clip)
+    same, (found,) = mirrored_body.repair(clip)
     assert same is clip and found.action == "flagged" and "heels" in found.text
 
 
@@ -212,15 +218,15 @@ def test_one_frame_with_feet_does_not_lower_the_bar_for_the_knees(moving: Moving
     p = np.where(np.arange(90)[:, None, None] % 3 < 2, wrong, clip.positions)  # a tracker that hesitates
     for side in ("left", "right"):
         p[1:, N[f"foot_{side}"]] = np.nan
-    assert mirror.check(replace(clip, positions=p))[1] == []
+    assert mirrored_body.repair(replace(clip, positions=p))[1] == []
 
 
 def test_names_of_the_other_side_are_a_mirror_too(moving: Moving, other_side: list[int]) -> None:
     clip = moving(90)
-    repaired, (found,) = mirror.check(replace(clip, positions=clip.positions[:, other_side]))
+    repaired, (found,) = mirrored_body.repair(replace(clip, positions=clip.positions[:, other_side]))
     assert found.action == "repaired"
     np.testing.assert_allclose(repaired.positions, clip.positions[:, other_side] * [1.0, -1.0, 1.0])
-    assert mirror.check(repaired)[1] == []
+    assert mirrored_body.repair(repaired)[1] == []
 
 
 # --- limbs
@@ -240,22 +246,22 @@ def shortened(clip: Clip, share: float, joint: str, above: str) -> Clip:
 def test_children_pass_and_fused_legs_do_not(moving: Moving) -> None:
     clip = moving(120, noise=0.006)
     for size in (0.6, 0.75, 1.15):
-        assert limbs.check(scaled(moving(120, noise=0.006 * size), size)) == []
-    assert limbs.check(shortened(clip, 0.9, "ankle", "knee")) == []
+        assert limb_lengths.detect(scaled(moving(120, noise=0.006 * size), size)) == []
+    assert limb_lengths.detect(shortened(clip, 0.9, "ankle", "knee")) == []
     fused = shortened(scaled(clip, 0.75), 0.72, "ankle", "knee")
-    (found,) = limbs.check(fused)
+    (found,) = limb_lengths.detect(fused)
     assert (found.rule, found.action) == ("impossible_limbs", "refused")
     assert "times the shank" in found.text
 
 
 def test_a_child_before_a_noisy_sensor_is_no_machine(moving: Moving) -> None:
-    found = limbs.check(scaled(moving(240, noise=0.045), 0.7))
+    found = limb_lengths.detect(scaled(moving(240, noise=0.045), 0.7))
     assert {defect.rule for defect in found} <= {"bone_drift"}
     assert found == [] or found[0].action == "flagged"
 
 
 def test_lengths_of_nobody(moving: Moving) -> None:
-    (found,) = limbs.check(shortened(moving(120), 0.4, "ankle", "knee"))
+    (found,) = limb_lengths.detect(shortened(moving(120), 0.4, "ankle", "knee"))
     assert found.action == "refused" and found.count == 2 and "left shank 0.1" in found.text
 
 
@@ -264,7 +270,7 @@ def test_bones_that_shrink_are_told_with_numbers(moving: Moving) -> None:
     share = np.linspace(1.0, 0.7, 120)[:, None]
     p = clip.positions.copy()
     p[:, N["elbow_left"]] += (share - 1.0) * (p[:, N["elbow_left"]] - p[:, N["shoulder_left"]])
-    found = {defect.rule: defect for defect in limbs.check(replace(clip, positions=p))}
+    found = {defect.rule: defect for defect in limb_lengths.detect(replace(clip, positions=p))}
     drift = found["bone_drift"]
     assert drift.action == "flagged"
     # First and last fifth: medians of 0.97 and 0.73 of a length whose median is 0.85.
@@ -279,7 +285,7 @@ def test_real_limbs(captures: Path) -> None:
         "kinect1_bernstein_skl/i1.skl",
         "shum_gait_bvh/SubjectA1_Cycle1.bvh",
     ):
-        assert not [d for d in limbs.check(read(captures / name)) if d.rule == "impossible_limbs"]
+        assert not [d for d in limb_lengths.detect(read(captures / name)) if d.rule == "impossible_limbs"]
 
 
 # --- calibration pose
@@ -301,7 +307,7 @@ def test_a_calibration_pose_is_dropped(moving: Moving, frames: int) -> None:
     clip = moving(90, noise=0.004)
     broken = replace(clip, positions=clip.positions.copy())
     broken.positions[:frames] = t_pose(clip)
-    repaired, (found,) = calibration.check(broken)
+    repaired, (found,) = calibration_frames.repair(broken)
     assert (found.rule, found.count, found.action) == ("calibration_frames", frames, "repaired")
     assert np.array_equal(repaired.positions, clip.positions[frames:])
     assert np.array_equal(repaired.times, clip.times[frames:])
@@ -313,4 +319,4 @@ def test_arms_held_out_during_the_motion_are_no_calibration(moving: Moving) -> N
         clip.positions
         + (t_pose(clip) - clip.positions[0]) * np.isin(np.arange(20), [5, 6, 7, 9, 10, 11])[:, None]
     )
-    assert calibration.check(replace(clip, positions=held))[1] == []
+    assert calibration_frames.repair(replace(clip, positions=held))[1] == []

@@ -8,23 +8,23 @@ from dataclasses import replace
 import numpy as np
 
 from kinemimic.pipeline.kinematics.clip import Clip
-from kinemimic.pipeline.quality.rules import clock, duplicates
-from kinemimic.pipeline.quality.rules.frames import kept
+from kinemimic.pipeline.quality.rules import clock, duplicate_frames
+from kinemimic.pipeline.quality.rules.frame_selection import select_frames
 
 Moving = Callable[..., Clip]
 
 
 def test_an_even_clock_in_milliseconds_has_no_defect(moving: Moving) -> None:
     clip = moving(120)
-    assert clock.check(clip) == []
-    assert clock.check(replace(clip, times=np.floor(1000 * clip.times) / 1000)) == []
-    assert duplicates.check(clip) == (clip, [])
+    assert clock.detect(clip) == []
+    assert clock.detect(replace(clip, times=np.floor(1000 * clip.times) / 1000)) == []
+    assert duplicate_frames.repair(clip) == (clip, [])
 
 
 def test_missing_frames_are_counted(moving: Moving) -> None:
     whole = moving(120)
     missing = np.isin(np.arange(120), [20, 50, 51, 52, 90])
-    (found,) = clock.check(kept(whole, ~missing))
+    (found,) = clock.detect(select_frames(whole, ~missing))
     assert (found.rule, found.count, found.of) == ("dropped_frames", 5, "frames")
     assert "in 3 places" in found.text and "at most 3 in a row" in found.text
     # Frame 19 is the last before the first hole; behind each hole the frames have moved up by its width.
@@ -35,7 +35,7 @@ def test_every_second_frame_missing_at_times(moving: Moving) -> None:
     """Steps of 2 and more where 1 is rarer: the clock is the shorter step's, and it is sparse."""
     keep = np.ones(240, dtype=np.bool_)
     keep[np.r_[1:180:2]] = False
-    found = {defect.rule: defect.count for defect in clock.check(kept(moving(240), keep))}
+    found = {defect.rule: defect.count for defect in clock.detect(select_frames(moving(240), keep))}
     assert found == {"dropped_frames": 90, "irregular_clock": 90}
 
 
@@ -44,7 +44,7 @@ def test_an_uneven_clock(moving: Moving) -> None:
     steps = np.resize([0.031, 0.046, 0.062], 119)
     (found,) = (
         defect
-        for defect in clock.check(replace(clip, times=np.concatenate([[0.0], np.cumsum(steps)])))
+        for defect in clock.detect(replace(clip, times=np.concatenate([[0.0], np.cumsum(steps)])))
         if defect.rule == "irregular_clock"
     )
     assert found.count == 79  # 40 of 46 ms and 39 of 62; those of 31 explain more than the median does
@@ -55,15 +55,17 @@ def test_a_step_between_passes_is_none(moving: Moving) -> None:
     clip = moving(120)
     times = clip.times + np.where(np.arange(120) >= 60, 0.7, 0.0)
     passes = np.repeat(np.array([0, 1], dtype=np.int32), 60)
-    assert clock.check(replace(clip, times=times, passes=passes)) == []
+    assert clock.detect(replace(clip, times=times, passes=passes)) == []
 
 
 def test_polling_faster_than_the_sensor(moving: Moving) -> None:
     """At 60 Hz every frame of a 30 Hz sensor is read twice: what is left is the sensor's own."""
     sensor = moving(60, noise=0.003)
     twice = np.repeat(np.arange(60), 2)
-    polled = replace(kept(moving(120), np.ones(120, dtype=np.bool_)), positions=sensor.positions[twice])
-    repaired, (found,) = duplicates.check(polled)
+    polled = replace(
+        select_frames(moving(120), np.ones(120, dtype=np.bool_)), positions=sensor.positions[twice]
+    )
+    repaired, (found,) = duplicate_frames.repair(polled)
     assert (found.rule, found.count, found.action) == ("duplicate_frames", 60, "repaired")
     assert np.array_equal(repaired.positions, sensor.positions)
     assert np.array_equal(repaired.times, polled.times[::2])
@@ -74,7 +76,7 @@ def test_who_stands_still_in_a_rounded_file_repeats_no_pose(moving: Moving) -> N
     clip = moving(480, rate=240.0)
     sway = 0.002 * np.sin(clip.times)[:, None, None]
     still = replace(clip, positions=np.round(clip.positions[:1] + sway, 3))
-    assert duplicates.check(still) == (still, [])
+    assert duplicate_frames.repair(still) == (still, [])
 
 
 def test_repeats_with_missing_joints_and_outside_of_passes(moving: Moving) -> None:
@@ -84,4 +86,4 @@ def test_repeats_with_missing_joints_and_outside_of_passes(moving: Moving) -> No
     clip.positions[51:55] = clip.positions[50]
     clip.passes[50:] = -1
     # Named is the frame that stays.
-    assert duplicates.check(clip)[1][0].frames == ((30, 30),)
+    assert duplicate_frames.repair(clip)[1][0].frames == ((30, 30),)

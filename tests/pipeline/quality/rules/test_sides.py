@@ -14,8 +14,8 @@ from kinemimic.pipeline.kinematics.clip import Clip
 from kinemimic.pipeline.kinematics.rotations import IDENTITY
 from kinemimic.pipeline.kinematics.skeleton import INFERRED, NODES, Skeleton
 from kinemimic.pipeline.kinematics.skeleton import NODE_INDEX as N
-from kinemimic.pipeline.quality.acquire import acquire, in_passes
-from kinemimic.pipeline.quality.rules import facing, sides
+from kinemimic.pipeline.quality.passes import find_passes, with_passes
+from kinemimic.pipeline.quality.rules import seen_from_behind, swapped_limbs
 from kinemimic.pipeline.readers.recognise import read
 from kinemimic.pipeline.virtual_kinect.recorder import record_virtual
 
@@ -35,11 +35,11 @@ def exchanged(clip: Clip, frames: list[int], joints: tuple[str, ...]) -> Clip:
 @pytest.mark.parametrize("noise", [0.0, NOISE])
 def test_a_sound_motion_has_none(moving: Moving, kind: str, noise: float) -> None:
     clip = moving(300, kind=kind, noise=noise)
-    assert sides.check(clip) == (clip, [])
+    assert swapped_limbs.repair(clip) == (clip, [])
 
 
 @pytest.mark.parametrize("kind", ["walk", "run"])
-@pytest.mark.parametrize("limb", sides.LIMBS)
+@pytest.mark.parametrize("limb", swapped_limbs.LIMBS)
 @pytest.mark.parametrize("hangs_on", [(), ("hip", "shoulder")])
 def test_exchanged_limbs_are_put_back(
     moving: Moving, kind: str, limb: str, hangs_on: tuple[str, ...]
@@ -47,8 +47,8 @@ def test_exchanged_limbs_are_put_back(
     """With the joint that they hang on, or without it."""
     clip = moving(300, kind=kind, noise=NOISE)
     frames = [40, 41, 100, 180, 181, 182, 183, 184, 240]
-    joints = sides.LIMBS[limb] + hangs_on[{"legs": 0, "arms": 1}[limb] :][:1]
-    repaired, (found,) = sides.check(exchanged(clip, frames, joints))
+    joints = swapped_limbs.LIMBS[limb] + hangs_on[{"legs": 0, "arms": 1}[limb] :][:1]
+    repaired, (found,) = swapped_limbs.repair(exchanged(clip, frames, joints))
     assert np.array_equal(repaired.positions, clip.positions)
     assert (found.rule, found.count, found.action) == ("swapped_sides", 9, "repaired")
     assert found.frames == ((40, 41), (100, 100), (180, 184), (240, 240))
@@ -74,10 +74,13 @@ def test_all_that_belongs_to_a_limb_goes_with_it(moving: Moving) -> None:
                 "elbow_right": np.full(120, 3.0)},
     )  # fmt: skip
     wrong = whole.positions.copy()
-    limb = [N[f"{joint}_{side}"] for joint in sides.LIMBS["arms"] for side in ("left", "right")] + [20, 21]
+    limb = [N[f"{joint}_{side}"] for joint in swapped_limbs.LIMBS["arms"] for side in ("left", "right")] + [
+        20,
+        21,
+    ]
     there = [joint ^ 1 if joint >= 20 else limb[limb.index(joint) ^ 1] for joint in limb]
     wrong[np.ix_([60, 61], limb)] = whole.positions[np.ix_([60, 61], there)]
-    repaired, (found,) = sides.check(replace(whole, positions=wrong))
+    repaired, (found,) = swapped_limbs.repair(replace(whole, positions=wrong))
     assert found.frames == ((60, 61),) and np.array_equal(repaired.positions, whole.positions)
     assert repaired.angles is not None and repaired.rotations is not None
     assert np.flatnonzero(repaired.angles["elbow_left"] == 3.0).tolist() == [60, 61]
@@ -91,26 +94,28 @@ def test_all_that_belongs_to_a_limb_goes_with_it(moving: Moving) -> None:
 def test_at_the_ends_and_the_majority(moving: Moving) -> None:
     """The first frames, the last ones, and a pass that is right for less than half of its time."""
     clip = moving(120, noise=NOISE)
-    repaired, (found,) = sides.check(exchanged(clip, [0, 1, 117, 118, 119], sides.LIMBS["legs"]))
+    repaired, (found,) = swapped_limbs.repair(
+        exchanged(clip, [0, 1, 117, 118, 119], swapped_limbs.LIMBS["legs"])
+    )
     assert np.array_equal(repaired.positions, clip.positions)
     assert found.frames == ((0, 1), (117, 119))
     # What is so most of the time is taken for right: the names of the whole pass are not for this rule.
     mostly = [frame for frame in range(120) if frame not in (50, 51)]
-    repaired, (found,) = sides.check(exchanged(clip, mostly, sides.LIMBS["legs"]))
+    repaired, (found,) = swapped_limbs.repair(exchanged(clip, mostly, swapped_limbs.LIMBS["legs"]))
     assert found.frames == ((50, 51),)
 
 
 def test_missing_joints_do_not_disturb(moving: Moving) -> None:
     clip = moving(120, noise=NOISE)
     clip.positions[::7, N["ankle_left"]] = np.nan
-    broken = exchanged(clip, [60, 61], sides.LIMBS["legs"])
-    assert np.array_equal(sides.check(broken)[0].positions, clip.positions, equal_nan=True)
+    broken = exchanged(clip, [60, 61], swapped_limbs.LIMBS["legs"])
+    assert np.array_equal(swapped_limbs.repair(broken)[0].positions, clip.positions, equal_nan=True)
 
 
 def test_euler_captures_are_flagged(moving: Moving) -> None:
-    clip = exchanged(moving(120), [60, 61], sides.LIMBS["legs"])
+    clip = exchanged(moving(120), [60, 61], swapped_limbs.LIMBS["legs"])
     euler = replace(clip, euler=np.zeros(clip.positions.shape), orders=("ZYX",) * 20)
-    same, (found,) = sides.check(euler)
+    same, (found,) = swapped_limbs.repair(euler)
     assert same is euler and found.action == "flagged" and found.count == 2
 
 
@@ -121,12 +126,12 @@ def test_against_what_the_virtual_kinect_exchanged(tmp_path: Path) -> None:
     for seed in range(3):
         capture = record_virtual(tmp_path / str(seed), seed=seed).skl
         clip = read(capture)
-        clip = in_passes(clip, acquire(clip))
+        clip = with_passes(clip, find_passes(clip))
         note = json.loads(capture.with_suffix(".provenance.json").read_text(encoding="utf-8"))
         swapped = np.zeros(len(clip.times), dtype=np.bool_)
         swapped[note["swapped"]] = True
         told = np.zeros(len(clip.times), dtype=np.bool_)
-        for defect in sides.check(clip)[1]:
+        for defect in swapped_limbs.repair(clip)[1]:
             for first, last in defect.frames:
                 told[first : last + 1] = True
         true, found, hit = true + swapped.sum(), found + told.sum(), hit + (swapped & told).sum()
@@ -153,10 +158,10 @@ def test_a_walk_seen_from_behind(moving: Moving, other_side: list[int], belt: bo
         clip.positions[..., 0] -= (
             (clip.positions[-1, 0, 0] - clip.positions[0, 0, 0]) * clip.times[:, None] / clip.times[-1]
         )
-    assert facing.check(clip) == (clip, [])
+    assert seen_from_behind.repair(clip) == (clip, [])
     behind = from_behind(clip, other_side)
     behind = replace(behind, angles={"knee_left": np.zeros(150), "knee_right": np.ones(150)})
-    repaired, (found,) = facing.check(behind)
+    repaired, (found,) = seen_from_behind.repair(behind)
     assert repaired.angles is not None
     assert repaired.angles["knee_left"].all() and not repaired.angles["knee_right"].any()
     assert np.all(repaired.states[:, TOES] == INFERRED)
@@ -168,7 +173,7 @@ def test_a_walk_seen_from_behind(moving: Moving, other_side: list[int], belt: bo
 def test_a_walk_that_really_goes_backward(moving: Moving) -> None:
     """The walk played in reverse: the body goes where its back is, but the knees bend backward as ever."""
     clip = moving(150)
-    assert facing.check(replace(clip, positions=clip.positions[::-1].copy()))[1] == []
+    assert seen_from_behind.repair(replace(clip, positions=clip.positions[::-1].copy()))[1] == []
 
 
 def test_only_the_pass_away_from_the_sensor(moving: Moving, other_side: list[int]) -> None:
@@ -179,7 +184,7 @@ def test_only_the_pass_away_from_the_sensor(moving: Moving, other_side: list[int
         positions=np.where(np.arange(160)[:, None, None] < 80, clip.positions, away.positions),
         passes=np.repeat(np.array([0, 1], dtype=np.int32), 80),
     )
-    repaired, (found,) = facing.check(there_and_back)
+    repaired, (found,) = seen_from_behind.repair(there_and_back)
     assert found.frames == ((80, 159),) and "in pass 1:" in found.text
     assert np.array_equal(np.delete(repaired.positions, TOES, 1), np.delete(clip.positions, TOES, 1))
 
@@ -188,5 +193,5 @@ def test_real_passes_from_behind(captures: Path) -> None:
     """The subjects of these recordings walk to and from the sensor in turn."""
     for name, passes in {"pd_1_a": "passes 0, 2:", "pd_1_c": "pass 0:", "r2": "pass 1:"}.items():
         clip = read(captures / "kinect1_bernstein_skl" / f"{name}.skl")
-        (found,) = facing.check(in_passes(clip, acquire(clip)))[1]
+        (found,) = seen_from_behind.repair(with_passes(clip, find_passes(clip)))[1]
         assert f"seen from behind in {passes}" in found.text

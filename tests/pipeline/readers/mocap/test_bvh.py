@@ -11,7 +11,7 @@ import pytest
 from kinemimic.pipeline.arrays import Array
 from kinemimic.pipeline.errors import CaptureError
 from kinemimic.pipeline.kinematics.rotations import from_euler, to_matrix
-from kinemimic.pipeline.quality.rules.length_units import metres_per_unit
+from kinemimic.pipeline.quality.rules.length_units import infer_unit
 from kinemimic.pipeline.readers.base.source import Source
 from kinemimic.pipeline.readers.mocap import bvh as reader
 from kinemimic.pipeline.readers.mocap.bvh_text import MAX_DEPTH, parse
@@ -128,7 +128,7 @@ def legs_of(length: float) -> Array:
 )
 @pytest.mark.parametrize("leg", [0.62, 0.82, 0.98])
 def test_units_are_told_from_the_legs(metres: float, name: str, leg: float) -> None:
-    unit = metres_per_unit(LEGS, legs_of(leg / metres), PATH)
+    unit = infer_unit(LEGS, legs_of(leg / metres), PATH)
     assert unit.name == name
     assert unit.metres == pytest.approx(metres, rel=1e-4)
     assert unit.defects == []
@@ -137,7 +137,7 @@ def test_units_are_told_from_the_legs(metres: float, name: str, leg: float) -> N
 @pytest.mark.parametrize("metres", [1.0, 0.01, 0.001])
 @pytest.mark.parametrize("leg", [0.41, 0.44, 0.46, 0.48, 0.52, 0.58])
 def test_a_small_child_is_no_giant_in_inches(metres: float, leg: float) -> None:
-    unit = metres_per_unit(LEGS, legs_of(leg / metres), PATH)
+    unit = infer_unit(LEGS, legs_of(leg / metres), PATH)
     assert unit.metres == metres
     # As inches, 41 to 47 are the legs of somebody of 2.1 to 2.4 m: hardly likely, but not impossible.
     doubtful = unit.name == "cm" and leg < 1.2 / 2.54
@@ -156,11 +156,11 @@ def test_a_doubtful_unit_is_in_the_report(bvh: Text) -> None:
 
 def test_units_that_cannot_be_told() -> None:
     with pytest.raises(CaptureError, match="thigh plus shank of 0 units"):
-        metres_per_unit(LEGS, np.zeros((2, 7, 3)), PATH)
+        infer_unit(LEGS, np.zeros((2, 7, 3)), PATH)
     with pytest.raises(CaptureError, match=r"thigh plus shank of 1e\+06 units"):
-        metres_per_unit(LEGS, np.full((2, 7, 3), 0.5e6 / np.sqrt(3)), PATH)
+        infer_unit(LEGS, np.full((2, 7, 3), 0.5e6 / np.sqrt(3)), PATH)
     with pytest.raises(CaptureError, match="no knee_left, ankle_left, knee_right, ankle_right among a, b"):
-        metres_per_unit(("a", "b"), np.ones((2, 2, 3)), PATH)
+        infer_unit(("a", "b"), np.ones((2, 2, 3)), PATH)
 
 
 def t_pose_before(frames: int, leading: int) -> Array:

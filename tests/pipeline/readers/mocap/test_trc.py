@@ -15,7 +15,7 @@ from kinemimic.pipeline.kinematics.angles import leg_angles
 from kinemimic.pipeline.kinematics.clip import Clip
 from kinemimic.pipeline.kinematics.nodes import made_up, to_nodes
 from kinemimic.pipeline.kinematics.skeleton import NODE_INDEX
-from kinemimic.pipeline.quality.examine import examine
+from kinemimic.pipeline.quality.check import check_capture
 from kinemimic.pipeline.readers import recognise
 from kinemimic.pipeline.readers.base.source import Source
 
@@ -97,7 +97,7 @@ def test_a_header_with_another_unit_is_repaired(content: str, name: str) -> None
     clip = read(content)
     assert np.allclose(clip.positions, read(LONGER).positions, atol=1e-8)
     # Nothing else is wrong with it: of centres that are built before the repair it would seem mirrored, too.
-    (found,) = examine(clip).defects
+    (found,) = check_capture(clip).defects
     assert (found.rule, found.action) == ("wrong_units", "repaired")
     assert f"lengths are {name}; " in found.text
 

@@ -19,26 +19,26 @@ from kinemimic.pipeline.inspect.measures import (
     legs,
     median,
     nodes_of,
-    own_angles,
+    recorded_angles,
     stature,
 )
 from kinemimic.pipeline.kinematics.clip import Clip
-from kinemimic.pipeline.quality.examine import Examination, examine, plan
+from kinemimic.pipeline.quality.check import CheckedCapture, check_capture, planned_steps
 from kinemimic.pipeline.readers.recognise import formats, read
 
-USABLE, FLAGGED, REFUSED, OTHER, COMPANION = "usable", "flagged", "refused", "other", "companion"
+USABLE, FLAGGED, REFUSED, OTHER, SIDECAR = "usable", "flagged", "refused", "other", "companion"
 
 
 @dataclass(frozen=True)
-class Studied:
+class InspectedFile:
     """A file's report, and what it was made from where the file could be read."""
 
     report: dict[str, Any]
     recorded: Clip | None = None
-    examination: Examination | None = None
+    checked: CheckedCapture | None = None
 
 
-def study(path: Path, *, unit: str | None = None) -> dict[str, Any]:
+def file_report(path: Path, *, unit: str | None = None) -> dict[str, Any]:
     """The report on one file; keys are the same for every file, None where there is nothing to say.
 
     unit: of length, as in `recognise.read`.
@@ -46,26 +46,28 @@ def study(path: Path, *, unit: str | None = None) -> dict[str, Any]:
     status: "usable", "flagged" (usable, with something that a person should know), "refused" or "other" (no
     capture at all); reason: why refused, or why no capture.
     """
-    return look_at(path, unit=unit).report
+    return inspect_file(path, unit=unit).report
 
 
-def look_at(path: Path, *, unit: str | None = None) -> Studied:
+def inspect_file(path: Path, *, unit: str | None = None) -> InspectedFile:
     """`study` with the clips in hand, for who wants to draw them."""
     try:
         recorded = read(path, unit=unit)
     except NotACaptureError as error:
-        return Studied(unread(path, OTHER, str(error)))
+        return InspectedFile(unread_report(path, OTHER, str(error)))
     except KinemimicError as error:
-        return Studied(unread(path, REFUSED, str(error)))
+        return InspectedFile(unread_report(path, REFUSED, str(error)))
     except MemoryError:
-        return Studied(unread(path, REFUSED, f"{path}: expected a capture that fits into memory, found more"))
-    examination = examine(recorded)
-    return Studied(_report(path, recorded, examination), recorded, examination)
+        return InspectedFile(
+            unread_report(path, REFUSED, f"{path}: expected a capture that fits into memory, found more")
+        )
+    checked = check_capture(recorded)
+    return InspectedFile(_report(path, recorded, checked), recorded, checked)
 
 
-def unread(path: Path, status: str, reason: str) -> dict[str, Any]:
+def unread_report(path: Path, status: str, reason: str) -> dict[str, Any]:
     """The report on a file that could not be read: all keys there, only these filled."""
-    return {**_EMPTY, "file": str(path), "status": status, "reason": _without(path, reason)}
+    return {**_EMPTY, "file": str(path), "status": status, "reason": _without_path(path, reason)}
 
 
 _EMPTY: dict[str, Any] = {
@@ -98,13 +100,13 @@ _EMPTY: dict[str, Any] = {
 }
 
 
-def _report(path: Path, recorded: Clip, examination: Examination) -> dict[str, Any]:
-    clip, refused = examination.clip, examination.refused
+def _report(path: Path, recorded: Clip, checked: CheckedCapture) -> dict[str, Any]:
+    clip, refused = checked.clip, checked.refused
     reading, inside = recorded.provenance["reading"], clip.passes >= 0
     nodes, states, lacking = nodes_of(clip)
     lengths = bones(nodes[inside])
-    flagged = any(defect.action == "flagged" for defect in examination.defects)
-    beside, simulated = _beside(path)
+    flagged = any(defect.action == "flagged" for defect in checked.defects)
+    beside, simulated = _sidecar_files(path)
     steps = np.diff(clip.times)[inside[1:] & (clip.passes[1:] == clip.passes[:-1])]
     step = median(steps)
     return _EMPTY | {
@@ -123,17 +125,17 @@ def _report(path: Path, recorded: Clip, examination: Examination) -> dict[str, A
         "rate_hz": rounded(1.0 / step, 3),
         "clock_jitter_ms": rounded(1e3 * np.std(steps), 3) if len(steps) else None,
         "duration_s": rounded(recorded.times[-1] - recorded.times[0], 3),
-        "passes": [_pass(clip, number) for number in range(examination.acquisition.count)],
-        "passes_discarded": examination.acquisition.discarded,
+        "passes": [_pass(clip, number) for number in range(checked.acquisition.count)],
+        "passes_discarded": checked.acquisition.discarded,
         "bones_m": lengths,
         "stature_m": stature(lengths),
         "angles": legs(nodes[inside], states[inside]),
         "gait": gait(clip, nodes),
-        "own_angles": own_angles(clip, nodes, inside),
+        "own_angles": recorded_angles(clip, nodes, inside),
         "joints": joints(clip, inside),
-        "defects": [defect.to_json() for defect in examination.defects],
+        "defects": [defect.to_json() for defect in checked.defects],
         "notes": [*reading["notes"], *([lacking] if lacking else [])],
-        "plan": plan(examination),
+        "plan": planned_steps(checked),
     }
 
 
@@ -152,7 +154,7 @@ def _sensor(recorded: Clip) -> str | None:
     return next((format.sensor for format in formats() if format.name == name), None)
 
 
-def _beside(path: Path) -> tuple[list[str], bool]:
+def _sidecar_files(path: Path) -> tuple[list[str], bool]:
     """Names of the files about how a recording was made, and whether they say that it was simulated."""
     note, truth = note_path(path), truth_path(path)
     simulated = truth.is_file()
@@ -165,6 +167,6 @@ def _beside(path: Path) -> tuple[list[str], bool]:
     return [one.name for one in (note, truth) if one.is_file()], simulated
 
 
-def _without(path: Path, reason: str) -> str:
+def _without_path(path: Path, reason: str) -> str:
     """An error's text without the path that it begins with: the report names the file already."""
     return reason.removeprefix(str(path)).removeprefix(":").removeprefix(",").strip()

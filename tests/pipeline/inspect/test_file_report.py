@@ -12,12 +12,12 @@ import pytest
 from samples.motion import walk
 
 from kinemimic.pipeline.gait.walking import gait
-from kinemimic.pipeline.inspect.assessment import look_at, study, unread
-from kinemimic.pipeline.inspect.measures import bones, jitter, legs, nodes_of, own_angles, stature
+from kinemimic.pipeline.inspect.file_report import file_report, inspect_file, unread_report
+from kinemimic.pipeline.inspect.measures import bones, jitter, legs, nodes_of, recorded_angles, stature
 from kinemimic.pipeline.kinematics.clip import Clip
 from kinemimic.pipeline.kinematics.rotations import from_axis_angle, rotate
 from kinemimic.pipeline.kinematics.skeleton import INFERRED, NODE_INDEX
-from kinemimic.pipeline.quality.examine import examine
+from kinemimic.pipeline.quality.check import check_capture
 from kinemimic.pipeline.readers.mocap.deepmimic import read_deepmimic, stock_motion
 from kinemimic.pipeline.readers.recognise import formats
 from kinemimic.pipeline.readers.recognise import read as read_capture
@@ -28,11 +28,11 @@ Writer = Callable[..., Path]
 
 @pytest.fixture
 def walk_clip(walking: Writer) -> Clip:
-    return examine(read_capture(walking())).clip
+    return check_capture(read_capture(walking())).clip
 
 
 def test_the_report_on_a_known_walk(walking: Writer) -> None:
-    report = study(walking())
+    report = file_report(walking())
     truth = walk(150)
     assert (report["status"], report["format"]) == ("usable", "Kinect v1 .skl text")
     assert report["sensor"] == "Kinect v1"
@@ -50,17 +50,17 @@ def test_the_report_on_a_known_walk(walking: Writer) -> None:
 
 
 def test_a_report_is_json_with_the_same_keys_whatever_the_file(walking: Writer, tmp_path: Path) -> None:
-    good = study(walking())
+    good = file_report(walking())
     (tmp_path / "cut.skl").write_text(walking().read_text()[:9000])
-    damaged, missing = study(tmp_path / "cut.skl"), study(tmp_path / "none")
+    damaged, missing = file_report(tmp_path / "cut.skl"), file_report(tmp_path / "none")
     assert damaged["status"] == missing["status"] == "refused"
-    assert list(good) == list(damaged) == list(missing) == list(unread(tmp_path, "refused", ""))
+    assert list(good) == list(damaged) == list(missing) == list(unread_report(tmp_path, "refused", ""))
     json.dumps([good, damaged, missing], allow_nan=False)
 
 
 def test_reasons_do_not_repeat_the_path(walking: Writer, tmp_path: Path) -> None:
     (tmp_path / "cut.skl").write_text(walking().read_text()[:9000])
-    assert str(tmp_path) not in study(tmp_path / "cut.skl")["reason"]
+    assert str(tmp_path) not in file_report(tmp_path / "cut.skl")["reason"]
 
 
 @pytest.mark.parametrize(
@@ -74,14 +74,14 @@ def test_reasons_do_not_repeat_the_path(walking: Writer, tmp_path: Path) -> None
 )
 def test_prose_is_no_capture_and_a_table_is_one(tmp_path: Path, content: bytes, status: str) -> None:
     (tmp_path / "file").write_bytes(content)
-    assert study(tmp_path / "file")["status"] == status
+    assert file_report(tmp_path / "file")["status"] == status
 
 
 def test_simulated_by_what_lies_beside(walking: Writer) -> None:
     path = walking()
-    assert not study(path)["simulated"]
+    assert not file_report(path)["simulated"]
     path.with_suffix(".provenance.json").write_text('{"simulated": true}')
-    report = study(path)
+    report = file_report(path)
     assert report["simulated"]
     assert report["companions"] == ["walk.provenance.json"]
 
@@ -90,12 +90,12 @@ def test_too_large_for_the_memory_is_one_line(tmp_path: Path, monkeypatch: pytes
     def read(path: Path, *, unit: str | None) -> Clip:
         raise MemoryError
 
-    monkeypatch.setattr("kinemimic.pipeline.inspect.assessment.read", read)
-    assert "memory" in look_at(tmp_path / "huge").report["reason"]
+    monkeypatch.setattr("kinemimic.pipeline.inspect.file_report.read", read)
+    assert "memory" in inspect_file(tmp_path / "huge").report["reason"]
 
 
 def test_every_sensor_that_formats_names_is_found(walking: Writer) -> None:
-    assert study(walking())["sensor"] in {format.sensor for format in formats()}
+    assert file_report(walking())["sensor"] in {format.sensor for format in formats()}
 
 
 def test_gait_on_a_path_a_treadmill_and_before_a_turning_camera(walk_clip: Clip) -> None:
@@ -172,7 +172,7 @@ def test_the_files_own_knee_against_ours(walk_clip: Clip) -> None:
     nodes, _, _ = nodes_of(walk_clip)
     truth = walk(150).angles["knee_left"]
     shifted = replace(walk_clip, angles={"knee_left": truth + np.radians(4.0), "elbow_left": truth})
-    report = own_angles(shifted, nodes, shifted.passes >= 0)
+    report = recorded_angles(shifted, nodes, shifted.passes >= 0)
     assert report["knee_left"]["r"] == pytest.approx(1.0, abs=1e-3)
     assert report["knee_left"]["difference_deg"] == pytest.approx(4.0, abs=0.1)
     assert "r" not in report["elbow_left"]
@@ -191,7 +191,7 @@ def test_the_files_own_knee_against_ours(walk_clip: Clip) -> None:
 def test_real_recordings(
     captures: Path, name: str, peak: tuple[float, float], period: tuple[float, float]
 ) -> None:
-    report = study(captures / name)
+    report = file_report(captures / name)
     assert report["read"]
     assert peak[0] <= report["angles"]["knee_peak_deg"] <= peak[1]
     assert period[0] <= report["gait"]["period_s"] <= period[1]

@@ -29,7 +29,7 @@ RUNNING_KNEES = np.radians(85.0)
 PARTING_SPAN = 0.1  # s
 
 
-def check(clip: Clip) -> list[Defect]:
+def detect(clip: Clip) -> list[Defect]:
     """Flagged if the longest pass is a steady gait with a stride that no human has, or sprints on a walker's
     knees."""
     spans = [
@@ -39,14 +39,14 @@ def check(clip: Clip) -> list[Defect]:
         return []
     span = max(spans, key=lambda one: float(clip.times[one.stop - 1] - clip.times[one.start]))
     points, rate = nodes_of(clip)[span], clip.rate
-    period = stride(points, clip.times[span])
+    period = stride_duration(points, clip.times[span])
     if period is not None and not HUMAN[0] <= period <= HUMAN[1]:
         text = (
             f"at {rate:.4g} Hz a stride takes {period:.2f} s, outside of {HUMAN[0]:g} to {HUMAN[1]:g} s: "
             f"a usual stride of 1.1 s would mean {rate * period / 1.1:.3g} Hz"
         )
         return [Defect("wrong_rate", len(clip.times), "frames", "flagged", text)]
-    speed, usual = parting(points, clip.times[span]), _usual_bend(points)
+    speed, usual = ankle_speed(points, clip.times[span]), _usual_bend(points)
     if speed < PARTING or usual > RUNNING_KNEES:
         return []
     text = (
@@ -56,7 +56,7 @@ def check(clip: Clip) -> list[Defect]:
     return [Defect("wrong_rate", len(clip.times), "frames", "flagged", text)]
 
 
-def parting(points: Array, times: Array) -> float:
+def ankle_speed(points: Array, times: Array) -> float:
     """Horizontal speed, m/s, below which the ankles part for nine tenths of the time; 0 if nobody knows."""
     reach = max(1, round(0.5 * PARTING_SPAN / float(np.median(np.diff(times)))))
     if len(times) <= 2 * reach:
@@ -74,7 +74,7 @@ def _usual_bend(points: Array) -> float:
     return float(np.percentile(there, 95.0)) if len(there) else 0.0
 
 
-def stride(points: Array, times: Array) -> float | None:
+def stride_duration(points: Array, times: Array) -> float | None:
     """Seconds of a stride, from the difference of the knees' angles; None without a gait.
 
     points: (T, 20, 3) of the nodes; times: (T,).

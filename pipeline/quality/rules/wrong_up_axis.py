@@ -35,7 +35,7 @@ _TURNS: dict[str, tuple[str, float]] = {
 }
 
 
-def check(clip: Clip) -> tuple[Clip, list[Defect]]:
+def repair(clip: Clip) -> tuple[Clip, list[Defect]]:
     """The clip with its up-axis turned up. Told by the clip's most upright postures, so that bending,
     sitting down or a lift to the camera of some degrees change nothing. Who lies, crawls or does push-ups
     looks like a standing body on its side; so only one that walks, steps or squats is turned, others are

@@ -15,11 +15,11 @@ from kinemimic.pipeline.kinematics.clip import Clip
 from kinemimic.pipeline.kinematics.nodes import joints_of_nodes
 from kinemimic.pipeline.kinematics.skeleton import INFERRED
 from kinemimic.pipeline.kinematics.spans import frame_runs
-from kinemimic.pipeline.quality.rules.camera import carried
 from kinemimic.pipeline.quality.rules.defect import Defect
-from kinemimic.pipeline.quality.rules.exchange import exchanged
-from kinemimic.pipeline.quality.rules.frames import kept
-from kinemimic.pipeline.quality.rules.mirror import votes
+from kinemimic.pipeline.quality.rules.frame_selection import select_frames
+from kinemimic.pipeline.quality.rules.mirrored_body import votes
+from kinemimic.pipeline.quality.rules.swap_sides import swap_sides
+from kinemimic.pipeline.quality.rules.turning_camera import ground_moves
 
 # Share of the way that goes to where the body faces, -1 where all of it goes backward: of the hips' way over
 # a floor; or of the way over the planted foot on a belt, where now and then the wrong foot is taken for that.
@@ -30,10 +30,10 @@ FORWARD_KNEES = 0.45
 ENOUGH = 8
 
 
-def check(clip: Clip) -> tuple[Clip, list[Defect]]:
+def repair(clip: Clip) -> tuple[Clip, list[Defect]]:
     """The clip with both sides exchanged in such passes; Euler captures are only flagged."""
     found = steps(clip)
-    on_belt = len(found.frames) >= ENOUGH and carried(found)
+    on_belt = len(found.frames) >= ENOUGH and ground_moves(found)
     way, limit = (found.walk, BACKWARD_ON_BELT) if on_belt else (found.hips, BACKWARD)
     backward: list[int] = []
     for number in range(int(clip.passes.max(initial=-1)) + 1):
@@ -45,7 +45,7 @@ def check(clip: Clip) -> tuple[Clip, list[Defect]]:
         return clip, []
     where = np.isin(clip.passes, backward)
     # Judged together: one short pass has few clear knees, and who turns round does so in all of them.
-    knees = votes(kept(clip, where))[1]
+    knees = votes(select_frames(clip, where))[1]
     if len(knees) < ENOUGH or np.mean(knees < 0) < FORWARD_KNEES:
         return clip, []
     plural = "es" if len(backward) > 1 else ""
@@ -55,7 +55,7 @@ def check(clip: Clip) -> tuple[Clip, list[Defect]]:
     if clip.euler is not None:
         text += "left as recorded: Euler channels cannot be exchanged"
         return clip, [Defect("swapped_sides", count, "frames", "flagged", text, frames)]
-    repaired = exchanged(clip, where, range(len(clip.skeleton.names)), tuple(clip.angles or ()))
+    repaired = swap_sides(clip, where, range(len(clip.skeleton.names)), tuple(clip.angles or ()))
     feet = [joint for node, joint in joints_of_nodes(clip.skeleton.names).items() if node.startswith("foot")]
     # Toes that point to the sensor were not seen.
     rows = np.flatnonzero(where)[:, None]

@@ -10,7 +10,7 @@ from rich.table import Table
 from rich.text import Text
 
 from kinemimic.pipeline.cli.terminal import facts, grid, heading, number, percent
-from kinemimic.pipeline.inspect.assessment import FLAGGED, OTHER, REFUSED
+from kinemimic.pipeline.inspect.file_report import FLAGGED, OTHER, REFUSED
 from kinemimic.pipeline.inspect.measures import SIDES
 from kinemimic.pipeline.kinematics.nodes import joints_of_nodes
 from kinemimic.pipeline.quality.rules.defect import RULES
@@ -18,7 +18,7 @@ from kinemimic.pipeline.quality.rules.defect import RULES
 Report = dict[str, Any]
 
 
-def sheet(report: Report) -> RenderableType:
+def file_view(report: Report) -> RenderableType:
     """All of a report that was read; of another one, why not."""
     if not report["read"]:
         return Group(*_verdict(report))

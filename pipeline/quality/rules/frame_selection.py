@@ -12,7 +12,7 @@ from kinemimic.pipeline.kinematics.clip import Clip
 from kinemimic.pipeline.quality.rules.defect import Defect
 
 
-def kept(clip: Clip, mask: NDArray[np.bool_]) -> Clip:
+def select_frames(clip: Clip, mask: NDArray[np.bool_]) -> Clip:
     """The frames of a clip where mask (T,) is True, with their times."""
     return replace(
         clip,
@@ -27,7 +27,7 @@ def kept(clip: Clip, mask: NDArray[np.bool_]) -> Clip:
     )
 
 
-def renumbered(defects: Sequence[Defect], mask: NDArray[np.bool_]) -> list[Defect]:
+def renumber_defects(defects: Sequence[Defect], mask: NDArray[np.bool_]) -> list[Defect]:
     """Defects with the frames that they name as they are numbered among those where mask (T,) is True."""
     before = np.concatenate([[0], np.cumsum(mask)])  # how many of them come before each frame
     return [

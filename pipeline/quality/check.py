@@ -15,28 +15,28 @@ from kinemimic.pipeline.errors import KinemimicError
 from kinemimic.pipeline.filters.clean import FILTERS, WORDS
 from kinemimic.pipeline.kinematics.clip import Clip
 from kinemimic.pipeline.kinematics.nodes import to_nodes
-from kinemimic.pipeline.quality.acquire import SHORTEST_PASS, Acquisition, acquire, in_passes
+from kinemimic.pipeline.quality.passes import MIN_PASS_DURATION, Acquisition, find_passes, with_passes
 from kinemimic.pipeline.quality.rules import (
-    calibration,
-    camera,
+    calibration_frames,
     clock,
-    duplicates,
-    facing,
+    duplicate_frames,
     gaps,
     jumps,
-    limbs,
-    mirror,
-    rate,
-    sides,
-    units,
-    upright,
+    limb_lengths,
+    mirrored_body,
+    seen_from_behind,
+    swapped_limbs,
+    turning_camera,
+    wrong_rate,
+    wrong_units,
+    wrong_up_axis,
 )
-from kinemimic.pipeline.quality.rules.defect import RULES, Defect, defect_from_json, in_order
-from kinemimic.pipeline.quality.rules.frames import renumbered
+from kinemimic.pipeline.quality.rules.defect import RULES, Defect, defect_from_json, sorted_defects
+from kinemimic.pipeline.quality.rules.frame_selection import renumber_defects
 
 
 @dataclass(frozen=True)
-class Examination:
+class CheckedCapture:
     """clip: repaired, as recorded otherwise, its passes numbered; defects: the reader's and the rules'."""
 
     clip: Clip
@@ -50,12 +50,12 @@ class Examination:
 
 
 # Each gives the clip, repaired where that can be, and what it found; in this sequence.
-_OF_THE_BODY = (calibration.check, units.check, upright.check, mirror.check)
-_IN_PASSES = (sides.check, facing.check, jumps.check)
-_ONLY_TOLD = (limbs.check, camera.check, rate.check)
+_OF_THE_BODY = (calibration_frames.repair, wrong_units.repair, wrong_up_axis.repair, mirrored_body.repair)
+_IN_PASSES = (swapped_limbs.repair, seen_from_behind.repair, jumps.repair)
+_ONLY_TOLD = (limb_lengths.detect, turning_camera.detect, wrong_rate.detect)
 
 
-def examine(recorded: Clip) -> Examination:
+def check_capture(recorded: Clip) -> CheckedCapture:
     """Every rule, in turn, over a capture as its reader gave it.
 
     Raises nothing for what a capture may hold: where nothing good can come of it, `refused` says why.
@@ -72,14 +72,16 @@ def examine(recorded: Clip) -> Examination:
         # In a wrong unit no limb can be judged, and everybody jumps all the time; nor can the axes or sides
         # of nobody.
         why = refused or [_nobody(clip, acquisition)]
-        return Examination(clip, acquisition, in_order([*read, *why]))
-    once, found = duplicates.check(clip)
+        return CheckedCapture(clip, acquisition, sorted_defects([*read, *why]))
+    once, found = duplicate_frames.repair(clip)
     if found:
         read, defects = _still_there(read, clip, once), [*defects, *found]
         clip, acquisition = _passes(once)
         if acquisition.count == 0:
-            return Examination(clip, acquisition, in_order([*read, *defects, _nobody(clip, acquisition)]))
-    defects += clock.check(clip) + gaps.check(clip)
+            return CheckedCapture(
+                clip, acquisition, sorted_defects([*read, *defects, _nobody(clip, acquisition)])
+            )
+    defects += clock.detect(clip) + gaps.detect(clip)
     for repair in _IN_PASSES:
         clip, found = repair(clip)
         defects += found
@@ -87,27 +89,27 @@ def examine(recorded: Clip) -> Examination:
         defects += tell(clip)
     if not any(defect.action == "refused" for defect in defects):
         defects += _nameless(clip)
-    return Examination(clip, acquisition, in_order([*read, *defects]))
+    return CheckedCapture(clip, acquisition, sorted_defects([*read, *defects]))
 
 
 def _still_there(defects: list[Defect], before: Clip, after: Clip) -> list[Defect]:
     """The defects with frames numbered as in the clip after some were dropped."""
     if len(after.times) == len(before.times):
         return defects
-    return renumbered(defects, np.isin(before.times, after.times))
+    return renumber_defects(defects, np.isin(before.times, after.times))
 
 
 def _passes(clip: Clip) -> tuple[Clip, Acquisition]:
-    acquisition = acquire(clip)
-    return in_passes(clip, acquisition), acquisition
+    acquisition = find_passes(clip)
+    return with_passes(clip, acquisition), acquisition
 
 
-def plan(examination: Examination, *, filter_name: str | None = None) -> list[str]:
+def planned_steps(examination: CheckedCapture, *, filter_name: str | None = None) -> list[str]:
     """What ingest will do with the capture, in sentences; filter_name: by default as ingest chooses."""
     return list(_sentences(examination, filter_name))
 
 
-def _sentences(examination: Examination, filter_name: str | None) -> Iterator[str]:
+def _sentences(examination: CheckedCapture, filter_name: str | None) -> Iterator[str]:
     if examination.refused is not None:
         yield f"refused: {examination.refused.text}"
         return
@@ -129,7 +131,7 @@ def _sentences(examination: Examination, filter_name: str | None) -> Iterator[st
 def _nobody(clip: Clip, acquisition: Acquisition) -> Defect:
     seen = any(event.reason == "subject seen" for event in acquisition.events)
     if seen:
-        text = f"{acquisition.discarded} moments shorter than {SHORTEST_PASS} s"
+        text = f"{acquisition.discarded} moments shorter than {MIN_PASS_DURATION} s"
         return Defect("gaps", acquisition.discarded, "moments", "refused", text)
     frames = len(clip.times)
     return Defect("zero_frames", frames, "frames", "refused", f"nobody in any of {frames} frames")

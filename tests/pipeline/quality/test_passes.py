@@ -10,7 +10,7 @@ import pytest
 
 from kinemimic.pipeline.kinematics.clip import Clip
 from kinemimic.pipeline.kinematics.skeleton import NODE_INDEX
-from kinemimic.pipeline.quality.acquire import State, acquire, in_passes
+from kinemimic.pipeline.quality.passes import State, find_passes, with_passes
 
 Build = Callable[..., Clip]
 
@@ -22,7 +22,7 @@ def without_subject(clip: Clip, first: int, last: int) -> Clip:
 
 
 def spans(clip: Clip) -> list[tuple[int, int]]:
-    passes = acquire(clip).passes
+    passes = find_passes(clip).passes
     return [
         (int(np.flatnonzero(passes == k)[0]), int(np.flatnonzero(passes == k)[-1]))
         for k in range(passes.max() + 1)
@@ -30,18 +30,18 @@ def spans(clip: Clip) -> list[tuple[int, int]]:
 
 
 def test_one_person_all_the_time(node_clip: Build) -> None:
-    acquisition = acquire(node_clip(60))
+    acquisition = find_passes(node_clip(60))
     assert acquisition.count == 1
     assert (acquisition.passes == 0).all()
     assert acquisition.complete.all()
     assert [e.state for e in acquisition.events] == [State.START, State.WAITING, State.TRACKING, State.END]
-    assert np.array_equal(in_passes(node_clip(60), acquisition).passes, acquisition.passes)
+    assert np.array_equal(with_passes(node_clip(60), acquisition).passes, acquisition.passes)
 
 
 def test_the_subject_comes_late_and_leaves_early(node_clip: Build) -> None:
     clip = without_subject(without_subject(node_clip(90), 0, 9), 70, 89)
     assert spans(clip) == [(10, 69)]
-    states = [event.state for event in acquire(clip).events]
+    states = [event.state for event in find_passes(clip).events]
     assert states == [State.START, State.WAITING, State.TRACKING, State.LOST, State.END]
 
 
@@ -57,7 +57,7 @@ def test_a_jump_of_the_clock_ends_a_pass(node_clip: Build) -> None:
     assert spans(node_clip(90, times=times)) == [(0, 89)]
     times[40:] += 0.2
     assert spans(node_clip(90, times=times)) == [(0, 39), (40, 89)]
-    reasons = [e.reason for e in acquire(node_clip(90, times=times)).events if e.state is State.LOST]
+    reasons = [e.reason for e in find_passes(node_clip(90, times=times)).events if e.state is State.LOST]
     assert reasons == ["no frame for 0.63 s"]
 
 
@@ -65,7 +65,7 @@ def test_a_pose_that_repeats_bit_for_bit_is_nobody(node_clip: Build) -> None:
     clip = node_clip(90)
     clip.positions[30:40] = clip.positions[29]
     assert spans(clip) == [(0, 29), (40, 89)]
-    assert not acquire(clip).complete[30:40].any()
+    assert not find_passes(clip).complete[30:40].any()
     shorter = node_clip(90)
     shorter.positions[30:34] = shorter.positions[29]
     assert spans(shorter) == [(0, 89)]
@@ -74,8 +74,8 @@ def test_a_pose_that_repeats_bit_for_bit_is_nobody(node_clip: Build) -> None:
 def test_a_still_recording_has_no_person(node_clip: Build) -> None:
     clip = node_clip(90)
     clip.positions[:] = clip.positions[0]
-    assert acquire(clip).count == 0
-    assert acquire(without_subject(node_clip(90), 0, 89)).count == 0
+    assert find_passes(clip).count == 0
+    assert find_passes(without_subject(node_clip(90), 0, 89)).count == 0
 
 
 def test_a_jump_that_no_human_makes_is_another_person(node_clip: Build) -> None:
@@ -92,7 +92,7 @@ def test_a_jump_that_no_human_makes_is_another_person(node_clip: Build) -> None:
 
 def test_moments_are_discarded_and_counted(node_clip: Build) -> None:
     clip = without_subject(without_subject(node_clip(120), 40, 59), 65, 84)
-    acquisition = acquire(clip)
+    acquisition = find_passes(clip)
     assert spans(clip) == [(0, 39), (85, 119)]
     assert acquisition.discarded == 1
     assert (acquisition.passes[60:65] == -1).all()
@@ -102,11 +102,11 @@ def test_complete_means_all_joints(node_clip: Build) -> None:
     clip = node_clip(60)
     clip.positions[7, NODE_INDEX["foot_left"]] = np.nan
     clip.states[7, NODE_INDEX["foot_left"]] = 0
-    acquisition = acquire(clip)
+    acquisition = find_passes(clip)
     assert np.flatnonzero(~acquisition.complete).tolist() == [7]
     assert acquisition.passes[7] == 0
 
 
 @pytest.mark.parametrize("frames", [1, 2, 3])
 def test_tiny_recordings(node_clip: Build, frames: int) -> None:
-    assert acquire(node_clip(frames)).count == 0
+    assert find_passes(node_clip(frames)).count == 0

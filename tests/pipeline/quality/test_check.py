@@ -13,10 +13,10 @@ from samples import motion
 from kinemimic.pipeline.kinematics.clip import Clip, scaled
 from kinemimic.pipeline.kinematics.rotations import IDENTITY, from_axis_angle
 from kinemimic.pipeline.kinematics.skeleton import NODES, Skeleton, node_skeleton
-from kinemimic.pipeline.quality.acquire import acquire
-from kinemimic.pipeline.quality.examine import examine, plan
+from kinemimic.pipeline.quality.check import check_capture, planned_steps
+from kinemimic.pipeline.quality.passes import find_passes
 from kinemimic.pipeline.quality.rules.defect import RULES, Defect
-from kinemimic.pipeline.quality.rules.upright import turned
+from kinemimic.pipeline.quality.rules.wrong_up_axis import turned
 from kinemimic.pipeline.readers.base.recording import clip_of_points, reading
 from kinemimic.pipeline.readers.kinect.nui_skl import FORMAT
 from kinemimic.pipeline.readers.recognise import read
@@ -41,10 +41,10 @@ def walk(
 @pytest.mark.parametrize("kind", ["walk", "run"])
 def test_a_sound_capture_comes_through_untouched(kind: str) -> None:
     clip = walk(240, kind=kind)
-    examination = examine(clip)
+    examination = check_capture(clip)
     assert examination.defects == () and examination.refused is None
     assert np.array_equal(examination.clip.positions, clip.positions)
-    assert plan(examination) == [
+    assert planned_steps(examination) == [
         "1 pass of 240 frames in all, 8.0 s",
         "positions: Kalman-RTS smoother, cut-offs by likelihood, wild values overruled",
     ]
@@ -58,7 +58,7 @@ def test_many_faults_at_once() -> None:
     p[150, 10, 2] += 0.5
     p[200] = p[199]
     broken = replace(clip, positions=p * [1.0, -1.0, 1.0])
-    examination = examine(scaled(turned(broken, from_axis_angle("X", 0.5 * np.pi)), 1000.0))
+    examination = check_capture(scaled(turned(broken, from_axis_angle("X", 0.5 * np.pi)), 1000.0))
     found = {defect.rule: (defect.count, defect.action) for defect in examination.defects}
     assert found == {
         "duplicate_frames": (1, "repaired"),
@@ -78,7 +78,7 @@ def test_many_faults_at_once() -> None:
 
 def test_the_readers_defects_come_first_and_stay() -> None:
     told = (Defect("several_people", 2, "people", "flagged", "two people; the first is taken"),)
-    assert examine(walk(defects=told)).defects == told
+    assert check_capture(walk(defects=told)).defects == told
 
 
 def test_frames_are_named_as_they_are_numbered_in_the_clip() -> None:
@@ -97,7 +97,7 @@ def test_frames_are_named_as_they_are_numbered_in_the_clip() -> None:
     p[1, :, 2] += 0.01
     p[50] = p[49]
     p[80, NODES.index("hand_left")] += 0.5
-    examination = examine(clip)
+    examination = check_capture(clip)
     frames = {defect.rule: defect.frames for defect in examination.defects}
     assert frames == {
         "zero_frames": ((28, 38), (96, 98)),
@@ -113,31 +113,31 @@ def test_frames_are_named_as_they_are_numbered_in_the_clip() -> None:
 def test_what_is_too_short_without_its_repeats_is_refused() -> None:
     clip = walk(18)
     clip.positions[13:] = clip.positions[12]
-    examination = examine(clip)
+    examination = check_capture(clip)
     assert examination.refused is not None and "shorter than 0.5 s" in examination.refused.text
-    assert plan(examination)[0].startswith("refused")
+    assert planned_steps(examination)[0].startswith("refused")
 
 
 def test_a_wrong_unit_is_the_reason_where_everybody_jumps() -> None:
-    (found,) = examine(scaled(walk(), 5.0)).defects  # and nothing is said of its limbs
+    (found,) = check_capture(scaled(walk(), 5.0)).defects  # and nothing is said of its limbs
     assert (found.rule, found.action) == ("wrong_units", "refused")
 
 
 def test_nobody_and_moments_are_refused(node_clip: Build) -> None:
     clip = walk()
     empty = replace(clip, positions=np.full_like(clip.positions, np.nan), states=np.zeros_like(clip.states))
-    refused = examine(empty).refused
+    refused = check_capture(empty).refused
     assert refused is not None and refused.text == "nobody in any of 120 frames"
-    refused = examine(walk(10)).refused
+    refused = check_capture(walk(10)).refused
     assert refused is not None and "shorter than 0.5 s" in refused.text
-    assert plan(examine(empty)) == ["refused: nobody in any of 120 frames"]
+    assert planned_steps(check_capture(empty)) == ["refused: nobody in any of 120 frames"]
 
 
 def test_a_body_without_legs_is_refused_with_the_names() -> None:
     clip = walk()
     names = tuple(name.replace("knee", "thing") for name in NODES)
     nameless = replace(clip, skeleton=Skeleton(names, clip.skeleton.parents, clip.skeleton.offsets))
-    refused = examine(nameless).refused
+    refused = check_capture(nameless).refused
     assert refused is not None and refused.rule == "wrong_names"
     assert "knee_left" in refused.text and "thing_left" in refused.text
 
@@ -145,16 +145,16 @@ def test_a_body_without_legs_is_refused_with_the_names() -> None:
 def test_the_plan_tells_gaps_and_filters() -> None:
     clip = walk()
     clip.positions[50:53, 7], clip.states[50:53, 7] = np.nan, 0
-    sentences = plan(examine(clip))
+    sentences = planned_steps(check_capture(clip))
     assert any("of up to 0.2 s will be filled" in sentence for sentence in sentences)
-    assert plan(examine(walk()), filter_name="none")[-1] == "positions: not filtered"
+    assert planned_steps(check_capture(walk()), filter_name="none")[-1] == "positions: not filtered"
 
 
 def test_clips_of_one_frame_and_of_two(node_clip: Build) -> None:
     for frames in (1, 2, 3, 5):
         clip = walk(frames)
-        assert examine(clip).refused is not None
-        assert acquire(clip).count == 0
+        assert check_capture(clip).refused is not None
+        assert find_passes(clip).count == 0
 
 
 @pytest.mark.parametrize("kind", ["walk", "run"])
@@ -162,16 +162,18 @@ def test_a_virtual_kinect_has_only_what_it_was_given(tmp_path: Path, kind: str) 
     """Lost frames and joints, exchanged legs and wild edges are in it; nothing else may be found."""
     recording = record_virtual(tmp_path, motion=kind)
     for path in (recording.skl, recording.euler):
-        found = {defect.rule for defect in examine(read(path)).defects}
+        found = {defect.rule for defect in check_capture(read(path)).defects}
         assert found <= {"dropped_frames", "swapped_sides", "jumps", "gaps"}, path.name
 
 
 def test_real_recordings(captures: Path) -> None:
     sound = [*(captures / "cmu_bvh").glob("*.bvh"), *(captures / "bandai_bvh_ccbync").glob("*.bvh")]
     for path in sorted(sound):
-        assert {defect.rule for defect in examine(read(path)).defects} <= {"calibration_frames"}, path.name
+        assert {defect.rule for defect in check_capture(read(path)).defects} <= {"calibration_frames"}, (
+            path.name
+        )
     for path in sorted((captures / "kinect1_bernstein_skl").glob("*.skl")):
-        examination = examine(read(path))
+        examination = check_capture(read(path))
         assert examination.refused is None
         assert not {"turning_camera", "mirrored", "wrong_units", "wrong_up_axis", "wrong_rate"} & {
             defect.rule for defect in examination.defects
@@ -189,7 +191,7 @@ REFUSED = {
 
 @pytest.mark.parametrize("name", REFUSED)
 def test_real_limbs_that_no_human_has(captures: Path, name: str) -> None:
-    refused = examine(read(captures / name)).refused
+    refused = check_capture(read(captures / name)).refused
     assert refused is not None and refused.rule == "impossible_limbs"
     assert REFUSED[name] in refused.text
 
@@ -211,7 +213,7 @@ def test_real_bodies_pass_whatever_the_tracker_made_of_them(captures: Path, fold
     for path in sorted((captures / folder).iterdir()):
         if path.name in ("SOURCE.txt", "actionLabel.txt"):
             continue
-        found = {defect.rule for defect in examine(read(path)).defects}
+        found = {defect.rule for defect in check_capture(read(path)).defects}
         wrong = {
             "impossible_limbs",
             "mirrored",
@@ -225,14 +227,14 @@ def test_real_bodies_pass_whatever_the_tracker_made_of_them(captures: Path, fold
 
 @pytest.mark.parametrize("name", ANDERSSON)
 def test_the_camera_on_the_spinning_dish(captures: Path, name: str) -> None:
-    examination = examine(read(captures / "kinect1_andersson_gait" / name))
+    examination = check_capture(read(captures / "kinect1_andersson_gait" / name))
     assert examination.refused is None
     assert "turning_camera" in {defect.rule for defect in examination.defects}
 
 
 def test_a_treadmill_is_no_turning_camera(captures: Path) -> None:
     clip = read(captures / "kinect1_treadmill_c3d" / "skeleton_3d_19h58m42.txt")
-    assert "turning_camera" not in {defect.rule for defect in examine(clip).defects}
+    assert "turning_camera" not in {defect.rule for defect in check_capture(clip).defects}
 
 
 def test_nothing_that_a_clip_may_hold_raises() -> None:
@@ -260,4 +262,4 @@ def test_nothing_that_a_clip_may_hold_raises() -> None:
                 p[:] = p[:, rng.permutation(20)]
         states = np.where(np.isnan(p).any(axis=-1), 0, 2).astype(np.uint8)
         p[states == 0] = np.nan
-        assert plan(examine(replace(clip, times=times, states=states)))
+        assert planned_steps(check_capture(replace(clip, times=times, states=states)))

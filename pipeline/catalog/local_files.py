@@ -23,7 +23,7 @@ def captures_folder(named: Path | None = None) -> Path:
     return Path(pooch.os_cache("kinemimic")) / "captures"
 
 
-def place_of(entry: Entry, folder: Path) -> Path:
+def target_path(entry: Entry, folder: Path) -> Path:
     """Where a file may be written: below `folder`, and below nothing that leads elsewhere.
 
     A KinemimicError for names that are no plain ones, links that lead out of the folder, and for what is
@@ -43,7 +43,7 @@ def place_of(entry: Entry, folder: Path) -> Path:
     return path
 
 
-def is_here(entry: Entry, folder: Path) -> bool:
+def is_present(entry: Entry, folder: Path) -> bool:
     """Whether a file of the right size is there; `verify` looks closer."""
     try:
         return (folder / entry.collection / entry.file).stat().st_size == entry.bytes

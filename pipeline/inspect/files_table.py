@@ -12,8 +12,8 @@ from rich.table import Table
 from rich.text import Text
 
 from kinemimic.pipeline.cli.terminal import facts, grid, heading, number
-from kinemimic.pipeline.inspect.assessment import COMPANION, OTHER, REFUSED
-from kinemimic.pipeline.inspect.survey import folders, rule_counts
+from kinemimic.pipeline.inspect.batch import count_rules, folder_summaries
+from kinemimic.pipeline.inspect.file_report import OTHER, REFUSED, SIDECAR
 from kinemimic.pipeline.quality.rules.defect import RULES
 
 Report = dict[str, Any]
@@ -22,9 +22,9 @@ _NUMBER = re.compile(r"\d+(?:\.\d+)?")
 _NAMED = 3  # so many files are named before they are only counted
 
 
-def summary(reports: Sequence[Report], *, by_file: bool) -> RenderableType:
+def files_table(reports: Sequence[Report], *, by_file: bool) -> RenderableType:
     """A row per folder where there are several, a row per file where by_file or where there is but one."""
-    records = folders(reports)
+    records = folder_summaries(reports)
     parts: list[RenderableType] = []
     if len(records) > 1:
         parts.append(_folders(records))
@@ -109,7 +109,7 @@ def _below(reports: Sequence[Report], records: Sequence[dict[str, Any]]) -> Iter
     table = facts()
     usable = [report for report in captures if report["status"] != REFUSED]
     for title, group in (("repaired", captures), ("flagged", usable)):
-        counts = rule_counts(group, title)
+        counts = count_rules(group, title)
         if counts:
             ranked = [f"{RULES[rule]} in {counts[rule]}" for rule in RULES if rule in counts]
             table.add_row(title, ", ".join(ranked))
@@ -140,4 +140,4 @@ def _reasons(refused: Sequence[Report], shared: Path) -> Iterator[str]:
 
 
 def _captures(reports: Sequence[Report]) -> list[Report]:
-    return [report for report in reports if report["status"] not in (OTHER, COMPANION)]
+    return [report for report in reports if report["status"] not in (OTHER, SIDECAR)]

@@ -40,7 +40,7 @@ SPREAD = 0.15
 TREND = 0.20
 
 
-def check(clip: Clip) -> list[Defect]:
+def detect(clip: Clip) -> list[Defect]:
     """Impossible limbs refuse the clip, drifting bones flag it; frames outside of passes do not count."""
     points = nodes_of(clip)[clip.passes >= 0]
     if not len(points):

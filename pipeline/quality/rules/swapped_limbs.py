@@ -14,8 +14,8 @@ from kinemimic.pipeline.arrays import Array, Mask
 from kinemimic.pipeline.kinematics.clip import Clip
 from kinemimic.pipeline.kinematics.nodes import joints_of_nodes
 from kinemimic.pipeline.kinematics.spans import frame_runs, runs
-from kinemimic.pipeline.quality.rules.defect import Defect, several
-from kinemimic.pipeline.quality.rules.exchange import exchanged
+from kinemimic.pipeline.quality.rules.defect import Defect, plural
+from kinemimic.pipeline.quality.rules.swap_sides import swap_sides
 
 LIMBS: dict[str, tuple[str, ...]] = {"legs": ("knee", "ankle", "foot"), "arms": ("elbow", "wrist", "hand")}
 # The joint that a limb hangs on may change places with it or not: the trunk is seen better than the limbs.
@@ -28,7 +28,7 @@ MOST = 0.5
 LONGEST = 1.0
 
 
-def check(clip: Clip) -> tuple[Clip, list[Defect]]:
+def repair(clip: Clip) -> tuple[Clip, list[Defect]]:
     """The clip with limbs back on their sides, pass by pass; Euler captures are only flagged."""
     found = joints_of_nodes(clip.skeleton.names)
     swapped = np.zeros(len(clip.times), dtype=np.bool_)
@@ -41,14 +41,14 @@ def check(clip: Clip) -> tuple[Clip, list[Defect]]:
         where = _swapped(clip, pairs)
         if where.any():
             parts.append(
-                f"{limb} in {several(int(where.sum()), 'frame')} ({several(len(list(runs(where))), 'time')})"
+                f"{limb} in {plural(int(where.sum()), 'frame')} ({plural(len(list(runs(where))), 'time')})"
             )
             swapped |= where
             if clip.euler is None:
                 curves = [name for name in clip.angles or () if name.startswith((_HANGS_ON[limb], *joints))]
-                repaired = exchanged(repaired, where, _with_ends(clip, pairs), curves)
+                repaired = swap_sides(repaired, where, _with_ends(clip, pairs), curves)
                 for pair in _pairs(found, (_HANGS_ON[limb],)):
-                    repaired = exchanged(repaired, _along(clip, pair, where), pair, ())
+                    repaired = swap_sides(repaired, _along(clip, pair, where), pair, ())
     if not swapped.any():
         return clip, []
     done = "put back" if clip.euler is None else "left as recorded: Euler channels cannot be exchanged"

@@ -7,7 +7,7 @@ import numpy as np
 from kinemimic.pipeline.kinematics.body_points import beside_the_body, between, nodes_of, unit
 from kinemimic.pipeline.kinematics.clip import Clip
 from kinemimic.pipeline.quality.rules.defect import Defect
-from kinemimic.pipeline.quality.rules.frames import kept
+from kinemimic.pipeline.quality.rules.frame_selection import select_frames
 
 # A T-pose is one frame, at most a few; the arms point to the sides within this angle, straight.
 MOST = 5
@@ -18,7 +18,7 @@ TIMES = 5.0
 FAR = 0.10
 
 
-def check(clip: Clip) -> tuple[Clip, list[Defect]]:
+def repair(clip: Clip) -> tuple[Clip, list[Defect]]:
     """The clip without such frames. Euler captures too: frames are left out, nothing else changes."""
     if len(clip.times) < MOST + 3:
         return clip, []
@@ -36,5 +36,5 @@ def check(clip: Clip) -> tuple[Clip, list[Defect]]:
                 return clip, []
     frames = "frame 0 is a T-pose" if lead == 1 else f"frames 0 to {lead - 1} are a T-pose"
     text = f"{frames}, dropped: the joints then jump by {step[lead - 1]:.2f} m on average"
-    rest = kept(clip, np.arange(len(clip.times)) >= lead)
+    rest = select_frames(clip, np.arange(len(clip.times)) >= lead)
     return rest, [Defect("calibration_frames", lead, "frames", "repaired", text)]

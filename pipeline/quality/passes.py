@@ -21,8 +21,8 @@ from kinemimic.pipeline.kinematics.spans import runs
 
 # A pass ends where the clock jumps, or where for longer than ABSENT nobody is seen (seconds).
 CLOCK_GAP = 0.5
-ABSENT = 0.2
-SHORTEST_PASS = 0.5
+MAX_ABSENCE = 0.2
+MIN_PASS_DURATION = 0.5
 # Nobody has ever run faster than 12.4 m/s; a body that does, and a step beyond the sensor's noise, is
 # another body.
 TOP_SPEED = 12.5
@@ -67,11 +67,11 @@ class Acquisition:
         return int(self.passes.max(initial=-1)) + 1
 
 
-def acquire(clip: Clip) -> Acquisition:
+def find_passes(clip: Clip) -> Acquisition:
     """Divide a capture into passes."""
     seen = clip.states != MISSING
-    present = seen.any(axis=1) & ~_frozen(clip)
-    events = list(_flow(clip, present))
+    present = seen.any(axis=1) & ~_frozen_frames(clip)
+    events = list(_state_machine(clip, present))
     passes = np.full(len(clip.times), -1, dtype=np.int32)
     count = discarded = 0
     for begin, end in pairwise(events):
@@ -80,7 +80,7 @@ def acquire(clip: Clip) -> Acquisition:
         last = end.frame
         while not present[last - 1]:
             last -= 1  # the frames in which the subject was waited for
-        if clip.times[last - 1] - clip.times[begin.frame] < SHORTEST_PASS:
+        if clip.times[last - 1] - clip.times[begin.frame] < MIN_PASS_DURATION:
             discarded += 1
             continue
         passes[begin.frame : last] = count
@@ -88,15 +88,15 @@ def acquire(clip: Clip) -> Acquisition:
     return Acquisition(passes, seen.all(axis=1) & present, tuple(events), discarded)
 
 
-def in_passes(clip: Clip, acquisition: Acquisition) -> Clip:
+def with_passes(clip: Clip, acquisition: Acquisition) -> Clip:
     """The same frames, numbered by pass."""
     return replace(clip, passes=acquisition.passes)
 
 
-def _flow(clip: Clip, present: Mask) -> Iterator[Event]:
+def _state_machine(clip: Clip, present: Mask) -> Iterator[Event]:
     """The machine itself; the event of a loss stands at the first frame that is no longer the pass's."""
     times = clip.times
-    jumps = _jumps(clip, present)
+    jumps = _body_jumps(clip, present)
     yield Event(0, float(times[0]), State.START, "recording")
     state, last = State.WAITING, -1
     yield Event(0, float(times[0]), State.WAITING, "device open")
@@ -105,8 +105,8 @@ def _flow(clip: Clip, present: Mask) -> Iterator[Event]:
             reason = ""
             if time - times[frame - 1] > CLOCK_GAP:
                 reason = f"no frame for {time - times[frame - 1]:.2f} s"
-            elif (last < frame - 1 or not present[frame]) and time - times[last] > ABSENT + 1e-6:
-                reason = f"nobody seen for more than {ABSENT} s"
+            elif (last < frame - 1 or not present[frame]) and time - times[last] > MAX_ABSENCE + 1e-6:
+                reason = f"nobody seen for more than {MAX_ABSENCE} s"
             elif jumps[frame]:
                 reason = "the whole body jumped"
             if reason:
@@ -120,7 +120,7 @@ def _flow(clip: Clip, present: Mask) -> Iterator[Event]:
     yield Event(len(times), float(times[-1]), State.END, "end of the recording")
 
 
-def _frozen(clip: Clip) -> Mask:
+def _frozen_frames(clip: Clip) -> Mask:
     """Frames (T,) that repeat the pose before, bit for bit, in a run longer than ABSENT.
 
     Recorders of a format without a sign for "nobody" write the last pose until someone comes back.
@@ -129,14 +129,14 @@ def _frozen(clip: Clip) -> Mask:
     same = np.concatenate([[False], ((p[1:] == p[:-1]) | (np.isnan(p[1:]) & np.isnan(p[:-1]))).all(axis=1)])
     frozen = np.zeros(len(p), dtype=np.bool_)
     for repeated in runs(same):
-        if clip.times[repeated.stop - 1] - clip.times[repeated.start - 1] > ABSENT:
+        if clip.times[repeated.stop - 1] - clip.times[repeated.start - 1] > MAX_ABSENCE:
             frozen[repeated] = True
     if len(p) > 1 and frozen[1:].all():
         frozen[0] = True  # a pose that never moves was never a person
     return frozen
 
 
-def _jumps(clip: Clip, present: Mask) -> Mask:
+def _body_jumps(clip: Clip, present: Mask) -> Mask:
     """Frames (T,) to which most joints came, from the last frame with a subject, faster than a human can."""
     jumps = np.zeros(len(present), dtype=np.bool_)
     frames = np.flatnonzero(present)

@@ -7,15 +7,15 @@ import numpy as np
 from kinemimic.pipeline.arrays import Mask
 from kinemimic.pipeline.kinematics.clip import Clip
 from kinemimic.pipeline.kinematics.spans import frame_runs, runs
-from kinemimic.pipeline.quality.rules.defect import Defect, several
-from kinemimic.pipeline.quality.rules.frames import kept
+from kinemimic.pipeline.quality.rules.defect import Defect, plural
+from kinemimic.pipeline.quality.rules.frame_selection import select_frames
 
 # Metres, mean over the joints: a body whose steps before and after a repeat are no longer than this stands
 # still in a file of rounded numbers; a sensor's noise and a moving body go farther.
 STILL = 0.002
 
 
-def check(clip: Clip) -> tuple[Clip, list[Defect]]:
+def repair(clip: Clip) -> tuple[Clip, list[Defect]]:
     """The clip without the repeats inside its passes; sensor noise never gives the same pose twice, and a
     body that moves does not.
 
@@ -32,10 +32,10 @@ def check(clip: Clip) -> tuple[Clip, list[Defect]]:
     if not count:
         return clip, []
     of = int((clip.passes >= 0).sum())
-    text = f"{several(count, 'frame')} of {of} with the pose of the frame before, bit for bit; dropped"
+    text = f"{plural(count, 'frame')} of {of} with the pose of the frame before, bit for bit; dropped"
     # What is named is the frame that stays, with its number among those that stay.
     stays = np.append(repeated[1:], False)[~repeated]
-    return kept(clip, ~repeated), [
+    return select_frames(clip, ~repeated), [
         Defect("duplicate_frames", count, "frames", "repaired", text, frame_runs(stays))
     ]
 

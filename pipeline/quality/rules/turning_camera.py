@@ -28,12 +28,12 @@ ACROSS = np.radians(75.0)
 ONE_WAY = 0.3
 
 
-def check(clip: Clip) -> list[Defect]:
+def detect(clip: Clip) -> list[Defect]:
     """Flagged, never repaired: where the camera looked is not in the file."""
     found = steps(clip)
-    if len(found.frames) < ENOUGH or not carried(found):
+    if len(found.frames) < ENOUGH or not ground_moves(found):
         return []
-    angle = across(found)
+    angle = slide_angle(found)
     if angle < ACROSS or np.linalg.norm(found.forward.mean(axis=0)) < ONE_WAY:
         return []
     speed = float(np.median(np.linalg.norm(found.planted, axis=1)))
@@ -47,7 +47,7 @@ def check(clip: Clip) -> list[Defect]:
     return [Defect("turning_camera", len(found.frames), "frames", "flagged", text, frame_runs(inside))]
 
 
-def carried(found: Steps) -> bool:
+def ground_moves(found: Steps) -> bool:
     """True if the ground moves under the walker instead of the walker over it."""
     walk = found.walk
     squared = np.sum(walk**2, axis=1)
@@ -58,7 +58,7 @@ def carried(found: Steps) -> bool:
     return CARRIED[0] <= share <= CARRIED[1] and hips < STAYING * float(np.sqrt(np.median(squared)))
 
 
-def across(found: Steps) -> float:
+def slide_angle(found: Steps) -> float:
     """Angle in [0, π/2] between the line of sight from the origin and the axis along which feet slide.
 
     An axis has no sign: angles are doubled before they are averaged, weighted with the squared speed.

@@ -10,14 +10,22 @@ from pathlib import Path
 from statistics import median
 from typing import Any
 
-from kinemimic.pipeline.inspect.assessment import COMPANION, OTHER, REFUSED, Studied, look_at, study, unread
-from kinemimic.pipeline.parallel.isolated_pool import SECONDS, Lost, each
+from kinemimic.pipeline.inspect.file_report import (
+    OTHER,
+    REFUSED,
+    SIDECAR,
+    InspectedFile,
+    file_report,
+    inspect_file,
+    unread_report,
+)
+from kinemimic.pipeline.parallel.isolated_pool import SECONDS, Failed, each
 from kinemimic.pipeline.readers.depth.folder import is_recording
 
 Report = dict[str, Any]
 
 
-def files_of(paths: Iterable[Path]) -> list[Path]:
+def find_files(paths: Iterable[Path]) -> list[Path]:
     """The files that are meant: a file is itself, a folder all files below it, hidden ones left out; a depth
     recording, which is a folder, counts as one file.
 
@@ -37,23 +45,23 @@ def _below(folder: Path) -> Iterator[Path]:
         yield from (Path(place) / name for name in names if not name.startswith("."))
 
 
-def reports_of(files: Sequence[Path], *, jobs: int, unit: str | None = None) -> Iterator[Report]:
+def file_reports(files: Sequence[Path], *, jobs: int, unit: str | None = None) -> Iterator[Report]:
     """The report on each file as it is done, over a pool of processes: a damaged file costs only itself.
 
     unit: of length in all of them, as in `recognise.read`.
     """
-    for index, result in each(partial(study, unit=unit), files, jobs=jobs, seconds=_patience(files)):
-        yield unread(files[index], REFUSED, result.reason) if isinstance(result, Lost) else result
+    for index, result in each(partial(file_report, unit=unit), files, jobs=jobs, seconds=_time_limit(files)):
+        yield unread_report(files[index], REFUSED, result.reason) if isinstance(result, Failed) else result
 
 
-def drawings_of(files: Sequence[Path], *, jobs: int, unit: str | None = None) -> Iterator[tuple[Path, str]]:
+def file_drawings(files: Sequence[Path], *, jobs: int, unit: str | None = None) -> Iterator[tuple[Path, str]]:
     """Each file with its part of the page of curves (HTML), likewise; or with the reason why it has none."""
     from kinemimic.pipeline.inspect.curves import section  # noqa: PLC0415 (see `draw`)
 
-    for index, result in each(partial(draw, unit=unit), files, jobs=jobs, seconds=_patience(files)):
+    for index, result in each(partial(draw, unit=unit), files, jobs=jobs, seconds=_time_limit(files)):
         file = files[index]
-        lost = isinstance(result, Lost)
-        yield file, section(Studied(unread(file, REFUSED, result.reason))) if lost else result
+        lost = isinstance(result, Failed)
+        yield file, section(InspectedFile(unread_report(file, REFUSED, result.reason))) if lost else result
 
 
 def draw(path: Path, *, unit: str | None = None) -> str:
@@ -61,15 +69,15 @@ def draw(path: Path, *, unit: str | None = None) -> str:
     # matplotlib takes longer to load than most captures to read.
     from kinemimic.pipeline.inspect.curves import section  # noqa: PLC0415
 
-    return section(look_at(path, unit=unit))
+    return section(inspect_file(path, unit=unit))
 
 
-def _patience(files: Sequence[Path]) -> float:
+def _time_limit(files: Sequence[Path]) -> float:
     """Seconds for one of the files: a depth recording is a folder of thousands of images."""
     return 10.0 * SECONDS if any(file.is_dir() for file in files) else SECONDS
 
 
-def with_companions(reports: Iterable[Report]) -> list[Report]:
+def mark_sidecar_files(reports: Iterable[Report]) -> list[Report]:
     """The reports in the sequence of their files, those companions told that some capture was read with.
 
     Of two files that name each other, the first is the capture.
@@ -81,14 +89,14 @@ def with_companions(reports: Iterable[Report]) -> list[Report]:
         if file not in companions:
             companions |= {file.with_name(name) for name in report["companions"]}
     return [
-        unread(Path(report["file"]), COMPANION, "") | {"reason": None}
+        unread_report(Path(report["file"]), SIDECAR, "") | {"reason": None}
         if Path(report["file"]) in companions
         else report
         for report in in_sequence
     ]
 
 
-def folders(reports: Sequence[Report]) -> list[dict[str, Any]]:
+def folder_summaries(reports: Sequence[Report]) -> list[dict[str, Any]]:
     """One record for each folder, in the sequence of the reports.
 
     Medians are over the files that are not refused; repaired, flagged and refused count files: one file may
@@ -97,30 +105,30 @@ def folders(reports: Sequence[Report]) -> list[dict[str, Any]]:
     groups: dict[str, list[Report]] = {}
     for report in reports:
         groups.setdefault(str(Path(report["file"]).parent), []).append(report)
-    return [_folder(name, group) for name, group in groups.items()]
+    return [_folder_summary(name, group) for name, group in groups.items()]
 
 
-def _folder(name: str, group: Sequence[Report]) -> dict[str, Any]:
-    captures = [report for report in group if report["status"] not in (OTHER, COMPANION)]
+def _folder_summary(name: str, group: Sequence[Report]) -> dict[str, Any]:
+    captures = [report for report in group if report["status"] not in (OTHER, SIDECAR)]
     good = [report for report in captures if report["status"] != REFUSED]
     return {
         "folder": name,
         "captures": len(captures),
         "read": sum(report["read"] for report in captures),
         "frames": sum(report["frames"] for report in captures),
-        "thigh_m": _middle((report["bones_m"]["thigh"]["median"] for report in good), 4),
-        "shank_m": _middle((report["bones_m"]["shank"]["median"] for report in good), 4),
-        "knee_peak_deg": _middle((report["angles"]["knee_peak_deg"] for report in good), 2),
-        "gait_period_s": _middle((report["gait"]["period_s"] for report in good if report["gait"]), 3),
+        "thigh_m": _median_of((report["bones_m"]["thigh"]["median"] for report in good), 4),
+        "shank_m": _median_of((report["bones_m"]["shank"]["median"] for report in good), 4),
+        "knee_peak_deg": _median_of((report["angles"]["knee_peak_deg"] for report in good), 2),
+        "gait_period_s": _median_of((report["gait"]["period_s"] for report in good if report["gait"]), 3),
         "repaired": sum("repaired" in _actions(report) for report in captures),
         "flagged": sum("flagged" in _actions(report) for report in good),
         "refused": len(captures) - len(good),
-        "companions": [Path(one["file"]).name for one in group if one["status"] == COMPANION],
+        "companions": [Path(one["file"]).name for one in group if one["status"] == SIDECAR],
         "other": [Path(one["file"]).name for one in group if one["status"] == OTHER],
     }
 
 
-def rule_counts(reports: Iterable[Report], action: str) -> Counter[str]:
+def count_rules(reports: Iterable[Report], action: str) -> Counter[str]:
     """For each rule, the number of files in which it took this action."""
     return Counter(
         rule
@@ -133,6 +141,6 @@ def _actions(report: Report) -> set[str]:
     return {defect["action"] for defect in report["defects"]}
 
 
-def _middle(values: Iterable[float | None], digits: int) -> float | None:
+def _median_of(values: Iterable[float | None], digits: int) -> float | None:
     known = [value for value in values if value is not None]
     return round(median(known), digits) if known else None

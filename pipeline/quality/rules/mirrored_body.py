@@ -26,7 +26,7 @@ ENOUGH = 10
 _REFLECTION = np.array([1.0, -1.0, 1.0])
 
 
-def check(clip: Clip) -> tuple[Clip, list[Defect]]:
+def repair(clip: Clip) -> tuple[Clip, list[Defect]]:
     """The clip as its own mirror image, if it is mirrored throughout; Euler captures are only flagged."""
     feet, knees = votes(clip)
     by_feet = len(feet) >= ENOUGH

@@ -12,7 +12,7 @@ from kinemimic.pipeline.kinematics.clip import Clip
 from kinemimic.pipeline.kinematics.nodes import normalised
 
 
-def counterparts(names: tuple[str, ...]) -> list[int]:
+def opposite_sides(names: tuple[str, ...]) -> list[int]:
     """Index (J,) of each name's counterpart on the other side; a name of the middle is its own."""
     index = {normalised(name): position for position, name in enumerate(names)}
     return [
@@ -21,13 +21,13 @@ def counterparts(names: tuple[str, ...]) -> list[int]:
     ]
 
 
-def exchanged(clip: Clip, where: Mask, joints: Collection[int], curves: Collection[str]) -> Clip:
+def swap_sides(clip: Clip, where: Mask, joints: Collection[int], curves: Collection[str]) -> Clip:
     """The clip with these joints and curves, and their counterparts, exchanged in the frames `where` (T,).
 
     joints: indices; curves: names of `clip.angles`. Rotations that a recorder gave these joints were found
     for the other side's body: no exchange makes them this one's, so they are left out (NaN).
     """
-    other = counterparts(clip.skeleton.names)
+    other = opposite_sides(clip.skeleton.names)
     here = sorted({*joints, *(other[joint] for joint in joints)})
     there = [other[joint] for joint in here]
     rows = np.flatnonzero(where)[:, None]
@@ -40,7 +40,7 @@ def exchanged(clip: Clip, where: Mask, joints: Collection[int], curves: Collecti
     angles = clip.angles
     if angles:
         names = tuple(angles)
-        pairs = {name: names[one] for name, one in zip(names, counterparts(names), strict=True)}
+        pairs = {name: names[one] for name, one in zip(names, opposite_sides(names), strict=True)}
         both = {*curves, *(pairs[name] for name in curves)}
         angles = {
             name: np.where(where, angles[pairs[name]], curve) if name in both else curve
