@@ -17,8 +17,8 @@ from kinemimic.pipeline.files.sidecars import note_path, read_note, read_truth, 
 from kinemimic.pipeline.files.store import copy_file, read_json, write_clip, write_json
 from kinemimic.pipeline.filters.clean import FILTERS, clean
 from kinemimic.pipeline.kinematics.clip import Clip
-from kinemimic.pipeline.quality.report import quality_report, quality_table
 from kinemimic.pipeline.quality.check import check_capture
+from kinemimic.pipeline.quality.report import quality_report, quality_table
 from kinemimic.pipeline.readers.recognise import read
 
 

@@ -13,8 +13,8 @@ from rich.console import Console
 from kinemimic.pipeline.filters.clean import clean
 from kinemimic.pipeline.kinematics.clip import Clip
 from kinemimic.pipeline.kinematics.skeleton import NODE_INDEX
-from kinemimic.pipeline.quality.report import quality_report, quality_table
 from kinemimic.pipeline.quality.passes import find_passes, with_passes
+from kinemimic.pipeline.quality.report import quality_report, quality_table
 from kinemimic.pipeline.quality.rules.defect import Defect
 
 Build = Callable[..., Clip]
