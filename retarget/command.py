@@ -16,18 +16,18 @@ from kinemimic.pipeline.files.provenance import provenance
 from kinemimic.pipeline.files.sidecars import read_truth
 from kinemimic.pipeline.files.store import content_hash, read_clip, read_json, write_json, write_text
 from kinemimic.pipeline.kinematics.clip import Clip
-from kinemimic.retarget.captured import Span, captured_angles, write_captured
-from kinemimic.retarget.cyclic import fit_gait
-from kinemimic.retarget.feet.ankles import ANKLES, Ankle
-from kinemimic.retarget.feet.ground import path_of
+from kinemimic.retarget.captured_angles import PassSpan, captured_angles, write_captured
+from kinemimic.retarget.cyclic import fit_cyclic
+from kinemimic.retarget.feet.ankles import ANKLE_MODES, AnkleMode
+from kinemimic.retarget.feet.ground import measure_path
 from kinemimic.retarget.formats.motion_json import motion_to_json
 from kinemimic.retarget.formats.write_mcap import write_mcap
 from kinemimic.retarget.humanoid.motion import Motion
-from kinemimic.retarget.noncyclic import PlainFit, longest_walk, plain_motion
+from kinemimic.retarget.noncyclic import NonCyclicFit, fit_noncyclic, longest_walk
 from kinemimic.retarget.optimise.refine import refine
-from kinemimic.retarget.report import gait_report, plain_report
-from kinemimic.retarget.strides.belt import off_the_belt
-from kinemimic.retarget.strides.cycle import Pass, is_gait, study_passes, too_brief, usable
+from kinemimic.retarget.report import cyclic_report, noncyclic_report
+from kinemimic.retarget.strides.passes import Pass, analyze_passes, brevity_note, is_gait, select_passes
+from kinemimic.retarget.strides.treadmill import add_belt_travel
 
 
 def retarget(
@@ -35,7 +35,7 @@ def retarget(
     *,
     symmetric: bool | None = None,
     refined: bool = True,
-    ankle: Ankle = "neutral",
+    ankle: AnkleMode = "neutral",
     loop: bool | None = None,
 ) -> Motion:
     """Put a converted capture on the Table 1 body and write the results into its run folder.
@@ -50,33 +50,33 @@ def retarget(
     source = read_clip(run / "quaternions.parquet")
     clip, raw = on_nodes(source), on_nodes(read_clip(run / "raw.parquet"))
     truth = read_truth(run / "truth.parquet")
-    clip, belts = off_the_belt(clip)
-    passes = study_passes(clip)
+    clip, belts = add_belt_travel(clip)
+    passes = analyze_passes(clip)
     if not passes:
         raise KinemimicError(f"{run}: expected a pass with a person in it, found none; run `ingest` again")
     walked = is_gait(passes)
     if loop and not walked:
-        brief = "; ".join(filter(None, map(too_brief, passes)))
+        brief = "; ".join(filter(None, map(brevity_note, passes)))
         raise KinemimicError(
             f"{run}: expected a walk to make a loop of, found none{brief and f' ({brief})'}; leave out --loop"
         )
     if walked and loop is not False:
-        chosen, warnings = usable(passes)
-        fit = fit_gait(clip, chosen, symmetric, ankle=ankle)
-        trust, closed = fit.trust, fit
+        chosen, warnings = select_passes(passes)
+        fit = fit_cyclic(clip, chosen, symmetric, ankle=ankle)
+        reliability, closed = fit.reliability, fit
         if refined:
             motion = refine(fit.motion)
-            fit = replace(fit, motion=motion, path=path_of(motion, fit.path))
+            fit = replace(fit, motion=motion, path=measure_path(motion, fit.path))
         motion = fit.motion
-        report = gait_report(clip, passes, closed, fit, warnings)
+        report = cyclic_report(clip, passes, closed, fit, warnings)
         spans = [_stride_span(clip, one) for one in chosen]
     else:
         longest = longest_walk(clip, passes) if walked else max(passes, key=lambda one: _frames(clip, one))
-        plain = plain_motion(clip, longest)
-        trust, motion = plain.trust, plain.motion
+        plain = fit_noncyclic(clip, longest)
+        reliability, motion = plain.reliability, plain.motion
         if refined:
             motion = refine(motion, plain.seen)
-        report = plain_report(clip, plain, motion, longest)
+        report = noncyclic_report(clip, plain, motion, longest)
         spans = [_whole_span(clip, longest, plain)]
     if belts:
         report["belt_speed_m_s"] = {str(number): round(speed, 4) for number, speed in belts.items()}
@@ -90,7 +90,7 @@ def retarget(
         ),
     }
     motion = replace(motion, provenance=record)
-    columns = captured_angles(clip, raw, spans, trust, truth)
+    columns = captured_angles(clip, raw, spans, reliability, truth)
     text = motion_to_json(motion)
     write_captured(run / "capture.parquet", columns, record)
     write_json(run / "gait.json", report)
@@ -105,11 +105,11 @@ def _hash(clip: Clip) -> str:
     )
 
 
-def _stride_span(clip: Clip, one: Pass) -> Span:
+def _stride_span(clip: Clip, one: Pass) -> PassSpan:
     if one.harmonic is None:
         raise ValueError(f"pass {one.number} has no phase")
     times = clip.times[one.frames]
-    return Span(
+    return PassSpan(
         one.number,
         float(times[0]),
         float(times[-1]),
@@ -124,9 +124,9 @@ def _frames(clip: Clip, one: Pass) -> int:
     return int((clip.passes == one.number).sum())
 
 
-def _whole_span(clip: Clip, one: Pass, plain: PlainFit) -> Span:
+def _whole_span(clip: Clip, one: Pass, plain: NonCyclicFit) -> PassSpan:
     first, last = clip.times[plain.frames[[0, -1]]]
-    return Span(one.number, float(first), float(last), one.heading, float(first), plain.motion.duration)
+    return PassSpan(one.number, float(first), float(last), one.heading, float(first), plain.motion.duration)
 
 
 def _table(report: dict[str, Any]) -> list[str]:
@@ -211,7 +211,7 @@ def _measures(closed: dict[str, Any], final: dict[str, Any]) -> list[str]:
 )
 @click.option(
     "--ankle",
-    type=click.Choice(ANKLES),
+    type=click.Choice(ANKLE_MODES),
     default="neutral",
     show_default=True,
     help="Of a walk whose feet no sensor saw: flat in stance, or as in normal walking.",
@@ -223,7 +223,7 @@ def _measures(closed: dict[str, Any], final: dict[str, Any]) -> list[str]:
 )
 @json_option("Print gait.json.")
 def command(
-    run: Path, symmetric: bool | None, refined: bool, ankle: Ankle, loop: bool | None, as_json: bool
+    run: Path, symmetric: bool | None, refined: bool, ankle: AnkleMode, loop: bool | None, as_json: bool
 ) -> None:
     """Onto the 20 nodes and the body of Table 1; for a walk, its gait cycle; JSON and MCAP.
 

@@ -13,24 +13,28 @@ from kinemimic.pipeline.kinematics.clip import Clip
 from kinemimic.pipeline.kinematics.orient import local_rotations
 from kinemimic.pipeline.kinematics.rotations import continuous
 from kinemimic.pipeline.kinematics.skeleton import NODE_INDEX as N
-from kinemimic.retarget.feet.ankles import Ankle, normal_feet
-from kinemimic.retarget.feet.ground import Path, is_running, lay_path
-from kinemimic.retarget.feet.legs import knees_limited, neutral_feet
+from kinemimic.retarget.feet.ankles import AnkleMode, normal_feet
+from kinemimic.retarget.feet.ground import RootPath, fit_root_path, is_running
+from kinemimic.retarget.feet.legs import limit_knee_extension, neutral_feet
 from kinemimic.retarget.feet.scale import length_scale, stance_width, with_stance_width
 from kinemimic.retarget.humanoid.motion import Motion, joint_angles
-from kinemimic.retarget.strides.cycle import Pass
-from kinemimic.retarget.strides.loop import Loop, Strides, fit_loop, gather, with_mirror
-from kinemimic.retarget.strides.sensor_reliability import Trust, assess, believed_frames
+from kinemimic.retarget.strides.loop import Loop, Strides, fit_loop, pool_strides, with_mirror
+from kinemimic.retarget.strides.passes import Pass
+from kinemimic.retarget.strides.sensor_reliability import (
+    SensorReliability,
+    assess_reliability,
+    reliable_frames,
+)
 
-RATE = 60.0  # frames per second, as near as whole frames in a stride allow
+FRAME_RATE = 60.0  # frames per second, as near as whole frames in a stride allow
 # Of the legs: of a precise (optical) recording, and of one that a depth sensor made.
-HARMONICS = {True: 8, False: 5}
+LEG_HARMONICS = {True: 8, False: 5}
 TREMOR = 0.2  # s over which a recorded ankle is averaged, before it is asked whether it stands
-LARGEST_GAP = 0.2  # of the stride without a frame, over which a loop would be invented
+MAX_GAP = 0.2  # of the stride without a frame, over which a loop would be invented
 
 
 @dataclass(frozen=True)
-class GaitFit:
+class CyclicFit:
     """A gait loop on the body, with what it was made of.
 
     motion: cyclic, frame 0 where the left ankle is farthest ahead; strides: the recorded frames pooled;
@@ -43,8 +47,8 @@ class GaitFit:
     motion: Motion
     loop: Loop
     strides: Strides
-    trust: Trust
-    path: Path
+    reliability: SensorReliability
+    path: RootPath
     captured: dict[str, Array]
     symmetric: bool
     asymmetry_deg: float
@@ -54,51 +58,51 @@ class GaitFit:
     abduction: float
 
 
-def fit_gait(
-    clip: Clip, passes: list[Pass], symmetric: bool | None = None, *, ankle: Ankle = "neutral"
-) -> GaitFit:
+def fit_cyclic(
+    clip: Clip, passes: list[Pass], symmetric: bool | None = None, *, ankle: AnkleMode = "neutral"
+) -> CyclicFit:
     """Pool usable passes of a clip on the 20 nodes into a gait loop on the Table 1 body.
 
-    symmetric: whether the mirror image is pooled too; None leaves it to `_both_sides_alike`, and takes it
+    symmetric: whether the mirror image is pooled too; None leaves it to `_is_symmetric`, and takes it
     where a part of the stride was seen on one side only. Raises KinemimicError where a part was never seen.
     ankle: what the feet of a walk get that were not seen; a run's are neutral.
     """
-    strides = gather(clip, passes)
-    trust = assess(strides)
-    local = local_rotations(believed_frames(strides.positions, trust))
+    strides = pool_strides(clip, passes)
+    reliability = assess_reliability(strides)
+    local = local_rotations(reliable_frames(strides.positions, reliability))
     captured = joint_angles(local)
     lengths = [len(p.frames) for p in passes]
     period = float(np.average([p.harmonic.period for p in passes if p.harmonic], weights=lengths))
-    loop = fit_loop(strides, local, period, leg=HARMONICS[trust.precise])
-    asymmetry, noise = _sides(loop, strides, captured)
-    gap = _unseen(strides)
+    loop = fit_loop(strides, local, period, leg=LEG_HARMONICS[reliability.precise])
+    asymmetry, noise = _asymmetry_and_noise(loop, strides, captured)
+    gap = _largest_gap(strides)
     mirror = symmetric
     if mirror is None:
-        mirror = gap > LARGEST_GAP or _both_sides_alike(trust, asymmetry, noise)
+        mirror = gap > MAX_GAP or _is_symmetric(reliability, asymmetry, noise)
     if mirror:
         both = with_mirror(strides)
-        pitch = float(np.mean(trust.foot_pitch))
-        gap = _unseen(both)
-        trust = replace(trust, foot_pitch=(pitch, pitch))
-        turned = local_rotations(believed_frames(both.positions, trust))
-        loop = fit_loop(both, turned, period, leg=HARMONICS[trust.precise])
-    if gap > LARGEST_GAP:
+        pitch = float(np.mean(reliability.foot_pitch))
+        gap = _largest_gap(both)
+        reliability = replace(reliability, foot_pitch=(pitch, pitch))
+        turned = local_rotations(reliable_frames(both.positions, reliability))
+        loop = fit_loop(both, turned, period, leg=LEG_HARMONICS[reliability.precise])
+    if gap > MAX_GAP:
         raise KinemimicError(
             f"retarget: expected frames of a whole stride, found none in {100 * gap:.0f} % of it; "
             "record longer"
         )
-    frames = max(8, round(RATE * period))
+    frames = max(8, round(FRAME_RATE * period))
     phase = np.arange(frames) / frames
     rotations = loop.rotations(phase)
     scale = length_scale(strides.positions)
-    if not trust.precise:
-        rotations = knees_limited(rotations)
-    if not trust.feet:
+    if not reliability.precise:
+        rotations = limit_knee_extension(rotations)
+    if not reliability.feet:
         normal = ankle == "normal" and not is_running(scale * loop.speed)
         rotations = (normal_feet if normal else neutral_feet)(rotations, phase)
     width = scale * stance_width(strides.positions)
     rotations, abduction = with_stance_width(rotations, width)
-    path = lay_path(rotations, scale * fourier.evaluate(loop.root, phase), scale * loop.speed, period)
+    path = fit_root_path(rotations, scale * fourier.evaluate(loop.root, phase), scale * loop.speed, period)
     root = path.root - np.array([path.root[0, 0], path.root[0, 1], 0.0])
     motion = Motion(
         rate=frames / period,
@@ -108,18 +112,18 @@ def fit_gait(
         cyclic=True,
         cycle_offset=np.array([path.speed * period, 0.0, 0.0]),
     )
-    return GaitFit(
-        motion, loop, strides, trust, path, captured, mirror, asymmetry, noise, scale, width, abduction
+    return CyclicFit(
+        motion, loop, strides, reliability, path, captured, mirror, asymmetry, noise, scale, width, abduction
     )
 
 
-def _unseen(strides: Strides) -> float:
+def _largest_gap(strides: Strides) -> float:
     """The largest part of the stride, 0 to 1, in which no pooled frame counts."""
     phases = np.sort(np.mod(strides.phase[strides.weights[:, N["knee_left"]] > 0], 1.0))
     return float(np.max(np.diff(phases, append=phases[0] + 1.0))) if len(phases) else 1.0
 
 
-def _sides(loop: Loop, strides: Strides, captured: dict[str, Array]) -> tuple[float, float]:
+def _asymmetry_and_noise(loop: Loop, strides: Strides, captured: dict[str, Array]) -> tuple[float, float]:
     """Root mean square difference of left and right, and residual about the loop, in degrees."""
     phase = np.arange(60) / 60.0
     at, later = joint_angles(loop.rotations(phase)), joint_angles(loop.rotations(phase + 0.5))
@@ -132,10 +136,10 @@ def _sides(loop: Loop, strides: Strides, captured: dict[str, Array]) -> tuple[fl
     )
 
 
-def _both_sides_alike(trust: Trust, asymmetry: float, noise: float) -> bool:
+def _is_symmetric(reliability: SensorReliability, asymmetry: float, noise: float) -> bool:
     """Default rule: a depth sensor's sides are made one unless they differ by more than its noise can make.
 
     Precise (optical) recordings keep what they show. A limp of a Kinect recording shows as a difference
     well above the residual of its own strides.
     """
-    return not trust.precise and asymmetry < 1.5 * noise
+    return not reliability.precise and asymmetry < 1.5 * noise

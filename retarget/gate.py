@@ -50,28 +50,28 @@ class _Rule:
     text: str
 
 
-_NO = math.inf
+_INF = math.inf
 _KINDS = ("walk", "run", "motion")
 
 
-def _all(least: float = -_NO, most: float = _NO) -> dict[str, tuple[float, float]]:
+def _all_kinds(least: float = -_INF, most: float = _INF) -> dict[str, tuple[float, float]]:
     return dict.fromkeys(_KINDS, (least, most))
 
 
-def _gaits(least: float = -_NO, most: float = _NO) -> dict[str, tuple[float, float]]:
+def _gaits(least: float = -_INF, most: float = _INF) -> dict[str, tuple[float, float]]:
     return dict.fromkeys(_KINDS[:2], (least, most))
 
 
 def _ground(key: str, factor: float) -> Callable[[Report], float | None]:
-    return lambda report: _times(report.get("ground", {}).get(key), factor)
+    return lambda report: _scaled(report.get("ground", {}).get(key), factor)
 
 
 def _measure(key: str, factor: float) -> Callable[[Report], float | None]:
     """Of the final motion, or of the path of a report that has no such measure."""
-    return lambda report: _times(report.get("measures", report.get("ground", {})).get(key), factor)
+    return lambda report: _scaled(report.get("measures", report.get("ground", {})).get(key), factor)
 
 
-def _times(value: float | None, factor: float) -> float | None:
+def _scaled(value: float | None, factor: float) -> float | None:
     return None if value is None else factor * value
 
 
@@ -91,11 +91,11 @@ def _beyond(report: Report) -> float | None:
 
 # The foot of a walk leaves the ground in every swing; a runner's and a jumper's does without looking low.
 RULES: tuple[_Rule, ...] = (
-    _Rule("penetration", _measure("penetration_m", 1e3), _all(most=10), _all(most=25),
+    _Rule("penetration", _measure("penetration_m", 1e3), _all_kinds(most=10), _all_kinds(most=25),
           "the soles sink in by {value:.0f} mm (limit {limit:.0f})"),
-    _Rule("floating", _measure("floating_m", 1e3), _all(most=15), _all(most=25),
+    _Rule("floating", _measure("floating_m", 1e3), _all_kinds(most=15), _all_kinds(most=25),
           "the standing foot floats by {value:.0f} mm (limit {limit:.0f})"),
-    _Rule("clearance", _ground("swing_clearance_m", 1e3), {"walk": (5, _NO)}, {"walk": (0, _NO)},
+    _Rule("clearance", _ground("swing_clearance_m", 1e3), {"walk": (5, _INF)}, {"walk": (0, _INF)},
           "a swinging foot clears the ground by {value:.1f} mm (limit {limit:.0f})"),
     _Rule("slip", _ground("slip_m_s", 1.0), _gaits(most=0.05), _gaits(most=0.15),
           "the planted foot slips at {value:.2f} m/s (limit {limit:.2f})"),
@@ -108,18 +108,18 @@ RULES: tuple[_Rule, ...] = (
           "the strides agree on a hip's movement to R² {value:.2f} only (limit {limit:.1f})"),
     _Rule("strides", lambda report: report.get("strides"), _gaits(least=2.0), {},
           "only {value:.1f} strides (limit {limit:.0f}): the loop cannot be told from the noise of one"),
-    _Rule("limits", _beyond, _all(most=0.5), _all(most=15),
+    _Rule("limits", _beyond, _all_kinds(most=0.5), _all_kinds(most=15),
           "a joint is {value:.0f}° beyond what joints can do (limit {limit:.1f}°)"),
 )  # fmt: skip
 
 
-def judge(report: Report) -> tuple[Finding, ...]:
+def check_report(report: Report) -> tuple[Finding, ...]:
     """What a motion breaks, from the value of gait.json; the refusals first."""
-    found = [finding for rule in RULES for finding in _broken(rule, report)]
+    found = [finding for rule in RULES for finding in _findings(rule, report)]
     return tuple(sorted(found, key=lambda finding: finding.severity != "refuse"))
 
 
-def _broken(rule: _Rule, report: Report) -> Iterator[Finding]:
+def _findings(rule: _Rule, report: Report) -> Iterator[Finding]:
     value = rule.value(report)
     if value is None:
         return
@@ -128,7 +128,7 @@ def _broken(rule: _Rule, report: Report) -> Iterator[Finding]:
         ("warn", rule.warn),
     )
     for severity, limits in severities:
-        least, most = limits.get(report["kind"], (-_NO, _NO))
+        least, most = limits.get(report["kind"], (-_INF, _INF))
         if least < value < most:
             continue
         limit = least if value <= least else most
@@ -136,7 +136,7 @@ def _broken(rule: _Rule, report: Report) -> Iterator[Finding]:
         return
 
 
-def admit(run: Path, *, anyway: bool = False) -> None:
+def require_trainable(run: Path, *, anyway: bool = False) -> None:
     """Let a run's motion through to training, or say in one KinemimicError why it cannot be performed.
 
     anyway: let it through all the same. A motion without gait.json beside it was not made here from a
@@ -145,7 +145,7 @@ def admit(run: Path, *, anyway: bool = False) -> None:
     path = run / "gait.json"
     if anyway or not path.exists():
         return
-    refused = [finding.text for finding in judge(read_json(path)) if finding.severity == "refuse"]
+    refused = [finding.text for finding in check_report(read_json(path)) if finding.severity == "refuse"]
     if refused:
         raise KinemimicError(
             f"{path}: expected a motion that a body can perform, found: {'; '.join(refused)}; "

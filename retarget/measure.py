@@ -11,7 +11,7 @@ import numpy as np
 
 from kinemimic.pipeline.arrays import Array
 from kinemimic.pipeline.kinematics.skeleton import NODE_INDEX as N
-from kinemimic.retarget.feet.contact import soles, steps
+from kinemimic.retarget.feet.contact import contact_speeds, sole_positions
 from kinemimic.retarget.humanoid.limits import beyond_limits
 from kinemimic.retarget.humanoid.motion import Motion
 
@@ -49,8 +49,10 @@ class Measures:
 def measure(motion: Motion, recorded: Array, phase: Array) -> Measures:
     """Measures of a motion made from recorded positions (M, 20, 3) along +X, at phases (M,) in durations."""
     positions, frames = motion.kinematics()
-    corners = soles(positions, frames)
-    speeds = steps(corners, motion.contacts, motion.rate, motion.cycle_offset if motion.cyclic else None)
+    corners = sole_positions(positions, frames)
+    speeds = contact_speeds(
+        corners, motion.contacts, motion.rate, motion.cycle_offset if motion.cyclic else None
+    )
     height = corners[..., 2].min(axis=-1)
     standing = motion.contacts.any(axis=1)
     return Measures(

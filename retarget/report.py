@@ -10,20 +10,20 @@ from numpy.typing import NDArray
 from kinemimic.pipeline.arrays import Array
 from kinemimic.pipeline.kinematics.angles import ANGLES
 from kinemimic.pipeline.kinematics.clip import Clip
-from kinemimic.retarget.cyclic import GaitFit
+from kinemimic.retarget.cyclic import CyclicFit
 from kinemimic.retarget.feet.ground import is_running
-from kinemimic.retarget.feet.scale import subject
-from kinemimic.retarget.gate import judge
+from kinemimic.retarget.feet.scale import estimate_subject
+from kinemimic.retarget.gate import check_report
 from kinemimic.retarget.humanoid.motion import Motion, joint_angles
 from kinemimic.retarget.measure import Measures, measure
-from kinemimic.retarget.noncyclic import PlainFit
-from kinemimic.retarget.strides.cycle import Pass, too_brief
+from kinemimic.retarget.noncyclic import NonCyclicFit
+from kinemimic.retarget.strides.passes import Pass, brevity_note
 
 GAIT_SCHEMA = 1
 
 
-def gait_report(
-    clip: Clip, passes: list[Pass], closed: GaitFit, fit: GaitFit, warnings: list[str]
+def cyclic_report(
+    clip: Clip, passes: list[Pass], closed: CyclicFit, fit: CyclicFit, warnings: list[str]
 ) -> dict[str, Any]:
     """The JSON value of gait.json for a gait loop; lengths in metres, angles in degrees.
 
@@ -54,11 +54,11 @@ def gait_report(
         "asymmetry_deg": _n(fit.asymmetry_deg),
         "noise_deg": _n(fit.noise_deg),
         "believed": {
-            "precise": fit.trust.precise,
-            "pelvis": fit.trust.pelvis,
-            "torso": fit.trust.torso,
-            "feet": fit.trust.feet,
-            **{name: _n(value) for name, value in fit.trust.measured.items()},
+            "precise": fit.reliability.precise,
+            "pelvis": fit.reliability.pelvis,
+            "torso": fit.reliability.torso,
+            "feet": fit.reliability.feet,
+            **{name: _n(value) for name, value in fit.reliability.measured.items()},
         },
         "subject": _subject(fit.strides.positions),
         "scale": _n(fit.scale),
@@ -81,10 +81,10 @@ def gait_report(
             for name, one in (("closed_form", closed), ("measures", fit))
         },
     }
-    return _judged(report, warnings)
+    return _with_findings(report, warnings)
 
 
-def plain_report(clip: Clip, fit: PlainFit, motion: Motion, one: Pass) -> dict[str, Any]:
+def noncyclic_report(clip: Clip, fit: NonCyclicFit, motion: Motion, one: Pass) -> dict[str, Any]:
     """The JSON value of gait.json for a pass as it was recorded, from its closed form and final motion."""
     kind, walk = "motion", {}
     if fit.strides is not None:
@@ -114,14 +114,14 @@ def plain_report(clip: Clip, fit: PlainFit, motion: Motion, one: Pass) -> dict[s
             for name, each in (("closed_form", fit.motion), ("measures", motion))
         },
     }
-    why = too_brief(one) or "nobody walks in this capture"
+    why = brevity_note(one) or "nobody walks in this capture"
     told = f"{why}: the longest pass is used as it is, without a loop"
-    return _judged(report, [] if walk else [told])
+    return _with_findings(report, [] if walk else [told])
 
 
-def _judged(report: dict[str, Any], warnings: list[str]) -> dict[str, Any]:
+def _with_findings(report: dict[str, Any], warnings: list[str]) -> dict[str, Any]:
     """The report with what the gate before training finds, which also stands among the warnings."""
-    found = judge(report)
+    found = check_report(report)
     return {
         **report,
         "gate": [finding.to_json() for finding in found],
@@ -158,12 +158,12 @@ def _strides(one: Pass) -> float:
     return float(np.ptp(one.phase)) if one.harmonic else 0.0
 
 
-def _used(passes: list[Pass], fit: GaitFit) -> list[Pass]:
+def _used(passes: list[Pass], fit: CyclicFit) -> list[Pass]:
     frames = set(fit.strides.frames.tolist())
     return [p for p in passes if p.harmonic is not None and len(p.frames) and int(p.frames[0]) in frames]
 
 
-def _r2(fit: GaitFit, mask: NDArray[np.bool_] | None = None) -> dict[str, float | None]:
+def _r2(fit: CyclicFit, mask: NDArray[np.bool_] | None = None) -> dict[str, float | None]:
     pick = np.ones(len(fit.strides.phase), bool) if mask is None else mask
     fitted = reference_at(fit.motion, fit.strides.phase[pick])
     scores: dict[str, float | None] = {}
@@ -172,7 +172,7 @@ def _r2(fit: GaitFit, mask: NDArray[np.bool_] | None = None) -> dict[str, float 
     return scores
 
 
-def _pass_row(one: Pass, clip: Clip, fit: GaitFit) -> dict[str, Any]:
+def _pass_row(one: Pass, clip: Clip, fit: CyclicFit) -> dict[str, Any]:
     mine = clip.passes[fit.strides.frames] == one.number
     used = bool(mine.any())
     h = one.harmonic
@@ -206,7 +206,7 @@ def _stance(motion: Motion) -> dict[str, float | None]:
 
 
 def _subject(positions: Array) -> dict[str, float | None]:
-    person = subject(positions)
+    person = estimate_subject(positions)
     return {"height_m": _n(person.height), "mass_at_body_density_kg": _n(person.mass)}
 
 

@@ -16,8 +16,8 @@ import torch
 from kinemimic.pipeline.cli.options import json_option, run_option
 from kinemimic.pipeline.errors import KinemimicError
 from kinemimic.pipeline.files.provenance import provenance
-from kinemimic.retarget.formats.motion_json import motion_from_json
-from kinemimic.retarget.gate import admit
+from kinemimic.retarget.formats.motion_json import read_motion_json
+from kinemimic.retarget.gate import require_trainable
 from kinemimic.retarget.humanoid.motion import Motion
 from kinemimic.train.config.baseline_config import require_package
 from kinemimic.train.config.budget import MINUTES, samples
@@ -77,8 +77,8 @@ def train(
     """
     watch = Stopwatch()
     engine = resolve(engine)
-    motion = motion_from_json(run / "motion.json")
-    admit(run, anyway=anyway)
+    motion = read_motion_json(run / "motion.json")
+    require_trainable(run, anyway=anyway)
     if config is None:
         config = preset(preset_name, seed=seed)
     if scenario is not None:

@@ -14,7 +14,7 @@ from typing import Any
 from kinemimic.evaluate.compare.task import MOTION
 from kinemimic.pipeline.errors import KinemimicError
 from kinemimic.pipeline.files.store import copy_file, read_json
-from kinemimic.retarget.formats.motion_json import motion_from_json
+from kinemimic.retarget.formats.motion_json import read_motion_json
 from kinemimic.train.config.config import TrainConfig
 from kinemimic.train.rollout.policy import read_record
 
@@ -99,7 +99,7 @@ def conduct(cell: Cell) -> None:
 def _prepare(cell: Cell) -> None:
     """Copy the motion and what belongs to it, the motion last: it says that all is there."""
     if (cell.folder / MOTION).exists():
-        _expect(cell, "motion", motion_from_json(cell.folder / MOTION).identity == cell.identity)
+        _expect(cell, "motion", read_motion_json(cell.folder / MOTION).identity == cell.identity)
         return
     for name in BESIDE:
         if (cell.source / name).exists():

@@ -25,7 +25,7 @@ from kinemimic.pipeline.cli.terminal import show
 from kinemimic.pipeline.errors import KinemimicError
 from kinemimic.pipeline.files.provenance import provenance
 from kinemimic.pipeline.files.store import copy_file
-from kinemimic.retarget.formats.motion_json import motion_from_json
+from kinemimic.retarget.formats.motion_json import read_motion_json
 from kinemimic.train.config.baseline_config import require_package
 from kinemimic.train.config.budget import samples
 from kinemimic.train.config.config import PRESETS, TrainConfig
@@ -97,7 +97,7 @@ def compare(
     with alone(out), bars() as several:
         for task in tasks:
             there = out / task.name / MOTION
-            if there.exists() and motion_from_json(there).identity != motions[task.name].identity:
+            if there.exists() and read_motion_json(there).identity != motions[task.name].identity:
                 raise KinemimicError(
                     f"{out}: expected a comparison on the same motions, found another {task.name}; name "
                     "another --out"

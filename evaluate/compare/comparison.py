@@ -20,7 +20,7 @@ from kinemimic.pipeline.errors import KinemimicError
 from kinemimic.pipeline.files.data_folder import DATASETS
 from kinemimic.pipeline.files.schema import upgraded
 from kinemimic.pipeline.files.store import content_hash, copy_file, read_json, write_json
-from kinemimic.retarget.formats.motion_json import motion_from_json
+from kinemimic.retarget.formats.motion_json import read_motion_json
 from kinemimic.retarget.humanoid.motion import Motion
 from kinemimic.train.config.config import TrainConfig
 from kinemimic.train.rollout.policy import Policy
@@ -180,7 +180,7 @@ class Comparison:
         """The policy of the middle seed."""
         path = self._policy(self.middle(task, variant))
         policy, record = Policy.load(path)
-        motion = motion_from_json(self.folder / task / MOTION)
+        motion = read_motion_json(self.folder / task / MOTION)
         if record["provenance"]["inputs"].get("motion") != motion.identity:
             raise KinemimicError(
                 f"{path}: expected a policy of {task}'s motion, found another's; `kinemimic "

@@ -11,7 +11,7 @@ import numpy as np
 
 from kinemimic.pipeline.files.store import content_hash, read_json
 from kinemimic.pipeline.gait.curve_metrics import JOINTS, SIDES
-from kinemimic.retarget.formats.motion_json import motion_from_json
+from kinemimic.retarget.formats.motion_json import read_motion_json
 from kinemimic.retarget.humanoid.motion import Motion
 from kinemimic.train.config.config import TrainConfig
 from kinemimic.train.scenario.scenario import Scenario
@@ -45,7 +45,7 @@ class Task:
     @property
     def motion(self) -> Motion:
         """What is imitated."""
-        return motion_from_json(self.run / MOTION)
+        return read_motion_json(self.run / MOTION)
 
     def configured(self, config: TrainConfig) -> TrainConfig:
         """A variant's configuration for this task."""

@@ -19,9 +19,9 @@ from kinemimic.pipeline.kinematics.clip import Clip
 from kinemimic.pipeline.kinematics.rest_pose import node_rotations_of
 from kinemimic.pipeline.quality.rules.frame_selection import select_frames
 from kinemimic.pipeline.writers.poses import Poses, poses_of_clip
-from kinemimic.retarget.formats.motion_json import motion_from_json
+from kinemimic.retarget.formats.motion_json import read_motion_json
 from kinemimic.retarget.formats.poses import motion_of_poses, poses_of_motion
-from kinemimic.retarget.formats.read_mcap import motion_from_mcap, recover_mcap
+from kinemimic.retarget.formats.read_mcap import read_mcap, recover_mcap
 from kinemimic.retarget.humanoid.motion import Motion, joint_angles
 from kinemimic.train.rollout.trajectory import Trajectory
 from kinemimic.train.sim.world import CONTROL_RATE
@@ -161,13 +161,13 @@ def _of_motion(motion: Motion, told: str, inputs: Mapping[str, str]) -> Subject:
 
 
 def _reference(run: Path) -> Subject:
-    motion = motion_from_json(run / "motion.json")
+    motion = read_motion_json(run / "motion.json")
     return _of_motion(motion, "one cycle" if motion.cyclic else "", {"motion": motion.identity})
 
 
 def _simulated(run: Path) -> Subject:
     """The rollout from the reference's start; its first frame is the state after one control step."""
-    reference, path = motion_from_json(run / "motion.json"), run / "trajectory.npz"
+    reference, path = read_motion_json(run / "motion.json"), run / "trajectory.npz"
     trajectory = Trajectory.load(path)
     fallen = int(trajectory.fallen_at[_ROLLOUT])
     motion = Motion(
@@ -190,5 +190,5 @@ def of_mcap(path: Path, *, recover: bool) -> Subject:
         found = recover_mcap(path)
         motion, told = found.motion, "the file is whole" if found.lost is None else f"found {found.lost}"
     else:
-        motion, told = motion_from_mcap(path), ""
+        motion, told = read_mcap(path), ""
     return _of_motion(motion, told, {"mcap": file_hash(path)})

@@ -19,7 +19,7 @@ from kinemimic.pipeline.catalog.entry import Entry
 from kinemimic.pipeline.cli.options import DEFAULT_RUN, RunFolder
 from kinemimic.pipeline.errors import KinemimicError
 from kinemimic.pipeline.files.store import copy_file, file_hash, read_json, write_json
-from kinemimic.retarget.formats.motion_json import motion_from_json
+from kinemimic.retarget.formats.motion_json import read_motion_json
 from kinemimic.retarget.humanoid.motion import Motion
 from kinemimic.train.rollout.policy import Policy
 
@@ -64,7 +64,7 @@ def unpack(name: str, run: Path, *, capture: Path | None = None, folder: Path = 
         if capture is not None:
             raise KinemimicError(f"the policy {name!r} ships with its motion: leave out --capture")
         if (run / MOTION).exists():
-            _expect(run, motion_from_json(run / MOTION).identity == record["provenance"]["inputs"]["motion"])
+            _expect(run, read_motion_json(run / MOTION).identity == record["provenance"]["inputs"]["motion"])
         copy_file(source / MOTION, run / MOTION)
     else:
         wanted = recording(recipes(folder)[name].recording or "")
@@ -82,7 +82,7 @@ def _expect(run: Path, same: bool) -> None:
 def _remade(name: str, wanted: Entry, run: Path, capture: Path | None) -> Motion:
     """The motion of the recording that a policy learnt from, in the run folder."""
     if (run / MOTION).exists():
-        motion = motion_from_json(run / MOTION)
+        motion = read_motion_json(run / MOTION)
         _expect(run, motion.provenance.get("capture", {}).get("sha256") == wanted.sha256)
         return motion
     if capture is None:
@@ -105,7 +105,7 @@ def _remade(name: str, wanted: Entry, run: Path, capture: Path | None) -> Motion
     convert(run)
     retarget(run)
     # As it is in the file, rounded.
-    return motion_from_json(run / MOTION)
+    return read_motion_json(run / MOTION)
 
 
 def _relearnt(record: Mapping[str, Any], motion: Motion, run: Path) -> dict[str, Any]:

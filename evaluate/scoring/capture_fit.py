@@ -20,7 +20,7 @@ from kinemimic.pipeline.files.schema import unchanged, upgraded
 from kinemimic.pipeline.files.tables import numbers, read_table
 from kinemimic.pipeline.gait.curve_metrics import Flags, JointFit, joint_fits
 from kinemimic.pipeline.kinematics.angles import ANGLES
-from kinemimic.retarget.captured import CAPTURED_SCHEMA
+from kinemimic.retarget.captured_angles import CAPTURED_SCHEMA
 from kinemimic.retarget.humanoid.motion import Motion, joint_angles
 from kinemimic.train.reference.reference import Reference
 

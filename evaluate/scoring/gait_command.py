@@ -20,7 +20,7 @@ from kinemimic.pipeline.cli.options import json_option, run_option
 from kinemimic.pipeline.errors import KinemimicError
 from kinemimic.pipeline.files.provenance import provenance
 from kinemimic.pipeline.files.store import file_hash, write_json, write_text
-from kinemimic.retarget.formats.motion_json import motion_from_json
+from kinemimic.retarget.formats.motion_json import read_motion_json
 from kinemimic.train.rollout.trajectory import Trajectory
 
 # Of these one must be there: the playback needs the motion's body.
@@ -39,7 +39,7 @@ def gait(run: Path) -> dict[str, Any]:
         raise KinemimicError(
             f"{run}: expected {' or '.join(WALKERS)}, found neither; run `ingest` and `convert` first"
         )
-    motion = motion_from_json(run / "motion.json") if (run / "motion.json").exists() else None
+    motion = read_motion_json(run / "motion.json") if (run / "motion.json").exists() else None
     trajectory = (
         Trajectory.load(run / "trajectory.npz") if motion and (run / "trajectory.npz").exists() else None
     )

@@ -30,7 +30,7 @@ from kinemimic.evaluate.view.scene import (
 )
 from kinemimic.pipeline.cli.options import json_option
 from kinemimic.pipeline.files.store import atomic, content_hash, read_json
-from kinemimic.retarget.formats.motion_json import motion_from_json
+from kinemimic.retarget.formats.motion_json import read_motion_json
 from kinemimic.train.config.config import TrainConfig
 from kinemimic.train.rollout.policy import learnt
 from kinemimic.train.rollout.trajectory import Trajectory
@@ -49,7 +49,7 @@ def view(run: Path) -> Path:
     Reads motion.json and trajectory.npz, and if they are there scores.json, and raw.parquet with
     capture.parquet: the capture. The file brings its own layout; nothing is served or sent.
     """
-    motion = motion_from_json(run / "motion.json")
+    motion = read_motion_json(run / "motion.json")
     trajectory = Trajectory.load(run / "trajectory.npz")
     scores = read_json(run / "scores.json") if (run / "scores.json").exists() else None
     pair, phases = figures(trajectory, ROLLOUT, motion.offsets), trajectory.phases[ROLLOUT]

@@ -53,11 +53,11 @@ def publish(run: Path, recipe: Recipe, into: Path = POLICIES) -> Path:
     The run has to be what the recipe says. The motion of a recording stays out.
     """
     # Reading a policy and a motion loads the simulation, which --help has no use for.
-    from kinemimic.retarget.formats.motion_json import motion_from_json  # noqa: PLC0415
+    from kinemimic.retarget.formats.motion_json import read_motion_json  # noqa: PLC0415
     from kinemimic.train.rollout.policy import Policy  # noqa: PLC0415
 
     _, record = Policy.load(run / POLICY)
-    motion, scores = motion_from_json(run / MOTION), read_json(run / SCORES)
+    motion, scores = read_motion_json(run / MOTION), read_json(run / SCORES)
     capture = motion.provenance.get("capture", {})
     expected: dict[str, tuple[Any, Any]] = {
         "preset": (recipe.preset, record["preset"]),

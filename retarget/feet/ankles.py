@@ -10,21 +10,24 @@ from kinemimic.pipeline.arrays import Array
 from kinemimic.pipeline.gait.normative import FOOT_OFF, band
 from kinemimic.pipeline.kinematics.rotations import conjugate, from_axis_angle, multiply
 from kinemimic.pipeline.kinematics.skeleton import NODE_INDEX as N
-from kinemimic.retarget.feet.contact import soles
+from kinemimic.retarget.feet.contact import sole_positions
 from kinemimic.retarget.feet.legs import lean_and_yaw
-from kinemimic.retarget.feet.scale import pose
+from kinemimic.retarget.feet.scale import body_kinematics
 
 # What a walk gets whose feet no sensor saw: flat in stance and at rest else, or as normal walking has it.
-Ankle = Literal["neutral", "normal"]
-ANKLES: tuple[Ankle, ...] = get_args(Ankle)
+AnkleMode = Literal["neutral", "normal"]
+ANKLE_MODES: tuple[AnkleMode, ...] = get_args(AnkleMode)
 
-FLAT = (0.08, 0.36)  # of the stride: the sole lies on the ground, from after landing until the heel leaves
-CLEAR = 0.015  # m over the lowest sole, by which a swinging foot passes
-MOST_LIFT = np.radians(20.0)
-PASSES = (0.66, 0.82)  # of the stride: a swinging foot passes the other
-_SWING = (FOOT_OFF + 0.02, 0.96)
-_RISE = 0.08
-_TOE = 0.12  # m from the ankle to the end of the sole
+FOOT_FLAT = (
+    0.08,
+    0.36,
+)  # of the stride: the sole lies on the ground, from after landing until the heel leaves
+MIN_CLEARANCE = 0.015  # m over the lowest sole, by which a swinging foot passes
+MAX_TOE_LIFT = np.radians(20.0)
+FEET_ADJACENT = (0.66, 0.82)  # of the stride: a swinging foot passes the other
+_SWING_PHASE = (FOOT_OFF + 0.02, 0.96)
+_BLEND = 0.08
+_TOE_LENGTH = 0.12  # m from the ankle to the end of the sole
 
 
 def normal_feet(rotations: Array, phase: Array) -> Array:
@@ -39,32 +42,32 @@ def normal_feet(rotations: Array, phase: Array) -> Array:
     # Lifting the toes lowers the heel: what is lacking is made up in a few rounds.
     for _ in range(4):
         out = _with_ankles(rotations, phase, lifts)
-        heights = soles(*pose(out))[..., 2].min(axis=-1)
-        for foot, stride in enumerate(_strides(phase)):
-            passing = (stride > PASSES[0]) & (stride < PASSES[1])
+        heights = sole_positions(*body_kinematics(out))[..., 2].min(axis=-1)
+        for foot, stride in enumerate(_foot_phases(phase)):
+            passing = (stride > FEET_ADJACENT[0]) & (stride < FEET_ADJACENT[1])
             if passing.any():
                 # The other foot stands on the ground meanwhile.
                 over = (heights[passing, foot] - heights[passing, 1 - foot]).min()
-                lifts[foot] = min(lifts[foot] + max(0.0, CLEAR - over) / _TOE, MOST_LIFT)
+                lifts[foot] = min(lifts[foot] + max(0.0, MIN_CLEARANCE - over) / _TOE_LENGTH, MAX_TOE_LIFT)
     return _with_ankles(rotations, phase, lifts)
 
 
-def _strides(phase: Array) -> tuple[Array, Array]:
+def _foot_phases(phase: Array) -> tuple[Array, Array]:
     """The phase of each foot in its own stride, left then right."""
     return np.mod(phase, 1.0), np.mod(phase + 0.5, 1.0)
 
 
 def _with_ankles(rotations: Array, phase: Array, lifts: Array) -> Array:
     out = rotations.copy()
-    frames = pose(rotations)[1]
-    for side, stride, lift in zip(("left", "right"), _strides(phase), lifts, strict=True):
+    frames = body_kinematics(rotations)[1]
+    for side, stride, lift in zip(("left", "right"), _foot_phases(phase), lifts, strict=True):
         knee, ankle = N[f"knee_{side}"], N[f"ankle_{side}"]
         lean, yaw = lean_and_yaw(frames[:, knee])
         pitch = lean - band("ankle", stride)[0]
-        flat = (stride > FLAT[0]) & (stride < FLAT[1])
+        flat = (stride > FOOT_FLAT[0]) & (stride < FOOT_FLAT[1])
         pitch -= float(np.mean(pitch[flat])) if flat.any() else 0.0
         # A raised cosine at either end: the curve has no corner.
-        share = np.clip(np.minimum(stride - _SWING[0], _SWING[1] - stride) / _RISE, 0.0, 1.0)
+        share = np.clip(np.minimum(stride - _SWING_PHASE[0], _SWING_PHASE[1] - stride) / _BLEND, 0.0, 1.0)
         pitch -= lift * 0.5 * (1.0 - np.cos(np.pi * share))
         foot = multiply(from_axis_angle("Z", yaw), from_axis_angle("Y", pitch))
         out[:, ankle] = multiply(conjugate(frames[:, knee]), foot)

@@ -12,19 +12,19 @@ from kinemimic.pipeline.kinematics.rotations import rotate
 from kinemimic.pipeline.kinematics.skeleton import NODE_INDEX as N
 from kinemimic.retarget.humanoid.body import sole_corners
 
-ANKLES = (N["ankle_left"], N["ankle_right"])
-BRIEF = 0.05  # s: what stands for less is a foot that passes
+ANKLE_NODES = (N["ankle_left"], N["ankle_right"])
+MIN_STANCE = 0.05  # s: what stands for less is a foot that passes
 # Time (s), or share of its stance if that is less, in which a foot that lands or leaves gains or loses hold.
-FADE, FADE_SHARE = 0.06, 0.12
-LEVEL = 0.002  # m
-SAME_HEIGHT = 0.01  # m above the lowest corner of a sole, within which another corner carries too
+FADE_TIME, FADE_SHARE = 0.06, 0.12
+LEVEL_TOLERANCE = 0.002  # m
+LOAD_HEIGHT = 0.01  # m above the lowest corner of a sole, within which another corner carries too
 
 
-def soles(positions: Array, frames: Array) -> Array:
+def sole_positions(positions: Array, frames: Array) -> Array:
     """World positions (T, 2, 4, 3) of the sole corners, left then right, from `Motion.kinematics()`."""
     corners = sole_corners()
     return np.stack(
-        [positions[:, None, a] + rotate(frames[:, None, a], corners[None]) for a in ANKLES], axis=1
+        [positions[:, None, a] + rotate(frames[:, None, a], corners[None]) for a in ANKLE_NODES], axis=1
     )
 
 
@@ -37,19 +37,19 @@ def corner_velocity(corners: Array, rate: float, cycle_offset: Array | None) -> 
     return np.asarray(0.5 * rate * (after - before))
 
 
-def lowest(corners: Array, values: Array) -> Array:
+def at_lowest_corner(corners: Array, values: Array) -> Array:
     """Of values (T, 2, 4, K), those at each foot's lowest corner: (T, 2, K).
 
     Corners within LEVEL of the lowest count by how near they are: of two that are level the last bit would
     else choose one.
     """
     above = corners[..., 2] - corners[..., 2].min(axis=-1, keepdims=True)
-    share = np.maximum(1.0 - above / LEVEL, 0.0)
+    share = np.maximum(1.0 - above / LEVEL_TOLERANCE, 0.0)
     return np.asarray((share[..., None] * values).sum(axis=-2) / share.sum(axis=-1, keepdims=True))
 
 
 @dataclass(frozen=True)
-class Standing:
+class ContactThresholds:
     """When a foot stands: from lower than `near` (m) and slower than `slow` (m/s) to higher than `far` or
     faster than `fast`. Noise about one threshold would lift and plant it in every frame.
     """
@@ -61,32 +61,34 @@ class Standing:
 
 
 # Of a recording, frame by frame: a sensor's floor is level to some centimetres, and its ankles tremble.
-RECORDED = Standing(near=0.06, far=0.10, slow=0.25, fast=0.5)
+RECORDED_THRESHOLDS = ContactThresholds(near=0.06, far=0.10, slow=0.25, fast=0.5)
 
 
-def of_loop(speed: float) -> Standing:
+def loop_thresholds(speed: float) -> ContactThresholds:
     """Of a smooth loop on the body that advances at `speed` (m/s), where a foot that lands or leaves is
     fast.
     """
-    return Standing(near=0.025, far=0.03, slow=max(0.2, 0.35 * speed), fast=max(0.35, 0.5 * speed))
+    return ContactThresholds(near=0.025, far=0.03, slow=max(0.2, 0.35 * speed), fast=max(0.35, 0.5 * speed))
 
 
-def planted(height: Array, speed: Array, when: Standing, *, rate: float, cyclic: bool) -> Mask:
+def detect_contacts(
+    height: Array, speed: Array, when: ContactThresholds, *, rate: float, cyclic: bool
+) -> Mask:
     """True (T, 2) where a foot stands, from heights over the ground (T, 2) and speeds over it (T, 2)."""
     surely = (height < when.near) & (speed < when.slow)
     maybe = (height < when.far) & (speed < when.fast)
     stands = np.zeros_like(maybe)
     for foot in range(2):
-        first = _first(maybe[:, foot], cyclic=cyclic)
+        first = _first_frame(maybe[:, foot], cyclic=cyclic)
         inside = np.roll(maybe[:, foot], -first)
-        number = _numbers(inside)
+        number = _run_numbers(inside)
         certain = np.bincount(number[inside], np.roll(surely[:, foot], -first)[inside], number.max() + 1)
-        long = np.bincount(number[inside], minlength=number.max() + 1) >= BRIEF * rate
+        long = np.bincount(number[inside], minlength=number.max() + 1) >= MIN_STANCE * rate
         stands[:, foot] = np.roll(inside & ((certain > 0) & long)[number], first)
     return stands
 
 
-def steps(corners: Array, stands: Mask, rate: float, cycle_offset: Array | None) -> Array:
+def contact_speeds(corners: Array, stands: Mask, rate: float, cycle_offset: Array | None) -> Array:
     """Speeds (K,) in m/s over the ground of feet from one frame in which they stand to the next.
 
     Of the corner (T, 2, 4, 3) that is the lower over both frames; a cyclic motion goes on moved by
@@ -102,13 +104,13 @@ def steps(corners: Array, stands: Mask, rate: float, cycle_offset: Array | None)
     return np.asarray(rate * np.take_along_axis(moved, pick[..., None], axis=-1)[..., 0][both])
 
 
-def _first(inside: Mask, *, cyclic: bool) -> int:
+def _first_frame(inside: Mask, *, cyclic: bool) -> int:
     """The frame from which to count runs of (T,): of a cycle one that no run spans, if there is one."""
     gaps = np.flatnonzero(~inside)
     return int(gaps[0]) if cyclic and len(gaps) else 0
 
 
-def _numbers(inside: Mask) -> NDArray[np.intp]:
+def _run_numbers(inside: Mask) -> NDArray[np.intp]:
     """Of each frame (T,) the number of its run of True, from 1; between runs that of the run before, or 0."""
     return np.asarray(np.cumsum(inside & ~np.concatenate([[False], inside[:-1]])), dtype=np.intp)
 
@@ -161,7 +163,7 @@ class Stances:
         return np.asarray(place - self.laps[..., None, None] * cycle_offset[:2])
 
 
-def stances(stands: Mask, corners: Array, *, rate: float, cyclic: bool) -> Stances:
+def find_stances(stands: Mask, corners: Array, *, rate: float, cyclic: bool) -> Stances:
     """The stances of feet that stand where `stands` (T, 2), their soles' corners being at (T, 2, 4, 3).
 
     Heel and toes carry as long as they are as low as the lowest corner. A clip's own ends fade nothing.
@@ -170,14 +172,14 @@ def stances(stands: Mask, corners: Array, *, rate: float, cyclic: bool) -> Stanc
     number, laps = np.zeros((frames, 2), dtype=np.intp), np.zeros((frames, 2))
     fade = np.zeros((frames, 2))
     for foot in range(2):
-        first = _first(stands[:, foot], cyclic=cyclic)
+        first = _first_frame(stands[:, foot], cyclic=cyclic)
         inside = np.roll(stands[:, foot], -first)
-        run = _numbers(inside)
+        run = _run_numbers(inside)
         starts = np.flatnonzero(inside & ~np.concatenate([[False], inside[:-1]]))
         ends = np.flatnonzero(inside & ~np.concatenate([inside[1:], [False]]))
         begin, end = (np.concatenate([[0], edge])[run].astype(np.float64) for edge in (starts, ends))
         at = np.arange(frames, dtype=np.float64)
-        fade_frames = np.maximum(np.minimum(FADE * rate, FADE_SHARE * (end - begin + 1.0)), 1.0)
+        fade_frames = np.maximum(np.minimum(FADE_TIME * rate, FADE_SHARE * (end - begin + 1.0)), 1.0)
         if not cyclic or inside.all():
             begin[begin == 0], end[end == frames - 1] = -np.inf, np.inf
         # Of weights, which are squares: the ramp of what they are the squares of.
@@ -187,4 +189,4 @@ def stances(stands: Mask, corners: Array, *, rate: float, cyclic: bool) -> Stanc
         laps[back, foot] = (np.arange(frames) + first) // frames
         fade[back, foot] = np.where(inside, ramp, 0.0)
     above = corners[..., 2] - corners[..., 2].min(axis=-1, keepdims=True)
-    return Stances(number, laps, fade[..., None] * np.clip(2.0 - above / SAME_HEIGHT, 0.0, 1.0))
+    return Stances(number, laps, fade[..., None] * np.clip(2.0 - above / LOAD_HEIGHT, 0.0, 1.0))

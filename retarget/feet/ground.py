@@ -8,14 +8,21 @@ import numpy as np
 
 from kinemimic.pipeline.arrays import Array, Mask
 from kinemimic.pipeline.gait import fourier
-from kinemimic.retarget.feet.contact import corner_velocity, lowest, of_loop, planted, soles, steps
-from kinemimic.retarget.feet.scale import pose
+from kinemimic.retarget.feet.contact import (
+    at_lowest_corner,
+    contact_speeds,
+    corner_velocity,
+    detect_contacts,
+    loop_thresholds,
+    sole_positions,
+)
+from kinemimic.retarget.feet.scale import body_kinematics
 from kinemimic.retarget.humanoid.body import LEG_LENGTH
 from kinemimic.retarget.humanoid.motion import Motion
 
 GRAVITY = 9.81
 RUN_FROUDE = 0.6  # v² / (g leg): people change from walking to running at about 0.5
-FOLLOW = 4  # harmonics in which a walker's root follows the planted foot
+FOLLOW_HARMONICS = 4  # harmonics in which a walker's root follows the planted foot
 # Of their fit: the first follows nearly in full, the fourth by a sixth. A tenth of it let a walk of CMU's
 # sway by 78 instead of the recorded 23 mm; with three times it feet slide more and nothing is gained.
 FOLLOW_RIDGE = 1e-2
@@ -25,7 +32,7 @@ MID_SWING = (0.66, 0.78)
 
 
 @dataclass(frozen=True)
-class Path:
+class RootPath:
     """Root path of one cycle on the body, and how well the feet keep to the ground.
 
     root: (T, 3) metres; speed: m/s; contacts: (T, 2); slip: rms speed of planted soles over the ground, m/s;
@@ -52,13 +59,15 @@ def is_running(speed: float) -> bool:
     return speed**2 / (GRAVITY * LEG_LENGTH) > RUN_FROUDE
 
 
-def between(phase: Array, window: tuple[float, float]) -> Mask:
+def in_phase_window(phase: Array, window: tuple[float, float]) -> Mask:
     """True (T, 2) where the phase of the left and the right foot lies in a window of the stride."""
     own = np.mod(np.stack([phase, phase + 0.5], axis=-1), 1.0)
     return np.asarray((own > window[0]) & (own < window[1]))
 
 
-def lay_path(rotations: Array, sway: Array, speed: float, period: float, *, follow: bool = True) -> Path:
+def fit_root_path(
+    rotations: Array, sway: Array, speed: float, period: float, *, follow: bool = True
+) -> RootPath:
     """Speed, sway and height of the root for local rotations (T, 20, 4) of one cycle.
 
     sway: (T, 3) metres, the recorded root about its uniform advance, and speed in m/s, both already in the
@@ -69,7 +78,7 @@ def lay_path(rotations: Array, sway: Array, speed: float, period: float, *, foll
     """
     frames = len(rotations)
     phase = np.arange(frames) / frames
-    corners = soles(*pose(rotations))
+    corners = sole_positions(*body_kinematics(rotations))
     bottom = corners[..., 2].min(axis=(1, 2))
     running = is_running(speed)
     sway = sway - sway.mean(axis=0)
@@ -81,22 +90,22 @@ def lay_path(rotations: Array, sway: Array, speed: float, period: float, *, foll
     height = sway[:, 2] + shift
 
     # Velocity of the ground under the hip, as the foot that carries shows it.
-    carried = -lowest(corners, corner_velocity(corners, frames / period, np.zeros(3)))
-    support = between(phase, SINGLE_SUPPORT)
+    carried = -at_lowest_corner(corners, corner_velocity(corners, frames / period, np.zeros(3)))
+    support = in_phase_window(phase, SINGLE_SUPPORT)
     if running:
         support = grounded[:, None] & (corners[..., 2].min(axis=-1) == bottom[:, None])
-    wave = fourier.fit(phase, sway[:, :2], FOLLOW)
+    wave = fourier.fit(phase, sway[:, :2], FOLLOW_HARMONICS)
     flow = fourier.evaluate(wave, phase, derivative=1) / period
     best = float(np.mean((carried[..., 0] - flow[:, None, 0])[support])) if support.any() else speed
 
-    def measure(sway: Array, speed: float) -> Path:
-        return _measure(corners, sway, speed, phase, period, grounded, running)
+    def measure(sway: Array, speed: float) -> RootPath:
+        return _path(corners, sway, speed, phase, period, grounded, running)
 
     as_recorded = np.column_stack([sway[:, :2], height])
     recorded, path = measure(as_recorded, speed), measure(as_recorded, best)
     follows = False
     if follow and not running:
-        lifted = height - fourier.evaluate(fourier.fit(phase, bottom + height, FOLLOW), phase)
+        lifted = height - fourier.evaluate(fourier.fit(phase, bottom + height, FOLLOW_HARMONICS), phase)
         other = measure(np.column_stack([sway[:, :2], lifted]), best)
         if max(other.penetration, other.floating) < max(path.penetration, path.floating):
             path, height, follows = other, lifted, True
@@ -117,52 +126,56 @@ def _follow(
     root about between steps.
     """
     rows, feet = np.nonzero(support)
-    series = fourier.fit(phase[rows], carried[rows, feet, :2] - flow[rows], FOLLOW, ridge=FOLLOW_RIDGE)
+    series = fourier.fit(
+        phase[rows], carried[rows, feet, :2] - flow[rows], FOLLOW_HARMONICS, ridge=FOLLOW_RIDGE
+    )
     # The integral of each harmonic by the phase; what is constant belongs to the advance.
-    k = 2.0 * np.pi * np.arange(1, FOLLOW + 1)[:, None]
-    cosine, sine = series[1 : FOLLOW + 1], series[FOLLOW + 1 :]
+    k = 2.0 * np.pi * np.arange(1, FOLLOW_HARMONICS + 1)[:, None]
+    cosine, sine = series[1 : FOLLOW_HARMONICS + 1], series[FOLLOW_HARMONICS + 1 :]
     integral = np.concatenate([np.zeros((1, 2)), -sine / k, cosine / k]) * period
     return sway + fourier.evaluate(integral, phase), float(series[0, 0])
 
 
-def _measure(
+def _path(
     corners: Array, sway: Array, speed: float, phase: Array, period: float, grounded: Mask, running: bool
-) -> Path:
+) -> RootPath:
     advance = np.array([speed * period, 0.0, 0.0])
     root = sway + phase[:, None] * advance
     world = corners + root[:, None, None]
-    velocity = lowest(world, corner_velocity(world, len(phase) / period, advance))
-    contacts = planted(
+    velocity = at_lowest_corner(world, corner_velocity(world, len(phase) / period, advance))
+    contacts = detect_contacts(
         world[..., 2].min(axis=-1),
         np.linalg.norm(velocity[..., :2], axis=-1),
-        of_loop(speed),
+        loop_thresholds(speed),
         rate=len(phase) / period,
         cyclic=True,
     )
-    blank = Path(root, speed, contacts, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, follows=False)
-    return _judged(blank, world, phase, period, grounded, running)
+    blank = RootPath(root, speed, contacts, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, follows=False)
+    return _with_metrics(blank, world, phase, period, grounded, running)
 
 
-def _judged(path: Path, world: Array, phase: Array, period: float, grounded: Mask, running: bool) -> Path:
+def _with_metrics(
+    path: RootPath, world: Array, phase: Array, period: float, grounded: Mask, running: bool
+) -> RootPath:
     """The path with its slip, depth, height and clearance, from sole corners (T, 2, 4, 3) in the world."""
     advance = np.array([path.speed * period, 0.0, 0.0])
-    down = path.contacts if running else between(phase, SINGLE_SUPPORT)
-    slides = steps(world, down, len(phase) / period, advance)
+    down = path.contacts if running else in_phase_window(phase, SINGLE_SUPPORT)
+    slides = contact_speeds(world, down, len(phase) / period, advance)
     height = world[..., 2].min(axis=-1)
     return replace(
         path,
         slip=float(np.sqrt(np.mean(slides**2))) if len(slides) else 0.0,
         penetration=float(max(0.0, -height.min())),
         floating=float(max(0.0, height.min(axis=1)[grounded].max(initial=0.0))),
-        clearance=float(height[between(phase, MID_SWING)].min()),
+        clearance=float(height[in_phase_window(phase, MID_SWING)].min()),
     )
 
 
-def path_of(motion: Motion, path: Path) -> Path:
+def measure_path(motion: Motion, path: RootPath) -> RootPath:
     """What has become of a path on a motion that was laid on it and then refined."""
     frames = len(motion.root)
     running = is_running(path.speed)
     grounded = np.asarray(motion.contacts.any(axis=1)) if running else np.ones(frames, dtype=np.bool_)
     moved = replace(path, root=motion.root, contacts=motion.contacts)
-    world = soles(*motion.kinematics())
-    return _judged(moved, world, np.arange(frames) / frames, motion.duration, grounded, running)
+    world = sole_positions(*motion.kinematics())
+    return _with_metrics(moved, world, np.arange(frames) / frames, motion.duration, grounded, running)

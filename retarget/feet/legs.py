@@ -8,17 +8,17 @@ from kinemimic.pipeline.arrays import Array
 from kinemimic.pipeline.gait import fourier
 from kinemimic.pipeline.kinematics.rotations import conjugate, from_axis_angle, multiply, rotate, to_rotvec
 from kinemimic.pipeline.kinematics.skeleton import NODE_INDEX as N
-from kinemimic.retarget.feet.scale import pose
+from kinemimic.retarget.feet.scale import body_kinematics
 from kinemimic.retarget.humanoid.body import LEG_LENGTH, node_offsets
 
-FLEXION = (-np.radians(25.0), np.radians(20.0))  # ankle: toes down, toes up
+STANCE_ANKLE_RANGE = (-np.radians(25.0), np.radians(20.0))  # ankle: toes down, toes up
 # Of a foot that bears weight: the shank turns over it before the heel comes up (limits.py has the ends).
-STANDING_FLEXION = (-np.radians(40.0), np.radians(45.0))
-SWING_LIFT = np.radians(10.0)  # toes up while the foot swings past, as people do it
-SHANK = float(-node_offsets()[N["ankle_left"], 2])
+LOADED_ANKLE_RANGE = (-np.radians(40.0), np.radians(45.0))
+SWING_TOE_LIFT = np.radians(10.0)  # toes up while the foot swings past, as people do it
+SHANK_LENGTH = float(-node_offsets()[N["ankle_left"], 2])
 
 
-def knees_limited(rotations: Array, least: float = 0.0, softness: float = np.radians(3.0)) -> Array:
+def limit_knee_extension(rotations: Array, least: float = 0.0, softness: float = np.radians(3.0)) -> Array:
     """Local rotations (T, 20, 4) whose knees flex by at least about `least` radians, the hips compensating.
 
     A sensor puts the knee of a straight leg some centimetres behind it. The line from hip to ankle is kept:
@@ -30,7 +30,7 @@ def knees_limited(rotations: Array, least: float = 0.0, softness: float = np.rad
         angle = to_rotvec(rotations[:, knee])[:, 1]
         # A smooth maximum, so that the curve has no corner.
         gain = softness * np.logaddexp(0.0, (least - angle) / softness)
-        thigh = gain * SHANK / LEG_LENGTH
+        thigh = gain * SHANK_LENGTH / LEG_LENGTH
         out[:, hip] = multiply(rotations[:, hip], from_axis_angle("Y", -thigh))
         out[:, knee] = from_axis_angle("Y", angle + gain)
         out[:, ankle] = multiply(from_axis_angle("Y", thigh - gain), rotations[:, ankle])
@@ -44,7 +44,7 @@ def neutral_feet(rotations: Array, phase: Array) -> Array:
     toe-off the ankle returns to the one angle that is flat on average; in swing it lifts the toes.
     """
     out = rotations.copy()
-    frames = pose(rotations)[1]
+    frames = body_kinematics(rotations)[1]
     for side, shift in (("left", 0.0), ("right", 0.5)):
         knee, ankle = N[f"knee_{side}"], N[f"ankle_{side}"]
         lean, yaw = lean_and_yaw(frames[:, knee])
@@ -53,8 +53,10 @@ def neutral_feet(rotations: Array, phase: Array) -> Array:
         weight = np.clip(np.minimum(stance / 0.10, (0.50 - stance) / 0.14), 0.0, 1.0)
         middle = (stance > 0.08) & (stance < 0.38)
         usual = -float(np.mean(lean[middle]))
-        angle = usual + weight * (np.clip(-lean, -FLEXION[1], -FLEXION[0]) - usual)
-        angle -= SWING_LIFT * np.clip(np.minimum((stance - 0.58) / 0.10, (0.95 - stance) / 0.10), 0.0, 1.0)
+        angle = usual + weight * (np.clip(-lean, -STANCE_ANKLE_RANGE[1], -STANCE_ANKLE_RANGE[0]) - usual)
+        angle -= SWING_TOE_LIFT * np.clip(
+            np.minimum((stance - 0.58) / 0.10, (0.95 - stance) / 0.10), 0.0, 1.0
+        )
         angle = fourier.evaluate(fourier.fit(phase, angle, 5), phase)
         foot = multiply(from_axis_angle("Z", yaw), from_axis_angle("Y", lean + angle))
         out[:, ankle] = multiply(conjugate(frames[:, knee]), foot)
@@ -67,11 +69,11 @@ def flat_feet(rotations: Array) -> Array:
     Beyond that the heel comes up, as behind a lunge, or the toes do.
     """
     out = rotations.copy()
-    frames = pose(rotations)[1]
+    frames = body_kinematics(rotations)[1]
     for side in ("left", "right"):
         knee, ankle = N[f"knee_{side}"], N[f"ankle_{side}"]
         lean, yaw = lean_and_yaw(frames[:, knee])
-        pitch = lean + np.clip(-lean, *STANDING_FLEXION)
+        pitch = lean + np.clip(-lean, *LOADED_ANKLE_RANGE)
         foot = multiply(from_axis_angle("Z", yaw), from_axis_angle("Y", pitch))
         out[:, ankle] = multiply(conjugate(frames[:, knee]), foot)
     return out

@@ -15,7 +15,7 @@ from kinemimic.pipeline.kinematics.skeleton import node_skeleton
 from kinemimic.retarget.humanoid.body import LEG_LENGTH, TOTAL_MASS, node_offsets
 from kinemimic.retarget.strides.trim import leg_bones
 
-WIDTHS = (0.08, 0.16)  # m between the ankles on the Table 1 body
+STANCE_WIDTHS = (0.08, 0.16)  # m between the ankles on the Table 1 body
 _SIDES = (("left", 1.0), ("right", -1.0))
 
 
@@ -35,14 +35,14 @@ class Subject:
     mass: float
 
 
-def subject(positions: Array) -> Subject:
+def estimate_subject(positions: Array) -> Subject:
     """What the legs of (M, 20, 3) say of the person; medians over the frames, so that wild ones do not
     count.
     """
     return Subject(stature(positions), TOTAL_MASS / length_scale(positions) ** 3)
 
 
-def pose(rotations: Array, root: Array | None = None) -> tuple[Array, Array]:
+def body_kinematics(rotations: Array, root: Array | None = None) -> tuple[Array, Array]:
     """Node positions (T, 20, 3) and frames (T, 20, 4) on the Table 1 body; root (T, 3), by default at 0."""
     offsets = node_offsets()
     translations = np.broadcast_to(offsets, (len(rotations), *offsets.shape)).copy()
@@ -74,9 +74,9 @@ def abduct(rotations: Array, angle: float) -> Array:
 
 def with_stance_width(rotations: Array, width: float) -> tuple[Array, float]:
     """Local rotations (T, 20, 4) abducted so that the mean ankle distance is `width`, and the angle."""
-    target = float(np.clip(width, *WIDTHS))
+    target = float(np.clip(width, *STANCE_WIDTHS))
     angle = 0.0
     for _ in range(6):
-        found = stance_width(pose(abduct(rotations, angle))[0])
+        found = stance_width(body_kinematics(abduct(rotations, angle))[0])
         angle += (target - found) / (2.0 * LEG_LENGTH)
     return abduct(rotations, angle), angle

@@ -14,7 +14,7 @@ from kinemimic.pipeline.files.schema import upgraded
 from kinemimic.pipeline.files.store import read_json
 from kinemimic.pipeline.kinematics.skeleton import LAYERS, NODE_INDEX, NODE_PARENTS, NODES
 from kinemimic.retarget.humanoid.motion import Motion
-from kinemimic.retarget.humanoid.motion_check import checked
+from kinemimic.retarget.humanoid.motion_check import check_motion
 
 T = TypeVar("T")
 
@@ -35,14 +35,14 @@ _CONVENTIONS = {
 def motion_to_json(motion: Motion) -> str:
     """A motion as JSON text, the same bytes for the same motion.
 
-    Numbers of the arrays are rounded to DECIMALS; what is written is read back exactly by `motion_from_json`.
+    Numbers of the arrays are rounded to DECIMALS; what is written is read back exactly by `read_motion_json`.
     """
     layers = {
         layer: {
             node: {
-                "parent": _parent(node),
-                "offset": _numbers(motion.offsets[NODE_INDEX[node]]),
-                "rotations": _numbers(motion.rotations[:, NODE_INDEX[node]]),
+                "parent": _parent_name(node),
+                "offset": _rounded(motion.offsets[NODE_INDEX[node]]),
+                "rotations": _rounded(motion.rotations[:, NODE_INDEX[node]]),
             }
             for node in nodes
         }
@@ -55,10 +55,10 @@ def motion_to_json(motion: Motion) -> str:
         "fps": float(motion.rate),
         "frames": len(motion.root),
         "cyclic": bool(motion.cyclic),
-        "cycle_offset": _numbers(motion.cycle_offset),
+        "cycle_offset": _rounded(motion.cycle_offset),
         "simulated_capture": motion.simulated,
         "provenance": motion.provenance,
-        "root": {"node": NODES[0], "positions": _numbers(motion.root)},
+        "root": {"node": NODES[0], "positions": _rounded(motion.root)},
         "contacts": {
             side: motion.contacts[:, k].astype(int).tolist() for k, side in enumerate(("left", "right"))
         },
@@ -67,12 +67,12 @@ def motion_to_json(motion: Motion) -> str:
     return layout(document) + "\n"
 
 
-def motion_from_json(path: Path) -> Motion:
+def read_motion_json(path: Path) -> Motion:
     """Read what `motion_to_json` wrote; a KinemimicError names the first thing that is wrong."""
-    document = _Checked(path, read_json(path))
+    document = _CheckedDocument(path, read_json(path))
     document.expect("format", MOTION_FORMAT)
     advice = "run `retarget` with this version"
-    document = _Checked(
+    document = _CheckedDocument(
         path, upgraded(document.document, path, kind="a motion", schema=MOTION_SCHEMA, advice=advice)
     )
     frames = document.value("frames", int)
@@ -85,7 +85,7 @@ def motion_from_json(path: Path) -> Motion:
     for layer, nodes in LAYERS.items():
         for node in nodes:
             place, index = f"layers.{layer}.{node}", NODE_INDEX[node]
-            document.expect(f"{place}.parent", _parent(node))
+            document.expect(f"{place}.parent", _parent_name(node))
             offsets[index] = document.array(f"{place}.offset", (3,))
             rotations[:, index] = document.array(f"{place}.rotations", (frames, 4))
             lengths = np.linalg.norm(rotations[:, index], axis=-1)
@@ -106,10 +106,10 @@ def motion_from_json(path: Path) -> Motion:
         offsets=offsets,
         provenance=document.value("provenance", dict),
     )
-    return checked(path, motion)
+    return check_motion(path, motion)
 
 
-class _Checked:
+class _CheckedDocument:
     """A JSON document whose values are fetched by dotted place, and checked."""
 
     def __init__(self, path: Path, document: Any) -> None:
@@ -154,11 +154,11 @@ class _Checked:
         return array
 
 
-def _parent(node: str) -> str | None:
+def _parent_name(node: str) -> str | None:
     parent = NODE_PARENTS[NODE_INDEX[node]]
     return None if parent < 0 else NODES[parent]
 
 
-def _numbers(array: Array) -> Any:
+def _rounded(array: Array) -> Any:
     # Adding zero turns -0.0 into 0.0: the sign of a rounded-off nothing is noise.
     return (np.round(array, DECIMALS) + 0.0).tolist()

@@ -22,14 +22,14 @@ from zstandard import ZstdDecompressor, ZstdError
 from kinemimic.pipeline.errors import KinemimicError
 from kinemimic.pipeline.kinematics.rotations import continuous
 from kinemimic.pipeline.kinematics.skeleton import NODE_INDEX, NODES
-from kinemimic.retarget.formats.write_mcap import BASE, FRAMES, RECORD, SIDES
+from kinemimic.retarget.formats.write_mcap import BASE_FRAME, METADATA_NAME, NODE_FRAMES, SIDES
 from kinemimic.retarget.humanoid.motion import Motion
-from kinemimic.retarget.humanoid.motion_check import checked
+from kinemimic.retarget.humanoid.motion_check import check_motion
 
 # A frame takes 3 kB: 100 minutes at 60 Hz, far more than is performed in one go. What is packed may claim
 # any size, and a few kilobytes unpack to gigabytes. A chunk of ours has 256 KiB, of other writers some MiB.
 MAX_BYTES = 2**30
-MAX_CHUNK = 16 * 2**20
+MAX_CHUNK_BYTES = 16 * 2**20
 
 # What the libraries raise over damaged bytes (lz4: RuntimeError); EndOfFile says that the file is too short.
 _DAMAGE = (
@@ -46,7 +46,7 @@ class Recovered:
     lost: str | None
 
 
-def motion_from_mcap(path: Path) -> Motion:
+def read_mcap(path: Path) -> Motion:
     """The motion of an MCAP that `write_mcap` wrote, all checksums checked; a cycle comes back as one.
 
     A KinemimicError says what is wrong with a file that is cut off or damaged, and how much it still holds.
@@ -72,7 +72,7 @@ def recover_mcap(path: Path) -> Recovered:
         raise KinemimicError(f"{path}: expected the transforms of a motion, found none{where}")
     try:
         record = {key: json.loads(value) for key, value in scan.record.items() if key != "time"}
-        first, last = _longest(sorted(scan.frames))
+        first, last = _longest_run(sorted(scan.frames))
         motion = _motion(record, scan.frames, first, last)
         played = int(record["played"])
     except (*_DAMAGE, TypeError):
@@ -80,7 +80,7 @@ def recover_mcap(path: Path) -> Recovered:
             f"{path}: expected what `retarget` or `export` writes, found another's or an older file; "
             "write it again"
         ) from None
-    motion = checked(path, motion)
+    motion = check_motion(path, motion)
     if scan.trouble is None and last - first == played:
         return Recovered(motion, None)
     held = f"frames {first} to {last - 1} of {played} ({(last - first) / motion.rate:.2f} s)"
@@ -101,7 +101,7 @@ def _scan(path: Path) -> _Scan:
     scan = _Scan({}, {})
     channels: set[int] = set()
     for record in _records(path, scan):
-        if isinstance(record, Metadata) and record.name == RECORD:
+        if isinstance(record, Metadata) and record.name == METADATA_NAME:
             scan.record = record.metadata
         elif isinstance(record, Channel) and record.topic == "/tf":
             channels.add(record.id)
@@ -114,7 +114,7 @@ def _records(path: Path, scan: _Scan) -> Iterator[McapRecord]:
     """The records that can be read; `scan.trouble` tells of the first that cannot."""
     if not path.is_file():
         raise KinemimicError(f"{path}: expected an MCAP file, found none")
-    _bound(path, path.stat().st_size)
+    _check_size(path, path.stat().st_size)
     unpacked = 0
     with path.open("rb") as stream:
         if stream.read(len(MCAP0_MAGIC)) != MCAP0_MAGIC:
@@ -127,9 +127,9 @@ def _records(path: Path, scan: _Scan) -> Iterator[McapRecord]:
                     yield record
                     continue
                 try:
-                    chunk = _unpacked(record)
+                    chunk = _decompressed(record)
                     unpacked += len(chunk.data)
-                    _bound(path, unpacked)
+                    _check_size(path, unpacked)
                     yield from breakup_chunk(chunk, validate_crc=True)
                 except _DAMAGE:
                     scan.trouble = scan.trouble or "damaged (a checksum is wrong)"
@@ -140,12 +140,12 @@ def _records(path: Path, scan: _Scan) -> Iterator[McapRecord]:
             scan.trouble = scan.trouble or "damaged"
 
 
-def _bound(path: Path, size: int) -> None:
+def _check_size(path: Path, size: int) -> None:
     if size > MAX_BYTES:
         raise KinemimicError(f"{path}: expected an MCAP of at most {MAX_BYTES >> 20} MiB, found more")
 
 
-def _unpacked(chunk: Chunk) -> Chunk:
+def _decompressed(chunk: Chunk) -> Chunk:
     """The chunk uncompressed; ValueError for more than MAX_CHUNK bytes.
 
     The library unpacks as much as there is, or as the compressed data say. What the chunk says of its size is
@@ -153,17 +153,17 @@ def _unpacked(chunk: Chunk) -> Chunk:
     """
     match chunk.compression:
         case "zstd":
-            data = ZstdDecompressor().stream_reader(chunk.data).read(MAX_CHUNK + 1)
+            data = ZstdDecompressor().stream_reader(chunk.data).read(MAX_CHUNK_BYTES + 1)
         case "lz4":
-            data = LZ4FrameDecompressor().decompress(chunk.data, max_length=MAX_CHUNK + 1)
+            data = LZ4FrameDecompressor().decompress(chunk.data, max_length=MAX_CHUNK_BYTES + 1)
         case _:
             data = chunk.data
-    if len(data) > MAX_CHUNK:
+    if len(data) > MAX_CHUNK_BYTES:
         raise ValueError("a chunk too large")
     return replace(chunk, compression="", data=data)
 
 
-def _longest(numbers: list[int]) -> tuple[int, int]:
+def _longest_run(numbers: list[int]) -> tuple[int, int]:
     """First and behind-last number of the longest stretch without a gap in ascending numbers."""
     stretches = np.split(np.array(numbers), np.flatnonzero(np.diff(numbers) != 1) + 1)
     longest = max(stretches, key=len)
@@ -175,7 +175,7 @@ def _motion(record: dict[str, Any], frames: dict[int, bytes], first: int, last: 
     cyclic, length = bool(record["cyclic"]), int(record["frames"])
     if cyclic := cyclic and first == 0 and last >= length:
         last = length
-    nodes = {name: NODE_INDEX[node] for node, name in FRAMES.items()}
+    nodes = {name: NODE_INDEX[node] for node, name in NODE_FRAMES.items()}
     root = np.full((last - first, 3), np.nan)
     rotations = np.full((last - first, len(NODES), 4), np.nan)
     offsets = np.full((len(NODES), 3), np.nan)
@@ -183,7 +183,7 @@ def _motion(record: dict[str, Any], frames: dict[int, bytes], first: int, last: 
         message = FrameTransforms.FromString(frames[number])
         for link in message.transforms:
             place, turn = link.translation, link.rotation
-            if link.child_frame_id == BASE:
+            if link.child_frame_id == BASE_FRAME:
                 # The pelvis rests in the base: the base's turn is the root's.
                 root[row] = place.x, place.y, place.z
                 rotations[row, 0] = turn.x, turn.y, turn.z, turn.w

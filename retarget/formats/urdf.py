@@ -13,7 +13,7 @@ from kinemimic.retarget.humanoid.body import BODIES, Body, node_offsets
 # hinges of a joint. Simulators refuse a moving link without mass.
 SMALL_MASS = 1e-4  # kg
 SMALL_INERTIA = 1e-4  # kg·m²
-HINGES = {"x": (1.0, 0.0, 0.0), "y": (0.0, 1.0, 0.0), "z": (0.0, 0.0, 1.0)}
+HINGE_AXES = {"x": (1.0, 0.0, 0.0), "y": (0.0, 1.0, 0.0), "z": (0.0, 0.0, 1.0)}
 
 
 def _numbers(*values: float) -> str:
@@ -26,7 +26,7 @@ def _axes(vector: Iterable[float], y_up: bool) -> str:
     return _numbers(y, z, x) if y_up else _numbers(x, y, z)
 
 
-def _shapes(body: Body, plain: bool) -> Iterator[tuple[str, Iterable[float], dict[str, str]]]:
+def _geometries(body: Body, plain: bool) -> Iterator[tuple[str, Iterable[float], dict[str, str]]]:
     """Kind, centre and size attributes of the shapes that make up a body."""
     x, _, z = body.size
     radius, length = {"radius": _numbers(0.5 * x)}, {"length": _numbers(z - x)}
@@ -54,7 +54,7 @@ def _link(robot: ET.Element, body: Body, plain: bool, y_up: bool) -> None:
     # URDF's capsule and cylinder lie along Z, the limbs of a Y-up file along Y.
     along_limb = f"{_numbers(-0.5 * math.pi)} 0 0" if y_up else "0 0 0"
     for role in ("visual", "collision"):
-        for kind, center, size in _shapes(body, plain):
+        for kind, center, size in _geometries(body, plain):
             element = ET.SubElement(link, role)
             turn = along_limb if kind in ("capsule", "cylinder") else "0 0 0"
             ET.SubElement(element, "origin", xyz=_axes(center, y_up), rpy=turn)
@@ -113,7 +113,7 @@ def humanoid_urdf(joint_type: str = "floating", *, y_up: bool = False) -> str:
         origin, effort = _axes(offsets[NODE_INDEX[body.node]], y_up), _numbers(body.torque_limit)
         parent = body.parent or "base"
         if joint_type == "revolute" and body.parent:
-            for name, axis in HINGES.items():
+            for name, axis in HINGE_AXES.items():
                 child = f"{body.name}_{name}" if name != "z" else body.name
                 _joint(
                     robot, f"{body.node}_{name}", joint_type, parent, child, origin, _axes(axis, y_up), effort

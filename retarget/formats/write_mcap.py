@@ -30,19 +30,19 @@ from kinemimic.retarget.formats.urdf import humanoid_urdf
 from kinemimic.retarget.humanoid.body import BODIES
 from kinemimic.retarget.humanoid.motion import Motion, joint_angles
 
-WORLD = "world"
-BASE = "base"  # the URDF's massless first link, to which the pelvis is fixed
+WORLD_FRAME = "world"
+BASE_FRAME = "base"  # the URDF's massless first link, to which the pelvis is fixed
 # The nodes at the ends of limbs carry no body; three of them bear the name of the body that they end.
 END_FRAMES: dict[str, str] = {
     node: f"{node}_end" for node in NODES if node not in {body.node for body in BODIES}
 }
 # A link's frame is that of the node that carries the body.
-FRAMES: dict[str, str] = {body.node: body.name for body in BODIES} | END_FRAMES
+NODE_FRAMES: dict[str, str] = {body.node: body.name for body in BODIES} | END_FRAMES
 SIDES = ("left", "right")
 # Readers of MCAP expect times since 1970; a fixed one keeps the file a function of the motion alone.
 START_NS = 946_684_800 * 10**9  # 2000-01-01
 CYCLIC_SECONDS = 10.0  # how long a cycle is repeated; a longer one is written once
-RECORD = "kinemimic"  # the metadata record, which stands before the messages
+METADATA_NAME = "kinemimic"  # the metadata record, which stands before the messages
 # A file that was cut off loses at most one chunk: 85 frames here, 340 in chunks of the library's usual size,
 # which make a file smaller by a third.
 CHUNK_BYTES = 256 * 1024
@@ -78,7 +78,7 @@ def write_mcap(path: Path, motion: Motion) -> None:
     and a metadata record "kinemimic" with the provenance and what else `read_mcap` needs. A cyclic motion is
     repeated for CYCLIC_SECONDS, each cycle moved on by its offset. Checksums are on every part.
     """
-    played = _played(motion)
+    played = _repeated(motion)
     times = START_NS + np.round(np.arange(len(played.root)) * 1e9 / played.rate).astype(np.int64)
     with atomic(path) as temporary, temporary.open("wb") as stream:
         writer = Writer(
@@ -86,11 +86,14 @@ def write_mcap(path: Path, motion: Motion) -> None:
         )
         writer.start(profile="", library="kinemimic")
         topics = _topics(writer)
-        writer.add_metadata(RECORD, _metadata(motion, len(played.root)))
+        writer.add_metadata(METADATA_NAME, _metadata(motion, len(played.root)))
         urdf = _cdr_string(humanoid_urdf("floating"))
         writer.add_message(topics["/robot_description"], START_NS, urdf, START_NS)
         messages = zip(
-            _transforms(played, times), _points(played, times), _angles(played, times), strict=True
+            _tf_messages(played, times),
+            _skeleton_messages(played, times),
+            _joint_state_messages(played, times),
+            strict=True,
         )
         for sequence, (time, row) in enumerate(zip(times.tolist(), messages, strict=True)):
             for topic, data in zip(("/tf", "/skeleton", "/joint_states"), row, strict=True):
@@ -98,7 +101,7 @@ def write_mcap(path: Path, motion: Motion) -> None:
         writer.finish()  # type: ignore[no-untyped-call]
 
 
-def _played(motion: Motion) -> Motion:
+def _repeated(motion: Motion) -> Motion:
     """The frames that are written: a cycle again and again, anything else once."""
     if not motion.cyclic:
         return motion
@@ -151,19 +154,19 @@ def _stamp(time: int) -> Timestamp:
     return Timestamp(seconds=seconds, nanos=nanoseconds)
 
 
-def _transforms(motion: Motion, times: NDArray[np.int64]) -> Iterator[bytes]:
+def _tf_messages(motion: Motion, times: NDArray[np.int64]) -> Iterator[bytes]:
     """/tf: the root moves the base, in which the pelvis rests; the rest are local transforms."""
     for frame, time in enumerate(times.tolist()):
         stamp = _stamp(time)
         message = FrameTransforms()
         message.transforms.append(
-            _transform(stamp, WORLD, BASE, motion.root[frame], motion.rotations[frame, 0])
+            _transform(stamp, WORLD_FRAME, BASE_FRAME, motion.root[frame], motion.rotations[frame, 0])
         )
-        for node, name in FRAMES.items():
+        for node, name in NODE_FRAMES.items():
             index = NODE_INDEX[node]
             parent = NODE_PARENTS[index]
             # The pelvis, too, although the URDF fixes it to the base: rerun takes no transforms from there.
-            above = FRAMES[NODES[parent]] if parent >= 0 else BASE
+            above = NODE_FRAMES[NODES[parent]] if parent >= 0 else BASE_FRAME
             offset, rotation = motion.offsets[index], motion.rotations[frame, index]
             message.transforms.append(
                 _transform(stamp, above, name, offset, rotation if parent >= 0 else IDENTITY)
@@ -179,7 +182,7 @@ def _transform(stamp: Timestamp, parent: str, child: str, offset: Array, rotatio
     return message
 
 
-def _points(motion: Motion, times: NDArray[np.int64]) -> Iterator[bytes]:
+def _skeleton_messages(motion: Motion, times: NDArray[np.int64]) -> Iterator[bytes]:
     """/skeleton: left blue, right orange, trunk and head grey."""
     positions, _ = motion.kinematics()
     kinds = {"<f4": PackedElementField.FLOAT32, "|u1": PackedElementField.UINT8}
@@ -197,7 +200,7 @@ def _points(motion: Motion, times: NDArray[np.int64]) -> Iterator[bytes]:
         for k, axis in enumerate("xyz"):
             points[axis] = positions[frame, :, k]
         message = PointCloud(
-            timestamp=_stamp(time), frame_id=WORLD, point_stride=_POINT.itemsize, fields=fields
+            timestamp=_stamp(time), frame_id=WORLD_FRAME, point_stride=_POINT.itemsize, fields=fields
         )
         message.pose.orientation.w = 1.0
         # Said although it is zero: of one that is not, rerun makes recordings that it rejects itself.
@@ -206,7 +209,7 @@ def _points(motion: Motion, times: NDArray[np.int64]) -> Iterator[bytes]:
         yield message.SerializeToString(deterministic=True)
 
 
-def _angles(motion: Motion, times: NDArray[np.int64]) -> Iterator[bytes]:
+def _joint_state_messages(motion: Motion, times: NDArray[np.int64]) -> Iterator[bytes]:
     """/joint_states: the four curves of the scores."""
     curves = joint_angles(motion.rotations)
     names = list(curves)
@@ -216,10 +219,10 @@ def _angles(motion: Motion, times: NDArray[np.int64]) -> Iterator[bytes]:
         yield _cdr_joint_state(time, names, positions, velocities)
 
 
-_CDR = b"\x00\x01\x00\x00"  # marker: plain CDR, little-endian
+_CDR_HEADER = b"\x00\x01\x00\x00"  # marker: plain CDR, little-endian
 
 
-def _text(value: str) -> bytes:
+def _cdr_text(value: str) -> bytes:
     """A string in CDR: its length with the closing zero, its bytes."""
     data = value.encode() + b"\0"
     return struct.pack("<I", len(data)) + data
@@ -227,18 +230,18 @@ def _text(value: str) -> bytes:
 
 def _cdr_string(value: str) -> bytes:
     """std_msgs/String in CDR."""
-    return _CDR + _text(value)
+    return _CDR_HEADER + _cdr_text(value)
 
 
 def _cdr_joint_state(time: int, names: Sequence[str], *values: Sequence[float]) -> bytes:
     """sensor_msgs/JointState in CDR, without efforts; every value aligned to its size, behind the marker."""
     body = struct.pack("<iI", *divmod(time, 10**9))
-    for part in (_text(""), struct.pack("<I", len(names)), *map(_text, names)):
+    for part in (_cdr_text(""), struct.pack("<I", len(names)), *map(_cdr_text, names)):
         body = _aligned(body, 4) + part
     for numbers in values:
         body = _aligned(body, 4) + struct.pack("<I", len(numbers))
         body = _aligned(body, 8) + struct.pack(f"<{len(numbers)}d", *numbers)
-    return _CDR + body + struct.pack("<I", 0)
+    return _CDR_HEADER + body + struct.pack("<I", 0)
 
 
 def _aligned(data: bytes, size: int) -> bytes:

@@ -25,11 +25,11 @@ from kinemimic.pipeline.kinematics.skeleton import NODE_INDEX
 #   shortest swing it is no clinical rotation once the arm is up (Codman's paradox).
 # Left limbs: X lifts outward, Y backward, Z turns the front outward; the right side is their mirror image.
 # Trunk and neck: X bends to the right, Y forward, Z turns to the left.
-_TRUNK = {
+_TRUNK_LIMITS = {
     "spine": ((-35, 35), (-30, 80), (-45, 45)),
     "shoulder_center": ((-45, 45), (-60, 60), (-80, 80)),
 }
-_LEFT = {
+_LEFT_LIMITS = {
     "shoulder": ((-85, 180), (-180, 60), (-180, 180)),
     "elbow": ((0, 0), (-150, 5), (0, 0)),
     "wrist": ((-30, 30), (-80, 80), (-90, 90)),
@@ -37,14 +37,14 @@ _LEFT = {
     "knee": ((0, 0), (-5, 150), (0, 0)),
     "ankle": ((-35, 20), (-45, 50), (-35, 35)),
 }
-HINGES: tuple[str, ...] = ("elbow_left", "elbow_right", "knee_left", "knee_right")
+HINGE_JOINTS: tuple[str, ...] = ("elbow_left", "elbow_right", "knee_left", "knee_right")
 # A curve that touches its limit to within this is not beyond it (radians).
 TOLERANCE = np.radians(0.5)
 
 
 def _table() -> dict[str, Array]:
-    limits = {name: np.radians(np.array(box, dtype=np.float64)) for name, box in _TRUNK.items()}
-    for joint, box in _LEFT.items():
+    limits = {name: np.radians(np.array(box, dtype=np.float64)) for name, box in _TRUNK_LIMITS.items()}
+    for joint, box in _LEFT_LIMITS.items():
         left = np.radians(np.array(box, dtype=np.float64))
         right = left.copy()
         right[[0, 2]] = -left[[0, 2], ::-1]
@@ -102,7 +102,7 @@ def swing_twist_jacobian(q: Array) -> tuple[Array, Array]:
     return angles, by_q @ by_turn
 
 
-def clamped(joint: str, q: Array) -> Array:
+def clamp_to_limits(joint: str, q: Array) -> Array:
     """Local rotations q (T, 4) of a joint with swing and twist each put within its limits."""
     least, most = LIMITS[joint][:, 0], LIMITS[joint][:, 1]
     angles = swing_twist(q)
@@ -119,7 +119,7 @@ def clamped(joint: str, q: Array) -> Array:
     )
 
 
-def excess(rotations: Array) -> dict[str, Array]:
+def limit_excess(rotations: Array) -> dict[str, Array]:
     """Radians (T,) by which each joint of LIMITS is beyond them, 0 within; rotations: local (T, 20, 4)."""
     beyond: dict[str, Array] = {}
     for joint, limits in LIMITS.items():
@@ -132,5 +132,5 @@ def beyond_limits(rotations: Array) -> dict[str, float]:
     """The joints of local rotations (T, 20, 4) that are somewhere beyond their limits, and by how many
     radians.
     """
-    worst = {joint: float(values.max(initial=0.0)) for joint, values in excess(rotations).items()}
+    worst = {joint: float(values.max(initial=0.0)) for joint, values in limit_excess(rotations).items()}
     return {joint: value for joint, value in worst.items() if value > TOLERANCE}

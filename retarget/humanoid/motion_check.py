@@ -13,23 +13,23 @@ from kinemimic.pipeline.errors import KinemimicError
 from kinemimic.retarget.humanoid.motion import Motion
 
 # Frames a second. Below, a few frames last for hours, which are simulated; above, nobody records.
-SLOWEST, FASTEST = 1.0, 1000.0
+MIN_RATE, MAX_RATE = 1.0, 1000.0
 # Metres from where the motion begins: three hours of walking. Squares of what is far beyond overflow.
-FARTHEST = 1e4
+MAX_DISTANCE = 1e4
 
 
-def checked(path: Path, motion: Motion) -> Motion:
+def check_motion(path: Path, motion: Motion) -> Motion:
     """The motion, read from `path`; a KinemimicError names the first thing in it that is out of reason."""
-    if not SLOWEST <= motion.rate <= FASTEST:
-        _fail(path, "fps", f"{SLOWEST:g} to {FASTEST:g} frames a second", f"{motion.rate:g}")
+    if not MIN_RATE <= motion.rate <= MAX_RATE:
+        _fail(path, "fps", f"{MIN_RATE:g} to {MAX_RATE:g} frames a second", f"{motion.rate:g}")
     if len(motion.root) < 2 and not motion.cyclic:
         _fail(path, "frames", "at least 2, or 1 of a cycle", f"{len(motion.root)}")
     if motion.cycle_offset.shape != (3,):
         _fail(path, "cycle_offset", "3 numbers", f"shape {motion.cycle_offset.shape}")
     places = {"positions": motion.root, "offsets": motion.offsets, "cycle_offset": motion.cycle_offset}
     for name, array in places.items():
-        if (wrong := array[~(np.abs(array) < FARTHEST)]).size:  # NaN too
-            _fail(path, name, f"less than {FARTHEST:,.0f} m", f"{wrong[0]:g}")
+        if (wrong := array[~(np.abs(array) < MAX_DISTANCE)]).size:  # NaN too
+            _fail(path, name, f"less than {MAX_DISTANCE:,.0f} m", f"{wrong[0]:g}")
     _check_provenance(path, motion.provenance)
     return motion
 

@@ -11,7 +11,7 @@ from kinemimic.retarget.humanoid.body import BODIES, BODY_NODES, Body
 _CORNERS = np.array([[a, b, c] for a in (-0.5, 0.5) for b in (-0.5, 0.5) for c in (-0.5, 0.5)])
 
 
-def _knobs(body: Body) -> tuple[Array, float]:
+def _hull_spheres(body: Body) -> tuple[Array, float]:
     """Points (K, 3) in the node's frame and a radius: the shape is the hull of spheres around them.
 
     A box's corners; a sphere's centre; both ends of the capsule that stands for an ellipsoid (urdf.py).
@@ -27,7 +27,7 @@ def lowest_points(positions: Array, frames: Array) -> Array:
     """World positions (T, 15, 3) of the lowest point of each of BODIES, from `Motion.kinematics()`."""
     out = np.empty((len(positions), len(BODIES), 3))
     for index, (body, node) in enumerate(zip(BODIES, BODY_NODES, strict=True)):
-        knobs, radius = _knobs(body)
+        knobs, radius = _hull_spheres(body)
         world = positions[:, None, node] + rotate(frames[:, None, node], knobs[None])
         pick = world[..., 2].argmin(axis=1)
         out[:, index] = world[np.arange(len(world)), pick] - [0.0, 0.0, radius]

@@ -11,8 +11,10 @@ from scipy.linalg import solve, solveh_banded
 
 from kinemimic.pipeline.arrays import Array
 
-REACH = 2  # frames that a second difference couples
-SHORTEST_CYCLE = 2 * REACH + 2  # frames, below which a cycle's seam would couple a frame with itself
+COUPLED_FRAMES = 2  # frames that a second difference couples
+MIN_CYCLE_FRAMES = (
+    2 * COUPLED_FRAMES + 2
+)  # frames, below which a cycle's seam would couple a frame with itself
 
 
 def second_differences(values: Array, *, cyclic: bool) -> Array:
@@ -69,13 +71,13 @@ def solve_blocks(blocks: Array, stiffness: Array, right: Array, *, cyclic: bool)
         band = _banded(full, next_one, next_two, stiffness)
         solution = solveh_banded(band, right.ravel(), lower=True, overwrite_ab=True, check_finite=False)
         return np.asarray(solution).reshape(frames, n)
-    if frames < SHORTEST_CYCLE:
-        raise ValueError(f"a cycle has at least {SHORTEST_CYCLE} frames")
-    inner = frames - REACH
+    if frames < MIN_CYCLE_FRAMES:
+        raise ValueError(f"a cycle has at least {MIN_CYCLE_FRAMES} frames")
+    inner = frames - COUPLED_FRAMES
     band = _banded(full[:inner], next_one[: inner - 1], next_two[: inner - 2], stiffness)
-    border = np.zeros((inner, n, REACH, n))
-    corner = np.zeros((REACH, n, REACH, n))
-    for k in range(REACH):
+    border = np.zeros((inner, n, COUPLED_FRAMES, n))
+    corner = np.zeros((COUPLED_FRAMES, n, COUPLED_FRAMES, n))
+    for k in range(COUPLED_FRAMES):
         corner[k][:, k] = full[inner + k]
     corner[0, at, 1, at] = corner[1, at, 0, at] = next_one[inner] * stiffness
     for k, frame in enumerate((inner, inner + 1)):
@@ -84,11 +86,11 @@ def solve_blocks(blocks: Array, stiffness: Array, right: Array, *, cyclic: bool)
             for other, value in pairs:
                 if 0 <= other < inner:
                     border[other, at, k, at] += value * stiffness
-    wide = border.reshape(inner * n, REACH * n)
+    wide = border.reshape(inner * n, COUPLED_FRAMES * n)
     both = np.column_stack([right[:inner].ravel(), wide])
     solved = solveh_banded(band, both, lower=True, overwrite_ab=True, check_finite=False)
     last = solve(
-        corner.reshape(REACH * n, REACH * n) - wide.T @ solved[:, 1:],
+        corner.reshape(COUPLED_FRAMES * n, COUPLED_FRAMES * n) - wide.T @ solved[:, 1:],
         right[inner:].ravel() - wide.T @ solved[:, 0],
         assume_a="pos",
     )
@@ -99,9 +101,9 @@ def solve_blocks(blocks: Array, stiffness: Array, right: Array, *, cyclic: bool)
 def _banded(full: Array, next_one: Array, next_two: Array, stiffness: Array) -> Array:
     """LAPACK's lower band (2 n + 1, T n) of diagonal blocks (T, n, n) and diagonal couplings."""
     frames, n, _ = full.shape
-    band = np.zeros((REACH * n + 1, frames, n))
+    band = np.zeros((COUPLED_FRAMES * n + 1, frames, n))
     for column in range(n):
         band[: n - column, :, column] = full[:, column:, column].T
     for step, values in ((1, next_one), (2, next_two)):
         band[step * n, : frames - step] = values[: frames - step, None] * stiffness
-    return band.reshape(REACH * n + 1, frames * n)
+    return band.reshape(COUPLED_FRAMES * n + 1, frames * n)

@@ -17,17 +17,17 @@ from kinemimic.pipeline.kinematics.skeleton import NODE_INDEX as N
 from kinemimic.retarget.humanoid.body import node_offsets, sole_corners
 from kinemimic.retarget.optimise.tangent import exponential
 
-SIZE = 20
+UNKNOWNS = 20
 SIDES = ("left", "right")
-ROOT_POSITION, ROOT_TURN = slice(0, 3), slice(3, 6)
+ROOT_POSITION, ROOT_ROTATION = slice(0, 3), slice(3, 6)
 # Where each leg's joints begin in x, left then right.
-HIP, KNEE, ANKLE = (6, 13), (9, 16), (10, 17)
-_LEG = 7
-POINTS = 6  # of a leg: knee, ankle and the four corners of the sole
+HIP_COLUMNS, KNEE_COLUMNS, ANKLE_COLUMNS = (6, 13), (9, 16), (10, 17)
+_LEG_UNKNOWNS = 7
+LEG_POINTS = 6  # of a leg: knee, ankle and the four corners of the sole
 
 
 @dataclass(frozen=True)
-class Chain:
+class LegChain:
     """T frames of a motion, as what `leg_points` needs: root (T, 3), turn (T, 3, 3) of the root, and the
     local rotations (T, 2, 3, 3) of left and right hip, knee and ankle.
     """
@@ -38,34 +38,34 @@ class Chain:
     knee: Array
     ankle: Array
 
-    def window(self, frames: slice) -> Chain:
+    def window(self, frames: slice) -> LegChain:
         """The same for some of the frames."""
-        return Chain(
+        return LegChain(
             self.root[frames], self.turn[frames], self.hip[frames], self.knee[frames], self.ankle[frames]
         )
 
 
-def chain_of(root: Array, rotations: Array) -> Chain:
+def leg_chain(root: Array, rotations: Array) -> LegChain:
     """The chain of root positions (T, 3) and local rotations (T, 20, 4)."""
     hip, knee, ankle = (
         to_matrix(rotations[:, [N[f"{joint}_{side}"] for side in SIDES]])
         for joint in ("hip", "knee", "ankle")
     )
-    return Chain(root, to_matrix(rotations[:, N["hip_center"]]), hip, knee, ankle)
+    return LegChain(root, to_matrix(rotations[:, N["hip_center"]]), hip, knee, ankle)
 
 
-def leg_points(chain: Chain, x: Array) -> Array:
+def leg_points(chain: LegChain, x: Array) -> Array:
     """World positions (T, 2, 6, 3) of each leg's knee, ankle and sole corners under corrections x (T, 20)."""
-    return _place(chain, x)[0]
+    return _forward(chain, x)[0]
 
 
-def leg_jacobian(chain: Chain, x: Array) -> tuple[Array, Array]:
+def leg_jacobian(chain: LegChain, x: Array) -> tuple[Array, Array]:
     """`leg_points`, and its derivative (T, 2, 6, 3, 13) by the root's six unknowns and the leg's own seven.
 
     A turn of joint j by the column m of M_j moves a point p below it by m × (p - p_j).
     """
-    points, joints, turns = _place(chain, x)
-    jacobian = np.zeros((*points.shape, 6 + _LEG))
+    points, joints, turns = _forward(chain, x)
+    jacobian = np.zeros((*points.shape, 6 + _LEG_UNKNOWNS))
     at = np.arange(3)
     jacobian[..., at, at] = 1.0
     hip, knee, ankle = joints
@@ -78,18 +78,18 @@ def leg_jacobian(chain: Chain, x: Array) -> tuple[Array, Array]:
     return points, jacobian
 
 
-def chain_root(chain: Chain, x: Array) -> Array:
+def chain_root(chain: LegChain, x: Array) -> Array:
     """The root's corrected position (T, 3)."""
     return chain.root + x[:, ROOT_POSITION]
 
 
-def _place(chain: Chain, x: Array) -> tuple[Array, tuple[Array, Array, Array], tuple[Array, ...]]:
+def _forward(chain: LegChain, x: Array) -> tuple[Array, tuple[Array, Array, Array], tuple[Array, ...]]:
     """Points (T, 2, 6, 3); hips, knees and ankles (T, 2, 3); for each joint M (T, [2,] 3, k): the world axes
     about which its unknowns turn what hangs from it."""
     offsets, corners = node_offsets(), sole_corners()
-    own = x[:, 6:].reshape(-1, 2, _LEG)
+    own = x[:, 6:].reshape(-1, 2, _LEG_UNKNOWNS)
     root = chain_root(chain, x)
-    turn, tangent = exponential(x[:, ROOT_TURN])
+    turn, tangent = exponential(x[:, ROOT_ROTATION])
     pelvis = chain.turn @ turn
     by_root = pelvis @ tangent
     hip = root[:, None] + np.einsum("tij,sj->tsi", pelvis, offsets[[N["hip_left"], N["hip_right"]]])
@@ -107,7 +107,7 @@ def _place(chain: Chain, x: Array) -> tuple[Array, tuple[Array, Array, Array], t
     turn, tangent = exponential(own[..., 4:7])
     foot = shank @ chain.ankle @ turn
     by_ankle = foot @ tangent
-    points = np.empty((len(x), 2, POINTS, 3))
+    points = np.empty((len(x), 2, LEG_POINTS, 3))
     points[:, :, 0], points[:, :, 1] = knee, ankle
     points[:, :, 2:] = ankle[:, :, None] + np.einsum("tsij,cj->tsci", foot, corners)
     return points, (hip, knee, ankle), (by_root, by_hip, by_knee, by_ankle)
@@ -125,13 +125,13 @@ def _cross(axes: Array, lever: Array, out: Array) -> None:
 def normal_equations(jacobian: Array, residual: Array, weights: Array) -> tuple[Array, Array]:
     """J'WJ (T, 20, 20) and J'Wr (T, 20) of point residuals (T, 2, 6, 3) with weights of the same shape."""
     frames = len(jacobian)
-    rows = jacobian.reshape(frames, 2, 3 * POINTS, 6 + _LEG)
-    weighted = rows * weights.reshape(frames, 2, 3 * POINTS, 1)
+    rows = jacobian.reshape(frames, 2, 3 * LEG_POINTS, 6 + _LEG_UNKNOWNS)
+    weighted = rows * weights.reshape(frames, 2, 3 * LEG_POINTS, 1)
     legs = np.swapaxes(weighted, -1, -2) @ rows
-    pulls = (residual.reshape(frames, 2, 1, 3 * POINTS) @ weighted)[:, :, 0]
-    square, right = np.zeros((frames, SIZE, SIZE)), np.zeros((frames, SIZE))
-    for side, begin in enumerate(HIP):
-        own = slice(begin, begin + _LEG)
+    pulls = (residual.reshape(frames, 2, 1, 3 * LEG_POINTS) @ weighted)[:, :, 0]
+    square, right = np.zeros((frames, UNKNOWNS, UNKNOWNS)), np.zeros((frames, UNKNOWNS))
+    for side, begin in enumerate(HIP_COLUMNS):
+        own = slice(begin, begin + _LEG_UNKNOWNS)
         square[:, :6, :6] += legs[:, side, :6, :6]
         square[:, own, own] = legs[:, side, 6:, 6:]
         square[:, own, :6] = legs[:, side, 6:, :6]

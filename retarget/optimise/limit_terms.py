@@ -6,24 +6,24 @@ import numpy as np
 
 from kinemimic.pipeline.arrays import Array
 from kinemimic.pipeline.kinematics.rotations import from_axis_angle, from_rotvec, multiply
-from kinemimic.retarget.humanoid.limits import HINGES, LIMITS, swing_twist, swing_twist_jacobian
+from kinemimic.retarget.humanoid.limits import HINGE_JOINTS, LIMITS, swing_twist, swing_twist_jacobian
 from kinemimic.retarget.optimise.one_sided import OneSided
 from kinemimic.retarget.optimise.tangent import exponential
 
-EXPECTED = np.radians(0.3)  # how far a joint is expected to be beyond
+LIMIT_DEVIATION = np.radians(0.3)  # how far a joint is expected to be beyond
 MARGIN = np.radians(1.5)  # the limits hold from so far within
-HELD = np.radians(3.0)  # as in OneSided
+RELEASE = np.radians(3.0)  # as in OneSided
 
 
-class Limit:
+class JointLimitTerms:
     """The limits of one joint over T frames, as `refine` asks for them."""
 
     def __init__(self, joint: str, frames: int) -> None:
-        self._hinge = joint in HINGES
+        self._hinge = joint in HINGE_JOINTS
         axes = slice(1, 2) if self._hinge else slice(0, 3)
         self._least, self._most = LIMITS[joint][axes, 0] + MARGIN, LIMITS[joint][axes, 1] - MARGIN
         shape = (frames, len(self._least))
-        self._low, self._high = OneSided(shape, HELD), OneSided(shape, HELD)
+        self._low, self._high = OneSided(shape, RELEASE), OneSided(shape, RELEASE)
 
     def terms(self, q: Array, x: Array, window: slice) -> tuple[Array, Array]:
         """J'WJ (t, k, k) and J'Wr (t, k) of what rotations q (t, 4) are beyond, corrected by x (t, k): one
@@ -37,7 +37,7 @@ class Limit:
             jacobian = by_turn @ exponential(x)[1]
         under, over = angles - self._least, angles - self._most
         low, high = self._low.weight(under, window), self._high.weight(-over, window)
-        weighted = jacobian * ((low + high) / EXPECTED**2)[..., None]
+        weighted = jacobian * ((low + high) / LIMIT_DEVIATION**2)[..., None]
         square = np.swapaxes(weighted, -1, -2) @ jacobian
-        pull = (low * under + high * over) / EXPECTED**2
+        pull = (low * under + high * over) / LIMIT_DEVIATION**2
         return square, np.einsum("tij,ti->tj", jacobian, pull)

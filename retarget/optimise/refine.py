@@ -28,26 +28,26 @@ from kinemimic.pipeline.kinematics.rotations import (
 )
 from kinemimic.pipeline.kinematics.skeleton import NODE_INDEX as N
 from kinemimic.pipeline.kinematics.skeleton import NODES
-from kinemimic.retarget.feet.contact import stances
-from kinemimic.retarget.humanoid.limits import HINGES, LIMITS, clamped, swing_twist
+from kinemimic.retarget.feet.contact import find_stances
+from kinemimic.retarget.humanoid.limits import HINGE_JOINTS, LIMITS, clamp_to_limits, swing_twist
 from kinemimic.retarget.humanoid.motion import Motion
-from kinemimic.retarget.optimise.banded import SHORTEST_CYCLE, adjoint, second_differences, solve_blocks
+from kinemimic.retarget.optimise.banded import MIN_CYCLE_FRAMES, adjoint, second_differences, solve_blocks
+from kinemimic.retarget.optimise.ground_terms import RELEASE, BodyGroundTerms, apply_corrections
 from kinemimic.retarget.optimise.leg_chain import (
-    ANKLE,
-    HIP,
-    KNEE,
+    ANKLE_COLUMNS,
+    HIP_COLUMNS,
+    KNEE_COLUMNS,
     ROOT_POSITION,
-    ROOT_TURN,
+    ROOT_ROTATION,
     SIDES,
-    SIZE,
-    chain_of,
+    UNKNOWNS,
+    leg_chain,
     leg_jacobian,
     leg_points,
     normal_equations,
 )
-from kinemimic.retarget.optimise.limit_terms import Limit
+from kinemimic.retarget.optimise.limit_terms import JointLimitTerms
 from kinemimic.retarget.optimise.one_sided import OneSided
-from kinemimic.retarget.optimise.rest import HELD, Rest, corrected
 
 # Of frames of a window, with corrections x (t, n): J'WJ (t, n, n) and J'Wr (t, n).
 Terms = Callable[[Array, slice], tuple[Array, Array]]
@@ -55,21 +55,21 @@ Terms = Callable[[Array, slice], tuple[Array, Array]]
 # Of a loop, whose closed form is near; and of a recording as it was, which rolls, kneels and lands.
 LOOP_ITERATIONS, ITERATIONS = 5, 8
 # How far each is expected to be off (metres, radians): what the squares are measured by.
-ROOT = (0.02, 0.02, 0.03)
-ROOT_TURNS = np.radians(1.5)
-HIPS, KNEES, ANKLES = np.radians(4.0), np.radians(4.0), np.radians(8.0)
-UPPER = np.radians(4.0)
-NODE = 0.03  # knees and ankles, from the root
-STANDS = 0.002  # a standing corner from its place on the ground
-SINKS = 0.002
-DOUBT = 2.0  # expected deviations, beyond which a correction counts linearly (Huber)
-LEAST_SEEN = 0.05  # weight of a joint that was not seen at all
+ROOT_DEVIATION = (0.02, 0.02, 0.03)
+ROOT_ROTATION_DEVIATION = np.radians(1.5)
+HIP_DEVIATION, KNEE_DEVIATION, ANKLE_DEVIATION = np.radians(4.0), np.radians(4.0), np.radians(8.0)
+UPPER_BODY_DEVIATION = np.radians(4.0)
+NODE_DEVIATION = 0.03  # knees and ankles, from the root
+CONTACT_DEVIATION = 0.002  # a standing corner from its place on the ground
+PENETRATION_DEVIATION = 0.002
+HUBER_THRESHOLD = 2.0  # expected deviations, beyond which a correction counts linearly (Huber)
+MIN_WEIGHT = 0.05  # weight of a joint that was not seen at all
 # Hz, up to which change is free. A loop is a smooth series: its corrections shall be smooth too. A
 # recording as it was trembles: its poses shall be smooth, whatever correction that takes.
-CORRECTION_BAND, POSE_BAND = 3.5, 8.0
+CORRECTION_CUTOFF, POSE_CUTOFF = 3.5, 8.0
 # Frames solved together, and how far beyond them a window looks: a correction is forgotten by then.
 WINDOW, OVERLAP = 1500, 60
-NEAR_LIMIT = np.radians(15.0)  # joints that stay farther than this from their limits need no care
+LIMIT_PROXIMITY = np.radians(15.0)  # joints that stay farther than this from their limits need no care
 
 
 def refine(motion: Motion, seen: Array | None = None) -> Motion:
@@ -80,49 +80,51 @@ def refine(motion: Motion, seen: Array | None = None) -> Motion:
     clips of fewer than SHORTEST_CYCLE frames are returned as they are.
     """
     frames = len(motion.root)
-    if frames < SHORTEST_CYCLE:
+    if frames < MIN_CYCLE_FRAMES:
         return motion
-    weights = np.maximum(np.ones((frames, len(NODES))) if seen is None else seen, LEAST_SEEN)
+    weights = np.maximum(np.ones((frames, len(NODES))) if seen is None else seen, MIN_WEIGHT)
     rotations = motion.rotations.copy()
     for joint in LIMITS:
         if joint.partition("_")[0] not in ("hip", "knee", "ankle"):
             node = N[joint]
-            rotations[:, node] = _joint(motion, joint, weights[:, node])
+            rotations[:, node] = _refine_joint(motion, joint, weights[:, node])
     upper = replace(motion, rotations=rotations)
-    found = corrected(upper, _legs(upper, weights))
+    found = apply_corrections(upper, _refine_legs(upper, weights))
     return replace(found, rotations=continuous(found.rotations))
 
 
-def _legs(motion: Motion, seen: Array) -> Array:
+def _refine_legs(motion: Motion, seen: Array) -> Array:
     """Corrections (T, 20) of root and legs."""
-    chain = chain_of(motion.root, motion.rotations)
+    chain = leg_chain(motion.root, motion.rotations)
     frames, cyclic = len(motion.root), motion.cyclic
-    as_it_is = leg_points(chain, np.zeros((frames, SIZE)))
-    standing = stances(motion.contacts, as_it_is[:, :, 2:], rate=motion.rate, cyclic=cyclic)
+    as_it_is = leg_points(chain, np.zeros((frames, UNKNOWNS)))
+    standing = find_stances(motion.contacts, as_it_is[:, :, 2:], rate=motion.rate, cyclic=cyclic)
     hanging = as_it_is[:, :, :2] - motion.root[:, None, None]
-    off = np.empty(SIZE)
-    off[ROOT_POSITION], off[ROOT_TURN] = ROOT, ROOT_TURNS
-    weights = np.ones((frames, SIZE))
-    bending = np.zeros((frames, SIZE))
+    off = np.empty(UNKNOWNS)
+    off[ROOT_POSITION], off[ROOT_ROTATION] = ROOT_DEVIATION, ROOT_ROTATION_DEVIATION
+    weights = np.ones((frames, UNKNOWNS))
+    bending = np.zeros((frames, UNKNOWNS))
     if not cyclic:
         bending[:, ROOT_POSITION] = second_differences(motion.root, cyclic=False)
-    bending[:, ROOT_TURN] = _bending(motion.rotations[:, N["hip_center"]], cyclic=cyclic)
+    bending[:, ROOT_ROTATION] = _rotation_differences(motion.rotations[:, N["hip_center"]], cyclic=cyclic)
     node_weights = np.empty((frames, 2, 2, 1))
     for k, side in enumerate(SIDES):
         for joint, begin, size, expected in (
-            ("hip", HIP[k], 3, HIPS),
-            ("knee", KNEE[k], 1, KNEES),
-            ("ankle", ANKLE[k], 3, ANKLES),
+            ("hip", HIP_COLUMNS[k], 3, HIP_DEVIATION),
+            ("knee", KNEE_COLUMNS[k], 1, KNEE_DEVIATION),
+            ("ankle", ANKLE_COLUMNS[k], 3, ANKLE_DEVIATION),
         ):
             node, own = N[f"{joint}_{side}"], slice(begin, begin + size)
             off[own], weights[:, own] = expected, seen[:, node, None]
-            turn = _bending(motion.rotations[:, node], cyclic=cyclic)
+            turn = _rotation_differences(motion.rotations[:, node], cyclic=cyclic)
             bending[:, own] = turn[:, 1:2] if size == 1 else turn
-        node_weights[:, k, :, 0] = seen[:, [N[f"knee_{side}"], N[f"ankle_{side}"]]] / NODE**2
-    watched = _watched(motion, [f"{joint}_{side}" for joint in ("hip", "knee", "ankle") for side in SIDES])
-    limits = {joint: Limit(joint, frames) for joint in watched}
+        node_weights[:, k, :, 0] = seen[:, [N[f"knee_{side}"], N[f"ankle_{side}"]]] / NODE_DEVIATION**2
+    watched = _near_limits(
+        motion, [f"{joint}_{side}" for joint in ("hip", "knee", "ankle") for side in SIDES]
+    )
+    limits = {joint: JointLimitTerms(joint, frames) for joint in watched}
     anchors = np.zeros((frames, 2, 4, 2))
-    ground, rest = OneSided((frames, 2, 4), HELD), Rest(motion)
+    ground, rest = OneSided((frames, 2, 4), RELEASE), BodyGroundTerms(motion)
 
     def terms(x: Array, window: slice) -> tuple[Array, Array]:
         points, jacobian = leg_jacobian(chain.window(window), x)
@@ -131,22 +133,24 @@ def _legs(motion: Motion, seen: Array) -> Array:
         jacobian[:, :, :2, :, ROOT_POSITION] = 0.0
         residual, weight = np.empty_like(points), np.empty_like(points)
         residual[:, :, :2] = points[:, :, :2] - root[:, None, None] - hanging[window]
-        weight[:, :, :2] = node_weights[window] * _huber(residual[:, :, :2] / NODE)
+        weight[:, :, :2] = node_weights[window] * _huber(residual[:, :, :2] / NODE_DEVIATION)
         corners, hold = points[:, :, 2:], standing.hold[window]
         residual[:, :, 2:, :2] = corners[..., :2] - anchors[window]
         residual[:, :, 2:, 2] = corners[..., 2]
-        sinks = ground.weight(corners[..., 2], window) / SINKS**2
-        weight[:, :, 2:] = hold[..., None] / STANDS**2
+        sinks = ground.weight(corners[..., 2], window) / PENETRATION_DEVIATION**2
+        weight[:, :, 2:] = hold[..., None] / CONTACT_DEVIATION**2
         weight[:, :, 2:, 2] = np.maximum(weight[:, :, 2:, 2], sinks)
         square, right = normal_equations(jacobian, residual, weight)
         for joint in watched:
             side = SIDES.index(joint.rpartition("_")[2])
-            begin = {"hip": HIP, "knee": KNEE, "ankle": ANKLE}[joint.partition("_")[0]][side]
-            own = slice(begin, begin + (1 if joint in HINGES else 3))
+            begin = {"hip": HIP_COLUMNS, "knee": KNEE_COLUMNS, "ankle": ANKLE_COLUMNS}[
+                joint.partition("_")[0]
+            ][side]
+            own = slice(begin, begin + (1 if joint in HINGE_JOINTS else 3))
             held, pull = limits[joint].terms(motion.rotations[window, N[joint]], x[:, own], window)
             square[:, own, own] += held
             right[:, own] += pull
-        held, pull = rest.terms(window, SINKS)
+        held, pull = rest.terms(window, PENETRATION_DEVIATION)
         square[:, :6, :6] += held
         right[:, :6] += pull
         return square, right
@@ -157,11 +161,18 @@ def _legs(motion: Motion, seen: Array) -> Array:
         anchors[:] = standing.anchors(corners, motion.cycle_offset)
 
     return _gauss_newton(
-        terms, off, weights, bending, rate=motion.rate, cyclic=cyclic, calm=_calm(motion), before=place
+        terms,
+        off,
+        weights,
+        bending,
+        rate=motion.rate,
+        cyclic=cyclic,
+        calm=_root_smoothing(motion),
+        before=place,
     )
 
 
-def _calm(motion: Motion) -> tuple[Array, Array]:
+def _root_smoothing(motion: Motion) -> tuple[Array, Array]:
     """Of a recording as it was: by how much each correction (SIZE,) shall be calmer than it is already, and
     what of the recording (T, SIZE), in second differences, is not to be kept. Of a cycle, nothing.
 
@@ -169,7 +180,7 @@ def _calm(motion: Motion) -> tuple[Array, Array]:
     ground could: the legs shall give way instead. The root's path in the recording, without its tremor, has
     the accelerations that the person had.
     """
-    share, tremor = np.zeros(SIZE), np.zeros((len(motion.root), SIZE))
+    share, tremor = np.zeros(UNKNOWNS), np.zeros((len(motion.root), UNKNOWNS))
     if motion.cyclic:
         return share, tremor
     share[ROOT_POSITION] = 1.0
@@ -178,33 +189,33 @@ def _calm(motion: Motion) -> tuple[Array, Array]:
     return share, tremor
 
 
-def _joint(motion: Motion, joint: str, seen: Array) -> Array:
+def _refine_joint(motion: Motion, joint: str, seen: Array) -> Array:
     """Refined local rotations (T, 4) of one joint that no ground holds."""
-    q = clamped(joint, motion.rotations[:, N[joint]])
-    hinge = joint in HINGES
+    q = clamp_to_limits(joint, motion.rotations[:, N[joint]])
+    hinge = joint in HINGE_JOINTS
     size = 1 if hinge else 3
-    watched = _watched(motion, [joint])
+    watched = _near_limits(motion, [joint])
     if motion.cyclic and not watched:
         return q
 
-    limit = Limit(joint, len(q))
+    limit = JointLimitTerms(joint, len(q))
 
     def terms(x: Array, window: slice) -> tuple[Array, Array]:
         if watched:
             return limit.terms(q[window], x, window)
         return np.zeros((*x.shape, size)), np.zeros_like(x)
 
-    turn = _bending(q, cyclic=motion.cyclic)
+    turn = _rotation_differences(q, cyclic=motion.cyclic)
     x = _gauss_newton(
         terms,
-        np.full(size, UPPER),
+        np.full(size, UPPER_BODY_DEVIATION),
         np.repeat(seen[:, None], size, axis=1),
         turn[:, 1:2] if hinge else turn,
         rate=motion.rate,
         cyclic=motion.cyclic,
     )
     # A hand that points anywhere is still somewhat beyond: what no few steps bring back is cut off.
-    return clamped(joint, multiply(q, from_axis_angle("Y", x[:, 0]) if hinge else from_rotvec(x)))
+    return clamp_to_limits(joint, multiply(q, from_axis_angle("Y", x[:, 0]) if hinge else from_rotvec(x)))
 
 
 def _gauss_newton(
@@ -221,15 +232,15 @@ def _gauss_newton(
     """Corrections x (T, n) with the least sum of `terms`, of x / off, weighted (T, n), and of second
     differences.
 
-    bending: (T, n) second differences of what shall be smooth besides x; calm: see `_calm`; `before` is
-    called with x ahead of each step. A long clip is solved in windows that overlap: far from its ends a
+    bending: (T, n) second differences of what must be smooth besides x; calm: see `_root_smoothing`; `before`
+    is called with x ahead of each step. A long clip is solved in windows that overlap: far from its ends a
     window's solution is that of the whole, and what is left of the difference the next step takes.
     """
     frames, n = weights.shape
     x = np.zeros((frames, n))
-    stiffness = _stiffness(CORRECTION_BAND if cyclic else POSE_BAND, rate) / off**2
+    stiffness = _stiffness(CORRECTION_CUTOFF if cyclic else POSE_CUTOFF, rate) / off**2
     share, tremor = (np.zeros(n), np.zeros((frames, n))) if calm is None else calm
-    calming = _stiffness(CORRECTION_BAND, rate) * share / off**2
+    calming = _stiffness(CORRECTION_CUTOFF, rate) * share / off**2
     at = np.arange(n)
     for _ in range(LOOP_ITERATIONS if cyclic else ITERATIONS):
         if before is not None:
@@ -264,10 +275,10 @@ def _stiffness(band: float, rate: float) -> float:
 
 
 def _huber(ratio: Array) -> Array:
-    return 1.0 / np.maximum(1.0, np.abs(ratio) / DOUBT)
+    return 1.0 / np.maximum(1.0, np.abs(ratio) / HUBER_THRESHOLD)
 
 
-def _bending(q: Array, *, cyclic: bool) -> Array:
+def _rotation_differences(q: Array, *, cyclic: bool) -> Array:
     """Of a recording, second differences (T, 3) of rotations q (T, 4), in the joint's own frame; 0 of a loop.
 
     To first order in small corrections x those of the corrected rotations are these and those of x.
@@ -280,13 +291,13 @@ def _bending(q: Array, *, cyclic: bool) -> Array:
     return out
 
 
-def _watched(motion: Motion, joints: list[str]) -> list[str]:
+def _near_limits(motion: Motion, joints: list[str]) -> list[str]:
     """The joints that somewhere come near a limit."""
     near = []
     for joint in joints:
         angles, limits = swing_twist(motion.rotations[:, N[joint]]), LIMITS[joint]
         free = limits[:, 1] > limits[:, 0]
         inside = np.minimum(angles - limits[:, 0], limits[:, 1] - angles)[:, free]
-        if (inside < NEAR_LIMIT).any():
+        if (inside < LIMIT_PROXIMITY).any():
             near.append(joint)
     return near

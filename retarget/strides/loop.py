@@ -25,14 +25,14 @@ from kinemimic.pipeline.kinematics.rotations import (
     to_rotvec,
 )
 from kinemimic.pipeline.kinematics.skeleton import NODE_INDEX, NODES
-from kinemimic.retarget.strides.cycle import Pass
+from kinemimic.retarget.strides.passes import Pass
 
 STATE_WEIGHTS = np.array([0.0, 0.3, 1.0])  # of missing, inferred, tracked joints
 RIDGE = 1e-5
 # Strides that share a straight advance. In fewer a line is taken for a part of the sway that it goes along.
-SECTION = 4.0
-FEWEST_HARMONICS = 3  # of a node's rotation: below that too few frames were seen to tell how it turns
-HINGES: dict[str, tuple[str, ...]] = {
+SECTION_STRIDES = 4.0
+MIN_HARMONICS = 3  # of a node's rotation: below that too few frames were seen to tell how it turns
+HINGE_CHAINS: dict[str, tuple[str, ...]] = {
     f"{hinge}_{side}": tuple(f"{joint}_{side}" for joint in joints)
     for side in ("left", "right")
     for hinge, joints in (("knee", ("hip", "knee", "ankle")), ("elbow", ("shoulder", "elbow", "wrist")))
@@ -93,7 +93,7 @@ class Loop:
         return out
 
 
-def gather(clip: Clip, passes: list[Pass]) -> Strides:
+def pool_strides(clip: Clip, passes: list[Pass]) -> Strides:
     """Pool the frames of passes of a clip on the 20 nodes."""
     parts: dict[str, list[NDArray[Any]]] = {name: [] for name in Strides.__dataclass_fields__}
     groups = 0
@@ -122,7 +122,7 @@ def _sections(one: Pass) -> NDArray[np.intp]:
     if not one.followed:
         return np.zeros(len(one.frames), dtype=np.intp)
     done = one.phase - one.phase[0]
-    count = max(1, round(float(done[-1]) / SECTION))
+    count = max(1, round(float(done[-1]) / SECTION_STRIDES))
     return np.asarray(np.minimum((done * count / done[-1]).astype(np.intp), count - 1))
 
 
@@ -156,7 +156,7 @@ def robust_fit(
     # Frames that do not count would only be carried along.
     x, y, given = fourier.design(phase[seen], harmonics), values[seen], weights[seen]
     _, group = np.unique(group[seen], return_inverse=True)
-    median = _Medians(group)
+    median = _GroupMedians(group)
     w = given
     for _ in range(8):
         rest = y - x @ fourier.solve(x, y, w, RIDGE)
@@ -167,7 +167,7 @@ def robust_fit(
     return fourier.solve(x, y, w, RIDGE)
 
 
-class _Medians:
+class _GroupMedians:
     """Medians of many values (M,) over the groups (M,) that they belong to, numbered from 0 without a gap."""
 
     def __init__(self, group: NDArray[np.intp]) -> None:
@@ -200,25 +200,25 @@ def fit_joint(strides: Strides, local: Array, name: str, harmonics: int) -> Seri
 
     Of few frames, as one stride at 30 Hz has, fewer than `harmonics`: two frames for each coefficient.
     """
-    weights = strides.weights[:, [NODE_INDEX[node] for node in made_of(name)]].min(axis=1)
+    weights = strides.weights[:, [NODE_INDEX[node] for node in source_nodes(name)]].min(axis=1)
     finite = np.asarray(np.isfinite(local).all(axis=-1))
     weights = np.where(finite, weights, 0.0)
     harmonics = min(harmonics, (int((weights > 0).sum()) // 2 - 1) // 2)
-    if harmonics < FEWEST_HARMONICS or weights.sum() < 3.0:
+    if harmonics < MIN_HARMONICS or weights.sum() < 3.0:
         return None
     q = np.where(finite[:, None], local, IDENTITY)
-    mean = IDENTITY if name in HINGES else mean_rotation(q, weights)
+    mean = IDENTITY if name in HINGE_CHAINS else mean_rotation(q, weights)
     values = to_rotvec(multiply(conjugate(mean), q))
-    if name in HINGES:
+    if name in HINGE_CHAINS:
         values[:, [0, 2]] = 0.0
     coefficients = robust_fit(strides.phase, values, harmonics, weights, strides.group, np.radians(2.0))
     return Series(mean, coefficients)
 
 
-def made_of(name: str) -> tuple[str, ...]:
+def source_nodes(name: str) -> tuple[str, ...]:
     """Nodes whose positions a node's rotation is made of, apart from the body that it hangs from."""
-    if name in HINGES:
-        return HINGES[name]
+    if name in HINGE_CHAINS:
+        return HINGE_CHAINS[name]
     chain = {"hip": "knee", "ankle": "foot", "shoulder": "elbow", "wrist": "hand"}
     joint, _, side = name.partition("_")
     if name == "hip_center":

@@ -12,13 +12,15 @@ from scipy.signal import find_peaks
 from kinemimic.pipeline.arrays import Array
 from kinemimic.pipeline.gait.fourier import design
 
-STILL = 0.08  # s over which the ankles' distance is averaged before its turning points are looked for
-PROMINENT = 0.5  # of its spread, times two, by which a turning point stands out
+SMOOTHING_TIME = (
+    0.08  # s over which the ankles' distance is averaged before its turning points are looked for
+)
+PROMINENCE = 0.5  # of its spread, times two, by which a turning point stands out
 # Strides before and after a moment through which its harmonic is fitted. A turning point at 30 Hz is 0.02
 # cycles off by a Kinect's noise, this 0.005; half as many strides let a lopsided wave through.
-REACH = 1.0
-EVERY = 0.25  # strides between the moments
-SEEN = 0.5  # share of those strides' frames that has to be seen
+HALF_WINDOW = 1.0
+SPACING = 0.25  # strides between the moments
+MIN_SEEN = 0.5  # share of those strides' frames that has to be seen
 
 
 @dataclass(frozen=True)
@@ -43,29 +45,29 @@ def stride_phase(times: Array, ankles: Array) -> StridePhase | None:
     if seen.sum() < 8:
         return None
     d = np.interp(times, times[seen], ankles[seen])
-    counted = _counted(times, d)
+    counted = _count_cycles(times, d)
     if counted is None:
         return None
-    phase = counted - _ahead(counted, d, seen)
+    phase = counted - _phase_error(counted, d, seen)
     wave = design(phase, 1)
     found = np.asarray(np.linalg.lstsq(wave, d, rcond=None)[0], dtype=np.float64)
     rest = d - wave @ found
     spread = float(np.sum((d - d.mean()) ** 2))
-    phase = phase - _angle(found)
+    phase = phase - _minimum_phase(found)
     whole = np.arange(np.ceil(phase[0]), phase[-1])
     begins = np.interp(whole, phase, times)
     period = float(np.median(np.diff(begins))) if len(begins) > 1 else float(np.ptp(times) / np.ptp(phase))
     return StridePhase(phase, 1.0 - float(rest @ rest) / spread if spread > 0 else 0.0, period)
 
 
-def _counted(times: Array, d: Array) -> Array | None:
+def _count_cycles(times: Array, d: Array) -> Array | None:
     """Cycles (T,) up to a constant: even between the middles of neighbouring turning points of d (T,).
 
     Of a lopsided wave one foot's turning points come late; the middles stay evenly apart.
     """
     step = float(np.median(np.diff(times)))
-    still = uniform_filter1d(d, max(1, round(STILL / step)))
-    prominence = 2.0 * PROMINENT * float(still.std())
+    still = uniform_filter1d(d, max(1, round(SMOOTHING_TIME / step)))
+    prominence = 2.0 * PROMINENCE * float(still.std())
     left, right = (find_peaks(sign * still, prominence=prominence)[0] for sign in (-1.0, 1.0))
     turns = np.concatenate([left, right])
     if len(turns) < 3:
@@ -84,23 +86,25 @@ def _counted(times: Array, d: Array) -> Array | None:
     return phase
 
 
-def _ahead(phase: Array, d: Array, seen: NDArray[np.bool_]) -> Array:
+def _phase_error(phase: Array, d: Array, seen: NDArray[np.bool_]) -> Array:
     """Cycles (T,) by which a counted phase (T,) is ahead of the harmonic of the strides around."""
-    moments = np.arange(phase[0] + EVERY, phase[-1], EVERY)
+    moments = np.arange(phase[0] + SPACING, phase[-1], SPACING)
     known, off = [], []
     for moment in moments:
-        near = slice(*np.searchsorted(phase, [moment - REACH, moment + REACH]))
-        if seen[near].mean() < SEEN:
+        near = slice(*np.searchsorted(phase, [moment - HALF_WINDOW, moment + HALF_WINDOW]))
+        if seen[near].mean() < MIN_SEEN:
             continue
-        weights = np.cos(0.5 * np.pi * (phase[near] - moment) / REACH) * seen[near]
+        weights = np.cos(0.5 * np.pi * (phase[near] - moment) / HALF_WINDOW) * seen[near]
         wave = design(phase[near], 1) * weights[:, None]
         known.append(moment)
-        off.append(_angle(np.asarray(np.linalg.lstsq(wave, d[near] * weights, rcond=None)[0], np.float64)))
+        off.append(
+            _minimum_phase(np.asarray(np.linalg.lstsq(wave, d[near] * weights, rcond=None)[0], np.float64))
+        )
     if not known:
         return np.zeros(len(phase))
     return np.asarray(np.interp(phase, known, np.unwrap(off, period=1.0)))
 
 
-def _angle(amplitudes: Array) -> float:
+def _minimum_phase(amplitudes: Array) -> float:
     """Cycles at which mean, cosine and sine (3,) have their lowest point."""
     return float(np.arctan2(-amplitudes[2], -amplitudes[1])) / (2.0 * np.pi)

@@ -19,15 +19,17 @@ from kinemimic.pipeline.kinematics.skeleton import NODE_INDEX as N
 from kinemimic.retarget.strides.loop import Strides, mean_rotation
 from kinemimic.retarget.strides.trim import leg_bones
 
-RIGID = 0.025  # spread of a leg bone over its length, below which the points are those of a real skeleton
-WIDTH_SPREAD = 0.05  # of the hip and shoulder lines
-RESIDUAL = np.radians(4.0)  # rms about the segment's own loop
-FOOT_PITCH = np.radians(20.0)  # largest difference of the planted foot from flat
-FLAT = (0.12, 0.35)  # phases after the foot is farthest ahead in which it lies flat
+MAX_BONE_SPREAD = (
+    0.025  # spread of a leg bone over its length, below which the points are those of a real skeleton
+)
+MAX_WIDTH_SPREAD = 0.05  # of the hip and shoulder lines
+MAX_RESIDUAL = np.radians(4.0)  # rms about the segment's own loop
+MAX_FOOT_PITCH = np.radians(20.0)  # largest difference of the planted foot from flat
+FOOT_FLAT = (0.12, 0.35)  # phases after the foot is farthest ahead in which it lies flat
 
 
 @dataclass(frozen=True)
-class Trust:
+class SensorReliability:
     """Which measurements of a recording are used; the others are replaced by a neutral pose.
 
     precise: the legs are seen to a centimetre: their bones keep their length and the pelvis repeats itself
@@ -47,7 +49,7 @@ class Trust:
     measured: dict[str, float]
 
 
-def assess(strides: Strides) -> Trust:
+def assess_reliability(strides: Strides) -> SensorReliability:
     """Measure pooled strides and choose what to believe."""
     p, phase = strides.positions, strides.phase
     frames = node_frames(p)
@@ -62,7 +64,7 @@ def assess(strides: Strides) -> Trust:
         spread = float(np.std(seen) / np.mean(seen)) if len(seen) else float("inf")
         residual = _residual(phase, frames[:, N[node]])
         measured |= {f"{line}_width_spread": spread, f"{name}_residual_deg": float(np.degrees(residual))}
-        steady[name] = bool(spread < WIDTH_SPREAD and residual < RESIDUAL)
+        steady[name] = bool(spread < MAX_WIDTH_SPREAD and residual < MAX_RESIDUAL)
     # The short line from the hip centre to the spine, the pelvis' own, is off by tens of degrees.
     trunk = p[:, N["shoulder_center"]] - 0.5 * (p[:, N["hip_left"]] + p[:, N["hip_right"]])
     leans = np.arctan2(trunk[:, 0], trunk[:, 2])
@@ -73,41 +75,41 @@ def assess(strides: Strides) -> Trust:
         toe = p[:, N[f"foot_{side}"]] - p[:, N[f"ankle_{side}"]]
         pitch = np.arctan2(-toe[:, 2], toe[:, 0]) - FOOT_DROP
         stance = np.mod(phase + shift, 1.0)
-        planted = (stance > FLAT[0]) & (stance < FLAT[1]) & np.isfinite(pitch)
+        planted = (stance > FOOT_FLAT[0]) & (stance < FOOT_FLAT[1]) & np.isfinite(pitch)
         pitches.append(float(np.median(pitch[planted])) if planted.any() else np.pi)
     measured |= {
         "trunk_lean_deg": float(np.degrees(lean)),
         "planted_foot_pitch_deg": float(np.degrees(np.mean(pitches))),
     }
-    precise = rigidity < RIGID and steady["pelvis"]
-    return Trust(
+    precise = rigidity < MAX_BONE_SPREAD and steady["pelvis"]
+    return SensorReliability(
         precise=precise,
         pelvis=steady["pelvis"],
         torso=steady["torso"],
-        feet=precise and bool(np.max(np.abs(pitches)) < FOOT_PITCH),
+        feet=precise and bool(np.max(np.abs(pitches)) < MAX_FOOT_PITCH),
         lean=lean,
         foot_pitch=(pitches[0], pitches[1]),
         measured=measured,
     )
 
 
-def believed_frames(positions: Array, trust: Trust) -> Array:
+def reliable_frames(positions: Array, reliability: SensorReliability) -> Array:
     """World frames (M, 20, 4) of the nodes at positions (M, 20, 3) along +X, neutral where not believed."""
-    neutral = np.broadcast_to(from_axis_angle("Y", trust.lean), (len(positions), 4))
-    points = positions if trust.precise else knees_ahead(positions)
+    neutral = np.broadcast_to(from_axis_angle("Y", reliability.lean), (len(positions), 4))
+    points = positions if reliability.precise else knees_in_sagittal_plane(positions)
     frames = node_frames(
-        points, pelvis=None if trust.pelvis else neutral, torso=None if trust.torso else neutral
+        points, pelvis=None if reliability.pelvis else neutral, torso=None if reliability.torso else neutral
     )
-    for side, pitch in zip(("left", "right"), trust.foot_pitch, strict=True):
+    for side, pitch in zip(("left", "right"), reliability.foot_pitch, strict=True):
         ankle, knee = N[f"ankle_{side}"], N[f"knee_{side}"]
-        if trust.feet:
+        if reliability.feet:
             frames[:, ankle] = multiply(frames[:, ankle], from_axis_angle("Y", -pitch))
         else:
             frames[:, ankle] = frames[:, knee]
     return frames
 
 
-def knees_ahead(positions: Array) -> Array:
+def knees_in_sagittal_plane(positions: Array) -> Array:
     """Positions (M, 20, 3) along +X with each knee moved sideways into the plane of hip, ankle and heading.
 
     The bend of a nearly straight leg shows its twist only to a sensor that sees centimetres; to others it

@@ -16,8 +16,8 @@ LEG_NODES: tuple[str, ...] = tuple(
 KNEE_LIMIT = {"walk": 85.0, "run": 140.0}
 HIP_LIMITS = {"walk": (-50.0, 60.0), "run": (-60.0, 90.0)}
 RUN_SPEED = 2.2  # m/s: above it an adult runs
-BONE_SPREAD = 0.30  # of its median, beyond which a leg bone was not seen
-SLOW = 0.60  # of the pass' median speed: the person starts, turns or stops
+MAX_BONE_DEVIATION = 0.30  # of its median, beyond which a leg bone was not seen
+MIN_SPEED_SHARE = 0.60  # of the pass' median speed: the person starts, turns or stops
 
 
 def leg_bones(positions: Array) -> Array:
@@ -54,10 +54,10 @@ def bad_frames(times: Array, positions: Array, heading: float, bones: Array) -> 
     speed = forward_speed(t, p, heading)
     usual = float(np.median(speed))
     gait = "run" if usual > RUN_SPEED else "walk"
-    wrong = np.abs(leg_bones(p) / bones - 1.0).max(axis=-1) > BONE_SPREAD
+    wrong = np.abs(leg_bones(p) / bones - 1.0).max(axis=-1) > MAX_BONE_DEVIATION
     # Someone who walks on a treadmill advances nowhere.
     if usual > 0.3:
-        wrong |= speed < SLOW * usual
+        wrong |= speed < MIN_SPEED_SHARE * usual
     frame = from_axis_angle("Z", heading)
     lateral = np.array([-np.sin(heading), np.cos(heading), 0.0])
     for side in ("left", "right"):

@@ -17,13 +17,13 @@ from kinemimic.pipeline.files.store import read_clip
 from kinemimic.pipeline.ingest import ingest
 from kinemimic.pipeline.kinematics.skeleton import NODES
 from kinemimic.retarget.command import retarget
-from kinemimic.retarget.formats.motion_json import motion_from_json
+from kinemimic.retarget.formats.motion_json import read_motion_json
 from kinemimic.retarget.humanoid.motion import Motion
 from kinemimic.retarget.versions.params import Capture, Params, params_option
 
 # Each stage, and the file that holds what it makes.
 STAGES = {"ingest": "clip.json", "convert": "quaternions.json", "retarget": "motion.json"}
-LAST = "retarget"
+LAST_STAGE = "retarget"
 
 
 def canonical_motion(motion: Motion) -> Canonical:
@@ -44,7 +44,7 @@ def canonical_motion(motion: Motion) -> Canonical:
     )
 
 
-def built(capture: Capture, root: Path, through: str = LAST) -> Mapping[str, Canonical]:
+def build_capture(capture: Capture, root: Path, through: str = LAST_STAGE) -> Mapping[str, Canonical]:
     """By file name, what the stages up to `through` make of a recording below `root`.
 
     Every stage works on what the one before really made, not on the rounded copy of it. Raises what the
@@ -67,18 +67,18 @@ def built(capture: Capture, root: Path, through: str = LAST) -> Mapping[str, Can
             ankle=capture.ankle,
             loop=capture.loop,
         )
-        made[STAGES["retarget"]] = canonical_motion(motion_from_json(run / "motion.json"))
+        made[STAGES["retarget"]] = canonical_motion(read_motion_json(run / "motion.json"))
         return made
 
 
-def place(params: Params, root: Path, name: str, file: str) -> Path:
+def built_path(params: Params, root: Path, name: str, file: str) -> Path:
     """Where an output lies: beside the parameters."""
     return root / params.path.parent / "built" / name / file
 
 
 @click.command("build")
 @click.argument("name")
-@click.option("--through", type=click.Choice(list(STAGES)), default=LAST, show_default=True,
+@click.option("--through", type=click.Choice(list(STAGES)), default=LAST_STAGE, show_default=True,
               help="The last stage; what it makes is written.")  # fmt: skip
 @params_option
 @json_option("Print path and content hash as JSON.")
@@ -91,8 +91,8 @@ def command(name: str, through: str, path: Path, as_json: bool) -> None:
       kinemimic datasets build kinect_walk --through convert
     """
     params = Params.load(path)
-    made = built(params.capture(name), Path(), through)
-    target = place(params, Path(), name, STAGES[through])
+    made = build_capture(params.capture(name), Path(), through)
+    target = built_path(params, Path(), name, STAGES[through])
     made[STAGES[through]].write(target)
     said = {"path": str(target), "content": made[STAGES[through]].identity}
     click.echo(json.dumps(said, indent=2) if as_json else said["path"])

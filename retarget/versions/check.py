@@ -13,13 +13,19 @@ from kinemimic.pipeline.cli.options import json_option
 from kinemimic.pipeline.cli.progress import progress
 from kinemimic.pipeline.errors import KinemimicError
 from kinemimic.pipeline.files.canonical import Canonical
-from kinemimic.retarget.versions.build import LAST, STAGES, built, place
-from kinemimic.retarget.versions.diff import changes, told
-from kinemimic.retarget.versions.manifest import MANIFEST, Manifest, changed_raw, different, unsaid
+from kinemimic.retarget.versions.build import LAST_STAGE, STAGES, build_capture, built_path
+from kinemimic.retarget.versions.diff import describe, find_changes
+from kinemimic.retarget.versions.manifest import (
+    MANIFEST,
+    Manifest,
+    changed_raw,
+    differing_names,
+    missing_changelog_line,
+)
 from kinemimic.retarget.versions.params import Params, params_option
 
-WRONG = 1  # exit status
-_TOLD = 3  # changes of one file
+EXIT_WRONG = 1  # exit status
+_MAX_CHANGES = 3  # changes of one file
 
 
 def check(params: Params, root: Path, against: str | None = None) -> list[str]:
@@ -37,7 +43,7 @@ def check(params: Params, root: Path, against: str | None = None) -> list[str]:
             f"{path}: expected version {params.version}, as in {params.path}, found {manifest.version}; "
             "`make data`"
         )
-    if (missing := unsaid(params.version, root)) is not None:
+    if (missing := missing_changelog_line(params.version, root)) is not None:
         wrong.append(missing)
     if against is not None:
         wrong += _since(against, params, manifest, root)
@@ -65,7 +71,7 @@ def _since(commit: str, params: Params, manifest: Manifest, root: Path) -> Itera
     if before != manifest and before.version >= manifest.version:
         yield (
             f"{name}: expected the data of version {before.version}, as at {commit}, found that "
-            f"{', '.join(different(before, manifest)) or 'the version'} changed; raise `version` in "
+            f"{', '.join(differing_names(before, manifest)) or 'the version'} changed; raise `version` in "
             f"{params.path}"
         )
 
@@ -84,11 +90,11 @@ def _outputs(params: Params, manifest: Manifest, root: Path) -> Iterator[str]:
         yield f"{params.path}: expected the captures of the manifest, found a difference: {name}; `make data`"
     with progress("check", len(params.captures)) as bar:
         for name, capture in params.captures.items():
-            for file, fresh in built(capture, root).items():
+            for file, fresh in build_capture(capture, root).items():
                 wanted = manifest.content.get(f"{name}/{file}")
-                there = place(params, root, name, file)
+                there = built_path(params, root, name, file)
                 try:
-                    if (line := _output(there, fresh, wanted, needed=file == STAGES[LAST])) is not None:
+                    if (line := _output(there, fresh, wanted, needed=file == STAGES[LAST_STAGE])) is not None:
                         yield line
                 except KinemimicError as error:
                     yield f"{error}; `make data` builds it again"
@@ -107,19 +113,20 @@ def _output(path: Path, fresh: Canonical, wanted: str | None, *, needed: bool) -
     if fresh.identity == wanted:
         if stored is None or stored.identity == wanted:
             return None
-        return f"{path}: expected what was locked, found {_what(fresh, stored)}; `make data` builds it again"
+        changed = _describe_changes(fresh, stored)
+        return f"{path}: expected what was locked, found {changed}; `make data` builds it again"
     line = f"{path}: expected to make what was locked, found that today's code makes another"
     if stored is not None and stored.identity == wanted:
-        line += f": {_what(stored, fresh)}"
+        line += f": {_describe_changes(stored, fresh)}"
     elif stored is not None and stored.identity == fresh.identity:
         line += ", which is built here and not locked"
     return f"{line}; `kinemimic datasets diff` tells all; if it is meant, raise `version` and `make data`"
 
 
-def _what(before: Canonical, after: Canonical) -> str:
-    found = changes(before, after)
-    more = f" and {len(found) - _TOLD} more" if len(found) > _TOLD else ""
-    return "; ".join(told(one) for one in found[:_TOLD]) + more
+def _describe_changes(before: Canonical, after: Canonical) -> str:
+    found = find_changes(before, after)
+    more = f" and {len(found) - _MAX_CHANGES} more" if len(found) > _MAX_CHANGES else ""
+    return "; ".join(describe(one) for one in found[:_MAX_CHANGES]) + more
 
 
 @click.command("check")
@@ -141,6 +148,6 @@ def command(path: Path, against: str | None, as_json: bool) -> None:
         for line in wrong:
             click.echo(f"datasets: {line}", err=True)
     if wrong:
-        click.get_current_context().exit(WRONG)
+        click.get_current_context().exit(EXIT_WRONG)
     if not as_json:
         click.echo(f"{path.parent / MANIFEST}: version {params.version}, all of it as locked")

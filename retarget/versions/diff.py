@@ -17,10 +17,10 @@ from kinemimic.pipeline.cli.terminal import grid, show
 from kinemimic.pipeline.errors import KinemimicError
 from kinemimic.pipeline.files.canonical import FORMAT, Canonical
 from kinemimic.pipeline.files.store import read_clip, read_json
-from kinemimic.retarget.formats.motion_json import MOTION_FORMAT, motion_from_json
+from kinemimic.retarget.formats.motion_json import MOTION_FORMAT, read_motion_json
 from kinemimic.retarget.versions.build import STAGES, canonical_motion
 
-DIFFERENT = 1  # exit status
+EXIT_DIFFERENT = 1  # exit status
 
 # How an array is compared: the unit, and what a difference of one of its numbers is in that unit.
 _LENGTHS = ("positions", "translations", "root", "offsets", "cycle_offset")
@@ -45,7 +45,7 @@ class Change:
     frames: int
 
 
-def changes(before: Canonical, after: Canonical) -> list[Change]:
+def find_changes(before: Canonical, after: Canonical) -> list[Change]:
     """What differs, array by array and joint by joint, the largest first; KinemimicError for two kinds."""
     if before.kind != after.kind:
         raise KinemimicError(f"expected two of one kind, found a {before.kind} and a {after.kind}")
@@ -66,14 +66,14 @@ def changes(before: Canonical, after: Canonical) -> list[Change]:
             found.append(Change(f"{name}, {there}", None, 1.0, "array", None, 0))
         elif one.shape != other.shape:
             lengths = [" × ".join(map(str, array.shape)) or "one number" for array in (one, other)]
-            told = f"{name}, {lengths[0]} before, {lengths[1]} after"
-            found.append(Change(told, None, 1.0, "shape", None, 0))
+            shapes = f"{name}, {lengths[0]} before, {lengths[1]} after"
+            found.append(Change(shapes, None, 1.0, "shape", None, 0))
         else:
-            found += _of_array(name, one, other, before.joints)
+            found += _array_changes(name, one, other, before.joints)
     return sorted(found, key=lambda one: (one.unit not in _WHOLE, -one.largest))
 
 
-def _of_array(name: str, one: Array, other: Array, joints: Sequence[str]) -> Iterator[Change]:
+def _array_changes(name: str, one: Array, other: Array, joints: Sequence[str]) -> Iterator[Change]:
     apart, unit = _apart(name, one, other)
     other_values = ~((one == other) | (np.isnan(one) & np.isnan(other)))
     # A rotation's two quaternions are no degree apart, and yet not the same numbers.
@@ -128,14 +128,14 @@ def read_any(path: Path) -> Canonical:
     if found == FORMAT:
         return Canonical.read(path)
     if found == MOTION_FORMAT:
-        return canonical_motion(motion_from_json(path))
+        return canonical_motion(read_motion_json(path))
     raise KinemimicError(f"{path}: expected a motion, a clip or canonical arrays, found format {found!r}")
 
 
 _NAMES = (*STAGES.values(), "raw.parquet", "clip.parquet", "quaternions.parquet")
 
 
-def pairs(before: Path, after: Path) -> Mapping[str, tuple[Path | None, Path | None]]:
+def file_pairs(before: Path, after: Path) -> Mapping[str, tuple[Path | None, Path | None]]:
     """Two files, or what two folders hold under the same names, None where only one has it."""
     for path in (before, after):
         if not path.exists():
@@ -154,7 +154,7 @@ def pairs(before: Path, after: Path) -> Mapping[str, tuple[Path | None, Path | N
     return {name: (there[0].get(name), there[1].get(name)) for name in names}
 
 
-def told(change: Change) -> str:
+def describe(change: Change) -> str:
     """One line for people."""
     where = f" {change.joint}" if change.joint else ""
     if change.unit in _WHOLE:
@@ -186,10 +186,10 @@ def command(before: Path, after: Path, as_json: bool) -> None:
       kinemimic datasets diff runs/before runs/after
     """
     found: dict[str, list[Change] | str] = {}
-    for name, (one, other) in pairs(before, after).items():
+    for name, (one, other) in file_pairs(before, after).items():
         if one is None or other is None:
             found[name] = "added" if one is None else "gone"
-        elif differing := changes(read_any(one), read_any(other)):
+        elif differing := find_changes(read_any(one), read_any(other)):
             found[name] = differing
     if as_json:
         click.echo(json.dumps({name: _json(change) for name, change in found.items()}, indent=2))
@@ -198,7 +198,7 @@ def command(before: Path, after: Path, as_json: bool) -> None:
     else:
         show(*_tables(found))
     if found:
-        click.get_current_context().exit(DIFFERENT)
+        click.get_current_context().exit(EXIT_DIFFERENT)
 
 
 def _json(change: list[Change] | str) -> Any:

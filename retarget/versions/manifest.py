@@ -16,10 +16,10 @@ from kinemimic.pipeline.errors import KinemimicError
 from kinemimic.pipeline.files.canonical import Canonical
 from kinemimic.pipeline.files.schema import upgraded
 from kinemimic.pipeline.files.store import file_hash, read_json, write_json
-from kinemimic.retarget.versions.build import STAGES, place
+from kinemimic.retarget.versions.build import STAGES, built_path
 from kinemimic.retarget.versions.params import Params, params_option
 
-_MADE = "; bring back what was, or raise `version` and `make data`"
+_ADVICE = "; bring back what was, or raise `version` and `make data`"
 MANIFEST, CHANGELOG = "manifest.json", Path("CHANGELOG.md")
 SCHEMA = 1
 
@@ -81,11 +81,11 @@ def changed_raw(params: Params, manifest: Manifest, root: Path) -> Iterator[str]
     found = raw_hashes(params, root)
     for file in sorted(manifest.raw.keys() | found.keys()):
         if file not in found:
-            yield f"{file}: expected the raw file of version {manifest.version}, found none{_MADE}"
+            yield f"{file}: expected the raw file of version {manifest.version}, found none{_ADVICE}"
         elif file not in manifest.raw:
-            yield f"{file}: expected no raw file but those of version {manifest.version}, found it{_MADE}"
+            yield f"{file}: expected no raw file but those of version {manifest.version}, found it{_ADVICE}"
         elif found[file] != manifest.raw[file]:
-            yield f"{file}: expected SHA-256 {manifest.raw[file][:12]}…, found {found[file][:12]}…{_MADE}"
+            yield f"{file}: expected SHA-256 {manifest.raw[file][:12]}…, found {found[file][:12]}…{_ADVICE}"
 
 
 def lock(params: Params, root: Path) -> Manifest:
@@ -100,7 +100,7 @@ def lock(params: Params, root: Path) -> Manifest:
         if not (root / capture.file).is_file():
             raise KinemimicError(f"{capture.file}: expected the recording of {name}, found none")
         for file in STAGES.values():
-            there = place(params, root, name, file)
+            there = built_path(params, root, name, file)
             if not there.exists():
                 raise KinemimicError(f"{there}: expected what `datasets build {name}` writes, found none")
             content[f"{name}/{file}"] = Canonical.read(there).identity
@@ -108,16 +108,16 @@ def lock(params: Params, root: Path) -> Manifest:
     if path.exists() and (before := Manifest.load(path)) != made and before.version >= made.version:
         raise KinemimicError(
             f"{path}: expected the data of version {before.version}, found that they changed "
-            f"({', '.join(different(before, made))}); raise `version` in {params.path} to "
+            f"({', '.join(differing_names(before, made))}); raise `version` in {params.path} to "
             f"{before.version + 1} and say in {CHANGELOG} what changed"
         )
-    if (missing := unsaid(params.version, root)) is not None:
+    if (missing := missing_changelog_line(params.version, root)) is not None:
         raise KinemimicError(missing)
     write_json(path, made.to_json())
     return made
 
 
-def different(before: Manifest, after: Manifest) -> list[str]:
+def differing_names(before: Manifest, after: Manifest) -> list[str]:
     """Names of the raw files and of the content that two manifests have not alike."""
     return [
         name
@@ -127,7 +127,7 @@ def different(before: Manifest, after: Manifest) -> list[str]:
     ]
 
 
-def unsaid(version: int, root: Path) -> str | None:
+def missing_changelog_line(version: int, root: Path) -> str | None:
     """What is wrong if the changelog has no line on a version of the data."""
     path, mark = root / CHANGELOG, f"- Data {version}: "
     if path.exists() and re.search(rf"^{mark}\S", path.read_text(encoding="utf-8"), re.MULTILINE):

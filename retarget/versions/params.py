@@ -14,7 +14,7 @@ from kinemimic.pipeline.errors import KinemimicError
 from kinemimic.pipeline.files.bounded import MEGABYTE, read_bounded
 from kinemimic.pipeline.files.toml_keys import Keys, parse_toml
 from kinemimic.pipeline.filters.clean import FILTERS
-from kinemimic.retarget.feet.ankles import ANKLES, Ankle
+from kinemimic.retarget.feet.ankles import ANKLE_MODES, AnkleMode
 
 PARAMS = Path("datasets/versions/params.toml")
 SCHEMA = 1
@@ -41,7 +41,7 @@ class Capture:
     filter: str | None = None
     symmetric: bool | None = None
     refined: bool = True
-    ankle: Ankle = "neutral"
+    ankle: AnkleMode = "neutral"
     loop: bool | None = None
 
 
@@ -99,7 +99,7 @@ def _capture(name: str, keys: Keys) -> Capture:
     if not file.name or file.is_absolute() or ".." in file.parts:
         keys.fail("file", expected="a recording, from the folder that is built in", found=repr(str(file)))
     chosen = keys.choice("filter", FILTERS, FILTERS[0]) if "filter" in keys.values else None
-    ankle: Ankle = "normal" if keys.choice("ankle", ANKLES, "neutral") == "normal" else "neutral"
+    ankle: AnkleMode = "normal" if keys.choice("ankle", ANKLE_MODES, "neutral") == "normal" else "neutral"
     symmetric, loop = _switch(keys, "symmetric"), _switch(keys, "loop")
     refined = _switch(keys, "refined")
     keys.finish()

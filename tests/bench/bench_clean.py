@@ -31,13 +31,13 @@ from kinemimic.pipeline.quality.check import check_capture
 from kinemimic.pipeline.readers.recognise import read
 from kinemimic.pipeline.virtual_kinect.noise import Levels
 from kinemimic.pipeline.virtual_kinect.recorder import record_virtual
-from kinemimic.retarget.captured import Span, captured_angles
-from kinemimic.retarget.cyclic import fit_gait
+from kinemimic.retarget.captured_angles import PassSpan, captured_angles
+from kinemimic.retarget.cyclic import fit_cyclic
 from kinemimic.retarget.humanoid.motion import joint_angles
 from kinemimic.retarget.optimise.refine import refine
-from kinemimic.retarget.strides.cycle import Pass, study_passes, usable
-from kinemimic.retarget.strides.loop import gather
-from kinemimic.retarget.strides.sensor_reliability import assess
+from kinemimic.retarget.strides.loop import pool_strides
+from kinemimic.retarget.strides.passes import Pass, analyze_passes, select_passes
+from kinemimic.retarget.strides.sensor_reliability import assess_reliability
 from kinemimic.train.reference.reference import Reference
 
 SEEDS = 20
@@ -91,28 +91,30 @@ def measure(task: Recorded) -> dict[tuple[str, str], Row]:
 def compare(raw: Clip, cleaned: Clip, truth: dict[str, Array]) -> Row:
     """One cleaned clip against the truth."""
     clip, recorded = on_nodes(cleaned), on_nodes(raw)
-    passes = study_passes(clip)
-    trust = assess(gather(clip, [one for one in passes if one.harmonic is not None]))
+    passes = analyze_passes(clip)
+    reliability = assess_reliability(pool_strides(clip, [one for one in passes if one.harmonic is not None]))
     spans = [_span(clip, one, np.flatnonzero(clip.passes == one.number)) for one in passes]
-    whole = captured_angles(clip, recorded, spans, trust, truth)
+    whole = captured_angles(clip, recorded, spans, reliability, truth)
     nothing = (np.nan, np.nan)
     row = Row(_errors(whole, "clean_"), nothing, nothing, _lag(whole), 0, len(passes))
     try:
-        chosen, _ = usable(passes)
-        fit = fit_gait(clip, chosen)
+        chosen, _ = select_passes(passes)
+        fit = fit_cyclic(clip, chosen)
     except KinemimicError:
         return row
-    used = captured_angles(clip, recorded, [_span(clip, one, one.frames) for one in chosen], fit.trust, truth)
+    used = captured_angles(
+        clip, recorded, [_span(clip, one, one.frames) for one in chosen], fit.reliability, truth
+    )
     loop = joint_angles(Reference(refine(fit.motion)).nodes(used["phase"]))
     used |= {f"loop_{name}": loop[name] for name in ANGLES}
     return row._replace(used=_errors(used, "clean_"), loop=_errors(used, "loop_"), passes=len(chosen))
 
 
-def _span(clip: Clip, one: Pass, frames: NDArray[np.intp]) -> Span:
+def _span(clip: Clip, one: Pass, frames: NDArray[np.intp]) -> PassSpan:
     first, last = clip.times[frames[[0, -1]]]
     start, period = (one.harmonic.start, one.harmonic.period) if one.harmonic else (0.0, 1.0)
     clock = (clip.times[one.frames], one.clock) if one.followed else None
-    return Span(one.number, float(first), float(last), one.heading, start, period, clock)
+    return PassSpan(one.number, float(first), float(last), one.heading, start, period, clock)
 
 
 def _errors(columns: dict[str, Array], prefix: str) -> tuple[float, float]:

@@ -29,12 +29,12 @@ from kinemimic.pipeline.kinematics.skeleton import NODE_INDEX as N
 from kinemimic.pipeline.kinematics.skeleton import NODE_PARENTS, NODES
 from kinemimic.pipeline.readers.recognise import read
 from kinemimic.pipeline.virtual_kinect.recorder import record_virtual
-from kinemimic.retarget.feet.contact import stances
+from kinemimic.retarget.feet.contact import find_stances
 from kinemimic.retarget.humanoid.motion import Motion
-from kinemimic.retarget.noncyclic import plain_motion
-from kinemimic.retarget.optimise.leg_chain import SIZE, chain_of, leg_jacobian, leg_points
+from kinemimic.retarget.noncyclic import fit_noncyclic
+from kinemimic.retarget.optimise.leg_chain import UNKNOWNS, leg_chain, leg_jacobian, leg_points
 from kinemimic.retarget.optimise.refine import refine
-from kinemimic.retarget.strides.cycle import Pass
+from kinemimic.retarget.strides.passes import Pass
 
 FRAMES = 20_000
 PEER_FRAMES = 150
@@ -111,11 +111,11 @@ def by_rotation_calls(positions: np.ndarray) -> np.ndarray:
 
 def by_least_squares(motion: Motion, frames: int) -> None:
     """Each of the first frames' legs by itself."""
-    chain = chain_of(motion.root, motion.rotations)
-    corners = leg_points(chain, np.zeros((len(motion.root), SIZE)))[:, :, 2:]
-    standing = stances(motion.contacts, corners, rate=motion.rate, cyclic=False)
+    chain = leg_chain(motion.root, motion.rotations)
+    corners = leg_points(chain, np.zeros((len(motion.root), UNKNOWNS)))[:, :, 2:]
+    standing = find_stances(motion.contacts, corners, rate=motion.rate, cyclic=False)
     anchors = standing.anchors(corners, np.zeros(3))
-    rest = np.full(SIZE, 1.0 / np.radians(4.0))
+    rest = np.full(UNKNOWNS, 1.0 / np.radians(4.0))
     for t in range(frames):
         one = slice(t, t + 1)
         here, hold = chain.window(one), np.sqrt(standing.hold[one])[..., None] / 0.002
@@ -127,13 +127,13 @@ def by_least_squares(motion: Motion, frames: int) -> None:
 
         def jacobian(x: np.ndarray, here=here, hold=hold) -> np.ndarray:
             legs = hold[..., None] * leg_jacobian(here, x[None])[1][:, :, 2:]
-            rows = np.zeros((2, 12, SIZE))
+            rows = np.zeros((2, 12, UNKNOWNS))
             for leg, begin in enumerate((6, 13)):
                 rows[leg][:, :6] = legs[0, leg].reshape(12, 13)[:, :6]
                 rows[leg][:, begin : begin + 7] = legs[0, leg].reshape(12, 13)[:, 6:]
-            return np.concatenate([rows.reshape(24, SIZE), np.diag(rest)])
+            return np.concatenate([rows.reshape(24, UNKNOWNS), np.diag(rest)])
 
-        least_squares(residual, np.zeros(SIZE), jacobian)
+        least_squares(residual, np.zeros(UNKNOWNS), jacobian)
 
 
 def hour(capture: Path, folder: Path) -> Path:
@@ -190,12 +190,12 @@ def main() -> None:
         folder = Path(name)
         capture = record_virtual(folder).skl
         clip, one = long_pass(read(capture), FRAMES)
-        ours = best(lambda: plain_motion(clip, one)) / FRAMES
+        ours = best(lambda: fit_noncyclic(clip, one)) / FRAMES
         peer = best(lambda: by_rotation_calls(clip.positions[:PEER_FRAMES])) / PEER_FRAMES
         print(
             f"closed form  {1 / ours:9,.0f} frames/s  {peer / ours:6.1f} x Rotation calls ({1 / peer:,.0f}/s)"
         )
-        motion = plain_motion(clip, one).motion
+        motion = fit_noncyclic(clip, one).motion
         motion = replace(motion, contacts=np.ones_like(motion.contacts))
         ours = best(lambda: refine(motion)) / len(motion.root)
         peer = best(lambda: by_least_squares(motion, PEER_FRAMES), 1) / PEER_FRAMES

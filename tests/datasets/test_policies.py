@@ -10,7 +10,7 @@ from kinemimic.evaluate.policies.recipe import POLICIES, recipes
 from kinemimic.evaluate.policies.shipped import MOTION, POLICY, RECORD, SCORES, gist, shipped
 from kinemimic.evaluate.workflow.reproduce import LARGEST, publish
 from kinemimic.pipeline.files.store import file_hash, read_json
-from kinemimic.retarget.formats.motion_json import motion_from_json
+from kinemimic.retarget.formats.motion_json import read_motion_json
 from kinemimic.train.rollout.policy import Policy, read_record
 
 
@@ -30,7 +30,7 @@ def test_a_policy_that_ships_is_what_its_recipe_says(name: str, tmp_path) -> Non
     # That of a recording may not ship.
     assert (folder / MOTION).is_file() == (recipe.recording is None)
     if recipe.recording is None:
-        assert gist(motion_from_json(folder / MOTION)) == record["imitates"]
+        assert gist(read_motion_json(folder / MOTION)) == record["imitates"]
         publish(folder, recipe, tmp_path)
         assert read_record(tmp_path / name / RECORD) == read_record(folder / RECORD)
 

@@ -10,7 +10,7 @@ from typing import Any
 
 from kinemimic.evaluate.compare.task import scenario_identity
 from kinemimic.pipeline.files.store import write_text
-from kinemimic.retarget.formats.motion_json import motion_from_json, motion_to_json
+from kinemimic.retarget.formats.motion_json import motion_to_json, read_motion_json
 from kinemimic.retarget.humanoid.motion import Motion
 from kinemimic.train.config.config import PRESETS
 from kinemimic.train.scenario.scenario_file import scenario
@@ -36,7 +36,7 @@ def write_comparison(
         write_text(folder / task / "motion.json", motion_to_json(motions[task.partition("@")[0]]))
         named = task.partition("@")[2]
         tasks[task] = {
-            "identity": motion_from_json(folder / task / "motion.json").identity,
+            "identity": read_motion_json(folder / task / "motion.json").identity,
             "scenario_identity": scenario_identity(scenario(named)) if named else None,
         }
         for variant in variants:

@@ -11,7 +11,7 @@ import numpy as np
 from kinemimic.pipeline.files.store import write_text
 from kinemimic.pipeline.kinematics.rotations import conjugate, from_axis_angle, multiply
 from kinemimic.pipeline.kinematics.skeleton import NODE_INDEX
-from kinemimic.retarget.formats.motion_json import motion_from_json, motion_to_json
+from kinemimic.retarget.formats.motion_json import motion_to_json, read_motion_json
 from kinemimic.retarget.humanoid.body import LEG_LENGTH, STANDING_HEIGHT
 from kinemimic.retarget.humanoid.motion import Motion
 from kinemimic.train.config.config import PRESETS
@@ -39,5 +39,5 @@ def write_idle_run(folder: Path, motion: Motion) -> None:
     write_text(folder / "motion.json", motion_to_json(motion))
     record = {"samples": 0, "seconds": 0.0, "preset": "default", "seed": 3, "mirrored": True}
     record |= {"config": PRESETS["default"].to_json()}
-    made_from = {"inputs": {"motion": motion_from_json(folder / "motion.json").identity}}
+    made_from = {"inputs": {"motion": read_motion_json(folder / "motion.json").identity}}
     constant().save(folder / "policy.safetensors", record | {"provenance": made_from})

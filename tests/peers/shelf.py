@@ -7,7 +7,7 @@ from typing import Any
 
 from kinemimic.evaluate.policies.shipped import MOTION, POLICY, SCORES, gist
 from kinemimic.pipeline.files.store import file_hash, write_json, write_text
-from kinemimic.retarget.formats.motion_json import motion_from_json, motion_to_json
+from kinemimic.retarget.formats.motion_json import motion_to_json, read_motion_json
 from kinemimic.retarget.humanoid.motion import Motion
 from kinemimic.train.config.config import preset
 from peers.constant import constant
@@ -40,7 +40,7 @@ seed = 3
 def write_run(folder: Path, motion: Motion, *, seed: int = 3, budget: int = 5, bias: float = 0.0) -> Path:
     """A run folder after `evaluate`, but for its playback."""
     write_text(folder / MOTION, motion_to_json(motion))
-    identity = motion_from_json(folder / MOTION).identity
+    identity = read_motion_json(folder / MOTION).identity
     idle = constant(bias)
     config = preset("default", seed=seed, budget=budget).to_json()
     record = {"preset": "default", "engine": "native", "samples": budget, "seconds": 1.0, "seed": seed}

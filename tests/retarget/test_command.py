@@ -14,8 +14,8 @@ from click.testing import CliRunner
 from kinemimic.pipeline.errors import KinemimicError
 from kinemimic.pipeline.files.store import read_clip, write_clip
 from kinemimic.retarget.command import _table, command, retarget
-from kinemimic.retarget.formats.motion_json import motion_from_json
-from kinemimic.retarget.gate import judge
+from kinemimic.retarget.formats.motion_json import read_motion_json
+from kinemimic.retarget.gate import check_report
 from kinemimic.retarget.humanoid.motion import joint_angles
 from kinemimic.retarget.report import r_squared, reference_at
 
@@ -41,7 +41,7 @@ def test_writes_what_the_next_stages_read(run):
     motion = retarget(run)
     assert all((run / name).exists() for name in FILES)
     assert not list(run.glob(".*"))
-    read = motion_from_json(run / "motion.json")
+    read = read_motion_json(run / "motion.json")
     assert read.rotations == pytest.approx(motion.rotations, abs=1e-6)
     report = json.loads((run / "gait.json").read_text())
     assert report["kind"] == "walk" and report["cyclic"]
@@ -94,7 +94,7 @@ def test_the_table_tells_what_train_refuses_from_what_is_only_to_be_seen(run):
     retarget(run)
     report = json.loads((run / "gait.json").read_text())
     assert "✗" not in "\n".join(_table(report))
-    (finding,) = judge({**report, "range_deg": {name: [0.0, 20.0] for name in report["range_deg"]}})
+    (finding,) = check_report({**report, "range_deg": {name: [0.0, 20.0] for name in report["range_deg"]}})
     told = {**report, "gate": [finding.to_json()], "warnings": ["it limps", finding.text]}
     lines = _table(told)
     assert lines[-3:-1] == ["  ! it limps", "  ✗ a knee flexes by 20° at most (limit 35°)"]
@@ -161,7 +161,7 @@ def test_a_walk_can_be_kept_as_it_was_recorded(run):
     assert report["duration_s"] == pytest.approx(2.6, abs=0.1)
     assert report["strides"] == pytest.approx(2.6 / 1.1, abs=0.3)
     assert report["cadence_steps_per_min"] == pytest.approx(120 / 1.1, rel=0.05)
-    assert not motion_from_json(run / "motion.json").cyclic
+    assert not read_motion_json(run / "motion.json").cyclic
     table = pq.read_table(run / "capture.parquet")
     assert len(set(table["pass"].to_pylist())) == 1
     assert "strides in" in "\n".join(_table(report))

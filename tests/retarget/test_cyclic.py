@@ -11,20 +11,20 @@ from kinemimic.pipeline.errors import KinemimicError
 from kinemimic.pipeline.kinematics.clip import Clip
 from kinemimic.pipeline.kinematics.rotations import angle_between, from_axis_angle, rotate
 from kinemimic.pipeline.kinematics.skeleton import NODE_INDEX as N
-from kinemimic.retarget.cyclic import HARMONICS, GaitFit, fit_gait
-from kinemimic.retarget.feet.contact import corner_velocity, lowest, soles
+from kinemimic.retarget.cyclic import LEG_HARMONICS, CyclicFit, fit_cyclic
+from kinemimic.retarget.feet.contact import at_lowest_corner, corner_velocity, sole_positions
 from kinemimic.retarget.humanoid.motion import joint_angles
-from kinemimic.retarget.noncyclic import plain_motion
-from kinemimic.retarget.strides.cycle import is_gait, study_passes, usable
+from kinemimic.retarget.noncyclic import fit_noncyclic
 from kinemimic.retarget.strides.loop import MIRROR_NODES
+from kinemimic.retarget.strides.passes import analyze_passes, is_gait, select_passes
 
 
-def loop_of(clip: Clip, symmetric: bool | None = None) -> GaitFit:
-    chosen, _ = usable(study_passes(clip))
-    return fit_gait(clip, chosen, symmetric)
+def loop_of(clip: Clip, symmetric: bool | None = None) -> CyclicFit:
+    chosen, _ = select_passes(analyze_passes(clip))
+    return fit_cyclic(clip, chosen, symmetric)
 
 
-def rmse_deg(fit: GaitFit, curves) -> dict[str, float]:
+def rmse_deg(fit: CyclicFit, curves) -> dict[str, float]:
     frames = len(fit.motion.root)
     truth = curves(np.arange(frames) / frames)
     found = joint_angles(fit.motion.rotations)
@@ -38,7 +38,7 @@ def test_clean_walker_comes_back(walker):
     assert motion.duration == pytest.approx(w.period, rel=2e-3)
     assert len(motion.root) == 66 and motion.cyclic
     assert max(rmse_deg(fit, w.curves).values()) < 1.0
-    assert fit.trust.precise and fit.trust.pelvis and fit.trust.feet
+    assert fit.reliability.precise and fit.reliability.pelvis and fit.reliability.feet
     assert fit.scale == pytest.approx(1 / w.size, rel=1e-3)
 
 
@@ -46,8 +46,8 @@ def test_planted_foot_stands_still_and_ground_is_zero(walker):
     w = walker()
     fit = loop_of(w.clip)
     motion = fit.motion
-    corners = soles(*motion.kinematics())
-    velocity = lowest(corners, corner_velocity(corners, motion.rate, motion.cycle_offset))[:, 0, 0]
+    corners = sole_positions(*motion.kinematics())
+    velocity = at_lowest_corner(corners, corner_velocity(corners, motion.rate, motion.cycle_offset))[:, 0, 0]
     phase = np.arange(len(velocity)) / len(velocity)
     assert abs(velocity[(phase > 0.12) & (phase < 0.46)].mean()) < 0.02 * fit.path.speed
     assert fit.path.speed == pytest.approx(w.speed / w.size, rel=0.1)
@@ -97,7 +97,7 @@ def test_sensor_noise_stays_below_four_degrees(walker):
     w = walker(noise=0.012, passes=3, rate=30.0, seconds=2.6)
     fit = loop_of(w.clip)
     errors = rmse_deg(fit, w.curves)
-    assert not fit.trust.precise and not fit.trust.feet
+    assert not fit.reliability.precise and not fit.reliability.feet
     assert max(errors.values()) < 4.0
     assert joint_angles(fit.motion.rotations)["knee_left"].min() > -0.02
 
@@ -118,10 +118,10 @@ def test_a_walk_that_shows_no_gait_is_refused_in_one_line(walker):
     swap = rng.random(len(p)) < 0.5
     a, b = N["ankle_left"], N["ankle_right"]
     p[np.ix_(swap, [a, b])] = p[np.ix_(swap, [b, a])]
-    passes = study_passes(replace(w.clip, positions=p))
+    passes = analyze_passes(replace(w.clip, positions=p))
     assert is_gait(passes)
     with pytest.raises(KinemimicError, match="expected a pass of walking"):
-        usable(passes)
+        select_passes(passes)
 
 
 def test_a_movement_on_the_spot_is_no_gait(walker):
@@ -138,11 +138,11 @@ def test_a_movement_on_the_spot_is_no_gait(walker):
     elbow = standing[:, N["elbow_left"]]
     standing[:, N["wrist_left"]] = elbow + rotate(lift, np.array([0, 0, -0.27]))
     still = replace(clip, positions=standing)
-    passes = study_passes(still)
+    passes = analyze_passes(still)
     assert not is_gait(passes)
-    fit = plain_motion(still, passes[0])
+    fit = fit_noncyclic(still, passes[0])
     motion = fit.motion
-    assert fit.trust.precise and not motion.cyclic
+    assert fit.reliability.precise and not motion.cyclic
     assert motion.contacts.all() and fit.seen.shape == motion.rotations.shape[:2]
     assert motion.duration == pytest.approx(t[-1] - t[0], abs=0.02)
     assert np.abs(motion.root[:, :2]).max() < 1e-9
@@ -154,18 +154,18 @@ def test_a_movement_on_the_spot_is_no_gait(walker):
 def test_one_stride_of_few_frames_has_fewer_harmonics_but_its_knees_turn(walker):
     """26 frames cannot hold the 17 coefficients of eight harmonics."""
     w = walker(seconds=1.3, rate=20.0)
-    (one,) = study_passes(w.clip)
+    (one,) = analyze_passes(w.clip)
     assert len(one.frames) < 34
-    fit = fit_gait(w.clip, [one], False)
-    assert fit.trust.precise
-    assert len(fit.loop.joints["knee_left"].coefficients) < 1 + 2 * HARMONICS[True]
+    fit = fit_cyclic(w.clip, [one], False)
+    assert fit.reliability.precise
+    assert len(fit.loop.joints["knee_left"].coefficients) < 1 + 2 * LEG_HARMONICS[True]
     assert max(rmse_deg(fit, w.curves).values()) < 2.5
 
 
 def test_less_than_a_stride_is_completed_by_the_mirror_or_refused(walker):
     clip = walker(seconds=0.85).clip
-    (one,) = study_passes(clip)
+    (one,) = analyze_passes(clip)
     assert one.verdict == "accepted"
-    assert fit_gait(clip, [one]).symmetric
+    assert fit_cyclic(clip, [one]).symmetric
     with pytest.raises(KinemimicError, match="whole stride"):
-        fit_gait(clip, [one], False)
+        fit_cyclic(clip, [one], False)

@@ -10,7 +10,7 @@ from kinemimic.pipeline.errors import KinemimicError
 from kinemimic.pipeline.files.store import read_json, write_json
 from kinemimic.pipeline.ingest import ingest
 from kinemimic.retarget.command import retarget
-from kinemimic.retarget.gate import RULES, admit, judge
+from kinemimic.retarget.gate import RULES, check_report, require_trainable
 
 GOOD = {
     "kind": "walk",
@@ -36,7 +36,7 @@ def changed(**values):
 
 
 def test_a_good_walk_passes():
-    assert judge(GOOD) == ()
+    assert check_report(GOOD) == ()
 
 
 @pytest.mark.parametrize(
@@ -62,7 +62,7 @@ def test_a_good_walk_passes():
     ],
 )
 def test_every_rule_says_its_number_and_limit(change, rule, severity, says):
-    (finding,) = judge(changed(**change))
+    (finding,) = check_report(changed(**change))
     assert (finding.rule, finding.severity) == (rule, severity)
     assert says in finding.text
 
@@ -79,34 +79,36 @@ def test_a_run_has_limits_of_its_own():
         "cadence_steps_per_min": 150.0, "ground__swing_clearance_m": -0.01,
         "range_deg": {"knee_left": [10.0, 100.0], "knee_right": [10.0, 101.0]},
     }  # fmt: skip
-    assert judge(changed(kind="run", **run)) == ()
-    assert {finding.rule for finding in judge(changed(**run))} == {"cadence", "clearance", "knee"}
+    assert check_report(changed(kind="run", **run)) == ()
+    assert {finding.rule for finding in check_report(changed(**run))} == {"cadence", "clearance", "knee"}
 
 
 def test_a_movement_that_is_no_gait_is_judged_by_ground_and_limits_only():
     squat = {"kind": "motion", "range_deg": {"knee_left": [0.0, 120.0], "knee_right": [0.0, 121.0]}}
-    assert judge(squat | {"measures": GOOD["measures"]}) == ()
-    sunk = judge(squat | {"measures": {"penetration_m": 0.1, "floating_m": None, "beyond_limits_deg": {}}})
+    assert check_report(squat | {"measures": GOOD["measures"]}) == ()
+    sunk = check_report(
+        squat | {"measures": {"penetration_m": 0.1, "floating_m": None, "beyond_limits_deg": {}}}
+    )
     assert [finding.rule for finding in sunk] == ["penetration"]
 
 
 def test_refusals_come_first_and_one_line_names_all(tmp_path: Path):
     report = changed(strides=1.4, ground__slip_m_s=0.2, r2_loop_against_capture__hip_left=0.2)
-    assert [finding.severity for finding in judge(report)] == ["refuse", "refuse", "warn"]
+    assert [finding.severity for finding in check_report(report)] == ["refuse", "refuse", "warn"]
     write_json(tmp_path / "gait.json", report)
     with pytest.raises(KinemimicError) as caught:
-        admit(tmp_path)
+        require_trainable(tmp_path)
     text = str(caught.value)
     assert "\n" not in text
     assert "0.20 m/s (limit 0.15)" in text and "R² 0.20" in text and "1.4 strides" not in text
     assert "--anyway" in text
-    admit(tmp_path, anyway=True)
+    require_trainable(tmp_path, anyway=True)
 
 
 def test_what_only_warns_and_what_is_unknown_goes_through(tmp_path: Path):
-    admit(tmp_path)
+    require_trainable(tmp_path)
     write_json(tmp_path / "gait.json", changed(strides=1.4))
-    admit(tmp_path)
+    require_trainable(tmp_path)
 
 
 @pytest.mark.parametrize(
@@ -125,10 +127,10 @@ def test_real_walks_and_runs(tmp_path: Path, captures: Path, name, refused):
     ingest(captures / name, tmp_path)
     convert(tmp_path)
     retarget(tmp_path)
-    found = judge(read_json(tmp_path / "gait.json"))
+    found = check_report(read_json(tmp_path / "gait.json"))
     assert {finding.rule for finding in found if finding.severity == "refuse"} >= refused
     if not refused:
-        admit(tmp_path)
+        require_trainable(tmp_path)
         return
     with pytest.raises(KinemimicError, match="R²"):
-        admit(tmp_path)
+        require_trainable(tmp_path)

@@ -11,19 +11,19 @@ from kinemimic.pipeline.convert import on_nodes
 from kinemimic.pipeline.kinematics.rotations import angle_between
 from kinemimic.pipeline.kinematics.skeleton import NODE_INDEX as N
 from kinemimic.pipeline.readers.mocap.deepmimic import read_deepmimic, stock_motion
-from kinemimic.retarget.feet.contact import soles
+from kinemimic.retarget.feet.contact import sole_positions
 from kinemimic.retarget.humanoid.limits import beyond_limits
 from kinemimic.retarget.humanoid.motion import Motion
 from kinemimic.retarget.humanoid.surface import lowest_points
 from kinemimic.retarget.measure import measure
-from kinemimic.retarget.noncyclic import PlainFit, plain_motion
+from kinemimic.retarget.noncyclic import NonCyclicFit, fit_noncyclic
 from kinemimic.retarget.optimise.refine import refine
-from kinemimic.retarget.strides.cycle import study_passes
+from kinemimic.retarget.strides.passes import analyze_passes
 
 
-def stock(name: str) -> PlainFit:
+def stock(name: str) -> NonCyclicFit:
     clip = on_nodes(read_deepmimic(stock_motion(name)))
-    return plain_motion(clip, study_passes(clip)[0])
+    return fit_noncyclic(clip, analyze_passes(clip)[0])
 
 
 def lowest(motion: Motion) -> float:
@@ -46,7 +46,7 @@ def test_stock_motions_keep_their_shape_above_the_ground_and_within_the_joints(n
 
 def test_a_jump_leaves_the_ground_and_falls_as_bodies_do():
     motion = refine(stock("jump").motion)
-    height = soles(*motion.kinematics())[..., 2].min(axis=(1, 2))
+    height = sole_positions(*motion.kinematics())[..., 2].min(axis=(1, 2))
     flight = np.flatnonzero(height > 0.05)
     assert height.max() > 0.15 and not motion.contacts[flight].any()
     top = motion.root[flight[4:-4], 2]
@@ -65,7 +65,7 @@ def test_a_recording_between_frames_is_smooth():
 
 def test_feet_in_the_air_point_as_recorded():
     fit = stock("kick")
-    assert fit.trust.precise and fit.trust.feet
+    assert fit.reliability.precise and fit.reliability.feet
     clip = on_nodes(read_deepmimic(stock_motion("kick")))
     assert len(fit.frames) == len(clip.times)
 
@@ -75,10 +75,10 @@ def test_without_toes_the_ankles_say_where_feet_stand_and_these_are_flat():
     positions = clip.positions.copy()
     positions[:, [N["foot_left"], N["foot_right"]]] = np.nan
     bare = replace(clip, positions=positions)
-    fit = plain_motion(bare, study_passes(bare)[0])
-    assert fit.trust.precise and not fit.trust.feet
+    fit = fit_noncyclic(bare, analyze_passes(bare)[0])
+    assert fit.reliability.precise and not fit.reliability.feet
     assert 0.2 < fit.motion.contacts.mean() < 0.95
-    corners = soles(*fit.motion.kinematics())[..., 2]
+    corners = sole_positions(*fit.motion.kinematics())[..., 2]
     # In the deepest crouch the ankle is at its limit.
     assert np.median(np.ptp(corners, axis=-1)[fit.motion.contacts]) < 0.001
 

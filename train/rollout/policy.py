@@ -17,7 +17,7 @@ from kinemimic.pipeline.errors import KinemimicError
 from kinemimic.pipeline.files.bounded import MEGABYTE, read_bounded
 from kinemimic.pipeline.files.schema import upgraded
 from kinemimic.pipeline.files.store import atomic, read_json, write_json
-from kinemimic.retarget.formats.motion_json import motion_from_json
+from kinemimic.retarget.formats.motion_json import read_motion_json
 from kinemimic.retarget.humanoid.body import body_identity
 from kinemimic.retarget.humanoid.motion import Motion
 from kinemimic.train.config.baseline_config import Activation
@@ -213,7 +213,7 @@ def _read_tensors(path: Path) -> dict[str, Floats]:
 
 def learnt(run: Path) -> tuple[Motion, Policy, dict[str, Any]]:
     """A run's motion, the policy that learnt it, and the policy's record; a KinemimicError if it did not."""
-    motion, path = motion_from_json(run / "motion.json"), run / POLICY
+    motion, path = read_motion_json(run / "motion.json"), run / POLICY
     if not path.exists():
         raise KinemimicError(f"{path}: expected a policy, found no file; run `kinemimic train` first")
     policy, record = Policy.load(path)

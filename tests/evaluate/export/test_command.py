@@ -25,8 +25,8 @@ from kinemimic.pipeline.kinematics.rotations import angle_between, from_axis_ang
 from kinemimic.pipeline.kinematics.skeleton import NODES, node_skeleton
 from kinemimic.pipeline.readers.mocap.deepmimic import read_deepmimic
 from kinemimic.pipeline.readers.recognise import read
-from kinemimic.retarget.formats.motion_json import motion_from_json, motion_to_json
-from kinemimic.retarget.formats.read_mcap import motion_from_mcap
+from kinemimic.retarget.formats.motion_json import motion_to_json, read_motion_json
+from kinemimic.retarget.formats.read_mcap import read_mcap
 from kinemimic.retarget.formats.write_mcap import write_mcap
 from kinemimic.retarget.humanoid.motion import Motion
 from kinemimic.train.rollout.trajectory import Trajectory
@@ -96,8 +96,8 @@ def test_positions_are_equal_in_every_format_that_holds_them(
         wanted = subject.clip.positions if form == "trc" else expected
         np.testing.assert_allclose(back.positions[:, index], wanted, atol=1e-6)
     for motion in (
-        motion_from_json(of(files, what, "json")),
-        motion_from_mcap(of(files, what, "mcap")),
+        read_motion_json(of(files, what, "json")),
+        read_mcap(of(files, what, "mcap")),
     ):
         # These two have rigid bones; a capture's are as long as they mostly were.
         found = motion.kinematics()[0]
@@ -204,7 +204,7 @@ def test_a_damaged_mcap_is_named_and_recovered(
     result = CliRunner().invoke(command, arguments, catch_exceptions=False)
     (bvh, mcap) = json.loads(result.stdout)
     assert Path(mcap["path"]).name == "cut-recovered.mcap" and "cut off" in mcap["note"]
-    back = motion_from_mcap(Path(mcap["path"]))
+    back = read_mcap(Path(mcap["path"]))
     assert 80 < len(back.root) == mcap["frames"] == len(read(Path(bvh["path"])).times) < 400
     np.testing.assert_array_equal(back.rotations, motion.rotations[: len(back.root)])
 

@@ -21,7 +21,7 @@ from kinemimic.evaluate.scoring import command as stage
 from kinemimic.evaluate.view import command as view
 from kinemimic.pipeline.errors import KinemimicError
 from kinemimic.pipeline.files.store import file_hash, read_json, write_json, write_text
-from kinemimic.retarget.formats.motion_json import motion_from_json, motion_to_json
+from kinemimic.retarget.formats.motion_json import motion_to_json, read_motion_json
 from kinemimic.retarget.humanoid.motion import Motion
 
 
@@ -111,7 +111,7 @@ def recorded(tmp_path: Path, walk: Motion, monkeypatch: pytest.MonkeyPatch) -> P
 def test_a_motion_is_made_again_of_its_recording(shelf: Path, tmp_path: Path, recorded: Path) -> None:
     run = tmp_path / "run"
     shipped.unpack("kinect_walk", run, capture=recorded)
-    made, record = motion_from_json(run / MOTION), read_json(run / RECORD)
+    made, record = read_motion_json(run / MOTION), read_json(run / RECORD)
     assert record["provenance"]["inputs"]["motion"] == record["learnt_motion"] == made.identity
     assert file_hash(run / POLICY) == file_hash(shelf / "kinect_walk" / POLICY)
     # A run that has the recording's motion needs it no more.
@@ -138,7 +138,7 @@ def test_the_motion_may_be_a_little_another(
         shipped.unpack("kinect_walk", run, capture=recorded)
         found = read_json(run / RECORD)
         assert found["learnt_motion"] == "learnt"
-        assert found["provenance"]["inputs"]["motion"] == motion_from_json(run / MOTION).identity
+        assert found["provenance"]["inputs"]["motion"] == read_motion_json(run / MOTION).identity
 
 
 def test_a_view_lets_it_perform_where_nobody_has_yet(shelf: Path, monkeypatch: pytest.MonkeyPatch) -> None:

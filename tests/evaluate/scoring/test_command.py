@@ -10,7 +10,7 @@ from peers.constant import constant
 from kinemimic.evaluate.scoring import command as stage
 from kinemimic.pipeline.errors import KinemimicError
 from kinemimic.pipeline.files.store import write_text
-from kinemimic.retarget.formats.motion_json import motion_from_json, motion_to_json
+from kinemimic.retarget.formats.motion_json import motion_to_json, read_motion_json
 from kinemimic.train.config.config import PRESETS
 from kinemimic.train.rollout.trajectory import Trajectory
 from kinemimic.train.sim.engines import resolve
@@ -25,7 +25,7 @@ def write_inputs(folder, motion):
     record = {"samples": 0, "seconds": 0.0, "preset": "default", "seed": 0, "mirrored": True}
     record |= {"config": PRESETS["default"].to_json()}
     # As `train` does it: the identity of what was read back, rounded as the file is.
-    made_from = {"inputs": {"motion": motion_from_json(folder / "motion.json").identity}}
+    made_from = {"inputs": {"motion": read_motion_json(folder / "motion.json").identity}}
     idle.save(folder / "policy.safetensors", record | {"provenance": made_from})
 
 

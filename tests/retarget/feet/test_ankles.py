@@ -11,12 +11,12 @@ from kinemimic.pipeline.ingest import ingest
 from kinemimic.pipeline.kinematics.rotations import IDENTITY, from_axis_angle, rotate, to_rotvec
 from kinemimic.pipeline.kinematics.skeleton import NODE_INDEX as N
 from kinemimic.pipeline.kinematics.skeleton import NODES
-from kinemimic.retarget.cyclic import fit_gait
-from kinemimic.retarget.feet.ankles import CLEAR, FLAT, PASSES, normal_feet
-from kinemimic.retarget.feet.contact import soles
+from kinemimic.retarget.cyclic import fit_cyclic
+from kinemimic.retarget.feet.ankles import FEET_ADJACENT, FOOT_FLAT, MIN_CLEARANCE, normal_feet
+from kinemimic.retarget.feet.contact import sole_positions
 from kinemimic.retarget.feet.legs import neutral_feet
-from kinemimic.retarget.feet.scale import pose
-from kinemimic.retarget.strides.cycle import study_passes, usable
+from kinemimic.retarget.feet.scale import body_kinematics
+from kinemimic.retarget.strides.passes import analyze_passes, select_passes
 
 PHASE = np.arange(120) / 120.0
 
@@ -46,25 +46,25 @@ def test_a_normal_walk_gets_the_normal_ankle_up_to_a_constant():
 
 def test_the_sole_is_flat_in_the_middle_of_stance_whatever_the_pelvis_leans():
     for lean in (0.0, 0.15):
-        frames = pose(normal_feet(normal_walk(lean=lean), PHASE))[1]
+        frames = body_kinematics(normal_feet(normal_walk(lean=lean), PHASE))[1]
         for side, shift in (("left", 0.0), ("right", 0.5)):
             toe = rotate(frames[:, N[f"ankle_{side}"]], np.array([1.0, 0.0, 0.0]))
             stride = np.mod(PHASE + shift, 1.0)
-            pitch = np.degrees(np.arcsin(toe[(stride > FLAT[0]) & (stride < FLAT[1]), 2]))
+            pitch = np.degrees(np.arcsin(toe[(stride > FOOT_FLAT[0]) & (stride < FOOT_FLAT[1]), 2]))
             assert abs(pitch.mean()) < 0.5
             assert np.abs(pitch).max() < 8
 
 
 def test_the_toes_are_lifted_where_a_sensor_s_knee_bends_too_little():
     def clearance(rotations):
-        low = soles(*pose(rotations))[..., 2].min(axis=-1)
-        start, end = PASSES
+        low = sole_positions(*body_kinematics(rotations))[..., 2].min(axis=-1)
+        start, end = FEET_ADJACENT
         swings = (start < PHASE) & (end > PHASE)
         return (low[swings, 0] - low[swings, 1]).min()
 
     stiff = normal_walk(knee=0.8)
-    assert clearance(normal_feet(stiff, PHASE)) > 0.8 * CLEAR
-    assert clearance(normal_feet(normal_walk(), PHASE)) > 0.8 * CLEAR
+    assert clearance(normal_feet(stiff, PHASE)) > 0.8 * MIN_CLEARANCE
+    assert clearance(normal_feet(normal_walk(), PHASE)) > 0.8 * MIN_CLEARANCE
 
 
 @pytest.mark.parametrize("name", ["02_01.bvh", "02_02.bvh", "07_01.bvh"])
@@ -72,7 +72,7 @@ def test_it_is_nearer_to_a_measured_ankle_than_a_neutral_one(tmp_path: Path, cap
     """Optical walks, whose feet are seen: the made-up ankles against the measured ones."""
     ingest(captures / "cmu_bvh" / name, tmp_path)
     clip = on_nodes(convert(tmp_path))
-    motion = fit_gait(clip, usable(study_passes(clip))[0]).motion
+    motion = fit_cyclic(clip, select_passes(analyze_passes(clip))[0]).motion
     phase = np.arange(len(motion.root)) / len(motion.root)
 
     def error(made):

@@ -5,10 +5,16 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from kinemimic.retarget.feet.contact import RECORDED, Standing, planted, stances, steps
+from kinemimic.retarget.feet.contact import (
+    RECORDED_THRESHOLDS,
+    ContactThresholds,
+    contact_speeds,
+    detect_contacts,
+    find_stances,
+)
 from kinemimic.retarget.humanoid.body import sole_corners
 
-WHEN = Standing(near=0.02, far=0.04, slow=0.2, fast=0.4)
+WHEN = ContactThresholds(near=0.02, far=0.04, slow=0.2, fast=0.4)
 RATE = 60.0
 
 
@@ -20,29 +26,29 @@ def feet(height, speed=0.0):
 
 def test_a_foot_stands_until_it_is_above_the_second_height():
     height, speed = feet([0.05, 0.03, 0.03, 0.01, 0.03, 0.03, 0.05, 0.03, 0.03, 0.03])
-    found = planted(height, speed, WHEN, rate=RATE, cyclic=False)
+    found = detect_contacts(height, speed, WHEN, rate=RATE, cyclic=False)
     # The first run touches the ground once and counts whole; the last never does.
     assert found[:, 0].tolist() == [False, True, True, True, True, True, False, False, False, False]
 
 
 def test_noise_about_a_threshold_does_not_lift_the_foot():
     rng = np.random.default_rng(0)
-    height, speed = feet(RECORDED.near + 0.01 * rng.standard_normal(200))
-    assert planted(height, speed, RECORDED, rate=RATE, cyclic=False)[:, 0].all()
+    height, speed = feet(RECORDED_THRESHOLDS.near + 0.01 * rng.standard_normal(200))
+    assert detect_contacts(height, speed, RECORDED_THRESHOLDS, rate=RATE, cyclic=False)[:, 0].all()
 
 
 def test_a_foot_that_passes_low_or_stops_in_the_air_does_not_stand():
-    passing = planted(*feet(np.full(30, 0.01), 1.0), WHEN, rate=RATE, cyclic=False)
-    hanging = planted(*feet(np.full(30, 0.2), 0.0), WHEN, rate=RATE, cyclic=False)
-    brief = planted(*feet([0.1] * 5 + [0.0] * 2 + [0.1] * 5), WHEN, rate=RATE, cyclic=False)
+    passing = detect_contacts(*feet(np.full(30, 0.01), 1.0), WHEN, rate=RATE, cyclic=False)
+    hanging = detect_contacts(*feet(np.full(30, 0.2), 0.0), WHEN, rate=RATE, cyclic=False)
+    brief = detect_contacts(*feet([0.1] * 5 + [0.0] * 2 + [0.1] * 5), WHEN, rate=RATE, cyclic=False)
     assert not passing.any() and not hanging.any() and not brief.any()
 
 
 def test_a_stance_over_the_seam_of_a_cycle_is_one():
     height, speed = feet([0.01] * 4 + [0.1] * 10 + [0.03] * 6)
-    assert planted(height, speed, WHEN, rate=RATE, cyclic=True)[:, 0].sum() == 10
-    stands = planted(height, speed, WHEN, rate=RATE, cyclic=True)
-    found = stances(stands, flat_feet(20, np.zeros((20, 2))), rate=RATE, cyclic=True)
+    assert detect_contacts(height, speed, WHEN, rate=RATE, cyclic=True)[:, 0].sum() == 10
+    stands = detect_contacts(height, speed, WHEN, rate=RATE, cyclic=True)
+    found = find_stances(stands, flat_feet(20, np.zeros((20, 2))), rate=RATE, cyclic=True)
     assert set(found.number[stands[:, 0], 0]) == {1} and set(found.number[stands[:, 1], 1]) == {2}
     assert found.laps[:4, 0].tolist() == [1.0] * 4 and not found.laps[14:, 0].any()
 
@@ -62,7 +68,7 @@ def test_a_sliding_foot_is_anchored_in_its_middle_as_one_rigid_sole():
     # First the heel carries, then the toes.
     corners[:7, :, 2:, 2], corners[14:, :, :2, 2] = 0.05, 0.05
     stands = np.ones((21, 2), dtype=bool)
-    anchors = stances(stands, corners, rate=RATE, cyclic=False).anchors(corners, np.zeros(3))
+    anchors = find_stances(stands, corners, rate=RATE, cyclic=False).anchors(corners, np.zeros(3))
     middle = flat_feet(21, np.tile([0.02, 0.0], (21, 1)), heading=0.3)[..., :2]
     size = np.linalg.norm(anchors[0, 0, 0] - anchors[0, 0, 3])
     assert size == pytest.approx(np.linalg.norm(middle[0, 0, 0] - middle[0, 0, 3]))
@@ -77,7 +83,7 @@ def test_anchors_of_a_cycle_move_on_with_it():
     stands = np.zeros((frames, 2), dtype=bool)
     stands[:4] = stands[14:] = True
     corners = flat_feet(frames, place)
-    anchors = stances(stands, corners, rate=RATE, cyclic=True).anchors(corners, advance)
+    anchors = find_stances(stands, corners, rate=RATE, cyclic=True).anchors(corners, advance)
     assert anchors[stands] == pytest.approx(corners[..., :2][stands])
 
 
@@ -86,6 +92,6 @@ def test_steps_are_between_frames_in_which_the_foot_stands():
     place = np.stack([np.where(np.arange(frames) < 6, 0.0, 1.0), np.zeros(frames)], axis=-1)
     stands = np.zeros((frames, 2), dtype=bool)
     stands[:6, 0] = stands[6:, 1] = True
-    assert steps(flat_feet(frames, place), stands, RATE, None) == pytest.approx(np.zeros(5 + 4))
+    assert contact_speeds(flat_feet(frames, place), stands, RATE, None) == pytest.approx(np.zeros(5 + 4))
     drift = np.stack([0.001 * np.arange(frames), np.zeros(frames)], axis=-1)
-    assert steps(flat_feet(frames, drift), stands, RATE, None) == pytest.approx(np.full(9, 0.06))
+    assert contact_speeds(flat_feet(frames, drift), stands, RATE, None) == pytest.approx(np.full(9, 0.06))

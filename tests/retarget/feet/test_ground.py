@@ -12,7 +12,7 @@ from kinemimic.pipeline.gait import fourier
 from kinemimic.pipeline.ingest import ingest
 from kinemimic.pipeline.virtual_kinect.recorder import record_virtual
 from kinemimic.retarget.command import retarget
-from kinemimic.retarget.feet.ground import SINGLE_SUPPORT, _follow, between
+from kinemimic.retarget.feet.ground import SINGLE_SUPPORT, _follow, in_phase_window
 from kinemimic.train.reference.dynamics import efforts
 from kinemimic.train.reference.reference import Reference
 
@@ -26,7 +26,7 @@ def test_a_recorded_path_on_which_the_carrying_foot_stands_still_is_left_as_it_i
     wave[0] = 0.0
     sway = fourier.evaluate(wave, phase)
     flow = fourier.evaluate(wave, phase, derivative=1) / PERIOD
-    support = between(phase, SINGLE_SUPPORT)
+    support = in_phase_window(phase, SINGLE_SUPPORT)
     carried = np.full((66, 2, 3), 99.0)  # what a foot does that does not carry shall not matter
     carried[support] = np.repeat((flow + np.array([1.2, 0.0]))[:, None], 2, axis=1)[support] @ np.eye(2, 3)
     followed, speed = _follow(phase, carried, support, PERIOD, sway, flow)

@@ -5,8 +5,8 @@ import pytest
 
 from kinemimic.pipeline.kinematics.rotations import IDENTITY, angle_between, from_axis_angle, rotate
 from kinemimic.pipeline.kinematics.skeleton import NODE_INDEX as N
-from kinemimic.retarget.feet.legs import flat_feet, knees_limited, neutral_feet
-from kinemimic.retarget.feet.scale import abduct, pose, stance_width, with_stance_width
+from kinemimic.retarget.feet.legs import flat_feet, limit_knee_extension, neutral_feet
+from kinemimic.retarget.feet.scale import abduct, body_kinematics, stance_width, with_stance_width
 from kinemimic.retarget.humanoid.motion import joint_angles
 
 
@@ -18,19 +18,21 @@ def test_a_knee_bent_backward_is_straightened_and_the_ankle_stays_on_its_line():
     q = still()
     q[:, N["hip_left"]] = from_axis_angle("Y", -0.3)
     q[:, N["knee_left"]] = from_axis_angle("Y", np.radians(-18.0))
-    out = knees_limited(q)
+    out = limit_knee_extension(q)
     assert -0.1 < np.degrees(joint_angles(out)["knee_left"][0]) < 1.0
-    before, after = (pose(x)[0][0, N["ankle_left"]] - pose(x)[0][0, N["hip_left"]] for x in (q, out))
+    before, after = (
+        body_kinematics(x)[0][0, N["ankle_left"]] - body_kinematics(x)[0][0, N["hip_left"]] for x in (q, out)
+    )
     cosine = before @ after / np.linalg.norm(before) / np.linalg.norm(after)
     assert np.degrees(np.arccos(cosine)) < 0.5
-    foot = [pose(x)[1][:, N["ankle_left"]] for x in (q, out)]
+    foot = [body_kinematics(x)[1][:, N["ankle_left"]] for x in (q, out)]
     assert angle_between(*foot).max() < 1e-7
 
 
 def test_a_bent_knee_is_left_alone():
     q = still()
     q[:, N["knee_right"]] = from_axis_angle("Y", 0.6)
-    assert angle_between(knees_limited(q)[:, N["knee_right"]], q[:, N["knee_right"]]).max() < 1e-4
+    assert angle_between(limit_knee_extension(q)[:, N["knee_right"]], q[:, N["knee_right"]]).max() < 1e-4
 
 
 def test_neutral_feet_are_flat_in_the_middle_of_stance():
@@ -38,7 +40,7 @@ def test_neutral_feet_are_flat_in_the_middle_of_stance():
     q = still(60)
     for side, shift in (("left", 0.0), ("right", 0.5)):
         q[:, N[f"hip_{side}"]] = from_axis_angle("Y", -0.4 * np.cos(2 * np.pi * (phase + shift)))
-    frames = pose(neutral_feet(q, phase))[1]
+    frames = body_kinematics(neutral_feet(q, phase))[1]
     toes = rotate(frames[:, N["ankle_left"]], np.array([1.0, 0.0, 0.0]))
     pitch = np.degrees(np.arcsin(-toes[:, 2]))
     middle = (phase > 0.15) & (phase < 0.35)
@@ -50,7 +52,7 @@ def test_flat_feet_are_level_whatever_the_leg_does():
     q = still()
     q[:, N["hip_left"]] = from_axis_angle("Y", -0.9)
     q[:, N["knee_left"]] = from_axis_angle("Y", 0.4)
-    frames = pose(flat_feet(q))[1]
+    frames = body_kinematics(flat_feet(q))[1]
     for ankle in (N["ankle_left"], N["ankle_right"]):
         assert rotate(frames[0, ankle], np.array([0, 0, 1.0])) == pytest.approx([0, 0, 1], abs=1e-9)
 
@@ -58,11 +60,11 @@ def test_flat_feet_are_level_whatever_the_leg_does():
 def test_abduction_moves_the_ankles_apart_and_leaves_the_feet_level():
     q = still()
     wide = abduct(q, 0.05)
-    assert stance_width(pose(wide)[0]) == pytest.approx(0.17 + 2 * 0.78 * np.sin(0.05))
-    assert angle_between(pose(wide)[1][:, N["ankle_left"]], IDENTITY).max() < 1e-7
+    assert stance_width(body_kinematics(wide)[0]) == pytest.approx(0.17 + 2 * 0.78 * np.sin(0.05))
+    assert angle_between(body_kinematics(wide)[1][:, N["ankle_left"]], IDENTITY).max() < 1e-7
 
 
 @pytest.mark.parametrize(("asked", "given"), [(0.12, 0.12), (0.02, 0.08), (0.4, 0.16)])
 def test_stance_width_is_reached_within_limits(asked, given):
     q, _ = with_stance_width(still(), asked)
-    assert stance_width(pose(q)[0]) == pytest.approx(given, abs=1e-6)
+    assert stance_width(body_kinematics(q)[0]) == pytest.approx(given, abs=1e-6)

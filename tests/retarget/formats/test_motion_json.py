@@ -13,7 +13,7 @@ import pytest
 from kinemimic.pipeline.errors import KinemimicError
 from kinemimic.pipeline.kinematics.rotations import normalize
 from kinemimic.pipeline.kinematics.skeleton import LAYERS, NODE_INDEX, NODES
-from kinemimic.retarget.formats.motion_json import MOTION_SCHEMA, motion_from_json, motion_to_json
+from kinemimic.retarget.formats.motion_json import MOTION_SCHEMA, motion_to_json, read_motion_json
 from kinemimic.retarget.humanoid.motion import Motion
 
 FRAMES = 7
@@ -53,7 +53,7 @@ def test_layers_are_those_of_figure_4() -> None:
 def test_what_is_written_is_what_is_read(tmp_path: Path) -> None:
     before = motion()
     text = motion_to_json(before)
-    after = motion_from_json(written(tmp_path, text))
+    after = read_motion_json(written(tmp_path, text))
     assert motion_to_json(after) == text
     assert (after.rate, after.cyclic, after.simulated) == (before.rate, True, True)
     assert after.provenance == before.provenance
@@ -123,7 +123,7 @@ def change(place: str, value: Any) -> str:
 )  # fmt: skip
 def test_damage_is_named(tmp_path: Path, place: str, value: Any, complaint: str) -> None:
     with pytest.raises(KinemimicError, match=complaint) as caught:
-        motion_from_json(written(tmp_path, change(place, value)))
+        read_motion_json(written(tmp_path, change(place, value)))
     assert "\n" not in str(caught.value)
     assert "motion.json" in str(caught.value)
 
@@ -132,18 +132,18 @@ def test_one_frame_is_enough_for_a_cycle_alone(tmp_path: Path) -> None:
     one = motion()
     one = replace(one, root=one.root[:1], rotations=one.rotations[:1], contacts=one.contacts[:1])
     cycle = replace(one, cyclic=True, cycle_offset=np.zeros(3))
-    assert len(motion_from_json(written(tmp_path, motion_to_json(cycle))).root) == 1
+    assert len(read_motion_json(written(tmp_path, motion_to_json(cycle))).root) == 1
     once = replace(one, cyclic=False, cycle_offset=np.zeros(3))
     with pytest.raises(KinemimicError, match="frames: expected at least 2, or 1 of a cycle, found 1"):
-        motion_from_json(written(tmp_path, motion_to_json(once)))
+        read_motion_json(written(tmp_path, motion_to_json(once)))
 
 
 @pytest.mark.parametrize("text", ["", "{", "[]", "\x00\x01"])
 def test_what_is_not_a_motion_is_refused(tmp_path: Path, text: str) -> None:
     with pytest.raises(KinemimicError, match=r"motion\.json"):
-        motion_from_json(written(tmp_path, text))
+        read_motion_json(written(tmp_path, text))
 
 
 def test_no_file(tmp_path: Path) -> None:
     with pytest.raises(KinemimicError, match="found none"):
-        motion_from_json(tmp_path / "motion.json")
+        read_motion_json(tmp_path / "motion.json")

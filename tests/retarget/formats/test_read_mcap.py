@@ -16,9 +16,9 @@ from mcap.writer import Writer
 from kinemimic.pipeline.errors import KinemimicError
 from kinemimic.pipeline.kinematics.rotations import continuous, normalize
 from kinemimic.pipeline.kinematics.skeleton import NODES
-from kinemimic.retarget.formats import read_mcap
-from kinemimic.retarget.formats import write_mcap as export_mcap
-from kinemimic.retarget.formats.read_mcap import MAX_CHUNK, motion_from_mcap, recover_mcap
+from kinemimic.retarget.formats import read_mcap as mcap_reader
+from kinemimic.retarget.formats import write_mcap as mcap_writer
+from kinemimic.retarget.formats.read_mcap import MAX_CHUNK_BYTES, read_mcap, recover_mcap
 from kinemimic.retarget.formats.write_mcap import write_mcap
 from kinemimic.retarget.humanoid.motion import Motion
 
@@ -76,7 +76,7 @@ def transforms(path: Path) -> int:
 @pytest.mark.parametrize("cyclic", [False, True])
 def test_what_is_written_is_what_is_read(whole: Path, cycle: Path, cyclic: bool) -> None:
     before = motion(50, cyclic=True) if cyclic else motion()
-    after = motion_from_mcap(cycle if cyclic else whole)
+    after = read_mcap(cycle if cyclic else whole)
     assert after.identity == before.identity
     np.testing.assert_array_equal(after.contacts, before.contacts)
     assert after.provenance == before.provenance
@@ -92,7 +92,7 @@ def test_a_file_that_is_cut_off_says_so_and_gives_what_was_written(
     assert 0 < there <= FRAMES
     message = rf"expected a whole MCAP, found it cut off, with frames 0 to {there - 1} of 400 .*--recover"
     with pytest.raises(KinemimicError, match=message) as caught:
-        motion_from_mcap(short)
+        read_mcap(short)
     assert "\n" not in str(caught.value) and "cut.mcap" in str(caught.value)
     found = recover_mcap(short)
     assert found.lost is not None
@@ -117,7 +117,7 @@ def test_a_wrong_byte_is_found_and_the_longest_stretch_is_left(whole: Path, tmp_
     damaged = tmp_path / "damaged.mcap"
     damaged.write_bytes(data)
     with pytest.raises(KinemimicError, match=r"damaged \(a checksum is wrong\), with frames .*--recover"):
-        motion_from_mcap(damaged)
+        read_mcap(damaged)
     left = recover_mcap(damaged).motion
     assert 100 < len(left.root) < FRAMES
     first = int(np.flatnonzero((motion().root == left.root[0]).all(axis=1))[0])
@@ -137,7 +137,7 @@ def test_no_byte_that_is_lost_or_wrong_makes_a_traceback(cycle: Path, tmp_path: 
             at = int(random.integers(1000) if trial % 4 else random.integers(len(data)))
             broken[at] ^= 1 << int(random.integers(8))
         path.write_bytes(broken)
-        for read in (motion_from_mcap, recover_mcap):
+        for read in (read_mcap, recover_mcap):
             try:
                 read(path)
             except KinemimicError as error:
@@ -157,12 +157,12 @@ def with_chunk(path: Path, folder: Path, *, size: int, compression: bytes, packe
     return folder / "chunk.mcap"
 
 
-@pytest.mark.parametrize("claimed", [10, MAX_CHUNK + 1])
+@pytest.mark.parametrize("claimed", [10, MAX_CHUNK_BYTES + 1])
 @pytest.mark.parametrize("compression", ["zstd", "lz4"])
 def test_a_chunk_that_unpacks_to_more_than_it_may_is_damage(
     cycle: Path, tmp_path: Path, compression: str, claimed: int
 ) -> None:
-    zeros = bytes(MAX_CHUNK + 1)
+    zeros = bytes(MAX_CHUNK_BYTES + 1)
     packed = zstandard.compress(zeros) if compression == "zstd" else lz4.frame.compress(zeros)
     assert len(packed) < 100_000
     bomb = with_chunk(cycle, tmp_path, size=claimed, compression=compression.encode(), packed=packed)
@@ -175,7 +175,7 @@ def test_a_chunk_that_unpacks_to_more_than_it_may_is_damage(
 def test_no_more_is_unpacked_in_all_than_the_limit(
     cycle: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(read_mcap, "MAX_BYTES", 2**20)
+    monkeypatch.setattr(mcap_reader, "MAX_BYTES", 2**20)
     zeros = bytes(2**20 + 1)
     bomb = with_chunk(cycle, tmp_path, size=len(zeros), compression=b"zstd", packed=zstandard.compress(zeros))
     with pytest.raises(KinemimicError, match=r"chunk.mcap: expected an MCAP of at most 1 MiB, found more"):
@@ -188,7 +188,7 @@ def test_a_chunk_of_other_bytes_than_its_compression_is_damage(
 ) -> None:
     path = with_chunk(cycle, tmp_path, size=100, compression=compression, packed=b"junk")
     with pytest.raises(KinemimicError, match="damaged"):
-        motion_from_mcap(path)
+        read_mcap(path)
 
 
 @pytest.mark.parametrize(
@@ -211,10 +211,10 @@ def test_a_chunk_of_other_bytes_than_its_compression_is_damage(
 def test_a_record_out_of_reason_is_refused(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, key: str, value: str, told: str
 ) -> None:
-    original = export_mcap._metadata
-    monkeypatch.setattr(export_mcap, "_metadata", lambda *told: original(*told) | {key: value})
+    original = mcap_writer._metadata
+    monkeypatch.setattr(mcap_writer, "_metadata", lambda *told: original(*told) | {key: value})
     write_mcap(tmp_path / "odd.mcap", motion(5, cyclic=True))
-    for read in (motion_from_mcap, recover_mcap):
+    for read in (read_mcap, recover_mcap):
         with pytest.raises(KinemimicError, match=told) as caught:
             read(tmp_path / "odd.mcap")
         assert "\n" not in str(caught.value)
@@ -222,7 +222,7 @@ def test_a_record_out_of_reason_is_refused(
 
 def test_files_of_others_are_refused(tmp_path: Path) -> None:
     with pytest.raises(KinemimicError, match="expected an MCAP file, found none"):
-        motion_from_mcap(tmp_path / "none.mcap")
+        read_mcap(tmp_path / "none.mcap")
     (tmp_path / "text.mcap").write_text("a text that is no MCAP")
     with pytest.raises(KinemimicError, match="expected an MCAP file, found something else"):
         recover_mcap(tmp_path / "text.mcap")
@@ -233,14 +233,14 @@ def test_files_of_others_are_refused(tmp_path: Path) -> None:
         writer.add_message(channel, 0, b"{}", 0)
         writer.finish()  # type: ignore[no-untyped-call]
     with pytest.raises(KinemimicError, match="found another's or an older file"):
-        motion_from_mcap(tmp_path / "other.mcap")
+        read_mcap(tmp_path / "other.mcap")
 
 
 def test_frames_that_lack_a_link_are_no_motion(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    links = {node: name for node, name in export_mcap.FRAMES.items() if node != "foot_left"}
-    monkeypatch.setattr(export_mcap, "FRAMES", links)
+    links = {node: name for node, name in mcap_writer.NODE_FRAMES.items() if node != "foot_left"}
+    monkeypatch.setattr(mcap_writer, "NODE_FRAMES", links)
     write_mcap(tmp_path / "lame.mcap", motion(5))
     monkeypatch.undo()
-    for read in (motion_from_mcap, recover_mcap):
+    for read in (read_mcap, recover_mcap):
         with pytest.raises(KinemimicError, match="found another's or an older file"):
             read(tmp_path / "lame.mcap")

@@ -19,7 +19,7 @@ from rerun.chunk import RrdReader
 from kinemimic.pipeline.kinematics.rotations import angle_between, multiply, normalize, rotate
 from kinemimic.pipeline.kinematics.skeleton import NODE_INDEX, NODES
 from kinemimic.retarget.formats.urdf import humanoid_urdf
-from kinemimic.retarget.formats.write_mcap import CYCLIC_SECONDS, FRAMES, START_NS, write_mcap
+from kinemimic.retarget.formats.write_mcap import CYCLIC_SECONDS, NODE_FRAMES, START_NS, write_mcap
 from kinemimic.retarget.humanoid.motion import Motion, joint_angles
 
 CYCLE = 33  # frames
@@ -68,7 +68,7 @@ def test_transforms_are_the_forward_kinematics(cyclic: Path) -> None:
                 multiply(turn, np.array([q.x, q.y, q.z, q.w])),
             )
         cycle, step = divmod(frame, CYCLE)
-        for node, name in FRAMES.items():
+        for node, name in NODE_FRAMES.items():
             place, turn = world[name]
             expected = positions[step, NODE_INDEX[node]] + [1.3 * cycle, 0.0, 0.0]
             np.testing.assert_allclose(place, expected, atol=1e-12)

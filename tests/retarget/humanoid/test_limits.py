@@ -16,7 +16,7 @@ from kinemimic.pipeline.kinematics.skeleton import NODE_INDEX as N
 from kinemimic.retarget.humanoid.limits import (
     LIMITS,
     beyond_limits,
-    clamped,
+    clamp_to_limits,
     swing_twist,
     swing_twist_jacobian,
 )
@@ -90,7 +90,7 @@ def test_a_clamped_joint_is_within_its_limits_and_one_within_is_left_alone(joint
     if joint.startswith(("knee", "elbow")):
         turns[:, [0, 2]] = 0.0
     q = from_rotvec(turns)
-    kept = clamped(joint, q)
+    kept = clamp_to_limits(joint, q)
     angles, limits = swing_twist(kept), LIMITS[joint]
     assert (angles > limits[:, 0] - 1e-6).all() and (angles < limits[:, 1] + 1e-6).all()
     inside = ((swing_twist(q) >= limits[:, 0]) & (swing_twist(q) <= limits[:, 1])).all(axis=-1)

@@ -7,13 +7,13 @@ import pytest
 
 from kinemimic.pipeline.kinematics.rotations import IDENTITY, from_axis_angle
 from kinemimic.pipeline.kinematics.skeleton import NODE_INDEX as N
-from kinemimic.retarget.feet.scale import pose
+from kinemimic.retarget.feet.scale import body_kinematics
 from kinemimic.retarget.humanoid.body import BODY_INDEX, STANDING_HEIGHT
 from kinemimic.retarget.humanoid.surface import lowest_points
 
 
 def heights(rotations: np.ndarray, root: np.ndarray) -> np.ndarray:
-    return lowest_points(*pose(rotations[None], root[None]))[0, :, 2]
+    return lowest_points(*body_kinematics(rotations[None], root[None]))[0, :, 2]
 
 
 def test_upright_the_soles_are_lowest_and_at_the_ground():

@@ -7,15 +7,15 @@ import pytest
 
 from kinemimic.pipeline.kinematics.rotations import from_axis_angle, from_rotvec, multiply
 from kinemimic.pipeline.kinematics.skeleton import NODE_INDEX as N
-from kinemimic.retarget.feet.contact import soles
-from kinemimic.retarget.feet.scale import pose
+from kinemimic.retarget.feet.contact import sole_positions
+from kinemimic.retarget.feet.scale import body_kinematics
 from kinemimic.retarget.optimise.leg_chain import (
-    ANKLE,
-    HIP,
-    KNEE,
+    ANKLE_COLUMNS,
+    HIP_COLUMNS,
+    KNEE_COLUMNS,
     SIDES,
-    SIZE,
-    chain_of,
+    UNKNOWNS,
+    leg_chain,
     leg_jacobian,
     leg_points,
     normal_equations,
@@ -28,14 +28,14 @@ FRAMES = 12
 def case():
     rng = np.random.default_rng(0)
     root, rotations = rng.standard_normal((FRAMES, 3)), from_rotvec(rng.uniform(-0.6, 0.6, (FRAMES, 20, 3)))
-    return root, rotations, rng.uniform(-0.4, 0.4, (FRAMES, SIZE))
+    return root, rotations, rng.uniform(-0.4, 0.4, (FRAMES, UNKNOWNS))
 
 
 def corrected(root, rotations, x):
     """The corrections as the docstring says them, on quaternions."""
     rotations = rotations.copy()
     rotations[:, 0] = multiply(rotations[:, 0], from_rotvec(x[:, 3:6]))
-    for side, hip, knee, ankle in zip(SIDES, HIP, KNEE, ANKLE, strict=True):
+    for side, hip, knee, ankle in zip(SIDES, HIP_COLUMNS, KNEE_COLUMNS, ANKLE_COLUMNS, strict=True):
         for joint, turn in (
             ("hip", from_rotvec(x[:, hip : hip + 3])),
             ("knee", from_axis_angle("Y", x[:, knee])),
@@ -43,17 +43,17 @@ def corrected(root, rotations, x):
         ):
             node = N[f"{joint}_{side}"]
             rotations[:, node] = multiply(rotations[:, node], turn)
-    return pose(rotations, root + x[:, :3])
+    return body_kinematics(rotations, root + x[:, :3])
 
 
 def test_points_are_those_of_the_corrected_figure(case):
     root, rotations, x = case
     positions, frames = corrected(root, rotations, x)
-    points = leg_points(chain_of(root, rotations), x)
+    points = leg_points(leg_chain(root, rotations), x)
     for k, side in enumerate(SIDES):
         assert points[:, k, 0] == pytest.approx(positions[:, N[f"knee_{side}"]])
         assert points[:, k, 1] == pytest.approx(positions[:, N[f"ankle_{side}"]])
-    assert points[:, :, 2:] == pytest.approx(soles(positions, frames))
+    assert points[:, :, 2:] == pytest.approx(sole_positions(positions, frames))
 
 
 def differences(chain, x):
@@ -62,7 +62,7 @@ def differences(chain, x):
     return np.stack(
         [
             (leg_points(chain, x + step * e) - leg_points(chain, x - step * e)) / (2 * step)
-            for e in np.eye(SIZE)
+            for e in np.eye(UNKNOWNS)
         ],
         axis=-1,
     )
@@ -70,9 +70,9 @@ def differences(chain, x):
 
 def test_jacobian_is_the_derivative(case):
     root, rotations, x = case
-    chain = chain_of(root, rotations)
+    chain = leg_chain(root, rotations)
     expected, (_, found) = differences(chain, x), leg_jacobian(chain, x)
-    for k, begin in enumerate(HIP):
+    for k, begin in enumerate(HIP_COLUMNS):
         own = [*range(6), *range(begin, begin + 7)]
         assert found[:, k] == pytest.approx(expected[:, k][..., own], abs=1e-7)
         # One leg's joints do not move the other.
@@ -81,10 +81,10 @@ def test_jacobian_is_the_derivative(case):
 
 def test_normal_equations_are_those_of_all_rows(case):
     root, rotations, x = case
-    chain = chain_of(root, rotations)
+    chain = leg_chain(root, rotations)
     rng = np.random.default_rng(1)
     residual, weights = rng.standard_normal((FRAMES, 2, 6, 3)), rng.random((FRAMES, 2, 6, 3))
-    rows = differences(chain, x).reshape(FRAMES, 36, SIZE)
+    rows = differences(chain, x).reshape(FRAMES, 36, UNKNOWNS)
     w, r = weights.reshape(FRAMES, 36), residual.reshape(FRAMES, 36)
     square, right = normal_equations(leg_jacobian(chain, x)[1], residual, weights)
     assert square == pytest.approx(np.einsum("tri,tr,trj->tij", rows, w, rows), abs=1e-6)

@@ -15,14 +15,14 @@ from kinemimic.pipeline.kinematics.rotations import (
     multiply,
 )
 from kinemimic.pipeline.kinematics.skeleton import NODE_INDEX as N
-from kinemimic.retarget.cyclic import fit_gait
-from kinemimic.retarget.feet.contact import soles, steps
-from kinemimic.retarget.feet.scale import pose
+from kinemimic.retarget.cyclic import fit_cyclic
+from kinemimic.retarget.feet.contact import contact_speeds, sole_positions
+from kinemimic.retarget.feet.scale import body_kinematics
 from kinemimic.retarget.humanoid.limits import beyond_limits
 from kinemimic.retarget.humanoid.motion import Motion, joint_angles
 from kinemimic.retarget.optimise import refine as module
 from kinemimic.retarget.optimise.refine import refine
-from kinemimic.retarget.strides.cycle import study_passes, usable
+from kinemimic.retarget.strides.passes import analyze_passes, select_passes
 
 
 def squat(frames: int = 180, rate: float = 60.0) -> Motion:
@@ -34,7 +34,7 @@ def squat(frames: int = 180, rate: float = 60.0) -> Motion:
         q[:, N[f"hip_{side}"]] = from_axis_angle("Y", -thigh)
         q[:, N[f"knee_{side}"]] = from_axis_angle("Y", thigh + shank)
         q[:, N[f"ankle_{side}"]] = from_axis_angle("Y", -shank)
-    corners = soles(*pose(q))
+    corners = sole_positions(*body_kinematics(q))
     root = -corners[:, 0, 0] + corners[0, 0, 0] - [0.0, 0.0, corners[0, 0, 0, 2]]
     return Motion(rate, root, q, np.ones((frames, 2), dtype=bool), cyclic=False)
 
@@ -55,18 +55,23 @@ def shaken(motion: Motion, turn: float, shift: float, seed: int = 0) -> Motion:
 def foot_speed(motion: Motion) -> float:
     offset = motion.cycle_offset if motion.cyclic else None
     return float(
-        np.sqrt(np.mean(steps(soles(*motion.kinematics()), motion.contacts, motion.rate, offset) ** 2))
+        np.sqrt(
+            np.mean(
+                contact_speeds(sole_positions(*motion.kinematics()), motion.contacts, motion.rate, offset)
+                ** 2
+            )
+        )
     )
 
 
 def depth(motion: Motion) -> float:
-    return -float(soles(*motion.kinematics())[..., 2].min())
+    return -float(sole_positions(*motion.kinematics())[..., 2].min())
 
 
 @pytest.fixture
 def loop(walker) -> Motion:
     clip = walker(noise=0.012, passes=3, rate=30.0, seconds=2.6).clip
-    return fit_gait(clip, usable(study_passes(clip))[0]).motion
+    return fit_cyclic(clip, select_passes(analyze_passes(clip))[0]).motion
 
 
 def test_a_clean_motion_is_nearly_a_fixed_point():

@@ -5,21 +5,21 @@ import pytest
 
 from kinemimic.pipeline.kinematics.skeleton import NODE_INDEX as N
 from kinemimic.pipeline.kinematics.skeleton import NODES
-from kinemimic.retarget.strides.cycle import study_passes
-from kinemimic.retarget.strides.loop import gather
-from kinemimic.retarget.strides.sensor_reliability import assess, knees_ahead
+from kinemimic.retarget.strides.loop import pool_strides
+from kinemimic.retarget.strides.passes import analyze_passes
+from kinemimic.retarget.strides.sensor_reliability import assess_reliability, knees_in_sagittal_plane
 
 ABOVE = ("spine", "shoulder", "head", "elbow", "wrist", "hand")
 
 
 def strides_of(clip):
-    return gather(clip, [p for p in study_passes(clip) if p.verdict == "accepted"])
+    return pool_strides(clip, [p for p in analyze_passes(clip) if p.verdict == "accepted"])
 
 
 def test_an_exact_recording_is_believed_in_all(walker):
-    trust = assess(strides_of(walker(heading=1.0).clip))
-    assert trust.precise and trust.pelvis and trust.torso and trust.feet
-    assert trust.measured["leg_bone_spread"] < 1e-9
+    reliability = assess_reliability(strides_of(walker(heading=1.0).clip))
+    assert reliability.precise and reliability.pelvis and reliability.torso and reliability.feet
+    assert reliability.measured["leg_bone_spread"] < 1e-9
 
 
 def test_a_hip_line_that_does_not_repeat_is_not_believed(walker):
@@ -32,9 +32,9 @@ def test_a_hip_line_that_does_not_repeat_is_not_believed(walker):
         shift = 0.09 * sign * np.stack([-np.sin(yaw), np.cos(yaw) - 1, 0 * yaw], axis=-1)
         for joint in ("hip", "knee", "ankle", "foot"):
             p[:, N[f"{joint}_{side}"]] += shift
-    trust = assess(type(strides)(**{**vars(strides), "positions": p}))
-    assert trust.measured["leg_bone_spread"] < 1e-9
-    assert not trust.pelvis and not trust.precise and not trust.feet
+    reliability = assess_reliability(type(strides)(**{**vars(strides), "positions": p}))
+    assert reliability.measured["leg_bone_spread"] < 1e-9
+    assert not reliability.pelvis and not reliability.precise and not reliability.feet
 
 
 def test_feet_that_point_down_in_stance_are_not_believed(walker):
@@ -42,7 +42,7 @@ def test_feet_that_point_down_in_stance_are_not_believed(walker):
     p = strides.positions.copy()
     for side in ("left", "right"):
         p[:, N[f"foot_{side}"]] -= [0, 0, 0.12]
-    assert not assess(type(strides)(**{**vars(strides), "positions": p})).feet
+    assert not assess_reliability(type(strides)(**{**vars(strides), "positions": p})).feet
 
 
 def test_legs_alone_are_judged_by_themselves(walker):
@@ -50,10 +50,10 @@ def test_legs_alone_are_judged_by_themselves(walker):
     strides = strides_of(walker().clip)
     p = strides.positions.copy()
     p[:, [k for k, node in enumerate(NODES) if node.split("_")[0] in ABOVE]] = np.nan
-    trust = assess(type(strides)(**{**vars(strides), "positions": p}))
-    assert not trust.torso and not trust.pelvis
-    assert trust.lean == 0.0
-    assert trust.measured["leg_bone_spread"] < 1e-9
+    reliability = assess_reliability(type(strides)(**{**vars(strides), "positions": p}))
+    assert not reliability.torso and not reliability.pelvis
+    assert reliability.lean == 0.0
+    assert reliability.measured["leg_bone_spread"] < 1e-9
 
 
 def test_knees_ahead_lie_in_the_plane_of_hip_ankle_and_heading():
@@ -61,7 +61,7 @@ def test_knees_ahead_lie_in_the_plane_of_hip_ankle_and_heading():
     p = rng.standard_normal((5, 20, 3)) * 0.05
     p[:, N["ankle_left"]] += [0, 0, -0.8]
     p[:, N["knee_left"]] += [0.1, 0.05, -0.4]
-    moved = knees_ahead(p)
+    moved = knees_in_sagittal_plane(p)
     hip, knee, ankle = (moved[:, N[f"{j}_left"]] for j in ("hip", "knee", "ankle"))
     normal = np.cross(ankle - hip, [1.0, 0, 0])
     assert np.sum(normal * (knee - hip), axis=-1) == pytest.approx(np.zeros(5), abs=1e-12)

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from kinemimic.retarget.versions.build import STAGES, built, place
+from kinemimic.retarget.versions.build import STAGES, build_capture, built_path
 from kinemimic.retarget.versions.manifest import lock
 from kinemimic.retarget.versions.params import PARAMS, Params
 
@@ -35,8 +35,8 @@ def once(tmp_path_factory: pytest.TempPathFactory) -> Path:
     (root / PARAMS).write_text(TEXT)
     (root / "CHANGELOG.md").write_text("- Data 1: a walk.\n")
     params = Params.load(PARAMS, root)
-    for file, made in built(params.capture(NAME), root).items():
-        made.write(place(params, root, NAME, file))
+    for file, made in build_capture(params.capture(NAME), root).items():
+        made.write(built_path(params, root, NAME, file))
     assert {path.name for path in (root / "datasets/versions/built" / NAME).iterdir()} == set(STAGES.values())
     lock(params, root)
     return root

@@ -17,7 +17,7 @@ from kinemimic.pipeline.files.canonical import Canonical
 from kinemimic.pipeline.kinematics.rotations import from_axis_angle, multiply
 from kinemimic.pipeline.kinematics.skeleton import NODE_INDEX
 from kinemimic.retarget.versions import check as module
-from kinemimic.retarget.versions.build import built, place
+from kinemimic.retarget.versions.build import build_capture, built_path
 from kinemimic.retarget.versions.build import command as build_command
 from kinemimic.retarget.versions.check import check
 from kinemimic.retarget.versions.check import command as check_command
@@ -41,7 +41,7 @@ def test_what_is_as_locked_passes(root: Path, params: Params) -> None:
     assert check(params, root) == []
     # The large files may be elsewhere.
     for file in ("clip.json", "quaternions.json"):
-        place(params, root, NAME, file).unlink()
+        built_path(params, root, NAME, file).unlink()
     assert check(params, root) == []
 
 
@@ -49,7 +49,7 @@ def test_one_byte_of_a_raw_file_is_told_by_its_name(
     root: Path, params: Params, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """And nothing is built of it."""
-    monkeypatch.setattr(module, "built", lambda *_: pytest.fail("raw data come first"))
+    monkeypatch.setattr(module, "build_capture", lambda *_: pytest.fail("raw data come first"))
     recording = params.capture(NAME).file
     files = [path.relative_to(root) for path in sorted((root / recording).parent.iterdir())]
     assert len(files) == 3
@@ -69,7 +69,7 @@ def test_one_byte_of_a_raw_file_is_told_by_its_name(
 
 
 def test_a_tenth_of_a_degree_is_told_by_joint_and_frame(root: Path, params: Params) -> None:
-    path = place(params, root, NAME, "motion.json")
+    path = built_path(params, root, NAME, "motion.json")
     bent(Canonical.read(path), 0.1, "knee_left", 7).write(path)
     (line,) = check(params, root)
     assert line.startswith(f"{path}: expected what was locked, found rotations knee_left: 0.")
@@ -80,15 +80,15 @@ def test_a_tenth_of_a_degree_is_told_by_joint_and_frame(root: Path, params: Para
 
 
 def test_what_is_committed_has_to_be_there_and_whole(root: Path, params: Params) -> None:
-    path = place(params, root, NAME, "motion.json")
+    path = built_path(params, root, NAME, "motion.json")
     content = path.read_text()
     path.write_text(content[: len(content) // 2])
-    place(params, root, NAME, "clip.json").write_text("{}")
+    built_path(params, root, NAME, "clip.json").write_text("{}")
     # One that cannot be read does not hide the next.
     lines = check(params, root)
     assert [line.split(":")[0] for line in lines] == [str(path.with_name("clip.json")), str(path)]
     assert all(line.endswith("`make data` builds it again") for line in lines)
-    place(params, root, NAME, "clip.json").unlink()
+    built_path(params, root, NAME, "clip.json").unlink()
     path.unlink()
     assert check(params, root) == [
         f"{path}: expected the file that is committed, found none; `make data` builds it"
@@ -98,11 +98,11 @@ def test_what_is_committed_has_to_be_there_and_whole(root: Path, params: Params)
 def test_other_code_is_told_by_what_it_makes(
     root: Path, params: Params, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    made = dict(built(params.capture(NAME), root))
+    made = dict(build_capture(params.capture(NAME), root))
     made["motion.json"] = bent(made["motion.json"], 0.1, "hip_right", 3)
-    monkeypatch.setattr(module, "built", lambda *_: made)
+    monkeypatch.setattr(module, "build_capture", lambda *_: made)
     (line,) = check(params, root)
-    path = place(params, root, NAME, "motion.json")
+    path = built_path(params, root, NAME, "motion.json")
     told = f"{path}: expected to make what was locked, found that today's code makes another"
     assert line.startswith(f"{told}: rotations hip_right: 0.")
     assert line.endswith("if it is meant, raise `version` and `make data`")
@@ -124,7 +124,7 @@ def test_another_version_or_another_capture_is_told(root: Path, params: Params) 
 
 def test_data_change_with_their_version_and_a_line_in_the_changelog(root: Path, params: Params) -> None:
     before = Manifest.load(root / MANIFEST)
-    path = place(params, root, NAME, "motion.json")
+    path = built_path(params, root, NAME, "motion.json")
     bent(Canonical.read(path), 0.1, "knee_left", 7).write(path)
     with pytest.raises(KinemimicError, match=rf"changed \({NAME}/motion.json\); raise `version` in .* to 2"):
         lock(params, root)
@@ -156,7 +156,7 @@ def test_a_manifest_that_was_rewritten_is_told_by_the_commit_before(root: Path, 
     git("commit", "-q", "-m", "one")
     assert check(params, root, against="HEAD~1") == check(params, root, against="HEAD") == []
     written = json.loads((root / MANIFEST).read_text())
-    path = place(params, root, NAME, "motion.json")
+    path = built_path(params, root, NAME, "motion.json")
     other = bent(Canonical.read(path), 0.1, "knee_left", 7)
     written["content"][f"{NAME}/motion.json"] = other.identity
     (root / MANIFEST).write_text(json.dumps(written))

@@ -17,7 +17,7 @@ from kinemimic.pipeline.files.store import write_clip, write_json
 from kinemimic.pipeline.kinematics.clip import Clip
 from kinemimic.pipeline.kinematics.rotations import IDENTITY, from_axis_angle
 from kinemimic.pipeline.kinematics.skeleton import Skeleton
-from kinemimic.retarget.versions.diff import Change, changes, command, told
+from kinemimic.retarget.versions.diff import Change, command, describe, find_changes
 
 JOINTS = ("hip", "knee", "ankle")
 FRAMES = 10
@@ -39,7 +39,7 @@ def clip() -> Clip:
 
 def found(**fields: object) -> list[Change]:
     one = clip()
-    return changes(Canonical.of_clip(one), Canonical.of_clip(replace(one, **fields)))
+    return find_changes(Canonical.of_clip(one), Canonical.of_clip(replace(one, **fields)))
 
 
 def test_the_same_has_no_difference() -> None:
@@ -55,7 +55,7 @@ def test_a_turn_is_told_in_degrees_by_joint_and_frame() -> None:
     (one,) = found(rotations=rotations)
     assert (one.what, one.joint, one.unit, one.frame, one.frames) == ("rotations", "knee", "°", 4, 1)
     assert one.largest == pytest.approx(0.1, abs=0.003)
-    assert told(one) == f"rotations knee: {one.largest:g}° in frame 4"
+    assert describe(one) == f"rotations knee: {one.largest:g}° in frame 4"
 
 
 def test_the_other_quaternion_of_a_rotation_is_the_same_rotation() -> None:
@@ -82,36 +82,36 @@ def test_what_was_seen_and_is_not_is_missing() -> None:
     positions[5, 0] = np.nan
     (one,) = found(positions=positions)
     assert (one.joint, one.frame, one.largest) == ("hip", 5, math.inf)
-    assert told(one) == "positions hip: missing on one side in frame 5"
+    assert describe(one) == "positions hip: missing on one side in frame 5"
 
 
 def test_states_times_and_lengths_are_told() -> None:
     states = clip().states
     states[1:4, 0] = 1
     (one,) = found(states=states)
-    assert told(one) == "states hip: other in frame 1, 3 frames differ"
+    assert describe(one) == "states hip: other in frame 1, 3 frames differ"
     times = clip().times
     times[-1] += 0.5
     (one,) = found(times=times)
-    assert told(one) == "times: 0.5 s in frame 9"
+    assert describe(one) == "times: 0.5 s in frame 9"
     whole, short = clip(), clip()
     short = Clip(
         skeleton=short.skeleton,
         **{name: getattr(short, name)[:7] for name in ("times", "positions", "states", "passes")},
     )
-    lines = [told(one) for one in changes(Canonical.of_clip(whole), Canonical.of_clip(short))]
+    lines = [describe(one) for one in find_changes(Canonical.of_clip(whole), Canonical.of_clip(short))]
     assert "positions, 10 × 3 × 3 before, 7 × 3 × 3 after" in lines
     assert "rotations, gone" in lines
     marked = replace(whole, provenance={"simulated": True})
-    (one,) = changes(Canonical.of_clip(whole), Canonical.of_clip(marked))
-    assert told(one) == "simulated, False before, True after"
+    (one,) = find_changes(Canonical.of_clip(whole), Canonical.of_clip(marked))
+    assert describe(one) == "simulated, False before, True after"
 
 
 def test_the_smallest_difference_is_not_told_as_none() -> None:
     times = clip().times
     times[4] += 2e-5
     (one,) = found(times=times)
-    assert told(one) == "times: 2e-05 s in frame 4"
+    assert describe(one) == "times: 2e-05 s in frame 4"
 
 
 def test_the_largest_is_told_first() -> None:
@@ -129,16 +129,16 @@ def test_a_whole_turn_of_an_euler_angle_is_none() -> None:
     turned = euler.copy()
     turned[3, 0, 1] = 2 * math.pi
     turned[4, 0, 1] = 2 * math.pi + math.radians(0.5)
-    (change,) = changes(Canonical.of_clip(one), Canonical.of_clip(replace(one, euler=turned)))
+    (change,) = find_changes(Canonical.of_clip(one), Canonical.of_clip(replace(one, euler=turned)))
     assert change.largest == pytest.approx(0.5, abs=1e-3)
 
 
 def test_what_cannot_be_compared_is_one_line() -> None:
     one = Canonical.of_clip(clip())
     with pytest.raises(KinemimicError, match="expected two of one kind, found a clip and a motion"):
-        changes(one, replace(one, kind="motion"))
+        find_changes(one, replace(one, kind="motion"))
     with pytest.raises(KinemimicError, match="expected the same joints, found 3 and 2: ankle"):
-        changes(one, replace(one, joints=JOINTS[:2]))
+        find_changes(one, replace(one, joints=JOINTS[:2]))
 
 
 def test_the_command_compares_folders(tmp_path: Path) -> None:

@@ -10,8 +10,8 @@ import pytest
 import yaml
 
 from kinemimic.pipeline.files.canonical import Canonical
-from kinemimic.retarget.versions.build import STAGES, built, place
-from kinemimic.retarget.versions.manifest import Manifest, changed_raw, unsaid
+from kinemimic.retarget.versions.build import STAGES, build_capture, built_path
+from kinemimic.retarget.versions.manifest import Manifest, changed_raw, missing_changelog_line
 from kinemimic.retarget.versions.params import PARAMS, Params
 
 ROOT = Path(__file__).resolve().parents[3]
@@ -23,7 +23,7 @@ MANIFEST = Manifest.load(ROOT / PARAMS.parent / "manifest.json")
 def test_raw_files_version_and_changelog() -> None:
     assert list(changed_raw(PARAMETERS, MANIFEST, ROOT)) == []
     assert MANIFEST.version == PARAMETERS.version
-    assert unsaid(PARAMETERS.version, ROOT) is None
+    assert missing_changelog_line(PARAMETERS.version, ROOT) is None
 
 
 def test_the_lock_knows_every_stage() -> None:
@@ -34,10 +34,10 @@ def test_the_lock_knows_every_stage() -> None:
 @pytest.mark.parametrize("name", PARAMETERS.captures)
 def test_what_is_built_today_has_the_bytes_of_the_lock(name: str, tmp_path: Path) -> None:
     for (stage, file), made in zip(
-        STAGES.items(), built(PARAMETERS.capture(name), ROOT).values(), strict=True
+        STAGES.items(), build_capture(PARAMETERS.capture(name), ROOT).values(), strict=True
     ):
         (out,) = LOCK[f"{stage}@{name}"]["outs"]
-        assert out["path"] == place(PARAMETERS, Path(), name, file).as_posix()
+        assert out["path"] == built_path(PARAMETERS, Path(), name, file).as_posix()
         made.write(tmp_path / file)
         content = (tmp_path / file).read_bytes()
         assert (out["size"], out["md5"]) == (len(content), hashlib.md5(content).hexdigest())
@@ -46,7 +46,7 @@ def test_what_is_built_today_has_the_bytes_of_the_lock(name: str, tmp_path: Path
 
 @pytest.mark.parametrize("name", PARAMETERS.captures)
 def test_the_motion_that_is_committed_is_the_one_that_is_locked(name: str) -> None:
-    committed = Canonical.read(place(PARAMETERS, ROOT, name, "motion.json"))
+    committed = Canonical.read(built_path(PARAMETERS, ROOT, name, "motion.json"))
     assert committed.identity == MANIFEST.content[f"{name}/motion.json"]
 
 

@@ -18,16 +18,16 @@ from kinemimic.pipeline.gait.harmonic import walking_direction
 from kinemimic.pipeline.kinematics.clip import Clip
 from kinemimic.pipeline.kinematics.skeleton import NODE_INDEX as N
 
-FEWEST = 8  # frames
-STROKES = 1  # of each foot while it lies flat: both must agree
-SHORTEST = 2.0  # s of a pass: legs that swing but once are no walk
-SLOWEST = 0.3  # m/s of the belt
-SPREAD = 0.3  # median deviation of the strokes' speeds from those around them, over their median
-STAYS = 0.15  # of the belt's way, that the person may go
-AROUND = 9  # strokes, of both feet, over which the belt's speed is the median
+MIN_FRAMES = 8  # frames
+MIN_STROKES = 1  # of each foot while it lies flat: both must agree
+MIN_DURATION = 2.0  # s of a pass: legs that swing but once are no walk
+MIN_SPEED = 0.3  # m/s of the belt
+MAX_SPREAD = 0.3  # median deviation of the strokes' speeds from those around them, over their median
+MAX_TRAVEL = 0.15  # of the belt's way, that the person may go
+MEDIAN_STROKES = 9  # strokes, of both feet, over which the belt's speed is the median
 
 
-def off_the_belt(clip: Clip) -> tuple[Clip, dict[int, float]]:
+def add_belt_travel(clip: Clip) -> tuple[Clip, dict[int, float]]:
     """The clip on the 20 nodes with the belt's way added to every pass on a treadmill, and the belts' mean
     speeds in m/s by number of the pass.
     """
@@ -35,7 +35,7 @@ def off_the_belt(clip: Clip) -> tuple[Clip, dict[int, float]]:
     speeds: dict[int, float] = {}
     for number in np.unique(clip.passes[clip.passes >= 0]):
         rows = np.flatnonzero(clip.passes == number)
-        found = _way(clip.times[rows], clip.positions[rows])
+        found = _belt_travel(clip.times[rows], clip.positions[rows])
         if found is not None:
             heading, way = found
             positions[rows] += way[:, None, None] * np.array([np.cos(heading), np.sin(heading), 0.0])
@@ -43,36 +43,36 @@ def off_the_belt(clip: Clip) -> tuple[Clip, dict[int, float]]:
     return (replace(clip, positions=positions) if speeds else clip), speeds
 
 
-def _way(times: Array, positions: Array) -> tuple[float, Array] | None:
+def _belt_travel(times: Array, positions: Array) -> tuple[float, Array] | None:
     """Heading in radians and the belt's way (T,) in metres; None where nobody walks on a belt."""
     hips = positions[:, [N["hip_left"], N["hip_right"]], :2]
-    if np.ptp(times) < SHORTEST or np.isfinite(hips).all(axis=(1, 2)).sum() < FEWEST:
+    if np.ptp(times) < MIN_DURATION or np.isfinite(hips).all(axis=(1, 2)).sum() < MIN_FRAMES:
         return None
     heading, on_path = walking_direction(positions)
     along = np.array([np.cos(heading), np.sin(heading)])
     feet = find_feet(times, positions)
-    if on_path or feet is None or not all(_carried(feet, k) for k in range(2)):
+    if on_path or feet is None or not all(_is_carried(feet, k) for k in range(2)):
         return None
     moments, strokes = np.concatenate(feet.treads, axis=1)
     order = np.argsort(moments)
     moments, strokes = moments[order], strokes[order]
-    belt = median_filter(strokes, size=min(AROUND, len(strokes)), mode="nearest")
+    belt = median_filter(strokes, size=min(MEDIAN_STROKES, len(strokes)), mode="nearest")
     usual = float(np.median(belt))
-    if usual < SLOWEST or np.median(np.abs(strokes - belt)) > SPREAD * usual:
+    if usual < MIN_SPEED or np.median(np.abs(strokes - belt)) > MAX_SPREAD * usual:
         return None
     pace = np.interp(times, moments, belt)
     way = np.concatenate([[0.0], np.cumsum(0.5 * (pace[1:] + pace[:-1]) * np.diff(times))])
     middle = hips.mean(axis=1) @ along
-    if np.ptp(middle[np.isfinite(middle)]) > STAYS * way[-1]:
+    if np.ptp(middle[np.isfinite(middle)]) > MAX_TRAVEL * way[-1]:
         return None
     return heading, way
 
 
-def _carried(feet: Feet, foot: int) -> bool:
+def _is_carried(feet: Feet, foot: int) -> bool:
     """Whether a foot goes backward often enough, and low: one that swings does so high."""
     speed = np.gradient(np.einsum("tc,tc->t", feet.ankles[:, foot, :2] - feet.pelvis[:, :2], feet.forward))
     back, ahead = np.maximum(-speed, 0.0), np.maximum(speed, 0.0)
     height = feet.ankles[:, foot, 2]
-    return feet.treads[foot].shape[1] >= STROKES and bool(
+    return feet.treads[foot].shape[1] >= MIN_STROKES and bool(
         back @ height / back.sum() < ahead @ height / ahead.sum()
     )

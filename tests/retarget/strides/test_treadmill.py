@@ -15,12 +15,12 @@ from kinemimic.pipeline.kinematics.clip import Clip
 from kinemimic.pipeline.kinematics.rotations import IDENTITY, angle_between, from_axis_angle, rotate
 from kinemimic.pipeline.kinematics.skeleton import NODE_INDEX as N
 from kinemimic.pipeline.kinematics.skeleton import node_skeleton
-from kinemimic.retarget.cyclic import fit_gait
-from kinemimic.retarget.feet.scale import pose
+from kinemimic.retarget.cyclic import fit_cyclic
+from kinemimic.retarget.feet.scale import body_kinematics
 from kinemimic.retarget.humanoid.body import STANDING_HEIGHT
-from kinemimic.retarget.noncyclic import longest_walk, plain_motion
-from kinemimic.retarget.strides.belt import off_the_belt
-from kinemimic.retarget.strides.cycle import is_gait, study_passes, usable
+from kinemimic.retarget.noncyclic import fit_noncyclic, longest_walk
+from kinemimic.retarget.strides.passes import analyze_passes, is_gait, select_passes
+from kinemimic.retarget.strides.treadmill import add_belt_travel
 
 
 def on_belt(walker, **options):
@@ -34,7 +34,7 @@ def on_belt(walker, **options):
 def stepping(belt: float, heading: float, rate: float = 60.0, seconds: float = 8.0) -> Clip:
     """A figure in place whose ankles go back with the belt for 60 % of 1.1 s, then forward and raised."""
     times = np.arange(round(seconds * rate)) / rate
-    upright = pose(np.tile(IDENTITY, (1, 20, 1)), np.array([[0.0, 0.0, STANDING_HEIGHT]]))[0]
+    upright = body_kinematics(np.tile(IDENTITY, (1, 20, 1)), np.array([[0.0, 0.0, STANDING_HEIGHT]]))[0]
     p = np.repeat(upright, len(times), axis=0)
     for side, shift in (("left", 0.0), ("right", 0.5)):
         stride = np.mod(times / 1.1 + shift, 1.0)
@@ -56,7 +56,7 @@ def stepping(belt: float, heading: float, rate: float = 60.0, seconds: float = 8
 @pytest.mark.parametrize(("belt", "heading"), [(1.2, 0.0), (0.8, 2.2)])
 def test_the_belts_way_is_added(belt, heading):
     still = stepping(belt, heading)
-    found, speeds = off_the_belt(still)
+    found, speeds = add_belt_travel(still)
     assert speeds == {0: pytest.approx(belt, rel=0.03)}
     way = found.positions[-1, 0] - found.positions[0, 0]
     assert np.arctan2(way[1], way[0]) == pytest.approx(heading, abs=0.05)
@@ -70,7 +70,7 @@ def test_frames_without_hips_keep_the_belt():
     positions = still.positions.copy()
     positions[100:104, [N["hip_left"], N["hip_right"]]] = np.nan
     positions[200:203] = np.nan
-    _, speeds = off_the_belt(replace(still, positions=positions))
+    _, speeds = add_belt_travel(replace(still, positions=positions))
     assert speeds == {0: pytest.approx(1.2, rel=0.03)}
 
 
@@ -83,7 +83,7 @@ def test_a_belt_that_speeds_up_is_followed():
         states=np.concatenate([slow.states, fast.states]),
         passes=np.zeros(2 * len(slow.times), dtype=np.int32),
     )
-    found, speeds = off_the_belt(clip)
+    found, speeds = add_belt_travel(clip)
     assert speeds == {0: pytest.approx(1.1, rel=0.05)}
     x = found.positions[:, 0, 0]
     half = len(x) // 2
@@ -98,7 +98,7 @@ def test_nobody_on_a_belt_is_left_alone(walker):
     # One leg alone swings to and fro.
     kicks[:, N["ankle_left"]] = kicks[:1, N["ankle_left"]]
     for clip in (w.clip, still, replace(w.clip, positions=kicks)):
-        found, speeds = off_the_belt(clip)
+        found, speeds = add_belt_travel(clip)
         assert speeds == {} and found is clip
 
 
@@ -106,14 +106,14 @@ def test_backward_along_a_high_swing_is_no_belt(walker):
     _, still = on_belt(walker)
     # The film reversed: the feet go back while they are high.
     back = replace(still, positions=still.positions[::-1].copy())
-    assert off_the_belt(back)[1] == {}
+    assert add_belt_travel(back)[1] == {}
 
 
 def test_a_treadmill_gives_the_same_loop_as_the_ground(walker):
     w, still = on_belt(walker)
     loops = []
-    for clip in (w.clip, off_the_belt(still)[0]):
-        loops.append(fit_gait(clip, usable(study_passes(clip))[0], False).motion)
+    for clip in (w.clip, add_belt_travel(still)[0]):
+        loops.append(fit_cyclic(clip, select_passes(analyze_passes(clip))[0], False).motion)
     assert len(loops[0].root) == len(loops[1].root)
     assert np.degrees(angle_between(loops[0].rotations, loops[1].rotations)).max() < 1.0
     assert loops[1].cycle_offset == pytest.approx(loops[0].cycle_offset, abs=0.02)
@@ -121,10 +121,10 @@ def test_a_treadmill_gives_the_same_loop_as_the_ground(walker):
 
 def test_a_walk_as_recorded_goes_at_the_speed_at_which_its_feet_stand(walker):
     w, still = on_belt(walker)
-    clip, _ = off_the_belt(still)
-    passes = study_passes(clip)
+    clip, _ = add_belt_travel(still)
+    passes = analyze_passes(clip)
     assert is_gait(passes)
-    fit = plain_motion(clip, longest_walk(clip, passes))
+    fit = fit_noncyclic(clip, longest_walk(clip, passes))
     motion = fit.motion
     assert not motion.cyclic and fit.strides == pytest.approx(8.0 / w.period, abs=0.4)
     assert motion.duration == pytest.approx(8.0, abs=0.1)
@@ -136,8 +136,8 @@ def test_a_walk_as_recorded_goes_at_the_speed_at_which_its_feet_stand(walker):
 
 
 def test_two_strides_are_enough_and_less_is_no_walk():
-    assert off_the_belt(stepping(1.2, 0.0, seconds=2.5))[1] == {0: pytest.approx(1.2, rel=0.03)}
-    assert off_the_belt(stepping(1.2, 0.0, seconds=1.5))[1] == {}
+    assert add_belt_travel(stepping(1.2, 0.0, seconds=2.5))[1] == {0: pytest.approx(1.2, rel=0.03)}
+    assert add_belt_travel(stepping(1.2, 0.0, seconds=1.5))[1] == {}
 
 
 @pytest.mark.parametrize(
@@ -154,6 +154,6 @@ def test_the_belt_of_a_real_treadmill_is_what_the_markers_and_the_gait_report_sa
     ingest(captures / "lab_opensim_gait" / file, tmp_path)
     convert(tmp_path)
     clip = on_nodes(read_clip(tmp_path / "quaternions.parquet"))
-    found = off_the_belt(clip)[1]
+    found = add_belt_travel(clip)[1]
     assert found == {0: pytest.approx(speed, rel=0.02)}
     assert found[0] == pytest.approx(study_gait(clip.times, clip.passes, clip.positions).belt, rel=0.01)

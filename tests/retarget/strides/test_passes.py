@@ -8,7 +8,7 @@ from kinemimic.pipeline.gait.harmonic import fit_harmonic, walking_direction
 from kinemimic.pipeline.kinematics.rotations import from_axis_angle, rotate
 from kinemimic.pipeline.kinematics.skeleton import NODE_INDEX as N
 from kinemimic.pipeline.readers.mocap.deepmimic import read_deepmimic, stock_motion
-from kinemimic.retarget.strides.cycle import is_gait, study_passes, too_brief
+from kinemimic.retarget.strides.passes import analyze_passes, brevity_note, is_gait
 from kinemimic.retarget.strides.trim import best_window, leg_bones
 
 
@@ -74,7 +74,7 @@ def test_passes_are_judged_one_by_one(walker):
     rng = np.random.default_rng(0)
     p[second] += 0.3 * rng.standard_normal(p[second].shape)
     broken = type(clip)(clip.skeleton, clip.times, p, clip.states, clip.passes)
-    passes = study_passes(broken)
+    passes = analyze_passes(broken)
     assert [one.verdict for one in passes] == ["accepted", "refused", "accepted", "accepted"]
     assert passes[1].reason
 
@@ -83,7 +83,7 @@ def test_walking_backward_is_said(walker):
     clip = walker().clip
     # The same poses in reverse: the person goes backward, facing +X.
     reverse = type(clip)(clip.skeleton, clip.times, clip.positions[::-1].copy(), clip.states, clip.passes)
-    (one,) = study_passes(reverse)
+    (one,) = analyze_passes(reverse)
     assert one.verdict == "refused" and "backward" in one.reason
 
 
@@ -93,13 +93,13 @@ def as_clip(clip, positions):
 
 def test_who_gets_as_far_without_stepping_does_not_walk(walker):
     clip = walker().clip
-    assert is_gait(study_passes(clip))
+    assert is_gait(analyze_passes(clip))
     p = clip.positions.copy()
     # Both legs do as the left one: a hop.
     for joint in ("knee", "ankle", "foot"):
         left, right = N[f"{joint}_left"], N[f"{joint}_right"]
         p[:, right] = p[:, left] + p[:, [N["hip_right"]]][:, 0] - p[:, N["hip_left"]]
-    hop = study_passes(as_clip(clip, p))
+    hop = analyze_passes(as_clip(clip, p))
     assert hop[0].travel > 2.0 and not is_gait(hop)
 
 
@@ -107,17 +107,17 @@ def test_who_turns_over_does_not_walk(walker):
     clip = walker().clip
     middle = clip.positions[:, :1]
     turn = from_axis_angle("Y", np.linspace(0.0, 2.0 * np.pi, len(clip.times)))[:, None]
-    assert not is_gait(study_passes(as_clip(clip, middle + rotate(turn, clip.positions - middle))))
+    assert not is_gait(analyze_passes(as_clip(clip, middle + rotate(turn, clip.positions - middle))))
 
 
 def test_one_cycle_in_place_is_too_brief_and_says_by_how_much(walker):
     w = walker(seconds=1.1)
     still = w.clip.positions - (w.clip.positions[:, :1] - w.clip.positions[:1, :1])
-    (one,) = study_passes(as_clip(w.clip, still))
+    (one,) = analyze_passes(as_clip(w.clip, still))
     assert one.steps and not one.walks
-    assert "1.0 strides (1.1 s)" in too_brief(one) and "more than 2" in too_brief(one)
-    (long,) = study_passes(walker().clip)
-    assert long.walks and too_brief(long) == ""
+    assert "1.0 strides (1.1 s)" in brevity_note(one) and "more than 2" in brevity_note(one)
+    (long,) = analyze_passes(walker().clip)
+    assert long.walks and brevity_note(long) == ""
 
 
 def test_two_steps_in_a_long_stand_are_no_gait(walker):
@@ -127,13 +127,13 @@ def test_two_steps_in_a_long_stand_are_no_gait(walker):
     begin, end = np.searchsorted(t, [2.0, 3.2])
     p[:begin] = p[begin]
     p[end:] = p[end]
-    assert not is_gait(study_passes(as_clip(clip, p)))
+    assert not is_gait(analyze_passes(as_clip(clip, p)))
 
 
 @pytest.mark.parametrize("name", ["walk", "run"])
 def test_stock_gaits_are_gaits(name):
     clip = on_nodes(read_deepmimic(stock_motion(name)))
-    assert is_gait(study_passes(clip))
+    assert is_gait(analyze_passes(clip))
 
 
 @pytest.mark.parametrize(
@@ -141,4 +141,4 @@ def test_stock_gaits_are_gaits(name):
 )
 def test_other_stock_motions_are_none(name):
     clip = on_nodes(read_deepmimic(stock_motion(name)))
-    assert not is_gait(study_passes(clip))
+    assert not is_gait(analyze_passes(clip))

@@ -1,8 +1,8 @@
 """The angles that were captured, frame by frame beside the phase of the motion: capture.parquet.
 
 A score against these, which no filter, pooling or loop has touched, is a score against the recording. Where
-its pelvis or the side-ways position of its knees is not to be believed (trust.py), what is neutral in the
-motion is neutral here, so that both speak of the same angle.
+its pelvis or the sideways position of its knees is unreliable (sensor_reliability.py), the neutral pose of
+the motion is used here too, so that both describe the same angle.
 """
 
 from __future__ import annotations
@@ -22,13 +22,13 @@ from kinemimic.pipeline.kinematics.clip import Clip
 from kinemimic.pipeline.kinematics.orient import local_rotations
 from kinemimic.pipeline.kinematics.rotations import from_axis_angle, rotate
 from kinemimic.retarget.humanoid.motion import joint_angles
-from kinemimic.retarget.strides.sensor_reliability import Trust, believed_frames
+from kinemimic.retarget.strides.sensor_reliability import SensorReliability, reliable_frames
 
 CAPTURED_SCHEMA = 1
 
 
 @dataclass(frozen=True)
-class Span:
+class PassSpan:
     """The part of a pass that became the motion: `start` to `end` seconds, heading in radians; the motion's
     phase is (time - zero) / duration, on the clock of the strides (times and clock, (N,) each) where they
     have one of their own (`Pass.clock`)."""
@@ -48,7 +48,11 @@ class Span:
 
 
 def captured_angles(
-    clip: Clip, raw: Clip, spans: list[Span], trust: Trust, truth: Mapping[str, Array] | None
+    clip: Clip,
+    raw: Clip,
+    spans: list[PassSpan],
+    reliability: SensorReliability,
+    truth: Mapping[str, Array] | None,
 ) -> dict[str, Array]:
     """Columns of capture.parquet, one row a raw frame within a span.
 
@@ -56,7 +60,9 @@ def captured_angles(
     parts of the body are believed as in the motion, so that both speak of the same angle.
     """
     rows, kept = ([_within(one, span) for span in spans] for one in (raw, clip))
-    measured, cleaned = (_angles(one, frames, spans, trust) for one, frames in ((raw, rows), (clip, kept)))
+    measured, cleaned = (
+        _angles(one, frames, spans, reliability) for one, frames in ((raw, rows), (clip, kept))
+    )
     parts: list[dict[str, Array]] = []
     for k, span in enumerate(spans):
         times = raw.times[rows[k]]
@@ -75,18 +81,18 @@ def captured_angles(
     return {name: np.concatenate([part[name] for part in parts]) for name in parts[0]}
 
 
-def _within(clip: Clip, span: Span) -> NDArray[np.intp]:
+def _within(clip: Clip, span: PassSpan) -> NDArray[np.intp]:
     inside = (clip.passes == span.number) & (clip.times >= span.start) & (clip.times <= span.end)
     return np.flatnonzero(inside)
 
 
 def _angles(
-    clip: Clip, frames: list[NDArray[np.intp]], spans: list[Span], trust: Trust
+    clip: Clip, frames: list[NDArray[np.intp]], spans: list[PassSpan], reliability: SensorReliability
 ) -> list[dict[str, Array]]:
     """The curves of each span's frames: all in one go, since an hour has a thousand passes."""
     headings = np.repeat([span.heading for span in spans], [len(one) for one in frames])
     ahead = rotate(from_axis_angle("Z", -headings)[:, None], clip.positions[np.concatenate(frames)])
-    curves = joint_angles(local_rotations(believed_frames(ahead, trust)))
+    curves = joint_angles(local_rotations(reliable_frames(ahead, reliability)))
     ends = np.cumsum([len(one) for one in frames])[:-1]
     pieces = {name: np.split(curve, ends) for name, curve in curves.items()}
     return [{name: pieces[name][k] for name in pieces} for k in range(len(spans))]

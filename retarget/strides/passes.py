@@ -14,32 +14,38 @@ from kinemimic.pipeline.gait.harmonic import PERIODS, Harmonic, fit_harmonic, wa
 from kinemimic.pipeline.kinematics.clip import Clip
 from kinemimic.pipeline.kinematics.skeleton import NODE_INDEX as N
 from kinemimic.retarget.strides.phase import stride_phase
-from kinemimic.retarget.strides.trim import BONE_SPREAD, bad_frames, best_window, forward_speed, leg_bones
+from kinemimic.retarget.strides.trim import (
+    MAX_BONE_DEVIATION,
+    bad_frames,
+    best_window,
+    forward_speed,
+    leg_bones,
+)
 
 Verdict = Literal["accepted", "warned", "refused"]
 
-ACCEPT, WARN = 0.95, 0.85  # R² of the harmonic
-KEEP = 0.80  # share of frames that the harmonic must explain: the others are leg swaps and wild frames
-SPEED_SPREAD, PERIOD_SPREAD = 0.30, 0.20  # from the median of the passes
-SHORTEST = 25 / 30.0  # seconds of good frames, unless they are most of a stride
+ACCEPT_R2, WARN_R2 = 0.95, 0.85  # R² of the harmonic
+MIN_KEPT = 0.80  # share of frames that the harmonic must explain: the others are leg swaps and wild frames
+MAX_SPEED_SPREAD, MAX_PERIOD_SPREAD = 0.30, 0.20  # from the median of the passes
+MIN_GOOD_TIME = 25 / 30.0  # seconds of good frames, unless they are most of a stride
 # A runner crosses a sensor's view in less than a stride. From this share of it one harmonic still tells the
 # period to 5 %; what is missing other passes must show (fit.LARGEST_GAP).
-MOST = 0.75
+MIN_STRIDE_SHARE = 0.75
 # m/s and m: a pass that advances faster and farther is one of walking. A squat moves the hips as fast, not
 # as far.
-WALKS, TRAVELS = 0.3, 0.8
-STEPS = 0.12  # m: half the least stride of the ankles in walking on the spot
+MIN_WALK_SPEED, MIN_TRAVEL = 0.3, 0.8
+MIN_STEP_AMPLITUDE = 0.12  # m: half the least stride of the ankles in walking on the spot
 # What tells walking from a jump, a kick or a cartwheel that gets as far: the trunk stays upright, one foot
 # goes ahead while the other goes back, and that is most of what happens, or repeats itself.
-UPRIGHT = np.radians(60.0)  # of the trunk from the vertical, in all but the wildest frames
-ALTERNATE = 0.5  # share of the variance of both ankles about the hips that lies in their difference
-LASTS, REPEATS = 0.5, 2.0  # share of the pass; strides
-SEEN_BADLY = 0.2  # share of frames with a leg missing or of another length
+MAX_TRUNK_LEAN = np.radians(60.0)  # of the trunk from the vertical, in all but the wildest frames
+MIN_ALTERNATION = 0.5  # share of the variance of both ankles about the hips that lies in their difference
+MIN_GAIT_SHARE, MIN_STRIDES = 0.5, 2.0  # share of the pass; strides
+POOR_VISIBILITY = 0.2  # share of frames with a leg missing or of another length
 # Cycles (rms) by which the strides' own phase may wander about that of one period. A walking knee's peak is
 # so sharp that frames pooled 0.02 cycles off take 1° from it, and leave 0.98 of the knee's variance.
-DRIFT = 0.02
+MAX_DRIFT = 0.02
 # Strides below which legs that were confused look as if they drifted: over so few nobody gets as far.
-FEW = 4.0
+MIN_WARPED_STRIDES = 4.0
 
 
 @dataclass(frozen=True)
@@ -78,7 +84,7 @@ class Pass:
         return self.harmonic.phase(self.clock)
 
 
-def study_pass(clip: Clip, number: int, bones: Array) -> Pass:
+def analyze_pass(clip: Clip, number: int, bones: Array) -> Pass:
     """Trim one pass of a clip on the 20 nodes and fit the harmonic of its ankles."""
     frames = np.flatnonzero(clip.passes == number)
     whole = frames
@@ -125,9 +131,9 @@ def study_pass(clip: Clip, number: int, bones: Array) -> Pass:
     travel = float(np.ptp(np.nanpercentile(middle, (5.0, 95.0))))
     timed = verdict == "refused" or PERIODS[0] <= harmonic.period <= PERIODS[1]
     alternates = timed and _alternates(clip, whole, frames, heading, harmonic, bones)
-    steps = alternates and verdict != "refused" and harmonic.amplitude > STEPS
-    advances = alternates and abs(speed) > WALKS and travel > TRAVELS
-    walks = advances or (steps and _strides(clip, frames, harmonic) > REPEATS)
+    steps = alternates and verdict != "refused" and harmonic.amplitude > MIN_STEP_AMPLITUDE
+    advances = alternates and abs(speed) > MIN_WALK_SPEED and travel > MIN_TRAVEL
+    walks = advances or (steps and _strides(clip, frames, harmonic) > MIN_STRIDES)
     return Pass(
         number=number,
         frames=frames,
@@ -157,7 +163,7 @@ def _timed(times: Array, ankles: Array, bad: NDArray[np.bool_]) -> tuple[Harmoni
     if strides is None:
         return steady, times, float("nan")
     drift = float(np.std((strides.phase - steady.phase(times))[~bad]))
-    if drift < DRIFT or np.ptp(strides.phase) < FEW:
+    if drift < MAX_DRIFT or np.ptp(strides.phase) < MIN_WARPED_STRIDES:
         return steady, times, drift
     clock = times[0] + strides.period * (strides.phase - strides.phase[0])
     followed = fit_harmonic(clock, np.where(bad, 0.0, ankles), weights)
@@ -175,21 +181,21 @@ def _alternates(
 ) -> bool:
     """Whether legs and trunk do as in walking in the frames that are left of a whole pass."""
     # How little is left of a pass that was badly seen is the sensor's doing.
-    lost = ~(np.abs(leg_bones(clip.positions[whole]) / bones - 1.0).max(axis=-1) < BONE_SPREAD)
-    brief = len(frames) < LASTS * len(whole) and _strides(clip, frames, harmonic) < REPEATS
-    if brief and lost.mean() < SEEN_BADLY:
+    lost = ~(np.abs(leg_bones(clip.positions[whole]) / bones - 1.0).max(axis=-1) < MAX_BONE_DEVIATION)
+    brief = len(frames) < MIN_GAIT_SHARE * len(whole) and _strides(clip, frames, harmonic) < MIN_STRIDES
+    if brief and lost.mean() < POOR_VISIBILITY:
         return False
     p = clip.positions[whole]
     trunk = p[:, N["shoulder_center"]] - p[:, [N["hip_left"], N["hip_right"]]].mean(axis=1)
     lean = np.arctan2(np.hypot(trunk[:, 0], trunk[:, 1]), trunk[:, 2])
-    if np.isfinite(lean).any() and np.nanpercentile(lean, 95.0) > UPRIGHT:
+    if np.isfinite(lean).any() and np.nanpercentile(lean, 95.0) > MAX_TRUNK_LEAN:
         return False
     p = clip.positions[frames]
     along = np.array([np.cos(heading), np.sin(heading)])
     middle = p[:, [N["hip_left"], N["hip_right"]], :2].mean(axis=1)
     left, right = ((p[:, N[f"ankle_{side}"], :2] - middle) @ along for side in ("left", "right"))
     apart, together = float(np.nanvar(left - right)), float(np.nanvar(left + right))
-    return apart > ALTERNATE * (apart + together)
+    return apart > MIN_ALTERNATION * (apart + together)
 
 
 def _strides(clip: Clip, frames: NDArray[np.intp], harmonic: Harmonic) -> float:
@@ -198,22 +204,22 @@ def _strides(clip: Clip, frames: NDArray[np.intp], harmonic: Harmonic) -> float:
 
 def _judge(harmonic: Harmonic, times: Array, bad: NDArray[np.bool_]) -> tuple[Verdict, str]:
     good = float(np.median(np.diff(times))) * float((~bad).sum())
-    if good < min(SHORTEST, MOST * harmonic.period):
+    if good < min(MIN_GOOD_TIME, MIN_STRIDE_SHARE * harmonic.period):
         return "refused", f"only {good:.2f} s of good frames"
-    if harmonic.kept < KEEP:
+    if harmonic.kept < MIN_KEPT:
         return "refused", f"only {100 * harmonic.kept:.0f} % of the frames follow the ankles' harmonic"
-    if harmonic.r2 < WARN:
+    if harmonic.r2 < WARN_R2:
         return "refused", f"ankles fit one harmonic with R² {harmonic.r2:.2f} (legs confused)"
-    if harmonic.r2 < ACCEPT:
+    if harmonic.r2 < ACCEPT_R2:
         return "warned", f"ankles fit one harmonic with R² {harmonic.r2:.2f} only"
     return "accepted", ""
 
 
-def study_passes(clip: Clip) -> list[Pass]:
+def analyze_passes(clip: Clip) -> list[Pass]:
     """Every pass of a clip on the 20 nodes, judged by itself and against the others."""
     lengths = leg_bones(clip.positions)
     bones = np.nanmedian(lengths, axis=0) if np.isfinite(lengths).any(axis=0).all() else np.ones(4)
-    passes = [study_pass(clip, int(number), bones) for number in np.unique(clip.passes[clip.passes >= 0])]
+    passes = [analyze_pass(clip, int(number), bones) for number in np.unique(clip.passes[clip.passes >= 0])]
     good = [p for p in passes if p.verdict == "accepted"]
     if len(good) < 3:
         return passes
@@ -225,11 +231,11 @@ def study_passes(clip: Clip) -> list[Pass]:
 def _compare(one: Pass, speed: float, period: float) -> Pass:
     if one.verdict == "refused" or one.harmonic is None:
         return one
-    if abs(one.speed - speed) > SPEED_SPREAD * speed:
+    if abs(one.speed - speed) > MAX_SPEED_SPREAD * speed:
         return replace(
             one, verdict="refused", reason=f"{one.speed:.2f} m/s where the others walk {speed:.2f}"
         )
-    if abs(one.harmonic.period - period) > PERIOD_SPREAD * period:
+    if abs(one.harmonic.period - period) > MAX_PERIOD_SPREAD * period:
         return replace(
             one,
             verdict="refused",
@@ -243,18 +249,18 @@ def is_gait(passes: list[Pass]) -> bool:
     return any(one.walks for one in passes)
 
 
-def too_brief(one: Pass) -> str:
+def brevity_note(one: Pass) -> str:
     """What a pass lacks whose legs step as in walking, though nobody walks in it; "" of any other."""
     if one.walks or not one.steps:
         return ""
     seconds = float(np.ptp(one.clock))
     return (
         f"somebody may walk, but in place for {np.ptp(one.phase):.1f} strides ({seconds:.1f} s) only, and a "
-        f"loop takes more than {REPEATS:.0f}, or {TRAVELS} m of way"
+        f"loop takes more than {MIN_STRIDES:.0f}, or {MIN_TRAVEL} m of way"
     )
 
 
-def usable(passes: list[Pass]) -> tuple[list[Pass], list[str]]:
+def select_passes(passes: list[Pass]) -> tuple[list[Pass], list[str]]:
     """The passes to pool, and warnings.
 
     The accepted ones; without any, the best of the doubtful ones; without those, a KinemimicError that says
@@ -268,11 +274,11 @@ def usable(passes: list[Pass]) -> tuple[list[Pass], list[str]]:
     if doubtful:
         best = max(doubtful, key=lambda p: p.harmonic.r2 if p.harmonic else 0.0)
         return [best], [
-            f"no pass is above R² {ACCEPT}: pass {best.number} is used although its {best.reason}"
+            f"no pass is above R² {ACCEPT_R2}: pass {best.number} is used although its {best.reason}"
         ]
     longest = max(passes, key=lambda p: len(p.frames))
     raise KinemimicError(
-        f"retarget: expected a pass of walking whose ankles fit one harmonic with R² of at least {WARN}, "
+        f"retarget: expected a pass of walking whose ankles fit one harmonic with R² of at least {WARN_R2}, "
         f"found none in {len(passes)}; the longest, pass {longest.number}: {longest.reason}; "
         "record a longer or clearer walk"
     )

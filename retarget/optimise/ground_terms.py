@@ -16,19 +16,26 @@ from kinemimic.pipeline.kinematics.skeleton import NODE_INDEX as N
 from kinemimic.retarget.humanoid.body import BODIES
 from kinemimic.retarget.humanoid.motion import Motion
 from kinemimic.retarget.humanoid.surface import lowest_points
-from kinemimic.retarget.optimise.leg_chain import ANKLE, HIP, KNEE, ROOT_POSITION, ROOT_TURN, SIDES
+from kinemimic.retarget.optimise.leg_chain import (
+    ANKLE_COLUMNS,
+    HIP_COLUMNS,
+    KNEE_COLUMNS,
+    ROOT_POSITION,
+    ROOT_ROTATION,
+    SIDES,
+)
 from kinemimic.retarget.optimise.one_sided import OneSided
 
-NEAR = 0.05  # m: a body that never comes as low needs no care
-HELD = 0.005  # m, as in OneSided
+NEAR_GROUND = 0.05  # m: a body that never comes as low needs no care
+RELEASE = 0.005  # m, as in OneSided
 _UP = np.array([0.0, 0.0, 1.0])
 
 
-def corrected(motion: Motion, x: Array) -> Motion:
+def apply_corrections(motion: Motion, x: Array) -> Motion:
     """The motion with corrections x (T, 20) of root and legs as `leg_chain` has them."""
     rotations = motion.rotations.copy()
-    rotations[:, 0] = multiply(rotations[:, 0], from_rotvec(x[:, ROOT_TURN]))
-    for side, hip, knee, ankle in zip(SIDES, HIP, KNEE, ANKLE, strict=True):
+    rotations[:, 0] = multiply(rotations[:, 0], from_rotvec(x[:, ROOT_ROTATION]))
+    for side, hip, knee, ankle in zip(SIDES, HIP_COLUMNS, KNEE_COLUMNS, ANKLE_COLUMNS, strict=True):
         for joint, begin in (("hip", hip), ("ankle", ankle)):
             node = N[f"{joint}_{side}"]
             rotations[:, node] = multiply(rotations[:, node], from_rotvec(x[:, begin : begin + 3]))
@@ -37,7 +44,7 @@ def corrected(motion: Motion, x: Array) -> Motion:
     return replace(motion, root=motion.root + x[:, ROOT_POSITION], rotations=rotations)
 
 
-class Rest:
+class BodyGroundTerms:
     """The lowest points of a motion's bodies but the feet, as far as any comes near the ground."""
 
     def __init__(self, motion: Motion) -> None:
@@ -46,17 +53,17 @@ class Rest:
         self._bodies = [
             index
             for index, body in enumerate(BODIES)
-            if not body.name.startswith("foot") and heights[index] < NEAR
+            if not body.name.startswith("foot") and heights[index] < NEAR_GROUND
         ]
         self._heights = np.zeros((len(motion.root), len(self._bodies)))
         self._levers = np.zeros((len(motion.root), len(self._bodies), 3))
-        self._ground = OneSided(self._heights.shape, HELD)
+        self._ground = OneSided(self._heights.shape, RELEASE)
 
     def look(self, x: Array) -> None:
         """Find where the points are under corrections x (T, 20)."""
         if not self._bodies:
             return
-        motion = corrected(self._motion, x)
+        motion = apply_corrections(self._motion, x)
         points = lowest_points(*motion.kinematics())[:, self._bodies]
         self._heights = points[..., 2]
         # A small turn w of the root, in its own frame, lifts a point at r from it by w · R'(r × up).
@@ -69,6 +76,6 @@ class Rest:
         heights = self._heights[window]
         rows = np.zeros((*heights.shape, 6))
         rows[..., 2] = 1.0
-        rows[..., ROOT_TURN] = self._levers[window]
+        rows[..., ROOT_ROTATION] = self._levers[window]
         weighted = rows * (self._ground.weight(heights, window) / sinks**2)[..., None]
         return np.swapaxes(weighted, -1, -2) @ rows, np.einsum("tpi,tp->ti", weighted, heights)
