@@ -41,7 +41,7 @@ def retarget(
     """Put a converted capture on the Table 1 body and write the results into its run folder.
 
     symmetric: make left and right one by pooling the mirror image half a cycle later; None decides that by
-    measurement (`fit.fit_gait`), False keeps a limp. refined: keep feet, ground and joint limits by moving
+    measurement (`cyclic.fit_cyclic`), False keeps a limp. refined: keep feet, ground and joint limits by moving
     all frames together (`refine.refine`); False writes what the closed form gives. ankle: of a walk whose
     feet no sensor saw (`legs.neutral_feet`, `ankles.normal_feet`). loop: whether strides become a loop; None
     does so wherever somebody walks, False keeps the longest pass as it was recorded. A KinemimicError says
