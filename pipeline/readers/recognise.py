@@ -1,4 +1,4 @@
-"""Which reader a capture file takes: decided by its content, never by its name."""
+"""Choose the reader of a capture file from its content, never from its name."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from kinemimic.pipeline.readers.base.source import Source
 from kinemimic.pipeline.readers.depth.folder import CAMERA, is_recording
 from kinemimic.pipeline.readers.depth.folder import FORMAT as DEPTH_RECORDING
 
-# Asked in this sequence: formats with a header or a keyword first, tables of bare numbers last.
+# Tried in this order: formats with a header or a keyword first, tables of bare numbers last.
 _MODULES: tuple[str, ...] = (
     "custom_table.custom_table",
     "kinect.kinect2_skl",
@@ -46,27 +46,27 @@ _SEPARATORS = re.compile(r"[,;]+")
 
 
 def readers() -> tuple[Reader, ...]:
-    """Every reader, in the sequence in which they are asked."""
+    """Every reader, in the order in which they are tried."""
     return tuple(
         cast(Reader, importlib.import_module(f"kinemimic.pipeline.readers.{name}")) for name in _MODULES
     )
 
 
 def formats() -> tuple[Format, ...]:
-    """What can be read."""
+    """Every format that can be read."""
     return (*(reader.FORMAT for reader in readers()), DEPTH_RECORDING)
 
 
 def read(path: Path, *, unit: str | None = None) -> Clip:
     """The capture in a file, as recorded: in our units and axes, one pass, nothing filled or filtered.
 
-    unit: the file's unit of length as --unit spells it (`units.SPELT`), whatever the file says; by default
-    the format's, the header's or, where neither names it, the likeliest for the size of the body.
-    A folder is read if it is a depth recording.
-    provenance holds source (the file's name), format, sha256, companions (files beside it that belong to it:
-    name -> SHA-256) and what the reader found ("reading").
-    Raises CaptureError for anything that is not a whole capture in one of the formats, KinemimicError for a
-    unit that is none.
+    A folder is read if it is a depth recording. unit: the file's unit of length in the spelling of --unit (a
+    key of `units.SPELT`), overriding the file; by default the format's or the header's unit, else the
+    likeliest for the size of the body.
+
+    provenance holds source (the file's name), format, sha256, companions (name -> SHA-256 of the other files
+    of the capture) and the reader's record ("reading"). Raises CaptureError for anything but a whole capture
+    in a known format, KinemimicError for an unknown unit.
     """
     named = parse_unit(unit)
     if is_recording(path):
@@ -79,59 +79,59 @@ def read(path: Path, *, unit: str | None = None) -> Clip:
 
 
 def read_source(source: Source) -> Clip:
-    """`read` of content that is in memory."""
+    """Like `read`, for content in memory."""
     reader = reader_of(source)
     clip = _as_named(reader.read(source), source.unit)
-    made = {"source": source.path.name, "sha256": source.sha256, "companions": dict(source.companions)}
-    return replace(clip, provenance={**made, **clip.provenance})
+    basics = {"source": source.path.name, "sha256": source.sha256, "companions": dict(source.companions)}
+    return replace(clip, provenance={**basics, **clip.provenance})
 
 
 def _as_named(clip: Clip, unit: str | None) -> Clip:
-    """The clip with its lengths in the unit that the user named, where its reader has one of its own."""
+    """The clip with lengths in the unit that the user named, if its reader does not handle --unit itself."""
     reading = clip.provenance["reading"]
     if unit is None or reading["units_rule"] == SET_BY_USER:
         return clip
-    told = {**reading, "units": unit, "units_rule": SET_BY_USER}
-    clip = replace(clip, provenance={**clip.provenance, "reading": told})
+    record = {**reading, "units": unit, "units_rule": SET_BY_USER}
+    clip = replace(clip, provenance={**clip.provenance, "reading": record})
     return scaled(clip, UNITS[unit] / UNITS[reading["units"]])
 
 
 def reader_of(source: Source) -> Reader:
-    """The first reader that recognises the content; CaptureError with the candidates if none does."""
+    """The first reader that recognises the content; CaptureError lists the candidates if none does."""
     if not source.head:
-        raise source.error(expected="a capture", found="nothing but blank lines where it begins")
-    asked = readers()
-    for reader in asked:
+        raise source.error(expected="a capture", found="only blank lines at its start")
+    readers_in_order = readers()
+    for reader in readers_in_order:
         if reader.FORMAT.binary != source.is_text and reader.recognises(source):
             return reader
-    raise _unknown(source, [reader.FORMAT for reader in asked])
+    raise _unknown(source, [reader.FORMAT for reader in readers_in_order])
 
 
 def _unknown(source: Source, known: Sequence[Format]) -> CaptureError:
     if not source.is_text:
         return NotACaptureError(
-            source.path, expected="a capture", found="a binary file of no known format",
-            advice="`kinemimic formats` lists what is read",
+            source.path, expected="a capture", found="a binary file of unknown format",
+            advice="`kinemimic formats` lists the known formats",
         )  # fmt: skip
     widths = [len(fields) for line in source.head[:32] if (fields := _numbers(line))]
     if widths and len(widths) >= 0.9 * len(source.head[:32]):
         width = max(set(widths), key=widths.count)
         candidates = [format.name for format in known if width in format.columns]
-        headed = [format.name for format in known if format.any_width]
+        with_header = [format.name for format in known if format.width_in_header]
         names = ", ".join(candidates) if candidates else "none"
         return source.error(
             expected="a capture",
-            found=f"a table of {width} numbers a line without a mark; formats of that width: {names}; "
-            f"of any width below their header: {', '.join(headed)}",
-            advice="put its header back, or describe its columns (`kinemimic inspect --suggest` drafts that)",
+            found=f"a table of {width} numbers per line without a header; formats of that width: {names}; "
+            f"formats with their width in the header: {', '.join(with_header)}",
+            advice="restore its header, or describe its columns (`kinemimic inspect --suggest` drafts that)",
         )
     start = " ".join(" ".join(source.head[:3]).split(maxsplit=6)[:6])[:60]
     return NotACaptureError(
         source.path,
         expected="a capture",
         found=f"text that begins {start!r}",
-        advice="`kinemimic formats` lists what is read, `kinemimic inspect --suggest` drafts a description "
-        "of a table of one's own",
+        advice="`kinemimic formats` lists the known formats, `kinemimic inspect --suggest` drafts a "
+        "description of your own table",
     )
 
 

@@ -12,7 +12,9 @@ SCRIPT = ROOT / "docs" / "draw_architecture.py"
 
 def run(code: str) -> str:
     """What Python prints with the drawing script imported; grimp keeps its graph out of this process."""
-    program = f"import sys; sys.path.insert(0, {str(SCRIPT.parent)!r})\nfrom draw_architecture import *\n{code}"
+    program = (
+        f"import sys; sys.path.insert(0, {str(SCRIPT.parent)!r})\nfrom draw_architecture import *\n{code}"
+    )
     return subprocess.run(
         [sys.executable, "-c", program], check=True, capture_output=True, text=True
     ).stdout.strip()

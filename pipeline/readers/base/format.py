@@ -1,4 +1,4 @@
-"""What every reader says of its format: `kinemimic formats` lists it, errors name it."""
+"""The description of a capture format, for `kinemimic formats` and for error messages."""
 
 from __future__ import annotations
 
@@ -11,20 +11,21 @@ from kinemimic.pipeline.readers.base.source import Source
 
 @dataclass(frozen=True)
 class Format:
-    """name: what people call it; sensor: what records it; holds: what a frame is made of; told_by: the mark
-    in the content by which it is recognised; columns: numbers a line by which a headerless table is known
-    as a candidate (empty for formats that are no such tables); any_width: the numbers stand below a header
-    that says how many they are; together_with: the file that must lie beside it; binary: the content is no
-    text.
+    """A capture format.
+
+    name: its usual name; sensor: what records it; holds: the content of a frame; recognised_by: the feature
+    of the content by which it is recognised; columns: numbers per line that make a headerless table a
+    candidate (empty for other formats); width_in_header: the header gives the number of columns; companion:
+    the file that must be in the same folder; binary: the content is not text.
     """
 
     name: str
     sensor: str
     holds: str
-    told_by: str
+    recognised_by: str
     columns: tuple[int, ...] = ()
-    any_width: bool = False
-    together_with: str = ""
+    width_in_header: bool = False
+    companion: str = ""
     binary: bool = False
 
 
@@ -34,7 +35,9 @@ class Reader(Protocol):
     FORMAT: Format
 
     def recognises(self, source: Source) -> bool:
-        """True if the content bears the format's mark; looks at the head of the file only, never raises."""
+        """True if the content has the format's distinguishing feature. Looks at the head of the file only;
+        never raises.
+        """
 
     def read(self, source: Source) -> Clip:
-        """The capture, as recorded, in our units and axes; CaptureError for what is damaged."""
+        """The capture as recorded, in our units and axes. Raises CaptureError for damaged content."""

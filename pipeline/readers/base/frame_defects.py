@@ -1,4 +1,4 @@
-"""What is wrong with whole frames and only a reader can see: repeated times, frames of zeros, far places."""
+"""Defects of whole frames that only a reader can see: repeated times, all-zero frames, remote coordinates."""
 
 from __future__ import annotations
 
@@ -11,67 +11,69 @@ from kinemimic.pipeline.kinematics.spans import frame_runs
 from kinemimic.pipeline.quality.rules.defect import Defect, plural
 from kinemimic.pipeline.readers.base.source import Source
 
-# A depth camera sees 8 m far at most; what is ten times beyond that is no measurement.
-FARTHEST = 100.0
-# Lines in a row behind the clock that are more than a stutter.
-_ANEW = 10
+# In metres. A depth camera reaches 8 m; a coordinate ten times beyond that is not a measurement.
+MAX_COORDINATE = 100.0
+# A run of this many late lines is more than a stutter of the clock.
+_SECOND_RECORDING = 10
 
 
-def in_sequence(clock: Array) -> tuple[Mask, list[Defect]]:
-    """Which frames come later than all before them, and a defect that counts the others, to be dropped.
+def increasing_times(clock: Array) -> tuple[Mask, list[Defect]]:
+    """Mask of the frames that are later than all before them, and a defect that counts the others, which are
+    dropped.
 
-    clock: (T,) finite times or frame numbers as in the file. Lines that repeat a time now and then are
-    repaired so; where the clock falls back and runs on, a recording is lost with them: that is flagged.
+    clock: (T,) finite times or frame numbers as in the file. Occasional repeated times are repaired. If the
+    clock jumps back and runs on, dropping those lines loses a whole recording: that is flagged.
     """
     later = clock > np.concatenate([[-np.inf], np.maximum.accumulate(clock)[:-1]])
     count = int((~later).sum())
     if not count:
         return later, []
-    text = f"{plural(count, 'line')} with the time of a line before, dropped"
-    behind = _longest_behind(clock, later)
-    if behind < _ANEW:
+    text = f"{plural(count, 'line')} with a time that is not later than before, dropped"
+    run = _longest_late_run(clock, later)
+    if run < _SECOND_RECORDING:
         return later, [Defect("duplicate_frames", count, "frames", "repaired", text)]
-    text += (
-        f"; {behind} of them follow one another, their clock behind but running: two recordings joined in "
-    )
-    text += "one file, or one time far too late?"
+    text += f"; {run} of them are consecutive with increasing times: two recordings joined in "
+    text += "one file, or a single time far too late?"
     return later, [Defect("duplicate_frames", count, "frames", "flagged", text)]
 
 
-def _longest_behind(clock: Array, later: Mask) -> int:
-    """The most lines in a row that are not later than all before, but each later than the one before it."""
+def _longest_late_run(clock: Array, later: Mask) -> int:
+    """Length of the longest run of lines that are late, but each later than the previous one."""
     running = np.concatenate([[False], ~later[1:] & ~later[:-1] & (clock[1:] > clock[:-1])])
     edges = np.flatnonzero(np.diff(np.concatenate([[False], running, [False]]).astype(np.int8)))
     return 1 + int((edges[1::2] - edges[::2]).max(initial=0))
 
 
 def zero_frames(points: Array) -> list[Defect]:
-    """A defect that names the frames in which every joint stands on the sensor's origin: nobody was seen.
+    """A defect listing the frames in which every joint is at the sensor's origin: nobody was tracked.
 
-    points: (T, J, 3) as in the file. The frames stay, all joints missing, so that frame numbers do.
+    points: (T, J, 3) as in the file. The frames are kept, with all joints missing, so that frame numbers stay
+    valid.
     """
     empty: Mask = np.logical_not(points.reshape(len(points), -1).any(axis=1))
     count = int(empty.sum())
     if not count:
         return []
-    text = f"{plural(count, 'frame')} of zeros only: kept, with every joint missing"
+    text = f"{plural(count, 'frame')} with only zeros: kept, with every joint missing"
     return [Defect("zero_frames", count, "frames", "repaired", text, frame_runs(empty))]
 
 
-def refuse_far(points: Array, joints: Sequence[str], source: Source, line: Callable[[int], int]) -> None:
-    """CaptureError for the first coordinate beyond FARTHEST; NaN and infinity say "not seen" and pass.
+def refuse_remote(points: Array, joints: Sequence[str], source: Source, line: Callable[[int], int]) -> None:
+    """Raise CaptureError for the first coordinate beyond MAX_COORDINATE. NaN and infinity mean "not seen" and
+    pass.
 
-    points: (T, J, 3) metres; joints: (J,) as the file names them; line: number in the file of a frame.
-    Where the user names another unit, they are not metres yet: then the leg judges them (rules/units.py).
+    points: (T, J, 3) metres; joints: (J,) names as in the file; line: line number of a frame. If the user
+    names another unit, the values are not metres yet, and the check of the leg length applies instead
+    (quality/rules/length_units.py).
     """
     if source.unit is not None:
         return
-    # A comparison with NaN is False, so that only infinity needs a word.
-    far = np.abs(points) > FARTHEST
+    # A comparison with NaN is False, so only infinity needs the second check.
+    far = np.abs(points) > MAX_COORDINATE
     if far.any() and (far := far & np.isfinite(points)).any():
         frame, joint, axis = (int(k) for k in np.argwhere(far)[0])
         raise source.error(
-            expected=f"metres, at most {FARTHEST:g}, in {joints[joint]}_{'XYZ'[axis]}",
+            expected=f"metres, at most {MAX_COORDINATE:g}, in {joints[joint]}_{'XYZ'[axis]}",
             found=f"{points[frame, joint, axis]:g}",
             where=f"line {line(frame)}",
         )

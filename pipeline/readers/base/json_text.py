@@ -1,4 +1,4 @@
-"""JSON to Python values, with every kind of damage as one clear error.
+"""Parse JSON text; every kind of damage becomes one clear error.
 
 The standard library's parser is fast enough (measured: indented body-tracking files at 150 MB/s, within twice
 the time of pandas' C parser on the same numbers), and its recursion is bounded.
@@ -14,26 +14,26 @@ import numpy as np
 from kinemimic.pipeline.arrays import Array
 from kinemimic.pipeline.readers.base.source import Source
 
-# Every comma parts two values, and a value takes at most about 64 bytes of memory: a file can ask for half a
-# gigabyte. A person of 32 joints with orientations is 290 values a frame: a quarter of an hour at 30 fps.
+# Each comma separates two values, and a value takes at most about 64 bytes: half a gigabyte in all. A person
+# of 32 joints with orientations is 290 values per frame, so this is a quarter of an hour at 30 fps.
 MAX_VALUES = 8_000_000
 
 
 def parse_json(source: Source) -> Any:
-    """The value that the text holds; NaN and infinities pass as the floats they are.
+    """The value of the JSON text; NaN and infinities are kept as floats.
 
-    CaptureError for what is no JSON (with line and column), is cut off, is nested deeper than Python's own
-    stack, has a key twice in an object or holds more than MAX_VALUES values.
+    Raises CaptureError if the text is not JSON (with line and column), is cut off, is nested deeper than
+    Python's stack, repeats a key within an object, or holds more than MAX_VALUES values.
     """
     values = source.content.count(b",")
     if values > MAX_VALUES:
         raise source.error(expected=f"JSON of at most {MAX_VALUES} values", found=f"{values}")
     try:
-        return json.loads(source.text, object_pairs_hook=_once)
+        return json.loads(source.text, object_pairs_hook=_without_repeats)
     except json.JSONDecodeError as error:
         raise source.error(
             expected="JSON",
-            found=_said(error.msg),
+            found=_lower_first(error.msg),
             where=f"line {error.lineno}, column {error.colno}",
             advice="the file is cut off there" if error.pos >= len(source.text.rstrip()) else None,
         ) from None
@@ -42,21 +42,21 @@ def parse_json(source: Source) -> Any:
     except RecursionError:
         raise source.error(expected="JSON of a capture", found="brackets nested hundreds deep") from None
     except ValueError:
-        # The one that is left: Python refuses to read an integer of more than 4,300 digits.
-        raise source.error(expected="numbers", found="one of thousands of digits") from None
+        # The remaining case: Python refuses integers of more than 4,300 digits.
+        raise source.error(expected="numbers", found="a number of thousands of digits") from None
 
 
 def numbers(value: Any) -> Array | None:
-    """A (nested) list of numbers as an array, null as NaN; None if it is ragged or holds anything else.
+    """A (nested) list of numbers as an array, with null as NaN; None if it is ragged or holds anything else.
 
-    Text that looks like a number and true and false are no numbers.
+    Strings and booleans do not count as numbers.
     """
     try:
         array = np.array(value)
     except (ValueError, OverflowError):
         return None
     if array.dtype.kind == "O":
-        # null, or integers beyond 64 bits; rare enough to look at each.
+        # null, or integers beyond 64 bits; rare enough to check each item.
         kinds = (int, float, type(None))
         if any(isinstance(item, bool) or not isinstance(item, kinds) for item in array.flat):
             return None
@@ -72,18 +72,18 @@ class _RepeatedKeyError(Exception):
         self.key = key[:40]
 
 
-def _once(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
-    """The object of these pairs; of two values under one key nobody can say which is meant."""
-    made = dict(pairs)
-    if len(made) != len(pairs):
+def _without_repeats(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
+    """The object of these pairs; raises _RepeatedKeyError, as a repeated key is ambiguous."""
+    result = dict(pairs)
+    if len(result) != len(pairs):
         seen: set[str] = set()
         for key, _ in pairs:
             if key in seen:
                 raise _RepeatedKeyError(key)
             seen.add(key)
-    return made
+    return result
 
 
-def _said(message: str) -> str:
-    """The parser's message as the middle of our sentence: "expecting value"."""
+def _lower_first(message: str) -> str:
+    """The parser's message with a lower-case first letter, to continue our sentence."""
     return message[:1].lower() + message[1:]

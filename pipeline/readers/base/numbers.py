@@ -1,9 +1,8 @@
-"""Lines of numbers to an array, fast, with the line of the first mistake in the error.
+"""Parse lines of numbers into an array, with the line of the first mistake in the error.
 
-A large table of one plain separator goes through Arrow's CSV parser, which rounds as Python does and takes
-two thirds of the time of numpy's own C parser (`loadtxt`); that takes what is small, where importing Arrow
-would cost more than it saves, or laid out in any other way. Only a table that both refuse is looked at line
-by line.
+A large table with one plain separator goes through Arrow's CSV parser, which rounds as Python does and takes
+two thirds of the time of numpy's C parser (`loadtxt`). numpy parses small tables, for which importing Arrow
+would cost more than it saves, and any other layout. Only a table that both refuse is checked line by line.
 """
 
 from __future__ import annotations
@@ -19,13 +18,13 @@ from kinemimic.pipeline.errors import CaptureError
 from kinemimic.pipeline.readers.base.source import Source
 
 _LARGE = 2**19
-# Where the layout of a large table is looked up.
-_PREFIX, _LOOK = 2**20, 1000
+# The part of a large table from which its layout is detected.
+_LAYOUT_BYTES, _LAYOUT_LINES = 2**20, 1000
 
 
 @dataclass(frozen=True)
 class Table:
-    """values: (rows, columns); dropped: lines that were left out because they have another width."""
+    """values: (rows, columns); dropped: number of lines omitted because they have another width."""
 
     values: Array
     source: Source
@@ -34,7 +33,7 @@ class Table:
     left_out: frozenset[int] = frozenset()
 
     def line(self, row: int) -> int:
-        """The number in the file, from 1, of the line that row stands on."""
+        """Line number in the file, from 1, of a row."""
         lines = self.source.lines[self.start :]
         filled = [k for k, line in enumerate(lines) if line.strip()]
         kept = [k for number, k in enumerate(filled) if number not in self.left_out]
@@ -47,23 +46,25 @@ def parse_table(
     start: int = 0,
     width: int | None = None,
     separator: str | None = None,
-    words: int = 0,
-    drop_others: bool = False,
+    label_columns: int = 0,
+    drop_other_widths: bool = False,
 ) -> Table:
-    """The numbers of source.lines[start:], blank lines skipped; NaN and infinities pass.
+    """The numbers of source.lines[start:]; blank lines are skipped, NaN and infinities pass.
 
-    width: the fields each line must have (by default as many as the first); separator: None for any white
-    space, else one character, which may also stand once behind the last number. words: so many of the fields,
-    the first, are no numbers, and are left out (not looked at) in the values. drop_others: lines of
-    another width are left out and counted (a recorder that writes short lines while nobody is there),
-    instead of an error.
-    CaptureError names the first line with another count or with something that is no number, and says if the
-    file has no such line at all.
+    width: required number of fields per line (default: as many as in the first line). separator: None for any
+    white space, else one character, which may also follow the last number. label_columns: number of leading
+    fields that are not numbers; they are skipped unread. drop_other_widths: omit and count lines of another
+    width instead of raising (some recorders write short lines while nobody is tracked).
+
+    Raises CaptureError naming the first line with another number of fields or with something that is not a
+    number, or saying that there is no such line at all.
     """
     if len(source.content) >= _LARGE:
-        quick = _with_arrow(source, start, width, separator, words, drop_others=drop_others)
-        if quick is not None:
-            return quick
+        table = _with_arrow(
+            source, start, width, separator, label_columns, drop_other_widths=drop_other_widths
+        )
+        if table is not None:
+            return table
     lines: Sequence[str] = source.lines[start:]
     if separator is not None:
         lines = [line.rstrip(" ").removesuffix(separator) for line in lines]
@@ -71,24 +72,33 @@ def parse_table(
     if first is None:
         raise source.error(expected="lines of numbers", found="none", where=f"line {start + 1}")
     wanted = len(first.split(separator)) if width is None else width
-    if drop_others:
-        return _of_width(source, lines, start, wanted, separator)
+    if drop_other_widths:
+        return _rows_of_width(source, lines, start, wanted, separator)
     if len(first.split(separator)) != wanted:
-        _complain(source, lines, start, wanted, separator, words)
+        _raise_first_mistake(source, lines, start, wanted, separator, label_columns)
     try:
-        values = _parse([line.split(separator, words)[-1] for line in lines] if words else lines, separator)
+        values = _parse(
+            [line.split(separator, label_columns)[-1] for line in lines] if label_columns else lines,
+            separator,
+        )
     except ValueError:
-        _complain(source, lines, start, wanted, separator, words)
-    if values.shape[1] != wanted - words:
-        _complain(source, lines, start, wanted, separator, words)
+        _raise_first_mistake(source, lines, start, wanted, separator, label_columns)
+    if values.shape[1] != wanted - label_columns:
+        _raise_first_mistake(source, lines, start, wanted, separator, label_columns)
     return Table(values, source, start)
 
 
 def _with_arrow(
-    source: Source, start: int, width: int | None, separator: str | None, words: int, *, drop_others: bool
+    source: Source,
+    start: int,
+    width: int | None,
+    separator: str | None,
+    label_columns: int,
+    *,
+    drop_other_widths: bool,
 ) -> Table | None:
-    """The table if it is as plain as most are: one separator between any two numbers; else None."""
-    import pyarrow as pa  # noqa: PLC0415 (see the top)
+    """The table if exactly one separator stands between any two numbers, as in most files; else None."""
+    import pyarrow as pa  # noqa: PLC0415 (see the module docstring)
     from pyarrow import csv  # noqa: PLC0415
 
     if not source.content.isascii():
@@ -100,18 +110,18 @@ def _with_arrow(
     fields = example.split(between)
     columns = len(fields) if width is None else width
     names = [f"{k}" for k in range(columns)]
-    wanted = names[words:]
-    # A separator behind the last number makes one more column, of nothing.
-    closed = len(fields) == columns + 1 and not fields[-1].strip()
-    if not closed and len(fields) != columns:
+    wanted = names[label_columns:]
+    # A trailing separator makes one more, empty column.
+    trailing_separator = len(fields) == columns + 1 and not fields[-1].strip()
+    if not trailing_separator and len(fields) != columns:
         return None
-    others: list[int] = []
+    dropped: list[int] = []
 
-    def other(row: Any) -> str:
-        # Other white space between its numbers does not make a line another width.
-        if not drop_others or not row.text.strip() or _has_width(row.text, columns, separator):
+    def other_width(row: Any) -> str:
+        # A line with other white space between its numbers may still have the right width.
+        if not drop_other_widths or not row.text.strip() or _has_width(row.text, columns, separator):
             return "error"
-        others.append(row.number - 1 - start)
+        dropped.append(row.number - 1 - start)
         return "skip"
 
     try:
@@ -121,9 +131,9 @@ def _with_arrow(
                 use_threads=False,
                 block_size=2**20,
                 skip_rows=start,
-                column_names=[*names, "end"] if closed else names,
+                column_names=[*names, "end"] if trailing_separator else names,
             ),
-            csv.ParseOptions(delimiter=between, quote_char=False, invalid_row_handler=other),
+            csv.ParseOptions(delimiter=between, quote_char=False, invalid_row_handler=other_width),
             csv.ConvertOptions(
                 check_utf8=False,
                 null_values=[],
@@ -141,12 +151,14 @@ def _with_arrow(
         for chunk in column.chunks:
             values[begin : begin + len(chunk), k] = chunk.to_numpy()
             begin += len(chunk)
-    return Table(values, source, start, len(others), frozenset(others))
+    return Table(values, source, start, len(dropped), frozenset(dropped))
 
 
 def _line_of_width(source: Source, start: int, width: int | None, separator: str | None) -> str | None:
-    """The first line that has so many numbers, from which the layout is told; looked for in the first MiB."""
-    for raw in source.content[:_PREFIX].split(b"\n", start + _LOOK)[start : start + _LOOK]:
+    """The first line with that many numbers, which shows the layout; searched in the first MiB."""
+    for raw in source.content[:_LAYOUT_BYTES].split(b"\n", start + _LAYOUT_LINES)[
+        start : start + _LAYOUT_LINES
+    ]:
         line = raw.decode("ascii")
         bare = line.rstrip(" ").removesuffix(separator or "")
         if bare.strip() and (width is None or len(bare.split(separator)) == width):
@@ -154,8 +166,10 @@ def _line_of_width(source: Source, start: int, width: int | None, separator: str
     return None
 
 
-def _of_width(source: Source, lines: Sequence[str], start: int, width: int, separator: str | None) -> Table:
-    """The lines of that width alone."""
+def _rows_of_width(
+    source: Source, lines: Sequence[str], start: int, width: int, separator: str | None
+) -> Table:
+    """The table of only those lines that have the given width."""
     filled = [line for line in lines if line.strip()]
     kept = [row for row, line in enumerate(filled) if _has_width(line, width, separator)]
     if not kept:
@@ -163,13 +177,15 @@ def _of_width(source: Source, lines: Sequence[str], start: int, width: int, sepa
     try:
         values = _parse([filled[row] for row in kept], separator)
     except ValueError:
-        _complain(source, lines, start, width, separator, drop_others=True)
+        _raise_first_mistake(source, lines, start, width, separator, drop_other_widths=True)
     left_out = frozenset(range(len(filled))) - frozenset(kept)
     return Table(values, source, start, len(left_out), left_out)
 
 
 def _has_width(line: str, width: int, separator: str | None) -> bool:
-    """Counting separators is ten times as fast as splitting; only odd white space needs the latter."""
+    """Whether the line has so many fields. Counting separators is ten times as fast as splitting; only
+    irregular white space needs splitting.
+    """
     if separator is None and ("  " in line or "\t" in line):
         return len(line.split()) == width
     return line.strip().count(separator or " ") == width - 1
@@ -179,51 +195,56 @@ def _parse(lines: Sequence[str], separator: str | None) -> Array:
     return np.loadtxt(lines, dtype=np.float64, delimiter=separator, comments=None, ndmin=2)
 
 
-def _complain(
+def _raise_first_mistake(
     source: Source,
     lines: Sequence[str],
     start: int,
     width: int,
     separator: str | None,
-    words: int = 0,
+    label_columns: int = 0,
     *,
-    drop_others: bool = False,
+    drop_other_widths: bool = False,
 ) -> NoReturn:
     last = max(k for k, line in enumerate(lines) if line.strip())
     for k, line in enumerate(lines):
         fields = line.split(separator) if line.strip() else []
-        if not fields or (drop_others and not _has_width(line, width, separator)):
+        if not fields or (drop_other_widths and not _has_width(line, width, separator)):
             continue
         where = f"line {start + k + 1}"
-        # Words between lines of numbers are the header of another recording.
-        header = 0 < k < last and to_number(fields[0]) is None and to_number(fields[-1]) is None and not words
-        joined = "two files seem to be joined there: part them" if header else None
+        # Words between lines of numbers are the header of a second recording.
+        header = (
+            0 < k < last
+            and to_number(fields[0]) is None
+            and to_number(fields[-1]) is None
+            and not label_columns
+        )
+        joined_advice = "two files seem to be joined there: split them" if header else None
         if len(fields) != width:
             raise source.error(
                 expected=f"{width} numbers",
                 found=f"{len(fields)}",
                 where=where,
-                advice="the file is cut off there" if k == last and len(fields) < width else joined,
+                advice="the file is cut off there" if k == last and len(fields) < width else joined_advice,
             )
-        for field in fields[words:]:
+        for field in fields[label_columns:]:
             if to_number(field) is None:
                 raise source.error(
-                    expected="a number", found=f"{field.strip()[:40]!r}", where=where, advice=joined
+                    expected="a number", found=f"{field.strip()[:40]!r}", where=where, advice=joined_advice
                 )
     raise CaptureError(source.path, expected=f"lines of {width} numbers", found="something else")
 
 
 def numbers_of(line: str, separator: str | None) -> list[float] | None:
-    """The numbers of a line that holds nothing else, else None; a separator may stand behind the last."""
+    """The numbers of a line that holds nothing else, else None; a separator may follow the last number."""
     fields = line.strip().removesuffix(separator or "").split(separator)
     found = [to_number(field) for field in fields]
     return None if None in found else [value for value in found if value is not None]
 
 
 def to_number(field: str) -> float | None:
-    """The number that a field holds, NaN and infinities too; None for anything else."""
+    """The number in a field, including NaN and infinities; None for anything else."""
     try:
-        # Python takes "1_000"; a file of numbers has no such thing.
+        # float() accepts "1_000"; files of numbers do not contain such literals.
         return None if "_" in field else float(field)
     except ValueError:
         return None

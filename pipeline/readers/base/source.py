@@ -1,4 +1,4 @@
-"""The content of a capture file: bounded, decompressed, decoded, with the files that belong to it."""
+"""The content of a capture file: bounded, decompressed and decoded, with its companion files."""
 
 from __future__ import annotations
 
@@ -15,9 +15,9 @@ import numpy as np
 
 from kinemimic.pipeline.errors import CaptureError
 
-# Larger than any capture of a person; guards the memory against a file that is none.
+# Larger than any capture of a person; protects the memory from other files.
 MAX_BYTES = 512 * 2**20
-# Of a text: an object for each takes many times the bytes of a short line; and a line's words do, too.
+# Limits of a text. Each line becomes an object of many times a short line's bytes, and so do its words.
 MAX_LINES = 5_000_000
 MAX_LINE = 2**20
 _HEAD = 65536
@@ -27,25 +27,27 @@ _CONTROLS = bytes(b for b in range(32) if b not in b"\t\n\r\f\x1a")
 
 
 class Source:
-    """A file's content.
+    """The content of a file.
 
-    path: where it came from, for messages and for its companions; content: bytes, decompressed, and of text
-    without a byte-order mark and with lines ended by a line feed; sha256: of the file's own bytes;
-    unit: of length (a name of units.UNITS), where the user names it; companions: name -> SHA-256 of the files
-    beside it that were read.
+    path: where it came from, for messages and companions; content: decompressed bytes, and for text without a
+    byte-order mark and with line feeds as line ends; sha256: hash of the file's own bytes; unit: unit of
+    length named by the user (a key of UNITS), if any; companions: name -> SHA-256 of the files in the same
+    folder that were read with it.
     """
 
     def __init__(self, path: Path, content: bytes, sha256: str, unit: str | None = None) -> None:
         self.path = path
-        self.content = _plain(content)
+        self.content = _normalised(content)
         self.sha256 = sha256
         self.unit = unit
         self.companions: dict[str, str] = {}
 
     @classmethod
     def open(cls, path: Path, *, unit: str | None = None) -> Source:
-        """Read a file; gzip is recognised by its content. CaptureError if that cannot be done, and for more
-        than MAX_BYTES, or a text of more than MAX_LINES.
+        """Read a file; gzip is detected from the content.
+
+        Raises CaptureError if it cannot be read, is larger than MAX_BYTES, or is a text of more than
+        MAX_LINES lines.
         """
         try:
             if path.is_dir():
@@ -55,41 +57,44 @@ class Source:
                 raise _too_large(path, f"{size >> 20} MiB")
             if not path.is_file():
                 raise CaptureError(path, expected="a capture file", found="a device or pipe")
-            packed = path.read_bytes()
+            compressed = path.read_bytes()
         except FileNotFoundError:
             raise CaptureError(path, expected="a capture file", found="no file") from None
         except OSError as error:
             raise CaptureError(
                 path, expected="a readable file", found=(error.strerror or "an error").lower()
             ) from None
-        content = _unpacked(packed, path) if packed[:2] == b"\x1f\x8b" else packed
+        content = _gunzipped(compressed, path) if compressed[:2] == b"\x1f\x8b" else compressed
         if not content or content.isspace():
             raise CaptureError(path, expected="a capture", found="an empty file")
-        source = cls(path, content, hashlib.sha256(packed).hexdigest(), unit)
+        source = cls(path, content, hashlib.sha256(compressed).hexdigest(), unit)
         if source.is_text and (count := source.content.count(b"\n")) > MAX_LINES:
             raise source.error(expected=f"a capture of at most {MAX_LINES:,} lines", found=f"{count:,}")
         return source
 
     @classmethod
     def of_text(cls, text: str, path: Path) -> Source:
-        """A source from text that is in memory already."""
+        """A source from text in memory."""
         content = text.encode()
         return cls(path, content, hashlib.sha256(content).hexdigest())
 
     @cached_property
     def is_text(self) -> bool:
-        """Text in any encoding that recorders write has no NUL and hardly a control character."""
+        """True if the head has no NUL and almost no control characters, as text in any encoding."""
         return _is_text(self.content)
 
     @cached_property
     def text(self) -> str:
-        """The text. Only names can hold more than ASCII, and every byte is some character of Latin-1, so that
-        decoding never fails."""
+        """The decoded text: UTF-8, else Latin-1, which never fails as it maps every byte. Only names can be
+        non-ASCII.
+        """
         return _decoded(self.content)
 
     @cached_property
     def lines(self) -> Sequence[str]:
-        """The lines of the text: line 1 of the file is lines[0]; CaptureError for one above MAX_LINE."""
+        """The lines of the text; lines[0] is line 1 of the file. Raises CaptureError for one longer than
+        MAX_LINE.
+        """
         lines = self.text.split("\n")
         lengths = [len(line) for line in lines]
         if (longest := max(lengths)) > MAX_LINE:
@@ -102,9 +107,9 @@ class Source:
 
     @cached_property
     def head(self) -> tuple[str, ...]:
-        """The first lines that are not blank, at most 64, of the first 64 KiB; the last may be cut off.
+        """The first lines that are not blank, at most 64, from the first 64 KiB; the last may be cut off.
 
-        Lines of separators alone are blank too: a spreadsheet writes empty rows so.
+        Lines of separators only count as blank: spreadsheets write empty rows like that.
         """
         lines = (
             line for line in _decoded(self.content[:_HEAD], whole=False).split("\n") if line.strip(_BLANK)
@@ -113,17 +118,17 @@ class Source:
 
     @cached_property
     def blank_lines(self) -> int:
-        """Number of blank lines before the first other one, head[0]."""
+        """Number of blank lines before head[0]."""
         begin = len(self.content) - len(self.content.lstrip(_BLANK.encode()))
         return self.content.count(b"\n", 0, begin)
 
-    def beside(self, name: str) -> Source | None:
-        """A file of that name in the same folder, or None; it then is a companion of this capture."""
+    def companion(self, name: str) -> Source | None:
+        """The file of that name in the same folder, recorded as a companion of this capture, or None."""
         if not name or not (path := self.path.with_name(name)).is_file():
             return None
-        companion = Source.open(path)
-        self.companions[name] = companion.sha256
-        return companion
+        companion_source = Source.open(path)
+        self.companions[name] = companion_source.sha256
+        return companion_source
 
     def error(
         self, *, expected: str, found: str, where: str | None = None, advice: str | None = None
@@ -139,30 +144,32 @@ def _is_text(content: bytes) -> bool:
 
 
 def _decoded(content: bytes, *, whole: bool = True) -> str:
-    """whole: the content does not end within a character."""
+    """The text of these bytes. whole: the content does not end within a character."""
     try:
         return codecs.getincrementaldecoder("utf-8")().decode(content, final=whole)
     except UnicodeDecodeError:
         return content.decode("latin-1")
 
 
-def _plain(content: bytes) -> bytes:
-    """Text without what editors and systems wrap it in; anything else as it is."""
+def _normalised(content: bytes) -> bytes:
+    """Text without byte-order mark, Windows' line ends and a final control-Z; other content unchanged."""
     if content.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)):
-        # Windows' "Unicode text"; what only begins like it is no text.
+        # Windows' "Unicode text"; other content that begins like it is not text.
         try:
             content = content.decode("utf-16").encode()
         except UnicodeError:
             return content
     if not _is_text(content):
         return content
-    return _ended_by_line_feeds(content.removeprefix(codecs.BOM_UTF8)).rstrip(b"\x1a")
+    return _with_line_feeds(content.removeprefix(codecs.BOM_UTF8)).rstrip(b"\x1a")
 
 
-def _ended_by_line_feeds(content: bytes) -> bytes:
-    """Line ends of Windows and of old Macs as line feeds; deleting is three times as fast as replacing.
+def _with_line_feeds(content: bytes) -> bytes:
+    """Text with the line ends of Windows and old Macs as line feeds; deleting is three times as fast as
+    replacing.
 
-    Python's csv module ends lines by two returns where a file was opened without newline="" on Windows.
+    Python's csv module ends lines with two carriage returns if a file was opened without newline="" on
+    Windows.
     """
     if b"\r" not in content:
         return content
@@ -173,24 +180,24 @@ def _ended_by_line_feeds(content: bytes) -> bytes:
     return content.replace(b"\r\r\n", b"\n").replace(b"\r\n", b"\n").replace(b"\r", b"\n")
 
 
-def _unpacked(packed: bytes, path: Path) -> bytes:
-    """gzip's content, read piece by piece, so that a bomb is noticed before it fills the memory."""
-    pieces: list[bytes] = []
+def _gunzipped(compressed: bytes, path: Path) -> bytes:
+    """The decompressed content, read in chunks so that a gzip bomb is detected before it fills the memory."""
+    chunks: list[bytes] = []
     total = 0
     try:
-        with gzip.open(io.BytesIO(packed)) as stream:
-            while piece := stream.read(_CHUNK):
-                pieces.append(piece)
-                total += len(piece)
+        with gzip.open(io.BytesIO(compressed)) as stream:
+            while chunk := stream.read(_CHUNK):
+                chunks.append(chunk)
+                total += len(chunk)
                 if total > MAX_BYTES:
                     raise _too_large(path, "more, unpacked")
     except EOFError:
         raise CaptureError(
-            path, expected="a whole gzip file", found="its end too early", advice="the file is cut off"
+            path, expected="a whole gzip file", found="a truncated one", advice="the file is cut off"
         ) from None
     except (OSError, zlib.error):
         raise CaptureError(path, expected="a gzip file", found="damaged data") from None
-    return b"".join(pieces)
+    return b"".join(chunks)
 
 
 def _too_large(path: Path, found: str) -> CaptureError:

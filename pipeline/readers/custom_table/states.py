@@ -1,4 +1,4 @@
-"""What a column says of a joint: whether it is missing, inferred or tracked."""
+"""Tracking states from a column of marks or confidences: missing, inferred or tracked."""
 
 from __future__ import annotations
 
@@ -14,17 +14,17 @@ from kinemimic.pipeline.readers.custom_table.table import Words
 Codes = NDArray[np.uint8]
 
 
-def in_words(marks: States) -> bool:
-    """Whether the description has states that are words, so that their columns are to be read as such."""
+def states_are_words(marks: States) -> bool:
+    """Whether the description lists states that are words, so that their columns are read as text."""
     return any(isinstance(mark, str) for mark in (*marks.missing, *marks.inferred, *marks.tracked))
 
 
 def states_of_numbers(written: NDArray[np.float64], marks: States) -> tuple[Mask, Codes]:
-    """Of each number whether it means a state, and which (0, 1, 2); NaN is a missing joint."""
+    """For each number, whether it denotes a state, and which (0, 1, 2); NaN means missing."""
     if marks.tracked_from is not None:
-        # A comparison with NaN is False, which leaves 0.
-        sure = (written >= marks.inferred_from).astype(np.uint8) + (written >= marks.tracked_from)
-        return np.ones(len(written), dtype=np.bool_), sure.astype(np.uint8)
+        # A comparison with NaN is False, which gives 0.
+        codes = (written >= marks.inferred_from).astype(np.uint8) + (written >= marks.tracked_from)
+        return np.ones(len(written), dtype=np.bool_), codes.astype(np.uint8)
     listed = [
         np.isin(written, [mark for mark in state if not isinstance(mark, str)]) for state in _lists(marks)
     ]
@@ -32,7 +32,7 @@ def states_of_numbers(written: NDArray[np.float64], marks: States) -> tuple[Mask
 
 
 def states_of_words(written: Words, marks: States) -> tuple[Mask, Codes]:
-    """Of each word whether it means a state, and which (0, 1, 2); an empty cell is a missing joint."""
+    """For each word, whether it denotes a state, and which (0, 1, 2); an empty cell means missing."""
     listed = [
         np.isin(written.known, [mark if isinstance(mark, str) else f"{mark:g}" for mark in state])
         for state in _lists(marks)

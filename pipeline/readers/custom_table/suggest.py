@@ -1,6 +1,6 @@
-"""A first draft of a description for a table of no known format, for a person to check.
+"""Draft a description for a table of unknown format, for the user to check.
 
-`kinemimic inspect --suggest FILE` prints it. What cannot be known stands there with "please check".
+`kinemimic inspect --suggest FILE` prints it. Guesses are marked "please check".
 """
 
 from __future__ import annotations
@@ -26,29 +26,30 @@ _PARTS = ("position", "quaternion", "euler", "state")
 
 
 def suggest(source: Source) -> str:
-    """The draft as TOML text; CaptureError if the file is no table, or no body is found in it."""
+    """The draft as TOML text; CaptureError if the file is not a table, or no body is found in it."""
     if not source.is_text:
-        raise source.error(expected="a table of text", found="a binary file")
+        raise source.error(expected="a text table", found="a binary file")
     sheet = sheet_of(source)
     layout = layout_of(sheet)
     if layout is None:
         raise source.error(
-            expected="columns of joints, by their names or by making a body",
-            found=f"a table of {sheet.width} columns of which neither is true",
+            expected="columns of joints, recognisable by their names or as a body",
+            found=f"a table of {sheet.width} columns with neither",
             advice="docs/describe-your-columns.md shows how to write the description by hand",
         )
     return "\n".join(_draft(source, sheet, layout)) + "\n"
 
 
 def _draft(source: Source, sheet: Sheet, layout: Layout) -> Iterator[str]:
-    yield f"# Drafted from {source.path.name}: save it beside it as {source.path.with_suffix('.toml').name}."
-    yield '# Look at every line that says "please check"; docs/describe-your-columns.md explains all keys.'
+    saved_as = source.path.with_suffix(".toml").name
+    yield f"# Draft for {source.path.name}: save it as {saved_as} in the same folder."
+    yield '# Check every line marked "please check"; docs/describe-your-columns.md explains all keys.'
     yield "kinemimic = 1"
     yield ""
-    yield f"# {len(layout.names)} joints: {layout.why}."
+    yield f"# {len(layout.names)} joints: {layout.reason}."
     names = _node_names(layout.names)
-    plain = layout.turns is None and layout.numbered
-    if plain:
+    names_only = layout.rotations is None and layout.numbered
+    if names_only:
         yield from folded("joints", [quoted(name) for name in names])
     yield from _table(sheet, layout)
     yield from _time(sheet, layout)
@@ -56,12 +57,12 @@ def _draft(source: Source, sheet: Sheet, layout: Layout) -> Iterator[str]:
     yield from _columns(sheet, layout)
     yield from _rotations(layout)
     yield from _states(sheet, layout)
-    if not plain:
+    if not names_only:
         yield from _joints(sheet, layout, names)
 
 
 def _node_names(names: Sequence[str]) -> tuple[str, ...]:
-    """Our node for each joint that is one, its own name for the others."""
+    """The node's name for each joint that is one of the 20, the joint's own name for the others."""
     nodes = {joint: node for node, joint in joints_of_nodes(tuple(names)).items()}
     return tuple(nodes.get(k, name) for k, name in enumerate(names))
 
@@ -87,16 +88,16 @@ def _table(sheet: Sheet, layout: Layout) -> Iterator[str]:
 def _time(sheet: Sheet, layout: Layout) -> Iterator[str]:
     yield ""
     yield "[time]"
-    taken = {column for one in layout.columns for part in _PARTS for column in getattr(one, part)}
-    free = [k for k in range(sheet.width) if k not in taken and k not in sheet.words]
+    used = {column for one in layout.columns for part in _PARTS for column in getattr(one, part)}
+    free = [k for k in range(sheet.width) if k not in used and k not in sheet.words]
     free.sort(key=lambda k: not (sheet.names and TIME.fullmatch(sheet.names[k])))
-    found = [(k, times) for k in free if (times := _unit_of(sheet, layout, k)) is not None]
-    # A clock is better than a count of frames.
-    found.sort(key=lambda item: item[1][0] == "frame")
-    if not found:
+    candidates = [(k, times) for k in free if (times := _time_unit_of(sheet, layout, k)) is not None]
+    # A clock is preferred to frame numbers.
+    candidates.sort(key=lambda item: item[1][0] == "frame")
+    if not candidates:
         yield "rate = 30.0  # frames per second; please check: no column holds a time"
         return
-    column, (unit, step) = found[0]
+    column, (unit, step) = candidates[0]
     yield f"column = {column_of(sheet.names, column)}"
     if unit == "frame":
         yield 'unit = "frame"'
@@ -105,7 +106,7 @@ def _time(sheet: Sheet, layout: Layout) -> Iterator[str]:
         yield f'unit = "{unit}"  # steps of {1000.0 * step:.1f} ms'
 
 
-def _unit_of(sheet: Sheet, layout: Layout, column: int) -> tuple[str, float] | None:
+def _time_unit_of(sheet: Sheet, layout: Layout, column: int) -> tuple[str, float] | None:
     times = sheet.values[:, column]
     if layout.long:
         times = times[np.concatenate([[True], np.diff(times) != 0])]
@@ -138,27 +139,27 @@ def _columns(sheet: Sheet, layout: Layout) -> Iterator[str]:
 
 
 def _common(sheet: Sheet, layout: Layout) -> tuple[dict[str, str], int]:
-    """What can be said of all joints at once, in TOML, and the step of column numbers."""
+    """The TOML values shared by all joints, and the step between their column numbers."""
     common: dict[str, str] = {}
     step = 0
     for part in _PARTS:
-        these = [getattr(one, part) for one in layout.columns]
-        if not all(these):
+        columns_of_joints = [getattr(one, part) for one in layout.columns]
+        if not all(columns_of_joints):
             continue
         if layout.long:
-            common[part] = _listed(part, [column_of(sheet.names, k) for k in these[0]])
+            common[part] = _as_toml(part, [column_of(sheet.names, k) for k in columns_of_joints[0]])
             continue
-        steps = {b - a for one, two in pairwise(these) for a, b in zip(one, two, strict=True)}
+        steps = {b - a for one, two in pairwise(columns_of_joints) for a, b in zip(one, two, strict=True)}
         if layout.numbered and len(steps) == 1 and step in (0, *steps) and min(steps) > 0:
             (step,) = steps
-            common[part] = _listed(part, [str(k + 1) for k in these[0]])
+            common[part] = _as_toml(part, [str(k + 1) for k in columns_of_joints[0]])
         elif not layout.numbered:
             patterns = {
                 tuple(_pattern(sheet.names[column], name) for column in of)
-                for of, name in zip(these, layout.names, strict=True)
+                for of, name in zip(columns_of_joints, layout.names, strict=True)
             }
             if len(patterns) == 1:
-                common[part] = _listed(part, [quoted(pattern) for pattern in patterns.pop()])
+                common[part] = _as_toml(part, [quoted(pattern) for pattern in patterns.pop()])
     return common, step
 
 
@@ -167,25 +168,25 @@ def _pattern(column: str, joint: str) -> str:
 
 
 def _rotations(layout: Layout) -> Iterator[str]:
-    if layout.turns is None:
+    if layout.rotations is None:
         return
     yield ""
     yield "[rotations]"
-    if layout.turns.shape[-1] == 3:
-        largest = float(np.nanmax(np.abs(layout.turns))) if np.isfinite(layout.turns).any() else 0.0
-        yield 'order = "XYZ"  # please check: the intrinsic order, in which columns.euler are listed too'
+    if layout.rotations.shape[-1] == 3:
+        largest = float(np.nanmax(np.abs(layout.rotations))) if np.isfinite(layout.rotations).any() else 0.0
+        yield 'order = "XYZ"  # please check: the intrinsic order, also that of columns.euler'
         unit = "deg" if largest > 2 * np.pi else "rad"
         yield f'unit = "{unit}"  # please check: angles up to {largest:.3g}'
         yield 'relative_to = "parent"  # please check'
         return
-    order, world, why = quaternion_order(layout.turns, layout.points, _parents(layout.names))
-    # Columns that the header gives letters are listed in the sequence of the letters.
-    yield 'order = "xyzw"' if layout.lettered else f'order = "{order}"  # {why}'
+    order, world, reason = quaternion_order(layout.rotations, layout.points, _parents(layout.names))
+    # Columns with letters in the header are listed in the sequence of the letters.
+    yield 'order = "xyzw"' if layout.lettered else f'order = "{order}"  # {reason}'
     yield f'relative_to = "{"parent" if world is False else "world"}"' + ("" if world else "  # please check")
 
 
 def _parents(names: Sequence[str]) -> list[int]:
-    """Index of each joint's parent: a Kinect's own, else that of the 20 nodes; -1 where nothing is known."""
+    """Index of each joint's parent: a Kinect's own, else that of the 20 nodes; -1 if unknown."""
     known = dict(zip(SDK_JOINTS, SDK_PARENTS, strict=True))
     azure = azure_skeleton()
     known |= {n: azure.names[p] if p >= 0 else "" for n, p in zip(azure.names, azure.parents, strict=True)}
@@ -219,7 +220,7 @@ def _states(sheet: Sheet, layout: Layout) -> Iterator[str]:
         tracked = [w for w in words if w not in missing and w not in inferred]
         lists = (("missing", missing), ("inferred", inferred), ("tracked", tracked))
         yield from ("", "[states]  # please check")
-        yield from (f"{state} = [{', '.join(quoted(word) for word in these)}]" for state, these in lists)
+        yield from (f"{state} = [{', '.join(quoted(word) for word in listed)}]" for state, listed in lists)
         return
     values = sheet.values[:, columns]
     seen = values[np.isfinite(values)]
@@ -227,35 +228,39 @@ def _states(sheet: Sheet, layout: Layout) -> Iterator[str]:
         yield from ("", "[states]  # please check: a confidence")
         yield from ("inferred_from = 0.01", f"tracked_from = {0.5 * float(seen.max()):g}")
     elif not (seen == 2.0).any():
-        yield from ("", "[states]  # please check: no 2 was found, so 1 is taken for tracked")
+        yield from ("", "[states]  # please check: there is no 2, so 1 is taken as tracked")
         yield from ("missing = [0]", "tracked = [1]")
 
 
-def _listed(part: str, items: Sequence[str]) -> str:
+def _as_toml(part: str, items: Sequence[str]) -> str:
     return one_or_list(items, single=part == "state")
 
 
 def _joints(sheet: Sheet, layout: Layout, names: Sequence[str]) -> Iterator[str]:
     common, _ = _common(sheet, layout)
     parents = _parents(layout.names)
-    turned = layout.turns is not None
+    turned = layout.rotations is not None
     yield ""
     yield "[joints]"
-    each = layout.columns * (len(names) if layout.long else 1)
-    for k, (name, called, one) in enumerate(zip(names, layout.names, each, strict=True)):
-        said = [] if layout.numbered or name == called else [f"name = {quoted(called)}"]
-        said += [
-            f"{part} = {_listed(part, [column_of(sheet.names, k) for k in getattr(one, part)])}"
+    columns_of_each = layout.columns * (len(names) if layout.long else 1)
+    for k, (name, name_in_file, one) in enumerate(zip(names, layout.names, columns_of_each, strict=True)):
+        entries = [] if layout.numbered or name == name_in_file else [f"name = {quoted(name_in_file)}"]
+        entries += [
+            f"{part} = {_as_toml(part, [column_of(sheet.names, k) for k in getattr(one, part)])}"
             for part in _PARTS
             if part not in common and getattr(one, part)
         ]
         note = ""
         if name not in NODES and (parents[k] >= 0 or turned):
-            said.append(f"parent = {quoted(names[parents[k]] if parents[k] >= 0 else 'hip_center')}")
+            entries.append(f"parent = {quoted(names[parents[k]] if parents[k] >= 0 else 'hip_center')}")
         if name not in NODES and parents[k] < 0:
-            note = "  # please check: none of the 20 nodes"
-        only_name = said and len(said) == 1 and said[0].startswith("name")
+            note = "  # please check: not one of the 20 nodes"
+        only_name = entries and len(entries) == 1 and entries[0].startswith("name")
         value = (
-            said[0].removeprefix("name = ") if only_name else "{ " + ", ".join(said) + " }" if said else "{}"
+            entries[0].removeprefix("name = ")
+            if only_name
+            else "{ " + ", ".join(entries) + " }"
+            if entries
+            else "{}"
         )
         yield f"{key(name)} = {value}{note}"

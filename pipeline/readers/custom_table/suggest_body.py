@@ -1,4 +1,4 @@
-"""What the size and posture of a body in a table say of its unit and its axes, and what its times say."""
+"""Unit and axes of a table, from the size and posture of the body in it; unit of time, from its clock."""
 
 from __future__ import annotations
 
@@ -13,20 +13,21 @@ from kinemimic.pipeline.kinematics.rotations import normalize, rotate
 from kinemimic.pipeline.quality.rules.length_units import plausible_units
 from kinemimic.pipeline.readers.custom_table.description_file import LENGTHS, SECONDS
 
-# A recorder's usual step, and the steps between which a unit of time may be right.
-_STEP = 1.0 / 30.0
-_STEPS = (0.004, 0.2)
-# Thigh plus shank of an adult: which unit is nearest where none gives a person's.
-_LEG = 0.82
+# A recorder's usual step in seconds, and the steps for which a unit of time is plausible.
+_USUAL_STEP = 1.0 / 30.0
+_PLAUSIBLE_STEPS = (0.004, 0.2)
+# Thigh plus shank of an adult in metres; decides if no unit gives a plausible leg.
+_ADULT_LEG = 0.82
 _AXES = "XYZ"
-# Mean cosine from which a frame's axis lies along a bone.
-_ALONG = 0.9
+# Mean cosine above which an axis of a joint's frame lies along a bone.
+_ALIGNED = 0.9
 
 
 @dataclass(frozen=True)
 class Axes:
-    """unit: a name of LENGTHS; up, forward, left: "Y", "-Z" …; left "" if it follows by the right hand;
-    certain: which of them the body shows; notes: what shows them, by key."""
+    """unit: a key of LENGTHS; up, forward, left: "Y", "-Z" …; left is "" if the axes are right-handed; notes:
+    the evidence for each, by key.
+    """
 
     unit: str
     up: str
@@ -36,7 +37,7 @@ class Axes:
 
 
 def axes_of(points: Array, names: Sequence[str]) -> Axes:
-    """Unit and axes of points (T, J, 3) of joints with these names; what cannot be told is a Kinect's."""
+    """Unit and axes of points (T, J, 3) of joints with these names; as for a Kinect where unknown."""
     index = joints_of_nodes(tuple(names))
     places = {node: points[:, joint] for node, joint in index.items()}
     notes: dict[str, str] = {}
@@ -46,18 +47,18 @@ def axes_of(points: Array, names: Sequence[str]) -> Axes:
         notes["up"] = "please check"
         up = np.array([0.0, 1.0, 0.0])
     else:
-        notes["up"] = "the head is above the feet there"
+        notes["up"] = "from the feet to the head"
     forward = _forward(places, up)
     left = ""
     if forward is None:
-        notes["forward"] = "please check: where people mostly look; it only turns the picture"
+        notes["forward"] = "please check: the usual viewing direction; it only rotates the view"
         forward = np.roll(up, 1)
     else:
-        notes["forward"] = "the feet point there"
+        notes["forward"] = "the direction of the feet"
         right_handed = _right_handed(places, up)
         if right_handed is not None and not right_handed:
             left = _name(-np.cross(up, forward))
-            notes["left"] = "please check: left-handed axes, or left and right are exchanged in the names"
+            notes["left"] = "please check: left-handed axes, or names with left and right swapped"
     return Axes(unit, _name(up), _name(forward), left, notes)
 
 
@@ -71,12 +72,12 @@ def _unit(places: dict[str, Array], notes: dict[str, str]) -> str:
     if not leg > 0:
         notes["unit"] = "please check"
         return "m"
-    possible = plausible_units(leg, LENGTHS)
-    nearest = min(LENGTHS, key=lambda unit: abs(np.log(leg * LENGTHS[unit] / _LEG)))
-    name = possible[0] if possible else nearest
-    others = "".join(f", or {leg * LENGTHS[other]:.2f} m in {other}" for other in possible[1:])
-    check = "" if len(possible) == 1 else ": please check"
-    notes["unit"] = f"thigh plus shank are {leg * LENGTHS[name]:.2f} m then{others}{check}"
+    fitting_units = plausible_units(leg, LENGTHS)
+    nearest = min(LENGTHS, key=lambda unit: abs(np.log(leg * LENGTHS[unit] / _ADULT_LEG)))
+    name = fitting_units[0] if fitting_units else nearest
+    others = "".join(f", or {leg * LENGTHS[other]:.2f} m in {other}" for other in fitting_units[1:])
+    check = "" if len(fitting_units) == 1 else ": please check"
+    notes["unit"] = f"gives thigh plus shank of {leg * LENGTHS[name]:.2f} m{others}{check}"
     return name
 
 
@@ -87,7 +88,7 @@ def _length(start: Array, end: Array) -> float:
 
 
 def _mean(places: dict[str, Array], start: str, end: str) -> Array | None:
-    """Mean of the unit vectors between two nodes, over both sides for names with {}."""
+    """Mean of the unit vectors between two nodes, over both sides for names with {}; None if not seen."""
     vectors = []
     for side in ("left", "right"):
         a, b = start.format(side), end.format(side)
@@ -130,7 +131,7 @@ def _forward(places: dict[str, Array], up: Array) -> Array | None:
 
 
 def _right_handed(places: dict[str, Array], up: Array) -> bool | None:
-    """Whether forward is left x up, frame by frame, so that turning round does not matter."""
+    """Whether forward is left x up; compared per frame, so that turning round does not matter."""
     if not {"hip_left", "hip_right"} <= places.keys():
         return None
     lateral = places["hip_left"] - places["hip_right"]
@@ -147,9 +148,9 @@ def _right_handed(places: dict[str, Array], up: Array) -> bool | None:
 
 
 def time_unit(times: Array, name: str) -> tuple[str, float] | None:
-    """Unit of increasing times (T,) and their usual step in seconds; None if they are no times.
+    """Unit of increasing times (T,) and their median step in seconds; None if they are not times.
 
-    Whole numbers with steps of 1 to 7 count frames, with a step of 0.
+    Whole numbers with steps of 1 to 7 are frame numbers, with a step of 0.
     """
     steps = np.diff(times[np.isfinite(times)])
     if len(steps) < 2 or (steps < 0).mean() > 0.02 or (steps > 0).mean() < 0.4:
@@ -161,29 +162,35 @@ def time_unit(times: Array, name: str) -> tuple[str, float] | None:
     named = next(
         (unit for unit in ("ms", "us", "100ns", "s") if f"({unit})" in name or f"[{unit}]" in name), None
     )
-    fitting = [u for u in SECONDS if u != "frame" and _STEPS[0] <= step * SECONDS[u] <= _STEPS[1]]
+    fitting = [
+        u for u in SECONDS if u != "frame" and _PLAUSIBLE_STEPS[0] <= step * SECONDS[u] <= _PLAUSIBLE_STEPS[1]
+    ]
     if not fitting:
         return None
-    best = named if named in fitting else min(fitting, key=lambda u: abs(np.log(step * SECONDS[u] / _STEP)))
+    best = (
+        named
+        if named in fitting
+        else min(fitting, key=lambda u: abs(np.log(step * SECONDS[u] / _USUAL_STEP)))
+    )
     return best, step * SECONDS[best]
 
 
 def quaternion_order(q: Array, points: Array, parents: Sequence[int]) -> tuple[str, bool | None, str]:
-    """Order of quaternions (T, J, 4) as they stand, whether relative to the world if known, and why.
+    """Component order of quaternions (T, J, 4), whether they are relative to the world if known, and why.
 
-    parents: (J,) index of each joint's parent, -1 for none. A Kinect turns its joints so that their +Y lies
-    along the bone that ends there, in the camera's axes: where one order gives that, both are certain.
+    parents: (J,) index of each joint's parent, -1 for none. A Kinect's joint frames have +Y along the bone
+    that ends at the joint, in camera axes: if one order gives that, order and frame are certain.
     """
     joints = [joint for joint, parent in enumerate(parents) if parent >= 0]
     bones = points[:, joints] - points[:, [parents[joint] for joint in joints]]
     with np.errstate(invalid="ignore", divide="ignore"):
         bones = normalize(bones)
-        for order, taken in (("xyzw", [0, 1, 2, 3]), ("wxyz", [1, 2, 3, 0])):
+        for order, components in (("xyzw", [0, 1, 2, 3]), ("wxyz", [1, 2, 3, 0])):
             along = np.sum(
-                rotate(normalize(q[:, joints][..., taken]), np.array([0.0, 1.0, 0.0])) * bones, axis=-1
+                rotate(normalize(q[:, joints][..., components]), np.array([0.0, 1.0, 0.0])) * bones, axis=-1
             )
-            if joints and np.isfinite(along).any() and np.nanmean(along) > _ALONG:
-                return order, True, "their +Y then lies along the bones, as a Kinect's do"
+            if joints and np.isfinite(along).any() and np.nanmean(along) > _ALIGNED:
+                return order, True, "+Y lies along the bones, as in a Kinect's frames"
     largest = np.nan_to_num(np.abs(q)).mean(axis=(0, 1))
     order = "wxyz" if largest[0] > largest[3] else "xyzw"
-    return order, None, "please check: the largest component is taken for w"
+    return order, None, "please check: the largest component is taken as w"

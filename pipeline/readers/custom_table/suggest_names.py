@@ -1,22 +1,22 @@
-"""Columns of joints by their names in the header, as people name them: Head_X, LeftKnee.pos.x, X1, q_w …"""
+"""Joint columns from their names in the header, in common spellings: Head_X, LeftKnee.pos.x, X1, q_w …"""
 
 from __future__ import annotations
 
 import re
 from dataclasses import dataclass
 
-# A single letter means that only behind a separator: the t of KneeLeft_X is none.
-_TURN = r"rot(?:ation)?s?|euler|angle|(?<=[ _.\-:/])r"
+# A single letter counts only after a separator: the t of KneeLeft_X does not.
+_ROTATION = r"rot(?:ation)?s?|euler|angle|(?<=[ _.\-:/])r"
 _QUATERNION = r"quat(?:ernion)?|orient(?:ation)?|(?<=[ _.\-:/])q"
-_PLACE = r"pos(?:ition)?|loc(?:ation)?|trans(?:lation)?|(?<=[ _.\-:/])[pt]"
-_KIND = rf"(?:(?P<turn>{_TURN})|(?P<quaternion>{_QUATERNION})|(?P<place>{_PLACE}))"
+_POSITION = r"pos(?:ition)?|loc(?:ation)?|trans(?:lation)?|(?<=[ _.\-:/])[pt]"
+_KIND = rf"(?:(?P<rotation>{_ROTATION})|(?P<quaternion>{_QUATERNION})|(?P<position>{_POSITION}))"
 _UNIT = r"(?:[ _]*[\[(][^\])]*[\])])?"
 # Head_X, head.pos.x, Left Knee rotation Y (deg), joint0OrientationW
-_LAST = re.compile(
+_AXIS_LAST = re.compile(
     rf"(?P<joint>.*?[^ _.\-:/])[ _.\-:/]*(?:{_KIND}[ _.\-:/]*)?(?P<axis>[xyzw]){_UNIT}", re.IGNORECASE
 )
 # X1, x_knee, z-17
-_FIRST = re.compile(rf"(?P<axis>[xyzw])[ _.\-:/]*(?P<joint>\d+|(?<=[ _.\-:/]).+?){_UNIT}", re.IGNORECASE)
+_AXIS_FIRST = re.compile(rf"(?P<axis>[xyzw])[ _.\-:/]*(?P<joint>\d+|(?<=[ _.\-:/]).+?){_UNIT}", re.IGNORECASE)
 _STATE = re.compile(
     r"(?P<joint>.+?)[ _.\-:/]*"
     r"(?:tracked|tracking ?state|state|status|confidence|conf|likelihood|score|visibility)",
@@ -30,7 +30,7 @@ TIME = re.compile(
 
 @dataclass
 class Columns:
-    """Columns of one joint, from 0: position and euler as (x, y, z), quaternion as (x, y, z, w)."""
+    """Column indices of one joint, from 0: position and euler as (x, y, z), quaternion as (x, y, z, w)."""
 
     position: tuple[int, ...] = ()
     quaternion: tuple[int, ...] = ()
@@ -39,9 +39,9 @@ class Columns:
 
 
 def joints_of_header(names: tuple[str, ...]) -> dict[str, Columns]:
-    """Columns of every joint that has a whole position, quaternion or triple of angles; empty if none has."""
+    """Columns of every joint that has a complete position, quaternion or triple of angles."""
     joints: dict[str, Columns] = {}
-    for pattern in (_LAST, _FIRST):
+    for pattern in (_AXIS_LAST, _AXIS_FIRST):
         joints = _grouped(names, pattern)
         if joints:
             break
@@ -60,7 +60,7 @@ def _grouped(names: tuple[str, ...], pattern: re.Pattern[str]) -> dict[str, Colu
         if match is None:
             continue
         parts = match.groupdict()
-        kind = next((kind for kind in ("turn", "quaternion") if parts.get(kind)), "place")
+        kind = next((kind for kind in ("rotation", "quaternion") if parts.get(kind)), "position")
         axes = found.setdefault(parts["joint"], {}).setdefault(kind, {})
         axes.setdefault(parts["axis"].lower(), column)
     joints = {}
@@ -69,7 +69,7 @@ def _grouped(names: tuple[str, ...], pattern: re.Pattern[str]) -> dict[str, Colu
         for kind, axes in kinds.items():
             if set(axes) == set("xyzw"):
                 columns.quaternion = tuple(axes[axis] for axis in "xyzw")
-            elif set(axes) == set("xyz") and kind == "place":
+            elif set(axes) == set("xyz") and kind == "position":
                 columns.position = tuple(axes[axis] for axis in "xyz")
             elif set(axes) == set("xyz"):
                 columns.euler = tuple(axes[axis] for axis in "xyz")

@@ -1,4 +1,4 @@
-"""What a text looks like as a table: separator, decimal mark, header, rows, and what stands for nothing."""
+"""The form of a text as a table: separator, decimal mark, header, rows and marks of missing values."""
 
 from __future__ import annotations
 
@@ -14,24 +14,26 @@ from kinemimic.pipeline.arrays import Array
 from kinemimic.pipeline.readers.base.numbers import to_number
 from kinemimic.pipeline.readers.base.source import Source
 
-# Enough lines to know a table by, and enough rows to know a body by.
-_SAMPLE = 200
-_ROWS = 2000
+# Enough lines to detect the form of a table, and enough rows to detect a body.
+_SAMPLED_LINES = 200
+_MAX_ROWS = 2000
 _SEPARATORS: dict[str, str | None] = {"tab": "\t", "semicolon": ";", "comma": ",", "space": None}
-# What pandas takes for a missing value by itself.
+# What pandas takes as a missing value by default.
 _EMPTY = frozenset({"", "nan", "na", "n/a", "null", "none", "-nan", "#n/a", "<na>"})
 _SENTINELS = (-9999.0, -999.0, -99999.0, 9999.0, 99999.0, 999.0)
-# No place, no angle and no time; its square is still a number.
-_HUGE = 1e30
+# Larger values are no position, angle or time; the square is still finite.
+_MAX_VALUE = 1e30
 _COMMENTS = ("#", "%", "!")
 
 
 @dataclass(frozen=True)
 class Sheet:
-    """separator: as a description names it; header, first: line numbers from 1 (header 0: none);
-    names: (w,) of the columns, or empty; values: (R, w) of the first rows, NaN where there is no number;
-    words: the cells of the columns that hold words; marks: what stands for a missing value, ready for TOML;
-    comment: a mark of lines to leave out, or "".
+    """The form and the cells of a table.
+
+    separator: as in a description; header, first: line numbers from 1 (header 0: none); names: (w,) of the
+    columns, or empty; values: (R, w) of the first rows, NaN where there is no number; words: the cells of the
+    columns that hold words; marks: marks of missing values, as TOML values; comment: the mark of lines to
+    skip, or "".
     """
 
     separator: str
@@ -52,35 +54,41 @@ class Sheet:
 
 def sheet_of(source: Source) -> Sheet:
     """The table in a text; CaptureError if there is none."""
-    lines = list(enumerate(islice(source.lines, _ROWS + _SAMPLE), 1))
+    lines = list(enumerate(islice(source.lines, _MAX_ROWS + _SAMPLED_LINES), 1))
     comment = next((mark for mark in _COMMENTS if any(text.startswith(mark) for _, text in lines)), "")
     filled = [(n, text) for n, text in lines if text.strip() and not (comment and text.startswith(comment))]
-    # From all over: recorders write other lines while nobody is there yet.
-    separator, width = _cut([text for _, text in filled[:: max(1, len(filled) // _SAMPLE)]])
+    # Sampled from the whole file: recorders write other lines until somebody is tracked.
+    separator, width = _detect_separator(
+        [text for _, text in filled[:: max(1, len(filled) // _SAMPLED_LINES)]]
+    )
     if width < 3:
-        raise source.error(expected="a table of numbers", found="lines that are none")
+        raise source.error(expected="a table of numbers", found="other lines")
     rows = [(number, _split(text, separator)) for number, text in filled]
     rows = [(number, fields) for number, fields in rows if len(fields) == width]
     decimal = _decimal(rows, separator)
     starts = [k for k, (_, fields) in enumerate(rows) if _numeric(fields, decimal)]
-    # A row of data is followed by another one; a line of numbers above the header is not.
-    begin = next((k for k, after in pairwise(starts) if after == k + 1), None)
-    if begin is None:
+    # A row of data is followed by another one, unlike a line of numbers above the header.
+    first_row = next((k for k, after in pairwise(starts) if after == k + 1), None)
+    if first_row is None:
         raise source.error(expected="a table of numbers", found="no two rows of numbers")
     header = 0
     names: tuple[str, ...] = ()
-    if begin > 0 and not _numeric(rows[begin - 1][1], decimal) and len(set(rows[begin - 1][1])) == width:
-        header, names = rows[begin - 1][0], tuple(rows[begin - 1][1])
-    cells = [fields for _, fields in rows[begin : begin + _ROWS]]
-    values, words, marks = _read(cells, decimal)
-    later = comment and any(text.startswith(comment) for n, text in lines if n > rows[begin][0])
+    if (
+        first_row > 0
+        and not _numeric(rows[first_row - 1][1], decimal)
+        and len(set(rows[first_row - 1][1])) == width
+    ):
+        header, names = rows[first_row - 1][0], tuple(rows[first_row - 1][1])
+    cells = [fields for _, fields in rows[first_row : first_row + _MAX_ROWS]]
+    values, words, marks = _parse_cells(cells, decimal)
+    later = comment and any(text.startswith(comment) for n, text in lines if n > rows[first_row][0])
     return Sheet(
-        separator, decimal, header, rows[begin][0], names, values, words, marks, comment if later else ""
+        separator, decimal, header, rows[first_row][0], names, values, words, marks, comment if later else ""
     )
 
 
-def _cut(lines: Sequence[str]) -> tuple[str, int]:
-    """The separator that cuts most lines to one width, the rarer one first, and that width."""
+def _detect_separator(lines: Sequence[str]) -> tuple[str, int]:
+    """The separator that splits most lines to one width, trying rarer ones first, and that width."""
     best = ("space", 0, 0.0)
     for name in _SEPARATORS:
         counts = Counter(len(_split(line, name)) for line in lines)
@@ -105,20 +113,20 @@ def _split(line: str, separator: str) -> list[str]:
 def _decimal(rows: Sequence[tuple[int, list[str]]], separator: str) -> str:
     if separator == "comma":
         return "."
-    fields = [field for _, row in rows[:_SAMPLE] for field in row]
+    fields = [field for _, row in rows[:_SAMPLED_LINES] for field in row]
     commas = sum(to_number(field.replace(",", ".")) is not None for field in fields if field.count(",") == 1)
     points = sum(to_number(field) is not None for field in fields if "." in field)
     return "," if commas > points else "."
 
 
 def _numeric(fields: Sequence[str], decimal: str) -> bool:
-    """A row of data: at least half of it numbers, or empty, and three numbers."""
+    """Whether a row is data: at least half numbers or empty fields, and at least three numbers."""
     found = [to_number(field.replace(decimal, ".")) is not None for field in fields]
     empty = sum(field.lower() in _EMPTY for field in fields)
     return sum(found) + empty >= 0.5 * len(fields) and sum(found) >= 3
 
 
-def _read(
+def _parse_cells(
     cells: Sequence[Sequence[str]], decimal: str
 ) -> tuple[Array, dict[int, tuple[str, ...]], tuple[str, ...]]:
     values = np.full((len(cells), len(cells[0])), np.nan)
@@ -133,18 +141,18 @@ def _read(
         marks.update(
             dict.fromkeys(f'"{mark}"' for mark in sorted(other) if '"' not in mark and "\\" not in mark)
         )
-        values[:, column] = [v if v is not None and abs(v) < _HUGE else np.nan for v in numbers]
-    sane = np.abs(values[np.isfinite(values) & ~np.isin(values, _SENTINELS)])
+        values[:, column] = [v if v is not None and abs(v) < _MAX_VALUE else np.nan for v in numbers]
+    usual = np.abs(values[np.isfinite(values) & ~np.isin(values, _SENTINELS)])
     for sentinel in _SENTINELS:
-        # The largest of the other values is far below it, or it is a measurement like them.
+        # It is a measurement like the others if neighbouring values occur.
         among = np.isin(values, sentinel)
-        if among.sum() > 1 and np.unique(np.nonzero(among)[1]).size > 1 and _stands_out(sane, sentinel):
+        if among.sum() > 1 and np.unique(np.nonzero(among)[1]).size > 1 and _is_mark(usual, sentinel):
             marks[f"{sentinel:g}"] = None
             values[among] = np.nan
     return values, words, tuple(marks)
 
 
-def _stands_out(others: Array, sentinel: float) -> bool:
-    """Whether no measurement has just that whole value by chance: none of its neighbours occurs."""
+def _is_mark(others: Array, sentinel: float) -> bool:
+    """Whether a value is a mark, not a measurement: none of its neighbours occurs."""
     near = np.abs(others - abs(sentinel)) < 0.01 * abs(sentinel)
     return bool(near.sum() <= 1e-4 * max(len(others), 1))

@@ -1,4 +1,6 @@
-"""The cells of a described table: pandas' C parser, which knows quotes, decimal commas and missing marks."""
+"""The cells of a custom table, read by pandas' C parser, which knows quotes, decimal commas and missing
+marks.
+"""
 
 from __future__ import annotations
 
@@ -17,19 +19,19 @@ from kinemimic.pipeline.files.toml_keys import MAX_COLUMNS, Column, short
 from kinemimic.pipeline.readers.base.source import Source
 from kinemimic.pipeline.readers.custom_table.description import Text
 
-SPACE = r"\s+"
-# A file that sets blanks behind its separators does so from its beginning.
+WHITE_SPACE = r"\s+"
+# A file with blanks after its separators has them from its beginning.
 _HEAD = 65536
 
 
 def separator_of(line: str, decimal: str = ".") -> str:
-    """The separator that a line of data shows: a tab, a semicolon or a comma, else white space."""
-    return next((s for s in ("\t", ";", ",") if s in line and s != decimal), SPACE)
+    """The separator in a line of data: a tab, a semicolon or a comma, else white space."""
+    return next((s for s in ("\t", ";", ",") if s in line and s != decimal), WHITE_SPACE)
 
 
 def fields_of(line: str, separator: str) -> list[str]:
-    """The fields of a line, without quotes and the blanks around them; a final separator ends nothing."""
-    if separator == SPACE:
+    """The fields of a line, without quotes and surrounding blanks; a trailing separator adds no field."""
+    if separator == WHITE_SPACE:
         return line.split()
     fields = [field.strip() for field in next(csv.reader([line], delimiter=separator), [])]
     return fields[:-1] if fields and not fields[-1] else fields
@@ -37,20 +39,21 @@ def fields_of(line: str, separator: str) -> list[str]:
 
 @dataclass(frozen=True)
 class Words:
-    """A column of words: codes (R,) into `known`, the words that occur; the first, "", is a missing one."""
+    """A column of words: codes (R,) index `known`, the words that occur; the first, "", is a missing one."""
 
     codes: NDArray[np.intp]
     known: tuple[str, ...]
 
 
 class Cells:
-    """A table cut as its description says: `width` columns, `names` if it has a header.
+    """A table split into `width` columns as described, with `names` if it has a header.
 
-    described_by: the description's file name, for advice. CaptureError for a table that has no such form.
+    description_name: the description's file name, for advice. Raises CaptureError if the table does not have
+    that form.
     """
 
-    def __init__(self, source: Source, text: Text, described_by: str) -> None:
-        self.source, self.text, self.described_by = source, text, described_by
+    def __init__(self, source: Source, text: Text, description_name: str) -> None:
+        self.source, self.text, self.description_name = source, text, description_name
         self._content = self._as_utf8()
         first = next(self._data_lines(), None)
         if first is None:
@@ -63,27 +66,27 @@ class Cells:
         self.names = self._header()
 
     def index(self, column: Column, key: str) -> int:
-        """Where a column stands, from 0; `key` is where the description names it."""
+        """The index of a column, from 0; `key` is its key in the description."""
         if isinstance(column, int):
             if column > self.width:
-                self.fail(key, expected=f"a column {column}", found=f"{self.width} columns")
+                self.fail(key, expected=f"column {column}", found=f"{self.width} columns")
             return column - 1
         if self.names.count(column) != 1:
-            near = difflib.get_close_matches(column, self.names, n=1)
-            found = f"none of that name{f', but {near[0]!r}' if near else ''}"
+            close_match = difflib.get_close_matches(column, self.names, n=1)
+            found = f"none of that name{f', but {close_match[0]!r}' if close_match else ''}"
             if column in self.names:
                 found = f"{self.names.count(column)} of that name"
             self.fail(key, expected=f"a column {column!r}", found=found, line=self.text.header)
         return self.names.index(column)
 
     def read(self, numbers: Sequence[int], words: Sequence[int]) -> tuple[Array, list[Words]]:
-        """Columns as numbers (R, n), NaN where a value is missing, and others as words."""
+        """Columns of numbers (R, n), NaN where a value is missing, and columns of words."""
         for column in words:
             if column in numbers:
                 self.fail("columns", expected="numbers or words in a column", found=f"both in {column + 1}")
         wanted = sorted({*numbers, *words})
         types: dict[int, Any] = dict.fromkeys(words, "category")
-        # pandas reads numbers a third faster where nobody tells it that they are numbers.
+        # pandas reads numbers a third faster without a dtype.
         frame = self._parse(wanted, types)
         if not all(frame.dtypes[column].kind in "fiu" for column in numbers):
             try:
@@ -104,16 +107,16 @@ class Cells:
         ]
 
     def line(self, row: int) -> int:
-        """The number in the file, from 1, of the line that row stands on."""
+        """Line number in the file, from 1, of a row."""
         return next((number for k, (number, _) in enumerate(self._data_lines()) if k == row), self.text.first)
 
     def fail(self, key: str | None, *, expected: str, found: str, line: int | None = None) -> NoReturn:
-        """A CaptureError about what stands in the table, and the key, if any, that says otherwise."""
+        """Raise a CaptureError about a value in the table that contradicts this key of the description."""
         raise self.source.error(
             expected=short(expected, 160),
             found=short(found, 160),
             where=None if line is None else f"line {line}",
-            advice=None if key is None else f"{self.described_by} describes it: see {short(key)} there",
+            advice=None if key is None else f"see {short(key)} in {self.description_name}",
         )
 
     def _as_utf8(self) -> bytes:
@@ -124,15 +127,15 @@ class Cells:
                 content = content.decode(encoding).encode()
             elif not content.isascii():
                 content.decode()
-        except (UnicodeError, LookupError):  # of what is decoded, some is no text: half a surrogate pair
+        except (UnicodeError, LookupError):  # decoded text may hold half a surrogate pair
             if encoding:
                 self.fail("table.encoding", expected=f"text in {encoding}", found="other bytes")
-            # Only names can hold more than ASCII, and every byte is some character of Latin-1.
+            # Only names can be non-ASCII, and Latin-1 maps every byte.
             content = content.decode("latin-1").encode()
         return content
 
     def _lines(self, begin: int) -> Iterator[tuple[int, str]]:
-        """Lines with their numbers from `begin` on, one at a time: mostly only the first is wanted."""
+        """Lines and their numbers from `begin` on, as a generator: usually only the first is needed."""
         start = self._start(begin)
         while start < len(self._content):
             end = self._content.find(b"\n", start)
@@ -141,7 +144,7 @@ class Cells:
             begin, start = begin + 1, end + 1
 
     def _start(self, number: int) -> int:
-        """Where in the content the line of that number begins."""
+        """Position in the content at which the line of that number starts."""
         start = 0
         for _ in range(number - 1):
             start = self._content.find(b"\n", start) + 1
@@ -150,11 +153,11 @@ class Cells:
         return start
 
     def _data_lines(self) -> Iterator[tuple[int, str]]:
-        """Number in the file and text of every line that makes a row."""
+        """Number and text of every line that makes a row."""
         for number, line in self._lines(self.text.first):
-            kept = line.split(self.text.comment, 1)[0] if self.text.comment else line
-            if kept.strip():
-                yield number, kept
+            content = line.split(self.text.comment, 1)[0] if self.text.comment else line
+            if content.strip():
+                yield number, content
 
     def _count(self, line: str, number: int) -> int:
         try:
@@ -177,7 +180,7 @@ class Cells:
         return fields_of(line, self.separator)
 
     def _parse(self, columns: Sequence[int], types: dict[int, Any]) -> Any:
-        import pandas as pd  # noqa: PLC0415 (half a second, which only described files take)
+        import pandas as pd  # noqa: PLC0415 (importing takes half a second)
 
         try:
             return pd.read_csv(
@@ -207,19 +210,19 @@ class Cells:
         return numbers if kind is float else words
 
     def _check_widths(self, rows: int) -> None:
-        """Every row as wide as the first: pandas fills short ones and cuts long ones without a word.
+        """Check that all rows are as wide as the first: pandas silently pads short and truncates long ones.
 
-        The separators of the whole table are counted at once; only if they do not add up, line by line.
+        Counts the separators of the whole table at once, and goes line by line only if the total is wrong.
         """
         data = self._content[self._start(self.text.first) :]
-        plain = self.text.comment is None and b'"' not in data
-        if self.separator == SPACE:
+        simple = self.text.comment is None and b'"' not in data
+        if self.separator == WHITE_SPACE:
             characters = np.frombuffer(data, dtype=np.uint8)
-            blank = np.isin(characters, np.frombuffer(b" \t\n\v\f", dtype=np.uint8))
-            begins = ~blank & np.concatenate([[True], blank[:-1]])
-            if plain and int(begins.sum()) == rows * self.width:
+            blanks = np.isin(characters, np.frombuffer(b" \t\n\v\f", dtype=np.uint8))
+            field_starts = ~blanks & np.concatenate([[True], blanks[:-1]])
+            if simple and int(field_starts.sum()) == rows * self.width:
                 return
-        elif plain and data.count(self.separator.encode()) == rows * self._first.count(self.separator):
+        elif simple and data.count(self.separator.encode()) == rows * self._first.count(self.separator):
             return
         self._check_lines()
 
@@ -228,11 +231,11 @@ class Cells:
         for number, line in lines:
             if (count := self._count(line, number)) != self.width:
                 cut = number == lines[-1][0] and count < self.width
-                found = f"{count}{', as the file is cut off there' if cut else ''}"
+                found = f"{count}{', the file is cut off there' if cut else ''}"
                 self.fail(None, expected=f"{self.width} columns", found=found, line=number)
 
     def _no_number(self, numbers: Sequence[int]) -> NoReturn:
-        """Name the first line of another width, else the first cell of a number column that holds none."""
+        """Raise for the first line of another width, else the first non-numeric cell of a number column."""
         import pandas as pd  # noqa: PLC0415
 
         self._check_lines()
@@ -242,9 +245,9 @@ class Cells:
             words = cells[column].str.strip()
             if self.text.decimal != ".":
                 words = words.str.replace(self.text.decimal, ".", regex=False)
-            bad = (pd.to_numeric(words, errors="coerce").isna() & words.notna()).to_numpy()
-            if bad.any():
-                first = min(first, (int(bad.argmax()), column))
+            invalid = (pd.to_numeric(words, errors="coerce").isna() & words.notna()).to_numpy()
+            if invalid.any():
+                first = min(first, (int(invalid.argmax()), column))
         row, column = first
         shown = str(cells[column].iloc[row])[:40] if row < len(cells) else "something else"
         name = repr(self.names[column]) if self.names else str(column + 1)

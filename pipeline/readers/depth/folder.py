@@ -22,8 +22,8 @@ FORMAT = Format(
     name="depth recording",
     sensor="any depth camera",
     holds="16-bit depth images and the joints' pixels, in a folder",
-    told_by=f"{CAMERA} in the folder",
-    together_with=f"{JOINTS}, {DEPTH}/",
+    recognised_by=f"{CAMERA} in the folder",
+    companion=f"{JOINTS}, {DEPTH}/",
 )
 _NUMBER = re.compile(r"\d{1,12}")
 

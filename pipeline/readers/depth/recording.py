@@ -15,7 +15,7 @@ from kinemimic.pipeline.errors import CaptureError
 from kinemimic.pipeline.kinematics.clip import Clip
 from kinemimic.pipeline.kinematics.nodes import joints_of_nodes
 from kinemimic.pipeline.kinematics.skeleton import MISSING, NODE_PARENTS, NODES, Skeleton, node_skeleton
-from kinemimic.pipeline.readers.base.recording import clip_of_points, reading
+from kinemimic.pipeline.readers.base.clip_building import clip_of_points, reading
 from kinemimic.pipeline.readers.base.source import Source
 from kinemimic.pipeline.readers.depth.completeness import STATES, WORDS, check
 from kinemimic.pipeline.readers.depth.folder import (

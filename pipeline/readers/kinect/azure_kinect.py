@@ -22,10 +22,10 @@ from kinemimic.pipeline.kinematics.clip import Clip
 from kinemimic.pipeline.kinematics.skeleton import INFERRED, TRACKED
 from kinemimic.pipeline.quality.rules.defect import Defect
 from kinemimic.pipeline.readers.base.absolute_orientations import child_to_parent
+from kinemimic.pipeline.readers.base.clip_building import clip_of_points, reading
 from kinemimic.pipeline.readers.base.format import Format
-from kinemimic.pipeline.readers.base.frame_defects import FARTHEST
+from kinemimic.pipeline.readers.base.frame_defects import MAX_COORDINATE
 from kinemimic.pipeline.readers.base.json_text import numbers, parse_json
-from kinemimic.pipeline.readers.base.recording import clip_of_points, reading
 from kinemimic.pipeline.readers.base.source import Source
 from kinemimic.pipeline.readers.kinect.azure_joints import (
     JOINTS,
@@ -39,7 +39,7 @@ FORMAT = Format(
     name="Azure Kinect body tracking JSON",
     sensor="Azure Kinect",
     holds="times, positions and orientations of 32 joints, any number of people",
-    told_by="a JSON object with bone_list, joint_positions or k4abt_sdk_version",
+    recognised_by="a JSON object with bone_list, joint_positions or k4abt_sdk_version",
 )
 _MARKS = (
     '"bone_list"',
@@ -199,11 +199,11 @@ def _states(bodies: Sequence[dict[str, Any]], rows: Sequence[int], source: Sourc
 
 def _refuse_far(points: Array, source: Source) -> None:
     """Metres as everywhere, but a JSON file has frames, not lines."""
-    far = (np.abs(points) > FARTHEST) & np.isfinite(points)
+    far = (np.abs(points) > MAX_COORDINATE) & np.isfinite(points)
     if far.any():
         frame, joint, axis = (int(k) for k in np.argwhere(far)[0])
         raise source.error(
-            expected=f"millimetres, at most {FARTHEST * _MM:g}, in {'XYZ'[axis]} of {JOINTS[joint]}",
+            expected=f"millimetres, at most {MAX_COORDINATE * _MM:g}, in {'XYZ'[axis]} of {JOINTS[joint]}",
             found=f"{points[frame, joint, axis] * _MM:g}",
             where=_where(frame),
         )

@@ -15,9 +15,9 @@ import numpy as np
 
 from kinemimic.pipeline.kinematics.clip import Clip
 from kinemimic.pipeline.quality.rules.defect import Defect
+from kinemimic.pipeline.readers.base.clip_building import clip_of_points, reading
 from kinemimic.pipeline.readers.base.format import Format
 from kinemimic.pipeline.readers.base.frame_defects import zero_frames
-from kinemimic.pipeline.readers.base.recording import clip_of_points, reading
 from kinemimic.pipeline.readers.base.source import Source
 from kinemimic.pipeline.readers.kinect.kinect_v2 import FROM_SDK, SDK_JOINTS, SDK_PARENTS, kinect_v2_skeleton
 from kinemimic.pipeline.readers.kinect.skl_text import (
@@ -33,7 +33,7 @@ FORMAT = Format(
     name="Kinect v2 .skl text",
     sensor="Kinect v2",
     holds="positions and states of 25 joints",
-    told_by="a header of columns Name_X Name_Y Name_Z Name_tracked with joints that only a Kinect v2 has",
+    recognised_by="a header Name_X Name_Y Name_Z Name_tracked … with joints that only a Kinect v2 has",
     columns=(106,),
 )
 _CLOCKS = {"100 ns": 1e7, "ms": 1e3}

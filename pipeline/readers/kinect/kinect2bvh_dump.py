@@ -15,9 +15,9 @@ import numpy as np
 
 from kinemimic.pipeline.arrays import Array
 from kinemimic.pipeline.kinematics.clip import Clip
+from kinemimic.pipeline.readers.base.clip_building import clip_of_points, reading
 from kinemimic.pipeline.readers.base.format import Format
-from kinemimic.pipeline.readers.base.frame_defects import in_sequence, refuse_far
-from kinemimic.pipeline.readers.base.recording import clip_of_points, reading
+from kinemimic.pipeline.readers.base.frame_defects import increasing_times, refuse_remote
 from kinemimic.pipeline.readers.base.source import Source
 from kinemimic.pipeline.readers.kinect.kinect_v2 import FROM_SDK, SDK_JOINTS, kinect_v2_skeleton
 
@@ -25,7 +25,7 @@ FORMAT = Format(
     name="Kinect2BVH raw dump",
     sensor="Kinect v2",
     holds="positions of the tracked joints of 25",
-    told_by="a time, then a line `Pos N`",
+    recognised_by="a time, then a line `Pos N`",
 )
 _POS, _ROT = re.compile(r"Pos (\d{1,9})\s*$"), re.compile(r"Rot (\d{1,9})\s*$")
 _LEG = ("Hip", "Knee", "Ankle")
@@ -59,10 +59,10 @@ def read(source: Source) -> Clip:
     """
     blocks = _blocks(source)
     points = _points(source, blocks)
-    refuse_far(points, SDK_JOINTS, source, lambda frame: blocks.numbers[frame])
+    refuse_remote(points, SDK_JOINTS, source, lambda frame: blocks.numbers[frame])
     _refuse_without_legs(source, points)
     times = np.array(blocks.times)
-    later, defects = in_sequence(times)
+    later, defects = increasing_times(times)
     return clip_of_points(
         kinect_v2_skeleton(),
         times[later] / 1000.0,

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from kinemimic.pipeline.arrays import Array
 from kinemimic.pipeline.kinematics.skeleton import INFERRED, MISSING, TRACKED
 from kinemimic.pipeline.quality.rules.defect import Defect
-from kinemimic.pipeline.readers.base.frame_defects import in_sequence
+from kinemimic.pipeline.readers.base.frame_defects import increasing_times
 from kinemimic.pipeline.readers.base.numbers import numbers_of, to_number
 from kinemimic.pipeline.readers.base.source import Source
 
@@ -76,7 +76,7 @@ def sensor_clock(times: Array, where: Where, source: Source) -> tuple[NDArray[np
     if not np.isfinite(times).all():
         bad = int(np.flatnonzero(~np.isfinite(times))[0])
         raise source.error(expected="a time", found="no finite number", where=where(bad))
-    later, defects = in_sequence(times)
+    later, defects = increasing_times(times)
     step = float(np.median(np.diff(times[later]))) if later.sum() > 1 else STEPS[0]
     if not STEPS[0] <= step <= STEPS[1]:
         raise source.error(

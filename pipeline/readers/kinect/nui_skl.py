@@ -11,8 +11,8 @@ from __future__ import annotations
 
 from kinemimic.pipeline.kinematics.clip import Clip
 from kinemimic.pipeline.kinematics.skeleton import NODES, node_skeleton
+from kinemimic.pipeline.readers.base.clip_building import clip_of_points, reading
 from kinemimic.pipeline.readers.base.format import Format
-from kinemimic.pipeline.readers.base.recording import clip_of_points, reading
 from kinemimic.pipeline.readers.base.source import Source
 from kinemimic.pipeline.readers.kinect.skl_text import frames_of, header_of, joint_columns, of_kinect_v2
 
@@ -20,7 +20,7 @@ FORMAT = Format(
     name="Kinect v1 .skl text",
     sensor="Kinect v1",
     holds="positions and states of 20 joints",
-    told_by="a header of columns Name_X Name_Y Name_Z Name_tracked",
+    recognised_by="a header of columns Name_X Name_Y Name_Z Name_tracked",
     columns=(81, 85, 86, 91),
 )
 # "hip_center" is HipCenter in the file.

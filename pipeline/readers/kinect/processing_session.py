@@ -12,10 +12,10 @@ from __future__ import annotations
 from kinemimic.pipeline.kinematics.clip import Clip
 from kinemimic.pipeline.kinematics.rotations import Y_UP_TO_Z_UP
 from kinemimic.pipeline.readers.base.absolute_orientations import child_to_parent
+from kinemimic.pipeline.readers.base.clip_building import clip_of_points, reading
 from kinemimic.pipeline.readers.base.format import Format
-from kinemimic.pipeline.readers.base.frame_defects import refuse_far
+from kinemimic.pipeline.readers.base.frame_defects import refuse_remote
 from kinemimic.pipeline.readers.base.numbers import parse_table
-from kinemimic.pipeline.readers.base.recording import clip_of_points, reading
 from kinemimic.pipeline.readers.base.source import Source
 from kinemimic.pipeline.readers.kinect.kinect_v2 import FROM_SDK, SDK_JOINTS, kinect_v2_skeleton
 from kinemimic.pipeline.readers.kinect.kinect_values import check_quaternions, sensor_clock
@@ -24,7 +24,7 @@ FORMAT = Format(
     name="Processing session",
     sensor="Kinect v2",
     holds="positions and orientations of 25 joints",
-    told_by="a header with frameCount and columns joint0PositionX … joint24OrientationZ",
+    recognised_by="a header with frameCount and columns joint0PositionX … joint24OrientationZ",
     columns=(188,),
 )
 # A frame of the sketch is a frame of the sensor.
@@ -44,7 +44,7 @@ def read(source: Source) -> Clip:
     """The clip of the 25 joints with rotations, one frame per whole line with a higher count."""
     names, line = source.head[0].split(), source.blank_lines + 1
     columns = _columns(names, source, line)
-    table = parse_table(source, start=line, width=len(names), drop_others=True)
+    table = parse_table(source, start=line, width=len(names), drop_other_widths=True)
 
     def where(row: int) -> str:
         return f"line {table.line(row)}"
@@ -52,7 +52,7 @@ def read(source: Source) -> Clip:
     times = table.values[:, columns[0]] / RATE
     later, repeated = sensor_clock(times, where, source)
     frames = table.values[:, columns[1:]].reshape(len(times), len(SDK_JOINTS), len(_FIELDS))
-    refuse_far(frames[..., :3], SDK_JOINTS, source, table.line)
+    refuse_remote(frames[..., :3], SDK_JOINTS, source, table.line)
     check_quaternions(frames[..., 3:], SDK_JOINTS, where, source)
     frames = frames if later.all() else frames[later]
     notes = [f"no time in the file: the sketch's frame count at {RATE:g} frames a second"]

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from kinemimic.pipeline.arrays import Array
 from kinemimic.pipeline.quality.rules.defect import Defect
-from kinemimic.pipeline.readers.base.frame_defects import in_sequence, refuse_far
+from kinemimic.pipeline.readers.base.frame_defects import increasing_times, refuse_remote
 from kinemimic.pipeline.readers.base.numbers import parse_table
 from kinemimic.pipeline.readers.base.source import Source
 
@@ -112,8 +112,8 @@ def frames_of(source: Source, header: Header, joints: Sequence[str], units: dict
             found=f"{states[frame, joint]:g}",
             where=f"line {table.line(frame)}",
         )
-    refuse_far(points, joints, source, table.line)
-    later, defects = in_sequence(clock)
+    refuse_remote(points, joints, source, table.line)
+    later, defects = increasing_times(clock)
     unit = _unit(clock[later], units, source)
     if not defects:
         return Frames(clock / units[unit], unit, points, states.astype(np.uint8), defects)

@@ -13,17 +13,17 @@ from kinemimic.pipeline.arrays import Array
 from kinemimic.pipeline.kinematics.clip import Clip
 from kinemimic.pipeline.kinematics.skeleton import NODES, node_skeleton
 from kinemimic.pipeline.quality.rules.defect import Defect
+from kinemimic.pipeline.readers.base.clip_building import clip_of_points, reading
 from kinemimic.pipeline.readers.base.format import Format
-from kinemimic.pipeline.readers.base.frame_defects import in_sequence, refuse_far, zero_frames
+from kinemimic.pipeline.readers.base.frame_defects import increasing_times, refuse_remote, zero_frames
 from kinemimic.pipeline.readers.base.numbers import Table, parse_table, to_number
-from kinemimic.pipeline.readers.base.recording import clip_of_points, reading
 from kinemimic.pipeline.readers.base.source import Source
 
 FORMAT = Format(
     name="treadmill ASCII",
     sensor="Kinect v1",
     holds="positions of 20 joints and the recorder's own angles",
-    told_by="a first line 'Frame number' and a line of names that begins Time, Hip Center",
+    recognised_by="a first line 'Frame number' and a line of names that begins Time, Hip Center",
     columns=(85,),
 )
 # Frames a second of a Kinect v1. It can give fewer, never more.
@@ -110,11 +110,11 @@ def read(source: Source) -> Clip:
         text = f"line 1 says {wanted} frames, {len(values)} are there: the file may be cut off"
         cut.append(Defect("dropped_frames", wanted - len(values), "frames", "flagged", text))
     frames = _frame_numbers(source, table, declared)
-    later, defects = in_sequence(frames)
+    later, defects = increasing_times(frames)
     first = np.array([columns[label] for label in JOINTS])
     kept = values if later.all() else values[later]
     points = kept[:, (first[:, None] + np.arange(3)).ravel()].reshape(-1, len(JOINTS), 3)
-    refuse_far(points, tuple(JOINTS), source, lambda row: table.line(int(np.flatnonzero(later)[row])))
+    refuse_remote(points, tuple(JOINTS), source, lambda row: table.line(int(np.flatnonzero(later)[row])))
     rate, wrong_rate = true_rate(declared, len(points))
     own = {label: values[later, columns[label]] for label in ANGLES if label in columns}
     return clip_of_points(

@@ -22,9 +22,9 @@ from kinemimic.pipeline.kinematics.rotations import IDENTITY, Y_UP_TO_Z_UP, conj
 from kinemimic.pipeline.kinematics.skeleton import TRACKED, Skeleton
 from kinemimic.pipeline.quality.rules.defect import Defect
 from kinemimic.pipeline.quality.rules.length_units import infer_unit
+from kinemimic.pipeline.readers.base.clip_building import reading
 from kinemimic.pipeline.readers.base.format import Format
-from kinemimic.pipeline.readers.base.frame_defects import in_sequence
-from kinemimic.pipeline.readers.base.recording import reading
+from kinemimic.pipeline.readers.base.frame_defects import increasing_times
 from kinemimic.pipeline.readers.base.source import Source
 from kinemimic.pipeline.readers.mocap import amc_text, asf_text
 from kinemimic.pipeline.readers.mocap.asf_text import AsfText
@@ -33,8 +33,8 @@ FORMAT = Format(
     name="ASF/AMC",
     sensor="optical",
     holds="a skeleton with Euler channels in the bones' own axes",
-    told_by="the keyword :FULLY-SPECIFIED, or a frame's number with a line `root` below it",
-    together_with="the skeleton NAME.asf (02.asf for 02_01.amc)",
+    recognised_by="the keyword :FULLY-SPECIFIED, or a frame's number with a line `root` below it",
+    companion="the skeleton NAME.asf (02.asf for 02_01.amc)",
 )
 # CMU's library and HDM05 were recorded at 120 Hz, and their files do not say so.
 RATE = 120.0
@@ -123,7 +123,7 @@ def _skeleton_beside(source: Source) -> tuple[Source, AsfText]:
     stem = source.path.name.split(".")[0].lower()
     fitting = [name for name in there if (stem + "_").startswith(name.lower().removesuffix(".gz")[:-4] + "_")]
     chosen = max(fitting, key=len) if fitting else there[0] if len(there) == 1 else None
-    beside = source.beside(chosen) if chosen else None
+    beside = source.companion(chosen) if chosen else None
     if beside is None:
         among = f"{', '.join(there[:4])}{' …' if len(there) > 4 else ''}" if there else "no .asf file"
         raise source.error(
@@ -159,7 +159,7 @@ def _later(source: Source, numbers: Array) -> tuple[NDArray[np.bool_], list[Defe
     """The frames whose number is above all before them."""
     if not numbers.max() <= _LAST_FRAME:
         raise source.error(expected="frame numbers of a recording", found=f"{numbers.max():g}")
-    return in_sequence(numbers)
+    return increasing_times(numbers)
 
 
 def _joints(text: AsfText) -> tuple[tuple[str, ...], tuple[int, ...], Array, Array]:

@@ -16,8 +16,8 @@ from kinemimic.pipeline.kinematics.rotations import Y_UP_TO_Z_UP, angle_between
 from kinemimic.pipeline.kinematics.skeleton import TRACKED, Skeleton
 from kinemimic.pipeline.quality.rules.defect import Defect
 from kinemimic.pipeline.quality.rules.length_units import infer_unit
+from kinemimic.pipeline.readers.base.clip_building import reading
 from kinemimic.pipeline.readers.base.format import Format
-from kinemimic.pipeline.readers.base.recording import reading
 from kinemimic.pipeline.readers.base.source import Source
 from kinemimic.pipeline.readers.mocap.bvh_text import BvhText, parse
 
@@ -25,8 +25,8 @@ FORMAT = Format(
     name="BVH",
     sensor="optical, inertial or Kinect",
     holds="a skeleton with Euler channels in any order",
-    told_by="the keyword HIERARCHY",
-    any_width=True,
+    recognised_by="the keyword HIERARCHY",
+    width_in_header=True,
 )
 _AXES = "XYZ"
 # A T-pose is one frame, at most a few; a longer stillness is a subject who is not there (acquire.py).

@@ -18,9 +18,9 @@ from kinemimic.pipeline.kinematics.rotations import IDENTITY, Y_UP_TO_Z_UP, from
 from kinemimic.pipeline.kinematics.skeleton import node_skeleton
 from kinemimic.pipeline.quality.rules.defect import Defect
 from kinemimic.pipeline.quality.rules.length_units import SET_BY_USER, UNITS
+from kinemimic.pipeline.readers.base.clip_building import clip_of_points, reading
 from kinemimic.pipeline.readers.base.format import Format
-from kinemimic.pipeline.readers.base.frame_defects import FARTHEST, zero_frames
-from kinemimic.pipeline.readers.base.recording import clip_of_points, reading
+from kinemimic.pipeline.readers.base.frame_defects import MAX_COORDINATE, zero_frames
 from kinemimic.pipeline.readers.base.source import Source
 from kinemimic.pipeline.readers.kinect.treadmill import JOINTS, own_angles, true_rate
 from kinemimic.pipeline.readers.mocap.c3d_layout import check_layout, marked
@@ -33,7 +33,7 @@ FORMAT = Format(
     name="C3D",
     sensor="optical, or a Kinect through btk",
     holds="positions of joints or markers, and angles",
-    told_by="the byte 0x50 in second place",
+    recognised_by="the byte 0x50 in second place",
     binary=True,
 )
 DECLARED: dict[str, float] = {"m": 1.0, "cm": 0.01, "mm": 0.001}
@@ -114,11 +114,11 @@ def _of_the_body(labels: tuple[str, ...]) -> tuple[str, ...]:
 
 def _check_places(places: Array, labels: tuple[str, ...], source: Source) -> None:
     """CaptureError for a place (T, N, 3), metres, that lies out of any laboratory."""
-    far = np.argwhere(np.abs(places) > FARTHEST)
+    far = np.argwhere(np.abs(places) > MAX_COORDINATE)
     if len(far):
         frame, point, axis = (int(k) for k in far[0])
         raise source.error(
-            expected=f"metres, at most {FARTHEST:g}, in {labels[point]}",
+            expected=f"metres, at most {MAX_COORDINATE:g}, in {labels[point]}",
             found=f"{places[frame, point, axis]:g}",
             where=f"frame {frame}",
         )

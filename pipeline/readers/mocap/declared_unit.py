@@ -16,7 +16,7 @@ from kinemimic.pipeline.readers.mocap.marker_names import SIDES, landmarks
 
 # The way from the ASIS over the outside of the knee to the ankle, over thigh plus shank.
 _OUTSIDE = 1.1
-# What is off by less than this is left to rules/units.py, which knows the legs themselves.
+# What is off by less than this is left to quality/rules/length_units.py, which knows the legs themselves.
 _NEAR = 1.5
 # Frames, spread over the recording, that are enough for a median.
 _ENOUGH = 500

@@ -19,16 +19,16 @@ from kinemimic.pipeline.errors import KinemimicError
 from kinemimic.pipeline.kinematics.clip import Clip, forward_kinematics
 from kinemimic.pipeline.kinematics.rotations import IDENTITY, continuous, from_axis_angle, normalize
 from kinemimic.pipeline.kinematics.skeleton import NODE_INDEX, NODES, TRACKED, node_skeleton
+from kinemimic.pipeline.readers.base.clip_building import reading
 from kinemimic.pipeline.readers.base.format import Format
 from kinemimic.pipeline.readers.base.json_text import numbers, parse_json
-from kinemimic.pipeline.readers.base.recording import reading
 from kinemimic.pipeline.readers.base.source import Source
 
 FORMAT = Format(
     name="DeepMimic JSON",
     sensor="optical, retargeted",
     holds="quaternions and hinge angles of a humanoid",
-    told_by='a JSON object with the key "Frames"',
+    recognised_by='a JSON object with the key "Frames"',
 )
 COLUMNS = 44
 # In metres, seconds and radians; what is larger is damage.

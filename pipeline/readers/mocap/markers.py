@@ -12,8 +12,8 @@ from kinemimic.pipeline.kinematics.clip import Clip
 from kinemimic.pipeline.kinematics.nodes import joints_of_nodes
 from kinemimic.pipeline.kinematics.proportions import TRUNK, stature
 from kinemimic.pipeline.kinematics.skeleton import NODE_INDEX, NODE_PARENTS, NODES, Skeleton
+from kinemimic.pipeline.readers.base.clip_building import clip_of_points
 from kinemimic.pipeline.readers.base.format import Format
-from kinemimic.pipeline.readers.base.recording import clip_of_points
 from kinemimic.pipeline.readers.base.source import Source
 from kinemimic.pipeline.readers.mocap.joint_centres import (
     HALF_ANKLE,

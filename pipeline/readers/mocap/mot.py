@@ -22,18 +22,18 @@ from kinemimic.pipeline.kinematics.euler import positions_of_channels
 from kinemimic.pipeline.kinematics.rotations import from_axis_angle
 from kinemimic.pipeline.kinematics.skeleton import TRACKED, Skeleton
 from kinemimic.pipeline.quality.rules.defect import Defect
+from kinemimic.pipeline.readers.base.clip_building import reading
 from kinemimic.pipeline.readers.base.format import Format
-from kinemimic.pipeline.readers.base.frame_defects import in_sequence
+from kinemimic.pipeline.readers.base.frame_defects import increasing_times
 from kinemimic.pipeline.readers.base.numbers import parse_table
-from kinemimic.pipeline.readers.base.recording import reading
 from kinemimic.pipeline.readers.base.source import Source
 
 FORMAT = Format(
     name="OpenSim .mot/.sto",
     sensor="optical, through inverse kinematics",
     holds="joint angles of an OpenSim model by name",
-    told_by="the keyword endheader",
-    any_width=True,
+    recognised_by="the keyword endheader",
+    width_in_header=True,
 )
 ORDER = "ZXY"
 # X forward, Y up, Z right to X forward, Y left, Z up.
@@ -109,7 +109,7 @@ def read(source: Source) -> Clip:
     Rows whose time is not after all before them are dropped and told. angles: the file's own knees and hips.
     """
     table = _table(source)
-    later, defects = in_sequence(table.times)
+    later, defects = increasing_times(table.times)
     if table.declared > len(later):
         lost = table.declared - len(later)
         text = f"the header says {table.declared} rows, {len(later)} are there: the file may be cut off"

@@ -18,10 +18,10 @@ from kinemimic.pipeline.kinematics.clip import Clip
 from kinemimic.pipeline.kinematics.rotations import from_axis_angle
 from kinemimic.pipeline.quality.rules.defect import Defect
 from kinemimic.pipeline.quality.rules.length_units import SET_BY_USER, UNITS
+from kinemimic.pipeline.readers.base.clip_building import reading
 from kinemimic.pipeline.readers.base.format import Format
-from kinemimic.pipeline.readers.base.frame_defects import in_sequence, refuse_far
+from kinemimic.pipeline.readers.base.frame_defects import increasing_times, refuse_remote
 from kinemimic.pipeline.readers.base.numbers import Table, numbers_of, parse_table
-from kinemimic.pipeline.readers.base.recording import reading
 from kinemimic.pipeline.readers.base.source import Source
 from kinemimic.pipeline.readers.mocap.declared_unit import in_metres
 from kinemimic.pipeline.readers.mocap.markers import clip_of_markers
@@ -30,8 +30,8 @@ FORMAT = Format(
     name="TRC",
     sensor="optical",
     holds="positions of markers",
-    told_by="the word PathFileType and a line that begins with Frame# and Time",
-    any_width=True,
+    recognised_by="the word PathFileType and a line that begins with Frame# and Time",
+    width_in_header=True,
 )
 DECLARED: tuple[str, ...] = ("mm", "cm", "m")
 # X forward, Y up, Z right: a quarter turn about X makes it X forward, Y left, Z up.
@@ -71,14 +71,14 @@ def read(source: Source) -> Clip:
     if not np.isfinite(values[:, 1]).all():
         bad = int(np.argmin(np.isfinite(values[:, 1])))
         raise source.error(expected="a time in s", found="none", where=f"line {table.line(bad)}")
-    later, defects = in_sequence(values[:, 1])
+    later, defects = increasing_times(values[:, 1])
     times, notes = _times(values[:, 1], later, declared, source)
     kept = values if later.all() else values[later]
     points = (kept[:, 2:] * UNITS[units]).reshape(-1, count, 3)
     if source.unit is None:
         points, wrong = in_metres(labels, points)
         defects += wrong
-    refuse_far(points, labels, source, lambda row: table.line(int(np.flatnonzero(later)[row])))
+    refuse_remote(points, labels, source, lambda row: table.line(int(np.flatnonzero(later)[row])))
     for key, found in (("numframes", len(values)), ("nummarkers", count)):
         told = declared.get(key, "")
         if key == "numframes" and told.isdecimal() and len(told) < 9 and int(told) > found:

@@ -10,17 +10,17 @@ import numpy as np
 
 from kinemimic.pipeline.kinematics.clip import Clip
 from kinemimic.pipeline.kinematics.skeleton import NODES, node_skeleton
+from kinemimic.pipeline.readers.base.clip_building import clip_of_points, reading
 from kinemimic.pipeline.readers.base.format import Format
-from kinemimic.pipeline.readers.base.frame_defects import refuse_far, zero_frames
+from kinemimic.pipeline.readers.base.frame_defects import refuse_remote, zero_frames
 from kinemimic.pipeline.readers.base.numbers import parse_table
-from kinemimic.pipeline.readers.base.recording import clip_of_points, reading
 from kinemimic.pipeline.readers.base.source import Source
 
 FORMAT = Format(
     name="Andersson lines",
     sensor="Kinect v1",
     holds="positions of 20 joints",
-    told_by="lines `Head;x;y;z` with one joint's name each",
+    recognised_by="lines `Head;x;y;z` with one joint's name each",
 )
 RATE = 30.0
 # "hip_center" is Hip-centro in the file, "shoulder_left" is Shoulder-Left.
@@ -45,9 +45,9 @@ def read(source: Source) -> Clip:
     due = _sequence(source)
     if not _is_regular(source, due):
         _check_lines(source, due)
-    table = parse_table(source, width=4, separator=";", words=1)
+    table = parse_table(source, width=4, separator=";", label_columns=1)
     points = table.values.reshape(-1, len(due), 3)
-    refuse_far(points, due, source, lambda frame: table.line(frame * len(due)))
+    refuse_remote(points, due, source, lambda frame: table.line(frame * len(due)))
     nodes = [JOINTS[name] for name in due]
     points = points[:, [nodes.index(node) for node in NODES]]
     return clip_of_points(

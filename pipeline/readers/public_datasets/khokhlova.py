@@ -15,10 +15,10 @@ from kinemimic.pipeline.kinematics.clip import Clip
 from kinemimic.pipeline.kinematics.rotations import Y_UP_TO_Z_UP
 from kinemimic.pipeline.quality.rules.defect import Defect
 from kinemimic.pipeline.readers.base.absolute_orientations import child_to_parent
+from kinemimic.pipeline.readers.base.clip_building import clip_of_points, reading
 from kinemimic.pipeline.readers.base.format import Format
-from kinemimic.pipeline.readers.base.frame_defects import refuse_far
+from kinemimic.pipeline.readers.base.frame_defects import refuse_remote
 from kinemimic.pipeline.readers.base.numbers import parse_table
-from kinemimic.pipeline.readers.base.recording import clip_of_points, reading
 from kinemimic.pipeline.readers.base.source import Source
 from kinemimic.pipeline.readers.kinect.kinect_v2 import FROM_SDK, SDK_JOINTS, kinect_v2_skeleton
 from kinemimic.pipeline.readers.kinect.kinect_values import (
@@ -32,7 +32,7 @@ FORMAT = Format(
     name="Khokhlova positions and quaternions",
     sensor="Kinect v2",
     holds="times, positions, states and orientations of 25 joints",
-    told_by="lines of 202 numbers: index, ms, then state, position and unit quaternion of 25 joints",
+    recognised_by="lines of 202 numbers: index, ms, then state, position and unit quaternion of 25 joints",
     columns=(177, 202),
 )
 _JOINT = 8
@@ -48,7 +48,7 @@ def recognises(source: Source) -> bool:
 
 def read(source: Source) -> Clip:
     """The clip of the 25 joints with rotations: one frame per line with a person and a pose of its own."""
-    table = parse_table(source, width=_WIDTH, drop_others=True)
+    table = parse_table(source, width=_WIDTH, drop_other_widths=True)
     rows = table.values
     present = rows[:, 2:].any(axis=1)
     if not present.any():
@@ -66,7 +66,7 @@ def read(source: Source) -> Clip:
     times = rows[:, 1] / 1000.0
     frames = rows[:, 2:].reshape(len(rows), len(SDK_JOINTS), _JOINT)
     check_states(frames[..., 0], SDK_JOINTS, where, source)
-    refuse_far(frames[..., 1:4], SDK_JOINTS, source, line)
+    refuse_remote(frames[..., 1:4], SDK_JOINTS, source, line)
     check_quaternions(frames[..., 4:], SDK_JOINTS, where, source)
     fresh = np.concatenate([[True], (rows[1:, 2:] != rows[:-1, 2:]).any(axis=1)])
     polls = np.flatnonzero(fresh)

@@ -12,10 +12,10 @@ from __future__ import annotations
 import numpy as np
 
 from kinemimic.pipeline.kinematics.clip import Clip
+from kinemimic.pipeline.readers.base.clip_building import clip_of_points, reading
 from kinemimic.pipeline.readers.base.format import Format
-from kinemimic.pipeline.readers.base.frame_defects import FARTHEST, refuse_far
+from kinemimic.pipeline.readers.base.frame_defects import MAX_COORDINATE, refuse_remote
 from kinemimic.pipeline.readers.base.numbers import parse_table
-from kinemimic.pipeline.readers.base.recording import clip_of_points, reading
 from kinemimic.pipeline.readers.base.source import Source
 from kinemimic.pipeline.readers.kinect.kinect_v2 import FROM_SDK, SDK_JOINTS, kinect_v2_skeleton
 from kinemimic.pipeline.readers.kinect.kinect_values import begins_with_rows, check_states
@@ -24,7 +24,7 @@ FORMAT = Format(
     name="KIMORE CSV",
     sensor="Kinect v2",
     holds="positions and states of 25 joints",
-    told_by="comma-separated lines of 100 numbers, every fourth a state 0, 1 or 2",
+    recognised_by="comma-separated lines of 100 numbers, every fourth a state 0, 1 or 2",
     columns=(100, 101),
 )
 # The file has no time: the sensor's own rate.
@@ -57,7 +57,7 @@ def read(source: Source) -> Clip:
 
     frames = table.values[:, :_WIDTH].reshape(len(filled), len(SDK_JOINTS), 4)
     places, states = frames[..., :3], frames[..., 3]
-    refuse_far(places, SDK_JOINTS, source, lambda row: int(filled[row]) + 1)
+    refuse_remote(places, SDK_JOINTS, source, lambda row: int(filled[row]) + 1)
     notes = [f"no time in the file: {RATE:g} frames a second, the sensor's"]
     if filled[0]:
         notes.append(f"{filled[0]} empty lines first: frames before anybody was tracked")
@@ -92,4 +92,4 @@ def _is_frame(row: list[float]) -> bool:
     if len(row) == _WIDTH:
         return all(state in (0.0, 1.0, 2.0) for state in states)
     # KinectReader's lines are as long, but begin with a time and end with a state.
-    return row[-1] == 0.0 and abs(row[0]) < FARTHEST and all(abs(state - 1.0) < 1.5 for state in states)
+    return row[-1] == 0.0 and abs(row[0]) < MAX_COORDINATE and all(abs(state - 1.0) < 1.5 for state in states)

@@ -9,10 +9,10 @@ from __future__ import annotations
 import numpy as np
 
 from kinemimic.pipeline.kinematics.clip import Clip
+from kinemimic.pipeline.readers.base.clip_building import clip_of_points, reading
 from kinemimic.pipeline.readers.base.format import Format
-from kinemimic.pipeline.readers.base.frame_defects import refuse_far
+from kinemimic.pipeline.readers.base.frame_defects import refuse_remote
 from kinemimic.pipeline.readers.base.numbers import parse_table
-from kinemimic.pipeline.readers.base.recording import clip_of_points, reading
 from kinemimic.pipeline.readers.base.source import Source
 from kinemimic.pipeline.readers.kinect.kinect_v2 import FROM_SDK, SDK_JOINTS, kinect_v2_skeleton
 from kinemimic.pipeline.readers.kinect.kinect_values import begins_with_rows, check_states, sensor_clock
@@ -21,7 +21,7 @@ FORMAT = Format(
     name="KinectReader CSV (Labanotation)",
     sensor="Kinect v2",
     holds="times, positions and states of 25 joints",
-    told_by="comma-separated lines of 101 numbers: a whole number of ticks, then x, y, z, state",
+    recognised_by="comma-separated lines of 101 numbers: a whole number of ticks, then x, y, z, state",
     columns=(101,),
 )
 # Seconds in a tick of .NET's TimeSpan, which the SDK's clock counts.
@@ -44,7 +44,7 @@ def read(source: Source) -> Clip:
     times = table.values[:, 0] * TICK
     frames = table.values[:, 1:].reshape(len(times), len(SDK_JOINTS), 4)
     check_states(frames[..., 3], SDK_JOINTS, where, source)
-    refuse_far(frames[..., :3], SDK_JOINTS, source, table.line)
+    refuse_remote(frames[..., :3], SDK_JOINTS, source, table.line)
     later, repeated = sensor_clock(times, where, source)
     kept = frames if later.all() else frames[later]
     return clip_of_points(

@@ -14,18 +14,18 @@ from kinemimic.pipeline.arrays import Array
 from kinemimic.pipeline.kinematics.clip import Clip
 from kinemimic.pipeline.kinematics.skeleton import INFERRED, NODE_INDEX, NODES, TRACKED, node_skeleton
 from kinemimic.pipeline.quality.rules.length_units import LEG_RANGE
-from kinemimic.pipeline.readers.base.body_size import upright
+from kinemimic.pipeline.readers.base.body_posture import is_upright_body
+from kinemimic.pipeline.readers.base.clip_building import clip_of_points, reading
 from kinemimic.pipeline.readers.base.format import Format
 from kinemimic.pipeline.readers.base.frame_defects import zero_frames
 from kinemimic.pipeline.readers.base.numbers import Table, numbers_of, parse_table
-from kinemimic.pipeline.readers.base.recording import clip_of_points, reading
 from kinemimic.pipeline.readers.base.source import Source
 
 FORMAT = Format(
     name="MSR-Action3D lines",
     sensor="depth camera like a Kinect v1",
     holds="positions and confidence of 20 joints",
-    told_by="lines of 4 numbers, the last from 0 to 1, of which 20 are an upright body",
+    recognised_by="lines of 4 numbers, the last from 0 to 1, of which 20 are an upright body",
     columns=(4,),
 )
 RATE = 15.0
@@ -57,7 +57,7 @@ def recognises(source: Source) -> bool:
     if not ((table[..., 3] >= 0) & (table[..., 3] <= 1)).all():
         return False
     seen = table[table[..., :3].any(axis=(1, 2))]
-    return upright(seen[:, FROM_FILE, :3])
+    return is_upright_body(seen[:, FROM_FILE, :3])
 
 
 def read(source: Source) -> Clip:

@@ -17,10 +17,10 @@ from kinemimic.pipeline.kinematics.euler import positions_of_channels
 from kinemimic.pipeline.kinematics.rotations import Y_UP_TO_Z_UP
 from kinemimic.pipeline.kinematics.skeleton import TRACKED, Skeleton
 from kinemimic.pipeline.quality.rules.defect import Defect
+from kinemimic.pipeline.readers.base.clip_building import reading
 from kinemimic.pipeline.readers.base.format import Format
-from kinemimic.pipeline.readers.base.frame_defects import refuse_far
+from kinemimic.pipeline.readers.base.frame_defects import refuse_remote
 from kinemimic.pipeline.readers.base.numbers import Table, parse_table
-from kinemimic.pipeline.readers.base.recording import reading
 from kinemimic.pipeline.readers.base.source import Source
 from kinemimic.pipeline.readers.public_datasets.uiprmd_pair import companion, head_of_numbers
 
@@ -59,9 +59,9 @@ FORMAT = Format(
     name="UI-PRMD Kinect",
     sensor="Kinect v2",
     holds="local offsets of 22 joints with Euler angles",
-    told_by="66 numbers a line, of which knees and ankles lie straight below their parents",
+    recognised_by="66 numbers a line, of which knees and ankles lie straight below their parents",
     columns=(WIDTH,),
-    together_with="the angles of the same recording: `angles` in place of `positions` in its name",
+    companion="the angles of the same recording: `angles` in place of `positions` in its name",
 )
 # Knees and ankles, as offsets, lie on their parent's -Y axis to the last digit; as angles they never do.
 _LEGS = [JOINTS.index(name) for name in ("LLowerLeg", "LFoot", "RLowerLeg", "RFoot")]
@@ -164,7 +164,7 @@ def _check(offsets: Array, places: Table, at: Source, degrees: Array, turns: Tab
                 found=f"{values[frame, joint, axis]:g} in {JOINTS[joint]}",
                 where=f"line {table.line(frame)}",
             )
-    refuse_far(offsets * _CM, JOINTS, at, places.line)
+    refuse_remote(offsets * _CM, JOINTS, at, places.line)
     if np.abs(degrees).max() > _MOST_DEGREES:
         frame, joint, _ = (int(k) for k in np.argwhere(np.abs(degrees) > _MOST_DEGREES)[0])
         raise beside.error(

@@ -41,7 +41,7 @@ def companion(source: Source, positions: str, angles: str, *, has_positions: boo
             expected=f"{own!r} in the name of this file of {own}, by which its {other} beside it are found",
             found=f"{source.path.name!r}",
         )
-    beside = source.beside(wanted)
+    beside = source.companion(wanted)
     if beside is None:
         raise source.error(
             expected=f"the file {wanted} with the {other} of this recording beside it", found="no such file"

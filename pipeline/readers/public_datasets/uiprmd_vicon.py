@@ -12,10 +12,10 @@ import numpy as np
 from kinemimic.pipeline.arrays import Array
 from kinemimic.pipeline.kinematics.clip import Clip
 from kinemimic.pipeline.kinematics.rotations import IDENTITY
+from kinemimic.pipeline.readers.base.clip_building import reading
 from kinemimic.pipeline.readers.base.format import Format
-from kinemimic.pipeline.readers.base.frame_defects import refuse_far, zero_frames
+from kinemimic.pipeline.readers.base.frame_defects import refuse_remote, zero_frames
 from kinemimic.pipeline.readers.base.numbers import Table, parse_table
-from kinemimic.pipeline.readers.base.recording import reading
 from kinemimic.pipeline.readers.base.source import Source
 from kinemimic.pipeline.readers.mocap.markers import clip_of_markers
 from kinemimic.pipeline.readers.public_datasets.uiprmd_pair import companion, companion_name, head_of_numbers
@@ -37,9 +37,9 @@ FORMAT = Format(
     name="UI-PRMD Vicon",
     sensor="Vicon",
     holds="positions of 39 Plug-in-Gait markers, and its knee and hip angles",
-    told_by="117 numbers a line, of which the head's markers are over the ankles'",
+    recognised_by="117 numbers a line, of which the head's markers are over the ankles'",
     columns=(WIDTH,),
-    together_with="the angles of the same recording, if they are there: `angles` in place of `positions`",
+    companion="the angles of the same recording, if they are there: `angles` in place of `positions`",
 )
 _MM = 0.001
 _TOP, _BOTTOM = MARKERS.index("LBHD"), [MARKERS.index("LANK"), MARKERS.index("RANK")]
@@ -62,7 +62,7 @@ def read(source: Source) -> Clip:
     table = parse_table(source, width=WIDTH, separator=",")
     places, at, own, notes = table, source, None, []
     if _are_positions(_triplets(table)):
-        beside = source.beside(companion_name(source, "positions", "angles") or "")
+        beside = source.companion(companion_name(source, "positions", "angles") or "")
         own = None if beside is None else parse_table(beside, width=WIDTH, separator=",")
         if own is None:
             notes.append("no file of angles beside it: Plug-in-Gait's own angles are not known")
@@ -78,7 +78,7 @@ def read(source: Source) -> Clip:
             advice="one of the two files is cut off",
         )
     points = _triplets(places) * _MM
-    refuse_far(points, MARKERS, at, places.line)
+    refuse_remote(points, MARKERS, at, places.line)
     return clip_of_markers(
         MARKERS,
         np.arange(len(points)) / RATE,

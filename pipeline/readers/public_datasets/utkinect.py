@@ -17,11 +17,11 @@ from kinemimic.pipeline.arrays import Array
 from kinemimic.pipeline.kinematics.clip import Clip
 from kinemimic.pipeline.kinematics.skeleton import NODES, node_skeleton
 from kinemimic.pipeline.quality.rules.defect import Defect
-from kinemimic.pipeline.readers.base.body_size import upright
+from kinemimic.pipeline.readers.base.body_posture import is_upright_body
+from kinemimic.pipeline.readers.base.clip_building import clip_of_points, reading
 from kinemimic.pipeline.readers.base.format import Format
-from kinemimic.pipeline.readers.base.frame_defects import in_sequence, refuse_far, zero_frames
+from kinemimic.pipeline.readers.base.frame_defects import increasing_times, refuse_remote, zero_frames
 from kinemimic.pipeline.readers.base.numbers import numbers_of, parse_table
-from kinemimic.pipeline.readers.base.recording import clip_of_points, reading
 from kinemimic.pipeline.readers.base.source import Source
 
 WIDTH = 1 + 3 * len(NODES)
@@ -29,7 +29,7 @@ FORMAT = Format(
     name="UTKinect lines",
     sensor="Kinect v1",
     holds="positions of 20 joints",
-    told_by="lines of 61 numbers: a frame number that never falls, then an upright body",
+    recognised_by="lines of 61 numbers: a frame number that never falls, then an upright body",
     columns=(WIDTH,),
 )
 RATE = 30.0
@@ -56,7 +56,7 @@ def recognises(source: Source) -> bool:
         return False
     numbers = table[:, 0]
     whole = (numbers >= 0).all() and (numbers == np.rint(numbers)).all() and (np.diff(numbers) >= 0).all()
-    return bool(whole) and upright(table[:, 1:].reshape(-1, len(NODES), 3))
+    return bool(whole) and is_upright_body(table[:, 1:].reshape(-1, len(NODES), 3))
 
 
 def read(source: Source) -> Clip:
@@ -73,7 +73,7 @@ def read(source: Source) -> Clip:
         where = f"line {table.line(bad)}"
         raise source.error(expected="a frame number", found=f"{numbers[bad]:g}", where=where)
     points = table.values[:, 1:].reshape(-1, len(NODES), 3)
-    refuse_far(points, NODES, source, table.line)
+    refuse_remote(points, NODES, source, table.line)
     if not np.isfinite(points).all():
         points = np.where(np.isfinite(points), points, np.nan)
     rows, defects = _one_of_each(numbers, points)
@@ -96,7 +96,7 @@ def read(source: Source) -> Clip:
 
 def _one_of_each(numbers: Array, points: Array) -> tuple[NDArray[np.intp], list[Defect]]:
     """The rows to keep, one of each frame number, and what was found among the others."""
-    later, defects = in_sequence(numbers)
+    later, defects = increasing_times(numbers)
     if not defects:
         return np.arange(len(numbers)), []
     # Rows that are neither later nor of the latest number stand behind the clock; nothing is chosen of them.
@@ -160,7 +160,7 @@ def _labels(source: Source) -> tuple[list[dict[str, Any]], list[str]]:
     A label without frames (NaN), or one that cannot be read, is told in a note: labels are not needed.
     """
     take = _TAKE.search(source.path.name)
-    beside = source.beside(LABELS) if take else None
+    beside = source.companion(LABELS) if take else None
     if take is None or beside is None:
         return [], []
     labels: list[dict[str, Any]] = []

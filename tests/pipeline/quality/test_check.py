@@ -17,7 +17,7 @@ from kinemimic.pipeline.quality.check import check_capture, planned_steps
 from kinemimic.pipeline.quality.passes import find_passes
 from kinemimic.pipeline.quality.rules.defect import RULES, Defect
 from kinemimic.pipeline.quality.rules.wrong_up_axis import turned
-from kinemimic.pipeline.readers.base.recording import clip_of_points, reading
+from kinemimic.pipeline.readers.base.clip_building import clip_of_points, reading
 from kinemimic.pipeline.readers.kinect.nui_skl import FORMAT
 from kinemimic.pipeline.readers.recognise import read
 from kinemimic.pipeline.virtual_kinect.recorder import record_virtual

@@ -13,8 +13,8 @@ from kinemimic.pipeline.arrays import Array
 from kinemimic.pipeline.kinematics.clip import Clip
 from kinemimic.pipeline.kinematics.rotations import IDENTITY
 from kinemimic.pipeline.kinematics.skeleton import NODE_INDEX, NODES, node_skeleton
+from kinemimic.pipeline.readers.base.clip_building import clip_of_points, reading
 from kinemimic.pipeline.readers.base.format import Format
-from kinemimic.pipeline.readers.base.recording import clip_of_points, reading
 
 # Each node's counterpart on the other side; those of the middle are their own.
 OTHER_SIDE: list[int] = [

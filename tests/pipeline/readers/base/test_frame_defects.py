@@ -8,25 +8,25 @@ import numpy as np
 import pytest
 
 from kinemimic.pipeline.errors import CaptureError
-from kinemimic.pipeline.readers.base.frame_defects import in_sequence, refuse_far, zero_frames
+from kinemimic.pipeline.readers.base.frame_defects import increasing_times, refuse_remote, zero_frames
 from kinemimic.pipeline.readers.base.source import Source
 
 
 def test_a_frame_counts_if_it_is_later_than_all_before_it() -> None:
-    later, (defect,) = in_sequence(np.array([5.0, 6.0, 6.0, 3.0, 4.0, 7.0]))
+    later, (defect,) = increasing_times(np.array([5.0, 6.0, 6.0, 3.0, 4.0, 7.0]))
     assert later.tolist() == [True, True, False, False, False, True]
     assert (defect.rule, defect.count, defect.action) == ("duplicate_frames", 3, "repaired")
-    assert in_sequence(np.arange(4.0))[1] == []
+    assert increasing_times(np.arange(4.0))[1] == []
 
 
 def test_a_clock_that_falls_back_and_runs_on_is_not_called_repaired() -> None:
     # A second recording of 30 lines behind the first; one time far too late does the same.
     for clock in (np.tile(np.arange(30.0), 2), np.concatenate([np.arange(9.0), [1e9], np.arange(9.0, 39.0)])):
-        later, (defect,) = in_sequence(clock)
+        later, (defect,) = increasing_times(clock)
         assert (defect.action, defect.count) == ("flagged", int((~later).sum()))
         assert "30 of them follow one another" in defect.text
     # A time written thirty times over is a stutter, however long.
-    later, (defect,) = in_sequence(np.repeat([1.0, 2.0], 30))
+    later, (defect,) = increasing_times(np.repeat([1.0, 2.0], 30))
     assert (defect.action, defect.count, int(later.sum())) == ("repaired", 58, 2)
 
 
@@ -43,7 +43,7 @@ def test_far_places_are_refused_and_what_is_not_seen_is_not() -> None:
     source = Source.of_text("x", Path("a.txt"))
     points = np.zeros((4, 2, 3))
     points[1, 0], points[1, 1] = np.nan, np.inf
-    refuse_far(points, ("a", "b"), source, lambda frame: frame + 1)
+    refuse_remote(points, ("a", "b"), source, lambda frame: frame + 1)
     points[2, 1, 2] = -101.0
     with pytest.raises(CaptureError, match=r"line 3: expected metres, at most 100, in b_Z, found -101"):
-        refuse_far(points, ("a", "b"), source, lambda frame: frame + 1)
+        refuse_remote(points, ("a", "b"), source, lambda frame: frame + 1)

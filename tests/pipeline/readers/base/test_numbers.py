@@ -51,7 +51,7 @@ def test_a_separator_may_close_the_lines(way: str) -> None:
 
 def test_lines_of_another_width_are_left_out_and_counted(way: str) -> None:
     source = Source.of_text("0 0\n1 2 3\n\n4 5\n6 7 8 9\n7 8 9\n", PATH)
-    table = parse_table(source, width=3, drop_others=True)
+    table = parse_table(source, width=3, drop_other_widths=True)
     assert table.values.tolist() == [[1, 2, 3], [7, 8, 9]]
     assert table.dropped == 3
     assert [table.line(row) for row in range(2)] == [2, 6]
@@ -59,18 +59,18 @@ def test_lines_of_another_width_are_left_out_and_counted(way: str) -> None:
 
 def test_other_white_space_makes_no_other_width(way: str) -> None:
     source = Source.of_text("1 2 3\n4  5 6\n7 8\n 7 8 9\n", PATH)
-    table = parse_table(source, width=3, drop_others=True)
+    table = parse_table(source, width=3, drop_other_widths=True)
     assert table.values.tolist() == [[1, 2, 3], [4, 5, 6], [7, 8, 9]]
     assert table.dropped == 1
 
 
 def test_words_before_the_numbers_are_left_out(way: str) -> None:
-    table = parse_table(Source.of_text("a;1;2\n\nb1;3;4;\n", PATH), separator=";", words=1, width=3)
+    table = parse_table(Source.of_text("a;1;2\n\nb1;3;4;\n", PATH), separator=";", label_columns=1, width=3)
     assert table.values.tolist() == [[1, 2], [3, 4]]
     with pytest.raises(CaptureError, match="line 2: expected 3 numbers, found 4"):
-        parse_table(Source.of_text("a;1;2\nb;3;4;5\n", PATH), separator=";", words=1, width=3)
+        parse_table(Source.of_text("a;1;2\nb;3;4;5\n", PATH), separator=";", label_columns=1, width=3)
     with pytest.raises(CaptureError, match="line 2: expected a number, found 'x'"):
-        parse_table(Source.of_text("a;1;2\nb;3;x\n", PATH), separator=";", words=1, width=3)
+        parse_table(Source.of_text("a;1;2\nb;3;x\n", PATH), separator=";", label_columns=1, width=3)
 
 
 def test_what_is_not_finite_passes(way: str) -> None:

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from peers.described import FRAMES, NODE_LIST, UNITY, joints, read, table, unity
+from peers.custom_table import FRAMES, NODE_LIST, UNITY, joints, read, table, unity
 from samples.custom_table import files
 from samples.motion import walk, y_up
 

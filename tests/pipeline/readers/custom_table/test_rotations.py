@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from peers.described import FRAMES, UNITY, Array, read, table
+from peers.custom_table import FRAMES, UNITY, Array, read, table
 from scipy.spatial.transform import Rotation
 
 from kinemimic.pipeline.errors import CaptureError

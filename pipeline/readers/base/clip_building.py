@@ -1,4 +1,4 @@
-"""From a reader's arrays to a clip: what all readers do alike, once."""
+"""Build a clip from a reader's arrays, as every reader does."""
 
 from __future__ import annotations
 
@@ -18,10 +18,10 @@ from kinemimic.pipeline.readers.base.format import Format
 def reading(
     *, units: str, units_rule: str, defects: Sequence[Defect] = (), notes: Sequence[str] = (), **facts: Any
 ) -> dict[str, Any]:
-    """What provenance["reading"] holds: how the file was read, what was wrong with it, in JSON values.
+    """The record in provenance["reading"], in JSON values: how the file was read and what was wrong with it.
 
-    units: length unit of the file; units_rule: how it is known; notes: sentences for a person; facts: more
-    that the format knows (columns, channels, labels …).
+    units: length unit of the file; units_rule: how it is known; notes: sentences for the user; facts: further
+    entries of the format (columns, channels, labels …).
     """
     return {
         "units": units,
@@ -46,27 +46,27 @@ def clip_of_points(
 ) -> Clip:
     """A clip of positions, in one pass.
 
-    times: (T,) seconds, strictly increasing; points: (T, J, 3) metres in the file's axes; states: (T, J) 0,
-    1, 2, or None where the format has none: then whatever is there is tracked. A joint that is not finite,
-    or stands exactly on the sensor's origin, is missing. world_from_file: (4,) the file's axes in ours.
-    rotations, angles: as in Clip, already in our conventions.
+    times: (T,) seconds, strictly increasing; points: (T, J, 3) metres in the file's axes; states: (T, J) of
+    0, 1, 2, or None if the format has none: then every joint that is present counts as tracked. A joint that
+    is not finite, or exactly at the sensor's origin, is missing. world_from_file: (4,) rotation from the
+    file's axes to ours. rotations, angles: as in Clip, already in our conventions.
     """
     x, y, z = np.moveaxis(points, -1, 0)
-    # Written out by axis: reducing an axis of three takes numpy five times as long.
+    # Written out per axis: numpy takes five times as long to reduce an axis of three.
     unseen = ~(np.isfinite(x) & np.isfinite(y) & np.isfinite(z)) | ((x == 0.0) & (y == 0.0) & (z == 0.0))
     if states is None:
         known = np.full(unseen.shape, TRACKED, dtype=np.uint8)
     else:
         known = states.astype(np.uint8)
         unseen |= known == MISSING
-    places = points
+    positions = points
     if unseen.any():
-        places = points.copy()
-        known[unseen], places[unseen] = MISSING, np.nan
+        positions = points.copy()
+        known[unseen], positions[unseen] = MISSING, np.nan
     return Clip(
         skeleton=skeleton,
         times=times,
-        positions=places @ to_matrix(world_from_file).T,
+        positions=positions @ to_matrix(world_from_file).T,
         states=known,
         passes=np.zeros(len(times), dtype=np.int32),
         world_from_file=np.asarray(world_from_file, dtype=np.float64).copy(),
