@@ -57,7 +57,7 @@ def test_packed_files_whole_in_pieces_cut_off_and_too_large(
     packed = gzip.compress(text)
     middle = len(packed) // 2
     for damaged, found in (
-        (packed[:middle], "its end too early; the file is cut off"),
+        (packed[:middle], "found a truncated one; the file is cut off"),
         (packed[:middle] + bytes(4) + packed[middle + 4 :], "damaged data"),
     ):
         path.write_bytes(damaged)

@@ -24,7 +24,7 @@ def test_a_clock_that_falls_back_and_runs_on_is_not_called_repaired() -> None:
     for clock in (np.tile(np.arange(30.0), 2), np.concatenate([np.arange(9.0), [1e9], np.arange(9.0, 39.0)])):
         later, (defect,) = increasing_times(clock)
         assert (defect.action, defect.count) == ("flagged", int((~later).sum()))
-        assert "30 of them follow one another" in defect.text
+        assert "30 of them are consecutive" in defect.text
     # A time written thirty times over is a stutter, however long.
     later, (defect,) = increasing_times(np.repeat([1.0, 2.0], 30))
     assert (defect.action, defect.count, int(later.sum())) == ("repaired", 58, 2)

@@ -83,7 +83,7 @@ def test_rows_of_joints_without_names(tmp_path: Path) -> None:
     capture = table(y_up(joints()).reshape(-1, 3))
     assert read(tmp_path, capture, description).positions == pytest.approx(joints(), abs=1e-6)
     with pytest.raises(
-        CaptureError, match=r"expected 20 rows a frame.*found 799 rows: the last frame lacks 1"
+        CaptureError, match=r"expected 20 rows per frame.*found 799 rows: 1 are missing from the last frame"
     ):
         read(tmp_path, "".join(capture.splitlines(keepends=True)[:-1]), description)
 
@@ -95,7 +95,7 @@ def test_left_handed_axes_are_mirrored(tmp_path: Path) -> None:
     capture = table(unity(joints()).reshape(FRAMES, -1))
     clip = read(tmp_path, capture, description + UNITY)
     assert clip.positions == pytest.approx(joints(), abs=1e-6)
-    assert "left-handed axes, mirrored" in clip.provenance["reading"]["notes"]
+    assert "left-handed axes were mirrored" in clip.provenance["reading"]["notes"]
     # Without a word about the third axis, the axes are right-handed, and this walker is his mirror image.
     mirrored = read(tmp_path, capture, description + 'up = "Y"\nforward = "Z"\n')
     assert mirrored.positions[..., 1] == pytest.approx(-joints()[..., 1], abs=1e-6)
@@ -160,7 +160,7 @@ def test_mistakes_in_a_description_name_their_key(tmp_path: Path, wrong: str, me
 @pytest.mark.parametrize(("encoding", "half"), [("utf-7", "+2AA-"), ("unicode_escape", "\\ud800")])
 def test_half_a_surrogate_pair_is_no_text(tmp_path: Path, encoding: str, half: str) -> None:
     rows = table(y_up(joints()).reshape(FRAMES, -1)).replace("\n", f",{half}\n", 1)
-    with pytest.raises(CaptureError, match=f"expected text in {encoding}, found other bytes; walk.toml desc"):
+    with pytest.raises(CaptureError, match=f"expected text in {encoding}, found other bytes; see table.encoding in walk.toml"):
         read(tmp_path, rows, BASE + f'[table]\nencoding = "{encoding}"\n')
 
 
@@ -168,7 +168,7 @@ def test_half_a_surrogate_pair_is_no_text(tmp_path: Path, encoding: str, half: s
     ("joints", "message"),
     [
         ('a = { parent = "b" }\nb = { parent = "a" }\n', "key joints: expected one joint without a parent"),
-        ('a = { parent = "" }\nb = { parent = "c" }\nc = { parent = "b" }\n', "joints.b.parent: .*a ring"),
+        ('a = { parent = "" }\nb = { parent = "c" }\nc = { parent = "b" }\n', "joints.b.parent: .*a cycle"),
         ('a = { parent = "x" }\n', "joints.a.parent: expected the name of another joint, found 'x'"),
         ("a = 7\n", "key joints.a: expected the joint's name in the file, or a table"),
         ("a = { positon = [1, 2, 3] }\n", "key joints.a.positon: .*did you mean 'position'"),
@@ -210,11 +210,11 @@ def test_a_cut_off_file_and_wrong_units(tmp_path: Path) -> None:
     contents = files(6)
     (tmp_path / "aufnahme.csv").write_bytes(contents["aufnahme.csv"][:-300])
     (tmp_path / "aufnahme.toml").write_bytes(contents["aufnahme.toml"])
-    with pytest.raises(CaptureError, match=r"line 8: expected 81 columns, found \d+, as the file is cut off"):
+    with pytest.raises(CaptureError, match=r"line 8: expected 81 columns, found \d+, the file is cut off"):
         recognise.read(tmp_path / "aufnahme.csv")
     (tmp_path / "aufnahme.csv").write_bytes(contents["aufnahme.csv"])
     (tmp_path / "aufnahme.toml").write_text(contents["aufnahme.toml"].decode().replace('"ms"', '"s"'))
-    with pytest.raises(CaptureError, match=r"expected steps of 0.0002 to 2 s, found usually 33.*time.unit"):
+    with pytest.raises(CaptureError, match=r"expected steps of 0.0002 to 2 s, found a median of 33.*time.unit"):
         recognise.read(tmp_path / "aufnahme.csv")
     (tmp_path / "aufnahme.toml").write_text(contents["aufnahme.toml"].decode().replace('"mm"', '"m"'))
     with pytest.raises(CaptureError, match=r"line 3: expected at most 1000 m, found \d+.* m;.*space.unit"):

@@ -146,5 +146,5 @@ def test_a_missing_quaternion_is_nan_and_one_that_is_none_is_refused(tmp_path: P
     assert np.isnan(clip.rotations[2, 1]).all() and np.isfinite(clip.rotations[2, 0]).all()
     rows[:, 3:7] *= 37.0
     rows[:, 10:14] *= 37.0
-    with pytest.raises(CaptureError, match=r"whose length is 1, found a usual length of 37"):
+    with pytest.raises(CaptureError, match=r"whose length is 1, found a median length of 37"):
         read(tmp_path, table(rows), description)

@@ -23,7 +23,7 @@ from kinemimic.pipeline.readers.base.source import Source
 from kinemimic.pipeline.readers.custom_table.suggest import suggest
 from kinemimic.pipeline.readers.custom_table.suggest_body import time_unit
 from kinemimic.pipeline.readers.custom_table.suggest_names import joints_of_header
-from kinemimic.pipeline.readers.custom_table.suggest_orders import ORDERS, SURE, order_of
+from kinemimic.pipeline.readers.custom_table.suggest_orders import GOOD_SCORE, ORDERS, order_of
 from kinemimic.pipeline.readers.kinect.kinect_v2 import SDK_JOINTS
 
 FRAMES = 60
@@ -230,7 +230,7 @@ def check_against_its_reader(path: Path, name: str, tolerance: float) -> None:
     known = recognise.read(path)
     path.with_suffix(".toml").write_text(suggest(Source.open(path)))
     own = recognise.read(path)
-    assert own.provenance["format"] == "described in TOML"
+    assert own.provenance["format"] == "custom table"
     # A reader that knows its recorder drops the frames that it wrote twice.
     same = np.arange(len(own.times))
     if len(own.times) != len(known.times):
@@ -262,7 +262,7 @@ def test_no_sequence_is_taken_for_another(name: str) -> None:
     order = order_of(flat(points))
     assert order is not None
     assert (order.name, order.first, order.step) == (name, 0, 3)
-    assert order.score < 0.5 * SURE
+    assert order.score < 0.5 * GOOD_SCORE
     assert order.second > 2.0 * order.score
 
 
@@ -318,7 +318,7 @@ def test_what_is_no_time() -> None:
         (b"\x00\x01" * 500, "a binary file"),
         (b"once upon a time\nthere was a file\n", "no two rows of numbers"),
         (b"a,b,c\n1,2,3\nx,y,z\n", "no two rows of numbers"),
-        ("\n".join(f"{k},{k % 7},{k % 3}" for k in range(99)).encode(), "a table of 3 columns of which"),
+        ("\n".join(f"{k},{k % 7},{k % 3}" for k in range(99)).encode(), "a table of 3 columns with neither"),
     ],
 )  # fmt: skip
 def test_what_no_draft_can_be_made_of(tmp_path: Path, content: bytes, found: str) -> None:
@@ -342,7 +342,7 @@ def test_the_command_prints_a_draft_and_names_a_known_format(
     assert called("inspect", "--suggest", str(tmp_path / name)) == 0
     printed = capsys.readouterr()
     assert "needs no description: it is read as UTKinect" in printed.err
-    assert printed.out.startswith("# Drafted from")
+    assert printed.out.startswith("# Draft for")
     assert called("inspect", "--suggest", str(tmp_path), str(tmp_path)) == 2
     assert "expected one file with --suggest, found 2" in capsys.readouterr().err
 
