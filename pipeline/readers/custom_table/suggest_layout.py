@@ -1,4 +1,4 @@
-"""Find the columns of the joints: by names in a column, by names in the header, or because they form a body."""
+"""Find the columns of the joints: by names in a column or in the header, or because they form a body."""
 
 from __future__ import annotations
 

@@ -22,7 +22,7 @@ PAIRED_BY_NAME = {"custom_table": "aufnahme", "uiprmd": "kinect_m01_s01_e01"}
 # What a refusal says: formats that it may be, or what is missing.
 HELPFUL = re.compile(
     r"formats of that width: .+; restore its header, or describe its columns \(`kinemimic inspect --suggest`"
-    r"|found (?:text that begins|a binary file of unknown format).*`kinemimic formats` lists the known formats"
+    r"|found (?:text that begins|a binary file of unknown format).*`kinemimic formats` lists the known"
     r"|line 1: expected a keyword or the first frame's number"
 )
 

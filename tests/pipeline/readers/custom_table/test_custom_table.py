@@ -160,7 +160,9 @@ def test_mistakes_in_a_description_name_their_key(tmp_path: Path, wrong: str, me
 @pytest.mark.parametrize(("encoding", "half"), [("utf-7", "+2AA-"), ("unicode_escape", "\\ud800")])
 def test_half_a_surrogate_pair_is_no_text(tmp_path: Path, encoding: str, half: str) -> None:
     rows = table(y_up(joints()).reshape(FRAMES, -1)).replace("\n", f",{half}\n", 1)
-    with pytest.raises(CaptureError, match=f"expected text in {encoding}, found other bytes; see table.encoding in walk.toml"):
+    with pytest.raises(
+        CaptureError, match=f"expected text in {encoding}, found other bytes; see table.encoding in walk.toml"
+    ):
         read(tmp_path, rows, BASE + f'[table]\nencoding = "{encoding}"\n')
 
 
@@ -214,7 +216,9 @@ def test_a_cut_off_file_and_wrong_units(tmp_path: Path) -> None:
         recognise.read(tmp_path / "aufnahme.csv")
     (tmp_path / "aufnahme.csv").write_bytes(contents["aufnahme.csv"])
     (tmp_path / "aufnahme.toml").write_text(contents["aufnahme.toml"].decode().replace('"ms"', '"s"'))
-    with pytest.raises(CaptureError, match=r"expected steps of 0.0002 to 2 s, found a median of 33.*time.unit"):
+    with pytest.raises(
+        CaptureError, match=r"expected steps of 0.0002 to 2 s, found a median of 33.*time.unit"
+    ):
         recognise.read(tmp_path / "aufnahme.csv")
     (tmp_path / "aufnahme.toml").write_text(contents["aufnahme.toml"].decode().replace('"mm"', '"m"'))
     with pytest.raises(CaptureError, match=r"line 3: expected at most 1000 m, found \d+.* m;.*space.unit"):
