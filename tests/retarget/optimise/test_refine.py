@@ -171,3 +171,16 @@ def test_the_same_motion_gives_the_same_bytes(loop):
 def test_what_is_too_short_to_smooth_is_left_as_it_is():
     motion = squat(frames=5)
     assert refine(motion) is motion
+
+
+def test_legs_in_the_air_do_not_move_the_root():
+    """Knees and ankles are held relative to the root: a hip that is bent back to its limits leaves it."""
+    motion = squat()
+    q = motion.rotations.copy()
+    q[:, N["hip_right"]] = from_axis_angle("X", np.radians(60.0) * np.sin(np.arange(len(q)) / 10.0))
+    wave = np.sin(2.0 * np.pi * np.arange(len(q)) / len(q))[:, None]
+    root = np.array([0.0, 0.0, 5.0]) + 0.05 * wave
+    flying = replace(motion, root=root, rotations=q, contacts=np.zeros_like(motion.contacts), cyclic=True)
+    found = refine(flying)
+    assert "hip_right" in beyond_limits(q) and beyond_limits(found.rotations) == {}
+    assert np.abs(found.root - root).max() < 1e-9

@@ -1,13 +1,17 @@
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from kinemimic.pipeline.convert import on_nodes
 from kinemimic.pipeline.gait.harmonic import fit_harmonic, walking_direction
+from kinemimic.pipeline.kinematics.clip import Clip
 from kinemimic.pipeline.kinematics.rotations import from_axis_angle, rotate
 from kinemimic.pipeline.kinematics.skeleton import NODE_INDEX as N
 from kinemimic.pipeline.readers.mocap.deepmimic import read_deepmimic, stock_motion
+from kinemimic.retarget.strides import passes as module
 from kinemimic.retarget.strides.passes import analyze_passes, brevity_note, is_gait
 from kinemimic.retarget.strides.trim import best_window, leg_bones
 
@@ -142,3 +146,51 @@ def test_stock_gaits_are_gaits(name):
 def test_other_stock_motions_are_none(name):
     clip = on_nodes(read_deepmimic(stock_motion(name)))
     assert not is_gait(analyze_passes(clip))
+
+
+def with_shaken_start(clip: Clip, frames: int, amplitude: float, seed: int) -> Clip:
+    """Noise on knees and ankles that fades over the first frames, amplitude in metres."""
+    rng = np.random.default_rng(seed)
+    p = clip.positions.copy()
+    fade = np.linspace(1.0, 0.0, frames)[:, None]
+    for joint in ("knee", "ankle"):
+        for side in ("left", "right"):
+            p[:frames, N[f"{joint}_{side}"]] += amplitude * rng.standard_normal((frames, 3)) * fade
+    return replace(clip, positions=p)
+
+
+@pytest.mark.parametrize(
+    ("seconds", "amplitude", "seed", "first"),
+    [
+        # The window only settles in the third round; with a minimum of 1.2 periods 11 frames would be cut.
+        (1.8, 0.3, 2, 15),
+        # With a minimum of 1.0 period 10 frames would be cut.
+        (1.5, 0.15, 0, 7),
+    ],
+)
+def test_trimming_takes_three_rounds_and_leaves_one_and_a_tenth_periods(
+    walker, seconds, amplitude, seed, first
+):
+    clip = walker(seconds=seconds, rate=30.0, noise=0.01, seed=seed).clip
+    (one,) = analyze_passes(with_shaken_start(clip, 18, amplitude, seed))
+    assert one.verdict == "accepted"
+    assert (one.frames[0], one.frames[-1]) == (first, len(clip.times) - 1)
+
+
+def test_trimming_that_does_not_settle_ends_after_three_rounds(walker, monkeypatch):
+    rounds = []
+
+    def alternating(bad, price=3.0):
+        rounds.append(len(bad))
+        return slice(len(rounds) % 2, len(bad))
+
+    monkeypatch.setattr(module, "best_window", alternating)
+    analyze_passes(walker().clip)
+    assert len(rounds) == 3
+
+
+@pytest.mark.parametrize(("frames", "verdict"), [(47, "refused"), (48, "accepted")])
+def test_a_pass_needs_three_quarters_of_a_stride(walker, frames, verdict):
+    (one,) = analyze_passes(walker(seconds=frames / 60.0, rate=60.0, period=1.1).clip)
+    assert one.verdict == verdict
+    assert frames / 60.0 == pytest.approx(0.75 * one.harmonic.period, abs=1 / 60.0)
