@@ -163,7 +163,7 @@ def _table(report: dict[str, Any]) -> list[str]:
         lines.append(
             f"  {name:<10} {low:6.1f} to {high:5.1f}°" + (f"   R² {scores[name]}" if name in scores else "")
         )
-    refused = {finding["text"] for finding in report["gate"] if finding["severity"] == "refuse"}
+    refused = {finding["message"] for finding in report["gate"] if finding["severity"] == "refuse"}
     lines += [f"  {'✗' if text in refused else '!'} {text}" for text in report["warnings"]]
     if refused:
         lines.append("  `train` refuses this motion for what ✗ marks: record it again, or `train --anyway`")
@@ -172,7 +172,7 @@ def _table(report: dict[str, Any]) -> list[str]:
 
 def _followed(used: list[dict[str, Any]]) -> list[str]:
     """Which passes one period does not time."""
-    numbers = [str(row["pass"]) for row in used if row.get("strides_followed")]
+    numbers = [str(row["pass"]) for row in used if row.get("strides_timed_individually")]
     if not numbers:
         return []
     told = "each is timed by itself, and the period is their median"

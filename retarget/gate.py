@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import Any, Literal
 
 from kinemimic.pipeline.errors import KinemimicError
-from kinemimic.pipeline.files.store import read_json
+from kinemimic.retarget.formats.gait_json import read_gait_json
 
 Severity = Literal["warn", "refuse"]
 Report = Mapping[str, Any]
@@ -28,26 +28,19 @@ class Finding:
     severity: Severity
     value: float
     limit: float
-    text: str
-
-    def to_json(self) -> dict[str, Any]:
-        """The finding as it stands in gait.json."""
-        return {
-            "rule": self.rule, "severity": self.severity, "value": self.value, "limit": self.limit,
-            "text": self.text,
-        }  # fmt: skip
+    message: str
 
 
 @dataclass(frozen=True)
 class _Rule:
     """value: of a report, None where it does not apply; warn, refuse: least and most by kind of motion,
-    infinite where there is no limit; text: with the value's and the broken limit's number."""
+    infinite where there is no limit; message: with the value's and the broken limit's number."""
 
     name: str
     value: Callable[[Report], float | None]
     warn: Mapping[str, tuple[float, float]]
     refuse: Mapping[str, tuple[float, float]]
-    text: str
+    message: str
 
 
 _INF = math.inf
@@ -132,7 +125,7 @@ def _findings(rule: _Rule, report: Report) -> Iterator[Finding]:
         if least < value < most:
             continue
         limit = least if value <= least else most
-        yield Finding(rule.name, severity, value, limit, rule.text.format(value=value, limit=limit))
+        yield Finding(rule.name, severity, value, limit, rule.message.format(value=value, limit=limit))
         return
 
 
@@ -145,7 +138,9 @@ def require_trainable(run: Path, *, anyway: bool = False) -> None:
     path = run / "gait.json"
     if anyway or not path.exists():
         return
-    refused = [finding.text for finding in check_report(read_json(path)) if finding.severity == "refuse"]
+    refused = [
+        finding.message for finding in check_report(read_gait_json(path)) if finding.severity == "refuse"
+    ]
     if refused:
         raise KinemimicError(
             f"{path}: expected a motion that a body can perform, found: {'; '.join(refused)}; "

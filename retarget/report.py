@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import asdict
 from typing import Any
 
 import numpy as np
@@ -13,13 +14,12 @@ from kinemimic.pipeline.kinematics.clip import Clip
 from kinemimic.retarget.cyclic import CyclicFit
 from kinemimic.retarget.feet.ground import is_running
 from kinemimic.retarget.feet.scale import estimate_subject
+from kinemimic.retarget.formats.gait_json import GAIT_SCHEMA
 from kinemimic.retarget.gate import check_report
 from kinemimic.retarget.humanoid.motion import Motion, joint_angles
 from kinemimic.retarget.measure import Measures, measure
 from kinemimic.retarget.noncyclic import NonCyclicFit
 from kinemimic.retarget.strides.passes import Pass, brevity_note
-
-GAIT_SCHEMA = 1
 
 
 def cyclic_report(
@@ -53,7 +53,7 @@ def cyclic_report(
         "symmetric": fit.symmetric,
         "asymmetry_deg": _n(fit.asymmetry_deg),
         "noise_deg": _n(fit.noise_deg),
-        "believed": {
+        "reliability": {
             "precise": fit.reliability.precise,
             "pelvis": fit.reliability.pelvis,
             "torso": fit.reliability.torso,
@@ -124,8 +124,8 @@ def _with_findings(report: dict[str, Any], warnings: list[str]) -> dict[str, Any
     found = check_report(report)
     return {
         **report,
-        "gate": [finding.to_json() for finding in found],
-        "warnings": [*warnings, *(finding.text for finding in found)],
+        "gate": [asdict(finding) for finding in found],
+        "warnings": [*warnings, *(finding.message for finding in found)],
     }
 
 
@@ -194,7 +194,7 @@ def _pass_row(one: Pass, clip: Clip, fit: CyclicFit) -> dict[str, Any]:
             "period_s": _n(h.period),
             "ankles_m": _n(h.amplitude),
             "drift_cycles": _n(one.drift),
-            "strides_followed": one.followed,
+            "strides_timed_individually": one.followed,
         }
     if used:
         row["r2"] = _r2(fit, mine)

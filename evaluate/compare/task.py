@@ -9,8 +9,9 @@ from typing import Any
 
 import numpy as np
 
-from kinemimic.pipeline.files.store import content_hash, read_json
+from kinemimic.pipeline.files.store import content_hash
 from kinemimic.pipeline.gait.curve_metrics import JOINTS, SIDES
+from kinemimic.retarget.formats.gait_json import read_gait_json
 from kinemimic.retarget.formats.motion_json import read_motion_json
 from kinemimic.retarget.humanoid.motion import Motion
 from kinemimic.train.config.config import TrainConfig
@@ -60,7 +61,7 @@ def scenario_identity(one: Scenario) -> str:
 def about(task: Task, motion: Motion) -> dict[str, Any]:
     """What a comparison says of a task; ceiling: the loop's own R² against the capture, mean of sides."""
     run = task.run
-    gait = read_json(run / "gait.json") if (run / "gait.json").exists() else {}
+    gait = read_gait_json(run / "gait.json") if (run / "gait.json").exists() else {}
     loop = gait.get("r2_loop_against_capture") or {}
     ceiling = {}
     for joint in JOINTS:

@@ -113,9 +113,9 @@ def gait_section(gait: Mapping[str, Any]) -> str:
 def _believed(gait: Mapping[str, Any]) -> str:
     """Which parts were measured and which replaced: hip angles are relative to that pelvis."""
     parts = {
-        part: gait["believed"][part]
+        part: gait["reliability"][part]
         for part in ("pelvis", "torso", "feet")
-        if part in gait.get("believed", {})
+        if part in gait.get("reliability", {})
     }
     neutral = [part for part, measured in parts.items() if not measured]
     if not parts:

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from kinemimic.pipeline.arrays import Array
 from kinemimic.pipeline.convert import on_nodes
 from kinemimic.pipeline.errors import KinemimicError
-from kinemimic.pipeline.files.store import read_clip, read_json
+from kinemimic.pipeline.files.store import read_clip
 from kinemimic.pipeline.gait.events import SIDES
 from kinemimic.pipeline.gait.knee_axis import about_own_axis, off_axis
 from kinemimic.pipeline.gait.parameters import Gait, study_gait
@@ -27,6 +27,7 @@ from kinemimic.pipeline.kinematics.nodes import joints_of_nodes, made_up
 from kinemimic.pipeline.kinematics.orient import node_rotations
 from kinemimic.pipeline.kinematics.rotations import from_axis_angle, multiply, to_rotvec
 from kinemimic.pipeline.kinematics.skeleton import NODE_INDEX, node_skeleton
+from kinemimic.retarget.formats.gait_json import read_gait_json
 from kinemimic.retarget.humanoid.motion import Motion, joint_angles
 from kinemimic.train.rollout.trajectory import Trajectory
 from kinemimic.train.sim.world import CONTROL_RATE
@@ -112,7 +113,7 @@ def _believed(path: Path) -> _Believed:
     if not path.exists():
         return _Believed()
     try:
-        found = read_json(path).get("believed", {})
+        found = read_gait_json(path).get("reliability", {})
         lean, pitch = (
             float(np.radians(found.get(name) or 0.0)) for name in ("trunk_lean_deg", "planted_foot_pitch_deg")
         )

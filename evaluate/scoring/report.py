@@ -19,6 +19,7 @@ from kinemimic.pipeline.cli.html import drawing, made_from, number, page, table
 from kinemimic.pipeline.cli.picture import picture
 from kinemimic.pipeline.files.store import read_json
 from kinemimic.pipeline.gait.curve_metrics import JOINTS, MEASURES
+from kinemimic.retarget.formats.gait_json import read_gait_json
 from kinemimic.retarget.humanoid.motion import Motion
 from kinemimic.train.rollout.trajectory import Trajectory
 from kinemimic.train.sim.world import CONTROL_RATE
@@ -73,13 +74,13 @@ def report(run: Path, evidence: Evidence) -> str:
     gait = compare(captured(run), evidence.motion, evidence.trajectory)
     if gait["walkers"]:
         sections.append(gait_sections(gait))
-    for file, section in (
-        ("quality.json", quality_section),
-        ("gimbal.json", gimbal_section),
-        ("gait.json", gait_section),
+    for file, read, section in (
+        ("quality.json", read_json, quality_section),
+        ("gimbal.json", read_json, gimbal_section),
+        ("gait.json", read_gait_json, gait_section),
     ):
         if (run / file).exists():
-            sections.append(section(read_json(run / file)))
+            sections.append(section(read(run / file)))
     sections.append(made_from(evidence.scores["provenance"]))
     return page(f"kinemimic: {name}", "\n".join(sections))
 

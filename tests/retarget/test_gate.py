@@ -64,7 +64,7 @@ def test_a_good_walk_passes():
 def test_every_rule_says_its_number_and_limit(change, rule, severity, says):
     (finding,) = check_report(changed(**change))
     assert (finding.rule, finding.severity) == (rule, severity)
-    assert says in finding.text
+    assert says in finding.message
 
 
 def test_every_rule_is_tested():

@@ -161,7 +161,7 @@ def test_hips_are_relative_to_a_pelvis_that_is_believed(virtual, tmp_path):
 
 
 @pytest.mark.parametrize(
-    "text", ["[1]", '{"believed": 3}', '{"believed": {"pelvis": false, "trunk_lean_deg": "x"}}', "{"]
+    "text", ["[1]", '{"reliability": 3}', '{"reliability": {"pelvis": false, "trunk_lean_deg": "x"}}', "{"]
 )
 def test_a_damaged_judgement_of_retarget_is_named(virtual, tmp_path, text):
     shutil.copytree(virtual, tmp_path / "run", ignore=shutil.ignore_patterns("capture"))

@@ -1,0 +1,41 @@
+"""gait.json of older versions, and files that are none."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import pytest
+
+from kinemimic.pipeline.errors import KinemimicError
+from kinemimic.retarget.formats.gait_json import read_gait_json
+
+
+def test_a_report_of_schema_1_is_read_with_the_names_of_today(tmp_path: Path) -> None:
+    path = tmp_path / "gait.json"
+    old = {
+        "schema": 1,
+        "kind": "walk",
+        "believed": {"pelvis": False},
+        "passes": [{"pass": 0, "strides_followed": True}, {"pass": 1}],
+        "gate": [{"rule": "slip", "text": "slips"}],
+    }
+    path.write_text(json.dumps(old))
+    assert read_gait_json(path) == {
+        "schema": 2,
+        "kind": "walk",
+        "reliability": {"pelvis": False},
+        "passes": [{"pass": 0, "strides_timed_individually": True}, {"pass": 1}],
+        "gate": [{"rule": "slip", "message": "slips"}],
+    }
+    path.write_text('{"schema": 1, "kind": "motion"}')
+    assert read_gait_json(path) == {"schema": 2, "kind": "motion"}
+
+
+@pytest.mark.parametrize("text", ["[1]", '{"schema": 3}', '{"schema": 1, "gate": 2}', '{"passes": [1]}', "{"])
+def test_what_is_no_report_is_refused_in_one_line(tmp_path: Path, text: str) -> None:
+    path = tmp_path / "gait.json"
+    path.write_text(text)
+    with pytest.raises(KinemimicError, match=r"gait\.json: expected") as caught:
+        read_gait_json(path)
+    assert "\n" not in str(caught.value)
