@@ -9,7 +9,8 @@ import numpy as np
 from kinemimic.pipeline.errors import CaptureError
 from kinemimic.pipeline.files.toml_keys import short
 from kinemimic.pipeline.kinematics.nodes import joints_of_nodes
-from kinemimic.pipeline.kinematics.skeleton import NODE_PARENTS, NODES, Skeleton, node_skeleton
+from kinemimic.pipeline.kinematics.skeleton import NODES, Skeleton, node_skeleton
+from kinemimic.pipeline.readers.base.node_parents import nearest_ancestor
 from kinemimic.pipeline.readers.custom_table.description import Description
 
 
@@ -70,17 +71,15 @@ def _parents(names: tuple[str, ...], nodes: dict[str, int], parent_names: list[s
     """Index of each joint's parent, -1 for a root: as described, else the nearest ancestor among the 20
     nodes.
     """
-    node_of = {joint: NODES.index(node) for node, joint in nodes.items()}
+    node_of = {joint: node for node, joint in nodes.items()}
     parents = []
     for index, parent in enumerate(parent_names):
         index_of_parent = -1
         if parent:
             index_of_parent = names.index(parent)
         elif parent is None and index in node_of:
-            ancestor = NODE_PARENTS[node_of[index]]
-            while ancestor >= 0 and NODES[ancestor] not in nodes:
-                ancestor = NODE_PARENTS[ancestor]
-            index_of_parent = nodes[NODES[ancestor]] if ancestor >= 0 else -1
+            ancestor = nearest_ancestor(node_of[index], nodes)
+            index_of_parent = -1 if ancestor is None else nodes[ancestor]
         parents.append(index_of_parent)
     return parents
 

@@ -1,6 +1,6 @@
-"""What lies where in a depth recording's folder; light to import, because every capture is asked for it.
+"""Layout of a depth recording's folder; cheap to import, because every capture is tested for it.
 
-No file of the recording names another one, so that nothing in it can lead out of the folder.
+No file of the recording refers to another by name, so nothing in it can lead out of the folder.
 """
 
 from __future__ import annotations
@@ -29,15 +29,15 @@ _NUMBER = re.compile(r"\d{1,12}")
 
 
 def is_recording(path: Path) -> bool:
-    """True for a folder with a camera.toml in it."""
+    """True for a folder that contains camera.toml."""
     return (path / CAMERA).is_file()
 
 
 def numbered_images(folder: Path, suffixes: tuple[str, ...]) -> dict[int, Path]:
     """The images of a folder by frame number, ascending; empty if there is no such folder.
 
-    A name begins with its number (000012.png, 000012_00000000400.jpg); other files are passed over.
-    CaptureError for two images of one number, or for more than MAX_FRAMES.
+    A name begins with its number (000012.png, 000012_00000000400.jpg); other files are ignored. Raises
+    CaptureError for two images with one number, or more than MAX_FRAMES.
     """
     images: dict[int, Path] = {}
     if not folder.is_dir():
@@ -49,7 +49,9 @@ def numbered_images(folder: Path, suffixes: tuple[str, ...]) -> dict[int, Path]:
         frame = int(number.group())
         if frame in images:
             names = " and ".join(sorted((images[frame].name, path.name)))
-            raise CaptureError(folder, expected="one image a frame", found=f"{names}", where=f"frame {frame}")
+            raise CaptureError(
+                folder, expected="one image per frame", found=f"{names}", where=f"frame {frame}"
+            )
         images[frame] = path
         if len(images) > MAX_FRAMES:
             raise CaptureError(folder, expected=f"at most {MAX_FRAMES} images", found="more")

@@ -1,4 +1,4 @@
-"""Depth and colour images, read within bounds: what a header announces is checked before it is unpacked."""
+"""Depth and colour images, read within bounds: header fields are checked before the image is decoded."""
 
 from __future__ import annotations
 
@@ -16,19 +16,19 @@ from kinemimic.pipeline.readers.depth.camera import Camera
 Depth = NDArray[np.float32]
 Image = NDArray[np.uint8]
 
-# Beside the pixels themselves; a PNG of noise is a little larger than they are.
+# Allowance in addition to the pixels; a PNG of noise is slightly larger than its pixels.
 _OVERHEAD = 2**20
 _PNG = b"\x89PNG\r\n\x1a\n"
 _JPEG = b"\xff\xd8"
 _JPEG_END = b"\xff\xd9"
 # Frame headers of JPEG (SOF0 to SOF15 without DHT, JPG, DAC) hold the size (ITU T.81, table B.1).
 _JPEG_SIZES = frozenset(range(0xC0, 0xD0)) - {0xC4, 0xC8, 0xCC}
-_JPEG_BARE = frozenset({0x01, *range(0xD0, 0xD9)})
+_JPEG_WITHOUT_LENGTH = frozenset({0x01, *range(0xD0, 0xD9)})
 NO_READING = (0, 65535)
 
 
 def load(path: Path, camera: Camera, bytes_per_pixel: int) -> bytes:
-    """An image file's content; CaptureError if it is larger than any image of that camera."""
+    """An image file's content; CaptureError if it is larger than any image of that camera can be."""
     limit = 2 * bytes_per_pixel * camera.width * camera.height + _OVERHEAD
     size = path.stat().st_size
     if size > limit:
@@ -42,9 +42,9 @@ def read_depth(path: Path, content: bytes, camera: Camera, units: float) -> Dept
     if form != (16, 0):
         raise CaptureError(
             path,
-            expected="a grey PNG of 16 bits",
+            expected="a 16-bit grey PNG",
             found=f"{form[0]} bits{'' if form[1] == 0 else ' in colour or a palette'}",
-            advice="depth of 8 bits has lost its millimetres",
+            advice="8-bit depth has lost its resolution of millimetres",
         )
     _check_size(path, size, camera)
     image = _decoded(path, content, cv2.IMREAD_UNCHANGED)
@@ -58,7 +58,7 @@ def read_color(path: Path, camera: Camera) -> Image:
     content = load(path, camera, 4)
     size = _png_form(path, content)[0] if content.startswith(_PNG) else _jpeg_size(path, content)
     _check_size(path, size, camera)
-    # As the sensor saw it: a joint's pixel knows of no orientation that a phone or an editor noted down.
+    # In the sensor's orientation: joint pixels do not follow an EXIF orientation set by a phone or an editor.
     flags = cv2.IMREAD_COLOR | cv2.IMREAD_IGNORE_ORIENTATION
     return _decoded(path, content, flags).astype(np.uint8)
 
@@ -74,63 +74,62 @@ def _check_size(path: Path, size: tuple[int, int], camera: Camera) -> None:
     if size != (camera.width, camera.height):
         raise CaptureError(
             path,
-            expected=f"{camera.width} x {camera.height} pixels, as camera.toml says",
+            expected=f"{camera.width} x {camera.height} pixels, as in camera.toml",
             found=f"{size[0]} x {size[1]}",
         )
 
 
 def _png_form(path: Path, content: bytes) -> tuple[tuple[int, int], tuple[int, int]]:
-    """(width, height), (bits, colour type) of a whole PNG.
+    """(width, height), (bits, colour type) of a complete PNG.
 
-    Every chunk's sum is checked, so that a damaged file is told from a sound one before the decoder sees it,
-    which complains on stderr by itself.
+    Every chunk's checksum is verified, so that damaged files never reach the decoder, which writes to stderr.
     """
     if not content.startswith(_PNG):
         raise CaptureError(path, expected="a PNG", found="something else" if content else "an empty file")
     form = ((0, 0), (0, 0))
-    place = len(_PNG)
+    offset = len(_PNG)
     while True:
-        # Length, kind, data, sum: the rest is there if the sum is.
-        length = int.from_bytes(content[place : place + 4], "big")
-        kind = content[place + 4 : place + 8]
-        end = place + 12 + length
+        # Length, kind, data, checksum: if the checksum is inside the file, so is the rest.
+        length = int.from_bytes(content[offset : offset + 4], "big")
+        kind = content[offset + 4 : offset + 8]
+        end = offset + 12 + length
         if end > len(content):
             raise _cut_off(path, "PNG")
-        (announced,) = struct.unpack_from(">I", content, end - 4)
-        if zlib.crc32(memoryview(content)[place + 4 : end - 4]) != announced:
-            raise CaptureError(path, expected="a sound PNG", found="a chunk with a wrong sum")
-        if place == len(_PNG):
+        (checksum,) = struct.unpack_from(">I", content, end - 4)
+        if zlib.crc32(memoryview(content)[offset + 4 : end - 4]) != checksum:
+            raise CaptureError(path, expected="an intact PNG", found="a chunk with a wrong checksum")
+        if offset == len(_PNG):
             if kind != b"IHDR" or length != 13:
                 raise CaptureError(path, expected="a PNG", found="no header in it")
-            width, height, bits, colour = struct.unpack_from(">IIBB", content, place + 8)
+            width, height, bits, colour = struct.unpack_from(">IIBB", content, offset + 8)
             form = ((width, height), (bits, colour))
         if kind == b"IEND":
             return form
-        place = end
+        offset = end
 
 
 def _cut_off(path: Path, kind: str) -> CaptureError:
-    return CaptureError(path, expected=f"a whole {kind}", found="its end too early", advice="it is cut off")
+    return CaptureError(path, expected=f"a complete {kind}", found="a truncated one", advice="it is cut off")
 
 
 def _jpeg_size(path: Path, content: bytes) -> tuple[int, int]:
-    """(width, height) of a whole JPEG."""
+    """(width, height) of a complete JPEG."""
     if not content.startswith(_JPEG):
         found = "something else" if content else "an empty file"
         raise CaptureError(path, expected="a PNG or JPEG", found=found)
     if _JPEG_END not in content[-64:]:
         raise _cut_off(path, "JPEG")
-    place = 2
-    while place + 9 <= len(content) and content[place] == 0xFF:
-        marker = content[place + 1]
+    offset = 2
+    while offset + 9 <= len(content) and content[offset] == 0xFF:
+        marker = content[offset + 1]
         if marker in _JPEG_SIZES:
-            height, width = struct.unpack_from(">HH", content, place + 5)
+            height, width = struct.unpack_from(">HH", content, offset + 5)
             return width, height
-        # A fill byte, a marker that stands alone, or a segment that says how long it is.
+        # A fill byte, a marker without a length, or a segment with its length.
         if marker == 0xFF:
-            place += 1
-        elif marker in _JPEG_BARE:
-            place += 2
+            offset += 1
+        elif marker in _JPEG_WITHOUT_LENGTH:
+            offset += 2
         else:
-            place += 2 + struct.unpack_from(">H", content, place + 2)[0]
+            offset += 2 + struct.unpack_from(">H", content, offset + 2)[0]
     raise CaptureError(path, expected="a JPEG", found="no size in it")

@@ -1,4 +1,4 @@
-"""A depth recording as a capture: pixels and depths of the joints to positions, checked in the images."""
+"""Read a depth recording: joint pixels and depths become positions, checked against the images."""
 
 from __future__ import annotations
 
@@ -14,10 +14,11 @@ from kinemimic.pipeline.cli.progress import progress
 from kinemimic.pipeline.errors import CaptureError
 from kinemimic.pipeline.kinematics.clip import Clip
 from kinemimic.pipeline.kinematics.nodes import joints_of_nodes
-from kinemimic.pipeline.kinematics.skeleton import MISSING, NODE_PARENTS, NODES, Skeleton, node_skeleton
+from kinemimic.pipeline.kinematics.skeleton import MISSING, NODES, Skeleton, node_skeleton
 from kinemimic.pipeline.readers.base.clip_building import clip_of_points, reading
+from kinemimic.pipeline.readers.base.node_parents import nearest_ancestor
 from kinemimic.pipeline.readers.base.source import Source
-from kinemimic.pipeline.readers.depth.completeness import STATES, WORDS, check
+from kinemimic.pipeline.readers.depth.completeness import DESCRIPTIONS, STATE_OF_CHECK, check
 from kinemimic.pipeline.readers.depth.folder import (
     CAMERA,
     DEPTH,
@@ -34,10 +35,10 @@ from kinemimic.pipeline.readers.depth.tables import JointTable, read_joints, rea
 
 @dataclass(frozen=True)
 class Recording:
-    """A depth recording, its images not yet read.
+    """A depth recording whose images have not been read yet.
 
-    frames: (T,) numbers of the depth images, ascending; images: their files; times: (T,) seconds; joints: in
-    the same sequence; sources: the text files it was read from.
+    frames: (T,) numbers of the depth images, ascending; images: their files; times: (T,) seconds; joints:
+    their table, in the same order; sources: the text files that were read.
     """
 
     folder: Path
@@ -50,31 +51,33 @@ class Recording:
 
 
 def open_recording(folder: Path) -> Recording:
-    """What the folder's text files say; CaptureError for the first mistake in one of them."""
-    setup, described = setup_of(folder, CAMERA)
+    """The recording as its text files describe it; CaptureError for the first mistake in one of them."""
+    setup, camera_source = setup_of(folder, CAMERA)
     images = numbered_images(folder / DEPTH, DEPTH_SUFFIXES)
     if not images:
         raise CaptureError(
             folder / DEPTH,
             expected="depth images named by their frame (000012.png)",
-            found="none of that name",
+            found="no such file",
         )
     frames = tuple(images)
-    times, clock = _times(folder, setup, frames)
+    times, times_source = _times(folder, setup, frames)
     table = Source.open(folder / JOINTS)
     joints = read_joints(table, frames, setup.units)
-    return Recording(folder, setup, frames, tuple(images.values()), times, joints, (described, table, *clock))
+    return Recording(
+        folder, setup, frames, tuple(images.values()), times, joints, (camera_source, table, *times_source)
+    )
 
 
 def read_recording(folder: Path) -> Clip:
-    """The capture in a folder as any reader gives it: metres, one pass, nothing filled or filtered.
+    """The capture in a folder, as from any reader: metres, one pass, nothing filled or filtered.
 
-    A joint without valid depth at its pixel is missing; one at an edge of depth, in a small hole or at
-    another depth than the image's is inferred. Levelled if camera.toml says how the camera stands.
+    A joint without valid depth at its pixel is missing. It is inferred at a depth edge, in a small hole, or
+    if its own depth differs from the image's. Positions are levelled if camera.toml gives the camera's mount.
     """
     recording = open_recording(folder)
     setup, joints = recording.setup, recording.joints
-    verdicts = np.zeros(joints.states.shape, dtype=np.uint8)
+    checks = np.zeros(joints.states.shape, dtype=np.uint8)
     depth = np.full(joints.states.shape, np.nan)
     digest = hashlib.sha256()
     for source in recording.sources:
@@ -85,10 +88,10 @@ def read_recording(folder: Path) -> Clip:
             digest.update(f"{path.name}:{len(content)};".encode() + content)
             image = read_depth(path, content, setup.camera, setup.units)
             found = check(image, setup.camera, joints.pixels[row], joints.depth[row])
-            verdicts[row], depth[row] = found.verdicts, found.depth
+            checks[row], depth[row] = found.checks, found.depth
             bar.advance()
     points = setup.mount.from_floor(setup.camera.back_project(joints.pixels, depth))
-    states = np.minimum(STATES[verdicts], joints.states)
+    states = np.minimum(STATE_OF_CHECK[checks], joints.states)
     skeleton, order = skeleton_of(joints.names)
     clip = clip_of_points(
         skeleton,
@@ -96,18 +99,18 @@ def read_recording(folder: Path) -> Clip:
         points[:, order],
         states[:, order],
         format=FORMAT,
-        reading=_reading(recording, verdicts, states),
+        reading=_reading(recording, checks, states),
         world_from_file=setup.mount.world_from_camera,
     )
-    made = {"source": folder.name or folder.resolve().name, "sha256": digest.hexdigest(), "companions": {}}
-    return replace(clip, provenance={**made, **clip.provenance})
+    basics = {"source": folder.name or folder.resolve().name, "sha256": digest.hexdigest(), "companions": {}}
+    return replace(clip, provenance={**basics, **clip.provenance})
 
 
 def skeleton_of(names: Sequence[str]) -> tuple[Skeleton, list[int]]:
-    """A skeleton of joints known by name alone, and its joints as indices of `names`.
+    """A skeleton of joints known only by name, and its joints as indices of `names`.
 
-    The 20 nodes where all of them are there and nothing else; otherwise the names as they are, nodes first,
-    each below the next node up that is there, and whatever is no node below the first joint.
+    The 20 nodes if the names are exactly those; otherwise the names as given, nodes first, each below its
+    nearest ancestor among them, and all other joints below the first.
     """
     nodes = joints_of_nodes(tuple(names))
     found = [node for node in NODES if node in nodes]
@@ -116,17 +119,15 @@ def skeleton_of(names: Sequence[str]) -> tuple[Skeleton, list[int]]:
         return node_skeleton(), order
     parents: list[int] = []
     for node in found:
-        above = NODE_PARENTS[NODES.index(node)]
-        while above >= 0 and NODES[above] not in found:
-            above = NODE_PARENTS[above]
-        parents.append(found.index(NODES[above]) if above >= 0 else min(0, len(parents) - 1))
+        ancestor = nearest_ancestor(node, found)
+        parents.append(min(0, len(parents) - 1) if ancestor is None else found.index(ancestor))
     order += [index for index in range(len(names)) if index not in order]
     parents += [min(0, row - 1) for row in range(len(parents), len(names))]
     return Skeleton(tuple(names[k] for k in order), tuple(parents), np.zeros((len(names), 3))), order
 
 
 def _times(folder: Path, setup: Setup, frames: tuple[int, ...]) -> tuple[Array, tuple[Source, ...]]:
-    """Seconds of every frame, and the file that has them, if one does."""
+    """Seconds of every frame, and the file that has them, if any."""
     path = folder / TIMES
     if path.is_file() == (setup.rate is not None):
         found = "both" if setup.rate is not None else "neither"
@@ -137,20 +138,20 @@ def _times(folder: Path, setup: Setup, frames: tuple[int, ...]) -> tuple[Array, 
     return read_times(source, frames), (source,)
 
 
-def _reading(recording: Recording, verdicts: States, states: States) -> dict[str, object]:
+def _reading(recording: Recording, checks: States, states: States) -> dict[str, object]:
     setup, joints = recording.setup, recording.joints
     complete = int((states != MISSING).all(axis=1).sum())
-    counts = {word: int((verdicts == verdict).sum()) for verdict, word in WORDS.items()}
+    counts = {word: int((checks == kind).sum()) for kind, word in DESCRIPTIONS.items()}
     notes = [
         f"{complete} of {len(states)} frames have every joint on valid depth; joint positions "
         + ", ".join(f"{word}: {count}" for word, count in counts.items() if count)
     ]
     if not joints.has_depth:
-        notes.append("no depth given with the joints: positions lie on the skin, not inside the body")
+        notes.append("the joints have no depth of their own: positions are on the skin, not inside the body")
     if not setup.leveled:
-        notes.append(f"no [mount] in {CAMERA}: the camera is taken as level, heights are from the camera")
-    if joints.stray:
-        notes.append(f"{joints.stray} frames of {JOINTS} have no depth image and are left out")
+        notes.append(f"no [mount] in {CAMERA}: the camera is assumed level, and heights are relative to it")
+    if joints.frames_without_image:
+        notes.append(f"{joints.frames_without_image} frames of {JOINTS} have no depth image and were dropped")
     return reading(
         units="mm" if setup.units == MILLIMETRES else f"1/{setup.units:g} m",
         units_rule=f"units_per_metre in {CAMERA}",

@@ -1,4 +1,4 @@
-"""joints.csv and times.csv of a depth recording."""
+"""Read joints.csv and times.csv of a depth recording."""
 
 from __future__ import annotations
 
@@ -16,39 +16,38 @@ from kinemimic.pipeline.kinematics.skeleton import TRACKED
 from kinemimic.pipeline.readers.base.source import Source
 
 MAX_JOINTS = 200
-_NEEDED = ("frame", "joint", "u", "v")
+_REQUIRED = ("frame", "joint", "u", "v")
 _OPTIONAL = ("depth", "state")
-# Joints may lie outside the image, but not that far.
-_FARTHEST_PIXEL = 1e5
-_FARTHEST = 100.0  # metres
-_LAST_FRAME = 1e12
+# Joints may be outside the image, but not this far.
+_MAX_PIXEL = 1e5
+_MAX_DEPTH = 100.0  # metres
+_MAX_FRAME = 1e12
 
 
 @dataclass(frozen=True)
 class JointTable:
-    """names: (J,) in the sequence in which they first stand; pixels: (T, J, 2) and depth: (T, J) metres, NaN
-    where not given; states: (T, J) as given, TRACKED where there is no such column; stray: frames of the
-    table that are none of the recording's; has_depth: whether any depth is given.
+    """names: (J,) in order of appearance; pixels: (T, J, 2) and depth: (T, J) metres, NaN where not given;
+    states: (T, J) as given, TRACKED without such a column; frames_without_image: number of frames in the
+    table but not in the recording; has_depth: whether any depth is given.
     """
 
     names: tuple[str, ...]
     pixels: Array
     depth: Array
     states: NDArray[np.uint8]
-    stray: int
+    frames_without_image: int
     has_depth: bool
 
 
 def read_joints(source: Source, frames: Sequence[int], units: float) -> JointTable:
-    """The joints' pixels in every one of `frames` (ascending); units: of depth in a metre.
+    """The joints' pixels in all of `frames` (ascending); units: of depth per metre.
 
-    The header names the columns: frame, joint, u, v and, where they are there, depth and state (0, 1, 2).
-    CaptureError names the line of the first mistake.
+    The header names the columns: frame, joint, u, v and, optionally, depth and state (0, 1, 2). CaptureError
+    names the line of the first mistake.
     """
-    columns, rows = _rows(source, _NEEDED, _OPTIONAL)
-    order = [columns.get(name) for name in (*_NEEDED, *_OPTIONAL)]
-    frame_column, joint_column, u_column, v_column = (columns[name] for name in _NEEDED)
-    depth_column, state_column = order[4], order[5]
+    columns, rows = _rows(source, _REQUIRED, _OPTIONAL)
+    frame_column, joint_column, u_column, v_column = (columns[name] for name in _REQUIRED)
+    depth_column, state_column = (columns.get(name) for name in _OPTIONAL)
     index: dict[str, int] = {}
     joints, numbers = array("q"), array("d")
     for line, fields in rows:
@@ -59,12 +58,12 @@ def read_joints(source: Source, frames: Sequence[int], units: float) -> JointTab
             wanted = f"names of at most {MAX_JOINTS} joints"
             raise source.error(expected=wanted, found=found, where=f"line {line}")
         joints.append(joint)
-        numbers.append(_number(source, line, "frame", fields[frame_column], 0.0, _LAST_FRAME))
+        numbers.append(_number(source, line, "frame", fields[frame_column], 0.0, _MAX_FRAME))
         for column in (u_column, v_column):
             field = fields[column]
-            numbers.append(_number(source, line, "u and v", field, -_FARTHEST_PIXEL, _FARTHEST_PIXEL))
-        given = fields[depth_column] if depth_column is not None else ""
-        numbers.append(_number(source, line, "depth", given, 0.0, _FARTHEST * units))
+            numbers.append(_number(source, line, "u and v", field, -_MAX_PIXEL, _MAX_PIXEL))
+        depth_field = fields[depth_column] if depth_column is not None else ""
+        numbers.append(_number(source, line, "depth", depth_field, 0.0, _MAX_DEPTH * units))
         state = fields[state_column] if state_column is not None else f"{TRACKED}"
         numbers.append(_number(source, line, "state", state, 0.0, float(TRACKED)))
         numbers.append(line)
@@ -82,52 +81,57 @@ def _table(
 ) -> JointTable:
     if not names:
         raise source.error(expected="joints below the header", found="none")
-    for column, name, whole in ((0, "frame", "a whole number"), (4, "state", "0, 1 or 2")):
+    for column, name, kind in ((0, "frame", "a whole number"), (4, "state", "0, 1 or 2")):
         wrong = values[:, column] != np.floor(values[:, column])
         if wrong.any():
             row = int(np.flatnonzero(wrong)[0])
             found = f"{values[row, column]:g}"
-            raise source.error(expected=f"{whole} as {name}", found=found, where=f"line {values[row, 5]:.0f}")
+            raise source.error(expected=f"{kind} as {name}", found=found, where=f"line {values[row, 5]:.0f}")
     numbers = values[:, 0].astype(np.int64)
     _, first = np.unique(numbers * len(names) + joints, return_index=True)
     if len(first) < len(numbers):
         row = int(np.setdiff1d(np.arange(len(numbers)), first)[0])
         found = f"{names[joints[row]]} of frame {numbers[row]} again"
-        raise source.error(expected="a joint once a frame", found=found, where=f"line {values[row, 5]:.0f}")
-    place = np.searchsorted(frames, numbers)
-    ours = frames[np.minimum(place, len(frames) - 1)] == numbers
+        raise source.error(
+            expected="each joint once per frame", found=found, where=f"line {values[row, 5]:.0f}"
+        )
+    rows_of_frames = np.searchsorted(frames, numbers)
+    in_recording = frames[np.minimum(rows_of_frames, len(frames) - 1)] == numbers
     shape = (len(frames), len(names))
     pixels, depth = np.full((*shape, 2), np.nan), np.full(shape, np.nan)
     states = np.zeros(shape, dtype=np.uint8)
-    at = (place[ours], joints[ours])
-    given = np.where(values[ours, 3] > 0, values[ours, 3], np.nan) / units
-    pixels[at], depth[at], states[at] = values[ours, 1:3], given, values[ours, 4].astype(np.uint8)
-    stray = len(np.unique(numbers[~ours]))
-    return JointTable(names, pixels, depth, states, stray, bool(np.isfinite(depth).any()))
+    indices = (rows_of_frames[in_recording], joints[in_recording])
+    metres = np.where(values[in_recording, 3] > 0, values[in_recording, 3], np.nan) / units
+    pixels[indices], depth[indices] = values[in_recording, 1:3], metres
+    states[indices] = values[in_recording, 4].astype(np.uint8)
+    frames_without_image = len(np.unique(numbers[~in_recording]))
+    return JointTable(names, pixels, depth, states, frames_without_image, bool(np.isfinite(depth).any()))
 
 
 def read_times(source: Source, frames: Sequence[int]) -> Array:
-    """Seconds (T,) of the frames, from a table of frame and time; CaptureError where one lacks or falls."""
+    """Seconds (T,) of the frames, from a table of frame and time; CaptureError if a time is missing or
+    decreases.
+    """
     columns, rows = _rows(source, ("frame", "time"), ())
     times: dict[float, float] = {}
     for line, fields in rows:
-        frame = _number(source, line, "frame", fields[columns["frame"]], 0.0, _LAST_FRAME)
+        frame = _number(source, line, "frame", fields[columns["frame"]], 0.0, _MAX_FRAME)
         times[frame] = _number(source, line, "time", fields[columns["time"]], -1e12, 1e12)
-    lacking = [frame for frame in frames if not np.isfinite(times.get(frame, np.nan))]
-    if lacking:
-        found = f"none for frame {lacking[0]}" + (f" and {len(lacking) - 1} more" if len(lacking) > 1 else "")
+    missing = [frame for frame in frames if not np.isfinite(times.get(frame, np.nan))]
+    if missing:
+        found = f"none for frame {missing[0]}" + (f" and {len(missing) - 1} more" if len(missing) > 1 else "")
         raise source.error(expected="a time for every depth image", found=found)
     clock = np.array([times[frame] for frame in frames])
     back = np.flatnonzero(np.diff(clock) <= 0)
     if len(back):
-        place = f"frame {frames[int(back[0]) + 1]}"
+        where = f"frame {frames[int(back[0]) + 1]}"
         found = f"{clock[back[0] + 1]:g} s after {clock[back[0]]:g} s"
-        raise source.error(expected="times that rise", found=found, where=place)
+        raise source.error(expected="increasing times", found=found, where=where)
     return clock
 
 
 def _rows(
-    source: Source, needed: tuple[str, ...], optional: tuple[str, ...]
+    source: Source, required: tuple[str, ...], optional: tuple[str, ...]
 ) -> tuple[dict[str, int], Iterator[tuple[int, list[str]]]]:
     """Columns by name, and the lines below the header with their numbers."""
     reader = csv.reader(source.lines)
@@ -135,11 +139,11 @@ def _rows(
         header = [field.strip().lower() for field in next(reader, [])]
     except csv.Error as error:
         raise source.error(expected="comma separated values", found=str(error), where="line 1") from None
-    columns = {name: header.index(name) for name in (*needed, *optional) if name in header}
-    lacking = [name for name in needed if name not in columns]
-    if lacking or len(set(header)) != len(header):
-        found = f"no {', '.join(lacking)}" if lacking else "one twice"
-        raise source.error(expected=f"a header with {', '.join(needed)}", found=found, where="line 1")
+    columns = {name: header.index(name) for name in (*required, *optional) if name in header}
+    missing = [name for name in required if name not in columns]
+    if missing or len(set(header)) != len(header):
+        found = f"no {', '.join(missing)}" if missing else "one twice"
+        raise source.error(expected=f"a header with {', '.join(required)}", found=found, where="line 1")
 
     def rows() -> Iterator[tuple[int, list[str]]]:
         try:
@@ -158,7 +162,7 @@ def _rows(
 
 
 def _number(source: Source, line: int, name: str, field: str, low: float, high: float) -> float:
-    """The number in a field; NaN for an empty one, where that may be."""
+    """The number in a field; NaN for an empty one, where that is allowed."""
     text = field.strip()
     if name in ("u and v", "depth", "time") and (not text or text.lower() == "nan"):
         return float("nan")

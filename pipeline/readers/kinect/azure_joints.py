@@ -1,10 +1,10 @@
 """The 32 joints of the Azure Kinect's body tracking, in the order of its SDK (k4abt_joint_id_t).
 
-Names and parents: "Azure Kinect body tracking joints", learn.microsoft.com, Azure Kinect DK documentation.
-Position and orientation of a joint are absolute in the depth camera's axes (X to the camera's right, Y down,
-Z forward, right-handed), millimetres and unit quaternions. A joint's own frame is NOT a Kinect v2's: by the
-figure there its X axis, not +Y, lies along the limb, and the frames of one side are turned against the other
-side's, so that the same angle moves both mirror-like.
+Names and parents: "Azure Kinect body tracking joints", learn.microsoft.com, Azure Kinect DK documentation. A
+joint's position and orientation are absolute in the depth camera's axes (X to the camera's right, Y down, Z
+forward, right-handed), in millimetres and unit quaternions. A joint's own frame is NOT a Kinect v2's:
+according to the figure there, X, not +Y, lies along the limb, and the frames of the left and right side are
+mirrored, so that the same angle moves both sides symmetrically.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ _LEG: tuple[tuple[str, str], ...] = (
     ("FOOT_{}", "ANKLE_{}"),
 )
 _FACE: tuple[str, ...] = ("NOSE", "EYE_LEFT", "EAR_LEFT", "EYE_RIGHT", "EAR_RIGHT")
-# Joint, and its parent.
+# Joint and its parent.
 _TREE: tuple[tuple[str, str], ...] = (
     ("PELVIS", ""),
     ("SPINE_NAVEL", "PELVIS"),
@@ -47,15 +47,15 @@ _TREE: tuple[tuple[str, str], ...] = (
     *((joint, "HEAD") for joint in _FACE),
 )
 JOINTS: tuple[str, ...] = tuple(name for name, _ in _TREE)
-# The first versions of the SDK, and Microsoft's page to this day, write NAVAL.
+# Spelling in the first versions of the SDK and, to this day, on Microsoft's page.
 OLD_NAMES: dict[str, str] = {"SPINE_NAVAL": "SPINE_NAVEL"}
-# Camera axes in ours as a Kinect v2's are: away from the camera is our X, the camera's right our -Y.
+# The camera's axes in ours, as for a Kinect v2: away from the camera is our X, the camera's right our -Y.
 WORLD_FROM_CAMERA: NDArray[np.float64] = from_matrix(
     np.array([[0.0, 0.0, 1.0], [-1.0, 0.0, 0.0], [0.0, -1.0, 0.0]])
 )
 
 
 def azure_skeleton() -> Skeleton:
-    """The 32 joints of JOINTS; rest offsets unknown (zeros)."""
+    """The 32 joints of JOINTS; rest offsets are unknown (zeros)."""
     parents = tuple(JOINTS.index(parent) if parent else -1 for _, parent in _TREE)
     return Skeleton(JOINTS, parents, np.zeros((len(JOINTS), 3)))

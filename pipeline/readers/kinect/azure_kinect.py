@@ -3,9 +3,9 @@
 Format: microsoft/Azure-Kinect-Samples, body-tracking-samples/offline_processor/main.cpp. One object with
 joint_names, bone_list, k4abt_sdk_version, source_file and frames; a frame has timestamp_usec, frame_id,
 num_bodies and bodies; a body has body_id and, 32 each, joint_positions (mm) and joint_orientations (w first).
-A person that the tracker loses comes back under another body_id. The SDK's confidence of a joint is not in
-it, but some recorders made after the sample add it: 0 out of range, 1 predicted, 2 seen (3 is reserved).
-Joints, axes and the frames of the joints: captures/azure_joints.py.
+A person that the tracker loses returns under another body_id. The sample does not write the SDK's confidence
+of a joint, but some recorders derived from it do: 0 out of range, 1 predicted, 2 seen (3 is reserved).
+Joints, axes and the frames of the joints: azure_joints.py.
 """
 
 from __future__ import annotations
@@ -49,17 +49,17 @@ _MARKS = (
     '"timestamp_usec"',
 )
 _CONFIDENCES = ("confidence_levels", "joint_confidences", "joint_confidence")
-# The SDK's confidence (index) as our state.
+# State for each confidence of the SDK (the index).
 _STATE_OF = np.array([0, INFERRED, TRACKED, TRACKED], dtype=np.uint8)
-# Two hours at 30 fps: an empty frame is few bytes in the file and 2 kB here.
-_MOST_FRAMES = 216_000
-# Microseconds: beyond is no clock, and would not fit a float exactly.
-_LAST_TIME = 2**53
+# Two hours at 30 fps: an empty frame takes few bytes in the file and 2 kB here.
+_MAX_FRAMES = 216_000
+# Microseconds; larger times are damage, and a float could not hold them exactly.
+_MAX_TIME = 2**53
 _MM = 1000.0
 
 
 def recognises(source: Source) -> bool:
-    """True if the text begins as an object and one of the format's own keys is among its first lines."""
+    """True if the text begins as an object and has one of the format's keys in its first lines."""
     head = "".join(source.head)
     return head.lstrip().startswith("{") and any(mark in head for mark in _MARKS)
 
@@ -67,14 +67,14 @@ def recognises(source: Source) -> bool:
 def read(source: Source) -> Clip:
     """The clip of the person seen in most frames, 32 joints with rotations, one frame per frame of the file.
 
-    Where that person is not seen every joint is missing. Other people are left out and counted.
+    Where that person is not seen, every joint is missing. Other people are dropped and counted.
     """
     document = parse_json(source)
     frames = document.get("frames") if isinstance(document, dict) else None
     if not isinstance(frames, list) or not frames:
         raise source.error(expected='a list "frames" of body-tracking results', found="none")
-    if len(frames) > _MOST_FRAMES:
-        raise source.error(expected=f"at most {_MOST_FRAMES} frames", found=f"{len(frames)}")
+    if len(frames) > _MAX_FRAMES:
+        raise source.error(expected=f"at most {_MAX_FRAMES} frames", found=f"{len(frames)}")
     order = _order(document.get("joint_names", list(JOINTS)), source)
     times = np.array([_time(frame, number, source) for number, frame in enumerate(frames)]) * 1e-6
     later, defects = sensor_clock(times, _where, source)
@@ -82,19 +82,19 @@ def read(source: Source) -> Clip:
     seen = Counter(body for bodies in people for body in bodies)
     if not seen:
         raise source.error(expected="a person", found=f"{len(frames)} frames without one")
-    # The first to appear where two are seen equally long.
-    person = seen.most_common(1)[0][0]
-    rows = [number for number, bodies in enumerate(people) if person in bodies and later[number]]
-    bodies = [people[number][person] for number in rows]
+    # On a tie, the first to appear.
+    main_person = seen.most_common(1)[0][0]
+    rows = [number for number, bodies in enumerate(people) if main_person in bodies and later[number]]
+    bodies = [people[number][main_person] for number in rows]
 
     points = np.full((len(frames), len(JOINTS), 3), np.nan)
-    turns = np.full((len(frames), len(JOINTS), 4), np.nan)
+    orientations = np.full((len(frames), len(JOINTS), 4), np.nan)
     states = np.zeros((len(frames), len(JOINTS)), dtype=np.uint8)
     points[rows] = _values(bodies, rows, "joint_positions", 3, source)[:, order] / _MM
-    turns[rows] = _values(bodies, rows, "joint_orientations", 4, source)[:, order][..., [1, 2, 3, 0]]
+    orientations[rows] = _values(bodies, rows, "joint_orientations", 4, source)[:, order][..., [1, 2, 3, 0]]
     states[rows] = _states(bodies, rows, source)[:, order]
-    _refuse_far(points, source)
-    check_quaternions(turns, JOINTS, _where, source)
+    _refuse_remote(points, source)
+    check_quaternions(orientations, JOINTS, _where, source)
     skeleton = azure_skeleton()
     return clip_of_points(
         skeleton,
@@ -105,11 +105,11 @@ def read(source: Source) -> Clip:
         reading=reading(
             units="mm",
             units_rule="the format's",
-            defects=[*defects, *_several(people, person)],
+            defects=[*defects, *_other_people(people, main_person)],
             sdk=str(document.get("k4abt_sdk_version", ""))[:40],
         ),
         world_from_file=WORLD_FROM_CAMERA,
-        rotations=child_to_parent(turns[later], skeleton, WORLD_FROM_CAMERA),
+        rotations=child_to_parent(orientations[later], skeleton, WORLD_FROM_CAMERA),
     )
 
 
@@ -118,14 +118,14 @@ def _where(frame: int) -> str:
 
 
 def _order(names: Any, source: Source) -> list[int]:
-    """For each of JOINTS its place in the file."""
-    given = names if isinstance(names, list) else []
-    found = [OLD_NAMES.get(name, name) for name in given if isinstance(name, str)]
+    """The index in the file of each of JOINTS."""
+    names_in_file = names if isinstance(names, list) else []
+    found = [OLD_NAMES.get(name, name) for name in names_in_file if isinstance(name, str)]
     if sorted(found) != sorted(JOINTS):
-        strange = next((name for name in found if name not in JOINTS), None)
+        unknown = next((name for name in found if name not in JOINTS), None)
         raise source.error(
             expected=f"{len(JOINTS)} joint_names of the Azure Kinect, each once",
-            found=f"{len(found)} names" + (f", among them {strange[:40]!r}" if strange else ""),
+            found=f"{len(found)} names" + (f", including {unknown[:40]!r}" if unknown else ""),
         )
     return [found.index(joint) for joint in JOINTS]
 
@@ -133,8 +133,8 @@ def _order(names: Any, source: Source) -> list[int]:
 def _time(frame: Any, number: int, source: Source) -> float:
     """The frame's time in microseconds."""
     time = frame.get("timestamp_usec") if isinstance(frame, dict) else None
-    if isinstance(time, bool) or not isinstance(time, int | float) or not 0 <= time < _LAST_TIME:
-        raise source.error(expected="a timestamp_usec", found=_kind(time), where=_where(number))
+    if isinstance(time, bool) or not isinstance(time, int | float) or not 0 <= time < _MAX_TIME:
+        raise source.error(expected="a timestamp_usec", found=_shown(time), where=_where(number))
     return float(time)
 
 
@@ -142,18 +142,18 @@ def _people(frame: dict[str, Any], number: int, source: Source) -> dict[int, dic
     """The frame's bodies by their body_id."""
     bodies = frame.get("bodies")
     if not isinstance(bodies, list) or not all(isinstance(body, dict) for body in bodies):
-        raise source.error(expected='a list "bodies" of objects', found=_kind(bodies), where=_where(number))
+        raise source.error(expected='a list "bodies" of objects', found=_shown(bodies), where=_where(number))
     count = frame.get("num_bodies", len(bodies))
     if count != len(bodies):
         raise source.error(
-            expected=f"{_kind(count)} bodies, as num_bodies says",
+            expected=f"{_shown(count)} bodies, as in num_bodies",
             found=f"{len(bodies)}",
             where=_where(number),
         )
     people = {body["body_id"]: body for body in bodies if isinstance(body.get("body_id"), int)}
     if len(people) != len(bodies):
         raise source.error(
-            expected="a whole number as body_id, another one for each body",
+            expected="a different whole number as body_id for each body",
             found=f"{len(bodies)} bodies with {len(people)} such numbers",
             where=_where(number),
         )
@@ -163,7 +163,7 @@ def _people(frame: dict[str, Any], number: int, source: Source) -> dict[int, dic
 def _values(
     bodies: Sequence[dict[str, Any]], rows: Sequence[int], key: str, width: int, source: Source
 ) -> Array:
-    """(len(bodies), 32, width) numbers of that key."""
+    """Numbers (len(bodies), 32, width) under that key."""
     shape = (len(JOINTS), width)
     values = numbers([body.get(key) for body in bodies])
     if values is not None and values.shape[1:] == shape:
@@ -180,13 +180,12 @@ def _values(
 
 
 def _states(bodies: Sequence[dict[str, Any]], rows: Sequence[int], source: Source) -> NDArray[np.uint8]:
-    """(len(bodies), 32) states of the joints, from their confidence where the recorder wrote it."""
+    """States (len(bodies), 32) of the joints, from their confidence if the recorder wrote it."""
     key = next((key for key in _CONFIDENCES if key in bodies[0]), None)
     if key is None:
         return np.full((len(bodies), len(JOINTS)), TRACKED, dtype=np.uint8)
-    given = [body.get(key) for body in bodies]
-    levels = numbers(given)
-    # A recorder writes [2] instead of 2.
+    levels = numbers([body.get(key) for body in bodies])
+    # One recorder writes [2] instead of 2.
     if levels is not None and levels.shape[1:] in ((len(JOINTS),), (len(JOINTS), 1)):
         levels = levels.reshape(len(bodies), len(JOINTS))
         wrong = ~np.isin(levels, np.arange(len(_STATE_OF)))
@@ -197,11 +196,11 @@ def _states(bodies: Sequence[dict[str, Any]], rows: Sequence[int], source: Sourc
     raise source.error(expected=f"{key} of {len(JOINTS)} numbers in every body", found="something else")
 
 
-def _refuse_far(points: Array, source: Source) -> None:
-    """Metres as everywhere, but a JSON file has frames, not lines."""
-    far = (np.abs(points) > MAX_COORDINATE) & np.isfinite(points)
-    if far.any():
-        frame, joint, axis = (int(k) for k in np.argwhere(far)[0])
+def _refuse_remote(points: Array, source: Source) -> None:
+    """`refuse_remote` for a JSON file, whose places are frames, not lines."""
+    remote = (np.abs(points) > MAX_COORDINATE) & np.isfinite(points)
+    if remote.any():
+        frame, joint, axis = (int(k) for k in np.argwhere(remote)[0])
         raise source.error(
             expected=f"millimetres, at most {MAX_COORDINATE * _MM:g}, in {'XYZ'[axis]} of {JOINTS[joint]}",
             found=f"{points[frame, joint, axis] * _MM:g}",
@@ -209,23 +208,25 @@ def _refuse_far(points: Array, source: Source) -> None:
         )
 
 
-def _several(people: Sequence[dict[int, dict[str, Any]]], person: int) -> Iterator[Defect]:
-    """Bodies beside the one that was kept; one that never stands beside it may be the same person."""
-    others = {body for bodies in people for body in bodies} - {person}
+def _other_people(people: Sequence[dict[int, dict[str, Any]]], main_person: int) -> Iterator[Defect]:
+    """A defect for the other bodies. A body that is never seen together with the main person may be that
+    person.
+    """
+    others = {body for bodies in people for body in bodies} - {main_person}
     if not others:
         return
     frames = [bodies for bodies in people if bodies.keys() & others]
-    beside = sum(person in bodies for bodies in frames)
-    text = f"{len(others)} more in {len(frames)} frames, left out; body {person} is seen in most"
-    if beside:
+    seen_together = sum(main_person in bodies for bodies in frames)
+    text = f"{len(others)} more in {len(frames)} frames, dropped; body {main_person} is seen in most"
+    if seen_together:
         yield Defect("several_people", len(others), "people", "repaired", text)
     else:
-        text += ", never beside them: they may be the same person, lost and found again"
+        text += ", never together with them: they may be the same person, lost and found again"
         yield Defect("several_people", len(others), "people", "flagged", text)
 
 
-def _kind(value: Any) -> str:
-    """A value in a message: numbers short, anything else by its kind."""
+def _shown(value: Any) -> str:
+    """A value for a message: a number in short, anything else by its type."""
     if value is None:
         return "none"
     return f"{value}"[:24] if isinstance(value, int | float) else f"a {type(value).__name__}"

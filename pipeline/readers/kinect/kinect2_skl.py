@@ -1,10 +1,10 @@
-"""Kinect v2 recordings as `.skl` text: a header line, then one line a frame, 25 joints.
+"""Kinect v2 recordings as `.skl` text: a header line, then one line per frame, 25 joints.
 
-Columns: timestamp (100 ns ticks in most, ms in some: told by its step), framenum, per joint X Y Z tracked,
-FloorPlane_A..D. Positions are metres, Y up, already referred to the floor.
+Columns: timestamp (100 ns ticks in most files, ms in some; detected from its step), framenum, per joint X Y Z
+tracked, FloorPlane_A..D. Positions are metres, Y up, already relative to the floor.
 
-The recorder filled its columns in the sequence of the SDK's JointType, but three versions of it wrote three
-other sequences of names over them. Which names are true is therefore told by the bones that they give.
+The recorder filled its columns in the order of the SDK's JointType, but three versions of it wrote three
+other orders of names above them. The right names are therefore detected from the bone lengths that they give.
 """
 
 from __future__ import annotations
@@ -25,8 +25,8 @@ from kinemimic.pipeline.readers.kinect.skl_text import (
     Header,
     frames_of,
     header_of,
+    is_kinect_v2,
     joint_columns,
-    of_kinect_v2,
 )
 
 FORMAT = Format(
@@ -37,12 +37,12 @@ FORMAT = Format(
     columns=(106,),
 )
 _CLOCKS = {"100 ns": 1e7, "ms": 1e3}
-# A v1 name that one of the recorders kept for the same place.
-_OTHER_NAMES = {"shouldercenter": "spineshoulder"}
+# A v1 name that one of the recorders kept for the same joint.
+_V1_NAMES = {"shouldercenter": "spineshoulder"}
 
-# Bone that ends at a joint -> its usual length in metres as a Kinect v2 sees an adult. Hands are left out:
-# where they are inferred they have any length.
-_LENGTHS: dict[str, float] = {"SpineMid": 0.31, "SpineShoulder": 0.23, "Neck": 0.075, "Head": 0.15} | {
+# Joint -> usual length in metres of the bone that ends there, as a Kinect v2 sees an adult. Hands are
+# omitted: inferred hands have any length.
+_ADULT_LENGTHS: dict[str, float] = {"SpineMid": 0.31, "SpineShoulder": 0.23, "Neck": 0.075, "Head": 0.15} | {
     f"{joint}{side}": length
     for side in ("Left", "Right")
     for joint, length in (
@@ -50,36 +50,37 @@ _LENGTHS: dict[str, float] = {"SpineMid": 0.31, "SpineShoulder": 0.23, "Neck": 0
         ("Foot", 0.14),
     )
 }  # fmt: skip
-# Medians over so many frames, evenly spread, are as good as over all.
-_ENOUGH_FRAMES = 1000
-# Typical bones are within a fifth of these lengths, and a child's all half of them; names in a wrong
-# sequence are off by a factor of two in the mean.
-_HUMAN = 1.7
+# Medians over this many frames, evenly spread, are as good as over all.
+_SAMPLED_FRAMES = 1000
+# Real bones are within a fifth of these lengths, a child's all half of them; names in a wrong order are off
+# by a factor of two in the mean.
+_MAX_FACTOR = 1.7
 
 
 @dataclass(frozen=True)
-class Order:
-    """One way to name the 25 places of a line.
+class JointOrder:
+    """One assignment of names to the 25 joint columns of a line.
 
-    told: how a report calls it; places: (25,) which place of the line is the SDK's joint number k;
-    bones: metres, for each of _LENGTHS; factor: by how much they are off those, in the (geometric) mean.
+    label: its name in reports; indices: (25,) column index of the SDK's joint k; bones: metres, for each of
+    _ADULT_LENGTHS; factor: (geometric) mean factor between these bones and an adult's.
     """
 
-    told: str
-    places: tuple[int, ...]
+    label: str
+    indices: tuple[int, ...]
     bones: dict[str, float]
     factor: float
 
 
 def recognises(source: Source) -> bool:
     """True if the first line is a header of joint columns with joints that only a Kinect v2 has."""
-    return of_kinect_v2(joint_columns(source.head[0]))
+    return is_kinect_v2(joint_columns(source.head[0]))
 
 
 def read(source: Source) -> Clip:
-    """The clip of 25 joints, under the names that give human bones.
+    """The clip of 25 joints, with the names that give human bones.
 
-    Lines with a repeated or earlier time are dropped and counted. CaptureError if no names give a human.
+    Lines with a repeated or earlier time are dropped and counted. Raises CaptureError if no names give human
+    bones.
     """
     header = header_of(source)
     if len(header.joints) != len(SDK_JOINTS):
@@ -89,13 +90,13 @@ def read(source: Source) -> Clip:
             where=f"line {header.line}",
         )
     frames = frames_of(source, header, header.joints, _CLOCKS)
-    order, defects = _named(source, header, frames)
-    places = [order.places[k] for k in FROM_SDK]
+    order, defects = _choose_order(source, header, frames)
+    indices = [order.indices[k] for k in FROM_SDK]
     return clip_of_points(
         kinect_v2_skeleton(),
         frames.times,
-        frames.points[:, places],
-        frames.states[:, places],
+        frames.points[:, indices],
+        frames.states[:, indices],
         format=FORMAT,
         reading=reading(
             units="m",
@@ -103,35 +104,42 @@ def read(source: Source) -> Clip:
             defects=[*frames.defects, *zero_frames(frames.points), *defects],
             columns=len(header.columns),
             clock=frames.unit,
-            joint_order=order.told,
+            joint_order=order.label,
         ),
     )
 
 
-def _named(source: Source, header: Header, frames: Frames) -> tuple[Order, list[Defect]]:
-    """The true order, and a defect if it is not the header's."""
+def _choose_order(source: Source, header: Header, frames: Frames) -> tuple[JointOrder, list[Defect]]:
+    """The order that gives human bones, and a defect if it is not the header's."""
     sdk = order_of("the SDK's order", tuple(range(len(SDK_JOINTS))), frames)
-    named = _header_order(header)
-    written = order_of("the header's names", named, frames) if named else None
-    # The header is believed wherever nothing speaks against it.
-    best = written if written and written.factor <= sdk.factor else sdk
-    if not best.factor <= _HUMAN:
+    named_indices = _header_order(header)
+    from_header = order_of("the header's names", named_indices, frames) if named_indices else None
+    # The header is preferred unless the SDK's order fits better.
+    best = from_header if from_header and from_header.factor <= sdk.factor else sdk
+    if not best.factor <= _MAX_FACTOR:
         raise source.error(
-            expected=f"bones within a factor of {_HUMAN:g} of an adult's, by either order of names",
+            expected=f"bones within a factor of {_MAX_FACTOR:g} of an adult's, with either order of names",
             found=f"a factor of {best.factor:.2f} (right thigh {best.bones['KneeRight']:.2f} m)",
         )
-    if best.places == named:
+    if best.indices == named_indices:
         return best, []
-    if written is None:
-        text = f"the header's names are not the 25 of the SDK; by {sdk.told} {_evidence(sdk, sdk)}"
+    if from_header is None:
+        text = f"the header's names are not the 25 of the SDK; with {sdk.label} {_evidence(sdk, sdk)}"
     else:
-        text = f"by {written.told} {_evidence(written, sdk)}; by {sdk.told} {_evidence(sdk, written)}"
-    wrong = len(SDK_JOINTS) if named is None else sum(a != b for a, b in zip(named, sdk.places, strict=True))
+        text = (
+            f"with {from_header.label} {_evidence(from_header, sdk)}; "
+            f"with {sdk.label} {_evidence(sdk, from_header)}"
+        )
+    wrong = len(SDK_JOINTS)
+    if named_indices is not None:
+        wrong = sum(a != b for a, b in zip(named_indices, sdk.indices, strict=True))
     return best, [Defect("wrong_names", wrong, "joints", "repaired", f"{text}: read in the SDK's order")]
 
 
-def _evidence(order: Order, other: Order) -> str:
-    """Thigh, and the bone over which two orders are most at odds, of one of them."""
+def _evidence(order: JointOrder, other: JointOrder) -> str:
+    """The lengths that argue for or against an order: the thigh, and the bone for which two orders differ
+    most.
+    """
     pairs = {
         joint: abs(np.log(max(length, 1e-4) / max(other.bones[joint], 1e-4)))
         for joint, length in order.bones.items()
@@ -141,35 +149,35 @@ def _evidence(order: Order, other: Order) -> str:
     lengths = ", ".join(
         f"{SDK_PARENTS[SDK_JOINTS.index(joint)]}-{joint} {order.bones[joint]:.2f} m" for joint in shown
     )
-    return f"{lengths}, bones off an adult's by a factor of {order.factor:.2f}"
+    return f"{lengths}, bones differ from an adult's by a factor of {order.factor:.2f}"
 
 
 def _header_order(header: Header) -> tuple[int, ...] | None:
-    """Place of each SDK joint by the header's names; None if they are not those 25."""
-    names = [_OTHER_NAMES.get(name.lower(), name.lower()) for name in header.joints]
+    """Index of each SDK joint according to the header's names; None if they are not those 25."""
+    names = [_V1_NAMES.get(name.lower(), name.lower()) for name in header.joints]
     wanted = [name.lower() for name in SDK_JOINTS]
     return tuple(names.index(name) for name in wanted) if sorted(names) == sorted(wanted) else None
 
 
-def order_of(told: str, places: tuple[int, ...], frames: Frames) -> Order:
-    """What bones the frames have if place places[k] of a line is the SDK's joint k.
+def order_of(label: str, indices: tuple[int, ...], frames: Frames) -> JointOrder:
+    """The order with the bone lengths that it gives.
 
-    Their spread over time would not tell: any two places of one body keep about their distance.
+    The variation of lengths over time would not help: any two points of one body keep roughly their distance.
     """
-    some = slice(None, None, 1 + len(frames.times) // _ENOUGH_FRAMES)
+    some = slice(None, None, 1 + len(frames.times) // _SAMPLED_FRAMES)
     points, states = frames.points[some], frames.states[some]
     seen = np.where((states > 0)[..., None] & np.isfinite(points), points, np.nan)
 
     def distance(a: str, b: str) -> float:
-        ends = (seen[:, places[SDK_JOINTS.index(name)]] for name in (a, b))
+        ends = (seen[:, indices[SDK_JOINTS.index(name)]] for name in (a, b))
         length = np.linalg.norm(np.subtract(*ends), axis=-1)
         length = length[np.isfinite(length)]
         return float(np.median(length)) if len(length) else np.nan
 
-    bones = {joint: distance(joint, SDK_PARENTS[SDK_JOINTS.index(joint)]) for joint in _LENGTHS}
-    ratios = np.maximum(list(bones.values()), 1e-4) / np.array(list(_LENGTHS.values()))
+    bones = {joint: distance(joint, SDK_PARENTS[SDK_JOINTS.index(joint)]) for joint in _ADULT_LENGTHS}
+    ratios = np.maximum(list(bones.values()), 1e-4) / np.array(list(_ADULT_LENGTHS.values()))
     known = ratios[np.isfinite(ratios)]
-    # Too few bones to judge by are no evidence of a body.
+    # Too few bones are no evidence of a body.
     enough = len(known) > len(bones) // 2
     factor = float(np.exp(np.mean(np.abs(np.log(known))))) if enough else np.inf
-    return Order(told, places, bones, factor)
+    return JointOrder(label, indices, bones, factor)

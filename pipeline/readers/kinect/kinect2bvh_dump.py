@@ -1,9 +1,9 @@
-"""The raw dump of a Kinect v2 that Kinect2BVH makes its BVH from: blocks of lines, one block a frame.
+"""The raw Kinect v2 dump from which Kinect2BVH makes its BVH: one block of lines per frame.
 
 A block is a time in ms, `Pos N`, N lines `joint x y z`, `Rot N`, N lines `joint qx qy qz qw`; joint is the
-index in the SDK's JointType. Only joints that the sensor tracked are written, so that N changes from frame
-to frame, and a person at a desk has no legs. Metres, Y up. The quaternions are the sensor's own guess about
-bones and are left aside: positions give the bones themselves.
+index in the SDK's JointType. Only tracked joints are written, so N varies from frame to frame, and a person
+at a desk has no legs. Metres, Y up. The quaternions are the sensor's own estimates and are ignored: the
+positions give the bones.
 """
 
 from __future__ import annotations
@@ -29,14 +29,15 @@ FORMAT = Format(
 )
 _POS, _ROT = re.compile(r"Pos (\d{1,9})\s*$"), re.compile(r"Rot (\d{1,9})\s*$")
 _LEG = ("Hip", "Knee", "Ankle")
-# A leg that is seen in fewer frames is not what was recorded.
-_ENOUGH_FRAMES = 0.5
+# Minimum share of frames with a whole leg.
+_MIN_SHARE = 0.5
 
 
 @dataclass
 class _Blocks:
-    """times: ms, one a block; counts: joints of each block; lines: `joint x y z` of all blocks; numbers: of
-    the first of these lines of each block, in the file."""
+    """times: ms, one per block; counts: joints of each block; lines: `joint x y z` of all blocks; numbers:
+    line number in the file of the first of these lines in each block.
+    """
 
     times: list[float] = field(default_factory=list)
     counts: list[int] = field(default_factory=list)
@@ -45,7 +46,7 @@ class _Blocks:
 
 
 def recognises(source: Source) -> bool:
-    """True if `Pos N` stands in the second line, below a number."""
+    """True if the second line is `Pos N`, below a number."""
     return (
         len(source.head) > 2 and _POS.match(source.head[1]) is not None and source.head[0].strip().isdecimal()
     )
@@ -54,8 +55,8 @@ def recognises(source: Source) -> bool:
 def read(source: Source) -> Clip:
     """The clip of the 25 joints, missing wherever a block does not have them.
 
-    Blocks with a repeated or earlier time are dropped and counted. CaptureError for a block that is not
-    whole, and for a recording without legs.
+    Blocks with a repeated or earlier time are dropped and counted. Raises CaptureError for an incomplete
+    block, and for a recording without legs.
     """
     blocks = _blocks(source)
     points = _points(source, blocks)
@@ -86,14 +87,14 @@ def _blocks(source: Source) -> _Blocks:
         found.counts.append(count)
         found.numbers.append(at + 3)
         found.lines += lines[at + 2 : at + 2 + count]
-        again = _count(source, at + 2 + count, end, _ROT, "Rot N")
-        if again != count:
-            raise source.error(expected=f"Rot {count}", found=f"{again}", where=f"line {at + 3 + count}")
+        rotations = _count(source, at + 2 + count, end, _ROT, "Rot N")
+        if rotations != count:
+            raise source.error(expected=f"Rot {count}", found=f"{rotations}", where=f"line {at + 3 + count}")
         at += 3 + 2 * count
     if at > end:
         raise source.error(
-            expected="whole blocks",
-            found=f"{at - end} lines too few in the last",
+            expected="complete blocks",
+            found=f"{at - end} lines missing from the last",
             where=f"line {end}",
             advice="the file is cut off there",
         )
@@ -108,7 +109,7 @@ def _time(source: Source, line: str, number: int) -> float:
 
 
 def _count(source: Source, at: int, end: int, head: re.Pattern[str], expected: str) -> int:
-    """N of the line at index `at`; it is checked before anything is made of it."""
+    """N in the line at index `at`, checked before it is used."""
     match = head.match(source.lines[at]) if at < end else None
     if match is None:
         raise source.error(
@@ -149,7 +150,7 @@ def _points(source: Source, blocks: _Blocks) -> Array:
 
 
 def _bad_line(source: Source, blocks: _Blocks) -> Exception:
-    """The error for the first line of positions that is not four numbers."""
+    """The error for the first position line that is not four numbers."""
     frame = np.repeat(np.arange(len(blocks.counts)), blocks.counts)
     for line, block in zip(blocks.lines, frame, strict=True):
         try:
@@ -166,20 +167,20 @@ def _bad_line(source: Source, blocks: _Blocks) -> Exception:
 
 
 def _refuse_without_legs(source: Source, points: Array) -> None:
-    """CaptureError unless a whole leg is there in half of the frames."""
+    """Raise CaptureError unless at least one whole leg is seen in half of the frames."""
     unseen = np.isnan(points[..., 0])
     broken = [
         np.logical_or.reduce([unseen[:, SDK_JOINTS.index(f"{joint}{side}")] for joint in _LEG])
         for side in ("Left", "Right")
     ]
-    whole = len(points) - int(np.count_nonzero(broken[0] & broken[1]))
-    if whole >= _ENOUGH_FRAMES * len(points):
+    frames_with_leg = len(points) - int(np.count_nonzero(broken[0] & broken[1]))
+    if frames_with_leg >= _MIN_SHARE * len(points):
         return
     share = 1.0 - unseen.mean(axis=0)
-    usual = [joint for joint, seen in zip(SDK_JOINTS, share, strict=True) if seen >= _ENOUGH_FRAMES]
+    usual_joints = [joint for joint, seen in zip(SDK_JOINTS, share, strict=True) if seen >= _MIN_SHARE]
     raise source.error(
         expected="hips, knees and ankles",
-        found=f"a whole leg in {whole} of {len(points)} frames, usually the {len(usual)} joints "
-        f"{', '.join(usual)}",
-        advice="no walk can be read from it",
+        found=f"a whole leg in {frames_with_leg} of {len(points)} frames, usually the "
+        f"{len(usual_joints)} joints {', '.join(usual_joints)}",
+        advice="gait cannot be reconstructed from it",
     )

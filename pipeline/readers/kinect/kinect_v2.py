@@ -1,4 +1,4 @@
-"""The 25 joints of a Kinect v2, in the order of its SDK's JointType, which v2 recorders write."""
+"""The 25 joints of a Kinect v2, in the order of its SDK's JointType, in which v2 recorders write them."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ import numpy as np
 
 from kinemimic.pipeline.kinematics.skeleton import Skeleton
 
-# Joint, and the one that its bone comes from.
+# Joint and its parent.
 _TREE: tuple[tuple[str, str], ...] = (
     ("SpineBase", ""),
     ("SpineMid", "SpineBase"),
@@ -34,11 +34,11 @@ _TREE: tuple[tuple[str, str], ...] = (
     ("HandTipRight", "HandRight"),
     ("ThumbRight", "HandRight"),
 )
-# As the files write them.
+# In the order of the files.
 SDK_JOINTS: tuple[str, ...] = tuple(name for name, _ in _TREE)
 SDK_PARENTS: tuple[str, ...] = tuple(parent for _, parent in _TREE)
-# SpineShoulder stands 21st in the file and is the parent of joints before it: our skeletons have every
-# parent first, so it goes behind SpineMid.
+# In the order of our skeletons, parents first: SpineShoulder, the 21st joint of a file, moves behind
+# SpineMid.
 JOINTS: tuple[str, ...] = ("SpineBase", "SpineMid", "SpineShoulder", *(
     name for name in SDK_JOINTS if name not in ("SpineBase", "SpineMid", "SpineShoulder")
 ))  # fmt: skip
@@ -47,7 +47,7 @@ FROM_SDK: tuple[int, ...] = tuple(SDK_JOINTS.index(name) for name in JOINTS)
 
 
 def kinect_v2_skeleton() -> Skeleton:
-    """The 25 joints of JOINTS; rest offsets unknown (zeros)."""
+    """The 25 joints of JOINTS; rest offsets are unknown (zeros)."""
     parents = tuple(
         JOINTS.index(parent) if (parent := SDK_PARENTS[SDK_JOINTS.index(name)]) else -1 for name in JOINTS
     )

@@ -1,4 +1,4 @@
-"""What a Kinect can have written: any other value is damage, told with the place where it stands."""
+"""Checks of values that a Kinect cannot have written; every error gives the place in the file."""
 
 from __future__ import annotations
 
@@ -14,34 +14,35 @@ from kinemimic.pipeline.readers.base.frame_defects import increasing_times
 from kinemimic.pipeline.readers.base.numbers import numbers_of, to_number
 from kinemimic.pipeline.readers.base.source import Source
 
-# The place of a row of the arrays in the file: "line 12", "frame 3".
+# The place in the file of a row of the arrays: "line 12", "frame 3".
 Where = Callable[[int], str]
 
-# Usual steps of a Kinect's clock are 33 ms, a slow recorder's up to three times as long; seconds.
+# Limits of the median time step in seconds: 33 ms for a Kinect, up to three or four times as long for a slow
+# recorder.
 STEPS = (0.005, 0.5)
-# Length of a quaternion written with four digits or more.
+# Limits of the length of a quaternion written with four digits or more.
 _UNIT = (0.98, 1.02)
 
 
 def begins_with_rows(source: Source, separator: str | None, is_row: Callable[[list[float]], bool]) -> bool:
-    """True if at least three in four of the file's first 16 lines hold numbers only and pass `is_row`.
+    """True if at least three in four of the first 16 lines hold only numbers and pass `is_row`.
 
-    So one damaged line gets its own error; but a line of words first is a header, which none of these formats
-    has. The head's last line may be cut off: it does not count unless it is the only one.
+    One damaged line thus gets its own error, but words in the first line are a header, which none of these
+    formats has. The head's last line may be cut off: it counts only if it is the only one.
     """
     lines = source.head[:-1][:16] or source.head
     first = lines[0].strip().split(separator)
     if sum(to_number(field) is None for field in first) > 0.5 * len(first):
         return False
-    right = 0
+    matching = 0
     for line in lines:
         row = numbers_of(line, separator)
-        right += row is not None and is_row(row)
-    return right >= 0.75 * len(lines)
+        matching += row is not None and is_row(row)
+    return matching >= 0.75 * len(lines)
 
 
 def check_states(states: Array, joints: Sequence[str], where: Where, source: Source) -> None:
-    """States (T, J) must be 0 not seen, 1 inferred or 2 tracked."""
+    """Raise CaptureError unless all states (T, J) are 0 (not seen), 1 (inferred) or 2 (tracked)."""
     wrong = (states != MISSING) & (states != INFERRED) & (states != TRACKED)
     if wrong.any():
         frame, joint = (int(k) for k in np.argwhere(wrong)[0])
@@ -53,7 +54,9 @@ def check_states(states: Array, joints: Sequence[str], where: Where, source: Sou
 
 
 def check_quaternions(quaternions: Array, joints: Sequence[str], where: Where, source: Source) -> None:
-    """Quaternions (T, J, 4) must be of length 1; all zeros or anything that is not finite mean "none"."""
+    """Raise CaptureError unless all quaternions (T, J, 4) have length 1; zeros or non-finite values mean
+    "none".
+    """
     squared = np.einsum("...i,...i->...", quaternions, quaternions)
     wrong = (squared != 0.0) & ((squared < _UNIT[0] ** 2) | (squared > _UNIT[1] ** 2))
     if wrong.any():
@@ -68,19 +71,19 @@ def check_quaternions(quaternions: Array, joints: Sequence[str], where: Where, s
 
 
 def sensor_clock(times: Array, where: Where, source: Source) -> tuple[NDArray[np.bool_], list[Defect]]:
-    """`in_sequence` of a sensor's clock (T,), seconds.
+    """`increasing_times` of a sensor's clock (T,) in seconds.
 
-    CaptureError for a time that is no finite number, and for a clock whose usual step no Kinect has: then
-    the column is none of times.
+    Raises CaptureError for a time that is not finite, and for a median step that no Kinect has: then the
+    column does not hold times.
     """
     if not np.isfinite(times).all():
         bad = int(np.flatnonzero(~np.isfinite(times))[0])
-        raise source.error(expected="a time", found="no finite number", where=where(bad))
+        raise source.error(expected="a time", found="a non-finite number", where=where(bad))
     later, defects = increasing_times(times)
     step = float(np.median(np.diff(times[later]))) if later.sum() > 1 else STEPS[0]
     if not STEPS[0] <= step <= STEPS[1]:
         raise source.error(
             expected=f"times with steps of {1e3 * STEPS[0]:g} to {1e3 * STEPS[1]:g} ms",
-            found=f"a usual step of {1e3 * step:.4g} ms",
+            found=f"a median step of {1e3 * step:.4g} ms",
         )
     return later, defects

@@ -1,10 +1,10 @@
-"""Kinect v1 recordings as `.skl` text: a header line, then one line a frame.
+"""Kinect v1 recordings as `.skl` text: a header line, then one line per frame.
 
-Columns (any of the four variants with 81, 85, 86 or 91, and any sequence: they are found by name):
-`timestamp` in ms on the Kinect's clock, optionally framenum, adc and gyro columns, then per joint of the SDK
-`Name_X Name_Y Name_Z Name_tracked`, optionally `FloorPlane_A..D`. Positions are metres, Y up and already
-referred to the floor: FloorPlane describes the camera, and applying it again would be wrong.
-tracked: 0 not tracked, 1 inferred, 2 tracked.
+Columns (any of the four variants with 81, 85, 86 or 91, in any order; they are found by name): `timestamp` in
+ms on the Kinect's clock, optionally framenum, adc and gyro columns, then per joint of the SDK `Name_X Name_Y
+Name_Z Name_tracked`, optionally `FloorPlane_A..D`. Positions are metres, Y up, already relative to the floor:
+FloorPlane describes the camera, and applying it again would be wrong. tracked: 0 not tracked, 1 inferred, 2
+tracked.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ from kinemimic.pipeline.kinematics.skeleton import NODES, node_skeleton
 from kinemimic.pipeline.readers.base.clip_building import clip_of_points, reading
 from kinemimic.pipeline.readers.base.format import Format
 from kinemimic.pipeline.readers.base.source import Source
-from kinemimic.pipeline.readers.kinect.skl_text import frames_of, header_of, joint_columns, of_kinect_v2
+from kinemimic.pipeline.readers.kinect.skl_text import frames_of, header_of, is_kinect_v2, joint_columns
 
 FORMAT = Format(
     name="Kinect v1 .skl text",
@@ -25,28 +25,28 @@ FORMAT = Format(
 )
 # "hip_center" is HipCenter in the file.
 JOINTS: tuple[str, ...] = tuple(node.title().replace("_", "") for node in NODES)
-# A header with so many columns of joints is of this format, though some may be missing.
-_ENOUGH_COLUMNS = 20
+# A header with this many joint columns is of this format, even if some columns are missing.
+_MIN_COLUMNS = 20
 _CLOCKS = {"ms": 1e3}
 
 
 def recognises(source: Source) -> bool:
-    """True if the first line is a header of joint columns, and not of a Kinect v2's."""
+    """True if the first line is a header of joint columns that are not a Kinect v2's."""
     columns = joint_columns(source.head[0])
-    return len(columns) >= _ENOUGH_COLUMNS and not of_kinect_v2(columns)
+    return len(columns) >= _MIN_COLUMNS and not is_kinect_v2(columns)
 
 
 def read(source: Source) -> Clip:
-    """The clip of the 20 nodes, one frame per line with a later time than the line before.
+    """The clip of the 20 nodes, one frame per line with a later time than before.
 
     Lines with a repeated or earlier time are dropped and counted.
     """
     header = header_of(source)
-    foreign = sorted({joint.lower() for joint in header.joints} - {joint.lower() for joint in JOINTS})
-    if foreign:
+    unknown = sorted({joint.lower() for joint in header.joints} - {joint.lower() for joint in JOINTS})
+    if unknown:
         raise source.error(
             expected="the 20 joints of a Kinect v1",
-            found=f"{len(header.joints)} joints, among them {', '.join(foreign[:3])[:80]}",
+            found=f"{len(header.joints)} joints, including {', '.join(unknown[:3])[:80]}",
             where=f"line {header.line}",
         )
     frames = frames_of(source, header, JOINTS, _CLOCKS)

@@ -22,7 +22,7 @@ from kinemimic.pipeline.readers.base.clip_building import clip_of_points, readin
 from kinemimic.pipeline.readers.base.format import Format
 from kinemimic.pipeline.readers.base.frame_defects import MAX_COORDINATE, zero_frames
 from kinemimic.pipeline.readers.base.source import Source
-from kinemimic.pipeline.readers.kinect.treadmill import JOINTS, own_angles, true_rate
+from kinemimic.pipeline.readers.kinect.treadmill import JOINTS, angles_of_recorder, true_rate
 from kinemimic.pipeline.readers.mocap.c3d_layout import check_layout, marked
 from kinemimic.pipeline.readers.mocap.c3d_points import read_points
 from kinemimic.pipeline.readers.mocap.declared_unit import in_metres
@@ -86,7 +86,7 @@ def read(source: Source) -> Clip:
                 units=unit, units_rule=rule, defects=[*wrong, *wrong_rate, *zero_frames(chosen)], **facts
             ),
             world_from_file=_UP.get(up, Y_UP_TO_Z_UP),
-            angles=own_angles(own),
+            angles=angles_of_recorder(own),
         )
     if not 0.0 < rate <= _FASTEST:
         raise source.error(expected="frames a second in POINT:RATE", found=f"{rate:g}")

@@ -11,9 +11,10 @@ from kinemimic.pipeline.arrays import Array
 from kinemimic.pipeline.kinematics.clip import Clip
 from kinemimic.pipeline.kinematics.nodes import joints_of_nodes
 from kinemimic.pipeline.kinematics.proportions import TRUNK, stature
-from kinemimic.pipeline.kinematics.skeleton import NODE_INDEX, NODE_PARENTS, NODES, Skeleton
+from kinemimic.pipeline.kinematics.skeleton import NODE_INDEX, NODES, Skeleton
 from kinemimic.pipeline.readers.base.clip_building import clip_of_points
 from kinemimic.pipeline.readers.base.format import Format
+from kinemimic.pipeline.readers.base.node_parents import nearest_ancestor
 from kinemimic.pipeline.readers.base.source import Source
 from kinemimic.pipeline.readers.mocap.joint_centres import (
     HALF_ANKLE,
@@ -213,10 +214,6 @@ def _trunk(markers: _Markers, frame: Pelvis, legs: Mapping[str, Array]) -> dict[
 def _skeleton(nodes: tuple[str, ...]) -> Skeleton:
     """The tree of these of the 20 nodes; rest offsets unknown (zeros)."""
 
-    def parent(node: str) -> int:
-        above = NODE_PARENTS[NODE_INDEX[node]]
-        while above >= 0 and NODES[above] not in nodes:
-            above = NODE_PARENTS[above]
-        return nodes.index(NODES[above]) if above >= 0 else -1
-
-    return Skeleton(nodes, tuple(parent(node) for node in nodes), np.zeros((len(nodes), 3)))
+    ancestors = [nearest_ancestor(node, nodes) for node in nodes]
+    parents = tuple(-1 if ancestor is None else nodes.index(ancestor) for ancestor in ancestors)
+    return Skeleton(nodes, parents, np.zeros((len(nodes), 3)))

@@ -23,6 +23,7 @@ from kinemimic.pipeline.kinematics.rotations import from_axis_angle
 from kinemimic.pipeline.kinematics.skeleton import TRACKED, Skeleton
 from kinemimic.pipeline.quality.rules.defect import Defect
 from kinemimic.pipeline.readers.base.clip_building import reading
+from kinemimic.pipeline.readers.base.column_names import index_of_columns
 from kinemimic.pipeline.readers.base.format import Format
 from kinemimic.pipeline.readers.base.frame_defects import increasing_times
 from kinemimic.pipeline.readers.base.numbers import parse_table
@@ -235,9 +236,7 @@ def _check_labels(labels: Sequence[str], source: Source, line: int) -> None:
         )
     if labels[0] != "time":
         raise source.error(expected="time as the first column", found=repr(labels[0][:40]), where=where)
-    twice = next((label for label in labels if labels.count(label) > 1), None)
-    if twice is not None:
-        raise source.error(expected="column names once each", found=f"{twice[:40]} twice", where=where)
+    index_of_columns(labels, source, line)
 
 
 def _in_degrees(stated: str, turns: Sequence[Array]) -> bool:

@@ -12,7 +12,7 @@ from samples.depth_scene import HALF, body, millimetres, plane, render, to_camer
 from kinemimic.pipeline.arrays import Array
 from kinemimic.pipeline.kinematics.skeleton import NODES
 from kinemimic.pipeline.readers.depth.camera import Camera
-from kinemimic.pipeline.readers.depth.completeness import BEFORE, BEHIND, Verdict, check
+from kinemimic.pipeline.readers.depth.completeness import MAX_BEFORE, MAX_BEHIND, DepthCheck, check
 
 CAMERA = Camera(*astuple(HALF))
 NOT_GIVEN = np.nan
@@ -22,8 +22,8 @@ def wall(depth: float = 3.0) -> NDArray[np.float32]:
     return np.full((CAMERA.height, CAMERA.width), depth, dtype=np.float32)
 
 
-def verdict_of(image: NDArray[np.float32], pixel: tuple[float, float], given: float = NOT_GIVEN) -> Verdict:
-    return Verdict(int(check(image, CAMERA, np.array([pixel]), np.array([given])).verdicts[0]))
+def check_of(image: NDArray[np.float32], pixel: tuple[float, float], given: float = NOT_GIVEN) -> DepthCheck:
+    return DepthCheck(int(check(image, CAMERA, np.array([pixel]), np.array([given])).checks[0]))
 
 
 def figure(frame: int = 30) -> tuple[NDArray[np.float32], Array, Array]:
@@ -49,7 +49,7 @@ def test_a_dead_region_takes_exactly_the_joints_in_it(frame: int) -> None:
         dead = np.zeros(image.shape, dtype=np.bool_)
         dead[rows, columns] = True
         found = check(np.where(dead, np.float32(0), image), CAMERA, pixels, depth)
-        assert (found.verdicts == Verdict.NO_DEPTH).tolist() == dead[centres[:, 1], centres[:, 0]].tolist()
+        assert (found.checks == DepthCheck.NO_DEPTH).tolist() == dead[centres[:, 1], centres[:, 0]].tolist()
         assert (found.states == 0).tolist() == np.isnan(found.depth).tolist()
         assert not found.complete
 
@@ -57,15 +57,15 @@ def test_a_dead_region_takes_exactly_the_joints_in_it(frame: int) -> None:
 def test_the_edge_of_a_dead_region_is_its_edge() -> None:
     image = wall()
     image[:, 100:] = 0
-    assert verdict_of(image, (99.4, 50)) is Verdict.SEEN
-    assert verdict_of(image, (99.6, 50)) is Verdict.NO_DEPTH
+    assert check_of(image, (99.4, 50)) is DepthCheck.SEEN
+    assert check_of(image, (99.6, 50)) is DepthCheck.NO_DEPTH
 
 
 def test_a_small_hole_makes_a_joint_inferred() -> None:
     image = wall()
     image[47:54, 97:104] = 0
     found = check(image, CAMERA, np.array([[100.0, 50.0], [150.0, 50.0]]), np.full(2, NOT_GIVEN))
-    assert found.verdicts.tolist() == [Verdict.FILLED, Verdict.SEEN]
+    assert found.checks.tolist() == [DepthCheck.FILLED, DepthCheck.SEEN]
     assert found.states.tolist() == [1, 2]
     assert found.depth == pytest.approx([3.0, 3.0])
     assert found.complete
@@ -76,24 +76,24 @@ def test_at_an_edge_the_nearer_side_is_taken() -> None:
     image[:, 100:] = 2.5
     # Three columns of the window lie on the wall behind, two on the body.
     found = check(image, CAMERA, np.array([[99.0, 50.0]]), np.array([NOT_GIVEN]))
-    assert found.verdicts.tolist() == [Verdict.EDGE]
+    assert found.checks.tolist() == [DepthCheck.EDGE]
     assert found.states.tolist() == [1]
     assert found.depth == pytest.approx([2.5])
 
 
 @pytest.mark.parametrize(
-    ("given", "verdict"),
+    ("given", "expected"),
     [
-        (3.0, Verdict.SEEN),
-        (3.0 + BEHIND - 0.01, Verdict.SEEN),
-        (3.0 + BEHIND + 0.01, Verdict.DISAGREES),
-        (3.0 - BEFORE + 0.01, Verdict.SEEN),
-        (3.0 - BEFORE - 0.01, Verdict.DISAGREES),
+        (3.0, DepthCheck.SEEN),
+        (3.0 + MAX_BEHIND - 0.01, DepthCheck.SEEN),
+        (3.0 + MAX_BEHIND + 0.01, DepthCheck.DISAGREES),
+        (3.0 - MAX_BEFORE + 0.01, DepthCheck.SEEN),
+        (3.0 - MAX_BEFORE - 0.01, DepthCheck.DISAGREES),
     ],
 )
-def test_a_joint_lies_in_the_body_that_is_seen(given: float, verdict: Verdict) -> None:
+def test_a_joint_lies_in_the_body_that_is_seen(given: float, expected: DepthCheck) -> None:
     found = check(wall(), CAMERA, np.array([[60.0, 60.0]]), np.array([given]))
-    assert found.verdicts.tolist() == [verdict]
+    assert found.checks.tolist() == [expected]
     assert found.depth == pytest.approx([given])  # what the tracker says is not overruled
 
 
@@ -102,7 +102,7 @@ def test_a_joint_on_the_background_is_missing() -> None:
     image[:, 200:] = 5.0
     pixels = np.array([[50.0, 50.0], [80.0, 90.0], [250.0, 50.0]])
     found = check(image, CAMERA, pixels, np.full(3, NOT_GIVEN))
-    assert found.verdicts.tolist() == [Verdict.SEEN, Verdict.SEEN, Verdict.BACKGROUND]
+    assert found.checks.tolist() == [DepthCheck.SEEN, DepthCheck.SEEN, DepthCheck.BACKGROUND]
     assert np.isnan(found.depth).tolist() == [False, False, True]
 
 
@@ -110,8 +110,13 @@ def test_no_pixel_and_a_pixel_outside_are_missing() -> None:
     pixels = np.array([[np.nan, np.nan], [-1.0, 5.0], [400.0, 5.0], [0.0, 0.0]])
     found = check(wall(), CAMERA, pixels, np.full(4, NOT_GIVEN))
     # Nine of the window's 25 pixels lie inside the image at its very corner: too few.
-    assert found.verdicts.tolist() == [Verdict.ABSENT, Verdict.OUTSIDE, Verdict.OUTSIDE, Verdict.NO_DEPTH]
-    assert verdict_of(wall(), (2.0, 0.0)) is Verdict.SEEN
+    assert found.checks.tolist() == [
+        DepthCheck.ABSENT,
+        DepthCheck.OUTSIDE,
+        DepthCheck.OUTSIDE,
+        DepthCheck.NO_DEPTH,
+    ]
+    assert check_of(wall(), (2.0, 0.0)) is DepthCheck.SEEN
 
 
 def test_a_dead_image_and_no_joints_are_no_special_case() -> None:

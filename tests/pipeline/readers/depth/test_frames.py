@@ -52,12 +52,12 @@ def test_millimetres_become_metres_and_no_reading_zero(tmp_path: Path) -> None:
     [
         (b"", "found an empty file"),
         (b"P5 64 48 65535\n", "found something else"),
-        (png(IMAGE)[:-100], "found its end too early"),
-        (png(IMAGE)[:20], "found its end too early"),
-        (png(IMAGE)[:100] + b"\x00" + png(IMAGE)[101:], "found a chunk with a wrong sum"),
-        (png((IMAGE >> 8).astype(np.uint8)), "expected a grey PNG of 16 bits, found 8 bits"),
+        (png(IMAGE)[:-100], "found a truncated one"),
+        (png(IMAGE)[:20], "found a truncated one"),
+        (png(IMAGE)[:100] + b"\x00" + png(IMAGE)[101:], "found a chunk with a wrong checksum"),
+        (png((IMAGE >> 8).astype(np.uint8)), "expected a 16-bit grey PNG, found 8 bits"),
         (png(np.zeros((48, 64, 3), np.uint8)), "found 8 bits in colour"),
-        (png(IMAGE[:40]), "expected 64 x 48 pixels, as camera.toml says, found 64 x 40"),
+        (png(IMAGE[:40]), "expected 64 x 48 pixels, as in camera.toml, found 64 x 40"),
         (bomb(), "found 60000 x 60000"),
     ],
 )
@@ -91,7 +91,7 @@ def test_colour_is_blue_green_red(tmp_path: Path, write: object) -> None:
 @pytest.mark.parametrize(
     ("content", "message"),
     [
-        (jpeg(np.zeros((48, 64, 3), np.uint8))[:-200], "found its end too early"),
+        (jpeg(np.zeros((48, 64, 3), np.uint8))[:-200], "found a truncated one"),
         (jpeg(np.zeros((40, 64, 3), np.uint8)), "found 64 x 40"),
         (b"\xff\xd8\xff\xd9", "found no size in it"),
         (b"GIF89a", "expected a PNG or JPEG, found something else"),

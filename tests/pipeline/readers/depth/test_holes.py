@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from samples.depth_scene import AZURE, plane
 
-from kinemimic.pipeline.readers.depth.holes import LARGEST, fill
+from kinemimic.pipeline.readers.depth.holes import MAX_PIXELS, fill
 
 SLANTED = plane(AZURE, np.array([0.4, 0.1, 0.9]), 2.6)[200:300, 300:420].astype(np.float32)
 
@@ -48,7 +48,7 @@ def test_of_two_holes_only_the_one_inside_a_surface_is_filled() -> None:
 
 def test_large_holes_and_the_margin_stay() -> None:
     image = SLANTED.copy()
-    side = int(np.sqrt(LARGEST)) + 1
+    side = int(np.sqrt(MAX_PIXELS)) + 1
     image[40 : 40 + side, 50 : 50 + side] = 0
     image[:4, 20:24] = 0
     image[-3:, -3:] = 0

@@ -50,7 +50,7 @@ def test_the_walk_comes_back_within_2_mm(walk: Path) -> None:
     assert sum(facts["joint_positions"].values()) == FRAMES * len(NODES)
     # Thin limbs and what hides behind others lie at edges; the trunk never does.
     assert (clip.states[:, :3] == 2).all()
-    assert 0 < facts["joint_positions"]["at an edge of depth"] < 0.15 * clip.states.size
+    assert 0 < facts["joint_positions"]["at a depth edge"] < 0.15 * clip.states.size
 
 
 def test_without_given_depth_joints_lie_on_the_skin(tmp_path: Path) -> None:
@@ -156,9 +156,9 @@ def test_the_hash_is_of_everything_that_was_read(short: Path) -> None:
         (
             "depth/000002.png",
             b"\x89PNG\r\n\x1a\n",
-            "000002.png: expected a whole PNG, found its end too early",
+            "000002.png: expected a complete PNG, found a truncated one",
         ),
-        ("depth/000002x.png", b"", "frame 2: expected one image a frame"),
+        ("depth/000002x.png", b"", "frame 2: expected one image per frame"),
     ],
 )
 def test_damage_is_one_line(short: Path, name: str, content: bytes | None, message: str) -> None:

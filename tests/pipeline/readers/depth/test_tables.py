@@ -31,12 +31,12 @@ def test_lines_find_their_frame_and_joint() -> None:
     assert table.depth == pytest.approx(np.array([[nan, 0.007], [nan, nan], [2.5, nan]]), nan_ok=True)
     assert table.states.tolist() == [[2, 2], [0, 0], [1, 0]]
     assert table.has_depth
-    assert table.stray == 0
+    assert table.frames_without_image == 0
 
 
 def test_frames_without_an_image_are_counted() -> None:
     table = joints("frame,joint,u,v\n1,head,1,1\n5,head,1,1\n5,hip,1,1\n9,head,1,1\n4,head,8,9\n")
-    assert table.stray == 3
+    assert table.frames_without_image == 3
     assert table.pixels[1, 0].tolist() == [8, 9]
     assert np.isnan(table.pixels[[0, 2]]).all()
     assert not table.has_depth
@@ -63,7 +63,7 @@ def test_frames_without_an_image_are_counted() -> None:
         ("frame,joint,u,v,state\n3,head,1,1,0.5\n", "line 2: expected 0, 1 or 2 as state"),
         (
             "frame,joint,u,v\n3,head,1,1\n\n3,head,2,2\n",
-            "line 4: .* once a frame, found head of frame 3",
+            "line 4: .* once per frame, found head of frame 3",
         ),
         ('frame,joint,u,v\n3,"head,1,1\n', "expected"),
         ("frame,joint,u,v\n3," + 200_000 * "a" + ",1,1\n", "comma separated values"),
@@ -92,7 +92,7 @@ def test_times_in_any_sequence_with_more_than_there_are_images() -> None:
         ("frame\n3\n", "found no time"),
         ("frame,time\n3,1\n", "expected a time for every depth image, found none for frame 4 and 1 more"),
         ("frame,time\n3,1\n4,\n6,3\n", "found none for frame 4"),
-        ("frame,time\n3,1\n4,2\n6,2\n", "frame 6: expected times that rise, found 2 s after 2 s"),
+        ("frame,time\n3,1\n4,2\n6,2\n", "frame 6: expected increasing times, found 2 s after 2 s"),
     ],
 )
 def test_a_mistake_in_times_is_named(text: str, message: str) -> None:

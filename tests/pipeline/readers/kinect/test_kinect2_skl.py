@@ -40,8 +40,8 @@ def test_wrong_names_are_repaired_with_evidence() -> None:
     assert defects(clip) == {"wrong_names": 24}
     (defect,) = clip.provenance["reading"]["defects"]
     assert defect["action"] == "repaired"
-    assert "by the header's names HipRight-KneeRight 0." in defect["text"]
-    assert "by the SDK's order HipRight-KneeRight 0." in defect["text"]
+    assert "with the header's names HipRight-KneeRight 0." in defect["text"]
+    assert "with the SDK's order HipRight-KneeRight 0." in defect["text"]
 
 
 def test_right_names_are_believed_in_any_sequence() -> None:
@@ -87,7 +87,7 @@ def test_zeros_that_are_not_tracked_are_missing() -> None:
         (lambda t: t.replace("KneeLeft_Y", "Other"), "line 1: .*found no column KneeLeft_Y$"),
         (lambda t: t.replace("timestamp", "time"), "no column timestamp"),
         (lambda t: t[:-60], "line 21: expected 106 numbers, found .*; the file is cut off there"),
-        (lambda t: t.replace("\t2\t", "\t3\t", 1), "line 2: expected 0, 1 or 2 in .*_tracked, found 3"),
+        (lambda t: t.replace("\t2\t", "\t3\t", 1), "line 2: expected a state of .*, 0, 1 or 2, found 3"),
         (lambda t: t.replace("\t1\t", "\tx\t", 1), "line 3: expected a number, found 'x'"),
         (lambda t: t.split("\n")[0], "line 2: expected lines of numbers, found none"),
     ],
@@ -99,7 +99,7 @@ def test_damage_is_named_with_its_line(change: Callable[[str], str], message: st
 
 def test_a_clock_of_no_kinect_is_refused() -> None:
     with pytest.raises(
-        CaptureError, match=r"expected timestamps in 100 ns, .* or in ms, .*, found a usual step"
+        CaptureError, match=r"expected timestamps in 100 ns, .* or in ms, .*, found a median step"
     ):
         clip_of(text(20, SDK, tick=1.0))
 

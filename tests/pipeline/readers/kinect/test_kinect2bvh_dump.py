@@ -49,7 +49,7 @@ def test_upper_bodies_are_refused_with_what_is_there() -> None:
     ("change", "message"),
     [
         (lambda t: t[: t.rfind("Rot")], "expected Rot N, found the end|line .*cut off"),
-        (lambda t: "\n".join(t.split("\n")[:-4]) + "\n", "expected whole blocks, found 3 lines too few"),
+        (lambda t: "\n".join(t.split("\n")[:-4]) + "\n", "expected complete blocks, found 3 lines missing"),
         (
             lambda t: t.replace("Pos 21", "Pos 999999999", 1),
             "line 2: expected 1 to 25 joints, found 999999999",

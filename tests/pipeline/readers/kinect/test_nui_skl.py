@@ -108,7 +108,7 @@ def test_the_clock_is_the_captures_own(skl: Text) -> None:
         (lambda t: t.split("\n")[0], "line 2: expected lines of numbers, found none"),
         (
             lambda t: t.replace("\t2\t", "\t3\t", 1),
-            "line 2: expected 0, 1 or 2 in HipCenter_tracked, found 3",
+            "line 2: expected a state of HipCenter, 0, 1 or 2, found 3",
         ),
         (lambda t: t.replace("HipLeft_X", "HipRight_X"), "line 1: expected column names once each"),
         (

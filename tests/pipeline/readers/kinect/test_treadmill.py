@@ -15,7 +15,7 @@ from kinemimic.pipeline.kinematics.angles import leg_angles
 from kinemimic.pipeline.kinematics.clip import Clip
 from kinemimic.pipeline.kinematics.skeleton import NODE_INDEX
 from kinemimic.pipeline.readers.base.source import Source
-from kinemimic.pipeline.readers.kinect.treadmill import own_angles, true_rate
+from kinemimic.pipeline.readers.kinect.treadmill import angles_of_recorder, true_rate
 from kinemimic.pipeline.readers.recognise import read, read_source
 
 PATH = Path("walk.txt")
@@ -58,7 +58,7 @@ def test_its_own_angles_are_flexion() -> None:
 def test_a_right_angle_of_each_joint() -> None:
     labels = ("Left Knee Angle", "Right Foot Angle", "Left Elbow Angle", "Right Shoulder Angle", "Nose Angle")
     degrees = {label: np.array([120.0, 0.0]) for label in labels}
-    curves = own_angles(degrees)
+    curves = angles_of_recorder(degrees)
     assert set(curves) == {"knee_left", "ankle_right", "elbow_left", "shoulder_right"}
     first = {name: float(np.degrees(curve[0])) for name, curve in curves.items()}
     assert first == pytest.approx(
@@ -87,7 +87,7 @@ def test_frames_that_the_header_announces_and_the_file_lacks_are_told() -> None:
         (lambda t: t[:-60], "line 20: expected 85 numbers, found .*; the file is cut off there"),
         (
             lambda t: t.replace("Left Knee\t", "Left Kne\t"),
-            "line 6: expected 20 joints by name, found no Left Knee",
+            "line 6: expected the names of 20 joints, found no Left Knee",
         ),
         (
             lambda t: t.replace("\tm\t", "\tmm\t"),

@@ -156,7 +156,7 @@ def test_the_runner_carries_his_arms_bent_in_front(captures: Path) -> None:
         ),
         (
             lambda t: t.replace("hip_rotation_r", "hip_flexion_r"),
-            "column names once each, found hip_flexion_r",
+            "column names once each, found 'hip_flexion_r'",
         ),
         (lambda t: t.replace("time", "frame", 1), "expected time as the first column, found 'frame'"),
         (lambda t: t.replace("0.01666667", "nan       ", 1), "line 12: expected a finite number in time"),

@@ -67,7 +67,7 @@ def test_damage(change, says: str) -> None:  # type: ignore[no-untyped-def]
 def test_a_clock_that_no_sensor_has() -> None:
     # Milliseconds in place of ticks: 3.3 microseconds a frame.
     rows = [line.split(",", 1) for line in TAKE.strip().split("\r\n")]
-    with pytest.raises(CaptureError, match=r"steps of 5 to 500 ms, found a usual step of 0.0033"):
+    with pytest.raises(CaptureError, match=r"steps of 5 to 500 ms, found a median step of 0.0033"):
         read("\n".join(f"{int(tick) // 10_000},{rest}" for tick, rest in rows))
 
 

@@ -1,0 +1,37 @@
+"""Find the columns of a table by their names in its header."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+
+from kinemimic.pipeline.readers.base.source import Source
+
+
+def index_of_columns(names: Sequence[str], source: Source, line: int) -> dict[str, int]:
+    """Column of each name; CaptureError if a name occurs twice. line: of the header, from 1."""
+    index = {name: column for column, name in enumerate(names)}
+    if len(index) != len(names):
+        twice = next(name for column, name in enumerate(names) if index[name] != column)
+        raise source.error(
+            expected="column names once each", found=f"{twice[:40]!r} twice", where=f"line {line}"
+        )
+    return index
+
+
+def require_columns(
+    index: Mapping[str, int],
+    wanted: Sequence[str],
+    source: Source,
+    line: int,
+    *,
+    expected: str,
+    key: Callable[[str], str] = str,
+) -> list[int]:
+    """Columns of the wanted names; CaptureError lists the missing ones. key: name -> its key in `index`."""
+    missing = [name for name in wanted if key(name) not in index]
+    if missing:
+        more = f" and {len(missing) - 3} more" if len(missing) > 3 else ""
+        raise source.error(
+            expected=expected, found=f"no column {', '.join(missing[:3])}{more}", where=f"line {line}"
+        )
+    return [index[key(name)] for name in wanted]

@@ -1,0 +1,15 @@
+"""The tree of the 20 nodes, where some of them are missing."""
+
+from __future__ import annotations
+
+from collections.abc import Container
+
+from kinemimic.pipeline.kinematics.skeleton import NODE_INDEX, NODE_PARENTS, NODES
+
+
+def nearest_ancestor(node: str, present: Container[str]) -> str | None:
+    """The nearest ancestor of a node among the nodes that are present; None if there is none."""
+    parent = NODE_PARENTS[NODE_INDEX[node]]
+    while parent >= 0 and NODES[parent] not in present:
+        parent = NODE_PARENTS[parent]
+    return NODES[parent] if parent >= 0 else None
