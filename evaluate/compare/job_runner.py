@@ -2,17 +2,15 @@
 
 from __future__ import annotations
 
-import multiprocessing
 from collections import deque
 from collections.abc import Callable, Mapping, Sequence
 from multiprocessing.connection import Connection, wait
-from multiprocessing.process import BaseProcess
-from typing import Any, Generic, NamedTuple, Protocol, TypeVar
+from typing import Any, Protocol, TypeVar
 
 from kinemimic.pipeline.cli.progress import overheard
 from kinemimic.pipeline.errors import KinemimicError
 from kinemimic.pipeline.parallel.interruption import deferred
-from kinemimic.pipeline.parallel.process_pool import end_with_parent, inherited
+from kinemimic.pipeline.parallel.worker import Worker, WorkerDiedError
 
 Task = TypeVar("Task")
 Heard_contra = TypeVar("Heard_contra", contravariant=True)
@@ -34,12 +32,6 @@ class Listener(Protocol[Heard_contra]):
         """It is done, or an error in one line."""
 
 
-class _Running(NamedTuple, Generic[Task]):
-    task: Task
-    process: BaseProcess
-    verdict: list[str | None]  # empty until it has said how it ended
-
-
 def side_by_side(
     work: Callable[[Task], object], tasks: Sequence[Task], jobs: int, listener: Listener[Task]
 ) -> None:
@@ -49,9 +41,8 @@ def side_by_side(
     to end by SIGTERM and waited for, so that a training saves its checkpoint; then KeyboardInterrupt. A
     second one ends them at once.
     """
-    context = multiprocessing.get_context("spawn")
     left = deque(tasks)
-    running: dict[Connection, _Running[Task]] = {}
+    running: dict[Worker, Task] = {}
     asked = False
     with deferred() as interruption:
         try:
@@ -59,54 +50,43 @@ def side_by_side(
                 if interruption.asked and not asked:
                     asked = True
                     left.clear()
-                    for one in running.values():
-                        one.process.terminate()
+                    for worker in running:
+                        worker.terminate()
                 while left and len(running) < jobs:
-                    ours, theirs = context.Pipe(duplex=False)
-                    task = left.popleft()
-                    process = context.Process(target=_do, args=(work, task, theirs))
-                    # It ignores Ctrl-C, which reaches the whole group, and heeds the SIGTERM from here.
-                    with inherited():
-                        process.start()
-                    theirs.close()
-                    running[ours] = _Running(task, process, [])
+                    worker, task = Worker(daemon=False), left.popleft()
+                    worker.begin(_do, work, task)
+                    running[worker] = task
                     listener.begun(task)
-                for connection in wait(list(running), _LOOK):
-                    assert isinstance(connection, Connection)  # noqa: S101 (for mypy: wait takes others too)
-                    one = running[connection]
-                    try:
-                        _hear(one, connection.recv(), listener)
-                    except EOFError:
-                        del running[connection]
-                        one.process.join()
-                        if not asked:
-                            listener.ended(one.task, _verdict(one))
+                ready = wait([worker.pipe for worker in running], _LOOK)
+                for worker, task in tuple(running.items()):
+                    if worker.pipe not in ready:
+                        continue
+                    kind, content = _message(worker)
+                    if kind == "bar":
+                        listener.advanced(task, *content)
+                        continue
+                    del running[worker]
+                    worker.end(patience=None)
+                    if not asked:
+                        listener.ended(task, content)
         finally:
-            for one in running.values():
-                one.process.kill()
+            for worker in running:
+                worker.end()
     if asked:
         raise KeyboardInterrupt
 
 
-def _hear(one: _Running[Task], said: tuple[str, Any], listener: Listener[Task]) -> None:
-    kind, content = said
-    if kind == "ended":
-        one.verdict.append(content)
-    else:
-        listener.advanced(one.task, *content)
+def _message(worker: Worker) -> tuple[str, Any]:
+    """("bar", what it shows) or, last, ("ended", an error in one line or None)."""
+    try:
+        message: tuple[str, Any] = worker.receive()
+    except WorkerDiedError as death:
+        advice = "; memory may be short: take fewer --jobs" if death.exitcode == -9 else ""
+        return "ended", f"its process ended, status {death.exitcode}{advice}"
+    return message
 
 
-def _verdict(one: _Running[Any]) -> str | None:
-    if one.verdict:
-        return one.verdict[0]
-    status = one.process.exitcode
-    return f"its process ended, status {status}" + (
-        "; memory may be short: take fewer --jobs" if status == -9 else ""
-    )
-
-
-def _do(work: Callable[[Task], object], task: Task, connection: Connection) -> None:
-    end_with_parent()
+def _do(connection: Connection, work: Callable[[Task], object], task: Task) -> None:
     error = None
     try:
         with overheard(lambda *bar: connection.send(("bar", bar))):

@@ -28,7 +28,7 @@ import numpy as np
 
 from kinemimic.evaluate.paper.ppo_update import OneUpdate, PpoUpdate
 from kinemimic.pipeline.errors import KinemimicError
-from kinemimic.pipeline.parallel.process_pool import spread
+from kinemimic.pipeline.parallel.task_pool import parallel_map
 from kinemimic.train.config.baseline_config import A2c, Ddpg, StablePpo, require_package
 from kinemimic.train.config.config import PRESETS, TrainConfig, preset
 from kinemimic.train.task.env import observation_size
@@ -108,8 +108,10 @@ def processing_times(
         )
         for hidden in nets
     ]
-    # In one child, which has one thread for matrix products, numpy's and torch's (`children.py`).
-    found = spread(measured, tasks, workers=1, progress=progress and (lambda k: progress(k / len(tasks))))
+    # In one child, which has one thread for matrix products, numpy's and torch's (`worker.py`).
+    found = parallel_map(
+        measured, tasks, workers=1, progress=progress and (lambda k: progress(k / len(tasks)))
+    )
     return {
         "samples": list(samples),
         "repeats": repeats,

@@ -13,7 +13,7 @@ from kinemimic.evaluate.scoring.scores import FIT_FRAMES, rollout_fits
 from kinemimic.evaluate.view.scenario_replay import staged
 from kinemimic.pipeline.gait.curve_metrics import JOINTS, SIDES
 from kinemimic.pipeline.kinematics.angles import ANGLES
-from kinemimic.pipeline.parallel.process_pool import spread
+from kinemimic.pipeline.parallel.task_pool import parallel_map
 from kinemimic.retarget.humanoid.motion import joint_angles
 from kinemimic.train.scenario.scenario import Scenario
 
@@ -83,7 +83,7 @@ def rooms(
     """
     walks = [Walk(one, scenario, number, seed, engine) for one in contenders for number in range(trials)]
     share = progress and (lambda k: progress(k / len(walks)))
-    done = spread(walked, walks, workers=workers, progress=share)
+    done = parallel_map(walked, walks, workers=workers, progress=share)
     ordered = sorted(done[:trials], key=lambda walk: sum(walk[joint]["r2_upright"] for joint in JOINTS))
     middle = ordered[(trials - 1) // 2]["number"]
     results = []

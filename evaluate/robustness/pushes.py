@@ -32,7 +32,7 @@ from kinemimic.pipeline.cli.options import json_option
 from kinemimic.pipeline.cli.progress import progress
 from kinemimic.pipeline.files.provenance import provenance
 from kinemimic.pipeline.files.store import file_hash, write_json
-from kinemimic.pipeline.parallel.process_pool import spread
+from kinemimic.pipeline.parallel.task_pool import parallel_map
 from kinemimic.retarget.humanoid.body import BODIES
 from kinemimic.train.config.config import TrainConfig
 from kinemimic.train.rollout.policy import POLICY, learnt
@@ -70,7 +70,7 @@ def pushes(
     with progress("pushes", phases) as bar:
         # One phase a task: what a figure does must not depend on how many processes share the work.
         tasks = [Task(motion, policy, config, float(phase), engine) for phase in at]
-        found = spread(push_all_ways, tasks, workers=workers, progress=bar.advance)
+        found = parallel_map(push_all_ways, tasks, workers=workers, progress=bar.advance)
     result = {
         "schema": PUSHES_SCHEMA,
         "phases": at.tolist(),

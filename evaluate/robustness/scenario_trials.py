@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from scipy.stats import binomtest
 
 from kinemimic.pipeline.arrays import Array
-from kinemimic.pipeline.parallel.process_pool import spread
+from kinemimic.pipeline.parallel.task_pool import parallel_map
 from kinemimic.retarget.humanoid.motion import Motion
 from kinemimic.train.config.config import EnvConfig, TrainConfig
 from kinemimic.train.rollout.evaluation import frames_of
@@ -115,7 +115,7 @@ def conduct_all(
     progress: Callable[[int], object] | None = None,
 ) -> list[Trials]:
     """The trials of each group of tasks, all spread over processes; progress: called with tasks done."""
-    parts = iter(spread(conduct, list(chain(*groups)), workers=workers, progress=progress))
+    parts = iter(parallel_map(conduct, list(chain(*groups)), workers=workers, progress=progress))
     return [Trials.joined(list(islice(parts, len(group)))) for group in groups]
 
 

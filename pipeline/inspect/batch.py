@@ -19,7 +19,7 @@ from kinemimic.pipeline.inspect.file_report import (
     inspect_file,
     unread_report,
 )
-from kinemimic.pipeline.parallel.isolated_pool import SECONDS, Failed, each
+from kinemimic.pipeline.parallel.task_pool import TIMEOUT, Failure, isolated_map
 from kinemimic.pipeline.readers.depth.folder import is_recording
 
 Report = dict[str, Any]
@@ -50,18 +50,22 @@ def file_reports(files: Sequence[Path], *, jobs: int, unit: str | None = None) -
 
     unit: of length in all of them, as in `recognise.read`.
     """
-    for index, result in each(partial(file_report, unit=unit), files, jobs=jobs, seconds=_time_limit(files)):
-        yield unread_report(files[index], REFUSED, result.reason) if isinstance(result, Failed) else result
+    work = partial(file_report, unit=unit)
+    for index, result in isolated_map(work, files, workers=jobs, timeout=_time_limit(files)):
+        yield unread_report(files[index], REFUSED, result.reason) if isinstance(result, Failure) else result
 
 
 def file_drawings(files: Sequence[Path], *, jobs: int, unit: str | None = None) -> Iterator[tuple[Path, str]]:
     """Each file with its part of the page of curves (HTML), likewise; or with the reason why it has none."""
     from kinemimic.pipeline.inspect.curves import section  # noqa: PLC0415 (see `draw`)
 
-    for index, result in each(partial(draw, unit=unit), files, jobs=jobs, seconds=_time_limit(files)):
+    work = partial(draw, unit=unit)
+    for index, result in isolated_map(work, files, workers=jobs, timeout=_time_limit(files)):
         file = files[index]
-        lost = isinstance(result, Failed)
-        yield file, section(InspectedFile(unread_report(file, REFUSED, result.reason))) if lost else result
+        if isinstance(result, Failure):
+            yield file, section(InspectedFile(unread_report(file, REFUSED, result.reason)))
+        else:
+            yield file, result
 
 
 def draw(path: Path, *, unit: str | None = None) -> str:
@@ -74,7 +78,7 @@ def draw(path: Path, *, unit: str | None = None) -> str:
 
 def _time_limit(files: Sequence[Path]) -> float:
     """Seconds for one of the files: a depth recording is a folder of thousands of images."""
-    return 10.0 * SECONDS if any(file.is_dir() for file in files) else SECONDS
+    return 10.0 * TIMEOUT if any(file.is_dir() for file in files) else TIMEOUT
 
 
 def mark_sidecar_files(reports: Iterable[Report]) -> list[Report]:

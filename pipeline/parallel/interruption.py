@@ -1,4 +1,4 @@
-"""Ctrl-C and SIGTERM while something must not be cut in two: the first one is noted, the second one acts."""
+"""Defer Ctrl-C and SIGTERM while work must not be cut short: the first is noted, the second interrupts."""
 
 from __future__ import annotations
 
@@ -10,13 +10,13 @@ from types import FrameType
 
 
 class Interruption:
-    """asked: whether to stop at the next good moment."""
+    """asked: whether to stop at the next safe point."""
 
     def __init__(self) -> None:
         self.asked = False
 
     def note(self, _number: int = 0, _frame: FrameType | None = None) -> None:
-        """What a signal calls; KeyboardInterrupt at once if it was asked before."""
+        """The signal handler; raises KeyboardInterrupt at the second signal."""
         if self.asked:
             raise KeyboardInterrupt
         self.asked = True
@@ -24,10 +24,10 @@ class Interruption:
 
 @contextmanager
 def deferred() -> Iterator[Interruption]:
-    """SIGINT and SIGTERM go to the Interruption that this yields; the earlier handlers come back behind it.
+    """Send SIGINT and SIGTERM to the Interruption that this yields; restore the earlier handlers afterwards.
 
-    In another thread than the main one, which alone may set handlers, nothing is caught; and a signal that
-    is ignored stays so, as that of a job in the background, which Ctrl-C is not meant for.
+    Only the main thread may set handlers; in any other, nothing is caught. A signal that is ignored stays
+    ignored, as SIGINT is for a job in the background.
     """
     interruption = Interruption()
     if threading.current_thread() is not threading.main_thread():

@@ -1,9 +1,11 @@
-"""What processes of `side_by_side` are given to do in tests: a module that they can import."""
+"""What worker processes run in tests: a module that they can import."""
 
 from __future__ import annotations
 
 import os
+import signal
 import time
+from multiprocessing.connection import Connection
 from pathlib import Path
 
 from kinemimic.pipeline.cli.progress import progress
@@ -28,3 +30,19 @@ def chore(task: str) -> None:
                 Path(path).touch()
                 raise KeyboardInterrupt
         bar.advance(1)
+
+
+def add(pipe: Connection, offset: int) -> None:
+    """Answer each number with its sum with the offset; exit with status n at -n."""
+    while True:
+        number = pipe.recv()
+        if number < 0:
+            os._exit(-number)
+        pipe.send(number + offset)
+
+
+def hold(pipe: Connection) -> None:
+    """Answer with the process' id, and never end."""
+    pipe.send(os.getpid())
+    while True:
+        signal.pause()

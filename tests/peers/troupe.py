@@ -19,7 +19,7 @@ class Troupe(Workers):
     ) -> None:
         self.seconds = {}
         self._count = count
-        self._connections, self._processes = [], []
+        self._workers = []
         seeds = np.random.SeedSequence(seed).spawn(environments)
         self._samplers = [Sampler(motion, config, seeds[k::count], engine) for k in range(count)]
 

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from kinemimic.pipeline.arrays import Array
 from kinemimic.pipeline.kinematics.rotations import IDENTITY
 from kinemimic.pipeline.kinematics.skeleton import NODES
-from kinemimic.pipeline.parallel.process_pool import spread
+from kinemimic.pipeline.parallel.task_pool import parallel_map
 from kinemimic.retarget.humanoid.body import BODY_NODES
 from kinemimic.retarget.humanoid.motion import Motion
 from kinemimic.train.config.config import EnvConfig, TrainConfig
@@ -47,7 +47,7 @@ def collect_trajectories(
         config = TrainConfig.from_json(record["config"]).env
     # One figure a task: what a figure does must not depend on how many others there are.
     tasks = [(motion, actor, config, float(phase), frames, engine) for phase in start_phases]
-    parts = spread(_perform_one, tasks, workers=workers, progress=progress)
+    parts = parallel_map(_perform_one, tasks, workers=workers, progress=progress)
     joined: dict[str, Any] = {
         f.name: parts[0].reward_names
         if f.name == "reward_names"

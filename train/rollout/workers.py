@@ -2,12 +2,10 @@
 
 from __future__ import annotations
 
-import multiprocessing
 import signal
-from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Sequence
 from dataclasses import fields
-from multiprocessing.connection import Connection, wait
+from multiprocessing.connection import Connection
 from types import TracebackType
 from typing import Any
 
@@ -16,7 +14,7 @@ from numpy.typing import NDArray
 
 from kinemimic.pipeline.arrays import Floats
 from kinemimic.pipeline.errors import KinemimicError
-from kinemimic.pipeline.parallel.process_pool import inherited
+from kinemimic.pipeline.parallel.worker import Worker, WorkerDiedError
 from kinemimic.retarget.humanoid.motion import Motion
 from kinemimic.train.config.config import EnvConfig, RewardConfig
 from kinemimic.train.rollout.evaluation import Episode
@@ -42,21 +40,18 @@ def _serve(
     # The parent ends its workers; a signal to the whole group must not take them from it in mid-round.
     signal.signal(signal.SIGTERM, signal.SIG_IGN)
     try:
-        try:
-            sampler = Sampler(motion, config, seeds, engine)
-        except KinemimicError as error:
-            connection.send(error)
-            return
-        connection.send(None)  # ready
-        while True:
-            request, arguments = connection.recv()
-            try:
-                found = answer(sampler, request, arguments)
-            except KinemimicError as error:
-                found = error
-            connection.send(found)
-    except (EOFError, ConnectionError):  # the parent is gone
+        sampler = Sampler(motion, config, seeds, engine)
+    except KinemimicError as error:
+        connection.send(error)
         return
+    connection.send(None)  # ready
+    while True:
+        request, arguments = connection.recv()
+        try:
+            found = answer(sampler, request, arguments)
+        except KinemimicError as error:
+            found = error
+        connection.send(found)
 
 
 class Workers:
@@ -71,42 +66,28 @@ class Workers:
         self.seconds: dict[str, float] = {}
         self._count = count
         seeds = np.random.SeedSequence(seed).spawn(num_envs)
-        context = multiprocessing.get_context("spawn")
-        self._connections: list[Connection] = []
-        self._processes: list[multiprocessing.process.BaseProcess] = []
-        with inherited():
-            for k in range(count):
-                ours, theirs = context.Pipe()
-                process = context.Process(
-                    target=_serve, args=(theirs, motion, config, seeds[k::count], engine), daemon=True
-                )
-                process.start()
-                theirs.close()
-                self._connections.append(ours)
-                self._processes.append(process)
-        # What it takes to start is not part of the first samples' time.
-        with self._all_alive():
-            _sound([connection.recv() for connection in self._connections])
+        self._workers = [Worker() for _ in range(count)]
+        for k, worker in enumerate(self._workers):
+            worker.begin(_serve, motion, config, seeds[k::count], engine)
+        # Starting up is not part of the first samples' time.
+        self._answers()
 
-    @contextmanager
-    def _all_alive(self) -> Iterator[None]:
+    def _answers(self) -> list[Any]:
+        """The next message of every worker; KinemimicError if one sent an error or died."""
         try:
-            yield
-        except (EOFError, ConnectionError):
-            ended = wait([process.sentinel for process in self._processes])
-            lost = next(process for process in self._processes if process.sentinel in ended)
-            lost.join()
-            raise KinemimicError(
-                f"expected {len(self._processes)} processes that simulate, found that one ended, status "
-                f"{lost.exitcode}; if it was killed (-9), memory may be short: train with fewer --workers"
-            ) from None
+            answers = [worker.receive() for worker in self._workers]
+        except WorkerDiedError as death:
+            raise death.among(self._count) from None
+        for found in answers:
+            if isinstance(found, KinemimicError):
+                raise found
+        return answers
 
     def _ask(self, request: str, arguments: Sequence[tuple[Any, ...]]) -> list[Any]:
         """What each worker's sampler answers to the method `request` with its own arguments."""
-        with self._all_alive():
-            for connection, given in zip(self._connections, arguments, strict=True):
-                connection.send((request, given))
-            return _sound([connection.recv() for connection in self._connections])
+        for worker, given in zip(self._workers, arguments, strict=True):
+            worker.send((request, given))
+        return self._answers()
 
     def figures(self) -> Figures:
         """What the next `sample` begins with, for all figures."""
@@ -152,20 +133,8 @@ class Workers:
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
-        for connection in self._connections:
-            connection.close()
-        for process in self._processes:
-            process.join(timeout=5)
-            if process.is_alive():
-                process.kill()
-
-
-def _sound(answers: list[Any]) -> list[Any]:
-    """The answers, unless one is an error that a worker met."""
-    for found in answers:
-        if isinstance(found, KinemimicError):
-            raise found
-    return answers
+        for worker in self._workers:
+            worker.end(patience=5.0)
 
 
 def _dealt_back(hands: list[NDArray[Any]]) -> NDArray[Any]:

@@ -66,7 +66,7 @@ def here(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
     monkeypatch.setitem(PRESETS, "default", SMALL)
     monkeypatch.setattr(module, "side_by_side", one_by_one)
     monkeypatch.setattr(training, "Workers", Troupe)
-    monkeypatch.setattr(rollouts, "spread", lambda work, tasks, **_: [work(task) for task in tasks])
+    monkeypatch.setattr(rollouts, "parallel_map", lambda work, tasks, **_: [work(task) for task in tasks])
     monkeypatch.setattr(evaluation, "report", lambda *_: "<!doctype html>")
     earlier = signal.signal(signal.SIGINT, signal.default_int_handler)
     yield

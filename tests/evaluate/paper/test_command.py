@@ -43,7 +43,7 @@ def short(monkeypatch: pytest.MonkeyPatch) -> None:
 
     monkeypatch.setattr(module, "scenario", cut)
     for user in (scenario_trials, walks):
-        monkeypatch.setattr(user, "spread", lambda work, tasks, **_: [work(task) for task in tasks])
+        monkeypatch.setattr(user, "parallel_map", lambda work, tasks, **_: [work(task) for task in tasks])
     monkeypatch.setattr(module, "processing_times", times)
 
 

@@ -173,7 +173,7 @@ def test_without_the_rivals_package_there_is_ppo_alone(monkeypatch: pytest.Monke
         return [work(task) for task in tasks]
 
     monkeypatch.setattr(module, "require_package", missing)
-    monkeypatch.setattr(module, "spread", here)
+    monkeypatch.setattr(module, "parallel_map", here)
     algorithms = processing_times(samples=(20, 40), nets=(SMALL,), repeats=1)["nets"][0]["algorithms"]
     assert algorithms["ddpg"] is None
     assert algorithms["a2c"] is algorithms["sb3-ppo"] is None

@@ -254,7 +254,7 @@ def test_the_same_pushes_whatever_the_number_of_processes(tmp_path: Path, crouch
 def found(run: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     """A run whose figures have made-up borders: 30, 40 … 220 N, and 600 N to the right."""
 
-    def spread(work: object, tasks: list[Task], **_: object) -> list[list[Found]]:
+    def in_this_process(work: object, tasks: list[Task], **_: object) -> list[list[Found]]:
         borders = [30.0 + 10.0 * k for k in range(len(tasks))]
         return [
             [Found(border, True, tuple(border >= force for force in GRID))] * 3
@@ -262,7 +262,7 @@ def found(run: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
             for border in borders
         ]
 
-    monkeypatch.setattr(module, "spread", spread)
+    monkeypatch.setattr(module, "parallel_map", in_this_process)
     return run
 
 

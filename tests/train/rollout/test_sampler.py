@@ -140,5 +140,5 @@ def test_a_worker_that_is_killed_is_one_line(motion: Motion) -> None:
         victim = multiprocessing.active_children()[0]
         os.kill(victim.pid or 0, signal.SIGKILL)
         victim.join()
-        with pytest.raises(KinemimicError, match=r"2 processes .* one ended, status -9"):
+        with pytest.raises(KinemimicError, match=r"2 worker processes, .* one ended, status -9"):
             crew.sample(policy, NOISE, SHORT.reward, 0.0, 2)

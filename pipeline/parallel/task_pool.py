@@ -1,0 +1,187 @@
+"""A function mapped over tasks by a pool of worker processes.
+
+`parallel_map` stops at the first failure; `isolated_map` limits each task's time and memory, and a task that
+fails or kills its process costs only its own result.
+"""
+
+from __future__ import annotations
+
+import math
+import os
+import resource
+import signal
+import sys
+import time
+import traceback
+from collections import deque
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+from functools import partial
+from multiprocessing.connection import Connection, wait
+from typing import Any, TypeVar
+
+from kinemimic.pipeline.parallel.worker import Worker, WorkerDiedError
+
+# A capture of a person takes a second; a file that takes a minute, or gigabytes, is not one.
+TIMEOUT = 60.0
+MEMORY = 4 * 2**30
+
+Task = TypeVar("Task")
+Result = TypeVar("Result")
+
+
+@dataclass(frozen=True)
+class Failure:
+    """Stands in for the result of a task that has none; reason: why, in words."""
+
+    reason: str
+
+
+def parallel_map(
+    work: Callable[[Task], Result],
+    tasks: Sequence[Task],
+    *,
+    workers: int | None = None,
+    progress: Callable[[int], object] | None = None,
+) -> list[Result]:
+    """Results of all tasks, in their order, from `workers` processes (all cores by default).
+
+    work: a function of a module's top level; what it raises is raised here. progress: called with the number
+    of tasks done since the last call. KinemimicError if a process died.
+    """
+    count = min(workers or len(os.sched_getaffinity(0)), len(tasks))
+    results: dict[int, Result] = {}
+    for index, outcome in _outcomes(partial(_caught, work), tasks, count):
+        if isinstance(outcome, WorkerDiedError):
+            raise outcome.among(count)
+        result, error = outcome
+        if error is not None:
+            raise error
+        results[index] = result
+        if progress is not None:
+            progress(1)
+    return [results[index] for index in range(len(tasks))]
+
+
+def isolated_map(
+    work: Callable[[Task], Result],
+    tasks: Sequence[Task],
+    *,
+    workers: int,
+    timeout: float = TIMEOUT,
+    memory: int = MEMORY,
+) -> Iterator[tuple[int, Result | Failure]]:
+    """(index, result) of every task, in the order in which they finish.
+
+    work: a function at a module's top level, or a `partial` of one; timeout (s), memory (bytes): limits for
+    one task. A task that exceeds them, whose process dies, or that raises an exception yields a `Failure`.
+    However the loop over it ends, no process is left behind.
+    """
+    function = work.func if isinstance(work, partial) else work
+    for index, outcome in _outcomes(
+        partial(_guarded, work, memory),
+        tasks,
+        workers,
+        setup=partial(_limit, memory),
+        preload=function.__module__,  # with all readers that it imports
+        timeout=timeout,
+    ):
+        yield index, Failure(_death(outcome.exitcode)) if isinstance(outcome, WorkerDiedError) else outcome
+
+
+def _outcomes(
+    work: Callable[[Any], Any],
+    tasks: Sequence[Any],
+    count: int,
+    *,
+    setup: Callable[[], object] | None = None,
+    preload: str | None = None,
+    timeout: float = math.inf,
+) -> Iterator[tuple[int, Any]]:
+    """(index, work(task)) as tasks finish; a WorkerDiedError or Failure (timeout) where there is no result.
+
+    Each worker has a pipe of its own, so that one that dies or hangs is replaced at the cost of its own task;
+    concurrent.futures would lose all that are pending. setup: called once in every worker.
+    """
+    waiting = deque(enumerate(tasks))
+    idle: list[Worker] = []
+    busy: dict[Worker, tuple[int, float]] = {}  # index of the task, deadline
+    try:
+        while waiting or busy:
+            fresh = [Worker(preload=preload) for _ in range(min(count - len(busy), len(waiting)) - len(idle))]
+            idle += fresh
+            for worker in fresh:
+                worker.begin(_serve, work, setup)
+            while waiting and idle:
+                worker = idle.pop()
+                index, task = waiting.popleft()
+                busy[worker] = (index, time.monotonic() + timeout)
+                worker.send(task)
+            first = min(deadline for _, deadline in busy.values())
+            ready = wait(
+                [worker.pipe for worker in busy],
+                None if math.isinf(first) else max(0.0, first - time.monotonic()),
+            )
+            for worker, (index, deadline) in tuple(busy.items()):
+                outcome: Any
+                if worker.pipe in ready:
+                    outcome = _received(worker)
+                elif time.monotonic() > deadline:
+                    outcome = Failure(f"timed out after {timeout:g} s")
+                else:
+                    continue
+                del busy[worker]
+                if waiting and worker.pipe in ready and not isinstance(outcome, WorkerDiedError):
+                    idle.append(worker)
+                else:
+                    worker.end()
+                yield index, outcome
+    finally:
+        for worker in (*idle, *busy):
+            worker.end()
+
+
+def _received(worker: Worker) -> Any:
+    try:
+        return worker.receive()
+    except WorkerDiedError as death:
+        return death
+
+
+def _serve(pipe: Connection, work: Callable[[Any], Any], setup: Callable[[], object] | None) -> None:
+    """What a worker runs: tasks in, results out, until the pipe closes."""
+    if setup is not None:
+        setup()
+    while True:
+        pipe.send(work(pipe.recv()))
+
+
+def _caught(work: Callable[[Task], Result], task: Task) -> tuple[Result | None, Exception | None]:
+    """The result and no error, or no result and the error with its traceback in a note."""
+    try:
+        return work(task), None
+    except Exception as error:
+        error.add_note("".join(traceback.format_exception(error)))
+        return None, error
+
+
+def _guarded(work: Callable[[Task], Result], memory: int, task: Task) -> Result | Failure:
+    try:
+        return work(task)
+    except MemoryError:
+        return Failure(f"it takes more than {memory / 2**30:g} GiB of memory")
+    except Exception as error:
+        return Failure(f"a bug in kinemimic, please report it: {type(error).__name__}: {error}")
+
+
+def _limit(memory: int) -> None:
+    """Limit this process' memory and silence its stderr."""
+    resource.setrlimit(resource.RLIMIT_AS, (memory, memory))
+    # C libraries that fail on a damaged file write to stderr, into the printed table.
+    os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stderr.fileno())
+
+
+def _death(code: int | None) -> str:
+    if code is not None and code < 0:
+        return f"its process was ended by {signal.Signals(-code).name}"
+    return f"its process ended with status {code}"

@@ -1,0 +1,72 @@
+"""Tasks over worker processes: results in order, the first failure raised, or each failure for itself."""
+
+from __future__ import annotations
+
+import math
+import multiprocessing
+import os
+import time
+
+import pytest
+
+from kinemimic.pipeline.errors import KinemimicError
+from kinemimic.pipeline.parallel.task_pool import Failure, isolated_map, parallel_map
+
+
+def test_results_come_in_the_order_of_the_tasks() -> None:
+    done: list[int] = []
+    assert parallel_map(math.factorial, [6, 1, 4, 3], workers=2, progress=done.append) == [720, 1, 24, 6]
+    assert done == [1, 1, 1, 1]
+    assert parallel_map(math.factorial, []) == []
+    with pytest.raises(ValueError, match="negative") as error:
+        parallel_map(math.factorial, [2, -1], workers=1)
+    assert "_caught" in error.value.__notes__[0]
+    assert not multiprocessing.active_children()
+
+
+def test_a_worker_that_dies_is_one_line() -> None:
+    with pytest.raises(KinemimicError, match="expected 1 worker processes, found that one ended, status 9;"):
+        parallel_map(os._exit, [9], workers=2)
+
+
+def test_isolated_results_do_not_depend_on_the_number_of_workers() -> None:
+    sums = [f"{k} + 1" for k in range(7)]
+    for workers in (1, 3):
+        assert dict(isolated_map(eval, sums, workers=workers)) == {k: k + 1 for k in range(7)}
+
+
+def test_a_death_costs_one_isolated_task() -> None:
+    tasks = [
+        "1",
+        "__import__('os')._exit(9)",
+        "__import__('os').abort()",
+        "2",
+        "1/0",
+        "bytearray(8 << 30)",
+        "3",
+    ]
+    found = dict(isolated_map(eval, tasks, workers=2))
+    assert [found[k] for k in (0, 3, 6)] == [1, 2, 3]
+    reasons = {k: result.reason for k, result in found.items() if isinstance(result, Failure)}
+    assert reasons[1] == "its process ended with status 9"
+    assert reasons[2] == "its process was ended by SIGABRT"
+    assert reasons[4] == "a bug in kinemimic, please report it: ZeroDivisionError: division by zero"
+    assert reasons[5] == "it takes more than 4 GiB of memory"
+
+
+def test_an_isolated_task_that_hangs_is_given_up() -> None:
+    begin = time.monotonic()
+    found = dict(isolated_map(eval, ["__import__('time').sleep(60)", "1"], workers=1, timeout=1.0))
+    assert found == {0: Failure("timed out after 1 s"), 1: 1}
+    assert time.monotonic() - begin < 20
+
+
+def test_a_loop_that_stops_early_leaves_no_process_behind() -> None:
+    pids = ["__import__('os').getpid()", "__import__('time').sleep(60)"]
+    results = isolated_map(eval, pids, workers=2)
+    _, pid = next(results)
+    results.close()
+    with pytest.raises(ProcessLookupError):
+        for _ in range(100):
+            os.kill(pid, 0)
+            time.sleep(0.05)
