@@ -1,8 +1,8 @@
-"""The angles that were captured, frame by frame beside the phase of the motion: capture.parquet.
+"""The recorded joint angles, frame by frame, with their phase in the motion: capture.parquet.
 
-A score against these, which no filter, pooling or loop has touched, is a score against the recording. Where
-its pelvis or the sideways position of its knees is unreliable (sensor_reliability.py), the neutral pose of
-the motion is used here too, so that both describe the same angle.
+They are neither filtered nor averaged over strides, so a score against them is a score against the recording.
+Where the recorded pelvis or the lateral position of the knees is unreliable (`sensor_reliability`), the
+neutral pose of the motion is used here too, so that both describe the same angle.
 """
 
 from __future__ import annotations
@@ -29,9 +29,11 @@ CAPTURED_SCHEMA = 1
 
 @dataclass(frozen=True)
 class PassSpan:
-    """The part of a pass that became the motion: `start` to `end` seconds, heading in radians; the motion's
-    phase is (time - zero) / duration, on the clock of the strides (times and clock, (N,) each) where they
-    have one of their own (`Pass.clock`)."""
+    """The part of a pass that became the motion.
+
+    start, end: seconds; heading: radians; zero, duration: seconds, the phase is (time - zero) / duration;
+    clock: times and clock (N,) of strides that are timed individually (`Pass.clock`).
+    """
 
     number: int
     start: float
@@ -42,9 +44,9 @@ class PassSpan:
     clock: tuple[Array, Array] | None = None
 
     def phase(self, times: Array) -> Array:
-        """The motion's phase at times (T,) within the span."""
-        even = times if self.clock is None else np.interp(times, *self.clock)
-        return np.asarray((even - self.zero) / self.duration)
+        """Phase (T,) of the motion at times (T,) within the span."""
+        clock = times if self.clock is None else np.interp(times, *self.clock)
+        return np.asarray((clock - self.zero) / self.duration)
 
 
 def captured_angles(
@@ -54,10 +56,10 @@ def captured_angles(
     reliability: SensorReliability,
     truth: Mapping[str, Array] | None,
 ) -> dict[str, Array]:
-    """Columns of capture.parquet, one row a raw frame within a span.
+    """Columns of capture.parquet, one row per raw frame within a span.
 
-    clip, raw: on the 20 nodes, cleaned and as read; truth: "time" and the angles on the same clock. The same
-    parts of the body are believed as in the motion, so that both speak of the same angle.
+    clip, raw: on the 20 nodes, cleaned and as read; reliability: of the motion's fit; truth: "time" and the
+    true angles on the same clock.
     """
     rows, kept = ([_within(one, span) for span in spans] for one in (raw, clip))
     measured, cleaned = (
@@ -89,7 +91,7 @@ def _within(clip: Clip, span: PassSpan) -> NDArray[np.intp]:
 def _angles(
     clip: Clip, frames: list[NDArray[np.intp]], spans: list[PassSpan], reliability: SensorReliability
 ) -> list[dict[str, Array]]:
-    """The curves of each span's frames: all in one go, since an hour has a thousand passes."""
+    """The angle curves of each span, computed in one batch: an hour of recording has a thousand passes."""
     headings = np.repeat([span.heading for span in spans], [len(one) for one in frames])
     ahead = rotate(from_axis_angle("Z", -headings)[:, None], clip.positions[np.concatenate(frames)])
     curves = joint_angles(local_rotations(reliable_frames(ahead, reliability)))

@@ -1,4 +1,4 @@
-"""`kinemimic retarget`: a converted capture in; motion.json, motion.mcap, gait.json, capture.parquet out."""
+"""`kinemimic retarget`: turns a converted capture into a motion of the humanoid."""
 
 from __future__ import annotations
 
@@ -38,14 +38,16 @@ def retarget(
     ankle: AnkleMode = "neutral",
     loop: bool | None = None,
 ) -> Motion:
-    """Put a converted capture on the Table 1 body and write the results into its run folder.
+    """Retarget a converted capture to the Table 1 body and write the results into its run folder.
 
-    symmetric: make left and right one by pooling the mirror image half a cycle later; None decides that by
-    measurement (`cyclic.fit_cyclic`), False keeps a limp. refined: keep feet, ground and joint limits by moving
-    all frames together (`refine.refine`); False writes what the closed form gives. ankle: of a walk whose
-    feet no sensor saw (`legs.neutral_feet`, `ankles.normal_feet`). loop: whether strides become a loop; None
-    does so wherever somebody walks, False keeps the longest pass as it was recorded. A KinemimicError says
-    why, where somebody walks but no pass can be used.
+    symmetric: average left and right by pooling the mirror image half a cycle later; None decides by
+        measurement (`cyclic.fit_cyclic`), False keeps a limp.
+    refined: optimise all frames together for foot contact, ground and joint limits (`refine.refine`); False
+        writes the closed form.
+    ankle: ankles of a walk whose feet the sensor did not see (`legs.neutral_feet`, `ankles.normal_feet`).
+    loop: average the strides into a loop; None does so for every gait, False keeps the longest pass as
+        recorded.
+    Raises KinemimicError if the capture has no pass, or a gait but no usable pass.
     """
     source = read_clip(run / "quaternions.parquet")
     clip, raw = on_nodes(source), on_nodes(read_clip(run / "raw.parquet"))
@@ -130,7 +132,7 @@ def _whole_span(clip: Clip, one: Pass, plain: NonCyclicFit) -> PassSpan:
 
 
 def _table(report: dict[str, Any]) -> list[str]:
-    """The lines of gait.json that a person reads first."""
+    """A summary of gait.json for the terminal."""
     lines = [f"{report['kind']}, {'a loop' if report['cyclic'] else 'as recorded'}"]
     if report["cyclic"]:
         ground, r2 = report["ground"], report["r2_loop_against_capture"]
@@ -139,14 +141,14 @@ def _table(report: dict[str, Any]) -> list[str]:
             f"  passes     {len(used)} of {len(report['passes'])}, {report['strides']:.1f} strides",
             f"  cadence    {report['cadence_steps_per_min']:.0f} steps/min, "
             f"period {report['period_s']:.3f} s",
-            *_followed(used),
+            *_individual_timing(used),
             f"  speed      {report['speed_m_s']:.2f} m/s on the body, "
             f"{report['speed_capture_m_s']:.2f} captured",
-            f"  sides      {'made one' if report['symmetric'] else 'as recorded'}, "
+            f"  sides      {'averaged' if report['symmetric'] else 'as recorded'}, "
             f"differ by {report['asymmetry_deg']:.1f}° (noise {report['noise_deg']:.1f}°)",
-            f"  ground     sinks {1e3 * ground['penetration_m']:.0f} mm, "
-            f"floats {1e3 * ground['floating_m']:.0f} mm, "
-            f"swing clears {1e3 * ground['swing_clearance_m']:.0f} mm, slips {ground['slip_m_s']:.2f} m/s",
+            f"  ground     penetration {1e3 * ground['penetration_m']:.0f} mm, "
+            f"floating {1e3 * ground['floating_m']:.0f} mm, "
+            f"swing clearance {1e3 * ground['swing_clearance_m']:.0f} mm, slip {ground['slip_m_s']:.2f} m/s",
         ]
         scores = {name: f"{value:.3f}" if value is not None else "-" for name, value in r2.items()}
     else:
@@ -157,7 +159,7 @@ def _table(report: dict[str, Any]) -> list[str]:
                 f"{report['cadence_steps_per_min']:.0f} steps/min, {report['speed_m_s']:.2f} m/s"
             )
     for number, speed in report.get("belt_speed_m_s", {}).items():
-        lines.append(f"  treadmill  pass {number}: the belt's {speed:.2f} m/s added")
+        lines.append(f"  treadmill  pass {number}: belt speed of {speed:.2f} m/s added")
     lines += _measures(report["closed_form"], report["measures"])
     for name, (low, high) in report["range_deg"].items():
         lines.append(
@@ -166,21 +168,20 @@ def _table(report: dict[str, Any]) -> list[str]:
     refused = {finding["message"] for finding in report["gate"] if finding["severity"] == "refuse"}
     lines += [f"  {'✗' if text in refused else '!'} {text}" for text in report["warnings"]]
     if refused:
-        lines.append("  `train` refuses this motion for what ✗ marks: record it again, or `train --anyway`")
+        lines.append("  `train` refuses this motion (✗): record it again, or run `train --anyway`")
     return lines
 
 
-def _followed(used: list[dict[str, Any]]) -> list[str]:
-    """Which passes one period does not time."""
+def _individual_timing(used: list[dict[str, Any]]) -> list[str]:
+    """The passes whose strides are timed individually."""
     numbers = [str(row["pass"]) for row in used if row.get("strides_timed_individually")]
     if not numbers:
         return []
-    told = "each is timed by itself, and the period is their median"
-    return [f"  strides    vary in pass {', '.join(numbers)}: {told}"]
+    return [f"  strides    timed individually in pass {', '.join(numbers)}; the period is their median"]
 
 
 def _measures(closed: dict[str, Any], final: dict[str, Any]) -> list[str]:
-    """What the refinement changed: closed form, then motion."""
+    """Measures of the closed form and, after an arrow, of the refined motion."""
 
     def both(key: str, factor: float) -> str:
         return " → ".join("-" if row[key] is None else f"{factor * row[key]:.1f}" for row in (closed, final))
@@ -188,10 +189,11 @@ def _measures(closed: dict[str, Any], final: dict[str, Any]) -> list[str]:
     beyond = [row["beyond_limits_deg"] for row in (closed, final)]
     still = ", ".join(f"{joint} {angle:.0f}°" for joint, angle in beyond[1].items())
     return [
-        f"  feet       move {both('foot_speed_m_s', 100.0)} cm/s while they stand, "
-        f"sink {both('penetration_m', 1e3)} mm, float {both('floating_m', 1e3)} mm",
-        f"  limits     {len(beyond[0])} → {len(beyond[1])} joints beyond" + (f": {still}" if still else ""),
-        f"  nodes      {both('node_error_m', 1e3)} mm off the recording in the body's lengths",
+        f"  feet       {both('foot_speed_m_s', 100.0)} cm/s in contact, "
+        f"penetration {both('penetration_m', 1e3)} mm, floating {both('floating_m', 1e3)} mm",
+        f"  limits     {len(beyond[0])} → {len(beyond[1])} joints exceed theirs"
+        + (f": {still}" if still else ""),
+        f"  nodes      {both('node_error_m', 1e3)} mm from the recording, scaled to the body",
     ]
 
 
@@ -200,32 +202,32 @@ def _measures(closed: dict[str, Any], final: dict[str, Any]) -> list[str]:
 @click.option(
     "--symmetric/--as-recorded",
     default=None,
-    help="Make both sides one, or keep how they differ; by default decided by measurement.",
+    help="Average the left and right sides, or keep their difference. Default: decided by measurement.",
 )
 @click.option(
     "--refine/--no-refine",
     "refined",
     default=True,
     show_default=True,
-    help="Move all frames together so that standing feet stay, nothing sinks, joints keep their limits.",
+    help="Optimise all frames together for foot contact, ground and joint limits.",
 )
 @click.option(
     "--ankle",
     type=click.Choice(ANKLE_MODES),
     default="neutral",
     show_default=True,
-    help="Of a walk whose feet no sensor saw: flat in stance, or as in normal walking.",
+    help="Ankles of a walk whose feet the sensor did not see: flat in stance, or as in normal walking.",
 )
 @click.option(
     "--loop/--no-loop",
     default=None,
-    help="One loop of all strides, or the longest pass as recorded; by default a loop where somebody walks.",
+    help="Average all strides into a loop, or keep the longest pass as recorded. Default: a loop for a gait.",
 )
 @json_option("Print gait.json.")
 def command(
     run: Path, symmetric: bool | None, refined: bool, ankle: AnkleMode, loop: bool | None, as_json: bool
 ) -> None:
-    """Onto the 20 nodes and the body of Table 1; for a walk, its gait cycle; JSON and MCAP.
+    """Retarget a capture to the simulated humanoid; strides become a gait loop.
 
     \b
       kinemimic retarget --run runs/walk

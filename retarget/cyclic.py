@@ -1,4 +1,4 @@
-"""From studied passes to a motion on the Table 1 body: the gait loop, or one pass as it is."""
+"""A gait loop on the Table 1 body, from the usable passes of a capture."""
 
 from __future__ import annotations
 
@@ -27,21 +27,21 @@ from kinemimic.retarget.strides.sensor_reliability import (
 )
 
 FRAME_RATE = 60.0  # frames per second, as near as whole frames in a stride allow
-# Of the legs: of a precise (optical) recording, and of one that a depth sensor made.
+# By `SensorReliability.precise`: of an optical recording, and of a depth sensor's.
 LEG_HARMONICS = {True: 8, False: 5}
-TREMOR = 0.2  # s over which a recorded ankle is averaged, before it is asked whether it stands
-MAX_GAP = 0.2  # of the stride without a frame, over which a loop would be invented
+MAX_GAP = 0.2  # share of the stride without a frame; across a longer gap the loop would be invented
 
 
 @dataclass(frozen=True)
 class CyclicFit:
-    """A gait loop on the body, with what it was made of.
+    """A gait loop on the body, and the data behind it.
 
-    motion: cyclic, frame 0 where the left ankle is farthest ahead; strides: the recorded frames pooled;
-    captured: their angles (name -> (M,) radians); symmetric: whether both sides were made one, and
-    asymmetry_deg, noise_deg: rms difference of the sides and rms residual about the loop of knees and hips,
-    which decided it; scale: body over person; abduction: radians added to both hips; width: metres between
-    the ankles, scaled, before that.
+    motion: cyclic, frame 0 where the left ankle is farthest ahead
+    strides, captured: the pooled frames and their angles (name -> (M,) radians)
+    symmetric: whether both sides were averaged, decided by
+        asymmetry_deg, the rms difference of the sides, and noise_deg, the rms residual about the loop (knees
+        and hips)
+    scale: body over person; width: metres between the ankles, scaled; abduction: radians added to both hips
     """
 
     motion: Motion
@@ -63,9 +63,9 @@ def fit_cyclic(
 ) -> CyclicFit:
     """Pool usable passes of a clip on the 20 nodes into a gait loop on the Table 1 body.
 
-    symmetric: whether the mirror image is pooled too; None leaves it to `_is_symmetric`, and takes it
-    where a part of the stride was seen on one side only. Raises KinemimicError where a part was never seen.
-    ankle: what the feet of a walk get that were not seen; a run's are neutral.
+    symmetric: whether to pool the mirror image too; None decides by `_is_symmetric`, and pools it if part of
+    the stride was seen on one side only. ankle: ankles of a walk whose feet were not seen; a run's are
+    neutral. Raises KinemimicError if part of the stride was never seen.
     """
     strides = pool_strides(clip, passes)
     reliability = assess_reliability(strides)
@@ -89,7 +89,7 @@ def fit_cyclic(
     if gap > MAX_GAP:
         raise KinemimicError(
             f"retarget: expected frames of a whole stride, found none in {100 * gap:.0f} % of it; "
-            "record longer"
+            "record a longer walk"
         )
     frames = max(8, round(FRAME_RATE * period))
     phase = np.arange(frames) / frames
@@ -118,13 +118,13 @@ def fit_cyclic(
 
 
 def _largest_gap(strides: Strides) -> float:
-    """The largest part of the stride, 0 to 1, in which no pooled frame counts."""
+    """The largest share of the stride, 0 to 1, without a pooled frame of positive weight."""
     phases = np.sort(np.mod(strides.phase[strides.weights[:, N["knee_left"]] > 0], 1.0))
     return float(np.max(np.diff(phases, append=phases[0] + 1.0))) if len(phases) else 1.0
 
 
 def _asymmetry_and_noise(loop: Loop, strides: Strides, captured: dict[str, Array]) -> tuple[float, float]:
-    """Root mean square difference of left and right, and residual about the loop, in degrees."""
+    """Rms difference of left and right, and rms residual about the loop, in degrees."""
     phase = np.arange(60) / 60.0
     at, later = joint_angles(loop.rotations(phase)), joint_angles(loop.rotations(phase + 0.5))
     seen = joint_angles(loop.rotations(strides.phase))
@@ -137,9 +137,9 @@ def _asymmetry_and_noise(loop: Loop, strides: Strides, captured: dict[str, Array
 
 
 def _is_symmetric(reliability: SensorReliability, asymmetry: float, noise: float) -> bool:
-    """Default rule: a depth sensor's sides are made one unless they differ by more than its noise can make.
+    """Whether to average the sides by default.
 
-    Precise (optical) recordings keep what they show. A limp of a Kinect recording shows as a difference
-    well above the residual of its own strides.
+    Only in a depth sensor's recording whose noise explains the difference of the sides: a limp shows as a
+    difference well above the residual of the strides. Optical recordings keep their asymmetry.
     """
     return not reliability.precise and asymmetry < 1.5 * noise

@@ -1,8 +1,8 @@
-"""The gate before training: what makes a motion hard or impossible to perform, with numbers and limits.
+"""The gate before training: rules that warn of, or refuse, motions that are hard or impossible to imitate.
 
-Two limits a rule. Beyond the first a motion is learnt, with something to see in it; beyond the second it was
-not learnt, or is not the recording's movement any more. They come from real depth sensors' walks that the
-humanoid did and did not walk, and from how people walk and run.
+Each rule has two limits. Beyond the first, training succeeds with a visible flaw; beyond the second, training
+failed, or the motion no longer resembles the recording. The limits come from depth-sensor walks that the
+humanoid could and could not imitate, and from how people walk and run.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ Report = Mapping[str, Any]
 
 @dataclass(frozen=True)
 class Finding:
-    """A rule that a motion breaks: its number and the limit beyond which it is, in the rule's unit."""
+    """A rule that a motion breaks: the value and the limit that it exceeds, in the rule's unit."""
 
     rule: str
     severity: Severity
@@ -33,8 +33,11 @@ class Finding:
 
 @dataclass(frozen=True)
 class _Rule:
-    """value: of a report, None where it does not apply; warn, refuse: least and most by kind of motion,
-    infinite where there is no limit; message: with the value's and the broken limit's number."""
+    """A rule of the gate.
+
+    value: from a report, None if the rule does not apply; warn, refuse: kind of motion -> (minimum, maximum),
+    infinite without a limit; message: a format string of `value` and the broken `limit`.
+    """
 
     name: str
     value: Callable[[Report], float | None]
@@ -52,7 +55,7 @@ def _all_kinds(least: float = -_INF, most: float = _INF) -> dict[str, tuple[floa
 
 
 def _gaits(least: float = -_INF, most: float = _INF) -> dict[str, tuple[float, float]]:
-    return dict.fromkeys(_KINDS[:2], (least, most))
+    return dict.fromkeys(("walk", "run"), (least, most))
 
 
 def _ground(key: str, factor: float) -> Callable[[Report], float | None]:
@@ -60,7 +63,7 @@ def _ground(key: str, factor: float) -> Callable[[Report], float | None]:
 
 
 def _measure(key: str, factor: float) -> Callable[[Report], float | None]:
-    """Of the final motion, or of the path of a report that has no such measure."""
+    """A measure of the final motion; of the root path, if the report has none."""
     return lambda report: _scaled(report.get("measures", report.get("ground", {})).get(key), factor)
 
 
@@ -82,10 +85,10 @@ def _beyond(report: Report) -> float | None:
     return max(report.get("measures", {}).get("beyond_limits_deg", {}).values(), default=None)
 
 
-# The foot of a walk leaves the ground in every swing; a runner's and a jumper's does without looking low.
+# Clearance applies to walks only: a runner's or jumper's foot leaves the ground without it.
 RULES: tuple[_Rule, ...] = (
     _Rule("penetration", _measure("penetration_m", 1e3), _all_kinds(most=10), _all_kinds(most=25),
-          "the soles sink in by {value:.0f} mm (limit {limit:.0f})"),
+          "the soles penetrate the ground by {value:.0f} mm (limit {limit:.0f})"),
     _Rule("floating", _measure("floating_m", 1e3), _all_kinds(most=15), _all_kinds(most=25),
           "the standing foot floats by {value:.0f} mm (limit {limit:.0f})"),
     _Rule("clearance", _ground("swing_clearance_m", 1e3), {"walk": (5, _INF)}, {"walk": (0, _INF)},
@@ -93,21 +96,21 @@ RULES: tuple[_Rule, ...] = (
     _Rule("slip", _ground("slip_m_s", 1.0), _gaits(most=0.05), _gaits(most=0.15),
           "the planted foot slips at {value:.2f} m/s (limit {limit:.2f})"),
     _Rule("knee", _knee_peak, {"walk": (45, 85), "run": (60, 140)}, {"walk": (35, 110), "run": (45, 155)},
-          "a knee flexes by {value:.0f}° at most (limit {limit:.0f}°)"),
+          "peak knee flexion of {value:.0f}° (limit {limit:.0f}°)"),
     _Rule("cadence", lambda report: report.get("cadence_steps_per_min"),
           {"walk": (80, 130), "run": (130, 200)}, {"walk": (50, 160), "run": (100, 240)},
           "cadence {value:.0f} steps/min (limit {limit:.0f})"),
     _Rule("fit", _hip_fit, _gaits(least=0.7), _gaits(least=0.4),
-          "the strides agree on a hip's movement to R² {value:.2f} only (limit {limit:.1f})"),
+          "the hip curves of the strides agree only to R² {value:.2f} (limit {limit:.1f})"),
     _Rule("strides", lambda report: report.get("strides"), _gaits(least=2.0), {},
-          "only {value:.1f} strides (limit {limit:.0f}): the loop cannot be told from the noise of one"),
+          "only {value:.1f} strides (limit {limit:.0f}): too few to average out the noise of one"),
     _Rule("limits", _beyond, _all_kinds(most=0.5), _all_kinds(most=15),
-          "a joint is {value:.0f}° beyond what joints can do (limit {limit:.1f}°)"),
+          "a joint exceeds its range of motion by {value:.0f}° (limit {limit:.1f}°)"),
 )  # fmt: skip
 
 
 def check_report(report: Report) -> tuple[Finding, ...]:
-    """What a motion breaks, from the value of gait.json; the refusals first."""
+    """The rules that a motion breaks, from the value of gait.json; refusals first."""
     found = [finding for rule in RULES for finding in _findings(rule, report)]
     return tuple(sorted(found, key=lambda finding: finding.severity != "refuse"))
 
@@ -130,10 +133,9 @@ def _findings(rule: _Rule, report: Report) -> Iterator[Finding]:
 
 
 def require_trainable(run: Path, *, anyway: bool = False) -> None:
-    """Let a run's motion through to training, or say in one KinemimicError why it cannot be performed.
+    """Raise one KinemimicError with every rule that refuses a run's motion.
 
-    anyway: let it through all the same. A motion without gait.json beside it was not made here from a
-    capture: nothing is known against it.
+    anyway: skip the check. A motion without gait.json was not retargeted from a capture and passes.
     """
     path = run / "gait.json"
     if anyway or not path.exists():
@@ -143,6 +145,6 @@ def require_trainable(run: Path, *, anyway: bool = False) -> None:
     ]
     if refused:
         raise KinemimicError(
-            f"{path}: expected a motion that a body can perform, found: {'; '.join(refused)}; "
+            f"{path}: expected a motion that the humanoid can perform, found: {'; '.join(refused)}; "
             "record it again, or train with --anyway"
         )

@@ -1,6 +1,4 @@
-"""How well a motion keeps to the ground, to the body's limits and to the recording: the same before and
-after.
-"""
+"""Measures of a motion: foot contact, joint limits, distance from the recording."""
 
 from __future__ import annotations
 
@@ -15,9 +13,9 @@ from kinemimic.retarget.feet.contact import contact_speeds, sole_positions
 from kinemimic.retarget.humanoid.limits import beyond_limits
 from kinemimic.retarget.humanoid.motion import Motion
 
-# Chains along which a recorded figure is put together in the body's lengths: trunk and legs from the middle
-# of the hips, arms from their shoulders, which on the body stand still on the trunk where a person's do
-# not. Feet are left out: no depth sensor sees them.
+# Chains along which the recorded skeleton is rebuilt with the body's segment lengths: trunk and legs from the
+# middle of the hips; arms from their shoulders, which are fixed to the trunk on the body but not on a person.
+# Feet are left out: no depth sensor sees them.
 _HIPS = "hips"
 _CHAINS: tuple[tuple[str, ...], ...] = (
     (_HIPS, "shoulder_center", "head"),
@@ -31,11 +29,14 @@ _CHAINS: tuple[tuple[str, ...], ...] = (
 
 @dataclass(frozen=True)
 class Measures:
-    """foot_speed: root mean square in m/s of standing feet over the ground, foot_speed_95: its 95th
-    percentile, NaN where no foot stands; penetration, floating: metres by which a sole is at worst below
-    the ground, and the lower foot above it while one stands; beyond: joint -> radians beyond its limit;
-    node_error: mean distance in metres of the nodes from the recording's, put together in the body's
-    lengths.
+    """Measures of a motion.
+
+    foot_speed, foot_speed_95: rms and 95th percentile of the speed (m/s) of feet in contact, NaN without
+        contact
+    penetration: greatest depth of a sole below the ground, metres
+    floating: greatest height of the lower foot while a foot is in contact, metres
+    beyond: joint -> radians beyond its limit
+    node_error: mean distance of the nodes from the recording rebuilt with the body's lengths, metres
     """
 
     foot_speed: float
@@ -47,7 +48,7 @@ class Measures:
 
 
 def measure(motion: Motion, recorded: Array, phase: Array) -> Measures:
-    """Measures of a motion made from recorded positions (M, 20, 3) along +X, at phases (M,) in durations."""
+    """Measures of a motion made from recorded positions (M, 20, 3) along +X at phases (M,)."""
     positions, frames = motion.kinematics()
     corners = sole_positions(positions, frames)
     speeds = contact_speeds(
@@ -66,7 +67,7 @@ def measure(motion: Motion, recorded: Array, phase: Array) -> Measures:
 
 
 def _node_error(positions: Array, cyclic: bool, recorded: Array, phase: Array) -> float:
-    """Mean distance in metres over nodes and frames, each chain from its own beginning."""
+    """Mean distance in metres over nodes and frames, each chain from its own start."""
     frames = len(positions)
     at = np.mod(phase, 1.0) * frames if cyclic else np.clip(phase, 0.0, 1.0) * (frames - 1)
     before = np.minimum(at.astype(np.intp), frames - 1)

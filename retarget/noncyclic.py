@@ -1,4 +1,4 @@
-"""One pass on the Table 1 body as it was recorded: a jump, a roll, or a walk that shall not become a loop."""
+"""One pass on the Table 1 body as recorded: a jump, a roll, or a walk that is not averaged into a loop."""
 
 from __future__ import annotations
 
@@ -43,7 +43,7 @@ from kinemimic.retarget.strides.sensor_reliability import (
 )
 from kinemimic.retarget.strides.trim import leg_bones
 
-# m over the ground, to which a walker's foot stands that was recorded frame by frame.
+# Contact thresholds (m above the ground) of a walk kept as recorded.
 WALK_NEAR, WALK_FAR = 0.04, 0.06
 TOE_NODES = (N["foot_left"], N["foot_right"])
 SMOOTHING_TIME = 0.2  # s over which a recorded ankle is averaged, before it is asked whether it stands
@@ -54,11 +54,11 @@ LOW_PERCENTILE = (
 
 @dataclass(frozen=True)
 class NonCyclicFit:
-    """One pass on the body, with what it was made of.
+    """One pass on the body, and the data behind it.
 
-    frames: (M,) indices into the clip; positions: (M, 20, 3) of them, along +X; phase: (M,) in durations;
-    seen: (T, 20) 0 to 1, how well the sensor saw what each node's rotation is made of; scale: body over
-    person; strides: of a walk, how many.
+    frames: (M,) indices into the clip; positions: (M, 20, 3) along +X; phase: (M,) of the motion, 0 to 1;
+    seen: (T, 20) 0 to 1, how well the sensor saw the nodes behind each rotation; scale: body over person;
+    strides: number of strides of a walk.
     """
 
     motion: Motion
@@ -72,7 +72,7 @@ class NonCyclicFit:
 
 
 def longest_walk(clip: Clip, passes: list[Pass]) -> Pass:
-    """The pass with the longest walk whose legs can be told apart stride by stride, or a KinemimicError."""
+    """The longest walking pass whose strides can be timed; KinemimicError if there is none."""
     walks = [one for one in passes if one.walks and (found := _phase(clip, one)) and found.r2 > WARN_R2]
     if not walks:
         raise KinemimicError(
@@ -83,11 +83,11 @@ def longest_walk(clip: Clip, passes: list[Pass]) -> Pass:
 
 
 def fit_noncyclic(clip: Clip, one: Pass) -> NonCyclicFit:
-    """One pass as it was, on the Table 1 body.
+    """Retarget one pass as recorded to the Table 1 body.
 
-    Frames are put on an even rate and gaps bridged by a smooth curve through the frames around; the root is
-    scaled by leg length and the ground shifted once. A walk is what trimming left of the pass; it gets what a
-    loop gets where its sensor is not to be believed, and the speed at which its standing feet stand.
+    Frames are resampled to an even rate, with smooth curves across gaps. The root is scaled by leg length,
+    and its height shifted once to the ground. Of a walk only the trimmed frames are used; unreliable parts
+    get the neutral pose of a loop, and the speed is that at which feet in contact do not slide.
     """
     frames = one.frames if one.walks else np.flatnonzero(clip.passes == one.number)
     if len(frames) < 2:
@@ -97,7 +97,7 @@ def fit_noncyclic(clip: Clip, one: Pass) -> NonCyclicFit:
     p = rotate(from_axis_angle("Z", -one.heading), clip.positions[frames])
     walk = _phase(clip, one) if one.walks else None
     if walk is not None:
-        # What no walking leg does was not seen.
+        # A leg pose that no walker takes is a tracking error.
         p[one.bad] = np.nan
     times = clip.times[frames] - clip.times[frames[0]]
     bones = leg_bones(p)
@@ -153,7 +153,7 @@ def _phase(clip: Clip, one: Pass) -> StridePhase | None:
 
 
 def _weights(positions: Array, states: NDArray[np.uint8]) -> Array:
-    """How far each node (M, 20) was seen, 0 to 1."""
+    """Weights (M, 20) of the nodes by tracking state, 0 to 1."""
     return np.asarray(STATE_WEIGHTS[np.where(np.isfinite(positions).all(axis=-1), states, 0)])
 
 
@@ -170,7 +170,7 @@ def _strides(clip: Clip, one: Pass, positions: Array, phase: Array, weights: Arr
 
 
 def _root_over_ground(rotations: Array, root: Array, phase: Array) -> tuple[Array, Mask]:
-    """The root (T, 3) at the speed at which a foot in single support stands, and which feet stand (T, 2)."""
+    """The root (T, 3) at the speed at which a foot in single support does not slide, and contacts (T, 2)."""
     corners = sole_positions(*body_kinematics(rotations, root))
     height = corners[..., 2].min(axis=-1)
     height -= np.percentile(height.min(axis=1), LOW_PERCENTILE)
@@ -188,13 +188,15 @@ def _root_over_ground(rotations: Array, root: Array, phase: Array) -> tuple[Arra
 
 
 def _nearest_frames(times: Array, count: int) -> NDArray[np.intp]:
-    """Of each recorded frame the nearest of `count` even ones."""
+    """Index (M,) of the nearest resampled frame for recorded times (M,); count: of resampled frames."""
     return np.minimum(np.rint(times * FRAME_RATE).astype(np.intp), count - 1)
 
 
 def _reliability(positions: Array, rigid: bool, stands: Mask) -> SensorReliability:
-    """Without strides there is nothing to hold the trunk against: it is believed. So are the feet of a
-    precise recording that shows both, if they lie flat where they stand (M, 2).
+    """Reliability of a recording without strides.
+
+    Nothing repeats that the trunk could be checked against: it counts as reliable. So do the feet of a
+    precise recording that shows both, if they are flat while in contact (M, 2).
     """
     pitches, shown = [], True
     for k, side in enumerate(("left", "right")):
@@ -208,18 +210,18 @@ def _reliability(positions: Array, rigid: bool, stands: Mask) -> SensorReliabili
 
 
 def _recorded_contacts(positions: Array, times: Array, even: Array, scale: float, rigid: bool) -> Mask:
-    """Which feet stand (T, 2) at the times `even` (T,): those whose ankles do, about as low as ankles of feet
-    on the ground are. scale: body over person; rigid: the recording shows toes too, and a foot whose toes
-    move, as one that turns on its heel, does not stand.
+    """Contacts (T, 2) at times `even` (T,): feet whose ankles are low and still in the recording.
 
-    On the body itself a standing foot slides: its legs have other proportions.
+    scale: body over person; rigid: the recording is precise, so toes must be still too (a foot that turns on
+    its heel is not in contact). The recording decides, not the body: on the body, whose legs have other
+    proportions, a foot in contact slides.
     """
     nodes = [*ANKLE_NODES, *TOE_NODES] if rigid else [*ANKLE_NODES]
     points = np.empty((len(even), len(nodes), 3))
     for k, node in enumerate(nodes):
         seen = np.isfinite(positions[:, node]).all(axis=-1)
         if not seen.any():
-            # A recording without toes: the ankle alone says whether its foot stands.
+            # A recording without toes: the ankle alone decides.
             points[:, k] = points[:, k % len(ANKLE_NODES)]
             continue
         points[:, k] = scale * _interpolate(even, times[seen], positions[seen, node])
@@ -231,8 +233,9 @@ def _recorded_contacts(positions: Array, times: Array, even: Array, scale: float
 
 
 def _ground_height(positions: Array, frames: Array, stands: Mask) -> float:
-    """Height of the ground under a figure, (T, 20, 3) and (T, 20, 4): of the soles that stand (T, 2), as half
-    of them have it; where none does, of whatever is lowest.
+    """Ground height under node positions (T, 20, 3) and frames (T, 20, 4).
+
+    The median height of soles in contact (T, 2); without contacts, a low percentile of the lowest body.
     """
     heights = sole_positions(positions, frames)[..., 2].min(axis=-1)[stands]
     if len(heights):
@@ -241,7 +244,7 @@ def _ground_height(positions: Array, frames: Array, stands: Mask) -> float:
 
 
 def _interpolate(at: Array, times: Array, values: Array) -> Array:
-    """Values (M, K) at `times` (M,) on the times `at` (T,): cubics without corners, which do not swing."""
+    """Values (M, K) at `times` (M,) interpolated at (T,) by smooth cubics that do not overshoot."""
     if len(times) < 3:
         return np.stack([np.interp(at, times, column) for column in values.T], axis=-1)
     inside = np.clip(at, times[0], times[-1])

@@ -1,4 +1,4 @@
-"""What `retarget` did to a capture and how far the result can be believed: gait.json."""
+"""The report of `retarget`: the motion's gait parameters, measures, reliability and warnings (gait.json)."""
 
 from __future__ import annotations
 
@@ -25,9 +25,9 @@ from kinemimic.retarget.strides.passes import Pass, brevity_note
 def cyclic_report(
     clip: Clip, passes: list[Pass], closed: CyclicFit, fit: CyclicFit, warnings: list[str]
 ) -> dict[str, Any]:
-    """The JSON value of gait.json for a gait loop; lengths in metres, angles in degrees.
+    """The value of gait.json for a gait loop; lengths in metres, angles in degrees.
 
-    closed, fit: before and after the refinement.
+    closed, fit: before and after refinement.
     """
     motion, path = fit.motion, fit.path
     strides = sum(_strides(p) for p in _used(passes, fit))
@@ -85,7 +85,7 @@ def cyclic_report(
 
 
 def noncyclic_report(clip: Clip, fit: NonCyclicFit, motion: Motion, one: Pass) -> dict[str, Any]:
-    """The JSON value of gait.json for a pass as it was recorded, from its closed form and final motion."""
+    """The value of gait.json for a pass as recorded, from its closed form `fit` and final motion."""
     kind, walk = "motion", {}
     if fit.strides is not None:
         speed = float(np.linalg.norm(motion.root[-1, :2] - motion.root[0, :2])) / motion.duration
@@ -115,12 +115,12 @@ def noncyclic_report(clip: Clip, fit: NonCyclicFit, motion: Motion, one: Pass) -
         },
     }
     why = brevity_note(one) or "nobody walks in this capture"
-    told = f"{why}: the longest pass is used as it is, without a loop"
-    return _with_findings(report, [] if walk else [told])
+    warning = f"{why}: the longest pass is kept as recorded, without a loop"
+    return _with_findings(report, [] if walk else [warning])
 
 
 def _with_findings(report: dict[str, Any], warnings: list[str]) -> dict[str, Any]:
-    """The report with what the gate before training finds, which also stands among the warnings."""
+    """The report with the findings of the gate before training, which also join the warnings."""
     found = check_report(report)
     return {
         **report,
@@ -130,7 +130,7 @@ def _with_findings(report: dict[str, Any], warnings: list[str]) -> dict[str, Any
 
 
 def r_squared(captured: Array, fitted: Array) -> float:
-    """Share of the variance of captured (M,) that fitted (M,) explains; NaN where there is none.
+    """Coefficient of determination R² of fitted (M,) against captured (M,); NaN without variance.
 
     Frames in which either is NaN are left out.
     """
@@ -143,7 +143,7 @@ def r_squared(captured: Array, fitted: Array) -> float:
 
 
 def reference_at(motion: Motion, phase: Array) -> dict[str, Array]:
-    """The motion's knee and hip angles (M,) in radians at phases (M,) in durations."""
+    """The motion's knee and hip angles (M,) in radians at phases (M,)."""
     curves = joint_angles(motion.rotations)
     frames = len(motion.root)
     knots = np.arange(frames + 1) / frames if motion.cyclic else np.arange(frames) / (frames - 1)
@@ -227,5 +227,5 @@ def _range(curve: Array) -> list[float]:
 
 
 def _n(value: Any) -> float | None:
-    """Six significant digits, which no platform's last bit disturbs; None for what is not a number."""
+    """Six significant digits, so that platforms agree; None if not finite."""
     return float(f"{float(value):.6g}") if np.isfinite(value) else None

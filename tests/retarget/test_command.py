@@ -97,7 +97,7 @@ def test_the_table_tells_what_train_refuses_from_what_is_only_to_be_seen(run):
     (finding,) = check_report({**report, "range_deg": {name: [0.0, 20.0] for name in report["range_deg"]}})
     told = {**report, "gate": [asdict(finding)], "warnings": ["it limps", finding.message]}
     lines = _table(told)
-    assert lines[-3:-1] == ["  ! it limps", "  ✗ a knee flexes by 20° at most (limit 35°)"]
+    assert lines[-3:-1] == ["  ! it limps", "  ✗ peak knee flexion of 20° (limit 35°)"]
     assert "--anyway" in lines[-1]
 
 

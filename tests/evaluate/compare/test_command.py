@@ -160,7 +160,7 @@ def test_a_cell_that_fails_is_one_line_and_the_others_go_on(
     assert ended.exit_code == 1
     told = [line for line in ended.stderr.splitlines() if line.startswith("bad default seed 0: ")]
     assert len(told) == 1
-    assert "sink in by 90 mm" in told[0]
+    assert "penetrate the ground by 90 mm" in told[0]
     result = json.loads((tmp_path / "out" / "compare.json").read_text())
     assert list(result["failed"]) == ["bad default seed 0"]
     assert [row["task"] for row in result["cells"]] == ["good"]
