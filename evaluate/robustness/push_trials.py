@@ -22,6 +22,7 @@ from kinemimic.train.config.config import EnvConfig
 from kinemimic.train.reference.heading import heading
 from kinemimic.train.reference.reference import Reference
 from kinemimic.train.rollout.policy import Policy
+from kinemimic.train.rollout.rollout import roll_out
 from kinemimic.train.sim.engines import open_world
 from kinemimic.train.sim.world import CONTROL_RATE
 from kinemimic.train.task.env import ImitationBatch
@@ -144,33 +145,28 @@ def run_searches(
     leads. Results in the order of `searches`.
     """
     size = len(searches)
-    everyone = np.arange(size)
     wrenches = np.zeros((size, len(BODIES), 6))
     ways = np.stack([np.cos(angles), np.sin(angles)], axis=1)
     forces = np.array([next(one) for one in searches])
     found: dict[int, Found] = {}
-    ages = np.zeros(size, dtype=np.int64)
-    batch.reset(everyone, np.full(size, start))
-    observations = batch.observe()
-    while len(found) < size:
-        pushed = (ages >= SETTLE) & (ages < SETTLE + PUSH)
-        wrenches[:, PELVIS, :2] = np.where(pushed, forces, 0.0)[:, None] * ways
-        actions = policy.act(observations).astype(np.float64)
-        observations = batch.step(actions, wrenches).observations
-        ages += 1
+
+    def next_trials(*_: object) -> bool:
         fell = batch.fallen()
-        ended = np.flatnonzero(fell | (ages == SETTLE + PUSH + SURVIVE))
-        if not len(ended):
-            continue
+        ended = np.flatnonzero(fell | (batch.ages == SETTLE + PUSH + SURVIVE))
         for k in map(int, ended):
-            # A figure whose search is over goes on, unpushed: no other depends on it.
+            # A humanoid whose search is over goes on, unpushed: no other depends on it.
             if k in found:
                 continue
             try:
                 forces[k] = searches[k].send(not fell[k])
             except StopIteration as done:
                 found[k], forces[k] = done.value, 0.0
-        ages[ended] = 0
-        batch.reset(ended, np.full(len(ended), start))
-        observations = batch.observe()
+        if len(ended):
+            batch.reset(ended, np.full(len(ended), start))
+        pushed = (batch.ages >= SETTLE) & (batch.ages < SETTLE + PUSH)
+        wrenches[:, PELVIS, :2] = np.where(pushed, forces, 0.0)[:, None] * ways
+        return len(found) == size
+
+    batch.reset(np.arange(size), np.full(size, start))
+    roll_out(batch, policy.act, None, next_trials, until_all_fell=False, wrenches=wrenches)
     return [found[k] for k in range(size)]

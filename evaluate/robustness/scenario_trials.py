@@ -23,6 +23,7 @@ from kinemimic.retarget.humanoid.motion import Motion
 from kinemimic.train.config.config import EnvConfig, TrainConfig
 from kinemimic.train.rollout.evaluation import frames_of
 from kinemimic.train.rollout.policy import Policy
+from kinemimic.train.rollout.rollout import roll_out
 from kinemimic.train.scenario.route import reference_for
 from kinemimic.train.scenario.scenario import Scenario
 from kinemimic.train.sim.engines import open_world
@@ -102,7 +103,7 @@ def conduct(task: Task) -> Trials:
         config = replace(task.config, scenario=scenario)
         batch = ImitationBatch(open_world(size, task.engine), reference, config)
         batch.reset(np.arange(size), phases, seeds=seeds)
-        found.append(_performed(batch, task.policy, steps))
+        found.append(_rewards(batch, task.policy, steps))
         batch.world.close()
     (rewards, fallen_at), (calm, twin_fallen_at) = found
     return Trials(phases, rewards, calm, fallen_at, twin_fallen_at < steps)
@@ -132,25 +133,20 @@ def steps_of(motion: Motion, scenario: Scenario) -> int:
     return scenario.steps if motion.cyclic else min(scenario.steps, frames_of(motion))
 
 
-def apart(policy: Policy, observations: Array) -> Array:
-    """Actions (N, 42) for observations (N, O), each from a product of its own: those of several differ by
-    their last digits with how many they are, and after some contacts so do the figures."""
-    return np.concatenate([policy.act(row[None]) for row in observations]).astype(np.float64)
+def _rewards(batch: ImitationBatch, policy: Policy, steps: int) -> tuple[Array, NDArray[np.int64]]:
+    """Rewards (N, steps), 0 after a fall, and the control step of the fall (N,)."""
+    largest = sum(batch.reward.weights.values())
+    rewards = np.zeros((batch.world.size, steps))
 
+    def act_one_by_one(observations: Array) -> Array:
+        # A matrix product's last digits depend on the number of its rows, and after some contacts so would
+        # the rollouts.
+        return np.concatenate([policy.act(row[None]) for row in observations])
 
-def _performed(batch: ImitationBatch, policy: Policy, steps: int) -> tuple[Array, NDArray[np.int64]]:
-    """Rewards (N, steps), 0 after a fall, and when it was (N,)."""
-    size, largest = batch.world.size, sum(batch.reward.weights.values())
-    rewards = np.zeros((size, steps))
-    fallen_at = np.full(size, steps)
-    observations = batch.observe()
-    for step in range(steps):
-        observations = batch.step(apart(policy, observations)).observations
-        fallen_at[batch.fallen() & (fallen_at == steps)] = step
-        stands = fallen_at == steps
-        if not stands.any():
-            break
-        rewards[:, step] = stands * batch.terms().sum(axis=1) / largest
+    def record(step: int, standing: NDArray[np.bool_]) -> None:
+        rewards[:, step] = standing * batch.terms().sum(axis=1) / largest
+
+    fallen_at = roll_out(batch, act_one_by_one, steps, record)
     return rewards, fallen_at
 
 

@@ -40,12 +40,11 @@ def staged(
     course = draw_event_schedule(scenario, reference, phase, np.random.default_rng(own))
     states = np.full((steps, len(course.releases), 13), np.nan)
     loads = np.zeros((steps, len(BODIES), 3))
-    frame = iter(range(steps))
 
-    def note() -> None:
-        at, there = next(frame), batch.world.obstacles(0)
-        states[at, : len(there)] = there
-        loads[at] = 0.0 if batch.wrenches is None else batch.wrenches[0, :, :3]
+    def note(step: int) -> None:
+        there = batch.world.obstacles(0)
+        states[step, : len(there)] = there
+        loads[step] = 0.0 if batch.wrenches is None else batch.wrenches[0, :, :3]
 
     played = record_trajectory(batch, policy, phase, steps, note)
     batch.world.close()

@@ -17,7 +17,7 @@ from kinemimic.retarget.humanoid.motion import Motion, joint_angles
 from kinemimic.train.config.config import EnvConfig, RewardConfig
 from kinemimic.train.reference.reference import Reference
 from kinemimic.train.rollout.policy import Policy
-from kinemimic.train.rollout.rollout import node_rotations
+from kinemimic.train.rollout.rollout import node_rotations, roll_out
 from kinemimic.train.scenario.scenario import Scenario
 from kinemimic.train.sim.engines import open_world
 from kinemimic.train.sim.world import CONTROL_RATE
@@ -156,15 +156,13 @@ class Evaluator:
         batch.reward = reward
         # Of a scenario from each phase always the same draw, so that two policies compare.
         batch.reset(np.array([0]), np.array([phase]), seeds=np.array([round(1e6 * phase)], dtype=np.uint64))
-        observation = batch.observe()
         rewards, rotations = [], []
-        for _ in range(frames):
-            action = policy.act(observation).astype(np.float64)
-            observation = batch.step(action).observations
-            if batch.fallen()[0]:
-                break
+
+        def record(*_: object) -> None:
             rewards.append(float(batch.terms().sum()))
             rotations.append(node_rotations(batch.bodies)[0])
+
+        roll_out(batch, policy.act, frames, record)
         stood = len(rewards)
         # The phases that a figure which does not fall goes through.
         phases = phase + np.arange(1, frames + 1) / (CONTROL_RATE * batch.reference.duration)

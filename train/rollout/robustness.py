@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from kinemimic.train.config.config import EnvConfig, RewardConfig
 from kinemimic.train.reference.reference import Reference
 from kinemimic.train.rollout.policy import Policy
+from kinemimic.train.rollout.rollout import roll_out
 from kinemimic.train.sim.engines import open_world
 from kinemimic.train.task.domain_randomization import RandomizationSample, draw
 from kinemimic.train.task.env import ImitationBatch
@@ -25,6 +26,7 @@ class RobustnessEvaluation:
     """Figures that face the hardships with some of the numbers 0 to FIGURES - 1, one each."""
 
     def __init__(self, reference: Reference, config: EnvConfig, numbers: Sequence[int], engine: str) -> None:
+        self.numbers = tuple(numbers)
         self._config, self._size = config, len(numbers)
         self._batch = ImitationBatch(open_world(self._size, engine), reference, config)
         drawn = [draw(config.domain_randomization, 1.0, np.random.default_rng(number)) for number in numbers]
@@ -38,14 +40,11 @@ class RobustnessEvaluation:
         batch = self._batch
         batch.reward = reward
         batch.reset(np.arange(self._size), self._phases, self._conditions, self._seeds)
-        observations = batch.observe()
-        stands: NDArray[np.bool_] = np.ones(self._size, dtype=np.bool_)
         total = np.zeros(self._size)
-        for _ in range(self._config.steps):
-            observations = batch.step(policy.act(observations).astype(np.float64)).observations
-            stands &= ~batch.fallen()
-            if not stands.any():
-                break
-            total += stands * batch.terms().sum(axis=1)
+
+        def add_rewards(_: int, standing: NDArray[np.bool_]) -> None:
+            total[:] += standing * batch.terms().sum(axis=1)
+
+        roll_out(batch, policy.act, self._config.steps, add_rewards)
         shares: list[float] = (total / self._config.steps / sum(reward.weights.values())).tolist()
         return shares

@@ -1,7 +1,8 @@
-"""Let a policy perform: rollouts from given phases that do not stop at a fall."""
+"""Roll out a policy: the loop that all evaluations share, and trajectories recorded with it."""
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Callable
 from dataclasses import fields
 from pathlib import Path
@@ -24,6 +25,47 @@ from kinemimic.train.sim.engines import open_world
 from kinemimic.train.sim.world import BodyStates
 from kinemimic.train.task.env import ACTIONS, ImitationBatch
 
+# Actions (E, 42) for observations (E, O).
+Act = Callable[[Array], NDArray[Any]]
+# Called after a control step with its number and which humanoids (E,) have not fallen yet; True stops.
+OnStep = Callable[[int, NDArray[np.bool_]], bool | None]
+
+
+def roll_out(
+    batch: ImitationBatch,
+    act: Act | None,
+    steps: int | None,
+    on_step: OnStep,
+    *,
+    until_all_fell: bool = True,
+    wrenches: Array | None = None,
+) -> NDArray[np.int64]:
+    """Step a batch with a policy's actions; returns the control step (E,) of each first fall.
+
+    The batch starts as it is. Without a fall the step is `steps`. act: None for no corrections of the
+    reference; steps: None rolls out until `on_step` stops it; on_step may reset humanoids of the batch;
+    until_all_fell: stop before `on_step` once every humanoid has fallen (`ImitationBatch.fallen`);
+    wrenches: (E, 15, 6) external force and torque, read at every step, so that `on_step` may change them.
+    """
+    size = batch.world.size
+    last = np.iinfo(np.int64).max if steps is None else steps
+    fallen_at = np.full(size, last)
+    standing = np.ones(size, dtype=np.bool_)
+    observations = batch.observe()
+    for step in itertools.count() if steps is None else range(steps):
+        actions = np.zeros((size, ACTIONS)) if act is None else act(observations).astype(np.float64)
+        observations = batch.step(actions, wrenches).observations
+        fallen = batch.fallen()
+        fallen_at[fallen & standing] = step
+        standing = standing & ~fallen
+        if until_all_fell and not standing.any():
+            break
+        if on_step(step, standing):
+            break
+        if not batch.ages.all():  # some were reset
+            observations = batch.observe()
+    return fallen_at
+
 
 def collect_trajectories(
     motion: Motion,
@@ -35,19 +77,18 @@ def collect_trajectories(
     workers: int | None = None,
     progress: Callable[[int], object] | None = None,
 ) -> Trajectory:
-    """Rollouts of the deterministic policy from each phase, side by side on `workers` processes.
+    """Trajectories of the deterministic policy from each start phase, in parallel on `workers` processes.
 
-    policy: file of a trained policy, or None for the reference's PD targets alone. A fall is noted and the
-    figure lies there while the reference goes on. engine: of `engines.py`.
-    progress: called with the number of phases that are done.
+    policy: file of a trained policy, or None for the reference's PD targets alone. A rollout goes on after a
+    fall. engine: see `engines.py`. progress: called with the number of finished rollouts.
     """
     actor, config = None, EnvConfig()
     if policy is not None:
         actor, record = Policy.load(policy)
         config = TrainConfig.from_json(record["config"]).env
-    # One figure a task: what a figure does must not depend on how many others there are.
+    # One humanoid per task: its trajectory must not depend on the number of others.
     tasks = [(motion, actor, config, float(phase), frames, engine) for phase in start_phases]
-    parts = parallel_map(_perform_one, tasks, workers=workers, progress=progress)
+    parts = parallel_map(_collect_one, tasks, workers=workers, progress=progress)
     joined: dict[str, Any] = {
         f.name: parts[0].reward_names
         if f.name == "reward_names"
@@ -57,13 +98,13 @@ def collect_trajectories(
     return Trajectory(**joined)
 
 
-def _perform_one(task: tuple[Motion, Policy | None, EnvConfig, float, int, str]) -> Trajectory:
+def _collect_one(task: tuple[Motion, Policy | None, EnvConfig, float, int, str]) -> Trajectory:
     motion, policy, config, phase, frames, engine = task
     batch = ImitationBatch(open_world(1, engine, measure_torques=True), Reference(motion), config)
     batch.reset(np.array([0]), np.array([phase]))
-    played = record_trajectory(batch, policy, phase, frames)
+    trajectory = record_trajectory(batch, policy, phase, frames)
     batch.world.close()
-    return played
+    return trajectory
 
 
 def record_trajectory(
@@ -71,27 +112,19 @@ def record_trajectory(
     policy: Policy | None,
     phase: float,
     frames: int,
-    each: Callable[[], object] | None = None,
+    on_step: Callable[[int], object] | None = None,
 ) -> Trajectory:
-    """What the one figure of a batch does from now on; it began at a phase. A fall is noted, and the figure
-    lies there while the reference goes on.
+    """Roll out a batch of one humanoid, which was reset to `phase`, beyond a fall.
 
-    each: called after every control step.
+    on_step: called with the number of every control step.
     """
     reference = batch.reference
-    observation = batch.observe()
     rows: dict[str, list[NDArray[Any]]] = {
         name: []
         for name in ("phases", "root", "rotations", "rewards", "torques", "contacts", "contact_forces")
     }
-    fallen_at = frames
-    for frame in range(frames):
-        action = np.zeros((1, ACTIONS))
-        if policy is not None:
-            action = policy.act(observation).astype(np.float64)
-        observation = batch.step(action).observations
-        if fallen_at == frames and batch.fallen()[0]:
-            fallen_at = frame
+
+    def record(step: int, _: NDArray[np.bool_]) -> None:
         rows["phases"].append(batch.phases.copy())
         # The engine writes the next step into the same arrays.
         rows["root"].append(batch.bodies.positions[:, 0].copy())
@@ -100,15 +133,18 @@ def record_trajectory(
         rows["torques"].append(batch.world.peak_torques().copy())
         rows["contacts"].append(batch.world.contacts())
         rows["contact_forces"].append(batch.world.contact_forces())
-        if each is not None:
-            each()
+        if on_step is not None:
+            on_step(step)
+
+    act = None if policy is None else policy.act
+    fallen_at = roll_out(batch, act, frames, record, until_all_fell=False)
     stacked = {name: np.stack(values, axis=1) for name, values in rows.items()}
     return Trajectory(
         start_phases=np.array([phase]),
         reference_root=reference.root(stacked["phases"]),
         reference_rotations=reference.nodes(stacked["phases"]),
         reward_names=np.array(list(batch.reward.weights)),
-        fallen_at=np.array([fallen_at]),
+        fallen_at=fallen_at,
         phases=stacked["phases"],
         root=stacked["root"],
         rotations=stacked["rotations"],
@@ -120,7 +156,7 @@ def record_trajectory(
 
 
 def node_rotations(bodies: BodyStates) -> Array:
-    """Local rotations (E, 20, 4) of the nodes from the simulated bodies."""
+    """Local rotations (E, 20, 4) of the skeleton's nodes."""
     nodes = np.tile(IDENTITY, (len(bodies.rotations), len(NODES), 1))
     nodes[:, BODY_NODES[0]] = bodies.rotations[:, 0]
     nodes[:, BODY_NODES[1:]] = bodies.joints

@@ -91,8 +91,8 @@ class Sampler:
             open_world(len(seeds), engine, threads=threads), reference_for(motion, config.scenario), config
         )
         self._randoms = [np.random.Generator(np.random.PCG64(seed)) for seed in seeds]
-        self._rehearsal: Evaluator | None = None
-        self._ordeal: RobustnessEvaluation | None = None
+        self._evaluator: Evaluator | None = None
+        self._robustness: RobustnessEvaluation | None = None
         self.restart(np.arange(len(seeds)), 0.0)
         self._next = self.batch.snapshot()
 
@@ -122,17 +122,20 @@ class Sampler:
 
     def run_episodes(self, policy: Policy, reward: RewardConfig, phases: Sequence[float]) -> list[Episode]:
         """Performances from these phases, by a figure apart from those that train."""
-        if self._rehearsal is None:
-            self._rehearsal = Evaluator(self._motion, self.batch.reference, self._config, self._engine)
-        return [self._rehearsal.run_episode(policy, reward, phase) for phase in phases]
+        if self._evaluator is None:
+            self._evaluator = Evaluator(self._motion, self.batch.reference, self._config, self._engine)
+        return [self._evaluator.run_episode(policy, reward, phase) for phase in phases]
 
     def robust_returns(self, policy: Policy, reward: RewardConfig, numbers: Sequence[int]) -> list[float]:
-        """What figures apart endure of the hardships with these numbers, which stay the same."""
+        """Robust returns (`robustness.py`) of the random draws with these numbers, in separate environments.
+
+        They are kept for the next call, which asks for the same numbers as a rule.
+        """
         if not numbers:
             return []
-        if self._ordeal is None:
-            self._ordeal = RobustnessEvaluation(self.batch.reference, self._config, numbers, self._engine)
-        return self._ordeal.robust_returns(policy, reward)
+        if self._robustness is None or self._robustness.numbers != tuple(numbers):
+            self._robustness = RobustnessEvaluation(self.batch.reference, self._config, numbers, self._engine)
+        return self._robustness.robust_returns(policy, reward)
 
     def restart(self, indices: NDArray[np.intp], strength: float) -> None:
         """Begin new episodes under hardships of this strength."""

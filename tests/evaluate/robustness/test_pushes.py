@@ -135,12 +135,14 @@ class Judge:
     def __init__(self, world: Any, reference: Reference, config: EnvConfig) -> None:
         self.trials: list[list[list[np.ndarray]]] = [[] for _ in range(4)]
         self.starts: list[float] = []
+        self.world, self.ages = world, np.zeros(4, dtype=np.int64)
         Judge.last = self
 
     last: Judge
 
     def reset(self, indices: np.ndarray, phases: np.ndarray) -> None:
         self.starts += phases.tolist()
+        self.ages[indices] = 0
         for k in indices:
             self.trials[k].append([])
 
@@ -151,6 +153,7 @@ class Judge:
         assert actions.shape == (4, ACTIONS)
         for trial, wrench in zip(self.trials, wrenches, strict=True):
             trial[-1].append(wrench.copy())
+        self.ages += 1
         return SimpleNamespace(observations=self.observe())
 
     def fallen(self) -> np.ndarray:
@@ -166,7 +169,7 @@ class Judge:
 @pytest.fixture
 def judge(monkeypatch: pytest.MonkeyPatch) -> type[Judge]:
     monkeypatch.setattr(push_trials, "ImitationBatch", Judge)
-    monkeypatch.setattr(push_trials, "open_world", lambda *_: SimpleNamespace(close=lambda: None))
+    monkeypatch.setattr(push_trials, "open_world", lambda *_: SimpleNamespace(size=4, close=lambda: None))
     return Judge
 
 

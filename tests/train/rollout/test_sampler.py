@@ -142,3 +142,20 @@ def test_a_worker_that_is_killed_is_one_line(motion: Motion) -> None:
         victim.join()
         with pytest.raises(KinemimicError, match=r"2 worker processes, .* one ended, status -9"):
             crew.sample(policy, NOISE, SHORT.reward, 0.0, 2)
+
+
+def test_robust_returns_are_those_of_the_numbers_asked_for(motion: Motion, engine: str) -> None:
+    hard = replace(
+        EnvConfig(), episode=20, domain_randomization=DomainRandomization(push=(50.0, 200.0), rest=(0.1, 0.2))
+    )
+
+    def returns(sampler: Sampler, *numbers: int) -> list[float]:
+        return sampler.robust_returns(idle(), hard.reward, numbers)
+
+    seeds = np.random.SeedSequence(0).spawn(1)
+    one = Sampler(motion, hard, seeds, engine)
+    fresh = {numbers: returns(Sampler(motion, hard, seeds, engine), *numbers) for numbers in ((0, 1), (2, 3))}
+    assert fresh[0, 1] != fresh[2, 3]
+    for numbers in ((0, 1), (2, 3), (2, 3), (0, 1)):
+        assert returns(one, *numbers) == fresh[numbers]
+    assert returns(one) == []

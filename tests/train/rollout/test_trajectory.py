@@ -132,5 +132,5 @@ def test_what_an_engine_overwrites_is_kept(motion: Motion, puppets, monkeypatch:
     """A puppet goes one metre a frame, in memory that every step writes anew."""
     module = importlib.import_module("kinemimic.train.rollout.rollout")
     monkeypatch.setattr(module, "open_world", lambda size, engine, measure_torques: puppets(size))
-    played = module._perform_one((motion, None, EnvConfig(), 0.0, 4, "puppets"))
+    played = module._collect_one((motion, None, EnvConfig(), 0.0, 4, "puppets"))
     np.testing.assert_allclose(np.diff(played.root[0, :, 0]), 1.0)
