@@ -109,6 +109,7 @@ def _changed(path: Path, change: Callable[[Any], None]) -> None:
 PREPARED: dict[str, Prepare] = {
     "README.md": nothing,
     "compare.md": trained,
+    "contributing.md": nothing,
     "convert.md": trained,
     "datasets.md": versions,
     "depth-recordings.md": depth,
@@ -119,6 +120,7 @@ PREPARED: dict[str, Prepare] = {
     "formats.md": nothing,
     "gait.md": trained,
     "ingest.md": recordings,
+    "installation.md": nothing,
     "pushes.md": nothing,
     "python.md": both,
     "retarget.md": trained,
