@@ -57,8 +57,8 @@ def test_a_good_walk_passes():
         ({"r2_loop_against_capture__hip_left": 0.6}, "fit", "warn", "R² 0.60"),
         ({"r2_loop_against_capture__hip_left": 0.2}, "fit", "refuse", "R² 0.20"),
         ({"strides": 1.4}, "strides", "warn", "1.4 strides"),
-        ({"measures__beyond_limits_deg": {"hip_left": 4.0}}, "limits", "warn", "4° beyond"),
-        ({"measures__beyond_limits_deg": {"hip_left": 40.0}}, "limits", "refuse", "40° beyond"),
+        ({"measures__beyond_limits_deg": {"hip_left": 4.0}}, "limits", "warn", "motion by 4°"),
+        ({"measures__beyond_limits_deg": {"hip_left": 40.0}}, "limits", "refuse", "motion by 40°"),
     ],
 )
 def test_every_rule_says_its_number_and_limit(change, rule, severity, says):
