@@ -14,7 +14,12 @@ from peers.wheels import FOLDERS, ROOT, call
 IMPORTS = """
 import importlib, sys
 folder = sys.argv[1]
-for name in ("pipeline.kinematics.rotations", "retarget.humanoid.body", "train.rollout.trajectory", "evaluate.workflow.ledger"):
+for name in (
+    "pipeline.kinematics.rotations",
+    "retarget.humanoid.body",
+    "train.rollout.trajectory",
+    "evaluate.workflow.run",
+):
     module = importlib.import_module("kinemimic." + name)
     assert module.__file__.startswith(folder), module
 import datasets, evaluate
@@ -44,10 +49,18 @@ def test_the_wheel_holds_the_package_and_nothing_else(wheel: Path) -> None:
 
 
 def test_the_wheel_holds_every_source_file(wheel: Path) -> None:
-    files = {path.relative_to(ROOT) for name in FOLDERS for path in (ROOT / name).rglob("*.py")}
+    files = {
+        path.relative_to(ROOT) for name in FOLDERS for path in (ROOT / name).rglob("*") if _is_source(path)
+    }
     # train/native is a distribution of its own, and these files are what compiles it.
     sources = {f"kinemimic/{path}" for path in files if path.parts[:2] != ("train", "native")}
-    assert sources == {name for name in zipfile.ZipFile(wheel).namelist() if name.endswith(".py")}
+    assert "kinemimic/pipeline/cli/templates/page.css" in sources
+    assert sources == {name for name in zipfile.ZipFile(wheel).namelist() if _is_source(Path(name))}
+
+
+def _is_source(path: Path) -> bool:
+    """Whether a file is a module or belongs to the templates of the reports."""
+    return path.suffix == ".py" or path.parent.name == "templates"
 
 
 def test_the_wheel_installs_a_console_script_and_the_licence(wheel: Path) -> None:

@@ -14,7 +14,7 @@ from rich.text import Text
 
 from kinemimic.evaluate.policies.shipped import run_options
 from kinemimic.evaluate.scoring.capture_fit import read_capture
-from kinemimic.evaluate.scoring.report import LABELS, PAPER_FIT, PAPER_GAP_DEG, Evidence, report
+from kinemimic.evaluate.scoring.report import LABELS, PAPER_FIT, PAPER_GAP_DEG, ReportData, report
 from kinemimic.evaluate.scoring.scores import compose
 from kinemimic.pipeline.arrays import Array
 from kinemimic.pipeline.cli.html import number
@@ -81,7 +81,7 @@ def evaluate(run: Path, *, workers: int | None = None, engine: str = "auto") -> 
             seed=record.get("seed"),
         ),
     )
-    html = report(run, Evidence(scores, trajectory, no_policy, motion, capture))
+    html = report(run, ReportData(scores, trajectory, no_policy, motion, capture))
     trajectory.save(run / "trajectory.npz")
     write_text(run / "curves.csv", curves_csv(trajectory, no_policy))
     write_text(run / "report.html", html)

@@ -1,4 +1,4 @@
-"""`kinemimic gait`: the gait of the capture, of the reference and of the simulation, side by side."""
+"""`kinemimic gait`: gait metrics of capture, reference and simulation, side by side."""
 
 from __future__ import annotations
 
@@ -13,9 +13,9 @@ from rich.console import Console, Group, RenderableType
 from rich.table import Table
 from rich.text import Text
 
-from kinemimic.evaluate.scoring.gait_page import ROWS, cell, gait_page, notes
-from kinemimic.evaluate.scoring.gait_report import compare
-from kinemimic.evaluate.scoring.gait_sources import Walker, captured
+from kinemimic.evaluate.scoring.gait_page import NO_VALUE, ROWS, gait_page, notes
+from kinemimic.evaluate.scoring.gait_report import gait_report
+from kinemimic.evaluate.scoring.gait_subjects import GaitSubject, captured
 from kinemimic.pipeline.cli.options import json_option, run_option
 from kinemimic.pipeline.errors import KinemimicError
 from kinemimic.pipeline.files.provenance import provenance
@@ -23,32 +23,32 @@ from kinemimic.pipeline.files.store import file_hash, write_json, write_text
 from kinemimic.retarget.formats.motion_json import read_motion_json
 from kinemimic.train.rollout.trajectory import Trajectory
 
-# Of these one must be there: the playback needs the motion's body.
-WALKERS = ("quaternions.parquet", "motion.json")
+# At least one of these is needed: a trajectory alone lacks the motion's body.
+SUBJECTS = ("quaternions.parquet", "motion.json")
 FILES = ("quaternions.parquet", "clip.parquet", "gait.json", "motion.json", "trajectory.npz")
 
 
 def gait(run: Path) -> dict[str, Any]:
-    """Measure whoever walks in a run folder, write gait_report.json and gait_report.html, return the former.
+    """Write gait_report.json and gait_report.html of a run folder; returns the content of the former.
 
-    A KinemimicError says so where nothing is there, or nobody in it makes a whole stride.
+    KinemimicError if there is no subject, or none with a full stride.
     """
     if not run.is_dir():
         raise KinemimicError(f"{run}: expected a run folder, found none; name one with --run")
-    if not any((run / name).exists() for name in WALKERS):
+    if not any((run / name).exists() for name in SUBJECTS):
         raise KinemimicError(
-            f"{run}: expected {' or '.join(WALKERS)}, found neither; run `ingest` and `convert` first"
+            f"{run}: expected {' or '.join(SUBJECTS)}, found neither; run `ingest` and `convert` first"
         )
     motion = read_motion_json(run / "motion.json") if (run / "motion.json").exists() else None
     trajectory = (
         Trajectory.load(run / "trajectory.npz") if motion and (run / "trajectory.npz").exists() else None
     )
     capture = captured(run, motion)
-    report = compare(capture, motion, trajectory)
-    if not report["walkers"]:
+    report = gait_report(capture, motion, trajectory)
+    if not report["subjects"]:
         raise KinemimicError(
-            f"{run}: expected a gait with at least one whole stride, found none in capture, reference or "
-            f"simulation{_recorded(capture)}; is it walking or running, for two strides or more?"
+            f"{run}: expected a gait with at least one full stride, found none in capture, reference or "
+            f"simulation{_recorded(capture)}; record two or more strides of walking or running"
         )
     report["provenance"] = provenance(
         "gait", inputs={name: file_hash(run / name) for name in FILES if (run / name).exists()}, config={}
@@ -59,8 +59,8 @@ def gait(run: Path) -> dict[str, Any]:
     return report
 
 
-def _recorded(capture: Walker | None) -> str:
-    """How much of a gait there is in a capture without a whole stride."""
+def _recorded(capture: GaitSubject | None) -> str:
+    """Duration and foot strikes of a capture without a full stride."""
     if capture is None:
         return ""
     seconds = sum(
@@ -68,21 +68,21 @@ def _recorded(capture: Walker | None) -> str:
     )
     strikes = [sum(len(feet.strikes[k]) for feet in capture.gait.feet.values()) for k in range(2)]
     return (
-        f"; the capture's {seconds:.1f} s have {strikes[0]} left and {strikes[1]} right foot strikes, of "
-        "which a stride takes two of one foot"
+        f"; the capture's {seconds:.1f} s contain {strikes[0]} left and {strikes[1]} right foot strikes, and "
+        "a stride takes two of the same foot"
     )
 
 
 def table(report: Mapping[str, Any], run: Path) -> RenderableType:
     """The report for a terminal."""
-    walkers = report["walkers"]
+    subjects = report["subjects"]
     grid = Table("", header_style="bold", box=None, pad_edge=False)
-    for name in walkers:
+    for name in subjects:
         grid.add_column(name, justify="right")
-    for label, unit, digits, scale, read in ROWS:
-        cells = [cell(read(walker), digits, scale) for walker in walkers.values()]
-        if any(text != "–" for text in cells):
-            grid.add_row(f"{label}{f' [{unit}]' if unit else ''}", *cells)
+    for row in ROWS:
+        cells = [row.cell(subject) for subject in subjects.values()]
+        if any(text != NO_VALUE for text in cells):
+            grid.add_row(f"{row.label} [{row.unit}]" if row.unit else row.label, *cells)
     lines = [*notes(report), f"normal: {report['normative']}", f"curves: {run / 'gait_report.html'}"]
     return Group(grid, *(Text(line) for line in lines))
 
@@ -91,10 +91,10 @@ def table(report: Mapping[str, Any], run: Path) -> RenderableType:
 @run_option()
 @json_option("Print gait_report.json.")
 def command(run: Path, as_json: bool) -> None:
-    """The gait of a run's capture, reference and simulation, whichever are there, over what is normal.
+    """Gait metrics of a run's capture, reference and simulation, compared with normal gait.
 
-    Cadence, lengths, speed, stance, symmetry, off-axis knee rotation and the curves of knee, hip and ankle:
-    gait_report.json and gait_report.html.
+    Writes gait_report.json and gait_report.html with cadence, lengths, speed, stance, symmetry, off-axis knee
+    rotation and the curves of knee, hip and ankle. Subjects without a full stride are listed without metrics.
 
     \b
       kinemimic gait --run runs/walk

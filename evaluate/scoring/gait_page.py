@@ -1,33 +1,30 @@
-"""The gait report as a page: tables, and the curves of every walker over the normal band.
+"""The gait report as a page: tables, and the curves of every subject over the normal band.
 
-Everything is read from the JSON value of gait_report.json; a walker or a row that is not there is left out.
+All values come from the JSON of gait_report.json; missing subjects and rows without a value are left out.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from html import escape
+from dataclasses import dataclass
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 from matplotlib.figure import Figure
 
 from kinemimic.evaluate.scoring.figures import CAPTURED, REFERENCE, SIMULATED
-from kinemimic.pipeline.cli.html import drawing, number, page
-from kinemimic.pipeline.cli.html import table as html_table
-from kinemimic.pipeline.cli.picture import Draw, legend, panel_grid, picture
+from kinemimic.pipeline.cli.html import number, render
+from kinemimic.pipeline.cli.picture import Draw, legend, panel_grid
 from kinemimic.pipeline.gait.curves import CYCLE
 from kinemimic.pipeline.gait.events import SIDES
 from kinemimic.pipeline.gait.normative import band
 
 Json = Mapping[str, Any]
-# A number, a mean with its spread, or a word.
-Read = Callable[[Json], Any]
-# Label, unit, decimals, factor to the unit, where the value stands.
-Row = tuple[str, str, int, float, Read]
+NO_VALUE = number(None, 0)
 
 _NORMAL = "#d9d9d9"
-# Told apart by colour, by dash and by width, so that a print in grey still does.
+# Distinct in colour, dash and width, and hence also in greyscale print.
 _LINES: Mapping[str, dict[str, Any]] = {
     "capture": {"color": CAPTURED, "linestyle": (0, (4, 1.5)), "linewidth": 1.4},
     "reference": {"color": REFERENCE, "linewidth": 0.9},
@@ -36,11 +33,26 @@ _LINES: Mapping[str, dict[str, Any]] = {
 _SPREAD: Mapping[str, float] = {"capture": 0.20, "simulated": 0.22}
 
 
-def _at(*path: str) -> Read:
-    """Reads a value by its keys; None where one of them is not there."""
+@dataclass(frozen=True)
+class Row:
+    """A table row. scale: factor to the unit; read: a subject's value as a number, {mean, sd} or text."""
 
-    def read(walker: Json) -> Any:
-        value: Any = walker
+    label: str
+    unit: str
+    digits: int
+    scale: float
+    read: Callable[[Json], Any]
+
+    def cell(self, subject: Json) -> str:
+        """The subject's value as text."""
+        return cell(self.read(subject), self.digits, self.scale)
+
+
+def _at(*path: str) -> Callable[[Json], Any]:
+    """Reads a value by its keys; None if one of them is missing."""
+
+    def read(subject: Json) -> Any:
+        value: Any = subject
         for key in path:
             value = value.get(key) if value is not None else None
         return value
@@ -49,32 +61,37 @@ def _at(*path: str) -> Read:
 
 
 def _per_side(label: str, unit: str, digits: int, scale: float, *path: str) -> tuple[Row, ...]:
-    """Two rows; in the path, {} stands for the side."""
+    """One row per side; {} in the path stands for the side."""
     return tuple(
-        (f"{label}, {side}", unit, digits, scale, _at(*(key.format(side) for key in path))) for side in SIDES
+        Row(f"{label}, {side}", unit, digits, scale, _at(*(key.format(side) for key in path)))
+        for side in SIDES
     )
 
 
 def _symmetry(label: str, *path: str) -> Row:
-    return (f"symmetry, {label}", "%", 1, 1.0, _at(*path))
+    return Row(f"symmetry, {label}", "%", 1, 1.0, _at(*path))
+
+
+def _strides(subject: Json) -> str:
+    return f"{subject['strides']['left']} + {subject['strides']['right']}"
 
 
 PACE: tuple[Row, ...] = (
-    ("strides, left + right", "", 0, 1.0, lambda w: f"{w['strides']['left']} + {w['strides']['right']}"),
-    ("cadence", "steps/min", 1, 1.0, _at("parameters", "cadence_steps_per_min", "both")),
-    ("speed", "m/s", 2, 1.0, _at("parameters", "speed_m_s", "both")),
-    ("speed / √(g · leg)", "", 3, 1.0, _at("normalised", "speed")),
-    ("stride time", "s", 2, 1.0, _at("parameters", "stride_time_s", "both")),
-    ("stride length", "m", 2, 1.0, _at("parameters", "stride_length_m", "both")),
-    ("stride length / leg", "", 2, 1.0, _at("normalised", "stride_length")),
+    Row("strides, left + right", "", 0, 1.0, _strides),
+    Row("cadence", "steps/min", 1, 1.0, _at("parameters", "cadence_steps_per_min", "both")),
+    Row("speed", "m/s", 2, 1.0, _at("parameters", "speed_m_s", "both")),
+    Row("speed / √(g · leg)", "", 3, 1.0, _at("normalised", "speed")),
+    Row("stride time", "s", 2, 1.0, _at("parameters", "stride_time_s", "both")),
+    Row("stride length", "m", 2, 1.0, _at("parameters", "stride_length_m", "both")),
+    Row("stride length / leg", "", 2, 1.0, _at("normalised", "stride_length")),
     *_per_side("step length", "cm", 1, 100.0, "parameters", "step_length_m", "{}"),
-    ("step width", "cm", 1, 100.0, _at("parameters", "step_width_m", "both")),
+    Row("step width", "cm", 1, 100.0, _at("parameters", "step_width_m", "both")),
     *_per_side("stance", "%", 1, 100.0, "parameters", "stance_ratio", "{}"),
     *_per_side("stance by contact", "%", 1, 100.0, "stance_ratio_by_contact", "{}"),
-    ("double support", "%", 1, 100.0, _at("parameters", "double_support_ratio", "both")),
-    ("flight", "%", 1, 100.0, _at("parameters", "flight_ratio", "both")),
+    Row("double support", "%", 1, 100.0, _at("parameters", "double_support_ratio", "both")),
+    Row("flight", "%", 1, 100.0, _at("parameters", "flight_ratio", "both")),
 )
-SIDES_ALIKE: tuple[Row, ...] = (
+SYMMETRY: tuple[Row, ...] = (
     _symmetry("step length", "parameters", "step_length_m", "symmetry_percent"),
     _symmetry("step time", "parameters", "step_time_s", "symmetry_percent"),
     _symmetry("stance", "parameters", "stance_ratio", "symmetry_percent"),
@@ -90,111 +107,91 @@ JOINTS: tuple[Row, ...] = tuple(
     )
 ) + tuple(
     row
-    for what, label in (("rms", "rms"), ("peak", "largest"))
-    for row in _per_side(f"off-axis knee, {label}", "°", 1, 1.0, "off_axis_knee_deg", "{}", what)
+    for key, label in (("rms", "rms"), ("peak", "largest"))
+    for row in _per_side(f"off-axis knee, {label}", "°", 1, 1.0, "off_axis_knee_deg", "{}", key)
 )
-ROWS: tuple[Row, ...] = PACE + SIDES_ALIKE + JOINTS
+ROWS: tuple[Row, ...] = PACE + SYMMETRY + JOINTS
 
 
 def cell(value: Any, digits: int, scale: float) -> str:
-    """A word as it is; a number; a mean ± its standard deviation."""
+    """Text as it is; a number; or mean ± standard deviation."""
     if isinstance(value, str):
         return value
     if not isinstance(value, Mapping):
         return number(None if value is None else scale * value, digits)
     mean, spread = value["mean"], value["sd"]
     text = number(None if mean is None else scale * mean, digits)
-    # A loop repeats itself: a spread of nothing is not worth its digits.
-    return (
-        text
-        if not spread or scale * spread < 0.5 * 10**-digits
-        else f"{text} ± {number(scale * spread, digits)}"
-    )
+    # A loop repeats itself: a spread that rounds to zero is not printed.
+    if not spread or scale * spread < 0.5 * 10**-digits:
+        return text
+    return f"{text} ± {number(scale * spread, digits)}"
 
 
 def notes(report: Json) -> list[str]:
-    """What must be said of the walkers, a line each."""
+    """Remarks on the subjects, one line each."""
+    subjects = report["subjects"].items()
     return [
-        *(f"{name}: no stride is whole, nothing is measured" for name in report["without_a_stride"]),
-        *(f"{name}: {text}" for name, walker in report["walkers"].items() for text in _doubts(walker)),
-        *(f"{name}: {note}" for name, walker in report["walkers"].items() for note in walker["notes"]),
+        *(f"{name}: no full stride, hence no metrics" for name in report["without_a_stride"]),
+        *(f"{name}: {text}" for name, subject in subjects for text in _doubts(subject)),
+        *(f"{name}: {note}" for name, subject in subjects for note in subject["notes"]),
     ]
 
 
-def _doubts(walker: Json) -> list[str]:
-    kept, left_out = sum(walker["strides"].values()), walker["strides_left_out"]
+def _doubts(subject: Json) -> list[str]:
+    kept, left_out = sum(subject["strides"].values()), subject["strides_left_out"]
     if left_out <= kept:
         return []
-    return [f"{left_out} of {kept + left_out} strides are left out as not seen or not alike: legs confused?"]
+    return [
+        f"{left_out} of {kept + left_out} strides are excluded because they are incomplete or differ too "
+        "much; did the sensor confuse the legs?"
+    ]
 
 
 def gait_page(name: str, report: Json) -> str:
-    """The whole page as HTML; it asks for nothing from outside."""
-    walkers = report["walkers"]
-    kinds = " and ".join(sorted({walker["kind"] for walker in walkers.values()}))
-    lead = f'<h1>{escape(name)}: gait</h1><p class="lead">{", ".join(walkers).capitalize()}: {kinds}.</p>'
-    return page(f"kinemimic: gait of {name}", lead + gait_sections(report))
-
-
-def gait_sections(report: Json) -> str:
-    """Curves and tables under their headings, for this page and for the report of an evaluation."""
-    walkers = report["walkers"]
-    walking = any(walker["kind"] == "walk" for walker in walkers.values())
-    normal = (
-        f" Grey: what is normal, mean ± one standard deviation ({escape(report['normative'])})."
-        if walking
-        else " No normal band is drawn: the project knows that of walking only."
-    )
-    said = "".join(f"<li>{escape(note)}</li>" for note in notes(report))
-    return (
-        "<h2>Gait cycle</h2>"
-        + (
-            drawing(
-                picture(curves(walkers, normal=walking), "Joint angles over the gait cycle"),
-                "From a foot's strike to its next one: the mean of all strides, in colour ± one standard "
-                f"deviation over them; ticks below: when the foot leaves the ground.{normal}",
-            )
-            if any(walker["curves"] for walker in walkers.values())
-            else "<p>No stride shows the angles of a whole cycle.</p>"
-        )
-        + (f"<ul>{said}</ul>" if said else "")
-        + "<h2>Gait parameters</h2>"
-        + _table(
-            PACE,
-            walkers,
-            "Mean ± standard deviation over the strides. Foot strikes and foot-offs are the extremes of the "
-            "ankle before and behind the pelvis (Zeni et al. 2008), in running the ankle's rest on the "
-            "ground; lengths lie between the ankles' places at the strikes. “By contact” is the share of "
-            "frames in which the simulation or the reference itself says that the foot is on the ground.",
-        )
-        + _table(
-            SIDES_ALIKE,
-            walkers,
-            "Difference of left and right in per cent of their mean, positive where the left is larger "
-            "(Robinson et al. 1987).",
-        )
-        + _table(
-            JOINTS,
-            walkers,
-            "Range of each joint; root mean square difference of its mean curve from the normal mean (gait "
-            "variable score, Baker et al. 2009); and what the knee turns about other axes than its hinge: "
-            "the swing of the hinge axis, which takes rotations and cannot be seen in positions.",
-        )
+    """The whole page as HTML."""
+    kinds = sorted({subject["kind"] for subject in report["subjects"].values()})
+    return render(
+        Path(__file__).with_name("templates") / "gait.html",
+        title=f"kinemimic: gait of {name}",
+        name=name,
+        kinds=" and ".join(kinds),
+        **gait_values(report),
     )
 
 
-def _table(rows: Sequence[Row], walkers: Mapping[str, Json], caption: str) -> str:
-    lines = []
-    for label, unit, digits, scale, read in rows:
-        cells = [cell(read(walker), digits, scale) for walker in walkers.values()]
-        if any(text != "–" for text in cells):
-            lines.append([f"{label}{f',&nbsp;{unit}' if unit else ''}", *cells])
-    return html_table(["", *walkers], lines, caption) if lines else ""
+def gait_values(report: Json) -> dict[str, Any]:
+    """Values for `gait_sections.html`, which is part of this page and of the evaluation report."""
+    subjects = report["subjects"]
+    walking = any(subject["kind"] == "walk" for subject in subjects.values())
+    return {
+        "subjects": list(subjects),
+        "walking": walking,
+        "normative": report["normative"],
+        "notes": notes(report),
+        "curves": curves(subjects, normal=walking)
+        if any(subject["curves"] for subject in subjects.values())
+        else None,
+        "pace": _rows(PACE, subjects),
+        "symmetry": _rows(SYMMETRY, subjects),
+        "joints": _rows(JOINTS, subjects),
+    }
 
 
-def curves(walkers: Mapping[str, Json], *, normal: bool) -> Draw:
-    """Knee, hip and, where anybody's is known, ankle over the cycle, left beside right."""
-    names = {name for walker in walkers.values() for name in walker["curves"]}
+def _rows(rows: Sequence[Row], subjects: Mapping[str, Json]) -> list[list[str]]:
+    """Each label with its unit and the cells of all subjects; without rows that have no value."""
+    table = [
+        [
+            f"{row.label},\u00a0{row.unit}" if row.unit else row.label,
+            *(row.cell(subject) for subject in subjects.values()),
+        ]
+        for row in rows
+    ]
+    return [row for row in table if any(text != NO_VALUE for text in row[1:])]
+
+
+def curves(subjects: Mapping[str, Json], *, normal: bool) -> Draw:
+    """Knee, hip and, if any subject has it, ankle over the cycle; left beside right."""
+    names = {name for subject in subjects.values() for name in subject["curves"]}
     joints = [joint for joint in ("knee", "hip", "ankle") if {f"{joint}_{side}" for side in SIDES} & names]
 
     def draw(phone: bool) -> Figure:
@@ -211,8 +208,8 @@ def curves(walkers: Mapping[str, Json], *, normal: bool) -> Draw:
                     linewidth=0,
                     label="normal ± 1 sd",
                 )
-            for name, walker in walkers.items():
-                curve = walker["curves"].get(f"{joint}_{side}")
+            for name, subject in subjects.items():
+                curve = subject["curves"].get(f"{joint}_{side}")
                 if curve is None:
                     continue
                 mean = np.array(curve["mean"])
@@ -223,7 +220,7 @@ def curves(walkers: Mapping[str, Json], *, normal: bool) -> Draw:
                         color=_LINES[name]["color"], alpha=_SPREAD[name], linewidth=0,
                     )  # fmt: skip
                 axes.plot(100 * CYCLE, mean, label=name, **_LINES[name])
-                off = walker["parameters"]["stance_ratio"][side]["mean"]
+                off = subject["parameters"]["stance_ratio"][side]["mean"]
                 if off is not None:
                     axes.axvline(100 * off, ymax=0.06, color=_LINES[name]["color"], linewidth=1.6)
             up = "toes up" if joint == "ankle" else "flexion"

@@ -1,4 +1,4 @@
-"""What is measured of each who walks: gait_report.json."""
+"""gait_report.json: the gait metrics of every subject."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from kinemimic.evaluate.scoring.gait_sources import Walker, reference, simulated
+from kinemimic.evaluate.scoring.gait_subjects import GaitSubject, reference, simulated
 from kinemimic.pipeline.arrays import Array
 from kinemimic.pipeline.gait.curves import cut, describe
 from kinemimic.pipeline.gait.events import SIDES
@@ -16,34 +16,36 @@ from kinemimic.pipeline.gait.parameters import normalised, parameters, symmetry_
 from kinemimic.retarget.humanoid.motion import Motion
 from kinemimic.train.rollout.trajectory import Trajectory
 
-GAIT_REPORT_SCHEMA = 1
+GAIT_REPORT_SCHEMA = 2
 JOINTS = ("knee", "hip", "ankle")
 
 
-def compare(capture: Walker | None, motion: Motion | None, trajectory: Trajectory | None) -> dict[str, Any]:
-    """The JSON value of gait_report.json without its provenance; who makes no whole stride is only named."""
-    walkers = {
+def gait_report(
+    capture: GaitSubject | None, motion: Motion | None, trajectory: Trajectory | None
+) -> dict[str, Any]:
+    """Content of gait_report.json without provenance; subjects without a full stride are only listed."""
+    candidates = {
         "capture": capture,
         "reference": reference(motion) if motion else None,
         "simulated": simulated(trajectory, motion) if motion and trajectory else None,
     }
-    there = {name: walker for name, walker in walkers.items() if walker is not None}
+    subjects = {name: subject for name, subject in candidates.items() if subject is not None}
     return {
         "schema": GAIT_REPORT_SCHEMA,
         "normative": SOURCE,
-        "walkers": {name: describe_walker(walker) for name, walker in there.items() if walker.gait.strides},
-        "without_a_stride": [name for name, walker in there.items() if not walker.gait.strides],
+        "subjects": {name: _metrics(subject) for name, subject in subjects.items() if subject.gait.strides},
+        "without_a_stride": [name for name, subject in subjects.items() if not subject.gait.strides],
     }
 
 
-def describe_walker(walker: Walker) -> dict[str, Any]:
-    """All that is measured of one walker; lengths in metres, angles in degrees, numbers of six digits."""
-    study = walker.gait
+def _metrics(subject: GaitSubject) -> dict[str, Any]:
+    """Gait metrics of one subject; lengths in metres, angles in degrees, six significant digits."""
+    study = subject.gait
     curves = {
-        f"{joint}_{side}": _curve(walker, f"{joint}_{side}", None if study.running else joint)
+        f"{joint}_{side}": _curve(subject, f"{joint}_{side}", None if study.running else joint)
         for joint in JOINTS
         for side in SIDES
-        if f"{joint}_{side}" in walker.angles
+        if f"{joint}_{side}" in subject.angles
     }
     shown = {name: curve for name, curve in curves.items() if curve is not None}
     value = {
@@ -54,58 +56,58 @@ def describe_walker(walker: Walker) -> dict[str, Any]:
         "leg_length_m": study.leg,
         "parameters": parameters(study),
         "normalised": normalised(study),
-        "stance_ratio_by_contact": _by_contact(walker),
+        "stance_ratio_by_contact": _by_contact(subject),
         "curves": shown,
         "range_symmetry_percent": {
             joint: symmetry_index(*(shown[f"{joint}_{side}"]["range_deg"]["mean"] for side in SIDES))
             for joint in JOINTS
             if all(f"{joint}_{side}" in shown for side in SIDES)
         },
-        "off_axis_knee_deg": _off_axis(walker),
-        "notes": list(walker.notes),
+        "off_axis_knee_deg": _off_axis(subject),
+        "notes": list(subject.notes),
     }
     rounded: dict[str, Any] = _rounded(value)
     return rounded
 
 
-def _curve(walker: Walker, name: str, joint: str | None) -> dict[str, Any] | None:
-    return describe(_rows(walker, walker.angles[name], name.rsplit("_", 1)[1]), joint)
+def _curve(subject: GaitSubject, name: str, joint: str | None) -> dict[str, Any] | None:
+    return describe(_rows(subject, subject.angles[name], name.rsplit("_", 1)[1]), joint)
 
 
-def _rows(walker: Walker, curve: Array, side: str) -> Array:
-    """A curve (T,) over the cycle of every stride of a side, (strides, 101)."""
+def _rows(subject: GaitSubject, curve: Array, side: str) -> Array:
+    """A curve (T,) resampled over every stride of a side: (strides, 101)."""
     parts = []
-    for group in walker.gait.feet:
-        mine = walker.passes == group
-        strides = [s for s in walker.gait.strides if s.group == group and s.side == side]
-        parts.append(cut(walker.times[mine], curve[mine], strides))
+    for group in subject.gait.feet:
+        mine = subject.passes == group
+        strides = [s for s in subject.gait.strides if s.group == group and s.side == side]
+        parts.append(cut(subject.times[mine], curve[mine], strides))
     return np.concatenate(parts)
 
 
-def _by_contact(walker: Walker) -> dict[str, float] | None:
-    """Share of the frames in which the simulation says that each foot touches the ground."""
-    if walker.contacts is None:
+def _by_contact(subject: GaitSubject) -> dict[str, float] | None:
+    """Share of the frames in which the simulation reports contact of each foot with the ground."""
+    if subject.contacts is None:
         return None
-    counts = walker.passes >= 0
-    return {side: float(walker.contacts[counts, k].mean()) for k, side in enumerate(SIDES)}
+    counts = subject.passes >= 0
+    return {side: float(subject.contacts[counts, k].mean()) for k, side in enumerate(SIDES)}
 
 
-def _off_axis(walker: Walker) -> dict[str, dict[str, float]] | None:
-    """Root mean square and largest value over the strides of each side."""
-    if walker.off_axis is None:
+def _off_axis(subject: GaitSubject) -> dict[str, dict[str, float]] | None:
+    """RMS and largest value in degrees over the strides of each side."""
+    if subject.off_axis is None:
         return None
     found: dict[str, dict[str, float]] = {}
     for side in SIDES:
-        rows = np.degrees(_rows(walker, walker.off_axis[side], side))
+        rows = np.degrees(_rows(subject, subject.off_axis[side], side))
         rows = rows[np.isfinite(rows).all(axis=1)]
         if len(rows):
-            # A spline through a hinge's zeros may dip below them.
+            # A spline through the zeros of a hinge may become slightly negative.
             found[side] = {"rms": float(np.sqrt(np.mean(rows**2))), "peak": float(np.abs(rows).max())}
     return found
 
 
 def _rounded(value: Any) -> Any:
-    """Six significant digits, which no platform's last bit disturbs; curves to a thousandth of a degree."""
+    """Six significant digits, so that platforms agree; curves to a thousandth of a degree."""
     if isinstance(value, Mapping):
         return {key: _rounded(item) for key, item in value.items()}
     if isinstance(value, np.ndarray):

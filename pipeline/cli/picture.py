@@ -1,6 +1,6 @@
-"""Drawings of a page: one style, embedded as SVG.
+"""Figures of a page: one style, embedded as SVG.
 
-A figure is drawn twice, for a page and for a phone, instead of being shrunk until nobody can read it.
+Each figure is drawn twice, for wide screens and for phones, because a shrunken one is illegible.
 """
 
 from __future__ import annotations
@@ -17,9 +17,9 @@ from matplotlib.figure import Figure
 
 from kinemimic.pipeline.files.store import atomic
 
-Draw = Callable[[bool], Figure]  # told whether it is for a phone
+Draw = Callable[[bool], Figure]  # argument: whether it is for a phone
 
-# The salt makes the ids, and with them the bytes, the same on every run.
+# A fixed salt gives the same ids, and hence the same bytes, in every run.
 _STYLE: dict[Any, Any] = {
     "font.family": "DejaVu Sans",
     "font.size": 9,
@@ -42,21 +42,12 @@ _STYLE: dict[Any, Any] = {
 }
 _PAGE, _PHONE = 8.6, 4.3  # inches
 _DPI = 200  # of PNG
-# No date: the same figure is the same file.
+# Without a date, so that the same figure is the same file.
 _SVG_METADATA: dict[str, Any] = {"Date": None, "Creator": None}
 
 
-def picture(draw: Draw, alternative: str) -> str:
-    """HTML of a figure for page and phone, self-contained; `alternative` is read to who cannot see it."""
-    wide, narrow = (_svg(draw, phone) for phone in (False, True))
-    return (
-        f'<picture><source media="(max-width: 640px)" srcset="{narrow}">'
-        f'<img src="{wide}" alt="{alternative}"></picture>'
-    )
-
-
 def save(draw: Draw, stem: Path) -> None:
-    """The figure as it is on a page, as STEM.svg and STEM.png."""
+    """Write the wide version of a figure as STEM.svg and STEM.png."""
     with mpl.rc_context(_STYLE):
         figure = draw(False)
         for suffix, metadata in ((".svg", _SVG_METADATA), (".png", {"Software": None})):
@@ -64,7 +55,8 @@ def save(draw: Draw, stem: Path) -> None:
                 figure.savefig(temporary, dpi=_DPI, metadata=metadata)
 
 
-def _svg(draw: Draw, phone: bool) -> str:
+def data_uri(draw: Draw, phone: bool) -> str:
+    """The figure for a page or a phone as SVG in a data URI."""
     with mpl.rc_context(_STYLE):
         figure = draw(phone)
         stream = io.BytesIO()
@@ -75,7 +67,7 @@ def _svg(draw: Draw, phone: bool) -> str:
 def panel_grid(
     rows: int, columns: int, height: float, phone: bool, **options: Any
 ) -> tuple[Figure, list[Axes]]:
-    """Axes in reading sequence; on a phone one below the other. height: inches of one panel."""
+    """Axes in reading order; in a single column on a phone. height: inches of one panel."""
     if phone:
         rows, columns = rows * columns, 1
     figure = Figure(figsize=(_PHONE if phone else _PAGE, rows * height + 0.5), layout="constrained")
@@ -84,6 +76,6 @@ def panel_grid(
 
 
 def legend(figure: Figure, axes: Axes) -> None:
-    """One legend over the whole figure, of what `axes` shows."""
+    """One legend above the whole figure, with the entries of `axes`."""
     handles, labels = axes.get_legend_handles_labels()
     figure.legend(handles, labels, loc="outside upper left", ncols=2 if figure.get_figwidth() < _PAGE else 5)

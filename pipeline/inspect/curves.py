@@ -1,9 +1,8 @@
-"""The page of `inspect --plot`: each file's angles, bones, joint states and path, drawn."""
+"""The page of `inspect --plot`: figures of each file's angles, bones, joint states and path."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from html import escape
 from pathlib import Path
 from typing import Any
 
@@ -14,8 +13,8 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Patch
 
 from kinemimic.pipeline.arrays import Array
-from kinemimic.pipeline.cli.html import drawing, number, page, table
-from kinemimic.pipeline.cli.picture import Draw, legend, panel_grid, picture
+from kinemimic.pipeline.cli.html import number, render
+from kinemimic.pipeline.cli.picture import Draw, legend, panel_grid
 from kinemimic.pipeline.files.store import write_text
 from kinemimic.pipeline.inspect.file_report import InspectedFile
 from kinemimic.pipeline.inspect.measures import SEGMENTS, SIDES, nodes_of
@@ -25,66 +24,55 @@ from kinemimic.pipeline.kinematics.nodes import joints_of_nodes
 from kinemimic.pipeline.kinematics.skeleton import NODE_INDEX
 from kinemimic.pipeline.quality.rules.defect import RULES, Defect
 
+_TEMPLATES = Path(__file__).with_name("templates")
 _SIDE_COLORS = {"left": "#0072b2", "right": "#d55e00", "": "#2b2b2b"}
 _OWN = "#8a8a8a"
 _STATES = {"missing": "#7f1d1d", "inferred": "#f0b440", "tracked": "#cfe3ee"}
 _MARKS = {"flagged": "#fbeccb", "repaired": "#d3ead0", "refused": "#f6d5d0"}
-_BETWEEN = 0.4  # s from one pass to the next, as drawn
-# More than a drawing can show.
+_BETWEEN = 0.4  # s between passes, as drawn
+# Upper limits of what a figure can show.
 _POINTS, _COLUMNS, _MARKED = 700, 600, 60
-# A capture's drawings weigh about 0.7 MB; a page of more of them is more than a browser likes to open.
+# The figures of a capture take about 0.7 MB, and browsers struggle with larger pages.
 MOST_DRAWN = 40
 
 
 def section(inspected: InspectedFile) -> str:
-    """HTML of one file: what it is, and its drawings if it could be read."""
+    """HTML section of one file: its description and, if it could be read, its figures."""
     report = inspected.report
-    title = f"<h2>{escape(Path(report['file']).name)}</h2>"
-    if inspected.checked is None:
-        return f'{title}<p class="banner">{escape(str(report["reason"]))}</p>'
-    clip, defects = inspected.checked.clip, inspected.checked.defects
-    nodes, _, _ = nodes_of(clip)
-    banner = ""
-    if report["status"] == "refused":
-        banner = f'<p class="banner">Refused: {escape(str(report["reason"]))}</p>'
-    items = [f"<li>{RULES[one.rule]}, {one.action}: {escape(one.text)}</li>" for one in defects]
-    listed = f"<ul>{''.join(items)}</ul>" if items else ""
-    name = escape(Path(report["file"]).name)
-    drawings = [
-        drawing(picture(_angles(clip, nodes, defects), f"Knee and hip of {name} over time"), _ANGLES_CAPTION),
-        drawing(picture(_bones(clip, nodes), f"Bone lengths of {name} over time"), _BONES_CAPTION),
-        drawing(picture(_states(clip), f"Joint states of {name} over time"), _STATES_CAPTION),
-        drawing(picture(_path(clip, nodes), f"Path of {name} from above"), _PATH_CAPTION),
-    ]
-    return f'{title}<p class="lead">{escape(_lead(report))}</p>{banner}{listed}{"".join(drawings)}'
+    values: dict[str, Any] = {"report": report, "name": Path(report["file"]).name, "drawings": None}
+    if inspected.checked is not None:
+        clip, defects = inspected.checked.clip, inspected.checked.defects
+        nodes, _, _ = nodes_of(clip)
+        values["lead"] = _lead(report)
+        values["defects"] = [f"{RULES[one.rule]}, {one.action}: {one.text}" for one in defects]
+        values["drawings"] = {
+            "angles": _angles(clip, nodes, defects),
+            "bones": _bones(clip, nodes),
+            "states": _states(clip),
+            "path": _path(clip, nodes),
+        }
+    return render(_TEMPLATES / "capture.html", **values)
 
 
 def write_page(path: Path, captures: Sequence[dict[str, Any]], sections: Sequence[str]) -> None:
-    """One page, written atomically: the sections of the first captures, the others in a table.
+    """Write one page atomically: the sections of the first captures, and a table of the others.
 
-    captures: their reports; sections: HTML of the first of them, at most MOST_DRAWN.
+    captures: the reports; sections: HTML of the first captures, at most MOST_DRAWN.
     """
-    read = sum(report["read"] for report in captures)
-    title = Path(captures[0]["file"]).name if len(captures) == 1 else f"{len(captures)} captures"
-    lead = f"{read} of {len(captures)} read; kinemimic inspect"
-    rest = captures[len(sections) :]
-    rows = [(escape(report["file"]), escape(report["format"] or "–"), report["status"]) for report in rest]
-    caption = f"The first {len(sections)} captures are drawn above; name fewer files to see these drawn."
-    others = table(("not drawn", "format", "verdict"), rows, caption) if rest else ""
-    body = f'<h1>{escape(title)}</h1><p class="lead">{lead}</p>{"".join(sections)}{others}'
-    write_text(path, page(f"{title}: kinemimic inspect", body))
-
-
-_ANGLES_CAPTION = (
-    "Flexion, positive, 0 standing upright; as recorded, after repairs and before any filter. A line breaks "
-    "where a pass ends or a joint is missing; the passes stand one behind the other. Shaded: frames with a "
-    "defect."
-)
-_BONES_CAPTION = "A rigid bone is a straight line; what moves is the sensor's error."
-_STATES_CAPTION = (
-    "Each joint in each moment; where many frames share a column, the worst of them. White: between passes."
-)
-_PATH_CAPTION = "The middle of the hips from above, a line for each pass, a dot where it starts."
+    heading = Path(captures[0]["file"]).name if len(captures) == 1 else f"{len(captures)} captures"
+    page = render(
+        _TEMPLATES / "inspect.html",
+        title=f"{heading}: kinemimic inspect",
+        heading=heading,
+        read=sum(report["read"] for report in captures),
+        total=len(captures),
+        sections=sections,
+        others=[
+            (report["file"], report["format"] or "–", report["status"])
+            for report in captures[len(sections) :]
+        ],
+    )
+    write_text(path, page)
 
 
 def _lead(report: dict[str, Any]) -> str:
@@ -103,9 +91,9 @@ def _lead(report: dict[str, Any]) -> str:
 
 
 def _time_in_passes(clip: Clip) -> Array:
-    """Seconds (T,) for the axis: passes one behind the other, _BETWEEN apart; outside of them NaN.
+    """Seconds (T,) on the time axis: passes in sequence, _BETWEEN apart; NaN outside them.
 
-    A recorder runs on for minutes while nobody is there; the moments that count would be thin lines.
+    A recorder may run for minutes with nobody in view, which would squeeze the passes into thin lines.
     """
     shown = np.full(len(clip.times), np.nan)
     begin = 0.0
@@ -125,7 +113,7 @@ def _time_axis(axes: Axes, clip: Clip) -> None:
 
 
 def _line(axes: Axes, clip: Clip, values: Array, **look: Any) -> None:
-    """A curve (T,) over the frames in passes, thinned to what can be seen, broken between passes."""
+    """Plot a curve (T,) over the frames in passes, thinned to a visible resolution, broken between passes."""
     curve = np.where(clip.passes >= 0, values, np.nan)
     breaks = np.flatnonzero(np.diff(clip.passes) != 0)
     curve[breaks] = np.nan
@@ -157,7 +145,7 @@ def _angles(clip: Clip, nodes: Array, defects: Sequence[Defect]) -> Draw:
 
 
 def _range(clip: Clip, curves: dict[str, Array], joint: str) -> tuple[float, float]:
-    """Degrees that show all but the wildest hundredth of the frames."""
+    """Limits in degrees that show all but the most extreme hundredth of the frames."""
     both = np.degrees(np.concatenate([curves[f"{joint}_{side}"][clip.passes >= 0] for side in SIDES]))
     both = both[np.isfinite(both)]
     if not len(both):
@@ -167,7 +155,7 @@ def _range(clip: Clip, curves: dict[str, Array], joint: str) -> tuple[float, flo
 
 
 def _shade(axes: Axes, clip: Clip, defects: Sequence[Defect]) -> list[str]:
-    """Shade the frames that defects name, and tell which actions were shaded."""
+    """Shade the frames of defects; returns the actions that were shaded."""
     shaded: dict[str, None] = {}
     step = float(np.median(np.diff(clip.times))) if len(clip.times) > 1 else 0.0
     times = _time_in_passes(clip)
@@ -222,7 +210,7 @@ def _states(clip: Clip) -> Draw:
     worst = np.full((len(shown), len(edges) - 1), np.nan)
     for frame in inside:
         worst[:, column[frame]] = np.fmin(worst[:, column[frame]], clip.states[frame, shown])
-    # A column between two frames of a pass that is narrower than their step belongs to both.
+    # A column narrower than the step between two frames of a pass repeats the state before it.
     filled = np.maximum.accumulate(np.where(np.isfinite(worst[0]), np.arange(worst.shape[1]), 0))
     near = np.arange(worst.shape[1]) - filled <= 2
     worst = np.where(near & np.isnan(worst), worst[:, filled], worst)

@@ -12,6 +12,7 @@ from typing import Any
 
 import pytest
 from click.testing import CliRunner
+from markupsafe import escape
 from peers.compared import BUDGET, KEPT
 from printed.told import told
 
@@ -71,9 +72,10 @@ def test_a_study_is_a_page_figures_and_numbers_and_is_not_done_twice(
             assert list(csv.DictReader(stream)), name
     page = (out / module.PAGE).read_text()
     for claim in content["claims"]:
-        assert claim["what"].replace("'", "&#x27;") in page
+        assert escape(claim["what"]) in page
     assert (
-        "DDPG: 64 figures, a gradient step for every 8 samples on 256, layers of 512 and 256 (relu)" in page
+        "DDPG: 64 environments, a gradient step for every 8 samples on 256, layers of 512 and 256 (relu)"
+        in page
     )
     assert "actions bounded to ±0.5, exploration 0.2 to 0.17." in page
     assert f"PPO {KEPT:,} of {BUDGET:,}; DDPG {KEPT:,} of {BUDGET:,};" in page

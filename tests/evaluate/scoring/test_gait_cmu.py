@@ -80,7 +80,7 @@ def test_the_frames_found_by_eye_are_the_ankles_farthest_ones(captures):
 def test_report_against_the_numbers_by_hand(captures, tmp_path, by_hand, file):
     ingest(captures / file, tmp_path)
     convert(tmp_path)
-    report = gait(tmp_path)["walkers"]
+    report = gait(tmp_path)["subjects"]
     assert list(report) == ["capture"]
     walker = report["capture"]
     measured = walker["parameters"]
@@ -110,7 +110,7 @@ def test_speed_is_that_of_the_root_over_the_whole_take(captures, tmp_path):
     speed = np.hypot(way[0], way[2]) / ((len(root) - 1) / RATE)
     ingest(captures / "cmu_asfamc" / "02_01.amc", tmp_path)
     convert(tmp_path)
-    measured = gait(tmp_path)["walkers"]["capture"]["parameters"]["speed_m_s"]["both"]["mean"]
+    measured = gait(tmp_path)["subjects"]["capture"]["parameters"]["speed_m_s"]["both"]["mean"]
     assert measured == pytest.approx(speed, rel=0.02)
 
 
@@ -122,7 +122,7 @@ def test_opensims_walk_on_a_treadmill_against_its_force_plates(captures, tmp_pat
     """
     ingest(captures / "lab_opensim_gait" / "Gait2354_Simbody__subject01_walk1.trc", tmp_path)
     convert(tmp_path)
-    walker = gait(tmp_path)["walkers"]["capture"]
+    walker = gait(tmp_path)["subjects"]["capture"]
     measured = walker["parameters"]
     stride = measured["stride_time_s"]["both"]["mean"]
     # Both feet are down from 0.000 to 0.167 s; the ankle says when the toes leave 5 % of a stride too early.
@@ -156,7 +156,7 @@ def test_nobody_walks(tmp_path):
         30.0, np.tile([0.0, 0.0, 0.9], (90, 1)), still, np.ones((90, 2), dtype=bool), cyclic=False
     )
     (tmp_path / "motion.json").write_text(motion_to_json(standing))
-    with pytest.raises(KinemimicError, match="at least one whole stride"):
+    with pytest.raises(KinemimicError, match="at least one full stride"):
         gait(tmp_path)
     assert [path.name for path in tmp_path.iterdir()] == ["motion.json"]
 
@@ -164,7 +164,7 @@ def test_nobody_walks(tmp_path):
 def test_one_cycle_has_no_stride_and_the_message_says_what_there_is(captures, tmp_path):
     ingest(captures / "lab_opensim_gait/Gait2354_Simbody__subject01_walk1_ik.mot", tmp_path)
     convert(tmp_path)
-    with pytest.raises(KinemimicError, match=r"1\.2 s have 1 left and 1 right foot strikes"):
+    with pytest.raises(KinemimicError, match=r"1\.2 s contain 1 left and 1 right foot strikes"):
         gait(tmp_path)
 
 

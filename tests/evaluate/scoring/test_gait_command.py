@@ -8,8 +8,8 @@ import pytest
 
 from kinemimic.evaluate.scoring.gait_command import gait
 from kinemimic.evaluate.scoring.gait_page import cell, gait_page, notes
-from kinemimic.evaluate.scoring.gait_report import compare
-from kinemimic.evaluate.scoring.gait_sources import captured
+from kinemimic.evaluate.scoring.gait_report import gait_report
+from kinemimic.evaluate.scoring.gait_subjects import captured
 from kinemimic.pipeline.convert import convert
 from kinemimic.pipeline.errors import KinemimicError
 from kinemimic.pipeline.files.sidecars import read_truth
@@ -28,12 +28,12 @@ CADENCE, SPEED, STRIDE, KNEE_RANGE, HIP_RANGE = 100.0, 1.1, 1.32, np.degrees(0.8
 
 @pytest.fixture(scope="module")
 def report(walk, performance):
-    return compare(None, walk, performance(offset=np.radians(4.0)))
+    return gait_report(None, walk, performance(offset=np.radians(4.0)))
 
 
 @pytest.mark.parametrize("who", ["reference", "simulated"])
 def test_a_made_up_walk_is_measured_as_it_was_made(report, who):
-    walker = report["walkers"][who]
+    walker = report["subjects"][who]
     table, curves = walker["parameters"], walker["curves"]
     assert table["cadence_steps_per_min"]["both"]["mean"] == pytest.approx(CADENCE, rel=0.002)
     assert table["speed_m_s"]["both"]["mean"] == pytest.approx(SPEED, rel=0.005)
@@ -50,33 +50,33 @@ def test_a_made_up_walk_is_measured_as_it_was_made(report, who):
 
 def test_only_a_figure_that_touches_the_ground_has_a_stance_by_contact(report):
     # The motion's contacts are of feet that lie flat and still.
-    assert report["walkers"]["reference"]["stance_ratio_by_contact"] is None
-    assert set(report["walkers"]["simulated"]["stance_ratio_by_contact"]) == {"left", "right"}
+    assert report["subjects"]["reference"]["stance_ratio_by_contact"] is None
+    assert set(report["subjects"]["simulated"]["stance_ratio_by_contact"]) == {"left", "right"}
 
 
 def test_the_simulations_knees_lie_above_the_references_by_what_they_were_bent(report):
     reference, simulated = (
-        np.array(report["walkers"][who]["curves"]["knee_left"]["mean"]) for who in ("reference", "simulated")
+        np.array(report["subjects"][who]["curves"]["knee_left"]["mean"]) for who in ("reference", "simulated")
     )
     assert np.mean(simulated - reference) == pytest.approx(4.0, abs=0.1)
 
 
 def test_nothing_after_a_fall_counts(walk, performance):
     # Two seconds of three rollouts: one stride of 1.2 s a side fits, and never three.
-    walker = compare(None, walk, performance(fall=60))["walkers"]["simulated"]
+    walker = gait_report(None, walk, performance(fall=60))["subjects"]["simulated"]
     assert 0 < walker["strides"]["left"] <= 3
     assert walker["parameters"]["speed_m_s"]["both"]["mean"] == pytest.approx(SPEED, rel=0.01)
-    fallen = compare(None, walk, performance(fall=5))
+    fallen = gait_report(None, walk, performance(fall=5))
     assert fallen["without_a_stride"] == ["simulated"]
-    assert notes(fallen) == ["simulated: no stride is whole, nothing is measured"]
-    assert "simulated: no stride" in gait_page("x", fallen)
+    assert notes(fallen) == ["simulated: no full stride, hence no metrics"]
+    assert "simulated: no full stride" in gait_page("x", fallen)
 
 
 def test_a_knee_that_swings_about_another_axis_is_found_on_its_side_alone(walk, performance):
     played = performance()
     rotations, knee = played.rotations.copy(), NODE_INDEX["knee_right"]
     rotations[..., knee, :] = multiply(from_axis_angle("X", np.radians(5.0)), rotations[..., knee, :])
-    found = compare(None, walk, replace(played, rotations=rotations))["walkers"]["simulated"][
+    found = gait_report(None, walk, replace(played, rotations=rotations))["subjects"]["simulated"][
         "off_axis_knee_deg"
     ]
     assert found["right"]["rms"] == pytest.approx(5.0, abs=0.01)
@@ -113,14 +113,14 @@ def virtual(tmp_path_factory):
 
 def test_a_kinect_beside_its_truth(virtual):
     note = read_json(virtual / "capture" / "kinect_walk.provenance.json")["virtual_kinect"]
-    walker = gait(virtual)["walkers"]["capture"]
+    walker = gait(virtual)["subjects"]["capture"]
     table = walker["parameters"]
     assert table["cadence_steps_per_min"]["both"]["mean"] == pytest.approx(120 / note["period"], rel=0.03)
     assert table["speed_m_s"]["both"]["mean"] == pytest.approx(note["speed"], rel=0.05)
     assert table["stride_length_m"]["both"]["mean"] == pytest.approx(note["speed"] * note["period"], rel=0.05)
     assert walker["off_axis_knee_deg"] is None
     assert any("virtual Kinect" in text for text in walker["notes"])
-    assert any("positions do not show" in text for text in walker["notes"])
+    assert any("positions only" in text for text in walker["notes"])
 
 
 def errors(run, joint):
@@ -176,8 +176,8 @@ def test_a_motion_of_another_recording_is_not_set_beside_this_one(virtual, walk,
     own = read_clip(virtual / "quaternions.parquet").provenance
     place = tmp_path / "run" / "motion.json"
     place.write_text(motion_to_json(replace(walk, provenance={"capture": own})))
-    assert list(gait(tmp_path / "run")["walkers"]) == ["capture", "reference"]
+    assert list(gait(tmp_path / "run")["subjects"]) == ["capture", "reference"]
     stranger = {**own, "sha256": "0", "source": "a.skl"}
     place.write_text(motion_to_json(replace(walk, provenance={"capture": stranger})))
-    with pytest.raises(KinemimicError, match=r"one recording, found kinect_walk\.skl and a\.skl"):
+    with pytest.raises(KinemimicError, match=r"the same recording, found kinect_walk\.skl and a\.skl"):
         gait(tmp_path / "run")

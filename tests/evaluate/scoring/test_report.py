@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from kinemimic.evaluate.scoring.capture_fit import Capture
-from kinemimic.evaluate.scoring.report import Evidence, report
+from kinemimic.evaluate.scoring.report import ReportData, report
 from kinemimic.evaluate.scoring.scores import compose
 from kinemimic.pipeline.cli.html import number
 from kinemimic.pipeline.files.store import write_json
@@ -56,7 +56,7 @@ def evidence(performance, walk, curve):
         policy={"samples": 1000, "seconds": 2.0, "preset": "default", "seed": 7},
         provenance={"stage": "evaluate", "inputs": {"motion": "abc"}},
     )
-    return Evidence(scores, played, base, walk, capture)
+    return ReportData(scores, played, base, walk, capture)
 
 
 @pytest.fixture(scope="module")
@@ -149,7 +149,7 @@ def test_a_fallen_single_performance_without_capture_is_drawn_too(tmp_path, perf
     played = performance(1, 20, fall=5)
     once = replace(walk, cyclic=False)
     scores = compose(played, played, once, capture=None, policy={}, provenance={})
-    _, text = _check(report(tmp_path, Evidence(scores, played, played, once, None)))
+    _, text = _check(report(tmp_path, ReportData(scores, played, played, once, None)))
     assert "Against the capture" not in text
     assert "5 / 20" in text
 

@@ -163,7 +163,7 @@ def test_a_page_draws_some_captures_and_names_the_others(
     text = (tmp_path / "page.html").read_text(encoding="utf-8")
     drawn, _, others = text.partition("not drawn")
     assert "<h2>one.skl" in drawn and "one.skl" not in others
-    assert "two.skl" in others and "three.skl" in others and "The first 2 captures are drawn" in others
+    assert "two.skl" in others and "three.skl" in others and "the first 2 captures are drawn" in others
 
 
 def _read(name: str, companions: list[str], **more: Any) -> dict[str, Any]:

@@ -1,7 +1,7 @@
-"""The three walkers of a run: the captured person, the reference on the body, and the simulated figure.
+"""The three subjects of a run's gait report: captured person, reference motion and simulated humanoid.
 
-All are brought to one form, so that one measurement serves all three: positions of the 20 nodes over time,
-clinical angles, and, where rotations were measured, what the knees turn about other axes than their hinge.
+All have one form, so that the same measurement applies: positions of the 20 nodes over time, clinical joint
+angles and, if rotations were measured, the knees' rotation about other axes than their hinge.
 """
 
 from __future__ import annotations
@@ -32,17 +32,17 @@ from kinemimic.retarget.humanoid.motion import Motion, joint_angles
 from kinemimic.train.rollout.trajectory import Trajectory
 from kinemimic.train.sim.world import CONTROL_RATE
 
-_CYCLES = 6  # of a loop, walked on, so that whole strides begin and end within
+_CYCLES = 6  # repetitions of a loop, so that it contains full strides
 
 
 @dataclass(frozen=True)
-class Walker:
-    """One who walks, T frames.
+class GaitSubject:
+    """T frames of a subject's gait.
 
-    times: (T,) seconds within each pass; passes: (T,) number of the pass, -1 for frames that do not count;
-    gait: its strides; angles: curves (T,) in radians by name ("knee_left", …, and "ankle_left" where feet
-    were measured); off_axis: (T,) radians by side; contacts: (T, 2) left, right foot touches the ground; each
-    None where it is not known; notes: what must be said of them.
+    times: (T,) seconds within each pass; passes: (T,) number of the pass, -1 for excluded frames; gait: the
+    strides; angles: curves (T,) in radians by name ("knee_left", …, and "ankle_left" if feet were measured);
+    off_axis: (T,) radians by side, or None; contacts: (T, 2) contact of left and right foot, or None; notes:
+    remarks for the report.
     """
 
     times: Array
@@ -55,8 +55,9 @@ class Walker:
 
 
 @dataclass(frozen=True)
-class _Believed:
-    """What `retarget` judged: pelvis, feet; trunk_lean, sole_pitch: radians forward and toes down."""
+class _Reliability:
+    """Judgement of `retarget`: whether pelvis and feet are reliable; trunk_lean, sole_pitch: radians, forward
+    and toes down."""
 
     pelvis: bool = True
     feet: bool = False
@@ -64,13 +65,13 @@ class _Believed:
     sole_pitch: float = 0.0
 
 
-def captured(run: Path, motion: Motion | None = None) -> Walker | None:
-    """The person of run/quaternions.parquet; None where there is no such file.
+def captured(run: Path, motion: Motion | None = None) -> GaitSubject | None:
+    """The person of run/quaternions.parquet; None if there is no such file.
 
-    What `retarget` found not to be believed (gait.json) is left out here too: a pelvis is then upright with
-    the trunk's lean and looks where the person goes, and feet have no angle, as they have none before
-    that judgement. Soles that it found to slope in stance are taken as flat, as there. KinemimicError where
-    the run's motion was made of another recording: then so was the judgement.
+    Segments that `retarget` judged unreliable (gait.json) are excluded here too: the pelvis is then upright,
+    with the trunk's lean and facing the direction of travel, and ankles have no angle; nor have they one
+    before that judgement. Soles that slope in stance are taken as flat, as in `retarget`. KinemimicError if
+    the run's motion, and hence the judgement, comes from another recording.
     """
     if not (run / "quaternions.parquet").exists():
         return None
@@ -78,54 +79,54 @@ def captured(run: Path, motion: Motion | None = None) -> Walker | None:
     if motion is not None:
         _expect_same(run, source.provenance, motion.provenance.get("capture", {}))
     clip = on_nodes(source)
-    believed = _believed(run / "gait.json")
+    reliable = _read_reliability(run / "gait.json")
     gait = study_gait(clip.times, clip.passes, clip.positions)
-    notes = ["simulated: a virtual Kinect recorded it"] if source.simulated else []
+    notes = ["simulated capture (virtual Kinect)"] if source.simulated else []
     pelvis = None
-    if not believed.pelvis:
-        pelvis = _neutral_pelvis(clip, gait, believed.trunk_lean)
-        notes.append("its pelvis is not repeatable and taken as upright: hips are relative to the heading")
+    if not reliable.pelvis:
+        pelvis = _neutral_pelvis(clip, gait, reliable.trunk_lean)
+        notes.append("pelvis not repeatable and taken as upright: hip angles are relative to the heading")
     angles = leg_angles(clip.positions, pelvis)
-    if believed.feet and not {"foot_left", "foot_right"} & set(made_up(source)):
-        # Soles lie flat in stance; where they seem to slope, it is the sensor's or marker's idea of a toe.
+    if reliable.feet and not {"foot_left", "foot_right"} & set(made_up(source)):
+        # Soles are flat in stance; an apparent slope is due to where the sensor or marker set has the toe.
         ankles = _ankles(node_rotations(clip.positions))
-        angles |= {name: ankle + believed.sole_pitch for name, ankle in ankles.items()}
+        angles |= {name: ankle + reliable.sole_pitch for name, ankle in ankles.items()}
     else:
-        notes.append("no ankle: its feet are not shown well enough, or retarget has not judged them yet")
+        notes.append("no ankle angles: feet not captured reliably, or `retarget` has not been run")
     knees = _own_knees(run, source)
     if knees is None:
-        notes.append("positions do not show how the knees turn about other axes than their hinge")
-    return Walker(clip.times, clip.passes, gait, angles, knees, None, tuple(notes))
+        notes.append("off-axis knee rotation is unknown: the capture holds positions only")
+    return GaitSubject(clip.times, clip.passes, gait, angles, knees, None, tuple(notes))
 
 
 def _expect_same(run: Path, capture: Mapping[str, Any], motion: Mapping[str, Any]) -> None:
-    """A later `ingest` into the same folder leaves the motion of the one before."""
+    """A later `ingest` into the same folder leaves the earlier motion in place."""
     hashes = [made.get("sha256") for made in (capture, motion)]
     if None not in hashes and hashes[0] != hashes[1]:
         raise KinemimicError(
-            f"{run}: expected capture and motion of one recording, found {capture.get('source')} and "
+            f"{run}: expected capture and motion from the same recording, found {capture.get('source')} and "
             f"{motion.get('source')}; run `retarget` again, or use a folder for each"
         )
 
 
-def _believed(path: Path) -> _Believed:
-    """From gait.json; the defaults where there is none, or one of a movement that is no gait."""
+def _read_reliability(path: Path) -> _Reliability:
+    """From gait.json; defaults if there is none, or if the movement is not a gait."""
     if not path.exists():
-        return _Believed()
+        return _Reliability()
     try:
         found = read_gait_json(path).get("reliability", {})
         lean, pitch = (
             float(np.radians(found.get(name) or 0.0)) for name in ("trunk_lean_deg", "planted_foot_pitch_deg")
         )
-        return _Believed(bool(found.get("pelvis", True)), bool(found.get("feet", False)), lean, pitch)
+        return _Reliability(bool(found.get("pelvis", True)), bool(found.get("feet", False)), lean, pitch)
     except (AttributeError, TypeError):
         raise KinemimicError(
-            f"{path}: expected what `retarget` writes, found other JSON; run `retarget` again"
+            f"{path}: expected the report of `retarget`, found other JSON; run `retarget` again"
         ) from None
 
 
-def reference(motion: Motion) -> Walker:
-    """The motion that is to be performed; a loop is walked on for some cycles."""
+def reference(motion: Motion) -> GaitSubject:
+    """The reference motion; a loop is repeated for some cycles."""
     frames, cycles = len(motion.root), _CYCLES if motion.cyclic else 1
     positions = motion.kinematics()[0]
     turns = np.repeat(np.arange(cycles), frames)
@@ -135,13 +136,13 @@ def reference(motion: Motion) -> Walker:
         np.zeros(cycles * frames, dtype=np.int32),
         walked,
         np.tile(motion.rotations, (cycles, 1, 1)),
-        # A motion's contacts are of feet that lie flat and still: no stance.
+        # A motion's contacts mark feet that lie flat and still, which is not the stance phase.
         None,
     )
 
 
-def simulated(trajectory: Trajectory, motion: Motion) -> Walker:
-    """The figure in all its rollouts, each up to its fall."""
+def simulated(trajectory: Trajectory, motion: Motion) -> GaitSubject:
+    """The humanoid in all its rollouts, each up to its fall."""
     rollouts, frames = trajectory.root.shape[:2]
     times = np.tile((np.arange(frames) + 1) / CONTROL_RATE, rollouts)
     upright = np.arange(frames) < trajectory.fallen_at[:, None]
@@ -159,19 +160,19 @@ def _on_body(
     positions: Array,
     rotations: Array,
     contacts: NDArray[np.bool_] | None,
-) -> Walker:
+) -> GaitSubject:
     knees = {side: off_axis(rotations[:, NODE_INDEX[f"knee_{side}"]]) for side in SIDES}
     angles = joint_angles(rotations) | _ankles(rotations)
-    return Walker(times, passes, study_gait(times, passes, positions), angles, knees, contacts, ())
+    return GaitSubject(times, passes, study_gait(times, passes, positions), angles, knees, contacts, ())
 
 
 def _ankles(rotations: Array) -> dict[str, Array]:
-    """Toes up is positive: a turn about +Y takes them down."""
+    """Ankle angles (T,) in radians; dorsiflexion is positive (a rotation about +Y lowers the toes)."""
     return {f"ankle_{side}": -to_rotvec(rotations[:, NODE_INDEX[f"ankle_{side}"]])[:, 1] for side in SIDES}
 
 
 def _neutral_pelvis(clip: Clip, gait: Gait, lean: float) -> Array:
-    """World frames (T, 4) that look along the path and lean; NaN in passes without a gait."""
+    """World rotations (T, 4) along the path with that lean; NaN in passes without a gait."""
     frames = np.full((len(clip.times), 4), np.nan)
     for number, feet in gait.feet.items():
         mine = clip.passes == number
@@ -181,7 +182,7 @@ def _neutral_pelvis(clip: Clip, gait: Gait, lean: float) -> Array:
 
 
 def _own_knees(run: Path, source: Clip) -> dict[str, Array] | None:
-    """Off-axis turn of the knees in a capture of rotations; None where it holds positions alone."""
+    """Off-axis rotation of the knees; None for a capture of positions only."""
     recorded = read_clip(run / "clip.parquet")
     joints = joints_of_nodes(source.skeleton.names)
     if source.rotations is None or (recorded.rotations is None and recorded.euler is None):
@@ -190,7 +191,7 @@ def _own_knees(run: Path, source: Clip) -> dict[str, Array] | None:
     for side in SIDES:
         knee, hip = joints[f"knee_{side}"], joints[f"hip_{side}"]
         turn, joint = source.rotations[:, knee], source.skeleton.parents[knee]
-        # A twist joint may lie between.
+        # There may be a twist joint in between.
         while joint not in (hip, -1):
             turn, joint = multiply(source.rotations[:, joint], turn), source.skeleton.parents[joint]
         swing = about_own_axis(turn) if joint == hip else None
