@@ -1,8 +1,8 @@
-"""The phase of a gait, found in the ankles.
+"""Period and phase of a gait, from one harmonic fitted to the ankles.
 
 The distance of one ankle before the other, along the direction of walking, is a sine to within a few per
-cent of its variance, even for a Kinect; the knee's angle is not. One harmonic therefore gives the period,
-the phase, and, by how well it fits, whether the legs were told apart at all.
+cent of its variance, even for a Kinect; the knee's angle is not. One harmonic therefore gives the period
+and the phase, and how well it fits says whether the sensor told the legs apart at all.
 """
 
 from __future__ import annotations
@@ -16,17 +16,17 @@ from kinemimic.pipeline.gait.fourier import design
 from kinemimic.pipeline.kinematics.skeleton import NODE_INDEX as N
 
 PERIODS = (0.5, 2.0)  # seconds of a stride
-# Seconds from which the grid of periods is read: over more strides its steps would pass the best one by.
-_STRETCH = 60.0
-_RIDGE = 1e-12  # keeps a fit to no frames at all from being singular
+# Seconds over which the grid of periods is searched: over more strides its steps would miss the best one.
+_GRID_SECONDS = 60.0
+_RIDGE = 1e-12  # keeps the fit to no frames from being singular
 
 
 @dataclass(frozen=True)
 class Harmonic:
     """d(t) ≈ mean + amplitude · -cos 2π phase(t), phase(t) = (t - start) / period.
 
-    r2: explained share of the variance over the frames that count; weights: (T,) 0 to 1, Tukey's; kept: their
-    share above one third.
+    r2: weighted coefficient of determination; weights: (T,) 0 to 1, Tukey's biweight; kept: share of the
+    frames with a weight above one third.
     """
 
     period: float
@@ -37,15 +37,15 @@ class Harmonic:
     kept: float
 
     def phase(self, times: Array) -> Array:
-        """Phases in cycles, not wrapped; whole where the left ankle is farthest before the right."""
+        """Phases in cycles, unwrapped; an integer where the left ankle is farthest before the right."""
         return (np.asarray(times) - self.start) / self.period
 
 
 def fit_harmonic(times: Array, ankles: Array, weights: Array | None = None) -> Harmonic:
     """One harmonic through x(right ankle) - x(left ankle), (T,) metres, by robust least squares.
 
-    Tukey's biweight throws out what does not belong (legs swapped for some frames, spikes); the scale starts
-    at 2 cm, a Kinect's noise, so that a clean recording keeps every frame.
+    Tukey's biweight rejects outliers (legs swapped for some frames, spikes); its scale is at least 2 cm, a
+    Kinect's noise, so that a clean recording keeps every frame.
     """
     given = np.ones(len(times)) if weights is None else weights
     origin = times[0]
@@ -74,10 +74,10 @@ def fit_harmonic(times: Array, ankles: Array, weights: Array | None = None) -> H
 
 
 def _first_period(t: Array, y: Array, w: Array) -> float:
-    """The period in the best seen stretch of y (T,), then in twice as much around it, up to the whole."""
-    stretches, stretch = np.unique(np.floor(t / _STRETCH), return_inverse=True)
-    best = float(stretches[np.argmax(np.bincount(stretch, w))])
-    middle, reach = (best + 0.5) * _STRETCH, 0.5 * _STRETCH
+    """The period in the best seen minute of y (T,), refined over twice as much around it, up to the whole."""
+    minutes, minute = np.unique(np.floor(t / _GRID_SECONDS), return_inverse=True)
+    best = float(minutes[np.argmax(np.bincount(minute, w))])
+    middle, reach = (best + 0.5) * _GRID_SECONDS, 0.5 * _GRID_SECONDS
     near = np.abs(t - middle) <= reach
     period = _coarse_period(t[near], y[near], w[near])
     while not near.all():
@@ -88,9 +88,9 @@ def _first_period(t: Array, y: Array, w: Array) -> float:
 
 
 def _coarse_period(t: Array, y: Array, w: Array) -> float:
-    """Of a grid of periods the one whose harmonic fits y (T,) best, weighted w (T,)."""
-    # Fine enough for half a cycle's error over ten strides not to hide the best period. One period after the
-    # other: an hour's frames for all of them at once would take a gigabyte.
+    """The period of a grid whose harmonic fits y (T,) best, with weights w (T,)."""
+    # Fine enough that half a cycle's error over ten strides does not hide the best period. A loop, since an
+    # hour's frames for all periods at once would take a gigabyte.
     grid = np.linspace(*PERIODS, 151)
     weighted = w * y
     explained = [
@@ -106,7 +106,7 @@ def _amplitudes(t: Array, y: Array, w: Array, period: float) -> Array:
 
 
 def _nearest_period(t: Array, y: Array, w: Array, period: float) -> float:
-    """The best period near the given one, by Gauss-Newton on period and coefficients together."""
+    """The best period near the given one, by Gauss-Newton over the period and the coefficients."""
     low, high = 0.93 * period, 1.07 * period
     c = _amplitudes(t, y, w, period)
     for _ in range(12):
@@ -122,15 +122,19 @@ def _nearest_period(t: Array, y: Array, w: Array, period: float) -> float:
     return period
 
 
+def end_to_end(values: Array) -> Array:
+    """Mean of the last tenth of values (T, ...) minus mean of the first tenth."""
+    count = max(1, len(values) // 10)
+    return np.asarray(values[-count:].mean(axis=0) - values[:count].mean(axis=0))
+
+
 def walking_direction(positions: Array) -> tuple[float, bool]:
     """Heading in radians of (T, 20, 3) positions, and whether it comes from the path.
 
-    From where the hips went if they went anywhere, else from the way that the hip line faces.
+    The path is that of the hips; if they stay within 0.5 m, the heading is where the hip line faces.
     """
     middle = positions[:, [N["hip_left"], N["hip_right"]], :2].mean(axis=1)
-    middle = middle[np.isfinite(middle).all(axis=-1)]
-    ends = max(1, len(middle) // 10)
-    path = middle[-ends:].mean(axis=0) - middle[:ends].mean(axis=0)
+    path = end_to_end(middle[np.isfinite(middle).all(axis=-1)])
     if np.hypot(*path) > 0.5:
         return float(np.arctan2(path[1], path[0])), True
     left = np.nanmean(positions[:, N["hip_left"], :2] - positions[:, N["hip_right"], :2], axis=0)

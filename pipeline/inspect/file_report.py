@@ -12,7 +12,7 @@ import numpy as np
 from kinemimic.pipeline.errors import KinemimicError, NotACaptureError
 from kinemimic.pipeline.files.json_layout import rounded
 from kinemimic.pipeline.files.sidecars import note_path, truth_path
-from kinemimic.pipeline.gait.walking import gait
+from kinemimic.pipeline.gait.walking import detect_gait
 from kinemimic.pipeline.inspect.measures import (
     bones,
     joints,
@@ -130,7 +130,7 @@ def _report(path: Path, recorded: Clip, checked: CheckedCapture) -> dict[str, An
         "bones_m": lengths,
         "stature_m": stature(lengths),
         "angles": legs(nodes[inside], states[inside]),
-        "gait": gait(clip, nodes),
+        "gait": detect_gait(clip, nodes),
         "own_angles": recorded_angles(clip, nodes, inside),
         "joints": joints(clip, inside),
         "defects": [defect.to_json() for defect in checked.defects],

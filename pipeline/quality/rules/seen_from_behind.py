@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from kinemimic.pipeline.gait.steps import steps
+from kinemimic.pipeline.gait.walking import striding_frames
 from kinemimic.pipeline.kinematics.clip import Clip
 from kinemimic.pipeline.kinematics.nodes import joints_of_nodes
 from kinemimic.pipeline.kinematics.skeleton import INFERRED
@@ -32,9 +32,9 @@ ENOUGH = 8
 
 def repair(clip: Clip) -> tuple[Clip, list[Defect]]:
     """The clip with both sides exchanged in such passes; Euler captures are only flagged."""
-    found = steps(clip)
+    found = striding_frames(clip)
     on_belt = len(found.frames) >= ENOUGH and ground_moves(found)
-    way, limit = (found.walk, BACKWARD_ON_BELT) if on_belt else (found.hips, BACKWARD)
+    way, limit = (found.walking_velocity, BACKWARD_ON_BELT) if on_belt else (found.hip_velocity, BACKWARD)
     backward: list[int] = []
     for number in range(int(clip.passes.max(initial=-1)) + 1):
         mine = clip.passes[found.frames] == number

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from kinemimic.pipeline.gait.steps import Steps, steps
+from kinemimic.pipeline.gait.walking import StridingFrames, striding_frames
 from kinemimic.pipeline.kinematics.clip import Clip
 from kinemimic.pipeline.kinematics.spans import frame_runs
 from kinemimic.pipeline.quality.rules.defect import Defect
@@ -30,13 +30,13 @@ ONE_WAY = 0.3
 
 def detect(clip: Clip) -> list[Defect]:
     """Flagged, never repaired: where the camera looked is not in the file."""
-    found = steps(clip)
+    found = striding_frames(clip)
     if len(found.frames) < ENOUGH or not ground_moves(found):
         return []
     angle = slide_angle(found)
     if angle < ACROSS or np.linalg.norm(found.forward.mean(axis=0)) < ONE_WAY:
         return []
-    speed = float(np.median(np.linalg.norm(found.planted, axis=1)))
+    speed = float(np.median(np.linalg.norm(found.foot_velocity, axis=1)))
     inside = np.zeros(len(clip.times), dtype=np.bool_)
     inside[found.frames] = True
     text = (
@@ -47,22 +47,23 @@ def detect(clip: Clip) -> list[Defect]:
     return [Defect("turning_camera", len(found.frames), "frames", "flagged", text, frame_runs(inside))]
 
 
-def ground_moves(found: Steps) -> bool:
+def ground_moves(found: StridingFrames) -> bool:
     """True if the ground moves under the walker instead of the walker over it."""
-    walk = found.walk
+    walk = found.walking_velocity
     squared = np.sum(walk**2, axis=1)
     if np.sqrt(np.median(squared)) < WALKING:
         return False
-    share = float(np.median(-np.sum(found.planted * walk, axis=1) / np.maximum(squared, 1e-12)))
-    hips = float(np.median(np.linalg.norm(found.hips, axis=1)))
+    share = float(np.median(-np.sum(found.foot_velocity * walk, axis=1) / np.maximum(squared, 1e-12)))
+    hips = float(np.median(np.linalg.norm(found.hip_velocity, axis=1)))
     return CARRIED[0] <= share <= CARRIED[1] and hips < STAYING * float(np.sqrt(np.median(squared)))
 
 
-def slide_angle(found: Steps) -> float:
+def slide_angle(found: StridingFrames) -> float:
     """Angle in [0, π/2] between the line of sight from the origin and the axis along which feet slide.
 
     An axis has no sign: angles are doubled before they are averaged, weighted with the squared speed.
     """
-    sight = (found.place[:, 0] + 1j * found.place[:, 1]) / np.linalg.norm(found.place, axis=1)
-    slide = (found.planted[:, 0] + 1j * found.planted[:, 1]) * np.conj(sight)
+    place, velocity = found.foot_position, found.foot_velocity
+    sight = (place[:, 0] + 1j * place[:, 1]) / np.linalg.norm(place, axis=1)
+    slide = (velocity[:, 0] + 1j * velocity[:, 1]) * np.conj(sight)
     return float(np.abs(0.5 * np.angle(np.sum(slide**2))))

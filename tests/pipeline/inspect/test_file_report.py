@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from samples.motion import walk
 
-from kinemimic.pipeline.gait.walking import gait
+from kinemimic.pipeline.gait.walking import detect_gait
 from kinemimic.pipeline.inspect.file_report import file_report, inspect_file, unread_report
 from kinemimic.pipeline.inspect.measures import bones, jitter, legs, nodes_of, recorded_angles, stature
 from kinemimic.pipeline.kinematics.clip import Clip
@@ -100,13 +100,13 @@ def test_every_sensor_that_formats_names_is_found(walking: Writer) -> None:
 
 def test_gait_on_a_path_a_treadmill_and_before_a_turning_camera(walk_clip: Clip) -> None:
     nodes, _, _ = nodes_of(walk_clip)
-    on_path = gait(walk_clip, nodes)
+    on_path = detect_gait(walk_clip, nodes)
     middle = nodes[:, [NODE_INDEX["hip_left"], NODE_INDEX["hip_right"]], :2].mean(axis=1)
     in_place = nodes.copy()
     in_place[..., :2] -= middle[:, None]
-    treadmill = gait(walk_clip, in_place)
+    treadmill = detect_gait(walk_clip, in_place)
     turn = from_axis_angle("Z", 0.4 * walk_clip.times)
-    turning = gait(walk_clip, rotate(turn[:, None], in_place))
+    turning = detect_gait(walk_clip, rotate(turn[:, None], in_place))
     assert on_path is not None
     made = close_loop(read_deepmimic(stock_motion("walk"))).speed
     assert on_path["speed_m_s"] == pytest.approx(made, rel=0.02)
@@ -124,12 +124,12 @@ def test_standing_and_exchanged_legs_are_no_gait(walk_clip: Clip) -> None:
     nodes, _, _ = nodes_of(walk_clip)
     standing = np.repeat(nodes[:1], len(nodes), axis=0)
     standing += np.random.default_rng(0).normal(scale=0.01, size=standing.shape)
-    assert gait(walk_clip, standing) is None
+    assert detect_gait(walk_clip, standing) is None
     # The left ankle is always the one in front: twice the frequency, which no human has.
     left, right = NODE_INDEX["ankle_left"], NODE_INDEX["ankle_right"]
     behind = nodes[:, left, 0] < nodes[:, right, 0]
     nodes[behind, left], nodes[behind, right] = nodes[behind, right].copy(), nodes[behind, left].copy()
-    assert gait(walk_clip, nodes) is None
+    assert detect_gait(walk_clip, nodes) is None
 
 
 def test_the_peak_is_of_the_better_tracked_side(walk_clip: Clip) -> None:
