@@ -1,4 +1,4 @@
-"""What a versioned data set is made of: one TOML file, which `dvc.yaml` reads too."""
+"""Parameters of a versioned data set: one TOML file, which `dvc.yaml` reads too."""
 
 from __future__ import annotations
 
@@ -6,20 +6,23 @@ import re
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path, PurePosixPath
-from typing import Any
+from typing import Annotated, Any, Literal
 
 import click
+from msgspec import Meta, Struct
 
 from kinemimic.pipeline.errors import KinemimicError
-from kinemimic.pipeline.files.bounded import MEGABYTE, read_bounded
-from kinemimic.pipeline.files.toml_keys import Keys, parse_toml
+from kinemimic.pipeline.files.bounded import MEGABYTE
+from kinemimic.pipeline.files.records import RecordError, convert, one_of
+from kinemimic.pipeline.files.toml_file import parse_toml, read_text
 from kinemimic.pipeline.filters.clean import FILTERS
-from kinemimic.retarget.feet.ankles import ANKLE_MODES, AnkleMode
+from kinemimic.retarget.feet.ankles import AnkleMode
 
 PARAMS = Path("datasets/versions/params.toml")
-SCHEMA = 1
 MAX_BYTES = MEGABYTE
-_NAME = re.compile(r"[a-z0-9_]+")
+_NAME, _NAMES = r"\A[a-z0-9_]+\Z", "names of small letters, digits and _"
+_RECORDING = "a recording, from the folder that is built in"
+_Tolerance = Annotated[float, Meta(ge=0.0, le=1e6)]
 
 params_option: Callable[[Callable[..., Any]], Callable[..., Any]] = click.option(
     "--params",
@@ -31,24 +34,46 @@ params_option: Callable[[Callable[..., Any]], Callable[..., Any]] = click.option
 )
 
 
-@dataclass(frozen=True)
-class Capture:
-    """file: of the raw recording, from the folder that the data set is built in, in a folder with nothing but
-    raw files; the rest are options of `ingest` and `retarget`, with their defaults."""
+class Capture(Struct, frozen=True, forbid_unknown_fields=True, rename={"recording": "file"}):
+    """recording: path of the raw file, from the folder that the data set is built in, in a folder with
+    nothing but raw files; the rest are options of `ingest` and `retarget`, with their defaults."""
 
-    name: str
-    file: Path
-    filter: str | None = None
+    recording: Annotated[str, Meta(description=_RECORDING)]
+    filter: Annotated[str, one_of(FILTERS)] | None = None
     symmetric: bool | None = None
     refined: bool = True
     ankle: AnkleMode = "neutral"
     loop: bool | None = None
 
+    def __post_init__(self) -> None:
+        path = PurePosixPath(self.recording)
+        if not path.name or path.is_absolute() or ".." in path.parts:
+            raise RecordError("file", expected=_RECORDING, found=repr(self.recording))
+
+    @property
+    def file(self) -> Path:
+        """The recording's path."""
+        return Path(self.recording)
+
+
+class _File(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
+    schema: Literal[1]
+    version: Annotated[int, Meta(ge=1, le=1_000_000)]
+    captures: dict[str, Capture] = {}
+    policies: tuple[Annotated[str, Meta(pattern=_NAME, description=_NAMES)], ...] = ()
+    tolerances: dict[str, _Tolerance] = {}
+
+    def __post_init__(self) -> None:
+        # They become names of folders.
+        for name in self.captures:
+            if not re.match(_NAME, name):
+                raise RecordError("captures", expected=_NAMES, found=repr(name))
+
 
 @dataclass(frozen=True)
 class Params:
     """path: of this file; version: of the data set, raised by one whenever its content changes; captures: by
-    name; policies: that ship and are scored; tolerances: of their scores, by figure."""
+    name; policies: the shipped ones that are scored; tolerances: of their scores, by metric."""
 
     path: Path
     version: int
@@ -59,55 +84,14 @@ class Params:
     @classmethod
     def load(cls, path: Path, root: Path = Path()) -> Params:
         """path: from `root`, the folder that is built in. A KinemimicError names the first mistake's key."""
-        try:
-            text = read_bounded(root / path, MAX_BYTES, "the parameters of a data set").decode("utf-8")
-        except FileNotFoundError:
-            raise KinemimicError(f"{path}: expected the parameters of a data set, found no file") from None
-        except UnicodeDecodeError as error:
-            raise KinemimicError(f"{path}: expected TOML, found {error}") from None
-        keys = Keys(path, "", parse_toml(path, text))
-        if (schema := keys.get("schema")) != SCHEMA or isinstance(schema, bool):
-            keys.fail("schema", expected=f"{SCHEMA}", found=schema)
-        version = keys.whole("version", 0, 1, 1_000_000)
-        if not version:
-            keys.fail("version", expected="a whole number from 1", found="none")
-        table, policies, bounds = keys.table("captures"), keys.marks("policies"), keys.table("tolerances")
-        keys.finish()
-        # They become names of folders.
-        for key, names in (("captures", tuple(table.values)), ("policies", policies)):
-            if strange := [name for name in names if not (isinstance(name, str) and _NAME.fullmatch(name))]:
-                keys.fail(key, expected="names of small letters, digits and _", found=repr(strange[0]))
-        return cls(
-            path,
-            version,
-            {name: _capture(name, table.table(name)) for name in table.values},
-            tuple(map(str, policies)),
-            {name: bounds.number(name, 0.0, 1e6) or 0.0 for name in bounds.values},
-        )
+        text = read_text(root / path, MAX_BYTES, "the parameters of a data set", shown=path)
+        file = convert(parse_toml(path, text), _File, path)
+        return cls(path, file.version, file.captures, file.policies, file.tolerances)
 
     def capture(self, name: str) -> Capture:
-        """One of the captures; a KinemimicError names them all."""
+        """One of the captures; a KinemimicError lists them all."""
         if name not in self.captures:
             raise KinemimicError(
                 f"{self.path}: expected a capture among {', '.join(self.captures)}, found {name!r}"
             )
         return self.captures[name]
-
-
-def _capture(name: str, keys: Keys) -> Capture:
-    file = PurePosixPath(keys.text("file", ""))
-    if not file.name or file.is_absolute() or ".." in file.parts:
-        keys.fail("file", expected="a recording, from the folder that is built in", found=repr(str(file)))
-    chosen = keys.choice("filter", FILTERS, FILTERS[0]) if "filter" in keys.values else None
-    ankle: AnkleMode = "normal" if keys.choice("ankle", ANKLE_MODES, "neutral") == "normal" else "neutral"
-    symmetric, loop = _switch(keys, "symmetric"), _switch(keys, "loop")
-    refined = _switch(keys, "refined")
-    keys.finish()
-    return Capture(name, Path(file), chosen, symmetric, refined is not False, ankle, loop)
-
-
-def _switch(keys: Keys, key: str) -> bool | None:
-    value = keys.get(key)
-    if value is not None and not isinstance(value, bool):
-        keys.fail(key, expected="true or false", found=repr(value))
-    return value

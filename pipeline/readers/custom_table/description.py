@@ -9,7 +9,10 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from kinemimic.pipeline.arrays import Array
-from kinemimic.pipeline.files.toml_keys import Column
+
+# More columns than any recorder writes: a Kinect v2 with everything has some 300.
+MAX_COLUMNS = 10_000
+Column = str | int  # its name in the header, or its number from 1
 
 
 @dataclass(frozen=True)

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from kinemimic.pipeline.errors import CaptureError
-from kinemimic.pipeline.files.toml_keys import short
+from kinemimic.pipeline.files.records import short
 from kinemimic.pipeline.kinematics.nodes import joints_of_nodes
 from kinemimic.pipeline.kinematics.skeleton import NODES, Skeleton, node_skeleton
 from kinemimic.pipeline.readers.base.node_parents import nearest_ancestor

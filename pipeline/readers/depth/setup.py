@@ -1,166 +1,164 @@
-"""camera.toml of a depth recording: the cameras, the unit of depth, the clock, and how the camera stands."""
+"""camera.toml of a depth recording: the cameras, the unit of depth, the clock, and the camera's mount."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass
 from pathlib import Path
+from typing import Annotated, Literal
 
 import numpy as np
+from msgspec import Meta, Struct
+from msgspec.structs import astuple
 
 from kinemimic.pipeline.arrays import Array
 from kinemimic.pipeline.errors import CaptureError
-from kinemimic.pipeline.files.toml_keys import Keys, parse_toml
+from kinemimic.pipeline.files.records import RecordError, convert
+from kinemimic.pipeline.files.toml_file import parse_toml
 from kinemimic.pipeline.kinematics.rotations import from_matrix, rotate
 from kinemimic.pipeline.readers.base.source import Source
 from kinemimic.pipeline.readers.depth.camera import Camera
 
-SCHEMA = 1
-SCHEMA_KEY = "kinemimic_depth"
 MILLIMETRES = 1000.0
-# The largest depth image that any camera gives has 4 megapixels, the largest colour image 12.
-_SIDE = 8192
+# Depth images of today's cameras have up to 4 megapixels, colour images up to 12.
 MAX_PIXELS = 2**24
-_COEFFICIENTS = ("k1", "k2", "p1", "p2", "k3", "k4", "k5", "k6")
+_Side = Annotated[int, Meta(ge=8, le=8192, description="pixels, a whole number from 8 to 8192")]
+_Focal = Annotated[float, Meta(ge=1.0, le=1e5, description="pixels, a number from 1 to 100000")]
+_Centre = Annotated[float, Meta(ge=-1e4, le=1e5, description="pixels, a number from -10000 to 100000")]
+_Factor = Annotated[float, Meta(ge=-1e4, le=1e4)]
+_Metres = Annotated[float, Meta(ge=-10.0, le=10.0)]
+_Finite = Annotated[float, Meta(ge=-1e6, le=1e6)]
+_Nine = Annotated[tuple[_Finite, ...], Meta(min_length=9, max_length=9, description="9 numbers")]
 
 
-@dataclass(frozen=True)
-class Mount:
-    """How the depth camera stands.
+class _Distortion(Struct, frozen=True, forbid_unknown_fields=True):
+    k1: _Factor = 0.0
+    k2: _Factor = 0.0
+    p1: _Factor = 0.0
+    p2: _Factor = 0.0
+    k3: _Factor = 0.0
+    k4: _Factor = 0.0
+    k5: _Factor = 0.0
+    k6: _Factor = 0.0
 
-    up: (3,) in its axes (x right, y down, z forward); height: over the floor, metres. The world has Z up and
-    X forward; its origin lies on the floor below the camera.
+
+class _Lens(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
+    width: _Side
+    height: _Side
+    fx: _Focal
+    fy: _Focal
+    cx: _Centre
+    cy: _Centre
+    distortion: _Distortion = _Distortion()
+
+    def __post_init__(self) -> None:
+        if self.width * self.height > MAX_PIXELS:
+            found = f"{self.width} x {self.height}"
+            raise RecordError("width", expected=f"at most {MAX_PIXELS} pixels", found=found)
+
+    @property
+    def camera(self) -> Camera:
+        distortion = astuple(self.distortion)
+        return Camera(self.width, self.height, self.fx, self.fy, self.cx, self.cy, distortion)
+
+
+class Mount(Struct, frozen=True, forbid_unknown_fields=True):
+    """How the depth camera stands: floor, a plane (a, b, c, d) in its axes (x right, y down, z forward); or
+    height over the floor, metres, and tilt, degrees.
+
+    The world has Z up and X forward; its origin lies on the floor below the camera.
     """
 
-    up: tuple[float, float, float] = (0.0, -1.0, 0.0)
-    height: float = 0.0
+    floor: tuple[_Finite, _Finite, _Finite, _Finite] | None = None
+    height: _Metres | None = None
+    tilt: Annotated[float, Meta(ge=-89.0, le=89.0)] | None = None
+
+    def __post_init__(self) -> None:
+        if self.floor is None:
+            return
+        if self.height is not None or self.tilt is not None:
+            raise RecordError("floor", expected="either floor or height and tilt", found="both")
+        normal = np.abs(self.floor[:3])
+        if normal[1] < 0.02 * np.linalg.norm(normal) or not normal.any():
+            found = repr(list(self.floor))
+            raise RecordError("floor", expected="the plane of a floor (y is down)", found=found)
+        if abs(height := self.plane[3]) > 10.0:
+            raise RecordError("floor", expected="a camera within 10 m of its floor", found=f"{height:g} m")
+
+    @property
+    def plane(self) -> Array:
+        """(4,) up in the camera's axes, and the camera's height over the floor, metres."""
+        if self.floor is None:
+            radians = np.radians(self.tilt or 0.0)
+            return np.array([0.0, -np.cos(radians), -np.sin(radians), self.height or 0.0])
+        plane: Array = np.array(self.floor)
+        # Up is against y, whatever the sign of the plane's normal in the file.
+        plane *= -np.sign(plane[1]) / float(np.linalg.norm(plane[:3]))
+        return plane
 
     @property
     def world_from_camera(self) -> Array:
         """(4,) the rotation from the camera's axes to the world's."""
-        up = np.array(self.up)
+        up = self.plane[:3]
         forward = np.array([0.0, 0.0, 1.0]) - up[2] * up
         forward /= np.linalg.norm(forward)
         return from_matrix(np.stack([forward, np.cross(up, forward), up]))
 
     def from_floor(self, points: Array) -> Array:
-        """Points (..., 3) in the camera's axes, counted from the origin on the floor."""
-        return points + self.height * np.array(self.up)
+        """Points (..., 3) in the camera's axes, from the origin on the floor."""
+        up, height = self.plane[:3], float(self.plane[3])
+        return points + height * up
 
     def to_camera(self, points: Array) -> Array:
         """Points (..., 3) of the world in the camera's axes."""
         turn = self.world_from_camera * [-1.0, -1.0, -1.0, 1.0]
-        return rotate(turn, points) - self.height * np.array(self.up)
+        up, height = self.plane[:3], float(self.plane[3])
+        return rotate(turn, points) - height * up
 
 
-@dataclass(frozen=True)
-class ColorCamera:
-    """camera: the lens; rotation (3, 3), translation (3,) metres: from the depth camera's axes to its own."""
+class ColorCamera(_Lens, frozen=True, forbid_unknown_fields=True, kw_only=True):
+    """A colour camera; rotation: matrix, row by row, and translation, metres, from the depth camera's axes
+    to its own."""
 
-    camera: Camera
-    rotation: Array
-    translation: Array
+    rotation: _Nine = (1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0)
+    translation: tuple[_Metres, _Metres, _Metres] = (0.0, 0.0, 0.0)
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if np.abs(self._turn @ self._turn.T - np.eye(3)).max() > 1e-3 or np.linalg.det(self._turn) < 0:
+            wanted = "the nine numbers of a rotation matrix, row by row"
+            raise RecordError("rotation", expected=wanted, found="another matrix")
+
+    @property
+    def _turn(self) -> Array:
+        turn: Array = np.array(self.rotation).reshape(3, 3)
+        return turn
 
     def from_depth(self, points: Array) -> Array:
         """Points (..., 3) in the depth camera's axes in those of this camera."""
-        return points @ self.rotation.T + self.translation
+        moved: Array = points @ self._turn.T + np.array(self.translation)
+        return moved
 
 
-@dataclass(frozen=True)
-class Setup:
-    """camera: of the depth images; units: of their depth in a metre; rate: frames a second, None if times.csv
-    has the times; leveled: whether the file says how the camera stands; color: the colour camera, None if
-    colour images have the depth images' pixels.
-    """
+class Setup(
+    _Lens, frozen=True, forbid_unknown_fields=True, kw_only=True, rename={"units": "units_per_metre"}
+):
+    """units: of depth, per metre; rate: frames a second, None if times.csv has the times; color: the colour
+    camera, None if colour images have the depth images' pixels; the rest is the depth camera."""
 
-    camera: Camera
-    units: float
-    rate: float | None
-    mount: Mount
-    leveled: bool
-    color: ColorCamera | None
+    kinemimic_depth: Annotated[Literal[1], Meta(description="1, the version of this description")]
+    units: Annotated[float, Meta(ge=1.0, le=1e6)] = MILLIMETRES
+    rate: Annotated[float, Meta(ge=0.1, le=1000.0)] | None = None
+    mount: Mount = Mount()
+    color: ColorCamera | None = None
+
+    @property
+    def leveled(self) -> bool:
+        """Whether the file says how the camera stands."""
+        return self.mount != Mount()
 
 
 def read_setup(source: Source) -> Setup:
-    """What camera.toml says; CaptureError names the key of the first mistake."""
-    keys = Keys(source.path, "", parse_toml(source.path, source.text))
-    version = keys.get(SCHEMA_KEY)
-    if isinstance(version, bool) or version != SCHEMA:
-        found = "none" if version is None else repr(version)
-        keys.fail(SCHEMA_KEY, expected=f"{SCHEMA}, the version of this description", found=found)
-    camera = _camera(keys)
-    units = keys.number("units_per_metre", 1.0, 1e6) or MILLIMETRES
-    rate = keys.number("rate", 0.1, 1000.0)
-    mounted = keys.table("mount")
-    mount = _mount(mounted)
-    own = keys.table("color")
-    color = _color(own) if own.values else None
-    keys.finish()
-    return Setup(camera, units, rate, mount, bool(mounted.values), color)
-
-
-def _camera(keys: Keys) -> Camera:
-    width, height = _side(keys, "width"), _side(keys, "height")
-    if width * height > MAX_PIXELS:
-        keys.fail("width", expected=f"at most {MAX_PIXELS} pixels", found=f"{width} x {height}")
-    fx, fy = (_needed(keys, key, 1.0, 1e5) for key in ("fx", "fy"))
-    cx, cy = (_needed(keys, key, -1e4, 1e5) for key in ("cx", "cy"))
-    lens = keys.table("distortion")
-    distortion = tuple(lens.number(key, -1e4, 1e4) or 0.0 for key in _COEFFICIENTS)
-    lens.finish()
-    return Camera(width, height, fx, fy, cx, cy, distortion)
-
-
-def _side(keys: Keys, key: str) -> int:
-    value = keys.whole(key, 0, 8, _SIDE)
-    if not value:
-        keys.fail(key, expected=f"pixels, a whole number from 8 to {_SIDE}", found="none")
-    return value
-
-
-def _needed(keys: Keys, key: str, low: float, high: float) -> float:
-    value = keys.number(key, low, high)
-    if value is None:
-        keys.fail(key, expected=f"pixels, a number from {low:g} to {high:g}", found="none")
-    return value
-
-
-def _mount(keys: Keys) -> Mount:
-    floor = keys.numbers("floor", 4)
-    height, tilt = keys.number("height", -10.0, 10.0), keys.number("tilt", -89.0, 89.0)
-    keys.finish()
-    if floor is not None:
-        return _above(keys, floor, {"height": height, "tilt": tilt})
-    radians = np.radians(tilt or 0.0)
-    return Mount((0.0, -float(np.cos(radians)), -float(np.sin(radians))), height or 0.0)
-
-
-def _above(keys: Keys, floor: tuple[float, ...], others: Mapping[str, float | None]) -> Mount:
-    """The mount over a floor plane a x + b y + c z + d = 0 in the camera's axes."""
-    for key, value in others.items():
-        if value is not None:
-            keys.fail(key, expected="either floor or height and tilt", found="both")
-    plane = np.array(floor)
-    length = float(np.linalg.norm(plane[:3]))
-    # Up is against y, whichever way the plane's normal was written.
-    if abs(plane[1]) < 0.02 * length or length == 0.0:
-        keys.fail("floor", expected="the plane of a floor (y is down)", found=repr(list(floor)))
-    plane *= -np.sign(plane[1]) / length
-    if abs(plane[3]) > 10.0:
-        keys.fail("floor", expected="a camera within 10 m of its floor", found=f"{plane[3]:g} m")
-    return Mount((float(plane[0]), float(plane[1]), float(plane[2])), float(plane[3]))
-
-
-def _color(keys: Keys) -> ColorCamera:
-    camera = _camera(keys)
-    turn = np.array(keys.numbers("rotation", 9) or np.eye(3).ravel()).reshape(3, 3)
-    if np.abs(turn @ turn.T - np.eye(3)).max() > 1e-3 or np.linalg.det(turn) < 0:
-        keys.fail("rotation", expected="the nine numbers of a rotation matrix, row by row", found="none such")
-    translation = np.array(keys.numbers("translation", 3) or (0.0, 0.0, 0.0))
-    if np.abs(translation).max() > 10.0:
-        keys.fail("translation", expected="metres, at most 10", found=repr(translation.tolist()))
-    keys.finish()
-    return ColorCamera(camera, turn, translation)
+    """The setup in camera.toml; CaptureError names the key of the first mistake."""
+    return convert(parse_toml(source.path, source.text), Setup, source.path)
 
 
 def setup_of(folder: Path, name: str) -> tuple[Setup, Source]:

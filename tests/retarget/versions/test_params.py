@@ -46,7 +46,7 @@ def test_every_option_arrives(tmp_path: Path) -> None:
     ("text", "told"),
     [
         ("schema = 2\nversion = 1\n", "key schema: expected 1, found 2"),
-        ("schema = 1\n", "key version: expected a whole number from 1, found none"),
+        ("schema = 1\n", "key version: expected a whole number from 1 to 1000000, found none"),
         ("schema = 1\nversion = 0\n", "key version: expected a whole number from 1 to 1000000, found 0"),
         (HEAD + "[captures.one]\n", "key captures.one.file: expected a recording"),
         (HEAD + '[captures.one]\nfile = "../secret"\n', "key captures.one.file: expected a recording"),
@@ -60,8 +60,8 @@ def test_every_option_arrives(tmp_path: Path) -> None:
         (HEAD + "[tolerances]\nknee_r2 = -1\n", "key tolerances.knee_r2"),
         (HEAD + "captures = [", "expected TOML"),
         (HEAD + '[captures."../one"]\nfile = "a"\n', "expected names of small letters, digits and _"),
-        ('schema = 1\nversion = 1\npolicies = ["../walk"]\n', "key policies: expected names of small"),
-        ("schema = 1\nversion = 1\npolicies = [1]\n", "key policies: expected names of small"),
+        ('schema = 1\nversion = 1\npolicies = ["../walk"]\n', "key policies[1]: expected names of small"),
+        ("schema = 1\nversion = 1\npolicies = [1]\n", "key policies[1]: expected names of small"),
     ],
 )
 def test_a_mistake_is_a_line_that_names_its_key(text: str, told: str, tmp_path: Path) -> None:

@@ -79,7 +79,7 @@ def test_a_colour_camera_of_its_own() -> None:
         ("fx = 252.0", "", "key fx: expected pixels"),
         ("fx = 252.0", "fx = nan", "key fx"),
         ("fx = 252.0", 'fx = "252"', "key fx"),
-        ("fx = 252.0", "f_x = 252.0", "key fx"),
+        ("fx = 252.0", "f_x = 252.0", "key f_x: expected one of width, .*did you mean 'fx'"),
         ("rate = 30.0", "rate = 0", "key rate"),
         ("rate = 30.0", "rat = 30.0", "did you mean 'rate'"),
         ("k1 =", "k9 =", "distortion.k9"),
