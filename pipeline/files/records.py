@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import difflib
 import re
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import fields, is_dataclass
 from pathlib import Path
 from typing import Any, TypeVar
@@ -24,7 +24,7 @@ _FIELD = re.compile(r"Object (missing required|contains unknown) field `(.*)`", 
 
 
 class RecordError(ValueError):
-    """A value that does not fit. `__post_init__` raises it; `convert` adds the rest of the key and the file."""
+    """A value that does not fit; `__post_init__` raises it, `convert` adds its place."""
 
     def __init__(self, *key: str | int, expected: str, found: str, advice: str | None = None) -> None:
         super().__init__(f"{dotted(key)}: expected {expected}, found {found}")
@@ -62,8 +62,7 @@ def convert(
             made = msgspec.convert(values, kind)
         except msgspec.ValidationError as error:
             raise _explained(error, values, kind) from None
-        # Unknown keys: Structs forbid them, dataclasses ignore them.
-        _check_known(values, made, ())
+        _check_known(values, made)
     except RecordError as error:
         error.key = (*within, *error.key)
         error.advice = error.advice or advice
@@ -98,45 +97,34 @@ def short(text: str, most: int = 80) -> str:
     return line if len(line) <= most else f"{line[: most - 2]} …"
 
 
-def _check_size(values: Any) -> None:
-    stack: list[tuple[Steps, Any]] = [((), values)]
-    while stack:
-        place, value = stack.pop()
-        if len(place) > _DEEPEST:
-            # Dotted keys nest without limit, and printing them is what fails then.
-            raise RecordError(expected="a record", found="deep nesting")
-        if isinstance(value, dict):
-            stack += [((*place, name), item) for name, item in value.items()]
-        elif isinstance(value, list | tuple):
-            stack += [((*place, index), item) for index, item in enumerate(value)]
-        elif isinstance(value, int) and not -(2**63) <= value < 2**63:
-            digits = 1 + int(0.30103 * value.bit_length())
-            raise RecordError(
-                *place,
-                expected="whole numbers from -2^63 to 2^63 - 1",
-                found=f"one of some {digits:,} digits",
-            )
+def _check_size(value: Any, *key: str | int) -> None:
+    if len(key) > _DEEPEST:
+        # Dotted keys nest without limit; printing them is what fails then.
+        raise RecordError(expected="a record", found="deep nesting")
+    if isinstance(value, dict | list | tuple):
+        for step, item in value.items() if isinstance(value, dict) else enumerate(value):
+            _check_size(item, *key, step)
+    elif isinstance(value, int) and not -(2**63) <= value < 2**63:
+        found = f"one of some {1 + int(0.30103 * value.bit_length()):,} digits"
+        raise RecordError(*key, expected="whole numbers from -2^63 to 2^63 - 1", found=found)
 
 
-def _check_known(values: Any, made: Any, place: Steps) -> None:
+def _check_known(values: Any, made: Any, *key: str | int) -> None:
+    """Unknown keys: Structs forbid them, dataclasses ignore them."""
     if isinstance(made, dict | list | tuple):
-        for key, item in made.items() if isinstance(made, dict) else enumerate(made):
-            _check_known(values[key], item, (*place, key))
+        for step, item in made.items() if isinstance(made, dict) else enumerate(made):
+            _check_known(values[step], item, *key, step)
     elif is_dataclass(made):
         known = [field.name for field in fields(made)]
-        for key, value in values.items():
-            if key not in known:
-                raise _unknown((*place, key), known)
-            _check_known(value, getattr(made, key), (*place, key))
+        for name, value in values.items():
+            if name not in known:
+                raise _unknown((*key, name), known)
+            _check_known(value, getattr(made, name), *key, name)
 
 
 def _unknown(key: Steps, known: Sequence[str]) -> RecordError:
-    return RecordError(
-        *key,
-        expected=f"one of {', '.join(known)}",
-        found=repr(key[-1]),
-        advice=did_you_mean(key[-1], known),
-    )
+    name, expected = key[-1], f"one of {', '.join(known)}"
+    return RecordError(*key, expected=expected, found=repr(name), advice=did_you_mean(name, known))
 
 
 def _explained(error: msgspec.ValidationError, values: Any, kind: Any) -> RecordError:
@@ -160,9 +148,8 @@ def _explained(error: msgspec.ValidationError, values: Any, kind: Any) -> Record
     choices = [word for one in _arms(node) for word in getattr(one, "values", ())]
     for one in getattr(node, "types", (node,)):
         choices += (getattr(one, "extra", None) or {}).get("choices", ())
-    return RecordError(
-        *steps, expected=_expected(node), found=repr(value), advice=did_you_mean(value, choices)
-    )
+    advice = did_you_mean(value, choices)
+    return RecordError(*steps, expected=_expected(node), found=repr(value), advice=advice)
 
 
 def _culprit(values: Any, steps: Steps, table: dict[str, Any], kind: Any) -> str:
@@ -183,33 +170,23 @@ def _culprit(values: Any, steps: Steps, table: dict[str, Any], kind: Any) -> str
     raise AssertionError("a table fails without a value that does")
 
 
-def _arms(node: inspect.Type) -> Iterator[inspect.Type]:
+def _arms(node: Any) -> list[Any]:
     """The types of a union, or the only type."""
-    match node:
-        case inspect.Metadata():
-            yield from _arms(node.type)
-        case inspect.UnionType():
-            for one in node.types:
-                yield from _arms(one)
-        case _:
-            yield node
+    node = getattr(node, "type", node)
+    return [arm for one in node.types for arm in _arms(one)] if hasattr(node, "types") else [node]
 
 
-def _inner(node: inspect.Type, step: str | int) -> inspect.Type:
+def _inner(node: Any, step: str | int) -> Any:
     """The type of the value at a key or position."""
     for one in _arms(node):
-        match one:
-            case inspect.StructType() | inspect.DataclassType():
-                for field in one.fields:
-                    if field.encode_name == step:
-                        return field.type
-            case inspect.TupleType() if isinstance(step, int):
-                return one.item_types[step]
-            case inspect.ListType() | inspect.VarTupleType() if isinstance(step, int):
-                return one.item_type
-            case inspect.DictType():
-                return one.value_type
-    return inspect.AnyType()
+        for field in getattr(one, "fields", ()):
+            if field.encode_name == step:
+                return field.type
+        if isinstance(step, int) and hasattr(one, "item_types"):
+            return one.item_types[step]
+        if inner := getattr(one, "item_type" if isinstance(step, int) else "value_type", None):
+            return inner
+    raise AssertionError(f"no type of {step}")
 
 
 def _expected(node: inspect.Type) -> str:

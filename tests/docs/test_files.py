@@ -87,7 +87,9 @@ def test_the_keys_that_a_person_writes_are_those_of_the_code() -> None:
     def keys(kind: Any, *without: str) -> set[str]:
         return {field.name for field in fields(kind)} - set(without)
 
-    params = {f"captures.NAME.{key}" for key in Capture.__struct_encode_fields__} | keys(Params, "path", "captures")
+    params = {f"captures.NAME.{key}" for key in Capture.__struct_encode_fields__} | keys(
+        Params, "path", "captures"
+    )
     assert told("params.toml") == params | {"schema"}
     collection = {f"collection.{key}" for key in keys(Collection, "entries")} | {"collection.files"}
     files = {f"files.{key}" for key in keys(Entry, "collection", "file", "licence") | {"name"}}

@@ -1,75 +1,168 @@
-"""What a description says of a file's columns: docs/describe-your-columns.md has every key.
+"""A description of a file's columns, as its TOML tables have it: docs/describe-your-columns.md has every key.
 
-description_file.py makes it of a TOML file, described.py reads a capture by it.
+description_file.py reads it, custom_table.py reads a capture by it.
 """
 
 from __future__ import annotations
 
+import codecs
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Annotated, Literal
+
+import numpy as np
+from msgspec import Meta, Struct
 
 from kinemimic.pipeline.arrays import Array
+from kinemimic.pipeline.files.records import RecordError, one_of
+from kinemimic.pipeline.kinematics.rotations import ORDERS
+from kinemimic.pipeline.quality.rules.length_units import UNITS
 
 # More columns than any recorder writes: a Kinect v2 with everything has some 300.
 MAX_COLUMNS = 10_000
-Column = str | int  # its name in the header, or its number from 1
+SEPARATORS = {"auto": None, "space": r"\s+", "tab": "\t", "comma": ",", "semicolon": ";"}
+SECONDS: dict[str, float] = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "100ns": 1e-7, "frame": 1.0}
+LENGTHS: dict[str, float] = {name: UNITS[name] for name in ("m", "cm", "mm", "inch")}
+QUATERNIONS = ("xyzw", "wxyz")
+# Python's codecs of single names, and one that always fails; none is of a file, and the first two take hours.
+_NO_ENCODINGS = ("punycode", "idna", "undefined")
+_LARGEST = 1.7e308
+
+Column = Annotated[
+    Annotated[int, Meta(ge=1, le=MAX_COLUMNS)] | Annotated[str, Meta(pattern=r"\S")],
+    Meta(description=f"a column: its name in the header, or its number from 1 to {MAX_COLUMNS}"),
+]
+_Mark = Annotated[
+    str | Annotated[float, Meta(ge=-_LARGEST, le=_LARGEST)], Meta(description="text in quotes or a number")
+]
+_Marks = tuple[_Mark, ...]
+_Axis = Annotated[
+    str,
+    Meta(pattern=r"\A[+-]?[XYZxyz]\Z", description="X, Y or Z, with a minus for the opposite direction"),
+]
+_Bound = Annotated[float, Meta(ge=-1e6, le=1e6)]
 
 
-@dataclass(frozen=True)
-class Text:
-    """How the text is cut: separator None is found out; header: line of the names from 1, or 0; first: first
-    line of data; missing: marks of a missing value; long: a row holds one joint, not one frame."""
+class Text(Struct, frozen=True, forbid_unknown_fields=True):
+    """[table]. separator: of SEPARATORS; header: line of the names from 1, or 0; missing: marks of a missing
+    value; rows: what a row holds, a frame or one joint."""
 
-    separator: str | None
-    decimal: str
-    encoding: str
-    header: int
-    first: int
-    comment: str | None
-    missing: tuple[str | float, ...]
-    long: bool
+    separator: Annotated[str, one_of(tuple(SEPARATORS))] = "auto"
+    decimal: Annotated[str, one_of((".", ","))] = "."
+    encoding: str = ""
+    header: Annotated[int, Meta(ge=0, le=10_000)] = 0
+    first_row: Annotated[int, Meta(ge=1, le=10_000)] | None = None
+    comment: str = ""
+    missing: _Marks = ()
+    rows: Literal["frame", "joint"] = "frame"
 
+    def __post_init__(self) -> None:
+        if self.decimal == "," and self.separator == "comma":
+            raise RecordError("decimal", expected="'.' where the separator is a comma", found="','")
+        if self.encoding and not _is_encoding(self.encoding):
+            expected = 'an encoding such as "utf-8" or "latin-1"'
+            raise RecordError("encoding", expected=expected, found=repr(self.encoding))
+        if self.first <= self.header:
+            expected = f"a whole number from {self.header + 1} to 10000"
+            raise RecordError("first_row", expected=expected, found=f"{self.first}")
+        mark = self.comment
+        if len(mark) > 1 or mark.isalnum() or (mark and mark in "+-.\"'"):
+            expected = "one character that begins no number"
+            raise RecordError("comment", expected=expected, found=repr(mark))
 
-@dataclass(frozen=True)
-class Clock:
-    """Times are column x seconds, or, for frame numbers (counted) and without a column, frame / rate."""
-
-    column: Column | None
-    seconds: float
-    counted: bool
-    rate: float | None
-
-
-@dataclass(frozen=True)
-class Space:
-    """metres: per unit; unit: its name; axes: (3, 3) rows are our X (forward), Y (left), Z (up) in the file's
-    axes, of determinant -1 for a left-handed file; local: positions are in the parent's frame."""
-
-    metres: float
-    unit: str
-    axes: Array
-    local: bool
+    @property
+    def first(self) -> int:
+        """The first line of data, from 1."""
+        return self.header + 1 if self.first_row is None else self.first_row
 
 
-@dataclass(frozen=True)
-class Turns:
-    """How rotations are written: order "xyzw", "wxyz" or an intrinsic Euler order; degrees; world: each is
-    relative to the world, not to the parent."""
+class Clock(Struct, frozen=True, forbid_unknown_fields=True):
+    """[time]: times are column x SECONDS[unit], or, for frame numbers and without a column, frame / rate."""
 
-    order: str
-    degrees: bool
-    world: bool
+    column: Column | None = None
+    unit: Annotated[str, one_of(tuple(SECONDS))] = "s"
+    rate: Annotated[float, Meta(ge=0.1, le=10_000.0)] | None = None
+
+    def __post_init__(self) -> None:
+        if self.counted and self.rate is None:
+            expected = "frames per second, where no column holds a time"
+            raise RecordError("rate", expected=expected, found="none")
+        if not self.counted and self.rate is not None:
+            advice = 'leave one out, or use unit = "frame" for a column of frame numbers'
+            expected = "no rate beside a column of times"
+            raise RecordError("rate", expected=expected, found=f"{self.rate:g}", advice=advice)
+
+    @property
+    def counted(self) -> bool:
+        """Whether frames are counted, not timed."""
+        return self.column is None or self.unit == "frame"
 
 
-@dataclass(frozen=True)
-class States:
-    """Values of a state column that mean 0, 1 and 2; or, with `tracked_from`, bounds of a confidence."""
+class Space(Struct, frozen=True, forbid_unknown_fields=True, rename={"length": "unit"}):
+    """[space]: the unit of length, by name or in metres, and the directions of the person's axes."""
 
-    missing: tuple[str | float, ...]
-    inferred: tuple[str | float, ...]
-    tracked: tuple[str | float, ...]
-    inferred_from: float
-    tracked_from: float | None
+    length: Annotated[str, one_of(tuple(LENGTHS))] | Annotated[float, Meta(ge=1e-6, le=1e3)] = "m"
+    up: _Axis = "Y"
+    forward: _Axis = "Z"
+    left: _Axis | None = None
+    relative_to: Literal["world", "parent"] = "world"
+
+    def __post_init__(self) -> None:
+        up, forward, left = (axis[-1].upper() for axis in (self.up, self.forward, self.left or "?"))
+        if forward == up:
+            raise RecordError("forward", expected="another axis than space.up", found=repr(self.forward))
+        if left in (up, forward):
+            raise RecordError("left", expected="the third axis", found=repr(self.left))
+
+    @property
+    def metres(self) -> float:
+        """Of a unit of length."""
+        return LENGTHS[self.length] if isinstance(self.length, str) else self.length
+
+    @property
+    def unit(self) -> str:
+        """Its name."""
+        return self.length if isinstance(self.length, str) else f"{self.length:g} m"
+
+    @property
+    def axes(self) -> Array:
+        """(3, 3) rows are our X (forward), Y (left), Z (up) in the file's axes, of determinant -1 for a
+        left-handed file."""
+        up, forward = _direction(self.up), _direction(self.forward)
+        left = np.cross(up, forward) if self.left is None else _direction(self.left)
+        return np.stack([forward, left, up])
+
+
+class Turns(Struct, frozen=True, forbid_unknown_fields=True):
+    """[rotations]: order of a quaternion's numbers ("xyzw" if empty), or intrinsic Euler order."""
+
+    order: Annotated[str, one_of((*QUATERNIONS, *ORDERS))] = ""
+    unit: Literal["deg", "rad"] = "deg"
+    relative_to: Literal["parent", "world"] = "parent"
+
+
+class States(Struct, frozen=True, forbid_unknown_fields=True):
+    """[states]: values of a state column; or, with `tracked_from`, bounds of a confidence."""
+
+    missing: _Marks = ()
+    inferred: _Marks = ()
+    tracked: _Marks = ()
+    inferred_from: _Bound = -np.inf
+    tracked_from: _Bound | None = None
+
+    def __post_init__(self) -> None:
+        if self.tracked_from is not None and (self.missing or self.inferred or self.tracked):
+            raise RecordError("tracked_from", expected="either bounds or lists of values", found="both")
+        if self.inferred_from > (-np.inf if self.tracked_from is None else self.tracked_from):
+            found = f"{self.inferred_from:g}"
+            raise RecordError("inferred_from", expected="a bound below states.tracked_from", found=found)
+
+    @property
+    def marks(self) -> tuple[Sequence[str | float], ...]:
+        """Values that mean 0, 1 and 2."""
+        listed = self.missing, self.inferred, self.tracked
+        return listed if any(listed) else ((0.0,), (1.0,), (2.0,))
 
 
 @dataclass(frozen=True)
@@ -101,3 +194,16 @@ class Description:
     joint_column: Column | None
     frame_column: Column | None
     files: tuple[str, ...]
+
+
+def _is_encoding(name: str) -> bool:
+    try:
+        return codecs.lookup(name).name not in _NO_ENCODINGS
+    except (LookupError, ValueError):  # the latter of a name with a NUL
+        return False
+
+
+def _direction(axis: str) -> Array:
+    direction = np.zeros(3)
+    direction["XYZ".index(axis[-1].upper())] = -1.0 if axis.startswith("-") else 1.0
+    return direction

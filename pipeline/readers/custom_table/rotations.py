@@ -60,7 +60,7 @@ def pose_of(
     else:
         rotations = _quaternions(description, rotations_of_file, mirrored)
     has_rotation = [bool(joint.euler or joint.quaternion) for joint in joints]
-    if description.turns.world:
+    if description.turns.relative_to == "world":
         for j, parent in enumerate(skeleton.parents):
             if not has_rotation[j]:
                 rotations[:, j] = IDENTITY if parent < 0 else rotations[:, parent]
@@ -77,7 +77,7 @@ def pose_of(
             positions[:, j], translations[:, j], world[:, j] = given, given, rotations[:, j]
             continue
         world[:, j] = multiply(world[:, parent], rotations[:, j])
-        if has_position[j] and not description.space.local:
+        if has_position[j] and description.space.relative_to == "world":
             positions[:, j] = given
             translations[:, j] = rotate(conjugate(world[:, parent]), given - positions[:, parent])
         else:
@@ -90,7 +90,7 @@ def _euler(
     description: Description, rotations_of_file: Array, orders: tuple[str, ...], mirrored: int | None
 ) -> Array:
     """Radians (T, J, 3) in the sequence of the order; zeros for a joint without angles."""
-    angles = np.radians(rotations_of_file) if description.turns.degrees else rotations_of_file.copy()
+    angles = np.radians(rotations_of_file) if description.turns.unit == "deg" else rotations_of_file.copy()
     if mirrored is not None:
         angles *= [1.0 if axis == "XYZ"[mirrored] else -1.0 for axis in description.turns.order]
     angles[:, [not order for order in orders]] = 0.0

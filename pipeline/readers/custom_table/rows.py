@@ -9,11 +9,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from kinemimic.pipeline.arrays import Array
-from kinemimic.pipeline.readers.custom_table.description import Column
 from kinemimic.pipeline.quality.rules.defect import Defect
 from kinemimic.pipeline.readers.base.frame_defects import increasing_times
 from kinemimic.pipeline.readers.base.source import Source
-from kinemimic.pipeline.readers.custom_table.description import Description, Joint
+from kinemimic.pipeline.readers.custom_table.description import SECONDS, Column, Description, Joint
 from kinemimic.pipeline.readers.custom_table.states import (
     states_are_words,
     states_of_numbers,
@@ -120,7 +119,7 @@ class _Reader:
         frame.
         """
         count, rows = len(self.description.joints), len(self.values)
-        if not self.description.text.long:
+        if self.description.text.rows == "frame":
             return np.arange(rows), np.full(rows, -1), np.arange(rows)
         column = self.description.joint_column
         if column is None:
@@ -188,7 +187,7 @@ class _Reader:
         if not np.isfinite(times).all():
             row = int(first[np.flatnonzero(~np.isfinite(times))[0]])
             self.cells.fail("time.column", expected="a time", found="none", line=self.cells.line(row))
-        return times / (clock.rate or 1.0) if clock.counted else times * clock.seconds
+        return times / (clock.rate or 1.0) if clock.counted else times * SECONDS[clock.unit]
 
     def fill(
         self,
@@ -205,12 +204,12 @@ class _Reader:
             ]
             for joint, of_joint in enumerate(columns)
         ]
-        if not self.description.text.long and all(len(slots) == shape[2] for slots in joined):
+        if self.description.text.rows == "frame" and all(len(slots) == shape[2] for slots in joined):
             return self.values[:, np.array(joined, dtype=np.intp).ravel()].reshape(shape)
         filled: Array = np.full(shape, np.nan)
         for joint, slots in enumerate(joined):
             if slots:
-                rows = joints == joint if self.description.text.long else slice(None)
+                rows = joints == joint if self.description.text.rows == "joint" else slice(None)
                 filled[frames[rows], joint] = self.values[rows][:, slots]
         return filled
 
@@ -223,7 +222,11 @@ class _Reader:
         for k, joint in enumerate(joints_of_description):
             if not joint.state:
                 continue
-            rows = np.flatnonzero(joints == k) if self.description.text.long else np.arange(len(joints))
+            rows = (
+                np.flatnonzero(joints == k)
+                if self.description.text.rows == "joint"
+                else np.arange(len(joints))
+            )
             (column,) = self._column_indices(joint.state, joint)
             if self.states_are_words:
                 written = self.words[column]

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-
 import numpy as np
 from numpy.typing import NDArray
 
@@ -16,7 +14,7 @@ Codes = NDArray[np.uint8]
 
 def states_are_words(marks: States) -> bool:
     """Whether the description lists states that are words, so that their columns are read as text."""
-    return any(isinstance(mark, str) for mark in (*marks.missing, *marks.inferred, *marks.tracked))
+    return any(isinstance(mark, str) for state in marks.marks for mark in state)
 
 
 def states_of_numbers(written: NDArray[np.float64], marks: States) -> tuple[Mask, Codes]:
@@ -26,7 +24,7 @@ def states_of_numbers(written: NDArray[np.float64], marks: States) -> tuple[Mask
         codes = (written >= marks.inferred_from).astype(np.uint8) + (written >= marks.tracked_from)
         return np.ones(len(written), dtype=np.bool_), codes.astype(np.uint8)
     listed = [
-        np.isin(written, [mark for mark in state if not isinstance(mark, str)]) for state in _lists(marks)
+        np.isin(written, [mark for mark in state if not isinstance(mark, str)]) for state in marks.marks
     ]
     return _coded(np.isnan(written), listed)
 
@@ -35,14 +33,10 @@ def states_of_words(written: Words, marks: States) -> tuple[Mask, Codes]:
     """For each word, whether it denotes a state, and which (0, 1, 2); an empty cell means missing."""
     listed = [
         np.isin(written.known, [mark if isinstance(mark, str) else f"{mark:g}" for mark in state])
-        for state in _lists(marks)
+        for state in marks.marks
     ]
     known, codes = _coded(np.array([not word for word in written.known]), listed)
     return known[written.codes], codes[written.codes]
-
-
-def _lists(marks: States) -> tuple[Sequence[str | float], ...]:
-    return marks.missing, marks.inferred, marks.tracked
 
 
 def _coded(empty: Mask, listed: list[Mask]) -> tuple[Mask, Codes]:

@@ -11,7 +11,7 @@ from kinemimic.pipeline.arrays import Array
 from kinemimic.pipeline.kinematics.nodes import joints_of_nodes
 from kinemimic.pipeline.kinematics.rotations import normalize, rotate
 from kinemimic.pipeline.quality.rules.length_units import plausible_units
-from kinemimic.pipeline.readers.custom_table.description_file import LENGTHS, SECONDS
+from kinemimic.pipeline.readers.custom_table.description import LENGTHS, SECONDS
 
 # A recorder's usual step in seconds, and the steps for which a unit of time is plausible.
 _USUAL_STEP = 1.0 / 30.0

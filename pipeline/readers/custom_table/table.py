@@ -16,9 +16,8 @@ from numpy.typing import NDArray
 
 from kinemimic.pipeline.arrays import Array
 from kinemimic.pipeline.files.records import short
-from kinemimic.pipeline.readers.custom_table.description import MAX_COLUMNS, Column
 from kinemimic.pipeline.readers.base.source import Source
-from kinemimic.pipeline.readers.custom_table.description import Text
+from kinemimic.pipeline.readers.custom_table.description import MAX_COLUMNS, SEPARATORS, Column, Text
 
 WHITE_SPACE = r"\s+"
 # A file with blanks after its separators has them from its beginning.
@@ -60,7 +59,7 @@ class Cells:
         if first is None:
             self.fail("table.first_row", expected="rows of data", found="none", line=text.first)
         number, self._first = first
-        self.separator = text.separator or separator_of(self._first, text.decimal)
+        self.separator = SEPARATORS[text.separator] or separator_of(self._first, text.decimal)
         self.width = self._count(self._first, number)
         if self.width > MAX_COLUMNS:
             self.fail(None, expected=f"at most {MAX_COLUMNS} columns", found=f"{self.width}", line=number)
@@ -192,7 +191,7 @@ class Cells:
                 dtype=types,
                 skiprows=self.text.first - 1,
                 decimal=self.text.decimal,
-                comment=self.text.comment,
+                comment=self.text.comment or None,
                 na_values=[str(mark) for mark in self._marks(str)],
                 skipinitialspace=self.separator.encode() + b" " in self._content[:_HEAD],
                 low_memory=False,
@@ -216,7 +215,7 @@ class Cells:
         Counts the separators of the whole table at once, and goes line by line only if the total is wrong.
         """
         data = self._content[self._start(self.text.first) :]
-        simple = self.text.comment is None and b'"' not in data
+        simple = not self.text.comment and b'"' not in data
         if self.separator == WHITE_SPACE:
             characters = np.frombuffer(data, dtype=np.uint8)
             blanks = np.isin(characters, np.frombuffer(b" \t\n\v\f", dtype=np.uint8))

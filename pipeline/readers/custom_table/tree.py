@@ -33,7 +33,8 @@ def tree_of(description: Description) -> Tree:
     joints = description.joints
     names = tuple(joint.name for joint in joints)
     has_rotations = (
-        any(joint.quaternion or joint.euler or joint.offset for joint in joints) or description.space.local
+        any(joint.quaternion or joint.euler or joint.offset for joint in joints)
+        or description.space.relative_to == "parent"
     )
     nodes = joints_of_nodes(names)
     if len(names) == len(nodes) == len(NODES) and not has_rotations and all(j.parent is None for j in joints):

@@ -127,7 +127,7 @@ def test_a_scenario_survives_json(tmp_path: Path) -> None:
         ("0.0, 1.2]", "0.0, 0.1]", r"obstacle\[2\]\.position: expected its centre at 0\.2 m or above"),
         ("[2.0, 0.0, 1.2]", "3.0", r"obstacle\[2\]\.position: expected 2 or 3 numbers"),
         ("[2.0, 0.0, 1.2]", "true", r"obstacle\[2\]\.position: expected 2 or 3 numbers"),
-        ("[2.0, 0.0, 1.2]", "{ from = 1, to = 2 }", r"obstacle\[2\]\.position\.from: expected 2 or 3 numbers"),
+        ("[2.0, 0.0, 1.2]", "{ from = 1, to = 2 }", r"obstacle\[2\]\.position\.from: expected 2 or 3"),
         ("growing = true", "growing = 0", r"force\[1\]\.growing: expected true or false"),
         ("[[2.0, 0.0], [3.0, 90]]", "0", r"key route: expected a list of at most 200"),
         ("at = 1.0", "at = 6.0", r"force\[1\]\.at: expected a number from 0 to 5\.9"),
