@@ -1,7 +1,7 @@
-"""A cell of a comparison: one task, one variant, one seed, in a run folder of its own.
+"""A cell of a comparison: one task, one variant and one seed, in its own run folder.
 
-The folder holds the motion with what belongs to it, copied, and the training. What a budget came to is kept
-there as policy-BUDGET.safetensors, policy-BUDGET.json and, last, scores-BUDGET.json.
+The folder holds copies of the motion and its related files, and the training. The results of each budget are
+kept as policy-BUDGET.safetensors, policy-BUDGET.json and, written last, scores-BUDGET.json.
 """
 
 from __future__ import annotations
@@ -18,14 +18,15 @@ from kinemimic.retarget.formats.motion_json import read_motion_json
 from kinemimic.train.config.config import TrainConfig
 from kinemimic.train.rollout.policy import read_record
 
-# What else `train` and `evaluate` read, where it is there.
-BESIDE = ("capture.parquet", "gait.json", "quality.json", "gimbal.json")
+# Optional files that `train` and `evaluate` read.
+RELATED = ("capture.parquet", "gait.json", "quality.json", "gimbal.json")
 
 
 @dataclass(frozen=True)
 class Cell:
-    """source: run folder of the motion; identity: the motion's; task: its name; config: with the seed;
-    budgets: increasing; engine: of `train/engines.py`, resolved; anyway: also on what the gate refuses."""
+    """source: run folder of the motion; identity: of the motion; task: its name; config: includes the seed;
+    budgets: increasing; engine: a resolved name from `train/sim/engines.py`; anyway: also train on motions
+    that the gate refuses."""
 
     source: Path
     identity: str
@@ -43,14 +44,14 @@ class Cell:
 
     @property
     def name(self) -> str:
-        """For people."""
+        """Human-readable name."""
         return f"{self.task} {self.variant} seed {self.config.seed}"
 
 
-def outcome(cell: Cell, budget: int) -> tuple[dict[str, Any], dict[str, Any]] | None:
-    """policy.json and scores.json of a finished budget, None where it is not finished.
+def finished_results(cell: Cell, budget: int) -> tuple[dict[str, Any], dict[str, Any]] | None:
+    """policy.json and scores.json of a finished budget, or None if it is not finished.
 
-    KinemimicError if what lies there is of another motion, engine or of other settings.
+    KinemimicError if the results belong to another motion, engine or configuration.
     """
     path = cell.folder / f"scores-{budget}.json"
     if not path.exists():
@@ -63,22 +64,22 @@ def outcome(cell: Cell, budget: int) -> tuple[dict[str, Any], dict[str, Any]] | 
     return record, scores
 
 
-def conduct(cell: Cell) -> None:
-    """Train and evaluate one budget after the other, but for what is finished; goes on from the checkpoint.
+def train_and_score(cell: Cell) -> None:
+    """Train and evaluate the unfinished budgets in order, resuming from the checkpoint.
 
     Raises what `train` and `evaluate` raise.
     """
-    # The process that hands out cells loads no simulation and no torch.
+    # Imported here so that the process that schedules the cells loads neither the simulation nor torch.
     from kinemimic.evaluate.scoring.command import evaluate  # noqa: PLC0415
     from kinemimic.train.command import train  # noqa: PLC0415
 
     _prepare(cell)
-    unfinished = [budget for budget in cell.budgets if outcome(cell, budget) is None]
+    unfinished = [budget for budget in cell.budgets if finished_results(cell, budget) is None]
     for budget in unfinished:
         later = [path.name for path in cell.folder.glob("scores-*.json") if _budget(path) > budget]
         if later:
             raise KinemimicError(
-                f"{cell.folder}: expected budgets in increasing order, found {later[0]} before that of "
+                f"{cell.folder}: expected budgets in increasing order, found {later[0]} before the results of "
                 f"{budget}; a training cannot go back: name another --out"
             )
         train(
@@ -90,18 +91,18 @@ def conduct(cell: Cell) -> None:
             anyway=cell.anyway,
         )
         evaluate(cell.folder, workers=1, engine=cell.engine)
-        # The scores last: they say that the budget is finished.
+        # The scores are written last: they mark the budget as finished.
         for name in ("policy.safetensors", "policy.json", "scores.json"):
             kept = cell.folder / f"{Path(name).stem}-{budget}{Path(name).suffix}"
             copy_file(cell.folder / name, kept)
 
 
 def _prepare(cell: Cell) -> None:
-    """Copy the motion and what belongs to it, the motion last: it says that all is there."""
+    """Copy the motion and its related files; the motion last, to mark the copy as complete."""
     if (cell.folder / MOTION).exists():
         _expect(cell, "motion", read_motion_json(cell.folder / MOTION).identity == cell.identity)
         return
-    for name in BESIDE:
+    for name in RELATED:
         if (cell.source / name).exists():
             copy_file(cell.source / name, cell.folder / name)
     copy_file(cell.source / MOTION, cell.folder / MOTION)
@@ -115,6 +116,6 @@ def _budget(path: Path) -> int:
 def _expect(cell: Cell, what: str, same: bool) -> None:
     if not same:
         raise KinemimicError(
-            f"{cell.folder}: expected results of the same {what}, found others'; name another --out, or "
+            f"{cell.folder}: expected results of the same {what}, found another; name another --out, or "
             "delete it"
         )

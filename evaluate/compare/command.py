@@ -1,4 +1,4 @@
-"""`kinemimic compare`: tasks by variants of the training by seeds, each trained and scored."""
+"""`kinemimic compare`: train and score every combination of task, training variant and seed."""
 
 from __future__ import annotations
 
@@ -12,12 +12,12 @@ from typing import Any
 
 import click
 
-from kinemimic.evaluate.compare.cell import Cell, conduct
+from kinemimic.evaluate.compare.cell import Cell, train_and_score
 from kinemimic.evaluate.compare.comparison import COMPARE_SCHEMA, Comparison
 from kinemimic.evaluate.compare.job_runner import side_by_side
-from kinemimic.evaluate.compare.ledger import Ledger, Watcher, alone
+from kinemimic.evaluate.compare.ledger import Ledger, ProgressBars, exclusive
 from kinemimic.evaluate.compare.table import tables
-from kinemimic.evaluate.compare.task import MOTION, Task, about
+from kinemimic.evaluate.compare.task import MOTION, Task, task_summary
 from kinemimic.evaluate.compare.variants import SEARCH, ablation, search
 from kinemimic.pipeline.cli.options import json_option
 from kinemimic.pipeline.cli.progress import bars
@@ -49,16 +49,16 @@ def compare(
 ) -> dict[str, Any]:
     """Train and score every task, variant and seed; writes and returns the content of out/compare.json.
 
-    seeds: 0 to seeds - 1; budgets: samples, increasing, at which each is scored; limits: of the budgets the
-    last of a variant that shall end sooner; jobs: cells side by side, each on one core, all cores by default.
-    What is finished is not done again, and what was interrupted goes on. A cell that fails is told under
-    `failed`, and the others go on.
+    seeds: 0 to seeds - 1; budgets: increasing numbers of samples at which each training is scored; limits:
+    variant -> its last budget, to end it early; jobs: cells in parallel, one core each (default: all cores).
+    Finished results are kept and interrupted trainings resume. A cell that fails is listed under `failed`;
+    the others continue.
     """
     engine, limits = resolve(engine), limits or {}
     motions = {task.name: task.motion for task in tasks}
     if len(motions) < len(tasks):
         raise KinemimicError(
-            "expected run folders of different names, or one in different scenarios, found "
+            "expected tasks with different names, found "
             f"{', '.join(task.name for task in tasks)}: rename one"
         )
     for name, limit in limits.items():
@@ -79,7 +79,7 @@ def compare(
     ]  # fmt: skip
     made: dict[str, Any] = {
         "schema": COMPARE_SCHEMA,
-        "tasks": {task.name: about(task, motions[task.name]) for task in tasks},
+        "tasks": {task.name: task_summary(task, motions[task.name]) for task in tasks},
         "provenance": provenance(
             "compare",
             inputs={name: motion.identity for name, motion in motions.items()},
@@ -94,7 +94,7 @@ def compare(
     if any(config.baseline for config in variants.values()):
         require_package()
         made["provenance"]["versions"]["stable-baselines3"] = version("stable-baselines3")
-    with alone(out), bars() as several:
+    with exclusive(out), bars() as several:
         for task in tasks:
             there = out / task.name / MOTION
             if there.exists() and read_motion_json(there).identity != motions[task.name].identity:
@@ -105,28 +105,28 @@ def compare(
         for task in tasks:
             copy_file(task.run / MOTION, out / task.name / MOTION)
         ledger = Ledger(out, cells, made)
-        watcher = Watcher(several, ledger)
+        watcher = ProgressBars(several, ledger)
         try:
-            side_by_side(conduct, ledger.unfinished(), jobs or len(sched_getaffinity(0)), watcher)
+            side_by_side(train_and_score, ledger.unfinished(), jobs or len(sched_getaffinity(0)), watcher)
         except KeyboardInterrupt:
             ledger.write()
-            raise KeyboardInterrupt(f"{out}: the same command goes on from there") from None
+            raise KeyboardInterrupt(f"{out}: run the same command again to resume") from None
         return ledger.write()
 
 
 def increasing(value: str) -> tuple[int, ...]:
-    """Numbers of samples as people write them, 1e6,2e6, in increasing order."""
+    """Parse numbers of samples such as 1e6,2e6; sorted."""
     return tuple(sorted({samples(one) for one in value.split(",")}))
 
 
 def layers(value: str) -> tuple[int, ...]:
-    """Units of hidden layers as people write them, 128,64."""
+    """Parse sizes of hidden layers such as 128,64."""
     try:
         units = tuple(int(one) for one in value.split(","))
     except ValueError:
         units = ()
     if not units or min(units) < 1:
-        raise click.BadParameter(f"expected units as 128,64, found {value!r}")
+        raise click.BadParameter(f"expected sizes such as 128,64, found {value!r}")
     return units
 
 
@@ -140,26 +140,26 @@ def _limit(context: click.Context, parameter: click.Parameter, values: tuple[str
 @click.command("compare")
 @click.argument("tasks", nargs=-1, required=True, metavar="RUN[@SCENARIO]...")
 @click.option("--preset", "presets", multiple=True, type=click.Choice(list(PRESETS)),
-              help="Repeatable; `default` unless said.")  # fmt: skip
-@click.option("--ablation", "ablated", is_flag=True, help="`default`, and one change each against it.")
+              help="Preset to train; repeatable. Default: `default`.")  # fmt: skip
+@click.option("--ablation", "ablated", is_flag=True, help="Train `default` and its ablations.")
 @click.option("--search", "searched", multiple=True, type=click.Choice(list(SEARCH)),
-              help="A rival's preset, and what one would try first to better it; repeatable.")  # fmt: skip
+              help="Baseline whose settings to search; repeatable.")  # fmt: skip
 @click.option("--only", "only", multiple=True, metavar="VARIANT",
-              help="Of what an ablation or a search tries, these alone; repeatable.")  # fmt: skip
-@click.option("--seeds", type=click.IntRange(min=1), default=5, show_default=True, help="How many.")
+              help="Restrict an ablation or a search to this variant; repeatable.")  # fmt: skip
+@click.option("--seeds", type=click.IntRange(min=1), default=5, show_default=True, help="Number of seeds.")
 @click.option("--budgets", type=increasing, metavar="SAMPLES,…", default="1e6,2e6", show_default=True,
-              help="Numbers of samples, each scored on the way to the last.")  # fmt: skip
+              help="Numbers of samples at which to score.")  # fmt: skip
 @click.option("--limit", "limits", multiple=True, callback=_limit, metavar="VARIANT=SAMPLES",
-              help="End one sooner than the others; repeatable.")  # fmt: skip
+              help="End a variant early; repeatable.")  # fmt: skip
 @click.option("--hidden", type=layers, metavar="UNITS,…",
-              help="Hidden layers of all, as 128,64, in place of the presets'.")  # fmt: skip
-@click.option("--jobs", type=click.IntRange(min=1), help="Trainings side by side; all cores by default.")
+              help="Hidden layers of every network, such as 128,64.")  # fmt: skip
+@click.option("--jobs", type=click.IntRange(min=1), help="Parallel trainings; default: one per core.")
 @click.option("--out", type=click.Path(path_type=Path, file_okay=False), default=Path("runs/compare"),
-              show_default=True, help="Trainings and results.")  # fmt: skip
+              show_default=True, help="Output folder.")  # fmt: skip
 @engine_option
-@click.option("--anyway", is_flag=True, help="Train also on motions that the gate before training refuses.")
+@click.option("--anyway", is_flag=True, help="Also train on motions that the gate refuses.")
 @click.option("--publish", "ships", type=click.Path(path_type=Path, file_okay=False),
-              help="Put here what `study` reads: results, of each variant the middle seed.")  # fmt: skip
+              help="Copy the results that `study` reads to this folder.")  # fmt: skip
 @json_option("Print compare.json.")
 def command(
     tasks: tuple[str, ...],
@@ -178,11 +178,10 @@ def command(
     ships: Path | None,
     as_json: bool,
 ) -> None:
-    """Train and score each task with every variant and several seeds; medians over the seeds.
+    """Train and score each task with every variant and several seeds; report medians over the seeds.
 
-    RUN: folders that hold a motion.json, as `--run` of the other commands; with @SCENARIO, by name or file,
-    all train in it, and are scored without it. What is finished in --out is not done again, and an
-    interrupted comparison goes on.
+    RUN is a run folder with a motion.json. With @SCENARIO (name or file), trainings run in that scenario and
+    are scored without it. Finished results in --out are kept, and an interrupted comparison resumes.
 
     \b
       kinemimic compare runs/walk runs/run --seeds 5
@@ -199,7 +198,7 @@ def command(
     if strange := limits.keys() - variants.keys():
         raise KinemimicError(f"--limit: expected one among {', '.join(variants)}, found {min(strange)!r}")
     if hidden and ablated:
-        raise click.UsageError("--hidden: expected no --ablation, which tries other layers itself")
+        raise click.UsageError("--hidden: expected no --ablation, which varies the layers itself")
     if hidden:
         variants = {name: replace(config, hidden=hidden) for name, config in variants.items()}
     result = compare(

@@ -1,7 +1,7 @@
-"""What `compare` left, as `study` reads it: curves of all seeds, figures, and of each variant one policy.
+"""Results of `compare`, as `study` reads them: learning curves, metrics, and one policy per variant.
 
-A folder of `compare` holds compare.json, TASK/motion.json and TASK/VARIANT/seedN/policy-BUDGET.safetensors.
-What ships in datasets/comparison is such a folder too, with one seed of each variant.
+A results folder holds compare.json, TASK/motion.json and TASK/VARIANT/seedN/policy-BUDGET.safetensors.
+datasets/comparison is such a folder, with one seed of each variant.
 """
 
 from __future__ import annotations
@@ -23,19 +23,19 @@ from kinemimic.pipeline.files.store import content_hash, copy_file, read_json, w
 from kinemimic.retarget.formats.motion_json import read_motion_json
 from kinemimic.retarget.humanoid.motion import Motion
 from kinemimic.train.config.config import TrainConfig
-from kinemimic.train.rollout.policy import Policy
+from kinemimic.train.rollout.policy import Policy, renamed_keys
 from kinemimic.train.scenario.scenario import Scenario
 
 RESULTS = "compare.json"
-COMPARE_SCHEMA = 1
+COMPARE_SCHEMA = 2
 SHIPPED = DATASETS / "comparison"
 Row = Mapping[str, Any]
 
 
 @dataclass(frozen=True)
-class Contender:
-    """A policy by a name for people, and the motion that it learnt; config, samples: how it was trained, and
-    for how long; kept: after how many of these samples this policy was, that of the best trial."""
+class TrainedPolicy:
+    """A policy with a display name and the motion that it imitates. config, samples: its training; kept: the
+    number of samples after which this policy was saved (the best evaluation)."""
 
     name: str
     motion: Motion
@@ -45,14 +45,14 @@ class Contender:
     kept: int
 
     @classmethod
-    def of(cls, name: str, motion: Motion, policy: Policy, record: Row) -> Contender:
+    def of(cls, name: str, motion: Motion, policy: Policy, record: Row) -> TrainedPolicy:
         """record: policy.json."""
         config, samples = TrainConfig.from_json(record["config"]), int(record["samples"])
         return cls(name, motion, policy, config, samples, int(record["best"]["samples"]))
 
     @property
     def identity(self) -> str:
-        """Content hash of all that decides what it does."""
+        """Content hash of everything that determines the policy's behaviour."""
         settings = json.dumps(self.config.to_json(), sort_keys=True)
         return content_hash({**self.policy.tensors(), "made": np.array(f"{settings} {self.motion.identity}")})
 
@@ -62,8 +62,20 @@ _OF_CURVE = ("task", "variant", "reward", "critic_loss")
 _OF_SETTINGS = ("variants", "budgets", "seeds", "engine")
 
 
+def _with_field_names(content: Row) -> Row:
+    """Schema 1 to 2: the names of settings as in policy.json 4; metrics, min and max in the summary."""
+    made = content.get("provenance", {})
+    config = made.get("config", {}) if isinstance(made, dict) else {}
+    summary = {"figures": "metrics", "least": "min", "greatest": "max"}
+    return {
+        **content,
+        "summary": renamed_keys(content.get("summary", []), summary),
+        "provenance": {**made, "config": {**config, "variants": renamed_keys(config.get("variants", {}))}},
+    }
+
+
 def _expect_form(content: Row, path: Path) -> None:
-    """KinemimicError unless all is there that a study reads, and names can be names of folders."""
+    """KinemimicError if keys that `study` reads are missing, or a name cannot be a folder name."""
     try:
         names = [*content["tasks"], *(row[key] for row in content["cells"] for key in ("task", "variant"))]
         strange = [one for one in names if not isinstance(one, str) or Path(one).name != one or one == ".."]
@@ -94,64 +106,64 @@ class Comparison:
 
     @classmethod
     def load(cls, folder: Path) -> Comparison:
-        """A KinemimicError says what is missing."""
+        """Read a results folder; KinemimicError if something is missing."""
         if not (folder / RESULTS).exists():
             raise KinemimicError(
                 f"{folder / RESULTS}: expected the results of `kinemimic compare`, found no file; "
-                "`make comparison` trains what a study compares, into runs/comparison"
+                "run `make comparison`, which writes them to runs/comparison"
             )
         content = read_json(folder / RESULTS)
         content = upgraded(
             content if isinstance(content, dict) else {},
             folder / RESULTS,
-            kind="what `kinemimic compare` writes",
+            kind="results of `kinemimic compare`",
             schema=COMPARE_SCHEMA,
             advice="repeat it",
+            upgrades={1: _with_field_names},
         )
         _expect_form(content, folder / RESULTS)
         return cls(folder, content)
 
     def expect(self, tasks: Sequence[str], variants: Sequence[str]) -> None:
-        """KinemimicError unless each of the tasks was trained with each of the variants, all seeds to the end
-        of their budgets."""
+        """KinemimicError unless every task was trained with every variant, all seeds and all budgets."""
         if failed := self.content.get("failed"):
             raise KinemimicError(
-                f"{self.folder / RESULTS}: expected every training to have ended well, found that "
+                f"{self.folder / RESULTS}: expected every training to have succeeded, found that "
                 f"{', '.join(failed)} failed; repeat `kinemimic compare`"
             )
         missing = [f"{v} on {t}" for t in tasks for v in variants if not self._whole(t, v)]
         if missing:
             raise KinemimicError(
                 f"{self.folder / RESULTS}: expected {', '.join(variants)} trained on {', '.join(tasks)} by "
-                f"every seed, found some missing of {', '.join(missing)}; repeat `kinemimic compare`"
+                f"every seed, found incomplete results of {', '.join(missing)}; repeat `kinemimic compare`"
             )
 
     def expect_scenario(self, task: str, trained_in: Scenario) -> None:
-        """KinemimicError unless a task's figures trained in this scenario, and not in another of its name."""
+        """KinemimicError unless a task was trained in exactly this scenario."""
         if self.content["tasks"].get(task, {}).get("scenario_identity") != scenario_identity(trained_in):
             raise KinemimicError(
                 f"{self.folder / RESULTS}: expected {task} trained in the scenario {trained_in.name} that "
-                "ships, found another of that name; repeat `kinemimic compare`"
+                "ships, found another scenario of that name; repeat `kinemimic compare`"
             )
 
     def _whole(self, task: str, variant: str) -> bool:
-        """Whether every seed has been scored at every budget."""
+        """Whether every seed was scored at every budget."""
         config = self.content["provenance"]["config"]
         wanted = {
             (seed, budget) for seed in range(config["seeds"]) for budget in config["budgets"].get(variant, ())
         }
         return bool(wanted) and wanted <= {(row["seed"], row["budget"]) for row in self._rows(task, variant)}
 
-    def curve(self, task: str, variant: str, figure: str) -> Sequence[Row]:
-        """Over the samples: interquartile mean and interval of a figure of the trials of all seeds."""
+    def curve(self, task: str, variant: str, metric: str) -> Sequence[Row]:
+        """Interquartile mean and interval of a metric of the evaluations over the samples, over all seeds."""
         for row in self.content["curves"]:
             if (row["task"], row["variant"]) == (task, variant):
-                curve: Sequence[Row] = row[figure]
+                curve: Sequence[Row] = row[metric]
                 return curve
         return []
 
     def cells(self, task: str, variant: str, budget: int | None = None) -> Sequence[Row]:
-        """Of each seed the figures at a budget, the variant's last unless said."""
+        """The metrics of each seed at a budget; by default the variant's largest."""
         at = budget or max(self._budgets(task, variant), default=0)
         return [row for row in self._rows(task, variant) if row["budget"] == at]
 
@@ -160,8 +172,8 @@ class Comparison:
         both = self._budgets(task, one) & self._budgets(task, other)
         if not both:
             raise KinemimicError(
-                f"{self.folder / RESULTS}: expected {one} and {other} scored after as many samples on "
-                f"{task}, found no such budget; repeat `kinemimic compare` with more --budgets"
+                f"{self.folder / RESULTS}: expected {one} and {other} scored at a common budget on "
+                f"{task}, found none; repeat `kinemimic compare` with more --budgets"
             )
         return max(both)
 
@@ -171,14 +183,14 @@ class Comparison:
     def _budgets(self, task: str, variant: str) -> set[int]:
         return {row["budget"] for row in self._rows(task, variant)}
 
-    def middle(self, task: str, variant: str) -> Row:
-        """The seed whose return is the median of all; of an even number the lower of the two."""
+    def median_seed(self, task: str, variant: str) -> Row:
+        """The row of the seed with the median return; of an even number the lower of the two in the middle."""
         ordered = sorted(self.cells(task, variant), key=lambda row: (row["return"], row["seed"]))
         return ordered[(len(ordered) - 1) // 2]
 
-    def contender(self, task: str, variant: str, name: str) -> Contender:
-        """The policy of the middle seed."""
-        path = self._policy(self.middle(task, variant))
+    def median_policy(self, task: str, variant: str, name: str) -> TrainedPolicy:
+        """The policy of the median seed."""
+        path = self._policy(self.median_seed(task, variant))
         policy, record = Policy.load(path)
         motion = read_motion_json(self.folder / task / MOTION)
         if record["provenance"]["inputs"].get("motion") != motion.identity:
@@ -186,15 +198,14 @@ class Comparison:
                 f"{path}: expected a policy of {task}'s motion, found another's; `kinemimic "
                 "compare` trains it"
             )
-        return Contender.of(name, motion, policy, record)
+        return TrainedPolicy.of(name, motion, policy, record)
 
     def publish(self, into: Path) -> None:
-        """Copy what `study` reads, compare.json last: it says that all is there; a comparison that is there
-        keeps what this one has not. KinemimicError if a training failed, for what ships is whole, or if what
-        is there does not go with this."""
+        """Copy what `study` reads into another folder, compare.json last to mark it as complete. Results that
+        exist there and not here are kept. KinemimicError if a training failed or the two do not match."""
         if failed := self.content.get("failed"):
             raise KinemimicError(
-                f"{self.folder / RESULTS}: expected every training to have ended well, found that "
+                f"{self.folder / RESULTS}: expected every training to have succeeded, found that "
                 f"{', '.join(failed)} failed; nothing is published"
             )
         if into.resolve() == self.folder.resolve():
@@ -207,12 +218,12 @@ class Comparison:
             copy_file(self.folder / task / MOTION, into / task / MOTION)
             for variant in dict.fromkeys(row["variant"] for row in self.content["cells"]):
                 if self.cells(task, variant):
-                    path = self._policy(self.middle(task, variant))
+                    path = self._policy(self.median_seed(task, variant))
                     for one in (path.with_suffix(".json"), path):
                         copy_file(one, into / one.relative_to(self.folder))
                     published.append(into / path.relative_to(self.folder))
         write_json(into / RESULTS, content)
-        # Only now is nothing asked for any more of what was in the middle before.
+        # compare.json no longer refers to the previous median seeds: remove their policies.
         for path in published:
             for other in path.parent.parent.glob("seed*/policy-*"):
                 if other.with_suffix("") != path.with_suffix(""):

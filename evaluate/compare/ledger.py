@@ -1,4 +1,4 @@
-"""The state of a comparison: what is finished, what failed, what is shown; one at a time in a folder."""
+"""State of a running comparison: finished and failed cells, results on disk, progress bars, folder lock."""
 
 from __future__ import annotations
 
@@ -8,33 +8,33 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
-from kinemimic.evaluate.compare.cell import Cell, outcome
+from kinemimic.evaluate.compare.cell import Cell, finished_results
 from kinemimic.evaluate.compare.comparison import RESULTS
-from kinemimic.evaluate.compare.table import curves, figures, summary, table_csv
+from kinemimic.evaluate.compare.table import curves, metrics, summary, table_csv
 from kinemimic.pipeline.cli.progress import Bar, Bars
 from kinemimic.pipeline.errors import KinemimicError
 from kinemimic.pipeline.files.store import write_json, write_text
 
 
 @contextmanager
-def alone(out: Path) -> Iterator[None]:
-    """Two comparisons at once in one folder would train the same cells."""
+def exclusive(out: Path) -> Iterator[None]:
+    """Lock the folder: two comparisons in it would train the same cells."""
     out.mkdir(parents=True, exist_ok=True)
     with (out / ".lock").open("w") as stream:
         try:
             fcntl.flock(stream, fcntl.LOCK_EX | fcntl.LOCK_NB)
         except BlockingIOError:
             raise KinemimicError(
-                f"{out}: expected to be alone here, found another comparison at work; wait, or name "
+                f"{out}: expected no other comparison in this folder, found one running; wait, or name "
                 "another --out"
             ) from None
         yield
 
 
 class Ledger:
-    """The cells of a comparison, and what has become of each so far.
+    """The cells of a comparison and their results so far.
 
-    failed: one line for each cell that went wrong.
+    failed: cell name -> one-line error.
     """
 
     def __init__(self, out: Path, cells: Sequence[Cell], made: Mapping[str, Any]) -> None:
@@ -42,21 +42,21 @@ class Ledger:
         self.cells, self.failed = cells, dict[str, str]()
 
     def finished(self, cell: Cell) -> dict[int, tuple[dict[str, Any], dict[str, Any]]]:
-        """policy.json and scores.json of each finished budget; another comparison's are a failure."""
+        """policy.json and scores.json of each finished budget; results of another comparison are an error."""
         try:
-            found = {budget: outcome(cell, budget) for budget in cell.budgets}
+            found = {budget: finished_results(cell, budget) for budget in cell.budgets}
         except KinemimicError as error:
             self.failed[cell.name] = str(error)
             return {}
         return {budget: both for budget, both in found.items() if both is not None}
 
     def unfinished(self) -> list[Cell]:
-        """Cells with something left to do."""
+        """Cells with unfinished budgets."""
         left = [cell for cell in self.cells if len(self.finished(cell)) < len(cell.budgets)]
         return [cell for cell in left if cell.name not in self.failed]
 
     def write(self) -> dict[str, Any]:
-        """Write compare.json and compare.csv of what is finished; returns the content of the former."""
+        """Write compare.json and compare.csv of all finished budgets; returns the content of compare.json."""
         rows = [
             {
                 "task": cell.task,
@@ -64,7 +64,7 @@ class Ledger:
                 "seed": cell.config.seed,
                 "budget": budget,
                 "engine": record["engine"],
-                **figures(record, scores),
+                **metrics(record, scores),
             }
             for cell in self.cells
             for budget, (record, scores) in self.finished(cell).items()
@@ -85,8 +85,8 @@ class Ledger:
         return content
 
 
-class Watcher:
-    """Draws a bar for all cells and one for each that runs, and has the ledger written after each."""
+class ProgressBars:
+    """One progress bar for the whole comparison and one per running cell; writes the ledger after each cell."""
 
     def __init__(self, several: Bars, ledger: Ledger) -> None:
         self._several, self._ledger = several, ledger
@@ -109,7 +109,7 @@ class Watcher:
         if description != "train":
             bar.advance(0, now=description)
             return
-        # A training that goes on begins its count where it was.
+        # A resumed training counts from where it was interrupted.
         forward = max(0.0, done - before)
         self._running[cell.name] = (bar, before + forward)
         bar.advance(forward, **fields)

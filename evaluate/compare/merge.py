@@ -1,4 +1,4 @@
-"""Two comparisons as one: what was trained in one go, and what was added to it later."""
+"""Merge two comparisons: one that exists, and trainings added to it later."""
 
 from __future__ import annotations
 
@@ -13,11 +13,11 @@ _ROWS = ("cells", "curves", "summary")
 
 
 def merged(before: Content, now: Content, place: str) -> dict[str, Any]:
-    """compare.json of both: every task and variant of `now`, and those of `before` that it has not.
+    """compare.json of both: every task and variant of `now`, and those of `before` that `now` lacks.
 
-    place: where `before` is, for people. KinemimicError unless both can stand in one table: the same motions,
-    settings and budgets wherever both have something of a task or variant, and the same seeds, engine, nets,
-    environment and versions of packages.
+    place: location of `before`, for the message. KinemimicError unless the two are comparable: the same
+    motions, settings and budgets wherever they share a task or variant, and the same seeds, engine, networks,
+    environment and package versions.
     """
     again = {(row["task"], row["variant"]) for row in now["cells"]}
     kept = {key: [row for row in before[key] if (row["task"], row["variant"]) not in again] for key in _ROWS}
@@ -33,16 +33,16 @@ def merged(before: Content, now: Content, place: str) -> dict[str, Any]:
             _expect(place, f"{what} of {name}", settings[what][name], others[what][name])
     for what in ("seeds", "engine"):
         _expect(place, what, settings[what], others[what])
-    # One table compares all: the same nets and the same task for everybody, not for each with itself.
+    # All rows of one table must share the networks and the task, not only those of one variant.
     for what in ("hidden", "env"):
         one, other = (_of_all(config, what) for config in (settings, others))
         if not other <= one:
             _expect(place, what, sorted(one), sorted(other))
-    # Who has no rival does not say which stable-baselines3 there was.
+    # Without a baseline, no version of stable-baselines3 is recorded.
     theirs, ours = (one["provenance"].get("versions", {}) for one in (before, now))
     for package in sorted(theirs.keys() & ours.keys()):
         _expect(place, f"version of {package}", theirs[package], ours[package])
-    together = {
+    combined = {
         **others,
         **{what: {**settings[what], **others[what]} for what in ("variants", "budgets")},
     }
@@ -54,7 +54,7 @@ def merged(before: Content, now: Content, place: str) -> dict[str, Any]:
         "provenance": {
             **made,
             "inputs": dict(sorted(inputs.items())),
-            "config": together,
+            "config": combined,
             "versions": {**theirs, **ours},
         },
         **{key: [*kept[key], *now[key]] for key in _ROWS},
@@ -62,14 +62,14 @@ def merged(before: Content, now: Content, place: str) -> dict[str, Any]:
 
 
 def _of_all(settings: Content, what: str) -> set[str]:
-    """The values that the variants have, as JSON."""
+    """The variants' values of one setting, as JSON."""
     return {json.dumps(config[what], sort_keys=True) for config in settings["variants"].values()}
 
 
 def _expect(place: str, what: str, there: Any, here: Any) -> None:
     if there != here:
-        told = f"{there!r} there and {here!r} here" if isinstance(there, int | str | list) else "another"
+        difference = f"{there!r} there and {here!r} here" if isinstance(there, int | str | list) else "another"
         raise KinemimicError(
-            f"{place}: expected to add to a comparison of the same {what}, found {told}; publish to "
+            f"{place}: expected to add to a comparison of the same {what}, found {difference}; publish to "
             "another folder, or delete that one"
         )

@@ -1,4 +1,4 @@
-"""What the cells of a comparison come to: figures, medians over the seeds, CSV and tables for a terminal."""
+"""Results of a comparison: metrics of each cell, medians over the seeds, CSV, and tables for a terminal."""
 
 from __future__ import annotations
 
@@ -10,22 +10,22 @@ from typing import Any
 
 from rich.console import RenderableType
 
-from kinemimic.evaluate.compare.learning_curves import converged_at, together
+from kinemimic.evaluate.compare.learning_curves import converged_at, aggregated
 from kinemimic.pipeline.cli.terminal import grid, heading, number
 
 Row = Mapping[str, Any]
 _KEY = ("task", "variant", "budget")
 _DECIMALS = 6
-_CURVES = ("reward", "critic_loss")  # of the trials
+_CURVES = ("reward", "critic_loss")  # of the evaluations during training
 
 
-def figures(record: Row, scores: Row) -> dict[str, float | None]:
-    """The figures of one policy, from its policy.json and scores.json; None where one is not defined.
+def metrics(record: Row, scores: Row) -> dict[str, float | None]:
+    """Metrics of one policy, from its policy.json and scores.json; None where one is undefined.
 
-    frames, phases: survived from phase 0, and start phases survived whole; …_r2: credits nothing after a fall
-    (`r2_upright`), from phase 0; …_gap_deg: the largest; capture_…: against the capture as it was read;
-    return: of the best trial, as a share of the largest possible; converged_samples: from which on the
-    trials' return stays near its largest (`learning_curves.py`); seconds: of training.
+    frames: survived from phase 0; phases: start phases without a fall; …_r2: from phase 0, with no credit
+    after a fall (`r2_upright`); …_gap_deg: largest gap; capture_…: against the capture as read; return: of
+    the best evaluation, as a share of the maximum; converged_samples: samples after which the return stays
+    near its maximum (`learning_curves.py`); seconds: of training.
     """
     survival, fit, root = scores["survival"], scores["fit"], scores["root"]
     capture, walk = scores["fit_capture"], record["first_walk"]
@@ -40,8 +40,8 @@ def figures(record: Row, scores: Row) -> dict[str, float | None]:
         "end_off_m": root["path_error_m"],
         "return": round(record["best"]["reward"], _DECIMALS),
         "converged_samples": converged_at(
-            [trial["samples"] for trial in record["evaluations"]],
-            [trial["reward"] for trial in record["evaluations"]],
+            [one["samples"] for one in record["evaluations"]],
+            [one["reward"] for one in record["evaluations"]],
         ),
         "first_walk_samples": walk and walk["samples"],
         "first_walk_seconds": walk and walk["seconds"],
@@ -53,9 +53,9 @@ def figures(record: Row, scores: Row) -> dict[str, float | None]:
 
 
 def summary(cells: Sequence[Row]) -> list[dict[str, Any]]:
-    """Per task, variant and budget: median, least and greatest of each figure over the seeds that have it.
+    """Per task, variant and budget: median, minimum and maximum of each metric over the seeds.
 
-    seeds: how many there are; n: how many have the figure. Only some may ever walk.
+    seeds: number of seeds; n: number of seeds for which the metric is defined.
     """
     groups: dict[tuple[Any, ...], list[Row]] = {}
     for cell in cells:
@@ -65,7 +65,7 @@ def summary(cells: Sequence[Row]) -> list[dict[str, Any]]:
         {
             **dict(zip(_KEY, key, strict=True)),
             "seeds": len(group),
-            "figures": {
+            "metrics": {
                 name: _spread([cell[name] for cell in group if cell[name] is not None])
                 for name in group[0]
                 if name not in named
@@ -77,32 +77,32 @@ def summary(cells: Sequence[Row]) -> list[dict[str, Any]]:
 
 def _spread(values: Sequence[float]) -> dict[str, Any]:
     if not values:
-        return {"median": None, "least": None, "greatest": None, "n": 0}
+        return {"median": None, "min": None, "max": None, "n": 0}
     return {
         "median": round(statistics.median(values), _DECIMALS),
-        "least": min(values),
-        "greatest": max(values),
+        "min": min(values),
+        "max": max(values),
         "n": len(values),
     }
 
 
 def curves(records: Mapping[tuple[str, str], Sequence[Row]]) -> list[dict[str, Any]]:
-    """Per task and variant, over the samples: return and critic's loss of the trials of all seeds.
+    """Per task and variant, over the samples: return and critic loss of the evaluations of all seeds.
 
-    records: policy.json of each seed that has got furthest.
+    records: per seed, the policy.json of its largest budget.
     """
     return [
         {
             "task": task,
             "variant": variant,
-            **{key: together(seeds, key) for key in _CURVES},
+            **{key: aggregated(seeds, key) for key in _CURVES},
         }
         for (task, variant), seeds in records.items()
     ]
 
 
 def table_csv(cells: Sequence[Row]) -> str:
-    """A line for every cell and budget; what is not defined is empty."""
+    """One line per cell and budget; undefined values are empty."""
     stream = io.StringIO()
     writer = csv.DictWriter(stream, list(cells[0]) if cells else ["task"], lineterminator="\n")
     writer.writeheader()
@@ -111,48 +111,48 @@ def table_csv(cells: Sequence[Row]) -> str:
 
 
 def tables(comparison: Row) -> Iterator[RenderableType]:
-    """Headings and tables, one set for each task and budget; comparison: the content of compare.json."""
+    """Headings and tables, one set per task and budget. comparison: the content of compare.json."""
     pairs = dict.fromkeys((row["task"], row["budget"]) for row in comparison["summary"])
     for task, budget in pairs:
         rows = [row for row in comparison["summary"] if (row["task"], row["budget"]) == (task, budget)]
-        about = comparison["tasks"][task]
-        simulated = ", SIMULATED CAPTURE" if about["simulated"] else ""
+        info = comparison["tasks"][task]
+        simulated = ", SIMULATED CAPTURE" if info["simulated"] else ""
         yield heading(f"{task}{simulated}, {budget:,} samples; medians over the seeds")
-        yield from _cyclic(rows, about) if about["cyclic"] else (_single(rows),)
+        yield from _cyclic(rows, info) if info["cyclic"] else (_single(rows),)
 
 
 def _single(rows: Sequence[Row]) -> RenderableType:
-    """Of a motion that is performed once."""
-    table = grid("", "seeds", "frames", "least", "return %", "least")
+    """The table of a non-cyclic motion."""
+    table = grid("", "seeds", "frames", "min", "return %", "min")
     for row in rows:
-        of = row["figures"]
+        of = row["metrics"]
         table.add_row(
             row["variant"],
             f"{row['seeds']}",
-            f"{_at(of, 'frames', 0)}/{of['of']['greatest']}",
-            _at(of, "frames", 0, "least"),
+            f"{_at(of, 'frames', 0)}/{of['of']['max']}",
+            _at(of, "frames", 0, "min"),
             _at(of, "return", 1, scale=100),
-            _at(of, "return", 1, "least", scale=100),
+            _at(of, "return", 1, "min", scale=100),
         )
     return table
 
 
-def _cyclic(rows: Sequence[Row], about: Row) -> Iterator[RenderableType]:
+def _cyclic(rows: Sequence[Row], info: Row) -> Iterator[RenderableType]:
     fit = grid(
-        "", "seeds", "frames", "phases", "R² knee", "least", "hip", "least", "gap °", "speed", "off m", gap=1
+        "", "seeds", "frames", "phases", "R² knee", "min", "hip", "min", "gap °", "speed", "path error m", gap=1
     )
-    cost = grid("", "return %", "converged", "first walk", "after s", "of seeds", "trained s")
+    cost = grid("", "return %", "converged", "first walk", "after s", "of seeds", "training s")
     for row in rows:
-        of = row["figures"]
+        of = row["metrics"]
         fit.add_row(
             row["variant"],
             f"{row['seeds']}",
-            f"{_at(of, 'frames', 0)}/{of['of']['greatest']}",
-            f"{_at(of, 'phases', 0)}/{of['phases_of']['greatest']}",
+            f"{_at(of, 'frames', 0)}/{of['of']['max']}",
+            f"{_at(of, 'phases', 0)}/{of['phases_of']['max']}",
             _at(of, "knee_r2", 3),
-            _at(of, "knee_r2", 3, "least"),
+            _at(of, "knee_r2", 3, "min"),
             _at(of, "hip_r2", 3),
-            _at(of, "hip_r2", 3, "least"),
+            _at(of, "hip_r2", 3, "min"),
             _at(of, "hip_gap_deg", 1),
             _at(of, "speed_ratio", 3),
             _at(of, "end_off_m", 2),
@@ -169,11 +169,11 @@ def _cyclic(rows: Sequence[Row], about: Row) -> Iterator[RenderableType]:
     yield fit
     yield ""
     yield cost
-    if any(row["figures"]["capture_knee_r2"]["n"] for row in rows):
+    if any(row["metrics"]["capture_knee_r2"]["n"] for row in rows):
         capture = grid("R² against the capture", "knee", "ceiling", "hip", "ceiling")
         for row in rows:
             cells = (
-                (_at(row["figures"], f"capture_{joint}_r2", 3), number(about["ceiling"][joint], 3))
+                (_at(row["metrics"], f"capture_{joint}_r2", 3), number(info["ceiling"][joint], 3))
                 for joint in ("knee", "hip")
             )
             capture.add_row(row["variant"], *(text for cell in cells for text in cell))

@@ -1,4 +1,4 @@
-"""What is compared on: a run folder's motion, in a scenario or in none."""
+"""Tasks of a comparison: the motion of a run folder, with or without a scenario."""
 
 from __future__ import annotations
 
@@ -24,14 +24,14 @@ _IN = "@"
 
 @dataclass(frozen=True)
 class Task:
-    """run: folder with a motion.json; scenario: what befalls those that train."""
+    """run: folder with a motion.json; scenario: perturbations during training."""
 
     run: Path
     scenario: Scenario | None = None
 
     @classmethod
     def parsed(cls, text: str) -> Task:
-        """RUN or RUN@SCENARIO, the latter by name or file; a folder whose own name has an @ is a RUN."""
+        """Parse RUN or RUN@SCENARIO (name or file of the scenario); an existing folder with an @ in its name is a RUN."""
         run, _, named = text.rpartition(_IN)
         if not run or Path(text).is_dir():
             return cls(Path(text))
@@ -39,27 +39,27 @@ class Task:
 
     @property
     def name(self) -> str:
-        """Of the run folder and the scenario; the task's folder bears it."""
+        """Name of the run folder and the scenario; also the name of the task's output folder."""
         run = self.run.resolve().name
         return run if self.scenario is None else f"{run}{_IN}{self.scenario.name}"
 
     @property
     def motion(self) -> Motion:
-        """What is imitated."""
+        """The reference motion."""
         return read_motion_json(self.run / MOTION)
 
     def configured(self, config: TrainConfig) -> TrainConfig:
-        """A variant's configuration for this task."""
+        """A variant's configuration with this task's scenario."""
         return replace(config, env=replace(config.env, scenario=self.scenario))
 
 
 def scenario_identity(one: Scenario) -> str:
-    """Content hash of all that a scenario says."""
+    """Content hash of a scenario."""
     return content_hash({"scenario": np.array(json.dumps(one.to_json(), sort_keys=True))})
 
 
-def about(task: Task, motion: Motion) -> dict[str, Any]:
-    """What a comparison says of a task; ceiling: the loop's own R² against the capture, mean of sides."""
+def task_summary(task: Task, motion: Motion) -> dict[str, Any]:
+    """A task as compare.json records it. ceiling: R² of the loop against the capture, mean of both sides."""
     run = task.run
     gait = read_gait_json(run / "gait.json") if (run / "gait.json").exists() else {}
     loop = gait.get("r2_loop_against_capture") or {}

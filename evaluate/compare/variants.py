@@ -1,6 +1,7 @@
-"""The variants of a comparison: presets, an ablation, one change each against `default`, and a search.
+"""Variants of a comparison: presets, an ablation of `default`, and a search around each baseline.
 
-The search is what an expert would try first of each rival, one or two changes each against its preset.
+An ablation variant changes one setting of `default`. A search variant changes one or two settings of a
+baseline's preset: those that an expert would try first.
 """
 
 from __future__ import annotations
@@ -11,7 +12,7 @@ from typing import Any
 
 from kinemimic.train.config.config import PRESETS, TrainConfig
 
-# What is changed of TrainConfig; below "env", of its EnvConfig, below "baseline", of its rival.
+# Fields of TrainConfig to change; under "env" of its EnvConfig, under "baseline" of its baseline settings.
 Changes = Mapping[str, Any]
 
 ABLATION: dict[str, Changes] = {
@@ -20,7 +21,7 @@ ABLATION: dict[str, Changes] = {
     "no-torque-ff": {"env": {"torque_feedforward": False}},
     "no-mirror": {"env": {"mirror": False}},
     "start-at-0": {"env": {"start_anywhere": False}},
-    # The paper's rule in place of the adapted rate, with the target of the preset `paper`.
+    # The paper's rule instead of the adapted rate, with the target of the preset `paper`.
     "kl-penalty": {"kl_penalty": True, "adapt_rate": False, "kl_target": 0.01},
     "no-clip": {"clip": None},
     "small-net": {"hidden": (128, 64)},
@@ -69,13 +70,13 @@ SEARCH: dict[str, dict[str, Changes]] = {
 
 
 def ablation() -> dict[str, TrainConfig]:
-    """`default`, and `default` with each change of ABLATION, which its `preset` then names."""
+    """`default` and its ABLATION variants; `preset` is set to the variant's name."""
     base = PRESETS["default"]
     return {"default": base, **{name: _changed(base, changes, name) for name, changes in ABLATION.items()}}
 
 
 def search(baseline: str) -> dict[str, TrainConfig]:
-    """A rival's preset, and it with each change of its SEARCH, as RIVAL-NAME, which `preset` then names."""
+    """A baseline's preset and its SEARCH variants, named BASELINE-VARIANT; `preset` is set to that name."""
     base = PRESETS[baseline]
     names = {f"{baseline}-{name}": changes for name, changes in SEARCH[baseline].items()}
     return {baseline: base, **{name: _changed(base, changes, name) for name, changes in names.items()}}

@@ -15,7 +15,7 @@ from kinemimic.evaluate.compare.comparison import Comparison
 from kinemimic.evaluate.compare.learning_curves import RESAMPLES, interval
 from kinemimic.evaluate.paper.claim import Better, Claim, Failing
 from kinemimic.evaluate.paper.claims_learning import EPISODE, losses, rewards, settings
-from kinemimic.evaluate.paper.plan import AMONG, BALL, PPO, RIVALS, SEVERAL
+from kinemimic.evaluate.paper.plan import AMONG, BALL, PPO, BASELINES, SEVERAL
 
 Row = Mapping[str, Any]
 
@@ -65,14 +65,14 @@ def _disturbances(contests: Sequence[Row]) -> Iterator[Claim]:
             found = _of(row["loss"], row["loss"]["share"], 100.0) if _walks(row) else {"ours": None}
             yield Claim(figure, what, loss, "%", share * printed, better="less", failing="ours",
                         reason=f"{PPO} falls by itself", **found)  # fmt: skip
-        for name, lead in zip(RIVALS, leads, strict=True):
+        for name, lead in zip(BASELINES, leads, strict=True):
             found = _ahead(by[PPO, scenario], by[name, scenario], name, "loss", 100.0)
             yield _lead(figure, f"PPO loses less than {name} by", loss, "%", share * lead, found)
     back = (
         "median over the trials that touch both figures, and in which neither twin falls, of the time from "
         "the first difference until the reward stays within 5 % of the largest reward below the twin's"
     )
-    for name, lead in zip(RIVALS, (0.9, 0.6), strict=True):
+    for name, lead in zip(BASELINES, (0.9, 0.6), strict=True):
         found = _ahead(by[PPO, BALL], by[name, BALL], name, "recovery_s")
         yield _lead("Fig. 11a", f"PPO recovers before {name} by", back, "s", lead, found)
     fall = (
@@ -82,7 +82,7 @@ def _disturbances(contests: Sequence[Row]) -> Iterator[Claim]:
     )
     for figure, scenario, *leads in _FALLS:
         among = AMONG if scenario == SEVERAL else ""
-        for name, lead in zip(RIVALS, leads, strict=True):
+        for name, lead in zip(BASELINES, leads, strict=True):
             found = _ahead(by[PPO + among, scenario], by[name + among, scenario], name, "fall_s")
             yield _lead(figure, f"PPO's reward is 0 later than {name}'s by", fall, "s", lead, found)
 

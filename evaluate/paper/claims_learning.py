@@ -9,9 +9,9 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 from kinemimic.evaluate.compare.comparison import Comparison
-from kinemimic.evaluate.compare.learning_curves import Told, ahead, converged_at, interquartile
+from kinemimic.evaluate.compare.learning_curves import Estimate, ahead, converged_at, interquartile
 from kinemimic.evaluate.paper.claim import LOSS, SETTING, Better, Claim
-from kinemimic.evaluate.paper.plan import OBSTACLES, PPO, RIVALS, RUN, VARIANTS, WALK
+from kinemimic.evaluate.paper.plan import OBSTACLES, PPO, BASELINES, RUN, VARIANTS, WALK
 from kinemimic.train.config.config import TrainConfig
 
 EPISODE = 500.0  # the largest return, as we take it
@@ -39,18 +39,18 @@ def settings(comparison: Comparison) -> Iterator[Claim]:
         yield Claim("Sec. 4.1", what, how, SETTING, printed, found, "neither", "none")
 
 
-def returns(comparison: Comparison, task: str, variant: str) -> Told:
+def returns(comparison: Comparison, task: str, variant: str) -> Estimate:
     """Over the seeds the interquartile mean of the largest return; %."""
     return interquartile([100.0 * row["return"] for row in comparison.cells(task, variant)])
 
 
-def converged(comparison: Comparison, task: str, variant: str) -> Told:
+def converged(comparison: Comparison, task: str, variant: str) -> Estimate:
     """Over the seeds that have come to that, the samples at which the return has converged."""
     rows = comparison.cells(task, variant)
     return interquartile([v for row in rows if (v := row["converged_samples"]) is not None])
 
 
-def least_loss(comparison: Comparison, task: str, variant: str, budget: int | None = None) -> Told:
+def least_loss(comparison: Comparison, task: str, variant: str, budget: int | None = None) -> Estimate:
     """Least, up to a budget, of the seeds' interquartile mean of the critic's loss on normalised returns, and
     its interval there."""
     curve = comparison.curve(task, variant, "critic_loss")
@@ -58,9 +58,9 @@ def least_loss(comparison: Comparison, task: str, variant: str, budget: int | No
     last = max((row["samples"] for row in comparison.cells(task, variant, budget)), default=0)
     rows = [row for row in curve if row["samples"] <= last]
     if not rows:
-        return Told(None, None, None, 0)
+        return Estimate(None, None, None, 0)
     least = min(rows, key=lambda row: float(row["mean"]))
-    return Told(least["mean"], least["low"], least["high"], least["n"])
+    return Estimate(least["mean"], least["low"], least["high"], least["n"])
 
 
 def last_loss(comparison: Comparison, task: str, variant: str) -> float | None:
@@ -95,7 +95,7 @@ def rewards(comparison: Comparison) -> Iterator[Claim]:
             told, what = returns(comparison, task, VARIANTS[PPO]), "PPO's largest reward"
             yield Claim(figure, what, best, "%", share * printed[PPO], told.mean, "more",
                         low=told.low, high=told.high)  # fmt: skip
-        for name, variant in RIVALS.items():
+        for name, variant in BASELINES.items():
             at = comparison.shared(task, VARIANTS[PPO], variant)
             ours, theirs = (
                 [100.0 * row["return"] for row in comparison.cells(task, one, at)]
@@ -153,7 +153,7 @@ def losses(comparison: Comparison) -> Iterator[Claim]:
         found = loss_converged(comparison, task, ppo)
         what = "PPO's loss converges at" + ("" if task == WALK else " (printed: basically unchanged)")
         yield Claim(figure, what, where, "samples", 8e5, found, "neither", "does not stay down")
-        for name, variant in RIVALS.items():
+        for name, variant in BASELINES.items():
             at = comparison.shared(task, ppo, variant)
             ours, theirs = (least_loss(comparison, task, one, at) for one in (ppo, variant))
             # Apart for certain where their intervals are.

@@ -11,14 +11,14 @@ from typing import Any
 import click
 from rich.console import RenderableType
 
-from kinemimic.evaluate.compare.comparison import RESULTS, SHIPPED, Comparison, Contender
+from kinemimic.evaluate.compare.comparison import RESULTS, SHIPPED, Comparison, TrainedPolicy
 from kinemimic.evaluate.compare.table import table_csv
 from kinemimic.evaluate.paper.claim import told
 from kinemimic.evaluate.paper.claims import claims
-from kinemimic.evaluate.paper.head_to_head import contest
+from kinemimic.evaluate.paper.head_to_head import head_to_head
 from kinemimic.evaluate.paper.output import drawings, numbers
 from kinemimic.evaluate.paper.page import study_page
-from kinemimic.evaluate.paper.plan import AHEAD, ROOM, SCENARIOS, contenders, taking_part
+from kinemimic.evaluate.paper.plan import AHEAD, ROOM, SCENARIOS, compared_policies, policies_in
 from kinemimic.evaluate.paper.processing_times import measured_on, processing_times
 from kinemimic.evaluate.paper.room_walks import rooms
 from kinemimic.pipeline.cli.options import json_option
@@ -54,28 +54,28 @@ def study(
     it is there, and not measured again while what it is made from stays the same. Returns study.json.
     """
     engine = resolve(engine)
-    cast = contenders(comparison)
+    cast = compared_policies(comparison)
     parts = _Parts(out / "parts", seed=seed, engine=engine)
     befalls = {name: scenario(name) for name in (*SCENARIOS, ROOM)}
     options: dict[str, Any] = {"seed": seed, "engine": engine, "workers": workers}
     contests: list[Row] = []
     with progress("study", len(SCENARIOS) + 2) as bar:
         for name in SCENARIOS:
-            theirs = [cast[one] for one in taking_part(name)]
+            theirs = [cast[one] for one in policies_in(name)]
             pairs = [(one, befalls[name]) for one in theirs]
-            measure = partial(contest, pairs, trials=trials, over=AHEAD, **options)
+            measure = partial(head_to_head, pairs, trials=trials, over=AHEAD, **options)
             settings = {"scenario": befalls[name].to_json(), "trials": trials}
             contests += parts.kept(name, theirs, settings, bar.advance, measure)
-        theirs = [cast[one] for one in taking_part(ROOM)]
+        theirs = [cast[one] for one in policies_in(ROOM)]
         measure = partial(rooms, theirs, befalls[ROOM], trials=walks, **options)
         settings = {"scenario": befalls[ROOM].to_json(), "trials": walks}
-        walked = parts.kept(ROOM, theirs, settings, bar.advance, measure)
+        walk_metrics = parts.kept(ROOM, theirs, settings, bar.advance, measure)
         times = parts.kept("times", [], measured_on(), bar.advance, partial(processing_times, seed=seed))
     content = {
         "schema": STUDY_SCHEMA,
-        "claims": [claim.to_json() for claim in claims(comparison, contests, walked, times)],
+        "claims": [claim.to_json() for claim in claims(comparison, contests, walk_metrics, times)],
         "contests": contests,
-        "rooms": walked,
+        "rooms": walk_metrics,
         "times": times,
         "provenance": provenance(
             "study",
@@ -106,7 +106,7 @@ class _Parts:
     def kept(
         self,
         name: str,
-        cast: Sequence[Contender],
+        cast: Sequence[TrainedPolicy],
         config: Row,
         advance: Callable[[float], object],
         measure: Callable[..., Any],

@@ -5,14 +5,14 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
-from kinemimic.evaluate.compare.comparison import Contender
+from kinemimic.evaluate.compare.comparison import TrainedPolicy
 from kinemimic.evaluate.paper.lead import lead, loss
 from kinemimic.evaluate.robustness.scenario_trials import conduct_all, figures, in_tasks
 from kinemimic.train.scenario.scenario import Scenario
 
 
-def contest(
-    pairs: Sequence[tuple[Contender, Scenario]],
+def head_to_head(
+    pairs: Sequence[tuple[TrainedPolicy, Scenario]],
     *,
     trials: int,
     seed: int,

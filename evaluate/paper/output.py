@@ -14,7 +14,7 @@ from kinemimic.evaluate.paper.plan import (
     OVERPOWERED,
     PPO,
     PULLS,
-    RIVALS,
+    BASELINES,
     RUN,
     SEVERAL,
     VARIANTS,
@@ -50,7 +50,7 @@ def drawings(comparison: Comparison, content: Row) -> dict[str, Draw]:
         "fig9": figures.disturbances(contests, panels(*PULLS)),
         "fig10": figures.disturbances(contests, panels(*OVERPOWERED)),
         "fig11": figures.disturbances(contests, panels(BALL) + several),
-        "fig12": figures.joints(shown[PPO], {name: shown[name] for name in RIVALS}, shown[PPO]["gap_side"]),
+        "fig12": figures.joints(shown[PPO], {name: shown[name] for name in BASELINES}, shown[PPO]["gap_side"]),
         "tab2": figures.times(content["times"]),
     }
 

@@ -98,7 +98,7 @@ def processing_times(
     number of samples;
     paper: mean_ms, deviation_ms and their growth as Tab. 2 has them, for 1000, 2000 and 3000 samples.
     """
-    names = [name for name in PRESET_OF if name == "ppo" or _rivals()]
+    names = [name for name in PRESET_OF if name == "ppo" or _baselines_installed()]
     tasks = [
         Task(
             {name: preset(PRESET_OF[name], hidden=hidden, seed=seed) for name in names},
@@ -129,7 +129,7 @@ def measured_on() -> dict[str, Any]:
         "nets": [list(hidden) for hidden in NETS],
         "repeats": REPEATS,
         "presets": {name: PRESETS[of].to_json() for name, of in PRESET_OF.items()},
-        "stable_baselines3": version("stable-baselines3") if _rivals() else None,
+        "stable_baselines3": version("stable-baselines3") if _baselines_installed() else None,
         "processor": _processor(),
     }
 
@@ -208,7 +208,7 @@ def _acting(update: OneUpdate, config: TrainConfig, count: int, seed: int) -> Ca
     return lambda: policy.act(seen)
 
 
-def _rivals() -> bool:
+def _baselines_installed() -> bool:
     try:
         require_package()
     except KinemimicError:

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from kinemimic.evaluate.compare.comparison import Contender
+from kinemimic.evaluate.compare.comparison import TrainedPolicy
 from kinemimic.evaluate.scoring.scores import FIT_FRAMES, rollout_fits
 from kinemimic.evaluate.view.scenario_replay import staged
 from kinemimic.pipeline.gait.curve_metrics import JOINTS, SIDES
@@ -24,21 +24,21 @@ MEASURED = ("r2_upright", "r2", "rmse_deg", "max_gap_deg", "nrmse_fit")
 class Walk:
     """One walk through one draw of a room."""
 
-    contender: Contender
+    trained: TrainedPolicy
     scenario: Scenario
     number: int
     seed: int
     engine: str
 
 
-def walked(walk: Walk) -> dict[str, Any]:
+def walk_metrics(walk: Walk) -> dict[str, Any]:
     """What a walk comes to over its first FIT_FRAMES frames, fallen ones included.
 
     frames: before a fall; knee, hip: MEASURED, mean of both sides but for the largest gap; gap_side,
     gap_frame: where the hips' largest gap is, frames counted from 1; curves: degrees of each angle,
     reference and simulated.
     """
-    one = walk.contender
+    one = walk.trained
     played, _ = staged(
         one.motion, one.policy, one.config, walk.scenario,
         number=walk.number, seed=walk.seed, engine=walk.engine,
@@ -66,7 +66,7 @@ def walked(walk: Walk) -> dict[str, Any]:
 
 
 def rooms(
-    contenders: Sequence[Contender],
+    compared_policies: Sequence[TrainedPolicy],
     scenario: Scenario,
     *,
     trials: int,
@@ -81,13 +81,13 @@ def rooms(
     knees' and hips' mean `r2_upright` is the median of all its rooms, the lower of two; progress: called with
     the share of all walks that is done since.
     """
-    walks = [Walk(one, scenario, number, seed, engine) for one in contenders for number in range(trials)]
+    walks = [Walk(one, scenario, number, seed, engine) for one in compared_policies for number in range(trials)]
     share = progress and (lambda k: progress(k / len(walks)))
-    done = parallel_map(walked, walks, workers=workers, progress=share)
+    done = parallel_map(walk_metrics, walks, workers=workers, progress=share)
     ordered = sorted(done[:trials], key=lambda walk: sum(walk[joint]["r2_upright"] for joint in JOINTS))
     middle = ordered[(trials - 1) // 2]["number"]
     results = []
-    for k, one in enumerate(contenders):
+    for k, one in enumerate(compared_policies):
         theirs = done[k * trials : (k + 1) * trials]
         results.append(
             {

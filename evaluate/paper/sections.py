@@ -7,7 +7,7 @@ from statistics import median
 from typing import Any
 
 from kinemimic.evaluate.compare.comparison import Comparison
-from kinemimic.evaluate.compare.learning_curves import Told
+from kinemimic.evaluate.compare.learning_curves import Estimate
 from kinemimic.evaluate.paper.claims_learning import converged, last_loss, least_loss, returns
 from kinemimic.evaluate.paper.plan import (
     ALGORITHMS,
@@ -59,7 +59,7 @@ def training(comparison: Comparison) -> dict[str, Any]:
     return {"training": rows, "seeds": seeds, "settings": _settings_of(comparison)}
 
 
-def _with_interval(told: Told) -> str:
+def _with_interval(told: Estimate) -> str:
     if told.low is None:
         return number(told.mean, 1)
     # A line may break before the bracket only.

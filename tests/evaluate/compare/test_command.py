@@ -201,12 +201,12 @@ def test_medians_are_of_the_seeds_that_have_the_figure() -> None:
     ]
     first, second = summary(cells)
     assert (first["seeds"], second["seeds"]) == (3, 1)
-    assert first["figures"]["frames"] == {"median": 590, "least": 100, "greatest": 600, "n": 3}
-    assert first["figures"]["first_walk_samples"] == {"median": 7.5, "least": 7, "greatest": 8, "n": 2}
-    assert second["figures"]["first_walk_samples"] == {
+    assert first["metrics"]["frames"] == {"median": 590, "min": 100, "max": 600, "n": 3}
+    assert first["metrics"]["first_walk_samples"] == {"median": 7.5, "min": 7, "max": 8, "n": 2}
+    assert second["metrics"]["first_walk_samples"] == {
         "median": None,
-        "least": None,
-        "greatest": None,
+        "min": None,
+        "max": None,
         "n": 0,
     }
 
@@ -250,13 +250,13 @@ def test_a_search_is_a_comparison(
     ],
 )
 def test_what_is_wrong_is_one_line(
-    arguments: list[str], told: str, fresh: Callable[[str], Path], monkeypatch: pytest.MonkeyPatch
+    arguments: list[str], message: str, fresh: Callable[[str], Path], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     fresh("a/walk")
     monkeypatch.chdir(fresh("b/walk").parents[1])
     ended = CliRunner().invoke(module.command, arguments)
     assert ended.exit_code != 0
-    assert told in (str(ended.exception) if isinstance(ended.exception, KinemimicError) else ended.output)
+    assert message in (str(ended.exception) if isinstance(ended.exception, KinemimicError) else ended.output)
     assert not Path("runs").exists()
 
 

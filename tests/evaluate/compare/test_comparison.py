@@ -11,22 +11,22 @@ from typing import Any
 import pytest
 
 from kinemimic.evaluate.compare.comparison import SHIPPED, Comparison
-from kinemimic.evaluate.paper.plan import SCENARIOS, contenders, taking_part
+from kinemimic.evaluate.paper.plan import SCENARIOS, compared_policies, policies_in
 from kinemimic.pipeline.errors import KinemimicError
 from kinemimic.train.scenario.scenario_file import scenario
 
 
 def test_the_middle_seed_is_that_of_the_median_return(compared: Callable[..., Path]) -> None:
     comparison = Comparison.load(compared(returns=(0.9, 0.1, 0.5)))
-    assert comparison.middle("walk", "default")["seed"] == 2
+    assert comparison.median_seed("walk", "default")["seed"] == 2
     even = Comparison.load(compared("even", returns=(0.9, 0.1, 0.5, 0.6)))
-    assert even.middle("walk", "default")["seed"] == 2
+    assert even.median_seed("walk", "default")["seed"] == 2
 
 
 def test_a_contender_is_the_middle_seed(compared: Callable[..., Path]) -> None:
     """Each seed's policy corrects by a hundredth of its number."""
     comparison = Comparison.load(compared(returns=(0.9, 0.1, 0.5)))
-    one = comparison.contender("walk", "ddpg", "DDPG")
+    one = comparison.median_policy("walk", "ddpg", "DDPG")
     assert one.name == "DDPG"
     assert one.config.preset == "ddpg"
     assert one.policy.layers[-1][1] == pytest.approx(0.02)
@@ -39,7 +39,7 @@ def test_what_is_published_is_a_comparison_with_a_seed_of_each(
     whole.publish(tmp_path / "ships")
     ships = Comparison.load(tmp_path / "ships")
     assert ships.content == whole.content
-    ours, theirs = (of.contender("run", "a2c", "A2C") for of in (ships, whole))
+    ours, theirs = (of.median_policy("run", "a2c", "A2C") for of in (ships, whole))
     assert ours.identity == theirs.identity
     assert len(list((tmp_path / "ships").rglob("*.safetensors"))) == 12
 
@@ -88,8 +88,8 @@ def test_what_is_published_later_joins_what_is_there(compared: Callable[..., Pat
     assert [row["return"] for row in found.cells("run", "ddpg")] == [0.1, 0.2, 0.3]
     for task in whole.content["tasks"]:
         for variant in ("default", "a2c", "sb3-ppo"):
-            theirs = whole.contender(task, variant, "one").identity
-            assert found.contender(task, variant, "one").identity == theirs
+            theirs = whole.median_policy(task, variant, "one").identity
+            assert found.median_policy(task, variant, "one").identity == theirs
     settings = whole.content["provenance"]["config"]
     assert found.content["provenance"]["config"] == settings
 
@@ -125,14 +125,14 @@ def test_what_is_published_later_joins_what_is_there(compared: Callable[..., Pat
     ],
 )
 def test_what_does_not_go_with_what_is_there_is_refused(
-    change: Callable[[Any], None], told: str, compared: Callable[..., Path], tmp_path: Path
+    change: Callable[[Any], None], message: str, compared: Callable[..., Path], tmp_path: Path
 ) -> None:
     Comparison.load(compared("one", on=["walk", "run"], variants=["default", "ddpg"])).publish(tmp_path / "s")
     before = (tmp_path / "s" / "compare.json").read_bytes()
     other = compared("other", on=["walk"], variants=["default"])
     content = json.loads((other / "compare.json").read_text())
     change(content)
-    with pytest.raises(KinemimicError, match=told):
+    with pytest.raises(KinemimicError, match=message):
         Comparison(other, content).publish(tmp_path / "s")
     assert (tmp_path / "s" / "compare.json").read_bytes() == before
 
@@ -161,13 +161,13 @@ def test_a_task_is_no_way_out_of_the_folder(compared: Callable[..., Path], name:
     ],
 )
 def test_damaged_results_are_one_line(
-    change: Callable[[Any], object], told: str, compared: Callable[..., Path]
+    change: Callable[[Any], object], message: str, compared: Callable[..., Path]
 ) -> None:
     folder = compared()
     content = json.loads((folder / "compare.json").read_text())
     change(content)
     (folder / "compare.json").write_text(json.dumps(content))
-    with pytest.raises(KinemimicError, match=told):
+    with pytest.raises(KinemimicError, match=message):
         Comparison.load(folder)
 
 
@@ -191,7 +191,7 @@ def test_another_scenario_of_the_same_name_is_refused(compared: Callable[..., Pa
 
 
 def test_what_decides_a_contender_decides_its_identity(compared: Callable[..., Path]) -> None:
-    one = Comparison.load(compared()).contender("walk", "default", "PPO")
+    one = Comparison.load(compared()).median_policy("walk", "default", "PPO")
     assert replace(one, name="another", samples=1).identity == one.identity
     assert replace(one, config=replace(one.config, discount=0.9)).identity != one.identity
     assert replace(one, motion=replace(one.motion, rate=29.0)).identity != one.identity
@@ -208,7 +208,7 @@ def test_what_is_missing_is_one_line(compared: Callable[..., Path], tmp_path: Pa
     comparison.expect(["walk", "run"], ["default", "ddpg"])
     (folder / "run" / "motion.json").write_bytes((folder / "walk" / "motion.json").read_bytes())
     with pytest.raises(KinemimicError, match="expected a policy of run's motion"):
-        comparison.contender("run", "default", "PPO")
+        comparison.median_policy("run", "default", "PPO")
     with pytest.raises(KinemimicError, match="found no file; `make comparison` trains"):
         Comparison.load(tmp_path)
     (tmp_path / "compare.json").write_text(json.dumps({"schema": 7}))
@@ -217,5 +217,5 @@ def test_what_is_missing_is_one_line(compared: Callable[..., Path], tmp_path: Pa
 
 
 def test_what_ships_is_all_that_a_study_reads() -> None:
-    cast = contenders(Comparison.load(SHIPPED))
-    assert set(cast) == {name for scenario in SCENARIOS for name in taking_part(scenario)}
+    cast = compared_policies(Comparison.load(SHIPPED))
+    assert set(cast) == {name for scenario in SCENARIOS for name in policies_in(scenario)}

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from kinemimic.evaluate.compare.learning_curves import Told, ahead, converged_at, interquartile, together
+from kinemimic.evaluate.compare.learning_curves import Estimate, ahead, converged_at, interquartile, aggregated
 
 
 def test_the_interquartile_mean_is_that_of_the_middle_half() -> None:
@@ -13,8 +13,8 @@ def test_the_interquartile_mean_is_that_of_the_middle_half() -> None:
     assert interquartile([0.0, 1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 1000.0]).mean == pytest.approx(3.5)
     # Of three, ¼ of the first and of the last beside the middle one.
     assert interquartile([0.9, 0.9, 0.0]).mean == pytest.approx((0.25 * 0.9 + 0.9 + 0.0) / 1.5)
-    assert interquartile([]) == Told(None, None, None, 0)
-    assert interquartile([2.0]) == Told(2.0, None, None, 1)
+    assert interquartile([]) == Estimate(None, None, None, 0)
+    assert interquartile([2.0]) == Estimate(2.0, None, None, 1)
     same = interquartile([2.0, 2.0, 2.0])
     assert (same.mean, same.low, same.high, same.n) == pytest.approx((2.0, 2.0, 2.0, 3))
 
@@ -24,25 +24,25 @@ def test_the_interval_covers_as_often_as_it_says() -> None:
     random = np.random.default_rng(1)
     covered = 0
     for _ in range(200):
-        told = interquartile(random.normal(5.0, 2.0, 40).tolist())
-        assert told.low is not None
-        assert told.high is not None
-        covered += told.low <= 5.0 <= told.high
+        estimate = interquartile(random.normal(5.0, 2.0, 40).tolist())
+        assert estimate.low is not None
+        assert estimate.high is not None
+        covered += estimate.low <= 5.0 <= estimate.high
     assert 0.88 <= covered / 200 <= 0.99
     values = random.normal(0.0, 1.0, 6).tolist()
     assert interquartile(values) == interquartile(values)
 
 
 def test_a_lead_has_the_interval_of_both_groups() -> None:
-    told = ahead([3.0, 3.0, 3.0], [1.0, 1.0, 1.0])
-    assert (told.mean, told.low, told.high, told.n) == (2.0, 2.0, 2.0, 3)
+    estimate = ahead([3.0, 3.0, 3.0], [1.0, 1.0, 1.0])
+    assert (estimate.mean, estimate.low, estimate.high, estimate.n) == (2.0, 2.0, 2.0, 3)
     # Of three the first and the last count by a quarter each, of which the middle one has four sixths.
-    told = ahead([0.0, 3.0, 6.0], [1.0, 1.0])
-    assert told.mean == pytest.approx(2.0)
-    assert told.low is not None and told.high is not None
-    assert (told.low, told.high) == (-1.0, 5.0) and told.n == 2
-    assert ahead([2.0], [1.0, 0.5]) == Told(1.25, None, None, 1)
-    assert ahead([], [1.0]) == Told(None, None, None, 0)
+    estimate = ahead([0.0, 3.0, 6.0], [1.0, 1.0])
+    assert estimate.mean == pytest.approx(2.0)
+    assert estimate.low is not None and estimate.high is not None
+    assert (estimate.low, estimate.high) == (-1.0, 5.0) and estimate.n == 2
+    assert ahead([2.0], [1.0, 0.5]) == Estimate(1.25, None, None, 1)
+    assert ahead([], [1.0]) == Estimate(None, None, None, 0)
 
 
 def test_convergence_is_where_a_curve_comes_to_stay() -> None:
@@ -68,8 +68,8 @@ def test_seeds_are_told_where_all_of_them_were_tried() -> None:
         {"evaluations": [{"samples": 10, "reward": 0.2}, {"samples": 20, "reward": 0.4}]},
         {"evaluations": [{"samples": 10, "reward": 0.4}, {"samples": 20, "reward": None}, {"samples": 30}]},
     ]
-    (row,) = together(records, "reward")
+    (row,) = aggregated(records, "reward")
     assert row["samples"] == 10
     assert row["mean"] == pytest.approx(0.3)
     assert row["n"] == 2
-    assert together([], "reward") == []
+    assert aggregated([], "reward") == []

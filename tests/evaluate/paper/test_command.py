@@ -19,8 +19,8 @@ from printed.told import told
 from kinemimic.evaluate.compare.comparison import Comparison
 from kinemimic.evaluate.paper import command as module
 from kinemimic.evaluate.paper import room_walks as walks
-from kinemimic.evaluate.paper.head_to_head import contest
-from kinemimic.evaluate.paper.plan import SCENARIOS, VARIANTS, taking_part
+from kinemimic.evaluate.paper.head_to_head import head_to_head
+from kinemimic.evaluate.paper.plan import SCENARIOS, VARIANTS, policies_in
 from kinemimic.evaluate.robustness import scenario_trials
 from kinemimic.pipeline.errors import KinemimicError
 from kinemimic.train.scenario.scenario import Scenario
@@ -60,7 +60,7 @@ def test_a_study_is_a_page_figures_and_numbers_and_is_not_done_twice(
     assert json.loads(ended.stdout) == content
     assert told("study.json") == set(content)
     rows = [(row["contender"], row["scenario"]) for row in content["contests"]]
-    assert rows == [(name, scenario) for scenario in SCENARIOS for name in taking_part(scenario)]
+    assert rows == [(name, scenario) for scenario in SCENARIOS for name in policies_in(scenario)]
     # All through the same room, which of the three is PPO's middle one.
     assert len({row["shown"]["number"] for row in content["rooms"]}) == 1
     assert all(len(row["walks"]) == 3 for row in content["rooms"])
@@ -101,19 +101,19 @@ def test_a_study_is_a_page_figures_and_numbers_and_is_not_done_twice(
 
 def test_a_contest_does_not_depend_on_who_takes_part(compared: Callable[..., Path]) -> None:
     comparison = Comparison.load(compared())
-    one, other = (comparison.contender("walk", VARIANTS[name], name) for name in ("PPO", "DDPG"))
+    one, other = (comparison.median_policy("walk", VARIANTS[name], name) for name in ("PPO", "DDPG"))
     pull = replace(scenario("pull-forward"), seconds=1.5)
     options: dict[str, Any] = {"trials": 3, "seed": 5, "engine": "pybullet", "workers": 1}
-    both = contest([(one, pull), (other, pull)], **options)
-    (alone,) = contest([(other, pull)], **options, over={"DDPG": "PPO"})
+    both = head_to_head([(one, pull), (other, pull)], **options)
+    (alone,) = head_to_head([(other, pull)], **options, over={"DDPG": "PPO"})
     assert [row["contender"] for row in both] == ["PPO", "DDPG"]
     assert both[1] == alone
-    led = contest([(one, pull), (other, pull)], **options, over={"DDPG": "PPO"})
+    led = head_to_head([(one, pull), (other, pull)], **options, over={"DDPG": "PPO"})
     assert led[0] == both[0]
     lost = [row["loss"]["share"] for row in led]
     assert led[1]["lead"]["loss"]["ahead"] == pytest.approx(lost[1] - lost[0], abs=2e-6)
     shares = list[float]()
-    contest([(one, pull)], **options, progress=shares.append)
+    head_to_head([(one, pull)], **options, progress=shares.append)
     assert sum(shares) == pytest.approx(1.0)
 
 
