@@ -79,7 +79,7 @@ def train_and_score(cell: Cell) -> None:
         later = [path.name for path in cell.folder.glob("scores-*.json") if _budget(path) > budget]
         if later:
             raise KinemimicError(
-                f"{cell.folder}: expected budgets in increasing order, found {later[0]} before the results of "
+                f"{cell.folder}: expected budgets in increasing order, found {later[0]} before that of "
                 f"{budget}; a training cannot go back: name another --out"
             )
         train(

@@ -58,8 +58,7 @@ def compare(
     motions = {task.name: task.motion for task in tasks}
     if len(motions) < len(tasks):
         raise KinemimicError(
-            "expected tasks with different names, found "
-            f"{', '.join(task.name for task in tasks)}: rename one"
+            f"expected tasks with different names, found {', '.join(task.name for task in tasks)}: rename one"
         )
     for name, limit in limits.items():
         if limit not in budgets:

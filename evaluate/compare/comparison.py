@@ -64,14 +64,11 @@ _OF_SETTINGS = ("variants", "budgets", "seeds", "engine")
 
 def _with_field_names(content: Row) -> Row:
     """Schema 1 to 2: the names of settings as in policy.json 4; metrics, min and max in the summary."""
-    made = content.get("provenance", {})
-    config = made.get("config", {}) if isinstance(made, dict) else {}
-    summary = {"figures": "metrics", "least": "min", "greatest": "max"}
-    return {
-        **content,
-        "summary": renamed_keys(content.get("summary", []), summary),
-        "provenance": {**made, "config": {**config, "variants": renamed_keys(config.get("variants", {}))}},
-    }
+    result = {**content, "provenance": renamed_keys(content.get("provenance"))}
+    if "summary" in content:
+        names = {"figures": "metrics", "least": "min", "greatest": "max"}
+        result["summary"] = renamed_keys(content["summary"], names)
+    return result
 
 
 def _expect_form(content: Row, path: Path) -> None:
@@ -184,7 +181,7 @@ class Comparison:
         return {row["budget"] for row in self._rows(task, variant)}
 
     def median_seed(self, task: str, variant: str) -> Row:
-        """The row of the seed with the median return; of an even number the lower of the two in the middle."""
+        """The row of the seed with the median return; of an even number, the lower of the middle two."""
         ordered = sorted(self.cells(task, variant), key=lambda row: (row["return"], row["seed"]))
         return ordered[(len(ordered) - 1) // 2]
 

@@ -19,12 +19,12 @@ RESAMPLES = 2000
 CONFIDENCE = 0.95
 SMOOTHED = 3  # evaluations in the moving average that is tested for convergence
 NEAR = 0.95  # share of its maximum above which a converged curve stays to the end
-SETTLED = 0.25  # last share of the samples: a curve that first comes near its maximum here is still rising
+SETTLED = 0.25  # last share of the samples: a curve that first nears its maximum here still rises
 
 
 @dataclass(frozen=True)
 class Estimate:
-    """Interquartile mean with its CONFIDENCE interval; all None without values, no interval of a single one."""
+    """Interquartile mean with its CONFIDENCE interval; all None without values, no interval for one."""
 
     mean: float | None
     low: float | None

@@ -86,7 +86,7 @@ class Ledger:
 
 
 class ProgressBars:
-    """One progress bar for the whole comparison and one per running cell; writes the ledger after each cell."""
+    """A progress bar for all cells and one per running cell; writes the results after each cell."""
 
     def __init__(self, several: Bars, ledger: Ledger) -> None:
         self._several, self._ledger = several, ledger

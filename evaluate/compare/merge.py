@@ -68,7 +68,9 @@ def _of_all(settings: Content, what: str) -> set[str]:
 
 def _expect(place: str, what: str, there: Any, here: Any) -> None:
     if there != here:
-        difference = f"{there!r} there and {here!r} here" if isinstance(there, int | str | list) else "another"
+        difference = (
+            f"{there!r} there and {here!r} here" if isinstance(there, int | str | list) else "another"
+        )
         raise KinemimicError(
             f"{place}: expected to add to a comparison of the same {what}, found {difference}; publish to "
             "another folder, or delete that one"

@@ -10,7 +10,7 @@ from typing import Any
 
 from rich.console import RenderableType
 
-from kinemimic.evaluate.compare.learning_curves import converged_at, aggregated
+from kinemimic.evaluate.compare.learning_curves import aggregated, converged_at
 from kinemimic.pipeline.cli.terminal import grid, heading, number
 
 Row = Mapping[str, Any]
@@ -139,7 +139,18 @@ def _single(rows: Sequence[Row]) -> RenderableType:
 
 def _cyclic(rows: Sequence[Row], info: Row) -> Iterator[RenderableType]:
     fit = grid(
-        "", "seeds", "frames", "phases", "R² knee", "min", "hip", "min", "gap °", "speed", "path error m", gap=1
+        "",
+        "seeds",
+        "frames",
+        "phases",
+        "R² knee",
+        "min",
+        "hip",
+        "min",
+        "gap °",
+        "speed",
+        "path error m",
+        gap=1,
     )
     cost = grid("", "return %", "converged", "first walk", "after s", "of seeds", "training s")
     for row in rows:

@@ -31,7 +31,7 @@ class Task:
 
     @classmethod
     def parsed(cls, text: str) -> Task:
-        """Parse RUN or RUN@SCENARIO (name or file of the scenario); an existing folder with an @ in its name is a RUN."""
+        """Parse RUN or RUN@SCENARIO (a name or a file); an existing folder is always a RUN."""
         run, _, named = text.rpartition(_IN)
         if not run or Path(text).is_dir():
             return cls(Path(text))

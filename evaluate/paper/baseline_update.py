@@ -21,17 +21,17 @@ from kinemimic.train.rollout.policy import Policy
 
 
 class _Spaces(gym.Env[Any, Any]):
-    """What a figure observes and does, without a figure."""
+    """The observation and action spaces, without a simulation."""
 
     def __init__(self, config: TrainConfig) -> None:
         self.observation_space, self.action_space = spaces(config)
 
 
 class BaselineUpdate:
-    """`OneUpdate` (`one_update.py`) of a rival as training builds it, with samples drawn from a seed.
+    """`OneUpdate` (`ppo_update.py`) of a baseline as the training builds it, with samples drawn from a seed.
 
-    DDPG draws its batch from a memory that is as large as at its first gradient step, and its step has both
-    target networks follow; A2C's and PPO's batch is one rollout, over which PPO goes once.
+    DDPG samples its batch from a replay buffer as large as at its first gradient step, and its step includes
+    both target networks; A2C's and PPO's batch is one rollout, used once.
     """
 
     def __init__(self, config: TrainConfig, samples: int, seed: int) -> None:
@@ -43,8 +43,8 @@ class BaselineUpdate:
         elif isinstance(baseline, StablePpo):
             baseline = replace(baseline, batch=samples, epochs=1)
         else:
-            raise ValueError("expected a configuration with a rival, found none")
-        # One figure, so that any number of samples is a whole number of steps.
+            raise ValueError("expected a configuration with a baseline, found none")
+        # One environment, so that any number of samples is a whole number of steps.
         self._config = replace(config, num_envs=1, horizon=samples, baseline=baseline)
         self._env = normalized(DummyVecEnv([lambda: _Spaces(config)]))
         with Randomness(config.seed).here():
@@ -53,7 +53,7 @@ class BaselineUpdate:
         self._fill(np.random.default_rng(seed))
 
     def _fill(self, random: np.random.Generator) -> None:
-        """What the algorithm learns from, as if it had sampled."""
+        """Fill the buffer as if the algorithm had sampled."""
         if isinstance(self.model, DDPG):
             memory = self.model.replay_buffer
             assert memory is not None  # noqa: S101 (for the type's sake)
@@ -67,7 +67,7 @@ class BaselineUpdate:
                 random.standard_normal(out=column, dtype=np.float32)
             action_std = self._config.action_std[0][1]
             rollout.actions[:] = action_std * random.standard_normal(rollout.actions.shape, dtype=np.float32)
-            # PPO's ratio begins at 1, as in training: from any other it would be clipped, or no number.
+            # PPO's ratio starts at 1, as in training; otherwise it would be clipped or undefined.
             with torch.no_grad():
                 seen, done = (torch.from_numpy(one[:, 0]) for one in (rollout.observations, rollout.actions))
                 _, found, _ = gaussian(self.model).evaluate_actions(seen, done)

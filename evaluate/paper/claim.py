@@ -1,4 +1,4 @@
-"""A claim of the paper: its number, ours beside it, and which of the two is better."""
+"""A claim of the paper: its number, our number, and the verdict."""
 
 from __future__ import annotations
 
@@ -12,19 +12,19 @@ Failing = Literal["ours", "theirs", "both"]
 BETTER, WORSE, CONFIRMED, NOT_CONFIRMED = "better", "worse", "confirmed", "not confirmed"
 LARGER, SMALLER = f"{CONFIRMED}, a larger lead", f"{CONFIRMED}, a smaller lead"
 CONTRADICTED = "contradicted"
-UNDECIDED = "undecided: its interval holds 0"
-UNSURE = "better, but its interval holds the paper's"
-UNEQUAL = "ahead, but after more samples"
-SHORT = "ahead, after fewer samples than the paper's"
+UNDECIDED = "undecided: the interval contains 0"
+UNSURE = "better, but the interval contains the paper's value"
+UNEQUAL = "ahead, but with more samples"
+SHORT = "ahead, with fewer samples than in the paper"
 
 
 @dataclass(frozen=True)
 class Claim:
-    """figure: of the paper, or its table; formula: how ours is computed; paper, ours: in the unit; better:
-    whether more or less is, how far PPO leads, or neither, as of a rival's number; reason: why ours is None,
-    and failing: by whose failure; low, high: 95 % interval of ours, where there is one; unequal: PPO had more
-    samples than the rival; short: both had fewer than the paper's; sizes: the paper's lead and ours as they
-    compare, where the numbers themselves do not, as times of two machines."""
+    """figure: figure or table of the paper; formula: how ours is computed; paper, ours: in `unit`; better:
+    "more" or "less" is better, "lead" for PPO's lead, "neither" for no verdict; reason: why ours is None, and
+    failing: whose failure that is; low, high: 95 % interval of ours, if any; unequal: PPO had more
+    samples than the baseline; short: both had fewer samples than in the paper; sizes: the paper's lead and
+    ours in comparable form where the numbers themselves are not comparable (times of two machines)."""
 
     figure: str
     what: str
@@ -43,13 +43,13 @@ class Claim:
 
     @property
     def verdict(self) -> str:
-        """In words: a worse number is called so."""
+        """The verdict in words."""
         if self.better == "neither":
             return self.reason if self.ours is None else ""
         if self.ours is None:
             theirs = UNEQUAL if self.unequal else CONFIRMED
-            told = {"ours": f"{WORSE}: ", "theirs": f"{theirs}: ", "both": ""}
-            return told[self.failing] + self.reason
+            prefix = {"ours": f"{WORSE}: ", "theirs": f"{theirs}: ", "both": ""}
+            return prefix[self.failing] + self.reason
         if self.better == "lead":
             return self._lead(self.ours)
         if not self._above(self.ours):
@@ -73,22 +73,22 @@ class Claim:
         return LARGER if here >= paper else SMALLER
 
     def to_json(self) -> dict[str, Any]:
-        """JSON values with the verdict."""
+        """JSON values, including the verdict."""
         return {**asdict(self), "verdict": self.verdict}
 
 
-SETTING = "setting"  # in place of a unit: a number of the configuration, told as people write it
-LOSS = "loss"  # likewise: a share so small that it takes another digit
+SETTING = "setting"  # instead of a unit: a number of the configuration
+LOSS = "loss"  # instead of a unit: a share small enough to need another digit
 _DIGITS = {"%": 1, "s": 2, "ms": 2, "°": 1, LOSS: 4}
 
 
 def between(low: float, high: float, unit: str) -> str:
-    """An interval for people, the unit of its middle being told already."""
-    return " to ".join(told(one, unit).removesuffix(f"\u00a0{unit}") for one in (low, high))
+    """An interval as text, without its unit."""
+    return " to ".join(formatted(one, unit).removesuffix(f"\u00a0{unit}") for one in (low, high))
 
 
-def told(value: float | None, unit: str) -> str:
-    """A number with its unit, for people."""
+def formatted(value: float | None, unit: str) -> str:
+    """A number with its unit as text."""
     if value is not None and unit in ("samples", "frame"):
         return f"{value:,.0f}"
     if value is not None and unit == SETTING:

@@ -1,7 +1,7 @@
-"""What the paper's sections 4.1 and 4.2 claim in numbers, ours beside them, and who is ahead.
+"""The numeric claims of the paper's sections 4.1 and 4.2, with our numbers.
 
-Of training in `claims_learning.py`; here, of what befalls those that were trained. "PPO ahead of X by"
-compares leads; everything else compares the numbers themselves.
+Claims about training are in `claims_learning.py`; this module has those about trained policies. "PPO ahead of
+X by" compares leads; all other claims compare the numbers themselves.
 """
 
 from __future__ import annotations
@@ -15,15 +15,15 @@ from kinemimic.evaluate.compare.comparison import Comparison
 from kinemimic.evaluate.compare.learning_curves import RESAMPLES, interval
 from kinemimic.evaluate.paper.claim import Better, Claim, Failing
 from kinemimic.evaluate.paper.claims_learning import EPISODE, losses, rewards, settings
-from kinemimic.evaluate.paper.plan import AMONG, BALL, PPO, BASELINES, SEVERAL
+from kinemimic.evaluate.paper.plan import AMONG, BALL, BASELINES, PPO, SEVERAL
 
 Row = Mapping[str, Any]
 
 
 def claims(comparison: Comparison, contests: Sequence[Row], rooms: Sequence[Row], times: Row) -> list[Claim]:
-    """Every number of both sections, in the paper's sequence.
+    """Every number of both sections, in the paper's order.
 
-    contests: of `contest.py`; rooms: of `rooms.py`; times: of `processing_times.py`.
+    contests: rows of `head_to_head.py`; rooms: of `room_walks.py`; times: of `processing_times.py`.
     """
     made = [
         *rewards(comparison),
@@ -39,7 +39,7 @@ def _figure(claim: Claim) -> tuple[int, str]:
     return int(digits), claim.figure
 
 
-# Figure, scenario, and what is printed: of PPO, ahead of DDPG, ahead of A2C.
+# Figure, scenario, and the printed values: PPO's loss, lead over DDPG, lead over A2C.
 _LOSSES: Sequence[tuple[str, str, float | None, float, float]] = (
     ("Fig. 9a", "pull-forward", 62.4, 123.5, 31.2),
     ("Fig. 9b", "pull-backward", 53.1, 112.7, 30.6),
@@ -53,32 +53,32 @@ _FALLS: Sequence[tuple[str, str, float, float]] = (
 
 
 def _disturbances(contests: Sequence[Row]) -> Iterator[Claim]:
-    by = {(row["contender"], row["scenario"]): row for row in contests}
+    by = {(row["policy"], row["scenario"]): row for row in contests}
     loss = (
-        "largest loss of the mean reward against the mean of undisturbed twins, over the trials whose twin "
-        "stands; of a lead, over those in which both algorithms' do; share of the largest reward"
+        "largest drop of the mean reward below the mean of the undisturbed control runs, over trials whose "
+        "control run does not fall (for a lead: neither algorithm's); share of the maximum reward"
     )
     share = 100.0 / EPISODE
     for figure, scenario, printed, *leads in _LOSSES:
         if printed is not None:
-            row, what = by[PPO, scenario], "PPO's largest loss of reward"
+            row, what = by[PPO, scenario], "PPO's largest drop of reward"
             found = _of(row["loss"], row["loss"]["share"], 100.0) if _walks(row) else {"ours": None}
             yield Claim(figure, what, loss, "%", share * printed, better="less", failing="ours",
-                        reason=f"{PPO} falls by itself", **found)  # fmt: skip
+                        reason=f"{PPO} falls undisturbed", **found)  # fmt: skip
         for name, lead in zip(BASELINES, leads, strict=True):
             found = _ahead(by[PPO, scenario], by[name, scenario], name, "loss", 100.0)
-            yield _lead(figure, f"PPO loses less than {name} by", loss, "%", share * lead, found)
+            yield _lead(figure, f"PPO's drop smaller than {name}'s by", loss, "%", share * lead, found)
     back = (
-        "median over the trials that touch both figures, and in which neither twin falls, of the time from "
-        "the first difference until the reward stays within 5 % of the largest reward below the twin's"
+        "median, over trials that affect both humanoids and in which neither control run falls, of the time "
+        "from the first difference until the reward stays within 5 % of the maximum below the control run's"
     )
     for name, lead in zip(BASELINES, (0.9, 0.6), strict=True):
         found = _ahead(by[PPO, BALL], by[name, BALL], name, "recovery_s")
         yield _lead("Fig. 11a", f"PPO recovers before {name} by", back, "s", lead, found)
     fall = (
-        "median over the trials that touch both figures, and in which neither twin falls, of the time from "
-        "the first difference to the fall, where the reward becomes 0; several obstacles: of those trained "
-        "among them"
+        "median, over trials that affect both humanoids and in which neither control run falls, of the time "
+        "from the first difference to the fall, where the reward becomes 0; several obstacles: policies "
+        "trained among them"
     )
     for figure, scenario, *leads in _FALLS:
         among = AMONG if scenario == SEVERAL else ""
@@ -88,13 +88,13 @@ def _disturbances(contests: Sequence[Row]) -> Iterator[Claim]:
 
 
 def _walks(row: Row) -> bool:
-    """Whether most of the undisturbed twins did not fall."""
+    """Whether most of the undisturbed control runs did not fall."""
     return bool(row["twins_fallen"] <= row["trials"] / 2)
 
 
-def _of(told: Row, value: float | None, scale: float) -> dict[str, Any]:
-    """`ours` with its interval, of something that `contest_lead.py` tells."""
-    parts = {"ours": value, "low": told["low"], "high": told["high"]}
+def _of(result: Row, value: float | None, scale: float) -> dict[str, Any]:
+    """`ours` and its interval, from a result of `lead.py`."""
+    parts = {"ours": value, "low": result["low"], "high": result["high"]}
     return {key: None if one is None else scale * one for key, one in parts.items()}
 
 
@@ -102,32 +102,32 @@ _NEVER = {"recovery_s": "mostly does not recover", "fall_s": "mostly does not fa
 
 
 def _ahead(ours: Row, theirs: Row, name: str, measure: str, scale: float = 1.0) -> dict[str, Any]:
-    """By how much PPO is ahead of a rival, or why there is no number, and by whose failure."""
-    told: dict[str, Any] = {"unequal": ours["samples"] > theirs["samples"], "ours": None}
+    """PPO's lead over a baseline, or the reason why there is none and whose failure that is."""
+    result: dict[str, Any] = {"unequal": ours["samples"] > theirs["samples"], "ours": None}
     if not _walks(theirs):
-        # Who falls untouched cannot show what a touch does to it.
-        return {**told, "reason": f"no comparison: {name} falls by itself"}
+        # A policy that falls undisturbed cannot show the effect of a disturbance.
+        return {**result, "reason": f"no comparison: {name} falls undisturbed"}
     if not _walks(ours):
-        return {**told, "reason": f"{PPO} falls by itself", "failing": "ours"}
+        return {**result, "reason": f"{PPO} falls undisturbed", "failing": "ours"}
     lead = theirs["lead"][measure]
-    told["trials"] = lead["trials"]
+    result["trials"] = lead["trials"]
     if lead["ahead"] is not None:
-        return {**told, **_of(lead, lead["ahead"], scale)}
+        return {**result, **_of(lead, lead["ahead"], scale)}
     if not lead["trials"]:
-        return {**told, "reason": "no comparison: no trial for both"}
+        return {**result, "reason": "no comparison: no common trial"}
     never = [one for one, key in ((PPO, "ours"), (name, "theirs")) if lead[key] is None]
     if len(never) == 2:
-        return {**told, "reason": f"both {_NEVER[measure].replace('does', 'do')}"}
-    # Without a number the interval, in which never is the trial's end, says who is ahead.
+        return {**result, "reason": f"both {_NEVER[measure].replace('does', 'do')}"}
+    # Without a median, the interval decides; in it, "never" counts as the end of the trial.
     failing: Failing = "both"
     if lead["low"] is not None and not lead["low"] <= 0.0 <= lead["high"]:
         failing = "theirs" if lead["low"] > 0.0 else "ours"
     chance = "undecided: " if failing == "both" else ""
-    return {**told, "reason": f"{chance}{never[0]} {_NEVER[measure]}", "failing": failing}
+    return {**result, "reason": f"{chance}{never[0]} {_NEVER[measure]}", "failing": failing}
 
 
 def _lead(figure: str, what: str, formula: str, unit: str, paper: float, found: dict[str, Any]) -> Claim:
-    """The claim that PPO is ahead; found: of `_ahead`. There is no verdict on a single trial."""
+    """The claim that PPO is ahead. found: result of `_ahead`. A single trial gets no verdict."""
     trials = found.pop("trials", None)
     of = "" if trials is None else f", in {trials} trials"
     better: Better = "neither" if found["ours"] is not None and found["low"] is None else "lead"
@@ -135,11 +135,10 @@ def _lead(figure: str, what: str, formula: str, unit: str, paper: float, found: 
 
 
 def _fits(rooms: Sequence[Row]) -> Iterator[Claim]:
-    (ours,) = (row for row in rooms if row["contender"] == PPO)
+    (ours,) = (row for row in rooms if row["policy"] == PPO)
     how = (
-        "R² of simulated against reference angle (the loop made of the capture, not the capture itself) over "
-        "500 frames, nothing credited after a fall, mean of both sides, median of the rooms with its 95 % "
-        "bootstrap interval"
+        "R² of the simulated against the reference angle (the loop, not the capture itself) over 500 frames, "
+        "no credit after a fall, mean of both sides, median of the rooms with its 95 % bootstrap interval"
     )
     of = f"median of {ours['trials']} rooms, in {ours['upright']} upright to the end"
     for figure, joint, printed in (("Fig. 12a", "knee", 0.914), ("Fig. 12b", "hip", 0.932)):
@@ -147,32 +146,34 @@ def _fits(rooms: Sequence[Row]) -> Iterator[Claim]:
         better: Better = "neither" if low is None else "more"
         yield Claim(figure, f"fit of the {joint}s, {of}", how, "", printed, ours[joint]["r2_upright"], better,
                     low=low, high=high)  # fmt: skip
-    gap = "largest difference of either hip from its reference over 500 frames, falls too, median of rooms"
+    gap = (
+        "largest difference of either hip from its reference over 500 frames, falls included, median of rooms"
+    )
     yield Claim("Fig. 12b", "largest gap at the hip", gap, "°", 2.3, ours["hip"]["max_gap_deg"], "less")
-    where = "frame of the largest gap in the one room whose fit is the median"
+    where = "frame of the largest gap in the room with the median fit"
     yield Claim("Fig. 12b", "frame of that gap", where, "frame", 410, ours["shown"]["gap_frame"], "neither")
 
 
 def _of_median(values: Sequence[float]) -> tuple[float, float] | tuple[None, None]:
-    """The interval of a median; none of one value."""
+    """Bootstrap interval of a median; none for a single value."""
     if len(values) < 2:
         return None, None
     draws = np.random.default_rng(0).choice(np.array(values), (RESAMPLES, len(values)))
     return interval(np.median(draws, axis=1))
 
 
-_MISSING = "stable-baselines3 is missing"
+_MISSING = "stable-baselines3 is not installed"
 
 
 def _times(times: Row) -> Iterator[Claim]:
     how = (
         "processor time of one gradient step of actor and critic, the paper's networks, one thread. PPO is "
-        "ours, with gradients written out by hand; DDPG is stable-baselines3's, which also draws its batch "
-        "from memory and normalises it"
+        "ours, with hand-written gradients; DDPG is stable-baselines3's and includes sampling its batch from "
+        "the replay buffer and normalising it"
     )
     faster = (
-        "the same of stable-baselines3's PPO and its DDPG, like with like. Whether the lead is as large is "
-        "told by the ratio of both times, for milliseconds are the machine's"
+        "the same for stable-baselines3's PPO and DDPG. Leads are compared by the ratio of the two times, "
+        "because milliseconds depend on the machine"
     )
     better: Better
     net, printed = times["nets"][-1]["algorithms"], times["paper"]
@@ -180,22 +181,22 @@ def _times(times: Row) -> Iterator[Claim]:
     for k, samples in enumerate(times["samples"]):
         of = f"for {samples:,} samples"
         for name, better in ((PPO, "less"), ("DDPG", "neither")):
-            told, found = printed[name.lower()], net[name.lower()]
+            theirs, found = printed[name.lower()], net[name.lower()]
             for figure, what, which in (
                 ("mean_ms", f"{name} {of}", better),
                 ("deviation_ms", f"{name} {of}, deviation", "neither"),
             ):
                 here = found and found["update"][figure][k]
-                yield Claim("Tab. 2", what, how, "ms", told[figure][k], here, which, _MISSING)
-        theirs, own = (printed[name]["mean_ms"][k] for name in ("ddpg", "ppo"))
+                yield Claim("Tab. 2", what, how, "ms", theirs[figure][k], here, which, _MISSING)
+        other, own = (printed[name]["mean_ms"][k] for name in ("ddpg", "ppo"))
         here = ddpg and ddpg["mean_ms"][k] - ppo["mean_ms"][k]
-        sizes = ddpg and (theirs / own, ddpg["mean_ms"][k] / ppo["mean_ms"][k])
-        yield Claim("Tab. 2", f"PPO faster than DDPG {of} by", faster, "ms", theirs - own, here, "lead",
+        sizes = ddpg and (other / own, ddpg["mean_ms"][k] / ppo["mean_ms"][k])
+        yield Claim("Tab. 2", f"PPO faster than DDPG {of} by", faster, "ms", other - own, here, "lead",
                     _MISSING, sizes=sizes)  # fmt: skip
     steeper = (
-        "difference of the exponents of n that fit the three times best, of stable-baselines3's both, and "
-        "95 % by the repeats' deviation; the paper's from the times that it prints, Lower of PPO, Higher of "
-        "DDPG"
+        "difference of the exponents of n fitted to the three times (stable-baselines3 for both), with the "
+        "95 % interval from the deviation of the repeats; the paper's from its printed times, "
+        "Lower for PPO, Higher for DDPG"
     )
     growth = printed["ddpg"]["growth"] - printed["ppo"]["growth"]
     here = ddpg and ddpg["growth"] - ppo["growth"]

@@ -1,7 +1,7 @@
-"""Section 4.1: what the paper prints of settings, returns, convergence and losses, and ours beside it.
+"""Section 4.1: the paper's settings, returns, convergence and losses, with our numbers.
 
-The paper does not say what its rewards could have come to at most. We take 500, one for each of its frames,
-and tell its rewards as shares of that, as ours are of the largest that ours could earn.
+The paper does not state its maximum return. We assume 500, one per frame, and give its rewards as shares of
+that; ours are shares of the maximum that can be earned.
 """
 
 from __future__ import annotations
@@ -11,50 +11,50 @@ from collections.abc import Iterator
 from kinemimic.evaluate.compare.comparison import Comparison
 from kinemimic.evaluate.compare.learning_curves import Estimate, ahead, converged_at, interquartile
 from kinemimic.evaluate.paper.claim import LOSS, SETTING, Better, Claim
-from kinemimic.evaluate.paper.plan import OBSTACLES, PPO, BASELINES, RUN, VARIANTS, WALK
+from kinemimic.evaluate.paper.plan import BASELINES, OBSTACLES, PPO, RUN, VARIANTS, WALK
 from kinemimic.train.config.config import TrainConfig
 
-EPISODE = 500.0  # the largest return, as we take it
+EPISODE = 500.0  # the paper's maximum return, assumed
 TRAINED = 1_000_000  # samples, of the paper's Fig. 7 and 8
 
 
 def settings(comparison: Comparison) -> Iterator[Claim]:
-    """The numbers of section 4.1's first paragraph; ours are of the preset that stands for PPO."""
+    """The numbers of section 4.1's first paragraph; ours are from the preset used for PPO."""
     ours = TrainConfig.from_json(comparison.content["provenance"]["config"]["variants"][VARIANTS[PPO]])
     how = (
-        "of the preset that is compared here, which learns sooner on our figure than what the paper prints; "
-        "what that comes to (--preset paper) stands in docs/results.md"
+        "of the preset compared here, which trains faster on this humanoid than the paper's settings; for "
+        "those (--preset paper) see docs/results.md"
     )
     for what, printed, found in (
-        ("learning rate of the policy" + (", at first" if ours.adapt_rate else ""), 3e-4, ours.actor_rate),
+        ("learning rate of the policy" + (", initial" if ours.adapt_rate else ""), 3e-4, ours.actor_rate),
         ("learning rate of the value function", 1e-3, ours.critic_rate),
         ("discount", 0.99, ours.discount),
-        ("parameter of the generalized advantage estimate", 0.95, ours.gae_lambda),
+        ("λ of the generalized advantage estimate", 0.95, ours.gae_lambda),
         ("batch, samples", 4096, ours.batch),
-        ("passes over a batch", 10, ours.epochs),
-        ("clip of the ratio", 0.2, ours.clip),
-        ("weight of the entropy, at first", 0.01, ours.entropy),
-        ("its decay in each round, %", 5.0, 100.0 * (1.0 - ours.entropy_decay)),
+        ("epochs per batch", 10, ours.epochs),
+        ("clip range of the ratio", 0.2, ours.clip),
+        ("entropy coefficient, initial", 0.01, ours.entropy),
+        ("its decay per round, %", 5.0, 100.0 * (1.0 - ours.entropy_decay)),
     ):
         yield Claim("Sec. 4.1", what, how, SETTING, printed, found, "neither", "none")
 
 
 def returns(comparison: Comparison, task: str, variant: str) -> Estimate:
-    """Over the seeds the interquartile mean of the largest return; %."""
+    """Interquartile mean of the maximum return over the seeds, in %."""
     return interquartile([100.0 * row["return"] for row in comparison.cells(task, variant)])
 
 
 def converged(comparison: Comparison, task: str, variant: str) -> Estimate:
-    """Over the seeds that have come to that, the samples at which the return has converged."""
+    """Samples at which the return converged, over the seeds that converged."""
     rows = comparison.cells(task, variant)
     return interquartile([v for row in rows if (v := row["converged_samples"]) is not None])
 
 
 def least_loss(comparison: Comparison, task: str, variant: str, budget: int | None = None) -> Estimate:
-    """Least, up to a budget, of the seeds' interquartile mean of the critic's loss on normalised returns, and
-    its interval there."""
+    """Minimum, up to a budget, of the seeds' interquartile mean of the critic's loss on normalised returns,
+    with its interval."""
     curve = comparison.curve(task, variant, "critic_loss")
-    # A budget ends with a whole round, and so does its last trial: some samples later.
+    # A budget ends with a whole round, so its last evaluation may come some samples later.
     last = max((row["samples"] for row in comparison.cells(task, variant, budget)), default=0)
     rows = [row for row in curve if row["samples"] <= last]
     if not rows:
@@ -64,13 +64,13 @@ def least_loss(comparison: Comparison, task: str, variant: str, budget: int | No
 
 
 def last_loss(comparison: Comparison, task: str, variant: str) -> float | None:
-    """Of the last trial."""
+    """The critic's loss at the last evaluation."""
     curve = comparison.curve(task, variant, "critic_loss")
     return float(curve[-1]["mean"]) if curve else None
 
 
 def loss_converged(comparison: Comparison, task: str, variant: str) -> float | None:
-    """Samples from which on the critic's loss has done 95 % of its way down for good."""
+    """Samples after which the critic's loss has completed 95 % of its total decrease."""
     curve = comparison.curve(task, variant, "critic_loss")
     losses = [row["mean"] for row in curve]
     if not losses:
@@ -79,12 +79,12 @@ def loss_converged(comparison: Comparison, task: str, variant: str) -> float | N
 
 
 def rewards(comparison: Comparison) -> Iterator[Claim]:
-    """Fig. 7: largest returns, leads, and where they converge."""
-    best = "largest return of a trial, interquartile mean over the seeds, share of the largest possible"
+    """Fig. 7: maximum returns, leads, and convergence."""
+    best = "maximum return of an evaluation, interquartile mean over the seeds, share of the possible maximum"
     where = (
-        "samples from which the return, smoothed over three trials, stays within 5 % of its largest, and for "
-        "the last quarter of the training at least; interquartile mean over the seeds that have come to "
-        "that. No verdict: who trains for less could only converge sooner"
+        "samples after which the return, smoothed over three evaluations, stays within 5 % of its maximum, "
+        "for at least the last quarter of the training; interquartile mean over the seeds that converged. No "
+        "verdict: a shorter training can only converge earlier"
     )
     share = 100.0 / EPISODE
     for task, figure, printed in (
@@ -92,34 +92,34 @@ def rewards(comparison: Comparison) -> Iterator[Claim]:
         (RUN, "Fig. 7b", {"DDPG": 312.5, "A2C": 95.8}),
     ):
         if PPO in printed:
-            told, what = returns(comparison, task, VARIANTS[PPO]), "PPO's largest reward"
-            yield Claim(figure, what, best, "%", share * printed[PPO], told.mean, "more",
-                        low=told.low, high=told.high)  # fmt: skip
+            estimate, what = returns(comparison, task, VARIANTS[PPO]), "PPO's maximum reward"
+            yield Claim(figure, what, best, "%", share * printed[PPO], estimate.mean, "more",
+                        low=estimate.low, high=estimate.high)  # fmt: skip
         for name, variant in BASELINES.items():
             at = comparison.shared(task, VARIANTS[PPO], variant)
             ours, theirs = (
                 [100.0 * row["return"] for row in comparison.cells(task, one, at)]
                 for one in (VARIANTS[PPO], variant)
             )
-            told, what = ahead(ours, theirs), f"PPO ahead of {name} by, after {at:,} samples"
-            yield Claim(figure, what, best, "%", share * printed[name], told.mean, _lead(told.low),
-                        low=told.low, high=told.high, short=at < TRAINED)  # fmt: skip
+            estimate, what = ahead(ours, theirs), f"PPO ahead of {name} by, after {at:,} samples"
+            yield Claim(figure, what, best, "%", share * printed[name], estimate.mean, _lead(estimate.low),
+                        low=estimate.low, high=estimate.high, short=at < TRAINED)  # fmt: skip
     for task, figure, printed in (
         (WALK, "Fig. 7a", {"PPO": 8e5, "A2C": 5e5, "DDPG": 10e5}),
         (RUN, "Fig. 7b", {"PPO": 10e5, "DDPG": 10e5}),
     ):
         for name, samples in printed.items():
             variant = VARIANTS[name]
-            told, last = converged(comparison, task, variant), _last(comparison, task, variant)
-            seeds = f"{told.n} of {len(comparison.cells(task, variant))} seeds"
+            estimate, last = converged(comparison, task, variant), _last(comparison, task, variant)
+            seeds = f"{estimate.n} of {len(comparison.cells(task, variant))} seeds"
             what = f"{name} converges, of {last:,} samples ({seeds}), at"
-            yield Claim(figure, what, where, "samples", samples, told.mean, "neither",
-                        "still rises, or does not stay near its best",
-                        low=told.low, high=told.high)  # fmt: skip
+            yield Claim(figure, what, where, "samples", samples, estimate.mean, "neither",
+                        "still rising, or does not stay near its maximum",
+                        low=estimate.low, high=estimate.high)  # fmt: skip
 
 
 def _lead(low: float | None) -> Better:
-    """A lead without an interval is of one seed, on which there is no verdict."""
+    """A lead without an interval is from one seed and gets no verdict."""
     return "neither" if low is None else "lead"
 
 
@@ -132,14 +132,15 @@ def _last(comparison: Comparison, task: str, variant: str) -> int:
 
 
 def losses(comparison: Comparison) -> Iterator[Claim]:
-    """Fig. 8: the critics' losses, their leads, and where PPO's converges."""
+    """Fig. 8: the critics' losses, PPO's leads, and where its loss converges."""
     how = (
-        "critic's mean squared error over its targets' variance, least of the seeds' interquartile mean, "
-        "which comes before anybody walks; of a lead, from the near ends of both intervals to the far ones"
+        "critic's mean squared error over the variance of its targets, minimum of the seeds' interquartile "
+        "mean, which occurs before any policy walks; a lead's interval is from the nearest to the farthest "
+        "ends of both intervals"
     )
     where = (
-        "samples from which on the critic's loss, smoothed over three trials, has done 95 % of its way down "
-        "from the first trial's, which is large, so that this comes early: no verdict"
+        "samples after which the critic's loss, smoothed over three evaluations, has completed 95 % of its "
+        "decrease; no verdict, because the first loss is large and this comes early"
     )
     for task, figure, printed in (
         (WALK, "Fig. 8a", {"DDPG": 0.038, "A2C": 0.059}),
@@ -147,18 +148,18 @@ def losses(comparison: Comparison) -> Iterator[Claim]:
     ):
         ppo = VARIANTS[PPO]
         if PPO in printed:
-            told = least_loss(comparison, task, ppo)
-            yield Claim(figure, "PPO's least loss", how, LOSS, printed[PPO], told.mean, "less",
-                        low=told.low, high=told.high)  # fmt: skip
+            estimate = least_loss(comparison, task, ppo)
+            yield Claim(figure, "PPO's minimum loss", how, LOSS, printed[PPO], estimate.mean, "less",
+                        low=estimate.low, high=estimate.high)  # fmt: skip
         found = loss_converged(comparison, task, ppo)
         what = "PPO's loss converges at" + ("" if task == WALK else " (printed: basically unchanged)")
-        yield Claim(figure, what, where, "samples", 8e5, found, "neither", "does not stay down")
+        yield Claim(figure, what, where, "samples", 8e5, found, "neither", "does not converge")
         for name, variant in BASELINES.items():
             at = comparison.shared(task, ppo, variant)
             ours, theirs = (least_loss(comparison, task, one, at) for one in (ppo, variant))
-            # Apart for certain where their intervals are.
+            # The lead is certain where the two intervals do not overlap.
             lead, low = _minus(theirs.mean, ours.mean), _minus(theirs.low, ours.high)
             high = _minus(theirs.high, ours.low)
-            what = f"PPO's least loss below {name}'s by, after {at:,} samples"
+            what = f"PPO's minimum loss below {name}'s by, after {at:,} samples"
             yield Claim(figure, what, how, LOSS, printed[name], lead, _lead(low),
                         low=low, high=high, short=at < TRAINED)  # fmt: skip

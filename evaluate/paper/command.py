@@ -1,4 +1,4 @@
-"""`kinemimic study`: the paper's sections 4.1 and 4.2 again, as one page with its figures and numbers."""
+"""`kinemimic study`: reproduce the paper's sections 4.1 and 4.2 as a page with figures and tables."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from rich.console import RenderableType
 
 from kinemimic.evaluate.compare.comparison import RESULTS, SHIPPED, Comparison, TrainedPolicy
 from kinemimic.evaluate.compare.table import table_csv
-from kinemimic.evaluate.paper.claim import told
+from kinemimic.evaluate.paper.claim import formatted
 from kinemimic.evaluate.paper.claims import claims
 from kinemimic.evaluate.paper.head_to_head import head_to_head
 from kinemimic.evaluate.paper.output import drawings, numbers
@@ -31,8 +31,8 @@ from kinemimic.train.scenario.scenario_file import scenario
 from kinemimic.train.sim.engines import resolve
 from kinemimic.train.sim.options import engine_option, workers_option
 
-STUDY_SCHEMA = 3
-TRIALS, ROOMS = 50, 12  # of each contender in each scenario; rooms that each walks
+STUDY_SCHEMA = 4
+TRIALS, ROOMS = 50, 12  # trials of each policy in each scenario; rooms that each walks through
 PAGE = "study.html"
 Row = Mapping[str, Any]
 
@@ -49,32 +49,32 @@ def study(
 ) -> dict[str, Any]:
     """Measure, compare with the paper, and write out/study.html, study.json, figures/, numbers/.
 
-    trials: of every contender in every scenario; walks: through rooms; seed: of what they draw; workers:
-    processes, all cores by default; engine: of `train/engines.py`. Each part is kept in out/parts as soon as
-    it is there, and not measured again while what it is made from stays the same. Returns study.json.
+    trials: of each policy in each scenario; walks: rooms per policy; seed: of all random draws; workers:
+    processes (default: all cores); engine: a name from `train/sim/engines.py`. Each finished part is kept in
+    out/parts and reused while its inputs stay the same. Returns the content of study.json.
     """
     engine = resolve(engine)
     cast = compared_policies(comparison)
     parts = _Parts(out / "parts", seed=seed, engine=engine)
-    befalls = {name: scenario(name) for name in (*SCENARIOS, ROOM)}
+    scenarios = {name: scenario(name) for name in (*SCENARIOS, ROOM)}
     options: dict[str, Any] = {"seed": seed, "engine": engine, "workers": workers}
     contests: list[Row] = []
     with progress("study", len(SCENARIOS) + 2) as bar:
         for name in SCENARIOS:
             theirs = [cast[one] for one in policies_in(name)]
-            pairs = [(one, befalls[name]) for one in theirs]
+            pairs = [(one, scenarios[name]) for one in theirs]
             measure = partial(head_to_head, pairs, trials=trials, over=AHEAD, **options)
-            settings = {"scenario": befalls[name].to_json(), "trials": trials}
+            settings = {"scenario": scenarios[name].to_json(), "trials": trials}
             contests += parts.kept(name, theirs, settings, bar.advance, measure)
         theirs = [cast[one] for one in policies_in(ROOM)]
-        measure = partial(rooms, theirs, befalls[ROOM], trials=walks, **options)
-        settings = {"scenario": befalls[ROOM].to_json(), "trials": walks}
+        measure = partial(rooms, theirs, scenarios[ROOM], trials=walks, **options)
+        settings = {"scenario": scenarios[ROOM].to_json(), "trials": walks}
         walk_metrics = parts.kept(ROOM, theirs, settings, bar.advance, measure)
         times = parts.kept("times", [], measured_on(), bar.advance, partial(processing_times, seed=seed))
     content = {
         "schema": STUDY_SCHEMA,
         "claims": [claim.to_json() for claim in claims(comparison, contests, walk_metrics, times)],
-        "contests": contests,
+        "head_to_head": contests,
         "rooms": walk_metrics,
         "times": times,
         "provenance": provenance(
@@ -98,7 +98,7 @@ def study(
 
 
 class _Parts:
-    """What has been measured already, in files of their own."""
+    """Cache of finished measurements, one file each."""
 
     def __init__(self, folder: Path, *, seed: int, engine: str) -> None:
         self._folder, self._always = folder, {"seed": seed, "engine": engine}
@@ -111,8 +111,8 @@ class _Parts:
         advance: Callable[[float], object],
         measure: Callable[..., Any],
     ) -> Any:
-        """What `measure` returned for these policies and settings, now or before; as `progress` it is given a
-        function to call with the share that is done since."""
+        """The result of `measure` for these policies and settings, from the cache if present. `measure` is
+        called with `progress`, a function that takes the share finished since its last call."""
         wanted = provenance(
             "study",
             inputs={one.name: one.identity for one in cast},
@@ -129,10 +129,10 @@ class _Parts:
 
 
 def table(content: Row) -> RenderableType:
-    """The claims for a terminal."""
+    """The claims as a table for a terminal."""
     rows = grid("", "", "paper", "here", "", left=2)
     for claim in content["claims"]:
-        paper, ours = (told(claim[key], claim["unit"]) for key in ("paper", "ours"))
+        paper, ours = (formatted(claim[key], claim["unit"]) for key in ("paper", "ours"))
         rows.add_row(claim["figure"], claim["what"], paper, ours, claim["verdict"])
     return rows
 
@@ -143,15 +143,21 @@ def table(content: Row) -> RenderableType:
     "folder",
     type=click.Path(path_type=Path, file_okay=False),
     default=SHIPPED,
-    help="What `compare` wrote; by default what ships.",
+    help="Results of `compare`; default: the shipped ones.",
 )
 @click.option("--out", type=click.Path(path_type=Path, file_okay=False), default=Path("runs/study"),
-              show_default=True, help="Page, figures, numbers.")  # fmt: skip
+              show_default=True, help="Output folder.")  # fmt: skip
 @click.option("--trials", type=click.IntRange(min=1, max=100_000), default=TRIALS, show_default=True,
               help="Of everybody in each scenario.")  # fmt: skip
 @click.option("--rooms", "walks", type=click.IntRange(min=1, max=10_000), default=ROOMS, show_default=True,
               help="That everybody walks.")  # fmt: skip
-@click.option("--seed", type=click.IntRange(min=0), default=0, show_default=True, help="Of what befalls.")
+@click.option(
+    "--seed",
+    type=click.IntRange(min=0),
+    default=0,
+    show_default=True,
+    help="Seed of the trials' random draws.",
+)
 @workers_option
 @engine_option
 @json_option("Print study.json.")

@@ -1,4 +1,4 @@
-"""The study's figures, after the paper's: each a function that draws what was measured, with units."""
+"""Figures of the study, after those of the paper; each function returns a drawing."""
 
 from __future__ import annotations
 
@@ -17,14 +17,14 @@ from kinemimic.train.sim.world import CONTROL_RATE
 
 Row = Mapping[str, Any]
 
-# Safe for the colour-blind (Okabe and Ito); a name keeps its colour from figure to figure.
+# A colour-blind-safe palette (Okabe and Ito); each algorithm keeps its colour in all figures.
 COLORS: Mapping[str, str] = {
     "PPO": "#0072b2",
     "DDPG": "#d98c00",
     "A2C": "#009e73",
     "SB3 PPO": "#cc79a7",
 }
-# Told apart in grey print too.
+# Distinguishable in greyscale, too.
 _DASHES: Mapping[str, str] = {
     "PPO": "-",
     "DDPG": "--",
@@ -42,21 +42,21 @@ def learning(
     comparison: Comparison,
     panels: Sequence[tuple[str, str]],
     variants: Mapping[str, str],
-    figure_of: str,
+    metric: str,
     *,
     share: bool,
 ) -> Draw:
-    """A figure of the trials over the samples, one panel a task, with the interval of the seeds.
+    """A learning curve, one panel per task, with the interval over the seeds.
 
-    panels: task and title; variants: of each name; figure_of: "reward", as a share of the largest, or
-    "critic_loss", drawn over a logarithmic axis.
+    panels: task and title; variants: name -> variant; metric: "reward", as a share of the maximum, or
+    "critic_loss", on a logarithmic axis.
     """
 
     def draw(phone: bool) -> Figure:
         figure, axes = panel_grid(1, len(panels), 2.6, phone, sharey=True)
         for panel, (task, title) in zip(axes, panels, strict=True):
             for name, variant in variants.items():
-                curve = comparison.curve(task, variant, figure_of)
+                curve = comparison.curve(task, variant, metric)
                 if not curve:
                     continue
                 scale = 100.0 if share else 1.0
@@ -70,9 +70,7 @@ def learning(
                 panel.set_ylim(0, 100)
             else:
                 panel.set_yscale("log")
-        axes[0].set_ylabel(
-            "return [% of the largest]" if share else "critic's loss [of the targets' variance]"
-        )
+        axes[0].set_ylabel("return [% of maximum]" if share else "critic loss [share of target variance]")
         legend(figure, axes[0])
         return figure
 
@@ -80,13 +78,13 @@ def learning(
 
 
 def disturbances(contests: Sequence[Row], panels: Sequence[tuple[str, str, Sequence[str]]]) -> Draw:
-    """Mean reward over time, one panel a scenario, with the quartiles of the trials; thin: of the undisturbed
-    twins. A dotted line is where most of the first contender's trials begin to differ; time ends where nobody
-    earns anything any more.
+    """Mean reward over time, one panel per scenario, with the quartiles of the trials. Thin lines are the
+    undisturbed control runs. A dotted line marks the median onset of the first policy's trials. The time axis
+    ends when no policy earns reward any more.
 
-    panels: scenario, title, contenders.
+    panels: scenario, title, policies.
     """
-    by = {(row["contender"], row["scenario"]): row for row in contests}
+    by = {(row["policy"], row["scenario"]): row for row in contests}
 
     def draw(phone: bool) -> Figure:
         figure, axes = panel_grid(1, len(panels), 2.6, phone, sharey=True)
@@ -98,7 +96,7 @@ def disturbances(contests: Sequence[Row], panels: Sequence[tuple[str, str, Seque
             if onset is not None:
                 panel.axvline(onset, color="#999", linewidth=0.8, linestyle=(0, (1, 2)))
             panel.set(title=title, xlabel="time [s]", xlim=(0, _last_second(rows)), ylim=(0, 100))
-        axes[0].set_ylabel("reward [% of the largest]")
+        axes[0].set_ylabel("reward [% of maximum]")
         legend(figure, axes[0])
         return figure
 
@@ -122,15 +120,15 @@ def _over_time(panel: Axes, row: Row, name: str) -> None:
 
 
 def _last_second(rows: Sequence[Row]) -> float:
-    """A second after the last at which anybody's mean reward is above a hundredth."""
+    """One second after the last frame in which any mean reward exceeds 1 % of the maximum."""
     means = np.array([row["curve"]["mean"] for row in rows]).max(axis=0)
     last = int(np.flatnonzero(means > 0.01).max(initial=0))
     return min(len(means), last + CONTROL_RATE) / CONTROL_RATE
 
 
 def joints(walk: Row, baselines: Mapping[str, Row], side: str) -> Draw:
-    """Knee and hip of one side over the frames of a walk through a room, and faintly those of rivals in the
-    same room, each to its fall; walks: as `rooms.walked` tells them."""
+    """Knee and hip of one side during a walk through a room; thin: the baselines in the same room, up to
+    their falls. Walks are results of `room_walks.walk_metrics`."""
 
     def draw(phone: bool) -> Figure:
         figure, axes = panel_grid(2, 1, 1.9, phone, sharex=True)
@@ -154,7 +152,7 @@ def joints(walk: Row, baselines: Mapping[str, Row], side: str) -> Draw:
 
 
 def times(found: Row) -> Draw:
-    """Milliseconds over samples, one panel a size of networks; found: of `processing_times.py`."""
+    """Milliseconds over samples, one panel per network size. found: result of `processing_times.py`."""
 
     def draw(phone: bool) -> Figure:
         figure, axes = panel_grid(1, len(found["nets"]), 2.6, phone, sharey=True)
@@ -173,10 +171,10 @@ def times(found: Row) -> Draw:
                 panel.plot(found["samples"], one["inference"]["mean_ms"], linestyle="--", **look)
             if net is found["nets"][-1]:
                 for key, marker in (("ppo", "s"), ("ddpg", "^")):
-                    told = found["paper"][key]["mean_ms"]
+                    printed = found["paper"][key]["mean_ms"]
                     label = f"{ALGORITHMS[key]}, paper"
                     panel.plot(
-                        found["samples"], told, color="#2b2b2b", marker=marker, linewidth=0.9, label=label
+                        found["samples"], printed, color="#2b2b2b", marker=marker, linewidth=0.9, label=label
                     )
             layers = " and ".join(map(str, net["hidden"]))
             panel.set(title=f"layers of {layers}", xlabel="samples", xscale="log", yscale="log")

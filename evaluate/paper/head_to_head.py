@@ -1,4 +1,4 @@
-"""Several policies in the same scenarios, draw for draw, and what becomes of each."""
+"""Head-to-head trials: several policies in the same scenarios with the same random draws."""
 
 from __future__ import annotations
 
@@ -21,13 +21,13 @@ def head_to_head(
     over: Mapping[str, str] | None = None,
     progress: Callable[[float], object] | None = None,
 ) -> list[dict[str, Any]]:
-    """Of every pair, in their order: contender, scenario, samples (of the training), kept (after how many of
-    them this policy was), the `figures` of its trials, and `loss` and `lead` of `contest_lead.py`.
+    """One row per pair, in order: policy name, scenario, samples of its training, samples after which the
+    policy was saved, the metrics of its trials, and `loss` and `lead` (`lead.py`).
 
-    Trial k is the same for all: start phase and draws come from seed and k alone. workers: processes, all
-    cores by default; over: by a contender's name that of the one whose lead over it is told, in scenarios in
-    which both take part; the lead of others is None; progress: called with the share of all trials that is
-    done since.
+    Trial k is the same for all policies: start phase and draws depend on seed and k alone. workers: processes
+    (default: all cores); over: policy name -> name of the policy whose lead over it is computed, in scenarios
+    with both; otherwise the lead is None; progress: called with the share of trials finished since the last
+    call.
     """
     tasks = [
         in_tasks(one.motion, one.policy, one.config, scenario, trials=trials, seed=seed, engine=engine)
@@ -40,7 +40,7 @@ def head_to_head(
     for (one, scenario), found in zip(pairs, done, strict=True):
         leader = by.get((over[one.name], scenario.name)) if over and one.name in over else None
         rows.append({
-            "contender": one.name,
+            "policy": one.name,
             "samples": one.samples,
             "kept": one.kept,
             "scenario": scenario.name,

@@ -1,4 +1,4 @@
-"""What the study writes beside its page: the figures after the paper's, and the numbers as tables."""
+"""Figures and CSV tables that the study writes beside its page."""
 
 from __future__ import annotations
 
@@ -10,11 +10,11 @@ from kinemimic.evaluate.paper import figures
 from kinemimic.evaluate.paper.plan import (
     AMONG,
     BALL,
+    BASELINES,
     OBSTACLES,
     OVERPOWERED,
     PPO,
     PULLS,
-    BASELINES,
     RUN,
     SEVERAL,
     VARIANTS,
@@ -28,8 +28,8 @@ QUARTILES = ("median", "quarter", "three_quarters", "n")
 
 
 def drawings(comparison: Comparison, content: Row) -> dict[str, Draw]:
-    """The figures by the paper's numbers. content: of study.json."""
-    contests = content["contests"]
+    """Drawings by the paper's figure numbers. content: of study.json."""
+    contests = content["head_to_head"]
     walkers = list(VARIANTS)
     titles = {
         "pull-forward": "forward pull", "pull-backward": "backward pull", "leg-force": "force on a thigh",
@@ -39,9 +39,9 @@ def drawings(comparison: Comparison, content: Row) -> dict[str, Draw]:
     def panels(*names: str) -> list[tuple[str, str, list[str]]]:
         return [(name, titles[name], walkers) for name in names]
 
-    # Only those who trained there, each in its algorithm's colour; the page's table has the others.
+    # Only policies trained there, in their algorithm's colour; the page's table lists the others.
     several = [(SEVERAL, "several obstacles", [f"{name}{AMONG}" for name in walkers])]
-    shown = {row["contender"]: row["shown"] for row in content["rooms"]}
+    shown = {row["policy"]: row["shown"] for row in content["rooms"]}
     walk_and_run = [(WALK, "walk"), (RUN, "run")]
     obstacles = [(WALK, "without obstacles"), (OBSTACLES, "among obstacles")]
     return {
@@ -50,7 +50,9 @@ def drawings(comparison: Comparison, content: Row) -> dict[str, Draw]:
         "fig9": figures.disturbances(contests, panels(*PULLS)),
         "fig10": figures.disturbances(contests, panels(*OVERPOWERED)),
         "fig11": figures.disturbances(contests, panels(BALL) + several),
-        "fig12": figures.joints(shown[PPO], {name: shown[name] for name in BASELINES}, shown[PPO]["gap_side"]),
+        "fig12": figures.joints(
+            shown[PPO], {name: shown[name] for name in BASELINES}, shown[PPO]["gap_side"]
+        ),
         "tab2": figures.times(content["times"]),
     }
 
@@ -69,7 +71,7 @@ def numbers(comparison: Comparison, content: Row) -> Iterator[tuple[str, list[Ro
     )
     quartiles = ("dip", "onset_s", "recovery_s", "fall_s")
     plain = (
-        "contender",
+        "policy",
         "samples",
         "kept",
         "scenario",
@@ -90,14 +92,14 @@ def numbers(comparison: Comparison, content: Row) -> Iterator[tuple[str, list[Ro
                 "survived_high": row["survived_95"][1],
                 **{f"{key}_{of}": row[key][of] for key in quartiles for of in QUARTILES},
             }
-            for row in content["contests"]
+            for row in content["head_to_head"]
         ],
     )
     yield (
         "rooms",
         [
             {
-                "contender": row["contender"], "room": walk["number"],
+                "policy": row["policy"], "room": walk["number"],
                 "frames": walk["frames"], "of": walk["of"],
                 **{f"{joint}_{key}": value for joint in JOINTS for key, value in walk[joint].items()},
                 "gap_side": walk["gap_side"], "gap_frame": walk["gap_frame"],

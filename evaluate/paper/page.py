@@ -18,7 +18,7 @@ from kinemimic.evaluate.paper.claim import (
     UNSURE,
     WORSE,
     between,
-    told,
+    formatted,
 )
 from kinemimic.evaluate.paper.sections import disturbances, processing, room, training
 from kinemimic.pipeline.cli.html import render
@@ -37,7 +37,7 @@ def study_page(comparison: Comparison, content: Row, drawings: Mapping[str, Draw
         provenance=content["provenance"],
         **_claims(content["claims"]),
         **training(comparison),
-        **disturbances(content["contests"], drawings),
+        **disturbances(content["head_to_head"], drawings),
         **room(content["rooms"]),
         **processing(content["times"]),
     )
@@ -57,7 +57,7 @@ def _claims(claims: Sequence[Row]) -> dict[str, Any]:
         unit, verdict = claim["unit"], claim["verdict"]
         if _is_worse(verdict):
             verdict = Markup("<strong>{}</strong>").format(verdict)
-        paper, ours = (told(claim[key], unit) for key in ("paper", "ours"))
+        paper, ours = (formatted(claim[key], unit) for key in ("paper", "ours"))
         if claim["low"] is not None:
             ours += f" ({between(claim['low'], claim['high'], unit)})"
         rows.append([claim["figure"], claim["what"], paper, ours, verdict])

@@ -1,4 +1,4 @@
-"""Who takes part in which of the study's experiments: names that data, figures and page share."""
+"""Which policies take part in which experiment; names shared by data, figures and page."""
 
 from __future__ import annotations
 
@@ -11,14 +11,14 @@ from kinemimic.train.scenario.scenario_file import scenario
 
 WALK, RUN, OBSTACLES = "walk", "run", "walk@several-obstacles"  # tasks of the comparison
 PPO = "PPO"
-BASELINES: Mapping[str, str] = {"DDPG": "ddpg", "A2C": "a2c"}  # the paper's, and their variants
+BASELINES: Mapping[str, str] = {"DDPG": "ddpg", "A2C": "a2c"}  # the paper's baselines and their variants
 VARIANTS: Mapping[str, str] = {PPO: "default", **BASELINES, "SB3 PPO": "sb3-ppo"}
-# Of `processing_times.py`.
+# Names of the algorithms in `processing_times.py`.
 ALGORITHMS: Mapping[str, str] = {"ppo": PPO, "ddpg": "DDPG", "a2c": "A2C", "sb3-ppo": "SB3 PPO"}
-ROBUST = "PPO, robust"  # trained under pushes; ships, and is nobody's rival
-AMONG = ", among obstacles"  # of a contender's name: it was trained there
+ROBUST = "PPO, robust"  # trained with pushes; shipped, not compared by lead
+AMONG = ", among obstacles"  # suffix of policies trained among obstacles
 
-# PPO's rivals, and who is to be ahead of each.
+# Baseline -> the PPO policy whose lead over it is computed.
 AHEAD: Mapping[str, str] = {f"{name}{where}": f"{PPO}{where}" for where in ("", AMONG) for name in BASELINES}
 
 PULLS = ("pull-forward", "pull-backward")
@@ -28,15 +28,17 @@ SCENARIOS: Sequence[str] = (*PULLS, *OVERPOWERED, BALL, SEVERAL)
 
 
 def compared_policies(comparison: Comparison) -> dict[str, TrainedPolicy]:
-    """All that take part, by their names; KinemimicError where a training is missing, two share no budget, or
-    some trained among other obstacles."""
+    """All policies by name; KinemimicError if a training is missing, two share no budget, or the obstacles
+    of a training differ."""
     comparison.expect((WALK, RUN, OBSTACLES), tuple(VARIANTS.values()))
     for task in (WALK, RUN, OBSTACLES):
         for baseline in BASELINES.values():
             comparison.shared(task, VARIANTS[PPO], baseline)
     comparison.expect_scenario(OBSTACLES, scenario(SEVERAL))
     walkers = [comparison.median_policy(WALK, variant, name) for name, variant in VARIANTS.items()]
-    among = [comparison.median_policy(OBSTACLES, variant, f"{name}{AMONG}") for name, variant in VARIANTS.items()]
+    among = [
+        comparison.median_policy(OBSTACLES, variant, f"{name}{AMONG}") for name, variant in VARIANTS.items()
+    ]
     return {one.name: one for one in (*walkers, _robust(), *among)}
 
 
@@ -46,6 +48,6 @@ def _robust() -> TrainedPolicy:
 
 
 def policies_in(scenario: str) -> tuple[str, ...]:
-    """Names of the contenders in a scenario; who trained among obstacles only where there are several."""
+    """Names of the policies in a scenario; those trained among obstacles only in SEVERAL."""
     walkers = (*VARIANTS, ROBUST)
     return (*walkers, *(f"{name}{AMONG}" for name in VARIANTS)) if scenario == SEVERAL else walkers

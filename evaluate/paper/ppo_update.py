@@ -1,7 +1,7 @@
-"""One gradient step of actor and critic on n samples, of our PPO; of the rivals in `rival_update.py`.
+"""One gradient step of actor and critic of our PPO on n samples; `baseline_update.py` has the baselines'.
 
-A step is what the training's own code does with one batch: it gathers the batch's rows, and moves both
-networks by their optimisers. The samples are made up: how long it takes does not depend on what they say.
+A step is what the training does with one batch: gather its rows and update both networks with their
+optimisers. The samples are random: the time does not depend on their values.
 """
 
 from __future__ import annotations
@@ -19,10 +19,10 @@ from kinemimic.train.task.env import ACTIONS, observation_size
 
 
 class OneUpdate(Protocol):
-    """An algorithm with a batch of samples to learn from, again and again."""
+    """An algorithm with a batch of samples to update from repeatedly."""
 
     def policy(self) -> Policy:
-        """The actor as it is now."""
+        """The current actor."""
 
     def step(self) -> None:
         """One gradient step of actor and critic on the batch."""
@@ -31,8 +31,8 @@ class OneUpdate(Protocol):
 class PpoUpdate:
     """`OneUpdate` of `ppo.py`, with observations, actions, advantages and returns drawn from a seed.
 
-    Its threads for actor and critic, and what it does once a round (advantages, the KL divergence), belong to
-    `Learner.update`; here one follows the other.
+    Actor and critic are updated one after the other; the two threads and the work done once per round
+    (advantages, KL divergence) belong to `PpoAlgorithm.update`.
     """
 
     def __init__(self, config: TrainConfig, samples: int, seed: int) -> None:

@@ -1,17 +1,15 @@
-"""Processing times for 1000, 2000 and 3000 samples, the paper's Tab. 2: PPO beside DDPG and A2C, and beside
-stable-baselines3's PPO, which tells what is the algorithm's and what our code's.
+"""Processing times for 1000, 2000 and 3000 samples, the paper's Tab. 2: PPO, DDPG and A2C, and
+stable-baselines3's PPO, which separates the algorithm's cost from our implementation's.
 
-The paper does not say what it processed. Here it is, for every algorithm alike,
+The paper does not say what it processed. Here, for every algorithm:
 
-- inference: what the actor does with n observations (`Policy.act`, numpy, as every rollout does it);
-- update: one gradient step of actor and critic on a batch of n samples, in the training's own code; DDPG's
-  has its target networks follow, and draws the batch from its memory;
-- learning: the gradient steps that the preset's training takes for n new samples. It follows from the time of
-  one step on the preset's own batch, so it grows with n by definition; what happens once a round besides is
-  not in it.
+- inference: the actor on n observations (`Policy.act`, numpy, as in every rollout);
+- update: one gradient step of actor and critic on a batch of n samples, in the training's own code; for DDPG
+  including the target networks' update and the sampling from the replay buffer;
+- learning: the gradient steps that the preset takes for n new samples, computed from the time of one step on
+  the preset's own batch, and so proportional to n; work done once per round is not included.
 
-Times are processor time of one process that may use one thread, so that a machine that is busy with other
-things hardly matters.
+Times are processor time of one process with one thread, so other load on the machine hardly matters.
 """
 
 from __future__ import annotations
@@ -34,7 +32,7 @@ from kinemimic.train.config.config import PRESETS, TrainConfig, preset
 from kinemimic.train.task.env import observation_size
 
 SAMPLES = (1000, 2000, 3000)
-NETS = ((512, 256), (1024, 512))  # hidden layers: as the presets have them, and the paper's
+NETS = ((512, 256), (1024, 512))  # hidden layers: the presets' and the paper's
 PRESET_OF = {"ppo": "default", "ddpg": "ddpg", "a2c": "a2c", "sb3-ppo": "sb3-ppo"}
 REPEATS = 10
 _WARM_UPS = 2
@@ -50,7 +48,7 @@ Name = TypeVar("Name")
 
 @dataclass(frozen=True)
 class Timing:
-    """Of one operation, ms of processor time: mean and standard deviation."""
+    """Processor time of one operation in ms: mean and standard deviation."""
 
     mean_ms: float
     deviation_ms: float
@@ -58,9 +56,9 @@ class Timing:
 
 @dataclass(frozen=True)
 class Task:
-    """What is measured by turns in one process: all sizes together, for a time that drifts would bend growth.
+    """Operations timed in turns in one process: all sizes together, so that drift does not bias the growth.
 
-    configs: by the algorithm's name; samples: of the updates and of inference, beside the presets' batches.
+    configs: by algorithm; samples: batch sizes of updates and inference, besides the presets' own.
     """
 
     configs: Mapping[str, TrainConfig]
@@ -71,7 +69,7 @@ class Task:
 
 @dataclass(frozen=True)
 class Measured:
-    """Of one algorithm: inference and update for every number of samples, step on the preset's own batch."""
+    """Timings of one algorithm: inference, update (per number of samples), step (on the preset's batch)."""
 
     inference: list[Timing]
     update: list[Timing]
@@ -88,15 +86,14 @@ def processing_times(
 ) -> dict[str, Any]:
     """Measure all algorithms; returns JSON values.
 
-    progress: called with the share of all parts that is done since.
+    progress: called with the share finished since the last call.
 
-    samples (two at least), repeats, threads (1), seed: of the measurement;
-    nets: for each size of the networks `hidden` and, by algorithm (None for a rival where stable-baselines3
-    is not installed), `inference` and `update`, each with mean_ms, deviation_ms of every number of
-    samples and `growth` (see there) of mean_ms; and `learning`: the preset's `batch` and
-    `steps_per_sample`, `step` with the Timing of one gradient step on such a batch, and mean_ms of every
-    number of samples;
-    paper: mean_ms, deviation_ms and their growth as Tab. 2 has them, for 1000, 2000 and 3000 samples.
+    samples (at least two), repeats, threads (1), seed: of the measurement;
+    nets: per network size, `hidden` and, by algorithm (None if stable-baselines3 is not installed),
+    `inference` and `update`, each with mean_ms and deviation_ms per number of samples and the `growth` of
+    mean_ms; and `learning`: the preset's `batch` and `steps_per_sample`, `step` (Timing of one gradient step
+    on that batch), and mean_ms per number of samples;
+    paper: mean_ms, deviation_ms and growth of Tab. 2, for 1000, 2000 and 3000 samples.
     """
     names = [name for name in PRESET_OF if name == "ppo" or _baselines_installed()]
     tasks = [
@@ -108,7 +105,7 @@ def processing_times(
         )
         for hidden in nets
     ]
-    # In one child, which has one thread for matrix products, numpy's and torch's (`worker.py`).
+    # In one worker process, whose numpy and torch use one thread.
     found = parallel_map(
         measured, tasks, workers=1, progress=progress and (lambda k: progress(k / len(tasks)))
     )
@@ -118,12 +115,12 @@ def processing_times(
         "threads": 1,
         "seed": seed,
         "nets": [_net(task, one) for task, one in zip(tasks, found, strict=True)],
-        "paper": {name: {**told, "growth": growth(SAMPLES, told["mean_ms"])} for name, told in PAPER.items()},
+        "paper": {name: {**one, "growth": growth(SAMPLES, one["mean_ms"])} for name, one in PAPER.items()},
     }
 
 
 def measured_on() -> dict[str, Any]:
-    """What times depend on, JSON values: what is measured, with which packages, on which processor."""
+    """What the times depend on, as JSON values: settings, packages and processor."""
     return {
         "samples": list(SAMPLES),
         "nets": [list(hidden) for hidden in NETS],
@@ -141,7 +138,7 @@ def _processor() -> str:
 
 
 def growth(samples: Sequence[int], times: Sequence[float]) -> float:
-    """The exponent p of a time ~ nᵖ: the slope of the least squares' line through log time over log n."""
+    """Exponent p of time ~ nᵖ: the least-squares slope of log time over log n."""
     return float(np.polyfit(np.log(samples), np.log(times), 1)[0])
 
 
@@ -154,7 +151,7 @@ def own_batch(config: TrainConfig) -> int:
 
 
 def steps_per_sample(config: TrainConfig) -> float:
-    """Gradient steps that training takes for a new sample."""
+    """Gradient steps of the training per new sample."""
     baseline = config.baseline
     if isinstance(baseline, Ddpg):
         return baseline.updates_per_sample
@@ -163,7 +160,7 @@ def steps_per_sample(config: TrainConfig) -> float:
 
 
 def measured(task: Task) -> dict[str, Measured]:
-    """By algorithm, with this process's threads."""
+    """Timings by algorithm, measured in this process."""
     operations: dict[tuple[str, str, int], Callable[[], object]] = {}
     for name, config in task.configs.items():
         own = own_batch(config)
@@ -188,7 +185,7 @@ def timed(
     repeats: int,
     clock: Callable[[], float] = time.process_time,
 ) -> dict[Name, Timing]:
-    """Time operations by turns, so that what else happens meets all alike, after some unmeasured turns."""
+    """Time operations in turns, after warm-up turns, so that other load affects all equally."""
     spent: dict[Name, list[float]] = {name: [] for name in operations}
     for turn in range(_WARM_UPS + repeats):
         for name, operation in operations.items():
@@ -225,7 +222,7 @@ def _update(config: TrainConfig, samples: int, seed: int) -> OneUpdate:
 
 
 def _net(task: Task, found: Mapping[str, Measured]) -> dict[str, Any]:
-    """Of one size of networks."""
+    """Results of one network size."""
     algorithms: dict[str, Any] = dict.fromkeys(PRESET_OF)
     for name, config in task.configs.items():
         one, often = found[name], steps_per_sample(config)

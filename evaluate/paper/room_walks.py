@@ -1,4 +1,4 @@
-"""Knees and hips of a figure that walks a room among furniture: the paper's Fig. 12, over several rooms."""
+"""Knee and hip fit of walks through furnished rooms: the paper's Fig. 12, over several rooms."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ MEASURED = ("r2_upright", "r2", "rmse_deg", "max_gap_deg", "nrmse_fit")
 
 @dataclass(frozen=True)
 class Walk:
-    """One walk through one draw of a room."""
+    """One walk through one random room."""
 
     trained: TrainedPolicy
     scenario: Scenario
@@ -32,11 +32,11 @@ class Walk:
 
 
 def walk_metrics(walk: Walk) -> dict[str, Any]:
-    """What a walk comes to over its first FIT_FRAMES frames, fallen ones included.
+    """Metrics of a walk over its first FIT_FRAMES frames, including those after a fall.
 
-    frames: before a fall; knee, hip: MEASURED, mean of both sides but for the largest gap; gap_side,
-    gap_frame: where the hips' largest gap is, frames counted from 1; curves: degrees of each angle,
-    reference and simulated.
+    frames: before a fall; knee, hip: MEASURED, mean of both sides except for the largest gap; gap_side,
+    gap_frame: of the largest hip gap, frames counted from 1; curves: angles in degrees, reference and
+    simulated.
     """
     one = walk.trained
     played, _ = staged(
@@ -75,13 +75,15 @@ def rooms(
     workers: int | None = None,
     progress: Callable[[float], object] | None = None,
 ) -> list[dict[str, Any]]:
-    """Of every contender: how many of its walks end upright, medians of the fit, and the curves of one.
+    """Per policy: number of walks without a fall, medians of the fit, and the curves of one walk.
 
-    Walk k goes through the same room for all. shown: the walk through the room in which the first contender's
-    knees' and hips' mean `r2_upright` is the median of all its rooms, the lower of two; progress: called with
-    the share of all walks that is done since.
+    Walk k uses the same room for every policy. shown: the walk through the room where the first policy's mean
+    `r2_upright` of knee and hip is the median of its rooms (the lower of the middle two); progress: called
+    with the share of walks finished since the last call.
     """
-    walks = [Walk(one, scenario, number, seed, engine) for one in compared_policies for number in range(trials)]
+    walks = [
+        Walk(one, scenario, number, seed, engine) for one in compared_policies for number in range(trials)
+    ]
     share = progress and (lambda k: progress(k / len(walks)))
     done = parallel_map(walk_metrics, walks, workers=workers, progress=share)
     ordered = sorted(done[:trials], key=lambda walk: sum(walk[joint]["r2_upright"] for joint in JOINTS))
@@ -91,7 +93,7 @@ def rooms(
         theirs = done[k * trials : (k + 1) * trials]
         results.append(
             {
-                "contender": one.name,
+                "policy": one.name,
                 "trials": trials,
                 "upright": sum(walk["frames"] == walk["of"] for walk in theirs),
                 **{

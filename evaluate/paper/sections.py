@@ -86,7 +86,7 @@ def _settings_of(comparison: Comparison) -> str:
 
 def disturbances(contests: Sequence[Row], drawings: Mapping[str, Draw]) -> dict[str, Any]:
     """Fig. 9 to 11, and a row for each scenario and policy."""
-    samples = dict.fromkeys(f"{row['contender']} {row['kept']:,} of {row['samples']:,}" for row in contests)
+    samples = dict.fromkeys(f"{row['policy']} {row['kept']:,} of {row['samples']:,}" for row in contests)
     abouts = {name: scenario(name).about for name in SCENARIOS}
     panels = [
         {
@@ -103,7 +103,7 @@ def disturbances(contests: Sequence[Row], drawings: Mapping[str, Draw]) -> dict[
     for row in contests:
         low, high = row["survived_95"]
         rows.append([
-            row["scenario"], row["contender"], f"{100 * row['survived']:.0f}",
+            row["scenario"], row["policy"], f"{100 * row['survived']:.0f}",
             f"{100 * low:.0f}–{100 * high:.0f}",
             f"{100 * row['twins_fallen'] / row['trials']:.0f}",
             _percent(row["loss"]["share"]), f"{row['recovered']}/{round(row['touched'] * row['trials'])}",
@@ -118,10 +118,10 @@ def _percent(share: float | None) -> str:
 
 def room(rooms: Sequence[Row]) -> dict[str, Any]:
     """Fig. 12: the walk that is shown, and a row for each policy."""
-    ours = next(row for row in rooms if row["contender"] == PPO)
+    ours = next(row for row in rooms if row["policy"] == PPO)
     rows = [
         [
-            row["contender"],
+            row["policy"],
             f"{row['upright']}/{row['trials']}",
             *(number(row[joint]["r2_upright"], 3) for joint in JOINTS),
             *(number(row[joint]["rmse_deg"], 1) for joint in JOINTS),

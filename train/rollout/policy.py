@@ -155,20 +155,15 @@ def read_record(path: Path) -> dict[str, Any]:
         kind="a policy",
         schema=POLICY_SCHEMA,
         advice="train again",
-        upgrades={3: _with_field_names},
+        upgrades={3: lambda older: renamed_keys(dict(older))},
     )
 
 
-def _with_field_names(record: Mapping[str, Any]) -> dict[str, Any]:
-    """Schema 3 to 4: the keys of _RENAMED; values stay as they are."""
-
-    def renamed(value: Any) -> Any:
-        if isinstance(value, dict):
-            return {_RENAMED.get(key, key): renamed(item) for key, item in value.items()}
-        return [renamed(item) for item in value] if isinstance(value, list) else value
-
-    made: dict[str, Any] = renamed(dict(record))
-    return made
+def renamed_keys(value: Any, names: Mapping[str, str] = _RENAMED) -> Any:
+    """A JSON value whose objects' keys are renamed at every depth."""
+    if isinstance(value, dict):
+        return {names.get(key, key): renamed_keys(item, names) for key, item in value.items()}
+    return [renamed_keys(item, names) for item in value] if isinstance(value, list) else value
 
 
 def _check_record(record: Mapping[str, Any], path: Path) -> None:

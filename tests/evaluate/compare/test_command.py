@@ -132,7 +132,7 @@ def test_stopped_between_budgets_it_goes_on_and_does_nothing_twice(
             return evaluate(folder, **options)
 
         patched.setattr(evaluation, "evaluate", stopped)
-        with pytest.raises(KeyboardInterrupt, match="the same command goes on"):
+        with pytest.raises(KeyboardInterrupt, match="run the same command again"):
             small_comparison(tmp_path / "cut", run)
     so_far = json.loads((tmp_path / "cut" / "compare.json").read_text())
     assert [row["budget"] for row in so_far["cells"]] == [ROUND]
@@ -176,12 +176,12 @@ def test_results_of_something_else_are_left_alone(
     before = (out / "walk" / "default" / "seed0" / f"scores-{ROUND}.json").read_bytes()
     changed = {"default": replace(SMALL, discount=0.9)}
     other = compare([Task(run)], changed, seeds=1, budgets=[ROUND], out=out, engine="pybullet")
-    assert "of the same settings, found others'" in other["failed"]["walk default seed 0"]
+    assert "of the same settings, found another" in other["failed"]["walk default seed 0"]
     record = out / "walk" / "default" / "seed0" / f"policy-{ROUND}.json"
     mine = record.read_text()
     record.write_text(mine.replace('"engine": "pybullet"', '"engine": "native"'))
     elsewhere = small_comparison(out, run, budgets=(ROUND,))
-    assert "of the same engine, found others'" in elsewhere["failed"]["walk default seed 0"]
+    assert "of the same engine, found another" in elsewhere["failed"]["walk default seed 0"]
     record.write_text(mine)
     earlier = small_comparison(out, run, budgets=(ROUND // 2, ROUND))
     assert "a training cannot go back" in earlier["failed"]["walk default seed 0"]
@@ -232,7 +232,7 @@ def test_a_search_is_a_comparison(
 
 
 @pytest.mark.parametrize(
-    ("arguments", "told"),
+    ("arguments", "message"),
     [
         ([], "Missing argument 'RUN[@SCENARIO]...'"),
         (["nowhere"], "motion.json: expected a file, found none"),
@@ -243,8 +243,8 @@ def test_a_search_is_a_comparison(
         (["nowhere", "--limit=ddpg"], "expected VARIANT=SAMPLES, found 'ddpg'"),
         (["nowhere", "--limit=ddpg=3e5"], "expected one among default, found 'ddpg'"),
         (["nowhere", "--search=ddpg", "--only=ddpg-much"], "found 'ddpg-much'"),
-        (["nowhere", "--hidden=128,much"], "expected units as 128,64, found '128,much'"),
-        (["nowhere", "--hidden=0"], "expected units as 128,64, found '0'"),
+        (["nowhere", "--hidden=128,much"], "expected sizes such as 128,64, found '128,much'"),
+        (["nowhere", "--hidden=0"], "expected sizes such as 128,64, found '0'"),
         (["nowhere", "--hidden=128", "--ablation"], "expected no --ablation"),
         (["a/walk", "b/walk"], "found walk, walk"),
     ],
@@ -288,7 +288,7 @@ def test_interrupted_in_its_processes_it_goes_on(fresh: Callable[[str], Path], t
     cut.send_signal(signal.SIGINT)
     _, error = cut.communicate()
     assert cut.returncode == 130, error
-    assert "the same command goes on" in error
+    assert "run the same command again" in error
     ended = subprocess.run(arguments, capture_output=True, text=True, check=False)
     assert ended.returncode == 0, ended.stderr
     result = json.loads(ended.stdout)

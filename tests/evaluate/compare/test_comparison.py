@@ -95,7 +95,7 @@ def test_what_is_published_later_joins_what_is_there(compared: Callable[..., Pat
 
 
 @pytest.mark.parametrize(
-    ("change", "told"),
+    ("change", "message"),
     [
         (
             lambda content: content["provenance"]["config"].update(seeds=5),
@@ -148,7 +148,7 @@ def test_a_task_is_no_way_out_of_the_folder(compared: Callable[..., Path], name:
 
 
 @pytest.mark.parametrize(
-    ("change", "told"),
+    ("change", "message"),
     [
         (lambda content: content.pop("cells"), "found no 'cells'"),
         (lambda content: content.update(cells=[{}]), "found no 'task'"),
@@ -175,7 +175,7 @@ def test_a_study_wants_every_seed_at_every_budget_and_none_failed(compared: Call
     whole = Comparison.load(compared(returns=(0.9, 0.1)))
     whole.expect(["walk"], ["default"])
     short = {**whole.content, "cells": whole.content["cells"][1:]}
-    with pytest.raises(KinemimicError, match="found some missing of default on walk"):
+    with pytest.raises(KinemimicError, match="found incomplete results of default on walk"):
         Comparison(whole.folder, short).expect(["walk"], ["default"])
     failed = {**whole.content, "failed": {"walk ddpg seed 0": "fell"}}
     with pytest.raises(KinemimicError, match="found that walk ddpg seed 0 failed"):
@@ -186,7 +186,7 @@ def test_another_scenario_of_the_same_name_is_refused(compared: Callable[..., Pa
     comparison = Comparison.load(compared())
     task, theirs = "walk@several-obstacles", scenario("several-obstacles")
     comparison.expect_scenario(task, theirs)
-    with pytest.raises(KinemimicError, match="found another of that name"):
+    with pytest.raises(KinemimicError, match="found another scenario of that name"):
         comparison.expect_scenario(task, replace(theirs, seconds=1.0))
 
 
@@ -202,17 +202,17 @@ def test_what_is_missing_is_one_line(compared: Callable[..., Path], tmp_path: Pa
     folder = compared()
     comparison = Comparison.load(folder)
     with pytest.raises(
-        KinemimicError, match="found some missing of robust on walk; repeat `kinemimic compare`"
+        KinemimicError, match="found incomplete results of robust on walk; repeat `kinemimic compare`"
     ):
         comparison.expect(["walk"], ["default", "robust"])
     comparison.expect(["walk", "run"], ["default", "ddpg"])
     (folder / "run" / "motion.json").write_bytes((folder / "walk" / "motion.json").read_bytes())
     with pytest.raises(KinemimicError, match="expected a policy of run's motion"):
         comparison.median_policy("run", "default", "PPO")
-    with pytest.raises(KinemimicError, match="found no file; `make comparison` trains"):
+    with pytest.raises(KinemimicError, match="found no file; run `make comparison`"):
         Comparison.load(tmp_path)
     (tmp_path / "compare.json").write_text(json.dumps({"schema": 7}))
-    with pytest.raises(KinemimicError, match="expected what `kinemimic compare` writes"):
+    with pytest.raises(KinemimicError, match="expected results of `kinemimic compare`"):
         Comparison.load(tmp_path)
 
 

@@ -5,7 +5,13 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from kinemimic.evaluate.compare.learning_curves import Estimate, ahead, converged_at, interquartile, aggregated
+from kinemimic.evaluate.compare.learning_curves import (
+    Estimate,
+    aggregated,
+    ahead,
+    converged_at,
+    interquartile,
+)
 
 
 def test_the_interquartile_mean_is_that_of_the_middle_half() -> None:

@@ -25,7 +25,7 @@ from kinemimic.evaluate.paper.claim import (
     Better,
     Claim,
     between,
-    told,
+    formatted,
 )
 from kinemimic.evaluate.paper.claims import claims
 from kinemimic.evaluate.paper.plan import AMONG, SCENARIOS
@@ -94,12 +94,12 @@ def test_what_is_not_certain_or_does_not_compare_is_called_so(what: dict[str, An
 
 
 def test_a_number_is_told_with_its_unit() -> None:
-    assert told(3e-4, SETTING) == "0.0003"
-    assert told(12.345, "%") == "12.3\u00a0%"
-    assert told(812_345.6, "samples") == "812,346"
-    assert told(None, "s") == "–"
-    assert told(-0.00046, LOSS) == "−0.0005"
-    assert told(0.914, "") == "0.914"
+    assert formatted(3e-4, SETTING) == "0.0003"
+    assert formatted(12.345, "%") == "12.3\u00a0%"
+    assert formatted(812_345.6, "samples") == "812,346"
+    assert formatted(None, "s") == "–"
+    assert formatted(-0.00046, LOSS) == "−0.0005"
+    assert formatted(0.914, "") == "0.914"
     assert between(1.04, 22.26, "%") == "1.0 to 22.3"
     assert between(65_536.0, 1e6, "samples") == "65,536 to 1,000,000"
 
@@ -170,7 +170,7 @@ def contests() -> list[dict[str, Any]]:
                     "fall_s": {"ours": fall, "theirs": theirs, "ahead": later, **certain},
                 }
                 rows.append({
-                    "contender": f"{name}{among}", "samples": 5 if name == "DDPG" else 10,
+                    "policy": f"{name}{among}", "samples": 5 if name == "DDPG" else 10,
                     "scenario": scenario, "trials": 10, "twins_fallen": twins,
                     "loss": {"share": loss, "low": loss, "high": loss + 0.1, "trials": 10 - twins},
                     "lead": None if name == "PPO" else lead,
@@ -180,7 +180,7 @@ def contests() -> list[dict[str, Any]]:
 
 ROOMS = [
     {
-        "contender": "PPO",
+        "policy": "PPO",
         "trials": 3,
         "upright": 2,
         "knee": {"r2_upright": 0.95},
@@ -238,7 +238,7 @@ def test_ours_are_computed_by_hand(comparison: Comparison, contests: list[dict[s
     assert ours("Fig. 9a", "PPO's largest loss of reward") == (pytest.approx(10.0), UNSURE)
     assert ours("Fig. 9b", "PPO loses less than A2C by, in 6 trials") == (pytest.approx(20.0), LARGER)
     assert found["Fig. 9b", "PPO loses less than A2C by, in 6 trials"].low == pytest.approx(5.0)
-    no = "no comparison: DDPG falls by itself"
+    no = "no comparison: DDPG falls undisturbed"
     assert ours("Fig. 9b", "PPO loses less than DDPG by") == (None, no)
     assert ours("Fig. 10a", "PPO's reward is 0 later than A2C's by, in 6 trials") == (
         pytest.approx(1.0),
@@ -280,7 +280,7 @@ def test_ours_are_computed_by_hand(comparison: Comparison, contests: list[dict[s
         ({"ours": 3.0, "theirs": None, "low": -4.0, "high": -1.0}, "worse: A2C mostly does not fall"),
         (
             {"ours": None, "theirs": None, "low": None, "high": None, "trials": 0},
-            "no comparison: no trial for both",
+            "no comparison: no common trial",
         ),
         # One trial is no evidence.
         ({"ours": 3.0, "theirs": 1.0, "ahead": 2.0, "low": None, "high": None, "trials": 1}, ""),
@@ -289,7 +289,7 @@ def test_ours_are_computed_by_hand(comparison: Comparison, contests: list[dict[s
 def test_who_never_falls_is_ahead_only_where_chance_is_not(
     comparison: Comparison, contests: list[dict[str, Any]], lead: dict[str, Any], verdict: str
 ) -> None:
-    (row,) = (one for one in contests if (one["contender"], one["scenario"]) == ("A2C", "leg-force"))
+    (row,) = (one for one in contests if (one["policy"], one["scenario"]) == ("A2C", "leg-force"))
     row["lead"]["fall_s"] = {"ahead": None, "trials": 6, **lead}
     made = claims(comparison, contests, ROOMS, _times())
     (found,) = (one for one in made if one.figure == "Fig. 10a" and "A2C" in one.what)
@@ -298,11 +298,11 @@ def test_who_never_falls_is_ahead_only_where_chance_is_not(
 
 def test_who_falls_untouched_is_not_compared(comparison: Comparison, contests: list[dict[str, Any]]) -> None:
     for row in contests:
-        if (row["contender"], row["scenario"]) == ("PPO", "pull-forward"):
+        if (row["policy"], row["scenario"]) == ("PPO", "pull-forward"):
             row["twins_fallen"] = 6
     made = [one for one in claims(comparison, contests, ROOMS, _times()) if one.figure == "Fig. 9a"]
-    falls = "worse: PPO falls by itself"
-    assert [one.verdict for one in made] == [falls, "no comparison: DDPG falls by itself", falls]
+    falls = "worse: PPO falls undisturbed"
+    assert [one.verdict for one in made] == [falls, "no comparison: DDPG falls undisturbed", falls]
 
 
 def test_they_come_in_the_papers_sequence(comparison: Comparison, contests: list[dict[str, Any]]) -> None:

@@ -59,7 +59,7 @@ def test_a_study_is_a_page_figures_and_numbers_and_is_not_done_twice(
     content = json.loads((out / "study.json").read_text())
     assert json.loads(ended.stdout) == content
     assert told("study.json") == set(content)
-    rows = [(row["contender"], row["scenario"]) for row in content["contests"]]
+    rows = [(row["policy"], row["scenario"]) for row in content["head_to_head"]]
     assert rows == [(name, scenario) for scenario in SCENARIOS for name in policies_in(scenario)]
     # All through the same room, which of the three is PPO's middle one.
     assert len({row["shown"]["number"] for row in content["rooms"]}) == 1
@@ -80,7 +80,7 @@ def test_a_study_is_a_page_figures_and_numbers_and_is_not_done_twice(
     assert "actions bounded to ±0.5, exploration 0.2 to 0.17." in page
     assert f"PPO {KEPT:,} of {BUDGET:,}; DDPG {KEPT:,} of {BUDGET:,};" in page
     # Nobody leads PPO; the rivals that trained among obstacles are PPO's that did.
-    led = {row["contender"] for row in content["contests"] if row["lead"] is not None}
+    led = {row["policy"] for row in content["head_to_head"] if row["lead"] is not None}
     assert led == {"DDPG", "A2C", "DDPG, among obstacles", "A2C, among obstacles"}
     # It asks for nothing from outside.
     assert not re.search(r"(src|href|srcset)=[\"'](?!data:)", page)
@@ -90,7 +90,7 @@ def test_a_study_is_a_page_figures_and_numbers_and_is_not_done_twice(
         raise AssertionError("measured again")
 
     with monkeypatch.context() as patched:
-        for measure in ("contest", "rooms", "processing_times"):
+        for measure in ("head_to_head", "rooms", "processing_times"):
             patched.setattr(module, measure, never)
         again = CliRunner().invoke(module.command, [*arguments, "--json"], catch_exceptions=False)
         assert json.loads(again.stdout) == content
@@ -106,7 +106,7 @@ def test_a_contest_does_not_depend_on_who_takes_part(compared: Callable[..., Pat
     options: dict[str, Any] = {"trials": 3, "seed": 5, "engine": "pybullet", "workers": 1}
     both = head_to_head([(one, pull), (other, pull)], **options)
     (alone,) = head_to_head([(other, pull)], **options, over={"DDPG": "PPO"})
-    assert [row["contender"] for row in both] == ["PPO", "DDPG"]
+    assert [row["policy"] for row in both] == ["PPO", "DDPG"]
     assert both[1] == alone
     led = head_to_head([(one, pull), (other, pull)], **options, over={"DDPG": "PPO"})
     assert led[0] == both[0]
@@ -119,6 +119,6 @@ def test_a_contest_does_not_depend_on_who_takes_part(compared: Callable[..., Pat
 
 def test_a_study_of_too_little_is_one_line(compared: Callable[..., Path], tmp_path: Path) -> None:
     folder = compared(variants=("default", "ddpg"))
-    with pytest.raises(KinemimicError, match="found some missing of a2c on walk"):
+    with pytest.raises(KinemimicError, match="found incomplete results of a2c on walk"):
         module.study(Comparison.load(folder), tmp_path / "out")
     assert not (tmp_path / "out").exists()
