@@ -217,8 +217,8 @@ def test_ours_are_computed_by_hand(comparison: Comparison, contests: list[dict[s
         return one.ours, one.verdict
 
     # The middle half of .1 .7 .8 .9; of three, the first and last by a quarter.
-    assert ours("Fig. 7a", "PPO's largest reward") == (pytest.approx(75.0), WORSE)
-    assert found["Fig. 7a", "PPO's largest reward"].paper == pytest.approx(92.6)
+    assert ours("Fig. 7a", "PPO's maximum reward") == (pytest.approx(75.0), WORSE)
+    assert found["Fig. 7a", "PPO's maximum reward"].paper == pytest.approx(92.6)
     assert ours("Fig. 7a", "PPO ahead of DDPG by, after 10 samples") == (pytest.approx(25.0), UNDECIDED)
     assert ours("Fig. 7a", "PPO ahead of A2C by, after 10 samples") == (pytest.approx(-5.0), NOT_CONFIRMED)
     assert ours("Fig. 7a", "PPO converges, of 10 samples (3 of 4 seeds), at") == (
@@ -227,19 +227,19 @@ def test_ours_are_computed_by_hand(comparison: Comparison, contests: list[dict[s
     )
     assert ours("Fig. 7a", "DDPG converges, of 10 samples (0 of 2 seeds), at") == (
         None,
-        "still rises, or does not stay near its best",
+        "still rising, or does not stay near its maximum",
     )
-    assert ours("Fig. 8b", "PPO's least loss") == (0.02, WORSE)
+    assert ours("Fig. 8b", "PPO's minimum loss") == (0.02, WORSE)
     # Smoothed over three, of 0.48 down: 0.16, 0.3167, 0.4733, 0.47 …; from the third on above 95 %.
     assert ours("Fig. 8a", "PPO's loss converges at") == (2.0, "")
-    lead = "PPO's least loss below {}'s by, after 10 samples"
+    lead = "PPO's minimum loss below {}'s by, after 10 samples"
     assert ours("Fig. 8a", lead.format("DDPG")) == (pytest.approx(0.18), SHORT)
     assert ours("Fig. 8a", lead.format("A2C")) == (pytest.approx(-0.01), NOT_CONFIRMED)
-    assert ours("Fig. 9a", "PPO's largest loss of reward") == (pytest.approx(10.0), UNSURE)
-    assert ours("Fig. 9b", "PPO loses less than A2C by, in 6 trials") == (pytest.approx(20.0), LARGER)
-    assert found["Fig. 9b", "PPO loses less than A2C by, in 6 trials"].low == pytest.approx(5.0)
+    assert ours("Fig. 9a", "PPO's largest drop of reward") == (pytest.approx(10.0), UNSURE)
+    assert ours("Fig. 9b", "PPO's drop smaller than A2C's by, in 6 trials") == (pytest.approx(20.0), LARGER)
+    assert found["Fig. 9b", "PPO's drop smaller than A2C's by, in 6 trials"].low == pytest.approx(5.0)
     no = "no comparison: DDPG falls undisturbed"
-    assert ours("Fig. 9b", "PPO loses less than DDPG by") == (None, no)
+    assert ours("Fig. 9b", "PPO's drop smaller than DDPG's by") == (None, no)
     assert ours("Fig. 10a", "PPO's reward is 0 later than A2C's by, in 6 trials") == (
         pytest.approx(1.0),
         SMALLER,
