@@ -59,11 +59,11 @@ def training(comparison: Comparison) -> dict[str, Any]:
     return {"training": rows, "seeds": seeds, "settings": _settings_of(comparison)}
 
 
-def _with_interval(told: Estimate) -> str:
-    if told.low is None:
-        return number(told.mean, 1)
+def _with_interval(estimate: Estimate) -> str:
+    if estimate.low is None:
+        return number(estimate.mean, 1)
     # A line may break before the bracket only.
-    return f"{number(told.mean, 1)} ({number(told.low, 1)}\u00a0to\u00a0{number(told.high, 1)})"
+    return f"{number(estimate.mean, 1)} ({number(estimate.low, 1)}\u00a0to\u00a0{number(estimate.high, 1)})"
 
 
 def _settings_of(comparison: Comparison) -> str:
