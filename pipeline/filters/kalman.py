@@ -79,7 +79,7 @@ def smooth(
         y = np.where(there[:, None], y, 0.0)
         x, share, cutoff = _robust(chain, y, np.where(there, weights[:, joint], 1.0), there)
         result.values[there, joint] = x[there]
-        result.overruled[:, joint] = there & ~unknown[:, joint] & (share < OVERRULED)
+        result.overruled[:, joint] = there & (share < OVERRULED)  # the share of an unknown value is 1
         result.cutoff[joint] = cutoff
     return result
 

@@ -21,6 +21,7 @@ from kinemimic.pipeline.kinematics.rotations import (
     from_euler,
     from_rotvec,
     multiply,
+    normalize,
     rotate,
 )
 
@@ -184,3 +185,10 @@ def test_recorded_quaternions_stay_unless_a_gap_is_to_be_filled(node_clip: Build
     gap[20:23, 4] = np.nan
     filled = clean(replace(recorded, rotations=gap), "none")[0].rotations
     assert filled is not None and angle_between(filled, turns).max() < 1e-3
+
+
+def test_filtered_rotations_are_sign_continuous_however_they_tumble(node_clip: Build) -> None:
+    tumbling = normalize(np.random.default_rng(1).standard_normal((60, 20, 4)))
+    filtered = clean(replace(node_clip(60), rotations=tumbling), "one-euro")[0].rotations
+    assert filtered is not None
+    assert (np.sum(filtered[1:] * filtered[:-1], axis=-1) >= 0.0).all()

@@ -212,3 +212,51 @@ def test_a_slow_clock_and_values_without_a_spread() -> None:
     nothing = smoothed(np.full((20, 1, 3), np.nan), states=np.full((20, 1), MISSING, np.uint8))
     assert np.isnan(nothing.values).all()
     assert np.isnan(nothing.cutoff).all()
+
+
+def test_the_cut_off_is_above_the_likelihoods() -> None:
+    """Paths drawn from the model with a cut-off of 5 Hz; reweighting alone finds 5.5 Hz."""
+    rng = np.random.default_rng(11)
+    step, frames = 1.0 / 30.0, 2000
+    chain = Chain.of(np.arange(frames) * step, one_pass(frames), np.ones(frames, dtype=np.bool_), step)
+    bends = NOISE / np.sqrt(chain.stiffness(5.0)) * rng.standard_normal((frames, 4, 3))
+    path = np.cumsum(np.cumsum(bends, axis=0), axis=0) + NOISE * rng.standard_normal((frames, 4, 3))
+    assert smoothed(path, np.arange(frames) * step).cutoff.mean() == pytest.approx(1.5 * 5.46, rel=0.02)
+
+
+def test_an_inferred_value_weighs_half_as_much_as_a_tracked_one() -> None:
+    """A value of weight w moves its estimate by w / (w + a), where a is what its neighbours weigh."""
+    even, move = np.arange(120) / 30.0, 1e-4
+    noisy = walk(120, 1) + NOISE * np.random.default_rng(7).standard_normal((120, 1, 3))
+    moved = noisy.copy()
+    moved[60, 0, 1] += move
+    shares = []
+    for state in (TRACKED, INFERRED):
+        states = np.full((120, 1), TRACKED, np.uint8)
+        states[60] = state
+        after, before = (smoothed(values, even, states).values[60, 0, 1] for values in (moved, noisy))
+        shares.append((after - before) / move)
+    neighbours = 1.0 / shares[0] - 1.0
+    assert shares[1] * neighbours / (1.0 - shares[1]) == pytest.approx(0.5, abs=0.05)
+
+
+@pytest.mark.parametrize(
+    ("seed", "burst", "overruled"),
+    [(5, 2, [60, 61]), (0, 4, [])],  # two rounds overrule frame 62 too; a fourth one, of four, frame 64
+)
+def test_three_rounds_of_reweighting(seed: int, burst: int, overruled: list[int]) -> None:
+    even = np.arange(150) / 30.0
+    truth = 0.3 * np.sin(2 * np.pi * even[:, None, None] + np.arange(3))
+    noisy = truth + NOISE * np.random.default_rng(seed).standard_normal((150, 1, 3))
+    noisy[60 : 60 + burst, 0, 0] += 0.25
+    assert np.flatnonzero(smoothed(noisy, even).overruled[:, 0]).tolist() == overruled
+
+
+def test_a_filled_gap_is_not_overruled() -> None:
+    """What stands in a filled gap is nobody's measurement, however far it is from the estimate."""
+    noisy = walk(120, 1) + NOISE * np.random.default_rng(7).standard_normal((120, 1, 3))
+    noisy[60, 0, 0] += 0.5
+    unknown = np.zeros((120, 1), dtype=np.bool_)
+    assert smoothed(noisy, unknown=unknown).overruled[60, 0]
+    unknown[60] = True
+    assert not smoothed(noisy, unknown=unknown).overruled.any()

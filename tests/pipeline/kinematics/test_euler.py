@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from kinemimic.pipeline.kinematics.euler import local_rotations, positions_of_channels, world_positions
-from kinemimic.pipeline.kinematics.rotations import ORDERS, from_axis_angle, normalize, to_matrix
+from kinemimic.pipeline.kinematics.rotations import IDENTITY, ORDERS, from_axis_angle, normalize, to_matrix
 from kinemimic.pipeline.kinematics.skeleton import Skeleton
 
 
@@ -34,3 +34,12 @@ def test_a_rest_turns_the_frame_in_which_channels_turn() -> None:
     q = local_rotations(np.array([[[0.5 * np.pi, 0, 0]]]), ("XYZ",), np.array([0.0, 0, 0, 1]), rests)
     np.testing.assert_allclose(to_matrix(q)[0, 0] @ [0, 1, 0], to_matrix(rests)[0] @ [0, 0, 1], atol=1e-12)
     np.testing.assert_allclose(to_matrix(q)[0, 0] @ [1, 0, 0], [0, 1, 0], atol=1e-12)
+
+
+@pytest.mark.parametrize("order", ["YZX", "XYZ"])
+def test_rotations_are_sign_continuous_where_a_channel_wraps(order: str) -> None:
+    turn = np.linspace(0.0, 4.0 * np.pi, 50)
+    euler = np.zeros((50, 2, 3))
+    euler[:, 1, 0] = np.mod(turn + np.pi, 2.0 * np.pi) - np.pi
+    q = local_rotations(euler, (order, order), IDENTITY)
+    assert (np.sum(q[1:] * q[:-1], axis=-1) > 0.99).all()

@@ -19,6 +19,7 @@ from kinemimic.pipeline.kinematics.rotations import (
     ORDERS,
     angle_between,
     conjugate,
+    from_axis_angle,
     from_euler,
     multiply,
     to_rotvec,
@@ -115,3 +116,10 @@ def test_the_table_names_joint_order_and_frames(node_clip: Build) -> None:
 
 def test_a_capture_of_positions_has_no_channels(node_clip: Build) -> None:
     assert gimbal_report(node_clip(), np.zeros((60, 20, 4)))["joints"] == []
+
+
+@pytest.mark.parametrize(("turned", "expected"), [(26.0, [1]), (34.0, []), (0.0, [1])])
+def test_a_flip_jumps_by_more_than_twice_the_turn(turned: float, expected: list[int]) -> None:
+    euler = np.radians([[0.0, 0.0, 0.0], [60.0, 0.0, 0.0]])
+    rotations = from_axis_angle("X", np.radians([0.0, turned]))
+    assert flips(euler, rotations).tolist() == expected

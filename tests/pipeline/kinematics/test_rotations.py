@@ -234,3 +234,11 @@ def test_y_up_becomes_z_up() -> None:
     assert np.allclose(r.rotate(r.Y_UP_TO_Z_UP, left), [0, 1, 0])
     assert np.allclose(r.rotate(r.Y_UP_TO_Z_UP, up), [0, 0, 1])
     assert np.allclose(r.rotate(r.Y_UP_TO_Z_UP, forward), [1, 0, 0])
+
+
+@pytest.mark.parametrize("size", np.geomspace(1e-8, 1e-2, 7))
+def test_small_rotation_vectors_are_exact(size: float) -> None:
+    """To the last digits, not to first order in the angle."""
+    turn = r.from_axis_angle("Y", size)
+    assert r.to_rotvec(turn) == pytest.approx([0.0, size, 0.0], rel=1e-13)
+    assert r.from_rotvec(np.array([0.0, size, 0.0])) == pytest.approx(turn, rel=1e-13)
