@@ -20,7 +20,7 @@ from kinemimic.pipeline.readers.mocap.mot import JOINTS, WORLD_FROM_FILE
 from kinemimic.pipeline.writers.poses import Poses
 
 # Of the hips' middle from the pelvis' origin in the models, metres.
-_HIPS_MIDDLE = np.array(next(joint.place for joint in JOINTS if joint.name == "hip_center"))
+_HIPS_MIDDLE = np.array(next(joint.offset for joint in JOINTS if joint.name == "hip_center"))
 _HEADER = """\
 inDegrees=yes
 

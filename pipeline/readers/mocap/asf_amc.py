@@ -1,9 +1,9 @@
-"""Acclaim motion: an AMC file of angles with the ASF skeleton that lies beside it.
+"""Acclaim motion: an AMC file of angles with the ASF skeleton in the same folder.
 
-A bone turns in a frame of its own (`axis`), which rest tilts against the world: with C the rotation of that
-frame and M the product of the bone's angles, all bones hang by C M C^-1 from the one before (Lander 1998,
-"Working with Motion Capture File Formats"). A joint here stands at the START of its bone and has the frame
-C: its rest is C_parent^-1 C, and its Euler channels stay the file's own. Sequences are extrinsic: `rx ry rz`
+A bone rotates in a frame of its own (`axis`), tilted against the world at rest: with C the rotation of that
+frame and M the product of the bone's angles, a bone's rotation relative to its parent is C M C^-1 (Lander
+1998, "Working with Motion Capture File Formats"). Here a joint is at the START of its bone and has the frame
+C: its rest rotation is C_parent^-1 C, and its Euler channels are the file's. Orders are extrinsic: `rx ry rz`
 is R = Rz Ry Rx. The file's world is Y up.
 """
 
@@ -36,17 +36,17 @@ FORMAT = Format(
     recognised_by="the keyword :FULLY-SPECIFIED, or a frame's number with a line `root` below it",
     companion="the skeleton NAME.asf (02.asf for 02_01.amc)",
 )
-# CMU's library and HDM05 were recorded at 120 Hz, and their files do not say so.
+# CMU's library and HDM05 were recorded at 120 Hz, which their files do not state.
 RATE = 120.0
 _RATES = (5.0, 2000.0)
-_RATE_WORDS = (":SAMPLES-PER-SECOND", ":FRAMES-PER-SECOND")
+_RATE_KEYWORDS = (":SAMPLES-PER-SECOND", ":FRAMES-PER-SECOND")
 _KNEES = {"knee_left": "ltibia", "knee_right": "rtibia"}
 # A day at 120 Hz; larger frame numbers are damage.
-_LAST_FRAME = 1e7
+_MAX_FRAME = 1e7
 
 
 def recognises(source: Source) -> bool:
-    """True for motion, and for a skeleton, which `read` answers with what to read in its place."""
+    """True for a motion, and for a skeleton, for which `read` explains what to read instead."""
     words = [line.split() for line in source.head]
     first = [word[0].upper() for word in words]
     if ":FULLY-SPECIFIED" in first or is_skeleton(source):
@@ -62,17 +62,17 @@ def is_skeleton(source: Source) -> bool:
 
 
 def read(source: Source) -> Clip:
-    """The clip of a joint at the start of each bone, and one at the end of bones that nothing hangs from.
+    """The clip of a joint at the start of each bone, and one at the end of bones without children.
 
-    The file has no clock: frames are 1/120 s apart unless it states a rate; frames whose number is not above
-    all before them are dropped and told. angles: the file's own knees, where the shin has one angle.
+    The file has no clock: frames are 1/120 s apart unless it states a rate. Frames whose number is not
+    greater than all before are dropped and reported. angles: the file's own knees, if the shin has one angle.
     """
     if is_skeleton(source):
         raise source.error(
             expected="a motion", found="a skeleton (ASF) alone",
-            advice="give the .amc file; the skeleton beside it is found",
+            advice="pass the .amc file; the skeleton in the same folder is found",
         )  # fmt: skip
-    beside, text = _skeleton_beside(source)
+    skeleton_source, text = _find_skeleton(source)
     amc = amc_text.parse(source, {bone.name: len(bone.dofs) for bone in text.bones})
     degrees = text.degrees if ":RADIANS" not in amc.keywords else False
     degrees = degrees or ":DEGREES" in amc.keywords
@@ -81,7 +81,7 @@ def read(source: Source) -> Clip:
     values = amc.values if later.all() else {bone: array[later] for bone, array in amc.values.items()}
 
     names, parents, rests, offsets = _joints(text)
-    unit = infer_unit(names, offsets[None], beside.path, named=source.unit)
+    unit = infer_unit(names, offsets[None], skeleton_source.path, named=source.unit)
     skeleton = Skeleton(names, parents, offsets * unit.metres)
     orders, euler, root = _channels(text, values, len(names), degrees)
     translations = np.broadcast_to(skeleton.offsets, (len(root), len(names), 3)).copy()
@@ -105,7 +105,7 @@ def read(source: Source) -> Clip:
                 units_rule=unit.rule,
                 defects=[*unit.defects, *defects],
                 notes=[rate_rule],
-                skeleton=beside.path.name,
+                skeleton=skeleton_source.path.name,
                 skeleton_length_scale=text.length,
                 channels=int(sum(len(bone.dofs) for bone in text.bones)),
             ),
@@ -113,26 +113,33 @@ def read(source: Source) -> Clip:
     )
 
 
-def _skeleton_beside(source: Source) -> tuple[Source, AsfText]:
-    """The skeleton of this motion: of the same name, else of the longest name that its own starts with (CMU's
-    02.asf of 02_01.amc), else the only one in the folder."""
+def _find_skeleton(source: Source) -> tuple[Source, AsfText]:
+    """The skeleton of this motion: the one with its name, else with the longest prefix of it (CMU's 02.asf
+    for 02_01.amc), else the only one in the folder.
+    """
     try:
-        there = sorted(path.name for path in source.path.parent.iterdir() if _is_asf(path))
+        found_files = sorted(path.name for path in source.path.parent.iterdir() if _is_asf(path))
     except OSError:
-        there = []
+        found_files = []
     stem = source.path.name.split(".")[0].lower()
-    fitting = [name for name in there if (stem + "_").startswith(name.lower().removesuffix(".gz")[:-4] + "_")]
-    chosen = max(fitting, key=len) if fitting else there[0] if len(there) == 1 else None
-    beside = source.companion(chosen) if chosen else None
-    if beside is None:
-        among = f"{', '.join(there[:4])}{' …' if len(there) > 4 else ''}" if there else "no .asf file"
+    fitting = [
+        name for name in found_files if (stem + "_").startswith(name.lower().removesuffix(".gz")[:-4] + "_")
+    ]
+    skeleton_name = max(fitting, key=len) if fitting else found_files[0] if len(found_files) == 1 else None
+    skeleton_source = source.companion(skeleton_name) if skeleton_name else None
+    if skeleton_source is None:
+        listed = (
+            f"{', '.join(found_files[:4])}{' …' if len(found_files) > 4 else ''}"
+            if found_files
+            else "no .asf file"
+        )
         raise source.error(
-            expected=f"its skeleton beside it, {stem}.asf or {stem.split('_')[0]}.asf", found=among,
-            advice="put the skeleton that came with the motion into the same folder",
+            expected=f"its skeleton in the same folder, {stem}.asf or {stem.split('_')[0]}.asf", found=listed,
+            advice="copy the skeleton that came with the motion there",
         )  # fmt: skip
-    if not beside.is_text or not is_skeleton(beside):
-        raise beside.error(expected="a skeleton (ASF)", found="something else")
-    return beside, asf_text.parse(beside)
+    if not skeleton_source.is_text or not is_skeleton(skeleton_source):
+        raise skeleton_source.error(expected="a skeleton (ASF)", found="something else")
+    return skeleton_source, asf_text.parse(skeleton_source)
 
 
 def _is_asf(path: Path) -> bool:
@@ -140,36 +147,36 @@ def _is_asf(path: Path) -> bool:
 
 
 def _rate(source: Source, keywords: Mapping[str, str]) -> tuple[float, str]:
-    """Frames a second, and how they are known."""
-    stated = next((keywords[word] for word in _RATE_WORDS if word in keywords), None)
-    if stated is None:
-        return RATE, f"the file states no frame rate: {RATE:g} a second, as the CMU library was recorded"
+    """Frames per second, and how the rate is known."""
+    declared = next((keywords[word] for word in _RATE_KEYWORDS if word in keywords), None)
+    if declared is None:
+        return RATE, f"the file states no frame rate: {RATE:g} Hz, the rate of the CMU library"
     try:
-        rate = float(stated)
+        rate = float(declared)
     except ValueError:
         rate = np.nan
     if not _RATES[0] <= rate <= _RATES[1]:
-        raise source.error(
-            expected=f"a rate of {_RATES[0]:g} to {_RATES[1]:g} frames a second", found=repr(stated[:40])
-        )
-    return rate, f"{rate:g} frames a second, as the file states"
+        raise source.error(expected=f"a rate of {_RATES[0]:g} to {_RATES[1]:g} Hz", found=repr(declared[:40]))
+    return rate, f"{rate:g} Hz, as stated in the file"
 
 
 def _later(source: Source, numbers: Array) -> tuple[NDArray[np.bool_], list[Defect]]:
-    """The frames whose number is above all before them."""
-    if not numbers.max() <= _LAST_FRAME:
+    """The frames whose number is greater than all before."""
+    if not numbers.max() <= _MAX_FRAME:
         raise source.error(expected="frame numbers of a recording", found=f"{numbers.max():g}")
     return increasing_times(numbers)
 
 
 def _joints(text: AsfText) -> tuple[tuple[str, ...], tuple[int, ...], Array, Array]:
-    """Names, parents, rests (J, 4) and offsets (J, 3) in the declared unit: bones first, then bare ends."""
+    """Names, parents, rests (J, 4) and offsets (J, 3) in the declared unit: bones first, then their free
+    ends.
+    """
     bones = text.bones
     names, parents = [bone.name for bone in bones], [bone.parent for bone in bones]
-    above = [bones[bone.parent].axis if bone.parent >= 0 else IDENTITY for bone in bones]
-    rests = [multiply(conjugate(axis), bone.axis) for axis, bone in zip(above, bones, strict=True)]
+    parent_axes = [bones[bone.parent].axis if bone.parent >= 0 else IDENTITY for bone in bones]
+    rests = [multiply(conjugate(axis), bone.axis) for axis, bone in zip(parent_axes, bones, strict=True)]
     ends = [rotate(conjugate(bone.axis), bone.end) / text.length for bone in bones]
-    offsets = [text.place / text.length, *(ends[parent] for parent in parents[1:])]
+    offsets = [text.position / text.length, *(ends[parent] for parent in parents[1:])]
     for joint, bone in enumerate(bones):
         if joint not in parents and ends[joint].any():
             names.append(f"{bone.name}_end")
@@ -182,7 +189,9 @@ def _joints(text: AsfText) -> tuple[tuple[str, ...], tuple[int, ...], Array, Arr
 def _channels(
     text: AsfText, values: Mapping[str, Array], joints: int, degrees: bool
 ) -> tuple[tuple[str, ...], Array, Array]:
-    """Intrinsic orders (J,), angles (T, J, 3), radians, and the root's place (T, 3), declared unit."""
+    """Intrinsic orders (J,), angles (T, J, 3) in radians, and the root's position (T, 3) in the declared
+    unit.
+    """
     frames = len(next(iter(values.values())))
     euler, root = np.zeros((frames, joints, 3)), np.zeros((frames, 3))
     orders = [""] * joints
@@ -195,13 +204,17 @@ def _channels(
             else:
                 euler[:, joint, len(orders[joint])] = column
                 orders[joint] += axis
-        # The axes that a bone lacks stay zero, at the end of its order.
+        # Axes that a bone lacks are zero, at the end of its order.
         orders[joint] += "".join(axis for axis in "XYZ" if orders[joint] and axis not in orders[joint])
-    return tuple(orders), np.radians(euler, out=euler) if degrees else euler, root + text.place / text.length
+    return (
+        tuple(orders),
+        np.radians(euler, out=euler) if degrees else euler,
+        root + text.position / text.length,
+    )
 
 
 def _knees(text: AsfText, values: Mapping[str, Array], degrees: bool) -> dict[str, Array]:
-    """The file's own knee curves: a shin with one angle has the knee's flexion for it, in every library."""
+    """The file's own knee curves: if a shin has one angle, it is the knee's flexion, in every library."""
     hinges = {bone.name for bone in text.bones if bone.dofs == ("rx",)}
     return {
         knee: np.radians(values[shin][:, 0]) if degrees else values[shin][:, 0].copy()

@@ -1,4 +1,6 @@
-"""The text of an ASF skeleton: bones with their axes, lengths and degrees of freedom, nothing interpreted."""
+"""Parse the text of an ASF skeleton: bones with axes, lengths and degrees of freedom, not interpreted
+further.
+"""
 
 from __future__ import annotations
 
@@ -14,11 +16,12 @@ from kinemimic.pipeline.readers.base.source import Source
 
 ROOT = "root"
 MAX_BONES = 1024
-# In any unit and in degrees; what is larger is damage, and would overflow further on.
-LARGEST = 1e9
+# In any unit and in degrees. Larger numbers are damage, and would overflow later.
+MAX_NUMBER = 1e9
 _SCALES = (1e-4, 1e4)
 _SECTIONS = ("units", "root", "bonedata", "hierarchy")
-# The kinds of freedom that a bone may have; "l" (a length that changes) is in the format but in no library.
+# The degrees of freedom that a bone may have; the format also has "l" (a varying length), but no library uses
+# it.
 DOFS: tuple[str, ...] = ("rx", "ry", "rz")
 ROOT_DOFS: tuple[str, ...] = ("tx", "ty", "tz", *DOFS)
 _Line = tuple[int, list[str]]
@@ -27,7 +30,7 @@ _Line = tuple[int, list[str]]
 @dataclass
 class Bone:
     """A bone, or the root. axis: (4,) its frame at rest in the file's world; end: (3,) from its start to its
-    end at rest, in the file's world and unit; dofs: its values in a frame of motion, in this sequence.
+    end at rest, in the file's world and unit; dofs: its values in a frame of motion, in this order.
     """
 
     name: str
@@ -39,13 +42,12 @@ class Bone:
 
 @dataclass
 class AsfText:
-    """bones: parents before children, the root first; place: (3,) of the root, in the file's unit.
-
-    length: what the file divides its lengths by; degrees: its angles are no radians.
+    """bones: parents before children, the root first; position: (3,) of the root, in the file's unit; length:
+    the divisor of the file's lengths; degrees: whether angles are degrees, not radians.
     """
 
     bones: list[Bone]
-    place: Array
+    position: Array
     length: float
     degrees: bool
 
@@ -57,22 +59,22 @@ def parse(source: Source) -> AsfText:
         if name not in sections:
             raise source.error(expected=f"a section :{name}", found="none", advice="the skeleton is cut off")
     length, degrees = _units(source, sections.get("units", []))
-    root, place = _root(source, sections["root"], degrees)
+    root, position = _root(source, sections["root"], degrees)
     bones = {ROOT: root}
     for block in _blocks(source, sections["bonedata"]):
         bone = _bone(source, block, degrees)
         if bone.name in bones:
             raise source.error(
-                expected="bones once each", found=f"{bone.name!r} twice", where=f"line {block[0][0]}"
+                expected="each bone once", found=f"{bone.name!r} twice", where=f"line {block[0][0]}"
             )
         if len(bones) > MAX_BONES:
             raise source.error(expected=f"at most {MAX_BONES} bones", found="more")
         bones[bone.name] = bone
-    return AsfText(_tree(source, sections["hierarchy"], bones), place, length, degrees)
+    return AsfText(_tree(source, sections["hierarchy"], bones), position, length, degrees)
 
 
 def _sections(source: Source) -> Mapping[str, list[_Line]]:
-    """The words of each line, by the keyword above them (":root"); comments and blank lines left out."""
+    """The words of each line, by the keyword above them (":root"), without comments and blank lines."""
     sections: dict[str, list[_Line]] = {}
     current: list[_Line] = []
     for number, line in enumerate(source.lines, 1):
@@ -89,10 +91,10 @@ def _units(source: Source, lines: Sequence[_Line]) -> tuple[float, bool]:
     for number, words in lines:
         match words[0].lower():
             case "length":
-                length = float(_numbers(source, number, words[1:], 1, "a scale of lengths")[0])
+                length = float(_numbers(source, number, words[1:], 1, "a length scale")[0])
                 if not _SCALES[0] <= length <= _SCALES[1]:
                     raise source.error(
-                        expected=f"a scale of lengths of {_SCALES[0]:g} to {_SCALES[1]:g}",
+                        expected=f"a length scale of {_SCALES[0]:g} to {_SCALES[1]:g}",
                         found=words[1][:40],
                         where=f"line {number}",
                     )
@@ -102,7 +104,7 @@ def _units(source: Source, lines: Sequence[_Line]) -> tuple[float, bool]:
 
 
 def _root(source: Source, lines: Sequence[_Line], degrees: bool) -> tuple[Bone, Array]:
-    root, place, turn, order = Bone(ROOT, dofs=ROOT_DOFS), np.zeros(3), np.zeros(3), "XYZ"
+    root, position, angles, order = Bone(ROOT, dofs=ROOT_DOFS), np.zeros(3), np.zeros(3), "XYZ"
     for number, words in lines:
         match words[0].lower():
             case "order":
@@ -110,11 +112,11 @@ def _root(source: Source, lines: Sequence[_Line], degrees: bool) -> tuple[Bone, 
             case "axis":
                 order = _order(source, number, words[1:])
             case "position":
-                place = _numbers(source, number, words[1:], 3, "the root's position")
+                position = _numbers(source, number, words[1:], 3, "the root's position")
             case "orientation":
-                turn = _numbers(source, number, words[1:], 3, "the root's orientation")
-    root.axis = _axis(turn, order, degrees)
-    return root, place
+                angles = _numbers(source, number, words[1:], 3, "the root's orientation")
+    root.axis = _axis(angles, order, degrees)
+    return root, position
 
 
 def _blocks(source: Source, lines: Sequence[_Line]) -> Iterator[list[_Line]]:
@@ -123,7 +125,7 @@ def _blocks(source: Source, lines: Sequence[_Line]) -> Iterator[list[_Line]]:
     for number, words in lines:
         word = words[0].lower()
         if (word == "begin") == (block is not None) and word in ("begin", "end"):
-            raise source.error(expected="begin and end in turn", found=repr(word), where=f"line {number}")
+            raise source.error(expected="alternating begin and end", found=repr(word), where=f"line {number}")
         if word == "begin":
             block = []
         elif word == "end":
@@ -148,8 +150,8 @@ def _bone(source: Source, lines: Sequence[_Line], degrees: bool) -> Bone:
             case "length":
                 length = float(_numbers(source, number, words[1:], 1, "a bone's length")[0])
             case "axis":
-                turn = _numbers(source, number, words[1:4], 3, "a bone's axis: three angles and an order")
-                bone.axis = _axis(turn, _order(source, number, words[4:]), degrees)
+                angles = _numbers(source, number, words[1:4], 3, "a bone's axis: three angles and an order")
+                bone.axis = _axis(angles, _order(source, number, words[4:]), degrees)
             case "dof":
                 bone.dofs = _dofs(source, number, words[1:], DOFS)
     where = f"line {lines[0][0]}"
@@ -165,7 +167,7 @@ def _bone(source: Source, lines: Sequence[_Line], degrees: bool) -> Bone:
 
 
 def _tree(source: Source, lines: Sequence[_Line], bones: dict[str, Bone]) -> list[Bone]:
-    """Bones in the sequence of a walk down the hierarchy, depth first as files list them."""
+    """Bones in depth-first order of the hierarchy, as files list them."""
     children: dict[str, list[str]] = {}
     seen = {ROOT}
     for number, words in (line for block in _blocks(source, lines) for line in block):
@@ -177,7 +179,7 @@ def _tree(source: Source, lines: Sequence[_Line], bones: dict[str, Bone]) -> lis
         for name in words[1:]:
             if name in seen:
                 raise source.error(
-                    expected="one parent to a bone", found=f"{name!r} again", where=f"line {number}"
+                    expected="one parent per bone", found=f"{name!r} again", where=f"line {number}"
                 )
             seen.add(name)
         children.setdefault(words[0], []).extend(words[1:])
@@ -188,16 +190,16 @@ def _tree(source: Source, lines: Sequence[_Line], bones: dict[str, Bone]) -> lis
         bones[name].parent = parent
         pending += [(child, len(ordered)) for child in reversed(children.get(name, []))]
         ordered.append(bones[name])
-    lost = [name for name in bones if name not in {bone.name for bone in ordered}]
-    if lost:
+    unreachable = [name for name in bones if name not in {bone.name for bone in ordered}]
+    if unreachable:
         raise source.error(
-            expected="every bone in :hierarchy below root", found=f"no {', '.join(lost[:4])} there"
+            expected="every bone in :hierarchy below root", found=f"no {', '.join(unreachable[:4])} there"
         )
     return ordered
 
 
 def _axis(angles: Array, order: str, degrees: bool) -> Array:
-    """ASF's sequences are extrinsic: XYZ turns about X first, R = Rz Ry Rx, which is our ZYX."""
+    """A rotation of ASF's extrinsic order: XYZ rotates about X first, R = Rz Ry Rx, which is our ZYX."""
     return from_euler((np.radians(angles) if degrees else angles)[::-1], order[::-1])
 
 
@@ -224,6 +226,6 @@ def _dofs(source: Source, number: int, words: Sequence[str], known: tuple[str, .
 def _numbers(source: Source, number: int, words: Sequence[str], count: int, expected: str) -> Array:
     """The first `count` words as numbers."""
     values = np.array([value for word in words[:count] if (value := to_number(word)) is not None])
-    if len(values) < count or not (np.abs(values) < LARGEST).all():
+    if len(values) < count or not (np.abs(values) < MAX_NUMBER).all():
         raise source.error(expected=expected, found=repr(" ".join(words)[:40]), where=f"line {number}")
     return values

@@ -1,8 +1,8 @@
 """BVH motion files: Euler channels in any order per joint, offsets, end sites.
 
-A joint's rotation is the product of its rotation channels in the sequence in which they stand, each in the
-turned frame of the one before (intrinsic). Position channels replace the joint's OFFSET, they are not added
-to it: Kinect exporters (Brekel) write both, and adding them doubles every bone. The file's world is Y up.
+A joint's rotation is the product of its rotation channels in the order of the file, each in the frame rotated
+by the one before (intrinsic). Position channels replace the joint's OFFSET and are not added to it: Kinect
+exporters (Brekel) write both, and adding them would double every bone. The file's world is Y up.
 """
 
 from __future__ import annotations
@@ -29,10 +29,11 @@ FORMAT = Format(
     width_in_header=True,
 )
 _AXES = "XYZ"
-# A T-pose is one frame, at most a few; a longer stillness is a subject who is not there (acquire.py).
+# A T-pose is one frame, at most a few; a longer still pose means that the subject is not there yet
+# (quality/acquire.py).
 _MAX_CALIBRATION = 5
-# Enough frames to know the usual step of a motion.
-_ENOUGH_STEPS = 600
+# Enough frames for the median step of a motion.
+_SAMPLED_FRAMES = 600
 
 
 def recognises(source: Source) -> bool:
@@ -41,9 +42,10 @@ def recognises(source: Source) -> bool:
 
 
 def read(source: Source) -> Clip:
-    """The clip of all joints, end sites as `<parent>_end`; a leading calibration pose is dropped, and told.
+    """The clip of all joints, end sites as `<parent>_end`; a leading calibration pose is dropped and
+    reported.
 
-    The clock starts at 0 with the file's first frame, so that a dropped first frame shows in the times.
+    The clock starts at 0 with the file's first frame, so a dropped first frame shows in the times.
     """
     bvh = parse(source)
     if not bvh.motion.any():
@@ -63,13 +65,13 @@ def read(source: Source) -> Clip:
     defects = unit.defects
     if first:
         defects.append(Defect("calibration_frames", first, "frames", "repaired", note))
-    notes = ["numbers with decimal commas"] if bvh.commas else []
+    notes = ["the numbers have decimal commas"] if bvh.commas else []
     if bvh.declared > len(euler):
-        lost = bvh.declared - len(euler)
-        text = f"the file declares {bvh.declared} frames, {len(euler)} are there: it may be cut off"
-        defects.append(Defect("dropped_frames", lost, "frames", "flagged", text))
+        count = bvh.declared - len(euler)
+        text = f"the file declares {bvh.declared} frames but has {len(euler)}: it may be cut off"
+        defects.append(Defect("dropped_frames", count, "frames", "flagged", text))
     elif bvh.declared < len(euler):
-        notes.append(f"the file declares {bvh.declared} frames, {len(euler)} are there: all are read")
+        notes.append(f"the file declares {bvh.declared} frames but has {len(euler)}: all are read")
     return Clip(
         skeleton=skeleton,
         times=np.arange(first, len(euler), dtype=np.float64) * bvh.frame_time,
@@ -94,7 +96,8 @@ def read(source: Source) -> Clip:
 
 
 def channels(bvh: BvhText) -> tuple[tuple[str, ...], Array, Array]:
-    """Per joint the intrinsic order (J,), angles (T, J, 3), radians, local positions (T, J, 3), file units.
+    """Per joint the intrinsic order (J,), angles (T, J, 3) in radians, local positions (T, J, 3) in file
+    units.
 
     A joint with one or two rotation channels gets its missing axes as zeros at the end of its order.
     """
@@ -102,46 +105,50 @@ def channels(bvh: BvhText) -> tuple[tuple[str, ...], Array, Array]:
     euler, local = np.zeros(shape), np.empty(shape)
     local[:] = [joint.offset for joint in bvh.joints]
     orders: list[str] = []
-    # Where the file's columns go: place among all joints' three numbers -> column.
-    turns: dict[int, int] = {}
-    moves: dict[int, int] = {}
+    # Index among all joints' triples -> column of the file.
+    rotation_columns: dict[int, int] = {}
+    position_columns: dict[int, int] = {}
     column = 0
     for index, joint in enumerate(bvh.joints):
         order = ""
         for name in joint.channels:
             if name.endswith("rotation"):
-                turns[3 * index + len(order)] = column
+                rotation_columns[3 * index + len(order)] = column
                 order += name[0]
             else:
-                moves[3 * index + _AXES.index(name[0])] = column
+                position_columns[3 * index + _AXES.index(name[0])] = column
             column += 1
         orders.append(order + "".join(axis for axis in _AXES if order and axis not in order))
-    for array, places in ((euler, turns), (local, moves)):
-        array.reshape(len(array), -1)[:, list(places)] = bvh.motion[:, list(places.values())]
+    for array, slots in ((euler, rotation_columns), (local, position_columns)):
+        array.reshape(len(array), -1)[:, list(slots)] = bvh.motion[:, list(slots.values())]
     return tuple(orders), np.radians(euler, out=euler), local
 
 
 def calibration_frames(euler: Array, orders: tuple[str, ...]) -> tuple[int, str]:
-    """How many leading frames are poses put before the motion (a T-pose), and what shows it.
+    """Number of leading frames that are poses put before the motion (T-poses), and the evidence.
 
-    Two things together: their channels are whole degrees (most of them 0), which recorded angles never are;
-    and the joints jump from the last of them into the motion by ten times their usual step.
-    euler: (T, J, 3) radians in the sequence of orders (J,).
+    Both must hold: their channels are whole degrees (most of them 0), which recorded angles never are, and
+    the joints jump from the last of them into the motion by ten times their usual step. euler: (T, J, 3)
+    radians in the sequence of orders (J,).
     """
-    if len(euler) > _ENOUGH_STEPS:
-        euler = euler[:_ENOUGH_STEPS]
+    if len(euler) > _SAMPLED_FRAMES:
+        euler = euler[:_SAMPLED_FRAMES]
     moving = np.ptp(euler, axis=0) > 0
     degrees = np.degrees(euler[:, moving])
     whole = (np.abs(degrees - np.round(degrees)) < 1e-6).mean(axis=1) if moving.any() else np.ones(len(euler))
-    lead = int(np.argmin(whole > 0.9))
-    if not 0 < lead <= _MAX_CALIBRATION or np.median(whole) > 0.5 or len(euler) < lead + 3:
+    leading = int(np.argmin(whole > 0.9))
+    if not 0 < leading <= _MAX_CALIBRATION or np.median(whole) > 0.5 or len(euler) < leading + 3:
         return 0, ""
     rotations = local_rotations(euler, orders, Y_UP_TO_Z_UP)
     steps = angle_between(rotations[:-1], rotations[1:])[:, moving.any(axis=-1)].mean(axis=-1)
-    if steps[lead - 1] < 10.0 * max(float(np.median(steps[lead:])), 1e-9):
+    if steps[leading - 1] < 10.0 * max(float(np.median(steps[leading:])), 1e-9):
         return 0, ""
-    frames = "frame 0 is a calibration pose" if lead == 1 else f"frames 0 to {lead - 1} are calibration poses"
-    return lead, (
+    frames = (
+        "frame 0 is a calibration pose"
+        if leading == 1
+        else f"frames 0 to {leading - 1} are calibration poses"
+    )
+    return leading, (
         f"{frames}, dropped: whole degrees in {100 * whole[0]:.0f} % of the moving channels, and "
-        f"{np.degrees(steps[lead - 1]):.0f} deg a joint from frame {lead}"
+        f"{np.degrees(steps[leading - 1]):.0f} deg per joint to frame {leading}"
     )

@@ -1,4 +1,4 @@
-"""The text of a BVH file: its hierarchy of joints and its table of motion, nothing interpreted."""
+"""Parse the text of a BVH file: its hierarchy of joints and its table of motion, not interpreted further."""
 
 from __future__ import annotations
 
@@ -12,19 +12,19 @@ from kinemimic.pipeline.errors import CaptureError
 from kinemimic.pipeline.readers.base.numbers import parse_table, to_number
 from kinemimic.pipeline.readers.base.source import Source
 
-# A hand with all its fingers hangs about 12 deep on 70 joints; these guard against files that are no person.
+# Limits against files that are not of a person: a body with all fingers is about 12 deep and has 70 joints.
 MAX_DEPTH = 128
 MAX_JOINTS = 1024
 MAX_JOINT_FRAMES = 50_000_000
-# In any unit and in degrees; what is larger is damage, and would overflow further on.
-LARGEST = 1e9
+# In any unit and in degrees. Larger numbers are damage, and would overflow later.
+MAX_NUMBER = 1e9
 CHANNELS: tuple[str, ...] = ("Xposition", "Yposition", "Zposition", "Xrotation", "Yrotation", "Zrotation")
 _CHANNEL = {name.lower(): name for name in CHANNELS}
 
 
 @dataclass
 class Joint:
-    """A joint as written. end: an End Site, named `<parent>_end`; parent: index, -1 for the root."""
+    """A joint as in the file. end: an End Site, named `<parent>_end`; parent: index, -1 for the root."""
 
     name: str
     parent: int
@@ -36,7 +36,7 @@ class Joint:
 @dataclass
 class BvhText:
     """joints: parents before children; motion: (T, channels) in the file's units and degrees; declared: the
-    number of frames that the file says it has; commas: its numbers have decimal commas.
+    number of frames that the file declares; commas: whether its numbers have decimal commas.
     """
 
     joints: list[Joint] = field(default_factory=list)
@@ -53,7 +53,7 @@ class _Token:
 
 
 class _Tokens:
-    """The words of the hierarchy, with their lines; a brace is a word of its own."""
+    """The words of the hierarchy with their lines; a brace is a separate word."""
 
     def __init__(self, lines: Sequence[str], source: Source) -> None:
         self.source = source
@@ -86,7 +86,7 @@ class _Tokens:
     def number(self, expected: str) -> float:
         token = self.next(expected)
         value = to_number(token.text)
-        if value is None or not abs(value) < LARGEST:
+        if value is None or not abs(value) < MAX_NUMBER:
             raise self.error(token, expected)
         return value
 
@@ -97,7 +97,7 @@ class _Tokens:
 def parse(source: Source) -> BvhText:
     """Hierarchy and motion; CaptureError names the line of the first mistake.
 
-    What is there is read, whatever number of frames the file declares, as long as its last line is whole.
+    All frames in the file are read, whatever number it declares, if the last line is complete.
     """
     if _has_decimal_commas(source):
         bvh = parse(Source(source.path, source.text.replace(",", ".").encode(), source.sha256))
@@ -115,16 +115,16 @@ def parse(source: Source) -> BvhText:
     width = sum(len(joint.channels) for joint in bvh.joints)
     if width == 0:
         raise source.error(expected="a joint with CHANNELS", found="none")
-    most = max(frames, len(lines) - start)
-    if most * len(bvh.joints) > MAX_JOINT_FRAMES:
+    frame_count = max(frames, len(lines) - start)
+    if frame_count * len(bvh.joints) > MAX_JOINT_FRAMES:
         raise source.error(
             expected=f"at most {MAX_JOINT_FRAMES} joints times frames",
-            found=f"{len(bvh.joints)} joints in {most} frames",
+            found=f"{len(bvh.joints)} joints in {frame_count} frames",
             where=f"line {marker + 2}",
         )
     table = parse_table(source, start=start, width=width)
     bvh.motion, bvh.declared = table.values, frames
-    wrong = ~(np.abs(bvh.motion) < LARGEST)  # NaN too
+    wrong = ~(np.abs(bvh.motion) < MAX_NUMBER)  # NaN too
     if wrong.any():
         frame, channel = (int(k) for k in np.argwhere(wrong)[0])
         raise source.error(
@@ -135,15 +135,17 @@ def parse(source: Source) -> BvhText:
 
 
 def _has_decimal_commas(source: Source) -> bool:
-    """True if the last line has commas and no point: the exporter ran on a computer set to, say, German."""
+    """True if the last line has commas but no point, as exported under a German locale, for example."""
     last = next((line for line in reversed(source.lines) if line.strip()), "")
     return "," in last and "." not in last and all(word.count(",") < 2 for word in last.split())
 
 
 def _declared(source: Source, start: int) -> tuple[int, float, int]:
-    """Number of frames and seconds a frame, from the two lines below MOTION; and where the motion starts."""
+    """Number of frames and seconds per frame, from the two lines below MOTION; and the line at which the
+    motion starts.
+    """
     filled = [(k, line) for k, line in enumerate(source.lines[start : start + 64], start) if line.strip()][:2]
-    found: list[str] = []
+    values: list[str] = []
     for position, key in enumerate(("frames", "frame time")):
         number, line = filled[position] if position < len(filled) else (len(source.lines) - 1, "")
         name, _, value = line.partition(":")
@@ -152,23 +154,25 @@ def _declared(source: Source, start: int) -> tuple[int, float, int]:
             raise source.error(
                 expected=f"{key.title()}: and a number", found=shown, where=f"line {number + 1}"
             )
-        found.append(value.strip())
-    if not (found[0].isascii() and found[0].isdigit() and len(found[0]) < 12 and int(found[0]) > 0):
+        values.append(value.strip())
+    if not (values[0].isascii() and values[0].isdigit() and len(values[0]) < 12 and int(values[0]) > 0):
         raise source.error(
-            expected="a number of frames above 0", found=repr(found[0][:40]), where=f"line {filled[0][0] + 1}"
+            expected="a number of frames above 0",
+            found=repr(values[0][:40]),
+            where=f"line {filled[0][0] + 1}",
         )
-    seconds = to_number(found[1])
+    seconds = to_number(values[1])
     if seconds is None or not 1e-4 <= seconds <= 1.0:
         raise source.error(
             expected="a frame time of 0.0001 to 1 s",
-            found=repr(found[1][:40]),
+            found=repr(values[1][:40]),
             where=f"line {filled[1][0] + 1}",
         )
-    return int(found[0]), seconds, filled[1][0] + 1
+    return int(values[0]), seconds, filled[1][0] + 1
 
 
 def _hierarchy(tokens: _Tokens) -> list[Joint]:
-    """Joints in the file's sequence. Iterative: nesting costs no stack."""
+    """Joints in the file's order. Iterative, so that nesting needs no stack."""
     tokens.require("HIERARCHY")
     tokens.require("ROOT")
     joints: list[Joint] = []
@@ -176,7 +180,7 @@ def _hierarchy(tokens: _Tokens) -> list[Joint]:
     open_joints: list[int] = []
 
     def begin(end: bool) -> None:
-        # A name may hold spaces; the brace ends it.
+        # A name may contain spaces; the brace ends it.
         words: list[str] = []
         while (token := tokens.next("a joint's name and {")).text != "{":
             words.append(token.text)
@@ -219,7 +223,7 @@ def _hierarchy(tokens: _Tokens) -> list[Joint]:
                     expected="OFFSET, CHANNELS, JOINT, End Site or }",
                     found=repr(token.text[:40]),
                     where=f"line {token.line}",
-                    advice="BVH has no such word: delete its lines, or export again",
+                    advice="BVH has no such keyword: delete its lines, or export again",
                 )
     if (extra := next(tokens._words, None)) is not None:
         if extra.text.lower() == "root":
@@ -227,7 +231,7 @@ def _hierarchy(tokens: _Tokens) -> list[Joint]:
                 expected="one ROOT",
                 found="a second one",
                 where=f"line {extra.line}",
-                advice="export each person or object to a file of its own",
+                advice="export each person or object to a separate file",
             )
         raise tokens.error(extra, "MOTION after the one ROOT")
     return joints

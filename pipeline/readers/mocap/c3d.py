@@ -1,8 +1,7 @@
 """C3D files: a Kinect's joints that a recorder exported, or a laboratory's markers.
 
-The file names its points, their unit and rate. Axes are the laboratory's own: Y_SCREEN says which points up
-where somebody filled it in. A point with a negative residual was not seen. Reading takes the library ezc3d,
-the extra `c3d`.
+The file names its points, their unit and rate. Axes are the laboratory's; Y_SCREEN says which points up, if
+it is filled in. A point with a negative residual was not seen. Needs the library ezc3d (the extra `c3d`).
 """
 
 from __future__ import annotations
@@ -23,7 +22,7 @@ from kinemimic.pipeline.readers.base.format import Format
 from kinemimic.pipeline.readers.base.frame_defects import MAX_COORDINATE, zero_frames
 from kinemimic.pipeline.readers.base.source import Source
 from kinemimic.pipeline.readers.kinect.treadmill import JOINTS, angles_of_recorder, true_rate
-from kinemimic.pipeline.readers.mocap.c3d_layout import check_layout, marked
+from kinemimic.pipeline.readers.mocap.c3d_layout import check_layout, has_signature
 from kinemimic.pipeline.readers.mocap.c3d_points import read_points
 from kinemimic.pipeline.readers.mocap.declared_unit import in_metres
 from kinemimic.pipeline.readers.mocap.marker_names import landmarks
@@ -37,83 +36,86 @@ FORMAT = Format(
     binary=True,
 )
 DECLARED: dict[str, float] = {"m": 1.0, "cm": 0.01, "mm": 0.001}
-# The axis that points up -> the turn that makes it Z.
+# Axis that points up -> rotation that turns it to Z.
 _UP: dict[str, Array] = {
     "Z": IDENTITY,
     "Y": from_axis_angle("X", np.pi / 2.0),
     "X": from_axis_angle("Y", -np.pi / 2.0),
 }
-# Largest distance between two points of an adult's body in a usual frame, and what a body may have.
-_SPAN, _SPANS = 1.6, (0.6, 3.0)
-_FASTEST = 10000.0
+# In metres: usual distance between the outermost points of an adult's body, and its limits.
+_ADULT_SPAN, _SPAN_LIMITS = 1.6, (0.6, 3.0)
+_MAX_RATE = 10000.0
 
 
 def recognises(source: Source) -> bool:
-    """True if the header bears the format's mark."""
-    return marked(source.content)
+    """True if the header has the format's signature."""
+    return has_signature(source.content)
 
 
 def read(source: Source) -> Clip:
-    """The clip of the 20 nodes, or of those that the markers show.
+    """The clip of the 20 nodes, or of those that the markers give.
 
-    KinemimicError if ezc3d is not installed; CaptureError for a damaged file, one without units in which no
-    body is as large as a person's, and markers from which no legs follow.
+    Raises KinemimicError if ezc3d is not installed; CaptureError for a damaged file, a file without units in
+    which no unit gives a person's size, and markers from which legs cannot be computed.
     """
     check_layout(source)
-    file = read_points(source)
-    labels, rate, points = file.labels, file.rate, file.places
-    kinect = all(label in labels for label in JOINTS)
-    wanted = tuple(JOINTS) if kinect else _of_the_body(labels)
-    chosen = points[:, [labels.index(label) for label in wanted]]
-    unit, rule = _unit(file.units.lower(), chosen, source)
-    chosen = chosen * UNITS[unit]
+    content = read_points(source)
+    labels, rate, points = content.labels, content.rate, content.positions
+    is_kinect = all(label in labels for label in JOINTS)
+    selected_labels = tuple(JOINTS) if is_kinect else _body_labels(labels)
+    selected_points = points[:, [labels.index(label) for label in selected_labels]]
+    unit, rule = _unit(content.units.lower(), selected_points, source)
+    selected_points = selected_points * UNITS[unit]
     wrong: list[Defect] = []
     if source.unit is None:
-        chosen, wrong = in_metres(wanted, chosen)
-        _check_places(chosen, wanted, source)
-    up = file.up.upper().removeprefix("+")
-    facts: dict[str, Any] = {"points": len(labels), "declared_rate": rate, "up": up or "not said"}
-    if kinect:
+        selected_points, wrong = in_metres(selected_labels, selected_points)
+        _refuse_remote(selected_points, selected_labels, source)
+    up = content.up.upper().removeprefix("+")
+    facts: dict[str, Any] = {"points": len(labels), "declared_rate": rate, "up": up or "not stated"}
+    if is_kinect:
         rate, wrong_rate = true_rate(rate, len(points))
-        own = {label: points[:, k, 0] for k, label in enumerate(labels)}
+        angle_columns = {label: points[:, k, 0] for k, label in enumerate(labels)}
         return clip_of_points(
             node_skeleton(),
             np.arange(len(points)) / rate,
-            chosen,
+            selected_points,
             None,
             format=FORMAT,
             reading=reading(
-                units=unit, units_rule=rule, defects=[*wrong, *wrong_rate, *zero_frames(chosen)], **facts
+                units=unit,
+                units_rule=rule,
+                defects=[*wrong, *wrong_rate, *zero_frames(selected_points)],
+                **facts,
             ),
             world_from_file=_UP.get(up, Y_UP_TO_Z_UP),
-            angles=angles_of_recorder(own),
+            angles=angles_of_recorder(angle_columns),
         )
-    if not 0.0 < rate <= _FASTEST:
-        raise source.error(expected="frames a second in POINT:RATE", found=f"{rate:g}")
-    notes = [] if up in _UP else ["the file does not say which axis is up: read as Z"]
+    if not 0.0 < rate <= _MAX_RATE:
+        raise source.error(expected="a rate in Hz in POINT:RATE", found=f"{rate:g}")
+    notes = [] if up in _UP else ["the file does not state which axis is up: read as Z"]
     return clip_of_markers(
-        wanted,
+        selected_labels,
         np.arange(len(points)) / rate,
-        chosen,
+        selected_points,
         format=FORMAT,
         reading=reading(
-            units=unit, units_rule=rule, defects=[*wrong, *zero_frames(chosen)], notes=notes, **facts
+            units=unit, units_rule=rule, defects=[*wrong, *zero_frames(selected_points)], notes=notes, **facts
         ),
         world_from_file=_UP.get(up, IDENTITY),
         source=source,
     )
 
 
-def _of_the_body(labels: tuple[str, ...]) -> tuple[str, ...]:
-    """The labels of joints and known markers: files hold angles, forces and moments as points too."""
+def _body_labels(labels: tuple[str, ...]) -> tuple[str, ...]:
+    """The labels of joints and known markers; files store angles, forces and moments as points too."""
     known = {k for markers in landmarks(labels).values() for k in markers} | set(
         joints_of_nodes(labels).values()
     )
     return tuple(labels[k] for k in sorted(known)) or labels
 
 
-def _check_places(places: Array, labels: tuple[str, ...], source: Source) -> None:
-    """CaptureError for a place (T, N, 3), metres, that lies out of any laboratory."""
+def _refuse_remote(places: Array, labels: tuple[str, ...], source: Source) -> None:
+    """Raise CaptureError for a position (T, N, 3), in metres, outside of any laboratory."""
     far = np.argwhere(np.abs(places) > MAX_COORDINATE)
     if len(far):
         frame, point, axis = (int(k) for k in far[0])
@@ -124,28 +126,29 @@ def _check_places(places: Array, labels: tuple[str, ...], source: Source) -> Non
         )
 
 
-def _unit(told: str, points: Array, source: Source) -> tuple[str, str]:
-    """The unit of length, and how it is known; points: (T, N, 3) in it."""
+def _unit(declared: str, points: Array, source: Source) -> tuple[str, str]:
+    """The unit of length, and how it is known; points: (T, N, 3) in that unit."""
     if source.unit is not None:
         return source.unit, SET_BY_USER
-    if told in DECLARED:
-        return told, "the file's"
+    if declared in DECLARED:
+        return declared, "the file's"
     spans = np.linalg.norm(_extent(points), axis=-1)
     spans = spans[np.isfinite(spans) & (spans > 0)]
     span = float(np.median(spans)) if len(spans) else 0.0
     if span > 0:
-        unit = min(DECLARED, key=lambda name: abs(np.log(span * DECLARED[name] / _SPAN)))
-        if _SPANS[0] <= span * DECLARED[unit] <= _SPANS[1]:
-            return unit, "the size of the body, because the file does not say it"
+        unit = min(DECLARED, key=lambda name: abs(np.log(span * DECLARED[name] / _ADULT_SPAN)))
+        if _SPAN_LIMITS[0] <= span * DECLARED[unit] <= _SPAN_LIMITS[1]:
+            return unit, "inferred from the size of the body"
     raise source.error(
-        expected=f"POINT:UNITS of {', '.join(DECLARED)}, or a body of {_SPANS[0]} to {_SPANS[1]} m in one",
-        found=f"{told[:20]!r} and a body of {span:.4g}",
-        advice="--unit names the unit",
+        expected=f"POINT:UNITS of {', '.join(DECLARED)}, or a body of "
+        f"{_SPAN_LIMITS[0]} to {_SPAN_LIMITS[1]} m in one of them",
+        found=f"{declared[:20]!r} and a body of {span:.4g}",
+        advice="set it with --unit",
     )
 
 
 def _extent(points: Array) -> Array:
-    """(T, 3) sizes of the box around the points that are there; NaN of none."""
+    """Sizes (T, 3) of the box around the points that are present; NaN without any."""
     high = np.where(np.isfinite(points), points, -np.inf).max(axis=1)
     low = np.where(np.isfinite(points), points, np.inf).min(axis=1)
     empty = high < low

@@ -1,7 +1,8 @@
-"""The layout of a C3D file: whether header, parameters and frames lie inside of it.
+"""Check that header, parameters and frames of a C3D file lie inside it.
 
 Blocks of 512 bytes: a header, the parameters, the frames. Where each begins and how long it is are numbers in
-the file; here they are held against its size, so that a file that is cut off is told to be. Format: https://www.c3d.org/docs/C3D_User_Guide.pdf
+the file; here they are compared with its size, so that a truncated file is reported as such. Format:
+https://www.c3d.org/docs/C3D_User_Guide.pdf
 """
 
 from __future__ import annotations
@@ -11,27 +12,29 @@ import struct
 from kinemimic.pipeline.readers.base.source import Source
 
 BLOCK = 512
-_MARK = 0x50
-# Processor types: Intel, DEC and MIPS; only the last has its bytes the other way round.
+_SIGNATURE = 0x50
+# Processor types Intel, DEC and MIPS; only the last is big-endian.
 _PROCESSORS: dict[int, str] = {84: "<", 85: "<", 86: ">"}
 _DEC = 85
-_MOST_FRAMES_OF_HEADER = 65535
+_MAX_FRAMES_OF_HEADER = 65535
 
 
-def marked(content: bytes) -> bool:
-    """Whether the content begins as a C3D does: the number of the parameters' block, then 0x50."""
-    return len(content) > 2 * BLOCK and content[1] == _MARK and content[0] >= 2
+def has_signature(content: bytes) -> bool:
+    """Whether the content begins like a C3D file: the number of the parameters' block, then 0x50."""
+    return len(content) > 2 * BLOCK and content[1] == _SIGNATURE and content[0] >= 2
 
 
 def check_layout(source: Source) -> None:
-    """CaptureError if header, parameters or frames do not lie inside of the file."""
+    """Raise CaptureError if header, parameters or frames do not lie inside the file."""
     content = source.content
-    if not marked(content):
+    if not has_signature(content):
         raise source.error(expected="a C3D header", found="none")
     start = (content[0] - 1) * BLOCK
     if start + BLOCK > len(content):
         raise source.error(
-            expected=f"parameters in block {content[0]}", found="the file's end", advice="the file is cut off"
+            expected=f"parameters in block {content[0]}",
+            found="the end of the file",
+            advice="the file is cut off",
         )
     end = start + content[start + 2] * BLOCK
     processor = content[start + 3]
@@ -57,13 +60,15 @@ def _check_frames(source: Source, order: str, *, decodes_floats: bool) -> None:
         raise source.error(expected="points and frames", found=f"{points} points in frames {first} to {last}")
     if block < 2 or data > len(source.content):
         raise source.error(
-            expected=f"frames from block {block} on", found="the file's end", advice="the file is cut off"
+            expected=f"frames from block {block} on",
+            found="the end of the file",
+            advice="the file is cut off",
         )
-    held, told = (len(source.content) - data) // frame, last - first + 1
-    if held < told:
-        more = "at least " if last == _MOST_FRAMES_OF_HEADER else ""
+    available, declared = (len(source.content) - data) // frame, last - first + 1
+    if available < declared:
+        at_least = "at least " if last == _MAX_FRAMES_OF_HEADER else ""
         raise source.error(
-            expected=f"{more}{told} frames of {points} points, as the header says",
-            found=f"room for {held}",
+            expected=f"{at_least}{declared} frames of {points} points, as in the header",
+            found=f"room for {available}",
             advice="the file is cut off",
         )

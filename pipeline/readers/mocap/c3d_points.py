@@ -1,7 +1,8 @@
-"""The points of a C3D file through ezc3d, which trusts every number in the file: in a process of its own.
+"""Read the points of a C3D file with ezc3d, in a separate process, because ezc3d trusts every number in the
+file.
 
-One wrong byte (the group of a parameter) ends the process that reads the file with a segmentation fault, and
-others ask for any amount of memory; a capture among many must not take the others with it.
+One wrong byte (the group of a parameter) crashes the process that reads the file, other bytes request any
+amount of memory; one capture among many must not stop the others.
 """
 
 from __future__ import annotations
@@ -23,26 +24,29 @@ from kinemimic.pipeline.arrays import Array
 from kinemimic.pipeline.errors import KinemimicError
 from kinemimic.pipeline.readers.base.source import Source
 
-_SECONDS = 120
-# Bytes: ezc3d takes some 20 for each of a whole file's; what a header promises beyond that is not there.
-_MEMORY, _PER_BYTE, _MOST = 2**30, 32, 4 * 2**30
+_TIMEOUT = 120
+# Memory limit of the process in bytes. ezc3d takes about 20 per byte of an intact file.
+_BASE_MEMORY, _MEMORY_PER_BYTE, _MAX_MEMORY = 2**30, 32, 4 * 2**30
 
 
 @dataclass(frozen=True)
 class Points:
-    """labels: (N,); places: (T, N, 3) in the file's unit, NaN where not seen (a negative residual);
-    rate: frames a second, 0 if not told; units, up: POINT:UNITS and POINT:Y_SCREEN, "" if not told.
+    """labels: (N,); positions: (T, N, 3) in the file's unit, NaN where not seen (a negative residual); rate:
+    in Hz, 0 if not stated; units, up: POINT:UNITS and POINT:Y_SCREEN, "" if not stated.
     """
 
     labels: tuple[str, ...]
-    places: Array
+    positions: Array
     rate: float
     units: str
     up: str
 
 
 def read_points(source: Source) -> Points:
-    """KinemimicError if ezc3d is not installed, CaptureError if it cannot read the file."""
+    """The points of a C3D file.
+
+    Raises KinemimicError if ezc3d is not installed, CaptureError if it cannot read the file.
+    """
     if importlib.util.find_spec("ezc3d") is None:
         raise KinemimicError(
             f"{source.path}: C3D is read by ezc3d, which is not installed; pip install 'kinemimic[c3d]'"
@@ -51,33 +55,33 @@ def read_points(source: Source) -> Points:
         file, out = Path(folder) / "capture.c3d", Path(folder) / "points.npz"
         file.write_bytes(source.content)
         command = [sys.executable, "-m", __spec__.name, str(file), str(out)]
-        # A thread for each of many cores would take the bounded memory before anything is read.
+        # One thread per core would use up the limited memory before anything is read.
         environment = {**os.environ, "OPENBLAS_NUM_THREADS": "1"}
         try:
-            done = subprocess.run(  # noqa: S603
-                command, capture_output=True, timeout=_SECONDS, check=False, env=environment
+            result = subprocess.run(  # noqa: S603
+                command, capture_output=True, timeout=_TIMEOUT, check=False, env=environment
             )
         except subprocess.TimeoutExpired:
             raise source.error(
-                expected="a whole C3D file", found="one that ezc3d does not end with"
+                expected="a whole C3D file", found="one that ezc3d does not finish reading"
             ) from None
-        if done.returncode or not out.is_file():
-            lines = done.stderr.decode(errors="replace").split("\n")
-            said = next((line.strip() for line in reversed(lines) if line.strip()), "no word")
+        if result.returncode or not out.is_file():
+            lines = result.stderr.decode(errors="replace").split("\n")
+            message = next((line.strip() for line in reversed(lines) if line.strip()), "no message")
             raise source.error(
-                expected="a whole C3D file", found=f"damage on which ezc3d fails ({said[:120]})"
+                expected="a whole C3D file", found=f"damage on which ezc3d fails ({message[:120]})"
             )
         with np.load(out) as arrays:
-            told = json.loads(str(arrays["told"]))
-            points = Points(tuple(told.pop("labels")), arrays["places"], **told)
-    if not points.labels or not len(points.places):
+            metadata = json.loads(str(arrays["metadata"]))
+            points = Points(tuple(metadata.pop("labels")), arrays["positions"], **metadata)
+    if not points.labels or not len(points.positions):
         raise source.error(expected="frames of points with labels", found="none")
     return points
 
 
 def _extract(file: str, out: str) -> None:
-    """Read with ezc3d and write what `read_points` gives back."""
-    import ezc3d  # noqa: PLC0415 (an extra, in the child's process only)
+    """Read with ezc3d and write the arrays that `read_points` returns."""
+    import ezc3d  # noqa: PLC0415 (an extra, in the worker process only)
 
     content = ezc3d.c3d(file)
     parameters = content["parameters"]["POINT"]
@@ -88,14 +92,14 @@ def _extract(file: str, out: str) -> None:
     names = [str(name).strip() for key in keys if key in parameters for name in parameters[key]["value"]]
     labels = names[: points.shape[1]]
     seen = np.isfinite(points).all(axis=0) & (residuals >= 0)
-    places = np.where(seen, points, np.nan).transpose(2, 1, 0)[:, : len(labels)]
-    told = {
+    positions = np.where(seen, points, np.nan).transpose(2, 1, 0)[:, : len(labels)]
+    metadata = {
         "labels": labels,
         "rate": float(_first(parameters, "RATE", 0.0)),
         "units": str(_first(parameters, "UNITS", "")).strip(),
         "up": str(_first(parameters, "Y_SCREEN", "")).strip(),
     }
-    np.savez(out, places=places, told=np.array(json.dumps(told)))
+    np.savez(out, positions=positions, metadata=np.array(json.dumps(metadata)))
 
 
 def _first(parameters: Mapping[str, Any], key: str, default: Any) -> Any:
@@ -104,16 +108,16 @@ def _first(parameters: Mapping[str, Any], key: str, default: Any) -> Any:
 
 
 def _bound_memory(size: int) -> None:
-    """size: of the file, bytes."""
+    """Limit the memory of this process. size: of the file, in bytes."""
     try:
         import resource  # noqa: PLC0415 (not on Windows)
     except ImportError:
         return
-    # Where this process was given less already, less it stays.
-    most = resource.getrlimit(resource.RLIMIT_AS)[1]
-    limit = min(_MEMORY + _PER_BYTE * size, _MOST)
-    if most != resource.RLIM_INFINITY:
-        limit = min(limit, most)
+    # A lower limit of this process stays.
+    hard_limit = resource.getrlimit(resource.RLIMIT_AS)[1]
+    limit = min(_BASE_MEMORY + _MEMORY_PER_BYTE * size, _MAX_MEMORY)
+    if hard_limit != resource.RLIM_INFINITY:
+        limit = min(limit, hard_limit)
     resource.setrlimit(resource.RLIMIT_AS, (limit, limit))
 
 

@@ -1,7 +1,7 @@
-"""The unit that a file of markers declares, held against the size of the body in it.
+"""Check the unit that a file of markers declares against the size of the body.
 
-Joint centres are built with lengths in metres (half a knee, the radius of a marker): of markers in a wrong
-unit they are no body at all, and no rule could tell what is wrong with it. So the markers are looked at.
+Joint centres are computed with lengths in metres (half a knee, the radius of a marker). From markers in a
+wrong unit they form no body, and no later check could tell why. So the markers themselves are checked.
 """
 
 from __future__ import annotations
@@ -14,21 +14,21 @@ from kinemimic.pipeline.quality.rules.defect import Defect
 from kinemimic.pipeline.quality.rules.length_units import LEG_RANGE, unit_correction
 from kinemimic.pipeline.readers.mocap.marker_names import SIDES, landmarks
 
-# The way from the ASIS over the outside of the knee to the ankle, over thigh plus shank.
-_OUTSIDE = 1.1
-# What is off by less than this is left to quality/rules/length_units.py, which knows the legs themselves.
-_NEAR = 1.5
-# Frames, spread over the recording, that are enough for a median.
-_ENOUGH = 500
+# Length of the path from ASIS over the lateral knee to the ankle, over thigh plus shank.
+_SKIN_PATH = 1.1
+# Smaller deviations are left to quality/rules/length_units.py, which knows the joint centres.
+_TOLERANCE = 1.5
+# Number of frames, spread over the recording, that suffice for a median.
+_SAMPLED_FRAMES = 500
 
 
 def in_metres(labels: tuple[str, ...], points: Array) -> tuple[Array, list[Defect]]:
-    """The points (T, M, 3) in metres, and the finding that they were not; else as they are.
+    """The points (T, M, 3) in metres and the defect that they were not; unchanged if they were.
 
-    labels: (M,) of the points; points: in what the file declares for metres, NaN or zeros where missing.
+    labels: (M,) of the points; points: in what the file declares as metres, NaN or zeros where missing.
     """
-    leg = _leg(labels, points[:: len(points) // _ENOUGH + 1])
-    if np.isnan(leg) or LEG_RANGE[0] / _NEAR <= leg <= LEG_RANGE[1] * _NEAR:
+    leg = _leg(labels, points[:: len(points) // _SAMPLED_FRAMES + 1])
+    if np.isnan(leg) or LEG_RANGE[0] / _TOLERANCE <= leg <= LEG_RANGE[1] * _TOLERANCE:
         return points, []
     factor, found = unit_correction(leg, len(labels))
     if factor == 1.0:
@@ -37,27 +37,29 @@ def in_metres(labels: tuple[str, ...], points: Array) -> tuple[Array, list[Defec
 
 
 def _leg(labels: tuple[str, ...], points: Array) -> float:
-    """The median length of thigh plus shank, roughly; NaN where no leg is marked."""
+    """Approximate median length of thigh plus shank; NaN if no leg has markers."""
     lengths: list[Array] = []
     for side in SIDES:
-        chain, outside = _chain(labels, side)
+        chain, on_skin = _chain(labels, side)
         if chain:
             hip, knee, ankle = (_middle(points, markers) for markers in chain)
-            with np.errstate(invalid="ignore", over="ignore"):  # a damaged file has any number
-                way = np.linalg.norm(knee - hip, axis=-1) + np.linalg.norm(ankle - knee, axis=-1)
-            lengths.append(way / (_OUTSIDE if outside else 1.0))
-    ways = np.concatenate(lengths) if lengths else np.empty(0)
-    ways = ways[np.isfinite(ways) & (ways > 0)]
-    return float(np.median(ways)) if len(ways) else np.nan
+            with np.errstate(invalid="ignore", over="ignore"):  # a damaged file may hold any number
+                length = np.linalg.norm(knee - hip, axis=-1) + np.linalg.norm(ankle - knee, axis=-1)
+            lengths.append(length / (_SKIN_PATH if on_skin else 1.0))
+    all_lengths = np.concatenate(lengths) if lengths else np.empty(0)
+    all_lengths = all_lengths[np.isfinite(all_lengths) & (all_lengths > 0)]
+    return float(np.median(all_lengths)) if len(all_lengths) else np.nan
 
 
 def _chain(labels: tuple[str, ...], side: str) -> tuple[list[tuple[int, ...]], bool]:
-    """The points at hip, knee and ankle of a side, and whether they are markers on the skin; [] of none."""
+    """The points at hip, knee and ankle of a side ([] if unknown), and whether they are markers on
+    the skin.
+    """
     joints, marked = joints_of_nodes(labels), landmarks(labels)
     nodes = [f"{joint}_{side}" for joint in ("hip", "knee", "ankle")]
     if joints.keys() >= set(nodes):
         return [(joints[node],) for node in nodes], False
-    # Between the clusters on thigh and shank is about the knee; that on the foot begins with the heel.
+    # The middle of the clusters on thigh and shank is near the knee; the foot's cluster begins with the heel.
     clusters = marked.get(f"thigh_{side}", ()) + marked.get(f"shank_{side}", ())
     chain = [
         marked.get(f"asis_{side}", ()),
@@ -68,8 +70,8 @@ def _chain(labels: tuple[str, ...], side: str) -> tuple[list[tuple[int, ...]], b
 
 
 def _middle(points: Array, markers: tuple[int, ...]) -> Array:
-    """(T, 3) between these of the points; NaN where one is missing."""
-    places = points[:, list(markers)]
-    there = places.any(axis=-1, keepdims=True) & np.isfinite(places)
+    """Mean (T, 3) of these points; NaN where one is missing."""
+    positions = points[:, list(markers)]
+    present = positions.any(axis=-1, keepdims=True) & np.isfinite(positions)
     with np.errstate(over="ignore"):
-        return np.asarray(np.where(there, places, np.nan).mean(axis=1))
+        return np.asarray(np.where(present, positions, np.nan).mean(axis=1))

@@ -1,7 +1,7 @@
-"""DeepMimic motions: JSON with 44 numbers a frame, on the figure that Bullet ships with them.
+"""DeepMimic motions: JSON with 44 numbers per frame, for the humanoid that ships with Bullet.
 
-The file's world is Y up with X forward and Z to the right; quaternions are w first; a knee's one angle is
-negative in flexion and an elbow's positive. The pybullet wheel carries such files, among them a walk and a
+The file's world is Y up with X forward and Z to the right; quaternions are w first; a knee's angle is
+negative in flexion and an elbow's positive. The pybullet wheel contains such files, among them a walk and a
 run that are optical captures of a real person.
 """
 
@@ -31,14 +31,14 @@ FORMAT = Format(
     recognised_by='a JSON object with the key "Frames"',
 )
 COLUMNS = 44
-# In metres, seconds and radians; what is larger is damage.
-_LARGEST = 1e4
-# DeepMimic's own motions were blended linearly, which shortens a quaternion (to 0.58 in the kick) and leaves
-# its direction. Farther from length one than the first is damage, nearer than the second is exact.
-FAR_FROM_UNIT = 0.5
-UNIT = 0.01
+# In metres, seconds and radians; larger numbers are damage.
+_MAX_NUMBER = 1e4
+# DeepMimic's own motions were blended linearly, which shortens a quaternion (to 0.58 in the kick) but keeps
+# its direction. A length further from one than MAX_LENGTH_ERROR is damage, within EXACT_LENGTH it is exact.
+MAX_LENGTH_ERROR = 0.5
+EXACT_LENGTH = 0.01
 ROOT = slice(1, 4)
-# First column of each ball joint's quaternion, and column and sign of each hinge's flexion.
+# First column of each ball joint's quaternion.
 BALLS: dict[str, int] = {
     "hip_center": 4,
     "spine": 8,
@@ -50,7 +50,8 @@ BALLS: dict[str, int] = {
     "ankle_left": 35,
     "shoulder_left": 39,
 }
-# A hinge turns about the file's Z (right), which is our -Y: the angle changes its sign with the axis.
+# Column of each hinge's flexion. A hinge rotates about the file's Z (right), our -Y, so the angle changes
+# sign.
 HINGES: dict[str, int] = {"knee_right": 20, "elbow_right": 29, "knee_left": 34, "elbow_left": 43}
 
 
@@ -81,7 +82,7 @@ def offsets() -> Array:
 
 
 def stock_motion(name: str) -> Path:
-    """Path of the wheel's motion of that name ("walk", "run"); pybullet itself is not loaded."""
+    """Path of a motion in the pybullet wheel ("walk", "run"); pybullet itself is not imported."""
     spec = importlib.util.find_spec("pybullet_data")
     if spec is None or spec.origin is None:
         raise KinemimicError(
@@ -101,7 +102,7 @@ def recognises(source: Source) -> bool:
 
 
 def read_deepmimic(path: Path) -> Clip:
-    """`read` of a file."""
+    """`read` for a path."""
     source = Source.open(path)
     clip = read(source)
     return replace(clip, provenance={"source": path.name, "sha256": source.sha256, **clip.provenance})
@@ -111,7 +112,7 @@ def read(source: Source) -> Clip:
     """The motion as a clip of the 20 nodes with rotations, every node tracked.
 
     Each frame's first number is the time to the next one; the last frame of a looped motion repeats the
-    first, a cycle later. angles: the file's own knees.
+    first, one cycle later. angles: the file's own knees.
     """
     frames = _frames(source)
     steps = frames[:-1, 0]
@@ -123,18 +124,18 @@ def read(source: Source) -> Clip:
         w, x, y, z = frames[:, column : column + 4].T
         rotations[:, NODE_INDEX[node]] = np.stack([x, -z, y, w], axis=-1)
     lengths = np.linalg.norm(rotations, axis=-1)
-    if np.any(np.abs(lengths - 1.0) > FAR_FROM_UNIT):
-        frame, node_number = (int(k) for k in np.argwhere(np.abs(lengths - 1.0) > FAR_FROM_UNIT)[0])
+    if np.any(np.abs(lengths - 1.0) > MAX_LENGTH_ERROR):
+        frame, node_number = (int(k) for k in np.argwhere(np.abs(lengths - 1.0) > MAX_LENGTH_ERROR)[0])
         raise source.error(
             expected=f"a unit quaternion at {NODES[node_number]}",
             found=f"length {lengths[frame, node_number]:.3f}",
             where=f"frame {frame}",
         )
-    notes = ["the file holds no lengths: those of the figure that it was made for"]
-    off = np.abs(lengths - 1.0) > UNIT
-    if off.any():
-        low, high = lengths[off].min(), lengths[off].max()
-        notes.append(f"{int(off.sum())} quaternions of length {low:.2f} to {high:.2f} brought to length one")
+    notes = ["the file holds no lengths: those of its humanoid are used"]
+    inexact = np.abs(lengths - 1.0) > EXACT_LENGTH
+    if inexact.any():
+        low, high = lengths[inexact].min(), lengths[inexact].max()
+        notes.append(f"{int(inexact.sum())} quaternions of length {low:.2f} to {high:.2f} normalised")
     for node, column in HINGES.items():
         rotations[:, NODE_INDEX[node]] = from_axis_angle("Y", -frames[:, column])
     rotations = continuous(normalize(rotations))
@@ -164,45 +165,49 @@ def read(source: Source) -> Clip:
 
 
 def _frames(source: Source) -> Array:
-    """The numbers of the file, (T, 44), checked."""
-    frames = _at_once(source)
+    """The numbers of the file (T, 44), checked."""
+    frames = _parse_regular(source)
     if frames is None:
-        frames = _as_json(source)
+        frames = _parse_as_json(source)
     if len(frames) < 2:
         raise source.error(expected='"Frames" with two frames or more', found="one")
-    wrong = ~(np.abs(frames) < _LARGEST)  # NaN too
+    wrong = ~(np.abs(frames) < _MAX_NUMBER)  # NaN too
     if wrong.any():
         frame, column = (int(k) for k in np.argwhere(wrong)[0])
         raise source.error(
-            expected=f"finite numbers below {_LARGEST:g}",
+            expected=f"finite numbers below {_MAX_NUMBER:g}",
             found=f"{frames[frame, column]:g}",
             where=f"frame {frame}",
         )
     return frames
 
 
-def _at_once(source: Source) -> Array | None:
-    """The frames of a file that is laid out as all are, several times faster than through JSON; else None."""
+def _parse_regular(source: Source) -> Array | None:
+    """The frames of a file with the usual layout, several times faster than through JSON; else None."""
     head, _, body = source.text.partition('"Frames"')
     rows = body.replace("\n", " ").split("]")
-    # What is left behind the last row: the ends of the list and of the object.
+    # After the last row: the ends of the list and of the object.
     if '"' in body or head.count("[") or len(rows) < 3 or [end.strip() for end in rows[-2:]] != ["", "}"]:
         return None
     rows = rows[:-2]
-    begins = [row.partition("[") for row in rows]
-    first = begins[0][2].partition("[")
-    if begins[0][0].strip() != ":" or first[0].strip() or any(row[0].strip() != "," for row in begins[1:]):
+    row_starts = [row.partition("[") for row in rows]
+    first = row_starts[0][2].partition("[")
+    if (
+        row_starts[0][0].strip() != ":"
+        or first[0].strip()
+        or any(row[0].strip() != "," for row in row_starts[1:])
+    ):
         return None
     try:
-        lines = [first[2], *(row[2] for row in begins[1:])]
+        lines = [first[2], *(row[2] for row in row_starts[1:])]
         frames = np.loadtxt(lines, dtype=np.float64, delimiter=",", comments=None, ndmin=2)
     except ValueError:
         return None
     return frames if frames.shape == (len(rows), COLUMNS) else None
 
 
-def _as_json(source: Source) -> Array:
-    """The frames of any JSON; CaptureError says what is wrong with them."""
+def _parse_as_json(source: Source) -> Array:
+    """The frames of any JSON layout; CaptureError says what is wrong with them."""
     content: Any = parse_json(source)
     rows = content.get("Frames") if isinstance(content, dict) else None
     if not isinstance(rows, list) or not rows:
@@ -212,7 +217,7 @@ def _as_json(source: Source) -> Array:
             count = len(row) if isinstance(row, list) else type(row).__name__
             raise source.error(
                 expected=f"{COLUMNS} numbers", found=f"{count}", where=f"frame {number}",
-                advice="only the humanoid of 44 numbers a frame is read",
+                advice="only the humanoid with 44 numbers per frame is supported",
             )  # fmt: skip
     frames = numbers(rows)
     if frames is None or frames.ndim != 2:

@@ -1,7 +1,7 @@
-"""Centres of joints from the markers on the skin, in metres; NaN wherever a marker is missing.
+"""Joint centres in metres from markers on the skin; NaN where a marker is missing.
 
-Hips: regression from the pelvis. Knees and ankles: between a medial and a lateral marker, or inward of the
-lateral one, or, where only clusters of markers on the segments are seen, the point about which they turn.
+Hips: regression from the pelvis. Knees and ankles: midway between a medial and a lateral marker, or inward
+from the lateral one, or, if only clusters on the segments are seen, the centre of rotation between them.
 """
 
 from __future__ import annotations
@@ -12,14 +12,15 @@ import numpy as np
 
 from kinemimic.pipeline.arrays import Array
 
-# Bell, Pedersen & Brand 1990 (J. Biomech. 23, 617-621): the hip centre lies, in shares of the distance
-# between the ASIS and from their midpoint, so far forward, to the side and up.
+# Bell, Pedersen & Brand 1990 (J. Biomech. 23, 617-621): position of the hip centre relative to the midpoint
+# of the ASIS, forward, to the side and up, as shares of the distance between the ASIS.
 BELL = (-0.19, 0.36, -0.30)
-# From the middle of a marker of 14 mm on the lateral side to the centre of an adult's knee of 105 mm and
-# ankle of 70 mm: half of the marker and half of the joint. An assumption where nobody measured the subject.
+# From the centre of a 14 mm marker on the lateral side to the centre of an adult's knee (105 mm wide) and
+# ankle (70 mm): half the marker plus half the joint. Assumed if the subject was not measured.
 HALF_KNEE, HALF_ANKLE = 0.0595, 0.042
-# How much, against one frame's closeness of the two segments, a centre of rotation is drawn to the
-# anatomical guess. A hinge leaves its centre free along the axis; there the guess decides, elsewhere hardly.
+# Weight of the anatomical guess in a centre of rotation, relative to one frame's distance between the
+# segments. A hinge leaves its centre undetermined along the axis; there the guess decides, elsewhere it
+# hardly counts.
 _GUESS_WEIGHT = 0.2
 
 
@@ -27,8 +28,8 @@ _GUESS_WEIGHT = 0.2
 class Pelvis:
     """origin: (T, 3) midpoint of the ASIS; axes: (T, 3, 3), columns forward, left, up; width: metres.
 
-    Forward and left span the plane of the ASIS and the sacrum: the anatomical pelvis, which in most people
-    who stand upright is tilted forward by about 10 degrees.
+    Forward and left span the plane of the ASIS and the sacrum: the anatomical pelvis, which is tilted forward
+    by about 10 degrees in most people standing upright.
     """
 
     origin: Array
@@ -45,13 +46,14 @@ class Pelvis:
 
 
 def pelvis(asis_left: Array, asis_right: Array, back: Array, below: Array) -> Pelvis:
-    """The pelvis from places (T, 3): both ASIS, the sacrum or the midpoint of the PSIS, and one below them.
+    """The pelvis from positions (T, 3): both ASIS, the sacrum or the midpoint of the PSIS, and a point below
+    them.
 
-    What is below it tells up from down: in a mirrored file the order of the axes would tell it wrongly.
+    The point below distinguishes up from down: in a mirrored file the order of the axes would get it wrong.
     """
     origin = 0.5 * (asis_left + asis_right)
     left = unit(asis_left - asis_right)
-    forward = unit(_across(origin - back, left))
+    forward = unit(_perpendicular(origin - back, left))
     up = np.cross(forward, left)
     height = np.sum((origin - below) * up, axis=-1)
     if _median(height) < 0:
@@ -61,74 +63,75 @@ def pelvis(asis_left: Array, asis_right: Array, back: Array, below: Array) -> Pe
 
 
 def hip_centre(pelvis: Pelvis, side: str) -> Array:
-    """(T, 3) after Bell et al. 1990; side: "left" or "right"."""
-    forward, aside, up = (pelvis.width * share for share in BELL)
-    place = np.array([forward, aside if side == "left" else -aside, up])
-    return np.asarray(pelvis.origin + pelvis.axes @ place)
+    """Hip centre (T, 3) by the regression of Bell et al. 1990; side: "left" or "right"."""
+    forward, sideways, up = (pelvis.width * share for share in BELL)
+    offset = np.array([forward, sideways if side == "left" else -sideways, up])
+    return np.asarray(pelvis.origin + pelvis.axes @ offset)
 
 
 def inward(lateral: Array, proximal: Array, medial: Array, half: float) -> Array:
     """Centre (T, 3) at `half` metres from a lateral marker, where the segment from `proximal` meets the
-    joint's axis at a right angle (the chord of Plug-in-Gait: Kadaba et al. 1990, J. Orthop. Res. 8, 383-392).
+    joint's axis at a right angle (the chord function of Plug-in-Gait: Kadaba et al. 1990, J. Orthop. Res. 8,
+    383-392).
 
-    proximal: (T, 3) the centre of the joint above; medial: (T, 3) a direction inward along the axis, of which
-    only the part across the segment counts.
+    proximal: (T, 3) the next joint centre above; medial: (T, 3) a direction inward along the axis, of which
+    only the part perpendicular to the segment counts.
     """
-    reach = proximal - lateral
-    length = np.linalg.norm(reach, axis=-1, keepdims=True)
-    along = unit(reach)
-    across = unit(_across(medial, along))
+    to_proximal = proximal - lateral
+    length = np.linalg.norm(to_proximal, axis=-1, keepdims=True)
+    along = unit(to_proximal)
+    perpendicular = unit(_perpendicular(medial, along))
     sine = np.minimum(half / np.where(length > 0, length, np.nan), 1.0)
-    return np.asarray(lateral + half * (np.sqrt(1.0 - sine**2) * across + sine * along))
+    return np.asarray(lateral + half * (np.sqrt(1.0 - sine**2) * perpendicular + sine * along))
 
 
 def centre_of_rotation(above: Array, below: Array, guess: Array) -> Array:
     """The point (T, 3) that moves with both of two clusters of three markers (T, 3, 3).
 
-    The symmetrical estimate of Ehrig et al. 2006 (J. Biomech. 39, 2798-2809): places a and b, fixed in the
-    two segments, that are nearest to one another over all frames, here with a weak pull to the guess (T, 3).
-    It is for the whole recording: the more the joint bends in it, the better. NaN where a marker is missing.
+    The symmetrical estimate of Ehrig et al. 2006 (J. Biomech. 39, 2798-2809): points a and b, fixed in the
+    two segments, that are closest over all frames, here with a weak pull to the guess (T, 3). One estimate
+    for the whole recording: the more the joint bends, the better. NaN where a marker is missing.
     """
-    (turn_a, at_a), (turn_b, at_b) = _frames(above), _frames(below)
-    whole = np.isfinite(turn_a + turn_b).all(axis=(1, 2)) & np.isfinite(guess).all(axis=-1)
-    frames = int(whole.sum())
+    (rotation_a, centre_a), (rotation_b, centre_b) = _frames(above), _frames(below)
+    complete = np.isfinite(rotation_a + rotation_b).all(axis=(1, 2)) & np.isfinite(guess).all(axis=-1)
+    frames = int(complete.sum())
     if not frames:
         return np.full_like(guess, np.nan)
-    ra, rb = turn_a[whole].transpose(0, 2, 1), turn_b[whole].transpose(0, 2, 1)
-    apart = (at_b - at_a)[whole]
-    pull = _GUESS_WEIGHT**2
-    normal = np.eye(6) * frames * (1.0 + pull)
+    ra, rb = rotation_a[complete].transpose(0, 2, 1), rotation_b[complete].transpose(0, 2, 1)
+    separation = (centre_b - centre_a)[complete]
+    weight = _GUESS_WEIGHT**2
+    normal = np.eye(6) * frames * (1.0 + weight)
     normal[:3, 3:] = -np.einsum("tij,tkj->ik", ra, rb)
     normal[3:, :3] = normal[:3, 3:].T
-    right = np.concatenate(
+    rhs = np.concatenate(
         [
-            np.einsum("tij,tj->i", ra, apart + pull * (guess - at_a)[whole]),
-            np.einsum("tij,tj->i", rb, -apart + pull * (guess - at_b)[whole]),
+            np.einsum("tij,tj->i", ra, separation + weight * (guess - centre_a)[complete]),
+            np.einsum("tij,tj->i", rb, -separation + weight * (guess - centre_b)[complete]),
         ]
     )
-    place = np.linalg.solve(normal, right)
-    return np.asarray(0.5 * (at_a + turn_a @ place[:3] + at_b + turn_b @ place[3:]))
+    offset = np.linalg.solve(normal, rhs)
+    return np.asarray(0.5 * (centre_a + rotation_a @ offset[:3] + centre_b + rotation_b @ offset[3:]))
 
 
 def unit(vectors: Array) -> Array:
-    """Vectors (..., 3) of length 1; NaN where there is no direction."""
+    """Vectors (..., 3) of length 1; NaN for zero vectors."""
     length = np.linalg.norm(vectors, axis=-1, keepdims=True)
     return np.asarray(vectors / np.where(length > 0, length, np.nan))
 
 
-def _across(vectors: Array, axis: Array) -> Array:
-    """The part of the vectors at right angles to a unit axis."""
+def _perpendicular(vectors: Array, axis: Array) -> Array:
+    """The part of the vectors perpendicular to a unit axis."""
     return np.asarray(vectors - np.sum(vectors * axis, axis=-1, keepdims=True) * axis)
 
 
 def _median(values: Array) -> float:
-    """Of those that are there; NaN of none."""
+    """Median of the finite values; NaN without any."""
     seen = values[np.isfinite(values)]
     return float(np.median(seen)) if len(seen) else np.nan
 
 
 def _frames(cluster: Array) -> tuple[Array, Array]:
-    """Axes (T, 3, 3) in columns, and middles (T, 3), of clusters of three markers (T, 3, 3)."""
+    """Axes (T, 3, 3) in columns, and centroids (T, 3), of clusters of three markers (T, 3, 3)."""
     first = unit(cluster[:, 1] - cluster[:, 0])
     third = unit(np.cross(first, cluster[:, 2] - cluster[:, 0]))
     return np.stack([first, np.cross(third, first), third], axis=-1), cluster.mean(axis=1)

@@ -1,4 +1,4 @@
-"""Where on the body an optical marker sits, by the label that marker sets give it."""
+"""Landmarks of optical markers, from the labels that marker sets give them."""
 
 from __future__ import annotations
 
@@ -6,10 +6,10 @@ from collections.abc import Sequence
 
 from kinemimic.pipeline.kinematics.nodes import normalised
 
-# Landmark -> labels of its markers in lower case without punctuation, by which it is known; a * stands for
-# the side: "*asi" is lasi, leftasi. All the labels that a file has of one landmark's tuple belong to it, and
-# the first tuple of which it has any (of a cluster: all) is taken. Plug-in-Gait; OpenSim's Gait2354, Hamner
-# and Rajagopal; and plain words.
+# Landmark -> labels of its markers, in lower case without punctuation; * stands for the side: "*asi" is lasi
+# or leftasi. Of each landmark's tuples, the first counts of which the file has any label (of a cluster: all);
+# all labels of that tuple in the file belong to the landmark. Plug-in-Gait; OpenSim's Gait2354, Hamner and
+# Rajagopal; and plain words.
 _SIDED: dict[str, tuple[tuple[str, ...], ...]] = {
     "asis": (("*asi",), ("*asis",)),
     "psis": (("*psi",), ("*psis",)),
@@ -29,7 +29,7 @@ _MIDDLE: dict[str, tuple[tuple[str, ...], ...]] = {
     "neck_front": (("clav",),),
     "head": (("lfhd", "rfhd", "lbhd", "rbhd"), ("ltemple", "rtemple"), ("tophead",)),
 }
-# Three markers each on a segment that has none at its joints.
+# Clusters of three markers on a segment without markers at its joints.
 _CLUSTERS: dict[str, tuple[tuple[str, str, str], ...]] = {
     "thigh": (("*thighupper", "*thighfront", "*thighrear"),),
     "shank": (("*shankupper", "*shankfront", "*shankrear"),),
@@ -41,8 +41,8 @@ SIDES: tuple[str, ...] = ("left", "right")
 def landmarks(labels: Sequence[str]) -> dict[str, tuple[int, ...]]:
     """Landmark -> indices of its markers: "asis_left", "sacrum", "thigh_right" (a cluster, exactly three) …
 
-    A subject's name before a colon ("Jim:LASI"), case and punctuation do not matter; of a label that stands
-    twice the first counts; labels that mean nothing here are passed over.
+    A subject's name before a colon ("Jim:LASI"), case and punctuation are ignored; of a repeated label the
+    first counts; unknown labels are ignored.
     """
     index: dict[str, int] = {}
     for marker, label in enumerate(labels):
@@ -50,30 +50,34 @@ def landmarks(labels: Sequence[str]) -> dict[str, tuple[int, ...]]:
     index.pop("", None)
     found: dict[str, tuple[int, ...]] = {}
     for landmark, sets in _MIDDLE.items():
-        _take(found, landmark, [[(label,) for label in labels] for labels in sets], index, whole=False)
+        _add_first_match(
+            found, landmark, [[(label,) for label in labels] for labels in sets], index, complete=False
+        )
     for side in SIDES:
-        for kinds, whole in ((_SIDED, False), (_CLUSTERS, True)):
+        for kinds, complete in ((_SIDED, False), (_CLUSTERS, True)):
             for landmark, patterns in kinds.items():
-                spelt = [
+                spellings_of_sets = [
                     [tuple(label.replace("*", word) for word in (side[0], side)) for label in labels]
                     for labels in patterns
                 ]
-                _take(found, f"{landmark}_{side}", spelt, index, whole=whole)
+                _add_first_match(found, f"{landmark}_{side}", spellings_of_sets, index, complete=complete)
     return found
 
 
-def _take(
+def _add_first_match(
     found: dict[str, tuple[int, ...]],
     landmark: str,
     sets: list[list[tuple[str, ...]]],
     index: dict[str, int],
     *,
-    whole: bool,
+    complete: bool,
 ) -> None:
-    """Enter the first of the sets that is there; a set is a list of labels, each in its spellings."""
+    """Add the first of the sets that is in the file; a set is a list of labels, each with its spellings."""
     for labels in sets:
-        spelt = [next((index[name] for name in spellings if name in index), None) for spellings in labels]
-        there = tuple(marker for marker in spelt if marker is not None)
-        if there and (len(there) == len(labels) or not whole):
-            found[landmark] = there
+        spellings_of_sets = [
+            next((index[name] for name in spellings if name in index), None) for spellings in labels
+        ]
+        present = tuple(marker for marker in spellings_of_sets if marker is not None)
+        if present and (len(present) == len(labels) or not complete):
+            found[landmark] = present
             return

@@ -1,4 +1,4 @@
-"""A clip of the nodes from labelled points: optical markers on the skin, or joints by their own names."""
+"""Build a clip of the nodes from labelled points: optical markers on the skin, or named joints."""
 
 from __future__ import annotations
 
@@ -29,12 +29,12 @@ from kinemimic.pipeline.readers.mocap.joint_centres import (
 from kinemimic.pipeline.readers.mocap.marker_names import SIDES, landmarks
 
 _LEGS = tuple(f"{joint}_{side}" for side in SIDES for joint in ("hip", "knee", "ankle"))
-# Rab, Petuskey & Bagley 2002 (Gait & Posture 15, 113-119): the shoulder's centre lies below the acromion by
+# Rab, Petuskey & Bagley 2002 (Gait & Posture 15, 113-119): the shoulder's centre is below the acromion by
 # this share of the distance between the acromia.
 _BELOW_ACROMION = 0.17
-# Where ankles lie that no marker shows, to begin the search: this share of the way from the heel to the top
-# of the midfoot, and so far (metres) up the shank.
-_ANKLE_ON_FOOT, _ANKLE_UP = 0.4, 0.03
+# Initial guess for an ankle without markers: this share of the way from the heel to the top of the midfoot,
+# and this far (metres) up the shank.
+_ANKLE_OVER_FOOT, _ANKLE_UP = 0.4, 0.03
 
 
 def clip_of_markers(
@@ -48,22 +48,24 @@ def clip_of_markers(
     source: Source,
     angles: Mapping[str, Array] | None = None,
 ) -> Clip:
-    """The clip of those of the 20 nodes that the points show.
+    """The clip of those of the 20 nodes that can be computed from the points.
 
-    labels: (M,) the points' names; times: (T,) seconds; points: (T, M, 3) metres in the file's axes,
-    NaN or zeros where missing (a mirrored file gives a mirrored clip); format, reading, world_from_file,
-    angles: as in `recording.clip_of_points`. The reading's notes say how each joint's centre was found.
-    Points that bear the names of hips, knees and ankles are taken for these joints. Otherwise hips follow
-    from the pelvis' markers, knees and ankles from markers at the joint or from clusters on the segments, the
-    rest of the body from what there is; the spine node stands on the pelvis' own long axis, so that a pelvis
-    frame taken from the clip is the anatomical one. A node is missing where a marker that it follows from is.
-    CaptureError if hips, knees or ankles cannot be found: it names what is missing.
+    labels: (M,) names of the points; times: (T,) seconds; points: (T, M, 3) metres in the file's axes, NaN or
+    zeros where missing (a mirrored file gives a mirrored clip); format, reading, world_from_file, angles: as
+    in `clip_of_points`. The reading's notes say how each joint's centre was found.
+
+    Points named like hips, knees and ankles are taken as these joints. Otherwise hips are computed from the
+    pelvis markers, knees and ankles from markers at the joint or from clusters on the segments, the rest of
+    the body from what is available. The spine node lies on the pelvis' own long axis, so that a pelvis frame
+    computed from the clip is the anatomical one. A node is missing where one of its markers is.
+
+    Raises CaptureError naming what is missing if hips, knees or ankles cannot be computed.
     """
-    named = joints_of_nodes(labels)
+    joint_points = joints_of_nodes(labels)
     notes: list[str] = []
-    if named.keys() >= set(_LEGS):
-        centres = {node: points[:, point] for node, point in named.items()}
-        notes.append("points that bear the names of joints are taken for their centres")
+    if joint_points.keys() >= set(_LEGS):
+        centres = {node: points[:, point] for node, point in joint_points.items()}
+        notes.append("points named like joints are taken as their centres")
     else:
         centres = _centres(_Markers(labels, points), notes, source)
     nodes = tuple(node for node in NODES if node in centres)
@@ -80,7 +82,7 @@ def clip_of_markers(
 
 
 class _Markers:
-    """The places (T, 3) of landmarks, NaN where missing; a landmark of several markers is at their middle."""
+    """Positions (T, 3) of landmarks, NaN where missing; the mean for a landmark of several markers."""
 
     def __init__(self, labels: tuple[str, ...], points: Array) -> None:
         self.labels, self.points, self.found = labels, points, landmarks(labels)
@@ -89,22 +91,22 @@ class _Markers:
         return landmark in self.found
 
     def __getitem__(self, landmark: str) -> Array:
-        first, *others = (self._place(marker) for marker in self.found[landmark])
+        first, *others = (self._position(marker) for marker in self.found[landmark])
         return np.asarray(sum(others, first) / (1 + len(others)))
 
     def cluster(self, landmark: str) -> Array:
-        """(T, n, 3) the markers of a landmark."""
-        return np.stack([self._place(marker) for marker in self.found[landmark]], axis=1)
+        """The markers (T, n, 3) of a landmark."""
+        return np.stack([self._position(marker) for marker in self.found[landmark]], axis=1)
 
-    def _place(self, marker: int) -> Array:
-        place = self.points[:, marker]
-        x, y, z = place.T
+    def _position(self, marker: int) -> Array:
+        position = self.points[:, marker]
+        x, y, z = position.T
         missing = ~np.isfinite(x + y + z) | ((x == 0.0) & (y == 0.0) & (z == 0.0))
-        return np.where(missing[:, None], np.nan, place)
+        return np.where(missing[:, None], np.nan, position)
 
 
 def _centres(markers: _Markers, notes: list[str], source: Source) -> dict[str, Array]:
-    _check(markers, source)
+    _require_markers(markers, source)
     back = markers["sacrum"] if "sacrum" in markers else 0.5 * (markers["psis_left"] + markers["psis_right"])
     frame = pelvis(markers["asis_left"], markers["asis_right"], back, _below(markers))
     notes.append("hip centres from the ASIS and the sacrum by the regression of Bell et al. 1990")
@@ -121,83 +123,83 @@ def _centres(markers: _Markers, notes: list[str], source: Source) -> dict[str, A
     return centres
 
 
-def _check(markers: _Markers, source: Source) -> None:
-    """CaptureError that names the first joint for which markers are missing, and those that would do."""
-    lacking = [f"{side} ASIS" for side in SIDES if f"asis_{side}" not in markers]
+def _require_markers(markers: _Markers, source: Source) -> None:
+    """Raise CaptureError listing the joints without markers, and the markers that would suffice."""
+    missing_markers = [f"{side} ASIS" for side in SIDES if f"asis_{side}" not in markers]
     if "sacrum" not in markers and not {"psis_left", "psis_right"} <= markers.found.keys():
-        lacking.append("sacrum or both PSIS")
+        missing_markers.append("sacrum or both PSIS")
     for side in SIDES:
         for joint, above, below in (("knee", "thigh", "shank"), ("ankle", "shank", "foot")):
             clusters = f"{above}_{side}" in markers and f"{below}_{side}" in markers
             if f"{joint}_lateral_{side}" not in markers and not clusters:
-                lacking.append(f"{side} {joint} (at its side, or three each on {above} and {below})")
-    if lacking:
-        shown = ", ".join(label for label in markers.labels if label)[:300]
+                missing_markers.append(f"{side} {joint} (at the joint, or three each on {above} and {below})")
+    if missing_markers:
+        labels_shown = ", ".join(label for label in markers.labels if label)[:300]
         raise source.error(
-            expected="markers from which hips, knees and ankles follow",
-            found=f"none for {'; '.join(lacking)} among {shown or 'points without labels'}",
+            expected="markers from which hips, knees and ankles can be computed",
+            found=f"none for {'; '.join(missing_markers)} among {labels_shown or 'points without labels'}",
         )
 
 
 def _below(markers: _Markers) -> Array:
-    """(T, 3) between the knees, or the shanks where no marker is at a knee."""
-    places = [
-        markers[f"{place}_{side}"]
+    """The midpoint (T, 3) of the knees, or of the shanks without knee markers."""
+    positions = [
+        markers[f"{landmark}_{side}"]
         for side in SIDES
-        for place in (("knee_lateral",) if f"knee_lateral_{side}" in markers else ("shank",))
+        for landmark in (("knee_lateral",) if f"knee_lateral_{side}" in markers else ("shank",))
     ]
-    return np.asarray(0.5 * (places[0] + places[1]))
+    return np.asarray(0.5 * (positions[0] + positions[1]))
 
 
 def _leg(markers: _Markers, frame: Pelvis, side: str, notes: list[str]) -> dict[str, Array]:
     hip = hip_centre(frame, side)
     medial = -frame.left if side == "left" else frame.left
     if f"knee_lateral_{side}" in markers:
-        knee = _beside_marker(markers, "knee", side, hip, medial, HALF_KNEE, notes)
+        knee = _centre_at_marker(markers, "knee", side, hip, medial, HALF_KNEE, notes)
     else:
         thigh, shank = markers.cluster(f"thigh_{side}"), markers.cluster(f"shank_{side}")
         middle = 0.5 * (thigh.mean(axis=1) + shank.mean(axis=1))
-        # Clusters are worn on the outer side: the guess is as far to the side as the hip.
+        # Clusters are worn laterally: the guess is moved inward to the lateral position of the hip.
         guess = middle - np.sum((middle - hip) * medial, axis=-1, keepdims=True) * medial
         knee = centre_of_rotation(thigh, shank, guess)
-        _tell(notes, "knee", "the centres of rotation between clusters of markers (Ehrig et al. 2006)")
+        _add_note(notes, "knee", "the centres of rotation between clusters of markers (Ehrig et al. 2006)")
     if f"ankle_lateral_{side}" in markers:
-        ankle = _beside_marker(markers, "ankle", side, knee, medial, HALF_ANKLE, notes)
+        ankle = _centre_at_marker(markers, "ankle", side, knee, medial, HALF_ANKLE, notes)
     else:
         shank, foot = markers.cluster(f"shank_{side}"), markers.cluster(f"foot_{side}")
         heel, top = foot[:, 0], foot[:, 1]
-        guess = heel + _ANKLE_ON_FOOT * (top - heel)
+        guess = heel + _ANKLE_OVER_FOOT * (top - heel)
         guess += _ANKLE_UP * unit(shank.mean(axis=1) - guess)
         ankle = centre_of_rotation(shank, foot, guess)
-        _tell(notes, "ankle", "the centres of rotation between clusters of markers (Ehrig et al. 2006)")
+        _add_note(notes, "ankle", "the centres of rotation between clusters of markers (Ehrig et al. 2006)")
     return {f"hip_{side}": hip, f"knee_{side}": knee, f"ankle_{side}": ankle}
 
 
-def _beside_marker(
+def _centre_at_marker(
     markers: _Markers, joint: str, side: str, above: Array, medial: Array, half: float, notes: list[str]
 ) -> Array:
     lateral = markers[f"{joint}_lateral_{side}"]
     if f"{joint}_medial_{side}" in markers:
-        _tell(notes, joint, "midway between the medial and the lateral marker")
+        _add_note(notes, joint, "midway between the medial and the lateral marker")
         return np.asarray(0.5 * (lateral + markers[f"{joint}_medial_{side}"]))
-    _tell(
+    _add_note(
         notes, joint, f"{1000 * half:.0f} mm inward of the lateral marker, along the pelvis' axis (assumed)"
     )
     return inward(lateral, above, medial, half)
 
 
-def _tell(notes: list[str], joint: str, how: str) -> None:
-    note = f"{joint} centres: {how}"
+def _add_note(notes: list[str], joint: str, method: str) -> None:
+    note = f"{joint} centres: {method}"
     if note not in notes:
         notes.append(note)
 
 
 def _trunk(markers: _Markers, frame: Pelvis, legs: Mapping[str, Array]) -> dict[str, Array]:
-    """Middle nodes and shoulders; the shoulder_center only from markers of its own."""
+    """Middle nodes and shoulders; shoulder_center only if it has markers of its own."""
     middle = 0.5 * (legs["hip_left"] + legs["hip_right"])
     body = np.full((len(middle), len(NODES), 3), np.nan)
-    for node, place in legs.items():
-        body[:, NODE_INDEX[node]] = place
+    for node, position in legs.items():
+        body[:, NODE_INDEX[node]] = position
     trunk = {"hip_center": middle, "spine": middle + TRUNK / 3.0 * stature(body) * frame.up}
     if "neck_back" in markers and "neck_front" in markers:
         trunk["shoulder_center"] = 0.5 * (markers["neck_back"] + markers["neck_front"])
@@ -212,7 +214,7 @@ def _trunk(markers: _Markers, frame: Pelvis, legs: Mapping[str, Array]) -> dict[
 
 
 def _skeleton(nodes: tuple[str, ...]) -> Skeleton:
-    """The tree of these of the 20 nodes; rest offsets unknown (zeros)."""
+    """The tree of these nodes; rest offsets are unknown (zeros)."""
 
     ancestors = [nearest_ancestor(node, nodes) for node in nodes]
     parents = tuple(-1 if ancestor is None else nodes.index(ancestor) for ancestor in ancestors)

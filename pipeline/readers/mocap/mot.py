@@ -1,11 +1,11 @@
-"""OpenSim motions (.mot, .sto): generalised coordinates by name, put on a standard adult's skeleton.
+"""OpenSim motions (.mot, .sto): generalised coordinates by name, on the skeleton of a standard adult.
 
-The file holds joint angles but no lengths: those here are the published ones of the models that such files
-are made with (legs and pelvis: Delp et al. 1990, as in gait2354; arms: Hamner, Seth & Delp 2010), 1.80 m
-tall, and the angles do not depend on them. Coordinates are intrinsic Z-X-Y turns of each joint (pelvis tilt,
-list, rotation; hip flexion, adduction, rotation; lumbar extension, bending, rotation; arm likewise), of which
-the left side's second and third are mirrored. The file's world is X forward, Y up, Z right. What the model
-knows beyond that (skew axes of ankle and elbow, millimetres of gliding in the knee) is left out.
+The file holds joint angles but no lengths: those used here are the published ones of the models with which
+such files are made (legs and pelvis: Delp et al. 1990, as in gait2354; arms: Hamner, Seth & Delp 2010), 1.80
+m tall; the angles do not depend on them. Coordinates are intrinsic Z-X-Y rotations of each joint (pelvis
+tilt, list, rotation; hip flexion, adduction, rotation; lumbar extension, bending, rotation; the same for the
+arm), of which the left side's second and third are mirrored. The file's world is X forward, Y up, Z right.
+Further details of the model (skew axes of ankle and elbow, millimetres of gliding in the knee) are omitted.
 """
 
 from __future__ import annotations
@@ -37,27 +37,28 @@ FORMAT = Format(
     width_in_header=True,
 )
 ORDER = "ZXY"
-# X forward, Y up, Z right to X forward, Y left, Z up.
+# From X forward, Y up, Z right to X forward, Y left, Z up.
 WORLD_FROM_FILE: Array = from_axis_angle("X", np.array(0.5 * np.pi))
-# Height of the pelvis' origin above the floor when the figure below stands: for files that do not say.
+# Height in metres of the pelvis' origin above the floor in standing, for files without it.
 STANDING = 0.94
-PLACES: tuple[str, ...] = ("pelvis_tx", "pelvis_ty", "pelvis_tz")
+PELVIS_POSITION: tuple[str, ...] = ("pelvis_tx", "pelvis_ty", "pelvis_tz")
 REQUIRED: tuple[str, ...] = ("hip_flexion_r", "knee_angle_r", "hip_flexion_l", "knee_angle_l")
-# Radians, metres and seconds; what is larger is damage.
-_LARGEST_TURN, _LARGEST_PLACE, _LARGEST_TIME = 100.0, 1e4, 1e6
+# Radians, metres and seconds; larger values are damage.
+_MAX_ANGLE, _MAX_POSITION, _MAX_TIME = 100.0, 1e4, 1e6
 
 
 class _Joint(NamedTuple):
-    """parent and place (metres, in its frame) of a joint, and the coordinates of its turns about Z, X, Y.
+    """A joint: its parent, its offset in the parent's frame (metres), and the coordinates of its rotations
+    about Z, X, Y.
 
-    only_with: the joint is left out where the file has no such coordinate: nothing is known of it then.
+    requires: the joint is omitted if the file lacks this coordinate, as nothing is known about it then.
     """
 
     name: str
     parent: str
-    place: tuple[float, float, float]
-    turns: tuple[str, str, str] = ("", "", "")
-    only_with: str = ""
+    offset: tuple[float, float, float]
+    angle_names: tuple[str, str, str] = ("", "", "")
+    requires: str = ""
 
 
 def _leg(side: str, s: str, right: float) -> tuple[_Joint, ...]:
@@ -72,15 +73,17 @@ def _leg(side: str, s: str, right: float) -> tuple[_Joint, ...]:
 
 def _arm(side: str, s: str, right: float) -> tuple[_Joint, ...]:
     arm, elbow = f"arm_flex_{s}", f"elbow_flex_{s}"
-    turns = (arm, f"arm_add_{s}", f"arm_rot_{s}")
+    angle_names = (arm, f"arm_add_{s}", f"arm_rot_{s}")
     return (
-        _Joint(f"shoulder_{side}", "lumbar", (0.003155, 0.3715, 0.17 * right), turns, "lumbar_extension"),
+        _Joint(
+            f"shoulder_{side}", "lumbar", (0.003155, 0.3715, 0.17 * right), angle_names, "lumbar_extension"
+        ),
         _Joint(f"elbow_{side}", f"shoulder_{side}", (0.0131, -0.2863, -0.0096 * right), (elbow, "", ""), arm),
-        _Joint(f"wrist_{side}", f"elbow_{side}", (-0.0155, -0.2488, 0.0397 * right), only_with=elbow),
+        _Joint(f"wrist_{side}", f"elbow_{side}", (-0.0155, -0.2488, 0.0397 * right), requires=elbow),
     )
 
 
-# The hips' middle and a place straight above it, both fixed to the pelvis, show its frame.
+# The midpoint of the hips and a point straight above it, both fixed to the pelvis, show its frame.
 JOINTS: tuple[_Joint, ...] = (
     _Joint("pelvis", "", (0.0, 0.0, 0.0), ("pelvis_tilt", "pelvis_list", "pelvis_rotation")),
     _Joint("hip_center", "pelvis", (-0.0707, -0.0661, 0.0)),
@@ -100,44 +103,48 @@ JOINTS: tuple[_Joint, ...] = (
 
 
 def recognises(source: Source) -> bool:
-    """True if a line says endheader."""
+    """True if a line is endheader."""
     return any(line.strip().lower() == "endheader" for line in source.head)
 
 
 def read(source: Source) -> Clip:
     """The clip of the joints that the file's coordinates move, each with Euler channels.
 
-    Rows whose time is not after all before them are dropped and told. angles: the file's own knees and hips.
+    Rows whose time is not later than before are dropped and reported. angles: the file's own knees and hips.
     """
     table = _table(source)
     later, defects = increasing_times(table.times)
     if table.declared > len(later):
-        lost = table.declared - len(later)
-        text = f"the header says {table.declared} rows, {len(later)} are there: the file may be cut off"
-        defects.append(Defect("dropped_frames", lost, "frames", "flagged", text))
+        count = table.declared - len(later)
+        text = f"the header declares {table.declared} rows but the file has {len(later)}: it may be cut off"
+        defects.append(Defect("dropped_frames", count, "frames", "flagged", text))
     values = {name: column[later] for name, column in table.columns.items()}
-    bends, knee_rule = _knee_sign(values)
+    knee_sign, knee_rule = _knee_sign(values)
 
-    joints = [joint for joint in JOINTS if not joint.only_with or joint.only_with in values]
+    joints = [joint for joint in JOINTS if not joint.requires or joint.requires in values]
     names = tuple(joint.name for joint in joints)
     parents = tuple(names.index(joint.parent) if joint.parent else -1 for joint in joints)
-    skeleton = Skeleton(names, parents, np.array([joint.place for joint in joints]))
-    euler, orders = _channels(joints, values, bends)
+    skeleton = Skeleton(names, parents, np.array([joint.offset for joint in joints]))
+    euler, orders = _channels(joints, values, knee_sign)
     translations = np.broadcast_to(skeleton.offsets, euler.shape).copy()
-    still = np.zeros(len(euler))
-    standing = {"pelvis_ty": still + STANDING}
+    zeros = np.zeros(len(euler))
+    default = {"pelvis_ty": zeros + STANDING}
     translations[:, 0] = np.stack(
-        [values.get(place, standing.get(place, still)) for place in PLACES], axis=-1
+        [values.get(name, default.get(name, zeros)) for name in PELVIS_POSITION], axis=-1
     )
-    absent = [place for place in PLACES if place not in values]
+    missing_positions = [name for name in PELVIS_POSITION if name not in values]
     notes = [
-        "the file holds no lengths: a standard adult's, 1.80 m tall (Delp et al. 1990, Hamner et al. 2010)",
+        "the file holds no lengths: an adult of 1.80 m is assumed (Delp et al. 1990, Hamner et al. 2010)",
         knee_rule,
-        *([f"no {', '.join(absent)} in the file: the walker does not move along it"] if absent else []),
+        *(
+            [f"no {', '.join(missing_positions)} in the file: the pelvis does not move along it"]
+            if missing_positions
+            else []
+        ),
     ]
     angles = {
         f"{joint}_{side}": sign * values[f"{column}_{side[0]}"]
-        for joint, column, sign in (("knee", "knee_angle", bends), ("hip", "hip_flexion", 1.0))
+        for joint, column, sign in (("knee", "knee_angle", knee_sign), ("hip", "hip_flexion", 1.0))
         for side in ("left", "right")
     }
     return Clip(
@@ -166,8 +173,9 @@ def read(source: Source) -> Clip:
 
 @dataclass(frozen=True)
 class _Table:
-    """times: (T,) seconds; columns: coordinate -> (T,), radians and metres; declared: rows by the header;
-    width: columns of the file."""
+    """times: (T,) seconds; columns: coordinate -> (T,), radians and metres; declared: number of rows in the
+    header; width: number of columns in the file.
+    """
 
     times: Array
     columns: Mapping[str, Array]
@@ -196,29 +204,29 @@ def _table(source: Source) -> _Table:
             expected=f"a finite number in {labels[column]}", found=f"{numbers[row, column]}",
             where=f"line {table.line(row)}",
         )  # fmt: skip
-    turns = {name for joint in JOINTS for name in joint.turns if name} & set(labels)
-    used = {"time", *PLACES, *turns}
+    angle_names = {name for joint in JOINTS for name in joint.angle_names if name} & set(labels)
+    used = {"time", *PELVIS_POSITION, *angle_names}
     columns = {label: numbers[:, k] for k, label in enumerate(labels) if label in used}
-    if _in_degrees(header.get("indegrees", ""), [columns[name] for name in turns]):
-        columns |= {name: np.radians(columns[name]) for name in turns}
-    units = {"time": ("s", _LARGEST_TIME), **dict.fromkeys(PLACES, ("m", _LARGEST_PLACE))}
+    if _in_degrees(header.get("indegrees", ""), [columns[name] for name in angle_names]):
+        columns |= {name: np.radians(columns[name]) for name in angle_names}
+    units = {"time": ("s", _MAX_TIME), **dict.fromkeys(PELVIS_POSITION, ("m", _MAX_POSITION))}
     for label, values in columns.items():
-        unit, most = units.get(label, ("rad", _LARGEST_TURN))
-        if np.abs(values).max() > most:
+        unit, limit = units.get(label, ("rad", _MAX_ANGLE))
+        if np.abs(values).max() > limit:
             row = int(np.argmax(np.abs(values)))
             raise source.error(
-                expected=f"at most {most:g} {unit} in {label}",
+                expected=f"at most {limit:g} {unit} in {label}",
                 found=f"{values[row]:g}",
                 where=f"line {table.line(row)}",
             )
     rows = header.get("nrows", "")
-    # A header that counts more rows than any recording has is damaged itself.
+    # A header with more rows than any recording has is itself damaged.
     declared = int(rows) if rows.isascii() and rows.isdigit() and len(rows) < 9 else 0
     return _Table(columns.pop("time"), columns, declared, len(labels))
 
 
 def _coordinate(label: str) -> str:
-    """A column's coordinate: OpenSim 4 writes states as /jointset/hip_r/hip_flexion_r/value."""
+    """A column's coordinate; OpenSim 4 writes states as /jointset/hip_r/hip_flexion_r/value."""
     parts = label.split("/")
     return parts[-2] if len(parts) > 2 and parts[-1] == "value" else label
 
@@ -227,49 +235,53 @@ def _check_labels(labels: Sequence[str], source: Source, line: int) -> None:
     where = f"line {line}"
     missing = [name for name in REQUIRED if name not in labels]
     if missing:
-        shown = ", ".join(labels[:6]) + (" …" if len(labels) > 6 else "")
+        labels_shown = ", ".join(labels[:6]) + (" …" if len(labels) > 6 else "")
         raise source.error(
             expected=f"columns {', '.join(REQUIRED)}",
-            found=f"no {', '.join(missing)} among {shown[:200]}",
+            found=f"no {', '.join(missing)} among {labels_shown[:200]}",
             where=where,
-            advice="forces and muscle states are no motion: give the file of inverse kinematics",
+            advice="forces and muscle states are not motion: pass the file of inverse kinematics",
         )
     if labels[0] != "time":
         raise source.error(expected="time as the first column", found=repr(labels[0][:40]), where=where)
     index_of_columns(labels, source, line)
 
 
-def _in_degrees(stated: str, turns: Sequence[Array]) -> bool:
-    """As the header says; where it does not, angles beyond a whole turn of radians are degrees."""
-    if stated.lower() in ("yes", "no"):
-        return stated.lower() == "yes"
-    return max(float(np.abs(turn).max()) for turn in turns) > 2.0 * np.pi
+def _in_degrees(declared: str, angles: Sequence[Array]) -> bool:
+    """As in the header; if it does not say, angles beyond a whole turn in radians are degrees."""
+    if declared.lower() in ("yes", "no"):
+        return declared.lower() == "yes"
+    return max(float(np.abs(angle).max()) for angle in angles) > 2.0 * np.pi
 
 
 def _knee_sign(values: Mapping[str, Array]) -> tuple[float, str]:
-    """What a knee's angle is to be multiplied with for flexion to be positive, and how that is known.
+    """The factor that makes knee flexion positive, and how it is known.
 
-    A knee flexes far to one side and over-extends by a few degrees at most; models differ in the side.
+    A knee flexes far to one side and over-extends by a few degrees at most; models differ in the sign.
     """
     knees = np.concatenate([values["knee_angle_r"], values["knee_angle_l"]])
     negative = -float(knees.min()) > float(knees.max())
-    rule = f"knee_angle is {'negative' if negative else 'positive'} in flexion, as its larger values show"
+    rule = (
+        f"knee_angle is {'negative' if negative else 'positive'} in flexion, inferred from its larger values"
+    )
     return (-1.0 if negative else 1.0), rule
 
 
 def _channels(
-    joints: Sequence[_Joint], values: Mapping[str, Array], bends: float
+    joints: Sequence[_Joint], values: Mapping[str, Array], knee_sign: float
 ) -> tuple[Array, tuple[str, ...]]:
-    """Angles (T, J, 3) in radians in the sequence of ORDER, zeros for what the file does not have; orders."""
+    """Angles (T, J, 3) in radians in the sequence of ORDER, zeros for coordinates that the file lacks; orders
+    (J,).
+    """
     frames = len(next(iter(values.values())))
     euler = np.zeros((frames, len(joints), 3))
     orders: list[str] = []
     for j, joint in enumerate(joints):
-        for k, coordinate in enumerate(joint.turns):
+        for k, coordinate in enumerate(joint.angle_names):
             if coordinate in values:
                 # On the left, X and Y point the other way in the body; a shin swings backward about -Z.
                 mirrored = k > 0 and joint.name.endswith("_left")
-                sign = -bends if coordinate.startswith("knee") else -1.0 if mirrored else 1.0
+                sign = -knee_sign if coordinate.startswith("knee") else -1.0 if mirrored else 1.0
                 euler[:, j, k] = sign * values[coordinate]
-        orders.append(ORDER if any(coordinate in values for coordinate in joint.turns) else "")
+        orders.append(ORDER if any(coordinate in values for coordinate in joint.angle_names) else "")
     return euler, tuple(orders)

@@ -1,8 +1,9 @@
 """OpenSim's marker files (.trc): a header of five or six lines, then TAB-separated frames.
 
-Line 1 PathFileType, lines 2 and 3 names and values (DataRate, NumFrames, Units …), line 4 Frame#, Time and
-the markers' names, each above three columns, line 5 X1 Y1 Z1 …, then often a blank line. A marker that was
-not seen leaves its cells empty, or zeros. Y is up, X forward and Z to the right, OpenSim's axes.
+Line 1 is PathFileType, lines 2 and 3 are names and values (DataRate, NumFrames, Units …), line 4 is Frame#,
+Time and the markers' names, each above three columns, line 5 is X1 Y1 Z1 …, often followed by a blank line.
+The cells of a marker that was not seen are empty or zero. Y is up, X forward and Z to the right, OpenSim's
+axes.
 """
 
 from __future__ import annotations
@@ -34,10 +35,10 @@ FORMAT = Format(
     width_in_header=True,
 )
 DECLARED: tuple[str, ...] = ("mm", "cm", "m")
-# X forward, Y up, Z right: a quarter turn about X makes it X forward, Y left, Z up.
+# From X forward, Y up, Z right to X forward, Y left, Z up.
 WORLD_FROM_FILE: Array = from_axis_angle("X", np.pi / 2.0)
-# The Time column is mostly written with three digits, 0.017 for 1/60: if it agrees with the declared rate as
-# far as it goes, frames over that rate are the better times.
+# The Time column usually has three digits, 0.017 for 1/60. If it agrees with the declared rate to this
+# precision (seconds), frame numbers over that rate are the better times.
 _TIME_DIGITS = 0.0011
 
 
@@ -47,26 +48,27 @@ def recognises(source: Source) -> bool:
 
 
 def read(source: Source) -> Clip:
-    """The clip of the nodes that the markers show (see markers.py); frames with an earlier time are dropped.
+    """The clip of the nodes that the markers give (see markers.py); frames with an earlier time are dropped.
 
-    CaptureError for a damaged header or table, unknown units, and markers from which no legs follow.
+    Raises CaptureError for a damaged header or table, unknown units, and markers from which legs cannot be
+    computed.
     """
-    at = _names(source.lines[:16])
-    if at is None:
+    names_line = _names(source.lines[:16])
+    if names_line is None:
         raise source.error(expected="a line that begins with Frame# and Time", found="none in the first 16")
-    declared = _declared(source, at)
+    declared = _declared(source, names_line)
     units = source.unit or declared.get("units", "").lower()
     if source.unit is None and units not in DECLARED:
         raise source.error(
             expected=f"Units of {', '.join(DECLARED)} in the header",
             found=repr(units[:20]) if units else "none",
-            advice="--unit names the unit",
+            advice="set the unit with --unit",
         )
-    # Below the names stand X1 Y1 Z1 …; a file without that line has its first frame there.
-    below = source.lines[at + 1] if at + 1 < len(source.lines) else ""
-    table, values = _table(source, at + (1 if numbers_of(below, None) else 2))
+    # Below the names is X1 Y1 Z1 …; in a file without that line, the first frame is there.
+    next_line = source.lines[names_line + 1] if names_line + 1 < len(source.lines) else ""
+    table, values = _table(source, names_line + (1 if numbers_of(next_line, None) else 2))
     count = (values.shape[1] - 2) // 3
-    labels = tuple(name.strip() for name in source.lines[at].split("\t")[2 : 2 + 3 * count : 3])
+    labels = tuple(name.strip() for name in source.lines[names_line].split("\t")[2 : 2 + 3 * count : 3])
     labels += ("",) * (count - len(labels))
     if not np.isfinite(values[:, 1]).all():
         bad = int(np.argmin(np.isfinite(values[:, 1])))
@@ -76,16 +78,16 @@ def read(source: Source) -> Clip:
     kept = values if later.all() else values[later]
     points = (kept[:, 2:] * UNITS[units]).reshape(-1, count, 3)
     if source.unit is None:
-        points, wrong = in_metres(labels, points)
-        defects += wrong
+        points, unit_defects = in_metres(labels, points)
+        defects += unit_defects
     refuse_remote(points, labels, source, lambda row: table.line(int(np.flatnonzero(later)[row])))
     for key, found in (("numframes", len(values)), ("nummarkers", count)):
-        told = declared.get(key, "")
-        if key == "numframes" and told.isdecimal() and len(told) < 9 and int(told) > found:
-            text = f"the header says {told} frames, {found} are there: the file may be cut off"
-            defects.append(Defect("dropped_frames", int(told) - found, "frames", "flagged", text))
-        elif told and told != str(found):
-            notes.append(f"the header says {key} {told[:20]}, the file has {found}")
+        stated = declared.get(key, "")
+        if key == "numframes" and stated.isdecimal() and len(stated) < 9 and int(stated) > found:
+            text = f"the header declares {stated} frames but the file has {found}: it may be cut off"
+            defects.append(Defect("dropped_frames", int(stated) - found, "frames", "flagged", text))
+        elif stated and stated != str(found):
+            notes.append(f"the header declares {key} {stated[:20]}, the file has {found}")
     return clip_of_markers(
         labels,
         times,
@@ -105,16 +107,16 @@ def read(source: Source) -> Clip:
 
 
 def _names(lines: Sequence[str]) -> int | None:
-    """Index of the line of the markers' names."""
+    """Index of the line with the markers' names."""
     starts = (line.split("\t")[:2] for line in lines)
     return next(
         (k for k, start in enumerate(starts) if [f.strip() for f in start] == ["Frame#", "Time"]), None
     )
 
 
-def _declared(source: Source, at: int) -> dict[str, str]:
-    """The header's pairs of name (lower case) and value."""
-    for k in range(at - 1):
+def _declared(source: Source, names_line: int) -> dict[str, str]:
+    """The header's pairs of (lower-case) name and value."""
+    for k in range(names_line - 1):
         names = [name.strip().lower() for name in source.lines[k].split("\t")]
         if "units" in names or "datarate" in names:
             return dict(zip(names, (v.strip() for v in source.lines[k + 1].split("\t")), strict=False))
@@ -122,10 +124,10 @@ def _declared(source: Source, at: int) -> dict[str, str]:
 
 
 def _table(source: Source, start: int) -> tuple[Table, Array]:
-    """The frames, (T, 2 + 3 M); empty cells become NaN.
+    """The frames (T, 2 + 3 M); empty cells become NaN.
 
-    Most files have none, and looking for them takes as long as half of the parsing: they are looked for
-    where the table cannot be parsed as it stands.
+    Most files have no empty cells, and searching for them takes half as long as parsing, so they are searched
+    for only if the table cannot be parsed as it is.
     """
     try:
         table = parse_table(source, start=start, separator="\t")
@@ -141,7 +143,7 @@ def _table(source: Source, start: int) -> tuple[Table, Array]:
     spare = (values.shape[1] - 2) % 3
     if values.shape[1] < 5 or spare > 1 or (spare and np.isfinite(values[:, -1]).any()):
         raise source.error(
-            expected="frame number, time and three numbers a marker",
+            expected="frame number, time and three numbers per marker",
             found=f"{values.shape[1]} numbers",
             where=f"line {table.line(0)}",
         )
@@ -151,21 +153,21 @@ def _table(source: Source, start: int) -> tuple[Table, Array]:
 def _times(
     clock: Array, later: NDArray[np.bool_], declared: dict[str, str], source: Source
 ) -> tuple[Array, list[str]]:
-    """Seconds of the frames that stay, and what is to be said of them: the Time column wins over DataRate."""
+    """Seconds of the kept frames, and notes about them: the Time column takes precedence over DataRate."""
     try:
         rate = float(declared.get("datarate", ""))
     except ValueError:
         rate = 0.0
     times = clock[later]
     if 0.0 < rate < 1e5:
-        even = times[0] + np.arange(len(times)) / rate
-        if np.abs(even - times).max() <= _TIME_DIGITS:
-            return even, []
+        regular = times[0] + np.arange(len(times)) / rate
+        if np.abs(regular - times).max() <= _TIME_DIGITS:
+            return regular, []
     if len(times) > 1 and (np.median(np.diff(times)) > 1.0 or np.median(np.diff(times)) < 1e-4):
         raise source.error(
             expected="times in s, with steps of 0.0001 to 1",
-            found=f"a usual step of {np.median(np.diff(times)):g}",
+            found=f"a median step of {np.median(np.diff(times)):g}",
         )
     step = f"{1.0 / np.median(np.diff(times)):.4g} Hz" if len(times) > 1 else "one frame"
-    told = f"says {rate:g} Hz" if 0.0 < rate < 1e5 else "names no rate"
-    return times, [f"times are those of the Time column, {step}; the header {told}"]
+    stated = f"states {rate:g} Hz" if 0.0 < rate < 1e5 else "states no rate"
+    return times, [f"times are those of the Time column, {step}; the header {stated}"]

@@ -1,7 +1,7 @@
-"""Kinect v1 walks of Andersson and Araujo: one joint a line, `Name;x;y;z`, and no mark between frames.
+"""Kinect v1 walks of Andersson and Araujo: one joint per line, `Name;x;y;z`, without marks between frames.
 
-A new frame starts wherever the first name comes again (Head, in the recorder's own sequence). There is no
-clock and no tracking state: 30 frames a second are nominal. Metres, Y up.
+A new frame starts where the first name recurs (Head, in the recorder's own order). There is no clock and no
+tracking state: 30 Hz is nominal. Metres, Y up.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ RATE = 30.0
 JOINTS: dict[str, str] = {node.title().replace("_", "-"): node for node in NODES if node != "hip_center"} | {
     "Hip-centro": "hip_center"
 }
-# What numbers are made of. Without it, a file of 20 names a frame is the same few bytes over and over.
+# The characters of numbers. Without them, a file of 20 names per frame repeats the same few bytes.
 _NUMERIC = b"0123456789.+-eE"
 
 
@@ -40,15 +40,16 @@ def recognises(source: Source) -> bool:
 def read(source: Source) -> Clip:
     """The clip of the 20 nodes at the nominal rate.
 
-    CaptureError names the first line that is not the joint that is due, or if the last frame is cut off.
+    CaptureError names the first line that is not the expected joint, or reports that the last frame is cut
+    off.
     """
-    due = _sequence(source)
-    if not _is_regular(source, due):
-        _check_lines(source, due)
+    names_in_order = _names_of_first_frame(source)
+    if not _is_regular(source, names_in_order):
+        _check_lines(source, names_in_order)
     table = parse_table(source, width=4, separator=";", label_columns=1)
-    points = table.values.reshape(-1, len(due), 3)
-    refuse_remote(points, due, source, lambda frame: table.line(frame * len(due)))
-    nodes = [JOINTS[name] for name in due]
+    points = table.values.reshape(-1, len(names_in_order), 3)
+    refuse_remote(points, names_in_order, source, lambda frame: table.line(frame * len(names_in_order)))
+    nodes = [JOINTS[name] for name in names_in_order]
     points = points[:, [nodes.index(node) for node in NODES]]
     return clip_of_points(
         node_skeleton(),
@@ -60,13 +61,13 @@ def read(source: Source) -> Clip:
             units="m",
             units_rule="the format's",
             defects=zero_frames(points),
-            notes=[f"the file has no clock: {RATE:g} frames a second are the sensor's nominal rate"],
+            notes=[f"the file has no clock: {RATE:g} Hz, the sensor's nominal rate"],
         ),
     )
 
 
-def _sequence(source: Source) -> tuple[str, ...]:
-    """The names of the first frame, in the sequence that all frames must have."""
+def _names_of_first_frame(source: Source) -> tuple[str, ...]:
+    """The names of the first frame, in the order that all frames must have."""
     names: list[str] = []
     for number, line in enumerate(source.head, start=source.blank_lines + 1):
         name = line.partition(";")[0].strip()
@@ -87,38 +88,40 @@ def _sequence(source: Source) -> tuple[str, ...]:
     return tuple(names)
 
 
-def _is_regular(source: Source, due: tuple[str, ...]) -> bool:
-    """Whether there is nothing but the due names in turn, with three numbers each; spaces are odd already."""
+def _is_regular(source: Source, names_in_order: tuple[str, ...]) -> bool:
+    """Whether all lines are the expected names in order, with three numbers each; even a space counts as
+    irregular.
+    """
     names = source.content.translate(None, _NUMERIC).rstrip(b"\n") + b"\n"
-    frame = "".join(f"{name};;;\n" for name in due).encode().translate(None, _NUMERIC)
+    frame = "".join(f"{name};;;\n" for name in names_in_order).encode().translate(None, _NUMERIC)
     return names == len(names) // len(frame) * frame
 
 
-def _check_lines(source: Source, due: tuple[str, ...]) -> None:
-    """CaptureError for the first line that is not the due joint's, with three fields behind its name."""
+def _check_lines(source: Source, names_in_order: tuple[str, ...]) -> None:
+    """Raise CaptureError for the first line that is not the expected joint with three fields."""
     filled = [(number, line) for number, line in enumerate(source.lines, start=1) if line.strip()]
     for index, (number, line) in enumerate(filled):
         name, *fields = (field.strip() for field in line.split(";"))
-        wanted, where = due[index % len(due)], f"line {number}"
+        wanted, where = names_in_order[index % len(names_in_order)], f"line {number}"
         if name != wanted:
             raise source.error(
-                expected=f"{wanted} of frame {index // len(due)}",
+                expected=f"{wanted} of frame {index // len(names_in_order)}",
                 found=repr(name[:40]),
                 where=where,
-                advice="a joint's line is missing or there twice" if name in JOINTS else None,
+                advice="a joint's line is missing or repeated" if name in JOINTS else None,
             )
         if len(fields) != 3:
-            cut = index == len(filled) - 1 and len(fields) < 3
+            cut_off = index == len(filled) - 1 and len(fields) < 3
             raise source.error(
                 expected=f"{wanted} and 3 numbers",
                 found=f"{len(fields)}",
                 where=where,
-                advice="the file is cut off there" if cut else None,
+                advice="the file is cut off there" if cut_off else None,
             )
-    if len(filled) % len(due):
+    if len(filled) % len(names_in_order):
         raise source.error(
-            expected=f"{len(due)} joints in the last frame",
-            found=f"{len(filled) % len(due)}",
+            expected=f"{len(names_in_order)} joints in the last frame",
+            found=f"{len(filled) % len(names_in_order)}",
             where=f"line {filled[-1][0]}",
             advice="the file is cut off there",
         )

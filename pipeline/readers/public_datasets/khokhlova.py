@@ -1,9 +1,9 @@
-"""Khokhlova's gait recordings of a Kinect v2: positions and orientations, 202 numbers a line.
+"""Khokhlova's gait recordings of a Kinect v2: positions and orientations, 202 numbers per line.
 
-M. Khokhlova, C. Migniot, A. Dipanda, "3D point cloud descriptor for posture recognition" and the gait pilots
-after it. White space between: index, milliseconds since the start, then 25 times state, X, Y, Z, qx, qy, qz,
-qw in the SDK's order; metres in camera space, absolute orientations. While nobody is there the line holds
-zeros, mostly too few of them. The recorder polled the sensor at about 60 Hz: more than every second line
+M. Khokhlova, C. Migniot, A. Dipanda, "3D point cloud descriptor for posture recognition", and the gait pilot
+studies after it. Separated by white space: index, milliseconds since the start, then 25 times state, X, Y, Z,
+qx, qy, qz, qw in the SDK's order; metres in camera space, absolute orientations. While nobody is seen, the
+line holds zeros, mostly too few. The recorder polled the sensor at about 60 Hz: more than every second line
 repeats the pose before bit for bit, which noise never does.
 """
 
@@ -35,25 +35,25 @@ FORMAT = Format(
     recognised_by="lines of 202 numbers: index, ms, then state, position and unit quaternion of 25 joints",
     columns=(177, 202),
 )
-_JOINT = 8
-_WIDTH = 2 + _JOINT * len(SDK_JOINTS)
+_JOINT_WIDTH = 8
+_WIDTH = 2 + _JOINT_WIDTH * len(SDK_JOINTS)
 # A line without a person has no states.
-_EMPTY = _WIDTH - len(SDK_JOINTS)
+_EMPTY_WIDTH = _WIDTH - len(SDK_JOINTS)
 
 
 def recognises(source: Source) -> bool:
-    """True if the first lines are whole index and ms, and then a pose or (some) zeros."""
+    """True if the first lines are an integer index and ms, then a pose or (some) zeros."""
     return begins_with_rows(source, None, _is_line)
 
 
 def read(source: Source) -> Clip:
-    """The clip of the 25 joints with rotations: one frame per line with a person and a pose of its own."""
+    """The clip of the 25 joints with rotations: one frame per line with a person and a new pose."""
     table = parse_table(source, width=_WIDTH, drop_other_widths=True)
     rows = table.values
     present = rows[:, 2:].any(axis=1)
     if not present.any():
         raise source.error(expected="a person", found="zeros in every line")
-    # Where all are there, a view instead of a copy of everything.
+    # If all are present, a view instead of a copy.
     lines = np.arange(len(rows)) if present.all() else np.flatnonzero(present)
     rows = rows if present.all() else rows[present]
 
@@ -64,25 +64,25 @@ def read(source: Source) -> Clip:
         return f"line {line(row)}"
 
     times = rows[:, 1] / 1000.0
-    frames = rows[:, 2:].reshape(len(rows), len(SDK_JOINTS), _JOINT)
+    frames = rows[:, 2:].reshape(len(rows), len(SDK_JOINTS), _JOINT_WIDTH)
     check_states(frames[..., 0], SDK_JOINTS, where, source)
     refuse_remote(frames[..., 1:4], SDK_JOINTS, source, line)
     check_quaternions(frames[..., 4:], SDK_JOINTS, where, source)
-    fresh = np.concatenate([[True], (rows[1:, 2:] != rows[:-1, 2:]).any(axis=1)])
-    polls = np.flatnonzero(fresh)
-    fresh[polls], defects = sensor_clock(times[polls], lambda row: where(int(polls[row])), source)
-    kept = frames if fresh.all() else frames[fresh]
+    is_new = np.concatenate([[True], (rows[1:, 2:] != rows[:-1, 2:]).any(axis=1)])
+    indices = np.flatnonzero(is_new)
+    is_new[indices], defects = sensor_clock(times[indices], lambda row: where(int(indices[row])), source)
+    kept = frames if is_new.all() else frames[is_new]
     skeleton = kinect_v2_skeleton()
     return clip_of_points(
         skeleton,
-        times[fresh],
+        times[is_new],
         kept[:, FROM_SDK, 1:4],
         kept[:, FROM_SDK, 0].astype(np.uint8),
         format=FORMAT,
         reading=reading(
             units="m",
             units_rule="the format's",
-            defects=_defects(table.dropped + int((~present).sum()), int((~fresh).sum()), len(rows), defects),
+            defects=_defects(table.dropped + int((~present).sum()), int((~is_new).sum()), len(rows), defects),
             columns=_WIDTH,
         ),
         rotations=child_to_parent(kept[:, FROM_SDK, 4:], skeleton, Y_UP_TO_Z_UP),
@@ -90,28 +90,29 @@ def read(source: Source) -> Clip:
 
 
 def _defects(empty: int, repeated: int, lines: int, of_clock: list[Defect]) -> list[Defect]:
-    """What was left out: lines without a whole person, and polls that found the sensor's last frame again;
-    of_clock: of those that did not."""
+    """Defects of the dropped lines: without a whole person, or polled before the sensor had a new frame;
+    of_clock: the defects of the other lines' times.
+    """
     found: list[Defect] = []
     if empty:
-        text = f"{empty} lines without a whole person (zeros or too few numbers), left out"
+        text = f"{empty} lines without a whole person (zeros or too few numbers), dropped"
         found.append(Defect("zero_frames", empty, "frames", "repaired", text))
-    behind = [defect for defect in of_clock if defect.action == "flagged"]
-    found += behind
-    if repeated := repeated - sum(defect.count for defect in behind):
+    clock_defects = [defect for defect in of_clock if defect.action == "flagged"]
+    found += clock_defects
+    if repeated := repeated - sum(defect.count for defect in clock_defects):
         text = f"{repeated} of {lines} lines repeat a pose or a time: polled faster than the sensor, dropped"
         found.append(Defect("duplicate_frames", repeated, "frames", "repaired", text))
     return found
 
 
 def _is_line(row: list[float]) -> bool:
-    if not (_EMPTY <= len(row) <= _WIDTH and row[0].is_integer() and row[1].is_integer()):
+    if not (_EMPTY_WIDTH <= len(row) <= _WIDTH and row[0].is_integer() and row[1].is_integer()):
         return False
-    return _is_pose(row[2:]) if len(row) == _WIDTH else row.count(0.0) >= _EMPTY // 2
+    return _is_pose(row[2:]) if len(row) == _WIDTH else row.count(0.0) >= _EMPTY_WIDTH // 2
 
 
 def _is_pose(values: list[float]) -> bool:
-    joints = [values[k : k + _JOINT] for k in range(0, len(values), _JOINT)]
+    joints = [values[k : k + _JOINT_WIDTH] for k in range(0, len(values), _JOINT_WIDTH)]
     return all(joint[0] in (0.0, 1.0, 2.0) for joint in joints) and all(
         norm == 0.0 or abs(norm - 1.0) < 0.05
         for norm in (sum(part * part for part in joint[4:]) for joint in joints)

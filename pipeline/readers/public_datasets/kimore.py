@@ -1,10 +1,10 @@
 """KIMORE's joint positions of a Kinect v2: CSV without header or time, 25 times x, y, z, state.
 
 Capecci et al., "The KIMORE dataset: KInematic assessment of MOvement and clinical scores for remote
-monitoring of physical REhabilitation" (2019). A line is a frame of the sensor at 30 fps and ends with a
-comma; a frame in which nobody was tracked is an empty line, so that a file begins with some dozens of them.
-Joints in the SDK's order, metres, camera space. Copies smoothed by somebody have one number more at the end
-of the line, 0, and states that were smoothed along with the positions.
+monitoring of physical REhabilitation" (2019). A line is a frame of the sensor at 30 Hz and ends with a comma;
+an empty line is a frame in which nobody was tracked, so files begin with dozens of them. Joints in the SDK's
+order, metres, camera space. Some published copies were smoothed, including the states; their lines end with
+an additional 0.
 """
 
 from __future__ import annotations
@@ -27,27 +27,27 @@ FORMAT = Format(
     recognised_by="comma-separated lines of 100 numbers, every fourth a state 0, 1 or 2",
     columns=(100, 101),
 )
-# The file has no time: the sensor's own rate.
+# In Hz. The file has no time; this is the sensor's rate.
 RATE = 30.0
 _WIDTH = 4 * len(SDK_JOINTS)
 
 
 def recognises(source: Source) -> bool:
-    """True if the first lines are 100 numbers (101 where smoothed) with states in every fourth column."""
+    """True if the first lines are 100 numbers (101 if smoothed) with states in every fourth column."""
     return begins_with_rows(source, ",", _is_frame)
 
 
 def read(source: Source) -> Clip:
     """The clip of the 25 joints, one frame per line that is not empty, the first at 0 s.
 
-    An empty line among the frames takes its thirtieth of a second: it is a gap in the times.
+    An empty line between frames takes 1/30 s: it is a gap in the times.
     """
     source = _without_bare_commas(source)
     lines = source.lines
     filled = np.array([number for number, line in enumerate(lines) if line.strip().strip(",")])
     if not len(filled):
         raise source.error(expected="frames", found="empty lines only")
-    # By several lines, so that a damaged first one is told as such.
+    # From several lines, so that a damaged first line is reported as such.
     widths = [len(lines[number].strip().removesuffix(",").split(",")) for number in filled[:16]]
     width = _WIDTH + (widths.count(_WIDTH + 1) > widths.count(_WIDTH))
     table = parse_table(source, width=width, separator=",")
@@ -56,21 +56,21 @@ def read(source: Source) -> Clip:
         return f"line {filled[row] + 1}"
 
     frames = table.values[:, :_WIDTH].reshape(len(filled), len(SDK_JOINTS), 4)
-    places, states = frames[..., :3], frames[..., 3]
-    refuse_remote(places, SDK_JOINTS, source, lambda row: int(filled[row]) + 1)
-    notes = [f"no time in the file: {RATE:g} frames a second, the sensor's"]
+    positions, states = frames[..., :3], frames[..., 3]
+    refuse_remote(positions, SDK_JOINTS, source, lambda row: int(filled[row]) + 1)
+    notes = [f"no time in the file: {RATE:g} Hz, the sensor's rate"]
     if filled[0]:
-        notes.append(f"{filled[0]} empty lines first: frames before anybody was tracked")
+        notes.append(f"{filled[0]} empty lines at the start: frames before anybody was tracked")
     if empty := int(filled[-1] - filled[0]) + 1 - len(filled):
-        notes.append(f"{empty} empty lines among the frames: nobody was tracked then")
+        notes.append(f"{empty} empty lines between frames: nobody was tracked")
     if width > _WIDTH:
         states = np.rint(states)
-        notes.append("smoothed before it was published, states too: the nearest state is taken")
+        notes.append("smoothed before publication, including the states: the nearest state is taken")
     check_states(states, SDK_JOINTS, where, source)
     return clip_of_points(
         kinect_v2_skeleton(),
         (filled - filled[0]) / RATE,
-        places[:, FROM_SDK],
+        positions[:, FROM_SDK],
         states[:, FROM_SDK].astype(np.uint8),
         format=FORMAT,
         reading=reading(units="m", units_rule="the format's", notes=notes, columns=width),
@@ -78,7 +78,7 @@ def read(source: Source) -> Clip:
 
 
 def _without_bare_commas(source: Source) -> Source:
-    """The same lines, those of commas alone made empty: a spreadsheet writes empty lines so."""
+    """The same lines, but those of commas only are empty: spreadsheets write empty lines like that."""
     if b"\n,," not in source.content and not source.content.startswith(b",,"):
         return source
     lines = (line if line.strip(" ,") else "" for line in source.lines)
@@ -91,5 +91,5 @@ def _is_frame(row: list[float]) -> bool:
     states = row[3:_WIDTH:4]
     if len(row) == _WIDTH:
         return all(state in (0.0, 1.0, 2.0) for state in states)
-    # KinectReader's lines are as long, but begin with a time and end with a state.
+    # KinectReader's lines have the same length, but begin with a time and end with a state.
     return row[-1] == 0.0 and abs(row[0]) < MAX_COORDINATE and all(abs(state - 1.0) < 1.5 for state in states)

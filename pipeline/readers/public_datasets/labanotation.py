@@ -1,7 +1,7 @@
 """KinectReader's recordings (Microsoft's LabanotationSuite): a time, then 25 times x, y, z, state.
 
-Comma-separated without header, often with a comma at the end of the line: the time in ticks of 100 ns, then
-the joints of a Kinect v2 in the SDK's order, metres in camera space, state 0, 1 or 2.
+Comma-separated without header, often with a trailing comma: the time in ticks of 100 ns, then the joints of a
+Kinect v2 in the SDK's order, metres in camera space, state 0, 1 or 2.
 """
 
 from __future__ import annotations
@@ -24,18 +24,18 @@ FORMAT = Format(
     recognised_by="comma-separated lines of 101 numbers: a whole number of ticks, then x, y, z, state",
     columns=(101,),
 )
-# Seconds in a tick of .NET's TimeSpan, which the SDK's clock counts.
+# Seconds per tick of .NET's TimeSpan, the unit of the SDK's clock.
 TICK = 1e-7
 _WIDTH = 1 + 4 * len(SDK_JOINTS)
 
 
 def recognises(source: Source) -> bool:
-    """True if the first lines are 101 numbers, the first whole and every fourth after it a state."""
+    """True if the first lines are 101 numbers, the first an integer and every fourth after it a state."""
     return begins_with_rows(source, ",", _is_frame)
 
 
 def read(source: Source) -> Clip:
-    """The clip of the 25 joints, one frame per line with a later time than the lines before."""
+    """The clip of the 25 joints, one frame per line with a later time than before."""
     table = parse_table(source, width=_WIDTH, separator=",")
 
     def where(row: int) -> str:

@@ -1,9 +1,10 @@
-"""MSR-Action3D in world coordinates: x y z confidence a line, 20 lines a frame, 15 frames a second.
+"""MSR-Action3D in world coordinates: x y z confidence per line, 20 lines per frame, 15 Hz.
 
-The order of the joints is the set's own. A model was fitted to what the camera saw, so that every joint has a
-place; confidence (0 to 1) says how much of it was seen: spine, neck and feet have 0 in nearly all frames and
-are as still as any, wrists jump two to four times as far below 1. Hence 0.5 and more is tracked, less is
-inferred, and only a place of zeros is missing. Metres, Y up. The set's other form, in pixels, is refused.
+The order of the joints is the data set's own. A model was fitted to the image, so every joint has a position;
+the confidence (0 to 1) says how much of it was seen: spine, neck and feet have 0 in nearly all frames and are
+as steady as the others, but wrists below 1 jump two to four times as far. Hence 0.5 and above is tracked,
+below is inferred, and only a position of zeros is missing. Metres, Y up. The data set's other form, in
+pixels, is refused.
 """
 
 from __future__ import annotations
@@ -36,13 +37,13 @@ JOINTS: tuple[str, ...] = (
 )  # fmt: skip
 # positions_of_nodes = positions_of_the_file[:, FROM_FILE]
 FROM_FILE: tuple[int, ...] = tuple(JOINTS.index(node) for node in NODES)
-_SURE = 0.5
-# Depth cameras of that time see no further.
-_FARTHEST = 20.0
+_TRACKED_FROM = 0.5
+# In metres; depth cameras of that time have no larger range.
+_MAX_COORDINATE = 20.0
 
 
 def recognises(source: Source) -> bool:
-    """True if the lines are four numbers, confidences last, and whole frames of 20 are a body."""
+    """True if the lines are four numbers, the last a confidence, and whole frames of 20 are a body."""
     rows: list[list[float]] = []
     for line in source.head:
         row = numbers_of(line, None)
@@ -50,7 +51,7 @@ def recognises(source: Source) -> bool:
             break
         rows.append(row)
     frames = len(rows) // len(JOINTS)
-    # Lines that are no numbers may be damage further down, but not in the first frame.
+    # Other lines may be damage further down, but not in the first frame.
     if not frames or (len(rows) < len(source.head) - 1 and frames < 2):
         return False
     table = np.array(rows[: frames * len(JOINTS)]).reshape(frames, len(JOINTS), 4)
@@ -61,15 +62,15 @@ def recognises(source: Source) -> bool:
 
 
 def read(source: Source) -> Clip:
-    """The clip of the 20 nodes at the nominal 15 frames a second.
+    """The clip of the 20 nodes at the nominal 15 Hz.
 
-    CaptureError for a frame of fewer than 20 lines, a confidence outside of 0 to 1, and for pixels.
+    Raises CaptureError for a frame of fewer than 20 lines, a confidence outside 0 to 1, and for pixels.
     """
     table = parse_table(source, width=4)
     rows = len(table.values)
     if rows % len(JOINTS):
         raise source.error(
-            expected=f"{len(JOINTS)} lines a frame",
+            expected=f"{len(JOINTS)} lines per frame",
             found=f"{rows % len(JOINTS)} in the last one",
             where=f"line {table.line(rows - 1)}",
             advice="the file is cut off there, or a line is missing",
@@ -77,11 +78,11 @@ def read(source: Source) -> Clip:
     confidence = table.values[:, 3]
     wrong = ~((confidence >= 0.0) & (confidence <= 1.0))
     if wrong.any():
-        bad = int(np.argmax(wrong))
+        row = int(np.argmax(wrong))
         raise source.error(
             expected="a confidence from 0 to 1",
-            found=f"{confidence[bad]:g}",
-            where=f"line {table.line(bad)}",
+            found=f"{confidence[row]:g}",
+            where=f"line {table.line(row)}",
         )
     frames = table.values.reshape(-1, len(JOINTS), 4)[:, FROM_FILE]
     points = np.where(np.isfinite(frames[..., :3]), frames[..., :3], np.nan)
@@ -90,25 +91,25 @@ def read(source: Source) -> Clip:
         node_skeleton(),
         np.arange(len(points)) / RATE,
         points,
-        np.where(frames[..., 3] >= _SURE, TRACKED, INFERRED).astype(np.uint8),
+        np.where(frames[..., 3] >= _TRACKED_FROM, TRACKED, INFERRED).astype(np.uint8),
         format=FORMAT,
         reading=reading(
             units="m",
             units_rule="the format's",
             defects=zero_frames(points),
-            notes=[f"the file has no clock: {RATE:g} frames a second are the set's nominal rate"],
+            notes=[f"the file has no clock: {RATE:g} Hz, the data set's nominal rate"],
         ),
     )
 
 
 def _refuse_pixels(points: Array, table: Table, source: Source) -> None:
-    """CaptureError unless coordinates and legs are a person's in metres."""
-    advice = "the set's image coordinates hold no metres: take its real-world form"
-    far = np.abs(points) > _FARTHEST
-    if far.any():
-        frame, node, axis = (int(k) for k in np.argwhere(far)[0])
+    """Raise CaptureError unless coordinates and legs are a person's in metres."""
+    advice = "these may be image coordinates: use the data set's real-world form"
+    remote = np.abs(points) > _MAX_COORDINATE
+    if remote.any():
+        frame, node, axis = (int(k) for k in np.argwhere(remote)[0])
         raise source.error(
-            expected=f"metres, at most {_FARTHEST:g}, in the {NODES[node]}",
+            expected=f"metres, at most {_MAX_COORDINATE:g}, in the {NODES[node]}",
             found=f"{points[frame, node, axis]:g}",
             where=f"line {table.line(frame * len(JOINTS) + FROM_FILE[node])}",
             advice=advice,

@@ -1,10 +1,10 @@
 """UI-PRMD's Kinect v2 recordings: local offsets of 22 joints and, in a second file, their Euler angles.
 
-Both files have 66 comma-separated numbers a line, x y z per joint, at 30 Hz and without header. The positions
-are each joint's offset in its parent's frame, in cm; only the waist's is absolute. The angles are local, in
-degrees, stored as (x, y, z), and turn as the intrinsic order ZXY: R = Rz Rx Ry. That order is not published
-(the dataset's own viewer has another): it is the only one of the six in which the feet of a person who squats
-stay on the ground. Y is up, X to the subject's left.
+Both files have 66 comma-separated numbers per line, x y z per joint, at 30 Hz and without header. The
+positions are each joint's offset in its parent's frame, in cm; only the waist's is absolute. The angles are
+local, in degrees, stored as (x, y, z), of the intrinsic order ZXY: R = Rz Rx Ry. That order is not published
+(the data set's own viewer uses another): it is the only one of the six with which the feet of a squatting
+person stay on the ground. Y is up, X to the subject's left.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ from kinemimic.pipeline.readers.public_datasets.uiprmd_pair import companion, he
 
 RATE = 30.0
 ORDER = "ZXY"
-# Joint, and the one that it hangs from, in the file's sequence.
+# Joint and its parent, in the file's order.
 _TREE: tuple[tuple[str, str], ...] = (
     ("Waist", ""),
     ("Spine", "Waist"),
@@ -59,54 +59,54 @@ FORMAT = Format(
     name="UI-PRMD Kinect",
     sensor="Kinect v2",
     holds="local offsets of 22 joints with Euler angles",
-    recognised_by="66 numbers a line, of which knees and ankles lie straight below their parents",
+    recognised_by="66 numbers per line, of which knees and ankles lie straight below their parents",
     columns=(WIDTH,),
-    companion="the angles of the same recording: `angles` in place of `positions` in its name",
+    companion="the angles of the same recording: the same name with `angles` for `positions`",
 )
-# Knees and ankles, as offsets, lie on their parent's -Y axis to the last digit; as angles they never do.
+# In a file of offsets, knees and ankles lie exactly on their parent's -Y axis; angles never look like that.
 _LEGS = [JOINTS.index(name) for name in ("LLowerLeg", "LFoot", "RLowerLeg", "RFoot")]
-# What ends a limb has no angle of its own.
+# The ends of the limbs have no angles.
 _TIPS = [JOINTS.index(name) for name in ("HeadTip", "LToes", "RToes")]
-_OFF_AXIS, _BONE = 0.01, (10.0, 80.0)
-# More turns than this (degrees) are damage.
-_MOST_DEGREES = 3600.0
+_AXIS_TOLERANCE, _BONE_LENGTHS = 0.01, (10.0, 80.0)
+# Larger angles are damage.
+_MAX_DEGREES = 3600.0
 _CM = 0.01
 
 
 def recognises(source: Source) -> bool:
-    """True for 66 comma-separated numbers a line that are either of the two files."""
+    """True for 66 comma-separated numbers per line that are one of the two files."""
     head = head_of_numbers(source, WIDTH)
     return head is not None and (_are_positions(head) or _are_angles(head))
 
 
 def read(source: Source) -> Clip:
-    """The clip of the 22 joints with their Euler angles; the files of a pair give the same clip.
+    """The clip of the 22 joints with their Euler angles; both files of a pair give the same clip.
 
-    A line of zeros only is a frame in which nobody was seen; it is left out, and told.
-    CaptureError if the other file is not there or does not fit.
+    A line of zeros is a frame in which nobody was seen; it is dropped and reported. Raises CaptureError if
+    the other file is missing or does not match.
     """
-    first = parse_table(source, width=WIDTH, separator=",")
-    given = _are_positions(_joints(first))
-    other = companion(source, "positions", "angles", has_positions=given)
-    second = parse_table(other, width=WIDTH, separator=",")
-    if _are_positions(_joints(second)) == given:
-        kind = "positions" if given else "angles"
+    own_table = parse_table(source, width=WIDTH, separator=",")
+    has_positions = _are_positions(_joints(own_table))
+    other = companion(source, "positions", "angles", has_positions=has_positions)
+    other_table = parse_table(other, width=WIDTH, separator=",")
+    if _are_positions(_joints(other_table)) == has_positions:
+        kind = "positions" if has_positions else "angles"
         raise source.error(
-            expected=f"positions and angles, told by their numbers, in this file and {other.path.name}",
+            expected=f"positions in one and angles in the other of this file and {other.path.name}",
             found=f"{kind} in both",
         )
-    if len(first.values) != len(second.values):
+    if len(own_table.values) != len(other_table.values):
         raise source.error(
-            expected=f"as many frames as in {other.path.name}, {len(second.values)}",
-            found=f"{len(first.values)}",
+            expected=f"as many frames as in {other.path.name}, {len(other_table.values)}",
+            found=f"{len(own_table.values)}",
             advice="one of the two is cut off",
         )
-    (places, at), (turns, beside) = ((first, source), (second, other))[:: 1 if given else -1]
-    offsets, degrees = _joints(places), _joints(turns)
-    _check(offsets, places, at, degrees, turns, beside)
+    positions, angles = (own_table, other_table) if has_positions else (other_table, own_table)
+    offsets, degrees = _joints(positions), _joints(angles)
+    _refuse_damage(positions, angles)
     seen = offsets.any(axis=(1, 2))
     if not seen.any():
-        raise at.error(expected="a person in some frame", found="zeros only")
+        raise positions.source.error(expected="a person in some frame", found="zeros only")
     offsets = offsets[seen] * _CM
     rest = np.median(offsets, axis=0)
     rest[0] = 0.0
@@ -128,7 +128,7 @@ def read(source: Source) -> Clip:
             "reading": reading(
                 units="cm",
                 units_rule="the format's",
-                defects=_unseen(int((~seen).sum())),
+                defects=_zero_lines(int((~seen).sum())),
                 notes=[f"{RATE:g} Hz and Euler order {ORDER}: the format's, the files do not say them"],
                 columns=WIDTH,
             ),
@@ -143,37 +143,38 @@ def _joints(table: Table) -> Array:
 def _are_positions(values: Array) -> bool:
     """Whether (T, 22, 3) are offsets: knees and ankles straight below, in most frames."""
     legs = values[:, _LEGS]
-    below = (legs[..., 1] < -_BONE[0]) & (legs[..., 1] > -_BONE[1])
-    straight = (np.abs(legs[..., [0, 2]]) < _OFF_AXIS).all(axis=-1)
+    below = (legs[..., 1] < -_BONE_LENGTHS[0]) & (legs[..., 1] > -_BONE_LENGTHS[1])
+    straight = (np.abs(legs[..., [0, 2]]) < _AXIS_TOLERANCE).all(axis=-1)
     return bool((below & straight).all(axis=1).mean() > 0.5)
 
 
 def _are_angles(values: Array) -> bool:
     """Whether (T, 22, 3) are angles: none at the ends of the limbs, in most frames."""
-    tips = np.abs(values[:, _TIPS]).max(axis=(1, 2)) < _OFF_AXIS
+    tips = np.abs(values[:, _TIPS]).max(axis=(1, 2)) < _AXIS_TOLERANCE
     return bool(tips.mean() > 0.5 and values.any())
 
 
-def _check(offsets: Array, places: Table, at: Source, degrees: Array, turns: Table, beside: Source) -> None:
+def _refuse_damage(positions: Table, angles: Table) -> None:
     """What is not finite, too far off or turned too often is damage: forward kinematics needs every joint."""
-    for values, table, source in ((offsets, places, at), (degrees, turns, beside)):
+    offsets, degrees = _joints(positions), _joints(angles)
+    for values, table in ((offsets, positions), (degrees, angles)):
         if not np.isfinite(values).all():
             frame, joint, axis = (int(k) for k in np.argwhere(~np.isfinite(values))[0])
-            raise source.error(
+            raise table.source.error(
                 expected="a finite number",
                 found=f"{values[frame, joint, axis]:g} in {JOINTS[joint]}",
                 where=f"line {table.line(frame)}",
             )
-    refuse_remote(offsets * _CM, JOINTS, at, places.line)
-    if np.abs(degrees).max() > _MOST_DEGREES:
-        frame, joint, _ = (int(k) for k in np.argwhere(np.abs(degrees) > _MOST_DEGREES)[0])
-        raise beside.error(
-            expected=f"degrees, at most {_MOST_DEGREES:g}, in {JOINTS[joint]}",
+    refuse_remote(offsets * _CM, JOINTS, positions.source, positions.line)
+    if np.abs(degrees).max() > _MAX_DEGREES:
+        frame, joint, _ = (int(k) for k in np.argwhere(np.abs(degrees) > _MAX_DEGREES)[0])
+        raise angles.source.error(
+            expected=f"degrees, at most {_MAX_DEGREES:g}, in {JOINTS[joint]}",
             found=f"{np.abs(degrees[frame, joint]).max():g}",
-            where=f"line {turns.line(frame)}",
+            where=f"line {angles.line(frame)}",
         )
 
 
-def _unseen(count: int) -> list[Defect]:
+def _zero_lines(count: int) -> list[Defect]:
     text = f"{count} lines of zeros only, left out"
     return [Defect("zero_frames", count, "frames", "repaired", text)] if count else []

@@ -1,4 +1,4 @@
-"""What the two UI-PRMD readers share: headerless pairs of files, positions and angles, found by name."""
+"""The headerless pairs of UI-PRMD files, positions and angles, found by name; for both readers."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from kinemimic.pipeline.readers.base.source import Source
 def head_of_numbers(source: Source, width: int) -> Array | None:
     """The first lines as (n, width / 3, 3), or None if one of them is not `width` comma-separated numbers.
 
-    The last line of a head may be cut off, so that it does not count where there are others.
+    The last line of a head may be cut off, so it counts only if it is the only one.
     """
     lines = source.head[:-1] if len(source.head) > 1 else source.head
     rows = [row for line in lines[:16] if (row := numbers_of(line, ",")) is not None and len(row) == width]
@@ -23,27 +23,28 @@ def head_of_numbers(source: Source, width: int) -> Array | None:
 
 
 def companion_name(source: Source, own: str, other: str) -> str | None:
-    """The source's name with `other` in place of `own`, or None if `own` does not occur in it."""
+    """The source's name with `other` in place of `own`, or None if `own` is not in it."""
     name = source.path.name
     return name.replace(own, other) if own in name else None
 
 
 def companion(source: Source, positions: str, angles: str, *, has_positions: bool) -> Source:
-    """The file beside `source` with the other half of the recording, whichever half `source` is.
+    """The file with the other half of the recording, whichever half `source` is.
 
-    positions, angles: the words of the names that tell the halves apart. CaptureError names the file that is
-    expected if it is not there.
+    positions, angles: the words in the names that distinguish the halves. Raises CaptureError naming the
+    expected file if it is missing.
     """
     own, other = (positions, angles) if has_positions else (angles, positions)
     wanted = companion_name(source, own, other)
     if wanted is None:
         raise source.error(
-            expected=f"{own!r} in the name of this file of {own}, by which its {other} beside it are found",
+            expected=f"{own!r} in the name of this file of {own}, to find its {other} in the same folder",
             found=f"{source.path.name!r}",
         )
-    beside = source.companion(wanted)
-    if beside is None:
+    companion_source = source.companion(wanted)
+    if companion_source is None:
         raise source.error(
-            expected=f"the file {wanted} with the {other} of this recording beside it", found="no such file"
+            expected=f"{wanted} with the {other} of this recording in the same folder",
+            found="no such file",
         )
-    return beside
+    return companion_source

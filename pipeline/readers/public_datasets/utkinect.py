@@ -1,7 +1,9 @@
-"""UTKinect-Action3D: a frame number and 20 joints x y z a line, no header; labels of actions beside it.
+"""UTKinect-Action3D: a frame number and 20 joints x y z per line, no header; action labels in a separate
+file.
 
-The number counts the camera's frames at 30 Hz; lines come with every second to eighth of them, and some
-numbers twice: two updates of the tracker within one picture, or two people. Metres, Y up, no tracking state.
+The number counts the camera's frames at 30 Hz. There is a line for every second to eighth of them, and
+sometimes two with one number: two updates of the tracker within one image, or two people. Metres, Y up, no
+tracking state.
 """
 
 from __future__ import annotations
@@ -29,21 +31,22 @@ FORMAT = Format(
     name="UTKinect lines",
     sensor="Kinect v1",
     holds="positions of 20 joints",
-    recognised_by="lines of 61 numbers: a frame number that never falls, then an upright body",
+    recognised_by="lines of 61 numbers: a frame number that never decreases, then an upright body",
     columns=(WIDTH,),
 )
 RATE = 30.0
 LABELS = "actionLabel.txt"
-# Two updates of one body within a picture are centimetres apart; this far apart are two people.
-_TWO_PEOPLE = 0.3
-# Lines of one number that are looked at.
-_CHOICES = 6
+# In metres. Two updates of one body within an image are centimetres apart; two people are further apart than
+# this.
+_PEOPLE_DISTANCE = 0.3
+# Number of lines with one frame number that are considered.
+_MAX_CANDIDATES = 6
 _TAKE = re.compile(r"s\d+_e\d+")
 _LABEL = re.compile(r"\s*(\w+)\s*:\s*(\S+)\s+(\S+)\s*$")
 
 
 def recognises(source: Source) -> bool:
-    """True if the lines are 61 numbers: whole ones first that never fall, and a body that is upright."""
+    """True if lines are 61 numbers, the first an integer that never decreases, the others an upright body."""
     rows: list[list[float]] = []
     # The last line of the head may be cut off.
     for line in source.head[:-1] if len(source.head) > 1 else source.head:
@@ -60,18 +63,18 @@ def recognises(source: Source) -> bool:
 
 
 def read(source: Source) -> Clip:
-    """The clip of the 20 nodes; times are frame numbers over 30, one line for each.
+    """The clip of the 20 nodes; times are frame numbers over 30, one line each.
 
-    Of lines with one number the one nearest to the line before is kept: it is the first of two updates, and
-    the same person where there are two.
+    Of lines with the same number, the nearest to the line before is kept: the first of two updates, and the
+    same person if there are two.
     """
     table = parse_table(source, width=WIDTH)
     numbers = table.values[:, 0]
     wrong = ~((np.abs(numbers) < 1e9) & (numbers == np.rint(numbers)))
     if wrong.any():
-        bad = int(np.argmax(wrong))
-        where = f"line {table.line(bad)}"
-        raise source.error(expected="a frame number", found=f"{numbers[bad]:g}", where=where)
+        row = int(np.argmax(wrong))
+        where = f"line {table.line(row)}"
+        raise source.error(expected="a frame number", found=f"{numbers[row]:g}", where=where)
     points = table.values[:, 1:].reshape(-1, len(NODES), 3)
     refuse_remote(points, NODES, source, table.line)
     if not np.isfinite(points).all():
@@ -95,83 +98,87 @@ def read(source: Source) -> Clip:
 
 
 def _one_of_each(numbers: Array, points: Array) -> tuple[NDArray[np.intp], list[Defect]]:
-    """The rows to keep, one of each frame number, and what was found among the others."""
+    """The rows to keep, one per frame number, and the defects of the others."""
     later, defects = increasing_times(numbers)
     if not defects:
         return np.arange(len(numbers)), []
-    # Rows that are neither later nor of the latest number stand behind the clock; nothing is chosen of them.
+    # Rows that are neither later nor of the latest number are late; they are not considered.
     current = np.flatnonzero(numbers == np.maximum.accumulate(numbers))
     bodies, first = points[current], np.flatnonzero(later[current])
     sizes = np.diff(np.append(first, len(current)))
-    far = _apart(bodies, bodies[np.repeat(first, sizes)])
-    two_people = np.unique(np.repeat(np.arange(len(first)), sizes)[np.isfinite(far) & (far > _TWO_PEOPLE)])
+    distances = _mean_distance(bodies, bodies[np.repeat(first, sizes)])
+    frames = np.repeat(np.arange(len(first)), sizes)
+    two_people = np.unique(frames[np.isfinite(distances) & (distances > _PEOPLE_DISTANCE)])
     rows = current[_nearest(bodies, first, sizes)]
     count = len(numbers) - len(rows)
-    text = f"{count} lines with the number of another, dropped: the nearest to the frame before is kept"
+    text = f"{count} lines with a repeated frame number, dropped: the nearest to the previous frame is kept"
     found = [Defect("duplicate_frames", count, "frames", "repaired", text)]
     if defects[0].action == "flagged":
         found = defects
     if len(two_people):
         spans = tuple((int(frame), int(frame)) for frame in two_people[:100])
         text = (
-            f"{len(two_people)} frame numbers have lines more than {_TWO_PEOPLE:g} m apart: two people; "
-            "the one nearest to the frame before is kept"
+            f"{len(two_people)} frame numbers have lines more than {_PEOPLE_DISTANCE:g} m apart: two people; "
+            "the one nearest to the previous frame is kept"
         )
         found.append(Defect("several_people", len(two_people), "frames", "repaired", text, spans))
     return rows, found
 
 
 def _nearest(bodies: Array, first: NDArray[np.intp], sizes: NDArray[np.intp]) -> list[int]:
-    """Of each frame, bodies[first : first + size], the one nearest to the one of the frame before.
+    """For each frame, bodies[first : first + size], the one nearest to the one chosen in the frame before.
 
-    Each choice depends on the one before. All distances that may be asked for are computed at once, by how
-    many rows the two bodies stand apart; what is left for each frame is to look them up. Of more than
-    _CHOICES bodies the others are not looked at: no sensor sees so many.
+    Each choice depends on the one before. All distances that may be needed are computed in advance, by the
+    number of rows between the two bodies, and then only looked up. More than _MAX_CANDIDATES bodies are not
+    considered: no sensor sees that many.
     """
-    choices = np.minimum(sizes, _CHOICES)
+    candidates = np.minimum(sizes, _MAX_CANDIDATES)
     chosen: list[int] = first.tolist()
-    several = np.flatnonzero(choices > 1)
-    several = several[several > 0]
+    ambiguous = np.flatnonzero(candidates > 1)
+    ambiguous = ambiguous[ambiguous > 0]
     distance: dict[tuple[int, int], float] = {}
-    for one, other in product(range(_CHOICES), repeat=2):
-        frames = several[(choices[several] > one) & (choices[several - 1] > other)]
-        here, before = first[frames] + one, first[frames - 1] + other
+    for candidate, previous in product(range(_MAX_CANDIDATES), repeat=2):
+        frames = ambiguous[(candidates[ambiguous] > candidate) & (candidates[ambiguous - 1] > previous)]
+        here, before = first[frames] + candidate, first[frames - 1] + previous
         distance |= zip(
             zip(here.tolist(), before.tolist(), strict=True),
-            _apart(bodies[here], bodies[before]).tolist(),
+            _mean_distance(bodies[here], bodies[before]).tolist(),
             strict=True,
         )
-    for frame in several.tolist():
+    for frame in ambiguous.tolist():
         last, start = chosen[frame - 1], chosen[frame]
-        chosen[frame] = min(range(start, start + int(choices[frame])), key=lambda k: distance[k, last])
+        chosen[frame] = min(range(start, start + int(candidates[frame])), key=lambda k: distance[k, last])
     return chosen
 
 
-def _apart(bodies: Array, others: Array) -> Array:
-    """Mean distance (K,), metres, of the joints of bodies (K, 20, 3) from those of others; else infinite."""
+def _mean_distance(bodies: Array, others: Array) -> Array:
+    """Mean distance (K,) in metres between the joints of bodies (K, 20, 3) and of others; infinite if
+    undefined.
+    """
     difference = bodies - others
     distance = np.sqrt(np.einsum("kji,kji->kj", difference, difference)).mean(axis=-1)
     return np.where(np.isfinite(distance), distance, np.inf)
 
 
 def _labels(source: Source) -> tuple[list[dict[str, Any]], list[str]]:
-    """Actions of this take by the label file beside it: name, first and last frame number, start and end.
+    """Actions of this take from the label file in the same folder: name, first and last frame number, start
+    and end.
 
-    A label without frames (NaN), or one that cannot be read, is told in a note: labels are not needed.
+    A label without frames (NaN), or one that cannot be read, gives a note: labels are optional.
     """
     take = _TAKE.search(source.path.name)
-    beside = source.companion(LABELS) if take else None
-    if take is None or beside is None:
+    label_source = source.companion(LABELS) if take else None
+    if take is None or label_source is None:
         return [], []
     labels: list[dict[str, Any]] = []
     notes: list[str] = []
     inside = False
-    for line in beside.lines:
+    for line in label_source.lines:
         if _TAKE.fullmatch(line.strip()):
             inside = line.strip() == take.group()
         elif inside and line.strip():
             match = _LABEL.match(line)
-            frames = [_whole(match.group(k)) for k in (2, 3)] if match else []
+            frames = [_frame_number(match.group(k)) for k in (2, 3)] if match else []
             first, last = frames if frames else (None, None)
             if match is None or first is None or last is None:
                 notes.append(f"{LABELS} has no frames for {line.strip()[:40]!r}")
@@ -190,5 +197,5 @@ def _labels(source: Source) -> tuple[list[dict[str, Any]], list[str]]:
     return labels, notes
 
 
-def _whole(text: str) -> int | None:
+def _frame_number(text: str) -> int | None:
     return int(text) if text.isascii() and text.isdigit() and len(text) < 10 else None

@@ -61,7 +61,7 @@ def test_the_known_walk_comes_back(tmp_path: Path) -> None:
         np.testing.assert_allclose(ours, walk.joints[:, walk.skeleton.index(node)], atol=1e-5, err_msg=joint)
     np.testing.assert_allclose(clip.times, np.arange(FRAMES) / 120.0)
     assert list(clip.provenance["companions"]) == ["07.asf"]
-    assert "120 a second" in clip.provenance["reading"]["notes"][0]
+    assert "120 Hz" in clip.provenance["reading"]["notes"][0]
 
 
 def test_the_channels_are_the_files_own_and_make_the_positions(tmp_path: Path) -> None:
@@ -138,7 +138,7 @@ def test_among_several_skeletons_the_one_of_its_name(tmp_path: Path) -> None:
 
 def test_alone(tmp_path: Path) -> None:
     path = sample(tmp_path)
-    with pytest.raises(CaptureError, match=r"a motion, found a skeleton \(ASF\) alone; give the .amc file"):
+    with pytest.raises(CaptureError, match=r"a motion, found a skeleton \(ASF\) alone; pass the .amc file"):
         read(tmp_path / "07.asf")
     (tmp_path / "07.asf").unlink()
     with pytest.raises(CaptureError, match=r"07_01.asf or 07.asf, found no .asf file"):
@@ -209,7 +209,7 @@ def test_repeated_frames_are_dropped_and_told(tmp_path: Path) -> None:
         (lambda t: t.replace("rtibia", "rshin"), "line .*: expected a frame's number or a bone.*'rshin'"),
         (lambda t: t.replace("rtibia", "rtibia 1"), "expected 1 values for rtibia, found 2"),
         (lambda t: t.replace("rtibia", "rtibia 1x #", 1), "expected numbers for rtibia, found '1x'"),
-        (lambda t: t.replace("\nrtibia", "\nltibia", 1), "expected each bone once a frame"),
+        (lambda t: t.replace("\nrtibia", "\nltibia", 1), "expected each bone once per frame"),
         (lambda t: t.replace("rtibia", "rtibia nan #", 1), "expected finite numbers below 1e.09, found nan"),
         (lambda t: t.replace("rtibia", "rtibia 1e300 #", 1), "below 1e.09, found 1e.300"),
         (
@@ -229,16 +229,16 @@ def test_damage_of_the_motion_is_named(tmp_path: Path, change: Callable[[str], s
     [
         (lambda t: t[: t.index(":hierarchy")], "a section :hierarchy, found none"),
         (lambda t: t[: t.rindex("end")], "expected an end, found none"),
-        (lambda t: t.replace("name rtibia", "name ltibia"), "bones once each, found 'ltibia' twice"),
+        (lambda t: t.replace("name rtibia", "name ltibia"), "each bone once, found 'ltibia' twice"),
         (lambda t: t.replace("lfemur ltibia", "lfemur lshin"), "a bone of :bonedata, found 'lshin'"),
-        (lambda t: t.replace("lfemur ltibia", "lfemur rtibia"), "one parent to a bone, found 'rtibia' again"),
+        (lambda t: t.replace("lfemur ltibia", "lfemur rtibia"), "one parent per bone, found 'rtibia' again"),
         (
             lambda t: t.replace("    lfemur ltibia\r\n", ""),
             "every bone in :hierarchy below root, found no lt",
         ),
         (lambda t: t.replace("dof rx\r", "dof rx rw\r", 1), "degrees of freedom among rx ry rz, each once"),
         (lambda t: t.replace("  XYZ", "  XYW", 1), "an order of axes such as XYZ, found 'XYW'"),
-        (lambda t: t.replace("length 0.45", "length 0"), "a scale of lengths of 0.0001 to 10000, found 0"),
+        (lambda t: t.replace("length 0.45", "length 0"), "a length scale of 0.0001 to 10000, found 0"),
         (lambda t: t.replace("direction ", "direction nan ", 1), "a bone's direction, found 'nan"),
         (lambda t: t.replace("direction ", "direction 9", 1), "a direction of length 1"),
         (lambda t: t.replace("tibia", "Xtibia"), "joints named as legs"),

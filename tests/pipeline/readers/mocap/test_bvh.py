@@ -240,7 +240,7 @@ def test_frames_that_are_there_are_read_whatever_the_file_declares(bvh: Text) ->
     assert (defect["rule"], defect["count"], defect["action"]) == ("dropped_frames", 24, "flagged")
     more = reader.read(Source.of_text(bvh().replace("Frames: 40", "Frames: 39"), PATH))
     assert len(more.times) == 40
-    assert more.provenance["reading"]["notes"] == ["the file declares 39 frames, 40 are there: all are read"]
+    assert more.provenance["reading"]["notes"] == ["the file declares 39 frames but has 40: all are read"]
 
 
 def test_decimal_commas(bvh: Text) -> None:
@@ -248,7 +248,7 @@ def test_decimal_commas(bvh: Text) -> None:
     points = bvh(motion=motion)
     commas = reader.read(Source.of_text(points.replace(".", ","), PATH))
     assert np.array_equal(commas.positions, reader.read(Source.of_text(points, PATH)).positions)
-    assert commas.provenance["reading"]["notes"] == ["numbers with decimal commas"]
+    assert commas.provenance["reading"]["notes"] == ["the numbers have decimal commas"]
 
 
 def test_a_leaf_without_an_end_site(bvh: Text) -> None:

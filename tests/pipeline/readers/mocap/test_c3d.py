@@ -112,7 +112,7 @@ def test_what_cannot_be_read_is_told() -> None:
     points = np.stack(list(places.values()), axis=1)
     with pytest.raises(CaptureError, match=r"expected POINT:UNITS of m, cm, mm, or .* found '' and a body"):
         read(written(list(places), 1e-3 * points, rate=RATE))
-    with pytest.raises(CaptureError, match="expected frames a second in POINT:RATE, found 0"):
+    with pytest.raises(CaptureError, match="expected a rate in Hz in POINT:RATE, found 0"):
         read(with_rate(written(list(places), points, rate=RATE, units="m"), 0.0))
     with pytest.raises(CaptureError, match=r"found none for left ASIS; right ASIS; .* among A, B"):
         read(written(["A", "B"], points[:, :2], rate=RATE, units="m"))
@@ -126,7 +126,7 @@ def test_without_the_library_its_name_is_told(monkeypatch: pytest.MonkeyPatch) -
 
 def test_a_cut_file_is_told() -> None:
     with pytest.raises(
-        CaptureError, match="expected 30 frames of 22 points, as the header says, found room for"
+        CaptureError, match="expected 30 frames of 22 points, as in the header, found room for"
     ):
         read(MARKERS[: len(MARKERS) - 4096])
     with pytest.raises(CaptureError, match="cut off"):

@@ -104,11 +104,11 @@ def test_damage_is_named(tmp_path: Path, damage: object, message: str) -> None:
 
 @pytest.mark.parametrize("name", ["backflip", "cartwheel", "crawl", "kick", "punch", "roll", "spin"])
 def test_every_stock_motion_is_read(name: str) -> None:
-    """Some of their quaternions are shorter than one: told, and brought to length one."""
+    """Some of their quaternions are shorter than one: told, and normalised."""
     clip = read_deepmimic(stock_motion(name))
     assert clip.rotations is not None
     np.testing.assert_allclose(np.linalg.norm(clip.rotations, axis=-1), 1.0, atol=1e-12)
-    told = any("brought to length one" in note for note in clip.provenance["reading"]["notes"])
+    told = any("normalised" in note for note in clip.provenance["reading"]["notes"])
     assert told == (name != "crawl")
 
 

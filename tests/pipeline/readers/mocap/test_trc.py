@@ -133,7 +133,7 @@ def test_a_marker_that_was_not_seen_is_a_gap_in_what_follows_from_it() -> None:
 def test_the_time_column_wins_over_the_header() -> None:
     clip = read(TEXT.replace("100.00", "250.00"))
     assert clip.rate == pytest.approx(100.0)
-    assert "the header says 250 Hz" in notes(clip)
+    assert "the header states 250 Hz" in notes(clip)
     # Three digits of 1/60: frames over the declared rate are the better times.
     shown = walk(30, 60.0)
     places = markers(shown)
@@ -142,7 +142,7 @@ def test_the_time_column_wins_over_the_header() -> None:
     wrong = read(text(list(places), shown.times, points, rate=60.0, declared=600))
     (lost,) = wrong.provenance["reading"]["defects"]
     assert (lost["rule"], lost["count"], lost["action"]) == ("dropped_frames", 570, "flagged")
-    assert "the header names no rate" in notes(
+    assert "the header states no rate" in notes(
         read(TEXT.replace("DataRate", "Data").replace("\t0.01", "\t0.02"))
     )
 
@@ -167,8 +167,9 @@ def test_missing_markers_are_named() -> None:
     with pytest.raises(CaptureError) as error:
         read(TEXT.replace("L.Knee.Lat", "L.Pocket").replace("V.Sacral", "V.Belt"))
     assert str(error.value).startswith(
-        "walk.trc: expected markers from which hips, knees and ankles follow, found none for sacrum or both "
-        "PSIS; left knee (at its side, or three each on thigh and shank) among V.Belt, L.ASIS, L.Pocket, "
+        "walk.trc: expected markers from which hips, knees and ankles can be computed, found none for "
+        "sacrum or both PSIS; left knee (at the joint, or three each on thigh and shank) among V.Belt, "
+        "L.ASIS, L.Pocket, "
     )
 
 

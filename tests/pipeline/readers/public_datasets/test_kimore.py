@@ -38,7 +38,7 @@ def test_the_written_walk_comes_back() -> None:
     assert np.abs(clip.positions - EXPECTED).max() < 1e-5
     assert np.array_equal(clip.times, np.arange(90) / 30.0)
     assert (clip.states == 2).all()
-    assert any("5 empty lines first" in note for note in clip.provenance["reading"]["notes"])
+    assert any("5 empty lines at the start" in note for note in clip.provenance["reading"]["notes"])
 
 
 def test_a_smoothed_copy() -> None:

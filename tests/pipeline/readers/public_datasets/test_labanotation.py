@@ -49,7 +49,7 @@ def test_a_repeated_line_is_dropped_and_counted() -> None:
     ("change", "says"),
     [
         (lambda row: row[:-20], r"line 41: expected 101 numbers"),
-        (lambda row: "nan" + row[row.index(",") :], "line 41: expected a time, found no finite number"),
+        (lambda row: "nan" + row[row.index(",") :], "line 41: expected a time, found a non-finite number"),
         (lambda row: row[:-2] + "7,", "line 41: expected a state of ThumbRight, 0, 1 or 2, found 7"),
         (
             lambda row: re.sub(",[^,]*", ",-5e6", row, count=1),
@@ -84,5 +84,7 @@ def test_the_published_recording(captures: Path) -> None:
 
 def test_a_table_of_that_width_below_a_header_of_words_is_somebody_elses() -> None:
     names = ",".join(f"column {k}" for k in range(101))
-    with pytest.raises(CaptureError, match="a table of 101 numbers a line without a mark; formats of that"):
+    with pytest.raises(
+        CaptureError, match="a table of 101 numbers per line without a header; formats of that"
+    ):
         read(f"{names}\n{TAKE}")

@@ -52,7 +52,7 @@ def test_half_confidence_is_the_border_and_zeros_are_missing() -> None:
     [
         (
             lambda n: n.pop(70),
-            "line 159: expected 20 lines a frame, found 19 in the last one; the file is cut",
+            "line 159: expected 20 lines per frame, found 19 in the last one; the file is cut",
         ),
         (lambda n: n.__setitem__(70, "1 2 3"), "line 71: expected 4 numbers, found 3$"),
         (lambda n: n.__setitem__(70, "1 2 3 1.5"), "line 71: expected a confidence from 0 to 1, found 1.5"),
@@ -76,7 +76,7 @@ def pixels(frames: int) -> str:
 
 
 def test_image_coordinates_are_known_and_refused() -> None:
-    with pytest.raises(CaptureError, match=r"expected metres, .* image coordinates hold no metres"):
+    with pytest.raises(CaptureError, match=r"expected metres, .* these may be image coordinates"):
         clip_of(pixels(4))
 
 

@@ -44,9 +44,7 @@ def test_the_known_walk_comes_back_from_either_file(tmp_path: Path) -> None:
 def test_angles_alone_say_what_is_missing(tmp_path: Path) -> None:
     positions, angles = put(tmp_path, files(5))
     positions.unlink()
-    with pytest.raises(
-        CaptureError, match=r"expected the file vicon_m01_s01_e01_positions\.txt\.gz with the posit"
-    ):
+    with pytest.raises(CaptureError, match=r"expected vicon_m01_s01_e01_positions\.txt\.gz with the posit"):
         recognise.read(angles)
 
 
@@ -55,7 +53,7 @@ def test_positions_alone_are_a_capture(tmp_path: Path) -> None:
     angles.unlink()
     clip = recognise.read(positions)
     assert clip.angles is None
-    assert "no file of angles beside it" in " ".join(clip.provenance["reading"]["notes"])
+    assert "no file of angles in the same folder" in " ".join(clip.provenance["reading"]["notes"])
 
 
 def test_a_cut_companion_is_told(tmp_path: Path) -> None:
