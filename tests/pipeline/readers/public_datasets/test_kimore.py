@@ -54,7 +54,7 @@ def test_an_empty_line_among_the_frames_takes_its_time() -> None:
     clip = read("\n".join(lines))
     assert len(clip.times) == 88
     assert np.isclose(clip.times[10] - clip.times[9], 3 / 30)
-    assert any("2 empty lines among" in note for note in clip.provenance["reading"]["notes"])
+    assert any("2 empty lines between" in note for note in clip.provenance["reading"]["notes"])
 
 
 def test_a_spreadsheet_writes_commas_into_empty_lines() -> None:

@@ -75,7 +75,7 @@ def test_without_its_companion_the_expected_name_is_told(tmp_path: Path) -> None
         alone = tmp_path / name
         alone.write_bytes(data)
         other = next(n for n in files(10) if n != name)
-        with pytest.raises(CaptureError, match=f"expected the file {other} with the .* found no such file"):
+        with pytest.raises(CaptureError, match=f"expected {other} with the .* found no such file"):
             recognise.read(alone)
         alone.unlink()
     (tmp_path / "squat.txt").write_bytes(next(iter(files(10).values())))
