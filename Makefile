@@ -1,6 +1,6 @@
-# One-word targets; `make help` lists them. CAPTURE=, RUN=, PRESET=, BUDGET=, MINUTES=, SEED=, ENGINE= go to the command line.
-# Without RUN= a capture's run folder bears its name, so that CAPTURE= alone leads every stage to it. POLICY= names one
-# that ships; with it CAPTURE= is the recording that it learnt from, which only some ask for.
+# `make help` lists the targets. CAPTURE=, RUN=, PRESET=, BUDGET=, MINUTES=, SEED=, ENGINE= are passed to the command line.
+# Without RUN=, the run folder is named after the capture, so CAPTURE= alone selects it for every stage. POLICY= names a policy
+# that ships; CAPTURE= is then the recording that it was trained on, which only some policies need.
 
 PYTHON ?= python3.11
 RUN ?= runs/$(if $(POLICY),policy-$(POLICY),$(if $(CAPTURE),$(basename $(notdir $(CAPTURE))),default))
@@ -12,13 +12,13 @@ KINEMIMIC = $(BIN)/kinemimic
 SHIPPED = $(if $(POLICY),--policy "$(POLICY)" $(if $(CAPTURE),--capture "$(CAPTURE)"))
 TRAINING = $(if $(PRESET),--preset "$(PRESET)") $(if $(BUDGET),--budget "$(BUDGET)") $(if $(MINUTES),--minutes "$(MINUTES)") $(if $(SEED),--seed "$(SEED)") $(if $(ENGINE),--engine "$(ENGINE)")
 
-# An editable install in strict mode links the package's files one by one: a new or a removed file asks for a
-# new install, an edited one does not. So the stamp bears a digest of the list of files in its name.
+# An editable install in strict mode links the package's files one by one: added or removed files require a
+# new install, edited files do not. The name of the stamp therefore has a digest of the list of files.
 FILES := $(sort $(shell find pipeline retarget train evaluate datasets -type f -not -path '*/__pycache__/*' -not -path 'train/native/*' -not -path 'datasets/versions/*'))
 STAMP := $(VENV)/installed-$(firstword $(shell echo '$(FILES)' | cksum))
 
-# The fast engine: compiled from Bullet's sources, BULLET=fetched (by name, version and hash) or BULLET=system (an
-# installed one). Unsaid, it is the one that was built last.
+# The fast engine is compiled from Bullet's sources: BULLET=fetched (by name, version and hash) or BULLET=system (an
+# installed Bullet). The default is the one that was built last.
 BULLET := $(or $(BULLET),$(patsubst $(VENV)/native-%,%,$(firstword $(wildcard $(VENV)/native-*))),fetched)
 NATIVE := $(VENV)/native-$(BULLET)
 NATIVE_FILES := $(wildcard $(addprefix train/native/,*.cpp *.hpp *.py pyproject.toml stubs/*/*.pyi))
@@ -26,136 +26,136 @@ NATIVE_FILES := $(wildcard $(addprefix train/native/,*.cpp *.hpp *.py pyproject.
 .PHONY: help setup formats inspect run ingest convert retarget train evaluate pushes disturb gait view export policies reproduce compare study comparison overlay data data-check data-push data-pull test test-slow lint type format docs architecture docs-test mutants bench bench-clean profile wheel install-test clean
 .DEFAULT_GOAL := help
 
-help: ## This list
-	@sed -n 's/^\([a-z-]*\):.*## /\1\t/p' $(MAKEFILE_LIST) | expand -t 12
+help: ## Show this list
+	@sed -n 's/^\([a-z-]*\):.*## /\1\t/p' $(MAKEFILE_LIST) | expand -t 14
 
-setup: $(STAMP) $(NATIVE) ## Build .venv; nothing to do when nothing changed
+setup: $(STAMP) $(NATIVE) ## Build or update .venv, and the native engine
 
-# torch goes first and alone: its index is the one thing that differs between machines (README).
+# torch is installed first and alone: only its index differs between machines (docs/installation.md).
 $(STAMP): pyproject.toml constraints.txt
 	$(if $(shell $(PYTHON) -c 'import sys; print(sys.version_info[:2] == (3, 11) or "")' 2>&1 | grep True),,\
-	  $(error kinemimic needs Python 3.11 with its venv module, and $(PYTHON) is none: install it, or name one with PYTHON=))
+	  $(error kinemimic needs Python 3.11 with its venv module, but $(PYTHON) is not that: install it, or select one with PYTHON=))
 	$(PYTHON) -m venv $(VENV)
 	$(BIN)/python -m pip install --quiet -c constraints.txt torch==2.13.0 setuptools
 	$(BIN)/python -m pip install --quiet -c constraints.txt --no-build-isolation --config-settings editable_mode=strict -e '.[dev]'
 	@rm -f $(VENV)/installed-*
 	@touch $@
 
-# Where it cannot be built one line says why, no stamp is made, and the next `make setup` tries again.
+# If the build fails, one line says why; without a stamp, the next `make setup` tries again.
 $(NATIVE): $(NATIVE_FILES) constraints.txt | $(STAMP)
 	@rm -f $(VENV)/native-*
 	$(BIN)/python train/native/install.py $(BULLET) $@
 
-# What builds the pages is asked for by `make docs` alone.
+# Only `make docs` and `make docs-test` need the packages that build the pages.
 $(VENV)/docs-installed: pyproject.toml constraints.txt | $(STAMP)
 	$(BIN)/python -m pip install --quiet -c constraints.txt --no-build-isolation --config-settings editable_mode=strict -e '.[docs]'
 	@touch $@
 
-run: setup ## Every stage on CAPTURE= (without one, the embedded virtual Kinect) into RUN=
+run: setup ## Run every stage on CAPTURE= (default: the virtual Kinect) into RUN=
 	$(KINEMIMIC) run $(if $(CAPTURE),"$(CAPTURE)") --run "$(RUN)" $(TRAINING)
 
-formats: setup ## The capture formats that can be read
+formats: setup ## List the capture formats that can be read
 	$(KINEMIMIC) formats
 
-inspect: setup ## What CAPTURE= is, a file or a folder, and how good it is
+inspect: setup ## Report on CAPTURE=, a file or a folder, and its quality
 	$(KINEMIMIC) inspect "$(CAPTURE)"
 
-ingest: setup ## CAPTURE= into RUN=: passes, gaps, filter, quality report
+ingest: setup ## Read CAPTURE= into RUN=: passes, gaps, filter, quality report
 	$(KINEMIMIC) ingest $(if $(CAPTURE),"$(CAPTURE)") --run "$(RUN)"
 
-convert: setup ## Euler angles or positions to quaternions
+convert: setup ## Convert Euler angles or positions to quaternions
 	$(KINEMIMIC) convert --run "$(RUN)"
 
-retarget: setup ## Onto the 20 nodes and the body; JSON and MCAP
+retarget: setup ## Fit the capture to the 20 nodes and the humanoid; JSON and MCAP
 	$(KINEMIMIC) retarget --run "$(RUN)"
 
-train: setup ## A policy that imitates the motion (PRESET= BUDGET= MINUTES= SEED= ENGINE= SCENARIO=)
+train: setup ## Train a policy that imitates the motion (PRESET= BUDGET= MINUTES= SEED= ENGINE= SCENARIO=)
 	$(KINEMIMIC) train --run "$(RUN)" $(TRAINING) $(if $(SCENARIO),--scenario "$(SCENARIO)")
 
-evaluate: setup ## Scores, report, curves (POLICY=walk: of one that ships)
+evaluate: setup ## Score the policy: report, curves (POLICY=walk for one that ships)
 	$(KINEMIMIC) evaluate --run "$(RUN)" $(SHIPPED) $(if $(ENGINE),--engine "$(ENGINE)")
 
-pushes: setup ## How hard a push the policy survives, from each side (POLICY=walk: of one that ships)
+pushes: setup ## Find the hardest push that the policy survives, from each side (POLICY=walk for one that ships)
 	$(KINEMIMIC) pushes --run "$(RUN)" $(SHIPPED) $(if $(ENGINE),--engine "$(ENGINE)")
 
-disturb: setup ## Forces, torques, obstacles, other ground: SCENARIO= by name or file, TRIALS= (POLICY=walk: of one that ships)
+disturb: setup ## Test under forces, torques, obstacles, other ground: SCENARIO= name or file, TRIALS= (POLICY=walk for one that ships)
 	$(KINEMIMIC) disturb $(SCENARIO) --run "$(RUN)" $(SHIPPED) $(if $(TRIALS),--trials "$(TRIALS)") $(if $(ENGINE),--engine "$(ENGINE)")
 
-gait: setup ## Cadence, stride, symmetry and curves of RUN= over what is normal
+gait: setup ## Report cadence, stride, symmetry and curves of RUN= over the normal band
 	$(KINEMIMIC) gait --run "$(RUN)"
 
-view: setup ## The rerun recording (POLICY=walk: of one that ships)
+view: setup ## Write a rerun recording (POLICY=walk for a policy that ships)
 	$(KINEMIMIC) view --run "$(RUN)" $(SHIPPED)
 
-export: setup ## Capture, reference, simulated motion, policy into RUN=/export: BVH, TRC, CSV, npz, ONNX …
+export: setup ## Export capture, reference, simulated motion, policy into RUN=/export: BVH, TRC, CSV, npz, ONNX …
 	$(KINEMIMIC) export --run "$(RUN)" $(SHIPPED)
 
-policies: setup ## Those that ship, and how well they do
+policies: setup ## List the policies that ship, with their scores
 	$(KINEMIMIC) policies
 
-reproduce: setup ## Train the policies that ship, or POLICY= alone (hours; KINEMIMIC_CAPTURES= holds the recordings)
+reproduce: setup ## Train the policies that ship again, or only POLICY= (hours; KINEMIMIC_CAPTURES= is the folder of the recordings)
 	$(KINEMIMIC) reproduce $(if $(POLICY),--only "$(POLICY)") $(if $(ENGINE),--engine "$(ENGINE)")
 
-compare: setup ## Tasks RUNS= (or RUN=; RUN@SCENARIO) trained and scored: medians over SEEDS= (PRESET= ABLATION=1 SEARCH= BUDGETS= ENGINE=)
+compare: setup ## Train and score the tasks RUNS= (or RUN=; RUN@SCENARIO): medians over SEEDS= (PRESET= ABLATION=1 SEARCH= BUDGETS= ENGINE=)
 	$(KINEMIMIC) compare $(or $(RUNS),"$(RUN)") $(if $(PRESET),--preset "$(PRESET)") $(if $(ABLATION),--ablation) $(if $(SEARCH),--search "$(SEARCH)") $(if $(SEEDS),--seeds "$(SEEDS)") $(if $(BUDGETS),--budgets "$(BUDGETS)") $(if $(ENGINE),--engine "$(ENGINE)")
 
-study: setup ## The paper's experiments on what `make comparison` trained: runs/study/study.html (TRIALS= ENGINE=)
+study: setup ## Repeat the paper's experiments with the policies of `make comparison`: runs/study/study.html (TRIALS= ENGINE=)
 	$(KINEMIMIC) study $(if $(TRIALS),--trials "$(TRIALS)") $(if $(ENGINE),--engine "$(ENGINE)")
 
-# Ours, DDPG, actor-critic and stable-baselines3's PPO on the paper's three tasks, with the same small nets.
-comparison: setup ## Train what `study` compares (hours), into datasets/comparison (ENGINE=)
+# Our PPO, DDPG, actor-critic and stable-baselines3's PPO on the paper's three tasks, with the same small networks.
+comparison: setup ## Train the policies that `study` compares (hours), into datasets/comparison (ENGINE=)
 	$(KINEMIMIC) compare datasets/policies/walk datasets/policies/run datasets/policies/walk@several-obstacles \
 	  --preset default --preset ddpg --preset a2c --preset sb3-ppo --seeds 3 --budgets 3e5,1e6 --limit ddpg=3e5 --limit sb3-ppo=3e5 --hidden 128,64 \
 	  --out runs/comparison --publish datasets/comparison $(if $(ENGINE),--engine "$(ENGINE)")
 
-overlay: setup ## The skeleton drawn into CAPTURE=, a depth recording's folder: RUN=/overlay.mp4
+overlay: setup ## Draw the skeleton into CAPTURE=, a depth recording's folder: RUN=/overlay.mp4
 	$(KINEMIMIC) overlay "$(CAPTURE)" --out "$(RUN)/overlay.mp4"
 
-# dvc brings a hundred packages that only who changes the data set needs.
+# dvc brings a hundred packages; only changes of the data set need them.
 DVC := $(VENV)/dvc-installed
 $(DVC): constraints.txt | $(STAMP)
 	$(BIN)/python -m pip install --quiet -c constraints.txt dvc
 	@touch $@
 
-data: setup $(DVC) ## Make the versioned data set anew and lock it (datasets/versions/params.toml)
+data: setup $(DVC) ## Rebuild the versioned data set and lock it (datasets/versions/params.toml)
 	PATH="$(CURDIR)/$(BIN):$$PATH" $(BIN)/dvc repro --force
 	$(KINEMIMIC) datasets lock
 
-data-check: setup ## Is the data set what is locked, and is it still made so? (AGAINST= a commit)
+data-check: setup ## Check that the data set is the locked one, and that a rebuild gives the same (AGAINST= a commit)
 	$(KINEMIMIC) datasets check $(if $(AGAINST),--against "$(AGAINST)")
 
-data-push: $(DVC) ## The data set's large files to the remote (runs/data-remote, unless dvc has another)
+data-push: $(DVC) ## Push the data set's large files to dvc's remote (default runs/data-remote)
 	$(BIN)/dvc push
 
-data-pull: $(DVC) ## The data set's large files from the remote
+data-pull: $(DVC) ## Pull the data set's large files from dvc's remote
 	$(BIN)/dvc pull
 
-# Small matrices on every core at once: more threads than one each only get in each other's way.
-test: setup ## The tests that take seconds
+# Small matrices on all cores: more than one thread per process slows them down.
+test: setup ## Run the tests that take seconds each
 	OMP_NUM_THREADS=1 $(BIN)/python -m pytest -m "not slow" -n 2
 
-test-slow: setup ## The tests that take minutes
+test-slow: setup ## Run the tests that take minutes
 	$(BIN)/python -m pytest -m slow
 
-lint: setup ## ruff, formatting, the direction of imports
+lint: setup ## Run ruff, check the formatting and the direction of imports
 	$(BIN)/ruff check
 	$(BIN)/ruff format --check
 	$(BIN)/lint-imports
 
-type: setup ## mypy --strict
+type: setup ## Run mypy --strict
 	$(BIN)/mypy
 
-format: setup ## Let ruff rewrite the files
+format: setup ## Reformat the code with ruff
 	$(BIN)/ruff check --fix
 	$(BIN)/ruff format
 
-docs: setup $(VENV)/docs-installed ## The pages of docs/ as a site: open site/index.html
+docs: setup $(VENV)/docs-installed ## Build the pages of docs/ as a site: open site/index.html
 	NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build --strict --quiet
 
-architecture: setup ## docs/architecture.svg: the rooms and the imports between them
+architecture: setup ## Draw docs/architecture.svg: the rooms and the imports between them
 	$(BIN)/python docs/draw_architecture.py
 
-docs-test: setup $(VENV)/docs-installed ## What the pages print, done as their reader does it: minutes
+docs-test: setup $(VENV)/docs-installed ## Run the commands on the pages and compare their output (minutes)
 	$(BIN)/python -m pytest -m slow tests/docs
 
 MUTANTS := $(VENV)/mutants-installed
@@ -163,30 +163,30 @@ $(MUTANTS): constraints.txt | $(STAMP)
 	$(BIN)/python -m pip install --quiet -c constraints.txt cosmic-ray
 	@touch $@
 
-mutants: setup $(MUTANTS) ## Mutations of the core that no test notices (ROOMS="train/ppo"; hours for all)
+mutants: setup $(MUTANTS) ## Find mutations of the core that no test detects (ROOMS="train/ppo"; hours for all)
 	$(BIN)/python tests/mutants.py $(ROOMS)
 
-# The comparison of filters takes minutes, and answers another question than speed.
-bench: setup ## Speed: every tests/bench/bench_*.py but the next
+# bench_clean compares the quality of filters, not speed, and takes minutes.
+bench: setup ## Run the speed benchmarks, tests/bench/bench_*.py
 	@set -e; for script in $(sort $(filter-out %/bench_clean.py,$(wildcard tests/bench/bench_*.py))); do echo "$$script"; $(BIN)/python "$$script"; done
 
-bench-clean: setup ## Every filter against the virtual Kinect's truth: which is the default
+bench-clean: setup ## Compare every filter with the virtual Kinect's truth
 	$(BIN)/python tests/bench/bench_clean.py
 
-profile: setup ## Where the native engine's time goes, as Linux's perf sees it
+profile: setup ## Profile the native engine with Linux's perf
 	$(BIN)/python tests/bench/profile_step.py
 
-# By way of the sdist, which thereby is known to be complete.
-wheel: setup ## dist/: kinemimic as sdist and wheel, in pure Python, and kinemimic-native for any x86-64
+# The wheel is built from the sdist, which proves that the sdist is complete.
+wheel: setup ## Build dist/: kinemimic as sdist and pure-Python wheel, and kinemimic-native for any x86-64
 	rm -rf build/lib
 	$(BIN)/python -m build --no-isolation --outdir dist .
 	KINEMIMIC_BULLET="$$($(if $(filter system,$(BULLET)),echo system,$(BIN)/python train/native/fetch.py build))" KINEMIMIC_ARCH= \
 	  $(BIN)/python -m build --wheel --no-isolation --outdir dist train/native
 
-install-test: setup ## A wheel in an empty environment beside Hugging Face's packages runs the whole way
+install-test: setup ## Run all stages from a wheel in an empty environment beside Hugging Face's packages
 	$(BIN)/python -m pytest -m slow tests/test_wheel.py
 
-# .venv goes with build/, which holds the links of the editable install. runs/ holds hours of training: it stays.
-clean: ## Remove all that was built, but not runs/
+# .venv is removed with build/, which holds the links of the editable install. runs/ is kept: it holds hours of training.
+clean: ## Remove everything that was built, except runs/
 	rm -rf $(VENV) build dist site *.egg-info .mypy_cache .ruff_cache .pytest_cache .hypothesis .import_linter_cache
 	find . -name __pycache__ -type d -prune -exec rm -rf {} +
