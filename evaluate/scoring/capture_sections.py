@@ -44,7 +44,7 @@ def _quality_rows(quality: Json) -> list[list[str]]:
     return [
         [
             name.replace("_", " "),
-            *(number(100 * joint[key], 1) for key in ("tracked", "inferred", "lost", "filled")),
+            *(number(100 * joint[key], 1) for key in ("tracked", "inferred", "missing", "filled")),
             number(joint["bone_m"], 3),
             number(None if joint["bone_cv"] is None else 100 * joint["bone_cv"], 1),
         ]

@@ -18,6 +18,7 @@ from kinemimic.pipeline.cli.html import number, render
 from kinemimic.pipeline.cli.picture import Draw
 from kinemimic.pipeline.files.store import read_json
 from kinemimic.pipeline.gait.curve_metrics import JOINTS, MEASURES
+from kinemimic.pipeline.quality.report import read_quality
 from kinemimic.retarget.formats.gait_json import read_gait_json
 from kinemimic.retarget.humanoid.motion import Motion
 from kinemimic.train.rollout.trajectory import Trajectory
@@ -63,7 +64,7 @@ def report(run: Path, data: ReportData) -> str:
     name = Path(str(source)).name
     files = {
         stage: read(path) if (path := run / f"{stage}.json").exists() else None
-        for stage, read in (("quality", read_json), ("gimbal", read_json), ("gait", read_gait_json))
+        for stage, read in (("quality", read_quality), ("gimbal", read_json), ("gait", read_gait_json))
     }
     sections = capture_values(**files)
     return render(

@@ -142,12 +142,12 @@ def _capture_files(capture: Path, folder: Path) -> dict[str, Path]:
         return {str(file.relative_to(capture)): file for file in sorted(capture.rglob("*")) if file.is_file()}
     quality = folder / "quality.json"
     report = read_json(quality) if quality.exists() else {}
-    companions = report.get("companions", {}) if isinstance(report, dict) else {}
+    sidecar_files = report.get("sidecar_files", {}) if isinstance(report, dict) else {}
     return {
         capture.name: capture,
         "truth.parquet": truth_path(capture),
         "provenance.json": note_path(capture),
-        **{name: capture.with_name(name) for name in companions},
+        **{name: capture.with_name(name) for name in sidecar_files},
     }
 
 

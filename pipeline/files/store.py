@@ -24,7 +24,7 @@ from kinemimic.pipeline.kinematics.clip import Clip
 from kinemimic.pipeline.kinematics.rotations import ORDERS
 from kinemimic.pipeline.kinematics.skeleton import Skeleton
 
-CLIP_SCHEMA = 1
+CLIP_SCHEMA = 2
 # The largest that we write is a motion of 1.3 kB a frame: two hours at 30 Hz fit.
 _JSON_LIMIT = 256 * MEGABYTE
 _CLIP, _CLIP_ADVICE = "a kinemimic clip (Parquet)", "run the stage that writes it again"
@@ -150,7 +150,14 @@ def read_clip(path: Path) -> Clip:
         raise CaptureError(path, expected="a clip", found="no file", advice="run the stage before") from None
     if not isinstance(header, dict) or "skeleton" not in header:
         raise CaptureError(path, expected=_CLIP, found="another table", advice=_CLIP_ADVICE)
-    header = upgraded(header, path, kind="a clip", schema=CLIP_SCHEMA, advice="run `ingest` again")
+    header = upgraded(
+        header,
+        path,
+        kind="a clip",
+        schema=CLIP_SCHEMA,
+        upgrades={1: _clip_from_schema_1},
+        advice="run `ingest` again",
+    )
     try:
         return _clip(table, header)
     except KeyError as error:
@@ -159,6 +166,15 @@ def read_clip(path: Path) -> Clip:
         ) from None
     except (TypeError, ValueError, IndexError, OverflowError) as error:
         raise CaptureError(path, expected=_CLIP, found=str(error), advice=_CLIP_ADVICE) from None
+
+
+def _clip_from_schema_1(old: Mapping[str, Any]) -> Mapping[str, Any]:
+    """Schema 1 called the sidecar files of a capture companions."""
+    provenance = old.get("provenance")
+    if not isinstance(provenance, dict) or "companions" not in provenance:
+        return old
+    renamed = {"sidecar_files" if key == "companions" else key: item for key, item in provenance.items()}
+    return {**old, "provenance": renamed}
 
 
 def _clip(table: pa.Table, header: Mapping[str, Any]) -> Clip:

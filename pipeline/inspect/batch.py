@@ -1,4 +1,4 @@
-"""Many files: which they are, their reports, and what they say together, folder by folder."""
+"""Inspect many files in a process pool, and summarise their reports by folder."""
 
 from __future__ import annotations
 
@@ -26,10 +26,10 @@ Report = dict[str, Any]
 
 
 def find_files(paths: Iterable[Path]) -> list[Path]:
-    """The files that are meant: a file is itself, a folder all files below it, hidden ones left out; a depth
-    recording, which is a folder, counts as one file.
+    """The files at `paths`, and all files below the folders among them except hidden ones, sorted by path.
 
-    In the sequence of their names, each once; a path that does not exist stays, and its report will say so.
+    A depth recording, which is a folder, counts as one file. A path that does not exist is kept, so that it
+    gets a report.
     """
     found = {file: None for path in paths for file in (_below(path) if path.is_dir() else (path,))}
     return sorted(found, key=lambda file: file.parts)
@@ -46,9 +46,9 @@ def _below(folder: Path) -> Iterator[Path]:
 
 
 def file_reports(files: Sequence[Path], *, jobs: int, unit: str | None = None) -> Iterator[Report]:
-    """The report on each file as it is done, over a pool of processes: a damaged file costs only itself.
+    """The report on each file, in order of completion; a damaged file affects only its own report.
 
-    unit: of length in all of them, as in `recognise.read`.
+    jobs: number of worker processes; unit: unit of length of all files, as in `recognise.read`.
     """
     work = partial(file_report, unit=unit)
     for index, result in isolated_map(work, files, workers=jobs, timeout=_time_limit(files)):
@@ -56,7 +56,7 @@ def file_reports(files: Sequence[Path], *, jobs: int, unit: str | None = None) -
 
 
 def file_drawings(files: Sequence[Path], *, jobs: int, unit: str | None = None) -> Iterator[tuple[Path, str]]:
-    """Each file with its part of the page of curves (HTML), likewise; or with the reason why it has none."""
+    """Each file with its section of the HTML page, in order of completion; or the reason if it has none."""
     from kinemimic.pipeline.inspect.curves import section  # noqa: PLC0415 (see `draw`)
 
     work = partial(draw, unit=unit)
@@ -69,42 +69,42 @@ def file_drawings(files: Sequence[Path], *, jobs: int, unit: str | None = None) 
 
 
 def draw(path: Path, *, unit: str | None = None) -> str:
-    """One file's part of the page of curves (HTML)."""
-    # matplotlib takes longer to load than most captures to read.
+    """The section of one file on the HTML page."""
+    # Importing matplotlib takes longer than reading most captures.
     from kinemimic.pipeline.inspect.curves import section  # noqa: PLC0415
 
     return section(inspect_file(path, unit=unit))
 
 
 def _time_limit(files: Sequence[Path]) -> float:
-    """Seconds for one of the files: a depth recording is a folder of thousands of images."""
+    """Seconds allowed per file: a depth recording is a folder of thousands of images."""
     return 10.0 * TIMEOUT if any(file.is_dir() for file in files) else TIMEOUT
 
 
 def mark_sidecar_files(reports: Iterable[Report]) -> list[Report]:
-    """The reports in the sequence of their files, those companions told that some capture was read with.
+    """The reports sorted by file; files that were read with a capture get the status "sidecar".
 
     Of two files that name each other, the first is the capture.
     """
-    in_sequence = sorted(reports, key=lambda report: Path(report["file"]).parts)
-    companions: set[Path] = set()
-    for report in in_sequence:
+    in_order = sorted(reports, key=lambda report: Path(report["file"]).parts)
+    sidecar_files: set[Path] = set()
+    for report in in_order:
         file = Path(report["file"])
-        if file not in companions:
-            companions |= {file.with_name(name) for name in report["companions"]}
+        if file not in sidecar_files:
+            sidecar_files |= {file.with_name(name) for name in report["sidecar_files"]}
     return [
         unread_report(Path(report["file"]), SIDECAR, "") | {"reason": None}
-        if Path(report["file"]) in companions
+        if Path(report["file"]) in sidecar_files
         else report
-        for report in in_sequence
+        for report in in_order
     ]
 
 
 def folder_summaries(reports: Sequence[Report]) -> list[dict[str, Any]]:
-    """One record for each folder, in the sequence of the reports.
+    """One record per folder, in the order of the reports.
 
-    Medians are over the files that are not refused; repaired, flagged and refused count files: one file may
-    be repaired in one thing and flagged for another.
+    Medians are over the files that are not refused. repaired, flagged and refused count files; one file may
+    be repaired for one defect and flagged for another.
     """
     groups: dict[str, list[Report]] = {}
     for report in reports:
@@ -127,13 +127,13 @@ def _folder_summary(name: str, group: Sequence[Report]) -> dict[str, Any]:
         "repaired": sum("repaired" in _actions(report) for report in captures),
         "flagged": sum("flagged" in _actions(report) for report in good),
         "refused": len(captures) - len(good),
-        "companions": [Path(one["file"]).name for one in group if one["status"] == SIDECAR],
+        "sidecar_files": [Path(one["file"]).name for one in group if one["status"] == SIDECAR],
         "other": [Path(one["file"]).name for one in group if one["status"] == OTHER],
     }
 
 
 def count_rules(reports: Iterable[Report], action: str) -> Counter[str]:
-    """For each rule, the number of files in which it took this action."""
+    """Per rule, the number of files in which it took this action."""
     return Counter(
         rule
         for report in reports

@@ -1,4 +1,4 @@
-"""`kinemimic inspect`: what capture files are, how good they are, and what will be done to them."""
+"""`kinemimic inspect`: what capture files are, how good they are, and what `ingest` will do with them."""
 
 from __future__ import annotations
 
@@ -34,14 +34,18 @@ from kinemimic.pipeline.readers.base.source import Source
 @click.option(
     "--plot",
     type=click.Path(path_type=Path, dir_okay=False),
-    help="Write the curves of the first 40 to this page (HTML).",
+    help="Plot the curves of the first 40 captures to this HTML page.",
 )
 @json_option("Print everything as JSON.")
-@click.option("--files", "by_file", is_flag=True, help="A row for each file, not only for each folder.")
-@click.option("--suggest", is_flag=True, help="Only draft a description (TOML) of one file's own columns.")
+@click.option("--files", "by_file", is_flag=True, help="Show a row per file, not only per folder.")
+@click.option(
+    "--suggest", is_flag=True, help="Only draft a TOML description of the columns of one custom table."
+)
 @unit_option("The files' unit of length; by default as their format or the body in them says.")
 @click.option(
-    "--jobs", type=click.IntRange(min=1), help="Files looked at at once.  [default: one a processor]"
+    "--jobs",
+    type=click.IntRange(min=1),
+    help="Number of files inspected in parallel.  [default: number of CPUs]",
 )
 def command(
     paths: tuple[Path, ...],
@@ -52,11 +56,11 @@ def command(
     unit: str | None,
     jobs: int | None,
 ) -> int:
-    """Say what each capture in PATHS is, how good it is, joint by joint, and what will be done to it.
+    """Report what each capture in PATHS is, how good it is, and what `ingest` will do with it.
 
-    One file gives a page, several or a folder a table; files that are no captures are only named. The peak
-    of the knee is the 95th percentile of the frames in passes, of the side that was tracked better, and a
-    range goes from the 5th to the 95th. Exit status: 0 if a file was read and not refused, 2 if none was.
+    One file gives a page; several files or a folder give a table. Files that are not captures are only
+    listed. The knee peak is the 95th percentile over the frames in passes, on the better-tracked side; ranges
+    are the 5th to the 95th percentile. Exit status: 0 if any file is usable, else 2.
 
     \b
       kinemimic inspect walk.skl
@@ -96,7 +100,7 @@ def command(
 
 
 def _suggest(paths: Sequence[Path]) -> int:
-    """Print the draft of a description; a word on stderr if the file is read without one."""
+    """Print a draft description of a custom table; note on stderr if the file can be read without one."""
     from kinemimic.pipeline.readers.custom_table.suggest import suggest  # noqa: PLC0415
     from kinemimic.pipeline.readers.recognise import reader_of  # noqa: PLC0415 (loads every reader)
 
@@ -111,11 +115,11 @@ def _suggest(paths: Sequence[Path]) -> int:
 
 
 def _write_page(path: Path, reports: Sequence[dict[str, Any]], *, jobs: int, unit: str | None) -> None:
-    """Read again what is drawn: the drawings of all files at once would not fit into a browser, or here."""
-    from kinemimic.pipeline.inspect.curves import MOST_DRAWN, write_page  # noqa: PLC0415 (loads matplotlib)
+    """Write the page; its captures are read again, since keeping all clips would take too much memory."""
+    from kinemimic.pipeline.inspect.curves import MAX_PLOTTED, write_page  # noqa: PLC0415 (loads matplotlib)
 
     captures = [report for report in reports if report["status"] not in (OTHER, SIDECAR)]
-    files = [Path(report["file"]) for report in captures[:MOST_DRAWN]]
+    files = [Path(report["file"]) for report in captures[:MAX_PLOTTED]]
     drawn: dict[Path, str] = {}
     with progress("draw", len(files)) as bar:
         for file, section in file_drawings(files, jobs=jobs, unit=unit):

@@ -17,7 +17,7 @@ from kinemimic.pipeline.cli.html import number, render
 from kinemimic.pipeline.cli.picture import Draw, legend, panel_grid
 from kinemimic.pipeline.files.store import write_text
 from kinemimic.pipeline.inspect.file_report import InspectedFile
-from kinemimic.pipeline.inspect.measures import SEGMENTS, SIDES, nodes_of
+from kinemimic.pipeline.inspect.measures import SEGMENTS, SIDES, available_nodes
 from kinemimic.pipeline.kinematics.angles import leg_angles
 from kinemimic.pipeline.kinematics.clip import Clip
 from kinemimic.pipeline.kinematics.nodes import joints_of_nodes
@@ -26,14 +26,14 @@ from kinemimic.pipeline.quality.rules.defect import RULES, Defect
 
 _TEMPLATES = Path(__file__).with_name("templates")
 _SIDE_COLORS = {"left": "#0072b2", "right": "#d55e00", "": "#2b2b2b"}
-_OWN = "#8a8a8a"
+_RECORDED = "#8a8a8a"
 _STATES = {"missing": "#7f1d1d", "inferred": "#f0b440", "tracked": "#cfe3ee"}
 _MARKS = {"flagged": "#fbeccb", "repaired": "#d3ead0", "refused": "#f6d5d0"}
-_BETWEEN = 0.4  # s between passes, as drawn
+_PASS_GAP = 0.4  # s between passes, as drawn
 # Upper limits of what a figure can show.
-_POINTS, _COLUMNS, _MARKED = 700, 600, 60
+_MAX_POINTS, _MAX_COLUMNS, _MAX_MARKED = 700, 600, 60
 # The figures of a capture take about 0.7 MB, and browsers struggle with larger pages.
-MOST_DRAWN = 40
+MAX_PLOTTED = 40
 
 
 def section(inspected: InspectedFile) -> str:
@@ -42,7 +42,7 @@ def section(inspected: InspectedFile) -> str:
     values: dict[str, Any] = {"report": report, "name": Path(report["file"]).name, "drawings": None}
     if inspected.checked is not None:
         clip, defects = inspected.checked.clip, inspected.checked.defects
-        nodes, _, _ = nodes_of(clip)
+        nodes, _, _ = available_nodes(clip)
         values["lead"] = _lead(report)
         values["defects"] = [f"{RULES[one.rule]}, {one.action}: {one.text}" for one in defects]
         values["drawings"] = {
@@ -57,7 +57,7 @@ def section(inspected: InspectedFile) -> str:
 def write_page(path: Path, captures: Sequence[dict[str, Any]], sections: Sequence[str]) -> None:
     """Write one page atomically: the sections of the first captures, and a table of the others.
 
-    captures: the reports; sections: HTML of the first captures, at most MOST_DRAWN.
+    captures: the reports; sections: HTML of the first captures, at most MAX_PLOTTED.
     """
     heading = Path(captures[0]["file"]).name if len(captures) == 1 else f"{len(captures)} captures"
     page = render(
@@ -91,7 +91,7 @@ def _lead(report: dict[str, Any]) -> str:
 
 
 def _time_in_passes(clip: Clip) -> Array:
-    """Seconds (T,) on the time axis: passes in sequence, _BETWEEN apart; NaN outside them.
+    """Seconds (T,) on the time axis: passes in sequence, _PASS_GAP apart; NaN outside them.
 
     A recorder may run for minutes with nobody in view, which would squeeze the passes into thin lines.
     """
@@ -101,7 +101,7 @@ def _time_in_passes(clip: Clip) -> Array:
         frames = clip.passes == count
         times = clip.times[frames]
         shown[frames] = begin + times - times[0]
-        begin += float(times[-1] - times[0]) + _BETWEEN
+        begin += float(times[-1] - times[0]) + _PASS_GAP
     return shown
 
 
@@ -112,13 +112,13 @@ def _time_axis(axes: Axes, clip: Clip) -> None:
     axes.set_xlabel("time in passes [s]")
 
 
-def _line(axes: Axes, clip: Clip, values: Array, **look: Any) -> None:
+def _line(axes: Axes, clip: Clip, values: Array, **style: Any) -> None:
     """Plot a curve (T,) over the frames in passes, thinned to a visible resolution, broken between passes."""
     curve = np.where(clip.passes >= 0, values, np.nan)
     breaks = np.flatnonzero(np.diff(clip.passes) != 0)
     curve[breaks] = np.nan
-    thin = max(1, len(curve) // _POINTS)
-    axes.plot(_time_in_passes(clip)[::thin], curve[::thin], **look)
+    thin = max(1, len(curve) // _MAX_POINTS)
+    axes.plot(_time_in_passes(clip)[::thin], curve[::thin], **style)
 
 
 def _angles(clip: Clip, nodes: Array, defects: Sequence[Defect]) -> Draw:
@@ -132,10 +132,12 @@ def _angles(clip: Clip, nodes: Array, defects: Sequence[Defect]) -> Draw:
             for side in SIDES:
                 name = f"{joint}_{side}"
                 _line(axes, clip, np.degrees(ours[name]), color=_SIDE_COLORS[side], label=side)
-                own = (clip.angles or {}).get(name)
-                if own is not None:
-                    label = "the file's own" if side == "right" else None
-                    _line(axes, clip, np.degrees(own), color=_OWN, linestyle="--", linewidth=0.9, label=label)
+                recorded = (clip.angles or {}).get(name)
+                if recorded is not None:
+                    _line(
+                        axes, clip, np.degrees(recorded), color=_RECORDED, linestyle="--", linewidth=0.9,
+                        label="from the file" if side == "right" else None,
+                    )  # fmt: skip
             axes.set(title=joint, ylabel="flexion [°]", ylim=_range(clip, ours, joint))
         _time_axis(panels[-1], clip)
         legend(figure, panels[0])
@@ -160,7 +162,7 @@ def _shade(axes: Axes, clip: Clip, defects: Sequence[Defect]) -> list[str]:
     step = float(np.median(np.diff(clip.times))) if len(clip.times) > 1 else 0.0
     times = _time_in_passes(clip)
     for defect in defects:
-        for first, last in defect.frames[:_MARKED]:
+        for first, last in defect.frames[:_MAX_MARKED]:
             marked = times[first : last + 1]
             marked = marked[np.isfinite(marked)]
             if len(marked):
@@ -205,7 +207,7 @@ def _states(clip: Clip) -> Draw:
     shown = sorted(set(joints_of_nodes(names).values())) or list(range(len(names)))
     times, inside = _time_in_passes(clip), np.flatnonzero(clip.passes >= 0)
     end = float(np.nanmax(times)) if len(inside) else 1.0
-    edges = np.linspace(0.0, end, max(1, min(_COLUMNS, len(inside))) + 1)
+    edges = np.linspace(0.0, end, max(1, min(_MAX_COLUMNS, len(inside))) + 1)
     column = np.clip(np.searchsorted(edges, times, side="right") - 1, 0, len(edges) - 2)
     worst = np.full((len(shown), len(edges) - 1), np.nan)
     for frame in inside:
@@ -238,15 +240,15 @@ def _path(clip: Clip, nodes: Array) -> Draw:
     def draw(phone: bool) -> Figure:
         figure, (axes,) = panel_grid(1, 1, 3.0, phone)
         for number_ in range(count):
-            way = middle[clip.passes == number_]
-            way = way[np.isfinite(way).all(axis=-1)]
-            if not len(way):
+            path = middle[clip.passes == number_]
+            path = path[np.isfinite(path).all(axis=-1)]
+            if not len(path):
                 continue
             shade = 0.25 + 0.6 * number_ / max(count - 1, 1) if count > 1 else 0.6
             color = (0.0, 0.25 + 0.35 * (1 - shade), 0.35 + 0.45 * shade)
-            thin = max(1, len(way) // _POINTS)
-            axes.plot(way[::thin, 0], way[::thin, 1], color=color, linewidth=1.0)
-            axes.plot(*way[0], "o", color=color, markersize=4)
+            thin = max(1, len(path) // _MAX_POINTS)
+            axes.plot(path[::thin, 0], path[::thin, 1], color=color, linewidth=1.0)
+            axes.plot(*path[0], "o", color=color, markersize=4)
         axes.set(xlabel="forward [m]", ylabel="to the left [m]")
         axes.set_aspect("equal", adjustable="datalim")
         return figure

@@ -1,4 +1,4 @@
-"""One capture file looked at: everything that `kinemimic inspect` says about it, as JSON values."""
+"""The report of `kinemimic inspect` on one capture file, as JSON values."""
 
 from __future__ import annotations
 
@@ -14,24 +14,24 @@ from kinemimic.pipeline.files.json_layout import rounded
 from kinemimic.pipeline.files.sidecars import note_path, truth_path
 from kinemimic.pipeline.gait.walking import detect_gait
 from kinemimic.pipeline.inspect.measures import (
-    bones,
-    joints,
-    legs,
-    median,
-    nodes_of,
+    available_nodes,
+    joint_quality,
+    leg_angle_ranges,
     recorded_angles,
+    segment_lengths,
     stature,
 )
+from kinemimic.pipeline.kinematics.body_points import median
 from kinemimic.pipeline.kinematics.clip import Clip
 from kinemimic.pipeline.quality.check import CheckedCapture, check_capture, planned_steps
 from kinemimic.pipeline.readers.recognise import formats, read
 
-USABLE, FLAGGED, REFUSED, OTHER, SIDECAR = "usable", "flagged", "refused", "other", "companion"
+USABLE, FLAGGED, REFUSED, OTHER, SIDECAR = "usable", "flagged", "refused", "other", "sidecar"
 
 
 @dataclass(frozen=True)
 class InspectedFile:
-    """A file's report, and what it was made from where the file could be read."""
+    """The report on a file; its clip and check results if the file could be read."""
 
     report: dict[str, Any]
     recorded: Clip | None = None
@@ -39,18 +39,17 @@ class InspectedFile:
 
 
 def file_report(path: Path, *, unit: str | None = None) -> dict[str, Any]:
-    """The report on one file; keys are the same for every file, None where there is nothing to say.
+    """The report on one file; it has the same keys for every file, None if a value is unknown.
 
-    unit: of length, as in `recognise.read`.
-
-    status: "usable", "flagged" (usable, with something that a person should know), "refused" or "other" (no
-    capture at all); reason: why refused, or why no capture.
+    unit: unit of length, as in `recognise.read`. In the report, status: "usable", "flagged" (usable, with
+    defects to judge), "refused", "other" (not a capture) or "sidecar" (read with a capture); reason: why the
+    file is refused or not a capture.
     """
     return inspect_file(path, unit=unit).report
 
 
 def inspect_file(path: Path, *, unit: str | None = None) -> InspectedFile:
-    """`study` with the clips in hand, for who wants to draw them."""
+    """The report with the clips that it was made from."""
     try:
         recorded = read(path, unit=unit)
     except NotACaptureError as error:
@@ -58,15 +57,14 @@ def inspect_file(path: Path, *, unit: str | None = None) -> InspectedFile:
     except KinemimicError as error:
         return InspectedFile(unread_report(path, REFUSED, str(error)))
     except MemoryError:
-        return InspectedFile(
-            unread_report(path, REFUSED, f"{path}: expected a capture that fits into memory, found more")
-        )
+        found = f"{path}: expected a capture that fits into memory, found a larger one"
+        return InspectedFile(unread_report(path, REFUSED, found))
     checked = check_capture(recorded)
     return InspectedFile(_report(path, recorded, checked), recorded, checked)
 
 
 def unread_report(path: Path, status: str, reason: str) -> dict[str, Any]:
-    """The report on a file that could not be read: all keys there, only these filled."""
+    """The report on a file that could not be read: all keys, with only these values."""
     return {**_EMPTY, "file": str(path), "status": status, "reason": _without_path(path, reason)}
 
 
@@ -79,7 +77,7 @@ _EMPTY: dict[str, Any] = {
     "sensor": None,
     "simulated": False,
     "sha256": None,
-    "companions": [],
+    "sidecar_files": [],
     "units": None,
     "frames": 0,
     "frames_in_passes": 0,
@@ -92,19 +90,19 @@ _EMPTY: dict[str, Any] = {
     "stature_m": None,
     "angles": None,
     "gait": None,
-    "own_angles": {},
+    "recorded_angles": {},
     "joints": {},
     "defects": [],
     "notes": [],
-    "plan": [],
+    "planned_steps": [],
 }
 
 
 def _report(path: Path, recorded: Clip, checked: CheckedCapture) -> dict[str, Any]:
     clip, refused = checked.clip, checked.refused
     reading, inside = recorded.provenance["reading"], clip.passes >= 0
-    nodes, states, lacking = nodes_of(clip)
-    lengths = bones(nodes[inside])
+    nodes, states, nodes_error = available_nodes(clip)
+    lengths = segment_lengths(nodes[inside])
     flagged = any(defect.action == "flagged" for defect in checked.defects)
     beside, simulated = _sidecar_files(path)
     steps = np.diff(clip.times)[inside[1:] & (clip.passes[1:] == clip.passes[:-1])]
@@ -118,7 +116,7 @@ def _report(path: Path, recorded: Clip, checked: CheckedCapture) -> dict[str, An
         "sensor": _sensor(recorded),
         "simulated": recorded.simulated or simulated,
         "sha256": recorded.provenance["sha256"],
-        "companions": sorted({*recorded.provenance.get("companions", {}), *beside}),
+        "sidecar_files": sorted({*recorded.provenance.get("sidecar_files", {}), *beside}),
         "units": {"length": reading["units"], "rule": reading["units_rule"]},
         "frames": len(recorded.times),
         "frames_in_passes": int(inside.sum()),
@@ -129,13 +127,13 @@ def _report(path: Path, recorded: Clip, checked: CheckedCapture) -> dict[str, An
         "passes_discarded": checked.acquisition.discarded,
         "bones_m": lengths,
         "stature_m": stature(lengths),
-        "angles": legs(nodes[inside], states[inside]),
+        "angles": leg_angle_ranges(nodes[inside], states[inside]),
         "gait": detect_gait(clip, nodes),
-        "own_angles": recorded_angles(clip, nodes, inside),
-        "joints": joints(clip, inside),
+        "recorded_angles": recorded_angles(clip, nodes, inside),
+        "joints": joint_quality(clip, inside),
         "defects": [defect.to_json() for defect in checked.defects],
-        "notes": [*reading["notes"], *([lacking] if lacking else [])],
-        "plan": planned_steps(checked),
+        "notes": [*reading["notes"], *([nodes_error] if nodes_error else [])],
+        "planned_steps": planned_steps(checked),
     }
 
 
@@ -155,7 +153,7 @@ def _sensor(recorded: Clip) -> str | None:
 
 
 def _sidecar_files(path: Path) -> tuple[list[str], bool]:
-    """Names of the files about how a recording was made, and whether they say that it was simulated."""
+    """Names of the provenance and truth files of a capture, and whether they mark it as simulated."""
     note, truth = note_path(path), truth_path(path)
     simulated = truth.is_file()
     if note.is_file() and not simulated:
@@ -168,5 +166,5 @@ def _sidecar_files(path: Path) -> tuple[list[str], bool]:
 
 
 def _without_path(path: Path, reason: str) -> str:
-    """An error's text without the path that it begins with: the report names the file already."""
+    """The text of an error without the leading path, which the report names already."""
     return reason.removeprefix(str(path)).removeprefix(":").removeprefix(",").strip()

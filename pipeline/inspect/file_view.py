@@ -1,4 +1,4 @@
-"""The page on one file, for a person at a terminal."""
+"""The report on one file, for the terminal."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ Report = dict[str, Any]
 
 
 def file_view(report: Report) -> RenderableType:
-    """All of a report that was read; of another one, why not."""
+    """The full report; only the reason for a file that could not be read."""
     if not report["read"]:
         return Group(*_verdict(report))
     parts: list[RenderableType] = [_summary(report)]
@@ -28,9 +28,9 @@ def file_view(report: Report) -> RenderableType:
     if report["defects"]:
         parts += [heading("Defects"), _defects(report)]
     todo = facts()
-    for line in report["plan"]:
+    for line in report["planned_steps"]:
         todo.add_row("-", line)
-    parts += [heading("What will be done"), todo]
+    parts += [heading("What ingest will do"), todo]
     return Group(*parts, Text(), *_verdict(report))
 
 
@@ -41,8 +41,8 @@ def _summary(report: Report) -> Table:
         marks.append("SIMULATED")
     table.add_row("file", report["file"])
     table.add_row("format", ", ".join(marks))
-    if report["companions"]:
-        table.add_row("read with", ", ".join(report["companions"]))
+    if report["sidecar_files"]:
+        table.add_row("read with", ", ".join(report["sidecar_files"]))
     table.add_row("unit", f"{report['units']['length']}: {report['units']['rule']}")
     table.add_row("frames", _frames(report))
     if report["passes"]:
@@ -50,8 +50,8 @@ def _summary(report: Report) -> Table:
         for joint in ("knee", "hip"):
             table.add_row(joint, _range(report, joint))
         table.add_row("gait", _gait(report["gait"]))
-    for name, own in report["own_angles"].items():
-        table.add_row(f"its {name.replace('_', ' ')}", _own(own))
+    for name, recorded in report["recorded_angles"].items():
+        table.add_row(f"recorded {name.replace('_', ' ')}", _recorded_angle(recorded))
     for note in report["notes"]:
         table.add_row("note", note)
     return table
@@ -63,7 +63,7 @@ def _frames(report: Report) -> str:
     short = f"; {report['passes_discarded']} too short" if report["passes_discarded"] else ""
     return (
         f"{report['frames']} in {number(report['duration_s'], 2, ' s')}, {number(report['rate_hz'], 1)} Hz, "
-        f"steps vary by {number(report['clock_jitter_ms'], 1)} ms; "
+        f"jitter {number(report['clock_jitter_ms'], 1)} ms; "
         f"{len(passes)} pass{plural} of {report['frames_in_passes']} frames{short}"
     )
 
@@ -74,10 +74,10 @@ def _body(report: Report) -> Iterator[str]:
         yield (
             f"{name.replace('_', ' '):<10} {number(bone['median'], 3, ' m')}"
             + (f" ({sides})" if sides else "")
-            + f", varies by {percent(bone['spread'])} %"
+            + f", CV {percent(bone['cv'])} %"
         )
     if report["stature_m"] is not None:
-        yield f"{'stature':<10} about {report['stature_m']:.2f} m, by the legs"
+        yield f"{'stature':<10} about {report['stature_m']:.2f} m, from the leg length"
 
 
 def _range(report: Report, joint: str) -> str:
@@ -87,7 +87,7 @@ def _range(report: Report, joint: str) -> str:
     ]
     peak = report["angles"]["knee_peak_deg"] if joint == "knee" else None
     by = report["angles"]["knee_peak_side"]
-    which = "mean of both sides" if by == "both" else f"{by} side, the better tracked"
+    which = "mean of both sides" if by == "both" else f"{by} side, better tracked"
     return ", ".join(sides) + ("" if peak is None else f"; peak {peak:.0f}° ({which})")
 
 
@@ -96,28 +96,28 @@ def _gait(gait: dict[str, Any] | None) -> str:
         return "none"
     speed = "on the spot" if gait["speed_m_s"] is None else f"{gait['speed_m_s']:.2f} m/s"
     return (
-        f"period {gait['period_s']:.2f} s, {gait['cadence_steps_min']:.0f} steps a minute, {speed} "
-        f"(the ankles follow one harmonic with R² {gait['r2']:.2f})"
+        f"period {gait['period_s']:.2f} s, {gait['cadence_steps_min']:.0f} steps/min, {speed} "
+        f"(R² {gait['r2']:.2f} of a harmonic fit to the ankles)"
     )
 
 
-def _own(own: dict[str, Any]) -> str:
-    if "r" not in own:
-        return f"{own['frames']} frames, as the recorder computed it"
+def _recorded_angle(angle: dict[str, Any]) -> str:
+    if "r" not in angle:
+        return f"{angle['frames']} frames"
     return (
-        f"against ours r {number(own['r'], 3)}, {number(own['difference_deg'], 1, '°')} in the median, "
-        f"{own['frames']} frames"
+        f"compared with ours: r {number(angle['r'], 3)}, median difference "
+        f"{number(angle['difference_deg'], 1, '°')}, {angle['frames']} frames"
     )
 
 
 def _joints(report: Report) -> Table:
-    table = grid("joint", "tracked %", "inferred %", "lost %", "bone m", "varies %", "jitter mm")
+    table = grid("joint", "tracked %", "inferred %", "missing %", "bone m", "CV %", "jitter mm")
     names = tuple(report["joints"])
     shown = sorted(set(joints_of_nodes(names).values())) or range(len(names))
     for name in (names[joint] for joint in shown):
         one = report["joints"][name]
-        shares = [percent(one[state]) for state in ("tracked", "inferred", "lost")]
-        bone = [number(one["bone_m"], 3), percent(one["bone_spread"])]
+        shares = [percent(one[state]) for state in ("tracked", "inferred", "missing")]
+        bone = [number(one["bone_m"], 3), percent(one["bone_cv"])]
         table.add_row(name, *shares, *bone, number(one["jitter_mm"], 1))
     if len(shown) < len(names):
         table.caption = f"{len(names) - len(shown)} more joints in --json"
@@ -140,7 +140,7 @@ def _verdict(report: Report) -> Iterator[RenderableType]:
             f"refused: {report['file'] + ': ' if not report['read'] else ''}{report['reason']}", "bold"
         )
     elif report["status"] == OTHER:
-        yield Text(f"no capture: {report['file']}: {report['reason']}", "bold")
+        yield Text(f"not a capture: {report['file']}: {report['reason']}", "bold")
     elif report["status"] == FLAGGED:
         rules = [RULES[one["rule"]] for one in report["defects"] if one["action"] == "flagged"]
         yield Text(f"usable with flags: {', '.join(rules)}", "bold")

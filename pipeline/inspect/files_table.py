@@ -1,4 +1,4 @@
-"""The tables on many files: a row for each folder or file, and below it what is to be known of them."""
+"""The tables on many files: a row per folder or file, then refusals, defect counts and totals."""
 
 from __future__ import annotations
 
@@ -19,11 +19,11 @@ from kinemimic.pipeline.quality.rules.defect import RULES
 Report = dict[str, Any]
 
 _NUMBER = re.compile(r"\d+(?:\.\d+)?")
-_NAMED = 3  # so many files are named before they are only counted
+_MAX_NAMED = 3  # more files with the same reason are counted
 
 
 def files_table(reports: Sequence[Report], *, by_file: bool) -> RenderableType:
-    """A row per folder where there are several, a row per file where by_file or where there is but one."""
+    """A row per folder if there are several; a row per file if `by_file`, or if there is one folder."""
     records = folder_summaries(reports)
     parts: list[RenderableType] = []
     if len(records) > 1:
@@ -63,7 +63,7 @@ def _folders(records: Sequence[dict[str, Any]]) -> Table:
 
 
 def _shared(names: Sequence[str]) -> Path:
-    """The folder that all of them lie in, which the table need not repeat."""
+    """The common parent folder, which the table need not repeat."""
     common = Path(names[0])
     while not all(Path(name).is_relative_to(common) for name in names):
         common = common.parent
@@ -104,7 +104,7 @@ def _below(reports: Sequence[Report], records: Sequence[dict[str, Any]]) -> Iter
         yield heading("Refused")
         shared = _shared([str(Path(report["file"]).parent) for report in captures])
         for line in _reasons(refused, shared):
-            # One line each, whatever the width: it is searched for, and cut off by whoever wants to.
+            # One line each, whatever the width, so that they can be searched with grep.
             yield Text(line, no_wrap=True, overflow="ignore")
     table = facts()
     usable = [report for report in captures if report["status"] != REFUSED]
@@ -113,7 +113,7 @@ def _below(reports: Sequence[Report], records: Sequence[dict[str, Any]]) -> Iter
         if counts:
             ranked = [f"{RULES[rule]} in {counts[rule]}" for rule in RULES if rule in counts]
             table.add_row(title, ", ".join(ranked))
-    for title, key, most in (("companions", "companions", 4), ("other files", "other", 40)):
+    for title, key, most in (("sidecar files", "sidecar_files", 4), ("other files", "other", 40)):
         names = sorted({name for record in records for name in record[key]})
         if names:
             count = sum(len(record[key]) for record in records)
@@ -121,22 +121,22 @@ def _below(reports: Sequence[Report], records: Sequence[dict[str, Any]]) -> Iter
             table.add_row(title, f"{count}: {', '.join(names[:most])}{more}")
     read = sum(report["read"] for report in captures)
     table.add_row("captures", f"{read} of {len(captures)} read, {len(refused)} refused")
-    yield heading("In all")
+    yield heading("Total")
     yield table
 
 
 def _reasons(refused: Sequence[Report], shared: Path) -> Iterator[str]:
-    """A line for each file with its reason; one for all files whose reasons differ in their numbers only."""
+    """A line per file with its reason; one line for many files whose reasons differ only in numbers."""
     alike: dict[str, list[Report]] = {}
     for report in refused:
         alike.setdefault(_NUMBER.sub("#", report["reason"]), []).append(report)
     for group in alike.values():
         names = [str(Path(report["file"]).relative_to(shared)) for report in group]
-        if len(group) <= _NAMED:
+        if len(group) <= _MAX_NAMED:
             yield from (f"{name}: {one['reason']}" for name, one in zip(names, group, strict=True))
         else:
-            more = f"{', '.join(names[:_NAMED])} and {len(names) - _NAMED} more"
-            yield f"{len(names)} files alike, {more}: {group[0]['reason']}"
+            more = f"{', '.join(names[:_MAX_NAMED])} and {len(names) - _MAX_NAMED} more"
+            yield f"{len(names)} similar files, {more}: {group[0]['reason']}"
 
 
 def _captures(reports: Sequence[Report]) -> list[Report]:

@@ -1,4 +1,4 @@
-"""`kinemimic formats`: what can be read, and by which mark it is recognised."""
+"""`kinemimic formats`: the capture formats that can be read, and how each is recognised."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from kinemimic.pipeline.readers.recognise import formats
 def command(as_json: bool) -> None:
     """List the capture formats that can be read.
 
-    A file is recognised by its content, whatever its name; it may be packed with gzip.
+    A file is recognised by its content, not by its name. It may be compressed with gzip.
 
     \b
       kinemimic formats
@@ -33,8 +33,8 @@ def command(as_json: bool) -> None:
         ("format", 4),
         ("sensor", 4),
         ("holds", 6),
-        ("told by", 6),
-        ("needs beside it", 3),
+        ("recognised by", 6),
+        ("sidecar file", 3),
     ):
         table.add_column(heading, ratio=ratio, overflow="fold")
     for one in sorted(formats(), key=lambda one: one.name.lower()):

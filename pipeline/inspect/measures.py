@@ -1,4 +1,4 @@
-"""What a capture says of the body in it: lengths, angles, noise, as plain numbers."""
+"""Body measurements of a capture: bone lengths, joint angles, noise."""
 
 from __future__ import annotations
 
@@ -10,11 +10,13 @@ from kinemimic.pipeline.arrays import Array, Mask, States
 from kinemimic.pipeline.errors import KinemimicError
 from kinemimic.pipeline.files.json_layout import rounded
 from kinemimic.pipeline.kinematics.angles import ANGLES, leg_angles
+from kinemimic.pipeline.kinematics.body_points import length, median, nodes_of
 from kinemimic.pipeline.kinematics.clip import Clip
 from kinemimic.pipeline.kinematics.nodes import joints_of_nodes, to_nodes
-from kinemimic.pipeline.kinematics.skeleton import INFERRED, MISSING, NODE_INDEX, NODES, TRACKED
+from kinemimic.pipeline.kinematics.skeleton import NODE_INDEX, TRACKED
+from kinemimic.pipeline.quality.joint_statistics import joint_statistics
 
-# Each bone's ends, per side, or once for the trunk.
+# The ends of each segment, per side, or once for the trunk.
 SEGMENTS: dict[str, tuple[str, str]] = {
     "thigh": ("hip_{}", "knee_{}"),
     "shank": ("knee_{}", "ankle_{}"),
@@ -24,62 +26,61 @@ SEGMENTS: dict[str, tuple[str, str]] = {
 }
 SIDES: tuple[str, str] = ("left", "right")
 # Thigh plus shank as a share of the stature: 0.245 + 0.246 (Drillis and Contini 1966; Winter 2009, fig. 4.1).
-LEG_OF_STATURE = 0.491
-# Peaks and ranges leave out this share of the frames at either end: single wild frames are no peak.
+LEG_TO_STATURE = 0.491
+# Percentile of peaks and ranges: ignores single outlier frames.
 TAIL = 5.0
-# Steps of the clock within this share of the usual one count as even, for the noise.
-EVEN = 0.5
+# Time steps within this share of the median step count as even, for the noise estimate.
+STEP_TOLERANCE = 0.5
 
 
-def nodes_of(clip: Clip) -> tuple[Array, States, str | None]:
-    """Positions (T, 20, 3) and states (T, 20) of the 20 nodes as far as they can be had, and what is wrong.
+def available_nodes(clip: Clip) -> tuple[Array, States, str | None]:
+    """Positions (T, 20, 3) and states (T, 20) of the available nodes, and an error message or None.
 
-    Where the whole set cannot be had (half a body, lengths that are no human's), the joints that are found
-    by name stand alone, the others NaN, and the third value says why.
+    If the full set cannot be computed (half a body, impossible lengths), only the joints found by name are
+    given, the others are NaN, and the message says why.
     """
     try:
         return *to_nodes(clip), None
     except KinemimicError as error:
-        positions = np.full((len(clip.times), len(NODES), 3), np.nan)
+        positions = nodes_of(clip)
         states = np.zeros(positions.shape[:2], dtype=np.uint8)
         for node, joint in joints_of_nodes(clip.skeleton.names).items():
-            positions[:, NODE_INDEX[node]] = clip.positions[:, joint]
             states[:, NODE_INDEX[node]] = clip.states[:, joint]
         return positions, states, str(error)
 
 
-def bones(nodes: Array) -> dict[str, dict[str, float | None]]:
-    """Per segment left, right and median length in metres, and spread (standard deviation over mean).
+def segment_lengths(nodes: Array) -> dict[str, dict[str, float | None]]:
+    """Per segment: length of the left, the right and the median in metres, and coefficient of variation.
 
-    nodes: (T, 20, 3). The median is of both sides' frames together; the spread is the larger one.
+    nodes: (T, 20, 3). The median pools both sides; cv (standard deviation over mean) is the larger one.
     """
     report: dict[str, dict[str, float | None]] = {}
     for segment, (start, end) in SEGMENTS.items():
         sides = SIDES if "{}" in start else ("",)
-        lengths = {side: _length(nodes, start.format(side), end.format(side)) for side in sides}
-        seen = {side: length[np.isfinite(length)] for side, length in lengths.items()}
+        lengths = {side: length(nodes, start.format(side), end.format(side)) for side in sides}
+        seen = {side: values[np.isfinite(values)] for side, values in lengths.items()}
         both = np.concatenate(list(seen.values()))
-        spreads = [float(np.std(s) / np.mean(s)) for s in seen.values() if len(s) and np.mean(s) > 0]
+        variations = [float(np.std(s) / np.mean(s)) for s in seen.values() if len(s) and np.mean(s) > 0]
         report[segment] = {
-            **({side: rounded(median(length), 4) for side, length in seen.items()} if sides != ("",) else {}),
+            **({side: rounded(median(values), 4) for side, values in seen.items()} if sides != ("",) else {}),
             "median": rounded(median(both), 4),
-            "spread": rounded(max(spreads), 4) if spreads else None,
+            "cv": rounded(max(variations), 4) if variations else None,
         }
     return report
 
 
 def stature(lengths: dict[str, dict[str, float | None]]) -> float | None:
-    """An estimate in metres from `bones`: legs over LEG_OF_STATURE."""
+    """Estimated stature in metres from `segment_lengths`: thigh plus shank over LEG_TO_STATURE."""
     thigh, shank = lengths["thigh"]["median"], lengths["shank"]["median"]
-    return None if thigh is None or shank is None else rounded((thigh + shank) / LEG_OF_STATURE, 3)
+    return None if thigh is None or shank is None else rounded((thigh + shank) / LEG_TO_STATURE, 3)
 
 
-def legs(nodes: Array, states: States) -> dict[str, Any]:
-    """Knee and hip per side as the TAIL and 100 - TAIL percentiles in degrees, and the knee's peak.
+def leg_angle_ranges(nodes: Array, states: States) -> dict[str, Any]:
+    """Ranges of knee and hip angles per side (percentiles TAIL and 100 - TAIL, degrees), and the knee's peak.
 
-    nodes: (T, 20, 3), states: (T, 20), frames inside passes. The peak is that of the better-tracked side: the
-    one whose hip, knee and ankle are tracked in more frames, and among equals the one whose thigh and shank
-    vary less; where that too is equal (a model's rigid bones), the mean of both sides.
+    nodes: (T, 20, 3), states: (T, 20), frames inside passes. The peak is taken from the better-tracked side:
+    the side whose hip, knee and ankle are tracked in more frames, then the side whose thigh and shank vary
+    less. If both are equal (rigid bones of a model), it is the mean of the two sides.
     """
     curves = {name: np.degrees(curve) for name, curve in leg_angles(nodes).items()}
     report: dict[str, Any] = {"knee": {}, "hip": {}}
@@ -89,7 +90,7 @@ def legs(nodes: Array, states: States) -> dict[str, Any]:
         low, high = np.percentile(seen, [TAIL, 100.0 - TAIL]) if len(seen) else (np.nan, np.nan)
         report[joint][side] = {"low_deg": rounded(low, 2), "high_deg": rounded(high, 2)}
     peaks = [report["knee"][side]["high_deg"] for side in SIDES]
-    merits = [_merit(nodes, states, side) for side in SIDES]
+    merits = [_tracking_quality(nodes, states, side) for side in SIDES]
     report["knee_peak_side"], report["knee_peak_deg"] = None, None
     if None in peaks:
         only = [(side, peak) for side, peak in zip(SIDES, peaks, strict=True) if peak is not None]
@@ -104,9 +105,9 @@ def legs(nodes: Array, states: States) -> dict[str, Any]:
 
 
 def recorded_angles(clip: Clip, nodes: Array, inside: Mask) -> dict[str, dict[str, Any]]:
-    """The recorder's own curves, by name; those of ANGLES against ours: r, median difference in degrees.
+    """The angles in the file, by name; those of ANGLES compared with ours: r, median difference in degrees.
 
-    nodes: (T, 20, 3) and inside: (T,) of the clip. The difference is the recorder's minus ours.
+    nodes: (T, 20, 3) and inside: (T,) of the clip. The difference is recorded minus computed.
     """
     ours = leg_angles(nodes)
     report: dict[str, dict[str, Any]] = {}
@@ -122,46 +123,27 @@ def recorded_angles(clip: Clip, nodes: Array, inside: Mask) -> dict[str, dict[st
     return report
 
 
-def joints(clip: Clip, inside: Mask) -> dict[str, dict[str, float | None]]:
-    """Joint by joint the shares of frames in passes in each state, the bone to its parent, and its jitter.
-
-    bone_m, bone_spread: median length in metres, standard deviation over mean; None for a root and for a bone
-    of no length. jitter_mm: see `jitter`.
-    """
-    noise = jitter(clip, inside)
-    report: dict[str, dict[str, float | None]] = {}
-    for joint, name in enumerate(clip.skeleton.names):
-        states, parent = clip.states[inside, joint], clip.skeleton.parents[joint]
-        length = spread = None
-        if parent >= 0:
-            bone = np.linalg.norm(clip.positions[inside, joint] - clip.positions[inside, parent], axis=-1)
-            bone = bone[np.isfinite(bone)]
-            if len(bone) and np.median(bone) > 1e-6:
-                length, spread = rounded(median(bone), 4), rounded(np.std(bone) / np.mean(bone), 4)
-        report[name] = {
-            "tracked": rounded(_share(states == TRACKED), 4),
-            "inferred": rounded(_share(states == INFERRED), 4),
-            "lost": rounded(_share(states == MISSING), 4),
-            "bone_m": length,
-            "bone_spread": spread,
-            "jitter_mm": rounded(1e3 * noise[joint], 2),
-        }
+def joint_quality(clip: Clip, inside: Mask) -> dict[str, dict[str, float | None]]:
+    """`joint_statistics` of the frames `inside` (T,), and jitter_mm (see `jitter`), by joint name."""
+    report = joint_statistics(clip, inside)
+    for joint, noise in zip(report.values(), jitter(clip, inside), strict=True):
+        joint["jitter_mm"] = rounded(1e3 * noise, 2)
     return report
 
 
 def jitter(clip: Clip, inside: Mask) -> Array:
-    """White noise (J,) in metres of each joint's position, all three axes together; NaN where unknown.
+    """White noise (J,) in metres of each joint's position, over all three axes; NaN if unknown.
 
-    The third difference of evenly spaced samples hardly holds any motion, and 20 times the noise's variance
-    (1, 3, 3, 1 squared and summed); its median keeps spikes and fast moments out, 1.4826 makes it a standard
-    deviation.
+    The third difference of evenly spaced samples contains hardly any motion, and 20 times the variance of the
+    noise (1, 3, 3, 1 squared and summed). Its median excludes spikes and fast movements; 1.4826 converts the
+    median to a standard deviation.
     """
     result = np.full(clip.positions.shape[1], np.nan)
     steps = np.diff(clip.times)
     within = (clip.passes[1:] == clip.passes[:-1]) & inside[1:] & inside[:-1]
     if within.sum() < 3:
         return result
-    even = within & (np.abs(steps / np.median(steps[within]) - 1.0) < EVEN)
+    even = within & (np.abs(steps / np.median(steps[within]) - 1.0) < STEP_TOLERANCE)
     window = even[2:] & even[1:-1] & even[:-2]
     third = np.abs(np.diff(clip.positions, n=3, axis=0)[window])
     for joint in range(third.shape[1]):
@@ -171,24 +153,15 @@ def jitter(clip: Clip, inside: Mask) -> Array:
     return result
 
 
-def median(values: Array) -> float:
-    """The median, NaN of nothing."""
-    return float(np.median(values)) if len(values) else float("nan")
-
-
-def _length(nodes: Array, start: str, end: str) -> Array:
-    return np.asarray(np.linalg.norm(nodes[:, NODE_INDEX[end]] - nodes[:, NODE_INDEX[start]], axis=-1))
-
-
-def _merit(nodes: Array, states: States, side: str) -> tuple[float, float]:
-    """Larger is better: share of tracked leg joints, and minus the spread of the leg's bones."""
+def _tracking_quality(nodes: Array, states: States, side: str) -> tuple[float, float]:
+    """Larger is better: share of tracked leg joints, and minus the variation of the leg's bones."""
     leg = [NODE_INDEX[f"{joint}_{side}"] for joint in ("hip", "knee", "ankle")]
-    spread = 0.0
+    variation = 0.0
     for start, end in (SEGMENTS["thigh"], SEGMENTS["shank"]):
-        length = _length(nodes, start.format(side), end.format(side))
-        length = length[np.isfinite(length)]
-        spread += float(np.std(length) / np.mean(length)) if len(length) and np.mean(length) > 0 else 1.0
-    return round(_share(states[:, leg] == TRACKED), 2), -round(spread, 4)
+        bone = length(nodes, start.format(side), end.format(side))
+        bone = bone[np.isfinite(bone)]
+        variation += float(np.std(bone) / np.mean(bone)) if len(bone) and np.mean(bone) > 0 else 1.0
+    return round(_share(states[:, leg] == TRACKED), 2), -round(variation, 4)
 
 
 def _share(mask: Mask) -> float:

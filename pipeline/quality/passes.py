@@ -1,7 +1,7 @@
-"""The acquisition flow of the paper's Fig. 3, run over a recorded stream instead of a live device.
+"""Division of a capture into passes: the acquisition flow of the paper's Fig. 3, run over a recording.
 
-start -> waiting for a subject -> tracking: the joints of each frame, and whether all are there -> subject
-lost -> tracking again … -> end. What lies between two losses is a pass; nothing may reach across its ends.
+start -> waiting for a subject -> tracking -> subject lost -> tracking … -> end. A pass is a stretch of
+tracking between two losses; no later step may combine frames across its ends.
 """
 
 from __future__ import annotations
@@ -19,12 +19,11 @@ from kinemimic.pipeline.kinematics.clip import Clip
 from kinemimic.pipeline.kinematics.skeleton import MISSING
 from kinemimic.pipeline.kinematics.spans import runs
 
-# A pass ends where the clock jumps, or where for longer than ABSENT nobody is seen (seconds).
+# Seconds. A pass ends at a jump of the clock longer than CLOCK_GAP, or if nobody is seen for MAX_ABSENCE.
 CLOCK_GAP = 0.5
 MAX_ABSENCE = 0.2
 MIN_PASS_DURATION = 0.5
-# Nobody has ever run faster than 12.4 m/s; a body that does, and a step beyond the sensor's noise, is
-# another body.
+# m/s and metres. No human has run faster than 12.4 m/s: a faster body, by more than the noise, is another.
 TOP_SPEED = 12.5
 JUMP_NOISE = 0.1
 
@@ -41,7 +40,7 @@ class State(StrEnum):
 
 @dataclass(frozen=True)
 class Event:
-    """A change of state at a frame (its index and time in seconds), and why."""
+    """A change of state: index and time (seconds) of its frame, and the reason."""
 
     frame: int
     time: float
@@ -51,9 +50,10 @@ class Event:
 
 @dataclass(frozen=True)
 class Acquisition:
-    """passes: (T,) number of the pass or -1; complete: (T,) all joints there; events in the sequence of time.
+    """The passes of a capture.
 
-    discarded: passes shorter than SHORTEST_PASS, whose frames belong to none.
+    passes: (T,) number of the pass or -1; complete: (T,) all joints seen; events: in order of time;
+    discarded: number of passes shorter than MIN_PASS_DURATION, whose frames get -1.
     """
 
     passes: NDArray[np.int32]
@@ -68,7 +68,7 @@ class Acquisition:
 
 
 def find_passes(clip: Clip) -> Acquisition:
-    """Divide a capture into passes."""
+    """The passes of a clip."""
     seen = clip.states != MISSING
     present = seen.any(axis=1) & ~_frozen_frames(clip)
     events = list(_state_machine(clip, present))
@@ -79,7 +79,7 @@ def find_passes(clip: Clip) -> Acquisition:
             continue
         last = end.frame
         while not present[last - 1]:
-            last -= 1  # the frames in which the subject was waited for
+            last -= 1  # drop the trailing frames without a subject
         if clip.times[last - 1] - clip.times[begin.frame] < MIN_PASS_DURATION:
             discarded += 1
             continue
@@ -89,12 +89,12 @@ def find_passes(clip: Clip) -> Acquisition:
 
 
 def with_passes(clip: Clip, acquisition: Acquisition) -> Clip:
-    """The same frames, numbered by pass."""
+    """The clip with its frames numbered by pass."""
     return replace(clip, passes=acquisition.passes)
 
 
 def _state_machine(clip: Clip, present: Mask) -> Iterator[Event]:
-    """The machine itself; the event of a loss stands at the first frame that is no longer the pass's."""
+    """The state changes; a loss is reported at the first frame after the pass."""
     times = clip.times
     jumps = _body_jumps(clip, present)
     yield Event(0, float(times[0]), State.START, "recording")
@@ -121,9 +121,9 @@ def _state_machine(clip: Clip, present: Mask) -> Iterator[Event]:
 
 
 def _frozen_frames(clip: Clip) -> Mask:
-    """Frames (T,) that repeat the pose before, bit for bit, in a run longer than ABSENT.
+    """Frames (T,) that repeat the previous pose, bit for bit, in a run longer than MAX_ABSENCE.
 
-    Recorders of a format without a sign for "nobody" write the last pose until someone comes back.
+    Formats without a code for "nobody" make recorders repeat the last pose until somebody returns.
     """
     p = clip.positions.reshape(len(clip.times), -1)
     same = np.concatenate([[False], ((p[1:] == p[:-1]) | (np.isnan(p[1:]) & np.isnan(p[:-1]))).all(axis=1)])
@@ -132,18 +132,18 @@ def _frozen_frames(clip: Clip) -> Mask:
         if clip.times[repeated.stop - 1] - clip.times[repeated.start - 1] > MAX_ABSENCE:
             frozen[repeated] = True
     if len(p) > 1 and frozen[1:].all():
-        frozen[0] = True  # a pose that never moves was never a person
+        frozen[0] = True  # the whole clip is one pose: no person
     return frozen
 
 
 def _body_jumps(clip: Clip, present: Mask) -> Mask:
-    """Frames (T,) to which most joints came, from the last frame with a subject, faster than a human can."""
+    """Frames (T,) that most joints reached, from the last frame with a subject, faster than a human can."""
     jumps = np.zeros(len(present), dtype=np.bool_)
     frames = np.flatnonzero(present)
     step = np.linalg.norm(np.diff(clip.positions[frames], axis=0), axis=-1)
     step[np.isnan(step)] = -1.0
     count = (step >= 0).sum(axis=1)
-    # The median over the joints that both frames have: those without sort to the front.
+    # The median over the joints seen in both frames: the others sort to the front.
     middle = step.shape[1] - 1 - count // 2
     median = np.take_along_axis(np.sort(step, axis=1), np.maximum(middle, 0)[:, None], axis=1)[:, 0]
     limit = TOP_SPEED * np.diff(clip.times[frames]) + JUMP_NOISE

@@ -1,8 +1,9 @@
-"""How good a capture is: what was seen of each joint, how steady bones and clock are, what was done."""
+"""quality.json: how well each joint was seen, how steady bones and clock are, what was repaired."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -12,14 +13,16 @@ from rich.table import Table
 from rich.text import Text
 
 from kinemimic.pipeline.arrays import Array
+from kinemimic.pipeline.files.schema import upgraded
+from kinemimic.pipeline.files.store import read_json
 from kinemimic.pipeline.filters.clean import Cleaning
 from kinemimic.pipeline.kinematics.clip import Clip
 from kinemimic.pipeline.kinematics.nodes import joints_of_nodes
-from kinemimic.pipeline.kinematics.skeleton import INFERRED, MISSING, TRACKED
+from kinemimic.pipeline.quality.joint_statistics import joint_statistics, share
 from kinemimic.pipeline.quality.passes import Acquisition
 from kinemimic.pipeline.quality.rules.defect import RULES, Defect
 
-QUALITY_SCHEMA = 1
+QUALITY_SCHEMA = 2
 
 
 def quality_report(
@@ -28,11 +31,14 @@ def quality_report(
     """The quality report as JSON values; shares are of the frames inside passes, lengths in metres."""
     inside = acquisition.passes >= 0
     reading = raw.provenance["reading"]
+    joints = joint_statistics(raw, inside)
+    for joint, name in enumerate(raw.skeleton.names):
+        joints[name]["filled"] = share(cleaning.filled[inside, joint])
     return {
         "schema": QUALITY_SCHEMA,
         "source": raw.provenance["source"],
         "format": raw.provenance["format"],
-        "companions": dict(raw.provenance.get("companions", {})),
+        "sidecar_files": dict(raw.provenance.get("sidecar_files", {})),
         "simulated": raw.simulated,
         "units": {"length": reading["units"], "rule": reading["units_rule"]},
         "frames": len(raw.times),
@@ -46,14 +52,40 @@ def quality_report(
             {"frame": e.frame, "time": round(e.time, 4), "state": str(e.state), "reason": e.reason}
             for e in acquisition.events
         ],
-        "joints": _joints(raw, inside, cleaning),
+        "joints": joints,
         "notes": list(reading["notes"]),
-        "done": list(cleaning.done),
+        "processing": list(cleaning.done),
     }
 
 
+def read_quality(path: Path) -> dict[str, Any]:
+    """The quality report of a file, upgraded to the current schema."""
+    return upgraded(
+        read_json(path),
+        path,
+        kind="a quality report",
+        schema=QUALITY_SCHEMA,
+        upgrades={1: _from_schema_1},
+        advice="run `ingest` again",
+    )
+
+
+def _from_schema_1(old: Mapping[str, Any]) -> Mapping[str, Any]:
+    """Schema 1 said companions, done, a joint's "lost" share, and "of" in a defect."""
+    new = {key: value for key, value in old.items() if key not in ("companions", "done")}
+    joints = {
+        name: {"missing" if key == "lost" else key: value for key, value in joint.items()}
+        for name, joint in old["joints"].items()
+    }
+    defects = [
+        {"unit" if key == "of" else key: value for key, value in defect.items()} for defect in old["defects"]
+    ]
+    new |= {"sidecar_files": old.get("companions", {}), "processing": old["done"]}
+    return {**new, "joints": joints, "defects": defects}
+
+
 def _clock(times: Array, passes: NDArray[np.int32]) -> dict[str, float]:
-    """Rate and spread of the steps between frames of one pass."""
+    """Frame rate and spread of the time steps between frames of the same pass."""
     within = (passes[1:] == passes[:-1]) & (passes[1:] >= 0)
     steps = np.diff(times)[within]
     median = float(np.median(steps))
@@ -78,33 +110,6 @@ def _pass(raw: Clip, acquisition: Acquisition, number: int) -> dict[str, Any]:
     }
 
 
-def _joints(raw: Clip, inside: NDArray[np.bool_], cleaning: Cleaning) -> dict[str, dict[str, float | None]]:
-    """Per joint the share of frames in each state and filled, and its bone's median length and spread.
-
-    bone_m: to the parent; bone_cv: standard deviation over mean, of the frames as recorded; None for a root
-    and for a bone that was never seen or has no length.
-    """
-    report: dict[str, dict[str, float | None]] = {}
-    for joint, name in enumerate(raw.skeleton.names):
-        states, parent = raw.states[inside, joint], raw.skeleton.parents[joint]
-        shares = {
-            "tracked": np.mean(states == TRACKED),
-            "inferred": np.mean(states == INFERRED),
-            "lost": np.mean(states == MISSING),
-            "filled": np.mean(cleaning.filled[inside, joint]),
-        }
-        report[name] = {key: round(float(share), 4) for key, share in shares.items()}
-        length = spread = None
-        if parent >= 0:
-            bone = np.linalg.norm(raw.positions[inside, joint] - raw.positions[inside, parent], axis=-1)
-            bone = bone[np.isfinite(bone)]
-            if len(bone) and np.median(bone) > 1e-6:
-                length = round(float(np.median(bone)), 4)
-                spread = round(float(np.std(bone) / np.mean(bone)), 4)
-        report[name] |= {"bone_m": length, "bone_cv": spread}
-    return report
-
-
 def quality_table(report: dict[str, Any]) -> RenderableType:
     """The report for a terminal: a summary, and the joints that are nodes of the 20-node skeleton."""
     clock, passes = report["clock"], report["passes"]
@@ -119,16 +124,16 @@ def quality_table(report: dict[str, Any]) -> RenderableType:
         f"{report['passes_discarded']} too short to use",
         *report["notes"],
         *_defect_lines(report["defects"]),
-        *report["done"],
+        *report["processing"],
     ]
     grid = Table("joint", header_style="bold", box=None, pad_edge=False)
-    for column in ("tracked %", "inferred %", "lost %", "filled %", "bone m", "spread %"):
+    for column in ("tracked %", "inferred %", "missing %", "filled %", "bone m", "CV %"):
         grid.add_column(column, justify="right")
     names = tuple(report["joints"])
     shown = sorted(joints_of_nodes(names).values())
     for name in (names[joint] for joint in shown):
         joint = report["joints"][name]
-        shares = [f"{100 * joint[key]:.1f}" for key in ("tracked", "inferred", "lost", "filled")]
+        shares = [f"{100 * joint[key]:.1f}" for key in ("tracked", "inferred", "missing", "filled")]
         bone = ["-", "-"]
         if joint["bone_m"] is not None:
             bone = [f"{joint['bone_m']:.3f}", f"{100 * joint['bone_cv']:.1f}"]
@@ -137,7 +142,7 @@ def quality_table(report: dict[str, Any]) -> RenderableType:
 
 
 def _defect_lines(defects: Sequence[dict[str, Any]]) -> list[str]:
-    """A block: a line per defect, what was done with it in a column of its own."""
+    """One line per defect: action, rule and description in columns."""
     if not defects:
         return ["no defects"]
     width = max(len(RULES[one["rule"]]) for one in defects)

@@ -61,12 +61,12 @@ def read(path: Path, *, unit: str | None = None) -> Clip:
     """The capture in a file, as recorded: in our units and axes, one pass, nothing filled or filtered.
 
     A folder is read if it is a depth recording. unit: the file's unit of length in the spelling of --unit (a
-    key of `units.SPELT`), overriding the file; by default the format's or the header's unit, else the
-    likeliest for the size of the body.
+    key of `length_units.UNIT_OPTIONS`), overriding the file; by default the format's or the header's unit,
+    else the likeliest for the size of the body.
 
-    provenance holds source (the file's name), format, sha256, companions (name -> SHA-256 of the other files
-    of the capture) and the reader's record ("reading"). Raises CaptureError for anything but a whole capture
-    in a known format, KinemimicError for an unknown unit.
+    provenance holds source (the file's name), format, sha256, sidecar_files (name -> SHA-256 of the other
+    files of the capture) and the reader's record ("reading"). Raises CaptureError for anything but a whole
+    capture in a known format, KinemimicError for an unknown unit.
     """
     named = parse_unit(unit)
     if is_recording(path):
@@ -82,7 +82,11 @@ def read_source(source: Source) -> Clip:
     """Like `read`, for content in memory."""
     reader = reader_of(source)
     clip = _as_named(reader.read(source), source.unit)
-    basics = {"source": source.path.name, "sha256": source.sha256, "companions": dict(source.companions)}
+    basics = {
+        "source": source.path.name,
+        "sha256": source.sha256,
+        "sidecar_files": dict(source.sidecar_files),
+    }
     return replace(clip, provenance={**basics, **clip.provenance})
 
 

@@ -158,14 +158,14 @@ def test_what_the_rules_refuse_and_repair(
     assert command("ingest", bad, "--run", tmp_path / "bad") == 2
     out, err = capsys.readouterr()
     assert out == "" and len(err.strip().splitlines()) == 1
-    assert "limbs that no human has: thigh 0.32 m and shank 0.22 m" in err and "record it again" in err
+    assert "impossible limb lengths: thigh 0.32 m and shank 0.22 m" in err and "record it again" in err
     assert not (tmp_path / "bad").exists()
     good = captures / "kinect1_bernstein_skl" / "pd_1_c.skl"
     assert command("ingest", good, "--run", tmp_path / "good") == 0
     assert "  repaired  left and right swapped" in capsys.readouterr().out
     report = read_json(tmp_path / "good" / "quality.json")
     assert "swapped_sides" in {defect["rule"] for defect in report["defects"]}
-    assert report["companions"] == {}
+    assert report["sidecar_files"] == {}
     recorded, raw = read(good), read_clip(tmp_path / "good" / "raw.parquet")
     left, right = (raw.skeleton.names.index(f"knee_{side}") for side in ("left", "right"))
     behind = raw.passes == 0

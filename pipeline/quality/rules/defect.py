@@ -1,4 +1,4 @@
-"""What can be wrong with a capture: one record for each defect that was found, and what was done about it."""
+"""Defects of a capture: the catalogue of rules, and the record of each defect found and its treatment."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from typing import Any, Literal
 
 Action = Literal["repaired", "flagged", "refused"]
 
-# Every rule by name, with its short title, in the sequence in which reports list them.
+# Every rule by name, with its title, in the order in which reports list them.
 RULES: dict[str, str] = {
     "several_people": "several people",
     "wrong_names": "wrong joint names",
@@ -34,23 +34,23 @@ RULES: dict[str, str] = {
 class Defect:
     """One defect of one capture.
 
-    rule: a key of RULES; count: how often, in units of `of` ("frames", "joint positions", "joints", …);
-    action: "repaired" (the clip no longer has it), "flagged" (it has, and a person should know) or "refused"
-    (nothing good can come of this capture); text: what was found, where, and what was done or is to be done;
-    frames: inclusive (first, last) runs of frames of the clip as it was handed on, where frames can be named
-    (those that were dropped cannot; of repeats it is the one that stayed).
+    rule: a key of RULES; count: number of occurrences, in `unit` ("frames", "joint positions", "joints", …);
+    action: "repaired" (the clip no longer has it), "flagged" (left in the clip, for the user to judge) or
+    "refused" (the capture cannot be used); text: description of the finding and its treatment; frames:
+    inclusive (first, last) runs of frames of the returned clip. Dropped frames have no number there; a
+    dropped repeat is reported at the frame that it repeats.
     """
 
     rule: str
     count: int
-    of: str
+    unit: str
     action: Action
     text: str
     frames: tuple[tuple[int, int], ...] = ()
 
     def __post_init__(self) -> None:
         if self.rule not in RULES:
-            raise ValueError(f"no rule {self.rule!r}; there are {', '.join(RULES)}")
+            raise ValueError(f"expected a rule among {', '.join(RULES)}, found {self.rule!r}")
 
     def to_json(self) -> dict[str, Any]:
         """The record as JSON values."""
@@ -63,11 +63,11 @@ def defect_from_json(record: dict[str, Any]) -> Defect:
 
 
 def sorted_defects(defects: Iterable[Defect]) -> tuple[Defect, ...]:
-    """Defects in the sequence of RULES."""
+    """The defects in the order of RULES."""
     rank = {rule: index for index, rule in enumerate(RULES)}
     return tuple(sorted(defects, key=lambda defect: rank[defect.rule]))
 
 
 def plural(count: int, noun: str) -> str:
-    """The count with its noun, which takes a plain s: "1 frame", "2 frames"."""
+    """The count with its regular noun: "1 frame", "2 frames"."""
     return f"{count} {noun}" if count == 1 else f"{count} {noun}s"

@@ -1,4 +1,4 @@
-"""A choice of a clip's frames: all its arrays alike, and what was said of them."""
+"""Select frames of a clip, and renumber the frames in defects accordingly."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from kinemimic.pipeline.quality.rules.defect import Defect
 
 
 def select_frames(clip: Clip, mask: NDArray[np.bool_]) -> Clip:
-    """The frames of a clip where mask (T,) is True, with their times."""
+    """The clip with only the frames where mask (T,) is True; they keep their times."""
     return replace(
         clip,
         times=clip.times[mask],
@@ -28,8 +28,8 @@ def select_frames(clip: Clip, mask: NDArray[np.bool_]) -> Clip:
 
 
 def renumber_defects(defects: Sequence[Defect], mask: NDArray[np.bool_]) -> list[Defect]:
-    """Defects with the frames that they name as they are numbered among those where mask (T,) is True."""
-    before = np.concatenate([[0], np.cumsum(mask)])  # how many of them come before each frame
+    """The defects with their frames renumbered after a selection by mask (T,)."""
+    before = np.concatenate([[0], np.cumsum(mask)])  # number of selected frames before each frame
     return [
         replace(
             defect,

@@ -1,4 +1,7 @@
-"""Joints that are missing for a while inside a pass: which of these gaps cleaning fills, and which stay."""
+"""Detects joints that are missing inside a pass, and tells which gaps are short enough to be filled.
+
+"repaired" if `filters.fill` will fill every gap, else flagged; longer gaps stay.
+"""
 
 from __future__ import annotations
 
@@ -12,7 +15,7 @@ from kinemimic.pipeline.quality.rules.defect import Defect, plural
 
 
 def detect(clip: Clip) -> list[Defect]:
-    """The gaps of a clip with numbered passes; "repaired" if all of them are short enough to be filled."""
+    """The defect "gaps" of a clip with numbered passes."""
     inside = clip.passes >= 0
     missing = (clip.states == MISSING) & inside[:, None]
     never = missing.sum(axis=0) == inside.sum()
@@ -23,7 +26,7 @@ def detect(clip: Clip) -> list[Defect]:
         return []
     count, filled, longest = _gaps(clip, missing)
     if clip.euler is not None:
-        filled = 0  # the channels are whole, and what they do not give nothing else can
+        filled = 0  # Euler channels are not filled
     parts = []
     if lost:
         parts.append(
@@ -47,9 +50,9 @@ def detect(clip: Clip) -> list[Defect]:
 
 
 def _gaps(clip: Clip, missing: np.typing.NDArray[np.bool_]) -> tuple[int, int, float]:
-    """Number of gaps, how many of them `fill` fills, and the longest in seconds."""
+    """Number of gaps, number of gaps that `fill` will fill, and the longest in seconds."""
     step = float(np.median(np.diff(clip.times)))
-    # A gap ends with its pass: one row between passes keeps neighbours apart.
+    # A gap ends with its pass: an inserted row between passes separates gaps in adjacent passes.
     starts = np.flatnonzero(np.diff(clip.passes)) + 1
     broken = np.insert(missing, starts, False, axis=0)
     frame = np.insert(np.arange(len(clip.times)), starts, -1)

@@ -1,4 +1,7 @@
-"""A joint that leaves its way for one frame and is back in the next: no limb does that."""
+"""Detects joints that leave their path for a single frame, and marks them missing so that they are filled.
+
+Euler captures are only flagged.
+"""
 
 from __future__ import annotations
 
@@ -12,19 +15,18 @@ from kinemimic.pipeline.kinematics.skeleton import MISSING
 from kinemimic.pipeline.kinematics.spans import frame_runs
 from kinemimic.pipeline.quality.rules.defect import Defect, plural
 
-# Off the line between the frames around it by more than this (metres), which is beyond a Kinect's noise …
-NOISE = 0.10
-# … and by more than the greatest acceleration of a hand or foot (m/s²) explains in that time; a kick or a
-# throw has some 200 at its sharpest, a stride less than 60.
-ACCELERATION = 200.0
-# Without it the two frames on either side go straight on, off their own lines by less than this share of the
-# jump; where they do not (a body that enters the view, a joint that moves on to another place) nobody can say
-# which of the places are wrong.
-ALONE = 0.4
+# The joint is off the line between its two neighbouring frames by more than a Kinect's noise (metres) …
+MIN_DEVIATION = 0.10
+# … and by more than the greatest acceleration of a hand or foot (m/s²) explains; a kick or a throw reaches
+# about 200, a stride less than 60.
+MAX_ACCELERATION = 200.0
+# Without the jump the neighbouring frames are off their own lines by less than this share of it. Otherwise
+# (a body that enters the view, a joint that moves to another place) it is unknown which positions are wrong.
+MAX_NEIGHBOUR_RATIO = 0.4
 
 
 def repair(clip: Clip) -> tuple[Clip, list[Defect]]:
-    """The clip with such places missing, so that cleaning fills them; Euler captures are only flagged."""
+    """The clip with the jumped positions set to missing."""
     if len(clip.times) < 5:
         return clip, []
     off = np.zeros(clip.states.shape)
@@ -33,11 +35,11 @@ def repair(clip: Clip) -> tuple[Clip, list[Defect]]:
     around[2:-2] = np.maximum(_off_line(clip, 1, 2)[:-1], _off_line(clip, 2, 1)[1:])
     steps = np.diff(clip.times)
     limit = np.full(len(clip.times), np.inf)
-    limit[1:-1] = np.maximum(NOISE, 0.5 * ACCELERATION * steps[:-1] * steps[1:])
+    limit[1:-1] = np.maximum(MIN_DEVIATION, 0.5 * MAX_ACCELERATION * steps[:-1] * steps[1:])
     whole = np.zeros(len(clip.times), dtype=np.bool_)
     whole[2:-2] = (clip.passes[2:-2] >= 0) & (clip.passes[:-4] == clip.passes[4:])
     with np.errstate(invalid="ignore"):
-        jumps = whole[:, None] & (off > limit[:, None]) & (around < ALONE * off)
+        jumps = whole[:, None] & (off > limit[:, None]) & (around < MAX_NEIGHBOUR_RATIO * off)
     count = int(jumps.sum())
     if not count:
         return clip, []
@@ -54,18 +56,20 @@ def repair(clip: Clip) -> tuple[Clip, list[Defect]]:
     positions[jumps], states[jumps] = np.nan, MISSING
     rotations = clip.rotations
     if rotations is not None:
-        # The recorder found them from the places that are wrong.
+        # The recorder computed them from the wrong positions.
         rotations = rotations.copy()
         rotations[jumps] = np.nan
-    text += "taken out, so that they are filled"
+    text += "removed, to be filled"
     return replace(clip, positions=positions, states=states, rotations=rotations), [
         Defect("jumps", count, "joint positions", "repaired", text, frames)
     ]
 
 
 def _off_line(clip: Clip, before: int, after: int) -> Array:
-    """Metres (T - before - after, J) that a frame's joints are off the line from `before` frames earlier to
-    `after` frames later; the first row is that of frame `before`."""
+    """Distance (T - before - after, J) in metres of each joint from the line between two other frames.
+
+    The line runs from `before` frames earlier to `after` frames later; the first row is frame `before`.
+    """
     rows = len(clip.times) - before - after
     first, there, last = (slice(k, k + rows) for k in (0, before, before + after))
     times = clip.times

@@ -1,4 +1,4 @@
-"""The length unit of a file: as its user names it (--unit), or from the size of the body in it."""
+"""The length unit of a file: given by the user (--unit), or inferred from the size of the body."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from kinemimic.pipeline.kinematics.nodes import joints_of_nodes
 from kinemimic.pipeline.kinematics.proportions import SHANK, THIGH
 from kinemimic.pipeline.quality.rules.defect import Defect
 
-# Units in use, in metres. "CMU" is the inch of the CMU library divided by the 0.45 of its skeleton files.
+# Name -> metres. "CMU" is the inch of the CMU library divided by the 0.45 of its skeleton files.
 UNITS: dict[str, float] = {
     "m": 1.0,
     "CMU (0.056444 m)": 0.0254 / 0.45,
@@ -22,15 +22,16 @@ UNITS: dict[str, float] = {
     "cm": 0.01,
     "mm": 0.001,
 }
-# How --unit spells them, and how it is told that it did.
+# Spelling of --unit -> name of the unit.
 UNIT_OPTIONS: dict[str, str] = {name.split()[0].lower(): name for name in UNITS}
-SET_BY_USER = "as --unit says"
-# Thigh plus shank, in metres: of whoever walks, from a toddler of 0.81 m to a giant of 2.44 m …
+# The rule by which a unit given by the user is known, in reports.
+SET_BY_USER = "set by --unit"
+# Thigh plus shank in metres: of anybody who walks, from a toddler of 0.81 m to a giant of 2.44 m …
 LEG_RANGE = (0.40, 1.20)
-# … and of nearly everybody, from a child of 1.22 m to a man of 2.04 m: units differ by 2.2 or more, so that
-# no two make a leg as long as that.
+# … and of most people, from a child of 1.22 m to a man of 2.04 m. Units differ by factors of 2.2 or more, so
+# no two of them put one leg into this range.
 USUAL_LEG = (0.60, 1.00)
-# True metres in what was taken for one metre: the file's unit is not the one that it was read in.
+# Error -> correction factor, for files that were read in the wrong unit.
 FACTORS: dict[str, float] = {
     "millimetres": 0.001,
     "centimetres": 0.01,
@@ -40,12 +41,12 @@ FACTORS: dict[str, float] = {
     "metres read as centimetres": 100.0,
     "metres read as millimetres": 1000.0,
 }
-# Frames, spread over the recording, that are enough for a median.
-_ENOUGH = 500
+# Number of frames, spread over the recording, used for a median.
+_SAMPLE_FRAMES = 500
 
 
 class Unit(NamedTuple):
-    """metres: the unit's length; name: of UNITS; rule: how it is known; defects: what speaks against it."""
+    """metres: length of the unit; name: a key of UNITS; rule: how it is known; defects: doubts about it."""
 
     metres: float
     name: str
@@ -54,17 +55,17 @@ class Unit(NamedTuple):
 
 
 def parse_unit(spelt: str | None) -> str | None:
-    """The name in UNITS of what --unit says; None of None. KinemimicError for another word."""
+    """The key of UNITS for a value of --unit; None for None. KinemimicError for an unknown unit."""
     if spelt is not None and spelt not in UNIT_OPTIONS:
         raise KinemimicError(f"expected a unit among {', '.join(UNIT_OPTIONS)}, found {spelt!r}")
     return None if spelt is None else UNIT_OPTIONS[spelt]
 
 
 def infer_unit(names: tuple[str, ...], offsets: Array, path: Path, *, named: str | None = None) -> Unit:
-    """The unit that the user named (of UNITS), else the likeliest (see `fitting`) for a skeleton's legs.
+    """The unit that the user gave, or else the most plausible unit for the skeleton's legs.
 
-    offsets: (T, J, 3) of each joint from its parent in the file's unit; T = 1 for a rigid skeleton.
-    Raises CaptureError if no unit is named and the legs cannot be found by name or fit in none.
+    named: the user's unit, a key of UNITS; offsets: (T, J, 3) of each joint from its parent in the file's
+    unit, T = 1 for a rigid skeleton. CaptureError if the legs are not found by name or fit no unit.
     """
     if named is not None:
         return Unit(UNITS[named], named, SET_BY_USER, [])
@@ -74,11 +75,11 @@ def infer_unit(names: tuple[str, ...], offsets: Array, path: Path, *, named: str
     if missing:
         raise CaptureError(
             path,
-            expected="joints named as legs, from which the unit of length is told",
+            expected="joints named as legs, to infer the unit of length",
             found=f"no {', '.join(missing)} among {', '.join(names[:8])}{' …' if len(names) > 8 else ''}",
-            advice="--unit names the unit",
+            advice="set it with --unit",
         )
-    some = offsets[:: len(offsets) // _ENOUGH + 1]
+    some = offsets[:: len(offsets) // _SAMPLE_FRAMES + 1]
     legs = [np.median(np.linalg.norm(some[:, found[node]], axis=-1)) for node in wanted]
     leg = float(sum(legs)) / 2.0
     possible = plausible_units(leg, UNITS)
@@ -96,12 +97,12 @@ def infer_unit(names: tuple[str, ...], offsets: Array, path: Path, *, named: str
 
 
 def plausible_units(leg: float, units: Mapping[str, float]) -> list[str]:
-    """The units (name -> metres) in which a leg (thigh plus shank, in them) is a person's, likeliest first.
+    """The units (name -> metres) in which a leg (thigh plus shank) has a human length, most plausible first.
 
-    First comes one in which it is of usual length. Between unusual ones the shorter is likelier: everybody
-    was a small child, while hardly anybody is taller than 2.04 m. A walk does not tell them apart: between
-    legs of 0.45 and 1.14 m (one number in cm and in inches) strides at ease take 1.6 times as long, which is
-    no more than between a hurried walk and a patient's of one person.
+    A usual length comes first. Of two unusual lengths the shorter is more plausible: everybody was a small
+    child, while hardly anybody is taller than 2.04 m. The gait does not discriminate: between legs of 0.45
+    and 1.14 m (one number in cm and in inches) comfortable strides differ by a factor of 1.6 in duration, no
+    more than between a person's fast and slow walks.
     """
     low, high = LEG_RANGE
     possible = [name for name, metres in units.items() if low <= leg * metres <= high]
@@ -109,16 +110,16 @@ def plausible_units(leg: float, units: Mapping[str, float]) -> list[str]:
 
 
 def unit_correction(leg: float, joints: int) -> tuple[float, list[Defect]]:
-    """The factor of FACTORS that makes a person's of a leg (metres) that is nobody's, and what to say.
+    """The correction factor (of FACTORS) for a leg of impossible length in metres, and the defects to report.
 
-    joints: how many it is of. Where no unit fits the factor is 1 and the defect one that refuses the capture.
+    joints: number of joints of the skeleton. If no unit fits, the factor is 1 and the capture is refused.
     """
     possible = plausible_units(leg, FACTORS)
     if not possible:
-        text = f"a leg (thigh and shank) of {leg:.4g} m, which fits in no unit of length"
+        text = f"a leg (thigh and shank) of {leg:.4g} m fits no unit of length"
         return 1.0, [Defect("wrong_units", joints, "joints", "refused", text)]
     factor = FACTORS[possible[0]]
-    text = f"a leg of {leg:.4g} m: lengths are {possible[0]}; times {factor:g} it is {leg * factor:.2f} m"
+    text = f"a leg of {leg:.4g} m: lengths are {possible[0]}; scaled by {factor:g} to {leg * factor:.2f} m"
     repaired = Defect("wrong_units", joints, "joints", "repaired", text)
     return factor, [repaired, *unit_ambiguity(leg, possible, FACTORS, joints=joints)]
 
@@ -126,14 +127,13 @@ def unit_correction(leg: float, joints: int) -> tuple[float, list[Defect]]:
 def unit_ambiguity(
     leg: float, possible: Sequence[str], units: Mapping[str, float], *, joints: int
 ) -> list[Defect]:
-    """What to say where a leg is a person's in several units and of usual length in none (see `fitting`)."""
+    """A flagged defect if a leg has a human length in several units, and a usual one in none."""
     if len(possible) < 2 or _usual(leg * units[possible[0]]):
         return []
     (chosen, tall), (other, taller) = ((name, leg * units[name] / (THIGH + SHANK)) for name in possible[:2])
     text = (
-        f"thigh plus shank are {leg:.4g}: in {chosen} those of a person of {tall:.2f} m, in {other} of "
-        f"{taller:.2f} m; read in {chosen}, as children are likelier; "
-        f"--unit says which it is"
+        f"thigh plus shank measure {leg:.4g}: in {chosen} a person of {tall:.2f} m, in {other} of "
+        f"{taller:.2f} m; read in {chosen}, since children are more likely; set the unit with --unit"
     )
     return [Defect("wrong_units", joints, "joints", "flagged", text)]
 

@@ -1,9 +1,9 @@
-"""Limbs that no human has, and bones that change their length over the clip.
+"""Detects limb lengths that no human has (refused) and bones whose length changes over the clip (flagged).
 
-Bounds are of what trackers make of people, not of anatomy: a Kinect v1 puts the hip joint higher than it is
-(thigh up to 1.4 times the shank), a Kinect v2 lower (leg down to 1.2 times the trunk), model-fitted
-skeletons have trunks a third too short. Whoever is smaller than that may be a child; but then the child has
-a child's proportions, which a tracker that took a machine for legs does not show.
+The bounds describe tracked skeletons, not anatomy: a Kinect v1 puts the hip joint too high (thigh up to 1.4
+times the shank), a Kinect v2 too low (leg down to 1.2 times the trunk), and model-fitted skeletons have a
+trunk a third too short. A smaller body may be a child, but then it has a child's proportions; a tracker that
+took a machine for legs does not show them.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ from kinemimic.pipeline.kinematics.body_points import between, length, median, n
 from kinemimic.pipeline.kinematics.clip import Clip
 from kinemimic.pipeline.quality.rules.defect import Defect
 
-# Medians outside of these (metres) are nobody's, a toddler's and a giant's included.
+# Range of the median lengths in metres, from toddlers to giants.
 POSSIBLE: dict[str, tuple[float, float]] = {
     "thigh": (0.20, 0.65),
     "shank": (0.18, 0.60),
@@ -29,19 +29,19 @@ _BONES: dict[str, tuple[str, str]] = {
     "upper arm": ("shoulder", "elbow"),
     "forearm": ("elbow", "wrist"),
 }
-# Thigh plus shank of a child of six; who is smaller must stand within the bounds below.
+# Thigh plus shank of a six-year-old in metres; a smaller body must meet the bounds below.
 SMALL = 0.60
 CHILD_THIGH_TO_SHANK = (0.75, 1.40)
 CHILD_LEG_TO_TRUNK = (1.00, 2.15)
 CHILD_SPREAD = 0.12
-# Spread of a bone's length (robust, relative), and its change from the first to the last fifth of the clip.
-# A Kinect v1 walk has a spread of 0.06 to 0.12 and, as limbs turn to and from the sensor, trends of 0.15.
-SPREAD = 0.15
-TREND = 0.20
+# Limits of a bone's relative length: robust spread, and change from the first to the last fifth of the clip.
+# A Kinect v1 walk has spreads of 0.06 to 0.12 and, as limbs turn relative to the sensor, trends of 0.15.
+MAX_SPREAD = 0.15
+MAX_TREND = 0.20
 
 
 def detect(clip: Clip) -> list[Defect]:
-    """Impossible limbs refuse the clip, drifting bones flag it; frames outside of passes do not count."""
+    """The defects "impossible_limbs" (refused) and "bone_drift" (flagged), over the frames inside passes."""
     points = nodes_of(clip)[clip.passes >= 0]
     if not len(points):
         return []
@@ -71,16 +71,16 @@ def _impossible(points: Array, bones: dict[str, Array]) -> list[Defect]:
             wrong.append(f"thigh {thigh / shank:.2f} times the shank")
         if not np.isnan(trunk) and not _within(leg / trunk, CHILD_LEG_TO_TRUNK):
             wrong.append(f"leg {leg / trunk:.2f} times the trunk")
-        # On its own that is a noisy sensor, and a child all the same.
+        # On its own, this only indicates a noisy sensor.
         if wrong and spread > CHILD_SPREAD:
             wrong.append(f"length of a leg bone varies by {100 * spread:.0f} %")
         if wrong:
-            wrong.insert(0, f"thigh {thigh:.2f} m and shank {shank:.2f} m as of a small child, but")
+            wrong.insert(0, f"thigh {thigh:.2f} m and shank {shank:.2f} m, as in a small child, but")
     if not wrong:
         return []
     small = wrong[0].endswith("but")
     joined = f"{wrong[0]} {', '.join(wrong[1:])}" if small else ", ".join(wrong)
-    text = f"limbs that no human has: {joined}; the tracker lost the body, record it again"
+    text = f"impossible limb lengths: {joined}; the tracker lost the body, record it again"
     return [Defect("impossible_limbs", len(wrong) - small, "measures", "refused", text)]
 
 
@@ -93,10 +93,10 @@ def _drifting(bones: dict[str, Array]) -> list[Defect]:
         fifth = max(len(there) // 5, 1)
         usual, spread = float(np.median(there)), _spread(there)
         trend = float(np.median(there[-fifth:]) - np.median(there[:fifth])) / usual
-        if spread > SPREAD or abs(trend) > TREND:
+        if spread > MAX_SPREAD or abs(trend) > MAX_TREND:
             drifting.append(
                 (
-                    max(spread / SPREAD, abs(trend) / TREND),
+                    max(spread / MAX_SPREAD, abs(trend) / MAX_TREND),
                     f"{name} ±{100 * spread:.0f} %, {100 * trend:+.0f} % over the clip",
                 )
             )
@@ -105,13 +105,11 @@ def _drifting(bones: dict[str, Array]) -> list[Defect]:
     drifting.sort(reverse=True)
     text = "; ".join(text for _, text in drifting[:3])
     more = f"; and {len(drifting) - 3} more" if len(drifting) > 3 else ""
-    return [
-        Defect("bone_drift", len(drifting), "bones", "flagged", f"bones change their length: {text}{more}")
-    ]
+    return [Defect("bone_drift", len(drifting), "bones", "flagged", f"bone lengths change: {text}{more}")]
 
 
 def _spread(values: Array) -> float:
-    """Half the width of the middle 68 % over the median: the standard deviation, but for outliers."""
+    """Half the width of the middle 68 % over the median: a robust coefficient of variation."""
     there = values[np.isfinite(values)]
     if not len(there):
         return 0.0

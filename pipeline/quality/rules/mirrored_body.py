@@ -1,10 +1,10 @@
-"""A mirrored body: its feet point backward and its knees bend forward, for what is called left and right.
+"""Detects a mirrored body, whose feet point backward and knees bend forward, and reflects it.
 
-Toes and knees tell forward, trunk tells up, and hips and shoulders tell left; in a mirror they disagree.
-Such data come of left-handed axes read as right-handed, or of left and right named the other way round; the
-points alone cannot tell which. Names are what a person wrote, axes what a program assumed: so the names are
-kept and the points are reflected at the plane Y = 0. If the names were wrong instead, then curves of the left
-leg are those of the right.
+Toes and knees show forward, the trunk shows up, hips and shoulders show left; in a mirror image these
+directions disagree. The cause is left-handed axes read as right-handed, or left and right names swapped; the
+points alone cannot tell which. A person wrote the names, while a program assumed the axes; so the names are
+kept and the points are reflected at the plane Y = 0. If the names were wrong instead, the curves of the left
+leg are those of the right. Euler captures, and bodies whose knees never bend clearly, are only flagged.
 """
 
 from __future__ import annotations
@@ -18,23 +18,23 @@ from kinemimic.pipeline.kinematics.body_points import between, nodes_of, unit
 from kinemimic.pipeline.kinematics.clip import Clip
 from kinemimic.pipeline.quality.rules.defect import Defect
 
-# A foot or knee votes in a frame where its sine or cosine is beyond this: a straight knee says nothing.
-CLEAR = 0.3
-# This share of the votes must say "mirrored", in this many frames at least, and feet and knees must agree.
-MAJORITY = 0.8
-ENOUGH = 10
+# A foot or knee is counted in a frame where its cosine or sine exceeds this; a straight knee is not evidence.
+MIN_EVIDENCE = 0.3
+# At least this share of the cases must be mirrored, of at least this many, and feet and knees must agree.
+MIN_MIRRORED_SHARE = 0.8
+MIN_CASES = 10
 _REFLECTION = np.array([1.0, -1.0, 1.0])
 
 
 def repair(clip: Clip) -> tuple[Clip, list[Defect]]:
-    """The clip as its own mirror image, if it is mirrored throughout; Euler captures are only flagged."""
-    feet, knees = votes(clip)
-    by_feet = len(feet) >= ENOUGH
-    if by_feet and np.mean(feet < 0) < MAJORITY:
+    """The clip reflected left to right, if it is mirrored throughout."""
+    feet, knees = foot_and_knee_directions(clip)
+    by_feet = len(feet) >= MIN_CASES
+    if by_feet and np.mean(feet < 0) < MIN_MIRRORED_SHARE:
         return clip, []
-    # Without feet (some marker sets) the knees decide alone, and by the same majority.
-    by_knees = len(knees) >= ENOUGH
-    if by_knees and np.mean(knees < 0) < (0.5 if by_feet else MAJORITY):
+    # Without feet (some marker sets) the knees decide alone, by the same share.
+    by_knees = len(knees) >= MIN_CASES
+    if by_knees and np.mean(knees < 0) < (0.5 if by_feet else MIN_MIRRORED_SHARE):
         return clip, []
     if not (by_feet or by_knees):
         return clip, []
@@ -45,13 +45,13 @@ def repair(clip: Clip) -> tuple[Clip, list[Defect]]:
     found = " and ".join(says)
     frames = len(clip.times)
     if not by_knees:
-        text = f"{found}, but no knee bends clearly: who sits on the heels looks the same; left as it is"
+        text = f"{found}, but no knee bends clearly; sitting on the heels looks the same; left as recorded"
         return clip, [Defect("mirrored", frames, "frames", "flagged", text)]
     if clip.euler is not None:
-        text = f"{found}; left as recorded: a mirror image is no turn, Euler channels cannot express it"
+        text = f"{found}; left as recorded: Euler channels cannot express a reflection"
         return clip, [Defect("mirrored", frames, "frames", "flagged", text)]
-    lost = "; recorded rotations are left out" if clip.rotations is not None else ""
-    text = f"{found}; reflected left to right, names kept{lost}"
+    dropped = "; recorded rotations are dropped" if clip.rotations is not None else ""
+    text = f"{found}; reflected left to right, names kept{dropped}"
     skeleton = replace(clip.skeleton, offsets=clip.skeleton.offsets * _REFLECTION)
     mirrored = replace(
         clip, skeleton=skeleton, positions=clip.positions * _REFLECTION, rotations=None, translations=None
@@ -59,14 +59,16 @@ def repair(clip: Clip) -> tuple[Clip, list[Defect]]:
     return mirrored, [Defect("mirrored", frames, "frames", "repaired", text)]
 
 
-def votes(clip: Clip) -> tuple[Array, Array]:
-    """Clear cases, both sides together: the cosine of toes to forward, and the sine of the knee's bend
-    (backward positive)."""
+def foot_and_knee_directions(clip: Clip) -> tuple[Array, Array]:
+    """The clear cases of both sides: cosine between toes and forward, and sine of the knee's bend.
+
+    Both are positive for a normal body: toes forward, knees that bend backward.
+    """
     points = nodes_of(clip)
     left = between(points, "hip_right", "hip_left")
     left = left + np.nan_to_num(between(points, "shoulder_right", "shoulder_left"))
     up = between(points, "hips", "shoulders")
-    # Who shows no shoulders is taken to stand upright.
+    # Without shoulders the body is assumed to stand upright.
     up = np.where(np.isfinite(up).all(axis=-1, keepdims=True), up, [0.0, 0.0, 1.0])
     forward = unit(np.cross(left, up))
     left = unit(left)
@@ -82,4 +84,4 @@ def votes(clip: Clip) -> tuple[Array, Array]:
 
 def _clear(parts: list[Array]) -> Array:
     values = np.concatenate(parts)
-    return values[np.isfinite(values) & (np.abs(np.nan_to_num(values)) > CLEAR)]
+    return values[np.isfinite(values) & (np.abs(np.nan_to_num(values)) > MIN_EVIDENCE)]

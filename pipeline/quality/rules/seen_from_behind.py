@@ -1,9 +1,9 @@
-"""Passes in which the walker is seen from behind.
+"""Detects passes in which the walker is seen from behind, and swaps left and right in them.
 
-A Kinect, v1 or v2, takes every body to face it, and so exchanges the sides of one that walks away. In such
-passes the body walks to where its back seems to be, and its knees bend forward. (Who really walks backward
-has knees that bend backward as ever.) All left and right joints change names then. The toes, which the
-tracker invents towards itself, stay where it put them, as inferred.
+Kinect v1 and v2 assume that every body faces the sensor, and so swap the sides of a person who walks away.
+In such passes the body seems to walk backward on knees that bend forward. (The knees of a person who really
+walks backward bend the usual way.) The toes, which the tracker makes up pointing towards the sensor, stay in
+place and are marked as inferred. Euler captures are only flagged.
 """
 
 from __future__ import annotations
@@ -17,48 +17,52 @@ from kinemimic.pipeline.kinematics.skeleton import INFERRED
 from kinemimic.pipeline.kinematics.spans import frame_runs
 from kinemimic.pipeline.quality.rules.defect import Defect
 from kinemimic.pipeline.quality.rules.frame_selection import select_frames
-from kinemimic.pipeline.quality.rules.mirrored_body import votes
+from kinemimic.pipeline.quality.rules.mirrored_body import foot_and_knee_directions
 from kinemimic.pipeline.quality.rules.swap_sides import swap_sides
 from kinemimic.pipeline.quality.rules.turning_camera import ground_moves
 
-# Share of the way that goes to where the body faces, -1 where all of it goes backward: of the hips' way over
-# a floor; or of the way over the planted foot on a belt, where now and then the wrong foot is taken for that.
-BACKWARD = -0.7
-BACKWARD_ON_BELT = -0.3
-# Share of the clear knees that bend forward; walks towards a Kinect v1 have up to 0.4 of those.
-FORWARD_KNEES = 0.45
-ENOUGH = 8
+# Share of the path walked in the facing direction, -1 if all of it is backward: of the hips' path over a
+# floor, or of the path relative to the planted foot on a belt, where the wrong foot is sometimes chosen.
+MAX_FORWARD_SHARE = -0.7
+MAX_FORWARD_SHARE_ON_BELT = -0.3
+# Share of the clearly bent knees that bend forward; up to 0.4 in walks towards a Kinect v1.
+MIN_FORWARD_KNEES = 0.45
+MIN_SAMPLES = 8
 
 
 def repair(clip: Clip) -> tuple[Clip, list[Defect]]:
-    """The clip with both sides exchanged in such passes; Euler captures are only flagged."""
+    """The clip with left and right swapped in the passes seen from behind."""
     found = striding_frames(clip)
-    on_belt = len(found.frames) >= ENOUGH and ground_moves(found)
-    way, limit = (found.walking_velocity, BACKWARD_ON_BELT) if on_belt else (found.hip_velocity, BACKWARD)
+    on_belt = len(found.frames) >= MIN_SAMPLES and ground_moves(found)
+    way, limit = (
+        (found.walking_velocity, MAX_FORWARD_SHARE_ON_BELT)
+        if on_belt
+        else (found.hip_velocity, MAX_FORWARD_SHARE)
+    )
     backward: list[int] = []
     for number in range(int(clip.passes.max(initial=-1)) + 1):
         mine = clip.passes[found.frames] == number
         length = np.linalg.norm(way[mine], axis=1).sum()
-        if mine.sum() >= ENOUGH and np.sum(way[mine] * found.forward[mine]) < limit * length:
+        if mine.sum() >= MIN_SAMPLES and np.sum(way[mine] * found.forward[mine]) < limit * length:
             backward.append(number)
     if not backward:
         return clip, []
     where = np.isin(clip.passes, backward)
-    # Judged together: one short pass has few clear knees, and who turns round does so in all of them.
-    knees = votes(select_frames(clip, where))[1]
-    if len(knees) < ENOUGH or np.mean(knees < 0) < FORWARD_KNEES:
+    # All passes together: a short pass has few clearly bent knees.
+    knees = foot_and_knee_directions(select_frames(clip, where))[1]
+    if len(knees) < MIN_SAMPLES or np.mean(knees < 0) < MIN_FORWARD_KNEES:
         return clip, []
     plural = "es" if len(backward) > 1 else ""
     numbers = ", ".join(map(str, backward))
     text = f"seen from behind in pass{plural} {numbers}: walks backward on knees that bend forward; "
     count, frames = int(where.sum()), frame_runs(where)
     if clip.euler is not None:
-        text += "left as recorded: Euler channels cannot be exchanged"
+        text += "left as recorded: Euler channels cannot be swapped"
         return clip, [Defect("swapped_sides", count, "frames", "flagged", text, frames)]
     repaired = swap_sides(clip, where, range(len(clip.skeleton.names)), tuple(clip.angles or ()))
     feet = [joint for node, joint in joints_of_nodes(clip.skeleton.names).items() if node.startswith("foot")]
-    # Toes that point to the sensor were not seen.
+    # The tracker did not see the toes that it placed towards the sensor.
     rows = np.flatnonzero(where)[:, None]
     repaired.states[rows, feet] = np.minimum(repaired.states[rows, feet], INFERRED)
-    text += "both sides exchanged there"
+    text += "left and right swapped there"
     return repaired, [Defect("swapped_sides", count, "frames", "repaired", text, frames)]

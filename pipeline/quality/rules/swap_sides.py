@@ -1,4 +1,4 @@
-"""Left and right put in each other's place for some frames: all that a clip knows of the joints together."""
+"""Swap left and right joints of a clip in selected frames, with states, rotations and recorded angles."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from kinemimic.pipeline.kinematics.nodes import normalised
 
 
 def opposite_sides(names: tuple[str, ...]) -> list[int]:
-    """Index (J,) of each name's counterpart on the other side; a name of the middle is its own."""
+    """Index (J,) of each name's counterpart on the other side; a midline name is its own counterpart."""
     index = {normalised(name): position for position, name in enumerate(names)}
     return [
         next((index[other] for other in _renamed(normalised(name)) if other in index), position)
@@ -22,10 +22,10 @@ def opposite_sides(names: tuple[str, ...]) -> list[int]:
 
 
 def swap_sides(clip: Clip, where: Mask, joints: Collection[int], curves: Collection[str]) -> Clip:
-    """The clip with these joints and curves, and their counterparts, exchanged in the frames `where` (T,).
+    """The clip with these joints and curves swapped with their counterparts in the frames `where` (T,).
 
-    joints: indices; curves: names of `clip.angles`. Rotations that a recorder gave these joints were found
-    for the other side's body: no exchange makes them this one's, so they are left out (NaN).
+    joints: indices; curves: names in `clip.angles`. Recorded rotations of these joints become NaN: the sensor
+    computed them for the wrong side, and swapping does not correct them.
     """
     other = opposite_sides(clip.skeleton.names)
     here = sorted({*joints, *(other[joint] for joint in joints)})
@@ -50,7 +50,7 @@ def swap_sides(clip: Clip, where: Mask, joints: Collection[int], curves: Collect
 
 
 def _renamed(name: str) -> list[str]:
-    """What the other side's joint may be called: leftknee and kneeleft, lknee and kneel."""
+    """Possible names of the counterpart: leftknee and kneeleft, lknee and kneel."""
     names = [name.replace(side, other, 1) for side, other in _WORDS if side in name]
     for side, other in _LETTERS:
         names += [other + name[1:]] if name.startswith(side) else []

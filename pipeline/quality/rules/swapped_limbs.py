@@ -1,9 +1,9 @@
-"""Left and right legs, or arms, that change places for some frames.
+"""Detects left and right legs, or arms, that are swapped for some frames, and swaps them back.
 
-A tracker that confuses two limbs makes both of them jump at once, each to where the other was going. So the
-exchange is looked for that makes the motion smoothest: over a pass, the sequence of "as named" and "the other
-way round" with the least sum of the joints' deviations from going straight on, plus a price for each change
-(Viterbi's algorithm; a frame's deviation depends on the last two changes only).
+A tracker that confuses two limbs makes both jump at once, each to the place of the other. The rule finds the
+assignment of sides that makes the motion of a pass smoothest: the sequence of "as named" and "swapped" with
+the least sum of the joints' deviations from linear extrapolation, plus a penalty per change (Viterbi
+algorithm; the deviation of a frame depends on the last two changes only). Euler captures are only flagged.
 """
 
 from __future__ import annotations
@@ -18,18 +18,18 @@ from kinemimic.pipeline.quality.rules.defect import Defect, plural
 from kinemimic.pipeline.quality.rules.swap_sides import swap_sides
 
 LIMBS: dict[str, tuple[str, ...]] = {"legs": ("knee", "ankle", "foot"), "arms": ("elbow", "wrist", "hand")}
-# The joint that a limb hangs on may change places with it or not: the trunk is seen better than the limbs.
-_HANGS_ON = {"legs": "hip", "arms": "shoulder"}
-# Metres, mean over the limb's joints: a change must save more than PRICE of deviation, which a noisy crossing
-# of the ankles does not. A deviation above MOST counts as MOST: it is a jump, whatever its size.
-PRICE = 0.20
-MOST = 0.5
-# Longer than this (seconds) no tracker confuses limbs and then finds back; two such changes are two turns.
-LONGEST = 1.0
+# The joint that a limb is attached to may be swapped with it or not: the trunk is tracked better.
+_ATTACHED_TO = {"legs": "hip", "arms": "shoulder"}
+# Metres, mean over the limb's joints: a change must save more than CHANGE_PENALTY of deviation, which a noisy
+# crossing of the ankles does not. Deviations are clipped at MAX_DEVIATION, beyond which they are jumps.
+CHANGE_PENALTY = 0.20
+MAX_DEVIATION = 0.5
+# Seconds. Trackers recover from a swap sooner; changes farther apart are two turns of the body.
+MAX_SWAP_DURATION = 1.0
 
 
 def repair(clip: Clip) -> tuple[Clip, list[Defect]]:
-    """The clip with limbs back on their sides, pass by pass; Euler captures are only flagged."""
+    """The clip with swapped limbs put back on their sides, pass by pass."""
     found = joints_of_nodes(clip.skeleton.names)
     swapped = np.zeros(len(clip.times), dtype=np.bool_)
     parts: list[str] = []
@@ -45,33 +45,35 @@ def repair(clip: Clip) -> tuple[Clip, list[Defect]]:
             )
             swapped |= where
             if clip.euler is None:
-                curves = [name for name in clip.angles or () if name.startswith((_HANGS_ON[limb], *joints))]
-                repaired = swap_sides(repaired, where, _with_ends(clip, pairs), curves)
-                for pair in _pairs(found, (_HANGS_ON[limb],)):
-                    repaired = swap_sides(repaired, _along(clip, pair, where), pair, ())
+                curves = [
+                    name for name in clip.angles or () if name.startswith((_ATTACHED_TO[limb], *joints))
+                ]
+                repaired = swap_sides(repaired, where, _with_descendants(clip, pairs), curves)
+                for pair in _pairs(found, (_ATTACHED_TO[limb],)):
+                    repaired = swap_sides(repaired, _swapped_along(clip, pair, where), pair, ())
     if not swapped.any():
         return clip, []
-    done = "put back" if clip.euler is None else "left as recorded: Euler channels cannot be exchanged"
+    done = "swapped back" if clip.euler is None else "left as recorded: Euler channels cannot be swapped"
     return repaired, [
         Defect(
             "swapped_sides",
             int(swapped.sum()),
             "frames",
             "repaired" if clip.euler is None else "flagged",
-            f"left and right change places: {', '.join(parts)}; {done}",
+            f"left and right swapped: {', '.join(parts)}; {done}",
             frame_runs(swapped),
         )
     ]
 
 
 def _pairs(found: dict[str, int], joints: tuple[str, ...]) -> list[tuple[int, int]]:
-    """Left and right joint of those that the skeleton has on both sides."""
+    """Indices (left, right) of the joints that the skeleton has on both sides."""
     sides = (tuple(found.get(f"{joint}_{side}", -1) for side in ("left", "right")) for joint in joints)
     return [(left, right) for left, right in sides if left >= 0 and right >= 0]
 
 
-def _along(clip: Clip, pair: tuple[int, int], where: Mask) -> Mask:
-    """The stretches of `where` (T,) in which that pair jumps to each other's place too."""
+def _swapped_along(clip: Clip, pair: tuple[int, int], where: Mask) -> Mask:
+    """The runs of `where` (T,) in which this pair of joints is swapped too."""
     places = clip.positions[:, list(pair)]  # (T, 2, 3)
     along = np.zeros(len(where), dtype=np.bool_)
     for span in runs(where):
@@ -86,7 +88,7 @@ def _along(clip: Clip, pair: tuple[int, int], where: Mask) -> Mask:
 
 
 def _swapped(clip: Clip, pairs: list[tuple[int, int]]) -> Mask:
-    """Frames (T,) in which the limb is the other way round."""
+    """Frames (T,) in which the limb is swapped."""
     swapped = np.zeros(len(clip.times), dtype=np.bool_)
     both = clip.positions[:, pairs]  # (T, pairs, 2, 3)
     for number in range(int(clip.passes.max(initial=-1)) + 1):
@@ -98,8 +100,11 @@ def _swapped(clip: Clip, pairs: list[tuple[int, int]]) -> Mask:
 
 
 def _deviations(both: Array, times: Array) -> Array:
-    """Metres (T - 2, 2, 2) by which frame t + 2 leaves the straight line: [was there a change before it, is
-    there one at it], as the names stand in frame t + 1; both: (T, P, 2, 3)."""
+    """Deviation (T - 2, 2, 2) in metres of frame t + 2 from linear extrapolation.
+
+    Indexed by [change at frame t + 1, change at frame t + 2], relative to the names in frame t + 1.
+    both: (T, P, 2, 3), left and right joint of each pair.
+    """
     ratio = np.clip(np.diff(times)[1:] / np.diff(times)[:-1], 0.25, 4.0)[:, None, None, None]
     middle = both[1:-1]
     cost = np.empty((len(both) - 2, 2, 2))
@@ -110,20 +115,20 @@ def _deviations(both: Array, times: Array) -> Array:
             there = both[2:, :, ::-1] if at else both[2:]
             off = np.linalg.norm(there - expected, axis=-1)
             seen = np.isfinite(off)
-            total = np.where(seen, np.minimum(off, MOST), 0.0).sum(axis=(1, 2))
+            total = np.where(seen, np.minimum(off, MAX_DEVIATION), 0.0).sum(axis=(1, 2))
             cost[:, before, at] = total / np.maximum(seen.sum(axis=(1, 2)), 1)
     return cost
 
 
 def _changes(cost: Array) -> Mask:
-    """Frames (T,) at which the limbs change names, on the cheapest way through."""
-    as_named, changed = 0.0, PRICE
+    """Frames (T,) at which the limbs are swapped or swapped back, on the path of least cost."""
+    as_named, changed = 0.0, CHANGE_PENALTY
     came: list[tuple[bool, bool]] = []
     for (stay, begin), (end, again) in cost.tolist():
         came.append((changed + end < as_named + stay, changed + again < as_named + begin))
         as_named, changed = (
             min(as_named + stay, changed + end),
-            min(as_named + begin, changed + again) + PRICE,
+            min(as_named + begin, changed + again) + CHANGE_PENALTY,
         )
     changes = np.zeros(len(cost) + 2, dtype=np.bool_)
     state = changed < as_named
@@ -135,18 +140,18 @@ def _changes(cost: Array) -> Mask:
 
 
 def _stretches(changes: Mask, times: Array) -> Mask:
-    """Frames (T,) between an odd change and the next: the other way round, if that is the shorter part."""
+    """Swapped frames (T,): those between an odd change and the next, or their complement if it is shorter."""
     other = np.cumsum(changes) % 2 == 1
     if other.sum() > 0.5 * len(other):
         other = ~other
     for span in runs(other):
-        if times[span.stop - 1] - times[span.start] > LONGEST:
+        if times[span.stop - 1] - times[span.start] > MAX_SWAP_DURATION:
             other[span] = False
     return np.asarray(other)
 
 
-def _with_ends(clip: Clip, pairs: list[tuple[int, int]]) -> list[int]:
-    """The joints of pairs and all that hangs on them: a hand's tip and thumb go with the hand."""
+def _with_descendants(clip: Clip, pairs: list[tuple[int, int]]) -> list[int]:
+    """The joints of the pairs and their descendants, such as the tip and thumb of a hand."""
     joints = {joint for pair in pairs for joint in pair}
     for joint, parent in enumerate(clip.skeleton.parents):
         if parent in joints:

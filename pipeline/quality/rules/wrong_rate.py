@@ -1,8 +1,8 @@
-"""A gait too fast or too slow for a human: the clock, not the walker, is wrong.
+"""Detects a frame rate that makes the gait too fast or too slow for a human. Flagged only.
 
-Strides of 0.45 to 2.5 s are all human, so that a rate wrong by a factor of two mostly shows otherwise: ankles
-part as fast as a sprinter's, on knees that bend as a walker's. How wrong the rate is does not follow from
-either. So this is flagged, never repaired.
+Human strides last 0.45 to 2.5 s, so the stride alone rarely reveals a rate that is wrong by a factor of two.
+The second test is the speed of the ankles relative to each other: as fast as a sprinter's, on knees that bend
+like a walker's. Neither tells the true rate.
 """
 
 from __future__ import annotations
@@ -15,23 +15,23 @@ from kinemimic.pipeline.kinematics.clip import Clip
 from kinemimic.pipeline.kinematics.spans import runs
 from kinemimic.pipeline.quality.rules.defect import Defect
 
-# A sprinter's stride takes 0.45 s; a patient's slowest walk hardly more than 2.
-HUMAN = (0.45, 2.5)
-# Knees that swing by this much, strides alike to this degree, and legs that take turns make a gait.
-SWING = np.radians(35.0)
-ALIKE = 0.6
-IN_TURN = 0.3
-STRIDES = 2.2
-# Horizontal m/s below which ankles part for nine tenths of the time: brisk walks 5.0, runs 4.3 to 6.8. Only
-# who bends the knees by more than this (95th percentile) runs: runs 94 to 130 degrees, walks to 77.
-PARTING = 5.4
+# Seconds. A sprinter's stride takes 0.45 s; the slowest walk of a patient hardly more than 2 s.
+HUMAN_STRIDE = (0.45, 2.5)
+# A gait: range of the knee angle, autocorrelation at the stride, greatest correlation of left and right knee,
+# and number of strides in the pass.
+MIN_KNEE_RANGE = np.radians(35.0)
+MIN_AUTOCORRELATION = 0.6
+MAX_SIDE_CORRELATION = 0.3
+MIN_STRIDES = 2.2
+# 90th percentile of the horizontal speed between the ankles, m/s: brisk walks 5.0, runs 4.3 to 6.8. Only
+# runners bend the knees by more than this (95th percentile): runs 94 to 130 degrees, walks up to 77.
+MAX_WALKING_ANKLE_SPEED = 5.4
 RUNNING_KNEES = np.radians(85.0)
-PARTING_SPAN = 0.1  # s
+ANKLE_SPEED_WINDOW = 0.1  # s
 
 
 def detect(clip: Clip) -> list[Defect]:
-    """Flagged if the longest pass is a steady gait with a stride that no human has, or sprints on a walker's
-    knees."""
+    """The defect "wrong_rate", flagged, from the gait in the longest pass."""
     spans = [
         span for number in range(int(clip.passes.max(initial=-1)) + 1) for span in runs(clip.passes == number)
     ]
@@ -40,25 +40,25 @@ def detect(clip: Clip) -> list[Defect]:
     span = max(spans, key=lambda one: float(clip.times[one.stop - 1] - clip.times[one.start]))
     points, rate = nodes_of(clip)[span], clip.rate
     period = stride_duration(points, clip.times[span])
-    if period is not None and not HUMAN[0] <= period <= HUMAN[1]:
+    if period is not None and not HUMAN_STRIDE[0] <= period <= HUMAN_STRIDE[1]:
         text = (
-            f"at {rate:.4g} Hz a stride takes {period:.2f} s, outside of {HUMAN[0]:g} to {HUMAN[1]:g} s: "
-            f"a usual stride of 1.1 s would mean {rate * period / 1.1:.3g} Hz"
+            f"at {rate:.4g} Hz a stride takes {period:.2f} s, outside of {HUMAN_STRIDE[0]:g} to "
+            f"{HUMAN_STRIDE[1]:g} s; a typical stride of 1.1 s would mean {rate * period / 1.1:.3g} Hz"
         )
         return [Defect("wrong_rate", len(clip.times), "frames", "flagged", text)]
     speed, usual = ankle_speed(points, clip.times[span]), _usual_bend(points)
-    if speed < PARTING or usual > RUNNING_KNEES:
+    if speed < MAX_WALKING_ANKLE_SPEED or usual > RUNNING_KNEES:
         return []
     text = (
-        f"at {rate:.4g} Hz the ankles part at {speed:.1f} m/s, a sprinter's speed, on knees that bend "
-        f"{np.degrees(usual):.0f}°, a walker's: fewer frames a second were recorded than that"
+        f"at {rate:.4g} Hz the ankles part at {speed:.1f} m/s, as in a sprint, but the knees bend only "
+        f"{np.degrees(usual):.0f}°, as in a walk: the true frame rate is lower"
     )
     return [Defect("wrong_rate", len(clip.times), "frames", "flagged", text)]
 
 
 def ankle_speed(points: Array, times: Array) -> float:
-    """Horizontal speed, m/s, below which the ankles part for nine tenths of the time; 0 if nobody knows."""
-    reach = max(1, round(0.5 * PARTING_SPAN / float(np.median(np.diff(times)))))
+    """90th percentile of the horizontal speed between the ankles, m/s; 0 if unknown."""
+    reach = max(1, round(0.5 * ANKLE_SPEED_WINDOW / float(np.median(np.diff(times)))))
     if len(times) <= 2 * reach:
         return 0.0
     apart = between(points, "ankle_left", "ankle_right")[:, :2]
@@ -75,9 +75,9 @@ def _usual_bend(points: Array) -> float:
 
 
 def stride_duration(points: Array, times: Array) -> float | None:
-    """Seconds of a stride, from the difference of the knees' angles; None without a gait.
+    """Duration of a stride in seconds; None without a gait.
 
-    points: (T, 20, 3) of the nodes; times: (T,).
+    Autocorrelation of the difference between the knee angles. points: (T, 20, 3) of the nodes; times: (T,).
     """
     knees = np.stack([bend(points, "left"), bend(points, "right")], axis=1)
     whole = np.isfinite(knees).all(axis=1)
@@ -85,22 +85,22 @@ def stride_duration(points: Array, times: Array) -> float | None:
         return None
     even = np.linspace(times[0], times[-1], len(times))
     left, right = (np.interp(even, times[whole], knees[whole, side]) for side in (0, 1))
-    if min(np.ptp(np.percentile(curve, [5.0, 95.0])) for curve in (left, right)) < SWING:
+    if min(np.ptp(np.percentile(curve, [5.0, 95.0])) for curve in (left, right)) < MIN_KNEE_RANGE:
         return None
-    if np.corrcoef(left, right)[0, 1] > IN_TURN:
+    if np.corrcoef(left, right)[0, 1] > MAX_SIDE_CORRELATION:
         return None
     wave = left - right - np.mean(left - right)
     size = 1 << (2 * len(wave) - 1).bit_length()
     power = np.abs(np.fft.rfft(wave, size)) ** 2
     likeness = np.fft.irfft(power, size)[: len(wave)]
-    # Of two stretches that overlap less there is less to multiply.
+    # Unbiased: shorter overlaps sum fewer products.
     likeness = likeness / likeness[0] * len(wave) / np.arange(len(wave), 0, -1)
-    last = int(len(wave) / STRIDES)
+    last = int(len(wave) / MIN_STRIDES)
     below = np.flatnonzero(likeness[:last] < 0.0)
     if not len(below):
         return None
-    # The highest of the peaks that follow the first trough is a stride or several: the first nearly as high.
+    # The highest peak after the first trough is one stride or several; the first nearly as high is one.
     rest = likeness[below[0] : last]
     peaks = np.flatnonzero((rest[1:-1] >= rest[:-2]) & (rest[1:-1] > rest[2:])) + 1
-    high = peaks[rest[peaks] > max(ALIKE, 0.9 * float(rest[peaks].max(initial=0.0)))]
+    high = peaks[rest[peaks] > max(MIN_AUTOCORRELATION, 0.9 * float(rest[peaks].max(initial=0.0)))]
     return None if not len(high) else float((below[0] + high[0]) * (even[1] - even[0]))

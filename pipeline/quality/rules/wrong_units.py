@@ -1,4 +1,8 @@
-"""The length unit, by the size of the body: a leg of 800 is in millimetres, one of 0.8 in metres."""
+"""Detects a wrong length unit from the size of the body, and scales the clip to metres.
+
+A leg of 800 is in millimetres, a leg of 0.8 in metres. Refused: legs that fit no unit, or not the unit that
+the user gave. Flagged: legs that fit two units equally well.
+"""
 
 from __future__ import annotations
 
@@ -17,8 +21,7 @@ from kinemimic.pipeline.quality.rules.length_units import (
 
 
 def repair(clip: Clip) -> tuple[Clip, list[Defect]]:
-    """The clip in metres. Legs of 0.4 to 1.2 m are left alone; such as fit in no unit refuse it, and where
-    two fit, the likelier is taken and the doubt flagged. A unit that the user named is not corrected."""
+    """The clip in metres. Legs of 0.4 to 1.2 m are accepted; a unit given by the user is never corrected."""
     points = nodes_of(clip)
     legs = [
         median(length(points, f"hip_{side}", f"knee_{side}"))
@@ -31,15 +34,15 @@ def repair(clip: Clip) -> tuple[Clip, list[Defect]]:
     joints = len(clip.skeleton.names)
     reading = clip.provenance.get("reading", {})
     if reading.get("units_rule") == SET_BY_USER:
-        text = _not_as_named(leg, reading["units"])
+        text = _contradicts_user(leg, reading["units"])
         return clip, [Defect("wrong_units", joints, "joints", "refused", text)]
     factor, found = unit_correction(leg, joints)
     return scaled(clip, factor) if factor != 1.0 else clip, found
 
 
-def _not_as_named(leg: float, unit: str) -> str:
-    """Why a leg of so many metres is refused in the unit that the user named, and which unit would do."""
+def _contradicts_user(leg: float, unit: str) -> str:
+    """The message for a leg of `leg` metres in the unit that the user gave, with the units that would fit."""
     length = leg / UNITS[unit]
     fits = " or ".join(f"{length * UNITS[name]:.2f} m in {name}" for name in plausible_units(length, UNITS))
-    would = f"it would be {fits}" if fits else "it fits in no unit of length"
+    would = f"it would be {fits}" if fits else "it fits no unit of length"
     return f"a leg (thigh and shank) of {leg:.4g} m in {unit}, {SET_BY_USER}; {would}"

@@ -1,4 +1,8 @@
-"""Which way is up: the standing body says so, whatever the file's axes were taken for."""
+"""Detects a clip whose vertical is not +Z, from the axis along which the body stands, and rotates it upright.
+
+Only a body that walks, steps or squats is rotated. Lying, crawling and push-ups look like standing on the
+side, so without such movement the defect is flagged.
+"""
 
 from __future__ import annotations
 
@@ -13,19 +17,19 @@ from kinemimic.pipeline.kinematics.rotations import conjugate, from_axis_angle, 
 from kinemimic.pipeline.kinematics.skeleton import NODE_INDEX
 from kinemimic.pipeline.quality.rules.defect import Defect
 
-# Trunk and legs within this angle of one line: a body that stands, or lies straight.
-STRAIGHT = np.radians(35.0)
-# The most upright tenth of the straight frames is this far from our up-axis, and this near to another one.
-WRONG = np.radians(50.0)
-NEAR = np.radians(30.0)
-# Metres. Who stands walks this far across the body's length, …
-WALK = 1.0
-# … or lets both ankles swing this far to either side of the hips, where a floor leaves no room for it, …
-SWING = 0.10
-# … or lowers the hips by this much over ankles that stay, on knees whose bend changes by this much.
-SQUAT = 0.15
-SQUAT_KNEES = np.radians(40.0)
-# The turns that bring each axis up (onto +Z): about which of our axes, by how much.
+# Angle between trunk and legs of a straight body, standing or lying.
+MAX_BEND = np.radians(35.0)
+# The most upright tenth of the straight frames is at least this far from +Z, and this close to another axis.
+MIN_TILT = np.radians(50.0)
+MAX_AXIS_ERROR = np.radians(30.0)
+# Metres. A standing body walks this far across its long axis, …
+MIN_WALK = 1.0
+# … or swings both ankles this far to either side of the hips, which the floor prevents when lying, …
+MIN_ANKLE_SWING = 0.10
+# … or lowers the hips by this much over planted ankles, on knees whose bend changes by this much.
+MIN_SQUAT_DEPTH = 0.15
+MIN_SQUAT_KNEE_RANGE = np.radians(40.0)
+# Rotations that turn each axis up (onto +Z): axis and angle.
 _TURNS: dict[str, tuple[str, float]] = {
     "+X": ("Y", -0.5 * np.pi),
     "-X": ("Y", 0.5 * np.pi),
@@ -36,43 +40,43 @@ _TURNS: dict[str, tuple[str, float]] = {
 
 
 def repair(clip: Clip) -> tuple[Clip, list[Defect]]:
-    """The clip with its up-axis turned up. Told by the clip's most upright postures, so that bending,
-    sitting down or a lift to the camera of some degrees change nothing. Who lies, crawls or does push-ups
-    looks like a standing body on its side; so only one that walks, steps or squats is turned, others are
-    flagged.
+    """The clip rotated so that the body stands along +Z.
+
+    Only the most upright postures count, so that bending, sitting down or a slightly tilted camera have no
+    effect.
     """
     points = nodes_of(clip)
     trunk = unit(between(points, "hips", "shoulders"))
     legs = unit(between(points, "ankles", "hips"))
-    straight = np.sum(trunk * legs, axis=-1) > np.cos(STRAIGHT)
+    straight = np.sum(trunk * legs, axis=-1) > np.cos(MAX_BEND)
     if straight.sum() < 0.1 * len(straight):
         straight = np.isfinite(trunk).all(axis=-1)
     if not straight.any():
         return clip, []
     postures = trunk[straight]
-    if np.percentile(postures[:, 2], 90.0) > np.cos(WRONG):
+    if np.percentile(postures[:, 2], 90.0) > np.cos(MIN_TILT):
         return clip, []
     candidates = {axis: rotate(from_axis_angle(*turn), postures)[:, 2] for axis, turn in _TURNS.items()}
     axis = max(candidates, key=lambda name: float(np.percentile(candidates[name], 90.0)))
     best = float(np.degrees(np.arccos(np.clip(np.percentile(candidates[axis], 90.0), -1.0, 1.0))))
-    found = f"at its most upright the body stands along our {axis} axis (within {best:.0f} deg), not along +Z"
-    clear = best < np.degrees(NEAR) and np.mean(candidates[axis] > np.cos(WRONG)) > 0.5
+    found = f"at its most upright the body stands along the {axis} axis (within {best:.0f} deg), not +Z"
+    clear = best < np.degrees(MAX_AXIS_ERROR) and np.mean(candidates[axis] > np.cos(MIN_TILT)) > 0.5
     frames = int(straight.sum())
     if not clear:
-        text = f"the body never stands along +Z; nearest is {axis}, off by {best:.0f} deg: left as it is"
+        text = f"the body never stands along +Z; nearest is {axis}, off by {best:.0f} deg; left as recorded"
         return clip, [Defect("wrong_up_axis", frames, "frames", "flagged", text)]
     up = rotate(conjugate(from_axis_angle(*_TURNS[axis])), np.array([0.0, 0.0, 1.0]))
-    # Nobody stands on the head for most of a recording.
+    # Nobody does a headstand for most of a recording.
     if axis != "-Z" and not _stands(points, up):
-        text = f"{found}; but it neither walks nor squats: who lies or crawls looks the same; left as it is"
+        text = f"{found}; but it neither walks nor squats, and may be lying or crawling; left as recorded"
         return clip, [Defect("wrong_up_axis", frames, "frames", "flagged", text)]
     return turned(clip, from_axis_angle(*_TURNS[axis])), [
-        Defect("wrong_up_axis", frames, "frames", "repaired", f"{found}; turned up")
+        Defect("wrong_up_axis", frames, "frames", "repaired", f"{found}; rotated upright")
     ]
 
 
 def turned(clip: Clip, turn: Array) -> Clip:
-    """The clip in a world turned by a quaternion: positions, root rotation and the file's axes together."""
+    """The clip rotated by a quaternion: positions, root rotation and the axes of the file."""
     rotations = clip.rotations
     if rotations is not None:
         rotations = rotations.copy()
@@ -87,9 +91,9 @@ def turned(clip: Clip, turn: Array) -> Clip:
 
 
 def _stands(points: Array, up: Array) -> bool:
-    """True if the body (T, 20, 3) moves as only a standing one does, were `up` (3,) up."""
+    """True if the body (T, 20, 3) moves as only a standing body can, if `up` (3,) is up."""
     hips = place(points, "hips")
-    if _travel(hips - np.outer(hips @ up, up)) > WALK:
+    if _travel(hips - np.outer(hips @ up, up)) > MIN_WALK:
         return True
     ankles = [points[:, NODE_INDEX[f"ankle_{side}"]] for side in ("left", "right")]
     beside = [ankle - hips for ankle in ankles]
@@ -98,23 +102,23 @@ def _stands(points: Array, up: Array) -> bool:
     apart = apart[np.isfinite(apart).all(axis=-1)]
     if len(apart) < 2:
         return False
-    swing = np.linalg.eigh(np.cov(apart.T))[1][:, -1]  # the line on which the ankles pass each other
+    swing = np.linalg.eigh(np.cov(apart.T))[1][:, -1]  # the axis along which the ankles pass each other
     ends = [_ends((way @ swing)[:, None])[:, 0] for way in beside]
-    if all(low < -SWING and high > SWING for low, high in ends):
+    if all(low < -MIN_ANKLE_SWING and high > MIN_ANKLE_SWING for low, high in ends):
         return True
     lowered = _travel((hips @ up)[:, None])
     planted = max(_travel(ankle) for ankle in ankles)
     bends = [_travel(bend(points, side)[:, None]) for side in ("left", "right")]
-    return lowered > max(SQUAT, 2.0 * planted) and min(bends) > SQUAT_KNEES
+    return lowered > max(MIN_SQUAT_DEPTH, 2.0 * planted) and min(bends) > MIN_SQUAT_KNEE_RANGE
 
 
 def _travel(places: Array) -> float:
-    """The widest extent of places (T, n), as `_ends` has it."""
+    """The largest extent of positions (T, n) along an axis, over the middle 90 % (see `_ends`)."""
     low, high = _ends(places)
     return float(np.max(high - low))
 
 
 def _ends(places: Array) -> Array:
-    """Where the middle 90 % of places (T, n) begin and end along each axis, (2, n); 0 if none is there."""
+    """5th and 95th percentile (2, n) of positions (T, n) along each axis; 0 if all are missing."""
     there = places[np.isfinite(places).all(axis=-1)]
     return np.percentile(there, [5.0, 95.0], axis=0) if len(there) else np.zeros((2, places.shape[1]))

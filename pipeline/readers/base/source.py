@@ -29,10 +29,10 @@ _CONTROLS = bytes(b for b in range(32) if b not in b"\t\n\r\f\x1a")
 class Source:
     """The content of a file.
 
-    path: where it came from, for messages and companions; content: decompressed bytes, and for text without a
-    byte-order mark and with line feeds as line ends; sha256: hash of the file's own bytes; unit: unit of
-    length named by the user (a key of UNITS), if any; companions: name -> SHA-256 of the files in the same
-    folder that were read with it.
+    path: where it came from, for messages and sidecar files; content: decompressed bytes, and for text
+    without a byte-order mark and with line feeds as line ends; sha256: hash of the file's own bytes; unit:
+    unit of length named by the user (a key of UNITS), if any; sidecar_files: name -> SHA-256 of the files in
+    the same folder that were read with it.
     """
 
     def __init__(self, path: Path, content: bytes, sha256: str, unit: str | None = None) -> None:
@@ -40,7 +40,7 @@ class Source:
         self.content = _normalised(content)
         self.sha256 = sha256
         self.unit = unit
-        self.companions: dict[str, str] = {}
+        self.sidecar_files: dict[str, str] = {}
 
     @classmethod
     def open(cls, path: Path, *, unit: str | None = None) -> Source:
@@ -127,7 +127,7 @@ class Source:
         if not name or not (path := self.path.with_name(name)).is_file():
             return None
         companion_source = Source.open(path)
-        self.companions[name] = companion_source.sha256
+        self.sidecar_files[name] = companion_source.sha256
         return companion_source
 
     def error(

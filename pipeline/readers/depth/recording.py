@@ -102,7 +102,11 @@ def read_recording(folder: Path) -> Clip:
         reading=_reading(recording, checks, states),
         world_from_file=setup.mount.world_from_camera,
     )
-    basics = {"source": folder.name or folder.resolve().name, "sha256": digest.hexdigest(), "companions": {}}
+    basics = {
+        "source": folder.name or folder.resolve().name,
+        "sha256": digest.hexdigest(),
+        "sidecar_files": {},
+    }
     return replace(clip, provenance={**basics, **clip.provenance})
 
 

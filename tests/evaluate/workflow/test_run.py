@@ -54,7 +54,7 @@ def stages(monkeypatch: pytest.MonkeyPatch) -> Stages:
             for file in stage.writes:
                 made: Any = [name, file, read, context.args[1:]]
                 if file == "quality.json":
-                    made = {"made": made, "companions": {"capture.toml": "digest"}}
+                    made = {"made": made, "sidecar_files": {"capture.toml": "digest"}}
                 (folder / file).write_text(json.dumps(made))
             click.echo(f"table of {name}")
 
@@ -92,7 +92,7 @@ def test_a_truth_that_appears_beside_the_capture_counts(
     assert run(capture, tmp_path / "run").ran == NAMES
 
 
-def test_a_changed_companion_of_the_capture_counts(stages: Stages, capture: Path, tmp_path: Path) -> None:
+def test_a_changed_sidecar_file_of_the_capture_counts(stages: Stages, capture: Path, tmp_path: Path) -> None:
     # The stand-in of `ingest` says that it read a description of the columns beside the capture.
     description = capture.with_name("capture.toml")
     description.write_text("unit = 'm'")

@@ -180,7 +180,7 @@ def test_errors_name_the_file_and_what_to_do(tmp_path: Path, node_clip: Build) -
     table = pq.read_table(path)
     header = json.loads(table.schema.metadata[b"kinemimic"]) | {"schema": 99}
     pq.write_table(table.replace_schema_metadata({"kinemimic": json.dumps(header)}), path)
-    with pytest.raises(KinemimicError, match="a clip of schema 1, found 99, which a later version"):
+    with pytest.raises(KinemimicError, match="a clip of schema 2, found 99, which a later version"):
         read_clip(path)
     pq.write_table(table.replace_schema_metadata({}), path)
     with pytest.raises(CaptureError, match="expected a kinemimic clip"):
@@ -189,6 +189,16 @@ def test_errors_name_the_file_and_what_to_do(tmp_path: Path, node_clip: Build) -
         pq.write_table(table.replace_schema_metadata({"kinemimic": json.dumps(other)}), path)
         with pytest.raises(CaptureError, match=r"expected a kinemimic clip .* found another table"):
             read_clip(path)
+
+
+def test_a_clip_of_schema_1_is_upgraded(tmp_path: Path, node_clip: Build) -> None:
+    path, clip = tmp_path / "clip.parquet", node_clip()
+    write_clip(path, clip)
+    table = pq.read_table(path)
+    header = json.loads(table.schema.metadata[b"kinemimic"])
+    old = header | {"schema": 1, "provenance": {"source": "a.bvh", "companions": {"a.toml": "digest"}}}
+    pq.write_table(table.replace_schema_metadata({"kinemimic": json.dumps(old)}), path)
+    assert read_clip(path).provenance == {"source": "a.bvh", "sidecar_files": {"a.toml": "digest"}}
 
 
 def _column(name: str, values: Any) -> Callable[[pa.Table], pa.Table]:

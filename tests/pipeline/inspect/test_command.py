@@ -60,7 +60,7 @@ def test_a_page_on_one_file(walking: Writer, capsys: Out) -> None:
     assert call("inspect", walking()) == 0
     out = capsys.readouterr().out
     assert max(len(line) for line in out.splitlines()) <= 100
-    for word in ("Kinect v1 .skl text", "stature", "gait", "ankle_right", "What will be done"):
+    for word in ("Kinect v1 .skl text", "stature", "gait", "ankle_right", "What ingest will do"):
         assert word in out
     assert out.rstrip().endswith("usable")
 
@@ -68,7 +68,7 @@ def test_a_page_on_one_file(walking: Writer, capsys: Out) -> None:
 def test_a_single_bad_file_is_status_2(tmp_path: Path, capsys: Out) -> None:
     (tmp_path / "README.md").write_text("# Words\n")
     assert call("inspect", tmp_path / "README.md") == 2
-    assert "no capture" in capsys.readouterr().out
+    assert "not a capture" in capsys.readouterr().out
     assert call("inspect", tmp_path / "none.skl") == 2
     assert "refused" in capsys.readouterr().out
 
@@ -152,22 +152,26 @@ def test_refusals_alike_are_one_line(walking: Writer, tmp_path: Path, capsys: Ou
     assert call("inspect", tmp_path / "lib") == 0
     lines = [line for line in capsys.readouterr().out.splitlines() if "expected" in line]
     assert len(lines) < 5
-    assert any("files alike, cut0.skl, cut1.skl, cut2.skl and 2 more: line" in line for line in lines)
+    assert any("similar files, cut0.skl, cut1.skl, cut2.skl and 2 more: line" in line for line in lines)
 
 
-def test_a_page_draws_some_captures_and_names_the_others(
+def test_a_page_plots_some_captures_and_names_the_others(
     library: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("kinemimic.pipeline.inspect.curves.MOST_DRAWN", 2)
+    monkeypatch.setattr("kinemimic.pipeline.inspect.curves.MAX_PLOTTED", 2)
     assert call("inspect", library, "--plot", tmp_path / "page.html") == 0
     text = (tmp_path / "page.html").read_text(encoding="utf-8")
-    drawn, _, others = text.partition("not drawn")
+    drawn, _, others = text.partition("not plotted")
     assert "<h2>one.skl" in drawn and "one.skl" not in others
-    assert "two.skl" in others and "three.skl" in others and "the first 2 captures are drawn" in others
+    assert "two.skl" in others and "three.skl" in others and "Only the first 2 captures are plotted" in others
 
 
 def _read(name: str, companions: list[str], **more: Any) -> dict[str, Any]:
-    return unread_report(Path("lib", name), "usable", "") | {"read": True, "companions": companions, **more}
+    return unread_report(Path("lib", name), "usable", "") | {
+        "read": True,
+        "sidecar_files": companions,
+        **more,
+    }
 
 
 def test_what_was_read_with_a_capture_is_no_capture() -> None:
@@ -179,7 +183,7 @@ def test_what_was_read_with_a_capture_is_no_capture() -> None:
             _read("p_positions.txt", ["p_angles.txt"]),
         ]
     )
-    assert [report["status"] for report in reports] == ["companion", "usable", "usable", "companion"]
+    assert [report["status"] for report in reports] == ["sidecar", "usable", "usable", "sidecar"]
 
 
 def test_a_folders_medians_leave_out_what_is_refused() -> None:

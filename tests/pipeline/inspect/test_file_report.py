@@ -13,7 +13,14 @@ from samples.motion import walk
 
 from kinemimic.pipeline.gait.walking import detect_gait
 from kinemimic.pipeline.inspect.file_report import file_report, inspect_file, unread_report
-from kinemimic.pipeline.inspect.measures import bones, jitter, legs, nodes_of, recorded_angles, stature
+from kinemimic.pipeline.inspect.measures import (
+    available_nodes,
+    jitter,
+    leg_angle_ranges,
+    recorded_angles,
+    segment_lengths,
+    stature,
+)
 from kinemimic.pipeline.kinematics.clip import Clip
 from kinemimic.pipeline.kinematics.rotations import from_axis_angle, rotate
 from kinemimic.pipeline.kinematics.skeleton import INFERRED, NODE_INDEX
@@ -40,13 +47,13 @@ def test_the_report_on_a_known_walk(walking: Writer) -> None:
     assert (report["frames"], report["frames_in_passes"], len(report["passes"])) == (150, 150, 1)
     thigh = np.linalg.norm(truth.joints[0, NODE_INDEX["hip_left"]] - truth.joints[0, NODE_INDEX["knee_left"]])
     assert report["bones_m"]["thigh"]["left"] == pytest.approx(thigh, abs=1e-3)
-    assert report["bones_m"]["thigh"]["spread"] < 1e-3
+    assert report["bones_m"]["thigh"]["cv"] < 1e-3
     for side in ("left", "right"):
         peak = np.degrees(np.percentile(truth.angles[f"knee_{side}"], 95.0))
         assert report["angles"]["knee"][side]["high_deg"] == pytest.approx(peak, abs=0.5)
     assert report["joints"]["knee_left"]["tracked"] == 1.0
-    assert report["joints"]["knee_left"]["lost"] == 0.0
-    assert report["plan"]
+    assert report["joints"]["knee_left"]["missing"] == 0.0
+    assert report["planned_steps"]
 
 
 def test_a_report_is_json_with_the_same_keys_whatever_the_file(walking: Writer, tmp_path: Path) -> None:
@@ -83,7 +90,7 @@ def test_simulated_by_what_lies_beside(walking: Writer) -> None:
     path.with_suffix(".provenance.json").write_text('{"simulated": true}')
     report = file_report(path)
     assert report["simulated"]
-    assert report["companions"] == ["walk.provenance.json"]
+    assert report["sidecar_files"] == ["walk.provenance.json"]
 
 
 def test_too_large_for_the_memory_is_one_line(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -99,7 +106,7 @@ def test_every_sensor_that_formats_names_is_found(walking: Writer) -> None:
 
 
 def test_gait_on_a_path_a_treadmill_and_before_a_turning_camera(walk_clip: Clip) -> None:
-    nodes, _, _ = nodes_of(walk_clip)
+    nodes, _, _ = available_nodes(walk_clip)
     on_path = detect_gait(walk_clip, nodes)
     middle = nodes[:, [NODE_INDEX["hip_left"], NODE_INDEX["hip_right"]], :2].mean(axis=1)
     in_place = nodes.copy()
@@ -121,7 +128,7 @@ def test_gait_on_a_path_a_treadmill_and_before_a_turning_camera(walk_clip: Clip)
 
 
 def test_standing_and_exchanged_legs_are_no_gait(walk_clip: Clip) -> None:
-    nodes, _, _ = nodes_of(walk_clip)
+    nodes, _, _ = available_nodes(walk_clip)
     standing = np.repeat(nodes[:1], len(nodes), axis=0)
     standing += np.random.default_rng(0).normal(scale=0.01, size=standing.shape)
     assert detect_gait(walk_clip, standing) is None
@@ -133,15 +140,15 @@ def test_standing_and_exchanged_legs_are_no_gait(walk_clip: Clip) -> None:
 
 
 def test_the_peak_is_of_the_better_tracked_side(walk_clip: Clip) -> None:
-    nodes, states, _ = nodes_of(walk_clip)
+    nodes, states, _ = available_nodes(walk_clip)
     worse = states.copy()
     worse[:, NODE_INDEX["ankle_left"]] = INFERRED
-    assert legs(nodes, worse)["knee_peak_side"] == "right"
+    assert leg_angle_ranges(nodes, worse)["knee_peak_side"] == "right"
     noisy = nodes.copy()
     noisy[:, NODE_INDEX["knee_right"]] += np.random.default_rng(0).normal(scale=0.02, size=(len(nodes), 3))
-    assert legs(noisy, states)["knee_peak_side"] == "left"
+    assert leg_angle_ranges(noisy, states)["knee_peak_side"] == "left"
     gone = np.full_like(nodes, np.nan)
-    assert legs(gone, states)["knee_peak_deg"] is None
+    assert leg_angle_ranges(gone, states)["knee_peak_deg"] is None
 
 
 def test_stature_of_an_average_body() -> None:
@@ -151,9 +158,9 @@ def test_stature_of_an_average_body() -> None:
 
 
 def test_bones_of_half_a_body_are_those_that_are_there(walk_clip: Clip) -> None:
-    nodes, _, _ = nodes_of(walk_clip)
+    nodes, _, _ = available_nodes(walk_clip)
     nodes[:, NODE_INDEX["ankle_left"]] = np.nan
-    lengths = bones(nodes)
+    lengths = segment_lengths(nodes)
     assert lengths["shank"]["left"] is None
     assert lengths["shank"]["median"] == lengths["shank"]["right"]
 
@@ -169,7 +176,7 @@ def test_jitter_is_the_noise_that_was_added(walk_clip: Clip) -> None:
 
 
 def test_the_files_own_knee_against_ours(walk_clip: Clip) -> None:
-    nodes, _, _ = nodes_of(walk_clip)
+    nodes, _, _ = available_nodes(walk_clip)
     truth = walk(150).angles["knee_left"]
     shifted = replace(walk_clip, angles={"knee_left": truth + np.radians(4.0), "elbow_left": truth})
     report = recorded_angles(shifted, nodes, shifted.passes >= 0)

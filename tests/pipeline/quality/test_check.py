@@ -123,14 +123,14 @@ def test_a_wrong_unit_is_the_reason_where_everybody_jumps() -> None:
     assert (found.rule, found.action) == ("wrong_units", "refused")
 
 
-def test_nobody_and_moments_are_refused(node_clip: Build) -> None:
+def test_no_subject_and_short_passes_are_refused(node_clip: Build) -> None:
     clip = walk()
     empty = replace(clip, positions=np.full_like(clip.positions, np.nan), states=np.zeros_like(clip.states))
     refused = check_capture(empty).refused
-    assert refused is not None and refused.text == "nobody in any of 120 frames"
+    assert refused is not None and refused.text == "no subject in any of 120 frames"
     refused = check_capture(walk(10)).refused
     assert refused is not None and "shorter than 0.5 s" in refused.text
-    assert planned_steps(check_capture(empty)) == ["refused: nobody in any of 120 frames"]
+    assert planned_steps(check_capture(empty)) == ["refused: no subject in any of 120 frames"]
 
 
 def test_a_body_without_legs_is_refused_with_the_names() -> None:
@@ -185,7 +185,7 @@ ANDERSSON = [
 ]
 REFUSED = {
     "kinect1_treadmill_c3d/skeleton_3d_20h17m38.txt": "thigh 0.32 m and shank 0.22 m",
-    "kinect2_kimore/JointPositionExercise5.csv": "as of a small child, but leg 2.2",
+    "kinect2_kimore/JointPositionExercise5.csv": "as in a small child, but leg 2.2",
 }
 
 

@@ -5,16 +5,18 @@ from __future__ import annotations
 import json
 from collections.abc import Callable
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
 from rich.console import Console
 
+from kinemimic.pipeline.files.store import write_json
 from kinemimic.pipeline.filters.clean import clean
 from kinemimic.pipeline.kinematics.clip import Clip
 from kinemimic.pipeline.kinematics.skeleton import NODE_INDEX
 from kinemimic.pipeline.quality.passes import find_passes, with_passes
-from kinemimic.pipeline.quality.report import quality_report, quality_table
+from kinemimic.pipeline.quality.report import quality_report, quality_table, read_quality
 from kinemimic.pipeline.quality.rules.defect import Defect
 
 Build = Callable[..., Clip]
@@ -44,8 +46,8 @@ def test_counts(clip: Clip) -> None:
     assert report["complete_frames"] == 75
     assert [(d["rule"], d["count"]) for d in report["defects"]] == [("duplicate_frames", 3)]
     head, hand = report["joints"]["head"], report["joints"]["hand_left"]
-    assert (head["tracked"], head["inferred"], head["lost"], head["filled"]) == (0.9, 0.1, 0.0, 0.0)
-    assert (hand["tracked"], hand["inferred"], hand["lost"], hand["filled"]) == (0.75, 0.0, 0.25, 0.05)
+    assert (head["tracked"], head["inferred"], head["missing"], head["filled"]) == (0.9, 0.1, 0.0, 0.0)
+    assert (hand["tracked"], hand["inferred"], hand["missing"], hand["filled"]) == (0.75, 0.0, 0.25, 0.05)
     assert report["clock"] == {
         "rate_hz": 30.0,
         "step_ms": 33.333,
@@ -55,7 +57,7 @@ def test_counts(clip: Clip) -> None:
     assert report["passes"] == [
         {"pass": 0, "first_frame": 0, "last_frame": 99, "start": 0.0, "end": 3.3, "complete_frames": 75}
     ]
-    assert "gaps up to 0.2 s filled: 5 joint positions" in report["done"]
+    assert "gaps up to 0.2 s filled: 5 joint positions" in report["processing"]
     json.dumps(report, allow_nan=False)
 
 
@@ -92,3 +94,21 @@ def test_the_table_says_when_a_capture_is_simulated(clip: Clip) -> None:
     assert "made.skl: Kinect v1 .skl text, SIMULATED, unit m" in text
     assert "  repaired  duplicated frames  3 lines dropped" in text
     assert any(line.split()[:4] == ["hand_left", "75.0", "0.0", "25.0"] for line in text.splitlines())
+
+
+def test_a_report_of_schema_1_is_upgraded(clip: Clip, tmp_path: Path) -> None:
+    acquisition = find_passes(clip)
+    now = quality_report(clip, acquisition, clean(clip, "none")[1], DEFECTS)
+    now["sidecar_files"] = {"walk.toml": "0" * 64}
+    old = {key: value for key, value in now.items() if key not in ("sidecar_files", "processing")}
+    old |= {"schema": 1, "companions": now["sidecar_files"], "done": now["processing"]}
+    old["joints"] = {
+        name: {"lost" if key == "missing" else key: value for key, value in joint.items()}
+        for name, joint in now["joints"].items()
+    }
+    old["defects"] = [
+        {"of" if key == "unit" else key: value for key, value in one.items()} for one in now["defects"]
+    ]
+    for document in (old, now):
+        write_json(tmp_path / "quality.json", document)
+        assert read_quality(tmp_path / "quality.json") == now

@@ -135,7 +135,7 @@ def test_who_bends_or_lies_is_not_turned(moving: Moving, node_clip: Moving) -> N
     assert wrong_up_axis.repair(bending)[1] == []
     lying = wrong_up_axis.turned(node_clip(60), from_axis_angle("Y", 0.5 * np.pi))
     same, (found,) = wrong_up_axis.repair(lying)
-    assert same is lying and found.action == "flagged" and "lies" in found.text
+    assert same is lying and found.action == "flagged" and "lying" in found.text
     leaning = wrong_up_axis.turned(clip, from_axis_angle("Y", np.radians(25.0)))  # a camera that looks down
     assert wrong_up_axis.repair(leaning)[1] == []
 

@@ -25,7 +25,7 @@ def test_missing_frames_are_counted(moving: Moving) -> None:
     whole = moving(120)
     missing = np.isin(np.arange(120), [20, 50, 51, 52, 90])
     (found,) = clock.detect(select_frames(whole, ~missing))
-    assert (found.rule, found.count, found.of) == ("dropped_frames", 5, "frames")
+    assert (found.rule, found.count, found.unit) == ("dropped_frames", 5, "frames")
     assert "in 3 places" in found.text and "at most 3 in a row" in found.text
     # Frame 19 is the last before the first hole; behind each hole the frames have moved up by its width.
     assert found.frames == ((19, 19), (48, 48), (85, 85))

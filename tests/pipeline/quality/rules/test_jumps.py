@@ -38,7 +38,7 @@ def test_jumps_are_taken_out_and_filled(moving: Moving, kind: str, tolerance: fl
     for (frame, joint), size in PLANTED.items():
         broken.positions[frame, N[joint], 1] += size
     repaired, (found,) = jumps.repair(broken)
-    assert (found.rule, found.count, found.of, found.action) == ("jumps", 4, "joint positions", "repaired")
+    assert (found.rule, found.count, found.unit, found.action) == ("jumps", 4, "joint positions", "repaired")
     assert found.frames == ((20, 20), (57, 57), (90, 90))
     assert "up to 0.5" in found.text
     missing = np.zeros(clip.states.shape, dtype=np.bool_)
@@ -110,5 +110,5 @@ def test_a_joint_that_was_never_seen(moving: Moving) -> None:
     clip = moving(60)
     without(clip, 0, 59, "hand_left")
     (found,) = gaps.detect(clip)
-    assert (found.count, found.of, found.action) == (1, "joints", "flagged")
+    assert (found.count, found.unit, found.action) == (1, "joints", "flagged")
     assert found.text == "never seen: hand_left"

@@ -111,7 +111,10 @@ def test_a_sprinters_ankles_on_a_walkers_knees(moving: Moving) -> None:
     assert (found.rule, found.action) == ("wrong_rate", "flagged")
     assert "the ankles part at" in found.text
     # Who really runs, bends the knees for it.
-    assert wrong_rate.ankle_speed(nodes_of(moving(240, kind="run")), walk.times) > wrong_rate.PARTING
+    assert (
+        wrong_rate.ankle_speed(nodes_of(moving(240, kind="run")), walk.times)
+        > wrong_rate.MAX_WALKING_ANKLE_SPEED
+    )
     assert wrong_rate.detect(moving(240, kind="run")) == []
 
 

@@ -31,7 +31,7 @@ def test_the_sample(tmp_path: Path) -> None:
     assert (clip.states[:, NODE_INDEX["foot_right"]] == 1).all()
     assert (clip.states[:, NODE_INDEX["head"]] == 2).all()
     assert clip.times == pytest.approx(walk(FRAMES).times, abs=1e-5)
-    assert set(clip.provenance["companions"]) == {"aufnahme.toml"}
+    assert set(clip.provenance["sidecar_files"]) == {"aufnahme.toml"}
     assert clip.provenance["reading"]["units"] == "mm"
 
 
@@ -239,7 +239,7 @@ def test_where_descriptions_lie(tmp_path: Path) -> None:
     (tmp_path / "capture.toml").write_text(
         description.replace("kinemimic = 1", 'kinemimic = 1\nfiles = ["*.csv", "*.txt"]')
     )
-    assert set(recognise.read(tmp_path / "a.csv").provenance["companions"]) == {"capture.toml"}
+    assert set(recognise.read(tmp_path / "a.csv").provenance["sidecar_files"]) == {"capture.toml"}
     assert len(recognise.read(tmp_path / "b.txt").times) == 6
     with pytest.raises(CaptureError, match="expected a capture, found text"):
         recognise.read(tmp_path / "remarks.md")

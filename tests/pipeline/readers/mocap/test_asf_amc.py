@@ -60,7 +60,7 @@ def test_the_known_walk_comes_back(tmp_path: Path) -> None:
         ours = clip.positions[:, clip.skeleton.index(joint)]
         np.testing.assert_allclose(ours, walk.joints[:, walk.skeleton.index(node)], atol=1e-5, err_msg=joint)
     np.testing.assert_allclose(clip.times, np.arange(FRAMES) / 120.0)
-    assert list(clip.provenance["companions"]) == ["07.asf"]
+    assert list(clip.provenance["sidecar_files"]) == ["07.asf"]
     assert "120 Hz" in clip.provenance["reading"]["notes"][0]
 
 
@@ -123,14 +123,14 @@ def test_nodes_of_cmu_have_human_lengths(captures: Path) -> None:
 def test_the_skeleton_is_found_beside(tmp_path: Path, skeleton: str) -> None:
     path = sample(tmp_path)
     (tmp_path / "07.asf").rename(tmp_path / skeleton)
-    assert list(read(path).provenance["companions"]) == [skeleton]
+    assert list(read(path).provenance["sidecar_files"]) == [skeleton]
 
 
 def test_among_several_skeletons_the_one_of_its_name(tmp_path: Path) -> None:
     path = sample(tmp_path)
     for other in ("0.asf", "08.asf", "071.asf"):
         (tmp_path / other).write_text("no skeleton")
-    assert list(read(path).provenance["companions"]) == ["07.asf"]
+    assert list(read(path).provenance["sidecar_files"]) == ["07.asf"]
     (tmp_path / "07.asf").unlink()
     with pytest.raises(CaptureError, match=r"07_01.asf or 07.asf, found 0.asf, 071.asf, 08.asf"):
         read(path)

@@ -67,7 +67,7 @@ def test_either_file_is_the_recording(tmp_path: Path) -> None:
     assert one.euler is not None
     assert two.euler is not None
     assert np.array_equal(one.euler, two.euler)
-    assert one.provenance["companions"] == {"kinect_m01_s01_e01_angles.txt.gz": two.provenance["sha256"]}
+    assert one.provenance["sidecar_files"] == {"kinect_m01_s01_e01_angles.txt.gz": two.provenance["sha256"]}
 
 
 def test_without_its_companion_the_expected_name_is_told(tmp_path: Path) -> None:

@@ -50,7 +50,7 @@ def test_what_was_written_is_read_once_for_each_number(tmp_path: Path) -> None:
         {"name": "sitDown", "first_frame": 250, "last_frame": 260, "start": 250 / 30, "end": 260 / 30},
     ]
     assert clip.provenance["reading"]["notes"] == ["actionLabel.txt has no frames for 'carry:  NaN NaN'"]
-    assert set(clip.provenance["companions"]) == {"actionLabel.txt"}
+    assert set(clip.provenance["sidecar_files"]) == {"actionLabel.txt"}
 
 
 def test_the_same_person_is_kept_where_there_are_two() -> None:
