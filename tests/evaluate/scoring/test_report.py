@@ -109,7 +109,14 @@ def test_sections_follow_the_files_of_other_stages_and_a_real_capture_has_no_ban
             ],
         },
     )
-    joint = {"tracked": 0.9, "inferred": 0.08, "missing": 0.02, "filled": 0.02, "bone_m": None, "bone_cv": None}
+    joint = {
+        "tracked": 0.9,
+        "inferred": 0.08,
+        "missing": 0.02,
+        "filled": 0.02,
+        "bone_m": None,
+        "bone_cv": None,
+    }
     write_json(
         tmp_path / "quality.json",
         {
