@@ -1,4 +1,4 @@
-"""The ankles of a walk whose sensor does not see feet: those of normal walking, on this walker's shanks."""
+"""Ankles of a walk whose feet the sensor did not see: the normative curve on this walker's shanks."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from kinemimic.retarget.feet.contact import sole_positions
 from kinemimic.retarget.feet.legs import lean_and_yaw
 from kinemimic.retarget.feet.scale import body_kinematics
 
-# What a walk gets whose feet no sensor saw: flat in stance and at rest else, or as normal walking has it.
+# Ankles of a walk whose feet were not seen: flat in stance and neutral otherwise, or the normative curve.
 AnkleMode = Literal["neutral", "normal"]
 ANKLE_MODES: tuple[AnkleMode, ...] = get_args(AnkleMode)
 
@@ -22,31 +22,30 @@ FOOT_FLAT = (
     0.08,
     0.36,
 )  # of the stride: the sole lies on the ground, from after landing until the heel leaves
-MIN_CLEARANCE = 0.015  # m over the lowest sole, by which a swinging foot passes
+MIN_CLEARANCE = 0.015  # m between a swinging sole and the standing one
 MAX_TOE_LIFT = np.radians(20.0)
-FEET_ADJACENT = (0.66, 0.82)  # of the stride: a swinging foot passes the other
+FEET_ADJACENT = (0.66, 0.82)  # of the stride: the swinging foot passes the other
 _SWING_PHASE = (FOOT_OFF + 0.02, 0.96)
 _BLEND = 0.08
 _TOE_LENGTH = 0.12  # m from the ankle to the end of the sole
 
 
 def normal_feet(rotations: Array, phase: Array) -> Array:
-    """Local rotations (T, 20, 4) of a walk with the ankles of normal walking, phases (T,) in cycles.
+    """Local rotations (T, 20, 4) of a walk with normative ankles; phases (T,) in cycles.
 
-    A foot's stride begins where it is farthest ahead, at its first contact. The curve is moved as a whole so
-    that the sole is flat in the middle of stance: where the shank's upright is, a sensor does not know to 5
-    degrees. A sensor's knee bends too little in swing; the toes are then lifted by what the foot lacks to
-    pass over the ground.
+    A foot's stride begins where the foot is farthest ahead, at initial contact. The curve gets one offset
+    that makes the sole flat in mid-stance, because a sensor knows the shank's vertical only to 5 degrees. A
+    sensor's knee bends too little in swing, so the toes are lifted until the foot clears the ground.
     """
     lifts = np.zeros(2)
-    # Lifting the toes lowers the heel: what is lacking is made up in a few rounds.
+    # Lifting the toes lowers the heel: a few rounds reach the clearance.
     for _ in range(4):
         out = _with_ankles(rotations, phase, lifts)
         heights = sole_positions(*body_kinematics(out))[..., 2].min(axis=-1)
         for foot, stride in enumerate(_foot_phases(phase)):
             passing = (stride > FEET_ADJACENT[0]) & (stride < FEET_ADJACENT[1])
             if passing.any():
-                # The other foot stands on the ground meanwhile.
+                # The other foot is on the ground.
                 over = (heights[passing, foot] - heights[passing, 1 - foot]).min()
                 lifts[foot] = min(lifts[foot] + max(0.0, MIN_CLEARANCE - over) / _TOE_LENGTH, MAX_TOE_LIFT)
     return _with_ankles(rotations, phase, lifts)
@@ -66,7 +65,7 @@ def _with_ankles(rotations: Array, phase: Array, lifts: Array) -> Array:
         pitch = lean - band("ankle", stride)[0]
         flat = (stride > FOOT_FLAT[0]) & (stride < FOOT_FLAT[1])
         pitch -= float(np.mean(pitch[flat])) if flat.any() else 0.0
-        # A raised cosine at either end: the curve has no corner.
+        # A raised cosine at either end keeps the curve smooth.
         share = np.clip(np.minimum(stride - _SWING_PHASE[0], _SWING_PHASE[1] - stride) / _BLEND, 0.0, 1.0)
         pitch -= lift * 0.5 * (1.0 - np.cos(np.pi * share))
         foot = multiply(from_axis_angle("Z", yaw), from_axis_angle("Y", pitch))

@@ -1,4 +1,4 @@
-"""Feet and ground: sole heights, which feet stand and where, what slips."""
+"""Foot contact: sole positions, contact detection, stances and slip."""
 
 from __future__ import annotations
 
@@ -13,15 +13,15 @@ from kinemimic.pipeline.kinematics.skeleton import NODE_INDEX as N
 from kinemimic.retarget.humanoid.body import sole_corners
 
 ANKLE_NODES = (N["ankle_left"], N["ankle_right"])
-MIN_STANCE = 0.05  # s: what stands for less is a foot that passes
-# Time (s), or share of its stance if that is less, in which a foot that lands or leaves gains or loses hold.
+MIN_STANCE = 0.05  # s: a shorter contact is a foot in passing
+# Time (s), or share of the stance if that is less, over which the weight of a contact fades in and out.
 FADE_TIME, FADE_SHARE = 0.06, 0.12
 LEVEL_TOLERANCE = 0.002  # m
-LOAD_HEIGHT = 0.01  # m above the lowest corner of a sole, within which another corner carries too
+LOAD_HEIGHT = 0.01  # m above the lowest corner of a sole within which another corner bears weight too
 
 
 def sole_positions(positions: Array, frames: Array) -> Array:
-    """World positions (T, 2, 4, 3) of the sole corners, left then right, from `Motion.kinematics()`."""
+    """World positions (T, 2, 4, 3) of the sole corners, left then right; arguments of `Motion.kinematics`."""
     corners = sole_corners()
     return np.stack(
         [positions[:, None, a] + rotate(frames[:, None, a], corners[None]) for a in ANKLE_NODES], axis=1
@@ -29,7 +29,7 @@ def sole_positions(positions: Array, frames: Array) -> Array:
 
 
 def corner_velocity(corners: Array, rate: float, cycle_offset: Array | None) -> Array:
-    """Central differences (T, 2, 4, 3) in m/s; a cyclic motion continues moved by `cycle_offset`."""
+    """Velocities (T, 2, 4, 3) in m/s by central differences; cycle_offset: (3,), None if not cyclic."""
     if cycle_offset is None:
         return np.asarray(np.gradient(corners, 1.0 / rate, axis=0))
     before = np.concatenate([corners[-1:] - cycle_offset, corners[:-1]])
@@ -50,8 +50,9 @@ def at_lowest_corner(corners: Array, values: Array) -> Array:
 
 @dataclass(frozen=True)
 class ContactThresholds:
-    """When a foot stands: from lower than `near` (m) and slower than `slow` (m/s) to higher than `far` or
-    faster than `fast`. Noise about one threshold would lift and plant it in every frame.
+    """Hysteresis of contact: starts below `near` (m) and `slow` (m/s), lasts up to `far` and `fast`.
+
+    With a single threshold, noise would toggle the contact in every frame.
     """
 
     near: float
@@ -60,21 +61,19 @@ class ContactThresholds:
     fast: float
 
 
-# Of a recording, frame by frame: a sensor's floor is level to some centimetres, and its ankles tremble.
+# For recorded frames: a sensor's floor is level only to some centimetres, and its ankles jitter.
 RECORDED_THRESHOLDS = ContactThresholds(near=0.06, far=0.10, slow=0.25, fast=0.5)
 
 
 def loop_thresholds(speed: float) -> ContactThresholds:
-    """Of a smooth loop on the body that advances at `speed` (m/s), where a foot that lands or leaves is
-    fast.
-    """
+    """Thresholds for a smooth loop that advances at `speed` (m/s): feet land and leave fast."""
     return ContactThresholds(near=0.025, far=0.03, slow=max(0.2, 0.35 * speed), fast=max(0.35, 0.5 * speed))
 
 
 def detect_contacts(
     height: Array, speed: Array, when: ContactThresholds, *, rate: float, cyclic: bool
 ) -> Mask:
-    """True (T, 2) where a foot stands, from heights over the ground (T, 2) and speeds over it (T, 2)."""
+    """Contacts (T, 2) from the feet's heights (T, 2) above the ground and speeds (T, 2) over it."""
     surely = (height < when.near) & (speed < when.slow)
     maybe = (height < when.far) & (speed < when.fast)
     stands = np.zeros_like(maybe)
@@ -89,10 +88,10 @@ def detect_contacts(
 
 
 def contact_speeds(corners: Array, stands: Mask, rate: float, cycle_offset: Array | None) -> Array:
-    """Speeds (K,) in m/s over the ground of feet from one frame in which they stand to the next.
+    """Speeds (K,) in m/s over the ground of feet in contact, between consecutive frames of contact.
 
-    Of the corner (T, 2, 4, 3) that is the lower over both frames; a cyclic motion goes on moved by
-    `cycle_offset`.
+    Measured at the corner (T, 2, 4, 3) that is lowest over both frames. cycle_offset: (3,) of a cyclic
+    motion, else None.
     """
     after, still = corners[1:], stands[1:]
     if cycle_offset is not None:
@@ -105,23 +104,23 @@ def contact_speeds(corners: Array, stands: Mask, rate: float, cycle_offset: Arra
 
 
 def _first_frame(inside: Mask, *, cyclic: bool) -> int:
-    """The frame from which to count runs of (T,): of a cycle one that no run spans, if there is one."""
+    """The frame from which to count runs of (T,): in a cycle, one outside any run, if there is one."""
     gaps = np.flatnonzero(~inside)
     return int(gaps[0]) if cyclic and len(gaps) else 0
 
 
 def _run_numbers(inside: Mask) -> NDArray[np.intp]:
-    """Of each frame (T,) the number of its run of True, from 1; between runs that of the run before, or 0."""
+    """Number (T,) of each frame's run of True, from 1; between runs, that of the previous run, or 0."""
     return np.asarray(np.cumsum(inside & ~np.concatenate([[False], inside[:-1]])), dtype=np.intp)
 
 
 @dataclass(frozen=True)
 class Stances:
-    """Who stands where over T frames.
+    """Stances over T frames.
 
-    number: (T, 2) of the stance, counted over both feet, 0 in swing; laps: (T, 2) cycles that lie between a
-    frame's stance and the frame, where a stance spans the seam; hold: (T, 2, 4) 0 to 1, how far each corner
-    of a sole carries.
+    number: (T, 2) of the stance, counted over both feet, 0 in swing
+    laps: (T, 2) cycles between the start of a frame's stance and the frame, if the stance spans the seam
+    hold: (T, 2, 4) weight of each sole corner's contact, 0 to 1
     """
 
     number: NDArray[np.intp]
@@ -129,10 +128,10 @@ class Stances:
     hold: Array
 
     def anchors(self, corners: Array, cycle_offset: Array) -> Array:
-        """Where the corners (T, 2, 4, 3) should be while they stand: (T, 2, 4, 2) metres on the ground.
+        """Target positions (T, 2, 4, 2) on the ground, metres, for corners (T, 2, 4, 3) in contact.
 
-        Of each stance one place and heading for the flat sole, the best in the sense of least squares (the
-        plane's Procrustes): corners that carry one after the other then stand for one rigid foot.
+        Each stance gets one position and heading of the flat sole by least squares (Procrustes in the plane),
+        so that corners in contact one after another belong to one rigid foot.
         """
         sole = sole_corners()[:, :2]
         world = corners[..., :2] + self.laps[..., None, None] * cycle_offset[:2]
@@ -164,9 +163,9 @@ class Stances:
 
 
 def find_stances(stands: Mask, corners: Array, *, rate: float, cyclic: bool) -> Stances:
-    """The stances of feet that stand where `stands` (T, 2), their soles' corners being at (T, 2, 4, 3).
+    """The stances of contacts `stands` (T, 2) with sole corners (T, 2, 4, 3).
 
-    Heel and toes carry as long as they are as low as the lowest corner. A clip's own ends fade nothing.
+    Heel and toes count while they are as low as the lowest corner. A stance does not fade at the clip's ends.
     """
     frames = len(stands)
     number, laps = np.zeros((frames, 2), dtype=np.intp), np.zeros((frames, 2))
@@ -182,7 +181,7 @@ def find_stances(stands: Mask, corners: Array, *, rate: float, cyclic: bool) -> 
         fade_frames = np.maximum(np.minimum(FADE_TIME * rate, FADE_SHARE * (end - begin + 1.0)), 1.0)
         if not cyclic or inside.all():
             begin[begin == 0], end[end == frames - 1] = -np.inf, np.inf
-        # Of weights, which are squares: the ramp of what they are the squares of.
+        # Weights multiply squared residuals: a linear ramp of the residual is squared here.
         ramp = np.clip((np.minimum(at - begin, end - at) + 1.0) / fade_frames, 0.0, 1.0) ** 2
         back = np.mod(np.arange(frames) + first, frames)
         number[back, foot] = np.where(inside, run + number.max(initial=0), 0)

@@ -1,4 +1,4 @@
-"""Where a cycle of poses goes: the root's path on which planted feet stand still on the ground."""
+"""The root path of a gait cycle on which feet in contact do not slide on the ground."""
 
 from __future__ import annotations
 
@@ -22,24 +22,25 @@ from kinemimic.retarget.humanoid.motion import Motion
 
 GRAVITY = 9.81
 RUN_FROUDE = 0.6  # v² / (g leg): people change from walking to running at about 0.5
-FOLLOW_HARMONICS = 4  # harmonics in which a walker's root follows the planted foot
-# Of their fit: the first follows nearly in full, the fourth by a sixth. A tenth of it let a walk of CMU's
-# sway by 78 instead of the recorded 23 mm; with three times it feet slide more and nothing is gained.
+FOLLOW_HARMONICS = 4  # harmonics in which a walker's root follows the foot in contact
+# Ridge of that fit: the first harmonic follows almost fully, the fourth by a sixth. With a tenth of it, a CMU
+# walk swayed by 78 instead of the recorded 23 mm; with three times it, feet slide more without a benefit.
 FOLLOW_RIDGE = 1e-2
-# Phases after a foot is farthest ahead: on its own on the ground; and around the middle of its swing.
+# Phases after a foot is farthest ahead: single support, and around mid-swing.
 SINGLE_SUPPORT = (0.12, 0.46)
 MID_SWING = (0.66, 0.78)
 
 
 @dataclass(frozen=True)
 class RootPath:
-    """Root path of one cycle on the body, and how well the feet keep to the ground.
+    """Root path of one cycle on the body, and measures of foot contact.
 
-    root: (T, 3) metres; speed: m/s; contacts: (T, 2); slip: rms speed of planted soles over the ground, m/s;
-    slip_recorded: the same with the recorded speed and sway; shift: metres added to the recorded height;
-    penetration, floating: metres by which the lowest sole is at worst below or above the ground (a runner's
-    while one foot is down); clearance: metres between ground and a foot in the middle of its swing;
-    follows: whether the root follows the planted foot in more than its mean.
+    root: (T, 3) metres; speed: m/s; contacts: (T, 2)
+    slip: rms speed of soles in contact over the ground, m/s; slip_recorded: with the recorded speed and sway
+    shift: metres added to the recorded height
+    penetration, floating: greatest depth and height of the lowest sole, metres (of a runner, in contact only)
+    clearance: least height of a foot around mid-swing, metres
+    follows: whether the root follows the foot in contact in more than its mean speed
     """
 
     root: Array
@@ -55,12 +56,12 @@ class RootPath:
 
 
 def is_running(speed: float) -> bool:
-    """Whether a figure of the body's leg length must run at this speed (m/s)."""
+    """Whether the body has to run at this speed (m/s), by the Froude number of its leg length."""
     return speed**2 / (GRAVITY * LEG_LENGTH) > RUN_FROUDE
 
 
 def in_phase_window(phase: Array, window: tuple[float, float]) -> Mask:
-    """True (T, 2) where the phase of the left and the right foot lies in a window of the stride."""
+    """True (T, 2) where the left and right foot's own phase lies in a window of the stride."""
     own = np.mod(np.stack([phase, phase + 0.5], axis=-1), 1.0)
     return np.asarray((own > window[0]) & (own < window[1]))
 
@@ -68,13 +69,13 @@ def in_phase_window(phase: Array, window: tuple[float, float]) -> Mask:
 def fit_root_path(
     rotations: Array, sway: Array, speed: float, period: float, *, follow: bool = True
 ) -> RootPath:
-    """Speed, sway and height of the root for local rotations (T, 20, 4) of one cycle.
+    """The root path for local rotations (T, 20, 4) of one cycle.
 
-    sway: (T, 3) metres, the recorded root about its uniform advance, and speed in m/s, both already in the
-    body's size. The height gets one constant shift. The advance gets the speed at which the foot in single
-    support stands still: the person's legs have other proportions. With `follow`, a walker's root also takes
-    the first harmonics of its height from the planted foot, and moves off its recorded sway as far as that
-    foot asks, each where that leaves less error.
+    sway: (T, 3) metres, the recorded root about its uniform advance; speed: m/s; both scaled to the body.
+
+    The height gets one constant shift. The speed is that at which the foot in single support does not slide,
+    because the person's legs have other proportions. With `follow`, the first harmonics of a walker's height
+    and of its sway also follow the foot in contact, each if that reduces the error.
     """
     frames = len(rotations)
     phase = np.arange(frames) / frames
@@ -84,12 +85,12 @@ def fit_root_path(
     sway = sway - sway.mean(axis=0)
 
     low = bottom + sway[:, 2]
-    # A walker always has a foot on the ground, a runner only while the lowest sole is near its lowest.
+    # A walker always has a foot on the ground; a runner only while the lowest sole is near its minimum.
     grounded = low < low.min() + 0.02 if running else np.ones(frames, dtype=bool)
     shift = -float(low[grounded].mean())
     height = sway[:, 2] + shift
 
-    # Velocity of the ground under the hip, as the foot that carries shows it.
+    # Velocity of the root over the ground, from the foot in support.
     carried = -at_lowest_corner(corners, corner_velocity(corners, frames / period, np.zeros(3)))
     support = in_phase_window(phase, SINGLE_SUPPORT)
     if running:
@@ -119,17 +120,16 @@ def fit_root_path(
 def _follow(
     phase: Array, carried: Array, support: Mask, period: float, sway: Array, flow: Array
 ) -> tuple[Array, float]:
-    """Sway (T, 2) in metres and speed in m/s of a root that moves as the carrying foot has it, smoothed.
+    """Sway (T, 2) in metres and speed in m/s of a root that follows the supporting foot, smoothed.
 
-    Only what the recorded sway (T, 2), whose first harmonics have the velocity flow (T, 2), leaves is fitted:
-    where both feet are on the ground none tells the velocity, and a series free to choose there throws the
-    root about between steps.
+    Fits only the residual to the recorded sway (T, 2), whose first harmonics have the velocity flow (T, 2):
+    in double support no foot determines the velocity, and a free series would swing between steps.
     """
     rows, feet = np.nonzero(support)
     series = fourier.fit(
         phase[rows], carried[rows, feet, :2] - flow[rows], FOLLOW_HARMONICS, ridge=FOLLOW_RIDGE
     )
-    # The integral of each harmonic by the phase; what is constant belongs to the advance.
+    # Integrate each harmonic over the phase; the constant belongs to the advance.
     k = 2.0 * np.pi * np.arange(1, FOLLOW_HARMONICS + 1)[:, None]
     cosine, sine = series[1 : FOLLOW_HARMONICS + 1], series[FOLLOW_HARMONICS + 1 :]
     integral = np.concatenate([np.zeros((1, 2)), -sine / k, cosine / k]) * period
@@ -157,7 +157,7 @@ def _path(
 def _with_metrics(
     path: RootPath, world: Array, phase: Array, period: float, grounded: Mask, running: bool
 ) -> RootPath:
-    """The path with its slip, depth, height and clearance, from sole corners (T, 2, 4, 3) in the world."""
+    """The path with its slip, penetration, floating and clearance, from world sole corners (T, 2, 4, 3)."""
     advance = np.array([path.speed * period, 0.0, 0.0])
     down = path.contacts if running else in_phase_window(phase, SINGLE_SUPPORT)
     slides = contact_speeds(world, down, len(phase) / period, advance)
@@ -172,7 +172,7 @@ def _with_metrics(
 
 
 def measure_path(motion: Motion, path: RootPath) -> RootPath:
-    """What has become of a path on a motion that was laid on it and then refined."""
+    """The path of a refined motion, with its measures; path: that before refinement."""
     frames = len(motion.root)
     running = is_running(path.speed)
     grounded = np.asarray(motion.contacts.any(axis=1)) if running else np.ones(frames, dtype=np.bool_)

@@ -1,4 +1,4 @@
-"""Legs as legs are, for recordings that do not show it: knees that do not bend forward, and feet."""
+"""Plausible knees and feet for recordings that do not show them."""
 
 from __future__ import annotations
 
@@ -11,37 +11,37 @@ from kinemimic.pipeline.kinematics.skeleton import NODE_INDEX as N
 from kinemimic.retarget.feet.scale import body_kinematics
 from kinemimic.retarget.humanoid.body import LEG_LENGTH, node_offsets
 
-STANCE_ANKLE_RANGE = (-np.radians(25.0), np.radians(20.0))  # ankle: toes down, toes up
-# Of a foot that bears weight: the shank turns over it before the heel comes up (limits.py has the ends).
+STANCE_ANKLE_RANGE = (-np.radians(25.0), np.radians(20.0))  # plantarflexion, dorsiflexion
+# Of a loaded foot: the shank turns over it before the heel rises (see limits.py for the ends).
 LOADED_ANKLE_RANGE = (-np.radians(40.0), np.radians(45.0))
-SWING_TOE_LIFT = np.radians(10.0)  # toes up while the foot swings past, as people do it
+SWING_TOE_LIFT = np.radians(10.0)  # dorsiflexion in swing, as people do it
 SHANK_LENGTH = float(-node_offsets()[N["ankle_left"], 2])
 
 
 def limit_knee_extension(rotations: Array, least: float = 0.0, softness: float = np.radians(3.0)) -> Array:
-    """Local rotations (T, 20, 4) whose knees flex by at least about `least` radians, the hips compensating.
+    """Local rotations (T, 20, 4) with knees flexed by at least about `least` radians; the hips compensate.
 
-    A sensor puts the knee of a straight leg some centimetres behind it. The line from hip to ankle is kept:
-    what the knee gains, the thigh leans forward in proportion, and the foot stays as it stands.
+    A sensor places the knee of a straight leg some centimetres too far back. The line from hip to ankle and
+    the foot's orientation are kept: as the knee flexes, the thigh leans forward in proportion.
     """
     out = rotations.copy()
     for side in ("left", "right"):
         hip, knee, ankle = (N[f"{joint}_{side}"] for joint in ("hip", "knee", "ankle"))
         angle = to_rotvec(rotations[:, knee])[:, 1]
-        # A smooth maximum, so that the curve has no corner.
-        gain = softness * np.logaddexp(0.0, (least - angle) / softness)
-        thigh = gain * SHANK_LENGTH / LEG_LENGTH
+        # A smooth maximum keeps the curve smooth.
+        flexion = softness * np.logaddexp(0.0, (least - angle) / softness)
+        thigh = flexion * SHANK_LENGTH / LEG_LENGTH
         out[:, hip] = multiply(rotations[:, hip], from_axis_angle("Y", -thigh))
-        out[:, knee] = from_axis_angle("Y", angle + gain)
-        out[:, ankle] = multiply(from_axis_angle("Y", thigh - gain), rotations[:, ankle])
+        out[:, knee] = from_axis_angle("Y", angle + flexion)
+        out[:, ankle] = multiply(from_axis_angle("Y", thigh - flexion), rotations[:, ankle])
     return out
 
 
 def neutral_feet(rotations: Array, phase: Array) -> Array:
-    """Local rotations (T, 20, 4) with made-up ankles, phases (T,) in cycles.
+    """Local rotations (T, 20, 4) of a gait with neutral ankles; phases (T,) in cycles.
 
-    In the middle of stance the sole stays flat on the ground and the shank turns over it; towards landing and
-    toe-off the ankle returns to the one angle that is flat on average; in swing it lifts the toes.
+    In mid-stance the sole stays flat and the shank turns over it; towards initial contact and toe-off the
+    ankle returns to the angle that is flat on average; in swing the toes are lifted.
     """
     out = rotations.copy()
     frames = body_kinematics(rotations)[1]
@@ -49,7 +49,7 @@ def neutral_feet(rotations: Array, phase: Array) -> Array:
         knee, ankle = N[f"knee_{side}"], N[f"ankle_{side}"]
         lean, yaw = lean_and_yaw(frames[:, knee])
         stance = np.mod(phase + shift, 1.0)
-        # Flat from when the heel has come down until it leaves: 10 to 36 % of the stride.
+        # Flat from heel-down to heel-off: 10 to 36 % of the stride.
         weight = np.clip(np.minimum(stance / 0.10, (0.50 - stance) / 0.14), 0.0, 1.0)
         middle = (stance > 0.08) & (stance < 0.38)
         usual = -float(np.mean(lean[middle]))
@@ -64,9 +64,9 @@ def neutral_feet(rotations: Array, phase: Array) -> Array:
 
 
 def flat_feet(rotations: Array) -> Array:
-    """Local rotations (T, 20, 4) with both soles level, looking where the shank looks, as far as ankles go.
+    """Local rotations (T, 20, 4) with level soles, headed like the shanks, within the ankle's range.
 
-    Beyond that the heel comes up, as behind a lunge, or the toes do.
+    Beyond that range the heel rises, as in a lunge, or the toes do.
     """
     out = rotations.copy()
     frames = body_kinematics(rotations)[1]
@@ -80,9 +80,9 @@ def flat_feet(rotations: Array) -> Array:
 
 
 def lean_and_yaw(frames: Array) -> tuple[Array, Array]:
-    """Pitch (forward positive) and heading (T,) in radians of frames (T, 4) of shanks.
+    """Pitch (forward positive) and heading (T,) in radians of shank frames (T, 4).
 
-    The heading comes from the lateral axis: the front of a runner's shank turns past the vertical.
+    The heading comes from the lateral axis because the front of a runner's shank turns past the vertical.
     """
     lateral = rotate(frames, np.array([0.0, 1.0, 0.0]))
     yaw = np.arctan2(-lateral[:, 0], lateral[:, 1])

@@ -1,4 +1,4 @@
-"""From the person's proportions to those of Table 1: leg length and stance width."""
+"""Scaling from the person's proportions to the Table 1 body: leg length and stance width."""
 
 from __future__ import annotations
 
@@ -20,15 +20,15 @@ _SIDES = (("left", 1.0), ("right", -1.0))
 
 
 def length_scale(positions: Array) -> float:
-    """Length of Table 1's leg over the person's: the median bones of (M, 20, 3), mean of both sides."""
+    """Leg length of the Table 1 body over the person's: median bones of (M, 20, 3), mean of both sides."""
     left_thigh, left_shank, right_thigh, right_shank = np.nanmedian(leg_bones(positions), axis=0)
     return float(LEG_LENGTH / (0.5 * (left_thigh + left_shank + right_thigh + right_shank)))
 
 
 @dataclass(frozen=True)
 class Subject:
-    """The person in the recording: height in metres by average proportions, and the mass in kg that the
-    Table 1 body would have at their size and its own density.
+    """The recorded person: height in metres by average proportions, and the mass in kg of the Table 1 body
+    scaled to their size at its own density.
     """
 
     height: float
@@ -36,14 +36,12 @@ class Subject:
 
 
 def estimate_subject(positions: Array) -> Subject:
-    """What the legs of (M, 20, 3) say of the person; medians over the frames, so that wild ones do not
-    count.
-    """
+    """Height and mass estimated from the legs of (M, 20, 3); medians over frames, robust to outliers."""
     return Subject(stature(positions), TOTAL_MASS / length_scale(positions) ** 3)
 
 
 def body_kinematics(rotations: Array, root: Array | None = None) -> tuple[Array, Array]:
-    """Node positions (T, 20, 3) and frames (T, 20, 4) on the Table 1 body; root (T, 3), by default at 0."""
+    """World positions (T, 20, 3) and frames (T, 20, 4) of the body's nodes; root: (T, 3), default 0."""
     offsets = node_offsets()
     translations = np.broadcast_to(offsets, (len(rotations), *offsets.shape)).copy()
     translations[:, 0] = 0.0 if root is None else root
@@ -51,14 +49,14 @@ def body_kinematics(rotations: Array, root: Array | None = None) -> tuple[Array,
 
 
 def stance_width(positions: Array) -> float:
-    """Mean lateral distance in metres of the left from the right ankle, (T, 20, 3) along +X."""
+    """Mean lateral distance in metres between the ankles of positions (T, 20, 3) along +X."""
     return float(np.nanmean(positions[:, N["ankle_left"], 1] - positions[:, N["ankle_right"], 1]))
 
 
 def abduct(rotations: Array, angle: float) -> Array:
-    """Both thighs turned outward by a constant angle, the feet left as they stand in the world.
+    """Local rotations (T, 20, 4) with both thighs turned outward; the feet keep their orientation.
 
-    A sensor sees hips 8 to 14 cm apart where the body's are 17: without this the figure straddles.
+    A sensor sees hips 8 to 14 cm apart, the body's are 17: without correction the humanoid straddles.
     """
     out = rotations.copy()
     for side, sign in _SIDES:
@@ -77,6 +75,6 @@ def with_stance_width(rotations: Array, width: float) -> tuple[Array, float]:
     target = float(np.clip(width, *STANCE_WIDTHS))
     angle = 0.0
     for _ in range(6):
-        found = stance_width(body_kinematics(abduct(rotations, angle))[0])
-        angle += (target - found) / (2.0 * LEG_LENGTH)
+        width_now = stance_width(body_kinematics(abduct(rotations, angle))[0])
+        angle += (target - width_now) / (2.0 * LEG_LENGTH)
     return abduct(rotations, angle), angle

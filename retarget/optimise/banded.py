@@ -1,7 +1,7 @@
-"""Least squares over a whole clip: block-banded normal equations of frames that feel their neighbours.
+"""Block-banded normal equations of least squares over a whole clip.
 
-Every frame has a dense block of its own; frames one and two apart are coupled by second differences alone,
-the same number for each unknown. A cyclic clip is coupled across its seam too.
+Every frame has a dense block; frames one and two apart are coupled by second differences alone, with the same
+number for each unknown. A cyclic clip is coupled across its seam too.
 """
 
 from __future__ import annotations
@@ -39,9 +39,9 @@ def adjoint(values: Array, *, cyclic: bool) -> Array:
 
 
 def coupling(frames: int, *, cyclic: bool) -> tuple[Array, Array, Array]:
-    """Diagonal (T,) of D'D for the second differences D, and what couples frame t with t + 1 and t + 2.
+    """Diagonals (T,) of D'D for second differences D: the main one, and those of frames one and two apart.
 
-    The last entries of the couplings, those across the seam, are zero unless `cyclic`.
+    The last entries of the off-diagonals, across the seam, are zero unless `cyclic`.
     """
     if cyclic:
         return np.full(frames, 6.0), np.full(frames, -4.0), np.ones(frames)
@@ -56,11 +56,11 @@ def coupling(frames: int, *, cyclic: bool) -> tuple[Array, Array, Array]:
 
 
 def solve_blocks(blocks: Array, stiffness: Array, right: Array, *, cyclic: bool) -> Array:
-    """The x (T, n) with (blocks + D'D ⊗ diag(stiffness)) x = right.
+    """Solve (blocks + D'D ⊗ diag(stiffness)) x = right for x (T, n).
 
-    blocks: (T, n, n) symmetric; stiffness: (n,); right: (T, n). The whole must be positive definite. Cost and
-    memory grow with T, by a banded Cholesky factorisation. A cycle's last two frames are its border (Schur
-    complement): without them the others are banded.
+    blocks: (T, n, n) symmetric; stiffness: (n,); right: (T, n). The matrix must be positive definite. Banded
+    Cholesky factorisation, linear in T. A cycle's last two frames are eliminated by a Schur complement; the
+    others are banded. Raises ValueError for cycles of fewer than MIN_CYCLE_FRAMES frames.
     """
     frames, n = right.shape
     own, next_one, next_two = coupling(frames, cyclic=cyclic)
@@ -99,7 +99,7 @@ def solve_blocks(blocks: Array, stiffness: Array, right: Array, *, cyclic: bool)
 
 
 def _banded(full: Array, next_one: Array, next_two: Array, stiffness: Array) -> Array:
-    """LAPACK's lower band (2 n + 1, T n) of diagonal blocks (T, n, n) and diagonal couplings."""
+    """LAPACK's lower band storage (2 n + 1, T n) of diagonal blocks (T, n, n) and diagonal couplings."""
     frames, n, _ = full.shape
     band = np.zeros((COUPLED_FRAMES * n + 1, frames, n))
     for column in range(n):

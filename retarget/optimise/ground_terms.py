@@ -1,7 +1,7 @@
-"""What of the body is neither foot nor leg chain: it rides on the root, and must not sink into the ground.
+"""Least-squares terms that keep all bodies except the feet above the ground.
 
-In a roll the back is down, in a cartwheel a hand, on all fours the knees. Where such a part would sink, the
-root is asked to rise; how the part itself is bent stays.
+In a roll the back touches the ground, in a cartwheel a hand, on all fours the knees. Such contacts lift or
+tilt the root; the joints keep their pose.
 """
 
 from __future__ import annotations
@@ -26,13 +26,13 @@ from kinemimic.retarget.optimise.leg_chain import (
 )
 from kinemimic.retarget.optimise.one_sided import OneSided
 
-NEAR_GROUND = 0.05  # m: a body that never comes as low needs no care
-RELEASE = 0.005  # m, as in OneSided
+NEAR_GROUND = 0.05  # m: bodies that never come this low are left out
+RELEASE = 0.005  # m, see OneSided
 _UP = np.array([0.0, 0.0, 1.0])
 
 
 def apply_corrections(motion: Motion, x: Array) -> Motion:
-    """The motion with corrections x (T, 20) of root and legs as `leg_chain` has them."""
+    """The motion with corrections x (T, 20) of root and legs, as defined in `leg_chain`."""
     rotations = motion.rotations.copy()
     rotations[:, 0] = multiply(rotations[:, 0], from_rotvec(x[:, ROOT_ROTATION]))
     for side, hip, knee, ankle in zip(SIDES, HIP_COLUMNS, KNEE_COLUMNS, ANKLE_COLUMNS, strict=True):
@@ -45,7 +45,7 @@ def apply_corrections(motion: Motion, x: Array) -> Motion:
 
 
 class BodyGroundTerms:
-    """The lowest points of a motion's bodies but the feet, as far as any comes near the ground."""
+    """Ground terms of a motion's bodies, except the feet, that come near the ground."""
 
     def __init__(self, motion: Motion) -> None:
         heights = lowest_points(*motion.kinematics())[..., 2].min(axis=0)
@@ -59,23 +59,25 @@ class BodyGroundTerms:
         self._levers = np.zeros((len(motion.root), len(self._bodies), 3))
         self._ground = OneSided(self._heights.shape, RELEASE)
 
-    def look(self, x: Array) -> None:
-        """Find where the points are under corrections x (T, 20)."""
+    def update(self, x: Array) -> None:
+        """Compute the lowest points under corrections x (T, 20)."""
         if not self._bodies:
             return
         motion = apply_corrections(self._motion, x)
         points = lowest_points(*motion.kinematics())[:, self._bodies]
         self._heights = points[..., 2]
-        # A small turn w of the root, in its own frame, lifts a point at r from it by w · R'(r × up).
+        # A small rotation w of the root, in its own frame, lifts a point at r from it by w · R'(r × up).
         around = np.cross(points - motion.root[:, None], _UP)
         self._levers = rotate(conjugate(motion.rotations[:, :1]), around)
 
-    def terms(self, window: slice, sinks: float) -> tuple[Array, Array]:
-        """J'WJ (t, 6, 6) and J'Wr (t, 6) by the root's six unknowns of what is below the ground where `look`
-        looked; sinks: metres, how far a point is expected to be."""
+    def terms(self, window: slice, deviation: float) -> tuple[Array, Array]:
+        """J'WJ (t, 6, 6) and J'Wr (t, 6) of the root's six unknowns for the points of the last `update`.
+
+        deviation: expected penetration in metres.
+        """
         heights = self._heights[window]
         rows = np.zeros((*heights.shape, 6))
         rows[..., 2] = 1.0
         rows[..., ROOT_ROTATION] = self._levers[window]
-        weighted = rows * (self._ground.weight(heights, window) / sinks**2)[..., None]
+        weighted = rows * (self._ground.weight(heights, window) / deviation**2)[..., None]
         return np.swapaxes(weighted, -1, -2) @ rows, np.einsum("tpi,tp->ti", weighted, heights)

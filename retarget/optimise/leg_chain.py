@@ -1,8 +1,8 @@
-"""Root and legs as one chain of 20 unknowns a frame: where their points are, and the derivatives.
+"""Forward kinematics of root and legs with 20 unknowns per frame, and its Jacobian.
 
-The unknowns x are corrections to a motion: x[0:3] metres added to the root, x[3:6] a rotation vector after
-the root's rotation, then for each leg hip (3), knee (1, a hinge about Y) and ankle (3), after the joint's
-rotation.
+The unknowns x are corrections to a motion: x[0:3] metres added to the root; x[3:6] a rotation vector applied
+after the root's rotation; then for each leg the hip (3), knee (1, a hinge about Y) and ankle (3), applied
+after the joint's rotation.
 """
 
 from __future__ import annotations
@@ -20,16 +20,16 @@ from kinemimic.retarget.optimise.tangent import exponential
 UNKNOWNS = 20
 SIDES = ("left", "right")
 ROOT_POSITION, ROOT_ROTATION = slice(0, 3), slice(3, 6)
-# Where each leg's joints begin in x, left then right.
+# First column of each leg's joints in x, left then right.
 HIP_COLUMNS, KNEE_COLUMNS, ANKLE_COLUMNS = (6, 13), (9, 16), (10, 17)
 _LEG_UNKNOWNS = 7
-LEG_POINTS = 6  # of a leg: knee, ankle and the four corners of the sole
+LEG_POINTS = 6  # per leg: knee, ankle and the four sole corners
 
 
 @dataclass(frozen=True)
 class LegChain:
-    """T frames of a motion, as what `leg_points` needs: root (T, 3), turn (T, 3, 3) of the root, and the
-    local rotations (T, 2, 3, 3) of left and right hip, knee and ankle.
+    """T frames of root and legs: root (T, 3), its rotation `turn` (T, 3, 3), and local rotations (T, 2, 3, 3)
+    of hips, knees and ankles, left then right.
     """
 
     root: Array
@@ -39,7 +39,7 @@ class LegChain:
     ankle: Array
 
     def window(self, frames: slice) -> LegChain:
-        """The same for some of the frames."""
+        """The chain of some of the frames."""
         return LegChain(
             self.root[frames], self.turn[frames], self.hip[frames], self.knee[frames], self.ankle[frames]
         )
@@ -60,9 +60,9 @@ def leg_points(chain: LegChain, x: Array) -> Array:
 
 
 def leg_jacobian(chain: LegChain, x: Array) -> tuple[Array, Array]:
-    """`leg_points`, and its derivative (T, 2, 6, 3, 13) by the root's six unknowns and the leg's own seven.
+    """`leg_points` and its Jacobian (T, 2, 6, 3, 13) by the root's six unknowns and the leg's seven.
 
-    A turn of joint j by the column m of M_j moves a point p below it by m × (p - p_j).
+    A rotation of joint j about the column m of M_j moves a point p below it by m × (p - p_j).
     """
     points, joints, turns = _forward(chain, x)
     jacobian = np.zeros((*points.shape, 6 + _LEG_UNKNOWNS))
@@ -73,7 +73,7 @@ def leg_jacobian(chain: LegChain, x: Array) -> tuple[Array, Array]:
     _cross(by_root[:, None, None], points - chain_root(chain, x)[:, None, None], jacobian[..., 3:6])
     _cross(by_hip[:, :, None], points - hip[:, :, None], jacobian[..., 6:9])
     _cross(by_knee[:, :, None], points - knee[:, :, None], jacobian[..., 9:10])
-    # The knee does not move by itself, nor the ankle by its own turn: their levers are zero.
+    # A joint's own position does not move with its rotation: that lever is zero.
     _cross(by_ankle[:, :, None], points[:, :, 1:] - ankle[:, :, None], jacobian[:, :, 1:, :, 10:13])
     return points, jacobian
 
@@ -84,8 +84,8 @@ def chain_root(chain: LegChain, x: Array) -> Array:
 
 
 def _forward(chain: LegChain, x: Array) -> tuple[Array, tuple[Array, Array, Array], tuple[Array, ...]]:
-    """Points (T, 2, 6, 3); hips, knees and ankles (T, 2, 3); for each joint M (T, [2,] 3, k): the world axes
-    about which its unknowns turn what hangs from it."""
+    """Points (T, 2, 6, 3); hips, knees and ankles (T, 2, 3); and for root, hip, knee and ankle the world axes
+    M (T, [2,] 3, k) about which the unknowns rotate the chain below."""
     offsets, corners = node_offsets(), sole_corners()
     own = x[:, 6:].reshape(-1, 2, _LEG_UNKNOWNS)
     root = chain_root(chain, x)
@@ -96,7 +96,7 @@ def _forward(chain: LegChain, x: Array) -> tuple[Array, tuple[Array, Array, Arra
     turn, tangent = exponential(own[..., 0:3])
     thigh = pelvis[:, None] @ chain.hip @ turn
     by_hip = thigh @ tangent
-    # Knees and ankles hang straight below: only the third column of the bone's frame counts.
+    # Knees and ankles lie straight below: only the third column of the bone's frame matters.
     knee = hip + thigh[..., 2] * offsets[N["knee_left"], 2]
     shank = thigh @ chain.knee
     by_knee = shank[..., 1:2].copy()
@@ -114,7 +114,7 @@ def _forward(chain: LegChain, x: Array) -> tuple[Array, tuple[Array, Array, Arra
 
 
 def _cross(axes: Array, lever: Array, out: Array) -> None:
-    """Columns of axes (..., 3, k) × lever (..., 3) into out (..., 3, k)."""
+    """Write the columns of axes (..., 3, k) × lever (..., 3) into out (..., 3, k)."""
     lx, ly, lz = (lever[..., k, None] for k in range(3))
     ax, ay, az = (axes[..., k, :] for k in range(3))
     out[..., 0, :] = ay * lz - az * ly

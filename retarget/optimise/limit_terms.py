@@ -1,4 +1,4 @@
-"""A joint's limits as terms of least squares."""
+"""Joint limits as least-squares terms."""
 
 from __future__ import annotations
 
@@ -10,13 +10,13 @@ from kinemimic.retarget.humanoid.limits import HINGE_JOINTS, LIMITS, swing_twist
 from kinemimic.retarget.optimise.one_sided import OneSided
 from kinemimic.retarget.optimise.tangent import exponential
 
-LIMIT_DEVIATION = np.radians(0.3)  # how far a joint is expected to be beyond
-MARGIN = np.radians(1.5)  # the limits hold from so far within
-RELEASE = np.radians(3.0)  # as in OneSided
+LIMIT_DEVIATION = np.radians(0.3)  # expected excess of a joint over its limit
+MARGIN = np.radians(1.5)  # the limits are tightened by this
+RELEASE = np.radians(3.0)  # see OneSided
 
 
 class JointLimitTerms:
-    """The limits of one joint over T frames, as `refine` asks for them."""
+    """The limits of one joint over T frames."""
 
     def __init__(self, joint: str, frames: int) -> None:
         self._hinge = joint in HINGE_JOINTS
@@ -26,8 +26,9 @@ class JointLimitTerms:
         self._low, self._high = OneSided(shape, RELEASE), OneSided(shape, RELEASE)
 
     def terms(self, q: Array, x: Array, window: slice) -> tuple[Array, Array]:
-        """J'WJ (t, k, k) and J'Wr (t, k) of what rotations q (t, 4) are beyond, corrected by x (t, k): one
-        angle of a hinge, else a rotation vector.
+        """J'WJ (t, k, k) and J'Wr (t, k) of the excess of rotations q (t, 4) with corrections x (t, k).
+
+        x: the angle of a hinge (k = 1), otherwise a rotation vector (k = 3).
         """
         if self._hinge:
             turned = multiply(q, from_axis_angle("Y", x[:, 0]))

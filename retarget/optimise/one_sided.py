@@ -1,4 +1,4 @@
-"""Limits that only push one way, such as the ground's, in least squares solved by steps."""
+"""One-sided constraints, such as the ground's, in iterative least squares."""
 
 from __future__ import annotations
 
@@ -8,21 +8,19 @@ from kinemimic.pipeline.arrays import Array
 
 
 class OneSided:
-    """What remembers where a limit was broken.
+    """The active set of one-sided constraints, with gradual release.
 
-    A step that puts something back within its limit mostly overshoots by a little. Let go at once, it would
-    break the limit as before with the next step, and the steps would never settle: so whatever once was
-    beyond still counts a little while it is within by less than `held`.
+    A step that restores a constraint usually overshoots slightly. Released at once, the value would violate
+    the constraint again with the next step, and the iteration would not converge. A constraint that was
+    violated once therefore keeps a decreasing weight until the value is inside by `release`.
     """
 
-    def __init__(self, shape: tuple[int, ...], held: float) -> None:
-        self._broken = np.zeros(shape, dtype=np.bool_)
-        self._held = held
+    def __init__(self, shape: tuple[int, ...], release: float) -> None:
+        self._violated = np.zeros(shape, dtype=np.bool_)
+        self._release = release
 
     def weight(self, inside: Array, window: slice) -> Array:
-        """0 to 1, how far the limit counts in the frames of a window; inside: how far each value is within
-        it, negative beyond.
-        """
-        broken = self._broken[window]
-        broken |= inside < 0.0
-        return np.where(inside < 0.0, 1.0, broken * np.clip(1.0 - inside / self._held, 0.0, 1.0) ** 2)
+        """Weights, 0 to 1, in the frames of a window; inside: distance within the limit, negative beyond."""
+        violated = self._violated[window]
+        violated |= inside < 0.0
+        return np.where(inside < 0.0, 1.0, violated * np.clip(1.0 - inside / self._release, 0.0, 1.0) ** 2)

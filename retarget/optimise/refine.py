@@ -1,12 +1,11 @@
-"""The whole clip at once: feet that stay where they stand, on the ground, within the joints' limits.
+"""Refinement of a whole motion: feet in contact stay in place, nothing penetrates, joints keep their limits.
 
-A closed form puts each frame on the body by itself. Here all frames are moved together, as little as it
-takes, by Gauss-Newton on one sum of squares: the soles of standing feet at their place on the ground; no
-corner below it, nor any other part of the body; no joint beyond its limits; legs and joints as the closed
-form has them, to the degree that they were seen; corrections (and for a recording as it was, the poses)
-without jerks. Frames feel each other through second differences only, so that the normal equations are banded
-and cost the same for each frame. Root and legs are one chain; arms and trunk, which no ground holds, are
-refined joint by joint, before.
+The closed form retargets each frame separately. Here all frames are corrected together, as little as needed,
+by Gauss-Newton on one sum of squares: soles in contact stay in place on the ground; neither soles nor other
+bodies penetrate it; no joint exceeds its limits; legs and joints stay near the closed form, weighted by
+visibility; corrections (and the poses of a motion kept as recorded) are smooth. Frames are coupled by second
+differences only, so the normal equations are banded and the cost is linear in the number of frames. Root and
+legs form one chain; arms and trunk, which have no contact, are refined joint by joint beforehand.
 """
 
 from __future__ import annotations
@@ -49,35 +48,35 @@ from kinemimic.retarget.optimise.leg_chain import (
 from kinemimic.retarget.optimise.limit_terms import JointLimitTerms
 from kinemimic.retarget.optimise.one_sided import OneSided
 
-# Of frames of a window, with corrections x (t, n): J'WJ (t, n, n) and J'Wr (t, n).
+# (corrections x (t, n) of a window's frames, window) -> J'WJ (t, n, n) and J'Wr (t, n).
 Terms = Callable[[Array, slice], tuple[Array, Array]]
 
-# Of a loop, whose closed form is near; and of a recording as it was, which rolls, kneels and lands.
+# A loop's closed form is near the solution; a motion kept as recorded may roll, kneel and land.
 LOOP_ITERATIONS, ITERATIONS = 5, 8
-# How far each is expected to be off (metres, radians): what the squares are measured by.
+# Expected deviations (metres, radians), by which residuals are scaled.
 ROOT_DEVIATION = (0.02, 0.02, 0.03)
 ROOT_ROTATION_DEVIATION = np.radians(1.5)
 HIP_DEVIATION, KNEE_DEVIATION, ANKLE_DEVIATION = np.radians(4.0), np.radians(4.0), np.radians(8.0)
 UPPER_BODY_DEVIATION = np.radians(4.0)
 NODE_DEVIATION = 0.03  # knees and ankles, from the root
-CONTACT_DEVIATION = 0.002  # a standing corner from its place on the ground
+CONTACT_DEVIATION = 0.002  # a sole corner in contact, from its place on the ground
 PENETRATION_DEVIATION = 0.002
-HUBER_THRESHOLD = 2.0  # expected deviations, beyond which a correction counts linearly (Huber)
+HUBER_THRESHOLD = 2.0  # expected deviations beyond which the loss is linear
 MIN_WEIGHT = 0.05  # weight of a joint that was not seen at all
-# Hz, up to which change is free. A loop is a smooth series: its corrections shall be smooth too. A
-# recording as it was trembles: its poses shall be smooth, whatever correction that takes.
+# Hz below which changes are free. A loop is a smooth series, so its corrections must be smooth. A motion kept
+# as recorded jitters, so its poses must be smooth, whatever correction that takes.
 CORRECTION_CUTOFF, POSE_CUTOFF = 3.5, 8.0
-# Frames solved together, and how far beyond them a window looks: a correction is forgotten by then.
+# Frames solved together, and the overlap of windows, over which the effect of a correction fades.
 WINDOW, OVERLAP = 1500, 60
-LIMIT_PROXIMITY = np.radians(15.0)  # joints that stay farther than this from their limits need no care
+LIMIT_PROXIMITY = np.radians(15.0)  # joints that stay farther from their limits get no limit terms
 
 
 def refine(motion: Motion, seen: Array | None = None) -> Motion:
-    """The motion with feet, ground and joint limits kept.
+    """The motion corrected for foot contact, ground and joint limits.
 
-    motion: as the closed form has it, feet standing where `contacts` says; seen: (T, 20) 0 to 1, how well
-    each node was, by default 1. Same frames, contacts and cycle_offset; a cycle stays closed. Cycles and
-    clips of fewer than SHORTEST_CYCLE frames are returned as they are.
+    motion: in closed form, with contacts; seen: (T, 20) visibility of each node, 0 to 1, by default 1.
+    Frames, contacts and cycle_offset stay the same; a cycle stays closed. Motions of fewer than
+    MIN_CYCLE_FRAMES frames are returned unchanged.
     """
     frames = len(motion.root)
     if frames < MIN_CYCLE_FRAMES:
@@ -89,19 +88,19 @@ def refine(motion: Motion, seen: Array | None = None) -> Motion:
             node = N[joint]
             rotations[:, node] = _refine_joint(motion, joint, weights[:, node])
     upper = replace(motion, rotations=rotations)
-    found = apply_corrections(upper, _refine_legs(upper, weights))
-    return replace(found, rotations=continuous(found.rotations))
+    refined = apply_corrections(upper, _refine_legs(upper, weights))
+    return replace(refined, rotations=continuous(refined.rotations))
 
 
 def _refine_legs(motion: Motion, seen: Array) -> Array:
     """Corrections (T, 20) of root and legs."""
     chain = leg_chain(motion.root, motion.rotations)
     frames, cyclic = len(motion.root), motion.cyclic
-    as_it_is = leg_points(chain, np.zeros((frames, UNKNOWNS)))
-    standing = find_stances(motion.contacts, as_it_is[:, :, 2:], rate=motion.rate, cyclic=cyclic)
-    hanging = as_it_is[:, :, :2] - motion.root[:, None, None]
-    off = np.empty(UNKNOWNS)
-    off[ROOT_POSITION], off[ROOT_ROTATION] = ROOT_DEVIATION, ROOT_ROTATION_DEVIATION
+    uncorrected = leg_points(chain, np.zeros((frames, UNKNOWNS)))
+    standing = find_stances(motion.contacts, uncorrected[:, :, 2:], rate=motion.rate, cyclic=cyclic)
+    below_root = uncorrected[:, :, :2] - motion.root[:, None, None]
+    deviation = np.empty(UNKNOWNS)
+    deviation[ROOT_POSITION], deviation[ROOT_ROTATION] = ROOT_DEVIATION, ROOT_ROTATION_DEVIATION
     weights = np.ones((frames, UNKNOWNS))
     bending = np.zeros((frames, UNKNOWNS))
     if not cyclic:
@@ -115,24 +114,24 @@ def _refine_legs(motion: Motion, seen: Array) -> Array:
             ("ankle", ANKLE_COLUMNS[k], 3, ANKLE_DEVIATION),
         ):
             node, own = N[f"{joint}_{side}"], slice(begin, begin + size)
-            off[own], weights[:, own] = expected, seen[:, node, None]
+            deviation[own], weights[:, own] = expected, seen[:, node, None]
             turn = _rotation_differences(motion.rotations[:, node], cyclic=cyclic)
             bending[:, own] = turn[:, 1:2] if size == 1 else turn
         node_weights[:, k, :, 0] = seen[:, [N[f"knee_{side}"], N[f"ankle_{side}"]]] / NODE_DEVIATION**2
-    watched = _near_limits(
+    near_limits = _near_limits(
         motion, [f"{joint}_{side}" for joint in ("hip", "knee", "ankle") for side in SIDES]
     )
-    limits = {joint: JointLimitTerms(joint, frames) for joint in watched}
+    limits = {joint: JointLimitTerms(joint, frames) for joint in near_limits}
     anchors = np.zeros((frames, 2, 4, 2))
-    ground, rest = OneSided((frames, 2, 4), RELEASE), BodyGroundTerms(motion)
+    ground, bodies = OneSided((frames, 2, 4), RELEASE), BodyGroundTerms(motion)
 
     def terms(x: Array, window: slice) -> tuple[Array, Array]:
         points, jacobian = leg_jacobian(chain.window(window), x)
         root = chain.root[window] + x[:, ROOT_POSITION]
-        # Knees and ankles are asked for where they hang from the root, wherever that goes.
+        # Knees and ankles keep their place relative to the root, so they do not pull on its position.
         jacobian[:, :, :2, :, ROOT_POSITION] = 0.0
         residual, weight = np.empty_like(points), np.empty_like(points)
-        residual[:, :, :2] = points[:, :, :2] - root[:, None, None] - hanging[window]
+        residual[:, :, :2] = points[:, :, :2] - root[:, None, None] - below_root[window]
         weight[:, :, :2] = node_weights[window] * _huber(residual[:, :, :2] / NODE_DEVIATION)
         corners, hold = points[:, :, 2:], standing.hold[window]
         residual[:, :, 2:, :2] = corners[..., :2] - anchors[window]
@@ -141,7 +140,7 @@ def _refine_legs(motion: Motion, seen: Array) -> Array:
         weight[:, :, 2:] = hold[..., None] / CONTACT_DEVIATION**2
         weight[:, :, 2:, 2] = np.maximum(weight[:, :, 2:, 2], sinks)
         square, right = normal_equations(jacobian, residual, weight)
-        for joint in watched:
+        for joint in near_limits:
             side = SIDES.index(joint.rpartition("_")[2])
             begin = {"hip": HIP_COLUMNS, "knee": KNEE_COLUMNS, "ankle": ANKLE_COLUMNS}[
                 joint.partition("_")[0]
@@ -150,58 +149,58 @@ def _refine_legs(motion: Motion, seen: Array) -> Array:
             held, pull = limits[joint].terms(motion.rotations[window, N[joint]], x[:, own], window)
             square[:, own, own] += held
             right[:, own] += pull
-        held, pull = rest.terms(window, PENETRATION_DEVIATION)
+        held, pull = bodies.terms(window, PENETRATION_DEVIATION)
         square[:, :6, :6] += held
         right[:, :6] += pull
         return square, right
 
-    def place(x: Array) -> None:
-        rest.look(x)
+    def update(x: Array) -> None:
+        bodies.update(x)
         corners = leg_points(chain, x)[:, :, 2:]
         anchors[:] = standing.anchors(corners, motion.cycle_offset)
 
     return _gauss_newton(
         terms,
-        off,
+        deviation,
         weights,
         bending,
         rate=motion.rate,
         cyclic=cyclic,
-        calm=_root_smoothing(motion),
-        before=place,
+        root_smoothing=_root_smoothing(motion),
+        before_step=update,
     )
 
 
 def _root_smoothing(motion: Motion) -> tuple[Array, Array]:
-    """Of a recording as it was: by how much each correction (SIZE,) shall be calmer than it is already, and
-    what of the recording (T, SIZE), in second differences, is not to be kept. Of a cycle, nothing.
+    """Extra smoothing of the root of a motion kept as recorded; zero for a cycle.
 
-    A foot that lands or leaves pulls at the root in a few frames, and a body of 48 kg is thrown by that as no
-    ground could: the legs shall give way instead. The root's path in the recording, without its tremor, has
-    the accelerations that the person had.
+    Returns the share (UNKNOWNS,) of extra stiffness per unknown, and the second differences (T, UNKNOWNS) of
+    the recording's jitter, which need not be kept. A foot that lands or leaves pulls at the root within a few
+    frames, with accelerations that no ground could give a body of 48 kg: the legs have to yield instead. The
+    root's recorded path without its jitter has the accelerations of the person.
     """
-    share, tremor = np.zeros(UNKNOWNS), np.zeros((len(motion.root), UNKNOWNS))
+    share, jitter = np.zeros(UNKNOWNS), np.zeros((len(motion.root), UNKNOWNS))
     if motion.cyclic:
-        return share, tremor
+        return share, jitter
     share[ROOT_POSITION] = 1.0
     if (smooth := zero_phase(motion.rate)) is not None:
-        tremor[:, ROOT_POSITION] = second_differences(motion.root - smooth(motion.root), cyclic=False)
-    return share, tremor
+        jitter[:, ROOT_POSITION] = second_differences(motion.root - smooth(motion.root), cyclic=False)
+    return share, jitter
 
 
 def _refine_joint(motion: Motion, joint: str, seen: Array) -> Array:
-    """Refined local rotations (T, 4) of one joint that no ground holds."""
+    """Refined local rotations (T, 4) of one joint of arms or trunk."""
     q = clamp_to_limits(joint, motion.rotations[:, N[joint]])
     hinge = joint in HINGE_JOINTS
     size = 1 if hinge else 3
-    watched = _near_limits(motion, [joint])
-    if motion.cyclic and not watched:
+    near_limits = _near_limits(motion, [joint])
+    if motion.cyclic and not near_limits:
         return q
 
     limit = JointLimitTerms(joint, len(q))
 
     def terms(x: Array, window: slice) -> tuple[Array, Array]:
-        if watched:
+        if near_limits:
             return limit.terms(q[window], x, window)
         return np.zeros((*x.shape, size)), np.zeros_like(x)
 
@@ -214,63 +213,63 @@ def _refine_joint(motion: Motion, joint: str, seen: Array) -> Array:
         rate=motion.rate,
         cyclic=motion.cyclic,
     )
-    # A hand that points anywhere is still somewhat beyond: what no few steps bring back is cut off.
+    # A hand in an arbitrary pose may still exceed its limits after a few steps: clamp them.
     return clamp_to_limits(joint, multiply(q, from_axis_angle("Y", x[:, 0]) if hinge else from_rotvec(x)))
 
 
 def _gauss_newton(
     terms: Terms,
-    off: Array,
+    deviation: Array,
     weights: Array,
     bending: Array,
     *,
     rate: float,
     cyclic: bool,
-    calm: tuple[Array, Array] | None = None,
-    before: Callable[[Array], None] | None = None,
+    root_smoothing: tuple[Array, Array] | None = None,
+    before_step: Callable[[Array], None] | None = None,
 ) -> Array:
-    """Corrections x (T, n) with the least sum of `terms`, of x / off, weighted (T, n), and of second
-    differences.
+    """Corrections x (T, n) that minimise `terms`, weighted squares of x / deviation, and second differences.
 
-    bending: (T, n) second differences of what must be smooth besides x; calm: see `_root_smoothing`; `before`
-    is called with x ahead of each step. A long clip is solved in windows that overlap: far from its ends a
-    window's solution is that of the whole, and what is left of the difference the next step takes.
+    weights: (T, n) of x; bending: (T, n) second differences to smooth in addition to those of x;
+    root_smoothing: see `_root_smoothing`; before_step: called with x before each step. A long clip is solved
+    in overlapping windows: far from its ends a window's solution equals that of the whole clip, and the next
+    step corrects the remaining difference.
     """
     frames, n = weights.shape
     x = np.zeros((frames, n))
-    stiffness = _stiffness(CORRECTION_CUTOFF if cyclic else POSE_CUTOFF, rate) / off**2
-    share, tremor = (np.zeros(n), np.zeros((frames, n))) if calm is None else calm
-    calming = _stiffness(CORRECTION_CUTOFF, rate) * share / off**2
+    stiffness = _stiffness(CORRECTION_CUTOFF if cyclic else POSE_CUTOFF, rate) / deviation**2
+    share, jitter = (np.zeros(n), np.zeros((frames, n))) if root_smoothing is None else root_smoothing
+    root_stiffness = _stiffness(CORRECTION_CUTOFF, rate) * share / deviation**2
     at = np.arange(n)
     for _ in range(LOOP_ITERATIONS if cyclic else ITERATIONS):
-        if before is not None:
-            before(x)
+        if before_step is not None:
+            before_step(x)
         step = np.empty_like(x)
         for window, core in _windows(frames, cyclic=cyclic):
             now = x[window]
             square, right = terms(now, window)
-            rest = weights[window] * _huber(now / off) / off**2
-            square[:, at, at] += rest
+            prior = weights[window] * _huber(now / deviation) / deviation**2
+            square[:, at, at] += prior
             own = second_differences(now, cyclic=cyclic)
-            bend = (own + bending[window]) * stiffness + (own + tremor[window]) * calming
-            right += rest * now + adjoint(bend, cyclic=cyclic)
-            found = solve_blocks(square, stiffness + calming, -right, cyclic=cyclic)
-            step[core] = found[core.start - window.start : core.stop - window.start]
+            bend = (own + bending[window]) * stiffness + (own + jitter[window]) * root_stiffness
+            right += prior * now + adjoint(bend, cyclic=cyclic)
+            solution = solve_blocks(square, stiffness + root_stiffness, -right, cyclic=cyclic)
+            step[core] = solution[core.start - window.start : core.stop - window.start]
         x += step
     return x
 
 
 def _windows(frames: int, *, cyclic: bool) -> Iterator[tuple[slice, slice]]:
-    """Windows over a clip, and the part of each whose solution counts; a cycle is one."""
+    """Windows over a clip, and the part of each whose solution is used; a cycle is one window."""
     length = frames if cyclic else WINDOW
     for start in range(0, frames, length):
-        # However short the last part is: it looks back into the one before.
+        # The last part may be short: its window reaches back into the one before.
         stop = min(start + length, frames)
         yield slice(max(0, start - OVERLAP), min(frames, stop + OVERLAP)), slice(start, stop)
 
 
 def _stiffness(band: float, rate: float) -> float:
-    """What second differences weigh so that a sine of `band` Hz is halved: 1 / (2 sin(π band / rate))⁴."""
+    """Weight of second differences that halves a sine of `band` Hz: 1 / (2 sin(π band / rate))⁴."""
     return float((2.0 * np.sin(np.pi * min(band / rate, 0.5))) ** -4)
 
 
@@ -279,9 +278,9 @@ def _huber(ratio: Array) -> Array:
 
 
 def _rotation_differences(q: Array, *, cyclic: bool) -> Array:
-    """Of a recording, second differences (T, 3) of rotations q (T, 4), in the joint's own frame; 0 of a loop.
+    """Second differences (T, 3) of rotations q (T, 4) in the joint's own frame; zero for a cycle.
 
-    To first order in small corrections x those of the corrected rotations are these and those of x.
+    To first order, the second differences of corrected rotations are these plus those of the corrections x.
     """
     if cyclic:
         return np.zeros((len(q), 3))
@@ -292,7 +291,7 @@ def _rotation_differences(q: Array, *, cyclic: bool) -> Array:
 
 
 def _near_limits(motion: Motion, joints: list[str]) -> list[str]:
-    """The joints that somewhere come near a limit."""
+    """The joints that come near a limit in any frame."""
     near = []
     for joint in joints:
         angles, limits = swing_twist(motion.rotations[:, N[joint]]), LIMITS[joint]

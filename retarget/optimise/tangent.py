@@ -1,4 +1,4 @@
-"""Small turns as rotation vectors: the exponential map as matrices, with its derivative."""
+"""The exponential map of rotation vectors as matrices, with its right Jacobian."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ def exponential(v: Array) -> tuple[Array, Array]:
     θ = |v|, a = sin θ / θ, b = (1 - cos θ) / θ², c = (θ - sin θ) / θ³ (Chirikjian 2011, eq. 10.86).
     """
     square = np.einsum("...i,...i->...", v, v)
-    # Series below 0.1 rad: there the closed forms lose digits, and 1e-11 is all that the series lacks.
+    # Series below 0.1 rad, where the closed forms lose digits; its truncation error is 1e-11.
     near = square < 1e-2
     theta = np.sqrt(np.where(near, 1.0, square))
     sine = np.sin(theta)

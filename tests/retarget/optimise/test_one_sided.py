@@ -11,7 +11,7 @@ def test_what_was_never_beyond_is_free_and_what_was_is_let_go_slowly():
     every = slice(0, 3)
     assert ground.weight(np.array([0.0, 0.002, 1.0]), every) == pytest.approx([0, 0, 0])
     assert ground.weight(np.array([-0.5, 0.002, 1.0]), every) == pytest.approx([1, 0, 0])
-    # Half way to `held` a quarter is left, beyond it nothing.
+    # Half way to `release` a quarter is left, beyond it nothing.
     assert ground.weight(np.array([0.005, 0.002, 1.0]), every) == pytest.approx([0.25, 0, 0])
     assert ground.weight(np.array([0.02, 0.002, -1e-9]), every) == pytest.approx([0, 0, 1])
 
