@@ -14,16 +14,10 @@ from kinemimic.pipeline.arrays import Array
 from kinemimic.pipeline.kinematics.rotations import conjugate, from_axis_angle, from_rotvec, multiply, rotate
 from kinemimic.pipeline.kinematics.skeleton import NODE_INDEX as N
 from kinemimic.retarget.humanoid.body import BODIES
+from kinemimic.retarget.humanoid.limits import HINGE_JOINTS
 from kinemimic.retarget.humanoid.motion import Motion
 from kinemimic.retarget.humanoid.surface import lowest_points
-from kinemimic.retarget.optimise.leg_chain import (
-    ANKLE_COLUMNS,
-    HIP_COLUMNS,
-    KNEE_COLUMNS,
-    ROOT_POSITION,
-    ROOT_ROTATION,
-    SIDES,
-)
+from kinemimic.retarget.optimise.leg_chain import JOINT_COLUMNS, ROOT_POSITION, ROOT_ROTATION
 from kinemimic.retarget.optimise.one_sided import OneSided
 
 NEAR_GROUND = 0.05  # m: bodies that never come this low are left out
@@ -35,12 +29,10 @@ def apply_corrections(motion: Motion, x: Array) -> Motion:
     """The motion with corrections x (T, 20) of root and legs, as defined in `leg_chain`."""
     rotations = motion.rotations.copy()
     rotations[:, 0] = multiply(rotations[:, 0], from_rotvec(x[:, ROOT_ROTATION]))
-    for side, hip, knee, ankle in zip(SIDES, HIP_COLUMNS, KNEE_COLUMNS, ANKLE_COLUMNS, strict=True):
-        for joint, begin in (("hip", hip), ("ankle", ankle)):
-            node = N[f"{joint}_{side}"]
-            rotations[:, node] = multiply(rotations[:, node], from_rotvec(x[:, begin : begin + 3]))
-        node = N[f"knee_{side}"]
-        rotations[:, node] = multiply(rotations[:, node], from_axis_angle("Y", x[:, knee]))
+    for joint, columns in JOINT_COLUMNS.items():
+        own = x[:, columns]
+        turn = from_axis_angle("Y", own[:, 0]) if joint in HINGE_JOINTS else from_rotvec(own)
+        rotations[:, N[joint]] = multiply(rotations[:, N[joint]], turn)
     return replace(motion, root=motion.root + x[:, ROOT_POSITION], rotations=rotations)
 
 

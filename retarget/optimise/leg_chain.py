@@ -20,9 +20,14 @@ from kinemimic.retarget.optimise.tangent import exponential
 UNKNOWNS = 20
 SIDES = ("left", "right")
 ROOT_POSITION, ROOT_ROTATION = slice(0, 3), slice(3, 6)
-# First column of each leg's joints in x, left then right.
-HIP_COLUMNS, KNEE_COLUMNS, ANKLE_COLUMNS = (6, 13), (9, 16), (10, 17)
 _LEG_UNKNOWNS = 7
+# Columns of each leg in x, left then right, and of each joint.
+LEG_COLUMNS = (slice(6, 13), slice(13, 20))
+JOINT_COLUMNS: dict[str, slice] = {
+    f"{joint}_{side}": slice(leg.start + first, leg.start + first + size)
+    for joint, first, size in (("hip", 0, 3), ("knee", 3, 1), ("ankle", 4, 3))
+    for side, leg in zip(SIDES, LEG_COLUMNS, strict=True)
+}
 LEG_POINTS = 6  # per leg: knee, ankle and the four sole corners
 
 
@@ -130,8 +135,7 @@ def normal_equations(jacobian: Array, residual: Array, weights: Array) -> tuple[
     legs = np.swapaxes(weighted, -1, -2) @ rows
     pulls = (residual.reshape(frames, 2, 1, 3 * LEG_POINTS) @ weighted)[:, :, 0]
     square, right = np.zeros((frames, UNKNOWNS, UNKNOWNS)), np.zeros((frames, UNKNOWNS))
-    for side, begin in enumerate(HIP_COLUMNS):
-        own = slice(begin, begin + _LEG_UNKNOWNS)
+    for side, own in enumerate(LEG_COLUMNS):
         square[:, :6, :6] += legs[:, side, :6, :6]
         square[:, own, own] = legs[:, side, 6:, 6:]
         square[:, own, :6] = legs[:, side, 6:, :6]

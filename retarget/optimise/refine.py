@@ -33,9 +33,7 @@ from kinemimic.retarget.humanoid.motion import Motion
 from kinemimic.retarget.optimise.banded import MIN_CYCLE_FRAMES, adjoint, second_differences, solve_blocks
 from kinemimic.retarget.optimise.ground_terms import RELEASE, BodyGroundTerms, apply_corrections
 from kinemimic.retarget.optimise.leg_chain import (
-    ANKLE_COLUMNS,
-    HIP_COLUMNS,
-    KNEE_COLUMNS,
+    JOINT_COLUMNS,
     ROOT_POSITION,
     ROOT_ROTATION,
     SIDES,
@@ -56,7 +54,7 @@ LOOP_ITERATIONS, ITERATIONS = 5, 8
 # Expected deviations (metres, radians), by which residuals are scaled.
 ROOT_DEVIATION = (0.02, 0.02, 0.03)
 ROOT_ROTATION_DEVIATION = np.radians(1.5)
-HIP_DEVIATION, KNEE_DEVIATION, ANKLE_DEVIATION = np.radians(4.0), np.radians(4.0), np.radians(8.0)
+_LEG_DEVIATIONS = {"hip": np.radians(4.0), "knee": np.radians(4.0), "ankle": np.radians(8.0)}
 UPPER_BODY_DEVIATION = np.radians(4.0)
 NODE_DEVIATION = 0.03  # knees and ankles, from the root
 CONTACT_DEVIATION = 0.002  # a sole corner in contact, from its place on the ground
@@ -84,7 +82,7 @@ def refine(motion: Motion, seen: Array | None = None) -> Motion:
     weights = np.maximum(np.ones((frames, len(NODES))) if seen is None else seen, MIN_WEIGHT)
     rotations = motion.rotations.copy()
     for joint in LIMITS:
-        if joint.partition("_")[0] not in ("hip", "knee", "ankle"):
+        if joint not in JOINT_COLUMNS:
             node = N[joint]
             rotations[:, node] = _refine_joint(motion, joint, weights[:, node])
     upper = replace(motion, rotations=rotations)
@@ -107,20 +105,17 @@ def _refine_legs(motion: Motion, seen: Array) -> Array:
         bending[:, ROOT_POSITION] = second_differences(motion.root, cyclic=False)
     bending[:, ROOT_ROTATION] = _rotation_differences(motion.rotations[:, N["hip_center"]], cyclic=cyclic)
     node_weights = np.empty((frames, 2, 2, 1))
+    for joint, columns in JOINT_COLUMNS.items():
+        node = N[joint]
+        deviation[columns], weights[:, columns] = (
+            _LEG_DEVIATIONS[joint.partition("_")[0]],
+            seen[:, node, None],
+        )
+        turn = _rotation_differences(motion.rotations[:, node], cyclic=cyclic)
+        bending[:, columns] = turn[:, 1:2] if joint in HINGE_JOINTS else turn
     for k, side in enumerate(SIDES):
-        for joint, begin, size, expected in (
-            ("hip", HIP_COLUMNS[k], 3, HIP_DEVIATION),
-            ("knee", KNEE_COLUMNS[k], 1, KNEE_DEVIATION),
-            ("ankle", ANKLE_COLUMNS[k], 3, ANKLE_DEVIATION),
-        ):
-            node, own = N[f"{joint}_{side}"], slice(begin, begin + size)
-            deviation[own], weights[:, own] = expected, seen[:, node, None]
-            turn = _rotation_differences(motion.rotations[:, node], cyclic=cyclic)
-            bending[:, own] = turn[:, 1:2] if size == 1 else turn
         node_weights[:, k, :, 0] = seen[:, [N[f"knee_{side}"], N[f"ankle_{side}"]]] / NODE_DEVIATION**2
-    near_limits = _near_limits(
-        motion, [f"{joint}_{side}" for joint in ("hip", "knee", "ankle") for side in SIDES]
-    )
+    near_limits = _near_limits(motion, list(JOINT_COLUMNS))
     limits = {joint: JointLimitTerms(joint, frames) for joint in near_limits}
     anchors = np.zeros((frames, 2, 4, 2))
     ground, bodies = OneSided((frames, 2, 4), RELEASE), BodyGroundTerms(motion)
@@ -136,22 +131,18 @@ def _refine_legs(motion: Motion, seen: Array) -> Array:
         corners, hold = points[:, :, 2:], standing.hold[window]
         residual[:, :, 2:, :2] = corners[..., :2] - anchors[window]
         residual[:, :, 2:, 2] = corners[..., 2]
-        sinks = ground.weight(corners[..., 2], window) / PENETRATION_DEVIATION**2
+        penetration = ground.weight(corners[..., 2], window) / PENETRATION_DEVIATION**2
         weight[:, :, 2:] = hold[..., None] / CONTACT_DEVIATION**2
-        weight[:, :, 2:, 2] = np.maximum(weight[:, :, 2:, 2], sinks)
+        weight[:, :, 2:, 2] = np.maximum(weight[:, :, 2:, 2], penetration)
         square, right = normal_equations(jacobian, residual, weight)
         for joint in near_limits:
-            side = SIDES.index(joint.rpartition("_")[2])
-            begin = {"hip": HIP_COLUMNS, "knee": KNEE_COLUMNS, "ankle": ANKLE_COLUMNS}[
-                joint.partition("_")[0]
-            ][side]
-            own = slice(begin, begin + (1 if joint in HINGE_JOINTS else 3))
-            held, pull = limits[joint].terms(motion.rotations[window, N[joint]], x[:, own], window)
-            square[:, own, own] += held
-            right[:, own] += pull
-        held, pull = bodies.terms(window, PENETRATION_DEVIATION)
-        square[:, :6, :6] += held
-        right[:, :6] += pull
+            own = JOINT_COLUMNS[joint]
+            block, gradient = limits[joint].terms(motion.rotations[window, N[joint]], x[:, own], window)
+            square[:, own, own] += block
+            right[:, own] += gradient
+        block, gradient = bodies.terms(window, PENETRATION_DEVIATION)
+        square[:, :6, :6] += block
+        right[:, :6] += gradient
         return square, right
 
     def update(x: Array) -> None:

@@ -10,9 +10,7 @@ from kinemimic.pipeline.kinematics.skeleton import NODE_INDEX as N
 from kinemimic.retarget.feet.contact import sole_positions
 from kinemimic.retarget.feet.scale import body_kinematics
 from kinemimic.retarget.optimise.leg_chain import (
-    ANKLE_COLUMNS,
-    HIP_COLUMNS,
-    KNEE_COLUMNS,
+    LEG_COLUMNS,
     SIDES,
     UNKNOWNS,
     leg_chain,
@@ -35,7 +33,7 @@ def corrected(root, rotations, x):
     """The corrections as the docstring says them, on quaternions."""
     rotations = rotations.copy()
     rotations[:, 0] = multiply(rotations[:, 0], from_rotvec(x[:, 3:6]))
-    for side, hip, knee, ankle in zip(SIDES, HIP_COLUMNS, KNEE_COLUMNS, ANKLE_COLUMNS, strict=True):
+    for side, hip, knee, ankle in zip(SIDES, (6, 13), (9, 16), (10, 17), strict=True):
         for joint, turn in (
             ("hip", from_rotvec(x[:, hip : hip + 3])),
             ("knee", from_axis_angle("Y", x[:, knee])),
@@ -72,8 +70,8 @@ def test_jacobian_is_the_derivative(case):
     root, rotations, x = case
     chain = leg_chain(root, rotations)
     expected, (_, found) = differences(chain, x), leg_jacobian(chain, x)
-    for k, begin in enumerate(HIP_COLUMNS):
-        own = [*range(6), *range(begin, begin + 7)]
+    for k, leg in enumerate(LEG_COLUMNS):
+        own = [*range(6), *range(leg.start, leg.stop)]
         assert found[:, k] == pytest.approx(expected[:, k][..., own], abs=1e-7)
         # One leg's joints do not move the other.
         assert not np.delete(expected[:, k], own, axis=-1).any()
