@@ -10,12 +10,13 @@ from typing import Any
 import click
 from rich.console import Console
 
-from kinemimic.pipeline.cli.options import json_option, run_option, unit_option
+from kinemimic.pipeline.cli.options import json_option, run_option
 from kinemimic.pipeline.errors import CaptureError, KinemimicError
 from kinemimic.pipeline.files.provenance import provenance
 from kinemimic.pipeline.files.sidecars import note_path, read_note, read_truth, truth_path
 from kinemimic.pipeline.files.store import copy_file, read_json, write_clip, write_json
-from kinemimic.pipeline.filters.clean import FILTERS, clean
+from kinemimic.pipeline.filters.clean import clean
+from kinemimic.pipeline.filters.options import FILTERS, ingest_options
 from kinemimic.pipeline.kinematics.clip import Clip
 from kinemimic.pipeline.quality.check import check_capture
 from kinemimic.pipeline.quality.report import quality_report, quality_table
@@ -69,13 +70,7 @@ def ingest(capture: Path, run: Path, *, filter_name: str | None = None, unit: st
 @click.command()
 @click.argument("capture", required=False, type=click.Path(path_type=Path))
 @run_option()
-@click.option(
-    "--filter",
-    "filter_name",
-    type=click.Choice(FILTERS),
-    help="What takes out the noise; by default the Kalman smoother.",
-)
-@unit_option("The file's unit of length; by default as its format or the body in it says.")
+@ingest_options
 @json_option("Print the quality report as JSON.")
 def command(
     capture: Path | None, run: Path, filter_name: str | None, unit: str | None, as_json: bool

@@ -18,13 +18,14 @@ from kinemimic.pipeline.files.store import content_hash, read_clip, read_json, w
 from kinemimic.pipeline.kinematics.clip import Clip
 from kinemimic.retarget.captured_angles import PassSpan, captured_angles, write_captured
 from kinemimic.retarget.cyclic import fit_cyclic
-from kinemimic.retarget.feet.ankles import ANKLE_MODES, AnkleMode
+from kinemimic.retarget.feet.ankles import AnkleMode
 from kinemimic.retarget.feet.ground import measure_path
 from kinemimic.retarget.formats.motion_json import motion_to_json
 from kinemimic.retarget.formats.write_mcap import write_mcap
 from kinemimic.retarget.humanoid.motion import Motion
 from kinemimic.retarget.noncyclic import NonCyclicFit, fit_noncyclic, longest_walk
 from kinemimic.retarget.optimise.refine import refine
+from kinemimic.retarget.options import retarget_options
 from kinemimic.retarget.report import cyclic_report, noncyclic_report
 from kinemimic.retarget.strides.passes import Pass, analyze_passes, brevity_note, is_gait, select_passes
 from kinemimic.retarget.strides.treadmill import add_belt_travel
@@ -199,30 +200,7 @@ def _measures(closed: dict[str, Any], final: dict[str, Any]) -> list[str]:
 
 @click.command("retarget")
 @run_option()
-@click.option(
-    "--symmetric/--as-recorded",
-    default=None,
-    help="Average the left and right sides, or keep their difference. Default: decided by measurement.",
-)
-@click.option(
-    "--refine/--no-refine",
-    "refined",
-    default=True,
-    show_default=True,
-    help="Optimise all frames together for foot contact, ground and joint limits.",
-)
-@click.option(
-    "--ankle",
-    type=click.Choice(ANKLE_MODES),
-    default="neutral",
-    show_default=True,
-    help="Ankles of a walk whose feet the sensor did not see: flat in stance, or as in normal walking.",
-)
-@click.option(
-    "--loop/--no-loop",
-    default=None,
-    help="Average all strides into a loop, or keep the longest pass as recorded. Default: a loop for a gait.",
-)
+@retarget_options
 @json_option("Print gait.json.")
 def command(
     run: Path, symmetric: bool | None, refined: bool, ankle: AnkleMode, loop: bool | None, as_json: bool

@@ -20,8 +20,8 @@ from kinemimic.retarget.formats.motion_json import read_motion_json
 from kinemimic.retarget.gate import require_trainable
 from kinemimic.retarget.humanoid.motion import Motion
 from kinemimic.train.config.baseline_config import require_package
-from kinemimic.train.config.budget import MINUTES, samples
-from kinemimic.train.config.config import PRESETS, TrainConfig, preset
+from kinemimic.train.config.config import TrainConfig, preset
+from kinemimic.train.options import training_options
 from kinemimic.train.ppo.ppo import PpoAlgorithm
 from kinemimic.train.ppo.runner import PpoRunner
 from kinemimic.train.reference.reference import Reference
@@ -37,7 +37,7 @@ from kinemimic.train.scenario.route import reference_for
 from kinemimic.train.scenario.scenario import Scenario
 from kinemimic.train.scenario.scenario_file import scenario as read
 from kinemimic.train.sim.engines import resolve
-from kinemimic.train.sim.options import engine_option, workers_option
+from kinemimic.train.sim.options import workers_option
 from kinemimic.train.task.mirror import mirrored
 from kinemimic.train.task.stopwatch import Stopwatch, table
 
@@ -173,33 +173,11 @@ def _record(training: Training, motion: Motion, engine: str) -> dict[str, Any]:
 
 @click.command("train")
 @run_option()
-@click.option(
-    "--preset",
-    "preset_name",
-    type=click.Choice(list(PRESETS)),
-    default="default",
-    show_default=True,
-    help="A named set of training settings.",
-)
-@click.option(
-    "--budget",
-    type=samples,
-    help="Samples (control steps) of all calls together, such as 1e6; the preset's by default.",
-)
-@click.option(
-    "--minutes",
-    type=MINUTES,
-    help="End after so many minutes of all calls together, if the budget lasts longer.",
-)
-@click.option(
-    "--seed", type=click.IntRange(min=0), default=0, show_default=True, help="Of all that is drawn at random."
-)
+@training_options
 @workers_option
-@engine_option
 @click.option(
     "--resume/--no-resume", default=True, show_default=True, help="Go on from the run's checkpoint."
 )
-@click.option("--anyway", is_flag=True, help="Train on a motion that the gate before training refuses.")
 @click.option("--scenario", "named", metavar="NAME", help="Train in it: one that ships, or a TOML file.")
 @json_option("Print the policy's record as JSON.")
 def command(

@@ -17,7 +17,7 @@ from kinemimic.pipeline.catalog.local_files import captures_folder
 from kinemimic.pipeline.cli.options import json_option
 from kinemimic.pipeline.errors import KinemimicError
 from kinemimic.pipeline.files.store import copy_file, file_hash, read_json, write_json
-from kinemimic.train.sim.engines import ENGINES
+from kinemimic.train.sim.options import engine_option
 
 LARGEST = 4_000_000  # bytes of a file that ships
 
@@ -153,7 +153,7 @@ def reproduce(
     show_default=True,
     help="Each is written into a folder of its name below this one.",
 )
-@click.option("--engine", type=click.Choice(ENGINES), help="Native where it is built.")
+@engine_option
 @json_option("Print the folders that were written as JSON.")
 def command(
     only: tuple[str, ...],

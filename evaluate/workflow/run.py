@@ -1,7 +1,7 @@
 """`kinemimic run`: every stage on one capture, skipping what is up to date.
 
-A stage is skipped when its entry in run.json (ledger.py) still holds; one that is run makes all after it run.
-An interrupted run goes on where it was, the training from its checkpoint.
+A stage is skipped if its entry in run.json (run_record.py) is still valid; after a stage that runs, all later
+stages run too. An interrupted run resumes where it stopped, the training from its checkpoint.
 """
 
 from __future__ import annotations
@@ -17,21 +17,18 @@ from typing import Any
 
 import click
 
-from kinemimic.evaluate.workflow.ledger import Ledger, made_from
+from kinemimic.evaluate.workflow.run_record import RunRecord, stage_inputs
 from kinemimic.pipeline.cli.main import load_command
-from kinemimic.pipeline.cli.options import json_option, run_option, unit_option
+from kinemimic.pipeline.cli.options import Decorator, declared, json_option, run_option
 from kinemimic.pipeline.files.sidecars import note_path, truth_path
 from kinemimic.pipeline.files.store import read_json
-from kinemimic.train.config.budget import MINUTES, samples
-from kinemimic.train.config.config import PRESETS
-from kinemimic.train.sim.engines import ENGINES
+from kinemimic.pipeline.filters.options import ingest_options
+from kinemimic.retarget.options import retarget_options
+from kinemimic.train.options import training_options
+from kinemimic.train.sim.options import engine_option
 
-# The capture that `run` makes when it is given none; a virtual Kinect always records the same one.
+# Without a capture, `run` records one with the virtual Kinect, always the same one.
 VIRTUAL_STAGE = "virtual"
-# As in `ingest`, whose module is not loaded for --help.
-FILTERS = ("kalman", "butterworth", "one-euro", "none")
-# As in `retarget`.
-ANKLES = ("neutral", "normal")
 VIRTUAL_SEED = 0
 VIRTUAL_CAPTURE = "capture/kinect_walk_euler.bvh"
 VIRTUAL_FILES = (
@@ -40,10 +37,18 @@ VIRTUAL_FILES = (
     "capture/kinect_walk_euler.provenance.json",
 )
 
+# The options of stages that `run` passes on.
+STAGE_OPTIONS: Mapping[str, Decorator] = {
+    "ingest": ingest_options,
+    "retarget": retarget_options,
+    "train": training_options,
+    "evaluate": engine_option,
+}
+
 
 @dataclass(frozen=True)
 class Stage:
-    """A command, and the files of the run folder that it reads (where they are there) and writes."""
+    """A command, and the files of the run folder that it reads (if present) and writes."""
 
     name: str
     reads: tuple[str, ...]
@@ -70,7 +75,7 @@ STAGES = (
 
 @dataclass(frozen=True)
 class Outcome:
-    """Which stages were run and which skipped, and the content of scores.json."""
+    """The stages that were run and skipped, and the content of scores.json."""
 
     ran: tuple[str, ...]
     skipped: tuple[str, ...]
@@ -84,13 +89,13 @@ def run(
     options: Mapping[str, Mapping[str, Any]] | None = None,
     quiet: bool = False,
 ) -> Outcome:
-    """Take a capture to scores, a report and a recording in `folder`.
+    """Run all stages on a capture, up to scores, report and recording in `folder`.
 
-    capture: a file, or None for the virtual Kinect's recording of the stock walk (folder/capture).
+    capture: a file or folder, or None to record the stock walk with the virtual Kinect (folder/capture).
     options: stage -> its command's options without the dashes; True is a flag, None the command's default.
-    quiet: nothing is printed. Raises what the stages raise; those that were finished stay recorded.
+    quiet: print nothing. Raises what the stages raise; finished stages stay recorded.
     """
-    ledger = Ledger(folder)
+    run_record = RunRecord(folder)
     ran: list[str] = []
     skipped: list[str] = []
 
@@ -98,19 +103,19 @@ def run(
         name: str, reads: Callable[[], Mapping[str, Path]], writes: tuple[str, ...], arguments: list[str]
     ) -> None:
         config = {key: value for key, value in (options or {}).get(name, {}).items() if value is not None}
-        if not ran and ledger.up_to_date(name, made_from(reads(), config)):
+        if not ran and run_record.up_to_date(name, stage_inputs(reads(), config)):
             skipped.append(name)
             _say(f"{name}: up to date", quiet=quiet)
             return
         _say(f"{name}", quiet=quiet, bold=True)
         if name == VIRTUAL_STAGE:
             _record_virtual(folder)
-            _say(f"SIMULATED: a virtual Kinect records the stock walk: {capture}", quiet=quiet)
+            _say(f"SIMULATED capture: the virtual Kinect records the stock walk: {capture}", quiet=quiet)
         else:
             flags = [f"--{key}" if value is True else f"--{key}={value}" for key, value in config.items()]
             _invoke(name, [*arguments, "--run", str(folder), *flags], quiet=quiet)
-        # Only now is it known which files beside the capture were read with it.
-        ledger.record(name, made_from(reads(), config), writes)
+        # After the stage, because `ingest` reports the sidecar files that it read.
+        run_record.record(name, stage_inputs(reads(), config), writes)
         ran.append(name)
 
     if capture is None:
@@ -134,9 +139,9 @@ def run(
 
 
 def _capture_files(capture: Path, folder: Path) -> dict[str, Path]:
-    """The capture and what belongs to it: by rule, and by what the last `ingest` read beside it.
+    """The capture and its sidecar files: those with fixed names, and those that the last `ingest` reported.
 
-    Of a capture that is a folder (a depth recording), every file in it.
+    For a folder (a depth recording): every file in it.
     """
     if capture.is_dir():
         return {str(file.relative_to(capture)): file for file in sorted(capture.rglob("*")) if file.is_file()}
@@ -152,14 +157,13 @@ def _capture_files(capture: Path, folder: Path) -> dict[str, Path]:
 
 
 def _record_virtual(folder: Path) -> None:
-    # Only this stage needs it, and whoever brings a capture does not wait for it.
-    from kinemimic.pipeline.virtual_kinect.recorder import record_virtual  # noqa: PLC0415
+    from kinemimic.pipeline.virtual_kinect.recorder import record_virtual  # noqa: PLC0415 (import cost)
 
     record_virtual((folder / VIRTUAL_CAPTURE).parent, seed=VIRTUAL_SEED)
 
 
 def _invoke(name: str, arguments: list[str], *, quiet: bool) -> None:
-    """Run a command as the command line would; its table of scores is kept back for the end."""
+    """Run a command as from the command line; the table of scores is held back until the end."""
     command = load_command(name)
     if quiet:
         arguments = [*arguments, "--json"]
@@ -175,81 +179,67 @@ def _say(text: str, *, quiet: bool, bold: bool = False) -> None:
         click.secho(text, bold=bold)
 
 
+def _passed_on() -> list[click.Option]:
+    """The options of all stages; unset, each leaves its stage the default."""
+    options: dict[str, click.Option] = {}
+    stages: dict[str, list[str]] = {}
+    for stage, group in STAGE_OPTIONS.items():
+        for option in declared(group):
+            options[option.opts[0]] = option
+            stages.setdefault(option.opts[0], []).append(stage)
+    for name, option in options.items():
+        default = name.removeprefix("--") if option.default is True else option.default
+        shown = f"; default: {default}" if option.show_default else ""
+        option.help = f"{option.help} [{', '.join(stages[name])}{shown}]"
+        option.default, option.show_default = None, False
+    return list(options.values())
+
+
+def _stage_options(values: Mapping[str, Any]) -> dict[str, dict[str, Any]]:
+    """Stage -> the options that were set, as `run` takes them."""
+    options: dict[str, dict[str, Any]] = {}
+    for stage, group in STAGE_OPTIONS.items():
+        options[stage] = {}
+        for option in declared(group):
+            value, names = values[option.name or ""], option.opts
+            if option.is_flag:
+                # --loop/--no-loop: False is the second name.
+                names, value = (option.secondary_opts, True) if value is False else (names, value)
+            if value is not None and names:
+                options[stage][names[0].removeprefix("--")] = value
+    return options
+
+
 @click.command()
 @click.argument("capture", required=False, type=click.Path(path_type=Path))
 @run_option("folder")
-@click.option("--filter", "filter_name", type=click.Choice(FILTERS), help="Of `ingest`.")
-@unit_option("Of `ingest`.")
-@click.option("--symmetric/--as-recorded", default=None, help="Of `retarget`.")
-@click.option("--no-refine", is_flag=True, help="Of `retarget`.")
-@click.option("--ankle", type=click.Choice(ANKLES), help="Of `retarget`.")
-@click.option("--loop/--no-loop", default=None, help="Of `retarget`.")
-@click.option("--preset", type=click.Choice(list(PRESETS)), help="Of `train`.")
-@click.option("--budget", type=samples, help="Of `train`: samples, such as 1e6; the preset's by default.")
-@click.option("--minutes", type=MINUTES, help="Of `train`: its end, if the budget lasts longer.")
-@click.option("--seed", type=click.IntRange(min=0), help="Of `train`.")
-@click.option("--engine", type=click.Choice(ENGINES), help="Of `train` and `evaluate`.")
-@click.option("--anyway", is_flag=True, help="Of `train`: also on a motion that its gate refuses.")
-@json_option("Print what was run and the scores as JSON.")
-def command(
-    capture: Path | None,
-    folder: Path,
-    filter_name: str | None,
-    unit: str | None,
-    symmetric: bool | None,
-    no_refine: bool,
-    ankle: str | None,
-    loop: bool | None,
-    preset: str | None,
-    budget: int | None,
-    minutes: float | None,
-    seed: int | None,
-    engine: str | None,
-    anyway: bool,
-    as_json: bool,
-) -> None:
-    """Take CAPTURE (or, without one, the virtual Kinect's walk) through every stage to its scores.
+@json_option("Print the stages that were run, and the scores, as JSON.")
+def command(capture: Path | None, folder: Path, as_json: bool, **options: Any) -> None:
+    """Take CAPTURE, or the virtual Kinect's recording of a walk, through every stage to its scores.
 
-    A stage whose inputs and options have not changed since the last time is skipped.
+    Stages whose inputs and options have not changed are skipped.
 
     \b
       kinemimic run
       kinemimic run walk.skl --run runs/walk --budget 1e6
     """
-    options: dict[str, dict[str, Any]] = {
-        "ingest": {"filter": filter_name, "unit": unit},
-        "retarget": {
-            "symmetric": symmetric or None,
-            "as-recorded": True if symmetric is False else None,
-            "no-refine": no_refine or None,
-            "ankle": ankle,
-            "loop": loop or None,
-            "no-loop": True if loop is False else None,
-        },
-        "train": {
-            "preset": preset,
-            "budget": budget,
-            "minutes": minutes,
-            "seed": seed,
-            "engine": engine,
-            "anyway": anyway or None,
-        },
-        "evaluate": {"engine": engine},
-    }
-    outcome = run(capture, folder, options=options, quiet=as_json)
+    outcome = run(capture, folder, options=_stage_options(options), quiet=as_json)
     report, recording = folder / "report.html", folder / "view.rrd"
     if as_json:
         paths = {"report": report.as_posix(), "recording": recording.as_posix()}
-        ledger = {"ran": list(outcome.ran), "skipped": list(outcome.skipped)}
-        click.echo(json.dumps({**ledger, **paths, "scores": outcome.scores}, indent=2))
+        stages = {"ran": list(outcome.ran), "skipped": list(outcome.skipped)}
+        click.echo(json.dumps({**stages, **paths, "scores": outcome.scores}, indent=2))
         return
-    # The table's module loads the simulation, which `kinemimic run --help` has no use for.
+    # Import cost: these modules load the simulation.
     from rich.console import Console  # noqa: PLC0415
 
     from kinemimic.evaluate.scoring.command import table  # noqa: PLC0415
     from kinemimic.evaluate.view.command import how_to_open  # noqa: PLC0415
 
     click.echo()
-    # A path that is broken over two lines cannot be opened.
+    # Without wrapping: a path broken over two lines cannot be opened.
     Console(highlight=False).print(table(dict(outcome.scores), folder), soft_wrap=True)
     click.echo(f"recording: {recording} ({how_to_open(recording)})")
+
+
+command.params[-1:-1] = _passed_on()

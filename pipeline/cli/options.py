@@ -1,4 +1,4 @@
-"""The option that the commands of a run have in common: its folder."""
+"""Options that several commands share, and groups of options."""
 
 from __future__ import annotations
 
@@ -12,6 +12,7 @@ import click
 from kinemimic.pipeline.errors import KinemimicError
 
 Command = TypeVar("Command", bound=Callable[..., Any])
+Decorator = Callable[[Callable[..., Any]], Callable[..., Any]]
 
 DEFAULT_RUN = Path("runs/default")
 # As in captures/units.py, which is not loaded for --help.
@@ -19,7 +20,7 @@ UNITS = ("m", "cmu", "inch", "cm", "mm")
 
 
 class RunFolder(click.Path):
-    """The path of a folder that need not be there; a file in its place is told before anything is read."""
+    """The path of a folder that need not exist; a file in its place is refused at once."""
 
     def __init__(self) -> None:
         super().__init__(path_type=Path)
@@ -32,15 +33,35 @@ class RunFolder(click.Path):
         return run
 
 
+def option_group(*options: Decorator) -> Decorator:
+    """One decorator for several options, in the order of --help."""
+
+    def decorate(command: Callable[..., Any]) -> Callable[..., Any]:
+        for option in reversed(options):
+            command = option(command)
+        return command
+
+    return decorate
+
+
+def declared(options: Decorator) -> list[click.Option]:
+    """The options that a decorator adds to a command."""
+
+    def command() -> None: ...
+
+    options(command)
+    return [*reversed(command.__click_params__)]  # type: ignore[attr-defined]
+
+
 def run_option(name: str = "run") -> Callable[[Command], Command]:
-    """--run, a path, handed to the command's function as `name`."""
+    """--run, a path, passed to the command as `name`."""
     return click.option(
         "--run",
         name,
         type=RunFolder(),
         default=DEFAULT_RUN,
         show_default=True,
-        help="The run folder.",
+        help="Run folder.",
     )
 
 

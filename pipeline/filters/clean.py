@@ -12,14 +12,13 @@ from kinemimic.pipeline.filters.fill import LONGEST_GAP, fill
 from kinemimic.pipeline.filters.kalman import smooth
 from kinemimic.pipeline.filters.low_pass import CUTOFF, low_pass
 from kinemimic.pipeline.filters.one_euro import one_euro
+from kinemimic.pipeline.filters.options import FILTERS
 from kinemimic.pipeline.filters.spikes import despike
 from kinemimic.pipeline.kinematics.clip import Clip
 from kinemimic.pipeline.kinematics.euler import local_rotations, world_positions
 from kinemimic.pipeline.kinematics.rotations import continuous, normalize
 from kinemimic.pipeline.kinematics.skeleton import INFERRED
 
-# The first is the default: `make bench-clean` finds it nearest to the truth.
-FILTERS: tuple[str, ...] = ("kalman", "butterworth", "one-euro", "none")
 # What each does, for reports and plans.
 WORDS: dict[str, str] = {
     "kalman": "Kalman-RTS smoother, cut-offs by likelihood, wild values overruled",

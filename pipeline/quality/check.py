@@ -12,7 +12,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from kinemimic.pipeline.errors import KinemimicError
-from kinemimic.pipeline.filters.clean import FILTERS, WORDS
+from kinemimic.pipeline.filters.clean import WORDS
+from kinemimic.pipeline.filters.options import FILTERS
 from kinemimic.pipeline.kinematics.clip import Clip
 from kinemimic.pipeline.kinematics.nodes import to_nodes
 from kinemimic.pipeline.quality.passes import MIN_PASS_DURATION, Acquisition, find_passes, with_passes

@@ -15,7 +15,7 @@ from kinemimic.pipeline.errors import KinemimicError
 from kinemimic.pipeline.files.bounded import MEGABYTE
 from kinemimic.pipeline.files.records import RecordError, convert, one_of
 from kinemimic.pipeline.files.toml_file import parse_toml, read_text
-from kinemimic.pipeline.filters.clean import FILTERS
+from kinemimic.pipeline.filters.options import FILTERS
 from kinemimic.retarget.feet.ankles import AnkleMode
 
 PARAMS = Path("datasets/versions/params.toml")

@@ -24,7 +24,8 @@ from numpy.typing import NDArray
 from kinemimic.pipeline.arrays import Array
 from kinemimic.pipeline.convert import on_nodes
 from kinemimic.pipeline.errors import KinemimicError
-from kinemimic.pipeline.filters.clean import FILTERS, clean
+from kinemimic.pipeline.filters.clean import clean
+from kinemimic.pipeline.filters.options import FILTERS
 from kinemimic.pipeline.kinematics.angles import ANGLES
 from kinemimic.pipeline.kinematics.clip import Clip
 from kinemimic.pipeline.quality.check import check_capture

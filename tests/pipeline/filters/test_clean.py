@@ -9,8 +9,9 @@ import numpy as np
 import pytest
 
 from kinemimic.pipeline.errors import KinemimicError
-from kinemimic.pipeline.filters.clean import FILTERS, WORDS, clean
+from kinemimic.pipeline.filters.clean import WORDS, clean
 from kinemimic.pipeline.filters.fill import fill
+from kinemimic.pipeline.filters.options import FILTERS
 from kinemimic.pipeline.kinematics.clip import Clip
 from kinemimic.pipeline.kinematics.euler import local_rotations, world_positions
 from kinemimic.pipeline.kinematics.rotations import (

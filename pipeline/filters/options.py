@@ -1,0 +1,20 @@
+"""Options of `ingest`, which `run` passes on; free of heavy imports for the sake of --help."""
+
+from __future__ import annotations
+
+import click
+
+from kinemimic.pipeline.cli.options import option_group, unit_option
+
+# The first is the default: `make bench-clean` finds it closest to the truth.
+FILTERS: tuple[str, ...] = ("kalman", "butterworth", "one-euro", "none")
+
+ingest_options = option_group(
+    click.option(
+        "--filter",
+        "filter_name",
+        type=click.Choice(FILTERS),
+        help="Noise filter. Default: the Kalman smoother.",
+    ),
+    unit_option("Length unit of the file. Default: as declared by the format, or inferred from body size."),
+)

@@ -1,0 +1,35 @@
+"""Options of `retarget`, which `run` passes on; free of heavy imports for the sake of --help."""
+
+from __future__ import annotations
+
+import click
+
+from kinemimic.pipeline.cli.options import option_group
+from kinemimic.retarget.feet.ankles import ANKLE_MODES
+
+retarget_options = option_group(
+    click.option(
+        "--symmetric/--as-recorded",
+        default=None,
+        help="Average the left and right sides, or keep their difference. Default: decided by measurement.",
+    ),
+    click.option(
+        "--refine/--no-refine",
+        "refined",
+        default=True,
+        show_default=True,
+        help="Optimise all frames together for foot contact, ground and joint limits.",
+    ),
+    click.option(
+        "--ankle",
+        type=click.Choice(ANKLE_MODES),
+        default="neutral",
+        show_default=True,
+        help="Ankles of a walk whose feet the sensor did not see: flat in stance, or as in normal walking.",
+    ),
+    click.option(
+        "--loop/--no-loop",
+        default=None,
+        help="Average all strides into a loop, or keep the longest pass. Default: a loop for a gait.",
+    ),
+)

@@ -1,0 +1,30 @@
+"""Options of `train`, which `run` passes on; free of heavy imports for the sake of --help."""
+
+from __future__ import annotations
+
+import click
+
+from kinemimic.pipeline.cli.options import option_group
+from kinemimic.train.config.budget import MINUTES, samples
+from kinemimic.train.config.config import PRESETS
+from kinemimic.train.sim.options import engine_option
+
+training_options = option_group(
+    click.option(
+        "--preset",
+        "preset_name",
+        type=click.Choice(list(PRESETS)),
+        default="default",
+        show_default=True,
+        help="Named set of training settings.",
+    ),
+    click.option(
+        "--budget", type=samples, help="Samples (control steps) in total, such as 1e6. Default: the preset's."
+    ),
+    click.option(
+        "--minutes", type=MINUTES, help="Stop after this training time, even if the budget is not used up."
+    ),
+    click.option("--seed", type=click.IntRange(min=0), default=0, show_default=True, help="Random seed."),
+    engine_option,
+    click.option("--anyway", is_flag=True, help="Train even if the motion fails the check before training."),
+)
