@@ -21,6 +21,7 @@ from kinemimic.evaluate.paper.page import study_page
 from kinemimic.evaluate.paper.plan import AHEAD, ROOM, SCENARIOS, compared_policies, policies_in
 from kinemimic.evaluate.paper.processing_times import measured_on, processing_times
 from kinemimic.evaluate.paper.room_walks import rooms
+from kinemimic.evaluate.paper.summary import markdown
 from kinemimic.pipeline.cli.options import json_option
 from kinemimic.pipeline.cli.picture import save
 from kinemimic.pipeline.cli.progress import progress
@@ -47,7 +48,7 @@ def study(
     workers: int | None = None,
     engine: str = "auto",
 ) -> dict[str, Any]:
-    """Measure, compare with the paper, and write out/study.html, study.json, figures/, numbers/.
+    """Measure, compare with the paper, and write study.html, study.json, claims.md, figures/, numbers/.
 
     trials: of each policy in each scenario; walks: rooms per policy; seed: of all random draws; workers:
     processes (default: all cores); engine: a name from `train/sim/engines.py`. Each finished part is kept in
@@ -93,6 +94,7 @@ def study(
     for name, rows in numbers(comparison, content):
         write_text(out / "numbers" / f"{name}.csv", table_csv(rows))
     write_json(out / "study.json", content)
+    write_text(out / "claims.md", markdown(content["claims"]))
     write_text(out / PAGE, study_page(comparison, content, drawn))
     return content
 

@@ -9,18 +9,9 @@ from typing import Any
 from markupsafe import Markup
 
 from kinemimic.evaluate.compare.comparison import Comparison
-from kinemimic.evaluate.paper.claim import (
-    BETTER,
-    CONFIRMED,
-    CONTRADICTED,
-    NOT_CONFIRMED,
-    SMALLER,
-    UNSURE,
-    WORSE,
-    between,
-    formatted,
-)
+from kinemimic.evaluate.paper.claim import formatted
 from kinemimic.evaluate.paper.sections import disturbances, processing, room, training
+from kinemimic.evaluate.paper.summary import counts, is_worse, ours_with_interval
 from kinemimic.pipeline.cli.html import render
 from kinemimic.pipeline.cli.picture import Draw
 
@@ -43,32 +34,18 @@ def study_page(comparison: Comparison, content: Row, drawings: Mapping[str, Draw
     )
 
 
-def _is_worse(verdict: str) -> bool:
-    return verdict in (NOT_CONFIRMED, CONTRADICTED, UNSURE) or verdict.startswith((WORSE, "undecided"))
-
-
 def _claims(claims: Sequence[Row]) -> dict[str, Any]:
     """A row for each claim, how many came out how, and the formulas."""
-    verdicts = [claim["verdict"] for claim in claims]
-    better, leads = verdicts.count(BETTER), sum(v.startswith(CONFIRMED) for v in verdicts)
-    worse = sum(map(_is_worse, verdicts))
     rows = []
     for claim in claims:
-        unit, verdict = claim["unit"], claim["verdict"]
-        if _is_worse(verdict):
+        verdict = claim["verdict"]
+        if is_worse(verdict):
             verdict = Markup("<strong>{}</strong>").format(verdict)
-        paper, ours = (formatted(claim[key], unit) for key in ("paper", "ours"))
-        if claim["low"] is not None:
-            ours += f" ({between(claim['low'], claim['high'], unit)})"
-        rows.append([claim["figure"], claim["what"], paper, ours, verdict])
+        paper = formatted(claim["paper"], claim["unit"])
+        rows.append([claim["figure"], claim["what"], paper, ours_with_interval(claim), verdict])
     return {
         "claims": rows,
-        "summary": (
-            (better, "numbers better than the paper's"),
-            (leads, f"leads confirmed, {verdicts.count(SMALLER)} of them smaller"),
-            (worse, "worse, not confirmed or uncertain"),
-            (len(verdicts) - better - leads - worse, "without a comparison"),
-        ),
+        "summary": counts(claims),
         "formulas": list(
             dict.fromkeys(f"{claim['figure'].rstrip('ab')}: {claim['formula']}" for claim in claims)
         ),
