@@ -2,11 +2,15 @@
 
 from __future__ import annotations
 
+import importlib
+import re
 import subprocess
 import sys
 
+import pytest
 from printed.blocks import ROOT
 
+FOLDERS = ("pipeline", "retarget", "train", "evaluate")
 SCRIPT = ROOT / "docs" / "draw_architecture.py"
 
 
@@ -34,3 +38,23 @@ def test_a_ring_is_found() -> None:
 
 def test_an_import_that_follows_from_others_is_left_out() -> None:
     assert run("print(reduced({'a': {'b', 'c'}, 'b': {'c'}})['a'])") == "{'b'}"
+
+
+def named_functions() -> list[tuple[str, str]]:
+    """Files and functions that the page names as `file`: `function`."""
+    page = (ROOT / "docs" / "architecture.md").read_text()
+    return re.findall(r"`([a-z0-9_/]+\.py)`: `([\w.]+)`", page)
+
+
+@pytest.mark.parametrize(("file", "name"), named_functions())
+def test_a_named_function_exists(file: str, name: str) -> None:
+    found: object = importlib.import_module("kinemimic." + file.removesuffix(".py").replace("/", "."))
+    for part in name.split("."):
+        found = getattr(found, part)
+    assert callable(found)
+
+
+def test_every_room_is_on_the_page() -> None:
+    page = (ROOT / "docs" / "architecture.md").read_text()
+    rooms = {path.parent.name for folder in FOLDERS for path in (ROOT / folder).glob("*/__init__.py")}
+    assert {room for room in rooms if f"`{room}`" not in page} == set()
