@@ -13,12 +13,16 @@ from kinemimic.pipeline.virtual_kinect.recorder import record_virtual
 
 @click.command("record")
 @click.argument("motions", nargs=-1, required=True, type=click.Choice(["walk", "run"]), metavar="walk|run...")
-@click.option("--into", type=click.Path(path_type=Path, file_okay=False), required=True, help="Folder.")
-@click.option("--seed", type=click.IntRange(min=0), default=0, show_default=True, help="Of noise and passes.")
+@click.option(
+    "--into", type=click.Path(path_type=Path, file_okay=False), required=True, help="Output folder."
+)
+@click.option(
+    "--seed", type=click.IntRange(min=0), default=0, show_default=True, help="Seed of noise and passes."
+)
 @json_option("Print the paths as JSON.")
 def command(motions: tuple[str, ...], into: Path, seed: int, as_json: bool) -> None:
-    """Let a virtual Kinect film a real person's walk or run: as .skl, as BVH with Euler angles, and beside
-    each its truth and how it was made. Marked as simulated wherever it is shown.
+    """Record a real person's walk or run with a virtual Kinect, as .skl and as BVH with Euler angles. Next to
+    each file are its true joint angles and how it was made. Recordings are marked as simulated.
 
     \b
       kinemimic datasets record walk --into recordings

@@ -1,6 +1,6 @@
-"""What a Kinect v1 makes of a person: the defects of its joints, at levels measured on real recordings.
+"""Errors of a Kinect v1's joints, at levels measured on real recordings.
 
-Each function is one defect. Lengths are metres; "lateral" is across the line of sight. Levels were read off
+Each function models one error. Lengths are metres; "lateral" is across the line of sight. Levels come from
 real v1 recordings of walking: white noise from third differences, states by counting.
 """
 
@@ -13,9 +13,9 @@ import numpy as np
 from kinemimic.pipeline.arrays import Array, Mask, States
 from kinemimic.pipeline.kinematics.rotations import from_axis_angle, rotate
 from kinemimic.pipeline.kinematics.skeleton import INFERRED, MISSING, NODE_INDEX, NODES, TRACKED
-from kinemimic.pipeline.virtual_kinect.camera import TRUNK, Camera, hidden
+from kinemimic.pipeline.virtual_kinect.camera import TRUNK, Camera, occluded
 
-# Lateral white noise of each joint's own at the reference distance, mm.
+# Lateral white noise that is independent per joint, at the reference distance, in mm.
 _OWN_MM: dict[str, float] = {
     "hip_center": 2.0,
     "spine": 2.0,
@@ -30,8 +30,8 @@ _OWN_MM: dict[str, float] = {
     "ankle": 3.0,
     "foot": 5.0,
 }
-# What joints have in common, mm: the sensor fits one model to the trunk (hip centre, spine and hips scatter
-# by 8 mm, but by 2 to 5 mm against each other), and a hand or foot hangs on its wrist or ankle.
+# Noise that joints share, in mm: the sensor fits one model to the trunk (hip centre, spine and hips scatter
+# by 8 mm, but by only 2 to 5 mm relative to each other), and a hand or foot follows its wrist or ankle.
 _SHARED_MM: tuple[tuple[float, tuple[str, ...]], ...] = (
     (6.5, ("hip_center", "spine", "hip_left", "hip_right")),
     (12.0, ("wrist_left", "hand_left")),
@@ -40,32 +40,30 @@ _SHARED_MM: tuple[tuple[float, tuple[str, ...]], ...] = (
     (5.0, ("ankle_right", "foot_right")),
 )
 _OWN: Array = np.array([1e-3 * _OWN_MM[node.removesuffix("_left").removesuffix("_right")] for node in NODES])
-# (20, 5): the shared part of each joint, a column a group.
+# (20, 5): the shared noise of each joint, one column per group.
 _SHARED: Array = np.array([[1e-3 * mm * (node in group) for mm, group in _SHARED_MM] for node in NODES])
 _LEG = ("knee", "ankle", "foot")
 
 
 @dataclass(frozen=True)
-class Levels:
-    """How strong the defects are.
+class NoiseLevels:
+    """Levels of all errors.
 
-    White noise, states, hip width, feet and clock are at the level of real v1 walks. Their slow errors
-    cannot be told from the gait itself without a second sensor: bias, inferred, hip_yaw and swap are chosen,
-    so that low-passed knees are some 5 degrees off, about what real walks leave from pass to pass.
+    White noise, states, hip width, feet and clock match real v1 walks. Slow errors cannot be separated from
+    the gait without a second sensor, so bias, inferred, hip_yaw and swap are chosen such that low-passed
+    knees are about 5 degrees off, close to the pass-to-pass differences of real walks.
 
-    distance: metres at which the noise has its nominal level; it grows with the distance squared.
-    depth: ratio of noise along the line of sight to lateral noise. white: factor on the white noise.
-    bias: slow error relative to white noise; bias_time: its correlation time, seconds.
-    hip_width: measured width of the hips over the true one; hip_yaw: share of the angle between heading and
-    line of sight by which the hip line turns towards the sensor; hip_yaw_limit: radians.
-    foot_drop: radians by which the feet point further down than they do.
-    flicker: probability per frame that a visible joint becomes inferred; flicker_stay: that it stays so.
-    inferred: lateral error of an inferred joint, metres, wandering over inferred_time, seconds.
-    lost: probability that an inferred joint is not reported at all in a frame.
-    crossing: pixels between the knees below which the legs may be swapped; swap: probability per such frame;
-    swap_frames: shortest and longest swap.
-    edge_frames: shortest and longest disturbance as the subject enters or leaves; edge: error of knees and
-    ankles then, metres.
+    distance: metres at which the noise has its nominal level; it grows with the distance squared. depth:
+    ratio of noise along the line of sight to lateral noise. white: factor on the white noise. bias: slow
+    error relative to white noise; bias_time: its correlation time, seconds. hip_width: measured over true
+    width of the hips; hip_yaw: share of the angle between heading and line of sight by which the hip line
+    turns towards the sensor; hip_yaw_limit: radians. foot_drop: radians by which measured feet point too far
+    down. flicker: probability per frame that a visible joint becomes inferred; flicker_stay: that it stays
+    so. inferred: lateral error of an inferred joint, metres, with the correlation time inferred_time,
+    seconds. lost: probability that an inferred joint is not reported in a frame. crossing: pixels between the
+    knees below which the legs may be swapped; swap: probability per such frame; swap_frames: shortest and
+    longest swap. edge_frames: shortest and longest disturbance as the subject enters or leaves; edge: error
+    of knees and ankles then, metres.
     """
 
     distance: float = 2.7
@@ -91,7 +89,9 @@ class Levels:
 
 @dataclass(frozen=True)
 class Observation:
-    """What the sensor reports: positions (T, 20, 3), NaN where lost; states (T, 20); swapped (T,) legs."""
+    """The sensor's report: positions (T, 20, 3), NaN where lost; states (T, 20); swapped (T,): legs
+    swapped.
+    """
 
     positions: Array
     states: States
@@ -99,16 +99,18 @@ class Observation:
 
 
 def observe(
-    joints: Array, heading: Array, times: Array, camera: Camera, levels: Levels, rng: np.random.Generator
+    joints: Array, heading: Array, times: Array, camera: Camera, levels: NoiseLevels, rng: np.random.Generator
 ) -> Observation:
-    """One pass seen by the sensor: true joints (T, 20, 3), heading (T,) in radians, times (T,) in seconds."""
-    unseen = hidden(camera, joints)
-    seen = _drop_feet(_bias_hips(joints, heading, camera, levels), levels)
+    """One pass as the sensor reports it: true joints (T, 20, 3), heading (T,) in radians, times (T,) in
+    seconds.
+    """
+    not_visible = occluded(camera, joints)
+    seen = _drop_feet(_narrow_hips(joints, heading, camera, levels), levels)
     error = _white(len(times), levels, rng) + _slow(times, levels, rng)
-    inferred = unseen | _flickers(unseen.shape, levels, rng)
+    inferred = not_visible | _flicker(not_visible.shape, levels, rng)
     inferred[:, TRUNK] = False
-    error += np.where(inferred[..., None], _astray(times, levels, rng), 0.0)
-    seen = seen + _along_sight(error, joints, camera, levels)
+    error += np.where(inferred[..., None], _inferred_error(times, levels, rng), 0.0)
+    seen = seen + _stretched(error, joints, camera, levels)
     states = np.where(inferred, INFERRED, TRACKED).astype(np.uint8)
     _disturb_edges(seen, states, levels, rng)
     swapped = _swap_legs(seen, states, joints, camera, levels, rng)
@@ -118,27 +120,29 @@ def observe(
 
 
 def white_levels() -> Array:
-    """(20,) lateral white noise at the reference distance, metres: own and shared."""
+    """Lateral white noise (20,) at the reference distance, in metres: independent and shared."""
     return np.asarray(np.sqrt(_OWN**2 + np.sum(_SHARED**2, axis=1)))
 
 
-def _at_levels(own: Array, shared: Array) -> Array:
-    """Noise of unit variance, own (T, 20, 3) and of the groups (T, 5, 3), at the joints' levels."""
+def _scaled(own: Array, shared: Array) -> Array:
+    """Noise of unit variance, independent (T, 20, 3) and of the groups (T, 5, 3), scaled to the joints'
+    levels.
+    """
     return np.asarray(own * _OWN[:, None] + _SHARED @ shared)
 
 
-def _white(frames: int, levels: Levels, rng: np.random.Generator) -> Array:
+def _white(frames: int, levels: NoiseLevels, rng: np.random.Generator) -> Array:
     own, shared = (rng.standard_normal((frames, count, 3)) for count in _SHARED.shape)
-    return levels.white * _at_levels(own, shared)
+    return levels.white * _scaled(own, shared)
 
 
-def _slow(times: Array, levels: Levels, rng: np.random.Generator) -> Array:
+def _slow(times: Array, levels: NoiseLevels, rng: np.random.Generator) -> Array:
     own, shared = (_wander(times, count, levels.bias_time, rng) for count in _SHARED.shape)
-    return levels.bias * _at_levels(own, shared)
+    return levels.bias * _scaled(own, shared)
 
 
-def _astray(times: Array, levels: Levels, rng: np.random.Generator) -> Array:
-    """Error (T, 20, 3) of inferred joints; a hand or foot goes astray with its wrist or ankle."""
+def _inferred_error(times: Array, levels: NoiseLevels, rng: np.random.Generator) -> Array:
+    """Error (T, 20, 3) of inferred joints; a hand or foot moves with its wrist or ankle."""
     drift = levels.inferred * _wander(times, len(NODES), levels.inferred_time, rng)
     for _, (leader, follower) in _SHARED_MM[1:]:
         drift[:, NODE_INDEX[follower]] = drift[:, NODE_INDEX[leader]]
@@ -147,15 +151,15 @@ def _astray(times: Array, levels: Levels, rng: np.random.Generator) -> Array:
 
 def _wander(times: Array, joints: int, correlation: float, rng: np.random.Generator) -> Array:
     """Ornstein-Uhlenbeck noise (T, joints, 3) of unit variance with a correlation time in seconds."""
-    kicks = rng.standard_normal((len(times), joints, 3))
+    noise = rng.standard_normal((len(times), joints, 3))
     for frame in range(1, len(times)):
-        keep = np.exp(-(times[frame] - times[frame - 1]) / correlation)
-        kicks[frame] = keep * kicks[frame - 1] + np.sqrt(1.0 - keep * keep) * kicks[frame]
-    return kicks
+        decay = np.exp(-(times[frame] - times[frame - 1]) / correlation)
+        noise[frame] = decay * noise[frame - 1] + np.sqrt(1.0 - decay * decay) * noise[frame]
+    return noise
 
 
-def _along_sight(error: Array, joints: Array, camera: Camera, levels: Levels) -> Array:
-    """Isotropic errors (T, 20, 3), grown with the distance squared and stretched along the line of sight."""
+def _stretched(error: Array, joints: Array, camera: Camera, levels: NoiseLevels) -> Array:
+    """Isotropic errors (T, 20, 3), scaled with the distance squared and stretched along the line of sight."""
     sight = joints - camera.position
     distance = np.linalg.norm(sight, axis=-1, keepdims=True)
     sight = sight / distance
@@ -163,27 +167,27 @@ def _along_sight(error: Array, joints: Array, camera: Camera, levels: Levels) ->
     return np.asarray((distance / levels.distance) ** 2 * stretched)
 
 
-def _bias_hips(joints: Array, heading: Array, camera: Camera, levels: Levels) -> Array:
-    """Hips too near each other, and their line turned towards the sensor in an oblique view."""
+def _narrow_hips(joints: Array, heading: Array, camera: Camera, levels: NoiseLevels) -> Array:
+    """Hips too close together, and their line turned towards the sensor in an oblique view."""
     left, right = NODE_INDEX["hip_left"], NODE_INDEX["hip_right"]
     middle = 0.5 * (joints[:, left] + joints[:, right])
     sight = camera.position - middle
-    oblique = np.arctan2(sight[:, 1], sight[:, 0]) - heading
-    oblique = np.arctan2(np.sin(oblique), np.cos(oblique))
-    yaw = np.clip(levels.hip_yaw * oblique, -levels.hip_yaw_limit, levels.hip_yaw_limit)
+    view_angle = np.arctan2(sight[:, 1], sight[:, 0]) - heading
+    view_angle = np.arctan2(np.sin(view_angle), np.cos(view_angle))
+    yaw = np.clip(levels.hip_yaw * view_angle, -levels.hip_yaw_limit, levels.hip_yaw_limit)
     half = rotate(from_axis_angle("Z", yaw), 0.5 * levels.hip_width * (joints[:, left] - joints[:, right]))
     seen = joints.copy()
     seen[:, left], seen[:, right] = middle + half, middle - half
     return seen
 
 
-def _drop_feet(joints: Array, levels: Levels) -> Array:
-    """Feet that point down even when they stand flat (42 to 62 degrees in stance on real recordings)."""
+def _drop_feet(joints: Array, levels: NoiseLevels) -> Array:
+    """Feet that point down even in stance (42 to 62 degrees in real recordings)."""
     for side in ("left", "right"):
         ankle, foot = NODE_INDEX[f"ankle_{side}"], NODE_INDEX[f"foot_{side}"]
         sole = joints[:, foot] - joints[:, ankle]
         flat = np.hypot(sole[:, 0], sole[:, 1])
-        # From the vertical, which nothing crosses: a foot that points down stays where it is.
+        # Limited before the vertical: a foot that already points down stays.
         pitch = np.minimum(np.arctan2(-sole[:, 2], flat) + levels.foot_drop, np.radians(80.0))
         length = np.linalg.norm(sole, axis=-1)
         ahead = sole[:, :2] / np.maximum(flat, 1e-9)[:, None]
@@ -192,32 +196,32 @@ def _drop_feet(joints: Array, levels: Levels) -> Array:
     return joints
 
 
-def _flickers(shape: tuple[int, int], levels: Levels, rng: np.random.Generator) -> Mask:
-    """Visible joints that become inferred for a few frames: a two-state chain per joint."""
+def _flicker(shape: tuple[int, int], levels: NoiseLevels, rng: np.random.Generator) -> Mask:
+    """Visible joints that become inferred for a few frames: a two-state Markov chain per joint."""
     draws = rng.random(shape)
-    on = np.zeros(shape, dtype=np.bool_)
+    inferred = np.zeros(shape, dtype=np.bool_)
     for frame in range(1, shape[0]):
-        on[frame] = draws[frame] < np.where(on[frame - 1], levels.flicker_stay, levels.flicker)
-    return on
+        inferred[frame] = draws[frame] < np.where(inferred[frame - 1], levels.flicker_stay, levels.flicker)
+    return inferred
 
 
-def _disturb_edges(seen: Array, states: States, levels: Levels, rng: np.random.Generator) -> None:
-    """Legs that are not found yet, or no longer, as the subject enters and leaves."""
+def _disturb_edges(seen: Array, states: States, levels: NoiseLevels, rng: np.random.Generator) -> None:
+    """Disturb the legs as the subject enters and leaves, when the sensor has not found them or loses them."""
     counts = rng.integers(levels.edge_frames[0], levels.edge_frames[1] + 1, size=2)
     edges = np.r_[np.arange(counts[0]), np.arange(len(seen) - counts[1], len(seen))]
     for side in ("left", "right"):
         knee, ankle, foot = (NODE_INDEX[f"{kind}_{side}"] for kind in _LEG)
-        astray = levels.edge * rng.standard_normal((len(edges), 2, 3))
+        error = levels.edge * rng.standard_normal((len(edges), 2, 3))
         for number, joint in ((0, knee), (1, ankle), (1, foot)):
-            seen[edges, joint] += astray[:, number]
+            seen[edges, joint] += error[:, number]
             guessed = edges[rng.random(len(edges)) < 0.5]
             states[guessed, joint] = np.minimum(states[guessed, joint], INFERRED)
 
 
 def _swap_legs(
-    seen: Array, states: States, joints: Array, camera: Camera, levels: Levels, rng: np.random.Generator
+    seen: Array, states: States, joints: Array, camera: Camera, levels: NoiseLevels, rng: np.random.Generator
 ) -> Mask:
-    """Left and right legs exchanged for a few frames, where they cross in the image."""
+    """Swap left and right legs for a few frames where they cross in the image."""
     pixels, _ = camera.project(joints)
     gap = np.abs(pixels[:, NODE_INDEX["knee_left"], 0] - pixels[:, NODE_INDEX["knee_right"], 0])
     starts = (gap < levels.crossing) & (rng.random(len(seen)) < levels.swap)

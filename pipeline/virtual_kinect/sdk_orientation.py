@@ -1,7 +1,7 @@
-"""Joint orientations as a Kinect SDK derives them: from the noisy joints, bone by bone, nothing smoothed.
+"""Joint orientations as a Kinect SDK derives them: from the noisy joints, bone by bone, unsmoothed.
 
-This is the sensor's side, kept apart from pipeline/orient.py on purpose: a simulated sensor that shared the
-pipeline's own construction would hide its errors.
+Deliberately independent of pipeline/kinematics/orient.py: a simulated sensor that shared the pipeline's own
+construction would hide its errors.
 """
 
 from __future__ import annotations
@@ -21,9 +21,9 @@ from kinemimic.pipeline.kinematics.rotations import (
 )
 from kinemimic.pipeline.kinematics.skeleton import NODE_INDEX, NODE_PARENTS, NODES, Skeleton, node_skeleton
 
-# A foot's bone at rest points this far below the horizontal, radians.
+# Angle of a foot's bone below the horizontal at rest, radians.
 FOOT_REST = np.radians(15.0)
-# Sine of the bend at which a limb's own normal and the body's lateral axis count the same for the twist.
+# Sine of the bend at which a limb's own normal and the body's lateral axis have equal weight for the twist.
 _BEND = 0.3
 _LIMBS: tuple[tuple[str, str, str, str, float], ...] = tuple(
     (f"{start}_{side}", f"{middle}_{side}", f"{end}_{side}", f"{tip}_{side}", bend)
@@ -38,76 +38,82 @@ _LIMBS: tuple[tuple[str, str, str, str, float], ...] = tuple(
 def joint_rotations(positions: Array) -> Array:
     """Local rotations (T, 20, 4), child to parent, from joints (T, 20, 3); identity = upright, arms hanging.
 
-    Where a joint that a rotation needs is lost (NaN), the rotation keeps its last known value.
+    If a joint that a rotation needs is lost (NaN), the rotation keeps its last known value.
     """
     p = {node: positions[:, NODE_INDEX[node]] for node in NODES}
     world = np.broadcast_to(IDENTITY, (*positions.shape[:2], 4)).copy()
 
-    def turn(node: str, frame: Array) -> None:
+    def set_world(node: str, frame: Array) -> None:
         world[:, NODE_INDEX[node]] = frame
 
     with np.errstate(invalid="ignore"):
         pelvis = _frame(p["hip_left"] - p["hip_right"], p["spine"] - p["hip_center"], "YZ")
-        turn("hip_center", pelvis)
+        set_world("hip_center", pelvis)
         torso = _frame(p["shoulder_center"] - p["spine"], p["shoulder_left"] - p["shoulder_right"], "ZY")
-        turn("spine", torso)
+        set_world("spine", torso)
         neck = _frame(p["head"] - p["shoulder_center"], rotate(torso, np.array([0.0, 1.0, 0.0])), "ZY")
-        turn("shoulder_center", neck)
+        set_world("shoulder_center", neck)
         for start, middle, end, tip, bend in _LIMBS:
             upper, lower = p[middle] - p[start], p[end] - p[middle]
             body = rotate(torso if bend < 0 else pelvis, np.array([0.0, 1.0, 0.0]))
             normal = bend * np.cross(_unit(upper), _unit(lower))
             hinge = normal + _BEND * body
-            turn(start, _frame(-upper, hinge, "ZY"))
-            turn(middle, _frame(-lower, hinge, "ZY"))
-            last = p[tip] - p[end]
+            set_world(start, _frame(-upper, hinge, "ZY"))
+            set_world(middle, _frame(-lower, hinge, "ZY"))
+            end_bone = p[tip] - p[end]
             if bend < 0:
-                turn(end, _frame(-last, hinge, "ZY"))
+                set_world(end, _frame(-end_bone, hinge, "ZY"))
             else:
-                turn(end, multiply(_frame(last, hinge, "XY"), from_axis_angle("Y", np.array(-FOOT_REST))))
+                set_world(
+                    end, multiply(_frame(end_bone, hinge, "XY"), from_axis_angle("Y", np.array(-FOOT_REST)))
+                )
     local = np.broadcast_to(IDENTITY, world.shape).copy()
     for node, parent in enumerate(NODE_PARENTS):
         if NODES[node].split("_")[0] in ("head", "hand", "foot"):
-            continue  # end nodes turn nothing
+            continue  # end nodes have no rotation
         local[:, node] = (
             world[:, node] if parent < 0 else multiply(conjugate(world[:, parent]), world[:, node])
         )
-    return continuous(hold(local))
+    return continuous(hold_last(local))
 
 
 def calibrate(positions: Array, tracked: NDArray[np.bool_], rotations: Array) -> Skeleton:
-    """The 20-node skeleton with constant offsets, metres, as a recorder would take them from what it saw.
+    """The 20-node skeleton with constant offsets in metres, as a recorder would calibrate it from its data.
 
-    positions: (T, 20, 3); tracked: (T, 20) frames to trust; rotations: as from `joint_rotations`.
-    A bone along a limb or the trunk has its median length; hips and shoulders their median place on the body.
+    positions: (T, 20, 3); tracked: (T, 20) frames to use; rotations: as from `joint_rotations`. Bones along a
+    limb or the trunk get their median length; hips and shoulders their median position relative to the body.
     """
     pelvis = rotations[:, 0]
     torso = multiply(pelvis, rotations[:, NODE_INDEX["spine"]])
     foot = np.array([np.cos(FOOT_REST), 0.0, -np.sin(FOOT_REST)])
     offsets = np.zeros((len(NODES), 3))
     for node, parent in enumerate(NODE_PARENTS[1:], start=1):
-        good = (
+        reliable = (
             tracked[:, node] & tracked[:, parent] & np.isfinite(positions[:, [node, parent]]).all(axis=(1, 2))
         )
-        bone = positions[good, node] - positions[good, parent]
+        bone = positions[reliable, node] - positions[reliable, parent]
         kind = NODES[node].split("_")[0]
         if NODES[node] in ("hip_left", "hip_right", "shoulder_left", "shoulder_right"):
             body = pelvis if kind == "hip" else torso
-            offsets[node] = np.median(rotate(conjugate(body[good]), bone), axis=0)
+            offsets[node] = np.median(rotate(conjugate(body[reliable]), bone), axis=0)
             continue
         length = float(np.median(np.linalg.norm(bone, axis=-1)))
-        up = NODES[node] in ("spine", "shoulder_center", "head")
-        offsets[node] = length * (foot if kind == "foot" else np.array([0.0, 0.0, 1.0 if up else -1.0]))
+        points_up = NODES[node] in ("spine", "shoulder_center", "head")
+        offsets[node] = length * (
+            foot if kind == "foot" else np.array([0.0, 0.0, 1.0 if points_up else -1.0])
+        )
     return node_skeleton(offsets)
 
 
-def hold(values: Array) -> Array:
-    """Each joint's last known value in place of NaN, (T, J, n); before the first known one, that one."""
+def hold_last(values: Array) -> Array:
+    """Values (T, J, n) with NaN replaced by the joint's last known value, or by its first one at the
+    start.
+    """
     known = np.isfinite(values).all(axis=-1)
     frames = np.arange(len(values))[:, None]
-    last = np.maximum.accumulate(np.where(known, frames, -1), axis=0)
-    last = np.where(last < 0, np.argmax(known, axis=0), last)
-    return values[last, np.arange(values.shape[1])]
+    end_bone = np.maximum.accumulate(np.where(known, frames, -1), axis=0)
+    end_bone = np.where(end_bone < 0, np.argmax(known, axis=0), end_bone)
+    return values[end_bone, np.arange(values.shape[1])]
 
 
 def _unit(v: Array) -> Array:
@@ -115,7 +121,7 @@ def _unit(v: Array) -> Array:
 
 
 def _frame(primary: Array, secondary: Array, names: str) -> Array:
-    """`from_two_axes` where both directions are known, NaN elsewhere."""
+    """`from_two_axes` where both directions are known, else NaN."""
     frame = np.full((len(primary), 4), np.nan)
     known = np.isfinite(primary).all(axis=-1) & np.isfinite(secondary).all(axis=-1)
     if known.any():

@@ -1,7 +1,7 @@
-"""The person in front of the virtual Kinect: a gait that can be sampled at any time, and the truth of it.
+"""The person in front of the virtual Kinect: a gait that can be sampled at any time, and its true joints.
 
-The stock walk and run are half a cycle and its mirror image, with two seams of 7 to 10 degrees. One Fourier
-fit in the phase closes both and makes velocities continuous.
+The stock walk and run are half a cycle and its mirror image, with two discontinuities of 7 to 10 degrees. A
+Fourier fit in the phase closes both and makes velocities continuous.
 """
 
 from __future__ import annotations
@@ -19,10 +19,10 @@ from kinemimic.pipeline.kinematics.skeleton import NODE_INDEX, NODES, Skeleton
 
 HARMONICS = 8
 
-# Where the sensor's 20 joints lie on the figure: carrying node and offset in its frame, metres. The Kinect's
-# hip centre is some centimetres above the hip joints and its spine joint just above the hip centre, both on
-# the pelvis; its foot joint is at the toes.
-_SEEN: dict[str, tuple[str, tuple[float, float, float]]] = {
+# Positions of the sensor's 20 joints on the humanoid: carrying node and offset in its frame, metres. The
+# Kinect's hip centre is some centimetres above the hip joints and its spine joint just above the hip centre,
+# both on the pelvis; its foot joint is at the toes.
+_SENSOR_JOINTS: dict[str, tuple[str, tuple[float, float, float]]] = {
     "hip_center": ("hip_center", (0.0, 0.0, 0.07)),
     "spine": ("hip_center", (0.0, 0.0, 0.15)),
     "shoulder_center": ("spine", (0.0, 0.0, 0.235)),
@@ -38,14 +38,15 @@ _SEEN: dict[str, tuple[str, tuple[float, float, float]]] = {
 class Gait:
     """A closed gait cycle along +X.
 
-    period: seconds; stride: metres in a cycle; root: (1 + 2H, 3) series of the root's position less its
-    steady advance; turns: (1 + 2H, 20, 3) series of the nodes' rotation vectors; skeleton: with bone lengths.
+    period: seconds; stride: metres per cycle; root: (1 + 2H, 3) Fourier series of the root's position minus
+    its steady advance; rotations: (1 + 2H, 20, 3) series of the nodes' rotation vectors; skeleton: with bone
+    lengths.
     """
 
     period: float
     stride: float
     root: Array
-    turns: Array
+    rotations: Array
     skeleton: Skeleton
 
     @property
@@ -57,15 +58,16 @@ class Gait:
         """Root positions (T, 3) and local rotations (T, 20, 4) at phases (T,) in cycles, not wrapped."""
         root = fourier.evaluate(self.root, phase)
         root[:, 0] += phase * self.stride
-        return root, from_rotvec(fourier.evaluate(self.turns, phase))
+        return root, from_rotvec(fourier.evaluate(self.rotations, phase))
 
 
 @dataclass(frozen=True)
-class Performance:
-    """What truly happened in T moments: joints as a perfect sensor would see them, and the leg angles.
+class GroundTruth:
+    """The true motion at T times.
 
-    joints: (T, 20, 3) metres in the world; heading: (T,) of the path, radians from +X; angles: name of
-    pipeline.angles.ANGLES -> (T,) radians, of the true hip joints and the true pelvis.
+    joints: (T, 20, 3) metres in the world, as an ideal sensor would report them; heading: (T,) of the path,
+    radians from +X; angles: name in kinematics.angles.ANGLES -> (T,) radians, from the true hip joints and
+    pelvis.
     """
 
     joints: Array
@@ -74,7 +76,9 @@ class Performance:
 
 
 def close_loop(clip: Clip, harmonics: int = HARMONICS) -> Gait:
-    """The gait of a looped clip, whose last frame is its first one a cycle later, turned to walk along +X."""
+    """The gait of a looped clip, whose last frame is its first one a cycle later, rotated to walk
+    along +X.
+    """
     if clip.rotations is None or clip.translations is None:
         raise ValueError("a gait needs a clip of rotations")
     advance = clip.translations[-1, 0] - clip.translations[0, 0]
@@ -89,24 +93,26 @@ def close_loop(clip: Clip, harmonics: int = HARMONICS) -> Gait:
         period=float(clip.times[-1] - clip.times[0]),
         stride=stride,
         root=fourier.fit(phase, root, harmonics),
-        turns=fourier.fit(phase, to_rotvec(rotations), harmonics),
+        rotations=fourier.fit(phase, to_rotvec(rotations), harmonics),
         skeleton=clip.skeleton,
     )
 
 
-def perform(gait: Gait, elapsed: Array, *, start: Array, heading: float, phase: float) -> Performance:
-    """Walk in a straight line: moments (T,) in seconds after passing `start` (2,) at `phase` in cycles."""
+def ground_truth(gait: Gait, elapsed: Array, *, start: Array, heading: float, phase: float) -> GroundTruth:
+    """The motion in a straight line at times (T,) in seconds after passing `start` (2,) at `phase` in
+    cycles.
+    """
     cycles = phase + elapsed / gait.period
     root, rotations = gait.pose(cycles)
     root[:, 0] -= phase * gait.stride
-    turn = from_axis_angle("Z", heading)
-    root = rotate(turn, root) + np.append(start, 0.0)
-    rotations[:, 0] = multiply(turn, rotations[:, 0])
+    to_heading = from_axis_angle("Z", heading)
+    root = rotate(to_heading, root) + np.append(start, 0.0)
+    rotations[:, 0] = multiply(to_heading, rotations[:, 0])
     translations = np.broadcast_to(gait.skeleton.offsets, (len(cycles), len(NODES), 3)).copy()
     translations[:, 0] = root
     positions, world = forward_kinematics(gait.skeleton, translations, rotations)
     joints = positions.copy()
-    for node, (carrier, offset) in _SEEN.items():
+    for node, (carrier, offset) in _SENSOR_JOINTS.items():
         c = NODE_INDEX[carrier]
         joints[:, NODE_INDEX[node]] = positions[:, c] + rotate(world[:, c], np.array(offset))
-    return Performance(joints, np.full(len(cycles), heading), leg_angles(positions, pelvis=world[:, 0]))
+    return GroundTruth(joints, np.full(len(cycles), heading), leg_angles(positions, pelvis=world[:, 0]))

@@ -1,4 +1,4 @@
-"""Writes BVH: poses, in any order that BVH can name, or a clip's own channels."""
+"""Write BVH: poses, in any Euler order that BVH supports, or a clip's own channels."""
 
 from __future__ import annotations
 
@@ -17,38 +17,39 @@ from kinemimic.pipeline.kinematics.rotations import ORDERS, Y_UP_TO_Z_UP, conjug
 from kinemimic.pipeline.kinematics.skeleton import Skeleton
 from kinemimic.pipeline.writers.poses import Poses
 
-# A joint has each of its channels once, so that proper Euler orders (ZXZ) cannot be written.
+# Each channel occurs once per joint, so proper Euler orders (ZXZ) cannot be written.
 BVH_ORDERS: tuple[str, ...] = tuple(order for order in ORDERS if len(set(order)) == 3)
 _DECIMALS = 6
-_PLACES = ("Xposition", "Yposition", "Zposition")
-# Metres and sines of half angles; below lies the rounding of what does not move.
-_STILL = 1e-9
+_POSITION_CHANNELS = ("Xposition", "Yposition", "Zposition")
+# Rounding error of joints that do not move (metres, sines of half angles).
+_ROUNDING = 1e-9
 
 
 def write_bvh(path: Path, poses: Poses, *, order: str = "YZX", units_per_metre: float = 100.0) -> None:
-    """Write poses; BVH is Y up, so offsets, places and rotations are turned from our Z up.
+    """Write poses; BVH is Y up, so offsets, positions and rotations are converted from our Z up.
 
-    order: the channels' sequence (YZX is the paper's Eq. 8). Every joint has three rotation channels, one
-    that moves in its parent position channels before them, which take the place of its offset; a leaf has an
-    end site of no length. Leaves that only end their parent (`<parent>_end`) become end sites.
+    order: the order of the channels (YZX is the paper's Eq. 8). Every joint has three rotation channels;
+    joints that move relative to their parents also get position channels before them, which replace the
+    offset. A leaf gets an end site of zero length; leaves that only end their parent (`<parent>_end`) become
+    end sites.
     """
-    back = conjugate(Y_UP_TO_Z_UP)
+    file_from_world = conjugate(Y_UP_TO_Z_UP)
     skeleton = poses.skeleton
-    turns = tuple(f"{axis}rotation" for axis in order)
-    moves = np.abs(poses.translations - skeleton.offsets).max(axis=(0, 2)) > _STILL
-    moves[0] = True
-    turned = np.abs(poses.rotations[..., :3]).max(axis=(0, 2)) > _STILL
+    rotation_channels = tuple(f"{axis}rotation" for axis in order)
+    has_translation = np.abs(poses.translations - skeleton.offsets).max(axis=(0, 2)) > _ROUNDING
+    has_translation[0] = True
+    has_rotation = np.abs(poses.rotations[..., :3]).max(axis=(0, 2)) > _ROUNDING
     channels = [
-        () if _ends(skeleton, joint) and not (moves[joint] or turned[joint])
-        else (*(_PLACES if moves[joint] else ()), *turns)
+        () if _is_end_site(skeleton, joint) and not (has_translation[joint] or has_rotation[joint])
+        else (*(_POSITION_CHANNELS if has_translation[joint] else ()), *rotation_channels)
         for joint in range(len(skeleton.names))
     ]  # fmt: skip
     names = tuple("_".join(name.split()) for name in skeleton.names)
     _write(
         path,
-        Skeleton(names, skeleton.parents, units_per_metre * rotate(back, skeleton.offsets)),
+        Skeleton(names, skeleton.parents, units_per_metre * rotate(file_from_world, skeleton.offsets)),
         channels,
-        units_per_metre * rotate(back, poses.translations),
+        units_per_metre * rotate(file_from_world, poses.translations),
         np.degrees(file_angles(poses.rotations, order)),
         1.0 / poses.rate,
     )
@@ -57,45 +58,50 @@ def write_bvh(path: Path, poses: Poses, *, order: str = "YZX", units_per_metre: 
 def write_bvh_channels(path: Path, clip: Clip, *, units_per_metre: float = 100.0) -> None:
     """Write a clip of Euler channels as it was read: its own joints, orders, angles and offsets.
 
-    Joints without rotation channels whose names are those of end sites (`<parent>_end`) become end sites;
-    joints that move in their parents get position channels. The clock is even, at the clip's rate.
-    ValueError for a clip without channels, in other axes than BVH's, or with an order that BVH cannot name.
+    Joints without rotation channels that are named like end sites (`<parent>_end`) become end sites; joints
+    that move relative to their parents get position channels. The time step is constant, at the clip's rate.
+    Raises ValueError for a clip without channels, with other axes than BVH's, or with an order that BVH does
+    not support.
     """
     if clip.euler is None or clip.orders is None or clip.translations is None:
         raise ValueError("the clip has no Euler channels")
     if clip.rests is not None or not np.allclose(clip.world_from_file, Y_UP_TO_Z_UP):
-        raise ValueError("the clip's joints are not framed as BVH frames them")
+        raise ValueError("the clip's joint frames differ from BVH's")
     for order in set(clip.orders) - {"", *BVH_ORDERS}:
         raise ValueError(f"no order of BVH: {order!r}; the six are {', '.join(BVH_ORDERS)}")
     skeleton = clip.skeleton
-    moves = (clip.translations != skeleton.offsets).any(axis=(0, 2))
-    moves[0] = True
+    has_translation = (clip.translations != skeleton.offsets).any(axis=(0, 2))
+    has_translation[0] = True
     channels = [
-        (*(_PLACES if moved else ()), *(f"{axis}rotation" for axis in order))
-        for moved, order in zip(moves, clip.orders, strict=True)
+        (*(_POSITION_CHANNELS if is_position else ()), *(f"{axis}rotation" for axis in order))
+        for is_position, order in zip(has_translation, clip.orders, strict=True)
     ]
     offsets = Skeleton(skeleton.names, skeleton.parents, units_per_metre * skeleton.offsets)
-    places = units_per_metre * clip.translations
-    _write(path, offsets, channels, places, np.degrees(clip.euler), 1.0 / clip.rate)
+    positions = units_per_metre * clip.translations
+    _write(path, offsets, channels, positions, np.degrees(clip.euler), 1.0 / clip.rate)
 
 
 def _write(
     path: Path,
     skeleton: Skeleton,
     channels: Sequence[tuple[str, ...]],
-    places: Array,
+    positions: Array,
     angles: Array,
     frame_time: float,
 ) -> None:
-    """Write joints with `channels` (J,), the places (T, J, 3) and angles (T, J, 3) in the file's units."""
+    """Write joints with `channels` (J,), positions (T, J, 3) and angles (T, J, 3) in the file's units."""
     columns = []
     for joint in hierarchy_sequence(skeleton):
-        turns = iter(np.moveaxis(angles[:, joint], -1, 0))
+        rotation_channels = iter(np.moveaxis(angles[:, joint], -1, 0))
         for channel in channels[joint]:
-            moved = channel in _PLACES
-            columns.append(places[:, joint, _PLACES.index(channel)] if moved else next(turns))
+            is_position = channel in _POSITION_CHANNELS
+            columns.append(
+                positions[:, joint, _POSITION_CHANNELS.index(channel)]
+                if is_position
+                else next(rotation_channels)
+            )
     lines = ["HIERARCHY", *_joint(skeleton, channels, 0, 0)]
-    lines += ["MOTION", f"Frames: {len(places)}", f"Frame Time: {frame_time:.8f}"]
+    lines += ["MOTION", f"Frames: {len(positions)}", f"Frame Time: {frame_time:.8f}"]
     lines += [" ".join(_number(value) for value in row) for row in np.stack(columns, axis=-1)]
     write_text(path, "\n".join(lines) + "\n")
 
@@ -106,14 +112,14 @@ def file_angles(rotations: Array, order: str) -> Array:
         raise ValueError(f"no order of BVH: {order!r}; the six are {', '.join(BVH_ORDERS)}")
     q = multiply(multiply(conjugate(Y_UP_TO_Z_UP), rotations), Y_UP_TO_Z_UP)
     with warnings.catch_warnings():
-        # At exact lock scipy picks one of the equal triples and says so; the rotation written is right.
+        # At exact gimbal lock scipy picks one of the equivalent triples and warns; the rotation is right.
         warnings.simplefilter("ignore", UserWarning)
         angles = Rotation.from_quat(q.reshape(-1, 4)).as_euler(cast(Any, order))
     return np.asarray(angles).reshape(*q.shape[:-1], 3)
 
 
 def hierarchy_sequence(skeleton: Skeleton) -> list[int]:
-    """Joints in the sequence in which a hierarchy names them: depth first."""
+    """Joints in the order of a hierarchy: depth first."""
     sequence: list[int] = []
     pending = [0]
     while pending:
@@ -124,11 +130,11 @@ def hierarchy_sequence(skeleton: Skeleton) -> list[int]:
 
 
 def _joint(skeleton: Skeleton, channels: Sequence[tuple[str, ...]], joint: int, depth: int) -> list[str]:
-    """Lines of a joint and all below it."""
+    """Lines of a joint and all its descendants."""
     tab = "\t" * depth
     name = skeleton.names[joint]
     children = [child for child, parent in enumerate(skeleton.parents) if parent == joint]
-    end = not channels[joint] and _ends(skeleton, joint)
+    end = not channels[joint] and _is_end_site(skeleton, joint)
     kind = "End Site" if end else f"ROOT {name}" if depth == 0 else f"JOINT {name}"
     lines = [f"{tab}{kind}", f"{tab}{{", f"{tab}\tOFFSET {_row(skeleton.offsets[joint])}"]
     if not end:
@@ -136,13 +142,13 @@ def _joint(skeleton: Skeleton, channels: Sequence[tuple[str, ...]], joint: int, 
         for child in children:
             lines += _joint(skeleton, channels, child, depth + 1)
         if not children and channels[joint]:
-            # Other programs expect an end of every limb that turns.
+            # Other programs expect an end site on every limb.
             lines += [f"{tab}\tEnd Site", f"{tab}\t{{", f"{tab}\t\tOFFSET {_row(np.zeros(3))}", f"{tab}\t}}"]
     return [*lines, f"{tab}}}"]
 
 
-def _ends(skeleton: Skeleton, joint: int) -> bool:
-    """Whether a joint is a leaf with the name that an end site has in a clip."""
+def _is_end_site(skeleton: Skeleton, joint: int) -> bool:
+    """Whether a joint is a leaf with the name that a clip gives to an end site."""
     parent = skeleton.parents[joint]
     return (
         parent >= 0

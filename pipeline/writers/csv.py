@@ -1,4 +1,4 @@
-"""Writes tables (.csv): a row a frame with places, rotations and leg angles."""
+"""Write tables (.csv): one row per frame with positions, rotations and leg angles."""
 
 from __future__ import annotations
 
@@ -24,24 +24,24 @@ def write_csv(path: Path, clip: Clip, angles: Mapping[str, Array]) -> None:
     root's in the world); per angle <name>_deg, flexion positive.
     """
     columns: dict[str, Array] = {"time_s": clip.times}
-    decimals = ["%.6f"]
+    formats = ["%.6f"]
     if "root" not in clip.skeleton.names:
-        columns |= _place("root", clip.positions[:, 0])
-        decimals += ["%.6f"] * 3
+        columns |= _position_columns("root", clip.positions[:, 0])
+        formats += ["%.6f"] * 3
     for joint, name in enumerate(clip.skeleton.names):
-        columns |= _place(name, clip.positions[:, joint])
-        decimals += ["%.6f"] * 3
+        columns |= _position_columns(name, clip.positions[:, joint])
+        formats += ["%.6f"] * 3
         if clip.rotations is not None:
             columns |= {f"{name}_q{axis}": clip.rotations[:, joint, k] for k, axis in enumerate("xyzw")}
-            decimals += ["%.8f"] * 4
+            formats += ["%.8f"] * 4
     columns |= {f"{name}_deg": np.degrees(curve) for name, curve in angles.items()}
-    decimals += ["%.4f"] * len(angles)
-    head = io.StringIO()
-    csv.writer(head, lineterminator="\n").writerow(columns)  # quotes a name that has a comma in it
-    form = ",".join(decimals)
-    lines = [form % tuple(row) for row in np.stack(list(columns.values()), axis=1).tolist()]
-    write_text(path, head.getvalue() + "\n".join(lines).replace("nan", "") + "\n")
+    formats += ["%.4f"] * len(angles)
+    header = io.StringIO()
+    csv.writer(header, lineterminator="\n").writerow(columns)  # quotes a name that has a comma in it
+    row_format = ",".join(formats)
+    lines = [row_format % tuple(row) for row in np.stack(list(columns.values()), axis=1).tolist()]
+    write_text(path, header.getvalue() + "\n".join(lines).replace("nan", "") + "\n")
 
 
-def _place(name: str, positions: Array) -> dict[str, Array]:
+def _position_columns(name: str, positions: Array) -> dict[str, Array]:
     return {f"{name}_{axis}_m": positions[:, k] for k, axis in enumerate("xyz")}

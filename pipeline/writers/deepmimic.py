@@ -1,4 +1,4 @@
-"""Writes DeepMimic motions: JSON with 44 numbers a frame, for the humanoid that Bullet ships with them."""
+"""Write DeepMimic motions: JSON with 44 numbers per frame, for the humanoid that ships with Bullet."""
 
 from __future__ import annotations
 
@@ -18,29 +18,29 @@ _SIDES = ("left", "right")
 
 
 def write_deepmimic(path: Path, poses: Poses, *, loop: bool) -> None:
-    """Write poses of the 20 nodes in the layout of the files that DeepMimic's authors published.
+    """Write poses of the 20 nodes in the layout of the files published by DeepMimic's authors.
 
-    loop: the motion repeats, and its last frame is its first one a cycle later, as the format has it.
-    The figure has lengths of its own: the root, which is the hips' middle there, is scaled by the length of
-    the legs, so that feet stay on the ground and do not slide. It has no wrists, and knees and elbows turn
-    about their lateral axis only.
+    loop: the motion repeats, and its last frame is its first one a cycle later, as the format requires. The
+    humanoid has fixed lengths: the root, there the midpoint of the hips, is scaled by the ratio of leg
+    lengths, so that feet stay on the ground and do not slide. It has no wrists; knees and elbows rotate only
+    about their lateral axis.
     """
     if poses.skeleton.names != NODES:
-        raise ValueError("only the 20 nodes have a place in a DeepMimic motion")
+        raise ValueError("a DeepMimic motion needs poses of the 20 nodes")
     rows = [
         "[" + ",".join(f"{value:20.10f}" for value in row) + "]" for row in deepmimic_frames(poses).tolist()
     ]
-    ends = json.dumps("wrap" if loop else "none")
-    write_text(path, f'{{\n"Loop": {ends},\n"Frames":\n[\n' + ",\n".join(rows) + "\n]\n}\n")
+    wrap_mode = json.dumps("wrap" if loop else "none")
+    write_text(path, f'{{\n"Loop": {wrap_mode},\n"Frames":\n[\n' + ",\n".join(rows) + "\n]\n}\n")
 
 
 def deepmimic_frames(poses: Poses) -> Array:
-    """(T, 44): seconds to the next frame, root, quaternions w first, hinges in radians."""
+    """Frames (T, 44): seconds to the next frame, root, quaternions w first, hinges in radians."""
     positions, _ = poses.kinematics()
     hips = np.mean([positions[:, NODE_INDEX[f"hip_{side}"]] for side in _SIDES], axis=0)
     x, y, z = (_legs(offsets()) / _legs(poses.skeleton.offsets) * hips).T
     rows = np.zeros((len(poses.rotations), COLUMNS))
-    rows[:-1, 0] = 1.0 / poses.rate  # of the last frame none, as in the published files
+    rows[:-1, 0] = 1.0 / poses.rate  # zero in the last frame, as in the published files
     rows[:, ROOT] = np.stack([x, z, -y], axis=-1)
     for node, column in BALLS.items():
         a, b, c, w = poses.rotations[:, NODE_INDEX[node]].T
@@ -50,7 +50,7 @@ def deepmimic_frames(poses: Poses) -> Array:
     return rows + 0.0  # no -0.0
 
 
-def _legs(places: Array) -> float:
-    """Thigh and shank, both sides together, metres, from offsets (20, 3)."""
+def _legs(offsets_of_nodes: Array) -> float:
+    """Length of thigh plus shank, summed over both sides, in metres, from offsets (20, 3)."""
     bones = [NODE_INDEX[f"{joint}_{side}"] for joint in ("knee", "ankle") for side in _SIDES]
-    return float(np.linalg.norm(places[bones], axis=-1).sum())
+    return float(np.linalg.norm(offsets_of_nodes[bones], axis=-1).sum())

@@ -1,7 +1,7 @@
-"""Writes OpenSim motions (.mot): poses of the 20 nodes as coordinates of the model gait2354.
+"""Write OpenSim motions (.mot): poses of the 20 nodes as coordinates of the model gait2354.
 
-Coordinates and their sequence are those of Delp et al. 1990 (gait2354) and, for the arms, Hamner, Seth &
-Delp 2010; `mot.py`, which reads them, tells of their axes.
+Coordinates and their order are those of Delp et al. 1990 (gait2354) and, for the arms, Hamner, Seth & Delp
+2010; readers/mocap/mot.py describes their axes.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from kinemimic.pipeline.kinematics.skeleton import NODE_INDEX, NODES
 from kinemimic.pipeline.readers.mocap.mot import JOINTS, WORLD_FROM_FILE
 from kinemimic.pipeline.writers.poses import Poses
 
-# Of the hips' middle from the pelvis' origin in the models, metres.
+# Midpoint of the hips relative to the pelvis' origin in the models, metres.
 _HIPS_MIDDLE = np.array(next(joint.offset for joint in JOINTS if joint.name == "hip_center"))
 _HEADER = """\
 inDegrees=yes
@@ -33,17 +33,17 @@ endheader"""
 
 
 def write_mot(path: Path, poses: Poses) -> None:
-    """Write poses of the 20 nodes, angles in degrees and places in metres.
+    """Write poses of the 20 nodes, angles in degrees and positions in metres.
 
-    Hinges (knees, ankles, elbows) get the part of their turn about the lateral axis: all of it in knees and
-    elbows, unless a simulated joint gave way, but a foot's turn to the side is lost. Knees bend as knees can
-    (`angles.anatomical`). Neck and wrists have no coordinates in these models.
+    Hinges (knees, ankles, elbows) get the part of their rotation about the lateral axis. That is all of it in
+    knees and elbows, unless a simulated joint was forced apart; a foot's sideways rotation is lost. Knees are
+    limited to anatomical angles (`angles.anatomical`). The models have no coordinates for neck and wrists.
     """
     if poses.skeleton.names != NODES:
-        raise ValueError("only the 20 nodes have coordinates in OpenSim's models")
+        raise ValueError("an OpenSim motion needs poses of the 20 nodes")
     table = coordinates(poses)
     rows = np.stack([np.arange(len(poses.rotations)) / poses.rate, *table.values()], axis=1)
-    form = "\t".join(["%.6f", *["%.8f"] * len(table)])
+    row_format = "\t".join(["%.6f", *["%.8f"] * len(table)])
     lines = [
         path.stem,
         "version=1",
@@ -51,34 +51,34 @@ def write_mot(path: Path, poses: Poses) -> None:
         f"nColumns={rows.shape[1]}",
         _HEADER,
         "\t".join(["time", *table]),
-        *(form % tuple(row) for row in rows.tolist()),
+        *(row_format % tuple(row) for row in rows.tolist()),
     ]
     write_text(path, "\n".join(lines) + "\n")
 
 
 def coordinates(poses: Poses) -> dict[str, Array]:
     """Coordinates (T,) by name, in degrees and metres."""
-    back = conjugate(WORLD_FROM_FILE)
-    turns = multiply(multiply(back, poses.rotations), WORLD_FROM_FILE)
-    places, _ = poses.kinematics()
-    hips = 0.5 * (places[:, NODE_INDEX["hip_left"]] + places[:, NODE_INDEX["hip_right"]])
-    pelvis = rotate(back, hips) - rotate(turns[:, 0], _HIPS_MIDDLE)
+    file_from_world = conjugate(WORLD_FROM_FILE)
+    rotations = multiply(multiply(file_from_world, poses.rotations), WORLD_FROM_FILE)
+    positions, _ = poses.kinematics()
+    hips = 0.5 * (positions[:, NODE_INDEX["hip_left"]] + positions[:, NODE_INDEX["hip_right"]])
+    pelvis = rotate(file_from_world, hips) - rotate(rotations[:, 0], _HIPS_MIDDLE)
 
     def ball(node: str, *names: str, mirror: float = 1.0) -> dict[str, Array]:
-        angles = Rotation.from_quat(turns[:, NODE_INDEX[node]]).as_euler("ZXY").T
-        # Without jumps by a whole turn, for whoever differentiates them.
+        angles = Rotation.from_quat(rotations[:, NODE_INDEX[node]]).as_euler("ZXY").T
+        # Unwrapped, for users that differentiate them.
         flexion, second, third = np.degrees(np.unwrap(angles))
         return dict(zip(names, (flexion, mirror * second, mirror * third), strict=True))
 
     def hinge(node: str) -> Array:
-        return np.asarray(to_rotvec(turns[:, NODE_INDEX[node]])[:, 2])
+        return np.asarray(to_rotvec(rotations[:, NODE_INDEX[node]])[:, 2])
 
     table = ball("hip_center", "pelvis_tilt", "pelvis_list", "pelvis_rotation")
     table |= {f"pelvis_t{axis}": place for axis, place in zip("xyz", pelvis.T, strict=True)}
     for side, s, mirror in (("right", "r", 1.0), ("left", "l", -1.0)):
         hip = (f"hip_flexion_{s}", f"hip_adduction_{s}", f"hip_rotation_{s}")
         table |= ball(f"hip_{side}", *hip, mirror=mirror)
-        # gait2354's knee too bends to the front by no more than ten degrees.
+        # gait2354's knee also over-extends by at most ten degrees.
         table[f"knee_angle_{s}"] = -np.degrees(anatomical(-hinge(f"knee_{side}")))
         table[f"ankle_angle_{s}"] = np.degrees(hinge(f"ankle_{side}"))
     table |= ball("spine", "lumbar_extension", "lumbar_bending", "lumbar_rotation")

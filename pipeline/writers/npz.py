@@ -1,4 +1,4 @@
-"""Writes poses as arrays (.npz), for numpy and for whatever learns from them."""
+"""Write poses as arrays (.npz), for numpy and machine learning."""
 
 from __future__ import annotations
 
@@ -11,12 +11,12 @@ from kinemimic.pipeline.writers.poses import Poses
 
 
 def write_npz(path: Path, poses: Poses) -> None:
-    """Write T poses of a root and J - 1 joints, the same bytes for the same poses; nothing is pickled.
+    """Write T poses of a root and J - 1 joints; the same poses give the same bytes, nothing is pickled.
 
-    frame_rate: frames a second; root_name; root_position (T, 3) metres in the world (Z up, X forward,
-    Y left); root_rotation (T, 4); joint_names, joint_parents (J - 1,) by name; joint_rotations (T, J - 1, 4)
-    child to parent; joint_offsets (T, J - 1, 3) metres, each joint's place in its parent's frame, the same
-    in every frame where bones are rigid. Quaternions are (x, y, z, w).
+    frame_rate: Hz; root_name; root_position (T, 3) metres in the world (Z up, X forward, Y left);
+    root_rotation (T, 4); joint_names, joint_parents (J - 1,) by name; joint_rotations (T, J - 1, 4) child to
+    parent; joint_offsets (T, J - 1, 3) metres, each joint's position in its parent's frame, constant if bones
+    are rigid. Quaternions are (x, y, z, w).
     """
     names = poses.skeleton.names
     arrays = {

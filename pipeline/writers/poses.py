@@ -1,4 +1,4 @@
-"""Poses at a constant rate with nothing missing: what animation formats hold, and captures do not."""
+"""Poses at a constant rate with nothing missing, as animation formats require and captures lack."""
 
 from __future__ import annotations
 
@@ -22,18 +22,18 @@ from kinemimic.pipeline.kinematics.rotations import (
 )
 from kinemimic.pipeline.kinematics.skeleton import TRACKED, Skeleton
 
-# Clocks whose steps differ by less than this share of a step count as even.
-_EVEN_CLOCK = 0.02
+# Time steps that differ by less than this share of a step count as constant.
+_CONSTANT_STEP = 0.02
 
 
 @dataclass(frozen=True)
 class Poses:
-    """T poses of J joints, `rate` a second.
+    """T poses of J joints at `rate` Hz.
 
-    skeleton: its offsets are those of the joints that do not move in their parents;
-    translations: (T, J, 3) metres in the parent's frame, the root's in the world; rotations: (T, J, 4) child
-    to parent, sign-continuous, the root's in the world; filled: values of joints that were not captured but
-    interpolated between the frames around.
+    skeleton: its offsets are those of the joints that do not move in their parents; translations: (T, J, 3)
+    metres in the parent's frame, the root's in the world; rotations: (T, J, 4) child to parent,
+    sign-continuous, the root's in the world; filled: number of joint values that were interpolated because
+    they were not captured.
     """
 
     skeleton: Skeleton
@@ -45,7 +45,7 @@ class Poses:
 
     @classmethod
     def rigid(cls, skeleton: Skeleton, rate: float, root: Array, rotations: Array) -> Poses:
-        """Poses of a skeleton whose bones keep their lengths; root: (T, 3) metres in the world."""
+        """Poses of a skeleton with constant bone lengths; root: (T, 3) metres in the world."""
         translations = np.broadcast_to(skeleton.offsets, (*rotations.shape[:2], 3)).copy()
         translations[:, 0] = root
         return cls(skeleton, rate, translations, rotations)
@@ -55,7 +55,7 @@ class Poses:
         return forward_kinematics(self.skeleton, self.translations, self.rotations)
 
     def clip(self) -> Clip:
-        """The same as a clip of one pass, every joint tracked, from time 0."""
+        """The same as a clip of one pass from time 0, every joint tracked."""
         frames = len(self.rotations)
         return Clip(
             skeleton=self.skeleton,
@@ -70,48 +70,54 @@ class Poses:
 
 
 def poses_of_clip(clip: Clip) -> Poses:
-    """The poses of a converted clip of one pass; joints stand where the clip has them, to rounding.
+    """The poses of a converted clip of one pass; joints are where the clip has them, within rounding.
 
-    An uneven clock is brought to an even one at the clip's usual rate (`resample.resample`). A joint's gaps
-    are interpolated, its ends held, and a joint that was never seen stays at its parent. KinemimicError for
-    under two frames.
+    Irregular times are resampled at the clip's median rate (`resample.resample`). A joint's gaps are
+    interpolated, its ends held, and a joint that was never seen is put at its parent. Raises KinemimicError
+    for fewer than two frames.
     """
     if clip.rotations is None:
         raise ValueError("the clip has no rotations: convert it first")
     if len(clip.times) < 2:
         raise KinemimicError(f"export: expected a pass of 2 frames or more, found {len(clip.times)}")
     missing = ~np.isfinite(clip.positions).all(axis=-1) | ~np.isfinite(clip.rotations).all(axis=-1)
-    even, rate = _even(clip)
-    assert even.rotations is not None  # noqa: S101 - the clip has them
-    rotations = np.tile(IDENTITY, (len(even.times), len(clip.skeleton.names), 1))
-    for joint, turns in enumerate(np.moveaxis(even.rotations, 1, 0)):
-        found = _bridged(even.times, continuous(turns))
-        if found is not None:
-            rotations[:, joint] = normalize(found)
-    if even.translations is not None:
+    regular, rate = _at_constant_rate(clip)
+    assert regular.rotations is not None  # noqa: S101 - the clip has them
+    rotations = np.tile(IDENTITY, (len(regular.times), len(clip.skeleton.names), 1))
+    for joint, quaternions in enumerate(np.moveaxis(regular.rotations, 1, 0)):
+        filled_values = _interpolated(regular.times, continuous(quaternions))
+        if filled_values is not None:
+            rotations[:, joint] = normalize(filled_values)
+    if regular.translations is not None:
         translations = np.stack(
-            [_held(even.times, place) for place in np.moveaxis(even.translations, 1, 0)], axis=1
+            [
+                _interpolated_or_zero(regular.times, place)
+                for place in np.moveaxis(regular.translations, 1, 0)
+            ],
+            axis=1,
         )
         translations[:, 0] = rotate(clip.world_from_file, translations[:, 0])
         skeleton = clip.skeleton
     else:
-        translations, skeleton = _hung(even, rotations)
+        translations, skeleton = _translations_from_positions(regular, rotations)
     return Poses(
         skeleton, rate, translations, continuous(rotations), int(missing.sum()), dict(clip.provenance)
     )
 
 
-def _even(clip: Clip) -> tuple[Clip, float]:
-    """The clip at a constant step, and its rate: as it is if its clock is even, else at its usual rate."""
+def _at_constant_rate(clip: Clip) -> tuple[Clip, float]:
+    """The clip at a constant step, and its rate: unchanged if the steps are constant, else at the median
+    rate.
+    """
     steps = np.diff(clip.times)
-    usual = float(np.median(steps))
-    if np.ptp(steps) <= _EVEN_CLOCK * usual:
+    median_step = float(np.median(steps))
+    if np.ptp(steps) <= _CONSTANT_STEP * median_step:
         return clip, len(steps) / float(clip.times[-1] - clip.times[0])
-    return resample(clip, 1.0 / usual), 1.0 / usual
+    return resample(clip, 1.0 / median_step), 1.0 / median_step
 
 
-def _bridged(times: Array, values: Array) -> Array | None:
-    """Values (T, K) with straight lines in place of NaN, the ends held; None where all are missing."""
+def _interpolated(times: Array, values: Array) -> Array | None:
+    """Values (T, K) with NaN interpolated linearly and ends held; None if all are missing."""
     seen = np.isfinite(values).all(axis=-1)
     if not seen.any():
         return None
@@ -120,27 +126,27 @@ def _bridged(times: Array, values: Array) -> Array | None:
     return np.stack([np.interp(times, times[seen], column) for column in values[seen].T], axis=-1)
 
 
-def _held(times: Array, values: Array) -> Array:
-    found = _bridged(times, values)
-    return np.zeros_like(values) if found is None else found
+def _interpolated_or_zero(times: Array, values: Array) -> Array:
+    filled_values = _interpolated(times, values)
+    return np.zeros_like(values) if filled_values is None else filled_values
 
 
-def _hung(clip: Clip, rotations: Array) -> tuple[Array, Skeleton]:
-    """Places of the joints in their parents' frames (N, J, 3), and the skeleton with their medians."""
+def _translations_from_positions(clip: Clip, rotations: Array) -> tuple[Array, Skeleton]:
+    """Positions of the joints in their parents' frames (N, J, 3), and the skeleton with their medians."""
     parents = clip.skeleton.parents
-    places: list[Array] = []
+    positions: list[Array] = []
     world: list[Array] = []
     translations = np.zeros((len(clip.times), len(parents), 3))
     for joint, parent in enumerate(parents):
-        found = _bridged(clip.times, clip.positions[:, joint])
+        filled_values = _interpolated(clip.times, clip.positions[:, joint])
         if parent < 0:
-            places.append(np.zeros((len(clip.times), 3)) if found is None else found)
+            positions.append(np.zeros((len(clip.times), 3)) if filled_values is None else filled_values)
             world.append(rotations[:, joint])
-            translations[:, joint] = places[joint]
+            translations[:, joint] = positions[joint]
             continue
-        places.append(places[parent] if found is None else found)
+        positions.append(positions[parent] if filled_values is None else filled_values)
         world.append(multiply(world[parent], rotations[:, joint]))
-        translations[:, joint] = rotate(conjugate(world[parent]), places[joint] - places[parent])
+        translations[:, joint] = rotate(conjugate(world[parent]), positions[joint] - positions[parent])
     offsets = np.median(translations, axis=0)
     offsets[0] = 0.0
     return translations, Skeleton(clip.skeleton.names, parents, offsets)

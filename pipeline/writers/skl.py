@@ -1,4 +1,4 @@
-"""Writes the `.skl` text of a real Kinect v1 recorder (its variant with 85 or 86 columns)."""
+"""Write the `.skl` text of a real Kinect v1 recorder (its variant with 85 or 86 columns)."""
 
 from __future__ import annotations
 
@@ -26,9 +26,9 @@ def write_skl(
 ) -> None:
     """Write T frames of the 20 joints.
 
-    milliseconds: (T,) on the sensor's clock; positions: (T, 20, 3) metres in our world, over the floor;
+    milliseconds: (T,) on the sensor's clock; positions: (T, 20, 3) metres in our world, above the floor;
     states: (T, 20); floor_plane: (4,) of the floor in the sensor's frame; frame_numbers: (T,) adds that
-    column. A lost joint is written as the recorder does: state 0, at the sensor's own place over the floor.
+    column. A lost joint is written as the recorder does: state 0, at the sensor's position above the floor.
     """
     joints = rotate(conjugate(Y_UP_TO_Z_UP), positions)
     joints[states == MISSING] = [0.0, floor_plane[3], 0.0]
@@ -50,5 +50,5 @@ def write_skl(
 
 
 def _number(value: float) -> str:
-    """Fifteen digits, as .NET prints a double."""
+    """Fifteen digits, as .NET formats a double."""
     return f"{value:.15g}"

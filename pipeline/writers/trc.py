@@ -1,4 +1,4 @@
-"""Writes OpenSim's marker files (.trc): a clip's joints as markers, in millimetres."""
+"""Write OpenSim's marker files (.trc): a clip's joints as markers, in millimetres."""
 
 from __future__ import annotations
 
@@ -13,16 +13,16 @@ from kinemimic.pipeline.readers.mocap.trc import WORLD_FROM_FILE
 
 
 def write_trc(path: Path, clip: Clip) -> None:
-    """Write a clip's positions, each marker under its joint's name; X forward, Y up, Z right.
+    """Write a clip's positions, each marker named after its joint; X forward, Y up, Z right.
 
-    A joint that is missing in a frame leaves its three cells empty, as OpenSim expects. Times are the
-    clip's, from 0.
+    A joint that is missing in a frame leaves its three cells empty, as OpenSim expects. Times are the clip's,
+    from 0.
     """
     times = clip.times - clip.times[0]
     points = 1000.0 * rotate(conjugate(WORLD_FROM_FILE), clip.positions)
     labels = ["_".join(name.split()) for name in clip.skeleton.names]
     frames, rate = len(times), f"{clip.rate:.6g}"
-    head = [
+    header = [
         f"PathFileType\t4\t(X/Y/Z)\t{path.name}",
         "DataRate\tCameraRate\tNumFrames\tNumMarkers\tUnits\tOrigDataRate\tOrigDataStartFrame\tOrigNumFrames",
         f"{rate}\t{rate}\t{frames}\t{len(labels)}\tmm\t{rate}\t1\t{frames}",
@@ -30,13 +30,13 @@ def write_trc(path: Path, clip: Clip) -> None:
         "\t\t" + "\t".join(f"X{k}\tY{k}\tZ{k}" for k in range(1, len(labels) + 1)),
         "",
     ]
-    form = "\t".join(["%d\t%.6f", *["%.5f"] * (3 * len(labels))])
+    row_format = "\t".join(["%d\t%.6f", *["%.5f"] * (3 * len(labels))])
     rows = [
-        form % (frame, time, *row)
+        row_format % (frame, time, *row)
         for frame, time, row in zip(
             range(1, frames + 1), times.tolist(), points.reshape(frames, -1).tolist(), strict=True
         )
     ]
     if np.isnan(points).any():
         rows = [row.replace("nan", "") for row in rows]
-    write_text(path, "\n".join([*head, *rows]) + "\n")
+    write_text(path, "\n".join([*header, *rows]) + "\n")

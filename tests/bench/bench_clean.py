@@ -30,7 +30,7 @@ from kinemimic.pipeline.kinematics.angles import ANGLES
 from kinemimic.pipeline.kinematics.clip import Clip
 from kinemimic.pipeline.quality.check import check_capture
 from kinemimic.pipeline.readers.recognise import read
-from kinemimic.pipeline.virtual_kinect.noise import Levels
+from kinemimic.pipeline.virtual_kinect.noise import NoiseLevels
 from kinemimic.pipeline.virtual_kinect.recorder import record_virtual
 from kinemimic.retarget.captured_angles import PassSpan, captured_angles
 from kinemimic.retarget.cyclic import fit_cyclic
@@ -76,7 +76,7 @@ def measure(task: Recorded) -> dict[tuple[str, str], Row]:
     """Rows by form and filter."""
     rows: dict[tuple[str, str], Row] = {}
     with tempfile.TemporaryDirectory() as folder:
-        levels = Levels(white=task.white)
+        levels = NoiseLevels(white=task.white)
         recording = record_virtual(Path(folder), motion=task.motion, seed=task.seed, levels=levels)
         for form, path in zip(FORMS, recording, strict=True):
             raw = check_capture(read(path)).clip

@@ -12,7 +12,7 @@ from kinemimic.pipeline.kinematics.clip import forward_kinematics
 from kinemimic.pipeline.kinematics.rotations import Y_UP_TO_Z_UP, conjugate, multiply
 from kinemimic.pipeline.kinematics.skeleton import NODE_INDEX, NODES, Skeleton
 from kinemimic.pipeline.readers.mocap.deepmimic import read_deepmimic, stock_motion
-from kinemimic.pipeline.virtual_kinect.subject import close_loop, perform
+from kinemimic.pipeline.virtual_kinect.subject import close_loop, ground_truth
 
 
 @dataclass(frozen=True)
@@ -32,7 +32,7 @@ def _gait(name: str):  # type: ignore[no-untyped-def]
 def walk(frames: int = 90, rate: float = 30.0, *, motion: str = "walk") -> Walk:
     """`frames` frames of the walk (or "run")."""
     times = np.arange(frames) / rate
-    shown = perform(_gait(motion), times, start=np.array([0.4, 0.2]), heading=0.0, phase=0.1)
+    shown = ground_truth(_gait(motion), times, start=np.array([0.4, 0.2]), heading=0.0, phase=0.1)
     return Walk(times, shown.joints, shown.angles)
 
 

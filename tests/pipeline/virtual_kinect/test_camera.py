@@ -8,8 +8,8 @@ import pytest
 from kinemimic.pipeline.kinematics.skeleton import NODE_INDEX as N
 from kinemimic.pipeline.kinematics.skeleton import NODES
 from kinemimic.pipeline.readers.mocap.deepmimic import read_deepmimic, stock_motion
-from kinemimic.pipeline.virtual_kinect.camera import FOCAL, HEIGHT, WIDTH, Camera, hidden
-from kinemimic.pipeline.virtual_kinect.subject import close_loop, perform
+from kinemimic.pipeline.virtual_kinect.camera import FOCAL, HEIGHT, WIDTH, Camera, occluded
+from kinemimic.pipeline.virtual_kinect.subject import close_loop, ground_truth
 
 
 def test_pixels_by_hand() -> None:
@@ -34,8 +34,8 @@ def _side_view(heading: float) -> tuple[np.ndarray, np.ndarray]:
     gait = close_loop(read_deepmimic(stock_motion("walk")))
     elapsed = np.linspace(0.0, gait.period, 40, endpoint=False)
     start = np.array([3.0, -0.5 * np.sin(heading) * gait.stride])
-    joints = perform(gait, elapsed, start=start, heading=heading, phase=0.0).joints
-    return joints, hidden(Camera(), joints)
+    joints = ground_truth(gait, elapsed, start=start, heading=heading, phase=0.0).joints
+    return joints, occluded(Camera(), joints)
 
 
 @pytest.mark.parametrize(
@@ -54,12 +54,12 @@ def test_from_the_side_it_is_the_far_limbs_that_are_covered(heading: float, near
 def test_from_the_front_no_leg_is_covered() -> None:
     gait = close_loop(read_deepmimic(stock_motion("walk")))
     elapsed = np.linspace(0.0, gait.period, 40, endpoint=False)
-    joints = perform(gait, elapsed, start=np.array([4.0, 0.0]), heading=np.pi, phase=0.0).joints
-    covered = hidden(Camera(), joints)
+    joints = ground_truth(gait, elapsed, start=np.array([4.0, 0.0]), heading=np.pi, phase=0.0).joints
+    covered = occluded(Camera(), joints)
     assert not covered[:, [N["knee_left"], N["knee_right"], N["ankle_left"], N["ankle_right"]]].any()
 
 
 def test_outside_of_the_image_nothing_is_seen() -> None:
     joints, _ = _side_view(np.pi / 2)
-    away = hidden(Camera(), joints + np.array([0.0, 3.0, 0.0]))
+    away = occluded(Camera(), joints + np.array([0.0, 3.0, 0.0]))
     assert away[:, N["head"]].all() and away[:, N["ankle_left"]].all()

@@ -10,11 +10,11 @@ import pytest
 from kinemimic.pipeline.kinematics.skeleton import INFERRED, MISSING, TRACKED
 from kinemimic.pipeline.kinematics.skeleton import NODE_INDEX as N
 from kinemimic.pipeline.virtual_kinect.camera import Camera
-from kinemimic.pipeline.virtual_kinect.noise import Levels, Observation, observe, white_levels
+from kinemimic.pipeline.virtual_kinect.noise import NoiseLevels, Observation, observe, white_levels
 
 # The camera at the origin's height of the joints, so that the line of sight to a joint on the axis is +X.
 CAMERA = Camera(height=0.0, tilt=0.0)
-NONE = Levels(
+NONE = NoiseLevels(
     white=0.0,
     bias=0.0,
     hip_width=1.0,
@@ -40,7 +40,7 @@ def _still(frames: int, distance: float) -> np.ndarray:
     return joints
 
 
-def _see(joints: np.ndarray, levels: Levels, *, heading: float = np.pi, seed: int = 0) -> Observation:
+def _see(joints: np.ndarray, levels: NoiseLevels, *, heading: float = np.pi, seed: int = 0) -> Observation:
     frames = len(joints)
     rng = np.random.default_rng(seed)
     return observe(joints, np.full(frames, heading), np.arange(frames) / 30.0, CAMERA, levels, rng)
@@ -70,7 +70,7 @@ def test_white_noise_has_its_level_at_the_reference_distance_and_grows_with_the_
 
 def test_the_levels_are_those_of_real_recordings() -> None:
     # In 3-D, along with the stretch along the line of sight.
-    spatial = 1e3 * white_levels() * np.sqrt(2 + Levels().depth ** 2)
+    spatial = 1e3 * white_levels() * np.sqrt(2 + NoiseLevels().depth ** 2)
     for joint in ("hip", "knee", "ankle"):
         assert 5.0 <= spatial[N[f"{joint}_left"]] <= 18.0
     assert spatial[N["wrist_left"]] == pytest.approx(30.0, abs=5.0)
@@ -141,6 +141,6 @@ def test_the_edges_of_a_pass_are_wild_and_its_middle_is_not() -> None:
 
 
 def test_the_same_seed_sees_the_same() -> None:
-    one, two, other = (_see(_still(60, 2.5), Levels(), seed=seed) for seed in (3, 3, 4))
+    one, two, other = (_see(_still(60, 2.5), NoiseLevels(), seed=seed) for seed in (3, 3, 4))
     np.testing.assert_array_equal(one.positions, two.positions)
     assert not np.array_equal(one.positions, other.positions)

@@ -19,11 +19,11 @@ from kinemimic.pipeline.kinematics.nodes import to_nodes
 from kinemimic.pipeline.kinematics.skeleton import NODE_INDEX as N
 from kinemimic.pipeline.quality.passes import find_passes
 from kinemimic.pipeline.readers.recognise import read
-from kinemimic.pipeline.virtual_kinect.noise import Levels
+from kinemimic.pipeline.virtual_kinect.noise import NoiseLevels
 from kinemimic.pipeline.virtual_kinect.recorder import Recording, record_virtual
 
 FORMS = ("skl", "euler")
-PERFECT = Levels(
+PERFECT = NoiseLevels(
     white=0.0,
     bias=0.0,
     hip_width=1.0,

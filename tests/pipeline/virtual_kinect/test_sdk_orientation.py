@@ -8,15 +8,15 @@ import pytest
 from kinemimic.pipeline.kinematics.clip import forward_kinematics
 from kinemimic.pipeline.kinematics.skeleton import NODE_INDEX as N
 from kinemimic.pipeline.readers.mocap.deepmimic import read_deepmimic, stock_motion
-from kinemimic.pipeline.virtual_kinect.sdk_orientation import calibrate, hold, joint_rotations
-from kinemimic.pipeline.virtual_kinect.subject import close_loop, perform
+from kinemimic.pipeline.virtual_kinect.sdk_orientation import calibrate, hold_last, joint_rotations
+from kinemimic.pipeline.virtual_kinect.subject import close_loop, ground_truth
 
 
 @pytest.fixture(scope="module")
 def joints() -> np.ndarray:
     gait = close_loop(read_deepmimic(stock_motion("walk")))
     elapsed = np.arange(0.0, gait.period, 1 / 30)
-    return perform(gait, elapsed, start=np.array([4.0, 0.0]), heading=2.6, phase=0.0).joints
+    return ground_truth(gait, elapsed, start=np.array([4.0, 0.0]), heading=2.6, phase=0.0).joints
 
 
 def test_from_perfect_joints_the_skeleton_stands_on_them_again(joints: np.ndarray) -> None:
@@ -43,4 +43,4 @@ def test_lost_joints_keep_the_last_known_rotation(joints: np.ndarray) -> None:
 
 def test_before_the_first_known_value_that_one_is_held() -> None:
     values = np.array([np.nan, np.nan, 3.0, np.nan, 5.0])[:, None, None]
-    np.testing.assert_array_equal(hold(values)[:, 0, 0], [3.0, 3.0, 3.0, 3.0, 5.0])
+    np.testing.assert_array_equal(hold_last(values)[:, 0, 0], [3.0, 3.0, 3.0, 3.0, 5.0])

@@ -313,6 +313,6 @@ def test_other_skeletons_than_the_20_nodes_are_refused(tmp_path: Path, write: ob
     other = replace(
         POSES, skeleton=Skeleton(("a", *NODES[1:]), SHOWN.skeleton.parents, SHOWN.skeleton.offsets)
     )
-    with pytest.raises(ValueError, match="only the 20 nodes"):
+    with pytest.raises(ValueError, match="poses of the 20 nodes"):
         write(tmp_path / "a", other)  # type: ignore[operator]
     assert not (tmp_path / "a").exists()
