@@ -1,7 +1,7 @@
-"""The gait loop: every accepted frame pooled by its phase into one Fourier series per joint.
+"""The gait loop: all accepted frames pooled by phase into one Fourier series per joint.
 
-Smoothing, averaging over strides and closing the loop are this one weighted ridge fit. Its weights fall for
-joints that the sensor only inferred and, by Tukey's biweight, for frames that contradict all others.
+Smoothing, averaging over strides and closing the loop are one weighted ridge regression. Weights are lower
+for joints that the sensor only inferred and, by Tukey's biweight, for outliers.
 """
 
 from __future__ import annotations
@@ -29,9 +29,9 @@ from kinemimic.retarget.strides.passes import Pass
 
 STATE_WEIGHTS = np.array([0.0, 0.3, 1.0])  # of missing, inferred, tracked joints
 RIDGE = 1e-5
-# Strides that share a straight advance. In fewer a line is taken for a part of the sway that it goes along.
+# Strides that share one straight advance. Over fewer strides the line would absorb part of the sway.
 SECTION_STRIDES = 4.0
-MIN_HARMONICS = 3  # of a node's rotation: below that too few frames were seen to tell how it turns
+MIN_HARMONICS = 3  # of a node's rotation; with too few frames for them, the node gets no series
 HINGE_CHAINS: dict[str, tuple[str, ...]] = {
     f"{hinge}_{side}": tuple(f"{joint}_{side}" for joint in joints)
     for side in ("left", "right")
@@ -44,11 +44,11 @@ MIRROR_NODES: NDArray[np.intp] = np.array(
 
 @dataclass(frozen=True)
 class Strides:
-    """M pooled frames, each turned so that the pass goes along +X.
+    """M pooled frames, each rotated so that its pass is along +X.
 
-    phase: (M,) cycles; group: (M,) index of the pass, or of the section of one whose strides vary; times:
-    (M,) seconds from the start of the pass, on its clock (`Pass.clock`); positions: (M, 20, 3); weights:
-    (M, 20) of each node; frames: (M,) indices into the clip; headings: (M,) radians, the turn undone.
+    phase: (M,) cycles; group: (M,) index of the pass, or of a section of a pass whose strides vary
+    times: (M,) seconds from the start of the pass, on `Pass.clock`; positions: (M, 20, 3)
+    weights: (M, 20) per node; frames: (M,) indices into the clip; headings: (M,) radians before the rotation
     """
 
     phase: Array
@@ -74,7 +74,7 @@ class Series:
 
 @dataclass(frozen=True)
 class Loop:
-    """One stride of the person, still with the person's own proportions.
+    """One average stride, with the person's own proportions.
 
     period: seconds; speed: m/s; root: (1 + 2 h, 3) series of the hip centre about its uniform advance;
     joints: node -> series.
@@ -86,7 +86,7 @@ class Loop:
     joints: dict[str, Series]
 
     def rotations(self, phase: Array) -> Array:
-        """Local rotations (N, 20, 4) at phases (N,); nodes without a series do not turn."""
+        """Local rotations (N, 20, 4) at phases (N,); the identity for nodes without a series."""
         out = np.tile(IDENTITY, (len(phase), len(NODES), 1))
         for name, series in self.joints.items():
             out[:, NODE_INDEX[name]] = series.rotations(phase)
@@ -116,9 +116,7 @@ def pool_strides(clip: Clip, passes: list[Pass]) -> Strides:
 
 
 def _sections(one: Pass) -> NDArray[np.intp]:
-    """(frames,) the section of a pass, from 0: whoever varies strides also varies speed, and only over a few
-    strides is the advance even.
-    """
+    """Section (frames,) of a pass, from 0: strides that vary have an even speed only over a few of them."""
     if not one.followed:
         return np.zeros(len(one.frames), dtype=np.intp)
     done = one.phase - one.phase[0]
@@ -127,7 +125,7 @@ def _sections(one: Pass) -> NDArray[np.intp]:
 
 
 def with_mirror(strides: Strides) -> Strides:
-    """The strides and their mirror image half a cycle later: what makes a loop left-right symmetric."""
+    """The strides and their mirror image half a cycle later, for a left-right symmetric loop."""
     image = replace(
         strides,
         phase=strides.phase + 0.5,
@@ -146,14 +144,14 @@ def with_mirror(strides: Strides) -> Strides:
 def robust_fit(
     phase: Array, values: Array, harmonics: int, weights: Array, group: NDArray[np.intp], floor: float
 ) -> Array:
-    """Series (1 + 2 harmonics, K) of values (M, K), iteratively reweighted.
+    """Series (1 + 2 harmonics, K) of values (M, K), by iteratively reweighted least squares.
 
-    Tukey's biweight on the length of a residual throws out single wild frames; each pass, group (M,), counts
-    by the inverse of its variance, since from the side the far leg of a whole pass is guesswork. floor: least
-    scale, in the unit of the values, below which a difference is no reason for suspicion.
+    Tukey's biweight on the norm of a residual rejects outliers. Each pass, group (M,), is weighted by its
+    inverse variance, since the far leg of a pass seen from the side is guesswork. floor: smallest scale of
+    residuals, in the unit of the values.
     """
     seen = weights > 0
-    # Frames that do not count would only be carried along.
+    # Frames without weight are left out for speed.
     x, y, given = fourier.design(phase[seen], harmonics), values[seen], weights[seen]
     _, group = np.unique(group[seen], return_inverse=True)
     median = _GroupMedians(group)
@@ -168,7 +166,7 @@ def robust_fit(
 
 
 class _GroupMedians:
-    """Medians of many values (M,) over the groups (M,) that they belong to, numbered from 0 without a gap."""
+    """Medians of values (M,) over their groups (M,), which are numbered from 0 without gaps."""
 
     def __init__(self, group: NDArray[np.intp]) -> None:
         self._counts = np.bincount(group)
@@ -179,7 +177,7 @@ class _GroupMedians:
         self._group = group
 
     def __call__(self, values: Array) -> Array:
-        """(G,) of values (M,)."""
+        """Medians (G,) of values (M,)."""
         table = np.full((len(self._counts), int(self._counts.max())), np.inf)
         table[self._group, self._place] = values
         table.sort(axis=1)
@@ -189,16 +187,16 @@ class _GroupMedians:
 
 
 def mean_rotation(q: Array, weights: Array) -> Array:
-    """The rotation (4,) nearest to all of q (M, 4): the first axis of their weighted second moment."""
+    """Mean rotation (4,) of q (M, 4): the principal eigenvector of the weighted second moment, w >= 0."""
     moment = np.einsum("m,mi,mj->ij", weights, q, q)
     mean = np.linalg.eigh(moment)[1][:, -1]
     return np.asarray(mean if mean[3] >= 0 else -mean)
 
 
 def fit_joint(strides: Strides, local: Array, name: str, harmonics: int) -> Series | None:
-    """Series of one node from its local rotations (M, 4); None where it was hardly ever seen.
+    """Series of one node from its local rotations (M, 4); None if it was hardly ever seen.
 
-    Of few frames, as one stride at 30 Hz has, fewer than `harmonics`: two frames for each coefficient.
+    Few frames, such as one stride at 30 Hz, reduce `harmonics` so that each coefficient has two frames.
     """
     weights = strides.weights[:, [NODE_INDEX[node] for node in source_nodes(name)]].min(axis=1)
     finite = np.asarray(np.isfinite(local).all(axis=-1))
@@ -216,7 +214,7 @@ def fit_joint(strides: Strides, local: Array, name: str, harmonics: int) -> Seri
 
 
 def source_nodes(name: str) -> tuple[str, ...]:
-    """Nodes whose positions a node's rotation is made of, apart from the body that it hangs from."""
+    """Nodes whose positions determine a node's rotation, besides its parent."""
     if name in HINGE_CHAINS:
         return HINGE_CHAINS[name]
     chain = {"hip": "knee", "ankle": "foot", "shoulder": "elbow", "wrist": "hand"}
@@ -233,10 +231,10 @@ def source_nodes(name: str) -> tuple[str, ...]:
 
 
 def fit_root(strides: Strides, harmonics: int) -> tuple[Array, float]:
-    """Series (1 + 2 h, 3) of the hip centre about a uniform advance, and that advance's speed in m/s.
+    """Series (1 + 2 h, 3) of the hip centre about its uniform advance, and the speed of that advance in m/s.
 
-    Each pass has its own straight line (it starts elsewhere, and a floor seen by a sensor is never quite
-    level); lines and common series are fitted in turn, since a pass is no whole number of strides.
+    Each pass has its own straight line: it starts elsewhere, and a sensor's floor is never quite level. Lines
+    and the common series are fitted alternately, because a pass is not a whole number of strides.
     """
     center = np.nanmean(strides.positions[:, [NODE_INDEX["hip_left"], NODE_INDEX["hip_right"]]], axis=1)
     weights = strides.weights[:, [NODE_INDEX["hip_left"], NODE_INDEX["hip_right"]]].min(axis=1)
@@ -266,9 +264,9 @@ def fit_root(strides: Strides, harmonics: int) -> tuple[Array, float]:
 def fit_loop(
     strides: Strides, local: Array, period: float, *, leg: int, arm: int = 3, trunk: int = 4
 ) -> Loop:
-    """The loop of pooled strides and their local rotations (M, 20, 4); `leg`, `arm`, `trunk`: harmonics.
+    """The loop of pooled strides and their local rotations (M, 20, 4); leg, arm, trunk: harmonics.
 
-    Nodes that were hardly ever seen get no series and do not turn.
+    Nodes that were hardly ever seen get no series.
     """
     joints: dict[str, Series] = {}
     for name in NODES:

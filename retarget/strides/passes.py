@@ -1,4 +1,4 @@
-"""The passes of a gait: trimmed, timed by the harmonic of their ankles, and judged."""
+"""The passes of a capture: trimmed, timed by the harmonic of the ankles' distance, and judged."""
 
 from __future__ import annotations
 
@@ -25,40 +25,41 @@ from kinemimic.retarget.strides.trim import (
 Verdict = Literal["accepted", "warned", "refused"]
 
 ACCEPT_R2, WARN_R2 = 0.95, 0.85  # R² of the harmonic
-MIN_KEPT = 0.80  # share of frames that the harmonic must explain: the others are leg swaps and wild frames
+MIN_KEPT = 0.80  # share of frames that the harmonic must explain: the others are leg swaps and outliers
 MAX_SPEED_SPREAD, MAX_PERIOD_SPREAD = 0.30, 0.20  # from the median of the passes
 MIN_GOOD_TIME = 25 / 30.0  # seconds of good frames, unless they are most of a stride
-# A runner crosses a sensor's view in less than a stride. From this share of it one harmonic still tells the
-# period to 5 %; what is missing other passes must show (fit.LARGEST_GAP).
+# A runner crosses a sensor's view in less than a stride. From this share of a stride the harmonic still gives
+# the period to 5 %; other passes must show the missing part (cyclic.MAX_GAP).
 MIN_STRIDE_SHARE = 0.75
-# m/s and m: a pass that advances faster and farther is one of walking. A squat moves the hips as fast, not
-# as far.
+# m/s and m: a walking pass advances faster and farther. A squat moves the hips as fast, but not as far.
 MIN_WALK_SPEED, MIN_TRAVEL = 0.3, 0.8
 MIN_STEP_AMPLITUDE = 0.12  # m: half the least stride of the ankles in walking on the spot
-# What tells walking from a jump, a kick or a cartwheel that gets as far: the trunk stays upright, one foot
-# goes ahead while the other goes back, and that is most of what happens, or repeats itself.
-MAX_TRUNK_LEAN = np.radians(60.0)  # of the trunk from the vertical, in all but the wildest frames
+# Walking differs from a jump, a kick or a cartwheel that travels as far: the trunk stays upright, the feet
+# alternate, and the alternation takes most of the pass or repeats.
+MAX_TRUNK_LEAN = np.radians(60.0)  # of the trunk from the vertical, 95th percentile
 MIN_ALTERNATION = 0.5  # share of the variance of both ankles about the hips that lies in their difference
 MIN_GAIT_SHARE, MIN_STRIDES = 0.5, 2.0  # share of the pass; strides
 POOR_VISIBILITY = 0.2  # share of frames with a leg missing or of another length
-# Cycles (rms) by which the strides' own phase may wander about that of one period. A walking knee's peak is
-# so sharp that frames pooled 0.02 cycles off take 1° from it, and leave 0.98 of the knee's variance.
+# Cycles (rms) by which individually timed strides may deviate from one period. A walking knee's peak is so
+# sharp that pooling frames 0.02 cycles off lowers it by 1° and leaves 0.98 of the knee's variance.
 MAX_DRIFT = 0.02
-# Strides below which legs that were confused look as if they drifted: over so few nobody gets as far.
+# Strides below which confused legs can look like drift: nobody drifts as far over so few strides.
 MIN_WARPED_STRIDES = 4.0
 
 
 @dataclass(frozen=True)
 class Pass:
-    """One pass over the sensor's view, or what is left of it after trimming.
+    """One pass through the sensor's view, after trimming.
 
-    number: as in the clip; frames: indices into the clip; heading: radians from +X; speed: m/s; travel:
-    metres from one end of the path to the other, along the heading; harmonic: of the ankles, over `clock`:
-    (frames,) seconds in which every stride takes one period, which are the clip's times unless the strides
-    vary; bad: (frames,) flagged within the pass; reason: why it was not simply accepted; walks: whether that
-    is somebody walking or running, well recorded or not; steps: whether the legs at least move so, however
-    briefly; drift: cycles (rms) by which the strides' own phase
-    wanders about that of one period, NaN where there is none; followed: whether that made another clock.
+    number: as in the clip; frames: indices into the clip
+    heading: radians from +X; speed: m/s; travel: metres along the heading
+    harmonic: of the ankles' distance over `clock`
+    clock: (frames,) seconds in which every stride takes one period; the clip's times unless `followed`
+    bad: (frames,) True for flagged frames within the pass
+    verdict, reason: the judgement, and why the pass was not accepted
+    walks: whether somebody walks or runs, well recorded or not; steps: whether the legs alternate at all
+    drift: cycles (rms) of individually timed strides from one period, NaN without strides
+    followed: whether the strides are timed individually
     """
 
     number: int
@@ -78,7 +79,7 @@ class Pass:
 
     @property
     def phase(self) -> Array:
-        """(frames,) cycles, not wrapped; a ValueError where the pass has no harmonic."""
+        """(frames,) cycles, not wrapped; ValueError if the pass has no harmonic."""
         if self.harmonic is None:
             raise ValueError(f"pass {self.number} has no phase")
         return self.harmonic.phase(self.clock)
@@ -102,7 +103,7 @@ def analyze_pass(clip: Clip, number: int, bones: Array) -> Pass:
     for _ in range(3):
         flagged = bad_frames(clip.times[whole], clip.positions[whole], heading, bones)
         window = best_window(flagged | doubt)
-        # A loop needs every phase: doubtful edges stay, at their low weight, where else it would not close.
+        # A loop needs every phase: doubtful edges stay, at low weight, if it would not close without them.
         if period > 0 and np.ptp(clip.times[whole[window]]) < 1.1 * period:
             window = best_window(flagged)
         if window.stop - window.start < 8:
@@ -127,7 +128,7 @@ def analyze_pass(clip: Clip, number: int, bones: Array) -> Pass:
     if on_path and facing < 0:
         verdict, reason = "refused", "walks backward, or left and right are exchanged"
     middle = clip.positions[whole][:, [N["hip_left"], N["hip_right"]], :2].mean(axis=1) @ along
-    # Not from end to end: single wild frames go anywhere.
+    # Percentiles, since single outliers may lie anywhere.
     travel = float(np.ptp(np.nanpercentile(middle, (5.0, 95.0))))
     timed = verdict == "refused" or PERIODS[0] <= harmonic.period <= PERIODS[1]
     alternates = timed and _alternates(clip, whole, frames, heading, harmonic, bones)
@@ -155,7 +156,7 @@ def analyze_pass(clip: Clip, number: int, bones: Array) -> Pass:
 def _timed(times: Array, ankles: Array, bad: NDArray[np.bool_]) -> tuple[Harmonic, Array, float]:
     """The harmonic of the ankles' distance (T,), the clock (T,) in which it has one period, and the drift.
 
-    The clock is `times` itself unless the strides vary: then each gets the median of their periods.
+    The clock is `times` itself unless the strides vary: then each stride is stretched to their median period.
     """
     weights = np.where(bad, 0.0, 1.0)
     steady = fit_harmonic(times, np.where(bad, 0.0, ankles), weights)
@@ -167,7 +168,7 @@ def _timed(times: Array, ankles: Array, bad: NDArray[np.bool_]) -> tuple[Harmoni
         return steady, times, drift
     clock = times[0] + strides.period * (strides.phase - strides.phase[0])
     followed = fit_harmonic(clock, np.where(bad, 0.0, ankles), weights)
-    # Legs that the sensor exchanged for a while seem to drift, and do not fit the better for it.
+    # Legs that the sensor swapped for a while look like drift, but individual timing does not fit better.
     return (followed, clock, drift) if followed.r2 > steady.r2 else (steady, times, drift)
 
 
@@ -179,11 +180,11 @@ def _alternates(
     harmonic: Harmonic,
     bones: Array,
 ) -> bool:
-    """Whether legs and trunk do as in walking in the frames that are left of a whole pass."""
-    # How little is left of a pass that was badly seen is the sensor's doing.
-    lost = ~(np.abs(leg_bones(clip.positions[whole]) / bones - 1.0).max(axis=-1) < MAX_BONE_DEVIATION)
+    """Whether legs and trunk move as in walking; whole, frames: the pass before and after trimming."""
+    # A badly seen pass may be trimmed to little because of the sensor, not the movement.
+    badly_seen = ~(np.abs(leg_bones(clip.positions[whole]) / bones - 1.0).max(axis=-1) < MAX_BONE_DEVIATION)
     brief = len(frames) < MIN_GAIT_SHARE * len(whole) and _strides(clip, frames, harmonic) < MIN_STRIDES
-    if brief and lost.mean() < POOR_VISIBILITY:
+    if brief and badly_seen.mean() < POOR_VISIBILITY:
         return False
     p = clip.positions[whole]
     trunk = p[:, N["shoulder_center"]] - p[:, [N["hip_left"], N["hip_right"]]].mean(axis=1)
@@ -211,12 +212,12 @@ def _judge(harmonic: Harmonic, times: Array, bad: NDArray[np.bool_]) -> tuple[Ve
     if harmonic.r2 < WARN_R2:
         return "refused", f"ankles fit one harmonic with R² {harmonic.r2:.2f} (legs confused)"
     if harmonic.r2 < ACCEPT_R2:
-        return "warned", f"ankles fit one harmonic with R² {harmonic.r2:.2f} only"
+        return "warned", f"ankles fit one harmonic with only R² {harmonic.r2:.2f}"
     return "accepted", ""
 
 
 def analyze_passes(clip: Clip) -> list[Pass]:
-    """Every pass of a clip on the 20 nodes, judged by itself and against the others."""
+    """Every pass of a clip on the 20 nodes, judged by itself and against the other passes."""
     lengths = leg_bones(clip.positions)
     bones = np.nanmedian(lengths, axis=0) if np.isfinite(lengths).any(axis=0).all() else np.ones(4)
     passes = [analyze_pass(clip, int(number), bones) for number in np.unique(clip.passes[clip.passes >= 0])]
@@ -232,49 +233,47 @@ def _compare(one: Pass, speed: float, period: float) -> Pass:
     if one.verdict == "refused" or one.harmonic is None:
         return one
     if abs(one.speed - speed) > MAX_SPEED_SPREAD * speed:
-        return replace(
-            one, verdict="refused", reason=f"{one.speed:.2f} m/s where the others walk {speed:.2f}"
-        )
+        return replace(one, verdict="refused", reason=f"{one.speed:.2f} m/s, the others walk at {speed:.2f}")
     if abs(one.harmonic.period - period) > MAX_PERIOD_SPREAD * period:
         return replace(
             one,
             verdict="refused",
-            reason=f"a stride of {one.harmonic.period:.2f} s where the others take {period:.2f}",
+            reason=f"a stride of {one.harmonic.period:.2f} s, the others take {period:.2f}",
         )
     return one
 
 
 def is_gait(passes: list[Pass]) -> bool:
-    """Whether somebody walks in any of the passes, well recorded or not: along a path, or on the spot."""
+    """Whether somebody walks or runs in any pass, well recorded or not, along a path or in place."""
     return any(one.walks for one in passes)
 
 
 def brevity_note(one: Pass) -> str:
-    """What a pass lacks whose legs step as in walking, though nobody walks in it; "" of any other."""
+    """Why a pass of alternating legs is too short to count as walking; "" for any other pass."""
     if one.walks or not one.steps:
         return ""
     seconds = float(np.ptp(one.clock))
     return (
-        f"somebody may walk, but in place for {np.ptp(one.phase):.1f} strides ({seconds:.1f} s) only, and a "
-        f"loop takes more than {MIN_STRIDES:.0f}, or {MIN_TRAVEL} m of way"
+        f"only {np.ptp(one.phase):.1f} strides ({seconds:.1f} s) in place; a loop needs more than "
+        f"{MIN_STRIDES:.0f}, or {MIN_TRAVEL} m of travel"
     )
 
 
 def select_passes(passes: list[Pass]) -> tuple[list[Pass], list[str]]:
     """The passes to pool, and warnings.
 
-    The accepted ones; without any, the best of the doubtful ones; without those, a KinemimicError that says
-    what was wrong with the best.
+    The accepted passes; without any, the best of those with a warning; without those, a KinemimicError that
+    names the fault of the longest.
     """
     accepted = [p for p in passes if p.verdict == "accepted"]
     if accepted:
-        # What remains of a walk at the edge of the view may fit a harmonic, and still go nowhere.
+        # The remains of a walk at the edge of the view may fit a harmonic without advancing.
         return [p for p in accepted if p.walks] or accepted, []
     doubtful = [p for p in passes if p.verdict == "warned"]
     if doubtful:
         best = max(doubtful, key=lambda p: p.harmonic.r2 if p.harmonic else 0.0)
         return [best], [
-            f"no pass is above R² {ACCEPT_R2}: pass {best.number} is used although its {best.reason}"
+            f"no pass has an R² of {ACCEPT_R2} or more: pass {best.number} is used although its {best.reason}"
         ]
     longest = max(passes, key=lambda p: len(p.frames))
     raise KinemimicError(

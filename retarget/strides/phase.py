@@ -1,4 +1,4 @@
-"""The phase of a long walk, stride by stride: no harmonic of one period follows who speeds up."""
+"""The phase of a long walk, stride by stride, for walkers whose strides vary in duration."""
 
 from __future__ import annotations
 
@@ -15,19 +15,20 @@ from kinemimic.pipeline.gait.fourier import design
 SMOOTHING_TIME = (
     0.08  # s over which the ankles' distance is averaged before its turning points are looked for
 )
-PROMINENCE = 0.5  # of its spread, times two, by which a turning point stands out
-# Strides before and after a moment through which its harmonic is fitted. A turning point at 30 Hz is 0.02
-# cycles off by a Kinect's noise, this 0.005; half as many strides let a lopsided wave through.
+PROMINENCE = 0.5  # of a turning point, in amplitudes (twice the standard deviation)
+# Strides before and after a moment over which its harmonic is fitted. With a Kinect's noise at 30 Hz a
+# turning point is off by 0.02 cycles, this fit by 0.005; with half the window, a lopsided wave leaks through.
 HALF_WINDOW = 1.0
 SPACING = 0.25  # strides between the moments
-MIN_SEEN = 0.5  # share of those strides' frames that has to be seen
+MIN_SEEN = 0.5  # share of visible frames in a window
 
 
 @dataclass(frozen=True)
 class StridePhase:
-    """phase: (T,) cycles, not wrapped, whole where the first harmonic has the left ankle farthest before the
-    right; r2: share of the variance of the ankles' distance that this harmonic explains; period: seconds, the
-    median of the strides.
+    """The timing of individual strides.
+
+    phase: (T,) cycles, not wrapped, integer where the left ankle is farthest ahead (first harmonic); r2: of
+    that harmonic for the ankles' distance; period: median stride time, seconds.
     """
 
     phase: Array
@@ -36,10 +37,10 @@ class StridePhase:
 
 
 def stride_phase(times: Array, ankles: Array) -> StridePhase | None:
-    """Phase from x(right ankle) - x(left ankle), (T,) metres at times (T,), NaN where it was not seen.
+    """Phase from x(right ankle) - x(left ankle), (T,) metres at times (T,), NaN where not seen.
 
-    Its turning points count the strides, and the harmonic of the strides around each moment times it. None
-    where there are fewer than three turning points.
+    Turning points count the strides; harmonics fitted to the strides around each moment refine the timing.
+    None with fewer than three turning points.
     """
     seen = np.isfinite(ankles)
     if seen.sum() < 8:
@@ -61,9 +62,9 @@ def stride_phase(times: Array, ankles: Array) -> StridePhase | None:
 
 
 def _count_cycles(times: Array, d: Array) -> Array | None:
-    """Cycles (T,) up to a constant: even between the middles of neighbouring turning points of d (T,).
+    """Cycles (T,) up to a constant, linear between the midpoints of neighbouring turning points of d (T,).
 
-    Of a lopsided wave one foot's turning points come late; the middles stay evenly apart.
+    In a lopsided wave one foot's turning points come late; the midpoints stay evenly spaced.
     """
     step = float(np.median(np.diff(times)))
     still = uniform_filter1d(d, max(1, round(SMOOTHING_TIME / step)))
@@ -74,7 +75,7 @@ def _count_cycles(times: Array, d: Array) -> Array | None:
         return None
     order = np.argsort(turns)
     at, is_right = times[turns[order]], (np.arange(len(turns)) >= len(left))[order]
-    # Between two of the same foot one of the other was missed.
+    # Two turning points of the same foot in a row: one of the other foot was missed.
     advance = np.where(is_right[1:] == is_right[:-1], 1.0, 0.5)
     knots = np.concatenate([[0.5 * float(is_right[0])], advance]).cumsum()
     at, knots = 0.5 * (at[1:] + at[:-1]), 0.5 * (knots[1:] + knots[:-1])
@@ -87,7 +88,7 @@ def _count_cycles(times: Array, d: Array) -> Array | None:
 
 
 def _phase_error(phase: Array, d: Array, seen: NDArray[np.bool_]) -> Array:
-    """Cycles (T,) by which a counted phase (T,) is ahead of the harmonic of the strides around."""
+    """Cycles (T,) by which a counted phase (T,) is ahead of the local harmonic."""
     moments = np.arange(phase[0] + SPACING, phase[-1], SPACING)
     known, off = [], []
     for moment in moments:
@@ -106,5 +107,5 @@ def _phase_error(phase: Array, d: Array, seen: NDArray[np.bool_]) -> Array:
 
 
 def _minimum_phase(amplitudes: Array) -> float:
-    """Cycles at which mean, cosine and sine (3,) have their lowest point."""
+    """The phase, in cycles, at which a harmonic (mean, cosine, sine) has its minimum."""
     return float(np.arctan2(-amplitudes[2], -amplitudes[1])) / (2.0 * np.pi)

@@ -1,8 +1,8 @@
-"""What of a recording can be believed: decided by measuring it, not by its file format.
+"""Which parts of a recording are reliable, decided by measurement, not by file format.
 
-A depth sensor sees the line of the hips badly (its yaw is off by 15 to 43 degrees in an oblique view) and
-the feet worse. What does not repeat from stride to stride, or changes its length, is replaced by a neutral
-pose; an optical recording passes every test and keeps all of its own.
+A depth sensor sees the hip line badly (its yaw is off by 15 to 43 degrees in an oblique view) and the feet
+worse. Parts that do not repeat from stride to stride, or change their length, are replaced by a neutral pose.
+An optical recording passes every test and keeps all its measurements.
 """
 
 from __future__ import annotations
@@ -24,20 +24,20 @@ MAX_BONE_SPREAD = (
 )
 MAX_WIDTH_SPREAD = 0.05  # of the hip and shoulder lines
 MAX_RESIDUAL = np.radians(4.0)  # rms about the segment's own loop
-MAX_FOOT_PITCH = np.radians(20.0)  # largest difference of the planted foot from flat
-FOOT_FLAT = (0.12, 0.35)  # phases after the foot is farthest ahead in which it lies flat
+MAX_FOOT_PITCH = np.radians(20.0)  # of a foot in contact, from flat
+FOOT_FLAT = (0.12, 0.35)  # phases after the foot is farthest ahead in which it is flat
 
 
 @dataclass(frozen=True)
 class SensorReliability:
     """Which measurements of a recording are used; the others are replaced by a neutral pose.
 
-    precise: the legs are seen to a centimetre: their bones keep their length and the pelvis repeats itself
-        (a depth sensor's recording that was stored as angles has bones of constant length too).
-    pelvis, torso, feet: measured (True) or neutral.
-    lean: radians, the trunk's usual pitch, which a neutral pelvis and torso get.
-    foot_pitch: (2,) radians of the planted left and right sole, to be taken off.
-    measured: the numbers behind the choices.
+    precise: the legs are accurate to a centimetre: their bones keep their length and the pelvis repeats (a
+        depth sensor's recording stored as angles has constant bones too)
+    pelvis, torso, feet: measured (True) or neutral
+    lean: radians, median pitch of the trunk, given to a neutral pelvis and torso
+    foot_pitch: (2,) radians, pitch of the left and right sole in contact, to be subtracted
+    measured: the numbers behind the decisions
     """
 
     precise: bool
@@ -50,7 +50,7 @@ class SensorReliability:
 
 
 def assess_reliability(strides: Strides) -> SensorReliability:
-    """Measure pooled strides and choose what to believe."""
+    """The reliability of pooled strides, from their repeatability and bone lengths."""
     p, phase = strides.positions, strides.phase
     frames = node_frames(p)
     bones = leg_bones(p)
@@ -60,12 +60,12 @@ def assess_reliability(strides: Strides) -> SensorReliability:
     for name, node, line in (("pelvis", "hip_center", "hip"), ("torso", "spine", "shoulder")):
         width = np.linalg.norm(p[:, N[f"{line}_left"]] - p[:, N[f"{line}_right"]], axis=-1)
         seen = width[np.isfinite(width)]
-        # What was never seen, as the shoulders in a recording of legs, is not steady.
+        # A line that was never seen, such as the shoulders in a recording of legs, is not steady.
         spread = float(np.std(seen) / np.mean(seen)) if len(seen) else float("inf")
         residual = _residual(phase, frames[:, N[node]])
         measured |= {f"{line}_width_spread": spread, f"{name}_residual_deg": float(np.degrees(residual))}
         steady[name] = bool(spread < MAX_WIDTH_SPREAD and residual < MAX_RESIDUAL)
-    # The short line from the hip centre to the spine, the pelvis' own, is off by tens of degrees.
+    # Not from the pelvis: its short line from hip centre to spine is off by tens of degrees.
     trunk = p[:, N["shoulder_center"]] - 0.5 * (p[:, N["hip_left"]] + p[:, N["hip_right"]])
     leans = np.arctan2(trunk[:, 0], trunk[:, 2])
     leans = leans[np.isfinite(leans)]
@@ -94,7 +94,7 @@ def assess_reliability(strides: Strides) -> SensorReliability:
 
 
 def reliable_frames(positions: Array, reliability: SensorReliability) -> Array:
-    """World frames (M, 20, 4) of the nodes at positions (M, 20, 3) along +X, neutral where not believed."""
+    """World frames (M, 20, 4) of nodes at positions (M, 20, 3) along +X, neutral where unreliable."""
     neutral = np.broadcast_to(from_axis_angle("Y", reliability.lean), (len(positions), 4))
     points = positions if reliability.precise else knees_in_sagittal_plane(positions)
     frames = node_frames(
@@ -112,8 +112,8 @@ def reliable_frames(positions: Array, reliability: SensorReliability) -> Array:
 def knees_in_sagittal_plane(positions: Array) -> Array:
     """Positions (M, 20, 3) along +X with each knee moved sideways into the plane of hip, ankle and heading.
 
-    The bend of a nearly straight leg shows its twist only to a sensor that sees centimetres; to others it
-    shows noise of 30 degrees, which would swing the feet.
+    The twist of a nearly straight leg is observable only at centimetre accuracy; otherwise it is noise of 30
+    degrees, which would swing the feet.
     """
     out = positions.copy()
     for side in ("left", "right"):

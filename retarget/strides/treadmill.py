@@ -1,8 +1,8 @@
-"""A treadmill's belt: how fast it carried the standing feet backward, and the walk as it is over the ground.
+"""Treadmills: the belt's speed from the feet in contact, and the walk converted to overground walking.
 
-Someone on a treadmill stays where they are. A foot that lies flat on the belt moves with it; it does so
-lower than when it swings forward, and in every stride alike. Where that is seen of both feet, the way of the
-belt is added to the person's. When a foot lies flat, and how fast it then goes, is measured as `gait` does.
+A person on a treadmill stays in place. A foot flat on the belt moves backward with it, lower than in its
+forward swing and alike in every stride. If both feet show this, the belt's travel is added to the person's
+position. Foot-flat phases and their speeds are measured as in the gait report (`gait.events`).
 """
 
 from __future__ import annotations
@@ -19,17 +19,17 @@ from kinemimic.pipeline.kinematics.clip import Clip
 from kinemimic.pipeline.kinematics.skeleton import NODE_INDEX as N
 
 MIN_FRAMES = 8  # frames
-MIN_STROKES = 1  # of each foot while it lies flat: both must agree
-MIN_DURATION = 2.0  # s of a pass: legs that swing but once are no walk
+MIN_STROKES = 1  # foot-flat phases of each foot
+MIN_DURATION = 2.0  # s of a pass: a single swing of the legs is no walk
 MIN_SPEED = 0.3  # m/s of the belt
-MAX_SPREAD = 0.3  # median deviation of the strokes' speeds from those around them, over their median
-MAX_TRAVEL = 0.15  # of the belt's way, that the person may go
-MEDIAN_STROKES = 9  # strokes, of both feet, over which the belt's speed is the median
+MAX_SPREAD = 0.3  # median deviation of the strokes' speeds from their running median, over the median speed
+MAX_TRAVEL = 0.15  # of the belt's travel, by which the person may move
+MEDIAN_STROKES = 9  # strokes of both feet in the running median of the belt's speed
 
 
 def add_belt_travel(clip: Clip) -> tuple[Clip, dict[int, float]]:
-    """The clip on the 20 nodes with the belt's way added to every pass on a treadmill, and the belts' mean
-    speeds in m/s by number of the pass.
+    """The clip on the 20 nodes with the belt's travel added to every pass on a treadmill, and the belt's mean
+    speed in m/s by pass number.
     """
     positions = clip.positions.copy()
     speeds: dict[int, float] = {}
@@ -44,7 +44,7 @@ def add_belt_travel(clip: Clip) -> tuple[Clip, dict[int, float]]:
 
 
 def _belt_travel(times: Array, positions: Array) -> tuple[float, Array] | None:
-    """Heading in radians and the belt's way (T,) in metres; None where nobody walks on a belt."""
+    """Heading in radians and the belt's travel (T,) in metres; None if nobody walks on a treadmill."""
     hips = positions[:, [N["hip_left"], N["hip_right"]], :2]
     if np.ptp(times) < MIN_DURATION or np.isfinite(hips).all(axis=(1, 2)).sum() < MIN_FRAMES:
         return None
@@ -69,7 +69,7 @@ def _belt_travel(times: Array, positions: Array) -> tuple[float, Array] | None:
 
 
 def _is_carried(feet: Feet, foot: int) -> bool:
-    """Whether a foot goes backward often enough, and low: one that swings does so high."""
+    """Whether a foot moves backward often enough and lower than forward."""
     speed = np.gradient(np.einsum("tc,tc->t", feet.ankles[:, foot, :2] - feet.pelvis[:, :2], feet.forward))
     back, ahead = np.maximum(-speed, 0.0), np.maximum(speed, 0.0)
     height = feet.ankles[:, foot, 2]

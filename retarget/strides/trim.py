@@ -1,4 +1,4 @@
-"""Which frames of a pass show a walking person: wild edges are cut, wild frames within are flagged."""
+"""Which frames of a pass show a walking person: bad edges are cut, bad frames within are flagged."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ KNEE_LIMIT = {"walk": 85.0, "run": 140.0}
 HIP_LIMITS = {"walk": (-50.0, 60.0), "run": (-60.0, 90.0)}
 RUN_SPEED = 2.2  # m/s: above it an adult runs
 MAX_BONE_DEVIATION = 0.30  # of its median, beyond which a leg bone was not seen
-MIN_SPEED_SHARE = 0.60  # of the pass' median speed: the person starts, turns or stops
+MIN_SPEED_SHARE = 0.60  # of the pass' median speed; below it the person starts, turns or stops
 
 
 def leg_bones(positions: Array) -> Array:
@@ -33,7 +33,7 @@ def leg_bones(positions: Array) -> Array:
 
 
 def forward_speed(times: Array, positions: Array, heading: float, span: float = 0.3) -> Array:
-    """Speed (T,) of the middle of the hips along the heading, over `span` seconds to still the jitter."""
+    """Speed (T,) of the middle of the hips along the heading, averaged over `span` seconds."""
     middle = positions[:, [N["hip_left"], N["hip_right"]], :2].mean(axis=1)
     along = middle @ np.array([np.cos(heading), np.sin(heading)])
     early, late = np.maximum(times - span / 2, times[0]), np.minimum(times + span / 2, times[-1])
@@ -41,7 +41,7 @@ def forward_speed(times: Array, positions: Array, heading: float, span: float = 
 
 
 def bad_frames(times: Array, positions: Array, heading: float, bones: Array) -> Mask:
-    """True (T,) where a leg is missing or impossible, or the person hardly advances.
+    """True (T,) where a leg is missing or in an impossible pose, or the person hardly advances.
 
     positions: (T, 20, 3); heading: radians; bones: (4,) usual lengths as `leg_bones` gives them.
     """
@@ -55,7 +55,7 @@ def bad_frames(times: Array, positions: Array, heading: float, bones: Array) -> 
     usual = float(np.median(speed))
     gait = "run" if usual > RUN_SPEED else "walk"
     wrong = np.abs(leg_bones(p) / bones - 1.0).max(axis=-1) > MAX_BONE_DEVIATION
-    # Someone who walks on a treadmill advances nowhere.
+    # A person who walks in place does not advance.
     if usual > 0.3:
         wrong |= speed < MIN_SPEED_SHARE * usual
     frame = from_axis_angle("Z", heading)
@@ -70,9 +70,9 @@ def bad_frames(times: Array, positions: Array, heading: float, bones: Array) -> 
 
 
 def best_window(bad: Mask, price: float = 3.0) -> slice:
-    """The run of frames with the most good ones, where each bad one inside costs `price` good ones."""
-    gain = np.where(bad, -price, 1.0)
-    total = np.concatenate([[0.0], np.cumsum(gain)])
+    """The run of frames with the most good ones, each bad one counting as minus `price` good ones."""
+    score = np.where(bad, -price, 1.0)
+    total = np.concatenate([[0.0], np.cumsum(score)])
     lowest = np.minimum.accumulate(total)
     end = int(np.argmax(total - lowest))
     start = int(np.argmin(total[: end + 1]))
