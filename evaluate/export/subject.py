@@ -188,7 +188,7 @@ def of_mcap(path: Path, *, recover: bool) -> Subject:
     """The motion in an MCAP of ours; recover: whatever is left of it."""
     if recover:
         found = recover_mcap(path)
-        motion, told = found.motion, "the file is whole" if found.lost is None else f"found {found.lost}"
+        motion, told = found.motion, "the file is whole" if found.fault is None else f"found {found.fault}"
     else:
         motion, told = read_mcap(path), ""
     return _of_motion(motion, told, {"mcap": file_hash(path)})

@@ -20,7 +20,7 @@ T = TypeVar("T")
 
 MOTION_FORMAT = "kinemimic.motion"
 MOTION_SCHEMA = 1
-# Nanometres and nanoradians: far below any sensor, and short enough to read.
+# Nanometres and nanoradians: far below any sensor's resolution, and readable.
 DECIMALS = 9
 UNIT_TOLERANCE = 1e-6
 _CONVENTIONS = {
@@ -33,9 +33,9 @@ _CONVENTIONS = {
 
 
 def motion_to_json(motion: Motion) -> str:
-    """A motion as JSON text, the same bytes for the same motion.
+    """A motion as JSON text, deterministic.
 
-    Numbers of the arrays are rounded to DECIMALS; what is written is read back exactly by `read_motion_json`.
+    Numbers are rounded to DECIMALS; `read_motion_json` reads exactly the numbers written.
     """
     layers = {
         layer: {
@@ -68,7 +68,7 @@ def motion_to_json(motion: Motion) -> str:
 
 
 def read_motion_json(path: Path) -> Motion:
-    """Read what `motion_to_json` wrote; a KinemimicError names the first thing that is wrong."""
+    """Read a file of `motion_to_json`; a KinemimicError names the first fault."""
     document = _CheckedDocument(path, read_json(path))
     document.expect("format", MOTION_FORMAT)
     advice = "run `retarget` with this version"
@@ -79,7 +79,7 @@ def read_motion_json(path: Path) -> Motion:
     rate = document.value("fps", float)
     if frames < 1:
         raise KinemimicError(f"{path}: expected frames above zero, found {frames}")
-    # First, so that a wrong number of frames is found before room is made for them.
+    # Read first, so that a wrong number of frames is found before arrays are allocated.
     root = document.array("root.positions", (frames, 3))
     rotations, offsets = np.empty((frames, len(NODES), 4)), np.empty((len(NODES), 3))
     for layer, nodes in LAYERS.items():
@@ -110,7 +110,7 @@ def read_motion_json(path: Path) -> Motion:
 
 
 class _CheckedDocument:
-    """A JSON document whose values are fetched by dotted place, and checked."""
+    """A JSON document whose values are fetched by dotted path and checked."""
 
     def __init__(self, path: Path, document: Any) -> None:
         self.path, self.document = path, document
@@ -160,5 +160,5 @@ def _parent_name(node: str) -> str | None:
 
 
 def _rounded(array: Array) -> Any:
-    # Adding zero turns -0.0 into 0.0: the sign of a rounded-off nothing is noise.
+    # Adding zero turns -0.0 into 0.0: the sign of a value rounded to zero is noise.
     return (np.round(array, DECIMALS) + 0.0).tolist()

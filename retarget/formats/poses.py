@@ -1,4 +1,4 @@
-"""Motions as poses, which the writers of animation formats take, and captured poses as motions."""
+"""Motions as poses for the writers of animation formats, and captured poses as motions."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from kinemimic.retarget.humanoid.motion import Motion
 
 
 def poses_of_motion(motion: Motion, *, closed: bool = False) -> Poses:
-    """A motion's frames; closed: a cycle's first frame comes once more at its end, moved on by a cycle."""
+    """The poses of a motion; closed: repeat a cycle's first frame at its end, displaced by a cycle."""
     root, rotations = motion.root, motion.rotations
     if closed and motion.cyclic:
         root = np.concatenate([root, root[:1] + motion.cycle_offset])
@@ -19,9 +19,9 @@ def poses_of_motion(motion: Motion, *, closed: bool = False) -> Poses:
 
 
 def motion_of_poses(poses: Poses) -> Motion:
-    """Poses of the 20 nodes as a motion that is no cycle, its bones as long as they mostly were.
+    """Poses of the 20 nodes as a non-cyclic motion with their median bone lengths.
 
-    Nothing is said of contacts: no foot counts as planted. The root stays where it was captured.
+    No foot is in contact; the root stays where it was captured.
     """
     return Motion(
         rate=poses.rate,

@@ -1,4 +1,4 @@
-"""Motions out of the MCAP files that `export_mcap` writes, whole ones and what is left of damaged ones."""
+"""Reading motions from MCAP files of `write_mcap`, with recovery of damaged files."""
 
 from __future__ import annotations
 
@@ -26,12 +26,12 @@ from kinemimic.retarget.formats.write_mcap import BASE_FRAME, METADATA_NAME, NOD
 from kinemimic.retarget.humanoid.motion import Motion
 from kinemimic.retarget.humanoid.motion_check import check_motion
 
-# A frame takes 3 kB: 100 minutes at 60 Hz, far more than is performed in one go. What is packed may claim
-# any size, and a few kilobytes unpack to gigabytes. A chunk of ours has 256 KiB, of other writers some MiB.
+# A frame takes 3 kB: 1 GiB holds 100 minutes at 60 Hz. Compressed data may claim any size, and a few
+# kilobytes can expand to gigabytes. Our chunks have 256 KiB, those of other writers a few MiB.
 MAX_BYTES = 2**30
 MAX_CHUNK_BYTES = 16 * 2**20
 
-# What the libraries raise over damaged bytes (lz4: RuntimeError); EndOfFile says that the file is too short.
+# Errors of the libraries for damaged bytes (lz4: RuntimeError).
 _DAMAGE = (
     McapError, ZstdError, DecodeError, ValueError, KeyError, IndexError, struct.error, OverflowError,
     RuntimeError,
@@ -40,36 +40,37 @@ _DAMAGE = (
 
 @dataclass(frozen=True)
 class Recovered:
-    """A motion, and what of the file it lacks: None where the file is whole."""
+    """A motion, and a description of the fault of its file: None if the file is complete."""
 
     motion: Motion
-    lost: str | None
+    fault: str | None
 
 
 def read_mcap(path: Path) -> Motion:
-    """The motion of an MCAP that `write_mcap` wrote, all checksums checked; a cycle comes back as one.
+    """The motion of an MCAP file of `write_mcap`; a cycle is read back as a cycle.
 
-    A KinemimicError says what is wrong with a file that is cut off or damaged, and how much it still holds.
+    All checksums are verified. A KinemimicError describes a truncated or damaged file and what it still
+    holds.
     """
-    found = recover_mcap(path)
-    if found.lost is not None:
+    recovered = recover_mcap(path)
+    if recovered.fault is not None:
         raise KinemimicError(
-            f"{path}: expected a whole MCAP, found {found.lost}; --recover takes what is left"
+            f"{path}: expected a complete MCAP, found {recovered.fault}; --recover reads the rest"
         )
-    return found.motion
+    return recovered.motion
 
 
 def recover_mcap(path: Path) -> Recovered:
-    """What there is of a motion in an MCAP that may be cut off or damaged.
+    """The recoverable motion in an MCAP file that may be truncated or damaged.
 
-    Only chunks whose checksum is right count; of the frames in them the longest stretch without a gap is
-    taken. A cycle that is there from its first frame to its last comes back whole. KinemimicError where
-    nothing is left, or for a file of others.
+    Uses the longest run of frames without a gap from chunks with a correct checksum. A cycle of which every
+    frame is present is read back as a cycle. KinemimicError if no frame is left, or for files of other
+    programs.
     """
     scan = _scan(path)
     if not scan.frames:
         where = f" in a file that is {scan.trouble}" if scan.trouble else ""
-        raise KinemimicError(f"{path}: expected the transforms of a motion, found none{where}")
+        raise KinemimicError(f"{path}: expected transforms of a motion, found none{where}")
     try:
         record = {key: json.loads(value) for key, value in scan.record.items() if key != "time"}
         first, last = _longest_run(sorted(scan.frames))
@@ -77,20 +78,20 @@ def recover_mcap(path: Path) -> Recovered:
         played = int(record["played"])
     except (*_DAMAGE, TypeError):
         raise KinemimicError(
-            f"{path}: expected what `retarget` or `export` writes, found another's or an older file; "
+            f"{path}: expected a file of `retarget` or `export`, found one of another program or version; "
             "write it again"
         ) from None
     motion = check_motion(path, motion)
     if scan.trouble is None and last - first == played:
         return Recovered(motion, None)
     held = f"frames {first} to {last - 1} of {played} ({(last - first) / motion.rate:.2f} s)"
-    lost = f"it {scan.trouble or 'lacking frames'}, with {held} in it"
-    return Recovered(replace(motion, provenance={**motion.provenance, "recovered": held}), lost)
+    fault = f"it {scan.trouble or 'incomplete'}, with {held} in it"
+    return Recovered(replace(motion, provenance={**motion.provenance, "recovered": held}), fault)
 
 
 @dataclass
 class _Scan:
-    """record: the metadata; frames: serialised transforms by number; trouble: what is wrong in the file."""
+    """record: the metadata; frames: serialised transforms by number; trouble: the first fault of the file."""
 
     record: dict[str, str]
     frames: dict[int, bytes]
@@ -111,7 +112,7 @@ def _scan(path: Path) -> _Scan:
 
 
 def _records(path: Path, scan: _Scan) -> Iterator[McapRecord]:
-    """The records that can be read; `scan.trouble` tells of the first that cannot."""
+    """The readable records; `scan.trouble` describes the first unreadable one."""
     if not path.is_file():
         raise KinemimicError(f"{path}: expected an MCAP file, found none")
     _check_size(path, path.stat().st_size)
@@ -134,22 +135,22 @@ def _records(path: Path, scan: _Scan) -> Iterator[McapRecord]:
                 except _DAMAGE:
                     scan.trouble = scan.trouble or "damaged (a checksum is wrong)"
         except (EndOfFile, InvalidMagic, struct.error):
-            # In the middle of a record, or without the magic bytes behind the last one.
-            scan.trouble = scan.trouble or "cut off"
+            # Within a record, or without the magic bytes after the last one.
+            scan.trouble = scan.trouble or "truncated"
         except (*_DAMAGE, MemoryError):
             scan.trouble = scan.trouble or "damaged"
 
 
 def _check_size(path: Path, size: int) -> None:
     if size > MAX_BYTES:
-        raise KinemimicError(f"{path}: expected an MCAP of at most {MAX_BYTES >> 20} MiB, found more")
+        raise KinemimicError(f"{path}: expected an MCAP of at most {MAX_BYTES >> 20} MiB, found more data")
 
 
 def _decompressed(chunk: Chunk) -> Chunk:
-    """The chunk uncompressed; ValueError for more than MAX_CHUNK bytes.
+    """The chunk decompressed; ValueError beyond MAX_CHUNK_BYTES.
 
-    The library unpacks as much as there is, or as the compressed data say. What the chunk says of its size is
-    not needed: its checksum vouches for its content.
+    The library itself would decompress without a bound. The size that the chunk declares is not needed: its
+    checksum verifies the content.
     """
     match chunk.compression:
         case "zstd":
@@ -164,14 +165,14 @@ def _decompressed(chunk: Chunk) -> Chunk:
 
 
 def _longest_run(numbers: list[int]) -> tuple[int, int]:
-    """First and behind-last number of the longest stretch without a gap in ascending numbers."""
+    """First number, and last plus one, of the longest run without a gap in ascending numbers."""
     stretches = np.split(np.array(numbers), np.flatnonzero(np.diff(numbers) != 1) + 1)
     longest = max(stretches, key=len)
     return int(longest[0]), int(longest[-1]) + 1
 
 
 def _motion(record: dict[str, Any], frames: dict[int, bytes], first: int, last: int) -> Motion:
-    """The motion of frames first to last - 1, one cycle of them if they hold a whole one."""
+    """The motion of frames first to last - 1, reduced to one cycle if they contain one."""
     cyclic, length = bool(record["cyclic"]), int(record["frames"])
     if cyclic := cyclic and first == 0 and last >= length:
         last = length
@@ -184,7 +185,7 @@ def _motion(record: dict[str, Any], frames: dict[int, bytes], first: int, last: 
         for link in message.transforms:
             place, turn = link.translation, link.rotation
             if link.child_frame_id == BASE_FRAME:
-                # The pelvis rests in the base: the base's turn is the root's.
+                # The pelvis is fixed to the base: the base's rotation is the root's.
                 root[row] = place.x, place.y, place.z
                 rotations[row, 0] = turn.x, turn.y, turn.z, turn.w
                 continue
@@ -193,7 +194,7 @@ def _motion(record: dict[str, Any], frames: dict[int, bytes], first: int, last: 
             if node:
                 rotations[row, node] = turn.x, turn.y, turn.z, turn.w
     if not all(np.isfinite(array).all() for array in (root, rotations, offsets)):
-        raise ValueError("a frame lacks a link, or its place")
+        raise ValueError("a frame lacks a link or its position")
     planted = np.array([record["contacts"][side] for side in SIDES], dtype=np.bool_).T
     return Motion(
         rate=float(record["fps"]),

@@ -1,4 +1,4 @@
-"""The humanoid as URDF, from the one description in `body.py`: for Bullet, for simulators, for viewers."""
+"""The humanoid as URDF, generated from `humanoid.body`, for Bullet, other simulators and viewers."""
 
 from __future__ import annotations
 
@@ -9,8 +9,8 @@ from xml.etree import ElementTree as ET
 from kinemimic.pipeline.kinematics.skeleton import NODE_INDEX
 from kinemimic.retarget.humanoid.body import BODIES, Body, node_offsets
 
-# What has no body of its own: the base within the pelvis that pybullet wants, and what lies between the
-# hinges of a joint. Simulators refuse a moving link without mass.
+# Auxiliary links: the base inside the pelvis that pybullet needs, and the links between the hinges of a
+# joint. Simulators reject moving links without mass.
 SMALL_MASS = 1e-4  # kg
 SMALL_INERTIA = 1e-4  # kg·m²
 HINGE_AXES = {"x": (1.0, 0.0, 0.0), "y": (0.0, 1.0, 0.0), "z": (0.0, 0.0, 1.0)}
@@ -21,13 +21,13 @@ def _numbers(*values: float) -> str:
 
 
 def _axes(vector: Iterable[float], y_up: bool) -> str:
-    """A vector's components in the file's axes: ours, or the cyclic (left, up, forward)."""
+    """A vector's components in the file's axes: (forward, left, up), or (left, up, forward) if y_up."""
     x, y, z = vector
     return _numbers(y, z, x) if y_up else _numbers(x, y, z)
 
 
 def _geometries(body: Body, plain: bool) -> Iterator[tuple[str, Iterable[float], dict[str, str]]]:
-    """Kind, centre and size attributes of the shapes that make up a body."""
+    """Kind, centre and size attributes of the geometries of a body."""
     x, _, z = body.size
     radius, length = {"radius": _numbers(0.5 * x)}, {"length": _numbers(z - x)}
     if body.shape == "sphere":
@@ -35,10 +35,10 @@ def _geometries(body: Body, plain: bool) -> Iterator[tuple[str, Iterable[float],
     elif body.shape == "box":
         yield "box", body.center, {}
     elif not plain:
-        # Bullet has no ellipsoid: the capsule that lies inside it end to end (length without the caps).
+        # Bullet has no ellipsoid: the inscribed capsule of the same length (URDF's excludes the caps).
         yield "capsule", body.center, radius | length
     else:
-        # Plain URDF has no capsule either: a cylinder and its two caps.
+        # Standard URDF has no capsule either: a cylinder and two spheres.
         yield "cylinder", body.center, radius | length
         for end in (-0.5, 0.5):
             yield "sphere", (body.center[0], body.center[1], body.center[2] + end * (z - x)), radius
@@ -51,7 +51,7 @@ def _link(robot: ET.Element, body: Body, plain: bool, y_up: bool) -> None:
     ET.SubElement(inertial, "mass", value=_numbers(body.mass))
     ixx, iyy, izz = _axes(body.inertia, y_up).split()
     ET.SubElement(inertial, "inertia", ixx=ixx, iyy=iyy, izz=izz, ixy="0", ixz="0", iyz="0")
-    # URDF's capsule and cylinder lie along Z, the limbs of a Y-up file along Y.
+    # URDF capsules and cylinders lie along Z, the limbs of a Y-up file along Y.
     along_limb = f"{_numbers(-0.5 * math.pi)} 0 0" if y_up else "0 0 0"
     for role in ("visual", "collision"):
         for kind, center, size in _geometries(body, plain):
@@ -79,14 +79,14 @@ def _joint(
     axis: str = "",
     effort: str = "",
 ) -> None:
-    """axis, effort (N·m): of a joint that moves."""
+    """Add a joint; axis, effort (N·m): of a movable joint."""
     joint = ET.SubElement(robot, "joint", name=name, type=kind)
     ET.SubElement(joint, "parent", link=parent)
     ET.SubElement(joint, "child", link=child)
     ET.SubElement(joint, "origin", xyz=origin, rpy="0 0 0")
     if not axis:
         return
-    # Unused by ball joints, but their absence is warned about.
+    # Ball joints do not use them, but parsers warn if they are missing.
     ET.SubElement(joint, "axis", xyz=axis)
     limit = ET.SubElement(joint, "limit", effort=effort, velocity="100")
     if kind == "revolute":
@@ -97,14 +97,15 @@ def _joint(
 def humanoid_urdf(joint_type: str = "floating", *, y_up: bool = False) -> str:
     """URDF text of the Table 1 humanoid.
 
-    joint_type: "spherical" for Bullet, whose extension of URDF it is; "revolute" for any simulator: each ball
-    joint NODE is three hinges NODE_x, NODE_y, NODE_z from the parent outwards, which turn the child by
-    Rx Ry Rz (intrinsic x, y, z); "floating" for viewers (rerun, Foxglove), which take the pose of every body
-    from elsewhere. Plain URDF, which the latter two are, has no capsule: a cylinder and two spheres stand
-    for it.
-    y_up: axes X left, Y up, Z forward instead of ours. Bullet's stable PD builds its mass matrix from the
-    collision shapes and takes every capsule to lie along Y; with limbs along Z it is unstable.
-    A massless base carries the pelvis: that controller takes joints in this layout only.
+    joint_type: "spherical" for Bullet (its extension of URDF, as are capsules);
+        "revolute" for any simulator: each ball joint NODE becomes three hinges NODE_x, NODE_y, NODE_z from
+        the parent outwards, which rotate the child by Rx Ry Rz (intrinsic x, y, z); "floating" for viewers
+        (rerun, Foxglove), which take the pose of every body from elsewhere.
+    y_up: axes X left, Y up, Z forward. Bullet's stable PD builds its mass matrix from the collision shapes
+    and
+        assumes that every capsule lies along Y; with limbs along Z it is unstable.
+
+    A massless base carries the pelvis, because that controller accepts joints in this layout only.
     """
     robot = ET.Element("robot", name="kinemimic_humanoid")
     _small_link(robot, "base")

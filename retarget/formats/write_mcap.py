@@ -1,7 +1,7 @@
-"""Motions as MCAP: a figure that moves in rerun and in Foxglove as soon as the file is opened.
+"""Writing motions as MCAP, which rerun and Foxglove show as a moving humanoid.
 
-Both draw the URDF of `/robot_description` and move it by the transforms of `/tf`. rerun draws no Foxglove
-message in JSON and no Foxglove joint state: hence protobuf for the one, ROS 2's form for the other.
+Both draw the URDF of `/robot_description` and move it by the transforms of `/tf`. rerun supports neither
+Foxglove messages in JSON nor Foxglove joint states: hence protobuf for the former and ROS 2 for the latter.
 """
 
 from __future__ import annotations
@@ -31,20 +31,20 @@ from kinemimic.retarget.humanoid.body import BODIES
 from kinemimic.retarget.humanoid.motion import Motion, joint_angles
 
 WORLD_FRAME = "world"
-BASE_FRAME = "base"  # the URDF's massless first link, to which the pelvis is fixed
-# The nodes at the ends of limbs carry no body; three of them bear the name of the body that they end.
+BASE_FRAME = "base"  # the URDF's massless root link, to which the pelvis is fixed
+# The end nodes of limbs carry no body; three of them have the name of the body that they end.
 END_FRAMES: dict[str, str] = {
     node: f"{node}_end" for node in NODES if node not in {body.node for body in BODIES}
 }
-# A link's frame is that of the node that carries the body.
+# Node -> frame name; a link's frame is that of its node.
 NODE_FRAMES: dict[str, str] = {body.node: body.name for body in BODIES} | END_FRAMES
 SIDES = ("left", "right")
-# Readers of MCAP expect times since 1970; a fixed one keeps the file a function of the motion alone.
+# Readers of MCAP expect times since 1970; a fixed start keeps the file a function of the motion alone.
 START_NS = 946_684_800 * 10**9  # 2000-01-01
-CYCLIC_SECONDS = 10.0  # how long a cycle is repeated; a longer one is written once
-METADATA_NAME = "kinemimic"  # the metadata record, which stands before the messages
-# A file that was cut off loses at most one chunk: 85 frames here, 340 in chunks of the library's usual size,
-# which make a file smaller by a third.
+CYCLIC_SECONDS = 10.0  # a cycle is repeated for this long; a longer cycle is written once
+METADATA_NAME = "kinemimic"  # the metadata record, written before the messages
+# A truncated file loses at most one chunk: 85 frames here, 340 with the library's default size, which makes
+# files a third smaller.
 CHUNK_BYTES = 256 * 1024
 
 _STRING = "string data\n"
@@ -69,14 +69,14 @@ _COLORS = {"left": (86, 180, 233, 255), "right": (230, 159, 0, 255), "": (200, 2
 
 
 def write_mcap(path: Path, motion: Motion) -> None:
-    """Write a motion as MCAP (zstd), the same bytes for the same motion.
+    """Write a motion as MCAP (zstd), deterministically.
 
     /tf               foxglove.FrameTransforms: world to base, and every link and end node to its parent
     /robot_description std_msgs/String: the URDF of the Table 1 body
     /skeleton         foxglove.PointCloud: the 20 nodes in the world
     /joint_states     sensor_msgs/JointState: knee and hip flexion, radians and radians a second
-    and a metadata record "kinemimic" with the provenance and what else `read_mcap` needs. A cyclic motion is
-    repeated for CYCLIC_SECONDS, each cycle moved on by its offset. Checksums are on every part.
+    and a metadata record "kinemimic" with the provenance and everything else that `read_mcap` needs. A cycle
+    is repeated for CYCLIC_SECONDS, each time displaced by its offset. All parts have checksums.
     """
     played = _repeated(motion)
     times = START_NS + np.round(np.arange(len(played.root)) * 1e9 / played.rate).astype(np.int64)
@@ -102,7 +102,7 @@ def write_mcap(path: Path, motion: Motion) -> None:
 
 
 def _repeated(motion: Motion) -> Motion:
-    """The frames that are written: a cycle again and again, anything else once."""
+    """The frames to write: a cycle is repeated, any other motion is written once."""
     if not motion.cyclic:
         return motion
     frames = max(len(motion.root), int(np.ceil(CYCLIC_SECONDS * motion.rate)))
@@ -117,8 +117,7 @@ def _repeated(motion: Motion) -> Motion:
 
 
 def _metadata(motion: Motion, played: int) -> dict[str, str]:
-    """Values are JSON but for `time`; `frames` of the motion, which are written one after the other again
-    and again until there are `played`."""
+    """The metadata record, JSON values except `time`; played: frames written, of repeated cycles."""
     return {
         "provenance": json.dumps(motion.provenance, sort_keys=True),
         "simulated_capture": json.dumps(motion.simulated),
@@ -138,7 +137,7 @@ def _metadata(motion: Motion, played: int) -> dict[str, str]:
 
 
 def _topics(writer: Writer) -> dict[str, int]:
-    """Register schemas and channels; the channel of each topic."""
+    """Register schemas and channels; returns topic -> channel."""
     string = writer.register_schema("std_msgs/msg/String", "ros2msg", _STRING.encode())
     joints = writer.register_schema("sensor_msgs/msg/JointState", "ros2msg", _JOINT_STATE.encode())
     return {
@@ -155,7 +154,7 @@ def _stamp(time: int) -> Timestamp:
 
 
 def _tf_messages(motion: Motion, times: NDArray[np.int64]) -> Iterator[bytes]:
-    """/tf: the root moves the base, in which the pelvis rests; the rest are local transforms."""
+    """/tf: the root's pose moves the base, to which the pelvis is fixed; all others are local transforms."""
     for frame, time in enumerate(times.tolist()):
         stamp = _stamp(time)
         message = FrameTransforms()
@@ -165,7 +164,7 @@ def _tf_messages(motion: Motion, times: NDArray[np.int64]) -> Iterator[bytes]:
         for node, name in NODE_FRAMES.items():
             index = NODE_INDEX[node]
             parent = NODE_PARENTS[index]
-            # The pelvis, too, although the URDF fixes it to the base: rerun takes no transforms from there.
+            # The pelvis too, although the URDF fixes it to the base: rerun takes no transforms from the URDF.
             above = NODE_FRAMES[NODES[parent]] if parent >= 0 else BASE_FRAME
             offset, rotation = motion.offsets[index], motion.rotations[frame, index]
             message.transforms.append(
@@ -203,14 +202,14 @@ def _skeleton_messages(motion: Motion, times: NDArray[np.int64]) -> Iterator[byt
             timestamp=_stamp(time), frame_id=WORLD_FRAME, point_stride=_POINT.itemsize, fields=fields
         )
         message.pose.orientation.w = 1.0
-        # Said although it is zero: of one that is not, rerun makes recordings that it rejects itself.
+        # Set although it is zero: without it, rerun writes recordings that it cannot read.
         message.pose.position.SetInParent()
         message.data = points.tobytes()
         yield message.SerializeToString(deterministic=True)
 
 
 def _joint_state_messages(motion: Motion, times: NDArray[np.int64]) -> Iterator[bytes]:
-    """/joint_states: the four curves of the scores."""
+    """/joint_states: knee and hip flexion."""
     curves = joint_angles(motion.rotations)
     names = list(curves)
     angles = np.stack([curves[name] for name in names], axis=-1)
@@ -223,7 +222,7 @@ _CDR_HEADER = b"\x00\x01\x00\x00"  # marker: plain CDR, little-endian
 
 
 def _cdr_text(value: str) -> bytes:
-    """A string in CDR: its length with the closing zero, its bytes."""
+    """A string in CDR: its length including the terminating zero, then its bytes."""
     data = value.encode() + b"\0"
     return struct.pack("<I", len(data)) + data
 
@@ -234,7 +233,7 @@ def _cdr_string(value: str) -> bytes:
 
 
 def _cdr_joint_state(time: int, names: Sequence[str], *values: Sequence[float]) -> bytes:
-    """sensor_msgs/JointState in CDR, without efforts; every value aligned to its size, behind the marker."""
+    """sensor_msgs/JointState in CDR, without efforts; values are aligned to their size after the header."""
     body = struct.pack("<iI", *divmod(time, 10**9))
     for part in (_cdr_text(""), struct.pack("<I", len(names)), *map(_cdr_text, names)):
         body = _aligned(body, 4) + part

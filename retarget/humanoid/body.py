@@ -1,7 +1,7 @@
-"""The simulated body: Table 1's 15 rigid bodies, their 14 ball joints and the nodes that they hang from.
+"""The simulated body: Table 1's 15 rigid bodies, their 14 ball joints and the nodes that carry them.
 
-Body frames coincide with the node that carries the body: X forward, Y left, Z up when the figure stands
-upright with hanging arms, so that every joint rotation is the identity there.
+A body's frame is that of its node: X forward, Y left, Z up in a neutral standing pose (arms hanging), in
+which every joint rotation is the identity.
 """
 
 from __future__ import annotations
@@ -23,9 +23,9 @@ class Body:
     node: the node at its joint; parent: name of the body it is jointed to, "" for the root;
     shape: "sphere", "box" or "ellipsoid"; size: (x, y, z) outer dimensions, metres; mass: kg;
     center: (x, y, z) of its centre of mass in the node's frame, metres;
-    stiffness, damping: of the stable PD, N·m/rad and N·m·s/rad; torque_limit: N·m. What a policy corrects
-        takes hold with a delay of damping over stiffness: 0.05 s in trunk and legs. With 0.1 s, the usual,
-        the same training ends farther from its reference (CHANGELOG).
+    stiffness, damping: of the stable PD, N·m/rad and N·m·s/rad; torque_limit: N·m. A correction by the policy
+        takes effect with a delay of damping over stiffness, 0.05 s in trunk and legs. With the usual 0.1 s,
+        the same training ends farther from its reference (see the changelog).
     """
 
     name: str
@@ -69,8 +69,8 @@ def _leg(side: str) -> tuple[Body, ...]:
     )  # fmt: skip
 
 
-# Table 1 gives length, width and height but no axes: torso and hip stand with the length as their height,
-# the height as their width and the width as their depth; limbs hang along their length.
+# Table 1 gives length, width and height but no axes. Here torso and hip take the length as height, the height
+# as width and the width as depth; limbs hang along their length.
 BODIES: tuple[Body, ...] = (
     Body("pelvis", "hip_center", "", "box", (0.12, 0.26, 0.15), 5.8, (0, 0, 0)),
     Body("torso", "spine", "pelvis", "box", (0.10, 0.28, 0.40), 15.0, (0, 0, 0.20), 1000, 50, 200),
@@ -91,8 +91,8 @@ TOTAL_MASS: float = sum(body.mass for body in BODIES)
 def node_offsets() -> Array:
     """Rest offsets (20, 3) of the nodes from their parents on the Table 1 body, metres.
 
-    The table has no neck: 4 cm are left between torso and head. Hip joints lie 17 cm apart at the lower
-    face of the pelvis, shoulder joints beside the torso, so that a hanging arm touches neither.
+    The table has no neck: 4 cm are left between torso and head. Hip joints are 17 cm apart at the lower face
+    of the pelvis, shoulder joints beside the torso, so that a hanging arm touches neither.
     """
     offsets: dict[str, tuple[float, float, float]] = {
         "hip_center": (0, 0, 0),
@@ -115,7 +115,7 @@ def node_offsets() -> Array:
 
 
 def body_identity() -> str:
-    """Content hash of all that a policy learns to drive: lengths, masses, motors."""
+    """Content hash of the body that a policy controls: lengths, masses, actuators."""
     numbers = [
         (*body.size, body.mass, *body.center, body.stiffness, body.damping, body.torque_limit)
         for body in BODIES

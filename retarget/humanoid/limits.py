@@ -1,7 +1,7 @@
-"""How far human joints turn: a table, the angles that it speaks of, and how far a motion is beyond it.
+"""Ranges of motion of human joints, the angles that they limit, and by how much a motion exceeds them.
 
-A ball joint's rotation is taken apart into a swing of its bone (a rotation vector about the parent's X and Y)
-and a twist about the bone itself, R = swing · twist. Limits are boxes in these three.
+A ball joint's rotation is decomposed into a swing of its bone (a rotation vector about the parent's X and Y)
+and a twist about the bone, R = swing · twist. Limits are boxes in these three angles.
 """
 
 from __future__ import annotations
@@ -14,12 +14,12 @@ from kinemimic.pipeline.kinematics.skeleton import NODE_INDEX
 
 # Degrees from the neutral standing pose, (least, most) about X, Y and Z of the parent. American Academy of
 # Orthopaedic Surgeons, Joint Motion: Method of Measuring and Recording (1965), as in Norkin & White,
-# Measurement of Joint Motion (5th ed., 2016). Wider than that where people are in what is recorded here:
+# Measurement of Joint Motion (5th ed., 2016). Wider where the recorded movements exceed them:
 # - neck: the American Medical Association's 60 forward and back and 80 to each side;
-# - hip flexion 135 (AAOS 120) and knee flexion 150 (AAOS 135): a deep squat; a knee and an elbow may be 5
-#   beyond straight, which is common;
-# - toes up 45 (AAOS 20, without weight): in a squat or lunge the shank turns over the standing foot by as
-#   much (Bennell et al. 1998, Australian Journal of Physiotherapy 44: 175-180);
+# - hip flexion 135 (AAOS 120) and knee flexion 150 (AAOS 135): a deep squat; knees and elbows may
+#   hyperextend by 5, which is common;
+# - dorsiflexion 45 (AAOS 20, unloaded): in a squat or lunge the shank turns over the loaded foot by as much
+#   (Bennell et al. 1998, Australian Journal of Physiotherapy 44: 175-180);
 # - the wrist's twist is the forearm's (80), which a hinged elbow does not have, with 10 of its own;
 # - an arm raised forward goes 45 across the body, a swing of up to 85 inward; its twist is free: against the
 #   shortest swing it is no clinical rotation once the arm is up (Codman's paradox).
@@ -38,7 +38,7 @@ _LEFT_LIMITS = {
     "ankle": ((-35, 20), (-45, 50), (-35, 35)),
 }
 HINGE_JOINTS: tuple[str, ...] = ("elbow_left", "elbow_right", "knee_left", "knee_right")
-# A curve that touches its limit to within this is not beyond it (radians).
+# Excess (radians) that is ignored: a curve may touch its limit.
 TOLERANCE = np.radians(0.5)
 
 
@@ -52,7 +52,7 @@ def _table() -> dict[str, Array]:
     return limits
 
 
-# Joint -> (3, 2) radians: least and most of the swing about X and Y and of the twist about Z.
+# Joint -> (3, 2) radians: minimum and maximum of the swing about X and Y and of the twist about Z.
 LIMITS: dict[str, Array] = _table()
 
 
@@ -62,11 +62,11 @@ def swing_twist(q: Array) -> Array:
 
 
 def swing_twist_jacobian(q: Array) -> tuple[Array, Array]:
-    """`swing_twist` (..., 3) and its derivative (..., 3, 3) by a small turn d of q · exp(d).
+    """`swing_twist` (..., 3) and its derivative (..., 3, 3) by a small rotation d in q · exp(d).
 
     With q = (x, y, z, w), c² = z² + w² and m² = x² + y², the swing is 2 asin(m) / (m c) · (x w - y z,
-    x z + y w) and the twist 2 atan2(z, w). At c = 0 the bone points opposite to its rest: no direction of
-    swing is defined there, and a large finite derivative is given.
+    x z + y w) and the twist 2 atan2(z, w). At c = 0 the bone points opposite to its rest direction: the
+    direction of swing is undefined there, and the derivative is large but finite.
     """
     x, y, z, w = np.moveaxis(np.where(q[..., 3:] < 0, -q, q), -1, 0)
     c = np.maximum(np.hypot(z, w), 1e-6)
@@ -103,7 +103,7 @@ def swing_twist_jacobian(q: Array) -> tuple[Array, Array]:
 
 
 def clamp_to_limits(joint: str, q: Array) -> Array:
-    """Local rotations q (T, 4) of a joint with swing and twist each put within its limits."""
+    """Local rotations q (T, 4) of a joint with swing and twist clamped to their limits."""
     least, most = LIMITS[joint][:, 0], LIMITS[joint][:, 1]
     angles = swing_twist(q)
     inside = np.clip(angles, least, most)
@@ -120,7 +120,7 @@ def clamp_to_limits(joint: str, q: Array) -> Array:
 
 
 def limit_excess(rotations: Array) -> dict[str, Array]:
-    """Radians (T,) by which each joint of LIMITS is beyond them, 0 within; rotations: local (T, 20, 4)."""
+    """Radians (T,) by which each joint of LIMITS exceeds them, 0 within; rotations: local (T, 20, 4)."""
     beyond: dict[str, Array] = {}
     for joint, limits in LIMITS.items():
         angles = swing_twist(rotations[:, NODE_INDEX[joint]])
@@ -129,8 +129,6 @@ def limit_excess(rotations: Array) -> dict[str, Array]:
 
 
 def beyond_limits(rotations: Array) -> dict[str, float]:
-    """The joints of local rotations (T, 20, 4) that are somewhere beyond their limits, and by how many
-    radians.
-    """
+    """The joints of local rotations (T, 20, 4) that exceed their limits in any frame -> radians."""
     worst = {joint: float(values.max(initial=0.0)) for joint, values in limit_excess(rotations).items()}
     return {joint: value for joint, value in worst.items() if value > TOLERANCE}

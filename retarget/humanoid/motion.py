@@ -1,4 +1,4 @@
-"""A motion of the 20-node skeleton on the simulated body: what the policy is asked to perform."""
+"""The `Motion` type: a motion of the 20 nodes on the simulated body, the reference that a policy imitates."""
 
 from __future__ import annotations
 
@@ -22,13 +22,14 @@ from kinemimic.retarget.humanoid.body import node_offsets
 class Motion:
     """T frames at a constant rate on the Table 1 body, ground at z = 0, starting at x = y = 0 along +X.
 
-    rate: frames per second, not necessarily whole (a cycle is cut into equal steps);
-    root: (T, 3) position of the hip centre, metres;
-    rotations: (T, 20, 4) child to parent, sign-continuous, the root's in the world; the identity everywhere
-        is standing upright with hanging arms; end nodes (head, hands, feet) are the identity;
-    contacts: (T, 2) True where the left, right foot lies flat and still, not wherever it touches the ground;
-    cyclic: whether frame T continues at frame 0, moved by `cycle_offset` (3,) metres;
-    provenance: JSON values, as in Clip.
+    rate: frames per second, not necessarily an integer (a cycle is divided into equal steps)
+    root: (T, 3) position of the hip centre, metres
+    rotations: (T, 20, 4) child to parent, sign-continuous, the root's in the world; all identity in the
+    neutral
+        standing pose with hanging arms; end nodes (head, hands, feet) stay at the identity
+    contacts: (T, 2) True where the left, right foot is flat and still, not wherever it touches the ground
+    cyclic: whether frame T continues at frame 0, displaced by `cycle_offset` (3,) metres
+    provenance: JSON values, as in Clip
     """
 
     rate: float
@@ -51,12 +52,12 @@ class Motion:
 
     @property
     def duration(self) -> float:
-        """Seconds; of one cycle if cyclic."""
+        """Duration in seconds, of one cycle if cyclic."""
         return (len(self.root) if self.cyclic else len(self.root) - 1) / self.rate
 
     @property
     def identity(self) -> str:
-        """Content hash of all that a policy learns from; provenance left out."""
+        """Content hash of everything that a policy is trained on, without provenance."""
         return content_hash(
             {
                 "rate": np.array(self.rate),
@@ -70,7 +71,7 @@ class Motion:
 
     @property
     def simulated(self) -> bool:
-        """True if the capture was made by the virtual Kinect."""
+        """Whether the capture comes from the virtual Kinect."""
         return bool(self.provenance.get("simulated", False))
 
     def kinematics(self) -> tuple[Array, Array]:
@@ -83,8 +84,8 @@ class Motion:
 def joint_angles(rotations: Array) -> dict[str, Array]:
     """Knee and hip flexion (...,) in radians from local node rotations (..., 20, 4), as in `ANGLES`.
 
-    The knee's is the turn about the lateral axis; the hip's is the thigh's direction in the pelvis' sagittal
-    plane. The same function reads reference and simulated figures.
+    Knee: rotation about the lateral axis. Hip: direction of the thigh in the pelvis' sagittal plane. The same
+    function serves the reference and the simulated humanoid.
     """
     curves: dict[str, Array] = {}
     down = np.array([0.0, 0.0, -1.0])

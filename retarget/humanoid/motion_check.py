@@ -1,4 +1,4 @@
-"""What holds for a motion from a file, whatever its format: the stages behind it take it to be in reason."""
+"""Validation of a motion read from a file of any format; later stages rely on these bounds."""
 
 from __future__ import annotations
 
@@ -12,18 +12,18 @@ import numpy as np
 from kinemimic.pipeline.errors import KinemimicError
 from kinemimic.retarget.humanoid.motion import Motion
 
-# Frames a second. Below, a few frames last for hours, which are simulated; above, nobody records.
+# Frames per second. Below, a few frames would take hours to simulate; above, no device records.
 MIN_RATE, MAX_RATE = 1.0, 1000.0
-# Metres from where the motion begins: three hours of walking. Squares of what is far beyond overflow.
+# Metres from the start: three hours of walking. Squares of much larger numbers overflow.
 MAX_DISTANCE = 1e4
 
 
 def check_motion(path: Path, motion: Motion) -> Motion:
-    """The motion, read from `path`; a KinemimicError names the first thing in it that is out of reason."""
+    """The motion, read from `path`; a KinemimicError names the first value out of bounds."""
     if not MIN_RATE <= motion.rate <= MAX_RATE:
         _fail(path, "fps", f"{MIN_RATE:g} to {MAX_RATE:g} frames a second", f"{motion.rate:g}")
     if len(motion.root) < 2 and not motion.cyclic:
-        _fail(path, "frames", "at least 2, or 1 of a cycle", f"{len(motion.root)}")
+        _fail(path, "frames", "at least 2 (1 in a cycle)", f"{len(motion.root)}")
     if motion.cycle_offset.shape != (3,):
         _fail(path, "cycle_offset", "3 numbers", f"shape {motion.cycle_offset.shape}")
     places = {"positions": motion.root, "offsets": motion.offsets, "cycle_offset": motion.cycle_offset}
@@ -38,10 +38,10 @@ def _check_provenance(path: Path, provenance: Any) -> None:
     if not isinstance(provenance, dict):
         _fail(path, "provenance", "an object", f"{provenance!r:.40}")
     try:
-        # It is written again beside what is made of the motion: no NaN, no half of a surrogate pair.
+        # It is copied into other files: no NaN and no lone surrogates.
         json.dumps(provenance, allow_nan=False, ensure_ascii=False).encode()
     except (ValueError, RecursionError):
-        _fail(path, "provenance", "plain JSON", "NaN, half a character, or deep nesting")
+        _fail(path, "provenance", "plain JSON", "NaN, a lone surrogate, or deep nesting")
     capture = provenance.get("capture", {})
     if not isinstance(capture, Mapping):
         _fail(path, "provenance.capture", "an object", f"{capture!r:.40}")

@@ -1,4 +1,4 @@
-"""The simulated body's surface: the lowest point of each of its 15 shapes, as the engines collide them."""
+"""The lowest point of each of the body's 15 collision shapes, as the engines define them."""
 
 from __future__ import annotations
 
@@ -14,7 +14,8 @@ _CORNERS = np.array([[a, b, c] for a in (-0.5, 0.5) for b in (-0.5, 0.5) for c i
 def _hull_spheres(body: Body) -> tuple[Array, float]:
     """Points (K, 3) in the node's frame and a radius: the shape is the hull of spheres around them.
 
-    A box's corners; a sphere's centre; both ends of the capsule that stands for an ellipsoid (urdf.py).
+    The corners of a box, the centre of a sphere, or both ends of the capsule that replaces an ellipsoid (see
+    urdf.py).
     """
     size, center = np.array(body.size), np.array(body.center)
     if body.shape == "box":

@@ -198,12 +198,12 @@ def test_a_damaged_mcap_is_named_and_recovered(
         main(["export", "--from", str(short), "--format", "mcap"])
     assert caught.value.code == 2
     said = capsys.readouterr().err
-    assert "cut.mcap: expected a whole MCAP, found it cut off" in said and said.count("\n") == 1
+    assert "cut.mcap: expected a complete MCAP, found it truncated" in said and said.count("\n") == 1
     assert not (tmp_path / "export").exists()
     arguments = ["--from", str(short), "--recover", "--format", "mcap", "--format", "bvh", "--json"]
     result = CliRunner().invoke(command, arguments, catch_exceptions=False)
     (bvh, mcap) = json.loads(result.stdout)
-    assert Path(mcap["path"]).name == "cut-recovered.mcap" and "cut off" in mcap["note"]
+    assert Path(mcap["path"]).name == "cut-recovered.mcap" and "truncated" in mcap["note"]
     back = read_mcap(Path(mcap["path"]))
     assert 80 < len(back.root) == mcap["frames"] == len(read(Path(bvh["path"])).times) < 400
     np.testing.assert_array_equal(back.rotations, motion.rotations[: len(back.root)])

@@ -80,7 +80,7 @@ def test_what_is_written_is_what_is_read(whole: Path, cycle: Path, cyclic: bool)
     assert after.identity == before.identity
     np.testing.assert_array_equal(after.contacts, before.contacts)
     assert after.provenance == before.provenance
-    assert recover_mcap(cycle if cyclic else whole).lost is None
+    assert recover_mcap(cycle if cyclic else whole).fault is None
 
 
 @pytest.mark.parametrize("share", [0.3, 0.5, 0.8, 0.999])
@@ -90,12 +90,12 @@ def test_a_file_that_is_cut_off_says_so_and_gives_what_was_written(
     short = cut(whole, int(share * whole.stat().st_size), tmp_path)
     there = transforms(short)
     assert 0 < there <= FRAMES
-    message = rf"expected a whole MCAP, found it cut off, with frames 0 to {there - 1} of 400 .*--recover"
+    message = rf"expected a complete MCAP, found it truncated, with frames 0 to {there - 1} of 400 .*--recover"
     with pytest.raises(KinemimicError, match=message) as caught:
         read_mcap(short)
     assert "\n" not in str(caught.value) and "cut.mcap" in str(caught.value)
     found = recover_mcap(short)
-    assert found.lost is not None
+    assert found.fault is not None
     before = motion()
     np.testing.assert_array_equal(found.motion.root, before.root[:there])
     np.testing.assert_array_equal(found.motion.rotations, before.rotations[:there])
@@ -107,7 +107,7 @@ def test_a_file_that_is_cut_off_says_so_and_gives_what_was_written(
 def test_a_cycle_of_which_later_turns_are_lost_is_whole(cycle: Path, tmp_path: Path) -> None:
     short = cut(cycle, cycle.stat().st_size // 2, tmp_path)
     found = recover_mcap(short)
-    assert found.lost is not None and found.motion.cyclic
+    assert found.fault is not None and found.motion.cyclic
     assert found.motion.identity == motion(50, cyclic=True).identity
 
 
@@ -168,7 +168,7 @@ def test_a_chunk_that_unpacks_to_more_than_it_may_is_damage(
     bomb = with_chunk(cycle, tmp_path, size=claimed, compression=compression.encode(), packed=packed)
     # Found without a checksum, and what else there is stays whole.
     found = recover_mcap(bomb)
-    assert found.lost is not None and "damaged" in found.lost
+    assert found.fault is not None and "damaged" in found.fault
     assert found.motion.identity == motion(50, cyclic=True).identity
 
 
@@ -178,7 +178,7 @@ def test_no_more_is_unpacked_in_all_than_the_limit(
     monkeypatch.setattr(mcap_reader, "MAX_BYTES", 2**20)
     zeros = bytes(2**20 + 1)
     bomb = with_chunk(cycle, tmp_path, size=len(zeros), compression=b"zstd", packed=zstandard.compress(zeros))
-    with pytest.raises(KinemimicError, match=r"chunk.mcap: expected an MCAP of at most 1 MiB, found more"):
+    with pytest.raises(KinemimicError, match=r"chunk.mcap: expected an MCAP of at most 1 MiB, found more data"):
         recover_mcap(bomb)
 
 
@@ -197,15 +197,15 @@ def test_a_chunk_of_other_bytes_than_its_compression_is_damage(
         ("fps", "0", "fps: expected 1 to 1000 frames a second, found 0"),
         ("fps", "NaN", "fps: expected 1 to 1000 frames a second, found nan"),
         ("fps", "1e300", "fps: expected 1 to 1000 frames a second"),
-        ("fps", "1" + 400 * "0", "another's or an older file"),
+        ("fps", "1" + 400 * "0", "one of another program or version"),
         ("provenance", "[]", "provenance: expected an object"),
         ("provenance", '"x"', "provenance: expected an object"),
         ("provenance", '{"x": NaN}', "provenance: expected plain JSON"),
         ("provenance", '{"capture": "x"}', "provenance.capture: expected an object, found 'x'"),
-        ("provenance", 100_000 * "[", "another's or an older file"),
+        ("provenance", 100_000 * "[", "one of another program or version"),
         ("cycle_offset", "[NaN, 0, 0]", "cycle_offset: expected less than 10,000 m, found nan"),
         ("cycle_offset", "[1]", "cycle_offset: expected 3 numbers"),
-        ("cycle_offset", '"x"', "another's or an older file"),
+        ("cycle_offset", '"x"', "one of another program or version"),
     ],
 )
 def test_a_record_out_of_reason_is_refused(
@@ -232,7 +232,7 @@ def test_files_of_others_are_refused(tmp_path: Path) -> None:
         channel = writer.register_channel("/tf", "json", writer.register_schema("a", "jsonschema", b"{}"))
         writer.add_message(channel, 0, b"{}", 0)
         writer.finish()  # type: ignore[no-untyped-call]
-    with pytest.raises(KinemimicError, match="found another's or an older file"):
+    with pytest.raises(KinemimicError, match="found one of another program or version"):
         read_mcap(tmp_path / "other.mcap")
 
 
@@ -242,5 +242,5 @@ def test_frames_that_lack_a_link_are_no_motion(tmp_path: Path, monkeypatch: pyte
     write_mcap(tmp_path / "lame.mcap", motion(5))
     monkeypatch.undo()
     for read in (read_mcap, recover_mcap):
-        with pytest.raises(KinemimicError, match="found another's or an older file"):
+        with pytest.raises(KinemimicError, match="found one of another program or version"):
             read(tmp_path / "lame.mcap")
