@@ -15,7 +15,7 @@ from kinemimic.pipeline.cli.options import json_option, run_option
 from kinemimic.pipeline.files.provenance import provenance
 from kinemimic.pipeline.files.store import file_hash, read_clip, read_json, write_clip, write_json
 from kinemimic.pipeline.kinematics.clip import Clip
-from kinemimic.pipeline.kinematics.euler import local_rotations, world_positions
+from kinemimic.pipeline.kinematics.euler import rotations_of_channels, world_positions
 from kinemimic.pipeline.kinematics.gimbal import gimbal_report, table
 from kinemimic.pipeline.kinematics.nodes import to_nodes
 from kinemimic.pipeline.kinematics.orient import node_rotations
@@ -39,7 +39,7 @@ def convert(run: Path) -> Clip:
     made_by = provenance("convert", inputs={"clip": file_hash(run / "clip.parquet")}, config={})
     report: dict[str, Any]
     if clip.euler is not None and clip.orders is not None and clip.translations is not None:
-        recorded = local_rotations(clip.euler, clip.orders, clip.world_from_file, clip.rests)
+        recorded = rotations_of_channels(clip.euler, clip.orders, clip.world_from_file, clip.rests)
         report = gimbal_report(clip, recorded)
         # A capture that was filtered on ingest holds its rotations already.
         rotations = recorded if clip.rotations is None else clip.rotations

@@ -23,7 +23,7 @@ from kinemimic.pipeline.gait.knee_axis import about_own_axis, off_axis
 from kinemimic.pipeline.gait.parameters import Gait, study_gait
 from kinemimic.pipeline.kinematics.angles import leg_angles
 from kinemimic.pipeline.kinematics.clip import Clip, forward_kinematics
-from kinemimic.pipeline.kinematics.nodes import joints_of_nodes, made_up
+from kinemimic.pipeline.kinematics.nodes import derived_nodes, joints_by_name
 from kinemimic.pipeline.kinematics.orient import node_rotations
 from kinemimic.pipeline.kinematics.rotations import from_axis_angle, multiply, to_rotvec
 from kinemimic.pipeline.kinematics.skeleton import NODE_INDEX, node_skeleton
@@ -87,7 +87,7 @@ def captured(run: Path, motion: Motion | None = None) -> GaitSubject | None:
         pelvis = _neutral_pelvis(clip, gait, reliable.trunk_lean)
         notes.append("pelvis not repeatable and taken as upright: hip angles are relative to the heading")
     angles = leg_angles(clip.positions, pelvis)
-    if reliable.feet and not {"foot_left", "foot_right"} & set(made_up(source)):
+    if reliable.feet and not {"foot_left", "foot_right"} & set(derived_nodes(source)):
         # Soles are flat in stance; an apparent slope is due to where the sensor or marker set has the toe.
         ankles = _ankles(node_rotations(clip.positions))
         angles |= {name: ankle + reliable.sole_pitch for name, ankle in ankles.items()}
@@ -184,7 +184,7 @@ def _neutral_pelvis(clip: Clip, gait: Gait, lean: float) -> Array:
 def _own_knees(run: Path, source: Clip) -> dict[str, Array] | None:
     """Off-axis rotation of the knees; None for a capture of positions only."""
     recorded = read_clip(run / "clip.parquet")
-    joints = joints_of_nodes(source.skeleton.names)
+    joints = joints_by_name(source.skeleton.names)
     if source.rotations is None or (recorded.rotations is None and recorded.euler is None):
         return None
     knees: dict[str, Array] = {}

@@ -15,12 +15,12 @@ from kinemimic.pipeline.filters.one_euro import one_euro
 from kinemimic.pipeline.filters.options import FILTERS
 from kinemimic.pipeline.filters.spikes import despike
 from kinemimic.pipeline.kinematics.clip import Clip
-from kinemimic.pipeline.kinematics.euler import local_rotations, world_positions
+from kinemimic.pipeline.kinematics.euler import rotations_of_channels, world_positions
 from kinemimic.pipeline.kinematics.rotations import continuous, normalize
 from kinemimic.pipeline.kinematics.skeleton import INFERRED
 
 # What each does, for reports and plans.
-WORDS: dict[str, str] = {
+FILTER_DESCRIPTIONS: dict[str, str] = {
     "kalman": "Kalman-RTS smoother, cut-offs by likelihood, wild values overruled",
     "butterworth": f"zero-phase Butterworth, 4th order, {CUTOFF:g} Hz",
     "one-euro": "One-Euro filter, causal",
@@ -71,7 +71,7 @@ def _clean_channels(clip: Clip, method: str) -> tuple[Clip, Cleaning]:
     if method == "none":
         return clip, Cleaning(nothing, nothing, ("rotations as recorded, not filtered",))
     assert clip.euler is not None and clip.orders is not None and clip.translations is not None  # noqa: S101
-    recorded = local_rotations(clip.euler, clip.orders, clip.world_from_file, clip.rests)
+    recorded = rotations_of_channels(clip.euler, clip.orders, clip.world_from_file, clip.rests)
     rotations, spikes, note = _clean_turns(clip, recorded, method)
     translations, _, _ = _filter(clip, clip.translations, nothing, method)
     positions = world_positions(clip.skeleton, translations, rotations, clip.world_from_file)
@@ -103,8 +103,8 @@ def _filter(clip: Clip, values: Array, filled: Mask, method: str) -> tuple[Array
         filtered, note = low_pass(values, clip.times, clip.passes)
         return filtered, nothing, note
     if method == "one-euro":
-        return one_euro(values, clip.times, clip.passes), nothing, WORDS[method]
-    return values, nothing, WORDS[method]
+        return one_euro(values, clip.times, clip.passes), nothing, FILTER_DESCRIPTIONS[method]
+    return values, nothing, FILTER_DESCRIPTIONS[method]
 
 
 def _cut_offs(found: Array) -> str:

@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 from scipy.interpolate import PchipInterpolator
 
 from kinemimic.pipeline.arrays import Array, Mask
-from kinemimic.pipeline.kinematics.spans import pass_spans, usual_step, whole
+from kinemimic.pipeline.kinematics.spans import all_finite, median_step, pass_spans
 
 # Longer gaps stay gaps: a fifth of a second is about a fifth of a stride, beyond which a curve through
 # the ends is invention.
@@ -21,11 +21,11 @@ def fill(values: Array, times: Array, passes: NDArray[np.int32]) -> tuple[Array,
     edges of a pass are not extrapolated. Monotone cubics do not swing beyond what was measured.
     """
     result, filled = values.copy(), np.zeros(values.shape[:2], dtype=np.bool_)
-    longest = LONGEST_GAP + usual_step(times, passes) + 1e-6
+    longest = LONGEST_GAP + median_step(times, passes) + 1e-6
     for span in pass_spans(passes):
         clock = times[span]
-        for joint in np.flatnonzero(~whole(values[span]).all(axis=0)):
-            there = whole(values[span, joint])
+        for joint in np.flatnonzero(~all_finite(values[span]).all(axis=0)):
+            there = all_finite(values[span, joint])
             if there.sum() < 2:
                 continue
             known = np.flatnonzero(there)

@@ -23,7 +23,7 @@ from scipy.ndimage import median_filter
 
 from kinemimic.pipeline.arrays import Array, Mask
 from kinemimic.pipeline.kinematics.skeleton import TRACKED
-from kinemimic.pipeline.kinematics.spans import usual_step, whole
+from kinemimic.pipeline.kinematics.spans import all_finite, median_step
 
 # Inverse variance of an inferred joint's error over that of a tracked one's.
 INFERRED_WEIGHT = 0.5
@@ -65,12 +65,12 @@ def smooth(
     are replaced by the estimate. Each stretch between NaN is smoothed by itself; its ends must be measured.
     """
     frames, joints = values.shape[:2]
-    step = usual_step(times, passes)
+    step = median_step(times, passes)
     result = Smoothed(values.copy(), np.full(joints, np.nan), np.zeros((frames, joints), dtype=np.bool_))
     if step == 0.0:
         return result
     weights = np.where(states == TRACKED, 1.0, INFERRED_WEIGHT) * ~unknown
-    present = whole(values) & (passes >= 0)[:, None]
+    present = all_finite(values) & (passes >= 0)[:, None]
     for joint in range(joints):
         y, there = values[:, joint], present[:, joint]
         chain = Chain.of(times, passes, there, step)

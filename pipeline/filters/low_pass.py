@@ -10,7 +10,7 @@ from scipy.interpolate import CubicSpline
 from scipy.signal import butter, sosfiltfilt
 
 from kinemimic.pipeline.arrays import Array
-from kinemimic.pipeline.kinematics.spans import apart, pass_spans, runs, usual_step, whole
+from kinemimic.pipeline.kinematics.spans import all_finite, distinct_times, median_step, pass_spans, runs
 
 CUTOFF = 6.0
 # Clocks within this share of the step count as even.
@@ -25,13 +25,13 @@ def low_pass(values: Array, times: Array, passes: NDArray[np.int32]) -> tuple[Ar
     """
     result = values.copy()
     short = 0
-    step = usual_step(times, passes)
+    step = median_step(times, passes)
     smooth = zero_phase(1.0 / step) if step > 0.0 else None
     if smooth is None:
         few = f"{1.0 / step:.4g} frames a second are too few for {CUTOFF:g} Hz" if step else "single frames"
         return result, f"not filtered: {few}"
     for span in pass_spans(passes):
-        there = whole(values[span])
+        there = all_finite(values[span])
         complete = there.all(axis=0)
         groups = [(slice(0, len(there)), complete)] if complete.any() else []
         for joint in np.flatnonzero(~complete):
@@ -73,5 +73,5 @@ def _on_even_clock(values: Array, times: Array, step: float, smooth: Callable[[A
     if np.ptp(steps) <= EVEN_CLOCK * float(np.median(steps)):
         return smooth(values)
     even = np.linspace(times[0], times[-1], max(4, round((times[-1] - times[0]) / step) + 1))
-    known = apart(times)
+    known = distinct_times(times)
     return np.asarray(CubicSpline(even, smooth(CubicSpline(times[known], values[known])(even)))(times))

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from kinemimic.pipeline.arrays import Array
-from kinemimic.pipeline.kinematics.spans import pass_spans, whole
+from kinemimic.pipeline.kinematics.spans import all_finite, pass_spans
 
 # Hz at rest; Hz per unit of speed (m/s of a position); Hz of the speed's own low-pass, as in the paper.
 REST_CUTOFF = 2.0
@@ -25,7 +25,7 @@ def one_euro(values: Array, times: Array, passes: NDArray[np.int32]) -> Array:
     The speed is the joint's, not that of each coordinate: the filter turns with the axes.
     """
     result = values.copy()
-    there = whole(values)
+    there = all_finite(values)
     for span in pass_spans(passes):
         state, speed = values[span.start].copy(), np.zeros(values.shape[1:])
         for frame in range(span.start + 1, span.stop):

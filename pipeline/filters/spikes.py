@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from kinemimic.pipeline.arrays import Array, Mask
-from kinemimic.pipeline.kinematics.spans import pass_spans, whole
+from kinemimic.pipeline.kinematics.spans import all_finite, pass_spans
 
 # A value this far (metres) from the median of five frames, and further than three times the usual scatter
 # about it, is a spike.
@@ -24,7 +24,7 @@ def despike(positions: Array, passes: NDArray[np.int32]) -> tuple[Array, Mask]:
             continue
         p = positions[span]
         window = np.moveaxis(np.lib.stride_tricks.sliding_window_view(p, 5, axis=0), -1, 1)  # (T-4, 5, J, 3)
-        complete = whole(window, (1, 3))
+        complete = all_finite(window, (1, 3))
         median = np.median(np.where(complete[:, None, :, None], window, 0.0), axis=1)
         off = np.linalg.norm(np.where(complete[..., None], p[2:-2] - median, 0.0), axis=-1)
         scatter = [np.median(d[w]) if w.any() else 0.0 for d, w in zip(off.T, complete.T, strict=True)]

@@ -20,7 +20,7 @@ from kinemimic.pipeline.inspect.file_report import InspectedFile
 from kinemimic.pipeline.inspect.measures import SEGMENTS, SIDES, available_nodes
 from kinemimic.pipeline.kinematics.angles import leg_angles
 from kinemimic.pipeline.kinematics.clip import Clip
-from kinemimic.pipeline.kinematics.nodes import joints_of_nodes
+from kinemimic.pipeline.kinematics.nodes import joints_by_name
 from kinemimic.pipeline.kinematics.skeleton import NODE_INDEX
 from kinemimic.pipeline.quality.rules.defect import RULES, Defect
 
@@ -204,7 +204,7 @@ def _bones(clip: Clip, nodes: Array) -> Draw:
 
 def _states(clip: Clip) -> Draw:
     names = clip.skeleton.names
-    shown = sorted(set(joints_of_nodes(names).values())) or list(range(len(names)))
+    shown = sorted(set(joints_by_name(names).values())) or list(range(len(names)))
     times, inside = _time_in_passes(clip), np.flatnonzero(clip.passes >= 0)
     end = float(np.nanmax(times)) if len(inside) else 1.0
     edges = np.linspace(0.0, end, max(1, min(_MAX_COLUMNS, len(inside))) + 1)

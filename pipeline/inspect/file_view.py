@@ -12,7 +12,7 @@ from rich.text import Text
 from kinemimic.pipeline.cli.terminal import facts, grid, heading, number, percent
 from kinemimic.pipeline.inspect.file_report import FLAGGED, OTHER, REFUSED
 from kinemimic.pipeline.inspect.measures import SIDES
-from kinemimic.pipeline.kinematics.nodes import joints_of_nodes
+from kinemimic.pipeline.kinematics.nodes import joints_by_name
 from kinemimic.pipeline.quality.rules.defect import RULES
 
 Report = dict[str, Any]
@@ -113,7 +113,7 @@ def _recorded_angle(angle: dict[str, Any]) -> str:
 def _joints(report: Report) -> Table:
     table = grid("joint", "tracked %", "inferred %", "missing %", "bone m", "CV %", "jitter mm")
     names = tuple(report["joints"])
-    shown = sorted(set(joints_of_nodes(names).values())) or range(len(names))
+    shown = sorted(set(joints_by_name(names).values())) or range(len(names))
     for name in (names[joint] for joint in shown):
         one = report["joints"][name]
         shares = [percent(one[state]) for state in ("tracked", "inferred", "missing")]

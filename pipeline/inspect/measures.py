@@ -12,7 +12,7 @@ from kinemimic.pipeline.files.json_layout import rounded
 from kinemimic.pipeline.kinematics.angles import ANGLES, leg_angles
 from kinemimic.pipeline.kinematics.body_points import length, median, nodes_of
 from kinemimic.pipeline.kinematics.clip import Clip
-from kinemimic.pipeline.kinematics.nodes import joints_of_nodes, to_nodes
+from kinemimic.pipeline.kinematics.nodes import joints_by_name, to_nodes
 from kinemimic.pipeline.kinematics.skeleton import NODE_INDEX, TRACKED
 from kinemimic.pipeline.quality.joint_statistics import joint_statistics
 
@@ -44,7 +44,7 @@ def available_nodes(clip: Clip) -> tuple[Array, States, str | None]:
     except KinemimicError as error:
         positions = nodes_of(clip)
         states = np.zeros(positions.shape[:2], dtype=np.uint8)
-        for node, joint in joints_of_nodes(clip.skeleton.names).items():
+        for node, joint in joints_by_name(clip.skeleton.names).items():
             states[:, NODE_INDEX[node]] = clip.states[:, joint]
         return positions, states, str(error)
 

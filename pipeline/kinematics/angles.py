@@ -8,19 +8,19 @@ from kinemimic.pipeline.arrays import Array
 from kinemimic.pipeline.kinematics.rotations import conjugate, from_two_axes, rotate
 from kinemimic.pipeline.kinematics.skeleton import NODE_INDEX as N
 
-# The four curves that every score is about.
+# The four curves that are scored.
 ANGLES: tuple[str, ...] = ("knee_left", "knee_right", "hip_left", "hip_right")
-# Square metres; a child's pelvis spans a hundred square centimetres.
+# Square metres; a child's pelvis spans 0.01.
 _FLAT = 1e-8
-# Radians that a knee bends to the front at most; optical captures of the healthy show up to 11 degrees.
+# Largest hyperextension of a knee, radians; optical captures of healthy subjects show up to 11 degrees.
 HYPEREXTENSION = np.radians(15.0)
 
 
 def knee_flexion(hip: Array, knee: Array, ankle: Array, lateral: Array) -> Array:
-    """Angle from the thigh's to the shank's direction (...,); negative in hyperextension.
+    """Angle (...,) between thigh and shank in radians; negative in hyperextension.
 
-    hip, knee, ankle: (..., 3) positions; lateral: (..., 3) axis from the right to the left hip, which only
-    gives the sign (the shank turned backward is positive).
+    hip, knee, ankle: (..., 3) positions; lateral: (..., 3) axis from the right to the left hip, which gives
+    only the sign (positive with the shank backward).
     """
     thigh, shank = knee - hip, ankle - knee
     normal = np.cross(thigh, shank)
@@ -28,12 +28,12 @@ def knee_flexion(hip: Array, knee: Array, ankle: Array, lateral: Array) -> Array
     return np.asarray(np.where(np.sum(normal * lateral, axis=-1) < 0, -angle, angle))
 
 
-def anatomical(knee: Array) -> Array:
-    """Knee flexion (T,) in radians, frames in the sequence of time, as a knee can have it; NaN stays.
+def anatomical_knee(knee: Array) -> Array:
+    """Knee flexion (T,) in radians, consecutive frames, with anatomically impossible signs corrected.
 
-    No knee bends to the front by more than HYPEREXTENSION, and none gets there but through straight. A run of
-    negative frames that goes further, or begins or ends with such a leap, has its sign from the noise of a
-    sensor that sees the hips on nearly one spot, or the knee beside the leg: its size is the flexion's.
+    A knee hyperextends by at most HYPEREXTENSION, and only by passing through straight. In a run of negative
+    frames that goes further, or begins or ends with such a jump, the sign is noise of a sensor that sees the
+    hips at nearly one point, or the knee beside the leg; the magnitude is the flexion. NaN stays.
     """
     front = knee < 0
     run = np.where(front, np.cumsum(front & ~np.concatenate([[False], front[:-1]])), 0)
@@ -45,28 +45,28 @@ def anatomical(knee: Array) -> Array:
 
 
 def pelvis_frame(hip_left: Array, hip_right: Array, hip_center: Array, spine: Array) -> Array:
-    """World frames (..., 4) of the pelvis from both hips and the spine: Y to the left hip, Z up the trunk."""
+    """World frames (..., 4) of the pelvis: Y from the right to the left hip, Z up the trunk."""
     return from_two_axes(hip_left - hip_right, spine - hip_center, "YZ")
 
 
 def hip_flexion(pelvis: Array, hip: Array, knee: Array) -> Array:
-    """Angle of the thigh in the pelvis' sagittal plane, forward positive; pelvis: (..., 4) world frames."""
+    """Angle (...,) of the thigh in the sagittal plane of the pelvis (..., 4), radians; forward is positive."""
     thigh = rotate(conjugate(pelvis), knee - hip)
     return np.arctan2(thigh[..., 0], -thigh[..., 2])
 
 
 def leg_angles(positions: Array, pelvis: Array | None = None) -> dict[str, Array]:
-    """The curves of ANGLES in radians from positions (T, 20, 3) of the 20 nodes, in the sequence of time.
+    """The curves (T,) of ANGLES in radians from positions (T, 20, 3) of the 20 nodes, consecutive frames.
 
-    Without `pelvis` (T, 4) its frame is taken from both hips and the spine, which a Kinect sees badly: the
-    hip's angle suffers, the knee's keeps its size, and its sign where that is possible (`anatomical`).
-    Frames with a missing joint, or with the pelvis in one point, give NaN.
+    Without `pelvis` (T, 4), its world frame is taken from both hips and the spine, which a Kinect sees badly:
+    the hip angle suffers; the knee angle keeps its magnitude, and `anatomical_knee` corrects its sign where
+    it can. Frames with a missing joint, or with all of the pelvis at one point, give NaN.
     """
     p = positions
     curves: dict[str, Array] = {}
     lateral = p[:, N["hip_left"]] - p[:, N["hip_right"]]
     trunk = p[:, N["spine"]] - p[:, N["hip_center"]]
-    # A pelvis without a width, or with its spine along it, has no frame; NaN compares false.
+    # A pelvis without width, or with the spine along the hip line, has no frame; NaN compares false.
     seen = np.linalg.norm(np.cross(lateral, trunk), axis=-1) > _FLAT
     frame = np.full((len(p), 4), np.nan)
     if pelvis is not None:
@@ -78,6 +78,6 @@ def leg_angles(positions: Array, pelvis: Array | None = None) -> dict[str, Array
         )
     for side in ("left", "right"):
         hip, knee, ankle = (p[:, N[f"{joint}_{side}"]] for joint in ("hip", "knee", "ankle"))
-        curves[f"knee_{side}"] = anatomical(knee_flexion(hip, knee, ankle, lateral))
+        curves[f"knee_{side}"] = anatomical_knee(knee_flexion(hip, knee, ankle, lateral))
         curves[f"hip_{side}"] = hip_flexion(frame, hip, knee)
     return {name: curves[name] for name in ANGLES}

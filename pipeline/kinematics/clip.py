@@ -1,4 +1,4 @@
-"""One data type for every capture: a clip of joints on a skeleton."""
+"""Clip: the data type of every capture."""
 
 from __future__ import annotations
 
@@ -21,23 +21,23 @@ class Clip:
     times: (T,) seconds, strictly increasing.
     positions: (T, J, 3) metres in the world (Z up, X forward, Y left); NaN where missing.
     states: (T, J) 0 missing, 1 inferred, 2 tracked.
-    passes: (T,) number of the pass (one uninterrupted presence of the subject) from 0; -1 outside of any.
-    provenance: what made it, in JSON values: source, format, sha256, simulated, command, config,
+    passes: (T,) number of the pass (one uninterrupted presence of the subject) from 0; -1 outside any pass.
+    provenance: how it was made, in JSON values: source, format, sha256, simulated, command, config,
     versions, seed.
 
-    A capture of rotations has also
-    euler: (T, J, 3) radians, the file's own channels in the sequence of `orders`; zeros where a joint
-    has none;
+    A capture of rotations also has
+    euler: (T, J, 3) radians, the file's own channels in the sequence of `orders`; zeros for a joint
+    without channels;
     orders: (J,) intrinsic order such as "ZYX", or "" for a joint without rotation channels;
     translations: (T, J, 3) metres, position in the parent's frame (for the root, in the file's world);
     world_from_file: (4,) rotation from the file's world axes to ours;
-    rests: (J, 4) rotation of each joint's frame in its parent's (the root's in the file's world) where all
-    its channels are zero; None where every frame then stands along the file's axes, as in BVH.
+    rests: (J, 4) rotation of each joint's frame in its parent's (the root's in the file's world) with all
+    its channels at zero; None if every frame is then aligned with the file's axes, as in BVH.
     After `convert`, every clip has
     rotations: (T, J, 4) child to parent, sign-continuous; the root's is in our world. A capture of positions
     and quaternions has them from the start; NaN where the sensor gave none.
-    What the recorder itself computed stands beside it, never in place of our own:
-    angles: curves (T,) in radians by name ("knee_left", …), flexion positive; NaN where there is none.
+    Angles that the recorder computed itself are kept beside ours and never replace them:
+    angles: curves (T,) in radians by name ("knee_left", …), flexion positive; NaN where missing.
     """
 
     skeleton: Skeleton
@@ -76,17 +76,17 @@ class Clip:
 
     @property
     def rate(self) -> float:
-        """Frames per second: one over the median step."""
+        """Frames per second, from the median step."""
         return float(1.0 / np.median(np.diff(self.times))) if len(self.times) > 1 else 0.0
 
     @property
     def simulated(self) -> bool:
-        """True for a recording that the virtual Kinect made."""
+        """True for a recording of the virtual Kinect."""
         return bool(self.provenance.get("simulated", False))
 
 
 def scaled(clip: Clip, factor: float) -> Clip:
-    """All lengths of the clip times a factor."""
+    """The clip with all lengths multiplied by a factor."""
     skeleton = Skeleton(clip.skeleton.names, clip.skeleton.parents, clip.skeleton.offsets * factor)
     return replace(
         clip,

@@ -1,4 +1,4 @@
-"""A capture's Euler channels, whole skeletons at a time, to local quaternions and world positions."""
+"""Euler channels of whole skeletons to local quaternions and world positions."""
 
 from __future__ import annotations
 
@@ -20,22 +20,22 @@ from kinemimic.pipeline.kinematics.skeleton import Skeleton
 
 # The paper's Eq. 8 as printed is this intrinsic order (see rotations.from_euler_eq8).
 EQ8_ORDER = "YZX"
-# Frames that are worked on at once: what belongs to them stays in the processor's cache.
+# Frames per block: a block's data stay in the processor's cache.
 _BLOCK = 1024
 
 
 def order_name(order: str) -> str:
-    """An order as reports name it: YZX is also the paper's Eq. 8."""
+    """Name of an order in reports: YZX is also the paper's Eq. 8."""
     return f"{order} (Eq. 8)" if order == EQ8_ORDER else order
 
 
-def local_rotations(
+def rotations_of_channels(
     euler: Array, orders: tuple[str, ...], world_from_file: Array, rests: Array | None = None
 ) -> Array:
-    """Quaternions (T, J, 4), child to parent, sign-continuous; the root's (joint 0) in our world.
+    """Local quaternions (T, J, 4), child to parent, sign-continuous; the root's (joint 0) in our world.
 
     euler: (T, J, 3) radians in the sequence of orders (J,); "" is a joint without rotation channels.
-    rests: (J, 4) as in Clip; a joint's rotation is its rest's times that of its channels.
+    rests: (J, 4) as in Clip; a joint's rotation is its rest rotation times that of its channels.
     """
     rotations = np.broadcast_to(IDENTITY, (*euler.shape[:2], 4)).copy()
     for joint, order in enumerate(orders):
@@ -54,7 +54,8 @@ def world_positions(
 ) -> Array:
     """Positions (T, J, 3) in our world.
 
-    translations: (T, J, 3), the root's (joint 0) in the file's world; rotations: as from `local_rotations`.
+    translations: (T, J, 3), the root's (joint 0) in the file's world; rotations: (T, J, 4) from
+    `rotations_of_channels`.
     """
     moved = translations.copy()
     moved[:, 0] = rotate(world_from_file, moved[:, 0])
@@ -69,10 +70,11 @@ def positions_of_channels(
     world_from_file: Array,
     rests: Array | None = None,
 ) -> Array:
-    """What `world_positions` of `local_rotations` gives, several times faster: nothing is kept but positions.
+    """World positions (T, J, 3) straight from Euler channels.
 
-    A turn about one axis of the joint's own frame mixes two columns of its world matrix, W <- W R: a joint
-    of three channels is three such mixes, and channels that stay zero cost nothing.
+    Equal to `world_positions` of `rotations_of_channels`, and several times faster. A turn about one axis of
+    the joint's own frame mixes two columns of its world matrix, W <- W R: a joint of three channels is three
+    such mixes, and channels that stay zero cost nothing.
     """
     positions = np.empty_like(translations)
     inner = set(skeleton.parents)
@@ -83,7 +85,7 @@ def positions_of_channels(
         angles = np.ascontiguousarray(np.moveaxis(euler[block], 0, -1))  # (J, 3, n)
         local = np.moveaxis(translations[block], 0, -1)
         base = np.broadcast_to(to_matrix(world_from_file)[..., None], (3, 3, angles.shape[-1]))
-        # Per joint its place (3, n) and, where others hang from it, its axes: [:, k] is the k-th, (3, n).
+        # Per joint its position (3, n) and, if it has children, its axes: [:, k] is the k-th, (3, n).
         places: list[Array] = []
         axes: list[Array] = []
         for joint, parent in enumerate(skeleton.parents):
@@ -105,7 +107,7 @@ def positions_of_channels(
 
 
 def _turn(axes: Array, about: int, angle: Array) -> None:
-    """Turn frames (3, 3, n) by angle (n,) about their own axis of that number, in place."""
+    """Turn frames (3, 3, n) by `angle` (n,) about their own axis number `about`, in place."""
     c, s = np.cos(angle), np.sin(angle)
     first, second = axes[:, (about + 1) % 3], axes[:, (about + 2) % 3]
     turned = first * c + second * s

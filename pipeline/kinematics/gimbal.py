@@ -1,9 +1,9 @@
-"""Gimbal lock and flips in Euler channels: where they are, joint by joint.
+"""Check Euler channels for gimbal lock and flips, joint by joint.
 
-Turning Euler angles into quaternions is never singular. What is lost near lock is the split between the
-first and the third angle: for three different axes (Tait-Bryan) where the middle angle is +-90 degrees, for
-a repeated axis (proper Euler) where it is 0 or 180. The paper's text speaks of 180 degrees, which fits a
-proper order; its Eq. 8 is a Tait-Bryan one.
+Converting Euler angles to quaternions is never singular. Near lock the split between the first and the third
+angle is lost: for three different axes (Tait-Bryan) at a middle angle of +-90 degrees, for a repeated axis
+(proper Euler) at 0 or 180. The paper's text speaks of 180 degrees, which fits a proper order; its Eq. 8 is a
+Tait-Bryan order.
 """
 
 from __future__ import annotations
@@ -30,16 +30,16 @@ JUMP = np.radians(45.0)
 
 
 def distance_from_lock(middle: Array, order: str) -> Array:
-    """Angle (...,) in radians from the nearest lock of `order`, 0 to pi/2, for middle angles (...,)."""
+    """Angle (...,) from middle angles (...,) to the nearest lock of `order`, 0 to pi/2, radians."""
     from_half_turn = np.abs(np.mod(np.asarray(middle) + np.pi / 2, np.pi) - np.pi / 2)
     return np.asarray(from_half_turn if order[0] == order[2] else np.pi / 2 - from_half_turn)
 
 
 def flips(euler: Array, rotations: Array) -> NDArray[np.intp]:
-    """Frames at which the angles jump although the rotation hardly moves.
+    """Frames at which the angles jump although the rotation hardly changes.
 
-    A jump: a channel changes by more than 45 degrees, modulo 360, since the frame before, and by more than
-    twice what the rotation turned. euler: (T, 3) radians; rotations: (T, 4).
+    A jump: since the previous frame a channel changes by more than 45 degrees, modulo 360, and by more than
+    twice the angle of the rotation. euler: (T, 3) radians; rotations: (T, 4).
     """
     change = np.diff(euler, axis=0)
     jump = np.abs(np.mod(change + np.pi, 2 * np.pi) - np.pi).max(axis=-1)
@@ -48,10 +48,10 @@ def flips(euler: Array, rotations: Array) -> NDArray[np.intp]:
 
 
 def gimbal_report(clip: Clip, rotations: Array) -> dict[str, Any]:
-    """The report as JSON values: every joint with rotation channels that ever leave zero.
+    """The report as JSON values: every joint with rotation channels that are not all zero.
 
-    rotations: (T, J, 4), those of clip.euler. Frames are those of the clip; a capture of positions has no
-    channels and gives an empty list.
+    rotations: (T, J, 4), those of clip.euler. Frames count from the clip's first. A capture of positions has
+    no channels and gives an empty list.
     """
     joints: list[dict[str, Any]] = []
     for joint, order in enumerate(clip.orders or ()):
@@ -81,7 +81,7 @@ def gimbal_report(clip: Clip, rotations: Array) -> dict[str, Any]:
 
 
 def table(report: Mapping[str, Any]) -> RenderableType:
-    """The report for a terminal: every joint that was flagged or flips, and the three nearest others."""
+    """The report for a terminal: every joint that is flagged or flips, and the three others nearest to lock."""
     joints = sorted(report["joints"], key=lambda joint: joint["nearest_deg"])
     if not joints:
         return Text("no Euler channels: orientations come from positions, which have no gimbal lock")
@@ -102,7 +102,7 @@ def table(report: Mapping[str, Any]) -> RenderableType:
         )
     title = (
         f"gimbal lock: {len(marked)} of {len(joints)} joints come near it or flip in {report['frames']} "
-        "frames; the quaternions stay right there"
+        "frames; the quaternions are not affected"
     )
     return Group(Text(title, no_wrap=True, overflow="ignore"), grid)
 

@@ -1,4 +1,4 @@
-"""The 20 nodes out of any skeleton, by the names that recorders and mocap libraries give their joints."""
+"""The 20 nodes of any skeleton, by the joint names that recorders and mocap libraries use."""
 
 from __future__ import annotations
 
@@ -14,9 +14,9 @@ from kinemimic.pipeline.kinematics.proportions import complete
 from kinemimic.pipeline.kinematics.skeleton import NODE_INDEX, NODES
 
 # Per node the names to look for, best first, in lower case without punctuation. A * stands for the side:
-# "*leg" is leftleg or lleg, "leg*" is legleft or legl; a % for the whole word only. The sequence settles
-# what is ambiguous between conventions: LeftFoot is the ankle wherever there is no LeftAnkle, and the foot
-# where there is; ShoulderLeft is a Kinect's shoulder, but Shoulder_L a clavicle beside UpperArm_L.
+# "*leg" is leftleg or lleg, "leg*" is legleft or legl; a % for the whole word only. The order resolves
+# conflicts between conventions: LeftFoot is the ankle if there is no LeftAnkle, and the foot otherwise;
+# ShoulderLeft is a Kinect's shoulder, but Shoulder_L a clavicle beside UpperArm_L.
 _MIDDLE: dict[str, tuple[str, ...]] = {
     "hip_center": ("hipcenter", "hips", "pelvis", "spinebase", "hip", "root", "waist"),
     "spine": (
@@ -113,19 +113,19 @@ _SIDED: dict[str, tuple[str, ...]] = {
         "ankle*end",
     ),
 }
-# Nodes that fall on one joint have no direction between them: a fingerless hand, a spine at the hips.
+# Metres; nodes nearer to each other have no direction between them: a fingerless hand, a spine at the hips.
 _APART = 0.02
-# Without these no 20 nodes: everything else follows from them, and from one of the trunk's.
+# Required; everything else follows from these and one node of the trunk.
 _REQUIRED: tuple[str, ...] = tuple(
     f"{joint}_{side}" for side in ("left", "right") for joint in ("hip", "knee", "ankle")
 )
-# A node that stands on another one's spot counts as not shown.
+# A node at the same point as this other one counts as not shown.
 _BEYOND: dict[str, str] = {
     "spine": "hip_center",
     "hand_left": "wrist_left",
     "hand_right": "wrist_right",
 }
-# Thigh, shank, trunk and upper arm outside of these bounds (metres) are no human's, or the unit is wrong.
+# Plausible lengths of thigh, shank, trunk and upper arm in metres; others mean a wrong unit or wrong names.
 _SANE: tuple[tuple[str, str, float, float], ...] = (
     *(
         (start.format(side), end.format(side), low, high)
@@ -156,8 +156,8 @@ def _candidates(node: str) -> Iterator[str]:
             yield pattern.replace("*", side[0])
 
 
-def joints_of_nodes(names: tuple[str, ...]) -> dict[str, int]:
-    """Index of the joint that each node is found on by its name alone; no joint serves two nodes."""
+def joints_by_name(names: tuple[str, ...]) -> dict[str, int]:
+    """Joint index of every node that is found by name alone; no joint serves two nodes."""
     index: dict[str, int] = {}
     for joint, name in enumerate(names):
         index.setdefault(normalised(name), joint)
@@ -173,13 +173,12 @@ def joints_of_nodes(names: tuple[str, ...]) -> dict[str, int]:
 def to_nodes(clip: Clip) -> tuple[Array, States]:
     """Positions (T, 20, 3) in metres and states (T, 20) of the 20 nodes.
 
-    Both hips, knees and ankles must be there, and a trunk (the spine, the shoulder_center or both shoulders):
-    a KinemimicError names what is missing, or lengths that no human has. Everything else that a skeleton
-    lacks is derived, and then "inferred" at best: hip_center and shoulder_center midway between the sides,
-    spine a third of the way up the trunk, a hand 8 cm on along the forearm; and, where the capture does not
-    show them at all, head, arms and feet of an average body's lengths (pipeline/proportions.py). `made_up`
-    names the nodes that were so derived. Missing stays missing: a derived node is NaN wherever a node that it
-    follows from is.
+    Hips, knees, ankles and a trunk (the spine, the shoulder_center or both shoulders) are required; a
+    KinemimicError names what is missing, or implausible lengths. All other missing nodes are derived, with
+    the state "inferred" at best (`derived_nodes` lists them): hip_center and shoulder_center midway between
+    the sides, spine a third of the way up the trunk, a hand 8 cm beyond the wrist along the forearm; and
+    head, arms and feet that the capture does not show, with an average body's lengths (proportions.py). A
+    derived node is NaN where a node that it follows from is.
     """
     found = joints_of(clip)
     positions = np.full((len(clip.times), len(NODES), 3), np.nan)
@@ -192,21 +191,21 @@ def to_nodes(clip: Clip) -> tuple[Array, States]:
     return positions, states
 
 
-def made_up(clip: Clip) -> tuple[str, ...]:
-    """The nodes that no joint of the capture stands for, in the sequence of NODES: `to_nodes` derives them.
+def derived_nodes(clip: Clip) -> tuple[str, ...]:
+    """The nodes without a joint in the capture, which `to_nodes` derives, in the order of NODES.
 
-    Raises as `to_nodes` does if too little is there.
+    Raises KinemimicError as `to_nodes` does.
     """
     found = joints_of(clip)
     return tuple(node for node in NODES if node not in found)
 
 
 def joints_of(clip: Clip) -> dict[str, int]:
-    """Index of the joint that each node is taken from, by name and by where the joints stand.
+    """Joint index of every node, by names and by the joints' positions.
 
-    Raises as `to_nodes` does if too little is there.
+    Raises KinemimicError as `to_nodes` does.
     """
-    found = joints_of_nodes(clip.skeleton.names)
+    found = joints_by_name(clip.skeleton.names)
     lacking = [node for node in _REQUIRED if node not in found]
     if not lacking and not {"spine", "shoulder_center"} & found.keys():
         lacking = [f"shoulder_{side}" for side in ("left", "right") if f"shoulder_{side}" not in found]
@@ -226,7 +225,7 @@ def joints_of(clip: Clip) -> dict[str, int]:
 
 
 def _prefer(clip: Clip, found: dict[str, int]) -> None:
-    """A spine that lies above the hips, and a head that lies off the neck, where the tree has them."""
+    """Prefer a spine above the hips and a head off the neck, if the skeleton has them."""
     names, parents = clip.skeleton.names, clip.skeleton.parents
 
     def distance(a: int, b: int) -> float:
@@ -238,7 +237,7 @@ def _prefer(clip: Clip, found: dict[str, int]) -> None:
         while trunk[-1] >= 0 and trunk[-1] != hips:
             trunk.append(parents[trunk[-1]])
         if distance(hips, found["spine"]) < _APART and trunk[-1] == hips:
-            # CMU writes the lower back on the spot of the hips: the next joint up that is apart from them.
+            # CMU puts the lower back at the hips: take the next joint up that is apart from them.
             apart = (j for j in trunk[-2::-1] if distance(hips, j) >= _APART)
             found["spine"] = next(apart, found["spine"])
     head = found.get("head")
@@ -249,7 +248,7 @@ def _prefer(clip: Clip, found: dict[str, int]) -> None:
 
 
 def _length(start: Array, end: Array) -> float:
-    """Median distance of two joints over the frames that have both; infinite if none has."""
+    """Median distance of two joints over the frames that show both; infinite without any."""
     distance = np.linalg.norm(end - start, axis=-1)
     seen = distance[np.isfinite(distance)]
     return float(np.median(seen)) if len(seen) else np.inf
@@ -261,5 +260,5 @@ def _check_lengths(positions: Array) -> None:
         if np.isfinite(length) and not low <= length <= high:
             raise KinemimicError(
                 f"expected {start} to {end} between {low} and {high} m, found a median of {length:.3f} m; "
-                "these are no human's lengths, or the joints are named differently"
+                "the unit is wrong, or the joints are named differently"
             )

@@ -1,10 +1,10 @@
 """Orientations of the 20 nodes from their positions alone.
 
-A node's rotation is that of the body which hangs from it; the identity everywhere is a figure that stands
-upright with hanging arms and looks along +X (Y left, Z up). Points do not show the twist of a single bone:
-it is taken from the bend of the next joint. So that knees and elbows stay pure hinges about their local Y
-(knee: flexion turns about +Y and takes the shank backward; elbow: about -Y, the forearm forward), that
-twist belongs to the thigh and the upper arm.
+A node's rotation is that of the body segment below it. The identity everywhere is a person who stands
+upright with hanging arms and looks along +X (Y left, Z up). Points do not show the twist of a single bone;
+it is taken from the bend of the next joint. The twist belongs to the thigh and the upper arm, so that knees
+and elbows stay pure hinges about their local Y (knee: flexion about +Y, the shank backward; elbow: about -Y,
+the forearm forward).
 """
 
 from __future__ import annotations
@@ -23,32 +23,33 @@ from kinemimic.pipeline.kinematics.rotations import (
 from kinemimic.pipeline.kinematics.skeleton import NODE_INDEX as N
 from kinemimic.pipeline.kinematics.skeleton import NODE_PARENTS, NODES
 from kinemimic.pipeline.kinematics.trunk import direction, pelvis_frames, swing, torso_frames
-from kinemimic.pipeline.kinematics.twist import follow
+from kinemimic.pipeline.kinematics.twist import follow_twist
 
-# Angle below the horizontal of the line from ankle to toe of a foot that stands flat.
+# Radians by which the line from ankle to toe of a flat foot points below the horizontal.
 FOOT_DROP = 0.205
 _DOWN = np.array([0.0, 0.0, -1.0])
 _UP = -_DOWN
 _LEFT = np.array([0.0, 1.0, 0.0])
-# Swinging a bone by way of a direction in the middle of its range puts the one direction at which the swing
-# is undefined opposite to it: behind and above the hip, behind the shoulder, where no bone can point.
+# A bone is swung in two steps, through a direction in the middle of its range: the one direction at which
+# the swing is undefined is then opposite to it, behind and above the hip or behind the shoulder, where no
+# bone can point.
 _BY_WAY_OF = {
     "leg": np.array([np.sin(0.8), 0.0, -np.cos(0.8)]),
     "arm": np.array([np.sin(1.2), 0.0, -np.cos(1.2)]),
 }
-# How far from there a limb can point, and from its rest a head, a hand, a foot, the trunk on the pelvis.
+# Largest angle of a limb from that direction, and of a head, hand, foot or trunk from its rest direction.
 _LIMB, _END = np.radians(150.0), np.radians(120.0)
 _TOE = np.array([np.cos(FOOT_DROP), 0.0, -np.sin(FOOT_DROP)])
-# Sine of the bend that shows a thigh's turn however far it goes, as of someone who sits cross-legged; a knee
-# that is straighter than that stands beside the leg by the sensor's error as well.
+# Sine of the bend from which any twist of the thigh is believed, as of someone who sits cross-legged; a
+# straighter knee may also lie beside the leg by the sensor's error.
 _BENT = 0.5
 
 
 def node_rotations(positions: Array) -> Array:
     """Local rotations (T, 20, 4), child to parent, sign-continuous, from positions (T, 20, 3) in metres.
 
-    End nodes (head, hands, feet) get the identity. A rotation that hangs on a missing (NaN) or coinciding
-    node is NaN, the others are not.
+    End nodes (head, hands, feet) get the identity. A rotation that depends on a missing (NaN) or coinciding
+    node is NaN; the others are not affected.
     """
     return local_rotations(node_frames(positions))
 
@@ -60,13 +61,13 @@ def node_frames(
     torso: Array | None = None,
     recorded: Array | None = None,
 ) -> Array:
-    """World frames (T, 20, 4) of the bodies at the nodes; end nodes have their parent's.
+    """World frames (T, 20, 4) of the body segments at the nodes; end nodes have their parent's.
 
-    Frames are in the sequence of time: a bone's turn about itself is carried over from frame to frame where
-    the points do not show it (pipeline/twist.py). pelvis, torso: (T, 4) world frames to use in place of the
-    measured ones; what hangs on them is then taken relative to them. recorded: (T, 20, 4) world frames of the
-    nodes from a recorder's own rotations, NaN where there are none: limbs keep their directions, and have the
-    recorded turn where no hinge shows it.
+    positions: (T, 20, 3), consecutive frames: where the points do not show a bone's twist, it is carried over
+    from frame to frame (twist.py). pelvis, torso: (T, 4) world frames that replace the measured ones; what
+    hangs from them is then relative to them. recorded: (T, 20, 4) world frames of the nodes from a recorder's
+    own rotations, NaN where missing: limbs keep their measured directions, and the recorded twist is used
+    where no hinge shows one.
     """
     p = np.asarray(positions, dtype=np.float64)
     frames = np.full((len(p), len(NODES), 4), np.nan)
@@ -97,7 +98,7 @@ def node_frames(
 
 
 def local_rotations(frames: Array) -> Array:
-    """Rotations (T, 20, 4) of each body relative to its parent's, from world frames (T, 20, 4)."""
+    """Rotations (T, 20, 4) of each segment relative to its parent's, from world frames (T, 20, 4)."""
     local = frames.copy()
     for node, parent in enumerate(NODE_PARENTS):
         if parent >= 0:
@@ -107,21 +108,23 @@ def local_rotations(frames: Array) -> Array:
 
 
 def _first(preferred: Array, otherwise: Array) -> Array:
-    """Frames (T, 4), the preferred ones where there are any."""
+    """Frames (T, 4): the preferred ones, or the others where those are NaN."""
     return np.where(np.isfinite(preferred), preferred, otherwise)
 
 
 def _swung(parent: Array, at_rest: Array, towards: Array) -> Array:
-    """World frames (T, 4) that the smallest turn from the parent's makes, whose `at_rest` (3,) points along
-    `towards` (T, 3): of a head, a hand, a foot, whose own turn no point shows."""
+    """World frames (T, 4): the parent's by the smallest turn that points `at_rest` (3,) along `towards` (T, 3).
+
+    For a head, hand or foot, whose twist no point shows.
+    """
     return multiply(parent, swing(at_rest, rotate(conjugate(parent), towards), _END))
 
 
 def _upper_limb(parent: Array, recorded: Array, upper: Array, lower: Array, limb: str) -> Array:
     """World frames (T, 4) of thigh or upper arm: -Z along the bone, Y along the hinge axis of the next joint.
 
-    The bone's direction alone gives an untwisted frame, the swing from the parent, if none is recorded; the
-    bend of the next joint then gives the turn about the bone.
+    The bone's direction alone gives an untwisted frame, the swing from the parent, unless one is recorded;
+    the bend of the next joint then gives the twist.
     """
     middle = _BY_WAY_OF[limb]
     local = rotate(conjugate(parent), upper)
@@ -131,27 +134,27 @@ def _upper_limb(parent: Array, recorded: Array, upper: Array, lower: Array, limb
     )
     shank = rotate(conjugate(parent), lower)
     below = rotate(conjugate(untwisted), shank)
-    # The way in which the joint bends: an elbow to the front of its axis, a knee to the back.
+    # The direction of the bend: an elbow to the front of its axis, a knee to the back.
     ahead, aside = (below[:, 0], below[:, 1]) if limb == "arm" else (-below[:, 0], -below[:, 1])
     bend = np.hypot(ahead, aside)
     if limb == "leg":
-        # A knee that is nearly straight bends to the front as well, by noise or hyperextension, where its
-        # axis must not turn over; and what it bends sideways is the sensor's, not a turned thigh.
-        # A leg that bends to the front by more than 45 degrees is none.
+        # A nearly straight knee also bends to the front, by noise or hyperextension; its axis must not turn
+        # over there. A sideways bend is the sensor's error, not a twisted thigh. A bend of more than 45
+        # degrees to the front is not a leg's.
         ahead = np.where(ahead < -np.sin(np.pi / 4.0), np.nan, ahead)
         along = np.abs(ahead) / np.where(bend > 0, bend, 1.0)
         ahead, aside = np.abs(ahead), np.where(ahead < 0, -aside, aside)
         bend = bend * np.clip(along / np.clip(1.0 - 0.75 * bend / _BENT, 0.25, 1.0), 0.0, 1.0) ** 2
-    turn = follow(np.arctan2(aside, ahead), bend, np.stack([local, shank], axis=1))
+    turn = follow_twist(np.arctan2(aside, ahead), bend, np.stack([local, shank], axis=1))
     return multiply(parent, multiply(untwisted, from_axis_angle("Z", turn)))
 
 
 def _below_hinge(above: Array, lower: Array) -> Array:
     """World frames (T, 4) of shank or forearm: turned about the Y of the bone above, -Z towards `lower`.
 
-    NaN where that lies more than 60 degrees out of the plane in which the joint bends.
+    NaN where `lower` is more than 60 degrees out of the plane in which the joint bends.
     """
     local = rotate(conjugate(above), lower)
     in_plane = np.hypot(local[:, 0], local[:, 2])
     seen = np.where(in_plane > 0.5, np.arctan2(-local[:, 0], -local[:, 2]), np.nan)
-    return multiply(above, from_axis_angle("Y", follow(seen, in_plane, local[:, None])))
+    return multiply(above, from_axis_angle("Y", follow_twist(seen, in_plane, local[:, None])))

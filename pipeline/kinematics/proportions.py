@@ -1,9 +1,9 @@
-"""The parts of the body that a capture does not show, put where an average body has them.
+"""Nodes that a capture does not show, derived from the proportions of an average body.
 
 Lengths are shares of stature: Drillis & Contini 1966, as drawn in Winter 2009 (Biomechanics and Motor Control
-of Human Movement), Fig. 4.1; stature follows from the thighs and shanks, which every capture must show. Arms
-and hands hang along the trunk, and a foot points where the pelvis does, at a right angle to its shank: poses
-that stand for "unknown", not measurements.
+of Human Movement), Fig. 4.1. Stature follows from the thighs and shanks, which every capture must show. Arms
+and hands hang along the trunk, and a foot points where the pelvis does, at a right angle to its shank. These
+poses mean "unknown"; they are not measurements.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ _ENDS = ("hip_center", "shoulder_center")
 
 
 def stature(positions: Array) -> float:
-    """Metres, from the median thigh and shank in positions (T, 20, 3); NaN where no frame shows a leg."""
+    """Stature in metres from the median leg in positions (T, 20, 3); NaN if no frame shows a leg."""
     legs = []
     for side in _SIDES:
         hip, knee, ankle = (positions[:, NODE_INDEX[f"{joint}_{side}"]] for joint in ("hip", "knee", "ankle"))
@@ -41,10 +41,10 @@ def stature(positions: Array) -> float:
 
 
 def complete(positions: Array, states: States, found: set[str]) -> None:
-    """Put the nodes that are not in `found` into positions (T, 20, 3) and states (T, 20), in place.
+    """Fill the nodes that are not in `found` into positions (T, 20, 3) and states (T, 20), in place.
 
-    Needs both hips, knees and ankles, and the spine, the shoulder_center or both shoulders. What is put there
-    is "inferred" at best, and missing (NaN) in every frame in which a node that it follows from is missing.
+    Needs both hips, knees and ankles, and the spine, the shoulder_center or both shoulders. A derived node is
+    "inferred" at best, and missing (NaN) in every frame in which a node that it follows from is missing.
     """
     if len(found) == len(NODES):
         return
@@ -72,7 +72,7 @@ class _Body:
 
     @property
     def left(self) -> Array:
-        """(T, 3) from the right to the left hip, level with the trunk."""
+        """(T, 3) from the right to the left hip, at right angles to the trunk."""
         return _unit(_across(self["hip_left"] - self["hip_right"], self.up))
 
 
@@ -80,7 +80,7 @@ Rule = tuple[str, tuple[str, ...], Array]
 
 
 def _rules(body: _Body, found: set[str]) -> Iterator[Rule]:
-    """Each missing node, the nodes that it follows from, its places (T, 3); later rules use earlier ones."""
+    """Each missing node, the nodes that it follows from, its positions (T, 3); later rules use earlier ones."""
     yield from (rule for rule in _trunk(body, found) if rule[0] not in found)
     for side, sign in zip(_SIDES, (1.0, -1.0), strict=True):
         yield from (rule for rule in _limbs(body, found, side, sign) if rule[0] not in found)
@@ -121,5 +121,5 @@ def _unit(vectors: Array) -> Array:
 
 
 def _across(vectors: Array, axis: Array) -> Array:
-    """The part of the vectors at right angles to a unit axis."""
+    """The component of the vectors at right angles to a unit axis."""
     return np.asarray(vectors - np.sum(vectors * axis, axis=-1, keepdims=True) * axis)

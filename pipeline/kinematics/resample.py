@@ -1,4 +1,4 @@
-"""A cleaned capture put on an even clock, for formats and methods that know only a frame rate."""
+"""Resample a clip to a constant frame rate, for formats and methods that need one."""
 
 from __future__ import annotations
 
@@ -11,29 +11,28 @@ from scipy.interpolate import CubicSpline
 from kinemimic.pipeline.arrays import Array
 from kinemimic.pipeline.errors import KinemimicError
 from kinemimic.pipeline.kinematics.clip import Clip
-from kinemimic.pipeline.kinematics.euler import local_rotations, world_positions
+from kinemimic.pipeline.kinematics.euler import rotations_of_channels, world_positions
 from kinemimic.pipeline.kinematics.rotations import conjugate, continuous, from_rotvec, multiply, to_rotvec
 from kinemimic.pipeline.kinematics.skeleton import MISSING
-from kinemimic.pipeline.kinematics.spans import apart, pass_spans, runs, whole
+from kinemimic.pipeline.kinematics.spans import all_finite, distinct_times, pass_spans, runs
 
-# Seconds by which a clock that was written with few digits may miss a frame.
+# Seconds; rounding error of clocks that were written with few digits.
 _SLACK = 1e-6
 
 
 def resample(clip: Clip, rate: float) -> Clip:
     """The clip's passes at `rate` frames per second: a step of exactly 1 / rate within each pass.
 
-    Positions (and translations) go through a cubic spline, rotations by slerp from frame to frame; nothing
-    reaches across a gap or the end of a pass, and frames outside passes are left out. A frame's state is the
-    lower of those around it. A capture of Euler channels comes back with `rotations` in their place: angles
-    between two frames have no meaning. To fewer frames than there were, clean first: what is faster than
-    half the new rate would turn up as something slower.
-    Raises KinemimicError where the rate is not a positive number or no pass is there.
+    Positions (and translations) are interpolated by cubic splines, rotations by slerp from frame to frame;
+    nothing crosses a gap or the end of a pass, and frames outside passes are left out. A frame's state is the
+    lower of those around it. A capture of Euler channels returns with `rotations` in their place, since Euler
+    angles cannot be interpolated. Clean before resampling to a lower rate: frequencies above half the new
+    rate would alias. KinemimicError if the rate is not a positive number or the clip has no pass.
     """
     if not (np.isfinite(rate) and rate > 0.0):
         raise KinemimicError(f"resample: expected a positive frame rate, found {rate:g}")
     if clip.euler is not None and clip.rotations is None and clip.orders is not None:
-        recorded = local_rotations(clip.euler, clip.orders, clip.world_from_file, clip.rests)
+        recorded = rotations_of_channels(clip.euler, clip.orders, clip.world_from_file, clip.rests)
         clip = replace(clip, rotations=recorded)
     spans = list(pass_spans(clip.passes))
     if not spans:
@@ -72,7 +71,7 @@ def _resample_pass(clip: Clip, span: slice, rate: float) -> dict[str, Array]:
     part: dict[str, Array] = {
         "times": at,
         "positions": positions,
-        "states": np.where(whole(positions), lower, MISSING),
+        "states": np.where(all_finite(positions), lower, MISSING),
         "passes": np.full(count, clip.passes[span.start]),
     }
     if clip.translations is not None:
@@ -86,7 +85,7 @@ def _resample_pass(clip: Clip, span: slice, rate: float) -> dict[str, Array]:
 
 
 def _between(at: Array, times: Array) -> tuple[NDArray[np.intp], Array]:
-    """The frame at or before each instant, and the share of the way to the next; 0 on a frame itself."""
+    """The frame at or before each instant, and the fraction of the step to the next; 0 on a frame."""
     frame = np.clip(np.searchsorted(times, at + _SLACK, side="right") - 1, 0, len(times) - 1)
     after = np.minimum(frame + 1, len(times) - 1)
     step = np.where(after > frame, times[after] - times[frame], 1.0)
@@ -95,9 +94,9 @@ def _between(at: Array, times: Array) -> tuple[NDArray[np.intp], Array]:
 
 
 def _spline(at: Array, times: Array, values: Array) -> Array:
-    """Values (T, J, K) at instants (N,): a cubic through each stretch of frames; NaN outside of them."""
+    """Values (T, J, K) at instants (N,): a cubic spline through each run of frames; NaN outside them."""
     result = np.full((len(at), *values.shape[1:]), np.nan)
-    there = whole(values)
+    there = all_finite(values)
     complete = there.all(axis=0)
     groups = [(slice(0, len(times)), complete)] if complete.any() else []
     for joint in np.flatnonzero(~complete):
@@ -106,7 +105,7 @@ def _spline(at: Array, times: Array, values: Array) -> Array:
     for stretch, joints in groups:
         clock = times[stretch]
         inside = np.flatnonzero((at >= clock[0] - _SLACK) & (at <= clock[-1] + _SLACK))
-        known, knots = values[stretch][:, joints], apart(clock)
+        known, knots = values[stretch][:, joints], distinct_times(clock)
         if len(clock) > 1:
             curve = CubicSpline(clock[knots], known[knots])(at[inside])
         else:
@@ -116,9 +115,9 @@ def _spline(at: Array, times: Array, values: Array) -> Array:
 
 
 def _slerp(p: Array, q: Array, share: Array) -> Array:
-    """Rotations (N, J, 4) on the shortest way from p to q: at equal speed, so that spins stay spins.
+    """Rotations (N, J, 4) on the shortest way from p to q, at constant speed.
 
-    On a frame itself (share 0) it is p, whatever comes after it.
+    On a frame (share 0) the result is p, even if q is NaN.
     """
     turn = np.where(share[:, None, None] > 0.0, to_rotvec(multiply(conjugate(p), q)), 0.0)
     return multiply(p, from_rotvec(share[:, None, None] * turn))

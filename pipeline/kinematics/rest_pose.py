@@ -17,7 +17,7 @@ import numpy as np
 
 from kinemimic.pipeline.arrays import Array
 from kinemimic.pipeline.kinematics.clip import Clip, forward_kinematics
-from kinemimic.pipeline.kinematics.euler import local_rotations as rotations_of_channels
+from kinemimic.pipeline.kinematics.euler import rotations_of_channels
 from kinemimic.pipeline.kinematics.nodes import joints_of, to_nodes
 from kinemimic.pipeline.kinematics.orient import local_rotations, node_frames
 from kinemimic.pipeline.kinematics.rotations import IDENTITY, angle_between, conjugate, multiply, rotate

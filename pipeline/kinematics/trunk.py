@@ -18,7 +18,7 @@ from kinemimic.pipeline.kinematics.rotations import (
     normalize,
 )
 from kinemimic.pipeline.kinematics.skeleton import NODE_INDEX as N
-from kinemimic.pipeline.kinematics.twist import FADE, follow
+from kinemimic.pipeline.kinematics.twist import FADE, follow_twist
 
 _UP = np.array([0.0, 0.0, 1.0])
 # Width over its usual width from which a line's direction is fully believed: oblique views shrink it too.
@@ -82,6 +82,6 @@ def _steady(first: Array, second: Array, helper: Array, upright: Array, names: s
     frames[good] = from_two_axes(first[good], helped[good], names)
     turned = multiply(conjugate(upright), frames)
     angle = 2.0 * np.arctan2(turned[:, "XYZ".index(names[0])], turned[:, 3])
-    turn = follow(angle, sine * shown, np.stack([first, second], axis=1))
+    turn = follow_twist(angle, sine * shown, np.stack([first, second], axis=1))
     followed = multiply(upright, from_axis_angle(names[0], turn))
     return np.where(np.isfinite(followed), followed, frames)

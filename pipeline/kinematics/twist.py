@@ -27,7 +27,7 @@ _RIGHT = 1e-6
 _NEUTRAL = 0.05
 
 
-def follow(seen: Array, sine: Array, directions: Array) -> Array:
+def follow_twist(seen: Array, sine: Array, directions: Array) -> Array:
     """The turn (T,) in radians, as near as can be to `seen` (T,), without leaps; NaN where `seen` is.
 
     sine: (T,) of the angle between the bone and what shows its turn, 0 shows nothing; directions: (T, k, 3)

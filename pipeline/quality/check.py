@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from kinemimic.pipeline.errors import KinemimicError
-from kinemimic.pipeline.filters.clean import WORDS
+from kinemimic.pipeline.filters.clean import FILTER_DESCRIPTIONS
 from kinemimic.pipeline.filters.options import FILTERS
 from kinemimic.pipeline.kinematics.clip import Clip
 from kinemimic.pipeline.kinematics.nodes import to_nodes
@@ -126,7 +126,7 @@ def _sentences(checked: CheckedCapture, filter_name: str | None) -> Iterator[str
         if defect.action == "repaired" or defect.rule == "gaps":
             yield f"{RULES[defect.rule]}: {defect.text}"
     what = "positions" if clip.euler is None else "rotations"
-    yield f"{what}: {WORDS[filter_name or FILTERS[0]]}"
+    yield f"{what}: {FILTER_DESCRIPTIONS[filter_name or FILTERS[0]]}"
 
 
 def _no_subject(clip: Clip, acquisition: Acquisition) -> Defect:

@@ -17,7 +17,7 @@ from kinemimic.pipeline.files.schema import upgraded
 from kinemimic.pipeline.files.store import read_json
 from kinemimic.pipeline.filters.clean import Cleaning
 from kinemimic.pipeline.kinematics.clip import Clip
-from kinemimic.pipeline.kinematics.nodes import joints_of_nodes
+from kinemimic.pipeline.kinematics.nodes import joints_by_name
 from kinemimic.pipeline.quality.joint_statistics import joint_statistics, share
 from kinemimic.pipeline.quality.passes import Acquisition
 from kinemimic.pipeline.quality.rules.defect import RULES, Defect
@@ -130,7 +130,7 @@ def quality_table(report: dict[str, Any]) -> RenderableType:
     for column in ("tracked %", "inferred %", "missing %", "filled %", "bone m", "CV %"):
         grid.add_column(column, justify="right")
     names = tuple(report["joints"])
-    shown = sorted(joints_of_nodes(names).values())
+    shown = sorted(joints_by_name(names).values())
     for name in (names[joint] for joint in shown):
         joint = report["joints"][name]
         shares = [f"{100 * joint[key]:.1f}" for key in ("tracked", "inferred", "missing", "filled")]

@@ -13,7 +13,7 @@ from scipy.spatial.transform import Rotation
 
 from kinemimic.pipeline.arrays import Array
 from kinemimic.pipeline.files.store import write_text
-from kinemimic.pipeline.kinematics.angles import anatomical
+from kinemimic.pipeline.kinematics.angles import anatomical_knee
 from kinemimic.pipeline.kinematics.rotations import conjugate, multiply, rotate, to_rotvec
 from kinemimic.pipeline.kinematics.skeleton import NODE_INDEX, NODES
 from kinemimic.pipeline.readers.mocap.mot import JOINTS, WORLD_FROM_FILE
@@ -37,7 +37,7 @@ def write_mot(path: Path, poses: Poses) -> None:
 
     Hinges (knees, ankles, elbows) get the part of their rotation about the lateral axis. That is all of it in
     knees and elbows, unless a simulated joint was forced apart; a foot's sideways rotation is lost. Knees are
-    limited to anatomical angles (`angles.anatomical`). The models have no coordinates for neck and wrists.
+    limited to anatomical_knee angles (`angles.anatomical_knee`). The models have no coordinates for neck and wrists.
     """
     if poses.skeleton.names != NODES:
         raise ValueError("an OpenSim motion needs poses of the 20 nodes")
@@ -79,7 +79,7 @@ def coordinates(poses: Poses) -> dict[str, Array]:
         hip = (f"hip_flexion_{s}", f"hip_adduction_{s}", f"hip_rotation_{s}")
         table |= ball(f"hip_{side}", *hip, mirror=mirror)
         # gait2354's knee also over-extends by at most ten degrees.
-        table[f"knee_angle_{s}"] = -np.degrees(anatomical(-hinge(f"knee_{side}")))
+        table[f"knee_angle_{s}"] = -np.degrees(anatomical_knee(-hinge(f"knee_{side}")))
         table[f"ankle_angle_{s}"] = np.degrees(hinge(f"ankle_{side}"))
     table |= ball("spine", "lumbar_extension", "lumbar_bending", "lumbar_rotation")
     for side, s, mirror in (("right", "r", 1.0), ("left", "l", -1.0)):

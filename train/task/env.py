@@ -16,7 +16,7 @@ from kinemimic.pipeline.kinematics.rotations import (
     from_rotvec,
     multiplier,
     rotate,
-    to_six,
+    to_6d,
 )
 from kinemimic.retarget.humanoid.body import BODIES
 from kinemimic.train.config.config import EnvConfig
@@ -255,7 +255,7 @@ class ImitationBatch:
         half of a mirrored cycle (`mirror.py`) it is the mirror image that is seen."""
         b = self.bodies
         size = len(self.phases)
-        six = to_six(b.rotations)
+        six = to_6d(b.rotations)
         vectors = np.concatenate(
             [
                 six.reshape(size, -1, 3),

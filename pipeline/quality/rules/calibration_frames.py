@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from kinemimic.pipeline.kinematics.body_points import beside_the_body, between, nodes_of, unit
+from kinemimic.pipeline.kinematics.body_points import between, nodes_of, relative_to_body, unit
 from kinemimic.pipeline.kinematics.clip import Clip
 from kinemimic.pipeline.quality.rules.defect import Defect
 from kinemimic.pipeline.quality.rules.frame_selection import select_frames
@@ -22,7 +22,7 @@ def repair(clip: Clip) -> tuple[Clip, list[Defect]]:
     """The clip without the calibration frames, Euler captures included."""
     if len(clip.times) < MAX_FRAMES + 3:
         return clip, []
-    step = np.linalg.norm(beside_the_body(np.diff(clip.positions, axis=0)), axis=-1)
+    step = np.linalg.norm(relative_to_body(np.diff(clip.positions, axis=0)), axis=-1)
     step = np.where(np.isfinite(step), step, 0.0).mean(axis=1)
     lead = int(np.argmax(step[:MAX_FRAMES])) + 1
     if step[lead - 1] < max(MIN_JUMP, MIN_JUMP_RATIO * float(np.median(step[lead:]))):

@@ -10,7 +10,7 @@ import numpy as np
 
 from kinemimic.pipeline.arrays import Array
 from kinemimic.pipeline.errors import CaptureError, KinemimicError
-from kinemimic.pipeline.kinematics.nodes import joints_of_nodes
+from kinemimic.pipeline.kinematics.nodes import joints_by_name
 from kinemimic.pipeline.kinematics.proportions import SHANK, THIGH
 from kinemimic.pipeline.quality.rules.defect import Defect
 
@@ -69,7 +69,7 @@ def infer_unit(names: tuple[str, ...], offsets: Array, path: Path, *, named: str
     """
     if named is not None:
         return Unit(UNITS[named], named, SET_BY_USER, [])
-    found = joints_of_nodes(names)
+    found = joints_by_name(names)
     wanted = [f"{joint}_{side}" for side in ("left", "right") for joint in ("knee", "ankle")]
     missing = [node for node in wanted if node not in found]
     if missing:

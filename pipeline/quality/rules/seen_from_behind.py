@@ -12,7 +12,7 @@ import numpy as np
 
 from kinemimic.pipeline.gait.walking import striding_frames
 from kinemimic.pipeline.kinematics.clip import Clip
-from kinemimic.pipeline.kinematics.nodes import joints_of_nodes
+from kinemimic.pipeline.kinematics.nodes import joints_by_name
 from kinemimic.pipeline.kinematics.skeleton import INFERRED
 from kinemimic.pipeline.kinematics.spans import frame_runs
 from kinemimic.pipeline.quality.rules.defect import Defect
@@ -60,7 +60,7 @@ def repair(clip: Clip) -> tuple[Clip, list[Defect]]:
         text += "left as recorded: Euler channels cannot be swapped"
         return clip, [Defect("swapped_sides", count, "frames", "flagged", text, frames)]
     repaired = swap_sides(clip, where, range(len(clip.skeleton.names)), tuple(clip.angles or ()))
-    feet = [joint for node, joint in joints_of_nodes(clip.skeleton.names).items() if node.startswith("foot")]
+    feet = [joint for node, joint in joints_by_name(clip.skeleton.names).items() if node.startswith("foot")]
     # The tracker did not see the toes that it placed towards the sensor.
     rows = np.flatnonzero(where)[:, None]
     repaired.states[rows, feet] = np.minimum(repaired.states[rows, feet], INFERRED)

@@ -12,7 +12,7 @@ import numpy as np
 
 from kinemimic.pipeline.arrays import Array, Mask
 from kinemimic.pipeline.kinematics.clip import Clip
-from kinemimic.pipeline.kinematics.nodes import joints_of_nodes
+from kinemimic.pipeline.kinematics.nodes import joints_by_name
 from kinemimic.pipeline.kinematics.spans import frame_runs, runs
 from kinemimic.pipeline.quality.rules.defect import Defect, plural
 from kinemimic.pipeline.quality.rules.swap_sides import swap_sides
@@ -30,7 +30,7 @@ MAX_SWAP_DURATION = 1.0
 
 def repair(clip: Clip) -> tuple[Clip, list[Defect]]:
     """The clip with swapped limbs put back on their sides, pass by pass."""
-    found = joints_of_nodes(clip.skeleton.names)
+    found = joints_by_name(clip.skeleton.names)
     swapped = np.zeros(len(clip.times), dtype=np.bool_)
     parts: list[str] = []
     repaired = clip

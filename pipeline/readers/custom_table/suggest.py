@@ -12,7 +12,7 @@ import numpy as np
 
 from kinemimic.pipeline.files.toml_text import column as column_of
 from kinemimic.pipeline.files.toml_text import folded, key, one_or_list, quoted
-from kinemimic.pipeline.kinematics.nodes import joints_of_nodes
+from kinemimic.pipeline.kinematics.nodes import joints_by_name
 from kinemimic.pipeline.kinematics.skeleton import NODE_PARENTS, NODES
 from kinemimic.pipeline.readers.base.source import Source
 from kinemimic.pipeline.readers.custom_table.suggest_body import axes_of, quaternion_order, time_unit
@@ -63,7 +63,7 @@ def _draft(source: Source, sheet: Sheet, layout: Layout) -> Iterator[str]:
 
 def _node_names(names: Sequence[str]) -> tuple[str, ...]:
     """The node's name for each joint that is one of the 20, the joint's own name for the others."""
-    nodes = {joint: node for node, joint in joints_of_nodes(tuple(names)).items()}
+    nodes = {joint: node for node, joint in joints_by_name(tuple(names)).items()}
     return tuple(nodes.get(k, name) for k, name in enumerate(names))
 
 
@@ -190,7 +190,7 @@ def _parents(names: Sequence[str]) -> list[int]:
     known = dict(zip(SDK_JOINTS, SDK_PARENTS, strict=True))
     azure = azure_skeleton()
     known |= {n: azure.names[p] if p >= 0 else "" for n, p in zip(azure.names, azure.parents, strict=True)}
-    nodes = joints_of_nodes(tuple(names))
+    nodes = joints_by_name(tuple(names))
     of_joint = {joint: NODES.index(node) for node, joint in nodes.items()}
     parents = []
     for k, name in enumerate(names):

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from kinemimic.pipeline.arrays import Array
-from kinemimic.pipeline.kinematics.nodes import joints_of_nodes
+from kinemimic.pipeline.kinematics.nodes import joints_by_name
 from kinemimic.pipeline.kinematics.rotations import normalize, rotate
 from kinemimic.pipeline.quality.rules.length_units import plausible_units
 from kinemimic.pipeline.readers.custom_table.description import LENGTHS, SECONDS
@@ -38,7 +38,7 @@ class Axes:
 
 def axes_of(points: Array, names: Sequence[str]) -> Axes:
     """Unit and axes of points (T, J, 3) of joints with these names; as for a Kinect where unknown."""
-    index = joints_of_nodes(tuple(names))
+    index = joints_by_name(tuple(names))
     places = {node: points[:, joint] for node, joint in index.items()}
     notes: dict[str, str] = {}
     unit = _unit(places, notes)

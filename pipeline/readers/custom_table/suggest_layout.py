@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from kinemimic.pipeline.arrays import Array
-from kinemimic.pipeline.kinematics.nodes import joints_of_nodes
+from kinemimic.pipeline.kinematics.nodes import joints_by_name
 from kinemimic.pipeline.readers.custom_table.suggest_names import Columns, joints_of_header
 from kinemimic.pipeline.readers.custom_table.suggest_orders import (
     GOOD_SCORE,
@@ -64,7 +64,7 @@ def _by_column(sheet: Sheet) -> Layout | None:
         if not (
             _JOINT_COUNTS[0] <= len(names) <= _JOINT_COUNTS[1]
             and repeated
-            and len(joints_of_nodes(names)) >= _MIN_NODES
+            and len(joints_by_name(names)) >= _MIN_NODES
         ):
             continue
         one = _columns_of_row(sheet)
@@ -121,7 +121,7 @@ def _by_header(sheet: Sheet) -> Layout | None:
     names, columns = tuple(with_position), tuple(with_position.values())
     rotations = _rotations(sheet, columns)
     known = order_of_points(points)
-    has_node_names = len(joints_of_nodes(names)) >= _MIN_NODES
+    has_node_names = len(joints_by_name(names)) >= _MIN_NODES
     score = body_score(points, names) if has_node_names else np.inf
     # Some recorders' headers list the joints in a wrong sequence.
     names_are_wrong = known is not None and GOOD_SCORE <= score < np.inf and known[1] < 0.5 * score

@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from kinemimic.pipeline.arrays import Array
-from kinemimic.pipeline.kinematics.nodes import joints_of_nodes
+from kinemimic.pipeline.kinematics.nodes import joints_by_name
 from kinemimic.pipeline.kinematics.skeleton import NODES
 from kinemimic.pipeline.readers.kinect.azure_joints import JOINTS as AZURE
 from kinemimic.pipeline.readers.kinect.kinect_v2 import SDK_JOINTS
@@ -124,7 +124,7 @@ def body_score(points: Array, joints: Sequence[str]) -> float:
     |log| of the bones' lengths over an adult's, and one minus the cosine between trunk and thigh. Independent
     of the unit.
     """
-    index = joints_of_nodes(tuple(joints))
+    index = joints_by_name(tuple(joints))
     if not index.keys() >= _NEEDED:
         return float("inf")
     # A coordinate that is always 0, 1 or 2 is a state.

@@ -8,7 +8,7 @@ import numpy as np
 
 from kinemimic.pipeline.errors import CaptureError
 from kinemimic.pipeline.files.records import short
-from kinemimic.pipeline.kinematics.nodes import joints_of_nodes
+from kinemimic.pipeline.kinematics.nodes import joints_by_name
 from kinemimic.pipeline.kinematics.skeleton import NODES, Skeleton, node_skeleton
 from kinemimic.pipeline.readers.base.node_parents import nearest_ancestor
 from kinemimic.pipeline.readers.custom_table.description import Description
@@ -36,7 +36,7 @@ def tree_of(description: Description) -> Tree:
         any(joint.quaternion or joint.euler or joint.offset for joint in joints)
         or description.space.relative_to == "parent"
     )
-    nodes = joints_of_nodes(names)
+    nodes = joints_by_name(names)
     if len(names) == len(nodes) == len(NODES) and not has_rotations and all(j.parent is None for j in joints):
         return Tree(node_skeleton(), tuple(nodes[node] for node in NODES))
     parents = _parents(names, nodes, [joint.parent for joint in joints])

@@ -13,7 +13,7 @@ from kinemimic.pipeline.arrays import Array, States
 from kinemimic.pipeline.cli.progress import progress
 from kinemimic.pipeline.errors import CaptureError
 from kinemimic.pipeline.kinematics.clip import Clip
-from kinemimic.pipeline.kinematics.nodes import joints_of_nodes
+from kinemimic.pipeline.kinematics.nodes import joints_by_name
 from kinemimic.pipeline.kinematics.skeleton import MISSING, NODES, Skeleton, node_skeleton
 from kinemimic.pipeline.readers.base.clip_building import clip_of_points, reading
 from kinemimic.pipeline.readers.base.node_parents import nearest_ancestor
@@ -116,7 +116,7 @@ def skeleton_of(names: Sequence[str]) -> tuple[Skeleton, list[int]]:
     The 20 nodes if the names are exactly those; otherwise the names as given, nodes first, each below its
     nearest ancestor among them, and all other joints below the first.
     """
-    nodes = joints_of_nodes(tuple(names))
+    nodes = joints_by_name(tuple(names))
     found = [node for node in NODES if node in nodes]
     order = [nodes[node] for node in found]
     if len(found) == len(NODES) == len(names):

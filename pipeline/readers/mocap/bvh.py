@@ -11,7 +11,7 @@ import numpy as np
 
 from kinemimic.pipeline.arrays import Array
 from kinemimic.pipeline.kinematics.clip import Clip
-from kinemimic.pipeline.kinematics.euler import local_rotations, positions_of_channels
+from kinemimic.pipeline.kinematics.euler import positions_of_channels, rotations_of_channels
 from kinemimic.pipeline.kinematics.rotations import Y_UP_TO_Z_UP, angle_between
 from kinemimic.pipeline.kinematics.skeleton import TRACKED, Skeleton
 from kinemimic.pipeline.quality.rules.defect import Defect
@@ -139,7 +139,7 @@ def calibration_frames(euler: Array, orders: tuple[str, ...]) -> tuple[int, str]
     leading = int(np.argmin(whole > 0.9))
     if not 0 < leading <= _MAX_CALIBRATION or np.median(whole) > 0.5 or len(euler) < leading + 3:
         return 0, ""
-    rotations = local_rotations(euler, orders, Y_UP_TO_Z_UP)
+    rotations = rotations_of_channels(euler, orders, Y_UP_TO_Z_UP)
     steps = angle_between(rotations[:-1], rotations[1:])[:, moving.any(axis=-1)].mean(axis=-1)
     if steps[leading - 1] < 10.0 * max(float(np.median(steps[leading:])), 1e-9):
         return 0, ""

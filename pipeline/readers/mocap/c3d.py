@@ -12,7 +12,7 @@ import numpy as np
 
 from kinemimic.pipeline.arrays import Array
 from kinemimic.pipeline.kinematics.clip import Clip
-from kinemimic.pipeline.kinematics.nodes import joints_of_nodes
+from kinemimic.pipeline.kinematics.nodes import joints_by_name
 from kinemimic.pipeline.kinematics.rotations import IDENTITY, Y_UP_TO_Z_UP, from_axis_angle
 from kinemimic.pipeline.kinematics.skeleton import node_skeleton
 from kinemimic.pipeline.quality.rules.defect import Defect
@@ -109,7 +109,7 @@ def read(source: Source) -> Clip:
 def _body_labels(labels: tuple[str, ...]) -> tuple[str, ...]:
     """The labels of joints and known markers; files store angles, forces and moments as points too."""
     known = {k for markers in landmarks(labels).values() for k in markers} | set(
-        joints_of_nodes(labels).values()
+        joints_by_name(labels).values()
     )
     return tuple(labels[k] for k in sorted(known)) or labels
 

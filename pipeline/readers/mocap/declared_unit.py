@@ -9,7 +9,7 @@ from __future__ import annotations
 import numpy as np
 
 from kinemimic.pipeline.arrays import Array
-from kinemimic.pipeline.kinematics.nodes import joints_of_nodes
+from kinemimic.pipeline.kinematics.nodes import joints_by_name
 from kinemimic.pipeline.quality.rules.defect import Defect
 from kinemimic.pipeline.quality.rules.length_units import LEG_RANGE, unit_correction
 from kinemimic.pipeline.readers.mocap.marker_names import SIDES, landmarks
@@ -55,7 +55,7 @@ def _chain(labels: tuple[str, ...], side: str) -> tuple[list[tuple[int, ...]], b
     """The points at hip, knee and ankle of a side ([] if unknown), and whether they are markers on
     the skin.
     """
-    joints, marked = joints_of_nodes(labels), landmarks(labels)
+    joints, marked = joints_by_name(labels), landmarks(labels)
     nodes = [f"{joint}_{side}" for joint in ("hip", "knee", "ankle")]
     if joints.keys() >= set(nodes):
         return [(joints[node],) for node in nodes], False

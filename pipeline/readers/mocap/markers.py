@@ -9,7 +9,7 @@ import numpy as np
 
 from kinemimic.pipeline.arrays import Array
 from kinemimic.pipeline.kinematics.clip import Clip
-from kinemimic.pipeline.kinematics.nodes import joints_of_nodes
+from kinemimic.pipeline.kinematics.nodes import joints_by_name
 from kinemimic.pipeline.kinematics.proportions import TRUNK, stature
 from kinemimic.pipeline.kinematics.skeleton import NODE_INDEX, NODES, Skeleton
 from kinemimic.pipeline.readers.base.clip_building import clip_of_points
@@ -61,7 +61,7 @@ def clip_of_markers(
 
     Raises CaptureError naming what is missing if hips, knees or ankles cannot be computed.
     """
-    joint_points = joints_of_nodes(labels)
+    joint_points = joints_by_name(labels)
     notes: list[str] = []
     if joint_points.keys() >= set(_LEGS):
         centres = {node: points[:, point] for node, point in joint_points.items()}

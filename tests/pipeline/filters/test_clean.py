@@ -9,11 +9,11 @@ import numpy as np
 import pytest
 
 from kinemimic.pipeline.errors import KinemimicError
-from kinemimic.pipeline.filters.clean import WORDS, clean
+from kinemimic.pipeline.filters.clean import FILTER_DESCRIPTIONS, clean
 from kinemimic.pipeline.filters.fill import fill
 from kinemimic.pipeline.filters.options import FILTERS
 from kinemimic.pipeline.kinematics.clip import Clip
-from kinemimic.pipeline.kinematics.euler import local_rotations, world_positions
+from kinemimic.pipeline.kinematics.euler import rotations_of_channels, world_positions
 from kinemimic.pipeline.kinematics.rotations import (
     Y_UP_TO_Z_UP,
     angle_between,
@@ -59,9 +59,9 @@ def test_each_method_says_what_it_did(node_clip: Build) -> None:
     assert done["none"] == ()
     assert done["butterworth"] == (
         "spikes replaced by the median of five frames: 1 joint positions",
-        WORDS["butterworth"],
+        FILTER_DESCRIPTIONS["butterworth"],
     )
-    assert done["one-euro"][1] == WORDS["one-euro"]
+    assert done["one-euro"][1] == FILTER_DESCRIPTIONS["one-euro"]
     assert done["kalman"][0] == "wild values overruled: 1 joint positions"
     assert done["kalman"][1].startswith("Kalman-RTS smoother, cut-offs ")
 
@@ -108,7 +108,7 @@ def rotating(node_clip: Build, frames: int) -> Clip:
     euler[:, 0, 1:] = 0.0
     translations = np.tile(np.full((20, 3), 0.1), (frames, 1, 1))
     orders = ("YZX",) * 20
-    rotations = local_rotations(euler, orders, Y_UP_TO_Z_UP)
+    rotations = rotations_of_channels(euler, orders, Y_UP_TO_Z_UP)
     positions = world_positions(clip.skeleton, translations, rotations, Y_UP_TO_Z_UP)
     return replace(
         clip, positions=positions, euler=euler, orders=orders, translations=translations,
@@ -130,8 +130,8 @@ def test_filtered_rotations_follow_full_turns_and_lose_noise(node_clip: Build, m
     noisy = replace(clip, euler=clip.euler + np.random.default_rng(0).normal(0, 0.05, clip.euler.shape))
     filtered, _ = clean(noisy, method)
     assert filtered.rotations is not None and filtered.euler is noisy.euler
-    truth = local_rotations(clip.euler, clip.orders, clip.world_from_file)
-    before = angle_between(local_rotations(noisy.euler, clip.orders, clip.world_from_file), truth)
+    truth = rotations_of_channels(clip.euler, clip.orders, clip.world_from_file)
+    before = angle_between(rotations_of_channels(noisy.euler, clip.orders, clip.world_from_file), truth)
     after = angle_between(filtered.rotations, truth)
     inner = slice(10, -10)
     assert after[inner].mean() < 0.75 * before[inner].mean()

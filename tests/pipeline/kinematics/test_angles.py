@@ -7,7 +7,13 @@ import pytest
 from samples.motion import walk
 
 from kinemimic.pipeline.arrays import Array
-from kinemimic.pipeline.kinematics.angles import ANGLES, anatomical, hip_flexion, knee_flexion, leg_angles
+from kinemimic.pipeline.kinematics.angles import (
+    ANGLES,
+    anatomical_knee,
+    hip_flexion,
+    knee_flexion,
+    leg_angles,
+)
 from kinemimic.pipeline.kinematics.rotations import from_axis_angle, multiply, rotate
 from kinemimic.pipeline.kinematics.skeleton import NODE_INDEX, NODES
 
@@ -85,7 +91,7 @@ def test_definitions_by_hand() -> None:
 def test_a_knee_bends_to_the_front_a_little_and_only_through_straight(
     shown: list[float], meant: list[float]
 ) -> None:
-    found = anatomical(np.radians(np.array(shown, dtype=np.float64)))
+    found = anatomical_knee(np.radians(np.array(shown, dtype=np.float64)))
     np.testing.assert_array_equal(found, np.radians(np.array(meant, dtype=np.float64)))
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from kinemimic.pipeline.kinematics.euler import local_rotations, positions_of_channels, world_positions
+from kinemimic.pipeline.kinematics.euler import positions_of_channels, rotations_of_channels, world_positions
 from kinemimic.pipeline.kinematics.rotations import IDENTITY, ORDERS, from_axis_angle, normalize, to_matrix
 from kinemimic.pipeline.kinematics.skeleton import Skeleton
 
@@ -23,7 +23,7 @@ def test_positions_of_channels_are_those_of_forward_kinematics(tilted: bool) -> 
     translations = rng.normal(size=(frames, joints, 3))
     world = normalize(rng.normal(size=4))
     rests = normalize(rng.normal(size=(joints, 4))) if tilted else None
-    slow = world_positions(skeleton, translations, local_rotations(euler, orders, world, rests), world)
+    slow = world_positions(skeleton, translations, rotations_of_channels(euler, orders, world, rests), world)
     fast = positions_of_channels(skeleton, translations, euler, orders, world, rests)
     np.testing.assert_allclose(fast, slow, atol=1e-12)
 
@@ -31,7 +31,7 @@ def test_positions_of_channels_are_those_of_forward_kinematics(tilted: bool) -> 
 def test_a_rest_turns_the_frame_in_which_channels_turn() -> None:
     """A quarter turn about Z at rest, then one of the channel X: about the world's Y."""
     rests = from_axis_angle("Z", np.array([0.5 * np.pi]))
-    q = local_rotations(np.array([[[0.5 * np.pi, 0, 0]]]), ("XYZ",), np.array([0.0, 0, 0, 1]), rests)
+    q = rotations_of_channels(np.array([[[0.5 * np.pi, 0, 0]]]), ("XYZ",), np.array([0.0, 0, 0, 1]), rests)
     np.testing.assert_allclose(to_matrix(q)[0, 0] @ [0, 1, 0], to_matrix(rests)[0] @ [0, 0, 1], atol=1e-12)
     np.testing.assert_allclose(to_matrix(q)[0, 0] @ [1, 0, 0], [0, 1, 0], atol=1e-12)
 
@@ -41,5 +41,5 @@ def test_rotations_are_sign_continuous_where_a_channel_wraps(order: str) -> None
     turn = np.linspace(0.0, 4.0 * np.pi, 50)
     euler = np.zeros((50, 2, 3))
     euler[:, 1, 0] = np.mod(turn + np.pi, 2.0 * np.pi) - np.pi
-    q = local_rotations(euler, (order, order), IDENTITY)
+    q = rotations_of_channels(euler, (order, order), IDENTITY)
     assert (np.sum(q[1:] * q[:-1], axis=-1) > 0.99).all()

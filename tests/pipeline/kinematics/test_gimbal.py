@@ -12,7 +12,7 @@ from scipy.spatial.transform import Rotation
 
 from kinemimic.pipeline.arrays import Array
 from kinemimic.pipeline.kinematics.clip import Clip
-from kinemimic.pipeline.kinematics.euler import local_rotations
+from kinemimic.pipeline.kinematics.euler import rotations_of_channels
 from kinemimic.pipeline.kinematics.gimbal import distance_from_lock, flips, gimbal_report, table
 from kinemimic.pipeline.kinematics.rotations import (
     IDENTITY,
@@ -50,7 +50,7 @@ def with_channels(node_clip: Build, euler: Array, order: str) -> tuple[Clip, Arr
     channels[:, 5] = euler
     orders = ("",) * 5 + (order,) + ("",) * 14
     clip = replace(clip, euler=channels, orders=orders, translations=np.zeros_like(channels))
-    return clip, local_rotations(channels, orders, IDENTITY)
+    return clip, rotations_of_channels(channels, orders, IDENTITY)
 
 
 @pytest.mark.parametrize("order", ORDERS)

@@ -11,7 +11,7 @@ import pytest
 
 from kinemimic.pipeline.errors import KinemimicError
 from kinemimic.pipeline.kinematics.clip import Clip
-from kinemimic.pipeline.kinematics.nodes import joints_of_nodes, made_up, normalised, to_nodes
+from kinemimic.pipeline.kinematics.nodes import derived_nodes, joints_by_name, normalised, to_nodes
 from kinemimic.pipeline.kinematics.skeleton import BONES, NODE_INDEX, NODES, Skeleton
 from kinemimic.pipeline.readers.base.source import Source
 from kinemimic.pipeline.readers.kinect.kinect_v2 import SDK_JOINTS
@@ -84,7 +84,7 @@ OPENSIM += "toes_l torso humerus_r ulna_r radius_r hand_r humerus_l ulna_l radiu
 )  # fmt: skip
 def test_conventions(names: str, expected: str) -> None:
     joints = tuple(names.split())
-    found = joints_of_nodes(joints)
+    found = joints_by_name(joints)
     nodes = [
         f"{joint}_left" for joint in ("hip", "knee", "ankle", "foot", "shoulder", "elbow", "wrist", "hand")
     ]
@@ -115,7 +115,7 @@ def test_conventions(names: str, expected: str) -> None:
 )
 def test_the_trunk_of_each_convention(names: str, expected: str) -> None:
     joints = tuple(names.split())
-    found = joints_of_nodes(joints)
+    found = joints_by_name(joints)
     assert [joints[found[node]] for node in ("hip_center", "spine", "shoulder_center", "head")] == (
         expected.split()
     )
@@ -123,7 +123,7 @@ def test_the_trunk_of_each_convention(names: str, expected: str) -> None:
 
 def test_the_bodies_of_opensim() -> None:
     joints = tuple(OPENSIM.split())
-    found = {node: joints[index] for node, index in joints_of_nodes(joints).items()}
+    found = {node: joints[index] for node, index in joints_by_name(joints).items()}
     legs = ("hip", "knee", "ankle", "foot")
     assert [found[f"{joint}_left"] for joint in legs] == ["femur_l", "tibia_l", "talus_l", "toes_l"]
     assert [found[f"{joint}_right"] for joint in ("shoulder", "elbow", "wrist")] == [
@@ -185,7 +185,7 @@ def test_legs_and_a_trunk_become_a_whole_body(node_clip: Build) -> None:
     whole = node_clip()
     clip = only(whole, (*LEGS, "hip_center", "spine"))
     positions, states = to_nodes(clip)
-    assert set(made_up(clip)) == set(NODES) - {*LEGS, "hip_center", "spine"}
+    assert set(derived_nodes(clip)) == set(NODES) - {*LEGS, "hip_center", "spine"}
     shown = [NODE_INDEX[node] for node in clip.skeleton.names]
     assert np.array_equal(positions[:, shown], clip.positions)
     assert (states[:, shown] == 2).all()
@@ -233,7 +233,7 @@ def test_an_elbow_between_shoulder_and_wrist(node_clip: Build) -> None:
     positions, _ = to_nodes(clip)
     ends = [clip.positions[:, clip.skeleton.index(f"{joint}_left")] for joint in ("shoulder", "wrist")]
     assert np.allclose(positions[:, NODE_INDEX["elbow_left"]], 0.5 * (ends[0] + ends[1]))
-    assert made_up(clip) == ("elbow_left", "hand_left")
+    assert derived_nodes(clip) == ("elbow_left", "hand_left")
 
 
 def test_a_capture_without_a_trunk_is_refused(node_clip: Build) -> None:

@@ -14,7 +14,7 @@ from kinemimic.pipeline.kinematics.orient import node_frames, node_rotations
 from kinemimic.pipeline.kinematics.rotations import angle_between, from_axis_angle, from_euler, multiply
 from kinemimic.pipeline.kinematics.skeleton import NODE_INDEX as N
 from kinemimic.pipeline.kinematics.trunk import direction
-from kinemimic.pipeline.kinematics.twist import follow
+from kinemimic.pipeline.kinematics.twist import follow_twist
 from kinemimic.pipeline.quality.check import check_capture
 from kinemimic.pipeline.readers.recognise import read
 from tests.pipeline.kinematics.test_orient import positions_of, standing
@@ -136,7 +136,7 @@ def test_a_turn_is_carried_across_the_straight_and_never_leaps():
     seen = np.where(np.arange(frames) < 50, 0.4, 0.9)
     still = np.broadcast_to([[0.0, 0.0, -1.0], [0.1, 0.0, -1.0]], (frames, 2, 3)).copy()
     still[:, 1, 1] = 0.03 * np.arange(frames)
-    turn = follow(seen, sine, still)
+    turn = follow_twist(seen, sine, still)
     assert turn[:25] == pytest.approx(0.4, abs=0.02)
     assert turn[75:] == pytest.approx(0.9, abs=0.02)
     assert np.abs(np.diff(turn)).max() < 0.07
@@ -146,14 +146,14 @@ def test_what_is_seen_at_a_right_angle_is_kept_to_the_last_digit():
     rng = np.random.default_rng(0)
     seen = np.cumsum(rng.normal(0.0, 0.01, 200))
     moved = np.stack([np.cos(seen), np.sin(seen), np.zeros(200)], axis=-1)[:, None]
-    assert follow(seen, np.ones(200), moved) == pytest.approx(seen, abs=1e-9)
+    assert follow_twist(seen, np.ones(200), moved) == pytest.approx(seen, abs=1e-9)
 
 
 def test_a_gap_leaves_what_is_on_either_side():
     seen, sine = np.full(20, 0.3), np.full(20, 0.8)
     moved = np.tile([1.0, 0.0, 0.0], (20, 1, 1))
     seen[5:9] = np.nan
-    turn = follow(seen, sine, moved)
+    turn = follow_twist(seen, sine, moved)
     assert np.isnan(turn[5:9]).all()
     assert np.delete(turn, range(5, 9)) == pytest.approx(0.3, abs=0.02)
 

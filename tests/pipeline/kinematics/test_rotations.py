@@ -78,7 +78,7 @@ def test_double_cover(q: Array, v: Array) -> None:
     """Both signs are one rotation, in every form."""
     assert np.allclose(r.rotate(-q, v), r.rotate(q, v), atol=1e-12)
     assert np.allclose(r.to_matrix(-q), r.to_matrix(q), atol=1e-15)
-    assert np.allclose(r.to_six(-q), r.to_six(q), atol=1e-15)
+    assert np.allclose(r.to_6d(-q), r.to_6d(q), atol=1e-15)
     assert r.angle_between(q, -q) < 1e-7
     if abs(q[3]) > 1e-9:  # at half a turn either sign of the axis is right
         assert np.allclose(r.to_rotvec(-q), r.to_rotvec(q), atol=1e-9)
@@ -89,7 +89,7 @@ def test_matrices_are_rotations(q: Array) -> None:
     m = r.to_matrix(q)
     assert np.allclose(m @ m.T, np.eye(3), atol=1e-12)
     assert abs(np.linalg.det(m) - 1.0) < 1e-12
-    assert np.array_equal(r.to_six(q), m[:, :2].T.ravel())
+    assert np.array_equal(r.to_6d(q), m[:, :2].T.ravel())
 
 
 @given(quaternions, quaternions, quaternions)

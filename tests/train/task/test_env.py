@@ -15,8 +15,8 @@ from kinemimic.pipeline.kinematics.rotations import (
     multiply,
     normalize,
     rotate,
+    to_6d,
     to_rotvec,
-    to_six,
 )
 from kinemimic.retarget.humanoid.motion import Motion
 from kinemimic.train.config.config import DomainRandomization, EnvConfig
@@ -133,7 +133,7 @@ def test_observation_is_what_its_parts_say(motion: Motion, puppets) -> None:
         level = from_axis_angle("Z", -np.arctan2(forward[1], forward[0]))
         wanted = [
             [np.sin(2 * np.pi * phases[k]), np.cos(2 * np.pi * phases[k]), pelvis[2]],
-            to_six(multiply(level, states.rotations[k])),
+            to_6d(multiply(level, states.rotations[k])),
             rotate(level, states.positions[k, 1:] - pelvis),
             rotate(level, states.linear[k]),
             rotate(level, states.angular[k]),

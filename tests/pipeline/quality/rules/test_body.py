@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from kinemimic.pipeline.kinematics.clip import Clip, scaled
-from kinemimic.pipeline.kinematics.euler import local_rotations, world_positions
+from kinemimic.pipeline.kinematics.euler import rotations_of_channels, world_positions
 from kinemimic.pipeline.kinematics.orient import node_rotations
 from kinemimic.pipeline.kinematics.rotations import from_axis_angle, rotate
 from kinemimic.pipeline.kinematics.skeleton import NODE_INDEX as N
@@ -119,7 +119,7 @@ def test_an_euler_capture_is_turned_in_its_axes(bvh: Text) -> None:
     repaired, (found,) = wrong_up_axis.repair(wrong)
     assert found.action == "repaired"
     assert repaired.translations is not None and repaired.euler is not None and repaired.orders is not None
-    turned = local_rotations(repaired.euler, repaired.orders, repaired.world_from_file)
+    turned = rotations_of_channels(repaired.euler, repaired.orders, repaired.world_from_file)
     places = world_positions(repaired.skeleton, repaired.translations, turned, repaired.world_from_file)
     np.testing.assert_allclose(places, repaired.positions, atol=1e-9)
     assert np.median(repaired.positions[:, repaired.skeleton.names.index("Head"), 2]) > 1.0

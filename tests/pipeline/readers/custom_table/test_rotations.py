@@ -11,7 +11,7 @@ from peers.custom_table import FRAMES, UNITY, Array, read, table
 from scipy.spatial.transform import Rotation
 
 from kinemimic.pipeline.errors import CaptureError
-from kinemimic.pipeline.kinematics.euler import local_rotations, world_positions
+from kinemimic.pipeline.kinematics.euler import rotations_of_channels, world_positions
 from kinemimic.pipeline.kinematics.rotations import angle_between, conjugate, multiply
 
 LIMB = ("pelvis", "thigh", "shank")
@@ -64,7 +64,7 @@ def test_euler_angles_and_offsets(tmp_path: Path, order: str) -> None:
     expected = positions_of(world, root)[..., [2, 0, 1]]
     assert clip.positions == pytest.approx(expected, abs=1e-8)
     assert clip.translations is not None and clip.euler is not None
-    rotations = local_rotations(clip.euler, clip.orders or (), clip.world_from_file)
+    rotations = rotations_of_channels(clip.euler, clip.orders or (), clip.world_from_file)
     again = world_positions(clip.skeleton, clip.translations, rotations, clip.world_from_file)
     assert again == pytest.approx(clip.positions, abs=1e-9)
 

@@ -14,7 +14,7 @@ from kinemimic.pipeline.arrays import Array
 from kinemimic.pipeline.errors import CaptureError
 from kinemimic.pipeline.kinematics.angles import leg_angles
 from kinemimic.pipeline.kinematics.clip import Clip
-from kinemimic.pipeline.kinematics.euler import local_rotations, world_positions
+from kinemimic.pipeline.kinematics.euler import rotations_of_channels, world_positions
 from kinemimic.pipeline.kinematics.nodes import to_nodes
 from kinemimic.pipeline.readers.base.source import Source
 from kinemimic.pipeline.readers.mocap import asf_amc, bvh
@@ -73,7 +73,7 @@ def test_the_channels_are_the_files_own_and_make_the_positions(tmp_path: Path) -
     rx, ry, rz = (float(word) for word in line.split()[1:])
     assert clip.orders[femur] == "ZYX"
     np.testing.assert_allclose(np.degrees(clip.euler[0, femur]), [rz, ry, rx])
-    rotations = local_rotations(clip.euler, clip.orders, clip.world_from_file, clip.rests)
+    rotations = rotations_of_channels(clip.euler, clip.orders, clip.world_from_file, clip.rests)
     again = world_positions(clip.skeleton, clip.translations, rotations, clip.world_from_file)
     np.testing.assert_allclose(again, clip.positions, atol=1e-9)
 

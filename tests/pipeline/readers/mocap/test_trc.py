@@ -13,7 +13,7 @@ from kinemimic.pipeline.arrays import Array
 from kinemimic.pipeline.errors import CaptureError
 from kinemimic.pipeline.kinematics.angles import leg_angles
 from kinemimic.pipeline.kinematics.clip import Clip
-from kinemimic.pipeline.kinematics.nodes import made_up, to_nodes
+from kinemimic.pipeline.kinematics.nodes import derived_nodes, to_nodes
 from kinemimic.pipeline.kinematics.skeleton import NODE_INDEX
 from kinemimic.pipeline.quality.check import check_capture
 from kinemimic.pipeline.readers import recognise
@@ -42,7 +42,7 @@ def test_the_known_walk_comes_back() -> None:
             index = NODE_INDEX[f"{node}_{side}"]
             assert np.abs(positions[:, index] - shown.joints[:, index]).max() < 1e-7, node
     assert np.abs(positions[:, NODE_INDEX["head"]] - shown.joints[:, NODE_INDEX["head"]]).max() < 1e-7
-    assert made_up(clip) == ("shoulder_center", "hand_left", "hand_right")
+    assert derived_nodes(clip) == ("shoulder_center", "hand_left", "hand_right")
     # The spine node stands where it gives the pelvis' own frame.
     for name, curve in leg_angles(positions).items():
         assert np.abs(curve - shown.angles[name]).max() < 1e-6, name
@@ -242,7 +242,7 @@ def test_knee_and_hip_agree_with_inverse_kinematics(captures: Path, capture: str
 
 def test_a_lab_walk_without_arms(captures: Path) -> None:
     clip = recognise.read(captures / "lab_angle_curves" / "bmc_walk1.trc")
-    assert "elbow_left" in made_up(clip)
+    assert "elbow_left" in derived_nodes(clip)
     positions, states = to_nodes(clip)
     assert (states > 0).all()
     thigh = np.linalg.norm(

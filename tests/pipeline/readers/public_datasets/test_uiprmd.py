@@ -15,7 +15,7 @@ from kinemimic.pipeline.arrays import Array
 from kinemimic.pipeline.errors import CaptureError
 from kinemimic.pipeline.kinematics.clip import Clip
 from kinemimic.pipeline.kinematics.euler import positions_of_channels
-from kinemimic.pipeline.kinematics.nodes import joints_of_nodes, made_up, to_nodes
+from kinemimic.pipeline.kinematics.nodes import derived_nodes, joints_by_name, to_nodes
 from kinemimic.pipeline.kinematics.skeleton import NODE_INDEX
 from kinemimic.pipeline.readers import recognise
 from kinemimic.pipeline.readers.base.source import Source
@@ -56,7 +56,7 @@ def test_the_known_walk_comes_back(tmp_path: Path) -> None:
     ):
         place = in_sight(walk(40, 30.0)).joints[:, NODE_INDEX[node]]
         assert np.abs(positions[:, NODE_INDEX[node]] - place).max() < 2e-6
-    assert made_up(clip) == ("hand_left", "hand_right")
+    assert derived_nodes(clip) == ("hand_left", "hand_right")
     assert (states > 0).all()
 
 
@@ -163,7 +163,7 @@ def test_every_real_recording_stands_upright_and_looks_forward(captures: Path) -
     for path in sorted((captures / "kinect2_vicon_uiprmd").glob("kinect_*_positions*.txt.gz")):
         clip = recognise.read(path)
         positions, _ = to_nodes(clip)
-        assert {"hip_left", "knee_right", "ankle_left"} <= joints_of_nodes(clip.skeleton.names).keys()
+        assert {"hip_left", "knee_right", "ankle_left"} <= joints_by_name(clip.skeleton.names).keys()
         p = {node: np.median(positions[:, k], axis=0) for node, k in NODE_INDEX.items()}
         assert p["head"][2] > p["shoulder_center"][2] > p["hip_center"][2] > p["ankle_left"][2], path.name
         assert p["hip_left"][1] > p["hip_right"][1], path.name

@@ -11,7 +11,7 @@ from samples.uiprmd_vicon import RATE, files, rows
 
 from kinemimic.pipeline.errors import CaptureError
 from kinemimic.pipeline.kinematics.angles import leg_angles
-from kinemimic.pipeline.kinematics.nodes import made_up, to_nodes
+from kinemimic.pipeline.kinematics.nodes import derived_nodes, to_nodes
 from kinemimic.pipeline.kinematics.skeleton import NODE_INDEX
 from kinemimic.pipeline.readers import recognise
 
@@ -28,7 +28,7 @@ def test_the_known_walk_comes_back_from_either_file(tmp_path: Path) -> None:
         clip = recognise.read(path)
         assert clip.provenance["format"] == "UI-PRMD Vicon"
         assert clip.rate == pytest.approx(100.0)
-        assert made_up(clip) == ()
+        assert derived_nodes(clip) == ()
         positions, _ = to_nodes(clip)
         for node in set(NODE_INDEX) - {"hip_center", "spine"}:
             assert np.abs(positions[:, NODE_INDEX[node]] - shown.joints[:, NODE_INDEX[node]]).max() < 1e-7, (
