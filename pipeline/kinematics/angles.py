@@ -50,7 +50,7 @@ def pelvis_frame(hip_left: Array, hip_right: Array, hip_center: Array, spine: Ar
 
 
 def hip_flexion(pelvis: Array, hip: Array, knee: Array) -> Array:
-    """Angle (...,) of the thigh in the sagittal plane of the pelvis (..., 4), radians; forward is positive."""
+    """Angle (...,) of the thigh in the pelvis' sagittal plane, forward positive; pelvis: (..., 4) frames."""
     thigh = rotate(conjugate(pelvis), knee - hip)
     return np.arctan2(thigh[..., 0], -thigh[..., 2])
 

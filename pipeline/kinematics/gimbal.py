@@ -81,7 +81,7 @@ def gimbal_report(clip: Clip, rotations: Array) -> dict[str, Any]:
 
 
 def table(report: Mapping[str, Any]) -> RenderableType:
-    """The report for a terminal: every joint that is flagged or flips, and the three others nearest to lock."""
+    """The report for a terminal: joints that are flagged or flip, and the three others nearest to lock."""
     joints = sorted(report["joints"], key=lambda joint: joint["nearest_deg"])
     if not joints:
         return Text("no Euler channels: orientations come from positions, which have no gimbal lock")

@@ -113,7 +113,7 @@ def _first(preferred: Array, otherwise: Array) -> Array:
 
 
 def _swung(parent: Array, at_rest: Array, towards: Array) -> Array:
-    """World frames (T, 4): the parent's by the smallest turn that points `at_rest` (3,) along `towards` (T, 3).
+    """World frames (T, 4): the parent's, turned so that `at_rest` (3,) points along `towards` (T, 3).
 
     For a head, hand or foot, whose twist no point shows.
     """

@@ -80,7 +80,7 @@ Rule = tuple[str, tuple[str, ...], Array]
 
 
 def _rules(body: _Body, found: set[str]) -> Iterator[Rule]:
-    """Each missing node, the nodes that it follows from, its positions (T, 3); later rules use earlier ones."""
+    """Each missing node, the nodes it follows from, its positions (T, 3); later rules use earlier ones."""
     yield from (rule for rule in _trunk(body, found) if rule[0] not in found)
     for side, sign in zip(_SIDES, (1.0, -1.0), strict=True):
         yield from (rule for rule in _limbs(body, found, side, sign) if rule[0] not in found)

@@ -186,13 +186,13 @@ def angle_between(p: Array, q: Array) -> Array:
 
 
 def to_6d(q: Array) -> Array:
-    """The first two columns of the rotation matrix, (..., 6): the continuous 6D representation of observations."""
+    """The first two columns of the rotation matrix (..., 6): the continuous form for observations."""
     columns = np.swapaxes(to_matrix(q), -1, -2)[..., :2, :]
     return columns.reshape(*columns.shape[:-2], 6)
 
 
 def from_two_axes(primary: Array, secondary: Array, names: str) -> Array:
-    """Frames (..., 4) with axis names[0] along `primary` and axis names[1] as close to `secondary` as possible.
+    """Frames (..., 4): axis names[0] along `primary`, axis names[1] as close to `secondary` as possible.
 
     primary, secondary: (..., 3), need not be unit or orthogonal; names: two of "XYZ", e.g. "ZY".
     """

@@ -37,7 +37,8 @@ def write_mot(path: Path, poses: Poses) -> None:
 
     Hinges (knees, ankles, elbows) get the part of their rotation about the lateral axis. That is all of it in
     knees and elbows, unless a simulated joint was forced apart; a foot's sideways rotation is lost. Knees are
-    limited to anatomical_knee angles (`angles.anatomical_knee`). The models have no coordinates for neck and wrists.
+    limited to anatomical angles (`angles.anatomical_knee`). The models have no coordinates for neck and
+    wrists.
     """
     if poses.skeleton.names != NODES:
         raise ValueError("an OpenSim motion needs poses of the 20 nodes")
