@@ -1,4 +1,4 @@
-"""`kinemimic policies`: what ships, and how well it does."""
+"""`kinemimic policies`: the shipped policies and their scores."""
 
 from __future__ import annotations
 
@@ -8,8 +8,8 @@ from typing import Any
 
 import click
 
-from kinemimic.evaluate.policies.recipe import POLICIES, recipes
-from kinemimic.evaluate.policies.shipped import MOTION, POLICY, RECORD, SCORES, shipped
+from kinemimic.evaluate.policies.recipe import recipes
+from kinemimic.evaluate.policies.shipped import MOTION, POLICY, RECORD, SCORES, shipped_policies
 from kinemimic.pipeline.cli.options import json_option
 from kinemimic.pipeline.cli.terminal import grid, number, show
 from kinemimic.pipeline.files.store import read_json
@@ -17,7 +17,7 @@ from kinemimic.train.rollout.policy import read_record
 
 
 def summary(name: str, folder: Path) -> dict[str, Any]:
-    """A policy that ships in JSON values: what it is, and what `evaluate` measured when it was made."""
+    """A shipped policy as JSON values: its settings, and its scores at release."""
     record, scores = read_record(folder / name / RECORD), read_json(folder / name / SCORES)
     return {
         "name": name,
@@ -34,13 +34,14 @@ def summary(name: str, folder: Path) -> dict[str, Any]:
 @click.command("policies")
 @json_option("Print the list as JSON.")
 def command(as_json: bool) -> None:
-    """The policies that ship, for `--policy` of evaluate, view, export, pushes and disturb.
+    """List the shipped policies, for `--policy` of evaluate, view, export, pushes and disturb.
 
     \b
       kinemimic policies
       kinemimic policies --json
     """
-    found = [summary(name, POLICIES) for name in shipped(POLICIES)]
+    policies = shipped_policies()
+    found = [summary(name, policies.folder) for name in policies.names()]
     if as_json:
         click.echo(json.dumps(found, indent=2, ensure_ascii=False))
         return
@@ -55,6 +56,6 @@ def command(as_json: bool) -> None:
             *(number(one["r2"][joint], 3) for joint in ("knee", "hip")),
             number(one["speed_ratio"], 3),
             f"{one['samples']:,}",
-            one["told"] + ("" if one["motion_ships"] else "; asks for the recording"),
+            one["told"] + ("" if one["motion_ships"] else "; needs the recording"),
         )
     show(table)

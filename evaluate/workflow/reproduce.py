@@ -11,7 +11,7 @@ from typing import Any
 import click
 
 from kinemimic.evaluate.policies.recipe import POLICIES, Recipe, recipes, recording
-from kinemimic.evaluate.policies.shipped import MOTION, POLICY, RECORD, SCORES, gist
+from kinemimic.evaluate.policies.shipped import MOTION, POLICY, RECORD, SCORES, motion_summary
 from kinemimic.evaluate.workflow.run import run as run_stages
 from kinemimic.pipeline.catalog.local_files import captures_folder
 from kinemimic.pipeline.cli.options import json_option
@@ -89,7 +89,7 @@ def publish(run: Path, recipe: Recipe, into: Path = POLICIES) -> Path:
         (folder / MOTION).unlink(missing_ok=True)
     for name in ships:
         copy_file(run / name, folder / name)
-    write_json(folder / RECORD, {**record, "imitates": gist(motion)})
+    write_json(folder / RECORD, {**record, "imitates": motion_summary(motion)})
     return folder
 
 

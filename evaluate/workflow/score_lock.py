@@ -15,7 +15,7 @@ from typing import Any
 import click
 
 from kinemimic.evaluate.policies.recipe import POLICIES
-from kinemimic.evaluate.policies.shipped import SCORES, unpack
+from kinemimic.evaluate.policies.shipped import SCORES, ShippedPolicies
 from kinemimic.evaluate.scoring.command import evaluate
 from kinemimic.pipeline.cli.options import json_option
 from kinemimic.pipeline.errors import KinemimicError
@@ -90,7 +90,7 @@ def command(policy: str, path: Path, workers: int | None, engine: str, as_json: 
         raise KinemimicError(f"{path}: expected tolerances of figures that are watched, found {min(strange)}")
     with TemporaryDirectory(prefix="kinemimic-") as folder:
         run = Path(folder)
-        unpack(policy, run)
+        ShippedPolicies().prepare(policy, run)
         found = figures(evaluate(run, workers=workers, engine=engine))
     kept = record(recorded, found, params.tolerances, policy)
     target = path.parent / "scores" / f"{policy}.json"

@@ -7,7 +7,14 @@ import re
 import pytest
 
 from kinemimic.evaluate.policies.recipe import POLICIES, recipes
-from kinemimic.evaluate.policies.shipped import MOTION, POLICY, RECORD, SCORES, gist, shipped
+from kinemimic.evaluate.policies.shipped import (
+    MOTION,
+    POLICY,
+    RECORD,
+    SCORES,
+    ShippedPolicies,
+    motion_summary,
+)
 from kinemimic.evaluate.workflow.reproduce import LARGEST, publish
 from kinemimic.pipeline.files.store import file_hash, read_json
 from kinemimic.retarget.formats.motion_json import read_motion_json
@@ -15,10 +22,10 @@ from kinemimic.train.rollout.policy import Policy, read_record
 
 
 def test_every_recipe_has_been_made() -> None:
-    assert shipped() == tuple(recipes())
+    assert ShippedPolicies().names() == tuple(recipes())
 
 
-@pytest.mark.parametrize("name", shipped())
+@pytest.mark.parametrize("name", ShippedPolicies().names())
 def test_a_policy_that_ships_is_what_its_recipe_says(name: str, tmp_path) -> None:
     folder, recipe = POLICIES / name, recipes()[name]
     _, record = Policy.load(folder / POLICY)
@@ -30,12 +37,12 @@ def test_a_policy_that_ships_is_what_its_recipe_says(name: str, tmp_path) -> Non
     # That of a recording may not ship.
     assert (folder / MOTION).is_file() == (recipe.recording is None)
     if recipe.recording is None:
-        assert gist(read_motion_json(folder / MOTION)) == record["imitates"]
+        assert motion_summary(read_motion_json(folder / MOTION)) == record["imitates"]
         publish(folder, recipe, tmp_path)
         assert read_record(tmp_path / name / RECORD) == read_record(folder / RECORD)
 
 
-@pytest.mark.parametrize("name", shipped())
+@pytest.mark.parametrize("name", ShippedPolicies().names())
 def test_its_files_are_small_and_name_no_machine(name: str) -> None:
     for path in (POLICIES / name).iterdir():
         assert path.name in {MOTION, POLICY, RECORD, SCORES}

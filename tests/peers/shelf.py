@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
-from kinemimic.evaluate.policies.shipped import MOTION, POLICY, SCORES, gist
+from kinemimic.evaluate.policies.shipped import MOTION, POLICY, SCORES, motion_summary
 from kinemimic.pipeline.files.store import file_hash, write_json, write_text
 from kinemimic.retarget.formats.motion_json import motion_to_json, read_motion_json
 from kinemimic.retarget.humanoid.motion import Motion
@@ -47,7 +47,8 @@ def write_run(folder: Path, motion: Motion, *, seed: int = 3, budget: int = 5, b
     made_by = {"inputs": {"motion": identity}}
     idle.save(
         folder / POLICY,
-        record | {"config": config, "provenance": made_by, "imitates": gist(motion), "mirrored": True},
+        record
+        | {"config": config, "provenance": made_by, "imitates": motion_summary(motion), "mirrored": True},
     )
     scores: dict[str, Any] = {
         "survival": {"frames": 600, "of": 600, "phases": 12, "phases_of": 13},

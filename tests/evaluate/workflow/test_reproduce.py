@@ -13,7 +13,7 @@ from click.testing import CliRunner
 from peers.shelf import write_run
 
 from kinemimic.evaluate.policies.recipe import Recipe, recipes, recording
-from kinemimic.evaluate.policies.shipped import MOTION, POLICY, RECORD, SCORES, gist
+from kinemimic.evaluate.policies.shipped import MOTION, POLICY, RECORD, SCORES, motion_summary
 from kinemimic.evaluate.workflow import reproduce as module
 from kinemimic.evaluate.workflow.reproduce import LARGEST, capture_of, command, publish, reproduce
 from kinemimic.pipeline.errors import KinemimicError
@@ -60,7 +60,7 @@ def test_a_run_is_published_as_it_is(tmp_path: Path, walk: Motion) -> None:
     assert {path.name for path in folder.iterdir()} == {MOTION, POLICY, RECORD, SCORES}
     for name in (MOTION, POLICY, SCORES):
         assert (folder / name).read_bytes() == (run / name).read_bytes()
-    assert read_json(folder / RECORD)["imitates"] == gist(walk)
+    assert read_json(folder / RECORD)["imitates"] == motion_summary(walk)
 
 
 def test_the_motion_of_a_recording_stays_out(tmp_path: Path, walk: Motion) -> None:
