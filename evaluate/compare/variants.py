@@ -10,6 +10,8 @@ from collections.abc import Mapping
 from dataclasses import replace
 from typing import Any
 
+from msgspec import structs
+
 from kinemimic.train.config.config import PRESETS, TrainConfig
 
 # Fields of TrainConfig to change; under "env" of its EnvConfig, under "baseline" of its baseline settings.
@@ -84,5 +86,5 @@ def search(baseline: str) -> dict[str, TrainConfig]:
 
 def _changed(base: TrainConfig, changes: Changes, name: str) -> TrainConfig:
     env = replace(base.env, **changes.get("env", {}))
-    baseline = replace(base.baseline, **changes.get("baseline", {})) if base.baseline else None
+    baseline = structs.replace(base.baseline, **changes.get("baseline", {})) if base.baseline else None
     return replace(base, **{**changes, "env": env, "baseline": baseline}, preset=name)

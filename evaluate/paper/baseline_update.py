@@ -8,6 +8,7 @@ from typing import Any
 import gymnasium as gym
 import numpy as np
 import torch
+from msgspec import structs
 from stable_baselines3 import DDPG
 from stable_baselines3.common.logger import Logger
 from stable_baselines3.common.vec_env import DummyVecEnv
@@ -37,11 +38,11 @@ class BaselineUpdate:
     def __init__(self, config: TrainConfig, samples: int, seed: int) -> None:
         baseline = config.baseline
         if isinstance(baseline, Ddpg):
-            baseline = replace(baseline, buffer=baseline.warm_up, batch=samples)
+            baseline = structs.replace(baseline, buffer=baseline.warm_up, batch=samples)
         elif isinstance(baseline, A2c):
-            baseline = replace(baseline, n_steps=samples)
+            baseline = structs.replace(baseline, n_steps=samples)
         elif isinstance(baseline, StablePpo):
-            baseline = replace(baseline, batch=samples, epochs=1)
+            baseline = structs.replace(baseline, batch=samples, epochs=1)
         else:
             raise ValueError("expected a configuration with a baseline, found none")
         # One environment, so that any number of samples is a whole number of steps.

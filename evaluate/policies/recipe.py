@@ -1,22 +1,23 @@
-"""How the policies that ship are made (datasets/policies/recipes.toml), and where their recordings are."""
+"""How the shipped policies are trained (datasets/policies/recipes.toml), and where their recordings are."""
 
 from __future__ import annotations
 
-import tomllib
-from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Literal
+
+from msgspec import Struct
 
 from kinemimic.pipeline.catalog.entry import Entry
 from kinemimic.pipeline.catalog.load import load_catalog
-from kinemimic.pipeline.errors import KinemimicError
+from kinemimic.pipeline.files.bounded import MEGABYTE
 from kinemimic.pipeline.files.data_folder import DATASETS
+from kinemimic.pipeline.files.records import convert
+from kinemimic.pipeline.files.toml_file import parse_toml, read_text
 
 POLICIES = DATASETS / "policies"
 
 
-@dataclass(frozen=True)
-class Recipe:
+class Recipe(Struct, frozen=True, forbid_unknown_fields=True):
     """What a policy is trained on, and how.
 
     stock: a motion of the pybullet wheel by name; recording: one of catalog.toml by name; with neither, the
@@ -32,25 +33,18 @@ class Recipe:
     recording: str | None = None
 
 
+class _File(Struct, forbid_unknown_fields=True):
+    schema: Literal[1]
+    policy: tuple[Recipe, ...]
+
+
 def recipes(folder: Path = POLICIES) -> dict[str, Recipe]:
-    """Every recipe by name, in the sequence of the file."""
+    """Every recipe by name, in the order of the file."""
     path = folder / "recipes.toml"
-    try:
-        made = [Recipe(**entry) for entry in _toml(path)["policy"]]
-    except (KeyError, TypeError) as error:
-        raise KinemimicError(f"{path}: expected recipes, found what does not fit: {error}") from None
-    return {recipe.name: recipe for recipe in made}
+    file = convert(parse_toml(path, read_text(path, MEGABYTE, "recipes")), _File, path)
+    return {recipe.name: recipe for recipe in file.policy}
 
 
 def recording(name: str) -> Entry:
     """A recording of the catalogue."""
     return load_catalog().entry(name)
-
-
-def _toml(path: Path) -> dict[str, Any]:
-    try:
-        return tomllib.loads(path.read_text(encoding="utf-8"))
-    except FileNotFoundError:
-        raise KinemimicError(f"{path}: expected a file, found none; install kinemimic anew") from None
-    except tomllib.TOMLDecodeError as error:
-        raise KinemimicError(f"{path}: expected TOML, found {error}") from None

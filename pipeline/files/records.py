@@ -46,13 +46,15 @@ def convert(
     kind: type[T],
     path: Path | str,
     *,
+    complete: bool = False,
     within: Steps = (),
     where: Callable[[Steps], str] | None = None,
     advice: str | None = None,
 ) -> T:
     """The values of a TOML or JSON file as a dataclass or msgspec Struct.
 
-    within: key of the record in the file; where: see `RecordError.of_file`; advice: appended to the message
+    complete: whether every key must be there, also those with a default, as in records that the program
+    wrote; within: key of the record in the file; where: see `RecordError.of_file`; advice: used
     where there is none closer. CaptureError for the first value that does not fit, and for whole numbers of
     more than 64 bits and deep nesting, which Python parses but cannot always print.
     """
@@ -62,7 +64,7 @@ def convert(
             made = msgspec.convert(values, kind)
         except msgspec.ValidationError as error:
             raise _explained(error, values, kind) from None
-        _check_known(values, made)
+        _check_keys(values, made, complete)
     except RecordError as error:
         error.key = (*within, *error.key)
         error.advice = error.advice or advice
@@ -109,17 +111,22 @@ def _check_size(value: Any, *key: str | int) -> None:
         raise RecordError(*key, expected="whole numbers from -2^63 to 2^63 - 1", found=found)
 
 
-def _check_known(values: Any, made: Any, *key: str | int) -> None:
-    """Unknown keys: Structs forbid them, dataclasses ignore them."""
+def _check_keys(values: Any, made: Any, complete: bool, *key: str | int) -> None:
+    """Unknown keys, and missing ones if `complete`: Structs forbid unknown keys, dataclasses ignore them."""
     if isinstance(made, dict | list | tuple):
         for step, item in made.items() if isinstance(made, dict) else enumerate(made):
-            _check_known(values[step], item, *key, step)
+            _check_keys(values[step], item, complete, *key, step)
+    elif isinstance(made, msgspec.Struct) and complete:
+        if missing := [name for name in made.__struct_encode_fields__ if name not in values]:
+            raise RecordError(*key, missing[0], expected="a value", found="none")
     elif is_dataclass(made):
         known = [field.name for field in fields(made)]
+        if complete and (missing := [name for name in known if name not in values]):
+            raise RecordError(*key, missing[0], expected="a value", found="none")
         for name, value in values.items():
             if name not in known:
                 raise _unknown((*key, name), known)
-            _check_known(value, getattr(made, name), *key, name)
+            _check_keys(value, getattr(made, name), complete, *key, name)
 
 
 def _unknown(key: Steps, known: Sequence[str]) -> RecordError:
@@ -186,7 +193,8 @@ def _inner(node: Any, step: str | int) -> Any:
             return one.item_types[step]
         if inner := getattr(one, "item_type" if isinstance(step, int) else "value_type", None):
             return inner
-    raise AssertionError(f"no type of {step}")
+    tags = [one.tag for one in _arms(node) if getattr(one, "tag_field", None) == step]
+    return inspect.LiteralType(tuple(tags))
 
 
 def _expected(node: inspect.Type) -> str:
@@ -210,7 +218,7 @@ def _expected(node: inspect.Type) -> str:
             words = f"{len(node.item_types)} numbers"
         case inspect.ListType() | inspect.VarTupleType():
             words = "a list" if node.max_length is None else f"a list of at most {node.max_length}"
-        case inspect.DictType():
+        case inspect.DictType() if not isinstance(node.value_type, inspect.AnyType):
             words = f"a table with {_expected(node.value_type)} under each key"
         case inspect.StructType() if len(node.fields) < 4:
             words = f"a table of {' and '.join(field.encode_name for field in node.fields)}"

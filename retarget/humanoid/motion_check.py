@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, NoReturn
 
 import numpy as np
+from msgspec import Struct
 
 from kinemimic.pipeline.errors import KinemimicError
+from kinemimic.pipeline.files.records import convert
 from kinemimic.retarget.humanoid.motion import Motion
 
 # Frames per second. Below, a few frames would take hours to simulate; above, no device records.
@@ -34,20 +35,22 @@ def check_motion(path: Path, motion: Motion) -> Motion:
     return motion
 
 
+class _Capture(Struct, frozen=True):
+    source: str = ""
+    sha256: str = ""
+
+
+class _Provenance(Struct):
+    capture: _Capture = _Capture()
+
+
 def _check_provenance(path: Path, provenance: Any) -> None:
-    if not isinstance(provenance, dict):
-        _fail(path, "provenance", "an object", f"{provenance!r:.40}")
     try:
         # It is copied into other files: no NaN and no lone surrogates.
         json.dumps(provenance, allow_nan=False, ensure_ascii=False).encode()
     except (ValueError, RecursionError):
         _fail(path, "provenance", "plain JSON", "NaN, a lone surrogate, or deep nesting")
-    capture = provenance.get("capture", {})
-    if not isinstance(capture, Mapping):
-        _fail(path, "provenance.capture", "an object", f"{capture!r:.40}")
-    for key in ("source", "sha256"):
-        if not isinstance(capture.get(key, ""), str):
-            _fail(path, f"provenance.capture.{key}", "text", f"{capture[key]!r:.40}")
+    convert(provenance, _Provenance, path, within=("provenance",), advice="run `retarget` again")
 
 
 def _fail(path: Path, key: str, expected: str, found: str) -> NoReturn:

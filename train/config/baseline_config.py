@@ -8,18 +8,17 @@ has its own here.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields
 from importlib.util import find_spec
-from typing import Any, ClassVar, Literal
+from typing import ClassVar, Literal
+
+from msgspec import Struct
 
 from kinemimic.pipeline.errors import KinemimicError
 
 Activation = Literal["tanh", "relu"]
-_ACTIVATIONS = ("tanh", "relu")
 
 
-@dataclass(frozen=True)
-class Ddpg:
+class Ddpg(Struct, frozen=True, forbid_unknown_fields=True, tag_field="algorithm", tag="ddpg"):
     """Deep deterministic policy gradient (Lillicrap et al. 2016).
 
     actor_rate, critic_rate: of Adam; batch: samples of a gradient step; train_every: control steps of all
@@ -29,7 +28,6 @@ class Ddpg:
     multiplied.
     """
 
-    algorithm: Literal["ddpg"] = "ddpg"
     # As published: a critic that learns ten times as fast as the actor that trusts it.
     actor_rate: float = 1e-4
     critic_rate: float = 1e-3
@@ -47,17 +45,13 @@ class Ddpg:
     bound: float = 0.5
     activation: Activation = "relu"
 
-    def __post_init__(self) -> None:
-        _check_activation(self.activation)
-
     @property
     def steps(self) -> int:
         """Control steps of all figures between two trainings."""
         return self.train_every
 
 
-@dataclass(frozen=True)
-class A2c:
+class A2c(Struct, frozen=True, forbid_unknown_fields=True, tag_field="algorithm", tag="a2c"):
     """Advantage actor-critic, synchronous (Mnih et al. 2016): one gradient step on what was just sampled.
 
     actor_rate, critic_rate: of the optimiser; n_steps: control steps of every figure for a gradient step;
@@ -65,7 +59,6 @@ class A2c:
     Adam; normalize_advantage: to zero mean and unit variance in every gradient step.
     """
 
-    algorithm: Literal["a2c"] = "a2c"
     # A tenth of our PPO's first: nothing clips a step, and as the noise shrinks to a quarter the same step
     # moves the policy sixteen times as far (KL).
     actor_rate: float = 3e-5
@@ -81,24 +74,19 @@ class A2c:
     # Of the mean of a Gaussian: none.
     bound: ClassVar[None] = None
 
-    def __post_init__(self) -> None:
-        _check_activation(self.activation)
-
     @property
     def steps(self) -> int:
         """Control steps of all figures between two trainings."""
         return self.n_steps
 
 
-@dataclass(frozen=True)
-class StablePpo:
+class StablePpo(Struct, frozen=True, forbid_unknown_fields=True, tag_field="algorithm", tag="ppo"):
     """PPO (Schulman et al. 2017) as others wrote it, on rounds as ours has them.
 
     actor_rate, critic_rate: of Adam; batch: samples of a gradient step; passes: over a round; clip: of the
     ratio; gae_lambda: of the advantages; max_grad_norm: of both networks' gradient together.
     """
 
-    algorithm: Literal["ppo"] = "ppo"
     # Constant, where ours is steered to a KL divergence of 0.1 in a round: 1e-4 goes twice as far with the
     # noise of the beginning, and that of the end makes sixteen times as much of every step. Its own remedy,
     # to stop a round's passes at a divergence, stops the critic too, which then learns too little.
@@ -113,9 +101,6 @@ class StablePpo:
     activation: Activation = "relu"
     bound: ClassVar[None] = None
 
-    def __post_init__(self) -> None:
-        _check_activation(self.activation)
-
     @property
     def steps(self) -> int:
         """1: a rollout is a whole round, of whatever length."""
@@ -123,26 +108,9 @@ class StablePpo:
 
 
 Baseline = Ddpg | A2c | StablePpo
-_KINDS: dict[str, type[Ddpg] | type[A2c] | type[StablePpo]] = {"ddpg": Ddpg, "a2c": A2c, "ppo": StablePpo}
-
-
-def baseline_from_json(value: dict[str, Any]) -> Baseline:
-    """The inverse of `dataclasses.asdict`; KeyError or ValueError names what is missing or does not fit."""
-    name = value["algorithm"]
-    if name not in _KINDS:
-        raise ValueError(f"algorithm: expected one among {', '.join(_KINDS)}, found {name!r}")
-    kind = _KINDS[name]
-    if strange := value.keys() - {f.name for f in fields(kind)}:
-        raise ValueError(f"rival: expected settings of {name}, found {', '.join(sorted(strange))}")
-    return kind(**{f.name: value[f.name] for f in fields(kind)})
 
 
 def require_package() -> None:
     """KinemimicError where stable-baselines3 is not installed."""
     if find_spec("stable_baselines3") is None:
         raise KinemimicError("expected stable-baselines3, found none; pip install 'kinemimic[rivals]'")
-
-
-def _check_activation(name: str) -> None:
-    if name not in _ACTIVATIONS:
-        raise ValueError(f"activation: expected one among {', '.join(_ACTIVATIONS)}, found {name!r}")

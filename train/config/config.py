@@ -6,22 +6,22 @@
 
 from __future__ import annotations
 
-import json
-from dataclasses import asdict, dataclass, field, fields, replace
-from typing import Any
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import Any, Literal
 
+import msgspec
 import numpy as np
 
 from kinemimic.pipeline.errors import KinemimicError
+from kinemimic.pipeline.files.records import RecordError, Steps, convert
 from kinemimic.train.config.baseline_config import (
     A2c,
     Activation,
     Baseline,
     Ddpg,
     StablePpo,
-    baseline_from_json,
 )
-from kinemimic.train.config.typed import check_types
 from kinemimic.train.scenario.scenario import Scenario
 
 # Weights of the joints in the pose error, by the body that the joint carries; they sum to one.
@@ -34,7 +34,6 @@ POSE_WEIGHTS: dict[str, float] = {
        for limb, weight in (("upper_arm", 0.03), ("forearm", 0.02), ("hand", 0.01),
                             ("thigh", 0.13), ("shin", 0.11), ("foot", 0.05))},
 }  # fmt: skip
-_FORMS = ("squares", "norm")
 
 
 @dataclass(frozen=True)
@@ -48,7 +47,7 @@ class RewardConfig:
     ValueError for another form, and for a weight without a scale; what terms there are, `reward.py` says.
     """
 
-    form: str = "squares"
+    form: Literal["squares", "norm"] = "squares"
     weights: dict[str, float] = field(
         default_factory=lambda: {"pose": 0.45, "linear": 0.18, "angular": 0.12, "height": 0.10, "path": 0.15}
     )
@@ -57,10 +56,9 @@ class RewardConfig:
     )
 
     def __post_init__(self) -> None:
-        if self.form not in _FORMS:
-            raise ValueError(f"reward.form: expected one among {', '.join(_FORMS)}, found {self.form!r}")
         if missing := self.weights.keys() - self.scales.keys():
-            raise ValueError(f"reward.scales: expected one for each weight, found no {', '.join(missing)}")
+            found = f"none for {', '.join(sorted(missing))}"
+            raise RecordError("scales", expected="one for each weight", found=found)
 
 
 @dataclass(frozen=True)
@@ -112,7 +110,7 @@ class EnvConfig:
 
     def __post_init__(self) -> None:
         if not self.preview:
-            raise ValueError("preview: expected at least one number of control steps, found none")
+            raise RecordError("preview", expected="at least one number of control steps", found="none")
 
     @property
     def steps(self) -> int:
@@ -128,10 +126,6 @@ def scheduled_at(schedule: Schedule, samples: int) -> float:
     """The value after so many samples."""
     at, values = zip(*schedule, strict=True)
     return float(np.interp(samples, at, values))
-
-
-def _schedule(points: list[list[float]]) -> Schedule:
-    return tuple((int(samples), float(value)) for samples, value in points)
 
 
 @dataclass(frozen=True)
@@ -174,12 +168,14 @@ class TrainConfig:
     baseline: Baseline | None = None
 
     def __post_init__(self) -> None:
-        if not all((self.action_std, self.strength, *self.scales.values())):
-            raise ValueError("noise, strength, scales: expected points of a schedule, found none")
+        schedules = {"action_std": self.action_std, "strength": self.strength}
+        schedules |= {f"scales.{name}": schedule for name, schedule in self.scales.items()}
+        for name, schedule in schedules.items():
+            if not schedule:
+                raise RecordError(name, expected="points (samples, value) of a schedule", found="none")
         if self.baseline and self.horizon % self.baseline.steps:
-            raise ValueError(
-                f"horizon: expected a multiple of the rival's {self.baseline.steps} steps, found {self.horizon}"
-            )
+            expected = f"a multiple of the baseline's {self.baseline.steps} steps"
+            raise RecordError("horizon", expected=expected, found=f"{self.horizon}")
 
     @property
     def activation(self) -> Activation:
@@ -208,9 +204,8 @@ class TrainConfig:
 
     def to_json(self) -> dict[str, Any]:
         """JSON values that `from_json` reads back."""
-        value: dict[str, Any] = json.loads(json.dumps(asdict(self)))
-        # What has no rival or no scenario is stored as it was before there were any, and belongs to what was
-        # stored then.
+        value: dict[str, Any] = msgspec.json.decode(msgspec.json.encode(self))
+        # Without a baseline or a scenario, the JSON stays as it was before they were introduced.
         if self.baseline is None:
             del value["baseline"]
         if self.env.scenario is None:
@@ -218,32 +213,18 @@ class TrainConfig:
         return value
 
     @classmethod
-    def from_json(cls, value: dict[str, Any]) -> TrainConfig:
-        """The configuration of a stored policy; a KinemimicError names what does not belong."""
-        try:
-            env = dict(value["env"])
-            env["reward"] = RewardConfig(**env["reward"])
-            env["preview"] = tuple(env["preview"])
-            ranges: dict[str, Any] = {
-                name: tuple(item) if isinstance(item, list) else item
-                for name, item in env["domain_randomization"].items()
-            }
-            env["domain_randomization"] = DomainRandomization(**ranges)
-            if env.get("scenario") is not None:
-                env["scenario"] = Scenario.from_json(env["scenario"])
-            plain = {f.name: value[f.name] for f in fields(cls) if f.name not in ("env", "baseline")}
-            baseline = baseline_from_json(value["baseline"]) if "baseline" in value else None
-            plain["hidden"] = tuple(plain["hidden"])
-            plain["scales"] = {name: _schedule(points) for name, points in plain["scales"].items()}
-            for name in ("action_std", "strength"):
-                plain[name] = _schedule(plain[name])
-            config = cls(env=EnvConfig(**env), baseline=baseline, **plain)
-            check_types(config)
-        except (AttributeError, KeyError, TypeError, ValueError, ArithmeticError) as error:
-            raise KinemimicError(
-                f"expected a training configuration, found one that does not fit: {error}"
-            ) from None
-        return config
+    def from_json(
+        cls, value: Any, path: Path | str = "a training configuration", within: Steps = ()
+    ) -> TrainConfig:
+        """The configuration of a stored policy; a KinemimicError names the first key that does not fit.
+
+        path, within: the file and the configuration's key in it, for messages.
+        """
+        if isinstance(value, dict):
+            env = value.get("env")
+            value = {"baseline": None, **value}
+            value["env"] = {"scenario": None, **env} if isinstance(env, dict) else env
+        return convert(value, cls, path, complete=True, within=within)
 
 
 PRESETS: dict[str, TrainConfig] = {

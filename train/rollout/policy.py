@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from msgspec import Struct
 from numpy.typing import NDArray
 from safetensors import SafetensorError
 from safetensors.numpy import load, save
@@ -15,6 +16,7 @@ from safetensors.numpy import load, save
 from kinemimic.pipeline.arrays import Floats
 from kinemimic.pipeline.errors import KinemimicError
 from kinemimic.pipeline.files.bounded import MEGABYTE, read_bounded
+from kinemimic.pipeline.files.records import convert
 from kinemimic.pipeline.files.schema import upgraded
 from kinemimic.pipeline.files.store import atomic, read_json, write_json
 from kinemimic.retarget.formats.motion_json import read_motion_json
@@ -99,20 +101,14 @@ class Policy:
     def load(cls, path: Path) -> tuple[Policy, dict[str, Any]]:
         """Policy and record; a KinemimicError says what does not fit."""
         record = read_record(path.with_suffix(".json"))
-        for key in ("config", "provenance", "body", "mirrored"):
-            if key not in record:
-                raise KinemimicError(f"{path.with_suffix('.json')}: expected the key {key!r}, found none")
+        convert(record, _Record, path.with_suffix(".json"), advice=_AGAIN)
         if record["body"] != body_identity():
             raise KinemimicError(
                 f"{path}: expected a policy for this version's body, found one that learnt on another "
                 "(other lengths, masses or motors), on which it would fall; train again"
             )
-        _check_record(record, path.with_suffix(".json"))
         tensors = _read_tensors(path)
-        try:
-            config = TrainConfig.from_json(record["config"])
-        except KinemimicError as error:
-            raise KinemimicError(f"{path.with_suffix('.json')}: {error}") from None
+        config = TrainConfig.from_json(record["config"], path.with_suffix(".json"), ("config",))
         try:
             policy = cls.of_tensors(tensors, config)
         except KeyError as error:
@@ -166,22 +162,23 @@ def renamed_keys(value: Any, names: Mapping[str, str] = _RENAMED) -> Any:
     return [renamed_keys(item, names) for item in value] if isinstance(value, list) else value
 
 
-def _check_record(record: Mapping[str, Any], path: Path) -> None:
-    """KinemimicError for what is not as `train` writes it, where scores and reports take it over."""
-    kinds: dict[str, tuple[type, ...]] = {
-        **dict.fromkeys(("samples", "seed"), (int,)),
-        "seconds": (int, float),
-        **dict.fromkeys(("preset", "engine"), (str,)),
-        **dict.fromkeys(("mirrored", "simulated"), (bool,)),
-        "provenance": (dict,),
-    }
-    for key, wanted in kinds.items():
-        if key in record and type(record[key]) not in wanted:
-            names = " or ".join(kind.__name__ for kind in wanted)
-            raise KinemimicError(f"{path}, key {key}: expected {names}, found {record[key]!r}; {_AGAIN}")
-    inputs = record["provenance"].get("inputs", {})
-    if not isinstance(inputs, dict):
-        raise KinemimicError(f"{path}, key provenance.inputs: expected dict, found {inputs!r}; {_AGAIN}")
+class _Provenance(Struct):
+    inputs: dict[str, Any] = {}
+
+
+class _Record(Struct):
+    """Keys of a record that scores and reports take over."""
+
+    config: dict[str, Any]
+    provenance: _Provenance
+    body: str
+    mirrored: bool
+    samples: int = 0
+    seed: int = 0
+    seconds: float = 0.0
+    preset: str = ""
+    engine: str = ""
+    simulated: bool = False
 
 
 def _read_tensors(path: Path) -> dict[str, Floats]:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -17,8 +18,8 @@ from safetensors.numpy import save_file
 from kinemimic.pipeline.errors import KinemimicError
 from kinemimic.pipeline.files.bounded import require_regular
 from kinemimic.pipeline.files.plain_json import plain_json
+from kinemimic.pipeline.files.records import convert
 from kinemimic.pipeline.files.store import atomic
-from kinemimic.train.config.typed import check_types
 from kinemimic.train.rollout.evaluation import Evaluation
 from kinemimic.train.rollout.policy import Policy
 from kinemimic.train.rollout.sampler import Figures
@@ -90,9 +91,11 @@ def restore(path: Path, training: Training, motion: str) -> bool:
         schema, imitated, stored = record["schema"], record["motion"], {**record["config"], "budget": None}
         if schema != CHECKPOINT_SCHEMA:
             return False
-        trials = [Evaluation(**trial) for trial in record["evaluations"]]
         if imitated != motion or stored != {**training.learner.config.to_json(), "budget": None}:
             return False
+        check = partial(convert, path=path, advice="delete it or train with --no-resume")
+        trials = check(record["evaluations"], list[Evaluation], within=("evaluations",))
+        check(record["progress"], type(training.learner.progress), within=("progress",))
         _take_up(training, arrays, record, trials)
     # Of types of numbers that numpy has not, safetensors tells by an AttributeError; torch of shapes by a
     # RuntimeError.
@@ -109,8 +112,6 @@ def restore(path: Path, training: Training, motion: str) -> bool:
 def _take_up(training: Training, arrays: Arrays, record: dict[str, Any], trials: list[Evaluation]) -> None:
     """KeyError, TypeError, ValueError or RuntimeError for what is not as `save` wrote it."""
     learner = training.learner
-    for trial in trials:
-        check_types(trial)
     tensors = {name: torch.from_numpy(array) for name, array in _below(_LEARNER, arrays).items()}
     for name, own in learner.tensors().items():
         # What a rival remembers grows; all else is as large as in one that has not learnt yet.
@@ -119,7 +120,6 @@ def _take_up(training: Training, arrays: Arrays, record: dict[str, Any], trials:
         if (tensors[name].shape, tensors[name].dtype) != (own.shape, own.dtype):
             raise ValueError(f"{name} of shape {tuple(tensors[name].shape)} and type {tensors[name].dtype}")
     learner.restore(tensors, record)
-    check_types(learner.progress)
     figures, best = _below(_FIGURES, arrays), _below(_BEST, arrays)
     for name, array in figures.items():
         if array.shape[:1] != (learner.config.num_envs,):

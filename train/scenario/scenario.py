@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 
 from kinemimic.pipeline.arrays import Array
-from kinemimic.pipeline.errors import KinemimicError
+from kinemimic.pipeline.files.records import RecordError
 from kinemimic.retarget.humanoid.body import BODY_NAMES
 from kinemimic.train.sim.world import CONTROL_RATE, Shape
 
@@ -34,10 +34,6 @@ class Range:
     def draw(self, random: np.random.Generator) -> Array:
         """(n,)"""
         return random.uniform(self.low, self.high)
-
-    @classmethod
-    def from_json(cls, value: dict[str, Any]) -> Range:
-        return cls(tuple(value["low"]), tuple(value["high"]))
 
 
 _ZERO, _NOWHERE = Range.of(0.0), Range.of(0.0, 0.0, 0.0)
@@ -59,7 +55,7 @@ class Load:
 
     def __post_init__(self) -> None:
         if self.body not in BODY_NAMES:
-            raise ValueError(f"load: expected a body among {', '.join(BODY_NAMES)}, found {self.body!r}")
+            raise RecordError("body", expected=f"one of {', '.join(BODY_NAMES)}", found=repr(self.body))
 
 
 @dataclass(frozen=True)
@@ -105,29 +101,6 @@ class Scenario:
         return round(self.seconds * CONTROL_RATE)
 
     def to_json(self) -> dict[str, Any]:
-        """JSON values that `from_json` reads back."""
+        """Its JSON values."""
         value: dict[str, Any] = json.loads(json.dumps(asdict(self)))
         return value
-
-    @classmethod
-    def from_json(cls, value: dict[str, Any]) -> Scenario:
-        """A scenario from JSON values; a KinemimicError says what does not fit."""
-        try:
-            return cls(
-                **{
-                    **_ranges(value),
-                    "route": tuple((length, turn) for length, turn in value["route"]),
-                    "loads": tuple(Load(**_ranges(load)) for load in value["loads"]),
-                    "obstacles": tuple(Placement(**_ranges(item)) for item in value["obstacles"]),
-                }
-            )
-        except (AttributeError, KeyError, TypeError, ValueError) as error:
-            raise KinemimicError(f"expected a scenario, found one that does not fit: {error}") from None
-
-
-def _ranges(value: dict[str, Any]) -> dict[str, Any]:
-    """A table in which every {"low": …, "high": …} has become a Range."""
-    return {
-        name: Range.from_json(item) if isinstance(item, dict) and set(item) == {"low", "high"} else item
-        for name, item in value.items()
-    }

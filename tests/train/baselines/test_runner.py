@@ -14,6 +14,7 @@ import numpy as np
 import onnxruntime
 import pytest
 import torch
+from msgspec import structs
 from peers.killing import without_clock
 from safetensors.numpy import load_file
 from stable_baselines3 import DDPG
@@ -53,9 +54,11 @@ def small(name: str) -> TrainConfig:
     )
     if isinstance(config.baseline, Ddpg):
         # Its memory is full after four rounds and a half.
-        return replace(config, baseline=replace(config.baseline, batch=16, warm_up=ROUND, buffer=4 * 72))
+        return replace(
+            config, baseline=structs.replace(config.baseline, batch=16, warm_up=ROUND, buffer=4 * 72)
+        )
     if isinstance(config.baseline, StablePpo):
-        return replace(config, baseline=replace(config.baseline, batch=32))
+        return replace(config, baseline=structs.replace(config.baseline, batch=32))
     return config
 
 
@@ -146,7 +149,7 @@ def test_the_stored_policy_acts_as_the_trained_one(
 ) -> None:
     config = small(name)
     assert config.baseline is not None
-    config = replace(config, baseline=replace(config.baseline, activation=activation))
+    config = replace(config, baseline=structs.replace(config.baseline, activation=activation))
     learner = BaselineAlgorithm(config, motion, "pybullet", 1)
     practice = BaselineRunner(learner, Stopwatch())
     practice.begin(None)
@@ -240,7 +243,9 @@ def test_actors_begin_near_the_reference(motion: Motion) -> None:
 
 
 def test_rates_of_actor_and_critic_are_their_own(motion: Motion) -> None:
-    config = replace(small("ddpg"), baseline=replace(Ddpg(), actor_rate=0.0, warm_up=0, batch=16, buffer=640))
+    config = replace(
+        small("ddpg"), baseline=structs.replace(Ddpg(), actor_rate=0.0, warm_up=0, batch=16, buffer=640)
+    )
     learner = BaselineAlgorithm(config, motion, "pybullet", 1)
     assert isinstance(learner.model, DDPG)
     nets = learner.model.actor, learner.model.critic
@@ -266,15 +271,18 @@ def test_a_rival_does_the_task_of_default(name: str) -> None:
 def test_settings_that_do_not_fit_are_refused_by_name() -> None:
     value = PRESETS["a2c"].to_json()
     for change, told in (
-        ({"algorithm": "sac"}, "expected one among ddpg, a2c, ppo, found 'sac'"),
-        ({"tau": 0.1}, "expected settings of a2c, found tau"),
-        ({"activation": "elu"}, "among tanh, relu, found 'elu'"),
-        ({"n_steps": 7}, "multiple of the rival's 7 steps, found 256"),
+        ({"algorithm": "sac"}, r"key baseline\.algorithm: expected one of ddpg, a2c, ppo, found 'sac'"),
+        ({"tau": 0.1}, r"key baseline\.tau: expected one of actor_rate, .*found 'tau'"),
+        (
+            {"activation": "elu"},
+            r"key baseline\.activation: expected one of relu, tanh, found 'elu'; did you mean 'relu'",
+        ),
+        ({"n_steps": 7}, "key horizon: expected a multiple of the baseline's 7 steps, found 256"),
     ):
         with pytest.raises(KinemimicError, match=told):
             TrainConfig.from_json({**value, "baseline": {**value["baseline"], **change}})
     del value["baseline"]["actor_rate"]
-    with pytest.raises(KinemimicError, match="actor_rate"):
+    with pytest.raises(KinemimicError, match=r"key baseline\.actor_rate: expected a value, found none"):
         TrainConfig.from_json(value)
 
 

@@ -45,6 +45,8 @@ def test_what_does_not_fit_is_refused_by_name() -> None:
         ("kl_penalty", 1),
         ("baseline", "ddpg"),
         ("baseline", {"algorithm": "ddpg", "batch": "x"}),
+        ("baseline", {"algorithm": "dddpg"}),
+        ("baseline", {"batch": 1}),
         ("env", []),
         ("env.domain_randomization", []),
         ("env.domain_randomization.push", [0.0]),
@@ -67,8 +69,8 @@ def test_a_value_of_another_kind_is_refused(place: str, value: object) -> None:
     for name in way:
         at = at[name]
     at[last] = value
-    with pytest.raises(KinemimicError, match=r"expected a (training configuration|scenario), found one that"):
-        TrainConfig.from_json(config)
+    with pytest.raises(KinemimicError, match=rf"^x\.json, key {(*way, last)[0]}.*: expected .*, found "):
+        TrainConfig.from_json(config, "x.json")
 
 
 def test_weights_of_pose_and_reward_sum_to_one() -> None:

@@ -10,6 +10,7 @@ from pathlib import Path
 import pytest
 
 from kinemimic.pipeline.errors import KinemimicError
+from kinemimic.pipeline.files.records import convert
 from kinemimic.train.scenario.scenario import Range, Scenario
 from kinemimic.train.scenario.scenario_file import MAX_BYTES, read_scenario, scenario, shipped_scenarios
 
@@ -90,7 +91,7 @@ def test_all_that_a_file_can_say_is_read(tmp_path: Path) -> None:
 
 def test_a_scenario_survives_json(tmp_path: Path) -> None:
     found = read_scenario(written(tmp_path, WHOLE))
-    assert Scenario.from_json(json.loads(json.dumps(found.to_json()))) == found
+    assert convert(json.loads(json.dumps(found.to_json())), Scenario, "x") == found
     whole = found.to_json()
     for wrong in (
         {"name": "none"},
@@ -98,8 +99,10 @@ def test_a_scenario_survives_json(tmp_path: Path) -> None:
         {**whole, "loads": [{**whole["loads"][0], "body": "nose"}]},
         {**whole, "route": [1.0]},
     ):
-        with pytest.raises(KinemimicError, match="expected a scenario"):
-            Scenario.from_json(wrong)
+        with pytest.raises(
+            KinemimicError, match=r"^x, key (about|loads\[1\]|loads\[1\]\.body|route\[1\]): expected"
+        ):
+            convert(wrong, Scenario, "x", complete=True)
 
 
 @pytest.mark.parametrize(
