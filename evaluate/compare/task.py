@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from kinemimic.pipeline.files.store import content_hash
-from kinemimic.pipeline.gait.curve_metrics import JOINTS, SIDES
+from kinemimic.pipeline.gait.curve_metrics import SCORED_JOINTS, SIDES
 from kinemimic.retarget.formats.gait_json import read_gait_json
 from kinemimic.retarget.formats.motion_json import read_motion_json
 from kinemimic.retarget.humanoid.motion import Motion
@@ -64,7 +64,7 @@ def task_summary(task: Task, motion: Motion) -> dict[str, Any]:
     gait = read_gait_json(run / "gait.json") if (run / "gait.json").exists() else {}
     loop = gait.get("r2_loop_against_capture") or {}
     ceiling = {}
-    for joint in JOINTS:
+    for joint in SCORED_JOINTS:
         both = [loop[name] for side in SIDES if loop.get(name := f"{joint}_{side}") is not None]
         ceiling[joint] = round(sum(both) / 2, 6) if len(both) == 2 else None
     return {

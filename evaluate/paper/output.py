@@ -21,7 +21,7 @@ from kinemimic.evaluate.paper.plan import (
     WALK,
 )
 from kinemimic.pipeline.cli.picture import Draw
-from kinemimic.pipeline.gait.curve_metrics import JOINTS
+from kinemimic.pipeline.gait.curve_metrics import SCORED_JOINTS
 
 Row = Mapping[str, Any]
 QUARTILES = ("median", "quarter", "three_quarters", "n")
@@ -101,7 +101,7 @@ def numbers(comparison: Comparison, content: Row) -> Iterator[tuple[str, list[Ro
             {
                 "policy": row["policy"], "room": walk["number"],
                 "frames": walk["frames"], "of": walk["of"],
-                **{f"{joint}_{key}": value for joint in JOINTS for key, value in walk[joint].items()},
+                **{f"{joint}_{key}": value for joint in SCORED_JOINTS for key, value in walk[joint].items()},
                 "gap_side": walk["gap_side"], "gap_frame": walk["gap_frame"],
             }
             for row in content["rooms"]

@@ -11,7 +11,7 @@ import numpy as np
 from kinemimic.evaluate.compare.comparison import TrainedPolicy
 from kinemimic.evaluate.scoring.scores import FIT_FRAMES, rollout_fits
 from kinemimic.evaluate.view.scenario_replay import staged
-from kinemimic.pipeline.gait.curve_metrics import JOINTS, SIDES
+from kinemimic.pipeline.gait.curve_metrics import SCORED_JOINTS, SIDES
 from kinemimic.pipeline.kinematics.angles import ANGLES
 from kinemimic.pipeline.parallel.task_pool import parallel_map
 from kinemimic.retarget.humanoid.motion import joint_angles
@@ -52,7 +52,10 @@ def walk_metrics(walk: Walk) -> dict[str, Any]:
         "number": walk.number,
         "frames": int(min(played.fallen_at[0], frames)),
         "of": frames,
-        **{joint: {name: round(getattr(fits[joint].both, name), 6) for name in MEASURED} for joint in JOINTS},
+        **{
+            joint: {name: round(getattr(fits[joint].both, name), 6) for name in MEASURED}
+            for joint in SCORED_JOINTS
+        },
         "gap_side": SIDES[int(np.argmax([gap.max() for gap in gaps]))],
         "gap_frame": int(np.maximum(*gaps).argmax()) + 1,
         "curves": {
@@ -86,7 +89,9 @@ def rooms(
     ]
     share = progress and (lambda k: progress(k / len(walks)))
     done = parallel_map(walk_metrics, walks, workers=workers, progress=share)
-    ordered = sorted(done[:trials], key=lambda walk: sum(walk[joint]["r2_upright"] for joint in JOINTS))
+    ordered = sorted(
+        done[:trials], key=lambda walk: sum(walk[joint]["r2_upright"] for joint in SCORED_JOINTS)
+    )
     middle = ordered[(trials - 1) // 2]["number"]
     results = []
     for k, one in enumerate(compared_policies):
@@ -101,7 +106,7 @@ def rooms(
                         name: round(float(np.median([walk[joint][name] for walk in theirs])), 6)
                         for name in MEASURED
                     }
-                    for joint in JOINTS
+                    for joint in SCORED_JOINTS
                 },
                 "shown": theirs[middle],
                 "walks": [{key: v for key, v in walk.items() if key != "curves"} for walk in theirs],

@@ -25,7 +25,7 @@ from kinemimic.evaluate.paper.plan import (
 from kinemimic.evaluate.paper.processing_times import own_batch, steps_per_sample
 from kinemimic.pipeline.cli.html import number
 from kinemimic.pipeline.cli.picture import Draw
-from kinemimic.pipeline.gait.curve_metrics import JOINTS
+from kinemimic.pipeline.gait.curve_metrics import SCORED_JOINTS
 from kinemimic.train.config.config import TrainConfig, scheduled_at
 from kinemimic.train.scenario.scenario_file import scenario
 
@@ -123,9 +123,9 @@ def room(rooms: Sequence[Row]) -> dict[str, Any]:
         [
             row["policy"],
             f"{row['upright']}/{row['trials']}",
-            *(number(row[joint]["r2_upright"], 3) for joint in JOINTS),
-            *(number(row[joint]["rmse_deg"], 1) for joint in JOINTS),
-            *(number(row[joint]["max_gap_deg"], 1) for joint in JOINTS),
+            *(number(row[joint]["r2_upright"], 3) for joint in SCORED_JOINTS),
+            *(number(row[joint]["rmse_deg"], 1) for joint in SCORED_JOINTS),
+            *(number(row[joint]["max_gap_deg"], 1) for joint in SCORED_JOINTS),
         ]
         for row in rooms
     ]

@@ -22,7 +22,7 @@ from kinemimic.pipeline.cli.options import json_option
 from kinemimic.pipeline.cli.progress import progress
 from kinemimic.pipeline.files.provenance import provenance
 from kinemimic.pipeline.files.store import file_hash, write_json, write_text
-from kinemimic.pipeline.gait.curve_metrics import JOINTS, MEASURES
+from kinemimic.pipeline.gait.curve_metrics import MEASURES, SCORED_JOINTS
 from kinemimic.retarget.humanoid.motion import Motion, joint_angles
 from kinemimic.train.rollout.evaluation import frames_of
 from kinemimic.train.rollout.policy import POLICY, learnt
@@ -115,11 +115,11 @@ def table(scores: dict[str, Any], run: Path) -> RenderableType:
     survived, alone, root = scores["survival"], scores["no_policy"]["survival"], scores["root"]
     grid = Table("", header_style="bold", box=None, pad_edge=False)
     for column in ("knee", "no policy", "paper", "hip", "no policy", "paper"):
-        grid.add_column(column, justify="right", style=None if column in JOINTS else "dim")
+        grid.add_column(column, justify="right", style=None if column in SCORED_JOINTS else "dim")
     for measure in MEASURES:
         label, digits = LABELS[measure]
         cells: list[str] = []
-        for joint in JOINTS:
+        for joint in SCORED_JOINTS:
             paper = number(PAPER_GAP_DEG.get(joint), 1) if measure == "max_gap_deg" else "–"
             cells += [number(of[joint][measure], digits) for of in (fit, nothing)] + [paper]
         grid.add_row(label, *cells)
@@ -143,7 +143,7 @@ def table(scores: dict[str, Any], run: Path) -> RenderableType:
         below += [
             f"RMSE against the truth, {joint}: "
             + ", ".join(f"{who} {number(of[joint]['rmse_deg'], 2)}°" for who, of in scores["truth"].items())
-            for joint in JOINTS
+            for joint in SCORED_JOINTS
         ]
     below.append(f"report: {run / 'report.html'}")
     return Group(

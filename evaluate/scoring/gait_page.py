@@ -18,7 +18,7 @@ from kinemimic.pipeline.cli.html import number, render
 from kinemimic.pipeline.cli.picture import Draw, legend, panel_grid
 from kinemimic.pipeline.gait.curves import CYCLE
 from kinemimic.pipeline.gait.events import SIDES
-from kinemimic.pipeline.gait.normative import band
+from kinemimic.pipeline.gait.normative import normative_band
 
 Json = Mapping[str, Any]
 NO_VALUE = number(None, 0)
@@ -199,7 +199,7 @@ def curves(subjects: Mapping[str, Json], *, normal: bool) -> Draw:
         places = [(joint, side) for joint in joints for side in SIDES]
         for axes, (joint, side) in zip(panels, places, strict=True):
             if normal:
-                mean, spread = (np.degrees(values) for values in band(joint, CYCLE))
+                mean, spread = (np.degrees(values) for values in normative_band(joint, CYCLE))
                 axes.fill_between(
                     100 * CYCLE,
                     mean - spread,

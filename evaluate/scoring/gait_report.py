@@ -9,7 +9,7 @@ import numpy as np
 
 from kinemimic.evaluate.scoring.gait_subjects import GaitSubject, reference, simulated
 from kinemimic.pipeline.arrays import Array
-from kinemimic.pipeline.gait.curves import cut, describe
+from kinemimic.pipeline.gait.curves import curve_statistics, over_cycle
 from kinemimic.pipeline.gait.events import SIDES
 from kinemimic.pipeline.gait.normative import SOURCE
 from kinemimic.pipeline.gait.parameters import normalised, parameters, symmetry_index
@@ -71,7 +71,7 @@ def _metrics(subject: GaitSubject) -> dict[str, Any]:
 
 
 def _curve(subject: GaitSubject, name: str, joint: str | None) -> dict[str, Any] | None:
-    return describe(_rows(subject, subject.angles[name], name.rsplit("_", 1)[1]), joint)
+    return curve_statistics(_rows(subject, subject.angles[name], name.rsplit("_", 1)[1]), joint)
 
 
 def _rows(subject: GaitSubject, curve: Array, side: str) -> Array:
@@ -80,7 +80,7 @@ def _rows(subject: GaitSubject, curve: Array, side: str) -> Array:
     for group in subject.gait.feet:
         mine = subject.passes == group
         strides = [s for s in subject.gait.strides if s.group == group and s.side == side]
-        parts.append(cut(subject.times[mine], curve[mine], strides))
+        parts.append(over_cycle(subject.times[mine], curve[mine], strides))
     return np.concatenate(parts)
 
 

@@ -19,8 +19,8 @@ from kinemimic.pipeline.convert import on_nodes
 from kinemimic.pipeline.errors import KinemimicError
 from kinemimic.pipeline.files.store import read_clip
 from kinemimic.pipeline.gait.events import SIDES
-from kinemimic.pipeline.gait.knee_axis import about_own_axis, off_axis
-from kinemimic.pipeline.gait.parameters import Gait, study_gait
+from kinemimic.pipeline.gait.knee_axis import off_axis, off_axis_of_fitted_hinge
+from kinemimic.pipeline.gait.parameters import Gait, measure_gait
 from kinemimic.pipeline.kinematics.angles import leg_angles
 from kinemimic.pipeline.kinematics.clip import Clip, forward_kinematics
 from kinemimic.pipeline.kinematics.nodes import derived_nodes, joints_by_name
@@ -80,7 +80,7 @@ def captured(run: Path, motion: Motion | None = None) -> GaitSubject | None:
         _expect_same(run, source.provenance, motion.provenance.get("capture", {}))
     clip = on_nodes(source)
     reliable = _read_reliability(run / "gait.json")
-    gait = study_gait(clip.times, clip.passes, clip.positions)
+    gait = measure_gait(clip.times, clip.passes, clip.positions)
     notes = ["simulated capture (virtual Kinect)"] if source.simulated else []
     pelvis = None
     if not reliable.pelvis:
@@ -163,7 +163,7 @@ def _on_body(
 ) -> GaitSubject:
     knees = {side: off_axis(rotations[:, NODE_INDEX[f"knee_{side}"]]) for side in SIDES}
     angles = joint_angles(rotations) | _ankles(rotations)
-    return GaitSubject(times, passes, study_gait(times, passes, positions), angles, knees, contacts, ())
+    return GaitSubject(times, passes, measure_gait(times, passes, positions), angles, knees, contacts, ())
 
 
 def _ankles(rotations: Array) -> dict[str, Array]:
@@ -194,7 +194,7 @@ def _own_knees(run: Path, source: Clip) -> dict[str, Array] | None:
         # There may be a twist joint in between.
         while joint not in (hip, -1):
             turn, joint = multiply(source.rotations[:, joint], turn), source.skeleton.parents[joint]
-        swing = about_own_axis(turn) if joint == hip else None
+        swing = off_axis_of_fitted_hinge(turn) if joint == hip else None
         if swing is None:
             return None
         knees[side] = swing

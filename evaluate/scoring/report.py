@@ -17,7 +17,7 @@ from kinemimic.evaluate.scoring.scores import rollout_fits
 from kinemimic.pipeline.cli.html import number, render
 from kinemimic.pipeline.cli.picture import Draw
 from kinemimic.pipeline.files.store import read_json
-from kinemimic.pipeline.gait.curve_metrics import JOINTS, MEASURES
+from kinemimic.pipeline.gait.curve_metrics import MEASURES, SCORED_JOINTS
 from kinemimic.pipeline.quality.report import read_quality
 from kinemimic.retarget.formats.gait_json import read_gait_json
 from kinemimic.retarget.humanoid.motion import Motion
@@ -85,7 +85,7 @@ def report(run: Path, data: ReportData) -> str:
 def _row(measure: str, fits: Mapping[str, Any], sides: tuple[str, ...] = ()) -> list[str]:
     """A measure's label and its values, joint by joint; with `sides`, side by side."""
     label, digits = LABELS[measure]
-    values = [of for joint in JOINTS for of in ([fits[joint][s] for s in sides] or [fits[joint]])]
+    values = [of for joint in SCORED_JOINTS for of in ([fits[joint][s] for s in sides] or [fits[joint]])]
     return [label, *(number(value[measure], digits) for value in values)]
 
 
@@ -94,27 +94,37 @@ def _tables(scores: Mapping[str, Any]) -> dict[str, Any]:
     rows = []
     for measure in MEASURES:
         label, digits = LABELS[measure]
-        cells = [number(of[joint][measure], digits) for joint in JOINTS for of in (fit, no_policy)]
+        cells = [number(of[joint][measure], digits) for joint in SCORED_JOINTS for of in (fit, no_policy)]
         rows.append([label, *cells])
-    degrees = [cell for joint in JOINTS for cell in (f"{100 * PAPER_FIT[joint]:.1f} %", "–")]
-    gaps = [cell for joint in JOINTS for cell in (number(PAPER_GAP_DEG.get(joint), 1), "–")]
+    degrees = [cell for joint in SCORED_JOINTS for cell in (f"{100 * PAPER_FIT[joint]:.1f} %", "–")]
+    gaps = [cell for joint in SCORED_JOINTS for cell in (number(PAPER_GAP_DEG.get(joint), 1), "–")]
     rows += [["paper: “fitting degree”", *degrees], ["paper: largest gap,\u00a0°", *gaps]]
     spread = [
-        [LABELS[m][0], *(number(fit["phases"][j][m][s], LABELS[m][1]) for j in JOINTS for s in _SPREAD)]
+        [
+            LABELS[m][0],
+            *(number(fit["phases"][j][m][s], LABELS[m][1]) for j in SCORED_JOINTS for s in _SPREAD),
+        ]
         for m in _SPREAD_MEASURES
     ]
     capture, truth = scores["fit_capture"], scores["truth"]
     return {
         "scores": rows,
-        "sides": [f"{joint} {side}" for joint in JOINTS for side in _SIDES],
+        "sides": [f"{joint} {side}" for joint in SCORED_JOINTS for side in _SIDES],
         "by_side": [_row(measure, fit, _SIDES) for measure in MEASURES],
-        "spread": [f"{joint} {one}" for joint in JOINTS for one in _SPREAD],
+        "spread": [f"{joint} {one}" for joint in SCORED_JOINTS for one in _SPREAD],
         "phases": spread,
         "capture": None if capture is None else [_row(measure, capture) for measure in MEASURES],
         "truth": None
         if truth is None
         else [
-            [label, *(number(truth[key][j][m], d) for j in JOINTS for m, d in (("rmse_deg", 2), ("r2", 3)))]
+            [
+                label,
+                *(
+                    number(truth[key][j][m], d)
+                    for j in SCORED_JOINTS
+                    for m, d in (("rmse_deg", 2), ("r2", 3))
+                ),
+            ]
             for key, label in _STAGES.items()
         ],
     }
@@ -124,7 +134,7 @@ def _drawings(data: ReportData) -> dict[str, Draw]:
     trajectory, no_policy = data.trajectory, data.no_policy
     frames, cyclic = data.scores["fit"]["frames"], data.motion.cyclic
     fits = [rollout_fits(trajectory, k, frames) for k in range(len(trajectory.start_phases))]
-    r2 = {joint: [fit[joint].both.r2_upright for fit in fits] for joint in JOINTS}
+    r2 = {joint: [fit[joint].both.r2_upright for fit in fits] for joint in SCORED_JOINTS}
     return {
         "curves": figures.curves(trajectory, no_policy, frames),
         "cycles": figures.cycles(trajectory, data.capture, frames, cyclic=cyclic),

@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 
 from kinemimic.evaluate.scoring.capture_fit import Capture, Rollout, capture_fits, truth_fits
-from kinemimic.pipeline.gait.curve_metrics import JOINTS, MEASURES, JointFit, joint_fits
+from kinemimic.pipeline.gait.curve_metrics import MEASURES, SCORED_JOINTS, JointFit, joint_fits
 from kinemimic.pipeline.kinematics.angles import ANGLES
 from kinemimic.retarget.humanoid.body import BODIES
 from kinemimic.retarget.humanoid.motion import Motion, joint_angles
@@ -50,7 +50,7 @@ def fit(trajectory: Trajectory, frames: int) -> dict[str, Any]:
     """The fit from phase 0 per joint and side, and its spread over all start phases."""
     rollouts = [rollout_fits(trajectory, k, frames) for k in range(len(trajectory.start_phases))]
     spread: dict[str, dict[str, dict[str, float]]] = {}
-    for joint in JOINTS:
+    for joint in SCORED_JOINTS:
         spread[joint] = {}
         for measure in MEASURES:
             values = [getattr(fits[joint].both, measure) for fits in rollouts]
@@ -60,7 +60,7 @@ def fit(trajectory: Trajectory, frames: int) -> dict[str, Any]:
                 "max": float(np.max(values)),
             }
     return {
-        **{joint: rollouts[0][joint].as_dict() for joint in JOINTS},
+        **{joint: rollouts[0][joint].as_dict() for joint in SCORED_JOINTS},
         "frames": min(frames, trajectory.root.shape[1]),
         "phases": spread,
     }
@@ -128,10 +128,12 @@ def _against_capture(
     fits = capture_fits(capture, rollout)
     truth = truth_fits(capture, motion, rollout)
     return (
-        {joint: fits[joint].as_dict() for joint in JOINTS},
+        {joint: fits[joint].as_dict() for joint in SCORED_JOINTS},
         None
         if truth is None
-        else {source: {joint: of[joint].as_dict() for joint in JOINTS} for source, of in truth.items()},
+        else {
+            source: {joint: of[joint].as_dict() for joint in SCORED_JOINTS} for source, of in truth.items()
+        },
     )
 
 

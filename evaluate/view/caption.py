@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
-from kinemimic.pipeline.gait.curve_metrics import JOINTS
+from kinemimic.pipeline.gait.curve_metrics import SCORED_JOINTS
 from kinemimic.retarget.humanoid.motion import Motion
 from kinemimic.train.rollout.trajectory import Trajectory
 from kinemimic.train.scenario.scenario import Scenario
@@ -54,9 +54,9 @@ def caption(
 
 
 def _scored(scores: Mapping[str, Any]) -> list[str]:
-    lines = ["", "| | " + " | ".join(JOINTS) + " |", "|---|" + "---|" * len(JOINTS)]
+    lines = ["", "| | " + " | ".join(SCORED_JOINTS) + " |", "|---|" + "---|" * len(SCORED_JOINTS)]
     for label, place, form in _ROWS:
-        cells = (_shown(scores, place.format(joint), form) for joint in JOINTS)
+        cells = (_shown(scores, place.format(joint), form) for joint in SCORED_JOINTS)
         lines.append(f"| {label} | " + " | ".join(cells) + " |")
     lines += [
         "",

@@ -20,7 +20,7 @@ from kinemimic.evaluate.scoring.command import evaluate
 from kinemimic.pipeline.cli.options import json_option
 from kinemimic.pipeline.errors import KinemimicError
 from kinemimic.pipeline.files.store import read_json, write_json
-from kinemimic.pipeline.gait.curve_metrics import JOINTS
+from kinemimic.pipeline.gait.curve_metrics import SCORED_JOINTS
 from kinemimic.retarget.versions.params import Params, params_option
 from kinemimic.train.sim.options import engine_option, workers_option
 
@@ -32,7 +32,7 @@ def figures(scores: Mapping[str, Any]) -> dict[str, float | None]:
     """What is watched of scores.json: frames and start phases survived, fit, path; None is not measurable."""
     fit = {
         f"{joint}_{figure}": scores["fit"][joint][figure]
-        for joint in JOINTS
+        for joint in SCORED_JOINTS
         for figure in ("r2", "rmse_deg", "max_gap_deg")
     }
     root = {name: scores["root"][name] for name in ("speed_ratio", "path_error_m")}

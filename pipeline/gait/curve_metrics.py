@@ -20,7 +20,7 @@ from kinemimic.pipeline.arrays import Array
 Flags = NDArray[np.bool_]
 
 CONSTANT = 1e-9  # rad
-JOINTS: tuple[str, ...] = ("knee", "hip")
+SCORED_JOINTS: tuple[str, ...] = ("knee", "hip")
 SIDES: tuple[str, ...] = ("left", "right")
 
 
@@ -190,5 +190,5 @@ def joint_fits(
         joint: JointFit(
             *(Fit.of(reference[f"{joint}_{side}"], simulated[f"{joint}_{side}"], upright) for side in SIDES)
         )
-        for joint in JOINTS
+        for joint in SCORED_JOINTS
     }

@@ -10,7 +10,7 @@ import numpy as np
 from scipy.interpolate import CubicSpline
 
 from kinemimic.pipeline.arrays import Array
-from kinemimic.pipeline.gait.normative import band
+from kinemimic.pipeline.gait.normative import normative_band
 from kinemimic.pipeline.gait.parameters import Stride, summary
 
 CYCLE: Array = np.arange(101) / 100.0
@@ -20,7 +20,7 @@ _GAP = 0.15  # s without the curve, over which it would be invented
 _WILD = 15.0
 
 
-def cut(times: Array, curve: Array, strides: Sequence[Stride]) -> Array:
+def over_cycle(times: Array, curve: Array, strides: Sequence[Stride]) -> Array:
     """The curve (T,) of one pass over each stride's cycle, (strides, 101); NaN rows where it has a gap.
 
     A cubic spline reads between frames: at 30 Hz straight lines would cut a degree off the knee's peak.
@@ -43,7 +43,7 @@ def cut(times: Array, curve: Array, strides: Sequence[Stride]) -> Array:
     return rows
 
 
-def describe(rows: Array, joint: str | None = None) -> dict[str, Any] | None:
+def curve_statistics(rows: Array, joint: str | None = None) -> dict[str, Any] | None:
     """What curves (strides, 101) in radians are, in degrees; None where no stride is whole.
 
     mean, sd: (101,) over the strides (sd None of a single one); strides: how many, those left out that are
@@ -65,7 +65,7 @@ def describe(rows: Array, joint: str | None = None) -> dict[str, Any] | None:
         "range_deg": summary([float(np.ptp(row)) for row in whole]),
     }
     if joint is not None:
-        middle, spread = (np.degrees(values) for values in band(joint, CYCLE))
+        middle, spread = (np.degrees(values) for values in normative_band(joint, CYCLE))
         result["norm_rms_deg"] = float(np.sqrt(np.mean((mean - middle) ** 2)))
         result["norm_within_percent"] = float(100.0 * np.mean(np.abs(mean - middle) <= spread))
     return result

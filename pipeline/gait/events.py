@@ -36,7 +36,7 @@ _STILL = 0.4  # of the speed over the ground, below which a runner's ankle stand
 
 
 @dataclass(frozen=True)
-class Feet:
+class FootEvents:
     """A pass of gait on an even clock, and when each foot (left, right) is on the ground.
 
     times: (T,) seconds at RATE; pelvis: (T, 3) middle of the hips and ankles: (T, 2, 3), metres, in axes that
@@ -60,7 +60,7 @@ class Feet:
     running: bool
 
 
-def find_feet(times: Array, positions: Array) -> Feet | None:
+def detect_foot_events(times: Array, positions: Array) -> FootEvents | None:
     """The gait in one pass: times (T,) in seconds, positions (T, 20, 3) of the 20 nodes in metres.
 
     None where hips or ankles are missing throughout, where the pass is shorter than SHORTEST, or where nobody
@@ -100,7 +100,7 @@ def find_feet(times: Array, positions: Array) -> Feet | None:
         )
         for which, sign in ((0, 1.0), (1, -1.0))
     )
-    return Feet(
+    return FootEvents(
         times=clock,
         pelvis=pelvis,
         ankles=ankles,

@@ -31,7 +31,7 @@ def off_axis(knee: Array, axis: Array = LATERAL) -> Array:
     return np.asarray(2.0 * np.arctan2(across, np.hypot(knee[..., 3], along)))
 
 
-def about_own_axis(knee: Array) -> Array | None:
+def off_axis_of_fitted_hinge(knee: Array) -> Array | None:
     """`off_axis` (T,) of a knee in axes of its own: about the hinge that fits its rotations (T, 4) best.
 
     The axis is the direction of largest spread of the rotation vectors about their mean, so that neither the

@@ -46,13 +46,13 @@ _TABLES: dict[str, tuple[tuple[float, ...], tuple[float, ...]]] = {
          -3.7, -1.1, 1.3, 3.4, 4.9, 6.0, 6.6, 6.7, 6.4, 5.9, 5.4, 4.8, 4.5, 4.3, 4.1),
     ),
 }  # fmt: skip
-JOINTS: tuple[str, ...] = tuple(_TABLES)
+NORMATIVE_JOINTS: tuple[str, ...] = tuple(_TABLES)
 
 
-def band(joint: str, phase: Array) -> tuple[Array, Array]:
+def normative_band(joint: str, phase: Array) -> tuple[Array, Array]:
     """Mean and standard deviation (N,) in radians at phases (N,) in cycles from the foot's first contact.
 
-    joint: one of JOINTS; flexion (the ankle's: toes up) is positive, 0 standing upright, as in
+    joint: one of NORMATIVE_JOINTS; flexion (the ankle's: toes up) is positive, 0 standing upright, as in
     pipeline/angles.py: the hip's mean is the tables' less PELVIC_TILT.
     """
     tilt = PELVIC_TILT if joint == "hip" else 0.0

@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from kinemimic.pipeline.arrays import Array
-from kinemimic.pipeline.gait.events import SIDES, Feet, find_feet
+from kinemimic.pipeline.gait.events import SIDES, FootEvents, detect_foot_events
 from kinemimic.pipeline.gait.harmonic import fit_harmonic
 from kinemimic.pipeline.kinematics.skeleton import NODE_INDEX as N
 
@@ -82,23 +82,23 @@ class Gait:
 
     strides: tuple[Stride, ...]
     left_out: int
-    feet: Mapping[int, Feet]
+    feet: Mapping[int, FootEvents]
     belt: float | None
     running: bool
     leg: float
 
 
-def study_gait(times: Array, passes: NDArray[np.int32], positions: Array) -> Gait:
+def measure_gait(times: Array, passes: NDArray[np.int32], positions: Array) -> Gait:
     """The gait in a recording: times (T,), number of the pass (T,), -1 outside of any, positions (T, 20, 3).
 
     `strides` is empty where nobody walks, or never for a whole stride.
     """
     found: list[Stride] = []
-    feet: dict[int, Feet] = {}
+    feet: dict[int, FootEvents] = {}
     lacking = 0
     for number in np.unique(passes[passes >= 0]).tolist():
         mine = passes == number
-        one = find_feet(times[mine], positions[mine])
+        one = detect_foot_events(times[mine], positions[mine])
         if one is not None:
             feet[number] = one
             strides, unseen = _strides(number, one)
@@ -132,7 +132,7 @@ def _leg_length(positions: Array) -> float:
     return float(np.median(seen)) if len(seen) else float("nan")
 
 
-def _strides(number: int, feet: Feet) -> tuple[list[Stride], int]:
+def _strides(number: int, feet: FootEvents) -> tuple[list[Stride], int]:
     """The strides of a pass, and how many of them the capture does not show well enough to measure."""
     strides: list[Stride] = []
     unseen = 0
@@ -171,7 +171,7 @@ def _strides(number: int, feet: Feet) -> tuple[list[Stride], int]:
     return strides, unseen
 
 
-def _width(feet: Feet, foot: int, along: Array, start: float, opposite: float, stance: float) -> float:
+def _width(feet: FootEvents, foot: int, along: Array, start: float, opposite: float, stance: float) -> float:
     """Metres across the unit vector `along` (2,) between where a foot stands and the other one after it.
 
     They come down at `start` and `opposite`. In the second quarter of a stance, which takes `stance` seconds,
@@ -199,7 +199,7 @@ def _support(start: float, off: float, end: float, opposite: float, offs: Array)
     return float(both / (end - start)), float(none / (end - start))
 
 
-def _period(feet: Feet) -> float | None:
+def _period(feet: FootEvents) -> float | None:
     """Seconds of a stride in a short pass, from all of its frames; None where they do not agree on one."""
     if feet.times[-1] - feet.times[0] > SHORT:
         return None
@@ -209,7 +209,7 @@ def _period(feet: Feet) -> float | None:
     return harmonic.period if harmonic.r2 > EXPLAINED else None
 
 
-def _at(feet: Feet, foot: int, moment: float) -> Array:
+def _at(feet: FootEvents, foot: int, moment: float) -> Array:
     """Place (2,) of an ankle over the ground."""
     k = int(np.clip(np.searchsorted(feet.times, moment), 1, len(feet.times) - 1))
     share = (moment - feet.times[k - 1]) / (feet.times[k] - feet.times[k - 1])

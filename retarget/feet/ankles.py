@@ -7,7 +7,7 @@ from typing import Literal, get_args
 import numpy as np
 
 from kinemimic.pipeline.arrays import Array
-from kinemimic.pipeline.gait.normative import FOOT_OFF, band
+from kinemimic.pipeline.gait.normative import FOOT_OFF, normative_band
 from kinemimic.pipeline.kinematics.rotations import conjugate, from_axis_angle, multiply
 from kinemimic.pipeline.kinematics.skeleton import NODE_INDEX as N
 from kinemimic.retarget.feet.contact import sole_positions
@@ -62,7 +62,7 @@ def _with_ankles(rotations: Array, phase: Array, lifts: Array) -> Array:
     for side, stride, lift in zip(("left", "right"), _foot_phases(phase), lifts, strict=True):
         knee, ankle = N[f"knee_{side}"], N[f"ankle_{side}"]
         lean, yaw = lean_and_yaw(frames[:, knee])
-        pitch = lean - band("ankle", stride)[0]
+        pitch = lean - normative_band("ankle", stride)[0]
         flat = (stride > FOOT_FLAT[0]) & (stride < FOOT_FLAT[1])
         pitch -= float(np.mean(pitch[flat])) if flat.any() else 0.0
         # A raised cosine at either end keeps the curve smooth.

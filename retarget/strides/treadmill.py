@@ -13,7 +13,7 @@ import numpy as np
 from scipy.ndimage import median_filter
 
 from kinemimic.pipeline.arrays import Array
-from kinemimic.pipeline.gait.events import Feet, find_feet
+from kinemimic.pipeline.gait.events import FootEvents, detect_foot_events
 from kinemimic.pipeline.gait.harmonic import walking_direction
 from kinemimic.pipeline.kinematics.clip import Clip
 from kinemimic.pipeline.kinematics.skeleton import NODE_INDEX as N
@@ -50,7 +50,7 @@ def _belt_travel(times: Array, positions: Array) -> tuple[float, Array] | None:
         return None
     heading, on_path = walking_direction(positions)
     along = np.array([np.cos(heading), np.sin(heading)])
-    feet = find_feet(times, positions)
+    feet = detect_foot_events(times, positions)
     if on_path or feet is None or not all(_is_carried(feet, k) for k in range(2)):
         return None
     moments, strokes = np.concatenate(feet.treads, axis=1)
@@ -68,7 +68,7 @@ def _belt_travel(times: Array, positions: Array) -> tuple[float, Array] | None:
     return heading, way
 
 
-def _is_carried(feet: Feet, foot: int) -> bool:
+def _is_carried(feet: FootEvents, foot: int) -> bool:
     """Whether a foot moves backward often enough and lower than forward."""
     speed = np.gradient(np.einsum("tc,tc->t", feet.ankles[:, foot, :2] - feet.pelvis[:, :2], feet.forward))
     back, ahead = np.maximum(-speed, 0.0), np.maximum(speed, 0.0)

@@ -14,7 +14,7 @@ from kinemimic.pipeline.convert import convert
 from kinemimic.pipeline.errors import KinemimicError
 from kinemimic.pipeline.files.sidecars import read_truth
 from kinemimic.pipeline.files.store import read_clip, read_json
-from kinemimic.pipeline.gait.curves import cut
+from kinemimic.pipeline.gait.curves import over_cycle
 from kinemimic.pipeline.ingest import ingest
 from kinemimic.pipeline.kinematics.rotations import from_axis_angle, multiply
 from kinemimic.pipeline.kinematics.skeleton import NODE_INDEX
@@ -130,7 +130,7 @@ def errors(run, joint):
     for stride in walker.gait.strides:
         name = f"{joint}_{stride.side}"
         seen, true = (
-            cut(times[near], curve[near], [stride])
+            over_cycle(times[near], curve[near], [stride])
             for times, curve in ((walker.times, walker.angles[name]), (truth["time"], truth[name]))
             for near in [(times > stride.start - 0.2) & (times < stride.end + 0.2)]
         )

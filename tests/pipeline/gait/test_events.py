@@ -7,8 +7,8 @@ import pytest
 from samples.motion import Walk, in_sight, walk
 
 from kinemimic.pipeline.arrays import Array
-from kinemimic.pipeline.gait.events import find_feet
-from kinemimic.pipeline.gait.parameters import parameters, study_gait
+from kinemimic.pipeline.gait.events import detect_foot_events
+from kinemimic.pipeline.gait.parameters import measure_gait, parameters
 from kinemimic.pipeline.kinematics.rotations import from_axis_angle, rotate
 from kinemimic.pipeline.kinematics.skeleton import NODE_INDEX, NODES
 from kinemimic.pipeline.readers.mocap.deepmimic import read_deepmimic, stock_motion
@@ -30,7 +30,7 @@ def truth(kind: str) -> Gait:
 
 def study(shown: Walk, joints: Array | None = None):  # type: ignore[no-untyped-def]
     places = shown.joints if joints is None else joints
-    return study_gait(shown.times, np.zeros(len(shown.times), np.int32), places)
+    return measure_gait(shown.times, np.zeros(len(shown.times), np.int32), places)
 
 
 def test_period_speed_and_stride_are_those_the_motion_was_made_with(kind: str) -> None:
@@ -149,7 +149,7 @@ def test_a_stride_with_a_pause_is_no_usual_one() -> None:
     shown = walk(300)
     # Half a second of standing still: the frames after it come later.
     times = shown.times + np.where(np.arange(300) >= 150, 0.5, 0.0)
-    gait = study_gait(times, np.zeros(300, np.int32), shown.joints)
+    gait = measure_gait(times, np.zeros(300, np.int32), shown.joints)
     assert gait.left_out >= 1
     assert parameters(gait)["stride_time_s"]["both"]["mean"] == pytest.approx(truth("walk").period, rel=0.01)
 
@@ -158,7 +158,7 @@ def test_nobody_walks() -> None:
     standing = np.repeat(walk(1).joints, 90, axis=0)
     times = np.arange(90) / 30
     sway = 0.02 * np.sin(2 * np.pi * times)[:, None, None] * np.array([1.0, 0.0, 0.0])
-    assert find_feet(times, standing + sway) is None
-    assert find_feet(times[:10], standing[:10]) is None
-    assert find_feet(times, np.full_like(standing, np.nan)) is None
-    assert study_gait(times, np.full(90, -1, np.int32), standing).strides == ()
+    assert detect_foot_events(times, standing + sway) is None
+    assert detect_foot_events(times[:10], standing[:10]) is None
+    assert detect_foot_events(times, np.full_like(standing, np.nan)) is None
+    assert measure_gait(times, np.full(90, -1, np.int32), standing).strides == ()

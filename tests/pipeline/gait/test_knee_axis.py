@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from kinemimic.pipeline.gait.knee_axis import about_own_axis, off_axis
+from kinemimic.pipeline.gait.knee_axis import off_axis, off_axis_of_fitted_hinge
 from kinemimic.pipeline.kinematics.rotations import conjugate, from_axis_angle, from_rotvec, multiply
 
 TURN = np.linspace(0, 2 * np.pi, 80, endpoint=False)
@@ -14,7 +14,7 @@ FLEXION = np.radians(30 - 30 * np.cos(TURN))
 
 def test_a_hinge_has_none() -> None:
     assert np.allclose(off_axis(from_axis_angle("Y", FLEXION)), 0.0, atol=1e-12)
-    own = about_own_axis(from_axis_angle("Y", FLEXION))
+    own = off_axis_of_fitted_hinge(from_axis_angle("Y", FLEXION))
     assert own is not None and np.allclose(own, 0.0, atol=1e-7)
 
 
@@ -36,7 +36,7 @@ def test_the_files_own_axes_and_rest_pose_do_not_matter() -> None:
     knee = multiply(wobble, from_axis_angle("Y", FLEXION))
     axes, rest = from_rotvec(np.array([0.4, -1.1, 0.7])), from_rotvec(np.array([-0.2, 0.3, 1.4]))
     strange = multiply(multiply(conjugate(axes), multiply(knee, axes)), rest)
-    plain, turned = about_own_axis(knee), about_own_axis(strange)
+    plain, turned = off_axis_of_fitted_hinge(knee), off_axis_of_fitted_hinge(strange)
     assert plain is not None and turned is not None
     # Wobble about a hinge found from the data: its rms of 6°/√2 = 4.2°, less what the fit takes as hinge.
     assert np.degrees(np.sqrt(np.mean(plain**2))) == pytest.approx(4.2, abs=0.3)
@@ -44,10 +44,10 @@ def test_the_files_own_axes_and_rest_pose_do_not_matter() -> None:
 
 
 def test_a_knee_that_does_not_bend_shows_no_axis_and_missing_frames_stay_missing() -> None:
-    assert about_own_axis(from_axis_angle("Y", 0.01 * np.sin(TURN))) is None
+    assert off_axis_of_fitted_hinge(from_axis_angle("Y", 0.01 * np.sin(TURN))) is None
     knee = from_axis_angle("Y", FLEXION)
     knee[5:9] = np.nan
-    own = about_own_axis(knee)
+    own = off_axis_of_fitted_hinge(knee)
     assert own is not None
     assert np.isnan(own[5:9]).all() and np.isfinite(np.delete(own, range(5, 9))).all()
-    assert about_own_axis(np.full((80, 4), np.nan)) is None
+    assert off_axis_of_fitted_hinge(np.full((80, 4), np.nan)) is None

@@ -3,18 +3,18 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from kinemimic.pipeline.gait.normative import FOOT_OFF, JOINTS, band
+from kinemimic.pipeline.gait.normative import FOOT_OFF, NORMATIVE_JOINTS, normative_band
 
 PHASE = np.linspace(0.0, 1.0, 201)
 
 
-@pytest.mark.parametrize("joint", JOINTS)
+@pytest.mark.parametrize("joint", NORMATIVE_JOINTS)
 def test_a_band_closes_and_has_a_width(joint):
-    mean, spread = band(joint, PHASE)
+    mean, spread = normative_band(joint, PHASE)
     assert mean[0] == mean[-1]
     assert np.degrees(spread).min() > 3
     assert np.degrees(spread).max() < 10
-    again = band(joint, PHASE + 3.0)[0]
+    again = normative_band(joint, PHASE + 3.0)[0]
     assert again == pytest.approx(mean, abs=1e-9)
     # A step of half a per cent of the cycle, 5 ms, is small: no number of the tables is out of line.
     assert np.degrees(np.abs(np.diff(mean))).max() < 2.0
@@ -23,7 +23,7 @@ def test_a_band_closes_and_has_a_width(joint):
 
 def test_the_curves_are_those_of_walking():
     """What every textbook says of the three joints, in degrees and parts of the cycle."""
-    curves = {joint: np.degrees(band(joint, PHASE)[0]) for joint in JOINTS}
+    curves = {joint: np.degrees(normative_band(joint, PHASE)[0]) for joint in NORMATIVE_JOINTS}
     knee, hip, ankle = (curves[joint] for joint in ("knee", "hip", "ankle"))
     assert 55 < knee.max() < 65
     assert 0.70 < PHASE[knee.argmax()] < 0.75

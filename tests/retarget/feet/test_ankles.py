@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from kinemimic.pipeline.convert import convert, on_nodes
-from kinemimic.pipeline.gait.normative import band
+from kinemimic.pipeline.gait.normative import normative_band
 from kinemimic.pipeline.ingest import ingest
 from kinemimic.pipeline.kinematics.rotations import IDENTITY, from_axis_angle, rotate, to_rotvec
 from kinemimic.pipeline.kinematics.skeleton import NODE_INDEX as N
@@ -26,8 +26,10 @@ def normal_walk(knee: float = 1.0, lean: float = 0.0):
     rotations = np.tile(IDENTITY, (len(PHASE), len(NODES), 1))
     rotations[:, 0] = from_axis_angle("Y", np.full(len(PHASE), lean))
     for side, shift in (("left", 0.0), ("right", 0.5)):
-        rotations[:, N[f"hip_{side}"]] = from_axis_angle("Y", -band("hip", PHASE + shift)[0])
-        rotations[:, N[f"knee_{side}"]] = from_axis_angle("Y", knee * band("knee", PHASE + shift)[0])
+        rotations[:, N[f"hip_{side}"]] = from_axis_angle("Y", -normative_band("hip", PHASE + shift)[0])
+        rotations[:, N[f"knee_{side}"]] = from_axis_angle(
+            "Y", knee * normative_band("knee", PHASE + shift)[0]
+        )
     return rotations
 
 
@@ -39,7 +41,7 @@ def flexion(rotations, side):
 def test_a_normal_walk_gets_the_normal_ankle_up_to_a_constant():
     walked = normal_feet(normal_walk(), PHASE)
     for side, shift in (("left", 0.0), ("right", 0.5)):
-        apart = flexion(walked, side) - band("ankle", PHASE + shift)[0]
+        apart = flexion(walked, side) - normative_band("ankle", PHASE + shift)[0]
         assert np.ptp(apart[np.mod(PHASE + shift, 1.0) < 0.6]) < 1e-9
         assert np.degrees(np.abs(apart).max()) < 8
 

@@ -9,7 +9,7 @@ import pytest
 
 from kinemimic.pipeline.convert import convert, on_nodes
 from kinemimic.pipeline.files.store import read_clip
-from kinemimic.pipeline.gait.parameters import study_gait
+from kinemimic.pipeline.gait.parameters import measure_gait
 from kinemimic.pipeline.ingest import ingest
 from kinemimic.pipeline.kinematics.clip import Clip
 from kinemimic.pipeline.kinematics.rotations import IDENTITY, angle_between, from_axis_angle, rotate
@@ -156,4 +156,4 @@ def test_the_belt_of_a_real_treadmill_is_what_the_markers_and_the_gait_report_sa
     clip = on_nodes(read_clip(tmp_path / "quaternions.parquet"))
     found = add_belt_travel(clip)[1]
     assert found == {0: pytest.approx(speed, rel=0.02)}
-    assert found[0] == pytest.approx(study_gait(clip.times, clip.passes, clip.positions).belt, rel=0.01)
+    assert found[0] == pytest.approx(measure_gait(clip.times, clip.passes, clip.positions).belt, rel=0.01)
