@@ -1,4 +1,4 @@
-"""Stage 2: Euler channels or positions to quaternions, with a report of gimbal lock."""
+"""Stage 2: convert Euler channels or positions to quaternions, and report gimbal lock."""
 
 from __future__ import annotations
 
@@ -21,19 +21,20 @@ from kinemimic.pipeline.kinematics.nodes import to_nodes
 from kinemimic.pipeline.kinematics.orient import node_rotations
 from kinemimic.pipeline.kinematics.rest_pose import node_rotations_of
 from kinemimic.pipeline.kinematics.skeleton import node_skeleton
+from kinemimic.pipeline.quality.rules.frame_selection import select_frames
 
 ORIENTATION_SCHEMA = 1
-ENOUGH = 10_000
+MAX_SAMPLE_FRAMES = 10_000
 
 
 def convert(run: Path) -> Clip:
     """Read clip.parquet and write quaternions.parquet, gimbal.json and orientation.json to the run folder.
 
-    A capture of Euler channels: quaternions of them, each joint in its own order, and positions through
-    forward kinematics. One of quaternions keeps them as they are. A capture of positions alone is put on the
-    20 nodes and gets their orientations (pipeline/orient.py); NaN where a joint that they hang on is missing.
-    orientation.json says which nodes have a recorded rotation (`rest_pose.node_rotations_of` gives them) and
-    how far recorded knees and elbows are from pure hinges.
+    Euler channels: converted to quaternions, each joint in its own order, and to positions by forward
+    kinematics. Quaternions: kept. Positions only: mapped to the 20 nodes, whose orientations are computed
+    (`kinematics/orient.py`), NaN where a joint that defines them is missing.
+    orientation.json lists the nodes with a recorded rotation (see `rest_pose.node_rotations_of`) and how far
+    recorded knees and elbows deviate from pure hinges.
     """
     clip = read_clip(run / "clip.parquet")
     made_by = provenance("convert", inputs={"clip": file_hash(run / "clip.parquet")}, config={})
@@ -41,7 +42,7 @@ def convert(run: Path) -> Clip:
     if clip.euler is not None and clip.orders is not None and clip.translations is not None:
         recorded = rotations_of_channels(clip.euler, clip.orders, clip.world_from_file, clip.rests)
         report = gimbal_report(clip, recorded)
-        # A capture that was filtered on ingest holds its rotations already.
+        # A capture filtered by `ingest` already has rotations.
         rotations = recorded if clip.rotations is None else clip.rotations
         positions = world_positions(clip.skeleton, clip.translations, rotations, clip.world_from_file)
         converted = replace(clip, rotations=rotations, positions=positions)
@@ -60,7 +61,7 @@ def convert(run: Path) -> Clip:
 
 
 def _orientation(clip: Clip, converted: Clip) -> dict[str, Any]:
-    """Which nodes' rotations are recorded, and how far recorded hinges are off their axes."""
+    """The nodes with recorded rotations, and the deviation of recorded hinges from their axes."""
     recorded = clip.rotations is not None or clip.euler is not None
     found = node_rotations_of(_sample(converted)) if recorded else None
     return {
@@ -74,15 +75,13 @@ def _orientation(clip: Clip, converted: Clip) -> dict[str, Any]:
 
 
 def _sample(clip: Clip) -> Clip:
-    """At most ENOUGH frames spread over the clip: an hour's means need no more memory than a minute's."""
-    rows = np.unique(np.linspace(0, len(clip.times) - 1, min(len(clip.times), ENOUGH)).astype(np.intp))
-    frames = ("times", "positions", "states", "passes", "euler", "translations", "rotations")
-    taken = {name: getattr(clip, name) for name in frames}
-    return replace(clip, angles=None, **{k: v[rows] for k, v in taken.items() if v is not None})
+    """At most MAX_SAMPLE_FRAMES frames, spread over the clip, which bounds the memory for long captures."""
+    count = min(len(clip.times), MAX_SAMPLE_FRAMES)
+    return select_frames(clip, np.unique(np.linspace(0, len(clip.times) - 1, count).astype(np.intp)))
 
 
 def on_nodes(clip: Clip) -> Clip:
-    """The clip's positions on the 20-node skeleton; what it knew of rotations is left behind."""
+    """The clip's positions on the 20-node skeleton, without its rotations."""
     positions, states = to_nodes(clip)
     return Clip(
         skeleton=node_skeleton(),
@@ -99,7 +98,7 @@ def on_nodes(clip: Clip) -> Clip:
 @run_option()
 @json_option("Print the gimbal report as JSON.")
 def command(run: Path, as_json: bool) -> None:
-    """Turn the run's clip into quaternions and report where its Euler angles come near gimbal lock.
+    """Convert the run's clip to quaternions and report where its Euler angles come near gimbal lock.
 
     \b
       kinemimic convert --run runs/walk
@@ -110,12 +109,13 @@ def command(run: Path, as_json: bool) -> None:
         click.echo(json.dumps(report, indent=2))
     else:
         Console(highlight=False, markup=False).print(table(report), crop=False)
-        click.echo(_told(read_json(run / "orientation.json")))
+        click.echo(_orientation_line(read_json(run / "orientation.json")))
 
 
-def _told(orientation: dict[str, Any]) -> str:
+def _orientation_line(orientation: dict[str, Any]) -> str:
     nodes, off = orientation["recorded_by"], orientation["off_axis_deg"]
     if not nodes:
         return "orientations: from positions"
     hinges = ", ".join(f"{node.replace('_', ' ')} {angle:.1f}°" for node, angle in off.items())
-    return f"orientations: recorded at {len(nodes)} nodes" + (f"; off a pure hinge: {hinges}" if off else "")
+    line = f"orientations: recorded at {len(nodes)} nodes"
+    return line + (f"; deviation from a pure hinge: {hinges}" if off else "")

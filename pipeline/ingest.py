@@ -1,4 +1,4 @@
-"""Stage 1: a capture file into the run folder, divided into passes, cleaned, with a report of its quality."""
+"""Stage 1: read a capture, check its quality, divide it into passes, clean it, write it to the run folder."""
 
 from __future__ import annotations
 
@@ -26,27 +26,27 @@ from kinemimic.pipeline.readers.recognise import read
 def ingest(capture: Path, run: Path, *, filter_name: str | None = None, unit: str | None = None) -> Clip:
     """Read a capture and write raw.parquet, clip.parquet, quality.json (and truth.parquet) to the run folder.
 
-    filter_name: one of FILTERS; by default the one that `make bench-clean` found best; unit: as in `read`.
-    raw.parquet holds the frames as recorded but for what the rules repaired (sides, axes, units; unfiltered,
-    gaps NaN); clip.parquet the same frames cleaned; quality.json every defect, repaired or flagged.
-    A file NAME.truth.parquet beside the capture NAME.* marks it as simulated and is copied; what
-    NAME.provenance.json says of how the capture was made goes into the clip's provenance.
-    Raises CaptureError, before anything is written, for a file that is no capture of a person or is refused
-    by a rule.
+    filter_name: one of FILTERS, by default the best one in `make bench-clean`; unit: as in `read`.
+    raw.parquet: the frames as recorded, except for repairs by the rules (sides, axes, units), unfiltered,
+    with NaN in gaps; clip.parquet: the same frames after cleaning; quality.json: every defect.
+    A sidecar file NAME.truth.parquet marks a capture NAME.* as simulated and is copied; the content of
+    NAME.provenance.json goes into the clip's provenance.
+    CaptureError, before anything is written, for a file that is not a capture of a person or that a rule
+    refuses.
     """
     if filter_name is not None and filter_name not in FILTERS:
         raise KinemimicError(f"expected a filter among {', '.join(FILTERS)}, found {filter_name!r}")
     recorded = read(capture, unit=unit)
     truth, note = truth_path(capture), read_note(note_path(capture))
     simulated = read_truth(truth) is not None
-    examination = check_capture(recorded)
-    if examination.refused is not None:
-        raise CaptureError(capture, expected="a person's movement", found=examination.refused.text)
+    checked = check_capture(recorded)
+    if checked.refused is not None:
+        raise CaptureError(capture, expected="a person's movement", found=checked.refused.text)
     chosen = filter_name or FILTERS[0]
     config = {"filter": chosen} if unit is None else {"filter": chosen, "unit": unit}
     made_by = provenance("ingest", inputs={"capture": recorded.provenance["sha256"]}, config=config)
     raw = replace(
-        examination.clip,
+        checked.clip,
         provenance={
             **note,
             **recorded.provenance,
@@ -55,13 +55,13 @@ def ingest(capture: Path, run: Path, *, filter_name: str | None = None, unit: st
         },
     )
     cleaned, cleaning = clean(raw, chosen)
-    report = quality_report(raw, examination.acquisition, cleaning, examination.defects)
+    report = quality_report(raw, checked.acquisition, cleaning, checked.defects)
     write_clip(run / "raw.parquet", raw)
     write_clip(run / "clip.parquet", cleaned)
     if simulated:
         copy_file(truth, run / "truth.parquet")
     else:
-        # Another capture's truth must not be taken for this one's.
+        # Remove the truth of a capture ingested earlier.
         (run / "truth.parquet").unlink(missing_ok=True)
     write_json(run / "quality.json", report)
     return cleaned
@@ -75,9 +75,9 @@ def ingest(capture: Path, run: Path, *, filter_name: str | None = None, unit: st
 def command(
     capture: Path | None, run: Path, filter_name: str | None, unit: str | None, as_json: bool
 ) -> None:
-    """Read CAPTURE (what `kinemimic formats` lists), divide it into passes, clean it, report its quality.
+    """Read CAPTURE, divide it into passes, clean it, and report its quality.
 
-    Without CAPTURE, what a virtual Kinect records of the stock walk.
+    `kinemimic formats` lists the formats. Without CAPTURE, a virtual Kinect records the stock walk.
 
     \b
       kinemimic ingest walk.skl --run runs/walk
@@ -85,7 +85,7 @@ def command(
       kinemimic ingest child.bvh --run runs/child --unit cm
     """
     if capture is None:
-        from kinemimic.pipeline.virtual_kinect.recorder import record_virtual  # noqa: PLC0415 (nobody else waits for it)
+        from kinemimic.pipeline.virtual_kinect.recorder import record_virtual  # noqa: PLC0415 (import cost)
 
         capture = record_virtual(run / "capture").euler
     ingest(capture, run, filter_name=filter_name, unit=unit)

@@ -1,4 +1,4 @@
-"""`kinemimic datasets add`: a file into a catalogue of one's own, measured and recognised by our readers."""
+"""`kinemimic datasets add`: add a local file to your own catalogue, with its size, hash, format and rate."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from kinemimic.pipeline.files.toml_text import quoted
 from kinemimic.pipeline.readers.base.source import Source
 from kinemimic.pipeline.readers.recognise import reader_of
 
-_UNTOLD = "not stated"
+_UNKNOWN = "not stated"
 
 
 def add(
@@ -37,28 +37,28 @@ def add(
     sensor: str | None = None,
     shows: str | None = None,
 ) -> tuple[Entry, str | None]:
-    """Write a file's entry into a catalogue, which is made if there is none; what it holds stays as it is.
+    """Add a file to a catalogue, which is created if it does not exist; existing entries stay unchanged.
 
-    path: of the file in its repository; name: of the file in the collection, by default its own. A new
-    collection needs repository, commit, licence and citation; one that is there has them, and a file of it
-    may have another repository and commit. Returns the entry, and why no format or frame rate is known.
+    path: path of the file in its repository; name: name of the file in the collection, by default its own.
+    A new collection needs repository, commit, licence and citation. A file of an existing collection may
+    have another repository and commit. Returns the entry, and a note if the format or rate is unknown.
 
-    A KinemimicError if the file or its name is in the catalogue already, or if something is missing.
+    KinemimicError if the file or its name is in the catalogue already, or if a value is missing.
     """
     if not file.is_file():
         raise KinemimicError(f"{file}: expected a file, found {'a folder' if file.is_dir() else 'none'}")
-    text, known = _there(catalog)
+    text, known = _existing(catalog)
     size, sha256, name = file.stat().st_size, file_hash(file), name or file.name
     for entry in known.entries:
         if entry.name == f"{collection}/{name}":
             raise KinemimicError(
-                f"{catalog}: expected a new name, found {entry.name} there already; name it --as"
+                f"{catalog}: expected a new name, found {entry.name} in it already; choose a name with --as"
             )
         if entry.sha256 == sha256:
             raise KinemimicError(
-                f"{catalog}: expected a new file, found {file} there already as {entry.name}"
+                f"{catalog}: expected a new file, found {file} in it already as {entry.name}"
             )
-    told = {
+    given = {
         "repository": repository,
         "commit": commit,
         "licence": licence,
@@ -67,28 +67,28 @@ def add(
         "sensor": sensor,
         "shows": shows,
     }
-    format, recorder, rate, why = _recognised(file)
-    place = next((one for one in known.collections if one.name == collection), None)
+    format, recorder, rate, note = _recognised(file)
+    existing = next((one for one in known.collections if one.name == collection), None)
     line: dict[str, str | int | float] = {"name": name, "path": path, "bytes": size, "sha256": sha256}
-    if place is None:
-        texts = {"title": collection, "sensor": recorder, "shows": _UNTOLD}
-        texts |= {key: text for key, text in told.items() if text}
+    if existing is None:
+        texts = {"title": collection, "sensor": recorder, "shows": _UNKNOWN}
+        texts |= {key: text for key, text in given.items() if text}
         if rate is not None:
             line["frame_rate"] = rate
-        fresh = text + _new_collection(catalog, collection, format, texts, line)
+        new_text = text + _new_collection(catalog, collection, format, texts, line)
     else:
-        line |= _own(catalog, place, format, rate, told)
-        fresh = _with_line(catalog, text, known, place, line)
-    made = parse_catalog(catalog, fresh)
-    added = [entry for entry in made.entries if entry not in known.entries]
-    if len(added) != 1 or len(made.entries) != len(known.entries) + 1:
-        raise _unwritable(catalog)
+        line |= _overrides(catalog, existing, format, rate, given)
+        new_text = _with_line(catalog, text, known, existing, line)
+    parsed = parse_catalog(catalog, new_text)
+    added = [entry for entry in parsed.entries if entry not in known.entries]
+    if len(added) != 1 or len(parsed.entries) != len(known.entries) + 1:
+        raise _unsupported_layout(catalog)
     with atomic(catalog) as temporary:
-        temporary.write_bytes(fresh.encode())
-    return added[0], why
+        temporary.write_bytes(new_text.encode())
+    return added[0], note
 
 
-def _there(catalog: Path) -> tuple[str, Catalog]:
+def _existing(catalog: Path) -> tuple[str, Catalog]:
     try:
         text = catalog.read_bytes().decode()
     except FileNotFoundError:
@@ -99,70 +99,78 @@ def _there(catalog: Path) -> tuple[str, Catalog]:
 
 
 def _recognised(file: Path) -> tuple[str | None, str, float | None, str | None]:
-    """Format, sensor, frame rate (Hz), and why one of them is not known."""
+    """Format, sensor, frame rate (Hz), and a note if one of them is unknown."""
     try:
         source = Source.open(file)
         reader = reader_of(source)
     except CaptureError as error:
-        return None, _UNTOLD, None, f"no format of ours: {error}"
+        return None, _UNKNOWN, None, f"unknown format: {error}"
     known = reader.FORMAT
     try:
         return known.name, known.sensor, round(reader.read(source).rate, 2) or None, None
     except CaptureError as error:
-        return known.name, known.sensor, None, f"frame rate not known: {error}"
+        return known.name, known.sensor, None, f"unknown frame rate: {error}"
 
 
-def _own(
-    catalog: Path, place: Collection, format: str | None, rate: float | None, told: Mapping[str, str | None]
+def _overrides(
+    catalog: Path,
+    collection: Collection,
+    format: str | None,
+    rate: float | None,
+    given: Mapping[str, str | None],
 ) -> dict[str, str | int | float]:
-    """What a file of a collection says for itself, because the collection says something else."""
-    own: dict[str, str | int | float] = {}
+    """The values of a file that differ from those of its collection."""
+    overrides: dict[str, str | int | float] = {}
     for key in ("licence", "citation", "title", "sensor", "shows"):
-        if told.get(key) not in (None, there := getattr(place, key)):
+        if given.get(key) not in (None, current := getattr(collection, key)):
             raise KinemimicError(
-                f"{catalog}: expected --{key} {there!r}, which {place.name} has, found {told[key]!r}; "
-                "make another --collection of it"
+                f"{catalog}: expected --{key} {current!r}, as {collection.name} has, found {given[key]!r}; "
+                "use another --collection"
             )
-    origin = (told.get("repository") or place.repository, told.get("commit") or place.commit)
-    if origin != (place.repository, place.commit):
-        own |= {"repository": origin[0], "commit": origin[1]}
-    if format != place.format:
-        own["format"] = format or NONE
-    if format and rate != place.frame_rate:
-        own["frame_rate"] = rate or 0
-    return own
+    origin = (given.get("repository") or collection.repository, given.get("commit") or collection.commit)
+    if origin != (collection.repository, collection.commit):
+        overrides |= {"repository": origin[0], "commit": origin[1]}
+    if format != collection.format:
+        overrides["format"] = format or NONE
+    if format and rate != collection.frame_rate:
+        overrides["frame_rate"] = rate or 0
+    return overrides
 
 
 def _new_collection(
     catalog: Path,
     name: str,
     format: str | None,
-    told: Mapping[str, str],
+    given: Mapping[str, str],
     line: dict[str, str | int | float],
 ) -> str:
     for key in ("repository", "commit", "licence", "citation"):
-        if key not in told:
+        if key not in given:
             raise KinemimicError(f"{catalog}: expected --{key} for the new collection {name!r}, found none")
     keys = (
-        {"name": name} | {key: told[key] for key in ("title", "sensor", "shows")} | {"format": format or NONE}
+        {"name": name}
+        | {key: given[key] for key in ("title", "sensor", "shows")}
+        | {"format": format or NONE}
     )
-    keys |= {key: told[key] for key in ("licence", "citation", "repository", "commit")}
+    keys |= {key: given[key] for key in ("licence", "citation", "repository", "commit")}
     head = "".join(f"{key} = {quoted(value)}\n" for key, value in keys.items())
     return f"\n[[collection]]\n{head}files = [\n{_inline(line)}]\n"
 
 
 def _with_line(
-    catalog: Path, text: str, known: Catalog, place: Collection, line: dict[str, str | int | float]
+    catalog: Path, text: str, known: Catalog, collection: Collection, line: dict[str, str | int | float]
 ) -> str:
-    """The text with one more file in a collection: right behind the bracket that opens its list, where a
-    line fits whatever follows. The whole is parsed again before anything is written."""
+    """The text with one more file in a collection, inserted after the bracket that opens its list.
+
+    The caller parses the result again before writing it.
+    """
     heads = [found.start() for found in re.finditer(r"^[ \t]*\[\[\s*collection\s*\]\]", text, re.MULTILINE)]
-    number = known.collections.index(place)
+    number = known.collections.index(collection)
     if len(heads) != len(known.collections):
-        raise _unwritable(catalog)
+        raise _unsupported_layout(catalog)
     opened = re.compile(r"^[ \t]*files[ \t]*=[ \t]*\[[ \t]*\n?", re.MULTILINE).search(text, heads[number])
     if opened is None:
-        raise _unwritable(catalog)
+        raise _unsupported_layout(catalog)
     before = text[: opened.end()]
     return (before if before.endswith("\n") else f"{before}\n") + _inline(line) + text[opened.end() :]
 
@@ -172,48 +180,50 @@ def _inline(line: dict[str, str | int | float]) -> str:
     return f"  {{ {', '.join(pairs)} }},\n"
 
 
-def _unwritable(catalog: Path) -> KinemimicError:
+def _unsupported_layout(catalog: Path) -> KinemimicError:
     return KinemimicError(
-        f"{catalog}: expected [[collection]] and files = [ at the beginnings of lines, found another form of "
-        "TOML; write the entry by hand"
+        f"{catalog}: expected [[collection]] and files = [ at the start of lines, found another TOML layout; "
+        "add the entry by hand"
     )
 
 
 @click.command("add")
 @click.argument("file", type=click.Path(path_type=Path))
 @click.option(
-    "--catalog", type=click.Path(path_type=Path), required=True, help="One's own; made if there is none."
+    "--catalog",
+    type=click.Path(path_type=Path),
+    required=True,
+    help="Your catalogue; created if it does not exist.",
 )
-@click.option("--collection", required=True, metavar="NAME", help="The folder that the file is fetched into.")
-@click.option("--as", "name", metavar="NAME", help="The file's name there; by default its own.")
-@click.option("--path", required=True, help="The file's path in its repository.")
-@click.option("--repository", metavar="OWNER/NAME", help="Where it is published on GitHub.")
-@click.option("--commit", metavar="SHA", help="Of the repository: 40 hexadecimal digits.")
-@click.option("--licence", help='As stated there, or "none stated".')
-@click.option("--citation", help="Whom to cite.")
-@click.option("--title", help="What the collection is, in a few words.")
-@click.option("--sensor", help="By default what the file's format is recorded with.")
-@click.option("--shows", help="What is to be seen, and what to look out for.")
+@click.option("--collection", required=True, metavar="NAME", help="Folder that the file is fetched into.")
+@click.option("--as", "name", metavar="NAME", help="Name of the file there; by default its own name.")
+@click.option("--path", required=True, help="Path of the file in its repository.")
+@click.option("--repository", metavar="OWNER/NAME", help="GitHub repository of the file.")
+@click.option("--commit", metavar="SHA", help="Commit of the repository, 40 hexadecimal digits.")
+@click.option("--licence", help='Licence as stated in the repository, or "none stated".')
+@click.option("--citation", help="Publication or author to cite.")
+@click.option("--title", help="Short title of the collection.")
+@click.option("--sensor", help="Sensor; by default the one of the file's format.")
+@click.option("--shows", help="Description of the motion, and caveats.")
 @json_option("Print the entry as JSON.")
-def command(file: Path, catalog: Path, collection: str, as_json: bool, **told: str | None) -> None:
-    """Write a FILE that is here into a catalogue of one's own: size, SHA-256, format and frame rate.
+def command(file: Path, catalog: Path, collection: str, as_json: bool, **given: str | None) -> None:
+    """Add a local FILE to your own catalogue, with its size, SHA-256, format and frame rate.
 
-    A new collection needs --repository, --commit, --licence and --citation; one that is there has them.
+    A new collection needs --repository, --commit, --licence and --citation.
 
     \b
       kinemimic datasets add walk.skl --catalog mine.toml --collection home --path data/walk.skl \\
         --repository me/walks --commit 0123456789abcdef0123456789abcdef01234567 \\
         --licence CC0-1.0 --citation "Me, 2026"
     """
-    path, name = told.pop("path") or "", told.pop("name")
-    entry, why = add(file, catalog, collection, path=path, name=name, **told)
+    path, name = given.pop("path") or "", given.pop("name")
+    entry, note = add(file, catalog, collection, path=path, name=name, **given)
     if as_json:
-        click.echo(
-            json.dumps({**asdict(entry), "address": entry.address, "note": why}, indent=2, ensure_ascii=False)
-        )
+        record = {**asdict(entry), "url": entry.url, "note": note}
+        click.echo(json.dumps(record, indent=2, ensure_ascii=False))
         return
-    if why:
-        click.echo(why, err=True)
+    if note:
+        click.echo(note, err=True)
     rate = "" if entry.frame_rate is None else f", {entry.frame_rate:.4g} Hz"
-    click.echo(f"{catalog}: {entry.name}: {entry.format or 'no format of ours'}{rate}, {entry.bytes:,} bytes")
-    click.echo(entry.address)
+    click.echo(f"{catalog}: {entry.name}: {entry.format or 'unknown format'}{rate}, {entry.bytes:,} bytes")
+    click.echo(entry.url)

@@ -1,4 +1,4 @@
-"""`kinemimic datasets`: the commands on recordings, and on data sets made of them."""
+"""`kinemimic datasets`: commands for public recordings, and for versioned data sets made from them."""
 
 from __future__ import annotations
 
@@ -6,30 +6,33 @@ import click
 
 from kinemimic.pipeline.cli.lazy_group import LazyGroup
 
-# As in the command line's own table: named in strings, because some lie in layers above this one.
+# Import paths as strings, as in `cli.main`, because some modules are in layers above this one.
 COMMANDS: dict[str, tuple[str, str]] = {
-    "list": ("kinemimic.pipeline.catalog.listing:command", "What the catalogue has, and what of it is here."),
-    "fetch": ("kinemimic.pipeline.catalog.fetch:command", "Get recordings, each with the right hash."),
-    "verify": ("kinemimic.pipeline.catalog.verify:command", "Compare what is here with the catalogue."),
-    "add": ("kinemimic.pipeline.catalog.add:command", "A file into a catalogue of one's own."),
+    "list": (
+        "kinemimic.pipeline.catalog.listing:command",
+        "List the catalogue and the files that are present.",
+    ),
+    "fetch": ("kinemimic.pipeline.catalog.fetch:command", "Fetch recordings and check their hashes."),
+    "verify": ("kinemimic.pipeline.catalog.verify:command", "Compare the local files with the catalogue."),
+    "add": ("kinemimic.pipeline.catalog.add:command", "Add a file to your own catalogue."),
     "record": (
         "kinemimic.pipeline.virtual_kinect.command:command",
-        "What a virtual Kinect records, as files.",
+        "Record a motion with a virtual Kinect.",
     ),
-    "build": ("kinemimic.retarget.versions.build:command", "A capture of a versioned data set, made."),
+    "build": ("kinemimic.retarget.versions.build:command", "Build a capture of a versioned data set."),
     "score": (
         "kinemimic.evaluate.workflow.score_lock:command",
-        "A policy that ships: still as good as on record?",
+        "Compare the scores of a shipped policy with its record.",
     ),
-    "lock": ("kinemimic.retarget.versions.manifest:command", "Say what a version of a data set is."),
-    "check": ("kinemimic.retarget.versions.check:command", "Is a data set what was locked?"),
-    "diff": ("kinemimic.retarget.versions.diff:command", "What changed between two data sets, as motion."),
+    "lock": ("kinemimic.retarget.versions.manifest:command", "Record the content of a data set version."),
+    "check": ("kinemimic.retarget.versions.check:command", "Compare a data set with its lock."),
+    "diff": ("kinemimic.retarget.versions.diff:command", "Compare two data sets as motion."),
 }
 
 
 @click.group("datasets", cls=LazyGroup, lazy=COMMANDS)
 def command() -> None:
-    """Public recordings of real sensors, from a catalogue; and versions of what is made of recordings.
+    """Public recordings of real sensors, and versioned data sets made from them.
 
     \b
       kinemimic datasets list

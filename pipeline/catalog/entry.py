@@ -1,4 +1,4 @@
-"""What the catalogue says of recordings: collections of files, each with its address and hash."""
+"""Entries of the catalogue: collections of files, each with its URL and hash."""
 
 from __future__ import annotations
 
@@ -18,9 +18,9 @@ HOST = "https://raw.githubusercontent.com"
 class Entry:
     """One file of a collection.
 
-    collection, file: the folder that it goes into, and its name there; bytes, sha256: of the file as
-    published; repository ("owner/name"), commit, path: where it is published; licence: as stated there;
-    format: the reader's name, None for what no reader takes; frame_rate: Hz, None where there is none.
+    collection, file: local folder and file name; bytes, sha256: size and hash of the published file;
+    repository ("owner/name"), commit, path: its location on GitHub; licence: as stated there; format: name
+    of the capture format, None if no reader supports it; frame_rate: Hz, None if unknown.
     """
 
     collection: str
@@ -36,22 +36,22 @@ class Entry:
 
     @property
     def name(self) -> str:
-        """What it is called: "kinect1_bernstein_skl/r2.skl"."""
+        """The full name, such as "kinect1_bernstein_skl/r2.skl"."""
         return f"{self.collection}/{self.file}"
 
     @property
-    def address(self) -> str:
-        """Where it is published."""
-        return self.address_at(HOST)
+    def url(self) -> str:
+        """The URL of the published file."""
+        return self.url_at(HOST)
 
-    def address_at(self, base: str) -> str:
-        """Where it is below a mirror of GitHub's host of raw files."""
+    def url_at(self, base: str) -> str:
+        """The URL on a mirror of GitHub's host of raw files."""
         return f"{base.rstrip('/')}/{quote(f'{self.repository}/{self.commit}/{self.path}')}"
 
 
 @dataclass(frozen=True)
 class Collection:
-    """Files of one origin. format and frame_rate (Hz) hold for those that say no other."""
+    """Files of one origin; format and frame_rate (Hz) are the defaults of its files."""
 
     name: str
     title: str
@@ -68,31 +68,31 @@ class Collection:
 
 @dataclass(frozen=True)
 class Catalog:
-    """Every collection of a catalogue; path: the file that it was read from."""
+    """The collections of a catalogue; path: the file that it was read from."""
 
     path: Path
     collections: tuple[Collection, ...]
 
     @property
     def entries(self) -> tuple[Entry, ...]:
-        """Every file, in the catalogue's sequence."""
+        """Every file, in the order of the catalogue."""
         return tuple(entry for collection in self.collections for entry in collection.entries)
 
     def entry(self, name: str) -> Entry:
-        """The file of that name ("collection/file"); a KinemimicError if there is none."""
+        """The file of that name ("collection/file"); KinemimicError if there is none."""
         for entry in self.entries:
             if entry.name == name:
                 return entry
         raise self._unknown(name)
 
     def select(self, names: Iterable[str]) -> tuple[Entry, ...]:
-        """The files that names or patterns (* ? []) of collections or files mean, each once, in sequence.
+        """The files that match any of the names or patterns (* ? []), each once, in catalogue order.
 
-        A file may be named alone or with its collection. A KinemimicError names what means none.
+        A name is a collection, a file, or collection/file. KinemimicError for a name without a match.
         """
         chosen: set[str] = set()
         for name in names:
-            found = {entry.name for entry in self.entries if _means(name, entry)}
+            found = {entry.name for entry in self.entries if _matches(name, entry)}
             if not found:
                 raise self._unknown(name)
             chosen |= found
@@ -102,7 +102,7 @@ class Catalog:
         known = [collection.name for collection in self.collections]
         known += [spelt for entry in self.entries for spelt in (entry.name, entry.file)]
         near = difflib.get_close_matches(name, known, n=1)
-        advice = f"did you mean {near[0]!r}?" if near else "`kinemimic datasets list` names what there is"
+        advice = f"did you mean {near[0]!r}?" if near else "`kinemimic datasets list` lists the names"
         return KinemimicError(
             f"{self.path}: expected a collection or a file of the catalogue, found {name!r}; {advice}"
         )
@@ -114,6 +114,6 @@ def collections_of(catalog: Catalog, entries: Sequence[Entry]) -> tuple[Collecti
     return tuple(collection for collection in catalog.collections if collection.name in names)
 
 
-def _means(pattern: str, entry: Entry) -> bool:
+def _matches(pattern: str, entry: Entry) -> bool:
     names = (entry.collection, entry.name, entry.file)
     return pattern in names or any(fnmatchcase(name, pattern) for name in names)

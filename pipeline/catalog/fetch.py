@@ -1,4 +1,4 @@
-"""`kinemimic datasets fetch`: recordings into a folder, each with the hash that the catalogue states."""
+"""`kinemimic datasets fetch`: fetch recordings into a folder and check their hashes."""
 
 from __future__ import annotations
 
@@ -29,8 +29,8 @@ BAD_INPUT = 2
 
 @dataclass(frozen=True)
 class Fetched:
-    """paths: of the files that are there now, with the right hash; failures: a line for each that is not;
-    replaced: those of the paths where a file of another content stood."""
+    """paths: the files that are present, with the right hash; failures: a message per missing file;
+    replaced: those of the paths that replaced a file with other content."""
 
     paths: tuple[Path, ...]
     failures: tuple[str, ...]
@@ -44,18 +44,17 @@ def fetch(
     mirror: str | Path | None = None,
     retry_policy: RetryPolicy | None = None,
 ) -> Fetched:
-    """Get files into `folder`, COLLECTION/FILE; those that are there with the right hash are left alone.
+    """Fetch files to `folder`/COLLECTION/FILE; files that are present with the right hash are kept.
 
-    mirror: a folder with COLLECTION/FILE within, or the address that stands for GitHub's host of raw files.
-    A file that cannot be had is told of in the result and stops no other, unless the host cannot be reached
-    at all. Raises OSError where the folder cannot be written. After Ctrl-C what came is there, and another
-    call goes on.
+    mirror: a folder with COLLECTION/FILE, or the base URL that replaces GitHub's host of raw files.
+    A failure is reported in the result and does not stop other files, unless the host is unreachable.
+    OSError if the folder cannot be written. A call after Ctrl-C resumes.
     """
     source = _source(mirror)
     wanted: list[tuple[Entry, Path]] = []
-    there: dict[str, Path] = {}
+    present: dict[str, Path] = {}
     failures: list[str] = []
-    others: set[Path] = set()
+    different: set[Path] = set()
     for entry in entries:
         try:
             path = target_path(entry, folder)
@@ -63,12 +62,12 @@ def fetch(
             failures.append(str(error))
             continue
         if path.is_file() and path.stat().st_size == entry.bytes and file_hash(path) == entry.sha256:
-            there[entry.name] = path
+            present[entry.name] = path
         else:
             wanted.append((entry, path))
             if path.is_file():
-                others.add(path)
-    pooch.get_logger().setLevel(logging.WARNING)  # it would name every address
+                different.add(path)
+    pooch.get_logger().setLevel(logging.WARNING)  # it would log every URL
     with requests.Session() as session, progress("fetch", sum(entry.bytes for entry, _ in wanted)) as bar:
         session.max_redirects = 5
         for done, (entry, path) in enumerate(wanted):
@@ -80,29 +79,29 @@ def fetch(
                     )
                 else:
                     download = Download(entry, path, session, retry_policy or RetryPolicy(), bar.advance)
-                    _retrieve(entry, path, entry.address_at(source), download)
-                there[entry.name] = path
+                    _retrieve(entry, path, entry.url_at(source), download)
+                present[entry.name] = path
             except KinemimicError as error:
                 failures.append(str(error))
                 if isinstance(error, UnreachableError) and (left := len(wanted) - done - 1):
-                    failures.append(f"{left} more were not tried, for the same reason")
+                    failures.append(f"{left} more files were not tried, for the same reason")
                     break
             except KeyboardInterrupt:
                 raise KeyboardInterrupt(
-                    f"{len(there)} of {len(entries)} files are in {folder}; the same command goes on"
+                    f"{len(present)} of {len(entries)} files are in {folder}; the same command resumes"
                 ) from None
-    paths = tuple(there[entry.name] for entry in entries if entry.name in there)
-    return Fetched(paths, tuple(failures), tuple(path for path in paths if path in others))
+    paths = tuple(present[entry.name] for entry in entries if entry.name in present)
+    return Fetched(paths, tuple(failures), tuple(path for path in paths if path in different))
 
 
 def _source(mirror: str | Path | None) -> str | Path:
-    """The folder, or the base of all addresses."""
+    """The folder, or the base of all URLs."""
     if mirror is None:
         return HOST
     parts = urlsplit(str(mirror))
     if isinstance(mirror, str) and "://" in mirror:
         if parts.scheme not in ("http", "https") or not parts.hostname:
-            raise KinemimicError(f"expected a mirror's folder or its http(s) address, found {mirror!r}")
+            raise KinemimicError(f"expected the folder or http(s) URL of a mirror, found {mirror!r}")
         return mirror
     if not Path(mirror).is_dir():
         raise KinemimicError(f"{mirror}: expected the folder of a mirror, found none")
@@ -110,7 +109,7 @@ def _source(mirror: str | Path | None) -> str | Path:
 
 
 class _Copy:
-    """A downloader for pooch that copies from a folder, not more than the catalogue states."""
+    """A downloader for pooch that copies from a folder, at most as many bytes as the catalogue states."""
 
     def __init__(self, entry: Entry, advance: Callable[[int], object]) -> None:
         self.entry, self.advance = entry, advance
@@ -134,7 +133,7 @@ class _Copy:
 
 
 def _retrieve(entry: Entry, path: Path, url: str, downloader: Download | _Copy) -> None:
-    """pooch has it downloaded beside `path`, compares the hash, and only then gives it the name."""
+    """Download through pooch, which checks the hash before it moves the file to `path`."""
     try:
         pooch.retrieve(
             url, known_hash=f"sha256:{entry.sha256}", fname=path.name, path=path.parent, downloader=downloader
@@ -144,18 +143,18 @@ def _retrieve(entry: Entry, path: Path, url: str, downloader: Download | _Copy) 
             raise
         raise KinemimicError(
             f"{entry.name}: expected the file with SHA-256 {entry.sha256[:16]}…, "
-            f"found another of the same size at {url}; nothing is kept"
+            f"found a different file of the same size at {url}; it was discarded"
         ) from None
 
 
 @click.command("fetch")
 @click.argument("names", nargs=-1, metavar="[NAME]...")
-@click.option("--all", "everything", is_flag=True, help="All that the catalogue has.")
+@click.option("--all", "everything", is_flag=True, help="Fetch the whole catalogue.")
 @options.folder("--into")
 @click.option(
     "--mirror",
     metavar="FOLDER|URL",
-    help=f"A folder with COLLECTION/FILE within, or what to put for {HOST}.",
+    help=f"A folder with COLLECTION/FILE, or a base URL in place of {HOST}.",
 )
 @options.catalog
 @json_option("Print paths, failures and what was replaced as JSON.")
@@ -169,17 +168,17 @@ def command(
     catalog_file: Path | None,
     as_json: bool,
 ) -> None:
-    """Fetch recordings by the names of collections or files ("kinect1_*", cmu_bvh/02_01.bvh, r2.skl).
+    """Fetch recordings by names of collections or files ("kinect1_*", cmu_bvh/02_01.bvh, r2.skl).
 
-    What is there with the right hash is not fetched again, and what broke off is taken up where it ended.
-    Prints the paths, one a line.
+    Files that are present with the right hash are not fetched again; interrupted downloads are resumed.
+    Prints the paths, one per line.
 
     \b
       kinemimic datasets fetch kinect1_bernstein_skl/r2.skl
     """
     if bool(names) == everything:
         raise click.UsageError(
-            "name collections or files (`kinemimic datasets list` lists them), or give --all"
+            "expected names of collections or files (see `kinemimic datasets list`), or --all"
         )
     catalog = load_catalog(catalog_file or CATALOG)
     entries = catalog.entries if everything else catalog.select(names)
@@ -197,7 +196,7 @@ def command(
         for path in fetched.paths:
             click.echo(path)
     for path in fetched.replaced:
-        click.echo(f"{path}: another file stood there, and was replaced", err=True)
+        click.echo(f"{path}: replaced a file with other content", err=True)
     for failure in fetched.failures:
         click.echo(f"kinemimic: {failure}", err=True)
     if fetched.failures:

@@ -1,4 +1,4 @@
-"""`kinemimic datasets list`: what the catalogue has, and what of it is here."""
+"""`kinemimic datasets list`: the recordings of the catalogue, and which of them are present locally."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from kinemimic.pipeline.catalog.local_files import captures_folder, is_present
 from kinemimic.pipeline.cli.options import json_option
 from kinemimic.pipeline.cli.terminal import facts, grid, show
 
-_WORD = 12  # characters: the longest word of a column that wraps
+_MIN_WIDTH = 12  # characters of a column that wraps
 
 
 @click.command("list")
@@ -26,9 +26,9 @@ _WORD = 12  # characters: the longest word of a column that wraps
 @options.catalog
 @json_option("Print the list as JSON.")
 def command(patterns: tuple[str, ...], folder: Path | None, catalog_file: Path | None, as_json: bool) -> None:
-    """List the recordings of the catalogue, or those that names or patterns mean ("kinect2_*", r2.skl).
+    """List the recordings of the catalogue, or those that match names or patterns ("kinect2_*", r2.skl).
 
-    Of one collection: its files, its citation and its address.
+    For a single collection: its files, citation and URL.
 
     \b
       kinemimic datasets list kinect1_bernstein_skl
@@ -48,25 +48,25 @@ def command(patterns: tuple[str, ...], folder: Path | None, catalog_file: Path |
 
 
 def _record(collection: Collection, entries: Sequence[Entry], place: Path) -> dict[str, Any]:
-    told = {key: value for key, value in asdict(collection).items() if key != "entries"}
+    record = {key: value for key, value in asdict(collection).items() if key != "entries"}
     files = [
         {
             "name": entry.file,
-            **{key: getattr(entry, key) for key in ("bytes", "sha256", "address", "format", "frame_rate")},
+            **{key: getattr(entry, key) for key in ("bytes", "sha256", "url", "format", "frame_rate")},
             "here": is_present(entry, place),
         }
         for entry in entries
     ]
-    return {**told, "files": files}
+    return {**record, "files": files}
 
 
 def _show_all(chosen: Sequence[tuple[Collection, Sequence[Entry]]], place: Path) -> None:
     table = grid()
     for heading in ("collection", "sensor", "format"):
-        table.add_column(heading, overflow="fold", no_wrap=heading == "collection", min_width=_WORD)
+        table.add_column(heading, overflow="fold", no_wrap=heading == "collection", min_width=_MIN_WIDTH)
     for heading in ("files", "MB", "Hz", "here"):
         table.add_column(heading, justify="right", no_wrap=True)
-    table.add_column("licence", overflow="fold", min_width=_WORD)
+    table.add_column("licence", overflow="fold", min_width=_MIN_WIDTH)
     for collection, entries in chosen:
         here = sum(is_present(entry, place) for entry in entries)
         table.add_row(
@@ -77,12 +77,12 @@ def _show_all(chosen: Sequence[tuple[Collection, Sequence[Entry]]], place: Path)
             f"{sum(entry.bytes for entry in entries) / 1e6:.1f}",
             _rates(entries),
             "all" if here == len(entries) else f"{here}" if here else "-",
-            _gist(collection.licence),
+            _first_clause(collection.licence),
         )
     entries = [entry for _, own in chosen for entry in own]
     here = sum(is_present(entry, place) for entry in entries)
     show(table)
-    # Without rich, which would break the path.
+    # Without rich, which would wrap the path.
     click.echo(
         f"\n{len(chosen)} collections, {len(entries)} files, {_size(sum(e.bytes for e in entries))}; "
         f"{here} of the files in {place}"
@@ -90,28 +90,28 @@ def _show_all(chosen: Sequence[tuple[Collection, Sequence[Entry]]], place: Path)
 
 
 def _show_one(collection: Collection, entries: Sequence[Entry], place: Path) -> None:
-    told = facts()
+    summary = facts()
     for what in ("title", "sensor", "shows", "licence", "citation"):
-        told.add_row(what, getattr(collection, what))
+        summary.add_row(what, getattr(collection, what))
     table = grid("file", "format", "size", "Hz", "here", left=2)
     for entry in entries:
         row = (entry.format or "-", _size(entry.bytes), _rates([entry]))
         table.add_row(entry.file, *row, "yes" if is_present(entry, place) else "-")
-    show(f"{collection.name}\n", told)
-    click.echo(f"address   https://github.com/{collection.repository}/tree/{collection.commit}\n")
+    show(f"{collection.name}\n", summary)
+    click.echo(f"URL       https://github.com/{collection.repository}/tree/{collection.commit}\n")
     show(table)
     if len(entries) == 1:
-        click.echo(f"\n{entries[0].address}\nSHA-256 {entries[0].sha256}")
+        click.echo(f"\n{entries[0].url}\nSHA-256 {entries[0].sha256}")
 
 
-def _gist(text: str) -> str:
-    """Its first clause; the collection's own page has the rest."""
+def _first_clause(text: str) -> str:
+    """The first clause; the listing of a single collection shows the full text."""
     first, _, rest = text.partition(";")
     return f"{first} …" if rest else first
 
 
 def _rates(entries: Iterable[Entry]) -> str:
-    """Hz: one or two of them, or from the least to the greatest."""
+    """Frame rates in Hz: up to two values, or the range."""
     rates = sorted({entry.frame_rate for entry in entries if entry.frame_rate is not None})
     if len(rates) > 2:
         return f"{rates[0]:.3g}–{rates[-1]:.3g}"

@@ -1,4 +1,4 @@
-"""The options that the commands on the catalogue share."""
+"""Options shared by the commands on the catalogue."""
 
 from __future__ import annotations
 
@@ -16,15 +16,15 @@ catalog = click.option(
     "--catalog",
     "catalog_file",
     type=click.Path(path_type=Path),
-    help="A catalogue of one's own (`kinemimic datasets add`) in place of ours.",
+    help="Your own catalogue (`kinemimic datasets add`) instead of the one that ships.",
 )
 
 
 def folder(name: str) -> Callable[[_Command], _Command]:
-    """Where recordings lie, under the name that suits the command; its parameter is `folder`."""
+    """An option of that name for the folder of recordings; its parameter is `folder`."""
     return click.option(
         name,
         "folder",
         type=click.Path(path_type=Path, file_okay=False),
-        help=f"Folder of the recordings; else what {VARIABLE} says, else the user's cache.",
+        help=f"Folder of the recordings; by default {VARIABLE}, or else the user's cache.",
     )

@@ -1,4 +1,4 @@
-"""`kinemimic datasets verify`: the folder of recordings against the catalogue's sizes and hashes."""
+"""`kinemimic datasets verify`: compare the local recordings with the sizes and hashes of the catalogue."""
 
 from __future__ import annotations
 
@@ -21,8 +21,8 @@ from kinemimic.pipeline.files.store import file_hash
 
 @dataclass(frozen=True)
 class Verified:
-    """Names ("collection/file") by what was found; wrong: name -> what it is instead; unknown: of files in
-    the folder that the catalogue does not have."""
+    """Names ("collection/file") by result; wrong: name -> difference; unknown: files in the folder that are
+    not in the catalogue."""
 
     right: tuple[str, ...]
     wrong: dict[str, str]
@@ -31,14 +31,14 @@ class Verified:
 
 
 def verify(catalog: Catalog, entries: Sequence[Entry], folder: Path) -> Verified:
-    """Compare files of the catalogue that lie in `folder` with it.
+    """Compare the files in `folder` with `entries` of the catalogue.
 
-    Unknown files are looked for beside those that `entries` name, and next to the collections if these are
-    all of the catalogue.
+    Unknown files are searched in the collections of `entries`, and beside them if `entries` is the whole
+    catalogue.
     """
     if not folder.is_dir():
         raise KinemimicError(
-            f"{folder}: expected a folder of recordings, found none; `kinemimic datasets fetch` makes it"
+            f"{folder}: expected a folder of recordings, found none; `kinemimic datasets fetch` creates it"
         )
     right: list[str] = []
     wrong: dict[str, str] = {}
@@ -74,7 +74,7 @@ def _unknown(catalog: Catalog, entries: Sequence[Entry], folder: Path) -> list[s
         for name in sorted(collections)
         if (folder / name).is_dir()
         for path in sorted((folder / name).iterdir())
-        if not path.name.startswith(".")  # what `fetch` has not finished
+        if not path.name.startswith(".")  # partial downloads
     ]
     if len(entries) == len(catalog.entries):
         beside = sorted(path for path in folder.iterdir() if path.name not in collections)
@@ -84,7 +84,7 @@ def _unknown(catalog: Catalog, entries: Sequence[Entry], folder: Path) -> list[s
 
 @click.command("verify")
 @click.argument("names", nargs=-1, metavar="[NAME]...")
-@click.option("--all", "everything", is_flag=True, help="All of the catalogue has to be there.")
+@click.option("--all", "everything", is_flag=True, help="Require the whole catalogue.")
 @options.folder("--in")
 @options.catalog
 @json_option("Print what was found as JSON.")
@@ -97,15 +97,15 @@ def command(
     catalog_file: Path | None,
     as_json: bool,
 ) -> None:
-    """Compare the recordings that are here with the catalogue.
+    """Compare the local recordings with the catalogue.
 
-    Exit status 1 if a file is another than the catalogue says, or if one that is named is missing.
+    Exit status 1 if a file differs from the catalogue, or if a file given by name is missing.
 
     \b
       kinemimic datasets verify
     """
     if names and everything:
-        raise click.UsageError("name collections or files, or give --all")
+        raise click.UsageError("expected names of collections or files, or --all, found both")
     catalog, place = load_catalog(catalog_file or CATALOG), captures_folder(folder)
     entries = catalog.select(names) if names else catalog.entries
     found = verify(catalog, entries, place)
@@ -127,7 +127,7 @@ def command(
 
 
 def _by_collection(catalog: Catalog, missing: Sequence[str]) -> list[str]:
-    """Names, but a collection's alone where all of it is missing."""
+    """Names of the files, or of the collection if all of its files are missing."""
     lines: list[str] = []
     for collection in catalog.collections:
         names = [entry.name for entry in collection.entries if entry.name in missing]

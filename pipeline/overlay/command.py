@@ -1,4 +1,4 @@
-"""`kinemimic overlay`: a depth recording's skeleton drawn into its colour or depth frames, as a video."""
+"""`kinemimic overlay`: draw the skeleton of a depth recording into its colour or depth images, as a video."""
 
 from __future__ import annotations
 
@@ -26,15 +26,15 @@ from kinemimic.pipeline.readers.depth.frames import Image, load, read_color, rea
 from kinemimic.pipeline.readers.depth.recording import Recording, open_recording, read_recording
 
 VIEWS: tuple[str, ...] = ("depth", "color")
-# Shades of depth reach so far (metres) before and behind the middle of the person.
-_AROUND = 1.0
-# Seconds; times since 1970 are exact to less.
-_SAME_TIME = 1e-5
+# Metres in front of and behind the person that the grey levels of depth cover.
+_DEPTH_MARGIN = 1.0
+# Seconds; Unix times in double precision are more exact.
+_TIME_TOLERANCE = 1e-5
 
 
 @dataclass(frozen=True)
 class Overlay:
-    """What was drawn: path of the video, view, frames, and joints drawn in all of them."""
+    """Path of the video, view, number of frames, and number of joints drawn in all of them together."""
 
     path: Path
     view: str
@@ -43,11 +43,11 @@ class Overlay:
 
 
 def overlay(folder: Path, out: Path, *, run: Path | None = None, view: str | None = None) -> Overlay:
-    """Draw the 20 nodes of a recording, or of the run that was made from it (its clip.parquet), into a video.
+    """Draw the 20 nodes of a recording, or of the run made from it (its clip.parquet), into a video.
 
-    view: "depth" or "color"; by default colour where there is some. One picture a depth frame, at the usual
-    rate of the recording. KinemimicError for a folder that is no recording, a run of another capture, or no
-    colour.
+    view: "depth" or "color"; by default "color" if there are colour images. The video has one image per depth
+    frame, at the median frame rate. KinemimicError for a folder that is not a recording, a run of another
+    capture, or missing colour images.
     """
     if not is_recording(folder):
         raise CaptureError(folder, expected="a depth recording, a folder with a camera.toml", found="none")
@@ -94,12 +94,12 @@ def _camera(recording: Recording, view: str) -> Camera:
 def _nodes_in_view(recording: Recording, clip: Clip, view: str) -> tuple[Array, NDArray[np.uint8]]:
     """Pixels (T, 20, 2) and states (T, 20) of the nodes in every frame of the recording.
 
-    Those of a frame that the clip does not have are missing.
+    Nodes are missing in frames that the clip lacks.
     """
     positions, states = to_nodes(clip)
-    row = np.searchsorted(clip.times, recording.times - _SAME_TIME)
+    row = np.searchsorted(clip.times, recording.times - _TIME_TOLERANCE)
     row = np.minimum(row, len(clip.times) - 1)
-    there = np.abs(clip.times[row] - recording.times) <= _SAME_TIME
+    there = np.abs(clip.times[row] - recording.times) <= _TIME_TOLERANCE
     points = recording.setup.mount.to_camera(positions[row])
     color = recording.setup.color
     if view == "color" and color is not None:
@@ -111,19 +111,19 @@ def _nodes_in_view(recording: Recording, clip: Clip, view: str) -> tuple[Array, 
 
 
 def _depths(recording: Recording, clip: Clip) -> Iterator[Image]:
-    """Every depth image as grey, shaded about the person, who else would be one grey in a deep room."""
+    """Every depth image as grey levels around the person, for contrast in a deep room."""
     setup = recording.setup
     depth = setup.mount.to_camera(clip.positions)[..., 2]
     seen = np.isfinite(depth).any(axis=1)
-    # Where nobody is seen, the shades stay what they were.
-    middle = np.interp(recording.times, clip.times[seen], [np.nanmedian(row) for row in depth[seen]])
-    for path, person in zip(recording.images, middle.tolist(), strict=True):
+    # Interpolated over frames without a subject.
+    centre = np.interp(recording.times, clip.times[seen], [np.nanmedian(row) for row in depth[seen]])
+    for path, person in zip(recording.images, centre.tolist(), strict=True):
         image = read_depth(path, load(path, setup.camera, 2), setup.camera, setup.units)
-        yield shaded(image, person - _AROUND, person + _AROUND)
+        yield shaded(image, person - _DEPTH_MARGIN, person + _DEPTH_MARGIN)
 
 
 def _colours(recording: Recording, colours: dict[int, Path]) -> Iterator[Image]:
-    """The colour image of every depth frame; black where it has none."""
+    """The colour image of every depth frame, black if it has none."""
     camera = _camera(recording, "color")
     for frame in recording.frames:
         path = colours.get(frame)
@@ -136,16 +136,18 @@ def _colours(recording: Recording, colours: dict[int, Path]) -> Iterator[Image]:
 @click.option(
     "--run",
     type=click.Path(path_type=Path),
-    help="Draw what `ingest` made of it instead.",
+    help="Draw the clip of this run of the recording instead.",
 )
-@click.option("--on", "view", type=click.Choice(VIEWS), help="By default colour, where there is some.")
+@click.option(
+    "--on", "view", type=click.Choice(VIEWS), help="Images to draw on; by default colour if available."
+)
 @click.option(
     "--out", type=click.Path(path_type=Path, dir_okay=False), default=Path("overlay.mp4"), show_default=True,
     help="An .mp4 or .avi file.",
 )  # fmt: skip
 @json_option("Print what was drawn as JSON.")
 def command(folder: Path, run: Path | None, view: str | None, out: Path, as_json: bool) -> None:
-    """Draw the 20 nodes of the depth recording in FOLDER into its frames, as a video.
+    """Draw the 20 nodes of the depth recording in FOLDER into its images, as a video.
 
     \b
       kinemimic overlay recording

@@ -1,4 +1,4 @@
-"""A skeleton drawn into an image: bones as lines, joints as discs of their state's colour, and a caption."""
+"""Draw a skeleton into an image: bones as lines, joints as discs coloured by state, and a caption."""
 
 from __future__ import annotations
 
@@ -14,20 +14,20 @@ from kinemimic.pipeline.readers.depth.frames import Depth, Image
 
 Colour = tuple[int, int, int]
 
-# Blue, green, red. Neither colour is one that depth or skin has.
+# Blue, green, red. Colours that occur neither in depth images nor in skin.
 COLOURS: dict[int, Colour] = {TRACKED: (60, 230, 30), INFERRED: (20, 130, 255)}
-_WORDS: dict[int, str] = {TRACKED: "tracked", INFERRED: "inferred", MISSING: "missing"}
+_STATE_NAMES: dict[int, str] = {TRACKED: "tracked", INFERRED: "inferred", MISSING: "missing"}
 _BONE: Colour = (255, 255, 255)
 _DARK: Colour = (0, 0, 0)
-_NO_READING: Colour = (60, 20, 20)
-_SHADES = (40, 225)
+_NO_DEPTH: Colour = (60, 20, 20)
+_GREY_RANGE = (40, 225)
 # Fixed point of OpenCV's drawing: coordinates in sixteenths of a pixel.
 _SHIFT = 4
 
 
 @dataclass(frozen=True)
 class Sizes:
-    """Radius of a disc and width of a bone in pixels, and scale of the caption's letters."""
+    """Radius of a disc and width of a bone in pixels, and font scale of the caption."""
 
     radius: float
     line: int
@@ -35,24 +35,24 @@ class Sizes:
 
     @classmethod
     def of(cls, width: int) -> Sizes:
-        """What suits an image of that width."""
+        """Sizes for an image of that width."""
         return cls(max(3.0, width / 140.0), max(1, round(width / 400)), max(0.35, width / 1200.0))
 
 
 def shaded(depth: Depth, near: float, far: float) -> Image:
-    """A depth image (H, W) in metres as grey, near light and far dark; blue where there is no reading."""
-    dark, light = _SHADES
+    """A depth image (H, W) in metres as grey levels, near light and far dark; blue where depth is missing."""
+    dark, light = _GREY_RANGE
     share = np.clip((depth - near) / max(far - near, 1e-3), 0.0, 1.0)
     grey = np.rint(light - share * (light - dark)).astype(np.uint8)
     image: Image = np.repeat(grey[..., None], 3, axis=-1)
-    image[depth == 0] = _NO_READING
+    image[depth == 0] = _NO_DEPTH
     return image
 
 
 def draw_skeleton(image: Image, pixels: Array, states: NDArray[np.uint8]) -> None:
     """Draw the 20 nodes at pixels (20, 2) with states (20,) into an image (H, W, 3), in place.
 
-    What is missing (state 0 or NaN) is not drawn, nor are bones to it.
+    Missing nodes (state 0 or NaN) and their bones are not drawn.
     """
     sizes = Sizes.of(image.shape[1])
     shown = np.isfinite(pixels).all(axis=-1) & np.isin(states, list(COLOURS))
@@ -61,7 +61,7 @@ def draw_skeleton(image: Image, pixels: Array, states: NDArray[np.uint8]) -> Non
             a, b = NODE_INDEX[start], NODE_INDEX[end]
             if shown[a] and shown[b]:
                 cv2.line(image, _fixed(pixels[a]), _fixed(pixels[b]), colour, width, cv2.LINE_AA, _SHIFT)
-    # Tracked joints last: where two coincide, the better one is seen.
+    # Tracked joints last, so that they cover inferred ones.
     for joint in sorted(np.flatnonzero(shown), key=lambda j: int(states[j])):
         for radius, colour in ((sizes.radius + 1.5, _DARK), (sizes.radius, COLOURS[int(states[joint])])):
             reach = round(radius * 2**_SHIFT)
@@ -69,22 +69,22 @@ def draw_skeleton(image: Image, pixels: Array, states: NDArray[np.uint8]) -> Non
 
 
 def draw_caption(image: Image, text: str, states: NDArray[np.uint8]) -> None:
-    """A line at the top of an image, in place: the text, then how many joints are in each state."""
+    """Write a line at the top of an image, in place: the text, then the number of joints in each state."""
     sizes = Sizes.of(image.shape[1])
     font, margin = cv2.FONT_HERSHEY_SIMPLEX, round(14 * sizes.text)
     height = cv2.getTextSize("0", font, sizes.text, 1)[0][1]
     bar = image[: height + 2 * margin]
     bar[:] = bar // 3
     place = margin
-    counts = {state: int((states == state).sum()) for state in _WORDS}
+    counts = {state: int((states == state).sum()) for state in _STATE_NAMES}
     parts = [(text, _BONE)]
-    parts += [(f"{counts[state]} {word}", COLOURS.get(state, _BONE)) for state, word in _WORDS.items()]
+    parts += [(f"{counts[state]} {word}", COLOURS.get(state, _BONE)) for state, word in _STATE_NAMES.items()]
     for part, colour in parts:
         cv2.putText(image, part, (place, margin + height), font, sizes.text, colour, 1, cv2.LINE_AA)
         place += cv2.getTextSize(part, font, sizes.text, 1)[0][0] + 2 * margin
 
 
 def _fixed(pixel: Array) -> tuple[int, int]:
-    # OpenCV takes 32 bits; what lies that far outside is not seen anyway.
+    # OpenCV takes 32-bit coordinates; clipped points lie far outside the image.
     u, v = (round(float(x)) for x in np.clip(pixel, -1e4, 1e5) * 2**_SHIFT)
     return u, v

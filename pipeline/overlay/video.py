@@ -1,4 +1,4 @@
-"""A video file, written whole or not at all."""
+"""Write a video file atomically."""
 
 from __future__ import annotations
 
@@ -14,24 +14,24 @@ from kinemimic.pipeline.errors import KinemimicError
 from kinemimic.pipeline.files.store import atomic
 from kinemimic.pipeline.readers.depth.frames import Image
 
-# What the headless wheel of OpenCV can write and read back; its H.264 needs a device of its own.
+# Codecs that the headless OpenCV wheel can write and read; its H.264 encoder needs a hardware device.
 CODECS: dict[str, str] = {".mp4": "mp4v", ".avi": "MJPG"}
 _FFMPEG_LOG = "OPENCV_FFMPEG_LOGLEVEL"
-# MPEG-4 counts time in 1/65535 s at the finest, and OpenCV asks for decimals of the rate: 66.667 would be too
-# many.
-_MOST_TICKS = 65535
-_SLOWEST = 0.01  # frames a second
+# MPEG-4 has at most 65535 ticks per second, and OpenCV needs a tick per decimal of the rate: 66.667 Hz would
+# need too many.
+_MAX_TICKS = 65535
+_MIN_RATE = 0.01  # Hz
 
 
 class Video:
-    """What `video` hands out: add one image (H, W, 3), blue, green, red, after the other."""
+    """An open video file, returned by `video`."""
 
     def __init__(self, writer: cv2.VideoWriter, width: int, height: int) -> None:
         self._writer, self._width, self._height = writer, width, height
         self.frames = 0
 
     def add(self, image: Image) -> None:
-        """Append a frame of the size that the video was opened with."""
+        """Append an image (H, W, 3) in blue, green, red, of the size of the video."""
         below, right = self._height - image.shape[0], self._width - image.shape[1]
         if below or right:
             image = np.pad(image, ((0, below), (0, right), (0, 0)))
@@ -41,11 +41,11 @@ class Video:
 
 @contextmanager
 def video(path: Path, width: int, height: int, rate: float) -> Iterator[Video]:
-    """A video of `rate` frames a second at `path` (.mp4 or .avi), there only once the block has ended well.
+    """A video at `rate` Hz in `path` (.mp4 or .avi), written only if the block succeeds.
 
-    Codecs halve the colours' resolution: an odd width or height gets a black margin of one pixel. The rate is
-    rounded to as many decimals as they take (66.67), and is 0.01 at least.
-    KinemimicError if the codec does not open, or the file does not hold every frame (a full disk).
+    An odd width or height is padded with a black pixel, since codecs halve the resolution of colours. The
+    rate is rounded to the decimals that the codec can represent (66.67), and at least 0.01 Hz.
+    KinemimicError if the codec does not open, or if frames are missing in the file (full disk).
     """
     codec = CODECS.get(path.suffix.lower())
     if codec is None:
@@ -56,7 +56,7 @@ def video(path: Path, width: int, height: int, rate: float) -> Iterator[Video]:
         writer = cv2.VideoWriter(str(temporary), cv2.CAP_FFMPEG, fourcc, _rate(rate), (width, height))
         try:
             if not writer.isOpened():
-                raise KinemimicError(f"{path}: expected to write {codec} video, found no encoder for it here")
+                raise KinemimicError(f"{path}: expected an encoder for {codec} video, found none")
             written = Video(writer, width, height)
             yield written
         finally:
@@ -69,14 +69,14 @@ def video(path: Path, width: int, height: int, rate: float) -> Iterator[Video]:
 
 
 def _rate(rate: float) -> float:
-    """The nearest rate that every codec can name."""
-    digits = next((n for n in (3, 2, 1) if rate * 10**n <= _MOST_TICKS), 0)
-    return max(round(rate, digits), _SLOWEST)
+    """The nearest rate that every codec can represent."""
+    digits = next((n for n in (3, 2, 1) if rate * 10**n <= _MAX_TICKS), 0)
+    return max(round(rate, digits), _MIN_RATE)
 
 
 @contextmanager
 def _quiet() -> Iterator[None]:
-    """OpenCV's own words about frames that it could not write kept off the terminal: ours say it once."""
+    """Silence OpenCV's messages about unwritten frames; `video` reports them once."""
     level = cv2.utils.logging.setLogLevel(cv2.utils.logging.LOG_LEVEL_SILENT)
     before = os.environ.get(_FFMPEG_LOG)
     os.environ[_FFMPEG_LOG] = "-8"  # AV_LOG_QUIET
@@ -91,7 +91,7 @@ def _quiet() -> Iterator[None]:
 
 
 def _frames(path: Path) -> int:
-    """How many frames a video file says it has; 0 for none that opens."""
+    """Number of frames in a video file; 0 if it does not open."""
     capture = cv2.VideoCapture(str(path), cv2.CAP_FFMPEG)
     try:
         return int(capture.get(cv2.CAP_PROP_FRAME_COUNT)) if capture.isOpened() else 0

@@ -42,7 +42,7 @@ def test_a_collection_says_what_it_is(collection: Collection) -> None:
 
 
 def test_nothing_is_there_twice() -> None:
-    assert len({entry.address for entry in ENTRIES}) == len(ENTRIES)
+    assert len({entry.url for entry in ENTRIES}) == len(ENTRIES)
     assert len({entry.sha256 for entry in ENTRIES}) == len(ENTRIES)
 
 
@@ -53,9 +53,9 @@ def test_every_file_has_a_line() -> None:
 
 
 def test_every_address_is_quoted() -> None:
-    assert all(" " not in entry.address for entry in ENTRIES)
+    assert all(" " not in entry.url for entry in ENTRIES)
     (r2,) = (entry for entry in ENTRIES if entry.name == "kinect1_bernstein_skl/r2.skl")
-    assert r2.address == (
+    assert r2.url == (
         "https://raw.githubusercontent.com/ranBernstein/GaitKinect/6402092e8366f6ad507580388f2328d877202df8/"
         "Fourier/inputs/Kinect%20from%20ME/r2.skl"
     )

@@ -8,26 +8,27 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
+from kinemimic.pipeline.arrays import Mask
 from kinemimic.pipeline.kinematics.clip import Clip
 from kinemimic.pipeline.quality.rules.defect import Defect
 
 
-def select_frames(clip: Clip, mask: NDArray[np.bool_]) -> Clip:
-    """The clip with only the frames where mask (T,) is True; they keep their times."""
+def select_frames(clip: Clip, frames: Mask | NDArray[np.intp]) -> Clip:
+    """The clip with only the frames where a mask (T,) is True, or with these indices; they keep their times."""
     return replace(
         clip,
-        times=clip.times[mask],
-        positions=clip.positions[mask],
-        states=clip.states[mask],
-        passes=clip.passes[mask],
-        euler=None if clip.euler is None else clip.euler[mask],
-        translations=None if clip.translations is None else clip.translations[mask],
-        rotations=None if clip.rotations is None else clip.rotations[mask],
-        angles=None if clip.angles is None else {name: curve[mask] for name, curve in clip.angles.items()},
+        times=clip.times[frames],
+        positions=clip.positions[frames],
+        states=clip.states[frames],
+        passes=clip.passes[frames],
+        euler=None if clip.euler is None else clip.euler[frames],
+        translations=None if clip.translations is None else clip.translations[frames],
+        rotations=None if clip.rotations is None else clip.rotations[frames],
+        angles=None if clip.angles is None else {name: curve[frames] for name, curve in clip.angles.items()},
     )
 
 
-def renumber_defects(defects: Sequence[Defect], mask: NDArray[np.bool_]) -> list[Defect]:
+def renumber_defects(defects: Sequence[Defect], mask: Mask) -> list[Defect]:
     """The defects with their frames renumbered after a selection by mask (T,)."""
     before = np.concatenate([[0], np.cumsum(mask)])  # number of selected frames before each frame
     return [

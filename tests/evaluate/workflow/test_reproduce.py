@@ -39,7 +39,7 @@ def test_every_recipe_can_be_followed() -> None:
         if recipe.stock is not None:
             assert stock_motion(recipe.stock).is_file()
         if recipe.recording is not None:
-            assert recording(recipe.recording).address.startswith("https://")
+            assert recording(recipe.recording).url.startswith("https://")
 
 
 def test_a_recipe_of_another_form_is_one_clear_line(tmp_path: Path) -> None:

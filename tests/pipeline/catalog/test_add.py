@@ -38,7 +38,7 @@ def test_what_is_added_can_be_fetched(tmp_path: Path, walk: Path, skl: Callable[
     assert (entry.name, entry.format) == ("home/my walk.bvh", "BVH")
     assert entry.frame_rate == pytest.approx(50)
     assert (entry.bytes, entry.sha256) == (walk.stat().st_size, file_hash(walk))
-    assert entry.address.endswith(f"/my/walks/{'ab' * 20}/data/my%20walk.bvh")
+    assert entry.url.endswith(f"/my/walks/{'ab' * 20}/data/my%20walk.bvh")
     other, _ = add(second, mine, "home", path="data/second.skl", name="other.skl", commit="cd" * 20)
     assert (other.name, other.format, other.commit) == ("home/other.skl", "Kinect v1 .skl text", "cd" * 20)
     catalog = load_catalog(mine)
@@ -82,7 +82,7 @@ def test_any_form_of_the_list_takes_one_more(tmp_path: Path, walk: Path, files: 
     entry, why = add(labels, mine, "home", path="labels.txt")
     assert (entry.format, entry.frame_rate) == (None, None)
     assert why is not None
-    assert why.startswith("no format of ours: ")
+    assert why.startswith("unknown format: ")
     assert len(load_catalog(mine).entries) == 2
 
 
@@ -94,8 +94,8 @@ def test_what_cannot_be_added_changes_nothing(catalog_file: Path, tmp_path: Path
     add(walk, mine, "home", path="x.bvh", **TOLD)
     kept = mine.read_bytes()
     refused: list[tuple[Callable[[], object], str]] = [
-        (lambda: add(walk, mine, "home", path="y.bvh"), "found home/my walk.bvh there already"),
-        (lambda: add(same, mine, "home", path="y.bvh"), "there already as home/my walk.bvh"),
+        (lambda: add(walk, mine, "home", path="y.bvh"), "found home/my walk.bvh in it already"),
+        (lambda: add(same, mine, "home", path="y.bvh"), "in it already as home/my walk.bvh"),
         (lambda: add(tmp_path, mine, "home", path="y"), "found a folder"),
         (lambda: add(tmp_path / "none", mine, "home", path="y"), "expected a file, found none"),
         (

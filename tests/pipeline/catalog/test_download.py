@@ -29,7 +29,7 @@ def test_a_later_call_goes_on_too(catalog: Catalog, tmp_path: Path, serve: Serve
     server = serve(in_turn(lambda r: r.cut(HALF), Request.whole))
     (failure,) = one(catalog, tmp_path / "in", server.base, ONCE).failures
     assert failure.startswith("walks/one.skl: expected 40,000 bytes from http://127.0.0.1:")
-    assert "in 1 tries: the connection broke off; the 20,000 that came stay" in failure
+    assert "after 1 attempt: the connection was interrupted; 20,000 bytes are kept" in failure
     assert sorted(left(tmp_path / "in").values()) == sorted([ETAG.encode(), CONTENT[:HALF]])
     assert one(catalog, tmp_path / "in", server.base, ONCE).failures == ()
     assert server.ranges == [None, f"bytes={HALF}-"]
@@ -122,7 +122,7 @@ def test_a_server_that_stalls_is_given_up_and_asked_again(
 
     server = serve(silent)
     (failure,) = one(catalog, tmp_path / "else", server.base).failures
-    assert "in 4 tries: nothing came for 0.4 s" in failure
+    assert "after 4 attempts: no data for 0.4 s" in failure
     assert left(tmp_path / "else") == {}
 
 
@@ -145,7 +145,7 @@ def test_an_unfinished_file_of_wrong_bytes_is_removed_too(
 ) -> None:
     other = b"?" + CONTENT[1:]
     server = serve(in_turn(lambda r: r.cut(HALF, other), Request.whole))
-    assert "found another of the same size" in one(catalog, tmp_path / "in", server.base).failures[0]
+    assert "found a different file of the same size" in one(catalog, tmp_path / "in", server.base).failures[0]
     assert left(tmp_path / "in") == {}
 
 
@@ -165,7 +165,7 @@ def test_a_server_that_is_busy_is_asked_again_later(
     assert one(catalog, tmp_path / "in", server.base, RetryPolicy()).failures == ()
     assert pauses == [1.0, 7.0, 60.0]
     server = serve(lambda r: r.head(503, Content_Length=0))
-    assert "in 4 tries: the server answered 503" in one(catalog, tmp_path / "b", server.base).failures[0]
+    assert "after 4 attempts: the server answered 503" in one(catalog, tmp_path / "b", server.base).failures[0]
     assert pauses[3:] == list(QUICK.pauses)
 
 
@@ -175,7 +175,7 @@ def test_two_at_once_do_not_mix(catalog: Catalog, tmp_path: Path, serve: Serve) 
     (partial,) = (tmp_path / "in").rglob("*.part")
     with partial.open("rb") as held:
         fcntl.flock(held, fcntl.LOCK_EX)
-        assert "found another process at it" in one(catalog, tmp_path / "in", server.base).failures[0]
+        assert "found one running" in one(catalog, tmp_path / "in", server.base).failures[0]
     assert len(server.asked) == 1
     assert partial.read_bytes() == CONTENT[:HALF]
 

@@ -51,7 +51,7 @@ def test_a_file_that_is_not_there_stops_no_other(catalog: Catalog, tmp_path: Pat
     assert len(fetched.paths) == 3
     (failure,) = fetched.failures
     assert failure.startswith("walks/two.skl: expected the file at http")
-    assert failure.endswith("found the answer 404 Not Found")
+    assert failure.endswith("found status 404 Not Found")
     assert len(server.asked) == 4
 
 
@@ -60,8 +60,8 @@ def test_without_a_connection_the_others_are_not_waited_for(catalog: Catalog, tm
     fetched = fetch(catalog.entries, tmp_path / "in", mirror="http://127.0.0.1:9", retry_policy=ONCE)
     assert fetched.paths == ()
     assert len(fetched.failures) == 2
-    assert fetched.failures[0].endswith("in 1 tries: no connection")
-    assert fetched.failures[1] == "3 more were not tried, for the same reason"
+    assert fetched.failures[0].endswith("after 1 attempt: no connection")
+    assert fetched.failures[1] == "3 more files were not tried, for the same reason"
 
 
 def test_ctrl_c_loses_nothing(catalog_file: Path, tmp_path: Path, serve: Serve) -> None:
@@ -91,7 +91,7 @@ main()
     process.send_signal(signal.SIGINT)
     out, err = process.communicate(timeout=30)
     assert process.returncode == 130, err
-    assert f"interrupted; 1 of 4 files are in {tmp_path / 'in'}; the same command goes on" in err
+    assert f"interrupted; 1 of 4 files are in {tmp_path / 'in'}; the same command resumes" in err
     assert "Traceback" not in err
     assert out == ""
     assert {name for name in left(tmp_path / "in") if "/." not in name} == {"walks/one.skl"}
@@ -152,7 +152,7 @@ def test_a_file_of_another_content_is_told_when_it_is_replaced(
     options = ["--mirror", server.base, "--catalog", str(catalog_file), "--into", str(tmp_path / "in")]
     told = CliRunner().invoke(command, ["walks", *options], catch_exceptions=False)
     assert told.exit_code == 0 and mine.read_bytes() == CONTENT
-    assert told.stderr.splitlines()[1:] == [f"{mine}: another file stood there, and was replaced"]
+    assert told.stderr.splitlines()[1:] == [f"{mine}: replaced a file with other content"]
     assert fetch(catalog.entries, tmp_path / "in", mirror=server.base).replaced == ()
 
 

@@ -54,11 +54,11 @@ def test_one_collection_is_told_whole(catalog_file: Path, tmp_path: Path) -> Non
     assert "three.skl" not in one
 
 
-def test_json_has_every_address(catalog_file: Path, tmp_path: Path) -> None:
+def test_json_has_every_url(catalog_file: Path, tmp_path: Path) -> None:
     walks, runs = json.loads(told("--json", "--in", str(tmp_path), "--catalog", str(catalog_file)))
     assert walks["licence"] == "free; as air"
     assert [file["name"] for file in walks["files"]] == ["one.skl", "two.skl", "three.skl"]
-    assert runs["files"][0]["address"].endswith("/a%20folder/one.bvh")
+    assert runs["files"][0]["url"].endswith("/a%20folder/one.bvh")
     assert runs["files"][0]["here"] is False
 
 

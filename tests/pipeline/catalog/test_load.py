@@ -25,8 +25,8 @@ def test_a_file_has_what_its_collection_says(catalog: Catalog) -> None:
         "BVH",
         30,
     )
-    assert entry.address == f"{HOST}/some/body/{COMMIT}/a%20folder/two.skl"
-    assert entry.address_at("http://here/x/") == f"http://here/x/some/body/{COMMIT}/a%20folder/two.skl"
+    assert entry.url == f"{HOST}/some/body/{COMMIT}/a%20folder/two.skl"
+    assert entry.url_at("http://here/x/") == f"http://here/x/some/body/{COMMIT}/a%20folder/two.skl"
 
 
 def test_a_file_may_say_something_else(catalog_file: Path) -> None:
@@ -35,7 +35,7 @@ def test_a_file_may_say_something_else(catalog_file: Path) -> None:
     text = text.replace('name = "two.skl"', 'frame_rate = 0, name = "two.skl"')
     text = text.replace('name = "three.skl"', 'frame_rate = 12.5, format = "C3D", name = "three.skl"')
     first, second, third, _ = parse_catalog(catalog_file, text).entries
-    assert first.address == f"{HOST}/other/place/{'f' * 40}/a%20folder/one.skl"
+    assert first.url == f"{HOST}/other/place/{'f' * 40}/a%20folder/one.skl"
     # The collection's rate is that of recordings.
     assert (first.format, first.frame_rate) == (None, None)
     assert (second.format, second.frame_rate) == ("BVH", None)
