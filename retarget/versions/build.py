@@ -1,4 +1,4 @@
-"""`kinemimic datasets build`: the stages on one raw recording, and what they came to as canonical arrays."""
+"""`kinemimic datasets build`: runs the stages on one raw recording and stores canonical arrays."""
 
 from __future__ import annotations
 
@@ -21,13 +21,13 @@ from kinemimic.retarget.formats.motion_json import read_motion_json
 from kinemimic.retarget.humanoid.motion import Motion
 from kinemimic.retarget.versions.params import Capture, Params, params_option
 
-# Each stage, and the file that holds what it makes.
+# Stage -> file of its output.
 STAGES = {"ingest": "clip.json", "convert": "quaternions.json", "retarget": "motion.json"}
 LAST_STAGE = "retarget"
 
 
 def canonical_motion(motion: Motion) -> Canonical:
-    """All that a policy learns from, and where the feet stand."""
+    """Everything that a policy is trained on, and the foot contacts."""
     return Canonical.of(
         "motion",
         NODES,
@@ -45,10 +45,9 @@ def canonical_motion(motion: Motion) -> Canonical:
 
 
 def build_capture(capture: Capture, root: Path, through: str = LAST_STAGE) -> Mapping[str, Canonical]:
-    """By file name, what the stages up to `through` make of a recording below `root`.
+    """File name -> output of the stages up to `through` for a recording below `root`.
 
-    Every stage works on what the one before really made, not on the rounded copy of it. Raises what the
-    stages raise.
+    Every stage works on the exact output of the previous one, not on its rounded copy.
     """
     with TemporaryDirectory(prefix="kinemimic-") as folder:
         run = Path(folder)
@@ -72,20 +71,20 @@ def build_capture(capture: Capture, root: Path, through: str = LAST_STAGE) -> Ma
 
 
 def built_path(params: Params, root: Path, name: str, file: str) -> Path:
-    """Where an output lies: beside the parameters."""
+    """Path of an output, beside the parameters."""
     return root / params.path.parent / "built" / name / file
 
 
 @click.command("build")
 @click.argument("name")
 @click.option("--through", type=click.Choice(list(STAGES)), default=LAST_STAGE, show_default=True,
-              help="The last stage; what it makes is written.")  # fmt: skip
+              help="The last stage to run; its output is written.")  # fmt: skip
 @params_option
 @json_option("Print path and content hash as JSON.")
 def command(name: str, through: str, path: Path, as_json: bool) -> None:
-    """Make one of the data set's captures, NAME, and write what a stage came to as canonical arrays.
+    """Build one of the data set's captures, NAME, and write a stage's output as canonical arrays.
 
-    What `dvc repro` calls; works in the current folder.
+    `dvc repro` calls this command. It works in the current folder.
 
     \b
       kinemimic datasets build kinect_walk --through convert

@@ -1,4 +1,4 @@
-"""`kinemimic datasets check`: raw data are what was locked, and still make what was locked."""
+"""`kinemimic datasets check`: verifies that raw data are as locked and still build the locked outputs."""
 
 from __future__ import annotations
 
@@ -25,14 +25,14 @@ from kinemimic.retarget.versions.manifest import (
 from kinemimic.retarget.versions.params import Params, params_option
 
 EXIT_WRONG = 1  # exit status
-_MAX_CHANGES = 3  # changes of one file
+_MAX_CHANGES = 3  # listed per file
 
 
 def check(params: Params, root: Path, against: str | None = None) -> list[str]:
-    """A line for everything that is wrong; none if the data set is what its manifest says.
+    """A line for each fault; none if the data set matches its manifest.
 
-    Raw files first: what is made of wrong ones is not worth telling. against: a commit whose manifest of the
-    same version has to be the same.
+    If raw files differ, only they are listed. against: a commit whose manifest must be equal if it has the
+    same version.
     """
     path = root / params.path.parent / MANIFEST
     manifest = Manifest.load(path)
@@ -52,7 +52,7 @@ def check(params: Params, root: Path, against: str | None = None) -> list[str]:
 
 
 def _since(commit: str, params: Params, manifest: Manifest, root: Path) -> Iterator[str]:
-    """A line if a commit has other data under the same or a later version."""
+    """A line if a commit has different data under the same or a later version."""
     path = (root / params.path.parent / MANIFEST).resolve()
     if not path.is_relative_to(root.resolve()):
         raise KinemimicError(f"--against: expected {path} below {root.resolve()}, found it elsewhere")
@@ -61,7 +61,7 @@ def _since(commit: str, params: Params, manifest: Manifest, root: Path) -> Itera
     if there is None:
         raise KinemimicError(f"--against: expected a commit, found {commit!r}")
     if not there.strip():
-        # Of before there was a manifest.
+        # The commit predates the manifest.
         return
     try:
         content = json.loads(_git(root, "show", f"{commit}:./{name}") or "")
@@ -77,14 +77,14 @@ def _since(commit: str, params: Params, manifest: Manifest, root: Path) -> Itera
 
 
 def _git(root: Path, *arguments: str) -> str | None:
-    """What git says, None where it fails."""
+    """Git's output, None if it fails."""
     command = ["git", *arguments]
     done = subprocess.run(command, cwd=root, capture_output=True, text=True, check=False)  # noqa: S603 (no shell)
     return done.stdout if done.returncode == 0 else None
 
 
 def _outputs(params: Params, manifest: Manifest, root: Path) -> Iterator[str]:
-    """A line for each output that is there and differs from the manifest, or is made otherwise today."""
+    """A line for each output that differs from the manifest, stored or built today."""
     expected = {name.split("/")[0] for name in manifest.content}
     for name in sorted(expected ^ params.captures.keys()):
         yield f"{params.path}: expected the captures of the manifest, found a difference: {name}; `make data`"
@@ -97,30 +97,30 @@ def _outputs(params: Params, manifest: Manifest, root: Path) -> Iterator[str]:
                     if (line := _output(there, fresh, wanted, needed=file == STAGES[LAST_STAGE])) is not None:
                         yield line
                 except KinemimicError as error:
-                    yield f"{error}; `make data` builds it again"
+                    yield f"{error}; `make data` rebuilds it"
             bar.advance(1.0)
 
 
 def _output(path: Path, fresh: Canonical, wanted: str | None, *, needed: bool) -> str | None:
-    """What is wrong with one output.
+    """The fault of one output, or None.
 
-    fresh: what is made today; wanted: identity of what was locked; needed: whether it has to be there, as
-    what is committed has, and what dvc's remote has need not.
+    fresh: built today; wanted: identity as locked; needed: whether the file must exist (committed files must,
+    those in dvc's remote need not).
     """
     if not path.exists() and needed:
-        return f"{path}: expected the file that is committed, found none; `make data` builds it"
+        return f"{path}: expected the committed file, found none; `make data` builds it"
     stored = Canonical.read(path) if path.exists() else None
     if fresh.identity == wanted:
         if stored is None or stored.identity == wanted:
             return None
         changed = _describe_changes(fresh, stored)
-        return f"{path}: expected what was locked, found {changed}; `make data` builds it again"
-    line = f"{path}: expected to make what was locked, found that today's code makes another"
+        return f"{path}: expected the locked data, found {changed}; `make data` rebuilds it"
+    line = f"{path}: expected today's code to build the locked data, found other data"
     if stored is not None and stored.identity == wanted:
         line += f": {_describe_changes(stored, fresh)}"
     elif stored is not None and stored.identity == fresh.identity:
-        line += ", which is built here and not locked"
-    return f"{line}; `kinemimic datasets diff` tells all; if it is meant, raise `version` and `make data`"
+        line += ", which are built here but not locked"
+    return f"{line}; `kinemimic datasets diff` lists all; if intended, raise `version` and run `make data`"
 
 
 def _describe_changes(before: Canonical, after: Canonical) -> str:
@@ -131,11 +131,11 @@ def _describe_changes(before: Canonical, after: Canonical) -> str:
 
 @click.command("check")
 @params_option
-@click.option("--against", metavar="COMMIT", help="Whose data of the same version have to be the same.")
-@json_option("Print what is wrong as JSON.")
+@click.option("--against", metavar="COMMIT", help="A commit whose data of the same version must be equal.")
+@json_option("Print the faults as JSON.")
 def command(path: Path, against: str | None, as_json: bool) -> None:
-    """Whether the data set in the current folder is what its manifest says: raw files by SHA-256, and what is
-    made of them today, number by number. Exit status 1, and a line for everything that is wrong.
+    """Check the data set in the current folder: raw files by SHA-256 against its manifest, and the outputs that
+    are built from them today, number by number. Prints a line for each fault; exit status 1 if there are any.
 
     \b
       kinemimic datasets check --against origin/main
@@ -150,4 +150,4 @@ def command(path: Path, against: str | None, as_json: bool) -> None:
     if wrong:
         click.get_current_context().exit(EXIT_WRONG)
     if not as_json:
-        click.echo(f"{path.parent / MANIFEST}: version {params.version}, all of it as locked")
+        click.echo(f"{path.parent / MANIFEST}: version {params.version}, all as locked")

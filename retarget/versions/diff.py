@@ -1,4 +1,4 @@
-"""`kinemimic datasets diff`: what changed between two data sets in terms of motion, not of bytes."""
+"""`kinemimic datasets diff`: differences between two data sets as motions, not as bytes."""
 
 from __future__ import annotations
 
@@ -22,20 +22,23 @@ from kinemimic.retarget.versions.build import STAGES, canonical_motion
 
 EXIT_DIFFERENT = 1  # exit status
 
-# How an array is compared: the unit, and what a difference of one of its numbers is in that unit.
+# How arrays are compared, by kind.
 _LENGTHS = ("positions", "translations", "root", "offsets", "cycle_offset")
 _ROTATIONS = ("rotations", "rests", "world_from_file")
 _COUNTED = ("states", "passes", "contacts", "cyclic", "parents")
 _OF_SKELETON = ("offsets", "rests", "parents")
-# Changes of a whole array, or of what gives it meaning: nothing is measured.
+# Changes of a whole array or of the facts about it, without a measured difference.
 _WHOLE = ("fact", "array", "shape")
 _SIDES = ("left", "right")
 
 
 @dataclass(frozen=True)
 class Change:
-    """what: array; joint: or side, where it has such; unit: of `largest`, which is at `frame` (None without
-    frames), or what of the whole changed; frames: how many differ."""
+    """A difference of one array at one joint.
+
+    what: name of the array; joint: or side, None if it has neither; largest: greatest difference, in `unit`;
+    unit: or one of `_WHOLE`; frame: of `largest`, None without frames; frames: number that differ.
+    """
 
     what: str
     joint: str | None
@@ -46,13 +49,13 @@ class Change:
 
 
 def find_changes(before: Canonical, after: Canonical) -> list[Change]:
-    """What differs, array by array and joint by joint, the largest first; KinemimicError for two kinds."""
+    """The differences by array and joint, largest first; KinemimicError for different kinds or joints."""
     if before.kind != after.kind:
-        raise KinemimicError(f"expected two of one kind, found a {before.kind} and a {after.kind}")
+        raise KinemimicError(f"expected two files of one kind, found a {before.kind} and a {after.kind}")
     if before.joints != after.joints:
         raise KinemimicError(
             f"expected the same joints, found {len(before.joints)} and {len(after.joints)}: "
-            f"{', '.join(sorted(set(before.joints) ^ set(after.joints))) or 'in another sequence'}"
+            f"{', '.join(sorted(set(before.joints) ^ set(after.joints))) or 'in another order'}"
         )
     found = [
         Change(f"{name}, {was} before, {now} after", None, 1.0, "fact", None, 0)
@@ -62,8 +65,8 @@ def find_changes(before: Canonical, after: Canonical) -> list[Change]:
     for name in sorted(before.arrays.keys() | after.arrays.keys()):
         one, other = before.arrays.get(name), after.arrays.get(name)
         if one is None or other is None:
-            there = "added" if one is None else "gone"
-            found.append(Change(f"{name}, {there}", None, 1.0, "array", None, 0))
+            change = "added" if one is None else "removed"
+            found.append(Change(f"{name}, {change}", None, 1.0, "array", None, 0))
         elif one.shape != other.shape:
             lengths = [" × ".join(map(str, array.shape)) or "one number" for array in (one, other)]
             shapes = f"{name}, {lengths[0]} before, {lengths[1]} after"
@@ -76,11 +79,11 @@ def find_changes(before: Canonical, after: Canonical) -> list[Change]:
 def _array_changes(name: str, one: Array, other: Array, joints: Sequence[str]) -> Iterator[Change]:
     apart, unit = _apart(name, one, other)
     other_values = ~((one == other) | (np.isnan(one) & np.isnan(other)))
-    # A rotation's two quaternions are no degree apart, and yet not the same numbers.
+    # q and -q are the same rotation, but different numbers.
     differs = other_values.any(-1) if other_values.ndim > apart.ndim else other_values
     labels: Sequence[str | None] = [None]
     if name in _OF_SKELETON:
-        # Not of its frames.
+        # One value per joint, without frames.
         apart, differs, labels = apart[None], differs[None], joints
     elif one.ndim > 1 and one.shape[1] == len(joints):
         labels = joints
@@ -97,7 +100,7 @@ def _array_changes(name: str, one: Array, other: Array, joints: Sequence[str]) -
 
 
 def _apart(name: str, one: Array, other: Array) -> tuple[Array, str]:
-    """How far apart in a unit for people, one number a vector; missing on one side is infinitely far."""
+    """Distance and its unit, one number per vector; infinite if the value is missing on one side."""
     unseen = np.isnan(one) & np.isnan(other)
     gap = np.abs(np.where(unseen, 0.0, other - one))
     gap = np.where(np.isnan(gap), np.inf, gap)
@@ -110,7 +113,7 @@ def _apart(name: str, one: Array, other: Array) -> tuple[Array, str]:
         angle = np.degrees(4.0 * np.arcsin(np.minimum(1.0, nearer / 2.0)))
         return np.where(np.isinf(nearer), np.inf, angle), "°"
     if name == "euler":
-        # A whole turn is no difference.
+        # A full turn is no difference.
         return np.degrees(np.minimum(gap, np.abs(gap - 2.0 * np.pi)).max(-1)), "°"
     if name in _COUNTED:
         return (gap > 0).astype(np.float64), "other"
@@ -120,7 +123,7 @@ def _apart(name: str, one: Array, other: Array) -> tuple[Array, str]:
 
 
 def read_any(path: Path) -> Canonical:
-    """Canonical arrays of what holds a motion or a clip: a file of `build`, motion.json, a clip's Parquet."""
+    """Canonical arrays of a file of `datasets build`, a motion.json or a clip's Parquet."""
     if path.suffix == ".parquet":
         return Canonical.of_clip(read_clip(path))
     document = read_json(path)
@@ -136,7 +139,7 @@ _NAMES = (*STAGES.values(), "raw.parquet", "clip.parquet", "quaternions.parquet"
 
 
 def file_pairs(before: Path, after: Path) -> Mapping[str, tuple[Path | None, Path | None]]:
-    """Two files, or what two folders hold under the same names, None where only one has it."""
+    """Name -> (file before, file after) of two files or two folders; None if a folder lacks the file."""
     for path in (before, after):
         if not path.exists():
             raise KinemimicError(f"{path}: expected a file or a folder, found none")
@@ -149,13 +152,13 @@ def file_pairs(before: Path, after: Path) -> Mapping[str, tuple[Path | None, Pat
         for root in (before, after)
     ]
     if not any(there):
-        raise KinemimicError(f"{before}: expected {', '.join(_NAMES)} in it, found none of them")
+        raise KinemimicError(f"{before}: expected a folder with {', '.join(_NAMES)}, found none of them")
     names = sorted(there[0].keys() | there[1].keys())
     return {name: (there[0].get(name), there[1].get(name)) for name in names}
 
 
 def describe(change: Change) -> str:
-    """One line for people."""
+    """The change in one line."""
     where = f" {change.joint}" if change.joint else ""
     if change.unit in _WHOLE:
         return change.what
@@ -177,10 +180,10 @@ def _amount(change: Change) -> str:
 @click.argument("after", type=click.Path(path_type=Path))
 @json_option("Print every change as JSON.")
 def command(before: Path, after: Path, as_json: bool) -> None:
-    """What changed from BEFORE to AFTER as motion: joints, degrees, millimetres, frames.
+    """List the differences from BEFORE to AFTER as motions: joints, degrees, millimetres, frames.
 
-    Each a file (motion.json, a clip's .parquet, what `datasets build` wrote) or a folder of them, as a run.
-    Numbers are compared as a data set is locked, rounded to 1e-5. Exit status 1 if anything differs.
+    Each is a file (motion.json, a clip's .parquet, a file of `datasets build`) or a folder of such files, for
+    example a run. Numbers are rounded to 1e-5, as in a locked data set. Exit status 1 if anything differs.
 
     \b
       kinemimic datasets diff runs/before runs/after
@@ -188,7 +191,7 @@ def command(before: Path, after: Path, as_json: bool) -> None:
     found: dict[str, list[Change] | str] = {}
     for name, (one, other) in file_pairs(before, after).items():
         if one is None or other is None:
-            found[name] = "added" if one is None else "gone"
+            found[name] = "added" if one is None else "removed"
         elif differing := find_changes(read_any(one), read_any(other)):
             found[name] = differing
     if as_json:

@@ -1,4 +1,4 @@
-"""What a version of a data set is: SHA-256 of its raw files, and of the content of what is made of them."""
+"""The manifest of a data set's version: hashes of its raw files and of the outputs built from them."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from kinemimic.pipeline.files.store import file_hash, read_json, write_json
 from kinemimic.retarget.versions.build import STAGES, built_path
 from kinemimic.retarget.versions.params import Params, params_option
 
-_ADVICE = "; bring back what was, or raise `version` and `make data`"
+_ADVICE = "; restore the file, or raise `version` and run `make data`"
 MANIFEST, CHANGELOG = "manifest.json", Path("CHANGELOG.md")
 SCHEMA = 1
 
@@ -40,11 +40,11 @@ class Manifest:
             Path(name),
             kind="a manifest",
             schema=SCHEMA,
-            advice="`make data` writes it anew",
+            advice="`make data` rewrites it",
         )
         kinds = {"version": int, "raw": dict, "content": dict}
         if wrong := [key for key, kind in kinds.items() if type(document.get(key)) is not kind]:
-            raise KinemimicError(f"{name}: expected version, raw and content, found another {wrong[0]!r}")
+            raise KinemimicError(f"{name}: expected version, raw and content, found no valid {wrong[0]!r}")
         return cls(document["version"], document["raw"], document["content"])
 
     @classmethod
@@ -55,7 +55,7 @@ class Manifest:
         return cls.of_json(read_json(path), str(path))
 
     def to_json(self) -> dict[str, Any]:
-        """The same for the same data set."""
+        """The JSON value, deterministic."""
         return {
             "schema": SCHEMA,
             "version": self.version,
@@ -65,7 +65,7 @@ class Manifest:
 
 
 def raw_hashes(params: Params, root: Path) -> dict[str, str]:
-    """SHA-256 of every file in the folders of the recordings: what readers open beside one counts too."""
+    """SHA-256 of every file in the folders of the recordings, sidecar files included."""
     folders = sorted({capture.file.parent for capture in params.captures.values()})
     files = [
         path.relative_to(root)
@@ -77,22 +77,22 @@ def raw_hashes(params: Params, root: Path) -> dict[str, str]:
 
 
 def changed_raw(params: Params, manifest: Manifest, root: Path) -> Iterator[str]:
-    """A line for each raw file that is not what the manifest says."""
+    """A line for each raw file that differs from the manifest."""
     found = raw_hashes(params, root)
     for file in sorted(manifest.raw.keys() | found.keys()):
         if file not in found:
             yield f"{file}: expected the raw file of version {manifest.version}, found none{_ADVICE}"
         elif file not in manifest.raw:
-            yield f"{file}: expected no raw file but those of version {manifest.version}, found it{_ADVICE}"
+            yield f"{file}: expected only the raw files of version {manifest.version}, found another{_ADVICE}"
         elif found[file] != manifest.raw[file]:
             yield f"{file}: expected SHA-256 {manifest.raw[file][:12]}…, found {found[file][:12]}…{_ADVICE}"
 
 
 def lock(params: Params, root: Path) -> Manifest:
-    """Write the manifest of what is built below `root`.
+    """Write the manifest of the data set that is built below `root`.
 
-    KinemimicError unless everything is built; and if it is another than the manifest's of the same version:
-    whoever relies on a version shall have what it was.
+    KinemimicError unless everything is built, or if the data differ from a manifest of the same version: a
+    version must always mean the same data.
     """
     path = root / params.path.parent / MANIFEST
     content: dict[str, str] = {}
@@ -102,14 +102,14 @@ def lock(params: Params, root: Path) -> Manifest:
         for file in STAGES.values():
             there = built_path(params, root, name, file)
             if not there.exists():
-                raise KinemimicError(f"{there}: expected what `datasets build {name}` writes, found none")
+                raise KinemimicError(f"{there}: expected the output of `datasets build {name}`, found none")
             content[f"{name}/{file}"] = Canonical.read(there).identity
     made = Manifest(params.version, raw_hashes(params, root), content)
     if path.exists() and (before := Manifest.load(path)) != made and before.version >= made.version:
         raise KinemimicError(
-            f"{path}: expected the data of version {before.version}, found that they changed "
-            f"({', '.join(differing_names(before, made))}); raise `version` in {params.path} to "
-            f"{before.version + 1} and say in {CHANGELOG} what changed"
+            f"{path}: expected the data of version {before.version}, found changes in "
+            f"{', '.join(differing_names(before, made))}; raise `version` in {params.path} to "
+            f"{before.version + 1} and describe the change in {CHANGELOG}"
         )
     if (missing := missing_changelog_line(params.version, root)) is not None:
         raise KinemimicError(missing)
@@ -118,7 +118,7 @@ def lock(params: Params, root: Path) -> Manifest:
 
 
 def differing_names(before: Manifest, after: Manifest) -> list[str]:
-    """Names of the raw files and of the content that two manifests have not alike."""
+    """Names of the raw files and outputs that differ between two manifests."""
     return [
         name
         for one, other in ((before.raw, after.raw), (before.content, after.content))
@@ -128,11 +128,11 @@ def differing_names(before: Manifest, after: Manifest) -> list[str]:
 
 
 def missing_changelog_line(version: int, root: Path) -> str | None:
-    """What is wrong if the changelog has no line on a version of the data."""
+    """A message if the changelog has no line on a version of the data, otherwise None."""
     path, mark = root / CHANGELOG, f"- Data {version}: "
     if path.exists() and re.search(rf"^{mark}\S", path.read_text(encoding="utf-8"), re.MULTILINE):
         return None
-    return f"{path}: expected a line that begins with {mark!r} and says what changed, found none"
+    return f"{path}: expected a line that starts with {mark!r} and describes the change, found none"
 
 
 @click.command("lock")
@@ -141,7 +141,7 @@ def missing_changelog_line(version: int, root: Path) -> str | None:
 def command(path: Path, as_json: bool) -> None:
     """Write the manifest of the data set that is built in the current folder.
 
-    Refused if the data changed and their version did not, or the changelog has no line on it.
+    Fails if the data changed but their version did not, or if the changelog has no line on the version.
 
     \b
       kinemimic datasets lock

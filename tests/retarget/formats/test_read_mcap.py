@@ -178,7 +178,7 @@ def test_no_more_is_unpacked_in_all_than_the_limit(
     monkeypatch.setattr(mcap_reader, "MAX_BYTES", 2**20)
     zeros = bytes(2**20 + 1)
     bomb = with_chunk(cycle, tmp_path, size=len(zeros), compression=b"zstd", packed=zstandard.compress(zeros))
-    with pytest.raises(KinemimicError, match=r"chunk.mcap: expected an MCAP of at most 1 MiB, found more data"):
+    with pytest.raises(KinemimicError, match=r"expected an MCAP of at most 1 MiB, found more data"):
         recover_mcap(bomb)
 
 

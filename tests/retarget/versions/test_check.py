@@ -63,20 +63,20 @@ def test_one_byte_of_a_raw_file_is_told_by_its_name(
         (root / file).write_bytes(content)
     (root / recording).unlink()
     (line,) = check(params, root)
-    assert line.startswith(f"{recording}: expected the raw file of version 1, found none; bring back")
+    assert line.startswith(f"{recording}: expected the raw file of version 1, found none; restore the file")
     (root / recording).with_name("a.asf").write_text("another")
-    assert f"{recording.parent}/a.asf: expected no raw file but those of version 1" in check(params, root)[0]
+    assert f"{recording.parent}/a.asf: expected only the raw files of version 1" in check(params, root)[0]
 
 
 def test_a_tenth_of_a_degree_is_told_by_joint_and_frame(root: Path, params: Params) -> None:
     path = built_path(params, root, NAME, "motion.json")
     bent(Canonical.read(path), 0.1, "knee_left", 7).write(path)
     (line,) = check(params, root)
-    assert line.startswith(f"{path}: expected what was locked, found rotations knee_left: 0.")
+    assert line.startswith(f"{path}: expected the locked data, found rotations knee_left: 0.")
     degrees = float(line.split("knee_left: ")[1].split("°")[0])
     # Four numbers rounded to 1e-5.
     assert degrees == pytest.approx(0.1, abs=0.003)
-    assert line.endswith("in frame 7; `make data` builds it again")
+    assert line.endswith("in frame 7; `make data` rebuilds it")
 
 
 def test_what_is_committed_has_to_be_there_and_whole(root: Path, params: Params) -> None:
@@ -87,11 +87,11 @@ def test_what_is_committed_has_to_be_there_and_whole(root: Path, params: Params)
     # One that cannot be read does not hide the next.
     lines = check(params, root)
     assert [line.split(":")[0] for line in lines] == [str(path.with_name("clip.json")), str(path)]
-    assert all(line.endswith("`make data` builds it again") for line in lines)
+    assert all(line.endswith("`make data` rebuilds it") for line in lines)
     built_path(params, root, NAME, "clip.json").unlink()
     path.unlink()
     assert check(params, root) == [
-        f"{path}: expected the file that is committed, found none; `make data` builds it"
+        f"{path}: expected the committed file, found none; `make data` builds it"
     ]
 
 
@@ -103,12 +103,12 @@ def test_other_code_is_told_by_what_it_makes(
     monkeypatch.setattr(module, "build_capture", lambda *_: made)
     (line,) = check(params, root)
     path = built_path(params, root, NAME, "motion.json")
-    told = f"{path}: expected to make what was locked, found that today's code makes another"
+    told = f"{path}: expected today's code to build the locked data, found other data"
     assert line.startswith(f"{told}: rotations hip_right: 0.")
-    assert line.endswith("if it is meant, raise `version` and `make data`")
+    assert line.endswith("if intended, raise `version` and run `make data`")
     made["motion.json"].write(path)
     (line,) = check(params, root)
-    assert line.startswith(f"{told}, which is built here and not locked; ")
+    assert line.startswith(f"{told}, which are built here but not locked; ")
 
 
 def test_another_version_or_another_capture_is_told(root: Path, params: Params) -> None:
@@ -126,13 +126,13 @@ def test_data_change_with_their_version_and_a_line_in_the_changelog(root: Path, 
     before = Manifest.load(root / MANIFEST)
     path = built_path(params, root, NAME, "motion.json")
     bent(Canonical.read(path), 0.1, "knee_left", 7).write(path)
-    with pytest.raises(KinemimicError, match=rf"changed \({NAME}/motion.json\); raise `version` in .* to 2"):
+    with pytest.raises(KinemimicError, match=rf"found changes in {NAME}/motion.json; raise `version` in .* to 2"):
         lock(params, root)
-    with pytest.raises(KinemimicError, match="expected a line that begins with '- Data 2: '"):
+    with pytest.raises(KinemimicError, match="expected a line that starts with '- Data 2: '"):
         lock(replace(params, version=2), root)
     assert Manifest.load(root / MANIFEST) == before
     (root / "CHANGELOG.md").write_text("- Data 2:\n- Data 1: a walk, as Data 2: is not.\n")
-    with pytest.raises(KinemimicError, match="expected a line that begins with"):
+    with pytest.raises(KinemimicError, match="expected a line that starts with"):
         lock(replace(params, version=2), root)
     (root / "CHANGELOG.md").write_text("- Data 2: a knee.\n- Data 1: a walk.\n")
     after = lock(replace(params, version=2), root)
@@ -181,8 +181,8 @@ def test_what_is_no_manifest_is_one_line(root: Path, params: Params) -> None:
         ("{}", "a manifest of schema 1, found none"),
         ("[1]", "a manifest of schema 1, found none"),
         ('{"schema": 2}', "which a later version of kinemimic wrote"),
-        ('{"schema": 1}', "found another 'version'"),
-        ('{"schema": 1, "version": 1, "raw": [], "content": {}}', "found another 'raw'"),
+        ('{"schema": 1}', "found no valid 'version'"),
+        ('{"schema": 1, "version": 1, "raw": [], "content": {}}', "found no valid 'raw'"),
         ("{", "JSON"),
     ):
         (root / MANIFEST).write_text(text)
@@ -196,7 +196,7 @@ def test_what_is_no_manifest_is_one_line(root: Path, params: Params) -> None:
 def test_the_commands_say_so_by_their_status(root: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(root)
     run = CliRunner().invoke
-    assert run(check_command).stdout == f"{MANIFEST}: version 1, all of it as locked\n"
+    assert run(check_command).stdout == f"{MANIFEST}: version 1, all as locked\n"
     assert run(lock_command).stdout == f"{MANIFEST}: version 1, 3 raw files, 3 built\n"
     assert json.loads(run(lock_command, ["--json"]).stdout)["version"] == 1
     before = Path(f"datasets/versions/built/{NAME}/clip.json")

@@ -101,7 +101,7 @@ def test_states_times_and_lengths_are_told() -> None:
     )
     lines = [describe(one) for one in find_changes(Canonical.of_clip(whole), Canonical.of_clip(short))]
     assert "positions, 10 × 3 × 3 before, 7 × 3 × 3 after" in lines
-    assert "rotations, gone" in lines
+    assert "rotations, removed" in lines
     marked = replace(whole, provenance={"simulated": True})
     (one,) = find_changes(Canonical.of_clip(whole), Canonical.of_clip(marked))
     assert describe(one) == "simulated, False before, True after"
@@ -135,7 +135,7 @@ def test_a_whole_turn_of_an_euler_angle_is_none() -> None:
 
 def test_what_cannot_be_compared_is_one_line() -> None:
     one = Canonical.of_clip(clip())
-    with pytest.raises(KinemimicError, match="expected two of one kind, found a clip and a motion"):
+    with pytest.raises(KinemimicError, match="expected two files of one kind, found a clip and a motion"):
         find_changes(one, replace(one, kind="motion"))
     with pytest.raises(KinemimicError, match="expected the same joints, found 3 and 2: ankle"):
         find_changes(one, replace(one, joints=JOINTS[:2]))
