@@ -1,4 +1,4 @@
-"""Stage 1's cleaning: gaps filled, noise and wild values taken out, inside a pass, never across its ends."""
+"""Clean a clip within each pass: fill short gaps, remove noise and outliers."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ import numpy as np
 
 from kinemimic.pipeline.arrays import Array, Mask
 from kinemimic.pipeline.errors import KinemimicError
-from kinemimic.pipeline.filters.fill import LONGEST_GAP, fill
+from kinemimic.pipeline.filters.fill import LONGEST_GAP, fill_gaps
 from kinemimic.pipeline.filters.kalman import smooth
 from kinemimic.pipeline.filters.low_pass import CUTOFF, low_pass
 from kinemimic.pipeline.filters.one_euro import one_euro
@@ -19,9 +19,9 @@ from kinemimic.pipeline.kinematics.euler import rotations_of_channels, world_pos
 from kinemimic.pipeline.kinematics.rotations import continuous, normalize
 from kinemimic.pipeline.kinematics.skeleton import INFERRED
 
-# What each does, for reports and plans.
+# One line for each filter, for reports and plans.
 FILTER_DESCRIPTIONS: dict[str, str] = {
-    "kalman": "Kalman-RTS smoother, cut-offs by likelihood, wild values overruled",
+    "kalman": "Kalman-RTS smoother, cut-offs by likelihood, outliers overruled",
     "butterworth": f"zero-phase Butterworth, 4th order, {CUTOFF:g} Hz",
     "one-euro": "One-Euro filter, causal",
     "none": "not filtered",
@@ -30,7 +30,7 @@ FILTER_DESCRIPTIONS: dict[str, str] = {
 
 @dataclass(frozen=True)
 class Cleaning:
-    """filled: (T, J) gaps closed; spikes: (T, J) wild values replaced or overruled; done: in words."""
+    """filled: (T, J) filled gaps; spikes: (T, J) outliers replaced or overruled; done: the steps in words."""
 
     filled: Mask
     spikes: Mask
@@ -38,17 +38,17 @@ class Cleaning:
 
 
 def clean(clip: Clip, method: str) -> tuple[Clip, Cleaning]:
-    """The clip with the same frames, cleaned by one of FILTERS, and what was done to it.
+    """The clip cleaned by one of FILTERS, with the same frames, and a record of the changes.
 
-    Positions, and quaternions that the sensor gave beside them, are filled and filtered. A capture of Euler
-    channels has no gaps; filtering leaves `euler` as recorded and puts the filtered `rotations` beside it.
-    Frames outside passes stay as recorded. Raises KinemimicError for an unknown method.
+    Positions, and quaternions that the sensor recorded with them, are filled and filtered. A capture of Euler
+    channels has no gaps; filtering leaves `euler` as recorded and adds the filtered `rotations`. Frames
+    outside passes stay as recorded. KinemimicError for an unknown method.
     """
     if method not in FILTERS:
         raise KinemimicError(f"expected a filter among {', '.join(FILTERS)}, found {method!r}")
     if clip.euler is not None:
         return _clean_channels(clip, method)
-    positions, filled = fill(clip.positions, clip.times, clip.passes)
+    positions, filled = fill_gaps(clip.positions, clip.times, clip.passes)
     done = [f"gaps up to {LONGEST_GAP} s filled: {int(filled.sum())} joint positions"]
     spikes = np.zeros(filled.shape, dtype=np.bool_)
     if method in ("butterworth", "one-euro"):
@@ -57,11 +57,11 @@ def clean(clip: Clip, method: str) -> tuple[Clip, Cleaning]:
     positions, overruled, note = _filter(clip, positions, filled, method)
     if method == "kalman":
         spikes = overruled
-        done.append(f"wild values overruled: {int(spikes.sum())} joint positions")
+        done.append(f"outliers overruled: {int(spikes.sum())} joint positions")
     if method != "none":
         done.append(note)
     states = np.where(filled, INFERRED, clip.states).astype(np.uint8)
-    rotations = None if clip.rotations is None else _clean_turns(clip, clip.rotations, method)[0]
+    rotations = None if clip.rotations is None else _clean_rotations(clip, clip.rotations, method)[0]
     cleaned = replace(clip, positions=positions, rotations=rotations, states=states)
     return cleaned, Cleaning(filled, spikes, tuple(done))
 
@@ -72,21 +72,21 @@ def _clean_channels(clip: Clip, method: str) -> tuple[Clip, Cleaning]:
         return clip, Cleaning(nothing, nothing, ("rotations as recorded, not filtered",))
     assert clip.euler is not None and clip.orders is not None and clip.translations is not None  # noqa: S101
     recorded = rotations_of_channels(clip.euler, clip.orders, clip.world_from_file, clip.rests)
-    rotations, spikes, note = _clean_turns(clip, recorded, method)
+    rotations, spikes, note = _clean_rotations(clip, recorded, method)
     translations, _, _ = _filter(clip, clip.translations, nothing, method)
     positions = world_positions(clip.skeleton, translations, rotations, clip.world_from_file)
     cleaned = replace(clip, positions=positions, translations=translations, rotations=rotations)
     return cleaned, Cleaning(nothing, spikes, (f"rotations: {note}",))
 
 
-def _clean_turns(clip: Clip, rotations: Array, method: str) -> tuple[Array, Mask, str]:
-    """Quaternions (T, J, 4) filled and filtered as four-vectors, and put back on the sphere.
+def _clean_rotations(clip: Clip, rotations: Array, method: str) -> tuple[Array, Mask, str]:
+    """Quaternions (T, J, 4) filled and filtered as four-vectors, then normalised.
 
-    Sign-continuous quaternions are a smooth curve on the sphere through any number of full turns, which
-    Euler angles and rotation vectors are not; the filtered curve stays near it.
+    Sign-continuous quaternions are a smooth curve on the sphere through any number of full turns, unlike
+    Euler angles and rotation vectors; the filtered curve stays close to the sphere.
     """
-    # As recorded they are, but not any more where a repair has exchanged sides or dropped frames.
-    whole, filled = fill(continuous(rotations), clip.times, clip.passes)
+    # Recorded signs are continuous, but not where a repair has exchanged sides or dropped frames.
+    whole, filled = fill_gaps(continuous(rotations), clip.times, clip.passes)
     filtered, overruled, note = _filter(clip, whole, filled, method)
     if method == "none" and not filled.any():
         return rotations, overruled, note
@@ -94,7 +94,7 @@ def _clean_turns(clip: Clip, rotations: Array, method: str) -> tuple[Array, Mask
 
 
 def _filter(clip: Clip, values: Array, filled: Mask, method: str) -> tuple[Array, Mask, str]:
-    """Values (T, J, K) filtered, which of them (T, J) were overruled, and how, in words."""
+    """Filtered values (T, J, K), which of them (T, J) were overruled, and a description of the filter."""
     nothing = np.zeros(filled.shape, dtype=np.bool_)
     if method == "kalman":
         found = smooth(values, clip.times, clip.passes, clip.states, filled)

@@ -1,4 +1,4 @@
-"""Short gaps of a pass filled by a curve through their ends; long ones stay gaps."""
+"""Fill the short gaps of a pass by interpolation; long gaps stay."""
 
 from __future__ import annotations
 
@@ -9,16 +9,15 @@ from scipy.interpolate import PchipInterpolator
 from kinemimic.pipeline.arrays import Array, Mask
 from kinemimic.pipeline.kinematics.spans import all_finite, median_step, pass_spans
 
-# Longer gaps stay gaps: a fifth of a second is about a fifth of a stride, beyond which a curve through
-# the ends is invention.
+# Seconds, about a fifth of a stride; a curve through the ends of a longer gap would be invented.
 LONGEST_GAP = 0.2
 
 
-def fill(values: Array, times: Array, passes: NDArray[np.int32]) -> tuple[Array, Mask]:
-    """Values (T, J, K) with the short gaps of each pass interpolated, and where (T, J).
+def fill_gaps(values: Array, times: Array, passes: NDArray[np.int32]) -> tuple[Array, Mask]:
+    """Values (T, J, K) with the short gaps of each pass interpolated, and a mask (T, J) of them.
 
-    A gap is filled if the frames on both its sides are at most LONGEST_GAP plus one usual step apart; the
-    edges of a pass are not extrapolated. Monotone cubics do not swing beyond what was measured.
+    A gap is filled if the frames on its two sides are at most LONGEST_GAP plus one median step apart; the
+    ends of a pass are not extrapolated. Monotone cubics (PCHIP) do not overshoot the measured values.
     """
     result, filled = values.copy(), np.zeros(values.shape[:2], dtype=np.bool_)
     longest = LONGEST_GAP + median_step(times, passes) + 1e-6

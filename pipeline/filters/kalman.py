@@ -1,15 +1,15 @@
-"""A Kalman smoother that knows which values were seen, which guessed and which are missing.
+"""Kalman smoother that weights tracked, inferred and missing values differently.
 
-Each coordinate is a mass that random impulses push (constant velocity, white acceleration), each measurement
-has an error whose variance depends on the joint's state. The Kalman filter followed by the backward pass of
-Rauch, Tung and Striebel (1965, "Maximum likelihood estimates of linear dynamic systems", AIAA Journal 3)
-gives the most probable path. That path also is the minimum of
+Each coordinate follows a constant-velocity model with white acceleration noise; the variance of a
+measurement's error depends on the joint's state. The Kalman filter followed by the backward pass of Rauch,
+Tung and Striebel (1965, "Maximum likelihood estimates of linear dynamic systems", AIAA Journal 3) gives the
+most probable path. That path also minimises
 
     sum_k w_k |y_k - x_k|^2  +  stiffness * sum_k |x_k - 2 x_(k-1) + x_(k-2)|^2
 
-(second differences divided on an uneven clock), whose normal equations have five bands. Solving them is the
-same estimate (tests/pipeline/test_kalman.py writes the recursions out and compares) without a loop over
-frames: all passes at once, because no second difference reaches from one to another.
+(divided differences on an uneven clock), whose normal equations have five bands. Solving them gives the
+same estimate (tests/pipeline/filters/test_kalman.py compares it with the recursions) without a loop over
+frames, and for all passes at once, because no second difference crosses from one pass to another.
 """
 
 from __future__ import annotations
@@ -27,29 +27,31 @@ from kinemimic.pipeline.kinematics.spans import all_finite, median_step
 
 # Inverse variance of an inferred joint's error over that of a tracked one's.
 INFERRED_WEIGHT = 0.5
-# Half the amplitude is left at the cut-off. The likelihood chooses it per joint, from SLOWEST Hz to FASTEST
-# of the frame rate, among CHOICES: with less, who stands for minutes and takes one step would lose the step.
-SLOWEST = 3.0
-FASTEST = 0.45
-CHOICES = 7
-# The likelihood takes motion for equally rough throughout; a stride has its roughness where the knee turns,
-# and would lose the peaks. So the cut-off is this much higher than the likelihood's.
+# The smoother halves the amplitude at the cut-off. The likelihood chooses the cut-off per joint from a grid
+# of GRID_SIZE, from MIN_CUTOFF Hz to MAX_CUTOFF times the frame rate. A lower limit would lose the one step
+# of somebody who stands for minutes.
+MIN_CUTOFF = 3.0
+MAX_CUTOFF = 0.45
+GRID_SIZE = 7
+# The likelihood assumes motion that is equally rough throughout. A stride is rough where the knee turns, and
+# would lose its peaks; so the cut-off is the likelihood's times this factor.
 HEADROOM = 1.5
-# Residuals beyond this many times the usual scatter lose weight (Student's t with few degrees of freedom).
+# Residuals beyond this many times the scatter lose weight (Student's t with few degrees of freedom).
 TOLERANCE = 1.5
-# The usual scatter is at least that of the second around: motion quicker than usual is not a spike.
-AROUND = 1.0
+# Seconds over which the scatter is a running median: a fast movement is not a spike.
+SCATTER_WINDOW = 1.0
+# Rounds of reweighting.
 ROUNDS = 3
-# An error (metres, or of a quaternion's component) below which no recording is.
-LEAST_ERROR = 1e-4
-# Shares of a measurement's weight: one left with less was overruled.
+# Smallest error of a recording (metres, or of a quaternion's component).
+MIN_ERROR = 1e-4
+# A measurement that keeps less than this share of its weight was overruled.
 OVERRULED = 0.1
 
 
 @dataclass(frozen=True)
 class Smoothed:
-    """values: (T, J, K); cutoff: (J,) Hz, NaN where nothing moves; overruled: (T, J) measurements that the
-    rest contradicts."""
+    """values: (T, J, K); cutoff: (J,) Hz, NaN for a joint at rest; overruled: (T, J) measurements that the
+    others contradict."""
 
     values: Array
     cutoff: Array
@@ -59,10 +61,10 @@ class Smoothed:
 def smooth(
     values: Array, times: Array, passes: NDArray[np.int32], states: NDArray[np.uint8], unknown: Mask
 ) -> Smoothed:
-    """Smooth values (T, J, K) within passes; frames outside of them, and NaN, stay.
+    """Smooth values (T, J, K) within passes; NaN and frames outside passes stay.
 
-    states: (T, J) as in Clip; unknown: (T, J) finite values that are nobody's measurement (filled gaps): they
-    are replaced by the estimate. Each stretch between NaN is smoothed by itself; its ends must be measured.
+    states: (T, J) as in Clip; unknown: (T, J) finite values that were not measured (filled gaps); the
+    estimate replaces them. Each run between NaN is smoothed by itself; its ends must be measured.
     """
     frames, joints = values.shape[:2]
     step = median_step(times, passes)
@@ -79,20 +81,20 @@ def smooth(
         y = np.where(there[:, None], y, 0.0)
         x, share, cutoff = _robust(chain, y, np.where(there, weights[:, joint], 1.0), there)
         result.values[there, joint] = x[there]
-        result.overruled[:, joint] = there & (share < OVERRULED)  # the share of an unknown value is 1
+        result.overruled[:, joint] = there & (share < OVERRULED)  # an unknown value keeps its share of 1
         result.cutoff[joint] = cutoff
     return result
 
 
 def _robust(chain: Chain, y: Array, weights: Array, there: Mask) -> tuple[Array, Array, float]:
-    """Estimate (T, K), share of its weight that each frame kept (T,), cut-off in Hz.
+    """Estimate (T, K), share of its weight that each frame keeps (T,), cut-off in Hz.
 
-    Iteratively reweighted: by Student's t a residual r of scatter s keeps 1 / (1 + (r / TOLERANCE s)^2) of
-    its weight, where an inferred joint's scatter is larger by its state.
+    Iteratively reweighted least squares: by Student's t, a residual r of scatter s keeps the share
+    1 / (1 + (r / TOLERANCE s)^2) of its weight; an inferred joint's scatter is larger by its weight.
     """
     share = np.ones(len(y))
-    cutoff, error = chain.likely(y, weights)
-    window = 2 * int(0.5 * AROUND / chain.step) + 1
+    cutoff, error = chain.likely_cutoff(y, weights)
+    window = 2 * int(0.5 * SCATTER_WINDOW / chain.step) + 1
     for _ in range(ROUNDS):
         x = chain.estimate(y, weights * share, chain.stiffness(cutoff))
         residual = np.sqrt(weights * np.mean((y - x) ** 2, axis=-1))
@@ -100,16 +102,16 @@ def _robust(chain: Chain, y: Array, weights: Array, there: Mask) -> tuple[Array,
         scatter = np.full(len(y), error)
         scatter[measured] = np.maximum(error, median_filter(residual[measured], window, mode="nearest"))
         share = 1.0 / (1.0 + (residual / (TOLERANCE * scatter)) ** 2)
-    cutoff = min(HEADROOM * chain.likely(y, weights * share)[0], FASTEST / chain.step)
+    cutoff = min(HEADROOM * chain.likely_cutoff(y, weights * share)[0], MAX_CUTOFF / chain.step)
     return chain.estimate(y, weights * share, chain.stiffness(cutoff)), share, cutoff
 
 
 @dataclass(frozen=True)
 class Chain:
-    """Second differences of a joint over T frames, those within a stretch of one pass.
+    """Second differences of a joint over T frames, within runs of one pass.
 
-    differences: (T-2, 3) rows of their coefficients, zero where not within; bands: (3, T) of their normal
-    matrix, lower form; links: how many rows are not zero; step: usual step in seconds.
+    differences: (T-2, 3) rows of their coefficients, zero across the ends of a run; bands: (3, T) of their
+    normal matrix, lower form; links: number of non-zero rows; step: median step in seconds.
     """
 
     differences: Array
@@ -119,11 +121,11 @@ class Chain:
 
     @classmethod
     def of(cls, times: Array, passes: NDArray[np.int32], there: Mask, step: float) -> Chain:
-        """The chain of frames that are `there` (T,)."""
+        """The chain of the frames in the mask `there` (T,)."""
         linked = (passes[2:] == passes[:-2]) & there[2:] & there[1:-1] & there[:-2]
         before, after = np.diff(times)[:-1] / step, np.diff(times)[1:] / step
-        # Slope after minus slope before, x - 2 x' + x'' on an even clock; a longer wait has room for more
-        # impulses, so that the variance grows with the mean of both steps.
+        # Slope after minus slope before, x - 2 x' + x'' on an even clock; the variance of the acceleration
+        # noise grows with the mean of both steps.
         rows = np.stack([1.0 / before, -1.0 / before - 1.0 / after, 1.0 / after], axis=-1)
         rows *= np.where(linked, np.sqrt(2.0 / (before + after)), 0.0)[:, None]
         bands = np.zeros((3, len(times)))
@@ -133,33 +135,33 @@ class Chain:
         return cls(rows, bands, int(linked.sum()), step)
 
     def stiffness(self, cutoff: float) -> float:
-        """Weight of the second differences for which half the amplitude is left at `cutoff` Hz."""
+        """Weight of the second differences that halves the amplitude at `cutoff` Hz."""
         return float((2.0 * np.sin(np.pi * cutoff * self.step)) ** -4.0)
 
     def estimate(self, y: Array, weights: Array, stiffness: float) -> Array:
         """The most probable path (T, K) of measurements y (T, K) with weights (T,)."""
         return self._solve(y, weights, stiffness)[0]
 
-    def likely(self, y: Array, weights: Array) -> tuple[float, float]:
-        """The cut-off (Hz) under which the measurements are most probable, and their error then.
+    def likely_cutoff(self, y: Array, weights: Array) -> tuple[float, float]:
+        """The most likely cut-off (Hz) of the measurements, and their error at it.
 
-        The marginal likelihood with the error integrated out, "GML" of Wahba (1985, Annals of Statistics
-        13), over a grid of cut-offs, with a parabola through the best and its neighbours.
+        Maximises the marginal likelihood with the error integrated out, "GML" of Wahba (1985, Annals of
+        Statistics 13), over a grid of cut-offs, refined by a parabola through the best and its neighbours.
         """
-        fastest = FASTEST / self.step
-        grid = np.geomspace(min(SLOWEST, 0.5 * fastest), fastest, CHOICES)
-        scores, errors = np.empty(CHOICES), np.empty(CHOICES)
+        fastest = MAX_CUTOFF / self.step
+        grid = np.geomspace(min(MIN_CUTOFF, 0.5 * fastest), fastest, GRID_SIZE)
+        scores, errors = np.empty(GRID_SIZE), np.empty(GRID_SIZE)
         freedom = y.shape[1] * self.links
         for k, cutoff in enumerate(grid):
             stiffness = self.stiffness(cutoff)
             x, log_determinant = self._solve(y, weights, stiffness)
             bends = np.einsum("ti,tik->tk", self.differences, _windows(x))
             squares = np.sum(weights[:, None] * (y - x) ** 2) + stiffness * np.sum(bends**2)
-            errors[k] = np.sqrt(squares / freedom + LEAST_ERROR**2)
+            errors[k] = np.sqrt(squares / freedom + MIN_ERROR**2)
             scores[k] = 2.0 * freedom * np.log(errors[k])
             scores[k] += y.shape[1] * (log_determinant - self.links * np.log(stiffness))
         best = _vertex(scores)
-        at = np.arange(CHOICES)
+        at = np.arange(GRID_SIZE)
         return float(np.exp(np.interp(best, at, np.log(grid)))), float(np.interp(best, at, errors))
 
     def _solve(self, y: Array, weights: Array, stiffness: float) -> tuple[Array, float]:
@@ -171,12 +173,12 @@ class Chain:
 
 
 def _windows(x: Array) -> Array:
-    """Three frames after each other: (T-2, 3, K)."""
+    """Windows of three consecutive frames: (T-2, 3, K)."""
     return np.stack([x[:-2], x[1:-1], x[2:]], axis=1)
 
 
 def _vertex(scores: Array) -> float:
-    """Where, between the indices, the parabola through the lowest score and its neighbours is lowest."""
+    """Fractional index of the vertex of the parabola through the lowest score and its neighbours."""
     k = int(np.argmin(scores))
     if k in (0, len(scores) - 1):
         return float(k)

@@ -1,4 +1,4 @@
-"""The gait laboratory's filter: a zero-phase Butterworth with a fixed cut-off."""
+"""Zero-phase Butterworth filter with a fixed cut-off, as gait laboratories use it."""
 
 from __future__ import annotations
 
@@ -13,15 +13,15 @@ from kinemimic.pipeline.arrays import Array
 from kinemimic.pipeline.kinematics.spans import all_finite, distinct_times, median_step, pass_spans, runs
 
 CUTOFF = 6.0
-# Clocks within this share of the step count as even.
+# Steps that vary by less than this share count as an even clock.
 EVEN_CLOCK = 0.02
 
 
 def low_pass(values: Array, times: Array, passes: NDArray[np.int32]) -> tuple[Array, str]:
-    """Values (T, J, K) low-passed at CUTOFF in each pass, and a line that says how.
+    """Values (T, J, K) low-passed at CUTOFF in each pass, and a description in one line.
 
-    NaN stay, and each stretch between them is filtered by itself. An uneven clock is first brought to an
-    even one (cubic), and back afterwards.
+    NaN stay, and each run between them is filtered by itself. Values on an uneven clock are interpolated to
+    an even one by cubic splines, and back after filtering.
     """
     result = values.copy()
     short = 0
@@ -44,14 +44,14 @@ def low_pass(values: Array, times: Array, passes: NDArray[np.int32]) -> tuple[Ar
             part = result[span][stretch]
             part[:, joints] = _on_even_clock(part[:, joints], times[span][stretch], step, smooth)
     note = f"zero-phase Butterworth, 4th order, {CUTOFF:g} Hz"
-    return result, note + (f"; {short} stretches of under four frames left as they are" if short else "")
+    return result, note + (f"; {short} runs of under four frames left as recorded" if short else "")
 
 
 def zero_phase(rate: float) -> Callable[[Array], Array] | None:
     """A filter along axis 0 of evenly sampled values, or None if `rate` (Hz) is too low for CUTOFF.
 
-    Two poles forward and two backward make four and no delay; the design is shifted so that the pair, not
-    each, is 3 dB down at the cut-off (Winter 2009, Biomechanics and Motor Control, eq. 3.18).
+    Two poles forward and two backward give order four and no delay; the design frequency is corrected so
+    that both together are 3 dB down at the cut-off (Winter 2009, Biomechanics and Motor Control, eq. 3.18).
     """
     correction = (np.sqrt(2.0) - 1.0) ** 0.25
     if 0.4 * rate < CUTOFF:
@@ -60,8 +60,8 @@ def zero_phase(rate: float) -> Callable[[Array], Array] | None:
     sections = butter(2, design, fs=rate, output="sos")
 
     def smooth(values: Array) -> Array:
-        # Mirrored through its end, the curve goes on for three periods, as far as there is data, so that
-        # the filter has forgotten its start where the data begin.
+        # Pad by point reflection for three periods, or as far as the data go, so that the filter's
+        # transient ends before the data begin.
         padding = min(len(values) - 1, int(3.0 * rate / CUTOFF))
         return np.asarray(sosfiltfilt(sections, values, axis=0, padlen=padding))
 

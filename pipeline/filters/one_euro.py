@@ -1,8 +1,8 @@
-"""The One-Euro filter: causal, for what must be shown while it is recorded; its lag is its price.
+"""The One-Euro filter: causal, for live display, at the price of a lag.
 
 Casiez, Roussel, Vogel 2012, "1 € Filter: A Simple Speed-based Low-pass Filter for Noisy Input in Interactive
-Systems", CHI: a first-order low-pass whose cut-off grows with the speed of what it filters, so that it is
-steady at rest and quick in motion.
+Systems", CHI: a first-order low-pass whose cut-off grows with the speed, so that it is steady at rest and
+responsive in motion.
 """
 
 from __future__ import annotations
@@ -20,9 +20,9 @@ SPEED_CUTOFF = 1.0
 
 
 def one_euro(values: Array, times: Array, passes: NDArray[np.int32]) -> Array:
-    """Values (T, J, K) filtered with what came before them only; NaN stay, and each stretch starts afresh.
+    """Values (T, J, K), each filtered with past values only; NaN stay, and each run starts anew.
 
-    The speed is the joint's, not that of each coordinate: the filter turns with the axes.
+    The speed is the joint's, not one coordinate's, so that the result does not depend on the axes.
     """
     result = values.copy()
     there = all_finite(values)
@@ -40,6 +40,6 @@ def one_euro(values: Array, times: Array, passes: NDArray[np.int32]) -> Array:
 
 
 def _share(cutoff: Array | float, step: float) -> Array:
-    """How much of the way to a new value a first-order low-pass of `cutoff` Hz goes in `step` seconds."""
+    """Smoothing factor of a first-order low-pass of `cutoff` Hz for a step in seconds."""
     turn = 2.0 * np.pi * np.asarray(cutoff) * step
     return np.asarray(turn / (1.0 + turn))

@@ -1,4 +1,4 @@
-"""Single wild positions taken out before a filter that would smear them."""
+"""Remove single outliers before a filter that would smear them."""
 
 from __future__ import annotations
 
@@ -8,15 +8,15 @@ from numpy.typing import NDArray
 from kinemimic.pipeline.arrays import Array, Mask
 from kinemimic.pipeline.kinematics.spans import all_finite, pass_spans
 
-# A value this far (metres) from the median of five frames, and further than three times the usual scatter
-# about it, is a spike.
+# A spike is at least this far (metres) from the median of five frames, and at least three times the median
+# distance.
 SPIKE = 0.03
 
 
 def despike(positions: Array, passes: NDArray[np.int32]) -> tuple[Array, Mask]:
-    """Positions (T, J, 3) with spikes replaced by the median of five frames, and where (T, J): Hampel's.
+    """Positions (T, J, 3) with spikes replaced by the median of five frames, and a mask (T, J) of them.
 
-    The first and last two frames of a pass have no such window and stay.
+    A Hampel filter. The first and last two frames of a pass have no full window and stay.
     """
     result, spikes = positions.copy(), np.zeros(positions.shape[:2], dtype=np.bool_)
     for span in pass_spans(passes):

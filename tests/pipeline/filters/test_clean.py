@@ -10,7 +10,7 @@ import pytest
 
 from kinemimic.pipeline.errors import KinemimicError
 from kinemimic.pipeline.filters.clean import FILTER_DESCRIPTIONS, clean
-from kinemimic.pipeline.filters.fill import fill
+from kinemimic.pipeline.filters.fill import fill_gaps
 from kinemimic.pipeline.filters.options import FILTERS
 from kinemimic.pipeline.kinematics.clip import Clip
 from kinemimic.pipeline.kinematics.euler import rotations_of_channels, world_positions
@@ -44,7 +44,7 @@ def gappy(node_clip: Build) -> Clip:
 def test_short_gaps_are_filled_and_marked_and_long_ones_stay(node_clip: Build, method: str) -> None:
     clip = gappy(node_clip)
     cleaned, cleaning = clean(clip, method)
-    filled = fill(clip.positions, clip.times, clip.passes)[1]
+    filled = fill_gaps(clip.positions, clip.times, clip.passes)[1]
     assert np.array_equal(cleaning.filled, filled)
     assert filled.sum() == 3
     assert (cleaned.states[filled] == 1).all()
@@ -62,7 +62,7 @@ def test_each_method_says_what_it_did(node_clip: Build) -> None:
         FILTER_DESCRIPTIONS["butterworth"],
     )
     assert done["one-euro"][1] == FILTER_DESCRIPTIONS["one-euro"]
-    assert done["kalman"][0] == "wild values overruled: 1 joint positions"
+    assert done["kalman"][0] == "outliers overruled: 1 joint positions"
     assert done["kalman"][1].startswith("Kalman-RTS smoother, cut-offs ")
 
 

@@ -9,7 +9,7 @@ import pytest
 from numpy.typing import NDArray
 
 from kinemimic.pipeline.arrays import Array
-from kinemimic.pipeline.filters.kalman import SLOWEST, Chain, Smoothed, smooth
+from kinemimic.pipeline.filters.kalman import MIN_CUTOFF, Chain, Smoothed, smooth
 from kinemimic.pipeline.kinematics.skeleton import INFERRED, MISSING, TRACKED
 
 NOISE = 0.01
@@ -108,7 +108,7 @@ def test_the_likelihood_finds_the_error_and_the_roughness() -> None:
     for cutoff in (4.0, 6.0, 9.0):
         bends = NOISE / np.sqrt(chain.stiffness(cutoff)) * rng.standard_normal((3000, 3))
         path = np.cumsum(np.cumsum(bends, axis=0), axis=0)
-        found, error = chain.likely(path + NOISE * rng.standard_normal((3000, 3)), np.ones(3000))
+        found, error = chain.likely_cutoff(path + NOISE * rng.standard_normal((3000, 3)), np.ones(3000))
         assert found == pytest.approx(cutoff, rel=0.1)
         assert error == pytest.approx(NOISE, rel=0.1)
 
@@ -208,7 +208,7 @@ def test_a_slow_clock_and_values_without_a_spread() -> None:
     line = np.linspace(0.0, 1.0, 20)[:, None, None] * np.ones((20, 1, 3))
     found = smoothed(line, np.arange(20) / 4.0)
     assert np.allclose(found.values, line, atol=1e-9)
-    assert found.cutoff[0] < SLOWEST  # of 4 Hz no more than 1.8 can be seen
+    assert found.cutoff[0] < MIN_CUTOFF  # of 4 Hz no more than 1.8 can be seen
     nothing = smoothed(np.full((20, 1, 3), np.nan), states=np.full((20, 1), MISSING, np.uint8))
     assert np.isnan(nothing.values).all()
     assert np.isnan(nothing.cutoff).all()

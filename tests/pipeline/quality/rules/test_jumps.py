@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from kinemimic.pipeline.filters.fill import fill
+from kinemimic.pipeline.filters.fill import fill_gaps
 from kinemimic.pipeline.kinematics.clip import Clip
 from kinemimic.pipeline.kinematics.skeleton import NODE_INDEX as N
 from kinemimic.pipeline.quality.rules import gaps, jumps
@@ -46,7 +46,7 @@ def test_jumps_are_taken_out_and_filled(moving: Moving, kind: str, tolerance: fl
         missing[frame, N[joint]] = True
     assert np.array_equal(np.isnan(repaired.positions).all(axis=-1), missing)
     assert np.array_equal(repaired.states == 0, missing)
-    filled, where = fill(repaired.positions, repaired.times, repaired.passes)
+    filled, where = fill_gaps(repaired.positions, repaired.times, repaired.passes)
     assert np.array_equal(where, missing)
     assert np.linalg.norm(filled - clip.positions, axis=-1).max() < tolerance
 
@@ -101,7 +101,7 @@ def test_the_count_is_what_cleaning_fills(moving: Moving) -> None:
             clip.positions[start:stop, joint] = np.nan
             clip.states[start:stop, joint] = 0
     (found,) = gaps.detect(clip)
-    _, where = fill(clip.positions, clip.times, clip.passes)
+    _, where = fill_gaps(clip.positions, clip.times, clip.passes)
     count = sum(int((np.diff(where[:, joint].astype(int)) == 1).sum()) for joint in range(20))
     assert f"{count} of up to 0.2 s will be filled" in found.text
 
