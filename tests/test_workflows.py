@@ -1,4 +1,4 @@
-"""What the workflows call is there to be called."""
+"""The workflows call existing make targets."""
 
 from __future__ import annotations
 
@@ -9,13 +9,13 @@ from typing import Any
 import yaml
 
 ROOT = Path(__file__).resolve().parents[1]
-# Those that are phony: make is content with any other where a file of that name lies.
+# Phony targets only: make accepts any other if a file has its name.
 TARGETS = set(re.findall(r"^\.PHONY: (.*)$", (ROOT / "Makefile").read_text(), re.MULTILINE)[0].split())
 WORKFLOW = ROOT / ".github" / "workflows" / "ci.yml"
 
 
 def made(job: dict[str, Any]) -> set[str]:
-    """Make targets of a job, the values of its matrix put in."""
+    """Make targets of a job, with the values of its matrix."""
     called = [target for step in job["steps"] for target in re.findall(r"make (\S+)", step.get("run", ""))]
     matrix = job.get("strategy", {}).get("matrix", {}).get("target", [])
     return {target for target in called if "$" not in target} | (
@@ -34,7 +34,7 @@ def test_every_target_is_one_of_the_makefile() -> None:
     assert set().union(*(made(job) for job in jobs().values())) <= TARGETS
 
 
-def test_what_has_to_pass_here_has_to_pass_there() -> None:
+def test_local_and_remote_checks_are_the_same() -> None:
     """`.ci/run` and the workflow name the same checks."""
     (line,) = re.findall(r"^exec make (.*)$", (ROOT / ".ci" / "run").read_text(), flags=re.MULTILINE)
     assert set(line.split()) <= set().union(*(made(job) for job in jobs().values()))

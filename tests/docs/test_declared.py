@@ -1,4 +1,4 @@
-"""Every command that a page prints exists; what no test runs is declared, and no declaration is idle."""
+"""Every printed command exists; commands that no test runs are declared, and every declaration is used."""
 
 from __future__ import annotations
 
@@ -43,7 +43,7 @@ def test_a_declaration_matches_a_command(pattern: str) -> None:
 
 
 @pytest.mark.parametrize("name", CHEAPER)
-def test_what_is_made_cheaper_is_printed(name: str) -> None:
+def test_a_cheaper_command_is_printed(name: str) -> None:
     touched = [command for command in PRINTED if cheaper(command.text) != command.text]
     assert any(command.text.startswith(f"kinemimic {name}") for command in touched)
     for command in touched:
@@ -52,7 +52,7 @@ def test_what_is_made_cheaper_is_printed(name: str) -> None:
 
 
 @pytest.mark.parametrize("pattern", CHEAPER_PYTHON)
-def test_what_is_made_cheaper_of_scripts_is_printed(pattern: str) -> None:
+def test_a_cheaper_script_is_printed(pattern: str) -> None:
     scripts = [b.text for page in PAGES for b in blocks(page) if b.language == "python"]
     assert any(re.search(pattern, text) for text in scripts)
 
@@ -65,7 +65,7 @@ def test_cheaper_gives_an_option_the_value_of_the_table() -> None:
     assert cheaper("kinemimic trainer --run a", costs) == "kinemimic trainer --run a"
 
 
-def test_every_page_with_something_to_do_has_a_folder_prepared() -> None:
+def test_every_page_with_commands_has_a_prepared_folder() -> None:
     doing = {
         page.name
         for page in PAGES
@@ -74,8 +74,8 @@ def test_every_page_with_something_to_do_has_a_folder_prepared() -> None:
     assert doing == set(PREPARED)
 
 
-def test_every_block_is_of_a_kind_that_is_looked_at() -> None:
-    """A misspelt `sh` would be a block that no test runs."""
+def test_every_block_has_a_known_language() -> None:
+    """No test would run a block with a misspelt `sh`."""
     assert {block.language for page in PAGES for block in blocks(page)} <= LANGUAGES
 
 
@@ -84,7 +84,7 @@ def test_every_block_is_of_a_kind_that_is_looked_at() -> None:
     ["kinemimic nosuch", "kinemimic train --bugdet 1", "make nosuch", "make run NOSUCH=1", "curl example",
      "pip install 'kinemimic[no]'", "kinemimic train --run a | kinemimic gait --rnu b"],
 )  # fmt: skip
-def test_what_does_not_exist_is_found(text: str) -> None:
+def test_a_command_that_does_not_exist_is_found(text: str) -> None:
     with pytest.raises((AssertionError, click.ClickException)):
         for words in Command(PAGES[0], 1, text).parts:
             check(words)

@@ -1,4 +1,4 @@
-"""files.md against the files: every key that is written is told, and every key that is told is written."""
+"""files.md lists exactly the keys that the program writes."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ import numpy as np
 import pyarrow.parquet as pq
 import pytest
 from printed.blocks import ROOT
-from printed.told import PAGE, told
+from printed.documented import PAGE, documented_keys
 
 from kinemimic.evaluate.compare.comparison import RESULTS, SHIPPED
 from kinemimic.evaluate.policies.recipe import Recipe
@@ -34,7 +34,7 @@ FILE_OF = {"disturb": "scenario", "captured": "capture", "ledger": "run"}
 
 @pytest.fixture(scope="module")
 def run(workshop: Path) -> Path:
-    """The workshop's run with what only other commands write."""
+    """The workshop's run, with the files of the commands outside `run`."""
     folder = workshop / "runs/walk"
     pushes(folder, phases=1)
     disturb(folder, [scenario("slippery")], trials=1)
@@ -43,26 +43,26 @@ def run(workshop: Path) -> Path:
 
 
 @pytest.mark.slow
-def test_every_key_of_the_json_files_is_told_and_there(run: Path) -> None:
+def test_every_key_of_the_json_files_is_documented_and_written(run: Path) -> None:
     for name in JSON:
         value: Mapping[str, Any] = json.loads((run / name.replace("NAME", "slippery")).read_text())
-        assert told(name) == set(value), name
+        assert documented_keys(name) == set(value), name
 
 
 @pytest.mark.slow
-def test_arrays_and_columns_are_told_and_there(run: Path) -> None:
+def test_arrays_and_columns_are_documented_and_written(run: Path) -> None:
     with np.load(run / "trajectory.npz") as trajectory:
-        assert told("trajectory.npz") == set(trajectory.files)
+        assert documented_keys("trajectory.npz") == set(trajectory.files)
     columns = set(pq.read_table(run / "capture.parquet").column_names)
     angles = {"knee_left", "knee_right", "hip_left", "hip_right"}
-    plain = {name for name in told("capture.parquet") if "…" not in name}
+    plain = {name for name in documented_keys("capture.parquet") if "…" not in name}
     assert columns == plain | {prefix + name for prefix in ("clean_", "truth_") for name in angles}
     header = (run / "curves.csv").read_text().splitlines()[0].split(",")
     assert header[:3] == ["frame", "time_s", "reference_knee_left_deg"]
 
 
 @pytest.mark.slow
-def test_the_columns_and_the_header_of_a_clip_are_told(run: Path) -> None:
+def test_the_columns_and_the_header_of_a_clip_are_documented(run: Path) -> None:
     table = pq.read_table(run / "quaternions.parquet")
     joint = table.column_names[2].partition(".")[0]
     kinds = {
@@ -70,31 +70,33 @@ def test_the_columns_and_the_header_of_a_clip_are_told(run: Path) -> None:
         for name in table.column_names
         if name.startswith(f"{joint}.")
     }
-    said = {
-        name.removesuffix(".x").removesuffix(".1") for name in told("Clips: raw.parquet") if name[0] != "."
+    documented = {
+        name.removesuffix(".x").removesuffix(".1")
+        for name in documented_keys("Clips: raw.parquet")
+        if name[0] != "."
     }
-    assert kinds - {"JOINT"} <= said
-    assert {"time", "pass", "JOINT.state"} <= said
+    assert kinds - {"JOINT"} <= documented
+    assert {"time", "pass", "JOINT.state"} <= documented
     header = json.loads(table.schema.metadata[b"kinemimic"])
     assert all(f"| `{key}` |" in PAGE.read_text() for key in header)
 
 
-def test_the_keys_of_a_comparison_are_told_and_there() -> None:
-    assert told(RESULTS) == set(json.loads((SHIPPED / RESULTS).read_text()))
+def test_the_keys_of_a_comparison_are_documented_and_written() -> None:
+    assert documented_keys(RESULTS) == set(json.loads((SHIPPED / RESULTS).read_text()))
 
 
-def test_the_keys_that_a_person_writes_are_those_of_the_code() -> None:
+def test_the_keys_of_hand_written_files_are_those_of_the_code() -> None:
     def keys(kind: Any, *without: str) -> set[str]:
         return {field.name for field in fields(kind)} - set(without)
 
     params = {f"captures.NAME.{key}" for key in Capture.__struct_encode_fields__} | keys(
         Params, "path", "captures"
     )
-    assert told("params.toml") == params | {"schema"}
+    assert documented_keys("params.toml") == params | {"schema"}
     collection = {f"collection.{key}" for key in keys(Collection, "entries")} | {"collection.files"}
     files = {f"files.{key}" for key in keys(Entry, "collection", "file", "licence") | {"name"}}
-    assert told("catalog.toml") == collection | files | {"schema"}
-    assert told("recipes.toml") == set(Recipe.__struct_fields__)
+    assert documented_keys("catalog.toml") == collection | files | {"schema"}
+    assert documented_keys("recipes.toml") == set(Recipe.__struct_fields__)
 
 
 def test_the_numbers_of_the_schemas_are_those_of_the_code() -> None:

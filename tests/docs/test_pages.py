@@ -1,4 +1,4 @@
-"""Every page as its reader follows it: its commands, scripts and changes, in their sequence."""
+"""Follow every page like its reader: run its commands and scripts and apply its changes, in order."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from printed.prepared import PREPARED, nothing
 from printed.reading import Reader, environment
 
 TUTORIAL = "tutorial.md"
-# Nothing is simulated, and nothing has to be there before.
+# Pages that simulate nothing and need no finished run.
 QUICK = {"describe-your-columns.md", "formats.md", "pushes.md"}
 DONE = {"sh", "python", "diff", "console"}
 
@@ -40,8 +40,8 @@ def test_a_page_does_what_it_says(page: Path, tmp_path: Path, request: pytest.Fi
     follow(page, Reader(tmp_path, environment()))
 
 
-def test_what_a_page_says_is_printed_is_compared(tmp_path: Path) -> None:
-    """Whatever the width of the lines; `…` is for anything."""
+def test_printed_output_is_compared(tmp_path: Path) -> None:
+    """The width of the lines does not matter; `…` matches anything."""
     page, reader = PAGES[0], Reader(tmp_path, environment())
     reader.follow(Block(page, 1, "sh", "", "echo 'joint   tracked %'\necho 'head 96.9'\necho 'foot 84.2'\n"))
     reader.follow(Block(page, 2, "text", "", "joint  tracked %\n…\nfoot        84.2\n"))

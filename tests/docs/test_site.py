@@ -1,4 +1,4 @@
-"""The site as `make docs` builds it: without a warning, and without a request to another host."""
+"""The site of `make docs` has no warnings, and makes no requests to other hosts."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from pathlib import Path
 import pytest
 from printed.blocks import ROOT
 
-# What a browser fetches by itself; a link that somebody may follow is none of it.
+# Elements that a browser fetches by itself, unlike links.
 FETCHED = {
     "audio": "src", "embed": "src", "iframe": "src", "img": "src", "link": "href", "object": "data",
     "script": "src", "source": "src", "video": "src",
@@ -39,7 +39,7 @@ def site(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 class Fetches(HTMLParser):
-    """Addresses that a page makes a browser fetch."""
+    """Addresses that a browser fetches for a page."""
 
     def __init__(self) -> None:
         super().__init__()
@@ -68,7 +68,7 @@ def test_no_page_fetches_anything_from_another_host(site: Path) -> None:
                 assert (
                     page.parent / address.partition("?")[0].partition("#")[0]
                 ).exists() or page.name == "404.html"
-        # The theme's script would fetch a library for these.
+        # For these, the theme's script would fetch a library.
         assert 'class="mermaid"' not in page.read_text(encoding="utf-8")
 
 

@@ -1,1 +1,1 @@
-"""What README.md and docs/ print: their blocks, what a test runs of them, and in what."""
+"""The blocks of README.md and docs/, which of their commands a test runs, and in which folder."""

@@ -18,7 +18,7 @@ _OPERATORS = frozenset("();<>|&")
 
 @dataclass(frozen=True)
 class Block:
-    """A fenced block; line: of its fence, counted from 1; title: "" without one."""
+    """A fenced block; line: number of its fence, from 1; title: "" if absent."""
 
     page: Path
     line: int
@@ -33,7 +33,7 @@ class Block:
 
 @dataclass(frozen=True)
 class Command:
-    """A command of an `sh` block, continued lines as one, without its comment."""
+    """A command of an `sh` block: continued lines joined, without its comment."""
 
     page: Path
     line: int
@@ -63,7 +63,7 @@ class Command:
 
 
 def blocks(page: Path) -> Iterator[Block]:
-    """Every fenced block of a page, in its sequence."""
+    """Every fenced block of a page, in order."""
     opened: tuple[int, str, str] | None = None
     held: list[str] = []
     for number, line in enumerate(page.read_text(encoding="utf-8").splitlines(), start=1):
@@ -76,7 +76,7 @@ def blocks(page: Path) -> Iterator[Block]:
             opened = None
         else:
             held.append(line)
-    assert opened is None, f"{page.name}:{opened}: a fence that is not closed"
+    assert opened is None, f"{page.name}:{opened}: unclosed fence"
 
 
 def commands(block: Block) -> Iterator[Command]:
@@ -111,7 +111,7 @@ def printed() -> list[Command]:
 
 
 def inline() -> Iterator[Command]:
-    """What stands within a sentence as `kinemimic …`; a command that a sentence only names is one word."""
+    """Commands in running text: `kinemimic …`; a command that a sentence only names is one word."""
     for page in PAGES:
         for number, line in enumerate(page.read_text(encoding="utf-8").splitlines(), start=1):
             for text in _INLINE.findall(line):

@@ -1,4 +1,4 @@
-"""Whether a command that is not run exists: its program, its sub-command, its options, its make target."""
+"""Check that a command exists without running it: its program, sub-command, options, make target."""
 
 from __future__ import annotations
 
@@ -11,13 +11,13 @@ import click
 from kinemimic.pipeline.cli.main import COMMANDS, load_command
 from printed.blocks import ROOT
 
-# Programs that come with what is installed, or with the system.
+# Programs installed with kinemimic, or part of the system.
 PROGRAMS = frozenset({"cp", "rerun", "sed", "tensorboard"})
 _ASSIGNED = re.compile(r"[A-Z_]+=")
 
 
 def check(words: Sequence[str]) -> None:
-    """AssertionError or click's own error if there is no such command, option or make target."""
+    """AssertionError or click's error if there is no such command, option or make target."""
     program, *arguments = [word for word in words if not _ASSIGNED.match(word)]
     if program == "kinemimic":
         check_kinemimic(arguments)
@@ -26,17 +26,17 @@ def check(words: Sequence[str]) -> None:
     elif program == "pip":
         check_extras(arguments)
     else:
-        assert program in PROGRAMS, f"{program}: no program that a page may call"
+        assert program in PROGRAMS, f"{program}: not a program that a page may call"
 
 
 def check_kinemimic(arguments: Sequence[str]) -> None:
-    """Parse by click, without running."""
+    """Parse with click, without running."""
     command, rest = found(arguments)
     command.make_context(command.name, list(rest))
 
 
 def found(arguments: Sequence[str]) -> tuple[click.Command, Sequence[str]]:
-    """The command, or that of a group, and what follows its name."""
+    """The command, or the command of a group, and the arguments after its name."""
     name, *rest = arguments
     assert name in COMMANDS, f"no command {name!r}"
     command = load_command(name)
@@ -48,7 +48,7 @@ def found(arguments: Sequence[str]) -> tuple[click.Command, Sequence[str]]:
 
 
 def check_names(text: str) -> None:
-    """The command and the names of the options of a line that may leave out the rest."""
+    """Check the command and the option names of an incomplete command line."""
     command, rest = found(text.split()[1:])
     known = {
         option for parameter in command.params for option in (*parameter.opts, *parameter.secondary_opts)
@@ -58,7 +58,7 @@ def check_names(text: str) -> None:
 
 
 def check_make(targets: Sequence[str], variables: Sequence[str]) -> None:
-    """Every target is one of `make help`, and every variable is one that the Makefile reads."""
+    """Check that `make help` lists every target, and that the Makefile reads every variable."""
     text = (ROOT / "Makefile").read_text()
     known = set(re.findall(r"^([a-z-]+):.*## ", text, re.MULTILINE))
     for target in targets:
@@ -70,7 +70,7 @@ def check_make(targets: Sequence[str], variables: Sequence[str]) -> None:
 
 
 def check_extras(arguments: Sequence[str]) -> None:
-    """Extras of kinemimic that are asked for are in pyproject.toml."""
+    """Check that pyproject.toml has the requested extras of kinemimic."""
     extras = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]["optional-dependencies"]
     for argument in arguments:
         if found := re.fullmatch(r"(?:kinemimic|\.)\[(\w+)\]", argument):

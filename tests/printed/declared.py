@@ -1,4 +1,4 @@
-"""What the pages print that no test runs, each with its reason, and what a test runs for less time."""
+"""Printed commands that no test runs, with the reason, and options that make commands cheaper."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ import re
 from collections.abc import Mapping
 from fnmatch import fnmatchcase
 
-# Patterns of commands, and why they are not run. Those that match are checked all the same (checked.py).
+# Patterns of commands that are not run, with the reason. Matching commands are still checked (checked.py).
 NOT_RUN: dict[str, str] = {
     "make *": "runs in the repository, and builds its .venv first",
     "PIP_EXTRA_INDEX_URL=* make setup": "fetches packages",
@@ -15,17 +15,17 @@ NOT_RUN: dict[str, str] = {
     "tensorboard *": "serves until it is stopped",
     "kinemimic view * --screenshot *": "needs a Vulkan driver",
     "kinemimic view * --video *": "needs a Vulkan driver",
-    "kinemimic pushes *": "20 phases by bisection take minutes, and no option makes them fewer",
-    "kinemimic compare * --search *": "trains sixteen variants; the rivals are an extra",
+    "kinemimic pushes *": "bisection at 20 phases takes minutes, and no option reduces it",
+    "kinemimic compare * --search *": "trains sixteen variants; the baselines are an extra",
     "kinemimic compare * --ablation*": "trains twelve variants",
-    "kinemimic compare *@*": "trains the rivals, which are an extra, in a scenario",
-    "kinemimic reproduce*": "trains for hours what ships, at its full budget",
-    "kinemimic evaluate --policy kinect_walk *": "asks for a recording that does not ship",
-    "kinemimic datasets fetch *": "asks GitHub; tests/pipeline/catalog fetches all from a loopback server",
-    "kinemimic datasets verify*": "asks for what was fetched",
+    "kinemimic compare *@*": "trains the baselines, which are an extra, in a scenario",
+    "kinemimic reproduce*": "trains the policies that ship for hours",
+    "kinemimic evaluate --policy kinect_walk *": "needs a recording that does not ship",
+    "kinemimic datasets fetch *": "needs GitHub; tests/pipeline/catalog fetches from a loopback server",
+    "kinemimic datasets verify*": "needs fetched recordings",
 }
 
-# Options that only cost time, and the value that a test gives them, whether the page names them or not.
+# Options that only cost time, and the values used in tests, whether the page has the options or not.
 CHEAPER: dict[str, dict[str, str]] = {
     "run": {"--budget": "4096"},
     "train": {"--budget": "4096"},
@@ -33,13 +33,13 @@ CHEAPER: dict[str, dict[str, str]] = {
     "disturb": {"--trials": "2"},
     "study": {"--trials": "2", "--rooms": "1"},
 }
-# The same of the Python blocks: patterns and what stands there in a test.
+# The same for Python blocks: patterns and their replacements in tests.
 CHEAPER_PYTHON: dict[str, str] = {r"\bbudget=[\d_]+": "budget=4096"}
 
 
 def reason(text: str) -> str | None:
-    """Why a command is not run; None for one that is."""
-    return next((told for pattern, told in NOT_RUN.items() if fnmatchcase(text, pattern)), None)
+    """Why a command is not run; None if it is run."""
+    return next((why for pattern, why in NOT_RUN.items() if fnmatchcase(text, pattern)), None)
 
 
 def cheaper(text: str, costs: Mapping[str, Mapping[str, str]] = CHEAPER) -> str:

@@ -1,4 +1,4 @@
-"""What a page's folder holds before its first command, as the page's reader would have it."""
+"""Prepare a page's folder as its reader would have it before the first command."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from kinemimic.pipeline.files.data_folder import DATASETS
 from printed.blocks import ROOT, blocks
 
 POLICY_FILES = ("policy.safetensors", "policy.json")
-# folder of the page; workshop: of `workshop` in conftest.py, with a trained and evaluated runs/walk
+# The folder of the page, and the `workshop` of conftest.py with a trained and evaluated runs/walk.
 Prepare = Callable[[Path, Path], None]
 
 
@@ -23,7 +23,7 @@ def nothing(folder: Path, workshop: Path) -> None:
 
 
 def recording(folder: Path, workshop: Path) -> None:
-    """walk.skl, and that it is simulated."""
+    """walk.skl, and its sidecar file, which marks it as simulated."""
     made = workshop / "runs/walk/capture"
     shutil.copy(made / "kinect_walk.skl", folder / "walk.skl")
     shutil.copy(made / "kinect_walk.provenance.json", folder / "walk.provenance.json")
@@ -55,7 +55,7 @@ def scenario(folder: Path, workshop: Path) -> None:
 
 
 def table(folder: Path, workshop: Path) -> None:
-    """walk.csv, a table that no reader knows."""
+    """walk.csv, a table that no reader recognises."""
     text = custom_table.files()["aufnahme.csv"].decode()
     for node, name in custom_table.NAMES.items():
         text = text.replace(f"{name} ", f"{node} ")
@@ -63,12 +63,12 @@ def table(folder: Path, workshop: Path) -> None:
 
 
 def depth(folder: Path, workshop: Path) -> None:
-    """recording/, of a walk before a depth camera."""
+    """recording/, a walk in front of a depth camera."""
     depth_scene.write_recording(folder / "recording")
 
 
 def versions(folder: Path, workshop: Path) -> None:
-    """walk.skl; runs/before and runs/after, before.json and after.json: the same, so that nothing is told."""
+    """walk.skl; equal runs/before and runs/after, before.json and after.json: no differences."""
     recording(folder, workshop)
     for name in ("before", "after"):
         shutil.copytree(workshop / "runs/walk", folder / "runs" / name)
@@ -76,7 +76,7 @@ def versions(folder: Path, workshop: Path) -> None:
 
 
 def faulty(folder: Path, workshop: Path) -> None:
-    """A file for each line of troubleshooting.md."""
+    """A file for each message in troubleshooting.md."""
     both(folder, workshop)
     whole = (folder / "walk.skl").read_bytes()
     (folder / "cut.skl").write_bytes(whole[: len(whole) // 3])
@@ -105,7 +105,7 @@ def _changed(path: Path, change: Callable[[Any], None]) -> None:
     path.write_text(json.dumps(value))
 
 
-# Pages with commands, and what lies in their folder.
+# Pages with commands, and how to prepare their folders.
 PREPARED: dict[str, Prepare] = {
     "README.md": nothing,
     "compare.md": trained,

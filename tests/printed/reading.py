@@ -1,4 +1,4 @@
-"""A page's reader: does in a folder of its own what the page says, block after block."""
+"""A page's reader: follows the page in a folder of its own, block by block."""
 
 from __future__ import annotations
 
@@ -16,13 +16,13 @@ Environment = dict[str, str]
 
 
 def environment(programs: Path | None = None, kept: Mapping[str, str] = os.environ) -> Environment:
-    """In which `kinemimic` is that of a folder, by default of this environment, on one thread a process."""
+    """Environment variables: `kinemimic` of a folder, by default this one's; one thread per process."""
     path = f"{programs or Path(sys.executable).parent}{os.pathsep}{kept['PATH']}"
     return {**kept, "PATH": path, "OMP_NUM_THREADS": "1"}
 
 
 def shell(text: str, folder: Path, env: Environment) -> subprocess.CompletedProcess[str]:
-    """A command as a user's shell takes it."""
+    """Run a command as in a user's shell."""
     return subprocess.run(
         ["bash", "-o", "pipefail", "-c", text],
         cwd=folder,
@@ -34,7 +34,7 @@ def shell(text: str, folder: Path, env: Environment) -> subprocess.CompletedProc
 
 
 def in_sequence(pieces: Sequence[str], text: str) -> bool:
-    """Whether the pieces stand in a text, one behind the other."""
+    """Whether the pieces occur in a text in this order."""
     start = 0
     for piece in pieces:
         found = text.find(piece, start)
@@ -45,14 +45,14 @@ def in_sequence(pieces: Sequence[str], text: str) -> bool:
 
 
 class Reader:
-    """Does what a page says, block after block, in a folder of its own."""
+    """Follows a page, block by block, in a folder of its own."""
 
     def __init__(self, folder: Path, env: Environment) -> None:
         self.folder, self.env = folder, env
         self.printed = ""  # by the last `sh` block
 
     def follow(self, block: Block) -> None:
-        """Run a block's commands, write its file, apply its change or compare what it says is printed."""
+        """Run a block's commands, write its file, apply its change or compare its output."""
         if block.language == "sh":
             self.printed = ""
             for command in commands(block):
@@ -75,18 +75,18 @@ class Reader:
         elif block.language == "console":
             self._compare(block)
         elif block.language == "text":
-            # Lines wrap as wide as the reader's terminal is.
+            # Lines wrap at the width of the terminal.
             expected, found = (" ".join(text.split()) for text in (block.text, self.printed))
             assert in_sequence(expected.split("…"), found), f"{block.place}: {self.printed}"
 
     def said(self, command: str) -> str:
-        """What a command that has to end well prints."""
+        """The output of a command that must succeed."""
         done = shell(command, self.folder, self.env)
         assert done.returncode == 0, f"{command}\n{done.stdout}\n{done.stderr}"
         return done.stdout
 
     def _write(self, block: Block) -> None:
-        """The block as the file that its title names, among the sources."""
+        """Write the block to the source file named by its title."""
         path = self._sources() / block.title
         assert not path.exists(), f"{block.place}: {block.title} is there already"
         path.write_text(block.text)
@@ -98,7 +98,7 @@ class Reader:
         assert done.returncode == 0, f"{block.place}\n{done.stderr}"
 
     def _sources(self) -> Path:
-        """A copy of the sources in front of all others, made when a page first changes something."""
+        """A copy of the sources, first in the path, made when a page first changes something."""
         place = self.folder / ".sources"
         if not place.exists():
             for name in ("pipeline", "retarget", "train", "evaluate", "datasets"):
@@ -109,7 +109,7 @@ class Reader:
         return place / "kinemimic"
 
     def _compare(self, block: Block) -> None:
-        """Each `$ command` prints what stands below it; `…` is for anything."""
+        """Each `$ command` prints the lines below it; `…` matches anything."""
         for part in block.text.removeprefix("$ ").split("\n$ "):
             command, _, expected = part.partition("\n")
             done = shell(command, self.folder, self.env)

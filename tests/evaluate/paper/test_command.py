@@ -14,7 +14,7 @@ import pytest
 from click.testing import CliRunner
 from markupsafe import escape
 from peers.compared import BUDGET, KEPT
-from printed.told import told
+from printed.documented import documented_keys
 
 from kinemimic.evaluate.compare.comparison import Comparison
 from kinemimic.evaluate.paper import command as module
@@ -58,7 +58,7 @@ def test_a_study_is_a_page_figures_and_numbers_and_is_not_done_twice(
     assert ended.exit_code == 0, ended.output
     content = json.loads((out / "study.json").read_text())
     assert json.loads(ended.stdout) == content
-    assert told("study.json") == set(content)
+    assert documented_keys("study.json") == set(content)
     rows = [(row["policy"], row["scenario"]) for row in content["head_to_head"]]
     assert rows == [(name, scenario) for scenario in SCENARIOS for name in policies_in(scenario)]
     # All through the same room, which of the three is PPO's middle one.

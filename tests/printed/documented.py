@@ -1,4 +1,4 @@
-"""What files.md says that a file holds."""
+"""The keys that files.md documents for a file."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from printed.blocks import ROOT
 PAGE = ROOT / "docs" / "files.md"
 
 
-def told(heading: str) -> set[str]:
+def documented_keys(heading: str) -> set[str]:
     """The names in the first column of a section's first table."""
     section = re.search(
         rf"^## {re.escape(heading)}.*?\n(.*?)(?=^## |\Z)", PAGE.read_text(), re.MULTILINE | re.DOTALL
