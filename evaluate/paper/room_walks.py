@@ -10,7 +10,7 @@ import numpy as np
 
 from kinemimic.evaluate.compare.comparison import TrainedPolicy
 from kinemimic.evaluate.scoring.scores import FIT_FRAMES, rollout_fits
-from kinemimic.evaluate.view.scenario_replay import staged
+from kinemimic.evaluate.view.scenario_replay import replay_scenario
 from kinemimic.pipeline.gait.curve_metrics import SCORED_JOINTS, SIDES
 from kinemimic.pipeline.kinematics.angles import ANGLES
 from kinemimic.pipeline.parallel.task_pool import parallel_map
@@ -39,7 +39,7 @@ def walk_metrics(walk: Walk) -> dict[str, Any]:
     simulated.
     """
     one = walk.trained
-    played, _ = staged(
+    played, _ = replay_scenario(
         one.motion, one.policy, one.config, walk.scenario,
         number=walk.number, seed=walk.seed, engine=walk.engine,
     )  # fmt: skip

@@ -1,4 +1,4 @@
-"""The scores in a few lines of Markdown, to stand beside the moving figure."""
+"""The scores as a few lines of Markdown, shown beside the animation."""
 
 from __future__ import annotations
 
@@ -21,10 +21,10 @@ _ROWS = (
 )
 
 
-def caption_of_trial(motion: Motion, trajectory: Trajectory, scenario: Scenario, number: int) -> str:
-    """Markdown on one trial of a scenario."""
-    told = f"Scenario **{scenario.name}**, trial {number}: {scenario.about}"
-    return "\n".join([*_survival(motion, trajectory, 0), "", told])
+def trial_caption(motion: Motion, trajectory: Trajectory, scenario: Scenario, number: int) -> str:
+    """Markdown about one trial of a scenario."""
+    text = f"Scenario **{scenario.name}**, trial {number}: {scenario.about}"
+    return "\n".join([*_survival(motion, trajectory, 0), "", text])
 
 
 def _survival(motion: Motion, trajectory: Trajectory, rollout: int) -> list[str]:
@@ -41,13 +41,13 @@ def caption(
     scores: Mapping[str, Any] | None,
     capture: str | None = None,
 ) -> str:
-    """Markdown on one rollout and, if they are known, the scores (the content of scores.json).
+    """Markdown about one rollout, with the scores (content of scores.json) if there are any.
 
-    capture: a line on the capture beside it.
+    capture: a line about the captured skeleton.
     """
     lines = _survival(motion, trajectory, rollout)
     if scores is None:
-        lines += ["", "Not scored yet: there is no scores.json; run `kinemimic evaluate`."]
+        lines += ["", "No scores yet: run `kinemimic evaluate` to write scores.json."]
     else:
         lines += _scored(scores)
     return "\n".join(lines if capture is None else [*lines, "", capture])
@@ -55,12 +55,12 @@ def caption(
 
 def _scored(scores: Mapping[str, Any]) -> list[str]:
     lines = ["", "| | " + " | ".join(SCORED_JOINTS) + " |", "|---|" + "---|" * len(SCORED_JOINTS)]
-    for label, place, form in _ROWS:
-        cells = (_shown(scores, place.format(joint), form) for joint in SCORED_JOINTS)
+    for label, path, form in _ROWS:
+        cells = (_shown(scores, path.format(joint), form) for joint in SCORED_JOINTS)
         lines.append(f"| {label} | " + " | ".join(cells) + " |")
     lines += [
         "",
-        f"- walked from {_shown(scores, 'survival.phases')} of "
+        f"- no fall from {_shown(scores, 'survival.phases')} of "
         f"{_shown(scores, 'survival.phases_of')} start phases",
         f"- speed: {_shown(scores, 'root.speed_ratio', '{:.3f}')} of the reference's, "
         f"path error {_shown(scores, 'root.path_error_m', '{:.2f}')} m at the end",
@@ -70,9 +70,9 @@ def _scored(scores: Mapping[str, Any]) -> list[str]:
     return lines
 
 
-def _shown(scores: Any, place: str, form: str = "{}") -> str:
-    """A number at a dotted place; a dash where there is none."""
-    for key in place.split("."):
+def _shown(scores: Any, path: str, form: str = "{}") -> str:
+    """A number at a dotted path; a dash if it is missing."""
+    for key in path.split("."):
         if not isinstance(scores, Mapping) or scores.get(key) is None:
             return "–"
         scores = scores[key]

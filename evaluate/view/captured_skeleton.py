@@ -1,11 +1,11 @@
-"""The captured skeleton as it was read, beside a rollout: no filter, gaps left open.
+"""The captured skeleton beside a rollout, as read: unfiltered and with its gaps.
 
-A capture and a rollout share no clock: a captured frame is shown when the rollout's reference has its phase.
-The passes of a walk come one after the other, each over as many cycles as it lasts.
+Capture and rollout share no clock: a captured frame is shown when the rollout's reference has the same phase.
+The passes of a walk follow one another, each over as many cycles as it lasts.
 
-A pass is scaled to the body's legs, then turned about the vertical, shifted and set going at one constant
-velocity, as a whole, so that its legs lie best on the reference's. What joints do within a pass is as read.
-The velocity makes good for a treadmill, and for the length of the loop's steps on another body.
+Each pass is scaled to the humanoid's legs and then, as a whole, rotated about the vertical, shifted and moved
+at a constant velocity to fit the legs of the reference. Motion within a pass is unchanged. The velocity
+compensates for a treadmill, and for the different step length of another body.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ import rerun as rr
 from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 
-from kinemimic.evaluate.view.scene import CAPTURED, SCENES, Figure, moments, place_of
+from kinemimic.evaluate.view.scene import CAPTURED, SCENES, Humanoid, entity_path, time_columns
 from kinemimic.pipeline.arrays import Array
 from kinemimic.pipeline.convert import on_nodes
 from kinemimic.pipeline.errors import CaptureError
@@ -28,18 +28,18 @@ from kinemimic.pipeline.kinematics.skeleton import INFERRED, MISSING, NODE_INDEX
 from kinemimic.retarget.feet.scale import length_scale
 
 LEGS = [NODE_INDEX[f"{joint}_{side}"] for joint in ("hip", "knee", "ankle") for side in ("left", "right")]
-# Colour (red, green, blue, opacity) and radius in metres of a joint: what the sensor guessed stands out of
-# its bones, in a colour of neither figure.
+# Colour (red, green, blue, opacity) and radius in metres of a joint. Inferred joints are larger than the
+# bones, in a colour that no humanoid has.
 LOOKS = {TRACKED: (0xF0F0F0FF, 0.018), INFERRED: (0xFF50C8FF, 0.028), MISSING: (0, 0.0)}
 
 
 @dataclass(frozen=True)
-class Captured:
-    """M captured frames where and when a recording shows them.
+class CapturedSkeleton:
+    """M captured frames in the time and world of a recording.
 
-    times: (M,) its seconds, increasing; positions: (M, 20, 3) of the nodes in its world, metres, NaN where
-    missing; states: (M, 20) as in `Clip`; passes: (M,) number of each frame's pass; of: how many passes
-    became the motion, of which those that fit into the rollout are here.
+    times: (M,) seconds, increasing; positions: (M, 20, 3) of the nodes in metres, NaN where missing; states:
+    (M, 20) as in `Clip`; passes: (M,) pass number of each frame; of: number of passes in the motion, some of
+    which may not fit into the rollout.
     """
 
     times: Array
@@ -48,28 +48,33 @@ class Captured:
     passes: NDArray[np.int32]
     of: int
 
-    def told(self) -> str:
-        """Markdown on what is seen."""
+    def legend(self) -> str:
+        """Markdown legend."""
         return (
-            f"Capture as read, unfiltered: {len(np.unique(self.passes))} of {self.of} passes, each laid on "
-            "the reference as a whole. White: tracked; pink: inferred; missing joints are left out."
+            f"Capture as read, unfiltered: {len(np.unique(self.passes))} of {self.of} passes, each aligned "
+            "with the reference as a whole. White: tracked; pink: inferred; missing joints are not drawn."
         )
 
 
-def captured(run: Path, phases: Array, clock: Array, reference: Figure, *, cyclic: bool) -> Captured | None:
-    """The capture of a run folder on the time of a rollout; None where the folder holds none.
+def captured_skeleton(
+    run: Path, phases: Array, frame_times: Array, reference: Humanoid, *, cyclic: bool
+) -> CapturedSkeleton | None:
+    """The capture of a run folder on the time axis of a rollout; None if there is no capture.
 
-    phases, clock: (F,) the reference's phase and the recording's seconds at each frame; reference: the figure
-    that the passes are laid on; cyclic: whether the motion's phases come again in every cycle.
+    phases, frame_times: (F,) the reference's phase and the recording's seconds at each frame; reference: the
+    humanoid that the passes are aligned with; cyclic: whether the motion's phases recur in every cycle.
     """
     if not all((run / name).exists() for name in ("raw.parquet", "capture.parquet")):
         return None
     raw = on_nodes(read_clip(run / "raw.parquet"))
-    time, passes, phase = _placed(run / "capture.parquet")
+    time, passes, phase = _frames_with_phase(run / "capture.parquet")
     rows = np.minimum(np.searchsorted(raw.times, time), len(raw.times) - 1)
     if not np.array_equal(raw.times[rows], time):
         raise CaptureError(
-            run / "capture.parquet", expected="frames of raw.parquet", found="others", advice="run retarget"
+            run / "capture.parquet",
+            expected="frames of raw.parquet",
+            found="others",
+            advice="run retarget again",
         )
     scale = length_scale(raw.positions[rows])
     where = CubicSpline(phases, reference.positions)
@@ -83,35 +88,35 @@ def captured(run: Path, phases: Array, clock: Array, reference: Figure, *, cycli
         if not inside.any():
             break
         begin, own, at = at[-1], own[inside], at[inside]
-        seconds = np.interp(at, phases, clock)
-        laid = laid_on(where(at), scale * raw.positions[rows[own]], seconds)
+        seconds = np.interp(at, phases, frame_times)
+        laid = aligned(where(at), scale * raw.positions[rows[own]], seconds)
         shown.append((seconds, laid, own))
     if not shown:
         return None
     seconds, positions, kept = (np.concatenate(part) for part in zip(*shown, strict=True))
     states = np.where(np.isfinite(positions).all(axis=-1), raw.states[rows[kept]], MISSING)
-    return Captured(seconds, positions, states.astype(np.uint8), passes[kept], len(numbers))
+    return CapturedSkeleton(seconds, positions, states.astype(np.uint8), passes[kept], len(numbers))
 
 
-def _placed(path: Path) -> tuple[Array, NDArray[np.int32], Array]:
-    """Time in seconds, number of the pass and phase of the captured frames that have one."""
+def _frames_with_phase(path: Path) -> tuple[Array, NDArray[np.int32], Array]:
+    """Time in seconds, pass number and phase of the captured frames that have a phase."""
     kind, advice = "captured frames", "run retarget again"
     table, _ = read_table(path, kind=kind, advice=advice)
     try:
         time, passes, phase = (numbers(table, name, "fiu") for name in ("time", "pass", "phase"))
     except ValueError as error:
         raise CaptureError(path, expected=kind, found=str(error), advice=advice) from None
-    placed = np.isfinite(phase)
-    return time[placed], passes[placed], phase[placed]
+    has_phase = np.isfinite(phase)
+    return time[has_phase], passes[has_phase], phase[has_phase]
 
 
-def laid_on(target: Array, points: Array, seconds: Array) -> Array:
-    """Points (N, 20, 3) turned about the vertical, shifted and set going so that their legs lie on those of
-    the target (N, 20, 3) with the least squares; seconds: (N,)."""
+def aligned(target: Array, points: Array, seconds: Array) -> Array:
+    """Points (N, 20, 3) rotated about the vertical, shifted and moved at a constant velocity so that their
+    legs fit those of the target (N, 20, 3) in the least-squares sense; seconds: (N,)."""
     seen = np.isfinite(points[:, LEGS]).all(axis=-1)
     if not seen.any():
         return points
-    # A turn about the vertical is a factor in the plane of complex numbers, and so the fit is linear.
+    # In the complex plane, a rotation about the vertical is a factor, which makes the fit linear.
     flat, onto = (one[..., 0] + 1j * one[..., 1] for one in (points, target))
     since = seconds - seconds.mean()
     ways = np.broadcast_to(since[:, None], seen.shape)[seen]
@@ -125,13 +130,13 @@ def laid_on(target: Array, points: Array, seconds: Array) -> Array:
     return np.stack([moved.real, moved.imag, height], axis=-1)
 
 
-def log_captured(stream: rr.RecordingStream, shown: Captured) -> None:
-    """The captured skeleton in both scenes; nothing is drawn of missing joints, nor between passes."""
+def log_skeleton(stream: rr.RecordingStream, shown: CapturedSkeleton) -> None:
+    """Log the captured skeleton in both scenes, without missing joints and without frames between passes."""
     frames, nodes = shown.states.shape
-    # After a pass comes an empty frame, or its last one would stay until the next pass begins.
+    # An empty frame ends each pass; otherwise its last frame would stay visible until the next pass.
     lasts = np.flatnonzero(np.append(np.diff(shown.passes) != 0, True))
     step = float(np.median(np.diff(shown.times))) if frames > 1 else 0.0
-    times = moments(np.insert(shown.times, lasts + 1, shown.times[lasts] + step))
+    times = time_columns(np.insert(shown.times, lasts + 1, shown.times[lasts] + step))
     lengths = np.insert(np.full(frames, nodes), lasts + 1, 0)
     looks = [LOOKS[state] for state in sorted(LOOKS)]
     columns = rr.Points3D.columns(
@@ -143,6 +148,6 @@ def log_captured(stream: rr.RecordingStream, shown: Captured) -> None:
         class_ids=[CAPTURED], keypoint_ids=list(range(len(NODES))), show_labels=False
     )
     for scene in SCENES:
-        place = f"{place_of(scene, CAPTURED)}/skeleton"
+        place = f"{entity_path(scene, CAPTURED)}/skeleton"
         stream.log(place, keypoints, static=True)
         stream.send_columns(place, times, columns)

@@ -1,4 +1,4 @@
-"""`kinemimic view`: playback, motion, scores and capture of a run in, a rerun recording out."""
+"""`kinemimic view`: trajectory, motion, scores and capture of a run as a rerun recording."""
 
 from __future__ import annotations
 
@@ -11,22 +11,22 @@ import click
 import rerun as rr
 
 from kinemimic.evaluate.policies.shipped import evaluated, run_options
-from kinemimic.evaluate.view.caption import caption, caption_of_trial
-from kinemimic.evaluate.view.captured_skeleton import Captured, captured, log_captured
+from kinemimic.evaluate.view.caption import caption, trial_caption
+from kinemimic.evaluate.view.captured_skeleton import CapturedSkeleton, captured_skeleton, log_skeleton
 from kinemimic.evaluate.view.layout import layout
-from kinemimic.evaluate.view.obstacle_rendering import Props, log_contacts, log_props
-from kinemimic.evaluate.view.scenario_replay import staged
+from kinemimic.evaluate.view.obstacle_rendering import Disturbances, log_contacts, log_disturbances
+from kinemimic.evaluate.view.scenario_replay import replay_scenario
 from kinemimic.evaluate.view.scene import (
     CAPTURED,
     REFERENCE,
     SIMULATED,
     TIMELINE,
-    Figure,
-    clock,
-    figures,
+    Humanoid,
+    frame_times,
+    humanoids,
     log_curves,
     log_scenes,
-    set_apart,
+    place_side_by_side,
 )
 from kinemimic.pipeline.cli.options import json_option
 from kinemimic.pipeline.files.store import atomic, content_hash, read_json
@@ -38,81 +38,85 @@ from kinemimic.train.scenario.scenario import Scenario
 from kinemimic.train.scenario.scenario_file import scenario as read
 from kinemimic.train.sim.world import CONTROL_RATE
 
-ROLLOUT = 0  # the one that began at the start of the reference
-AT, SECONDS = 4.0, 10.0  # s: of the screenshot, of the video at most
+ROLLOUT = 0  # from phase 0
+AT, SECONDS = 4.0, 10.0  # default time of the screenshot and maximum duration of the video, s
 FILE = click.Path(path_type=Path, dir_okay=False)
 
 
 def view(run: Path) -> Path:
     """Write view.rrd into the run folder and return its path.
 
-    Reads motion.json and trajectory.npz, and if they are there scores.json, and raw.parquet with
-    capture.parquet: the capture. The file brings its own layout; nothing is served or sent.
+    Reads motion.json and trajectory.npz and, if present, scores.json and the capture (raw.parquet,
+    capture.parquet). The file includes its layout; nothing is served or sent.
     """
     motion = read_motion_json(run / "motion.json")
     trajectory = Trajectory.load(run / "trajectory.npz")
     scores = read_json(run / "scores.json") if (run / "scores.json").exists() else None
-    pair, phases = figures(trajectory, ROLLOUT, motion.offsets), trajectory.phases[ROLLOUT]
-    shown = captured(run, phases, clock(len(phases)), pair[0], cyclic=motion.cyclic)
-    told = caption(motion, trajectory, ROLLOUT, scores, None if shown is None else shown.told())
+    pair, phases = humanoids(trajectory, ROLLOUT, motion.offsets), trajectory.phases[ROLLOUT]
+    shown = captured_skeleton(run, phases, frame_times(len(phases)), pair[0], cyclic=motion.cyclic)
+    text = caption(motion, trajectory, ROLLOUT, scores, None if shown is None else shown.legend())
     path = run / "view.rrd"
-    write_recording(path, trajectory, pair, told, shown=shown)
+    write_recording(path, trajectory, pair, text, shown=shown)
     return path
 
 
 def view_trial(
     run: Path, scenario: Scenario, *, number: int = 0, seed: int = 0, engine: str = "auto"
 ) -> Path:
-    """Let the run's policy do a trial of a scenario, write view-NAME.rrd and return its path.
+    """Roll out the run's policy in a scenario trial, write view-NAME.rrd and return its path.
 
-    number, seed: which of those that `disturb` makes; engine: of `train/engines.py`.
+    number, seed: of the trial, as in `disturb`; engine: see `train/sim/engines.py`.
     """
     motion, policy, record = learnt(run)
     config = TrainConfig.from_json(record["config"])
-    trajectory, props = staged(motion, policy, config, scenario, number=number, seed=seed, engine=engine)
-    told = caption_of_trial(motion, trajectory, scenario, number)
+    trajectory, disturbances = replay_scenario(
+        motion, policy, config, scenario, number=number, seed=seed, engine=engine
+    )
+    text = trial_caption(motion, trajectory, scenario, number)
     path = run / f"view-{scenario.name}.rrd"
-    write_recording(path, trajectory, figures(trajectory, ROLLOUT, motion.offsets), told, props=props)
+    write_recording(
+        path, trajectory, humanoids(trajectory, ROLLOUT, motion.offsets), text, disturbances=disturbances
+    )
     return path
 
 
 def write_recording(
     path: Path,
     trajectory: Trajectory,
-    pair: tuple[Figure, Figure],
-    told: str,
+    pair: tuple[Humanoid, Humanoid],
+    text: str,
     *,
-    props: Props | None = None,
-    shown: Captured | None = None,
+    disturbances: Disturbances | None = None,
+    shown: CapturedSkeleton | None = None,
 ) -> None:
-    """A playback's first rollout as a rerun recording, atomically.
+    """Write a trajectory's first rollout as a rerun recording, atomically.
 
-    pair: its `figures`; told: Markdown beside them.
+    pair: its `humanoids`; text: Markdown shown beside them.
     """
-    # A viewer merges recordings of one id: it has to differ between runs, and only between runs.
+    # Viewers merge recordings with the same id, so it must differ between runs, and only between runs.
     identity = content_hash({"root": trajectory.root[ROLLOUT], "rotations": trajectory.rotations[ROLLOUT]})[
         :32
     ]
     stream = rr.RecordingStream("kinemimic", recording_id=identity, send_properties=False)
-    # Into memory: rerun's own file sink logs that the disk is full, and goes on.
+    # Into memory: rerun's file sink logs that the disk is full and carries on.
     recorded = stream.memory_recording()
     stream.send_blueprint(layout(capture=shown is not None), make_active=False, make_default=True)
     log_scenes(stream, *pair)
     log_contacts(stream, pair[1], trajectory.contact_forces[ROLLOUT])
-    if props is not None:
-        log_props(stream, pair[1], props)
+    if disturbances is not None:
+        log_disturbances(stream, pair[1], disturbances)
     if shown is not None:
-        log_captured(stream, shown)
-    set_apart(stream, (SIMULATED, REFERENCE) if shown is None else (SIMULATED, REFERENCE, CAPTURED))
+        log_skeleton(stream, shown)
+    place_side_by_side(stream, (SIMULATED, REFERENCE) if shown is None else (SIMULATED, REFERENCE, CAPTURED))
     log_curves(stream, trajectory, ROLLOUT)
-    stream.log("scores", rr.TextDocument(told, media_type=rr.MediaType.MARKDOWN), static=True)
+    stream.log("scores", rr.TextDocument(text, media_type=rr.MediaType.MARKDOWN), static=True)
     with atomic(path) as temporary:
         temporary.write_bytes(recorded.drain_as_bytes())
     stream.disconnect()
 
 
 def how_to_open(recording: Path) -> str:
-    """The command that opens a recording: the viewer of this environment where it is not on the path."""
+    """The command that opens a recording; with the environment's viewer if none is on the PATH."""
     viewer = "rerun" if shutil.which("rerun") else str(Path(sys.executable).with_name("rerun"))
     return f"open it with: {viewer} {recording}"
 
@@ -126,15 +130,17 @@ def _evaluate_if_needed(run: Path) -> None:
 
 @click.command("view")
 @run_options(then=_evaluate_if_needed)
-@click.option("--screenshot", "picture", type=FILE, help="Also draw the recording as PNG (*).")
-@click.option("--at", type=click.FloatRange(min=0), help=f"The screenshot's time, s; {AT:g} unless said.")
-@click.option("--video", "movie", type=FILE, help="Also film the recording, as .mp4 or .avi (*).")
+@click.option("--screenshot", "picture", type=FILE, help="Also render the recording as PNG (*).")
+@click.option("--at", type=click.FloatRange(min=0), help=f"Time of the screenshot in s. Default: {AT:g}.")
+@click.option("--video", "movie", type=FILE, help="Also render the recording as .mp4 or .avi (*).")
+@click.option("--seconds", type=click.FloatRange(min=0.1), help=f"Longest video in s. Default: {SECONDS:g}.")
+@click.option("--scenario", "named", metavar="NAME", help="Show a trial of this scenario, in view-NAME.rrd.")
 @click.option(
-    "--seconds", type=click.FloatRange(min=0.1), help=f"Of the video, at most; {SECONDS:g} unless said."
+    "--trial", "number", type=click.IntRange(min=0), default=0, show_default=True, help="Number of the trial."
 )
-@click.option("--scenario", "named", metavar="NAME", help="A trial of it into view-NAME.rrd.")
-@click.option("--trial", "number", type=click.IntRange(min=0), default=0, show_default=True, help="Which.")
-@click.option("--seed", type=click.IntRange(min=0), default=0, show_default=True, help="Of the trials.")
+@click.option(
+    "--seed", type=click.IntRange(min=0), default=0, show_default=True, help="Random seed of the trials."
+)
 @json_option("Print the paths as JSON.")
 def command(
     run: Path,
@@ -147,32 +153,32 @@ def command(
     seed: int,
     as_json: bool,
 ) -> None:
-    """Reference, simulated figure and capture, curves and scores, as a rerun recording.
+    """Write reference, simulated humanoid, capture, curves and scores as a rerun recording.
 
-    A policy that ships performs first, where it has not yet. Green arrows: what the ground and obstacles push
-    with, 1000 N to a metre. With --scenario: what `disturb` counts, with obstacles and forces (red arrows,
-    100 N to a metre). White joints: the capture as it was read, pink where the sensor guessed.
+    A shipped policy (--policy) is evaluated first if necessary. Green arrows: contact forces, 1000 N per
+    metre. With --scenario: a trial of `disturb`, with its obstacles and forces (red arrows, 100 N per metre).
+    White joints: the capture as read; pink: inferred by the sensor.
 
-    (*) Needs no screen, but a Vulkan driver.
+    (*) Needs a Vulkan driver, but no screen.
 
     \b
       kinemimic view --run runs/walk
       kinemimic view --policy walk --scenario room --trial 3
     """
     if named is None and (number or seed):
-        raise click.UsageError("--trial and --seed are of a --scenario")
+        raise click.UsageError("--trial and --seed need --scenario")
     if (picture is None and at is not None) or (movie is None and seconds is not None):
-        raise click.UsageError("--at is of a --screenshot, --seconds are of a --video")
+        raise click.UsageError("--at needs --screenshot, --seconds needs --video")
     recording = view(run) if named is None else view_trial(run, read(named), number=number, seed=seed)
-    # The viewer's client and OpenCV are loaded for these only.
+    # Import cost: the viewer's client and OpenCV.
     if picture is not None:
         from kinemimic.evaluate.view.screenshot import screenshot  # noqa: PLC0415
 
         screenshot(recording, picture, timeline=TIMELINE, seconds=AT if at is None else at)
     if movie is not None:
-        from kinemimic.evaluate.view.film import film  # noqa: PLC0415
+        from kinemimic.evaluate.view.video import record_video  # noqa: PLC0415
 
-        film(
+        record_video(
             recording,
             movie,
             timeline=TIMELINE,

@@ -1,4 +1,4 @@
-"""How the recording opens: figures to the left, curves and scores to the right."""
+"""Layout of the recording: humanoids on the left, curves and scores on the right."""
 
 from __future__ import annotations
 
@@ -7,16 +7,16 @@ import rerun.blueprint as rrb
 from kinemimic.evaluate.view.scene import TIMELINE
 from kinemimic.pipeline.kinematics.angles import ANGLES
 
-PLOTTED = (-3.0, 1.0)  # s around the cursor: two or three strides can be read, twenty can not
+PLOTTED = (-3.0, 1.0)  # s around the cursor: two or three strides are legible, twenty are not
 
 
 def layout(*, capture: bool = False) -> rrb.Blueprint:
-    """The blueprint of view.rrd; capture: whether the captured skeleton is among the figures."""
-    figures = "Simulated (orange), reference (blue)" + (", capture (white)" if capture else "")
+    """The blueprint of view.rrd; capture: whether the captured skeleton is shown."""
+    humanoids = "Simulated (orange), reference (blue)" + (", capture (white)" if capture else "")
     return rrb.Blueprint(
         rrb.Horizontal(
             rrb.Vertical(
-                _scene("overlaid", figures, eye=(1.0, -1.9, 1.1)),
+                _scene("overlaid", humanoids, eye=(1.0, -1.9, 1.1)),
                 _scene("beside", "Side by side", eye=(0.0, -2.3, 1.0)),
                 row_shares=[3, 2],
             ),
@@ -39,7 +39,7 @@ def layout(*, capture: bool = False) -> rrb.Blueprint:
 
 
 def _scene(origin: str, name: str, eye: tuple[float, float, float]) -> rrb.Spatial3DView:
-    """A view that goes along: its origin is the walker, so that an eye at rest keeps the figure in sight."""
+    """A tracking view: its origin follows the simulated humanoid, so that a fixed eye keeps it in view."""
     return rrb.Spatial3DView(
         origin=f"{origin}/walker",
         contents=f"/{origin}/**",

@@ -1,4 +1,4 @@
-"""One trial of a scenario as one can look at it: the playback, and what was about the figure."""
+"""Replay of one scenario trial, with its obstacles and forces."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 
 from kinemimic.evaluate.robustness.scenario_trials import start, steps_of
-from kinemimic.evaluate.view.obstacle_rendering import Props
+from kinemimic.evaluate.view.obstacle_rendering import Disturbances
 from kinemimic.retarget.humanoid.body import BODIES
 from kinemimic.retarget.humanoid.motion import Motion
 from kinemimic.train.config.config import TrainConfig
@@ -21,7 +21,7 @@ from kinemimic.train.sim.engines import open_world
 from kinemimic.train.task.env import ImitationBatch
 
 
-def staged(
+def replay_scenario(
     motion: Motion,
     policy: Policy,
     config: TrainConfig,
@@ -30,22 +30,22 @@ def staged(
     number: int = 0,
     seed: int = 0,
     engine: str = "auto",
-) -> tuple[Trajectory, Props]:
-    """Trial `number` of those that `disturb` makes of a seed, alone, and not ended by a fall."""
+) -> tuple[Trajectory, Disturbances]:
+    """Trial `number` of `disturb` with that seed, on its own and continued after a fall."""
     reference, steps = reference_for(motion, scenario), steps_of(motion, scenario)
-    own, phase = start(motion, scenario, seed, number)
+    trial_seed, phase = start(motion, scenario, seed, number)
     task = replace(config.env, reward=config.final_reward, scenario=scenario)
     batch = ImitationBatch(open_world(1, engine, measure_torques=True), reference, task)
-    batch.reset(np.array([0]), np.array([phase]), seeds=np.array([own], dtype=np.uint64))
-    course = draw_event_schedule(scenario, reference, phase, np.random.default_rng(own))
-    states = np.full((steps, len(course.releases), 13), np.nan)
+    batch.reset(np.array([0]), np.array([phase]), seeds=np.array([trial_seed], dtype=np.uint64))
+    schedule = draw_event_schedule(scenario, reference, phase, np.random.default_rng(trial_seed))
+    states = np.full((steps, len(schedule.releases), 13), np.nan)
     loads = np.zeros((steps, len(BODIES), 3))
 
-    def note(step: int) -> None:
+    def record(step: int) -> None:
         there = batch.world.obstacles(0)
         states[step, : len(there)] = there
         loads[step] = 0.0 if batch.wrenches is None else batch.wrenches[0, :, :3]
 
-    played = record_trajectory(batch, policy, phase, steps, note)
+    played = record_trajectory(batch, policy, phase, steps, record)
     batch.world.close()
-    return played, Props([item for _, item in course.releases], states, loads)
+    return played, Disturbances([item for _, item in schedule.releases], states, loads)

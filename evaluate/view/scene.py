@@ -1,7 +1,7 @@
-"""What a playback looks like: figures, ground and curves as entities of a rerun recording.
+"""A trajectory as entities of a rerun recording: humanoids, ground and curves.
 
-Two scenes hold the same figures: `overlaid` puts all on the reference, `beside` one ahead of the other.
-Each has a `walker` that glides along with the simulated figure, for a view to take its place.
+Two scenes show the same humanoids: `overlaid` in the same place, `beside` one ahead of the other. Each scene
+has an entity `walker` that follows the simulated humanoid smoothly, as the origin of a view.
 """
 
 from __future__ import annotations
@@ -23,70 +23,70 @@ from kinemimic.train.sim.world import CONTROL_RATE
 
 TIMELINE = "time"
 SCENES = ("overlaid", "beside")
-APART = 1.1  # m from one figure of `beside` to the next
+APART = 1.1  # m between the humanoids of `beside`
 REFERENCE, SIMULATED, CAPTURED = 1, 2, 3  # class ids
 COLORS = {REFERENCE: (120, 190, 255), SIMULATED: (255, 150, 50), CAPTURED: (170, 170, 170)}
 NAMES = {REFERENCE: "reference", SIMULATED: "simulated", CAPTURED: "captured"}
 GROUND_COLOR = (90, 90, 90)
 FEET = ("left", "right")
-GLIDE = 30  # frames over which the walker's path is averaged, so that a view does not sway with the hips
+SMOOTHING = 30  # frames over which a view's path is averaged, so that it does not sway with the hips
 
 
 @dataclass(frozen=True)
-class Figure:
-    """One figure through a rollout: positions (F, 20, 3), rotations (F, 20, 4) of the nodes in the world."""
+class Humanoid:
+    """A humanoid's motion: positions (F, 20, 3) and rotations (F, 20, 4) of its nodes in the world."""
 
     kind: int
     positions: Array
     rotations: Array
 
 
-def figures(trajectory: Trajectory, rollout: int, offsets: Array) -> tuple[Figure, Figure]:
-    """Reference and simulated figure of one rollout; offsets: (20, 3) of the nodes from their parents."""
+def humanoids(trajectory: Trajectory, rollout: int, offsets: Array) -> tuple[Humanoid, Humanoid]:
+    """Reference and simulated humanoid of a rollout; offsets: (20, 3) of the nodes from their parents."""
 
-    def figure(kind: int, root: Array, rotations: Array) -> Figure:
+    def humanoid(kind: int, root: Array, rotations: Array) -> Humanoid:
         translations = np.broadcast_to(offsets, (len(root), *offsets.shape)).copy()
         translations[:, 0] = root
-        return Figure(kind, *forward_kinematics(node_skeleton(offsets), translations, rotations))
+        return Humanoid(kind, *forward_kinematics(node_skeleton(offsets), translations, rotations))
 
     return (
-        figure(REFERENCE, trajectory.reference_root[rollout], trajectory.reference_rotations[rollout]),
-        figure(SIMULATED, trajectory.root[rollout], trajectory.rotations[rollout]),
+        humanoid(REFERENCE, trajectory.reference_root[rollout], trajectory.reference_rotations[rollout]),
+        humanoid(SIMULATED, trajectory.root[rollout], trajectory.rotations[rollout]),
     )
 
 
-def log_scenes(stream: rr.RecordingStream, reference: Figure, simulated: Figure) -> None:
-    """Both scenes: skeletons, bodies, ground, walker."""
+def log_scenes(stream: rr.RecordingStream, reference: Humanoid, simulated: Humanoid) -> None:
+    """Log both scenes: skeletons, bodies, ground and the origin of the view."""
     stream.log("/", rr.ViewCoordinates.RIGHT_HAND_Z_UP, _classes(), static=True)
-    times = moments(clock(len(simulated.positions)))
+    times = time_columns(frame_times(len(simulated.positions)))
     ground = _grid(np.concatenate([reference.positions[:, 0], simulated.positions[:, 0]]))
-    path = _glide(simulated.positions[:, 0, :2])
+    path = _smooth_path(simulated.positions[:, 0, :2])
     for scene in SCENES:
         stream.log(f"{scene}/ground", ground, static=True)
         walker = rr.Transform3D.columns(translation=np.column_stack([path, np.zeros(len(path))]))
         stream.send_columns(f"{scene}/walker", times, walker)
-        for figure in (reference, simulated):
-            place = place_of(scene, figure.kind)
-            _log_skeleton(stream, f"{place}/skeleton", times, figure)
-            if scene == "beside" or figure.kind == SIMULATED:
-                _log_bodies(stream, f"{place}/bodies", times, figure, solid=scene == "beside")
+        for humanoid in (reference, simulated):
+            place = entity_path(scene, humanoid.kind)
+            _log_skeleton(stream, f"{place}/skeleton", times, humanoid)
+            if scene == "beside" or humanoid.kind == SIMULATED:
+                _log_bodies(stream, f"{place}/bodies", times, humanoid, solid=scene == "beside")
 
 
-def place_of(scene: str, kind: int) -> str:
-    """The entity that holds all of a figure."""
+def entity_path(scene: str, kind: int) -> str:
+    """The parent entity of a humanoid."""
     return f"{scene}/{NAMES[kind]}"
 
 
-def set_apart(stream: rr.RecordingStream, kinds: Sequence[int]) -> None:
-    """In `beside`, the figures of these kinds one ahead of the other, the first behind."""
+def place_side_by_side(stream: rr.RecordingStream, kinds: Sequence[int]) -> None:
+    """In `beside`, place the humanoids of these kinds one ahead of the other, the first at the back."""
     for k, kind in enumerate(kinds):
         ahead = APART * (k - 0.5 * (len(kinds) - 1))
-        stream.log(place_of("beside", kind), rr.Transform3D(translation=(ahead, 0.0, 0.0)), static=True)
+        stream.log(entity_path("beside", kind), rr.Transform3D(translation=(ahead, 0.0, 0.0)), static=True)
 
 
 def log_curves(stream: rr.RecordingStream, trajectory: Trajectory, rollout: int) -> None:
-    """Knee and hip flexion in degrees, reward terms, torques in N·m, the ground's push on each foot in N."""
-    times = moments(clock(trajectory.root.shape[1]))
+    """Log knee and hip flexion (degrees), reward terms, torques (N·m) and ground reaction forces (N)."""
+    times = time_columns(frame_times(trajectory.root.shape[1]))
     for kind, rotations in (
         (REFERENCE, trajectory.reference_rotations[rollout]),
         (SIMULATED, trajectory.rotations[rollout]),
@@ -107,19 +107,19 @@ def log_curves(stream: rr.RecordingStream, trajectory: Trajectory, rollout: int)
         _log_series(stream, f"ground/{side}", times, up, rr.SeriesLines(names=side))
 
 
-def clock(frames: int) -> Array:
-    """Seconds (F,) of frames of a playback: frame f is the state after f + 1 control steps."""
+def frame_times(frames: int) -> Array:
+    """Times (F,) in seconds: frame f of a trajectory is the state after f + 1 control steps."""
     return np.arange(1, frames + 1) / CONTROL_RATE
 
 
-def moments(seconds: Array) -> list[rr.TimeColumn]:
-    """Both timelines at seconds (N,) of the recording: a moment between two frames belongs to the first."""
+def time_columns(seconds: Array) -> list[rr.TimeColumn]:
+    """Both timelines at seconds (N,); a time between two frames belongs to the first."""
     frame = np.floor(seconds * CONTROL_RATE + 1e-6).astype(np.int64) - 1
     return [rr.TimeColumn(TIMELINE, duration=seconds), rr.TimeColumn("frame", sequence=frame)]
 
 
 def _classes() -> rr.AnnotationContext:
-    """Names, colours and bones of both figures: with them, points are drawn as skeletons."""
+    """Names, colours and bones of the skeletons, which are logged as points."""
     bones = [(NODE_INDEX[a], NODE_INDEX[b]) for a, b in BONES]
     return rr.AnnotationContext(
         [
@@ -137,32 +137,32 @@ def _classes() -> rr.AnnotationContext:
 
 
 def _log_skeleton(
-    stream: rr.RecordingStream, place: str, times: Iterable[rr.TimeColumn], figure: Figure
+    stream: rr.RecordingStream, place: str, times: Iterable[rr.TimeColumn], humanoid: Humanoid
 ) -> None:
     looks = rr.Points3D.from_fields(
-        class_ids=[figure.kind], keypoint_ids=list(range(len(NODES))), radii=[0.018], show_labels=False
+        class_ids=[humanoid.kind], keypoint_ids=list(range(len(NODES))), radii=[0.018], show_labels=False
     )
     stream.log(place, looks, static=True)
-    frames = len(figure.positions)
-    columns = rr.Points3D.columns(positions=figure.positions.reshape(-1, 3).astype(np.float32))
+    frames = len(humanoid.positions)
+    columns = rr.Points3D.columns(positions=humanoid.positions.reshape(-1, 3).astype(np.float32))
     stream.send_columns(place, times, columns.partition([len(NODES)] * frames))
 
 
 def _log_bodies(
-    stream: rr.RecordingStream, place: str, times: Iterable[rr.TimeColumn], figure: Figure, *, solid: bool
+    stream: rr.RecordingStream, place: str, times: Iterable[rr.TimeColumn], humanoid: Humanoid, *, solid: bool
 ) -> None:
-    """Table 1's shapes, each once, carried by the node that they hang from."""
+    """Log the shapes of Table 1 once each, and the poses of their nodes over time."""
     fill = rr.components.FillMode.Solid if solid else rr.components.FillMode.MajorWireframe
-    # A wire frame is dimmer than the skeleton that is seen through it.
-    color = tuple(channel if solid else channel * 3 // 5 for channel in COLORS[figure.kind])
+    # The wire frame is dimmer than the skeleton inside it.
+    color = tuple(channel if solid else channel * 3 // 5 for channel in COLORS[humanoid.kind])
     for body, node in zip(BODIES, BODY_NODES, strict=True):
         half = [0.5 * side for side in body.size]
         shape = rr.Boxes3D if body.shape == "box" else rr.Ellipsoids3D
         look = shape(half_sizes=[half], centers=[body.center], colors=[color], fill_mode=fill)
         stream.log(f"{place}/{body.name}", look, static=True)
         poses = rr.Transform3D.columns(
-            translation=figure.positions[:, node].astype(np.float32),
-            quaternion=figure.rotations[:, node].astype(np.float32),
+            translation=humanoid.positions[:, node].astype(np.float32),
+            quaternion=humanoid.rotations[:, node].astype(np.float32),
         )
         stream.send_columns(f"{place}/{body.name}", times, poses)
 
@@ -179,7 +179,7 @@ def _log_series(
 
 
 def _grid(path: Array, spacing: float = 0.5, margin: float = 3.0) -> rr.LineStrips3D:
-    """Ground lines around a path (N, 3). A view's own grid would glide along with its walker."""
+    """Ground lines around a path (N, 3); the grid of a view would move along with its origin."""
     low = np.floor((path.min(axis=0) - margin) / spacing) * spacing
     high = np.ceil((path.max(axis=0) + margin) / spacing) * spacing
     along = [[(x, low[1], 0.0), (x, high[1], 0.0)] for x in np.arange(low[0], high[0] + spacing / 2, spacing)]
@@ -189,9 +189,9 @@ def _grid(path: Array, spacing: float = 0.5, margin: float = 3.0) -> rr.LineStri
     return rr.LineStrips3D(along + across, colors=GROUND_COLOR, radii=0.003)
 
 
-def _glide(path: Array) -> Array:
-    """A path (F, 2) averaged over GLIDE frames; at the ends it goes on as it came."""
-    half = min(GLIDE // 2, len(path) - 1)
+def _smooth_path(path: Array) -> Array:
+    """A path (F, 2) averaged over SMOOTHING frames, extended by point reflection at its ends."""
+    half = min(SMOOTHING // 2, len(path) - 1)
     longer = np.pad(path, ((half, half), (0, 0)), mode="reflect", reflect_type="odd")
     window = np.ones(2 * half + 1) / (2 * half + 1)
     return np.stack([np.convolve(axis, window, mode="valid") for axis in longer.T], axis=-1)

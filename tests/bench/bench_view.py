@@ -17,7 +17,7 @@ import numpy as np
 import rerun as rr
 
 from kinemimic.evaluate.view.command import write_recording
-from kinemimic.evaluate.view.scene import NAMES, REFERENCE, SCENES, Figure, clock, figures
+from kinemimic.evaluate.view.scene import NAMES, REFERENCE, SCENES, Humanoid, frame_times, humanoids
 from kinemimic.pipeline.kinematics.rotations import IDENTITY, from_axis_angle
 from kinemimic.pipeline.kinematics.skeleton import NODE_INDEX, NODES
 from kinemimic.retarget.humanoid.body import BODIES, BODY_INDEX, BODY_NODES, node_offsets
@@ -31,7 +31,7 @@ TARGET = 1.0  # s
 
 def made_up(frames: int) -> Trajectory:
     """Someone whose legs swing, with a foot on the ground all the time."""
-    phase = clock(frames) / 1.2
+    phase = frame_times(frames) / 1.2
     rotations = np.tile(IDENTITY, (1, frames, len(NODES), 1))
     forces = np.zeros((1, frames, len(BODIES), 3))
     for side, shift in (("left", 0.0), ("right", 0.5)):
@@ -57,7 +57,7 @@ def made_up(frames: int) -> Trajectory:
     )
 
 
-def row_by_row(path: Path, trajectory: Trajectory, pair: tuple[Figure, Figure], frames: int) -> None:
+def row_by_row(path: Path, trajectory: Trajectory, pair: tuple[Humanoid, Humanoid], frames: int) -> None:
     """The first frames as one writes them without thinking of columns."""
     stream = rr.RecordingStream("peer", recording_id="peer")
     stream.save(path)
@@ -69,19 +69,19 @@ def row_by_row(path: Path, trajectory: Trajectory, pair: tuple[Figure, Figure], 
         **{f"reward/{k}": trajectory.rewards[0, :, k] for k in range(trajectory.rewards.shape[-1])},
         **{f"torque/{k}": trajectory.torques[0, :, k] for k in range(trajectory.torques.shape[-1])},
     }
-    for frame, seconds in enumerate(clock(frames)):
+    for frame, seconds in enumerate(frame_times(frames)):
         stream.set_time("time", duration=seconds)
         stream.set_time("frame", sequence=frame)
         for scene in SCENES:
-            for figure in pair:
-                place = f"{scene}/{NAMES[figure.kind]}"
-                stream.log(f"{place}/skeleton", rr.Points3D(figure.positions[frame]))
-                if scene == "overlaid" and figure.kind == REFERENCE:
+            for humanoid in pair:
+                place = f"{scene}/{NAMES[humanoid.kind]}"
+                stream.log(f"{place}/skeleton", rr.Points3D(humanoid.positions[frame]))
+                if scene == "overlaid" and humanoid.kind == REFERENCE:
                     continue
                 for body, node in zip(BODIES, BODY_NODES, strict=True):
                     pose = rr.Transform3D(
-                        translation=figure.positions[frame, node],
-                        quaternion=rr.Quaternion(xyzw=figure.rotations[frame, node]),
+                        translation=humanoid.positions[frame, node],
+                        quaternion=rr.Quaternion(xyzw=humanoid.rotations[frame, node]),
                     )
                     stream.log(f"{place}/bodies/{body.name}", pose)
         for name, values in curves.items():
@@ -98,13 +98,13 @@ def seconds_of(call: Callable[[], object]) -> float:
 def main() -> None:
     """Print seconds of both and their ratio."""
     trajectory, offsets = made_up(FRAMES), node_offsets()
-    pair = figures(trajectory, 0, offsets)
+    pair = humanoids(trajectory, 0, offsets)
     ours, peer = [], []
     with tempfile.TemporaryDirectory() as folder:
         written, other = Path(folder) / "view.rrd", Path(folder) / "peer.rrd"
 
         def write() -> None:
-            write_recording(written, trajectory, figures(trajectory, 0, offsets), "made up")
+            write_recording(written, trajectory, humanoids(trajectory, 0, offsets), "made up")
 
         for _ in range(REPEATS):
             ours.append(seconds_of(write))

@@ -15,7 +15,7 @@ from peers.crouch import crouching, write_idle_run
 from kinemimic.evaluate.robustness import scenario_trials
 from kinemimic.evaluate.robustness.disturb import command, disturb
 from kinemimic.evaluate.robustness.scenario_trials import Task, Trials, conduct, figures
-from kinemimic.evaluate.view.scenario_replay import staged
+from kinemimic.evaluate.view.scenario_replay import replay_scenario
 from kinemimic.pipeline.errors import KinemimicError
 from kinemimic.retarget.humanoid.motion import Motion
 from kinemimic.train.config.config import PRESETS
@@ -183,7 +183,7 @@ def test_a_trial_alone_is_that_among_others_to_the_last_bit(
 def test_what_is_played_is_the_trial_of_that_number(walk: Motion) -> None:
     policy = seeing()
     task = Task(crouching(walk), policy, PRESETS["default"].env, PELTED, (3,), 0, resolve("auto"))
-    played, _ = staged(task.motion, policy, PRESETS["default"], PELTED, number=3)
+    played, _ = replay_scenario(task.motion, policy, PRESETS["default"], PELTED, number=3)
     largest = sum(PRESETS["default"].final_reward.weights.values())
     measured = replace(task.config, reward=PRESETS["default"].final_reward)
     (alone,) = conduct(replace(task, config=measured)).rewards

@@ -15,8 +15,13 @@ import pytest
 import rerun as rr
 from rerun.chunk import RrdReader
 
-from kinemimic.evaluate.view.captured_skeleton import Captured, captured, laid_on, log_captured
-from kinemimic.evaluate.view.scene import clock, figures
+from kinemimic.evaluate.view.captured_skeleton import (
+    CapturedSkeleton,
+    aligned,
+    captured_skeleton,
+    log_skeleton,
+)
+from kinemimic.evaluate.view.scene import frame_times, humanoids
 from kinemimic.pipeline.errors import CaptureError
 from kinemimic.pipeline.files.store import write_clip
 from kinemimic.pipeline.kinematics.clip import Clip
@@ -67,9 +72,9 @@ def figures_at(reference: Reference, walk: Motion, phase: np.ndarray) -> tuple[n
     ).kinematics()
 
 
-def shown(run: Path, walk: Motion, played: Trajectory) -> Captured:
-    reference, _ = figures(played, 0, walk.offsets)
-    found = captured(run, played.phases[0], clock(360), reference, cyclic=walk.cyclic)
+def shown(run: Path, walk: Motion, played: Trajectory) -> CapturedSkeleton:
+    reference, _ = humanoids(played, 0, walk.offsets)
+    found = captured_skeleton(run, played.phases[0], frame_times(360), reference, cyclic=walk.cyclic)
     assert found is not None
     return found
 
@@ -97,7 +102,7 @@ def test_only_passes_that_fit_are_shown_and_said(tmp_path: Path, walk: Motion, p
     # Ten cycles hold a pass every second one; the fifth, from 8.7, ends with the rollout at 10.
     assert np.unique(found.passes).tolist() == [0, 1, 2, 3, 4]
     assert found.times[-1] <= 12.0
-    assert "5 of 8 passes" in found.told()
+    assert "5 of 8 passes" in found.legend()
 
 
 def test_what_happens_once_is_shown_once(tmp_path: Path, walk: Motion, played: Trajectory) -> None:
@@ -115,7 +120,7 @@ def test_laying_undoes_turn_shift_and_speed_and_keeps_what_trembles() -> None:
     moved = moved + seconds[:, None, None] * np.array([0.8, -0.3, 0.0])
     trembling = moved.copy()
     trembling[:, HAND] += random.normal(size=(30, 3))
-    laid = laid_on(target, trembling, seconds)
+    laid = aligned(target, trembling, seconds)
     legs = [k for k in range(20) if k != HAND]
     np.testing.assert_allclose(laid[:, legs], target[:, legs], atol=1e-9)
     shakes = np.linalg.norm(trembling - moved, axis=-1)
@@ -129,7 +134,7 @@ def test_missing_joints_are_nowhere_and_nothing_stays_after_a_pass(
     found = shown(tmp_path, walk, played)
     stream = rr.RecordingStream("kinemimic", recording_id="captured")
     stream.save(tmp_path / "captured.rrd")
-    log_captured(stream, found)
+    log_skeleton(stream, found)
     stream.disconnect()
     rows: dict[str, Any] = {}
     for chunk in RrdReader(tmp_path / "captured.rrd").store().stream():
@@ -146,11 +151,11 @@ def test_missing_joints_are_nowhere_and_nothing_stays_after_a_pass(
 
 
 def test_a_run_without_its_capture_shows_none(tmp_path: Path, walk: Motion, played: Trajectory) -> None:
-    reference, _ = figures(played, 0, walk.offsets)
-    assert captured(tmp_path, played.phases[0], clock(360), reference, cyclic=True) is None
+    reference, _ = humanoids(played, 0, walk.offsets)
+    assert captured_skeleton(tmp_path, played.phases[0], frame_times(360), reference, cyclic=True) is None
     write_capture(tmp_path, walk, 1)
     (tmp_path / "raw.parquet").unlink()
-    assert captured(tmp_path, played.phases[0], clock(360), reference, cyclic=True) is None
+    assert captured_skeleton(tmp_path, played.phases[0], frame_times(360), reference, cyclic=True) is None
 
 
 def test_frames_of_another_recording_are_refused(tmp_path: Path, walk: Motion, played: Trajectory) -> None:

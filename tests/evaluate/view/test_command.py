@@ -20,8 +20,8 @@ from peers.crouch import crouching, write_idle_run
 from rerun.chunk import RrdReader
 
 from kinemimic.evaluate.view.command import command, how_to_open, view, view_trial
-from kinemimic.evaluate.view.film import length
-from kinemimic.evaluate.view.scene import figures
+from kinemimic.evaluate.view.scene import humanoids
+from kinemimic.evaluate.view.video import duration
 from kinemimic.pipeline.cli.main import main
 from kinemimic.pipeline.errors import KinemimicError
 from kinemimic.pipeline.kinematics.rotations import rotate
@@ -73,13 +73,13 @@ def arrows(found: dict[str, dict[str, Any]], name: str, part: str = "vectors") -
 
 def test_both_figures_are_drawn_where_they_were(run: Path, walk: Motion) -> None:
     entities = columns(run / "view.rrd")
-    reference, simulated = figures(Trajectory.load(run / "trajectory.npz"), 0, walk.offsets)
+    reference, simulated = humanoids(Trajectory.load(run / "trajectory.npz"), 0, walk.offsets)
     for scene in ("overlaid", "beside"):
-        for figure, name in ((reference, "reference"), (simulated, "simulated")):
+        for humanoid, name in ((reference, "reference"), (simulated, "simulated")):
             points = entities[f"/{scene}/{name}/skeleton"]["Points3D:positions"]
             drawn = np.array(points.to_pylist())
             assert drawn.shape == (FRAMES, len(NODES), 3)
-            np.testing.assert_allclose(drawn, figure.positions, atol=1e-6)
+            np.testing.assert_allclose(drawn, humanoid.positions, atol=1e-6)
     # The first frame is the state after one control step.
     times = entities["/overlaid/walker"]["time"].cast("int64").to_numpy()
     np.testing.assert_allclose(times * 1e-9, (np.arange(FRAMES) + 1) / 30, atol=1e-8)
@@ -108,7 +108,7 @@ def test_what_pushes_a_foot_is_an_arrow_from_it_and_a_curve(
     pushes = arrows(found, "contacts")
     assert [len(row) for row in pushes] == [0, 0, 1, 0, 0]
     np.testing.assert_allclose(pushes[2], [[0.03, 0.0, 0.4]], atol=1e-6)
-    _, simulated = figures(played, 0, walk.offsets)
+    _, simulated = humanoids(played, 0, walk.offsets)
     ankle = NODE_INDEX["ankle_left"]
     turn = simulated.rotations[2, ankle]
     middle = simulated.positions[2, ankle] + rotate(turn, np.array(BODIES[foot].center))
@@ -119,7 +119,7 @@ def test_what_pushes_a_foot_is_an_arrow_from_it_and_a_curve(
 
 def test_fifteen_bodies_hang_from_their_nodes(run: Path, walk: Motion) -> None:
     entities = columns(run / "view.rrd")
-    _, simulated = figures(Trajectory.load(run / "trajectory.npz"), 0, walk.offsets)
+    _, simulated = humanoids(Trajectory.load(run / "trajectory.npz"), 0, walk.offsets)
     for scene in ("overlaid", "beside"):
         for body in BODIES:
             drawn = entities[f"/{scene}/simulated/bodies/{body.name}"]
@@ -165,12 +165,12 @@ def test_a_fall_is_told_and_a_real_capture_is_not_labelled(
     (text,) = columns(tmp_path / "view.rrd")["/scores"]["TextDocument:text"].to_pylist()[0]
     assert "imulated capture" not in text
     assert "**59 of 90 frames** without a fall; fell at 2.0 s" in text
-    assert "Not scored yet" in text
+    assert "No scores yet" in text
 
 
 def test_a_film_knows_how_long_the_recording_is(run: Path) -> None:
-    assert length(run / "view.rrd", "time") == pytest.approx(FRAMES / 30)
-    assert length(run / "view.rrd", "another") == 0.0
+    assert duration(run / "view.rrd", "time") == pytest.approx(FRAMES / 30)
+    assert duration(run / "view.rrd", "another") == 0.0
 
 
 def rerun(*arguments: str) -> None:
@@ -205,11 +205,11 @@ def test_what_is_missing_is_named_and_nothing_is_written(
 
 
 def test_command_prints_the_path_and_how_to_open_it(run: Path) -> None:
-    told = CliRunner().invoke(command, ["--run", str(run)])
-    assert told.exit_code == 0
-    assert told.output.strip() == f"{run}/view.rrd ({how_to_open(run / 'view.rrd')})"
-    told = CliRunner().invoke(command, ["--run", str(run), "--json"])
-    assert json.loads(told.output) == {"recording": f"{run}/view.rrd", "screenshot": None, "video": None}
+    text = CliRunner().invoke(command, ["--run", str(run)])
+    assert text.exit_code == 0
+    assert text.output.strip() == f"{run}/view.rrd ({how_to_open(run / 'view.rrd')})"
+    text = CliRunner().invoke(command, ["--run", str(run), "--json"])
+    assert json.loads(text.output) == {"recording": f"{run}/view.rrd", "screenshot": None, "video": None}
 
 
 def test_a_full_disk_is_one_clear_line_and_leaves_the_view_of_before(
@@ -224,16 +224,16 @@ def test_a_full_disk_is_one_clear_line_and_leaves_the_view_of_before(
     finally:
         resource.setrlimit(resource.RLIMIT_FSIZE, limits)
     assert left.value.code == 2
-    told = capfd.readouterr()
-    assert told.err == f"kinemimic: {run / 'view.rrd'}: file too large\n" and not told.out
+    text = capfd.readouterr()
+    assert text.err == f"kinemimic: {run / 'view.rrd'}: file too large\n" and not text.out
     assert (run / "view.rrd").read_bytes() == before
     assert not [path for path in run.iterdir() if path.name.startswith(".")]
 
 
 @pytest.mark.parametrize("option", ["--at", "--seconds", "--trial", "--seed"])
 def test_an_option_of_what_is_not_asked_for_is_refused(run: Path, option: str) -> None:
-    told = CliRunner().invoke(command, ["--run", str(run), option, "3"])
-    assert told.exit_code == 2 and option in told.output
+    text = CliRunner().invoke(command, ["--run", str(run), option, "3"])
+    assert text.exit_code == 2 and option in text.output
 
 
 @pytest.mark.parametrize("option", ["--screenshot", "--video"])
