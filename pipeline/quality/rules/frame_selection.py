@@ -14,7 +14,7 @@ from kinemimic.pipeline.quality.rules.defect import Defect
 
 
 def select_frames(clip: Clip, frames: Mask | NDArray[np.intp]) -> Clip:
-    """The clip with only the frames where a mask (T,) is True, or with these indices; they keep their times."""
+    """The clip with only the frames of a mask (T,) or of indices; they keep their times."""
     return replace(
         clip,
         times=clip.times[frames],

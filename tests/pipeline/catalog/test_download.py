@@ -165,7 +165,8 @@ def test_a_server_that_is_busy_is_asked_again_later(
     assert one(catalog, tmp_path / "in", server.base, RetryPolicy()).failures == ()
     assert pauses == [1.0, 7.0, 60.0]
     server = serve(lambda r: r.head(503, Content_Length=0))
-    assert "after 4 attempts: the server answered 503" in one(catalog, tmp_path / "b", server.base).failures[0]
+    failure = one(catalog, tmp_path / "b", server.base).failures[0]
+    assert "after 4 attempts: the server answered 503" in failure
     assert pauses[3:] == list(QUICK.pauses)
 
 
