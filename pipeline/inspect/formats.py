@@ -24,7 +24,7 @@ def command(as_json: bool) -> None:
       kinemimic formats --json
     """
     if as_json:
-        keys = ("name", "sensor", "holds", "recognised_by", "companion", "binary")
+        keys = ("name", "sensor", "holds", "recognised_by", "sidecar_file", "binary")
         records = [{key: getattr(one, key) for key in keys} for one in formats()]
         click.echo(json.dumps(records, indent=2, ensure_ascii=False))
         return
@@ -38,5 +38,5 @@ def command(as_json: bool) -> None:
     ):
         table.add_column(heading, ratio=ratio, overflow="fold")
     for one in sorted(formats(), key=lambda one: one.name.lower()):
-        table.add_row(one.name, one.sensor, one.holds, one.recognised_by, one.companion or "-")
+        table.add_row(one.name, one.sensor, one.holds, one.recognised_by, one.sidecar_file or "-")
     show(table)

@@ -15,8 +15,8 @@ class Format:
 
     name: its usual name; sensor: what records it; holds: the content of a frame; recognised_by: the feature
     of the content by which it is recognised; columns: numbers per line that make a headerless table a
-    candidate (empty for other formats); width_in_header: the header gives the number of columns; companion:
-    the file that must be in the same folder; binary: the content is not text.
+    candidate (empty for other formats); width_in_header: the header gives the number of columns;
+    sidecar_file: the file that must be in the same folder; binary: the content is not text.
     """
 
     name: str
@@ -25,7 +25,7 @@ class Format:
     recognised_by: str
     columns: tuple[int, ...] = ()
     width_in_header: bool = False
-    companion: str = ""
+    sidecar_file: str = ""
     binary: bool = False
 
 

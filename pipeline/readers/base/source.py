@@ -1,4 +1,4 @@
-"""The content of a capture file: bounded, decompressed and decoded, with its companion files."""
+"""The content of a capture file: bounded, decompressed and decoded, with its sidecar files."""
 
 from __future__ import annotations
 
@@ -122,13 +122,13 @@ class Source:
         begin = len(self.content) - len(self.content.lstrip(_BLANK.encode()))
         return self.content.count(b"\n", 0, begin)
 
-    def companion(self, name: str) -> Source | None:
-        """The file of that name in the same folder, recorded as a companion of this capture, or None."""
+    def sidecar_file(self, name: str) -> Source | None:
+        """The file of that name in the same folder, recorded as a sidecar file of this capture, or None."""
         if not name or not (path := self.path.with_name(name)).is_file():
             return None
-        companion_source = Source.open(path)
-        self.sidecar_files[name] = companion_source.sha256
-        return companion_source
+        sidecar = Source.open(path)
+        self.sidecar_files[name] = sidecar.sha256
+        return sidecar
 
     def error(
         self, *, expected: str, found: str, where: str | None = None, advice: str | None = None

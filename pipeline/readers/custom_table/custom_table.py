@@ -32,7 +32,7 @@ FORMAT = Format(
     sensor="any",
     holds="positions or rotations of the joints named in the description",
     recognised_by=f"a description in the same folder, NAME.toml or {FOLDER_DESCRIPTION}, with kinemimic = 1",
-    companion="NAME.toml",
+    sidecar_file="NAME.toml",
 )
 _MARK = re.compile(rb"^[ \t]*" + SCHEMA_KEY.encode() + rb"[ \t]*=", re.MULTILINE)
 _HEAD = 65536
@@ -59,7 +59,7 @@ def read(source: Source) -> Clip:
             advice="pass the file that it describes",
         )
     name = _description_name(source)
-    description_source = None if name is None else source.companion(name)
+    description_source = None if name is None else source.sidecar_file(name)
     if name is None or description_source is None:
         raise source.error(expected="a description in the capture's folder", found="none")
     description = parse(description_source.path, description_source.text)

@@ -23,7 +23,7 @@ FORMAT = Format(
     sensor="any depth camera",
     holds="16-bit depth images and the joints' pixels, in a folder",
     recognised_by=f"{CAMERA} in the folder",
-    companion=f"{JOINTS}, {DEPTH}/",
+    sidecar_file=f"{JOINTS}, {DEPTH}/",
 )
 _NUMBER = re.compile(r"\d{1,12}")
 

@@ -34,7 +34,7 @@ FORMAT = Format(
     sensor="optical",
     holds="a skeleton with Euler channels in the bones' own axes",
     recognised_by="the keyword :FULLY-SPECIFIED, or a frame's number with a line `root` below it",
-    companion="the skeleton NAME.asf (02.asf for 02_01.amc)",
+    sidecar_file="the skeleton NAME.asf (02.asf for 02_01.amc)",
 )
 # CMU's library and HDM05 were recorded at 120 Hz, which their files do not state.
 RATE = 120.0
@@ -126,7 +126,7 @@ def _find_skeleton(source: Source) -> tuple[Source, AsfText]:
         name for name in found_files if (stem + "_").startswith(name.lower().removesuffix(".gz")[:-4] + "_")
     ]
     skeleton_name = max(fitting, key=len) if fitting else found_files[0] if len(found_files) == 1 else None
-    skeleton_source = source.companion(skeleton_name) if skeleton_name else None
+    skeleton_source = source.sidecar_file(skeleton_name) if skeleton_name else None
     if skeleton_source is None:
         listed = (
             f"{', '.join(found_files[:4])}{' …' if len(found_files) > 4 else ''}"

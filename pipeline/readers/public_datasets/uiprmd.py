@@ -22,7 +22,7 @@ from kinemimic.pipeline.readers.base.format import Format
 from kinemimic.pipeline.readers.base.frame_defects import refuse_remote
 from kinemimic.pipeline.readers.base.numbers import Table, parse_table
 from kinemimic.pipeline.readers.base.source import Source
-from kinemimic.pipeline.readers.public_datasets.uiprmd_pair import companion, head_of_numbers
+from kinemimic.pipeline.readers.public_datasets.uiprmd_pair import head_of_numbers, sidecar_file
 
 RATE = 30.0
 ORDER = "ZXY"
@@ -61,7 +61,7 @@ FORMAT = Format(
     holds="local offsets of 22 joints with Euler angles",
     recognised_by="66 numbers per line, of which knees and ankles lie straight below their parents",
     columns=(WIDTH,),
-    companion="the angles of the same recording: the same name with `angles` for `positions`",
+    sidecar_file="the angles of the same recording: the same name with `angles` for `positions`",
 )
 # In a file of offsets, knees and ankles lie exactly on their parent's -Y axis; angles never look like that.
 _LEGS = [JOINTS.index(name) for name in ("LLowerLeg", "LFoot", "RLowerLeg", "RFoot")]
@@ -87,7 +87,7 @@ def read(source: Source) -> Clip:
     """
     own_table = parse_table(source, width=WIDTH, separator=",")
     has_positions = _are_positions(_joints(own_table))
-    other = companion(source, "positions", "angles", has_positions=has_positions)
+    other = sidecar_file(source, "positions", "angles", has_positions=has_positions)
     other_table = parse_table(other, width=WIDTH, separator=",")
     if _are_positions(_joints(other_table)) == has_positions:
         kind = "positions" if has_positions else "angles"

@@ -19,7 +19,7 @@ from kinemimic.pipeline.readers.base.frame_defects import refuse_remote, zero_fr
 from kinemimic.pipeline.readers.base.numbers import Table, parse_table
 from kinemimic.pipeline.readers.base.source import Source
 from kinemimic.pipeline.readers.mocap.markers import clip_of_markers
-from kinemimic.pipeline.readers.public_datasets.uiprmd_pair import companion, companion_name, head_of_numbers
+from kinemimic.pipeline.readers.public_datasets.uiprmd_pair import head_of_numbers, sidecar_file, sidecar_name
 
 RATE = 100.0
 _ARM = ("SHO", "UPA", "ELB", "FRM", "WRA", "WRB", "FIN")
@@ -40,7 +40,7 @@ FORMAT = Format(
     holds="positions of 39 Plug-in-Gait markers, and its knee and hip angles",
     recognised_by="117 numbers per line, with the head's markers above the ankles'",
     columns=(WIDTH,),
-    companion="optional: the angles of the same recording, `angles` for `positions` in the name",
+    sidecar_file="optional: the angles of the same recording, `angles` for `positions` in the name",
 )
 _MM = 0.001
 _HEAD_MARKER, _ANKLE_MARKERS = MARKERS.index("LBHD"), [MARKERS.index("LANK"), MARKERS.index("RANK")]
@@ -65,12 +65,12 @@ def read(source: Source) -> Clip:
     table = parse_table(source, width=WIDTH, separator=",")
     positions, angles, notes = table, None, []
     if _are_positions(_triplets(table)):
-        angles_source = source.companion(companion_name(source, "positions", "angles") or "")
+        angles_source = source.sidecar_file(sidecar_name(source, "positions", "angles") or "")
         angles = None if angles_source is None else parse_table(angles_source, width=WIDTH, separator=",")
         if angles is None:
             notes.append("no file of angles in the same folder: Plug-in-Gait's own angles are unknown")
     else:
-        positions_source = companion(source, "positions", "angles", has_positions=False)
+        positions_source = sidecar_file(source, "positions", "angles", has_positions=False)
         angles, positions = table, parse_table(positions_source, width=WIDTH, separator=",")
         if not _are_positions(_triplets(positions)):
             raise positions_source.error(

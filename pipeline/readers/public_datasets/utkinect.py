@@ -167,7 +167,7 @@ def _labels(source: Source) -> tuple[list[dict[str, Any]], list[str]]:
     A label without frames (NaN), or one that cannot be read, gives a note: labels are optional.
     """
     take = _TAKE.search(source.path.name)
-    label_source = source.companion(LABELS) if take else None
+    label_source = source.sidecar_file(LABELS) if take else None
     if take is None or label_source is None:
         return [], []
     labels: list[dict[str, Any]] = []

@@ -166,10 +166,10 @@ def test_a_page_plots_some_captures_and_names_the_others(
     assert "two.skl" in others and "three.skl" in others and "Only the first 2 captures are plotted" in others
 
 
-def _read(name: str, companions: list[str], **more: Any) -> dict[str, Any]:
+def _read(name: str, sidecar_files: list[str], **more: Any) -> dict[str, Any]:
     return unread_report(Path("lib", name), "usable", "") | {
         "read": True,
-        "sidecar_files": companions,
+        "sidecar_files": sidecar_files,
         **more,
     }
 

@@ -34,8 +34,8 @@ def test_content_decides_not_the_name(tmp_path: Path, skl: Text, bvh: Text) -> N
 @pytest.mark.parametrize("encoding", ["utf-8", "utf-8-sig", "utf-16"])
 def test_line_ends_and_byte_order_marks(tmp_path: Path, newline: str, encoding: str) -> None:
     for module in (andersson, asf_amc, bvh_sample, kimore, nui_skl, treadmill):
-        (capture, content), *companions = module.files(12).items()
-        for name, other in companions:
+        (capture, content), *sidecar_files = module.files(12).items()
+        for name, other in sidecar_files:
             (tmp_path / name).write_bytes(other)
         (tmp_path / capture).write_bytes(content)
         same = recognise.read(tmp_path / capture)

@@ -33,12 +33,12 @@ def sample(name: str) -> dict[str, bytes]:
 
 
 def named_anew(name: str, folder: Path) -> Path:
-    """The sample's files, the capture under a name and a suffix that say nothing; companions are kept."""
-    capture, *companions = sample(name).items()
+    """The sample's files, the capture under a name and a suffix that say nothing; sidecar files are kept."""
+    capture, *sidecar_files = sample(name).items()
     stem = PAIRED_BY_NAME.get(name)
     path = folder / ("Copy (3) of x.dat" if stem is None else capture[0].replace(stem, "Copy (3) of x"))
     path.write_bytes(capture[1])
-    for file, content in companions:
+    for file, content in sidecar_files:
         (folder / (file.replace(stem, "Copy (3) of x") if stem else file)).write_bytes(content)
     return path
 

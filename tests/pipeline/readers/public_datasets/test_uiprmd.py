@@ -70,7 +70,7 @@ def test_either_file_is_the_recording(tmp_path: Path) -> None:
     assert one.provenance["sidecar_files"] == {"kinect_m01_s01_e01_angles.txt.gz": two.provenance["sha256"]}
 
 
-def test_without_its_companion_the_expected_name_is_told(tmp_path: Path) -> None:
+def test_without_its_sidecar_file_the_expected_name_is_told(tmp_path: Path) -> None:
     for name, data in files(10).items():
         alone = tmp_path / name
         alone.write_bytes(data)

@@ -56,7 +56,7 @@ def test_positions_alone_are_a_capture(tmp_path: Path) -> None:
     assert "no file of angles in the same folder" in " ".join(clip.provenance["reading"]["notes"])
 
 
-def test_a_cut_companion_is_told(tmp_path: Path) -> None:
+def test_a_cut_sidecar_file_is_reported(tmp_path: Path) -> None:
     positions, angles = put(tmp_path, files(6))
     angles.write_bytes(list(files(5).values())[1])
     with pytest.raises(CaptureError, match="as many frames of angles as of positions, found 5 and 6"):
