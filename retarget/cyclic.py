@@ -126,13 +126,13 @@ def _largest_gap(strides: Strides) -> float:
 def _asymmetry_and_noise(loop: Loop, strides: Strides, captured: dict[str, Array]) -> tuple[float, float]:
     """Rms difference of left and right, and rms residual about the loop, in degrees."""
     phase = np.arange(60) / 60.0
-    at, later = joint_angles(loop.rotations(phase)), joint_angles(loop.rotations(phase + 0.5))
-    seen = joint_angles(loop.rotations(strides.phase))
-    differ = [at[f"{joint}_left"] - later[f"{joint}_right"] for joint in ("knee", "hip")]
-    rest = np.concatenate([captured[name] - seen[name] for name in captured])
+    left, right_later = joint_angles(loop.rotations(phase)), joint_angles(loop.rotations(phase + 0.5))
+    fitted = joint_angles(loop.rotations(strides.phase))
+    differences = [left[f"{joint}_left"] - right_later[f"{joint}_right"] for joint in ("knee", "hip")]
+    residual = np.concatenate([captured[name] - fitted[name] for name in captured])
     return (
-        float(np.degrees(np.sqrt(np.mean(np.square(differ))))),
-        float(np.degrees(np.sqrt(np.nanmean(np.square(rest))))),
+        float(np.degrees(np.sqrt(np.mean(np.square(differences))))),
+        float(np.degrees(np.sqrt(np.nanmean(np.square(residual))))),
     )
 
 

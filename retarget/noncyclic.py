@@ -46,10 +46,8 @@ from kinemimic.retarget.strides.trim import leg_bones
 # Contact thresholds (m above the ground) of a walk kept as recorded.
 WALK_NEAR, WALK_FAR = 0.04, 0.06
 TOE_NODES = (N["foot_left"], N["foot_right"])
-SMOOTHING_TIME = 0.2  # s over which a recorded ankle is averaged, before it is asked whether it stands
-LOW_PERCENTILE = (
-    20.0  # percentile of the lower ankle's height over time: of one that stands, not of one that jumps
-)
+SMOOTHING_TIME = 0.2  # s over which recorded ankles are averaged before contact detection
+LOW_PERCENTILE = 20.0  # of the lower ankle's height over time: standing, not jumping
 
 
 @dataclass(frozen=True)
@@ -105,44 +103,44 @@ def fit_noncyclic(clip: Clip, one: Pass) -> NonCyclicFit:
         raise KinemimicError("retarget: expected both legs in at least 2 frames, found them in fewer")
     scale = length_scale(p)
     count = max(2, int(times[-1] * FRAME_RATE + 1e-2) + 1)
-    even = np.arange(count) / FRAME_RATE
+    grid = np.arange(count) / FRAME_RATE
     weights = _weights(p, clip.states[frames])
-    stands = np.zeros((count, 2), dtype=np.bool_)
+    contacts = np.zeros((count, 2), dtype=np.bool_)
     if walk is not None:
         reliability = assess_reliability(_strides(clip, one, p, walk.phase, weights))
     else:
         rigid = float(np.max(np.nanstd(bones, axis=0) / np.nanmean(bones, axis=0))) < MAX_BONE_SPREAD
-        stands = _recorded_contacts(p, times, even, scale, rigid)
-        reliability = _reliability(p, rigid, stands[_nearest_frames(times, count)])
+        contacts = _recorded_contacts(p, times, grid, scale, rigid)
+        reliability = _reliability(p, rigid, contacts[_nearest_frames(times, count)])
     local = local_rotations(reliable_frames(p, reliability))
     rotations = np.tile(IDENTITY, (count, len(NODES), 1))
     for node in range(len(NODES)):
         seen = np.isfinite(local[:, node]).all(axis=-1)
         if seen.sum() >= 2:
             q = continuous(local[seen, node])
-            rotations[:, node] = normalize(_interpolate(even, times[seen], q))
+            rotations[:, node] = normalize(_interpolate(grid, times[seen], q))
     if not reliability.precise:
         rotations = limit_knee_extension(rotations)
     middle = 0.5 * (p[:, N["hip_left"]] + p[:, N["hip_right"]])
     seen = np.isfinite(middle).all(axis=-1)
-    root = scale * _interpolate(even, times[seen], middle[seen])
+    root = scale * _interpolate(grid, times[seen], middle[seen])
     if walk is not None:
-        phase = np.interp(even, times, walk.phase)
+        phase = np.interp(grid, times, walk.phase)
         if not reliability.feet:
             rotations = neutral_feet(rotations, phase)
         rotations, _ = with_stance_width(rotations, scale * stance_width(p))
-        root, stands = _root_over_ground(rotations, root, phase)
+        root, contacts = _root_over_ground(rotations, root, phase)
     elif not reliability.feet:
         rotations = flat_feet(rotations)
     root[:, :2] -= root[0, :2]
-    root[:, 2] -= _ground_height(*body_kinematics(rotations, root), stands)
-    motion = Motion(FRAME_RATE, root, continuous(rotations), stands, cyclic=False)
-    made = np.stack(
+    root[:, 2] -= _ground_height(*body_kinematics(rotations, root), contacts)
+    motion = Motion(FRAME_RATE, root, continuous(rotations), contacts, cyclic=False)
+    weakest = np.stack(
         [weights[:, [N[node] for node in source_nodes(name)]].min(axis=1) for name in NODES], axis=1
     )
-    how_well = np.stack([np.interp(even, times, column) for column in made.T], axis=-1)
+    visibility = np.stack([np.interp(grid, times, column) for column in weakest.T], axis=-1)
     strides = None if walk is None else float(np.ptp(walk.phase))
-    return NonCyclicFit(motion, reliability, frames, p, times / motion.duration, how_well, scale, strides)
+    return NonCyclicFit(motion, reliability, frames, p, times / motion.duration, visibility, scale, strides)
 
 
 def _phase(clip: Clip, one: Pass) -> StridePhase | None:
@@ -192,7 +190,7 @@ def _nearest_frames(times: Array, count: int) -> NDArray[np.intp]:
     return np.minimum(np.rint(times * FRAME_RATE).astype(np.intp), count - 1)
 
 
-def _reliability(positions: Array, rigid: bool, stands: Mask) -> SensorReliability:
+def _reliability(positions: Array, rigid: bool, contacts: Mask) -> SensorReliability:
     """Reliability of a recording without strides.
 
     Nothing repeats that the trunk could be checked against: it counts as reliable. So do the feet of a
@@ -202,42 +200,42 @@ def _reliability(positions: Array, rigid: bool, stands: Mask) -> SensorReliabili
     for k, side in enumerate(("left", "right")):
         toe = positions[:, N[f"foot_{side}"]] - positions[:, N[f"ankle_{side}"]]
         pitch = np.arctan2(-toe[:, 2], np.hypot(toe[:, 0], toe[:, 1])) - FOOT_DROP
-        standing = stands[:, k] & np.isfinite(pitch)
+        standing = contacts[:, k] & np.isfinite(pitch)
         pitches.append(float(np.median(pitch[standing])) if standing.any() else 0.0)
         shown &= bool(np.isfinite(pitch).any())
     feet = rigid and shown and max(np.abs(pitches)) < MAX_FOOT_PITCH
     return SensorReliability(rigid, True, True, feet, 0.0, (pitches[0], pitches[1]), {})
 
 
-def _recorded_contacts(positions: Array, times: Array, even: Array, scale: float, rigid: bool) -> Mask:
-    """Contacts (T, 2) at times `even` (T,): feet whose ankles are low and still in the recording.
+def _recorded_contacts(positions: Array, times: Array, grid: Array, scale: float, rigid: bool) -> Mask:
+    """Contacts (T, 2) at times `grid` (T,): feet whose ankles are low and still in the recording.
 
     scale: body over person; rigid: the recording is precise, so toes must be still too (a foot that turns on
     its heel is not in contact). The recording decides, not the body: on the body, whose legs have other
     proportions, a foot in contact slides.
     """
     nodes = [*ANKLE_NODES, *TOE_NODES] if rigid else [*ANKLE_NODES]
-    points = np.empty((len(even), len(nodes), 3))
+    points = np.empty((len(grid), len(nodes), 3))
     for k, node in enumerate(nodes):
         seen = np.isfinite(positions[:, node]).all(axis=-1)
         if not seen.any():
             # A recording without toes: the ankle alone decides.
             points[:, k] = points[:, k % len(ANKLE_NODES)]
             continue
-        points[:, k] = scale * _interpolate(even, times[seen], positions[seen, node])
+        points[:, k] = scale * _interpolate(grid, times[seen], positions[seen, node])
     still = uniform_filter1d(points, max(1, round(SMOOTHING_TIME * FRAME_RATE)), axis=0, mode="nearest")
     speed = np.linalg.norm(np.gradient(still[..., :2], 1.0 / FRAME_RATE, axis=0), axis=-1)
-    speed = speed.reshape(len(even), -1, 2).max(axis=1)
+    speed = speed.reshape(len(grid), -1, 2).max(axis=1)
     height = still[:, :2, 2] - np.percentile(still[:, :2, 2].min(axis=1), LOW_PERCENTILE)
     return detect_contacts(height, speed, RECORDED_THRESHOLDS, rate=FRAME_RATE, cyclic=False)
 
 
-def _ground_height(positions: Array, frames: Array, stands: Mask) -> float:
+def _ground_height(positions: Array, frames: Array, contacts: Mask) -> float:
     """Ground height under node positions (T, 20, 3) and frames (T, 20, 4).
 
     The median height of soles in contact (T, 2); without contacts, a low percentile of the lowest body.
     """
-    heights = sole_positions(positions, frames)[..., 2].min(axis=-1)[stands]
+    heights = sole_positions(positions, frames)[..., 2].min(axis=-1)[contacts]
     if len(heights):
         return float(np.median(heights))
     return float(np.percentile(lowest_points(positions, frames)[..., 2].min(axis=1), LOW_PERCENTILE))

@@ -74,30 +74,32 @@ def detect_contacts(
     height: Array, speed: Array, when: ContactThresholds, *, rate: float, cyclic: bool
 ) -> Mask:
     """Contacts (T, 2) from the feet's heights (T, 2) above the ground and speeds (T, 2) over it."""
-    surely = (height < when.near) & (speed < when.slow)
-    maybe = (height < when.far) & (speed < when.fast)
-    stands = np.zeros_like(maybe)
+    certain_frames = (height < when.near) & (speed < when.slow)
+    possible_frames = (height < when.far) & (speed < when.fast)
+    contacts = np.zeros_like(possible_frames)
     for foot in range(2):
-        first = _first_frame(maybe[:, foot], cyclic=cyclic)
-        inside = np.roll(maybe[:, foot], -first)
+        first = _first_frame(possible_frames[:, foot], cyclic=cyclic)
+        inside = np.roll(possible_frames[:, foot], -first)
         number = _run_numbers(inside)
-        certain = np.bincount(number[inside], np.roll(surely[:, foot], -first)[inside], number.max() + 1)
+        certain = np.bincount(
+            number[inside], np.roll(certain_frames[:, foot], -first)[inside], number.max() + 1
+        )
         long = np.bincount(number[inside], minlength=number.max() + 1) >= MIN_STANCE * rate
-        stands[:, foot] = np.roll(inside & ((certain > 0) & long)[number], first)
-    return stands
+        contacts[:, foot] = np.roll(inside & ((certain > 0) & long)[number], first)
+    return contacts
 
 
-def contact_speeds(corners: Array, stands: Mask, rate: float, cycle_offset: Array | None) -> Array:
+def contact_speeds(corners: Array, contacts: Mask, rate: float, cycle_offset: Array | None) -> Array:
     """Speeds (K,) in m/s over the ground of feet in contact, between consecutive frames of contact.
 
     Measured at the corner (T, 2, 4, 3) that is lowest over both frames. cycle_offset: (3,) of a cyclic
     motion, else None.
     """
-    after, still = corners[1:], stands[1:]
+    after, still = corners[1:], contacts[1:]
     if cycle_offset is not None:
         after = np.concatenate([after, corners[:1] + cycle_offset])
-        still = np.concatenate([still, stands[:1]])
-    before, both = corners[: len(after)], stands[: len(after)] & still
+        still = np.concatenate([still, contacts[:1]])
+    before, both = corners[: len(after)], contacts[: len(after)] & still
     moved = np.linalg.norm((after - before)[..., :2], axis=-1)
     pick = (after + before)[..., 2].argmin(axis=-1)
     return np.asarray(rate * np.take_along_axis(moved, pick[..., None], axis=-1)[..., 0][both])
@@ -162,17 +164,17 @@ class Stances:
         return np.asarray(place - self.laps[..., None, None] * cycle_offset[:2])
 
 
-def find_stances(stands: Mask, corners: Array, *, rate: float, cyclic: bool) -> Stances:
-    """The stances of contacts `stands` (T, 2) with sole corners (T, 2, 4, 3).
+def find_stances(contacts: Mask, corners: Array, *, rate: float, cyclic: bool) -> Stances:
+    """The stances of contacts (T, 2) with sole corners (T, 2, 4, 3).
 
     Heel and toes count while they are as low as the lowest corner. A stance does not fade at the clip's ends.
     """
-    frames = len(stands)
+    frames = len(contacts)
     number, laps = np.zeros((frames, 2), dtype=np.intp), np.zeros((frames, 2))
     fade = np.zeros((frames, 2))
     for foot in range(2):
-        first = _first_frame(stands[:, foot], cyclic=cyclic)
-        inside = np.roll(stands[:, foot], -first)
+        first = _first_frame(contacts[:, foot], cyclic=cyclic)
+        inside = np.roll(contacts[:, foot], -first)
         run = _run_numbers(inside)
         starts = np.flatnonzero(inside & ~np.concatenate([[False], inside[:-1]]))
         ends = np.flatnonzero(inside & ~np.concatenate([inside[1:], [False]]))

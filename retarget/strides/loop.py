@@ -119,9 +119,9 @@ def _sections(one: Pass) -> NDArray[np.intp]:
     """Section (frames,) of a pass, from 0: strides that vary have an even speed only over a few of them."""
     if not one.followed:
         return np.zeros(len(one.frames), dtype=np.intp)
-    done = one.phase - one.phase[0]
-    count = max(1, round(float(done[-1]) / SECTION_STRIDES))
-    return np.asarray(np.minimum((done * count / done[-1]).astype(np.intp), count - 1))
+    cycles = one.phase - one.phase[0]
+    count = max(1, round(float(cycles[-1]) / SECTION_STRIDES))
+    return np.asarray(np.minimum((cycles * count / cycles[-1]).astype(np.intp), count - 1))
 
 
 def with_mirror(strides: Strides) -> Strides:
@@ -152,17 +152,17 @@ def robust_fit(
     """
     seen = weights > 0
     # Frames without weight are left out for speed.
-    x, y, given = fourier.design(phase[seen], harmonics), values[seen], weights[seen]
+    x, y, prior = fourier.design(phase[seen], harmonics), values[seen], weights[seen]
     _, group = np.unique(group[seen], return_inverse=True)
     median = _GroupMedians(group)
-    w = given
+    robust = prior
     for _ in range(8):
-        rest = y - x @ fourier.solve(x, y, w, RIDGE)
-        size = np.sqrt(np.einsum("mk,mk->m", rest, rest))
-        scale = max(1.4826 * float(np.median(size)), floor)
-        w = given * np.maximum(1.0 - (size / (4.685 * scale)) ** 2, 0.0) ** 2
-        w *= scale**2 / (scale**2 + 2.0 * median(size)[group] ** 2)
-    return fourier.solve(x, y, w, RIDGE)
+        residual = y - x @ fourier.solve(x, y, robust, RIDGE)
+        norm = np.sqrt(np.einsum("mk,mk->m", residual, residual))
+        scale = max(1.4826 * float(np.median(norm)), floor)
+        robust = prior * np.maximum(1.0 - (norm / (4.685 * scale)) ** 2, 0.0) ** 2
+        robust *= scale**2 / (scale**2 + 2.0 * median(norm)[group] ** 2)
+    return fourier.solve(x, y, robust, RIDGE)
 
 
 class _GroupMedians:
@@ -252,10 +252,10 @@ def fit_root(strides: Strides, harmonics: int) -> tuple[Array, float]:
     spread = np.maximum(sums(times**2), 1e-12)
     series = np.zeros((1 + 2 * harmonics, 3))
     for _ in range(10):
-        wavy = center - fourier.evaluate(series, strides.phase)
-        slopes, middles = sums(times[:, None] * wavy) / spread, sums(wavy) / amounts
-        rest = center - middles[group] - slopes[group] * times[:, None]
-        series = robust_fit(strides.phase, rest, harmonics, weights, strides.group, 0.01)
+        swaying = center - fourier.evaluate(series, strides.phase)
+        slopes, middles = sums(times[:, None] * swaying) / spread, sums(swaying) / amounts
+        residual = center - middles[group] - slopes[group] * times[:, None]
+        series = robust_fit(strides.phase, residual, harmonics, weights, strides.group, 0.01)
         series[0] = 0.0
     series[0, 2] = np.average(middles[:, 2], weights=amounts[:, 0])
     return series, float(np.average(slopes[:, 0], weights=amounts[:, 0]))

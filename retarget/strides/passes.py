@@ -97,12 +97,12 @@ def analyze_pass(clip: Clip, number: int, bones: Array) -> Pass:
         )
     heading, on_path = walking_direction(clip.positions[frames])
     # The first heading and the first harmonic still contain the edges that they help to cut.
-    doubt = np.zeros(len(frames), dtype=bool)
+    doubtful = np.zeros(len(frames), dtype=bool)
     period = 0.0
     settled: tuple[slice, bytes] | None = None
     for _ in range(3):
         flagged = bad_frames(clip.times[whole], clip.positions[whole], heading, bones)
-        window = best_window(flagged | doubt)
+        window = best_window(flagged | doubtful)
         # A loop needs every phase: doubtful edges stay, at low weight, if it would not close without them.
         if period > 0 and np.ptp(clip.times[whole[window]]) < 1.1 * period:
             window = best_window(flagged)
@@ -118,7 +118,7 @@ def analyze_pass(clip: Clip, number: int, bones: Array) -> Pass:
         along = np.array([np.cos(heading), np.sin(heading)])
         ankles = (p[:, N["ankle_right"], :2] - p[:, N["ankle_left"], :2]) @ along
         harmonic, clock, drift = _timed(t, ankles, bad)
-        doubt[window] = harmonic.weights < 1.0 / 3.0
+        doubtful[window] = harmonic.weights < 1.0 / 3.0
         period = harmonic.period
     speed = float(np.median(forward_speed(t[~bad], p[~bad], heading)))
     facing = np.median(

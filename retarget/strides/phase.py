@@ -45,49 +45,49 @@ def stride_phase(times: Array, ankles: Array) -> StridePhase | None:
     seen = np.isfinite(ankles)
     if seen.sum() < 8:
         return None
-    d = np.interp(times, times[seen], ankles[seen])
-    counted = _count_cycles(times, d)
+    distance = np.interp(times, times[seen], ankles[seen])
+    counted = _count_cycles(times, distance)
     if counted is None:
         return None
-    phase = counted - _phase_error(counted, d, seen)
+    phase = counted - _phase_error(counted, distance, seen)
     wave = design(phase, 1)
-    found = np.asarray(np.linalg.lstsq(wave, d, rcond=None)[0], dtype=np.float64)
-    rest = d - wave @ found
-    spread = float(np.sum((d - d.mean()) ** 2))
-    phase = phase - _minimum_phase(found)
+    amplitudes = np.asarray(np.linalg.lstsq(wave, distance, rcond=None)[0], dtype=np.float64)
+    residual = distance - wave @ amplitudes
+    spread = float(np.sum((distance - distance.mean()) ** 2))
+    phase = phase - _minimum_phase(amplitudes)
     whole = np.arange(np.ceil(phase[0]), phase[-1])
-    begins = np.interp(whole, phase, times)
-    period = float(np.median(np.diff(begins))) if len(begins) > 1 else float(np.ptp(times) / np.ptp(phase))
-    return StridePhase(phase, 1.0 - float(rest @ rest) / spread if spread > 0 else 0.0, period)
+    starts = np.interp(whole, phase, times)
+    period = float(np.median(np.diff(starts))) if len(starts) > 1 else float(np.ptp(times) / np.ptp(phase))
+    return StridePhase(phase, 1.0 - float(residual @ residual) / spread if spread > 0 else 0.0, period)
 
 
-def _count_cycles(times: Array, d: Array) -> Array | None:
+def _count_cycles(times: Array, distance: Array) -> Array | None:
     """Cycles (T,) up to a constant, linear between the midpoints of neighbouring turning points of d (T,).
 
     In a lopsided wave one foot's turning points come late; the midpoints stay evenly spaced.
     """
     step = float(np.median(np.diff(times)))
-    still = uniform_filter1d(d, max(1, round(SMOOTHING_TIME / step)))
-    prominence = 2.0 * PROMINENCE * float(still.std())
-    left, right = (find_peaks(sign * still, prominence=prominence)[0] for sign in (-1.0, 1.0))
+    smoothed = uniform_filter1d(distance, max(1, round(SMOOTHING_TIME / step)))
+    prominence = 2.0 * PROMINENCE * float(smoothed.std())
+    left, right = (find_peaks(sign * smoothed, prominence=prominence)[0] for sign in (-1.0, 1.0))
     turns = np.concatenate([left, right])
     if len(turns) < 3:
         return None
     order = np.argsort(turns)
-    at, is_right = times[turns[order]], (np.arange(len(turns)) >= len(left))[order]
+    turn_times, is_right = times[turns[order]], (np.arange(len(turns)) >= len(left))[order]
     # Two turning points of the same foot in a row: one of the other foot was missed.
     advance = np.where(is_right[1:] == is_right[:-1], 1.0, 0.5)
     knots = np.concatenate([[0.5 * float(is_right[0])], advance]).cumsum()
-    at, knots = 0.5 * (at[1:] + at[:-1]), 0.5 * (knots[1:] + knots[:-1])
-    phase = np.asarray(np.interp(times, at, knots), dtype=np.float64)
-    for edge, (a, b) in ((times < at[0], (0, 1)), (times > at[-1], (-2, -1))):
-        rate = (knots[b] - knots[a]) / (at[b] - at[a])
+    turn_times, knots = 0.5 * (turn_times[1:] + turn_times[:-1]), 0.5 * (knots[1:] + knots[:-1])
+    phase = np.asarray(np.interp(times, turn_times, knots), dtype=np.float64)
+    for edge, (a, b) in ((times < turn_times[0], (0, 1)), (times > turn_times[-1], (-2, -1))):
+        rate = (knots[b] - knots[a]) / (turn_times[b] - turn_times[a])
         near = 0 if a == 0 else -1
-        phase[edge] = knots[near] + rate * (times[edge] - at[near])
+        phase[edge] = knots[near] + rate * (times[edge] - turn_times[near])
     return phase
 
 
-def _phase_error(phase: Array, d: Array, seen: NDArray[np.bool_]) -> Array:
+def _phase_error(phase: Array, distance: Array, seen: NDArray[np.bool_]) -> Array:
     """Cycles (T,) by which a counted phase (T,) is ahead of the local harmonic."""
     moments = np.arange(phase[0] + SPACING, phase[-1], SPACING)
     known, off = [], []
@@ -99,7 +99,9 @@ def _phase_error(phase: Array, d: Array, seen: NDArray[np.bool_]) -> Array:
         wave = design(phase[near], 1) * weights[:, None]
         known.append(moment)
         off.append(
-            _minimum_phase(np.asarray(np.linalg.lstsq(wave, d[near] * weights, rcond=None)[0], np.float64))
+            _minimum_phase(
+                np.asarray(np.linalg.lstsq(wave, distance[near] * weights, rcond=None)[0], np.float64)
+            )
         )
     if not known:
         return np.zeros(len(phase))

@@ -132,5 +132,5 @@ def _residual(phase: Array, frames: Array) -> float:
         return float("inf")
     q = frames[seen]
     turns = to_rotvec(multiply(conjugate(mean_rotation(q, np.ones(len(q)))), q))
-    rest = turns - fourier.evaluate(fourier.fit(phase[seen], turns, 4), phase[seen])
-    return float(np.sqrt(np.mean(np.sum(rest**2, axis=-1))))
+    residuals = turns - fourier.evaluate(fourier.fit(phase[seen], turns, 4), phase[seen])
+    return float(np.sqrt(np.mean(np.sum(residuals**2, axis=-1))))

@@ -35,11 +35,11 @@ def add_belt_travel(clip: Clip) -> tuple[Clip, dict[int, float]]:
     speeds: dict[int, float] = {}
     for number in np.unique(clip.passes[clip.passes >= 0]):
         rows = np.flatnonzero(clip.passes == number)
-        found = _belt_travel(clip.times[rows], clip.positions[rows])
-        if found is not None:
-            heading, way = found
-            positions[rows] += way[:, None, None] * np.array([np.cos(heading), np.sin(heading), 0.0])
-            speeds[int(number)] = float(way[-1] / np.ptp(clip.times[rows]))
+        belt_travel = _belt_travel(clip.times[rows], clip.positions[rows])
+        if belt_travel is not None:
+            heading, travel = belt_travel
+            positions[rows] += travel[:, None, None] * np.array([np.cos(heading), np.sin(heading), 0.0])
+            speeds[int(number)] = float(travel[-1] / np.ptp(clip.times[rows]))
     return (replace(clip, positions=positions) if speeds else clip), speeds
 
 
@@ -53,19 +53,19 @@ def _belt_travel(times: Array, positions: Array) -> tuple[float, Array] | None:
     feet = detect_foot_events(times, positions)
     if on_path or feet is None or not all(_is_carried(feet, k) for k in range(2)):
         return None
-    moments, strokes = np.concatenate(feet.treads, axis=1)
-    order = np.argsort(moments)
-    moments, strokes = moments[order], strokes[order]
-    belt = median_filter(strokes, size=min(MEDIAN_STROKES, len(strokes)), mode="nearest")
-    usual = float(np.median(belt))
-    if usual < MIN_SPEED or np.median(np.abs(strokes - belt)) > MAX_SPREAD * usual:
+    stroke_times, strokes = np.concatenate(feet.treads, axis=1)
+    order = np.argsort(stroke_times)
+    stroke_times, strokes = stroke_times[order], strokes[order]
+    smoothed = median_filter(strokes, size=min(MEDIAN_STROKES, len(strokes)), mode="nearest")
+    usual_speed = float(np.median(smoothed))
+    if usual_speed < MIN_SPEED or np.median(np.abs(strokes - smoothed)) > MAX_SPREAD * usual_speed:
         return None
-    pace = np.interp(times, moments, belt)
-    way = np.concatenate([[0.0], np.cumsum(0.5 * (pace[1:] + pace[:-1]) * np.diff(times))])
+    speed_at = np.interp(times, stroke_times, smoothed)
+    travel = np.concatenate([[0.0], np.cumsum(0.5 * (speed_at[1:] + speed_at[:-1]) * np.diff(times))])
     middle = hips.mean(axis=1) @ along
-    if np.ptp(middle[np.isfinite(middle)]) > MAX_TRAVEL * way[-1]:
+    if np.ptp(middle[np.isfinite(middle)]) > MAX_TRAVEL * travel[-1]:
         return None
-    return heading, way
+    return heading, travel
 
 
 def _is_carried(feet: FootEvents, foot: int) -> bool:

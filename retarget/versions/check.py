@@ -134,8 +134,10 @@ def _describe_changes(before: Canonical, after: Canonical) -> str:
 @click.option("--against", metavar="COMMIT", help="A commit whose data of the same version must be equal.")
 @json_option("Print the faults as JSON.")
 def command(path: Path, against: str | None, as_json: bool) -> None:
-    """Check the data set in the current folder: raw files by SHA-256 against its manifest, and the outputs that
-    are built from them today, number by number. Prints a line for each fault; exit status 1 if there are any.
+    """Check the data set in the current folder against its manifest.
+
+    Compares raw files by SHA-256, and the outputs that are built from them today number by number. Prints a
+    line for each fault; exit status 1 if there are any.
 
     \b
       kinemimic datasets check --against origin/main

@@ -126,7 +126,7 @@ def test_data_change_with_their_version_and_a_line_in_the_changelog(root: Path, 
     before = Manifest.load(root / MANIFEST)
     path = built_path(params, root, NAME, "motion.json")
     bent(Canonical.read(path), 0.1, "knee_left", 7).write(path)
-    with pytest.raises(KinemimicError, match=rf"found changes in {NAME}/motion.json; raise `version` in .* to 2"):
+    with pytest.raises(KinemimicError, match=rf"changes in {NAME}/motion.json; raise `version` in .* to 2"):
         lock(params, root)
     with pytest.raises(KinemimicError, match="expected a line that starts with '- Data 2: '"):
         lock(replace(params, version=2), root)
