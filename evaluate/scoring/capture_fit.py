@@ -14,11 +14,11 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 
-from kinemimic.pipeline.arrays import Array
+from kinemimic.pipeline.arrays import Array, Mask
 from kinemimic.pipeline.errors import CaptureError
 from kinemimic.pipeline.files.schema import unchanged, upgraded
 from kinemimic.pipeline.files.tables import numbers, read_table
-from kinemimic.pipeline.gait.curve_metrics import Flags, JointFit, joint_fits
+from kinemimic.pipeline.gait.curve_metrics import JointFit, joint_fits
 from kinemimic.pipeline.kinematics.angles import ANGLES
 from kinemimic.retarget.captured_angles import CAPTURED_SCHEMA
 from kinemimic.retarget.humanoid.motion import Motion, joint_angles
@@ -85,7 +85,7 @@ class Rollout:
     fallen_at: int
     cyclic: bool
 
-    def at(self, phase: Array) -> tuple[NDArray[np.intp], Curves, Flags]:
+    def at(self, phase: Array) -> tuple[NDArray[np.intp], Curves, Mask]:
         """The simulated angles at captured phases (N,), once for every cycle in which they are passed.
 
         Returns which captured frame each of the M pairs belongs to (M,), the curves (M,), and whether the

@@ -1,10 +1,9 @@
-"""How well one curve follows another: the measures of gait analysis, as pure functions on arrays.
+"""Agreement of two curves: the measures of gait analysis, as pure functions on arrays.
 
-Every measure takes `reference` and `simulated` (N,) in radians and treats them as N pairs, so that the
-sequence of the pairs does not matter and curves of several cycles can be pooled. Pairs with a NaN on either
-side are left out; with no pair left the result is NaN, which `scores.json` writes as null. A reference that
-spans less than `CONSTANT` counts as constant: there is nothing to explain, and what each measure then gives
-is said in its docstring.
+Every measure takes `reference` and `simulated` (N,) in radians and treats them as N pairs, so the order of
+the pairs does not matter and curves of several cycles can be pooled. Pairs with a NaN on either side are left
+out; without any pair the result is NaN, which `scores.json` writes as null. A reference that spans less than
+`CONSTANT` counts as constant; the docstring of each measure says what it then returns.
 """
 
 from __future__ import annotations
@@ -13,11 +12,8 @@ from collections.abc import Mapping
 from dataclasses import asdict, dataclass, fields
 
 import numpy as np
-from numpy.typing import NDArray
 
-from kinemimic.pipeline.arrays import Array
-
-Flags = NDArray[np.bool_]
+from kinemimic.pipeline.arrays import Array, Mask
 
 CONSTANT = 1e-9  # rad
 SCORED_JOINTS: tuple[str, ...] = ("knee", "hip")
@@ -25,7 +21,7 @@ SIDES: tuple[str, ...] = ("left", "right")
 
 
 def paired(reference: Array, simulated: Array) -> tuple[Array, Array]:
-    """The pairs (M,), (M,) of which both values are known; ValueError if the curves differ in length."""
+    """The pairs (M,), (M,) of finite values; ValueError if the curves differ in length."""
     reference, simulated = np.asarray(reference, dtype=np.float64), np.asarray(simulated, dtype=np.float64)
     if reference.shape != simulated.shape or reference.ndim != 1:
         raise ValueError(f"two curves of one length expected, got {reference.shape} and {simulated.shape}")
@@ -36,9 +32,9 @@ def paired(reference: Array, simulated: Array) -> tuple[Array, Array]:
 def r2(reference: Array, simulated: Array) -> float:
     """Coefficient of determination, 1 - Σ(y - ŷ)² / Σ(y - ȳ)²: 1 is perfect, 0 no better than the mean.
 
-    R₁² of Kvålseth (1985), "Cautionary note about R²", Am. Stat. 39:279, with the simulated curve itself as ŷ
-    and no regression between: a wrong offset or amplitude costs, and there is no lower bound. A constant
-    reference gives 1 if it is met and 0 otherwise (the convention of scikit-learn's `r2_score`).
+    R₁² of Kvålseth (1985), "Cautionary note about R²", Am. Stat. 39:279, with the simulated curve itself as
+    ŷ, without regression: a wrong offset or amplitude lowers it, and it has no lower bound. A constant
+    reference gives 1 if the curves are equal and 0 otherwise (the convention of scikit-learn's `r2_score`).
     """
     y, z = paired(reference, simulated)
     if not len(y):
@@ -49,14 +45,14 @@ def r2(reference: Array, simulated: Array) -> float:
     return 1.0 - error / float(np.sum((y - y.mean()) ** 2))
 
 
-def r2_upright(reference: Array, simulated: Array, upright: Flags | None = None) -> float:
-    """R² in which nothing is credited after a fall: those frames explain no more than the mean ȳ does.
+def r2_upright(reference: Array, simulated: Array, upright: Mask | None = None) -> float:
+    """R² without credit for frames after a fall: they explain at most as much as the mean ȳ.
 
         1 - [Σ_upright (y - ŷ)² + max(Σ_fallen (y - ŷ)², Σ_fallen (y - ȳ)²)] / Σ(y - ȳ)²
 
-    Lying on the ground, motors bend the joints after their targets better than they do under load: without
-    this, a figure that falls in the first second still has an R² of 0.9. upright: (N,), None if it never
-    fell. The value is at most r2's, and at most the upright frames' share of the variance.
+    On the ground, unloaded motors track their targets better than under load: by plain R², a humanoid that
+    falls in the first second still has 0.9. upright: (N,), None if it never fell. The value is at most r2's,
+    and at most the upright frames' share of the variance.
     """
     if upright is None or bool(np.all(upright)):
         return r2(reference, simulated)
@@ -66,10 +62,10 @@ def r2_upright(reference: Array, simulated: Array, upright: Flags | None = None)
         return np.nan
     if np.ptp(y) < CONSTANT:
         return 0.0
-    stands = np.asarray(upright)[known]
+    standing = np.asarray(upright)[known]
     error, variance = (y - z) ** 2, (y - y.mean()) ** 2
-    lost = max(float(error[~stands].sum()), float(variance[~stands].sum()))
-    return 1.0 - (float(error[stands].sum()) + lost) / float(variance.sum())
+    fallen = max(float(error[~standing].sum()), float(variance[~standing].sum()))
+    return 1.0 - (float(error[standing].sum()) + fallen) / float(variance.sum())
 
 
 def rmse_deg(reference: Array, simulated: Array) -> float:
@@ -88,8 +84,8 @@ def nrmse_fit(reference: Array, simulated: Array) -> float:
     """1 - RMSE / (max - min of the reference): the "normalised RMSE" of Ren et al. (2008), as a fit.
 
     J. Biomech. 41:2750, where the range is the mean of both curves'; here it is the reference's alone, so
-    that a simulated curve cannot better its score by swinging wider. A constant reference gives 1 if it is
-    met, else 0.
+    that a simulated curve cannot improve its score by a larger range. A constant reference gives 1 if the
+    curves are equal, else 0.
     """
     y, z = paired(reference, simulated)
     if not len(y):
@@ -107,7 +103,7 @@ def cmc(reference: Array, simulated: Array) -> float:
         CMC² = 1 - [Σ_gf (Y_gf - Ȳ_f)² / F(G - 1)] / [Σ_gf (Y_gf - Ȳ)² / (GF - 1)]
     with Ȳ_f the mean of both curves at a frame and Ȳ the mean of all. The root of a negative number, which
     dissimilar curves give, is reported as 0 (Ferrari et al. 2010, Gait Posture 31:540, on that flaw). Two
-    equal constants give 1. It flatters: with no policy and a held root it exceeds 0.9, so it is no headline.
+    equal constants give 1. It is optimistic: without a policy and with a fixed root it exceeds 0.9.
     """
     y, z = paired(reference, simulated)
     if not len(y):
@@ -121,7 +117,7 @@ def cmc(reference: Array, simulated: Array) -> float:
 
 
 def r(reference: Array, simulated: Array) -> float:
-    """Pearson's correlation; blind to offset and amplitude. 0 if either curve is constant."""
+    """Pearson's correlation, independent of offset and amplitude; 0 if either curve is constant."""
     y, z = paired(reference, simulated)
     if not len(y):
         return np.nan
@@ -135,7 +131,7 @@ def r(reference: Array, simulated: Array) -> float:
 
 @dataclass(frozen=True)
 class Fit:
-    """All measures of one curve against its reference; see the functions of the same names."""
+    """All measures of one curve against its reference; see the functions of the same name."""
 
     r2: float
     r2_upright: float
@@ -146,8 +142,8 @@ class Fit:
     r: float
 
     @classmethod
-    def of(cls, reference: Array, simulated: Array, upright: Flags | None = None) -> Fit:
-        """The measures of `simulated` (N,) against `reference` (N,), radians; upright: (N,) before a fall."""
+    def of(cls, reference: Array, simulated: Array, upright: Mask | None = None) -> Fit:
+        """Measures of `simulated` (N,) against `reference` (N,), radians; upright: (N,) or None."""
         return cls(
             r2=r2(reference, simulated),
             r2_upright=r2_upright(reference, simulated, upright),
@@ -164,26 +160,26 @@ MEASURES: tuple[str, ...] = tuple(field.name for field in fields(Fit))
 
 @dataclass(frozen=True)
 class JointFit:
-    """A joint's fit on both sides, and of the joint: the mean of the sides, and the larger gap."""
+    """Fit of a joint on both sides."""
 
     left: Fit
     right: Fit
 
     @property
     def both(self) -> Fit:
-        """Mean of left and right in every measure but the largest gap, which is the larger one."""
+        """Mean of left and right in every measure except the largest gap, which is the larger of the two."""
         mean = {name: 0.5 * (getattr(self.left, name) + getattr(self.right, name)) for name in MEASURES}
-        # np.maximum carries a NaN on, max() would drop it or not by the sequence of its arguments.
+        # np.maximum propagates a NaN; max() would, depending on the order of its arguments.
         larger = float(np.maximum(self.left.max_gap_deg, self.right.max_gap_deg))
         return Fit(**mean | {"max_gap_deg": larger})
 
     def as_dict(self) -> dict[str, float | dict[str, float]]:
-        """The joint's measures at the top, each side's below."""
+        """JSON values: the measures of `both`, and those of each side under its name."""
         return {**asdict(self.both), "left": asdict(self.left), "right": asdict(self.right)}
 
 
 def joint_fits(
-    reference: Mapping[str, Array], simulated: Mapping[str, Array], upright: Flags | None = None
+    reference: Mapping[str, Array], simulated: Mapping[str, Array], upright: Mask | None = None
 ) -> dict[str, JointFit]:
     """Fits of knee and hip; both mappings hold the curves of `angles.ANGLES`, each (N,) radians."""
     return {

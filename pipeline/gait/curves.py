@@ -1,5 +1,4 @@
-"""Joint angles over the gait cycle: every stride cut out, brought to 0 to 100 %, averaged, and compared with
-what is normal."""
+"""Joint angles over the gait cycle: strides normalised to 0 to 100 %, averaged, compared with norms."""
 
 from __future__ import annotations
 
@@ -14,16 +13,16 @@ from kinemimic.pipeline.gait.normative import normative_band
 from kinemimic.pipeline.gait.parameters import Stride, summary
 
 CYCLE: Array = np.arange(101) / 100.0
-_GAP = 0.15  # s without the curve, over which it would be invented
-# Degrees rms from the median of all strides, beyond which a stride shows exchanged legs or a wild joint;
-# unless three times the usual distance is more still.
-_WILD = 15.0
+_GAP = 0.15  # s, the longest gap to interpolate
+# Degrees rms from the median of all strides beyond which a stride is an outlier (exchanged legs, a lost
+# joint); or three times the median distance if that is more.
+_OUTLIER = 15.0
 
 
 def over_cycle(times: Array, curve: Array, strides: Sequence[Stride]) -> Array:
-    """The curve (T,) of one pass over each stride's cycle, (strides, 101); NaN rows where it has a gap.
+    """The curve (T,) of one pass over the cycle of each stride, (strides, 101); NaN rows for gaps.
 
-    A cubic spline reads between frames: at 30 Hz straight lines would cut a degree off the knee's peak.
+    Interpolated by a cubic spline: at 30 Hz straight lines would lower the knee's peak by a degree.
     """
     rows = np.full((len(strides), len(CYCLE)), np.nan)
     known = np.isfinite(curve)
@@ -44,11 +43,11 @@ def over_cycle(times: Array, curve: Array, strides: Sequence[Stride]) -> Array:
 
 
 def curve_statistics(rows: Array, joint: str | None = None) -> dict[str, Any] | None:
-    """What curves (strides, 101) in radians are, in degrees; None where no stride is whole.
+    """Statistics in degrees of curves (strides, 101) in radians; None if no stride is complete.
 
-    mean, sd: (101,) over the strides (sd None of a single one); strides: how many, those left out that are
-    nothing like the others; range_deg: `summary` of each stride's range. joint: whose normal curve it is
-    compared with, if any, which gives norm_rms_deg: rms difference of the mean from the normative mean (the
+    mean, sd: (101,) over the strides (sd None for a single one); strides: their number without outliers;
+    range_deg: `summary` of the ranges of the strides. joint: of the normative curve to compare with, if any,
+    which adds norm_rms_deg: rms difference of the mean from the normative mean (the
     gait variable score of Baker et al. 2009, Gait & Posture 30(3), 265-269), and norm_within_percent: share
     of the cycle in which the mean lies within one normative standard deviation.
     """
@@ -56,7 +55,7 @@ def curve_statistics(rows: Array, joint: str | None = None) -> dict[str, Any] | 
     if not len(whole):
         return None
     away = np.sqrt(np.mean((whole - np.median(whole, axis=0)) ** 2, axis=1))
-    whole = whole[away <= max(_WILD, 3.0 * float(np.median(away)))]
+    whole = whole[away <= max(_OUTLIER, 3.0 * float(np.median(away)))]
     mean = whole.mean(axis=0)
     result: dict[str, Any] = {
         "strides": len(whole),

@@ -1,11 +1,11 @@
-"""When the feet of a walker or runner come down and leave the ground, from hips and ankles alone.
+"""Foot strikes and foot offs of walking and running, from hips and ankles alone.
 
-Walking: a foot comes down where its ankle is farthest before the pelvis along the direction of progression,
+Walking: a foot strikes where its ankle is farthest ahead of the pelvis along the direction of progression,
 and leaves the ground where it is farthest behind (Zeni, Richards and Higginson 2008, Gait & Posture 27(4),
-710-714, with the ankle in place of their heel and toe markers, because that is the one point of the foot that
-every sensor sees). Both are positions: no derivative blows up a Kinect's noise, and a treadmill's belt does
-not matter. Running: the leg already swings back before it lands and on after it has left, so that a foot is
-down only while its ankle stands still on the ground.
+710-714, with the ankle in place of their heel and toe markers, because it is the one point of the foot that
+every sensor sees). Both use positions only: no derivative amplifies a Kinect's noise, and a treadmill's belt
+does not matter. Running: the leg swings back before it lands and after it leaves, so a foot is on the ground
+only while its ankle is still there.
 """
 
 from __future__ import annotations
@@ -25,27 +25,26 @@ _POINTS = tuple(N[f"{joint}_{side}"] for joint in ("hip", "ankle") for side in S
 
 RATE = 100.0  # Hz of the even clock: 30 Hz would put a foot strike 17 ms off
 CUTOFF = 6.0  # Hz
-SHORTEST = 0.6  # s that the filter and a step need
+MIN_DURATION = 0.6  # s that the filter and a step need
 WINDOW = 1.0  # s, about a stride, over which the pelvis' sway cancels out of the direction of the path
-TRAVELS = 0.3  # m/s below which nobody goes anywhere: on a treadmill, or not walking at all
-# A turning point counts when the ankle then comes back by this share of its whole range, and the range by
-# this much in metres: whoever sways on the spot does not walk.
-TURNS, LEAST_RANGE = 0.35, 0.15
-BOUNCES = 0.4  # correlation of the pelvis' height with the distance of the ankles, above which one runs
-_STILL = 0.4  # of the speed over the ground, below which a runner's ankle stands on it
+TRAVEL_SPEED = 0.3  # m/s; slower, the subject is on a treadmill or does not walk
+# A turning point counts if the ankle then returns by this share of its range; the range must exceed MIN_RANGE
+# metres, since swaying on the spot is not walking.
+RETURN_SHARE, MIN_RANGE = 0.35, 0.15
+RUNNING_CORRELATION = 0.4  # of the pelvis' height with the distance of the ankles
+_STILL = 0.4  # of the speed over the ground, below which a runner's ankle is on the ground
 
 
 @dataclass(frozen=True)
 class FootEvents:
     """A pass of gait on an even clock, and when each foot (left, right) is on the ground.
 
-    times: (T,) seconds at RATE; pelvis: (T, 3) middle of the hips and ankles: (T, 2, 3), metres, in axes that
-    lie still on the ground (a treadmill's belt is the ground); forward: (T, 2) unit vectors of progression;
-    seen: (T, 2) whether the capture shows both hips and this ankle, or they are interpolated;
-    strikes, offs: seconds at which each foot comes down and leaves the ground;
-    belt: m/s of a treadmill's belt, 0 on firm ground; treads: of each foot (2, S) seconds and m/s backward of
-    its stances while it lies flat on a belt, none on firm ground; running: whether the body bounces, and does
-    not vault.
+    times: (T,) seconds at RATE; pelvis: (T, 3) midpoint of the hips, ankles: (T, 2, 3), metres, in axes fixed
+    to the ground (on a treadmill, to the belt); forward: (T, 2) unit vectors of progression; seen: (T, 2)
+    True where the capture shows both hips and this ankle, False where they are interpolated; strikes, offs:
+    seconds of each foot's strikes and foot offs; belt: m/s of a treadmill's belt, 0 on firm ground;
+    belt_contacts: for each foot (2, S) time (s) and backward speed (m/s) of its stances while it lies flat on
+    the belt, none on firm ground; running: whether the gait is running.
     """
 
     times: Array
@@ -56,19 +55,19 @@ class FootEvents:
     strikes: tuple[Array, Array]
     offs: tuple[Array, Array]
     belt: float
-    treads: tuple[Array, Array]
+    belt_contacts: tuple[Array, Array]
     running: bool
 
 
 def detect_foot_events(times: Array, positions: Array) -> FootEvents | None:
-    """The gait in one pass: times (T,) in seconds, positions (T, 20, 3) of the 20 nodes in metres.
+    """Foot events of one pass: times (T,) in seconds, positions (T, 20, 3) of the 20 nodes in metres.
 
-    None where hips or ankles are missing throughout, where the pass is shorter than SHORTEST, or where nobody
-    walks: no foot is put before the other, or none carries the body on at TRAVELS.
+    None if hips or ankles are missing throughout, if the pass is shorter than MIN_DURATION, or if nobody
+    walks: the ankles do not alternate, or the subject moves slower than TRAVEL_SPEED over ground and belt.
     """
     given = positions[:, _POINTS]
     whole: Mask = np.asarray(np.isfinite(given).all(axis=-1))
-    if len(times) < 4 or times[-1] - times[0] < SHORTEST or (whole.sum(axis=0) < 4).any():
+    if len(times) < 4 or times[-1] - times[0] < MIN_DURATION or (whole.sum(axis=0) < 4).any():
         return None
     clock = np.arange(times[0], times[-1], 1.0 / RATE)
     points = _smooth(clock, times, given, whole)
@@ -81,12 +80,15 @@ def detect_foot_events(times: Array, positions: Array) -> FootEvents | None:
     if not all(len(ahead) and len(behind) for ahead, behind in turns):
         return None
     advance = np.einsum("tkc,tc->tk", np.gradient(ankles[..., :2], 1.0 / RATE, axis=0), forward)
-    belt, treads = 0.0, (np.empty((2, 0)), np.empty((2, 0)))
+    belt, belt_contacts = 0.0, (np.empty((2, 0)), np.empty((2, 0)))
     if not travels:
         flat = [_flat(*turns[k]) for k in range(2)]
         belt = -_ground_speed(advance, flat)
-        treads = (_treads(clock, advance[:, 0], flat[0]), _treads(clock, advance[:, 1], flat[1]))
-        if belt < TRAVELS:
+        belt_contacts = (
+            _belt_contacts(clock, advance[:, 0], flat[0]),
+            _belt_contacts(clock, advance[:, 1], flat[1]),
+        )
+        if belt < TRAVEL_SPEED:
             return None
         ankles, pelvis = (_on_belt(points, belt, forward) for points in (ankles, pelvis))
         advance = advance + belt
@@ -109,13 +111,13 @@ def detect_foot_events(times: Array, positions: Array) -> FootEvents | None:
         strikes=(strikes[0], strikes[1]),
         offs=(offs[0], offs[1]),
         belt=belt,
-        treads=treads,
+        belt_contacts=belt_contacts,
         running=running,
     )
 
 
 def _smooth(clock: Array, times: Array, points: Array, whole: Mask) -> Array:
-    """Points (T, P, 3) on the clock: gaps closed by straight lines, zero-phase low-pass of order 4."""
+    """Points (T, P, 3) on the clock: gaps filled linearly, then a zero-phase low-pass of order 4."""
     filled = np.empty_like(points)
     for k in range(points.shape[1]):
         known = whole[:, k]
@@ -126,7 +128,7 @@ def _smooth(clock: Array, times: Array, points: Array, whole: Mask) -> Array:
 
 
 def _nearest(clock: Array, times: Array, flags: Mask) -> Mask:
-    """Whether the frames on both sides of each moment carry the flag."""
+    """Whether the frames before and after each time are flagged."""
     after = np.searchsorted(times, clock).clip(1, len(times) - 1)
     return np.asarray(flags[after] & flags[after - 1])
 
@@ -134,18 +136,18 @@ def _nearest(clock: Array, times: Array, flags: Mask) -> Mask:
 def _progression(clock: Array, pelvis: Array, points: Array) -> tuple[Array, bool]:
     """Unit vectors forward (T, 2), and whether the pelvis travels along them.
 
-    Of who travels: the way of the pelvis over a stride, which may bend. Of who does not: the line along which
-    the ankles part, for a depth sensor sees the line of the hips up to 40 degrees off.
+    If it travels: its displacement over a stride, which may follow a curve. If not: the line along which the
+    ankles separate, because a depth sensor sees the hip line up to 40 degrees off.
     """
     early, late = (np.clip(clock + s * WINDOW / 2, clock[0], clock[-1]) for s in (-1, 1))
     way = np.stack(
         [np.interp(late, clock, pelvis[:, k]) - np.interp(early, clock, pelvis[:, k]) for k in (0, 1)]
     )
     length = np.hypot(*way)
-    if np.median(length / (late - early)) > TRAVELS:
+    if np.median(length / (late - early)) > TRAVEL_SPEED:
         return np.asarray((way / np.maximum(length, 1e-9)).T), True
     x, y = (points[:, 2, :2] - points[:, 3, :2]).T
-    # A line has no front: twice its angle is what can be averaged and followed. Two strides settle it.
+    # A line has no sign, so twice its angle is averaged and unwrapped, over two strides.
     twice = np.arctan2(_mean_about(2.0 * x * y, 2.0 * WINDOW), _mean_about(x * x - y * y, 2.0 * WINDOW))
     angle = 0.5 * np.unwrap(twice)
     forward = np.stack([np.cos(angle), np.sin(angle)], axis=1)
@@ -155,7 +157,7 @@ def _progression(clock: Array, pelvis: Array, points: Array) -> tuple[Array, boo
 
 
 def _mean_about(values: Array, span: float) -> Array:
-    """Mean of (T,) over `span` seconds around each moment; at the ends over what there is of them."""
+    """Moving mean of (T,) over `span` seconds, shorter at the ends."""
     half = int(0.5 * span * RATE)
     sums = np.concatenate([[0.0], np.cumsum(values)])
     at = np.arange(len(values))
@@ -164,14 +166,14 @@ def _mean_about(values: Array, span: float) -> Array:
 
 
 def _turning_points(reach: Array) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
-    """Samples at which (T,) turns back from its highs and from its lows, by TURNS of its range.
+    """Samples of the highs and of the lows from which (T,) returns by RETURN_SHARE of its range.
 
-    The first and the last sample are no turning points: what lies beyond them is not known.
+    The first and the last sample are never turning points, since what lies beyond them is unknown.
     """
     low, high = np.percentile(reach, [2, 98])
-    if high - low < LEAST_RANGE:
+    if high - low < MIN_RANGE:
         return np.array([], dtype=np.intp), np.array([], dtype=np.intp)
-    threshold = TURNS * (high - low)
+    threshold = RETURN_SHARE * (high - low)
     highs: list[int] = []
     lows: list[int] = []
     top = bottom = 0
@@ -189,7 +191,7 @@ def _turning_points(reach: Array) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
 
 
 def _stances(ahead: NDArray[np.intp], behind: NDArray[np.intp]) -> list[tuple[int, int]]:
-    """Each high with the low that follows it before the next high."""
+    """(strike, off) samples: each high with the low that follows it before the next high."""
     last = np.iinfo(np.intp).max
     following, next_ahead = np.append(behind, last), np.append(ahead[1:], last)
     low = following[np.searchsorted(behind, ahead, "right")]
@@ -201,27 +203,27 @@ def _stances(ahead: NDArray[np.intp], behind: NDArray[np.intp]) -> list[tuple[in
 
 
 def _flat(ahead: NDArray[np.intp], behind: NDArray[np.intp]) -> list[slice]:
-    """Samples of each stance in which the foot lies flat.
+    """Samples of each stance in which the foot lies flat: its second quarter.
 
-    That is the second quarter of a stance: later the heel rises and takes the ankle forward with it.
+    Later the heel rises and moves the ankle forward.
     """
     quarters = [(start, (end - start) // 4, (end - start) // 2) for start, end in _stances(ahead, behind)]
     return [slice(start + one, start + two) for start, one, two in quarters if two > one]
 
 
 def _ground_speed(advance: Array, flat: list[list[slice]]) -> float:
-    """Median speed forward (m/s) of the ankles (T, 2) while their foot lies flat."""
+    """Median forward speed (m/s) of the ankles (T, 2) while the foot lies flat."""
     speeds = [advance[part, k] for k in range(2) for part in flat[k]]
     return float(np.median(np.concatenate(speeds))) if speeds else 0.0
 
 
-def _treads(clock: Array, advance: Array, flat: list[slice]) -> Array:
-    """Moments and median speeds backward (2, S) of an ankle in its flat stances."""
+def _belt_contacts(clock: Array, advance: Array, flat: list[slice]) -> Array:
+    """Times (s) and median backward speeds (m/s) of an ankle (T,) in its flat stances, (2, S)."""
     return np.array([[clock[part].mean(), -np.median(advance[part])] for part in flat]).reshape(-1, 2).T
 
 
 def _on_belt(points: Array, belt: float, forward: Array) -> Array:
-    """Points (T, ..., 3) as seen from the belt, on which the walker advances."""
+    """Points (T, ..., 3) in axes fixed to the belt."""
     moved = points.copy()
     way = np.cumsum(belt / RATE * forward, axis=0)
     moved[..., :2] += way.reshape(len(way), *(1,) * (points.ndim - 2), 2)
@@ -229,20 +231,20 @@ def _on_belt(points: Array, belt: float, forward: Array) -> Array:
 
 
 def _bounces(height: Array, apart: Array) -> bool:
-    """Whether the pelvis is high when the ankles are far apart: in flight, as in running.
+    """Whether the pelvis is high when the ankles are far apart, as in the flight phase of running.
 
-    Walking vaults over a stiff leg, so that the pelvis is lowest then (Cavagna, Heglund and Taylor 1977,
-    American Journal of Physiology 233, R243-R261). Correlations measured: walks -1.0 to 0.3 (a depth sensor
-    with legs exchanged), runs 0.5 to 0.9.
+    In walking the body vaults over a stiff leg, so the pelvis is lowest then (Cavagna, Heglund and Taylor
+    1977, American Journal of Physiology 233, R243-R261). Measured correlations: walking -1.0 to 0.3 (a depth
+    sensor with legs exchanged), running 0.5 to 0.9.
     """
     up, out = (values - _mean_about(values, WINDOW) for values in (height, apart))
-    return bool(up @ out > BOUNCES * np.linalg.norm(up) * np.linalg.norm(out))
+    return bool(up @ out > RUNNING_CORRELATION * np.linalg.norm(up) * np.linalg.norm(out))
 
 
 def _standing(
     advance: Array, ahead: NDArray[np.intp], behind: NDArray[np.intp], limit: float
 ) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
-    """Of each stance, first and last sample around its middle in which the ankle is slower than the limit."""
+    """First and last samples of each stance, around its middle, in which the ankle is slower than `limit`."""
     first, last = [], []
     for start, end in _stances(ahead, behind):
         slow = np.abs(advance[start : end + 1]) < limit
@@ -258,7 +260,7 @@ def _standing(
 
 
 def _refined(values: Array, peaks: NDArray[np.intp], *, running: bool) -> Array:
-    """Peaks in samples, between samples where they are the top of a parabola."""
+    """Peaks refined between samples by parabolas; in running, as they are."""
     if running:
         return peaks.astype(np.float64)
     k = peaks.clip(1, len(values) - 2)

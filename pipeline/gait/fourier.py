@@ -1,4 +1,4 @@
-"""Weighted ridge fits of Fourier series in a phase: smoothing, averaging and closing a loop in one step."""
+"""Weighted ridge fits of Fourier series in a phase: smooth, average and close a loop in one step."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from kinemimic.pipeline.arrays import Array
 def design(phase: Array, harmonics: int, derivative: int = 0) -> Array:
     """Columns 1, cos kφ, sin kφ for k = 1..harmonics at phases (N,) in cycles: (N, 1 + 2 harmonics).
 
-    derivative: 0, or 1 for the derivative by the phase in cycles.
+    derivative: 0, or 1 for the derivative with respect to the phase.
     """
     k = np.arange(1, harmonics + 1)
     angle = 2.0 * np.pi * np.asarray(phase)[:, None] * k
@@ -33,7 +33,7 @@ def fit(
 
 
 def solve(x: Array, values: Array, w: Array, ridge: float) -> Array:
-    """`fit` for x = design(phase, harmonics), made once for many fits with other weights w (N,)."""
+    """`fit` for a given x = design(phase, harmonics), for many fits with different weights w (N,)."""
     values = np.asarray(values, dtype=np.float64)
     flat = values.reshape(len(values), -1)
     k = np.arange(1, x.shape[1] // 2 + 1, dtype=np.float64)
@@ -45,6 +45,6 @@ def solve(x: Array, values: Array, w: Array, ridge: float) -> Array:
 
 
 def evaluate(coefficients: Array, phase: Array, derivative: int = 0) -> Array:
-    """Values (N, ...) of a series at phases (N,) in cycles, or their derivative by the phase."""
+    """Values (N, ...) of a series at phases (N,) in cycles, or their derivative with respect to the phase."""
     harmonics = (len(coefficients) - 1) // 2
     return np.tensordot(design(phase, harmonics, derivative), coefficients, axes=(1, 0))

@@ -1,12 +1,12 @@
-"""Off-axis knee rotation: what is left of the shank's turn against the thigh when flexion is taken away.
+"""Off-axis knee rotation: the rotation of the shank relative to the thigh without flexion.
 
-A knee's rotation q is divided into a turn about its hinge axis n (flexion) and the swing of that axis:
+A knee's rotation q is split into a twist about its hinge axis n (flexion) and the swing of that axis:
 q = swing · twist, where twist keeps the part of q's vector along n. The swing's angle, 2 atan2(|v - (v·n) n|,
-√(w² + (v·n)²)), is abduction and inward rotation in one number; it is 0 for a pure hinge.
+√(w² + (v·n)²)), combines abduction and internal rotation in one number; it is 0 for a pure hinge.
 
-It takes rotations, or markers on both segments. Three points, hip, knee and ankle, always lie in one plane,
-and that plane's normal passes for their hinge axis: they show no turn of the shank about its length, and no
-sideways bend that would not look like a turn of the whole leg. From positions alone there is no such number.
+It needs rotations, or markers on both segments. Hip, knee and ankle always lie in one plane, whose normal is
+taken for the hinge axis: three points show no twist of the shank, and no sideways bend that could not be a
+twist of the whole leg. So it cannot be computed from positions alone.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from kinemimic.pipeline.arrays import Array
 from kinemimic.pipeline.kinematics.rotations import conjugate, continuous, multiply, to_rotvec
 
 LATERAL: Array = np.array([0.0, 1.0, 0.0])
-# Radians that a knee must turn, as the standard deviation along its axis, before it shows one.
+# Smallest standard deviation (radians) about its axis from which a knee shows one.
 _SHOWN = np.radians(3.0)
 
 
@@ -32,10 +32,10 @@ def off_axis(knee: Array, axis: Array = LATERAL) -> Array:
 
 
 def off_axis_of_fitted_hinge(knee: Array) -> Array | None:
-    """`off_axis` (T,) of a knee in axes of its own: about the hinge that fits its rotations (T, 4) best.
+    """`off_axis` (T,) about the hinge that fits a knee's rotations (T, 4) best; None if it hardly moves.
 
-    The axis is the direction of largest spread of the rotation vectors about their mean, so that neither the
-    file's axes nor its rest pose matter; a constant offset is not seen. None where the knee hardly moves.
+    The axis is the direction of largest variance of the rotation vectors about their mean, so neither the
+    file's axes nor its rest pose matter; a constant offset is not detected.
     """
     seen = np.isfinite(knee).all(axis=-1)
     if seen.sum() < 4:

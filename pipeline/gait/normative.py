@@ -1,7 +1,7 @@
-"""Knee, hip and ankle of healthy people walking at their own speed, over the gait cycle.
+"""Normative knee, hip and ankle angles of healthy walking at self-selected speed, over the gait cycle.
 
-Means and standard deviations of 83 children at their free speed (0.36 to 0.49 of the root of gravity times
-leg length: 1.05 to 1.45 m/s on a leg of 0.87 m), every 2 % of the cycle from the foot's first contact:
+Means and standard deviations of 83 children at their self-selected speed (0.36 to 0.49 of the root of gravity
+times leg length: 1.05 to 1.45 m/s for a leg of 0.87 m), every 2 % of the cycle from initial contact:
 Schwartz, Rozumalski and Trost 2008, The effect of walking speed on the gait of typically developing children,
 Journal of Biomechanics 41(8), 1639-1650, doi:10.1016/j.jbiomech.2008.03.015, whose electronic tables give
 them to 0.1°. Bovi et al. 2011 (Gait & Posture 33(1), 6-13) find a good correlation of their own subjects, 6
@@ -50,10 +50,10 @@ NORMATIVE_JOINTS: tuple[str, ...] = tuple(_TABLES)
 
 
 def normative_band(joint: str, phase: Array) -> tuple[Array, Array]:
-    """Mean and standard deviation (N,) in radians at phases (N,) in cycles from the foot's first contact.
+    """Mean and standard deviation (N,) in radians at phases (N,) in cycles from initial contact.
 
     joint: one of NORMATIVE_JOINTS; flexion (the ankle's: toes up) is positive, 0 standing upright, as in
-    pipeline/angles.py: the hip's mean is the tables' less PELVIC_TILT.
+    kinematics/angles.py: the hip's mean is the tables' minus PELVIC_TILT.
     """
     tilt = PELVIC_TILT if joint == "hip" else 0.0
     middle, upper = (np.radians(np.array(row) - tilt) for row in _TABLES[joint])

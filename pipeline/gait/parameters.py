@@ -1,10 +1,10 @@
-"""Spatiotemporal parameters of a gait: every stride measured by itself, then mean, spread and symmetry.
+"""Spatiotemporal parameters of a gait: measure each stride, then mean, standard deviation and symmetry.
 
-A stride goes from a foot's strike to its next one. Lengths are taken between ankles: a stride's from where
-the ankle came down to where it comes down again; a step's along that line, from the other ankle where it came
-down in between; the step's width across it (Huxham, Gong, Baker, Morris and Iansek 2006, Gait & Posture
-23(2), 159-163). They need no direction of progression and hold on a curved path too. The width is that of
-where both feet lie flat: the ankle is farthest ahead in late swing, which may come in from the side.
+A stride goes from a foot strike to the next strike of the same foot. Lengths are measured between ankles: the
+stride length from one strike of the ankle to its next; the step length along that line, from the other
+ankle's strike in between; the step width across it (Huxham, Gong, Baker, Morris and Iansek 2006, Gait &
+Posture 23(2), 159-163). They need no direction of progression and hold on a curved path too. The width is
+taken where both feet lie flat: at its farthest, in late swing, the ankle may still move sideways.
 """
 
 from __future__ import annotations
@@ -22,21 +22,21 @@ from kinemimic.pipeline.gait.harmonic import fit_harmonic
 from kinemimic.pipeline.kinematics.skeleton import NODE_INDEX as N
 
 GRAVITY = 9.81
-# A stride that strays further from its pass' period, or from the median of all strides, is one of setting
-# off, stopping, turning, or of legs exchanged by the sensor.
-TIME_SPREAD, LENGTH_SPREAD = 0.20, 0.40
-# The median of the few strides of a short pass may itself be wrong. Of a pass no longer than this (s) the
-# ankles' harmonic tells the period, if it explains so much of their variance (as in retarget/cycle.py).
-SHORT, EXPLAINED = 30.0, 0.85
-SEEN = 0.8  # share of a stride in which the capture must show hips and ankles
+# A stride that deviates more from its pass' period, or from the median of all strides, is from starting,
+# stopping or turning, or from legs exchanged by the sensor.
+MAX_TIME_DEVIATION, MAX_LENGTH_DEVIATION = 0.20, 0.40
+# The median of a few strides may itself be wrong: in a pass no longer than SHORT_PASS (s), the harmonic of
+# the ankles gives the period, if its R² is above MIN_R2.
+SHORT_PASS, MIN_R2 = 30.0, 0.85
+MIN_SEEN = 0.8  # share of a stride in which the capture must show hips and ankles
 
 
 @dataclass(frozen=True)
 class Stride:
     """One stride of one foot; times in seconds, lengths in metres, shares of the stride's time.
 
-    group: number of the pass; start, off, end: the foot's strike, its leaving the ground, its next strike;
-    step_time, step_length: of the step that ends the stride; width: of the step.
+    group: number of the pass; start, off, end: foot strike, foot off, next foot strike; step_time,
+    step_length, width: of the step that ends the stride.
     """
 
     group: int
@@ -56,7 +56,7 @@ class Stride:
         return self.end - self.start
 
 
-# Name in the report -> what it is of one stride.
+# Name in the report -> value for one stride.
 MEASURES: dict[str, Callable[[Stride], float]] = {
     "cadence_steps_per_min": lambda stride: 120.0 / stride.time,
     "speed_m_s": lambda stride: stride.length / stride.time,
@@ -73,11 +73,11 @@ MEASURES: dict[str, Callable[[Stride], float]] = {
 
 @dataclass(frozen=True)
 class Gait:
-    """The strides of a recording, of all its passes.
+    """The strides of a recording.
 
-    strides: those that count, pass by pass; left_out: how many more there were; feet: of each pass in which
-    somebody walks; belt: m/s, None on firm ground; running: whether most strides are of running; leg: median
-    length in metres, hip to knee to ankle.
+    strides: those used, pass by pass; left_out: number of the others; feet: foot events of each pass with
+    walking; belt: m/s, None on firm ground; running: whether most strides are running; leg: median length in
+    metres, hip to knee to ankle.
     """
 
     strides: tuple[Stride, ...]
@@ -89,9 +89,9 @@ class Gait:
 
 
 def measure_gait(times: Array, passes: NDArray[np.int32], positions: Array) -> Gait:
-    """The gait in a recording: times (T,), number of the pass (T,), -1 outside of any, positions (T, 20, 3).
+    """The gait of a recording: times (T,), pass numbers (T,), -1 outside any pass, positions (T, 20, 3).
 
-    `strides` is empty where nobody walks, or never for a whole stride.
+    `strides` is empty if nobody walks for a full stride.
     """
     found: list[Stride] = []
     feet: dict[int, FootEvents] = {}
@@ -103,7 +103,9 @@ def measure_gait(times: Array, passes: NDArray[np.int32], positions: Array) -> G
             feet[number] = one
             strides, unseen = _strides(number, one)
             period = _period(one)
-            found += [s for s in strides if period is None or abs(s.time - period) <= TIME_SPREAD * period]
+            found += [
+                s for s in strides if period is None or abs(s.time - period) <= MAX_TIME_DEVIATION * period
+            ]
             lacking += unseen + len(strides)
     kept = _usual(found)
     belt = float(np.median([feet[s.group].belt for s in kept])) if kept else 0.0
@@ -119,7 +121,7 @@ def measure_gait(times: Array, passes: NDArray[np.int32], positions: Array) -> G
 
 
 def _leg_length(positions: Array) -> float:
-    """Median over both legs and all frames that show them; NaN without any."""
+    """Median length of both legs over the frames that show them; NaN without any."""
     lengths = [
         sum(
             np.linalg.norm(positions[:, N[f"{b}_{side}"]] - positions[:, N[f"{a}_{side}"]], axis=-1)
@@ -133,7 +135,7 @@ def _leg_length(positions: Array) -> float:
 
 
 def _strides(number: int, feet: FootEvents) -> tuple[list[Stride], int]:
-    """The strides of a pass, and how many of them the capture does not show well enough to measure."""
+    """The strides of a pass, and the number of others that the capture does not show well enough."""
     strides: list[Stride] = []
     unseen = 0
     for foot, side in enumerate(SIDES):
@@ -144,7 +146,7 @@ def _strides(number: int, feet: FootEvents) -> tuple[list[Stride], int]:
                 for times in (feet.offs[foot], feet.strikes[other])
             )
             inside = slice(*np.searchsorted(feet.times, (start, end)))
-            if len(off) != 1 or len(opposite) != 1 or feet.seen[inside].mean() < SEEN:
+            if len(off) != 1 or len(opposite) != 1 or feet.seen[inside].mean() < MIN_SEEN:
                 unseen += 1
                 continue
             first, last, between = (
@@ -172,10 +174,10 @@ def _strides(number: int, feet: FootEvents) -> tuple[list[Stride], int]:
 
 
 def _width(feet: FootEvents, foot: int, along: Array, start: float, opposite: float, stance: float) -> float:
-    """Metres across the unit vector `along` (2,) between where a foot stands and the other one after it.
+    """Distance (m) between the stances of a foot and of the other foot after it, across `along` (2,).
 
-    They come down at `start` and `opposite`. In the second quarter of a stance, which takes `stance` seconds,
-    a foot lies flat: before it may not have landed, later the heel rises.
+    The feet strike at `start` and `opposite`; a stance takes `stance` seconds. In its second quarter the foot
+    lies flat: earlier it may not have landed, later the heel rises.
     """
     across = []
     for which, strike in ((foot, start), (1 - foot, opposite)):
@@ -186,10 +188,10 @@ def _width(feet: FootEvents, foot: int, along: Array, start: float, opposite: fl
 
 
 def _support(start: float, off: float, end: float, opposite: float, offs: Array) -> tuple[float, float]:
-    """Shares of a stride with both feet on the ground and with none.
+    """Shares of a stride in double support and in flight.
 
-    The other foot comes down at `opposite`; `offs`: when it leaves the ground, now and at other times. In
-    walking that is after the stride has begun, in running before, and again before it ends.
+    The other foot strikes at `opposite`; `offs`: all its foot-off times. It leaves the ground after the
+    stride begins in walking, before it in running, and again before the stride ends.
     """
     k = int(np.searchsorted(offs, opposite))
     before = max(float(offs[k - 1]) if k > 0 else start, start)
@@ -200,17 +202,17 @@ def _support(start: float, off: float, end: float, opposite: float, offs: Array)
 
 
 def _period(feet: FootEvents) -> float | None:
-    """Seconds of a stride in a short pass, from all of its frames; None where they do not agree on one."""
-    if feet.times[-1] - feet.times[0] > SHORT:
+    """Stride period (s) of a short pass from all of its frames; None if one harmonic does not fit."""
+    if feet.times[-1] - feet.times[0] > SHORT_PASS:
         return None
     apart = np.sum((feet.ankles[:, 1, :2] - feet.ankles[:, 0, :2]) * feet.forward, axis=1)
-    # A third of the clock's moments tell a period as well as all of them.
+    # Every third sample is enough for the period.
     harmonic = fit_harmonic(feet.times[::3], apart[::3])
-    return harmonic.period if harmonic.r2 > EXPLAINED else None
+    return harmonic.period if harmonic.r2 > MIN_R2 else None
 
 
 def _at(feet: FootEvents, foot: int, moment: float) -> Array:
-    """Place (2,) of an ankle over the ground."""
+    """Horizontal position (2,) of an ankle at a time."""
     k = int(np.clip(np.searchsorted(feet.times, moment), 1, len(feet.times) - 1))
     share = (moment - feet.times[k - 1]) / (feet.times[k] - feet.times[k - 1])
     before, after = feet.ankles[k - 1, foot, :2], feet.ankles[k, foot, :2]
@@ -218,20 +220,20 @@ def _at(feet: FootEvents, foot: int, moment: float) -> Array:
 
 
 def _usual(strides: list[Stride]) -> list[Stride]:
-    """Those near the median in time and length."""
+    """The strides close to the median in time and length."""
     if not strides:
         return []
     time, length = (float(np.median([getattr(s, name) for s in strides])) for name in ("time", "length"))
     return [
         stride
         for stride in strides
-        if abs(stride.time - time) <= TIME_SPREAD * time
-        and abs(stride.length - length) <= LENGTH_SPREAD * length
+        if abs(stride.time - time) <= MAX_TIME_DEVIATION * time
+        and abs(stride.length - length) <= MAX_LENGTH_DEVIATION * length
     ]
 
 
 def summary(values: Sequence[float]) -> dict[str, float | int | None]:
-    """Mean, standard deviation (of a sample: n - 1; None for one alone) and count."""
+    """Mean, sample standard deviation (n - 1; None for a single value) and count."""
     n = len(values)
     return {
         "mean": float(np.mean(values)) if n else None,
@@ -241,10 +243,10 @@ def summary(values: Sequence[float]) -> dict[str, float | int | None]:
 
 
 def symmetry_index(left: float | None, right: float | None) -> float | None:
-    """Difference of the sides in per cent of their mean, positive where the left is larger.
+    """Symmetry index: difference of the sides in per cent of their mean, positive if the left is larger.
 
     SI = 100 (L - R) / ((L + R) / 2): Robinson, Herzog and Nigg 1987, Journal of Manipulative and
-    Physiological Therapeutics 10(4), 172-176. None where a side is not known, or neither is above zero.
+    Physiological Therapeutics 10(4), 172-176. None if a side is unknown or the sum is not positive.
     """
     if left is None or right is None or left + right <= 0.0:
         return None
@@ -266,7 +268,7 @@ def parameters(gait: Gait) -> dict[str, dict[str, Any]]:
 
 
 def normalised(gait: Gait) -> dict[str, float]:
-    """Speed and stride length without dimension, so that walkers of different size compare.
+    """Dimensionless speed and stride length, comparable between subjects of different size.
 
     Speed over the root of gravity times leg length, length over leg length: Hof 1996, Gait & Posture 4(3),
     222-223.

@@ -1,11 +1,11 @@
-"""Recorded rotations of any skeleton as those of the 20 nodes: rest poses matched.
+"""Convert the recorded rotations of any skeleton to those of the 20 nodes, by matching rest poses.
 
-A recorder's joint frames stand as its own rest pose has them: arms out in a T or an A, or, in a sensor's SDK,
-axes along the bones. Each differs from the frame of our body by one turn that never changes. It is found by
-holding the recording against itself: the frames that its positions show (pipeline/orient.py), seen from the
-recorder's joint, averaged over the frames in which positions show them. So the same motion on a skeleton of
-another rest pose gives the same rotations, and what positions cannot show is kept as recorded: the turn of a
-straight limb, of the head, of the foot, a forearm's pronation.
+A recorder's joint frames follow its own rest pose: arms out in a T or an A, or, in a sensor's SDK, axes
+along the bones. Each differs from our body segment's frame by a constant rotation, which is estimated from
+the recording itself: the frames that its positions show (orient.py), relative to the recorder's joint,
+averaged over time. So the same motion on a skeleton with another rest pose gives the same rotations. What
+positions cannot show is kept as recorded: the twist of a straight limb, of the head, of the foot, a forearm's
+pronation.
 """
 
 from __future__ import annotations
@@ -25,13 +25,13 @@ from kinemimic.pipeline.kinematics.skeleton import NODE_INDEX as N
 from kinemimic.pipeline.kinematics.skeleton import NODE_PARENTS, NODES, Skeleton
 from kinemimic.pipeline.kinematics.trunk import direction, swing
 
-# A joint's frame is the body's if it agrees with the positions to this (rms, radians).
+# A joint's frame is accepted if it agrees with the positions to this (rms, radians).
 _AGREES = np.radians(25.0)
-# Frames, spread over the clip, that fix constants of an hour's recording as well as all of it.
+# Frames, spread over the clip, that are enough to estimate constants of an hour's recording.
 _ENOUGH = 4000
-# Spreads of a bone in two joints' frames (radians) that are the same: the one nearer to the root carries it.
+# Spreads (radians) of a bone in two joints' frames that count as equal: the joint nearer to the root wins.
 _SAME = np.radians(0.3)
-# Nodes that the body at a node carries, the first of them along its line.
+# Nodes that the segment at a node carries, the first of them along its line.
 _CARRIES: dict[str, tuple[str, ...]] = {
     "hip_center": ("hip_left", "hip_right"),
     "spine": ("shoulder_left", "shoulder_right"),
@@ -49,8 +49,8 @@ _CARRIES: dict[str, tuple[str, ...]] = {
         )
     },
 }
-# Bodies whose turn about their own line no position shows: at rest they stand as the body before them does,
-# with this axis along that line. (A foot's, which needs no more than to be level on average, is averaged.)
+# Segments whose twist no position shows: at rest they are aligned with the segment above, with this axis
+# along their line. (A foot, which only needs to be level on average, is averaged.)
 _ENDS: dict[str, Array] = {
     "shoulder_center": np.array([0.0, 0.0, 1.0]),
     "wrist_left": np.array([0.0, 0.0, -1.0]),
@@ -61,11 +61,11 @@ _HINGES = ("knee_left", "knee_right", "elbow_left", "elbow_right")
 
 @dataclass(frozen=True)
 class NodeRotations:
-    """rotations: (T, 20, 4), child to parent, sign-continuous, of the bodies at the nodes; NaN where unknown.
+    """rotations: (T, 20, 4), child to parent, sign-continuous, of the segments at the nodes; NaN if unknown.
 
-    sources: node -> the recorder's joint whose rotation was taken; the other nodes have what the positions
-    show. off_axis: knee or elbow -> mean angle (radians) between the recorded joint and the pure hinge; the
-    difference went into the limb's turn above it and to the foot or hand below.
+    sources: node -> the recorder's joint whose rotation was taken; the other nodes follow the positions.
+    off_axis: knee or elbow -> mean angle (radians) between the recorded joint and the pure hinge; the
+    difference went into the twist of the limb above and to the foot or hand below.
     """
 
     rotations: Array
@@ -74,9 +74,9 @@ class NodeRotations:
 
 
 def node_rotations_of(clip: Clip) -> NodeRotations:
-    """Rotations of the 20 nodes, as recorded where the clip has rotations that fit its positions.
+    """Rotations of the 20 nodes, as recorded if the clip has rotations that fit its positions.
 
-    Knees and elbows are pure hinges. Raises as `nodes.to_nodes` does where the clip has no 20 nodes.
+    Knees and elbows are pure hinges. KinemimicError, as of `nodes.to_nodes`, if the clip lacks nodes.
     """
     positions = to_nodes(clip)[0]
     shown = node_frames(positions)
@@ -105,7 +105,7 @@ def _recorded(clip: Clip) -> Array | None:
 
 
 def _offsets(clip: Clip, world: Array, positions: Array, shown: Array) -> dict[str, tuple[int, Array]]:
-    """Node -> the recorder's joint that turns its body, and the turn (4,) from that joint's frame to ours.
+    """Node -> the recorder's joint that turns its segment, and our frame's rotation (4,) relative to it.
 
     world: (M, J, 4) of the joints, positions: (M, 20, 3), shown: (M, 20, 4), of M frames of the clip.
     """
@@ -145,8 +145,10 @@ def _carrier(
     node: str,
     carried: tuple[str, ...],
 ) -> int | None:
-    """The joint in whose frame the body at a node stands still: in a BVH the one that it hangs from, in a
-    Kinect's tree the one that it ends at. Of a neck's many joints the head's own, since it turns the head.
+    """The joint in whose frame the segment at a node is at rest.
+
+    In a BVH that is the joint it hangs from, in a Kinect's tree the one it ends at; of a neck's many joints,
+    the head's own.
     """
     if any(end not in found for end in carried):
         return None
@@ -159,7 +161,7 @@ def _carrier(
 
 
 def _way(skeleton: Skeleton, start: int | None, end: int) -> list[int]:
-    """Joints from `start` down to `end`; from the root, if the tree does not lead from one to the other."""
+    """Joints from `start` down to `end`; from the root if `start` is not above `end`."""
     way = [end]
     while skeleton.parents[way[-1]] >= 0 and way[-1] != start:
         way.append(skeleton.parents[way[-1]])
@@ -181,7 +183,7 @@ def _mean_direction(line: Array) -> Array:
 
 
 def _visible(node: str, positions: Array) -> Array:
-    """How well positions show the turn of the body at a node, 0 to 1 (T,): of a limb as far as it is bent."""
+    """How well positions show the twist of the segment at a node, 0 to 1 (T,): of a limb, by its bend."""
     joint, _, side = node.partition("_")
     chain = {"shoulder": "arm", "elbow": "arm", "hip": "leg", "knee": "leg"}.get(joint)
     if chain is None or side not in ("left", "right"):
@@ -194,7 +196,7 @@ def _visible(node: str, positions: Array) -> Array:
 
 
 def _mean(turns: Array, weight: Array) -> Array:
-    """The turn (4,) that agrees with most of turns (T, 4), by their weights and how far each is off."""
+    """Robust weighted mean (4,) of rotations (T, 4)."""
     seen = np.isfinite(turns).all(axis=-1)
     q, given = turns[seen], weight[seen] + 1e-6
     if not len(q):
@@ -207,7 +209,7 @@ def _mean(turns: Array, weight: Array) -> Array:
 
 
 def _rest(clip: Clip) -> Array | None:
-    """World rotations (J, 4) of the joints with all channels at zero, where that is a person who stands."""
+    """World rotations (J, 4) of the joints with all channels at zero; None unless that pose is upright."""
     if clip.euler is None or clip.translations is None:
         return None
     joints = len(clip.skeleton.names)
@@ -216,7 +218,7 @@ def _rest(clip: Clip) -> Array | None:
     offsets = np.median(clip.translations, axis=0)[None]
     places, frames = forward_kinematics(clip.skeleton, offsets, turned)
     found = joints_of(clip)
-    # From below upwards, in a skeleton that stands.
+    # Upward along each leg, in a standing skeleton.
     chains = [
         [found.get(f"{joint}_{side}") for joint in ("ankle", "knee", "hip")] for side in ("left", "right")
     ]
@@ -227,7 +229,7 @@ def _rest(clip: Clip) -> Array | None:
 
 
 def _off_axis(recorded: Array, frames: Array) -> dict[str, float]:
-    """Mean angle of the recorded knees and elbows from those of frames (T, 20, 4)."""
+    """Mean angle (radians) between recorded knees and elbows and those of frames (T, 20, 4)."""
     angles: dict[str, float] = {}
     for node in _HINGES:
         joint, above = N[node], NODE_PARENTS[N[node]]

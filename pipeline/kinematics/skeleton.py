@@ -43,11 +43,11 @@ LAYERS: dict[str, tuple[str, ...]] = {
     "leg_right": ("hip_right", "knee_right", "ankle_right", "foot_right"),
 }
 
-# A node's rotation is that of the body which hangs from it. The neck turns at shoulder_center and must
-# not carry the arms along, so both shoulders hang from the spine node (whose body is the torso).
+# A node's rotation is that of the segment below it. The neck turns at shoulder_center and must not carry
+# the arms along, so both shoulders hang from the spine node (whose segment is the torso).
 NODE_PARENTS: tuple[int, ...] = (-1, 0, 1, 2, 1, 4, 5, 6, 1, 8, 9, 10, 0, 12, 13, 14, 0, 16, 17, 18)
 
-# The lines of Fig. 4, for drawing.
+# The bones of Fig. 4, for drawing.
 BONES: tuple[tuple[str, str], ...] = (
     ("hip_center", "spine"),
     ("spine", "shoulder_center"),
@@ -90,10 +90,10 @@ class Skeleton:
         if len(self.parents) != len(self.names) or self.offsets.shape != (len(self.names), 3):
             raise ValueError("names, parents and offsets must have one row per joint")
         if any(parent >= index for index, parent in enumerate(self.parents)):
-            raise ValueError("every parent must stand before its children")
+            raise ValueError("every parent must come before its children")
 
     def index(self, name: str) -> int:
-        """Index of a joint; KeyError names the joints there are."""
+        """Index of a joint; the KeyError of an unknown one lists the joints."""
         try:
             return self.names.index(name)
         except ValueError:

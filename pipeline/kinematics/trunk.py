@@ -1,8 +1,8 @@
-"""Frames of the pelvis and of the torso from the joints of the trunk.
+"""World frames of the pelvis and the torso, from the joints of the trunk.
 
-Each has a line that it surely carries (the hips; from the spine to the shoulders' middle) and a second one
-that shows its turn about the first. A depth sensor that sees a person from the side puts both shoulders, or
-both hips, on nearly one spot: the second line then points anywhere, also along the first.
+The first axis of each is reliable (the hip line; the line from the spine to the shoulder centre); a second
+line shows the turn about it. A depth sensor that sees a person from the side puts both shoulders, or both
+hips, at nearly one point: the second line then points anywhere, even along the first.
 """
 
 from __future__ import annotations
@@ -21,22 +21,21 @@ from kinemimic.pipeline.kinematics.skeleton import NODE_INDEX as N
 from kinemimic.pipeline.kinematics.twist import FADE, follow_twist
 
 _UP = np.array([0.0, 0.0, 1.0])
-# Width over its usual width from which a line's direction is fully believed: oblique views shrink it too.
+# Width over the median width from which a line is fully believed; oblique views shrink it too.
 _NARROW = 0.5
 
 
 def direction(positions: Array, start: str, end: str) -> Array:
-    """Unit vectors (T, 3) from one node to another, positions (T, 20, 3); NaN where they are one point."""
+    """Unit vectors (T, 3) from one node to another, of positions (T, 20, 3); NaN where they coincide."""
     v = positions[:, N[end]] - positions[:, N[start]]
     length = np.linalg.norm(v, axis=-1, keepdims=True)
     return np.asarray(v / np.where(length < 1e-6, np.nan, length))
 
 
 def swing(start: Array, end: Array, furthest: float) -> Array:
-    """The turn (T, 4) by the smallest angle that takes `start` (3,) to unit vectors `end` (T, 3).
+    """The smallest rotation (T, 4) from `start` (3,) to unit vectors `end` (T, 3).
 
-    NaN where that angle is beyond `furthest` (radians): towards the opposite of `start` the turn becomes
-    anything.
+    NaN where its angle exceeds `furthest` (radians): near the opposite of `start` it is undefined.
     """
     cosine = np.sum(start * end, axis=-1, keepdims=True)
     q = np.concatenate([np.cross(start, end), 1.0 + cosine], axis=-1)
@@ -44,7 +43,7 @@ def swing(start: Array, end: Array, furthest: float) -> Array:
 
 
 def pelvis_frames(positions: Array) -> Array:
-    """World frames (T, 4) from positions (T, 20, 3): Y to the left hip, Z as near to the spine as can be."""
+    """World frames (T, 4) of positions (T, 20, 3): Y to the left hip, Z as close to the spine as possible."""
     hips = direction(positions, "hip_right", "hip_left")
     waist, trunk = (direction(positions, "hip_center", end) for end in ("spine", "shoulder_center"))
     lying = np.abs(hips[:, 2:]) > 0.9
@@ -55,7 +54,7 @@ def pelvis_frames(positions: Array) -> Array:
 
 
 def torso_frames(positions: Array) -> Array:
-    """World frames (T, 4): Z from the spine to the shoulders' middle, Y as near as can be to the left."""
+    """World frames (T, 4): Z from the spine to the shoulder centre, Y as close to the left as possible."""
     hips, shoulders = (direction(positions, f"{line}_right", f"{line}_left") for line in ("hip", "shoulder"))
     trunk = direction(positions, "spine", "shoulder_center")
     width = np.linalg.norm(positions[:, N["shoulder_left"]] - positions[:, N["shoulder_right"]], axis=-1)
@@ -66,11 +65,11 @@ def torso_frames(positions: Array) -> Array:
 
 
 def _steady(first: Array, second: Array, helper: Array, upright: Array, names: str, shown: Array) -> Array:
-    """World frames (T, 4), axis names[0] along unit vectors `first`, names[1] as near `second` as can be.
+    """World frames (T, 4): axis names[0] along unit vectors `first`, names[1] close to `second`.
 
-    Where a sensor puts the second nearly in line with the first, the helper, if there, stands in for it.
-    upright: (T, 4) frames with the same first axis from which its turn is followed, NaN where there are none;
-    shown: (T,) 0 to 1, how far the second is believed. NaN where a direction is missing.
+    Where `second` is nearly in line with `first`, `helper` replaces it if finite. upright: (T, 4) frames with
+    the same first axis, relative to which the turn is followed in time, NaN where undefined; shown: (T,) 0 to
+    1, confidence in `second`. NaN where a direction is missing.
     """
     sine = np.linalg.norm(np.cross(first, second), axis=-1)
     doubt = np.clip(1.0 - (sine / (2.0 * FADE)) ** 2, 0.0, None)[:, None] ** 2

@@ -53,7 +53,7 @@ def _belt_travel(times: Array, positions: Array) -> tuple[float, Array] | None:
     feet = detect_foot_events(times, positions)
     if on_path or feet is None or not all(_is_carried(feet, k) for k in range(2)):
         return None
-    stroke_times, strokes = np.concatenate(feet.treads, axis=1)
+    stroke_times, strokes = np.concatenate(feet.belt_contacts, axis=1)
     order = np.argsort(stroke_times)
     stroke_times, strokes = stroke_times[order], strokes[order]
     smoothed = median_filter(strokes, size=min(MEDIAN_STROKES, len(strokes)), mode="nearest")
@@ -73,6 +73,6 @@ def _is_carried(feet: FootEvents, foot: int) -> bool:
     speed = np.gradient(np.einsum("tc,tc->t", feet.ankles[:, foot, :2] - feet.pelvis[:, :2], feet.forward))
     back, ahead = np.maximum(-speed, 0.0), np.maximum(speed, 0.0)
     height = feet.ankles[:, foot, 2]
-    return feet.treads[foot].shape[1] >= MIN_STROKES and bool(
+    return feet.belt_contacts[foot].shape[1] >= MIN_STROKES and bool(
         back @ height / back.sum() < ahead @ height / ahead.sum()
     )

@@ -216,7 +216,7 @@ DAMAGED: dict[str, tuple[Callable[[pa.Table], pa.Table], dict[str, Any], str]] =
     "a cycle": (
         lambda t: t,
         {"skeleton": {"names": ["a", "b"], "parents": [1, 0], "offsets": [[0, 0, 0]] * 2}},
-        "every parent must stand before",
+        "every parent must come before",
     ),
     "no joint": (
         lambda t: t,
