@@ -90,9 +90,7 @@ def test_what_is_committed_has_to_be_there_and_whole(root: Path, params: Params)
     assert all(line.endswith("`make data` rebuilds it") for line in lines)
     built_path(params, root, NAME, "clip.json").unlink()
     path.unlink()
-    assert check(params, root) == [
-        f"{path}: expected the committed file, found none; `make data` builds it"
-    ]
+    assert check(params, root) == [f"{path}: expected the committed file, found none; `make data` builds it"]
 
 
 def test_other_code_is_told_by_what_it_makes(
