@@ -1,7 +1,7 @@
-"""The simulated figure against the capture itself, before filtering and loop closing, and against the truth.
+"""Fit of the simulation to the capture, before filtering and loop closing, and to the true motion.
 
-A capture and a rollout share no clock: they meet at the phase of the motion. For every captured frame the
-simulated angle is read at the same phase of every cycle that the rollout walked, and all pairs are pooled.
+Capture and rollout share no clock, only the phase of the motion: each captured frame is compared with the
+simulated angles at the same phase of every cycle of the rollout, and all pairs are pooled.
 """
 
 from __future__ import annotations
@@ -29,10 +29,10 @@ Curves = Mapping[str, Array]
 
 @dataclass(frozen=True)
 class Capture:
-    """N captured frames on the motion's phase.
+    """N captured frames by phase of the motion.
 
-    phase: (N,) in durations of the motion; raw, clean, truth: knee and hip (N,) in radians as read, after
-    cleaning, and as the subject really moved (None unless the capture was simulated); NaN where missing.
+    phase: (N,) in durations of the motion; raw, clean, truth: knee and hip angles (N,) in radians as read,
+    after cleaning, and of the true motion (None unless the capture is simulated); NaN where missing.
     """
 
     phase: Array
@@ -42,7 +42,7 @@ class Capture:
 
 
 def read_capture(path: Path) -> Capture | None:
-    """Read the capture.parquet of `retarget`; None where that stage wrote none."""
+    """Read the capture.parquet of `retarget`; None if there is none."""
     if not path.exists():
         return None
     kind, advice = "a table (Parquet) of captured angles", "run retarget again"
@@ -74,10 +74,9 @@ def read_capture(path: Path) -> Capture | None:
 
 @dataclass(frozen=True)
 class Rollout:
-    """F frames of a rollout: its phases (F,), not wrapped, increasing; knee and hip (F,) in radians.
+    """F frames of a rollout: phases (F,), unwrapped and increasing; knee and hip angles (F,) in radians.
 
-    fallen_at: first frame of a fall, F or more if there was none; cyclic: whether phases of the capture come
-    again in every cycle.
+    fallen_at: first frame of a fall, F or more if there is none; cyclic: whether phases recur in every cycle.
     """
 
     phases: Array
@@ -86,10 +85,10 @@ class Rollout:
     cyclic: bool
 
     def at(self, phase: Array) -> tuple[NDArray[np.intp], Curves, Mask]:
-        """The simulated angles at captured phases (N,), once for every cycle in which they are passed.
+        """The simulated angles at captured phases (N,), once per cycle that contains the phase.
 
-        Returns which captured frame each of the M pairs belongs to (M,), the curves (M,), and whether the
-        figure still stood (M,). A cubic spline reads between control frames: at 30 Hz a straight line would
+        Returns the captured frame of each of the M pairs (M,), the angles (M,), and whether the humanoid was
+        upright (M,). Cubic splines interpolate between control frames: at 30 Hz, linear interpolation would
         cut almost a degree off the knee's peak.
         """
         first, last = self.phases[0], self.phases[-1]
@@ -106,14 +105,14 @@ class Rollout:
 
 
 def capture_fits(capture: Capture, rollout: Rollout, *, against: Curves | None = None) -> dict[str, JointFit]:
-    """Fit of a rollout to the capture, or to other curves of its frames, `against`; all cycles pooled."""
+    """Fit of a rollout to the capture, or to other curves of its frames (`against`), over all cycles."""
     frame, simulated, upright = rollout.at(capture.phase)
     target = capture.raw if against is None else against
     return joint_fits({name: values[frame] for name, values in target.items()}, simulated, upright)
 
 
 def truth_fits(capture: Capture, motion: Motion, rollout: Rollout) -> dict[str, dict[str, JointFit]] | None:
-    """Where the error comes from: raw and cleaned capture, reference and rollout, each against the truth."""
+    """Errors by stage: fits of raw and cleaned capture, reference and rollout to the truth."""
     if capture.truth is None:
         return None
     reference = joint_angles(Reference(motion).nodes(capture.phase))

@@ -1,4 +1,4 @@
-"""`kinemimic evaluate`: the policy performs; scores.json, curves.csv, report.html, trajectory.npz say how."""
+"""`kinemimic evaluate`: rolls out a policy; writes scores.json, curves.csv, report.html, trajectory.npz."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ START_PHASES = 13
 
 
 def protocol(motion: Motion) -> tuple[Array, int]:
-    """Start phases (S,) and frames of an evaluation: 13 and 20 s of a walk, a single performance once."""
+    """Start phases (S,) and number of frames: 13 phases and 20 s for a gait, one rollout otherwise."""
     starts = np.arange(START_PHASES) / START_PHASES if motion.cyclic else np.zeros(1)
     return starts, frames_of(motion)
 
@@ -44,8 +44,8 @@ def protocol(motion: Motion) -> tuple[Array, int]:
 def evaluate(run: Path, *, workers: int | None = None, engine: str = "auto") -> dict[str, Any]:
     """Score run/policy.safetensors on run/motion.json; returns the content of scores.json.
 
-    Nothing is written before everything is known. workers: processes that simulate, all cores by default;
-    engine: of `train/engines.py`.
+    Files are written only after everything has succeeded. workers: simulation processes, by default one per
+    core; engine: see `train/sim/engines.py`.
     """
     engine = resolve(engine)
     motion, _, record = learnt(run)
@@ -85,13 +85,13 @@ def evaluate(run: Path, *, workers: int | None = None, engine: str = "auto") -> 
     trajectory.save(run / "trajectory.npz")
     write_text(run / "curves.csv", curves_csv(trajectory, no_policy))
     write_text(run / "report.html", html)
-    # Last, because it is what says that the evaluation is complete.
+    # Last, because its presence marks the evaluation as complete.
     write_json(run / "scores.json", scores)
     return scores
 
 
 def curves_csv(trajectory: Trajectory, no_policy: Trajectory) -> str:
-    """Knee and hip in degrees from phase 0, one line a frame: reference, simulated, no policy."""
+    """Knee and hip angles in degrees from phase 0, one line per frame: reference, simulated, no policy."""
     columns = {
         f"{who}_{name}_deg": np.degrees(values)
         for who, rotations in (
@@ -110,7 +110,7 @@ def curves_csv(trajectory: Trajectory, no_policy: Trajectory) -> str:
 
 
 def table(scores: dict[str, Any], run: Path) -> RenderableType:
-    """The scores for a terminal."""
+    """The scores as text for a terminal."""
     fit, nothing = scores["fit"], scores["no_policy"]["fit"]
     survived, alone, root = scores["survival"], scores["no_policy"]["survival"], scores["root"]
     grid = Table("", header_style="bold", box=None, pad_edge=False)
@@ -125,23 +125,24 @@ def table(scores: dict[str, Any], run: Path) -> RenderableType:
         grid.add_row(label, *cells)
     grid.add_row("fitting degree (*)", "", "", f"{PAPER_FIT['knee']:.3f}", "", "", f"{PAPER_FIT['hip']:.3f}")
     lines = [
-        f"survives {survived['frames']} of {survived['of']} frames from phase 0, all of them from "
+        f"upright for {survived['frames']} of {survived['of']} frames from phase 0, no fall from "
         f"{survived['phases']} of {survived['phases_of']} start phases (no policy: {alone['frames']} frames)",
-        f"advance over the reference's {number(root['speed_ratio'], 3)}, {number(root['path_error_m'], 2)} "
-        f"m off at the end; largest torque {scores['torque']['peak']:.0f} N·m ({scores['torque']['joint']})",
+        f"speed relative to the reference {number(root['speed_ratio'], 3)}, final distance "
+        f"{number(root['path_error_m'], 2)} m; largest torque {scores['torque']['peak']:.0f} N·m "
+        f"({scores['torque']['joint']})",
     ]
-    below = ["(*) the paper publishes no formula for it"]
+    below = ["(*) defined by no formula in the paper"]
     if scores["capture"]["simulated"]:
         lines.insert(0, "SIMULATED CAPTURE (virtual Kinect)")
     if scores["fit_capture"] is not None:
         of = scores["fit_capture"]
         below.append(
-            f"against the unfiltered capture: R² {number(of['knee']['r2'], 3)} knee, "
+            f"compared with the unfiltered capture: R² {number(of['knee']['r2'], 3)} knee, "
             f"{number(of['hip']['r2'], 3)} hip"
         )
     if scores["truth"] is not None:
         below += [
-            f"RMSE against the truth, {joint}: "
+            f"RMSE from the true motion, {joint}: "
             + ", ".join(f"{who} {number(of[joint]['rmse_deg'], 2)}°" for who, of in scores["truth"].items())
             for joint in SCORED_JOINTS
         ]
@@ -159,7 +160,7 @@ def table(scores: dict[str, Any], run: Path) -> RenderableType:
 @engine_option
 @json_option("Print scores.json.")
 def command(run: Path, workers: int | None, engine: str, as_json: bool) -> None:
-    """Let the run's policy, or one that ships, perform; score it against reference, capture and truth.
+    """Score the run's policy, or a shipped one, against reference, capture and true motion.
 
     \b
       kinemimic evaluate --run runs/walk
@@ -169,5 +170,5 @@ def command(run: Path, workers: int | None, engine: str, as_json: bool) -> None:
     if as_json:
         click.echo(json.dumps(scores, indent=2))
     else:
-        # A path that is broken over two lines cannot be opened.
+        # Without wrapping: a path broken over two lines cannot be opened.
         Console(highlight=False).print(table(scores, run), soft_wrap=True)

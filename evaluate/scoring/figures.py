@@ -1,7 +1,4 @@
-"""The report's figures: each a function that draws what a rollout did, with labelled axes and units.
-
-What one sees in a figure is said once, in the caption beside the drawing in `report.py`.
-"""
+"""Figures of the evaluation report, with labelled axes and units; captions are in `templates/report.html`."""
 
 from __future__ import annotations
 
@@ -18,7 +15,7 @@ from kinemimic.retarget.humanoid.motion import joint_angles
 from kinemimic.train.rollout.trajectory import Trajectory
 from kinemimic.train.sim.world import CONTROL_RATE
 
-# Safe for the colour-blind (Okabe and Ito), and told apart by their grey in print.
+# Colour-blind safe (Okabe and Ito), and distinct in greyscale print.
 REFERENCE, SIMULATED, NO_POLICY, CAPTURED, TRUTH = "#2b2b2b", "#0072b2", "#b9a48f", "#d98c00", "#009e73"
 _SERIES = ("#0072b2", "#d98c00", "#009e73", "#cc79a7", "#7a5c9e", "#56b4e9")
 
@@ -33,7 +30,7 @@ def _degrees(rotations: Array) -> dict[str, Array]:
 
 
 def curves(trajectory: Trajectory, no_policy: Trajectory, frames: int) -> Draw:
-    """Knee and hip, left and right, over time from phase 0: reference, simulated, no policy."""
+    """Knee and hip angles over time from phase 0: reference, simulated, no policy."""
     reference, simulated, nothing = (
         _degrees(q[0, :frames])
         for q in (trajectory.reference_rotations, trajectory.rotations, no_policy.rotations)
@@ -49,7 +46,7 @@ def curves(trajectory: Trajectory, no_policy: Trajectory, frames: int) -> Draw:
             axes.plot(time, simulated[name], color=SIMULATED, linewidth=1.1, label="simulated")
             if fall < len(time):
                 axes.axvspan(time[fall], time[-1], color="#f4e3e0", linewidth=0, label="fallen")
-            # A figure on the ground may bend to any angle; the curves that matter set the scale.
+            # Without a policy, angles after a fall are arbitrary and must not set the scale.
             shown = np.concatenate([reference[name], simulated[name]])
             axes.set_ylim(shown.min() - 8, shown.max() + 8)
             axes.set(title=_title(name), ylabel="flexion [°]", xlim=(0, time[-1]))
@@ -61,7 +58,7 @@ def curves(trajectory: Trajectory, no_policy: Trajectory, frames: int) -> Draw:
 
 
 def cycles(trajectory: Trajectory, capture: Capture | None, frames: int, *, cyclic: bool) -> Draw:
-    """Knee and hip over the gait cycle: mean and spread of the rollout, the reference, the capture."""
+    """Knee and hip angles over the gait cycle: rollout (mean and spread), reference, capture."""
     phase = trajectory.phases[0, :frames]
     simulated, reference = (
         _degrees(q[0, :frames]) for q in (trajectory.rotations, trajectory.reference_rotations)
@@ -102,7 +99,7 @@ def cycles(trajectory: Trajectory, capture: Capture | None, frames: int, *, cycl
 
 
 def _along(phase: Array, values: Array, cyclic: bool) -> tuple[Array, Array]:
-    """Scattered samples as one line over the cycle in per cent: medians of its fiftieths that were seen."""
+    """Scattered samples as a line over the cycle in per cent: medians of fiftieths that have samples."""
     at = np.mod(phase, 1.0) if cyclic else phase
     places, medians = [], []
     for k in range(50):
@@ -114,7 +111,7 @@ def _along(phase: Array, values: Array, cyclic: bool) -> tuple[Array, Array]:
 
 
 def start_phases(trajectory: Trajectory, no_policy: Trajectory, r2: Mapping[str, Sequence[float]]) -> Draw:
-    """How long each start phase lasted, with and without the policy, and its R² at knee and hip."""
+    """Frames before a fall for each start phase, with and without the policy, and R² of knee and hip."""
     frames = trajectory.root.shape[1]
     at = np.arange(len(trajectory.start_phases))
 
@@ -139,7 +136,7 @@ def start_phases(trajectory: Trajectory, no_policy: Trajectory, r2: Mapping[str,
 
 
 def reward_terms(trajectory: Trajectory) -> Draw:
-    """The reward's terms from phase 0, stacked, over time."""
+    """Reward terms from phase 0 over time, stacked."""
     time = (np.arange(trajectory.rewards.shape[1]) + 1) / CONTROL_RATE
 
     def draw(phone: bool) -> Figure:
@@ -147,7 +144,7 @@ def reward_terms(trajectory: Trajectory) -> Draw:
         colors = [_SERIES[k % len(_SERIES)] for k in range(len(trajectory.reward_names))]
         labels = [str(name) for name in trajectory.reward_names]
         axes.stackplot(time, trajectory.rewards[0].T, colors=colors, labels=labels, alpha=0.75, linewidth=0)
-        axes.set(xlabel="time [s]", ylabel="reward a frame [1]", xlim=(0, time[-1]), ylim=(0, None))
+        axes.set(xlabel="time [s]", ylabel="reward per frame [1]", xlim=(0, time[-1]), ylim=(0, None))
         legend(figure, axes)
         return figure
 
@@ -155,7 +152,7 @@ def reward_terms(trajectory: Trajectory) -> Draw:
 
 
 def root_path(trajectory: Trajectory) -> Draw:
-    """The hip centre seen from above, and its height over time, from phase 0."""
+    """Path of the hip centre from above, and its height over time, from phase 0."""
     reference, path = trajectory.reference_root[0], trajectory.root[0]
     time = (np.arange(len(path)) + 1) / CONTROL_RATE
 
@@ -181,7 +178,7 @@ def root_path(trajectory: Trajectory) -> Draw:
 
 
 def torques(joints: Mapping[str, Mapping[str, float]]) -> Draw:
-    """Each joint's largest torque against its limit; joints as in scores.json's `torque.joints`."""
+    """Largest torque of each joint and its limit. joints: `torque.joints` of scores.json."""
 
     def draw(phone: bool) -> Figure:
         figure, (axes,) = panel_grid(1, 1, 3.2, phone)

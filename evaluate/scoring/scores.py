@@ -1,10 +1,10 @@
-"""scores.json: what is measured on the rollouts, under keys that stay.
+"""scores.json: metrics of the rollouts, under stable keys.
 
-The headline (`survival.frames`, `fit.knee`, `fit.hip`, `root`) is the rollout from phase 0. No rollout is cut
-at a fall: the figure lies there while the reference goes on, and its frames count. Lying there it bends its
-joints as it is told, so every fit has an `r2_upright` too, which credits nothing after the fall; for a figure
-that never falls both are one. `fit.phases` and `survival.phases` say how the other start phases did; `torque`
-is the worst of all.
+The main values (`survival.frames`, `fit.knee`, `fit.hip`, `root`) come from the rollout from phase 0.
+Rollouts continue after a fall: the reference goes on, and all frames count. On the ground, the joints can
+follow their targets easily, so every fit also has `r2_upright`, which credits nothing after a fall; without a
+fall it equals `r2`. `fit.phases` and `survival.phases` cover the other start phases; `torque` is the maximum
+over all.
 """
 
 from __future__ import annotations
@@ -22,13 +22,13 @@ from kinemimic.retarget.humanoid.motion import Motion, joint_angles
 from kinemimic.train.rollout.trajectory import Trajectory
 
 SCORES_SCHEMA = 1
-FIT_FRAMES = 500  # the paper's
+FIT_FRAMES = 500  # as in the paper
 _DECIMALS = 6
-_STANDS = 0.1  # m: a reference that gets no further walks nowhere, and has no speed to compare with
+_STANDING = 0.1  # m: below this advance the reference stands, and there is no speed to compare with
 
 
 def survival(trajectory: Trajectory) -> dict[str, int]:
-    """Frames before the first fall from phase 0, and how many start phases came through all frames."""
+    """Frames before the first fall from phase 0, and the number of start phases without a fall."""
     frames = trajectory.root.shape[1]
     return {
         "frames": int(min(trajectory.fallen_at[0], frames)),
@@ -39,7 +39,7 @@ def survival(trajectory: Trajectory) -> dict[str, int]:
 
 
 def rollout_fits(trajectory: Trajectory, rollout: int, frames: int) -> dict[str, JointFit]:
-    """Knee and hip of one rollout against its reference, over its first `frames` frames."""
+    """Fit of knee and hip to the reference over the first `frames` frames of a rollout."""
     reference = joint_angles(trajectory.reference_rotations[rollout, :frames])
     simulated = joint_angles(trajectory.rotations[rollout, :frames])
     upright = np.arange(len(simulated[ANGLES[0]])) < trajectory.fallen_at[rollout]
@@ -47,7 +47,7 @@ def rollout_fits(trajectory: Trajectory, rollout: int, frames: int) -> dict[str,
 
 
 def fit(trajectory: Trajectory, frames: int) -> dict[str, Any]:
-    """The fit from phase 0 per joint and side, and its spread over all start phases."""
+    """Fit from phase 0 by joint and side, and its spread over all start phases."""
     rollouts = [rollout_fits(trajectory, k, frames) for k in range(len(trajectory.start_phases))]
     spread: dict[str, dict[str, dict[str, float]]] = {}
     for joint in SCORED_JOINTS:
@@ -67,17 +67,17 @@ def fit(trajectory: Trajectory, frames: int) -> dict[str, Any]:
 
 
 def root_path(trajectory: Trajectory) -> dict[str, float | None]:
-    """The path over the ground from phase 0, heights left out.
+    """The horizontal path from phase 0.
 
-    path_error_m: distance between the two figures at the end; path_rms_m: its root mean square on the way;
-    advance_m, reference_advance_m: the way along the line from the reference's start to its end;
-    speed_ratio: the quotient of both, None where the reference gets nowhere.
+    path_error_m: final distance between humanoid and reference; path_rms_m: its root mean square over time;
+    advance_m, reference_advance_m: displacement along the line from the reference's start to its end;
+    speed_ratio: their quotient, None if the reference stands.
     """
     path, reference = trajectory.root[0, :, :2], trajectory.reference_root[0, :, :2]
     gap = np.linalg.norm(path - reference, axis=-1)
     way = reference[-1] - reference[0]
     distance = float(np.linalg.norm(way))
-    moves = distance > _STANDS
+    moves = distance > _STANDING
     advance = float((path[-1] - path[0]) @ way / distance) if moves else None
     return {
         "path_error_m": float(gap[-1]),
@@ -89,9 +89,9 @@ def root_path(trajectory: Trajectory) -> dict[str, float | None]:
 
 
 def torque(trajectory: Trajectory) -> dict[str, Any]:
-    """Largest torques of all rollouts, falls included: `peak` of any joint in N·m, and each joint's.
+    """Largest torques of all rollouts, falls included: `peak` over all joints in N·m, and of each joint.
 
-    share: of the joint's limit; 1 means that the motor was at its end.
+    share: of the joint's limit; 1 means that the motor was saturated.
     """
     peaks = trajectory.torques.max(axis=(0, 1))  # (14,)
     joints = {
@@ -146,11 +146,11 @@ def compose(
     policy: Mapping[str, Any],
     provenance: Mapping[str, Any],
 ) -> dict[str, Any]:
-    """The content of scores.json: JSON values, rounded, None where a number is not known or not defined.
+    """Content of scores.json: rounded JSON values, None for unknown or undefined numbers.
 
-    baseline: the same start phases with no policy, the reference's PD targets alone; policy: policy.json.
+    no_policy: rollouts with the reference's PD targets alone; policy: content of policy.json.
     """
-    # A single performance (a kick, a jump) is scored whole, a walk over the paper's 500 frames.
+    # A non-cyclic motion (a kick, a jump) is scored as a whole, a gait over the paper's 500 frames.
     frames = FIT_FRAMES if motion.cyclic else trajectory.root.shape[1]
     fit_capture, truth = _against_capture(trajectory, motion, capture, frames)
     scores = {
@@ -171,16 +171,16 @@ def compose(
         "capture": {"simulated": motion.simulated},
         "provenance": provenance,
     }
-    plain: dict[str, Any] = _plain(scores)
-    return plain
+    values: dict[str, Any] = _json_values(scores)
+    return values
 
 
-def _plain(value: Any) -> Any:
-    """JSON values: numbers rounded, what is not finite as None."""
+def _json_values(value: Any) -> Any:
+    """JSON values: rounded numbers, None for non-finite ones."""
     if isinstance(value, Mapping):
-        return {str(key): _plain(item) for key, item in value.items()}
+        return {str(key): _json_values(item) for key, item in value.items()}
     if isinstance(value, list | tuple):
-        return [_plain(item) for item in value]
+        return [_json_values(item) for item in value]
     if isinstance(value, float):
         return round(value, _DECIMALS) if np.isfinite(value) else None
     return value

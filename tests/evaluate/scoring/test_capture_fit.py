@@ -46,6 +46,31 @@ def test_a_single_performance_is_read_once(performance):
     assert frame.tolist() == [1, 2]
 
 
+def _quarters(fallen_at):
+    """A rollout over three cycles, a frame each quarter, from phase 0.25 to 3.25."""
+    phases = np.linspace(0.25, 3.25, 13)
+    return Rollout(phases, dict.fromkeys(ANGLES, phases), fallen_at, cyclic=True)
+
+
+def test_the_first_and_the_last_frame_of_a_rollout_count():
+    frame, simulated, _ = _quarters(13).at(np.array([0.25, 0.5]))
+    assert frame.tolist() == [0, 0, 0, 0, 1, 1, 1]
+    np.testing.assert_allclose(simulated["hip_right"], [0.25, 1.25, 2.25, 3.25, 0.5, 1.5, 2.5])
+
+
+@pytest.mark.parametrize(
+    ("fallen_at", "upright"),
+    [
+        (4, [True, False, False, False, True, False, False]),  # at phase 1.25, which is fallen itself
+        (5, [True, True, False, False, True, False, False]),
+        (12, [True, True, True, False, True, True, True]),
+        (13, [True] * 7),  # not within these frames
+    ],
+)
+def test_the_frame_of_the_fall_is_the_first_that_is_not_upright(fallen_at, upright):
+    assert _quarters(fallen_at).at(np.array([0.25, 0.5]))[2].tolist() == upright
+
+
 def test_whole_cycles_added_to_a_capture_change_nothing(performance, capture):
     rollout = _rollout(performance(1, offset=0.05))
     later = Capture(capture.phase + 5, capture.raw, capture.clean, capture.truth)

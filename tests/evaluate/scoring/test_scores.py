@@ -51,6 +51,12 @@ def test_a_perfect_figure(performance, walk):
     assert scores["root"]["reference_advance_m"] == pytest.approx(1.1 * 599 / 30, abs=1e-5)
 
 
+def test_a_noncyclic_motion_is_scored_as_a_whole(performance, walk):
+    long = performance(1, 550)
+    assert _scores(long, long, replace(walk, cyclic=False))["fit"]["frames"] == 550
+    assert _scores(long, long, walk)["fit"]["frames"] == 500
+
+
 def test_a_fall_counts_to_the_end(performance, walk):
     scores = _scores(performance(fall=30), performance(fall=10), walk)
     assert scores["survival"] == {"frames": 30, "of": 600, "phases": 0, "phases_of": 3}

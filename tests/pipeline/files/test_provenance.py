@@ -3,7 +3,10 @@
 from __future__ import annotations
 
 import json
-from importlib.metadata import version
+import sys
+from pathlib import Path
+
+import pytest
 
 from kinemimic.pipeline.files.provenance import provenance, versions
 
@@ -20,5 +23,18 @@ def test_the_record_says_what_when_how_and_with_which_versions() -> None:
     assert record["inputs"] == {"motion": "ab"}
     assert record["config"] == {"preset": "paper"}
     assert record["seed"] == 7
-    assert record["versions"] == versions()
-    assert versions()["numpy"] == version("numpy")
+
+
+def test_versions_are_those_of_the_packages_that_compute_and_are_installed(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    installed = {"numpy": "9.1", "torch": "8.2+cpu", "requests": "7.3", "kinemimic": "6.4"}
+    for name, release in installed.items():
+        folder = tmp_path / f"{name}-{release}.dist-info"
+        folder.mkdir()
+        (folder / "METADATA").write_text(f"Metadata-Version: 2.1\nName: {name}\nVersion: {release}\n")
+    monkeypatch.setattr(sys, "path", [str(tmp_path)])
+    # requests computes nothing; scipy and pybullet are absent here.
+    expected = {name: installed[name] for name in ("kinemimic", "numpy", "torch")}
+    assert versions() == expected
+    assert provenance("train", inputs={}, config={})["versions"] == expected
