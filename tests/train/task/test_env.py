@@ -250,6 +250,21 @@ def test_a_late_correction_comes_after_the_one_before(motion: Motion, puppets) -
         np.testing.assert_allclose(world.targets[k, begins:], multiply(led[begins:], turns[1]), atol=1e-12)
 
 
+def test_after_a_reset_a_late_correction_comes_after_none(motion: Motion, puppets) -> None:
+    """The last action of the episode before must not act in the first steps of the next."""
+    world, reference = puppets(2), Reference(motion)
+    batch = ImitationBatch(world, reference, EnvConfig())
+    late = replace(RandomizationSample.calm(2), delay=np.full(2, 3.0))
+    batch.reset(np.arange(2), np.full(2, 0.2), late)
+    batch.step(np.full((2, ACTIONS), 0.3))
+    batch.reset(np.array([1]), np.array([0.2]), replace(RandomizationSample.calm(1), delay=np.full(1, 3.0)))
+    at = batch.phases[:, None] + np.arange(1, SUBSTEPS + 1) * TIME_STEP / reference.duration
+    batch.step(np.full((2, ACTIONS), 0.1))
+    led = reference.targets(at)[0]
+    np.testing.assert_allclose(world.targets[1, :3], led[1, :3], atol=1e-12)
+    assert np.abs(world.targets[0, :3] - led[0, :3]).max() > 0.01
+
+
 def test_the_reference_ahead_becomes_the_target_but_after_a_reset(motion: Motion, puppets) -> None:
     """It is not sampled again: to the bit what the reference has at the figures' phases."""
     reference = Reference(motion)
