@@ -39,7 +39,7 @@ from kinemimic.train.scenario.scenario_file import scenario as read
 from kinemimic.train.sim.engines import resolve
 from kinemimic.train.sim.options import workers_option
 from kinemimic.train.task.mirror import mirrored
-from kinemimic.train.task.stopwatch import Stopwatch, table
+from kinemimic.train.task.timer import Timer, table
 
 CHECKPOINT = "checkpoint.safetensors"
 PREVIOUS = "checkpoint.previous.safetensors"
@@ -75,7 +75,7 @@ def train(
     scenario: what befalls the figures all the while (`scenario.py`), each episode by a draw of its own.
     config: settings of one's own, seed, budget and scenario among them, in place of a preset and a seed.
     """
-    watch = Stopwatch()
+    timer = Timer()
     engine = resolve(engine)
     motion = read_motion_json(run / "motion.json")
     require_trainable(run, anyway=anyway)
@@ -110,8 +110,8 @@ def train(
         saved.replace(run / PREVIOUS)
     seconds = None if minutes is None else 60.0 * minutes
     if not is_complete(training, seconds):
-        with _practice(learner, motion, engine, count, watch) as practice:
-            Rounds(training, practice, motion, saved, watch, seconds).go(run / CURVES)
+        with _practice(learner, motion, engine, count, timer) as practice:
+            Rounds(training, practice, motion, saved, timer, seconds).go(run / CURVES)
     record = _record(training, motion, engine)
     if training.best is not None:
         policy = run / POLICY
@@ -130,19 +130,17 @@ def _learner(config: TrainConfig, motion: Motion, engine: str, threads: int) -> 
 
 
 @contextmanager
-def _practice(
-    learner: Algorithm, motion: Motion, engine: str, count: int, watch: Stopwatch
-) -> Iterator[Runner]:
+def _practice(learner: Algorithm, motion: Motion, engine: str, count: int, timer: Timer) -> Iterator[Runner]:
     if isinstance(learner, PpoAlgorithm):
         config = learner.config
         with Workers(motion, config.env, config.num_envs, config.seed, count, engine) as crew:
-            yield PpoRunner(learner, crew, watch)
+            yield PpoRunner(learner, crew, timer)
         return
     from kinemimic.train.baselines.runner import BaselineAlgorithm, BaselineRunner  # noqa: PLC0415 (may not be installed)
 
     assert isinstance(learner, BaselineAlgorithm)  # noqa: S101 (for the type's sake)
     try:
-        yield BaselineRunner(learner, watch)
+        yield BaselineRunner(learner, timer)
     finally:
         learner.env.close()
 

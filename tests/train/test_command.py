@@ -31,7 +31,7 @@ from kinemimic.train.runner import checkpoint
 from kinemimic.train.runner.base import normalized_loss
 from kinemimic.train.runner.checkpoint import Training
 from kinemimic.train.task.env import ACTIONS, OBSERVATIONS
-from kinemimic.train.task.stopwatch import Stopwatch
+from kinemimic.train.task.timer import Timer
 
 SMALL = replace(PRESETS["default"], num_envs=4, horizon=16, minibatch=32, epochs=2, hidden=(32, 16))
 ROUND = SMALL.batch
@@ -103,7 +103,7 @@ def test_the_record_says_which_engine_and_where_the_time_went(run: Path) -> None
 def test_another_engine_goes_on_from_the_checkpoint(run: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     # A clock that ticks a thousand seconds whenever it is read: two rounds took exactly twice what one took.
     ticks = count(0.0, 1000.0)
-    monkeypatch.setattr(stage, "Stopwatch", lambda: Stopwatch(lambda: next(ticks)))
+    monkeypatch.setattr(stage, "Timer", lambda: Timer(lambda: next(ticks)))
     first = stage.train(run, budget=ROUND, workers=1, engine="pybullet")
     more = stage.train(run, budget=2 * ROUND, workers=1, engine="auto")
     assert more["samples"] == 2 * ROUND

@@ -15,11 +15,11 @@ from kinemimic.pipeline.arrays import Floats
 from kinemimic.train.config.config import RewardConfig, TrainConfig
 from kinemimic.train.rollout.sampler import Sampler
 from kinemimic.train.task.env import ACTIONS, SIMULATION, TASK, observation_size
-from kinemimic.train.task.stopwatch import Seconds
+from kinemimic.train.task.timer import Seconds
 
 # stable-baselines3 wants finite limits and clips to them: so far off that nothing is, as in our own rollouts.
 _FREE = 1e3
-# On the batch's stopwatch what others do between two steps.
+# On the batch's timer what others do between two steps.
 _ELSEWHERE = "elsewhere"
 
 
@@ -65,7 +65,7 @@ class ImitationVecEnv(VecEnv):
         Returns the observations (E, O) of the figures as they are, put anew so that the engine forgets (see
         `rollout.py`).
         """
-        self.sampler.batch.watch.lap(_ELSEWHERE)
+        self.sampler.batch.timer.lap(_ELSEWHERE)
         self.sampler.begin(reward)
         self._strength, self.tally = strength, Tally()
         return self._observe()
@@ -76,7 +76,7 @@ class ImitationVecEnv(VecEnv):
     @property
     def seconds(self) -> Seconds:
         """Where the time in here went."""
-        spent = self.sampler.batch.watch.seconds
+        spent = self.sampler.batch.timer.seconds
         return {name: spent.get(name, 0.0) for name in (SIMULATION, TASK)}
 
     def reset(self) -> Floats:
@@ -89,7 +89,7 @@ class ImitationVecEnv(VecEnv):
 
     def step_wait(self) -> tuple[Floats, Floats, NDArray[np.bool_], list[dict[str, Any]]]:
         batch = self.sampler.batch
-        batch.watch.lap(_ELSEWHERE)
+        batch.timer.lap(_ELSEWHERE)
         step = batch.step(self._actions.astype(np.float64))
         observations, rewards = step.observations.astype(np.float32), step.terms.sum(axis=1)
         dones = step.terminated | step.truncated
@@ -104,7 +104,7 @@ class ImitationVecEnv(VecEnv):
                 infos[k]["TimeLimit.truncated"] = bool(step.truncated[k])
             self.sampler.restart(ended, self._strength)
             observations[ended] = self._observe()[ended]
-        batch.watch.lap(TASK)
+        batch.timer.lap(TASK)
         return observations, rewards.astype(np.float32), dones, infos
 
     def close(self) -> None:

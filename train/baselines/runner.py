@@ -34,7 +34,7 @@ from kinemimic.train.rollout.policy import Policy
 from kinemimic.train.rollout.robustness import FIGURES
 from kinemimic.train.rollout.sampler import INFERENCE, Figures, Sampler
 from kinemimic.train.runner.base import ROLLOUT, UPDATE, Progress, normalized_loss
-from kinemimic.train.task.stopwatch import Seconds, Stopwatch, split
+from kinemimic.train.task.timer import Seconds, Timer, split
 
 _POLICY, _OPTIMIZER, _MEMORY = "policy.", "optimizer.", "memory."
 _RANDOM = "random.torch"
@@ -161,9 +161,9 @@ class _Watching(BaseCallback):
     errors, targets: of the critic, a list of (steps, E) arrays; none with DDPG, which rolls out without.
     """
 
-    def __init__(self, watch: Stopwatch) -> None:
+    def __init__(self, timer: Timer) -> None:
         super().__init__()
-        self._watch = watch
+        self._timer = timer
         self.errors: list[NDArray[np.float32]] = []
         self.targets: list[NDArray[np.float32]] = []
 
@@ -171,14 +171,14 @@ class _Watching(BaseCallback):
         return True
 
     def _on_rollout_start(self) -> None:
-        self._watch.lap(UPDATE)
+        self._timer.lap(UPDATE)
         check(self.model.policy)
 
     def _on_rollout_end(self) -> None:
         if (rollout := getattr(self.model, "rollout_buffer", None)) is not None:
             self.errors.append(rollout.values - rollout.returns)
             self.targets.append(rollout.returns.copy())
-        self._watch.lap(ROLLOUT)
+        self._timer.lap(ROLLOUT)
 
 
 def check(networks: torch.nn.Module) -> None:
@@ -190,8 +190,8 @@ def check(networks: torch.nn.Module) -> None:
 class BaselineRunner:
     """`Practice` (`learning.py`) of a rival."""
 
-    def __init__(self, learner: BaselineAlgorithm, watch: Stopwatch) -> None:
-        self._learner, self._env, self._watch = learner, learner.env, watch
+    def __init__(self, learner: BaselineAlgorithm, timer: Timer) -> None:
+        self._learner, self._env, self._timer = learner, learner.env, timer
 
     @property
     def patience(self) -> float:
@@ -211,7 +211,7 @@ class BaselineRunner:
 
     def round(self) -> dict[str, float]:
         learner, env, config, state = self._learner, self._env, self._learner.config, self._learner.progress
-        model, watching = learner.model, _Watching(self._watch)
+        model, watching = learner.model, _Watching(self._timer)
         seen = self._put()
         model._last_original_obs, model._last_obs = seen, learner.normalizer.normalize_obs(seen)
         model._last_episode_starts = env.sampler.batch.ages == 0
@@ -219,7 +219,7 @@ class BaselineRunner:
         learns(model, config, state.samples)
         if learner.memory is not None:
             learner.memory.under(config.reward(state.samples))
-        self._watch.lap(ROLLOUT)
+        self._timer.lap(ROLLOUT)
         with learner.random.here():
             model.learn(config.batch, watching, reset_num_timesteps=False)
             if isinstance(model, DDPG):
@@ -228,7 +228,7 @@ class BaselineRunner:
                 errors, targets = np.concatenate(watching.errors), np.concatenate(watching.targets)
         check(model.policy)
         env.sampler.end()
-        self._watch.lap(UPDATE)
+        self._timer.lap(UPDATE)
         tally = env.tally
         state.samples += config.batch
         state.rounds += 1
@@ -248,7 +248,7 @@ class BaselineRunner:
         return logged | {ours: float(told[name]) for ours, name in theirs.items() if name in told}
 
     def seconds(self) -> Seconds:
-        return split(self._watch.seconds, ROLLOUT, self._env.seconds, INFERENCE)
+        return split(self._timer.seconds, ROLLOUT, self._env.seconds, INFERENCE)
 
     def figures(self) -> Figures:
         return self._env.sampler.figures()

@@ -11,7 +11,7 @@ from kinemimic.train.rollout.policy import Policy
 from kinemimic.train.rollout.sampler import Figures, Samples
 from kinemimic.train.rollout.workers import Workers
 from kinemimic.train.runner.base import OTHER, ROLLOUT, UPDATE
-from kinemimic.train.task.stopwatch import Seconds, Stopwatch, split
+from kinemimic.train.task.timer import Seconds, Timer, split
 
 # What is left of a rollout's time beside what the workers say of it.
 WAITING = "transfer and waiting"
@@ -23,8 +23,8 @@ class PpoRunner:
 
     patience = 1.0
 
-    def __init__(self, learner: PpoAlgorithm, crew: Workers, watch: Stopwatch) -> None:
-        self._learner, self._crew, self._watch = learner, crew, watch
+    def __init__(self, learner: PpoAlgorithm, crew: Workers, timer: Timer) -> None:
+        self._learner, self._crew, self._timer = learner, crew, timer
 
     def begin(self, figures: Figures | None) -> None:
         if figures is not None:
@@ -37,13 +37,13 @@ class PpoRunner:
     def round(self) -> dict[str, float]:
         samples = self._sample(self._learner.config.horizon)
         logged = self._learner.update(samples)
-        self._watch.lap(UPDATE)
+        self._timer.lap(UPDATE)
         self._learner.progress.exploded += samples.exploded
         return logged | {"simulation/exploded": samples.exploded}
 
     def _sample(self, steps: int) -> Samples:
         learner, config, samples = self._learner, self._learner.config, self._learner.progress.samples
-        self._watch.lap(OTHER)
+        self._timer.lap(OTHER)
         found = self._crew.sample(
             learner.policy(),
             learner.action_std(),
@@ -51,11 +51,11 @@ class PpoRunner:
             scheduled_at(config.strength, samples),
             steps,
         )
-        self._watch.lap(ROLLOUT)
+        self._timer.lap(ROLLOUT)
         return found
 
     def seconds(self) -> Seconds:
-        return split(self._watch.seconds, ROLLOUT, self._crew.seconds, WAITING)
+        return split(self._timer.seconds, ROLLOUT, self._crew.seconds, WAITING)
 
     def figures(self) -> Figures:
         return self._crew.figures()

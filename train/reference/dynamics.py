@@ -48,7 +48,7 @@ _CENTERS = np.array([body.center for body in BODIES])
 
 
 @dataclass(frozen=True)
-class Efforts:
+class InverseDynamics:
     """torques: (T, 14, 3) of each joint on its child, in the child's frame, N·m;
     ground: (T, 3) force of the ground on the whole figure, N; missing: (T, 6) force and moment about the
     pelvis that nothing explains, N and N·m, in the world."""
@@ -58,7 +58,7 @@ class Efforts:
     missing: Array
 
 
-def efforts(bodies: BodyStates, linear_rate: Array, angular_rate: Array) -> Efforts:
+def inverse_dynamics(bodies: BodyStates, linear_rate: Array, angular_rate: Array) -> InverseDynamics:
     """What motions of the 15 bodies (T, 15, ...) take, given their accelerations (T, 15, 3) in the world."""
     frames = len(bodies.positions)
     spin = rotate(conjugate(bodies.rotations), bodies.angular)
@@ -112,4 +112,4 @@ def efforts(bodies: BodyStates, linear_rate: Array, angular_rate: Array) -> Effo
             joints[:, index] - joints[:, parent], force[:, index]
         )
     torques = rotate(conjugate(bodies.rotations[:, 1:]), moment[:, 1:])
-    return Efforts(torques, contact.sum(axis=1), np.concatenate([force[:, 0], moment[:, 0]], axis=-1))
+    return InverseDynamics(torques, contact.sum(axis=1), np.concatenate([force[:, 0], moment[:, 0]], axis=-1))

@@ -10,7 +10,7 @@ from kinemimic.pipeline.kinematics.rotations import rotate
 from kinemimic.retarget.humanoid.body import BODY_INDEX
 from kinemimic.train.reference.reference import Reference
 
-_STROLL = 0.1  # m/s: a slower reference goes nowhere, and is taken to go as its pelvis faces
+_MIN_SPEED = 0.1  # m/s: a slower reference goes nowhere, and is taken to go as its pelvis faces
 
 
 def heading(reference: Reference, phase: float) -> float:
@@ -23,7 +23,7 @@ def heading(reference: Reference, phase: float) -> float:
     around = phase + np.array([-0.5, 0.5]) * seconds / reference.duration
     before, after = reference.root(around)
     way = after - before
-    if math.hypot(way[0], way[1]) < _STROLL * seconds:
+    if math.hypot(way[0], way[1]) < _MIN_SPEED * seconds:
         pelvis = reference.bodies(np.array([phase])).rotations[:, BODY_INDEX["pelvis"]]
         way = rotate(pelvis, np.array([[1.0, 0.0, 0.0]]))[0]
     return math.atan2(way[1], way[0])

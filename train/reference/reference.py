@@ -21,7 +21,7 @@ from kinemimic.pipeline.kinematics.rotations import (
 from kinemimic.pipeline.kinematics.skeleton import node_skeleton
 from kinemimic.retarget.humanoid.body import BODIES, BODY_NODES
 from kinemimic.retarget.humanoid.motion import Motion
-from kinemimic.train.reference.dynamics import efforts
+from kinemimic.train.reference.dynamics import inverse_dynamics
 from kinemimic.train.sim.world import BodyStates, Poses
 
 _TABLE_RATE = 960.0  # Hz: linear steps between its rows err by less than 0.01 degrees on a run
@@ -103,7 +103,9 @@ class Reference:
         # Straight ahead, also where it is steered (`route.py`).
         before, now, after = (Reference.bodies(self, moment) for moment in (first, at, last))
         rate = 1.0 / ((last - first) * self.duration)[:, None, None]
-        found = efforts(now, rate * (after.linear - before.linear), rate * (after.angular - before.angular))
+        found = inverse_dynamics(
+            now, rate * (after.linear - before.linear), rate * (after.angular - before.angular)
+        )
         limits, stiffness = (
             np.array([[getattr(body, name)] for body in BODIES[1:]]) for name in ("torque_limit", "stiffness")
         )

@@ -18,7 +18,7 @@ from kinemimic.train.config.config import EnvConfig, TrainConfig
 from kinemimic.train.rollout.policy import OBSERVATION_CLIP, Policy
 from kinemimic.train.sim.world import CONTROL_RATE, SUBSTEPS, TIME_STEP
 from kinemimic.train.task.env import ACTION_SCALE, ACTIONS
-from kinemimic.train.task.mirror import of_action, of_observation
+from kinemimic.train.task.mirror import action_reflection, observation_reflection
 
 # Of 2022, and nothing newer is needed: every runtime in use reads them.
 OPSET, IR = 17, 8
@@ -120,7 +120,7 @@ def layout(config: EnvConfig) -> list[dict[str, Any]]:
 
 def _mirror(previews: int) -> dict[str, Any]:
     """What is to be done in the second half of a mirrored cycle (`mirror.py`)."""
-    tables = {"observation": of_observation(previews), "action": of_action()}
+    tables = {"observation": observation_reflection(previews), "action": action_reflection()}
     return {
         "what": "at phases from a half to one, number k of the observation is sign[k] times number source[k] "
         "of the layout above, and number k of what goes to the motors is sign[k] times action source[k]",

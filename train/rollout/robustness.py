@@ -30,7 +30,7 @@ class RobustnessEvaluation:
         self._config, self._size = config, len(numbers)
         self._batch = ImitationBatch(open_world(self._size, engine), reference, config)
         drawn = [draw(config.domain_randomization, 1.0, np.random.default_rng(number)) for number in numbers]
-        self._conditions = RandomizationSample.joined(drawn)
+        self._conditions = RandomizationSample.concatenated(drawn)
         self._seeds = np.array(numbers, dtype=np.uint64)
         # A cycle is begun all around; what is performed once has one beginning.
         self._phases = np.array(numbers) / FIGURES if reference.cyclic else np.zeros(self._size)

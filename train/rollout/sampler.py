@@ -99,7 +99,7 @@ class Sampler:
     @property
     def seconds(self) -> dict[str, float]:
         """Where the time of the last `sample` went."""
-        return self.batch.watch.seconds
+        return self.batch.timer.seconds
 
     def figures(self) -> Figures:
         """What the next `sample` begins with."""
@@ -145,7 +145,7 @@ class Sampler:
         seeds = None
         if config.scenario is not None:
             seeds = np.array([random.integers(_WORD, dtype=np.uint64) for random in randoms])
-        self.batch.reset(indices, phases, RandomizationSample.joined(drawn), seeds)
+        self.batch.reset(indices, phases, RandomizationSample.concatenated(drawn), seeds)
 
     def _exploration(self, action_std: Floats, steps: int) -> Floats:
         """(T, E, A) noise of standard deviations (A,), each figure's from its own generator."""
@@ -163,7 +163,7 @@ class Sampler:
         strength: of the hardships of the episodes that begin here, 0 to 1.
         """
         batch, size, width = self.batch, len(self._randoms), observation_size(self._config)
-        batch.watch.restart()
+        batch.timer.restart()
         self.begin(reward)
         # One row more: what the last step led to is the first observation of the next call.
         observations = np.empty((steps + 1, size, width), dtype=np.float32)
@@ -173,26 +173,26 @@ class Sampler:
         lengths: list[int] = []
         exploded = 0
         actions = self._exploration(action_std, steps)
-        batch.watch.lap(INFERENCE)
+        batch.timer.lap(INFERENCE)
         observations[0] = batch.observe()
-        batch.watch.lap(TASK)
+        batch.timer.lap(TASK)
         for t in range(steps):
             actions[t] += policy.act(observations[t])
-            batch.watch.lap(INFERENCE)
+            batch.timer.lap(INFERENCE)
             step = batch.step(actions[t])
-            batch.watch.lap(TASK)
+            batch.timer.lap(TASK)
             final[t] = observations[t + 1] = step.observations
             terms[t], terminated[t], truncated[t] = step.terms, step.terminated, step.truncated
             ended = np.flatnonzero(step.terminated | step.truncated)
-            batch.watch.lap(BOOKKEEPING)
+            batch.timer.lap(BOOKKEEPING)
             if len(ended):
                 lengths += batch.ages[ended].tolist()
                 exploded += int(step.exploded.sum())
                 self.restart(ended, strength)
                 observations[t + 1, ended] = batch.observe()[ended]
-                batch.watch.lap(TASK)
+                batch.timer.lap(TASK)
         self.end()
-        batch.watch.lap(TASK)
+        batch.timer.lap(TASK)
         return Samples(
             observations=observations[:-1],
             actions=actions,

@@ -21,7 +21,7 @@ from kinemimic.train.rollout.evaluation import Episode
 from kinemimic.train.rollout.policy import Policy
 from kinemimic.train.rollout.robustness import FIGURES
 from kinemimic.train.rollout.sampler import Figures, Sampler, Samples
-from kinemimic.train.task.stopwatch import summed
+from kinemimic.train.task.timer import summed
 
 
 def answer(sampler: Sampler, request: str, arguments: tuple[Any, ...]) -> Any:

@@ -12,7 +12,7 @@ from kinemimic.train.config.config import RewardConfig, TrainConfig
 from kinemimic.train.rollout.evaluation import Episode
 from kinemimic.train.rollout.policy import Policy
 from kinemimic.train.rollout.sampler import Figures
-from kinemimic.train.task.stopwatch import Seconds
+from kinemimic.train.task.timer import Seconds
 
 # Where a round's time goes; a practice says what became of the rollout's.
 ROLLOUT = "rollout"
@@ -24,7 +24,7 @@ OTHER = "other"
 class Progress:
     """What changes from round to round beside the networks.
 
-    seconds_by: where the wall time of training went, this call's and those before it (`stopwatch.py`);
+    seconds_by: where the wall time of training went, this call's and those before it (`timer.py`);
     exploded: figures that the engine lost so far; losses: the critic's `normalized_loss` of each round since
     the last trial.
     """
@@ -72,13 +72,13 @@ class Runner(Protocol):
         """Before the first round of a call: with the figures of a checkpoint, None without one."""
 
     def round(self) -> dict[str, float]:
-        """Sample and learn, ROLLOUT and UPDATE on the stopwatch; returns what is worth logging.
+        """Sample and learn, ROLLOUT and UPDATE on the timer; returns what is worth logging.
 
         FloatingPointError if what it learns became infinite or NaN.
         """
 
     def seconds(self) -> Seconds:
-        """What the stopwatch says, with the parts of the rollout in its place."""
+        """What the timer says, with the parts of the rollout in its place."""
 
     def figures(self) -> Figures:
         """What the next round begins with."""

@@ -16,7 +16,7 @@ from kinemimic.train.rollout.evaluation import Evaluation, best, is_due, start_p
 from kinemimic.train.runner import checkpoint
 from kinemimic.train.runner.base import OTHER, ROLLOUT, UPDATE, Runner
 from kinemimic.train.runner.checkpoint import Training
-from kinemimic.train.task.stopwatch import Stopwatch, summed
+from kinemimic.train.task.timer import Timer, summed
 
 CHECKPOINT_SECONDS = 30.0
 # Where the time between rounds goes.
@@ -38,7 +38,7 @@ def is_complete(training: Training, seconds: float | None) -> bool:
 
 
 class Rounds:
-    """The way of one training by one practice, which shares the learner and the stopwatch.
+    """The way of one training by one practice, which shares the learner and the timer.
 
     path: of the checkpoint; motion: what is imitated; seconds: of all calls together, after which it stops.
     """
@@ -49,11 +49,11 @@ class Rounds:
         practice: Runner,
         motion: Motion,
         path: Path,
-        watch: Stopwatch,
+        timer: Timer,
         seconds: float | None,
     ) -> None:
         self._training, self._practice, self._motion, self._path = training, practice, motion, path
-        self._watch, self._seconds = watch, seconds
+        self._timer, self._seconds = timer, seconds
         self._state = training.learner.progress
         self._config = training.learner.config
         self._earlier = self._state.seconds_by
@@ -102,10 +102,10 @@ class Rounds:
 
     def _round(self, board: SummaryWriter, bar: Bar) -> None:
         config, state, trials = self._config, self._state, self._training.trials
-        self._watch.lap(OTHER)
-        before = dict(self._watch.seconds)
+        self._timer.lap(OTHER)
+        before = dict(self._timer.seconds)
         logged = self._practice.round()
-        sampling, updating = (self._watch.seconds[k] - before.get(k, 0.0) for k in (ROLLOUT, UPDATE))
+        sampling, updating = (self._timer.seconds[k] - before.get(k, 0.0) for k in (ROLLOUT, UPDATE))
         logged |= {
             "speed/simulation": config.batch / sampling,
             "speed/update_seconds": updating,
@@ -158,7 +158,7 @@ class Rounds:
             board.add_scalar("trial/endured", trial.robust_return, samples)
 
     def _spent(self, name: str) -> None:
-        self._watch.lap(name)
+        self._timer.lap(name)
         self._state.seconds_by = summed(self._earlier, self._practice.seconds())
 
     def _save(self, board: SummaryWriter) -> None:

@@ -15,7 +15,7 @@ from kinemimic.pipeline.kinematics.rotations import multiply, rotate
 from kinemimic.retarget.humanoid.body import BODIES, BODY_INDEX
 from kinemimic.train.reference.heading import heading
 from kinemimic.train.reference.reference import Reference
-from kinemimic.train.scenario.overlap import clash, overlapped
+from kinemimic.train.scenario.overlap import obstacles_overlap, overlapping_body
 from kinemimic.train.scenario.scenario import Placement, Scenario
 from kinemimic.train.sim.world import CONTROL_RATE, GRAVITY, BodyStates, Obstacle
 
@@ -72,11 +72,11 @@ def draw_event_schedule(
     lengths = np.array([max(1, _step(load.lasts.draw(random))) for load in loads], dtype=np.int64)
     wrenches = np.zeros((len(loads), 6))
     for k, load in enumerate(loads):
-        turn = _turn(heading(reference, phase + _phases(reference, begins[k])))
+        turn = _about_vertical(heading(reference, phase + _phases(reference, begins[k])))
         wrenches[k, :3] = rotate(turn, load.force.draw(random))
         wrenches[k, 3:] = rotate(turn, load.torque.draw(random))
     slope = float(scenario.slope.draw(random)[0])
-    along = rotate(_turn(heading(reference, phase)), np.array([math.sin(slope), 0.0, 0.0]))
+    along = rotate(_about_vertical(heading(reference, phase)), np.array([math.sin(slope), 0.0, 0.0]))
     placed: list[tuple[int, Obstacle]] = []
     for item in scenario.obstacles:
         placed.append(_place(scenario, placed, item, reference, phase, random))
@@ -110,10 +110,13 @@ def _place(
     step = _step(item.at.draw(random))
     then = phase + _phases(reference, step)
     bodies = reference.bodies(np.array([then]))
-    figure = BodyStates(bodies.positions[0], bodies.rotations[0], bodies.linear[0], bodies.angular[0])
-    ahead, below = _turn(heading(reference, then)), reference.root(np.array([then]))[0] * [1.0, 1.0, 0.0]
+    humanoid = BodyStates(bodies.positions[0], bodies.rotations[0], bodies.linear[0], bodies.angular[0])
+    ahead, below = (
+        _about_vertical(heading(reference, then)),
+        reference.root(np.array([then]))[0] * [1.0, 1.0, 0.0],
+    )
     if scenario.route and step == 0:
-        ahead, below = _turn(0.0), np.zeros(3)
+        ahead, below = _about_vertical(0.0), np.zeros(3)
     for _ in range(_DRAWS):
         obstacle = _obstacle(item, random)
         obstacle = replace(
@@ -123,10 +126,14 @@ def _place(
             velocity=tuple(rotate(ahead, np.array(obstacle.velocity))),
             spin=tuple(rotate(ahead, np.array(obstacle.spin))),
         )
-        inside = overlapped(obstacle, figure)
+        inside = overlapping_body(obstacle, humanoid)
         if inside is not None:
             continue
-        others = [k for k, (when, other) in enumerate(placed, 1) if when == step and clash(obstacle, other)]
+        others = [
+            k
+            for k, (when, other) in enumerate(placed, 1)
+            if when == step and obstacles_overlap(obstacle, other)
+        ]
         if not others:
             return step, obstacle
         inside = f"obstacle {others[0]}"
@@ -146,7 +153,7 @@ def _obstacle(item: Placement, random: np.random.Generator) -> Obstacle:
         shape=item.shape,
         size=tuple(size),
         position=tuple(center),
-        rotation=tuple(_turn(float(item.turn.draw(random)[0]))),
+        rotation=tuple(_about_vertical(float(item.turn.draw(random)[0]))),
         mass=float(item.mass.draw(random)[0]),
         velocity=tuple(item.velocity.draw(random)),
         spin=tuple(item.spin.draw(random)),
@@ -161,12 +168,12 @@ def _phases(reference: Reference, steps: float) -> float:
     return float(steps) / (CONTROL_RATE * reference.duration)
 
 
-def _turn(angle: float) -> Array:
+def _about_vertical(angle: float) -> Array:
     """(4,) a turn about the vertical."""
     return np.array([0.0, 0.0, math.sin(0.5 * angle), math.cos(0.5 * angle)])
 
 
-def as_it_is(obstacles: Sequence[Obstacle], states: Array) -> list[Obstacle]:
+def with_states(obstacles: Sequence[Obstacle], states: Array) -> list[Obstacle]:
     """Obstacles with the states (K, 13) that `World.obstacles` tells."""
     return [
         replace(

@@ -48,7 +48,7 @@ def distance(item: Obstacle, points: Array) -> Array:
     return np.asarray(outside + np.minimum(beyond.max(axis=-1), 0.0))
 
 
-def clash(a: Obstacle, b: Obstacle) -> bool:
+def obstacles_overlap(a: Obstacle, b: Obstacle) -> bool:
     """Whether two obstacles, both turned about the vertical only, lie in one another by more than a touch."""
     if abs(a.position[2] - b.position[2]) > 0.5 * (_height(a) + _height(b)) - _TOUCH:
         return False
@@ -79,7 +79,7 @@ def _corners(box: Obstacle) -> Array:
     return (np.array(box.position) + rotate(np.broadcast_to(box.rotation, (4, 4)), corners))[:, :2]
 
 
-def overlapped(item: Obstacle, bodies: BodyStates) -> str | None:
+def overlapping_body(item: Obstacle, bodies: BodyStates) -> str | None:
     """Name of the body of one figure, arrays (15, ...), that an obstacle reaches into deepest, or None.
 
     Bodies are taken as balls and grids of points in them: an obstacle smaller than 6 cm may slip through.

@@ -20,7 +20,7 @@ from kinemimic.train.sim.world import CONTROL_RATE, Shape
 SHIPPED = DATASETS / "scenarios"
 MAX_BYTES = MEGABYTE
 MAX_ITEMS = 200  # of forces, torques and obstacles each
-SHORTEST, TIGHTEST = 0.1, 0.5  # m, of a part of a route and of its radius
+MIN_LENGTH, MIN_RADIUS = 0.1, 0.5  # m, of a part of a route and of its radius
 
 T = TypeVar("T")
 
@@ -137,8 +137,10 @@ class _File(Struct, frozen=True, forbid_unknown_fields=True):
 
     def __post_init__(self) -> None:
         for index, (length, turn) in enumerate(self.route):
-            if length < max(SHORTEST, TIGHTEST * abs(math.radians(turn))):
-                expected = f"lengths of {SHORTEST} m or more, and bends of a radius of {TIGHTEST} m or more"
+            if length < max(MIN_LENGTH, MIN_RADIUS * abs(math.radians(turn))):
+                expected = (
+                    f"lengths of {MIN_LENGTH} m or more, and bends of a radius of {MIN_RADIUS} m or more"
+                )
                 raise RecordError("route", index, expected=expected, found=f"[{length:g}, {turn:g}]")
         latest = self.seconds - 1.0 / CONTROL_RATE
         for key in ("force", "torque", "obstacle"):

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from kinemimic.pipeline.arrays import Array
 from kinemimic.retarget.humanoid.body import BODIES
 from kinemimic.train.reference.reference import Reference
-from kinemimic.train.scenario.event_schedule import EventSchedule, as_it_is, draw_event_schedule
+from kinemimic.train.scenario.event_schedule import EventSchedule, draw_event_schedule, with_states
 from kinemimic.train.scenario.scenario import Scenario
 from kinemimic.train.sim.world import World
 
@@ -21,7 +21,7 @@ class ScenarioManager:
 
     def __init__(self, scenario: Scenario, reference: Reference, world: World) -> None:
         self._scenario, self._reference, self._world = scenario, reference, world
-        self._courses: list[EventSchedule | None] = [None] * world.size
+        self._schedules: list[EventSchedule | None] = [None] * world.size
         self._seeds = np.zeros(world.size, dtype=np.uint64)
         self._phases: Array = np.zeros(world.size)
 
@@ -29,13 +29,13 @@ class ScenarioManager:
         """New courses for figures (N,) that start at phases (N,), drawn from seeds (N,), or peace without
         these; to be called before their reset."""
         for k, index in enumerate(indices):
-            before = self._courses[index]
-            course = None if seeds is None else self._draw(seeds[k], phases[k])
-            self._courses[index] = course
-            if course is not None:
+            before = self._schedules[index]
+            schedule = None if seeds is None else self._draw(seeds[k], phases[k])
+            self._schedules[index] = schedule
+            if schedule is not None:
                 self._seeds[index], self._phases[index] = seeds[k], phases[k]  # type: ignore[index]
-            if course is not None or (before is not None and before.releases):
-                self._world.place(index, [] if course is None else course.released(1))
+            if schedule is not None or (before is not None and before.releases):
+                self._world.place(index, [] if schedule is None else schedule.released(1))
 
     def _draw(self, seed: np.uint64, phase: float) -> EventSchedule:
         return draw_event_schedule(
@@ -44,24 +44,24 @@ class ScenarioManager:
 
     def friction(self, indices: NDArray[np.intp], usual: Array) -> Array:
         """(N,) of figures (N,): the scenario's, or what is usual (N,)."""
-        courses = [self._courses[index] for index in indices]
-        told = [None if course is None else course.friction for course in courses]
+        schedules = [self._schedules[index] for index in indices]
+        told = [None if schedule is None else schedule.friction for schedule in schedules]
         return np.array([value if own is None else own for own, value in zip(told, usual, strict=True)])
 
     def act(self, ages: NDArray[np.int64], masses: Array) -> Array | None:
         """Let appear what is due before the step that begins at ages (E,); wrenches (E, 15, 6) for that step
         on figures with masses (E,) times the nominal ones, None for none."""
         total = None
-        for index, course in enumerate(self._courses):
-            if course is None:
+        for index, schedule in enumerate(self._schedules):
+            if schedule is None:
                 continue
             age = int(ages[index])
-            if age and any(step == age for step, _ in course.releases):
-                there = as_it_is(course.released(age), self._world.obstacles(index))
-                self._world.place(index, [*there, *course.released(age + 1)[len(there) :]])
-            wrench = course.wrench(age, float(masses[index]))
+            if age and any(step == age for step, _ in schedule.releases):
+                there = with_states(schedule.released(age), self._world.obstacles(index))
+                self._world.place(index, [*there, *schedule.released(age + 1)[len(there) :]])
+            wrench = schedule.wrench(age, float(masses[index]))
             if wrench is not None:
-                total = np.zeros((len(self._courses), len(BODIES), 6)) if total is None else total
+                total = np.zeros((len(self._schedules), len(BODIES), 6)) if total is None else total
                 total[index] = wrench
         return total
 
@@ -69,12 +69,12 @@ class ScenarioManager:
         """Arrays (E, ...) given to `restore`: who is on a course, from which seed and phase, and the
         obstacles' states."""
         states = np.zeros((self._world.size, len(self._scenario.obstacles), 13))
-        for index, course in enumerate(self._courses):
-            if course is not None:
+        for index, schedule in enumerate(self._schedules):
+            if schedule is not None:
                 found = self._world.obstacles(index)
                 states[index, : len(found)] = found
         return {
-            "on_course": np.array([course is not None for course in self._courses]),
+            "on_course": np.array([schedule is not None for schedule in self._schedules]),
             "course_seeds": self._seeds.copy(),
             "course_phases": self._phases.copy(),
             "obstacles": states,
@@ -86,9 +86,9 @@ class ScenarioManager:
         same = (seeds == self._seeds) & (phases == self._phases)
         self._seeds, self._phases = seeds, phases
         for index, on in enumerate(snapshot["on_course"]):
-            course = self._courses[index] if same[index] and on else None
-            if on and course is None:
-                course = self._draw(self._seeds[index], self._phases[index])
-            self._courses[index] = course
-            there = [] if course is None else course.released(max(1, int(ages[index])))
-            self._world.place(index, as_it_is(there, snapshot["obstacles"][index, : len(there)]))
+            schedule = self._schedules[index] if same[index] and on else None
+            if on and schedule is None:
+                schedule = self._draw(self._seeds[index], self._phases[index])
+            self._schedules[index] = schedule
+            there = [] if schedule is None else schedule.released(max(1, int(ages[index])))
+            self._world.place(index, with_states(there, snapshot["obstacles"][index, : len(there)]))

@@ -15,13 +15,13 @@ from kinemimic.pipeline.kinematics.skeleton import NODE_INDEX
 from kinemimic.retarget.formats.urdf import SMALL_INERTIA, SMALL_MASS
 from kinemimic.retarget.humanoid.body import BODIES, BODY_INDEX, BODY_PARENTS, Body, node_offsets
 from kinemimic.train.sim.world import (
-    FASTEST,
-    FREE_SPEED,
     FRICTION,
     GRAVITY,
-    LARGEST_TURN,
-    MOST_PARTS,
+    MAX_PARTS,
+    MAX_SPEED,
+    MAX_TURN,
     SOLVER_ITERATIONS,
+    SPEED_LIMIT,
     TIME_STEP,
     BodyStates,
     Obstacle,
@@ -35,10 +35,10 @@ SETTINGS: dict[str, Any] = {
     "gravity": GRAVITY,
     "friction": FRICTION,
     "iterations": SOLVER_ITERATIONS,
-    "fastest": FASTEST,
-    "free_speed": FREE_SPEED,
-    "largest_turn": LARGEST_TURN,
-    "most_parts": MOST_PARTS,
+    "fastest": MAX_SPEED,
+    "free_speed": SPEED_LIMIT,
+    "largest_turn": MAX_TURN,
+    "most_parts": MAX_PARTS,
 }
 _SHAPES = {"box": 0, "sphere": 1, "ellipsoid": 2}
 _OBSTACLE_SHAPES = {"box": 0, "sphere": 1, "cylinder": 2}

@@ -6,10 +6,10 @@ from pathlib import Path
 
 from kinemimic.retarget.humanoid.body import BODIES
 from kinemimic.train.sim.pybullet_client import bullet
-from kinemimic.train.sim.world import FREE_SPEED, GRAVITY, SOLVER_ITERATIONS, TIME_STEP
+from kinemimic.train.sim.world import GRAVITY, SOLVER_ITERATIONS, SPEED_LIMIT, TIME_STEP
 
 LINKS = list(range(len(BODIES)))  # link k is BODIES[k]
-JOINTS = LINKS[1:]
+JOINT_LINKS = LINKS[1:]
 STIFFNESS = [body.stiffness for body in BODIES[1:]]
 DAMPING = [body.damping for body in BODIES[1:]]
 LIMITS = [[body.torque_limit] * 3 for body in BODIES[1:]]
@@ -17,7 +17,7 @@ LIMITS = [[body.torque_limit] * 3 for body in BODIES[1:]]
 Weights = list[tuple[float, tuple[float, float, float]]]
 
 
-def build_figure(urdf: Path, *, measure: bool) -> tuple[int, int]:
+def build_humanoid(urdf: Path, *, measure: bool) -> tuple[int, int]:
     """A client and the number of the figure in it; `measure` switches the joints' sensors on."""
     client: int = bullet.connect(bullet.DIRECT)
     if client < 0:
@@ -34,58 +34,58 @@ def build_figure(urdf: Path, *, measure: bool) -> tuple[int, int]:
     # Bullet multiplies the frictions of two bodies.
     bullet.changeDynamics(ground, -1, lateralFriction=1.0, physicsClientId=client)
     flags = bullet.URDF_USE_INERTIA_FROM_FILE | bullet.URDF_MAINTAIN_LINK_ORDER
-    figure: int = bullet.loadURDF(str(urdf), [0, 2, 0], flags=flags, physicsClientId=client)
+    humanoid: int = bullet.loadURDF(str(urdf), [0, 2, 0], flags=flags, physicsClientId=client)
     # These are the figure's. Named in the call for a link, they make Bullet drop the rest of it.
     bullet.changeDynamics(
-        figure, -1, linearDamping=0, angularDamping=0, maxJointVelocity=FREE_SPEED,
+        humanoid, -1, linearDamping=0, angularDamping=0, maxJointVelocity=SPEED_LIMIT,
         activationState=bullet.ACTIVATION_STATE_DISABLE_SLEEPING, physicsClientId=client,
     )  # fmt: skip
     for link in LINKS:
-        bullet.changeDynamics(figure, link, jointDamping=0, physicsClientId=client)
-    for joint in JOINTS:
+        bullet.changeDynamics(humanoid, link, jointDamping=0, physicsClientId=client)
+    for joint in JOINT_LINKS:
         # Both kinds of default motor would hold the joint.
         bullet.setJointMotorControlMultiDof(
-            figure, joint, bullet.POSITION_CONTROL, targetPosition=[0, 0, 0, 1], positionGain=0,
+            humanoid, joint, bullet.POSITION_CONTROL, targetPosition=[0, 0, 0, 1], positionGain=0,
             velocityGain=0, force=[0, 0, 0], physicsClientId=client,
         )  # fmt: skip
         bullet.setJointMotorControl2(
-            figure, joint, bullet.POSITION_CONTROL, targetPosition=0, positionGain=0, velocityGain=0,
+            humanoid, joint, bullet.POSITION_CONTROL, targetPosition=0, positionGain=0, velocityGain=0,
             force=0, physicsClientId=client,
         )  # fmt: skip
         if measure:
-            bullet.enableJointForceTorqueSensor(figure, joint, True, physicsClientId=client)
+            bullet.enableJointForceTorqueSensor(humanoid, joint, True, physicsClientId=client)
     # At its first command the stable PD takes down what the bodies weigh, once and for all: here that is what
     # the file says. Without any force the command does nothing else.
-    still = [[0.0, 0.0, 0.0]] * len(JOINTS)
-    control(client, figure, [[0.0, 0.0, 0.0, 1.0]] * len(JOINTS), still, still)
-    return client, figure
+    still = [[0.0, 0.0, 0.0]] * len(JOINT_LINKS)
+    control(client, humanoid, [[0.0, 0.0, 0.0, 1.0]] * len(JOINT_LINKS), still, still)
+    return client, humanoid
 
 
 def control(
     client: int,
-    figure: int,
+    humanoid: int,
     targets: list[list[float]],
     velocities: list[list[float]],
     limits: list[list[float]],
 ) -> None:
     """Stable PD towards 14 rotations and velocities, within these torques, for the next step."""
     bullet.setJointMotorControlMultiDofArray(
-        figure, JOINTS, bullet.STABLE_PD_CONTROL, targetPositions=targets, targetVelocities=velocities,
+        humanoid, JOINT_LINKS, bullet.STABLE_PD_CONTROL, targetPositions=targets, targetVelocities=velocities,
         forces=limits, positionGains=STIFFNESS, velocityGains=DAMPING, physicsClientId=client,
     )  # fmt: skip
 
 
-def weigh(client: int, figure: int) -> Weights:
+def nominal_weights(client: int, humanoid: int) -> Weights:
     """Mass, kg, and principal moments, kg·m², of the base and of every link."""
-    found = (bullet.getDynamicsInfo(figure, link, physicsClientId=client) for link in (-1, *LINKS))
+    found = (bullet.getDynamicsInfo(humanoid, link, physicsClientId=client) for link in (-1, *LINKS))
     return [(info[0], info[2]) for info in found]
 
 
-def vary_figure(client: int, figure: int, nominal: Weights, friction: float, mass: float) -> None:
+def vary_humanoid(client: int, humanoid: int, nominal: Weights, friction: float, mass: float) -> None:
     """Give the figure this friction, and `mass` times its nominal masses and inertias."""
     for link, (own, moments) in enumerate(nominal, start=-1):
         # In one call: a mass alone would make Bullet work the moments out from the shapes.
         bullet.changeDynamics(
-            figure, link, mass=mass * own, localInertiaDiagonal=[mass * moment for moment in moments],
+            humanoid, link, mass=mass * own, localInertiaDiagonal=[mass * moment for moment in moments],
             lateralFriction=friction, physicsClientId=client,
         )  # fmt: skip

@@ -23,20 +23,20 @@ from kinemimic.train.sim.pybullet_client import (
     bullet,
 )
 from kinemimic.train.sim.pybullet_humanoid import (
-    JOINTS,
+    JOINT_LINKS,
     LIMITS,
     LINKS,
-    build_figure,
+    build_humanoid,
     control,
-    vary_figure,
-    weigh,
+    nominal_weights,
+    vary_humanoid,
 )
 from kinemimic.train.sim.pybullet_obstacles import build, start
 from kinemimic.train.sim.world import (
-    FASTEST,
     FRICTION,
-    LARGEST_TURN,
-    MOST_PARTS,
+    MAX_PARTS,
+    MAX_SPEED,
+    MAX_TURN,
     TIME_STEP,
     BodyStates,
     Obstacle,
@@ -69,21 +69,21 @@ class BulletWorld:
     def __init__(self, size: int, *, measure_torques: bool = False) -> None:
         self.size = size
         self._measure = measure_torques
-        self._peaks = np.zeros((size, len(JOINTS)))
+        self._peaks = np.zeros((size, len(JOINT_LINKS)))
         with tempfile.TemporaryDirectory() as folder:
             urdf = Path(folder) / "humanoid.urdf"
             urdf.write_text(humanoid_urdf("spherical", y_up=True))
-            built = [build_figure(urdf, measure=measure_torques) for _ in range(size)]
+            built = [build_humanoid(urdf, measure=measure_torques) for _ in range(size)]
         self._clients = [client for client, _ in built]
         # A client keeps its memory until it is disconnected, whoever forgets to close the world.
         self._end = weakref.finalize(self, _disconnect, self._clients)
         self._end.atexit = False
-        self._figure = built[0][1]  # in every client the same
-        self._nominal = weigh(self._clients[0], self._figure)
+        self._humanoid = built[0][1]  # in every client the same
+        self._nominal = nominal_weights(self._clients[0], self._humanoid)
         self._wanted = [(FRICTION, 1.0)] * size
         self._varied = self._wanted.copy()
         for client in self._clients:
-            vary_figure(client, self._figure, self._nominal, *self._wanted[0])
+            vary_humanoid(client, self._humanoid, self._nominal, *self._wanted[0])
         self._obstacles: list[list[tuple[int, Obstacle]]] = [[] for _ in range(size)]
         self._exploded = np.zeros(size, dtype=np.bool_)
         self._parts = [1] * size
@@ -107,15 +107,15 @@ class BulletWorld:
         for row, index in enumerate(indices):
             client = self._clients[index]
             if self._varied[index] != self._wanted[index]:
-                vary_figure(client, self._figure, self._nominal, *self._wanted[index])
+                vary_humanoid(client, self._humanoid, self._nominal, *self._wanted[index])
                 self._varied[index] = self._wanted[index]
             self._forget_contacts(index, client)
             bullet.resetBasePositionAndOrientation(
-                self._figure, root[row], rotation[row], physicsClientId=client
+                self._humanoid, root[row], rotation[row], physicsClientId=client
             )
-            bullet.resetBaseVelocity(self._figure, linear[row], angular[row], physicsClientId=client)
+            bullet.resetBaseVelocity(self._humanoid, linear[row], angular[row], physicsClientId=client)
             bullet.resetJointStatesMultiDof(
-                self._figure, JOINTS, joints[row], velocities[row], physicsClientId=client
+                self._humanoid, JOINT_LINKS, joints[row], velocities[row], physicsClientId=client
             )
             for body, item in self._obstacles[index]:
                 start(client, body, item)
@@ -128,7 +128,7 @@ class BulletWorld:
 
         With several obstacles the order in which it finds them again may be another, and so the last digits.
         """
-        for body in (self._figure, *(body for body, _ in self._obstacles[index])):
+        for body in (self._humanoid, *(body for body, _ in self._obstacles[index])):
             bullet.resetBasePositionAndOrientation(
                 body, [0, 1000.0 * (body + 1), 0], [0, 0, 0, 1], physicsClientId=client
             )
@@ -155,7 +155,7 @@ class BulletWorld:
         if parts > 1:
             bullet.setPhysicsEngineParameter(fixedTimeStep=TIME_STEP / parts, physicsClientId=client)
         for _ in range(parts):
-            control(client, self._figure, target, velocity, LIMITS)
+            control(client, self._humanoid, target, velocity, LIMITS)
             # Bullet forgets external forces after every step.
             if wrench is not None:
                 self._push(client, wrench)
@@ -167,26 +167,28 @@ class BulletWorld:
 
     def _division(self, client: int) -> int:
         """Into how many parts the next step is divided."""
-        states = bullet.getJointStatesMultiDof(self._figure, JOINTS, physicsClientId=client)
+        states = bullet.getJointStatesMultiDof(self._humanoid, JOINT_LINKS, physicsClientId=client)
         turn = TIME_STEP * max(math.hypot(*state[1]) for state in states)
         # Written so that what is NaN is not divided.
-        return min(max(math.ceil(turn / LARGEST_TURN), 1), MOST_PARTS) if turn > LARGEST_TURN else 1
+        return min(max(math.ceil(turn / MAX_TURN), 1), MAX_PARTS) if turn > MAX_TURN else 1
 
     def _push(self, client: int, wrench: Array) -> None:
         for body in np.flatnonzero(np.any(wrench != 0.0, axis=-1)).tolist():
             force, torque = wrench[body, :3][TO_BULLET].tolist(), wrench[body, 3:][TO_BULLET].tolist()
-            center = bullet.getLinkState(self._figure, body, physicsClientId=client)[0]
+            center = bullet.getLinkState(self._humanoid, body, physicsClientId=client)[0]
             bullet.applyExternalForce(
-                self._figure, body, force, center, bullet.WORLD_FRAME, physicsClientId=client
+                self._humanoid, body, force, center, bullet.WORLD_FRAME, physicsClientId=client
             )
-            bullet.applyExternalTorque(self._figure, body, torque, bullet.WORLD_FRAME, physicsClientId=client)
+            bullet.applyExternalTorque(
+                self._humanoid, body, torque, bullet.WORLD_FRAME, physicsClientId=client
+            )
 
     def _torques(self, client: int) -> Array:
         """Largest component of each joint's torque, N·m, from the reaction that its sensor felt.
 
         The sensor reports the wrench about the child's centre of mass; the joint lies elsewhere.
         """
-        states = bullet.getJointStatesMultiDof(self._figure, JOINTS, physicsClientId=client)
+        states = bullet.getJointStatesMultiDof(self._humanoid, JOINT_LINKS, physicsClientId=client)
         wrench = np.array([state[2] for state in states])[:, [*FROM_BULLET, *(3 + k for k in FROM_BULLET)]]
         torque = wrench[:, 3:] + np.cross(_CENTERS, wrench[:, :3])
         return np.asarray(np.abs(torque).max(axis=-1))
@@ -195,7 +197,7 @@ class BulletWorld:
         """Bring the states up to date but for figures that have exploded: these stay as they were."""
         rows = [
             bullet.getLinkStates(
-                self._figure,
+                self._humanoid,
                 LINKS,
                 computeLinkVelocity=1,
                 computeForwardKinematics=1,
@@ -205,7 +207,7 @@ class BulletWorld:
         ]
         flat = np.array([[(*s[0], *s[1], *s[6], *s[7]) for s in row] for row in rows])
         speed = np.linalg.norm(flat[..., 7:10], axis=-1).max(axis=-1)
-        sound = np.isfinite(flat).all(axis=(1, 2)) & (speed < FASTEST)
+        sound = np.isfinite(flat).all(axis=(1, 2)) & (speed < MAX_SPEED)
         self._exploded |= ~sound
         kept = ~self._exploded
         found = self._buffers
@@ -228,7 +230,7 @@ class BulletWorld:
                     and any(
                         point[8] < 1e-3
                         for point in bullet.getContactPoints(
-                            bodyA=self._figure, linkIndexA=foot, physicsClientId=client
+                            bodyA=self._humanoid, linkIndexA=foot, physicsClientId=client
                         )
                     )
                     for foot in _FEET
@@ -242,7 +244,7 @@ class BulletWorld:
         for index, client in enumerate(self._clients):
             if self._exploded[index]:
                 continue
-            for point in bullet.getContactPoints(bodyA=self._figure, physicsClientId=client):
+            for point in bullet.getContactPoints(bodyA=self._humanoid, physicsClientId=client):
                 normal, first, second = (np.array(point[k])[FROM_BULLET] for k in (7, 11, 13))
                 force = normal * point[9] + first * point[10] + second * point[12]
                 # pybullet divides the impulse by the undivided step.

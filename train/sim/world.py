@@ -22,14 +22,14 @@ FRICTION = 0.9
 SOLVER_ITERATIONS = 10
 # Where joints turn fast (a hand that hits the ground reaches 70 rad/s in one step), a step is divided: whole,
 # its explicit integration would make energy. Bullet's own remedy, to cut off speeds, hurls a figure away.
-LARGEST_TURN = 0.1  # rad that a joint may turn in one part of a step
-MOST_PARTS = 8
-FREE_SPEED = 1000.0  # rad/s, m/s: Bullet's own limit of joint and root speeds, set where it never acts
-FASTEST = 100.0  # m/s: no part of a body that obeys its joints comes near; what goes faster has exploded
+MAX_TURN = 0.1  # rad that a joint may turn in one part of a step
+MAX_PARTS = 8
+SPEED_LIMIT = 1000.0  # rad/s, m/s: Bullet's own limit of joint and root speeds, set where it never acts
+MAX_SPEED = 100.0  # m/s: no part of a body that obeys its joints comes near; what goes faster has exploded
 # Stable PD, at these gains, takes all of a joint's speed in one step from the moments that it reckons with:
 # capsules', larger than the ellipsoids' own. What is much lighter is thrown back further than it came: in 40
 # postures joints came to rest at 0.70, and shook without end at 0.68.
-LIGHTEST = 0.7  # of the nominal mass
+MIN_MASS = 0.7  # of the nominal mass
 JOINT_PARENTS: NDArray[np.intp] = np.array(BODY_PARENTS[1:])
 
 
@@ -100,7 +100,7 @@ def check_variation(indices: NDArray[np.intp], friction: Array, mass: Array) -> 
     """ValueError unless friction and mass are what `World.vary` takes for these indices."""
     for name, values, sound, wanted in (
         ("friction", friction, friction >= 0, "at least 0"),
-        ("mass", mass, mass >= LIGHTEST, f"at least {LIGHTEST}"),
+        ("mass", mass, mass >= MIN_MASS, f"at least {MIN_MASS}"),
     ):
         if values.shape != np.shape(indices):
             raise ValueError(f"{name}: expected the shape {np.shape(indices)}, found {values.shape}")

@@ -14,7 +14,7 @@ from kinemimic.train.config.config import DomainRandomization
 from kinemimic.train.sim.world import CONTROL_RATE, FRICTION, TIME_STEP, Poses
 
 PUSH_STEPS = 6  # control steps: 0.2 s
-PUSHES = 12  # at most in an episode
+MAX_PUSHES = 12  # at most in an episode
 
 
 @dataclass(frozen=True)
@@ -35,11 +35,11 @@ class RandomizationSample:
     spins: Array
 
     @classmethod
-    def calm(cls, size: int) -> RandomizationSample:
+    def nominal(cls, size: int) -> RandomizationSample:
         """Nothing hard for any figure."""
         return cls(
-            begins=np.zeros((size, PUSHES)),
-            forces=np.zeros((size, PUSHES, 2)),
+            begins=np.zeros((size, MAX_PUSHES)),
+            forces=np.zeros((size, MAX_PUSHES, 2)),
             friction=np.full(size, FRICTION),
             mass=np.ones(size),
             delay=np.zeros(size),
@@ -48,15 +48,15 @@ class RandomizationSample:
         )
 
     @classmethod
-    def joined(cls, parts: Sequence[RandomizationSample]) -> RandomizationSample:
+    def concatenated(cls, parts: Sequence[RandomizationSample]) -> RandomizationSample:
         """Of all figures of the parts."""
         return cls(*(np.concatenate([getattr(part, f.name) for part in parts]) for f in fields(cls)))
 
-    def held(self) -> dict[str, Array]:
+    def persistent(self) -> dict[str, Array]:
         """By name what matters after the start too."""
         return {f.name: getattr(self, f.name) for f in fields(self) if f.name not in ("tilts", "spins")}
 
-    def disturbed(self, poses: Poses) -> Poses:
+    def perturbed(self, poses: Poses) -> Poses:
         """Poses with the start's errors in them."""
         if not (self.tilts.any() or self.spins.any()):
             return poses
@@ -69,7 +69,7 @@ class RandomizationSample:
             joint_velocities=poses.joint_velocities + self.spins[:, 1:],
         )
 
-    def put(self, indices: NDArray[np.intp], other: RandomizationSample) -> None:
+    def assign(self, indices: NDArray[np.intp], other: RandomizationSample) -> None:
         """Give figures (N,) the conditions of the N of another."""
         for f in fields(self):
             getattr(self, f.name)[indices] = getattr(other, f.name)
@@ -89,7 +89,7 @@ def draw(
     domain_randomization: DomainRandomization, strength: float, random: np.random.Generator
 ) -> RandomizationSample:
     """The conditions of one figure (E = 1). strength: 0 for calm to 1 for the full ranges."""
-    calm = RandomizationSample.calm(1)
+    calm = RandomizationSample.nominal(1)
     if strength <= 0.0 or domain_randomization == DomainRandomization():
         return calm
 
@@ -97,9 +97,9 @@ def draw(
         """Uniform in the range, which narrows towards what is usual."""
         return usual + strength * (random.uniform(*bounds) - usual)
 
-    rests = random.uniform(*domain_randomization.rest, PUSHES) * CONTROL_RATE
-    angles = random.uniform(-np.pi, np.pi, PUSHES)
-    sizes = strength * random.uniform(*domain_randomization.push, PUSHES)
+    rests = random.uniform(*domain_randomization.rest, MAX_PUSHES) * CONTROL_RATE
+    angles = random.uniform(-np.pi, np.pi, MAX_PUSHES)
+    sizes = strength * random.uniform(*domain_randomization.push, MAX_PUSHES)
     return RandomizationSample(
         begins=np.floor(np.cumsum(rests + PUSH_STEPS) - PUSH_STEPS)[None],
         forces=(sizes[:, None] * np.stack([np.cos(angles), np.sin(angles)], axis=-1))[None],

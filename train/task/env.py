@@ -34,7 +34,7 @@ from kinemimic.train.sim.world import (
 from kinemimic.train.task.domain_randomization import RandomizationSample
 from kinemimic.train.task.mirror import Mirror, mirrored
 from kinemimic.train.task.reward import pose_turns, rewards
-from kinemimic.train.task.stopwatch import Stopwatch
+from kinemimic.train.task.timer import Timer
 
 JOINTS = len(BODIES) - 1
 ACTIONS = 3 * JOINTS
@@ -52,7 +52,7 @@ _REACH = {
 ACTION_SCALE: Array = np.repeat(
     [_REACH[body.name.removesuffix("_left").removesuffix("_right")] for body in BODIES[1:]], 3
 )
-# What a moment between two control steps is put down to (`stopwatch.py`).
+# What a moment between two control steps is put down to (`timer.py`).
 SIMULATION = "simulation"
 TASK = "observation and reward"
 # A figure has fallen when its pelvis is so far from the reference's height, or so far turned from it: for
@@ -99,21 +99,21 @@ class ImitationBatch:
         self.config = config
         self.reward = config.reward  # may be changed between steps
         self.wrenches: Array | None = None
-        self.watch = Stopwatch()
+        self.timer = Timer()
         self.phases: Array = np.zeros(world.size)
         self.ages = np.zeros(world.size, dtype=np.int64)  # control steps since the reset
-        self._conditions = RandomizationSample.calm(world.size)
+        self._randomization = RandomizationSample.nominal(world.size)
         scenario = config.scenario
-        self._scenery = None if scenario is None else ScenarioManager(scenario, reference, world)
+        self._scenario_manager = None if scenario is None else ScenarioManager(scenario, reference, world)
         self._last_action: Array = np.zeros((world.size, ACTIONS))
         self._increment = 1.0 / (CONTROL_RATE * reference.duration)
         self._substeps: Array = np.arange(1.0, SUBSTEPS + 1) * TIME_STEP / reference.duration
         self._scale = ACTION_SCALE if config.residual else np.ones(ACTIONS)
         self._mirror = Mirror(len(config.preview)) if mirrored(config, reference) else None
         self.bodies: BodyStates = world.states()
-        self._face(reference.bodies(self.phases))
+        self._update_target(reference.bodies(self.phases))
 
-    def _face(self, target: BodyStates) -> None:
+    def _update_target(self, target: BodyStates) -> None:
         """Set the figures, as they are now, against their target and what comes after it."""
         self.target = target
         self._exploded = self.world.exploded()
@@ -124,39 +124,39 @@ class ImitationBatch:
         self,
         indices: NDArray[np.intp],
         phases: Array,
-        conditions: RandomizationSample | None = None,
+        randomization: RandomizationSample | None = None,
         seeds: NDArray[np.uint64] | None = None,
     ) -> None:
         """Put figures (N,) on the reference at phases (N,), or as far off it as their conditions say.
 
         seeds: (N,) from which the configuration's scenario draws what befalls each; without them, nothing.
         """
-        conditions = conditions or RandomizationSample.calm(len(indices))
+        randomization = randomization or RandomizationSample.nominal(len(indices))
         self.phases[indices] = phases
         self.ages[indices] = 0
         self._last_action[indices] = 0.0
-        self._conditions.put(indices, conditions)
-        poses = conditions.disturbed(self.reference.poses(phases))
-        if self._scenery is not None:
-            self._scenery.begin(indices, phases, seeds)
-        self.watch.lap(TASK)
+        self._randomization.assign(indices, randomization)
+        poses = randomization.perturbed(self.reference.poses(phases))
+        if self._scenario_manager is not None:
+            self._scenario_manager.begin(indices, phases, seeds)
+        self.timer.lap(TASK)
         self._place(indices, poses)
 
     def _place(self, indices: NDArray[np.intp], poses: Poses) -> None:
-        friction = self._conditions.friction[indices]
-        if self._scenery is not None:
-            friction = self._scenery.friction(indices, friction)
-        self.world.vary(indices, friction, self._conditions.mass[indices])
+        friction = self._randomization.friction[indices]
+        if self._scenario_manager is not None:
+            friction = self._scenario_manager.friction(indices, friction)
+        self.world.vary(indices, friction, self._randomization.mass[indices])
         self.world.reset(indices, poses)
         self.bodies = self.world.states()
-        self.watch.lap(SIMULATION)
-        self._face(self.reference.bodies(self.phases))
+        self.timer.lap(SIMULATION)
+        self._update_target(self.reference.bodies(self.phases))
 
     def snapshot(self) -> dict[str, NDArray[Any]]:
         """All that the figures' further way depends on, arrays (E, ...), given to `restore`."""
         b = self.bodies
         spins = b.angular[:, 1:] - b.angular[:, JOINT_PARENTS]
-        held = self._conditions.held()
+        persistent = self._randomization.persistent()
         return {
             "phases": self.phases.copy(),
             "ages": self.ages.copy(),
@@ -167,8 +167,8 @@ class ImitationBatch:
             "root_angular": b.angular[:, 0].copy(),
             "joints": b.joints,
             "joint_velocities": rotate(conjugate(b.rotations[:, 1:]), spins),
-            **{name: value.copy() for name, value in held.items()},
-            **({} if self._scenery is None else self._scenery.snapshot()),
+            **{name: value.copy() for name, value in persistent.items()},
+            **({} if self._scenario_manager is None else self._scenario_manager.snapshot()),
         }
 
     def restore(self, snapshot: Mapping[str, NDArray[Any]]) -> None:
@@ -177,10 +177,12 @@ class ImitationBatch:
         self.phases = snapshot["phases"].copy()
         self.ages = snapshot["ages"].copy()
         self._last_action = snapshot["last_action"].copy()
-        held = self._conditions.held()
-        self._conditions = replace(self._conditions, **{name: snapshot[name].copy() for name in held})
-        if self._scenery is not None:
-            self._scenery.restore(snapshot, self.ages)
+        persistent = self._randomization.persistent()
+        self._randomization = replace(
+            self._randomization, **{name: snapshot[name].copy() for name in persistent}
+        )
+        if self._scenario_manager is not None:
+            self._scenario_manager.restore(snapshot, self.ages)
         poses = Poses(**{f.name: snapshot[f.name] for f in fields(Poses)})
         self._place(np.arange(self.world.size), poses)
 
@@ -195,24 +197,24 @@ class ImitationBatch:
         # One correction for the targets of all substeps: products of 8 x 4 and 4 x 4 matrices.
         targets = np.empty(joints.shape)
         np.matmul(joints.swapaxes(1, 2), self._correction(actions), out=targets.swapaxes(1, 2))
-        late = np.arange(SUBSTEPS) < self._conditions.delay[:, None]  # (E, SUBSTEPS)
+        late = np.arange(SUBSTEPS) < self._randomization.delay[:, None]  # (E, SUBSTEPS)
         if late.any():
             before = joints.swapaxes(1, 2) @ self._correction(self._last_action)
             targets[late] = before.swapaxes(1, 2)[late]
             self._last_action = np.array(actions, dtype=np.float64)
-        acting = [wrenches, self._conditions.pushes(self.ages)]
-        if self._scenery is not None:
-            acting.append(self._scenery.act(self.ages, self._conditions.mass))
+        acting = [wrenches, self._randomization.pushes(self.ages)]
+        if self._scenario_manager is not None:
+            acting.append(self._scenario_manager.act(self.ages, self._randomization.mass))
         found = [one for one in acting if one is not None]
         wrenches = self.wrenches = sum(found[1:], found[0]) if found else None
-        self.watch.lap(TASK)
+        self.timer.lap(TASK)
         self.bodies = self.world.step(targets, velocities, wrenches)
-        self.watch.lap(SIMULATION)
+        self.timer.lap(SIMULATION)
         self.phases = self.phases + self._increment
         self.ages += 1
         ahead = self._ahead[0] if self.config.preview[0] == 1 else self.reference.bodies(self.phases)
-        self._face(ahead)
-        terminated = self.lost()
+        self._update_target(ahead)
+        terminated = self.terminated()
         truncated = ~terminated & (self.ages >= self.config.steps)
         if not self.reference.cyclic:
             truncated |= ~terminated & (self.phases >= 1.0)
@@ -237,15 +239,15 @@ class ImitationBatch:
 
     def fallen(self) -> NDArray[np.bool_]:
         """(E,) exploded, or with the pelvis too low, too high or too far turned for its reference."""
-        return self._beyond(FALL_HEIGHT, FALL_TURN)
+        return self._off_reference(FALL_HEIGHT, FALL_TURN)
 
-    def lost(self) -> NDArray[np.bool_]:
+    def terminated(self) -> NDArray[np.bool_]:
         """(E,) whether the episode ends: fallen by the configuration's own measures, or off the path."""
         way = self.bodies.positions[:, 0] - self.target.positions[:, 0]
         far = np.hypot(way[:, 0], way[:, 1]) > self.config.max_drift
-        return far | self._beyond(self.config.max_height_error, self.config.max_rotation_error)
+        return far | self._off_reference(self.config.max_height_error, self.config.max_rotation_error)
 
-    def _beyond(self, height: float, turn: float) -> NDArray[np.bool_]:
+    def _off_reference(self, height: float, turn: float) -> NDArray[np.bool_]:
         off = np.abs(self.bodies.positions[:, 0, 2] - self.target.positions[:, 0, 2])
         turned = np.einsum("ei,ei->e", self._turns[:, 0], self._turns[:, 0])
         return np.asarray((off > height) | (turned > turn**2) | self._exploded)
@@ -268,7 +270,7 @@ class ImitationBatch:
         )
         previews = len(self._ahead)
         # The pelvis faces along its x-axis.
-        vectors = _levelled(vectors, np.arctan2(six[:, 0, 1], six[:, 0, 0]))
+        vectors = _in_heading_frame(vectors, np.arctan2(six[:, 0, 1], six[:, 0, 0]))
         # A loop ends where it begins; what is performed once must tell its end from its beginning.
         turn = 2.0 * np.pi * self.phases if self.reference.cyclic else np.pi * np.minimum(self.phases, 1.0)
         parts = [
@@ -287,7 +289,7 @@ class ImitationBatch:
         return np.mod(self.phases, 1.0) >= 0.5
 
 
-def _levelled(vectors: Array, heading: Array) -> Array:
+def _in_heading_frame(vectors: Array, heading: Array) -> Array:
     """Vectors (E, N, 3) of the world as seen along a heading (E,), radians about the vertical."""
     cosine, sine = np.cos(heading)[:, None], np.sin(heading)[:, None]
     x, y, z = vectors[..., 0], vectors[..., 1], vectors[..., 2]

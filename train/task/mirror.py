@@ -20,7 +20,7 @@ from kinemimic.train.task.reward import pose
 
 # `asymmetry` up to which two halves of a cycle are taken for one. Walk and run of the wheel have 0.6 and 1.2
 # degrees, five walks and runs of CMU 3 to 8, a Kinect's of one and a third strides 8.
-ALIKE = float(np.radians(12.0))
+MAX_ASYMMETRY = float(np.radians(12.0))
 
 # What a mirror at y = 0 makes of x, y, z of a vector, of an axis that something turns about, of a quaternion.
 VECTOR, AXIS = np.array([1.0, -1.0, 1.0]), np.array([-1.0, 1.0, -1.0])
@@ -46,12 +46,12 @@ def _per_body(bodies: NDArray[np.intp], signs: Array) -> tuple[NDArray[np.intp],
     return (bodies[:, None] * size + np.arange(size)).ravel(), np.tile(signs, len(bodies))
 
 
-def of_action() -> tuple[NDArray[np.intp], Array]:
+def action_reflection() -> tuple[NDArray[np.intp], Array]:
     """For each of the 42 numbers of an action which one it becomes in the mirror, and with which sign."""
     return _per_body(JOINT_COUNTERPARTS, AXIS)
 
 
-def of_observation(previews: int) -> tuple[NDArray[np.intp], Array]:
+def observation_reflection(previews: int) -> tuple[NDArray[np.intp], Array]:
     """For each of the O numbers of an observation (`ImitationBatch.observe`) which one it becomes in the
     mirror, half a cycle away, and with which sign; both (O,)."""
     parts = [
@@ -73,7 +73,7 @@ class Mirror:
     """Changes rows of observations (E, O) and actions (E, 42) in place; twice is not at all."""
 
     def __init__(self, previews: int) -> None:
-        self._observation, self._action = of_observation(previews), of_action()
+        self._observation, self._action = observation_reflection(previews), action_reflection()
 
     def observations(self, observations: Array, rows: NDArray[np.bool_]) -> None:
         """Show the figures of these rows, (E,) True, as the mirror does, half a cycle away."""
@@ -90,7 +90,7 @@ def _reflect(values: Array, rows: NDArray[np.bool_], sources: NDArray[np.intp], 
 
 def mirrored(config: EnvConfig, reference: Reference) -> bool:
     """Whether a policy of this configuration performs this reference by way of a mirror."""
-    return config.mirror and bool(asymmetry(reference) <= ALIKE)
+    return config.mirror and bool(asymmetry(reference) <= MAX_ASYMMETRY)
 
 
 def asymmetry(reference: Reference) -> float:

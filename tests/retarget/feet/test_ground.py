@@ -13,7 +13,7 @@ from kinemimic.pipeline.ingest import ingest
 from kinemimic.pipeline.virtual_kinect.recorder import record_virtual
 from kinemimic.retarget.command import retarget
 from kinemimic.retarget.feet.ground import SINGLE_SUPPORT, _follow, in_phase_window
-from kinemimic.train.reference.dynamics import efforts
+from kinemimic.train.reference.dynamics import inverse_dynamics
 from kinemimic.train.reference.reference import Reference
 
 PERIOD = 1.1
@@ -48,7 +48,7 @@ def test_feet_on_the_ground_can_hold_the_walker_up_and_from_side_to_side(virtual
     reference, beside = Reference(motion), 1.0 / 60.0 / motion.duration
     phase = np.arange(120) / 120
     before, after = reference.bodies(phase - beside), reference.bodies(phase + beside)
-    found = efforts(
+    found = inverse_dynamics(
         reference.bodies(phase),
         30.0 * (after.linear - before.linear),
         30.0 * (after.angular - before.angular),

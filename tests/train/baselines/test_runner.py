@@ -35,7 +35,7 @@ from kinemimic.train.rollout import evaluation as trial
 from kinemimic.train.rollout.export_onnx import write_onnx
 from kinemimic.train.rollout.policy import Policy
 from kinemimic.train.runner import training_loop as rounds
-from kinemimic.train.task.stopwatch import Stopwatch
+from kinemimic.train.task.timer import Timer
 
 RIVALS = [name for name, config in PRESETS.items() if config.baseline]
 # Short episodes, so that many end by time and by falls.
@@ -151,7 +151,7 @@ def test_the_stored_policy_acts_as_the_trained_one(
     assert config.baseline is not None
     config = replace(config, baseline=structs.replace(config.baseline, activation=activation))
     learner = BaselineAlgorithm(config, motion, "pybullet", 1)
-    practice = BaselineRunner(learner, Stopwatch())
+    practice = BaselineRunner(learner, Timer())
     practice.begin(None)
     practice.round()
     # As far as actors go that have learnt for long.
@@ -212,14 +212,14 @@ def test_a_spoilt_rival_stops_with_one_line(
 def test_noise_follows_the_schedule_of_ours(motion: Motion) -> None:
     for name in RIVALS:
         config = replace(small(name), action_std=((0, 0.08), (ROUND, 0.02)))
-        practice = BaselineRunner(BaselineAlgorithm(config, motion, "pybullet", 1), Stopwatch())
+        practice = BaselineRunner(BaselineAlgorithm(config, motion, "pybullet", 1), Timer())
         practice.begin(None)
         assert [practice.round()["policy/noise"] for _ in range(2)] == pytest.approx([0.08, 0.02])
 
 
 def test_learnt_noise_begins_where_the_schedule_does_and_moves(motion: Motion) -> None:
     config = replace(small("a2c"), learn_action_std=True)
-    practice = BaselineRunner(BaselineAlgorithm(config, motion, "pybullet", 1), Stopwatch())
+    practice = BaselineRunner(BaselineAlgorithm(config, motion, "pybullet", 1), Timer())
     practice.begin(None)
     first, second = (practice.round()["policy/noise"] for _ in range(2))
     assert first == pytest.approx(0.08)
@@ -228,7 +228,7 @@ def test_learnt_noise_begins_where_the_schedule_does_and_moves(motion: Motion) -
 
 def test_the_critic_of_a_rollout_is_measured_against_its_own_targets(motion: Motion) -> None:
     """On-policy: 1 less the explained variance, but for the mean error, which it counts too."""
-    practice = BaselineRunner(BaselineAlgorithm(small("sb3-ppo"), motion, "pybullet", 1), Stopwatch())
+    practice = BaselineRunner(BaselineAlgorithm(small("sb3-ppo"), motion, "pybullet", 1), Timer())
     practice.begin(None)
     logged = practice.round()
     assert logged["value/normalized_loss"] >= 1.0 - logged["value/explained_variance"] - 1e-6
@@ -250,7 +250,7 @@ def test_rates_of_actor_and_critic_are_their_own(motion: Motion) -> None:
     assert isinstance(learner.model, DDPG)
     nets = learner.model.actor, learner.model.critic
     before = [torch.cat([p.flatten() for p in net.parameters()]).clone() for net in nets]
-    practice = BaselineRunner(learner, Stopwatch())
+    practice = BaselineRunner(learner, Timer())
     practice.begin(None)
     practice.round()
     after = [torch.cat([p.flatten() for p in net.parameters()]) for net in nets]

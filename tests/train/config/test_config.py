@@ -9,7 +9,7 @@ import pytest
 
 from kinemimic.pipeline.errors import KinemimicError
 from kinemimic.train.config.config import POSE_WEIGHTS, PRESETS, TrainConfig, preset, scheduled_at
-from kinemimic.train.sim.world import FRICTION, LIGHTEST
+from kinemimic.train.sim.world import FRICTION, MIN_MASS
 
 
 @pytest.mark.parametrize("name", PRESETS)
@@ -102,5 +102,5 @@ def test_hardships_are_such_as_the_world_can_bear(name: str) -> None:
     hard = PRESETS[name].env.domain_randomization
     for low, high in (hard.push, hard.rest, hard.friction, hard.mass, hard.delay):
         assert 0.0 <= low <= high
-    assert hard.mass[0] >= LIGHTEST
+    assert hard.mass[0] >= MIN_MASS
     assert hard.friction[0] <= FRICTION <= hard.friction[1]

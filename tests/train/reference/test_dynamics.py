@@ -16,7 +16,7 @@ from kinemimic.pipeline.kinematics.rotations import (
 from kinemimic.pipeline.kinematics.skeleton import NODE_INDEX, NODES
 from kinemimic.retarget.humanoid.body import BODIES, BODY_INDEX, STANDING_HEIGHT, TOTAL_MASS
 from kinemimic.retarget.humanoid.motion import Motion
-from kinemimic.train.reference.dynamics import Efforts, efforts
+from kinemimic.train.reference.dynamics import InverseDynamics, inverse_dynamics
 from kinemimic.train.reference.reference import Reference
 from kinemimic.train.sim.engines import open_world
 from kinemimic.train.sim.world import GRAVITY, SUBSTEPS
@@ -33,13 +33,13 @@ def held(height: float = STANDING_HEIGHT, **turns: float) -> Motion:
     return Motion(30.0, root, rotations, np.zeros((10, 2), dtype=bool), cyclic=False)
 
 
-def at_rest(motion: Motion, acceleration: tuple[float, float, float] = (0.0, 0.0, 0.0)) -> Efforts:
+def at_rest(motion: Motion, acceleration: tuple[float, float, float] = (0.0, 0.0, 0.0)) -> InverseDynamics:
     bodies = Reference(motion).bodies(np.array([0.5]))
     rate = np.broadcast_to(np.array(acceleration), (1, 15, 3))
-    return efforts(bodies, rate, np.zeros((1, 15, 3)))
+    return inverse_dynamics(bodies, rate, np.zeros((1, 15, 3)))
 
 
-def of(found: Efforts, body: str) -> np.ndarray:
+def of(found: InverseDynamics, body: str) -> np.ndarray:
     return found.torques[0, BODY_INDEX[body] - 1]
 
 

@@ -31,7 +31,7 @@ from kinemimic.train.rollout.policy import POLICY
 from kinemimic.train.runner import checkpoint
 from kinemimic.train.runner import training_loop as rounds
 from kinemimic.train.task.env import ACTIONS
-from kinemimic.train.task.stopwatch import Stopwatch
+from kinemimic.train.task.timer import Timer
 
 # Hardships at their full strength from the beginning: what an episode drew has to come back too.
 HARD = EnvConfig(
@@ -217,7 +217,7 @@ def test_seconds_of_all_calls_together_end_it_at_a_round(
     run = fresh("run")
     # A clock that ticks a second whenever it is read.
     ticks = count(0.0, 1.0)
-    monkeypatch.setattr(stage, "Stopwatch", lambda: Stopwatch(lambda: next(ticks)))
+    monkeypatch.setattr(stage, "Timer", lambda: Timer(lambda: next(ticks)))
     first = stage.train(run, budget=BUDGET, minutes=0.2, workers=1, engine="pybullet")
     assert 0 < first["samples"] < BUDGET
     assert first["samples"] % ROUND == 0

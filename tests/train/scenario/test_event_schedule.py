@@ -14,8 +14,8 @@ from kinemimic.pipeline.kinematics.rotations import from_axis_angle, multiply, r
 from kinemimic.retarget.humanoid.body import BODIES, BODY_INDEX, TOTAL_MASS
 from kinemimic.retarget.humanoid.motion import Motion
 from kinemimic.train.reference.reference import Reference
-from kinemimic.train.scenario.event_schedule import EventSchedule, as_it_is, draw_event_schedule
-from kinemimic.train.scenario.overlap import clash, distance, overlapped
+from kinemimic.train.scenario.event_schedule import EventSchedule, draw_event_schedule, with_states
+from kinemimic.train.scenario.overlap import distance, obstacles_overlap, overlapping_body
 from kinemimic.train.scenario.route import reference_for
 from kinemimic.train.scenario.scenario import Load, Placement, Range, Scenario
 from kinemimic.train.sim.world import GRAVITY, BodyStates, Obstacle
@@ -30,19 +30,19 @@ def drawn(motion: Motion, scenario: Scenario, phase: float = 0.0, seed: int = 0)
 
 
 def test_a_force_acts_from_its_time_for_its_time(motion: Motion) -> None:
-    course = drawn(motion, Scenario("pull", loads=(PULL,)))
-    assert course.wrench(29) is None
-    assert course.wrench(45) is None
+    schedule = drawn(motion, Scenario("pull", loads=(PULL,)))
+    assert schedule.wrench(29) is None
+    assert schedule.wrench(45) is None
     for age in (30, 44):
-        wrench = course.wrench(age)
+        wrench = schedule.wrench(age)
         assert wrench is not None
         np.testing.assert_allclose(wrench[TORSO], [100.0, 10.0, 0.0, 0.0, 0.0, 0.0], atol=1e-9)
         assert not np.delete(wrench, TORSO, axis=0).any()
 
 
 def test_what_grows_grows_evenly_and_gives_half_the_impulse(motion: Motion) -> None:
-    course = drawn(motion, Scenario("pull", loads=(replace(PULL, growing=True),)))
-    forces = [course.wrench(age)[TORSO, 0] for age in range(30, 45)]  # type: ignore[index]
+    schedule = drawn(motion, Scenario("pull", loads=(replace(PULL, growing=True),)))
+    forces = [schedule.wrench(age)[TORSO, 0] for age in range(30, 45)]  # type: ignore[index]
     np.testing.assert_allclose(np.diff(forces), 100.0 / 15)
     assert sum(forces) / 30 == pytest.approx(0.5 * 100.0 * 0.5)
 
@@ -69,21 +69,21 @@ def test_ahead_is_where_the_reference_goes(motion: Motion) -> None:
 def test_what_stands_stands_on_the_ground_and_what_has_a_height_has_it(motion: Motion) -> None:
     reference = Reference(motion)
     high = replace(BOX, position=Range.of(2.0, 0.5, 1.4), at=Range.of(2.0))
-    course = draw_event_schedule(
+    schedule = draw_event_schedule(
         Scenario("two", obstacles=(high, BOX)), reference, 0.5, np.random.default_rng(0)
     )
-    (first, standing), (second, hanging) = course.releases
+    (first, standing), (second, hanging) = schedule.releases
     assert (first, second) == (0, 60)
     start, later = reference.root(0.5 + np.array([0.0, 2.0 / reference.duration]))
     np.testing.assert_allclose(standing.position, [start[0] + 2.0, start[1] + 0.5, 0.3], atol=1e-9)
     np.testing.assert_allclose(hanging.position, [later[0] + 2.0, later[1] + 0.5, 1.4], atol=1e-9)
-    assert [len(course.released(age)) for age in (0, 1, 60, 61)] == [0, 1, 1, 2]
+    assert [len(schedule.released(age)) for age in (0, 1, 60, 61)] == [0, 1, 1, 2]
 
 
 def test_what_stands_on_a_route_is_seen_from_its_beginning(motion: Motion) -> None:
     scene = Scenario("bent", route=((3.0, 1.0),), obstacles=(BOX,))
-    course = draw_event_schedule(scene, reference_for(motion, scene), 0.7, np.random.default_rng(0))
-    np.testing.assert_allclose(course.releases[0][1].position, [2.0, 0.5, 0.3], atol=1e-9)
+    schedule = draw_event_schedule(scene, reference_for(motion, scene), 0.7, np.random.default_rng(0))
+    np.testing.assert_allclose(schedule.releases[0][1].position, [2.0, 0.5, 0.3], atol=1e-9)
 
 
 def test_a_slope_pulls_back_with_its_sine_and_lightens_with_its_cosine(motion: Motion) -> None:
@@ -102,12 +102,12 @@ def test_the_same_seed_draws_the_same_and_ranges_are_filled(motion: Motion) -> N
         friction=Range((0.3,), (0.7,)),
         loads=(replace(PULL, at=Range((0.5,), (2.5,)), force=Range((0.0, 0.0, 0.0), (50.0, 0.0, 0.0))),),
     )
-    courses = [drawn(motion, scene, seed=seed) for seed in range(300)]
-    assert drawn(motion, scene, seed=7).wrenches[0, 0] == courses[7].wrenches[0, 0]
+    schedules = [drawn(motion, scene, seed=seed) for seed in range(300)]
+    assert drawn(motion, scene, seed=7).wrenches[0, 0] == schedules[7].wrenches[0, 0]
     for values, low, high in (
-        ([course.friction for course in courses], 0.3, 0.7),
-        ([course.begins[0] for course in courses], 15, 75),
-        ([course.wrenches[0, 0] for course in courses], 0.0, 50.0),
+        ([schedule.friction for schedule in schedules], 0.3, 0.7),
+        ([schedule.begins[0] for schedule in schedules], 15, 75),
+        ([schedule.wrenches[0, 0] for schedule in schedules], 0.0, 50.0),
     ):
         found = np.array(values, dtype=np.float64)
         assert low <= found.min() < low + 0.05 * (high - low)
@@ -121,10 +121,10 @@ def test_an_obstacle_in_the_figure_is_drawn_again_or_refused(motion: Motion) -> 
         drawn(motion, Scenario("room", obstacles=(BOX, within)))
     sometimes = replace(BOX, position=Range((0.0, 0.0), (3.0, 0.0)))
     reference = Reference(motion).bodies(np.array([0.0]))
-    figure = BodyStates(*(values[0] for values in vars(reference).values()))
+    humanoid = BodyStates(*(values[0] for values in vars(reference).values()))
     for seed in range(30):
         ((_, item),) = drawn(motion, Scenario("room", obstacles=(sometimes,)), seed=seed).releases
-        assert overlapped(item, figure) is None
+        assert overlapping_body(item, humanoid) is None
 
 
 QUARTER = (0.0, 0.0, 0.5**0.5, 0.5**0.5)
@@ -150,7 +150,7 @@ def test_obstacles_that_appear_together_do_not_lie_in_one_another(motion: Motion
     crowd = Scenario("crowd", obstacles=(replace(BOX, position=Range((1.5, -0.4), (2.5, 0.4))),) * 4)
     for seed in range(20):
         items = [item for _, item in drawn(motion, crowd, seed=seed).releases]
-        assert not any(clash(a, b) for k, a in enumerate(items) for b in items[:k])
+        assert not any(obstacles_overlap(a, b) for k, a in enumerate(items) for b in items[:k])
     with pytest.raises(KinemimicError, match=r"expected obstacle 2 .*found it in obstacle 1 "):
         drawn(motion, Scenario("twice", obstacles=(BOX, BOX)))
     # What appears later may lie where something was.
@@ -180,33 +180,33 @@ POST = Obstacle("cylinder", (1.0, 1.0, 2.0), (0.0, 0.0, 1.0))
     ],
 )
 def test_what_lies_in_what(a: Obstacle, b: Obstacle, expected: bool) -> None:
-    assert clash(a, b) is expected
-    assert clash(b, a) is expected
+    assert obstacles_overlap(a, b) is expected
+    assert obstacles_overlap(b, a) is expected
 
 
 def test_every_body_is_found_by_a_small_ball_anywhere_in_it(motion: Motion) -> None:
     bodies = Reference(motion).bodies(np.array([0.2]))
-    figure = BodyStates(*(values[0] for values in vars(bodies).values()))
+    humanoid = BodyStates(*(values[0] for values in vars(bodies).values()))
     random = np.random.default_rng(0)
     for k, body in enumerate(BODIES):
         for _ in range(10):
             arm = 0.5 * np.array(body.size) * random.uniform(-0.5, 0.5, 3)
-            place = figure.positions[k] + rotate(figure.rotations[k], arm)
+            place = humanoid.positions[k] + rotate(humanoid.rotations[k], arm)
             pin = Obstacle("sphere", (0.06, 0.06, 0.06), tuple(place.tolist()))
-            assert overlapped(pin, figure) is not None, body.name
+            assert overlapping_body(pin, humanoid) is not None, body.name
 
 
 def test_every_body_is_found_by_a_pin_in_its_middle(motion: Motion) -> None:
     bodies = Reference(motion).bodies(np.array([0.2]))
-    figure = BodyStates(*(values[0] for values in vars(bodies).values()))
+    humanoid = BodyStates(*(values[0] for values in vars(bodies).values()))
     for k, body in enumerate(BODIES):
-        pin = Obstacle("sphere", (0.06, 0.06, 0.06), tuple(figure.positions[k].tolist()))
-        assert overlapped(pin, figure) is not None, body.name
-    assert overlapped(Obstacle("sphere", (0.1, 0.1, 0.1), (0.0, 0.0, 3.0)), figure) is None
+        pin = Obstacle("sphere", (0.06, 0.06, 0.06), tuple(humanoid.positions[k].tolist()))
+        assert overlapping_body(pin, humanoid) is not None, body.name
+    assert overlapping_body(Obstacle("sphere", (0.1, 0.1, 0.1), (0.0, 0.0, 3.0)), humanoid) is None
 
 
 def test_obstacles_take_the_states_that_a_world_tells() -> None:
     item = Obstacle("box", (1.0, 1.0, 1.0), (0.0, 0.0, 0.5), mass=2.0)
-    (moved,) = as_it_is([item], np.arange(13.0)[None])
+    (moved,) = with_states([item], np.arange(13.0)[None])
     assert (moved.position, moved.rotation) == ((0.0, 1.0, 2.0), (3.0, 4.0, 5.0, 6.0))
     assert (moved.velocity, moved.spin, moved.mass) == ((7.0, 8.0, 9.0), (10.0, 11.0, 12.0), 2.0)

@@ -32,47 +32,47 @@ def batch(size: int = 1, *, rate: float = RATE, gains: float = 1.0, **changes: A
     return native.Batch(size=size, **{**body, **settings, **changes})
 
 
-def put(figures: Any, joints: np.ndarray, *, spin: Any = (0, 0, 0), velocities: Any = 0.0) -> None:
+def put(humanoids: Any, joints: np.ndarray, *, spin: Any = (0, 0, 0), velocities: Any = 0.0) -> None:
     """Every figure 5 m up, turning at `spin` rad/s, with these joints (14, 4)."""
-    size = len(figures.positions)
+    size = len(humanoids.positions)
     each = np.ones((size, 1))
-    figures.reset(
+    humanoids.reset(
         np.arange(size), each * [0, 0, 5.0], each * [0, 0, 0, 1.0], 0 * each * [1, 1, 1], each * spin,
         np.broadcast_to(joints, (size, 14, 4)), np.broadcast_to(velocities, (size, 14, 3)).astype(float),
     )  # fmt: skip
 
 
-def hold(figures: Any, joints: np.ndarray, seconds: float, rate: float = RATE) -> None:
+def hold(humanoids: Any, joints: np.ndarray, seconds: float, rate: float = RATE) -> None:
     """Step with these joints as targets."""
-    size, substeps = len(figures.positions), round(seconds * rate)
+    size, substeps = len(humanoids.positions), round(seconds * rate)
     targets = np.broadcast_to(joints, (size, substeps, 14, 4))
-    figures.step(targets, np.zeros((size, substeps, 14, 3)))
+    humanoids.step(targets, np.zeros((size, substeps, 14, 3)))
 
 
 def posed(seed: int) -> np.ndarray:
     return from_rotvec(np.random.default_rng(seed).normal(0, 0.4, (14, 3)))
 
 
-def energy_and_spin(figures: Any) -> tuple[float, np.ndarray]:
+def energy_and_spin(humanoids: Any) -> tuple[float, np.ndarray]:
     """Kinetic energy, J, and angular momentum about the centre of mass, N·m·s, of the first figure."""
     body = description()
     mass, moments = body["masses"][:, None], body["inertias"]
-    center = (mass * figures.positions[0]).sum(axis=0) / mass.sum()
-    turning = rotate(conjugate(figures.rotations[0]), figures.angular[0])
-    own = rotate(figures.rotations[0], moments * turning)
-    energy = 0.5 * (mass * figures.linear[0] ** 2).sum() + 0.5 * (own * figures.angular[0]).sum()
-    spin = (np.cross(figures.positions[0] - center, mass * figures.linear[0]) + own).sum(axis=0)
+    center = (mass * humanoids.positions[0]).sum(axis=0) / mass.sum()
+    turning = rotate(conjugate(humanoids.rotations[0]), humanoids.angular[0])
+    own = rotate(humanoids.rotations[0], moments * turning)
+    energy = 0.5 * (mass * humanoids.linear[0] ** 2).sum() + 0.5 * (own * humanoids.angular[0]).sum()
+    spin = (np.cross(humanoids.positions[0] - center, mass * humanoids.linear[0]) + own).sum(axis=0)
     return float(energy), spin
 
 
 def test_falls_freely() -> None:
     """z = h - g t²/2, and half a time step's speed further: semi-implicit Euler."""
-    figures = batch(gains=0.0)
-    put(figures, posed(0))
-    before = figures.positions.copy()
-    hold(figures, posed(0), 0.5)
+    humanoids = batch(gains=0.0)
+    put(humanoids, posed(0))
+    before = humanoids.positions.copy()
+    hold(humanoids, posed(0), 0.5)
     fallen = 0.5 * GRAVITY * 0.5 * (0.5 + TIME_STEP)
-    np.testing.assert_allclose(before - figures.positions, np.ones((1, 15, 1)) * [0, 0, fallen], atol=1e-6)
+    np.testing.assert_allclose(before - humanoids.positions, np.ones((1, 15, 1)) * [0, 0, fallen], atol=1e-6)
 
 
 def test_a_limp_arm_swings_with_the_period_of_a_pendulum() -> None:
@@ -81,21 +81,21 @@ def test_a_limp_arm_swings_with_the_period_of_a_pendulum() -> None:
     gains = {name: body[name].copy() for name in ("stiffness", "damping")}
     for values in gains.values():
         values[ARM[0]] = 0.0
-    figures = batch(rate=1920.0, fixed_root=True, **gains)
+    humanoids = batch(rate=1920.0, fixed_root=True, **gains)
     start = np.tile([0.0, 0.0, 0.0, 1.0], (14, 1))
     start[ARM[0] - 1] = from_rotvec(np.array([0.0, np.radians(3.0), 0.0]))
-    put(figures, start)
+    put(humanoids, start)
     targets = start.copy()
     x = []
     for _ in range(2 * 1920 // 4):
-        hold(figures, targets, 4 / 1920, 1920.0)
-        x.append(figures.positions[0, ARM[2], 0])
+        hold(humanoids, targets, 4 / 1920, 1920.0)
+        x.append(humanoids.positions[0, ARM[2], 0])
     swing = np.array(x) - np.mean(x)
     crossings = np.flatnonzero(np.diff(np.sign(swing)) != 0)
     exact = crossings + swing[crossings] / (swing[crossings] - swing[crossings + 1])
     period = 2 * np.diff(exact).mean() * 4 / 1920
-    shoulder = figures.positions[0, ARM[0]] + rotate(figures.rotations[0, ARM[0]], np.array([0, 0, 0.15]))
-    arms = figures.positions[0, ARM] - shoulder
+    shoulder = humanoids.positions[0, ARM[0]] + rotate(humanoids.rotations[0, ARM[0]], np.array([0, 0, 0.15]))
+    arms = humanoids.positions[0, ARM] - shoulder
     masses = body["masses"][ARM]
     inertia = sum(body["inertias"][ARM][:, 1]) + (masses * (arms**2).sum(axis=-1)).sum()
     lever = np.linalg.norm((masses[:, None] * arms).sum(axis=0))
@@ -104,11 +104,11 @@ def test_a_limp_arm_swings_with_the_period_of_a_pendulum() -> None:
 
 def test_a_locked_figure_keeps_energy_and_spin() -> None:
     """No gravity, all joints held while it tumbles: within 1 % over 2 s."""
-    figures = batch(gravity=0.0)
-    put(figures, posed(1), spin=[0.6, 1.0, 1.6])
-    before = energy_and_spin(figures)
-    hold(figures, posed(1), 2.0)
-    after = energy_and_spin(figures)
+    humanoids = batch(gravity=0.0)
+    put(humanoids, posed(1), spin=[0.6, 1.0, 1.6])
+    before = energy_and_spin(humanoids)
+    hold(humanoids, posed(1), 2.0)
+    after = energy_and_spin(humanoids)
     assert after[0] == pytest.approx(before[0], rel=0.01)
     np.testing.assert_allclose(after[1], before[1], atol=0.01 * np.linalg.norm(before[1]))
 
@@ -121,10 +121,10 @@ def test_a_limp_figures_error_falls_with_the_time_step() -> None:
     velocities = np.random.default_rng(2).normal(0, 3.0, (14, 3))
     ends = {}
     for rate in (240.0, 480.0, 960.0, 1920.0, 30720.0):
-        figures = batch(rate=rate, gains=0.0, gravity=0.0)
-        put(figures, posed(2), spin=[1.0, 2.0, 0.5], velocities=velocities)
-        hold(figures, posed(2), 0.25, rate)
-        ends[rate] = figures.positions.copy()
+        humanoids = batch(rate=rate, gains=0.0, gravity=0.0)
+        put(humanoids, posed(2), spin=[1.0, 2.0, 0.5], velocities=velocities)
+        hold(humanoids, posed(2), 0.25, rate)
+        ends[rate] = humanoids.positions.copy()
     truth = ends.pop(30720.0)
     errors = [float(np.abs(end - truth).max()) for end in ends.values()]
     assert all(finer < 0.65 * coarser for coarser, finer in pairwise(errors))
@@ -179,19 +179,19 @@ def test_a_figure_is_the_same_to_the_bit_whoever_is_beside_it(motion: Any) -> No
 
 
 def test_what_does_not_fit_is_refused_by_name() -> None:
-    figures = batch(2)
-    hold(figures, posed(0), TIME_STEP)
+    humanoids = batch(2)
+    hold(humanoids, posed(0), TIME_STEP)
     with pytest.raises(
         ValueError, match=r"velocities: expected the shape \(2, 8, 14, 3\), found \(2, 1, 14, 3\)"
     ):
-        figures.step(np.zeros((2, 8, 14, 4)), np.zeros((2, 1, 14, 3)))
+        humanoids.step(np.zeros((2, 8, 14, 4)), np.zeros((2, 1, 14, 3)))
     with pytest.raises(ValueError, match="every figure once"):
         row = np.zeros((2, 3))
-        figures.reset(
+        humanoids.reset(
             np.array([1, 1]), row, np.ones((2, 4)), row, row, np.ones((2, 14, 4)), np.zeros((2, 14, 3))
         )
     with pytest.raises(IndexError, match="below 2, found 2"):
-        figures.obstacles(2)
+        humanoids.obstacles(2)
     with pytest.raises(ValueError, match="parents"):
         native.Batch(
             size=1, **{**description(), "parents": np.zeros(15, dtype=np.int32)}, **SETTINGS, threads=1
@@ -200,18 +200,18 @@ def test_what_does_not_fit_is_refused_by_name() -> None:
 
 def test_windows_outlive_their_batch() -> None:
     """The arrays are the engine's memory, which lives as long as any of them."""
-    figures = batch()
-    put(figures, posed(0))
-    positions = figures.positions
+    humanoids = batch()
+    put(humanoids, posed(0))
+    positions = humanoids.positions
     copy = positions.copy()
-    del figures
+    del humanoids
     assert positions.tobytes() == copy.tobytes()
     assert len(BODIES) == positions.shape[1]
 
 
 def test_more_threads_than_figures_are_not_made() -> None:
     """More than the system gives, even: no figure would be left for them."""
-    figures = batch(2, threads=1_000_000)
-    put(figures, posed(0))
-    hold(figures, posed(0), TIME_STEP)
-    assert not figures.exploded.any()
+    humanoids = batch(2, threads=1_000_000)
+    put(humanoids, posed(0))
+    hold(humanoids, posed(0), TIME_STEP)
+    assert not humanoids.exploded.any()

@@ -16,8 +16,8 @@ from kinemimic.train.task.env import ACTIONS, ImitationBatch
 
 pytest.importorskip("kinemimic_native", reason="the native engine is not built here")
 
-FIGURES = 64
-STEPS = 1_000_000 // FIGURES
+NUM_ENVS = 64
+STEPS = 1_000_000 // NUM_ENVS
 
 
 def resident() -> int:
@@ -30,19 +30,19 @@ def resident() -> int:
 def test_a_million_steps(motion: Motion) -> None:
     """A tenth of the figures lie on the ground for long, one in a thousand steps blows one up."""
     random = np.random.default_rng(0)
-    batch = ImitationBatch(open_world(FIGURES, "native", threads=2), Reference(motion), EnvConfig())
-    batch.reset(np.arange(FIGURES), random.random(FIGURES))
-    patient = np.arange(FIGURES) < FIGURES // 10
-    waited = np.zeros(FIGURES, dtype=np.int64)
+    batch = ImitationBatch(open_world(NUM_ENVS, "native", threads=2), Reference(motion), EnvConfig())
+    batch.reset(np.arange(NUM_ENVS), random.random(NUM_ENVS))
+    patient = np.arange(NUM_ENVS) < NUM_ENVS // 10
+    waited = np.zeros(NUM_ENVS, dtype=np.int64)
     blown, caught, early = 0, 0, 0
     for k in range(STEPS):
         if k == STEPS // 10:
             early = resident()
-        actions = random.normal(0, 0.3, (FIGURES, ACTIONS))
+        actions = random.normal(0, 0.3, (NUM_ENVS, ACTIONS))
         wrenches = None
-        if random.random() < 1e-3 * FIGURES:
-            wrenches = np.zeros((FIGURES, 15, 6))
-            wrenches[random.integers(FIGURES), random.integers(15), :3] = 1e8
+        if random.random() < 1e-3 * NUM_ENVS:
+            wrenches = np.zeros((NUM_ENVS, 15, 6))
+            wrenches[random.integers(NUM_ENVS), random.integers(15), :3] = 1e8
             blown += 1
         step = batch.step(actions, wrenches)
         exploded = batch.world.exploded()

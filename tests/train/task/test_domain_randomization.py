@@ -9,7 +9,7 @@ import pytest
 
 from kinemimic.train.config.config import DomainRandomization
 from kinemimic.train.sim.world import FRICTION
-from kinemimic.train.task.domain_randomization import PUSH_STEPS, PUSHES, RandomizationSample, draw
+from kinemimic.train.task.domain_randomization import MAX_PUSHES, PUSH_STEPS, RandomizationSample, draw
 
 HARD = DomainRandomization(
     push=(50.0, 200.0),
@@ -24,7 +24,7 @@ HARD = DomainRandomization(
 
 def many(strength: float) -> RandomizationSample:
     random = np.random.default_rng(0)
-    return RandomizationSample.joined([draw(HARD, strength, random) for _ in range(500)])
+    return RandomizationSample.concatenated([draw(HARD, strength, random) for _ in range(500)])
 
 
 def test_draws_fill_their_ranges_and_do_not_leave_them() -> None:
@@ -56,7 +56,7 @@ def test_half_the_strength_is_half_the_way_from_what_is_usual() -> None:
 
 
 def test_without_strength_or_without_hardships_all_is_calm_and_nothing_is_drawn() -> None:
-    calm, random = RandomizationSample.calm(1), np.random.default_rng(1)
+    calm, random = RandomizationSample.nominal(1), np.random.default_rng(1)
     before = random.bit_generator.state
     for found in (draw(HARD, 0.0, random), draw(DomainRandomization(), 1.0, random)):
         for f in fields(RandomizationSample):
@@ -65,11 +65,11 @@ def test_without_strength_or_without_hardships_all_is_calm_and_nothing_is_drawn(
 
 
 def test_a_push_acts_on_the_pelvis_for_a_fifth_of_a_second() -> None:
-    conditions = RandomizationSample.calm(2)
-    conditions.begins[0, :2], conditions.forces[0, :2] = [3, 20], [[10.0, -5.0], [0.0, 7.0]]
+    randomization = RandomizationSample.nominal(2)
+    randomization.begins[0, :2], randomization.forces[0, :2] = [3, 20], [[10.0, -5.0], [0.0, 7.0]]
     pushed = []
     for age in range(40):
-        wrenches = conditions.pushes(np.array([age, age]))
+        wrenches = randomization.pushes(np.array([age, age]))
         if wrenches is not None:
             pushed.append(age)
             assert wrenches.shape == (2, 15, 6)
@@ -80,8 +80,8 @@ def test_a_push_acts_on_the_pelvis_for_a_fifth_of_a_second() -> None:
 
 
 def test_figures_take_the_conditions_of_their_own() -> None:
-    whole, part = RandomizationSample.calm(3), many(1.0)
+    whole, part = RandomizationSample.nominal(3), many(1.0)
     chosen = RandomizationSample(*(getattr(part, f.name)[:2] for f in fields(RandomizationSample)))
-    whole.put(np.array([2, 0]), chosen)
+    whole.assign(np.array([2, 0]), chosen)
     np.testing.assert_array_equal(whole.mass, [part.mass[1], 1.0, part.mass[0]])
-    assert whole.begins.shape == (3, PUSHES)
+    assert whole.begins.shape == (3, MAX_PUSHES)

@@ -213,10 +213,10 @@ def test_a_snapshot_is_where_the_figures_go_on(motion: Motion, engine: str) -> N
         return ImitationBatch(open_world(2, engine), Reference(motion), config)
 
     first, second = batch(), batch()
-    conditions = RandomizationSample.joined(
+    randomization = RandomizationSample.concatenated(
         [draw(config.domain_randomization, 1.0, random) for _ in range(2)]
     )
-    first.reset(np.arange(2), np.array([0.1, 0.6]), conditions)
+    first.reset(np.arange(2), np.array([0.1, 0.6]), randomization)
     second.reset(np.arange(2), np.array([0.9, 0.3]))
     actions = random.normal(0, 0.1, (9, 2, ACTIONS))
     for k in range(4):
@@ -237,7 +237,7 @@ def test_a_snapshot_is_where_the_figures_go_on(motion: Motion, engine: str) -> N
 def test_a_late_correction_comes_after_the_one_before(motion: Motion, puppets) -> None:
     world, reference = puppets(2), Reference(motion)
     batch = ImitationBatch(world, reference, EnvConfig())
-    late = replace(RandomizationSample.calm(2), delay=np.array([0.0, 3.0]))
+    late = replace(RandomizationSample.nominal(2), delay=np.array([0.0, 3.0]))
     batch.reset(np.arange(2), np.full(2, 0.2), late)
     one, other = (np.random.default_rng(k).normal(0, 0.3, (2, ACTIONS)) for k in (1, 2))
     batch.step(one)
@@ -254,10 +254,12 @@ def test_after_a_reset_a_late_correction_comes_after_none(motion: Motion, puppet
     """The last action of the episode before must not act in the first steps of the next."""
     world, reference = puppets(2), Reference(motion)
     batch = ImitationBatch(world, reference, EnvConfig())
-    late = replace(RandomizationSample.calm(2), delay=np.full(2, 3.0))
+    late = replace(RandomizationSample.nominal(2), delay=np.full(2, 3.0))
     batch.reset(np.arange(2), np.full(2, 0.2), late)
     batch.step(np.full((2, ACTIONS), 0.3))
-    batch.reset(np.array([1]), np.array([0.2]), replace(RandomizationSample.calm(1), delay=np.full(1, 3.0)))
+    batch.reset(
+        np.array([1]), np.array([0.2]), replace(RandomizationSample.nominal(1), delay=np.full(1, 3.0))
+    )
     at = batch.phases[:, None] + np.arange(1, SUBSTEPS + 1) * TIME_STEP / reference.duration
     batch.step(np.full((2, ACTIONS), 0.1))
     led = reference.targets(at)[0]

@@ -18,10 +18,10 @@ from kinemimic.train.sim.world import CONTROL_RATE, SUBSTEPS, TIME_STEP, Poses
 from kinemimic.train.task.domain_randomization import RandomizationSample
 from kinemimic.train.task.env import ACTION_SCALE, ACTIONS, ImitationBatch, observation_size
 from kinemimic.train.task.mirror import (
-    ALIKE,
     AXIS,
     COUNTERPARTS,
     JOINT_COUNTERPARTS,
+    MAX_ASYMMETRY,
     QUATERNION,
     VECTOR,
     Mirror,
@@ -33,13 +33,13 @@ class Held:
     """Conditions that put figures at poses of a test's own."""
 
     def __init__(self, poses: Poses) -> None:
-        self._calm = RandomizationSample.calm(len(poses.root))
+        self._calm = RandomizationSample.nominal(len(poses.root))
         self._poses = poses
 
     def __getattr__(self, name: str) -> object:
         return getattr(self._calm, name)
 
-    def disturbed(self, _: Poses) -> Poses:
+    def perturbed(self, _: Poses) -> Poses:
         return self._poses
 
 
@@ -120,7 +120,7 @@ def test_a_late_correction_is_that_of_its_own_moment(motion: Motion, puppets) ->
     """Given in the first half of the cycle, and late into the second: as it was given, not mirrored."""
     world, reference = puppets(1), Reference(motion)
     batch = ImitationBatch(world, reference, EnvConfig())
-    late = replace(RandomizationSample.calm(1), delay=np.array([3.0]))
+    late = replace(RandomizationSample.nominal(1), delay=np.array([3.0]))
     step = 1.0 / (CONTROL_RATE * motion.duration)
     batch.reset(np.array([0]), np.array([0.5 - 0.5 * step]), late)
     first, second = np.random.default_rng(3).normal(0.0, 0.3, (2, 1, ACTIONS))
@@ -174,8 +174,8 @@ def test_who_limps_badly_or_does_it_once_is_not_mirrored(motion: Motion, puppets
     once = replace(motion, cyclic=False, cycle_offset=np.zeros(3))
     for moves, sine in (
         (motion, np.sin(0.4 * np.pi)),
-        (limping(motion, 2.5 * ALIKE), np.sin(0.4 * np.pi)),
-        (limping(motion, 3.5 * ALIKE), np.sin(1.4 * np.pi)),
+        (limping(motion, 2.5 * MAX_ASYMMETRY), np.sin(0.4 * np.pi)),
+        (limping(motion, 3.5 * MAX_ASYMMETRY), np.sin(1.4 * np.pi)),
         (once, np.sin(0.7 * np.pi)),
     ):
         batch = ImitationBatch(puppets(1), Reference(moves), EnvConfig())

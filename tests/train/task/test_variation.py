@@ -13,7 +13,7 @@ from kinemimic.pipeline.kinematics.rotations import from_rotvec
 from kinemimic.retarget.humanoid.body import BODIES, BODY_INDEX, TOTAL_MASS
 from kinemimic.train.reference.reference import Reference
 from kinemimic.train.sim.engines import open_world
-from kinemimic.train.sim.world import FRICTION, GRAVITY, LIGHTEST, SUBSTEPS, TIME_STEP, BodyStates, World
+from kinemimic.train.sim.world import FRICTION, GRAVITY, MIN_MASS, SUBSTEPS, TIME_STEP, BodyStates, World
 
 FEET = [BODY_INDEX["foot_left"], BODY_INDEX["foot_right"]]
 WEIGHT = TOTAL_MASS * GRAVITY
@@ -124,7 +124,7 @@ def test_the_controller_reckons_with_the_nominal_masses(world: World) -> None:
 
 def test_the_joints_of_the_lightest_come_to_rest(world: World) -> None:
     """Below LIGHTEST a controller that reckons with more than there is would shake the joints for ever."""
-    vary(world, (FRICTION, LIGHTEST))
+    vary(world, (FRICTION, MIN_MASS))
     swing = np.random.default_rng(0).normal(0, 0.3, (1, 14, 3))
     world.reset(np.array([0]), replace(upright(50.0), joint_velocities=swing))
     for _ in range(30):

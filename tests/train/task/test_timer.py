@@ -1,6 +1,6 @@
 from __future__ import annotations
 
-from kinemimic.train.task.stopwatch import Stopwatch, split, summed, table
+from kinemimic.train.task.timer import Timer, split, summed, table
 
 
 class Clock:
@@ -15,23 +15,23 @@ class Clock:
 
 def test_every_moment_is_put_down_to_one_name() -> None:
     clock = Clock()
-    watch = Stopwatch(clock)
+    timer = Timer(clock)
     for name, spent in (("work", 2.0), ("rest", 0.5), ("work", 3.0)):
         clock.now += spent
-        assert watch.lap(name) == spent
-    assert watch.seconds == {"work": 5.0, "rest": 0.5}
-    assert sum(watch.seconds.values()) == clock.now - 1000.0
+        assert timer.lap(name) == spent
+    assert timer.seconds == {"work": 5.0, "rest": 0.5}
+    assert sum(timer.seconds.values()) == clock.now - 1000.0
 
 
 def test_a_restart_forgets_what_was_and_what_is_not_put_down_yet() -> None:
     clock = Clock()
-    watch = Stopwatch(clock)
-    watch.lap("work")
+    timer = Timer(clock)
+    timer.lap("work")
     clock.now += 7.0
-    watch.restart()
+    timer.restart()
     clock.now += 1.0
-    watch.lap("rest")
-    assert watch.seconds == {"rest": 1.0}
+    timer.lap("rest")
+    assert timer.seconds == {"rest": 1.0}
 
 
 def test_sums_take_every_name() -> None:

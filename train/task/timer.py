@@ -8,7 +8,7 @@ from collections.abc import Callable, Mapping
 Seconds = Mapping[str, float]
 
 
-class Stopwatch:
+class Timer:
     """`seconds` holds what each name took so far; `clock` gives seconds from any origin."""
 
     def __init__(self, clock: Callable[[], float] = time.perf_counter) -> None:
