@@ -228,7 +228,7 @@ def test_a_file_that_is_no_checkpoint_is_one_line(tmp_path: Path) -> None:
     other = {"schema": checkpoint.CHECKPOINT_SCHEMA, "motion": "walk", "config": {}, "evaluations": [{}]}
     for said in ("{}", "[1]", "{", "[" * 100_000, json.dumps(other)):
         save_file({"mean": np.zeros(3)}, path, {"kinemimic": said})
-        with pytest.raises(KinemimicError, match="expected a checkpoint"):
+        with pytest.raises(KinemimicError, match=r"expected (a checkpoint|a whole number)"):
             checkpoint.restore(path, training, "walk")
 
 
@@ -275,7 +275,7 @@ def test_a_damaged_checkpoint_is_one_clear_line(tmp_path: Path, trained, name: s
     save_file(arrays, path, {"kinemimic": json.dumps(record)})
     with pytest.raises(
         KinemimicError,
-        match=r"c\.safetensors: expected a checkpoint, found .*; delete it or train with --no-res",
+        match=r"c\.safetensors(, key [a-z].*)?: expected .*, found .*; delete it or train with --no-res",
     ):
         checkpoint.restore(path, Training(learner), "walk")
 

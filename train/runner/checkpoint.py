@@ -91,10 +91,10 @@ def restore(path: Path, training: Training, motion: str) -> bool:
         schema, imitated, stored = record["schema"], record["motion"], {**record["config"], "budget": None}
         if schema != CHECKPOINT_SCHEMA:
             return False
-        if imitated != motion or stored != {**training.learner.config.to_json(), "budget": None}:
-            return False
         check = partial(convert, path=path, advice="delete it or train with --no-resume")
         trials = check(record["evaluations"], list[Evaluation], within=("evaluations",))
+        if imitated != motion or stored != {**training.learner.config.to_json(), "budget": None}:
+            return False
         check(record["progress"], type(training.learner.progress), within=("progress",))
         _take_up(training, arrays, record, trials)
     # Of types of numbers that numpy has not, safetensors tells by an AttributeError; torch of shapes by a
