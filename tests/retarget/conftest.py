@@ -1,4 +1,4 @@
-"""A walker made by hand: joint curves, forward kinematics on a person larger than Table 1, and the truth."""
+"""A synthetic walker: joint curves, forward kinematics on a person larger than Table 1, and the truth."""
 
 from __future__ import annotations
 
@@ -54,7 +54,7 @@ def _rotations(phase: Array, limp: float) -> Array:
 
 
 def _phase(t: Array, period: float, vary: float, faster: float, rng: np.random.Generator) -> Array:
-    """Cycles (T,) of strides that vary by a share of their time, in the end `faster` times as fast."""
+    """Cycles (T,) of strides whose times vary by a share; at the end `faster` times as fast."""
     if vary == 0.0 and faster == 1.0:
         return t / period
     even = t + 0.5 * (faster - 1.0) * t**2 / t[-1]

@@ -1,4 +1,4 @@
-"""The virtual Kinect: what cleaning and pooling leave of the sensor's errors, against the truth."""
+"""The virtual Kinect: errors after cleaning and pooling, against the truth."""
 
 from __future__ import annotations
 

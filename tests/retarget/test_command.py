@@ -1,4 +1,4 @@
-"""The stage: files in a run folder, from clips that the stages before wrote."""
+"""The `retarget` stage: its files in a run folder."""
 
 from __future__ import annotations
 
@@ -57,7 +57,7 @@ def test_the_same_input_gives_the_same_bytes(run):
     assert first == {name: (run / name).read_bytes() for name in first}
 
 
-def test_captured_rows_stand_at_the_motions_phase(run):
+def test_captured_rows_have_the_phase_of_the_motion(run):
     motion = retarget(run)
     table = pq.read_table(run / "capture.parquet")
     columns = {name: table[name].to_numpy() for name in table.column_names}
@@ -90,7 +90,7 @@ def test_a_command_prints_a_table_or_json(run):
     assert json.loads(as_json.output)["symmetric"] is False
 
 
-def test_the_table_tells_what_train_refuses_from_what_is_only_to_be_seen(run):
+def test_the_table_marks_findings_that_train_refuses(run):
     retarget(run)
     report = json.loads((run / "gait.json").read_text())
     assert "✗" not in "\n".join(_table(report))
@@ -116,7 +116,7 @@ def test_the_refinement_is_measured_before_and_after_and_can_be_left_out(run):
     assert plain["closed_form"] == plain["measures"] == before
 
 
-def test_nothing_is_written_where_the_walk_cannot_be_read(run, walker):
+def test_nothing_is_written_if_no_pass_is_usable(run, walker):
     clip = walker(rate=30.0).clip
     swap = np.random.default_rng(1).random(len(clip.times)) < 0.5
     p = clip.positions.copy()
@@ -154,7 +154,7 @@ def test_real_walks(captures, tmp_path, name, cadence, knee_peak, r2_hip):
     assert ground["slip_m_s"] < 0.15 and ground["swing_clearance_m"] > 0
 
 
-def test_a_walk_can_be_kept_as_it_was_recorded(run):
+def test_a_walk_can_be_kept_as_recorded(run):
     kept = CliRunner().invoke(command, ["--run", str(run), "--no-loop", "--json"])
     report = json.loads(kept.output)
     assert report["kind"] == "walk" and not report["cyclic"]
@@ -167,7 +167,7 @@ def test_a_walk_can_be_kept_as_it_was_recorded(run):
     assert "strides in" in "\n".join(_table(report))
 
 
-def test_a_loop_that_is_asked_for_needs_a_walk(run):
+def test_the_loop_option_needs_a_walk(run):
     clip = read_clip(run / "quaternions.parquet")
     still = replace(clip, positions=np.repeat(clip.positions[:1], len(clip.times), axis=0))
     write_clip(run / "quaternions.parquet", still)

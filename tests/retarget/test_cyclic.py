@@ -1,4 +1,4 @@
-"""Angles in, positions, and angles out again: the loop against a walker whose truth is known."""
+"""The gait loop of a synthetic walker against its true angles."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ def test_clean_walker_comes_back(walker):
     assert fit.scale == pytest.approx(1 / w.size, rel=1e-3)
 
 
-def test_planted_foot_stands_still_and_ground_is_zero(walker):
+def test_feet_in_contact_do_not_slide_and_the_ground_is_zero(walker):
     w = walker()
     fit = loop_of(w.clip)
     motion = fit.motion
@@ -82,7 +82,7 @@ def test_a_limp_survives_unless_symmetry_is_asked_for(walker):
     assert even["knee_left"].max() == pytest.approx(even["knee_right"].max(), abs=0.01)
 
 
-def test_frames_with_swapped_legs_are_thrown_out(walker):
+def test_frames_with_swapped_legs_are_rejected(walker):
     w = walker(seconds=4.4)
     p = w.clip.positions.copy()
     legs = [N[f"{joint}_left"] for joint in ("hip", "knee", "ankle", "foot")]
@@ -124,7 +124,7 @@ def test_a_walk_that_shows_no_gait_is_refused_in_one_line(walker):
         select_passes(passes)
 
 
-def test_a_movement_on_the_spot_is_no_gait(walker):
+def test_a_movement_in_place_is_no_gait(walker):
     clip = walker().clip
     t = clip.times
     standing = np.repeat(clip.positions[:1], len(t), axis=0)

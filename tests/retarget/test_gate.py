@@ -24,7 +24,7 @@ GOOD = {
 
 
 def changed(**values):
-    """GOOD with values put in place of its own, by path: ground__slip_m_s=0.2."""
+    """GOOD with values replaced by path, such as ground__slip_m_s=0.2."""
     report = deepcopy(GOOD)
     for path, value in values.items():
         *above, last = path.split("__")
@@ -73,8 +73,8 @@ def test_every_rule_is_tested():
     }  # fmt: skip
 
 
-def test_a_run_has_limits_of_its_own():
-    """150 steps a minute, a knee of 100° and no clearance to speak of: running, and no walk."""
+def test_runs_have_their_own_limits():
+    """150 steps a minute, a knee of 100° and almost no clearance are a run, but no walk."""
     run = {
         "cadence_steps_per_min": 150.0, "ground__swing_clearance_m": -0.01,
         "range_deg": {"knee_left": [10.0, 100.0], "knee_right": [10.0, 101.0]},
@@ -83,7 +83,7 @@ def test_a_run_has_limits_of_its_own():
     assert {finding.rule for finding in check_report(changed(**run))} == {"cadence", "clearance", "knee"}
 
 
-def test_a_movement_that_is_no_gait_is_judged_by_ground_and_limits_only():
+def test_a_motion_without_gait_is_judged_by_ground_and_joint_limits_only():
     squat = {"kind": "motion", "range_deg": {"knee_left": [0.0, 120.0], "knee_right": [0.0, 121.0]}}
     assert check_report(squat | {"measures": GOOD["measures"]}) == ()
     sunk = check_report(
@@ -105,7 +105,7 @@ def test_refusals_come_first_and_one_line_names_all(tmp_path: Path):
     require_trainable(tmp_path, anyway=True)
 
 
-def test_what_only_warns_and_what_is_unknown_goes_through(tmp_path: Path):
+def test_warnings_and_unknown_motions_pass(tmp_path: Path):
     require_trainable(tmp_path)
     write_json(tmp_path / "gait.json", changed(strides=1.4))
     require_trainable(tmp_path)
@@ -123,7 +123,7 @@ def test_what_only_warns_and_what_is_unknown_goes_through(tmp_path: Path):
     ],
 )
 def test_real_walks_and_runs(tmp_path: Path, captures: Path, name, refused):
-    """Those that the humanoid learnt pass; one whose tracking jumps at the hip does not."""
+    """Motions that the humanoid was trained on pass; one with a jump in the tracked hip does not."""
     ingest(captures / name, tmp_path)
     convert(tmp_path)
     retarget(tmp_path)

@@ -1,4 +1,4 @@
-"""Measures against numbers put in by hand."""
+"""Measures against known errors."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ def standing() -> Motion:
 PHASE = np.linspace(0.0, 1.0, FRAMES)
 
 
-def test_standing_upright_measures_nothing(standing):
+def test_the_measures_of_quiet_standing_are_zero(standing):
     found = measure(standing, standing.kinematics()[0], PHASE)
     assert found.foot_speed == found.node_error == pytest.approx(0.0, abs=1e-12)
     assert found.penetration == pytest.approx(0.0, abs=1e-12)
@@ -34,7 +34,7 @@ def test_standing_upright_measures_nothing(standing):
     assert found.beyond == {}
 
 
-def test_drift_depth_and_height_are_those_put_in(standing):
+def test_slip_penetration_and_floating_are_measured(standing):
     along = np.outer(np.arange(FRAMES) / RATE, [0.3, 0.4, 0.0])
     up = np.zeros((FRAMES, 3))
     up[5, 2], up[9, 2] = -0.012, 0.02

@@ -1,4 +1,4 @@
-"""What is no gait: the stock motions on the body, recognisable and above the ground."""
+"""Motions without gait: the stock motions on the body keep their shape above the ground."""
 
 from __future__ import annotations
 
@@ -56,7 +56,7 @@ def test_a_jump_leaves_the_ground_and_falls_as_bodies_do():
 
 
 def test_a_recording_between_frames_is_smooth():
-    """16 frames a second of a somersault: linear steps would give velocities with jumps."""
+    """A somersault at 16 frames per second: linear interpolation would make the velocity jump."""
     motion = stock("backflip").motion
     speed = np.diff(motion.root[:, 2]) * motion.rate
     flight = slice(35, 55)
@@ -70,7 +70,7 @@ def test_feet_in_the_air_point_as_recorded():
     assert len(fit.frames) == len(clip.times)
 
 
-def test_without_toes_the_ankles_say_where_feet_stand_and_these_are_flat():
+def test_without_toes_contacts_come_from_the_ankles_and_feet_are_flat():
     clip = on_nodes(read_deepmimic(stock_motion("jump")))
     positions = clip.positions.copy()
     positions[:, [N["foot_left"], N["foot_right"]]] = np.nan
@@ -83,15 +83,15 @@ def test_without_toes_the_ankles_say_where_feet_stand_and_these_are_flat():
     assert np.median(np.ptp(corners, axis=-1)[fit.motion.contacts]) < 0.001
 
 
-def test_a_foot_that_turns_on_the_spot_does_not_stand_as_a_whole():
-    """Anchored at one heading, a foot that pivots would turn the body instead."""
+def test_a_pivoting_foot_is_not_in_contact():
+    """A pivoting foot anchored at one heading would rotate the body instead."""
     fit = stock("dance_a")
     motion = refine(fit.motion, fit.seen)
     turned = np.degrees(angle_between(motion.rotations[:, 0], fit.motion.rotations[:, 0]))
     assert turned.max() < 10.0
 
 
-def test_a_rest_that_sinks_lifts_the_root_and_nothing_else():
+def test_a_body_that_penetrates_lifts_only_the_root():
     fit = stock("jump")
     still = replace(
         fit.motion,
@@ -111,7 +111,7 @@ def test_a_rest_that_sinks_lifts_the_root_and_nothing_else():
 
 @pytest.mark.parametrize("name", ["jump", "kick", "cartwheel", "punch"])
 def test_feet_that_land_and_leave_do_not_jerk_the_root(name):
-    """Refined, it is nowhere jerked as much as recorded: a foot that shall stand still moves the legs."""
+    """Refinement reduces the root's jerk everywhere: contacts move the legs instead."""
 
     def largest_jerk(motion: Motion) -> float:
         acceleration = np.gradient(np.gradient(motion.root, axis=0), axis=0) * motion.rate**2

@@ -52,3 +52,28 @@ def test_exchanged_legs_are_thrown_out() -> None:
 def test_a_clock_with_a_hole_of_years_takes_no_room() -> None:
     times = np.concatenate([np.arange(300) / RATE, 1e11 + np.arange(200) / RATE])
     assert 0.4 < fit_harmonic(times, ankles(times)).period < 2.2
+
+
+def test_harmonic_of_a_cosine_is_exact() -> None:
+    t = np.arange(0, 2.9, 1 / 30)
+    h = fit_harmonic(t, 0.02 - 0.6 * np.cos(2 * np.pi * (t - 0.4) / 1.13))
+    assert h.period == pytest.approx(1.13, abs=1e-4)
+    assert np.mod(h.phase(np.array([0.4]))[0] + 0.5, 1.0) == pytest.approx(0.5, abs=1e-3)
+    assert h.amplitude == pytest.approx(0.6, abs=1e-4)
+    assert h.r2 > 0.9999 and h.kept == 1.0
+
+
+def test_the_harmonic_rejects_swapped_legs() -> None:
+    t = np.arange(0, 2.9, 1 / 30)
+    d = -0.6 * np.cos(2 * np.pi * (t - 0.4) / 1.13)
+    swapped = d.copy()
+    swapped[20:28] *= -1
+    h = fit_harmonic(t, swapped)
+    assert h.period == pytest.approx(1.13, abs=5e-3)
+    # All but the frame where the ankles pass each other are far off.
+    assert (h.weights[20:28][np.abs(d[20:28]) > 0.2] == 0).all()
+
+
+def test_noise_is_no_harmonic() -> None:
+    rng = np.random.default_rng(0)
+    assert fit_harmonic(np.arange(90) / 30, rng.standard_normal(90)).r2 < 0.5

@@ -34,11 +34,11 @@ def normal_walk(knee: float = 1.0, lean: float = 0.0):
 
 
 def flexion(rotations, side):
-    """Of the ankle, toes up."""
+    """Dorsiflexion of the ankle."""
     return -to_rotvec(rotations[:, N[f"ankle_{side}"]])[:, 1]
 
 
-def test_a_normal_walk_gets_the_normal_ankle_up_to_a_constant():
+def test_a_normal_walk_gets_the_normative_ankle_up_to_a_constant():
     walked = normal_feet(normal_walk(), PHASE)
     for side, shift in (("left", 0.0), ("right", 0.5)):
         apart = flexion(walked, side) - normative_band("ankle", PHASE + shift)[0]
@@ -46,7 +46,7 @@ def test_a_normal_walk_gets_the_normal_ankle_up_to_a_constant():
         assert np.degrees(np.abs(apart).max()) < 8
 
 
-def test_the_sole_is_flat_in_the_middle_of_stance_whatever_the_pelvis_leans():
+def test_the_sole_is_flat_in_mid_stance_for_any_lean_of_the_pelvis():
     for lean in (0.0, 0.15):
         frames = body_kinematics(normal_feet(normal_walk(lean=lean), PHASE))[1]
         for side, shift in (("left", 0.0), ("right", 0.5)):
@@ -57,7 +57,7 @@ def test_the_sole_is_flat_in_the_middle_of_stance_whatever_the_pelvis_leans():
             assert np.abs(pitch).max() < 8
 
 
-def test_the_toes_are_lifted_where_a_sensor_s_knee_bends_too_little():
+def test_toes_are_lifted_if_the_knee_bends_too_little_in_swing():
     def clearance(rotations):
         low = sole_positions(*body_kinematics(rotations))[..., 2].min(axis=-1)
         start, end = FEET_ADJACENT
@@ -70,8 +70,10 @@ def test_the_toes_are_lifted_where_a_sensor_s_knee_bends_too_little():
 
 
 @pytest.mark.parametrize("name", ["02_01.bvh", "02_02.bvh", "07_01.bvh"])
-def test_it_is_nearer_to_a_measured_ankle_than_a_neutral_one(tmp_path: Path, captures: Path, name: str):
-    """Optical walks, whose feet are seen: the made-up ankles against the measured ones."""
+def test_a_normative_ankle_is_nearer_to_the_measured_one_than_a_neutral_one(
+    tmp_path: Path, captures: Path, name: str
+):
+    """Optical walks, whose feet are seen: the normative ankles against the measured ones."""
     ingest(captures / "cmu_bvh" / name, tmp_path)
     clip = on_nodes(convert(tmp_path))
     motion = fit_cyclic(clip, select_passes(analyze_passes(clip))[0]).motion

@@ -1,4 +1,4 @@
-"""Who stands, and where: hysteresis, stances over the seam, the place of a rigid foot."""
+"""Contact detection, stances across the seam, anchors of rigid feet."""
 
 from __future__ import annotations
 
@@ -24,27 +24,27 @@ def feet(height, speed=0.0):
     return both, np.broadcast_to(speed, both.shape)
 
 
-def test_a_foot_stands_until_it_is_above_the_second_height():
+def test_contact_lasts_until_the_foot_is_above_the_far_threshold():
     height, speed = feet([0.05, 0.03, 0.03, 0.01, 0.03, 0.03, 0.05, 0.03, 0.03, 0.03])
     found = detect_contacts(height, speed, WHEN, rate=RATE, cyclic=False)
     # The first run touches the ground once and counts whole; the last never does.
     assert found[:, 0].tolist() == [False, True, True, True, True, True, False, False, False, False]
 
 
-def test_noise_about_a_threshold_does_not_lift_the_foot():
+def test_noise_around_a_threshold_does_not_end_contact():
     rng = np.random.default_rng(0)
     height, speed = feet(RECORDED_THRESHOLDS.near + 0.01 * rng.standard_normal(200))
     assert detect_contacts(height, speed, RECORDED_THRESHOLDS, rate=RATE, cyclic=False)[:, 0].all()
 
 
-def test_a_foot_that_passes_low_or_stops_in_the_air_does_not_stand():
+def test_a_foot_that_swings_low_or_stops_in_the_air_is_not_in_contact():
     passing = detect_contacts(*feet(np.full(30, 0.01), 1.0), WHEN, rate=RATE, cyclic=False)
     hanging = detect_contacts(*feet(np.full(30, 0.2), 0.0), WHEN, rate=RATE, cyclic=False)
     brief = detect_contacts(*feet([0.1] * 5 + [0.0] * 2 + [0.1] * 5), WHEN, rate=RATE, cyclic=False)
     assert not passing.any() and not hanging.any() and not brief.any()
 
 
-def test_a_stance_over_the_seam_of_a_cycle_is_one():
+def test_a_stance_across_the_seam_of_a_cycle_is_a_single_stance():
     height, speed = feet([0.01] * 4 + [0.1] * 10 + [0.03] * 6)
     assert detect_contacts(height, speed, WHEN, rate=RATE, cyclic=True)[:, 0].sum() == 10
     stands = detect_contacts(height, speed, WHEN, rate=RATE, cyclic=True)
@@ -62,7 +62,7 @@ def flat_feet(frames, place, heading=0.0):
     return out
 
 
-def test_a_sliding_foot_is_anchored_in_its_middle_as_one_rigid_sole():
+def test_a_sliding_foot_is_anchored_at_its_mean_position_as_a_rigid_sole():
     slide = np.stack([np.linspace(0.0, 0.04, 21), np.zeros(21)], axis=-1)
     corners = flat_feet(21, slide, heading=0.3)
     # First the heel carries, then the toes.
@@ -76,7 +76,7 @@ def test_a_sliding_foot_is_anchored_in_its_middle_as_one_rigid_sole():
     assert anchors == pytest.approx(middle, abs=0.006)
 
 
-def test_anchors_of_a_cycle_move_on_with_it():
+def test_anchors_of_a_cycle_advance_with_it():
     frames, advance = 20, np.array([1.2, 0.0, 0.0])
     place = np.zeros((frames, 2))
     place[14:, 0] = 1.2  # lands again at the end of the cycle, where the next one begins
@@ -87,7 +87,7 @@ def test_anchors_of_a_cycle_move_on_with_it():
     assert anchors[stands] == pytest.approx(corners[..., :2][stands])
 
 
-def test_steps_are_between_frames_in_which_the_foot_stands():
+def test_contact_speeds_are_between_consecutive_frames_of_contact():
     frames = 11
     place = np.stack([np.where(np.arange(frames) < 6, 0.0, 1.0), np.zeros(frames)], axis=-1)
     stands = np.zeros((frames, 2), dtype=bool)

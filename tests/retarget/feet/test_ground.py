@@ -1,4 +1,4 @@
-"""The root's path: what the planted feet tell of it, and what they do not."""
+"""The root path from feet in contact."""
 
 from __future__ import annotations
 
@@ -19,8 +19,8 @@ from kinemimic.train.reference.reference import Reference
 PERIOD = 1.1
 
 
-def test_a_recorded_path_on_which_the_carrying_foot_stands_still_is_left_as_it_is():
-    """Between steps too, where no foot tells: there a body's own momentum decides, which was recorded."""
+def test_a_recorded_path_without_slip_is_kept():
+    """Between steps too: there the recorded momentum of the body decides."""
     phase = np.arange(66) / 66
     wave = np.random.default_rng(1).normal(0.0, 0.02, (7, 2))
     wave[0] = 0.0
@@ -42,8 +42,8 @@ def virtual(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return run
 
 
-def test_feet_on_the_ground_can_hold_the_walker_up_and_from_side_to_side(virtual):
-    """Newton's second law: what gravity, inertia and feet that push leave unexplained, of 473 N of weight."""
+def test_ground_contacts_explain_the_forces_on_the_walker(virtual):
+    """Newton's second law: the residual force after gravity, inertia and contacts, of 473 N of weight."""
     motion = retarget(virtual)
     reference, beside = Reference(motion), 1.0 / 60.0 / motion.duration
     phase = np.arange(120) / 120

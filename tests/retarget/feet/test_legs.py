@@ -14,7 +14,7 @@ def still(frames: int = 1) -> np.ndarray:
     return np.tile(IDENTITY, (frames, 20, 1))
 
 
-def test_a_knee_bent_backward_is_straightened_and_the_ankle_stays_on_its_line():
+def test_a_hyperextended_knee_is_straightened_and_the_ankle_stays_in_line():
     q = still()
     q[:, N["hip_left"]] = from_axis_angle("Y", -0.3)
     q[:, N["knee_left"]] = from_axis_angle("Y", np.radians(-18.0))
@@ -29,13 +29,13 @@ def test_a_knee_bent_backward_is_straightened_and_the_ankle_stays_on_its_line():
     assert angle_between(*foot).max() < 1e-7
 
 
-def test_a_bent_knee_is_left_alone():
+def test_a_flexed_knee_is_unchanged():
     q = still()
     q[:, N["knee_right"]] = from_axis_angle("Y", 0.6)
     assert angle_between(limit_knee_extension(q)[:, N["knee_right"]], q[:, N["knee_right"]]).max() < 1e-4
 
 
-def test_neutral_feet_are_flat_in_the_middle_of_stance():
+def test_neutral_feet_are_flat_in_mid_stance():
     phase = np.arange(60) / 60.0
     q = still(60)
     for side, shift in (("left", 0.0), ("right", 0.5)):
@@ -48,7 +48,7 @@ def test_neutral_feet_are_flat_in_the_middle_of_stance():
     assert pitch[0] < -5.0  # the heel comes down first
 
 
-def test_flat_feet_are_level_whatever_the_leg_does():
+def test_flat_feet_are_level_for_any_leg_pose():
     q = still()
     q[:, N["hip_left"]] = from_axis_angle("Y", -0.9)
     q[:, N["knee_left"]] = from_axis_angle("Y", 0.4)
@@ -57,7 +57,7 @@ def test_flat_feet_are_level_whatever_the_leg_does():
         assert rotate(frames[0, ankle], np.array([0, 0, 1.0])) == pytest.approx([0, 0, 1], abs=1e-9)
 
 
-def test_abduction_moves_the_ankles_apart_and_leaves_the_feet_level():
+def test_abduction_separates_the_ankles_and_keeps_the_feet_level():
     q = still()
     wide = abduct(q, 0.05)
     assert stance_width(body_kinematics(wide)[0]) == pytest.approx(0.17 + 2 * 0.78 * np.sin(0.05))

@@ -1,4 +1,4 @@
-"""Motions as JSON: layers of Fig. 4, an exact round trip, and one clear line for each kind of damage."""
+"""Motions as JSON: layers of Fig. 4, an exact round trip, and a one-line message for each kind of damage."""
 
 from __future__ import annotations
 
@@ -50,7 +50,7 @@ def test_layers_are_those_of_figure_4() -> None:
     assert layers["leg_left"]["knee_left"]["offset"] == [0.0, 0.0, -0.4]
 
 
-def test_what_is_written_is_what_is_read(tmp_path: Path) -> None:
+def test_a_motion_survives_a_round_trip(tmp_path: Path) -> None:
     before = motion()
     text = motion_to_json(before)
     after = read_motion_json(written(tmp_path, text))
@@ -62,7 +62,7 @@ def test_what_is_written_is_what_is_read(tmp_path: Path) -> None:
         np.testing.assert_allclose(getattr(after, name), getattr(before, name), rtol=0, atol=0.5e-9 + 1e-15)
 
 
-def test_rotation_of_a_frame_is_where_a_reader_expects_it() -> None:
+def test_rotations_are_stored_by_frame_and_node() -> None:
     before = motion()
     rows = document()["layers"]["arm_right"]["elbow_right"]["rotations"]
     assert len(rows) == FRAMES
@@ -121,14 +121,14 @@ def change(place: str, value: Any) -> str:
         ("contacts.left", [0, 1], "contacts.left: expected shape"),
     ],
 )  # fmt: skip
-def test_damage_is_named(tmp_path: Path, place: str, value: Any, complaint: str) -> None:
+def test_a_damaged_value_is_named(tmp_path: Path, place: str, value: Any, complaint: str) -> None:
     with pytest.raises(KinemimicError, match=complaint) as caught:
         read_motion_json(written(tmp_path, change(place, value)))
     assert "\n" not in str(caught.value)
     assert "motion.json" in str(caught.value)
 
 
-def test_one_frame_is_enough_for_a_cycle_alone(tmp_path: Path) -> None:
+def test_only_a_cycle_may_have_a_single_frame(tmp_path: Path) -> None:
     one = motion()
     one = replace(one, root=one.root[:1], rotations=one.rotations[:1], contacts=one.contacts[:1])
     cycle = replace(one, cyclic=True, cycle_offset=np.zeros(3))
@@ -139,7 +139,7 @@ def test_one_frame_is_enough_for_a_cycle_alone(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("text", ["", "{", "[]", "\x00\x01"])
-def test_what_is_not_a_motion_is_refused(tmp_path: Path, text: str) -> None:
+def test_a_file_that_is_no_motion_is_refused(tmp_path: Path, text: str) -> None:
     with pytest.raises(KinemimicError, match=r"motion\.json"):
         read_motion_json(written(tmp_path, text))
 

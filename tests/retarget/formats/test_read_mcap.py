@@ -1,4 +1,4 @@
-"""MCAP read back: the very motion, and of a damaged file what its checksums vouch for."""
+"""Reading MCAP: an exact round trip, and recovery of damaged files."""
 
 from __future__ import annotations
 
@@ -60,7 +60,7 @@ def cut(path: Path, size: int, folder: Path) -> Path:
 
 
 def transforms(path: Path) -> int:
-    """Messages of /tf that the library's own reader gets out of a file that ends too soon."""
+    """Number of /tf messages that the library's own reader finds in a truncated file."""
     count = 0
     with path.open("rb") as stream:
         try:
@@ -74,7 +74,7 @@ def transforms(path: Path) -> int:
 
 
 @pytest.mark.parametrize("cyclic", [False, True])
-def test_what_is_written_is_what_is_read(whole: Path, cycle: Path, cyclic: bool) -> None:
+def test_a_motion_survives_a_round_trip(whole: Path, cycle: Path, cyclic: bool) -> None:
     before = motion(50, cyclic=True) if cyclic else motion()
     after = read_mcap(cycle if cyclic else whole)
     assert after.identity == before.identity
@@ -84,9 +84,7 @@ def test_what_is_written_is_what_is_read(whole: Path, cycle: Path, cyclic: bool)
 
 
 @pytest.mark.parametrize("share", [0.3, 0.5, 0.8, 0.999])
-def test_a_file_that_is_cut_off_says_so_and_gives_what_was_written(
-    whole: Path, tmp_path: Path, share: float
-) -> None:
+def test_a_truncated_file_is_reported_and_recovered(whole: Path, tmp_path: Path, share: float) -> None:
     short = cut(whole, int(share * whole.stat().st_size), tmp_path)
     there = transforms(short)
     assert 0 < there <= FRAMES
@@ -105,14 +103,14 @@ def test_a_file_that_is_cut_off_says_so_and_gives_what_was_written(
     assert found.motion.provenance["recovered"].startswith(f"frames 0 to {there - 1} of 400")
 
 
-def test_a_cycle_of_which_later_turns_are_lost_is_whole(cycle: Path, tmp_path: Path) -> None:
+def test_a_cycle_is_complete_without_its_later_repetitions(cycle: Path, tmp_path: Path) -> None:
     short = cut(cycle, cycle.stat().st_size // 2, tmp_path)
     found = recover_mcap(short)
     assert found.fault is not None and found.motion.cyclic
     assert found.motion.identity == motion(50, cyclic=True).identity
 
 
-def test_a_wrong_byte_is_found_and_the_longest_stretch_is_left(whole: Path, tmp_path: Path) -> None:
+def test_a_wrong_byte_is_detected_and_the_longest_run_recovered(whole: Path, tmp_path: Path) -> None:
     data = bytearray(whole.read_bytes())
     data[len(data) // 3] ^= 4
     damaged = tmp_path / "damaged.mcap"
@@ -126,7 +124,7 @@ def test_a_wrong_byte_is_found_and_the_longest_stretch_is_left(whole: Path, tmp_
     np.testing.assert_array_equal(left.contacts, motion().contacts[first : first + len(left.root)])
 
 
-def test_no_byte_that_is_lost_or_wrong_makes_a_traceback(cycle: Path, tmp_path: Path) -> None:
+def test_lost_or_wrong_bytes_never_cause_a_traceback(cycle: Path, tmp_path: Path) -> None:
     random, data = np.random.default_rng(0), cycle.read_bytes()
     path = tmp_path / "damaged.mcap"
     for trial in range(60):
@@ -160,7 +158,7 @@ def with_chunk(path: Path, folder: Path, *, size: int, compression: bytes, packe
 
 @pytest.mark.parametrize("claimed", [10, MAX_CHUNK_BYTES + 1])
 @pytest.mark.parametrize("compression", ["zstd", "lz4"])
-def test_a_chunk_that_unpacks_to_more_than_it_may_is_damage(
+def test_a_chunk_that_expands_beyond_the_limit_is_damage(
     cycle: Path, tmp_path: Path, compression: str, claimed: int
 ) -> None:
     zeros = bytes(MAX_CHUNK_BYTES + 1)
@@ -173,7 +171,7 @@ def test_a_chunk_that_unpacks_to_more_than_it_may_is_damage(
     assert found.motion.identity == motion(50, cyclic=True).identity
 
 
-def test_no_more_is_unpacked_in_all_than_the_limit(
+def test_all_chunks_together_expand_at_most_to_the_limit(
     cycle: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(mcap_reader, "MAX_BYTES", 2**20)
@@ -184,7 +182,7 @@ def test_no_more_is_unpacked_in_all_than_the_limit(
 
 
 @pytest.mark.parametrize("compression", [b"lz4", b"zstd", b"bzip", b"\xff\xfe"])
-def test_a_chunk_of_other_bytes_than_its_compression_is_damage(
+def test_a_chunk_that_is_not_of_its_declared_compression_is_damage(
     cycle: Path, tmp_path: Path, compression: bytes
 ) -> None:
     path = with_chunk(cycle, tmp_path, size=100, compression=compression, packed=b"junk")
@@ -213,7 +211,7 @@ def test_a_chunk_of_other_bytes_than_its_compression_is_damage(
         ("cycle_offset", '"x"', "one of another program or version"),
     ],
 )
-def test_a_record_out_of_reason_is_refused(
+def test_metadata_out_of_bounds_are_refused(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, key: str, value: str, told: str
 ) -> None:
     original = mcap_writer._metadata
@@ -225,7 +223,7 @@ def test_a_record_out_of_reason_is_refused(
         assert "\n" not in str(caught.value)
 
 
-def test_files_of_others_are_refused(tmp_path: Path) -> None:
+def test_files_of_other_programs_are_refused(tmp_path: Path) -> None:
     with pytest.raises(KinemimicError, match="expected an MCAP file, found none"):
         read_mcap(tmp_path / "none.mcap")
     (tmp_path / "text.mcap").write_text("a text that is no MCAP")
@@ -241,7 +239,7 @@ def test_files_of_others_are_refused(tmp_path: Path) -> None:
         read_mcap(tmp_path / "other.mcap")
 
 
-def test_frames_that_lack_a_link_are_no_motion(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_frames_without_a_link_are_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     links = {node: name for node, name in mcap_writer.NODE_FRAMES.items() if node != "foot_left"}
     monkeypatch.setattr(mcap_writer, "NODE_FRAMES", links)
     write_mcap(tmp_path / "lame.mcap", motion(5))

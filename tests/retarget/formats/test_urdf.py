@@ -1,4 +1,4 @@
-"""The humanoid's URDF, read back by Bullet: Table 1's masses, and the same figure in either set of axes."""
+"""The humanoid's URDF, read back by Bullet: Table 1's masses, and the same humanoid in both sets of axes."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from kinemimic.retarget.humanoid.body import BODIES, TOTAL_MASS
 
 
 def loaded(text: str, folder: Path) -> list[dict[str, Any]]:
-    """What Bullet makes of each of the 15 links at rest."""
+    """Each of the 15 links in the rest pose, as Bullet loads them."""
     path = folder / "humanoid.urdf"
     path.write_text(text)
     client = bullet.connect(bullet.DIRECT)
@@ -52,7 +52,7 @@ def test_masses_and_inertias_are_those_of_table_1(tmp_path: Path) -> None:
         np.testing.assert_allclose(link["box"][1] - link["box"][0], body.size, atol=2.5e-3)
 
 
-def test_y_up_is_the_same_figure_with_its_axes_renamed(tmp_path: Path) -> None:
+def test_y_up_is_the_same_humanoid_with_permuted_axes(tmp_path: Path) -> None:
     for ours, theirs in zip(
         loaded(humanoid_urdf("spherical"), tmp_path),
         loaded(humanoid_urdf("spherical", y_up=True), tmp_path),
@@ -63,7 +63,7 @@ def test_y_up_is_the_same_figure_with_its_axes_renamed(tmp_path: Path) -> None:
         np.testing.assert_allclose(ours["box"][:, [1, 2, 0]], theirs["box"], atol=2.5e-3)
 
 
-def test_plain_urdf_has_standard_shapes_and_joints_and_the_same_extent() -> None:
+def test_standard_urdf_has_standard_shapes_and_joints_and_the_same_extent() -> None:
     plain = ET.fromstring(humanoid_urdf("floating"))
     assert {shape.tag for shape in plain.iterfind(".//geometry/*")} == {"box", "sphere", "cylinder"}
     assert {joint.get("type") for joint in plain.iter("joint")} == {"fixed", "floating"}
@@ -79,7 +79,7 @@ def test_plain_urdf_has_standard_shapes_and_joints_and_the_same_extent() -> None
     assert [center - radius for center, radius in tops if center < -0.2] == pytest.approx([-0.40])
 
 
-def test_hinges_turn_a_body_as_a_ball_joint_does(tmp_path: Path) -> None:
+def test_three_hinges_rotate_a_body_like_a_ball_joint(tmp_path: Path) -> None:
     path = tmp_path / "humanoid.urdf"
     path.write_text(humanoid_urdf("revolute"))
     turns = {body: Rotation.random(random_state=k) for k, body in enumerate(BODIES[1:])}
@@ -107,7 +107,7 @@ def test_hinges_turn_a_body_as_a_ball_joint_does(tmp_path: Path) -> None:
         bullet.disconnect(client)
 
 
-def test_another_simulator_takes_the_hinges() -> None:
+def test_another_simulator_loads_the_hinges() -> None:
     mujoco = pytest.importorskip("mujoco", reason="MuJoCo is not installed")
     model = mujoco.MjModel.from_xml_string(humanoid_urdf("revolute"))
     assert model.njnt == 42

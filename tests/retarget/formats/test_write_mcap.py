@@ -26,7 +26,7 @@ CYCLE = 33  # frames
 
 
 def motion(*, cyclic: bool = True) -> Motion:
-    """Every node turns in every frame; a cycle moves on by 1.3 m."""
+    """Every node rotates in every frame; a cycle advances by 1.3 m."""
     random = np.random.default_rng(5)
     rotations = normalize(np.array([0.0, 0.0, 0.0, 1.0]) + 0.3 * random.normal(size=(CYCLE, len(NODES), 4)))
     return Motion(
@@ -75,7 +75,7 @@ def test_transforms_are_the_forward_kinematics(cyclic: Path) -> None:
             assert angle_between(turn, rotations[step, NODE_INDEX[node]]) < 1e-7
 
 
-def test_a_cycle_is_repeated_and_anything_else_is_written_once(cyclic: Path, tmp_path: Path) -> None:
+def test_only_a_cycle_is_repeated(cyclic: Path, tmp_path: Path) -> None:
     times = [time for time, _ in messages(cyclic, "/tf")]
     assert len(times) == 295  # ten seconds at 29.5 frames a second
     assert (times[0], times[1] - times[0]) == (START_NS, round(1e9 / 29.5))
@@ -111,7 +111,7 @@ def test_same_motion_same_bytes(cyclic: Path, tmp_path: Path) -> None:
     assert (tmp_path / "again.mcap").read_bytes() == cyclic.read_bytes()
 
 
-def test_rerun_draws_the_figure(cyclic: Path, tmp_path: Path) -> None:
+def test_rerun_draws_the_humanoid(cyclic: Path, tmp_path: Path) -> None:
     recording = tmp_path / "motion.rrd"
     for arguments in (
         ["mcap", "check", str(cyclic)],

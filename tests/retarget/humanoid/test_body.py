@@ -1,4 +1,4 @@
-"""The body is Table 1 of the paper, and every copy of it agrees."""
+"""The body agrees with Table 1 of the paper."""
 
 from __future__ import annotations
 
@@ -50,14 +50,14 @@ def test_inertia_by_hand() -> None:
     assert by_name["thigh_left"].inertia[2] == pytest.approx(5.2 / 5 * (0.05**2 + 0.05**2))
 
 
-def test_every_body_hangs_from_the_body_of_its_parent_node() -> None:
+def test_a_body_has_the_body_of_its_parent_node_as_parent() -> None:
     node_body = {int(node): index for index, node in enumerate(BODY_NODES)}
     for index, parent in enumerate(BODY_PARENTS):
         node = int(BODY_NODES[index])
         assert node_body.get(NODE_PARENTS[node], -1) == parent
 
 
-def test_standing_upright_puts_the_soles_on_the_ground() -> None:
+def test_the_soles_are_on_the_ground_in_the_neutral_pose() -> None:
     offsets = node_offsets()
     ankle = STANDING_HEIGHT + offsets[NODE_INDEX["hip_left"], 2] - LEG_LENGTH
     assert ankle + sole_corners()[:, 2].min() == pytest.approx(0.0)

@@ -27,7 +27,7 @@ def upright(frames=1):
     return np.tile(IDENTITY, (frames, 20, 1))
 
 
-def test_standing_upright_is_within_all_limits():
+def test_the_neutral_pose_is_within_all_limits():
     assert beyond_limits(upright()) == {}
 
 
@@ -52,7 +52,7 @@ def test_a_joint_beyond_its_limit_is_named_with_the_angle(joint, axis, degrees, 
     assert {name: np.degrees(angle) for name, angle in found.items()} == pytest.approx({joint: beyond})
 
 
-def test_the_mirror_image_is_as_far_beyond():
+def test_the_mirror_image_exceeds_its_limits_equally():
     q = upright(30)
     turns = np.random.default_rng(0).uniform(-2.0, 2.0, (30, 20, 3))
     q = from_rotvec(turns)
@@ -65,14 +65,14 @@ def test_the_mirror_image_is_as_far_beyond():
     assert other == pytest.approx(swapped)
 
 
-def test_swing_and_twist_come_apart_and_together():
+def test_swing_and_twist_recompose_the_rotation():
     swing, twist = np.array([0.7, -1.1, 0.0]), 0.9
     q = multiply(from_rotvec(swing), from_axis_angle("Z", twist))
     assert swing_twist(q) == pytest.approx([0.7, -1.1, 0.9])
     assert swing_twist(-q) == pytest.approx([0.7, -1.1, 0.9])
 
 
-def test_jacobian_is_the_derivative_also_near_no_swing():
+def test_jacobian_is_the_derivative_also_near_zero_swing():
     turns = np.random.default_rng(2).uniform(-1.2, 1.2, (40, 3))
     turns[:10] *= 1e-4
     q = from_rotvec(turns)
@@ -85,7 +85,7 @@ def test_jacobian_is_the_derivative_also_near_no_swing():
 
 
 @pytest.mark.parametrize("joint", list(LIMITS))
-def test_a_clamped_joint_is_within_its_limits_and_one_within_is_left_alone(joint):
+def test_clamping_moves_only_joints_beyond_their_limits(joint):
     turns = np.random.default_rng(3).uniform(-1.5, 1.5, (50, 3))
     if joint.startswith(("knee", "elbow")):
         turns[:, [0, 2]] = 0.0

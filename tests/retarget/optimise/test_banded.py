@@ -1,4 +1,4 @@
-"""The banded solver against the dense matrix that it stands for."""
+"""The banded solver against dense matrices."""
 
 from __future__ import annotations
 
@@ -31,12 +31,12 @@ def test_adjoint_is_the_transpose(cyclic):
     assert there == pytest.approx((x * adjoint(y, cyclic=cyclic)).sum())
 
 
-def test_a_straight_line_has_no_second_differences_but_at_a_cycles_seam():
+def test_a_straight_line_has_second_differences_only_at_a_cycles_seam():
     line = np.arange(8.0)[:, None]
     assert not second_differences(line, cyclic=False).any()
     assert np.flatnonzero(second_differences(line, cyclic=True)).tolist() == [0, 7]
 
 
-def test_a_cycle_that_would_couple_a_frame_with_itself_is_refused():
+def test_a_cycle_too_short_for_the_coupling_is_refused():
     with pytest.raises(ValueError, match="at least 6"):
         solve_blocks(np.tile(np.eye(2), (5, 1, 1)), np.ones(2), np.ones((5, 2)), cyclic=True)

@@ -1,4 +1,4 @@
-"""Root and legs: points as forward kinematics has them, Jacobians against finite differences."""
+"""Root and legs: points against forward kinematics, Jacobians against finite differences."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ def case():
 
 
 def corrected(root, rotations, x):
-    """The corrections as the docstring says them, on quaternions."""
+    """The corrections as documented, on quaternions."""
     rotations = rotations.copy()
     rotations[:, 0] = multiply(rotations[:, 0], from_rotvec(x[:, 3:6]))
     for side, hip, knee, ankle in zip(SIDES, (6, 13), (9, 16), (10, 17), strict=True):
@@ -44,7 +44,7 @@ def corrected(root, rotations, x):
     return body_kinematics(rotations, root + x[:, :3])
 
 
-def test_points_are_those_of_the_corrected_figure(case):
+def test_points_are_those_of_the_corrected_humanoid(case):
     root, rotations, x = case
     positions, frames = corrected(root, rotations, x)
     points = leg_points(leg_chain(root, rotations), x)

@@ -6,7 +6,7 @@ import pytest
 from kinemimic.retarget.optimise.one_sided import OneSided
 
 
-def test_what_was_never_beyond_is_free_and_what_was_is_let_go_slowly():
+def test_a_violated_constraint_is_released_gradually():
     ground = OneSided((3,), 0.01)
     every = slice(0, 3)
     assert ground.weight(np.array([0.0, 0.002, 1.0]), every) == pytest.approx([0, 0, 0])
@@ -16,7 +16,7 @@ def test_what_was_never_beyond_is_free_and_what_was_is_let_go_slowly():
     assert ground.weight(np.array([0.02, 0.002, -1e-9]), every) == pytest.approx([0, 0, 1])
 
 
-def test_windows_remember_their_own_frames():
+def test_windows_share_the_state_of_their_frames():
     ground = OneSided((4,), 1.0)
     ground.weight(np.array([-1.0, 1.0]), slice(2, 4))
     assert ground.weight(np.zeros(4), slice(0, 4)) == pytest.approx([0, 0, 1, 0])

@@ -1,4 +1,4 @@
-"""The refinement: standing feet stay, joints keep their limits, what is right is left alone."""
+"""Refinement: feet in contact stay in place, joints keep their limits, good motions are unchanged."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ from kinemimic.retarget.strides.passes import analyze_passes, select_passes
 
 
 def squat(frames: int = 180, rate: float = 60.0) -> Motion:
-    """Down and up over feet that stand still: two links whose ankle stays where it is."""
+    """A squat: two links above an ankle that stays in place."""
     bend = 0.5 * (1.0 - np.cos(2.0 * np.pi * np.arange(frames) / frames))
     thigh, shank = 1.4 * bend, 0.6 * bend
     q = np.tile(IDENTITY, (frames, 20, 1))
@@ -40,7 +40,7 @@ def squat(frames: int = 180, rate: float = 60.0) -> Motion:
 
 
 def shaken(motion: Motion, turn: float, shift: float, seed: int = 0) -> Motion:
-    """With noise on root and legs, as a sensor makes it."""
+    """The motion with sensor-like noise on root and legs."""
     rng = np.random.default_rng(seed)
     q = motion.rotations.copy()
     for side in ("left", "right"):
@@ -81,7 +81,7 @@ def test_a_clean_motion_is_nearly_a_fixed_point():
     assert np.degrees(angle_between(found.rotations, motion.rotations)).max() < 0.15
 
 
-def test_noise_of_standing_feet_is_taken_out_and_the_movement_stays():
+def test_noise_of_feet_in_contact_is_removed_and_the_movement_stays():
     clean = squat()
     noisy = shaken(clean, np.radians(3.0), 0.01)
     found = refine(noisy)
@@ -93,7 +93,7 @@ def test_noise_of_standing_feet_is_taken_out_and_the_movement_stays():
         assert np.std(curve - truth[name]) < 0.5 * before
 
 
-def test_feet_of_a_noisy_walk_do_not_slide_or_sink_and_its_curves_stay(loop):
+def test_a_refined_noisy_walk_does_not_slide_or_penetrate_and_keeps_its_curves(loop):
     found = refine(loop)
     assert foot_speed(loop) > 0.1 and foot_speed(found) < 0.05
     assert depth(found) < 0.003
@@ -106,7 +106,7 @@ def test_feet_of_a_noisy_walk_do_not_slide_or_sink_and_its_curves_stay(loop):
 
 
 def test_a_cycle_has_no_seam(loop):
-    """Begun at another frame it is the same cycle."""
+    """Refinement commutes with the choice of the first frame."""
     shift = len(loop.root) // 3
 
     def begun_later(motion: Motion) -> Motion:
@@ -123,7 +123,7 @@ def test_a_cycle_has_no_seam(loop):
     assert angle_between(found.rotations, expected.rotations) == pytest.approx(0.0, abs=1e-6)
 
 
-def test_windows_of_a_long_clip_give_what_the_whole_gives(monkeypatch):
+def test_windows_of_a_long_clip_give_the_solution_of_the_whole(monkeypatch):
     noisy = shaken(squat(frames=400), np.radians(2.0), 0.01, seed=1)
     whole = refine(noisy)
     monkeypatch.setattr(module, "WINDOW", 70)
@@ -132,7 +132,7 @@ def test_windows_of_a_long_clip_give_what_the_whole_gives(monkeypatch):
     assert np.degrees(angle_between(parts.rotations, whole.rotations)).max() < 0.02
 
 
-def test_joints_come_back_within_their_limits():
+def test_joints_return_within_their_limits():
     motion = squat()
     q = motion.rotations.copy()
     frames = np.arange(len(q))
@@ -148,8 +148,8 @@ def test_joints_come_back_within_their_limits():
     assert beyond_limits(refine(wild).rotations) == {}
 
 
-def test_what_was_not_seen_follows_what_was():
-    """An elbow that was lost for ten frames, and guessed wildly, is bridged by its neighbours."""
+def test_unseen_frames_follow_their_neighbours():
+    """An elbow that was lost for ten frames, with wild guesses, is bridged by its neighbours."""
     clean = squat()
     q = clean.rotations.copy()
     lost = slice(30, 40)
@@ -168,7 +168,7 @@ def test_the_same_motion_gives_the_same_bytes(loop):
     assert one.rotations.tobytes() == other.rotations.tobytes()
 
 
-def test_what_is_too_short_to_smooth_is_left_as_it_is():
+def test_a_motion_too_short_to_smooth_is_unchanged():
     motion = squat(frames=5)
     assert refine(motion) is motion
 

@@ -1,4 +1,4 @@
-"""The exponential map against the quaternions' own, and its Jacobian against differences."""
+"""The exponential map against quaternions, and its Jacobian against finite differences."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from kinemimic.retarget.optimise.tangent import exponential, hat
 VECTORS = np.random.default_rng(0).uniform(-1.5, 1.5, (60, 3)) * np.geomspace(1e-6, 1.0, 60)[:, None]
 
 
-def test_turns_are_those_of_the_rotation_vector():
+def test_the_exponential_agrees_with_quaternions():
     assert exponential(VECTORS)[0] == pytest.approx(to_matrix(from_rotvec(VECTORS)), abs=1e-12)
 
 

@@ -15,7 +15,7 @@ def test_the_phase_of_a_steady_walk_is_that_of_its_cosine():
     assert found.r2 > 0.99
 
 
-def test_it_follows_who_speeds_up_where_one_period_does_not():
+def test_it_follows_an_accelerating_walker():
     t = np.arange(0, 40.0, 1 / 30)
     truth = t / 1.3 + 0.004 * t**2
     found = stride_phase(t, -0.5 * np.cos(2 * np.pi * truth))
@@ -26,7 +26,7 @@ def test_it_follows_who_speeds_up_where_one_period_does_not():
     assert best < 0.6
 
 
-def test_a_missing_turn_of_one_foot_is_a_whole_stride_of_the_other():
+def test_a_missed_turning_point_of_one_foot_is_bridged_by_the_other():
     t = np.arange(0, 8.0, 1 / 30)
     d = -0.5 * np.cos(2 * np.pi * t)
     d[(t > 3.3) & (t < 3.7)] = np.nan
@@ -40,7 +40,7 @@ def test_one_step_has_no_phase():
     assert stride_phase(t[:4], t[:4]) is None
 
 
-def test_a_lopsided_wave_with_a_sensors_noise_is_timed_to_a_hundredth_of_a_cycle():
+def test_a_noisy_lopsided_wave_is_timed_to_a_hundredth_of_a_cycle():
     t = np.arange(0, 40.0, 1 / 30)
     rng = np.random.default_rng(0)
     truth = t / 1.1 + 0.05 * np.sin(2 * np.pi * t / 15.0)

@@ -16,13 +16,13 @@ def strides_of(clip):
     return pool_strides(clip, [p for p in analyze_passes(clip) if p.verdict == "accepted"])
 
 
-def test_an_exact_recording_is_believed_in_all(walker):
+def test_all_parts_of_an_exact_recording_are_reliable(walker):
     reliability = assess_reliability(strides_of(walker(heading=1.0).clip))
     assert reliability.precise and reliability.pelvis and reliability.torso and reliability.feet
     assert reliability.measured["leg_bone_spread"] < 1e-9
 
 
-def test_a_hip_line_that_does_not_repeat_is_not_believed(walker):
+def test_a_hip_line_that_does_not_repeat_is_unreliable(walker):
     """Constant bones, as in a BVH of a depth sensor, but a pelvis that yaws at random."""
     clip = walker(seconds=4.4).clip
     strides = strides_of(clip)
@@ -37,7 +37,7 @@ def test_a_hip_line_that_does_not_repeat_is_not_believed(walker):
     assert not reliability.pelvis and not reliability.precise and not reliability.feet
 
 
-def test_feet_that_point_down_in_stance_are_not_believed(walker):
+def test_feet_that_point_down_in_stance_are_unreliable(walker):
     strides = strides_of(walker().clip)
     p = strides.positions.copy()
     for side in ("left", "right"):
@@ -45,8 +45,8 @@ def test_feet_that_point_down_in_stance_are_not_believed(walker):
     assert not assess_reliability(type(strides)(**{**vars(strides), "positions": p})).feet
 
 
-def test_legs_alone_are_judged_by_themselves(walker):
-    """A recording without a trunk or arms: no lean is known, so none is assumed."""
+def test_a_recording_of_legs_alone_is_assessed(walker):
+    """Without trunk and arms the lean is unknown and taken as zero."""
     strides = strides_of(walker().clip)
     p = strides.positions.copy()
     p[:, [k for k, node in enumerate(NODES) if node.split("_")[0] in ABOVE]] = np.nan
@@ -56,7 +56,7 @@ def test_legs_alone_are_judged_by_themselves(walker):
     assert reliability.measured["leg_bone_spread"] < 1e-9
 
 
-def test_knees_ahead_lie_in_the_plane_of_hip_ankle_and_heading():
+def test_knees_are_moved_into_the_plane_of_hip_ankle_and_heading():
     rng = np.random.default_rng(0)
     p = rng.standard_normal((5, 20, 3)) * 0.05
     p[:, N["ankle_left"]] += [0, 0, -0.8]

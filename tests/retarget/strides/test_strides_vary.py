@@ -1,4 +1,4 @@
-"""Walks whose strides take now more, now less time: their loop is the stride that they share."""
+"""Walks whose strides vary in duration: their loop is the common stride."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ def scores(fit: CyclicFit) -> list[float]:
 
 
 @pytest.mark.parametrize("seed", [0, 1, 2])
-def test_a_minute_of_strides_that_vary_by_two_per_cent(walker, seed):
+def test_the_loop_of_a_minute_of_strides_that_vary_by_two_per_cent(walker, seed):
     w = walker(seconds=60.0, vary=0.02, seed=seed)
     (one,) = analyze_passes(w.clip)
     assert one.verdict == "accepted" and one.harmonic.period == pytest.approx(w.period, rel=0.01)
@@ -38,7 +38,7 @@ def test_a_minute_of_strides_that_vary_by_two_per_cent(walker, seed):
     assert fit.loop.speed == pytest.approx(w.speed, rel=0.02)
 
 
-def test_one_period_would_smear_them(walker):
+def test_varying_strides_are_timed_individually(walker):
     w = walker(seconds=60.0, vary=0.02)
     (one,) = analyze_passes(w.clip)
     assert one.followed and one.drift > 0.03
@@ -46,14 +46,14 @@ def test_one_period_would_smear_them(walker):
 
 
 @pytest.mark.parametrize("noise", [0.0, 0.02])
-def test_an_even_walk_keeps_its_one_period_and_the_clock_of_the_clip(walker, noise):
+def test_an_even_walk_keeps_one_period_and_the_clock_of_the_clip(walker, noise):
     w = walker(seconds=30.0, rate=30.0, limp=10.0, noise=noise)
     (one,) = analyze_passes(w.clip)
     assert not one.followed and one.drift < 0.01
     assert (one.clock == w.clip.times[one.frames]).all()
 
 
-def test_who_speeds_up_is_used_with_the_median_stride(walker):
+def test_an_accelerating_walk_gets_the_median_stride(walker):
     w = walker(seconds=40.0, rate=30.0, faster=1.4, noise=0.02)
     (one,) = chosen = select_passes(analyze_passes(w.clip))[0]
     assert one.followed and one.harmonic.r2 > 0.95
@@ -63,7 +63,7 @@ def test_who_speeds_up_is_used_with_the_median_stride(walker):
     assert fit.loop.speed == pytest.approx(1.2 * w.speed, rel=0.03)
 
 
-def test_what_was_captured_stands_at_the_phase_of_its_own_stride(walker):
+def test_captured_frames_have_the_phase_of_their_own_stride(walker):
     w = walker(seconds=40.0, faster=1.4)
     (one,) = analyze_passes(w.clip)
     found = _stride_span(w.clip, one).phase(w.clip.times[one.frames])
@@ -71,7 +71,7 @@ def test_what_was_captured_stands_at_the_phase_of_its_own_stride(walker):
     assert one.followed and np.ptp(found) == pytest.approx(1.2 * 40.0 / w.period, rel=0.01)
 
 
-def test_legs_exchanged_for_a_stride_are_no_strides_that_vary(walker):
+def test_legs_swapped_for_a_stride_are_not_varying_strides(walker):
     w = walker(seconds=20.0, rate=30.0, noise=0.01)
     p = w.clip.positions.copy()
     p[200:233] = p[200:233][:, MIRROR_NODES]
@@ -79,8 +79,8 @@ def test_legs_exchanged_for_a_stride_are_no_strides_that_vary(walker):
     assert not one.followed
 
 
-def test_a_real_runner_whose_treadmill_speeds_up(captures, tmp_path):
-    """75 strides, the first of 0.74 and the last of 0.55 s: no one period fits them."""
+def test_a_real_runner_on_an_accelerating_treadmill(captures, tmp_path):
+    """75 strides, the first of 0.74 and the last of 0.55 s: no single period fits them."""
     ingest(captures / "kinect1_treadmill_c3d/skeleton_3d_19h58m42.c3d", tmp_path)
     convert(tmp_path)
     clip, _ = add_belt_travel(on_nodes(read_clip(tmp_path / "quaternions.parquet")))

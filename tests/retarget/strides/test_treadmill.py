@@ -1,4 +1,4 @@
-"""A walker put on a belt of known speed, and people who are on none."""
+"""Walkers on a belt of known speed, and people without a treadmill."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ def on_belt(walker, **options):
 
 
 def stepping(belt: float, heading: float, rate: float = 60.0, seconds: float = 8.0) -> Clip:
-    """A figure in place whose ankles go back with the belt for 60 % of 1.1 s, then forward and raised."""
+    """A person in place whose ankles move back with the belt for 60 % of 1.1 s, then forward and raised."""
     times = np.arange(round(seconds * rate)) / rate
     upright = body_kinematics(np.tile(IDENTITY, (1, 20, 1)), np.array([[0.0, 0.0, STANDING_HEIGHT]]))[0]
     p = np.repeat(upright, len(times), axis=0)
@@ -54,7 +54,7 @@ def stepping(belt: float, heading: float, rate: float = 60.0, seconds: float = 8
 
 
 @pytest.mark.parametrize(("belt", "heading"), [(1.2, 0.0), (0.8, 2.2)])
-def test_the_belts_way_is_added(belt, heading):
+def test_the_travel_of_the_belt_is_added(belt, heading):
     still = stepping(belt, heading)
     found, speeds = add_belt_travel(still)
     assert speeds == {0: pytest.approx(belt, rel=0.03)}
@@ -91,7 +91,7 @@ def test_a_belt_that_speeds_up_is_followed():
     assert (x[-1] - x[half + 120]) / (6.0) == pytest.approx(1.4, rel=0.05)
 
 
-def test_nobody_on_a_belt_is_left_alone(walker):
+def test_clips_without_a_treadmill_are_unchanged(walker):
     w = walker(seconds=8.0)
     still = replace(w.clip, positions=np.repeat(w.clip.positions[:1], len(w.clip.times), axis=0))
     kicks = w.clip.positions.copy() - (w.clip.positions[:, :1] - w.clip.positions[:1, :1])
@@ -102,7 +102,7 @@ def test_nobody_on_a_belt_is_left_alone(walker):
         assert speeds == {} and found is clip
 
 
-def test_backward_along_a_high_swing_is_no_belt(walker):
+def test_feet_that_move_backward_while_high_are_not_on_a_belt(walker):
     _, still = on_belt(walker)
     # The film reversed: the feet go back while they are high.
     back = replace(still, positions=still.positions[::-1].copy())
@@ -119,7 +119,7 @@ def test_a_treadmill_gives_the_same_loop_as_the_ground(walker):
     assert loops[1].cycle_offset == pytest.approx(loops[0].cycle_offset, abs=0.02)
 
 
-def test_a_walk_as_recorded_goes_at_the_speed_at_which_its_feet_stand(walker):
+def test_a_walk_kept_as_recorded_has_the_speed_at_which_feet_do_not_slide(walker):
     w, still = on_belt(walker)
     clip, _ = add_belt_travel(still)
     passes = analyze_passes(clip)
@@ -135,7 +135,7 @@ def test_a_walk_as_recorded_goes_at_the_speed_at_which_its_feet_stand(walker):
     assert motion.contacts.any(axis=1).mean() > 0.8
 
 
-def test_two_strides_are_enough_and_less_is_no_walk():
+def test_two_strides_on_a_belt_are_enough():
     assert add_belt_travel(stepping(1.2, 0.0, seconds=2.5))[1] == {0: pytest.approx(1.2, rel=0.03)}
     assert add_belt_travel(stepping(1.2, 0.0, seconds=1.5))[1] == {}
 
@@ -148,7 +148,7 @@ def test_two_strides_are_enough_and_less_is_no_walk():
         ("Hamner__subject02_running.trc", 3.9),
     ],
 )
-def test_the_belt_of_a_real_treadmill_is_what_the_markers_and_the_gait_report_say(
+def test_the_belt_speed_of_a_real_treadmill_agrees_with_markers_and_gait_report(
     captures, tmp_path, file, speed
 ):
     ingest(captures / "lab_opensim_gait" / file, tmp_path)

@@ -1,4 +1,4 @@
-"""A data set of one recording in a folder of its own."""
+"""A data set of one recording in a temporary folder."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ file = "datasets/versions/raw/{NAME}.skl"
 
 @pytest.fixture(scope="session")
 def once(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """The locked data set; not to be changed."""
+    """The locked data set; tests must not change it."""
     root = tmp_path_factory.mktemp("data set")
     raw = Path("datasets/versions/raw")
     (root / raw).mkdir(parents=True)
@@ -50,5 +50,5 @@ def root(once: Path, tmp_path: Path) -> Path:
 
 @pytest.fixture
 def params(root: Path) -> Params:
-    """Of the copy, as if it were the current folder."""
+    """Parameters of the copy, relative to its folder."""
     return Params.load(PARAMS, root)

@@ -1,4 +1,4 @@
-"""A locked data set: what is as locked passes, and whatever is not is told by name."""
+"""A locked data set passes its check; every change is reported by name."""
 
 from __future__ import annotations
 
@@ -30,14 +30,14 @@ NAME = "kinect_walk"
 
 
 def bent(motion: Canonical, degrees: float, node: str, frame: int) -> Canonical:
-    """A motion with one joint turned in one frame."""
+    """The motion with one joint rotated in one frame."""
     rotations = motion.arrays["rotations"].copy()
     turn = from_axis_angle("Y", np.array(math.radians(degrees)))
     rotations[frame, NODE_INDEX[node]] = multiply(rotations[frame, NODE_INDEX[node]], turn)
     return replace(motion, arrays={**motion.arrays, "rotations": np.round(rotations, 5) + 0.0})
 
 
-def test_what_is_as_locked_passes(root: Path, params: Params) -> None:
+def test_a_locked_data_set_passes(root: Path, params: Params) -> None:
     assert check(params, root) == []
     # The large files may be elsewhere.
     for file in ("clip.json", "quaternions.json"):
@@ -45,10 +45,10 @@ def test_what_is_as_locked_passes(root: Path, params: Params) -> None:
     assert check(params, root) == []
 
 
-def test_one_byte_of_a_raw_file_is_told_by_its_name(
+def test_a_changed_byte_of_a_raw_file_is_reported(
     root: Path, params: Params, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """And nothing is built of it."""
+    """Raw files come first: nothing is built from them."""
     monkeypatch.setattr(module, "build_capture", lambda *_: pytest.fail("raw data come first"))
     recording = params.capture(NAME).file
     files = [path.relative_to(root) for path in sorted((root / recording).parent.iterdir())]
@@ -68,7 +68,7 @@ def test_one_byte_of_a_raw_file_is_told_by_its_name(
     assert f"{recording.parent}/a.asf: expected only the raw files of version 1" in check(params, root)[0]
 
 
-def test_a_tenth_of_a_degree_is_told_by_joint_and_frame(root: Path, params: Params) -> None:
+def test_a_tenth_of_a_degree_is_reported_with_joint_and_frame(root: Path, params: Params) -> None:
     path = built_path(params, root, NAME, "motion.json")
     bent(Canonical.read(path), 0.1, "knee_left", 7).write(path)
     (line,) = check(params, root)
@@ -79,7 +79,7 @@ def test_a_tenth_of_a_degree_is_told_by_joint_and_frame(root: Path, params: Para
     assert line.endswith("in frame 7; `make data` rebuilds it")
 
 
-def test_what_is_committed_has_to_be_there_and_whole(root: Path, params: Params) -> None:
+def test_committed_files_must_exist_and_be_complete(root: Path, params: Params) -> None:
     path = built_path(params, root, NAME, "motion.json")
     content = path.read_text()
     path.write_text(content[: len(content) // 2])
@@ -93,7 +93,7 @@ def test_what_is_committed_has_to_be_there_and_whole(root: Path, params: Params)
     assert check(params, root) == [f"{path}: expected the committed file, found none; `make data` builds it"]
 
 
-def test_other_code_is_told_by_what_it_makes(
+def test_code_that_builds_other_data_is_reported(
     root: Path, params: Params, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     made = dict(build_capture(params.capture(NAME), root))
@@ -109,7 +109,7 @@ def test_other_code_is_told_by_what_it_makes(
     assert line.startswith(f"{told}, which are built here but not locked; ")
 
 
-def test_another_version_or_another_capture_is_told(root: Path, params: Params) -> None:
+def test_another_version_or_capture_is_reported(root: Path, params: Params) -> None:
     lines = check(replace(params, version=2), root)
     assert [line.split(":")[0] for line in lines] == [
         str(root / MANIFEST),
@@ -120,7 +120,7 @@ def test_another_version_or_another_capture_is_told(root: Path, params: Params) 
     assert any(line.startswith(told) for line in lines)
 
 
-def test_data_change_with_their_version_and_a_line_in_the_changelog(root: Path, params: Params) -> None:
+def test_changed_data_need_a_new_version_and_a_changelog_line(root: Path, params: Params) -> None:
     before = Manifest.load(root / MANIFEST)
     path = built_path(params, root, NAME, "motion.json")
     bent(Canonical.read(path), 0.1, "knee_left", 7).write(path)
@@ -141,8 +141,8 @@ def test_data_change_with_their_version_and_a_line_in_the_changelog(root: Path, 
     assert lock(replace(params, version=2), root) == after
 
 
-def test_a_manifest_that_was_rewritten_is_told_by_the_commit_before(root: Path, params: Params) -> None:
-    """By hand, content and version of one's own making: history knows better."""
+def test_a_rewritten_manifest_is_compared_with_an_earlier_commit(root: Path, params: Params) -> None:
+    """Git history reveals a manifest that was edited by hand."""
 
     def git(*arguments: str) -> None:
         author = ("-c", "user.name=a", "-c", "user.email=a@b.c", "-c", "commit.gpgsign=false")
@@ -174,7 +174,7 @@ def test_a_manifest_that_was_rewritten_is_told_by_the_commit_before(root: Path, 
         check(params, root, against="HEAD")
 
 
-def test_what_is_no_manifest_is_one_line(root: Path, params: Params) -> None:
+def test_a_file_that_is_no_manifest_is_refused_in_one_line(root: Path, params: Params) -> None:
     for text, told in (
         ("{}", "a manifest of schema 1, found none"),
         ("[1]", "a manifest of schema 1, found none"),
@@ -191,7 +191,7 @@ def test_what_is_no_manifest_is_one_line(root: Path, params: Params) -> None:
         check(params, root)
 
 
-def test_the_commands_say_so_by_their_status(root: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_commands_report_by_exit_status(root: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(root)
     run = CliRunner().invoke
     assert run(check_command).stdout == f"{MANIFEST}: version 1, all as locked\n"

@@ -1,4 +1,4 @@
-"""Differences in terms of motion: hand-made changes are told by joint, size and frame."""
+"""Differences as motions: known changes are reported with joint, size and frame."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ FRAMES = 10
 
 
 def clip() -> Clip:
-    """A leg that bends 2° a frame."""
+    """A leg that bends by 2° per frame."""
     rotations = np.tile(IDENTITY, (FRAMES, 3, 1))
     rotations[:, 1] = from_axis_angle("Y", np.radians(2.0 * np.arange(FRAMES)))
     return Clip(
@@ -42,13 +42,13 @@ def found(**fields: object) -> list[Change]:
     return find_changes(Canonical.of_clip(one), Canonical.of_clip(replace(one, **fields)))
 
 
-def test_the_same_has_no_difference() -> None:
+def test_equal_data_have_no_difference() -> None:
     assert found() == []
     # Nor has what rounding takes away.
     assert found(positions=clip().positions + 1e-9) == []
 
 
-def test_a_turn_is_told_in_degrees_by_joint_and_frame() -> None:
+def test_a_rotation_is_reported_in_degrees_with_joint_and_frame() -> None:
     rotations = clip().rotations
     assert rotations is not None
     rotations[4, 1] = from_axis_angle("Y", np.array(math.radians(8.1)))
@@ -68,7 +68,7 @@ def test_the_other_quaternion_of_a_rotation_is_the_same_rotation() -> None:
     assert one.frames == 1
 
 
-def test_a_shift_is_told_in_millimetres() -> None:
+def test_a_shift_is_reported_in_millimetres() -> None:
     positions = clip().positions
     positions[2:5, 2] += (0.003, 0.0, 0.004)
     positions[3, 2, 1] += 0.012
@@ -77,7 +77,7 @@ def test_a_shift_is_told_in_millimetres() -> None:
     assert one.largest == pytest.approx(13.0, abs=0.02)
 
 
-def test_what_was_seen_and_is_not_is_missing() -> None:
+def test_a_joint_that_is_no_longer_seen_is_missing() -> None:
     positions = clip().positions
     positions[5, 0] = np.nan
     (one,) = found(positions=positions)
@@ -85,7 +85,7 @@ def test_what_was_seen_and_is_not_is_missing() -> None:
     assert describe(one) == "positions hip: missing on one side in frame 5"
 
 
-def test_states_times_and_lengths_are_told() -> None:
+def test_changed_states_times_and_lengths_are_reported() -> None:
     states = clip().states
     states[1:4, 0] = 1
     (one,) = found(states=states)
@@ -107,14 +107,14 @@ def test_states_times_and_lengths_are_told() -> None:
     assert describe(one) == "simulated, False before, True after"
 
 
-def test_the_smallest_difference_is_not_told_as_none() -> None:
+def test_the_smallest_difference_is_not_reported_as_zero() -> None:
     times = clip().times
     times[4] += 2e-5
     (one,) = found(times=times)
     assert describe(one) == "times: 2e-05 s in frame 4"
 
 
-def test_the_largest_is_told_first() -> None:
+def test_the_largest_difference_is_reported_first() -> None:
     positions, states = clip().positions, clip().states
     positions[1, 1, 0] += 0.002
     positions[1, 2, 0] += 0.003
@@ -122,7 +122,7 @@ def test_the_largest_is_told_first() -> None:
     assert [one.joint for one in found(positions=positions, states=states)] == ["ankle", "knee", "hip"]
 
 
-def test_a_whole_turn_of_an_euler_angle_is_none() -> None:
+def test_a_full_turn_of_an_euler_angle_is_no_difference() -> None:
     euler = np.zeros((FRAMES, 3, 3))
     orders = ("ZXY",) * 3
     one = replace(clip(), euler=euler, orders=orders)
@@ -133,7 +133,7 @@ def test_a_whole_turn_of_an_euler_angle_is_none() -> None:
     assert change.largest == pytest.approx(0.5, abs=1e-3)
 
 
-def test_what_cannot_be_compared_is_one_line() -> None:
+def test_different_kinds_are_refused_in_one_line() -> None:
     one = Canonical.of_clip(clip())
     with pytest.raises(KinemimicError, match="expected two files of one kind, found a clip and a motion"):
         find_changes(one, replace(one, kind="motion"))
@@ -169,7 +169,7 @@ def test_the_command_compares_folders(tmp_path: Path) -> None:
     ("content", "message"),
     [(None, "found none"), ("folder", "one of each"), ("other", "found format 'x'"), ("list", "format None")],
 )
-def test_what_is_neither_motion_nor_clip_is_one_line(
+def test_files_of_another_format_are_refused_in_one_line(
     content: str | None, message: str, tmp_path: Path
 ) -> None:
     write_clip(tmp_path / "clip.parquet", clip())

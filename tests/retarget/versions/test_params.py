@@ -1,4 +1,4 @@
-"""The parameters: what stands there is what is built, and a mistake is a line that names its key."""
+"""Parameters of a data set: options are read, and a mistake names its key in one line."""
 
 from __future__ import annotations
 
@@ -64,7 +64,7 @@ def test_every_option_arrives(tmp_path: Path) -> None:
         ("schema = 1\nversion = 1\npolicies = [1]\n", "key policies[1]: expected names of small"),
     ],
 )
-def test_a_mistake_is_a_line_that_names_its_key(text: str, told: str, tmp_path: Path) -> None:
+def test_a_mistake_names_its_key_in_one_line(text: str, told: str, tmp_path: Path) -> None:
     with pytest.raises(KinemimicError) as caught:
         load(tmp_path, text)
     assert told in str(caught.value)

@@ -1,4 +1,4 @@
-"""The data set of this repository: manifest, dvc's lock and what is committed are one."""
+"""The data set of this repository: manifest, dvc's lock and committed files agree."""
 
 from __future__ import annotations
 
@@ -26,13 +26,13 @@ def test_raw_files_version_and_changelog() -> None:
     assert missing_changelog_line(PARAMETERS.version, ROOT) is None
 
 
-def test_the_lock_knows_every_stage() -> None:
+def test_the_lock_contains_every_stage() -> None:
     stages = {f"{stage}@{name}" for stage in STAGES for name in PARAMETERS.captures}
     assert LOCK.keys() == stages | {f"score@{name}" for name in PARAMETERS.policies}
 
 
 @pytest.mark.parametrize("name", PARAMETERS.captures)
-def test_what_is_built_today_has_the_bytes_of_the_lock(name: str, tmp_path: Path) -> None:
+def test_the_data_built_today_are_those_locked(name: str, tmp_path: Path) -> None:
     for (stage, file), made in zip(
         STAGES.items(), build_capture(PARAMETERS.capture(name), ROOT).values(), strict=True
     ):
@@ -45,13 +45,13 @@ def test_what_is_built_today_has_the_bytes_of_the_lock(name: str, tmp_path: Path
 
 
 @pytest.mark.parametrize("name", PARAMETERS.captures)
-def test_the_motion_that_is_committed_is_the_one_that_is_locked(name: str) -> None:
+def test_the_committed_motion_is_the_locked_one(name: str) -> None:
     committed = Canonical.read(built_path(PARAMETERS, ROOT, name, "motion.json"))
     assert committed.identity == MANIFEST.content[f"{name}/motion.json"]
 
 
 @pytest.mark.parametrize("name", PARAMETERS.policies)
-def test_the_scores_that_are_committed_are_those_that_are_locked(name: str) -> None:
+def test_the_committed_scores_are_the_locked_ones(name: str) -> None:
     (out,) = LOCK[f"score@{name}"]["outs"]
     content = (ROOT / out["path"]).read_bytes()
     assert out["md5"] == hashlib.md5(content).hexdigest()
