@@ -90,8 +90,7 @@ class NoiseLevels:
 @dataclass(frozen=True)
 class Observation:
     """The sensor's report: positions (T, 20, 3), NaN where lost; states (T, 20); swapped (T,): legs
-    swapped.
-    """
+    swapped."""
 
     positions: Array
     states: States
@@ -102,8 +101,7 @@ def observe(
     joints: Array, heading: Array, times: Array, camera: Camera, levels: NoiseLevels, rng: np.random.Generator
 ) -> Observation:
     """One pass as the sensor reports it: true joints (T, 20, 3), heading (T,) in radians, times (T,) in
-    seconds.
-    """
+    seconds."""
     not_visible = occluded(camera, joints)
     seen = _drop_feet(_narrow_hips(joints, heading, camera, levels), levels)
     error = _white(len(times), levels, rng) + _slow(times, levels, rng)
@@ -126,8 +124,7 @@ def white_levels() -> Array:
 
 def _scaled(own: Array, shared: Array) -> Array:
     """Noise of unit variance, independent (T, 20, 3) and of the groups (T, 5, 3), scaled to the joints'
-    levels.
-    """
+    levels."""
     return np.asarray(own * _OWN[:, None] + _SHARED @ shared)
 
 

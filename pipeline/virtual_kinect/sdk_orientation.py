@@ -107,8 +107,7 @@ def calibrate(positions: Array, tracked: NDArray[np.bool_], rotations: Array) ->
 
 def hold_last(values: Array) -> Array:
     """Values (T, J, n) with NaN replaced by the joint's last known value, or by its first one at the
-    start.
-    """
+    start."""
     known = np.isfinite(values).all(axis=-1)
     frames = np.arange(len(values))[:, None]
     end_bone = np.maximum.accumulate(np.where(known, frames, -1), axis=0)

@@ -77,8 +77,7 @@ class GroundTruth:
 
 def close_loop(clip: Clip, harmonics: int = HARMONICS) -> Gait:
     """The gait of a looped clip, whose last frame is its first one a cycle later, rotated to walk
-    along +X.
-    """
+    along +X."""
     if clip.rotations is None or clip.translations is None:
         raise ValueError("a gait needs a clip of rotations")
     advance = clip.translations[-1, 0] - clip.translations[0, 0]
@@ -100,8 +99,7 @@ def close_loop(clip: Clip, harmonics: int = HARMONICS) -> Gait:
 
 def ground_truth(gait: Gait, elapsed: Array, *, start: Array, heading: float, phase: float) -> GroundTruth:
     """The motion in a straight line at times (T,) in seconds after passing `start` (2,) at `phase` in
-    cycles.
-    """
+    cycles."""
     cycles = phase + elapsed / gait.period
     root, rotations = gait.pose(cycles)
     root[:, 0] -= phase * gait.stride

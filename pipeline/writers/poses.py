@@ -107,8 +107,7 @@ def poses_of_clip(clip: Clip) -> Poses:
 
 def _at_constant_rate(clip: Clip) -> tuple[Clip, float]:
     """The clip at a constant step, and its rate: unchanged if the steps are constant, else at the median
-    rate.
-    """
+    rate."""
     steps = np.diff(clip.times)
     median_step = float(np.median(steps))
     if np.ptp(steps) <= _CONSTANT_STEP * median_step:

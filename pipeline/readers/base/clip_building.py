@@ -9,6 +9,7 @@ import numpy as np
 
 from kinemimic.pipeline.arrays import Array, States
 from kinemimic.pipeline.kinematics.clip import Clip
+from kinemimic.pipeline.kinematics.euler import positions_of_channels
 from kinemimic.pipeline.kinematics.rotations import Y_UP_TO_Z_UP, to_matrix
 from kinemimic.pipeline.kinematics.skeleton import MISSING, TRACKED, Skeleton
 from kinemimic.pipeline.quality.rules.defect import Defect, sorted_defects
@@ -71,6 +72,36 @@ def clip_of_points(
         passes=np.zeros(len(times), dtype=np.int32),
         world_from_file=np.asarray(world_from_file, dtype=np.float64).copy(),
         rotations=rotations,
+        angles=angles,
+        provenance={"format": format.name, "reading": dict(reading)},
+    )
+
+
+def clip_of_channels(
+    skeleton: Skeleton,
+    times: Array,
+    translations: Array,
+    euler: Array,
+    orders: tuple[str, ...],
+    *,
+    format: Format,
+    reading: Mapping[str, Any],
+    world_from_file: Array = Y_UP_TO_Z_UP,
+    rests: Array | None = None,
+    angles: Mapping[str, Array] | None = None,
+) -> Clip:
+    """A clip of Euler channels in one pass, every joint tracked; all arrays as in Clip."""
+    return Clip(
+        skeleton=skeleton,
+        times=times,
+        positions=positions_of_channels(skeleton, translations, euler, orders, world_from_file, rests),
+        states=np.full(euler.shape[:2], TRACKED, dtype=np.uint8),
+        passes=np.zeros(len(euler), dtype=np.int32),
+        euler=euler,
+        orders=orders,
+        translations=translations,
+        world_from_file=world_from_file.copy(),
+        rests=rests,
         angles=angles,
         provenance={"format": format.name, "reading": dict(reading)},
     )

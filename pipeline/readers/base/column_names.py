@@ -12,9 +12,7 @@ def index_of_columns(names: Sequence[str], source: Source, line: int) -> dict[st
     index = {name: column for column, name in enumerate(names)}
     if len(index) != len(names):
         twice = next(name for column, name in enumerate(names) if index[name] != column)
-        raise source.error(
-            expected="column names once each", found=f"{twice[:40]!r} twice", where=f"line {line}"
-        )
+        raise source.error(expected="column names once each", found=f"{twice[:40]!r} twice", line=line)
     return index
 
 
@@ -31,7 +29,5 @@ def require_columns(
     missing = [name for name in wanted if key(name) not in index]
     if missing:
         more = f" and {len(missing) - 3} more" if len(missing) > 3 else ""
-        raise source.error(
-            expected=expected, found=f"no column {', '.join(missing[:3])}{more}", where=f"line {line}"
-        )
+        raise source.error(expected=expected, found=f"no column {', '.join(missing[:3])}{more}", line=line)
     return [index[key(name)] for name in wanted]

@@ -36,8 +36,7 @@ class Reader(Protocol):
 
     def recognises(self, source: Source) -> bool:
         """True if the content has the format's distinguishing feature. Looks at the head of the file only;
-        never raises.
-        """
+        never raises."""
 
     def read(self, source: Source) -> Clip:
         """The capture as recorded, in our units and axes. Raises CaptureError for damaged content."""

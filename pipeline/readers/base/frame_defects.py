@@ -75,5 +75,5 @@ def refuse_remote(points: Array, joints: Sequence[str], source: Source, line: Ca
         raise source.error(
             expected=f"metres, at most {MAX_COORDINATE:g}, in {joints[joint]}_{'XYZ'[axis]}",
             found=f"{points[frame, joint, axis]:g}",
-            where=f"line {line(frame)}",
+            line=line(frame),
         )

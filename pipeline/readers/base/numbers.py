@@ -70,7 +70,7 @@ def parse_table(
         lines = [line.rstrip(" ").removesuffix(separator) for line in lines]
     first = next((line for line in lines if line.strip()), None)
     if first is None:
-        raise source.error(expected="lines of numbers", found="none", where=f"line {start + 1}")
+        raise source.error(expected="lines of numbers", found="none", line=start + 1)
     wanted = len(first.split(separator)) if width is None else width
     if drop_other_widths:
         return _rows_of_width(source, lines, start, wanted, separator)
@@ -184,8 +184,7 @@ def _rows_of_width(
 
 def _has_width(line: str, width: int, separator: str | None) -> bool:
     """Whether the line has so many fields. Counting separators is ten times as fast as splitting; only
-    irregular white space needs splitting.
-    """
+    irregular white space needs splitting."""
     if separator is None and ("  " in line or "\t" in line):
         return len(line.split()) == width
     return line.strip().count(separator or " ") == width - 1
@@ -210,7 +209,6 @@ def _raise_first_mistake(
         fields = line.split(separator) if line.strip() else []
         if not fields or (drop_other_widths and not _has_width(line, width, separator)):
             continue
-        where = f"line {start + k + 1}"
         # Words between lines of numbers are the header of a second recording.
         header = (
             0 < k < last
@@ -223,13 +221,16 @@ def _raise_first_mistake(
             raise source.error(
                 expected=f"{width} numbers",
                 found=f"{len(fields)}",
-                where=where,
+                line=start + k + 1,
                 advice="the file is cut off there" if k == last and len(fields) < width else joined_advice,
             )
         for field in fields[label_columns:]:
             if to_number(field) is None:
                 raise source.error(
-                    expected="a number", found=f"{field.strip()[:40]!r}", where=where, advice=joined_advice
+                    expected="a number",
+                    found=f"{field.strip()[:40]!r}",
+                    line=start + k + 1,
+                    advice=joined_advice,
                 )
     raise CaptureError(source.path, expected=f"lines of {width} numbers", found="something else")
 

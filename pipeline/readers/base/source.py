@@ -86,22 +86,20 @@ class Source:
     @cached_property
     def text(self) -> str:
         """The decoded text: UTF-8, else Latin-1, which never fails as it maps every byte. Only names can be
-        non-ASCII.
-        """
+        non-ASCII."""
         return _decoded(self.content)
 
     @cached_property
     def lines(self) -> Sequence[str]:
         """The lines of the text; lines[0] is line 1 of the file. Raises CaptureError for one longer than
-        MAX_LINE.
-        """
+        MAX_LINE."""
         lines = self.text.split("\n")
         lengths = [len(line) for line in lines]
         if (longest := max(lengths)) > MAX_LINE:
             raise self.error(
                 expected=f"a line of at most {MAX_LINE:,} characters",
                 found=f"{longest:,}",
-                where=f"line {lengths.index(longest) + 1}",
+                line=lengths.index(longest) + 1,
             )
         return lines
 
@@ -131,9 +129,16 @@ class Source:
         return sidecar
 
     def error(
-        self, *, expected: str, found: str, where: str | None = None, advice: str | None = None
+        self,
+        *,
+        expected: str,
+        found: str,
+        line: int | None = None,
+        where: str | None = None,
+        advice: str | None = None,
     ) -> CaptureError:
-        """A CaptureError about this file."""
+        """A CaptureError about this file; line: shorthand for where="line N"."""
+        where = where if line is None else f"line {line}"
         return CaptureError(self.path, expected=expected, found=found, where=where, advice=advice)
 
 

@@ -116,8 +116,7 @@ class _Reader:
 
     def frame_and_joint_of_rows(self) -> tuple[Indices, Indices, Indices]:
         """The frame and the joint of each row (-1: all joints, or one not described), and one row of each
-        frame.
-        """
+        frame."""
         count, rows = len(self.description.joints), len(self.values)
         if self.description.text.rows == "frame":
             return np.arange(rows), np.full(rows, -1), np.arange(rows)

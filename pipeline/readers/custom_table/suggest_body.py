@@ -26,8 +26,7 @@ _ALIGNED = 0.9
 @dataclass(frozen=True)
 class Axes:
     """unit: a key of LENGTHS; up, forward, left: "Y", "-Z" …; left is "" if the axes are right-handed; notes:
-    the evidence for each, by key.
-    """
+    the evidence for each, by key."""
 
     unit: str
     up: str

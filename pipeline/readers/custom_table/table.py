@@ -115,7 +115,7 @@ class Cells:
         raise self.source.error(
             expected=short(expected, 160),
             found=short(found, 160),
-            where=None if line is None else f"line {line}",
+            line=line,
             advice=None if key is None else f"see {short(key)} in {self.description_name}",
         )
 

@@ -17,8 +17,7 @@ from kinemimic.pipeline.readers.custom_table.description import Description
 @dataclass(frozen=True)
 class Tree:
     """skeleton: with rest offsets in metres, if the description has them; of_file: (J,) index of each of its
-    joints in the description, so that in_our_order = in_the_file's[:, of_file].
-    """
+    joints in the description, so that in_our_order = in_the_file's[:, of_file]."""
 
     skeleton: Skeleton
     of_file: tuple[int, ...]
@@ -70,8 +69,7 @@ def tree_of(description: Description) -> Tree:
 
 def _parents(names: tuple[str, ...], nodes: dict[str, int], parent_names: list[str | None]) -> list[int]:
     """Index of each joint's parent, -1 for a root: as described, else the nearest ancestor among the 20
-    nodes.
-    """
+    nodes."""
     node_of = {joint: node for node, joint in nodes.items()}
     parents = []
     for index, parent in enumerate(parent_names):

@@ -126,8 +126,7 @@ def _windows(image: Depth, centres: NDArray[np.intp]) -> Depth:
 
 def _surface(values: Depth) -> tuple[Array, Mask]:
     """Depth (N,) of the nearest surface in non-empty windows (N, 25), and whether a window holds two
-    surfaces.
-    """
+    surfaces."""
     if not len(values):
         return np.empty(0), np.empty(0, dtype=np.bool_)
     readings = np.where(values > 0, values, np.nan).astype(np.float64)

@@ -56,9 +56,7 @@ def open_recording(folder: Path) -> Recording:
     images = numbered_images(folder / DEPTH, DEPTH_SUFFIXES)
     if not images:
         raise CaptureError(
-            folder / DEPTH,
-            expected="depth images named by their frame (000012.png)",
-            found="no such file",
+            folder / DEPTH, expected="depth images named by their frame (000012.png)", found="no such file"
         )
     frames = tuple(images)
     times, times_source = _times(folder, setup, frames)

@@ -28,8 +28,7 @@ _MAX_FRAME = 1e12
 class JointTable:
     """names: (J,) in order of appearance; pixels: (T, J, 2) and depth: (T, J) metres, NaN where not given;
     states: (T, J) as given, TRACKED without such a column; frames_without_image: number of frames in the
-    table but not in the recording; has_depth: whether any depth is given.
-    """
+    table but not in the recording; has_depth: whether any depth is given."""
 
     names: tuple[str, ...]
     pixels: Array
@@ -56,7 +55,7 @@ def read_joints(source: Source, frames: Sequence[int], units: float) -> JointTab
         if not name or len(index) > MAX_JOINTS:
             found = "none" if not name else "more"
             wanted = f"names of at most {MAX_JOINTS} joints"
-            raise source.error(expected=wanted, found=found, where=f"line {line}")
+            raise source.error(expected=wanted, found=found, line=line)
         joints.append(joint)
         numbers.append(_number(source, line, "frame", fields[frame_column], 0.0, _MAX_FRAME))
         for column in (u_column, v_column):
@@ -86,15 +85,13 @@ def _table(
         if wrong.any():
             row = int(np.flatnonzero(wrong)[0])
             found = f"{values[row, column]:g}"
-            raise source.error(expected=f"{kind} as {name}", found=found, where=f"line {values[row, 5]:.0f}")
+            raise source.error(expected=f"{kind} as {name}", found=found, line=int(values[row, 5]))
     numbers = values[:, 0].astype(np.int64)
     _, first = np.unique(numbers * len(names) + joints, return_index=True)
     if len(first) < len(numbers):
         row = int(np.setdiff1d(np.arange(len(numbers)), first)[0])
         found = f"{names[joints[row]]} of frame {numbers[row]} again"
-        raise source.error(
-            expected="each joint once per frame", found=found, where=f"line {values[row, 5]:.0f}"
-        )
+        raise source.error(expected="each joint once per frame", found=found, line=int(values[row, 5]))
     rows_of_frames = np.searchsorted(frames, numbers)
     in_recording = frames[np.minimum(rows_of_frames, len(frames) - 1)] == numbers
     shape = (len(frames), len(names))
@@ -110,8 +107,7 @@ def _table(
 
 def read_times(source: Source, frames: Sequence[int]) -> Array:
     """Seconds (T,) of the frames, from a table of frame and time; CaptureError if a time is missing or
-    decreases.
-    """
+    decreases."""
     columns, rows = _rows(source, ("frame", "time"), ())
     times: dict[float, float] = {}
     for line, fields in rows:
@@ -151,12 +147,14 @@ def _rows(
                 if not fields:
                     continue
                 if len(fields) != len(header):
-                    where = f"line {reader.line_num}"
-                    raise source.error(expected=f"{len(header)} fields", found=f"{len(fields)}", where=where)
+                    raise source.error(
+                        expected=f"{len(header)} fields", found=f"{len(fields)}", line=reader.line_num
+                    )
                 yield reader.line_num, fields
         except csv.Error as error:
-            where = f"line {reader.line_num}"
-            raise source.error(expected="comma separated values", found=str(error), where=where) from None
+            raise source.error(
+                expected="comma separated values", found=str(error), line=reader.line_num
+            ) from None
 
     return columns, rows()
 
@@ -179,5 +177,5 @@ def _wrong(source: Source, line: int, name: str, text: str, low: float, high: fl
     return source.error(
         expected=f"a number from {low:g} to {high:g} as {name}",
         found=repr(text[:40]) if text else "nothing",
-        where=f"line {line}",
+        line=line,
     )

@@ -146,9 +146,7 @@ def _people(frame: dict[str, Any], number: int, source: Source) -> dict[int, dic
     count = frame.get("num_bodies", len(bodies))
     if count != len(bodies):
         raise source.error(
-            expected=f"{_shown(count)} bodies, as in num_bodies",
-            found=f"{len(bodies)}",
-            where=_where(number),
+            expected=f"{_shown(count)} bodies, as in num_bodies", found=f"{len(bodies)}", where=_where(number)
         )
     people = {body["body_id"]: body for body in bodies if isinstance(body.get("body_id"), int)}
     if len(people) != len(bodies):
@@ -210,8 +208,7 @@ def _refuse_remote(points: Array, source: Source) -> None:
 
 def _other_people(people: Sequence[dict[int, dict[str, Any]]], main_person: int) -> Iterator[Defect]:
     """A defect for the other bodies. A body that is never seen together with the main person may be that
-    person.
-    """
+    person."""
     others = {body for bodies in people for body in bodies} - {main_person}
     if not others:
         return

@@ -85,9 +85,7 @@ def read(source: Source) -> Clip:
     header = header_of(source)
     if len(header.joints) != len(SDK_JOINTS):
         raise source.error(
-            expected="the 25 joints of a Kinect v2",
-            found=f"{len(header.joints)} joints",
-            where=f"line {header.line}",
+            expected="the 25 joints of a Kinect v2", found=f"{len(header.joints)} joints", line=header.line
         )
     frames = frames_of(source, header, header.joints, _CLOCKS)
     order, defects = _choose_order(source, header, frames)
@@ -138,8 +136,7 @@ def _choose_order(source: Source, header: Header, frames: Frames) -> tuple[Joint
 
 def _evidence(order: JointOrder, other: JointOrder) -> str:
     """The lengths that argue for or against an order: the thigh, and the bone for which two orders differ
-    most.
-    """
+    most."""
     pairs = {
         joint: abs(np.log(max(length, 1e-4) / max(other.bones[joint], 1e-4)))
         for joint, length in order.bones.items()

@@ -36,8 +36,7 @@ _MIN_SHARE = 0.5
 @dataclass
 class _Blocks:
     """times: ms, one per block; counts: joints of each block; lines: `joint x y z` of all blocks; numbers:
-    line number in the file of the first of these lines in each block.
-    """
+    line number in the file of the first of these lines in each block."""
 
     times: list[float] = field(default_factory=list)
     counts: list[int] = field(default_factory=list)
@@ -89,13 +88,13 @@ def _blocks(source: Source) -> _Blocks:
         found.lines += lines[at + 2 : at + 2 + count]
         rotations = _count(source, at + 2 + count, end, _ROT, "Rot N")
         if rotations != count:
-            raise source.error(expected=f"Rot {count}", found=f"{rotations}", where=f"line {at + 3 + count}")
+            raise source.error(expected=f"Rot {count}", found=f"{rotations}", line=at + 3 + count)
         at += 3 + 2 * count
     if at > end:
         raise source.error(
             expected="complete blocks",
             found=f"{at - end} lines missing from the last",
-            where=f"line {end}",
+            line=end,
             advice="the file is cut off there",
         )
     return found
@@ -104,7 +103,7 @@ def _blocks(source: Source) -> _Blocks:
 def _time(source: Source, line: str, number: int) -> float:
     text = line.strip()
     if not (text.isascii() and text.isdecimal() and len(text) < 16):
-        raise source.error(expected="a time in ms", found=repr(text[:40]), where=f"line {number}")
+        raise source.error(expected="a time in ms", found=repr(text[:40]), line=number)
     return float(text)
 
 
@@ -115,14 +114,12 @@ def _count(source: Source, at: int, end: int, head: re.Pattern[str], expected: s
         raise source.error(
             expected=expected,
             found=repr(source.lines[at].strip()[:40]) if at < end else "the end",
-            where=f"line {min(at, end - 1) + 1}",
+            line=min(at, end - 1) + 1,
             advice=None if at < end else "the file is cut off there",
         )
     count = int(match.group(1))
     if not 1 <= count <= len(SDK_JOINTS):
-        raise source.error(
-            expected=f"1 to {len(SDK_JOINTS)} joints", found=f"{count}", where=f"line {at + 1}"
-        )
+        raise source.error(expected=f"1 to {len(SDK_JOINTS)} joints", found=f"{count}", line=at + 1)
     return count
 
 

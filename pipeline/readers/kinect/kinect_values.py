@@ -55,8 +55,7 @@ def check_states(states: Array, joints: Sequence[str], where: Where, source: Sou
 
 def check_quaternions(quaternions: Array, joints: Sequence[str], where: Where, source: Source) -> None:
     """Raise CaptureError unless all quaternions (T, J, 4) have length 1; zeros or non-finite values mean
-    "none".
-    """
+    "none"."""
     squared = np.einsum("...i,...i->...", quaternions, quaternions)
     wrong = (squared != 0.0) & ((squared < _UNIT[0] ** 2) | (squared > _UNIT[1] ** 2))
     if wrong.any():

@@ -47,7 +47,7 @@ def read(source: Source) -> Clip:
         raise source.error(
             expected="the 20 joints of a Kinect v1",
             found=f"{len(header.joints)} joints, including {', '.join(unknown[:3])[:80]}",
-            where=f"line {header.line}",
+            line=header.line,
         )
     frames = frames_of(source, header, JOINTS, _CLOCKS)
     return clip_of_points(
@@ -57,9 +57,6 @@ def read(source: Source) -> Clip:
         frames.states,
         format=FORMAT,
         reading=reading(
-            units="m",
-            units_rule="the format's",
-            defects=frames.defects,
-            columns=len(header.columns),
+            units="m", units_rule="the format's", defects=frames.defects, columns=len(header.columns)
         ),
     )

@@ -67,11 +67,7 @@ def read(source: Source) -> Clip:
         None,
         format=FORMAT,
         reading=reading(
-            units="m",
-            units_rule="the format's",
-            defects=repeated,
-            notes=notes,
-            columns=len(names),
+            units="m", units_rule="the format's", defects=repeated, notes=notes, columns=len(names)
         ),
         rotations=child_to_parent(frames[:, FROM_SDK, 3:], skeleton, Y_UP_TO_Z_UP),
     )

@@ -31,8 +31,7 @@ _MIN_V2_NAMES = 3
 @dataclass(frozen=True)
 class Header:
     """columns: lower-case name -> column; joints: as written, in the order of their columns; line: its
-    number.
-    """
+    number."""
 
     columns: dict[str, int]
     joints: tuple[str, ...]
@@ -60,8 +59,7 @@ def header_of(source: Source) -> Header:
 @dataclass(frozen=True)
 class Frames:
     """times: (T,) seconds, increasing; unit: of the file's clock; points: (T, J, 3) as in the file; states:
-    (T, J); defects: lines that were dropped.
-    """
+    (T, J); defects: lines that were dropped."""
 
     times: Array
     unit: str
@@ -90,8 +88,8 @@ def frames_of(source: Source, header: Header, joints: Sequence[str], units: dict
     # Beyond 2**53 a float cannot hold whole ticks.
     invalid = ~(np.abs(clock) < 2.0**53)
     if invalid.any():
-        where = f"line {table.line(int(np.argmax(invalid)))}"
-        raise source.error(expected="a timestamp", found="a non-finite number", where=where)
+        line = table.line(int(np.argmax(invalid)))
+        raise source.error(expected="a timestamp", found="a non-finite number", line=line)
     start = columns[1]
     contiguous = columns[1:] == list(range(start, start + len(columns) - 1))
     # A slice is a view; a list of columns copies every number.

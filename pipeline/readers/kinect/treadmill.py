@@ -97,17 +97,14 @@ def recognises(source: Source) -> bool:
 
 def read(source: Source) -> Clip:
     """The clip of the 20 nodes with the recorder's own angles; times are frame numbers over the sensor's
-    rate.
-    """
+    rate."""
     names_line, declared_rate, declared_frames = _header(source)
     names = source.lines[names_line].rstrip("\n").split("\t")
     columns = {name.strip(): column for column, name in enumerate(names) if name.strip()}
     missing = [label for label in JOINTS if label not in columns]
     if missing:
         raise source.error(
-            expected="the names of 20 joints",
-            found=f"no {', '.join(missing[:3])}",
-            where=f"line {names_line + 1}",
+            expected="the names of 20 joints", found=f"no {', '.join(missing[:3])}", line=names_line + 1
         )
     _check_units(source, names_line + 1)
     table = parse_table(source, start=names_line + 3, width=len(names), separator="\t")
@@ -164,9 +161,7 @@ def _frame_numbers(source: Source, table: Table, declared_rate: float) -> Array:
     wrong = ~(np.abs(clock) < 1e6)
     if wrong.any():
         bad = int(np.argmax(wrong))
-        raise source.error(
-            expected="a time in seconds", found=f"{clock[bad]:g}", where=f"line {table.line(bad)}"
-        )
+        raise source.error(expected="a time in seconds", found=f"{clock[bad]:g}", line=table.line(bad))
     if declared_rate == 0.0:
         return np.arange(len(clock), dtype=np.float64)
     step = float(np.median(np.diff(clock))) * declared_rate if len(clock) > 1 else 1.0
@@ -181,7 +176,7 @@ def _frame_numbers(source: Source, table: Table, declared_rate: float) -> Array:
 def _number(text: str, source: Source, index: int) -> float:
     number = to_number(text)
     if number is None or not 0.0 <= number < 1e9:
-        raise source.error(expected="a number", found=f"{text.strip()[:40]!r}", where=f"line {index + 1}")
+        raise source.error(expected="a number", found=f"{text.strip()[:40]!r}", line=index + 1)
     return number
 
 
@@ -193,5 +188,5 @@ def _check_units(source: Source, index: int) -> None:
         raise source.error(
             expected="a line of units: s, m and degrees",
             found=", ".join(sorted(units))[:40] or "none",
-            where=f"line {index + 1}",
+            line=index + 1,
         )

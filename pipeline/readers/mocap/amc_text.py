@@ -28,8 +28,7 @@ _MAX_LINE = 128
 @dataclass(frozen=True)
 class AmcText:
     """numbers: (T,) of the frames; values: bone -> (T, number of its degrees of freedom); keywords: in upper
-    case, ":DEGREES" -> the text after it.
-    """
+    case, ":DEGREES" -> the text after it."""
 
     numbers: Array
     values: Mapping[str, Array]
@@ -56,7 +55,7 @@ def parse(source: Source, widths: Mapping[str, int]) -> AmcText:
         elif line and not line.startswith("#"):
             raise source.error(
                 expected="a keyword or the first frame's number", found=repr(line[:40]),
-                where=f"line {number}",
+                line=number,
             )  # fmt: skip
         start = end + 1
     if start >= len(content):
@@ -77,8 +76,7 @@ def parse(source: Source, widths: Mapping[str, int]) -> AmcText:
 
 def _parse_regular(source: Source, start: int, widths: Mapping[str, int]) -> tuple[list[str], Array] | None:
     """Bones and table (T, 1 + values) of the frames from byte `start` on, if all have the layout of the
-    first; else None.
-    """
+    first; else None."""
     lines = source.content[start : start + _MAX_LINE * (len(widths) + 2)].split(b"\n")
     layout = next((lines[:k] for k, line in enumerate(lines) if k and line.strip().isdigit()), lines)
     if not all(line.split() for line in layout):
@@ -99,8 +97,7 @@ def _parse_regular(source: Source, start: int, widths: Mapping[str, int]) -> tup
 
 def _without_names(content: bytes, names: Sequence[bytes], counts: Sequence[int]) -> bytes | None:
     """The numbers, one frame per line, if the lines begin with `names` in turn and hold `counts` numbers;
-    else None.
-    """
+    else None."""
     end = len(content.rstrip())
     # A line feed after the last line, and spaces, so that looking for a name never reads beyond the end.
     text = np.full(end + 1 + _MAX_LINE, _SPACE, dtype=np.uint8)
@@ -160,7 +157,7 @@ def _parse_by_line(source: Source, widths: Mapping[str, int]) -> tuple[list[str]
             raise source.error(
                 expected=f"a line for each of {len(bones)} bones in the frame of line {start_line}",
                 found=f"none for {', '.join(missing[:3])}",
-                where=f"line {next_line}",
+                line=next_line,
                 advice="the file is cut off there" if next_line == len(source.lines) else None,
             )
         rows.append([number, *(value for bone in bones for value in frame[bone])])
@@ -184,22 +181,21 @@ def _values(
     source: Source, number: int, words: list[str], widths: Mapping[str, int], *, repeated: bool
 ) -> list[float]:
     bone = words[0]
-    where = f"line {number}"
     if bone not in widths:
         raise source.error(
-            expected="a frame's number or a bone of the skeleton", found=repr(bone[:40]), where=where,
+            expected="a frame's number or a bone of the skeleton", found=repr(bone[:40]), line=number,
             advice="the file is cut off there" if number == len(source.lines)
             else "the skeleton in the same folder belongs to another motion",
         )  # fmt: skip
     if repeated:
-        raise source.error(expected="each bone once per frame", found=f"{bone!r} again", where=where)
+        raise source.error(expected="each bone once per frame", found=f"{bone!r} again", line=number)
     if len(words) - 1 != widths[bone]:
         raise source.error(
-            expected=f"{widths[bone]} values for {bone}", found=f"{len(words) - 1}", where=where,
+            expected=f"{widths[bone]} values for {bone}", found=f"{len(words) - 1}", line=number,
             advice="the file is cut off there" if number == len(source.lines)
             else "the skeleton in the same folder may belong to another motion",
         )  # fmt: skip
     values = [value for word in words[1:] if (value := to_number(word)) is not None]
     if len(values) < widths[bone]:
-        raise source.error(expected=f"numbers for {bone}", found=repr(" ".join(words[1:])[:40]), where=where)
+        raise source.error(expected=f"numbers for {bone}", found=repr(" ".join(words[1:])[:40]), line=number)
     return values

@@ -17,12 +17,11 @@ from numpy.typing import NDArray
 
 from kinemimic.pipeline.arrays import Array
 from kinemimic.pipeline.kinematics.clip import Clip
-from kinemimic.pipeline.kinematics.euler import positions_of_channels
-from kinemimic.pipeline.kinematics.rotations import IDENTITY, Y_UP_TO_Z_UP, conjugate, multiply, rotate
-from kinemimic.pipeline.kinematics.skeleton import TRACKED, Skeleton
+from kinemimic.pipeline.kinematics.rotations import IDENTITY, conjugate, multiply, rotate
+from kinemimic.pipeline.kinematics.skeleton import Skeleton
 from kinemimic.pipeline.quality.rules.defect import Defect
 from kinemimic.pipeline.quality.rules.length_units import infer_unit
-from kinemimic.pipeline.readers.base.clip_building import reading
+from kinemimic.pipeline.readers.base.clip_building import clip_of_channels, reading
 from kinemimic.pipeline.readers.base.format import Format
 from kinemimic.pipeline.readers.base.frame_defects import increasing_times
 from kinemimic.pipeline.readers.base.source import Source
@@ -86,37 +85,30 @@ def read(source: Source) -> Clip:
     orders, euler, root = _channels(text, values, len(names), degrees)
     translations = np.broadcast_to(skeleton.offsets, (len(root), len(names), 3)).copy()
     translations[:, 0] = root * unit.metres
-    return Clip(
-        skeleton=skeleton,
-        times=(amc.numbers[later] - amc.numbers[0]) / rate,
-        positions=positions_of_channels(skeleton, translations, euler, orders, Y_UP_TO_Z_UP, rests),
-        states=np.full(euler.shape[:2], TRACKED, dtype=np.uint8),
-        passes=np.zeros(len(euler), dtype=np.int32),
-        euler=euler,
-        orders=orders,
-        translations=translations,
-        world_from_file=Y_UP_TO_Z_UP.copy(),
+    return clip_of_channels(
+        skeleton,
+        (amc.numbers[later] - amc.numbers[0]) / rate,
+        translations,
+        euler,
+        orders,
+        format=FORMAT,
+        reading=reading(
+            units=unit.name,
+            units_rule=unit.rule,
+            defects=[*unit.defects, *defects],
+            notes=[rate_rule],
+            skeleton=skeleton_source.path.name,
+            skeleton_length_scale=text.length,
+            channels=int(sum(len(bone.dofs) for bone in text.bones)),
+        ),
         rests=rests,
         angles=_knees(text, values, degrees) or None,
-        provenance={
-            "format": FORMAT.name,
-            "reading": reading(
-                units=unit.name,
-                units_rule=unit.rule,
-                defects=[*unit.defects, *defects],
-                notes=[rate_rule],
-                skeleton=skeleton_source.path.name,
-                skeleton_length_scale=text.length,
-                channels=int(sum(len(bone.dofs) for bone in text.bones)),
-            ),
-        },
     )
 
 
 def _find_skeleton(source: Source) -> tuple[Source, AsfText]:
     """The skeleton of this motion: the one with its name, else with the longest prefix of it (CMU's 02.asf
-    for 02_01.amc), else the only one in the folder.
-    """
+    for 02_01.amc), else the only one in the folder."""
     try:
         found_files = sorted(path.name for path in source.path.parent.iterdir() if _is_asf(path))
     except OSError:
@@ -169,8 +161,7 @@ def _later(source: Source, numbers: Array) -> tuple[NDArray[np.bool_], list[Defe
 
 def _joints(text: AsfText) -> tuple[tuple[str, ...], tuple[int, ...], Array, Array]:
     """Names, parents, rests (J, 4) and offsets (J, 3) in the declared unit: bones first, then their free
-    ends.
-    """
+    ends."""
     bones = text.bones
     names, parents = [bone.name for bone in bones], [bone.parent for bone in bones]
     parent_axes = [bones[bone.parent].axis if bone.parent >= 0 else IDENTITY for bone in bones]
@@ -190,8 +181,7 @@ def _channels(
     text: AsfText, values: Mapping[str, Array], joints: int, degrees: bool
 ) -> tuple[tuple[str, ...], Array, Array]:
     """Intrinsic orders (J,), angles (T, J, 3) in radians, and the root's position (T, 3) in the declared
-    unit.
-    """
+    unit."""
     frames = len(next(iter(values.values())))
     euler, root = np.zeros((frames, joints, 3)), np.zeros((frames, 3))
     orders = [""] * joints

@@ -30,8 +30,7 @@ _Line = tuple[int, list[str]]
 @dataclass
 class Bone:
     """A bone, or the root. axis: (4,) its frame at rest in the file's world; end: (3,) from its start to its
-    end at rest, in the file's world and unit; dofs: its values in a frame of motion, in this order.
-    """
+    end at rest, in the file's world and unit; dofs: its values in a frame of motion, in this order."""
 
     name: str
     axis: Array = field(default_factory=IDENTITY.copy)
@@ -43,8 +42,7 @@ class Bone:
 @dataclass
 class AsfText:
     """bones: parents before children, the root first; position: (3,) of the root, in the file's unit; length:
-    the divisor of the file's lengths; degrees: whether angles are degrees, not radians.
-    """
+    the divisor of the file's lengths; degrees: whether angles are degrees, not radians."""
 
     bones: list[Bone]
     position: Array
@@ -64,9 +62,7 @@ def parse(source: Source) -> AsfText:
     for block in _blocks(source, sections["bonedata"]):
         bone = _bone(source, block, degrees)
         if bone.name in bones:
-            raise source.error(
-                expected="each bone once", found=f"{bone.name!r} twice", where=f"line {block[0][0]}"
-            )
+            raise source.error(expected="each bone once", found=f"{bone.name!r} twice", line=block[0][0])
         if len(bones) > MAX_BONES:
             raise source.error(expected=f"at most {MAX_BONES} bones", found="more")
         bones[bone.name] = bone
@@ -96,7 +92,7 @@ def _units(source: Source, lines: Sequence[_Line]) -> tuple[float, bool]:
                     raise source.error(
                         expected=f"a length scale of {_SCALES[0]:g} to {_SCALES[1]:g}",
                         found=words[1][:40],
-                        where=f"line {number}",
+                        line=number,
                     )
             case "angle":
                 degrees = not words[-1].lower().startswith("rad")
@@ -125,7 +121,7 @@ def _blocks(source: Source, lines: Sequence[_Line]) -> Iterator[list[_Line]]:
     for number, words in lines:
         word = words[0].lower()
         if (word == "begin") == (block is not None) and word in ("begin", "end"):
-            raise source.error(expected="alternating begin and end", found=repr(word), where=f"line {number}")
+            raise source.error(expected="alternating begin and end", found=repr(word), line=number)
         if word == "begin":
             block = []
         elif word == "end":
@@ -154,13 +150,13 @@ def _bone(source: Source, lines: Sequence[_Line], degrees: bool) -> Bone:
                 bone.axis = _axis(angles, _order(source, number, words[4:]), degrees)
             case "dof":
                 bone.dofs = _dofs(source, number, words[1:], DOFS)
-    where = f"line {lines[0][0]}"
+    line = lines[0][0]
     if not bone.name:
-        raise source.error(expected="a bone's name", found="none", where=where)
+        raise source.error(expected="a bone's name", found="none", line=line)
     size = float(np.linalg.norm(direction))
     if size > 0 and abs(size - 1.0) > 0.01:
         raise source.error(
-            expected=f"a direction of length 1 at {bone.name}", found=f"length {size:.4g}", where=where
+            expected=f"a direction of length 1 at {bone.name}", found=f"length {size:.4g}", line=line
         )
     bone.end = direction * length
     return bone
@@ -173,14 +169,10 @@ def _tree(source: Source, lines: Sequence[_Line], bones: dict[str, Bone]) -> lis
     for number, words in (line for block in _blocks(source, lines) for line in block):
         for name in words:
             if name not in bones:
-                raise source.error(
-                    expected="a bone of :bonedata", found=repr(name[:40]), where=f"line {number}"
-                )
+                raise source.error(expected="a bone of :bonedata", found=repr(name[:40]), line=number)
         for name in words[1:]:
             if name in seen:
-                raise source.error(
-                    expected="one parent per bone", found=f"{name!r} again", where=f"line {number}"
-                )
+                raise source.error(expected="one parent per bone", found=f"{name!r} again", line=number)
             seen.add(name)
         children.setdefault(words[0], []).extend(words[1:])
     ordered: list[Bone] = []
@@ -206,9 +198,7 @@ def _axis(angles: Array, order: str, degrees: bool) -> Array:
 def _order(source: Source, number: int, words: Sequence[str]) -> str:
     order = "".join(words).upper() or "XYZ"
     if order not in ORDERS:
-        raise source.error(
-            expected="an order of axes such as XYZ", found=repr(order[:40]), where=f"line {number}"
-        )
+        raise source.error(expected="an order of axes such as XYZ", found=repr(order[:40]), line=number)
     return order
 
 
@@ -218,7 +208,7 @@ def _dofs(source: Source, number: int, words: Sequence[str], known: tuple[str, .
         raise source.error(
             expected=f"degrees of freedom among {' '.join(known)}, each once",
             found=repr(" ".join(words)[:40]),
-            where=f"line {number}",
+            line=number,
         )
     return dofs
 
@@ -227,5 +217,5 @@ def _numbers(source: Source, number: int, words: Sequence[str], count: int, expe
     """The first `count` words as numbers."""
     values = np.array([value for word in words[:count] if (value := to_number(word)) is not None])
     if len(values) < count or not (np.abs(values) < MAX_NUMBER).all():
-        raise source.error(expected=expected, found=repr(" ".join(words)[:40]), where=f"line {number}")
+        raise source.error(expected=expected, found=repr(" ".join(words)[:40]), line=number)
     return values

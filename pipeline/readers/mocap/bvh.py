@@ -11,12 +11,12 @@ import numpy as np
 
 from kinemimic.pipeline.arrays import Array
 from kinemimic.pipeline.kinematics.clip import Clip
-from kinemimic.pipeline.kinematics.euler import positions_of_channels, rotations_of_channels
+from kinemimic.pipeline.kinematics.euler import rotations_of_channels
 from kinemimic.pipeline.kinematics.rotations import Y_UP_TO_Z_UP, angle_between
-from kinemimic.pipeline.kinematics.skeleton import TRACKED, Skeleton
+from kinemimic.pipeline.kinematics.skeleton import Skeleton
 from kinemimic.pipeline.quality.rules.defect import Defect
 from kinemimic.pipeline.quality.rules.length_units import infer_unit
-from kinemimic.pipeline.readers.base.clip_building import reading
+from kinemimic.pipeline.readers.base.clip_building import clip_of_channels, reading
 from kinemimic.pipeline.readers.base.format import Format
 from kinemimic.pipeline.readers.base.source import Source
 from kinemimic.pipeline.readers.mocap.bvh_text import BvhText, parse
@@ -61,7 +61,6 @@ def read(source: Source) -> Clip:
     parents = tuple(joint.parent for joint in bvh.joints)
     skeleton = Skeleton(names, parents, np.array([joint.offset for joint in bvh.joints]) * unit.metres)
     first, note = calibration_frames(euler, orders)
-    frames = len(euler) - first
     defects = unit.defects
     if first:
         defects.append(Defect("calibration_frames", first, "frames", "repaired", note))
@@ -72,26 +71,20 @@ def read(source: Source) -> Clip:
         defects.append(Defect("dropped_frames", count, "frames", "flagged", text))
     elif bvh.declared < len(euler):
         notes.append(f"the file declares {bvh.declared} frames but has {len(euler)}: all are read")
-    return Clip(
-        skeleton=skeleton,
-        times=np.arange(first, len(euler), dtype=np.float64) * bvh.frame_time,
-        positions=positions_of_channels(skeleton, translations[first:], euler[first:], orders, Y_UP_TO_Z_UP),
-        states=np.full((frames, len(names)), TRACKED, dtype=np.uint8),
-        passes=np.zeros(frames, dtype=np.int32),
-        euler=euler[first:],
-        orders=orders,
-        translations=translations[first:],
-        world_from_file=Y_UP_TO_Z_UP.copy(),
-        provenance={
-            "format": FORMAT.name,
-            "reading": reading(
-                units=unit.name,
-                units_rule=unit.rule,
-                defects=defects,
-                notes=notes,
-                channels=int(bvh.motion.shape[1]),
-            ),
-        },
+    return clip_of_channels(
+        skeleton,
+        np.arange(first, len(euler), dtype=np.float64) * bvh.frame_time,
+        translations[first:],
+        euler[first:],
+        orders,
+        format=FORMAT,
+        reading=reading(
+            units=unit.name,
+            units_rule=unit.rule,
+            defects=defects,
+            notes=notes,
+            channels=int(bvh.motion.shape[1]),
+        ),
     )
 
 

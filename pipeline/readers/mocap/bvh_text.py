@@ -36,8 +36,7 @@ class Joint:
 @dataclass
 class BvhText:
     """joints: parents before children; motion: (T, channels) in the file's units and degrees; declared: the
-    number of frames that the file declares; commas: whether its numbers have decimal commas.
-    """
+    number of frames that the file declares; commas: whether its numbers have decimal commas."""
 
     joints: list[Joint] = field(default_factory=list)
     frame_time: float = 0.0
@@ -72,7 +71,7 @@ class _Tokens:
             raise self.source.error(
                 expected=expected,
                 found="the end of the file",
-                where=f"line {self._last}",
+                line=self._last,
                 advice="the file is cut off there",
             )
         return token
@@ -91,7 +90,7 @@ class _Tokens:
         return value
 
     def error(self, token: _Token, expected: str) -> CaptureError:
-        return self.source.error(expected=expected, found=repr(token.text[:40]), where=f"line {token.line}")
+        return self.source.error(expected=expected, found=repr(token.text[:40]), line=token.line)
 
 
 def parse(source: Source) -> BvhText:
@@ -108,7 +107,7 @@ def parse(source: Source) -> BvhText:
     bvh = BvhText(joints=_hierarchy(_Tokens(lines[:marker], source)))
     if marker is None:
         raise source.error(
-            expected="MOTION", found="the end of the file", where=f"line {len(lines)}",
+            expected="MOTION", found="the end of the file", line=len(lines),
             advice="the file is cut off there",
         )  # fmt: skip
     frames, bvh.frame_time, start = _declared(source, marker + 1)
@@ -120,7 +119,7 @@ def parse(source: Source) -> BvhText:
         raise source.error(
             expected=f"at most {MAX_JOINT_FRAMES} joints times frames",
             found=f"{len(bvh.joints)} joints in {frame_count} frames",
-            where=f"line {marker + 2}",
+            line=marker + 2,
         )
     table = parse_table(source, start=start, width=width)
     bvh.motion, bvh.declared = table.values, frames
@@ -142,8 +141,7 @@ def _has_decimal_commas(source: Source) -> bool:
 
 def _declared(source: Source, start: int) -> tuple[int, float, int]:
     """Number of frames and seconds per frame, from the two lines below MOTION; and the line at which the
-    motion starts.
-    """
+    motion starts."""
     filled = [(k, line) for k, line in enumerate(source.lines[start : start + 64], start) if line.strip()][:2]
     values: list[str] = []
     for position, key in enumerate(("frames", "frame time")):
@@ -151,22 +149,16 @@ def _declared(source: Source, start: int) -> tuple[int, float, int]:
         name, _, value = line.partition(":")
         if " ".join(name.lower().split()) != key:
             shown = repr(line.strip()[:40]) if line else "the end of the file"
-            raise source.error(
-                expected=f"{key.title()}: and a number", found=shown, where=f"line {number + 1}"
-            )
+            raise source.error(expected=f"{key.title()}: and a number", found=shown, line=number + 1)
         values.append(value.strip())
     if not (values[0].isascii() and values[0].isdigit() and len(values[0]) < 12 and int(values[0]) > 0):
         raise source.error(
-            expected="a number of frames above 0",
-            found=repr(values[0][:40]),
-            where=f"line {filled[0][0] + 1}",
+            expected="a number of frames above 0", found=repr(values[0][:40]), line=filled[0][0] + 1
         )
     seconds = to_number(values[1])
     if seconds is None or not 1e-4 <= seconds <= 1.0:
         raise source.error(
-            expected="a frame time of 0.0001 to 1 s",
-            found=repr(values[1][:40]),
-            where=f"line {filled[1][0] + 1}",
+            expected="a frame time of 0.0001 to 1 s", found=repr(values[1][:40]), line=filled[1][0] + 1
         )
     return int(values[0]), seconds, filled[1][0] + 1
 
@@ -192,7 +184,7 @@ def _hierarchy(tokens: _Tokens) -> list[Joint]:
             raise tokens.source.error(
                 expected=f"at most {MAX_JOINTS} joints, nested at most {MAX_DEPTH} deep",
                 found="more",
-                where=f"line {token.line}",
+                line=token.line,
             )
         unique, count = name, 1
         while unique in names:
@@ -222,7 +214,7 @@ def _hierarchy(tokens: _Tokens) -> list[Joint]:
                 raise tokens.source.error(
                     expected="OFFSET, CHANNELS, JOINT, End Site or }",
                     found=repr(token.text[:40]),
-                    where=f"line {token.line}",
+                    line=token.line,
                     advice="BVH has no such keyword: delete its lines, or export again",
                 )
     if (extra := next(tokens._words, None)) is not None:
@@ -230,7 +222,7 @@ def _hierarchy(tokens: _Tokens) -> list[Joint]:
             raise tokens.source.error(
                 expected="one ROOT",
                 found="a second one",
-                where=f"line {extra.line}",
+                line=extra.line,
                 advice="export each person or object to a separate file",
             )
         raise tokens.error(extra, "MOTION after the one ROOT")

@@ -32,8 +32,7 @@ _BASE_MEMORY, _MEMORY_PER_BYTE, _MAX_MEMORY = 2**30, 32, 4 * 2**30
 @dataclass(frozen=True)
 class Points:
     """labels: (N,); positions: (T, N, 3) in the file's unit, NaN where not seen (a negative residual); rate:
-    in Hz, 0 if not stated; units, up: POINT:UNITS and POINT:Y_SCREEN, "" if not stated.
-    """
+    in Hz, 0 if not stated; units, up: POINT:UNITS and POINT:Y_SCREEN, "" if not stated."""
 
     labels: tuple[str, ...]
     positions: Array

@@ -53,8 +53,7 @@ def _leg(labels: tuple[str, ...], points: Array) -> float:
 
 def _chain(labels: tuple[str, ...], side: str) -> tuple[list[tuple[int, ...]], bool]:
     """The points at hip, knee and ankle of a side ([] if unknown), and whether they are markers on
-    the skin.
-    """
+    the skin."""
     joints, marked = joints_by_name(labels), landmarks(labels)
     nodes = [f"{joint}_{side}" for joint in ("hip", "knee", "ankle")]
     if joints.keys() >= set(nodes):

@@ -154,12 +154,7 @@ def read(source: Source) -> Clip:
         angles={knee: -frames[:, HINGES[knee]] for knee in ("knee_left", "knee_right")},
         provenance={
             "format": FORMAT.name,
-            "reading": reading(
-                units="m",
-                units_rule="the format's",
-                notes=notes,
-                columns=COLUMNS,
-            ),
+            "reading": reading(units="m", units_rule="the format's", notes=notes, columns=COLUMNS),
         },
     )
 

@@ -18,11 +18,10 @@ import numpy as np
 
 from kinemimic.pipeline.arrays import Array
 from kinemimic.pipeline.kinematics.clip import Clip
-from kinemimic.pipeline.kinematics.euler import positions_of_channels
 from kinemimic.pipeline.kinematics.rotations import from_axis_angle
-from kinemimic.pipeline.kinematics.skeleton import TRACKED, Skeleton
+from kinemimic.pipeline.kinematics.skeleton import Skeleton
 from kinemimic.pipeline.quality.rules.defect import Defect
-from kinemimic.pipeline.readers.base.clip_building import reading
+from kinemimic.pipeline.readers.base.clip_building import clip_of_channels, reading
 from kinemimic.pipeline.readers.base.column_names import index_of_columns
 from kinemimic.pipeline.readers.base.format import Format
 from kinemimic.pipeline.readers.base.frame_defects import increasing_times
@@ -147,35 +146,25 @@ def read(source: Source) -> Clip:
         for joint, column, sign in (("knee", "knee_angle", knee_sign), ("hip", "hip_flexion", 1.0))
         for side in ("left", "right")
     }
-    return Clip(
-        skeleton=skeleton,
-        times=table.times[later] - table.times[0],
-        positions=positions_of_channels(skeleton, translations, euler, orders, WORLD_FROM_FILE),
-        states=np.full(euler.shape[:2], TRACKED, dtype=np.uint8),
-        passes=np.zeros(len(euler), dtype=np.int32),
-        euler=euler,
-        orders=orders,
-        translations=translations,
-        world_from_file=WORLD_FROM_FILE.copy(),
+    return clip_of_channels(
+        skeleton,
+        table.times[later] - table.times[0],
+        translations,
+        euler,
+        orders,
+        format=FORMAT,
+        reading=reading(
+            units="m", units_rule="the format's", defects=defects, notes=notes, columns=table.width
+        ),
+        world_from_file=WORLD_FROM_FILE,
         angles=angles,
-        provenance={
-            "format": FORMAT.name,
-            "reading": reading(
-                units="m",
-                units_rule="the format's",
-                defects=defects,
-                notes=notes,
-                columns=table.width,
-            ),
-        },
     )
 
 
 @dataclass(frozen=True)
 class _Table:
     """times: (T,) seconds; columns: coordinate -> (T,), radians and metres; declared: number of rows in the
-    header; width: number of columns in the file.
-    """
+    header; width: number of columns in the file."""
 
     times: Array
     columns: Mapping[str, Array]
@@ -202,7 +191,7 @@ def _table(source: Source) -> _Table:
         row, column = (int(k) for k in np.argwhere(~np.isfinite(numbers))[0])
         raise source.error(
             expected=f"a finite number in {labels[column]}", found=f"{numbers[row, column]}",
-            where=f"line {table.line(row)}",
+            line=table.line(row),
         )  # fmt: skip
     angle_names = {name for joint in JOINTS for name in joint.angle_names if name} & set(labels)
     used = {"time", *PELVIS_POSITION, *angle_names}
@@ -217,7 +206,7 @@ def _table(source: Source) -> _Table:
             raise source.error(
                 expected=f"at most {limit:g} {unit} in {label}",
                 found=f"{values[row]:g}",
-                where=f"line {table.line(row)}",
+                line=table.line(row),
             )
     rows = header.get("nrows", "")
     # A header with more rows than any recording has is itself damaged.
@@ -232,18 +221,17 @@ def _coordinate(label: str) -> str:
 
 
 def _check_labels(labels: Sequence[str], source: Source, line: int) -> None:
-    where = f"line {line}"
     missing = [name for name in REQUIRED if name not in labels]
     if missing:
         labels_shown = ", ".join(labels[:6]) + (" …" if len(labels) > 6 else "")
         raise source.error(
             expected=f"columns {', '.join(REQUIRED)}",
             found=f"no {', '.join(missing)} among {labels_shown[:200]}",
-            where=where,
+            line=line,
             advice="forces and muscle states are not motion: pass the file of inverse kinematics",
         )
     if labels[0] != "time":
-        raise source.error(expected="time as the first column", found=repr(labels[0][:40]), where=where)
+        raise source.error(expected="time as the first column", found=repr(labels[0][:40]), line=line)
     index_of_columns(labels, source, line)
 
 
@@ -271,8 +259,7 @@ def _channels(
     joints: Sequence[_Joint], values: Mapping[str, Array], knee_sign: float
 ) -> tuple[Array, tuple[str, ...]]:
     """Angles (T, J, 3) in radians in the sequence of ORDER, zeros for coordinates that the file lacks; orders
-    (J,).
-    """
+    (J,)."""
     frames = len(next(iter(values.values())))
     euler = np.zeros((frames, len(joints), 3))
     orders: list[str] = []

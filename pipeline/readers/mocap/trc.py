@@ -72,7 +72,7 @@ def read(source: Source) -> Clip:
     labels += ("",) * (count - len(labels))
     if not np.isfinite(values[:, 1]).all():
         bad = int(np.argmin(np.isfinite(values[:, 1])))
-        raise source.error(expected="a time in s", found="none", where=f"line {table.line(bad)}")
+        raise source.error(expected="a time in s", found="none", line=table.line(bad))
     later, defects = increasing_times(values[:, 1])
     times, notes = _times(values[:, 1], later, declared, source)
     kept = values if later.all() else values[later]
@@ -145,7 +145,7 @@ def _table(source: Source, start: int) -> tuple[Table, Array]:
         raise source.error(
             expected="frame number, time and three numbers per marker",
             found=f"{values.shape[1]} numbers",
-            where=f"line {table.line(0)}",
+            line=table.line(0),
         )
     return table, values[:, : values.shape[1] - spare]
 

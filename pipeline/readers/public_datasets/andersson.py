@@ -75,14 +75,14 @@ def _names_of_first_frame(source: Source) -> tuple[str, ...]:
             break
         if name in names or name not in JOINTS:
             found = f"{name[:40]!r}{' again' if name in names else ''}"
-            raise source.error(expected="a joint's name", found=found, where=f"line {number}")
+            raise source.error(expected="a joint's name", found=found, line=number)
         names.append(name)
     if len(names) < len(JOINTS):
         missing = [name for name in JOINTS if name not in names]
         raise source.error(
             expected=f"{len(JOINTS)} joints in the first frame",
             found=f"{len(names)}, without {', '.join(missing[:3])}{' …' if len(missing) > 3 else ''}",
-            where=f"line {source.blank_lines + len(names)}",
+            line=source.blank_lines + len(names),
             advice="the file is cut off there" if len(names) == len(source.head) else None,
         )
     return tuple(names)
@@ -90,8 +90,7 @@ def _names_of_first_frame(source: Source) -> tuple[str, ...]:
 
 def _is_regular(source: Source, names_in_order: tuple[str, ...]) -> bool:
     """Whether all lines are the expected names in order, with three numbers each; even a space counts as
-    irregular.
-    """
+    irregular."""
     names = source.content.translate(None, _NUMERIC).rstrip(b"\n") + b"\n"
     frame = "".join(f"{name};;;\n" for name in names_in_order).encode().translate(None, _NUMERIC)
     return names == len(names) // len(frame) * frame
@@ -102,12 +101,12 @@ def _check_lines(source: Source, names_in_order: tuple[str, ...]) -> None:
     filled = [(number, line) for number, line in enumerate(source.lines, start=1) if line.strip()]
     for index, (number, line) in enumerate(filled):
         name, *fields = (field.strip() for field in line.split(";"))
-        wanted, where = names_in_order[index % len(names_in_order)], f"line {number}"
+        wanted = names_in_order[index % len(names_in_order)]
         if name != wanted:
             raise source.error(
                 expected=f"{wanted} of frame {index // len(names_in_order)}",
                 found=repr(name[:40]),
-                where=where,
+                line=number,
                 advice="a joint's line is missing or repeated" if name in JOINTS else None,
             )
         if len(fields) != 3:
@@ -115,13 +114,13 @@ def _check_lines(source: Source, names_in_order: tuple[str, ...]) -> None:
             raise source.error(
                 expected=f"{wanted} and 3 numbers",
                 found=f"{len(fields)}",
-                where=where,
+                line=number,
                 advice="the file is cut off there" if cut_off else None,
             )
     if len(filled) % len(names_in_order):
         raise source.error(
             expected=f"{len(names_in_order)} joints in the last frame",
             found=f"{len(filled) % len(names_in_order)}",
-            where=f"line {filled[-1][0]}",
+            line=filled[-1][0],
             advice="the file is cut off there",
         )

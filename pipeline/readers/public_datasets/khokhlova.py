@@ -91,8 +91,7 @@ def read(source: Source) -> Clip:
 
 def _defects(empty: int, repeated: int, lines: int, of_clock: list[Defect]) -> list[Defect]:
     """Defects of the dropped lines: without a whole person, or polled before the sensor had a new frame;
-    of_clock: the defects of the other lines' times.
-    """
+    of_clock: the defects of the other lines' times."""
     found: list[Defect] = []
     if empty:
         text = f"{empty} lines without a whole person (zeros or too few numbers), dropped"

@@ -72,7 +72,7 @@ def read(source: Source) -> Clip:
         raise source.error(
             expected=f"{len(JOINTS)} lines per frame",
             found=f"{rows % len(JOINTS)} in the last one",
-            where=f"line {table.line(rows - 1)}",
+            line=table.line(rows - 1),
             advice="the file is cut off there, or a line is missing",
         )
     confidence = table.values[:, 3]
@@ -80,9 +80,7 @@ def read(source: Source) -> Clip:
     if wrong.any():
         row = int(np.argmax(wrong))
         raise source.error(
-            expected="a confidence from 0 to 1",
-            found=f"{confidence[row]:g}",
-            where=f"line {table.line(row)}",
+            expected="a confidence from 0 to 1", found=f"{confidence[row]:g}", line=table.line(row)
         )
     frames = table.values.reshape(-1, len(JOINTS), 4)[:, FROM_FILE]
     points = np.where(np.isfinite(frames[..., :3]), frames[..., :3], np.nan)
@@ -111,7 +109,7 @@ def _refuse_pixels(points: Array, table: Table, source: Source) -> None:
         raise source.error(
             expected=f"metres, at most {_MAX_COORDINATE:g}, in the {NODES[node]}",
             found=f"{points[frame, node, axis]:g}",
-            where=f"line {table.line(frame * len(JOINTS) + FROM_FILE[node])}",
+            line=table.line(frame * len(JOINTS) + FROM_FILE[node]),
             advice=advice,
         )
     hip, knee, ankle = (points[:, NODE_INDEX[f"{joint}_left"]] for joint in ("hip", "knee", "ankle"))

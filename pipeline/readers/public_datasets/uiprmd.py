@@ -13,11 +13,9 @@ import numpy as np
 
 from kinemimic.pipeline.arrays import Array
 from kinemimic.pipeline.kinematics.clip import Clip
-from kinemimic.pipeline.kinematics.euler import positions_of_channels
-from kinemimic.pipeline.kinematics.rotations import Y_UP_TO_Z_UP
-from kinemimic.pipeline.kinematics.skeleton import TRACKED, Skeleton
+from kinemimic.pipeline.kinematics.skeleton import Skeleton
 from kinemimic.pipeline.quality.rules.defect import Defect
-from kinemimic.pipeline.readers.base.clip_building import reading
+from kinemimic.pipeline.readers.base.clip_building import clip_of_channels, reading
 from kinemimic.pipeline.readers.base.format import Format
 from kinemimic.pipeline.readers.base.frame_defects import refuse_remote
 from kinemimic.pipeline.readers.base.numbers import Table, parse_table
@@ -112,27 +110,20 @@ def read(source: Source) -> Clip:
     rest[0] = 0.0
     skeleton = Skeleton(JOINTS, PARENTS, rest)
     euler = np.radians(degrees[seen])[..., ["XYZ".index(axis) for axis in ORDER]]
-    orders = (ORDER,) * len(JOINTS)
-    return Clip(
-        skeleton=skeleton,
-        times=np.flatnonzero(seen) / RATE,
-        positions=positions_of_channels(skeleton, offsets, euler, orders, Y_UP_TO_Z_UP),
-        states=np.full(offsets.shape[:2], TRACKED, dtype=np.uint8),
-        passes=np.zeros(len(offsets), dtype=np.int32),
-        euler=euler,
-        orders=orders,
-        translations=offsets,
-        world_from_file=Y_UP_TO_Z_UP.copy(),
-        provenance={
-            "format": FORMAT.name,
-            "reading": reading(
-                units="cm",
-                units_rule="the format's",
-                defects=_zero_lines(int((~seen).sum())),
-                notes=[f"{RATE:g} Hz and Euler order {ORDER}: the format's, the files do not say them"],
-                columns=WIDTH,
-            ),
-        },
+    return clip_of_channels(
+        skeleton,
+        np.flatnonzero(seen) / RATE,
+        offsets,
+        euler,
+        (ORDER,) * len(JOINTS),
+        format=FORMAT,
+        reading=reading(
+            units="cm",
+            units_rule="the format's",
+            defects=_zero_lines(int((~seen).sum())),
+            notes=[f"{RATE:g} Hz and Euler order {ORDER}: the format's, the files do not say them"],
+            columns=WIDTH,
+        ),
     )
 
 
@@ -163,7 +154,7 @@ def _refuse_damage(positions: Table, angles: Table) -> None:
             raise table.source.error(
                 expected="a finite number",
                 found=f"{values[frame, joint, axis]:g} in {JOINTS[joint]}",
-                where=f"line {table.line(frame)}",
+                line=table.line(frame),
             )
     refuse_remote(offsets * _CM, JOINTS, positions.source, positions.line)
     if np.abs(degrees).max() > _MAX_DEGREES:
@@ -171,7 +162,7 @@ def _refuse_damage(positions: Table, angles: Table) -> None:
         raise angles.source.error(
             expected=f"degrees, at most {_MAX_DEGREES:g}, in {JOINTS[joint]}",
             found=f"{np.abs(degrees[frame, joint]).max():g}",
-            where=f"line {angles.line(frame)}",
+            line=angles.line(frame),
         )
 
 

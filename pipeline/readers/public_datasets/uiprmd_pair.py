@@ -44,7 +44,6 @@ def sidecar_file(source: Source, positions: str, angles: str, *, has_positions: 
     sidecar = source.sidecar_file(wanted)
     if sidecar is None:
         raise source.error(
-            expected=f"{wanted} with the {other} of this recording in the same folder",
-            found="no such file",
+            expected=f"{wanted} with the {other} of this recording in the same folder", found="no such file"
         )
     return sidecar

@@ -73,8 +73,7 @@ def read(source: Source) -> Clip:
     wrong = ~((np.abs(numbers) < 1e9) & (numbers == np.rint(numbers)))
     if wrong.any():
         row = int(np.argmax(wrong))
-        where = f"line {table.line(row)}"
-        raise source.error(expected="a frame number", found=f"{numbers[row]:g}", where=where)
+        raise source.error(expected="a frame number", found=f"{numbers[row]:g}", line=table.line(row))
     points = table.values[:, 1:].reshape(-1, len(NODES), 3)
     refuse_remote(points, NODES, source, table.line)
     if not np.isfinite(points).all():
@@ -153,8 +152,7 @@ def _nearest(bodies: Array, first: NDArray[np.intp], sizes: NDArray[np.intp]) ->
 
 def _mean_distance(bodies: Array, others: Array) -> Array:
     """Mean distance (K,) in metres between the joints of bodies (K, 20, 3) and of others; infinite if
-    undefined.
-    """
+    undefined."""
     difference = bodies - others
     distance = np.sqrt(np.einsum("kji,kji->kj", difference, difference)).mean(axis=-1)
     return np.where(np.isfinite(distance), distance, np.inf)

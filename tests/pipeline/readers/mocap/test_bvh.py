@@ -143,7 +143,7 @@ def test_a_small_child_is_no_giant_in_inches(metres: float, leg: float) -> None:
     doubtful = unit.name == "cm" and leg < 1.2 / 2.54
     assert [(found.rule, found.action) for found in unit.defects] == [("wrong_units", "flagged")] * doubtful
     if doubtful:
-        assert f"in cm those of a person of {leg / 0.491:.2f} m, in inch of" in unit.defects[0].text
+        assert f"in cm a person of {leg / 0.491:.2f} m, in inch of" in unit.defects[0].text
 
 
 def test_a_doubtful_unit_is_in_the_report(bvh: Text) -> None:
