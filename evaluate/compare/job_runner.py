@@ -7,7 +7,7 @@ from collections.abc import Callable, Mapping, Sequence
 from multiprocessing.connection import Connection, wait
 from typing import Any, Protocol, TypeVar
 
-from kinemimic.pipeline.cli.progress import overheard
+from kinemimic.pipeline.cli.progress import forwarded_progress
 from kinemimic.pipeline.errors import KinemimicError
 from kinemimic.pipeline.parallel.interruption import deferred
 from kinemimic.pipeline.parallel.worker import Worker, WorkerDiedError
@@ -89,7 +89,7 @@ def _message(worker: Worker) -> tuple[str, Any]:
 def _do(connection: Connection, work: Callable[[Task], object], task: Task) -> None:
     error = None
     try:
-        with overheard(lambda *bar: connection.send(("bar", bar))):
+        with forwarded_progress(lambda *bar: connection.send(("bar", bar))):
             work(task)
     except KinemimicError as found:
         error = str(found)

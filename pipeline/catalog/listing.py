@@ -15,7 +15,7 @@ from kinemimic.pipeline.catalog.entry import Collection, Entry, collections_of
 from kinemimic.pipeline.catalog.load import CATALOG, load_catalog
 from kinemimic.pipeline.catalog.local_files import captures_folder, is_present
 from kinemimic.pipeline.cli.options import json_option
-from kinemimic.pipeline.cli.terminal import facts, grid, show
+from kinemimic.pipeline.cli.terminal import grid, key_value_table, show
 
 _MIN_WIDTH = 12  # characters of a column that wraps
 
@@ -90,7 +90,7 @@ def _show_all(chosen: Sequence[tuple[Collection, Sequence[Entry]]], place: Path)
 
 
 def _show_one(collection: Collection, entries: Sequence[Entry], place: Path) -> None:
-    summary = facts()
+    summary = key_value_table()
     for what in ("title", "sensor", "shows", "licence", "citation"):
         summary.add_row(what, getattr(collection, what))
     table = grid("file", "format", "size", "Hz", "here", left=2)

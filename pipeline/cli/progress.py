@@ -49,7 +49,7 @@ class Bar:
         self._drawn.remove_task(self._task)
 
 
-class _Overheard(Bar):
+class _ForwardedBar(Bar):
     """A bar that is drawn elsewhere."""
 
     def __init__(self, listener: Listener, description: str) -> None:
@@ -105,14 +105,14 @@ def progress(description: str, total: float) -> Iterator[Bar]:
     Silent when stderr is no terminal and under a command's --json.
     """
     if (listener := _listener.get()) is not None:
-        yield _Overheard(listener, description)
+        yield _ForwardedBar(listener, description)
         return
     with bars() as several:
         yield several.add(description, total)
 
 
 @contextmanager
-def overheard(listener: Listener) -> Iterator[None]:
+def forwarded_progress(listener: Listener) -> Iterator[None]:
     """In here `progress` draws nothing and tells the listener."""
     token = _listener.set(listener)
     try:

@@ -30,7 +30,7 @@ def grid(*columns: str, left: int = 1, gap: int = 2) -> Table:
     return table
 
 
-def facts() -> Table:
+def key_value_table() -> Table:
     """Two columns: what, and what of it; the second wraps within itself."""
     table = Table.grid(padding=(0, 2, 0, 0))
     table.add_column(style="bold", no_wrap=True)

@@ -1,4 +1,4 @@
-"""Reading what anybody may have put there: regular files only, and no more of them than memory can bear."""
+"""Read untrusted files: regular files only, up to a size limit."""
 
 from __future__ import annotations
 
@@ -10,9 +10,9 @@ MEGABYTE = 1 << 20
 
 
 def require_regular(path: Path, kind: str) -> None:
-    """KinemimicError for a folder, pipe or device where `kind` should be; a pipe's reader may wait for ever.
+    """KinemimicError for a folder, pipe or device in place of `kind`; reading a pipe may block for ever.
 
-    What does not exist passes: whoever opens it next knows what to say.
+    A missing file passes; opening it raises the proper error.
     """
     if path.is_file() or not path.exists():
         return
@@ -21,13 +21,13 @@ def require_regular(path: Path, kind: str) -> None:
 
 
 def read_bounded(path: Path, limit: int, kind: str) -> bytes:
-    """The bytes of a regular file of at most `limit` of them; kind: what it holds, for people ("a motion").
+    """The content of a regular file of at most `limit` bytes; kind: its description in errors ("a motion").
 
-    KinemimicError for a larger one, and for what is no regular file; OSError as `open` raises it.
+    KinemimicError if it is larger or not a regular file; OSError as from `open`.
     """
     require_regular(path, kind)
     with path.open("rb") as stream:
-        # One more than may be there tells a file that is too large, whatever size it claims to have.
+        # One byte more than allowed detects a larger file, whatever size it reports.
         content = stream.read(limit + 1)
     if len(content) > limit:
         raise KinemimicError(

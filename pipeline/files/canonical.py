@@ -1,7 +1,7 @@
-"""Arrays in a canonical file: what a data set is locked by, the same bytes on every machine.
+"""Arrays in a canonical file with the same bytes on every machine, by which a data set is locked.
 
-Numbers are rounded to 1e-5 (10 µm, 0.002°), far above what differs between processors, so that only a number
-right at the edge between two could come out otherwise; nothing tells of times, versions or paths.
+Numbers are rounded to 1e-5 (10 µm, 0.002°), far above the differences between processors, so that only a
+value right at a rounding edge could differ. The file contains no times, versions or paths.
 """
 
 from __future__ import annotations
@@ -29,8 +29,8 @@ _OF_CLIP = (
 
 @dataclass(frozen=True)
 class Canonical:
-    """kind: "clip" or "motion"; joints: names along the axis of what has one; arrays: rounded, NaN where
-    nothing was measured; facts: what else gives them meaning, as JSON values."""
+    """kind: "clip" or "motion"; joints: names along the joint axis; arrays: rounded, NaN where nothing was
+    measured; facts: other information about the arrays, as JSON values."""
 
     kind: str
     joints: tuple[str, ...]
@@ -41,12 +41,12 @@ class Canonical:
     def of(
         cls, kind: str, joints: tuple[str, ...], arrays: Mapping[str, Any], facts: Mapping[str, Any]
     ) -> Canonical:
-        """Rounds; the signs of zero and of NaN, which are noise, become plus."""
+        """Round the arrays; zero and NaN become positive, since their signs are noise."""
         return cls(kind, joints, {name: _rounded(array) for name, array in arrays.items()}, facts)
 
     @classmethod
     def of_clip(cls, clip: Clip) -> Canonical:
-        """All that was measured, and on what; of a converted clip its rotations too."""
+        """The measured arrays of a clip and its skeleton; also the rotations of a converted clip."""
         found = {
             **{name: getattr(clip, name) for name in _OF_CLIP},
             **{f"angle.{name}": curve for name, curve in (clip.angles or {}).items()},
@@ -62,12 +62,12 @@ class Canonical:
 
     @property
     def identity(self) -> str:
-        """SHA-256 over names and values."""
-        told = json.dumps([self.kind, self.joints, self.facts], sort_keys=True)
-        return content_hash({**self.arrays, "": np.array(told)})
+        """SHA-256 of names and values."""
+        described = json.dumps([self.kind, self.joints, self.facts], sort_keys=True)
+        return content_hash({**self.arrays, "": np.array(described)})
 
     def write(self, path: Path) -> None:
-        """The same bytes for the same arrays."""
+        """Write the file; equal arrays give equal bytes."""
         document = {
             "format": FORMAT,
             "schema": SCHEMA,
@@ -81,7 +81,7 @@ class Canonical:
 
     @classmethod
     def read(cls, path: Path) -> Canonical:
-        """What `write` wrote; a KinemimicError says what it is instead."""
+        """Read a file of `write`; KinemimicError for any other."""
         document = read_json(path)
         found = document.get("format") if isinstance(document, dict) else None
         if found != FORMAT:
@@ -102,7 +102,7 @@ def _rounded(array: Any) -> Array:
 
 
 def _values(array: Array) -> Any:
-    """Nested lists, None for NaN, whole numbers without a point."""
+    """Nested lists, None for NaN, integers without a decimal point."""
     if array.ndim == 0:
         return _plain(float(array))
     return [_values(row) for row in array] if array.ndim > 1 else [_plain(v) for v in array.tolist()]

@@ -1,4 +1,4 @@
-"""Where the data that ships lies: catalog.toml, policies, scenarios, the comparison."""
+"""The folder of the data that ships: catalog.toml, policies, scenarios, the comparison."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""JSON that people read: a line for each key and each innermost list, as of a frame's numbers."""
+"""JSON layout for human readers: one line for each key and each innermost list."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from typing import Any
 
 
 def layout(value: Any, indent: str = "") -> str:
-    """JSON in fewer lines than `json.dumps(indent=2)`, which gives every number one of its own."""
+    """JSON text in fewer lines than `json.dumps(indent=2)`, which puts every number on its own line."""
     inner = indent + "  "
     if isinstance(value, Mapping) and value:
         lines = [f"{json.dumps(key)}: {layout(item, inner)}" for key, item in value.items()]
@@ -23,5 +23,5 @@ def layout(value: Any, indent: str = "") -> str:
 
 
 def rounded(value: Any, digits: int) -> float | None:
-    """A number for JSON: so many decimals, no minus zero, None for what is not finite."""
+    """A number for JSON with `digits` decimals: no minus zero, None if it is not finite."""
     return round(float(value), digits) + 0.0 if math.isfinite(value) else None

@@ -1,4 +1,4 @@
-"""Where an output comes from: the same input, configuration, versions and seed give the same record."""
+"""Provenance records of outputs: equal input, configuration, versions and seed give an equal record."""
 
 from __future__ import annotations
 
@@ -6,12 +6,12 @@ from collections.abc import Mapping
 from importlib.metadata import PackageNotFoundError, version
 from typing import Any
 
-# The packages whose release can change a number; a clip or a motion made by another one may differ.
+# Packages whose version can change a result.
 _PACKAGES = ("kinemimic", "numpy", "scipy", "pybullet", "torch")
 
 
 def versions() -> dict[str, str]:
-    """Installed versions of what computes results, nothing of it imported; an absent one is left out."""
+    """Installed versions of these packages, without importing them; a missing one is left out."""
     found: dict[str, str] = {}
     for package in _PACKAGES:
         try:
@@ -24,10 +24,10 @@ def versions() -> dict[str, str]:
 def provenance(
     stage: str, *, inputs: Mapping[str, str], config: Mapping[str, Any], seed: int | None = None
 ) -> dict[str, Any]:
-    """The record that every output carries: JSON values, keys sorted, no time stamps.
+    """The record that every output carries: JSON values with sorted keys and no time stamps.
 
-    Two equal runs write equal bytes. stage: the command that wrote it; inputs: name -> SHA-256 of what it
-    read; config: the options it ran with.
+    Equal runs write equal bytes. stage: the command that wrote it; inputs: name -> SHA-256 of a file that it
+    read; config: its options.
     """
     return {
         "stage": stage,

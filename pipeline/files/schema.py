@@ -1,7 +1,7 @@
-"""Versions of files: an older one is taken over step by step, a later or a strange one is told what to do.
+"""Schema versions of files: upgrade older files step by step, refuse newer ones with advice.
 
-A file says its schema, a whole number that rises by one when a reader of before would misunderstand it. One
-of before there were such numbers counts as 0.
+A file states its schema, an integer that rises by one with every change that an older reader would
+misunderstand. A file without a schema number counts as 0.
 """
 
 from __future__ import annotations
@@ -12,12 +12,12 @@ from typing import Any
 
 from kinemimic.pipeline.errors import KinemimicError
 
-# From a document of one schema to that of the next.
+# Converts a document of one schema to the next.
 Upgrade = Callable[[Mapping[str, Any]], Mapping[str, Any]]
 
 
 def unchanged(document: Mapping[str, Any]) -> Mapping[str, Any]:
-    """The upgrade of what only lacks its number."""
+    """The upgrade of a document that only lacks the number."""
     return document
 
 
@@ -30,23 +30,23 @@ def upgraded(
     advice: str,
     upgrades: Mapping[int, Upgrade] | None = None,
 ) -> dict[str, Any]:
-    """A document as `schema` has it.
+    """The document upgraded to `schema`.
 
-    kind: what the file holds, for people; upgrades: schema -> how to come to the next; advice: what to do
-    with a file that there is no way from. KinemimicError if there is none, or the file is a later version's.
+    kind: description of the file in errors; upgrades: schema -> upgrade to the next one; advice: what the
+    user can do if a step is missing. KinemimicError in that case, and for a file of a later version.
     """
     found = document.get("schema", 0)
     if type(found) is not int or found < 0:
         raise KinemimicError(f"{path}: expected {kind} of schema {schema}, found {found!r:.40}; {advice}")
     if found > schema:
         raise KinemimicError(
-            f"{path}: expected {kind} of schema {schema}, found {found}, which a later version of kinemimic "
-            f"wrote; install that, or {advice}"
+            f"{path}: expected {kind} of schema {schema}, found {found}, written by a later version "
+            f"of kinemimic; install that version, or {advice}"
         )
     result = dict(document)
     for step in range(found, schema):
         if step not in (upgrades or {}):
-            told = "none" if found == 0 else str(found)
-            raise KinemimicError(f"{path}: expected {kind} of schema {schema}, found {told}; {advice}")
+            shown = "none" if found == 0 else str(found)
+            raise KinemimicError(f"{path}: expected {kind} of schema {schema}, found {shown}; {advice}")
         result = {**(upgrades or {})[step](result), "schema": step + 1}
     return result

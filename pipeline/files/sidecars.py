@@ -1,7 +1,7 @@
-"""What stands beside a capture NAME.*, where somebody put it there.
+"""Sidecar files of a capture NAME.*: its true motion and its provenance.
 
-NAME.truth.parquet: what the person of a simulated capture really did. NAME.provenance.json: how the capture
-was made, which few formats can say themselves.
+NAME.truth.parquet: the true joint angles of a simulated capture. NAME.provenance.json: how the capture was
+made, which few formats can state themselves.
 """
 
 from __future__ import annotations
@@ -26,27 +26,27 @@ NOTE_SCHEMA = 1
 
 
 def truth_path(capture: Path) -> Path:
-    """Where the truth of a capture stands."""
+    """Path of a capture's truth file."""
     return capture.with_suffix(TRUTH)
 
 
 def note_path(capture: Path) -> Path:
-    """Where it stands how a capture was made."""
+    """Path of a capture's provenance note."""
     return capture.with_suffix(NOTE)
 
 
 def write_truth(
     path: Path, times: Array, passes: NDArray[np.int64], angles: Mapping[str, Array], note: Mapping[str, Any]
 ) -> None:
-    """A row a frame on the capture's clock: seconds, pass (-1: nobody there), curves of ANGLES in radians."""
+    """One row per frame of the capture: seconds, pass (-1: nobody in view), curves of ANGLES in radians."""
     columns: dict[str, Any] = {"time": times, "pass": passes.astype(np.int32), **angles}
     write_table(path, columns, {"schema": TRUTH_SCHEMA, "provenance": note})
 
 
 def read_truth(path: Path) -> dict[str, Array] | None:
-    """Times (T,) in seconds and the curves of ANGLES (T,) in radians; None where there is no such file.
+    """Times (T,) in seconds and the curves of ANGLES (T,) in radians; None if the file is missing.
 
-    CaptureError for another file, KinemimicError for a later version's.
+    CaptureError if it is not a truth file, KinemimicError if a later version wrote it.
     """
     if not path.is_file():
         return None
@@ -73,12 +73,12 @@ def read_truth(path: Path) -> dict[str, Array] | None:
 
 
 def write_note(path: Path, note: Mapping[str, Any]) -> None:
-    """How a capture was made, as JSON."""
+    """Write a provenance note as JSON."""
     write_json(path, {"schema": NOTE_SCHEMA, **{key: note[key] for key in note if key != "schema"}})
 
 
 def read_note(path: Path) -> dict[str, Any]:
-    """What `write_note` was given, or what somebody wrote by hand; empty where there is no such file."""
+    """Read a provenance note, written by `write_note` or by hand; empty if the file is missing."""
     if not path.is_file():
         return {}
     note = read_json(path)

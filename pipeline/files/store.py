@@ -1,4 +1,4 @@
-"""Files: atomic writes, content hashes, and clips as Parquet."""
+"""Atomic writes, content hashes, JSON files, and clips as Parquet."""
 
 from __future__ import annotations
 
@@ -17,27 +17,27 @@ import pyarrow.parquet as pq
 
 from kinemimic.pipeline.errors import CaptureError, KinemimicError
 from kinemimic.pipeline.files.bounded import MEGABYTE, read_bounded
-from kinemimic.pipeline.files.plain_json import plain_json
 from kinemimic.pipeline.files.schema import upgraded
+from kinemimic.pipeline.files.strict_json import strict_json
 from kinemimic.pipeline.files.tables import numbers, read_table
 from kinemimic.pipeline.kinematics.clip import Clip
 from kinemimic.pipeline.kinematics.rotations import ORDERS
 from kinemimic.pipeline.kinematics.skeleton import Skeleton
 
 CLIP_SCHEMA = 2
-# The largest that we write is a motion of 1.3 kB a frame: two hours at 30 Hz fit.
+# Bytes. The largest file is a motion of 1.3 kB per frame: two hours at 30 Hz fit.
 _JSON_LIMIT = 256 * MEGABYTE
 _CLIP, _CLIP_ADVICE = "a kinemimic clip (Parquet)", "run the stage that writes it again"
-_UNIT = 1e-3  # how far from 1 a quaternion's length may be that we wrote as one
+_UNIT = 1e-3  # tolerance of a unit quaternion's length
 _ANGLE = "angle."
 _PER_JOINT = {"positions": "xyz", "euler": "123", "translations": "xyz", "rotations": "xyzw"}
 
 
 @contextmanager
 def atomic(path: Path) -> Iterator[Path]:
-    """A temporary path in the same folder; it becomes `path` when the block ends well, else it vanishes.
+    """A temporary path in the same folder, renamed to `path` if the block succeeds, else deleted.
 
-    OSError names `path` where the temporary file could not be made, filled or renamed.
+    OSError names `path` if the temporary file could not be created, written or renamed.
     """
     path.parent.mkdir(parents=True, exist_ok=True)
     prefix = f".{path.name}."
@@ -49,11 +49,11 @@ def atomic(path: Path) -> Iterator[Path]:
         os.close(handle)
         temporary = Path(name)
         yield temporary
-        # mkstemp and safetensors make private files; a result gets the mode that any other file would have.
+        # mkstemp and safetensors create private files; a result gets the usual mode.
         temporary.chmod(0o666 & ~umask)
         temporary.replace(path)
     except OSError as error:
-        # A full disk names no file, and the temporary one tells nobody anything.
+        # The error of a full disk names no file, and the temporary name would mean nothing to the user.
         ours = error.filename is None or Path(os.fsdecode(error.filename)).name.startswith(prefix)
         if error.errno is None or not ours:
             raise
@@ -72,19 +72,19 @@ def copy_file(source: Path, target: Path) -> None:
 def write_text(path: Path, text: str) -> None:
     """Write a text file atomically."""
     with atomic(path) as temporary:
-        # The name of a folder that is not UTF-8 may be told in it.
+        # The text may contain the name of a folder that is not UTF-8.
         temporary.write_text(text, encoding="utf-8", errors="backslashreplace")
 
 
 def write_json(path: Path, value: Any) -> None:
-    """Write JSON atomically, keys in the given sequence, NaN refused."""
+    """Write JSON atomically with keys in the given order; NaN is refused."""
     write_text(path, json.dumps(value, indent=2, allow_nan=False) + "\n")
 
 
 def read_json(path: Path) -> Any:
-    """Read a JSON file of at most 256 MB; a KinemimicError names the file if it is missing or damaged."""
+    """Read a JSON file of at most 256 MB; KinemimicError if it is missing or damaged."""
     try:
-        return plain_json(read_bounded(path, _JSON_LIMIT, "a JSON file").decode("utf-8"))
+        return strict_json(read_bounded(path, _JSON_LIMIT, "a JSON file").decode("utf-8"))
     except FileNotFoundError:
         raise KinemimicError(f"{path}: expected a file, found none; run the stage that writes it") from None
     except ValueError as error:
@@ -92,7 +92,7 @@ def read_json(path: Path) -> Any:
 
 
 def content_hash(arrays: Mapping[str, Any]) -> str:
-    """SHA-256 over names, types, shapes and values of arrays, whatever file they came from."""
+    """SHA-256 of the names, types, shapes and values of arrays."""
     digest = hashlib.sha256()
     for name in sorted(arrays):
         array = np.ascontiguousarray(arrays[name])
@@ -108,15 +108,15 @@ def file_hash(path: Path) -> str:
 
 
 def write_table(path: Path, columns: Mapping[str, Any], header: Mapping[str, Any]) -> None:
-    """Columns as Parquet, atomically; the header is JSON under the metadata's key `kinemimic`."""
+    """Write columns as Parquet, atomically; the header is JSON under the metadata key `kinemimic`."""
     table = pa.table(dict(columns)).replace_schema_metadata({"kinemimic": json.dumps(header)})
-    # An open file: pyarrow takes no path that is not UTF-8, and of a full disk it has an error of its own.
+    # An open file: pyarrow refuses paths that are not UTF-8, and hides the OSError of a full disk.
     with atomic(path) as temporary, temporary.open("wb") as stream:
         pq.write_table(table, stream, compression="zstd")
 
 
 def write_clip(path: Path, clip: Clip) -> None:
-    """A clip as Parquet: one row a frame, a column per joint and component; the rest in the metadata."""
+    """Write a clip as Parquet: a row per frame, a column per joint and component, the rest as metadata."""
     columns: dict[str, Any] = {"time": clip.times, "pass": clip.passes}
     for j, joint in enumerate(clip.skeleton.names):
         columns[f"{joint}.state"] = clip.states[:, j]
@@ -143,11 +143,13 @@ def write_clip(path: Path, clip: Clip) -> None:
 
 
 def read_clip(path: Path) -> Clip:
-    """Read a clip that `write_clip` wrote; CaptureError for what is missing, damaged or another file."""
+    """Read a clip of `write_clip`; CaptureError if it is missing, damaged or another file."""
     try:
         table, header = read_table(path, kind=_CLIP, advice=_CLIP_ADVICE)
     except FileNotFoundError:
-        raise CaptureError(path, expected="a clip", found="no file", advice="run the stage before") from None
+        raise CaptureError(
+            path, expected="a clip", found="no file", advice="run the previous stage"
+        ) from None
     if not isinstance(header, dict) or "skeleton" not in header:
         raise CaptureError(path, expected=_CLIP, found="another table", advice=_CLIP_ADVICE)
     header = upgraded(
@@ -178,13 +180,13 @@ def _clip_from_schema_1(old: Mapping[str, Any]) -> Mapping[str, Any]:
 
 
 def _clip(table: pa.Table, header: Mapping[str, Any]) -> Clip:
-    """KeyError for what the header lacks, any other error of a value for what is not what it should be."""
+    """The clip; KeyError for a missing key of the header, other errors for invalid values."""
     skeleton = _skeleton(header["skeleton"])
     orders, rests, world = header["orders"], header.get("rests"), np.array(header["world_from_file"])
     provenance = header["provenance"]
     if not isinstance(provenance, dict):
         raise ValueError(f"the provenance {provenance!r}")
-    json.dumps(provenance, allow_nan=False)  # as whatever is made of the clip will write it
+    json.dumps(provenance, allow_nan=False)  # later stages write it again
     if orders is not None and (
         len(orders) != len(skeleton.names) or any(order not in ("", *ORDERS) for order in orders)
     ):
@@ -235,5 +237,5 @@ def _skeleton(spec: Mapping[str, Any]) -> Skeleton:
     if not names or not all(isinstance(name, str) for name in names):
         raise ValueError("a skeleton without names")
     if not all(type(parent) is int and parent >= -1 for parent in parents):
-        raise ValueError("a skeleton with parents that are no joints")
+        raise ValueError("a skeleton with invalid parents")
     return Skeleton(tuple(names), tuple(parents), np.array(spec["offsets"], dtype=np.float64))

@@ -1,4 +1,4 @@
-"""Parquet that may be damaged: pyarrow's many errors as one line, and its columns as checked numbers."""
+"""Read Parquet that may be damaged: one error for pyarrow's many, and checked columns of numbers."""
 
 from __future__ import annotations
 
@@ -12,21 +12,21 @@ from numpy.typing import NDArray
 
 from kinemimic.pipeline.errors import CaptureError
 from kinemimic.pipeline.files.bounded import require_regular
-from kinemimic.pipeline.files.plain_json import plain_json
+from kinemimic.pipeline.files.strict_json import strict_json
 
 _CELLS = 1 << 28  # 2 GB of doubles: twelve hours of a clip at 30 Hz
-_LARGEST = 1e12  # of seconds, metres or radians; a flipped bit makes more of them
-_SHOWN = 160  # characters of what pyarrow says
+_LARGEST = 1e12  # seconds, metres or radians; larger values come from damaged bits
+_SHOWN = 160  # characters of pyarrow's message
 
 
 def read_table(path: Path, *, kind: str, advice: str) -> tuple[pa.Table, Any]:
-    """A table and the JSON value of its metadata's key `kinemimic`, None where there is no such key.
+    """A table and the JSON value of its metadata key `kinemimic`, or None without that key.
 
-    kind, advice: what the file should hold and what helps, for people. FileNotFoundError if there is none,
-    CaptureError for what is damaged, too large or no table.
+    kind, advice: description of the file and remedy, for errors. FileNotFoundError if it is missing,
+    CaptureError if it is damaged, too large or not a table.
     """
     require_regular(path, kind)
-    # An open file: pyarrow takes no path that is not UTF-8.
+    # An open file: pyarrow refuses paths that are not UTF-8.
     with path.open("rb") as stream:
         try:
             file = pq.ParquetFile(stream)
@@ -34,19 +34,19 @@ def read_table(path: Path, *, kind: str, advice: str) -> tuple[pa.Table, Any]:
             if rows * columns > _CELLS:
                 raise ValueError(f"{rows:,} rows of {columns:,} columns, more than fit into memory")
             table = file.read()
-            told = (table.schema.metadata or {}).get(b"kinemimic")
-            # In our own header NaN stands for an offset that is not known.
-            return table, None if told is None else plain_json(told.decode("utf-8"), finite=False)
-        # Of damage pyarrow tells in any of these; and what it is told of lengths, it believes.
+            header = (table.schema.metadata or {}).get(b"kinemimic")
+            # In our own header NaN means an unknown offset.
+            return table, None if header is None else strict_json(header.decode("utf-8"), finite=False)
+        # pyarrow reports damage by any of these, and trusts the lengths in a damaged file.
         except (pa.ArrowException, OSError, ValueError, KeyError, TypeError, MemoryError) as error:
             found = " ".join(str(error).split())[:_SHOWN]
             raise CaptureError(path, expected=kind, found=found, advice=advice) from None
 
 
 def numbers(table: pa.Table, name: str, kinds: str = "f") -> NDArray[Any]:
-    """A column (T,) without nulls, as it is stored; ValueError if there is none of that name and kind.
+    """A column (T,) without nulls, in its stored type; ValueError without one of that name and kind.
 
-    kinds: of numpy's dtypes: f, i, u. NaN may be among them, infinity not.
+    kinds: numpy dtype kinds, of f, i, u. NaN is allowed, infinity is not.
     """
     if table.column_names.count(name) != 1:
         raise ValueError(f"{table.column_names.count(name)} columns {name!r}")
@@ -57,5 +57,5 @@ def numbers(table: pa.Table, name: str, kinds: str = "f") -> NDArray[Any]:
     if array.dtype.kind not in kinds:
         raise ValueError(f"column {name!r} of {column.type}")
     if (np.abs(array) > _LARGEST).any():
-        raise ValueError(f"column {name!r} with numbers that nobody measures")
+        raise ValueError(f"column {name!r} with implausibly large numbers")
     return array

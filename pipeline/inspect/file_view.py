@@ -9,7 +9,7 @@ from rich.console import Group, RenderableType
 from rich.table import Table
 from rich.text import Text
 
-from kinemimic.pipeline.cli.terminal import facts, grid, heading, number, percent
+from kinemimic.pipeline.cli.terminal import grid, heading, key_value_table, number, percent
 from kinemimic.pipeline.inspect.file_report import FLAGGED, OTHER, REFUSED
 from kinemimic.pipeline.inspect.measures import SIDES
 from kinemimic.pipeline.kinematics.nodes import joints_by_name
@@ -27,7 +27,7 @@ def file_view(report: Report) -> RenderableType:
         parts += [heading("Joints"), _joints(report)]
     if report["defects"]:
         parts += [heading("Defects"), _defects(report)]
-    todo = facts()
+    todo = key_value_table()
     for line in report["planned_steps"]:
         todo.add_row("-", line)
     parts += [heading("What ingest will do"), todo]
@@ -35,7 +35,7 @@ def file_view(report: Report) -> RenderableType:
 
 
 def _summary(report: Report) -> Table:
-    table = facts()
+    table = key_value_table()
     marks = [f"{report['format']} ({report['sensor']})" if report["sensor"] else str(report["format"])]
     if report["simulated"]:
         marks.append("SIMULATED")
@@ -126,7 +126,7 @@ def _joints(report: Report) -> Table:
 
 
 def _defects(report: Report) -> Table:
-    table = facts()
+    table = key_value_table()
     table.columns[1].no_wrap = True
     table.add_column(overflow="fold")
     for defect in report["defects"]:

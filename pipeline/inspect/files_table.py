@@ -11,7 +11,7 @@ from rich.console import Group, RenderableType
 from rich.table import Table
 from rich.text import Text
 
-from kinemimic.pipeline.cli.terminal import facts, grid, heading, number
+from kinemimic.pipeline.cli.terminal import grid, heading, key_value_table, number
 from kinemimic.pipeline.inspect.batch import count_rules, folder_summaries
 from kinemimic.pipeline.inspect.file_report import OTHER, REFUSED, SIDECAR
 from kinemimic.pipeline.quality.rules.defect import RULES
@@ -106,7 +106,7 @@ def _below(reports: Sequence[Report], records: Sequence[dict[str, Any]]) -> Iter
         for line in _reasons(refused, shared):
             # One line each, whatever the width, so that they can be searched with grep.
             yield Text(line, no_wrap=True, overflow="ignore")
-    table = facts()
+    table = key_value_table()
     usable = [report for report in captures if report["status"] != REFUSED]
     for title, group in (("repaired", captures), ("flagged", usable)):
         counts = count_rules(group, title)

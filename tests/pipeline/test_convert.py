@@ -159,7 +159,7 @@ def test_a_planted_lock_is_named_with_its_frames(
 
 
 def test_without_a_clip_it_says_what_to_do(tmp_path: Path) -> None:
-    with pytest.raises(KinemimicError, match="run the stage before"):
+    with pytest.raises(KinemimicError, match="run the previous stage"):
         convert(tmp_path / "nothing")
     assert not (tmp_path / "nothing").exists()
 

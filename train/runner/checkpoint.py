@@ -17,7 +17,7 @@ from safetensors.numpy import save_file
 
 from kinemimic.pipeline.errors import KinemimicError
 from kinemimic.pipeline.files.bounded import require_regular
-from kinemimic.pipeline.files.plain_json import plain_json
+from kinemimic.pipeline.files.strict_json import strict_json
 from kinemimic.pipeline.files.records import convert
 from kinemimic.pipeline.files.store import atomic
 from kinemimic.train.rollout.evaluation import Evaluation
@@ -86,7 +86,7 @@ def restore(path: Path, training: Training, motion: str) -> bool:
     try:
         with safe_open(path, framework="np") as stream:
             # A mean of losses may be NaN.
-            record = plain_json((stream.metadata() or {})["kinemimic"], finite=False)
+            record = strict_json((stream.metadata() or {})["kinemimic"], finite=False)
             arrays = {name: stream.get_tensor(name) for name in stream.keys()}  # noqa: SIM118 (not a dict)
         schema, imitated, stored = record["schema"], record["motion"], {**record["config"], "budget": None}
         if schema != CHECKPOINT_SCHEMA:

@@ -47,7 +47,10 @@ def test_every_older_one_comes_to_the_same(document: Mapping[str, Any]) -> None:
 @pytest.mark.parametrize(
     ("document", "told"),
     [
-        ({"schema": 4}, "found 4, which a later version of kinemimic wrote; install that, or make it again"),
+        (
+            {"schema": 4},
+            "found 4, written by a later version of kinemimic; install that version, or make it again",
+        ),
         ({"schema": 1}, "found 1; make it again"),
         ({}, "found none; make it again"),
         ({"schema": "3"}, "found '3'; make it again"),

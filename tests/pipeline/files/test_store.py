@@ -168,7 +168,7 @@ def test_content_hash_is_of_names_types_shapes_and_values() -> None:
 def test_errors_name_the_file_and_what_to_do(tmp_path: Path, node_clip: Build) -> None:
     path = tmp_path / "clip.parquet"
     with pytest.raises(
-        CaptureError, match=r"clip\.parquet: expected a clip, found no file; run the stage before"
+        CaptureError, match=r"clip\.parquet: expected a clip, found no file; run the previous stage"
     ):
         read_clip(path)
     with pytest.raises(KinemimicError, match="run the stage that writes it"):
@@ -180,7 +180,7 @@ def test_errors_name_the_file_and_what_to_do(tmp_path: Path, node_clip: Build) -
     table = pq.read_table(path)
     header = json.loads(table.schema.metadata[b"kinemimic"]) | {"schema": 99}
     pq.write_table(table.replace_schema_metadata({"kinemimic": json.dumps(header)}), path)
-    with pytest.raises(KinemimicError, match="a clip of schema 2, found 99, which a later version"):
+    with pytest.raises(KinemimicError, match="a clip of schema 2, found 99, written by a later version"):
         read_clip(path)
     pq.write_table(table.replace_schema_metadata({}), path)
     with pytest.raises(CaptureError, match="expected a kinemimic clip"):
@@ -221,7 +221,7 @@ DAMAGED: dict[str, tuple[Callable[[pa.Table], pa.Table], dict[str, Any], str]] =
     "no joint": (
         lambda t: t,
         {"skeleton": {"names": ["a", "b"], "parents": [-1, -7], "offsets": [[0, 0, 0]] * 2}},
-        "parents that are no joints",
+        "invalid parents",
     ),
     "orders": (lambda t: t, {"orders": ["QQQ"] * 20}, "the Euler orders"),
     "no rotation": (lambda t: t, {"world_from_file": [0, 0]}, "for a rotation from the file's axes"),
@@ -234,7 +234,7 @@ DAMAGED: dict[str, tuple[Callable[[pa.Table], pa.Table], dict[str, Any], str]] =
     "words": (_column("time", ["x"] * 60), {}, "column 'time' of string"),
     "NaN times": (_column("time", np.full(60, np.nan)), {}, "times that are not finite"),
     "backwards": (_column("time", np.arange(60.0)[::-1]), {}, "times must increase strictly"),
-    "infinity": (_column("hip_center.positions.x", np.full(60, np.inf)), {}, "that nobody measures"),
+    "infinity": (_column("hip_center.positions.x", np.full(60, np.inf)), {}, "that implausibly large"),
     "no pass": (lambda t: t.drop(["pass"]), {}, "0 columns 'pass'"),
     "no state": (lambda t: t.drop(["head.state"]), {}, "0 columns 'head.state'"),
     "no positions": (lambda t: t.drop(["hip_center.positions.x"]), {}, "no positions"),

@@ -178,7 +178,7 @@ def test_a_file_that_is_no_manifest_is_refused_in_one_line(root: Path, params: P
     for text, told in (
         ("{}", "a manifest of schema 1, found none"),
         ("[1]", "a manifest of schema 1, found none"),
-        ('{"schema": 2}', "which a later version of kinemimic wrote"),
+        ('{"schema": 2}', "written by a later version of kinemimic"),
         ('{"schema": 1}', "found no valid 'version'"),
         ('{"schema": 1, "version": 1, "raw": [], "content": {}}', "found no valid 'raw'"),
         ("{", "JSON"),

@@ -1,4 +1,4 @@
-"""JSON as the standard has it: Python's parser takes NaN too, and what is nested deep is too much for it."""
+"""Strict JSON: unlike Python's parser, refuse NaN and report too deep nesting as a ValueError."""
 
 from __future__ import annotations
 
@@ -7,10 +7,10 @@ import math
 from typing import Any
 
 
-def plain_json(text: str, *, finite: bool = True) -> Any:
-    """The value of a JSON text; ValueError says what is wrong with it.
+def strict_json(text: str, *, finite: bool = True) -> Any:
+    """The value of a JSON text; ValueError if it is not valid.
 
-    finite: no NaN or infinity, also none written as 1e999: what is read is written again, where that is
+    finite: refuse NaN and infinity, including 1e999, since the value may be written again, where they are
     refused.
     """
     number = _finite if finite else float
@@ -23,5 +23,5 @@ def plain_json(text: str, *, finite: bool = True) -> Any:
 def _finite(text: str) -> float:
     value = float(text)
     if not math.isfinite(value):
-        raise ValueError(f"{text}, which is no number of JSON's")
+        raise ValueError(f"{text}, which is not a JSON number")
     return value
