@@ -234,7 +234,7 @@ DAMAGED: dict[str, tuple[Callable[[pa.Table], pa.Table], dict[str, Any], str]] =
     "words": (_column("time", ["x"] * 60), {}, "column 'time' of string"),
     "NaN times": (_column("time", np.full(60, np.nan)), {}, "times that are not finite"),
     "backwards": (_column("time", np.arange(60.0)[::-1]), {}, "times must increase strictly"),
-    "infinity": (_column("hip_center.positions.x", np.full(60, np.inf)), {}, "that implausibly large"),
+    "infinity": (_column("hip_center.positions.x", np.full(60, np.inf)), {}, "implausibly large"),
     "no pass": (lambda t: t.drop(["pass"]), {}, "0 columns 'pass'"),
     "no state": (lambda t: t.drop(["head.state"]), {}, "0 columns 'head.state'"),
     "no positions": (lambda t: t.drop(["hip_center.positions.x"]), {}, "no positions"),
