@@ -41,7 +41,9 @@ from kinemimic.pipeline.readers.base.source import Source
 @click.option(
     "--suggest", is_flag=True, help="Only draft a TOML description of the columns of one custom table."
 )
-@unit_option("The files' unit of length; by default as their format or the body in them says.")
+@unit_option(
+    "Unit of length of the files; by default the unit of the format, or inferred from the body size."
+)
 @click.option(
     "--jobs",
     type=click.IntRange(min=1),

@@ -55,7 +55,7 @@ def overlay(folder: Path, out: Path, *, run: Path | None = None, view: str | Non
     colours = numbered_images(folder / COLOR, COLOR_SUFFIXES)
     view = view or ("color" if colours else "depth")
     if view not in VIEWS or (view == "color" and not colours):
-        found = "no colour images there" if view in VIEWS else repr(view)
+        found = "no colour images" if view in VIEWS else repr(view)
         raise CaptureError(folder, expected=f"a view among {', '.join(VIEWS)}", found=found)
     clip = read_recording(folder) if run is None else _clip_of_run(run, folder)
     pixels, states = _nodes_in_view(recording, clip, view)
@@ -99,13 +99,13 @@ def _nodes_in_view(recording: Recording, clip: Clip, view: str) -> tuple[Array, 
     positions, states = to_nodes(clip)
     row = np.searchsorted(clip.times, recording.times - _TIME_TOLERANCE)
     row = np.minimum(row, len(clip.times) - 1)
-    there = np.abs(clip.times[row] - recording.times) <= _TIME_TOLERANCE
+    present = np.abs(clip.times[row] - recording.times) <= _TIME_TOLERANCE
     points = recording.setup.mount.to_camera(positions[row])
     color = recording.setup.color
     if view == "color" and color is not None:
         points = color.from_depth(points)
     pixels = _camera(recording, view).project(points)
-    pixels[~there] = np.nan
+    pixels[~present] = np.nan
     seen = np.isfinite(pixels).all(axis=-1)
     return pixels, np.where(seen, states[row], 0).astype(np.uint8)
 

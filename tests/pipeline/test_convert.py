@@ -54,7 +54,7 @@ def test_cmu_run_too(captures: Path, tmp_path: Path) -> None:
 def test_the_default_filter_leaves_an_optical_knee_alone(
     captures: Path, tmp_path: Path, take: str, limit: float
 ) -> None:
-    """It finds next to no noise there, and takes out no more: degrees, in any frame."""
+    """The filter finds hardly any noise in this clip, and removes no more than that: degrees, in any frame."""
     ingest(captures / "cmu_bvh" / f"{take}.bvh", tmp_path)
     knees = leg_angles(to_nodes(convert(tmp_path))[0])
     for side in ("left", "right"):
@@ -109,7 +109,7 @@ def kinect_v2_clip(rotations: Array | None = None) -> Clip:
     )
 
 
-def test_positions_on_another_skeleton_go_onto_the_nodes(tmp_path: Path) -> None:
+def test_positions_on_another_skeleton_are_mapped_to_the_nodes(tmp_path: Path) -> None:
     clip = kinect_v2_clip()
     write_clip(tmp_path / "clip.parquet", clip)
     converted = convert(tmp_path)
@@ -158,7 +158,7 @@ def test_a_planted_lock_is_named_with_its_frames(
     assert json.loads(capsys.readouterr().out) == report
 
 
-def test_without_a_clip_it_says_what_to_do(tmp_path: Path) -> None:
+def test_without_a_clip_the_error_gives_advice(tmp_path: Path) -> None:
     with pytest.raises(KinemimicError, match="run the previous stage"):
         convert(tmp_path / "nothing")
     assert not (tmp_path / "nothing").exists()

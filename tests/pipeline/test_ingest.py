@@ -1,4 +1,4 @@
-"""Stage 1 through its command: what it writes, and one line and nothing written for what is no capture."""
+"""Stage 1 through its command: the files written, and a one-line error without output for a bad file."""
 
 from __future__ import annotations
 
@@ -151,7 +151,7 @@ def test_a_real_recording_without_a_person(
     assert not list(tmp_path.iterdir())
 
 
-def test_what_the_rules_refuse_and_repair(
+def test_refusals_and_repairs_of_the_rules(
     captures: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     bad = captures / "kinect1_treadmill_c3d" / "skeleton_3d_20h17m38.txt"

@@ -42,8 +42,8 @@ def repair(clip: Clip) -> tuple[Clip, list[Defect]]:
 def _while_moving(clip: Clip, repeated: Mask) -> Mask:
     """The repeats (T,) of a moving body."""
     step = np.linalg.norm(np.diff(clip.positions, axis=0), axis=-1)
-    there = np.isfinite(step)
-    mean = np.where(there, step, 0.0).sum(axis=1) / np.maximum(there.sum(axis=1), 1)
+    finite = np.isfinite(step)
+    mean = np.where(finite, step, 0.0).sum(axis=1) / np.maximum(finite.sum(axis=1), 1)
     moving = np.zeros_like(repeated)
     for run in runs(repeated):
         # The steps into the repeated pose, and out of its last repeat.

@@ -71,8 +71,8 @@ def _off_line(clip: Clip, before: int, after: int) -> Array:
     The line runs from `before` frames earlier to `after` frames later; the first row is frame `before`.
     """
     rows = len(clip.times) - before - after
-    first, there, last = (slice(k, k + rows) for k in (0, before, before + after))
+    first, middle, last = (slice(k, k + rows) for k in (0, before, before + after))
     times = clip.times
-    share = ((times[there] - times[first]) / (times[last] - times[first]))[:, None, None]
+    share = ((times[middle] - times[first]) / (times[last] - times[first]))[:, None, None]
     p = clip.positions
-    return np.asarray(np.linalg.norm(p[there] - p[first] - share * (p[last] - p[first]), axis=-1))
+    return np.asarray(np.linalg.norm(p[middle] - p[first] - share * (p[last] - p[first]), axis=-1))

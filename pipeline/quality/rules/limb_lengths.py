@@ -87,12 +87,12 @@ def _impossible(points: Array, bones: dict[str, Array]) -> list[Defect]:
 def _drifting(bones: dict[str, Array]) -> list[Defect]:
     drifting: list[tuple[float, str]] = []
     for name, values in bones.items():
-        there = values[np.isfinite(values)]
-        if len(there) < 10 or np.median(there) == 0.0:
+        finite = values[np.isfinite(values)]
+        if len(finite) < 10 or np.median(finite) == 0.0:
             continue
-        fifth = max(len(there) // 5, 1)
-        usual, spread = float(np.median(there)), _spread(there)
-        trend = float(np.median(there[-fifth:]) - np.median(there[:fifth])) / usual
+        fifth = max(len(finite) // 5, 1)
+        usual, spread = float(np.median(finite)), _spread(finite)
+        trend = float(np.median(finite[-fifth:]) - np.median(finite[:fifth])) / usual
         if spread > MAX_SPREAD or abs(trend) > MAX_TREND:
             drifting.append(
                 (
@@ -110,10 +110,10 @@ def _drifting(bones: dict[str, Array]) -> list[Defect]:
 
 def _spread(values: Array) -> float:
     """Half the width of the middle 68 % over the median: a robust coefficient of variation."""
-    there = values[np.isfinite(values)]
-    if not len(there):
+    finite = values[np.isfinite(values)]
+    if not len(finite):
         return 0.0
-    low, middle, high = np.percentile(there, [16.0, 50.0, 84.0])
+    low, middle, high = np.percentile(finite, [16.0, 50.0, 84.0])
     return float(0.5 * (high - low) / middle) if middle > 0 else 0.0
 
 

@@ -38,11 +38,11 @@ def repair(clip: Clip) -> tuple[Clip, list[Defect]]:
         return clip, []
     if not (by_feet or by_knees):
         return clip, []
-    says = (
+    evidence = (
         *([f"feet point backward in {(feet < 0).sum()} of {len(feet)} clear cases"] if by_feet else []),
         *([f"knees bend forward in {(knees < 0).sum()} of {len(knees)} clear cases"] if by_knees else []),
     )
-    found = " and ".join(says)
+    found = " and ".join(evidence)
     frames = len(clip.times)
     if not by_knees:
         text = f"{found}, but no knee bends clearly; sitting on the heels looks the same; left as recorded"

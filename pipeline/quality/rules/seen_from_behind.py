@@ -64,5 +64,5 @@ def repair(clip: Clip) -> tuple[Clip, list[Defect]]:
     # The tracker did not see the toes that it placed towards the sensor.
     rows = np.flatnonzero(where)[:, None]
     repaired.states[rows, feet] = np.minimum(repaired.states[rows, feet], INFERRED)
-    text += "left and right swapped there"
+    text += "left and right swapped back"
     return repaired, [Defect("swapped_sides", count, "frames", "repaired", text, frames)]

@@ -28,15 +28,15 @@ def swap_sides(clip: Clip, where: Mask, joints: Collection[int], curves: Collect
     computed them for the wrong side, and swapping does not correct them.
     """
     other = opposite_sides(clip.skeleton.names)
-    here = sorted({*joints, *(other[joint] for joint in joints)})
-    there = [other[joint] for joint in here]
+    joints_to_swap = sorted({*joints, *(other[joint] for joint in joints)})
+    counterparts = [other[joint] for joint in joints_to_swap]
     rows = np.flatnonzero(where)[:, None]
     positions, states, rotations = clip.positions.copy(), clip.states.copy(), clip.rotations
-    positions[rows, here] = clip.positions[rows, there]
-    states[rows, here] = clip.states[rows, there]
+    positions[rows, joints_to_swap] = clip.positions[rows, counterparts]
+    states[rows, joints_to_swap] = clip.states[rows, counterparts]
     if rotations is not None:
         rotations = rotations.copy()
-        rotations[rows, here] = np.nan
+        rotations[rows, joints_to_swap] = np.nan
     angles = clip.angles
     if angles:
         names = tuple(angles)

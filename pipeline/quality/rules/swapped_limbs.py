@@ -112,8 +112,8 @@ def _deviations(both: Array, times: Array) -> Array:
         earlier = both[:-2, :, ::-1] if before else both[:-2]
         expected = middle + ratio * (middle - earlier)
         for at in (0, 1):
-            there = both[2:, :, ::-1] if at else both[2:]
-            off = np.linalg.norm(there - expected, axis=-1)
+            position = both[2:, :, ::-1] if at else both[2:]
+            off = np.linalg.norm(position - expected, axis=-1)
             seen = np.isfinite(off)
             total = np.where(seen, np.minimum(off, MAX_DEVIATION), 0.0).sum(axis=(1, 2))
             cost[:, before, at] = total / np.maximum(seen.sum(axis=(1, 2)), 1)

@@ -64,14 +64,14 @@ def ankle_speed(points: Array, times: Array) -> float:
     apart = between(points, "ankle_left", "ankle_right")[:, :2]
     speed = np.linalg.norm(apart[2 * reach :] - apart[: -2 * reach], axis=1)
     speed = speed / (times[2 * reach :] - times[: -2 * reach])
-    there = speed[np.isfinite(speed)]
-    return float(np.percentile(there, 90.0)) if len(there) else 0.0
+    finite = speed[np.isfinite(speed)]
+    return float(np.percentile(finite, 90.0)) if len(finite) else 0.0
 
 
 def _usual_bend(points: Array) -> float:
     bends = np.concatenate([bend(points, side) for side in ("left", "right")])
-    there = bends[np.isfinite(bends)]
-    return float(np.percentile(there, 95.0)) if len(there) else 0.0
+    finite = bends[np.isfinite(bends)]
+    return float(np.percentile(finite, 95.0)) if len(finite) else 0.0
 
 
 def stride_duration(points: Array, times: Array) -> float | None:

@@ -70,12 +70,12 @@ def repair(clip: Clip) -> tuple[Clip, list[Defect]]:
     if axis != "-Z" and not _stands(points, up):
         text = f"{found}; but it neither walks nor squats, and may be lying or crawling; left as recorded"
         return clip, [Defect("wrong_up_axis", frames, "frames", "flagged", text)]
-    return turned(clip, from_axis_angle(*_TURNS[axis])), [
+    return rotated_clip(clip, from_axis_angle(*_TURNS[axis])), [
         Defect("wrong_up_axis", frames, "frames", "repaired", f"{found}; rotated upright")
     ]
 
 
-def turned(clip: Clip, turn: Array) -> Clip:
+def rotated_clip(clip: Clip, turn: Array) -> Clip:
     """The clip rotated by a quaternion: positions, root rotation and the axes of the file."""
     rotations = clip.rotations
     if rotations is not None:
@@ -120,5 +120,5 @@ def _travel(places: Array) -> float:
 
 def _ends(places: Array) -> Array:
     """5th and 95th percentile (2, n) of positions (T, n) along each axis; 0 if all are missing."""
-    there = places[np.isfinite(places).all(axis=-1)]
-    return np.percentile(there, [5.0, 95.0], axis=0) if len(there) else np.zeros((2, places.shape[1]))
+    finite = places[np.isfinite(places).all(axis=-1)]
+    return np.percentile(finite, [5.0, 95.0], axis=0) if len(finite) else np.zeros((2, places.shape[1]))

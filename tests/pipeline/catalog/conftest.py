@@ -1,4 +1,4 @@
-"""A small catalogue of made-up files, and servers on 127.0.0.1 that answer as a test tells them."""
+"""A small catalogue of synthetic files, and scripted servers on 127.0.0.1."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ def serve(monkeypatch: pytest.MonkeyPatch) -> Iterator[Callable[[Script], Server
 
 @pytest.fixture
 def catalog_file(tmp_path: Path) -> Path:
-    """Two collections; every file is CONTENT, under an address of its own."""
+    """Two collections; every file is CONTENT, at its own URL."""
     path = tmp_path / "made.toml"
     text = "# ours\nschema = 1\n"
     for name, files in (("walks", ("one.skl", "two.skl", "three.skl")), ("runs", ("one.bvh",))):

@@ -1,4 +1,4 @@
-"""Adding to a catalogue of one's own: measured, recognised, and nothing of what was there is changed."""
+"""Adding files to your own catalogue: measured, recognised, and existing entries unchanged."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ def walk(tmp_path: Path, bvh: Callable[..., str]) -> Path:
     return path
 
 
-def test_what_is_added_can_be_fetched(tmp_path: Path, walk: Path, skl: Callable[..., str]) -> None:
+def test_an_added_file_can_be_fetched(tmp_path: Path, walk: Path, skl: Callable[..., str]) -> None:
     mine, second = tmp_path / "mine.toml", tmp_path / "second.skl"
     second.write_text(skl())
     entry, why = add(walk, mine, "home", path="data/my walk.bvh", title="walks at home", **TOLD)
@@ -56,7 +56,7 @@ def test_what_is_added_can_be_fetched(tmp_path: Path, walk: Path, skl: Callable[
     assert fetch(catalog.entries, tmp_path / "in", mirror=shelf).failures == ()
 
 
-def test_comments_and_what_was_there_stay(catalog_file: Path, walk: Path) -> None:
+def test_comments_and_existing_entries_are_kept(catalog_file: Path, walk: Path) -> None:
     before = catalog_file.read_text()
     known = load_catalog(catalog_file).entries
     entry, _ = add(walk, catalog_file, "walks", path="x.bvh")
@@ -86,7 +86,7 @@ def test_any_form_of_the_list_takes_one_more(tmp_path: Path, walk: Path, files: 
     assert len(load_catalog(mine).entries) == 2
 
 
-def test_what_cannot_be_added_changes_nothing(catalog_file: Path, tmp_path: Path, walk: Path) -> None:
+def test_a_refused_addition_changes_nothing(catalog_file: Path, tmp_path: Path, walk: Path) -> None:
     before = catalog_file.read_bytes()
     same = tmp_path / "same.bvh"
     same.write_bytes(walk.read_bytes())
@@ -113,7 +113,7 @@ def test_what_cannot_be_added_changes_nothing(catalog_file: Path, tmp_path: Path
             adding()
     assert catalog_file.read_bytes() == before
     assert mine.read_bytes() == kept
-    # A form that cannot be extended by a line is told, not guessed at.
+    # A form that cannot be extended by a line is refused, not guessed at.
     mine.write_text("schema = 1\ncollection = []\n")
     with pytest.raises(KinemimicError, match="TOML"):
         add(walk, mine, "home", path="x.bvh", **TOLD)
@@ -123,14 +123,14 @@ def test_the_command(tmp_path: Path, walk: Path) -> None:
     mine = tmp_path / "mine.toml"
     options = [f"--{key}={value}" for key, value in TOLD.items()]
     arguments = [str(walk), "--catalog", str(mine), "--collection", "home", "--path", "x.bvh", *options]
-    told = CliRunner().invoke(command, arguments, catch_exceptions=False)
-    assert told.exit_code == 0
-    assert told.stdout.splitlines() == [
+    result = CliRunner().invoke(command, arguments, catch_exceptions=False)
+    assert result.exit_code == 0
+    assert result.stdout.splitlines() == [
         f"{mine}: home/my walk.bvh: BVH, 50 Hz, {walk.stat().st_size:,} bytes",
         f"https://raw.githubusercontent.com/my/walks/{'ab' * 20}/x.bvh",
     ]
-    told = CliRunner().invoke(command, [*arguments[:6], "y", "--as", "b", "--json"], catch_exceptions=True)
-    assert isinstance(told.exception, KinemimicError)
+    result = CliRunner().invoke(command, [*arguments[:6], "y", "--as", "b", "--json"], catch_exceptions=True)
+    assert isinstance(result.exception, KinemimicError)
     other = tmp_path / "note.txt"
     other.write_text("a note")
     arguments = [str(other), *arguments[1:], "--json"]

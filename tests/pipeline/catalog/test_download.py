@@ -1,4 +1,4 @@
-"""Downloading: what arrives is right, or does not arrive, whatever the server does."""
+"""Downloads are complete and correct, or fail, whatever the server does."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from kinemimic.pipeline.catalog.entry import Catalog
 Serve = Callable[[Script], Server]
 
 
-def test_what_breaks_off_is_taken_up_where_it_ended(catalog: Catalog, tmp_path: Path, serve: Serve) -> None:
+def test_an_interrupted_download_is_resumed(catalog: Catalog, tmp_path: Path, serve: Serve) -> None:
     server = serve(in_turn(lambda r: r.cut(HALF), lambda r: r.cut(HALF + 7), Request.whole))
     assert one(catalog, tmp_path / "in", server.base).failures == ()
     assert server.ranges == [None, f"bytes={HALF}-", f"bytes={HALF + 7}-"]
@@ -25,7 +25,7 @@ def test_what_breaks_off_is_taken_up_where_it_ended(catalog: Catalog, tmp_path: 
     assert left(tmp_path / "in") == {"walks/one.skl": CONTENT}
 
 
-def test_a_later_call_goes_on_too(catalog: Catalog, tmp_path: Path, serve: Serve) -> None:
+def test_a_later_call_resumes_too(catalog: Catalog, tmp_path: Path, serve: Serve) -> None:
     server = serve(in_turn(lambda r: r.cut(HALF), Request.whole))
     (failure,) = one(catalog, tmp_path / "in", server.base, ONCE).failures
     assert failure.startswith("walks/one.skl: expected 40,000 bytes from http://127.0.0.1:")
@@ -56,10 +56,10 @@ def test_a_server_that_ignores_ranges_starts_anew(catalog: Catalog, tmp_path: Pa
     assert left(tmp_path / "in") == {"walks/one.skl": CONTENT}
 
 
-def test_another_rest_than_was_asked_for_starts_anew(catalog: Catalog, tmp_path: Path, serve: Serve) -> None:
+def test_a_different_range_restarts_the_download(catalog: Catalog, tmp_path: Path, serve: Serve) -> None:
     def shifted(request: Request) -> None:
-        told = f"bytes {HALF - 1}-{len(CONTENT) - 1}/{len(CONTENT)}"
-        request.head(206, Content_Length=HALF + 1, Content_Range=told)
+        content_range = f"bytes {HALF - 1}-{len(CONTENT) - 1}/{len(CONTENT)}"
+        request.head(206, Content_Length=HALF + 1, Content_Range=content_range)
         request.wfile.write(CONTENT[HALF - 1 :])
 
     server = serve(in_turn(lambda r: r.cut(HALF), shifted, Request.whole))
@@ -68,7 +68,7 @@ def test_another_rest_than_was_asked_for_starts_anew(catalog: Catalog, tmp_path:
 
 
 @pytest.mark.parametrize("length", [1, HALF, len(CONTENT) - 1, len(CONTENT) + 1, 10**15])
-def test_another_length_is_refused_at_once(
+def test_a_wrong_length_is_refused_at_once(
     catalog: Catalog, tmp_path: Path, serve: Serve, length: int
 ) -> None:
     def lying(request: Request) -> None:

@@ -1,4 +1,4 @@
-"""`datasets fetch`: which files, where they go, and what is told of those that did not come."""
+"""`datasets fetch`: the selection of files, their paths, and the messages about failures."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ def test_files_arrive_under_their_collection(catalog: Catalog, tmp_path: Path, s
     assert len(server.asked) == 4
 
 
-def test_a_file_that_is_not_there_stops_no_other(catalog: Catalog, tmp_path: Path, serve: Serve) -> None:
+def test_a_missing_file_does_not_stop_others(catalog: Catalog, tmp_path: Path, serve: Serve) -> None:
     def some(request: Request) -> None:
         if request.path.endswith("two.skl"):
             request.head(404, Content_Length=0)
@@ -55,7 +55,7 @@ def test_a_file_that_is_not_there_stops_no_other(catalog: Catalog, tmp_path: Pat
     assert len(server.asked) == 4
 
 
-def test_without_a_connection_the_others_are_not_waited_for(catalog: Catalog, tmp_path: Path) -> None:
+def test_without_a_connection_no_other_file_is_tried(catalog: Catalog, tmp_path: Path) -> None:
     # Nobody listens at port 9 of this machine; if somebody did, it would be no HTTP.
     fetched = fetch(catalog.entries, tmp_path / "in", mirror="http://127.0.0.1:9", retry_policy=ONCE)
     assert fetched.paths == ()
@@ -143,44 +143,46 @@ def test_a_mirror_in_a_folder(catalog: Catalog, tmp_path: Path) -> None:
             fetch(catalog.entries, tmp_path / "in", mirror=wrong)
 
 
-def test_a_file_of_another_content_is_told_when_it_is_replaced(
+def test_replacing_a_different_file_is_reported(
     catalog_file: Path, catalog: Catalog, tmp_path: Path, serve: Serve
 ) -> None:
     server, mine = serve(Request.whole), (tmp_path / "in").resolve() / "walks" / "one.skl"
     mine.parent.mkdir(parents=True)
     mine.write_text("mine")
     options = ["--mirror", server.base, "--catalog", str(catalog_file), "--into", str(tmp_path / "in")]
-    told = CliRunner().invoke(command, ["walks", *options], catch_exceptions=False)
-    assert told.exit_code == 0 and mine.read_bytes() == CONTENT
-    assert told.stderr.splitlines()[1:] == [f"{mine}: replaced a file with other content"]
+    result = CliRunner().invoke(command, ["walks", *options], catch_exceptions=False)
+    assert result.exit_code == 0 and mine.read_bytes() == CONTENT
+    assert result.stderr.splitlines()[1:] == [f"{mine}: replaced a file with other content"]
     assert fetch(catalog.entries, tmp_path / "in", mirror=server.base).replaced == ()
 
 
-def test_the_command_prints_paths_and_says_the_licence_aside(
+def test_the_command_prints_paths_and_licences_on_stderr(
     catalog_file: Path, tmp_path: Path, serve: Serve, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setenv("KINEMIMIC_CAPTURES", str(tmp_path / "in"))
     server = serve(Request.whole)
     options = ["--mirror", server.base, "--catalog", str(catalog_file)]
-    told = CliRunner().invoke(command, ["walks", *options], catch_exceptions=False)
-    assert told.exit_code == 0
-    assert told.stdout.splitlines() == [f"{tmp_path}/in/walks/{name}.skl" for name in ("one", "two", "three")]
-    assert told.stderr == "walks: licence: free; as air; from: nobody\n"
-    told = CliRunner().invoke(command, ["*.bvh", *options], catch_exceptions=False)
-    assert told.stdout == f"{tmp_path}/in/runs/one.bvh\n"
+    result = CliRunner().invoke(command, ["walks", *options], catch_exceptions=False)
+    assert result.exit_code == 0
+    assert result.stdout.splitlines() == [
+        f"{tmp_path}/in/walks/{name}.skl" for name in ("one", "two", "three")
+    ]
+    assert result.stderr == "walks: licence: free; as air; from: nobody\n"
+    result = CliRunner().invoke(command, ["*.bvh", *options], catch_exceptions=False)
+    assert result.stdout == f"{tmp_path}/in/runs/one.bvh\n"
     assert CliRunner().invoke(command, options).exit_code == 2
     assert CliRunner().invoke(command, ["walks", "--all", *options]).exit_code == 2
     # A failure is one line, beside what was fetched.
     (tmp_path / "in" / "walks" / "one.skl").unlink()
     missing = ["--mirror", str(tmp_path), "--catalog", str(catalog_file)]
-    told = CliRunner().invoke(command, ["walks", *missing], catch_exceptions=False)
-    assert told.exit_code == 2
-    assert len(told.stdout.splitlines()) == 2
-    assert told.stderr.splitlines()[1].startswith("kinemimic: walks/one.skl: expected 40,000 bytes at ")
+    result = CliRunner().invoke(command, ["walks", *missing], catch_exceptions=False)
+    assert result.exit_code == 2
+    assert len(result.stdout.splitlines()) == 2
+    assert result.stderr.splitlines()[1].startswith("kinemimic: walks/one.skl: expected 40,000 bytes at ")
 
 
 def test_every_recording_of_our_catalogue_arrives(captures: Path, tmp_path: Path, serve: Serve) -> None:
-    """By HTTP, from a server that has the recordings under the addresses that the catalogue gives them."""
+    """Over HTTP, from a server that serves the recordings at the URLs of the catalogue."""
     catalog = load_catalog()
     shelf = {f"/{e.repository}/{e.commit}/{e.path}": captures / e.name for e in catalog.entries}
     server = serve(lambda r: r.whole(shelf[unquote(r.path)].read_bytes()))

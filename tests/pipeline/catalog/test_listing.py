@@ -14,33 +14,33 @@ from kinemimic.pipeline.catalog.load import load_catalog
 from kinemimic.pipeline.catalog.local_files import captures_folder
 
 
-def told(*arguments: str) -> str:
+def listed(*arguments: str) -> str:
     result = CliRunner().invoke(command, arguments, catch_exceptions=False)
     assert result.exit_code == 0
     return result.stdout
 
 
 def test_all_of_ours_fits_a_terminal(tmp_path: Path) -> None:
-    text = told("--in", str(tmp_path))
+    text = listed("--in", str(tmp_path))
     for collection in load_catalog().collections:
         assert any(line.startswith(f"{collection.name} ") for line in text.splitlines())
     assert max(map(len, text.splitlines())) <= 100 + len(str(tmp_path))
     assert f"20 collections, 216 files, 33.2 MB; 0 of the files in {tmp_path}" in text
 
 
-def test_what_is_here_is_counted(catalog_file: Path, tmp_path: Path) -> None:
+def test_local_files_are_counted(catalog_file: Path, tmp_path: Path) -> None:
     here = ("--in", str(tmp_path), "--catalog", str(catalog_file))
     (tmp_path / "walks").mkdir()
     (tmp_path / "walks" / "one.skl").write_bytes(CONTENT)
-    assert f"2 collections, 4 files, 160.0 kB; 1 of the files in {tmp_path}" in told(*here)
-    rows = [line.split() for line in told("*", *here).splitlines()]
+    assert f"2 collections, 4 files, 160.0 kB; 1 of the files in {tmp_path}" in listed(*here)
+    rows = [line.split() for line in listed("*", *here).splitlines()]
     assert ["walks", "none", "BVH", "3", "0.1", "30", "1", "free", "…"] in rows
     assert ["runs", "none", "BVH", "1", "0.0", "30", "-", "free", "…"] in rows
 
 
-def test_one_collection_is_told_whole(catalog_file: Path, tmp_path: Path) -> None:
+def test_one_collection_is_listed_in_full(catalog_file: Path, tmp_path: Path) -> None:
     here = ("--in", str(tmp_path), "--catalog", str(catalog_file))
-    text = told("walks", *here)
+    text = listed("walks", *here)
     for part in (
         "made-up walks",
         "free; as air",
@@ -49,20 +49,20 @@ def test_one_collection_is_told_whole(catalog_file: Path, tmp_path: Path) -> Non
         "two.skl",
     ):
         assert part in text
-    one = told("two.skl", *here)
+    one = listed("two.skl", *here)
     assert "/a%20folder/two.skl" in one
     assert "three.skl" not in one
 
 
 def test_json_has_every_url(catalog_file: Path, tmp_path: Path) -> None:
-    walks, runs = json.loads(told("--json", "--in", str(tmp_path), "--catalog", str(catalog_file)))
+    walks, runs = json.loads(listed("--json", "--in", str(tmp_path), "--catalog", str(catalog_file)))
     assert walks["licence"] == "free; as air"
     assert [file["name"] for file in walks["files"]] == ["one.skl", "two.skl", "three.skl"]
     assert runs["files"][0]["url"].endswith("/a%20folder/one.bvh")
     assert runs["files"][0]["here"] is False
 
 
-def test_recordings_lie_where_it_is_said(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_folder_of_recordings_by_precedence(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
     monkeypatch.delenv("KINEMIMIC_CAPTURES", raising=False)
     assert captures_folder() == tmp_path / "kinemimic" / "captures"

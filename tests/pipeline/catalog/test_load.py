@@ -1,4 +1,4 @@
-"""A catalogue is read whole, or refused in one line that says where the mistake is."""
+"""A catalogue is read completely, or refused with a one-line message that locates the mistake."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from kinemimic.pipeline.errors import KinemimicError
 COMMIT = "0123" * 10
 
 
-def test_a_file_has_what_its_collection_says(catalog: Catalog) -> None:
+def test_a_file_inherits_the_values_of_its_collection(catalog: Catalog) -> None:
     entry = catalog.entry("walks/two.skl")
     assert (entry.bytes, entry.licence, entry.format, entry.frame_rate) == (
         len(CONTENT),
@@ -56,7 +56,7 @@ def test_names_and_patterns(catalog: Catalog, names: list[str], chosen: list[str
     assert [entry.name for entry in catalog.select(names)] == chosen
 
 
-def test_what_means_nothing_is_told_with_the_nearest(catalog: Catalog) -> None:
+def test_an_unknown_name_suggests_the_nearest(catalog: Catalog) -> None:
     with pytest.raises(KinemimicError, match=r"made\.toml: .* found 'wallks'; did you mean 'walks'\?"):
         catalog.select(["runs", "wallks"])
     with pytest.raises(KinemimicError, match="datasets list"):
@@ -103,12 +103,12 @@ BROKEN = [
 ]  # fmt: skip
 
 
-@pytest.mark.parametrize(("put", "by", "told"), BROKEN)
-def test_a_mistake_is_one_line_with_its_place(catalog_file: Path, put: str, by: str, told: str) -> None:
+@pytest.mark.parametrize(("put", "by", "message"), BROKEN)
+def test_a_mistake_is_one_line_with_its_place(catalog_file: Path, put: str, by: str, message: str) -> None:
     text = catalog_file.read_text()
     assert put in text
     catalog_file.write_text(text.replace(put, by, 1))
-    with pytest.raises(KinemimicError, match=rf"made\.toml.*{told}") as raised:
+    with pytest.raises(KinemimicError, match=rf"made\.toml.*{message}") as raised:
         load_catalog(catalog_file)
     assert "\n" not in str(raised.value)
 
@@ -125,17 +125,17 @@ def test_a_long_catalogue_is_read_and_its_last_mistake_found(catalog_file: Path)
         parse_catalog(catalog_file, wrong)
 
 
-def test_what_is_no_catalogue_is_told(tmp_path: Path) -> None:
+def test_a_bad_catalogue_is_one_line(tmp_path: Path) -> None:
     os.mkfifo(tmp_path / "pipe")
     (tmp_path / "binary").write_bytes(b"\xff\xfe\x00")
     (tmp_path / "files").write_text('schema = 1\n[[collection]]\nname = "x"\nfiles = 3')
-    for name, told in (
+    for name, message in (
         ("none", "found no file"),
         ("", "found a folder"),
         ("pipe", "found a pipe or a device"),
         ("binary", "expected text in UTF-8"),
     ):
-        with pytest.raises(KinemimicError, match=told):
+        with pytest.raises(KinemimicError, match=message):
             load_catalog(tmp_path / name)
     with pytest.raises(
         KinemimicError, match=r"line 2, key collection\[1\]\.files: expected 1 to 100,000 files, found 3"

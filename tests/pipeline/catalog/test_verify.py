@@ -1,4 +1,4 @@
-"""Verifying: every file is right, wrong, missing or unknown, and the exit status says the same."""
+"""`datasets verify`: every file is right, wrong, missing or unknown; the exit status agrees."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from kinemimic.pipeline.errors import KinemimicError
 
 @pytest.fixture
 def folder(tmp_path: Path) -> Path:
-    """One file right, one too short, one of other bytes; a collection missing; unknown ones."""
+    """One correct file, one too short, one with other content; a missing collection; unknown files."""
     here = tmp_path / "in"
     (here / "walks").mkdir(parents=True)
     (here / "walks" / "one.skl").write_bytes(CONTENT)
@@ -29,7 +29,7 @@ def folder(tmp_path: Path) -> Path:
     return here
 
 
-def test_what_is_there_is_told_apart(catalog: Catalog, folder: Path) -> None:
+def test_right_wrong_missing_and_unknown_files(catalog: Catalog, folder: Path) -> None:
     found = verify(catalog, catalog.entries, folder)
     assert found.right == ("walks/one.skl",)
     assert found.wrong["walks/two.skl"] == "expected 40,000 bytes, found 39,999"
@@ -44,7 +44,7 @@ def test_what_is_there_is_told_apart(catalog: Catalog, folder: Path) -> None:
         verify(catalog, catalog.entries, folder / "none")
 
 
-def test_the_exit_status_counts_what_is_missing_where_it_is_named(catalog_file: Path, folder: Path) -> None:
+def test_missing_files_given_by_name_set_the_exit_status(catalog_file: Path, folder: Path) -> None:
     def status(*names: str) -> int:
         options = ["--in", str(folder), "--catalog", str(catalog_file)]
         return CliRunner().invoke(command, [*names, *options], catch_exceptions=False).exit_code
@@ -64,9 +64,9 @@ def test_the_command_tells_it_in_lines_and_in_json(catalog_file: Path, folder: P
     assert "wrong    walks/two.skl: expected 40,000 bytes, found 39,999\n" in out
     assert "missing  runs/one.bvh\n" in out
     assert out.endswith("in: 1 right, 2 wrong, 1 missing, 3 unknown to the catalogue\n")
-    told = json.loads(CliRunner().invoke(command, [*options, "--json"]).stdout)
-    assert told["right"] == ["walks/one.skl"]
-    assert set(told["wrong"]) == {"walks/two.skl", "walks/three.skl"}
+    result = json.loads(CliRunner().invoke(command, [*options, "--json"]).stdout)
+    assert result["right"] == ["walks/one.skl"]
+    assert set(result["wrong"]) == {"walks/two.skl", "walks/three.skl"}
     for path in (folder / "walks").iterdir():
         path.unlink()
     assert "missing  walks (all 3 files)\n" in CliRunner().invoke(command, options).stdout

@@ -31,7 +31,7 @@ def call(*arguments: str | Path) -> int:
 
 @pytest.fixture
 def library(walking: Writer, tmp_path: Path) -> Path:
-    """Two folders: two captures, a damaged one and prose; one capture, and a hidden folder."""
+    """Two folders: two captures, a damaged one and a text file; one capture, and a hidden folder."""
     (
         walking("lib/a/one.skl"),
         walking("lib/a/two.skl", 120),
@@ -145,7 +145,7 @@ def test_a_depth_recording_is_one_file(tmp_path: Path, capsys: Out) -> None:
     assert "camera.toml" in capsys.readouterr().out
 
 
-def test_refusals_alike_are_one_line(walking: Writer, tmp_path: Path, capsys: Out) -> None:
+def test_similar_refusals_are_one_line(walking: Writer, tmp_path: Path, capsys: Out) -> None:
     text = walking("lib/good.skl").read_text()
     for number in range(5):
         (tmp_path / f"lib/cut{number}.skl").write_text(text[: 9000 + 1700 * number])
@@ -155,7 +155,7 @@ def test_refusals_alike_are_one_line(walking: Writer, tmp_path: Path, capsys: Ou
     assert any("similar files, cut0.skl, cut1.skl, cut2.skl and 2 more: line" in line for line in lines)
 
 
-def test_a_page_plots_some_captures_and_names_the_others(
+def test_the_page_plots_some_captures_and_lists_the_others(
     library: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr("kinemimic.pipeline.inspect.curves.MAX_PLOTTED", 2)
@@ -174,7 +174,7 @@ def _read(name: str, sidecar_files: list[str], **more: Any) -> dict[str, Any]:
     }
 
 
-def test_what_was_read_with_a_capture_is_no_capture() -> None:
+def test_a_sidecar_file_is_not_a_capture() -> None:
     reports = mark_sidecar_files(
         [
             unread_report(Path("lib/02.asf"), "refused", "a skeleton without a motion"),
@@ -186,7 +186,7 @@ def test_what_was_read_with_a_capture_is_no_capture() -> None:
     assert [report["status"] for report in reports] == ["sidecar", "usable", "usable", "sidecar"]
 
 
-def test_a_folders_medians_leave_out_what_is_refused() -> None:
+def test_the_medians_of_a_folder_exclude_refused_files() -> None:
     def one(name: str, thigh: float, status: str) -> dict[str, Any]:
         return _read(
             name, [], status=status, frames=10, gait=None, angles={"knee_peak_deg": 60.0},
@@ -201,7 +201,7 @@ def test_a_folders_medians_leave_out_what_is_refused() -> None:
     assert record["gait_period_s"] is None
 
 
-def test_ctrl_c_prints_what_is_done_and_ends_with_130(library: Path, tmp_path: Path) -> None:
+def test_ctrl_c_prints_finished_reports_and_exits_with_130(library: Path, tmp_path: Path) -> None:
     script = tmp_path / "slow.py"
     script.write_text(
         """

@@ -1,4 +1,4 @@
-"""What `inspect` measures in a known walk is what is known of it."""
+"""`inspect` measures the known values of a known walk."""
 
 from __future__ import annotations
 
@@ -84,7 +84,7 @@ def test_prose_is_no_capture_and_a_table_is_one(tmp_path: Path, content: bytes, 
     assert file_report(tmp_path / "file")["status"] == status
 
 
-def test_simulated_by_what_lies_beside(walking: Writer) -> None:
+def test_sidecar_files_mark_a_capture_as_simulated(walking: Writer) -> None:
     path = walking()
     assert not file_report(path)["simulated"]
     path.with_suffix(".provenance.json").write_text('{"simulated": true}')
@@ -127,7 +127,7 @@ def test_gait_on_a_path_a_treadmill_and_before_a_turning_camera(walk_clip: Clip)
         assert still["period_s"] == pytest.approx(on_path["period_s"], abs=0.02)
 
 
-def test_standing_and_exchanged_legs_are_no_gait(walk_clip: Clip) -> None:
+def test_standing_and_swapped_legs_are_no_gait(walk_clip: Clip) -> None:
     nodes, _, _ = available_nodes(walk_clip)
     standing = np.repeat(nodes[:1], len(nodes), axis=0)
     standing += np.random.default_rng(0).normal(scale=0.01, size=standing.shape)

@@ -1,4 +1,4 @@
-"""The video, decoded again: the joints are where the lens puts them."""
+"""The decoded video shows the joints at their projected positions."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ def decoded(path: Path) -> list[Picture]:
 
 
 def centroid(picture: Picture, pixel: Array, hues: tuple[int, int], reach: int = 8) -> Array:
-    """Middle (2,) of what is coloured so about a pixel."""
+    """Centre (2,) of the pixels of a colour around a pixel."""
     u, v = np.rint(pixel).astype(int)
     left, top = max(u - reach, 0), max(v - reach, 0)
     patch = cv2.cvtColor(picture[top : v + reach + 1, left : u + reach + 1], cv2.COLOR_BGR2HSV).astype(int)
@@ -51,13 +51,13 @@ def centroid(picture: Picture, pixel: Array, hues: tuple[int, int], reach: int =
 
 
 def alone(pixels: Array, distance: float = 18.0) -> list[int]:
-    """The joints that no other one's disc comes near."""
+    """The joints whose discs do not overlap others."""
     gaps = np.linalg.norm(pixels[:, None] - pixels, axis=-1) + 1e3 * np.eye(len(pixels))
     return np.flatnonzero(gaps.min(axis=1) > distance).tolist()
 
 
 def offsets(folder: Path, out: Path, expected: Array, states: NDArray[np.uint8]) -> Iterator[float]:
-    """Pixels between the drawn and the true place of every joint that stands alone."""
+    """Distance in pixels between the drawn and the true position of every isolated joint."""
     for picture, pixels, state in zip(decoded(out), expected, states, strict=True):
         for joint in alone(pixels):
             if state[joint]:
@@ -136,10 +136,10 @@ def test_a_run_is_drawn_and_must_be_of_this_recording(tmp_path: Path) -> None:
         overlay(tmp_path / "other", out, run=run)
 
 
-def test_what_cannot_be_drawn_is_told(tmp_path: Path) -> None:
+def test_bad_input_is_one_line(tmp_path: Path) -> None:
     folder, out = tmp_path / "walk", tmp_path / "o.mp4"
     write_recording(folder, 3, rendered=False)
-    with pytest.raises(CaptureError, match="found no colour images there"):
+    with pytest.raises(CaptureError, match="found no colour images"):
         overlay(folder, out, view="color")
     with pytest.raises(CaptureError, match=r"a folder with a camera\.toml"):
         overlay(tmp_path, out)
@@ -201,16 +201,16 @@ def test_odd_sizes_and_odd_rates_lose_nothing(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    ("rate", "told"), [(1 / 0.015, 66.67), (333.3333, 333.3), (29.97003, 29.97), (0.0004, 0.01)]
+    ("rate", "expected"), [(1 / 0.015, 66.67), (333.3333, 333.3), (29.97003, 29.97), (0.0004, 0.01)]
 )
 @pytest.mark.parametrize("name", ["o.mp4", "o.avi"])
 def test_every_clock_has_a_rate_that_the_codec_takes(
-    tmp_path: Path, name: str, rate: float, told: float
+    tmp_path: Path, name: str, rate: float, expected: float
 ) -> None:
     grey = np.full((48, 64, 3), 200, dtype=np.uint8)
     with video(tmp_path / name, 64, 48, rate) as film:
         for _ in range(3):
             film.add(grey)
     capture = cv2.VideoCapture(str(tmp_path / name))
-    assert capture.get(cv2.CAP_PROP_FPS) == pytest.approx(told, rel=1e-4)
+    assert capture.get(cv2.CAP_PROP_FPS) == pytest.approx(expected, rel=1e-4)
     capture.release()

@@ -1,4 +1,4 @@
-"""Every rule over a whole capture: what is found, what is refused, what will be done."""
+"""All rules applied to whole captures: defects, refusals and planned steps."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from kinemimic.pipeline.kinematics.skeleton import NODES, Skeleton, node_skeleto
 from kinemimic.pipeline.quality.check import check_capture, planned_steps
 from kinemimic.pipeline.quality.passes import find_passes
 from kinemimic.pipeline.quality.rules.defect import RULES, Defect
-from kinemimic.pipeline.quality.rules.wrong_up_axis import turned
+from kinemimic.pipeline.quality.rules.wrong_up_axis import rotated_clip
 from kinemimic.pipeline.readers.base.clip_building import clip_of_points, reading
 from kinemimic.pipeline.readers.kinect.nui_skl import FORMAT
 from kinemimic.pipeline.readers.recognise import read
@@ -51,14 +51,14 @@ def test_a_sound_capture_comes_through_untouched(kind: str) -> None:
 
 
 def test_many_faults_at_once() -> None:
-    """In millimetres, lying on its side, mirrored, with exchanged legs, jumps and repeated frames."""
+    """In millimetres, lying on its side, mirrored, with swapped legs, jumps and repeated frames."""
     clip = walk(240)
     p = clip.positions.copy()
     p[100:102][:, 12:20] = p[100:102][:, [16, 17, 18, 19, 12, 13, 14, 15]]
     p[150, 10, 2] += 0.5
     p[200] = p[199]
     broken = replace(clip, positions=p * [1.0, -1.0, 1.0])
-    examination = check_capture(scaled(turned(broken, from_axis_angle("X", 0.5 * np.pi)), 1000.0))
+    examination = check_capture(scaled(rotated_clip(broken, from_axis_angle("X", 0.5 * np.pi)), 1000.0))
     found = {defect.rule: (defect.count, defect.action) for defect in examination.defects}
     assert found == {
         "duplicate_frames": (1, "repaired"),
@@ -77,14 +77,14 @@ def test_many_faults_at_once() -> None:
 
 
 def test_the_readers_defects_come_first_and_stay() -> None:
-    told = (Defect("several_people", 2, "people", "flagged", "two people; the first is taken"),)
-    assert check_capture(walk(defects=told)).defects == told
+    reported = (Defect("several_people", 2, "people", "flagged", "two people; the first is taken"),)
+    assert check_capture(walk(defects=reported)).defects == reported
 
 
 def test_frames_are_named_as_they_are_numbered_in_the_clip() -> None:
-    """The reader's, found before a T-pose and a repeat were dropped, and those of the rules after that."""
-    told = Defect("zero_frames", 3, "frames", "repaired", "nobody", frames=((0, 1), (30, 40), (99, 101)))
-    clip = walk(120, noise=0.0, defects=(told,))
+    """Defects of the reader, found before a T-pose and a repeat were dropped, and of the rules after that."""
+    reported = Defect("zero_frames", 3, "frames", "repaired", "nobody", frames=((0, 1), (30, 40), (99, 101)))
+    clip = walk(120, noise=0.0, defects=(reported,))
     p = clip.positions
     p[:2] = p[2]
     for side, sign in (("left", 1.0), ("right", -1.0)):
@@ -110,7 +110,7 @@ def test_frames_are_named_as_they_are_numbered_in_the_clip() -> None:
     assert np.isnan(examination.clip.positions[77, NODES.index("hand_left")]).all()
 
 
-def test_what_is_too_short_without_its_repeats_is_refused() -> None:
+def test_a_clip_too_short_without_its_repeats_is_refused() -> None:
     clip = walk(18)
     clip.positions[13:] = clip.positions[12]
     examination = check_capture(clip)
@@ -158,8 +158,8 @@ def test_clips_of_one_frame_and_of_two(node_clip: Build) -> None:
 
 
 @pytest.mark.parametrize("kind", ["walk", "run"])
-def test_a_virtual_kinect_has_only_what_it_was_given(tmp_path: Path, kind: str) -> None:
-    """Lost frames and joints, exchanged legs and wild edges are in it; nothing else may be found."""
+def test_a_virtual_kinect_has_only_its_simulated_defects(tmp_path: Path, kind: str) -> None:
+    """Missing frames and joints, swapped legs and outliers are in it; nothing else may be found."""
     recording = record_virtual(tmp_path, motion=kind)
     for path in (recording.skl, recording.euler):
         found = {defect.rule for defect in check_capture(read(path)).defects}
@@ -208,7 +208,7 @@ def test_real_limbs_that_no_human_has(captures: Path, name: str) -> None:
         "shum_gait_bvh",
     ],
 )
-def test_real_bodies_pass_whatever_the_tracker_made_of_them(captures: Path, folder: str) -> None:
+def test_real_bodies_pass(captures: Path, folder: str) -> None:
     """Long thighs, short thighs, many people: none is refused, mirrored, in wrong units or on its side."""
     for path in sorted((captures / folder).iterdir()):
         if path.name in ("SOURCE.txt", "actionLabel.txt"):

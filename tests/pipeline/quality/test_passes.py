@@ -1,4 +1,4 @@
-"""The acquisition flow: where passes begin and end."""
+"""Passes begin and end at the right frames."""
 
 from __future__ import annotations
 
@@ -61,7 +61,7 @@ def test_a_jump_of_the_clock_ends_a_pass(node_clip: Build) -> None:
     assert reasons == ["no frame for 0.63 s"]
 
 
-def test_a_pose_that_repeats_bit_for_bit_is_nobody(node_clip: Build) -> None:
+def test_a_frozen_pose_is_no_subject(node_clip: Build) -> None:
     clip = node_clip(90)
     clip.positions[30:40] = clip.positions[29]
     assert spans(clip) == [(0, 29), (40, 89)]
@@ -78,7 +78,7 @@ def test_a_still_recording_has_no_person(node_clip: Build) -> None:
     assert find_passes(without_subject(node_clip(90), 0, 89)).count == 0
 
 
-def test_a_jump_that_no_human_makes_is_another_person(node_clip: Build) -> None:
+def test_an_impossible_jump_starts_another_pass(node_clip: Build) -> None:
     clip = node_clip(90)
     clip.positions[50:] += [0.0, 1.0, 0.0]
     assert spans(clip) == [(0, 49), (50, 89)]
@@ -90,7 +90,7 @@ def test_a_jump_that_no_human_makes_is_another_person(node_clip: Build) -> None:
     assert spans(one_joint) == [(0, 89)]
 
 
-def test_moments_are_discarded_and_counted(node_clip: Build) -> None:
+def test_short_passes_are_discarded_and_counted(node_clip: Build) -> None:
     clip = without_subject(without_subject(node_clip(120), 40, 59), 65, 84)
     acquisition = find_passes(clip)
     assert spans(clip) == [(0, 39), (85, 119)]

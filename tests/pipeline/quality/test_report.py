@@ -1,4 +1,4 @@
-"""The quality report counts what was put there."""
+"""The quality report counts the defects put into a clip."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ DEFECTS = (Defect("duplicate_frames", 3, "frames", "repaired", "3 lines dropped"
 
 @pytest.fixture
 def clip(node_clip: Build) -> Clip:
-    """100 frames: head inferred in 10, left hand lost in 5 (a short gap) and in 20 (a long one)."""
+    """100 frames: head inferred in 10, left hand missing in 5 (a short gap) and in 20 (a long one)."""
     clip = replace(
         node_clip(100), provenance={"source": "made.skl", "format": "Kinect v1 .skl text", "reading": READING}
     )
@@ -84,7 +84,7 @@ def test_frames_outside_passes_do_not_count(clip: Clip) -> None:
     assert report["events"][2] == {"frame": 10, "time": 0.3333, "state": "tracking", "reason": "subject seen"}
 
 
-def test_the_table_says_when_a_capture_is_simulated(clip: Clip) -> None:
+def test_the_table_marks_a_simulated_capture(clip: Clip) -> None:
     simulated = replace(clip, provenance={**clip.provenance, "simulated": True})
     report = quality_report(simulated, find_passes(clip), clean(clip, "butterworth")[1], DEFECTS)
     console = Console(width=120)

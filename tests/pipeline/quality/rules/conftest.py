@@ -1,4 +1,4 @@
-"""The known motion as a clip without a fault, for tests to break."""
+"""The known motion as a clip without defects, for tests to modify."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from kinemimic.pipeline.kinematics.skeleton import NODE_INDEX, NODES, node_skele
 from kinemimic.pipeline.readers.base.clip_building import clip_of_points, reading
 from kinemimic.pipeline.readers.base.format import Format
 
-# Each node's counterpart on the other side; those of the middle are their own.
+# Each node's counterpart on the other side; midline nodes are their own counterpart.
 OTHER_SIDE: list[int] = [
     NODE_INDEX[name.replace("left", "#").replace("right", "left").replace("#", "right")] for name in NODES
 ]

@@ -1,4 +1,4 @@
-"""Dropped frames, an uneven clock, repeated frames."""
+"""Dropped frames and an irregular clock."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ def test_missing_frames_are_counted(moving: Moving) -> None:
 
 
 def test_every_second_frame_missing_at_times(moving: Moving) -> None:
-    """Steps of 2 and more where 1 is rarer: the clock is the shorter step's, and it is sparse."""
+    """Mostly steps of 2 and more, few of 1: the nominal step is the shorter one, and the clock is sparse."""
     keep = np.ones(240, dtype=np.bool_)
     keep[np.r_[1:180:2]] = False
     found = {defect.rule: defect.count for defect in clock.detect(select_frames(moving(240), keep))}
@@ -56,34 +56,3 @@ def test_a_step_between_passes_is_none(moving: Moving) -> None:
     times = clip.times + np.where(np.arange(120) >= 60, 0.7, 0.0)
     passes = np.repeat(np.array([0, 1], dtype=np.int32), 60)
     assert clock.detect(replace(clip, times=times, passes=passes)) == []
-
-
-def test_polling_faster_than_the_sensor(moving: Moving) -> None:
-    """At 60 Hz every frame of a 30 Hz sensor is read twice: what is left is the sensor's own."""
-    sensor = moving(60, noise=0.003)
-    twice = np.repeat(np.arange(60), 2)
-    polled = replace(
-        select_frames(moving(120), np.ones(120, dtype=np.bool_)), positions=sensor.positions[twice]
-    )
-    repaired, (found,) = duplicate_frames.repair(polled)
-    assert (found.rule, found.count, found.action) == ("duplicate_frames", 60, "repaired")
-    assert np.array_equal(repaired.positions, sensor.positions)
-    assert np.array_equal(repaired.times, polled.times[::2])
-
-
-def test_who_stands_still_in_a_rounded_file_repeats_no_pose(moving: Moving) -> None:
-    """Whole millimetres, 240 frames a second: nothing moves by one from frame to frame."""
-    clip = moving(480, rate=240.0)
-    sway = 0.002 * np.sin(clip.times)[:, None, None]
-    still = replace(clip, positions=np.round(clip.positions[:1] + sway, 3))
-    assert duplicate_frames.repair(still) == (still, [])
-
-
-def test_repeats_with_missing_joints_and_outside_of_passes(moving: Moving) -> None:
-    clip = moving(60)
-    clip.positions[:, 3] = np.nan
-    clip.positions[31] = clip.positions[30]
-    clip.positions[51:55] = clip.positions[50]
-    clip.passes[50:] = -1
-    # Named is the frame that stays.
-    assert duplicate_frames.repair(clip)[1][0].frames == ((30, 30),)

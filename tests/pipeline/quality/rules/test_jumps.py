@@ -1,4 +1,4 @@
-"""Single-frame jumps and gaps."""
+"""Single-frame jumps."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ def test_a_sound_motion_has_none(moving: Moving, kind: str, rate: float) -> None
 
 @pytest.mark.parametrize(("kind", "tolerance"), [("walk", 0.02), ("run", 0.07)])
 def test_jumps_are_taken_out_and_filled(moving: Moving, kind: str, tolerance: float) -> None:
-    """A runner's ankle turns round within a frame or two of 33 ms: no curve brings its very place back."""
+    """A runner's ankle reverses within a frame or two of 33 ms: interpolation cannot restore its position."""
     clip = moving(120, kind=kind)
     broken = replace(clip, positions=clip.positions.copy())
     for (frame, joint), size in PLANTED.items():
@@ -52,7 +52,7 @@ def test_jumps_are_taken_out_and_filled(moving: Moving, kind: str, tolerance: fl
 
 
 def test_a_move_to_another_place_is_no_jump(moving: Moving) -> None:
-    """What does not come back, what takes two frames, and what lies at a pass's end."""
+    """A joint that does not return, a jump of two frames, and a jump at the end of a pass."""
     clip = moving(120)
     clip.positions[60:, N["hand_left"], 2] += 0.3
     clip.positions[100:102, N["hand_right"], 2] += 0.3
@@ -67,48 +67,3 @@ def test_euler_captures_are_flagged(moving: Moving) -> None:
     euler = replace(clip, euler=np.zeros(clip.positions.shape), orders=("ZYX",) * 20)
     same, (found,) = jumps.repair(euler)
     assert same is euler and found.action == "flagged"
-
-
-def without(clip: Clip, first: int, last: int, joint: str) -> None:
-    clip.positions[first : last + 1, N[joint]] = np.nan
-    clip.states[first : last + 1, N[joint]] = 0
-
-
-def test_short_gaps_are_filled_and_long_ones_told(moving: Moving) -> None:
-    clip = moving(120)
-    without(clip, 10, 14, "hand_left")
-    without(clip, 12, 12, "foot_left")
-    (found,) = gaps.detect(clip)
-    assert (found.rule, found.count, found.action) == ("gaps", 6, "repaired")
-    assert (
-        "2 gaps inside passes, the longest 0.17 s: 2 of up to 0.2 s will be filled, 0 will stay" in found.text
-    )
-    without(clip, 40, 60, "hand_left")  # 0.7 s
-    without(clip, 0, 1, "head")  # nothing before it
-    (found,) = gaps.detect(clip)
-    assert (found.count, found.action) == (6 + 21 + 2, "flagged")
-    assert "4 gaps inside passes, the longest 0.70 s: 2 of" in found.text and "2 will stay" in found.text
-    assert found.frames == ((0, 1), (10, 14), (40, 60))
-
-
-def test_the_count_is_what_cleaning_fills(moving: Moving) -> None:
-    rng = np.random.default_rng(3)
-    clip = moving(240)
-    clip.passes[:] = np.repeat(np.array([0, -1, 1], dtype=np.int32), [100, 20, 120])
-    for joint in range(20):
-        for start in rng.integers(0, 230, size=6):
-            stop = start + int(rng.integers(1, 10))
-            clip.positions[start:stop, joint] = np.nan
-            clip.states[start:stop, joint] = 0
-    (found,) = gaps.detect(clip)
-    _, where = fill_gaps(clip.positions, clip.times, clip.passes)
-    count = sum(int((np.diff(where[:, joint].astype(int)) == 1).sum()) for joint in range(20))
-    assert f"{count} of up to 0.2 s will be filled" in found.text
-
-
-def test_a_joint_that_was_never_seen(moving: Moving) -> None:
-    clip = moving(60)
-    without(clip, 0, 59, "hand_left")
-    (found,) = gaps.detect(clip)
-    assert (found.count, found.unit, found.action) == (1, "joints", "flagged")
-    assert found.text == "never seen: hand_left"

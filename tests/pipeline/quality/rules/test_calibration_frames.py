@@ -1,0 +1,48 @@
+"""Calibration poses at the start."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from kinemimic.pipeline.kinematics.clip import Clip
+from kinemimic.pipeline.kinematics.skeleton import NODE_INDEX as N
+from kinemimic.pipeline.quality.rules import (
+    calibration_frames,
+)
+
+Moving = Callable[..., Clip]
+
+
+def t_pose(clip: Clip) -> np.ndarray[tuple[int, ...], np.dtype[np.float64]]:
+    pose = clip.positions[0].copy()
+    for side, sign in (("left", 1.0), ("right", -1.0)):
+        shoulder = pose[N[f"shoulder_{side}"]]
+        for k, joint in enumerate(("elbow", "wrist", "hand"), start=1):
+            pose[N[f"{joint}_{side}"]] = shoulder + np.array([0.0, 0.27 * sign * k, 0.0])
+        for joint, height in (("knee", -0.42), ("ankle", -0.82), ("foot", -0.85)):
+            pose[N[f"{joint}_{side}"]] = pose[N[f"hip_{side}"]] + [0.0, 0.0, height]
+    return pose
+
+
+@pytest.mark.parametrize("frames", [1, 3])
+def test_a_calibration_pose_is_dropped(moving: Moving, frames: int) -> None:
+    clip = moving(90, noise=0.004)
+    broken = replace(clip, positions=clip.positions.copy())
+    broken.positions[:frames] = t_pose(clip)
+    repaired, (found,) = calibration_frames.repair(broken)
+    assert (found.rule, found.count, found.action) == ("calibration_frames", frames, "repaired")
+    assert np.array_equal(repaired.positions, clip.positions[frames:])
+    assert np.array_equal(repaired.times, clip.times[frames:])
+
+
+def test_arms_held_out_during_the_motion_are_no_calibration(moving: Moving) -> None:
+    clip = moving(90)
+    held = (
+        clip.positions
+        + (t_pose(clip) - clip.positions[0]) * np.isin(np.arange(20), [5, 6, 7, 9, 10, 11])[:, None]
+    )
+    assert calibration_frames.repair(replace(clip, positions=held))[1] == []
