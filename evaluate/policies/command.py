@@ -21,7 +21,7 @@ def summary(name: str, folder: Path) -> dict[str, Any]:
     record, scores = read_record(folder / name / RECORD), read_json(folder / name / SCORES)
     return {
         "name": name,
-        "told": recipes(folder)[name].told,
+        "description": recipes(folder)[name].description,
         "motion_ships": (folder / name / MOTION).is_file(),
         **{key: record[key] for key in ("preset", "seed", "samples", "engine")},
         "bytes": (folder / name / POLICY).stat().st_size,
@@ -56,6 +56,6 @@ def command(as_json: bool) -> None:
             *(number(one["r2"][joint], 3) for joint in ("knee", "hip")),
             number(one["speed_ratio"], 3),
             f"{one['samples']:,}",
-            one["told"] + ("" if one["motion_ships"] else "; needs the recording"),
+            one["description"] + ("" if one["motion_ships"] else "; needs the recording"),
         )
     show(table)

@@ -25,7 +25,7 @@ class Recipe(Struct, frozen=True, forbid_unknown_fields=True):
     """
 
     name: str
-    told: str
+    description: str
     preset: str
     budget: int
     seed: int
@@ -34,7 +34,7 @@ class Recipe(Struct, frozen=True, forbid_unknown_fields=True):
 
 
 class _File(Struct, forbid_unknown_fields=True):
-    schema: Literal[1]
+    schema: Literal[2]
     policy: tuple[Recipe, ...]
 
 

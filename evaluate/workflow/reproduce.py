@@ -120,7 +120,7 @@ def reproduce(
             "evaluate": {"engine": engine},
         }
         if not quiet:
-            click.secho(f"{recipe.name}: {recipe.told}", bold=True)
+            click.secho(f"{recipe.name}: {recipe.description}", bold=True)
         run_stages(source, runs / recipe.name, options=options, quiet=quiet)
         made.append(publish(runs / recipe.name, recipe, into))
     return made

@@ -13,23 +13,23 @@ from kinemimic.train.config.config import preset
 from peers.constant import constant
 
 RECIPES = """
-schema = 1
+schema = 2
 [[policy]]
 name = "walk"
-told = "a made-up walk"
+description = "a made-up walk"
 preset = "default"
 budget = 5
 seed = 3
 [[policy]]
 name = "run"
-told = "a run"
+description = "a run"
 stock = "run"
 preset = "default"
 budget = 5
 seed = 3
 [[policy]]
 name = "kinect_walk"
-told = "a recorded walk"
+description = "a recorded walk"
 recording = "kinect1_bernstein_skl/r2.skl"
 preset = "default"
 budget = 5

@@ -10,6 +10,7 @@ from typing import Any
 
 import pytest
 from click.testing import CliRunner
+from msgspec import structs
 from peers.shelf import write_run
 
 from kinemimic.evaluate.policies.recipe import Recipe, recipes, recording
@@ -23,8 +24,8 @@ from kinemimic.retarget.humanoid.motion import Motion
 from kinemimic.train.config.config import PRESETS
 
 WALK = Recipe("walk", "a made-up walk", "default", 5, 3)
-RUN = replace(WALK, name="run", stock="run")
-KINECT = replace(WALK, name="kinect_walk", recording="kinect1_bernstein_skl/r2.skl")
+RUN = structs.replace(WALK, name="run", stock="run")
+KINECT = structs.replace(WALK, name="kinect_walk", recording="kinect1_bernstein_skl/r2.skl")
 
 
 def recorded(walk: Motion, **capture: str) -> Motion:
@@ -49,7 +50,7 @@ def test_a_recipe_of_another_form_is_one_clear_line(tmp_path: Path) -> None:
         ("x = 1", "policy"),
     ):
         (tmp_path / "recipes.toml").write_text(text)
-        with pytest.raises(KinemimicError, match=rf"recipes\.toml: .*{found}"):
+        with pytest.raises(KinemimicError, match=rf"recipes\.toml[:,] .*{found}"):
             recipes(tmp_path)
 
 
@@ -76,9 +77,9 @@ def test_the_motion_of_a_recording_stays_out(tmp_path: Path, walk: Motion) -> No
 @pytest.mark.parametrize(
     ("recipe", "spoil", "found"),
     [
-        (replace(WALK, seed=4), None, "seed: expected 4.*found 3"),
-        (replace(WALK, budget=6), None, "budget: expected 6"),
-        (replace(WALK, preset="paper"), None, "preset: expected 'paper'"),
+        (structs.replace(WALK, seed=4), None, "seed: expected 4.*found 3"),
+        (structs.replace(WALK, budget=6), None, "budget: expected 6"),
+        (structs.replace(WALK, preset="paper"), None, "preset: expected 'paper'"),
         (RUN, None, "simulated capture: expected False.*found True"),
         (KINECT, None, "simulated capture: expected False.*found True"),
         (WALK, lambda run, walk: write_run(run, recorded(walk)), "simulated capture: expected True"),
@@ -129,7 +130,7 @@ def trained(walk: Motion, monkeypatch: pytest.MonkeyPatch) -> list[tuple[Path | 
 
 
 def test_policies_are_made_one_after_the_other(tmp_path: Path, trained: list[Any]) -> None:
-    made = reproduce([WALK, replace(RUN, seed=9)], tmp_path / "runs", tmp_path / "shelf", quiet=True)
+    made = reproduce([WALK, structs.replace(RUN, seed=9)], tmp_path / "runs", tmp_path / "shelf", quiet=True)
     assert made == [tmp_path / "shelf" / "walk", tmp_path / "shelf" / "run"]
     assert trained == [(None, "default"), (stock_motion("run"), "default")]
     assert read_json(tmp_path / "shelf" / "run" / RECORD)["seed"] == 9
