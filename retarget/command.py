@@ -119,7 +119,7 @@ def _stride_span(clip: Clip, one: Pass) -> PassSpan:
         one.heading,
         one.harmonic.start,
         one.harmonic.period,
-        (times, one.clock) if one.followed else None,
+        (times, one.clock) if one.individually_timed else None,
     )
 
 

@@ -65,7 +65,7 @@ def cyclic_report(
         "stance_width_m": _n(fit.width),
         "abduction_deg": _n(np.degrees(fit.abduction)),
         "ground": {
-            "shift_m": _n(path.shift),
+            "height_shift_m": _n(path.shift),
             "follows_foot": path.follows,
             "penetration_m": _n(path.penetration),
             "floating_m": _n(path.floating),
@@ -192,9 +192,9 @@ def _pass_row(one: Pass, clip: Clip, fit: CyclicFit) -> dict[str, Any]:
             "harmonic_r2": _n(h.r2),
             "harmonic_kept": _n(h.kept),
             "period_s": _n(h.period),
-            "ankles_m": _n(h.amplitude),
+            "ankle_amplitude_m": _n(h.amplitude),
             "drift_cycles": _n(one.drift),
-            "strides_timed_individually": one.followed,
+            "strides_timed_individually": one.individually_timed,
         }
     if used:
         row["r2"] = _r2(fit, mine)

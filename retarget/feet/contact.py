@@ -121,13 +121,13 @@ class Stances:
     """Stances over T frames.
 
     number: (T, 2) of the stance, counted over both feet, 0 in swing
-    laps: (T, 2) cycles between the start of a frame's stance and the frame, if the stance spans the seam
-    hold: (T, 2, 4) weight of each sole corner's contact, 0 to 1
+    cycles: (T, 2) cycles between the start of a frame's stance and the frame, if the stance spans the seam
+    weight: (T, 2, 4) weight of each sole corner's contact, 0 to 1
     """
 
     number: NDArray[np.intp]
-    laps: Array
-    hold: Array
+    cycles: Array
+    weight: Array
 
     def anchors(self, corners: Array, cycle_offset: Array) -> Array:
         """Target positions (T, 2, 4, 2) on the ground, metres, for corners (T, 2, 4, 3) in contact.
@@ -136,7 +136,7 @@ class Stances:
         so that corners in contact one after another belong to one rigid foot.
         """
         sole = sole_corners()[:, :2]
-        world = corners[..., :2] + self.laps[..., None, None] * cycle_offset[:2]
+        world = corners[..., :2] + self.cycles[..., None, None] * cycle_offset[:2]
         count = int(self.number.max(initial=0)) + 1
 
         def sums(values: Array) -> Array:
@@ -146,22 +146,22 @@ class Stances:
             )
             return total
 
-        weight = np.maximum(sums(self.hold), 1e-9)
+        weight = np.maximum(sums(self.weight), 1e-9)
         middle, own = (
-            np.stack([sums(self.hold * points[..., k]) / weight for k in range(2)], axis=-1)
+            np.stack([sums(self.weight * points[..., k]) / weight for k in range(2)], axis=-1)
             for points in (world, np.broadcast_to(sole, world.shape))
         )
         a = sole - own[self.number][..., None, :]
         b = world - middle[self.number][..., None, :]
-        along = sums(self.hold * (a * b).sum(axis=-1))
-        across = sums(self.hold * (a[..., 0] * b[..., 1] - a[..., 1] * b[..., 0]))
+        along = sums(self.weight * (a * b).sum(axis=-1))
+        across = sums(self.weight * (a[..., 0] * b[..., 1] - a[..., 1] * b[..., 0]))
         heading = np.arctan2(across, along)[self.number][..., None]
         cosine, sine = np.cos(heading), np.sin(heading)
         turned = np.stack(
             [cosine * a[..., 0] - sine * a[..., 1], sine * a[..., 0] + cosine * a[..., 1]], axis=-1
         )
         place = middle[self.number][..., None, :] + turned
-        return np.asarray(place - self.laps[..., None, None] * cycle_offset[:2])
+        return np.asarray(place - self.cycles[..., None, None] * cycle_offset[:2])
 
 
 def find_stances(contacts: Mask, corners: Array, *, rate: float, cyclic: bool) -> Stances:
@@ -170,7 +170,7 @@ def find_stances(contacts: Mask, corners: Array, *, rate: float, cyclic: bool) -
     Heel and toes count while they are as low as the lowest corner. A stance does not fade at the clip's ends.
     """
     frames = len(contacts)
-    number, laps = np.zeros((frames, 2), dtype=np.intp), np.zeros((frames, 2))
+    number, cycles = np.zeros((frames, 2), dtype=np.intp), np.zeros((frames, 2))
     fade = np.zeros((frames, 2))
     for foot in range(2):
         first = _first_frame(contacts[:, foot], cyclic=cyclic)
@@ -187,7 +187,7 @@ def find_stances(contacts: Mask, corners: Array, *, rate: float, cyclic: bool) -
         ramp = np.clip((np.minimum(at - begin, end - at) + 1.0) / fade_frames, 0.0, 1.0) ** 2
         back = np.mod(np.arange(frames) + first, frames)
         number[back, foot] = np.where(inside, run + number.max(initial=0), 0)
-        laps[back, foot] = (np.arange(frames) + first) // frames
+        cycles[back, foot] = (np.arange(frames) + first) // frames
         fade[back, foot] = np.where(inside, ramp, 0.0)
     above = corners[..., 2] - corners[..., 2].min(axis=-1, keepdims=True)
-    return Stances(number, laps, fade[..., None] * np.clip(2.0 - above / LOAD_HEIGHT, 0.0, 1.0))
+    return Stances(number, cycles, fade[..., None] * np.clip(2.0 - above / LOAD_HEIGHT, 0.0, 1.0))

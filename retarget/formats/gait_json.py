@@ -11,6 +11,11 @@ from kinemimic.pipeline.files.schema import unchanged, upgraded
 from kinemimic.pipeline.files.store import read_json
 
 GAIT_SCHEMA = 2
+_RENAMED_IN_2 = {
+    "passes": {"strides_followed": "strides_timed_individually", "ankles_m": "ankle_amplitude_m"},
+    "ground": {"shift_m": "height_shift_m"},
+    "gate": {"text": "message"},
+}
 
 
 def read_gait_json(path: Path) -> dict[str, Any]:
@@ -31,19 +36,16 @@ def read_gait_json(path: Path) -> dict[str, Any]:
 
 
 def _from_1(document: Mapping[str, Any]) -> dict[str, Any]:
-    """Schema 2 renamed `believed`, `strides_followed` of a pass and `text` of a gate finding."""
-    return {
-        **_renamed(document, "believed", "reliability"),
-        **{
-            key: [_renamed(row, old, new) for row in document[key]]
-            for key, old, new in (
-                ("passes", "strides_followed", "strides_timed_individually"),
-                ("gate", "text", "message"),
+    """Schema 2 renamed keys."""
+    report = _renamed(document, {"believed": "reliability"})
+    for key, names in _RENAMED_IN_2.items():
+        if key in report:
+            rows = report[key]
+            report[key] = (
+                [_renamed(row, names) for row in rows] if isinstance(rows, list) else _renamed(rows, names)
             )
-            if key in document
-        },
-    }
+    return report
 
 
-def _renamed(row: Mapping[str, Any], old: str, new: str) -> dict[str, Any]:
-    return {(new if key == old else key): value for key, value in row.items()}
+def _renamed(row: Mapping[str, Any], names: Mapping[str, str]) -> dict[str, Any]:
+    return {names.get(key, key): value for key, value in row.items()}

@@ -128,11 +128,11 @@ def _refine_legs(motion: Motion, seen: Array) -> Array:
         residual, weight = np.empty_like(points), np.empty_like(points)
         residual[:, :, :2] = points[:, :, :2] - root[:, None, None] - below_root[window]
         weight[:, :, :2] = node_weights[window] * _huber(residual[:, :, :2] / NODE_DEVIATION)
-        corners, hold = points[:, :, 2:], standing.hold[window]
+        corners, contact = points[:, :, 2:], standing.weight[window]
         residual[:, :, 2:, :2] = corners[..., :2] - anchors[window]
         residual[:, :, 2:, 2] = corners[..., 2]
         penetration = ground.weight(corners[..., 2], window) / PENETRATION_DEVIATION**2
-        weight[:, :, 2:] = hold[..., None] / CONTACT_DEVIATION**2
+        weight[:, :, 2:] = contact[..., None] / CONTACT_DEVIATION**2
         weight[:, :, 2:, 2] = np.maximum(weight[:, :, 2:, 2], penetration)
         square, right = normal_equations(jacobian, residual, weight)
         for joint in near_limits:

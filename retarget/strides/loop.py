@@ -117,7 +117,7 @@ def pool_strides(clip: Clip, passes: list[Pass]) -> Strides:
 
 def _sections(one: Pass) -> NDArray[np.intp]:
     """Section (frames,) of a pass, from 0: strides that vary have an even speed only over a few of them."""
-    if not one.followed:
+    if not one.individually_timed:
         return np.zeros(len(one.frames), dtype=np.intp)
     cycles = one.phase - one.phase[0]
     count = max(1, round(float(cycles[-1]) / SECTION_STRIDES))

@@ -54,12 +54,12 @@ class Pass:
     number: as in the clip; frames: indices into the clip
     heading: radians from +X; speed: m/s; travel: metres along the heading
     harmonic: of the ankles' distance over `clock`
-    clock: (frames,) seconds in which every stride takes one period; the clip's times unless `followed`
+    clock: (frames,) seconds in which all strides take one period; the clip's times unless individually timed
     bad: (frames,) True for flagged frames within the pass
     verdict, reason: the judgement, and why the pass was not accepted
     walks: whether somebody walks or runs, well recorded or not; steps: whether the legs alternate at all
     drift: cycles (rms) of individually timed strides from one period, NaN without strides
-    followed: whether the strides are timed individually
+    individually_timed: whether the strides are timed individually
     """
 
     number: int
@@ -75,7 +75,7 @@ class Pass:
     walks: bool = False
     steps: bool = False
     drift: float = float("nan")
-    followed: bool = False
+    individually_timed: bool = False
 
     @property
     def phase(self) -> Array:
@@ -149,7 +149,7 @@ def analyze_pass(clip: Clip, number: int, bones: Array) -> Pass:
         walks=walks,
         steps=steps,
         drift=drift,
-        followed=clock is not t,
+        individually_timed=clock is not t,
     )
 
 
@@ -159,17 +159,17 @@ def _timed(times: Array, ankles: Array, bad: NDArray[np.bool_]) -> tuple[Harmoni
     The clock is `times` itself unless the strides vary: then each stride is stretched to their median period.
     """
     weights = np.where(bad, 0.0, 1.0)
-    steady = fit_harmonic(times, np.where(bad, 0.0, ankles), weights)
+    even = fit_harmonic(times, np.where(bad, 0.0, ankles), weights)
     strides = stride_phase(times, np.where(bad, np.nan, ankles))
     if strides is None:
-        return steady, times, float("nan")
-    drift = float(np.std((strides.phase - steady.phase(times))[~bad]))
+        return even, times, float("nan")
+    drift = float(np.std((strides.phase - even.phase(times))[~bad]))
     if drift < MAX_DRIFT or np.ptp(strides.phase) < MIN_WARPED_STRIDES:
-        return steady, times, drift
+        return even, times, drift
     clock = times[0] + strides.period * (strides.phase - strides.phase[0])
-    followed = fit_harmonic(clock, np.where(bad, 0.0, ankles), weights)
+    varying = fit_harmonic(clock, np.where(bad, 0.0, ankles), weights)
     # Legs that the sensor swapped for a while look like drift, but individual timing does not fit better.
-    return (followed, clock, drift) if followed.r2 > steady.r2 else (steady, times, drift)
+    return (varying, clock, drift) if varying.r2 > even.r2 else (even, times, drift)
 
 
 def _alternates(

@@ -36,11 +36,11 @@ _SIDES = ("left", "right")
 class Change:
     """A difference of one array at one joint.
 
-    what: name of the array; joint: or side, None if it has neither; largest: greatest difference, in `unit`;
+    array: its name; joint: or side, None if it has neither; largest: greatest difference, in `unit`;
     unit: or one of `_WHOLE`; frame: of `largest`, None without frames; frames: number that differ.
     """
 
-    what: str
+    array: str
     joint: str | None
     largest: float
     unit: str
@@ -161,12 +161,12 @@ def describe(change: Change) -> str:
     """The change in one line."""
     where = f" {change.joint}" if change.joint else ""
     if change.unit in _WHOLE:
-        return change.what
+        return change.array
     many = f", {change.frames} frames differ" if change.frames > 1 else ""
     at = f" in frame {change.frame}" if change.frame is not None else ""
     if change.unit == "other":
-        return f"{change.what}{where}: other{at}{many}"
-    return f"{change.what}{where}: {_amount(change)}{at}{many}"
+        return f"{change.array}{where}: other{at}{many}"
+    return f"{change.array}{where}: {_amount(change)}{at}{many}"
 
 
 def _amount(change: Change) -> str:
@@ -220,7 +220,7 @@ def _tables(found: Mapping[str, list[Change] | str]) -> Iterator[Any]:
         for one in change:
             amount = "" if one.unit in _WHOLE else "other" if one.unit == "other" else _amount(one)
             table.add_row(
-                f"  {one.what}", one.joint or "", amount,
+                f"  {one.array}", one.joint or "", amount,
                 "" if one.frame is None else str(one.frame), str(one.frames or ""),
             )  # fmt: skip
         yield table

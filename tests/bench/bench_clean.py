@@ -114,7 +114,7 @@ def compare(raw: Clip, cleaned: Clip, truth: dict[str, Array]) -> Row:
 def _span(clip: Clip, one: Pass, frames: NDArray[np.intp]) -> PassSpan:
     first, last = clip.times[frames[[0, -1]]]
     start, period = (one.harmonic.start, one.harmonic.period) if one.harmonic else (0.0, 1.0)
-    clock = (clip.times[one.frames], one.clock) if one.followed else None
+    clock = (clip.times[one.frames], one.clock) if one.individually_timed else None
     return PassSpan(one.number, float(first), float(last), one.heading, start, period, clock)
 
 

@@ -118,7 +118,7 @@ def by_least_squares(motion: Motion, frames: int) -> None:
     rest = np.full(UNKNOWNS, 1.0 / np.radians(4.0))
     for t in range(frames):
         one = slice(t, t + 1)
-        here, hold = chain.window(one), np.sqrt(standing.hold[one])[..., None] / 0.002
+        here, hold = chain.window(one), np.sqrt(standing.weight[one])[..., None] / 0.002
 
         def residual(x: np.ndarray, here=here, hold=hold, one=one) -> np.ndarray:
             points = leg_points(here, x[None])[:, :, 2:].copy()

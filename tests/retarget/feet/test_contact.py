@@ -50,7 +50,7 @@ def test_a_stance_across_the_seam_of_a_cycle_is_a_single_stance():
     stands = detect_contacts(height, speed, WHEN, rate=RATE, cyclic=True)
     found = find_stances(stands, flat_feet(20, np.zeros((20, 2))), rate=RATE, cyclic=True)
     assert set(found.number[stands[:, 0], 0]) == {1} and set(found.number[stands[:, 1], 1]) == {2}
-    assert found.laps[:4, 0].tolist() == [1.0] * 4 and not found.laps[14:, 0].any()
+    assert found.cycles[:4, 0].tolist() == [1.0] * 4 and not found.cycles[14:, 0].any()
 
 
 def flat_feet(frames, place, heading=0.0):

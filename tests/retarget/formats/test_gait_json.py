@@ -17,7 +17,8 @@ def test_a_report_of_schema_1_is_read_with_the_names_of_today(tmp_path: Path) ->
         "schema": 1,
         "kind": "walk",
         "believed": {"pelvis": False},
-        "passes": [{"pass": 0, "strides_followed": True}, {"pass": 1}],
+        "passes": [{"pass": 0, "strides_followed": True, "ankles_m": 0.5}, {"pass": 1}],
+        "ground": {"shift_m": 0.01, "slip_m_s": 0.1},
         "gate": [{"rule": "slip", "text": "slips"}],
     }
     path.write_text(json.dumps(old))
@@ -25,7 +26,8 @@ def test_a_report_of_schema_1_is_read_with_the_names_of_today(tmp_path: Path) ->
         "schema": 2,
         "kind": "walk",
         "reliability": {"pelvis": False},
-        "passes": [{"pass": 0, "strides_timed_individually": True}, {"pass": 1}],
+        "passes": [{"pass": 0, "strides_timed_individually": True, "ankle_amplitude_m": 0.5}, {"pass": 1}],
+        "ground": {"height_shift_m": 0.01, "slip_m_s": 0.1},
         "gate": [{"rule": "slip", "message": "slips"}],
     }
     path.write_text('{"schema": 1, "kind": "motion"}')

@@ -41,7 +41,7 @@ def test_the_loop_of_a_minute_of_strides_that_vary_by_two_per_cent(walker, seed)
 def test_varying_strides_are_timed_individually(walker):
     w = walker(seconds=60.0, vary=0.02)
     (one,) = analyze_passes(w.clip)
-    assert one.followed and one.drift > 0.03
+    assert one.individually_timed and one.drift > 0.03
     assert one.harmonic.r2 > 0.99
 
 
@@ -49,14 +49,14 @@ def test_varying_strides_are_timed_individually(walker):
 def test_an_even_walk_keeps_one_period_and_the_clock_of_the_clip(walker, noise):
     w = walker(seconds=30.0, rate=30.0, limp=10.0, noise=noise)
     (one,) = analyze_passes(w.clip)
-    assert not one.followed and one.drift < 0.01
+    assert not one.individually_timed and one.drift < 0.01
     assert (one.clock == w.clip.times[one.frames]).all()
 
 
 def test_an_accelerating_walk_gets_the_median_stride(walker):
     w = walker(seconds=40.0, rate=30.0, faster=1.4, noise=0.02)
     (one,) = chosen = select_passes(analyze_passes(w.clip))[0]
-    assert one.followed and one.harmonic.r2 > 0.95
+    assert one.individually_timed and one.harmonic.r2 > 0.95
     assert one.harmonic.period == pytest.approx(w.period / 1.2, rel=0.03)
     fit = fit_cyclic(w.clip, chosen, False)
     # The walker's strides are as long as ever.
@@ -68,7 +68,7 @@ def test_captured_frames_have_the_phase_of_their_own_stride(walker):
     (one,) = analyze_passes(w.clip)
     found = _stride_span(w.clip, one).phase(w.clip.times[one.frames])
     assert np.abs(found - one.phase).max() < 1e-9
-    assert one.followed and np.ptp(found) == pytest.approx(1.2 * 40.0 / w.period, rel=0.01)
+    assert one.individually_timed and np.ptp(found) == pytest.approx(1.2 * 40.0 / w.period, rel=0.01)
 
 
 def test_legs_swapped_for_a_stride_are_not_varying_strides(walker):
@@ -76,7 +76,7 @@ def test_legs_swapped_for_a_stride_are_not_varying_strides(walker):
     p = w.clip.positions.copy()
     p[200:233] = p[200:233][:, MIRROR_NODES]
     (one,) = analyze_passes(type(w.clip)(w.clip.skeleton, w.clip.times, p, w.clip.states, w.clip.passes))
-    assert not one.followed
+    assert not one.individually_timed
 
 
 def test_a_real_runner_on_an_accelerating_treadmill(captures, tmp_path):
@@ -85,6 +85,6 @@ def test_a_real_runner_on_an_accelerating_treadmill(captures, tmp_path):
     convert(tmp_path)
     clip, _ = add_belt_travel(on_nodes(read_clip(tmp_path / "quaternions.parquet")))
     (one,) = select_passes(analyze_passes(clip))[0]
-    assert one.number == 0 and len(one.frames) > 1000 and one.followed
+    assert one.number == 0 and len(one.frames) > 1000 and one.individually_timed
     assert 120.0 / one.harmonic.period == pytest.approx(181.0, abs=3.0)
     assert np.ptp(one.phase) == pytest.approx(75.0, abs=1.5)

@@ -53,7 +53,7 @@ def test_a_rotation_is_reported_in_degrees_with_joint_and_frame() -> None:
     assert rotations is not None
     rotations[4, 1] = from_axis_angle("Y", np.array(math.radians(8.1)))
     (one,) = found(rotations=rotations)
-    assert (one.what, one.joint, one.unit, one.frame, one.frames) == ("rotations", "knee", "°", 4, 1)
+    assert (one.array, one.joint, one.unit, one.frame, one.frames) == ("rotations", "knee", "°", 4, 1)
     assert one.largest == pytest.approx(0.1, abs=0.003)
     assert describe(one) == f"rotations knee: {one.largest:g}° in frame 4"
 
@@ -73,7 +73,7 @@ def test_a_shift_is_reported_in_millimetres() -> None:
     positions[2:5, 2] += (0.003, 0.0, 0.004)
     positions[3, 2, 1] += 0.012
     (one,) = found(positions=positions)
-    assert (one.what, one.joint, one.unit, one.frame, one.frames) == ("positions", "ankle", "mm", 3, 3)
+    assert (one.array, one.joint, one.unit, one.frame, one.frames) == ("positions", "ankle", "mm", 3, 3)
     assert one.largest == pytest.approx(13.0, abs=0.02)
 
 
@@ -160,7 +160,7 @@ def test_the_command_compares_folders(tmp_path: Path) -> None:
     assert json.loads(ended.stdout) == {
         "clip.json": "added",
         "run/clip.parquet": [
-            {"what": "positions", "joint": "knee", "largest": 10.0, "unit": "mm", "frame": 3, "frames": 1}
+            {"array": "positions", "joint": "knee", "largest": 10.0, "unit": "mm", "frame": 3, "frames": 1}
         ],
     }
 
