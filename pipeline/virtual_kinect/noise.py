@@ -117,11 +117,6 @@ def observe(
     return Observation(seen, states, swapped)
 
 
-def white_levels() -> Array:
-    """Lateral white noise (20,) at the reference distance, in metres: independent and shared."""
-    return np.asarray(np.sqrt(_OWN**2 + np.sum(_SHARED**2, axis=1)))
-
-
 def _scaled(own: Array, shared: Array) -> Array:
     """Noise of unit variance, independent (T, 20, 3) and of the groups (T, 5, 3), scaled to the joints'
     levels."""

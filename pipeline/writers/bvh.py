@@ -1,4 +1,4 @@
-"""Write BVH: poses, in any Euler order that BVH supports, or a clip's own channels."""
+"""Write poses as BVH, in any Euler order that BVH supports."""
 
 from __future__ import annotations
 
@@ -12,7 +12,6 @@ from scipy.spatial.transform import Rotation
 
 from kinemimic.pipeline.arrays import Array
 from kinemimic.pipeline.files.store import write_text
-from kinemimic.pipeline.kinematics.clip import Clip
 from kinemimic.pipeline.kinematics.rotations import ORDERS, Y_UP_TO_Z_UP, conjugate, multiply, rotate
 from kinemimic.pipeline.kinematics.skeleton import Skeleton
 from kinemimic.pipeline.writers.poses import Poses
@@ -20,7 +19,7 @@ from kinemimic.pipeline.writers.poses import Poses
 # Each channel occurs once per joint, so proper Euler orders (ZXZ) cannot be written.
 BVH_ORDERS: tuple[str, ...] = tuple(order for order in ORDERS if len(set(order)) == 3)
 _DECIMALS = 6
-_POSITION_CHANNELS = ("Xposition", "Yposition", "Zposition")
+POSITION_CHANNELS = ("Xposition", "Yposition", "Zposition")
 # Rounding error of joints that do not move (metres, sines of half angles).
 _ROUNDING = 1e-9
 
@@ -41,11 +40,11 @@ def write_bvh(path: Path, poses: Poses, *, order: str = "YZX", units_per_metre: 
     has_rotation = np.abs(poses.rotations[..., :3]).max(axis=(0, 2)) > _ROUNDING
     channels = [
         () if _is_end_site(skeleton, joint) and not (has_translation[joint] or has_rotation[joint])
-        else (*(_POSITION_CHANNELS if has_translation[joint] else ()), *rotation_channels)
+        else (*(POSITION_CHANNELS if has_translation[joint] else ()), *rotation_channels)
         for joint in range(len(skeleton.names))
     ]  # fmt: skip
     names = tuple("_".join(name.split()) for name in skeleton.names)
-    _write(
+    write_hierarchy(
         path,
         Skeleton(names, skeleton.parents, units_per_metre * rotate(file_from_world, skeleton.offsets)),
         channels,
@@ -55,33 +54,7 @@ def write_bvh(path: Path, poses: Poses, *, order: str = "YZX", units_per_metre: 
     )
 
 
-def write_bvh_channels(path: Path, clip: Clip, *, units_per_metre: float = 100.0) -> None:
-    """Write a clip of Euler channels as it was read: its own joints, orders, angles and offsets.
-
-    Joints without rotation channels that are named like end sites (`<parent>_end`) become end sites; joints
-    that move relative to their parents get position channels. The time step is constant, at the clip's rate.
-    Raises ValueError for a clip without channels, with other axes than BVH's, or with an order that BVH does
-    not support.
-    """
-    if clip.euler is None or clip.orders is None or clip.translations is None:
-        raise ValueError("the clip has no Euler channels")
-    if clip.rests is not None or not np.allclose(clip.world_from_file, Y_UP_TO_Z_UP):
-        raise ValueError("the clip's joint frames differ from BVH's")
-    for order in set(clip.orders) - {"", *BVH_ORDERS}:
-        raise ValueError(f"no order of BVH: {order!r}; the six are {', '.join(BVH_ORDERS)}")
-    skeleton = clip.skeleton
-    has_translation = (clip.translations != skeleton.offsets).any(axis=(0, 2))
-    has_translation[0] = True
-    channels = [
-        (*(_POSITION_CHANNELS if is_position else ()), *(f"{axis}rotation" for axis in order))
-        for is_position, order in zip(has_translation, clip.orders, strict=True)
-    ]
-    offsets = Skeleton(skeleton.names, skeleton.parents, units_per_metre * skeleton.offsets)
-    positions = units_per_metre * clip.translations
-    _write(path, offsets, channels, positions, np.degrees(clip.euler), 1.0 / clip.rate)
-
-
-def _write(
+def write_hierarchy(
     path: Path,
     skeleton: Skeleton,
     channels: Sequence[tuple[str, ...]],
@@ -94,12 +67,10 @@ def _write(
     for joint in hierarchy_sequence(skeleton):
         rotation_channels = iter(np.moveaxis(angles[:, joint], -1, 0))
         for channel in channels[joint]:
-            is_position = channel in _POSITION_CHANNELS
-            columns.append(
-                positions[:, joint, _POSITION_CHANNELS.index(channel)]
-                if is_position
-                else next(rotation_channels)
-            )
+            if channel in POSITION_CHANNELS:
+                columns.append(positions[:, joint, POSITION_CHANNELS.index(channel)])
+            else:
+                columns.append(next(rotation_channels))
     lines = ["HIERARCHY", *_joint(skeleton, channels, 0, 0)]
     lines += ["MOTION", f"Frames: {len(positions)}", f"Frame Time: {frame_time:.8f}"]
     lines += [" ".join(_number(value) for value in row) for row in np.stack(columns, axis=-1)]

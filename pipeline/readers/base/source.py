@@ -72,12 +72,6 @@ class Source:
             raise source.error(expected=f"a capture of at most {MAX_LINES:,} lines", found=f"{count:,}")
         return source
 
-    @classmethod
-    def of_text(cls, text: str, path: Path) -> Source:
-        """A source from text in memory."""
-        content = text.encode()
-        return cls(path, content, hashlib.sha256(content).hexdigest())
-
     @cached_property
     def is_text(self) -> bool:
         """True if the head has no NUL and almost no control characters, as text in any encoding."""

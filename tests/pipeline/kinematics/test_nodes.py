@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from samples import source_of
 
 from kinemimic.pipeline.errors import KinemimicError
 from kinemimic.pipeline.kinematics.clip import Clip
@@ -142,7 +143,7 @@ def test_the_nodes_themselves(node_clip: Build) -> None:
 
 
 def test_what_is_derived(bvh: Text) -> None:
-    clip = reader.read(Source.of_text(bvh(), PATH))  # no clavicles, no fingers
+    clip = reader.read(source_of(bvh(), PATH))  # no clavicles, no fingers
     positions, states = to_nodes(clip)
 
     def at(node: str) -> np.ndarray:
@@ -157,7 +158,7 @@ def test_what_is_derived(bvh: Text) -> None:
 
 
 def test_without_a_neck_the_shoulders_give_their_centre(bvh: Text) -> None:
-    clip = reader.read(Source.of_text(bvh().replace("JOINT Neck", "JOINT Throat"), PATH))
+    clip = reader.read(source_of(bvh().replace("JOINT Neck", "JOINT Throat"), PATH))
     positions, states = to_nodes(clip)
     arms = [clip.positions[:, clip.skeleton.index(f"{side}Arm")] for side in ("Left", "Right")]
     assert np.allclose(positions[:, NODE_INDEX["shoulder_center"]], 0.5 * (arms[0] + arms[1]))

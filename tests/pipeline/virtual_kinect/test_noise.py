@@ -10,8 +10,10 @@ import pytest
 from kinemimic.pipeline.kinematics.skeleton import INFERRED, MISSING, TRACKED
 from kinemimic.pipeline.kinematics.skeleton import NODE_INDEX as N
 from kinemimic.pipeline.virtual_kinect.camera import Camera
-from kinemimic.pipeline.virtual_kinect.noise import NoiseLevels, Observation, observe, white_levels
+from kinemimic.pipeline.virtual_kinect.noise import _OWN, _SHARED, NoiseLevels, Observation, observe
 
+# Lateral white noise (20,) at the reference distance, in metres: independent and shared.
+WHITE_LEVELS = np.sqrt(_OWN**2 + np.sum(_SHARED**2, axis=1))
 # The camera at the origin's height of the joints, so that the line of sight to a joint on the axis is +X.
 CAMERA = Camera(height=0.0, tilt=0.0)
 NONE = NoiseLevels(
@@ -61,7 +63,7 @@ def test_white_noise_has_its_level_at_the_reference_distance_and_grows_with_the_
     )
     # Across the line of sight, at joints on the axis.
     on_axis = [N["hip_center"], N["head"], N["wrist_left"], N["elbow_right"]]
-    np.testing.assert_allclose(near[:, on_axis, 2].std(axis=0), white_levels()[on_axis], rtol=0.05)
+    np.testing.assert_allclose(near[:, on_axis, 2].std(axis=0), WHITE_LEVELS[on_axis], rtol=0.05)
     np.testing.assert_allclose(far[:, on_axis].std(axis=0) / near[:, on_axis].std(axis=0), 4.0, rtol=0.01)
     np.testing.assert_allclose(
         near[:, on_axis, 0].std(axis=0) / near[:, on_axis, 2].std(axis=0), 1.5, rtol=0.1
@@ -70,7 +72,7 @@ def test_white_noise_has_its_level_at_the_reference_distance_and_grows_with_the_
 
 def test_the_levels_are_those_of_real_recordings() -> None:
     # In 3-D, along with the stretch along the line of sight.
-    spatial = 1e3 * white_levels() * np.sqrt(2 + NoiseLevels().depth ** 2)
+    spatial = 1e3 * WHITE_LEVELS * np.sqrt(2 + NoiseLevels().depth ** 2)
     for joint in ("hip", "knee", "ankle"):
         assert 5.0 <= spatial[N[f"{joint}_left"]] <= 18.0
     assert spatial[N["wrist_left"]] == pytest.approx(30.0, abs=5.0)

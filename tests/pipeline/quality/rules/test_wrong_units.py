@@ -7,13 +7,13 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from samples import source_of
 
 from kinemimic.pipeline.kinematics.clip import Clip, scaled
 from kinemimic.pipeline.kinematics.skeleton import NODE_INDEX as N
 from kinemimic.pipeline.quality.rules import (
     wrong_units,
 )
-from kinemimic.pipeline.readers.base.source import Source
 from kinemimic.pipeline.readers.mocap.bvh import read as read_bvh
 
 Moving = Callable[..., Clip]
@@ -57,7 +57,7 @@ def test_units_that_fit_twice_are_flagged_those_that_fit_never_refused(moving: M
 
 
 def test_euler_captures_are_scaled_completely(bvh: Text) -> None:
-    clip = read_bvh(Source.of_text(bvh(), Path("a.bvh")))
+    clip = read_bvh(source_of(bvh(), Path("a.bvh")))
     repaired, _ = wrong_units.repair(scaled(clip, 100.0))
     assert repaired.translations is not None and clip.translations is not None
     np.testing.assert_allclose(repaired.translations, clip.translations, atol=1e-12)

@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from samples import source_of
 
 from kinemimic.pipeline.kinematics.clip import Clip
 from kinemimic.pipeline.kinematics.euler import rotations_of_channels, world_positions
@@ -18,7 +19,6 @@ from kinemimic.pipeline.quality.rules import (
     mirrored_body,
     wrong_up_axis,
 )
-from kinemimic.pipeline.readers.base.source import Source
 from kinemimic.pipeline.readers.mocap.bvh import read as read_bvh
 from kinemimic.pipeline.readers.mocap.deepmimic import read_deepmimic, stock_motion
 
@@ -48,7 +48,7 @@ def test_a_wrong_up_axis_is_turned_up(moving: Moving, axis: str, halves: float) 
 
 def test_an_euler_capture_is_turned_in_its_axes(bvh: Text) -> None:
     """A BVH whose Z is up, read as if Y were: after the repair its channels give the repaired positions."""
-    clip = read_bvh(Source.of_text(bvh(), Path("a.bvh")))
+    clip = read_bvh(source_of(bvh(), Path("a.bvh")))
     wrong = wrong_up_axis.rotated_clip(clip, from_axis_angle("X", 0.5 * np.pi))
     way = np.linspace(0.0, 2.0, len(wrong.times))[:, None] * [1.0, 0.0, 0.0]
     wrong.positions[:] += way[:, None]

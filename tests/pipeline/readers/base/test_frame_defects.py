@@ -6,10 +6,10 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from samples import source_of
 
 from kinemimic.pipeline.errors import CaptureError
 from kinemimic.pipeline.readers.base.frame_defects import increasing_times, refuse_remote, zero_frames
-from kinemimic.pipeline.readers.base.source import Source
 
 
 def test_a_frame_counts_if_it_is_later_than_all_before_it() -> None:
@@ -40,7 +40,7 @@ def test_empty_frames_are_named_as_runs() -> None:
 
 
 def test_far_places_are_refused_and_what_is_not_seen_is_not() -> None:
-    source = Source.of_text("x", Path("a.txt"))
+    source = source_of("x", Path("a.txt"))
     points = np.zeros((4, 2, 3))
     points[1, 0], points[1, 1] = np.nan, np.inf
     refuse_remote(points, ("a", "b"), source, lambda frame: frame + 1)

@@ -6,15 +6,15 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from samples import source_of
 
 from kinemimic.pipeline.errors import CaptureError
 from kinemimic.pipeline.readers.base import json_text
 from kinemimic.pipeline.readers.base.json_text import numbers, parse_json
-from kinemimic.pipeline.readers.base.source import Source
 
 
 def parse(text: str) -> object:
-    return parse_json(Source.of_text(text, Path("a.json")))
+    return parse_json(source_of(text, Path("a.json")))
 
 
 def test_values_come_out() -> None:

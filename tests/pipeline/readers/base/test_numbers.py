@@ -6,11 +6,11 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from samples import source_of
 
 from kinemimic.pipeline.errors import CaptureError
 from kinemimic.pipeline.readers.base import numbers
 from kinemimic.pipeline.readers.base.numbers import parse_table
-from kinemimic.pipeline.readers.base.source import Source
 
 PATH = Path("table.txt")
 
@@ -34,7 +34,7 @@ def test_every_number_is_as_python_reads_it(way: str, separator: str | None, end
     lines = ["a header", "", *rows(50), "", *rows(3), "  "]
     if separator:
         lines = [line.replace(" ", separator) if line[:1] != "a" else line for line in lines[:-1]]
-    source = Source.of_text(end.join(lines) + end, PATH)
+    source = source_of(end.join(lines) + end, PATH)
     table = parse_table(source, start=1, separator=separator)
     split = [line.split(separator) for line in lines[1:] if line.strip()]
     assert table.values.tolist() == [[float(field) for field in fields] for fields in split]
@@ -44,13 +44,13 @@ def test_every_number_is_as_python_reads_it(way: str, separator: str | None, end
 
 
 def test_a_separator_may_close_the_lines(way: str) -> None:
-    source = Source.of_text("1,2,3,\n4,5,6,\n", PATH)
+    source = source_of("1,2,3,\n4,5,6,\n", PATH)
     assert parse_table(source, separator=",").values.tolist() == [[1, 2, 3], [4, 5, 6]]
     assert parse_table(source, separator=",", width=3).values.shape == (2, 3)
 
 
 def test_lines_of_another_width_are_left_out_and_counted(way: str) -> None:
-    source = Source.of_text("0 0\n1 2 3\n\n4 5\n6 7 8 9\n7 8 9\n", PATH)
+    source = source_of("0 0\n1 2 3\n\n4 5\n6 7 8 9\n7 8 9\n", PATH)
     table = parse_table(source, width=3, drop_other_widths=True)
     assert table.values.tolist() == [[1, 2, 3], [7, 8, 9]]
     assert table.dropped == 3
@@ -58,23 +58,23 @@ def test_lines_of_another_width_are_left_out_and_counted(way: str) -> None:
 
 
 def test_other_white_space_makes_no_other_width(way: str) -> None:
-    source = Source.of_text("1 2 3\n4  5 6\n7 8\n 7 8 9\n", PATH)
+    source = source_of("1 2 3\n4  5 6\n7 8\n 7 8 9\n", PATH)
     table = parse_table(source, width=3, drop_other_widths=True)
     assert table.values.tolist() == [[1, 2, 3], [4, 5, 6], [7, 8, 9]]
     assert table.dropped == 1
 
 
 def test_words_before_the_numbers_are_left_out(way: str) -> None:
-    table = parse_table(Source.of_text("a;1;2\n\nb1;3;4;\n", PATH), separator=";", label_columns=1, width=3)
+    table = parse_table(source_of("a;1;2\n\nb1;3;4;\n", PATH), separator=";", label_columns=1, width=3)
     assert table.values.tolist() == [[1, 2], [3, 4]]
     with pytest.raises(CaptureError, match="line 2: expected 3 numbers, found 4"):
-        parse_table(Source.of_text("a;1;2\nb;3;4;5\n", PATH), separator=";", label_columns=1, width=3)
+        parse_table(source_of("a;1;2\nb;3;4;5\n", PATH), separator=";", label_columns=1, width=3)
     with pytest.raises(CaptureError, match="line 2: expected a number, found 'x'"):
-        parse_table(Source.of_text("a;1;2\nb;3;x\n", PATH), separator=";", label_columns=1, width=3)
+        parse_table(source_of("a;1;2\nb;3;x\n", PATH), separator=";", label_columns=1, width=3)
 
 
 def test_what_is_not_finite_passes(way: str) -> None:
-    values = parse_table(Source.of_text("1 nan -inf\n1e999 NaN inf\n", PATH)).values
+    values = parse_table(source_of("1 nan -inf\n1e999 NaN inf\n", PATH)).values
     assert np.array_equal(values, [[1, np.nan, -np.inf], [np.inf, np.nan, np.inf]], equal_nan=True)
 
 
@@ -94,14 +94,14 @@ def test_what_is_not_finite_passes(way: str) -> None:
 )
 def test_mistakes_are_named_with_their_line(way: str, text: str, complaint: str) -> None:
     with pytest.raises(CaptureError, match=complaint):
-        parse_table(Source.of_text(text, PATH))
+        parse_table(source_of(text, PATH))
 
 
 def test_white_space_in_any_layout(way: str) -> None:
-    source = Source.of_text("  1  2\t3\n4 5 6   \n\t7 8 9\n", PATH)
+    source = source_of("  1  2\t3\n4 5 6   \n\t7 8 9\n", PATH)
     assert parse_table(source).values.tolist() == [[1, 2, 3], [4, 5, 6], [7, 8, 9]]
 
 
 def test_a_table_with_no_lines(way: str) -> None:
     with pytest.raises(CaptureError, match="line 2: expected lines of numbers, found none"):
-        parse_table(Source.of_text("header\n\n\n", PATH), start=1)
+        parse_table(source_of("header\n\n\n", PATH), start=1)

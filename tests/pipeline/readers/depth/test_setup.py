@@ -6,11 +6,11 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from samples import source_of
 from samples.depth_scene import HALF, MOUNT, camera_toml, lens_toml, to_camera
 
 from kinemimic.pipeline.errors import CaptureError
 from kinemimic.pipeline.kinematics.rotations import rotate
-from kinemimic.pipeline.readers.base.source import Source
 from kinemimic.pipeline.readers.depth.setup import Mount, Setup, read_setup
 
 TEXT = camera_toml(HALF)
@@ -19,7 +19,7 @@ POINTS = np.random.default_rng(0).uniform(-3, 3, (20, 3))
 
 
 def setup(text: str) -> Setup:
-    return read_setup(Source.of_text(text, Path("camera.toml")))
+    return read_setup(source_of(text, Path("camera.toml")))
 
 
 def test_a_tilted_camera_is_levelled() -> None:

@@ -6,16 +6,16 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from samples import source_of
 
 from kinemimic.pipeline.errors import CaptureError
-from kinemimic.pipeline.readers.base.source import Source
 from kinemimic.pipeline.readers.depth.tables import JointTable, read_joints, read_times
 
 FRAMES = (3, 4, 6)
 
 
 def joints(text: str) -> JointTable:
-    return read_joints(Source.of_text(text, Path("joints.csv")), FRAMES, 1000.0)
+    return read_joints(source_of(text, Path("joints.csv")), FRAMES, 1000.0)
 
 
 def test_lines_find_their_frame_and_joint() -> None:
@@ -79,7 +79,7 @@ def test_a_mistake_names_its_line(text: str, message: str) -> None:
 
 
 def times(text: str) -> list[float]:
-    return read_times(Source.of_text(text, Path("times.csv")), FRAMES).tolist()
+    return read_times(source_of(text, Path("times.csv")), FRAMES).tolist()
 
 
 def test_times_in_any_sequence_with_more_than_there_are_images() -> None:

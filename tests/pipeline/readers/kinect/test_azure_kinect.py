@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 import pytest
 from samples import azure_kinect as sample
+from samples import source_of
 from samples.motion import in_sight, walk
 
 from kinemimic.pipeline.errors import CaptureError
@@ -19,7 +20,6 @@ from kinemimic.pipeline.kinematics.nodes import to_nodes
 from kinemimic.pipeline.kinematics.rotations import angle_between, multiply
 from kinemimic.pipeline.kinematics.skeleton import NODE_INDEX
 from kinemimic.pipeline.readers import recognise
-from kinemimic.pipeline.readers.base.source import Source
 from kinemimic.pipeline.readers.kinect import azure_kinect
 from kinemimic.pipeline.readers.kinect.azure_joints import JOINTS
 
@@ -30,12 +30,12 @@ TAKE = sample.document(FRAMES)
 
 
 def read(document: object) -> Clip:
-    return recognise.read_source(Source.of_text(json.dumps(document), Path("walk.json")))
+    return recognise.read_source(source_of(json.dumps(document), Path("walk.json")))
 
 
 def test_the_written_walk_comes_back_within_a_tenth_of_a_millimetre() -> None:
     content = sample.files(FRAMES)["walk.json"]
-    clip = recognise.read_source(Source.of_text(content.decode(), Path("walk.json")))
+    clip = recognise.read_source(source_of(content.decode(), Path("walk.json")))
     expected = sample.joints(in_sight(walk(FRAMES))) - sample.CAMERA
     seen = np.delete(np.arange(FRAMES), LOST)
     assert clip.provenance["format"] == azure_kinect.FORMAT.name

@@ -7,12 +7,12 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from samples import source_of
 from samples.kinect2bvh_dump import TIPS, files, text
 from samples.motion import Walk, in_range, kinect_v2_joints, walk
 
 from kinemimic.pipeline.errors import CaptureError
 from kinemimic.pipeline.kinematics.clip import Clip
-from kinemimic.pipeline.readers.base.source import Source
 from kinemimic.pipeline.readers.kinect.kinect_v2 import FROM_SDK, JOINTS, SDK_JOINTS
 from kinemimic.pipeline.readers.recognise import read, read_source
 
@@ -20,7 +20,7 @@ PATH = Path("raw.txt")
 
 
 def clip_of(content: str) -> Clip:
-    return read_source(Source.of_text(content, PATH))
+    return read_source(source_of(content, PATH))
 
 
 def test_what_was_written_is_read_and_tips_come_and_go() -> None:

@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from samples import source_of
 
 from kinemimic.pipeline.errors import CaptureError
 from kinemimic.pipeline.kinematics.skeleton import NODE_INDEX, NODES
@@ -27,18 +28,18 @@ def test_all_four_variants_say_the_same(
     skl: Text, before: tuple[str, ...], floor: bool, width: int, newline: str
 ) -> None:
     text = skl(before=before, floor=floor, newline=newline).replace("\r\n", "\n")
-    assert nui_skl.recognises(Source.of_text(text, PATH))
-    clip = nui_skl.read(Source.of_text(text, PATH))
+    assert nui_skl.recognises(source_of(text, PATH))
+    clip = nui_skl.read(source_of(text, PATH))
     assert clip.provenance["reading"]["columns"] == width
     assert clip.skeleton.names == NODES
     assert np.array_equal(
-        clip.positions, nui_skl.read(Source.of_text(skl().replace("\r\n", "\n"), PATH)).positions
+        clip.positions, nui_skl.read(source_of(skl().replace("\r\n", "\n"), PATH)).positions
     )
     assert clip.times[:2] == pytest.approx([0.0, 0.033])
 
 
 def test_axes_up_is_z_and_left_is_y_and_the_floor_plane_is_not_applied(skl: Text) -> None:
-    clip = nui_skl.read(Source.of_text(skl(), PATH))
+    clip = nui_skl.read(source_of(skl(), PATH))
     place = dict(zip(NODES, clip.positions.mean(axis=0), strict=True))
     assert place["head"] == pytest.approx([3.0, 0.0, 1.6], abs=0.01)
     assert place["wrist_left"] == pytest.approx([3.0, 0.21, 0.83], abs=0.01)
@@ -48,8 +49,8 @@ def test_axes_up_is_z_and_left_is_y_and_the_floor_plane_is_not_applied(skl: Text
 def test_columns_are_found_by_name_wherever_they_stand(skl: Text) -> None:
     shuffled = skl(columns=lambda names: [str(n) for n in np.random.default_rng(2).permutation(names)])
     assert np.array_equal(
-        nui_skl.read(Source.of_text(shuffled, PATH)).positions,
-        nui_skl.read(Source.of_text(skl(), PATH)).positions,
+        nui_skl.read(source_of(shuffled, PATH)).positions,
+        nui_skl.read(source_of(skl(), PATH)).positions,
     )
 
 
@@ -57,7 +58,7 @@ def test_states_and_what_is_not_tracked(skl: Text) -> None:
     states = np.full((40, 20), 2)
     states[7, NODE_INDEX["head"]] = 0
     states[8, NODE_INDEX["knee_left"]] = 1
-    clip = nui_skl.read(Source.of_text(skl(states=states), PATH))
+    clip = nui_skl.read(source_of(skl(states=states), PATH))
     assert np.array_equal(clip.states, states)
     missing = np.isnan(clip.positions).any(axis=-1)
     assert np.array_equal(missing, states == 0)
@@ -72,14 +73,14 @@ def test_the_sensors_origin_and_nan_are_no_positions(skl: Text) -> None:
         for axis in "XYZ":
             fields[names.index(f"Head_{axis}")] = value
         lines[line] = "\t".join(fields)
-    clip = nui_skl.read(Source.of_text("\n".join(lines), PATH))
+    clip = nui_skl.read(source_of("\n".join(lines), PATH))
     assert np.flatnonzero(clip.states[:, NODE_INDEX["head"]] == 0).tolist() == [3, 4]
     assert np.isnan(clip.positions[[3, 4], NODE_INDEX["head"]]).all()
 
 
 def test_repeated_and_earlier_times_are_dropped_and_counted(skl: Text) -> None:
     times = [0, 31, 62, 62, 94, 40, 95, 156]
-    clip = nui_skl.read(Source.of_text(skl(8, times_ms=times), PATH))
+    clip = nui_skl.read(source_of(skl(8, times_ms=times), PATH))
     assert clip.times.tolist() == pytest.approx([0.0, 0.031, 0.062, 0.094, 0.095, 0.156])
     assert [d["count"] for d in clip.provenance["reading"]["defects"]] == [2]
 
@@ -87,11 +88,11 @@ def test_repeated_and_earlier_times_are_dropped_and_counted(skl: Text) -> None:
 def test_a_clock_in_another_unit_is_refused(skl: Text) -> None:
     for unit in (1e-3, 1e4):  # seconds, and the 100 ns of a Kinect v2
         with pytest.raises(CaptureError, match="expected timestamps in ms, with steps of 5 to 500, found"):
-            nui_skl.read(Source.of_text(skl(8, times_ms=[33 * unit * k for k in range(8)]), PATH))
+            nui_skl.read(source_of(skl(8, times_ms=[33 * unit * k for k in range(8)]), PATH))
 
 
 def test_the_clock_is_the_captures_own(skl: Text) -> None:
-    clip = nui_skl.read(Source.of_text(skl(3, times_ms=[18930265, 18930297, 18930333]), PATH))
+    clip = nui_skl.read(source_of(skl(3, times_ms=[18930265, 18930297, 18930333]), PATH))
     assert clip.times.tolist() == pytest.approx([18930.265, 18930.297, 18930.333])
 
 
@@ -119,7 +120,7 @@ def test_the_clock_is_the_captures_own(skl: Text) -> None:
 )
 def test_mistakes_are_named_with_their_line(skl: Text, change: Callable[[str], str], message: str) -> None:
     with pytest.raises(CaptureError, match=message) as caught:
-        nui_skl.read(Source.of_text(change(skl().replace("\r\n", "\n")), PATH))
+        nui_skl.read(source_of(change(skl().replace("\r\n", "\n")), PATH))
     assert "\n" not in str(caught.value)
 
 

@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from samples import processing_session as sample
+from samples import source_of
 from samples.kimore import SENSOR
 from samples.motion import in_sight, kinect_v2_joints, walk
 
@@ -14,7 +15,6 @@ from kinemimic.pipeline.errors import CaptureError
 from kinemimic.pipeline.kinematics.clip import Clip, forward_kinematics
 from kinemimic.pipeline.kinematics.rotations import rotate
 from kinemimic.pipeline.readers import recognise
-from kinemimic.pipeline.readers.base.source import Source
 from kinemimic.pipeline.readers.kinect.kinect_v2 import FROM_SDK, JOINTS
 
 TAKE = sample.files()["skeleton1.txt"].decode()
@@ -22,7 +22,7 @@ LINES = TAKE.strip().split("\n")
 
 
 def read(text: str) -> Clip:
-    return recognise.read_source(Source.of_text(text, Path("skeleton1.txt")))
+    return recognise.read_source(source_of(text, Path("skeleton1.txt")))
 
 
 def bone_product(clip: Clip, joint: str) -> float:

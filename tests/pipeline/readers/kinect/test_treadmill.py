@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from samples import source_of
 from samples.motion import in_range, walk
 from samples.treadmill import files
 
@@ -14,7 +15,6 @@ from kinemimic.pipeline.errors import CaptureError
 from kinemimic.pipeline.kinematics.angles import leg_angles
 from kinemimic.pipeline.kinematics.clip import Clip
 from kinemimic.pipeline.kinematics.skeleton import NODE_INDEX
-from kinemimic.pipeline.readers.base.source import Source
 from kinemimic.pipeline.readers.kinect.treadmill import angles_of_recorder, true_rate
 from kinemimic.pipeline.readers.recognise import read, read_source
 
@@ -26,7 +26,7 @@ def sample(frames: int = 12) -> str:
 
 
 def clip_of(text: str) -> Clip:
-    return read_source(Source.of_text(text, PATH))
+    return read_source(source_of(text, PATH))
 
 
 def defects(clip: Clip) -> dict[str, int]:

@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from samples import source_of
 
 from kinemimic.pipeline.arrays import Array
 from kinemimic.pipeline.errors import CaptureError
@@ -35,7 +36,7 @@ def test_kinematics_by_hand(bvh: Text) -> None:
     motion[1, 3:6] = [10, 20, 30]  # root Z Y X
     motion[1, 27:30] = [-40, 50, 60]  # left thigh Z X Y
     motion[1, 30:33] = [70, -15, 25]  # left knee X Y Z
-    clip = reader.read(Source.of_text(bvh(motion=motion), PATH))
+    clip = reader.read(source_of(bvh(motion=motion), PATH))
     root = turn("Z", 10) @ turn("Y", 20) @ turn("X", 30)
     thigh = root @ turn("Z", -40) @ turn("X", 50) @ turn("Y", 60)
     shank = thigh @ turn("X", 70) @ turn("Y", -15) @ turn("Z", 25)
@@ -49,7 +50,7 @@ def test_kinematics_by_hand(bvh: Text) -> None:
 
 
 def test_orders_channels_and_clock(bvh: Text) -> None:
-    clip = reader.read(Source.of_text(bvh(), PATH))
+    clip = reader.read(source_of(bvh(), PATH))
     orders = dict(zip(clip.skeleton.names, clip.orders or (), strict=True))
     assert orders["Hips"] == "ZYX"
     assert orders["LeftForeArm"] == "YZX"
@@ -68,7 +69,7 @@ def test_any_order_of_three_channels(bvh: Text, order: str) -> None:
         "LeftUpLeg { OFFSET 9 -8 0 CHANNELS 3 Zrotation Xrotation Yrotation",
         "LeftUpLeg { OFFSET 9 -8 0 CHANNELS 3 " + names,
     )
-    clip = reader.read(Source.of_text(text, PATH))
+    clip = reader.read(source_of(text, PATH))
     joint = clip.skeleton.index("LeftUpLeg")
     assert clip.euler is not None and clip.orders is not None
     assert clip.orders[joint] == order
@@ -88,7 +89,7 @@ def test_position_channels_replace_the_offset(bvh: Text) -> None:
     head, rows = text.split("0.0333333\n")
     lines = [row.split() for row in rows.strip().split("\n")]
     longer = [" ".join([*row[:27], "11", "-7", "1", *row[27:]]) for row in lines]
-    clip = reader.read(Source.of_text(head + "0.0333333\n" + "\n".join(longer), PATH))
+    clip = reader.read(source_of(head + "0.0333333\n" + "\n".join(longer), PATH))
     hips, thigh = (clip.positions[:, clip.skeleton.index(name)] for name in ("Hips", "LeftUpLeg"))
     assert np.linalg.norm(thigh - hips, axis=-1) == pytest.approx(0.01 * np.sqrt(121 + 49 + 1))
 
@@ -106,8 +107,8 @@ def test_position_channels_replace_the_offset(bvh: Text) -> None:
 )
 def test_spelling_does_not_matter(bvh: Text, change: Callable[[str], str]) -> None:
     assert np.array_equal(
-        reader.read(Source.of_text(change(bvh()), PATH)).positions,
-        reader.read(Source.of_text(bvh(), PATH)).positions,
+        reader.read(source_of(change(bvh()), PATH)).positions,
+        reader.read(source_of(bvh(), PATH)).positions,
     )
 
 
@@ -148,7 +149,7 @@ def test_a_small_child_is_no_giant_in_inches(metres: float, leg: float) -> None:
 
 def test_a_doubtful_unit_is_in_the_report(bvh: Text) -> None:
     child = bvh().replace("OFFSET 0 -43 0", "OFFSET 0 -23 0").replace("OFFSET 0 -40 0", "OFFSET 0 -21 0")
-    reading = reader.read(Source.of_text(child, PATH)).provenance["reading"]
+    reading = reader.read(source_of(child, PATH)).provenance["reading"]
     assert reading["units"] == "cm"
     (defect,) = reading["defects"]
     assert (defect["rule"], defect["action"]) == ("wrong_units", "flagged")
@@ -172,7 +173,7 @@ def t_pose_before(frames: int, leading: int) -> Array:
 
 @pytest.mark.parametrize("leading", [1, 2])
 def test_calibration_pose_is_dropped_and_told(bvh: Text, leading: int) -> None:
-    clip = reader.read(Source.of_text(bvh(motion=t_pose_before(60, leading)), PATH))
+    clip = reader.read(source_of(bvh(motion=t_pose_before(60, leading)), PATH))
     assert len(clip.times) == 60 - leading
     assert clip.times[0] == pytest.approx(leading * 0.0333333)
     reading = clip.provenance["reading"]
@@ -183,7 +184,7 @@ def test_calibration_pose_is_dropped_and_told(bvh: Text, leading: int) -> None:
 
 def test_a_motion_in_whole_degrees_or_starting_at_rest_keeps_its_first_frame(bvh: Text) -> None:
     for motion in (np.round(t_pose_before(60, 0)), t_pose_before(60, 0) * np.linspace(0, 1, 60)[:, None]):
-        clip = reader.read(Source.of_text(bvh(motion=motion), PATH))
+        clip = reader.read(source_of(bvh(motion=motion), PATH))
         assert len(clip.times) == 60
         assert clip.provenance["reading"]["defects"] == []
 
@@ -229,16 +230,16 @@ def test_a_motion_in_whole_degrees_or_starting_at_rest_keeps_its_first_frame(bvh
 )
 def test_mistakes_are_named_with_their_line(bvh: Text, change: Callable[[str], str], message: str) -> None:
     with pytest.raises(CaptureError, match=message) as caught:
-        reader.read(Source.of_text(change(bvh()), PATH))
+        reader.read(source_of(change(bvh()), PATH))
     assert "\n" not in str(caught.value)
 
 
 def test_frames_that_are_there_are_read_whatever_the_file_declares(bvh: Text) -> None:
-    fewer = reader.read(Source.of_text("\n".join(bvh().split("\n")[:40]), PATH))
+    fewer = reader.read(source_of("\n".join(bvh().split("\n")[:40]), PATH))
     assert len(fewer.times) == 16
     (defect,) = fewer.provenance["reading"]["defects"]
     assert (defect["rule"], defect["count"], defect["action"]) == ("dropped_frames", 24, "flagged")
-    more = reader.read(Source.of_text(bvh().replace("Frames: 40", "Frames: 39"), PATH))
+    more = reader.read(source_of(bvh().replace("Frames: 40", "Frames: 39"), PATH))
     assert len(more.times) == 40
     assert more.provenance["reading"]["notes"] == ["the file declares 39 frames but has 40: all are read"]
 
@@ -246,19 +247,19 @@ def test_frames_that_are_there_are_read_whatever_the_file_declares(bvh: Text) ->
 def test_decimal_commas(bvh: Text) -> None:
     motion = np.round(t_pose_before(30, 0), 3) + 0.0001
     points = bvh(motion=motion)
-    commas = reader.read(Source.of_text(points.replace(".", ","), PATH))
-    assert np.array_equal(commas.positions, reader.read(Source.of_text(points, PATH)).positions)
+    commas = reader.read(source_of(points.replace(".", ","), PATH))
+    assert np.array_equal(commas.positions, reader.read(source_of(points, PATH)).positions)
     assert commas.provenance["reading"]["notes"] == ["the numbers have decimal commas"]
 
 
 def test_a_leaf_without_an_end_site(bvh: Text) -> None:
-    clip = reader.read(Source.of_text(bvh().replace("End Site { OFFSET 0 -4 12 }", ""), PATH))
+    clip = reader.read(source_of(bvh().replace("End Site { OFFSET 0 -4 12 }", ""), PATH))
     assert "LeftFoot_end" not in clip.skeleton.names
 
 
 def test_no_motion_at_all(bvh: Text, captures: Path) -> None:
     with pytest.raises(CaptureError, match="every channel is zero in all 30 frames; no motion was recorded"):
-        reader.read(Source.of_text(bvh(motion=np.zeros((30, 37))), PATH))
+        reader.read(source_of(bvh(motion=np.zeros((30, 37))), PATH))
     with pytest.raises(CaptureError, match="every channel is zero in all 219 frames"):
         reader.read(Source.open(captures / "kinect2_kinect2bvh" / "test.bvh"))
     with pytest.raises(CaptureError, match=r"line 5: .*found 'ROT'"):
@@ -271,18 +272,18 @@ def test_no_number_in_the_motion(bvh: Text, word: str) -> None:
     fields = lines[30].split()
     lines[30] = " ".join([*fields[:4], word, *fields[5:]])
     with pytest.raises(CaptureError, match="line 31"):
-        reader.read(Source.of_text("\n".join(lines), PATH))
+        reader.read(source_of("\n".join(lines), PATH))
 
 
 def test_deep_nesting_is_refused_without_exhausting_the_stack() -> None:
     deep = "HIERARCHY\nROOT r {" + "JOINT a {" * 50_000
     with pytest.raises(CaptureError, match=f"nested at most {MAX_DEPTH} deep"):
-        parse(Source.of_text(deep, PATH))
+        parse(source_of(deep, PATH))
 
 
 def test_names_that_repeat_are_told_apart(bvh: Text) -> None:
     text = bvh().replace("OFFSET 0 -4 12 }", "OFFSET 0 -4 12 } End Site { OFFSET 0 -4 9 }", 1)
-    names = reader.read(Source.of_text(text, PATH)).skeleton.names
+    names = reader.read(source_of(text, PATH)).skeleton.names
     assert {"LeftFoot_end", "LeftFoot_end_2"} <= set(names)
 
 

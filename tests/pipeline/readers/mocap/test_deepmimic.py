@@ -9,13 +9,13 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from samples import source_of
 from samples.deepmimic import files
 from samples.motion import rigid_walk
 
 from kinemimic.pipeline.errors import CaptureError, KinemimicError
 from kinemimic.pipeline.kinematics.angles import leg_angles
 from kinemimic.pipeline.kinematics.skeleton import NODE_INDEX as N
-from kinemimic.pipeline.readers.base.source import Source
 from kinemimic.pipeline.readers.mocap.deepmimic import read_deepmimic, stock_motion
 from kinemimic.pipeline.readers.recognise import read_source
 
@@ -114,7 +114,7 @@ def test_every_stock_motion_is_read(name: str) -> None:
 
 def test_the_known_walk_comes_back() -> None:
     (content,) = files(40).values()
-    clip, walk = read_source(Source.of_text(content.decode(), Path("walk.txt"))), rigid_walk(40, 30.0)
+    clip, walk = read_source(source_of(content.decode(), Path("walk.txt"))), rigid_walk(40, 30.0)
     np.testing.assert_allclose(clip.positions, walk.joints, atol=1e-8)
     np.testing.assert_allclose(clip.times, walk.times, atol=1e-8)
     assert clip.angles is not None
@@ -128,9 +128,9 @@ def test_any_layout_of_the_same_json_gives_the_same(indent: int | None) -> None:
     (content,) = files(12).values()
     value = json.loads(content)
     last = {"Frames": value["Frames"], "Loop": "wrap", "Note": "[1, 2]"}
-    plain = read_source(Source.of_text(content.decode(), Path("walk.txt")))
+    plain = read_source(source_of(content.decode(), Path("walk.txt")))
     for other in (json.dumps(value, indent=indent), json.dumps(last, indent=indent)):
-        clip = read_source(Source.of_text(other, Path("walk.txt")))
+        clip = read_source(source_of(other, Path("walk.txt")))
         assert np.array_equal(clip.positions, plain.positions)
 
 
@@ -150,7 +150,7 @@ def test_any_layout_of_the_same_json_gives_the_same(indent: int | None) -> None:
 def test_damaged_text_is_named(change: Callable[[str], str], message: str) -> None:
     (content,) = files(12).values()
     with pytest.raises(CaptureError, match=message) as caught:
-        read_source(Source.of_text(change(content.decode()), Path("walk.txt")))
+        read_source(source_of(change(content.decode()), Path("walk.txt")))
     assert "\n" not in str(caught.value)
 
 

@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from numpy.typing import NDArray
+from samples import source_of
 from samples.mot import columns, files, written
 from samples.motion import rigid_walk
 
@@ -15,7 +16,6 @@ from kinemimic.pipeline.errors import CaptureError
 from kinemimic.pipeline.kinematics.angles import ANGLES, leg_angles
 from kinemimic.pipeline.kinematics.clip import Clip
 from kinemimic.pipeline.kinematics.nodes import to_nodes
-from kinemimic.pipeline.readers.base.source import Source
 from kinemimic.pipeline.readers.recognise import read, read_source
 
 FRAMES = 60
@@ -27,7 +27,7 @@ def sample() -> str:
 
 
 def clip_of(text: str) -> Clip:
-    return read_source(Source.of_text(text, PATH))
+    return read_source(source_of(text, PATH))
 
 
 def curves_agree(clip: Clip, tolerance: float = 1e-9) -> None:

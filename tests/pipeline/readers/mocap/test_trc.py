@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from samples import source_of
 from samples.motion import in_sight, walk
 from samples.trc import RATE, files, markers, text
 
@@ -17,14 +18,13 @@ from kinemimic.pipeline.kinematics.nodes import derived_nodes, to_nodes
 from kinemimic.pipeline.kinematics.skeleton import NODE_INDEX
 from kinemimic.pipeline.quality.check import check_capture
 from kinemimic.pipeline.readers import recognise
-from kinemimic.pipeline.readers.base.source import Source
 
 TEXT = files(30)["walk.trc"].decode()
 LONGER = files(90)["walk.trc"].decode()
 
 
 def read(content: str) -> Clip:
-    return recognise.read_source(Source.of_text(content, Path("walk.trc")))
+    return recognise.read_source(source_of(content, Path("walk.trc")))
 
 
 def notes(clip: Clip) -> str:

@@ -7,13 +7,13 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from samples import source_of
 from samples.andersson import ORDER, files
 from samples.motion import in_range, walk
 
 from kinemimic.pipeline.errors import CaptureError
 from kinemimic.pipeline.kinematics.clip import Clip
 from kinemimic.pipeline.kinematics.skeleton import NODE_INDEX
-from kinemimic.pipeline.readers.base.source import Source
 from kinemimic.pipeline.readers.public_datasets import andersson
 from kinemimic.pipeline.readers.recognise import read, read_source
 
@@ -25,7 +25,7 @@ def sample(frames: int = 12) -> str:
 
 
 def clip_of(text: str) -> Clip:
-    return read_source(Source.of_text(text, PATH))
+    return read_source(source_of(text, PATH))
 
 
 def length(clip: Clip, a: str, b: str) -> float:
@@ -101,8 +101,8 @@ def test_damage_is_named_with_its_line(change: Callable[[list[str]], object], me
 
 
 def test_recognised_by_names_only() -> None:
-    assert andersson.recognises(Source.of_text(sample(), PATH))
-    assert not andersson.recognises(Source.of_text("a;1;2;3\nb;1;2;3\n", PATH))
+    assert andersson.recognises(source_of(sample(), PATH))
+    assert not andersson.recognises(source_of("a;1;2;3\nb;1;2;3\n", PATH))
 
 
 def test_real_recordings(captures: Path) -> None:

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 from samples import khokhlova as sample
+from samples import source_of
 from samples.kimore import SENSOR
 from samples.motion import in_sight, kinect_v2_joints, walk
 
@@ -15,14 +16,13 @@ from kinemimic.pipeline.errors import CaptureError
 from kinemimic.pipeline.kinematics.clip import Clip, forward_kinematics
 from kinemimic.pipeline.kinematics.rotations import rotate
 from kinemimic.pipeline.readers import recognise
-from kinemimic.pipeline.readers.base.source import Source
 from kinemimic.pipeline.readers.kinect.kinect_v2 import FROM_SDK, JOINTS
 
 TAKE = sample.files()["JointsInfo.txt"].decode()
 
 
 def read(text: str) -> Clip:
-    return recognise.read_source(Source.of_text(text, Path("JointsInfo.txt")))
+    return recognise.read_source(source_of(text, Path("JointsInfo.txt")))
 
 
 def bone_products(clip: Clip, *, w_first: bool = False) -> NDArray[np.float64]:

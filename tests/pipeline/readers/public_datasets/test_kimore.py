@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from samples import kimore as sample
+from samples import source_of
 from samples.motion import in_sight, kinect_v2_joints, walk
 
 from kinemimic.pipeline.errors import CaptureError
@@ -14,7 +15,6 @@ from kinemimic.pipeline.kinematics.angles import leg_angles
 from kinemimic.pipeline.kinematics.clip import Clip
 from kinemimic.pipeline.kinematics.nodes import to_nodes
 from kinemimic.pipeline.readers import recognise
-from kinemimic.pipeline.readers.base.source import Source
 from kinemimic.pipeline.readers.kinect.kinect_v2 import FROM_SDK
 from kinemimic.pipeline.readers.public_datasets import kimore
 
@@ -24,7 +24,7 @@ EXPECTED = (kinect_v2_joints(in_sight(walk(90))) + sample.SENSOR[[2, 0, 1]])[:, 
 
 
 def read(text: str) -> Clip:
-    return recognise.read_source(Source.of_text(text, Path("take.csv")))
+    return recognise.read_source(source_of(text, Path("take.csv")))
 
 
 def length(clip: Clip, start: str, end: str) -> float:

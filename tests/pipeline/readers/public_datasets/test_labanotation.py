@@ -8,13 +8,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 from samples import labanotation as sample
+from samples import source_of
 from samples.kimore import SENSOR
 from samples.motion import in_sight, kinect_v2_joints, walk
 
 from kinemimic.pipeline.errors import CaptureError
 from kinemimic.pipeline.kinematics.clip import Clip
 from kinemimic.pipeline.readers import recognise
-from kinemimic.pipeline.readers.base.source import Source
 from kinemimic.pipeline.readers.kinect.kinect_v2 import FROM_SDK, JOINTS
 
 TAKE = sample.files()["joints.csv"].decode()
@@ -22,7 +22,7 @@ LEGS = [JOINTS.index(name) for name in ("AnkleLeft", "FootLeft", "AnkleRight", "
 
 
 def read(text: str) -> Clip:
-    return recognise.read_source(Source.of_text(text, Path("joints.csv")))
+    return recognise.read_source(source_of(text, Path("joints.csv")))
 
 
 def test_the_written_walk_comes_back() -> None:

@@ -7,13 +7,13 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from samples import source_of
 from samples.motion import in_range, walk
 from samples.msr_action3d import UNSEEN, files
 
 from kinemimic.pipeline.errors import CaptureError
 from kinemimic.pipeline.kinematics.clip import Clip
 from kinemimic.pipeline.kinematics.skeleton import INFERRED, NODE_INDEX, NODES, TRACKED
-from kinemimic.pipeline.readers.base.source import Source
 from kinemimic.pipeline.readers.public_datasets import msr_action3d
 from kinemimic.pipeline.readers.recognise import read, read_source
 
@@ -25,7 +25,7 @@ def sample(frames: int = 8) -> str:
 
 
 def clip_of(text: str) -> Clip:
-    return read_source(Source.of_text(text, PATH))
+    return read_source(source_of(text, PATH))
 
 
 def test_what_was_written_is_read() -> None:
@@ -83,7 +83,7 @@ def test_image_coordinates_are_known_and_refused() -> None:
 def test_four_numbers_without_a_body_are_not_claimed() -> None:
     rng = np.random.default_rng(4)
     text = "\n".join(" ".join(f"{x:.4f}" for x in row) for row in rng.uniform(0, 1, size=(80, 4)))
-    assert not msr_action3d.recognises(Source.of_text(text, PATH))
+    assert not msr_action3d.recognises(source_of(text, PATH))
     with pytest.raises(CaptureError, match="formats of that width: MSR-Action3D lines"):
         clip_of(text)
 

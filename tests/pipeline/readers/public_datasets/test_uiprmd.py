@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from samples import source_of
 from samples.motion import in_sight, walk
 from samples.uiprmd import files, joints
 
@@ -18,7 +19,6 @@ from kinemimic.pipeline.kinematics.euler import positions_of_channels
 from kinemimic.pipeline.kinematics.nodes import derived_nodes, joints_by_name, to_nodes
 from kinemimic.pipeline.kinematics.skeleton import NODE_INDEX
 from kinemimic.pipeline.readers import recognise
-from kinemimic.pipeline.readers.base.source import Source
 from kinemimic.pipeline.readers.public_datasets import uiprmd
 from kinemimic.pipeline.readers.public_datasets.uiprmd import JOINTS, ORDER
 
@@ -131,7 +131,7 @@ def test_lines_of_zeros_are_left_out(tmp_path: Path) -> None:
 
 def test_other_tables_of_66_numbers_are_not_claimed() -> None:
     rng = np.random.default_rng(1)
-    assert not uiprmd.recognises(Source.of_text(text(rng.normal(size=(20, 66))).decode(), Path("t.csv")))
+    assert not uiprmd.recognises(source_of(text(rng.normal(size=(20, 66))).decode(), Path("t.csv")))
 
 
 def sway(clip: Clip, order: str) -> float:

@@ -7,13 +7,13 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from samples import source_of
 from samples.motion import in_range, walk
 from samples.utkinect import FIRST, files, numbers
 
 from kinemimic.pipeline.errors import CaptureError
 from kinemimic.pipeline.kinematics.clip import Clip
 from kinemimic.pipeline.kinematics.skeleton import NODE_INDEX
-from kinemimic.pipeline.readers.base.source import Source
 from kinemimic.pipeline.readers.public_datasets import utkinect
 from kinemimic.pipeline.readers.recognise import read, read_source
 
@@ -25,7 +25,7 @@ def sample(frames: int = 48) -> str:
 
 
 def clip_of(text: str) -> Clip:
-    return read_source(Source.of_text(text, PATH))
+    return read_source(source_of(text, PATH))
 
 
 def defects(clip: Clip) -> dict[str, int]:
@@ -102,18 +102,18 @@ def test_a_second_recording_behind_the_first_is_told() -> None:
 def test_damage_is_named_with_its_line(change: Callable[[str], str], message: str) -> None:
     text = change(sample())
     with pytest.raises(CaptureError, match=message):
-        utkinect.read(Source.of_text(text, PATH))
+        utkinect.read(source_of(text, PATH))
 
 
 def test_a_table_of_61_numbers_without_a_body_is_not_claimed() -> None:
     rng = np.random.default_rng(3)
     rows = np.column_stack([np.arange(70), rng.normal(size=(70, 60))])
     text = "\n".join(" ".join(f"{x:.5f}" for x in row) for row in rows)
-    assert not utkinect.recognises(Source.of_text(text, PATH))
+    assert not utkinect.recognises(source_of(text, PATH))
     with pytest.raises(CaptureError, match="formats of that width: UTKinect lines"):
         clip_of(text)
     # Numbers that fall are no frame numbers.
-    assert not utkinect.recognises(Source.of_text("\n".join(reversed(sample().split("\n"))), PATH))
+    assert not utkinect.recognises(source_of("\n".join(reversed(sample().split("\n"))), PATH))
 
 
 def test_real_recordings(captures: Path) -> None:
