@@ -6,13 +6,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
-"""What the pipeline computes with."""
+"""Positions, rotations, angles and times of captures and motions."""
 
 Floats = NDArray[np.float32]
-"""What networks learn with and what the simulation's observations are."""
+"""Observations, actions and parameters of networks."""
 
 Mask = NDArray[np.bool_]
-"""Which frames, joints or environments are meant."""
+"""Selections of frames, joints or environments."""
 
 States = NDArray[np.uint8]
 """Tracking states: 0 missing, 1 inferred, 2 tracked."""

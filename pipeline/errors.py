@@ -1,4 +1,4 @@
-"""Errors that a person can act on: what was expected, what was found, where, and what to do."""
+"""Errors that the user can fix: where, what was expected, what was found, and what to do."""
 
 from __future__ import annotations
 
@@ -6,13 +6,13 @@ from pathlib import Path
 
 
 class KinemimicError(Exception):
-    """An error of the input or of its use; the command line prints it as one line and exits with 2."""
+    """An error in the input or the options; the command line prints one line and exits with status 2."""
 
 
 class CaptureError(KinemimicError):
     """A capture file that cannot be read.
 
-    `where` names the line or frame ("line 12", "frame 40"), `advice` what the user can do.
+    where: line or frame ("line 12", "frame 40"); advice: what the user can do.
     """
 
     def __init__(
@@ -30,4 +30,4 @@ class CaptureError(KinemimicError):
 
 
 class NotACaptureError(CaptureError):
-    """A file that is no capture of any kind: neither the mark of a format nor a table of numbers."""
+    """A file that is not a capture: neither in a known format nor a table of numbers."""

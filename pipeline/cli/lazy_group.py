@@ -1,4 +1,4 @@
-"""A group of commands that are imported when they are called, so that `--help` loads nothing but click."""
+"""A group of commands that are imported when they run, so that `--help` loads only click."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from typing import Any
 
 import click
 
-# Name -> where the command is ("module:attribute"), and what it does in one line.
+# Name -> ("module:attribute" of the command, its help in one line).
 Commands = Mapping[str, tuple[str, str]]
 
 
@@ -21,7 +21,7 @@ def load(where: str) -> click.Command:
 
 
 class LazyGroup(click.Group):
-    """A group that knows its commands by name alone: `@click.group(cls=LazyGroup, lazy=COMMANDS)`."""
+    """A group of commands by name: `@click.group(cls=LazyGroup, lazy=COMMANDS)`."""
 
     def __init__(self, *arguments: Any, lazy: Commands, **options: Any) -> None:
         super().__init__(*arguments, **options)

@@ -11,60 +11,66 @@ import click
 from kinemimic.pipeline.cli.lazy_group import LazyGroup, load
 from kinemimic.pipeline.errors import KinemimicError
 
-# Each command's module is named in a string and loaded when it runs: the command line lies in the lowest
-# layer and must not import the layers above it.
+# Each command is named by a string and imported when it runs: the command line is in the lowest layer and
+# must not import the layers above it.
 COMMANDS: dict[str, tuple[str, str]] = {
-    "formats": ("kinemimic.pipeline.inspect.formats:command", "The capture formats that can be read."),
+    "formats": ("kinemimic.pipeline.inspect.formats:command", "List the readable capture formats."),
     "datasets": (
         "kinemimic.pipeline.catalog.command:command",
-        "Public recordings, and versions of data made of recordings.",
+        "Public recordings, and versioned data sets made from recordings.",
     ),
-    "inspect": ("kinemimic.pipeline.inspect.command:command", "What captures are, and how good they are."),
+    "inspect": (
+        "kinemimic.pipeline.inspect.command:command",
+        "Report contents and quality of capture files.",
+    ),
     "ingest": ("kinemimic.pipeline.ingest:command", "Read a capture: passes, gaps, filter, quality report."),
-    "convert": ("kinemimic.pipeline.convert:command", "Euler angles or positions to quaternions."),
-    "retarget": ("kinemimic.retarget.command:command", "Onto the 20 nodes and the body; JSON and MCAP."),
+    "convert": ("kinemimic.pipeline.convert:command", "Convert Euler angles or positions to quaternions."),
+    "retarget": (
+        "kinemimic.retarget.command:command",
+        "Retarget to the 20 nodes and the humanoid; JSON and MCAP.",
+    ),
     "train": ("kinemimic.train.command:command", "Train a policy that imitates the motion in Bullet."),
     "evaluate": (
         "kinemimic.evaluate.scoring.command:command",
-        "Score the policy; report, curves, scores.json.",
+        "Score a policy: report, curves, scores.json.",
     ),
     "pushes": (
         "kinemimic.evaluate.robustness.pushes:command",
-        "How hard a push the policy survives, from each side.",
+        "Measure how hard a push the policy survives from each side.",
     ),
     "disturb": (
         "kinemimic.evaluate.robustness.disturb:command",
-        "Forces, torques, obstacles, other ground: scenarios.",
+        "Run scenarios: forces, torques, obstacles, other ground.",
     ),
     "gait": (
         "kinemimic.evaluate.scoring.gait_command:command",
-        "Gait of capture, reference and simulation, over what is normal.",
+        "Compare the gait of capture, reference and simulation with norms.",
     ),
     "overlay": (
         "kinemimic.pipeline.overlay.command:command",
-        "A video of a depth recording and its skeleton.",
+        "Make a video of a depth recording and its skeleton.",
     ),
-    "view": ("kinemimic.evaluate.view.command:command", "Reference against simulated, as a rerun recording."),
+    "view": ("kinemimic.evaluate.view.command:command", "Show capture, reference and simulation in rerun."),
     "export": (
         "kinemimic.evaluate.export.command:command",
-        "Capture, reference, simulated motion, policy: BVH, TRC, MOT, CSV, npz, ONNX …",
+        "Export motions and policies: BVH, TRC, MOT, CSV, npz, ONNX …",
     ),
     "policies": (
         "kinemimic.evaluate.policies.command:command",
-        "The policies that ship, and how well they do.",
+        "List the shipped policies and their scores.",
     ),
-    "reproduce": ("kinemimic.evaluate.workflow.reproduce:command", "Make the policies that ship."),
+    "reproduce": ("kinemimic.evaluate.workflow.reproduce:command", "Retrain the shipped policies."),
     "compare": (
         "kinemimic.evaluate.compare.command:command",
-        "Tasks, presets and seeds trained and scored side by side: a table.",
+        "Train and score several tasks, presets and seeds; a table.",
     ),
     "study": (
         "kinemimic.evaluate.paper.command:command",
-        "The paper's experiments: its every number, ours beside.",
+        "Run the paper's experiments; its numbers beside ours.",
     ),
     "run": (
         "kinemimic.evaluate.workflow.run:command",
-        "Every stage on one capture, skipping what is up to date.",
+        "Run every stage on one capture, skipping what is up to date.",
     ),
 }
 
@@ -80,11 +86,11 @@ def load_command(name: str) -> click.Command:
 @click.group(cls=LazyGroup, lazy=COMMANDS, context_settings={"help_option_names": ["-h", "--help"]})
 @click.version_option(package_name="kinemimic")
 def cli() -> None:
-    """Recorded human motion in, a Bullet humanoid that performs it out, with a score."""
+    """Turn recorded human motion into a simulated humanoid that performs it, with a score."""
 
 
 def main(arguments: list[str] | None = None) -> NoReturn:
-    """Entry point: whatever the user can mend is one line on stderr; only a bug shows its traceback."""
+    """Entry point: errors that the user can fix are one line on stderr; only a bug shows a traceback."""
     sys.exit(_status(arguments))
 
 
@@ -97,14 +103,14 @@ def _status(arguments: list[str] | None) -> int:
         error.show()
         return error.exit_code
     except click.Abort as abort:
-        # click makes an Abort of an EOFError too, which here is a worker process that died: a bug.
+        # click turns an EOFError into an Abort too; here it comes from a lost pipe and is a bug.
         if isinstance(abort.__cause__, EOFError):
             raise abort.__cause__ from None
-        said = str(abort.__cause__ or "")
-        click.echo("kinemimic: interrupted" + (f"; {said}" if said else ""), err=True)
+        message = str(abort.__cause__ or "")
+        click.echo("kinemimic: interrupted" + (f"; {message}" if message else ""), err=True)
         return INTERRUPTED
     except ConnectionError:
-        # The reader of our output went away (`kinemimic … | head`), or else a worker process died: a bug.
+        # The reader of our output has gone (`kinemimic … | head`); any other lost connection is a bug.
         if _stdout_works():
             raise
         return 1
@@ -123,7 +129,7 @@ def _stdout_works() -> bool:
     try:
         sys.stdout.flush()
     except BrokenPipeError:
-        # Python flushes once more at exit; that shall not complain either.
+        # Python flushes once more at exit, which must not fail either.
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return False
     return True

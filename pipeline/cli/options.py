@@ -15,7 +15,7 @@ Command = TypeVar("Command", bound=Callable[..., Any])
 Decorator = Callable[[Callable[..., Any]], Callable[..., Any]]
 
 DEFAULT_RUN = Path("runs/default")
-# As in captures/units.py, which is not loaded for --help.
+# As in quality/rules/length_units.py, which is too slow to import for --help.
 UNITS = ("m", "cmu", "inch", "cm", "mm")
 
 
@@ -70,8 +70,6 @@ def unit_option(text: str) -> Callable[[Command], Command]:
     return click.option("--unit", type=click.Choice(UNITS), help=text)
 
 
-def json_option(
-    text: str = "Print the result as JSON.",
-) -> Callable[[Command], Command]:
-    """--json, a flag, handed to the command's function as `as_json`."""
+def json_option(text: str) -> Callable[[Command], Command]:
+    """--json, a flag, passed to the command as `as_json`."""
     return click.option("--json", "as_json", is_flag=True, help=text)

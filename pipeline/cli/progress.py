@@ -1,4 +1,4 @@
-"""Progress bars with rate and time left, on stderr, for a person at a terminal."""
+"""Progress bars with rate and remaining time, on stderr of a terminal."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from rich.text import Text
 
 
 class _Rate(ProgressColumn):
-    """Units per second, with as many digits as it takes to see it change."""
+    """Units per second; two significant digits below 10."""
 
     def render(self, task: Task) -> Text:
         speed = task.finished_speed or task.speed
@@ -22,20 +22,20 @@ class _Rate(ProgressColumn):
         return Text(f"{speed:,.0f}/s" if speed >= 10 else f"{speed:.2g}/s")
 
 
-# What another process of ours, which draws nothing, is told of a bar: its description, the units done so far,
-# and the newest numbers beside it.
+# Receives the progress of a bar that is drawn elsewhere: its description, the units done so far, and the
+# newest numbers beside it.
 Listener = Callable[[str, float, Mapping[str, object]], object]
 _listener: ContextVar[Listener | None] = ContextVar("listener", default=None)
 
 
 class Bar:
-    """What `progress` hands out: count forward, and show the newest numbers beside the bar."""
+    """A progress bar, with the newest numbers beside it."""
 
     def __init__(self, drawn: Progress, task: TaskID) -> None:
         self._drawn, self._task = drawn, task
 
     def advance(self, n: float = 1, **fields: object) -> None:
-        """Count n units further; `fields` (reward=0.83) stand beside it until replaced."""
+        """Advance by n units; `fields` (reward=0.83) are shown beside the bar until replaced."""
         if fields:
             note = "  ".join(
                 f"{k} {v:.3g}" if isinstance(v, float) else f"{k} {v}" for k, v in fields.items()
@@ -45,12 +45,12 @@ class Bar:
             self._drawn.update(self._task, advance=n)
 
     def remove(self) -> None:
-        """Take it off the screen."""
+        """Remove the bar from the screen."""
         self._drawn.remove_task(self._task)
 
 
 class _ForwardedBar(Bar):
-    """A bar that is drawn elsewhere."""
+    """A bar whose progress goes to a listener."""
 
     def __init__(self, listener: Listener, description: str) -> None:
         self._listener, self._description, self._done = listener, description, 0.0
@@ -61,23 +61,23 @@ class _ForwardedBar(Bar):
 
 
 class Bars:
-    """Several bars below each other."""
+    """Several bars, one below the other."""
 
     def __init__(self, drawn: Progress) -> None:
         self._drawn = drawn
 
     def add(self, description: str, total: float) -> Bar:
-        """One more, from 0 to `total` units."""
+        """Add a bar from 0 to `total` units."""
         return Bar(self._drawn, self._drawn.add_task(description, total=total, note=""))
 
     def say(self, text: str) -> None:
-        """A line that stays, above the bars; to stderr, whether bars are drawn or not."""
+        """Print a line to stderr, above the bars if there are any."""
         self._drawn.console.print(text, markup=False, highlight=False, soft_wrap=True)
 
 
 @contextmanager
 def bars() -> Iterator[Bars]:
-    """Several bars. Silent when stderr is no terminal and under a command's --json."""
+    """Several bars; silent if stderr is not a terminal or the command has --json."""
     console = Console(stderr=True)
     columns = (
         TextColumn("{task.description}"),
@@ -102,7 +102,7 @@ def bars() -> Iterator[Bars]:
 def progress(description: str, total: float) -> Iterator[Bar]:
     """A bar from 0 to `total` units: `with progress("train", budget) as bar: bar.advance(4096, reward=0.8)`.
 
-    Silent when stderr is no terminal and under a command's --json.
+    Silent if stderr is not a terminal or the command has --json.
     """
     if (listener := _listener.get()) is not None:
         yield _ForwardedBar(listener, description)
@@ -113,7 +113,7 @@ def progress(description: str, total: float) -> Iterator[Bar]:
 
 @contextmanager
 def forwarded_progress(listener: Listener) -> Iterator[None]:
-    """In here `progress` draws nothing and tells the listener."""
+    """Within this block `progress` draws nothing and calls the listener."""
     token = _listener.set(listener)
     try:
         yield
@@ -122,7 +122,7 @@ def forwarded_progress(listener: Listener) -> Iterator[None]:
 
 
 def _json_requested() -> bool:
-    """True inside a command that was called with --json, whatever its parameter is called in Python."""
+    """True inside a command that was called with --json."""
     context = click.get_current_context(silent=True)
     return context is not None and any(
         "--json" in parameter.opts and bool(context.params.get(parameter.name or ""))

@@ -1,4 +1,4 @@
-"""How reports stand in a terminal: one width, one look, numbers or a dash."""
+"""Tables, headings and numbers of reports in a terminal."""
 
 from __future__ import annotations
 
@@ -8,12 +8,12 @@ from rich.console import Console, RenderableType
 from rich.table import Table
 from rich.text import Text
 
-# In a pipe or a file, where there is no terminal to ask.
+# Characters, if stdout is not a terminal.
 WIDTH = 100
 
 
 def show(*parts: RenderableType) -> None:
-    """Print to stdout; words wrap at the width of the terminal."""
+    """Print to stdout; text wraps at the width of the terminal."""
     console = Console(highlight=False, markup=False)
     if not console.is_terminal and "COLUMNS" not in os.environ:
         console = Console(highlight=False, markup=False, width=WIDTH)
@@ -22,7 +22,7 @@ def show(*parts: RenderableType) -> None:
 
 
 def grid(*columns: str, left: int = 1, gap: int = 2) -> Table:
-    """A table of numbers under headings, `gap` spaces apart; the first `left` columns are words."""
+    """A table with headings, `gap` spaces apart; the first `left` columns are text, the others numbers."""
     table = Table(box=None, pad_edge=False, padding=(0, gap, 0, 0), header_style="bold")
     for index, column in enumerate(columns):
         words = index < left
@@ -31,7 +31,7 @@ def grid(*columns: str, left: int = 1, gap: int = 2) -> Table:
 
 
 def key_value_table() -> Table:
-    """Two columns: what, and what of it; the second wraps within itself."""
+    """A table of two columns, name and value; long values wrap in their column."""
     table = Table.grid(padding=(0, 2, 0, 0))
     table.add_column(style="bold", no_wrap=True)
     table.add_column(overflow="fold")
@@ -39,15 +39,15 @@ def key_value_table() -> Table:
 
 
 def heading(text: str) -> Text:
-    """A line that begins a part."""
+    """Heading of a section."""
     return Text(f"\n{text}", style="bold")
 
 
 def number(value: float | None, digits: int, unit: str = "") -> str:
-    """A number with so many decimals and its unit, or a dash."""
+    """A number with `digits` decimals and its unit, or a dash for None."""
     return "-" if value is None else f"{value:.{digits}f}{unit}"
 
 
 def percent(share: float | None) -> str:
-    """A share as a number of per cent with one decimal, or a dash."""
+    """A share in per cent with one decimal, or a dash for None."""
     return number(None if share is None else 100.0 * share, 1)
