@@ -1,4 +1,4 @@
-"""`kinemimic export`: capture, reference and simulated motion in the formats of other programs."""
+"""`kinemimic export`: capture, reference, simulated motion and policy in the formats of other programs."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from typing import Any
 
 import click
 
-from kinemimic.evaluate.export.subject import SUBJECTS, Subject, of_mcap, of_run
+from kinemimic.evaluate.export.motion_source import SOURCES, MotionSource, source_of_mcap, sources_of_run
 from kinemimic.evaluate.policies.shipped import POLICY, run_options
 from kinemimic.pipeline.cli.options import json_option
 from kinemimic.pipeline.cli.terminal import grid, show
@@ -29,17 +29,17 @@ from kinemimic.retarget.formats.motion_json import motion_to_json
 from kinemimic.retarget.formats.urdf import humanoid_urdf
 from kinemimic.retarget.formats.write_mcap import write_mcap
 
-WRITERS: dict[str, Callable[[Path, Subject], None]] = {
+WRITERS: dict[str, Callable[[Path, MotionSource], None]] = {
     "bvh": lambda path, of: write_bvh(path, of.poses),
     "trc": lambda path, of: write_trc(path, of.clip),
     "mot": lambda path, of: write_mot(path, of.on_nodes),
     "csv": lambda path, of: write_csv(path, of.clip, of.angles),
     "npz": lambda path, of: write_npz(path, of.poses),
-    "deepmimic": lambda path, of: write_deepmimic(path, of.closed, loop=of.motion.cyclic),
+    "deepmimic": lambda path, of: write_deepmimic(path, of.with_closing_frame, loop=of.motion.cyclic),
     "json": lambda path, of: write_text(path, motion_to_json(of.motion)),
     "mcap": lambda path, of: write_mcap(path, of.motion),
 }
-# DeepMimic's own files are called .txt, which says nothing; two formats here are JSON.
+# DeepMimic calls its files .txt, which is ambiguous; two formats here are JSON.
 ENDINGS: dict[str, str] = {name: f".{name}" for name in WRITERS} | {"deepmimic": ".deepmimic.json"}
 URDF = "urdf"
 ONNX = "onnx"
@@ -47,8 +47,8 @@ FORMATS: tuple[str, ...] = (*WRITERS, URDF, ONNX)
 
 
 @dataclass(frozen=True)
-class Written:
-    """A file that was written; frames and rate are those of the motion in it, None for the body alone."""
+class ExportedFile:
+    """A written file. frames, rate: of its motion; None if it contains no motion."""
 
     path: Path
     what: str
@@ -64,44 +64,46 @@ class Written:
 
 
 def export(
-    subjects: Mapping[str, Subject],
+    sources: Mapping[str, MotionSource],
     formats: Iterable[str],
     folder: Path,
     name: str,
     policy: Path | None = None,
-) -> list[Written]:
-    """Write every subject in every format as folder/name-subject.ext, and the body as name-humanoid.urdf.
+) -> list[ExportedFile]:
+    """Write every motion in every format as folder/name-source.ext, and the body as name-humanoid.urdf.
 
-    policy: a trained one, which is written as name-policy.onnx.
+    policy: a trained policy, written as name-policy.onnx.
 
-    Beside a file stands the same name with .provenance.json for an ending: few of these formats can say where
-    they come from, and `ingest` reads it with a capture of that name.
+    Each motion file gets a sidecar file with the ending .provenance.json, because few of these formats can
+    store their origin; `ingest` reads it along with a capture of the same name.
     """
-    written: list[Written] = []
+    written: list[ExportedFile] = []
     wanted = [form for form in FORMATS if form in set(formats)]
-    for what, subject in subjects.items():
+    for what, source in sources.items():
         paths = {form: folder / f"{name}-{what}{ENDINGS[form]}" for form in wanted if form in WRITERS}
-        made_by = provenance("export", inputs=subject.inputs, config={"formats": wanted})
-        # What a policy performs is no recording either, whatever it imitates.
-        made = subject.simulated or what == "simulated"
-        # First: no file of a simulation is ever without the note that says so.
+        made_by = provenance("export", inputs=source.inputs, config={"formats": wanted})
+        # A rollout is simulated even if the policy imitates a real recording.
+        made = source.simulated or what == "simulated"
+        # First, so that a file from a simulation always has its sidecar file.
         for path in sorted({note_path(path) for path in paths.values()}):
-            write_note(path, {**subject.provenance, "simulated": made, **made_by})
+            write_note(path, {**source.provenance, "simulated": made, **made_by})
         for form, path in paths.items():
-            WRITERS[form](path, subject)
-            written.append(Written(path, what, form, *subject.size(form), subject.note(form)))
+            WRITERS[form](path, source)
+            written.append(ExportedFile(path, what, form, *source.size(form), source.note(form)))
     if URDF in wanted:
         path = folder / f"{name}-humanoid.urdf"
         write_text(path, humanoid_urdf("revolute"))
-        written.append(Written(path, "humanoid", URDF, None, None, "15 bodies, ball joints as three hinges"))
+        written.append(
+            ExportedFile(path, "humanoid", URDF, None, None, "15 bodies, ball joints as three hinges")
+        )
     if ONNX in wanted and policy is not None:
         path = folder / f"{name}-policy.onnx"
-        written.append(Written(path, "policy", ONNX, None, None, _write_onnx(path, policy)))
+        written.append(ExportedFile(path, "policy", ONNX, None, None, _write_onnx(path, policy)))
     return written
 
 
 def _write_onnx(path: Path, policy: Path) -> str:
-    """What is to be told of the file."""
+    """Write the policy; returns a remark on the file."""
     try:
         from kinemimic.train.rollout.export_onnx import OPSET, write_onnx  # noqa: PLC0415 (an optional package)
     except ModuleNotFoundError as error:
@@ -119,7 +121,10 @@ def _write_onnx(path: Path, policy: Path) -> str:
 @click.command("export")
 @run_options()
 @click.option(
-    "--what", multiple=True, type=click.Choice(tuple(SUBJECTS)), help="Repeatable; by default all there is."
+    "--what",
+    multiple=True,
+    type=click.Choice(tuple(SOURCES)),
+    help="Motion to export; repeatable. Default: all.",
 )
 @click.option(
     "--format",
@@ -127,17 +132,21 @@ def _write_onnx(path: Path, policy: Path) -> str:
     multiple=True,
     type=click.Choice((*FORMATS, "all")),
     default=("all",),
-    help="Repeatable; by default all.",
+    help="Format; repeatable. Default: all.",
 )
-@click.option("--out", type=click.Path(path_type=Path, file_okay=False), help="By default RUN/export.")
-@click.option("--pass", "number", type=click.IntRange(min=0), help="Of the capture; by default the longest.")
+@click.option(
+    "--out", type=click.Path(path_type=Path, file_okay=False), help="Output folder. Default: RUN/export."
+)
+@click.option(
+    "--pass", "number", type=click.IntRange(min=0), help="Pass of the capture. Default: the longest."
+)
 @click.option(
     "--from",
     "source",
     type=click.Path(path_type=Path, dir_okay=False),
-    help="A motion of ours in MCAP, in place of a run.",
+    help="Motion file of kinemimic (MCAP) to export instead of a run.",
 )
-@click.option("--recover", is_flag=True, help="Take what is left of a damaged --from.")
+@click.option("--recover", is_flag=True, help="Recover the intact part of a damaged --from file.")
 @json_option("Print the list of files as JSON.")
 def command(
     run: Path,
@@ -149,40 +158,40 @@ def command(
     recover: bool,
     as_json: bool,
 ) -> None:
-    """Write the capture, the reference, the simulated motion and the policy for other programs.
+    """Export the capture, the reference, the simulated motion and the policy for other programs.
 
     \b
-    bvh        Blender and others: Y up, centimetres, degrees
+    bvh        Blender and others: Y up, cm, degrees
     trc, mot   OpenSim: node positions (mm); coordinates of gait2354 (degrees)
     csv, npz   tables and arrays, metres and quaternions (x, y, z, w), Z up
-    deepmimic  44 numbers a frame, for DeepMimic's humanoid
-    json, mcap the motion as `retarget` writes it; rerun and Foxglove open the MCAP
-    urdf       the simulated body
-    onnx       the policy, for onnxruntime and others; asks for kinemimic[onnx]
+    deepmimic  44 numbers per frame, for DeepMimic's humanoid
+    json, mcap the motion in the format of `retarget`; rerun and Foxglove open MCAP files
+    urdf       the humanoid
+    onnx       the policy, for onnxruntime and others; needs kinemimic[onnx]
 
     \b
       kinemimic export --run runs/walk
       kinemimic export --run runs/walk --what simulated --format bvh
     """
     if recover and source is None:
-        raise click.UsageError("--recover needs --from, the damaged file")
+        raise click.UsageError("--recover needs --from with the damaged file")
     if source is not None and ONNX in formats:
-        raise click.UsageError("--from is one motion: a policy belongs to a run")
+        raise click.UsageError("--from is a motion without a policy: leave out --format onnx")
     if source is not None and (what or number is not None):
-        raise click.UsageError("--from is one motion: --what and --pass belong to a run")
+        raise click.UsageError("--from is a single motion: leave out --what and --pass")
     if number is not None and what and "capture" not in what:
-        raise click.UsageError("--pass is one of the capture's: add --what capture")
+        raise click.UsageError("--pass selects a pass of the capture: add --what capture")
     chosen = FORMATS if "all" in formats else formats
     if source is not None:
-        subjects = {"recovered" if recover else "motion": of_mcap(source, recover=recover)}
-        written = export(subjects, chosen, out or source.parent / "export", source.stem)
+        sources = {"recovered" if recover else "motion": source_of_mcap(source, recover=recover)}
+        written = export(sources, chosen, out or source.parent / "export", source.stem)
     else:
-        # Of all that there is, what cannot be written here is left out; by name it is asked for.
+        # By default, ONNX is skipped if it cannot be written; requested by name, it is an error.
         policy: Path | None = run / POLICY
         if ONNX not in formats and (find_spec("onnx") is None or not (run / POLICY).is_file()):
             policy = None
-        subjects = of_run(run, what, number)
-        written = export(subjects, chosen, out or run / "export", run.resolve().name, policy)
+        sources = sources_of_run(run, what, number)
+        written = export(sources, chosen, out or run / "export", run.resolve().name, policy)
     if as_json:
         click.echo(json.dumps([one.record() for one in written], indent=2, ensure_ascii=False))
         return

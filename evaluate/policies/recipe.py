@@ -18,10 +18,10 @@ POLICIES = DATASETS / "policies"
 
 
 class Recipe(Struct, frozen=True, forbid_unknown_fields=True):
-    """What a policy is trained on, and how.
+    """Motion and settings of a training.
 
-    stock: a motion of the pybullet wheel by name; recording: one of catalog.toml by name; with neither, the
-    virtual Kinect's walk. budget: samples.
+    stock: name of a motion in the pybullet wheel; recording: name of a recording in catalog.toml; with
+    neither, the virtual Kinect's walk. budget: samples.
     """
 
     name: str

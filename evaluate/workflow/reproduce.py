@@ -1,4 +1,4 @@
-"""`kinemimic reproduce`: make the policies that ship, each from its recipe."""
+"""`kinemimic reproduce`: trains the shipped policies from their recipes."""
 
 from __future__ import annotations
 
@@ -19,16 +19,16 @@ from kinemimic.pipeline.errors import KinemimicError
 from kinemimic.pipeline.files.store import copy_file, file_hash, read_json, write_json
 from kinemimic.train.sim.options import engine_option
 
-LARGEST = 4_000_000  # bytes of a file that ships
+LARGEST = 4_000_000  # bytes of a shipped file
 
 
 def capture_of(recipe: Recipe, captures: Path | None) -> Path | None:
-    """The capture that a policy is made from, None for the virtual Kinect's; checked to be the one meant.
+    """The capture of a recipe, with its hash checked; None for the virtual Kinect's.
 
-    captures: folder of recordings, COLLECTION/FILE; by default where `kinemimic datasets fetch` puts them.
+    captures: folder of recordings, COLLECTION/FILE; by default the one of `kinemimic datasets fetch`.
     """
     if recipe.stock is not None:
-        from kinemimic.pipeline.readers.mocap.deepmimic import stock_motion  # noqa: PLC0415 (nobody else waits for it)
+        from kinemimic.pipeline.readers.mocap.deepmimic import stock_motion  # noqa: PLC0415 (import cost)
 
         return stock_motion(recipe.stock)
     if recipe.recording is None:
@@ -40,7 +40,7 @@ def capture_of(recipe: Recipe, captures: Path | None) -> Path | None:
         into = "" if captures is None else f" --into {shlex.quote(str(captures))}"
         raise KinemimicError(
             f"{recipe.name}: expected the recording {wanted.name} in {folder}, found none; "
-            f"`kinemimic datasets fetch {wanted.name}{into}` fetches it (licence: {wanted.licence})"
+            f"`kinemimic datasets fetch {wanted.name}{into}` downloads it (licence: {wanted.licence})"
         )
     if file_hash(path) != wanted.sha256:
         raise KinemimicError(f"{path}: expected the recording {wanted.name}, found another file")
@@ -48,11 +48,11 @@ def capture_of(recipe: Recipe, captures: Path | None) -> Path | None:
 
 
 def publish(run: Path, recipe: Recipe, into: Path = POLICIES) -> Path:
-    """Put a trained and evaluated run where policies ship from; returns the folder.
+    """Copy a trained and evaluated run to the folder of shipped policies; returns the policy's folder.
 
-    The run has to be what the recipe says. The motion of a recording stays out.
+    The run must match the recipe. The motion of a recording is not copied.
     """
-    # Reading a policy and a motion loads the simulation, which --help has no use for.
+    # Import cost: these load the simulation.
     from kinemimic.retarget.formats.motion_json import read_motion_json  # noqa: PLC0415
     from kinemimic.train.rollout.policy import Policy  # noqa: PLC0415
 
@@ -62,7 +62,7 @@ def publish(run: Path, recipe: Recipe, into: Path = POLICIES) -> Path:
     expected: dict[str, tuple[Any, Any]] = {
         "preset": (recipe.preset, record["preset"]),
         "budget": (recipe.budget, record["config"]["budget"]),
-        # `--minutes` ends sooner.
+        # Not so if `--minutes` ended the training.
         "budget spent": (True, record["samples"] >= recipe.budget),
         "seed": (recipe.seed, record["seed"]),
         "motion": (motion.identity, record["provenance"]["inputs"]["motion"]),
@@ -76,8 +76,7 @@ def publish(run: Path, recipe: Recipe, into: Path = POLICIES) -> Path:
     for what, (wanted, found) in expected.items():
         if wanted != found:
             raise KinemimicError(
-                f"{run}: {what}: expected {wanted!r}, as the recipe of {recipe.name!r} has it, found "
-                f"{found!r}"
+                f"{run}: {what}: expected {wanted!r} as in the recipe {recipe.name!r}, found {found!r}"
             )
     folder = into / recipe.name
     ships = (POLICY, SCORES) if recipe.recording else (MOTION, POLICY, SCORES)
@@ -102,10 +101,10 @@ def reproduce(
     engine: str | None = None,
     quiet: bool = False,
 ) -> list[Path]:
-    """Make policies one after the other, each in its run folder below `runs`; returns where they lie.
+    """Train policies one after the other, each in a run folder below `runs`; returns their folders.
 
-    What is finished is not done again, and an interrupted training goes on, as `kinemimic run` does it. A
-    recording that is missing is told before anything is trained.
+    As in `kinemimic run`, finished stages are skipped and an interrupted training resumes. Missing recordings
+    are reported before any training.
     """
     sources = [capture_of(recipe, captures) for recipe in wanted]
     made: list[Path] = []
@@ -127,31 +126,31 @@ def reproduce(
 
 
 @click.command("reproduce")
-@click.option("--only", multiple=True, metavar="NAME", help="Repeatable; by default all of recipes.toml.")
+@click.option("--only", multiple=True, metavar="NAME", help="Recipe; repeatable. Default: all.")
 @click.option(
     "--runs",
     type=click.Path(path_type=Path, file_okay=False),
     default=Path("runs/reproduce"),
     show_default=True,
-    help="Each is trained in a folder of its name below this one.",
+    help="Parent of the run folders.",
 )
 @click.option(
     "--captures",
     type=click.Path(path_type=Path, file_okay=False),
-    help="Folder of the recordings; else where `kinemimic datasets fetch` puts them.",
+    help="Folder of the recordings. Default: that of `kinemimic datasets fetch`.",
 )
 @click.option(
     "--from",
     "ready",
     type=click.Path(path_type=Path),
-    help="A run folder to publish as it is, with one --only.",
+    help="Run folder to publish without training; needs one --only.",
 )
 @click.option(
     "--into",
     type=click.Path(path_type=Path, file_okay=False),
     default=Path("datasets/policies"),
     show_default=True,
-    help="Each is written into a folder of its name below this one.",
+    help="Parent of the policies' folders.",
 )
 @engine_option
 @json_option("Print the folders that were written as JSON.")
@@ -164,7 +163,7 @@ def command(
     engine: str | None,
     as_json: bool,
 ) -> None:
-    """Train and evaluate the policies that ship as their recipes say, and write them to --into.
+    """Train and evaluate the shipped policies by their recipes, and write them to --into.
 
     \b
       kinemimic reproduce --only walk
@@ -175,7 +174,7 @@ def command(
         raise KinemimicError(f"expected a recipe among {', '.join(known)}, found {unknown[0]!r}")
     wanted = [known[name] for name in only] or list(known.values())
     if ready is not None and len(only) != 1:
-        raise click.UsageError("--from is one policy: name it with --only")
+        raise click.UsageError("--from is a single policy: name it with --only")
     if ready is not None:
         made = [publish(ready, wanted[0], into)]
     else:

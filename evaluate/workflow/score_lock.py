@@ -1,7 +1,7 @@
-"""`kinemimic datasets score`: a policy that ships, performed again, against the scores on record.
+"""`kinemimic datasets score`: evaluates a shipped policy again and compares the scores with those on record.
 
-A figure within its tolerance of the one on record is written as recorded, so that every machine writes the
-same file; one that is not, fails.
+Metrics within their tolerance are written as recorded, so that every machine writes the same file; otherwise
+the command fails.
 """
 
 from __future__ import annotations
@@ -25,44 +25,44 @@ from kinemimic.retarget.versions.params import Params, params_option
 from kinemimic.train.sim.options import engine_option, workers_option
 
 SCHEMA = 1
-Figures = Mapping[str, float | None]
+Metrics = Mapping[str, float | None]
 
 
-def figures(scores: Mapping[str, Any]) -> dict[str, float | None]:
-    """What is watched of scores.json: frames and start phases survived, fit, path; None is not measurable."""
+def metrics(scores: Mapping[str, Any]) -> dict[str, float | None]:
+    """The compared metrics of scores.json: survival, fit and path; None if undefined."""
     fit = {
-        f"{joint}_{figure}": scores["fit"][joint][figure]
+        f"{joint}_{metric}": scores["fit"][joint][metric]
         for joint in SCORED_JOINTS
-        for figure in ("r2", "rmse_deg", "max_gap_deg")
+        for metric in ("r2", "rmse_deg", "max_gap_deg")
     }
     root = {name: scores["root"][name] for name in ("speed_ratio", "path_error_m")}
     return {"frames": scores["survival"]["frames"], "phases": scores["survival"]["phases"], **fit, **root}
 
 
-def record(
-    recorded: Figures, found: Figures, tolerances: Mapping[str, float], name: str
+def confirmed(
+    recorded: Metrics, found: Metrics, tolerances: Mapping[str, float], name: str
 ) -> dict[str, float | None]:
-    """The figures as recorded; KinemimicError names those that are further off than their tolerance.
+    """The recorded metrics; KinemimicError names those that deviate by more than their tolerance.
 
-    A figure without a tolerance has to be the same.
+    Metrics without a tolerance must be equal.
     """
-    off = [
-        f"{figure} {_told(value)} instead of {_told(recorded[figure])} ± {tolerances.get(figure, 0.0):g}"
-        for figure, value in found.items()
-        if not _near(value, recorded[figure], tolerances.get(figure, 0.0))
+    deviating = [
+        f"{metric} {_text(value)} instead of {_text(recorded[metric])} ± {tolerances.get(metric, 0.0):g}"
+        for metric, value in found.items()
+        if not _within(value, recorded[metric], tolerances.get(metric, 0.0))
     ]
-    if off:
-        raise KinemimicError(f"{name}: expected its scores on record, found {', '.join(off)}")
+    if deviating:
+        raise KinemimicError(f"{name}: expected the scores on record, found {', '.join(deviating)}")
     return dict(recorded)
 
 
-def _near(value: float | None, other: float | None, tolerance: float) -> bool:
+def _within(value: float | None, other: float | None, tolerance: float) -> bool:
     if value is None or other is None:
         return value is other
     return abs(value - other) <= tolerance
 
 
-def _told(value: float | None) -> str:
+def _text(value: float | None) -> str:
     return "none" if value is None else f"{value:g}"
 
 
@@ -73,9 +73,9 @@ def _told(value: float | None) -> str:
 @engine_option
 @json_option("Print the scores.")
 def command(policy: str, path: Path, workers: int | None, engine: str, as_json: bool) -> None:
-    """Have POLICY, which ships, perform again, and write its scores if they are those on record.
+    """Evaluate the shipped policy POLICY again, and write its scores if they match those on record.
 
-    What `dvc repro` calls; works in the current folder.
+    Used by `dvc repro`; works in the current folder.
 
     \b
       kinemimic datasets score walk
@@ -85,14 +85,14 @@ def command(policy: str, path: Path, workers: int | None, engine: str, as_json: 
         raise KinemimicError(
             f"{path}: expected a policy among {', '.join(params.policies)}, found {policy!r}"
         )
-    recorded = figures(read_json(POLICIES / policy / SCORES))
+    recorded = metrics(read_json(POLICIES / policy / SCORES))
     if strange := params.tolerances.keys() - recorded.keys():
-        raise KinemimicError(f"{path}: expected tolerances of figures that are watched, found {min(strange)}")
+        raise KinemimicError(f"{path}: expected tolerances of compared metrics, found {min(strange)}")
     with TemporaryDirectory(prefix="kinemimic-") as folder:
         run = Path(folder)
         ShippedPolicies().prepare(policy, run)
-        found = figures(evaluate(run, workers=workers, engine=engine))
-    kept = record(recorded, found, params.tolerances, policy)
+        found = metrics(evaluate(run, workers=workers, engine=engine))
+    kept = confirmed(recorded, found, params.tolerances, policy)
     target = path.parent / "scores" / f"{policy}.json"
     content = {"schema": SCHEMA, "policy": policy, **kept}
     write_json(target, content)

@@ -14,7 +14,7 @@ from click.testing import CliRunner
 from samples.motion import rigid_walk
 
 from kinemimic.evaluate.export.command import WRITERS, command, export
-from kinemimic.evaluate.export.subject import SUBJECTS, of_run
+from kinemimic.evaluate.export.motion_source import SOURCES, sources_of_run
 from kinemimic.pipeline.cli.main import main
 from kinemimic.pipeline.errors import KinemimicError
 from kinemimic.pipeline.files.store import write_clip
@@ -71,10 +71,10 @@ def files(run: Path) -> list[dict[str, object]]:
 
 def test_everything_is_written_once_and_told(run: Path, files: list[dict[str, object]]) -> None:
     kinds = [(record["what"], record["format"]) for record in files]
-    expected = [(what, form) for what in SUBJECTS for form in WRITERS]
+    expected = [(what, form) for what in SOURCES for form in WRITERS]
     assert kinds == [*expected, ("humanoid", "urdf")]
     written = {Path(str(record["path"])).name for record in files}
-    notes = {f"walk-{what}{end}.provenance.json" for what in SUBJECTS for end in ("", ".deepmimic")}
+    notes = {f"walk-{what}{end}.provenance.json" for what in SOURCES for end in ("", ".deepmimic")}
     assert {path.name for path in (run / "export").iterdir()} == written | notes
     for record in files:
         assert Path(str(record["path"])).stat().st_size == record["bytes"]
@@ -84,16 +84,16 @@ def of(files: list[dict[str, object]], what: str, form: str) -> Path:
     return next(Path(str(r["path"])) for r in files if (r["what"], r["format"]) == (what, form))
 
 
-@pytest.mark.parametrize("what", list(SUBJECTS))
+@pytest.mark.parametrize("what", list(SOURCES))
 def test_positions_are_equal_in_every_format_that_holds_them(
     run: Path, files: list[dict[str, object]], what: str
 ) -> None:
-    subject = of_run(run)[what]
-    expected, _ = subject.poses.kinematics()
+    source = sources_of_run(run)[what]
+    expected, _ = source.poses.kinematics()
     for form in ("bvh", "trc"):
         back = read(of(files, what, form))
         index = [back.skeleton.index(node) for node in NODES]
-        wanted = subject.clip.positions if form == "trc" else expected
+        wanted = source.clip.positions if form == "trc" else expected
         np.testing.assert_allclose(back.positions[:, index], wanted, atol=1e-6)
     for motion in (
         read_motion_json(of(files, what, "json")),
@@ -104,7 +104,7 @@ def test_positions_are_equal_in_every_format_that_holds_them(
         np.testing.assert_allclose(found, expected, atol=0.02 if what == "capture" else 1e-8)
     angles = read(of(files, what, "mot")).angles
     assert angles is not None
-    for name, curve in subject.angles.items():
+    for name, curve in source.angles.items():
         if what != "capture":
             np.testing.assert_allclose(angles[name], curve, atol=1e-8)
     peers = read_deepmimic(of(files, what, "deepmimic"))
@@ -125,12 +125,12 @@ def test_a_cycle_is_closed_for_deepmimic(walk: Motion, files: list[dict[str, obj
 
 def test_the_capture_is_its_longest_pass_or_the_one_asked_for(run: Path, tmp_path: Path) -> None:
     clip = captured()
-    subject = of_run(run, ["capture"])["capture"]
-    np.testing.assert_array_equal(subject.clip.times, clip.times[30:])
-    assert subject.note("csv") == "from a SIMULATED capture; pass 1 of 2"
-    assert len(of_run(run, ["capture"], 0)["capture"].clip.times) == 30
+    source = sources_of_run(run, ["capture"])["capture"]
+    np.testing.assert_array_equal(source.clip.times, clip.times[30:])
+    assert source.note("csv") == "from a SIMULATED capture; pass 1 of 2"
+    assert len(sources_of_run(run, ["capture"], 0)["capture"].clip.times) == 30
     with pytest.raises(KinemimicError, match="expected pass 2, found 2 passes, counted from 0"):
-        of_run(run, ["capture"], 2)
+        sources_of_run(run, ["capture"], 2)
 
 
 def test_a_recorded_turn_that_no_position_shows_is_kept(tmp_path: Path) -> None:
@@ -140,7 +140,7 @@ def test_a_recorded_turn_that_no_position_shows_is_kept(tmp_path: Path) -> None:
     turned = clip.rotations.copy()
     turned[:, neck] = from_axis_angle("Z", np.full(len(turned), 0.4))
     write_clip(tmp_path / "quaternions.parquet", replace(clip, rotations=turned))
-    exported = of_run(tmp_path)["capture"].on_nodes.rotations[:, neck]
+    exported = sources_of_run(tmp_path)["capture"].on_nodes.rotations[:, neck]
     assert np.abs(angle_between(exported, turned[:1, neck])).max() < 1e-6
 
 
@@ -158,8 +158,8 @@ def test_provenance_says_what_it_was_made_of_and_that_it_was_simulated(
 def test_what_a_policy_performs_of_a_real_capture_is_marked_as_no_recording(
     run: Path, tmp_path: Path, what: str, made: bool
 ) -> None:
-    subject = of_run(run)[what]
-    real = replace(subject, clip=replace(subject.clip, provenance={}), provenance={})
+    source = sources_of_run(run)[what]
+    real = replace(source, clip=replace(source.clip, provenance={}), provenance={})
     (written,) = export({what: real}, ["bvh"], tmp_path, "walk")
     assert json.loads(written.path.with_suffix(".provenance.json").read_text())["simulated"] is made
 
@@ -216,8 +216,8 @@ def test_a_damaged_mcap_is_named_and_recovered(
         (["--run", "."], "expected quaternions.parquet, motion.json, trajectory.npz, found none"),
         (["--run", ".", "--what", "simulated"], "motion.json: expected a file, found none"),
         (["--recover"], "--recover needs --from"),
-        (["--from", "a.mcap", "--what", "capture"], "--what and --pass belong to a run"),
-        (["--what", "reference", "--pass", "1"], "--pass is one of the capture's"),
+        (["--from", "a.mcap", "--what", "capture"], "leave out --what and --pass"),
+        (["--what", "reference", "--pass", "1"], "--pass selects a pass of the capture"),
         (["--from", "a.mcap"], "expected an MCAP file, found none"),
         (["--format", "fbx"], "'fbx' is not one of"),
     ],

@@ -11,7 +11,7 @@ from click.testing import CliRunner
 
 from kinemimic.evaluate.policies.recipe import POLICIES
 from kinemimic.evaluate.workflow import score_lock as module
-from kinemimic.evaluate.workflow.score_lock import command, figures, record
+from kinemimic.evaluate.workflow.score_lock import command, confirmed, metrics
 from kinemimic.pipeline.errors import KinemimicError
 from kinemimic.retarget.versions.params import Params
 
@@ -27,25 +27,25 @@ def recorded(name: str) -> dict[str, Any]:
 
 def test_within_its_tolerance_a_figure_is_the_one_on_record() -> None:
     known = {"frames": 600.0, "r2": 0.95}
-    assert record(known, {"frames": 600.0, "r2": 0.953}, {"r2": 0.003001}, "walk") == known
+    assert confirmed(known, {"frames": 600.0, "r2": 0.953}, {"r2": 0.003001}, "walk") == known
     with pytest.raises(KinemimicError, match=r"on record, found r2 0\.954 instead"):
-        record(known, {"frames": 600.0, "r2": 0.954}, {"r2": 0.003}, "walk")
+        confirmed(known, {"frames": 600.0, "r2": 0.954}, {"r2": 0.003}, "walk")
     # What has no tolerance is the same or wrong.
     with pytest.raises(KinemimicError, match="frames 599 instead of 600 ± 0"):
-        record(known, {"frames": 599.0, "r2": 0.95}, {"r2": 0.003}, "walk")
+        confirmed(known, {"frames": 599.0, "r2": 0.95}, {"r2": 0.003}, "walk")
     with pytest.raises(KinemimicError, match="r2 nan instead"):
-        record(known, {"frames": 600.0, "r2": float("nan")}, {"r2": 0.003}, "walk")
+        confirmed(known, {"frames": 600.0, "r2": float("nan")}, {"r2": 0.003}, "walk")
     # As scores.json has what cannot be measured.
     with pytest.raises(KinemimicError, match="r2 none instead"):
-        record(known, {"frames": 600.0, "r2": None}, {"r2": 0.003}, "walk")
-    assert record({"r2": None}, {"r2": None}, {}, "jump") == {"r2": None}
+        confirmed(known, {"frames": 600.0, "r2": None}, {"r2": 0.003}, "walk")
+    assert confirmed({"r2": None}, {"r2": None}, {}, "jump") == {"r2": None}
 
 
 @pytest.mark.parametrize("name", PARAMS.policies)
 def test_what_is_committed_is_what_the_policies_have_on_record(name: str) -> None:
     found = json.loads((ROOT / "datasets/versions/scores" / f"{name}.json").read_text())
-    assert found == {"schema": 1, "policy": name, **figures(recorded(name))}
-    assert PARAMS.tolerances.keys() < figures(recorded(name)).keys()
+    assert found == {"schema": 1, "policy": name, **metrics(recorded(name))}
+    assert PARAMS.tolerances.keys() < metrics(recorded(name)).keys()
 
 
 def test_the_command_writes_the_record_or_nothing(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -55,7 +55,7 @@ def test_the_command_writes_the_record_or_nothing(tmp_path: Path, monkeypatch: p
     monkeypatch.setattr(module, "evaluate", lambda *_, **__: found)
     target, arguments = tmp_path / "scores" / "walk.json", ["walk", "--params", str(tmp_path / "params.toml")]
     assert CliRunner().invoke(command, arguments).stdout == f"{target}\n"
-    assert json.loads(target.read_text())["knee_r2"] == figures(recorded("walk"))["knee_r2"]
+    assert json.loads(target.read_text())["knee_r2"] == metrics(recorded("walk"))["knee_r2"]
     target.unlink()
     found["fit"]["knee"]["r2"] -= 0.01
     ended = CliRunner().invoke(command, arguments)
@@ -67,7 +67,7 @@ def test_the_command_writes_the_record_or_nothing(tmp_path: Path, monkeypatch: p
 def test_what_is_not_watched_is_one_line(tmp_path: Path) -> None:
     for text, name, told in (
         (TEXT, "run", "expected a policy among walk, found 'run'"),
-        (TEXT + "knee_r3 = 1\n", "walk", "expected tolerances of figures that are watched, found knee_r3"),
+        (TEXT + "knee_r3 = 1\n", "walk", "expected tolerances of compared metrics, found knee_r3"),
     ):
         (tmp_path / "params.toml").write_text(text)
         ended = CliRunner().invoke(command, [name, "--params", str(tmp_path / "params.toml")])

@@ -27,7 +27,7 @@ from kinemimic.train.rollout.trajectory import Trajectory
 from kinemimic.train.sim.world import CONTROL_RATE
 
 # The subjects of a run folder, and the file that each is made of.
-SUBJECTS: dict[str, str] = {
+SOURCES: dict[str, str] = {
     "capture": "quaternions.parquet",
     "reference": "motion.json",
     "simulated": "trajectory.npz",
@@ -36,28 +36,28 @@ SUBJECTS: dict[str, str] = {
 _ROLLOUT = 0
 # Formats that hold frames as they were captured, at their own times and with their gaps.
 _AS_CAPTURED = ("csv", "trc")
-# Formats whose figures have bones of one length, which those that a sensor sees have not.
+# Formats whose skeletons have bones of constant length, unlike those from a sensor.
 _RIGID = ("json", "mcap")
 
 
 @dataclass(frozen=True)
-class Subject:
-    """One motion in the forms that writers take; each is made when a writer asks for it.
+class MotionSource:
+    """One motion in the forms that writers take, each computed on demand.
 
-    clip: the frames as they are, with gaps and times of their own; poses: at an even rate without gaps;
-    on_nodes: these of the 20 nodes; closed: the same with a cycle's first frame once more at its end;
-    motion: these as a Motion; angles: knees and hips (T,) in radians on the clip's frames.
+    clip: the original frames with their gaps and times; poses: at a constant rate without gaps; on_nodes: the
+    same for the 20 nodes; with_closing_frame: also with a cycle's first frame repeated at its end; motion: as
+    a Motion; angles: knee and hip angles (T,) in radians on the clip's frames.
     """
 
     clip: Clip
-    told: str
+    remark: str
     inputs: Mapping[str, str]
-    given: Motion | None = None
+    own_motion: Motion | None = None
     provenance: Mapping[str, Any] = field(default_factory=dict)
 
     @cached_property
     def poses(self) -> Poses:
-        return poses_of_motion(self.given) if self.given else poses_of_clip(self.clip)
+        return poses_of_motion(self.own_motion) if self.own_motion else poses_of_clip(self.clip)
 
     @cached_property
     def _nodes(self) -> Clip:
@@ -65,69 +65,73 @@ class Subject:
 
     @cached_property
     def on_nodes(self) -> Poses:
-        if self.given:
+        if self.own_motion:
             return self.poses
-        # Turns that no position shows, of a head, a foot, a forearm, are kept where a recorder gave them.
+        # Rotations that positions do not determine (head, feet, forearms) are kept if they were recorded.
         return poses_of_clip(replace(self._nodes, rotations=node_rotations_of(self.clip).rotations))
 
     @cached_property
-    def closed(self) -> Poses:
-        return poses_of_motion(self.given, closed=True) if self.given else self.on_nodes
+    def with_closing_frame(self) -> Poses:
+        return poses_of_motion(self.own_motion, closed=True) if self.own_motion else self.on_nodes
 
     @cached_property
     def motion(self) -> Motion:
-        return self.given or motion_of_poses(self.on_nodes)
+        return self.own_motion or motion_of_poses(self.on_nodes)
 
     @cached_property
-    def _off(self) -> float:
-        """Mean distance (metres) of the motion's nodes from the captured ones."""
+    def _rigid_error(self) -> float:
+        """Mean distance in metres between the motion's nodes and the captured ones."""
         apart = self.motion.kinematics()[0] - self.on_nodes.kinematics()[0]
         return float(np.linalg.norm(apart, axis=-1).mean())
 
     @cached_property
     def angles(self) -> Mapping[str, Array]:
-        return joint_angles(self.given.rotations) if self.given else leg_angles(self._nodes.positions)
+        return (
+            joint_angles(self.own_motion.rotations) if self.own_motion else leg_angles(self._nodes.positions)
+        )
 
     def size(self, form: str) -> tuple[int, float]:
-        """Frames and frames a second of the motion in that format."""
+        """Number of frames and frame rate (Hz) in a format."""
         if form in _AS_CAPTURED:
             return len(self.clip.times), self.clip.rate
-        poses = self.closed if form == "deepmimic" else self.poses
+        poses = self.with_closing_frame if form == "deepmimic" else self.poses
         return len(poses.rotations), poses.rate
 
     @property
     def simulated(self) -> bool:
-        """True if the capture behind it was made by the virtual Kinect."""
+        """Whether the motion comes from a capture of the virtual Kinect."""
         return self.clip.simulated
 
     def note(self, form: str) -> str:
-        """What is to be told of this motion in that format, besides its name."""
-        notes = ["from a SIMULATED capture" if self.simulated else "", self.told]
-        if self.given is None and form not in _AS_CAPTURED:
+        """Remarks on this motion in a format."""
+        notes = ["from a SIMULATED capture" if self.simulated else "", self.remark]
+        if self.own_motion is None and form not in _AS_CAPTURED:
             if self.poses.filled:
                 notes.append(f"{self.poses.filled} joint positions interpolated")
             if len(self.poses.rotations) != len(self.clip.times):
-                notes.append("on an even clock")
+                notes.append("resampled to a constant rate")
             if form in _RIGID:
-                notes.append(f"rigid bones, {1e3 * self._off:.0f} mm off on average")
+                notes.append(f"rigid bones, {1e3 * self._rigid_error:.0f} mm off on average")
         if form == "mcap" and self.motion.cyclic:
-            notes.append("repeated for ten seconds")
+            notes.append("repeated for 10 s")
         return "; ".join(note for note in notes if note)
 
 
-def of_run(run: Path, wanted: Iterable[str] = (), number: int | None = None) -> dict[str, Subject]:
-    """Subjects of a run folder by name; all that it holds where none are wanted by name.
+def sources_of_run(
+    run: Path, wanted: Iterable[str] = (), number: int | None = None
+) -> dict[str, MotionSource]:
+    """Motions of a run folder by name; all of them by default.
 
-    number: of the capture's pass, the longest by default. KinemimicError for what is not there.
+    number: pass of the capture, by default the longest. KinemimicError for a missing motion or pass.
     """
     if not run.is_dir():
         raise KinemimicError(f"{run}: expected a run folder, found none; name one with --run")
-    names = list(wanted) or [name for name, file in SUBJECTS.items() if (run / file).is_file()]
+    names = list(wanted) or [name for name, file in SOURCES.items() if (run / file).is_file()]
     if not names:
         raise KinemimicError(
-            f"{run}: expected {', '.join(SUBJECTS.values())}, found none; run `kinemimic run` first"
+            f"{run}: expected {', '.join(SOURCES.values())}, found none; run `kinemimic run` first"
         )
-    read: dict[str, Callable[[Path], Subject]] = {
+    read: dict[str, Callable[[Path], MotionSource]] = {
         "capture": partial(_capture, number=number),
         "reference": _reference,
         "simulated": _simulated,
@@ -135,8 +139,8 @@ def of_run(run: Path, wanted: Iterable[str] = (), number: int | None = None) -> 
     return {name: read[name](run) for name in names}
 
 
-def _capture(run: Path, number: int | None) -> Subject:
-    """The longest pass of the converted capture, or the one of that number."""
+def _capture(run: Path, number: int | None) -> MotionSource:
+    """The longest pass of the converted capture, or the pass of that number."""
     path = run / "quaternions.parquet"
     clip = read_clip(path)
     there = np.unique(clip.passes[clip.passes >= 0])
@@ -146,27 +150,27 @@ def _capture(run: Path, number: int | None) -> Subject:
     if number not in there:
         passes = f"{len(there)} passes, counted from 0" if len(there) else "no pass with a person in it"
         raise KinemimicError(f"{path}: expected pass {number}, found {passes}")
-    told = f"pass {number} of {len(there)}" if len(there) > 1 else ""
-    return Subject(
+    remark = f"pass {number} of {len(there)}" if len(there) > 1 else ""
+    return MotionSource(
         select_frames(clip, clip.passes == number),
-        told,
+        remark,
         {"clip": file_hash(path)},
         provenance=clip.provenance,
     )
 
 
-def _of_motion(motion: Motion, told: str, inputs: Mapping[str, str]) -> Subject:
+def _of_motion(motion: Motion, remark: str, inputs: Mapping[str, str]) -> MotionSource:
     clip = replace(poses_of_motion(motion).clip(), provenance=motion.provenance)
-    return Subject(clip, told, inputs, motion, motion.provenance)
+    return MotionSource(clip, remark, inputs, motion, motion.provenance)
 
 
-def _reference(run: Path) -> Subject:
+def _reference(run: Path) -> MotionSource:
     motion = read_motion_json(run / "motion.json")
     return _of_motion(motion, "one cycle" if motion.cyclic else "", {"motion": motion.identity})
 
 
-def _simulated(run: Path) -> Subject:
-    """The rollout from the reference's start; its first frame is the state after one control step."""
+def _simulated(run: Path) -> MotionSource:
+    """The rollout from phase 0; its first frame is the state after one control step."""
     reference, path = read_motion_json(run / "motion.json"), run / "trajectory.npz"
     trajectory = Trajectory.load(path)
     fallen = int(trajectory.fallen_at[_ROLLOUT])
@@ -179,16 +183,16 @@ def _simulated(run: Path) -> Subject:
         offsets=reference.offsets,
         provenance=reference.provenance,
     )
-    told = f"falls at frame {fallen}" if fallen < len(motion.root) else ""
+    remark = f"falls at frame {fallen}" if fallen < len(motion.root) else ""
     inputs = {"motion": reference.identity, "trajectory": file_hash(path)}
-    return _of_motion(motion, told, inputs)
+    return _of_motion(motion, remark, inputs)
 
 
-def of_mcap(path: Path, *, recover: bool) -> Subject:
-    """The motion in an MCAP of ours; recover: whatever is left of it."""
+def source_of_mcap(path: Path, *, recover: bool) -> MotionSource:
+    """The motion in an MCAP file of kinemimic; recover: its intact part."""
     if recover:
         found = recover_mcap(path)
-        motion, told = found.motion, "the file is whole" if found.fault is None else f"found {found.fault}"
+        motion, remark = found.motion, "the file is whole" if found.fault is None else f"found {found.fault}"
     else:
-        motion, told = read_mcap(path), ""
-    return _of_motion(motion, told, {"mcap": file_hash(path)})
+        motion, remark = read_mcap(path), ""
+    return _of_motion(motion, remark, {"mcap": file_hash(path)})
