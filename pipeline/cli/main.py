@@ -24,7 +24,10 @@ COMMANDS: dict[str, tuple[str, str]] = {
         "Report contents and quality of capture files.",
     ),
     "ingest": ("kinemimic.pipeline.ingest:command", "Read a capture: passes, gaps, filter, quality report."),
-    "convert": ("kinemimic.pipeline.convert:command", "Convert Euler angles or positions to quaternions."),
+    "convert": (
+        "kinemimic.pipeline.convert:command",
+        "Convert Euler angles or positions to quaternions.",
+    ),
     "retarget": (
         "kinemimic.retarget.command:command",
         "Retarget to the 20 nodes and the humanoid; JSON and MCAP.",

@@ -76,8 +76,8 @@ def test_every_command_explains_its_options(name: str, capsys: pytest.CaptureFix
     if name == "datasets":
         assert all(one in out for one in OF_DATASETS)
         return
-    # What only looks at captures, or at policies of its own, has no run folder.
-    alone = name.startswith("datasets ") or name in ("formats", "inspect", "policies", "study")
+    # Commands on captures, shipped policies or several runs have no run folder.
+    alone = name.startswith("datasets ") or name in ("compare", "formats", "inspect", "policies", "study")
     assert "--run" in out or alone
     assert "--json" in out
 
