@@ -42,7 +42,7 @@ from kinemimic.pipeline.readers.base.source import Source
     "--suggest", is_flag=True, help="Only draft a TOML description of the columns of one custom table."
 )
 @unit_option(
-    "Unit of length of the files; by default the unit of the format, or inferred from the body size."
+    "Length unit of the files. Default: as declared by the format, or inferred from body size."
 )
 @click.option(
     "--jobs",

@@ -117,7 +117,7 @@ def _sentences(checked: CheckedCapture, filter_name: str | None) -> Iterator[str
     lengths = [clip.times[clip.passes == number] for number in range(acquisition.count)]
     seconds = sum(float(times[-1] - times[0]) for times in lengths)
     plural = "es" if acquisition.count != 1 else ""
-    yield f"{acquisition.count} pass{plural} of {sum(map(len, lengths))} frames in all, {seconds:.1f} s"
+    yield f"{acquisition.count} pass{plural} of {sum(map(len, lengths))} frames, {seconds:.1f} s"
     outside = len(clip.times) - sum(map(len, lengths))
     if outside or acquisition.discarded:
         short = f"{acquisition.discarded} passes too short"

@@ -60,7 +60,7 @@ def repair(clip: Clip) -> tuple[Clip, list[Defect]]:
             int(swapped.sum()),
             "frames",
             "repaired" if clip.euler is None else "flagged",
-            f"left and right swapped: {', '.join(parts)}; {done}",
+            f"the tracker confused the sides: {', '.join(parts)}; {done}",
             frame_runs(swapped),
         )
     ]

@@ -45,7 +45,7 @@ def test_a_sound_capture_comes_through_untouched(kind: str) -> None:
     assert examination.defects == () and examination.refused is None
     assert np.array_equal(examination.clip.positions, clip.positions)
     assert planned_steps(examination) == [
-        "1 pass of 240 frames in all, 8.0 s",
+        "1 pass of 240 frames, 8.0 s",
         "positions: Kalman-RTS smoother, cut-offs by likelihood, outliers overruled",
     ]
 
