@@ -1,4 +1,4 @@
-"""Small captures with a description beside them, read as anyone's would be."""
+"""Small tables with a description in the same folder, read like any user's."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""`Name;x;y;z` lines: right before left, a Spanish hip, no clock."""
+"""`Name;x;y;z` lines: right before left, a Spanish hip name, no clock."""
 
 from __future__ import annotations
 

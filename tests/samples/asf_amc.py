@@ -1,4 +1,4 @@
-"""ASF/AMC as the CMU library writes it: lengths in inches times 0.45, bones with axes of their own."""
+"""ASF/AMC as in the CMU library: lengths in inches times 0.45, bones with their own axes."""
 
 from __future__ import annotations
 

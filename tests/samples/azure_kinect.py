@@ -1,4 +1,4 @@
-"""Azure Kinect body tracking as the SDK's offline_processor writes it: sorted keys, four blanks a level."""
+"""Azure Kinect body tracking in the layout of the SDK's offline_processor: sorted keys, indented by four."""
 
 from __future__ import annotations
 

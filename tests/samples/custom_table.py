@@ -1,4 +1,4 @@
-"""A table of no known format, as a spreadsheet of a German laboratory exports it, and its description."""
+"""A table of unknown format, as exported by a German laboratory's spreadsheet, and its description."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""DeepMimic JSON, in the layout of the files that its authors published: one frame a line, ten decimals."""
+"""DeepMimic JSON in the layout of the authors' files: one frame per line, ten decimals."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""KIMORE CSV: empty lines before anybody is tracked, then 25 x (x, y, z, state) and a comma at the end."""
+"""KIMORE CSV: empty lines before anybody is tracked, then 25 x (x, y, z, state) with a trailing comma."""
 
 from __future__ import annotations
 

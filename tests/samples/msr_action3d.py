@@ -1,4 +1,4 @@
-"""MSR-Action3D lines: x y z confidence, 20 lines a frame in the set's own order."""
+"""MSR-Action3D lines: x y z confidence, 20 lines per frame in the data set's own order."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Damage as it happens to files, and worse: what a reader must survive."""
+"""Realistic and worse damage of files, which readers must survive."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""UTKinect lines: irregular frame numbers, some twice, and the labels of the take beside them."""
+"""UTKinect lines: irregular frame numbers, some repeated, and a file with action labels."""
 
 from __future__ import annotations
 

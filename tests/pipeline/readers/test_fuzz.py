@@ -1,4 +1,6 @@
-"""Two thousand damaged files of every text format: a clear error or a valid clip, in bounded time."""
+"""Two thousand damaged files of every text format: each gives a clear error or a valid clip, in
+bounded time.
+"""
 
 from __future__ import annotations
 
@@ -65,7 +67,7 @@ def check(clip: Clip) -> None:
 @pytest.mark.parametrize("name", TEXT_FORMATS)
 def test_damaged_files(name: str, tmp_path: Path) -> None:
     module: ModuleType = importlib.import_module(f"samples.{name}")
-    # Damage inside of a packed file is found by gzip's checksum alone; here the reader shall meet it.
+    # gzip's checksum would catch damage inside a compressed file; here the reader must.
     files = {name: unpacked(content) for name, content in module.files(FRAMES).items()}
     rng = np.random.default_rng(2026)
     capture = tmp_path / next(iter(files))
@@ -89,5 +91,5 @@ def test_damaged_files(name: str, tmp_path: Path) -> None:
             error.add_note(f"input {number} of {name}, damaged {victim}, kept in {tmp_path}")
             raise
     assert clips + errors == INPUTS
-    # The mutations neither leave everything whole nor break everything.
+    # The mutations must leave some files readable and break others.
     assert errors > INPUTS // 5

@@ -1,4 +1,4 @@
-"""A capture is known by its content; what is none gets one clear line."""
+"""Captures are recognised by their content; other files give one clear error."""
 
 from __future__ import annotations
 
@@ -102,7 +102,7 @@ def test_joint_names_in_another_encoding(tmp_path: Path, bvh: Text) -> None:
         ("über".encode() * 100, "text that begins"),
     ],
 )
-def test_what_is_no_capture(tmp_path: Path, content: bytes, found: str) -> None:
+def test_files_that_are_not_captures(tmp_path: Path, content: bytes, found: str) -> None:
     (tmp_path / "file").write_bytes(content)
     with pytest.raises(CaptureError, match=f"expected a capture, found {found}"):
         recognise.read(tmp_path / "file")
@@ -121,7 +121,7 @@ def test_no_file_a_folder_and_one_too_large(
         recognise.read(tmp_path / "large.bvh")
 
 
-def test_a_kinect_v2_recording_is_told_from_a_v1(captures: Path) -> None:
+def test_kinect_v2_and_v1_recordings_are_distinguished(captures: Path) -> None:
     # Both are .skl with the same header of columns; only joints that a v1 lacks tell them apart.
     for version, joints in ((1, 20), (2, 25)):
         for path in sorted((captures / f"kinect{version}_bernstein_skl").glob("*.skl")):

@@ -1,4 +1,4 @@
-"""A capture under any name is known; without its header it is known too, or refused with what would help."""
+"""Captures are recognised under any name; without their header, too, or refused with helpful advice."""
 
 from __future__ import annotations
 
@@ -17,9 +17,9 @@ from kinemimic.pipeline.readers import recognise
 from kinemimic.pipeline.readers.base.source import Source
 
 FRAMES = 30
-# These find the file that belongs to them by the capture's own name, so that it is renamed along.
+# These find their sidecar file by the capture's name, so it is renamed with it.
 PAIRED_BY_NAME = {"custom_table": "aufnahme", "uiprmd": "kinect_m01_s01_e01"}
-# What a refusal says: formats that it may be, or what is missing.
+# Helpful advice: candidate formats, or what is missing.
 HELPFUL = re.compile(
     r"formats of that width: .+; restore its header, or describe its columns \(`kinemimic inspect --suggest`"
     r"|found (?:text that begins|a binary file of unknown format).*`kinemimic formats` lists the known"
@@ -53,7 +53,7 @@ def test_renamed(name: str, tmp_path: Path) -> None:
     assert clip.provenance["format"] == format_of(name)
 
 
-def test_a_half_of_a_pair_under_a_name_that_hides_the_other_half(tmp_path: Path) -> None:
+def test_half_of_a_pair_whose_name_does_not_lead_to_the_other(tmp_path: Path) -> None:
     capture, content = next(iter(sample("uiprmd").items()))
     assert "positions" in capture
     (tmp_path / "x.dat").write_bytes(content)

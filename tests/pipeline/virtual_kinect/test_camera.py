@@ -1,4 +1,4 @@
-"""The camera: pixels by hand, and what covers what."""
+"""The camera: pixels computed by hand, and occlusion."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from kinemimic.pipeline.virtual_kinect.camera import FOCAL, HEIGHT, WIDTH, Camer
 from kinemimic.pipeline.virtual_kinect.subject import close_loop, ground_truth
 
 
-def test_pixels_by_hand() -> None:
+def test_pixels_computed_by_hand() -> None:
     pixels, depth = Camera(height=1.0, tilt=0.0).project(np.array([[2.0, 0.0, 1.0], [2.0, 0.5, 1.2]]))
     np.testing.assert_allclose(depth, [2.0, 2.0])
     # What is to the left and above falls left of and above the image's middle.

@@ -1,4 +1,4 @@
-"""`datasets record` makes the recordings that are committed, number by number."""
+"""`datasets record` reproduces the committed recordings."""
 
 from __future__ import annotations
 
@@ -24,16 +24,16 @@ def recorded(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.mark.parametrize("name", CAPTURES)
-def test_what_is_committed_is_what_is_recorded(recorded: Path, name: str) -> None:
+def test_committed_recordings_are_reproduced(recorded: Path, name: str) -> None:
     before, now = (path.read_text(encoding="utf-8") for path in (RAW / name, recorded / name))
     assert _NUMBER.sub("#", before) == _NUMBER.sub("#", now)
     one, other = (np.array(_NUMBER.findall(text), dtype=np.float64) for text in (before, now))
-    # Another processor may round the last digit otherwise.
+    # Other processors may round the last digit differently.
     np.testing.assert_allclose(one, other, rtol=0.0, atol=1e-4)
 
 
 @pytest.mark.parametrize("name", CAPTURES)
-def test_its_truth_and_its_note_too(recorded: Path, name: str) -> None:
+def test_committed_truth_and_notes_are_reproduced(recorded: Path, name: str) -> None:
     one, other = (read_truth(truth_path(folder / name)) for folder in (RAW, recorded))
     assert one is not None and other is not None
     for column, curve in one.items():

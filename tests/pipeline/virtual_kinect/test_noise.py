@@ -1,4 +1,4 @@
-"""The defects, one at a time: each does what its level says, and nothing else."""
+"""The sensor's errors, one at a time: each has its level and affects nothing else."""
 
 from __future__ import annotations
 
@@ -104,7 +104,7 @@ def test_feet_point_down() -> None:
     np.testing.assert_allclose(np.linalg.norm(sole, axis=1), 0.1)
 
 
-def test_what_is_lost_is_nan_with_state_0_and_nothing_else_is() -> None:
+def test_only_lost_joints_are_nan_with_state_0() -> None:
     seen = _see(_still(600, 2.5), replace(NONE, flicker=0.1, lost=0.3))
     assert np.array_equal(np.isnan(seen.positions).all(axis=-1), seen.states == MISSING)
     assert np.array_equal(np.isnan(seen.positions).any(axis=-1), seen.states == MISSING)
@@ -112,7 +112,7 @@ def test_what_is_lost_is_nan_with_state_0_and_nothing_else_is() -> None:
     assert np.all(seen.states[:, [N["hip_center"], N["spine"], N["hip_left"]]] == TRACKED)
 
 
-def test_inferred_joints_go_astray_and_tracked_ones_do_not() -> None:
+def test_only_inferred_joints_have_an_inference_error() -> None:
     joints = _still(900, 2.7)
     seen = _see(joints, replace(NONE, flicker=0.05, inferred=0.05))
     error = np.linalg.norm(seen.positions - joints, axis=-1)
@@ -132,7 +132,7 @@ def test_legs_are_swapped_whole_where_they_cross_in_the_image() -> None:
     np.testing.assert_allclose(seen.positions[rows, N["hip_left"]], joints[rows, N["hip_left"]])
 
 
-def test_the_edges_of_a_pass_are_wild_and_its_middle_is_not() -> None:
+def test_only_the_edges_of_a_pass_are_disturbed() -> None:
     joints = _still(60, 2.5)
     error = np.linalg.norm(
         _see(joints, replace(NONE, edge=0.12, edge_frames=(2, 5))).positions - joints, axis=-1

@@ -1,4 +1,4 @@
-"""The virtual Kinect as a whole: what it writes is what it says, and the truth fits it."""
+"""The virtual Kinect as a whole: its files are consistent with each other and with the truth."""
 
 from __future__ import annotations
 
@@ -86,7 +86,7 @@ def test_the_truth_is_on_the_captures_clock_and_labelled(recording: Recording, f
 def test_acquisition_finds_the_passes_that_were_walked(recording: Recording, form: str) -> None:
     path, clip = _form(recording, form)
     found, walked = find_passes(clip).passes, _truth(path)["pass"]
-    # A wild first frame may be cut off, and the frame before a pause counts as its first repetition.
+    # A disturbed first frame may be cut off, and the frame before a pause counts as its first repetition.
     middle = np.convolve(walked, np.full(13, 1 / 13), mode="same") == walked
     assert walked.max() == 5 and np.array_equal(found[middle], walked[middle])
 
@@ -131,7 +131,7 @@ def test_shares_of_inferred_joints_are_those_of_real_walks(recording: Recording)
     assert (clip.states == 0).mean() < 0.01
 
 
-def test_the_planted_joint_is_where_the_note_says_and_the_others_are_clear(recording: Recording) -> None:
+def test_only_the_locked_joint_is_near_lock_at_the_recorded_frame(recording: Recording) -> None:
     path, clip = _form(recording, "euler")
     gimbal = _note(path)["gimbal"]
     assert isinstance(gimbal, dict) and gimbal["joint"] == "ShoulderLeft" and gimbal["order"] == "YZX"
@@ -147,7 +147,7 @@ def test_the_planted_joint_is_where_the_note_says_and_the_others_are_clear(recor
     assert np.delete(middle, joint, axis=1).max() < 85.0
 
 
-def test_convert_reports_the_planted_joint_and_frames(recording: Recording, tmp_path: Path) -> None:
+def test_convert_reports_the_locked_joint_and_frames(recording: Recording, tmp_path: Path) -> None:
     ingest(recording.euler, tmp_path)
     convert(tmp_path)
     planted = _note(recording.euler)["gimbal"]
@@ -175,7 +175,7 @@ def test_at_lock_the_angles_jump_and_the_rotation_does_not(perfect: Recording) -
     assert triples > 20.0 and turn.max() < 10.0
 
 
-def test_while_nobody_is_there_the_last_pose_is_repeated(recording: Recording) -> None:
+def test_the_last_pose_is_repeated_after_the_subject_left(recording: Recording) -> None:
     path, clip = _form(recording, "euler")
     away = np.flatnonzero(_truth(path)["pass"] < 0)
     assert len(away) == 5 * 21

@@ -1,4 +1,4 @@
-"""Orientations from joints: a perfect sensor's give the joints back; lost joints keep their last rotation."""
+"""Orientations from joints: perfect joints are reproduced; lost joints keep their last rotation."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ def joints() -> np.ndarray:
     return ground_truth(gait, elapsed, start=np.array([4.0, 0.0]), heading=2.6, phase=0.0).joints
 
 
-def test_from_perfect_joints_the_skeleton_stands_on_them_again(joints: np.ndarray) -> None:
+def test_perfect_joints_are_reproduced_by_the_skeleton(joints: np.ndarray) -> None:
     rotations = joint_rotations(joints)
     skeleton = calibrate(joints, np.ones(joints.shape[:2], dtype=np.bool_), rotations)
     translations = np.broadcast_to(skeleton.offsets, joints.shape).copy()

@@ -1,4 +1,4 @@
-"""The subject's gait: a loop without a seam, a straight way at the true speed, truth with the right signs."""
+"""The subject's gait: a continuous loop, a straight path at the true speed, truth with the right signs."""
 
 from __future__ import annotations
 

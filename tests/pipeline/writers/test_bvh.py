@@ -29,7 +29,7 @@ from kinemimic.pipeline.writers.poses import Poses
 
 
 @pytest.mark.parametrize("order", BVH_ORDERS)
-def test_joints_come_back_where_they_were_in_every_order(tmp_path: Path, order: str) -> None:
+def test_joint_positions_survive_every_order(tmp_path: Path, order: str) -> None:
     rng = np.random.default_rng(1)
     skeleton = node_skeleton(offsets())
     root, rotations = rng.normal(size=(8, 3)), from_rotvec(rng.normal(size=(8, 20, 3)))
@@ -49,7 +49,7 @@ def test_the_root_turns_about_the_files_y_when_one_turns_on_the_spot() -> None:
     np.testing.assert_allclose(file_angles(turn, "YZX"), [[[0.3, 0.0, 0.0]]], atol=1e-12)
 
 
-def test_joints_stand_depth_first() -> None:
+def test_joints_are_listed_depth_first() -> None:
     skeleton = Skeleton(("a", "b", "c", "d"), (-1, 0, 0, 1), np.zeros((4, 3)))
     assert hierarchy_sequence(skeleton) == [0, 1, 3, 2]
 

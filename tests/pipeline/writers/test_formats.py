@@ -1,4 +1,4 @@
-"""What is written is what is read: by our own readers, by a peer's parser, by the peers' own programs."""
+"""Written files are read by our own readers, by third-party parsers, and by the target programs."""
 
 from __future__ import annotations
 
@@ -220,7 +220,7 @@ def test_npz_comes_back_and_is_the_same_every_time(tmp_path: Path) -> None:
     np.testing.assert_array_equal(back.kinematics()[0], poses.kinematics()[0])
 
 
-def test_csv_of_a_figure_whose_joint_is_called_root_has_that_place_once(tmp_path: Path) -> None:
+def test_csv_writes_a_joint_called_root_once(tmp_path: Path) -> None:
     clip = seen()
     clip = replace(clip, skeleton=replace(clip.skeleton, names=("root", *NODES[1:])))
     write_csv(tmp_path / "a.csv", clip, {"knee_left": np.zeros(40)})

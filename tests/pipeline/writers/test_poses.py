@@ -1,4 +1,4 @@
-"""Clips as poses: joints stay where they were, clocks become even, gaps are bridged and counted."""
+"""Clips as poses: joints keep their positions, times become regular, gaps are interpolated and counted."""
 
 from __future__ import annotations
 
@@ -52,7 +52,7 @@ def test_captured_positions_are_kept_although_bones_change_their_lengths() -> No
     assert np.linalg.norm(poses.skeleton.offsets[13]) == pytest.approx(np.median(lengths), abs=1e-3)
 
 
-def test_gaps_are_bridged_ends_are_held_and_both_are_counted() -> None:
+def test_gaps_are_interpolated_ends_are_held_and_both_are_counted() -> None:
     clip = of_positions()
     knee, head = NODE_INDEX["knee_left"], NODE_INDEX["head"]
     positions, rotations = clip.positions.copy(), np.array(clip.rotations)
@@ -74,7 +74,7 @@ def test_a_joint_that_was_never_seen_stays_at_its_parent() -> None:
     np.testing.assert_allclose(found[:, hand], found[:, wrist], atol=1e-12)
 
 
-def test_an_uneven_clock_becomes_even() -> None:
+def test_irregular_times_become_regular() -> None:
     clip = of_rotations()
     kept = np.delete(np.arange(60), [11, 30, 31])
     assert clip.rotations is not None and clip.translations is not None
@@ -95,7 +95,7 @@ def test_an_uneven_clock_becomes_even() -> None:
     assert np.abs(bone).max() < 1e-12, "interpolation keeps rigid bones rigid"
 
 
-def test_one_frame_is_no_motion() -> None:
+def test_one_frame_is_refused() -> None:
     clip = of_rotations(rigid_walk(1, 60.0))
     with pytest.raises(KinemimicError, match="2 frames or more, found 1"):
         poses_of_clip(clip)

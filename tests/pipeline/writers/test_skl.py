@@ -1,4 +1,4 @@
-"""The v1 recorder's text: form by hand, and the reader's round trip."""
+"""The v1 recorder's text: its form, and the round trip through the reader."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ PLANE = np.array([0.0, 0.99862953, -0.05233596, 0.9])
 
 
 @pytest.mark.parametrize("numbered", [True, False])
-def test_what_is_written_is_read_back(tmp_path: Path, numbered: bool) -> None:
+def test_written_files_are_read_back(tmp_path: Path, numbered: bool) -> None:
     rng = np.random.default_rng(0)
     positions, states = rng.normal(size=(5, 20, 3)), np.full((5, 20), TRACKED, dtype=np.uint8)
     states[2, 7], positions[2, 7] = MISSING, np.nan

@@ -26,7 +26,7 @@ def test_the_tree_gives_the_orientations_back() -> None:
         assert np.abs(np.sum(again * r.multiply(world, absolute), axis=-1)).min() > 1 - 1e-12
 
 
-def test_none_given_none_made_up() -> None:
+def test_missing_orientations_stay_missing() -> None:
     skeleton = kinect_v2_skeleton()
     absolute = turns(10, 25)
     absolute[:, JOINTS.index("Head")] = 0.0
@@ -42,7 +42,7 @@ def test_none_given_none_made_up() -> None:
     assert np.array_equal(missing, expected)
 
 
-def test_the_cameras_axes_in_ours() -> None:
+def test_camera_axes_in_world_axes() -> None:
     axes = r.rotate(WORLD_FROM_CAMERA, np.eye(3))
     # Right of the camera, down, away from it.
     assert np.allclose(axes, [[0, -1, 0], [0, 0, -1], [1, 0, 0]], atol=1e-15)

@@ -1,4 +1,4 @@
-"""Repeated times, empty frames, and places that no sensor can see."""
+"""Repeated times, empty frames, and coordinates outside a sensor's range."""
 
 from __future__ import annotations
 
@@ -19,13 +19,13 @@ def test_a_frame_counts_if_it_is_later_than_all_before_it() -> None:
     assert increasing_times(np.arange(4.0))[1] == []
 
 
-def test_a_clock_that_falls_back_and_runs_on_is_not_called_repaired() -> None:
-    # A second recording of 30 lines behind the first; one time far too late does the same.
+def test_a_clock_that_restarts_is_flagged() -> None:
+    # A second recording of 30 lines after the first; one time far too late has the same effect.
     for clock in (np.tile(np.arange(30.0), 2), np.concatenate([np.arange(9.0), [1e9], np.arange(9.0, 39.0)])):
         later, (defect,) = increasing_times(clock)
         assert (defect.action, defect.count) == ("flagged", int((~later).sum()))
         assert "30 of them are consecutive" in defect.text
-    # A time written thirty times over is a stutter, however long.
+    # A time repeated thirty times is a stutter.
     later, (defect,) = increasing_times(np.repeat([1.0, 2.0], 30))
     assert (defect.action, defect.count, int(later.sum())) == ("repaired", 58, 2)
 
@@ -39,7 +39,7 @@ def test_empty_frames_are_named_as_runs() -> None:
     assert zero_frames(np.ones((3, 2, 3))) == []
 
 
-def test_far_places_are_refused_and_what_is_not_seen_is_not() -> None:
+def test_remote_coordinates_are_refused_and_missing_ones_are_not() -> None:
     source = source_of("x", Path("a.txt"))
     points = np.zeros((4, 2, 3))
     points[1, 0], points[1, 1] = np.nan, np.inf

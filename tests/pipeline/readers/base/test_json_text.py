@@ -1,4 +1,4 @@
-"""JSON of any kind gives its values or one clear error."""
+"""Any JSON gives its values or one clear error."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Tables of numbers: the same values, lines and complaints from the quick and the slow way."""
+"""Tables of numbers: Arrow and numpy give the same values, line numbers and errors."""
 
 from __future__ import annotations
 
@@ -38,18 +38,18 @@ def test_every_number_is_as_python_reads_it(way: str, separator: str | None, end
     table = parse_table(source, start=1, separator=separator)
     split = [line.split(separator) for line in lines[1:] if line.strip()]
     assert table.values.tolist() == [[float(field) for field in fields] for fields in split]
-    # The last row stands behind the second blank line.
+    # The last row follows the second blank line.
     assert table.line(0) == 3
     assert table.line(52) == 56
 
 
-def test_a_separator_may_close_the_lines(way: str) -> None:
+def test_a_trailing_separator_is_accepted(way: str) -> None:
     source = source_of("1,2,3,\n4,5,6,\n", PATH)
     assert parse_table(source, separator=",").values.tolist() == [[1, 2, 3], [4, 5, 6]]
     assert parse_table(source, separator=",", width=3).values.shape == (2, 3)
 
 
-def test_lines_of_another_width_are_left_out_and_counted(way: str) -> None:
+def test_lines_of_another_width_are_dropped_and_counted(way: str) -> None:
     source = source_of("0 0\n1 2 3\n\n4 5\n6 7 8 9\n7 8 9\n", PATH)
     table = parse_table(source, width=3, drop_other_widths=True)
     assert table.values.tolist() == [[1, 2, 3], [7, 8, 9]]
@@ -57,14 +57,14 @@ def test_lines_of_another_width_are_left_out_and_counted(way: str) -> None:
     assert [table.line(row) for row in range(2)] == [2, 6]
 
 
-def test_other_white_space_makes_no_other_width(way: str) -> None:
+def test_other_white_space_does_not_change_the_width(way: str) -> None:
     source = source_of("1 2 3\n4  5 6\n7 8\n 7 8 9\n", PATH)
     table = parse_table(source, width=3, drop_other_widths=True)
     assert table.values.tolist() == [[1, 2, 3], [4, 5, 6], [7, 8, 9]]
     assert table.dropped == 1
 
 
-def test_words_before_the_numbers_are_left_out(way: str) -> None:
+def test_label_columns_are_skipped(way: str) -> None:
     table = parse_table(source_of("a;1;2\n\nb1;3;4;\n", PATH), separator=";", label_columns=1, width=3)
     assert table.values.tolist() == [[1, 2], [3, 4]]
     with pytest.raises(CaptureError, match="line 2: expected 3 numbers, found 4"):
@@ -73,7 +73,7 @@ def test_words_before_the_numbers_are_left_out(way: str) -> None:
         parse_table(source_of("a;1;2\nb;3;x\n", PATH), separator=";", label_columns=1, width=3)
 
 
-def test_what_is_not_finite_passes(way: str) -> None:
+def test_non_finite_numbers_pass(way: str) -> None:
     values = parse_table(source_of("1 nan -inf\n1e999 NaN inf\n", PATH)).values
     assert np.array_equal(values, [[1, np.nan, -np.inf], [np.inf, np.nan, np.inf]], equal_nan=True)
 
@@ -92,7 +92,7 @@ def test_what_is_not_finite_passes(way: str) -> None:
         ("1 2\nHIERARCHY\n3 4\n", "line 2: expected 2 numbers, found 1; two files seem to be joined there"),
     ],
 )
-def test_mistakes_are_named_with_their_line(way: str, text: str, complaint: str) -> None:
+def test_mistakes_name_their_line(way: str, text: str, complaint: str) -> None:
     with pytest.raises(CaptureError, match=complaint):
         parse_table(source_of(text, PATH))
 

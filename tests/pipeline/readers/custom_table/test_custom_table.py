@@ -1,4 +1,4 @@
-"""Captures read by a description: layouts written from the known walk, damage, and where descriptions lie."""
+"""Custom tables: layouts written from the known walk, damage, and which description applies."""
 
 from __future__ import annotations
 
@@ -96,7 +96,7 @@ def test_left_handed_axes_are_mirrored(tmp_path: Path) -> None:
     clip = read(tmp_path, capture, description + UNITY)
     assert clip.positions == pytest.approx(joints(), abs=1e-6)
     assert "left-handed axes were mirrored" in clip.provenance["reading"]["notes"]
-    # Without a word about the third axis, the axes are right-handed, and this walker is his mirror image.
+    # Without the third axis, the axes are assumed right-handed, and the walker is mirrored.
     mirrored = read(tmp_path, capture, description + 'up = "Y"\nforward = "Z"\n')
     assert mirrored.positions[..., 1] == pytest.approx(-joints()[..., 1], abs=1e-6)
 
@@ -158,7 +158,7 @@ def test_mistakes_in_a_description_name_their_key(tmp_path: Path, wrong: str, me
 
 
 @pytest.mark.parametrize(("encoding", "half"), [("utf-7", "+2AA-"), ("unicode_escape", "\\ud800")])
-def test_half_a_surrogate_pair_is_no_text(tmp_path: Path, encoding: str, half: str) -> None:
+def test_half_a_surrogate_pair_is_refused(tmp_path: Path, encoding: str, half: str) -> None:
     rows = table(y_up(joints()).reshape(FRAMES, -1)).replace("\n", f",{half}\n", 1)
     with pytest.raises(
         CaptureError, match=f"expected text in {encoding}, found other bytes; see table.encoding in walk.toml"
@@ -197,7 +197,7 @@ def test_mistakes_in_the_tree(tmp_path: Path, joints: str, message: str) -> None
         ("33,33;", ";", r"line 4: expected a time, found none"),
     ],
 )  # fmt: skip
-def test_captures_that_are_not_as_described(tmp_path: Path, old: str, new: str, message: str) -> None:
+def test_captures_that_contradict_their_description(tmp_path: Path, old: str, new: str, message: str) -> None:
     contents = files(6)
     capture = contents["aufnahme.csv"].decode()
     assert old in capture
@@ -225,14 +225,14 @@ def test_a_cut_off_file_and_wrong_units(tmp_path: Path) -> None:
         recognise.read(tmp_path / "aufnahme.csv")
 
 
-def test_where_descriptions_lie(tmp_path: Path) -> None:
+def test_which_description_applies(tmp_path: Path) -> None:
     contents = files(6)
     capture, description = contents["aufnahme.csv"], contents["aufnahme.toml"].decode()
     for name in ("a.csv", "b.txt", "remarks.md"):
         (tmp_path / name).write_bytes(capture)
     with pytest.raises(CaptureError, match="expected a capture"):
         recognise.read(tmp_path / "a.csv")
-    # Another program's file is none of ours, and stays out of the provenance.
+    # Another program's TOML file is ignored, and not in the provenance.
     (tmp_path / "a.toml").write_text('[project]\nname = "kinemimic"\n')
     with pytest.raises(CaptureError, match="expected a capture"):
         recognise.read(tmp_path / "a.csv")
@@ -243,7 +243,7 @@ def test_where_descriptions_lie(tmp_path: Path) -> None:
     assert len(recognise.read(tmp_path / "b.txt").times) == 6
     with pytest.raises(CaptureError, match="expected a capture, found text"):
         recognise.read(tmp_path / "remarks.md")
-    # The file's own goes before the folder's.
+    # The file's own description takes precedence over the folder's.
     (tmp_path / "b.toml").write_text(description.replace('"mm"', '"cm"').replace("[time]", "[time]\nx = 1"))
     with pytest.raises(CaptureError, match=r"b\.toml, key time\.x"):
         recognise.read(tmp_path / "b.txt")
@@ -254,7 +254,7 @@ def test_where_descriptions_lie(tmp_path: Path) -> None:
 DOCUMENT = Path(__file__).parents[4] / "docs" / "describe-your-columns.md"
 
 
-def test_the_documents_examples_are_true(tmp_path: Path) -> None:
+def test_the_examples_of_the_documentation_are_valid(tmp_path: Path) -> None:
     """The first describes the sample under English names; the second a table without a header."""
     named, numbered, _ = (part.split("```")[0] for part in DOCUMENT.read_text().split("```toml\n")[1:])
     text = files(FRAMES)["aufnahme.csv"].decode()

@@ -1,4 +1,4 @@
-"""Rotations and offsets by a description: Euler angles, quaternions, either handedness and frame."""
+"""Rotations and offsets of custom tables: Euler angles, quaternions, either handedness and frame."""
 
 from __future__ import annotations
 
@@ -133,7 +133,7 @@ def test_positions_in_the_parents_frame(tmp_path: Path) -> None:
     assert clip.positions == pytest.approx(positions_of(world, root)[..., [2, 0, 1]], abs=1e-9)
 
 
-def test_a_missing_quaternion_is_nan_and_one_that_is_none_is_refused(tmp_path: Path) -> None:
+def test_a_missing_quaternion_is_nan_and_an_invalid_one_is_refused(tmp_path: Path) -> None:
     rows = np.tile([0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0], (4, 3))
     rows[2, 10:14] = 0.0
     description = (

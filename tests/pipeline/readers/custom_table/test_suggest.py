@@ -1,4 +1,4 @@
-"""A draft, saved beside the file it was drafted from, makes it readable, with every joint in its place."""
+"""A draft, saved next to its file, makes the file readable, with every joint in its place."""
 
 from __future__ import annotations
 
@@ -231,14 +231,14 @@ def check_against_its_reader(path: Path, name: str, tolerance: float) -> None:
     path.with_suffix(".toml").write_text(suggest(Source.open(path)))
     own = recognise.read(path)
     assert own.provenance["format"] == "custom table"
-    # A reader that knows its recorder drops the frames that it wrote twice.
+    # The recorder's own reader drops repeated frames.
     same = np.arange(len(own.times))
     if len(own.times) != len(known.times):
         same = np.searchsorted(own.times, known.times - 1e-6)
         assert own.times[same] == pytest.approx(known.times, abs=1e-6)
     places, expected = to_nodes(own)[0][same], to_nodes(known)[0]
     if name == "andersson":
-        # Its Hip-centro is nobody else's word; the draft says so, and the place is derived.
+        # No other format names Hip-centro; the draft says so, and the position is derived.
         assert '"Hip-centro" = {}  # please check' in path.with_suffix(".toml").read_text()
         places, expected = (np.delete(p, NODE_INDEX["hip_center"], axis=1) for p in (places, expected))
     turned = [expected @ turn.T for turn in quarter_turns()]
@@ -251,7 +251,7 @@ def quarter_turns() -> list[Array]:
 
 
 @pytest.mark.parametrize("name", list(ORDERS))
-def test_no_sequence_is_taken_for_another(name: str) -> None:
+def test_no_sequence_is_mistaken_for_another(name: str) -> None:
     shown = walk(FRAMES)
     v2 = dict(zip(SDK_JOINTS, np.moveaxis(kinect_v2_joints(shown), 1, 0), strict=True))
     nodes = dict(zip(NODES, np.moveaxis(shown.joints, 1, 0), strict=True))
@@ -306,7 +306,7 @@ def test_units_of_time(step: float, unit: str) -> None:
     assert found[0] == unit
 
 
-def test_what_is_no_time() -> None:
+def test_values_that_are_not_times() -> None:
     assert time_unit(np.sin(np.arange(50.0)), "") is None
     assert time_unit(np.full(50, 3.0), "") is None
 
@@ -321,7 +321,7 @@ def test_what_is_no_time() -> None:
         ("\n".join(f"{k},{k % 7},{k % 3}" for k in range(99)).encode(), "a table of 3 columns with neither"),
     ],
 )  # fmt: skip
-def test_what_no_draft_can_be_made_of(tmp_path: Path, content: bytes, found: str) -> None:
+def test_files_without_a_draft(tmp_path: Path, content: bytes, found: str) -> None:
     (tmp_path / "file").write_bytes(content)
     with pytest.raises(CaptureError, match=found) as caught:
         suggest(Source.open(tmp_path / "file"))

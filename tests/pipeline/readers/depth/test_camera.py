@@ -1,4 +1,4 @@
-"""Pixels to metres and back, against rays that were found without OpenCV."""
+"""Pixels to metres and back, compared with rays computed without OpenCV."""
 
 from __future__ import annotations
 
@@ -61,7 +61,7 @@ def test_without_the_lens_the_error_would_be_centimetres() -> None:
     assert np.linalg.norm(found - AZURE.rays[500, 600] * 2.0) > 0.02
 
 
-def test_what_the_lens_cannot_show_is_nowhere() -> None:
+def test_points_outside_the_lens_have_no_pixel() -> None:
     camera = camera_of(BARREL)
     # A barrel's polynomial folds back: far aside it would put a point into the middle of the image.
     far_aside, behind = [4.0, 0.0, 1.0], [0.1, 0.0, -2.0]

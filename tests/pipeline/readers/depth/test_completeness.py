@@ -91,7 +91,7 @@ def test_at_an_edge_the_nearer_side_is_taken() -> None:
         (3.0 - MAX_BEFORE - 0.01, DepthCheck.DISAGREES),
     ],
 )
-def test_a_joint_lies_in_the_body_that_is_seen(given: float, expected: DepthCheck) -> None:
+def test_a_joint_is_inside_the_body_behind_its_surface(given: float, expected: DepthCheck) -> None:
     found = check(wall(), CAMERA, np.array([[60.0, 60.0]]), np.array([given]))
     assert found.checks.tolist() == [expected]
     assert found.depth == pytest.approx([given])  # what the tracker says is not overruled

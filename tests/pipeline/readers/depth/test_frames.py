@@ -1,4 +1,4 @@
-"""Images that are whole are read; every other one is one line, on our side of the decoder."""
+"""Intact images are read; any damage gives one line of error, before the decoder sees it."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Small holes are filled, in one surface only."""
+"""Small holes are filled, within one surface only."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ def test_a_small_hole_is_filled_within_a_centimetre() -> None:
     assert (filled[image > 0] == image[image > 0]).all()
 
 
-def test_what_goes_in_is_not_changed() -> None:
+def test_the_input_is_not_changed() -> None:
     image = SLANTED.copy()
     image[5, 5] = 0
     fill(image)

@@ -48,7 +48,7 @@ def test_the_walk_comes_back_within_2_mm(walk: Path) -> None:
     facts = clip.provenance["reading"]
     assert facts["complete_frames"] == FRAMES
     assert sum(facts["joint_positions"].values()) == FRAMES * len(NODES)
-    # Thin limbs and what hides behind others lie at edges; the trunk never does.
+    # Thin limbs and occluded joints are at depth edges; the trunk never is.
     assert (clip.states[:, :3] == 2).all()
     assert 0 < facts["joint_positions"]["at a depth edge"] < 0.15 * clip.states.size
 
@@ -89,7 +89,7 @@ def test_a_dead_patch_makes_its_joints_missing_and_its_frames_incomplete(tmp_pat
 def test_ingest_convert_and_retarget_work_on_it(walk: Path, tmp_path: Path) -> None:
     cleaned = ingest(walk, tmp_path)
     assert (cleaned.passes == 0).all()
-    # 6 Hz rounds the swing of a foot off by some millimetres, at a pass's ends by more.
+    # The 6 Hz filter attenuates the swing of a foot by some millimetres, more at the ends of a pass.
     assert np.median(np.linalg.norm(cleaned.positions - walker(FRAMES), axis=-1)) < 0.005
     convert(tmp_path)
     assert len(retarget(tmp_path).root) > 0
@@ -175,7 +175,7 @@ def test_its_unit_is_not_for_the_command_line_to_say(short: Path) -> None:
         read(short, unit="mm")
 
 
-def test_no_images_and_no_recording_are_told(short: Path, tmp_path: Path) -> None:
+def test_missing_images_and_recordings_are_reported(short: Path, tmp_path: Path) -> None:
     shutil.rmtree(short / "depth")
     with pytest.raises(CaptureError, match="expected depth images named by their frame"):
         read(short)

@@ -30,7 +30,7 @@ def test_a_tilted_camera_is_levelled() -> None:
 
 
 @pytest.mark.parametrize("sign", [1.0, -1.0])
-def test_a_floor_plane_says_the_same_as_height_and_tilt(sign: float) -> None:
+def test_a_floor_plane_equals_height_and_tilt(sign: float) -> None:
     height, tilt = MOUNT[0], np.radians(MOUNT[1])
     plane = (sign * 2.5 * np.array([0.0, -np.cos(tilt), -np.sin(tilt), height])).tolist()
     mount = setup(TEXT.replace(MOUNTED, f"floor = {plane}\n")).mount
@@ -100,7 +100,7 @@ def test_a_mistake_names_its_key(old: str, new: str, message: str) -> None:
     assert "\n" not in str(error.value)
 
 
-def test_a_rotation_that_is_none_is_refused() -> None:
+def test_an_invalid_rotation_is_refused() -> None:
     mirror = "rotation = [1, 0, 0, 0, 1, 0, 0, 0, -1]\n"
     with pytest.raises(CaptureError, match=r"color\.rotation: expected the nine numbers of a rotation"):
         setup(TEXT + "[color]\n" + mirror + lens_toml(HALF, "color."))

@@ -71,7 +71,7 @@ def test_the_20_nodes_are_found() -> None:
         assert np.nanmax(np.abs(nodes[:, at] - expected[:, at])) < 1e-4
 
 
-def test_the_bystander_is_left_out_and_counted() -> None:
+def test_the_bystander_is_dropped_and_counted() -> None:
     (defect,) = read(TAKE).provenance["reading"]["defects"]
     assert (defect["rule"], defect["count"], defect["action"]) == ("several_people", 1, "repaired")
     assert "1 more in 10 frames" in defect["text"]

@@ -1,4 +1,4 @@
-"""Kinect v2 .skl: names that lie are told by bones, clocks by their step."""
+"""Kinect v2 .skl: wrong names are detected from the bones, the clock's unit from its step."""
 
 from __future__ import annotations
 
@@ -64,13 +64,13 @@ def test_head_and_neck_exchanged_are_noticed() -> None:
 
 
 @pytest.mark.parametrize(("tick", "unit"), [(1e-7, "100 ns"), (1e-3, "ms")])
-def test_the_clock_is_told_by_its_step(tick: float, unit: str) -> None:
+def test_the_unit_of_the_clock_is_detected_from_its_step(tick: float, unit: str) -> None:
     clip = clip_of(text(20, SDK, tick=tick))
     assert clip.provenance["reading"]["clock"] == unit
     assert clip.times == pytest.approx(25010.7 + 0.0330377 * np.arange(20))
 
 
-def test_zeros_that_are_not_tracked_are_missing() -> None:
+def test_untracked_zeros_are_missing() -> None:
     lines = text(20, SDK).split("\r\n")
     fields = lines[5].split("\t")
     fields[2:6] = ["0", "0", "0", "0"]
@@ -92,7 +92,7 @@ def test_zeros_that_are_not_tracked_are_missing() -> None:
         (lambda t: t.split("\n")[0], "line 2: expected lines of numbers, found none"),
     ],
 )
-def test_damage_is_named_with_its_line(change: Callable[[str], str], message: str) -> None:
+def test_damage_names_its_line(change: Callable[[str], str], message: str) -> None:
     with pytest.raises(CaptureError, match=message):
         clip_of(change(text(20, WRONG).replace("\r\n", "\n")))
 
@@ -104,7 +104,7 @@ def test_a_clock_of_no_kinect_is_refused() -> None:
         clip_of(text(20, SDK, tick=1.0))
 
 
-def test_bones_that_are_nobodys_are_refused() -> None:
+def test_implausible_bones_are_refused() -> None:
     rng = np.random.default_rng(6)
     lines = text(20, SDK).split("\r\n")
     rows = []

@@ -1,4 +1,4 @@
-"""The raw dump of Kinect2BVH: blocks whose joints come and go, and a person without legs."""
+"""The raw dump of Kinect2BVH: blocks with intermittent joints, and a person without legs."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ def clip_of(content: str) -> Clip:
     return read_source(source_of(content, PATH))
 
 
-def test_what_was_written_is_read_and_tips_come_and_go() -> None:
+def test_the_written_walk_is_read_with_intermittent_tips() -> None:
     clip = clip_of(files(9)["raw.txt"].decode())
     seen = walk(9)
     truth = kinect_v2_joints(Walk(seen.times, in_range(seen), seen.angles))[:, FROM_SDK]
@@ -35,7 +35,7 @@ def test_what_was_written_is_read_and_tips_come_and_go() -> None:
     assert clip.times == pytest.approx((3178718 + np.round(100 * np.arange(9) / 3)) / 1000)
 
 
-def test_upper_bodies_are_refused_with_what_is_there() -> None:
+def test_upper_bodies_are_refused_listing_their_joints() -> None:
     above = tuple(range(12))
     with pytest.raises(
         CaptureError, match="expected hips, knees and ankles, found a whole leg in 0 of 9 frames"
@@ -62,7 +62,7 @@ def test_upper_bodies_are_refused_with_what_is_there() -> None:
         (lambda t: t.replace("\n0 ", "\n0 700", 1), "line 3: expected metres, at most 100, in SpineBase_X"),
     ],
 )
-def test_damage_is_named_with_its_line(change: Callable[[str], str], message: str) -> None:
+def test_damage_names_its_line(change: Callable[[str], str], message: str) -> None:
     with pytest.raises(CaptureError, match=message):
         clip_of(change(text(9)))
 

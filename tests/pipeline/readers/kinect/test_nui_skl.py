@@ -46,7 +46,7 @@ def test_axes_up_is_z_and_left_is_y_and_the_floor_plane_is_not_applied(skl: Text
     assert place["ankle_right"] == pytest.approx([3.0, -0.09, 0.08], abs=0.01)
 
 
-def test_columns_are_found_by_name_wherever_they_stand(skl: Text) -> None:
+def test_columns_are_found_by_name_in_any_order(skl: Text) -> None:
     shuffled = skl(columns=lambda names: [str(n) for n in np.random.default_rng(2).permutation(names)])
     assert np.array_equal(
         nui_skl.read(source_of(shuffled, PATH)).positions,
@@ -54,7 +54,7 @@ def test_columns_are_found_by_name_wherever_they_stand(skl: Text) -> None:
     )
 
 
-def test_states_and_what_is_not_tracked(skl: Text) -> None:
+def test_states_and_untracked_joints(skl: Text) -> None:
     states = np.full((40, 20), 2)
     states[7, NODE_INDEX["head"]] = 0
     states[8, NODE_INDEX["knee_left"]] = 1
@@ -118,7 +118,7 @@ def test_the_clock_is_the_captures_own(skl: Text) -> None:
         ),
     ],
 )
-def test_mistakes_are_named_with_their_line(skl: Text, change: Callable[[str], str], message: str) -> None:
+def test_mistakes_name_their_line(skl: Text, change: Callable[[str], str], message: str) -> None:
     with pytest.raises(CaptureError, match=message) as caught:
         nui_skl.read(source_of(change(skl().replace("\r\n", "\n")), PATH))
     assert "\n" not in str(caught.value)

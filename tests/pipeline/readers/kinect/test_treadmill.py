@@ -1,4 +1,4 @@
-"""Treadmill ASCII: its rate that cannot be, its empty frames, and its own angles against the joints'."""
+"""Treadmill ASCII: an impossible rate, empty frames, and its own angles compared with the joints'."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ def defects(clip: Clip) -> dict[str, int]:
     return {defect["rule"]: defect["count"] for defect in clip.provenance["reading"]["defects"]}
 
 
-def test_what_was_written_is_read() -> None:
+def test_the_written_walk_is_read() -> None:
     clip = clip_of(sample())
     assert clip.provenance["format"] == "treadmill ASCII"
     # Six digits of metres; the last frame is zeros.
@@ -74,7 +74,7 @@ def test_no_kinect_v1_gives_more_than_thirty_frames(declared: float, rate: float
     assert [defect.count for defect in wrong] == ([] if declared == rate else [7])
 
 
-def test_frames_that_the_header_announces_and_the_file_lacks_are_told() -> None:
+def test_frames_declared_but_missing_are_reported() -> None:
     clip = clip_of("\n".join(sample().split("\n")[:-3]) + "\n")
     assert len(clip.times) == 10
     (lost,) = [d for d in clip.provenance["reading"]["defects"] if d["rule"] == "dropped_frames"]
@@ -99,7 +99,7 @@ def test_frames_that_the_header_announces_and_the_file_lacks_are_told() -> None:
         (lambda t: t.replace("\n0.02\t", "\n0.02\t400"), "line 10: expected metres, .*Hip Center_X"),
     ],
 )
-def test_damage_is_named_with_its_line(change: Callable[[str], str], message: str) -> None:
+def test_damage_names_its_line(change: Callable[[str], str], message: str) -> None:
     with pytest.raises(CaptureError, match=message):
         clip_of(change(sample()))
 

@@ -1,4 +1,4 @@
-"""ASF/AMC: the known walk comes back, CMU's AMC is CMU's BVH, and damage is named."""
+"""ASF/AMC: the known walk is reproduced, CMU's AMC equals CMU's BVH, and damage names its line."""
 
 from __future__ import annotations
 
@@ -190,7 +190,7 @@ def test_radians_and_a_stated_rate(tmp_path: Path) -> None:
     np.testing.assert_allclose(turned.times, 2.0 * plain.times)
 
 
-def test_repeated_frames_are_dropped_and_told(tmp_path: Path) -> None:
+def test_repeated_frames_are_dropped_and_reported(tmp_path: Path) -> None:
     clip = read(sample(tmp_path, lambda t: t.replace("\n5\n", "\n4\n").replace("\n9\n", "\n2\n")))
     assert len(clip.times) == FRAMES - 2
     (defect,) = clip.provenance["reading"]["defects"]

@@ -1,4 +1,4 @@
-"""The reader of BVH: kinematics against matrices written out here, variants of the format, mistakes."""
+"""The BVH reader: kinematics compared with matrices, variants of the format, mistakes."""
 
 from __future__ import annotations
 
@@ -128,7 +128,7 @@ def legs_of(length: float) -> Array:
     [(1.0, "m"), (0.01, "cm"), (0.001, "mm"), (0.0254, "inch"), (0.056444, "CMU (0.056444 m)")],
 )
 @pytest.mark.parametrize("leg", [0.62, 0.82, 0.98])
-def test_units_are_told_from_the_legs(metres: float, name: str, leg: float) -> None:
+def test_units_are_inferred_from_the_legs(metres: float, name: str, leg: float) -> None:
     unit = infer_unit(LEGS, legs_of(leg / metres), PATH)
     assert unit.name == name
     assert unit.metres == pytest.approx(metres, rel=1e-4)
@@ -137,10 +137,10 @@ def test_units_are_told_from_the_legs(metres: float, name: str, leg: float) -> N
 
 @pytest.mark.parametrize("metres", [1.0, 0.01, 0.001])
 @pytest.mark.parametrize("leg", [0.41, 0.44, 0.46, 0.48, 0.52, 0.58])
-def test_a_small_child_is_no_giant_in_inches(metres: float, leg: float) -> None:
+def test_a_small_child_in_cm_is_not_read_as_a_giant_in_inches(metres: float, leg: float) -> None:
     unit = infer_unit(LEGS, legs_of(leg / metres), PATH)
     assert unit.metres == metres
-    # As inches, 41 to 47 are the legs of somebody of 2.1 to 2.4 m: hardly likely, but not impossible.
+    # In inches, 41 to 47 are the legs of a person of 2.1 to 2.4 m: unlikely, but possible.
     doubtful = unit.name == "cm" and leg < 1.2 / 2.54
     assert [(found.rule, found.action) for found in unit.defects] == [("wrong_units", "flagged")] * doubtful
     if doubtful:
@@ -155,7 +155,7 @@ def test_a_doubtful_unit_is_in_the_report(bvh: Text) -> None:
     assert (defect["rule"], defect["action"]) == ("wrong_units", "flagged")
 
 
-def test_units_that_cannot_be_told() -> None:
+def test_units_that_cannot_be_inferred() -> None:
     with pytest.raises(CaptureError, match="thigh plus shank of 0 units"):
         infer_unit(LEGS, np.zeros((2, 7, 3)), PATH)
     with pytest.raises(CaptureError, match=r"thigh plus shank of 1e\+06 units"):
@@ -172,7 +172,7 @@ def t_pose_before(frames: int, leading: int) -> Array:
 
 
 @pytest.mark.parametrize("leading", [1, 2])
-def test_calibration_pose_is_dropped_and_told(bvh: Text, leading: int) -> None:
+def test_a_calibration_pose_is_dropped_and_reported(bvh: Text, leading: int) -> None:
     clip = reader.read(source_of(bvh(motion=t_pose_before(60, leading)), PATH))
     assert len(clip.times) == 60 - leading
     assert clip.times[0] == pytest.approx(leading * 0.0333333)
@@ -228,7 +228,7 @@ def test_a_motion_in_whole_degrees_or_starting_at_rest_keeps_its_first_frame(bvh
         ),
     ],
 )
-def test_mistakes_are_named_with_their_line(bvh: Text, change: Callable[[str], str], message: str) -> None:
+def test_mistakes_name_their_line(bvh: Text, change: Callable[[str], str], message: str) -> None:
     with pytest.raises(CaptureError, match=message) as caught:
         reader.read(source_of(change(bvh()), PATH))
     assert "\n" not in str(caught.value)
@@ -281,7 +281,7 @@ def test_deep_nesting_is_refused_without_exhausting_the_stack() -> None:
         parse(source_of(deep, PATH))
 
 
-def test_names_that_repeat_are_told_apart(bvh: Text) -> None:
+def test_repeated_names_are_made_unique(bvh: Text) -> None:
     text = bvh().replace("OFFSET 0 -4 12 }", "OFFSET 0 -4 12 } End Site { OFFSET 0 -4 9 }", 1)
     names = reader.read(source_of(text, PATH)).skeleton.names
     assert {"LeftFoot_end", "LeftFoot_end_2"} <= set(names)
@@ -301,7 +301,7 @@ def test_cmu_drops_its_t_pose(captures: Path) -> None:
         assert np.ptp(shank) < 1e-9
 
 
-def test_kinect_exporters_positions_replace_offsets(captures: Path) -> None:
+def test_position_channels_of_kinect_exporters_replace_offsets(captures: Path) -> None:
     path = captures / "kinect2_brekel_bvh" / "motion1_v.bvh"
     clip = reader.read(Source.open(path))
     hip, knee = (clip.positions[:, clip.skeleton.index(name)] for name in ("LeftUpLeg", "LeftLeg"))

@@ -1,4 +1,4 @@
-"""C3D: joints and markers, units and axes that files leave out, and damage."""
+"""C3D: joints and markers, omitted units and axes, and damage."""
 
 from __future__ import annotations
 
@@ -55,7 +55,7 @@ def test_joints_of_a_kinect() -> None:
     shown = in_sight(walk(30, 30.0))
     assert clip.skeleton.names == NODES
     assert np.abs(clip.positions - shown.joints).max() < 1e-6
-    # 50 Hz is no rate of a Kinect v1.
+    # A Kinect v1 does not record at 50 Hz.
     assert clip.rate == pytest.approx(30.0)
     assert rules(clip) == ["wrong_rate"]
     assert clip.angles is not None
@@ -63,7 +63,7 @@ def test_joints_of_a_kinect() -> None:
     assert np.abs(clip.angles["knee_left"] - shown.angles["knee_left"]).max() < 1e-6
 
 
-def test_axes_units_and_points_that_are_no_markers() -> None:
+def test_axes_units_and_points_other_than_markers() -> None:
     places = markers(in_sight(walk(30, RATE)))
     labels = [f"Jim:{label}" for label in places]
     points = np.stack(list(places.values()), axis=1)
@@ -78,7 +78,7 @@ def test_axes_units_and_points_that_are_no_markers() -> None:
 
 
 @pytest.mark.parametrize(("units", "times"), [("mm", 1.0), ("m", 1000.0), ("cm", 1.0)])
-def test_markers_in_another_unit_than_the_file_says(units: str, times: float) -> None:
+def test_markers_in_another_unit_than_declared(units: str, times: float) -> None:
     places = markers(in_sight(walk(30, RATE)))
     points = times * np.stack(list(places.values()), axis=1)
     clip = read(written(list(places), points, rate=RATE, units=units, Y_SCREEN=["+Z"]))
@@ -107,7 +107,7 @@ def with_rate(content: bytes, rate: float) -> bytes:
     return content[:20] + told + content[24:at] + told + content[at + 4 :]
 
 
-def test_what_cannot_be_read_is_told() -> None:
+def test_unreadable_files_are_reported() -> None:
     places = markers(in_sight(walk(30, RATE)))
     points = np.stack(list(places.values()), axis=1)
     with pytest.raises(CaptureError, match=r"expected POINT:UNITS of m, cm, mm, or .* found '' and a body"):
@@ -118,13 +118,13 @@ def test_what_cannot_be_read_is_told() -> None:
         read(written(["A", "B"], points[:, :2], rate=RATE, units="m"))
 
 
-def test_without_the_library_its_name_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_missing_library_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(importlib.util, "find_spec", lambda name: None)
     with pytest.raises(KinemimicError, match=r"pip install 'kinemimic\[c3d\]'"):
         read(MARKERS)
 
 
-def test_a_cut_file_is_told() -> None:
+def test_a_truncated_file_is_reported() -> None:
     with pytest.raises(
         CaptureError, match="expected 30 frames of 22 points, as in the header, found room for"
     ):
@@ -133,7 +133,7 @@ def test_a_cut_file_is_told() -> None:
         read(MARKERS[:1500])
 
 
-def test_what_crashes_the_library_is_an_error() -> None:
+def test_input_that_crashes_the_library_is_an_error() -> None:
     # A parameter of a group that is not there: ezc3d ends with a segmentation fault.
     group = MARKERS.index(b"FRAMES", 512) - 1
     with pytest.raises(CaptureError, match="expected a whole C3D file, found damage on which ezc3d fails"):

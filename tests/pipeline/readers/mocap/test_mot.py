@@ -1,4 +1,4 @@
-"""OpenSim motions: the file's own curves are those of the positions; signs and sides; damage is named."""
+"""OpenSim motions: the file's own curves equal those of the positions; signs and sides; damage."""
 
 from __future__ import annotations
 
@@ -105,7 +105,7 @@ def test_radians_and_state_paths() -> None:
         np.testing.assert_allclose(clip_of(other).positions, clip_of(sample()).positions, atol=1e-6)
 
 
-def test_what_the_file_does_not_hold_is_left_out() -> None:
+def test_joints_without_coordinates_are_omitted() -> None:
     wanted = ("pelvis_tilt", "hip_flexion_r", "knee_angle_r", "hip_flexion_l", "knee_angle_l")
     clip = clip_of(
         written({name: values for name, values in columns(FRAMES).items() if name in wanted}).decode()
@@ -177,7 +177,7 @@ def _second_number(text: str, word: str) -> str:
     return "\n".join(lines)
 
 
-def test_rows_out_of_turn_and_rows_that_are_lacking_are_told() -> None:
+def test_rows_out_of_order_and_missing_rows_are_reported() -> None:
     lines = sample().split("\n")
     clip = clip_of("\n".join([*lines[:20], lines[15], *lines[20:-5]]))
     assert len(clip.times) == FRAMES - 4

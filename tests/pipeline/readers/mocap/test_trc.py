@@ -1,4 +1,4 @@
-"""OpenSim's marker files: the joints behind the markers, their header's slips, and OpenSim's own angles."""
+"""OpenSim's marker files: joints from markers, mistakes in the header, and OpenSim's own angles."""
 
 from __future__ import annotations
 
@@ -43,7 +43,7 @@ def test_the_known_walk_comes_back() -> None:
             assert np.abs(positions[:, index] - shown.joints[:, index]).max() < 1e-7, node
     assert np.abs(positions[:, NODE_INDEX["head"]] - shown.joints[:, NODE_INDEX["head"]]).max() < 1e-7
     assert derived_nodes(clip) == ("shoulder_center", "hand_left", "hand_right")
-    # The spine node stands where it gives the pelvis' own frame.
+    # The spine node is where it gives the pelvis' own frame.
     for name, curve in leg_angles(positions).items():
         assert np.abs(curve - shown.angles[name]).max() < 1e-6, name
     assert "Bell et al. 1990" in notes(clip)
@@ -96,7 +96,7 @@ def in_unit(metres: float) -> str:
 def test_a_header_with_another_unit_is_repaired(content: str, name: str) -> None:
     clip = read(content)
     assert np.allclose(clip.positions, read(LONGER).positions, atol=1e-8)
-    # Nothing else is wrong with it: of centres that are built before the repair it would seem mirrored, too.
+    # There are no other defects: joint centres computed before the repair would look mirrored, too.
     (found,) = check_capture(clip).defects
     assert (found.rule, found.action) == ("wrong_units", "repaired")
     assert f"lengths are {name}; " in found.text
@@ -112,7 +112,7 @@ def test_clusters_in_another_unit_are_repaired(captures: Path, tmp_path: Path, c
     assert [defect["rule"] for defect in clip.provenance["reading"]["defects"]] == ["wrong_units"]
 
 
-def test_a_marker_that_was_not_seen_is_a_gap_in_what_follows_from_it() -> None:
+def test_a_missing_marker_leaves_a_gap_in_the_nodes_computed_from_it() -> None:
     shown = in_sight(walk(30, RATE))
     places = markers(shown)
     points = 1000.0 * np.stack(list(places.values()), axis=1)[..., [0, 2, 1]] * [1.0, 1.0, -1.0]
@@ -147,7 +147,7 @@ def test_the_time_column_wins_over_the_header() -> None:
     )
 
 
-def test_the_first_frame_is_not_taken_for_the_line_of_axes() -> None:
+def test_the_first_frame_is_not_mistaken_for_the_line_of_axes() -> None:
     parts = TEXT.split("\n")
     (axes,) = [k for k, line in enumerate(parts) if line.split()[:1] == ["X1"]]
     clip = read("\n".join(parts[:axes] + parts[axes + 1 :]))

@@ -1,4 +1,4 @@
-"""Andersson lines: names in an order of their own, frames without a mark, and each way to be damaged."""
+"""Andersson lines: joints in their own order, frames without marks, and every kind of damage."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ def length(clip: Clip, a: str, b: str) -> float:
     return float(np.nanmedian(np.linalg.norm(np.subtract(*ends), axis=-1)))
 
 
-def test_what_was_written_is_read() -> None:
+def test_the_written_walk_is_read() -> None:
     clip = clip_of(sample())
     assert clip.provenance["format"] == "Andersson lines"
     assert np.abs(clip.positions - in_range(walk(12))).max() < 1e-6
@@ -48,7 +48,7 @@ def test_the_slow_way_reads_the_same_as_the_fast_one() -> None:
     assert np.array_equal(clip_of(odd).positions, clip_of(text).positions)
 
 
-def test_names_may_stand_in_any_sequence_that_repeats() -> None:
+def test_names_may_have_any_order_that_repeats() -> None:
     lines = sample().split("\r\n")[:-1]
     turned = [line for k in range(0, len(lines), 20) for line in reversed(lines[k : k + 20])]
     assert np.array_equal(clip_of("\n".join(turned)).positions, clip_of(sample()).positions)
@@ -93,7 +93,7 @@ def test_nan_and_the_origin_are_missing() -> None:
         (lambda n: n.__setitem__(5, "Tail;1;2;3"), "line 6: expected a joint's name, found 'Tail'"),
     ],
 )
-def test_damage_is_named_with_its_line(change: Callable[[list[str]], object], message: str) -> None:
+def test_damage_names_its_line(change: Callable[[list[str]], object], message: str) -> None:
     lines = sample().split("\r\n")[:-1]
     change(lines)
     with pytest.raises(CaptureError, match=message):

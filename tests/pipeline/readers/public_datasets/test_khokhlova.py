@@ -57,7 +57,7 @@ def test_leaves_have_no_rotation() -> None:
     assert not there[:, [JOINTS.index(leaf) for leaf in sample.LEAVES]].any()
 
 
-def test_zeros_in_full_lines_are_nobody_too() -> None:
+def test_complete_lines_of_zeros_are_empty_frames() -> None:
     lines = TAKE.strip().split("\n")
     for row in range(20, 24):
         index, time = lines[row].split()[:2]
@@ -92,7 +92,7 @@ def test_damage(field: int, value: str, says: str) -> None:
         read(change(TAKE, 41, field, value))
 
 
-def test_nobody_at_all() -> None:
+def test_a_recording_without_a_person() -> None:
     empty = "\n".join(TAKE.split("\n")[: sample.EMPTY_LINES])
     with pytest.raises(CaptureError, match="lines of 202 numbers, found none"):
         read(empty)

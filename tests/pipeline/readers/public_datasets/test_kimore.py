@@ -1,4 +1,4 @@
-"""KIMORE CSV: the written walk comes back, the published takes hold what was measured of them."""
+"""KIMORE CSV: the written walk is reproduced; published takes have their documented properties."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""KinectReader CSV: the written walk comes back; the published recording has the clock that it says."""
+"""KinectReader CSV: the written walk is reproduced; the published recording has its documented clock."""
 
 from __future__ import annotations
 
@@ -82,7 +82,7 @@ def test_the_published_recording(captures: Path) -> None:
     assert (clip.states[:, JOINTS.index("Neck")] == 2).mean() > 0.9
 
 
-def test_a_table_of_that_width_below_a_header_of_words_is_somebody_elses() -> None:
+def test_a_table_of_that_width_with_a_header_is_not_claimed() -> None:
     names = ",".join(f"column {k}" for k in range(101))
     with pytest.raises(
         CaptureError, match="a table of 101 numbers per line without a header; formats of that"

@@ -1,4 +1,4 @@
-"""MSR-Action3D lines: an order of joints of their own, confidence as state, pixels refused."""
+"""MSR-Action3D lines: their own joint order, confidence as state, image coordinates refused."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ def clip_of(text: str) -> Clip:
     return read_source(source_of(text, PATH))
 
 
-def test_what_was_written_is_read() -> None:
+def test_the_written_walk_is_read() -> None:
     clip = clip_of(sample())
     assert clip.provenance["format"] == "MSR-Action3D lines"
     assert np.abs(clip.positions - in_range(walk(8, rate=15.0))).max() < 1e-6
@@ -60,7 +60,7 @@ def test_half_confidence_is_the_border_and_zeros_are_missing() -> None:
         (lambda n: n.__setitem__(70, "1 2 x 1"), "line 71: expected a number, found 'x'"),
     ],
 )
-def test_damage_is_named_with_its_line(change: Callable[[list[str]], object], message: str) -> None:
+def test_damage_names_its_line(change: Callable[[list[str]], object], message: str) -> None:
     lines = sample().rstrip("\n").split("\n")
     change(lines)
     with pytest.raises(CaptureError, match=message):

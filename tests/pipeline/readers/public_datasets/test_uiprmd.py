@@ -70,7 +70,7 @@ def test_either_file_is_the_recording(tmp_path: Path) -> None:
     assert one.provenance["sidecar_files"] == {"kinect_m01_s01_e01_angles.txt.gz": two.provenance["sha256"]}
 
 
-def test_without_its_sidecar_file_the_expected_name_is_told(tmp_path: Path) -> None:
+def test_a_missing_sidecar_file_is_named(tmp_path: Path) -> None:
     for name, data in files(10).items():
         alone = tmp_path / name
         alone.write_bytes(data)
@@ -83,7 +83,7 @@ def test_without_its_sidecar_file_the_expected_name_is_told(tmp_path: Path) -> N
         recognise.read(tmp_path / "squat.txt")
 
 
-def test_the_halves_are_told_apart_by_their_numbers(tmp_path: Path) -> None:
+def test_the_halves_are_distinguished_by_their_numbers(tmp_path: Path) -> None:
     positions, angles = files(10).values()
     put(tmp_path, {"a_angles.txt": positions, "a_positions.txt": angles})
     with pytest.raises(CaptureError, match="expected 'positions' in the name of this file of positions"):

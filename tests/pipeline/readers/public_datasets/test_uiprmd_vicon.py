@@ -41,7 +41,7 @@ def test_the_known_walk_comes_back_from_either_file(tmp_path: Path) -> None:
             assert np.abs(clip.angles[name] - shown.angles[name]).max() < 1e-7, name
 
 
-def test_angles_alone_say_what_is_missing(tmp_path: Path) -> None:
+def test_angles_alone_name_the_missing_file(tmp_path: Path) -> None:
     positions, angles = put(tmp_path, files(5))
     positions.unlink()
     with pytest.raises(CaptureError, match=r"expected vicon_m01_s01_e01_positions\.txt\.gz with the posit"):
@@ -63,7 +63,7 @@ def test_a_cut_sidecar_file_is_reported(tmp_path: Path) -> None:
         recognise.read(positions)
 
 
-def test_angles_that_are_none_are_nan(tmp_path: Path) -> None:
+def test_invalid_angles_are_nan(tmp_path: Path) -> None:
     positions, angles = put(tmp_path, files(6))
     values = np.zeros((6, 39, 3))
     values[2, 19, 0] = np.nan

@@ -1,4 +1,4 @@
-"""UTKinect lines: frame numbers as clock, numbers that come twice, two people, and labels of actions."""
+"""UTKinect lines: frame numbers as clock, repeated numbers, two people, and action labels."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ def defects(clip: Clip) -> dict[str, int]:
     return {defect["rule"]: defect["count"] for defect in clip.provenance["reading"]["defects"]}
 
 
-def test_what_was_written_is_read_once_for_each_number(tmp_path: Path) -> None:
+def test_the_written_walk_is_read_once_per_number(tmp_path: Path) -> None:
     for name, content in files(48).items():
         (tmp_path / name).write_bytes(content)
     clip = read(tmp_path / "joints_s02_e01.txt")
@@ -80,7 +80,7 @@ def test_each_is_the_nearest_of_its_number_to_the_one_before() -> None:
         assert np.array_equal(kept, same[np.argmin(distance)])
 
 
-def test_a_second_recording_behind_the_first_is_told() -> None:
+def test_a_second_recording_after_the_first_is_reported() -> None:
     (told,) = clip_of(sample(90) + sample(90)).provenance["reading"]["defects"]
     assert (told["rule"], told["action"]) == ("duplicate_frames", "flagged")
     assert "two recordings joined in one file" in told["text"]
@@ -99,7 +99,7 @@ def test_a_second_recording_behind_the_first_is_told() -> None:
         (lambda t: t.replace("\n194   ", "\n194   x"), "line 2: expected a number, found 'x"),
     ],
 )
-def test_damage_is_named_with_its_line(change: Callable[[str], str], message: str) -> None:
+def test_damage_names_its_line(change: Callable[[str], str], message: str) -> None:
     text = change(sample())
     with pytest.raises(CaptureError, match=message):
         utkinect.read(source_of(text, PATH))
