@@ -54,7 +54,7 @@ def test_cmu_run_too(captures: Path, tmp_path: Path) -> None:
 def test_the_default_filter_leaves_an_optical_knee_alone(
     captures: Path, tmp_path: Path, take: str, limit: float
 ) -> None:
-    """The filter finds hardly any noise in this clip, and removes no more than that: degrees, in any frame."""
+    """The filter finds hardly any noise in this clip and removes no more: degrees, in any frame."""
     ingest(captures / "cmu_bvh" / f"{take}.bvh", tmp_path)
     knees = leg_angles(to_nodes(convert(tmp_path))[0])
     for side in ("left", "right"):
