@@ -31,11 +31,11 @@ def find_files(paths: Iterable[Path]) -> list[Path]:
     A depth recording, which is a folder, counts as one file. A path that does not exist is kept, so that it
     gets a report.
     """
-    found = {file: None for path in paths for file in (_below(path) if path.is_dir() else (path,))}
+    found = {file: None for path in paths for file in (_files_below(path) if path.is_dir() else (path,))}
     return sorted(found, key=lambda file: file.parts)
 
 
-def _below(folder: Path) -> Iterator[Path]:
+def _files_below(folder: Path) -> Iterator[Path]:
     for place, folders, names in os.walk(folder):
         if is_recording(Path(place)):
             folders.clear()
@@ -55,11 +55,11 @@ def file_reports(files: Sequence[Path], *, jobs: int, unit: str | None = None) -
         yield unread_report(files[index], REFUSED, result.reason) if isinstance(result, Failure) else result
 
 
-def file_drawings(files: Sequence[Path], *, jobs: int, unit: str | None = None) -> Iterator[tuple[Path, str]]:
+def file_sections(files: Sequence[Path], *, jobs: int, unit: str | None = None) -> Iterator[tuple[Path, str]]:
     """Each file with its section of the HTML page, in order of completion; or the reason if it has none."""
-    from kinemimic.pipeline.inspect.curves import section  # noqa: PLC0415 (see `draw`)
+    from kinemimic.pipeline.inspect.curves import section  # noqa: PLC0415 (see `file_section`)
 
-    work = partial(draw, unit=unit)
+    work = partial(file_section, unit=unit)
     for index, result in isolated_map(work, files, workers=jobs, timeout=_time_limit(files)):
         file = files[index]
         if isinstance(result, Failure):
@@ -68,7 +68,7 @@ def file_drawings(files: Sequence[Path], *, jobs: int, unit: str | None = None) 
             yield file, result
 
 
-def draw(path: Path, *, unit: str | None = None) -> str:
+def file_section(path: Path, *, unit: str | None = None) -> str:
     """The section of one file on the HTML page."""
     # Importing matplotlib takes longer than reading most captures.
     from kinemimic.pipeline.inspect.curves import section  # noqa: PLC0415

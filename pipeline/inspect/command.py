@@ -17,8 +17,8 @@ from kinemimic.pipeline.cli.progress import progress
 from kinemimic.pipeline.cli.terminal import show
 from kinemimic.pipeline.errors import CaptureError, KinemimicError
 from kinemimic.pipeline.inspect.batch import (
-    file_drawings,
     file_reports,
+    file_sections,
     find_files,
     folder_summaries,
     mark_sidecar_files,
@@ -41,9 +41,7 @@ from kinemimic.pipeline.readers.base.source import Source
 @click.option(
     "--suggest", is_flag=True, help="Only draft a TOML description of the columns of one custom table."
 )
-@unit_option(
-    "Length unit of the files. Default: as declared by the format, or inferred from body size."
-)
+@unit_option("Length unit of the files. Default: as declared by the format, or inferred from body size.")
 @click.option(
     "--jobs",
     type=click.IntRange(min=1),
@@ -123,8 +121,8 @@ def _write_page(path: Path, reports: Sequence[dict[str, Any]], *, jobs: int, uni
     captures = [report for report in reports if report["status"] not in (OTHER, SIDECAR)]
     files = [Path(report["file"]) for report in captures[:MAX_PLOTTED]]
     drawn: dict[Path, str] = {}
-    with progress("draw", len(files)) as bar:
-        for file, section in file_drawings(files, jobs=jobs, unit=unit):
+    with progress("plot", len(files)) as bar:
+        for file, section in file_sections(files, jobs=jobs, unit=unit):
             drawn[file] = section
             bar.advance()
     write_page(path, captures, [drawn[file] for file in files])

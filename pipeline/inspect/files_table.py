@@ -31,8 +31,8 @@ def files_table(reports: Sequence[Report], *, by_file: bool) -> RenderableType:
     if by_file or len(records) == 1:
         if parts:
             parts.append(Text())
-        parts.append(_files(reports, long=len(records) > 1))
-    parts += _below(reports, records)
+        parts.append(_files(reports, with_folders=len(records) > 1))
+    parts += _totals(reports, records)
     return Group(*parts)
 
 
@@ -42,7 +42,7 @@ def _folders(records: Sequence[dict[str, Any]]) -> Table:
         "repaired", "flagged", "refused",
     )  # fmt: skip
     table.columns[0].no_wrap = True
-    shared = _shared([record["folder"] for record in records])
+    shared = _common_folder([record["folder"] for record in records])
     for record in records:
         if not record["captures"]:
             continue
@@ -62,7 +62,7 @@ def _folders(records: Sequence[dict[str, Any]]) -> Table:
     return table
 
 
-def _shared(names: Sequence[str]) -> Path:
+def _common_folder(names: Sequence[str]) -> Path:
     """The common parent folder, which the table need not repeat."""
     common = Path(names[0])
     while not all(Path(name).is_relative_to(common) for name in names):
@@ -70,7 +70,7 @@ def _shared(names: Sequence[str]) -> Path:
     return common
 
 
-def _files(reports: Sequence[Report], *, long: bool) -> Table:
+def _files(reports: Sequence[Report], *, with_folders: bool) -> Table:
     table = grid(
         "file", "format", "frames", "Hz", "thigh\nm", "shank\nm", "knee\n°", "gait\ns", "verdict",
         left=2, gap=1,
@@ -79,7 +79,7 @@ def _files(reports: Sequence[Report], *, long: bool) -> Table:
     table.columns[1].max_width = 19
     folder = Path()
     for report in _captures(reports):
-        if long and Path(report["file"]).parent != folder:
+        if with_folders and Path(report["file"]).parent != folder:
             folder = Path(report["file"]).parent
             table.add_row(Text(f"{folder.name}/", style="bold"))
         bones, angles, gait = report["bones_m"], report["angles"], report["gait"]
@@ -97,12 +97,12 @@ def _files(reports: Sequence[Report], *, long: bool) -> Table:
     return table
 
 
-def _below(reports: Sequence[Report], records: Sequence[dict[str, Any]]) -> Iterator[RenderableType]:
+def _totals(reports: Sequence[Report], records: Sequence[dict[str, Any]]) -> Iterator[RenderableType]:
     captures = _captures(reports)
     refused = [report for report in captures if report["status"] == REFUSED]
     if refused:
         yield heading("Refused")
-        shared = _shared([str(Path(report["file"]).parent) for report in captures])
+        shared = _common_folder([str(Path(report["file"]).parent) for report in captures])
         for line in _reasons(refused, shared):
             # One line each, whatever the width, so that they can be searched with grep.
             yield Text(line, no_wrap=True, overflow="ignore")

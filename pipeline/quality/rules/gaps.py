@@ -20,29 +20,29 @@ def detect(clip: Clip) -> list[Defect]:
     missing = (clip.states == MISSING) & inside[:, None]
     never = missing.sum(axis=0) == inside.sum()
     missing[:, never] = False
-    lost = int(missing.sum())
-    absent = [clip.skeleton.names[joint] for joint in np.flatnonzero(never)] if inside.any() else []
-    if not lost and not absent:
+    missing_count = int(missing.sum())
+    never_seen = [clip.skeleton.names[joint] for joint in np.flatnonzero(never)] if inside.any() else []
+    if not missing_count and not never_seen:
         return []
     count, filled, longest = _gaps(clip, missing)
     if clip.euler is not None:
         filled = 0  # Euler channels are not filled
     parts = []
-    if lost:
+    if missing_count:
         parts.append(
-            f"{plural(lost, 'joint position')} missing in {plural(count, 'gap')} inside passes, the "
+            f"{plural(missing_count, 'joint position')} missing in {plural(count, 'gap')} inside passes, the "
             f"longest {longest:.2f} s: {filled} of up to {LONGEST_GAP} s will be filled, "
             f"{count - filled} will stay"
         )
-    if absent:
-        parts.append(f"never seen: {', '.join(absent)}")
-    whole = count == filled and not absent
+    if never_seen:
+        parts.append(f"never seen: {', '.join(never_seen)}")
+    all_filled = count == filled and not never_seen
     return [
         Defect(
             "gaps",
-            lost if lost else len(absent),
-            "joint positions" if lost else "joints",
-            "repaired" if whole else "flagged",
+            missing_count if missing_count else len(never_seen),
+            "joint positions" if missing_count else "joints",
+            "repaired" if all_filled else "flagged",
             "; ".join(parts),
             frame_runs(missing.any(axis=1)),
         )

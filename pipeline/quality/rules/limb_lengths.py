@@ -16,7 +16,7 @@ from kinemimic.pipeline.kinematics.clip import Clip
 from kinemimic.pipeline.quality.rules.defect import Defect
 
 # Range of the median lengths in metres, from toddlers to giants.
-POSSIBLE: dict[str, tuple[float, float]] = {
+LENGTH_RANGES: dict[str, tuple[float, float]] = {
     "thigh": (0.20, 0.65),
     "shank": (0.18, 0.60),
     "upper arm": (0.10, 0.50),
@@ -30,7 +30,7 @@ _BONES: dict[str, tuple[str, str]] = {
     "forearm": ("elbow", "wrist"),
 }
 # Thigh plus shank of a six-year-old in metres; a smaller body must meet the bounds below.
-SMALL = 0.60
+CHILD_LEG = 0.60
 CHILD_THIGH_TO_SHANK = (0.75, 1.40)
 CHILD_LEG_TO_TRUNK = (1.00, 2.15)
 CHILD_SPREAD = 0.12
@@ -59,11 +59,11 @@ def _impossible(points: Array, bones: dict[str, Array]) -> list[Defect]:
     wrong = [
         f"{name} {value:.2f} m"
         for name, value in medians.items()
-        if not np.isnan(value) and not _within(value, POSSIBLE[name.split(" ", 1)[-1]])
+        if not np.isnan(value) and not _within(value, LENGTH_RANGES[name.split(" ", 1)[-1]])
     ]
     thigh, shank = (0.5 * (medians[f"left {bone}"] + medians[f"right {bone}"]) for bone in ("thigh", "shank"))
     leg = thigh + shank
-    if not wrong and leg < SMALL:
+    if not wrong and leg < CHILD_LEG:
         spread = max(
             _spread(bones[f"{side} {bone}"]) for side in ("left", "right") for bone in ("thigh", "shank")
         )

@@ -34,35 +34,38 @@ def repair(clip: Clip) -> tuple[Clip, list[Defect]]:
     """The clip with left and right swapped in the passes seen from behind."""
     found = striding_frames(clip)
     on_belt = len(found.frames) >= MIN_SAMPLES and ground_moves(found)
-    way, limit = (
+    velocity, limit = (
         (found.walking_velocity, MAX_FORWARD_SHARE_ON_BELT)
         if on_belt
         else (found.hip_velocity, MAX_FORWARD_SHARE)
     )
     backward: list[int] = []
     for number in range(int(clip.passes.max(initial=-1)) + 1):
-        mine = clip.passes[found.frames] == number
-        length = np.linalg.norm(way[mine], axis=1).sum()
-        if mine.sum() >= MIN_SAMPLES and np.sum(way[mine] * found.forward[mine]) < limit * length:
+        in_pass = clip.passes[found.frames] == number
+        length = np.linalg.norm(velocity[in_pass], axis=1).sum()
+        if (
+            in_pass.sum() >= MIN_SAMPLES
+            and np.sum(velocity[in_pass] * found.forward[in_pass]) < limit * length
+        ):
             backward.append(number)
     if not backward:
         return clip, []
-    where = np.isin(clip.passes, backward)
+    swapped = np.isin(clip.passes, backward)
     # All passes together: a short pass has few clearly bent knees.
-    knees = foot_and_knee_directions(select_frames(clip, where))[1]
+    knees = foot_and_knee_directions(select_frames(clip, swapped))[1]
     if len(knees) < MIN_SAMPLES or np.mean(knees < 0) < MIN_FORWARD_KNEES:
         return clip, []
     plural = "es" if len(backward) > 1 else ""
     numbers = ", ".join(map(str, backward))
     text = f"seen from behind in pass{plural} {numbers}: walks backward on knees that bend forward; "
-    count, frames = int(where.sum()), frame_runs(where)
+    count, frames = int(swapped.sum()), frame_runs(swapped)
     if clip.euler is not None:
         text += "left as recorded: Euler channels cannot be swapped"
         return clip, [Defect("swapped_sides", count, "frames", "flagged", text, frames)]
-    repaired = swap_sides(clip, where, range(len(clip.skeleton.names)), tuple(clip.angles or ()))
+    repaired = swap_sides(clip, swapped, range(len(clip.skeleton.names)), tuple(clip.angles or ()))
     feet = [joint for node, joint in joints_by_name(clip.skeleton.names).items() if node.startswith("foot")]
     # The tracker did not see the toes that it placed towards the sensor.
-    rows = np.flatnonzero(where)[:, None]
+    rows = np.flatnonzero(swapped)[:, None]
     repaired.states[rows, feet] = np.minimum(repaired.states[rows, feet], INFERRED)
     text += "left and right swapped back"
     return repaired, [Defect("swapped_sides", count, "frames", "repaired", text, frames)]

@@ -30,7 +30,7 @@ FORMAT = Format(
 )
 _AXES = "XYZ"
 # A T-pose is one frame, at most a few; a longer still pose means that the subject is not there yet
-# (quality/acquire.py).
+# (quality/passes.py).
 _MAX_CALIBRATION = 5
 # Enough frames for the median step of a motion.
 _SAMPLED_FRAMES = 600
