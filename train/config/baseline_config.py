@@ -1,9 +1,8 @@
-"""Settings of the rivals: stable-baselines3's algorithms in PPO's place, everything else being equal.
+"""Settings of the baselines: stable-baselines3's algorithms instead of our PPO, everything else being equal.
 
-Equal is what `TrainConfig` says of all: task, rewards and their schedule, hidden layers, discount, samples of
-a round, budget; exploration and figures too, but where a preset says otherwise (`config.py`). What only our
-PPO has (from `minibatch` to `critic_rate`, `gae_lambda`, the entropy's weight) a rival does not look at: it
-has its own here.
+The rest of `TrainConfig` is shared: task, rewards and their schedule, hidden layers, discount, samples per
+round, budget; also exploration and the number of environments, unless a preset changes them (`config.py`).
+Baselines ignore the settings of our PPO (`minibatch` to `critic_rate`, `gae_lambda`, the entropy weight).
 """
 
 from __future__ import annotations
@@ -22,74 +21,74 @@ class Ddpg(Struct, frozen=True, forbid_unknown_fields=True, tag_field="algorithm
     """Deep deterministic policy gradient (Lillicrap et al. 2016).
 
     actor_rate, critic_rate: of Adam; batch: samples of a gradient step; train_every: control steps of all
-    figures between two trainings; updates_per_sample: gradient steps for each sample taken; tau: share of the
-    networks that their targets take over in a gradient step; buffer: samples remembered; warm_up: samples
-    before the first gradient step, in whole rounds; bound: largest action, by which the actor's tanh is
-    multiplied.
+    environments between two updates; updates_per_sample: gradient steps per sample; tau: Polyak coefficient
+    of the target networks; buffer: samples in the replay memory; warm_up: samples before the first gradient
+    step, in whole rounds; bound: largest action, the factor of the actor's tanh.
     """
 
-    # As published: a critic that learns ten times as fast as the actor that trusts it.
+    # As published: the critic learns ten times as fast as the actor.
     actor_rate: float = 1e-4
     critic_rate: float = 1e-3
     batch: int = 256
     train_every: int = 1
-    # PPO looks at a sample eight times, this at thirty-two.
+    # PPO uses each sample eight times, this thirty-two times.
     updates_per_sample: float = 0.125
     tau: float = 0.005
-    # 0.7 GB. What is remembered is told anew under the reward in force (`rival_memory.py`), so it may be old.
+    # 0.7 GB. Rewards are recomputed under the current schedule (`replay_memory.py`), so old samples stay
+    # valid.
     buffer: int = 300_000
-    # With its own small actions and noise, not the uniform ones that are customary: those fall at once.
+    # With the actor's own small actions and noise: the customary uniform actions fall at once.
     warm_up: int = 8192
-    # Half a radian in the legs: the walks and the run that ship ask for 0.46 at most. With twice that, the
-    # actor goes further to where its critic has never been, and falls sooner.
+    # Half a radian in the legs: the shipped walks and run need 0.46 at most. With twice that, the actor
+    # explores states that its critic has never seen, and falls sooner.
     bound: float = 0.5
     activation: Activation = "relu"
 
     @property
     def steps(self) -> int:
-        """Control steps of all figures between two trainings."""
+        """Control steps of all environments between two updates."""
         return self.train_every
 
 
 class A2c(Struct, frozen=True, forbid_unknown_fields=True, tag_field="algorithm", tag="a2c"):
     """Advantage actor-critic, synchronous (Mnih et al. 2016): one gradient step on what was just sampled.
 
-    actor_rate, critic_rate: of the optimiser; n_steps: control steps of every figure for a gradient step;
+    actor_rate, critic_rate: of the optimiser; n_steps: control steps of every environment per gradient step;
     gae_lambda: of the advantages; max_grad_norm: of both networks' gradient together; use_rms_prop: else
     Adam; normalize_advantage: to zero mean and unit variance in every gradient step.
     """
 
-    # A tenth of our PPO's first: nothing clips a step, and as the noise shrinks to a quarter the same step
-    # moves the policy sixteen times as far (KL).
+    # A tenth of our PPO's initial rate: nothing clips a step, and when action_std shrinks to a quarter the
+    # same step changes the policy sixteen times as much (KL divergence).
     actor_rate: float = 3e-5
     critic_rate: float = 1e-3
-    # Twice the gradient steps for as many samples: the search preferred it, three seeds do not tell.
+    # Twice the gradient steps per sample: the search preferred it; three seeds show no difference.
     n_steps: int = 4
     gae_lambda: float = 0.95
     max_grad_norm: float = 0.5
-    # As published, it begins with steps ten times too long: Adam corrects its means for their beginning.
+    # RMSProp, as published, starts with steps ten times too long; Adam corrects the bias of its means.
     use_rms_prop: bool = False
     normalize_advantage: bool = True
     activation: Activation = "tanh"
-    # Of the mean of a Gaussian: none.
+    # The mean of a Gaussian is unbounded.
     bound: ClassVar[None] = None
 
     @property
     def steps(self) -> int:
-        """Control steps of all figures between two trainings."""
+        """Control steps of all environments between two updates."""
         return self.n_steps
 
 
 class StablePpo(Struct, frozen=True, forbid_unknown_fields=True, tag_field="algorithm", tag="ppo"):
-    """PPO (Schulman et al. 2017) as others wrote it, on rounds as ours has them.
+    """PPO (Schulman et al. 2017) of stable-baselines3, with the rounds of our PPO.
 
-    actor_rate, critic_rate: of Adam; batch: samples of a gradient step; passes: over a round; clip: of the
+    actor_rate, critic_rate: of Adam; batch: samples of a gradient step; epochs: over a round; clip: of the
     ratio; gae_lambda: of the advantages; max_grad_norm: of both networks' gradient together.
     """
 
-    # Constant, where ours is steered to a KL divergence of 0.1 in a round: 1e-4 goes twice as far with the
-    # noise of the beginning, and that of the end makes sixteen times as much of every step. Its own remedy,
-    # to stop a round's passes at a divergence, stops the critic too, which then learns too little.
+    # Constant, where ours adapts to a KL divergence of 0.1 per round: 1e-4 gives twice that with the initial
+    # action_std, and the final one makes every step count sixteen times as much. Its own remedy, to stop a
+    # round's epochs at a KL limit, stops the critic too, which then learns too little.
     actor_rate: float = 5e-5
     critic_rate: float = 1e-3
     batch: int = 512
@@ -97,13 +96,13 @@ class StablePpo(Struct, frozen=True, forbid_unknown_fields=True, tag_field="algo
     clip: float = 0.2
     gae_lambda: float = 0.95
     max_grad_norm: float = 1.0
-    # The search preferred it to tanh and to any other change; three seeds do not tell.
+    # The search preferred it to tanh and any other change; three seeds show no difference.
     activation: Activation = "relu"
     bound: ClassVar[None] = None
 
     @property
     def steps(self) -> int:
-        """1: a rollout is a whole round, of whatever length."""
+        """1: any round length will do."""
         return 1
 
 
@@ -111,6 +110,6 @@ Baseline = Ddpg | A2c | StablePpo
 
 
 def require_package() -> None:
-    """KinemimicError where stable-baselines3 is not installed."""
+    """KinemimicError if stable-baselines3 is not installed."""
     if find_spec("stable_baselines3") is None:
         raise KinemimicError("expected stable-baselines3, found none; pip install 'kinemimic[rivals]'")

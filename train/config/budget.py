@@ -1,4 +1,4 @@
-"""How long to train, as a person writes it: samples such as 1e6, and minutes."""
+"""Option types for the length of a training: samples such as 1e6, and minutes."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ import click
 
 
 def samples(value: str) -> int:
-    """A whole number of at least 1 in any way that numbers are written: 500000, 5e5, 500_000."""
+    """A whole number of at least 1 in any notation: 500000, 5e5, 500_000."""
     try:
         number = float(value)
     except ValueError:

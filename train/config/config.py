@@ -1,7 +1,7 @@
 """Settings of a training, and the presets.
 
-`default` is what follows its reference best, `robust` what is hard to fell, `paper` what is printed; `ddpg`,
-`a2c` and `sb3-ppo` do `default`'s task with stable-baselines3's algorithms (`rival_config.py`).
+`default` follows its reference most closely, `robust` resists disturbances, `paper` has the published values;
+`ddpg`, `a2c` and `sb3-ppo` train `default`'s task with stable-baselines3 (`baseline_config.py`).
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ from kinemimic.train.config.baseline_config import (
 )
 from kinemimic.train.scenario.scenario import Scenario
 
-# Weights of the joints in the pose error, by the body that the joint carries; they sum to one.
+# Weights of the joints in the pose error, by the body that the joint moves; they sum to one.
 POSE_WEIGHTS: dict[str, float] = {
     "pelvis": 0.20,
     "torso": 0.08,
@@ -40,11 +40,10 @@ POSE_WEIGHTS: dict[str, float] = {
 class RewardConfig:
     """R = Σ wᵢ exp(-kᵢ eᵢ), Eq. 1-5.
 
-    form: "squares" takes eᵢ as a weighted mean of squares; "norm" the plain norm of the difference, as
-    printed, with kᵢ = 1/ωᵢ and θ = 1 (its own factor is in the weight).
-    Terms: pose (rad), linear (m/s), angular (rad/s), height (m) and, in the default preset only, path: the
-    horizontal distance of the root from its reference (m), without which a figure walks well but too slowly.
-    ValueError for another form, and for a weight without a scale; what terms there are, `reward.py` says.
+    form: "squares" takes eᵢ as a weighted mean of squares; "norm" as the norm of the difference, as
+    published, with kᵢ = 1/ωᵢ and θ = 1 (its factor is part of the weight). Terms (`reward.py`): pose (rad),
+    linear (m/s), angular (rad/s), height (m) and path, the horizontal distance of the root from its reference
+    (m), without which a humanoid walks well but too slowly. RecordError for a weight without a scale.
     """
 
     form: Literal["squares", "norm"] = "squares"
@@ -63,12 +62,12 @@ class RewardConfig:
 
 @dataclass(frozen=True)
 class DomainRandomization:
-    """Ranges (lowest, highest) of what an episode draws at full strength; with none of it, all are calm.
+    """Ranges (low, high) from which an episode draws at full strength; the defaults change nothing.
 
     push: N, horizontal in any direction on the pelvis for 0.2 s; rest: s between pushes; friction: of the
-    feet on the ground; mass: factor of every body; delay: s until a correction takes effect, one control
-    step at most; tilt, spin: standard deviations of what the start is off its reference, rad and rad/s at the
-    root and at every joint.
+    feet on the ground; mass: factor for every body; delay: s until an action takes effect, at most one
+    control step; tilt, spin: standard deviations of the initial state from the reference, rad and rad/s, at
+    the root and every joint.
     """
 
     push: tuple[float, float] = (0.0, 0.0)
@@ -82,16 +81,15 @@ class DomainRandomization:
 
 @dataclass(frozen=True)
 class EnvConfig:
-    """The task: lengths in control steps of 1/30 s, metres, radians.
+    """The task; durations in control steps of 1/30 s, lengths in metres, angles in radians.
 
-    residual: the policy corrects the reference's joints; without it, it gives the joints themselves.
-    velocity_feedforward, torque_feedforward: what of the reference goes to the stable PD beside its angles:
-    its speeds, and the torques of its inverse dynamics (`dynamics.py`).
-    start_anywhere: episodes begin at any phase, not at the first.
-    mirror: the policy learns the first half of a gait's cycle, and does the second as in a mirror; without
-    effect on what is performed once or is too unlike its mirror image (`mirror.py`).
-    preview: how many control steps ahead the policy sees its reference; ValueError if nowhere.
-    scenario: what befalls every figure that trains; it says how long an episode lasts and where it begins.
+    residual: actions correct the reference's joints; without it, they are the joint targets.
+    velocity_feedforward, torque_feedforward: whether the stable PD also gets the reference's velocities and
+    the torques of its inverse dynamics (`dynamics.py`). start_anywhere: episodes start at a random phase, not
+    at phase 0. mirror: the policy learns the first half of a gait cycle and plays the second mirrored; no
+    effect on non-cyclic or too asymmetric motions (`mirror.py`). preview: how many control steps ahead the
+    policy observes its reference; RecordError if empty. scenario: applied in every training episode; it sets
+    the episode's length and start phase.
     """
 
     reward: RewardConfig = field(default_factory=RewardConfig)
@@ -114,25 +112,25 @@ class EnvConfig:
 
     @property
     def steps(self) -> int:
-        """Control steps of an episode: those of its scenario, where there is one."""
+        """Control steps of an episode: its scenario's, if it has one."""
         return self.episode if self.scenario is None else self.scenario.steps
 
 
-# A number that changes with the samples: (samples, value) points, linear between them, constant beyond.
+# A value that depends on the samples so far: points (samples, value), linear between them, constant beyond.
 Schedule = tuple[tuple[int, float], ...]
 
 
 def scheduled_at(schedule: Schedule, samples: int) -> float:
-    """The value after so many samples."""
+    """The value after that many samples."""
     at, values = zip(*schedule, strict=True)
     return float(np.interp(samples, at, values))
 
 
 @dataclass(frozen=True)
 class TrainConfig:
-    """PPO: see `ppo.py` for what each number does; with a `rival`, what `rival_config.py` says of it.
+    """Settings of PPO (see `ppo.py`), or of a baseline (see `baseline_config.py`).
 
-    ValueError if the rival does not train a whole number of times in a round, or a schedule has no point.
+    RecordError if a round is not a whole number of the baseline's updates, or a schedule has no points.
     """
 
     preset: str = "default"
@@ -154,12 +152,12 @@ class TrainConfig:
     gae_lambda: float = 0.95
     learn_action_std: bool = False
     action_std: Schedule = ((0, 0.08), (400_000, 0.04), (1_000_000, 0.02))
-    # Reward scales that change: a gentle pose term learns to walk sooner, a tight one then fits the joints,
-    # which a walk that cannot fall any more can afford.
+    # Scheduled reward scales: a loose pose term learns to walk sooner; a tight one then fits the joints, once
+    # the walk is stable.
     scales: dict[str, Schedule] = field(
         default_factory=lambda: {"pose": ((300_000, 8.0), (500_000, 32.0), (1_100_000, 64.0))}
     )
-    # Of the hardships, 0 to 1: who cannot walk yet learns nothing from being pushed.
+    # Of domain randomization, 0 to 1: a policy that cannot walk yet learns nothing from pushes.
     strength: Schedule = ((0, 0.0),)
     entropy: float = 0.0
     entropy_decay: float = 1.0
@@ -179,12 +177,12 @@ class TrainConfig:
 
     @property
     def activation(self) -> Activation:
-        """Of the policy's hidden units."""
+        """Activation of the policy's hidden units."""
         return self.baseline.activation if self.baseline else "tanh"
 
     @property
     def bound(self) -> float | None:
-        """Of the policy's actions, by a tanh; None where they have none."""
+        """Largest action of the policy, by a tanh; None if unbounded."""
         return self.baseline.bound if self.baseline else None
 
     @property
@@ -193,7 +191,7 @@ class TrainConfig:
         return self.num_envs * self.horizon
 
     def reward(self, samples: int) -> RewardConfig:
-        """The reward in force after so many samples."""
+        """The reward after that many samples."""
         scheduled = {name: scheduled_at(schedule, samples) for name, schedule in self.scales.items()}
         return replace(self.env.reward, scales={**self.env.reward.scales, **scheduled})
 
@@ -229,10 +227,10 @@ class TrainConfig:
 
 PRESETS: dict[str, TrainConfig] = {
     "default": TrainConfig(),
-    # For whoever is pushed, slips, weighs more or reacts late. An episode bears more before it ends; what it
-    # is trained for costs fit. A push leaves the figure half a metre off its path, where the path term of
-    # `default` is all but zero and nothing calls it back: it would walk on too slowly. So the term reaches
-    # further, and weighs more, since the same distance then changes it less.
+    # For pushes, low friction, other masses and late actions. Episodes tolerate larger errors before they
+    # end; robustness costs fit. A push moves the humanoid half a metre off its path, where the path term of
+    # `default` is nearly zero and has no gradient: it would walk on too slowly. So the term has a longer
+    # range, and a larger weight, since the same distance then changes it less.
     "robust": TrainConfig(
         preset="robust",
         env=EnvConfig(
@@ -260,8 +258,9 @@ PRESETS: dict[str, TrainConfig] = {
         },
         budget=3_000_000,
     ),
-    # Nets, rates, discount, batch, passes, clip and entropy as printed; one batch a pass; KL target η and the
-    # constants θ, ω, wᵢ are not given in the paper; of leading torques and of mirrors it knows nothing.
+    # Networks, rates, discount, batch, epochs, clip and entropy as published; one batch per epoch. The paper
+    # does not give the KL target η and the constants θ, ω, wᵢ; it has no torque feed-forward and no
+    # mirroring.
     "paper": TrainConfig(
         preset="paper",
         env=EnvConfig(
@@ -288,13 +287,13 @@ PRESETS: dict[str, TrainConfig] = {
         entropy_decay=0.95,
         budget=1_000_000,
     ),
-    # The rivals, on `default`'s task with its nets, figures, discount and schedules of noise and reward, but
-    # where a search (`evaluate/variants.py`) found something better.
+    # The baselines, on `default`'s task with its networks, environments, discount and schedules of action_std
+    # and reward, except where a search (`evaluate/compare/variants.py`) found better values.
     "ddpg": TrainConfig(
         preset="ddpg", action_std=((0, 0.2), (400_000, 0.1), (1_000_000, 0.05)), baseline=Ddpg()
     ),
-    # A quarter of the figures, each four times as long between rounds: gradient steps on 64 new samples are
-    # four times as many as on 256, and there is but one for each.
+    # A quarter of the environments with four times the horizon: gradient steps on 64 new samples are four
+    # times as many as on 256, and A2C takes only one for each.
     "a2c": TrainConfig(preset="a2c", num_envs=16, horizon=256, baseline=A2c()),
     "sb3-ppo": TrainConfig(preset="sb3-ppo", baseline=StablePpo()),
 }
