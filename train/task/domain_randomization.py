@@ -1,4 +1,4 @@
-"""What an episode makes hard for a figure: pushes, slippery ground, another weight, late corrections."""
+"""Samples of domain randomization: pushes, friction, mass, delayed actions and perturbed initial states."""
 
 from __future__ import annotations
 
@@ -14,16 +14,16 @@ from kinemimic.train.config.config import DomainRandomization
 from kinemimic.train.sim.world import CONTROL_RATE, FRICTION, TIME_STEP, Poses
 
 PUSH_STEPS = 6  # control steps: 0.2 s
-MAX_PUSHES = 12  # at most in an episode
+MAX_PUSHES = 12  # per episode
 
 
 @dataclass(frozen=True)
 class RandomizationSample:
-    """Of E figures for one episode each.
+    """Domain randomization of E environments for one episode each.
 
-    begins: (E, PUSHES) control steps after the start; forces: (E, PUSHES, 2) N along x and y of the world;
-    friction, mass: (E,); delay: (E,) physics steps until a correction takes effect;
-    tilts, spins: (E, 15, 3) what the start is off its reference, rad and rad/s, of the root and each joint.
+    begins: (E, MAX_PUSHES) control steps after the start; forces: (E, MAX_PUSHES, 2) N along x and y of the
+    world; friction, mass: (E,); delay: (E,) physics steps until an action takes effect; tilts, spins:
+    (E, 15, 3) deviation of the initial state from the reference, rad and rad/s, of the root and each joint.
     """
 
     begins: Array
@@ -36,7 +36,7 @@ class RandomizationSample:
 
     @classmethod
     def nominal(cls, size: int) -> RandomizationSample:
-        """Nothing hard for any figure."""
+        """Nominal conditions for every environment."""
         return cls(
             begins=np.zeros((size, MAX_PUSHES)),
             forces=np.zeros((size, MAX_PUSHES, 2)),
@@ -49,15 +49,15 @@ class RandomizationSample:
 
     @classmethod
     def concatenated(cls, parts: Sequence[RandomizationSample]) -> RandomizationSample:
-        """Of all figures of the parts."""
+        """The environments of all parts, in order."""
         return cls(*(np.concatenate([getattr(part, f.name) for part in parts]) for f in fields(cls)))
 
     def persistent(self) -> dict[str, Array]:
-        """By name what matters after the start too."""
+        """By name, what matters after the start too."""
         return {f.name: getattr(self, f.name) for f in fields(self) if f.name not in ("tilts", "spins")}
 
     def perturbed(self, poses: Poses) -> Poses:
-        """Poses with the start's errors in them."""
+        """Poses with the initial deviations applied."""
         if not (self.tilts.any() or self.spins.any()):
             return poses
         off = from_rotvec(self.tilts)
@@ -70,12 +70,12 @@ class RandomizationSample:
         )
 
     def assign(self, indices: NDArray[np.intp], other: RandomizationSample) -> None:
-        """Give figures (N,) the conditions of the N of another."""
+        """Set environments (N,) to the N of another sample."""
         for f in fields(self):
             getattr(self, f.name)[indices] = getattr(other, f.name)
 
     def pushes(self, ages: NDArray[np.int64]) -> Array | None:
-        """Wrenches (E, 15, 6) of the pushes that act at ages (E,) in control steps, None if none does."""
+        """Wrenches (E, 15, 6) of the pushes active at ages (E,) in control steps; None if there are none."""
         since = ages[:, None] - self.begins
         acts = (since >= 0) & (since < PUSH_STEPS) & (self.forces != 0.0).any(axis=-1)
         if not acts.any():
@@ -88,13 +88,13 @@ class RandomizationSample:
 def draw(
     domain_randomization: DomainRandomization, strength: float, random: np.random.Generator
 ) -> RandomizationSample:
-    """The conditions of one figure (E = 1). strength: 0 for calm to 1 for the full ranges."""
+    """A sample for one environment (E = 1). strength: from 0, nominal, to 1, the full ranges."""
     calm = RandomizationSample.nominal(1)
     if strength <= 0.0 or domain_randomization == DomainRandomization():
         return calm
 
     def between(bounds: tuple[float, float], usual: float) -> float:
-        """Uniform in the range, which narrows towards what is usual."""
+        """Uniform in the range, narrowed towards the usual value."""
         return usual + strength * (random.uniform(*bounds) - usual)
 
     rests = random.uniform(*domain_randomization.rest, MAX_PUSHES) * CONTROL_RATE

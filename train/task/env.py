@@ -1,4 +1,4 @@
-"""The imitation task on a batch of figures: observation, action, reward, end of an episode."""
+"""The imitation task on a batch of environments: observation, action, reward, termination."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ from kinemimic.train.task.timer import Timer
 
 JOINTS = len(BODIES) - 1
 ACTIONS = 3 * JOINTS
-# Radians of correction per unit of action: the legs and the trunk balance, the arms only hang.
+# Radians of correction per unit of action: legs and trunk keep the balance, the arms only hang.
 _REACH = {
     "torso": 1.0,
     "head": 0.1,
@@ -52,17 +52,17 @@ _REACH = {
 ACTION_SCALE: Array = np.repeat(
     [_REACH[body.name.removesuffix("_left").removesuffix("_right")] for body in BODIES[1:]], 3
 )
-# What a moment between two control steps is put down to (`timer.py`).
+# Names of the timer for the parts of a control step (`timer.py`).
 SIMULATION = "simulation"
 TASK = "observation and reward"
-# A figure has fallen when its pelvis is so far from the reference's height, or so far turned from it: for
-# every policy the same, however early an episode of its training ends.
+# A humanoid has fallen when its pelvis deviates this much from the reference, in height or rotation: the same
+# for every policy, whatever terminates the episodes of its training.
 FALL_HEIGHT = 0.25  # m
 FALL_TURN = 1.0  # rad
 
 
 def observation_size(config: EnvConfig) -> int:
-    """Numbers in an observation: phase, height, the bodies, and the way to each pose of the preview."""
+    """Size of an observation: phase, height, the bodies, and the difference to each pose of the preview."""
     return 2 + 1 + 15 * 6 + 14 * 3 + 15 * 3 + 15 * 3 + len(config.preview) * (15 * 3 + 2)
 
 
@@ -71,11 +71,11 @@ OBSERVATIONS = observation_size(EnvConfig())
 
 @dataclass(frozen=True)
 class Step:
-    """Result of a control step for E figures.
+    """Result of a control step for E environments.
 
     observations: (E, O) of `observation_size`, after the step, before any reset; terms: (E, K) reward terms;
-    terminated: (E,) fell, lost the reference or exploded; truncated: (E,) time is up (not a fall);
-    exploded: (E,) the engine lost the figure's state and holds its last sound one.
+    terminated: (E,) fell, drifted off the reference or exploded; truncated: (E,) the time limit, not a fall;
+    exploded: (E,) the state became invalid, and the engine holds the last valid one.
     """
 
     observations: Array
@@ -86,11 +86,11 @@ class Step:
 
 
 class ImitationBatch:
-    """E figures that imitate one reference. Time of each is its phase in the reference, not wrapped.
+    """E environments that imitate one reference. The time of each is its phase in the reference, not wrapped.
 
-    bodies: simulated, in the world's own arrays: valid until the next step or reset;
-    target: the reference now; wrenches: (E, 15, 6) force and torque on the bodies in the last step, or None;
-    watch: where the time goes.
+    bodies: simulated, views of the world's arrays, valid until the next step or reset; target: the reference
+    now; wrenches: (E, 15, 6) force and torque on the bodies in the last step, or None; timer: wall time by
+    part.
     """
 
     def __init__(self, world: World, reference: Reference, config: EnvConfig) -> None:
@@ -114,7 +114,7 @@ class ImitationBatch:
         self._update_target(reference.bodies(self.phases))
 
     def _update_target(self, target: BodyStates) -> None:
-        """Set the figures, as they are now, against their target and what comes after it."""
+        """Compare the current states with the target and the poses of the preview."""
         self.target = target
         self._exploded = self.world.exploded()
         self._ahead = [self.reference.bodies(self.phases + k * self._increment) for k in self.config.preview]
@@ -127,9 +127,9 @@ class ImitationBatch:
         randomization: RandomizationSample | None = None,
         seeds: NDArray[np.uint64] | None = None,
     ) -> None:
-        """Put figures (N,) on the reference at phases (N,), or as far off it as their conditions say.
+        """Start environments (N,) on the reference at phases (N,), with their randomization.
 
-        seeds: (N,) from which the configuration's scenario draws what befalls each; without them, nothing.
+        seeds: (N,) of the events of the configuration's scenario; without seeds, there are none.
         """
         randomization = randomization or RandomizationSample.nominal(len(indices))
         self.phases[indices] = phases
@@ -153,7 +153,7 @@ class ImitationBatch:
         self._update_target(self.reference.bodies(self.phases))
 
     def snapshot(self) -> dict[str, NDArray[Any]]:
-        """All that the figures' further way depends on, arrays (E, ...), given to `restore`."""
+        """The complete state for `restore`, arrays (E, ...)."""
         b = self.bodies
         spins = b.angular[:, 1:] - b.angular[:, JOINT_PARENTS]
         persistent = self._randomization.persistent()
@@ -172,8 +172,8 @@ class ImitationBatch:
         }
 
     def restore(self, snapshot: Mapping[str, NDArray[Any]]) -> None:
-        """Put all figures where a snapshot says. The engine forgets contacts and warm starts by that: two
-        that begin with the same snapshot go the same way, to the last bit."""
+        """Set all environments to a snapshot. This clears the engine's contacts and warm starts: two batches
+        that start from the same snapshot stay equal to the last bit."""
         self.phases = snapshot["phases"].copy()
         self.ages = snapshot["ages"].copy()
         self._last_action = snapshot["last_action"].copy()
@@ -187,8 +187,8 @@ class ImitationBatch:
         self._place(np.arange(self.world.size), poses)
 
     def step(self, actions: Array, wrenches: Array | None = None) -> Step:
-        """One control step with actions (E, 42): corrections of the reference joints as rotation vectors, in
-        the second half of a mirrored cycle (`mirror.py`) those of the mirror image."""
+        """One control step with actions (E, 42): corrections of the reference's joints as rotation vectors;
+        in the second half of a mirrored cycle they are those of the mirror image (`mirror.py`)."""
         if self._mirror is not None:
             actions = np.array(actions, dtype=np.float64)
             self._mirror.actions(actions, self._second_half())
@@ -222,7 +222,7 @@ class ImitationBatch:
         return Step(self.observe(), terms, terminated, truncated, self._exploded)
 
     def _targets(self, at: Array) -> tuple[Array, Array]:
-        """What the stable PD follows without a correction: rotations (..., 14, 4), speeds (..., 14, 3)."""
+        """Targets of the stable PD before the action: rotations (..., 14, 4), velocities (..., 14, 3)."""
         config, reference = self.config, self.reference
         joints, velocities = reference.targets(at) if config.torque_feedforward else reference.joints(at)
         if not config.residual:
@@ -230,19 +230,19 @@ class ImitationBatch:
         return joints, velocities if config.velocity_feedforward else np.zeros_like(velocities)
 
     def _correction(self, actions: Array) -> Array:
-        """Right factors (E, 14, 4, 4) of the corrections that actions (E, 42) ask for."""
+        """Right factors (E, 14, 4, 4) of the corrections of actions (E, 42)."""
         return multiplier(from_rotvec((actions * self._scale).reshape(-1, JOINTS, 3)))
 
     def terms(self) -> Array:
-        """Reward terms (E, K) of the figures as they are, fallen or not."""
+        """Reward terms (E, K) of the current states, fallen or not."""
         return rewards(self.bodies, self.target, self._turns, self.reward)
 
     def fallen(self) -> NDArray[np.bool_]:
-        """(E,) exploded, or with the pelvis too low, too high or too far turned for its reference."""
+        """(E,) exploded, or the pelvis too low, too high or rotated too far from its reference."""
         return self._off_reference(FALL_HEIGHT, FALL_TURN)
 
     def terminated(self) -> NDArray[np.bool_]:
-        """(E,) whether the episode ends: fallen by the configuration's own measures, or off the path."""
+        """(E,) whether the episode ends: beyond the configuration's errors of height, rotation or path."""
         way = self.bodies.positions[:, 0] - self.target.positions[:, 0]
         far = np.hypot(way[:, 0], way[:, 1]) > self.config.max_drift
         return far | self._off_reference(self.config.max_height_error, self.config.max_rotation_error)
@@ -253,8 +253,8 @@ class ImitationBatch:
         return np.asarray((off > height) | (turned > turn**2) | self._exploded)
 
     def observe(self) -> Array:
-        """(E, O) in the figure's own heading: what it is doing and how far from what is next. In the second
-        half of a mirrored cycle (`mirror.py`) it is the mirror image that is seen."""
+        """(E, O) in the humanoid's own heading: its state and the difference to the next poses. In the second
+        half of a mirrored cycle it is reflected (`mirror.py`)."""
         b = self.bodies
         size = len(self.phases)
         six = to_6d(b.rotations)
@@ -271,7 +271,7 @@ class ImitationBatch:
         previews = len(self._ahead)
         # The pelvis faces along its x-axis.
         vectors = _in_heading_frame(vectors, np.arctan2(six[:, 0, 1], six[:, 0, 0]))
-        # A loop ends where it begins; what is performed once must tell its end from its beginning.
+        # A cycle ends where it begins; in a non-cyclic motion, start and end must differ.
         turn = 2.0 * np.pi * self.phases if self.reference.cyclic else np.pi * np.minimum(self.phases, 1.0)
         parts = [
             np.array([np.sin(turn), np.cos(turn), b.positions[:, 0, 2]]).T,
@@ -285,12 +285,12 @@ class ImitationBatch:
         return observations
 
     def _second_half(self) -> NDArray[np.bool_]:
-        """(E,) figures in the second half of a cycle, which a mirror makes the first."""
+        """(E,) whether it is in the second half of a cycle, which is reflected."""
         return np.mod(self.phases, 1.0) >= 0.5
 
 
 def _in_heading_frame(vectors: Array, heading: Array) -> Array:
-    """Vectors (E, N, 3) of the world as seen along a heading (E,), radians about the vertical."""
+    """Vectors (E, N, 3) of the world in the frame of a heading (E,), radians about the vertical."""
     cosine, sine = np.cos(heading)[:, None], np.sin(heading)[:, None]
     x, y, z = vectors[..., 0], vectors[..., 1], vectors[..., 2]
     turned = np.empty(vectors.shape)

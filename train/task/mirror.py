@@ -1,9 +1,9 @@
-"""The second half of a gait's cycle as its first half in a mirror: a policy then learns one side for both.
+"""Mirroring: the second half of a gait cycle as the reflected first half, so that a policy learns one side.
 
-In the second half it is given the figure as a mirror in the sagittal plane shows it, half a cycle earlier,
-and what it answers is taken back through the mirror (the "phase" method of Abdolhosseini et al. 2019, On
-Learning Symmetric Locomotion). The reference need not be quite symmetric: how it differs stands in the
-observation, as the way to its next pose.
+In the second half the policy observes the humanoid reflected in the sagittal plane, half a cycle earlier, and
+its action is reflected back (the "phase" method of Abdolhosseini et al. 2019, On Learning Symmetric
+Locomotion). The reference need not be perfectly symmetric: the observation has the difference to its next
+pose.
 """
 
 from __future__ import annotations
@@ -18,11 +18,11 @@ from kinemimic.train.config.config import EnvConfig
 from kinemimic.train.reference.reference import Reference
 from kinemimic.train.task.reward import pose
 
-# `asymmetry` up to which two halves of a cycle are taken for one. Walk and run of the wheel have 0.6 and 1.2
-# degrees, five walks and runs of CMU 3 to 8, a Kinect's of one and a third strides 8.
+# Largest `asymmetry` of a mirrored gait. The walk and run of the pybullet wheel have 0.6 and 1.2 degrees,
+# five walks and runs of CMU 3 to 8, a Kinect's walk of one and a third strides 8.
 MAX_ASYMMETRY = float(np.radians(12.0))
 
-# What a mirror at y = 0 makes of x, y, z of a vector, of an axis that something turns about, of a quaternion.
+# Signs of a reflection at y = 0: of a vector's x, y, z, of a rotation axis, and of a quaternion.
 VECTOR, AXIS = np.array([1.0, -1.0, 1.0]), np.array([-1.0, 1.0, -1.0])
 QUATERNION = np.append(AXIS, 1.0)
 
@@ -34,29 +34,29 @@ def _across(name: str) -> str:
     return f"{limb}_{_OTHER[side]}" if side in _OTHER else name
 
 
-# (15,) the body that each becomes in a mirror; (14,) the joint.
+# The reflected body of each body (15,), and joint of each joint (14,).
 COUNTERPARTS: NDArray[np.intp] = np.array([BODY_INDEX[_across(name)] for name in BODY_NAMES])
 JOINT_COUNTERPARTS: NDArray[np.intp] = COUNTERPARTS[1:] - 1
 _LEGS = [k for k, name in enumerate(BODY_NAMES) if name.partition("_")[0] in ("thigh", "shin", "foot")]
 
 
 def _per_body(bodies: NDArray[np.intp], signs: Array) -> tuple[NDArray[np.intp], Array]:
-    """Sources and signs (N,) of a part of the observation that has numbers like signs (n,) for every body."""
+    """Sources and signs (N,) of a part of the observation with numbers of signs (n,) for every body."""
     size = len(signs)
     return (bodies[:, None] * size + np.arange(size)).ravel(), np.tile(signs, len(bodies))
 
 
 def action_reflection() -> tuple[NDArray[np.intp], Array]:
-    """For each of the 42 numbers of an action which one it becomes in the mirror, and with which sign."""
+    """Index and sign (42,) that reflect an action."""
     return _per_body(JOINT_COUNTERPARTS, AXIS)
 
 
 def observation_reflection(previews: int) -> tuple[NDArray[np.intp], Array]:
-    """For each of the O numbers of an observation (`ImitationBatch.observe`) which one it becomes in the
-    mirror, half a cycle away, and with which sign; both (O,)."""
+    """Index and sign (O,) that reflect an observation (`ImitationBatch.observe`) and shift it by half a
+    cycle."""
     parts = [
         (np.arange(3), np.array([-1.0, -1.0, 1.0])),  # sine and cosine half a cycle away; the height
-        # The x-axis of a body and its y-axis, which the mirror turns round beside.
+        # The x-axis and the y-axis of a body; the y-axis changes its direction too.
         _per_body(COUNTERPARTS, np.concatenate([VECTOR, -VECTOR])),
         _per_body(JOINT_COUNTERPARTS, VECTOR),
         _per_body(COUNTERPARTS, VECTOR),
@@ -70,17 +70,17 @@ def observation_reflection(previews: int) -> tuple[NDArray[np.intp], Array]:
 
 
 class Mirror:
-    """Changes rows of observations (E, O) and actions (E, 42) in place; twice is not at all."""
+    """Reflects rows of observations (E, O) and actions (E, 42) in place; twice is the identity."""
 
     def __init__(self, previews: int) -> None:
         self._observation, self._action = observation_reflection(previews), action_reflection()
 
     def observations(self, observations: Array, rows: NDArray[np.bool_]) -> None:
-        """Show the figures of these rows, (E,) True, as the mirror does, half a cycle away."""
+        """Reflect these rows, a mask (E,), half a cycle away."""
         _reflect(observations, rows, *self._observation)
 
     def actions(self, actions: Array, rows: NDArray[np.bool_]) -> None:
-        """Take the corrections of these rows, (E,) True, through the mirror."""
+        """Reflect the actions of these rows, a mask (E,)."""
         _reflect(actions, rows, *self._action)
 
 
@@ -89,13 +89,13 @@ def _reflect(values: Array, rows: NDArray[np.bool_], sources: NDArray[np.intp], 
 
 
 def mirrored(config: EnvConfig, reference: Reference) -> bool:
-    """Whether a policy of this configuration performs this reference by way of a mirror."""
+    """Whether a policy of this configuration mirrors this reference."""
     return config.mirror and bool(asymmetry(reference) <= MAX_ASYMMETRY)
 
 
 def asymmetry(reference: Reference) -> float:
-    """Mean angle in radians between the joints of the legs and their mirror image half a cycle away; infinite
-    for what is performed once."""
+    """Mean angle between the joints of the legs and their mirror image half a cycle away, rad; infinite for a
+    non-cyclic motion."""
     if not reference.cyclic:
         return float("inf")
     phases = np.arange(60) / 60

@@ -1,7 +1,7 @@
 """Terms of the imitation reward (the paper's Eq. 1-5): pure functions of simulated and reference bodies.
 
-`pose_turns` says what turns the one pose into the other, `errors` gives each term's error (E,), and `rewards`
-turns errors into the terms of Σ w exp(-k e).
+`pose_turns` gives the rotation between the poses, `errors` each term's error (E,), and `rewards` the terms of
+Σ w exp(-k e). A new term goes into `errors`; its weight and scale into `RewardConfig`.
 """
 
 from __future__ import annotations
@@ -21,23 +21,23 @@ _PARENTS = np.array([0, *JOINT_PARENTS])
 
 
 def pose(rotations: Array) -> Array:
-    """Of bodies' rotations (..., 15, 4) in the world the pose: pelvis in the world, joints locally."""
+    """Pose (..., 15, 4) of bodies' rotations in the world: the pelvis in the world, joints local."""
     found = multiply(conjugate(rotations.take(_PARENTS, axis=-2)), rotations)
     found[..., 0, :] = rotations[..., 0, :]
     return found
 
 
 def pose_turns(sim: BodyStates, *refs: BodyStates) -> Array:
-    """Rotation vectors (R, E, 15, 3) from the simulated pose to that of each reference, in the pose's own
-    frames, rad."""
+    """Rotation vectors (R, E, 15, 3) from the simulated pose to each reference's, in the pose's own frames,
+    rad."""
     poses = pose(np.stack([sim.rotations, *(ref.rotations for ref in refs)]))
     return to_rotvec(multiply(conjugate(poses[0]), poses[1:]))
 
 
 def errors(sim: BodyStates, ref: BodyStates, turns: Array, config: RewardConfig) -> dict[str, Array]:
-    """The errors eᵢ (E,) of the terms that have a weight, in the form of the configuration.
+    """Errors eᵢ (E,) of the terms with a weight, in the configuration's form.
 
-    turns: (E, 15, 3) from the one pose to the other, of `pose_turns`. KinemimicError for a weight of no term.
+    turns: (E, 15, 3) of `pose_turns`. KinemimicError for a weight of an unknown term.
     """
     differences = {
         "pose": turns,
@@ -51,7 +51,7 @@ def errors(sim: BodyStates, ref: BodyStates, turns: Array, config: RewardConfig)
     if config.form == "norm":
         return {name: np.sqrt(_total(differences[name])) for name in config.weights}
     differences["pose"] = turns * _ROOT_WEIGHTS
-    # A pose's weights sum to one already; of the rest it is the mean over the bodies.
+    # The weights of the pose sum to one; velocities are averaged over the bodies.
     bodies = {"linear": len(_WEIGHTS), "angular": len(_WEIGHTS)}
     return {name: _total(differences[name]) / bodies.get(name, 1) for name in config.weights}
 
@@ -63,7 +63,7 @@ def _total(differences: Array) -> Array:
 
 
 def rewards(sim: BodyStates, ref: BodyStates, turns: Array, config: RewardConfig) -> Array:
-    """Weighted terms (E, K) in the sequence of the configuration's weights; their sum is the reward."""
+    """Weighted terms (E, K) in the order of the configuration's weights; their sum is the reward."""
     found = errors(sim, ref, turns, config)
     scales = np.array([config.scales[name] for name in found])
     weights = np.array([config.weights[name] for name in found])

@@ -1,4 +1,4 @@
-"""Where wall time goes: every moment is put down to one name, so that the parts add up to the whole."""
+"""A timer that assigns all wall time to names, so that the parts add up to the total."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ Seconds = Mapping[str, float]
 
 
 class Timer:
-    """`seconds` holds what each name took so far; `clock` gives seconds from any origin."""
+    """seconds: of each name so far; clock: returns seconds from any origin."""
 
     def __init__(self, clock: Callable[[], float] = time.perf_counter) -> None:
         self.seconds: dict[str, float] = {}
@@ -17,12 +17,12 @@ class Timer:
         self._last = clock()
 
     def restart(self) -> None:
-        """Begin again, with no seconds put down to anything."""
+        """Start over with no seconds for any name."""
         self.seconds = {}
         self._last = self._clock()
 
     def lap(self, name: str) -> float:
-        """All time since the last lap went to `name`; returns it, s."""
+        """Assign all time since the last lap to `name`, and return it, s."""
         now = self._clock()
         spent, self._last = now - self._last, now
         self.seconds[name] = self.seconds.get(name, 0.0) + spent
@@ -30,19 +30,19 @@ class Timer:
 
 
 def summed(*parts: Seconds) -> dict[str, float]:
-    """What each name took in all of them together."""
+    """The sum for each name."""
     names = dict.fromkeys(name for part in parts for name in part)
     return {name: sum(part.get(name, 0.0) for part in parts) for name in names}
 
 
 def split(seconds: Seconds, name: str, parts: Seconds, rest: str) -> dict[str, float]:
-    """`seconds` with the parts of `name` in its place; what they leave of it is the `rest`."""
+    """`seconds` with `name` replaced by its parts and the `rest` of it."""
     others = {key: value for key, value in seconds.items() if key != name}
     return {**parts, rest: seconds.get(name, 0.0) - sum(parts.values()), **others}
 
 
 def table(seconds: Seconds) -> str:
-    """For a terminal, the largest first: seconds, share of the whole, and how much that is of one minute."""
+    """For a terminal, the largest first: seconds, share of the total, and seconds per minute."""
     total = sum(seconds.values())
     rows = [*sorted(seconds.items(), key=lambda item: -item[1]), ("together", total)]
     width = max(len(name) for name, _ in rows)
