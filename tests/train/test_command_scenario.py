@@ -62,7 +62,7 @@ def test_a_scenario_that_cannot_be_is_refused_before_anything_begins(folders: li
         stage.train(folders[0], budget=ROUND, scenario=wall)
     found = CliRunner().invoke(stage.command, ["--run", str(folders[0]), "--scenario", "nowhere"])
     assert isinstance(found.exception, KinemimicError)
-    assert "expected a scenario that ships" in str(found.exception)
+    assert "expected a shipped scenario" in str(found.exception)
     assert [path.name for path in folders[0].iterdir()] == ["motion.json"]
 
 

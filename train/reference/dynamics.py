@@ -1,9 +1,9 @@
-"""Torques that a reference asks of its joints, by inverse dynamics with the contacts that it implies.
+"""Inverse dynamics: joint torques of a reference, with the contacts that it implies.
 
-Newton and Euler give each body's force and moment from its motion. What gravity and inertia leave must come
-from the ground: forces in friction cones at points of the body that are low and slow, found by non-negative
-least squares. What no such forces explain (a recorded motion is never quite possible) stays at the root,
-which has no motor. Torques then follow from the leaves to the root (Featherstone 2008, chapter 5).
+Newton-Euler gives each body's force and moment from its motion. The ground must provide the rest: forces in
+friction cones at points of the body that are low and slow, found by non-negative least squares. The residual
+(a recorded motion is never quite physical) stays at the root, which has no motor. Torques then follow from
+the leaves to the root (Featherstone 2008, chapter 5).
 """
 
 from __future__ import annotations
@@ -18,18 +18,18 @@ from kinemimic.pipeline.kinematics.rotations import conjugate, rotate
 from kinemimic.retarget.humanoid.body import BODIES, BODY_PARENTS, Body
 from kinemimic.train.sim.world import FRICTION, GRAVITY, BodyStates
 
-# A point carries the less, the higher over the ground and the faster it is.
+# A point carries less, the higher over the ground and the faster it is.
 HEIGHT = 0.015  # m
 SPEED = 0.4  # m/s
-BEYOND = 3.0  # times these it carries nothing
-COST = 1e-3  # of a newton at a point that lies still on the ground, against one newton unexplained
-STEPS = 100  # of the solver per unknown, at most: corners of one sole are alike, and its own 3 can be too few
-LEVER = 0.3  # m: a newton metre unexplained counts as a newton at this distance
+BEYOND = 3.0  # times these: it carries nothing
+COST = 1e-3  # of a newton at a point at rest on the ground, relative to a newton of residual
+STEPS = 100  # maximum of the solver per unknown: its own 3 can be too few for a sole's similar corners
+LEVER = 0.3  # m: a newton metre of residual counts as a newton at this distance
 CONE = FRICTION / np.sqrt(2.0) * np.array([[1, 1], [1, -1], [-1, 1], [-1, -1]])  # edges, inside the cone
 
 
 def _points(body: Body) -> Array:
-    """Points (P, 4) by which a body can touch the ground: from its centre in its frame, and a radius."""
+    """Contact points (P, 4) of a body: position from its centre in its frame, and a radius."""
     x, y, z = (0.5 * s for s in body.size)
     if body.shape == "box":
         corners = [(a * x, b * y, c * z, 0.0) for a in (-1, 1) for b in (-1, 1) for c in (-1, 1)]
@@ -49,9 +49,9 @@ _CENTERS = np.array([body.center for body in BODIES])
 
 @dataclass(frozen=True)
 class InverseDynamics:
-    """torques: (T, 14, 3) of each joint on its child, in the child's frame, N·m;
-    ground: (T, 3) force of the ground on the whole figure, N; missing: (T, 6) force and moment about the
-    pelvis that nothing explains, N and N·m, in the world."""
+    """torques: (T, 14, 3) of each joint on its child, in the child's frame, N·m; ground: (T, 3) force of the
+    ground on the humanoid, N; missing: (T, 6) residual force and moment about the pelvis, N and N·m, in the
+    world."""
 
     torques: Array
     ground: Array
@@ -59,7 +59,8 @@ class InverseDynamics:
 
 
 def inverse_dynamics(bodies: BodyStates, linear_rate: Array, angular_rate: Array) -> InverseDynamics:
-    """What motions of the 15 bodies (T, 15, ...) take, given their accelerations (T, 15, 3) in the world."""
+    """Torques and forces of the motion of 15 bodies (T, 15, ...) with accelerations (T, 15, 3) in the
+    world."""
     frames = len(bodies.positions)
     spin = rotate(conjugate(bodies.rotations), bodies.angular)
     turn = rotate(conjugate(bodies.rotations), angular_rate)
@@ -103,7 +104,7 @@ def inverse_dynamics(bodies: BodyStates, linear_rate: Array, angular_rate: Array
     for point, owner in enumerate(_OWNER):
         forces[:, owner] -= contact[:, point]
         moments[:, owner] -= np.cross(places[:, point] - bodies.positions[:, owner], contact[:, point])
-    # From the leaves on: what a body needs, it takes from its joint, whose parent then needs that much more.
+    # From the leaves: each joint gives its child's force and moment, which the parent then needs in addition.
     force, moment = forces.copy(), moments + np.cross(bodies.positions - joints, forces)
     for index in range(len(BODIES) - 1, 0, -1):
         parent = BODY_PARENTS[index]

@@ -1,4 +1,4 @@
-"""Where a reference goes."""
+"""The direction in which a reference moves."""
 
 from __future__ import annotations
 
@@ -10,14 +10,14 @@ from kinemimic.pipeline.kinematics.rotations import rotate
 from kinemimic.retarget.humanoid.body import BODY_INDEX
 from kinemimic.train.reference.reference import Reference
 
-_MIN_SPEED = 0.1  # m/s: a slower reference goes nowhere, and is taken to go as its pelvis faces
+_MIN_SPEED = 0.1  # m/s: the heading of a slower reference is that of its pelvis
 
 
 def heading(reference: Reference, phase: float) -> float:
-    """Where the reference goes at a phase, in radians about the vertical from the x-axis.
+    """Heading of the reference at a phase, in radians about the vertical from the x-axis.
 
-    The way of its root over the cycle around the phase (over a second of a single performance); if it hardly
-    gets anywhere, the way its pelvis faces.
+    The direction of its root over the cycle around the phase (over one second of a non-cyclic motion), or of
+    its pelvis if the root hardly moves.
     """
     seconds = reference.duration if reference.cyclic else 1.0
     around = phase + np.array([-0.5, 0.5]) * seconds / reference.duration

@@ -1,4 +1,4 @@
-"""The reference as the simulation needs it: any time, with velocities, from dense tables."""
+"""The reference motion at any phase, with velocities and targets, from dense tables."""
 
 from __future__ import annotations
 
@@ -26,13 +26,13 @@ from kinemimic.train.sim.world import BodyStates, Poses
 
 _TABLE_RATE = 960.0  # Hz: linear steps between its rows err by less than 0.01 degrees on a run
 _EFFORT_RATE = 120.0  # Hz of the torques, from accelerations over two of its steps
-_LARGEST_SHARE = 0.7  # of a joint's torque limit that goes into the feed-forward: the rest balances
+_LARGEST_SHARE = 0.7  # of a joint's torque limit for the feed-forward: the rest is for balance
 
 
 class Reference:
     """A motion sampled by phase (0 to 1 over its duration, not wrapped).
 
-    A cyclic motion goes on for ever, advancing by its cycle offset; any other holds its last frame.
+    A cyclic motion continues for ever, advancing by its cycle offset; any other holds its last frame.
     """
 
     def __init__(self, motion: Motion) -> None:
@@ -50,7 +50,7 @@ class Reference:
         rotation = world[:, BODY_NODES]
         position = nodes[:, BODY_NODES] + rotate(rotation, np.broadcast_to(centers, (rows, *centers.shape)))
         joints = rotations[:, BODY_NODES[1:]]
-        # What is asked for together lies together: a row of a table is one look-up.
+        # Values that are read together are stored together: one row is one look-up.
         self._root = root
         self._nodes = rotations
         self._bodies = np.concatenate(
@@ -68,7 +68,7 @@ class Reference:
 
     @cached_property
     def _targets(self) -> Array:
-        """Table of `targets`: its inverse dynamics take longer than all the rest, and not all need them."""
+        """Table of `targets`, on demand: its inverse dynamics take longer than everything else."""
         joints, speeds = self._joints[..., 0:4], self._joints[..., 4:7]
         led = continuous(multiply(joints, from_rotvec(self._leads(self._phase))))
         return np.concatenate([led, speeds], axis=-1)
@@ -81,7 +81,7 @@ class Reference:
         return np.asarray(np.gradient(values, step, axis=0))
 
     def _turn(self, q: Array, step: float, *, world: bool) -> Array:
-        """Angular velocity by central differences, in the world or in the turning frame itself."""
+        """Angular velocity by central differences, in the world or in the rotating frame."""
         before, after = (q[-2:-1], q[1:2]) if self.cyclic else (q[:1], q[-1:])
         padded = np.concatenate([before, q, after])
         a, b = padded[:-2], padded[2:]
@@ -92,15 +92,15 @@ class Reference:
         return np.asarray(change / width.reshape(-1, *([1] * (q.ndim - 1))))
 
     def _leads(self, phase: Array) -> Array:
-        """How far (N, 14, 3) at phases (N,), as rotation vectors, a target has to lead its joint so that the
-        stable PD's stiffness gives the torque that the motion takes there."""
+        """Rotation vectors (N, 14, 3) at phases (N,) by which a target leads its joint, so that the stable
+        PD's stiffness gives the torque of the motion."""
         at = np.linspace(0.0, 1.0, max(2, round(self.duration * _EFFORT_RATE) + 1))
         step = 1.0 / (_EFFORT_RATE * self.duration)
         first, last = at - step, at + step
         if not self.cyclic:
-            # Nothing is known of before and after.
+            # There is nothing before and after.
             first, last = np.maximum(first, 0.0), np.minimum(last, 1.0)
-        # Straight ahead, also where it is steered (`route.py`).
+        # Without steering (`route.py`).
         before, now, after = (Reference.bodies(self, moment) for moment in (first, at, last))
         rate = 1.0 / ((last - first) * self.duration)[:, None, None]
         found = inverse_dynamics(
@@ -113,7 +113,7 @@ class Reference:
         return np.asarray(interp1d(at, leads, axis=0)(phase))
 
     def _sample(self, table: Array, phase: Array) -> Array:
-        """Rows (..., table's own shape) at phases (...), linear between those of the table."""
+        """Rows (..., shape of a row) at phases (...), interpolated linearly."""
         fraction = phase - np.floor(phase) if self.cyclic else np.minimum(np.maximum(phase, 0.0), 1.0)
         place = fraction * (len(table) - 1)
         low = np.minimum(place.astype(np.intp), len(table) - 2)
@@ -125,13 +125,13 @@ class Reference:
         return value.reshape(*phase.shape, *table.shape[1:])
 
     def _advance(self, positions: Array, phase: Array) -> None:
-        """Carry positions (..., 3) or (..., 15, 3) on by the offset of the laps that are behind."""
+        """Add the offsets of completed cycles to positions (..., 3) or (..., 15, 3)."""
         if self.cyclic:
             laps = np.floor(phase).reshape(*phase.shape, *[1] * (positions.ndim - phase.ndim))
             positions += laps * self._offset
 
     def _stop(self, velocities: Array, phase: Array) -> None:
-        """Nothing moves after the last frame of a motion that is not cyclic."""
+        """Zero velocities after the last frame of a non-cyclic motion."""
         if not self.cyclic:
             velocities[phase > 1.0] = 0.0
 
@@ -143,7 +143,7 @@ class Reference:
         return BodyStates(row[..., 0:3], normalize(row[..., 9:13]), row[..., 3:6], row[..., 6:9])
 
     def poses(self, phase: Array) -> Poses:
-        """Full states at phases (E,), to set figures to."""
+        """Complete states at phases (E,), for `World.reset`."""
         bodies = self.bodies(phase)
         joints, velocities = self.joints(phase)
         return Poses(
@@ -172,8 +172,8 @@ class Reference:
         return normalize(row[..., 0:4]), row[..., 4:7]
 
     def targets(self, phase: Array) -> tuple[Array, Array]:
-        """What the stable PD is to follow, in the form of `joints`: rotations ahead of the reference's by as
-        much as gives the torques that the motion takes, and the reference's velocities."""
+        """Targets of the stable PD, as in `joints`: rotations that lead the reference's so as to give the
+        torques of the motion, and the reference's velocities."""
         row = self._sample(self._targets, phase)
         self._stop(row[..., 4:7], phase)
         return normalize(row[..., 0:4]), row[..., 4:7]
@@ -187,7 +187,7 @@ def _resample(motion: Motion, phase: Array) -> tuple[Array, Array]:
         return CubicSpline(at, root)(phase), normalize(CubicSpline(at, rotations)(phase))
     at = np.linspace(0.0, 1.0, len(root) + 1)
     drift = at[:, None] * motion.cycle_offset
-    # The loop closes on the same rotation, perhaps with the other sign; local ones stay near the identity.
+    # The loop closes on the same rotation, possibly with the opposite sign; local ones are near the identity.
     level = np.concatenate([root, root[:1] + motion.cycle_offset]) - drift
     level[-1] = level[0]
     closed = np.concatenate([rotations, rotations[:1]])

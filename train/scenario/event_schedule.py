@@ -1,4 +1,4 @@
-"""The course of a trial: what a scenario's draw makes happen to one figure, and when."""
+"""The event schedule of a trial: loads, friction, slope and obstacles drawn from a scenario, with times."""
 
 from __future__ import annotations
 
@@ -19,18 +19,18 @@ from kinemimic.train.scenario.overlap import obstacles_overlap, overlapping_body
 from kinemimic.train.scenario.scenario import Placement, Scenario
 from kinemimic.train.sim.world import CONTROL_RATE, GRAVITY, BodyStates, Obstacle
 
-# Obstacles with ranges that reach into the figure are drawn again, so often at most.
+# Redraws of an obstacle that overlaps the humanoid or another obstacle.
 _DRAWS = 50
-_LOOKS = 100  # draws that are tried before a training
+_LOOKS = 100  # trials that `check` draws before a training
 _MASSES = np.array([body.mass for body in BODIES])
 
 
 @dataclass(frozen=True)
 class EventSchedule:
-    """begins, ends: (L,) control steps after the start between which a load acts; bodies: (L,) on what;
-    wrenches: (L, 6) force and torque in the world, N and N·m; growing: (L,);
-    friction: None for what the figure has anyway; tilt: (3,) m/s² that a slope adds to gravity;
-    releases: control step and obstacle, in the world, as it is then; in their order in time."""
+    """begins, ends: (L,) control steps between which a load acts; bodies: (L,) their indices; wrenches: (L,
+    6) force and torque in the world, N and N·m; growing: (L,); friction: None for the humanoid's own; tilt:
+    (3,) m/s² that a slope adds to gravity; releases: (control step, obstacle at that time in the world),
+    sorted."""
 
     begins: NDArray[np.int64]
     ends: NDArray[np.int64]
@@ -42,30 +42,32 @@ class EventSchedule:
     releases: tuple[tuple[int, Obstacle], ...]
 
     def wrench(self, age: int, mass: float = 1.0) -> Array | None:
-        """(15, 6) on the bodies of the figure, whose masses are `mass` times the nominal ones, in the control
-        step that begins at this age; None for nothing."""
+        """(15, 6) on the bodies in the control step that starts at this age; None without loads.
+
+        mass: factor for the nominal masses.
+        """
         acts = (self.begins <= age) & (age < self.ends)
         if not (acts.any() or self.tilt.any()):
             return None
         total = np.zeros((len(BODIES), 6))
         total[:, :3] = mass * _MASSES[:, None] * self.tilt
-        # What grows has its mean over the step.
+        # A growing load has its mean over the step.
         shares = np.where(self.growing, (age + 0.5 - self.begins) / (self.ends - self.begins), 1.0)
         np.add.at(total, self.bodies[acts], shares[acts, None] * self.wrenches[acts])
         return total
 
     def released(self, before: int) -> list[Obstacle]:
-        """The obstacles that have appeared before a control step, the earliest first."""
+        """The obstacles that appeared before a control step, earliest first."""
         return [item for step, item in self.releases if step < before]
 
 
 def draw_event_schedule(
     scenario: Scenario, reference: Reference, phase: float, random: np.random.Generator
 ) -> EventSchedule:
-    """What happens in a trial that begins at a phase.
+    """Draw the events of a trial that starts at a phase.
 
-    KinemimicError if an obstacle lies inside the reference's figure, or in another that appears with it,
-    however often it is drawn.
+    KinemimicError if every redraw of an obstacle overlaps the reference's humanoid, or another obstacle that
+    appears at the same time.
     """
     loads = scenario.loads
     begins = np.array([_step(load.at.draw(random)) for load in loads], dtype=np.int64)
@@ -93,7 +95,7 @@ def draw_event_schedule(
 
 
 def check(scenario: Scenario, reference: Reference) -> None:
-    """KinemimicError where a trial cannot be drawn from some phase, as `draw_course` says it."""
+    """Draw trials from many phases; KinemimicError, as of `draw_event_schedule`, if one cannot be drawn."""
     for number in range(_LOOKS):
         random = np.random.default_rng(number)
         draw_event_schedule(scenario, reference, float(scenario.phase.draw(random)[0]), random)
@@ -139,13 +141,13 @@ def _place(
         inside = f"obstacle {others[0]}"
     where = f"{inside} {step / CONTROL_RATE:.2f} s after the start, from phase {phase:.2f}"
     raise KinemimicError(
-        f"scenario {scenario.name}: expected obstacle {len(placed) + 1} ({item.shape}) apart from the figure "
-        f"and from other obstacles, found it in {where}; place it elsewhere"
+        f"scenario {scenario.name}: expected obstacle {len(placed) + 1} ({item.shape}) apart from the "
+        f"humanoid and from other obstacles, found it in {where}; place it elsewhere"
     )
 
 
 def _obstacle(item: Placement, random: np.random.Generator) -> Obstacle:
-    """One draw, as the reference would see it from the origin."""
+    """One draw, relative to the reference at the origin."""
     size, place = item.size.draw(random), item.position.draw(random)
     height = size[0] if item.shape == "sphere" else size[2]
     center = place if len(place) == 3 else np.append(place, 0.5 * height)
@@ -169,12 +171,12 @@ def _phases(reference: Reference, steps: float) -> float:
 
 
 def _about_vertical(angle: float) -> Array:
-    """(4,) a turn about the vertical."""
+    """Rotation (4,) about the vertical."""
     return np.array([0.0, 0.0, math.sin(0.5 * angle), math.cos(0.5 * angle)])
 
 
 def with_states(obstacles: Sequence[Obstacle], states: Array) -> list[Obstacle]:
-    """Obstacles with the states (K, 13) that `World.obstacles` tells."""
+    """Obstacles with the states (K, 13) of `World.obstacles`."""
     return [
         replace(
             item,

@@ -1,4 +1,4 @@
-"""Whether an obstacle lies where a figure is."""
+"""Overlap of obstacles with the humanoid and with each other."""
 
 from __future__ import annotations
 
@@ -49,12 +49,12 @@ def distance(item: Obstacle, points: Array) -> Array:
 
 
 def obstacles_overlap(a: Obstacle, b: Obstacle) -> bool:
-    """Whether two obstacles, both turned about the vertical only, lie in one another by more than a touch."""
+    """Whether two obstacles, both rotated about the vertical only, overlap by more than _TOUCH."""
     if abs(a.position[2] - b.position[2]) > 0.5 * (_height(a) + _height(b)) - _TOUCH:
         return False
     if a.shape == "box" and b.shape == "box":
         first, second = _corners(a), _corners(b)
-        # Two convex shapes are apart if the shadows that they cast along the side of one of them are.
+        # Separating axis theorem: convex shapes are apart if their projections on a side's normal are.
         sides = np.concatenate([np.diff(first[:3], axis=0), np.diff(second[:3], axis=0)])
         shadows = ((first @ side, second @ side) for side in sides / np.linalg.norm(sides, axis=1)[:, None])
         return all(
@@ -62,7 +62,7 @@ def obstacles_overlap(a: Obstacle, b: Obstacle) -> bool:
         )
     if a.shape == "box":
         a, b = b, a
-    # What is round is a distance from a point of the other's height.
+    # A round shape overlaps if its axis is closer than its radius.
     center = np.array([[a.position[0], a.position[1], b.position[2]]])
     upright = replace(b, shape="cylinder") if b.shape == "sphere" else b
     return bool(distance(upright, center)[0] < 0.5 * a.size[0] - _TOUCH)
@@ -73,16 +73,16 @@ def _height(item: Obstacle) -> float:
 
 
 def _corners(box: Obstacle) -> Array:
-    """(4, 2) of its outline, one after the other."""
+    """Corners (4, 2) of its outline, in order."""
     x, y = 0.5 * box.size[0], 0.5 * box.size[1]
     corners = np.array([(x, y, 0.0), (-x, y, 0.0), (-x, -y, 0.0), (x, -y, 0.0)])
     return (np.array(box.position) + rotate(np.broadcast_to(box.rotation, (4, 4)), corners))[:, :2]
 
 
 def overlapping_body(item: Obstacle, bodies: BodyStates) -> str | None:
-    """Name of the body of one figure, arrays (15, ...), that an obstacle reaches into deepest, or None.
+    """Name of the body that an obstacle overlaps most, or None; bodies: of one humanoid, arrays (15, ...).
 
-    Bodies are taken as balls and grids of points in them: an obstacle smaller than 6 cm may slip through.
+    Bodies are balls and grids of points: the overlap with an obstacle smaller than 6 cm may be missed.
     """
     arms = rotate(bodies.rotations[_OWNER], _POINTS)
     gaps = distance(item, bodies.positions[_OWNER] + arms) - _RADII

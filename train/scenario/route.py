@@ -1,4 +1,4 @@
-"""Routes: a walk's reference, steered along a way that bends."""
+"""Routes: a gait's reference, steered along a path with bends."""
 
 from __future__ import annotations
 
@@ -15,15 +15,15 @@ from kinemimic.train.scenario.scenario import Scenario
 from kinemimic.train.sim.world import BodyStates
 
 _STEP = 0.01  # m between two rows of a route's table
-_EASE = 0.6  # m over which a bend begins and ends: half a stride
+_EASE = 0.6  # m over which a bend starts and ends: half a stride
 _UP = np.array([0.0, 0.0, 1.0])
 
 
 class Route:
-    """A way over the ground from the origin, at first along the x-axis.
+    """A path on the ground from the origin, first along the x-axis.
 
-    segments: (length in m, turn in rad to the left) one after the other, each with its turn spread evenly
-    over its length; bends begin and end gently. Before and after it the way is straight.
+    segments: (length in m, turn in rad to the left) in order, each with constant curvature; the curvature
+    changes smoothly between them. Before and after the segments the path is straight.
     """
 
     def __init__(self, segments: Sequence[tuple[float, float]]) -> None:
@@ -33,7 +33,7 @@ class Route:
         along = self._start + _STEP * np.arange(count)
         ends = np.cumsum([length for length, _ in segments])
         at = np.searchsorted(ends, along, side="right")
-        # By the rows that a segment has, not by its length: all of them together turn by what it says.
+        # By the segment's rows, not its length, so that they sum to exactly its turn.
         rows = np.maximum(np.bincount(at[along >= 0.0], minlength=len(segments)), 1)
         bends = np.array([turn / (rows[k] * _STEP) for k, (_, turn) in enumerate(segments)] + [0.0])
         sharp = np.where(along < 0.0, 0.0, bends[at])
@@ -46,7 +46,8 @@ class Route:
         self._heading -= self._heading[0]
 
     def at(self, distance: Array) -> tuple[Array, Array, Array]:
-        """Points (..., 2), headings (...) in rad, bends (...) in rad/m at distances (...) along the way."""
+        """Points (..., 2), headings (...) in rad and curvature (...) in rad/m at distances (...) along the
+        path."""
         last = self._start + _STEP * (len(self._bend) - 1)
         inside = np.clip(distance, self._start, last)
         table = self._start + _STEP * np.arange(len(self._bend))
@@ -57,13 +58,13 @@ class Route:
 
 
 def _integral(values: Array) -> Array:
-    """(N,) by the trapezoidal rule, 0 at the first."""
+    """Integral (N,) by the trapezoidal rule, from 0."""
     return np.concatenate([[0.0], np.cumsum(0.5 * _STEP * (values[1:] + values[:-1]))])
 
 
 class SteeredReference(Reference):
-    """A reference that goes along the x-axis, bent onto a route: what it has advanced since phase 0 is its
-    distance along the route, its sway is beside it, and it faces along it. The joints stay as they are."""
+    """A reference along the x-axis, bent onto a route: its x since phase 0 is the distance along the route,
+    its sway is lateral to it, and its heading follows it. The joints do not change."""
 
     def __init__(self, motion: Motion, route: Route) -> None:
         super().__init__(motion)
@@ -102,13 +103,13 @@ class SteeredReference(Reference):
 
 
 def reference_for(motion: Motion, scenario: Scenario | None) -> Reference:
-    """The motion as it is to be performed in a scenario."""
+    """The reference of a motion in a scenario: steered if the scenario has a route."""
     if scenario is None or not scenario.route:
         return Reference(motion)
     return SteeredReference(motion, Route(scenario.route))
 
 
 def _about_up(angle: Array) -> Array:
-    """(..., 4) turns about the vertical."""
+    """Rotations (..., 4) about the vertical."""
     zero = np.zeros_like(angle)
     return np.stack([zero, zero, np.sin(0.5 * angle), np.cos(0.5 * angle)], axis=-1)

@@ -1,8 +1,8 @@
-"""Scenarios: what befalls a figure while it performs. Forces, torques, obstacles and the ground, as data.
+"""Scenarios: forces, torques, obstacles and the ground during a rollout, as data.
 
-A scenario is made of ranges; `course.py` draws from them what happens in one trial. Vectors and places are
-(ahead, left, up) in metres, newtons and newton metres as the reference goes at that time; times are seconds
-from the start. `scenario_file.py` reads one from TOML.
+A scenario consists of ranges; `event_schedule.py` draws the events of one trial from them. Vectors and
+positions are (ahead, left, up) relative to the reference's heading at that time, in metres, newtons and
+newton metres; times are seconds from the start. `scenario_file.py` reads a scenario from TOML.
 """
 
 from __future__ import annotations
@@ -21,14 +21,14 @@ from kinemimic.train.sim.world import CONTROL_RATE, Shape
 
 @dataclass(frozen=True)
 class Range:
-    """Numbers (n,) that a trial draws, each evenly between its `low` and its `high`."""
+    """Numbers (n,) that a trial draws uniformly between `low` and `high`."""
 
     low: tuple[float, ...]
     high: tuple[float, ...]
 
     @classmethod
     def of(cls, *values: float) -> Range:
-        """Always these."""
+        """Constant values."""
         return cls(values, values)
 
     def draw(self, random: np.random.Generator) -> Array:
@@ -43,7 +43,7 @@ _ZERO, _NOWHERE = Range.of(0.0), Range.of(0.0, 0.0, 0.0)
 class Load:
     """A force N or a torque N·m (3,), or both, on one body at its centre of mass.
 
-    at: s; lasts: s; growing: from nothing, evenly, to its full size at its end.
+    at: s; lasts: s; growing: linearly from 0 to the full size at the end.
     """
 
     body: str
@@ -60,12 +60,12 @@ class Load:
 
 @dataclass(frozen=True)
 class Placement:
-    """An obstacle that stands in the way, or is thrown.
+    """An obstacle that stands on the ground or is thrown.
 
-    size: outer dimensions (3,), m, as in `Obstacle`; position: (2,) where it stands on the ground or (3,) of
-    its centre, m, seen from the point on the ground below the reference's root at that time; turn: rad about
-    the vertical; mass: kg, 0 for what never moves; at: s, when it appears; velocity, spin: (3,) then, in m/s
-    and rad/s.
+    size: outer dimensions (3,), m, as in `Obstacle`; position: (2,) on the ground or (3,) of its centre, m,
+    relative to the point on the ground below the reference's root at that time; turn: rad about the vertical;
+    mass: kg, 0 for a static obstacle; at: s, when it appears; velocity, spin: (3,) at that time, m/s and
+    rad/s.
     """
 
     shape: Shape
@@ -80,10 +80,10 @@ class Placement:
 
 @dataclass(frozen=True)
 class Scenario:
-    """seconds: of a trial; phase: where in the reference it begins; friction: of the ground under the figure,
-    None for the usual; slope: rad, uphill along the way; route: of a gait, (length in m, turn in rad to the
-    left) one after the other (`route.py`), empty for straight ahead. What stands there from the start has its
-    place seen from where the route begins."""
+    """seconds: of a trial; phase: where in the reference it starts; friction: of the ground, None for the
+    default; slope: rad, uphill along the heading; route: of a gait, segments (length in m, turn in rad to the
+    left; `route.py`), empty for straight ahead. Obstacles that are there from the start of a route are placed
+    relative to its origin."""
 
     name: str
     about: str = ""

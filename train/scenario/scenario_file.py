@@ -43,7 +43,7 @@ class _FromTo(
 
 
 def _range(value: Any, scale: float = 1.0) -> Range:
-    """What a scenario draws from, of a value as the file has it."""
+    """The range of a value or range in the file."""
     low, high = (value.low, value.high) if isinstance(value, _FromTo) else (value, value)
     return Range(tuple(scale * v for v in _row(low)), tuple(scale * v for v in _row(high)))
 
@@ -167,10 +167,10 @@ def scenario(named: str) -> Scenario:
     path = Path(named)
     if path.suffix == ".toml" or len(path.parts) > 1:
         return read_scenario(path)
-    there = shipped_scenarios()
-    if named not in there:
+    shipped = shipped_scenarios()
+    if named not in shipped:
         raise KinemimicError(
-            f"expected a scenario that ships ({', '.join(there)}) or a file ending in .toml, found {named!r}"
+            f"expected a shipped scenario ({', '.join(shipped)}) or a file ending in .toml, found {named!r}"
         )
     return read_scenario(SHIPPED / f"{named}.toml")
 

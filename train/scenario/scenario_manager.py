@@ -1,4 +1,4 @@
-"""What a scenario does to the figures of a world: each on a course of its own."""
+"""Applies a scenario to the environments of a world, each with its own event schedule."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from kinemimic.train.sim.world import World
 
 
 class ScenarioManager:
-    """The courses of E figures, all at peace until they `begin`. Ages are control steps since then."""
+    """Event schedules of E environments, none active until `begin`. Ages are control steps since then."""
 
     def __init__(self, scenario: Scenario, reference: Reference, world: World) -> None:
         self._scenario, self._reference, self._world = scenario, reference, world
@@ -26,8 +26,8 @@ class ScenarioManager:
         self._phases: Array = np.zeros(world.size)
 
     def begin(self, indices: NDArray[np.intp], phases: Array, seeds: NDArray[np.uint64] | None) -> None:
-        """New courses for figures (N,) that start at phases (N,), drawn from seeds (N,), or peace without
-        these; to be called before their reset."""
+        """Draw schedules from seeds (N,) for environments (N,) that start at phases (N,), or none without
+        seeds; call it before their reset."""
         for k, index in enumerate(indices):
             before = self._schedules[index]
             schedule = None if seeds is None else self._draw(seeds[k], phases[k])
@@ -43,22 +43,22 @@ class ScenarioManager:
         )
 
     def friction(self, indices: NDArray[np.intp], usual: Array) -> Array:
-        """(N,) of figures (N,): the scenario's, or what is usual (N,)."""
+        """Friction (N,) of environments (N,): the scenario's, or the usual one (N,)."""
         schedules = [self._schedules[index] for index in indices]
-        told = [None if schedule is None else schedule.friction for schedule in schedules]
-        return np.array([value if own is None else own for own, value in zip(told, usual, strict=True)])
+        own_values = [None if schedule is None else schedule.friction for schedule in schedules]
+        return np.array([value if own is None else own for own, value in zip(own_values, usual, strict=True)])
 
     def act(self, ages: NDArray[np.int64], masses: Array) -> Array | None:
-        """Let appear what is due before the step that begins at ages (E,); wrenches (E, 15, 6) for that step
-        on figures with masses (E,) times the nominal ones, None for none."""
+        """Place the obstacles due before the step that starts at ages (E,), and return the wrenches (E, 15,
+        6) of that step, None if there are none; masses: (E,) factors for the nominal masses."""
         total = None
         for index, schedule in enumerate(self._schedules):
             if schedule is None:
                 continue
             age = int(ages[index])
             if age and any(step == age for step, _ in schedule.releases):
-                there = with_states(schedule.released(age), self._world.obstacles(index))
-                self._world.place(index, [*there, *schedule.released(age + 1)[len(there) :]])
+                visible = with_states(schedule.released(age), self._world.obstacles(index))
+                self._world.place(index, [*visible, *schedule.released(age + 1)[len(visible) :]])
             wrench = schedule.wrench(age, float(masses[index]))
             if wrench is not None:
                 total = np.zeros((len(self._schedules), len(BODIES), 6)) if total is None else total
@@ -66,7 +66,7 @@ class ScenarioManager:
         return total
 
     def snapshot(self) -> dict[str, NDArray[Any]]:
-        """Arrays (E, ...) given to `restore`: who is on a course, from which seed and phase, and the
+        """The state for `restore`, arrays (E, ...): which have a schedule, its seed and phase, and the
         obstacles' states."""
         states = np.zeros((self._world.size, len(self._scenario.obstacles), 13))
         for index, schedule in enumerate(self._schedules):
@@ -81,7 +81,7 @@ class ScenarioManager:
         }
 
     def restore(self, snapshot: Mapping[str, NDArray[Any]], ages: NDArray[np.int64]) -> None:
-        """Put all courses and obstacles where a snapshot says; to be called before the figures' reset."""
+        """Set all schedules and obstacles to a snapshot; call it before the reset of the environments."""
         seeds, phases = snapshot["course_seeds"].copy(), snapshot["course_phases"].copy()
         same = (seeds == self._seeds) & (phases == self._phases)
         self._seeds, self._phases = seeds, phases
@@ -90,5 +90,5 @@ class ScenarioManager:
             if on and schedule is None:
                 schedule = self._draw(self._seeds[index], self._phases[index])
             self._schedules[index] = schedule
-            there = [] if schedule is None else schedule.released(max(1, int(ages[index])))
-            self._world.place(index, with_states(there, snapshot["obstacles"][index, : len(there)]))
+            visible = [] if schedule is None else schedule.released(max(1, int(ages[index])))
+            self._world.place(index, with_states(visible, snapshot["obstacles"][index, : len(visible)]))

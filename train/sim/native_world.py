@@ -1,4 +1,4 @@
-"""The world on Bullet's own C++ (`train/native/`): all figures in one call, on some threads."""
+"""The world on Bullet's C++ (`train/native/`): all humanoids in one call, on several threads."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ from kinemimic.train.sim.world import (
     check_variation,
 )
 
-# Of the world, as arguments of `kinemimic_native.Batch`.
+# Constants of the world, as arguments of `kinemimic_native.Batch`.
 SETTINGS: dict[str, Any] = {
     "time_step": TIME_STEP,
     "gravity": GRAVITY,
@@ -46,10 +46,10 @@ _FEET = [BODY_INDEX["foot_left"], BODY_INDEX["foot_right"]]
 
 
 def _control_inertia(body: Body) -> tuple[float, float, float]:
-    """Moments that the stable PD of pybullet takes a body to have: those of its collision shape.
+    """Moments of inertia that pybullet's stable PD assumes for a body: those of its collision shape.
 
-    They only tell the controller how its torque will turn out at the end of the step. A capsule, which stands
-    for an ellipsoid, is a cylinder and two half-spheres of one density.
+    They only affect the controller's prediction of the end of the step. A capsule, which approximates an
+    ellipsoid, is a cylinder and two half-spheres of one density.
     """
     if body.shape != "ellipsoid":
         return body.inertia
@@ -68,7 +68,7 @@ def description() -> dict[str, Any]:
     offsets = node_offsets()
     masses = np.array([body.mass for body in BODIES])
     inertias = np.array([body.inertia for body in BODIES])
-    # pybullet's figure has a base within its pelvis.
+    # pybullet's humanoid has a base inside its pelvis.
     masses[0] += SMALL_MASS
     inertias[0] += SMALL_INERTIA
     return {
@@ -87,7 +87,7 @@ def description() -> dict[str, Any]:
 
 
 class NativeWorld:
-    """`World` on the extension; `threads` share the figures. More than one do not survive a fork: spawn."""
+    """`World` on the C++ extension; `threads` share the humanoids. Several threads do not survive a fork."""
 
     engine = "native"
 
@@ -147,4 +147,4 @@ class NativeWorld:
         return self._batch.obstacles(index)
 
     def close(self) -> None:
-        """Nothing to do: the memory is Python's."""
+        """Nothing to do: Python owns the memory."""

@@ -1,7 +1,7 @@
-"""pybullet, brought in without the line that it prints, and its axes.
+"""pybullet, imported without its build line, and the conversion to its axes.
 
-Inside Bullet the axes are X left, Y up, Z forward (see `retarget/urdf.py`): a cyclic change of components,
-done at the border of the files that use this one.
+In Bullet the axes are X left, Y up, Z forward (see `retarget/formats/urdf.py`): a cyclic permutation of
+components, applied in the modules that import this one.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ QUAT_FROM_BULLET = [2, 0, 1, 3]
 
 @contextmanager
 def _quiet() -> Iterator[None]:
-    """Keep pybullet's build line, printed by its C code on import, off the terminal."""
+    """Suppress pybullet's build line, which its C code prints on import."""
     sys.stderr.flush()
     saved, null = os.dup(2), os.open(os.devnull, os.O_WRONLY)
     os.dup2(null, 2)

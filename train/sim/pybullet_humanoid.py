@@ -1,4 +1,4 @@
-"""The humanoid on the pybullet wheel: alone on its ground in a client of its own."""
+"""The humanoid on pybullet: alone on the ground of its own client."""
 
 from __future__ import annotations
 
@@ -18,10 +18,10 @@ Weights = list[tuple[float, tuple[float, float, float]]]
 
 
 def build_humanoid(urdf: Path, *, measure: bool) -> tuple[int, int]:
-    """A client and the number of the figure in it; `measure` switches the joints' sensors on."""
+    """A client and the humanoid's id in it. measure: whether the joints' sensors are on."""
     client: int = bullet.connect(bullet.DIRECT)
     if client < 0:
-        raise RuntimeError("pybullet gives no more physics clients in this process")
+        raise RuntimeError("pybullet has no more physics clients in this process")
     bullet.setPhysicsEngineParameter(
         fixedTimeStep=TIME_STEP,
         numSolverIterations=SOLVER_ITERATIONS,
@@ -35,7 +35,7 @@ def build_humanoid(urdf: Path, *, measure: bool) -> tuple[int, int]:
     bullet.changeDynamics(ground, -1, lateralFriction=1.0, physicsClientId=client)
     flags = bullet.URDF_USE_INERTIA_FROM_FILE | bullet.URDF_MAINTAIN_LINK_ORDER
     humanoid: int = bullet.loadURDF(str(urdf), [0, 2, 0], flags=flags, physicsClientId=client)
-    # These are the figure's. Named in the call for a link, they make Bullet drop the rest of it.
+    # These belong to the whole humanoid: in the call for a link, Bullet ignores that call's other arguments.
     bullet.changeDynamics(
         humanoid, -1, linearDamping=0, angularDamping=0, maxJointVelocity=SPEED_LIMIT,
         activationState=bullet.ACTIVATION_STATE_DISABLE_SLEEPING, physicsClientId=client,
@@ -43,7 +43,7 @@ def build_humanoid(urdf: Path, *, measure: bool) -> tuple[int, int]:
     for link in LINKS:
         bullet.changeDynamics(humanoid, link, jointDamping=0, physicsClientId=client)
     for joint in JOINT_LINKS:
-        # Both kinds of default motor would hold the joint.
+        # Both kinds of default motors would hold the joint.
         bullet.setJointMotorControlMultiDof(
             humanoid, joint, bullet.POSITION_CONTROL, targetPosition=[0, 0, 0, 1], positionGain=0,
             velocityGain=0, force=[0, 0, 0], physicsClientId=client,
@@ -54,8 +54,8 @@ def build_humanoid(urdf: Path, *, measure: bool) -> tuple[int, int]:
         )  # fmt: skip
         if measure:
             bullet.enableJointForceTorqueSensor(humanoid, joint, True, physicsClientId=client)
-    # At its first command the stable PD takes down what the bodies weigh, once and for all: here that is what
-    # the file says. Without any force the command does nothing else.
+    # At its first command the stable PD stores the bodies' masses for good: here the nominal ones of the
+    # file. Without any force the command has no other effect.
     still = [[0.0, 0.0, 0.0]] * len(JOINT_LINKS)
     control(client, humanoid, [[0.0, 0.0, 0.0, 1.0]] * len(JOINT_LINKS), still, still)
     return client, humanoid
@@ -68,7 +68,7 @@ def control(
     velocities: list[list[float]],
     limits: list[list[float]],
 ) -> None:
-    """Stable PD towards 14 rotations and velocities, within these torques, for the next step."""
+    """Stable PD towards 14 rotations and velocities within torque limits, for the next step."""
     bullet.setJointMotorControlMultiDofArray(
         humanoid, JOINT_LINKS, bullet.STABLE_PD_CONTROL, targetPositions=targets, targetVelocities=velocities,
         forces=limits, positionGains=STIFFNESS, velocityGains=DAMPING, physicsClientId=client,
@@ -82,9 +82,9 @@ def nominal_weights(client: int, humanoid: int) -> Weights:
 
 
 def vary_humanoid(client: int, humanoid: int, nominal: Weights, friction: float, mass: float) -> None:
-    """Give the figure this friction, and `mass` times its nominal masses and inertias."""
+    """Set the humanoid's friction, and `mass` times its nominal masses and inertias."""
     for link, (own, moments) in enumerate(nominal, start=-1):
-        # In one call: a mass alone would make Bullet work the moments out from the shapes.
+        # In one call: with a mass alone, Bullet computes the moments from the shapes.
         bullet.changeDynamics(
             humanoid, link, mass=mass * own, localInertiaDiagonal=[mass * moment for moment in moments],
             lateralFriction=friction, physicsClientId=client,

@@ -1,4 +1,4 @@
-"""Obstacles on the pybullet wheel."""
+"""Obstacles on pybullet."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from kinemimic.train.sim.world import Obstacle
 
 
 def build(client: int, item: Obstacle) -> int:
-    """Put an obstacle into a client's world; its body's number."""
+    """Add an obstacle to a client's world; returns its body's id."""
     x, _, z = item.size
     if item.shape == "box":
         half = 0.5 * np.array(item.size)[TO_BULLET]
@@ -19,7 +19,7 @@ def build(client: int, item: Obstacle) -> int:
     elif item.shape == "sphere":
         shape = bullet.createCollisionShape(bullet.GEOM_SPHERE, radius=0.5 * x, physicsClientId=client)
     else:
-        # pybullet's cylinder lies along its Z, ours stands along what is Y there.
+        # pybullet's cylinder is along its Z; ours is vertical, which is Y there.
         turn = [-(0.5**0.5), 0.0, 0.0, 0.5**0.5]
         shape = bullet.createCollisionShape(
             bullet.GEOM_CYLINDER, radius=0.5 * x, height=z, collisionFrameOrientation=turn,
@@ -32,7 +32,7 @@ def build(client: int, item: Obstacle) -> int:
         activationState=bullet.ACTIVATION_STATE_DISABLE_SLEEPING, physicsClientId=client,
     )  # fmt: skip
     if item.shape == "cylinder":
-        # A shape that is turned within its body is weighed as the box around it.
+        # For a shape rotated in its body, Bullet takes the inertia of its bounding box.
         across, along = item.mass * (0.75 * x**2 + z**2) / 12, item.mass * x**2 / 8
         bullet.changeDynamics(body, -1, localInertiaDiagonal=[across, along, across], physicsClientId=client)
     start(client, body, item)
@@ -40,7 +40,7 @@ def build(client: int, item: Obstacle) -> int:
 
 
 def start(client: int, body: int, item: Obstacle) -> None:
-    """Back to where and how it begins."""
+    """Reset it to its initial state."""
     position, rotation = np.array(item.position)[TO_BULLET], np.array(item.rotation)[QUAT_TO_BULLET]
     bullet.resetBasePositionAndOrientation(body, position.tolist(), rotation.tolist(), physicsClientId=client)
     bullet.resetBaseVelocity(

@@ -1,4 +1,4 @@
-"""The world on the pybullet wheel: one physics client per figure, stable PD at 240 Hz."""
+"""The world on pybullet: one physics client per humanoid, stable PD at 240 Hz."""
 
 from __future__ import annotations
 
@@ -55,14 +55,14 @@ def _disconnect(clients: list[int]) -> None:
 
 
 def _window(array: Array) -> Array:
-    """The same memory, read-only."""
+    """A read-only view."""
     view = array.view()
     view.flags.writeable = False
     return view
 
 
 class BulletWorld:
-    """`World` on pybullet. With `measure_torques`, joint sensors are read in every substep (slower)."""
+    """`World` on pybullet. measure_torques: read the joint sensors in every substep (slower)."""
 
     engine = "pybullet"
 
@@ -75,7 +75,7 @@ class BulletWorld:
             urdf.write_text(humanoid_urdf("spherical", y_up=True))
             built = [build_humanoid(urdf, measure=measure_torques) for _ in range(size)]
         self._clients = [client for client, _ in built]
-        # A client keeps its memory until it is disconnected, whoever forgets to close the world.
+        # A client keeps its memory until it is disconnected, even if nobody closes the world.
         self._end = weakref.finalize(self, _disconnect, self._clients)
         self._end.atexit = False
         self._humanoid = built[0][1]  # in every client the same
@@ -124,9 +124,11 @@ class BulletWorld:
         self._read()
 
     def _forget_contacts(self, index: int, client: int) -> None:
-        """Have Bullet look for contacts where there are none: those it keeps lend the next step their forces.
+        """Clear Bullet's cached contacts by detecting collisions with all bodies far apart: it would
+        warm-start the next step with their forces.
 
-        With several obstacles the order in which it finds them again may be another, and so the last digits.
+        With several obstacles it may find contacts in another order afterwards, which changes the last
+        digits.
         """
         for body in (self._humanoid, *(body for body, _ in self._obstacles[index])):
             bullet.resetBasePositionAndOrientation(
@@ -166,10 +168,10 @@ class BulletWorld:
             bullet.setPhysicsEngineParameter(fixedTimeStep=TIME_STEP, physicsClientId=client)
 
     def _division(self, client: int) -> int:
-        """Into how many parts the next step is divided."""
+        """Number of parts of the next step."""
         states = bullet.getJointStatesMultiDof(self._humanoid, JOINT_LINKS, physicsClientId=client)
         turn = TIME_STEP * max(math.hypot(*state[1]) for state in states)
-        # Written so that what is NaN is not divided.
+        # Written so that NaN is not divided.
         return min(max(math.ceil(turn / MAX_TURN), 1), MAX_PARTS) if turn > MAX_TURN else 1
 
     def _push(self, client: int, wrench: Array) -> None:
@@ -184,9 +186,9 @@ class BulletWorld:
             )
 
     def _torques(self, client: int) -> Array:
-        """Largest component of each joint's torque, N·m, from the reaction that its sensor felt.
+        """Largest component of each joint's torque, N·m, from the reaction in its sensor.
 
-        The sensor reports the wrench about the child's centre of mass; the joint lies elsewhere.
+        The sensor reports the wrench about the child's centre of mass, not about the joint.
         """
         states = bullet.getJointStatesMultiDof(self._humanoid, JOINT_LINKS, physicsClientId=client)
         wrench = np.array([state[2] for state in states])[:, [*FROM_BULLET, *(3 + k for k in FROM_BULLET)]]
@@ -194,7 +196,7 @@ class BulletWorld:
         return np.asarray(np.abs(torque).max(axis=-1))
 
     def _read(self) -> None:
-        """Bring the states up to date but for figures that have exploded: these stay as they were."""
+        """Update the states, except of exploded humanoids, which keep their last one."""
         rows = [
             bullet.getLinkStates(
                 self._humanoid,
@@ -253,7 +255,7 @@ class BulletWorld:
 
     def peak_torques(self) -> Array:
         if not self._measure:
-            raise RuntimeError("this world was made without measure_torques")
+            raise RuntimeError("this world was created without measure_torques")
         return _window(self._peaks)
 
     def place(self, index: int, obstacles: Sequence[Obstacle]) -> None:

@@ -1,4 +1,4 @@
-"""The world that every engine offers: a batch of humanoids, stepped together, their bodies as arrays."""
+"""The interface of the engines: a batch of humanoids, stepped together, their bodies as arrays."""
 
 from __future__ import annotations
 
@@ -20,22 +20,23 @@ TIME_STEP = 1.0 / (CONTROL_RATE * SUBSTEPS)
 GRAVITY = 9.81
 FRICTION = 0.9
 SOLVER_ITERATIONS = 10
-# Where joints turn fast (a hand that hits the ground reaches 70 rad/s in one step), a step is divided: whole,
-# its explicit integration would make energy. Bullet's own remedy, to cut off speeds, hurls a figure away.
+# Where joints turn fast (a hand that hits the ground reaches 70 rad/s in one step), a step is divided:
+# explicit integration of the whole step would add energy. Bullet's own remedy, clipping speeds, flings a
+# humanoid away.
 MAX_TURN = 0.1  # rad that a joint may turn in one part of a step
 MAX_PARTS = 8
-SPEED_LIMIT = 1000.0  # rad/s, m/s: Bullet's own limit of joint and root speeds, set where it never acts
-MAX_SPEED = 100.0  # m/s: no part of a body that obeys its joints comes near; what goes faster has exploded
-# Stable PD, at these gains, takes all of a joint's speed in one step from the moments that it reckons with:
-# capsules', larger than the ellipsoids' own. What is much lighter is thrown back further than it came: in 40
-# postures joints came to rest at 0.70, and shook without end at 0.68.
+SPEED_LIMIT = 1000.0  # rad/s, m/s: Bullet's own limit of joint and root speeds, never reached
+MAX_SPEED = 100.0  # m/s: no body of an intact humanoid comes near; faster means exploded
+# At these gains, stable PD removes all of a joint's speed in one step for the moments of inertia that it
+# assumes: those of capsules, larger than the ellipsoids' own. A much lighter body overshoots: in 40 postures
+# joints came to rest at 0.70, and oscillated for ever at 0.68.
 MIN_MASS = 0.7  # of the nominal mass
 JOINT_PARENTS: NDArray[np.intp] = np.array(BODY_PARENTS[1:])
 
 
 @dataclass(frozen=True)
 class BodyStates:
-    """The 15 bodies of E figures in the world: Z up, metres, seconds, radians.
+    """The 15 bodies of E humanoids in the world: Z up, metres, seconds, radians.
 
     positions: (E, 15, 3) of the centres of mass; rotations: (E, 15, 4);
     linear, angular: (E, 15, 3) velocities.
@@ -54,7 +55,7 @@ class BodyStates:
 
 @dataclass(frozen=True)
 class Poses:
-    """What sets E figures: root (E, 3), root rotation (E, 4) and velocities (E, 3) in the world,
+    """Initial states of E humanoids: root (E, 3), root rotation (E, 4) and velocities (E, 3) in the world,
     joint rotations (E, 14, 4) and joint velocities (E, 14, 3) in the child's frame."""
 
     root: Array
@@ -70,12 +71,12 @@ Shape = Literal["box", "sphere", "cylinder"]
 
 @dataclass(frozen=True)
 class Obstacle:
-    """Something in a figure's way: it stands there (mass 0), or is thrown.
+    """An obstacle: static (mass 0), movable or thrown.
 
-    size: (x, y, z) outer dimensions, metres; a sphere's diameter is x, a cylinder's too, and z its length.
-    mass: kg; position: (x, y, z) of its centre, rotation: (x, y, z, w), velocity: m/s, spin: rad/s, all when
-    it is placed and after every reset.
-    ValueError for another shape, a size that is not above 0, a negative mass, and what is not finite.
+    size: (x, y, z) outer dimensions, metres; x is the diameter of a sphere or cylinder, z a cylinder's
+    length. mass: kg; position: (x, y, z) of its centre, rotation: (x, y, z, w), velocity: m/s, spin: rad/s,
+    all when placed and after every reset. ValueError for another shape, a size of 0 or less, a negative mass,
+    and numbers that are not finite.
     """
 
     shape: Shape
@@ -97,7 +98,7 @@ class Obstacle:
 
 
 def check_variation(indices: NDArray[np.intp], friction: Array, mass: Array) -> None:
-    """ValueError unless friction and mass are what `World.vary` takes for these indices."""
+    """ValueError unless friction and mass are valid for `World.vary`."""
     for name, values, sound, wanted in (
         ("friction", friction, friction >= 0, "at least 0"),
         ("mass", mass, mass >= MIN_MASS, f"at least {MIN_MASS}"),
@@ -111,24 +112,24 @@ def check_variation(indices: NDArray[np.intp], friction: Array, mass: Array) -> 
 class World(Protocol):
     """A batch of `size` humanoids on level ground, each alone in its world.
 
-    What `states`, `step` and `peak_torques` return are windows on the engine's own memory: read-only, and
-    valid until the next `reset` or `step`. Whoever keeps them copies them. One call at a time.
+    `states`, `step` and `peak_torques` return read-only views of the engine's memory, valid until the next
+    `reset` or `step`; copy them to keep them. Not thread-safe.
     """
 
     size: int
     engine: str
 
     def vary(self, indices: NDArray[np.intp], friction: Array, mass: Array) -> None:
-        """Make the figures of `indices` (N,) others from their next reset on, until they are varied again.
+        """Set friction and mass of the humanoids `indices` (N,) from their next reset on.
 
-        friction: (N,) coefficient between their bodies and everything they touch, at least 0; FRICTION unless
-        varied. mass: (N,) what the mass and the inertia of every body are multiplied by, at least LIGHTEST;
-        1 unless varied. Neither tells the stable PD, which goes on to reckon with the nominal masses, as the
-        motors of a body do that has put on a load. ValueError for other numbers.
+        friction: (N,) coefficient between their bodies and everything they touch, at least 0, FRICTION by
+        default. mass: (N,) factor for the mass and inertia of every body, at least MIN_MASS, 1 by default.
+        The stable PD keeps assuming the nominal masses, as if the body carried a load. ValueError for other
+        numbers.
         """
 
     def reset(self, indices: NDArray[np.intp], poses: Poses) -> None:
-        """Put the figures of `indices` (N,) into N poses; what happened to them before is forgotten."""
+        """Reset the humanoids `indices` (N,) to N poses, and clear their contacts and torques."""
 
     def step(self, targets: Array, target_velocities: Array, wrenches: Array | None = None) -> BodyStates:
         """One control step of SUBSTEPS physics steps with stable PD.
@@ -142,27 +143,27 @@ class World(Protocol):
         """All bodies now."""
 
     def exploded(self) -> NDArray[np.bool_]:
-        """(E,) whose state was no longer that of a body: infinite, NaN or faster than FASTEST.
+        """(E,) whether the state became invalid: infinite, NaN or faster than MAX_SPEED.
 
-        Such a figure stays where it was last sound, with its last sound velocities, and touches nothing until
-        it is reset. A reset to a pose that is not sound itself makes one too.
+        Such a humanoid keeps its last valid state and touches nothing until its reset. A reset to an invalid
+        pose counts too.
         """
 
     def contacts(self) -> NDArray[np.bool_]:
-        """(E, 2): left, right foot touches something."""
+        """(E, 2) whether the left and right foot touch something."""
 
     def contact_forces(self) -> Array:
         """(E, 15, 3) force of all contacts on each body in the last physics step, N, in the world."""
 
     def peak_torques(self) -> Array:
-        """(E, 14) largest component of each joint's torque in the last control step, N·m; if asked for."""
+        """(E, 14) largest component of each joint's torque in the last control step, N·m, if measured."""
 
     def place(self, index: int, obstacles: Sequence[Obstacle]) -> None:
-        """Replace all obstacles of a figure, also in mid-flight; they are at their start now and after each
-        of its resets."""
+        """Replace all obstacles of a humanoid, also during an episode; they are in their initial state now
+        and after each reset."""
 
     def obstacles(self, index: int) -> Array:
-        """(K, 13) position, rotation, velocity and angular velocity of a figure's obstacles now."""
+        """(K, 13) position, rotation, velocity and angular velocity of a humanoid's obstacles now."""
 
     def close(self) -> None:
         """Free the engine."""

@@ -224,5 +224,5 @@ def test_command_lists_prints_and_refuses(run: Path) -> None:
     inside.write_text(f'[[obstacle]]\nshape = "sphere"\nsize = 0.3\n{place}\n', encoding="utf-8")
     found = invoke(command, [str(inside), *options])
     assert isinstance(found.exception, KinemimicError)
-    assert "scenario inside: expected obstacle 1 (sphere) apart from the figure" in str(found.exception)
+    assert "scenario inside: expected obstacle 1 (sphere) apart from the humanoid" in str(found.exception)
     assert not (run / "scenario-inside.json").exists()

@@ -162,7 +162,7 @@ def test_a_slope_is_read_where_nothing_else_moves(tmp_path: Path) -> None:
 def test_what_is_no_scenario_is_told(tmp_path: Path) -> None:
     with pytest.raises(KinemimicError, match=r"none\.toml: expected a scenario, found no file"):
         scenario(str(tmp_path / "none.toml"))
-    with pytest.raises(KinemimicError, match=r"expected a scenario that ships .*pull-forward.*found 'pull'"):
+    with pytest.raises(KinemimicError, match=r"expected a shipped scenario .*pull-forward.*found 'pull'"):
         scenario("pull")
     large = written(tmp_path, "#" * (MAX_BYTES + 1))
     with pytest.raises(KinemimicError, match="expected a scenario of at most 1 MB"):
