@@ -30,7 +30,7 @@ def test_auto_takes_native_where_it_is_built(monkeypatch: pytest.MonkeyPatch) ->
 def test_without_it_auto_takes_pybullet(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(engines, "find_spec", lambda name: None)
     assert engines.resolve("auto") == "pybullet"
-    with pytest.raises(KinemimicError, match=r"not built: `make setup`.*; or take --engine pybullet"):
+    with pytest.raises(KinemimicError, match=r"not built: `make setup`.*; or use --engine pybullet"):
         engines.resolve("native")
 
 
