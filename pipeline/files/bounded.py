@@ -10,7 +10,7 @@ MEGABYTE = 1 << 20
 
 
 def require_regular(path: Path, kind: str) -> None:
-    """KinemimicError for a folder, pipe or device in place of `kind`; reading a pipe may block for ever.
+    """KinemimicError for a folder, pipe or device in place of `kind`; reading a pipe may block indefinitely.
 
     A missing file passes; opening it raises the proper error.
     """

@@ -1,4 +1,4 @@
-"""The command line: light to start, and every ending that a user meets."""
+"""The command line: fast to start, and every way in which a command ends."""
 
 from __future__ import annotations
 

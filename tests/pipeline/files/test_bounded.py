@@ -1,4 +1,4 @@
-"""Files are read to a limit, and only files are."""
+"""Only regular files are read, up to a limit."""
 
 from __future__ import annotations
 

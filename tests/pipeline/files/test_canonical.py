@@ -1,4 +1,4 @@
-"""Canonical arrays: one content, one file; what no measurement can tell apart is the same."""
+"""Canonical arrays: equal content gives equal bytes, and differences below the rounding vanish."""
 
 from __future__ import annotations
 

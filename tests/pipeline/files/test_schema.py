@@ -1,4 +1,4 @@
-"""Versions of files: older ones come up step by step, later ones and strange ones are told what to do."""
+"""Schema versions: older files are upgraded step by step; newer and invalid ones are refused with advice."""
 
 from __future__ import annotations
 

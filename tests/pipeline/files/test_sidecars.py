@@ -1,4 +1,4 @@
-"""Truth and note beside a capture: they come back as written, older ones too, and a damaged one is told."""
+"""Sidecar files of a capture: read back as written, older ones upgraded, damaged ones refused."""
 
 from __future__ import annotations
 

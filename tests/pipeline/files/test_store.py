@@ -1,4 +1,4 @@
-"""Files: what is written comes back, and a failure leaves nothing behind."""
+"""Files are read back as written, and a failed write leaves nothing behind."""
 
 from __future__ import annotations
 

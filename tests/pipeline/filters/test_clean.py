@@ -1,4 +1,4 @@
-"""Cleaning: every method on positions, channels and recorded quaternions, and what it says it did."""
+"""Cleaning: every filter on positions, channels and recorded quaternions, and its description."""
 
 from __future__ import annotations
 
@@ -66,7 +66,7 @@ def test_each_method_says_what_it_did(node_clip: Build) -> None:
     assert done["kalman"][1].startswith("Kalman-RTS smoother, cut-offs ")
 
 
-def test_a_spike_is_found_by_both_ways_of_looking_for_it(node_clip: Build) -> None:
+def test_a_spike_is_found_by_the_smoother_and_by_the_median(node_clip: Build) -> None:
     for method in ("kalman", "butterworth"):
         cleaned, cleaning = clean(gappy(node_clip), method)
         assert np.argwhere(cleaning.spikes).tolist() == [[30, 7]]
@@ -168,7 +168,7 @@ def test_recorded_quaternions_are_cleaned_with_the_positions(node_clip: Build, m
 
 @pytest.mark.parametrize("method", FILTERING)
 def test_the_sign_of_a_recorded_quaternion_does_not_matter(node_clip: Build, method: str) -> None:
-    """As where a repair has exchanged the sides for some frames."""
+    """As after a repair that exchanged the sides in some frames."""
     clip = node_clip(60)
     turns = from_axis_angle("Z", 0.05 * np.arange(60)[:, None] * np.ones(20))
     flipped = turns.copy()

@@ -1,4 +1,4 @@
-"""The Kalman smoother: the textbook's recursions, the laws of a smoother, what each state is worth."""
+"""The Kalman smoother: the textbook recursions, invariances, and the weights of the tracking states."""
 
 from __future__ import annotations
 
@@ -161,7 +161,7 @@ def test_an_inferred_value_counts_less_than_a_tracked_one_and_an_unknown_one_not
 
 
 def test_a_wild_value_is_overruled_and_a_kick_is_not() -> None:
-    """A minute of standing with one quick reach of half a metre in it, and one frame astray."""
+    """A minute of standing with one quick reach of half a metre, and one outlier."""
     rng = np.random.default_rng(8)
     t = np.arange(1800) / 30.0
     reach = 0.5 * np.exp(-(((t - 30.0) / 0.2) ** 2))
@@ -253,7 +253,7 @@ def test_three_rounds_of_reweighting(seed: int, burst: int, overruled: list[int]
 
 
 def test_a_filled_gap_is_not_overruled() -> None:
-    """What stands in a filled gap is nobody's measurement, however far it is from the estimate."""
+    """A filled value is not a measurement, however far it is from the estimate."""
     noisy = walk(120, 1) + NOISE * np.random.default_rng(7).standard_normal((120, 1, 3))
     noisy[60, 0, 0] += 0.5
     unknown = np.zeros((120, 1), dtype=np.bool_)

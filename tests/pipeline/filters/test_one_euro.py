@@ -1,4 +1,4 @@
-"""The One-Euro filter: causal, steadier the slower, and late by what its cut-off says."""
+"""The One-Euro filter: causal, smoother at low speed, with the lag of its cut-off."""
 
 from __future__ import annotations
 

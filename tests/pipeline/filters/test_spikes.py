@@ -1,4 +1,4 @@
-"""Spikes: what is taken out and what is motion."""
+"""Spikes are removed, fast motion is kept."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Curves over the cycle: what is cut out is what was put in."""
+"""Curves over the gait cycle reproduce known curves."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Foot strikes and foot-offs of a known walk and run: on the ground, on a belt, turned about, with noise."""
+"""Foot strikes and foot-offs of a known walk and run: over ground, on a treadmill, rotated, with noise."""
 
 from __future__ import annotations
 

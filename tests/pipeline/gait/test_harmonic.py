@@ -1,4 +1,4 @@
-"""The harmonic of a gait: its period, phase and amplitude from made-up ankles."""
+"""The harmonic of a gait: period, phase and amplitude from synthetic ankles."""
 
 from __future__ import annotations
 

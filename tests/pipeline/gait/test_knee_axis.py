@@ -1,4 +1,4 @@
-"""Knees put together from known turns: flexion, and a swing of the axis that is known by construction."""
+"""Knees composed of known rotations: flexion, and a known swing of the axis."""
 
 from __future__ import annotations
 

@@ -22,7 +22,7 @@ def test_a_band_closes_and_has_a_width(joint):
 
 
 def test_the_curves_are_those_of_walking():
-    """What every textbook says of the three joints, in degrees and parts of the cycle."""
+    """Textbook features of the three joints, in degrees and parts of the cycle."""
     curves = {joint: np.degrees(normative_band(joint, PHASE)[0]) for joint in NORMATIVE_JOINTS}
     knee, hip, ankle = (curves[joint] for joint in ("knee", "hip", "ankle"))
     assert 55 < knee.max() < 65

@@ -19,7 +19,7 @@ from kinemimic.pipeline.kinematics.skeleton import NODE_INDEX, NODES
 
 
 def posture(hip: float, knee: float, heading: float = 0.0) -> Array:
-    """Nodes (1, 20, 3) of a figure that flexes both legs by these angles and looks along `heading`."""
+    """Nodes (1, 20, 3) of a person who flexes both legs by these angles and looks along `heading`."""
     place = {"hip_center": (0, 0, 1.0), "spine": (0, 0, 1.1), "shoulder_center": (0, 0, 1.5)}
     p = np.zeros((len(NODES), 3))
     for name, xyz in place.items():

@@ -1,4 +1,4 @@
-"""Euler channels of whole skeletons: the fast way to positions is the slow one."""
+"""Euler channels of whole skeletons: the fast and the slow way to positions agree."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ def test_positions_of_channels_are_those_of_forward_kinematics(tilted: bool) -> 
 
 
 def test_a_rest_turns_the_frame_in_which_channels_turn() -> None:
-    """A quarter turn about Z at rest, then one of the channel X: about the world's Y."""
+    """A rest rotation of 90 degrees about Z, then 90 degrees of the X channel: a turn about the world's Y."""
     rests = from_axis_angle("Z", np.array([0.5 * np.pi]))
     q = rotations_of_channels(np.array([[[0.5 * np.pi, 0, 0]]]), ("XYZ",), np.array([0.0, 0, 0, 1]), rests)
     np.testing.assert_allclose(to_matrix(q)[0, 0] @ [0, 1, 0], to_matrix(rests)[0] @ [0, 0, 1], atol=1e-12)

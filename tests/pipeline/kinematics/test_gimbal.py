@@ -1,4 +1,4 @@
-"""Gimbal lock: its distance for every order, flags at and near it, flips that are none of the body's."""
+"""Gimbal lock: its distance for every order, flags at and near it, and flips without a turn of the body."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ Build = Callable[..., Clip]
 
 @pytest.mark.parametrize("order", ORDERS)
 def test_lock_is_where_the_channels_lose_a_degree_of_freedom(order: str) -> None:
-    """Against the definition: the three channels' turning axes lie in a plane exactly at lock."""
+    """By the definition: the axes of the three channels are coplanar exactly at lock."""
     for middle in np.radians(np.arange(-720, 721, 15)):
         axes = []
         for k in range(3):
@@ -70,7 +70,7 @@ def test_frames_at_lock_are_flagged(node_clip: Build, order: str, off: float) ->
     assert joint["order"] == ("YZX (Eq. 8)" if order == "YZX" else order)
 
 
-def test_a_flip_is_told_from_a_fast_turn() -> None:
+def test_a_flip_is_distinguished_from_a_fast_turn() -> None:
     t = np.linspace(0, 1, 60)
     euler = np.stack([0.3 * np.sin(5 * t), 1.2 + 0.2 * t, 0.4 * t], axis=-1)
     flipped = euler.copy()

@@ -1,4 +1,4 @@
-"""Nothing flips: from frame to frame no bone turns much further than the points that carry it moved."""
+"""Nothing flips: from frame to frame no bone turns much further than its points moved."""
 
 from __future__ import annotations
 
@@ -58,7 +58,7 @@ def wave(rng, frames, size):
 
 
 def movement(rng, frames):
-    """Smooth random movement through the whole range of the joints, straight knees and elbows among it."""
+    """Smooth random movement through the full range of the joints, including straight knees and elbows."""
     q = standing(frames)
     q[:, 0] = from_euler(np.stack([wave(rng, frames, s) for s in (3.0, 0.5, 0.3)], axis=-1), "ZYX")
     q[:, N["spine"]] = from_euler(np.stack([wave(rng, frames, 0.4) for _ in range(3)], axis=-1), "ZYX")
@@ -130,7 +130,7 @@ def test_the_movements_of_exercises_flip_nothing_and_are_hinges(name, noise):
 
 
 def test_a_turn_is_carried_across_the_straight_and_never_leaps():
-    """A straight elbow shows no turn: it stays as it was last seen, until the bend shows another."""
+    """A straight elbow shows no twist: the last one is kept until a bend shows another."""
     frames = 100
     sine = np.where(np.abs(np.arange(frames) - 50) < 20, 0.0, 0.5)
     seen = np.where(np.arange(frames) < 50, 0.4, 0.9)

@@ -1,4 +1,4 @@
-"""Resampling: exact where the curve is known, never across a gap, states and clock as promised."""
+"""Resampling: exact on known curves, never across a gap; states and times as documented."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ def test_the_step_is_exact_and_a_cubic_is_kept(node_clip: Build) -> None:
 
 
 def test_two_stamps_of_nearly_one_instant_do_not_throw_the_curve_off(node_clip: Build) -> None:
-    """A centimetre between frames a millisecond apart is noise: as a slope it is 10 m/s."""
+    """A centimetre of noise between frames a millisecond apart would be a slope of 10 m/s."""
     times = np.arange(60) / 30.0
     times[30] = times[29] + 0.001
     clip = node_clip(60, times=times)
@@ -67,7 +67,7 @@ def test_constant_spins_stay_constant_and_signs_do_not_matter(node_clip: Build) 
     assert np.sum(even.rotations[1:] * even.rotations[:-1], axis=-1).min() > 0.9
 
 
-def test_nothing_is_made_up_in_gaps_or_between_passes(node_clip: Build) -> None:
+def test_nothing_is_interpolated_in_gaps_or_between_passes(node_clip: Build) -> None:
     clip = node_clip(90)
     clip.passes[:] = np.repeat([0, -1, 1], 30)
     clip.positions[10:20, 4], clip.states[10:20, 4] = np.nan, 0

@@ -28,7 +28,7 @@ BODIES = [N[name] for name in NODES if name.split("_")[0] not in ("head", "hand"
 
 
 def reposed(clip: Clip, seed: int, largest: float) -> Clip:
-    """The same motion on a skeleton whose joint frames stand differently: of another rest pose.
+    """The same motion on a skeleton with other joint frames: those of another rest pose.
 
     Each joint's frame is turned by a constant of its own, W_j -> W_j C_j; places stay where they are.
     """
@@ -45,7 +45,7 @@ def reposed(clip: Clip, seed: int, largest: float) -> Clip:
 
 
 def foreign(clip: Clip) -> Clip:
-    """A clip of the nodes under a mocap library's names, and so with frames that are not known to be ours."""
+    """A clip of the nodes under a mocap library's joint names, so that its frames are not taken for ours."""
     names = tuple(
         {"hip_center": "Hips", "spine": "Spine", "shoulder_center": "Neck", "head": "HeadEnd"}.get(name)
         or {
@@ -78,7 +78,7 @@ def test_rest_poses_do_not_matter(walk):
 
 
 def test_another_skeleton_s_rotations_are_found_again(walk):
-    """The stock walk under foreign names: its positions fix every constant turn to a few degrees."""
+    """The stock walk under other names: its positions determine every constant rotation to a few degrees."""
     found = node_rotations_of(foreign(walk)).rotations
     apart = np.degrees(angle_between(found, walk.rotations))
     for node in ("hip_center", "spine", "hip_left", "hip_right", "knee_left", "knee_right", "elbow_left"):
@@ -117,7 +117,7 @@ def test_rotations_that_contradict_the_positions_are_left_alone(walk):
 
 
 def test_positions_come_back_by_forward_kinematics(captures: Path):
-    """CMU on the node skeleton with the subject's bone lengths: the joints stand where they stood."""
+    """A CMU clip on the node skeleton with the subject's bone lengths: joint positions are unchanged."""
     clip = read(captures / "cmu_bvh" / "02_01.bvh")
     positions = to_nodes(clip)[0]
     found = node_rotations_of(clip).rotations
@@ -138,7 +138,7 @@ def test_positions_come_back_by_forward_kinematics(captures: Path):
 
 
 def test_bvh_and_amc_of_one_take_agree(captures: Path):
-    """Legs exactly; hands stand on other joints of the two skeletons."""
+    """Legs agree exactly; hands follow different joints of the two skeletons."""
     bvh, amc = (
         node_rotations_of(read(captures / folder / name)).rotations
         for folder, name in (("cmu_bvh", "02_01.bvh"), ("cmu_asfamc", "02_01.amc"))

@@ -1,4 +1,4 @@
-"""Tasks over worker processes: results in order, the first failure raised, or each failure for itself."""
+"""Tasks over worker processes: results in order; the first failure raised, or one result per failure."""
 
 from __future__ import annotations
 

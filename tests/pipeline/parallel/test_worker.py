@@ -1,4 +1,4 @@
-"""A worker process: what it starts with, what it answers, and how it ends."""
+"""A worker process: its environment, its answers, and how it ends."""
 
 from __future__ import annotations
 
