@@ -1,4 +1,4 @@
-"""The stage `train`: a policy that imitates the run's motion."""
+"""`kinemimic train`: train a policy that imitates the run's motion."""
 
 from __future__ import annotations
 
@@ -30,8 +30,8 @@ from kinemimic.train.rollout.policy import POLICY
 from kinemimic.train.rollout.workers import Workers
 from kinemimic.train.runner import checkpoint
 from kinemimic.train.runner.base import Algorithm, Runner
-from kinemimic.train.runner.checkpoint import Training
-from kinemimic.train.runner.training_loop import Rounds, is_complete
+from kinemimic.train.runner.checkpoint import TrainingState
+from kinemimic.train.runner.training_loop import TrainingLoop, is_complete
 from kinemimic.train.scenario.event_schedule import check
 from kinemimic.train.scenario.route import reference_for
 from kinemimic.train.scenario.scenario import Scenario
@@ -62,18 +62,19 @@ def train(
 ) -> dict[str, Any]:
     """Train on run/motion.json for `budget` samples, in whole rounds; returns the policy's record.
 
-    Writes a checkpoint twice a minute and at the end or on Ctrl-C, from which the next call goes on unless
-    `resume` is False, as if there had been one call (but that each call's last policy is tried too); then
-    policy.safetensors, which is the policy of the best trial (`trial.py`), policy.json, and TensorBoard's
-    curves. A checkpoint of another motion or of other settings is not taken up but kept as
-    checkpoint.previous.safetensors.
+    Writes a checkpoint twice a minute, at the end and on Ctrl-C. The next call resumes from it unless
+    `resume` is False, with the same result as one call, except that each call evaluates its last policy too.
+    Then writes policy.safetensors, the policy of the best evaluation, policy.json, and TensorBoard's curves.
+    A checkpoint of another motion or other settings is kept as checkpoint.previous.safetensors.
     A motion that the gate (retarget/gate.py) refuses is not trained on unless `anyway`.
-    minutes: of all calls together, after which it ends even if the budget is not spent.
-    workers: processes that simulate, by default one for every core; threads with a rival. They are spawned: a
-    script of one's own calls this below `if __name__ == "__main__"`. engine: of `engines.py`. One may go on
-    with another engine or another number of workers, but only with the same ones to the last bit.
-    scenario: what befalls the figures all the while (`scenario.py`), each episode by a draw of its own.
-    config: settings of one's own, seed, budget and scenario among them, in place of a preset and a seed.
+
+    minutes: of all calls together, after which training ends even if the budget is not spent.
+    workers: processes that simulate, by default one for every core; threads with a baseline. They are
+    spawned: call this function below `if __name__ == "__main__"` in your own script. engine: see
+    `sim/engines.py`. A training may resume with another engine or number of workers, but bit for bit only
+    with the same ones.
+    scenario: perturbations, obstacles and ground of every episode (`scenario.py`), each with its own draw.
+    config: your own settings, with seed, budget and scenario, in place of a preset and a seed.
     """
     timer = Timer()
     engine = resolve(engine)
@@ -91,16 +92,16 @@ def train(
         raise KinemimicError(f"expected a budget of at least one sample, found {config.budget}")
     if config.baseline is not None:
         require_package()
-    # A worker holds one figure at least.
+    # Every worker has at least one environment.
     count = min(workers or len(os.sched_getaffinity(0)), config.num_envs)
-    # A rival's small products gain little from a second thread, and lose much where a core is busy: threads
-    # spin until the last one is there. With one, the number of workers changes not a bit.
+    # A baseline's small products gain little from a second thread, and lose much where a core is busy:
+    # threads spin until the last one arrives. With one thread the result does not depend on `workers`.
     torch.set_num_threads(count if config.baseline is None else 1)
-    learner = _learner(config, motion, engine, count)
-    training = Training(learner)
+    algorithm = _algorithm(config, motion, engine, count)
+    training = TrainingState(algorithm)
     saved = run / CHECKPOINT
     resumed = resume and saved.exists() and checkpoint.restore(saved, training, motion.identity)
-    state = training.learner.progress
+    state = training.algorithm.progress
     if state.samples >= config.budget + config.batch:
         raise KinemimicError(
             f"{saved}: expected at most the budget of {config.budget} samples, found "
@@ -110,18 +111,18 @@ def train(
         saved.replace(run / PREVIOUS)
     seconds = None if minutes is None else 60.0 * minutes
     if not is_complete(training, seconds):
-        with _practice(learner, motion, engine, count, timer) as practice:
-            Rounds(training, practice, motion, saved, timer, seconds).go(run / CURVES)
+        with _runner(algorithm, motion, engine, count, timer) as runner:
+            TrainingLoop(training, runner, motion, saved, timer, seconds).run(run / CURVES)
     record = _record(training, motion, engine)
     if training.best is not None:
         policy = run / POLICY
-        # Killed between the two files, it leaves a policy without a record rather than with another's.
+        # Killed between the two files, it leaves a policy without a record, not with another policy's.
         policy.with_suffix(".json").unlink(missing_ok=True)
         training.best.save(policy, record)
     return record
 
 
-def _learner(config: TrainConfig, motion: Motion, engine: str, threads: int) -> Algorithm:
+def _algorithm(config: TrainConfig, motion: Motion, engine: str, threads: int) -> Algorithm:
     if config.baseline is None:
         return PpoAlgorithm(config)
     from kinemimic.train.baselines.runner import BaselineAlgorithm  # noqa: PLC0415 (may not be installed)
@@ -130,24 +131,26 @@ def _learner(config: TrainConfig, motion: Motion, engine: str, threads: int) -> 
 
 
 @contextmanager
-def _practice(learner: Algorithm, motion: Motion, engine: str, count: int, timer: Timer) -> Iterator[Runner]:
-    if isinstance(learner, PpoAlgorithm):
-        config = learner.config
-        with Workers(motion, config.env, config.num_envs, config.seed, count, engine) as crew:
-            yield PpoRunner(learner, crew, timer)
+def _runner(algorithm: Algorithm, motion: Motion, engine: str, count: int, timer: Timer) -> Iterator[Runner]:
+    if isinstance(algorithm, PpoAlgorithm):
+        config = algorithm.config
+        with Workers(motion, config.env, config.num_envs, config.seed, count, engine) as workers:
+            yield PpoRunner(algorithm, workers, timer)
         return
-    from kinemimic.train.baselines.runner import BaselineAlgorithm, BaselineRunner  # noqa: PLC0415 (may not be installed)
+    # The package may not be installed.
+    from kinemimic.train.baselines.runner import BaselineAlgorithm, BaselineRunner  # noqa: PLC0415
 
-    assert isinstance(learner, BaselineAlgorithm)  # noqa: S101 (for the type's sake)
+    assert isinstance(algorithm, BaselineAlgorithm)  # noqa: S101 (narrows the type)
     try:
-        yield BaselineRunner(learner, timer)
+        yield BaselineRunner(algorithm, timer)
     finally:
-        learner.env.close()
+        algorithm.env.close()
 
 
-def _record(training: Training, motion: Motion, engine: str) -> dict[str, Any]:
-    """policy.json, but for its schema."""
-    config, state, trials = training.learner.config, training.learner.progress, training.trials
+def _record(training: TrainingState, motion: Motion, engine: str) -> dict[str, Any]:
+    """policy.json, except its schema."""
+    config, state = training.algorithm.config, training.algorithm.progress
+    evaluations = training.evaluations
     return {
         "preset": config.preset,
         "engine": engine,
@@ -156,10 +159,10 @@ def _record(training: Training, motion: Motion, engine: str) -> dict[str, Any]:
         "seconds": round(sum(state.seconds_by.values()), 1),
         "seconds_by": {name: round(value, 2) for name, value in state.seconds_by.items()},
         "seed": config.seed,
-        "best": best(trials).to_json(),
-        "first_walk": first_walk(trials),
-        "evaluations": [trial.to_json() for trial in trials],
-        **training.learner.notes(),
+        "best": best(evaluations).to_json(),
+        "first_walk": first_walk(evaluations),
+        "evaluations": [evaluation.to_json() for evaluation in evaluations],
+        **training.algorithm.record_extras(),
         "config": config.to_json(),
         "mirrored": mirrored(config.env, Reference(motion)),
         "simulated": motion.simulated,
@@ -174,9 +177,11 @@ def _record(training: Training, motion: Motion, engine: str) -> dict[str, Any]:
 @training_options
 @workers_option
 @click.option(
-    "--resume/--no-resume", default=True, show_default=True, help="Go on from the run's checkpoint."
+    "--resume/--no-resume", default=True, show_default=True, help="Resume from the run's checkpoint."
 )
-@click.option("--scenario", "named", metavar="NAME", help="Train in it: one that ships, or a TOML file.")
+@click.option(
+    "--scenario", "named", metavar="NAME", help="Scenario to train in: a shipped one, or a TOML file."
+)
 @json_option("Print the policy's record as JSON.")
 def command(
     run: Path,
@@ -191,7 +196,7 @@ def command(
     named: str | None,
     as_json: bool,
 ) -> None:
-    """Train a policy that imitates the run's motion in Bullet, by PPO or, with its preset, by a rival.
+    """Train a policy that imitates the run's motion in Bullet, with PPO or a baseline preset.
 
     \b
       kinemimic train --run runs/walk --minutes 5
@@ -219,12 +224,16 @@ def command(
         )
         kept = Evaluation(**record["best"])
         click.echo(
-            f"kept, as the best: the policy of {kept.samples:,} samples: {kept.frames} of {kept.of} frames, "
+            f"best policy, kept: after {kept.samples:,} samples: {kept.frames} of {kept.of} frames, "
             f"R² {kept.knee:.3f} knee, {kept.hip:.3f} hip, {100 * kept.reward:.1f} % of the reward"
-            + ("" if kept.robust_return is None else f", {100 * kept.robust_return:.1f} % under hardships")
+            + (
+                ""
+                if kept.robust_return is None
+                else f", {100 * kept.robust_return:.1f} % with domain randomization"
+            )
         )
         if record["mirrored"]:
-            click.echo("the second half of the cycle is performed as the first in a mirror")
+            click.echo("the second half of the cycle mirrors the first")
         if record["exploded"]:
-            click.echo(f"{record['exploded']:,} figures exploded in the simulation and were set back")
+            click.echo(f"{record['exploded']:,} humanoids exploded in the simulation and were reset")
         click.echo(table(record["seconds_by"]))

@@ -14,8 +14,13 @@ from stable_baselines3.common.logger import Logger
 from stable_baselines3.common.vec_env import DummyVecEnv
 
 from kinemimic.train.baselines.env import spaces
-from kinemimic.train.baselines.model import build, exported, gaussian, normalized
-from kinemimic.train.baselines.runner import Randomness
+from kinemimic.train.baselines.model import (
+    actor_critic_policy,
+    build_model,
+    export_policy,
+    with_normalization,
+)
+from kinemimic.train.baselines.runner import GlobalRandomState
 from kinemimic.train.config.baseline_config import A2c, Ddpg, StablePpo
 from kinemimic.train.config.config import TrainConfig
 from kinemimic.train.rollout.policy import Policy
@@ -47,9 +52,9 @@ class BaselineUpdate:
             raise ValueError("expected a configuration with a baseline, found none")
         # One environment, so that any number of samples is a whole number of steps.
         self._config = replace(config, num_envs=1, horizon=samples, baseline=baseline)
-        self._env = normalized(DummyVecEnv([lambda: _Spaces(config)]))
-        with Randomness(config.seed).here():
-            self.model = build(self._config, self._env)
+        self._env = with_normalization(DummyVecEnv([lambda: _Spaces(config)]))
+        with GlobalRandomState(config.seed).installed():
+            self.model = build_model(self._config, self._env)
         self.model.set_logger(Logger(None, []))
         self._fill(np.random.default_rng(seed))
 
@@ -71,12 +76,12 @@ class BaselineUpdate:
             # PPO's ratio starts at 1, as in training; otherwise it would be clipped or undefined.
             with torch.no_grad():
                 seen, done = (torch.from_numpy(one[:, 0]) for one in (rollout.observations, rollout.actions))
-                _, found, _ = gaussian(self.model).evaluate_actions(seen, done)
+                _, found, _ = actor_critic_policy(self.model).evaluate_actions(seen, done)
             rollout.log_probs[:, 0] = found.numpy()
             rollout.full = True
 
     def policy(self) -> Policy:
-        return exported(self.model, self._env, self._config)
+        return export_policy(self.model, self._env, self._config)
 
     def step(self) -> None:
         if isinstance(self.model, DDPG):

@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 
 from kinemimic.evaluate.compare.comparison import Comparison, TrainedPolicy
 from kinemimic.evaluate.policies.recipe import POLICIES
-from kinemimic.train.rollout.policy import learnt
+from kinemimic.train.rollout.policy import load_trained
 from kinemimic.train.scenario.scenario_file import scenario
 
 WALK, RUN, OBSTACLES = "walk", "run", "walk@several-obstacles"  # tasks of the comparison
@@ -43,7 +43,7 @@ def compared_policies(comparison: Comparison) -> dict[str, TrainedPolicy]:
 
 
 def _robust() -> TrainedPolicy:
-    motion, policy, record = learnt(POLICIES / "robust_walk")
+    motion, policy, record = load_trained(POLICIES / "robust_walk")
     return TrainedPolicy.of(ROBUST, motion, policy, record)
 
 

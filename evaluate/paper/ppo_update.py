@@ -12,7 +12,7 @@ import numpy as np
 import torch
 
 from kinemimic.train.config.config import TrainConfig
-from kinemimic.train.ppo.objective import Choices, log_density
+from kinemimic.train.ppo.objective import ActorBatch, log_prob
 from kinemimic.train.ppo.ppo import PpoAlgorithm, minibatches
 from kinemimic.train.rollout.policy import Policy
 from kinemimic.train.task.env import ACTIONS, observation_size
@@ -37,24 +37,24 @@ class PpoUpdate:
 
     def __init__(self, config: TrainConfig, samples: int, seed: int) -> None:
         random = np.random.default_rng(seed)
-        self.learner = PpoAlgorithm(config)
-        net = self.learner.net
+        self.algorithm = PpoAlgorithm(config)
+        net = self.algorithm.net
         self._observations, action_std, self._returns, gain = (
             torch.from_numpy(random.standard_normal((samples, width), dtype=np.float32))
             for width in (observation_size(config.env), ACTIONS, 1, 1)
         )
         mean = net.actor.forward(self._observations)
         actions = mean + net.log_std.exp() * action_std
-        self._old = Choices(actions, mean, log_density(actions, mean, net.log_std), gain[:, 0])
+        self._old = ActorBatch(actions, mean, log_prob(actions, mean, net.log_std), gain[:, 0])
         self._log_old = net.log_std.clone()
         self._orders = [torch.from_numpy(random.permutation(samples))]
 
     def policy(self) -> Policy:
-        return self.learner.policy()
+        return self.algorithm.policy()
 
     def step(self) -> None:
         size = len(self._observations)
         ((seen, *chosen),) = minibatches(self._orders, size, self._observations, *self._old)
-        self.learner.step_policy(seen, Choices(*chosen), self._log_old)
+        self.algorithm.actor_step(seen, ActorBatch(*chosen), self._log_old)
         ((seen, wanted),) = minibatches(self._orders, size, self._observations, self._returns)
-        self.learner.step_value(seen, wanted)
+        self.algorithm.critic_step(seen, wanted)

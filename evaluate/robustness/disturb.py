@@ -19,7 +19,7 @@ from kinemimic.pipeline.errors import KinemimicError
 from kinemimic.pipeline.files.provenance import provenance
 from kinemimic.pipeline.files.store import file_hash, write_json
 from kinemimic.train.config.config import TrainConfig
-from kinemimic.train.rollout.policy import POLICY, learnt
+from kinemimic.train.rollout.policy import POLICY, load_trained
 from kinemimic.train.scenario.scenario import Scenario
 from kinemimic.train.scenario.scenario_file import scenario, shipped_scenarios
 from kinemimic.train.sim.engines import resolve
@@ -48,7 +48,7 @@ def disturb(
     names = [one.name for one in scenarios]
     if len(set(names)) < len(names):
         raise KinemimicError(f"expected scenarios of different names, found {', '.join(names)}: rename one")
-    motion, policy, record = learnt(run)
+    motion, policy, record = load_trained(run)
     config = TrainConfig.from_json(record["config"])
     tasks = [
         in_tasks(motion, policy, config, one, trials=trials, seed=seed, engine=engine) for one in scenarios

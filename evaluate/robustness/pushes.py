@@ -35,7 +35,7 @@ from kinemimic.pipeline.files.store import file_hash, write_json
 from kinemimic.pipeline.parallel.task_pool import parallel_map
 from kinemimic.retarget.humanoid.body import BODIES
 from kinemimic.train.config.config import TrainConfig
-from kinemimic.train.rollout.policy import POLICY, learnt
+from kinemimic.train.rollout.policy import POLICY, load_trained
 from kinemimic.train.sim.engines import resolve
 from kinemimic.train.sim.options import engine_option, workers_option
 from kinemimic.train.sim.world import CONTROL_RATE
@@ -64,7 +64,7 @@ def pushes(
     engine: of `train/engines.py`.
     """
     engine = resolve(engine)
-    motion, policy, record = learnt(run)
+    motion, policy, record = load_trained(run)
     config = TrainConfig.from_json(record["config"]).env
     at = push_phases(motion, phases)
     with progress("pushes", phases) as bar:

@@ -21,7 +21,7 @@ from kinemimic.pipeline.arrays import Array
 from kinemimic.pipeline.parallel.task_pool import parallel_map
 from kinemimic.retarget.humanoid.motion import Motion
 from kinemimic.train.config.config import EnvConfig, TrainConfig
-from kinemimic.train.rollout.evaluation import frames_of
+from kinemimic.train.rollout.evaluation import episode_frames
 from kinemimic.train.rollout.policy import Policy
 from kinemimic.train.rollout.rollout import roll_out
 from kinemimic.train.scenario.route import reference_for
@@ -130,7 +130,7 @@ def start(motion: Motion, scenario: Scenario, seed: int, number: int) -> tuple[i
 
 def steps_of(motion: Motion, scenario: Scenario) -> int:
     """Control steps of a trial: what is performed once ends before the scenario's time."""
-    return scenario.steps if motion.cyclic else min(scenario.steps, frames_of(motion))
+    return scenario.steps if motion.cyclic else min(scenario.steps, episode_frames(motion))
 
 
 def _rewards(batch: ImitationBatch, policy: Policy, steps: int) -> tuple[Array, NDArray[np.int64]]:

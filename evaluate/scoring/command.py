@@ -24,8 +24,8 @@ from kinemimic.pipeline.files.provenance import provenance
 from kinemimic.pipeline.files.store import file_hash, write_json, write_text
 from kinemimic.pipeline.gait.curve_metrics import MEASURES, SCORED_JOINTS
 from kinemimic.retarget.humanoid.motion import Motion, joint_angles
-from kinemimic.train.rollout.evaluation import frames_of
-from kinemimic.train.rollout.policy import POLICY, learnt
+from kinemimic.train.rollout.evaluation import episode_frames
+from kinemimic.train.rollout.policy import POLICY, load_trained
 from kinemimic.train.rollout.rollout import collect_trajectories
 from kinemimic.train.rollout.trajectory import Trajectory
 from kinemimic.train.sim.engines import resolve
@@ -38,7 +38,7 @@ START_PHASES = 13
 def protocol(motion: Motion) -> tuple[Array, int]:
     """Start phases (S,) and number of frames: 13 phases and 20 s for a gait, one rollout otherwise."""
     starts = np.arange(START_PHASES) / START_PHASES if motion.cyclic else np.zeros(1)
-    return starts, frames_of(motion)
+    return starts, episode_frames(motion)
 
 
 def evaluate(run: Path, *, workers: int | None = None, engine: str = "auto") -> dict[str, Any]:
@@ -48,7 +48,7 @@ def evaluate(run: Path, *, workers: int | None = None, engine: str = "auto") -> 
     core; engine: see `train/sim/engines.py`.
     """
     engine = resolve(engine)
-    motion, _, record = learnt(run)
+    motion, _, record = load_trained(run)
     policy = run / POLICY
     capture = read_capture(run / "capture.parquet")
     phases, frames = protocol(motion)

@@ -32,7 +32,7 @@ from kinemimic.pipeline.cli.options import json_option
 from kinemimic.pipeline.files.store import atomic, content_hash, read_json
 from kinemimic.retarget.formats.motion_json import read_motion_json
 from kinemimic.train.config.config import TrainConfig
-from kinemimic.train.rollout.policy import learnt
+from kinemimic.train.rollout.policy import load_trained
 from kinemimic.train.rollout.trajectory import Trajectory
 from kinemimic.train.scenario.scenario import Scenario
 from kinemimic.train.scenario.scenario_file import scenario as read
@@ -67,7 +67,7 @@ def view_trial(
 
     number, seed: of the trial, as in `disturb`; engine: see `train/sim/engines.py`.
     """
-    motion, policy, record = learnt(run)
+    motion, policy, record = load_trained(run)
     config = TrainConfig.from_json(record["config"])
     trajectory, disturbances = replay_scenario(
         motion, policy, config, scenario, number=number, seed=seed, engine=engine

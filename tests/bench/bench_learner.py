@@ -4,7 +4,7 @@ The peers do the same update (samples, nets, minibatch, passes) with autograd an
 tests/peers/plain_ppo.py always, `stable_baselines3.PPO.train` where the extra `rivals` is installed (from a
 filled buffer, so that values and advantages cost it nothing). All take turns; the median of the ratios is the
 figure to quote. The fraction of the peak compares with the matrix products alone, outputs in float32
-and gradients in the type that `choose_products` gives, at the speed of a large product in the same run.
+and gradients in the type that `choose_gradient_dtype` gives, at the speed of a large product in the same run.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ sys.path.insert(0, str(Path(__file__).parents[1]))
 from peers.plain_ppo import PlainPPO
 
 from kinemimic.train.config.config import PRESETS, TrainConfig
-from kinemimic.train.ppo.mlp import choose_products
+from kinemimic.train.ppo.mlp import choose_gradient_dtype
 from kinemimic.train.ppo.ppo import PpoAlgorithm
 from kinemimic.train.rollout.sampler import Samples
 from kinemimic.train.task.env import ACTIONS, OBSERVATIONS
@@ -44,8 +44,8 @@ def made_up(config: TrainConfig) -> Samples:
         terms=(0.2 * random.random((*shape, 5))).astype(np.float32),
         terminated=random.random(shape) < 0.01,
         truncated=np.zeros(shape, dtype=bool),
-        final=np.concatenate([observations[1:], observations[:1]]),
-        lengths=np.array([100]),
+        next_observations=np.concatenate([observations[1:], observations[:1]]),
+        episode_lengths=np.array([100]),
         exploded=0,
     )
 
@@ -118,14 +118,14 @@ def compare(config: TrainConfig) -> None:
     for turn in range(ROUNDS + 1):
         for name, run in runs.items():
             if name == "kinemimic":
-                choose_products()
+                choose_gradient_dtype()
             else:
                 torch.set_float32_matmul_precision("highest")
             began = time.perf_counter()
             run()
             if turn > 0:  # the first of each is slower
                 seconds[name].append(time.perf_counter() - began)
-    gradient_type = choose_products()
+    gradient_type = choose_gradient_dtype()
     speeds = billions_a_second(torch.float32), billions_a_second(gradient_type)
     ideal = sum(work / speed for work, speed in zip(products(config), speeds, strict=True))
     print(

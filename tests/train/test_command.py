@@ -29,7 +29,7 @@ from kinemimic.train.rollout.rollout import collect_trajectories
 from kinemimic.train.rollout.sampler import Samples
 from kinemimic.train.runner import checkpoint
 from kinemimic.train.runner.base import normalized_loss
-from kinemimic.train.runner.checkpoint import Training
+from kinemimic.train.runner.checkpoint import TrainingState
 from kinemimic.train.task.env import ACTIONS, OBSERVATIONS
 from kinemimic.train.task.timer import Timer
 
@@ -93,7 +93,7 @@ def test_the_record_says_which_engine_and_where_the_time_went(run: Path) -> None
     parts = record["seconds_by"]
     assert set(parts) == {
         "simulation", "observation and reward", "inference", "bookkeeping", "transfer and waiting", "update",
-        "trial", "checkpoint", "other",
+        "evaluation", "checkpoint", "other",
     }  # fmt: skip
     # Rounded each for itself.
     assert sum(parts.values()) == pytest.approx(record["seconds"], abs=0.1)
@@ -157,14 +157,14 @@ def test_the_command_ends_with_a_table_of_the_time(run: Path, monkeypatch: pytes
     assert "4,096 samples in 4 s" in lines[0]
     assert "native engine" in lines[0]
     assert "2,048 samples: 599 of 600 frames, R² 0.910 knee, 0.920 hip, 50.0 % of the reward" in lines[1]
-    assert lines[1].endswith("25.0 % under hardships")
-    assert lines.pop(2).endswith("mirror")
-    assert lines[2].startswith("2 figures exploded")
+    assert lines[1].endswith("25.0 % with domain randomization")
+    assert lines.pop(2).endswith("mirrors the first")
+    assert lines[2].startswith("2 humanoids exploded")
     assert lines[4].split() == ["simulation", "3.0", "75.0", "%", "45.0", "s"]
 
 
-def action_std(seed: int) -> Samples:
-    """Samples of 3 steps of 4 figures that mean nothing."""
+def samples_of(seed: int) -> Samples:
+    """Samples of 3 steps of 4 environments that mean nothing."""
     random = np.random.default_rng(seed)
     return Samples(
         observations=random.normal(size=(3, 4, OBSERVATIONS)).astype(np.float32),
@@ -172,8 +172,8 @@ def action_std(seed: int) -> Samples:
         terms=random.random((3, 4, 5)).astype(np.float32),
         terminated=random.random((3, 4)) < 0.2,
         truncated=np.zeros((3, 4), dtype=bool),
-        final=random.normal(size=(3, 4, OBSERVATIONS)).astype(np.float32),
-        lengths=np.array([2]),
+        next_observations=random.normal(size=(3, 4, OBSERVATIONS)).astype(np.float32),
+        episode_lengths=np.array([2]),
         exploded=0,
     )
 
@@ -181,31 +181,32 @@ def action_std(seed: int) -> Samples:
 def test_a_checkpoint_brings_the_learner_back_whole(tmp_path: Path) -> None:
     """One more update after the restoration gives what it gives without: nothing was forgotten."""
     config = TrainConfig(hidden=(8, 4), seed=5, minibatch=6, epochs=2, num_envs=4)
-    learner = PpoAlgorithm(config)
-    learner.update(action_std(0))
+    algorithm = PpoAlgorithm(config)
+    algorithm.update(samples_of(0))
     tried = Evaluation(64, 0.5, 1.0, frames=3, frames_first=4, of=5, reward=0.25, knee=0.5, hip=-2.0)
-    training = Training(learner, {"ages": np.arange(4)}, [tried], export(learner.net, learner.normalizer))
+    policy = export(algorithm.net, algorithm.normalizer)
+    training = TrainingState(algorithm, {"ages": np.arange(4)}, [tried], policy)
     checkpoint.save(tmp_path / "c.safetensors", training, "walk")
     other = PpoAlgorithm(config)
-    back = Training(other)
+    back = TrainingState(other)
     assert checkpoint.restore(tmp_path / "c.safetensors", back, "walk")
-    assert back.trials == [tried]
-    assert back.figures is not None
+    assert back.evaluations == [tried]
+    assert back.env_states is not None
     assert back.best is not None
-    assert back.figures["ages"].tolist() == [0, 1, 2, 3]
+    assert back.env_states["ages"].tolist() == [0, 1, 2, 3]
     assert training.best is not None
     kept, ours = back.best.tensors(), training.best.tensors()
     assert all(np.array_equal(kept[name], ours[name]) for name in ours)
-    assert other.progress == learner.progress
-    assert learner.update(action_std(1)) == other.update(action_std(1))
-    wanted, found = learner.tensors(), other.tensors()
+    assert other.progress == algorithm.progress
+    assert algorithm.update(samples_of(1)) == other.update(samples_of(1))
+    wanted, found = algorithm.tensors(), other.tensors()
     assert wanted.keys() == found.keys()
     assert all(bool((wanted[name] == found[name]).all()) for name in wanted)
 
 
 def test_the_critics_error_is_told_as_a_share_of_what_its_targets_vary() -> None:
     """At least what their variance leaves unexplained: an error that is everywhere the same counts too."""
-    logged = PpoAlgorithm(TrainConfig(hidden=(8, 4), minibatch=6, epochs=2)).update(action_std(0))
+    logged = PpoAlgorithm(TrainConfig(hidden=(8, 4), minibatch=6, epochs=2)).update(samples_of(0))
     assert logged["value/normalized_loss"] >= 1.0 - logged["value/explained_variance"] - 1e-6
     assert normalized_loss(3.0, 2.0) == 1.5
     assert normalized_loss(0.0, 0.0) == 0.0
@@ -214,14 +215,14 @@ def test_the_critics_error_is_told_as_a_share_of_what_its_targets_vary() -> None
 def test_a_checkpoint_of_something_else_is_left_alone(tmp_path: Path) -> None:
     config = TrainConfig(hidden=(8, 4))
     path = tmp_path / "c.safetensors"
-    checkpoint.save(path, Training(PpoAlgorithm(config)), "walk")
-    assert not checkpoint.restore(path, Training(PpoAlgorithm(config)), "run")
-    assert not checkpoint.restore(path, Training(PpoAlgorithm(replace(config, discount=0.9))), "walk")
-    assert checkpoint.restore(path, Training(PpoAlgorithm(replace(config, budget=5))), "walk")
+    checkpoint.save(path, TrainingState(PpoAlgorithm(config)), "walk")
+    assert not checkpoint.restore(path, TrainingState(PpoAlgorithm(config)), "run")
+    assert not checkpoint.restore(path, TrainingState(PpoAlgorithm(replace(config, discount=0.9))), "walk")
+    assert checkpoint.restore(path, TrainingState(PpoAlgorithm(replace(config, budget=5))), "walk")
 
 
 def test_a_file_that_is_no_checkpoint_is_one_line(tmp_path: Path) -> None:
-    path, training = tmp_path / "c.safetensors", Training(PpoAlgorithm(TrainConfig(hidden=(8, 4))))
+    path, training = tmp_path / "c.safetensors", TrainingState(PpoAlgorithm(TrainConfig(hidden=(8, 4))))
     path.write_bytes(b"nonsense")
     with pytest.raises(KinemimicError, match="expected a checkpoint"):
         checkpoint.restore(path, training, "walk")
@@ -235,26 +236,26 @@ def test_a_file_that_is_no_checkpoint_is_one_line(tmp_path: Path) -> None:
 @pytest.fixture(scope="module")
 def trained(tmp_path_factory: pytest.TempPathFactory) -> tuple[dict[str, np.ndarray], dict[str, Any]]:
     """Arrays and record of a checkpoint after a round, with a trial."""
-    learner = PpoAlgorithm(TrainConfig(hidden=(8, 4), minibatch=6, epochs=2))
-    learner.update(action_std(0))
-    figures = {"ages": np.zeros(64, np.int64)}
+    algorithm = PpoAlgorithm(TrainConfig(hidden=(8, 4), minibatch=6, epochs=2))
+    algorithm.update(samples_of(0))
+    env_states = {"ages": np.zeros(64, np.int64)}
     trial = Evaluation(6, 1.0, 0.0, 10, 10, 10, 0.5, 0.9, 0.9)
     path = tmp_path_factory.mktemp("trained") / "c.safetensors"
-    checkpoint.save(path, Training(learner, figures, [trial], learner.policy()), "walk")
+    checkpoint.save(path, TrainingState(algorithm, env_states, [trial], algorithm.policy()), "walk")
     with safe_open(path, framework="np") as stream:
         return load_file(path), json.loads(stream.metadata()["kinemimic"])
 
 
 DAMAGED: dict[str, Callable[[dict[str, Any], dict[str, Any]], object]] = {
-    "no actor": lambda a, r: a.pop("learner.actor"),
-    "no normaliser": lambda a, r: a.pop("learner.normalizer.mean"),
+    "no actor": lambda a, r: a.pop("algorithm.actor"),
+    "no normaliser": lambda a, r: a.pop("algorithm.normalizer.mean"),
     "no mean of the best": lambda a, r: a.pop("best.mean"),
-    "another actor": lambda a, r: a.update({"learner.actor": np.zeros(3, np.float32)}),
-    "a broad actor": lambda a, r: a.update({"learner.actor": np.zeros(1, np.float32)}),
-    "another type": lambda a, r: a.update({"learner.actor": a["learner.actor"].astype(np.float64)}),
-    "another slot": lambda a, r: a.update({"learner.optimizer.actor.0.exp_avg": np.zeros(3, np.float32)}),
+    "another actor": lambda a, r: a.update({"algorithm.actor": np.zeros(3, np.float32)}),
+    "a broad actor": lambda a, r: a.update({"algorithm.actor": np.zeros(1, np.float32)}),
+    "another type": lambda a, r: a.update({"algorithm.actor": a["algorithm.actor"].astype(np.float64)}),
+    "another slot": lambda a, r: a.update({"algorithm.optimizer.actor.0.exp_avg": np.zeros(3, np.float32)}),
     "another best": lambda a, r: a.update({"best.mean": np.zeros(3, np.float32)}),
-    "other figures": lambda a, r: a.update({"figures.ages": np.zeros(3, np.int64)}),
+    "other environments": lambda a, r: a.update({"env_states.ages": np.zeros(3, np.int64)}),
     "no progress": lambda a, r: r.pop("progress"),
     "samples in words": lambda a, r: r["progress"].update(samples="x"),
     "no random": lambda a, r: r.update(random={}),
@@ -268,16 +269,16 @@ DAMAGED: dict[str, Callable[[dict[str, Any], dict[str, Any]], object]] = {
 def test_a_damaged_checkpoint_is_one_clear_line(tmp_path: Path, trained, name: str) -> None:
     arrays, record = copy.deepcopy(trained)
     path = tmp_path / "c.safetensors"
-    learner = PpoAlgorithm(TrainConfig(hidden=(8, 4), minibatch=6, epochs=2))
+    algorithm = PpoAlgorithm(TrainConfig(hidden=(8, 4), minibatch=6, epochs=2))
     save_file(arrays, path, {"kinemimic": json.dumps(record)})
-    assert checkpoint.restore(path, Training(learner), "walk")
+    assert checkpoint.restore(path, TrainingState(algorithm), "walk")
     DAMAGED[name](arrays, record)
     save_file(arrays, path, {"kinemimic": json.dumps(record)})
     with pytest.raises(
         KinemimicError,
         match=r"c\.safetensors(, key [a-z].*)?: expected .*, found .*; delete it or train with --no-res",
     ):
-        checkpoint.restore(path, Training(learner), "walk")
+        checkpoint.restore(path, TrainingState(algorithm), "walk")
 
 
 def test_performance_without_a_policy_is_the_reference_alone(motion: Motion) -> None:

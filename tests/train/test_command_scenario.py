@@ -50,8 +50,8 @@ def test_a_training_in_a_scenario_resumes_to_the_last_bit(folders: list[Path]) -
     # But for the best of all trials, of which the parts have more.
     for name in (name for name in learnt[0] if not name.startswith("best.")):
         np.testing.assert_array_equal(learnt[0][name], learnt[1][name], err_msg=name)
-    assert (learnt[2]["learner.actor"] != learnt[0]["learner.actor"]).any()
-    assert learnt[0]["figures.obstacles"].any()
+    assert (learnt[2]["algorithm.actor"] != learnt[0]["algorithm.actor"]).any()
+    assert learnt[0]["env_states.obstacles"].any()
     _, record = Policy.load(whole / "policy.safetensors")
     assert TrainConfig.from_json(record["config"]).env.scenario == YARD
 

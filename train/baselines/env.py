@@ -1,4 +1,4 @@
-"""The figures of one process as stable-baselines3 takes them: a `VecEnv` over one `Sampler`."""
+"""A stable-baselines3 `VecEnv` over the environments of one `Sampler`."""
 
 from __future__ import annotations
 
@@ -17,27 +17,26 @@ from kinemimic.train.rollout.sampler import Sampler
 from kinemimic.train.task.env import ACTIONS, SIMULATION, TASK, observation_size
 from kinemimic.train.task.timer import Seconds
 
-# stable-baselines3 wants finite limits and clips to them: so far off that nothing is, as in our own rollouts.
-_FREE = 1e3
-# On the batch's timer what others do between two steps.
-_ELSEWHERE = "elsewhere"
+# stable-baselines3 clips actions to finite limits; at this one nothing is clipped, as in our own rollouts.
+_UNBOUNDED = 1e3
+_ELSEWHERE = "elsewhere"  # on the batch's timer: time between two steps
 
 
 @dataclass
-class Tally:
-    """What became of the figures since a round began.
+class RoundStatistics:
+    """Of the current round.
 
-    rewards: each step's mean; lengths: of the episodes that ended; exploded: figures that the engine lost.
+    rewards: mean of each step; episode_lengths, exploded: of episodes that ended, how many by the engine.
     """
 
     rewards: list[float] = field(default_factory=list)
-    lengths: list[int] = field(default_factory=list)
+    episode_lengths: list[int] = field(default_factory=list)
     exploded: int = 0
 
 
 def spaces(config: TrainConfig) -> tuple[Box, Box]:
-    """Of a figure's observations (O,) and actions (42,)."""
-    limit = _FREE if config.bound is None else config.bound
+    """Spaces of an environment's observations (O,) and actions (42,)."""
+    limit = _UNBOUNDED if config.bound is None else config.bound
     return (
         Box(-np.inf, np.inf, (observation_size(config.env),), np.float32),
         Box(-limit, limit, (ACTIONS,), np.float32),
@@ -45,29 +44,28 @@ def spaces(config: TrainConfig) -> tuple[Box, Box]:
 
 
 class ImitationVecEnv(VecEnv):
-    """E figures that imitate, each from a random generator of its own, as those of our PPO.
+    """E imitation environments, each with its own random generator, as in our PPO.
 
-    Observations (E, O) and actions (E, 42) are those of `ImitationBatch`, and an episode ends as there; then
-    the figure begins the next one at once, and `infos` has what the last one led to: `terminal_observation`,
-    and `TimeLimit.truncated` where it was only its time that was up. `terms` of each figure's info (K,) are
-    those of its reward.
+    Observations (E, O), actions (E, 42) and ends of episodes are those of `ImitationBatch`. The next episode
+    begins at once; `infos` then has the last one's `terminal_observation`, and `TimeLimit.truncated` if its
+    time ran out. `terms` (K,) of each info are the reward's terms.
     """
 
     def __init__(self, sampler: Sampler, config: TrainConfig) -> None:
-        self.sampler, self.tally = sampler, Tally()
+        self.sampler, self.statistics = sampler, RoundStatistics()
         self._strength = 0.0
         self._actions: Floats = np.zeros((config.num_envs, ACTIONS), np.float32)
         super().__init__(config.num_envs, *spaces(config))
 
-    def begin(self, reward: RewardConfig, strength: float) -> Floats:
-        """Begin a round under this reward, and hardships of this strength in the episodes that begin in it.
+    def begin_round(self, reward: RewardConfig, strength: float) -> Floats:
+        """Begin a round with this reward; strength: of the domain randomization in episodes begun in it.
 
-        Returns the observations (E, O) of the figures as they are, put anew so that the engine forgets (see
-        `rollout.py`).
+        Returns the observations (E, O). Humanoids are reset to their state, so that the engine forgets (see
+        `sampler.py`).
         """
         self.sampler.batch.timer.lap(_ELSEWHERE)
-        self.sampler.begin(reward)
-        self._strength, self.tally = strength, Tally()
+        self.sampler.begin_round(reward)
+        self._strength, self.statistics = strength, RoundStatistics()
         return self._observe()
 
     def _observe(self) -> Floats:
@@ -75,12 +73,12 @@ class ImitationVecEnv(VecEnv):
 
     @property
     def seconds(self) -> Seconds:
-        """Where the time in here went."""
+        """Seconds spent in this environment, by purpose."""
         spent = self.sampler.batch.timer.seconds
         return {name: spent.get(name, 0.0) for name in (SIMULATION, TASK)}
 
     def reset(self) -> Floats:
-        """New episodes for all."""
+        """Begin new episodes in all environments."""
         self.sampler.restart(np.arange(self.num_envs), self._strength)
         return self._observe()
 
@@ -94,11 +92,11 @@ class ImitationVecEnv(VecEnv):
         observations, rewards = step.observations.astype(np.float32), step.terms.sum(axis=1)
         dones = step.terminated | step.truncated
         infos: list[dict[str, Any]] = [{"terms": terms} for terms in step.terms]
-        self.tally.rewards.append(float(rewards.mean()))
+        self.statistics.rewards.append(float(rewards.mean()))
         ended = np.flatnonzero(dones)
         if len(ended):
-            self.tally.lengths += batch.ages[ended].tolist()
-            self.tally.exploded += int(step.exploded.sum())
+            self.statistics.episode_lengths += batch.ages[ended].tolist()
+            self.statistics.exploded += int(step.exploded.sum())
             for k in ended:
                 infos[k]["terminal_observation"] = observations[k].copy()
                 infos[k]["TimeLimit.truncated"] = bool(step.truncated[k])
@@ -110,20 +108,20 @@ class ImitationVecEnv(VecEnv):
     def close(self) -> None:
         self.sampler.batch.world.close()
 
-    # What the interface asks for beside: there is one environment, not one for each figure.
+    # Required by the interface, which assumes one environment object per humanoid.
 
     def get_attr(self, attr_name: str, indices: int | Iterable[int] | None = None) -> list[Any]:
         if attr_name != "render_mode":
-            raise AttributeError(f"expected render_mode, found {attr_name}: figures have no environment each")
+            raise AttributeError(f"expected render_mode, found {attr_name}: environments share one object")
         return [None] * self.num_envs
 
     def set_attr(self, attr_name: str, value: Any, indices: int | Iterable[int] | None = None) -> None:
-        raise AttributeError(f"expected nothing to set, found {attr_name}: figures have no environment each")
+        raise AttributeError(f"expected nothing to set, found {attr_name}: environments share one object")
 
     def env_method(
         self, method_name: str, *method_args: Any, indices: int | Iterable[int] | None = None, **kwargs: Any
     ) -> list[Any]:
-        raise AttributeError(f"expected no method, found {method_name}: figures have no environment each")
+        raise AttributeError(f"expected no method, found {method_name}: environments share one object")
 
     def env_is_wrapped(
         self, wrapper_class: type[Any], indices: int | Iterable[int] | None = None

@@ -1,4 +1,4 @@
-"""A tanh network whose gradient is written out: no graph is recorded, and all weights are one vector."""
+"""A tanh network with an explicit gradient: no autograd graph, and all weights in one vector."""
 
 from __future__ import annotations
 
@@ -9,100 +9,100 @@ import torch
 from torch import Tensor, nn
 
 
-def choose_products() -> torch.dtype:
-    """Let torch multiply matrices as fast as loses nothing; returns the type for products of gradients.
+def choose_gradient_dtype() -> torch.dtype:
+    """Choose torch's fastest exact float32 matrix product; returns the dtype for products of gradients.
 
     torch gives float32 products to MKL, which runs AVX2 code on processors that are not Intel's. The setting
-    "medium" gives them to oneDNN, which knows AVX-512 everywhere, twice as fast, and may round to bfloat16:
-    it does so only with matrix tiles (AMX), and there a trial product shows it and MKL stays.
-    Gradients bear bfloat16: it moves them by 0.1 to 0.5 % of their length, another minibatch by 30 to 160 %.
-    Outputs stay exact, for ratios and KL compare with a policy that acts in float32.
+    "medium" gives them to oneDNN, which uses AVX-512 everywhere and is twice as fast, but may round to
+    bfloat16. It does so only with matrix tiles (AMX); a test product detects that, and MKL stays in use.
+    Gradients tolerate bfloat16: it changes them by 0.1 to 0.5 % of their length, another minibatch by 30 to
+    160 %. Outputs stay exact, because ratios and KL compare with a policy that acts in float32.
     """
-    trial = torch.linspace(1.0, 2.0, 256 * 256).view(256, 256)
-    exact = trial.double() @ trial.double()
+    test = torch.linspace(1.0, 2.0, 256 * 256).view(256, 256)
+    exact = test.double() @ test.double()
     torch.set_float32_matmul_precision("medium")
-    if not torch.allclose((trial @ trial).double(), exact, rtol=1e-5):
+    if not torch.allclose((test @ test).double(), exact, rtol=1e-5):
         torch.set_float32_matmul_precision("highest")
-    # No public name before torch's latest; a torch without this one multiplies in float32.
+    # Public only in the latest torch; a torch without this name multiplies in float32.
     native = getattr(torch.cpu, "_is_avx512_bf16_supported", None)
     return torch.bfloat16 if native and native() else torch.float32
 
 
 def _layers(flat: Tensor, sizes: tuple[int, ...]) -> list[tuple[Tensor, Tensor]]:
     """Views of a flat vector: weight (out, in) and bias (out,) of every layer."""
-    found, at = [], 0
+    layers, at = [], 0
     for a, b in pairwise(sizes):
-        found.append((flat[at : at + a * b].view(b, a), flat[at + a * b : at + a * b + b]))
+        layers.append((flat[at : at + a * b].view(b, a), flat[at + a * b : at + a * b + b]))
         at += a * b + b
-    return found
+    return layers
 
 
-class _Space:
-    """What a pass over `rows` rows writes, kept for the next one.
+class _Buffers:
+    """Memory for a forward and backward pass over `rows` rows, kept for the next one.
 
-    Where malloc gets the memory from the system anew for every pass, that costs 10 to 40 % of its time.
+    Allocating it for every pass can cost 10 to 40 % of the time.
 
-    hidden: (N, size) what leaves each hidden layer. entered, slopes: (N, in), (N, out) of every layer, in the
-    type of `backward`: its input, and the slope of the loss with respect to its output.
+    hidden: (N, size) outputs of the hidden layers. inputs, gradients: (N, in), (N, out) of every layer, in
+    the dtype of `backward`: its input, and the gradient of the loss with respect to its output.
     """
 
-    def __init__(self, rows: int, sizes: tuple[int, ...], products: torch.dtype) -> None:
+    def __init__(self, rows: int, sizes: tuple[int, ...], gradient_dtype: torch.dtype) -> None:
         self.rows = rows
         self.hidden = [torch.empty(rows, size) for size in sizes[1:-1]]
-        self.entered = [torch.empty(rows, size, dtype=products) for size in sizes[:-1]]
-        self.slopes = [torch.empty(rows, size, dtype=products) for size in sizes[1:]]
+        self.inputs = [torch.empty(rows, size, dtype=gradient_dtype) for size in sizes[:-1]]
+        self.gradients = [torch.empty(rows, size, dtype=gradient_dtype) for size in sizes[1:]]
 
 
 class Mlp:
     """Linear layers with tanh between, orthogonal weights; `last_gain` scales the output layer.
 
-    sizes: of the input, of every hidden layer, of the output. products: type in which `backward` multiplies.
-    parameters, gradient: (P,) all layers in a row, so that an optimiser and a norm are one call each; the
-    second is the first one's `.grad`. layers: (weight (out, in), bias (out,)) views of the parameters.
+    sizes: of the input, the hidden layers, the output. gradient_dtype: of the products in `backward`.
+    parameters, gradient: (P,) all layers in one vector, so that optimiser and norm take one call each;
+    gradient is parameters' `.grad`. layers: (weight (out, in), bias (out,)) views of the parameters.
     """
 
     def __init__(
-        self, sizes: tuple[int, ...], last_gain: float, products: torch.dtype = torch.float32
+        self, sizes: tuple[int, ...], last_gain: float, gradient_dtype: torch.dtype = torch.float32
     ) -> None:
         self._sizes = sizes
-        self._products = products
+        self._gradient_dtype = gradient_dtype
         count = sum((a + 1) * b for a, b in pairwise(sizes))
         self.parameters = torch.zeros(count)
         self.gradient = torch.zeros(count)
         self.parameters.grad = self.gradient
         self.layers = _layers(self.parameters, sizes)
-        self._rounded_parameters, self._rounded_gradient = torch.zeros(2, count, dtype=products)
+        self._rounded_parameters, self._rounded_gradient = torch.zeros(2, count, dtype=gradient_dtype)
         self._input = torch.empty(0, sizes[0])
-        self._space = _Space(0, sizes, products)
+        self._buffers = _Buffers(0, sizes, gradient_dtype)
         for weight, _ in self.layers[:-1]:
             nn.init.orthogonal_(weight, 5 / 3)
         nn.init.orthogonal_(self.layers[-1][0], last_gain)
 
     def forward(self, x: Tensor) -> Tensor:
-        """Output (N, out) for input (N, in), which stays as it is until `backward`."""
-        if self._space.rows != len(x):
-            self._space = _Space(len(x), self._sizes, self._products)
+        """Output (N, out) for input (N, in), which must not change until `backward`."""
+        if self._buffers.rows != len(x):
+            self._buffers = _Buffers(len(x), self._sizes, self._gradient_dtype)
         self._input = x
-        for (weight, bias), hidden in zip(self.layers[:-1], self._space.hidden, strict=True):
+        for (weight, bias), hidden in zip(self.layers[:-1], self._buffers.hidden, strict=True):
             torch.addmm(bias, x, weight.t(), out=hidden)
-            # numpy's tanh: torch's takes thirteen times as long, about as long as the product before it.
+            # numpy's tanh: torch's takes thirteen times as long, as much as the product before it.
             np.tanh(hidden.numpy(), out=hidden.numpy())
             x = hidden
         weight, bias = self.layers[-1]
         return torch.addmm(bias, x, weight.t())
 
-    def backward(self, slope: Tensor) -> None:
-        """Fill `gradient`, given the slope (N, out) of the loss with respect to the last output."""
-        space = self._space
+    def backward(self, output_gradient: Tensor) -> None:
+        """Fill `gradient`, given the loss's gradient (N, out) with respect to the last output."""
+        buffers = self._buffers
         weights = _layers(self._rounded_parameters.copy_(self.parameters), self._sizes)
-        by_layer = _layers(self._rounded_gradient, self._sizes)
-        below = space.slopes[-1].copy_(slope)
+        gradients = _layers(self._rounded_gradient, self._sizes)
+        outward = buffers.gradients[-1].copy_(output_gradient)
         for k in reversed(range(len(weights))):
-            entered = space.entered[k].copy_(space.hidden[k - 1] if k > 0 else self._input)
-            by_weight, by_bias = by_layer[k]
-            torch.mm(below.t(), entered, out=by_weight)
-            torch.sum(below, 0, out=by_bias)
+            inputs = buffers.inputs[k].copy_(buffers.hidden[k - 1] if k > 0 else self._input)
+            by_weight, by_bias = gradients[k]
+            torch.mm(outward.t(), inputs, out=by_weight)
+            torch.sum(outward, 0, out=by_bias)
             if k > 0:
-                below = torch.mm(below, weights[k][0], out=space.slopes[k - 1])
-                torch.ops.aten.tanh_backward.grad_input(below, entered, grad_input=below)
+                outward = torch.mm(outward, weights[k][0], out=buffers.gradients[k - 1])
+                torch.ops.aten.tanh_backward.grad_input(outward, inputs, grad_input=outward)
         self.gradient.copy_(self._rounded_gradient)

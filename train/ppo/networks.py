@@ -1,4 +1,4 @@
-"""Actor and critic of the paper's Fig. 1, what they see, and the policy that is stored of them."""
+"""Actor and critic of the paper's Fig. 1, the observation normaliser, and the policy exported from them."""
 
 from __future__ import annotations
 
@@ -9,20 +9,20 @@ import torch
 from numpy.typing import NDArray
 from torch import Tensor
 
-from kinemimic.train.ppo.mlp import Mlp, choose_products
+from kinemimic.train.ppo.mlp import Mlp, choose_gradient_dtype
 from kinemimic.train.rollout.policy import Policy, normalized
 
 
 class ActorCritic:
-    """Two networks of the same hidden sizes, and the logarithm of the noise (actions,).
+    """Two networks with the same hidden sizes, and the log standard deviation (actions,) of the policy.
 
-    The actor's output is the mean of a Gaussian, the critic's the value (N, 1).
+    The actor's output is the mean of a Gaussian, the critic's is the value (N, 1).
     """
 
     def __init__(self, observations: int, actions: int, hidden: tuple[int, ...], action_std: float) -> None:
-        products = choose_products()
-        self.actor = Mlp((observations, *hidden, actions), 0.01, products)
-        self.critic = Mlp((observations, *hidden, 1), 1.0, products)
+        dtype = choose_gradient_dtype()
+        self.actor = Mlp((observations, *hidden, actions), 0.01, dtype)
+        self.critic = Mlp((observations, *hidden, 1), 1.0, dtype)
         self.log_std = torch.full((actions,), math.log(action_std))
 
 
@@ -46,18 +46,18 @@ class Normalizer:
 
     @property
     def scale(self) -> NDArray[np.float64]:
-        """Standard deviation, at least 1e-3 so that constant entries stay tame."""
+        """Standard deviation, at least 1e-3 so that constant entries do not blow up."""
         if self.count < 2:
             return np.ones_like(self.mean)
         return np.maximum(np.sqrt(self.squares / self.count), 1e-3)
 
     def apply(self, observations: NDArray[np.floating]) -> Tensor:
-        """Normalised and clipped, float32, as the stored policy does it."""
+        """Observations normalised and clipped as in the stored policy, float32."""
         mean, scale = self.mean.astype(np.float32), self.scale.astype(np.float32)
         return torch.from_numpy(normalized(observations, mean, scale))
 
 
 def export(net: ActorCritic, normalizer: Normalizer) -> Policy:
-    """The actor with its normaliser, for rollouts and for a file."""
+    """The actor with its normaliser."""
     layers = tuple((weight.numpy().copy(), bias.numpy().copy()) for weight, bias in net.actor.layers)
     return Policy(layers, normalizer.mean.astype(np.float32), normalizer.scale.astype(np.float32))

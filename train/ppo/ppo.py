@@ -17,23 +17,24 @@ from kinemimic.train.config.config import TrainConfig, scheduled_at
 from kinemimic.train.ppo.advantages import advantages
 from kinemimic.train.ppo.mlp import Mlp
 from kinemimic.train.ppo.networks import ActorCritic, Normalizer, export
-from kinemimic.train.ppo.objective import Choices, divergence, log_density, policy_slopes
+from kinemimic.train.ppo.objective import ActorBatch, kl_divergence, log_prob, policy_gradients
 from kinemimic.train.rollout.policy import Policy
 from kinemimic.train.rollout.sampler import Samples
-from kinemimic.train.runner.base import Progress, normalized_loss
+from kinemimic.train.runner.base import TrainingProgress, normalized_loss
 from kinemimic.train.task.env import ACTIONS, observation_size
 
 Array = NDArray[np.float32]
 
 RATE_BOUNDS = (1e-6, 1e-3)
 PENALTY_BOUNDS = (1e-4, 1e4)
+MAX_GRADIENT_NORM = 1.0
 
 
 def adapt_penalty(penalty: float, kl: float, target: float, initial: float, rule: str) -> float:
-    """Penalty coefficient after a round: halved below target/1.5, doubled above 1.5 target.
+    """Penalty coefficient after a round: halved for a KL below target/1.5, doubled above 1.5 target.
 
-    rule: "running" halves and doubles the coefficient in force; "initial" sets half or twice the initial one,
-    which is how the paper's text reads.
+    rule: "running" halves and doubles the current coefficient; "initial" sets half or twice the initial one,
+    as the paper's text reads.
     """
     base = penalty if rule == "running" else initial
     if kl < target / 1.5:
@@ -44,7 +45,7 @@ def adapt_penalty(penalty: float, kl: float, target: float, initial: float, rule
 
 
 def adapt_rate(rate: float, kl: float, target: float) -> float:
-    """Learning rate after a round: steered so that a round moves the policy by about the KL target."""
+    """Learning rate after a round, adapted so that a round moves the policy by about the KL target."""
     if kl > 1.5 * target:
         rate /= 1.5
     elif kl < target / 1.5:
@@ -53,8 +54,8 @@ def adapt_rate(rate: float, kl: float, target: float) -> float:
 
 
 @dataclass
-class PpoProgress(Progress):
-    """With what the rules of the penalty, of the rate and of the entropy's weight came to."""
+class PpoProgress(TrainingProgress):
+    """With the current penalty coefficient, learning rate and entropy coefficient."""
 
     penalty: float = 1.0
     actor_rate: float = 3e-4
@@ -62,11 +63,11 @@ class PpoProgress(Progress):
 
 
 class PpoAlgorithm:
-    """Networks, optimisers and normaliser; `update` learns from one round of samples.
+    """Networks, optimisers and normaliser; `update` trains on one round of samples.
 
-    Actor and critic share nothing, so each learns in a thread of its own with half of torch's threads. On two
-    cores no operation then waits for another thread: what comes out does not depend on who is faster, and a
-    busy machine only costs its share, where threads inside of an operation spin until the last one is there.
+    Actor and critic share nothing, so each is updated in its own thread with half of torch's threads. On two
+    cores no operation then waits for another thread: the result does not depend on their speed, and a busy
+    machine costs only its share, whereas threads within an operation spin until the last one arrives.
     """
 
     def __init__(self, config: TrainConfig) -> None:
@@ -84,7 +85,7 @@ class PpoAlgorithm:
         )
 
     def action_std(self) -> Array:
-        """Standard deviation (A,) of the exploration: scheduled over samples, or what was learnt."""
+        """Standard deviation (A,) of the exploration: scheduled over samples, or trained."""
         c = self.config
         if not c.learn_action_std:
             self.net.log_std.fill_(math.log(scheduled_at(c.action_std, self.progress.samples)))
@@ -92,28 +93,28 @@ class PpoAlgorithm:
         return action_std
 
     def update(self, samples: Samples) -> dict[str, float]:
-        """Several passes of minibatches over (T, E) samples; returns what is worth logging."""
+        """Several epochs of minibatches over (T, E) samples; returns scalars to log."""
         c, state = self.config, self.progress
-        steps, figures = samples.terminated.shape
-        count = steps * figures
+        steps, num_envs = samples.terminated.shape
+        count = steps * num_envs
         rewards = samples.terms.sum(axis=-1)
-        seen = samples.observations.reshape(count, -1)
-        observations = self.normalizer.apply(seen)
-        orders = [torch.from_numpy(self.random.permutation(count)) for _ in range(c.epochs)]
+        raw = samples.observations.reshape(count, -1)
+        observations = self.normalizer.apply(raw)
+        permutations = [torch.from_numpy(self.random.permutation(count)) for _ in range(c.epochs)]
         share = max(1, torch.get_num_threads() // 2)
         with ThreadPoolExecutor(2, initializer=torch.set_num_threads, initargs=(share,)) as threads:
-            acting = threads.submit(self.net.actor.forward, observations)
-            values, following = threads.submit(self._values, samples, observations).result()
+            forward = threads.submit(self.net.actor.forward, observations)
+            values, next_values = threads.submit(self._values, samples, observations).result()
             ended = samples.terminated | samples.truncated
-            gains = advantages(rewards, values, following, ended, c.discount, c.gae_lambda)
-            returns = torch.from_numpy((gains + values).reshape(-1))
-            gain = torch.from_numpy(gains.reshape(-1))
-            gain = (gain - gain.mean()) / (gain.std() + 1e-8)
-            actions, mean = torch.from_numpy(samples.actions.reshape(count, -1)), acting.result()
-            old = Choices(actions, mean, log_density(actions, mean, self.net.log_std), gain)
-            actor = threads.submit(self._learn_policy, observations, old, orders)
-            critic = threads.submit(self._learn_value, observations, returns, orders)
-            (kl, clipped), value_loss = actor.result(), critic.result()
+            estimates = advantages(rewards, values, next_values, ended, c.discount, c.gae_lambda)
+            returns = torch.from_numpy((estimates + values).reshape(-1))
+            advantage = torch.from_numpy(estimates.reshape(-1))
+            advantage = (advantage - advantage.mean()) / (advantage.std() + 1e-8)
+            actions, mean = torch.from_numpy(samples.actions.reshape(count, -1)), forward.result()
+            old = ActorBatch(actions, mean, log_prob(actions, mean, self.net.log_std), advantage)
+            actor = threads.submit(self._update_actor, observations, old, permutations)
+            critic = threads.submit(self._update_critic, observations, returns, permutations)
+            (kl, clip_fraction), value_loss = actor.result(), critic.result()
         if not (math.isfinite(kl) and math.isfinite(value_loss)):
             raise FloatingPointError("the policy or its value became infinite or NaN")
         if c.kl_penalty:
@@ -125,88 +126,93 @@ class PpoAlgorithm:
         state.entropy *= c.entropy_decay
         state.samples += count
         state.rounds += 1
-        # The statistics move only after the update: old and new policy saw the same observations.
-        self.normalizer.update(seen)
-        spread = float(returns.var(correction=0))
+        # Only after the update, so that the old and the new policy see the same observations.
+        self.normalizer.update(raw)
+        variance = float(returns.var(correction=0))
+        lengths = samples.episode_lengths
         errors = returns - torch.from_numpy(values.reshape(-1))
+        unexplained = float(errors.var(correction=0))
         return {
             "reward/mean": float(rewards.mean()),
-            "episode/length": float(samples.lengths.mean()) if len(samples.lengths) else float(steps),
+            "episode/length": float(lengths.mean()) if len(lengths) else float(steps),
             "policy/kl": kl,
-            "policy/clip_fraction": clipped,
+            "policy/clip_fraction": clip_fraction,
             "policy/penalty": state.penalty,
             "policy/rate": state.actor_rate,
             "policy/noise": float(self.net.log_std.exp().mean()),
-            # Of a Gaussian: the sum of log σ + ½ log 2πe.
+            # Entropy of a Gaussian: the sum of log σ + ½ log 2πe.
             "policy/entropy": float((self.net.log_std + 0.5 * math.log(2.0 * math.pi * math.e)).sum()),
             "value/loss": value_loss,
-            "value/explained_variance": 1.0 - float(errors.var(correction=0)) / spread if spread > 0 else 0.0,
-            "value/normalized_loss": normalized_loss(float(errors.square().mean()), spread),
+            "value/explained_variance": 1.0 - unexplained / variance if variance > 0 else 0.0,
+            "value/normalized_loss": normalized_loss(float(errors.square().mean()), variance),
         }
 
     def _values(self, samples: Samples, observations: Tensor) -> tuple[Array, Array]:
-        """Value (T, E) of the states before and after each step: 0 after a fall."""
+        """Values (T, E) of the states before and after each step; 0 after a fall."""
         shape = samples.terminated.shape
         values: Array = self.net.critic.forward(observations).numpy().reshape(shape)
-        # What follows a step is what the next one begins with, but for the ends of episodes and of the round.
-        following = np.empty_like(values)
-        following[:-1] = values[1:]
-        asked = samples.truncated.copy()
-        asked[-1] = True
-        last = self.normalizer.apply(samples.final[asked])
-        following[asked] = self.net.critic.forward(last).numpy()[:, 0]
-        following[samples.terminated] = 0.0
-        return values, following
+        # The state after a step is the one before the next step, except at the end of an episode or a round.
+        next_values = np.empty_like(values)
+        next_values[:-1] = values[1:]
+        evaluated = samples.truncated.copy()
+        evaluated[-1] = True
+        last = self.normalizer.apply(samples.next_observations[evaluated])
+        next_values[evaluated] = self.net.critic.forward(last).numpy()[:, 0]
+        next_values[samples.terminated] = 0.0
+        return values, next_values
 
-    def _learn_policy(self, observations: Tensor, old: Choices, orders: list[Tensor]) -> tuple[float, float]:
-        """KL of the old policy from the new one, and the share of ratios that were clipped."""
+    def _update_actor(
+        self, observations: Tensor, old: ActorBatch, permutations: list[Tensor]
+    ) -> tuple[float, float]:
+        """Train the actor; returns KL(old ‖ new) and the share of clipped ratios."""
         actor, log_std = self.net.actor, self.net.log_std
-        log_old = log_std.clone()
-        clipped = [
-            self.step_policy(seen, Choices(*chosen), log_old)
-            for seen, *chosen in minibatches(orders, self.config.minibatch, observations, *old)
+        log_std_old = log_std.clone()
+        clip_fractions = [
+            self.actor_step(batch, ActorBatch(*columns), log_std_old)
+            for batch, *columns in minibatches(permutations, self.config.minibatch, observations, *old)
         ]
-        kl = divergence(old.mean, log_old, actor.forward(observations), log_std).mean()
-        return float(kl), float(torch.stack(clipped).mean())
+        kl = kl_divergence(old.mean, log_std_old, actor.forward(observations), log_std).mean()
+        return float(kl), float(torch.stack(clip_fractions).mean())
 
-    def step_policy(self, seen: Tensor, old: Choices, log_old: Tensor) -> Tensor:
-        """One gradient step of the actor; returns the share of ratios that were clipped.
+    def actor_step(self, observations: Tensor, old: ActorBatch, log_std_old: Tensor) -> Tensor:
+        """One gradient step of the actor; returns the share of clipped ratios.
 
-        seen: (N, O) normalised observations; old: what was chosen at them; log_old: (A,) the logarithm of the
-        noise that it was chosen with.
+        observations: (N, O) normalised; old: the old policy's actions there; log_std_old: (A,) its log
+        standard deviation.
         """
         c, actor, log_std = self.config, self.net.actor, self.net.log_std
         penalty = self.progress.penalty if c.kl_penalty else 0.0
         entropy = self.progress.entropy if c.learn_action_std else 0.0
-        slopes = policy_slopes(old, log_old, actor.forward(seen), log_std, c.clip, penalty, entropy)
-        log_std.grad = slopes.log_std
-        _descend(actor, slopes.mean, self.actor_optimizer)
-        return slopes.clipped
+        mean = actor.forward(observations)
+        gradients = policy_gradients(old, log_std_old, mean, log_std, c.clip, penalty, entropy)
+        log_std.grad = gradients.log_std
+        _gradient_step(actor, gradients.mean, self.actor_optimizer)
+        return gradients.clip_fraction
 
-    def _learn_value(self, observations: Tensor, returns: Tensor, orders: list[Tensor]) -> float:
-        """Mean of the minibatches' losses."""
-        rows = minibatches(orders, self.config.minibatch, observations, returns[:, None])
-        return float(torch.stack([self.step_value(*row) for row in rows]).mean())
+    def _update_critic(self, observations: Tensor, returns: Tensor, permutations: list[Tensor]) -> float:
+        """Train the critic; returns the mean of the minibatches' losses."""
+        batches = minibatches(permutations, self.config.minibatch, observations, returns[:, None])
+        return float(torch.stack([self.critic_step(*batch) for batch in batches]).mean())
 
-    def step_value(self, seen: Tensor, wanted: Tensor) -> Tensor:
-        """One gradient step of the critic; returns its loss before it: half the mean squared error.
+    def critic_step(self, observations: Tensor, returns: Tensor) -> Tensor:
+        """One gradient step of the critic; returns its loss before the step, half the mean squared error.
 
-        seen: (N, O) normalised observations; wanted: (N, 1) their returns.
+        observations: (N, O) normalised; returns: (N, 1).
         """
-        error = self.net.critic.forward(seen) - wanted
-        _descend(self.net.critic, error / len(error), self.critic_optimizer)
+        error = self.net.critic.forward(observations) - returns
+        _gradient_step(self.net.critic, error / len(error), self.critic_optimizer)
         return 0.5 * error.square().mean()
 
     def policy(self) -> Policy:
         """The actor with its normaliser."""
         return export(self.net, self.normalizer)
 
-    def notes(self) -> dict[str, Any]:
-        """Nothing that other learners have not."""
+    def record_extras(self) -> dict[str, Any]:
+        """Nothing beyond the record of every algorithm."""
         return {}
 
     def record(self) -> dict[str, Any]:
-        """Everything of the learner that is no array, for a checkpoint."""
+        """The state except arrays, as JSON for a checkpoint."""
         return {
             "progress": asdict(self.progress),
             "random": self.random.bit_generator.state,
@@ -214,24 +220,24 @@ class PpoAlgorithm:
         }
 
     def tensors(self) -> dict[str, Tensor]:
-        """Everything of the learner that is an array, for a checkpoint."""
-        found = {
+        """All arrays of the state, for a checkpoint."""
+        tensors = {
             "actor": self.net.actor.parameters,
             "critic": self.net.critic.parameters,
-            "log_noise": self.net.log_std,
+            "log_std": self.net.log_std,
             "normalizer.mean": torch.from_numpy(self.normalizer.mean),
             "normalizer.squares": torch.from_numpy(self.normalizer.squares),
         }
         for kind, optimizer in (("actor", self.actor_optimizer), ("critic", self.critic_optimizer)):
             for index, slots in optimizer.state_dict()["state"].items():
-                found |= {f"optimizer.{kind}.{index}.{slot}": value for slot, value in slots.items()}
-        return {name: value.detach().clone() for name, value in found.items()}
+                tensors |= {f"optimizer.{kind}.{index}.{slot}": value for slot, value in slots.items()}
+        return {name: value.detach().clone() for name, value in tensors.items()}
 
     def restore(self, tensors: dict[str, Tensor], record: dict[str, Any]) -> None:
-        """Take up what `tensors` and `record` gave."""
+        """Restore the state from `tensors` and `record`."""
         self.net.actor.parameters.copy_(tensors["actor"])
         self.net.critic.parameters.copy_(tensors["critic"])
-        self.net.log_std.copy_(tensors["log_noise"])
+        self.net.log_std.copy_(tensors["log_std"])
         self.progress = PpoProgress(**record["progress"])
         self.random.bit_generator.state = record["random"]
         self.normalizer.count = record["normalizer_count"]
@@ -245,7 +251,7 @@ class PpoAlgorithm:
             for name, value in tensors.items():
                 if name.startswith(prefix):
                     index, slot = name.removeprefix(prefix).split(".")
-                    # torch looks at neither, and fails in the next round.
+                    # torch does not check the shape, and would fail in the next round.
                     if value.ndim and value.shape != weights[int(index)].shape:
                         raise ValueError(f"{name} of shape {tuple(value.shape)}")
                     slots.setdefault(int(index), {})[slot] = value
@@ -255,15 +261,15 @@ class PpoAlgorithm:
             group["lr"] = self.progress.actor_rate
 
 
-def minibatches(orders: list[Tensor], size: int, *columns: Tensor) -> Iterator[tuple[Tensor, ...]]:
-    """Rows of the columns in each order after the other, `size` at a time."""
-    for order in orders:
+def minibatches(permutations: list[Tensor], size: int, *columns: Tensor) -> Iterator[tuple[Tensor, ...]]:
+    """Rows of the columns, `size` at a time, in the order of one permutation after the other."""
+    for order in permutations:
         yield from zip(*(torch.split(column.index_select(0, order), size) for column in columns), strict=True)
 
 
-def _descend(network: Mlp, slope: Tensor, optimizer: torch.optim.Optimizer) -> None:
-    """One step of the optimiser down the loss whose slope by the network's output (N, out) is given."""
-    network.backward(slope)
+def _gradient_step(network: Mlp, output_gradient: Tensor, optimizer: torch.optim.Optimizer) -> None:
+    """One optimiser step for a loss with this gradient (N, out) by the output; the gradient is clipped."""
+    network.backward(output_gradient)
     norm = torch.linalg.vector_norm(network.gradient)
-    network.gradient.mul_((1.0 / (norm + 1e-6)).clamp(max=1.0))
+    network.gradient.mul_((MAX_GRADIENT_NORM / (norm + 1e-6)).clamp(max=1.0))
     optimizer.step()

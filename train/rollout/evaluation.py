@@ -1,7 +1,7 @@
-"""Trials: now and then in a training the policy performs its reference, without noise and without hardships;
-and, if it trains under hardships, under those too (`ordeal.py`).
+"""Evaluations during a training: episodes of the policy without exploration noise and domain randomization.
 
-What it does decides which policy is kept, so it depends on the number of samples and not on the clock.
+A training with domain randomization adds a robustness evaluation (`robustness.py`). The results decide which
+policy is kept, so evaluations are due by the number of samples and not by the clock.
 """
 
 from __future__ import annotations
@@ -23,37 +23,37 @@ from kinemimic.train.sim.engines import open_world
 from kinemimic.train.sim.world import CONTROL_RATE
 from kinemimic.train.task.env import ImitationBatch
 
-EVERY = 65_536  # samples between two trials
-FRAMES = 600  # 20 s of what goes on for ever
-SCENES = 8  # draws of a scenario
-WALKS = 0.90  # R² of knee and hip from which a figure that does not fall counts as doing its motion
+EVALUATION_INTERVAL = 65_536  # samples
+CYCLIC_FRAMES = 600  # 20 s
+SCENARIO_EPISODES = 8
+WALKING_R2 = 0.90  # of knee and hip: a humanoid that reaches it without a fall walks
 
 
-def frames_of(motion: Motion) -> int:
-    """Control steps of a performance: 20 s of a cycle, anything else once."""
+def episode_frames(motion: Motion) -> int:
+    """Control steps of an episode: 20 s of a cycle, a non-cyclic motion once."""
     if motion.cyclic:
-        return FRAMES
-    # The motion's last frame still counts when its time falls on a control step but for rounding.
+        return CYCLIC_FRAMES
+    # The last frame counts if its time is a control step up to rounding.
     return max(1, int(motion.duration * CONTROL_RATE + 1e-6))
 
 
 def start_phases(motion: Motion, scenario: Scenario | None = None) -> tuple[float, ...]:
-    """Where in the reference the attempts of a trial begin: a walk also with the other foot, and SCENES times
-    in a scenario, which each draws for itself."""
+    """Phases at which an evaluation's episodes begin: a cycle also at its other half, a scenario at
+    SCENARIO_EPISODES phases, each with its own draw."""
     if scenario is not None:
         low, high = scenario.phase.low[0], scenario.phase.high[0]
-        # A single phase is tried once: from the same phase the draw is the same.
-        phases = dict.fromkeys(low + (high - low) * k / SCENES for k in range(SCENES))
+        # A single phase is evaluated once: the same phase gives the same draw.
+        phases = dict.fromkeys(low + (high - low) * k / SCENARIO_EPISODES for k in range(SCENARIO_EPISODES))
         return tuple(phases) if motion.cyclic else (0.0,)
     return (0.0, 0.5) if motion.cyclic else (0.0,)
 
 
 @dataclass(frozen=True)
 class Episode:
-    """One performance of `of` frames.
+    """One episode of `of` frames.
 
-    frames: before the fall; reward: its mean over all frames, 0 for those after a fall, as a share of the
-    largest possible; knee, hip: R² that credits nothing after a fall, mean of both sides.
+    frames: before the fall; reward: mean over all frames, 0 after a fall, as a share of the largest possible;
+    knee, hip: R² that credits nothing after a fall, mean of both sides.
     """
 
     frames: int
@@ -65,12 +65,12 @@ class Episode:
 
 @dataclass(frozen=True)
 class Evaluation:
-    """The attempts after so many samples and seconds of training.
+    """Results after so many samples and seconds of training.
 
-    strength: 0 to 1, of the hardships that the policy trained under by then; frames, knee, hip: the least of
-    all attempts; frames_first: of the one from phase 0; reward: their mean; endured: the mean reward under
-    hardships, None where the strength is 0; critic_loss: its mean squared error as a share of its targets'
-    variance, mean of the rounds since the trial before.
+    strength: 0 to 1, of the domain randomization in training at that time; frames, knee, hip: the least of
+    all episodes; frames_first: of the episode from phase 0; reward: mean of the episodes; robust_return: mean
+    reward under domain randomization, None where the strength is 0; critic_loss: the critic's mean squared
+    error as a share of its targets' variance, mean of the rounds since the last evaluation.
     """
 
     samples: int
@@ -88,73 +88,74 @@ class Evaluation:
     @classmethod
     def of_episodes(
         cls,
-        run_episodes: Sequence[Episode],
-        robust_return: Sequence[float] = (),
+        episodes: Sequence[Episode],
+        robust_returns: Sequence[float] = (),
         *,
         samples: int,
         seconds: float,
         strength: float,
         losses: Sequence[float] = (),
     ) -> Evaluation:
-        """What the attempts, the one from phase 0 first, the rewards under hardships and the critic's losses
-        come to."""
+        """Summarise episodes, the one from phase 0 first, robust returns and the critic's losses."""
         return cls(
             samples=samples,
             seconds=round(seconds, 1),
             strength=strength,
-            frames=min(run_episode.frames for run_episode in run_episodes),
-            frames_first=run_episodes[0].frames,
-            of=run_episodes[0].of,
-            reward=sum(run_episode.reward for run_episode in run_episodes) / len(run_episodes),
-            knee=min(run_episode.knee for run_episode in run_episodes),
-            hip=min(run_episode.hip for run_episode in run_episodes),
-            robust_return=sum(robust_return) / len(robust_return) if robust_return else None,
+            frames=min(episode.frames for episode in episodes),
+            frames_first=episodes[0].frames,
+            of=episodes[0].of,
+            reward=sum(episode.reward for episode in episodes) / len(episodes),
+            knee=min(episode.knee for episode in episodes),
+            hip=min(episode.hip for episode in episodes),
+            robust_return=sum(robust_returns) / len(robust_returns) if robust_returns else None,
             critic_loss=round(sum(losses) / len(losses), 6) if losses else None,
         )
 
     @property
     def walks(self) -> bool:
-        """Whether no attempt fell and knee and hip follow the reference."""
-        return self.frames == self.of and min(self.knee, self.hip) >= WALKS
+        """Whether no episode ended in a fall, and knee and hip follow the reference."""
+        return self.frames == self.of and min(self.knee, self.hip) >= WALKING_R2
 
     def to_json(self) -> dict[str, Any]:
-        """JSON values: the arguments of the constructor."""
+        """The constructor's arguments, as JSON."""
         return asdict(self)
 
 
 def is_due(before: int, after: int) -> bool:
-    """Whether a trial falls between two numbers of samples."""
-    return after // EVERY > before // EVERY
+    """Whether an evaluation is due between two numbers of samples."""
+    return after // EVALUATION_INTERVAL > before // EVALUATION_INTERVAL
 
 
-def best(trials: Sequence[Evaluation]) -> Evaluation:
-    """Among those of the greatest strength the one of the highest reward, under hardships if there are any;
+def best(evaluations: Sequence[Evaluation]) -> Evaluation:
+    """Of those at the greatest strength the one with the highest robust return, or reward if there is none;
     the earliest of equals."""
-    return max(trials, key=lambda t: (t.strength, t.reward if t.robust_return is None else t.robust_return))
+    return max(
+        evaluations, key=lambda e: (e.strength, e.reward if e.robust_return is None else e.robust_return)
+    )
 
 
-def first_walk(trials: Sequence[Evaluation]) -> Mapping[str, float] | None:
-    """Samples and seconds at the first trial that `walks`, None if there is none."""
-    for trial in trials:
-        if trial.walks:
-            return {"samples": trial.samples, "seconds": trial.seconds}
+def first_walk(evaluations: Sequence[Evaluation]) -> Mapping[str, float] | None:
+    """Samples and seconds of the first evaluation that `walks`, None if there is none."""
+    for evaluation in evaluations:
+        if evaluation.walks:
+            return {"samples": evaluation.samples, "seconds": evaluation.seconds}
     return None
 
 
 class Evaluator:
-    """A figure of its own for the attempts, so that those that train know nothing of them."""
+    """Runs evaluation episodes in its own environment, so that they do not affect the training."""
 
     def __init__(self, motion: Motion, reference: Reference, config: EnvConfig, engine: str) -> None:
-        self._frames = frames_of(motion)
+        self._frames = episode_frames(motion)
         if config.scenario is not None and motion.cyclic:
             self._frames = config.scenario.steps
         self._batch = ImitationBatch(open_world(1, engine), reference, config)
 
     def run_episode(self, policy: Policy, reward: RewardConfig, phase: float) -> Episode:
-        """Perform from a phase, up to the end or the fall: what would come after it counts for nothing."""
+        """Roll out from a phase up to the end or the fall; nothing counts after a fall."""
         batch, frames = self._batch, self._frames
         batch.reward = reward
-        # Of a scenario from each phase always the same draw, so that two policies compare.
+        # The seed depends on the phase only: all policies get the same draws of a scenario.
         batch.reset(np.array([0]), np.array([phase]), seeds=np.array([round(1e6 * phase)], dtype=np.uint64))
         rewards, rotations = [], []
 
@@ -163,17 +164,17 @@ class Evaluator:
             rotations.append(node_rotations(batch.bodies)[0])
 
         roll_out(batch, policy.act, frames, record)
-        stood = len(rewards)
-        # The phases that a figure which does not fall goes through.
+        upright = len(rewards)
+        # The phases of a rollout without a fall.
         phases = phase + np.arange(1, frames + 1) / (CONTROL_RATE * batch.reference.duration)
-        wanted = joint_angles(batch.reference.nodes(phases))
-        done = {name: np.full(frames, curve.mean()) for name, curve in wanted.items()}
-        if stood:
+        expected = joint_angles(batch.reference.nodes(phases))
+        simulated = {name: np.full(frames, curve.mean()) for name, curve in expected.items()}
+        if upright:
             for name, curve in joint_angles(np.array(rotations)).items():
-                done[name][:stood] = curve
-        fits = joint_fits(wanted, done, np.arange(frames) < stood)
+                simulated[name][:upright] = curve
+        fits = joint_fits(expected, simulated, np.arange(frames) < upright)
         return Episode(
-            frames=stood,
+            frames=upright,
             of=frames,
             reward=sum(rewards) / frames / sum(reward.weights.values()),
             knee=fits["knee"].both.r2_upright,

@@ -1,4 +1,4 @@
-"""A policy as ONNX, for whoever runs it elsewhere: raw observations in, actions out, all else as metadata."""
+"""Export of a policy to ONNX: raw observations in, actions out, everything else as metadata."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from kinemimic.train.sim.world import CONTROL_RATE, SUBSTEPS, TIME_STEP
 from kinemimic.train.task.env import ACTION_SCALE, ACTIONS
 from kinemimic.train.task.mirror import action_reflection, observation_reflection
 
-# Of 2022, and nothing newer is needed: every runtime in use reads them.
+# Of 2022: no newer operator is needed, and every runtime in use reads them.
 OPSET, IR = 17, 8
 OBSERVATION, ACTION = "observation", "action"
 _ACTIVATIONS = {"tanh": "Tanh", "relu": "Relu"}
@@ -29,7 +29,7 @@ _ACTIVATIONS = {"tanh": "Tanh", "relu": "Relu"}
 def onnx_model(policy: Policy, record: Mapping[str, Any]) -> onnx.ModelProto:
     """The graph (N, O) -> (N, 42) in float32: normalise, clip, layers; N is free.
 
-    record: policy.json. What the numbers mean stands in the metadata (`metadata`).
+    record: policy.json, from which the model's metadata come (`metadata`).
     """
     arrays: dict[str, NDArray[Any]] = {
         "mean": policy.mean,
@@ -39,14 +39,14 @@ def onnx_model(policy: Policy, record: Mapping[str, Any]) -> onnx.ModelProto:
     }
     nodes = [
         helper.make_node("Sub", [OBSERVATION, "mean"], ["centred"]),
-        helper.make_node("Div", ["centred", "scale"], ["level"]),
-        helper.make_node("Clip", ["level", "low", "high"], ["clipped"]),
+        helper.make_node("Div", ["centred", "scale"], ["normalized"]),
+        helper.make_node("Clip", ["normalized", "low", "high"], ["clipped"]),
     ]
     flow, last = "clipped", len(policy.layers) - 1
     for k, (weight, bias) in enumerate(policy.layers):
         arrays |= {f"actor.{k}.weight": weight, f"actor.{k}.bias": bias}
         name = ACTION if k == last else f"sum.{k}"
-        # Gemm is weight · x + bias, the weights (out, in) as they lie.
+        # Gemm with transB computes x · weightᵀ + bias for weights (out, in).
         inputs = [flow, f"actor.{k}.weight", f"actor.{k}.bias"]
         nodes.append(helper.make_node("Gemm", inputs, [name], transB=1))
         if k != last:
@@ -76,54 +76,54 @@ def onnx_model(policy: Policy, record: Mapping[str, Any]) -> onnx.ModelProto:
 
 
 def write_onnx(path: Path, policy: Policy, record: Mapping[str, Any]) -> None:
-    """Write `onnx_model` to `path`, the same bytes for the same policy."""
+    """Write `onnx_model` to `path`; the same policy gives the same bytes."""
     content = onnx_model(policy, record).SerializeToString(deterministic=True)
     with atomic(path) as temporary:
         temporary.write_bytes(content)
 
 
 def layout(config: EnvConfig) -> list[dict[str, Any]]:
-    """What stands where in an observation (`ImitationBatch.observe`), part by part.
+    """Parts of an observation (`ImitationBatch.observe`): name, start, size, description.
 
-    Vectors are of the world, turned about the vertical so that x is where the pelvis faces; bodies stand in
-    the sequence of BODY_NAMES, x, y, z of each together.
+    Vectors are in the world frame, turned about the vertical so that x points where the pelvis faces; bodies
+    are in the order of BODY_NAMES, with x, y, z of each together.
     """
     bodies = len(BODIES)
     parts = [
-        ("phase", 2, "sine and cosine of 2π times the phase of a loop, of π times that of a performance"),
-        ("height", 1, "of the pelvis' centre over the ground, m"),
-        ("rotations", 6 * bodies, "x and y axis of every body"),
-        ("positions", 3 * (bodies - 1), "centre of mass of every body but the pelvis, from the pelvis, m"),
+        ("phase", 2, "sine and cosine of 2π times the phase if cyclic, of π times the phase if not"),
+        ("height", 1, "of the pelvis' centre above the ground, m"),
+        ("rotations", 6 * bodies, "x and y axes of every body"),
+        ("positions", 3 * (bodies - 1), "centre of mass of every other body, from the pelvis, m"),
         ("linear", 3 * bodies, "velocity of every body's centre of mass, m/s"),
-        ("angular", 3 * bodies, "velocity of every body, rad/s"),
+        ("angular", 3 * bodies, "angular velocity of every body, rad/s"),
         *(
             (
                 f"turns_{k}",
                 3 * bodies,
-                "rotation vectors from the pose now to the reference's, rad: the pelvis in its own frame, "
-                f"then the joints in the child's; the reference {k} control steps ahead",
+                f"rotation vectors from the current pose to the reference {k} control steps ahead, rad: the "
+                "pelvis in its own frame, then the joints in the child's",
             )
             for k in config.preview
         ),
         *(
-            (f"way_{k}", 2, f"x, y from the pelvis to the reference's {k} control steps ahead, m, within ±1")
+            (f"way_{k}", 2, f"x, y from the pelvis to the reference's, {k} control steps ahead, m, within ±1")
             for k in config.preview
         ),
     ]
     rows: list[dict[str, Any]] = []
     start = 0
-    for name, size, what in parts:
-        rows.append({"name": name, "start": start, "size": size, "what": what})
+    for name, size, description in parts:
+        rows.append({"name": name, "start": start, "size": size, "description": description})
         start += size
     return rows
 
 
 def _mirror(previews: int) -> dict[str, Any]:
-    """What is to be done in the second half of a mirrored cycle (`mirror.py`)."""
+    """How to mirror observations and actions in the second half of a cycle (`mirror.py`)."""
     tables = {"observation": observation_reflection(previews), "action": action_reflection()}
     return {
-        "what": "at phases from a half to one, number k of the observation is sign[k] times number source[k] "
-        "of the layout above, and number k of what goes to the motors is sign[k] times action source[k]",
+        "description": "at phases of 0.5 to 1, entry k of the observation is sign[k] times entry source[k] "
+        "of the layout above; entry k of the applied action is sign[k] times entry source[k] of the output",
         **{
             name: {"source": sources.tolist(), "sign": signs.astype(int).tolist()}
             for name, (sources, signs) in tables.items()
@@ -132,18 +132,19 @@ def _mirror(previews: int) -> dict[str, Any]:
 
 
 def metadata(record: Mapping[str, Any]) -> dict[str, str]:
-    """What a user has to know to drive a body with the actions; values other than text are JSON."""
+    """All that is needed to drive a body with the actions; values other than text are JSON."""
     config = TrainConfig.from_json(record["config"]).env
     scale = ACTION_SCALE if config.residual else np.ones(ACTIONS)
     base = "the reference's joint" if config.residual else "the identity"
-    lead = " times its lead (train/dynamics.py)" if config.residual and config.torque_feedforward else ""
+    leads = config.residual and config.torque_feedforward
+    lead = " times its lead (train/reference/dynamics.py)" if leads else ""
     values: dict[str, Any] = {
         "observation": layout(config),
         "conventions": "m, s, rad; x forward, y left, z up; quaternions child to parent",
         "bodies": list(BODY_NAMES),
         "joints": [body.name for body in BODIES[1:]],
         "joint_parents": [body.parent for body in BODIES[1:]],
-        "action": "three numbers a joint, in the sequence of joints: times action_scale, a rotation vector "
+        "action": "three numbers per joint, in the order of joints: times action_scale, a rotation vector "
         f"in the child's frame; target = {base}{lead} times the rotation of that vector",
         "action_scale": scale.tolist(),
         "mirror": _mirror(len(config.preview)) if record["mirrored"] else "none",

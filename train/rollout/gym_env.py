@@ -1,4 +1,4 @@
-"""The task for other learners: one figure as a Gymnasium environment."""
+"""The task as a Gymnasium environment with one humanoid."""
 
 from __future__ import annotations
 
@@ -18,18 +18,18 @@ from kinemimic.train.task.env import ACTIONS, ImitationBatch, observation_size
 
 Observation = NDArray[np.float32]
 
-# Rotation vectors are corrections of the reference pose: more than this is never wanted of a human joint.
+# rad: actions correct the reference pose, and no human joint needs a larger correction.
 ACTION_BOUND = 2.0
 
 
 class ImitationEnv(gym.Env[Observation, NDArray[np.float32]]):
-    """Imitate `motion` with one figure.
+    """Imitate `motion` with one humanoid.
 
-    Observations and actions (42,) are as in `ImitationBatch`: those of the mirror image in the second half
-    of a gait's cycle, unless the configuration's `mirror` is off. A fall terminates; the end of the episode's
-    time truncates. Each episode draws the configuration's hardships in full and starts at a random phase, or
-    at 0 without `start_anywhere`, or at p after `reset(options={"phase": p})`. `info` has the reward's terms.
-    engine: of `engines.py`.
+    Observations and actions (42,) are those of `ImitationBatch`: mirrored in the second half of a gait cycle,
+    unless the configuration turns `mirror` off. A fall terminates an episode; the end of its time truncates
+    it. Each episode draws the configuration's domain randomization at full strength and starts at a random
+    phase, at 0 without `start_anywhere`, or at p after `reset(options={"phase": p})`. `info` holds the
+    reward's terms. engine: see `sim/engines.py`.
     """
 
     metadata = {"render_modes": []}  # noqa: RUF012 (Gymnasium's own form)

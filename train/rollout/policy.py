@@ -1,4 +1,4 @@
-"""A trained policy: a network on normalised observations, in numpy, so that a rollout needs no torch."""
+"""A trained policy: a network on normalised observations, in numpy, so that rollouts need no torch."""
 
 from __future__ import annotations
 
@@ -26,24 +26,27 @@ from kinemimic.train.config.baseline_config import Activation
 from kinemimic.train.config.config import TrainConfig
 from kinemimic.train.task.env import ACTIONS, observation_size
 
-POLICY = "policy.safetensors"  # of a run
+POLICY = "policy.safetensors"  # in a run folder
 POLICY_SCHEMA = 4
 OBSERVATION_CLIP = 8.0
-_LIMIT = 256 * MEGABYTE  # a hundred times what a preset's networks take
-_AGAIN = "train again"
+_LIMIT = 256 * MEGABYTE  # a hundred times the size of a preset's networks
+_ADVICE = "train again"
 
 
 def normalized(observations: NDArray[Any], mean: Floats, scale: Floats) -> Floats:
     """Observations (N, O) with zero mean and unit variance, clipped, as new float32."""
-    level: Floats = np.subtract(observations, mean, dtype=np.float32)
-    level /= scale
-    return np.clip(level, -OBSERVATION_CLIP, OBSERVATION_CLIP, out=level)
+    result: Floats = np.subtract(observations, mean, dtype=np.float32)
+    result /= scale
+    return np.clip(result, -OBSERVATION_CLIP, OBSERVATION_CLIP, out=result)
 
 
 @dataclass(frozen=True)
 class Policy:
-    """layers: (weight (out, in), bias (out,)) from the input on; mean, scale: (O,) of what it observes;
-    activation: of the hidden units; bound: a tanh keeps actions below it, None lets them go where they go."""
+    """A multilayer perceptron.
+
+    layers: (weight (out, in), bias (out,)) from the input on; mean, scale: (O,) of the observations;
+    activation: of the hidden units; bound: of the actions, by a tanh, None for unbounded actions.
+    """
 
     layers: tuple[tuple[Floats, Floats], ...]
     mean: Floats
@@ -53,7 +56,7 @@ class Policy:
 
     @property
     def shape(self) -> tuple[int, int]:
-        """Observations and actions; zeros for layers that do not fit together."""
+        """Numbers of observations and actions; zeros if the layers do not fit together."""
         into = [weight.shape[1:] for weight, _ in self.layers]
         out = [weight.shape[:1] for weight, _ in self.layers]
         fits = into[:1] == [self.mean.shape] == [self.scale.shape] and into[1:] == out[:-1]
@@ -62,8 +65,8 @@ class Policy:
         return len(self.mean), out[-1][0]
 
     def act(self, observations: NDArray[Any]) -> Floats:
-        """Mean action (N, 42) for observations (N, O) as the task gives them."""
-        # Figures stand in columns: the weights as they lie, on the left, make the faster product of the two.
+        """Mean action (N, 42) for raw observations (N, O)."""
+        # One column per environment: with the weights on the left, untransposed, the product is faster.
         x = normalized(observations, self.mean, self.scale).T
         for weight, bias in self.layers[:-1]:
             x = weight @ x
@@ -77,40 +80,40 @@ class Policy:
         return actions if self.bound is None else np.float32(self.bound) * np.tanh(actions)
 
     def tensors(self) -> dict[str, Floats]:
-        """Its arrays by the names that they have in a file."""
+        """Arrays by their names in a file."""
         tensors = {"mean": self.mean, "scale": self.scale}
         for k, (weight, bias) in enumerate(self.layers):
             tensors |= {f"actor.{k}.weight": np.ascontiguousarray(weight), f"actor.{k}.bias": bias}
         return tensors
 
     @classmethod
-    def of_tensors(cls, tensors: Mapping[str, Floats], config: TrainConfig) -> Policy:
-        """The inverse of `tensors`, of a policy that was trained so; KeyError names one that is missing."""
+    def from_tensors(cls, tensors: Mapping[str, Floats], config: TrainConfig) -> Policy:
+        """The inverse of `tensors` for a policy of this configuration; KeyError names a missing tensor."""
         depth = sum(name.endswith(".weight") for name in tensors)
         layers = tuple((tensors[f"actor.{k}.weight"], tensors[f"actor.{k}.bias"]) for k in range(depth))
         return cls(layers, tensors["mean"], tensors["scale"], config.activation, config.bound)
 
     def save(self, path: Path, record: Mapping[str, Any]) -> None:
-        """`path` (.safetensors) and beside it the record (.json): configuration, samples, provenance."""
+        """Write `path` (.safetensors) and the record beside it (.json): configuration, provenance, ..."""
         with atomic(path) as temporary:
-            # By Python, whose error says which file it is that the disk is too full for.
+            # Written by Python: its error on a full disk names the file.
             temporary.write_bytes(save(self.tensors()))
         write_json(path.with_suffix(".json"), {**record, "schema": POLICY_SCHEMA, "body": body_identity()})
 
     @classmethod
     def load(cls, path: Path) -> tuple[Policy, dict[str, Any]]:
-        """Policy and record; a KinemimicError says what does not fit."""
+        """Policy and record; KinemimicError for files that are damaged or do not fit together."""
         record = read_record(path.with_suffix(".json"))
-        convert(record, _Record, path.with_suffix(".json"), advice=_AGAIN)
+        convert(record, _Record, path.with_suffix(".json"), advice=_ADVICE)
         if record["body"] != body_identity():
             raise KinemimicError(
-                f"{path}: expected a policy for this version's body, found one that learnt on another "
-                "(other lengths, masses or motors), on which it would fall; train again"
+                f"{path}: expected a policy for this version's body, found one trained on another "
+                "(other lengths, masses or motors), which would make it fall; train again"
             )
         tensors = _read_tensors(path)
         config = TrainConfig.from_json(record["config"], path.with_suffix(".json"), ("config",))
         try:
-            policy = cls.of_tensors(tensors, config)
+            policy = cls.from_tensors(tensors, config)
         except KeyError as error:
             raise KinemimicError(
                 f"{path}: expected the tensor {error}, found {', '.join(sorted(tensors))}"
@@ -118,15 +121,17 @@ class Policy:
         wanted = observation_size(config.env), ACTIONS
         if (shape := policy.shape) != wanted:
             raise KinemimicError(
-                f"{path}: expected {wanted[0]} observations and {wanted[1]} actions, as its configuration "
-                f"has them, found {shape[0]} and {shape[1]}"
+                f"{path}: expected {wanted[0]} observations and {wanted[1]} actions, by its configuration, "
+                f"found {shape[0]} and {shape[1]}"
             )
         if not (policy.scale > 0).all():
-            raise KinemimicError(f"{path}: expected a scale above zero, found {policy.scale.min()}; {_AGAIN}")
+            raise KinemimicError(
+                f"{path}: expected a scale above zero, found {policy.scale.min()}; {_ADVICE}"
+            )
         return policy, record
 
 
-# The names of schema 3 and those of schema 4, which are the field's.
+# Keys of schema 3 and of schema 4.
 _RENAMED = {
     "trials": "evaluations",
     "endured": "robust_return",
@@ -136,13 +141,14 @@ _RENAMED = {
     "passes": "epochs",
     "noise": "action_std",
     "learn_noise": "learn_action_std",
+    "trial": "evaluation",  # in seconds_by
 }
 
 
 def read_record(path: Path) -> dict[str, Any]:
-    """A policy's record (policy.json) as the present schema has it.
+    """A policy's record (policy.json) in the current schema.
 
-    A policy of schema 2 or earlier observed and did something else, and cannot be used: KinemimicError.
+    KinemimicError for schema 2 and before: such policies had other observations and actions.
     """
     record = read_json(path)
     return upgraded(
@@ -150,7 +156,7 @@ def read_record(path: Path) -> dict[str, Any]:
         path,
         kind="a policy",
         schema=POLICY_SCHEMA,
-        advice="train again",
+        advice=_ADVICE,
         upgrades={3: lambda older: renamed_keys(dict(older))},
     )
 
@@ -182,14 +188,14 @@ class _Record(Struct):
 
 
 def _read_tensors(path: Path) -> dict[str, Floats]:
-    """Finite float32 of one or two dimensions; a KinemimicError for anything else."""
+    """Tensors by name; KinemimicError unless finite float32 of one or two dimensions."""
     try:
         tensors: dict[str, Floats] = load(read_bounded(path, _LIMIT, "a policy (safetensors)"))
     except FileNotFoundError:
-        raise KinemimicError(f"{path}: expected a policy (safetensors), found no file; {_AGAIN}") from None
-    # Of types of numbers that numpy has not, safetensors tells in any of these.
+        raise KinemimicError(f"{path}: expected a policy (safetensors), found no file; {_ADVICE}") from None
+    # safetensors raises any of these for number types that numpy lacks.
     except (SafetensorError, AttributeError, KeyError, TypeError, ValueError) as error:
-        raise KinemimicError(f"{path}: expected a policy (safetensors), found {error}; {_AGAIN}") from None
+        raise KinemimicError(f"{path}: expected a policy (safetensors), found {error}; {_ADVICE}") from None
     for name, tensor in tensors.items():
         if tensor.dtype != np.float32 or tensor.ndim not in (1, 2):
             found = f"{tensor.dtype} of {tensor.ndim} dimensions"
@@ -198,17 +204,20 @@ def _read_tensors(path: Path) -> dict[str, Floats]:
         else:
             continue
         raise KinemimicError(
-            f"{path}: expected finite float32 of one or two dimensions in {name!r}, found {found}; {_AGAIN}"
+            f"{path}: expected finite float32 of one or two dimensions in {name!r}, found {found}; {_ADVICE}"
         )
     return tensors
 
 
-def learnt(run: Path) -> tuple[Motion, Policy, dict[str, Any]]:
-    """A run's motion, the policy that learnt it, and the policy's record; a KinemimicError if it did not."""
+def load_trained(run: Path) -> tuple[Motion, Policy, dict[str, Any]]:
+    """A run's motion, the policy trained on it, and the policy's record.
+
+    KinemimicError if there is no policy, or it was trained on another motion.
+    """
     motion, path = read_motion_json(run / "motion.json"), run / POLICY
     if not path.exists():
         raise KinemimicError(f"{path}: expected a policy, found no file; run `kinemimic train` first")
     policy, record = Policy.load(path)
     if record["provenance"].get("inputs", {}).get("motion") != motion.identity:
-        raise KinemimicError(f"{path}: expected a policy for this motion, found another's; train again")
+        raise KinemimicError(f"{path}: expected a policy for this motion, found one for another; train again")
     return motion, policy, record

@@ -1,7 +1,8 @@
-"""Ordeals: how a policy that trains under hardships does under all of them, without noise.
+"""Robustness evaluations: the return of a policy under its full domain randomization, without noise.
 
-A calm trial cannot tell: whoever was never pushed does best in it, and falls at the first push. The hardships
-are drawn from seeds of their own, the same for every policy, so that two can be compared.
+An evaluation without perturbations cannot tell robust policies from others: a policy that was never pushed
+does best in it and falls at the first push. The draws have their own seeds, the same for every policy, so
+that policies compare.
 """
 
 from __future__ import annotations
@@ -19,11 +20,11 @@ from kinemimic.train.sim.engines import open_world
 from kinemimic.train.task.domain_randomization import RandomizationSample, draw
 from kinemimic.train.task.env import ImitationBatch
 
-FIGURES = 16
+ROBUSTNESS_EPISODES = 16
 
 
 class RobustnessEvaluation:
-    """Figures that face the hardships with some of the numbers 0 to FIGURES - 1, one each."""
+    """One episode for each of some `numbers` (0 to ROBUSTNESS_EPISODES - 1) of the random draw."""
 
     def __init__(self, reference: Reference, config: EnvConfig, numbers: Sequence[int], engine: str) -> None:
         self.numbers = tuple(numbers)
@@ -32,11 +33,12 @@ class RobustnessEvaluation:
         drawn = [draw(config.domain_randomization, 1.0, np.random.default_rng(number)) for number in numbers]
         self._conditions = RandomizationSample.concatenated(drawn)
         self._seeds = np.array(numbers, dtype=np.uint64)
-        # A cycle is begun all around; what is performed once has one beginning.
-        self._phases = np.array(numbers) / FIGURES if reference.cyclic else np.zeros(self._size)
+        # Episodes start all around a cycle; a non-cyclic motion has one start.
+        starts = np.array(numbers) / ROBUSTNESS_EPISODES
+        self._phases = starts if reference.cyclic else np.zeros(self._size)
 
     def robust_returns(self, policy: Policy, reward: RewardConfig) -> list[float]:
-        """Of each figure the mean reward of an episode, 0 after a fall, as a share of the largest."""
+        """Mean reward of each episode, 0 after a fall, as a share of the largest possible."""
         batch = self._batch
         batch.reward = reward
         batch.reset(np.arange(self._size), self._phases, self._conditions, self._seeds)

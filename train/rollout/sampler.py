@@ -1,8 +1,8 @@
-"""Rollouts: figures that act with a numpy policy, and the samples that come of it.
+"""Training samples: environments stepped with a numpy policy and exploration noise.
 
-Every round of samples begins with figures that are put anew into the state that they are in, so that the
-engine forgets its contacts and warm starts. All that a round depends on is then in a few arrays, and what is
-resumed from them goes on as if it had never been interrupted, to the last bit.
+Every round resets the humanoids to the state they are in, so that the engine forgets contacts and warm
+starts. A few arrays then hold all that a round depends on, and a training resumed from them continues bit for
+bit as if it had never been interrupted.
 """
 
 from __future__ import annotations
@@ -25,23 +25,23 @@ from kinemimic.train.sim.engines import open_world
 from kinemimic.train.task.domain_randomization import RandomizationSample, draw
 from kinemimic.train.task.env import TASK, ImitationBatch, observation_size
 
-# What a worker does beside the simulation and the task of `env.py`; inference has the exploration's noise.
+# Where a worker's time goes, beside SIMULATION and TASK of `env.py`; inference includes exploration noise.
 INFERENCE = "inference"
 BOOKKEEPING = "bookkeeping"
 
-# All that the next samples of E figures depend on beside the policy: arrays (E, ...) by name.
-Figures = Mapping[str, NDArray[Any]]
-_RANDOM = "random"  # among them (E, 6): state of PCG64 and its increment, two words each, and half a draw
+# All that the next samples of E environments depend on beside the policy: arrays (E, ...) by name.
+EnvStates = Mapping[str, NDArray[Any]]
+_RANDOM = "random"  # one of them, (E, 6): PCG64's state and increment, two words each, and half a draw
 _WORD = (1 << 64) - 1
 
 
 @dataclass(frozen=True)
 class Samples:
-    """T steps of E figures.
+    """T steps of E environments.
 
-    observations: (T, E, O) raw, before the step; actions: (T, E, A); terms: (T, E, K);
-    terminated, truncated: (T, E); final: (T, E, O) raw observation after the step, before a reset;
-    lengths: (episodes,) steps of the episodes that ended; exploded: how many of them by an explosion.
+    observations: (T, E, O) raw, before the step; actions: (T, E, A); terms: (T, E, K) of the reward;
+    terminated, truncated: (T, E); next_observations: (T, E, O) raw, after the step, before a reset;
+    episode_lengths: (episodes,) steps of the episodes that ended; exploded: how many the engine ended.
     """
 
     observations: Floats
@@ -49,20 +49,20 @@ class Samples:
     terms: Floats
     terminated: NDArray[np.bool_]
     truncated: NDArray[np.bool_]
-    final: Floats
-    lengths: NDArray[np.int64]
+    next_observations: Floats
+    episode_lengths: NDArray[np.int64]
     exploded: int
 
     def packed(self) -> Samples:
-        """Without the part of `final` (then (M, O)) that the next step's observation repeats."""
-        return replace(self, final=self.final[self._last()])
+        """Without the rows of next_observations, then (M, O), that the next step's observation repeats."""
+        return replace(self, next_observations=self.next_observations[self._last()])
 
     def unpacked(self) -> Samples:
         """The inverse of `packed`."""
-        final = np.empty_like(self.observations)
-        final[:-1] = self.observations[1:]
-        final[self._last()] = self.final
-        return replace(self, final=final)
+        next_observations = np.empty_like(self.observations)
+        next_observations[:-1] = self.observations[1:]
+        next_observations[self._last()] = self.next_observations
+        return replace(self, next_observations=next_observations)
 
     def _last(self) -> NDArray[np.bool_]:
         """(T, E) whether no step of the same episode follows."""
@@ -72,10 +72,10 @@ class Samples:
 
 
 class Sampler:
-    """Figures of one worker, with a random generator each, so that a figure's fate is its own.
+    """Environments of one worker, each with its own random generator, so that none depends on the others.
 
-    `begin` and `end` enclose a round; between them they are stepped by `sample`, or from outside by `batch`
-    and `restart` (`rival_env.py`).
+    `begin_round` and `end_round` enclose a round. In between `sample` steps the environments, or the caller
+    does with `batch` and `restart` (`baselines/env.py`).
     """
 
     def __init__(
@@ -98,30 +98,30 @@ class Sampler:
 
     @property
     def seconds(self) -> dict[str, float]:
-        """Where the time of the last `sample` went."""
+        """Seconds of the last `sample` by what they were spent on."""
         return self.batch.timer.seconds
 
-    def figures(self) -> Figures:
-        """What the next `sample` begins with."""
-        return {**self._next, _RANDOM: np.array([_words(random) for random in self._randoms])}
+    def env_states(self) -> EnvStates:
+        """The state from which the next round starts."""
+        return {**self._next, _RANDOM: np.array([_generator_state(random) for random in self._randoms])}
 
-    def place(self, figures: Figures) -> None:
-        """Let the next `sample` begin with these figures, of another sampler of as many."""
-        self._next = {name: array for name, array in figures.items() if name != _RANDOM}
-        for random, words in zip(self._randoms, figures[_RANDOM].tolist(), strict=True):
-            _set_words(random, words)
+    def set_env_states(self, env_states: EnvStates) -> None:
+        """Start the next round from the `env_states` of a sampler with as many environments."""
+        self._next = {name: array for name, array in env_states.items() if name != _RANDOM}
+        for random, words in zip(self._randoms, env_states[_RANDOM].tolist(), strict=True):
+            _set_generator_state(random, words)
 
-    def begin(self, reward: RewardConfig) -> None:
-        """Put the figures anew where they are, under the reward now in force."""
+    def begin_round(self, reward: RewardConfig) -> None:
+        """Reset the humanoids to the state they are in; this reward applies from now on."""
         self.batch.reward = reward
         self.batch.restore(self._next)
 
-    def end(self) -> None:
-        """Keep what the next `begin` begins with."""
+    def end_round(self) -> None:
+        """Store the state from which the next round starts."""
         self._next = self.batch.snapshot()
 
     def run_episodes(self, policy: Policy, reward: RewardConfig, phases: Sequence[float]) -> list[Episode]:
-        """Performances from these phases, by a figure apart from those that train."""
+        """Evaluation episodes from these phases, in an environment apart from those of the training."""
         if self._evaluator is None:
             self._evaluator = Evaluator(self._motion, self.batch.reference, self._config, self._engine)
         return [self._evaluator.run_episode(policy, reward, phase) for phase in phases]
@@ -138,7 +138,7 @@ class Sampler:
         return self._robustness.robust_returns(policy, reward)
 
     def restart(self, indices: NDArray[np.intp], strength: float) -> None:
-        """Begin new episodes under hardships of this strength."""
+        """Begin new episodes; strength: 0 to 1, of the domain randomization."""
         config, randoms = self._config, [self._randoms[index] for index in indices]
         phases = np.array([start_phase(config, random) for random in randoms])
         drawn = [draw(config.domain_randomization, strength, random) for random in randoms]
@@ -148,7 +148,7 @@ class Sampler:
         self.batch.reset(indices, phases, RandomizationSample.concatenated(drawn), seeds)
 
     def _exploration(self, action_std: Floats, steps: int) -> Floats:
-        """(T, E, A) noise of standard deviations (A,), each figure's from its own generator."""
+        """Noise (T, E, A) of standard deviations (A,), drawn from each environment's own generator."""
         draws = np.empty((steps, len(self._randoms), len(action_std)), dtype=np.float32)
         for k, random in enumerate(self._randoms):
             draws[:, k] = random.standard_normal((steps, len(action_std)), dtype=np.float32)
@@ -158,19 +158,20 @@ class Sampler:
     def sample(
         self, policy: Policy, action_std: Floats, reward: RewardConfig, strength: float, steps: int
     ) -> Samples:
-        """Steps with exploration noise of standard deviation `noise` (A,) per action.
+        """Samples of `steps` steps.
 
-        strength: of the hardships of the episodes that begin here, 0 to 1.
+        action_std: (A,) standard deviation of the exploration noise; strength: 0 to 1, of the domain
+        randomization in episodes that begin in this round.
         """
         batch, size, width = self.batch, len(self._randoms), observation_size(self._config)
         batch.timer.restart()
-        self.begin(reward)
-        # One row more: what the last step led to is the first observation of the next call.
+        self.begin_round(reward)
+        # One more row: the observation after the last step.
         observations = np.empty((steps + 1, size, width), dtype=np.float32)
-        final = np.empty((steps, size, width), dtype=np.float32)
+        next_observations = np.empty((steps, size, width), dtype=np.float32)
         terms = np.empty((steps, size, len(reward.weights)), dtype=np.float32)
         terminated, truncated = np.empty((2, steps, size), dtype=np.bool_)
-        lengths: list[int] = []
+        episode_lengths: list[int] = []
         exploded = 0
         actions = self._exploration(action_std, steps)
         batch.timer.lap(INFERENCE)
@@ -181,17 +182,17 @@ class Sampler:
             batch.timer.lap(INFERENCE)
             step = batch.step(actions[t])
             batch.timer.lap(TASK)
-            final[t] = observations[t + 1] = step.observations
+            next_observations[t] = observations[t + 1] = step.observations
             terms[t], terminated[t], truncated[t] = step.terms, step.terminated, step.truncated
             ended = np.flatnonzero(step.terminated | step.truncated)
             batch.timer.lap(BOOKKEEPING)
             if len(ended):
-                lengths += batch.ages[ended].tolist()
+                episode_lengths += batch.ages[ended].tolist()
                 exploded += int(step.exploded.sum())
                 self.restart(ended, strength)
                 observations[t + 1, ended] = batch.observe()[ended]
                 batch.timer.lap(TASK)
-        self.end()
+        self.end_round()
         batch.timer.lap(TASK)
         return Samples(
             observations=observations[:-1],
@@ -199,29 +200,29 @@ class Sampler:
             terms=terms,
             terminated=terminated,
             truncated=truncated,
-            final=final,
-            lengths=np.array(lengths, dtype=np.int64),
+            next_observations=next_observations,
+            episode_lengths=np.array(episode_lengths, dtype=np.int64),
             exploded=exploded,
         )
 
 
 def start_phase(config: EnvConfig, random: np.random.Generator) -> float:
-    """The phase at which an episode begins."""
+    """Phase at which an episode begins."""
     if not config.start_anywhere:
         return 0.0
     return random.random() if config.scenario is None else float(config.scenario.phase.draw(random)[0])
 
 
-def _words(random: np.random.Generator) -> NDArray[np.uint64]:
-    """(6,) the whole state of a generator on PCG64."""
+def _generator_state(random: np.random.Generator) -> NDArray[np.uint64]:
+    """The complete state (6,) of a generator on PCG64."""
     state = random.bit_generator.state
     number, step = state["state"]["state"], state["state"]["inc"]
     words = [number >> 64, number & _WORD, step >> 64, step & _WORD, state["has_uint32"], state["uinteger"]]
     return np.array(words, dtype=np.uint64)
 
 
-def _set_words(random: np.random.Generator, words: list[int]) -> None:
-    """The inverse of `_words`."""
+def _set_generator_state(random: np.random.Generator, words: list[int]) -> None:
+    """The inverse of `_generator_state`."""
     random.bit_generator.state = {
         "bit_generator": "PCG64",
         "state": {"state": words[0] << 64 | words[1], "inc": words[2] << 64 | words[3]},

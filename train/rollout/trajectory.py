@@ -1,4 +1,4 @@
-"""What a policy did: rollouts of the simulated figure beside the reference that it was asked to perform."""
+"""Trajectories: rollouts of the simulated humanoid beside its reference, and their file."""
 
 from __future__ import annotations
 
@@ -17,22 +17,22 @@ from kinemimic.pipeline.files.schema import unchanged, upgraded
 from kinemimic.pipeline.files.store import atomic
 
 TRAJECTORY_SCHEMA = 1
-_LIMIT = 1024 * MEGABYTE  # five hours of a performance; a walk's take 15 MB
-_AGAIN = "run `evaluate` again"
+_LIMIT = 1024 * MEGABYTE  # five hours; a walk's rollouts take 15 MB
+_ADVICE = "run `evaluate` again"
 
 
 @dataclass(frozen=True)
 class Trajectory:
     """S rollouts of F frames at 30 Hz; frame f is the state after f + 1 control steps.
 
-    start_phases: (S,) where in the reference each rollout began, 0 to 1 of its duration;
-    phases: (S, F) the reference's phase at each frame, in durations, not wrapped;
+    start_phases: (S,) phase of the reference at the start, 0 to 1;
+    phases: (S, F) phase of the reference at each frame, in durations, not wrapped;
     root, reference_root: (S, F, 3) hip centre, metres; rotations, reference_rotations: (S, F, 20, 4) local;
-    rewards: (S, F, K) terms in the sequence of reward_names (K,); they are counted after a fall too;
-    fallen_at: (S,) first frame of a fall, F if there was none: the rollout goes on regardless;
-    torques: (S, F, 14) largest torque of each joint within the control step, N·m;
-    contacts: (S, F, 2) left, right foot on the ground;
-    contact_forces: (S, F, 15, 3) force of all contacts on each body in the last physics step, N.
+    rewards: (S, F, K) terms in the order of reward_names (K,), after a fall too;
+    fallen_at: (S,) frame of the first fall, after which the rollout goes on; F without a fall;
+    torques: (S, F, 14) peak torque of each joint within the control step, N·m;
+    contacts: (S, F, 2) whether the left and right foot touch the ground;
+    contact_forces: (S, F, 15, 3) sum of the contact forces on each body in the last physics step, N.
     """
 
     start_phases: Array
@@ -56,7 +56,7 @@ class Trajectory:
 
     @classmethod
     def load(cls, path: Path) -> Trajectory:
-        """Read what `save` wrote; nothing is unpickled. A KinemimicError says what is not so."""
+        """Read the file that `save` wrote; nothing is unpickled. KinemimicError for any other file."""
         require_regular(path, "a trajectory")
         try:
             _check_sizes(path)
@@ -67,7 +67,7 @@ class Trajectory:
                     path,
                     kind="a trajectory",
                     schema=TRAJECTORY_SCHEMA,
-                    advice=_AGAIN,
+                    advice=_ADVICE,
                     upgrades={0: unchanged},
                 )
                 trajectory = cls(**{f.name: data[f.name] for f in fields(cls)})
@@ -75,22 +75,22 @@ class Trajectory:
             raise KinemimicError(
                 f"{path}: expected a trajectory, found no file; run `evaluate` first"
             ) from None
-        # RuntimeError: encrypted, or packed as nobody does; MemoryError: a header that tells lies.
+        # RuntimeError: encrypted, or an unusual compression; MemoryError: a false header.
         except (
             KeyError, TypeError, ValueError, OSError, EOFError, RuntimeError, MemoryError,
             zipfile.BadZipFile, zlib.error,
         ):  # fmt: skip
-            # numpy's own words advise to unpickle what it cannot read.
+            # numpy's own message suggests to allow pickles.
             raise KinemimicError(
                 f"{path}: expected a trajectory, found a damaged or another file, or an earlier version's; "
-                + _AGAIN
+                + _ADVICE
             ) from None
         if found := trajectory._misfit():
-            raise KinemimicError(f"{path}: expected a trajectory, found {found}; {_AGAIN}")
+            raise KinemimicError(f"{path}: expected a trajectory, found {found}; {_ADVICE}")
         return trajectory
 
     def _misfit(self) -> str | None:
-        """What is not as the class says, in words."""
+        """A description of the first array that does not have the shape, type or values above."""
         rollouts, frames = self.phases.shape if self.phases.ndim == 2 else (0, 0)
         if not rollouts or not frames:
             return "no rollouts"
@@ -121,13 +121,13 @@ class Trajectory:
 
 
 def _check_sizes(path: Path) -> None:
-    """ValueError where unpacking would take more memory than any trajectory does.
+    """ValueError if unpacking would take more than _LIMIT, by the sizes in the archive's directory.
 
-    Of each array no more is unpacked than the archive's directory says.
+    zipfile unpacks no more of a member than the directory says.
     """
     with zipfile.ZipFile(path) as archive:
         infos = archive.infolist()
     if sum(info.file_size for info in infos) > _LIMIT:
         raise ValueError("too large")
     if any(info.compress_type not in (zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED) for info in infos):
-        raise ValueError("packed otherwise than numpy does")
+        raise ValueError("a compression that numpy does not use")

@@ -1,4 +1,4 @@
-"""Workers: processes that share the figures of a training, one for every core."""
+"""Worker processes that share the environments of a training, one for every core."""
 
 from __future__ import annotations
 
@@ -19,13 +19,13 @@ from kinemimic.retarget.humanoid.motion import Motion
 from kinemimic.train.config.config import EnvConfig, RewardConfig
 from kinemimic.train.rollout.evaluation import Episode
 from kinemimic.train.rollout.policy import Policy
-from kinemimic.train.rollout.robustness import FIGURES
-from kinemimic.train.rollout.sampler import Figures, Sampler, Samples
+from kinemimic.train.rollout.robustness import ROBUSTNESS_EPISODES
+from kinemimic.train.rollout.sampler import EnvStates, Sampler, Samples
 from kinemimic.train.task.timer import summed
 
 
 def answer(sampler: Sampler, request: str, arguments: tuple[Any, ...]) -> Any:
-    """What a worker sends back: what the sampler's method `request` returns; samples packed, with seconds."""
+    """A worker's answer: the result of the sampler's method `request`; samples packed and with seconds."""
     found = getattr(sampler, request)(*arguments)
     return (found.packed(), sampler.seconds) if request == "sample" else found
 
@@ -37,7 +37,7 @@ def _serve(
     seeds: list[np.random.SeedSequence],
     engine: str,
 ) -> None:
-    # The parent ends its workers; a signal to the whole group must not take them from it in mid-round.
+    # The parent ends its workers; a signal to the process group must not kill them in mid-round.
     signal.signal(signal.SIGTERM, signal.SIG_IGN)
     try:
         sampler = Sampler(motion, config, seeds, engine)
@@ -55,9 +55,9 @@ def _serve(
 
 
 class Workers:
-    """`count` processes that share E figures; use as a context.
+    """`count` processes that share E environments; a context manager.
 
-    seconds: where the workers' time went in all calls of `sample` so far, mean over the workers.
+    seconds: spent in all calls of `sample` so far, by purpose, mean over the workers.
     """
 
     def __init__(
@@ -84,37 +84,38 @@ class Workers:
         return answers
 
     def _ask(self, request: str, arguments: Sequence[tuple[Any, ...]]) -> list[Any]:
-        """What each worker's sampler answers to the method `request` with its own arguments."""
+        """Call the method `request` of each worker's sampler with that worker's arguments."""
         for worker, given in zip(self._workers, arguments, strict=True):
             worker.send((request, given))
         return self._answers()
 
-    def figures(self) -> Figures:
-        """What the next `sample` begins with, for all figures."""
-        parts = self._ask("figures", [()] * self._count)
-        return {name: _dealt_back([part[name] for part in parts]) for name in parts[0]}
+    def env_states(self) -> EnvStates:
+        """The state of all environments from which the next round starts."""
+        parts = self._ask("env_states", [()] * self._count)
+        return {name: _interleaved([part[name] for part in parts]) for name in parts[0]}
 
-    def place(self, figures: Figures) -> None:
-        """Let the next `sample` begin with these figures; they may come from another number of workers."""
+    def set_env_states(self, env_states: EnvStates) -> None:
+        """Start the next round from these states, which may come from another number of workers."""
         count = self._count
-        self._ask("place", [({n: array[k::count] for n, array in figures.items()},) for k in range(count)])
+        shares = [{name: array[k::count] for name, array in env_states.items()} for k in range(count)]
+        self._ask("set_env_states", [(share,) for share in shares])
 
     def run_episodes(self, policy: Policy, reward: RewardConfig, phases: Sequence[float]) -> list[Episode]:
-        """Performances from these phases, in their order, as many at a time as there are workers."""
+        """Evaluation episodes from these phases, in their order."""
         count = self._count
         parts = self._ask("run_episodes", [(policy, reward, phases[k::count]) for k in range(count)])
         return [parts[k % count][k // count] for k in range(len(phases))]
 
     def robust_returns(self, policy: Policy, reward: RewardConfig) -> list[float]:
-        """What each of the figures of `ordeal.py` endures, in the sequence of their numbers."""
-        count, numbers = self._count, range(FIGURES)
+        """Robust returns (`robustness.py`) of all ROBUSTNESS_EPISODES draws, in their order."""
+        count, numbers = self._count, range(ROBUSTNESS_EPISODES)
         parts = self._ask("robust_returns", [(policy, reward, numbers[k::count]) for k in range(count)])
         return [parts[k % count][k // count] for k in numbers]
 
     def sample(
         self, policy: Policy, action_std: Floats, reward: RewardConfig, strength: float, steps: int
     ) -> Samples:
-        """Samples of all workers, figures side by side."""
+        """Samples of all workers, joined along the environments; see `Sampler.sample`."""
         received = self._ask("sample", [(policy, action_std, reward, strength, steps)] * self._count)
         parts = [samples.unpacked() for samples, _ in received]
         shares = ({name: spent / len(parts) for name, spent in seconds.items()} for _, seconds in received)
@@ -122,10 +123,10 @@ class Workers:
         joined: dict[str, Any] = {
             f.name: np.concatenate([getattr(part, f.name) for part in parts], axis=1)
             for f in fields(Samples)
-            if f.name not in ("lengths", "exploded")
+            if f.name not in ("episode_lengths", "exploded")
         }
-        lengths = np.concatenate([part.lengths for part in parts])
-        return Samples(**joined, lengths=lengths, exploded=sum(part.exploded for part in parts))
+        lengths = np.concatenate([part.episode_lengths for part in parts])
+        return Samples(**joined, episode_lengths=lengths, exploded=sum(part.exploded for part in parts))
 
     def __enter__(self) -> Workers:
         return self
@@ -137,9 +138,9 @@ class Workers:
             worker.end(patience=5.0)
 
 
-def _dealt_back(hands: list[NDArray[Any]]) -> NDArray[Any]:
-    """(E, ...) of which each worker holds every count-th row, beginning with its own number."""
-    together = np.empty((sum(map(len, hands)), *hands[0].shape[1:]), dtype=hands[0].dtype)
-    for k, hand in enumerate(hands):
-        together[k :: len(hands)] = hand
-    return together
+def _interleaved(parts: list[NDArray[Any]]) -> NDArray[Any]:
+    """Rows (E, ...) of all workers; worker k of n holds rows k, k + n, k + 2n, ..."""
+    joined = np.empty((sum(map(len, parts)), *parts[0].shape[1:]), dtype=parts[0].dtype)
+    for k, part in enumerate(parts):
+        joined[k :: len(parts)] = part
+    return joined

@@ -1,1 +1,4 @@
-"""."""
+"""The training loop for any algorithm: rounds of rollout and update, evaluations, checkpoints.
+
+In: an `Algorithm` and its `Runner`. Out: the trained state, a checkpoint file, TensorBoard curves.
+"""

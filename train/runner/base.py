@@ -1,4 +1,4 @@
-"""What a training needs of whatever learns, so that rounds, trials and checkpoints are the same for all."""
+"""Interfaces between the training loop and the algorithms, ours and the baselines."""
 
 from __future__ import annotations
 
@@ -11,22 +11,22 @@ from torch import Tensor
 from kinemimic.train.config.config import RewardConfig, TrainConfig
 from kinemimic.train.rollout.evaluation import Episode
 from kinemimic.train.rollout.policy import Policy
-from kinemimic.train.rollout.sampler import Figures
+from kinemimic.train.rollout.sampler import EnvStates
 from kinemimic.train.task.timer import Seconds
 
-# Where a round's time goes; a practice says what became of the rollout's.
+# Where a round's time goes; a runner divides the rollout's further.
 ROLLOUT = "rollout"
 UPDATE = "update"
 OTHER = "other"
 
 
 @dataclass
-class Progress:
-    """What changes from round to round beside the networks.
+class TrainingProgress:
+    """Counters of a training.
 
-    seconds_by: where the wall time of training went, this call's and those before it (`timer.py`);
-    exploded: figures that the engine lost so far; losses: the critic's `normalized_loss` of each round since
-    the last trial.
+    seconds_by: wall time by purpose (`timer.py`), of this call and those before it; exploded: humanoids
+    whose state the engine lost so far; losses: the critic's `normalized_loss` of each round since the last
+    evaluation.
     """
 
     samples: int = 0
@@ -37,62 +37,64 @@ class Progress:
 
 
 class Algorithm(Protocol):
-    """What is learnt: networks, optimisers, normaliser, and all else that a checkpoint holds."""
+    """Networks, optimisers, normaliser, and all other state that a checkpoint holds."""
 
     @property
     def config(self) -> TrainConfig: ...
 
     @property
-    def progress(self) -> Progress: ...
+    def progress(self) -> TrainingProgress: ...
 
     def policy(self) -> Policy:
-        """What it would do now, without exploration."""
+        """The current policy, without exploration."""
 
     def tensors(self) -> dict[str, Tensor]:
-        """Every array of it."""
+        """All arrays of the state."""
 
     def record(self) -> dict[str, Any]:
-        """All else of it, as JSON."""
+        """The rest of the state, as JSON."""
 
     def restore(self, tensors: dict[str, Tensor], record: dict[str, Any]) -> None:
-        """Take up what `tensors` and `record` once gave."""
+        """Restore the state from `tensors` and `record`."""
 
-    def notes(self) -> dict[str, Any]:
-        """What the policy's record says of this way of learning alone."""
+    def record_extras(self) -> dict[str, Any]:
+        """Entries of the policy's record that only this algorithm has."""
 
 
 class Runner(Protocol):
-    """What learns, together with the figures that it learns on."""
+    """An algorithm together with its training environments."""
 
     @property
-    def patience(self) -> float:
-        """How many times longer than others it waits between two checkpoints, for theirs are large."""
+    def checkpoint_interval_factor(self) -> float:
+        """Factor on the time between two checkpoints, above 1 if they are large."""
 
-    def begin(self, figures: Figures | None) -> None:
-        """Before the first round of a call: with the figures of a checkpoint, None without one."""
+    def start(self, env_states: EnvStates | None) -> None:
+        """Prepare the first round of a call; env_states: of a checkpoint, None without one."""
 
     def round(self) -> dict[str, float]:
-        """Sample and learn, ROLLOUT and UPDATE on the timer; returns what is worth logging.
+        """Sample and update, with laps ROLLOUT and UPDATE on the timer; returns scalars to log.
 
-        FloatingPointError if what it learns became infinite or NaN.
+        FloatingPointError if a weight or loss became infinite or NaN.
         """
 
     def seconds(self) -> Seconds:
-        """What the timer says, with the parts of the rollout in its place."""
+        """The timer's seconds, with the rollout divided into its parts."""
 
-    def figures(self) -> Figures:
-        """What the next round begins with."""
+    def env_states(self) -> EnvStates:
+        """The state of the environments from which the next round starts."""
 
     def run_episodes(
         self, policy: Policy, reward: RewardConfig, phases: Sequence[float]
     ) -> Sequence[Episode]:
-        """Performances from these phases (`trial.py`)."""
+        """Evaluation episodes from these phases (`rollout/evaluation.py`)."""
 
     def robust_returns(self, policy: Policy, reward: RewardConfig) -> Sequence[float]:
-        """What each of the figures of `ordeal.py` endures."""
+        """Robust returns (`rollout/robustness.py`)."""
 
 
 def normalized_loss(squared_error: float, variance: float) -> float:
-    """A critic's mean squared error as a share of its targets' variance: 1 is a critic that knows but their
-    mean, whatever the size of rewards and the way to learn. 0 where the targets do not vary."""
+    """A critic's mean squared error as a share of its targets' variance, 0 if the targets do not vary.
+
+    A critic that only knows the mean has 1, whatever the size of the rewards and the algorithm.
+    """
     return squared_error / variance if variance > 0.0 else 0.0

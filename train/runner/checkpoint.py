@@ -1,4 +1,4 @@
-"""Checkpoints: one safetensors file with all arrays of a training, its record in the file's metadata."""
+"""Checkpoints: a safetensors file with all arrays of a training, and its record in the metadata."""
 
 from __future__ import annotations
 
@@ -22,49 +22,49 @@ from kinemimic.pipeline.files.store import atomic
 from kinemimic.pipeline.files.strict_json import strict_json
 from kinemimic.train.rollout.evaluation import Evaluation
 from kinemimic.train.rollout.policy import Policy
-from kinemimic.train.rollout.sampler import Figures
+from kinemimic.train.rollout.sampler import EnvStates
 from kinemimic.train.runner.base import Algorithm
 
 CHECKPOINT_SCHEMA = 6
-_LEARNER, _FIGURES, _BEST = "learner.", "figures.", "best."
-_MEMORY = "memory."  # of a rival, among what is the learner's
+_ALGORITHM, _ENV_STATES, _BEST = "algorithm.", "env_states.", "best."
+_MEMORY = "memory."  # a baseline's replay buffer, among the algorithm's arrays
 
 Arrays = dict[str, NDArray[Any]]
 
 
 @dataclass
-class Training:
-    """All that a training is between two rounds.
+class TrainingState:
+    """The complete state of a training between two rounds.
 
-    figures: what the next round begins with, None before the first one; best: the policy of the best trial.
+    env_states: of the next round's start, None before the first one; best: policy of the best evaluation.
     """
 
-    learner: Algorithm
-    figures: Figures | None = None
-    trials: list[Evaluation] = field(default_factory=list)
+    algorithm: Algorithm
+    env_states: EnvStates | None = None
+    evaluations: list[Evaluation] = field(default_factory=list)
     best: Policy | None = None
 
 
-def save(path: Path, training: Training, motion: str) -> None:
-    """Write a training; `motion` is the content hash of what it learns to imitate.
+def save(path: Path, training: TrainingState, motion: str) -> None:
+    """Write a training; `motion` is the content hash of the motion.
 
-    FloatingPointError, and nothing written, if the learner holds what is infinite or NaN.
+    FloatingPointError, and nothing written, if the algorithm holds infinite or NaN values.
     """
-    learner = training.learner
-    tensors = {name: tensor.numpy() for name, tensor in learner.tensors().items()}
-    if spoilt := [name for name, array in tensors.items() if not np.isfinite(array).all()]:
-        raise FloatingPointError(f"what it learnt became infinite or NaN ({', '.join(spoilt)})")
+    algorithm = training.algorithm
+    tensors = {name: tensor.numpy() for name, tensor in algorithm.tensors().items()}
+    if invalid := [name for name, array in tensors.items() if not np.isfinite(array).all()]:
+        raise FloatingPointError(f"{', '.join(invalid)} became infinite or NaN")
     arrays = {
-        **_named(_LEARNER, tensors),
-        **_named(_FIGURES, training.figures or {}),
+        **_named(_ALGORITHM, tensors),
+        **_named(_ENV_STATES, training.env_states or {}),
         **_named(_BEST, training.best.tensors() if training.best else {}),
     }
     record = {
         "schema": CHECKPOINT_SCHEMA,
         "motion": motion,
-        "config": learner.config.to_json(),
-        **learner.record(),
-        "evaluations": [trial.to_json() for trial in training.trials],
+        "config": algorithm.config.to_json(),
+        **algorithm.record(),
+        "evaluations": [evaluation.to_json() for evaluation in training.evaluations],
     }
     try:
         with atomic(path) as temporary:
@@ -72,15 +72,15 @@ def save(path: Path, training: Training, motion: str) -> None:
     except (OSError, SafetensorError) as error:
         found = getattr(error, "strerror", None) or error
         raise KinemimicError(
-            f"{path}: expected to write a checkpoint, found that it failed ({found}); the one before stays; "
-            "mend that, and the same command goes on from there"
+            f"{path}: expected to write a checkpoint, found that it failed ({found}); the last one stays; "
+            "fix that, and the same command continues from there"
         ) from None
 
 
-def restore(path: Path, training: Training, motion: str) -> bool:
-    """Load `path` into a training; False if it belongs to another motion or configuration (budget aside).
+def restore(path: Path, training: TrainingState, motion: str) -> bool:
+    """Load `path` into a training; False for another motion or configuration, budgets aside.
 
-    KinemimicError for a damaged one; the training is then of no use.
+    KinemimicError for a damaged checkpoint; the training is then unusable.
     """
     require_regular(path, "a checkpoint")
     try:
@@ -92,13 +92,12 @@ def restore(path: Path, training: Training, motion: str) -> bool:
         if schema != CHECKPOINT_SCHEMA:
             return False
         check = partial(convert, path=path, advice="delete it or train with --no-resume")
-        trials = check(record["evaluations"], list[Evaluation], within=("evaluations",))
-        if imitated != motion or stored != {**training.learner.config.to_json(), "budget": None}:
+        evaluations = check(record["evaluations"], list[Evaluation], within=("evaluations",))
+        if imitated != motion or stored != {**training.algorithm.config.to_json(), "budget": None}:
             return False
-        check(record["progress"], type(training.learner.progress), within=("progress",))
-        _take_up(training, arrays, record, trials)
-    # Of types of numbers that numpy has not, safetensors tells by an AttributeError; torch of shapes by a
-    # RuntimeError.
+        check(record["progress"], type(training.algorithm.progress), within=("progress",))
+        _load(training, arrays, record, evaluations)
+    # safetensors raises AttributeError for number types that numpy lacks, torch RuntimeError for shapes.
     except (
         OSError, KeyError, TypeError, ValueError, AttributeError, IndexError, RuntimeError, SafetensorError,
     ) as error:  # fmt: skip
@@ -109,25 +108,27 @@ def restore(path: Path, training: Training, motion: str) -> bool:
     return True
 
 
-def _take_up(training: Training, arrays: Arrays, record: dict[str, Any], trials: list[Evaluation]) -> None:
-    """KeyError, TypeError, ValueError or RuntimeError for what is not as `save` wrote it."""
-    learner = training.learner
-    tensors = {name: torch.from_numpy(array) for name, array in _below(_LEARNER, arrays).items()}
-    for name, own in learner.tensors().items():
-        # What a rival remembers grows; all else is as large as in one that has not learnt yet.
+def _load(
+    training: TrainingState, arrays: Arrays, record: dict[str, Any], evaluations: list[Evaluation]
+) -> None:
+    """KeyError, TypeError, ValueError or RuntimeError for content that `save` would not write."""
+    algorithm = training.algorithm
+    tensors = {name: torch.from_numpy(array) for name, array in _below(_ALGORITHM, arrays).items()}
+    for name, own in algorithm.tensors().items():
+        # A replay buffer grows; everything else has the size that it has before training.
         if name.startswith(_MEMORY):
             continue
         if (tensors[name].shape, tensors[name].dtype) != (own.shape, own.dtype):
             raise ValueError(f"{name} of shape {tuple(tensors[name].shape)} and type {tensors[name].dtype}")
-    learner.restore(tensors, record)
-    figures, best = _below(_FIGURES, arrays), _below(_BEST, arrays)
-    for name, array in figures.items():
-        if array.shape[:1] != (learner.config.num_envs,):
-            raise ValueError(f"{name} of shape {array.shape} for {learner.config.num_envs} figures")
-    training.figures = figures or None
-    training.trials = trials
-    training.best = Policy.of_tensors(best, learner.config) if best else None
-    if training.best is not None and training.best.shape != learner.policy().shape:
+    algorithm.restore(tensors, record)
+    env_states, best = _below(_ENV_STATES, arrays), _below(_BEST, arrays)
+    for name, array in env_states.items():
+        if array.shape[:1] != (algorithm.config.num_envs,):
+            raise ValueError(f"{name} of shape {array.shape} for {algorithm.config.num_envs} environments")
+    training.env_states = env_states or None
+    training.evaluations = evaluations
+    training.best = Policy.from_tensors(best, algorithm.config) if best else None
+    if training.best is not None and training.best.shape != algorithm.policy().shape:
         raise ValueError("a best policy whose layers do not fit")
 
 

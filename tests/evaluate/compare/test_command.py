@@ -15,7 +15,7 @@ from typing import Any
 
 import pytest
 from click.testing import CliRunner
-from peers.troupe import Troupe
+from peers.inline_workers import InlineWorkers
 
 from kinemimic.evaluate.compare import command as module
 from kinemimic.evaluate.compare.command import compare, increasing
@@ -65,7 +65,7 @@ def here(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
 
     monkeypatch.setitem(PRESETS, "default", SMALL)
     monkeypatch.setattr(module, "side_by_side", one_by_one)
-    monkeypatch.setattr(training, "Workers", Troupe)
+    monkeypatch.setattr(training, "Workers", InlineWorkers)
     monkeypatch.setattr(rollouts, "parallel_map", lambda work, tasks, **_: [work(task) for task in tasks])
     monkeypatch.setattr(evaluation, "report", lambda *_: "<!doctype html>")
     earlier = signal.signal(signal.SIGINT, signal.default_int_handler)

@@ -42,7 +42,7 @@ def made(name: str, samples: int = 40, seed: int = 0) -> OneUpdate:
 def networks(update: Any) -> dict[str, torch.Tensor]:
     """All weights of each network that learns or follows."""
     if isinstance(update, PpoUpdate):
-        net = update.learner.net
+        net = update.algorithm.net
         return {"actor": net.actor.parameters.clone(), "critic": net.critic.parameters.clone()}
     policy = update.model.policy
     names = {
@@ -119,7 +119,7 @@ def test_same_seed_same_samples_and_weights(name: str) -> None:
 def test_ppos_step_is_one_of_its_training(monkeypatch: pytest.MonkeyPatch) -> None:
     """On all samples at once, as a round of one pass with one minibatch is."""
     seen: list[int] = []
-    for step in ("step_policy", "step_value"):
+    for step in ("actor_step", "critic_step"):
         theirs = getattr(PpoAlgorithm, step)
         monkeypatch.setattr(
             PpoAlgorithm,

@@ -19,7 +19,7 @@ from kinemimic.evaluate.policies.recipe import POLICIES
 from kinemimic.evaluate.robustness import push_trials
 from kinemimic.evaluate.robustness.push_trials import DIRECTIONS, Task, push_all_ways
 from kinemimic.train.config.config import TrainConfig
-from kinemimic.train.rollout.policy import learnt
+from kinemimic.train.rollout.policy import load_trained
 
 # N, around what the shipped walk survives, each a fifth more than the one before: whose pushes are a fifth
 # harder survives one fewer of them.
@@ -31,7 +31,7 @@ SURE = 0.01  # what chance does more rarely is no chance
 
 def survivals(engine: str, monkeypatch: pytest.MonkeyPatch, harder: float = 1.0) -> NDArray[np.int64]:
     """How many pushes of the grid, so many times as hard, each phase and direction survives: (P, 4)."""
-    motion, policy, record = learnt(POLICIES / "walk")
+    motion, policy, record = load_trained(POLICIES / "walk")
     config = TrainConfig.from_json(record["config"]).env
     with monkeypatch.context() as patched:
         patched.setattr(push_trials, "GRID", tuple(harder * force for force in GRID))

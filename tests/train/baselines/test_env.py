@@ -10,7 +10,7 @@ from stable_baselines3.common.vec_env import VecNormalize
 
 from kinemimic.retarget.humanoid.motion import Motion
 from kinemimic.train.baselines.env import ImitationVecEnv
-from kinemimic.train.baselines.replay_memory import Memory
+from kinemimic.train.baselines.replay_memory import RescalingReplayBuffer
 from kinemimic.train.config.config import PRESETS, DomainRandomization, EnvConfig
 from kinemimic.train.reference.reference import Reference
 from kinemimic.train.rollout.sampler import Sampler
@@ -24,7 +24,7 @@ CONFIG = replace(PRESETS["ddpg"], num_envs=FIGURES, env=replace(PRESETS["ddpg"].
 def figures(motion: Motion, env: EnvConfig = CONFIG.env, seed: int = 4) -> ImitationVecEnv:
     seeds = np.random.SeedSequence(seed).spawn(FIGURES)
     made = ImitationVecEnv(Sampler(motion, env, seeds, "pybullet"), replace(CONFIG, env=env))
-    made.begin(env.reward, 0.0)
+    made.begin_round(env.reward, 0.0)
     return made
 
 
@@ -78,7 +78,7 @@ def test_an_episode_that_ends_by_time_is_told_from_a_fall_and_the_next_begins_at
     np.testing.assert_array_equal(seen, env.sampler.batch.observe().astype(np.float32))
     assert (env.sampler.batch.ages == 0).all()
     assert not np.allclose(env.sampler.batch.phases, before + env.sampler.batch._increment)
-    assert env.tally.lengths == [5] * FIGURES
+    assert env.statistics.episode_lengths == [5] * FIGURES
 
 
 def test_a_fall_is_no_matter_of_time_and_earns_nothing(motion: Motion) -> None:
@@ -96,9 +96,9 @@ def test_figures_begin_where_those_of_our_ppo_begin(motion: Motion) -> None:
     )
     env = figures(motion, hard)
     sampler = Sampler(motion, hard, np.random.SeedSequence(4).spawn(FIGURES), "pybullet")
-    sampler.begin(hard.reward)
+    sampler.begin_round(hard.reward)
     np.testing.assert_array_equal(env.sampler.batch.phases, sampler.batch.phases)
-    env.begin(hard.reward, 1.0)
+    env.begin_round(hard.reward, 1.0)
     env.reset()
     sampler.restart(np.arange(FIGURES), 1.0)
     np.testing.assert_array_equal(env.sampler.batch.phases, sampler.batch.phases)
@@ -110,9 +110,10 @@ def test_old_samples_are_told_under_the_reward_in_force(motion: Motion) -> None:
     env, random = figures(motion), np.random.default_rng(0)
     early, late = CONFIG.reward(0), CONFIG.final_reward
     assert early != late
-    memory = Memory(30, env.observation_space, env.action_space, "cpu", FIGURES, terms=len(early.weights))
+    spaces, terms = (env.observation_space, env.action_space), len(early.weights)
+    memory = RescalingReplayBuffer(30, *spaces, "cpu", FIGURES, terms=terms)
     wanted = []
-    memory.under(early)
+    memory.set_reward(early)
     for k in range(8):
         actions = random.normal(0, 0.3, (FIGURES, ACTIONS)).astype(np.float32)
         before, (seen, rewards, dones, infos) = env.reset(), env.step(actions)
@@ -122,7 +123,7 @@ def test_old_samples_are_told_under_the_reward_in_force(motion: Motion) -> None:
         wanted.append(np.where(dones, 0.0, batch.terms().sum(axis=1)))
         batch.reward = early
         assert memory.rewards[k] == pytest.approx(rewards)
-    memory.under(late)
+    memory.set_reward(late)
     assert memory.rewards[:8] == pytest.approx(np.array(wanted), rel=1e-4)
     assert not (memory.rewards[8:]).any()
 
@@ -130,10 +131,10 @@ def test_old_samples_are_told_under_the_reward_in_force(motion: Motion) -> None:
 def test_a_full_memory_comes_back_as_it_was(motion: Motion) -> None:
     env = figures(motion)
     one, other = (
-        Memory(7 * FIGURES, env.observation_space, env.action_space, "cpu", FIGURES, terms=5)
+        RescalingReplayBuffer(7 * FIGURES, env.observation_space, env.action_space, "cpu", FIGURES, terms=5)
         for _ in range(2)
     )
-    one.under(CONFIG.reward(0))
+    one.set_reward(CONFIG.reward(0))
     before = env.reset()
     for _ in range(10):
         seen, rewards, dones, infos = env.step(np.zeros((FIGURES, ACTIONS), np.float32))
@@ -145,7 +146,7 @@ def test_a_full_memory_comes_back_as_it_was(motion: Motion) -> None:
     assert one.full
     tensors = one.tensors()
     # Most of what follows is what the next step begins with, and is stored once.
-    assert len(tensors["next_apart"]) < 0.6 * one.next_observations[..., 0].size
+    assert len(tensors["next_at_breaks"]) < 0.6 * one.next_observations[..., 0].size
     other.restore(tensors, one.pos)
     assert (other.pos, other.full) == (one.pos, True)
     for name in ("observations", "next_observations", "actions", "rewards", "dones", "timeouts", "errors"):

@@ -65,8 +65,8 @@ def small(name: str) -> TrainConfig:
 @pytest.fixture
 def fresh(tmp_path: Path, motion: Motion, monkeypatch: pytest.MonkeyPatch) -> Iterator[Callable[[str], Path]]:
     """Makes run folders; trainings are small, with a trial every second round and a checkpoint every one."""
-    monkeypatch.setattr(trial, "EVERY", 2 * ROUND)
-    monkeypatch.setattr(trial, "FRAMES", 20)
+    monkeypatch.setattr(trial, "EVALUATION_INTERVAL", 2 * ROUND)
+    monkeypatch.setattr(trial, "CYCLIC_FRAMES", 20)
     monkeypatch.setattr(rounds, "CHECKPOINT_SECONDS", 0.0)
     # A job that a shell put into the background has a SIGINT that is ignored.
     earlier = signal.signal(signal.SIGINT, signal.default_int_handler)
@@ -87,10 +87,10 @@ def in_round(monkeypatch: pytest.MonkeyPatch, number: int) -> None:
     """A signal in the midst of the round that has this number, from one."""
     rounds_done, learn = iter(range(1, 1000)), BaselineRunner.round
 
-    def acting(practice: BaselineRunner) -> dict[str, float]:
+    def acting(runner: BaselineRunner) -> dict[str, float]:
         if next(rounds_done) == number:
             signal.raise_signal(signal.SIGTERM)
-        return learn(practice)
+        return learn(runner)
 
     monkeypatch.setattr(BaselineRunner, "round", acting)
 
@@ -121,7 +121,7 @@ def test_interrupted_and_resumed_it_comes_to_the_same_bytes(
     assert record["samples"] == BUDGET
     assert TrainConfig.from_json(record["config"]) == config
     assert set(record["seconds_by"]) == {
-        "simulation", "observation and reward", "inference", "update", "trial", "checkpoint", "other",
+        "simulation", "observation and reward", "inference", "update", "evaluation", "checkpoint", "other",
     }  # fmt: skip
     if name == "ddpg":
         # Not in the first round, which is its warming up.
@@ -150,21 +150,21 @@ def test_the_stored_policy_acts_as_the_trained_one(
     config = small(name)
     assert config.baseline is not None
     config = replace(config, baseline=structs.replace(config.baseline, activation=activation))
-    learner = BaselineAlgorithm(config, motion, "pybullet", 1)
-    practice = BaselineRunner(learner, Timer())
-    practice.begin(None)
-    practice.round()
+    algorithm = BaselineAlgorithm(config, motion, "pybullet", 1)
+    runner = BaselineRunner(algorithm, Timer())
+    runner.start(None)
+    runner.round()
     # As far as actors go that have learnt for long.
     with torch.no_grad():
-        actor_layers(learner.model)[-1].weight.mul_(30.0)
+        actor_layers(algorithm.model)[-1].weight.mul_(30.0)
     random = np.random.default_rng(0)
-    stands = learner.env.sampler.batch.observe()
+    stands = algorithm.env.sampler.batch.observe()
     seen = (
         (stands + random.normal(0, 0.3, (20, *stands.shape))).reshape(-1, stands.shape[1]).astype(np.float32)
     )
-    wanted, _ = learner.model.predict(learner.normalizer.normalize_obs(seen), deterministic=True)
+    wanted, _ = algorithm.model.predict(algorithm.normalizer.normalize_obs(seen), deterministic=True)
     assert np.abs(wanted).max() > 0.05
-    learner.policy().save(
+    algorithm.policy().save(
         tmp_path / "p.safetensors", {"config": config.to_json(), "provenance": {}, "mirrored": True}
     )
     policy, record = Policy.load(tmp_path / "p.safetensors")
@@ -196,14 +196,14 @@ def test_without_the_package_it_is_one_line_and_nothing_is_written(
 def test_a_spoilt_rival_stops_with_one_line(
     fresh: Callable[[str], Path], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    run, explore = fresh("run"), baseline.explore
+    run, explore = fresh("run"), baseline.set_exploration
 
     def spoiling(model: DDPG, config: TrainConfig, samples: int) -> float:
         if samples == 2 * ROUND:
             model.policy.actor.mu[0].weight.data[0, 0] = np.nan
         return explore(model, config, samples)
 
-    monkeypatch.setattr(baseline, "explore", spoiling)
+    monkeypatch.setattr(baseline, "set_exploration", spoiling)
     with pytest.raises(KinemimicError, match=rf"at {2 * ROUND} samples: .* NaN; .*{stage.CHECKPOINT} "):
         train(run, small("ddpg"))
     assert all(np.isfinite(array).all() for array in load_file(run / stage.CHECKPOINT).values())
@@ -212,47 +212,47 @@ def test_a_spoilt_rival_stops_with_one_line(
 def test_noise_follows_the_schedule_of_ours(motion: Motion) -> None:
     for name in RIVALS:
         config = replace(small(name), action_std=((0, 0.08), (ROUND, 0.02)))
-        practice = BaselineRunner(BaselineAlgorithm(config, motion, "pybullet", 1), Timer())
-        practice.begin(None)
-        assert [practice.round()["policy/noise"] for _ in range(2)] == pytest.approx([0.08, 0.02])
+        runner = BaselineRunner(BaselineAlgorithm(config, motion, "pybullet", 1), Timer())
+        runner.start(None)
+        assert [runner.round()["policy/noise"] for _ in range(2)] == pytest.approx([0.08, 0.02])
 
 
 def test_learnt_noise_begins_where_the_schedule_does_and_moves(motion: Motion) -> None:
     config = replace(small("a2c"), learn_action_std=True)
-    practice = BaselineRunner(BaselineAlgorithm(config, motion, "pybullet", 1), Timer())
-    practice.begin(None)
-    first, second = (practice.round()["policy/noise"] for _ in range(2))
+    runner = BaselineRunner(BaselineAlgorithm(config, motion, "pybullet", 1), Timer())
+    runner.start(None)
+    first, second = (runner.round()["policy/noise"] for _ in range(2))
     assert first == pytest.approx(0.08)
     assert second != first
 
 
 def test_the_critic_of_a_rollout_is_measured_against_its_own_targets(motion: Motion) -> None:
     """On-policy: 1 less the explained variance, but for the mean error, which it counts too."""
-    practice = BaselineRunner(BaselineAlgorithm(small("sb3-ppo"), motion, "pybullet", 1), Timer())
-    practice.begin(None)
-    logged = practice.round()
+    runner = BaselineRunner(BaselineAlgorithm(small("sb3-ppo"), motion, "pybullet", 1), Timer())
+    runner.start(None)
+    logged = runner.round()
     assert logged["value/normalized_loss"] >= 1.0 - logged["value/explained_variance"] - 1e-6
     assert logged["value/normalized_loss"] > 0.0
 
 
 def test_actors_begin_near_the_reference(motion: Motion) -> None:
     for name in RIVALS:
-        learner = BaselineAlgorithm(small(name), motion, "pybullet", 1)
-        learner.env.sampler.begin(learner.config.env.reward)
-        assert np.abs(learner.policy().act(learner.env.sampler.batch.observe())).max() < 0.1
+        algorithm = BaselineAlgorithm(small(name), motion, "pybullet", 1)
+        algorithm.env.sampler.begin_round(algorithm.config.env.reward)
+        assert np.abs(algorithm.policy().act(algorithm.env.sampler.batch.observe())).max() < 0.1
 
 
 def test_rates_of_actor_and_critic_are_their_own(motion: Motion) -> None:
     config = replace(
         small("ddpg"), baseline=structs.replace(Ddpg(), actor_rate=0.0, warm_up=0, batch=16, buffer=640)
     )
-    learner = BaselineAlgorithm(config, motion, "pybullet", 1)
-    assert isinstance(learner.model, DDPG)
-    nets = learner.model.actor, learner.model.critic
+    algorithm = BaselineAlgorithm(config, motion, "pybullet", 1)
+    assert isinstance(algorithm.model, DDPG)
+    nets = algorithm.model.actor, algorithm.model.critic
     before = [torch.cat([p.flatten() for p in net.parameters()]).clone() for net in nets]
-    practice = BaselineRunner(learner, Timer())
-    practice.begin(None)
-    practice.round()
+    runner = BaselineRunner(algorithm, Timer())
+    runner.start(None)
+    runner.round()
     after = [torch.cat([p.flatten() for p in net.parameters()]) for net in nets]
     assert [bool((a == b).all()) for a, b in zip(before, after, strict=True)] == [True, False]
 

@@ -6,7 +6,7 @@ import pytest
 import torch
 from peers.plain_ppo import sequential
 
-from kinemimic.train.ppo.mlp import Mlp, choose_products
+from kinemimic.train.ppo.mlp import Mlp, choose_gradient_dtype
 
 SIZES = (30, 20, 10, 4)
 
@@ -60,12 +60,12 @@ def test_hidden_layers_start_orthogonal() -> None:
 
 def test_gradients_are_float32_where_nothing_tells_of_bfloat16(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.delattr(torch.cpu, "_is_avx512_bf16_supported", raising=False)
-    assert choose_products() == torch.float32
+    assert choose_gradient_dtype() == torch.float32
 
 
 def test_float32_products_stay_exact() -> None:
-    """What the trial in `choose_products` promises, on other numbers."""
-    choose_products()
+    """What the trial in `choose_gradient_dtype` promises, on other numbers."""
+    choose_gradient_dtype()
     a, b = torch.randn(2, 300, 300)
     exact = a.double() @ b.double()
     assert ((a @ b).double() - exact).norm() < 1e-6 * exact.norm()

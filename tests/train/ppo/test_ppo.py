@@ -74,72 +74,72 @@ def test_normalizer_equals_the_statistics_of_everything_seen() -> None:
     np.testing.assert_allclose(normalizer.scale, every.std(axis=0))
 
 
-def followed(steps: int, figures: int) -> Samples:
+def followed(steps: int, env_states: int) -> Samples:
     """Made-up samples in which, as in a rollout, a step begins where the one before it left off."""
     random = np.random.default_rng(0)
-    observations = random.normal(size=(steps, figures, OBSERVATIONS)).astype(np.float32)
-    final = random.normal(size=observations.shape).astype(np.float32)
-    terminated = random.random((steps, figures)) < 0.1
-    truncated = ~terminated & (random.random((steps, figures)) < 0.1)
+    observations = random.normal(size=(steps, env_states, OBSERVATIONS)).astype(np.float32)
+    next_observations = random.normal(size=observations.shape).astype(np.float32)
+    terminated = random.random((steps, env_states)) < 0.1
+    truncated = ~terminated & (random.random((steps, env_states)) < 0.1)
     goes_on = ~(terminated | truncated)[:-1]
-    final[:-1][goes_on] = observations[1:][goes_on]
+    next_observations[:-1][goes_on] = observations[1:][goes_on]
     return Samples(
         observations=observations,
-        actions=random.normal(0.0, 0.15, (steps, figures, ACTIONS)).astype(np.float32),
-        terms=random.random((steps, figures, 5)).astype(np.float32),
+        actions=random.normal(0.0, 0.15, (steps, env_states, ACTIONS)).astype(np.float32),
+        terms=random.random((steps, env_states, 5)).astype(np.float32),
         terminated=terminated,
         truncated=truncated,
-        final=final,
-        lengths=np.array([7]),
+        next_observations=next_observations,
+        episode_lengths=np.array([7]),
         exploded=0,
     )
 
 
 @pytest.mark.parametrize("name", sorted(PRESETS))
 def test_an_update_is_that_of_plain_ppo(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Two threads, slopes by hand, flat Adam, next values from the next row: the same networks come out."""
-    monkeypatch.setattr(networks, "choose_products", lambda: torch.float32)
-    learner = PpoAlgorithm(replace(PRESETS[name], hidden=(24, 16), minibatch=24, epochs=3))
+    """Two threads, explicit gradients, flat Adam, next values from the next row: the same networks."""
+    monkeypatch.setattr(networks, "choose_gradient_dtype", lambda: torch.float32)
+    algorithm = PpoAlgorithm(replace(PRESETS[name], hidden=(24, 16), minibatch=24, epochs=3))
     samples = followed(16, 4)
-    learner.normalizer.update(samples.observations.reshape(-1, OBSERVATIONS))
-    plain = PlainPPO(learner)
-    before = learner.net.actor.parameters.clone(), learner.net.critic.parameters.clone()
-    learner.update(samples)
+    algorithm.normalizer.update(samples.observations.reshape(-1, OBSERVATIONS))
+    plain = PlainPPO(algorithm)
+    before = algorithm.net.actor.parameters.clone(), algorithm.net.critic.parameters.clone()
+    algorithm.update(samples)
     plain.update(samples)
     for ours, start, theirs in zip(
-        (learner.net.actor, learner.net.critic), before, (plain.actor, plain.critic), strict=True
+        (algorithm.net.actor, algorithm.net.critic), before, (plain.actor, plain.critic), strict=True
     ):
         wanted = torch.cat([p.detach().reshape(-1) for p in theirs.parameters()])
         assert (wanted - start).norm() > 0.01
         assert (ours.parameters - wanted).norm() < 1e-3 * (wanted - start).norm()
-    torch.testing.assert_close(learner.net.log_std, plain.log_std.detach())
+    torch.testing.assert_close(algorithm.net.log_std, plain.log_std.detach())
 
 
 @pytest.mark.parametrize("reward", [np.nan, 1e21])
 def test_a_learner_that_is_spoilt_says_so(reward: float) -> None:
     """A reward that is no number spoils both networks, one whose square is infinite the critic alone."""
-    learner = PpoAlgorithm(replace(PRESETS["default"], hidden=(8, 4), epochs=1))
+    algorithm = PpoAlgorithm(replace(PRESETS["default"], hidden=(8, 4), epochs=1))
     samples = followed(8, 4)
     samples.terms[0, 0, 0] = reward
     with pytest.raises(FloatingPointError, match="infinite or NaN"):
-        learner.update(samples)
+        algorithm.update(samples)
 
 
 def test_same_seed_same_bytes() -> None:
     """Whichever of the two threads is ahead."""
     found = []
     for _ in range(2):
-        learner = PpoAlgorithm(replace(PRESETS["default"], hidden=(64, 32), minibatch=64, epochs=4))
+        algorithm = PpoAlgorithm(replace(PRESETS["default"], hidden=(64, 32), minibatch=64, epochs=4))
         for _ in range(3):
-            learner.update(followed(32, 8))
-        found.append({name: value.numpy().tobytes() for name, value in learner.tensors().items()})
+            algorithm.update(followed(32, 8))
+        found.append({name: value.numpy().tobytes() for name, value in algorithm.tensors().items()})
     assert found[0] == found[1]
 
 
 def test_the_critic_learns_what_is_there_to_learn() -> None:
-    learner = PpoAlgorithm(replace(PRESETS["default"], hidden=(64, 32), minibatch=64, discount=0.0))
+    algorithm = PpoAlgorithm(replace(PRESETS["default"], hidden=(64, 32), minibatch=64, discount=0.0))
     samples = followed(32, 8)
-    first = learner.update(samples)["value/loss"]
+    first = algorithm.update(samples)["value/loss"]
     for _ in range(5):
-        last = learner.update(samples)["value/loss"]
+        last = algorithm.update(samples)["value/loss"]
     assert last < 0.2 * first

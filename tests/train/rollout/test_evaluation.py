@@ -17,8 +17,8 @@ from kinemimic.train.rollout.evaluation import (
     Evaluation,
     Evaluator,
     best,
+    episode_frames,
     first_walk,
-    frames_of,
     is_due,
 )
 from kinemimic.train.scenario.scenario import Range, Scenario
@@ -147,7 +147,7 @@ def test_under_hardships_whoever_endures_most_is_kept() -> None:
 
 
 def test_trials_fall_due_by_samples() -> None:
-    every = trial.EVERY
+    every = trial.EVALUATION_INTERVAL
     due = [is_due(k * 4096, (k + 1) * 4096) for k in range(2 * every // 4096)]
     assert np.flatnonzero(due).tolist() == [every // 4096 - 1, 2 * every // 4096 - 1]
     # A round that is longer than the distance gives one trial.
@@ -156,7 +156,7 @@ def test_trials_fall_due_by_samples() -> None:
 
 def test_what_is_performed_once_is_tried_once_to_its_last_frame(motion: Motion) -> None:
     once = replace(motion, cyclic=False, rate=30.0)
-    assert frames_of(once) == len(motion.root) - 1
+    assert episode_frames(once) == len(motion.root) - 1
     assert trial.start_phases(once) == (0.0,)
-    assert frames_of(motion) == 600
+    assert episode_frames(motion) == 600
     assert len(trial.start_phases(motion)) == 2

@@ -70,7 +70,7 @@ def test_a_policy_of_another_shape_than_its_configuration_says_is_refused(tmp_pa
 def test_layers_that_do_not_fit_together_are_refused(tmp_path: Path, learner, change: str) -> None:
     tensors = export(*learner).tensors()
     tensors[change] = tensors[change][..., :-1]
-    Policy.of_tensors(tensors, PRESETS["default"]).save(tmp_path / "p.safetensors", RECORD)
+    Policy.from_tensors(tensors, PRESETS["default"]).save(tmp_path / "p.safetensors", RECORD)
     with pytest.raises(KinemimicError, match="found 0 and 0"):
         Policy.load(tmp_path / "p.safetensors")
 
@@ -167,6 +167,7 @@ OLD_NAMES = {
     "epochs": "passes",
     "action_std": "noise",
     "learn_action_std": "learn_noise",
+    "evaluation": "trial",
 }
 
 
@@ -182,6 +183,7 @@ def test_schema_3_is_upgraded_to_the_names_of_schema_4(tmp_path: Path, name: str
     config = PRESETS[name]
     tried = Evaluation(64, 0.5, 1.0, 3, 4, 5, reward=0.25, knee=0.5, hip=-2.0, robust_return=0.75)
     new = {"evaluations": [tried.to_json()], "best": tried.to_json(), "config": config.to_json()}
+    new["seconds_by"] = {"evaluation": 1.5}
     old = {**with_old_names(new), "schema": 3}
     assert old["trials"][0]["endured"] == old["best"]["endured"] == 0.75
     assert old["config"]["env"]["hardships"] == new["config"]["env"]["domain_randomization"]

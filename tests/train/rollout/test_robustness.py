@@ -7,13 +7,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from peers.constant import constant
-from peers.troupe import Troupe
+from peers.inline_workers import InlineWorkers
 
 from kinemimic.retarget.humanoid.motion import Motion
 from kinemimic.train.config.config import DomainRandomization, EnvConfig
 from kinemimic.train.reference.reference import Reference
 from kinemimic.train.rollout import robustness as ordeal
-from kinemimic.train.rollout.robustness import FIGURES, RobustnessEvaluation
+from kinemimic.train.rollout.robustness import ROBUSTNESS_EPISODES, RobustnessEvaluation
 from kinemimic.train.sim.world import CONTROL_RATE
 from kinemimic.train.task.domain_randomization import RandomizationSample, draw
 
@@ -30,7 +30,7 @@ def test_it_is_the_share_of_the_reward_until_the_fall(
 ) -> None:
     """Two figures that are always where their reference is; one explodes after ten steps of forty."""
     reference = Reference(motion)
-    begins = np.array([0, 5]) / FIGURES
+    begins = np.array([0, 5]) / ROBUSTNESS_EPISODES
 
     class Perfect(puppets):
         steps = 0
@@ -48,11 +48,14 @@ def test_it_is_the_share_of_the_reward_until_the_fall(
 
 
 def test_each_figure_has_hardships_of_its_own_and_they_stay_the_same(motion: Motion, engine: str) -> None:
-    hard = RobustnessEvaluation(Reference(motion), HARD, range(FIGURES), engine)
+    hard = RobustnessEvaluation(Reference(motion), HARD, range(ROBUSTNESS_EPISODES), engine)
     found = hard.robust_returns(STILL, REWARD)
-    assert len(set(found)) == FIGURES
+    assert len(set(found)) == ROBUSTNESS_EPISODES
     calm = RobustnessEvaluation(
-        Reference(motion), replace(HARD, domain_randomization=DomainRandomization()), range(FIGURES), engine
+        Reference(motion),
+        replace(HARD, domain_randomization=DomainRandomization()),
+        range(ROBUSTNESS_EPISODES),
+        engine,
     )
     assert all(one != other for one, other in zip(calm.robust_returns(STILL, REWARD), found, strict=True))
     assert hard.robust_returns(STILL, REWARD) == found
@@ -75,7 +78,7 @@ def test_they_are_drawn_in_full(motion: Motion, puppets, monkeypatch: pytest.Mon
 
 def test_it_does_not_matter_how_many_processes_share_the_figures(motion: Motion, engine: str) -> None:
     alone, many = (
-        Troupe(motion, HARD, 20, 0, count, engine).robust_returns(STILL, REWARD) for count in (1, 20)
+        InlineWorkers(motion, HARD, 20, 0, count, engine).robust_returns(STILL, REWARD) for count in (1, 20)
     )
-    assert len(alone) == FIGURES
+    assert len(alone) == ROBUSTNESS_EPISODES
     np.testing.assert_array_equal(many, alone)

@@ -46,16 +46,16 @@ def samples(motion: Motion, seeds: list[np.random.SeedSequence]) -> Samples:
 
 def test_an_episode_goes_on_from_where_the_last_step_led(samples: Samples) -> None:
     ended = (samples.terminated | samples.truncated)[:-1]
-    goes_on = (samples.observations[1:] == samples.final[:-1]).all(axis=-1)
+    goes_on = (samples.observations[1:] == samples.next_observations[:-1]).all(axis=-1)
     np.testing.assert_array_equal(goes_on, ~ended)
     assert ended.any()
-    assert len(samples.lengths) == (samples.terminated | samples.truncated).sum()
-    assert samples.lengths.max() <= SHORT.episode
+    assert len(samples.episode_lengths) == (samples.terminated | samples.truncated).sum()
+    assert samples.episode_lengths.max() <= SHORT.episode
 
 
 def test_what_is_packed_is_unpacked(samples: Samples) -> None:
     packed = samples.packed()
-    assert packed.final.size < 0.5 * samples.final.size
+    assert packed.next_observations.size < 0.5 * samples.next_observations.size
     for f in fields(Samples):
         np.testing.assert_array_equal(getattr(packed.unpacked(), f.name), getattr(samples, f.name))
 
@@ -65,7 +65,7 @@ def test_a_figure_does_not_know_how_many_others_there_are(
 ) -> None:
     alone = sample(motion, seeds[1:2])
     for f in fields(Samples):
-        if f.name not in ("lengths", "exploded"):
+        if f.name not in ("episode_lengths", "exploded"):
             np.testing.assert_array_equal(getattr(alone, f.name)[:, 0], getattr(samples, f.name)[:, 1])
 
 
@@ -79,13 +79,13 @@ def test_what_begins_with_the_same_figures_goes_the_same_way(engine: str, motion
     )
     here, there = (Sampler(motion, hard, np.random.SeedSequence(k).spawn(3), engine) for k in (1, 2))
     here.sample(idle(), NOISE, hard.reward, 1.0, 8)
-    figures = here.figures()
+    env_states = here.env_states()
     there.sample(idle(), NOISE, hard.reward, 0.5, 5)
-    there.place(figures)
+    there.set_env_states(env_states)
     ours, theirs = (sampler.sample(idle(), NOISE, hard.reward, 1.0, 9) for sampler in (here, there))
     for f in fields(Samples):
         np.testing.assert_array_equal(getattr(ours, f.name), getattr(theirs, f.name))
-    ours, theirs = here.figures(), there.figures()
+    ours, theirs = here.env_states(), there.env_states()
     for name in ours:
         np.testing.assert_array_equal(ours[name], theirs[name])
 
@@ -93,7 +93,7 @@ def test_what_begins_with_the_same_figures_goes_the_same_way(engine: str, motion
 def test_a_generator_comes_back_in_the_midst_of_a_draw() -> None:
     one, other = (np.random.Generator(np.random.PCG64(seed)) for seed in (1, 2))
     one.integers(10, dtype=np.uint32)  # keeps the other half of 64 bits
-    rollout._set_words(other, rollout._words(one).tolist())
+    rollout._set_generator_state(other, rollout._generator_state(one).tolist())
     assert one.bit_generator.state == other.bit_generator.state
     assert one.random(3).tolist() == other.random(3).tolist()
 
@@ -115,7 +115,7 @@ def test_exploded_figures_are_counted_once_and_start_again(
     found = Sampler(motion, blind, seeds, "puppets").sample(idle(), NOISE, blind.reward, 0.0, 6)
     assert found.exploded == 2
     np.testing.assert_array_equal(np.argwhere(found.terminated), [[1, 1], [2, 1]])
-    assert found.lengths.tolist() == [2, 1]
+    assert found.episode_lengths.tolist() == [2, 1]
     assert (found.terms[found.terminated] == 0.0).all()
 
 
@@ -135,13 +135,13 @@ def test_the_time_of_a_sample_is_put_down_to_its_parts(
 
 def test_a_worker_that_is_killed_is_one_line(motion: Motion) -> None:
     policy = idle()
-    with Workers(motion, SHORT, 2, 0, 2, "pybullet") as crew:
-        assert crew.sample(policy, NOISE, SHORT.reward, 0.0, 2).actions.shape == (2, 2, ACTIONS)
+    with Workers(motion, SHORT, 2, 0, 2, "pybullet") as workers:
+        assert workers.sample(policy, NOISE, SHORT.reward, 0.0, 2).actions.shape == (2, 2, ACTIONS)
         victim = multiprocessing.active_children()[0]
         os.kill(victim.pid or 0, signal.SIGKILL)
         victim.join()
         with pytest.raises(KinemimicError, match=r"2 worker processes, .* one ended, status -9"):
-            crew.sample(policy, NOISE, SHORT.reward, 0.0, 2)
+            workers.sample(policy, NOISE, SHORT.reward, 0.0, 2)
 
 
 def test_robust_returns_are_those_of_the_numbers_asked_for(motion: Motion, engine: str) -> None:

@@ -14,8 +14,8 @@ from typing import Any
 import numpy as np
 import pytest
 from peers.constant import constant
+from peers.inline_workers import InlineWorkers
 from peers.killing import check_files, finish, kill_after, without_clock
-from peers.troupe import Troupe
 from safetensors.numpy import load_file
 from tensorboard.backend.event_processing.event_accumulator import EventAccumulator
 
@@ -65,9 +65,9 @@ BUDGET = 6 * ROUND
 def fresh(tmp_path: Path, motion: Motion, monkeypatch: pytest.MonkeyPatch) -> Iterator[Callable[[str], Path]]:
     """Makes run folders; trainings are small, with a trial every second round and a checkpoint every one."""
     monkeypatch.setitem(PRESETS, "default", SMALL)
-    monkeypatch.setattr(trial, "EVERY", 2 * ROUND)
+    monkeypatch.setattr(trial, "EVALUATION_INTERVAL", 2 * ROUND)
     monkeypatch.setattr(rounds, "CHECKPOINT_SECONDS", 0.0)
-    monkeypatch.setattr(stage, "Workers", Troupe)
+    monkeypatch.setattr(stage, "Workers", InlineWorkers)
     # A job that a shell put into the background has a SIGINT that is ignored.
     earlier = signal.signal(signal.SIGINT, signal.default_int_handler)
 
@@ -83,10 +83,10 @@ def in_update(monkeypatch: pytest.MonkeyPatch, number: int, act: Callable[[], ob
     """Do something in the midst of the update that has this number, from one."""
     updates, update = iter(range(1, 1000)), PpoAlgorithm.update
 
-    def acting(learner: PpoAlgorithm, samples: Any) -> dict[str, float]:
+    def acting(algorithm: PpoAlgorithm, samples: Any) -> dict[str, float]:
         if next(updates) == number:
             act()
-        return update(learner, samples)
+        return update(algorithm, samples)
 
     monkeypatch.setattr(PpoAlgorithm, "update", acting)
 
@@ -143,13 +143,13 @@ def test_a_second_signal_stops_at_once_and_saves_nothing(
 
 
 def test_another_number_of_workers_goes_on_with_the_same_figures(motion: Motion) -> None:
-    three, two = (Troupe(motion, HARD, 4, seed, count, "pybullet") for seed, count in ((5, 3), (6, 2)))
+    three, two = (InlineWorkers(motion, HARD, 4, seed, count, "pybullet") for seed, count in ((5, 3), (6, 2)))
     three.sample(*IDLE, 7)
-    figures = three.figures()
-    two.place(figures)
-    back = two.figures()
-    assert back.keys() == figures.keys()
-    assert all(np.array_equal(back[name], figures[name]) for name in figures)
+    env_states = three.env_states()
+    two.set_env_states(env_states)
+    back = two.env_states()
+    assert back.keys() == env_states.keys()
+    assert all(np.array_equal(back[name], env_states[name]) for name in env_states)
     # Workers hold every third and every second figure, and hand in theirs side by side.
     ours, theirs = three.sample(*IDLE, 7).observations, two.sample(*IDLE, 7).observations
     np.testing.assert_array_equal(ours[:, [0, 2, 3, 1]], theirs[:, [0, 2, 1, 3]])
@@ -160,16 +160,16 @@ def test_what_is_no_number_stops_it_and_the_good_checkpoint_stays(
 ) -> None:
     run, straight = fresh("run"), fresh("straight")
     with monkeypatch.context() as patched:
-        sample = Troupe.sample
+        sample = InlineWorkers.sample
         calls = iter(range(100))
 
-        def spoilt(crew: Troupe, *arguments: Any) -> Any:
-            samples = sample(crew, *arguments)
+        def spoilt(workers: InlineWorkers, *arguments: Any) -> Any:
+            samples = sample(workers, *arguments)
             if next(calls) == 3:  # the first is that of the warming up
                 samples.terms[0, 0, 0] = np.nan
             return samples
 
-        patched.setattr(Troupe, "sample", spoilt)
+        patched.setattr(InlineWorkers, "sample", spoilt)
         with pytest.raises(KinemimicError, match=rf"at {2 * ROUND} samples: .* NaN; .*{stage.CHECKPOINT} "):
             stage.train(run, budget=BUDGET, workers=1, engine="pybullet")
     check_files(run)
@@ -179,12 +179,12 @@ def test_what_is_no_number_stops_it_and_the_good_checkpoint_stays(
 
 
 def test_a_spoilt_learner_is_not_saved(tmp_path: Path) -> None:
-    path, learner = tmp_path / "c.safetensors", PpoAlgorithm(replace(SMALL, hidden=(8, 4)))
-    checkpoint.save(path, checkpoint.Training(learner), "walk")
+    path, algorithm = tmp_path / "c.safetensors", PpoAlgorithm(replace(SMALL, hidden=(8, 4)))
+    checkpoint.save(path, checkpoint.TrainingState(algorithm), "walk")
     good = path.read_bytes()
-    learner.net.critic.parameters[0] = np.nan
+    algorithm.net.critic.parameters[0] = np.nan
     with pytest.raises(FloatingPointError, match="infinite or NaN"):
-        checkpoint.save(path, checkpoint.Training(learner), "walk")
+        checkpoint.save(path, checkpoint.TrainingState(algorithm), "walk")
     assert path.read_bytes() == good
 
 

@@ -131,7 +131,7 @@ def test_a_snapshot_goes_on_the_same_way_twice(
 def test_an_episode_lasts_and_begins_as_its_scenario_says(engine: str, motion: Motion) -> None:
     short = replace(ALL, seconds=0.2, phase=Range.of(0.25))
     sampler = Sampler(motion, EnvConfig(scenario=short), np.random.SeedSequence(0).spawn(2), engine)
-    sampler.begin(EnvConfig().reward)
+    sampler.begin_round(EnvConfig().reward)
     np.testing.assert_array_equal(sampler.batch.phases, 0.25)
     ends = [sampler.batch.step(np.zeros((2, ACTIONS))).truncated.tolist() for _ in range(6)]
     assert ends == [[False, False]] * 5 + [[True, True]]

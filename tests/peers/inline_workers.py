@@ -1,4 +1,4 @@
-"""A crew without processes: what the processes of `workers.py` do, one after the other, in this one."""
+"""Training workers without processes: their samplers run one after the other in this process."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from kinemimic.train.rollout.sampler import Sampler
 from kinemimic.train.rollout.workers import Workers, answer
 
 
-class Troupe(Workers):
+class InlineWorkers(Workers):
     def __init__(
         self, motion: Motion, config: EnvConfig, environments: int, seed: int, count: int, engine: str
     ) -> None:
