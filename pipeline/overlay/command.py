@@ -21,7 +21,12 @@ from kinemimic.pipeline.kinematics.nodes import to_nodes
 from kinemimic.pipeline.overlay.draw import draw_caption, draw_skeleton, shaded
 from kinemimic.pipeline.overlay.video import video
 from kinemimic.pipeline.readers.depth.camera import Camera
-from kinemimic.pipeline.readers.depth.folder import COLOR, COLOR_SUFFIXES, is_recording, numbered_images
+from kinemimic.pipeline.readers.depth.folder import (
+    COLOR_FOLDER,
+    COLOR_SUFFIXES,
+    is_recording,
+    numbered_images,
+)
 from kinemimic.pipeline.readers.depth.frames import Image, load, read_color, read_depth
 from kinemimic.pipeline.readers.depth.recording import Recording, open_recording, read_recording
 
@@ -52,7 +57,7 @@ def overlay(folder: Path, out: Path, *, run: Path | None = None, view: str | Non
     if not is_recording(folder):
         raise CaptureError(folder, expected="a depth recording, a folder with a camera.toml", found="none")
     recording = open_recording(folder)
-    colours = numbered_images(folder / COLOR, COLOR_SUFFIXES)
+    colours = numbered_images(folder / COLOR_FOLDER, COLOR_SUFFIXES)
     view = view or ("color" if colours else "depth")
     if view not in VIEWS or (view == "color" and not colours):
         found = "no colour images" if view in VIEWS else repr(view)

@@ -15,7 +15,7 @@ from kinemimic.pipeline.quality.rules.length_units import SET_BY_USER, UNITS, pa
 from kinemimic.pipeline.readers.base.format import Format, Reader
 from kinemimic.pipeline.readers.base.numbers import numbers_of
 from kinemimic.pipeline.readers.base.source import Source
-from kinemimic.pipeline.readers.depth.folder import CAMERA, is_recording
+from kinemimic.pipeline.readers.depth.folder import CAMERA_FILE, is_recording
 from kinemimic.pipeline.readers.depth.folder import FORMAT as DEPTH_RECORDING
 
 # Tried in this order: formats with a header or a keyword first, tables of bare numbers last.
@@ -71,7 +71,7 @@ def read(path: Path, *, unit: str | None = None) -> Clip:
     named = parse_unit(unit)
     if is_recording(path):
         if named is not None:
-            raise CaptureError(path, expected=f"its unit in {CAMERA}", found="--unit")
+            raise CaptureError(path, expected=f"its unit in {CAMERA_FILE}", found="--unit")
         from kinemimic.pipeline.readers.depth.recording import read_recording  # noqa: PLC0415 (loads OpenCV)
 
         return read_recording(path)

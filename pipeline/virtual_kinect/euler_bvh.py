@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from kinemimic.pipeline.arrays import Array
 from kinemimic.pipeline.kinematics.rotations import conjugate, from_axis_angle, from_rotvec, multiply, rotate
 from kinemimic.pipeline.kinematics.skeleton import NODE_INDEX, TRACKED, Skeleton
-from kinemimic.pipeline.readers.kinect.nui_skl import JOINTS
+from kinemimic.pipeline.readers.kinect.nui_skl import KINECT_V1_JOINTS
 from kinemimic.pipeline.virtual_kinect.sdk_orientation import calibrate, hold_last, joint_rotations
 from kinemimic.pipeline.writers.bvh import file_angles, write_bvh
 from kinemimic.pipeline.writers.poses import Poses
@@ -42,7 +42,7 @@ def write_euler_bvh(
     skeleton = calibrate(positions, states == TRACKED, rotations)
     arm = states[:, [NODE_INDEX[f"{joint}_left"] for joint in ("shoulder", "elbow", "wrist")]]
     skeleton, rotations = place_lock(skeleton, rotations, np.all(arm == TRACKED, axis=1))
-    renamed = Skeleton(JOINTS, skeleton.parents, skeleton.offsets)
+    renamed = Skeleton(KINECT_V1_JOINTS, skeleton.parents, skeleton.offsets)
     root = hold_last(positions)[rows, NODE_INDEX["hip_center"]]
     write_bvh(path, Poses.rigid(renamed, 1.0 / frame_time, root, rotations[rows]), order=ORDER)
     # As in the file: six decimals of a degree.
@@ -51,7 +51,7 @@ def write_euler_bvh(
     )
     nearest = int(np.argmax(middle))
     return {
-        "joint": JOINTS[NODE_INDEX[LOCKED_JOINT]],
+        "joint": KINECT_V1_JOINTS[NODE_INDEX[LOCKED_JOINT]],
         "order": ORDER,
         "near_deg": round(float(np.degrees(NEAR_LOCK)), 6),
         "nearest": {"frame": nearest, "deg_from_lock": round(90.0 - float(middle[nearest]), 6)},

@@ -16,11 +16,11 @@ from kinemimic.pipeline.files.store import write_text
 from kinemimic.pipeline.kinematics.angles import anatomical_knee
 from kinemimic.pipeline.kinematics.rotations import conjugate, multiply, rotate, to_rotvec
 from kinemimic.pipeline.kinematics.skeleton import NODE_INDEX, NODES
-from kinemimic.pipeline.readers.mocap.mot import JOINTS, WORLD_FROM_FILE
+from kinemimic.pipeline.readers.mocap.mot import OPENSIM_JOINTS, WORLD_FROM_FILE
 from kinemimic.pipeline.writers.poses import Poses
 
 # Midpoint of the hips relative to the pelvis' origin in the models, metres.
-_HIPS_MIDDLE = np.array(next(joint.offset for joint in JOINTS if joint.name == "hip_center"))
+_HIPS_MIDDLE = np.array(next(joint.offset for joint in OPENSIM_JOINTS if joint.name == "hip_center"))
 _HEADER = """\
 inDegrees=yes
 

@@ -11,7 +11,7 @@ from kinemimic.pipeline.arrays import Array
 from kinemimic.pipeline.files.store import write_text
 from kinemimic.pipeline.kinematics.rotations import Y_UP_TO_Z_UP, conjugate, rotate
 from kinemimic.pipeline.kinematics.skeleton import MISSING
-from kinemimic.pipeline.readers.kinect.nui_skl import JOINTS
+from kinemimic.pipeline.readers.kinect.nui_skl import KINECT_V1_JOINTS
 from kinemimic.pipeline.readers.kinect.skl_text import FIELDS
 
 
@@ -35,7 +35,7 @@ def write_skl(
     header = ["timestamp"]
     if frame_numbers is not None:
         header.append("framenum")
-    header += [f"{joint}_{field}" for joint in JOINTS for field in FIELDS]
+    header += [f"{joint}_{field}" for joint in KINECT_V1_JOINTS for field in FIELDS]
     header += [f"FloorPlane_{letter}" for letter in "ABCD"]
     plane = [_number(value) for value in floor_plane]
     lines = ["\t".join(header)]

@@ -10,7 +10,7 @@ import numpy as np
 from kinemimic.pipeline.arrays import Array
 from kinemimic.pipeline.kinematics.rotations import from_two_axes
 from kinemimic.pipeline.kinematics.skeleton import NODE_INDEX, NODES
-from kinemimic.pipeline.readers.kinect.azure_joints import JOINTS, azure_skeleton
+from kinemimic.pipeline.readers.kinect.azure_joints import AZURE_JOINTS, azure_skeleton
 from samples.motion import Walk, in_sight, walk
 
 # Where the camera stands in our axes, metres: 2 m behind the start, at the height of the chest.
@@ -30,7 +30,7 @@ def joints(shown: Walk) -> Array:
         p[f"THUMB_{side}"] = p[f"HAND_{side}"] + np.array([0.05, 0.0, 0.0])
         p[f"EYE_{side}"] = p["HEAD"] + np.array([0.08, 0.03 * sign, 0.05])
         p[f"EAR_{side}"] = p["HEAD"] + np.array([0.0, 0.08 * sign, 0.02])
-    return np.stack([p[name] for name in JOINTS], axis=1)
+    return np.stack([p[name] for name in AZURE_JOINTS], axis=1)
 
 
 def camera_axes(vectors: Array) -> Array:
@@ -76,11 +76,14 @@ def document(frames: int = 90) -> dict[str, Any]:
                 "timestamp_usec": 266_744 + round(1e6 * time),
             }
         )
-    bones = [[JOINTS[parent], name] for name, parent in zip(JOINTS, azure_skeleton().parents, strict=True)]
+    bones = [
+        [AZURE_JOINTS[parent], name]
+        for name, parent in zip(AZURE_JOINTS, azure_skeleton().parents, strict=True)
+    ]
     return {
         "bone_list": bones[1:],
         "frames": results,
-        "joint_names": list(JOINTS),
+        "joint_names": list(AZURE_JOINTS),
         "k4abt_sdk_version": "1.1.2",
         "source_file": "walk.mkv",
     }

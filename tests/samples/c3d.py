@@ -10,7 +10,7 @@ import ezc3d
 import numpy as np
 
 from kinemimic.pipeline.arrays import Array
-from kinemimic.pipeline.readers.kinect.treadmill import JOINTS
+from kinemimic.pipeline.readers.kinect.treadmill import NODE_OF_LABEL
 from samples.motion import in_sight, walk, y_up
 from samples.trc import RATE, markers
 
@@ -46,4 +46,4 @@ def kinect(frames: int = 90) -> bytes:
     shown = in_sight(walk(frames, 30.0))
     angle = 180.0 - np.degrees(shown.angles["knee_left"])
     points = np.concatenate([y_up(shown.joints), np.repeat(angle, 3).reshape(-1, 1, 3)], axis=1)
-    return written([*JOINTS, "Left Knee Angle"], points, rate=50.0, units="m")
+    return written([*NODE_OF_LABEL, "Left Knee Angle"], points, rate=50.0, units="m")

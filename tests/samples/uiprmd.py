@@ -9,7 +9,7 @@ from scipy.spatial.transform import Rotation
 
 from kinemimic.pipeline.arrays import Array
 from kinemimic.pipeline.kinematics.skeleton import NODE_INDEX
-from kinemimic.pipeline.readers.public_datasets.uiprmd import JOINTS, PARENTS
+from kinemimic.pipeline.readers.public_datasets.uiprmd import PARENTS, UIPRMD_JOINTS
 from samples.motion import Walk, in_sight, walk, y_up
 
 _NODES = {
@@ -50,19 +50,19 @@ def joints(walk: Walk) -> Array:
     points["Head"] = 0.7 * points["Chest"] + 0.3 * points["HeadTip"]
     for side in "LR":
         points[f"{side}Collar"] = 0.9 * points["Chest"] + 0.1 * points[f"{side}UpperArm"]
-    return np.stack([points[name] for name in JOINTS], axis=1)
+    return np.stack([points[name] for name in UIPRMD_JOINTS], axis=1)
 
 
 def frames_of(world: Array) -> list[Rotation]:
     """World frames of the joints whose bones define one; others stand as their parents do."""
     frames: list[Rotation] = []
-    lateral = world[:, JOINTS.index("LUpperLeg")] - world[:, JOINTS.index("RUpperLeg")]
-    for joint, name in enumerate(JOINTS):
+    lateral = world[:, UIPRMD_JOINTS.index("LUpperLeg")] - world[:, UIPRMD_JOINTS.index("RUpperLeg")]
+    for joint, name in enumerate(UIPRMD_JOINTS):
         if name not in _ALONG:
             frames.append(frames[PARENTS[joint]])
             continue
         sign, end = _ALONG[name]
-        bone = (1.0 if sign[0] == "+" else -1.0) * (world[:, JOINTS.index(end)] - world[:, joint])
+        bone = (1.0 if sign[0] == "+" else -1.0) * (world[:, UIPRMD_JOINTS.index(end)] - world[:, joint])
         bone /= np.linalg.norm(bone, axis=-1, keepdims=True)
         k = "XYZ".index(sign[1])
         other = lateral if k else np.broadcast_to([0.0, 0.0, 1.0], bone.shape)

@@ -97,7 +97,7 @@ def _with_arrow(
     *,
     drop_other_widths: bool,
 ) -> Table | None:
-    """The table if exactly one separator stands between any two numbers, as in most files; else None."""
+    """The table if its numbers are separated by exactly one separator, as in most files; else None."""
     import pyarrow as pa  # noqa: PLC0415 (see the module docstring)
     from pyarrow import csv  # noqa: PLC0415
 

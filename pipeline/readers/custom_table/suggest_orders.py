@@ -10,15 +10,15 @@ import numpy as np
 from kinemimic.pipeline.arrays import Array
 from kinemimic.pipeline.kinematics.nodes import joints_by_name
 from kinemimic.pipeline.kinematics.skeleton import NODES
-from kinemimic.pipeline.readers.kinect.azure_joints import JOINTS as AZURE
+from kinemimic.pipeline.readers.kinect.azure_joints import AZURE_JOINTS
 from kinemimic.pipeline.readers.kinect.kinect_v2 import SDK_JOINTS
-from kinemimic.pipeline.readers.public_datasets.msr_action3d import JOINTS as MSR
+from kinemimic.pipeline.readers.public_datasets.msr_action3d import MSR_JOINTS
 
 ORDERS: dict[str, tuple[str, ...]] = {
     "Kinect v1 SDK": NODES,
-    "Kinect v2 SDK": tuple(SDK_JOINTS),
-    "Azure Kinect SDK": tuple(AZURE),
-    "MSR-Action3D": tuple(MSR),
+    "Kinect v2 SDK": SDK_JOINTS,
+    "Azure Kinect SDK": AZURE_JOINTS,
+    "MSR-Action3D": MSR_JOINTS,
     "Andersson": (
         "head", "shoulder_center", "shoulder_right", "shoulder_left", "elbow_right", "elbow_left",
         "wrist_right", "wrist_left", "hand_right", "hand_left", "spine", "hip_center", "hip_right",

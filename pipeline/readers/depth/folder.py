@@ -11,8 +11,8 @@ from pathlib import Path
 from kinemimic.pipeline.errors import CaptureError
 from kinemimic.pipeline.readers.base.format import Format
 
-CAMERA, JOINTS, TIMES = "camera.toml", "joints.csv", "times.csv"
-DEPTH, COLOR = "depth", "color"
+CAMERA_FILE, JOINTS_FILE, TIMES_FILE = "camera.toml", "joints.csv", "times.csv"
+DEPTH_FOLDER, COLOR_FOLDER = "depth", "color"
 DEPTH_SUFFIXES: tuple[str, ...] = (".png",)
 COLOR_SUFFIXES: tuple[str, ...] = (".png", ".jpg", ".jpeg")
 # Two hours at 30 Hz.
@@ -22,15 +22,15 @@ FORMAT = Format(
     name="depth recording",
     sensor="any depth camera",
     holds="16-bit depth images and the joints' pixels, in a folder",
-    recognised_by=f"{CAMERA} in the folder",
-    sidecar_file=f"{JOINTS}, {DEPTH}/",
+    recognised_by=f"{CAMERA_FILE} in the folder",
+    sidecar_file=f"{JOINTS_FILE}, {DEPTH_FOLDER}/",
 )
 _NUMBER = re.compile(r"\d{1,12}")
 
 
 def is_recording(path: Path) -> bool:
     """True for a folder that contains camera.toml."""
-    return (path / CAMERA).is_file()
+    return (path / CAMERA_FILE).is_file()
 
 
 def numbered_images(folder: Path, suffixes: tuple[str, ...]) -> dict[int, Path]:

@@ -20,12 +20,12 @@ from kinemimic.pipeline.readers.base.node_parents import nearest_ancestor
 from kinemimic.pipeline.readers.base.source import Source
 from kinemimic.pipeline.readers.depth.completeness import DESCRIPTIONS, STATE_OF_CHECK, check
 from kinemimic.pipeline.readers.depth.folder import (
-    CAMERA,
-    DEPTH,
+    CAMERA_FILE,
+    DEPTH_FOLDER,
     DEPTH_SUFFIXES,
     FORMAT,
-    JOINTS,
-    TIMES,
+    JOINTS_FILE,
+    TIMES_FILE,
     numbered_images,
 )
 from kinemimic.pipeline.readers.depth.frames import load, read_depth
@@ -52,15 +52,17 @@ class Recording:
 
 def open_recording(folder: Path) -> Recording:
     """The recording as its text files describe it; CaptureError for the first mistake in one of them."""
-    setup, camera_source = setup_of(folder, CAMERA)
-    images = numbered_images(folder / DEPTH, DEPTH_SUFFIXES)
+    setup, camera_source = setup_of(folder, CAMERA_FILE)
+    images = numbered_images(folder / DEPTH_FOLDER, DEPTH_SUFFIXES)
     if not images:
         raise CaptureError(
-            folder / DEPTH, expected="depth images named by their frame (000012.png)", found="no such file"
+            folder / DEPTH_FOLDER,
+            expected="depth images named by their frame (000012.png)",
+            found="no such file",
         )
     frames = tuple(images)
     times, times_source = _times(folder, setup, frames)
-    table = Source.open(folder / JOINTS)
+    table = Source.open(folder / JOINTS_FILE)
     joints = read_joints(table, frames, setup.units)
     return Recording(
         folder, setup, frames, tuple(images.values()), times, joints, (camera_source, table, *times_source)
@@ -130,10 +132,10 @@ def skeleton_of(names: Sequence[str]) -> tuple[Skeleton, list[int]]:
 
 def _times(folder: Path, setup: Setup, frames: tuple[int, ...]) -> tuple[Array, tuple[Source, ...]]:
     """Seconds of every frame, and the file that has them, if any."""
-    path = folder / TIMES
+    path = folder / TIMES_FILE
     if path.is_file() == (setup.rate is not None):
         found = "both" if setup.rate is not None else "neither"
-        raise CaptureError(folder, expected=f"either a rate in {CAMERA} or {TIMES}", found=found)
+        raise CaptureError(folder, expected=f"either a rate in {CAMERA_FILE} or {TIMES_FILE}", found=found)
     if setup.rate is not None:
         return (np.array(frames) - frames[0]) / setup.rate, ()
     source = Source.open(path)
@@ -151,12 +153,16 @@ def _reading(recording: Recording, checks: States, states: States) -> dict[str, 
     if not joints.has_depth:
         notes.append("the joints have no depth of their own: positions are on the skin, not inside the body")
     if not setup.leveled:
-        notes.append(f"no [mount] in {CAMERA}: the camera is assumed level, and heights are relative to it")
+        notes.append(
+            f"no [mount] in {CAMERA_FILE}: the camera is assumed level, and heights are relative to it"
+        )
     if joints.frames_without_image:
-        notes.append(f"{joints.frames_without_image} frames of {JOINTS} have no depth image and were dropped")
+        notes.append(
+            f"{joints.frames_without_image} frames of {JOINTS_FILE} have no depth image and were dropped"
+        )
     return reading(
         units="mm" if setup.units == MILLIMETRES else f"1/{setup.units:g} m",
-        units_rule=f"units_per_metre in {CAMERA}",
+        units_rule=f"units_per_metre in {CAMERA_FILE}",
         notes=notes,
         complete_frames=complete,
         joint_positions=counts,

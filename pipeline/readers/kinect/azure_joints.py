@@ -46,7 +46,7 @@ _TREE: tuple[tuple[str, str], ...] = (
     ("HEAD", "NECK"),
     *((joint, "HEAD") for joint in _FACE),
 )
-JOINTS: tuple[str, ...] = tuple(name for name, _ in _TREE)
+AZURE_JOINTS: tuple[str, ...] = tuple(name for name, _ in _TREE)
 # Spelling in the first versions of the SDK and, to this day, on Microsoft's page.
 OLD_NAMES: dict[str, str] = {"SPINE_NAVAL": "SPINE_NAVEL"}
 # The camera's axes in ours, as for a Kinect v2: away from the camera is our X, the camera's right our -Y.
@@ -57,5 +57,5 @@ WORLD_FROM_CAMERA: NDArray[np.float64] = from_matrix(
 
 def azure_skeleton() -> Skeleton:
     """The 32 joints of JOINTS; rest offsets are unknown (zeros)."""
-    parents = tuple(JOINTS.index(parent) if parent else -1 for _, parent in _TREE)
-    return Skeleton(JOINTS, parents, np.zeros((len(JOINTS), 3)))
+    parents = tuple(AZURE_JOINTS.index(parent) if parent else -1 for _, parent in _TREE)
+    return Skeleton(AZURE_JOINTS, parents, np.zeros((len(AZURE_JOINTS), 3)))

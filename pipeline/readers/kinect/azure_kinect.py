@@ -28,7 +28,7 @@ from kinemimic.pipeline.readers.base.frame_defects import MAX_COORDINATE
 from kinemimic.pipeline.readers.base.json_text import numbers, parse_json
 from kinemimic.pipeline.readers.base.source import Source
 from kinemimic.pipeline.readers.kinect.azure_joints import (
-    JOINTS,
+    AZURE_JOINTS,
     OLD_NAMES,
     WORLD_FROM_CAMERA,
     azure_skeleton,
@@ -75,7 +75,7 @@ def read(source: Source) -> Clip:
         raise source.error(expected='a list "frames" of body-tracking results', found="none")
     if len(frames) > _MAX_FRAMES:
         raise source.error(expected=f"at most {_MAX_FRAMES} frames", found=f"{len(frames)}")
-    order = _order(document.get("joint_names", list(JOINTS)), source)
+    order = _order(document.get("joint_names", list(AZURE_JOINTS)), source)
     times = np.array([_time(frame, number, source) for number, frame in enumerate(frames)]) * 1e-6
     later, defects = sensor_clock(times, _where, source)
     people = [_people(frame, number, source) for number, frame in enumerate(frames)]
@@ -87,14 +87,14 @@ def read(source: Source) -> Clip:
     rows = [number for number, bodies in enumerate(people) if main_person in bodies and later[number]]
     bodies = [people[number][main_person] for number in rows]
 
-    points = np.full((len(frames), len(JOINTS), 3), np.nan)
-    orientations = np.full((len(frames), len(JOINTS), 4), np.nan)
-    states = np.zeros((len(frames), len(JOINTS)), dtype=np.uint8)
+    points = np.full((len(frames), len(AZURE_JOINTS), 3), np.nan)
+    orientations = np.full((len(frames), len(AZURE_JOINTS), 4), np.nan)
+    states = np.zeros((len(frames), len(AZURE_JOINTS)), dtype=np.uint8)
     points[rows] = _values(bodies, rows, "joint_positions", 3, source)[:, order] / _MM
     orientations[rows] = _values(bodies, rows, "joint_orientations", 4, source)[:, order][..., [1, 2, 3, 0]]
     states[rows] = _states(bodies, rows, source)[:, order]
     _refuse_remote(points, source)
-    check_quaternions(orientations, JOINTS, _where, source)
+    check_quaternions(orientations, AZURE_JOINTS, _where, source)
     skeleton = azure_skeleton()
     return clip_of_points(
         skeleton,
@@ -121,13 +121,13 @@ def _order(names: Any, source: Source) -> list[int]:
     """The index in the file of each of JOINTS."""
     names_in_file = names if isinstance(names, list) else []
     found = [OLD_NAMES.get(name, name) for name in names_in_file if isinstance(name, str)]
-    if sorted(found) != sorted(JOINTS):
-        unknown = next((name for name in found if name not in JOINTS), None)
+    if sorted(found) != sorted(AZURE_JOINTS):
+        unknown = next((name for name in found if name not in AZURE_JOINTS), None)
         raise source.error(
-            expected=f"{len(JOINTS)} joint_names of the Azure Kinect, each once",
+            expected=f"{len(AZURE_JOINTS)} joint_names of the Azure Kinect, each once",
             found=f"{len(found)} names" + (f", including {unknown[:40]!r}" if unknown else ""),
         )
-    return [found.index(joint) for joint in JOINTS]
+    return [found.index(joint) for joint in AZURE_JOINTS]
 
 
 def _time(frame: Any, number: int, source: Source) -> float:
@@ -162,7 +162,7 @@ def _values(
     bodies: Sequence[dict[str, Any]], rows: Sequence[int], key: str, width: int, source: Source
 ) -> Array:
     """Numbers (len(bodies), 32, width) under that key."""
-    shape = (len(JOINTS), width)
+    shape = (len(AZURE_JOINTS), width)
     values = numbers([body.get(key) for body in bodies])
     if values is not None and values.shape[1:] == shape:
         return values
@@ -181,17 +181,17 @@ def _states(bodies: Sequence[dict[str, Any]], rows: Sequence[int], source: Sourc
     """States (len(bodies), 32) of the joints, from their confidence if the recorder wrote it."""
     key = next((key for key in _CONFIDENCES if key in bodies[0]), None)
     if key is None:
-        return np.full((len(bodies), len(JOINTS)), TRACKED, dtype=np.uint8)
+        return np.full((len(bodies), len(AZURE_JOINTS)), TRACKED, dtype=np.uint8)
     levels = numbers([body.get(key) for body in bodies])
     # One recorder writes [2] instead of 2.
-    if levels is not None and levels.shape[1:] in ((len(JOINTS),), (len(JOINTS), 1)):
-        levels = levels.reshape(len(bodies), len(JOINTS))
+    if levels is not None and levels.shape[1:] in ((len(AZURE_JOINTS),), (len(AZURE_JOINTS), 1)):
+        levels = levels.reshape(len(bodies), len(AZURE_JOINTS))
         wrong = ~np.isin(levels, np.arange(len(_STATE_OF)))
         if not wrong.any():
             return _STATE_OF[levels.astype(np.intp)]
         row = int(np.argwhere(wrong)[0][0])
         raise source.error(expected=f"{key} of 0 to 3", found="another value", where=_where(rows[row]))
-    raise source.error(expected=f"{key} of {len(JOINTS)} numbers in every body", found="something else")
+    raise source.error(expected=f"{key} of {len(AZURE_JOINTS)} numbers in every body", found="something else")
 
 
 def _refuse_remote(points: Array, source: Source) -> None:
@@ -200,7 +200,8 @@ def _refuse_remote(points: Array, source: Source) -> None:
     if remote.any():
         frame, joint, axis = (int(k) for k in np.argwhere(remote)[0])
         raise source.error(
-            expected=f"millimetres, at most {MAX_COORDINATE * _MM:g}, in {'XYZ'[axis]} of {JOINTS[joint]}",
+            expected=f"millimetres, at most {MAX_COORDINATE * _MM:g}, in "
+            f"{'XYZ'[axis]} of {AZURE_JOINTS[joint]}",
             found=f"{points[frame, joint, axis] * _MM:g}",
             where=_where(frame),
         )

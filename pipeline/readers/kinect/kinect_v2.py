@@ -39,16 +39,17 @@ SDK_JOINTS: tuple[str, ...] = tuple(name for name, _ in _TREE)
 SDK_PARENTS: tuple[str, ...] = tuple(parent for _, parent in _TREE)
 # In the order of our skeletons, parents first: SpineShoulder, the 21st joint of a file, moves behind
 # SpineMid.
-JOINTS: tuple[str, ...] = ("SpineBase", "SpineMid", "SpineShoulder", *(
+KINECT_V2_JOINTS: tuple[str, ...] = ("SpineBase", "SpineMid", "SpineShoulder", *(
     name for name in SDK_JOINTS if name not in ("SpineBase", "SpineMid", "SpineShoulder")
 ))  # fmt: skip
 # positions_in_our_order = positions_of_the_file[:, FROM_SDK]
-FROM_SDK: tuple[int, ...] = tuple(SDK_JOINTS.index(name) for name in JOINTS)
+FROM_SDK: tuple[int, ...] = tuple(SDK_JOINTS.index(name) for name in KINECT_V2_JOINTS)
 
 
 def kinect_v2_skeleton() -> Skeleton:
     """The 25 joints of JOINTS; rest offsets are unknown (zeros)."""
     parents = tuple(
-        JOINTS.index(parent) if (parent := SDK_PARENTS[SDK_JOINTS.index(name)]) else -1 for name in JOINTS
+        KINECT_V2_JOINTS.index(parent) if (parent := SDK_PARENTS[SDK_JOINTS.index(name)]) else -1
+        for name in KINECT_V2_JOINTS
     )
-    return Skeleton(JOINTS, parents, np.zeros((len(JOINTS), 3)))
+    return Skeleton(KINECT_V2_JOINTS, parents, np.zeros((len(KINECT_V2_JOINTS), 3)))

@@ -24,7 +24,7 @@ FORMAT = Format(
     columns=(81, 85, 86, 91),
 )
 # "hip_center" is HipCenter in the file.
-JOINTS: tuple[str, ...] = tuple(node.title().replace("_", "") for node in NODES)
+KINECT_V1_JOINTS: tuple[str, ...] = tuple(node.title().replace("_", "") for node in NODES)
 # A header with this many joint columns is of this format, even if some columns are missing.
 _MIN_COLUMNS = 20
 _CLOCKS = {"ms": 1e3}
@@ -42,14 +42,16 @@ def read(source: Source) -> Clip:
     Lines with a repeated or earlier time are dropped and counted.
     """
     header = header_of(source)
-    unknown = sorted({joint.lower() for joint in header.joints} - {joint.lower() for joint in JOINTS})
+    unknown = sorted(
+        {joint.lower() for joint in header.joints} - {joint.lower() for joint in KINECT_V1_JOINTS}
+    )
     if unknown:
         raise source.error(
             expected="the 20 joints of a Kinect v1",
             found=f"{len(header.joints)} joints, including {', '.join(unknown[:3])[:80]}",
             line=header.line,
         )
-    frames = frames_of(source, header, JOINTS, _CLOCKS)
+    frames = frames_of(source, header, KINECT_V1_JOINTS, _CLOCKS)
     return clip_of_points(
         node_skeleton(),
         frames.times,

@@ -23,7 +23,7 @@ FORMAT = Format(
     name="treadmill ASCII",
     sensor="Kinect v1",
     holds="positions of 20 joints and the recorder's own angles",
-    recognised_by="a first line 'Frame number' and a line of names that begins Time, Hip Center",
+    recognised_by="a first line 'Frame number' and a line of names that begins with Time, Hip Center",
     columns=(85,),
 )
 # In Hz. A Kinect v1 may deliver fewer frames, never more.
@@ -39,7 +39,7 @@ def _label(node: str) -> str:
 
 
 # Name of a point in the file -> our node, in the order of NODES, which is also the file's.
-JOINTS: dict[str, str] = {_label(node): node for node in NODES}
+NODE_OF_LABEL: dict[str, str] = {_label(node): node for node in NODES}
 # Name of an angle in the file -> name of our curve.
 ANGLES: dict[str, str] = {
     f"{side} {word} Angle": f"{joint}_{side.lower()}"
@@ -101,7 +101,7 @@ def read(source: Source) -> Clip:
     names_line, declared_rate, declared_frames = _header(source)
     names = source.lines[names_line].rstrip("\n").split("\t")
     columns = {name.strip(): column for column, name in enumerate(names) if name.strip()}
-    missing = [label for label in JOINTS if label not in columns]
+    missing = [label for label in NODE_OF_LABEL if label not in columns]
     if missing:
         raise source.error(
             expected="the names of 20 joints", found=f"no {', '.join(missing[:3])}", line=names_line + 1
@@ -116,10 +116,12 @@ def read(source: Source) -> Clip:
         missing_frames.append(Defect("dropped_frames", count, "frames", "flagged", text))
     frames = _frame_numbers(source, table, declared_rate)
     later, defects = increasing_times(frames)
-    first = np.array([columns[label] for label in JOINTS])
+    first = np.array([columns[label] for label in NODE_OF_LABEL])
     kept = values if later.all() else values[later]
-    points = kept[:, (first[:, None] + np.arange(3)).ravel()].reshape(-1, len(JOINTS), 3)
-    refuse_remote(points, tuple(JOINTS), source, lambda row: table.line(int(np.flatnonzero(later)[row])))
+    points = kept[:, (first[:, None] + np.arange(3)).ravel()].reshape(-1, len(NODE_OF_LABEL), 3)
+    refuse_remote(
+        points, tuple(NODE_OF_LABEL), source, lambda row: table.line(int(np.flatnonzero(later)[row]))
+    )
     rate, wrong_rate = true_rate(declared_rate, len(points))
     angle_columns = {label: values[later, columns[label]] for label in ANGLES if label in columns}
     return clip_of_points(

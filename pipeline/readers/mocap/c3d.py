@@ -21,7 +21,7 @@ from kinemimic.pipeline.readers.base.clip_building import clip_of_points, readin
 from kinemimic.pipeline.readers.base.format import Format
 from kinemimic.pipeline.readers.base.frame_defects import MAX_COORDINATE, zero_frames
 from kinemimic.pipeline.readers.base.source import Source
-from kinemimic.pipeline.readers.kinect.treadmill import JOINTS, angles_of_recorder, true_rate
+from kinemimic.pipeline.readers.kinect.treadmill import NODE_OF_LABEL, angles_of_recorder, true_rate
 from kinemimic.pipeline.readers.mocap.c3d_layout import check_layout, has_signature
 from kinemimic.pipeline.readers.mocap.c3d_points import read_points
 from kinemimic.pipeline.readers.mocap.declared_unit import in_metres
@@ -30,9 +30,9 @@ from kinemimic.pipeline.readers.mocap.markers import clip_of_markers
 
 FORMAT = Format(
     name="C3D",
-    sensor="optical, or a Kinect through btk",
+    sensor="optical, or a Kinect exported by btk",
     holds="positions of joints or markers, and angles",
-    recognised_by="the byte 0x50 in second place",
+    recognised_by="0x50 as the second byte",
     binary=True,
 )
 DECLARED: dict[str, float] = {"m": 1.0, "cm": 0.01, "mm": 0.001}
@@ -61,8 +61,8 @@ def read(source: Source) -> Clip:
     check_layout(source)
     content = read_points(source)
     labels, rate, points = content.labels, content.rate, content.positions
-    is_kinect = all(label in labels for label in JOINTS)
-    selected_labels = tuple(JOINTS) if is_kinect else _body_labels(labels)
+    is_kinect = all(label in labels for label in NODE_OF_LABEL)
+    selected_labels = tuple(NODE_OF_LABEL) if is_kinect else _body_labels(labels)
     selected_points = points[:, [labels.index(label) for label in selected_labels]]
     unit, rule = _unit(content.units.lower(), selected_points, source)
     selected_points = selected_points * UNITS[unit]

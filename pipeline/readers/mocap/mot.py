@@ -83,7 +83,7 @@ def _arm(side: str, s: str, right: float) -> tuple[_Joint, ...]:
 
 
 # The midpoint of the hips and a point straight above it, both fixed to the pelvis, show its frame.
-JOINTS: tuple[_Joint, ...] = (
+OPENSIM_JOINTS: tuple[_Joint, ...] = (
     _Joint("pelvis", "", (0.0, 0.0, 0.0), ("pelvis_tilt", "pelvis_list", "pelvis_rotation")),
     _Joint("hip_center", "pelvis", (-0.0707, -0.0661, 0.0)),
     _Joint("spine", "pelvis", (-0.0707, 0.0815, 0.0)),
@@ -120,7 +120,7 @@ def read(source: Source) -> Clip:
     values = {name: column[later] for name, column in table.columns.items()}
     knee_sign, knee_rule = _knee_sign(values)
 
-    joints = [joint for joint in JOINTS if not joint.requires or joint.requires in values]
+    joints = [joint for joint in OPENSIM_JOINTS if not joint.requires or joint.requires in values]
     names = tuple(joint.name for joint in joints)
     parents = tuple(names.index(joint.parent) if joint.parent else -1 for joint in joints)
     skeleton = Skeleton(names, parents, np.array([joint.offset for joint in joints]))
@@ -193,7 +193,7 @@ def _table(source: Source) -> _Table:
             expected=f"a finite number in {labels[column]}", found=f"{numbers[row, column]}",
             line=table.line(row),
         )  # fmt: skip
-    angle_names = {name for joint in JOINTS for name in joint.angle_names if name} & set(labels)
+    angle_names = {name for joint in OPENSIM_JOINTS for name in joint.angle_names if name} & set(labels)
     used = {"time", *PELVIS_POSITION, *angle_names}
     columns = {label: numbers[:, k] for k, label in enumerate(labels) if label in used}
     if _in_degrees(header.get("indegrees", ""), [columns[name] for name in angle_names]):

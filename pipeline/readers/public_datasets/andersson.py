@@ -24,9 +24,9 @@ FORMAT = Format(
 )
 RATE = 30.0
 # "hip_center" is Hip-centro in the file, "shoulder_left" is Shoulder-Left.
-JOINTS: dict[str, str] = {node.title().replace("_", "-"): node for node in NODES if node != "hip_center"} | {
-    "Hip-centro": "hip_center"
-}
+NODE_OF_NAME: dict[str, str] = {
+    node.title().replace("_", "-"): node for node in NODES if node != "hip_center"
+} | {"Hip-centro": "hip_center"}
 # The characters of numbers. Without them, a file of 20 names per frame repeats the same few bytes.
 _NUMERIC = b"0123456789.+-eE"
 
@@ -34,7 +34,7 @@ _NUMERIC = b"0123456789.+-eE"
 def recognises(source: Source) -> bool:
     """True if two of the first three lines (one may be damaged) are a known joint's name and three fields."""
     lines = [line.split(";") for line in source.head[:3]]
-    return sum(len(fields) == 4 and fields[0] in JOINTS for fields in lines) >= 2
+    return sum(len(fields) == 4 and fields[0] in NODE_OF_NAME for fields in lines) >= 2
 
 
 def read(source: Source) -> Clip:
@@ -49,7 +49,7 @@ def read(source: Source) -> Clip:
     table = parse_table(source, width=4, separator=";", label_columns=1)
     points = table.values.reshape(-1, len(names_in_order), 3)
     refuse_remote(points, names_in_order, source, lambda frame: table.line(frame * len(names_in_order)))
-    nodes = [JOINTS[name] for name in names_in_order]
+    nodes = [NODE_OF_NAME[name] for name in names_in_order]
     points = points[:, [nodes.index(node) for node in NODES]]
     return clip_of_points(
         node_skeleton(),
@@ -71,16 +71,16 @@ def _names_of_first_frame(source: Source) -> tuple[str, ...]:
     names: list[str] = []
     for number, line in enumerate(source.head, start=source.blank_lines + 1):
         name = line.partition(";")[0].strip()
-        if len(names) == len(JOINTS) or (names and name == names[0]):
+        if len(names) == len(NODE_OF_NAME) or (names and name == names[0]):
             break
-        if name in names or name not in JOINTS:
+        if name in names or name not in NODE_OF_NAME:
             found = f"{name[:40]!r}{' again' if name in names else ''}"
             raise source.error(expected="a joint's name", found=found, line=number)
         names.append(name)
-    if len(names) < len(JOINTS):
-        missing = [name for name in JOINTS if name not in names]
+    if len(names) < len(NODE_OF_NAME):
+        missing = [name for name in NODE_OF_NAME if name not in names]
         raise source.error(
-            expected=f"{len(JOINTS)} joints in the first frame",
+            expected=f"{len(NODE_OF_NAME)} joints in the first frame",
             found=f"{len(names)}, without {', '.join(missing[:3])}{' …' if len(missing) > 3 else ''}",
             line=source.blank_lines + len(names),
             advice="the file is cut off there" if len(names) == len(source.head) else None,
@@ -107,7 +107,7 @@ def _check_lines(source: Source, names_in_order: tuple[str, ...]) -> None:
                 expected=f"{wanted} of frame {index // len(names_in_order)}",
                 found=repr(name[:40]),
                 line=number,
-                advice="a joint's line is missing or repeated" if name in JOINTS else None,
+                advice="a joint's line is missing or repeated" if name in NODE_OF_NAME else None,
             )
         if len(fields) != 3:
             cut_off = index == len(filled) - 1 and len(fields) < 3

@@ -26,17 +26,17 @@ FORMAT = Format(
     name="MSR-Action3D lines",
     sensor="depth camera like a Kinect v1",
     holds="positions and confidence of 20 joints",
-    recognised_by="lines of 4 numbers, the last from 0 to 1, of which 20 are an upright body",
+    recognised_by="lines of 4 numbers, the last from 0 to 1; 20 lines form an upright body",
     columns=(4,),
 )
 RATE = 15.0
-JOINTS: tuple[str, ...] = (
+MSR_JOINTS: tuple[str, ...] = (
     "shoulder_left", "shoulder_right", "shoulder_center", "spine", "hip_left", "hip_right", "hip_center",
     "elbow_left", "elbow_right", "wrist_left", "wrist_right", "hand_left", "hand_right", "knee_left",
     "knee_right", "ankle_left", "ankle_right", "foot_left", "foot_right", "head",
 )  # fmt: skip
 # positions_of_nodes = positions_of_the_file[:, FROM_FILE]
-FROM_FILE: tuple[int, ...] = tuple(JOINTS.index(node) for node in NODES)
+FROM_FILE: tuple[int, ...] = tuple(MSR_JOINTS.index(node) for node in NODES)
 _TRACKED_FROM = 0.5
 # In metres; depth cameras of that time have no larger range.
 _MAX_COORDINATE = 20.0
@@ -50,11 +50,11 @@ def recognises(source: Source) -> bool:
         if row is None or len(row) != 4:
             break
         rows.append(row)
-    frames = len(rows) // len(JOINTS)
+    frames = len(rows) // len(MSR_JOINTS)
     # Other lines may be damage further down, but not in the first frame.
     if not frames or (len(rows) < len(source.head) - 1 and frames < 2):
         return False
-    table = np.array(rows[: frames * len(JOINTS)]).reshape(frames, len(JOINTS), 4)
+    table = np.array(rows[: frames * len(MSR_JOINTS)]).reshape(frames, len(MSR_JOINTS), 4)
     if not ((table[..., 3] >= 0) & (table[..., 3] <= 1)).all():
         return False
     seen = table[table[..., :3].any(axis=(1, 2))]
@@ -68,10 +68,10 @@ def read(source: Source) -> Clip:
     """
     table = parse_table(source, width=4)
     rows = len(table.values)
-    if rows % len(JOINTS):
+    if rows % len(MSR_JOINTS):
         raise source.error(
-            expected=f"{len(JOINTS)} lines per frame",
-            found=f"{rows % len(JOINTS)} in the last one",
+            expected=f"{len(MSR_JOINTS)} lines per frame",
+            found=f"{rows % len(MSR_JOINTS)} in the last one",
             line=table.line(rows - 1),
             advice="the file is cut off there, or a line is missing",
         )
@@ -82,7 +82,7 @@ def read(source: Source) -> Clip:
         raise source.error(
             expected="a confidence from 0 to 1", found=f"{confidence[row]:g}", line=table.line(row)
         )
-    frames = table.values.reshape(-1, len(JOINTS), 4)[:, FROM_FILE]
+    frames = table.values.reshape(-1, len(MSR_JOINTS), 4)[:, FROM_FILE]
     points = np.where(np.isfinite(frames[..., :3]), frames[..., :3], np.nan)
     _refuse_pixels(points, table, source)
     return clip_of_points(
@@ -109,7 +109,7 @@ def _refuse_pixels(points: Array, table: Table, source: Source) -> None:
         raise source.error(
             expected=f"metres, at most {_MAX_COORDINATE:g}, in the {NODES[node]}",
             found=f"{points[frame, node, axis]:g}",
-            line=table.line(frame * len(JOINTS) + FROM_FILE[node]),
+            line=table.line(frame * len(MSR_JOINTS) + FROM_FILE[node]),
             advice=advice,
         )
     hip, knee, ankle = (points[:, NODE_INDEX[f"{joint}_left"]] for joint in ("hip", "knee", "ankle"))

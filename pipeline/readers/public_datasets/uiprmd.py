@@ -49,22 +49,22 @@ _TREE: tuple[tuple[str, str], ...] = (
     ("RFoot", "RLowerLeg"),
     ("RToes", "RFoot"),
 )
-JOINTS: tuple[str, ...] = tuple(name for name, _ in _TREE)
-PARENTS: tuple[int, ...] = tuple(JOINTS.index(parent) if parent else -1 for _, parent in _TREE)
-WIDTH = 3 * len(JOINTS)
+UIPRMD_JOINTS: tuple[str, ...] = tuple(name for name, _ in _TREE)
+PARENTS: tuple[int, ...] = tuple(UIPRMD_JOINTS.index(parent) if parent else -1 for _, parent in _TREE)
+WIDTH = 3 * len(UIPRMD_JOINTS)
 
 FORMAT = Format(
     name="UI-PRMD Kinect",
     sensor="Kinect v2",
     holds="local offsets of 22 joints with Euler angles",
-    recognised_by="66 numbers per line, of which knees and ankles lie straight below their parents",
+    recognised_by="66 numbers per line, with knees and ankles straight below their parents",
     columns=(WIDTH,),
     sidecar_file="the angles of the same recording: the same name with `angles` for `positions`",
 )
 # In a file of offsets, knees and ankles lie exactly on their parent's -Y axis; angles never look like that.
-_LEGS = [JOINTS.index(name) for name in ("LLowerLeg", "LFoot", "RLowerLeg", "RFoot")]
+_LEGS = [UIPRMD_JOINTS.index(name) for name in ("LLowerLeg", "LFoot", "RLowerLeg", "RFoot")]
 # The ends of the limbs have no angles.
-_TIPS = [JOINTS.index(name) for name in ("HeadTip", "LToes", "RToes")]
+_TIPS = [UIPRMD_JOINTS.index(name) for name in ("HeadTip", "LToes", "RToes")]
 _AXIS_TOLERANCE, _BONE_LENGTHS = 0.01, (10.0, 80.0)
 # Larger angles are damage.
 _MAX_DEGREES = 3600.0
@@ -108,14 +108,14 @@ def read(source: Source) -> Clip:
     offsets = offsets[seen] * _CM
     rest = np.median(offsets, axis=0)
     rest[0] = 0.0
-    skeleton = Skeleton(JOINTS, PARENTS, rest)
+    skeleton = Skeleton(UIPRMD_JOINTS, PARENTS, rest)
     euler = np.radians(degrees[seen])[..., ["XYZ".index(axis) for axis in ORDER]]
     return clip_of_channels(
         skeleton,
         np.flatnonzero(seen) / RATE,
         offsets,
         euler,
-        (ORDER,) * len(JOINTS),
+        (ORDER,) * len(UIPRMD_JOINTS),
         format=FORMAT,
         reading=reading(
             units="cm",
@@ -128,7 +128,7 @@ def read(source: Source) -> Clip:
 
 
 def _joints(table: Table) -> Array:
-    return table.values.reshape(-1, len(JOINTS), 3)
+    return table.values.reshape(-1, len(UIPRMD_JOINTS), 3)
 
 
 def _are_positions(values: Array) -> bool:
@@ -146,21 +146,23 @@ def _are_angles(values: Array) -> bool:
 
 
 def _refuse_damage(positions: Table, angles: Table) -> None:
-    """What is not finite, too far off or turned too often is damage: forward kinematics needs every joint."""
+    """Raise CaptureError for numbers that are not finite, remote offsets or too large angles: forward
+    kinematics needs every joint.
+    """
     offsets, degrees = _joints(positions), _joints(angles)
     for values, table in ((offsets, positions), (degrees, angles)):
         if not np.isfinite(values).all():
             frame, joint, axis = (int(k) for k in np.argwhere(~np.isfinite(values))[0])
             raise table.source.error(
                 expected="a finite number",
-                found=f"{values[frame, joint, axis]:g} in {JOINTS[joint]}",
+                found=f"{values[frame, joint, axis]:g} in {UIPRMD_JOINTS[joint]}",
                 line=table.line(frame),
             )
-    refuse_remote(offsets * _CM, JOINTS, positions.source, positions.line)
+    refuse_remote(offsets * _CM, UIPRMD_JOINTS, positions.source, positions.line)
     if np.abs(degrees).max() > _MAX_DEGREES:
         frame, joint, _ = (int(k) for k in np.argwhere(np.abs(degrees) > _MAX_DEGREES)[0])
         raise angles.source.error(
-            expected=f"degrees, at most {_MAX_DEGREES:g}, in {JOINTS[joint]}",
+            expected=f"degrees, at most {_MAX_DEGREES:g}, in {UIPRMD_JOINTS[joint]}",
             found=f"{np.abs(degrees[frame, joint]).max():g}",
             line=angles.line(frame),
         )

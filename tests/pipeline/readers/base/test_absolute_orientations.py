@@ -8,7 +8,7 @@ from kinemimic.pipeline.kinematics import rotations as r
 from kinemimic.pipeline.kinematics.clip import forward_kinematics
 from kinemimic.pipeline.readers.base.absolute_orientations import child_to_parent
 from kinemimic.pipeline.readers.kinect.azure_joints import WORLD_FROM_CAMERA, azure_skeleton
-from kinemimic.pipeline.readers.kinect.kinect_v2 import JOINTS, kinect_v2_skeleton
+from kinemimic.pipeline.readers.kinect.kinect_v2 import KINECT_V2_JOINTS, kinect_v2_skeleton
 
 
 def turns(frames: int, joints: int) -> np.ndarray:
@@ -29,16 +29,18 @@ def test_the_tree_gives_the_orientations_back() -> None:
 def test_missing_orientations_stay_missing() -> None:
     skeleton = kinect_v2_skeleton()
     absolute = turns(10, 25)
-    absolute[:, JOINTS.index("Head")] = 0.0
-    absolute[4, JOINTS.index("KneeLeft")] = np.nan
-    absolute[6, JOINTS.index("SpineBase")] = [np.inf, 0.0, 0.0, 0.0]
+    absolute[:, KINECT_V2_JOINTS.index("Head")] = 0.0
+    absolute[4, KINECT_V2_JOINTS.index("KneeLeft")] = np.nan
+    absolute[6, KINECT_V2_JOINTS.index("SpineBase")] = [np.inf, 0.0, 0.0, 0.0]
     local = child_to_parent(absolute, skeleton, r.Y_UP_TO_Z_UP)
     missing = np.isnan(local[..., 0])
     expected = np.zeros((10, 25), dtype=bool)
-    expected[:, JOINTS.index("Head")] = True
+    expected[:, KINECT_V2_JOINTS.index("Head")] = True
     # Without the knee neither its own turn in the thigh nor the ankle's turn in the shank is known.
-    expected[4, [JOINTS.index("KneeLeft"), JOINTS.index("AnkleLeft")]] = True
-    expected[6, [JOINTS.index(name) for name in ("SpineBase", "SpineMid", "HipLeft", "HipRight")]] = True
+    expected[4, [KINECT_V2_JOINTS.index("KneeLeft"), KINECT_V2_JOINTS.index("AnkleLeft")]] = True
+    expected[
+        6, [KINECT_V2_JOINTS.index(name) for name in ("SpineBase", "SpineMid", "HipLeft", "HipRight")]
+    ] = True
     assert np.array_equal(missing, expected)
 
 

@@ -21,7 +21,7 @@ from kinemimic.pipeline.kinematics.rotations import angle_between, multiply
 from kinemimic.pipeline.kinematics.skeleton import NODE_INDEX
 from kinemimic.pipeline.readers import recognise
 from kinemimic.pipeline.readers.kinect import azure_kinect
-from kinemimic.pipeline.readers.kinect.azure_joints import JOINTS
+from kinemimic.pipeline.readers.kinect.azure_joints import AZURE_JOINTS
 
 Document = dict[str, Any]
 FRAMES = 30
@@ -39,7 +39,7 @@ def test_the_written_walk_comes_back_within_a_tenth_of_a_millimetre() -> None:
     expected = sample.joints(in_sight(walk(FRAMES))) - sample.CAMERA
     seen = np.delete(np.arange(FRAMES), LOST)
     assert clip.provenance["format"] == azure_kinect.FORMAT.name
-    assert clip.skeleton.names == JOINTS
+    assert clip.skeleton.names == AZURE_JOINTS
     assert np.abs(clip.positions[seen] - expected[seen]).max() < 1e-4
     assert np.abs(clip.times - 0.266744 - np.arange(FRAMES) / 30).max() < 1e-6
     assert (clip.states[seen] == 2).all()
@@ -92,9 +92,9 @@ def test_a_person_lost_and_found_under_another_number_is_flagged() -> None:
 
 def test_old_spelling_another_sequence_and_confidence() -> None:
     document = copy.deepcopy(TAKE)
-    order = np.random.default_rng(1).permutation(len(JOINTS))
-    document["joint_names"] = [JOINTS[j].replace("NAVEL", "NAVAL") for j in order]
-    levels = np.arange(len(JOINTS)) % 4
+    order = np.random.default_rng(1).permutation(len(AZURE_JOINTS))
+    document["joint_names"] = [AZURE_JOINTS[j].replace("NAVEL", "NAVAL") for j in order]
+    levels = np.arange(len(AZURE_JOINTS)) % 4
     for frame in document["frames"]:
         for body in frame["bodies"]:
             for key in ("joint_positions", "joint_orientations"):

@@ -13,7 +13,7 @@ from samples.motion import Walk, in_range, kinect_v2_joints, walk
 
 from kinemimic.pipeline.errors import CaptureError
 from kinemimic.pipeline.kinematics.clip import Clip
-from kinemimic.pipeline.readers.kinect.kinect_v2 import FROM_SDK, JOINTS
+from kinemimic.pipeline.readers.kinect.kinect_v2 import FROM_SDK, KINECT_V2_JOINTS
 from kinemimic.pipeline.readers.recognise import read, read_source
 
 PATH = Path("walk.skl")
@@ -35,7 +35,7 @@ def defects(clip: Clip) -> dict[str, int]:
 def test_wrong_names_are_repaired_with_evidence() -> None:
     clip = clip_of(files(20)["walk_v2.skl"].decode())
     assert clip.provenance["format"] == "Kinect v2 .skl text"
-    assert clip.skeleton.names == JOINTS
+    assert clip.skeleton.names == KINECT_V2_JOINTS
     assert np.abs(clip.positions - truth(20)).max() < 1e-12
     assert defects(clip) == {"wrong_names": 24}
     (defect,) = clip.provenance["reading"]["defects"]
@@ -76,8 +76,8 @@ def test_untracked_zeros_are_missing() -> None:
     fields[2:6] = ["0", "0", "0", "0"]
     lines[5] = "\t".join(fields)
     clip = clip_of("\n".join(lines))
-    assert np.argwhere(clip.states == 0).tolist() == [[4, JOINTS.index("SpineBase")]]
-    assert np.isnan(clip.positions[4, JOINTS.index("SpineBase")]).all()
+    assert np.argwhere(clip.states == 0).tolist() == [[4, KINECT_V2_JOINTS.index("SpineBase")]]
+    assert np.isnan(clip.positions[4, KINECT_V2_JOINTS.index("SpineBase")]).all()
 
 
 @pytest.mark.parametrize(
@@ -134,7 +134,7 @@ def test_real_recordings(
     assert clip.provenance["reading"]["clock"] == clock
     assert clip.rate == pytest.approx(30.27, abs=0.02)
     assert defects(clip) == {"wrong_names": wrong}
-    at = {joint: clip.positions[:, JOINTS.index(joint)] for joint in JOINTS}
+    at = {joint: clip.positions[:, KINECT_V2_JOINTS.index(joint)] for joint in KINECT_V2_JOINTS}
 
     def length(a: str, b: str) -> float:
         return float(np.nanmedian(np.linalg.norm(at[a] - at[b], axis=-1)))

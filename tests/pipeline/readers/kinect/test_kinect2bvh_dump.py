@@ -13,7 +13,7 @@ from samples.motion import Walk, in_range, kinect_v2_joints, walk
 
 from kinemimic.pipeline.errors import CaptureError
 from kinemimic.pipeline.kinematics.clip import Clip
-from kinemimic.pipeline.readers.kinect.kinect_v2 import FROM_SDK, JOINTS, SDK_JOINTS
+from kinemimic.pipeline.readers.kinect.kinect_v2 import FROM_SDK, KINECT_V2_JOINTS, SDK_JOINTS
 from kinemimic.pipeline.readers.recognise import read, read_source
 
 PATH = Path("raw.txt")
@@ -28,8 +28,8 @@ def test_the_written_walk_is_read_with_intermittent_tips() -> None:
     seen = walk(9)
     truth = kinect_v2_joints(Walk(seen.times, in_range(seen), seen.angles))[:, FROM_SDK]
     missing = np.zeros((9, 25), dtype=bool)
-    missing[::3, [JOINTS.index(SDK_JOINTS[j]) for j in TIPS]] = True
-    assert clip.skeleton.names == JOINTS
+    missing[::3, [KINECT_V2_JOINTS.index(SDK_JOINTS[j]) for j in TIPS]] = True
+    assert clip.skeleton.names == KINECT_V2_JOINTS
     assert np.array_equal(clip.states == 0, missing)
     assert np.abs(clip.positions - truth)[~missing].max() < 1e-6
     assert clip.times == pytest.approx((3178718 + np.round(100 * np.arange(9) / 3)) / 1000)
@@ -42,7 +42,7 @@ def test_upper_bodies_are_refused_listing_their_joints() -> None:
     ):
         clip_of(text(9, above))
     # One leg is enough to be read; what to do without the other is for later stages.
-    assert (clip_of(text(9, (*above, 12, 13, 14))).states[:, JOINTS.index("KneeLeft")] == 2).all()
+    assert (clip_of(text(9, (*above, 12, 13, 14))).states[:, KINECT_V2_JOINTS.index("KneeLeft")] == 2).all()
 
 
 @pytest.mark.parametrize(

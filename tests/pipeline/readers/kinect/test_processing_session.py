@@ -15,7 +15,7 @@ from kinemimic.pipeline.errors import CaptureError
 from kinemimic.pipeline.kinematics.clip import Clip, forward_kinematics
 from kinemimic.pipeline.kinematics.rotations import rotate
 from kinemimic.pipeline.readers import recognise
-from kinemimic.pipeline.readers.kinect.kinect_v2 import FROM_SDK, JOINTS
+from kinemimic.pipeline.readers.kinect.kinect_v2 import FROM_SDK, KINECT_V2_JOINTS
 
 TAKE = sample.files()["skeleton1.txt"].decode()
 LINES = TAKE.strip().split("\n")
@@ -86,7 +86,9 @@ def test_the_published_session(captures: Path) -> None:
     assert len(clip.times) == 238
     assert np.allclose(np.diff(clip.times), 1 / 30)
     for side in ("Left", "Right"):
-        hip, knee, ankle = (clip.positions[:, JOINTS.index(f"{j}{side}")] for j in ("Hip", "Knee", "Ankle"))
+        hip, knee, ankle = (
+            clip.positions[:, KINECT_V2_JOINTS.index(f"{j}{side}")] for j in ("Hip", "Knee", "Ankle")
+        )
         assert np.isclose(np.median(np.linalg.norm(knee - hip, axis=-1)), 0.37, atol=0.005)
         assert np.isclose(np.median(np.linalg.norm(ankle - knee, axis=-1)), 0.375, atol=0.005)
     # One of the two is smoothed: close at trunk and legs, and the sequence w first is beyond doubt.

@@ -16,7 +16,7 @@ from kinemimic.pipeline.errors import CaptureError
 from kinemimic.pipeline.kinematics.clip import Clip, forward_kinematics
 from kinemimic.pipeline.kinematics.rotations import rotate
 from kinemimic.pipeline.readers import recognise
-from kinemimic.pipeline.readers.kinect.kinect_v2 import FROM_SDK, JOINTS
+from kinemimic.pipeline.readers.kinect.kinect_v2 import FROM_SDK, KINECT_V2_JOINTS
 
 TAKE = sample.files()["JointsInfo.txt"].decode()
 
@@ -30,7 +30,9 @@ def bone_products(clip: Clip, *, w_first: bool = False) -> NDArray[np.float64]:
     assert clip.rotations is not None
     world = forward_kinematics(clip.skeleton, np.zeros_like(clip.positions), clip.rotations)[1]
     ends = [
-        j for j, parent in enumerate(clip.skeleton.parents) if parent >= 0 and JOINTS[j] not in sample.LEAVES
+        j
+        for j, parent in enumerate(clip.skeleton.parents)
+        if parent >= 0 and KINECT_V2_JOINTS[j] not in sample.LEAVES
     ]
     starts = [clip.skeleton.parents[j] for j in ends]
     bones = clip.positions[:, ends] - clip.positions[:, starts]
@@ -53,8 +55,8 @@ def test_leaves_have_no_rotation() -> None:
     clip = read(TAKE)
     assert clip.rotations is not None
     there = ~np.isnan(clip.rotations[..., 0])
-    assert {JOINTS[j] for j in np.flatnonzero(~there.all(axis=0))} == set(sample.LEAVES)
-    assert not there[:, [JOINTS.index(leaf) for leaf in sample.LEAVES]].any()
+    assert {KINECT_V2_JOINTS[j] for j in np.flatnonzero(~there.all(axis=0))} == set(sample.LEAVES)
+    assert not there[:, [KINECT_V2_JOINTS.index(leaf) for leaf in sample.LEAVES]].any()
 
 
 def test_complete_lines_of_zeros_are_empty_frames() -> None:
@@ -112,7 +114,8 @@ def test_the_published_recording(captures: Path) -> None:
     assert products.min() >= 0.999
     thighs = [
         np.linalg.norm(
-            clip.positions[:, JOINTS.index(f"Hip{side}")] - clip.positions[:, JOINTS.index(f"Knee{side}")],
+            clip.positions[:, KINECT_V2_JOINTS.index(f"Hip{side}")]
+            - clip.positions[:, KINECT_V2_JOINTS.index(f"Knee{side}")],
             axis=-1,
         )
         for side in ("Left", "Right")
@@ -130,7 +133,7 @@ def test_the_other_sequence_of_the_parts_is_refuted(captures: Path) -> None:
                 k = 2 + 8 * joint + 4
                 row[k : k + 4] = [row[k + 1], row[k + 2], row[k + 3], row[k]]
     products = bone_products(read("\n".join(" ".join(row) for row in lines)))
-    limbs = [name for name in JOINTS if name not in (*sample.LEAVES, "SpineBase")]
+    limbs = [name for name in KINECT_V2_JOINTS if name not in (*sample.LEAVES, "SpineBase")]
     means = dict(zip(limbs, products.mean(axis=0), strict=True))
     assert all(means[name] < -0.9 for name in ("SpineMid", "Neck", "KneeLeft", "AnkleLeft"))
     assert all(value < 0.3 for value in means.values())

@@ -15,10 +15,10 @@ from samples.motion import in_sight, kinect_v2_joints, walk
 from kinemimic.pipeline.errors import CaptureError
 from kinemimic.pipeline.kinematics.clip import Clip
 from kinemimic.pipeline.readers import recognise
-from kinemimic.pipeline.readers.kinect.kinect_v2 import FROM_SDK, JOINTS
+from kinemimic.pipeline.readers.kinect.kinect_v2 import FROM_SDK, KINECT_V2_JOINTS
 
 TAKE = sample.files()["joints.csv"].decode()
-LEGS = [JOINTS.index(name) for name in ("AnkleLeft", "FootLeft", "AnkleRight", "FootRight")]
+LEGS = [KINECT_V2_JOINTS.index(name) for name in ("AnkleLeft", "FootLeft", "AnkleRight", "FootRight")]
 
 
 def read(text: str) -> Clip:
@@ -79,7 +79,7 @@ def test_the_published_recording(captures: Path) -> None:
     assert np.isclose(np.median(steps), 0.0330010, atol=1e-6)
     # Standing behind something: "lower legs often inferred".
     assert (clip.states[:, LEGS] == 1).mean() > 0.5
-    assert (clip.states[:, JOINTS.index("Neck")] == 2).mean() > 0.9
+    assert (clip.states[:, KINECT_V2_JOINTS.index("Neck")] == 2).mean() > 0.9
 
 
 def test_a_table_of_that_width_with_a_header_is_not_claimed() -> None:

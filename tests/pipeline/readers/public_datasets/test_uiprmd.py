@@ -20,7 +20,7 @@ from kinemimic.pipeline.kinematics.nodes import derived_nodes, joints_by_name, t
 from kinemimic.pipeline.kinematics.skeleton import NODE_INDEX
 from kinemimic.pipeline.readers import recognise
 from kinemimic.pipeline.readers.public_datasets import uiprmd
-from kinemimic.pipeline.readers.public_datasets.uiprmd import JOINTS, ORDER
+from kinemimic.pipeline.readers.public_datasets.uiprmd import ORDER, UIPRMD_JOINTS
 
 
 def put(folder: Path, content: dict[str, bytes]) -> Path:
@@ -41,7 +41,7 @@ def test_the_known_walk_comes_back(tmp_path: Path) -> None:
     clip = recognise.read(put(tmp_path, files(40)))
     assert clip.provenance["format"] == "UI-PRMD Kinect"
     assert clip.rate == pytest.approx(30.0)
-    assert (clip.skeleton.names, set(clip.orders or ())) == (JOINTS, {"ZXY"})
+    assert (clip.skeleton.names, set(clip.orders or ())) == (UIPRMD_JOINTS, {"ZXY"})
     truth = joints(in_sight(walk(40, 30.0)))[..., [2, 0, 1]]
     assert np.abs(clip.positions - truth).max() < 2e-6
     positions, states = to_nodes(clip)
@@ -104,9 +104,9 @@ def test_damage_is_named(tmp_path: Path) -> None:
 
     refused(positions, angles[:-1], r"expected as many frames as in x_angles\.txt, 9, found 10; one of the")
     broken = positions.copy()
-    broken[4, 3 * JOINTS.index("LHand") + 1] = np.nan
+    broken[4, 3 * UIPRMD_JOINTS.index("LHand") + 1] = np.nan
     refused(broken, angles, "line 5: expected a finite number, found nan in LHand")
-    broken[4, 3 * JOINTS.index("LHand") + 1] = 1e9
+    broken[4, 3 * UIPRMD_JOINTS.index("LHand") + 1] = 1e9
     refused(broken, angles, r"line 5: expected metres, at most 100, in LHand_Y, found 1e\+07")
     turned = angles.copy()
     turned[2, 0] = 1e5
@@ -140,9 +140,9 @@ def sway(clip: Clip, order: str) -> float:
     assert clip.translations is not None
     read_as = clip.euler[..., [ORDER.index(axis) for axis in order]]
     places = positions_of_channels(
-        clip.skeleton, clip.translations, read_as, (order,) * len(JOINTS), clip.world_from_file
+        clip.skeleton, clip.translations, read_as, (order,) * len(UIPRMD_JOINTS), clip.world_from_file
     )
-    return float(places[:, [JOINTS.index(f"{side}Foot") for side in "LR"]].std(axis=0).mean())
+    return float(places[:, [UIPRMD_JOINTS.index(f"{side}Foot") for side in "LR"]].std(axis=0).mean())
 
 
 def squats(captures: Path) -> list[Path]:
