@@ -61,7 +61,7 @@ def retarget(
     if loop and not walked:
         brief = "; ".join(filter(None, map(brevity_note, passes)))
         raise KinemimicError(
-            f"{run}: expected a walk to make a loop of, found none{brief and f' ({brief})'}; leave out --loop"
+            f"{run}: expected a gait for --loop, found none{brief and f' ({brief})'}; leave out --loop"
         )
     if walked and loop is not False:
         chosen, warnings = select_passes(passes)

@@ -12,9 +12,7 @@ from scipy.linalg import solve, solveh_banded
 from kinemimic.pipeline.arrays import Array
 
 COUPLED_FRAMES = 2  # frames that a second difference couples
-MIN_CYCLE_FRAMES = (
-    2 * COUPLED_FRAMES + 2
-)  # frames, below which a cycle's seam would couple a frame with itself
+MIN_CYCLE_FRAMES = 2 * COUPLED_FRAMES + 2  # in a shorter cycle a frame would be coupled with itself
 
 
 def second_differences(values: Array, *, cyclic: bool) -> Array:

@@ -277,7 +277,7 @@ def select_passes(passes: list[Pass]) -> tuple[list[Pass], list[str]]:
         ]
     longest = max(passes, key=lambda p: len(p.frames))
     raise KinemimicError(
-        f"retarget: expected a pass of walking whose ankles fit one harmonic with R² of at least {WARN_R2}, "
+        f"retarget: expected a walking pass whose ankles fit one harmonic with R² of at least {WARN_R2}, "
         f"found none in {len(passes)}; the longest, pass {longest.number}: {longest.reason}; "
         "record a longer or clearer walk"
     )

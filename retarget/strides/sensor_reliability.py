@@ -19,9 +19,7 @@ from kinemimic.pipeline.kinematics.skeleton import NODE_INDEX as N
 from kinemimic.retarget.strides.loop import Strides, mean_rotation
 from kinemimic.retarget.strides.trim import leg_bones
 
-MAX_BONE_SPREAD = (
-    0.025  # spread of a leg bone over its length, below which the points are those of a real skeleton
-)
+MAX_BONE_SPREAD = 0.025  # spread of a leg bone over its length; below it, the recording is precise
 MAX_WIDTH_SPREAD = 0.05  # of the hip and shoulder lines
 MAX_RESIDUAL = np.radians(4.0)  # rms about the segment's own loop
 MAX_FOOT_PITCH = np.radians(20.0)  # of a foot in contact, from flat

@@ -16,7 +16,7 @@ LEG_NODES: tuple[str, ...] = tuple(
 KNEE_LIMIT = {"walk": 85.0, "run": 140.0}
 HIP_LIMITS = {"walk": (-50.0, 60.0), "run": (-60.0, 90.0)}
 RUN_SPEED = 2.2  # m/s: above it an adult runs
-MAX_BONE_DEVIATION = 0.30  # of its median, beyond which a leg bone was not seen
+MAX_BONE_DEVIATION = 0.30  # of a leg bone from its median length; beyond it, a tracking error
 MIN_SPEED_SHARE = 0.60  # of the pass' median speed; below it the person starts, turns or stops
 
 

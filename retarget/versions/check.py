@@ -41,7 +41,7 @@ def check(params: Params, root: Path, against: str | None = None) -> list[str]:
     if manifest.version != params.version:
         wrong.append(
             f"{path}: expected version {params.version}, as in {params.path}, found {manifest.version}; "
-            "`make data`"
+            "run `make data`"
         )
     if (missing := missing_changelog_line(params.version, root)) is not None:
         wrong.append(missing)
@@ -87,7 +87,7 @@ def _outputs(params: Params, manifest: Manifest, root: Path) -> Iterator[str]:
     """A line for each output that differs from the manifest, stored or built today."""
     expected = {name.split("/")[0] for name in manifest.content}
     for name in sorted(expected ^ params.captures.keys()):
-        yield f"{params.path}: expected the captures of the manifest, found a difference: {name}; `make data`"
+        yield f"{params.path}: expected the captures of the manifest, found another: {name}; run `make data`"
     with progress("check", len(params.captures)) as bar:
         for name, capture in params.captures.items():
             for file, fresh in build_capture(capture, root).items():

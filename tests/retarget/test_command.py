@@ -123,7 +123,7 @@ def test_nothing_is_written_if_no_pass_is_usable(run, walker):
     p[np.ix_(swap, [14, 18])] = p[np.ix_(swap, [18, 14])]
     write_clip(run / "quaternions.parquet", replace(clip, positions=p))
     write_clip(run / "raw.parquet", replace(clip, positions=p))
-    with pytest.raises(Exception, match="expected a pass of walking"):
+    with pytest.raises(Exception, match="expected a walking pass"):
         retarget(run)
     assert not any((run / name).exists() for name in FILES)
 
@@ -171,5 +171,5 @@ def test_the_loop_option_needs_a_walk(run):
     clip = read_clip(run / "quaternions.parquet")
     still = replace(clip, positions=np.repeat(clip.positions[:1], len(clip.times), axis=0))
     write_clip(run / "quaternions.parquet", still)
-    with pytest.raises(KinemimicError, match="expected a walk to make a loop of"):
+    with pytest.raises(KinemimicError, match="expected a gait for --loop"):
         retarget(run, loop=True)

@@ -120,7 +120,7 @@ def test_a_walk_that_shows_no_gait_is_refused_in_one_line(walker):
     p[np.ix_(swap, [a, b])] = p[np.ix_(swap, [b, a])]
     passes = analyze_passes(replace(w.clip, positions=p))
     assert is_gait(passes)
-    with pytest.raises(KinemimicError, match="expected a pass of walking"):
+    with pytest.raises(KinemimicError, match="expected a walking pass"):
         select_passes(passes)
 
 
