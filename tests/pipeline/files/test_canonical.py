@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
@@ -18,6 +18,7 @@ VALUES = arrays(np.float64, (4, 2, 3), elements=st.floats(-1e3, 1e3) | st.just(f
 
 
 @given(VALUES)
+@settings(deadline=None)  # it writes files
 def test_what_is_written_is_read(tmp_path_factory: pytest.TempPathFactory, values: np.ndarray) -> None:
     path = tmp_path_factory.mktemp("arrays") / "one.json"
     one = Canonical.of("clip", ("a", "b"), {"positions": values, "rate": 30.0}, {"a": [1]})
