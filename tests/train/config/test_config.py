@@ -1,4 +1,4 @@
-"""Settings: what is stored is what was meant, and what grows in a training does so as it says."""
+"""Settings: stored and restored unchanged, checked, and scheduled correctly."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ def test_a_stored_preset_is_read_back_as_it_was(name: str) -> None:
     assert TrainConfig.from_json(json.loads(json.dumps(config.to_json()))) == config
 
 
-def test_what_does_not_fit_is_refused_by_name() -> None:
+def test_invalid_values_are_named() -> None:
     value = PRESETS["default"].to_json()
     with pytest.raises(KinemimicError, match="surprise"):
         TrainConfig.from_json({**value, "env": {**value["env"], "surprise": 1}})
@@ -61,8 +61,8 @@ def test_what_does_not_fit_is_refused_by_name() -> None:
         ("env.reward.scales", {}),
     ],
 )
-def test_a_value_of_another_kind_is_refused(place: str, value: object) -> None:
-    """Before a worker gets it: what an error says there is not told in one line."""
+def test_a_value_of_another_type_is_refused(place: str, value: object) -> None:
+    """Before it reaches a worker process, whose errors are not one line."""
     config = PRESETS["default"].to_json()
     *way, last = place.split(".")
     at = config
@@ -89,7 +89,7 @@ def test_a_schedule_is_linear_between_its_points_and_constant_beyond() -> None:
     assert found == pytest.approx([8.0, 8.0, 20.0, 32.0, 48.0, 64.0, 64.0])
 
 
-def test_scheduled_scales_take_the_place_of_constant_ones() -> None:
+def test_scheduled_scales_replace_constant_ones() -> None:
     schedules = {"pose": ((100, 8.0), (300, 24.0)), "path": ((0, 1.0), (900, 4.0))}
     config = replace(TrainConfig(), scales=schedules)
     assert config.reward(150).scales == {**config.env.reward.scales, "pose": 12.0, "path": 1.5}
@@ -98,7 +98,7 @@ def test_scheduled_scales_take_the_place_of_constant_ones() -> None:
 
 
 @pytest.mark.parametrize("name", PRESETS)
-def test_hardships_are_such_as_the_world_can_bear(name: str) -> None:
+def test_domain_randomization_is_within_the_worlds_limits(name: str) -> None:
     hard = PRESETS[name].env.domain_randomization
     for low, high in (hard.push, hard.rest, hard.friction, hard.mass, hard.delay):
         assert 0.0 <= low <= high

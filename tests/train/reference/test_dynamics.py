@@ -1,4 +1,4 @@
-"""Inverse dynamics against statics worked out by hand, free fall, a pendulum, and the engine itself."""
+"""Inverse dynamics against statics by hand, free fall, a pendulum and the engine."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ WEIGHT = TOTAL_MASS * GRAVITY
 
 
 def held(height: float = STANDING_HEIGHT, **turns: float) -> Motion:
-    """A figure that keeps a pose: node -> angle about its lateral axis, rad."""
+    """A humanoid that keeps a pose: node -> angle about its lateral axis, rad."""
     rotations = np.tile(IDENTITY, (10, len(NODES), 1))
     for node, angle in turns.items():
         rotations[:, NODE_INDEX[node]] = from_axis_angle("Y", angle)
@@ -43,7 +43,7 @@ def of(found: InverseDynamics, body: str) -> np.ndarray:
     return found.torques[0, BODY_INDEX[body] - 1]
 
 
-def test_who_stands_weighs_on_both_feet_alike() -> None:
+def test_standing_loads_both_feet_equally() -> None:
     found = at_rest(held())
     np.testing.assert_allclose(found.ground[0], [0.0, 0.0, WEIGHT], atol=1.0)
     assert np.abs(found.missing).max() < 1.0
@@ -54,7 +54,7 @@ def test_who_stands_weighs_on_both_feet_alike() -> None:
     assert left[1] + right[1] == pytest.approx(0.0, abs=0.5)
 
 
-def test_an_arm_held_out_takes_its_weight_times_its_lever() -> None:
+def test_a_raised_arm_needs_its_weight_times_its_lever_arm() -> None:
     """1.6, 1.0 and 0.8 kg at 0.15, 0.425 and 0.59 m from the shoulder; from the elbow 0.125 and 0.29 m."""
     found = at_rest(held(height=3.0, shoulder_left=-np.pi / 2))
     shoulder = GRAVITY * (1.6 * 0.15 + 1.0 * 0.425 + 0.8 * 0.59)
@@ -65,13 +65,13 @@ def test_an_arm_held_out_takes_its_weight_times_its_lever() -> None:
     np.testing.assert_allclose(of(found, "upper_arm_right"), 0.0, atol=1e-9)
 
 
-def test_whoever_falls_freely_needs_no_torque_and_no_ground() -> None:
+def test_free_fall_needs_no_torque_and_no_ground_force() -> None:
     found = at_rest(held(height=3.0, hip_left=-0.7, knee_left=1.0), acceleration=(0.0, 0.0, -GRAVITY))
     for part in (found.torques, found.ground, found.missing):
         np.testing.assert_allclose(part, 0.0, atol=1e-9)
 
 
-def test_what_no_ground_can_give_is_missing_at_the_root() -> None:
+def test_the_residual_force_is_at_the_root() -> None:
     """In the air, held up by nothing."""
     found = at_rest(held(height=3.0))
     np.testing.assert_allclose(found.missing[0, :3], [0.0, 0.0, WEIGHT], atol=1e-9)
@@ -84,14 +84,14 @@ def test_the_ground_does_not_pull() -> None:
 
 
 def test_the_ground_pushes_within_its_friction() -> None:
-    """Asked to accelerate sideways by 1 g it gives at most 0.9 of the weight, and nothing upward for it."""
+    """For a sideways acceleration of 1 g it gives at most 0.9 of the weight."""
     found = at_rest(held(), acceleration=(0.0, GRAVITY, 0.0))
     sideways, up = np.hypot(*found.ground[0, :2]), found.ground[0, 2]
     assert 0.0 < sideways <= 0.9 * up * (1 + 1e-9)
 
 
 def test_the_feed_forward_makes_the_engine_hold_a_pose(engine: str) -> None:
-    """One arm out, the figure carried at its pelvis: what sags without the lead stays with it."""
+    """One arm out, pelvis held: the arm sags without the lead and stays with it."""
     reference, world = Reference(held(height=3.0, shoulder_left=-np.pi / 2)), open_world(1, engine)
     joint, start = BODY_INDEX["upper_arm_left"] - 1, np.zeros(1)
     wanted, speeds = reference.joints(start)
@@ -109,8 +109,8 @@ def test_the_feed_forward_makes_the_engine_hold_a_pose(engine: str) -> None:
     assert sag[1] < 0.5 * sag[0]
 
 
-def test_targets_lead_no_further_than_motors_reach_and_close_over_the_loop(motion: Motion) -> None:
-    """Never by more than 0.7 of a joint's torque limit over its stiffness; alike in every lap."""
+def test_targets_lead_within_torque_limits_and_are_periodic(motion: Motion) -> None:
+    """By at most 0.7 of a joint's torque limit over its stiffness; the same in every cycle."""
     reference, phases = Reference(motion), np.linspace(0.0, 1.0, 50)
     targets, speeds = reference.targets(phases)
     joints = reference.joints(phases)
@@ -122,8 +122,8 @@ def test_targets_lead_no_further_than_motors_reach_and_close_over_the_loop(motio
     assert np.abs(lead).max() > 0.02
 
 
-def test_a_pose_that_is_held_at_the_end_is_led_as_one_that_is_held() -> None:
-    """The last frame goes on for ever: nothing slows down into it, nothing is lifted."""
+def test_a_pose_held_at_the_end_needs_static_torques() -> None:
+    """The last frame is held for ever, without deceleration into it."""
     reference = Reference(held(shoulder_left=-np.pi / 2))
     shoulder = GRAVITY * (1.6 * 0.15 + 1.0 * 0.425 + 0.8 * 0.59)
     for phase in (0.0, 0.5, 1.0, 1.7):

@@ -1,4 +1,4 @@
-"""Where a reference goes."""
+"""The direction in which a reference moves."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from kinemimic.train.reference.heading import heading
 from kinemimic.train.reference.reference import Reference
 
 
-def test_heading_is_where_the_root_goes_else_where_the_pelvis_faces(motion: Motion) -> None:
+def test_heading_is_that_of_the_root_or_of_the_pelvis_at_rest(motion: Motion) -> None:
     assert heading(Reference(motion), 0.3) == pytest.approx(0.0, abs=1e-9)
     assert heading(Reference(turned(motion, 2.0)), 0.3) == pytest.approx(2.0)
     assert heading(Reference(on_the_spot(turned(motion, 2.0))), 0.3) == pytest.approx(2.0)

@@ -42,7 +42,7 @@ def test_velocities_are_the_derivatives(motion: Motion) -> None:
     assert angle_between(multiply(joints, from_rotvec(step * velocities)), ahead).max() < 1e-4
 
 
-def test_any_other_motion_holds_its_last_frame(motion: Motion) -> None:
+def test_a_non_cyclic_motion_holds_its_last_frame(motion: Motion) -> None:
     once = Reference(Motion(motion.rate, motion.root, motion.rotations, motion.contacts, cyclic=False))
     assert once.duration == pytest.approx((len(motion.root) - 1) / motion.rate)
     late = once.bodies(np.array([1.0, 1.7]))
@@ -51,8 +51,8 @@ def test_any_other_motion_holds_its_last_frame(motion: Motion) -> None:
 
 
 @pytest.mark.parametrize("cyclic", [True, False])
-def test_many_phases_at_once_are_those_phases_one_by_one(motion: Motion, cyclic: bool) -> None:
-    """A step asks for all its times in one look-up: to the bit what each alone would give."""
+def test_vectorised_phases_equal_single_phases(motion: Motion, cyclic: bool) -> None:
+    """One look-up for all times of a step equals single look-ups to the bit."""
     reference = Reference(replace(motion, cyclic=cyclic))
     phases = np.random.default_rng(0).uniform(0.0, 2.5, (3, 4))
     whole = [*(getattr(reference.bodies(phases), f.name) for f in fields(BodyStates))]
@@ -78,7 +78,7 @@ def test_between_two_rows_of_the_tables_values_are_linear_and_rotations_of_unit_
     np.testing.assert_allclose(np.linalg.norm(between.rotations, axis=-1), 1.0, atol=1e-15)
 
 
-def test_nothing_moves_once_the_last_frame_is_past(motion: Motion) -> None:
+def test_velocities_are_zero_after_the_last_frame(motion: Motion) -> None:
     once = Reference(replace(motion, cyclic=False))
     _, velocities = once.joints(np.array([0.5, 1.0, 1.01]))
     assert np.abs(velocities[:2]).max() > 0.1

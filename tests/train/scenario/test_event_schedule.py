@@ -1,4 +1,4 @@
-"""What a scenario's draw makes happen: when, where, how much."""
+"""Events drawn from a scenario: time, place, size."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ def drawn(motion: Motion, scenario: Scenario, phase: float = 0.0, seed: int = 0)
     return draw_event_schedule(scenario, Reference(motion), phase, np.random.default_rng(seed))
 
 
-def test_a_force_acts_from_its_time_for_its_time(motion: Motion) -> None:
+def test_a_force_acts_during_its_interval(motion: Motion) -> None:
     schedule = drawn(motion, Scenario("pull", loads=(PULL,)))
     assert schedule.wrench(29) is None
     assert schedule.wrench(45) is None
@@ -40,7 +40,7 @@ def test_a_force_acts_from_its_time_for_its_time(motion: Motion) -> None:
         assert not np.delete(wrench, TORSO, axis=0).any()
 
 
-def test_what_grows_grows_evenly_and_gives_half_the_impulse(motion: Motion) -> None:
+def test_a_growing_load_is_linear_and_gives_half_the_impulse(motion: Motion) -> None:
     schedule = drawn(motion, Scenario("pull", loads=(replace(PULL, growing=True),)))
     forces = [schedule.wrench(age)[TORSO, 0] for age in range(30, 45)]  # type: ignore[index]
     np.testing.assert_allclose(np.diff(forces), 100.0 / 15)
@@ -54,8 +54,8 @@ def test_loads_on_one_body_add_up(motion: Motion) -> None:
     np.testing.assert_allclose(wrench[TORSO], [200.0, 20.0, 0.0, 0.0, 0.0, 7.0], atol=1e-9)
 
 
-def test_ahead_is_where_the_reference_goes(motion: Motion) -> None:
-    """A motion that is turned takes its scenario along."""
+def test_ahead_is_the_heading_of_the_reference(motion: Motion) -> None:
+    """A rotated motion rotates its scenario."""
     scene = Scenario("both", loads=(PULL,), obstacles=(replace(BOX, velocity=Range.of(1.0, 2.0, 3.0)),))
     straight, other = drawn(motion, scene, 0.3), drawn(turned(motion, 1.1), scene, 0.3)
     turn = from_axis_angle("Z", 1.1)
@@ -66,7 +66,7 @@ def test_ahead_is_where_the_reference_goes(motion: Motion) -> None:
     assert abs(np.dot(after.rotation, multiply(turn, np.array(before.rotation)))) == pytest.approx(1.0)
 
 
-def test_what_stands_stands_on_the_ground_and_what_has_a_height_has_it(motion: Motion) -> None:
+def test_obstacles_stand_on_the_ground_or_at_their_height(motion: Motion) -> None:
     reference = Reference(motion)
     high = replace(BOX, position=Range.of(2.0, 0.5, 1.4), at=Range.of(2.0))
     schedule = draw_event_schedule(
@@ -80,13 +80,13 @@ def test_what_stands_stands_on_the_ground_and_what_has_a_height_has_it(motion: M
     assert [len(schedule.released(age)) for age in (0, 1, 60, 61)] == [0, 1, 1, 2]
 
 
-def test_what_stands_on_a_route_is_seen_from_its_beginning(motion: Motion) -> None:
+def test_obstacles_on_a_route_are_relative_to_its_origin(motion: Motion) -> None:
     scene = Scenario("bent", route=((3.0, 1.0),), obstacles=(BOX,))
     schedule = draw_event_schedule(scene, reference_for(motion, scene), 0.7, np.random.default_rng(0))
     np.testing.assert_allclose(schedule.releases[0][1].position, [2.0, 0.5, 0.3], atol=1e-9)
 
 
-def test_a_slope_pulls_back_with_its_sine_and_lightens_with_its_cosine(motion: Motion) -> None:
+def test_a_slope_tilts_gravity(motion: Motion) -> None:
     angle = math.radians(10.0)
     wrench = drawn(motion, Scenario("hill", slope=Range.of(angle))).wrench(0, mass=1.1)
     assert wrench is not None
@@ -96,7 +96,7 @@ def test_a_slope_pulls_back_with_its_sine_and_lightens_with_its_cosine(motion: M
     np.testing.assert_allclose(total, [-weight * math.sin(angle), 0.0, -weight * math.cos(angle)], atol=1e-9)
 
 
-def test_the_same_seed_draws_the_same_and_ranges_are_filled(motion: Motion) -> None:
+def test_draws_are_reproducible_and_fill_their_ranges(motion: Motion) -> None:
     scene = Scenario(
         "ranges",
         friction=Range((0.3,), (0.7,)),
@@ -114,7 +114,7 @@ def test_the_same_seed_draws_the_same_and_ranges_are_filled(motion: Motion) -> N
         assert high - 0.05 * (high - low) < found.max() <= high
 
 
-def test_an_obstacle_in_the_figure_is_drawn_again_or_refused(motion: Motion) -> None:
+def test_an_obstacle_in_the_humanoid_is_redrawn_or_refused(motion: Motion) -> None:
     within = replace(BOX, position=Range.of(0.1, 0.0))
     line = r"scenario room: expected obstacle 2 \(box\) apart from .*, found it in \w+ 0.00 s after the start"
     with pytest.raises(KinemimicError, match=line):
@@ -146,7 +146,7 @@ def test_distances_from_shapes(item: Obstacle, point: tuple[float, ...], expecte
     assert distance(item, np.array([point]))[0] == pytest.approx(expected)
 
 
-def test_obstacles_that_appear_together_do_not_lie_in_one_another(motion: Motion) -> None:
+def test_simultaneous_obstacles_do_not_overlap(motion: Motion) -> None:
     crowd = Scenario("crowd", obstacles=(replace(BOX, position=Range((1.5, -0.4), (2.5, 0.4))),) * 4)
     for seed in range(20):
         items = [item for _, item in drawn(motion, crowd, seed=seed).releases]
@@ -179,7 +179,7 @@ POST = Obstacle("cylinder", (1.0, 1.0, 2.0), (0.0, 0.0, 1.0))
         (POST, replace(POST, position=(1.0, 0.0, 1.0)), False),
     ],
 )
-def test_what_lies_in_what(a: Obstacle, b: Obstacle, expected: bool) -> None:
+def test_overlap_of_obstacles(a: Obstacle, b: Obstacle, expected: bool) -> None:
     assert obstacles_overlap(a, b) is expected
     assert obstacles_overlap(b, a) is expected
 
@@ -205,7 +205,7 @@ def test_every_body_is_found_by_a_pin_in_its_middle(motion: Motion) -> None:
     assert overlapping_body(Obstacle("sphere", (0.1, 0.1, 0.1), (0.0, 0.0, 3.0)), humanoid) is None
 
 
-def test_obstacles_take_the_states_that_a_world_tells() -> None:
+def test_obstacles_take_the_states_of_a_world() -> None:
     item = Obstacle("box", (1.0, 1.0, 1.0), (0.0, 0.0, 0.5), mass=2.0)
     (moved,) = with_states([item], np.arange(13.0)[None])
     assert (moved.position, moved.rotation) == ((0.0, 1.0, 2.0), (3.0, 4.0, 5.0, 6.0))

@@ -1,4 +1,4 @@
-"""Routes: lengths and turns come out as asked, and a steered reference is one motion."""
+"""Routes: lengths and turns are as given, and a steered reference is consistent."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ QUARTER = 0.5 * math.pi
 BEND = Route([(2.0, 0.0), (3.0, QUARTER), (2.0, 0.0), (3.0, -QUARTER), (1.0, 0.0)])
 
 
-def test_a_route_turns_by_what_it_says_and_is_as_long_as_it_says() -> None:
+def test_a_route_has_its_turns_and_its_length() -> None:
     along = np.linspace(-3.0, 16.0, 4001)
     points, heading, bend = BEND.at(along)
     speed = np.linalg.norm(np.diff(points, axis=0), axis=-1) / np.diff(along)
@@ -34,7 +34,7 @@ def test_a_route_turns_by_what_it_says_and_is_as_long_as_it_says() -> None:
     np.testing.assert_allclose(BEND.at(np.array(11.0))[0], [3.0 + 2 * radius, 2.0 + 2 * radius], atol=0.03)
 
 
-def test_what_never_bends_changes_nothing(motion: Motion) -> None:
+def test_a_straight_route_changes_nothing(motion: Motion) -> None:
     plain, steered = Reference(motion), SteeredReference(motion, Route([(5.0, 0.0)]))
     phases = np.linspace(0.0, 3.0, 50)
     for a, b in zip(vars(plain.bodies(phases)).values(), vars(steered.bodies(phases)).values(), strict=True):
@@ -43,7 +43,7 @@ def test_what_never_bends_changes_nothing(motion: Motion) -> None:
     np.testing.assert_allclose(plain.nodes(phases), steered.nodes(phases), atol=1e-12)
 
 
-def test_velocities_are_those_of_the_places(motion: Motion) -> None:
+def test_velocities_are_derivatives_of_positions(motion: Motion) -> None:
     reference = SteeredReference(motion, BEND)
     phases = np.linspace(0.0, 8.0, 8001)
     step = (phases[1] - phases[0]) * reference.duration
@@ -54,7 +54,7 @@ def test_velocities_are_those_of_the_places(motion: Motion) -> None:
     np.testing.assert_allclose(bodies.angular[6:-6], change[5:-5], atol=0.05)
 
 
-def test_root_bodies_and_nodes_tell_the_same(motion: Motion) -> None:
+def test_root_bodies_and_nodes_agree(motion: Motion) -> None:
     reference = SteeredReference(motion, BEND)
     phases = np.linspace(0.0, 8.0, 40)
     poses, bodies = reference.poses(phases), reference.bodies(phases)
@@ -64,8 +64,8 @@ def test_root_bodies_and_nodes_tell_the_same(motion: Motion) -> None:
     np.testing.assert_allclose(bodies.joints, Reference(motion).bodies(phases).joints, atol=1e-9)
 
 
-def test_a_route_leaves_the_joints_and_the_torques_that_lead_them(motion: Motion) -> None:
-    """A bend in the first cycle, from which the torques are computed, is not in them."""
+def test_a_route_does_not_change_joints_and_feed_forward(motion: Motion) -> None:
+    """The torques, computed from the first cycle, do not contain its bend."""
     plain, steered = Reference(motion), SteeredReference(motion, Route([(1.0, 1.0)]))
     phases = np.linspace(0.0, 2.0, 60)
     for a, b in zip(plain.targets(phases), steered.targets(phases), strict=True):

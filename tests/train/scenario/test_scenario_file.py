@@ -1,4 +1,4 @@
-"""Scenarios in TOML: what is read, and the one line that each mistake gets."""
+"""Scenarios in TOML: values, and the one-line error of each mistake."""
 
 from __future__ import annotations
 
@@ -65,7 +65,7 @@ def written(folder: Path, text: str) -> Path:
     return path
 
 
-def test_all_that_a_file_can_say_is_read(tmp_path: Path) -> None:
+def test_every_key_is_read(tmp_path: Path) -> None:
     found = read_scenario(written(tmp_path, WHOLE))
     assert (found.name, found.about, found.seconds) == ("made", "all there is", 6.0)
     assert found.phase == Range.of(0.25)
@@ -142,7 +142,7 @@ def test_a_scenario_survives_json(tmp_path: Path) -> None:
         ("seconds = 6.0", f"seconds = {'9' * 5000}", "expected TOML, found a number of thousands of digits"),
     ],
 )  # fmt: skip
-def test_a_mistake_gets_one_line_that_names_it(tmp_path: Path, before: str, after: str, line: str) -> None:
+def test_a_mistake_is_one_line_that_names_its_key(tmp_path: Path, before: str, after: str, line: str) -> None:
     assert before in WHOLE
     path = written(tmp_path, WHOLE.replace(before, after, 1))
     with pytest.raises(KinemimicError, match=line) as caught:
@@ -151,7 +151,7 @@ def test_a_mistake_gets_one_line_that_names_it(tmp_path: Path, before: str, afte
     assert str(path) in str(caught.value)
 
 
-def test_a_slope_is_read_where_nothing_else_moves(tmp_path: Path) -> None:
+def test_a_slope_is_read_without_movable_obstacles(tmp_path: Path) -> None:
     found = read_scenario(written(tmp_path, "[ground]\nslope = { from = -2.0, to = 5.0 }\n"))
     assert found.slope == Range((math.radians(-2.0),), (math.radians(5.0),))
     ball = '[[obstacle]]\nshape = "sphere"\nsize = 0.2\nposition = [1, 0]\nmass = 1.0\n'
@@ -159,7 +159,7 @@ def test_a_slope_is_read_where_nothing_else_moves(tmp_path: Path) -> None:
         read_scenario(written(tmp_path, "[ground]\nslope = 5.0\n" + ball))
 
 
-def test_what_is_no_scenario_is_told(tmp_path: Path) -> None:
+def test_a_file_without_a_scenario_is_named(tmp_path: Path) -> None:
     with pytest.raises(KinemimicError, match=r"none\.toml: expected a scenario, found no file"):
         scenario(str(tmp_path / "none.toml"))
     with pytest.raises(KinemimicError, match=r"expected a shipped scenario .*pull-forward.*found 'pull'"):
@@ -174,7 +174,7 @@ def test_what_is_no_scenario_is_told(tmp_path: Path) -> None:
         read_scenario(tmp_path / "pipe.toml")
 
 
-def test_every_scenario_that_ships_is_sound_and_says_what_it_is() -> None:
+def test_every_shipped_scenario_is_valid_and_described() -> None:
     names = shipped_scenarios()
     assert {"pull-forward", "pull-backward", "leg-force", "arm-torque", "thrown-ball"} <= set(names)
     for name in names:
@@ -183,7 +183,7 @@ def test_every_scenario_that_ships_is_sound_and_says_what_it_is() -> None:
         assert found.about
 
 
-def test_the_documented_scenario_is_one(tmp_path: Path) -> None:
+def test_the_documented_scenario_is_valid(tmp_path: Path) -> None:
     text = DOCUMENT.read_text(encoding="utf-8").partition("```toml\n")[2].partition("```")[0]
     found = read_scenario(written(tmp_path, text))
     assert (len(found.loads), len(found.obstacles)) == (2, 4)

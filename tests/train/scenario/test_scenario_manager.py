@@ -1,4 +1,4 @@
-"""Scenarios in the simulation: the figures feel what their courses say, and nothing else."""
+"""Scenarios in the simulation: exactly the events of the schedules happen."""
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ def batch(engine: str, motion: Motion) -> Iterator[ImitationBatch]:
 
 
 def lived(batch: ImitationBatch, steps: int) -> list[np.ndarray]:
-    """What each step sees, with the obstacles."""
+    """Observations of each step, with the obstacles."""
     seen = []
     for _ in range(steps):
         seen.append(batch.step(np.zeros((batch.world.size, ACTIONS))).observations)
@@ -53,8 +53,8 @@ def begin(batch: ImitationBatch, *seeds: int) -> None:
     batch.reset(np.arange(2), np.array([0.0, 0.4]), seeds=np.array(seeds, dtype=np.uint64))
 
 
-def test_a_force_of_a_scenario_is_that_force(engine: str, motion: Motion) -> None:
-    """The figure goes as it does under the same wrench from outside, to the bit."""
+def test_a_scenarios_force_equals_the_same_external_force(engine: str, motion: Motion) -> None:
+    """Equal to the bit to the same external wrench."""
     ends = []
     for scenario in (Scenario("pull", loads=(PULL,)), None):
         batch = ImitationBatch(open_world(1, engine), Reference(motion), EnvConfig(scenario=scenario))
@@ -69,7 +69,7 @@ def test_a_force_of_a_scenario_is_that_force(engine: str, motion: Motion) -> Non
     np.testing.assert_array_equal(ends[0], ends[1])
 
 
-def test_a_seed_is_a_fate_and_another_seed_another(batch: ImitationBatch) -> None:
+def test_events_depend_on_the_seed_only(batch: ImitationBatch) -> None:
     begin(batch, 1, 2)
     first = lived(batch, STEPS)
     begin(batch, 1, 3)
@@ -79,7 +79,7 @@ def test_a_seed_is_a_fate_and_another_seed_another(batch: ImitationBatch) -> Non
     assert any((a[1] != b[1]).any() for a, b in zip(first[::3], again[::3], strict=True))
 
 
-def test_obstacles_appear_in_time_where_they_should(batch: ImitationBatch) -> None:
+def test_obstacles_appear_at_their_time_and_position(batch: ImitationBatch) -> None:
     begin(batch, 1, 2)
     assert [len(batch.world.obstacles(k)) for k in range(2)] == [2, 2]
     lived(batch, 6)
@@ -109,10 +109,8 @@ def test_without_seeds_nothing_happens(batch: ImitationBatch, engine: str, motio
 
 
 @pytest.mark.parametrize("age", [0, 3, 6, 10])
-def test_a_snapshot_goes_on_the_same_way_twice(
-    batch: ImitationBatch, engine: str, motion: Motion, age: int
-) -> None:
-    """Also in a world that knows nothing of what was before, in the midst of what flies."""
+def test_a_snapshot_is_reproducible(batch: ImitationBatch, engine: str, motion: Motion, age: int) -> None:
+    """Also in a new world, with obstacles in flight."""
     if engine == "pybullet" and age == 10:
         pytest.skip("the order of several contacts depends on pybullet's past, and the last digits with it")
     begin(batch, 5, 6)
@@ -128,7 +126,7 @@ def test_a_snapshot_goes_on_the_same_way_twice(
     other.world.close()
 
 
-def test_an_episode_lasts_and_begins_as_its_scenario_says(engine: str, motion: Motion) -> None:
+def test_an_episode_has_its_scenarios_length_and_phase(engine: str, motion: Motion) -> None:
     short = replace(ALL, seconds=0.2, phase=Range.of(0.25))
     sampler = Sampler(motion, EnvConfig(scenario=short), np.random.SeedSequence(0).spawn(2), engine)
     sampler.begin_round(EnvConfig().reward)
@@ -138,7 +136,7 @@ def test_an_episode_lasts_and_begins_as_its_scenario_says(engine: str, motion: M
     sampler.batch.world.close()
 
 
-def test_a_gymnasium_figure_is_in_its_scenario(motion: Motion) -> None:
+def test_the_gymnasium_environment_applies_its_scenario(motion: Motion) -> None:
     shove = Scenario("shove", phase=Range.of(0.0), loads=(replace(PULL, force=Range.of(900.0, 0.0, 0.0)),))
     ends = []
     for scenario in (shove, None):

@@ -1,4 +1,4 @@
-"""Which engine runs is what was asked for, or one line says why not."""
+"""The engine is the requested one, or one line says why not."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ def fresh() -> Iterator[None]:
     engines._native_trouble.cache_clear()
 
 
-def test_auto_takes_native_where_it_is_built(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_auto_selects_native_where_it_is_built(monkeypatch: pytest.MonkeyPatch) -> None:
     native = ModuleType("kinemimic_native")
     native.interface = engines._INTERFACE  # type: ignore[attr-defined]
     monkeypatch.setitem(sys.modules, "kinemimic_native", native)
@@ -27,14 +27,14 @@ def test_auto_takes_native_where_it_is_built(monkeypatch: pytest.MonkeyPatch) ->
     assert [engines.resolve(name) for name in engines.ENGINES] == ["native", "native", "pybullet"]
 
 
-def test_without_it_auto_takes_pybullet(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_auto_falls_back_to_pybullet(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(engines, "find_spec", lambda name: None)
     assert engines.resolve("auto") == "pybullet"
     with pytest.raises(KinemimicError, match=r"not built: `make setup`.*; or use --engine pybullet"):
         engines.resolve("native")
 
 
-def test_one_of_another_version_is_not_taken(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_an_extension_of_another_version_is_not_used(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(sys.modules, "kinemimic_native", ModuleType("kinemimic_native"))
     monkeypatch.setattr(engines, "find_spec", lambda name: name)
     assert engines.resolve("auto") == "pybullet"

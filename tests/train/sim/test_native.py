@@ -1,4 +1,4 @@
-"""The native engine against mechanics on paper, against pybullet, and against itself."""
+"""The native engine against analytical mechanics, pybullet and itself."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ ARM = [BODY_INDEX[f"{part}_left"] for part in ("upper_arm", "forearm", "hand")]
 
 
 def batch(size: int = 1, *, rate: float = RATE, gains: float = 1.0, **changes: Any) -> Any:
-    """Figures with the project's body; `gains` scales stiffness and damping."""
+    """Humanoids with the project's body; `gains` scales stiffness and damping."""
     body = description()
     body |= {name: gains * body[name] for name in ("stiffness", "damping")}
     settings: dict[str, Any] = {
@@ -33,7 +33,7 @@ def batch(size: int = 1, *, rate: float = RATE, gains: float = 1.0, **changes: A
 
 
 def put(humanoids: Any, joints: np.ndarray, *, spin: Any = (0, 0, 0), velocities: Any = 0.0) -> None:
-    """Every figure 5 m up, turning at `spin` rad/s, with these joints (14, 4)."""
+    """Every humanoid 5 m up, turning at `spin` rad/s, with these joints (14, 4)."""
     size = len(humanoids.positions)
     each = np.ones((size, 1))
     humanoids.reset(
@@ -54,7 +54,7 @@ def posed(seed: int) -> np.ndarray:
 
 
 def energy_and_spin(humanoids: Any) -> tuple[float, np.ndarray]:
-    """Kinetic energy, J, and angular momentum about the centre of mass, N·m·s, of the first figure."""
+    """Kinetic energy, J, and angular momentum about the centre of mass, N·m·s, of the first humanoid."""
     body = description()
     mass, moments = body["masses"][:, None], body["inertias"]
     center = (mass * humanoids.positions[0]).sum(axis=0) / mass.sum()
@@ -102,7 +102,7 @@ def test_a_limp_arm_swings_with_the_period_of_a_pendulum() -> None:
     assert period == pytest.approx(2 * np.pi * np.sqrt(inertia / (GRAVITY * lever)), rel=0.005)
 
 
-def test_a_locked_figure_keeps_energy_and_spin() -> None:
+def test_a_rigid_humanoid_conserves_energy_and_angular_momentum() -> None:
     """No gravity, all joints held while it tumbles: within 1 % over 2 s."""
     humanoids = batch(gravity=0.0)
     put(humanoids, posed(1), spin=[0.6, 1.0, 1.6])
@@ -113,7 +113,7 @@ def test_a_locked_figure_keeps_energy_and_spin() -> None:
     np.testing.assert_allclose(after[1], before[1], atol=0.01 * np.linalg.norm(before[1]))
 
 
-def test_a_limp_figures_error_falls_with_the_time_step() -> None:
+def test_integration_error_is_first_order_in_the_time_step() -> None:
     """First order: each halving of the step about halves the error after 0.25 s of flailing.
 
     Gentle flailing, so that no step is divided.
@@ -132,7 +132,7 @@ def test_a_limp_figures_error_falls_with_the_time_step() -> None:
 
 @pytest.mark.parametrize(("height", "bound"), [(5.0, 1e-6), (0.0, 1e-6)], ids=["air", "ground"])
 def test_agrees_with_pybullet(motion: Any, height: float, bound: float) -> None:
-    """A striding figure under stable PD for 0.25 s; single precision may differ by a millimetre."""
+    """A striding humanoid under stable PD for 0.25 s; single precision may differ by a millimetre."""
     reference, phases = Reference(motion), np.array([0.1, 0.6])
     ends = []
     for engine in ("native", "pybullet"):
@@ -148,8 +148,8 @@ def test_agrees_with_pybullet(motion: Any, height: float, bound: float) -> None:
     assert np.abs(ends[0] - ends[1]).max() < (bound if native.double_precision else 1e-3)
 
 
-def test_a_figure_is_the_same_to_the_bit_whoever_is_beside_it(motion: Any) -> None:
-    """One or two threads, alone or among others, in any row, new or after a life of its own and a reset."""
+def test_a_humanoid_does_not_depend_on_its_batch_to_the_bit(motion: Any) -> None:
+    """One or two threads, alone or in a batch, in any row, new or after an episode and a reset."""
     reference, random = Reference(motion), np.random.default_rng(4)
     corrections = from_rotvec(random.normal(0, 0.1, (25, 1, 1, 14, 3)))
     pushes = random.normal(0, 20.0, (25, 1, 15, 6))
@@ -178,7 +178,7 @@ def test_a_figure_is_the_same_to_the_bit_whoever_is_beside_it(motion: Any) -> No
         assert found[:, 1].tobytes() == alone[1][:, 0].tobytes()
 
 
-def test_what_does_not_fit_is_refused_by_name() -> None:
+def test_invalid_values_are_named() -> None:
     humanoids = batch(2)
     hold(humanoids, posed(0), TIME_STEP)
     with pytest.raises(
@@ -198,7 +198,7 @@ def test_what_does_not_fit_is_refused_by_name() -> None:
         )
 
 
-def test_windows_outlive_their_batch() -> None:
+def test_views_outlive_their_batch() -> None:
     """The arrays are the engine's memory, which lives as long as any of them."""
     humanoids = batch()
     put(humanoids, posed(0))
@@ -209,8 +209,8 @@ def test_windows_outlive_their_batch() -> None:
     assert len(BODIES) == positions.shape[1]
 
 
-def test_more_threads_than_figures_are_not_made() -> None:
-    """More than the system gives, even: no figure would be left for them."""
+def test_there_are_no_more_threads_than_humanoids() -> None:
+    """Even more than the system allows: there would be no humanoids for them."""
     humanoids = batch(2, threads=1_000_000)
     put(humanoids, posed(0))
     hold(humanoids, posed(0), TIME_STEP)

@@ -1,4 +1,4 @@
-"""A million control steps of figures that are thrown about: nothing leaks, nothing turns to NaN."""
+"""A million control steps of tumbling humanoids: no leaks, no NaN."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ def resident() -> int:
 
 @pytest.mark.slow
 def test_a_million_steps(motion: Motion) -> None:
-    """A tenth of the figures lie on the ground for long, one in a thousand steps blows one up."""
+    """A tenth of the humanoids lie on the ground for long; one in a thousand steps explodes one."""
     random = np.random.default_rng(0)
     batch = ImitationBatch(open_world(NUM_ENVS, "native", threads=2), Reference(motion), EnvConfig())
     batch.reset(np.arange(NUM_ENVS), random.random(NUM_ENVS))

@@ -1,4 +1,4 @@
-"""Obstacles stand, fly and roll as they should in both engines, and start again with the figure."""
+"""Obstacles stand, fly and roll correctly in both engines, and are reset with the humanoid."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ TILTED = (0.1, 0.3, 0.2, 0.86**0.5)
 THROWN = Obstacle("box", (0.3, 0.2, 0.1), (1.0, 0.05, 1.2), TILTED, mass=5.0, velocity=(-5.0, 0.0, 1.0))
 
 
-def test_a_thrown_ball_flies_falls_and_starts_again(world: World) -> None:
+def test_a_thrown_ball_flies_falls_and_is_reset(world: World) -> None:
     """x = v t, z = h - g t²/2 with the step's own rounding, and the ground stops it."""
     ball = Obstacle("sphere", (0.2, 0.2, 0.2), (2.0, 1.0, 1.5), mass=1.0, velocity=(3.0, 0.0, 0.0))
     world.place(0, [ball])
@@ -37,8 +37,8 @@ def test_a_thrown_ball_flies_falls_and_starts_again(world: World) -> None:
 
 
 @pytest.mark.parametrize("shape", ["box", "sphere", "cylinder"])
-def test_an_obstacle_stops_what_runs_into_it(world: World, shape: str) -> None:
-    """A figure that flies at 2 m/s along X does not pass an obstacle a metre wide at x = 1."""
+def test_an_obstacle_stops_a_humanoid(world: World, shape: str) -> None:
+    """A humanoid that flies at 2 m/s along X does not pass an obstacle a metre wide at x = 1."""
     wall = Obstacle(shape, (1.0, 1.0, 2.0), (1.0, 0.0, 1.6))  # type: ignore[arg-type]
     flying = replace(upright(1.8), root_linear=np.array([[2.0, 0.0, 0.0]]))
     ends = []
@@ -53,10 +53,10 @@ def test_an_obstacle_stops_what_runs_into_it(world: World, shape: str) -> None:
 
 
 @pytest.mark.parametrize("obstacles", [[], [THROWN]], ids=["ground", "thrown box"])
-def test_a_reset_forgets_contacts_and_their_forces(
+def test_a_reset_clears_contacts_and_their_forces(
     world: World, engine: str, obstacles: list[Obstacle]
 ) -> None:
-    """A figure that has stood, or been hit, before lives to the bit like one that is new."""
+    """A humanoid that stood or was hit before equals a new one to the bit."""
 
     def live(world: World) -> bytes:
         world.reset(np.array([0]), upright(0.905))
@@ -80,7 +80,7 @@ def test_a_reset_forgets_contacts_and_their_forces(
     fresh.close()
 
 
-def test_what_lies_on_a_figure_presses_it_down(world: World) -> None:
+def test_an_obstacle_on_the_head_adds_its_weight(world: World) -> None:
     """A ball on the head: the head feels its weight, downwards, and the soles the weight of both."""
     world.place(0, [BALL])
     world.reset(np.array([0]), upright(0.905))
@@ -91,7 +91,7 @@ def test_what_lies_on_a_figure_presses_it_down(world: World) -> None:
     assert forces.sum(axis=0)[2] == pytest.approx(TOTAL_MASS * GRAVITY, rel=0.02)
 
 
-def test_an_obstacle_carries_a_figure(world: World) -> None:
+def test_an_obstacle_carries_a_humanoid(world: World) -> None:
     world.place(0, [Obstacle("box", (2.0, 2.0, 0.2), (0.0, 0.0, 0.1))])
     world.reset(np.array([0]), upright(1.105))
     for _ in range(12):
@@ -105,13 +105,13 @@ def test_an_obstacle_carries_a_figure(world: World) -> None:
     [{"shape": "cone"}, {"size": (1.0, 0.0, 1.0)}, {"mass": -1.0}, {"position": (np.nan, 0.0, 0.0)}],
     ids=str,
 )
-def test_what_is_no_obstacle_is_refused(wrong: dict[str, object]) -> None:
+def test_an_invalid_obstacle_is_refused(wrong: dict[str, object]) -> None:
     with pytest.raises(ValueError, match="obstacle: expected one of box, sphere, cylinder"):
         replace(BALL, **wrong)  # type: ignore[arg-type]
 
 
 @pytest.mark.parametrize(("shape", "share"), [("sphere", 5 / 7), ("cylinder", 2 / 3)])
-def test_what_is_slid_over_the_ground_soon_rolls(world: World, shape: str, share: float) -> None:
+def test_a_sliding_obstacle_starts_to_roll(world: World, shape: str, share: float) -> None:
     """Friction turns speed into spin until v = ω r: v / v₀ = 1 / (1 + I / (m r²)), whatever the friction."""
     lying = (0.5**0.5, 0.0, 0.0, 0.5**0.5)
     slid = Obstacle(shape, (0.2, 0.2, 0.3), (2.0, 0.0, 0.1), lying, 1.0, (2.0, 0.0, 0.0))  # type: ignore[arg-type]
@@ -124,8 +124,8 @@ def test_what_is_slid_over_the_ground_soon_rolls(world: World, shape: str, share
     assert (x[-1] - x[-7]) / (6 * STEP) == pytest.approx(2.0 * share, rel=0.02)
 
 
-def test_what_is_placed_as_it_was_flies_on_as_it_would_have(world: World) -> None:
-    """A box that tumbles freely, read and put back in mid-flight, lands in no other place."""
+def test_an_obstacle_replaced_in_flight_continues_unchanged(world: World) -> None:
+    """A tumbling box that is read and placed again in flight lands in the same place."""
     box = replace(THROWN, position=(1.0, 2.0, 1.5), spin=(3.0, -2.0, 5.0))
     ends = []
     for again in (False, True):

@@ -1,4 +1,4 @@
-"""Both engines obey mechanics, and do the same thing twice."""
+"""Both engines obey mechanics and are deterministic."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ def test_reset_puts_every_body_where_the_reference_has_it(world: World, motion) 
 
 
 def test_only_gravity_acts_in_the_air(world: World, motion) -> None:
-    """Joint torques are inner forces: a figure that strides in the air gains m g t and nothing else.
+    """Joint torques are inner forces: a humanoid that strides in the air gains m g t and nothing else.
 
     Bullet's reduced coordinates keep momentum to the order of the time step only: 0.2 N·s of 94.6.
     """
@@ -45,7 +45,7 @@ def test_only_gravity_acts_in_the_air(world: World, motion) -> None:
 
 
 def test_a_push_changes_the_momentum_by_force_times_time(world: World) -> None:
-    """100 N for 0.2 s on the torso: 20 N·s, besides gravity's."""
+    """100 N for 0.2 s on the torso: 20 N·s, in addition to gravity's."""
     world.reset(np.array([0]), upright(5.0))
     wrench = np.zeros((1, 15, 6))
     wrench[0, BODY_INDEX["torso"], :3] = [0, 100.0, 0]
@@ -68,7 +68,7 @@ def test_a_torque_turns_about_its_own_axis(world: World) -> None:
     assert spin[2] == pytest.approx(2.0, rel=0.03)
 
 
-def test_joints_that_whirl_do_not_hurl_the_figure(world: World) -> None:
+def test_fast_joints_do_not_add_momentum(world: World) -> None:
     """Joints at 17 rad/s, in the air: only gravity changes the momentum, and nothing gets faster.
 
     Undivided steps would make energy, and Bullet's limit of joint speeds momentum: 1,500 N·s were seen.
@@ -152,7 +152,7 @@ def test_the_same_motion_twice_is_the_same_to_the_bit(motion, engine: str) -> No
 
 
 def test_the_ground_holds_a_foot_with_nine_tenths_of_its_weight(world: World) -> None:
-    """Friction is 0.9: a standing figure that is pushed with less stays, with more it slides.
+    """Friction is 0.9: a standing humanoid stays under a smaller push and slides under a larger one.
 
     The push is on the feet themselves, so that nothing topples at once.
     """
@@ -171,8 +171,8 @@ def test_the_ground_holds_a_foot_with_nine_tenths_of_its_weight(world: World) ->
     assert moved[1] > 3 * moved[0]
 
 
-def test_what_explodes_is_held_until_its_reset(world: World) -> None:
-    """A push of a thousand tonnes: the figure stays where it last was sound, and a reset makes it well."""
+def test_an_exploded_humanoid_is_frozen_until_its_reset(world: World) -> None:
+    """After a push of a thousand tonnes the humanoid keeps its last valid state; a reset restores it."""
     world.reset(np.array([0]), upright(3.0))
     sound = world.step(*HOLD).positions.copy()
     assert not world.exploded().any()
@@ -189,7 +189,7 @@ def test_what_explodes_is_held_until_its_reset(world: World) -> None:
     assert world.step(*HOLD).positions.tobytes() == sound.tobytes()
 
 
-def test_states_are_windows_that_cannot_be_written(world: World) -> None:
+def test_states_are_read_only_views(world: World) -> None:
     state = world.states()
     world.reset(np.array([0]), upright(1.7))
     assert state.positions[0, 0, 2] == pytest.approx(1.7)
@@ -198,8 +198,8 @@ def test_states_are_windows_that_cannot_be_written(world: World) -> None:
 
 
 @pytest.mark.parametrize("name", ["root", "root_rotation", "root_angular", "joints", "joint_velocities"])
-def test_a_reset_to_what_is_no_pose_is_an_explosion(world: World, name: str) -> None:
-    """NaN goes no further, and the next reset makes the figure well."""
+def test_a_reset_to_an_invalid_pose_is_an_explosion(world: World, name: str) -> None:
+    """NaN does not spread, and the next reset restores the humanoid."""
     pose = upright(0.905)
     for value in (np.nan, np.inf):
         broken = getattr(pose, name).copy()
@@ -215,14 +215,14 @@ def test_a_reset_to_what_is_no_pose_is_an_explosion(world: World, name: str) -> 
         assert np.isfinite(world.step(*HOLD).positions).all()
 
 
-def test_the_limit_of_speed_is_on_speeds_not_on_components(world: World) -> None:
+def test_the_speed_limit_applies_to_norms_not_components(world: World) -> None:
     for speed, exploded in ((65.0, False), (75.0, True)):
         fast = replace(upright(50.0), root_linear=np.array([[speed, speed, 0.0]]))
         world.reset(np.array([0]), fast)
         assert world.exploded().all() == exploded
 
 
-def test_rotations_of_any_length_are_rotations(world: World) -> None:
+def test_quaternions_are_normalized(world: World) -> None:
     turn = from_rotvec(np.random.default_rng(6).normal(0, 0.4, (1, 15, 3)))
     pose = replace(upright(5.0), root_rotation=turn[:, 0], joints=turn[:, 1:])
     world.reset(np.array([0]), pose)
@@ -231,7 +231,7 @@ def test_rotations_of_any_length_are_rotations(world: World) -> None:
     np.testing.assert_allclose(world.states().rotations, wanted, atol=1e-12)
 
 
-def test_indices_are_whole_numbers_of_figures(world: World) -> None:
+def test_indices_are_valid_integers(world: World) -> None:
     for wrong, error in (([0.0], TypeError), ([1], IndexError), ([2**32], IndexError)):
         with pytest.raises(error):
             world.reset(np.array(wrong), upright(1.0))

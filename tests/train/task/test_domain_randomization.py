@@ -1,4 +1,4 @@
-"""What episodes draw to make it hard: ranges, strength, and when a push acts."""
+"""Domain randomization: ranges, strength, and the time of pushes."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ def many(strength: float) -> RandomizationSample:
     return RandomizationSample.concatenated([draw(HARD, strength, random) for _ in range(500)])
 
 
-def test_draws_fill_their_ranges_and_do_not_leave_them() -> None:
+def test_draws_fill_their_ranges_and_stay_inside() -> None:
     found = many(1.0)
     sizes = np.linalg.norm(found.forces, axis=-1)
     for values, low, high in (
@@ -47,7 +47,7 @@ def test_draws_fill_their_ranges_and_do_not_leave_them() -> None:
     assert found.begins[:, 0].min() >= 14
 
 
-def test_half_the_strength_is_half_the_way_from_what_is_usual() -> None:
+def test_half_the_strength_halves_the_deviation() -> None:
     full, half = many(1.0), many(0.5)
     np.testing.assert_allclose(half.forces, 0.5 * full.forces)
     np.testing.assert_allclose(half.friction - FRICTION, 0.5 * (full.friction - FRICTION))
@@ -55,7 +55,7 @@ def test_half_the_strength_is_half_the_way_from_what_is_usual() -> None:
     np.testing.assert_allclose(half.tilts, 0.5 * full.tilts)
 
 
-def test_without_strength_or_without_hardships_all_is_calm_and_nothing_is_drawn() -> None:
+def test_without_strength_or_ranges_nothing_is_drawn() -> None:
     calm, random = RandomizationSample.nominal(1), np.random.default_rng(1)
     before = random.bit_generator.state
     for found in (draw(HARD, 0.0, random), draw(DomainRandomization(), 1.0, random)):
@@ -79,7 +79,7 @@ def test_a_push_acts_on_the_pelvis_for_a_fifth_of_a_second() -> None:
     assert pushed == [*range(3, 9), *range(20, 26)]
 
 
-def test_figures_take_the_conditions_of_their_own() -> None:
+def test_assign_sets_the_selected_environments() -> None:
     whole, part = RandomizationSample.nominal(3), many(1.0)
     chosen = RandomizationSample(*(getattr(part, f.name)[:2] for f in fields(RandomizationSample)))
     whole.assign(np.array([2, 0]), chosen)

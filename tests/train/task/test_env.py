@@ -47,8 +47,8 @@ def test_passes_gymnasiums_checker(motion: Motion) -> None:
     env.close()
 
 
-def test_a_gymnasium_episode_is_as_hard_as_the_configuration_says(motion: Motion) -> None:
-    """All of it is drawn, at full strength, by Gymnasium's own seed."""
+def test_a_gymnasium_episode_has_full_domain_randomization(motion: Motion) -> None:
+    """Drawn at full strength from Gymnasium's seed."""
     hard = EnvConfig(start_anywhere=False, domain_randomization=DomainRandomization(tilt=0.1, spin=0.5))
     env = ImitationEnv(motion, hard)
     observation, _ = env.reset(seed=7)
@@ -78,8 +78,8 @@ def test_time_up_truncates_and_a_fall_terminates(motion: Motion) -> None:
     limp.close()
 
 
-def test_observation_does_not_depend_on_where_the_walk_leads(motion: Motion) -> None:
-    """It is taken in the figure's own heading: turn world and reference together, and nothing changes."""
+def test_observation_does_not_depend_on_the_heading(motion: Motion) -> None:
+    """It is in the humanoid's heading: rotating world and reference together changes nothing."""
     found = []
     for angle in (0.0, 2.0):
         batch = ImitationBatch(BulletWorld(2), Reference(turned(motion, angle)), EnvConfig())
@@ -91,7 +91,7 @@ def test_observation_does_not_depend_on_where_the_walk_leads(motion: Motion) -> 
 
 
 def test_on_the_reference_nothing_is_left_to_correct(motion: Motion) -> None:
-    """Right after a reset the terms are full, the drift zero and the phase as asked."""
+    """Right after a reset the terms are at their maximum, the drift is zero and the phase as given."""
     batch = ImitationBatch(BulletWorld(1), Reference(motion), EnvConfig())
     batch.reset(np.array([0]), np.array([0.25]))
     observation = batch.observe()[0]
@@ -105,7 +105,7 @@ def test_on_the_reference_nothing_is_left_to_correct(motion: Motion) -> None:
 
 
 def scattered(reference: Reference, phases: np.ndarray) -> BodyStates:
-    """Bodies near the reference, each figure's errors its own."""
+    """Bodies near the reference, with different errors for each humanoid."""
     bodies = reference.bodies(phases)
     size = (len(phases), 15, 3)
     near = np.random.default_rng(0).normal
@@ -117,8 +117,8 @@ def scattered(reference: Reference, phases: np.ndarray) -> BodyStates:
     )
 
 
-def test_observation_is_what_its_parts_say(motion: Motion, puppets) -> None:
-    """Written out figure by figure with the rotations of the pipeline."""
+def test_observation_equals_its_parts(motion: Motion, puppets) -> None:
+    """Recomputed per humanoid with the rotations of the pipeline."""
     reference, phases = Reference(motion), np.array([0.1, 0.55, 1.8])
     world = puppets(3)
     batch = ImitationBatch(world, reference, EnvConfig(mirror=False))
@@ -144,7 +144,7 @@ def test_observation_is_what_its_parts_say(motion: Motion, puppets) -> None:
         np.testing.assert_allclose(found, np.concatenate([np.ravel(part) for part in wanted]), atol=1e-12)
 
 
-def test_targets_are_the_reference_at_every_substep_times_the_correction(motion: Motion, puppets) -> None:
+def test_targets_are_the_reference_at_every_substep_times_the_action(motion: Motion, puppets) -> None:
     world, reference = puppets(2), Reference(motion)
     batch = ImitationBatch(world, reference, EnvConfig(mirror=False))
     batch.reset(np.arange(2), np.array([0.2, 0.7]))
@@ -158,7 +158,7 @@ def test_targets_are_the_reference_at_every_substep_times_the_correction(motion:
             np.testing.assert_allclose(world.targets[k, substep], wanted, atol=1e-13)
 
 
-def test_without_its_switches_less_of_the_reference_reaches_the_motors(motion: Motion, puppets) -> None:
+def test_feed_forward_switches_remove_their_part(motion: Motion, puppets) -> None:
     reference, phase, still = Reference(motion), np.array([0.2]), np.zeros((1, ACTIONS))
 
     def given(**switches: bool) -> tuple[np.ndarray, np.ndarray]:
@@ -176,8 +176,8 @@ def test_without_its_switches_less_of_the_reference_reaches_the_motors(motion: M
     np.testing.assert_allclose(given(residual=False)[0], np.broadcast_to(IDENTITY, joints.shape), atol=1e-13)
 
 
-def test_each_pose_of_the_preview_is_what_a_figure_there_would_see_next(motion: Motion, puppets) -> None:
-    """Previews of 1 and of 4 steps, side by side, are the preview of both."""
+def test_each_preview_equals_a_preview_of_one_step(motion: Motion, puppets) -> None:
+    """The previews of 1 and of 4 steps together are the preview of both."""
     reference, states = Reference(motion), scattered(Reference(motion), np.array([0.2]))
 
     def seen(preview: tuple[int, ...]) -> np.ndarray:
@@ -196,14 +196,14 @@ def test_each_pose_of_the_preview_is_what_a_figure_there_would_see_next(motion: 
     np.testing.assert_array_equal(both[body + 90 :], np.concatenate([near[-2:], far[-2:]]))
 
 
-def test_what_is_performed_once_ends_elsewhere_than_it_begins(motion: Motion, puppets) -> None:
+def test_start_and_end_of_a_non_cyclic_motion_differ(motion: Motion, puppets) -> None:
     once = ImitationBatch(puppets(3), Reference(replace(motion, cyclic=False)), EnvConfig())
     once.reset(np.arange(3), np.array([0.0, 0.5, 1.0]))
     np.testing.assert_allclose(once.observe()[:, :2], [[0, 1], [1, 0], [0, -1]], atol=1e-12)
 
 
-def test_a_snapshot_is_where_the_figures_go_on(motion: Motion, engine: str) -> None:
-    """Two batches that are put into one snapshot go the same way to the last bit, whatever came before."""
+def test_a_snapshot_continues_identically(motion: Motion, engine: str) -> None:
+    """Two batches restored from one snapshot stay equal to the last bit, whatever came before."""
     random = np.random.default_rng(4)
     config = EnvConfig(
         domain_randomization=DomainRandomization(push=(20.0, 60.0), rest=(0.0, 0.1), delay=(0.004, 0.012))
@@ -234,7 +234,7 @@ def test_a_snapshot_is_where_the_figures_go_on(motion: Motion, engine: str) -> N
         one.world.close()
 
 
-def test_a_late_correction_comes_after_the_one_before(motion: Motion, puppets) -> None:
+def test_a_delayed_action_follows_the_previous_one(motion: Motion, puppets) -> None:
     world, reference = puppets(2), Reference(motion)
     batch = ImitationBatch(world, reference, EnvConfig())
     late = replace(RandomizationSample.nominal(2), delay=np.array([0.0, 3.0]))
@@ -250,8 +250,8 @@ def test_a_late_correction_comes_after_the_one_before(motion: Motion, puppets) -
         np.testing.assert_allclose(world.targets[k, begins:], multiply(led[begins:], turns[1]), atol=1e-12)
 
 
-def test_after_a_reset_a_late_correction_comes_after_none(motion: Motion, puppets) -> None:
-    """The last action of the episode before must not act in the first steps of the next."""
+def test_a_reset_clears_the_delayed_action(motion: Motion, puppets) -> None:
+    """The last action of an episode does not act in the first steps of the next."""
     world, reference = puppets(2), Reference(motion)
     batch = ImitationBatch(world, reference, EnvConfig())
     late = replace(RandomizationSample.nominal(2), delay=np.full(2, 3.0))
@@ -267,8 +267,8 @@ def test_after_a_reset_a_late_correction_comes_after_none(motion: Motion, puppet
     assert np.abs(world.targets[0, :3] - led[0, :3]).max() > 0.01
 
 
-def test_the_reference_ahead_becomes_the_target_but_after_a_reset(motion: Motion, puppets) -> None:
-    """It is not sampled again: to the bit what the reference has at the figures' phases."""
+def test_the_preview_becomes_the_target_except_after_a_reset(motion: Motion, puppets) -> None:
+    """It is not sampled again, and equals the reference at the current phases to the bit."""
     reference = Reference(motion)
     batch = ImitationBatch(puppets(3), reference, EnvConfig())
     batch.reset(np.arange(3), np.array([0.1, 0.5, 0.95]))
@@ -280,8 +280,8 @@ def test_the_reference_ahead_becomes_the_target_but_after_a_reset(motion: Motion
         np.testing.assert_array_equal(batch.target.positions, reference.bodies(batch.phases).positions)
 
 
-def test_a_figure_does_not_know_how_many_others_there_are(motion: Motion, puppets) -> None:
-    """Observation and reward of five figures are to the bit those of each alone."""
+def test_observations_do_not_depend_on_the_batch_size(motion: Motion, puppets) -> None:
+    """Observation and reward of five environments equal those of each alone to the bit."""
     reference, phases = Reference(motion), np.linspace(0.0, 0.9, 5)
     actions = np.random.default_rng(2).normal(0, 0.3, (5, ACTIONS))
     states = scattered(reference, phases)
@@ -300,7 +300,7 @@ def test_a_figure_does_not_know_how_many_others_there_are(motion: Motion, puppet
             np.testing.assert_array_equal(whole[k], alone[0])
 
 
-def test_an_exploded_figure_terminates_without_a_reward(motion: Motion, puppets) -> None:
+def test_an_exploded_humanoid_terminates_without_a_reward(motion: Motion, puppets) -> None:
     world, reference = puppets(3), Reference(motion)
     batch = ImitationBatch(world, reference, EnvConfig())
     batch.reset(np.arange(3), np.full(3, 0.4))

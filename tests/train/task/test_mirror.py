@@ -1,4 +1,4 @@
-"""A figure, and the same figure in a mirror half a cycle later: seen alike, and answered alike."""
+"""A humanoid and its mirror image half a cycle later: same observation, mirrored action."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ from kinemimic.train.task.mirror import (
 
 
 class Held:
-    """Conditions that put figures at poses of a test's own."""
+    """Randomization that sets given initial poses."""
 
     def __init__(self, poses: Poses) -> None:
         self._calm = RandomizationSample.nominal(len(poses.root))
@@ -74,7 +74,7 @@ def shaken(motion: Motion, phase: float) -> Poses:
 def pair(
     motion: Motion, engine: str, config: EnvConfig, phase: float = 0.2, lift: float = 0.0
 ) -> ImitationBatch:
-    """A figure in the first half of a cycle, and its mirror image half a cycle on."""
+    """A humanoid in the first half of a cycle, and its mirror image half a cycle later."""
     batch = ImitationBatch(open_world(2, engine), Reference(motion), config)
     one = shaken(motion, phase)
     one = replace(one, root=one.root + np.array([0.0, 0.0, lift]))
@@ -90,7 +90,9 @@ def pair(
 
 @pytest.mark.parametrize("phase", [-1.8, 0.0, 0.2, 1.49])
 @pytest.mark.parametrize("preview", [(1,), (1, 4, 12)])
-def test_the_mirror_image_is_seen_alike(motion: Motion, preview: tuple[int, ...], phase: float) -> None:
+def test_the_mirror_image_has_the_same_observation(
+    motion: Motion, preview: tuple[int, ...], phase: float
+) -> None:
     batch = pair(motion, "pybullet", EnvConfig(preview=preview), phase)
     left, right = batch.observe()
     assert np.abs(left).max() > 0.5
@@ -102,7 +104,7 @@ def test_the_mirror_image_is_seen_alike(motion: Motion, preview: tuple[int, ...]
     plain.world.close()
 
 
-def test_it_is_answered_alike(motion: Motion, engine: str) -> None:
+def test_the_mirror_image_gets_the_mirrored_action(motion: Motion, engine: str) -> None:
     """Without a mirror the same correction would bend the other leg. High in the air: contacts are solved one
     after the other, not in a mirror."""
     batch = pair(motion, engine, EnvConfig(), lift=0.4)
@@ -116,8 +118,8 @@ def test_it_is_answered_alike(motion: Motion, engine: str) -> None:
     batch.world.close()
 
 
-def test_a_late_correction_is_that_of_its_own_moment(motion: Motion, puppets) -> None:
-    """Given in the first half of the cycle, and late into the second: as it was given, not mirrored."""
+def test_a_delayed_action_keeps_the_mirroring_of_its_time(motion: Motion, puppets) -> None:
+    """An action of the first half, delayed into the second, is not mirrored."""
     world, reference = puppets(1), Reference(motion)
     batch = ImitationBatch(world, reference, EnvConfig())
     late = replace(RandomizationSample.nominal(1), delay=np.array([3.0]))
@@ -136,7 +138,7 @@ def test_a_late_correction_is_that_of_its_own_moment(motion: Motion, puppets) ->
         np.testing.assert_allclose(world.targets[0, substep], wanted, atol=1e-12)
 
 
-def test_twice_through_the_mirror_is_not_at_all() -> None:
+def test_reflecting_twice_is_the_identity() -> None:
     rng = np.random.default_rng(0)
     mirror, rows = Mirror(previews=2), np.array([True, False, True])
     size = observation_size(EnvConfig(preview=(1, 4)))
@@ -150,7 +152,7 @@ def test_twice_through_the_mirror_is_not_at_all() -> None:
         np.testing.assert_array_equal(values, before)
 
 
-def test_left_and_right_change_places() -> None:
+def test_left_and_right_are_swapped() -> None:
     names = np.array(BODY_NAMES)
     assert names[COUNTERPARTS][names == "foot_left"] == ["foot_right"]
     assert names[COUNTERPARTS][names == "torso"] == ["torso"]
@@ -158,7 +160,7 @@ def test_left_and_right_change_places() -> None:
 
 
 def limping(motion: Motion, angle: float) -> Motion:
-    """The left hip abducted by an angle all the time: either thigh's image is off by it."""
+    """With the left hip always abducted by an angle, each thigh differs from its image by it."""
     rotations, hip = motion.rotations.copy(), NODE_INDEX["hip_left"]
     rotations[:, hip] = multiply(rotations[:, hip], from_axis_angle("X", np.full(len(rotations), angle)))
     return replace(motion, rotations=rotations)
@@ -169,8 +171,8 @@ def test_asymmetry_is_the_mean_over_thighs_shins_and_feet(motion: Motion) -> Non
     assert asymmetry(Reference(limping(motion, 0.3))) == pytest.approx(2 * 0.3 / 6, abs=2e-3)
 
 
-def test_who_limps_badly_or_does_it_once_is_not_mirrored(motion: Motion, puppets) -> None:
-    """At phase 0.7 of a cycle the sine is negative, and in a mirror half a cycle away it is not."""
+def test_asymmetric_or_non_cyclic_motions_are_not_mirrored(motion: Motion, puppets) -> None:
+    """At phase 0.7 of a cycle the sine is negative; reflected, half a cycle away, it is not."""
     once = replace(motion, cyclic=False, cycle_offset=np.zeros(3))
     for moves, sine in (
         (motion, np.sin(0.4 * np.pi)),

@@ -1,4 +1,4 @@
-"""Eq. 1-5 against numbers worked out by hand."""
+"""Eq. 1-5 against values computed by hand."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ def test_a_pose_is_the_pelvis_in_the_world_and_the_joints(bodies: BodyStates) ->
     np.testing.assert_array_equal(found[:, 1:], bodies.joints)
 
 
-def test_turns_lead_from_the_figures_pose_to_each_reference(motion) -> None:
+def test_turns_lead_from_the_simulated_pose_to_each_reference(motion) -> None:
     reference = Reference(motion)
     sim, *refs = (reference.bodies(np.array([0.1, 0.6]) + shift) for shift in (0.0, 0.1, 0.3))
     turns = pose_turns(sim, *refs)
@@ -82,14 +82,14 @@ def test_velocity_terms_by_hand(bodies: BodyStates) -> None:
 
 
 def test_path_error_by_hand(bodies: BodyStates) -> None:
-    """Every body 3 cm ahead and 4 cm aside of its reference: 5 cm off the path, and no other error."""
+    """Every body 3 cm ahead and 4 cm beside its reference: 5 cm off the path, and no other error."""
     aside = replace(bodies, positions=bodies.positions + np.array([0.03, 0.04, 0.0]))
     assert error(aside, bodies, RewardConfig(), "path") == pytest.approx(0.05**2)
     for name in ("pose", "linear", "angular", "height"):
         assert error(aside, bodies, RewardConfig(), name) == pytest.approx(0.0, abs=1e-12)
 
 
-def test_a_weight_of_no_term_is_named(bodies: BodyStates) -> None:
+def test_a_weight_of_an_unknown_term_is_named(bodies: BodyStates) -> None:
     config = RewardConfig(weights={"pose": 0.5, "poise": 0.5}, scales={"pose": 1.0, "poise": 1.0})
     with pytest.raises(KinemimicError, match="expected pose, linear, angular, height, path, found poise"):
         earned(bodies, bodies, config)

@@ -4,7 +4,7 @@ from kinemimic.train.task.timer import Timer, split, summed, table
 
 
 class Clock:
-    """Says what it is told to."""
+    """A clock that is set by hand."""
 
     def __init__(self) -> None:
         self.now = 1000.0
@@ -13,7 +13,7 @@ class Clock:
         return self.now
 
 
-def test_every_moment_is_put_down_to_one_name() -> None:
+def test_all_time_is_assigned_to_a_name() -> None:
     clock = Clock()
     timer = Timer(clock)
     for name, spent in (("work", 2.0), ("rest", 0.5), ("work", 3.0)):
@@ -23,7 +23,7 @@ def test_every_moment_is_put_down_to_one_name() -> None:
     assert sum(timer.seconds.values()) == clock.now - 1000.0
 
 
-def test_a_restart_forgets_what_was_and_what_is_not_put_down_yet() -> None:
+def test_a_restart_discards_all_time() -> None:
     clock = Clock()
     timer = Timer(clock)
     timer.lap("work")
@@ -39,14 +39,14 @@ def test_sums_take_every_name() -> None:
     assert summed() == {}
 
 
-def test_a_part_is_split_and_the_whole_stays() -> None:
+def test_splitting_a_part_keeps_the_total() -> None:
     seconds = {"rollout": 10.0, "update": 4.0}
     found = split(seconds, "rollout", {"simulation": 7.0, "inference": 1.0}, "waiting")
     assert found == {"simulation": 7.0, "inference": 1.0, "waiting": 2.0, "update": 4.0}
     assert sum(found.values()) == sum(seconds.values())
 
 
-def test_the_table_has_a_line_for_each_part_and_the_whole() -> None:
+def test_the_table_has_a_row_for_each_part_and_the_total() -> None:
     head, *lines = table({"update": 30.0, "simulation": 90.0}).splitlines()
     assert head.split() == ["seconds", "share", "of", "a", "minute"]
     assert [line.split() for line in lines] == [

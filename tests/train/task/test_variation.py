@@ -1,4 +1,4 @@
-"""Figures of other friction and mass: what mechanics makes of them, and that nothing else changes."""
+"""Humanoids with other friction and mass obey mechanics, and nothing else changes."""
 
 from __future__ import annotations
 
@@ -21,13 +21,13 @@ NORMAL = (FRICTION, 1.0)
 
 
 def vary(world: World, *kinds: tuple[float, float], first: int = 0) -> None:
-    """Friction and mass of the figures from `first` on."""
+    """Friction and mass of the humanoids from `first` on."""
     friction, mass = np.array(kinds).T
     world.vary(np.arange(first, first + len(kinds)), friction, mass)
 
 
 def start(world: World, height: float, friction: float = FRICTION, mass: float = 1.0) -> None:
-    """One upright figure of that kind."""
+    """One upright humanoid with that friction and mass."""
     vary(world, (friction, mass))
     world.reset(np.array([0]), upright(height))
 
@@ -40,14 +40,14 @@ def pushed(share: float, bodies: list[int], component: int) -> np.ndarray:
 
 
 def velocity(state: BodyStates) -> np.ndarray:
-    """Of the centre of mass, m/s: the same for every factor of all masses."""
+    """Velocity of the centre of mass, m/s, independent of a factor for all masses."""
     return np.asarray(MASSES @ state.linear[0] / TOTAL_MASS)
 
 
 def play(
     world: World, motion: Any, phases: np.ndarray, *, height: float = 0.0, steps: int = 12
 ) -> np.ndarray:
-    """Positions, velocities and forces of figures that are reset and then stride."""
+    """Positions, velocities and forces of humanoids that are reset and then stride."""
     reference, kept = Reference(motion), []
     pose = reference.poses(phases)
     world.reset(np.arange(len(phases)), replace(pose, root=pose.root + np.array([0, 0, height])))
@@ -61,7 +61,7 @@ def play(
 
 
 @pytest.mark.parametrize("mass", [1.0, 1.6])
-def test_half_the_weight_moves_who_has_less_friction(world: World, mass: float) -> None:
+def test_a_push_slides_a_humanoid_with_less_friction(world: World, mass: float) -> None:
     """At 0.9 the ground takes up all of the push; at 0.3 the feet slide, and it takes 0.3 of its load."""
     for friction, holds in ((0.9, True), (0.3, False)):
         start(world, 0.905, friction, mass)
@@ -81,7 +81,7 @@ def test_half_the_weight_moves_who_has_less_friction(world: World, mass: float) 
 
 
 @pytest.mark.parametrize("mass", [0.8, 1.7])
-def test_a_push_moves_the_heavier_less(world: World, mass: float) -> None:
+def test_a_push_accelerates_inversely_to_the_mass(world: World, mass: float) -> None:
     """100 N for 0.2 s: 20 N·s make 20 / (48.2 m) m/s, and every mass falls alike."""
     start(world, 5.0, mass=mass)
     for _ in range(6):
@@ -91,7 +91,7 @@ def test_a_push_moves_the_heavier_less(world: World, mass: float) -> None:
 
 
 @pytest.mark.parametrize("mass", [0.8, 1.7])
-def test_a_torque_turns_the_heavier_less(world: World, mass: float) -> None:
+def test_a_torque_accelerates_inversely_to_the_inertia(world: World, mass: float) -> None:
     """20 N·m about the vertical for 0.1 s: 2 N·m·s, of which two fifths are the bodies' own inertias'."""
     start(world, 5.0, mass=mass)
     for _ in range(3):
@@ -111,8 +111,8 @@ def test_the_ground_carries_what_it_weighs(world: World, mass: float) -> None:
     np.testing.assert_allclose(total, [0, 0, mass * WEIGHT], atol=0.02 * mass * WEIGHT)
 
 
-def test_the_controller_reckons_with_the_nominal_masses(world: World) -> None:
-    """Asked for the same from the same state, it gives the same torques, whatever the body weighs."""
+def test_the_controller_assumes_the_nominal_masses(world: World) -> None:
+    """The same targets in the same state give the same torques for any mass."""
     turned = np.broadcast_to(from_rotvec(np.full((14, 3), 0.02)), (1, SUBSTEPS, 14, 4))
     peaks = []
     for mass in (1.0, 0.8, 1.7):
@@ -122,8 +122,8 @@ def test_the_controller_reckons_with_the_nominal_masses(world: World) -> None:
     np.testing.assert_allclose(peaks[1:], np.broadcast_to(peaks[0], (2, 1, 14)), rtol=1e-9)
 
 
-def test_the_joints_of_the_lightest_come_to_rest(world: World) -> None:
-    """Below LIGHTEST a controller that reckons with more than there is would shake the joints for ever."""
+def test_joints_come_to_rest_at_the_smallest_mass(world: World) -> None:
+    """Below MIN_MASS the controller, which assumes more mass, would make the joints oscillate for ever."""
     vary(world, (FRICTION, MIN_MASS))
     swing = np.random.default_rng(0).normal(0, 0.3, (1, 14, 3))
     world.reset(np.array([0]), replace(upright(50.0), joint_velocities=swing))
@@ -146,8 +146,8 @@ def test_they_agree_with_pybullet(motion: Any, height: float, bound: float) -> N
     assert np.abs(ends[0] - ends[1]).max() < (bound if native.double_precision else 1e-3)
 
 
-def test_back_to_normal_is_the_same_to_the_bit(motion: Any, engine: str) -> None:
-    """Never varied, varied to what it was, varied and back; and a neighbour's kind is its own affair."""
+def test_restored_defaults_are_the_same_to_the_bit(motion: Any, engine: str) -> None:
+    """Never varied, varied to the defaults, or varied and back; neighbours have no influence."""
     phases = np.array([0.1, 0.6])
     world, other = open_world(2, engine), open_world(2, engine)
     never = play(world, motion, phases)
@@ -167,7 +167,7 @@ def test_back_to_normal_is_the_same_to_the_bit(motion: Any, engine: str) -> None
     assert not np.array_equal(varied, never)
 
 
-def test_it_begins_with_the_reset(world: World) -> None:
+def test_a_variation_starts_at_the_reset(world: World) -> None:
     runs = []
     for later in (False, True):
         start(world, 0.905)
@@ -184,7 +184,7 @@ def test_it_begins_with_the_reset(world: World) -> None:
     assert world.contact_forces()[0, :, 2].sum() == pytest.approx(2 * WEIGHT, rel=0.02)
 
 
-def test_what_is_no_friction_and_no_mass_is_refused(world: World) -> None:
+def test_invalid_friction_and_mass_are_refused(world: World) -> None:
     for friction, mass, message in (
         (-0.1, 1.0, "friction: expected finite numbers at least 0, found -0.1"),
         (np.nan, 1.0, "friction.*nan"),
