@@ -133,11 +133,11 @@ class _Reader:
         else:
             joint_names = self.words[self.cells.index(column, "columns.joint")]
             named = {joint.named: k for k, joint in enumerate(self.description.joints)}
-            lacking = [name for name in named if name not in joint_names.known]
-            if lacking:
+            missing = [name for name in named if name not in joint_names.known]
+            if missing:
                 self.cells.fail(
                     "joints",
-                    expected=f"rows of {', '.join(lacking[:3])}",
+                    expected=f"rows of {', '.join(missing[:3])}",
                     found=f"rows of {', '.join(joint_names.known[1:21])}",
                 )
             joints = np.array([named.get(name, -1) for name in joint_names.known], dtype=np.intp)[

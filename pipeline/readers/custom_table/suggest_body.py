@@ -38,34 +38,34 @@ class Axes:
 def axes_of(points: Array, names: Sequence[str]) -> Axes:
     """Unit and axes of points (T, J, 3) of joints with these names; as for a Kinect where unknown."""
     index = joints_by_name(tuple(names))
-    places = {node: points[:, joint] for node, joint in index.items()}
+    positions = {node: points[:, joint] for node, joint in index.items()}
     notes: dict[str, str] = {}
-    unit = _unit(places, notes)
-    up = _up(places)
+    unit = _unit(positions, notes)
+    up = _up(positions)
     if up is None:
         notes["up"] = "please check"
         up = np.array([0.0, 1.0, 0.0])
     else:
         notes["up"] = "from the feet to the head"
-    forward = _forward(places, up)
+    forward = _forward(positions, up)
     left = ""
     if forward is None:
         notes["forward"] = "please check: the usual viewing direction; it only rotates the view"
         forward = np.roll(up, 1)
     else:
         notes["forward"] = "the direction of the feet"
-        right_handed = _right_handed(places, up)
+        right_handed = _right_handed(positions, up)
         if right_handed is not None and not right_handed:
             left = _name(-np.cross(up, forward))
             notes["left"] = "please check: left-handed axes, or names with left and right swapped"
     return Axes(unit, _name(up), _name(forward), left, notes)
 
 
-def _unit(places: dict[str, Array], notes: dict[str, str]) -> str:
+def _unit(positions: dict[str, Array], notes: dict[str, str]) -> str:
     legs = [
-        _length(places[a], places[b]) + _length(places[b], places[c])
+        _length(positions[a], positions[b]) + _length(positions[b], positions[c])
         for a, b, c in ((f"hip_{s}", f"knee_{s}", f"ankle_{s}") for s in ("left", "right"))
-        if {a, b, c} <= places.keys()
+        if {a, b, c} <= positions.keys()
     ]
     leg = float(np.mean(legs)) if legs else np.nan
     if not leg > 0:
@@ -86,13 +86,13 @@ def _length(start: Array, end: Array) -> float:
     return float(np.median(seen)) if len(seen) else np.nan
 
 
-def _mean(places: dict[str, Array], start: str, end: str) -> Array | None:
+def _mean(positions: dict[str, Array], start: str, end: str) -> Array | None:
     """Mean of the unit vectors between two nodes, over both sides for names with {}; None if not seen."""
     vectors = []
     for side in ("left", "right"):
         a, b = start.format(side), end.format(side)
-        if a in places and b in places:
-            vectors.append(places[b] - places[a])
+        if a in positions and b in positions:
+            vectors.append(positions[b] - positions[a])
     if not vectors:
         return None
     joined = np.concatenate(vectors)
@@ -114,30 +114,30 @@ def _name(axis: Array) -> str:
     return ("" if axis[largest] > 0 else "-") + _AXES[largest]
 
 
-def _up(places: dict[str, Array]) -> Array | None:
+def _up(positions: dict[str, Array]) -> Array | None:
     for start, end in (("ankle_{}", "head"), ("knee_{}", "head"), ("hip_center", "shoulder_center")):
-        if (direction := _mean(places, start, end)) is not None and np.abs(direction).max() > 0.7:
+        if (direction := _mean(positions, start, end)) is not None and np.abs(direction).max() > 0.7:
             return _axis(direction)
     return None
 
 
-def _forward(places: dict[str, Array], up: Array) -> Array | None:
-    direction = _mean(places, "ankle_{}", "foot_{}")
+def _forward(positions: dict[str, Array], up: Array) -> Array | None:
+    direction = _mean(positions, "ankle_{}", "foot_{}")
     if direction is None:
         return None
     level = direction * (up == 0)
     return _axis(level) if np.abs(level).max() > 0.2 else None
 
 
-def _right_handed(places: dict[str, Array], up: Array) -> bool | None:
+def _right_handed(positions: dict[str, Array], up: Array) -> bool | None:
     """Whether forward is left x up; compared per frame, so that turning round does not matter."""
-    if not {"hip_left", "hip_right"} <= places.keys():
+    if not {"hip_left", "hip_right"} <= positions.keys():
         return None
-    lateral = places["hip_left"] - places["hip_right"]
+    lateral = positions["hip_left"] - positions["hip_right"]
     agree = []
     for side in ("left", "right"):
-        if {f"ankle_{side}", f"foot_{side}"} <= places.keys():
-            toes = places[f"foot_{side}"] - places[f"ankle_{side}"]
+        if {f"ankle_{side}", f"foot_{side}"} <= positions.keys():
+            toes = positions[f"foot_{side}"] - positions[f"ankle_{side}"]
             agree.append(np.sum(np.cross(lateral, up) * toes, axis=-1))
     if not agree:
         return None
@@ -155,8 +155,8 @@ def time_unit(times: Array, name: str) -> tuple[str, float] | None:
     if len(steps) < 2 or (steps < 0).mean() > 0.02 or (steps > 0).mean() < 0.4:
         return None
     step = float(np.median(steps[steps > 0]))
-    whole = bool(np.all(np.mod(steps, 1.0) == 0.0))
-    if whole and step <= 7:
+    whole_numbers = bool(np.all(np.mod(steps, 1.0) == 0.0))
+    if whole_numbers and step <= 7:
         return "frame", 0.0
     named = next(
         (unit for unit in ("ms", "us", "100ns", "s") if f"({unit})" in name or f"[{unit}]" in name), None

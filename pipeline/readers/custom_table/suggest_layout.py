@@ -150,8 +150,8 @@ def _by_body(sheet: Sheet) -> Layout | None:
         one = Columns(position=tuple(range(order.first, order.first + 3)))
         rest = [k for k in range(sheet.width) if k not in one.position and _is_state(sheet.values[:, k])]
         one.state = tuple(rest[:1])
-        whole = len(sheet.values) // len(order.joints) * len(order.joints)
-        points = sheet.values[:whole, one.position].reshape(-1, len(order.joints), 3)
+        complete_rows = len(sheet.values) // len(order.joints) * len(order.joints)
+        points = sheet.values[:complete_rows, one.position].reshape(-1, len(order.joints), 3)
         return Layout(order.joints, (one,), points, None, True, True, None, reason)
     state, quaternion = _state_and_quaternion_offsets(sheet, order)
     columns = tuple(

@@ -13,11 +13,12 @@ import numpy as np
 from kinemimic.pipeline.arrays import Array
 from kinemimic.pipeline.readers.base.numbers import to_number
 from kinemimic.pipeline.readers.base.source import Source
+from kinemimic.pipeline.readers.custom_table.table import WHITE_SPACE, fields_of
 
 # Enough lines to detect the form of a table, and enough rows to detect a body.
 _SAMPLED_LINES = 200
 _MAX_ROWS = 2000
-_SEPARATORS: dict[str, str | None] = {"tab": "\t", "semicolon": ";", "comma": ",", "space": None}
+_SEPARATORS: dict[str, str] = {"tab": "\t", "semicolon": ";", "comma": ",", "space": WHITE_SPACE}
 # What pandas takes as a missing value by default.
 _EMPTY = frozenset({"", "nan", "na", "n/a", "null", "none", "-nan", "#n/a", "<na>"})
 _SENTINELS = (-9999.0, -999.0, -99999.0, 9999.0, 99999.0, 999.0)
@@ -100,14 +101,10 @@ def _detect_separator(lines: Sequence[str]) -> tuple[str, int]:
 
 
 def _split(line: str, separator: str) -> list[str]:
-    mark = _SEPARATORS[separator]
-    if mark is None:
-        return line.split()
     try:
-        fields = [field.strip() for field in next(csv.reader([line], delimiter=mark), [])]
+        return fields_of(line, _SEPARATORS[separator])
     except csv.Error:
         return []
-    return fields[:-1] if fields and not fields[-1] else fields
 
 
 def _decimal(rows: Sequence[tuple[int, list[str]]], separator: str) -> str:

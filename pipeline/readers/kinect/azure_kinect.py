@@ -195,7 +195,7 @@ def _states(bodies: Sequence[dict[str, Any]], rows: Sequence[int], source: Sourc
 
 
 def _refuse_remote(points: Array, source: Source) -> None:
-    """`refuse_remote` for a JSON file, whose places are frames, not lines."""
+    """`refuse_remote` for a JSON file, where errors name frames, not lines."""
     remote = (np.abs(points) > MAX_COORDINATE) & np.isfinite(points)
     if remote.any():
         frame, joint, axis = (int(k) for k in np.argwhere(remote)[0])
