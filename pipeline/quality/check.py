@@ -6,7 +6,6 @@ metres. Rules about single frames and joints follow it, because they must not re
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -104,29 +103,28 @@ def _passes(clip: Clip) -> tuple[Clip, Acquisition]:
     return with_passes(clip, acquisition), acquisition
 
 
-def planned_steps(checked: CheckedCapture, *, filter_name: str | None = None) -> list[str]:
-    """What `ingest` will do with the capture, as sentences; filter_name: by default the one of `ingest`."""
-    return list(_sentences(checked, filter_name))
-
-
-def _sentences(checked: CheckedCapture, filter_name: str | None) -> Iterator[str]:
+def planned_steps(checked: CheckedCapture) -> list[str]:
+    """What `ingest` will do with the capture by default, as sentences."""
     if checked.refused is not None:
-        yield f"refused: {checked.refused.text}"
-        return
+        return [f"refused: {checked.refused.text}"]
     clip, acquisition = checked.clip, checked.acquisition
     lengths = [clip.times[clip.passes == number] for number in range(acquisition.count)]
+    frames = sum(map(len, lengths))
     seconds = sum(float(times[-1] - times[0]) for times in lengths)
-    plural = "es" if acquisition.count != 1 else ""
-    yield f"{acquisition.count} pass{plural} of {sum(map(len, lengths))} frames, {seconds:.1f} s"
-    outside = len(clip.times) - sum(map(len, lengths))
-    if outside or acquisition.discarded:
-        short = f"{acquisition.discarded} passes too short"
-        yield f"{outside} frames outside of passes are left out ({short})"
-    for defect in checked.defects:
-        if defect.action == "repaired" or defect.rule == "gaps":
-            yield f"{RULES[defect.rule]}: {defect.text}"
-    what = "positions" if clip.euler is None else "rotations"
-    yield f"{what}: {FILTER_DESCRIPTIONS[filter_name or FILTERS[0]]}"
+    steps = [
+        f"{acquisition.count} pass{'es' if acquisition.count != 1 else ''}, {frames} frames, {seconds:.1f} s"
+    ]
+    if (outside := len(clip.times) - frames) or acquisition.discarded:
+        steps.append(
+            f"{outside} frames outside passes are left out ({acquisition.discarded} passes too short)"
+        )
+    steps += [
+        f"{RULES[defect.rule]}: {defect.text}"
+        for defect in checked.defects
+        if defect.action == "repaired" or defect.rule == "gaps"
+    ]
+    values = "positions" if clip.euler is None else "rotations"
+    return [*steps, f"{values}: {FILTER_DESCRIPTIONS[FILTERS[0]]}"]
 
 
 def _no_subject(clip: Clip, acquisition: Acquisition) -> Defect:
