@@ -21,8 +21,8 @@ from kinemimic.pipeline.inspect.measures import (
     segment_lengths,
     stature,
 )
-from kinemimic.pipeline.kinematics.body_points import median
 from kinemimic.pipeline.kinematics.clip import Clip
+from kinemimic.pipeline.kinematics.vectors import median
 from kinemimic.pipeline.quality.check import CheckedCapture, check_capture, planned_steps
 from kinemimic.pipeline.readers.recognise import formats, read
 

@@ -10,10 +10,11 @@ from kinemimic.pipeline.arrays import Array, Mask, States
 from kinemimic.pipeline.errors import KinemimicError
 from kinemimic.pipeline.files.json_layout import rounded
 from kinemimic.pipeline.kinematics.angles import ANGLES, leg_angles
-from kinemimic.pipeline.kinematics.body_points import length, median, nodes_of
+from kinemimic.pipeline.kinematics.body_points import length, nodes_of
 from kinemimic.pipeline.kinematics.clip import Clip
 from kinemimic.pipeline.kinematics.nodes import joints_by_name, to_nodes
 from kinemimic.pipeline.kinematics.skeleton import NODE_INDEX, TRACKED
+from kinemimic.pipeline.kinematics.vectors import median
 from kinemimic.pipeline.quality.joint_statistics import joint_statistics
 
 # The ends of each segment, per side, or once for the trunk.

@@ -12,6 +12,7 @@ from kinemimic.pipeline.arrays import Array
 from kinemimic.pipeline.kinematics.clip import Clip
 from kinemimic.pipeline.kinematics.nodes import joints_by_name
 from kinemimic.pipeline.kinematics.skeleton import NODE_INDEX, NODES
+from kinemimic.pipeline.kinematics.vectors import unit
 
 
 def nodes_of(clip: Clip) -> Array:
@@ -46,18 +47,6 @@ def bend(points: Array, side: str) -> Array:
     thigh = unit(between(points, f"hip_{side}", f"knee_{side}"))
     shank = unit(between(points, f"knee_{side}", f"ankle_{side}"))
     return np.asarray(np.arccos(np.clip(np.sum(thigh * shank, axis=-1), -1.0, 1.0)))
-
-
-def unit(vectors: Array) -> Array:
-    """Unit vectors (..., 3); NaN for zero vectors."""
-    lengths = np.linalg.norm(vectors, axis=-1, keepdims=True)
-    return np.asarray(vectors / np.where(lengths > 0, lengths, np.nan))
-
-
-def median(values: Array) -> float:
-    """Median of the finite values; NaN without any."""
-    there = values[np.isfinite(values)]
-    return float(np.median(there)) if len(there) else float("nan")
 
 
 def relative_to_body(displacements: Array) -> Array:

@@ -14,6 +14,7 @@ import numpy as np
 
 from kinemimic.pipeline.arrays import Array, States
 from kinemimic.pipeline.kinematics.skeleton import INFERRED, MISSING, NODE_INDEX, NODES
+from kinemimic.pipeline.kinematics.vectors import perpendicular, unit
 
 # Shares of stature.
 THIGH, SHANK = 0.245, 0.246
@@ -68,12 +69,12 @@ class _Body:
     @property
     def up(self) -> Array:
         """(T, 3) along the trunk."""
-        return _unit(self["shoulder_center"] - self["hip_center"])
+        return unit(self["shoulder_center"] - self["hip_center"])
 
     @property
     def left(self) -> Array:
         """(T, 3) from the right to the left hip, at right angles to the trunk."""
-        return _unit(_across(self["hip_left"] - self["hip_right"], self.up))
+        return unit(perpendicular(self["hip_left"] - self["hip_right"], self.up))
 
 
 Rule = tuple[str, tuple[str, ...], Array]
@@ -92,7 +93,7 @@ def _trunk(body: _Body, found: set[str]) -> Iterator[Rule]:
         shoulders = ("shoulder_left", "shoulder_right")
         yield "shoulder_center", shoulders, 0.5 * (body[shoulders[0]] + body[shoulders[1]])
     else:
-        trunk = TRUNK * body.stature * _unit(body["spine"] - body["hip_center"])
+        trunk = TRUNK * body.stature * unit(body["spine"] - body["hip_center"])
         yield "shoulder_center", ("hip_center", "spine"), body["hip_center"] + trunk
     yield "spine", _ENDS, body["hip_center"] + (body["shoulder_center"] - body["hip_center"]) / 3.0
     yield "head", _ENDS, body["shoulder_center"] + HEAD * body.stature * body.up
@@ -108,18 +109,7 @@ def _limbs(body: _Body, found: set[str], side: str, sign: float) -> Iterator[Rul
     else:
         yield elbow, (shoulder, *_ENDS), body[shoulder] - UPPER_ARM * tall * body.up
     yield wrist, (elbow, *_ENDS), body[elbow] - FOREARM * tall * body.up
-    yield hand, (wrist, elbow), body[wrist] + HAND * _unit(body[wrist] - body[elbow])
+    yield hand, (wrist, elbow), body[wrist] + HAND * unit(body[wrist] - body[elbow])
     foot, ankle, knee = (f"{joint}_{side}" for joint in ("foot", "ankle", "knee"))
-    ahead = _unit(_across(np.cross(body.left, body.up), _unit(body[ankle] - body[knee])))
+    ahead = unit(perpendicular(np.cross(body.left, body.up), unit(body[ankle] - body[knee])))
     yield foot, (ankle, knee, *_ENDS, *_HIPS), body[ankle] + FOOT * tall * ahead
-
-
-def _unit(vectors: Array) -> Array:
-    """Unit vectors; NaN where there is no direction."""
-    length = np.linalg.norm(vectors, axis=-1, keepdims=True)
-    return np.asarray(vectors / np.where(length > 0, length, np.nan))
-
-
-def _across(vectors: Array, axis: Array) -> Array:
-    """The component of the vectors at right angles to a unit axis."""
-    return np.asarray(vectors - np.sum(vectors * axis, axis=-1, keepdims=True) * axis)

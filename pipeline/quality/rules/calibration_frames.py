@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from kinemimic.pipeline.kinematics.body_points import between, nodes_of, relative_to_body, unit
+from kinemimic.pipeline.kinematics.body_points import between, nodes_of, relative_to_body
 from kinemimic.pipeline.kinematics.clip import Clip
+from kinemimic.pipeline.kinematics.vectors import unit
 from kinemimic.pipeline.quality.rules.defect import Defect
 from kinemimic.pipeline.quality.rules.frame_selection import select_frames
 

@@ -11,8 +11,9 @@ from __future__ import annotations
 import numpy as np
 
 from kinemimic.pipeline.arrays import Array
-from kinemimic.pipeline.kinematics.body_points import between, length, median, nodes_of
+from kinemimic.pipeline.kinematics.body_points import between, length, nodes_of
 from kinemimic.pipeline.kinematics.clip import Clip
+from kinemimic.pipeline.kinematics.vectors import median
 from kinemimic.pipeline.quality.rules.defect import Defect
 
 # Range of the median lengths in metres, from toddlers to giants.

@@ -14,8 +14,9 @@ from dataclasses import replace
 import numpy as np
 
 from kinemimic.pipeline.arrays import Array
-from kinemimic.pipeline.kinematics.body_points import between, nodes_of, unit
+from kinemimic.pipeline.kinematics.body_points import between, nodes_of
 from kinemimic.pipeline.kinematics.clip import Clip
+from kinemimic.pipeline.kinematics.vectors import unit
 from kinemimic.pipeline.quality.rules.defect import Defect
 
 # A foot or knee is counted in a frame where its cosine or sine exceeds this; a straight knee is not evidence.

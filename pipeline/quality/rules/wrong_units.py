@@ -8,8 +8,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from kinemimic.pipeline.kinematics.body_points import length, median, nodes_of
+from kinemimic.pipeline.kinematics.body_points import length, nodes_of
 from kinemimic.pipeline.kinematics.clip import Clip, scaled
+from kinemimic.pipeline.kinematics.vectors import median
 from kinemimic.pipeline.quality.rules.defect import Defect
 from kinemimic.pipeline.quality.rules.length_units import (
     LEG_RANGE,

@@ -11,10 +11,11 @@ from dataclasses import replace
 import numpy as np
 
 from kinemimic.pipeline.arrays import Array
-from kinemimic.pipeline.kinematics.body_points import bend, between, nodes_of, place, unit
+from kinemimic.pipeline.kinematics.body_points import bend, between, nodes_of, place
 from kinemimic.pipeline.kinematics.clip import Clip
 from kinemimic.pipeline.kinematics.rotations import conjugate, from_axis_angle, multiply, rotate
 from kinemimic.pipeline.kinematics.skeleton import NODE_INDEX
+from kinemimic.pipeline.kinematics.vectors import unit
 from kinemimic.pipeline.quality.rules.defect import Defect
 
 # Angle between trunk and legs of a straight body, standing or lying.

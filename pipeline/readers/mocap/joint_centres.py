@@ -11,6 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from kinemimic.pipeline.arrays import Array
+from kinemimic.pipeline.kinematics.vectors import median, perpendicular, unit
 
 # Bell, Pedersen & Brand 1990 (J. Biomech. 23, 617-621): position of the hip centre relative to the midpoint
 # of the ASIS, forward, to the side and up, as shares of the distance between the ASIS.
@@ -53,13 +54,13 @@ def pelvis(asis_left: Array, asis_right: Array, back: Array, below: Array) -> Pe
     """
     origin = 0.5 * (asis_left + asis_right)
     left = unit(asis_left - asis_right)
-    forward = unit(_perpendicular(origin - back, left))
+    forward = unit(perpendicular(origin - back, left))
     up = np.cross(forward, left)
     height = np.sum((origin - below) * up, axis=-1)
-    if _median(height) < 0:
+    if median(height) < 0:
         up = -up
     widths = np.linalg.norm(asis_left - asis_right, axis=-1)
-    return Pelvis(origin, np.stack([forward, left, up], axis=-1), _median(widths))
+    return Pelvis(origin, np.stack([forward, left, up], axis=-1), median(widths))
 
 
 def hip_centre(pelvis: Pelvis, side: str) -> Array:
@@ -80,9 +81,9 @@ def inward(lateral: Array, proximal: Array, medial: Array, half: float) -> Array
     to_proximal = proximal - lateral
     length = np.linalg.norm(to_proximal, axis=-1, keepdims=True)
     along = unit(to_proximal)
-    perpendicular = unit(_perpendicular(medial, along))
+    inward = unit(perpendicular(medial, along))
     sine = np.minimum(half / np.where(length > 0, length, np.nan), 1.0)
-    return np.asarray(lateral + half * (np.sqrt(1.0 - sine**2) * perpendicular + sine * along))
+    return np.asarray(lateral + half * (np.sqrt(1.0 - sine**2) * inward + sine * along))
 
 
 def centre_of_rotation(above: Array, below: Array, guess: Array) -> Array:
@@ -111,23 +112,6 @@ def centre_of_rotation(above: Array, below: Array, guess: Array) -> Array:
     )
     offset = np.linalg.solve(normal, rhs)
     return np.asarray(0.5 * (centre_a + rotation_a @ offset[:3] + centre_b + rotation_b @ offset[3:]))
-
-
-def unit(vectors: Array) -> Array:
-    """Vectors (..., 3) of length 1; NaN for zero vectors."""
-    length = np.linalg.norm(vectors, axis=-1, keepdims=True)
-    return np.asarray(vectors / np.where(length > 0, length, np.nan))
-
-
-def _perpendicular(vectors: Array, axis: Array) -> Array:
-    """The part of the vectors perpendicular to a unit axis."""
-    return np.asarray(vectors - np.sum(vectors * axis, axis=-1, keepdims=True) * axis)
-
-
-def _median(values: Array) -> float:
-    """Median of the finite values; NaN without any."""
-    seen = values[np.isfinite(values)]
-    return float(np.median(seen)) if len(seen) else np.nan
 
 
 def _frames(cluster: Array) -> tuple[Array, Array]:

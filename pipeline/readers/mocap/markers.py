@@ -12,6 +12,7 @@ from kinemimic.pipeline.kinematics.clip import Clip
 from kinemimic.pipeline.kinematics.nodes import joints_by_name
 from kinemimic.pipeline.kinematics.proportions import TRUNK, stature
 from kinemimic.pipeline.kinematics.skeleton import NODE_INDEX, NODES, Skeleton
+from kinemimic.pipeline.kinematics.vectors import unit
 from kinemimic.pipeline.readers.base.clip_building import clip_of_points
 from kinemimic.pipeline.readers.base.format import Format
 from kinemimic.pipeline.readers.base.node_parents import nearest_ancestor
@@ -24,7 +25,6 @@ from kinemimic.pipeline.readers.mocap.joint_centres import (
     hip_centre,
     inward,
     pelvis,
-    unit,
 )
 from kinemimic.pipeline.readers.mocap.marker_names import SIDES, landmarks
 
