@@ -1,4 +1,4 @@
-"""Made-up walks whose every number is known: legs that swing as sinusoids, and what is performed of them."""
+"""Synthetic walks with known values: legs that swing as sinusoids, and rollouts of them."""
 
 from __future__ import annotations
 
@@ -99,7 +99,7 @@ def performance() -> Callable[..., Trajectory]:
 
 @pytest.fixture
 def compared(tmp_path: Path, walk: Motion) -> Callable[..., Path]:
-    """Makes folders as `compare` leaves them, of a figure that crouches: policies that do next to nothing."""
+    """Makes folders as written by `compare`, of a crouching humanoid with almost idle policies."""
 
     def make(
         name: str = "compared",

@@ -1,4 +1,4 @@
-"""kinemimic export: every subject in every format, read back; what is missing or damaged is said."""
+"""kinemimic export: every motion in every format, read back; errors for missing or damaged files."""
 
 from __future__ import annotations
 
@@ -63,13 +63,13 @@ def run(
 
 @pytest.fixture(scope="module")
 def files(run: Path) -> list[dict[str, object]]:
-    """What --json tells of an export of everything."""
+    """The --json output of an export of everything."""
     result = CliRunner().invoke(command, ["--run", str(run), "--json"], catch_exceptions=False)
     assert result.exit_code == 0
     return json.loads(result.stdout)  # type: ignore[no-any-return]
 
 
-def test_everything_is_written_once_and_told(run: Path, files: list[dict[str, object]]) -> None:
+def test_everything_is_written_and_listed_once(run: Path, files: list[dict[str, object]]) -> None:
     kinds = [(record["what"], record["format"]) for record in files]
     expected = [(what, form) for what in SOURCES for form in WRITERS]
     assert kinds == [*expected, ("humanoid", "urdf")]
@@ -85,9 +85,7 @@ def of(files: list[dict[str, object]], what: str, form: str) -> Path:
 
 
 @pytest.mark.parametrize("what", list(SOURCES))
-def test_positions_are_equal_in_every_format_that_holds_them(
-    run: Path, files: list[dict[str, object]], what: str
-) -> None:
+def test_positions_agree_across_formats(run: Path, files: list[dict[str, object]], what: str) -> None:
     source = sources_of_run(run)[what]
     expected, _ = source.poses.kinematics()
     for form in ("bvh", "trc"):
@@ -123,7 +121,7 @@ def test_a_cycle_is_closed_for_deepmimic(walk: Motion, files: list[dict[str, obj
     assert json.loads(of(files, "simulated", "deepmimic").read_text())["Loop"] == "none"
 
 
-def test_the_capture_is_its_longest_pass_or_the_one_asked_for(run: Path, tmp_path: Path) -> None:
+def test_the_capture_is_the_longest_or_the_requested_pass(run: Path, tmp_path: Path) -> None:
     clip = captured()
     source = sources_of_run(run, ["capture"])["capture"]
     np.testing.assert_array_equal(source.clip.times, clip.times[30:])
@@ -133,7 +131,7 @@ def test_the_capture_is_its_longest_pass_or_the_one_asked_for(run: Path, tmp_pat
         sources_of_run(run, ["capture"], 2)
 
 
-def test_a_recorded_turn_that_no_position_shows_is_kept(tmp_path: Path) -> None:
+def test_a_recorded_head_rotation_is_kept(tmp_path: Path) -> None:
     """A head that looks a little to the left, all the time."""
     clip, neck = captured(), NODES.index("shoulder_center")
     assert clip.rotations is not None
@@ -144,7 +142,7 @@ def test_a_recorded_turn_that_no_position_shows_is_kept(tmp_path: Path) -> None:
     assert np.abs(angle_between(exported, turned[:1, neck])).max() < 1e-6
 
 
-def test_provenance_says_what_it_was_made_of_and_that_it_was_simulated(
+def test_provenance_names_inputs_and_simulation(
     run: Path, files: list[dict[str, object]], tmp_path: Path
 ) -> None:
     note = json.loads((run / "export" / "walk-capture.provenance.json").read_text())
@@ -155,7 +153,7 @@ def test_provenance_says_what_it_was_made_of_and_that_it_was_simulated(
 
 
 @pytest.mark.parametrize(("what", "made"), [("reference", False), ("simulated", True)])
-def test_what_a_policy_performs_of_a_real_capture_is_marked_as_no_recording(
+def test_rollouts_from_a_real_capture_are_marked_as_simulated(
     run: Path, tmp_path: Path, what: str, made: bool
 ) -> None:
     source = sources_of_run(run)[what]
@@ -171,13 +169,15 @@ def test_the_body_is_a_tree_of_bodies(files: list[dict[str, object]]) -> None:
     assert len(robot.findall("link")) == 16 + 2 * 14  # two of little mass between the hinges of each joint
 
 
-def test_the_same_bytes_again(run: Path, files: list[dict[str, object]], tmp_path: Path) -> None:
+def test_repeated_exports_are_byte_identical(
+    run: Path, files: list[dict[str, object]], tmp_path: Path
+) -> None:
     CliRunner().invoke(command, ["--run", str(run), "--out", str(tmp_path)], catch_exceptions=False)
     for path in (run / "export").iterdir():
         assert (tmp_path / path.name).read_bytes() == path.read_bytes(), path.name
 
 
-def test_only_what_is_asked_for(run: Path, tmp_path: Path) -> None:
+def test_only_requested_formats_are_written(run: Path, tmp_path: Path) -> None:
     arguments = ["--run", str(run), "--what", "reference", "--format", "npz", "--format", "bvh"]
     result = CliRunner().invoke(command, [*arguments, "--out", str(tmp_path / "new")], catch_exceptions=False)
     names = sorted(path.name for path in (tmp_path / "new").iterdir())
@@ -222,7 +222,7 @@ def test_a_damaged_mcap_is_named_and_recovered(
         (["--format", "fbx"], "'fbx' is not one of"),
     ],
 )  # fmt: skip
-def test_what_cannot_be_done_is_said_in_a_line(
+def test_invalid_options_are_one_line_errors(
     arguments: list[str], message: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch,
     capsys: pytest.CaptureFixture[str],
 ) -> None:  # fmt: skip

@@ -1,4 +1,4 @@
-"""What Blender and OpenSim themselves make of the files; skipped where they are not installed.
+"""The files as read by Blender and OpenSim; skipped if these are not installed.
 
 `pip install bpy opensim` brings both; they are too large to be asked of everybody who runs the tests.
 """

@@ -46,7 +46,7 @@ def test_policy_and_motion_are_copied_once(shelf: ShippedPolicies, tmp_path: Pat
     before = {path: path.stat().st_mtime_ns for path in run.iterdir()}
     shelf.prepare("walk", run)
     assert before == {path: path.stat().st_mtime_ns for path in run.iterdir()}
-    # Interrupted before its end, it is made whole.
+    # An interrupted copy is completed.
     (run / POLICY).unlink()
     shelf.prepare("walk", run)
     assert file_hash(run / POLICY) == file_hash(shelf.folder / "walk" / POLICY)
@@ -66,7 +66,7 @@ def test_a_users_policy_or_motion_is_kept(shelf: ShippedPolicies, tmp_path: Path
     assert not (own / POLICY).exists()
 
 
-def test_what_ships_is_named(shelf: ShippedPolicies, tmp_path: Path) -> None:
+def test_available_policies_are_named(shelf: ShippedPolicies, tmp_path: Path) -> None:
     with pytest.raises(KinemimicError, match=r"expected a shipped policy \(walk, kinect_walk\), found 'r'"):
         shelf.prepare("r", tmp_path / "run")
     with pytest.raises(KinemimicError, match="leave out --capture"):
@@ -74,7 +74,7 @@ def test_what_ships_is_named(shelf: ShippedPolicies, tmp_path: Path) -> None:
     assert not (tmp_path / "run").exists()
 
 
-def test_a_recording_that_does_not_ship_is_asked_for(shelf: ShippedPolicies, tmp_path: Path) -> None:
+def test_a_recording_that_does_not_ship_is_requested(shelf: ShippedPolicies, tmp_path: Path) -> None:
     fetching = "kinemimic datasets fetch kinect1_bernstein_skl/r2.skl"
     with pytest.raises(KinemimicError, match=rf'expected --capture .*none stated.*"\$\({fetching}\)"$'):
         shelf.prepare("kinect_walk", tmp_path / "run")
@@ -89,7 +89,7 @@ def test_a_recording_that_does_not_ship_is_asked_for(shelf: ShippedPolicies, tmp
 
 @pytest.fixture
 def recorded(shelf: ShippedPolicies, tmp_path: Path, walk: Motion) -> tuple[ShippedPolicies, Path]:
-    """The same, with a catalogue that means the recording returned, of which the made-up walk is built."""
+    """The same policies with a recording in the catalogue from which the synthetic walk is built."""
     capture = tmp_path / "r2.skl"
     capture.write_text("recorded")
     wanted = replace(recording("kinect1_bernstein_skl/r2.skl"), sha256=file_hash(capture))
@@ -109,17 +109,17 @@ def test_a_motion_is_rebuilt_from_its_recording(
     made, record = read_motion_json(run / MOTION), read_json(run / RECORD)
     assert record["provenance"]["inputs"]["motion"] == record["trained_motion"] == made.identity
     assert file_hash(run / POLICY) == file_hash(shelf.folder / "kinect_walk" / POLICY)
-    # A run that has the recording's motion needs it no more.
+    # With the motion in place, the recording is not needed.
     (run / POLICY).unlink()
     shelf.prepare("kinect_walk", run)
     assert (run / POLICY).exists()
 
 
 @pytest.mark.parametrize(("factor", "refused"), [(1.005, False), (1.02, True)])
-def test_the_motion_may_be_a_little_another(
+def test_the_rebuilt_motion_may_differ_slightly(
     recorded: tuple[ShippedPolicies, Path], tmp_path: Path, factor: float, *, refused: bool
 ) -> None:
-    """As another version of numpy makes it, or of the retargeting; not one that walks at another pace."""
+    """As with another version of numpy or `retarget`, but not with another duration."""
     shelf, capture = recorded
     record = read_json(shelf.folder / "kinect_walk" / RECORD)
     record["imitates"]["duration_s"] *= factor
@@ -176,7 +176,7 @@ def test_a_capture_without_a_policy_is_refused() -> None:
     assert "add --policy" in done.output
 
 
-def test_the_list_says_how_well_each_does(shelf: ShippedPolicies) -> None:
+def test_the_list_shows_the_scores(shelf: ShippedPolicies) -> None:
     invoke = partial(CliRunner().invoke, policies.command, catch_exceptions=False, obj=shelf)
     first, second = json.loads(invoke(["--json"]).output)
     assert (first["name"], first["motion_ships"]) == ("walk", True)
@@ -188,7 +188,7 @@ def test_the_list_says_how_well_each_does(shelf: ShippedPolicies) -> None:
     assert "needs the recording" in printed
 
 
-def test_onnx_is_left_out_of_all_where_it_cannot_be_had(
+def test_onnx_is_skipped_if_it_is_not_installed(
     shelf: ShippedPolicies, tmp_path: Path, walk: Motion, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     invoke = partial(CliRunner().invoke, export.command, catch_exceptions=False)

@@ -32,7 +32,7 @@ def _rollout(played, *, cyclic=True):
     return Rollout(played.phases[0, :500], angles, int(played.fallen_at[0]), cyclic)
 
 
-def test_a_rollout_is_read_in_every_cycle_and_only_what_was_walked(performance, curve):
+def test_a_rollout_is_sampled_in_every_cycle_within_its_range(performance, curve):
     captured = np.array([0.25, 0.75])
     frame, simulated, upright = _rollout(performance(1)).at(captured)
     # 500 frames of 1/30 s over cycles of 1.2 s: phases 0.028 to 13.889, so 14 passages of each.
@@ -41,7 +41,7 @@ def test_a_rollout_is_read_in_every_cycle_and_only_what_was_walked(performance, 
     np.testing.assert_allclose(simulated["knee_left"], curve("knee_left", captured[frame]), atol=1e-4)
 
 
-def test_a_single_performance_is_read_once(performance):
+def test_a_noncyclic_rollout_is_sampled_once(performance):
     frame, _, _ = _rollout(performance(1), cyclic=False).at(np.array([-0.5, 0.25, 0.75]))
     assert frame.tolist() == [1, 2]
 
@@ -79,14 +79,14 @@ def test_whole_cycles_added_to_a_capture_change_nothing(performance, capture):
     )
 
 
-def test_noise_of_the_capture_is_the_error_of_a_perfect_figure(performance, capture):
+def test_a_perfect_rollout_has_the_error_of_the_captures_noise(performance, capture):
     rollout = _rollout(performance(1))
     fits = capture_fits(capture, rollout)
     assert fits["knee"].both.rmse_deg == pytest.approx(3.0, abs=0.02)
     assert fits["hip"].both.max_gap_deg == pytest.approx(3.0, abs=0.05)
 
 
-def test_the_truth_tells_errors_of_cleaning_and_of_imitation_apart(performance, capture, walk):
+def test_the_truth_separates_errors_of_cleaning_and_imitation(performance, capture, walk):
     rollout = _rollout(performance(1, offset=np.radians(5.0)))
     fits = truth_fits(capture, walk, rollout)
     assert fits is not None
@@ -95,15 +95,15 @@ def test_the_truth_tells_errors_of_cleaning_and_of_imitation_apart(performance, 
     assert fits["simulated"]["hip"].both.rmse_deg == pytest.approx(0.0, abs=0.02)
 
 
-def test_after_a_fall_nothing_is_credited_against_the_capture_either(performance, capture):
-    # Every frame is met, but from frame 36 on (the second of 14 cycles) the figure lies on the ground.
+def test_nothing_after_a_fall_is_credited_against_the_capture(performance, capture):
+    # All frames match, but from frame 36 on (the second of 14 cycles) the humanoid is on the ground.
     rollout = replace(_rollout(performance(1)), fallen_at=36)
     knee = capture_fits(capture, rollout)["knee"].both
     assert knee.r2 > 0.95
     assert 0.0 < knee.r2_upright < 0.1
 
 
-def test_without_truth_nothing_is_known(performance, capture, walk):
+def test_without_truth_there_are_no_fits_to_it(performance, capture, walk):
     blind = Capture(capture.phase, capture.raw, capture.clean, None)
     assert truth_fits(blind, walk, _rollout(performance(1))) is None
 
@@ -115,7 +115,7 @@ def _table(capture, path, *, drop=()):
     pq.write_table(pa.table({name: v for name, v in columns.items() if name not in drop}), path)
 
 
-def test_read_capture_leaves_out_frames_without_a_phase(tmp_path, capture):
+def test_read_capture_drops_frames_without_a_phase(tmp_path, capture):
     capture.phase[3] = np.nan
     _table(capture, tmp_path / "capture.parquet")
     read = read_capture(tmp_path / "capture.parquet")
@@ -124,7 +124,7 @@ def test_read_capture_leaves_out_frames_without_a_phase(tmp_path, capture):
     np.testing.assert_array_equal(read.truth["hip_left"], np.delete(capture.truth["hip_left"], 3))
 
 
-def test_read_capture_says_what_is_missing(tmp_path, capture):
+def test_read_capture_names_missing_columns(tmp_path, capture):
     assert read_capture(tmp_path / "none.parquet") is None
     _table(capture, tmp_path / "half.parquet", drop=("clean_hip_left",))
     with pytest.raises(CaptureError, match="found 0 columns 'clean_hip_left'; run retarget again"):

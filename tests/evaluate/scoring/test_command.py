@@ -31,7 +31,7 @@ def write_inputs(folder, motion):
 
 @pytest.fixture
 def run(tmp_path, walk):
-    """A run of a short single performance, and an idle policy."""
+    """A run with a short non-cyclic motion and an idle policy."""
     write_inputs(tmp_path, replace(walk, cyclic=False))
     return tmp_path
 
@@ -39,7 +39,7 @@ def run(tmp_path, walk):
 def test_protocol(walk):
     phases, frames = stage.protocol(walk)
     assert (len(phases), phases[0], phases[1], frames) == (13, 0.0, 1 / 13, 600)
-    # 36 frames at 30 Hz, performed once, last 35/30 s: 35 control steps.
+    # 36 frames at 30 Hz, rolled out once, last 35/30 s: 35 control steps.
     assert stage.protocol(replace(walk, cyclic=False)) == (np.zeros(1), 35)
 
 
@@ -57,7 +57,7 @@ def test_an_idle_policy_scores_what_no_policy_scores(run):
 
 @pytest.fixture
 def acted(run, walk, performance, monkeypatch):
-    """The same with made-up rollouts instead of a simulation: a policy's fit, and none's that falls."""
+    """The same with synthetic rollouts: a good fit with the policy, a fall without one."""
 
     def collect_trajectories(motion, policy, *, start_phases, frames, engine, workers, progress):
         for _ in start_phases:
@@ -66,12 +66,12 @@ def acted(run, walk, performance, monkeypatch):
 
     write_inputs(run, walk)
     monkeypatch.setattr(stage, "collect_trajectories", collect_trajectories)
-    # Drawing takes seconds and has its own tests.
+    # The report takes seconds and has its own tests.
     monkeypatch.setattr(stage, "report", lambda *_: "<!doctype html>")
     return run
 
 
-def test_curves_are_those_of_the_playback(acted):
+def test_curves_csv_matches_the_trajectory(acted):
     scores = stage.evaluate(acted)
     rows = list(csv.DictReader((acted / "curves.csv").open()))
     assert len(rows) == 600
@@ -86,7 +86,7 @@ def test_curves_are_those_of_the_playback(acted):
     assert len(Trajectory.load(acted / "trajectory.npz").start_phases) == 13
 
 
-def test_same_input_same_bytes(acted):
+def test_equal_inputs_give_equal_bytes(acted):
     first, second = (
         stage.evaluate(acted)
         and [(acted / name).read_bytes() for name in sorted(OUTPUTS - {"trajectory.npz"})]

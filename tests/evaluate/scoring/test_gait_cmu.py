@@ -1,4 +1,4 @@
-"""A real walk's cadence, stride length and speed, computed here by hand from the text of its files.
+"""Cadence, stride length and speed of a real walk, computed independently from the text of its files.
 
 CMU 02_01: an optical capture, 120 frames a second, the same take as AMC and as BVH. Nothing of the project
 reads them here: the AMC's root lines are cut at blanks, and the BVH's leg is put together from its offsets
@@ -103,7 +103,7 @@ def test_report_against_the_numbers_by_hand(captures, tmp_path, by_hand, file):
     assert measured["speed_m_s"]["both"]["mean"] == pytest.approx(speed, rel=0.01)
 
 
-def test_speed_is_that_of_the_root_over_the_whole_take(captures, tmp_path):
+def test_speed_equals_root_displacement_over_the_take(captures, tmp_path):
     """A check that goes by no event at all: the root's way from the first to the last frame."""
     root = amc_root((captures / "cmu_asfamc" / "02_01.amc").read_text())
     way = root[-1] - root[0]
@@ -150,7 +150,7 @@ def test_command_line(captures, tmp_path):
     assert "Schwartz et al. 2008" in page and "http" not in page.replace("http://www.w3.org", "")
 
 
-def test_nobody_walks(tmp_path):
+def test_standing_is_refused(tmp_path):
     still = np.tile([0.0, 0.0, 0.0, 1.0], (90, 20, 1))
     standing = Motion(
         30.0, np.tile([0.0, 0.0, 0.9], (90, 1)), still, np.ones((90, 2), dtype=bool), cyclic=False
@@ -161,14 +161,14 @@ def test_nobody_walks(tmp_path):
     assert [path.name for path in tmp_path.iterdir()] == ["motion.json"]
 
 
-def test_one_cycle_has_no_stride_and_the_message_says_what_there_is(captures, tmp_path):
+def test_a_single_cycle_is_refused_with_its_foot_strikes(captures, tmp_path):
     ingest(captures / "lab_opensim_gait/Gait2354_Simbody__subject01_walk1_ik.mot", tmp_path)
     convert(tmp_path)
     with pytest.raises(KinemimicError, match=r"1\.2 s contain 1 left and 1 right foot strikes"):
         gait(tmp_path)
 
 
-def test_a_run_that_is_not_there_or_has_nothing_to_measure_is_told(tmp_path):
+def test_a_missing_or_empty_run_is_refused(tmp_path):
     with pytest.raises(KinemimicError, match="expected a run folder, found none"):
         gait(tmp_path / "none")
     with pytest.raises(KinemimicError, match=r"expected quaternions\.parquet or motion\.json, found neither"):

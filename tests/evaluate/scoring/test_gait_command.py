@@ -1,4 +1,4 @@
-"""The gait of made-up walkers whose every number is known, and of a virtual Kinect's beside its truth."""
+"""Gait metrics of synthetic walks with known values, and of a virtual Kinect against its truth."""
 
 import shutil
 from dataclasses import replace
@@ -32,7 +32,7 @@ def report(walk, performance):
 
 
 @pytest.mark.parametrize("who", ["reference", "simulated"])
-def test_a_made_up_walk_is_measured_as_it_was_made(report, who):
+def test_metrics_of_a_synthetic_walk(report, who):
     walker = report["subjects"][who]
     table, curves = walker["parameters"], walker["curves"]
     assert table["cadence_steps_per_min"]["both"]["mean"] == pytest.approx(CADENCE, rel=0.002)
@@ -48,13 +48,13 @@ def test_a_made_up_walk_is_measured_as_it_was_made(report, who):
     assert abs(walker["range_symmetry_percent"]["knee"]) < 0.5
 
 
-def test_only_a_figure_that_touches_the_ground_has_a_stance_by_contact(report):
+def test_only_the_simulation_has_a_stance_by_contact(report):
     # The motion's contacts are of feet that lie flat and still.
     assert report["subjects"]["reference"]["stance_ratio_by_contact"] is None
     assert set(report["subjects"]["simulated"]["stance_ratio_by_contact"]) == {"left", "right"}
 
 
-def test_the_simulations_knees_lie_above_the_references_by_what_they_were_bent(report):
+def test_simulated_knees_are_offset_by_the_added_flexion(report):
     reference, simulated = (
         np.array(report["subjects"][who]["curves"]["knee_left"]["mean"]) for who in ("reference", "simulated")
     )
@@ -72,7 +72,7 @@ def test_nothing_after_a_fall_counts(walk, performance):
     assert "simulated: no full stride" in gait_page("x", fallen)
 
 
-def test_a_knee_that_swings_about_another_axis_is_found_on_its_side_alone(walk, performance):
+def test_off_axis_knee_rotation_is_found_on_its_side_only(walk, performance):
     played = performance()
     rotations, knee = played.rotations.copy(), NODE_INDEX["knee_right"]
     rotations[..., knee, :] = multiply(from_axis_angle("X", np.radians(5.0)), rotations[..., knee, :])
@@ -93,7 +93,7 @@ def test_cells():
     assert cell({"mean": 1.234, "sd": None, "n": 1}, 2, 1.0) == "1.23"
 
 
-def test_the_page_draws_who_is_there_and_names_the_source_of_what_is_normal(report):
+def test_the_page_shows_the_subjects_and_cites_its_sources(report):
     page = gait_page("a <walk>", report)
     assert "a &lt;walk&gt;" in page and "Schwartz et al. 2008" in page
     assert "Robinson et al. 1987" in page and "Zeni et al. 2008" in page and "Baker et al. 2009" in page
@@ -111,7 +111,7 @@ def virtual(tmp_path_factory):
     return run
 
 
-def test_a_kinect_beside_its_truth(virtual):
+def test_kinect_metrics_against_the_truth(virtual):
     note = read_json(virtual / "capture" / "kinect_walk.provenance.json")["virtual_kinect"]
     walker = gait(virtual)["subjects"]["capture"]
     table = walker["parameters"]
@@ -143,14 +143,14 @@ def rms(values):
     return np.sqrt(np.mean(values**2))
 
 
-def test_a_kinects_mean_curves_are_those_of_the_truth(virtual):
+def test_kinect_mean_curves_match_the_truth(virtual):
     for joint in ("knee", "hip"):
         missed = errors(virtual, joint)
         assert len(missed) >= 8
         assert rms(missed.mean(axis=0)) < 4.0
 
 
-def test_hips_are_relative_to_a_pelvis_that_is_believed(virtual, tmp_path):
+def test_hip_angles_are_relative_to_a_reliable_pelvis(virtual, tmp_path):
     """A Kinect's own pelvis throws each stride's hip off; the upright one that `retarget` chose does not."""
     shutil.copytree(virtual, tmp_path / "run")
     before = rms(errors(tmp_path / "run", "hip"))
@@ -163,7 +163,7 @@ def test_hips_are_relative_to_a_pelvis_that_is_believed(virtual, tmp_path):
 @pytest.mark.parametrize(
     "text", ["[1]", '{"reliability": 3}', '{"reliability": {"pelvis": false, "trunk_lean_deg": "x"}}', "{"]
 )
-def test_a_damaged_judgement_of_retarget_is_named(virtual, tmp_path, text):
+def test_a_damaged_gait_json_is_named(virtual, tmp_path, text):
     shutil.copytree(virtual, tmp_path / "run", ignore=shutil.ignore_patterns("capture"))
     (tmp_path / "run" / "gait.json").write_text(text)
     with pytest.raises(KinemimicError, match=r"gait\.json: expected") as caught:
@@ -171,7 +171,7 @@ def test_a_damaged_judgement_of_retarget_is_named(virtual, tmp_path, text):
     assert "\n" not in str(caught.value)
 
 
-def test_a_motion_of_another_recording_is_not_set_beside_this_one(virtual, walk, tmp_path):
+def test_a_motion_from_another_recording_is_refused(virtual, walk, tmp_path):
     shutil.copytree(virtual, tmp_path / "run", ignore=shutil.ignore_patterns("capture"))
     own = read_clip(virtual / "quaternions.parquet").provenance
     place = tmp_path / "run" / "motion.json"

@@ -65,7 +65,7 @@ def page(evidence, tmp_path_factory):
     return report(tmp_path_factory.mktemp("run"), evidence)
 
 
-def test_what_a_policy_says_of_itself_is_text(evidence, tmp_path):
+def test_values_of_the_policy_are_escaped(evidence, tmp_path):
     marked = "<script>alert(1)</script>"
     train = {**evidence.scores["train"], "preset": marked, "seed": marked}
     page = report(tmp_path, replace(evidence, scores={**evidence.scores, "train": train}))
@@ -73,7 +73,7 @@ def test_what_a_policy_says_of_itself_is_text(evidence, tmp_path):
     assert page.count("&lt;script&gt;") == 2
 
 
-def test_the_page_is_whole_and_asks_for_nothing_from_outside(page, evidence):
+def test_the_page_is_well_formed_and_self_contained(page, evidence):
     checker, text = _check(page)
     assert checker.links and all(link.startswith("data:image/svg+xml;base64,") for link in checker.links)
     assert "url(" not in page and "@import" not in page
@@ -87,7 +87,7 @@ def test_the_page_is_whole_and_asks_for_nothing_from_outside(page, evidence):
     assert "Gait parameters" in text and "cadence" in text
 
 
-def test_sections_follow_the_files_of_other_stages_and_a_real_capture_has_no_banner(tmp_path, page, evidence):
+def test_sections_depend_on_files_and_a_real_capture_has_no_banner(tmp_path, page, evidence):
     _, bare = _check(page)
     assert "Gimbal lock" not in bare and "The capture " not in bare
     write_json(
@@ -153,7 +153,7 @@ def test_sections_follow_the_files_of_other_stages_and_a_real_capture_has_no_ban
     assert "60.0" in text and "short" in text
 
 
-def test_a_fallen_single_performance_without_capture_is_drawn_too(tmp_path, performance, walk):
+def test_a_noncyclic_rollout_with_a_fall_and_no_capture(tmp_path, performance, walk):
     played = performance(1, 20, fall=5)
     once = replace(walk, cyclic=False)
     scores = compose(played, played, once, capture=None, policy={}, provenance={})

@@ -1,4 +1,4 @@
-"""The captured skeleton in a recording: when, where, and what is missing of it."""
+"""The captured skeleton in a recording: times, positions and missing joints."""
 
 from __future__ import annotations
 
@@ -79,7 +79,7 @@ def shown(run: Path, walk: Motion, played: Trajectory) -> CapturedSkeleton:
     return found
 
 
-def test_a_perfect_capture_lies_on_its_reference_pass_after_pass(
+def test_a_perfect_capture_coincides_with_its_reference(
     tmp_path: Path, walk: Motion, played: Trajectory
 ) -> None:
     write_capture(tmp_path, walk, 3)
@@ -96,7 +96,7 @@ def test_a_perfect_capture_lies_on_its_reference_pass_after_pass(
     assert (~seen).sum() == 3 and (found.states[:, HAND] == INFERRED).sum() == len(found.times) - 3
 
 
-def test_only_passes_that_fit_are_shown_and_said(tmp_path: Path, walk: Motion, played: Trajectory) -> None:
+def test_only_passes_that_fit_are_shown_and_counted(tmp_path: Path, walk: Motion, played: Trajectory) -> None:
     write_capture(tmp_path, walk, 8)
     found = shown(tmp_path, walk, played)
     # Ten cycles hold a pass every second one; the fifth, from 8.7, ends with the rollout at 10.
@@ -105,14 +105,14 @@ def test_only_passes_that_fit_are_shown_and_said(tmp_path: Path, walk: Motion, p
     assert "5 of 8 passes" in found.legend()
 
 
-def test_what_happens_once_is_shown_once(tmp_path: Path, walk: Motion, played: Trajectory) -> None:
+def test_a_noncyclic_capture_is_shown_once(tmp_path: Path, walk: Motion, played: Trajectory) -> None:
     write_capture(tmp_path, walk, 1, begins=0.5, cycles=1.0)
     once = replace(walk, cyclic=False)
     found = shown(tmp_path, once, played)
     np.testing.assert_allclose(found.times[[0, -1]], [0.6, 1.8], atol=1e-9)
 
 
-def test_laying_undoes_turn_shift_and_speed_and_keeps_what_trembles() -> None:
+def test_alignment_removes_rotation_shift_and_speed_and_keeps_jitter() -> None:
     random = np.random.default_rng(0)
     target = random.normal(size=(30, 20, 3))
     seconds = np.arange(30) / 30.0
@@ -127,7 +127,7 @@ def test_laying_undoes_turn_shift_and_speed_and_keeps_what_trembles() -> None:
     np.testing.assert_allclose(np.linalg.norm(laid - target, axis=-1), shakes, atol=1e-9)
 
 
-def test_missing_joints_are_nowhere_and_nothing_stays_after_a_pass(
+def test_missing_joints_are_not_drawn_and_passes_end(
     tmp_path: Path, walk: Motion, played: Trajectory
 ) -> None:
     write_capture(tmp_path, walk, 2)

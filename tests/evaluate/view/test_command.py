@@ -1,4 +1,4 @@
-"""view.rrd: what was performed is what is drawn, in a file that rerun verifies."""
+"""view.rrd shows the trajectory, in a file that rerun verifies."""
 
 from __future__ import annotations
 
@@ -71,7 +71,7 @@ def arrows(found: dict[str, dict[str, Any]], name: str, part: str = "vectors") -
     return [np.reshape(row, (-1, 3)) for row in rows]
 
 
-def test_both_figures_are_drawn_where_they_were(run: Path, walk: Motion) -> None:
+def test_both_humanoids_are_logged_at_their_positions(run: Path, walk: Motion) -> None:
     entities = columns(run / "view.rrd")
     reference, simulated = humanoids(Trajectory.load(run / "trajectory.npz"), 0, walk.offsets)
     for scene in ("overlaid", "beside"):
@@ -85,7 +85,7 @@ def test_both_figures_are_drawn_where_they_were(run: Path, walk: Motion) -> None
     np.testing.assert_allclose(times * 1e-9, (np.arange(FRAMES) + 1) / 30, atol=1e-8)
 
 
-def test_drawn_joints_hold_the_angles_that_are_scored(run: Path) -> None:
+def test_logged_joints_have_the_scored_angles(run: Path) -> None:
     """A knee is bent by what thigh and shank are out of line, whoever computes it."""
     drawn = np.array(
         columns(run / "view.rrd")["/overlaid/simulated/skeleton"]["Points3D:positions"].to_pylist()
@@ -98,7 +98,7 @@ def test_drawn_joints_hold_the_angles_that_are_scored(run: Path) -> None:
         np.testing.assert_allclose(np.arccos(cosine), scored[f"knee_{side}"], atol=1e-4)
 
 
-def test_what_pushes_a_foot_is_an_arrow_from_it_and_a_curve(
+def test_contact_forces_are_arrows_and_curves(
     tmp_path: Path, walk: Motion, performance: Callable[..., Trajectory]
 ) -> None:
     played = performance(1, 5)
@@ -145,7 +145,7 @@ def test_curves_are_in_degrees_from_the_first_rollout(
     assert set(entities["/torque/shin_left"]["Scalars:scalars"].to_pylist()[0]) == {5.0}
 
 
-def test_a_view_that_goes_along_keeps_the_walker_in_sight(run: Path) -> None:
+def test_the_tracking_view_follows_the_humanoid(run: Path) -> None:
     walker = columns(run / "view.rrd")["/overlaid/walker"]["Transform3D:translation"].to_pylist()
     gap = np.array(walker).reshape(FRAMES, 3)[:, :2] - Trajectory.load(run / "trajectory.npz").root[0, :, :2]
     np.testing.assert_allclose(gap, 0.0, atol=1e-6)  # the made-up walk goes straight on at a constant speed
@@ -158,7 +158,7 @@ def test_a_simulated_capture_is_labelled_and_scores_are_shown(run: Path) -> None
     assert "| R² | 0.961 | – |" in text
 
 
-def test_a_fall_is_told_and_a_real_capture_is_not_labelled(
+def test_a_fall_is_stated_and_a_real_capture_is_not_labelled(
     tmp_path: Path, walk: Motion, performance: Callable[..., Trajectory]
 ) -> None:
     view(fill(tmp_path, replace(walk, provenance={}), performance(1, FRAMES, fall=59)))
@@ -168,7 +168,7 @@ def test_a_fall_is_told_and_a_real_capture_is_not_labelled(
     assert "No scores yet" in text
 
 
-def test_a_film_knows_how_long_the_recording_is(run: Path) -> None:
+def test_duration_of_a_recording(run: Path) -> None:
     assert duration(run / "view.rrd", "time") == pytest.approx(FRAMES / 30)
     assert duration(run / "view.rrd", "another") == 0.0
 
@@ -195,7 +195,7 @@ def test_rerun_verifies_the_file_and_two_writings_are_one_recording(
 
 
 @pytest.mark.parametrize("missing", ["motion.json", "trajectory.npz"])
-def test_what_is_missing_is_named_and_nothing_is_written(
+def test_missing_files_are_named_and_nothing_is_written(
     tmp_path: Path, walk: Motion, performance: Callable[..., Trajectory], missing: str
 ) -> None:
     (fill(tmp_path, walk, performance(1, 5)) / missing).unlink()

@@ -36,7 +36,7 @@ def alive(number: int) -> bool:
     return stat.rpartition(")")[2].split()[0] != "Z"
 
 
-def test_what_does_not_listen_is_ended_too(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_processes_that_ignore_sigterm_are_killed(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(headless, "SHUTDOWN_TIMEOUT", 2.0)
     with subprocess.Popen(
         [sys.executable, "-c", WRAPPER], stdout=subprocess.PIPE, start_new_session=True
@@ -99,9 +99,7 @@ def viewer(monkeypatch: pytest.MonkeyPatch, client: Client, process: Running) ->
     monkeypatch.setattr(headless, "SETTLING", 0.0)
 
 
-def test_pictures_are_taken_at_their_time_once_the_recording_is_loaded_and_drawn(
-    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
-) -> None:
+def test_screenshots_wait_for_loading_and_rendering(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     client = Client()
     viewer(monkeypatch, client, Running())
     recording = tmp_path / "view.rrd"
@@ -117,7 +115,7 @@ def test_pictures_are_taken_at_their_time_once_the_recording_is_loaded_and_drawn
     ("status", "found"),
     [(3, "found that it exited with status 3; it needs a Vulkan driver"), (None, "no answer in 0 s")],
 )
-def test_a_viewer_that_ends_or_does_not_answer_is_one_clear_line(
+def test_a_viewer_that_exits_or_hangs_is_a_one_line_error(
     monkeypatch: pytest.MonkeyPatch, status: int | None, found: str
 ) -> None:
     client = Client()

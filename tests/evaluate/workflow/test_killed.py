@@ -1,4 +1,4 @@
-"""The whole way, killed at any moment: no file is broken, and the same command comes to the same end."""
+"""kinemimic run, killed at any moment: no file is damaged, and the next run gives the same result."""
 
 from __future__ import annotations
 
@@ -34,10 +34,10 @@ def kill_and_compare(folder: Path, moments: int) -> None:
     assert scores[0] == scores[1]
 
 
-def test_killed_at_any_moment_it_goes_on(tmp_path: Path) -> None:
+def test_a_killed_run_resumes(tmp_path: Path) -> None:
     kill_and_compare(tmp_path, moments=2)
 
 
 @pytest.mark.slow
-def test_killed_at_any_of_twenty_moments_it_goes_on(tmp_path: Path) -> None:
+def test_a_run_killed_at_twenty_moments_resumes(tmp_path: Path) -> None:
     kill_and_compare(tmp_path, moments=20)

@@ -1,4 +1,4 @@
-"""The policies that ship are what their recipes say, or they do not get there."""
+"""Published policies match their recipes."""
 
 from __future__ import annotations
 
@@ -43,7 +43,7 @@ def test_every_recipe_can_be_followed() -> None:
             assert recording(recipe.recording).url.startswith("https://")
 
 
-def test_a_recipe_of_another_form_is_one_clear_line(tmp_path: Path) -> None:
+def test_a_malformed_recipe_is_a_one_line_error(tmp_path: Path) -> None:
     for text, found in (
         ("[[policy]]\nname = 'x'\nnoise = 3", "noise"),
         ("x", "expected TOML"),
@@ -54,7 +54,7 @@ def test_a_recipe_of_another_form_is_one_clear_line(tmp_path: Path) -> None:
             recipes(tmp_path)
 
 
-def test_a_run_is_published_as_it_is(tmp_path: Path, walk: Motion) -> None:
+def test_a_run_is_published_unchanged(tmp_path: Path, walk: Motion) -> None:
     run = write_run(tmp_path / "run", walk)
     folder = publish(run, WALK, tmp_path / "shelf")
     assert folder == tmp_path / "shelf" / "walk"
@@ -64,7 +64,7 @@ def test_a_run_is_published_as_it_is(tmp_path: Path, walk: Motion) -> None:
     assert read_json(folder / RECORD)["imitates"] == motion_summary(walk)
 
 
-def test_the_motion_of_a_recording_stays_out(tmp_path: Path, walk: Motion) -> None:
+def test_the_motion_of_a_recording_is_not_published(tmp_path: Path, walk: Motion) -> None:
     sha256 = recording(KINECT.recording or "").sha256
     run = write_run(tmp_path / "run", recorded(walk, sha256=sha256, source="r2.skl"))
     (tmp_path / "kinect_walk").mkdir()
@@ -91,7 +91,7 @@ def test_the_motion_of_a_recording_stays_out(tmp_path: Path, walk: Motion) -> No
         (WALK, lambda run, walk: _swell(run), "too large to ship"),
     ],
 )
-def test_what_is_not_the_recipes_is_not_published(
+def test_a_run_that_does_not_match_its_recipe_is_refused(
     tmp_path: Path, walk: Motion, recipe: Recipe, spoil: Callable[[Path, Motion], Any] | None, found: str
 ) -> None:
     run = write_run(tmp_path / "run", walk)
@@ -129,14 +129,14 @@ def trained(walk: Motion, monkeypatch: pytest.MonkeyPatch) -> list[tuple[Path | 
     return calls
 
 
-def test_policies_are_made_one_after_the_other(tmp_path: Path, trained: list[Any]) -> None:
+def test_policies_are_trained_one_after_the_other(tmp_path: Path, trained: list[Any]) -> None:
     made = reproduce([WALK, structs.replace(RUN, seed=9)], tmp_path / "runs", tmp_path / "shelf", quiet=True)
     assert made == [tmp_path / "shelf" / "walk", tmp_path / "shelf" / "run"]
     assert trained == [(None, "default"), (stock_motion("run"), "default")]
     assert read_json(tmp_path / "shelf" / "run" / RECORD)["seed"] == 9
 
 
-def test_a_missing_recording_is_told_before_anything_is_trained(
+def test_a_missing_recording_is_reported_before_training(
     tmp_path: Path, trained: list[Any], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setenv("KINEMIMIC_CAPTURES", str(tmp_path / "empty"))
@@ -156,7 +156,7 @@ def test_the_recording_is_the_one_of_the_catalogue(captures: Path) -> None:
     assert capture_of(KINECT, captures) == captures / (KINECT.recording or "")
 
 
-def test_command_publishes_a_run_that_is_there(tmp_path: Path, walk: Motion) -> None:
+def test_command_publishes_an_existing_run(tmp_path: Path, walk: Motion) -> None:
     recipe = recipes()["walk"]
     run = write_run(tmp_path / "run", walk, seed=recipe.seed, budget=recipe.budget)
     shelf = tmp_path / "shelf"

@@ -1,4 +1,4 @@
-"""The whole way: what is done again, what is skipped, and the same result from the same seed."""
+"""kinemimic run: stages that are repeated or skipped, and equal results for equal seeds."""
 
 from __future__ import annotations
 
@@ -69,22 +69,20 @@ def capture(tmp_path: Path) -> Path:
     return path
 
 
-def test_everything_once_then_nothing(stages: Stages, capture: Path, tmp_path: Path) -> None:
+def test_a_second_run_skips_every_stage(stages: Stages, capture: Path, tmp_path: Path) -> None:
     assert run(capture, tmp_path / "run").ran == NAMES
     again = run(capture, tmp_path / "run")
     assert again.ran == ()
     assert again.skipped == NAMES
 
 
-def test_a_changed_capture_does_everything_again(stages: Stages, capture: Path, tmp_path: Path) -> None:
+def test_a_changed_capture_reruns_every_stage(stages: Stages, capture: Path, tmp_path: Path) -> None:
     run(capture, tmp_path / "run")
     capture.write_text("another walk")
     assert run(capture, tmp_path / "run").ran == NAMES
 
 
-def test_a_truth_that_appears_beside_the_capture_counts(
-    stages: Stages, capture: Path, tmp_path: Path
-) -> None:
+def test_a_new_truth_file_reruns_every_stage(stages: Stages, capture: Path, tmp_path: Path) -> None:
     run(capture, tmp_path / "run")
     capture.with_suffix(".truth.parquet").write_text("truth")
     assert run(capture, tmp_path / "run").ran == NAMES
@@ -110,7 +108,7 @@ def test_a_changed_file_of_a_capture_that_is_a_folder_counts(stages: Stages, tmp
     assert run(folder, tmp_path / "run").ran == NAMES
 
 
-def test_a_changed_option_does_its_stage_and_all_after_it(
+def test_a_changed_option_reruns_its_stage_and_all_later_ones(
     stages: Stages, capture: Path, tmp_path: Path
 ) -> None:
     run(capture, tmp_path / "run", options={"train": {"seed": 1}})
@@ -119,14 +117,16 @@ def test_a_changed_option_does_its_stage_and_all_after_it(
     assert outcome.ran == ("train", "evaluate", "view")
 
 
-def test_a_lost_output_does_its_stage_and_all_after_it(stages: Stages, capture: Path, tmp_path: Path) -> None:
+def test_a_missing_output_reruns_its_stage_and_all_later_ones(
+    stages: Stages, capture: Path, tmp_path: Path
+) -> None:
     run(capture, tmp_path / "run")
     (tmp_path / "run" / "curves.csv").unlink()
     assert run(capture, tmp_path / "run").ran == ("evaluate", "view")
 
 
 @pytest.mark.parametrize("error", [KeyboardInterrupt(), KinemimicError("no ground")])
-def test_an_interrupted_run_goes_on_where_it_was(
+def test_an_interrupted_run_resumes(
     error: BaseException, stages: Stages, capture: Path, tmp_path: Path
 ) -> None:
     def fail() -> None:
@@ -158,7 +158,7 @@ def test_json_prints_json_alone(stages: Stages, capture: Path, tmp_path: Path) -
 
 
 @pytest.mark.parametrize("content", [None, b"", b"a walk", bytes(range(256))])
-def test_what_is_no_capture_is_one_line_status_2_and_nothing_written(
+def test_an_invalid_capture_is_one_line_status_2_and_nothing_written(
     content: bytes | None, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     path, folder = tmp_path / "walk.skl", tmp_path / "run"
@@ -188,7 +188,7 @@ def test_what_is_no_capture_is_one_line_status_2_and_nothing_written(
         (["--anyway"], "train", "policy.json"),
     ],
 )
-def test_a_flag_reaches_its_stage_which_is_done_again_with_all_after_it(
+def test_a_flag_reaches_its_stage_and_reruns_it_and_all_later_ones(
     stages: Stages, capture: Path, tmp_path: Path, flags: list[str], stage: str, file: str
 ) -> None:
     arguments = [str(capture), "--run", str(tmp_path), "--json"]
@@ -198,7 +198,7 @@ def test_a_flag_reaches_its_stage_which_is_done_again_with_all_after_it(
     assert "=".join(flags) in (tmp_path / file).read_text()
     same = CliRunner().invoke(module.command, [*arguments, *flags], catch_exceptions=False)
     assert json.loads(same.output)["ran"] == []
-    # What the stand-ins take, the real command must know.
+    # The real command must know the options that the stand-ins accept.
     names = {name for option in load_command(stage).params for name in (*option.opts, *option.secondary_opts)}
     assert flags[0] in names
 
@@ -222,7 +222,7 @@ def without_clock(scores: dict[str, Any]) -> dict[str, Any]:
 
 
 @pytest.mark.slow
-def test_the_whole_way_twice_from_the_same_seed(tmp_path: Path) -> None:
+def test_two_runs_with_the_same_seed_agree(tmp_path: Path) -> None:
     arguments = ["--budget", "2000", "--seed", "3", "--json"]
     results = [
         CliRunner().invoke(module.command, ["--run", str(tmp_path / name), *arguments])

@@ -1,4 +1,4 @@
-"""run.json: when a stage counts as done."""
+"""run.json: when a stage is up to date."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ def source(folder: Path, **config: object) -> dict[str, object]:
     return stage_inputs({name: folder / name for name in READS}, config)
 
 
-def test_what_was_recorded_is_up_to_date(folder: Path) -> None:
+def test_a_recorded_stage_is_up_to_date(folder: Path) -> None:
     assert RunRecord(folder).up_to_date("convert", source(folder))
 
 
@@ -35,7 +35,7 @@ def test_what_was_recorded_is_up_to_date(folder: Path) -> None:
     "stages",
     [[], 5, {"convert": 5}, {"convert": {}}, {"convert": {"outputs": 5}}, {"convert": {"outputs": {}}}],
 )
-def test_what_is_no_entry_is_not_and_is_replaced(folder: Path, stages: object) -> None:
+def test_an_invalid_entry_is_replaced(folder: Path, stages: object) -> None:
     write_json(folder / "run.json", {"schema": module.RUN_SCHEMA, "stages": stages})
     ledger = RunRecord(folder)
     assert not ledger.up_to_date("convert", source(folder))
@@ -52,7 +52,7 @@ def test_a_changed_input_is_not(folder: Path) -> None:
     assert not RunRecord(folder).up_to_date("convert", source(folder))
 
 
-def test_an_input_that_went_away_is_not(folder: Path) -> None:
+def test_a_removed_input_is_not(folder: Path) -> None:
     (folder / "clip").unlink()
     assert not RunRecord(folder).up_to_date("convert", source(folder))
 
@@ -78,24 +78,24 @@ def test_the_same_bytes_with_a_new_date_are_up_to_date(folder: Path) -> None:
     assert RunRecord(folder).up_to_date("convert", source(folder))
 
 
-def test_a_ledger_of_another_schema_counts_as_empty(folder: Path) -> None:
+def test_another_schema_counts_as_empty(folder: Path) -> None:
     write_json(folder / "run.json", {**read_json(folder / "run.json"), "schema": 0})
     assert not RunRecord(folder).up_to_date("convert", source(folder))
 
 
-def test_a_damaged_ledger_is_named(folder: Path) -> None:
+def test_a_damaged_run_json_is_named(folder: Path) -> None:
     (folder / "run.json").write_text("{")
     with pytest.raises(KinemimicError, match=r"run\.json"):
         RunRecord(folder)
 
 
-def test_a_file_that_was_not_written_has_to_stay_absent(folder: Path) -> None:
+def test_a_file_that_was_not_written_must_stay_absent(folder: Path) -> None:
     RunRecord(folder).record("ingest", source(folder), ["out", "truth"])
     assert RunRecord(folder).up_to_date("ingest", source(folder))
     (folder / "truth").write_text("of another capture")
     assert not RunRecord(folder).up_to_date("ingest", source(folder))
 
 
-def test_a_ledger_without_stages_counts_as_empty(folder: Path) -> None:
+def test_a_record_without_stages_counts_as_empty(folder: Path) -> None:
     write_json(folder / "run.json", {"schema": module.RUN_SCHEMA})
     assert not RunRecord(folder).up_to_date("convert", source(folder))

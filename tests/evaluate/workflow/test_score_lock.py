@@ -1,4 +1,4 @@
-"""Scores of the policies that ship: within their tolerance they are written as recorded, else it fails."""
+"""Scores of shipped policies: within their tolerance they are written as recorded, else an error."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ def recorded(name: str) -> dict[str, Any]:
     return scores
 
 
-def test_within_its_tolerance_a_figure_is_the_one_on_record() -> None:
+def test_within_its_tolerance_a_metric_is_the_one_on_record() -> None:
     known = {"frames": 600.0, "r2": 0.95}
     assert confirmed(known, {"frames": 600.0, "r2": 0.953}, {"r2": 0.003001}, "walk") == known
     with pytest.raises(KinemimicError, match=r"on record, found r2 0\.954 instead"):
@@ -42,13 +42,15 @@ def test_within_its_tolerance_a_figure_is_the_one_on_record() -> None:
 
 
 @pytest.mark.parametrize("name", PARAMS.policies)
-def test_what_is_committed_is_what_the_policies_have_on_record(name: str) -> None:
+def test_committed_scores_match_the_policies(name: str) -> None:
     found = json.loads((ROOT / "datasets/versions/scores" / f"{name}.json").read_text())
     assert found == {"schema": 1, "policy": name, **metrics(recorded(name))}
     assert PARAMS.tolerances.keys() < metrics(recorded(name)).keys()
 
 
-def test_the_command_writes_the_record_or_nothing(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_command_writes_the_scores_on_record_or_nothing(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     (tmp_path / "params.toml").write_text(TEXT)
     found = recorded("walk")
     found["fit"]["knee"]["r2"] -= 0.005
@@ -64,7 +66,7 @@ def test_the_command_writes_the_record_or_nothing(tmp_path: Path, monkeypatch: p
     assert not target.exists()
 
 
-def test_what_is_not_watched_is_one_line(tmp_path: Path) -> None:
+def test_an_unknown_metric_is_a_one_line_error(tmp_path: Path) -> None:
     for text, name, told in (
         (TEXT, "run", "expected a policy among walk, found 'run'"),
         (TEXT + "knee_r3 = 1\n", "walk", "expected tolerances of compared metrics, found knee_r3"),
