@@ -112,4 +112,4 @@ Baseline = Ddpg | A2c | StablePpo
 def require_package() -> None:
     """KinemimicError if stable-baselines3 is not installed."""
     if find_spec("stable_baselines3") is None:
-        raise KinemimicError("expected stable-baselines3, found none; pip install 'kinemimic[rivals]'")
+        raise KinemimicError("expected stable-baselines3, found none; pip install 'kinemimic[baselines]'")

@@ -79,7 +79,7 @@ def test_a_study_is_a_page_figures_and_numbers_and_is_not_done_twice(
     )
     assert "actions bounded to ±0.5, exploration 0.2 to 0.17." in page
     assert f"PPO {KEPT:,} of {BUDGET:,}; DDPG {KEPT:,} of {BUDGET:,};" in page
-    # Nobody leads PPO; the rivals that trained among obstacles are PPO's that did.
+    # Nobody leads PPO; the baselines among obstacles are compared with the PPO trained there.
     led = {row["policy"] for row in content["head_to_head"] if row["lead"] is not None}
     assert led == {"DDPG", "A2C", "DDPG, among obstacles", "A2C, among obstacles"}
     # It asks for nothing from outside.

@@ -165,7 +165,7 @@ def test_the_table_has_every_algorithm_and_size() -> None:
     assert found["paper"]["ddpg"]["growth"] == pytest.approx(1.620, abs=1e-3)
 
 
-def test_without_the_rivals_package_there_is_ppo_alone(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_without_the_baselines_extra_there_is_only_ppo(monkeypatch: pytest.MonkeyPatch) -> None:
     def missing() -> None:
         raise KinemimicError("found none")
 

@@ -188,7 +188,7 @@ def test_without_the_package_it_is_one_line_and_nothing_is_written(
 ) -> None:
     run = fresh("run")
     monkeypatch.setattr(rival_config, "find_spec", lambda _: None)
-    with pytest.raises(KinemimicError, match=r"found none; pip install 'kinemimic\[rivals\]'"):
+    with pytest.raises(KinemimicError, match=r"found none; pip install 'kinemimic\[baselines\]'"):
         stage.train(run, preset_name="ddpg")
     assert [path.name for path in run.iterdir()] == ["motion.json"]
 
