@@ -1,10 +1,11 @@
 """One update of the learner on one core and on all, against the plain way to write it and stable-baselines3.
 
 The peers do the same update (samples, nets, minibatch, passes) with autograd and torch's own settings:
-tests/peers/plain_ppo.py always, `stable_baselines3.PPO.train` where the extra `baselines` is installed (from a
-filled buffer, so that values and advantages cost it nothing). All take turns; the median of the ratios is the
-figure to quote. The fraction of the peak compares with the matrix products alone, outputs in float32
-and gradients in the type that `choose_gradient_dtype` gives, at the speed of a large product in the same run.
+tests/peers/plain_ppo.py always, `stable_baselines3.PPO.train` if the extra `baselines` is installed (from a
+filled buffer, so that values and advantages cost it nothing). All take turns; the median of the ratios is
+the figure to quote. The fraction of the peak compares with the matrix products alone, outputs in float32
+and gradients in the type that `choose_gradient_dtype` gives, at the speed of a large product in the same
+run.
 """
 
 from __future__ import annotations
