@@ -18,13 +18,13 @@ from kinemimic.pipeline.catalog.download import Download, RetryPolicy, Unreachab
 from kinemimic.pipeline.catalog.entry import HOST, Entry, collections_of
 from kinemimic.pipeline.catalog.load import CATALOG, load_catalog
 from kinemimic.pipeline.catalog.local_files import captures_folder, target_path
+from kinemimic.pipeline.cli.main import BAD_INPUT
 from kinemimic.pipeline.cli.options import json_option
 from kinemimic.pipeline.cli.progress import progress
 from kinemimic.pipeline.errors import KinemimicError
 from kinemimic.pipeline.files.store import file_hash
 
 _CHUNK = 2**20
-BAD_INPUT = 2
 
 
 @dataclass(frozen=True)
@@ -157,7 +157,7 @@ def _retrieve(entry: Entry, path: Path, url: str, downloader: Download | _Copy) 
     help=f"A folder with COLLECTION/FILE, or a base URL in place of {HOST}.",
 )
 @options.catalog
-@json_option("Print paths, failures and what was replaced as JSON.")
+@json_option("Print the result as JSON.")
 @click.pass_context
 def command(
     ctx: click.Context,

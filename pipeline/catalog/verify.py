@@ -87,7 +87,7 @@ def _unknown(catalog: Catalog, entries: Sequence[Entry], folder: Path) -> list[s
 @click.option("--all", "everything", is_flag=True, help="Require the whole catalogue.")
 @options.folder("--in")
 @options.catalog
-@json_option("Print what was found as JSON.")
+@json_option("Print the result as JSON.")
 @click.pass_context
 def command(
     ctx: click.Context,

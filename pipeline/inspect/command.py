@@ -36,7 +36,7 @@ from kinemimic.pipeline.readers.base.source import Source
     type=click.Path(path_type=Path, dir_okay=False),
     help="Plot the curves of the first 40 captures to this HTML page.",
 )
-@json_option("Print everything as JSON.")
+@json_option("Print the reports as JSON.")
 @click.option("--files", "by_file", is_flag=True, help="Show a row per file, not only per folder.")
 @click.option(
     "--suggest", is_flag=True, help="Only draft a TOML description of the columns of one custom table."

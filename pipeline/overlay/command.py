@@ -150,7 +150,7 @@ def _colours(recording: Recording, colours: dict[int, Path]) -> Iterator[Image]:
     "--out", type=click.Path(path_type=Path, dir_okay=False), default=Path("overlay.mp4"), show_default=True,
     help="An .mp4 or .avi file.",
 )  # fmt: skip
-@json_option("Print what was drawn as JSON.")
+@json_option("Print the result as JSON.")
 def command(folder: Path, run: Path | None, view: str | None, out: Path, as_json: bool) -> None:
     """Draw the 20 nodes of the depth recording in FOLDER into its images, as a video.
 
