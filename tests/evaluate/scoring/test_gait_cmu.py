@@ -82,10 +82,10 @@ def test_report_against_the_numbers_by_hand(captures, tmp_path, by_hand, file):
     convert(tmp_path)
     report = gait(tmp_path)["subjects"]
     assert list(report) == ["capture"]
-    walker = report["capture"]
-    measured = walker["parameters"]
-    assert walker["kind"] == "walk" and walker["treadmill_m_s"] is None
-    assert walker["strides"] == {"left": 1, "right": 1} and walker["strides_left_out"] == 0
+    subject = report["capture"]
+    measured = subject["parameters"]
+    assert subject["kind"] == "walk" and subject["treadmill_m_s"] is None
+    assert subject["strides"] == {"left": 1, "right": 1} and subject["strides_left_out"] == 0
     for side, (seconds, length) in by_hand.items():
         of = {name: row[side]["mean"] for name, row in measured.items()}
         # Half a frame of 1/120 s at either end is 0.8 % of a stride of 1.1 s.
@@ -122,8 +122,8 @@ def test_opensims_walk_on_a_treadmill_against_its_force_plates(captures, tmp_pat
     """
     ingest(captures / "lab_opensim_gait" / "Gait2354_Simbody__subject01_walk1.trc", tmp_path)
     convert(tmp_path)
-    walker = gait(tmp_path)["subjects"]["capture"]
-    measured = walker["parameters"]
+    subject = gait(tmp_path)["subjects"]["capture"]
+    measured = subject["parameters"]
     stride = measured["stride_time_s"]["both"]["mean"]
     # Both feet are down from 0.000 to 0.167 s; the ankle says when the toes leave 5 % of a stride too early.
     assert measured["double_support_ratio"]["both"]["mean"] / 2 == pytest.approx(0.167 / stride, abs=0.05)
@@ -134,7 +134,7 @@ def test_opensims_walk_on_a_treadmill_against_its_force_plates(captures, tmp_pat
     rows = np.array([line.split("\t")[: column + 1] for line in lines[6:] if line.strip()], dtype=float)
     flat = (rows[:, 1] > 0.75) & (rows[:, 1] < 1.05)  # the right foot stands alone
     belt = -np.polyfit(rows[flat, 1], rows[flat, column], 1)[0] / 1000.0
-    assert walker["treadmill_m_s"] == pytest.approx(belt, rel=0.02)
+    assert subject["treadmill_m_s"] == pytest.approx(belt, rel=0.02)
     assert measured["speed_m_s"]["both"]["mean"] == pytest.approx(belt, rel=0.02)
 
 

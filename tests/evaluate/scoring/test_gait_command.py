@@ -33,19 +33,19 @@ def report(walk, performance):
 
 @pytest.mark.parametrize("who", ["reference", "simulated"])
 def test_metrics_of_a_synthetic_walk(report, who):
-    walker = report["subjects"][who]
-    table, curves = walker["parameters"], walker["curves"]
+    subject = report["subjects"][who]
+    table, curves = subject["parameters"], subject["curves"]
     assert table["cadence_steps_per_min"]["both"]["mean"] == pytest.approx(CADENCE, rel=0.002)
     assert table["speed_m_s"]["both"]["mean"] == pytest.approx(SPEED, rel=0.005)
     assert table["stride_length_m"]["both"]["mean"] == pytest.approx(STRIDE, rel=0.005)
-    assert walker["leg_length_m"] == pytest.approx(0.78)  # of the body of Table 1
-    assert walker["normalised"]["speed"] == pytest.approx(SPEED / np.sqrt(9.81 * 0.78), rel=0.005)
+    assert subject["leg_length_m"] == pytest.approx(0.78)  # of the body of Table 1
+    assert subject["normalised"]["speed"] == pytest.approx(SPEED / np.sqrt(9.81 * 0.78), rel=0.005)
     for side in ("left", "right"):
         assert curves[f"knee_{side}"]["range_deg"]["mean"] == pytest.approx(KNEE_RANGE, abs=0.1)
         assert curves[f"hip_{side}"]["range_deg"]["mean"] == pytest.approx(HIP_RANGE, abs=0.1)
         assert max(curves[f"knee_{side}"]["sd"]) < 0.5
-        assert walker["off_axis_knee_deg"][side]["peak"] == pytest.approx(0.0, abs=1e-6)
-    assert abs(walker["range_symmetry_percent"]["knee"]) < 0.5
+        assert subject["off_axis_knee_deg"][side]["peak"] == pytest.approx(0.0, abs=1e-6)
+    assert abs(subject["range_symmetry_percent"]["knee"]) < 0.5
 
 
 def test_only_the_simulation_has_a_stance_by_contact(report):
@@ -63,9 +63,9 @@ def test_simulated_knees_are_offset_by_the_added_flexion(report):
 
 def test_nothing_after_a_fall_counts(walk, performance):
     # Two seconds of three rollouts: one stride of 1.2 s a side fits, and never three.
-    walker = gait_report(None, walk, performance(fall=60))["subjects"]["simulated"]
-    assert 0 < walker["strides"]["left"] <= 3
-    assert walker["parameters"]["speed_m_s"]["both"]["mean"] == pytest.approx(SPEED, rel=0.01)
+    subject = gait_report(None, walk, performance(fall=60))["subjects"]["simulated"]
+    assert 0 < subject["strides"]["left"] <= 3
+    assert subject["parameters"]["speed_m_s"]["both"]["mean"] == pytest.approx(SPEED, rel=0.01)
     fallen = gait_report(None, walk, performance(fall=5))
     assert fallen["without_a_stride"] == ["simulated"]
     assert notes(fallen) == ["simulated: no full stride, hence no metrics"]
@@ -113,25 +113,25 @@ def virtual(tmp_path_factory):
 
 def test_kinect_metrics_against_the_truth(virtual):
     note = read_json(virtual / "capture" / "kinect_walk.provenance.json")["virtual_kinect"]
-    walker = gait(virtual)["subjects"]["capture"]
-    table = walker["parameters"]
+    subject = gait(virtual)["subjects"]["capture"]
+    table = subject["parameters"]
     assert table["cadence_steps_per_min"]["both"]["mean"] == pytest.approx(120 / note["period"], rel=0.03)
     assert table["speed_m_s"]["both"]["mean"] == pytest.approx(note["speed"], rel=0.05)
     assert table["stride_length_m"]["both"]["mean"] == pytest.approx(note["speed"] * note["period"], rel=0.05)
-    assert walker["off_axis_knee_deg"] is None
-    assert any("virtual Kinect" in text for text in walker["notes"])
-    assert any("positions only" in text for text in walker["notes"])
+    assert subject["off_axis_knee_deg"] is None
+    assert any("virtual Kinect" in text for text in subject["notes"])
+    assert any("positions only" in text for text in subject["notes"])
 
 
 def errors(run, joint):
     """Degrees (strides, 101) by which the capture's curves miss the truth's over the same strides."""
-    truth, walker = read_truth(run / "truth.parquet"), captured(run)
+    truth, subject = read_truth(run / "truth.parquet"), captured(run)
     found = []
-    for stride in walker.gait.strides:
+    for stride in subject.gait.strides:
         name = f"{joint}_{stride.side}"
         seen, true = (
             over_cycle(times[near], curve[near], [stride])
-            for times, curve in ((walker.times, walker.angles[name]), (truth["time"], truth[name]))
+            for times, curve in ((subject.times, subject.angles[name]), (truth["time"], truth[name]))
             for near in [(times > stride.start - 0.2) & (times < stride.end + 0.2)]
         )
         found.append(np.degrees(seen - true)[0])
