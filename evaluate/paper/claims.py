@@ -89,7 +89,7 @@ def _disturbances(contests: Sequence[Row]) -> Iterator[Claim]:
 
 def _walks(row: Row) -> bool:
     """Whether most of the undisturbed control runs did not fall."""
-    return bool(row["twins_fallen"] <= row["trials"] / 2)
+    return bool(row["controls_fallen"] <= row["trials"] / 2)
 
 
 def _of(result: Row, value: float | None, scale: float) -> dict[str, Any]:

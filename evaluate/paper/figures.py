@@ -107,12 +107,14 @@ def _over_time(panel: Axes, row: Row, name: str) -> None:
     curve = {key: 100.0 * np.array(values) for key, values in row["curve"].items()}
     time = (np.arange(len(curve["mean"])) + 1) / CONTROL_RATE
     panel.plot(time, curve["mean"], **_look(name))
-    panel.plot(time, 100.0 * np.array(row["calm_curve"]["mean"]), color=_look(name)["color"], linewidth=0.5)
+    panel.plot(
+        time, 100.0 * np.array(row["control_curve"]["mean"]), color=_look(name)["color"], linewidth=0.5
+    )
     if name.startswith("PPO"):
         panel.fill_between(
             time,
-            curve["quarter"],
-            curve["three_quarters"],
+            curve["q25"],
+            curve["q75"],
             color=_look(name)["color"],
             alpha=0.12,
             linewidth=0,

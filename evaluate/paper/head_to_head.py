@@ -7,7 +7,7 @@ from typing import Any
 
 from kinemimic.evaluate.compare.comparison import TrainedPolicy
 from kinemimic.evaluate.paper.lead import lead, loss
-from kinemimic.evaluate.robustness.scenario_trials import conduct_all, figures, in_tasks
+from kinemimic.evaluate.robustness.scenario_trials import run_all_trials, summarize, trial_tasks
 from kinemimic.train.scenario.scenario import Scenario
 
 
@@ -30,11 +30,11 @@ def head_to_head(
     call.
     """
     tasks = [
-        in_tasks(one.motion, one.policy, one.config, scenario, trials=trials, seed=seed, engine=engine)
+        trial_tasks(one.motion, one.policy, one.config, scenario, trials=trials, seed=seed, engine=engine)
         for one, scenario in pairs
     ]
     count = sum(map(len, tasks))
-    done = conduct_all(tasks, workers=workers, progress=progress and (lambda k: progress(k / count)))
+    done = run_all_trials(tasks, workers=workers, progress=progress and (lambda k: progress(k / count)))
     by = {(one.name, scenario.name): found for (one, scenario), found in zip(pairs, done, strict=True)}
     rows = []
     for (one, scenario), found in zip(pairs, done, strict=True):
@@ -44,7 +44,7 @@ def head_to_head(
             "samples": one.samples,
             "kept": one.kept,
             "scenario": scenario.name,
-            **figures(found),
+            **summarize(found),
             "loss": loss(found),
             "lead": lead(leader, found) if leader else None,
         })  # fmt: skip

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from kinemimic.evaluate.compare.learning_curves import RESAMPLES, interval
-from kinemimic.evaluate.robustness.scenario_trials import Trials, finite, median_time, moments
+from kinemimic.evaluate.robustness.scenario_trials import Trials, event_times, finite, median_time
 from kinemimic.pipeline.arrays import Array
 from kinemimic.train.sim.world import CONTROL_RATE
 
@@ -28,8 +28,8 @@ def loss(trials: Trials) -> dict[str, Any]:
 
     share: of the maximum reward; low, high: its interval; trials: their number. None without trials.
     """
-    stands = ~trials.twin_fell
-    gaps = (trials.calm - trials.rewards)[stands]
+    stands = ~trials.control_fell
+    gaps = (trials.control - trials.rewards)[stands]
     result = _estimate(lambda chosen: _largest(gaps[chosen]), len(gaps), basic=True)
     return {"share": result.pop("ahead"), **result}
 
@@ -42,10 +42,10 @@ def lead(ours: Trials, theirs: Trials) -> dict[str, Any]:
     pairs); the times also ours and theirs, which are None if most trials never recover or fall; then ahead is
     None, too. In the interval, "never" counts as the end of the trial.
     """
-    stand = ~(ours.twin_fell | theirs.twin_fell)
-    gaps = [(one.calm - one.rewards)[stand] for one in (ours, theirs)]
-    of_both = [moments(trials) for trials in (ours, theirs)]
-    pairs = of_both[0].touched & of_both[1].touched
+    stand = ~(ours.control_fell | theirs.control_fell)
+    gaps = [(one.control - one.rewards)[stand] for one in (ours, theirs)]
+    of_both = [event_times(trials) for trials in (ours, theirs)]
+    pairs = of_both[0].affected & of_both[1].affected
     end = ours.rewards.shape[1] / CONTROL_RATE
     # Remaining time of the trial after the first difference.
     left = [(end - one.onset_s)[pairs] for one in of_both]

@@ -24,7 +24,7 @@ from kinemimic.pipeline.cli.picture import Draw
 from kinemimic.pipeline.gait.curve_metrics import SCORED_JOINTS
 
 Row = Mapping[str, Any]
-QUARTILES = ("median", "quarter", "three_quarters", "n")
+QUARTILES = ("median", "q25", "q75", "n")
 
 
 def drawings(comparison: Comparison, content: Row) -> dict[str, Draw]:
@@ -69,15 +69,15 @@ def numbers(comparison: Comparison, content: Row) -> Iterator[tuple[str, list[Ro
             for row in curve[figure]
         ],
     )
-    quartiles = ("dip", "onset_s", "recovery_s", "fall_s")
+    quartiles = ("reward_drop", "onset_s", "recovery_s", "fall_s")
     plain = (
         "policy",
         "samples",
         "kept",
         "scenario",
         "trials",
-        "twins_fallen",
-        "touched",
+        "controls_fallen",
+        "affected",
         "survived",
         "recovered",
     )
@@ -88,8 +88,8 @@ def numbers(comparison: Comparison, content: Row) -> Iterator[tuple[str, list[Ro
             {
                 **{key: row[key] for key in (*plain, *typical)},
                 **{f"loss_{key}": value for key, value in row["loss"].items()},
-                "survived_low": row["survived_95"][0],
-                "survived_high": row["survived_95"][1],
+                "survived_low": row["survived_ci95"][0],
+                "survived_high": row["survived_ci95"][1],
                 **{f"{key}_{of}": row[key][of] for key in quartiles for of in QUARTILES},
             }
             for row in content["head_to_head"]

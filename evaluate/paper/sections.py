@@ -101,12 +101,12 @@ def disturbances(contests: Sequence[Row], drawings: Mapping[str, Draw]) -> dict[
     ]
     rows = []
     for row in contests:
-        low, high = row["survived_95"]
+        low, high = row["survived_ci95"]
         rows.append([
             row["scenario"], row["policy"], f"{100 * row['survived']:.0f}",
             f"{100 * low:.0f}–{100 * high:.0f}",
-            f"{100 * row['twins_fallen'] / row['trials']:.0f}",
-            _percent(row["loss"]["share"]), f"{row['recovered']}/{round(row['touched'] * row['trials'])}",
+            f"{100 * row['controls_fallen'] / row['trials']:.0f}",
+            _percent(row["loss"]["share"]), f"{row['recovered']}/{round(row['affected'] * row['trials'])}",
             number(row["typical_recovery_s"], 1), number(row["typical_fall_s"], 1),
         ])  # fmt: skip
     return {"samples": "; ".join(samples), "disturbances": panels, "trials": rows}

@@ -1,4 +1,4 @@
-"""`kinemimic disturb`: what a policy makes of forces, torques, obstacles, other ground: scenarios."""
+"""`kinemimic disturb`: trials of a policy under forces and torques, among obstacles, on other ground."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ import click
 from rich.console import RenderableType
 
 from kinemimic.evaluate.policies.shipped import run_options
-from kinemimic.evaluate.robustness.scenario_trials import RECOVERED, conduct_all, figures, in_tasks
+from kinemimic.evaluate.robustness.scenario_trials import RECOVERED, run_all_trials, summarize, trial_tasks
 from kinemimic.pipeline.cli.options import json_option
 from kinemimic.pipeline.cli.progress import progress
 from kinemimic.pipeline.cli.terminal import grid, number, percent, show
@@ -25,7 +25,7 @@ from kinemimic.train.scenario.scenario_file import scenario, shipped_scenarios
 from kinemimic.train.sim.engines import resolve
 from kinemimic.train.sim.options import engine_option, workers_option
 
-DISTURB_SCHEMA = 1
+DISTURB_SCHEMA = 2
 TRIALS = 100
 
 
@@ -38,11 +38,11 @@ def disturb(
     workers: int | None = None,
     engine: str = "auto",
 ) -> dict[str, dict[str, Any]]:
-    """Try run/policy.safetensors on run/motion.json in each scenario; writes scenario-NAME.json of each, and
-    returns them by name.
+    """Trials of run/policy.safetensors on run/motion.json in each scenario.
 
-    trials: of each scenario; seed: of what they draw; trial k of a seed is the same however many there are;
-    workers: processes that simulate, all cores by default; engine: of `train/engines.py`.
+    Writes scenario-NAME.json for each, and returns their contents by name. trials: per scenario; trial k of a
+    seed does not depend on their number; workers: processes, all cores by default; engine: see
+    `train/sim/engines.py`.
     """
     engine = resolve(engine)
     names = [one.name for one in scenarios]
@@ -51,17 +51,17 @@ def disturb(
     motion, policy, record = load_trained(run)
     config = TrainConfig.from_json(record["config"])
     tasks = [
-        in_tasks(motion, policy, config, one, trials=trials, seed=seed, engine=engine) for one in scenarios
+        trial_tasks(motion, policy, config, one, trials=trials, seed=seed, engine=engine) for one in scenarios
     ]
     with progress("trials", sum(map(len, tasks))) as bar:
-        done = conduct_all(tasks, workers=workers, progress=bar.advance)
+        done = run_all_trials(tasks, workers=workers, progress=bar.advance)
     results = {}
     for one, found in zip(scenarios, done, strict=True):
         results[one.name] = {
             "schema": DISTURB_SCHEMA,
             "scenario": one.to_json(),
-            **figures(found),
-            "each": {
+            **summarize(found),
+            "per_trial": {
                 "phase": found.phases.round(6).tolist(),
                 "fallen_at": [int(v) if v < found.rewards.shape[1] else None for v in found.fallen_at],
             },
@@ -79,27 +79,27 @@ def disturb(
 
 def table(results: Mapping[str, Mapping[str, Any]]) -> RenderableType:
     """The results for a terminal."""
-    rows = grid("", "survived %", "95 %", "twins fell", "dip %", "recovered", "after s", "fell after s")
+    rows = grid("", "survived %", "95 %", "controls fell", "drop %", "recovered", "after s", "fell after s")
     for name, one in results.items():
-        low, high = one["survived_95"]
+        low, high = one["survived_ci95"]
         rows.add_row(
             name,
             percent(one["survived"]),
             f"{100 * low:.0f}-{100 * high:.0f}",
-            str(one["twins_fallen"]),
-            percent(one["dip"]["median"]),
-            f"{one['recovered']}/{round(one['touched'] * one['trials'])}",
+            str(one["controls_fallen"]),
+            percent(one["reward_drop"]["median"]),
+            f"{one['recovered']}/{round(one['affected'] * one['trials'])}",
             number(one["recovery_s"]["median"], 1),
             number(one["fall_s"]["median"], 1),
         )
     return rows
 
 
-def _list(told: Mapping[str, str]) -> RenderableType:
-    """Scenarios by name, and what each is about."""
+def _list(descriptions: Mapping[str, str]) -> RenderableType:
+    """Names and descriptions of scenarios."""
     rows = grid("", "", left=2)
     rows.show_header = False
-    for name, about in told.items():
+    for name, about in descriptions.items():
         rows.add_row(name, about)
     return rows
 
@@ -112,10 +112,10 @@ def _list(told: Mapping[str, str]) -> RenderableType:
     type=click.IntRange(min=1, max=100_000),
     default=TRIALS,
     show_default=True,
-    help="Of each scenario.",
+    help="Trials per scenario.",
 )
 @click.option(
-    "--seed", type=click.IntRange(min=0), default=0, show_default=True, help="Of what each trial draws."
+    "--seed", type=click.IntRange(min=0), default=0, show_default=True, help="Random seed of the trials."
 )
 @workers_option
 @engine_option
@@ -129,21 +129,21 @@ def command(
     engine: str,
     as_json: bool,
 ) -> None:
-    """Forces, torques, obstacles, other ground: what the run's policy, or one that ships, makes of them.
+    """Test the run's policy, or a shipped one, in scenarios of forces, torques, obstacles and ground.
 
-    SCENARIO: names of those that ship, or TOML files of your own (docs/scenarios.md); without one, those that
-    ship are listed. Each trial begins at a phase of its own. Results go into scenario-NAME.json.
+    SCENARIO: shipped scenarios by name, or your own TOML files (docs/scenarios.md); without one, the shipped
+    scenarios are listed. Each trial starts at its own phase. Results go into scenario-NAME.json.
 
     \b
       kinemimic disturb pull-forward thrown-ball --policy walk
       kinemimic disturb mine.toml --run runs/walk --trials 500
     """
     if not scenarios:
-        told = {name: scenario(name).about for name in shipped_scenarios()}
+        descriptions = {name: scenario(name).about for name in shipped_scenarios()}
         if as_json:
-            click.echo(json.dumps(told, indent=2, ensure_ascii=False))
+            click.echo(json.dumps(descriptions, indent=2, ensure_ascii=False))
         else:
-            show(_list(told))
+            show(_list(descriptions))
         return
     results = disturb(
         run, [scenario(one) for one in scenarios], trials=trials, seed=seed, workers=workers, engine=engine
@@ -153,7 +153,7 @@ def command(
     else:
         show(
             table(results),
-            "\nmedians; dip: the largest loss of reward against a twin to which nothing happens, where it "
-            f"does not fall by itself; recovered: within {100 * RECOVERED:.0f} % of it to the end, of those "
-            "in whom anything made a difference; seconds since the first difference",
+            "\nMedians. Drop: largest loss of reward against a control run without perturbations, where "
+            f"the control does not fall. Recovered: within {100 * RECOVERED:.0f} % of the control to the end, "
+            "of the trials with any difference. Seconds since the first difference.",
         )

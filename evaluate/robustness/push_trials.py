@@ -1,9 +1,8 @@
-"""Pushes against the simulated figure: where they come, how hard the next one is, and whether it survives.
+"""Push trials: a search for the largest force that the simulated humanoid survives.
 
-A trial begins on the reference SETTLE control steps before its push, so that the figure walks as it walks by
-then. For PUSH steps a constant horizontal force acts on the pelvis, at its centre of mass. The figure
-survives if it has not fallen (`ImitationBatch.fallen`) until SURVIVE steps after the push; how far it has
-drifted does not count.
+A trial starts on the reference SETTLE control steps before its push, so that the gait has settled. For PUSH
+steps a constant horizontal force acts on the pelvis' centre of mass. The humanoid survives if it has not
+fallen (`ImitationBatch.fallen`) SURVIVE steps after the push; drift does not count.
 """
 
 from __future__ import annotations
@@ -33,43 +32,43 @@ PUSH = CONTROL_RATE // 5  # 0.2 s
 SURVIVE = 5 * CONTROL_RATE
 PELVIS = BODY_INDEX["pelvis"]
 
-# Where a push leads, in radians from the reference's heading, Z up.
+# Direction of a push, in radians from the reference's heading, Z up.
 DIRECTIONS: dict[str, float] = {
     "forward": 0.0,
     "backward": math.pi,
     "left": 0.5 * math.pi,
     "right": -0.5 * math.pi,
 }
-GRID = (40.0, 60.0, 80.0, 100.0, 125.0, 150.0, 200.0, 250.0, 300.0)  # N, tried in every phase
-BEYOND = (400.0, 500.0, 600.0)  # N, for who survives all of these
+GRID = (40.0, 60.0, 80.0, 100.0, 125.0, 150.0, 200.0, 250.0, 300.0)  # N, tried at every phase
+EXTENDED_GRID = (400.0, 500.0, 600.0)  # N, tried if all of GRID is survived
 RESOLUTION = 2.0  # N
 
 
 @dataclass(frozen=True)
-class Found:
-    """What a search found out about one phase and one direction.
+class SearchResult:
+    """Result for one phase and one direction.
 
-    border: N, the largest force below the first that fells the figure, to within RESOLUTION; 0 where it falls
-    without a push, the last of BEYOND where nothing tried felled it. unpushed: it survives with no push.
-    grid: whether it survives each force of GRID. Survival need not be monotone: a push above the border may
-    be survived, because the figure then happens to step otherwise. Such luck shows in `grid` only.
+    threshold: N, the largest force below the first that causes a fall, to within RESOLUTION; 0 for a fall
+    without a push, the last of EXTENDED_GRID if no force caused a fall. survived_unpushed: upright without a
+    push. grid: whether each force of GRID is survived. Survival need not be monotone: a push above the
+    threshold may be survived because of a lucky step, which shows in `grid` only.
     """
 
-    border: float
-    unpushed: bool
+    threshold: float
+    survived_unpushed: bool
     grid: tuple[bool, ...]
 
 
-# Forces (N) to try next out, whether the figure survived them in.
-Search = Generator[float, bool, Found]
+# Yields the next force (N) to try, receives whether it was survived.
+Search = Generator[float, bool, SearchResult]
 
 
 def search() -> Search:
-    """Find the border: no push, the grid upwards, then bisection between the last force before the first fall
-    and that first fall. A bisection of the whole range could land on any border of several; this is the
-    lowest that the grid can see."""
+    """Find the threshold: no push, the grid upwards, then bisection between the first fall and the force
+    before it. A bisection of the whole range could find any of several thresholds; this one is the lowest
+    that the grid resolves."""
     if not (yield 0.0):
-        return Found(0.0, False, (False,) * len(GRID))
+        return SearchResult(0.0, False, (False,) * len(GRID))
     survived = []
     for force in GRID:
         survived.append((yield force))
@@ -80,7 +79,7 @@ def search() -> Search:
             break
         low = force
     else:
-        for force in BEYOND:
+        for force in EXTENDED_GRID:
             if not (yield force):
                 high = force
                 break
@@ -91,14 +90,14 @@ def search() -> Search:
             low = middle
         else:
             high = middle
-    return Found(low, True, tuple(survived))
+    return SearchResult(low, True, tuple(survived))
 
 
 def push_phases(motion: Motion, count: int) -> Array:
-    """Phases (count,) at which pushes begin: all around a cycle; within a single performance so that it lasts
-    from SETTLE before the push to SURVIVE after it.
+    """Phases (count,) at which pushes start: all around a cycle; in a non-cyclic motion from SETTLE after its
+    start to PUSH and SURVIVE before its end.
 
-    KinemimicError for a performance that is too short for that.
+    KinemimicError for a motion that is too short for that.
     """
     if motion.cyclic:
         return np.arange(count) / count
@@ -107,14 +106,14 @@ def push_phases(motion: Motion, count: int) -> Array:
     if last < first:
         raise KinemimicError(
             f"pushes: expected a cyclic motion, or one of at least {first + motion.duration - last:.1f} s (a "
-            f"push, what comes before and what comes after), found a performance of {motion.duration:.1f} s"
+            f"push with the time before and after it), found a motion of {motion.duration:.1f} s"
         )
     return np.linspace(first, last, count) / motion.duration
 
 
 @dataclass(frozen=True)
 class Task:
-    """One phase of the motion, to be pushed from all DIRECTIONS. engine: of `train/engines.py`."""
+    """One phase of the motion, to be pushed in all DIRECTIONS; engine: see `train/sim/engines.py`."""
 
     motion: Motion
     policy: Policy
@@ -123,8 +122,8 @@ class Task:
     engine: str
 
 
-def push_all_ways(task: Task) -> list[Found]:
-    """What the searches of one phase find, in the order of DIRECTIONS."""
+def push_from_all_directions(task: Task) -> list[SearchResult]:
+    """Results of one phase, in the order of DIRECTIONS."""
     reference = Reference(task.motion)
     ahead = heading(reference, task.phase)
     world = open_world(len(DIRECTIONS), task.engine)
@@ -138,23 +137,22 @@ def push_all_ways(task: Task) -> list[Found]:
 
 def run_searches(
     batch: ImitationBatch, policy: Policy, start: float, angles: Array, searches: Sequence[Search]
-) -> list[Found]:
-    """Run one search on each of E figures, side by side, each from one trial to the next at its own time.
+) -> list[SearchResult]:
+    """Run E searches in parallel, each on its own humanoid; returns their results in order.
 
-    start: phase at which every trial begins; angles: (E,) radians, where in the world each figure's force
-    leads. Results in the order of `searches`.
+    start: phase at which every trial starts; angles: (E,) radians, direction of each force in the world.
     """
     size = len(searches)
     wrenches = np.zeros((size, len(BODIES), 6))
-    ways = np.stack([np.cos(angles), np.sin(angles)], axis=1)
+    directions = np.stack([np.cos(angles), np.sin(angles)], axis=1)
     forces = np.array([next(one) for one in searches])
-    found: dict[int, Found] = {}
+    found: dict[int, SearchResult] = {}
 
     def next_trials(*_: object) -> bool:
         fell = batch.fallen()
         ended = np.flatnonzero(fell | (batch.ages == SETTLE + PUSH + SURVIVE))
         for k in map(int, ended):
-            # A humanoid whose search is over goes on, unpushed: no other depends on it.
+            # A humanoid whose search is over goes on unpushed; no other depends on it.
             if k in found:
                 continue
             try:
@@ -164,7 +162,7 @@ def run_searches(
         if len(ended):
             batch.reset(ended, np.full(len(ended), start))
         pushed = (batch.ages >= SETTLE) & (batch.ages < SETTLE + PUSH)
-        wrenches[:, PELVIS, :2] = np.where(pushed, forces, 0.0)[:, None] * ways
+        wrenches[:, PELVIS, :2] = np.where(pushed, forces, 0.0)[:, None] * directions
         return len(found) == size
 
     batch.reset(np.arange(size), np.full(size, start))

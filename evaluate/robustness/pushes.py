@@ -1,4 +1,4 @@
-"""`kinemimic pushes`: how hard a push the figure survives, from each side; pushes.json."""
+"""`kinemimic pushes`: the hardest push that the humanoid survives in each direction; pushes.json."""
 
 from __future__ import annotations
 
@@ -15,17 +15,17 @@ from rich.text import Text
 
 from kinemimic.evaluate.policies.shipped import run_options
 from kinemimic.evaluate.robustness.push_trials import (
-    BEYOND,
     DIRECTIONS,
+    EXTENDED_GRID,
     GRID,
     PELVIS,
     PUSH,
     RESOLUTION,
     SETTLE,
     SURVIVE,
-    Found,
+    SearchResult,
     Task,
-    push_all_ways,
+    push_from_all_directions,
     push_phases,
 )
 from kinemimic.pipeline.cli.options import json_option
@@ -40,7 +40,7 @@ from kinemimic.train.sim.engines import resolve
 from kinemimic.train.sim.options import engine_option, workers_option
 from kinemimic.train.sim.world import CONTROL_RATE
 
-PUSHES_SCHEMA = 1
+PUSHES_SCHEMA = 2
 PHASES = 20
 SHARES = (50, 90)  # % of the phases
 
@@ -50,7 +50,7 @@ _PROTOCOL: dict[str, Any] = {
     "settle_s": SETTLE / CONTROL_RATE,
     "survive_s": SURVIVE / CONTROL_RATE,
     "grid_n": list(GRID),
-    "beyond_n": list(BEYOND),
+    "beyond_n": list(EXTENDED_GRID),
     "resolution_n": RESOLUTION,
 }
 
@@ -60,17 +60,17 @@ def pushes(
 ) -> dict[str, Any]:
     """Push run/policy.safetensors on run/motion.json; writes and returns the content of pushes.json.
 
-    phases: of the motion, at which pushes come; workers: processes that simulate, all cores by default;
-    engine: of `train/engines.py`.
+    phases: number of phases of the motion at which pushes start; workers: processes, all cores by default;
+    engine: see `train/sim/engines.py`.
     """
     engine = resolve(engine)
     motion, policy, record = load_trained(run)
     config = TrainConfig.from_json(record["config"]).env
     at = push_phases(motion, phases)
     with progress("pushes", phases) as bar:
-        # One phase a task: what a figure does must not depend on how many processes share the work.
+        # One phase per task: results must not depend on the number of processes.
         tasks = [Task(motion, policy, config, float(phase), engine) for phase in at]
-        found = parallel_map(push_all_ways, tasks, workers=workers, progress=bar.advance)
+        found = parallel_map(push_from_all_directions, tasks, workers=workers, progress=bar.advance)
     result = {
         "schema": PUSHES_SCHEMA,
         "phases": at.tolist(),
@@ -88,25 +88,25 @@ def pushes(
 
 
 def survived(borders: Sequence[float], percent: int) -> float:
-    """The largest force, N, that is at most the border of at least `percent` % of the phases."""
+    """The largest force, N, below the thresholds of at least `percent` % of the phases."""
     needed = -(-percent * len(borders) // 100)
     return sorted(borders, reverse=True)[needed - 1]
 
 
-def summary(found: Sequence[Sequence[Found]]) -> dict[str, Any]:
-    """What the searches of all phases, each with one for every direction, come to.
+def summary(found: Sequence[Sequence[SearchResult]]) -> dict[str, Any]:
+    """Results of the searches of all phases and directions.
 
-    directions: per direction the force survived by each of SHARES, every phase's border, and the share of the
-    phases that survive each force of GRID; weakest: per share the least of all directions; unpushed: share of
-    all searches whose figure stands if nothing pushes it.
+    directions: per direction the force survived by each of SHARES, every phase's threshold, and the share of
+    phases that survive each force of GRID; weakest_n: per share the minimum over all directions;
+    survived_unpushed: share of all searches in which the humanoid stays upright without a push.
     """
     directions: dict[str, Any] = {}
     for k, name in enumerate(DIRECTIONS):
         ones = [phase[k] for phase in found]
-        borders = [one.border for one in ones]
+        borders = [one.threshold for one in ones]
         directions[name] = {
             "survived_n": {str(percent): survived(borders, percent) for percent in SHARES},
-            "borders_n": borders,
+            "thresholds_n": borders,
             "grid": np.mean([one.grid for one in ones], axis=0).tolist(),
         }
     return {
@@ -115,7 +115,7 @@ def summary(found: Sequence[Sequence[Found]]) -> dict[str, Any]:
             str(percent): min(one["survived_n"][str(percent)] for one in directions.values())
             for percent in SHARES
         },
-        "unpushed": float(np.mean([one.unpushed for phase in found for one in phase])),
+        "survived_unpushed": float(np.mean([one.survived_unpushed for phase in found for one in phase])),
     }
 
 
@@ -132,17 +132,19 @@ def table(result: dict[str, Any]) -> RenderableType:
         grid.add_row(name, *forces, *(f"{100 * share:.0f}" for share in one["grid"]))
     above = [
         f"largest push, N, that {' and '.join(f'{percent} %' for percent in SHARES)} of "
-        f"{len(result['phases'])} phases survive; then, per force in N, how many % do",
+        f"{len(result['phases'])} phases survive; then the % that survive each force in N",
         f"({protocol['push_s']:.1f} s on the {protocol['body']}; survived: still upright "
         f"{protocol['survive_s']:.0f} s later)",
     ]
-    if result["unpushed"] < 1.0:
-        above.append(f"with no push {100 * result['unpushed']:.0f} % stand; the others count as 0 N")
+    if result["survived_unpushed"] < 1.0:
+        above.append(
+            f"without a push {100 * result['survived_unpushed']:.0f} % stay upright; the others count as 0 N"
+        )
     return Group(*(Text(line) for line in above), grid)
 
 
 def _force(newton: float) -> str:
-    return f"{newton:.0f}" if newton < BEYOND[-1] else f"≥{newton:.0f}"
+    return f"{newton:.0f}" if newton < EXTENDED_GRID[-1] else f"≥{newton:.0f}"
 
 
 @click.command("pushes")
@@ -151,9 +153,9 @@ def _force(newton: float) -> str:
 @engine_option
 @json_option("Print pushes.json.")
 def command(run: Path, workers: int | None, engine: str, as_json: bool) -> None:
-    """How hard a push the run's policy, or one that ships, survives: 0.2 s on the pelvis.
+    """Measure the hardest push that the run's policy, or a shipped one, survives: 0.2 s on the pelvis.
 
-    Forward, backward, left and right, in 20 phases each; the forces that 50 % and 90 % of the phases
+    Pushes forward, backward, left and right at 20 phases each; the forces that 50 % and 90 % of the phases
     survive go into pushes.json.
 
     \b

@@ -1,9 +1,9 @@
-"""Trials of a scenario: each figure beside its twin, to which nothing happens.
+"""Trials of a scenario, each paired with a control run from the same start without perturbations.
 
-Both start alike. What the trial costs the figure is how far its reward stays behind the twin's: the largest
-gap is the dip; it begins with the first difference (the first touch of an obstacle, the first newton), and
-the figure has recovered when the gap no longer exceeds RECOVERED. After a fall (`ImitationBatch.fallen`) the
-reward is 0. Rewards are shares of the largest possible.
+The gap is the control's reward minus the trial's. The reward drop is the largest gap; the onset is the first
+difference (first contact with an obstacle, first force), and the humanoid has recovered when the gap no
+longer exceeds RECOVERED. Rewards are shares of the largest possible, and 0 after a fall
+(`ImitationBatch.fallen`).
 """
 
 from __future__ import annotations
@@ -30,15 +30,15 @@ from kinemimic.train.sim.engines import open_world
 from kinemimic.train.sim.world import CONTROL_RATE
 from kinemimic.train.task.env import ImitationBatch
 
-TOGETHER = 10  # trials of a task
+TRIALS_PER_TASK = 10
 RECOVERED = 0.05  # of the largest reward
-DIFFERENT = 1e-6  # of the largest reward: what is no rounding
+DIFFERENT = 1e-6  # of the largest reward: larger than rounding errors
 
 
 @dataclass(frozen=True)
 class Task:
-    """Trials with these numbers of one scenario; config: with the reward that is measured; seed: of all
-    trials; engine: of `train/engines.py`."""
+    """Some trials of a scenario, by their numbers; config: with the reward to measure; seed: of all trials;
+    engine: see `train/sim/engines.py`."""
 
     motion: Motion
     policy: Policy
@@ -51,27 +51,27 @@ class Task:
 
 @dataclass(frozen=True)
 class Trials:
-    """Of N trials over T control steps.
+    """N trials of T control steps.
 
-    phases: (N,) at the start; rewards, calm: (N, T) of the figure and of its twin; fallen_at: (N,) the
-    control step, T for none; twin_fell: (N,) whether the twin did.
+    phases: (N,) at the start; rewards, control: (N, T) of the trials and of their controls; fallen_at: (N,)
+    control step of the fall, T without one; control_fell: (N,) whether the control fell.
     """
 
     phases: Array
     rewards: Array
-    calm: Array
+    control: Array
     fallen_at: NDArray[np.int64]
-    twin_fell: NDArray[np.bool_]
+    control_fell: NDArray[np.bool_]
 
     @classmethod
     def joined(cls, parts: Sequence[Trials]) -> Trials:
-        """All trials of the parts."""
+        """Concatenate trials."""
         return cls(
             *(np.concatenate(column) for column in zip(*(vars(p).values() for p in parts), strict=True))
         )
 
 
-def in_tasks(
+def trial_tasks(
     motion: Motion,
     policy: Policy,
     config: TrainConfig,
@@ -81,55 +81,54 @@ def in_tasks(
     seed: int,
     engine: str,
 ) -> list[Task]:
-    """So many trials of a scenario, TOGETHER at a time, measured by the reward that the training ended with.
+    """Tasks of TRIALS_PER_TASK trials each, measured with the reward at the end of the training.
 
-    Which tasks there are does not depend on who does them. Trial k of a seed is the same however many there
-    are.
+    The tasks do not depend on the number of processes, and trial k of a seed not on the number of trials.
     """
     measured = replace(config.env, reward=config.final_reward)
-    chunks = [tuple(range(trials))[k : k + TOGETHER] for k in range(0, trials, TOGETHER)]
+    chunks = [tuple(range(trials))[k : k + TRIALS_PER_TASK] for k in range(0, trials, TRIALS_PER_TASK)]
     return [Task(motion, policy, measured, scenario, chunk, seed, engine) for chunk in chunks]
 
 
-def conduct(task: Task) -> Trials:
-    """Perform the trials of a task."""
+def run_trials(task: Task) -> Trials:
+    """Run the trials of a task and their controls."""
     reference, size = reference_for(task.motion, task.scenario), len(task.numbers)
-    starts = [start(task.motion, task.scenario, task.seed, number) for number in task.numbers]
+    starts = [trial_start(task.motion, task.scenario, task.seed, number) for number in task.numbers]
     seeds = np.array([seed for seed, _ in starts], dtype=np.uint64)
     phases = np.array([phase for _, phase in starts])
-    steps = steps_of(task.motion, task.scenario)
-    found = []
+    steps = trial_steps(task.motion, task.scenario)
+    runs = []
     for scenario in (task.scenario, None):
         config = replace(task.config, scenario=scenario)
         batch = ImitationBatch(open_world(size, task.engine), reference, config)
         batch.reset(np.arange(size), phases, seeds=seeds)
-        found.append(_rewards(batch, task.policy, steps))
+        runs.append(_rewards(batch, task.policy, steps))
         batch.world.close()
-    (rewards, fallen_at), (calm, twin_fallen_at) = found
-    return Trials(phases, rewards, calm, fallen_at, twin_fallen_at < steps)
+    (rewards, fallen_at), (control, control_fallen_at) = runs
+    return Trials(phases, rewards, control, fallen_at, control_fallen_at < steps)
 
 
-def conduct_all(
+def run_all_trials(
     groups: Sequence[Sequence[Task]],
     *,
     workers: int | None = None,
     progress: Callable[[int], object] | None = None,
 ) -> list[Trials]:
-    """The trials of each group of tasks, all spread over processes; progress: called with tasks done."""
-    parts = iter(parallel_map(conduct, list(chain(*groups)), workers=workers, progress=progress))
+    """The trials of each group of tasks, in parallel; progress: called with the number of finished tasks."""
+    parts = iter(parallel_map(run_trials, list(chain(*groups)), workers=workers, progress=progress))
     return [Trials.joined(list(islice(parts, len(group)))) for group in groups]
 
 
-def start(motion: Motion, scenario: Scenario, seed: int, number: int) -> tuple[int, float]:
-    """Seed and phase of one trial among those of a seed; they do not depend on how many there are."""
+def trial_start(motion: Motion, scenario: Scenario, seed: int, number: int) -> tuple[int, float]:
+    """Seed and phase of trial `number`."""
     own = int(np.random.SeedSequence(seed, spawn_key=(number,)).generate_state(1, np.uint64)[0])
-    # From the same seed as the rest, but not by the same draws.
+    # A separate stream of the trial's seed, whose main stream draws the events.
     phase = float(scenario.phase.draw(np.random.default_rng([own, 1]))[0])
     return own, phase if motion.cyclic else 0.0
 
 
-def steps_of(motion: Motion, scenario: Scenario) -> int:
-    """Control steps of a trial: what is performed once ends before the scenario's time."""
+def trial_steps(motion: Motion, scenario: Scenario) -> int:
+    """Control steps of a trial; a non-cyclic motion may end before the scenario does."""
     return scenario.steps if motion.cyclic else min(scenario.steps, episode_frames(motion))
 
 
@@ -151,96 +150,97 @@ def _rewards(batch: ImitationBatch, policy: Policy, steps: int) -> tuple[Array, 
 
 
 @dataclass(frozen=True)
-class Moments:
-    """Of N trials, (N,) each. touched: whether anything made a difference to the figure, and its twin stands;
-    onset_s: of the first difference; recovery_s, fall_s: how much later. Seconds, infinite where it never is,
-    and in trials that are not touched."""
+class EventTimes:
+    """Times (N,) of N trials, in seconds; infinite for events that do not occur and in unaffected trials.
 
-    touched: NDArray[np.bool_]
+    affected: whether the rewards differ from a control that does not fall; onset_s: first difference;
+    recovery_s, fall_s: counted from the onset.
+    """
+
+    affected: NDArray[np.bool_]
     onset_s: Array
     recovery_s: Array
     fall_s: Array
 
 
-def moments(trials: Trials) -> Moments:
-    """When what befalls the figures begins, when it is over, and when they fall."""
+def event_times(trials: Trials) -> EventTimes:
+    """Onset, recovery and fall of each trial."""
     steps = trials.rewards.shape[1]
-    gaps = trials.calm - trials.rewards
+    gaps = trials.control - trials.rewards
     differs, behind = np.abs(gaps) > DIFFERENT, gaps > RECOVERED
-    touched = differs.any(axis=1) & ~trials.twin_fell
+    affected = differs.any(axis=1) & ~trials.control_fell
     onset = differs.argmax(axis=1)
-    fell = touched & (trials.fallen_at < steps)
-    # One step after the last at which it stays behind; what ends behind has not recovered.
+    fell = affected & (trials.fallen_at < steps)
+    # One step after the last with a gap; a trial that ends with a gap has not recovered.
     back = np.where(behind.any(axis=1), steps - behind[:, ::-1].argmax(axis=1), onset)
-    recovered = touched & ~fell & (back < steps)
+    recovered = affected & ~fell & (back < steps)
 
     def after(step: NDArray[np.int64], happened: NDArray[np.bool_]) -> Array:
         return np.where(happened, (step - onset) / CONTROL_RATE, np.inf)
 
-    return Moments(
-        touched,
-        np.where(touched, onset / CONTROL_RATE, np.inf),
+    return EventTimes(
+        affected,
+        np.where(affected, onset / CONTROL_RATE, np.inf),
         after(back, recovered),
         after(trials.fallen_at, fell),
     )
 
 
-def figures(trials: Trials) -> dict[str, Any]:
-    """What the trials come to: how many survive, and of dip, recovery and fall the quartiles.
+def summarize(trials: Trials) -> dict[str, Any]:
+    """Survival, and quartiles of reward drop, recovery and fall.
 
-    survived: share, with the 95 % interval of Wilson 1927; twins_fallen: how many twins did, whose trials
-    tell nothing of what befell them and are left out of all that follows; touched: share of the trials in
-    which anything made a difference, of which alone the rest is told; dip: largest gap to the twin, as a
-    share of the largest reward; onset_s: of the first difference, from which recovery_s (of those that
-    recover) and fall_s (of those that fall) count; typical_recovery_s, typical_fall_s: medians of all of
-    them, None where most never do.
+    survived: share, with the 95 % interval of Wilson 1927; controls_fallen: controls that fell, whose trials
+    count only in survived; affected: share of trials that differ from their control, over which the rest is
+    computed; reward_drop: largest gap to the control, as a share of the largest reward; onset_s: first
+    difference, from which recovery_s (of trials that recover) and fall_s (of trials with a fall) count;
+    typical_recovery_s, typical_fall_s: medians over all affected trials, None if most never recover or fall.
     """
     count = len(trials.rewards)
-    gaps, when = trials.calm - trials.rewards, moments(trials)
+    gaps, when = trials.control - trials.rewards, event_times(trials)
     survived = int((trials.fallen_at == trials.rewards.shape[1]).sum())
     interval = binomtest(survived, count).proportion_ci(method="wilson")
-    touched = when.touched
+    affected = when.affected
     return {
         "trials": count,
         "survived": survived / count,
-        "survived_95": [round(float(interval.low), 6), round(float(interval.high), 6)],
-        "touched": float(touched.mean()),
-        "dip": _quartiles(gaps.max(axis=1)[touched]),
-        "onset_s": _quartiles(when.onset_s[touched]),
+        "survived_ci95": [round(float(interval.low), 6), round(float(interval.high), 6)],
+        "affected": float(affected.mean()),
+        "reward_drop": _quartiles(gaps.max(axis=1)[affected]),
+        "onset_s": _quartiles(when.onset_s[affected]),
         "recovered": int(np.isfinite(when.recovery_s).sum()),
         "recovery_s": _quartiles(when.recovery_s[np.isfinite(when.recovery_s)]),
-        "typical_recovery_s": finite(median_time(when.recovery_s[touched])),
+        "typical_recovery_s": finite(median_time(when.recovery_s[affected])),
         "fall_s": _quartiles(when.fall_s[np.isfinite(when.fall_s)]),
-        "typical_fall_s": finite(median_time(when.fall_s[touched])),
-        "twins_fallen": int(trials.twin_fell.sum()),
+        "typical_fall_s": finite(median_time(when.fall_s[affected])),
+        "controls_fallen": int(trials.control_fell.sum()),
         "curve": _curve(trials.rewards),
-        "calm_curve": _curve(trials.calm),
+        "control_curve": _curve(trials.control),
     }
 
 
 def _quartiles(values: Array) -> dict[str, Any]:
-    """Median and quartiles, None of nothing."""
+    """Median and quartiles, None without values."""
     if not len(values):
-        return {"median": None, "quarter": None, "three_quarters": None, "n": 0}
+        return {"median": None, "q25": None, "q75": None, "n": 0}
     low, middle, high = (round(float(v), 6) for v in np.percentile(values, [25, 50, 75]))
-    return {"median": middle, "quarter": low, "three_quarters": high, "n": len(values)}
+    return {"median": middle, "q25": low, "q75": high, "n": len(values)}
 
 
 def median_time(times: Array) -> float:
-    """Median of times, infinite where it never happened; infinite if most never do, or of none."""
+    """Median of times, which are infinite for events that did not occur; infinite without times."""
     if not len(times):
         return np.inf
-    # Of an even number the later of both: between a time and never there is no mean.
+    # For an even number the later of the middle two: a finite and an infinite time have no mean.
     return float(np.sort(times)[len(times) // 2])
 
 
 def finite(time: float) -> float | None:
-    """A time for JSON, None for never."""
+    """A time for JSON, None if infinite."""
     return round(time, 6) if np.isfinite(time) else None
 
 
 def _curve(rewards: Array) -> dict[str, list[float]]:
-    """Over time, (T,) each: mean and quartiles of the trials."""
+    """Mean and quartiles over the trials, (T,) each."""
     low, high = np.percentile(rewards, [25, 75], axis=0)
-    rows = {"mean": rewards.mean(axis=0), "quarter": low, "three_quarters": high}
+    rows = {"mean": rewards.mean(axis=0), "q25": low, "q75": high}
     return {name: np.round(row, 4).tolist() for name, row in rows.items()}

@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from kinemimic.evaluate.robustness.scenario_trials import start, steps_of
+from kinemimic.evaluate.robustness.scenario_trials import trial_start, trial_steps
 from kinemimic.evaluate.view.obstacle_rendering import Disturbances
 from kinemimic.retarget.humanoid.body import BODIES
 from kinemimic.retarget.humanoid.motion import Motion
@@ -32,8 +32,8 @@ def replay_scenario(
     engine: str = "auto",
 ) -> tuple[Trajectory, Disturbances]:
     """Trial `number` of `disturb` with that seed, on its own and continued after a fall."""
-    reference, steps = reference_for(motion, scenario), steps_of(motion, scenario)
-    trial_seed, phase = start(motion, scenario, seed, number)
+    reference, steps = reference_for(motion, scenario), trial_steps(motion, scenario)
+    trial_seed, phase = trial_start(motion, scenario, seed, number)
     task = replace(config.env, reward=config.final_reward, scenario=scenario)
     batch = ImitationBatch(open_world(1, engine, measure_torques=True), reference, task)
     batch.reset(np.array([0]), np.array([phase]), seeds=np.array([trial_seed], dtype=np.uint64))

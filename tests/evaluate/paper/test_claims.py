@@ -171,7 +171,7 @@ def contests() -> list[dict[str, Any]]:
                 }
                 rows.append({
                     "policy": f"{name}{among}", "samples": 5 if name == "DDPG" else 10,
-                    "scenario": scenario, "trials": 10, "twins_fallen": twins,
+                    "scenario": scenario, "trials": 10, "controls_fallen": twins,
                     "loss": {"share": loss, "low": loss, "high": loss + 0.1, "trials": 10 - twins},
                     "lead": None if name == "PPO" else lead,
                 })  # fmt: skip
@@ -299,7 +299,7 @@ def test_who_never_falls_is_ahead_only_where_chance_is_not(
 def test_who_falls_untouched_is_not_compared(comparison: Comparison, contests: list[dict[str, Any]]) -> None:
     for row in contests:
         if (row["policy"], row["scenario"]) == ("PPO", "pull-forward"):
-            row["twins_fallen"] = 6
+            row["controls_fallen"] = 6
     made = [one for one in claims(comparison, contests, ROOMS, _times()) if one.figure == "Fig. 9a"]
     falls = "worse: PPO falls undisturbed"
     assert [one.verdict for one in made] == [falls, "no comparison: DDPG falls undisturbed", falls]

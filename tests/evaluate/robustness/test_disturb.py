@@ -14,7 +14,14 @@ from peers.crouch import crouching, write_idle_run
 
 from kinemimic.evaluate.robustness import scenario_trials
 from kinemimic.evaluate.robustness.disturb import command, disturb
-from kinemimic.evaluate.robustness.scenario_trials import Task, Trials, conduct, figures
+from kinemimic.evaluate.robustness.scenario_trials import (
+    Task,
+    Trials,
+    event_times,
+    median_time,
+    run_trials,
+    summarize,
+)
 from kinemimic.evaluate.view.scenario_replay import replay_scenario
 from kinemimic.pipeline.errors import KinemimicError
 from kinemimic.retarget.humanoid.motion import Motion
@@ -43,9 +50,9 @@ def made(rewards: list[list[float]], fallen_at: list[int]) -> Trials:
     return Trials(
         phases=np.zeros(len(found)),
         rewards=found,
-        calm=np.full(found.shape, 0.9),
+        control=np.full(found.shape, 0.9),
         fallen_at=np.array(fallen_at),
-        twin_fell=np.zeros(len(found), dtype=bool),
+        control_fell=np.zeros(len(found), dtype=bool),
     )
 
 
@@ -60,43 +67,60 @@ def test_dip_recovery_and_fall_are_those_of_the_curves() -> None:
         ],
         [6, 6, 3, 6],
     )
-    found = figures(trials)
-    assert (found["trials"], found["survived"], found["touched"]) == (4, 0.75, 0.75)
-    assert found["dip"] == {"median": 0.4, "quarter": 0.3, "three_quarters": 0.65, "n": 3}
+    found = summarize(trials)
+    assert (found["trials"], found["survived"], found["affected"]) == (4, 0.75, 0.75)
+    assert found["reward_drop"] == {"median": 0.4, "q25": 0.3, "q75": 0.65, "n": 3}
     assert found["recovered"] == 1
     assert found["recovery_s"]["median"] == pytest.approx(2 / 30, abs=1e-6)
-    assert found["fall_s"] == {"median": 0.066667, "quarter": 0.066667, "three_quarters": 0.066667, "n": 1}
+    assert found["fall_s"] == {"median": 0.066667, "q25": 0.066667, "q75": 0.066667, "n": 1}
     assert found["onset_s"]["median"] == pytest.approx(1 / 30, abs=1e-6)
     assert found["curve"]["mean"][1] == pytest.approx((0.9 + 0.8 + 0.4 + 0.9) / 4)
     # Wilson's interval of 3 out of 4, from its formula.
     n, p, z = 4, 0.75, 1.959964
     middle, half = p + z * z / (2 * n), z * np.sqrt(p * (1 - p) / n + z * z / (4 * n * n))
     edges = [(middle - half) / (1 + z * z / n), (middle + half) / (1 + z * z / n)]
-    assert found["survived_95"] == pytest.approx(edges, abs=1e-5)
+    assert found["survived_ci95"] == pytest.approx(edges, abs=1e-5)
 
 
 def test_who_never_falls_counts_among_the_latest() -> None:
     """One that falls at once does not speak for four that never do; three do, by the middle one's time."""
     upright, down = [0.9, 0.5, 0.5, 0.5], [0.9, 0.5, 0.0, 0.0]
-    rare = figures(made([upright] * 4 + [down], [4] * 4 + [2]))
+    rare = summarize(made([upright] * 4 + [down], [4] * 4 + [2]))
     assert rare["fall_s"]["median"] == pytest.approx(1 / 30, abs=1e-6)
     assert rare["typical_fall_s"] is None
-    often = figures(made([upright] * 2 + [down, down, [0.9, 0.5, 0.5, 0.0]], [4, 4, 2, 2, 3]))
+    often = summarize(made([upright] * 2 + [down, down, [0.9, 0.5, 0.5, 0.0]], [4, 4, 2, 2, 3]))
     assert often["typical_fall_s"] == pytest.approx(2 / 30, abs=1e-6)
     assert often["typical_recovery_s"] is None
 
 
-def test_a_trial_whose_twin_falls_tells_of_its_survival_only() -> None:
+def test_a_difference_for_the_better_affects_a_trial_too() -> None:
+    """A gain is an effect without a drop: it sets the onset, and has recovered at once."""
+    found = summarize(made([[0.9, 0.95, 0.9, 0.9], [0.9, 0.9, 0.8, 0.9]], [4, 4]))
+    assert found["affected"] == 1.0
+    assert found["onset_s"]["q25"] < found["onset_s"]["q75"]
+    when = event_times(made([[0.9, 0.95, 0.9, 0.9]], [4]))
+    assert when.onset_s.tolist() == pytest.approx([1 / 30])
+    assert when.recovery_s.tolist() == [0.0]
+
+
+def test_the_median_of_an_even_number_is_the_later_of_the_middle_two() -> None:
+    assert median_time(np.array([3.0, 1.0, 4.0, 2.0])) == 3.0
+    assert median_time(np.array([1.0, np.inf])) == np.inf
+    assert median_time(np.array([np.inf, 2.0, 1.0])) == 2.0
+    assert median_time(np.array([])) == np.inf
+
+
+def test_a_trial_whose_control_falls_tells_of_its_survival_only() -> None:
     trials = made([[0.9, 0.5, 0.5], [0.9, 0.1, 0.0]], [3, 2])
-    found = figures(replace(trials, twin_fell=np.array([False, True])))
-    assert (found["survived"], found["twins_fallen"], found["touched"]) == (0.5, 1, 0.5)
-    assert found["dip"]["median"] == pytest.approx(0.4)
+    found = summarize(replace(trials, control_fell=np.array([False, True])))
+    assert (found["survived"], found["controls_fallen"], found["affected"]) == (0.5, 1, 0.5)
+    assert found["reward_drop"]["median"] == pytest.approx(0.4)
     assert found["fall_s"]["n"] == 0
 
 
 def test_what_never_touches_has_no_quartiles() -> None:
-    found = figures(made([[0.9, 0.9]], [2]))
-    assert found["dip"] == {"median": None, "quarter": None, "three_quarters": None, "n": 0}
+    found = summarize(made([[0.9, 0.9]], [2]))
+    assert found["reward_drop"] == {"median": None, "q25": None, "q75": None, "n": 0}
     assert found["survived"] == 1.0
 
 
@@ -113,12 +137,12 @@ def test_a_strong_pull_fells_and_a_weak_one_does_not(run: Path) -> None:
     assert found["pull"]["onset_s"]["median"] == pytest.approx(0.5, abs=1e-6)
     assert found["hard"]["survived"] == 0.0
     assert 0.0 < found["hard"]["fall_s"]["median"] < 1.0
-    assert found["pelted"]["touched"] == 1.0
+    assert found["pelted"]["affected"] == 1.0
     # A ball from a metre ahead at 3 m/s is there before it has come the whole metre.
     assert 0.1 < found["pelted"]["onset_s"]["median"] < 0.34
     for name in found:
         assert json.loads((run / f"scenario-{name}.json").read_text()) == found[name]
-        assert found[name]["twins_fallen"] == 0
+        assert found[name]["controls_fallen"] == 0
 
 
 def test_a_scenario_twice_is_the_same_file(run: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -130,13 +154,13 @@ def test_a_scenario_twice_is_the_same_file(run: Path, monkeypatch: pytest.Monkey
 
     once = written(1)
     assert written(1) == once
-    monkeypatch.setattr(scenario_trials, "TOGETHER", 3)
+    monkeypatch.setattr(scenario_trials, "TRIALS_PER_TASK", 3)
     assert written(2) == once
 
 
 def test_a_trial_is_the_same_however_many_there_are_and_another_with_another_seed(run: Path) -> None:
     few, many, other = (
-        disturb(run, [PULL], trials=trials, seed=seed, workers=1)["pull"]["each"]
+        disturb(run, [PULL], trials=trials, seed=seed, workers=1)["pull"]["per_trial"]
         for trials, seed in ((3, 0), (13, 0), (3, 1))
     )
     for key in ("phase", "fallen_at"):
@@ -154,7 +178,7 @@ def test_engines_agree(run: Path, walk: Motion) -> None:
     for name in ("pull", "hard"):
         native, bullet = found["native"][name], found["pybullet"][name]
         assert native["survived"] == bullet["survived"]
-        assert native["dip"]["median"] == pytest.approx(bullet["dip"]["median"], abs=0.02)
+        assert native["reward_drop"]["median"] == pytest.approx(bullet["reward_drop"]["median"], abs=0.02)
 
 
 def seeing() -> Policy:
@@ -173,11 +197,11 @@ def test_a_trial_alone_is_that_among_others_to_the_last_bit(
     if engine == "native":
         pytest.importorskip("kinemimic_native", reason="the native engine is not built here")
     task = Task(crouching(walk), seeing(), PRESETS["default"].env, scenario, tuple(range(7)), 0, engine)
-    among = conduct(task).rewards
+    among = run_trials(task).rewards
     assert len(np.unique(among, axis=0)) == 7
-    np.testing.assert_array_equal(conduct(task).rewards, among)
+    np.testing.assert_array_equal(run_trials(task).rewards, among)
     for number in (0, 3, 6):
-        np.testing.assert_array_equal(conduct(replace(task, numbers=(number,))).rewards[0], among[number])
+        np.testing.assert_array_equal(run_trials(replace(task, numbers=(number,))).rewards[0], among[number])
 
 
 def test_what_is_played_is_the_trial_of_that_number(walk: Motion) -> None:
@@ -186,7 +210,7 @@ def test_what_is_played_is_the_trial_of_that_number(walk: Motion) -> None:
     played, _ = replay_scenario(task.motion, policy, PRESETS["default"], PELTED, number=3)
     largest = sum(PRESETS["default"].final_reward.weights.values())
     measured = replace(task.config, reward=PRESETS["default"].final_reward)
-    (alone,) = conduct(replace(task, config=measured)).rewards
+    (alone,) = run_trials(replace(task, config=measured)).rewards
     stood = int(played.fallen_at[0])
     np.testing.assert_allclose(played.rewards[0, :stood].sum(axis=1) / largest, alone[:stood], atol=1e-12)
 
@@ -199,7 +223,7 @@ def test_scenarios_of_one_name_are_refused(run: Path) -> None:
 def test_a_performance_that_ends_is_tried_to_its_end(walk: Motion) -> None:
     once = replace(crouching(walk), cyclic=False)
     task = Task(once, constant(), PRESETS["default"].env, PULL, (0, 1), 0, resolve("auto"))
-    trials = conduct(task)
+    trials = run_trials(task)
     assert trials.rewards.shape == (2, int(once.duration * 30 + 1e-6))
     assert not trials.phases.any()
 

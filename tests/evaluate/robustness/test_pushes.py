@@ -20,16 +20,16 @@ from peers.elsewhere import turned
 from kinemimic.evaluate.robustness import push_trials
 from kinemimic.evaluate.robustness import pushes as module
 from kinemimic.evaluate.robustness.push_trials import (
-    BEYOND,
     DIRECTIONS,
+    EXTENDED_GRID,
     GRID,
     PUSH,
     RESOLUTION,
     SETTLE,
     SURVIVE,
-    Found,
+    SearchResult,
     Task,
-    push_all_ways,
+    push_from_all_directions,
     push_phases,
     search,
 )
@@ -47,7 +47,7 @@ from kinemimic.train.task.env import ACTIONS, OBSERVATIONS
 IDLE = constant()
 
 
-def judged(survives: Callable[[float], bool]) -> tuple[Found, list[float]]:
+def judged(survives: Callable[[float], bool]) -> tuple[SearchResult, list[float]]:
     """What a search finds if `survives` judges, and the forces that it tried."""
     one, tried = search(), []
     force = next(one)
@@ -60,30 +60,30 @@ def judged(survives: Callable[[float], bool]) -> tuple[Found, list[float]]:
 
 
 @pytest.mark.parametrize("border", [1.0, 39.0, 40.0, 107.3, 299.0, 300.0, 417.0])
-def test_a_search_finds_the_border(border: float) -> None:
-    found, tried = judged(lambda force: force <= border)
-    assert found.unpushed
-    assert border - RESOLUTION < found.border <= border
-    assert found.grid == tuple(force <= border for force in GRID)
-    assert len(tried) <= 1 + len(GRID) + len(BEYOND) + 6
+def test_a_search_finds_the_border(threshold: float) -> None:
+    found, tried = judged(lambda force: force <= threshold)
+    assert found.survived_unpushed
+    assert threshold - RESOLUTION < found.threshold <= threshold
+    assert found.grid == tuple(force <= threshold for force in GRID)
+    assert len(tried) <= 1 + len(GRID) + len(EXTENDED_GRID) + 6
 
 
 def test_what_nothing_fells_has_the_largest_force_for_its_border() -> None:
     found, tried = judged(lambda force: True)
-    assert found == Found(600.0, True, (True,) * len(GRID))
-    assert tried == [0.0, *GRID, *BEYOND]
+    assert found == SearchResult(600.0, True, (True,) * len(GRID))
+    assert tried == [0.0, *GRID, *EXTENDED_GRID]
 
 
 def test_the_border_is_the_lowest_of_several() -> None:
     """It falls from 70 N on, and stands 120 to 260 N again: plain bisection of 0 to 600 N would say 260."""
     found, _ = judged(lambda force: force < 70 or 120 < force < 260)
-    assert 70 - RESOLUTION <= found.border < 70
+    assert 70 - RESOLUTION <= found.threshold < 70
     assert found.grid == (True, True, False, False, True, True, True, True, False)
 
 
 def test_who_falls_unpushed_survives_nothing() -> None:
     found, tried = judged(lambda force: False)
-    assert found == Found(0.0, False, (False,) * len(GRID))
+    assert found == SearchResult(0.0, False, (False,) * len(GRID))
     assert tried == [0.0]
 
 
@@ -97,18 +97,24 @@ def test_survived_is_the_largest_force_within_the_border_of_enough_phases() -> N
 
 
 def test_the_summary_keeps_directions_apart() -> None:
-    first = [Found(border, True, (border >= 100,) * len(GRID)) for border in (100.0, 50.0, 70.0, 80.0)]
-    second = [Found(border, True, (border >= 100,) * len(GRID)) for border in (300.0, 60.0, 90.0, 70.0)]
-    second[1] = Found(0.0, False, (False,) * len(GRID))
+    first = [
+        SearchResult(threshold, True, (threshold >= 100,) * len(GRID))
+        for threshold in (100.0, 50.0, 70.0, 80.0)
+    ]
+    second = [
+        SearchResult(threshold, True, (threshold >= 100,) * len(GRID))
+        for threshold in (300.0, 60.0, 90.0, 70.0)
+    ]
+    second[1] = SearchResult(0.0, False, (False,) * len(GRID))
     result = summary([first, second])
-    assert result["directions"]["forward"]["borders_n"] == [100.0, 300.0]
+    assert result["directions"]["forward"]["thresholds_n"] == [100.0, 300.0]
     assert result["directions"]["forward"]["survived_n"] == {"50": 300.0, "90": 100.0}
     assert result["directions"]["forward"]["grid"] == [1.0] * len(GRID)
-    assert result["directions"]["backward"]["borders_n"] == [50.0, 0.0]
-    assert result["directions"]["left"]["borders_n"] == [70.0, 90.0]
+    assert result["directions"]["backward"]["thresholds_n"] == [50.0, 0.0]
+    assert result["directions"]["left"]["thresholds_n"] == [70.0, 90.0]
     assert result["directions"]["right"]["grid"] == [0.0] * len(GRID)
     assert result["weakest_n"] == {"50": 50.0, "90": 0.0}
-    assert result["unpushed"] == 7 / 8
+    assert result["survived_unpushed"] == 7 / 8
 
 
 def test_pushes_come_all_around_a_cycle_or_within_a_performance(walk: Motion) -> None:
@@ -119,7 +125,7 @@ def test_pushes_come_all_around_a_cycle_or_within_a_performance(walk: Motion) ->
         contacts=np.zeros((frames, 2), dtype=bool),
     )  # fmt: skip
     np.testing.assert_allclose(push_phases(long, 3) * long.duration, [1.0, 2.9, 4.8])
-    with pytest.raises(KinemimicError, match=r"at least 6\.2 s .* found a performance of 1\.2 s"):
+    with pytest.raises(KinemimicError, match=r"at least 6\.2 s .* found a motion of 1\.2 s"):
         push_phases(replace(walk, cyclic=False), 3)
 
 
@@ -180,7 +186,7 @@ def task(motion: Motion, phase: float = 0.25) -> Task:
 def test_a_push_is_six_control_steps_on_the_pelvis_one_second_after_the_start(
     walk: Motion, judge: type[Judge]
 ) -> None:
-    push_all_ways(task(walk))
+    push_from_all_directions(task(walk))
     assert (SETTLE, PUSH, SURVIVE) == (30, 6, 150)
     assert set(judge.last.starts) == {0.25 - 1.0 / 1.2}  # a second before, of a cycle of 1.2 s
     # Forward, the second trial is the grid's first force, and survived to the end.
@@ -195,10 +201,10 @@ def test_a_push_is_six_control_steps_on_the_pelvis_one_second_after_the_start(
 
 def test_directions_are_the_references(walk: Motion, judge: type[Judge]) -> None:
     """The figure that walks along y is pushed forward along y, and to the left along -x."""
-    along_x = [one.border for one in push_all_ways(task(walk))]
-    for found, border in zip(along_x, (100.0, 70.0, 260.0, 20.0), strict=True):
-        assert border - RESOLUTION < found <= border
-    along_y = [one.border for one in push_all_ways(task(turned(walk, 0.5 * math.pi)))]
+    along_x = [one.threshold for one in push_from_all_directions(task(walk))]
+    for found, threshold in zip(along_x, (100.0, 70.0, 260.0, 20.0), strict=True):
+        assert threshold - RESOLUTION < found <= threshold
+    along_y = [one.threshold for one in push_from_all_directions(task(turned(walk, 0.5 * math.pi)))]
     x, x_back, y, y_back = along_x
     assert along_y == [y, y_back, x_back, x]
     assert list(DIRECTIONS) == ["forward", "backward", "left", "right"]
@@ -214,13 +220,13 @@ def test_a_figure_with_two_equal_sides_topples_to_both_alike(
 ) -> None:
     # Fewer trials than in earnest.
     monkeypatch.setattr(push_trials, "GRID", (200.0,))
-    monkeypatch.setattr(push_trials, "BEYOND", (1000.0,))
+    monkeypatch.setattr(push_trials, "EXTENDED_GRID", (1000.0,))
     monkeypatch.setattr(push_trials, "RESOLUTION", 50.0)
-    found = push_all_ways(task(crouch))
-    assert all(one.unpushed for one in found)
+    found = push_from_all_directions(task(crouch))
+    assert all(one.survived_unpushed for one in found)
     _, _, left, right = found
-    assert 0.0 < left.border < 1000.0
-    assert abs(left.border - right.border) <= 50.0
+    assert 0.0 < left.threshold < 1000.0
+    assert abs(left.threshold - right.threshold) <= 50.0
 
 
 @pytest.fixture
@@ -231,9 +237,9 @@ def run(tmp_path: Path, walk: Motion) -> Path:
 
 def test_without_a_policy_of_any_skill_a_walk_survives_nothing(run: Path) -> None:
     result = pushes(run, phases=2)
-    assert result["unpushed"] == 0.0
+    assert result["survived_unpushed"] == 0.0
     assert result["weakest_n"] == {"50": 0.0, "90": 0.0}
-    assert all(one["borders_n"] == [0.0, 0.0] for one in result["directions"].values())
+    assert all(one["thresholds_n"] == [0.0, 0.0] for one in result["directions"].values())
     text = (run / "pushes.json").read_text()
     assert json.loads(text) == result
     assert str(run) not in text
@@ -249,20 +255,20 @@ def test_the_same_pushes_whatever_the_number_of_processes(tmp_path: Path, crouch
         result = pushes(tmp_path, phases=2, workers=workers)
         written.append((tmp_path / "pushes.json").read_bytes())
     assert written[0] == written[1]
-    assert result["unpushed"] == 1.0
-    assert all(min(one["borders_n"]) > 0.0 for one in result["directions"].values())
+    assert result["survived_unpushed"] == 1.0
+    assert all(min(one["thresholds_n"]) > 0.0 for one in result["directions"].values())
 
 
 @pytest.fixture
 def found(run: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     """A run whose figures have made-up borders: 30, 40 … 220 N, and 600 N to the right."""
 
-    def in_this_process(work: object, tasks: list[Task], **_: object) -> list[list[Found]]:
+    def in_this_process(work: object, tasks: list[Task], **_: object) -> list[list[SearchResult]]:
         borders = [30.0 + 10.0 * k for k in range(len(tasks))]
         return [
-            [Found(border, True, tuple(border >= force for force in GRID))] * 3
-            + [Found(600.0, True, (True,) * len(GRID))]
-            for border in borders
+            [SearchResult(threshold, True, tuple(threshold >= force for force in GRID))] * 3
+            + [SearchResult(600.0, True, (True,) * len(GRID))]
+            for threshold in borders
         ]
 
     monkeypatch.setattr(module, "parallel_map", in_this_process)
