@@ -59,7 +59,7 @@ def judged(survives: Callable[[float], bool]) -> tuple[SearchResult, list[float]
             return done.value, tried
 
 
-@pytest.mark.parametrize("border", [1.0, 39.0, 40.0, 107.3, 299.0, 300.0, 417.0])
+@pytest.mark.parametrize("threshold", [1.0, 39.0, 40.0, 107.3, 299.0, 300.0, 417.0])
 def test_a_search_finds_the_border(threshold: float) -> None:
     found, tried = judged(lambda force: force <= threshold)
     assert found.survived_unpushed
