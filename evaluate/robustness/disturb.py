@@ -153,7 +153,7 @@ def command(
     else:
         show(
             table(results),
-            "\nMedians. Drop: largest loss of reward against a control run without perturbations, if "
-            f"the control does not fall. Recovered: within {100 * RECOVERED:.0f} % of the control to the end, "
+            "\nMedians. Drop: largest loss of reward against an unperturbed control run, if "
+            f"it does not fall. Recovered: within {100 * RECOVERED:.0f} % of the control to the end, "
             "of the trials with any difference. Seconds since the first difference.",
         )

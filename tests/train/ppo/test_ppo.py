@@ -9,7 +9,7 @@ import pytest
 import torch
 from peers.plain_ppo import PlainPPO
 
-from kinemimic.train.config.config import PRESETS
+from kinemimic.train.config.config import PRESETS, TrainConfig
 from kinemimic.train.ppo import networks
 from kinemimic.train.ppo.advantages import advantages
 from kinemimic.train.ppo.networks import Normalizer
@@ -74,19 +74,19 @@ def test_normalizer_equals_the_statistics_of_everything_seen() -> None:
     np.testing.assert_allclose(normalizer.scale, every.std(axis=0))
 
 
-def followed(steps: int, env_states: int) -> Samples:
+def followed(steps: int, num_envs: int) -> Samples:
     """Made-up samples in which, as in a rollout, a step begins where the one before it left off."""
     random = np.random.default_rng(0)
-    observations = random.normal(size=(steps, env_states, OBSERVATIONS)).astype(np.float32)
+    observations = random.normal(size=(steps, num_envs, OBSERVATIONS)).astype(np.float32)
     next_observations = random.normal(size=observations.shape).astype(np.float32)
-    terminated = random.random((steps, env_states)) < 0.1
-    truncated = ~terminated & (random.random((steps, env_states)) < 0.1)
+    terminated = random.random((steps, num_envs)) < 0.1
+    truncated = ~terminated & (random.random((steps, num_envs)) < 0.1)
     goes_on = ~(terminated | truncated)[:-1]
     next_observations[:-1][goes_on] = observations[1:][goes_on]
     return Samples(
         observations=observations,
-        actions=random.normal(0.0, 0.15, (steps, env_states, ACTIONS)).astype(np.float32),
-        terms=random.random((steps, env_states, 5)).astype(np.float32),
+        actions=random.normal(0.0, 0.15, (steps, num_envs, ACTIONS)).astype(np.float32),
+        terms=random.random((steps, num_envs, 5)).astype(np.float32),
         terminated=terminated,
         truncated=truncated,
         next_observations=next_observations,
@@ -143,3 +143,35 @@ def test_the_critic_learns_what_is_there_to_learn() -> None:
     for _ in range(5):
         last = algorithm.update(samples)["value/loss"]
     assert last < 0.2 * first
+
+
+def test_an_update_adds_its_observations_to_the_normaliser() -> None:
+    algorithm = PpoAlgorithm(TrainConfig(hidden=(8, 4), minibatch=24, epochs=1))
+    first, second = followed(16, 4), followed(16, 4)
+    for samples in (first, second):
+        algorithm.update(samples)
+    seen = np.concatenate([samples.observations.reshape(-1, OBSERVATIONS) for samples in (first, second)])
+    assert algorithm.normalizer.count == len(seen)
+    np.testing.assert_allclose(algorithm.normalizer.mean, seen.mean(axis=0, dtype=float), atol=1e-9)
+
+
+def test_every_update_decays_the_entropy_coefficient() -> None:
+    config = TrainConfig(hidden=(8, 4), minibatch=24, epochs=1, entropy=0.01, entropy_decay=0.5)
+    algorithm = PpoAlgorithm(config)
+    for expected in (0.005, 0.0025):
+        algorithm.update(followed(16, 4))
+        assert algorithm.progress.entropy == expected
+
+
+@pytest.mark.parametrize(("size", "norm"), [(3.0, 1.0), (1.5, 1.0), (0.5, 0.5)])
+def test_a_gradient_longer_than_one_is_clipped_to_one(
+    size: float, norm: float, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    algorithm = PpoAlgorithm(TrainConfig(hidden=(8, 4)))
+    critic = algorithm.net.critic
+    direction = torch.randn(len(critic.gradient))
+    direction *= size / direction.norm()
+    monkeypatch.setattr(critic, "backward", lambda _: critic.gradient.copy_(direction))
+    algorithm.critic_step(torch.zeros(4, OBSERVATIONS), torch.zeros(4, 1))
+    assert float(critic.gradient.norm()) == pytest.approx(norm, rel=1e-5)
+    torch.testing.assert_close(critic.gradient / norm, direction / size, rtol=1e-4, atol=1e-6)
