@@ -1,4 +1,4 @@
-"""Tasks side by side, each in a process that may start processes of its own, as a training does."""
+"""Run tasks in parallel, each in a process that may start further processes, as a training does."""
 
 from __future__ import annotations
 
@@ -14,32 +14,32 @@ from kinemimic.pipeline.parallel.worker import Worker, WorkerDiedError
 
 Task = TypeVar("Task")
 Heard_contra = TypeVar("Heard_contra", contravariant=True)
-_LOOK = 0.5  # s between two looks whether Ctrl-C was pressed
+_LOOK = 0.5  # s between checks for Ctrl-C
 
 
 class Listener(Protocol[Heard_contra]):
-    """Who is told what becomes of the tasks."""
+    """Receives the progress and results of the tasks."""
 
     def begun(self, task: Heard_contra) -> None:
-        """Its process is started."""
+        """The task's process has started."""
 
     def advanced(
         self, task: Heard_contra, description: str, done: float, fields: Mapping[str, object]
     ) -> None:
-        """A bar of the task, so described, stands at so many units, with numbers beside it."""
+        """The task's progress bar with this description has reached `done` units; fields: shown beside it."""
 
     def ended(self, task: Heard_contra, error: str | None) -> None:
-        """It is done, or an error in one line."""
+        """The task has finished; error: in one line, None if it succeeded."""
 
 
 def side_by_side(
     work: Callable[[Task], object], tasks: Sequence[Task], jobs: int, listener: Listener[Task]
 ) -> None:
-    """Do all tasks, at most `jobs` at a time; what fails does not keep the others.
+    """Run all tasks, at most `jobs` at a time; a task that fails does not affect the others.
 
-    work: a function of a module's top level. Ctrl-C or SIGTERM: nothing else begins, the processes are asked
-    to end by SIGTERM and waited for, so that a training saves its checkpoint; then KeyboardInterrupt. A
-    second one ends them at once.
+    work: a function at a module's top level. After Ctrl-C or
+    SIGTERM, no further task starts, and the running processes get SIGTERM and are waited for, so that a
+    training can save its checkpoint; then KeyboardInterrupt is raised. A second signal ends them at once.
     """
     left = deque(tasks)
     running: dict[Worker, Task] = {}
@@ -77,11 +77,11 @@ def side_by_side(
 
 
 def _message(worker: Worker) -> tuple[str, Any]:
-    """("bar", what it shows) or, last, ("ended", an error in one line or None)."""
+    """("bar", its content) or, as the last message, ("ended", an error in one line or None)."""
     try:
         message: tuple[str, Any] = worker.receive()
     except WorkerDiedError as death:
-        advice = "; memory may be short: take fewer --jobs" if death.exitcode == -9 else ""
+        advice = "; memory may be short: use fewer --jobs" if death.exitcode == -9 else ""
         return "ended", f"its process ended, status {death.exitcode}{advice}"
     return message
 
@@ -95,6 +95,6 @@ def _do(connection: Connection, work: Callable[[Task], object], task: Task) -> N
         error = str(found)
     except OSError as found:
         error = f"{found.filename or 'a file'}: {found.strerror or found}"
-    except KeyboardInterrupt:  # it was asked to end, and saved
+    except KeyboardInterrupt:  # the task was asked to end, and has saved its state
         return
     connection.send(("ended", error))

@@ -1,9 +1,9 @@
-"""Gets Bullet's C++ sources: those that the pinned pybullet wheel was made from, out of its source archive.
+"""Fetch Bullet's C++ sources, from the source archive of the pinned pybullet version.
 
-    python fetch.py BUILD     leaves BUILD/bullet-<version>/{src,LICENSE.txt} and prints that folder
+    python fetch.py BUILD     writes BUILD/bullet-<version>/{src,LICENSE.txt} and prints that folder
 
-pip does the downloading, so that mirrors, proxies and caches are those that everything else came through.
-Given the hash, it refuses another archive before it runs anything of it.
+pip downloads the archive, with the same mirrors, proxies and caches as for all other packages. Because it is
+given the hash, it rejects any other archive before running code from it.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from pathlib import Path, PurePosixPath
 VERSION = "3.2.7"
 SHA256 = "042879db8d101ac7590dee475fc6aded508b85fe1273fdbbfde1d88bd200e14f"
 
-# The sources are 14 MB in 700 files; what would fill a disk is no archive of ours.
+# The sources are 14 MB in 700 files; an archive that would fill the disk is not the right one.
 MOST_BYTES = 100_000_000
 MOST_FILES = 5_000
 
@@ -31,9 +31,10 @@ class FetchError(Exception):
 
 
 def fetch(build: Path, *, sha256: str = SHA256) -> Path:
-    """The folder with Bullet's sources below `build`: fetched, checked and unpacked, or there from last time.
+    """The folder with Bullet's sources below `build`.
 
-    It appears whole or not at all. Raises FetchError when the archive cannot be had or has another hash.
+    From an earlier call, or fetched, checked and unpacked. The folder is either complete or absent. Raises
+    FetchError if the archive is unavailable or has another hash.
     """
     folder = build / f"bullet-{VERSION}"
     marker = folder / "archive.sha256"
@@ -53,10 +54,10 @@ def fetch(build: Path, *, sha256: str = SHA256) -> Path:
 
 
 def download(folder: Path, sha256: str) -> Path:
-    """pybullet's source archive, by name, version and hash, from where pip is set to look."""
+    """pybullet's source archive, by name, version and hash, from the index that pip is configured to use."""
     wanted = folder / "requirements.txt"
     wanted.write_text(f"pybullet=={VERSION} --hash=sha256:{sha256}\n", encoding="ascii")
-    # Without isolation pip fetches no build tools only to ask the archive for its name.
+    # With build isolation, pip would fetch build tools just to read the archive's metadata.
     options = ["--no-deps", "--no-binary=pybullet", "--no-build-isolation", "--require-hashes", "--retries=1"]
     command = [
         sys.executable,
@@ -67,7 +68,7 @@ def download(folder: Path, sha256: str) -> Path:
         f"--dest={folder}",
         f"--requirement={wanted}",
     ]
-    done = subprocess.run(command, capture_output=True, text=True, check=False)  # noqa: S603 (our own words)
+    done = subprocess.run(command, capture_output=True, text=True, check=False)  # noqa: S603 (fixed arguments)
     found = sorted(folder.glob("pybullet-*.tar.gz"))
     if done.returncode or len(found) != 1:
         complaints = [line for line in done.stderr.splitlines() if line.startswith("ERROR:")]
@@ -75,25 +76,25 @@ def download(folder: Path, sha256: str) -> Path:
             complaints[0].removeprefix("ERROR:").strip() if complaints else f"exit status {done.returncode}"
         )
         expected = f"the source archive of pybullet {VERSION} from the package index"
-        raise FetchError(f"expected {expected}; pip says: {said[:200]}")
+        raise FetchError(f"expected {expected}, found none; pip reports: {said[:200]}")
     return found[0]
 
 
 def check(archive: Path, sha256: str) -> None:
-    """Raises FetchError unless the file has this SHA-256."""
+    """Raise FetchError unless the file has this SHA-256."""
     with archive.open("rb") as stream:
         found = hashlib.file_digest(stream, "sha256").hexdigest()
     if found != sha256:
         raise FetchError(
-            f"{archive.name}: expected SHA-256 {sha256}, found {found}: damaged, or another archive"
+            f"{archive.name}: expected SHA-256 {sha256}, found {found}; it is damaged or another archive"
         )
 
 
 def unpack(archive: Path, folder: Path) -> None:
-    """Bullet's `src` and licence out of pybullet's archive, and nothing of the rest of it.
+    """Extract Bullet's `src` and licence from pybullet's archive.
 
-    Only plain files are written, only below `folder`, and not more than the limits above; FetchError for an
-    archive that asks for more, or that cannot be read.
+    Only regular files are written, only below `folder`, and only up to the limits above; FetchError for an
+    archive that exceeds them, or that cannot be read.
     """
     written = files = 0
     try:
@@ -106,22 +107,24 @@ def unpack(archive: Path, folder: Path) -> None:
                 source = members.extractfile(member) if member.isreg() else None
                 if source is None or ".." in parts:
                     raise FetchError(
-                        f"{archive.name}: {member.name!r} is no plain file below src; nothing was kept"
+                        f"{archive.name}: expected regular files below src, found {member.name!r}; "
+                        "nothing was kept"
                     )
                 written, files = written + member.size, files + 1
                 if written > MOST_BYTES or files > MOST_FILES:
                     raise FetchError(
-                        f"{archive.name}: more than {MOST_FILES} files or {MOST_BYTES} bytes of sources"
+                        f"{archive.name}: expected at most {MOST_FILES} files and {MOST_BYTES} bytes of "
+                        "sources, found more"
                     )
                 target = folder.joinpath(*parts[1:])
                 target.parent.mkdir(parents=True, exist_ok=True)
                 with source, target.open("xb") as out:
                     shutil.copyfileobj(source, out)
     except (tarfile.TarError, zlib.error, EOFError, OSError) as error:
-        raise FetchError(f"{archive.name}: cannot be unpacked: {error}") from None
+        raise FetchError(f"{archive.name}: expected an intact archive, found {error}") from None
     if not (folder / "src").is_dir() or not (folder / "LICENSE.txt").is_file():
         raise FetchError(
-            f"{archive.name}: expected a folder src and LICENSE.txt, found {files} files of them"
+            f"{archive.name}: expected a folder src and a file LICENSE.txt, found {files} files in all"
         )
 
 

@@ -1,10 +1,11 @@
-"""Compiles kinemimic-native for this machine and installs it beside the Python that runs this.
+"""Compile kinemimic-native for this machine and install it for the Python that runs this script.
 
     python install.py fetched|system STAMP
 
-`fetched` takes Bullet's sources from the package index (fetch.py), `system` an installed Bullet. STAMP is a
-file that is made when the extension is installed and loads. Without a compiler or sources the project runs on
-pybullet: that is no error, so one line says what is missing and what it costs, and the exit status is 0.
+`fetched` uses Bullet's sources from the package index (fetch.py), `system` an installed Bullet. STAMP is a
+file that is created once the extension is installed and can be imported. Without a compiler or sources, the
+project runs on pybullet. This is not an error: one line states what is missing and the consequence, and the
+exit status is 0.
 """
 
 from __future__ import annotations
@@ -27,11 +28,11 @@ COST = "training runs on pybullet, about 3 times slower"
 
 
 class MissingError(Exception):
-    """What keeps the extension from being built, and what to do about it: two arguments, in all one line."""
+    """Why the extension cannot be built, and what to do about it: two arguments that form one line."""
 
 
 def compiler() -> str:
-    """The command of a C++ compiler: CXX, else the one that Python was built with, else what is usual."""
+    """The command of a C++ compiler: CXX, else the one that Python was built with, else a common one."""
     if named := os.environ.get("CXX"):
         candidates = [named]
     else:
@@ -44,7 +45,7 @@ def compiler() -> str:
 
 
 def first_error(log: str) -> str:
-    """The line of a build's output that says most: the compiler's or the linker's first error, else pip's."""
+    """The most informative line of a build's output: the compiler's or linker's first error, else pip's."""
     lines = [line.strip() for line in log.splitlines()]
     for mark in ("kinemimic-native:", "error: ", "ERROR: ", "Error: "):
         for line in lines:
@@ -54,36 +55,36 @@ def first_error(log: str) -> str:
 
 
 def call(*arguments: str, environment: dict[str, str]) -> None:
-    """Run this Python, its output to the log; MissingError with the line that matters when it fails."""
+    """Run this Python and log its output; on failure, raise MissingError with the relevant line."""
     command = [sys.executable, *arguments]
-    done = subprocess.run(  # noqa: S603 (our own words)
+    done = subprocess.run(  # noqa: S603 (fixed arguments)
         command, env=environment, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, check=False
     )
     with LOG.open("a", encoding="utf-8") as log:
         log.write(f"$ {shlex.join(command)}\n{done.stdout}")
     if done.returncode:
-        raise MissingError(first_error(done.stdout), f"mend that ({os.path.relpath(LOG)} has all of it)")
+        raise MissingError(first_error(done.stdout), f"fix that ({os.path.relpath(LOG)} has the full output)")
 
 
 def install(bullet: str) -> None:
-    """Fetch, compile, install, and see that it loads; MissingError when one of them cannot be."""
+    """Fetch, compile, install and test the import; MissingError if a step fails."""
     environment = {**os.environ, "CXX": compiler(), "KINEMIMIC_ARCH": "native"}
     try:
         environment["KINEMIMIC_BULLET"] = bullet if bullet == "system" else str(fetch(BUILD))
     except (FetchError, OSError) as error:
-        remedy = "look at the network, or take an installed Bullet (BULLET=system)"
+        remedy = "check the network connection, or use an installed Bullet (BULLET=system)"
         raise MissingError(str(error), remedy) from None
     BUILD.mkdir(exist_ok=True)
     LOG.unlink(missing_ok=True)
-    # Without isolation it is the pinned pybind11 that compiles; forced, because the version stays the same.
+    # Without isolation, the pinned pybind11 is used; forced, because the version number does not change.
     options = ["--verbose", "--no-deps", "--no-build-isolation", "--force-reinstall"]
     call("-m", "pip", "install", *options, str(HERE), environment=environment)
     call("-c", "import kinemimic_native", environment=environment)
 
 
 def main() -> int:
-    """The command: exit status 0, whether the extension is there now or a line says why not."""
-    parser = argparse.ArgumentParser(description="Compiles and installs the native engine, if this can be.")
+    """Run the command; the exit status is 0 even if the extension could not be built."""
+    parser = argparse.ArgumentParser(description="Compile and install the native engine if possible.")
     parser.add_argument("bullet", choices=("fetched", "system"))
     parser.add_argument("stamp", type=Path)
     options = parser.parse_args()
@@ -92,10 +93,11 @@ def main() -> int:
         install(options.bullet)
     except MissingError as missing:
         reason, remedy = missing.args
-        # What an earlier build left is not what the sources say now.
+        # An extension from an earlier build would not match the current sources.
         uninstall = [sys.executable, "-m", "pip", "uninstall", "--quiet", "--yes", "kinemimic-native"]
         subprocess.run(uninstall, capture_output=True, check=False)  # noqa: S603
-        print(f"native engine left out: {reason}; {COST}; {remedy}, then `make setup` again", file=sys.stderr)
+        line = f"native engine not built: {reason}; {COST}; {remedy}, then run `make setup` again"
+        print(line, file=sys.stderr)
         return 0
     options.stamp.touch()
     return 0

@@ -1,14 +1,14 @@
-"""Compiles Bullet and the C++ of this folder into the one module kinemimic_native.
+"""Compile Bullet and the C++ code of this folder into the module kinemimic_native.
 
-What may differ between builds comes from the environment:
+Environment variables configure the build:
 
-KINEMIMIC_BULLET     a folder that holds Bullet's `src` (fetch.py makes one), or `system` for an installed
+KINEMIMIC_BULLET     a folder that holds Bullet's `src` (fetch.py creates one), or `system` for an installed
                      Bullet, found by pkg-config; required
-KINEMIMIC_PRECISION  double, or single; unset: double
-KINEMIMIC_ARCH       native: for the processor of this machine, which no other may be able to run;
-                     unset: for every x86-64, as a wheel that is shared has to be
-KINEMIMIC_SANITIZE   the compiler's sanitizers, as in address,undefined; unset: none
-CXX                  the compiler, as everywhere
+KINEMIMIC_PRECISION  double (default) or single
+KINEMIMIC_ARCH       native: for the processor of this machine only; unset: for every x86-64, as a wheel
+                     for distribution requires
+KINEMIMIC_SANITIZE   the compiler's sanitizers, for example address,undefined; unset: none
+CXX                  the compiler, as usual
 """
 
 from __future__ import annotations
@@ -27,11 +27,11 @@ from setuptools.command.build_clib import build_clib
 HERE = Path(__file__).resolve().parent
 SOURCES = sorted(path.name for path in HERE.glob("*.cpp"))
 HEADERS = sorted(path.name for path in HERE.glob("*.hpp"))
-# Each includes one of Bullet's libraries whole.
+# Each of these files includes a complete library of Bullet.
 BULLET_UNITS = ("btLinearMathAll.cpp", "btBulletCollisionAll.cpp", "btBulletDynamicsAll.cpp")
 DOUBLE = "-DBT_USE_DOUBLE_PRECISION"
 
-# No -ffast-math: results have to repeat bit by bit, and NaN has to be seen.
+# No -ffast-math: results must be reproducible bit for bit, and NaN must be detected.
 COMPILING = [
     "-std=c++17",
     "-fno-math-errno",
@@ -39,9 +39,9 @@ COMPILING = [
     "-fvisibility-inlines-hidden",
     "-pthread",
 ]
-# Bullet's spatial algebra is many small functions, which GCC's own limits leave out of line: an eighth of
-# the time. No trap and no sign of zero is ever asked for, and what Python's own build asks of every extension
-# (wrapping integers, guards on the stack of each small function) costs a twelfth.
+# Bullet's spatial algebra consists of many small functions, which GCC does not inline with its default
+# limits; inlining them saves an eighth of the time. Traps and the sign of zero are not needed. Python's own
+# flags for extensions (wrapping integers, stack protection in each small function) cost a twelfth.
 FAST = [
     "-O3",
     "-fno-wrapv",
@@ -54,7 +54,7 @@ FAST = [
     *("--param", "inline-unit-growth=300"),
     *("--param", "large-function-growth=600"),
 ]
-# Assertions live, the first finding ends the program, and its report has names and lines.
+# Assertions are enabled, the first finding ends the program, and its report has names and line numbers.
 CHECKED = [
     "-O1",
     "-g",
@@ -66,57 +66,60 @@ CHECKED = [
 
 
 class BuildBullet(build_clib):
-    """Bullet's units lie outside this folder, where the list of a distribution's files may not reach."""
+    """Hides Bullet's sources, which lie outside this folder, from the list of a distribution's files."""
 
     def get_source_files(self) -> list[str]:
         return []
 
 
 def stop(reason: str) -> NoReturn:
-    """End with one line; install.py looks for its beginning."""
+    """Exit with one line; install.py recognises its beginning."""
     raise SystemExit(f"kinemimic-native: {reason}")
 
 
 def chosen(name: str, *known: str) -> str:
-    """An environment variable that has to be one of the known values; unset, it is the first."""
+    """The value of an environment variable, which must be one of the known ones; the first if it is unset."""
     value = os.environ.get(name) or known[0]
     if value not in known:
-        stop(f"{name} has to be one of {', '.join(filter(None, known))}, and is {value}")
+        stop(f"{name}: expected one of {', '.join(filter(None, known))}, found {value}")
     return value
 
 
 def system_bullet(precision: str) -> list[str]:
-    """Flags for the installed Bullet of that precision; Debian has both, by two names."""
+    """Flags for the installed Bullet of that precision; Debian packages both, under different names."""
     for package in ("bullet-float64", "bullet"):
         command = ["pkg-config", "--cflags", "--libs", package]
         try:
-            done = subprocess.run(command, capture_output=True, text=True, check=True)  # noqa: S603 (our own)
+            done = subprocess.run(command, capture_output=True, text=True, check=True)  # noqa: S603 (fixed)
         except (OSError, subprocess.CalledProcessError):
             continue
         flags = shlex.split(done.stdout)
         if (DOUBLE in flags) == (precision == "double"):
             return flags
-    stop(f"pkg-config finds no Bullet of {precision} precision: install it (Debian: libbullet-dev)")
+    stop(
+        f"expected an installed Bullet of {precision} precision, found none by pkg-config; install it "
+        "(Debian: libbullet-dev)"
+    )
 
 
 def bullet_source(folder: str) -> Path:
-    """Bullet's `src` in the folder that KINEMIMIC_BULLET names."""
+    """The `src` folder of Bullet in the folder that KINEMIMIC_BULLET names."""
     src = Path(folder).resolve() / "src"
     if not folder or not all((src / unit).is_file() for unit in BULLET_UNITS):
         stop(
-            f"KINEMIMIC_BULLET has to be `system` or a folder with Bullet's src, and is {folder or 'not set'}"
+            f"KINEMIMIC_BULLET: expected `system` or a folder with Bullet's src, found {folder or 'nothing'}"
         )
     return src
 
 
 def is_stale(made: str, source: str) -> bool:
-    """Whether an object file is older than what it was made from; our own files include our headers too."""
+    """Whether an object file is older than its sources; for our own files, these include our headers."""
     origin = [source, *(HEADERS if source in SOURCES else [])]
     return any(Path(made).stat().st_mtime < Path(path).stat().st_mtime for path in origin)
 
 
 def main() -> None:
-    """Build for what the environment says."""
+    """Build with the configuration from the environment."""
     bullet = os.environ.get("KINEMIMIC_BULLET", "")
     precision = chosen("KINEMIMIC_PRECISION", "double", "single")
     sanitizers = [f"-fsanitize={names}"] if (names := os.environ.get("KINEMIMIC_SANITIZE")) else []
@@ -134,7 +137,7 @@ def main() -> None:
         headers = [f"-isystem{src}"]
         units = [str(src / unit) for unit in BULLET_UNITS]
         libraries = [("bullet", {"sources": units, "cflags": [*flags, "-w", f"-I{src}"]})]
-    # Object files of other flags are other files, so that each kind of build finds its own again.
+    # Each combination of flags has its own folder of object files, which later builds reuse.
     kind = hashlib.sha256(repr((headers, flags, os.environ.get("CXX"))).encode()).hexdigest()[:8]
     made = HERE.parents[1] / "build" / "native" / kind
     made.mkdir(parents=True, exist_ok=True)

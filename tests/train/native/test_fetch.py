@@ -84,7 +84,7 @@ def test_an_archive_that_would_fill_the_disk_is_refused(
 ) -> None:
     for name, value in limit.items():
         monkeypatch.setattr(fetch, name, value)
-    with pytest.raises(fetch.FetchError, match="more than"):
+    with pytest.raises(fetch.FetchError, match="expected at most"):
         fetch.unpack(packed(tmp_path / "a.tar.gz", GOOD), tmp_path / "out")
 
 
@@ -127,7 +127,7 @@ def test_the_folder_appears_whole_or_not_at_all(tmp_path: Path, monkeypatch: pyt
     fetch.fetch(tmp_path, sha256="2" * 64)
     assert (folder / "src" / "new.h").is_file()
     content[f"{NAME}/src/../../up.h"] = b""
-    with pytest.raises(fetch.FetchError, match="no plain file"):
+    with pytest.raises(fetch.FetchError, match="regular files"):
         fetch.fetch(tmp_path, sha256="3" * 64)
     assert fetch.fetch(tmp_path, sha256="2" * 64) == folder
     assert list(tmp_path.iterdir()) == [folder]
