@@ -90,7 +90,7 @@ def fit_noncyclic(clip: Clip, one: Pass) -> NonCyclicFit:
     frames = one.frames if one.walks else np.flatnonzero(clip.passes == one.number)
     if len(frames) < 2:
         raise KinemimicError(
-            f"retarget: expected at least 2 frames in a pass, found {len(frames)}; record longer"
+            f"retarget: expected at least 2 frames in a pass, found {len(frames)}; make a longer recording"
         )
     p = rotate(from_axis_angle("Z", -one.heading), clip.positions[frames])
     walk = _phase(clip, one) if one.walks else None

@@ -80,7 +80,7 @@ def train_and_score(cell: Cell) -> None:
         if later:
             raise KinemimicError(
                 f"{cell.folder}: expected budgets in increasing order, found {later[0]} before that of "
-                f"{budget}; a training cannot go back: name another --out"
+                f"{budget}; a training cannot go back: choose another --out"
             )
         train(
             cell.folder,
@@ -116,6 +116,6 @@ def _budget(path: Path) -> int:
 def _expect(cell: Cell, what: str, same: bool) -> None:
     if not same:
         raise KinemimicError(
-            f"{cell.folder}: expected results of the same {what}, found another; name another --out, or "
+            f"{cell.folder}: expected results of the same {what}, found another; choose another --out, or "
             "delete it"
         )

@@ -86,7 +86,7 @@ def _expect_form(content: Row, path: Path) -> None:
     except (KeyError, TypeError) as error:
         found = f"no {error}" if isinstance(error, KeyError) else str(error)
         raise KinemimicError(
-            f"{path}: expected what `kinemimic compare` writes, found {found}; repeat it"
+            f"{path}: expected the output of `kinemimic compare`, found {found}; repeat it"
         ) from None
     if strange:
         raise KinemimicError(

@@ -113,9 +113,7 @@ def _write_onnx(path: Path, policy: Path) -> str:
     actor, record = Policy.load(policy)
     write_onnx(path, actor, record)
     observations, actions = actor.shape
-    return (
-        f"observation (N, {observations}) to action (N, {actions}), opset {OPSET}; the rest is its metadata"
-    )
+    return f"observation (N, {observations}) to action (N, {actions}), opset {OPSET}; see its metadata"
 
 
 @click.command("export")

@@ -125,7 +125,7 @@ def sources_of_run(
     number: pass of the capture, by default the longest. KinemimicError for a missing motion or pass.
     """
     if not run.is_dir():
-        raise KinemimicError(f"{run}: expected a run folder, found none; name one with --run")
+        raise KinemimicError(f"{run}: expected a run folder, found none; choose one with --run")
     names = list(wanted) or [name for name, file in SOURCES.items() if (run / file).is_file()]
     if not names:
         raise KinemimicError(
@@ -192,7 +192,8 @@ def source_of_mcap(path: Path, *, recover: bool) -> MotionSource:
     """The motion in an MCAP file of kinemimic; recover: its intact part."""
     if recover:
         found = recover_mcap(path)
-        motion, remark = found.motion, "the file is whole" if found.fault is None else f"found {found.fault}"
+        motion = found.motion
+        remark = "the file is complete" if found.fault is None else f"found {found.fault}"
     else:
         motion, remark = read_mcap(path), ""
     return _of_motion(motion, remark, {"mcap": file_hash(path)})

@@ -150,9 +150,9 @@ def table(content: Row) -> RenderableType:
 @click.option("--out", type=click.Path(path_type=Path, file_okay=False), default=Path("runs/study"),
               show_default=True, help="Output folder.")  # fmt: skip
 @click.option("--trials", type=click.IntRange(min=1, max=100_000), default=TRIALS, show_default=True,
-              help="Of everybody in each scenario.")  # fmt: skip
+              help="Trials of every policy in each scenario.")  # fmt: skip
 @click.option("--rooms", "walks", type=click.IntRange(min=1, max=10_000), default=ROOMS, show_default=True,
-              help="That everybody walks.")  # fmt: skip
+              help="Rooms that every policy walks through.")  # fmt: skip
 @click.option(
     "--seed",
     type=click.IntRange(min=0),
@@ -173,10 +173,11 @@ def command(
     engine: str,
     as_json: bool,
 ) -> None:
-    """The paper's experiments with PPO, DDPG and actor-critic: every number of its section 4 with ours beside
-    it, in study.html; figures as SVG and PNG, numbers as CSV.
+    """The paper's experiments with PPO, DDPG and actor-critic.
 
-    Nothing is trained: the policies are those of `kinemimic compare`. An interrupted study goes on.
+    Every number of its section 4 next to ours, in study.html; figures as SVG and PNG, numbers as CSV.
+
+    Nothing is trained: the policies are those of `kinemimic compare`. An interrupted study resumes.
 
     \b
       kinemimic study --comparison runs/comparison

@@ -75,7 +75,7 @@ class ShippedPolicies:
         source = self.folder / name
         if (run / POLICY).exists():
             if file_hash(run / POLICY) != file_hash(source / POLICY):
-                raise KinemimicError(f"{run}: expected policy {name!r}, found another; name another --run")
+                raise KinemimicError(f"{run}: expected policy {name!r}, found another; choose another --run")
             if (run / MOTION).exists():
                 return
         _, record = Policy.load(source / POLICY)
@@ -117,7 +117,7 @@ class ShippedPolicies:
 
 def _expect_same(run: Path, same: bool) -> None:
     if not same:
-        raise KinemimicError(f"{run}: expected no motion, found one of another run; name another --run")
+        raise KinemimicError(f"{run}: expected no motion, found that of another run; choose another --run")
 
 
 def _for_motion(record: Mapping[str, Any], motion: Motion, run: Path) -> dict[str, Any]:

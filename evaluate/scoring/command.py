@@ -131,7 +131,7 @@ def table(scores: dict[str, Any], run: Path) -> RenderableType:
         f"{number(root['path_error_m'], 2)} m; largest torque {scores['torque']['peak']:.0f} N·m "
         f"({scores['torque']['joint']})",
     ]
-    below = ["(*) defined by no formula in the paper"]
+    below = ["(*) the paper gives no formula"]
     if scores["capture"]["simulated"]:
         lines.insert(0, "SIMULATED CAPTURE (virtual Kinect)")
     if scores["fit_capture"] is not None:

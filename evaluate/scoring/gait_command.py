@@ -34,7 +34,7 @@ def gait(run: Path) -> dict[str, Any]:
     KinemimicError if there is no subject, or none with a full stride.
     """
     if not run.is_dir():
-        raise KinemimicError(f"{run}: expected a run folder, found none; name one with --run")
+        raise KinemimicError(f"{run}: expected a run folder, found none; choose one with --run")
     if not any((run / name).exists() for name in SUBJECTS):
         raise KinemimicError(
             f"{run}: expected {' or '.join(SUBJECTS)}, found neither; run `ingest` and `convert` first"
@@ -69,7 +69,7 @@ def _recorded(capture: GaitSubject | None) -> str:
     strikes = [sum(len(feet.strikes[k]) for feet in capture.gait.feet.values()) for k in range(2)]
     return (
         f"; the capture's {seconds:.1f} s contain {strikes[0]} left and {strikes[1]} right foot strikes, and "
-        "a stride takes two of the same foot"
+        "a stride needs two of the same foot"
     )
 
 

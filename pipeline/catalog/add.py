@@ -52,11 +52,11 @@ def add(
     for entry in known.entries:
         if entry.name == f"{collection}/{name}":
             raise KinemimicError(
-                f"{catalog}: expected a new name, found {entry.name} in it already; choose a name with --as"
+                f"{catalog}: expected a new name, found {entry.name} already in it; choose a name with --as"
             )
         if entry.sha256 == sha256:
             raise KinemimicError(
-                f"{catalog}: expected a new file, found {file} in it already as {entry.name}"
+                f"{catalog}: expected a new file, found {file} already in it, as {entry.name}"
             )
     given = {
         "repository": repository,
@@ -124,7 +124,7 @@ def _overrides(
     for key in ("licence", "citation", "title", "sensor", "shows"):
         if given.get(key) not in (None, current := getattr(collection, key)):
             raise KinemimicError(
-                f"{catalog}: expected --{key} {current!r}, as {collection.name} has, found {given[key]!r}; "
+                f"{catalog}: expected --{key} {current!r}, as in {collection.name}, found {given[key]!r}; "
                 "use another --collection"
             )
     origin = (given.get("repository") or collection.repository, given.get("commit") or collection.commit)

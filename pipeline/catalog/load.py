@@ -131,8 +131,8 @@ def _check_unique(key: str, names: Sequence[str]) -> None:
     first = {name: index for index, name in reversed([*enumerate(names)])}
     for index, name in enumerate(names):
         if first[name] < index:
-            found = f"{name!r} for the second time"
-            raise RecordError(key, index, "name", expected="a name that nothing else has", found=found)
+            found = f"{name!r} a second time"
+            raise RecordError(key, index, "name", expected="a name that is not used elsewhere", found=found)
 
 
 def _where(steps: Steps, values: Any, text: str) -> str:

@@ -41,7 +41,7 @@ def target_path(entry: Entry, folder: Path) -> Path:
                 f"{part}: expected a path inside {root}, found a link to {part.resolve()}; remove the link"
             )
     if path.exists() and not path.is_file():
-        raise KinemimicError(f"{path}: expected a file or a free name, found something else")
+        raise KinemimicError(f"{path}: expected a file or an unused name, found something else")
     return path
 
 

@@ -39,7 +39,7 @@ COMMANDS: dict[str, tuple[str, str]] = {
     ),
     "pushes": (
         "kinemimic.evaluate.robustness.pushes:command",
-        "Measure how hard a push the policy survives from each side.",
+        "Measure the hardest push that the policy survives, by side.",
     ),
     "disturb": (
         "kinemimic.evaluate.robustness.disturb:command",
@@ -65,15 +65,15 @@ COMMANDS: dict[str, tuple[str, str]] = {
     "reproduce": ("kinemimic.evaluate.workflow.reproduce:command", "Retrain the shipped policies."),
     "compare": (
         "kinemimic.evaluate.compare.command:command",
-        "Train and score several tasks, presets and seeds; a table.",
+        "Train and score several tasks, presets and seeds.",
     ),
     "study": (
         "kinemimic.evaluate.paper.command:command",
-        "Run the paper's experiments; its numbers beside ours.",
+        "Repeat the paper's experiments and compare the numbers.",
     ),
     "run": (
         "kinemimic.evaluate.workflow.run:command",
-        "Run every stage on one capture, skipping what is up to date.",
+        "Run all stages on one capture; skip those up to date.",
     ),
 }
 

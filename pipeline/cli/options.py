@@ -29,7 +29,7 @@ class RunFolder(click.Path):
         """A Path; KinemimicError for a file."""
         run = Path(os.fsdecode(super().convert(value, param, ctx)))
         if run.is_file():
-            raise KinemimicError(f"{run}: expected a run folder, found a file; name another --run")
+            raise KinemimicError(f"{run}: expected a run folder, found a file; choose another --run")
         return run
 
 

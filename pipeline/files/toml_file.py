@@ -34,4 +34,4 @@ def parse_toml(path: Path, text: str) -> dict[str, Any]:
         raise CaptureError(path, expected="TOML", found=short(str(error), 200)) from None
     except ValueError:
         # int() refuses thousands of digits, which tomllib passes on.
-        raise CaptureError(path, expected="TOML", found="a number of thousands of digits") from None
+        raise CaptureError(path, expected="TOML", found="a number with thousands of digits") from None

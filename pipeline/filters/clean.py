@@ -21,7 +21,7 @@ from kinemimic.pipeline.kinematics.skeleton import INFERRED
 
 # One line for each filter, for reports and plans.
 FILTER_DESCRIPTIONS: dict[str, str] = {
-    "kalman": "Kalman-RTS smoother, cut-offs by likelihood, outliers overruled",
+    "kalman": "Kalman-RTS smoother, cut-offs by likelihood, outliers rejected",
     "butterworth": f"zero-phase Butterworth, 4th order, {CUTOFF:g} Hz",
     "one-euro": "One-Euro filter, causal",
     "none": "not filtered",
@@ -30,7 +30,7 @@ FILTER_DESCRIPTIONS: dict[str, str] = {
 
 @dataclass(frozen=True)
 class Cleaning:
-    """filled: (T, J) filled gaps; spikes: (T, J) outliers replaced or overruled; done: the steps in words."""
+    """filled: (T, J) filled gaps; spikes: (T, J) outliers replaced or rejected; done: the steps in words."""
 
     filled: Mask
     spikes: Mask
@@ -57,7 +57,7 @@ def clean(clip: Clip, method: str) -> tuple[Clip, Cleaning]:
     positions, overruled, note = _filter(clip, positions, filled, method)
     if method == "kalman":
         spikes = overruled
-        done.append(f"outliers overruled: {int(spikes.sum())} joint positions")
+        done.append(f"outliers rejected: {int(spikes.sum())} joint positions")
     if method != "none":
         done.append(note)
     states = np.where(filled, INFERRED, clip.states).astype(np.uint8)
@@ -94,7 +94,7 @@ def _clean_rotations(clip: Clip, rotations: Array, method: str) -> tuple[Array, 
 
 
 def _filter(clip: Clip, values: Array, filled: Mask, method: str) -> tuple[Array, Mask, str]:
-    """Filtered values (T, J, K), which of them (T, J) were overruled, and a description of the filter."""
+    """Filtered values (T, J, K), a mask (T, J) of rejected outliers, and a description of the filter."""
     nothing = np.zeros(filled.shape, dtype=np.bool_)
     if method == "kalman":
         found = smooth(values, clip.times, clip.passes, clip.states, filled)

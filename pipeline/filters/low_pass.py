@@ -44,7 +44,7 @@ def low_pass(values: Array, times: Array, passes: NDArray[np.int32]) -> tuple[Ar
             part = result[span][stretch]
             part[:, joints] = _on_even_clock(part[:, joints], times[span][stretch], step, smooth)
     note = f"zero-phase Butterworth, 4th order, {CUTOFF:g} Hz"
-    return result, note + (f"; {short} runs of under four frames left as recorded" if short else "")
+    return result, note + (f"; {short} runs of fewer than four frames left as recorded" if short else "")
 
 
 def zero_phase(rate: float) -> Callable[[Array], Array] | None:

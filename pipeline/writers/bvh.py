@@ -80,7 +80,7 @@ def write_hierarchy(
 def file_angles(rotations: Array, order: str) -> Array:
     """Euler angles (T, J, 3) in radians, in the sequence of `order`, about the file's Y-up axes."""
     if order not in BVH_ORDERS:
-        raise ValueError(f"no order of BVH: {order!r}; the six are {', '.join(BVH_ORDERS)}")
+        raise ValueError(f"not an Euler order of BVH: {order!r}; the six are {', '.join(BVH_ORDERS)}")
     q = multiply(multiply(conjugate(Y_UP_TO_Z_UP), rotations), Y_UP_TO_Z_UP)
     with warnings.catch_warnings():
         # At exact gimbal lock scipy picks one of the equivalent triples and warns; the rotation is right.

@@ -126,7 +126,7 @@ def analyze_pass(clip: Clip, number: int, bones: Array) -> Pass:
     )
     verdict, reason = _judge(harmonic, t, bad)
     if on_path and facing < 0:
-        verdict, reason = "refused", "walks backward, or left and right are exchanged"
+        verdict, reason = "refused", "walks backward, or left and right are swapped"
     middle = clip.positions[whole][:, [N["hip_left"], N["hip_right"]], :2].mean(axis=1) @ along
     # Percentiles, since single outliers may lie anywhere.
     travel = float(np.ptp(np.nanpercentile(middle, (5.0, 95.0))))

@@ -21,7 +21,7 @@ from kinemimic.retarget.feet.ankles import AnkleMode
 PARAMS = Path("datasets/versions/params.toml")
 MAX_BYTES = MEGABYTE
 _NAME, _NAMES = r"\A[a-z0-9_]+\Z", "names of small letters, digits and _"
-_RECORDING = "a recording, from the folder that is built in"
+_RECORDING = "the path of a recording, relative to the build folder"
 _Tolerance = Annotated[float, Meta(ge=0.0, le=1e6)]
 
 params_option: Callable[[Callable[..., Any]], Callable[..., Any]] = click.option(

@@ -72,8 +72,8 @@ def save(path: Path, training: TrainingState, motion: str) -> None:
     except (OSError, SafetensorError) as error:
         found = getattr(error, "strerror", None) or error
         raise KinemimicError(
-            f"{path}: expected to write a checkpoint, found that it failed ({found}); the last one stays; "
-            "fix that, and the same command continues from there"
+            f"{path}: expected to write a checkpoint, found that it failed ({found}); the previous one "
+            "is kept; fix this, and the same command resumes from there"
         ) from None
 
 

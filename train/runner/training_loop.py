@@ -98,7 +98,7 @@ class TrainingLoop:
         except (FloatingPointError, OSError) as error:
             # A full disk stops TensorBoard's curves first; strerror leaves out the error number.
             found = getattr(error, "strerror", None) or error
-            kept = f"the last {self._path} stays" if self._path.exists() else "there is no checkpoint yet"
+            kept = f"the last {self._path} is kept" if self._path.exists() else "there is no checkpoint yet"
             raise KinemimicError(f"training stopped at {state.samples:,} samples: {found}; {kept}") from None
 
     def _round(self, board: SummaryWriter, bar: Bar) -> None:

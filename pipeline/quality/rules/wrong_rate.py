@@ -42,7 +42,7 @@ def detect(clip: Clip) -> list[Defect]:
     period = stride_duration(points, clip.times[span])
     if period is not None and not HUMAN_STRIDE[0] <= period <= HUMAN_STRIDE[1]:
         text = (
-            f"at {rate:.4g} Hz a stride takes {period:.2f} s, outside of {HUMAN_STRIDE[0]:g} to "
+            f"at {rate:.4g} Hz a stride takes {period:.2f} s, outside {HUMAN_STRIDE[0]:g} to "
             f"{HUMAN_STRIDE[1]:g} s; a typical stride of 1.1 s would mean {rate * period / 1.1:.3g} Hz"
         )
         return [Defect("wrong_rate", len(clip.times), "frames", "flagged", text)]
@@ -50,7 +50,7 @@ def detect(clip: Clip) -> list[Defect]:
     if speed < MAX_WALKING_ANKLE_SPEED or usual > RUNNING_KNEES:
         return []
     text = (
-        f"at {rate:.4g} Hz the ankles part at {speed:.1f} m/s, as in a sprint, but the knees bend only "
+        f"at {rate:.4g} Hz the ankles separate at {speed:.1f} m/s, as in a sprint, but the knees bend only "
         f"{np.degrees(usual):.0f}°, as in a walk: the true frame rate is lower"
     )
     return [Defect("wrong_rate", len(clip.times), "frames", "flagged", text)]

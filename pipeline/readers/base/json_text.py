@@ -43,7 +43,7 @@ def parse_json(source: Source) -> Any:
         raise source.error(expected="JSON of a capture", found="brackets nested hundreds deep") from None
     except ValueError:
         # The remaining case: Python refuses integers of more than 4,300 digits.
-        raise source.error(expected="numbers", found="a number of thousands of digits") from None
+        raise source.error(expected="numbers", found="a number with thousands of digits") from None
 
 
 def numbers(value: Any) -> Array | None:

@@ -68,7 +68,7 @@ class Text(Struct, frozen=True, forbid_unknown_fields=True):
             raise RecordError("first_row", expected=expected, found=f"{self.first}")
         mark = self.comment
         if len(mark) > 1 or mark.isalnum() or (mark and mark in "+-.\"'"):
-            expected = "one character that begins no number"
+            expected = "one character that cannot begin a number"
             raise RecordError("comment", expected=expected, found=repr(mark))
 
     @property
@@ -90,7 +90,7 @@ class Clock(Struct, frozen=True, forbid_unknown_fields=True):
             raise RecordError("rate", expected=expected, found="none")
         if not self.counted and self.rate is not None:
             advice = 'leave one out, or use unit = "frame" for a column of frame numbers'
-            expected = "no rate beside a column of times"
+            expected = "no rate in addition to a column of times"
             raise RecordError("rate", expected=expected, found=f"{self.rate:g}", advice=advice)
 
     @property

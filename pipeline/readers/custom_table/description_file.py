@@ -58,7 +58,7 @@ class _Columns(_Parts, frozen=True, forbid_unknown_fields=True, kw_only=True):
 
 
 class _Joint(_Parts, frozen=True, forbid_unknown_fields=True, kw_only=True):
-    """What a joint has of its own."""
+    """The keys of a joint that override those of all joints."""
 
     name: str | None = None
     offset: tuple[_Length, _Length, _Length] | None = None
@@ -143,7 +143,7 @@ def _joints(file: File) -> tuple[Joint, ...]:
 
 
 def _placed(columns: tuple[Column, ...], called: str, further: int) -> tuple[Column, ...]:
-    """One joint's columns: its name in the pattern, or so many columns further than the first joint's."""
+    """One joint's columns: its name in the pattern, or an offset from the first joint's columns."""
     return tuple(
         column.replace("{joint}", called) if isinstance(column, str) else column + further
         for column in columns
@@ -153,7 +153,7 @@ def _placed(columns: tuple[Column, ...], called: str, further: int) -> tuple[Col
 def _check_names(key: tuple[str, ...], columns: tuple[Column, ...], text: Text) -> None:
     if text.header == 0 and any(isinstance(column, str) for column in columns):
         expected = "column numbers, as the table has no header"
-        advice = "say in table.header which line has the names"
+        advice = "give the line with the names as table.header"
         raise RecordError(*key, expected=expected, found=repr(list(columns)), advice=advice)
 
 
@@ -161,10 +161,10 @@ def _check_apart(part: str, columns: tuple[Column, ...], step: int | None) -> No
     """Joints that share columns of one row would all stand in one place."""
     for column in columns:
         if isinstance(column, str) and "{joint}" not in column:
-            expected = "{joint} in the name, where each joint's own goes"
+            expected = "{joint} in the name, in place of the name of each joint"
             raise RecordError("columns", part, expected=expected, found=repr(column))
         if isinstance(column, int) and not step:
-            expected = "how many columns further the next joint stands"
+            expected = "the number of columns from one joint to the next"
             raise RecordError("columns", "step", expected=expected, found=f"none beside {part}")
 
 

@@ -61,7 +61,7 @@ class _Lens(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
 
 
 class Mount(Struct, frozen=True, forbid_unknown_fields=True):
-    """How the depth camera stands: floor, a plane (a, b, c, d) in its axes (x right, y down, z forward); or
+    """The pose of the depth camera: floor, a plane (a, b, c, d) in its axes (x right, y down, z forward); or
     height over the floor, metres, and tilt, degrees.
 
     The world has Z up and X forward; its origin lies on the floor below the camera.

@@ -121,7 +121,7 @@ def read(source: Source) -> Clip:
             units="cm",
             units_rule="the format's",
             defects=_zero_lines(int((~seen).sum())),
-            notes=[f"{RATE:g} Hz and Euler order {ORDER}: the format's, the files do not say them"],
+            notes=[f"{RATE:g} Hz and Euler order {ORDER}: the format's, not stated in the files"],
             columns=WIDTH,
         ),
     )

@@ -55,12 +55,12 @@ def test_policy_and_motion_are_copied_once(shelf: ShippedPolicies, tmp_path: Pat
 def test_a_users_policy_or_motion_is_kept(shelf: ShippedPolicies, tmp_path: Path, walk: Motion) -> None:
     own = write_run(tmp_path / "own", walk, bias=0.5)
     before = {path: path.read_bytes() for path in own.iterdir()}
-    with pytest.raises(KinemimicError, match="expected policy 'walk', found another; name another --run"):
+    with pytest.raises(KinemimicError, match="expected policy 'walk', found another; choose another --run"):
         shelf.prepare("walk", own)
     assert before == {path: path.read_bytes() for path in own.iterdir()}
     (own / POLICY).unlink()
     for name in ("walk", "kinect_walk"):
-        with pytest.raises(KinemimicError, match="expected no motion, found one of another run"):
+        with pytest.raises(KinemimicError, match="expected no motion, found that of another run"):
             shelf.prepare(name, own)
     assert before[own / MOTION] == (own / MOTION).read_bytes()
     assert not (own / POLICY).exists()

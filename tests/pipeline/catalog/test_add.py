@@ -94,8 +94,8 @@ def test_a_refused_addition_changes_nothing(catalog_file: Path, tmp_path: Path, 
     add(walk, mine, "home", path="x.bvh", **TOLD)
     kept = mine.read_bytes()
     refused: list[tuple[Callable[[], object], str]] = [
-        (lambda: add(walk, mine, "home", path="y.bvh"), "found home/my walk.bvh in it already"),
-        (lambda: add(same, mine, "home", path="y.bvh"), "in it already as home/my walk.bvh"),
+        (lambda: add(walk, mine, "home", path="y.bvh"), "found home/my walk.bvh already in it"),
+        (lambda: add(same, mine, "home", path="y.bvh"), "already in it, as home/my walk.bvh"),
         (lambda: add(tmp_path, mine, "home", path="y"), "found a folder"),
         (lambda: add(tmp_path / "none", mine, "home", path="y"), "expected a file, found none"),
         (

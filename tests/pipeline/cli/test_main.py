@@ -108,7 +108,7 @@ def test_a_run_folder_that_is_a_file_is_one_line(tmp_path: Path, capsys: pytest.
     for name in ("ingest", "convert", "view"):
         assert call(name, "--run", str(blocked)) == 2
         (line,) = capsys.readouterr().err.strip().splitlines()
-        assert line == f"kinemimic: {blocked}: expected a run folder, found a file; name another --run"
+        assert line == f"kinemimic: {blocked}: expected a run folder, found a file; choose another --run"
 
 
 def test_ctrl_c_is_one_line_and_130(ending: Failing, capsys: pytest.CaptureFixture[str]) -> None:

@@ -107,7 +107,7 @@ def test_values_come_as_they_are() -> None:
         ("a = ", "x.toml: expected TOML, found .*end of document"),
         ("a = " + 5000 * "[", "x.toml: expected TOML, found deep nesting"),
         (500 * "a." + "a = 1", "x.toml: expected a record, found deep nesting"),
-        ("a = " + 5000 * "9", "x.toml: expected TOML, found a number of thousands of digits"),
+        ("a = " + 5000 * "9", "x.toml: expected TOML, found a number with thousands of digits"),
         (
             f"[a]\nb = [1, {2**63}]",
             r"x.toml, key a\.b\[2\]: expected whole numbers from .*, found .* 20 digits",

@@ -62,7 +62,7 @@ def test_each_method_says_what_it_did(node_clip: Build) -> None:
         FILTER_DESCRIPTIONS["butterworth"],
     )
     assert done["one-euro"][1] == FILTER_DESCRIPTIONS["one-euro"]
-    assert done["kalman"][0] == "outliers overruled: 1 joint positions"
+    assert done["kalman"][0] == "outliers rejected: 1 joint positions"
     assert done["kalman"][1].startswith("Kalman-RTS smoother, cut-offs ")
 
 

@@ -46,7 +46,7 @@ def test_a_sound_capture_comes_through_untouched(kind: str) -> None:
     assert np.array_equal(checked.clip.positions, clip.positions)
     assert planned_steps(checked) == [
         "1 pass, 240 frames, 8.0 s",
-        "positions: Kalman-RTS smoother, cut-offs by likelihood, outliers overruled",
+        "positions: Kalman-RTS smoother, cut-offs by likelihood, outliers rejected",
     ]
 
 

@@ -202,7 +202,7 @@ def test_a_full_disk_stops_it_with_one_line_and_the_good_checkpoint_stays(
                 raise OSError(errno.ENOSPC, "No space left on device")
 
         patched.setattr(checkpoint, "save_file", filling)
-        with pytest.raises(KinemimicError, match=r"No space left on device.*the one before stays"):
+        with pytest.raises(KinemimicError, match=r"No space left on device.*the previous one is kept"):
             stage.train(run, budget=BUDGET, workers=1, engine="pybullet")
     assert not list(run.glob(".*"))
     check_files(run)

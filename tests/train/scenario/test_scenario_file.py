@@ -139,7 +139,7 @@ def test_a_scenario_survives_json(tmp_path: Path) -> None:
         ("[[force]]", "[force]", r"key force: expected a list"),
         ("[[force]]", "[[force", "expected TOML"),
         ("seconds = 6.0", f"seconds = 0x{'f' * 5000}", "key seconds: expected whole numbers from -2"),
-        ("seconds = 6.0", f"seconds = {'9' * 5000}", "expected TOML, found a number of thousands of digits"),
+        ("seconds = 6.0", f"seconds = {'9' * 5000}", "found a number with thousands of digits"),
     ],
 )  # fmt: skip
 def test_a_mistake_is_one_line_that_names_its_key(tmp_path: Path, before: str, after: str, line: str) -> None:

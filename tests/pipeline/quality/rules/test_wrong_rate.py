@@ -41,7 +41,7 @@ def test_a_sprinters_ankles_on_a_walkers_knees(moving: Moving) -> None:
     clip = replace(walk, times=walk.times * 0.55 / period)
     (found,) = wrong_rate.detect(clip)
     assert (found.rule, found.action) == ("wrong_rate", "flagged")
-    assert "the ankles part at" in found.text
+    assert "the ankles separate at" in found.text
     # Who really runs, bends the knees for it.
     assert (
         wrong_rate.ankle_speed(nodes_of(moving(240, kind="run")), walk.times)
