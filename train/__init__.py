@@ -1,6 +1,6 @@
 """Training of a policy that imitates a motion: simulation, task, PPO and its baselines.
 
-In: a motion of `retarget` and a preset. Out: a run's folder with a policy, a checkpoint and learning curves.
+In: a motion of `retarget` and a preset. Out: a run folder with a policy, a checkpoint and learning curves.
 """
 
 import os

@@ -66,9 +66,9 @@ def train(
     `resume` is False, with the same result as one call, except that each call evaluates its last policy too.
     Then writes policy.safetensors, the policy of the best evaluation, policy.json, and TensorBoard's curves.
     A checkpoint of another motion or other settings is kept as checkpoint.previous.safetensors.
-    A motion that the gate (retarget/gate.py) refuses is not trained on unless `anyway`.
+    If the gate (retarget/gate.py) refuses the motion, it is not trained on, unless `anyway` is set.
 
-    minutes: of all calls together, after which training ends even if the budget is not spent.
+    minutes: of all calls together, after which the training ends even if the budget is not used up.
     workers: processes that simulate, by default one for every core; threads with a baseline. They are
     spawned: call this function below `if __name__ == "__main__"` in your own script. engine: see
     `sim/engines.py`. A training may resume with another engine or number of workers, but bit for bit only

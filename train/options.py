@@ -1,4 +1,4 @@
-"""Options of `train`, which `run` passes on; free of heavy imports for the sake of --help."""
+"""Options of `train`, which `run` passes on; free of heavy imports so that --help is fast."""
 
 from __future__ import annotations
 

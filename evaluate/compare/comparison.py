@@ -144,7 +144,7 @@ class Comparison:
             )
 
     def _whole(self, task: str, variant: str) -> bool:
-        """Whether every seed was scored at every budget."""
+        """Whether all seeds were scored at all budgets."""
         config = self.content["provenance"]["config"]
         wanted = {
             (seed, budget) for seed in range(config["seeds"]) for budget in config["budgets"].get(variant, ())

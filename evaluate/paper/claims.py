@@ -102,7 +102,7 @@ _NEVER = {"recovery_s": "mostly does not recover", "fall_s": "mostly does not fa
 
 
 def _ahead(ours: Row, theirs: Row, name: str, measure: str, scale: float = 1.0) -> dict[str, Any]:
-    """PPO's lead over a baseline, or the reason why there is none and whose failure that is."""
+    """PPO's lead over a baseline, or the reason why there is none and which algorithm failed."""
     result: dict[str, Any] = {"unequal": ours["samples"] > theirs["samples"], "ours": None}
     if not _walks(theirs):
         # A policy that falls undisturbed cannot show the effect of a disturbance.

@@ -1,4 +1,4 @@
-"""Figures and CSV tables that the study writes beside its page."""
+"""Figures and CSV tables that the study writes in addition to its page."""
 
 from __future__ import annotations
 

@@ -35,7 +35,7 @@ def study_page(comparison: Comparison, content: Row, drawings: Mapping[str, Draw
 
 
 def _claims(claims: Sequence[Row]) -> dict[str, Any]:
-    """A row for each claim, how many came out how, and the formulas."""
+    """A row for each claim, the number of claims per outcome, and the formulas."""
     rows = []
     for claim in claims:
         verdict = claim["verdict"]

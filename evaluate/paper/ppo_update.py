@@ -1,7 +1,7 @@
 """One gradient step of actor and critic of our PPO on n samples; `baseline_update.py` has the baselines'.
 
-A step is what the training does with one batch: gather its rows and update both networks with their
-optimisers. The samples are random: the time does not depend on their values.
+A step consists of the operations that the training performs on one batch: gather its rows and update both
+networks with their optimisers. The samples are random: the time does not depend on their values.
 """
 
 from __future__ import annotations

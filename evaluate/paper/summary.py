@@ -1,4 +1,7 @@
-"""The claims as Markdown, for docs/results.md: how many came out how, and every claim with a verdict."""
+"""The claims as Markdown, for docs/results.md.
+
+The number of claims per outcome, and every claim with a verdict.
+"""
 
 from __future__ import annotations
 
@@ -26,7 +29,7 @@ def is_worse(verdict: str) -> bool:
 
 
 def counts(claims: Sequence[Row]) -> tuple[tuple[int, str], ...]:
-    """How many claims came out how, with a label each."""
+    """The number of claims per outcome, each with a label."""
     verdicts = [claim["verdict"] for claim in claims]
     better, leads = verdicts.count(BETTER), sum(v.startswith(CONFIRMED) for v in verdicts)
     worse = sum(map(is_worse, verdicts))

@@ -83,7 +83,8 @@ def trial_tasks(
 ) -> list[Task]:
     """Tasks of TRIALS_PER_TASK trials each, measured with the reward at the end of the training.
 
-    The tasks do not depend on the number of processes, and trial k of a seed not on the number of trials.
+    The tasks do not depend on the number of processes, and trial k of a seed does not depend on the number of
+    trials.
     """
     measured = replace(config.env, reward=config.final_reward)
     chunks = [tuple(range(trials))[k : k + TRIALS_PER_TASK] for k in range(0, trials, TRIALS_PER_TASK)]

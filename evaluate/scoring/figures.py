@@ -99,7 +99,10 @@ def cycles(trajectory: Trajectory, capture: Capture | None, frames: int, *, cycl
 
 
 def _along(phase: Array, values: Array, cyclic: bool) -> tuple[Array, Array]:
-    """Scattered samples as a line over the cycle in per cent: medians of fiftieths that have samples."""
+    """Scattered samples as a line over the cycle in per cent.
+
+    Medians of the fiftieths of the cycle that have samples.
+    """
     at = np.mod(phase, 1.0) if cyclic else phase
     places, medians = [], []
     for k in range(50):

@@ -114,7 +114,7 @@ ROWS: tuple[Row, ...] = PACE + SYMMETRY + JOINTS
 
 
 def cell(value: Any, digits: int, scale: float) -> str:
-    """Text as it is; a number; or mean ± standard deviation."""
+    """Text unchanged; a number; or mean ± standard deviation."""
     if isinstance(value, str):
         return value
     if not isinstance(value, Mapping):

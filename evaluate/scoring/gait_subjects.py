@@ -1,7 +1,7 @@
 """The three subjects of a run's gait report: captured person, reference motion and simulated humanoid.
 
 All have one form, so that the same measurement applies: positions of the 20 nodes over time, clinical joint
-angles and, if rotations were measured, the knees' rotation about other axes than their hinge.
+angles and, if rotations were measured, the knees' rotation about axes other than their hinge.
 """
 
 from __future__ import annotations
@@ -56,7 +56,7 @@ class GaitSubject:
 
 @dataclass(frozen=True)
 class _Reliability:
-    """Judgement of `retarget`: whether pelvis and feet are reliable; trunk_lean, sole_pitch: radians, forward
+    """Judgement by `retarget`: whether pelvis and feet are reliable; trunk_lean, sole_pitch: radians, forward
     and toes down."""
 
     pelvis: bool = True
@@ -69,9 +69,9 @@ def captured(run: Path, motion: Motion | None = None) -> GaitSubject | None:
     """The person of run/quaternions.parquet; None if there is no such file.
 
     Segments that `retarget` judged unreliable (gait.json) are excluded here too: the pelvis is then upright,
-    with the trunk's lean and facing the direction of travel, and ankles have no angle; nor have they one
-    before that judgement. Soles that slope in stance are taken as flat, as in `retarget`. KinemimicError if
-    the run's motion, and hence the judgement, comes from another recording.
+    with the trunk's lean and facing the direction of travel, and ankles have no angle. Before that judgement,
+    they do not have one either. Soles that slope in stance are taken as flat, as in `retarget`.
+    KinemimicError if the run's motion, and hence the judgement, comes from another recording.
     """
     if not (run / "quaternions.parquet").exists():
         return None

@@ -1,8 +1,8 @@
 """scores.json: metrics of the rollouts, under stable keys.
 
 The main values (`survival.frames`, `fit.knee`, `fit.hip`, `root`) come from the rollout from phase 0.
-Rollouts continue after a fall: the reference goes on, and all frames count. On the ground, the joints can
-follow their targets easily, so every fit also has `r2_upright`, which credits nothing after a fall; without a
+Rollouts continue after a fall: the reference moves on, and all frames count. On the ground, the joints can
+follow their targets easily, so every fit also has `r2_upright`, which gives no credit after a fall; without a
 fall it equals `r2`. `fit.phases` and `survival.phases` cover the other start phases; `torque` is the maximum
 over all.
 """

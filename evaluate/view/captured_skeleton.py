@@ -1,4 +1,4 @@
-"""The captured skeleton beside a rollout, as read: unfiltered and with its gaps.
+"""The captured skeleton next to a rollout, as read: unfiltered and with its gaps.
 
 Capture and rollout share no clock: a captured frame is shown when the rollout's reference has the same phase.
 The passes of a walk follow one another, each over as many cycles as it lasts.

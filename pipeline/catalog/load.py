@@ -18,7 +18,7 @@ from kinemimic.pipeline.files.toml_file import parse_toml, read_text
 
 CATALOG = DATASETS / "catalog.toml"
 SCHEMA = 1
-NONE = "none"  # the format of files that no reader takes
+NONE = "none"  # the format of files that no reader supports
 MAX_BYTES = 16 * MEGABYTE  # of a catalogue
 
 # Characters that a terminal does not show, or that change the order in which it shows others.
@@ -32,8 +32,8 @@ def _matching(pattern: str, description: str) -> Meta:
 
 _Text = Annotated[str, _matching(_TEXT, "a line of text")]
 _Format = Annotated[str, _matching(_TEXT, f"a format's name as in `kinemimic formats`, or {NONE!r}")]
-# Names become folders and files of the user's: one component each, not hidden, of characters that a terminal
-# shows as they are.
+# Names become the names of the user's folders and files: one path component each, not hidden, and only
+# characters that a terminal shows unchanged.
 _FOLDER_NAME = r"[A-Za-z0-9_][A-Za-z0-9_.-]{0,99}"
 _FolderName = Annotated[str, _matching(_FOLDER_NAME, "a folder's name (letters, digits, _ - .)")]
 _FILE_NAME = rf"[^\W.][^/\\{_UNSEEN}]{{0,199}}"
@@ -49,7 +49,7 @@ _Rate = Annotated[float, Meta(ge=0.0, le=100_000.0)]  # Hz; 0 for files without 
 
 
 class _File(Struct, frozen=True, forbid_unknown_fields=True):
-    """What is None is the collection's."""
+    """A value of None means that of the collection."""
 
     name: _FileName
     bytes: _Size
@@ -89,8 +89,10 @@ class _Document(Struct, frozen=True, forbid_unknown_fields=True):
 
 
 def load_catalog(path: Path = CATALOG) -> Catalog:
-    """The catalogue of a file, by default the one that ships; KinemimicError, in one line, for the first
-    mistake."""
+    """The catalogue of a file, by default the shipped one.
+
+    KinemimicError, in one line, for the first mistake.
+    """
     return parse_catalog(path, read_text(path, MAX_BYTES, "a catalogue"))
 
 
@@ -136,7 +138,7 @@ def _check_unique(key: str, names: Sequence[str]) -> None:
 
 
 def _where(steps: Steps, values: Any, text: str) -> str:
-    """ "line 16, key walks.files[1].path": the line of the file, or of its collection, if it is found."""
+    """ "line 16, key walks.files[1].path": the line of the file, or of its collection, if it can be found."""
     lines = text.split("\n")
     heads = [at for at, line in enumerate(lines) if re.match(r"\s*\[\[\s*collection\s*\]\]", line)]
     at: int | None = None

@@ -1,4 +1,4 @@
-"""The local folder of recordings, and the path of a file in it, which never leads out of it."""
+"""The local folder of recordings, and the path of a file in it, which never points outside."""
 
 from __future__ import annotations
 

@@ -21,7 +21,7 @@ catalog = click.option(
 
 
 def folder(name: str) -> Callable[[_Command], _Command]:
-    """An option of that name for the folder of recordings; its parameter is `folder`."""
+    """An option with that name for the folder of recordings, passed to the command as `folder`."""
     return click.option(
         name,
         "folder",

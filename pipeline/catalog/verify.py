@@ -33,8 +33,8 @@ class Verified:
 def verify(catalog: Catalog, entries: Sequence[Entry], folder: Path) -> Verified:
     """Compare the files in `folder` with `entries` of the catalogue.
 
-    Unknown files are searched in the collections of `entries`, and beside them if `entries` is the whole
-    catalogue.
+    The collections of `entries` are searched for unknown files, and so is the whole folder if `entries` is
+    the whole catalogue.
     """
     if not folder.is_dir():
         raise KinemimicError(

@@ -11,8 +11,8 @@ import click
 from kinemimic.pipeline.cli.lazy_group import LazyGroup, load
 from kinemimic.pipeline.errors import KinemimicError
 
-# Each command is named by a string and imported when it runs: the command line is in the lowest layer and
-# must not import the layers above it.
+# Each command is named by a string and imported when it runs: the command line belongs to the lowest layer,
+# which must not import the layers above it.
 COMMANDS: dict[str, tuple[str, str]] = {
     "formats": ("kinemimic.pipeline.inspect.formats:command", "List the readable capture formats."),
     "datasets": (
@@ -78,7 +78,7 @@ COMMANDS: dict[str, tuple[str, str]] = {
 }
 
 BAD_INPUT = 2
-INTERRUPTED = 130  # 128 + SIGINT, what a shell reports for a program that Ctrl-C ended
+INTERRUPTED = 130  # 128 + SIGINT, as a shell reports for a program that was ended by Ctrl-C
 
 
 def load_command(name: str) -> click.Command:

@@ -23,19 +23,19 @@ class _Rate(ProgressColumn):
 
 
 # Receives the progress of a bar that is drawn elsewhere: its description, the units done so far, and the
-# newest numbers beside it.
+# latest numbers shown next to it.
 Listener = Callable[[str, float, Mapping[str, object]], object]
 _listener: ContextVar[Listener | None] = ContextVar("listener", default=None)
 
 
 class Bar:
-    """A progress bar, with the newest numbers beside it."""
+    """A progress bar, with the latest numbers next to it."""
 
     def __init__(self, drawn: Progress, task: TaskID) -> None:
         self._drawn, self._task = drawn, task
 
     def advance(self, n: float = 1, **fields: object) -> None:
-        """Advance by n units; `fields` (reward=0.83) are shown beside the bar until replaced."""
+        """Advance by n units; `fields` (reward=0.83) are shown next to the bar until replaced."""
         if fields:
             note = "  ".join(
                 f"{k} {v:.3g}" if isinstance(v, float) else f"{k} {v}" for k, v in fields.items()

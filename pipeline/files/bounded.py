@@ -27,7 +27,7 @@ def read_bounded(path: Path, limit: int, kind: str) -> bytes:
     """
     require_regular(path, kind)
     with path.open("rb") as stream:
-        # One byte more than allowed detects a larger file, whatever size it reports.
+        # Reading one byte more than allowed detects a larger file, regardless of the size that it reports.
         content = stream.read(limit + 1)
     if len(content) > limit:
         raise KinemimicError(

@@ -94,14 +94,14 @@ def dotted(steps: Steps) -> str:
 
 
 def short(text: str, most: int = 80) -> str:
-    """A text on one line, cut to what a message can hold."""
+    """A text on one line, truncated to a length that fits into a message."""
     line = " ".join(text.split())
     return line if len(line) <= most else f"{line[: most - 2]} …"
 
 
 def _check_size(value: Any, *key: str | int) -> None:
     if len(key) > _DEEPEST:
-        # Dotted keys nest without limit; printing them is what fails then.
+        # Dotted keys nest without limit; it is printing them that fails.
         raise RecordError(expected="a record", found="deep nesting")
     if isinstance(value, dict | list | tuple):
         for step, item in value.items() if isinstance(value, dict) else enumerate(value):
@@ -135,7 +135,10 @@ def _unknown(key: Steps, known: Sequence[str]) -> RecordError:
 
 
 def _explained(error: msgspec.ValidationError, values: Any, kind: Any) -> RecordError:
-    """msgspec's error as ours: it says where the value is, and the type there says what is expected."""
+    """msgspec's error as ours.
+
+    It gives the location of the value, and the type at that location gives the expected value.
+    """
     text, at, way = str(error).rpartition(" - at `$")
     text, way = (text, way) if at else (way, "")
     steps: Steps = ()
@@ -160,7 +163,7 @@ def _explained(error: msgspec.ValidationError, values: Any, kind: Any) -> Record
 
 
 def _culprit(values: Any, steps: Steps, table: dict[str, Any], kind: Any) -> str:
-    """The key of the value that does not fit in a table with any keys, which msgspec does not say."""
+    """The key of the value that does not fit, in a table with arbitrary keys; msgspec does not report it."""
 
     def replaced(value: Any, way: Steps, item: Any) -> Any:
         if not way:

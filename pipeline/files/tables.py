@@ -44,7 +44,9 @@ def read_table(path: Path, *, kind: str, advice: str) -> tuple[pa.Table, Any]:
 
 
 def numbers(table: pa.Table, name: str, kinds: str = "f") -> NDArray[Any]:
-    """A column (T,) without nulls, in its stored type; ValueError without one of that name and kind.
+    """A column (T,) without nulls, in its stored type.
+
+    ValueError if there is no column of that name and kind.
 
     kinds: numpy dtype kinds, of f, i, u. NaN is allowed, infinity is not.
     """

@@ -12,9 +12,10 @@ from kinemimic.pipeline.files.records import short
 
 
 def read_text(path: Path, limit: int, kind: str, shown: Path | None = None) -> str:
-    """The text of a file of at most `limit` bytes; KinemimicError if there is none, or none in UTF-8.
+    """The text of a file of at most `limit` bytes.
 
-    kind: what it holds, for messages ("a scenario"); shown: its name in messages, by default `path`.
+    KinemimicError if the file is missing or not UTF-8. kind: its description in messages ("a scenario");
+    shown: its name in messages, by default `path`.
     """
     try:
         return read_bounded(path, limit, kind).decode("utf-8")

@@ -1,4 +1,4 @@
-"""Pieces of TOML text: names quoted where they must be, columns by name or number, long lists folded."""
+"""Pieces of TOML text: names, quoted where necessary; columns by name or number; long lists, wrapped."""
 
 from __future__ import annotations
 
@@ -12,12 +12,12 @@ def quoted(text: str) -> str:
 
 
 def key(name: str) -> str:
-    """A key, bare if it may be."""
+    """A key, without quotes if TOML allows it."""
     return name if name.replace("_", "").isalnum() and name.isascii() else quoted(name)
 
 
 def column(names: Sequence[str], index: int) -> str:
-    """A column, from 0, by its name where it has one that no other has, else by its number from 1."""
+    """A column, counted from 0: its name if that is unique, else its number, counted from 1."""
     named = names and names[index] and names.count(names[index]) == 1
     return quoted(names[index]) if named else str(index + 1)
 
@@ -28,7 +28,7 @@ def one_or_list(items: Sequence[str], *, single: bool) -> str:
 
 
 def folded(name: str, items: Sequence[str], most: int = 100) -> Iterator[str]:
-    """The lines of a list under a key, as many as it needs."""
+    """The lines of a list under a key."""
     yield f"{name} = ["
     line = "   "
     for item in items:

@@ -28,13 +28,13 @@ from kinemimic.pipeline.kinematics.spans import all_finite, median_step
 # Inverse variance of an inferred joint's error over that of a tracked one's.
 INFERRED_WEIGHT = 0.5
 # The smoother halves the amplitude at the cut-off. The likelihood chooses the cut-off per joint from a grid
-# of GRID_SIZE, from MIN_CUTOFF Hz to MAX_CUTOFF times the frame rate. A lower limit would lose the one step
-# of somebody who stands for minutes.
+# of GRID_SIZE, from MIN_CUTOFF Hz to MAX_CUTOFF times the frame rate. A lower limit would lose the single
+# step of a subject who stands for minutes.
 MIN_CUTOFF = 3.0
 MAX_CUTOFF = 0.45
 GRID_SIZE = 7
-# The likelihood assumes motion that is equally rough throughout. A stride is rough where the knee turns, and
-# would lose its peaks; so the cut-off is the likelihood's times this factor.
+# The likelihood assumes that the motion is equally rough throughout. A stride is rough where the knee changes
+# direction, and would lose its peaks; the cut-off is therefore the likeliest one times this factor.
 HEADROOM = 1.5
 # Residuals beyond this many times the scatter lose weight (Student's t with few degrees of freedom).
 TOLERANCE = 1.5
@@ -44,7 +44,7 @@ SCATTER_WINDOW = 1.0
 ROUNDS = 3
 # Smallest error of a recording (metres, or of a quaternion's component).
 MIN_ERROR = 1e-4
-# A measurement that keeps less than this share of its weight was overruled.
+# A measurement that keeps less than this share of its weight counts as rejected.
 OVERRULED = 0.1
 
 

@@ -1,4 +1,4 @@
-"""The One-Euro filter: causal, for live display, at the price of a lag.
+"""The One-Euro filter: causal, for live display, at the cost of a lag.
 
 Casiez, Roussel, Vogel 2012, "1 € Filter: A Simple Speed-based Low-pass Filter for Noisy Input in Interactive
 Systems", CHI: a first-order low-pass whose cut-off grows with the speed, so that it is steady at rest and

@@ -22,7 +22,7 @@ _OUTLIER = 15.0
 def over_cycle(times: Array, curve: Array, strides: Sequence[Stride]) -> Array:
     """The curve (T,) of one pass over the cycle of each stride, (strides, 101); NaN rows for gaps.
 
-    Interpolated by a cubic spline: at 30 Hz straight lines would lower the knee's peak by a degree.
+    Interpolated by a cubic spline: at 30 Hz, linear interpolation would lower the knee's peak by a degree.
     """
     rows = np.full((len(strides), len(CYCLE)), np.nan)
     known = np.isfinite(curve)

@@ -1,4 +1,4 @@
-"""Foot strikes and foot offs of walking and running, from hips and ankles alone.
+"""Foot strikes and foot-offs in walking and running, from hips and ankles alone.
 
 Walking: a foot strikes where its ankle is farthest ahead of the pelvis along the direction of progression,
 and leaves the ground where it is farthest behind (Zeni, Richards and Higginson 2008, Gait & Posture 27(4),
@@ -260,7 +260,7 @@ def _standing(
 
 
 def _refined(values: Array, peaks: NDArray[np.intp], *, running: bool) -> Array:
-    """Peaks refined between samples by parabolas; in running, as they are."""
+    """Peaks refined between samples by parabolas; in running, unrefined."""
     if running:
         return peaks.astype(np.float64)
     k = peaks.clip(1, len(values) - 2)

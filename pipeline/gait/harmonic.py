@@ -1,8 +1,8 @@
 """Period and phase of a gait, from one harmonic fitted to the ankles.
 
-The distance of one ankle before the other, along the direction of walking, is a sine to within a few per
+The distance of one ankle ahead of the other, along the direction of walking, is a sine to within a few per
 cent of its variance, even for a Kinect; the knee's angle is not. One harmonic therefore gives the period
-and the phase, and how well it fits says whether the sensor told the legs apart at all.
+and the phase, and the quality of the fit shows whether the sensor distinguished the legs at all.
 """
 
 from __future__ import annotations

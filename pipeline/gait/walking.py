@@ -1,8 +1,8 @@
-"""Whether somebody walks or runs: in a capture (`detect_gait`) and frame by frame (`striding_frames`).
+"""Detection of walking and running: in a capture (`detect_gait`) and frame by frame (`striding_frames`).
 
 `detect_gait` fits one harmonic to the ankles in short windows; inspection reports its period and speed.
-`striding_frames` picks the frames in which the ankles pass each other fast; the quality rules ask in them
-where the walk goes.
+`striding_frames` picks the frames in which the ankles pass each other fast; the quality rules use them to
+determine the direction of walking.
 """
 
 from __future__ import annotations

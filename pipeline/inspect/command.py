@@ -1,4 +1,4 @@
-"""`kinemimic inspect`: what capture files are, how good they are, and what `ingest` will do with them."""
+"""`kinemimic inspect`: the format and quality of capture files, and the effect of `ingest` on them."""
 
 from __future__ import annotations
 
@@ -56,7 +56,7 @@ def command(
     unit: str | None,
     jobs: int | None,
 ) -> int:
-    """Report what each capture in PATHS is, how good it is, and what `ingest` will do with it.
+    """Report the format and quality of each capture in PATHS, and what `ingest` will do with it.
 
     One file gives a page; several files or a folder give a table. Files that are not captures are only
     listed. The knee peak is the 95th percentile over the frames in passes, on the better-tracked side; ranges

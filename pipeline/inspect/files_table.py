@@ -104,7 +104,7 @@ def _totals(reports: Sequence[Report], records: Sequence[dict[str, Any]]) -> Ite
         yield heading("Refused")
         shared = _common_folder([str(Path(report["file"]).parent) for report in captures])
         for line in _reasons(refused, shared):
-            # One line each, whatever the width, so that they can be searched with grep.
+            # One line each, regardless of the terminal's width, so that they can be searched with grep.
             yield Text(line, no_wrap=True, overflow="ignore")
     table = key_value_table()
     usable = [report for report in captures if report["status"] != REFUSED]

@@ -21,7 +21,7 @@ class Clip:
     times: (T,) seconds, strictly increasing.
     positions: (T, J, 3) metres in the world (Z up, X forward, Y left); NaN where missing.
     states: (T, J) 0 missing, 1 inferred, 2 tracked.
-    passes: (T,) number of the pass (one uninterrupted presence of the subject) from 0; -1 outside any pass.
+    passes: (T,) number of the pass (a period in which the subject is visible) from 0; -1 outside any pass.
     provenance: how it was made, in JSON values: source, format, sha256, simulated, command, config,
     versions, seed.
 

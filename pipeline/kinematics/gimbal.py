@@ -1,6 +1,6 @@
 """Check Euler channels for gimbal lock and flips, joint by joint.
 
-Converting Euler angles to quaternions is never singular. Near lock the split between the first and the third
+Converting Euler angles to quaternions is never singular. Near lock, the split between the first and the third
 angle is lost: for three different axes (Tait-Bryan) at a middle angle of +-90 degrees, for a repeated axis
 (proper Euler) at 0 or 180. The paper's text speaks of 180 degrees, which fits a proper order; its Eq. 8 is a
 Tait-Bryan order.

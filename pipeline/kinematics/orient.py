@@ -40,8 +40,8 @@ _BY_WAY_OF = {
 # Largest angle of a limb from that direction, and of a head, hand, foot or trunk from its rest direction.
 _LIMB, _END = np.radians(150.0), np.radians(120.0)
 _TOE = np.array([np.cos(FOOT_DROP), 0.0, -np.sin(FOOT_DROP)])
-# Sine of the bend from which any twist of the thigh is believed, as of someone who sits cross-legged; a
-# straighter knee may also lie beside the leg by the sensor's error.
+# Sine of the bend above which any twist of the thigh is accepted, for example of a person sitting
+# cross-legged; a straighter knee may also appear beside the leg because of the sensor's error.
 _BENT = 0.5
 
 
@@ -64,10 +64,10 @@ def node_frames(
     """World frames (T, 20, 4) of the body segments at the nodes; end nodes have their parent's.
 
     positions: (T, 20, 3), consecutive frames: where the points do not show a bone's twist, it is carried over
-    from frame to frame (twist.py). pelvis, torso: (T, 4) world frames that replace the measured ones; what
-    hangs from them is then relative to them. recorded: (T, 20, 4) world frames of the nodes from a recorder's
-    own rotations, NaN where missing: limbs keep their measured directions, and the recorded twist is used
-    where no hinge shows one.
+    from frame to frame (twist.py). pelvis, torso: (T, 4) world frames that replace the measured ones; the
+    segments attached to them are then relative to them. recorded: (T, 20, 4) world frames of the nodes from a
+    recorder's own rotations, NaN where missing: limbs keep their measured directions, and the recorded twist
+    is used where no hinge shows one.
     """
     p = np.asarray(positions, dtype=np.float64)
     frames = np.full((len(p), len(NODES), 4), np.nan)
@@ -138,8 +138,8 @@ def _upper_limb(parent: Array, recorded: Array, upper: Array, lower: Array, limb
     ahead, aside = (below[:, 0], below[:, 1]) if limb == "arm" else (-below[:, 0], -below[:, 1])
     bend = np.hypot(ahead, aside)
     if limb == "leg":
-        # A nearly straight knee also bends to the front, by noise or hyperextension; its axis must not turn
-        # over there. A sideways bend is the sensor's error, not a twisted thigh. A bend of more than 45
+        # A nearly straight knee may also bend to the front, through noise or hyperextension; its axis must
+        # not flip there. A sideways bend is the sensor's error, not a twisted thigh. A bend of more than 45
         # degrees to the front is not a leg's.
         ahead = np.where(ahead < -np.sin(np.pi / 4.0), np.nan, ahead)
         along = np.abs(ahead) / np.where(bend > 0, bend, 1.0)

@@ -21,7 +21,7 @@ from kinemimic.pipeline.kinematics.skeleton import NODE_INDEX as N
 from kinemimic.pipeline.kinematics.twist import FADE, follow_twist
 
 _UP = np.array([0.0, 0.0, 1.0])
-# Width over the median width from which a line is fully believed; oblique views shrink it too.
+# Width over the median width above which a line is fully trusted; oblique views shrink it too.
 _NARROW = 0.5
 
 

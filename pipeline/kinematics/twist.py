@@ -1,11 +1,11 @@
 """Follow the twist of a bone, its rotation about its own axis, through time.
 
-Two points give a bone's direction; its twist shows only in what is joined to it: a bent elbow shows the upper
-arm's, the shoulder line the trunk's. Where that is nearly in line with the bone, it shows only noise, and in
-line nothing at all. No rule for single frames can bridge this without a jump somewhere (the bends around a
-straight arm form a circle, which cannot be contracted to a point). So the twist is carried over from frames
-that show it: the curve follows the observed twist, weighted by how well it is seen, and changes little where
-the body moves little.
+Two points give a bone's direction; its twist shows only in the segments attached to it: a bent elbow shows
+the upper arm's, the shoulder line the trunk's. If such a segment is nearly in line with the bone, it shows
+only noise; if it is exactly in line, nothing. No rule for single frames can bridge this without a jump
+somewhere (the bends around a straight arm form a circle, which cannot be contracted to a point). So the twist
+is carried over from frames that show it: the curve follows the observed twist, weighted by how well it is
+seen, and changes little where the body moves little.
 """
 
 from __future__ import annotations

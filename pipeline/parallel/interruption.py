@@ -1,4 +1,7 @@
-"""Defer Ctrl-C and SIGTERM while work must not be cut short: the first is noted, the second interrupts."""
+"""Defer Ctrl-C and SIGTERM while work must not be interrupted.
+
+The first signal is recorded, the second interrupts.
+"""
 
 from __future__ import annotations
 
@@ -26,8 +29,8 @@ class Interruption:
 def deferred() -> Iterator[Interruption]:
     """Send SIGINT and SIGTERM to the Interruption that this yields; restore the earlier handlers afterwards.
 
-    Only the main thread may set handlers; in any other, nothing is caught. A signal that is ignored stays
-    ignored, as SIGINT is for a job in the background.
+    Only the main thread may set handlers; in any other thread, no signal is caught. A signal that is ignored
+    stays ignored, as SIGINT is for a job in the background.
     """
     interruption = Interruption()
     if threading.current_thread() is not threading.main_thread():

@@ -46,7 +46,7 @@ def parallel_map(
 ) -> list[Result]:
     """Results of all tasks, in their order, from `workers` processes (all cores by default).
 
-    work: a function of a module's top level; what it raises is raised here. progress: called with the number
+    work: a function at a module's top level; its exceptions are raised here. progress: called with the number
     of tasks done since the last call. KinemimicError if a process died.
     """
     count = min(workers or len(os.sched_getaffinity(0)), len(tasks))
@@ -75,7 +75,7 @@ def isolated_map(
 
     work: a function at a module's top level, or a `partial` of one; timeout (s), memory (bytes): limits for
     one task. A task that exceeds them, whose process dies, or that raises an exception yields a `Failure`.
-    However the loop over it ends, no process is left behind.
+    No process is left behind, regardless of how the loop over the results ends.
     """
     function = work.func if isinstance(work, partial) else work
     for index, outcome in _outcomes(
@@ -100,8 +100,8 @@ def _outcomes(
 ) -> Iterator[tuple[int, Any]]:
     """(index, work(task)) as tasks finish; a WorkerDiedError or Failure (timeout) where there is no result.
 
-    Each worker has a pipe of its own, so that one that dies or hangs is replaced at the cost of its own task;
-    concurrent.futures would lose all that are pending. setup: called once in every worker.
+    Each worker has its own pipe, so if one dies or hangs, it is replaced and only its task is lost;
+    concurrent.futures would lose all pending tasks. setup: called once in every worker.
     """
     waiting = deque(enumerate(tasks))
     idle: list[Worker] = []
@@ -149,7 +149,7 @@ def _received(worker: Worker) -> Any:
 
 
 def _serve(pipe: Connection, work: Callable[[Any], Any], setup: Callable[[], object] | None) -> None:
-    """What a worker runs: tasks in, results out, until the pipe closes."""
+    """The main loop of a worker: receive tasks and send results until the pipe closes."""
     if setup is not None:
         setup()
     while True:

@@ -31,13 +31,13 @@ class WorkerDiedError(Exception):
 
 
 class Worker:
-    """A process that starts idle; `begin` tells it what to run.
+    """A process that starts idle; `begin` starts its work.
 
-    The two steps are apart because a pipe holds little: what is sent to a process that still imports its
-    modules blocks the sender. Start all workers first, so that they import side by side.
+    The two steps are separate because a pipe holds little data: sending to a process that is still importing
+    its modules blocks. Start all workers first, so that they import in parallel.
 
     preload: a module for a fork server to import once, for workers that must start fast; without it each
-    process is spawned. daemon: False for a worker that starts processes of its own.
+    process is spawned. daemon: False for a worker that itself starts processes.
     """
 
     def __init__(self, *, preload: str | None = None, daemon: bool = True) -> None:
@@ -90,7 +90,7 @@ def _run(pipe: Connection) -> None:
 
 
 def _end_with_parent() -> None:
-    """End this process when its parent ends, even in the midst of its work."""
+    """End this process when its parent ends, even in the middle of its work."""
     parent = multiprocessing.parent_process()
 
     def watch() -> None:
@@ -103,10 +103,10 @@ def _end_with_parent() -> None:
 
 @contextmanager
 def worker_environment() -> Iterator[None]:
-    """Processes started in here run matrix products in one thread and ignore Ctrl-C.
+    """Processes started within this context run matrix products in one thread and ignore Ctrl-C.
 
-    There is a process for every core. Ctrl-C reaches the whole process group; the parent handles it, from the
-    worker's first import on.
+    One thread, because there is one process per core. Ctrl-C reaches the whole process group; the parent
+    handles it, from the worker's first import on.
     """
     saved = {name: os.environ.get(name) for name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS")}
     os.environ |= dict.fromkeys(saved, "1")

@@ -23,7 +23,8 @@ from kinemimic.pipeline.kinematics.spans import runs
 CLOCK_GAP = 0.5
 MAX_ABSENCE = 0.2
 MIN_PASS_DURATION = 0.5
-# m/s and metres. No human has run faster than 12.4 m/s: a faster body, by more than the noise, is another.
+# m/s and metres. No human has run faster than 12.4 m/s: a body that moves faster, by more than the noise, is
+# a different one.
 TOP_SPEED = 12.5
 JUMP_NOISE = 0.1
 

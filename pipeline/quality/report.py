@@ -1,4 +1,4 @@
-"""quality.json: how well each joint was seen, how steady bones and clock are, what was repaired."""
+"""quality.json: the visibility of each joint, the steadiness of bones and clock, and the repairs."""
 
 from __future__ import annotations
 
@@ -71,7 +71,7 @@ def read_quality(path: Path) -> dict[str, Any]:
 
 
 def _from_schema_1(old: Mapping[str, Any]) -> Mapping[str, Any]:
-    """Schema 1 said companions, done, a joint's "lost" share, and "of" in a defect."""
+    """Schema 1 had the keys companions, done, a joint's "lost" share, and "of" in a defect."""
     new = {key: value for key, value in old.items() if key not in ("companions", "done")}
     joints = {
         name: {"missing" if key == "lost" else key: value for key, value in joint.items()}

@@ -18,7 +18,7 @@ def write_csv(path: Path, clip: Clip, angles: Mapping[str, Array]) -> None:
     """Write a clip's frames; a joint or an angle that is missing leaves its cells empty.
 
     angles: curves (T,) in radians by name. The header's names end in the unit:
-    time_s; root_x_m, root_y_m, root_z_m, the first joint's place once more, unless a joint is called root (as
+    time_s; root_x_m, root_y_m, root_z_m, the first joint's position again, unless a joint is called root (as
     AMC's first one is); per joint <name>_x_m … in the world (Z up,
     X forward, Y left) and, where the clip has rotations, <name>_qx, _qy, _qz, _qw, child to parent (the
     root's in the world); per angle <name>_deg, flexion positive.

@@ -1,4 +1,4 @@
-"""gait.json as other stages read it, whichever version of kinemimic wrote it."""
+"""gait.json as other stages read it, regardless of the version of kinemimic that wrote it."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
 """The simulated body of Table 1 and its motions: rigid bodies, joint limits, surface, and the `Motion` type.
 
-Nothing comes in from other rooms of `retarget`; all of them, and training, build on these definitions.
+It imports nothing from the other rooms of `retarget`; they and the training build on these definitions.
 """

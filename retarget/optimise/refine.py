@@ -62,7 +62,7 @@ PENETRATION_DEVIATION = 0.002
 HUBER_THRESHOLD = 2.0  # expected deviations beyond which the loss is linear
 MIN_WEIGHT = 0.05  # weight of a joint that was not seen at all
 # Hz below which changes are free. A loop is a smooth series, so its corrections must be smooth. A motion kept
-# as recorded jitters, so its poses must be smooth, whatever correction that takes.
+# as recorded jitters, so its poses must be smooth, no matter how large a correction that requires.
 CORRECTION_CUTOFF, POSE_CUTOFF = 3.5, 8.0
 # Frames solved together, and the overlap of windows, over which the effect of a correction fades.
 WINDOW, OVERLAP = 1500, 60

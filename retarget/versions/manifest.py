@@ -34,7 +34,7 @@ class Manifest:
 
     @classmethod
     def of_json(cls, value: Any, name: str) -> Manifest:
-        """name: where it comes from, for people."""
+        """name: its origin, for messages."""
         document = upgraded(
             value if isinstance(value, dict) else {},
             Path(name),
@@ -49,7 +49,7 @@ class Manifest:
 
     @classmethod
     def load(cls, path: Path) -> Manifest:
-        """A KinemimicError says what it is instead."""
+        """Raises KinemimicError for any other file."""
         if not path.exists():
             raise KinemimicError(f"{path}: expected a manifest, found no file; `make data` writes it")
         return cls.of_json(read_json(path), str(path))

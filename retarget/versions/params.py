@@ -35,8 +35,10 @@ params_option: Callable[[Callable[..., Any]], Callable[..., Any]] = click.option
 
 
 class Capture(Struct, frozen=True, forbid_unknown_fields=True, rename={"recording": "file"}):
-    """recording: path of the raw file, from the folder that the data set is built in, in a folder with
-    nothing but raw files; the rest are options of `ingest` and `retarget`, with their defaults."""
+    """A recording of the data set, with options of `ingest` and `retarget` and their defaults.
+
+    recording: path of the raw file relative to the build folder, in a folder that contains only raw files.
+    """
 
     recording: Annotated[str, Meta(description=_RECORDING)]
     filter: Annotated[str, one_of(FILTERS)] | None = None
@@ -83,7 +85,7 @@ class Params:
 
     @classmethod
     def load(cls, path: Path, root: Path = Path()) -> Params:
-        """path: from `root`, the folder that is built in. A KinemimicError names the first mistake's key."""
+        """path: relative to `root`, the build folder. A KinemimicError names the first mistake's key."""
         text = read_text(root / path, MAX_BYTES, "the parameters of a data set", shown=path)
         file = convert(parse_toml(path, text), _File, path)
         return cls(path, file.version, file.captures, file.policies, file.tolerances)

@@ -26,7 +26,8 @@ _ELSEWHERE = "elsewhere"  # on the batch's timer: time between two steps
 class RoundStatistics:
     """Of the current round.
 
-    rewards: mean of each step; episode_lengths, exploded: of episodes that ended, how many by the engine.
+    rewards: mean of each step; episode_lengths, exploded: of episodes that ended, how many were ended by the
+    engine.
     """
 
     rewards: list[float] = field(default_factory=list)

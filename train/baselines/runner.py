@@ -42,7 +42,7 @@ _CRITIC_SAMPLES = 4096  # of DDPG's replay buffer, to measure its critic
 
 
 class GlobalRandomState:
-    """numpy's and torch's global generators, which stable-baselines3 draws from, in a state of its own.
+    """numpy's and torch's global generators, which stable-baselines3 draws from, in a separate state.
 
     Draws outside a training's rounds do not affect it, and it does not affect them.
     """

@@ -13,7 +13,7 @@ from kinemimic.train.rollout.workers import Workers
 from kinemimic.train.runner.base import OTHER, ROLLOUT, UPDATE
 from kinemimic.train.task.timer import Seconds, Timer, split
 
-WAITING = "transfer and waiting"  # the rest of a rollout's time beside the workers' own seconds
+WAITING = "transfer and waiting"  # the rest of a rollout's time, apart from the workers' seconds
 _WARM_UP = 16  # steps of the untrained policy for the normaliser's first statistics
 
 

@@ -2,8 +2,8 @@
 
 Newton-Euler gives each body's force and moment from its motion. The ground must provide the rest: forces in
 friction cones at points of the body that are low and slow, found by non-negative least squares. The residual
-(a recorded motion is never quite physical) stays at the root, which has no motor. Torques then follow from
-the leaves to the root (Featherstone 2008, chapter 5).
+(a recorded motion is never perfectly physical) remains at the root, which has no motor. Torques then follow
+from the leaves to the root (Featherstone 2008, chapter 5).
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from kinemimic.pipeline.kinematics.rotations import conjugate, rotate
 from kinemimic.retarget.humanoid.body import BODIES, BODY_PARENTS, Body
 from kinemimic.train.sim.world import FRICTION, GRAVITY, BodyStates
 
-# A point carries less, the higher over the ground and the faster it is.
+# The higher a point is above the ground, and the faster it moves, the less it carries.
 HEIGHT = 0.015  # m
 SPEED = 0.4  # m/s
 BEYOND = 3.0  # times these: it carries nothing

@@ -53,7 +53,7 @@ class Episode:
     """One episode of `of` frames.
 
     frames: before the fall; reward: mean over all frames, 0 after a fall, as a share of the largest possible;
-    knee, hip: R² that credits nothing after a fall, mean of both sides.
+    knee, hip: R² without credit after a fall, mean of both sides.
     """
 
     frames: int
@@ -65,7 +65,7 @@ class Episode:
 
 @dataclass(frozen=True)
 class Evaluation:
-    """Results after so many samples and seconds of training.
+    """Results after a number of samples and seconds of training.
 
     strength: 0 to 1, of the domain randomization in training at that time; frames, knee, hip: the least of
     all episodes; frames_first: of the episode from phase 0; reward: mean of the episodes; robust_return: mean

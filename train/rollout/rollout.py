@@ -42,9 +42,9 @@ def roll_out(
 ) -> NDArray[np.int64]:
     """Step a batch with a policy's actions; returns the control step (E,) of each first fall.
 
-    The batch starts as it is. Without a fall the step is `steps`. act: None for no corrections of the
-    reference; steps: None rolls out until `on_step` stops it; on_step may reset humanoids of the batch;
-    until_all_fell: stop before `on_step` once every humanoid has fallen (`ImitationBatch.fallen`);
+    The batch starts in its current state. Without a fall, the step is `steps`. act: None for no corrections
+    of the reference; steps: None rolls out until `on_step` stops it; on_step may reset humanoids of the
+    batch; until_all_fell: stop before `on_step` once every humanoid has fallen (`ImitationBatch.fallen`);
     wrenches: (E, 15, 6) external force and torque, read at every step, so that `on_step` may change them.
     """
     size = batch.world.size
@@ -79,8 +79,8 @@ def collect_trajectories(
 ) -> Trajectory:
     """Trajectories of the deterministic policy from each start phase, in parallel on `workers` processes.
 
-    policy: file of a trained policy, or None for the reference's PD targets alone. A rollout goes on after a
-    fall. engine: see `engines.py`. progress: called with the number of finished rollouts.
+    policy: file of a trained policy, or None for the reference's PD targets alone. A rollout continues after
+    a fall. engine: see `engines.py`. progress: called with the number of finished rollouts.
     """
     actor, config = None, EnvConfig()
     if policy is not None:

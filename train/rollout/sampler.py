@@ -25,11 +25,11 @@ from kinemimic.train.sim.engines import open_world
 from kinemimic.train.task.domain_randomization import RandomizationSample, draw
 from kinemimic.train.task.env import TASK, ImitationBatch, observation_size
 
-# Where a worker's time goes, beside SIMULATION and TASK of `env.py`; inference includes exploration noise.
+# Purposes of a worker's time besides SIMULATION and TASK of `env.py`; inference includes exploration noise.
 INFERENCE = "inference"
 BOOKKEEPING = "bookkeeping"
 
-# All that the next samples of E environments depend on beside the policy: arrays (E, ...) by name.
+# Everything besides the policy on which the next samples of E environments depend: arrays (E, ...) by name.
 EnvStates = Mapping[str, NDArray[Any]]
 _RANDOM = "random"  # one of them, (E, 6): PCG64's state and increment, two words each, and half a draw
 _WORD = (1 << 64) - 1
@@ -98,7 +98,7 @@ class Sampler:
 
     @property
     def seconds(self) -> dict[str, float]:
-        """Seconds of the last `sample` by what they were spent on."""
+        """Seconds of the last `sample`, by purpose."""
         return self.batch.timer.seconds
 
     def env_states(self) -> EnvStates:
@@ -129,7 +129,7 @@ class Sampler:
     def robust_returns(self, policy: Policy, reward: RewardConfig, numbers: Sequence[int]) -> list[float]:
         """Robust returns (`robustness.py`) of the random draws with these numbers, in separate environments.
 
-        They are kept for the next call, which asks for the same numbers as a rule.
+        They are kept for the next call, which usually asks for the same numbers.
         """
         if not numbers:
             return []

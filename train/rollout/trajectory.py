@@ -1,4 +1,4 @@
-"""Trajectories: rollouts of the simulated humanoid beside its reference, and their file."""
+"""Trajectories: rollouts of the simulated humanoid with its reference, and their file."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ class Trajectory:
     phases: (S, F) phase of the reference at each frame, in durations, not wrapped;
     root, reference_root: (S, F, 3) hip centre, metres; rotations, reference_rotations: (S, F, 20, 4) local;
     rewards: (S, F, K) terms in the order of reward_names (K,), after a fall too;
-    fallen_at: (S,) frame of the first fall, after which the rollout goes on; F without a fall;
+    fallen_at: (S,) frame of the first fall, after which the rollout continues; F without a fall;
     torques: (S, F, 14) peak torque of each joint within the control step, N·m;
     contacts: (S, F, 2) whether the left and right foot touch the ground;
     contact_forces: (S, F, 15, 3) sum of the contact forces on each body in the last physics step, N.
@@ -123,7 +123,7 @@ class Trajectory:
 def _check_sizes(path: Path) -> None:
     """ValueError if unpacking would take more than _LIMIT, by the sizes in the archive's directory.
 
-    zipfile unpacks no more of a member than the directory says.
+    zipfile unpacks no more of a member than the directory states.
     """
     with zipfile.ZipFile(path) as archive:
         infos = archive.infolist()

@@ -1,4 +1,4 @@
-"""Worker processes that share the environments of a training, one for every core."""
+"""Worker processes that share the environments of a training, one per core."""
 
 from __future__ import annotations
 

@@ -14,7 +14,7 @@ from kinemimic.train.rollout.policy import Policy
 from kinemimic.train.rollout.sampler import EnvStates
 from kinemimic.train.task.timer import Seconds
 
-# Where a round's time goes; a runner divides the rollout's further.
+# Purposes of a round's time; a runner subdivides the rollout's.
 ROLLOUT = "rollout"
 UPDATE = "update"
 OTHER = "other"
@@ -95,6 +95,6 @@ class Runner(Protocol):
 def normalized_loss(squared_error: float, variance: float) -> float:
     """A critic's mean squared error as a share of its targets' variance, 0 if the targets do not vary.
 
-    A critic that only knows the mean has 1, whatever the size of the rewards and the algorithm.
+    A critic that only predicts the mean has 1, regardless of the size of the rewards and the algorithm.
     """
     return squared_error / variance if variance > 0.0 else 0.0

@@ -19,7 +19,7 @@ from kinemimic.train.runner.checkpoint import TrainingState
 from kinemimic.train.task.timer import Timer, summed
 
 CHECKPOINT_SECONDS = 30.0
-# Where the time between rounds goes.
+# Purposes of the time between rounds.
 EVALUATION = "evaluation"
 SAVING = "checkpoint"
 
@@ -32,7 +32,7 @@ def is_over(training: TrainingState, seconds: float | None) -> bool:
 
 
 def is_complete(training: TrainingState, seconds: float | None) -> bool:
-    """Whether it is over and its last policy was evaluated."""
+    """Whether the training has ended and its last policy was evaluated."""
     state, evaluations = training.algorithm.progress, training.evaluations
     return is_over(training, seconds) and bool(evaluations) and evaluations[-1].samples == state.samples
 
@@ -81,7 +81,7 @@ class TrainingLoop:
                         self._evaluate(board)
                     else:
                         self._round(board, bar)
-                    # A due evaluation belongs into the checkpoint, so that its curves are logged once.
+                    # A due evaluation belongs in the checkpoint, so that its curves are logged once.
                     interval = CHECKPOINT_SECONDS * self._runner.checkpoint_interval_factor
                     late = time.monotonic() - saved > interval
                     if late and not self._evaluation_is_due():

@@ -147,4 +147,4 @@ class NativeWorld:
         return self._batch.obstacles(index)
 
     def close(self) -> None:
-        """Nothing to do: Python owns the memory."""
+        """Does nothing: Python owns the memory."""

@@ -1,4 +1,4 @@
-"""The humanoid on pybullet: alone on the ground of its own client."""
+"""The humanoid on pybullet, alone on the ground in its own client."""
 
 from __future__ import annotations
 

@@ -56,7 +56,7 @@ ACTION_SCALE: Array = np.repeat(
 SIMULATION = "simulation"
 TASK = "observation and reward"
 # A humanoid has fallen when its pelvis deviates this much from the reference, in height or rotation: the same
-# for every policy, whatever terminates the episodes of its training.
+# for every policy, regardless of what terminates the episodes of its training.
 FALL_HEIGHT = 0.25  # m
 FALL_TURN = 1.0  # rad
 

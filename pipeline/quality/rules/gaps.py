@@ -1,4 +1,4 @@
-"""Detects joints that are missing inside a pass, and tells which gaps are short enough to be filled.
+"""Detects joints that are missing inside a pass, and reports which gaps are short enough to be filled.
 
 "repaired" if `filters.fill` will fill every gap, else flagged; longer gaps stay.
 """

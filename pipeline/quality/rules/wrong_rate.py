@@ -2,7 +2,7 @@
 
 Human strides last 0.45 to 2.5 s, so the stride alone rarely reveals a rate that is wrong by a factor of two.
 The second test is the speed of the ankles relative to each other: as fast as a sprinter's, on knees that bend
-like a walker's. Neither tells the true rate.
+like a walker's. Neither reveals the true rate.
 """
 
 from __future__ import annotations

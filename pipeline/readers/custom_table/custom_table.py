@@ -1,7 +1,7 @@
 """A capture whose columns the user described in a TOML file (docs/describe-your-columns.md).
 
 The description of NAME.csv is NAME.toml, or else capture.toml for all files of the folder. It takes
-precedence over all formats: what a user says about a file counts more than what its content looks like.
+precedence over all formats: the user's description counts more than the appearance of the content.
 """
 
 from __future__ import annotations

@@ -1,6 +1,7 @@
-"""A description of a file's columns, as its TOML tables have it: docs/describe-your-columns.md has every key.
+"""A description of a file's columns, with the structure of its TOML tables.
 
-description_file.py reads it, custom_table.py reads a capture by it.
+See docs/describe-your-columns.md for all keys. description_file.py reads a description, and custom_table.py
+uses it to read a capture.
 """
 
 from __future__ import annotations

@@ -27,10 +27,10 @@ from kinemimic.pipeline.readers.custom_table.description import (
     Turns,
 )
 
-# The first key of a description: other TOML files lie beside captures too.
+# The first key of a description, because the folder may contain other TOML files too.
 SCHEMA_KEY = "kinemimic"
 _MAX_JOINTS = 500
-_PARTS = ("position", "quaternion", "euler", "state")  # what a joint has columns of
+_PARTS = ("position", "quaternion", "euler", "state")  # quantities for which a joint can have columns
 
 _Three = Annotated[tuple[Column, Column, Column], Meta(description="a list of 3 columns")]
 _Four = Annotated[tuple[Column, Column, Column, Column], Meta(description="a list of 4 columns")]

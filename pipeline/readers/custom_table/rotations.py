@@ -1,6 +1,4 @@
-"""Rotations of a custom table, in whatever form the description says, and the positions that follow from
-them.
-"""
+"""Rotations of a custom table, in the form that its description gives, and the positions that follow."""
 
 from __future__ import annotations
 

@@ -90,7 +90,7 @@ class Mount(Struct, frozen=True, forbid_unknown_fields=True):
             radians = np.radians(self.tilt or 0.0)
             return np.array([0.0, -np.cos(radians), -np.sin(radians), self.height or 0.0])
         plane: Array = np.array(self.floor)
-        # Up is against y, whatever the sign of the plane's normal in the file.
+        # Up is opposite to y, regardless of the sign of the plane's normal in the file.
         plane *= -np.sign(plane[1]) / float(np.linalg.norm(plane[:3]))
         return plane
 
@@ -152,7 +152,7 @@ class Setup(
 
     @property
     def leveled(self) -> bool:
-        """Whether the file says how the camera stands."""
+        """Whether the file gives the pose of the camera."""
         return self.mount != Mount()
 
 

@@ -1,10 +1,10 @@
 """Acclaim motion: an AMC file of angles with the ASF skeleton in the same folder.
 
-A bone rotates in a frame of its own (`axis`), tilted against the world at rest: with C the rotation of that
-frame and M the product of the bone's angles, a bone's rotation relative to its parent is C M C^-1 (Lander
-1998, "Working with Motion Capture File Formats"). Here a joint is at the START of its bone and has the frame
-C: its rest rotation is C_parent^-1 C, and its Euler channels are the file's. Orders are extrinsic: `rx ry rz`
-is R = Rz Ry Rx. The file's world is Y up.
+A bone rotates in its own frame (`axis`), which is tilted relative to the world at rest: with C the rotation
+of that frame and M the product of the bone's angles, a bone's rotation relative to its parent is C M C^-1
+(Lander 1998, "Working with Motion Capture File Formats"). Here a joint is at the START of its bone and has
+the frame C: its rest rotation is C_parent^-1 C, and its Euler channels are the file's. Orders are extrinsic:
+`rx ry rz` is R = Rz Ry Rx. The file's world is Y up.
 """
 
 from __future__ import annotations

@@ -96,7 +96,7 @@ class _Tokens:
 def parse(source: Source) -> BvhText:
     """Hierarchy and motion; CaptureError names the line of the first mistake.
 
-    All frames in the file are read, whatever number it declares, if the last line is complete.
+    All frames in the file are read, regardless of the number that it declares, if the last line is complete.
     """
     if _has_decimal_commas(source):
         bvh = parse(Source(source.path, source.text.replace(",", ".").encode(), source.sha256))

@@ -236,7 +236,7 @@ def _check_labels(labels: Sequence[str], source: Source, line: int) -> None:
 
 
 def _in_degrees(declared: str, angles: Sequence[Array]) -> bool:
-    """As in the header; if it does not say, angles beyond a whole turn in radians are degrees."""
+    """As in the header; if the header does not state it, angles beyond a full turn in radians are degrees."""
     if declared.lower() in ("yes", "no"):
         return declared.lower() == "yes"
     return max(float(np.abs(angle).max()) for angle in angles) > 2.0 * np.pi

@@ -127,7 +127,7 @@ def _table(source: Source, start: int) -> tuple[Table, Array]:
     """The frames (T, 2 + 3 M); empty cells become NaN.
 
     Most files have no empty cells, and searching for them takes half as long as parsing, so they are searched
-    for only if the table cannot be parsed as it is.
+    for only if the table cannot be parsed directly.
     """
     try:
         table = parse_table(source, start=start, separator="\t")
