@@ -1,4 +1,4 @@
-// E figures stepped side by side on a pool of threads, their states in arrays that never move.
+// E figures (humanoids), stepped in parallel on a pool of threads; their states are in arrays with fixed addresses.
 #pragma once
 
 #include <memory>
@@ -14,10 +14,10 @@ public:
     int size() const { return static_cast<int>(m_figures.size()); }
     int bodies() const { return static_cast<int>(m_bodies.size()); }
 
-    // Of one figure, from its next reset on: see Figure::vary.
+    // Applies to one figure, from its next reset on: see Figure::vary.
     void vary(int index, double friction, double mass);
 
-    // What a reset takes, row by row of `indices`: root (3) and its rotation (4), linear (3) and angular (3)
+    // Arguments of a reset, one row for each of `indices`: root (3) and its rotation (4), linear (3) and angular (3)
     // velocity, then rotations (joints, 4) and velocities (joints, 3) of the joints.
     struct Poses {
         const double *root, *rotation, *linear, *angular, *joints, *velocities;
@@ -31,7 +31,7 @@ public:
     // (K, 13): position, rotation, velocity and angular velocity of each obstacle of a figure.
     std::vector<double> obstacles(int index) const;
 
-    // (E, bodies, 3 or 4), renewed by `reset` and `step`.
+    // (E, bodies, 3 or 4), updated by `reset` and `step`.
     std::vector<double> positions, rotations, linear, angular;
     std::vector<double> peaks;           // (E, joints): largest torque in the last step, N m
     std::vector<unsigned char> exploded; // (E,)
@@ -42,7 +42,7 @@ public:
 private:
     const Description m_bodies;
     std::vector<std::unique_ptr<Figure>> m_figures;
-    // What each figure is told, in Bullet's types.
+    // Inputs of each figure, in Bullet's types.
     std::vector<btQuaternion> m_targets;
     std::vector<btVector3> m_velocities, m_forces, m_torques;
     ThreadPool m_pool;

@@ -1,4 +1,4 @@
-// What a figure and its world are made of: the same numbers that the URDF is written from. Z is up, X forward.
+// Description of a figure and its world, with the same numbers as the URDF. Z is up, X forward.
 #pragma once
 
 #include <vector>
@@ -14,7 +14,7 @@ struct Body {
     btVector3 size;            // outer dimensions, m
     btScalar mass;             // kg
     btVector3 inertia;         // principal moments about the centre of mass, kg m^2
-    btVector3 control_inertia; // the same as the controller takes them to be
+    btVector3 control_inertia; // the same, as assumed by the controller
     btVector3 center;          // centre of mass from the body's joint, m
     btVector3 joint;           // the joint from the parent's joint, m
     btScalar stiffness;        // N m / rad
@@ -27,13 +27,13 @@ using Description = std::vector<Body>;
 struct WorldSettings {
     btScalar time_step; // s
     btScalar gravity;   // m/s^2, downwards
-    btScalar friction;  // of a figure on everything that was not told another
+    btScalar friction;  // default, between a figure and everything it touches
     int iterations;     // of the contact solver
-    btScalar fastest;      // m/s: what goes faster has exploded
+    btScalar fastest;      // m/s: a faster body has exploded
     btScalar free_speed;   // rad/s, m/s: Bullet's own limit of the coordinates' speeds
     btScalar largest_turn; // rad: a step in which a joint would turn further is divided ...
     int most_parts;        // ... into this many parts at most
-    bool fixed_root;    // the root hangs where it was put
+    bool fixed_root;    // the root stays in its initial pose
 };
 
 struct Obstacle {
@@ -41,9 +41,9 @@ struct Obstacle {
 
     Shape shape;
     btVector3 size;     // outer dimensions, m
-    btScalar mass;      // kg; what has none never moves
+    btScalar mass;      // kg; 0 for a static obstacle
     btVector3 position; // of the centre, m
     btQuaternion rotation;
-    btVector3 velocity; // m/s; a thrown one's at the figure's reset
-    btVector3 spin;     // rad/s, then too
+    btVector3 velocity; // m/s, at the figure's reset
+    btVector3 spin;     // rad/s, at the figure's reset
 };

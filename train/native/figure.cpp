@@ -5,7 +5,7 @@
 
 namespace {
 
-// As the pybullet wheel sets them: the two engines are one in this.
+// The same values as in the pybullet wheel, so that the two engines agree.
 const btScalar contact_erp = btScalar(0.08);
 const btScalar friction_erp = btScalar(0.2);
 const btScalar slop = btScalar(1e-5);
@@ -27,7 +27,7 @@ std::unique_ptr<btCollisionShape> shape_of(const Body& body) {
 
 } // namespace
 
-// Where links will be is needed for swept collisions only, which nothing here asks for.
+// Predicted link positions are needed only for swept collisions, which are not used here.
 void Figure::World::predictUnconstraintMotion(btScalar time_step) {
     btDiscreteDynamicsWorld::predictUnconstraintMotion(time_step);
 }
@@ -58,7 +58,7 @@ Figure::~Figure() {
     m_world.removeRigidBody(m_ground.get());
 }
 
-// Bullet's own sizes are meant for a scene of thousands: 4 MB a figure.
+// Bullet's default sizes are meant for scenes with thousands of objects: 4 MB per figure.
 btDefaultCollisionConstructionInfo Figure::small_pools() {
     btDefaultCollisionConstructionInfo info;
     info.m_defaultMaxPersistentManifoldPoolSize = 64;
@@ -81,7 +81,7 @@ void Figure::build() {
     m_shapes.push_back(std::make_unique<btStaticPlaneShape>(btVector3(0, 0, 1), btScalar(0)));
     m_ground = std::make_unique<btRigidBody>(
         btRigidBody::btRigidBodyConstructionInfo(0, nullptr, m_shapes.back().get()));
-    // Bullet multiplies the frictions of two bodies.
+    // Bullet multiplies the friction coefficients of two bodies.
     m_ground->setFriction(1);
     m_world.addRigidBody(m_ground.get(), Group::ground, Group::figure | Group::obstacle);
 
@@ -117,7 +117,7 @@ void Figure::build() {
     }
 }
 
-// What `vary` asked for. A factor of 1 leaves every bit as it is.
+// Apply the values of `vary`. A factor of 1 leaves every bit unchanged.
 void Figure::embody() {
     m_multi->setBaseMass(m_bodies[0].mass * m_mass);
     m_multi->setBaseInertia(m_bodies[0].inertia * m_mass);
@@ -174,14 +174,14 @@ void Figure::reset(const State& state) {
     if (m_exploded) {
         write(before);
     }
-    // Obstacles first: what is put back into the broad phase is sorted by where it is.
+    // Obstacles first: objects that are put back into the broad phase are sorted by position.
     m_obstacles.restart();
     forget_contacts();
     std::fill(m_peaks.begin(), m_peaks.end(), btScalar(0));
 }
 
-// Contacts live in the pairs of the broad phase, and the order of these depends on all that ever happened: taking
-// every object out and putting it back in makes a world that has been used equal to one that is new.
+// Contacts are stored in the pairs of the broad phase, whose order depends on the whole history: removing every object
+// and adding it again makes a used world equal to a new one.
 void Figure::forget_contacts() {
     m_solver.reset();
     m_world.removeRigidBody(m_ground.get());
@@ -198,14 +198,14 @@ void Figure::forget_contacts() {
 }
 
 bool Figure::sound() const {
-    // What is not finite in a rotation or a joint is not in a velocity either. Written so that NaN fails.
+    // If a rotation or a joint is not finite, neither is a velocity. Written so that NaN fails.
     const btScalar most = m_settings.fastest * m_settings.fastest;
     return std::isfinite(m_state.position.length2()) &&
            std::all_of(m_kinematics.linear.begin(), m_kinematics.linear.end(),
                        [most](const btVector3& velocity) { return velocity.length2() < most; });
 }
 
-// Into how many parts the next step is divided. Explicit integration of joints that turn fast makes energy.
+// The number of parts into which the next step is divided. Explicit integration of fast joints would add energy.
 int Figure::parts() const {
     btScalar fastest = 0;
     for (const btVector3& velocity : m_state.velocities) {

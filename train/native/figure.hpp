@@ -1,4 +1,4 @@
-// One humanoid, alone with its ground and its obstacles in a Bullet world of its own.
+// One humanoid, alone with its ground and its obstacles in its own Bullet world.
 #pragma once
 
 #include <memory>
@@ -19,31 +19,31 @@ public:
     Figure(const Figure&) = delete;
     Figure& operator=(const Figure&) = delete;
 
-    // From the next reset on: friction on everything, and what all masses and inertias are multiplied by. The
-    // controller reckons with those of the description.
+    // Takes effect at the next reset: friction with everything, and the factor for all masses and inertias. The
+    // controller keeps assuming those of the description.
     void vary(btScalar friction, btScalar mass) {
         m_friction = friction;
         m_mass = mass;
     }
 
-    // Nothing remains of what was before, to the bit: contacts, warm starts and obstacles begin anew.
+    // Clears the previous state completely, bit for bit: contacts, warm starts and obstacles start afresh.
     void reset(const State& state);
 
-    // Physics steps towards `targets` (substeps x joints); the pushes (one force and torque a body, N and N m, in
-    // the world, at its centre of mass; may be null) last for all of them.
+    // Physics steps towards `targets` (substeps x joints). The pushes (a force and a torque per body, N and N m, in the
+    // world, at its centre of mass; may be null) act during all of them.
     void step(const btQuaternion* targets, const btVector3* velocities, int substeps, const btVector3* forces,
               const btVector3* torques);
 
     const Kinematics& kinematics() const { return m_kinematics; }
     // Largest component of each joint's torque in the last `step`, N m; [0] unused.
     const std::vector<btScalar>& peaks() const { return m_peaks; }
-    // The state was no longer that of a body: infinite, NaN or too fast. The figure stays where it last was sound,
-    // touching nothing, until its reset.
+    // The state became invalid: infinite, NaN or too fast. The figure keeps its last valid state, touching nothing,
+    // until its reset.
     bool exploded() const { return m_exploded; }
     bool touches(std::size_t body) const;
     // Force of all contacts on each body in the last physics step, N, in the world.
     void contact_forces(std::vector<btVector3>& out) const;
-    // They stand at their start again after every reset.
+    // They return to their initial state at every reset.
     Obstacles& obstacles() { return m_obstacles; }
     const Obstacles& obstacles() const { return m_obstacles; }
 
@@ -58,7 +58,7 @@ private:
 
     const Description& m_bodies;
     const WorldSettings m_settings;
-    // Bullet keeps bare pointers to all of these: those that are used come first and are destroyed last.
+    // Bullet keeps raw pointers to all of these: members used by others come first and are destroyed last.
     btDefaultCollisionConfiguration m_configuration{small_pools()};
     btCollisionDispatcher m_dispatcher;
     btDbvtBroadphase m_broadphase;

@@ -1,4 +1,4 @@
-// Generalised coordinates of a figure, and where they put its bodies.
+// Generalised coordinates of a figure, and the resulting positions of its bodies.
 #pragma once
 
 #include <vector>

@@ -15,7 +15,7 @@ namespace py = pybind11;
 namespace {
 
 using Floats = py::array_t<double, py::array::c_style | py::array::forcecast>;
-// Nothing is cut off: floats are refused, as numpy refuses them for an index.
+// No truncation: floats are refused, as numpy refuses them for an index.
 using Integers = py::array_t<std::int64_t, py::array::c_style>;
 
 std::string text(const std::vector<py::ssize_t>& shape) {
@@ -125,7 +125,7 @@ void reset(Batch& batch, const Integers& indices, const Floats& root, const Floa
     std::vector<bool> seen(static_cast<std::size_t>(batch.size()));
     for (py::ssize_t k = 0; k < count; ++k) {
         rows.push_back(index_in(batch, indices.at(k)));
-        // Two threads must not set the same figure.
+        // Two threads must not reset the same figure.
         if (seen[static_cast<std::size_t>(rows.back())]) {
             throw std::invalid_argument("indices: expected every figure once");
         }
@@ -172,14 +172,14 @@ void place(Batch& batch, int index, const Integers& shapes, const Floats& sizes,
     batch.place(index_in(batch, index), items);
 }
 
-// A window on the batch's own memory, which it keeps alive.
+// A view of the batch's memory; it keeps the batch alive.
 template <typename T> py::array window(py::object self, std::vector<T>& values, std::vector<py::ssize_t> shape) {
     py::array_t<T> array(shape, values.data(), self);
     array.attr("flags").attr("writeable") = false;
     return array;
 }
 
-// The same bytes as numpy's bool.
+// The same bytes, as numpy's bool.
 py::array truths(py::array bytes) { return bytes.attr("view")("bool"); }
 
 template <typename T> py::array copied(const std::vector<T>& values, std::vector<py::ssize_t> shape) {
@@ -192,10 +192,10 @@ Batch& of(const py::object& self) { return self.cast<Batch&>(); }
 
 PYBIND11_MODULE(kinemimic_native, m) {
     m.doc() = "Batches of humanoids on Bullet's own C++, with stable PD in the loop.";
-    // Raised whenever arguments or results change; train/engines.py takes no other.
+    // Increased whenever arguments or results change; train/sim/engines.py accepts only this number.
     m.attr("interface") = 3;
     m.attr("double_precision") = sizeof(btScalar) == sizeof(double);
-    py::class_<Batch>(m, "Batch", "E figures, each alone in its Bullet world. See train/native_world.py.")
+    py::class_<Batch>(m, "Batch", "E figures, each alone in its Bullet world. See train/sim/native_world.py.")
         .def(py::init(&make), py::kw_only(), py::arg("size"), py::arg("parents"), py::arg("shapes"), py::arg("sizes"),
              py::arg("masses"), py::arg("inertias"), py::arg("control_inertias"), py::arg("centers"),
              py::arg("joints"), py::arg("stiffness"), py::arg("damping"), py::arg("torque_limits"),

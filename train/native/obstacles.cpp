@@ -7,7 +7,7 @@ std::unique_ptr<btCollisionShape> shape_of(const Obstacle& item) {
     std::unique_ptr<btCollisionShape> shape;
     switch (item.shape) {
         case Obstacle::Shape::sphere:
-            // It is its own margin.
+            // A sphere is its own collision margin.
             return std::make_unique<btSphereShape>(half.x());
         case Obstacle::Shape::box:
             shape = std::make_unique<btBoxShape>(half);
@@ -35,7 +35,7 @@ void Obstacles::place(const std::vector<Obstacle>& items) {
         }
         m_bodies.push_back(std::make_unique<btRigidBody>(
             btRigidBody::btRigidBodyConstructionInfo(item.mass, nullptr, m_shapes.back().get(), inertia)));
-        // Bullet multiplies the frictions of two bodies: the figure's own is that of the pair.
+        // Bullet multiplies the friction coefficients of two bodies: that of the pair is the figure's.
         m_bodies.back()->setFriction(1);
         m_bodies.back()->setActivationState(DISABLE_DEACTIVATION);
     }
@@ -49,7 +49,7 @@ void Obstacles::restart() {
         body.setLinearVelocity(m_items[k].velocity);
         body.setAngularVelocity(m_items[k].spin);
         body.clearForces();
-        // Last: it takes over the velocities, and turns the inertia too.
+        // Last, because it copies the velocities and also rotates the inertia.
         body.setCenterOfMassTransform(btTransform(m_items[k].rotation, m_items[k].position));
     }
 }

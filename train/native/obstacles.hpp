@@ -1,4 +1,4 @@
-// What stands in a figure's way or is thrown at it: rigid bodies of its world.
+// Obstacles in a figure's way, or thrown at it: rigid bodies in its world.
 #pragma once
 
 #include <memory>
@@ -13,7 +13,7 @@ namespace Group {
 constexpr int ground = 1, figure = 2, obstacle = 4;
 }
 
-// Sharp shapes keep their size and round their edges by this much, m, as the pybullet wheel has it.
+// Shapes with edges keep their size, and their edges are rounded by this much, m, as in the pybullet wheel.
 constexpr btScalar edge_margin = btScalar(0.001);
 
 class Obstacles {
@@ -23,11 +23,11 @@ public:
     Obstacles(const Obstacles&) = delete;
     Obstacles& operator=(const Obstacles&) = delete;
 
-    // Replaces all of them; they stand at their start.
+    // Replaces all obstacles; they are in their initial state.
     void place(const std::vector<Obstacle>& items);
-    // Back to where and how they began.
+    // Back to the initial state.
     void restart();
-    // Out of the world, and in again.
+    // Remove them from the world, and add them again.
     void detach();
     void attach();
 

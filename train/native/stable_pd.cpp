@@ -13,7 +13,7 @@ btMatrix3x3 scaled(const btMatrix3x3& m, btScalar s) {
     return btMatrix3x3(m[0] * s, m[1] * s, m[2] * s);
 }
 
-// The shorter way round.
+// The shorter of the two rotations.
 btVector3 rotation_vector(const btQuaternion& q) {
     const btVector3 axis(q.x(), q.y(), q.z());
     const btScalar sine = axis.length();
@@ -39,7 +39,7 @@ StablePd::StablePd(const Description& bodies, const WorldSettings& settings)
       m_tree(bodies.size()),
       m_joints(bodies.size()) {}
 
-// Every body by itself, and the PD law of every joint.
+// Every body on its own, and the PD law of every joint.
 void StablePd::collect(const State& state, const Kinematics& k, const btQuaternion* targets,
                        const btVector3* velocities) {
     for (std::size_t i = 0; i < m_bodies.size(); ++i) {
@@ -71,7 +71,7 @@ void StablePd::collect(const State& state, const Kinematics& k, const btQuaterni
     }
 }
 
-// Hang a body and all that hangs from it on its parent.
+// Attach a body, with everything attached to it, to its parent.
 void StablePd::reduce(std::size_t i) {
     const Body& body = m_bodies[i];
     const Articulated& t = m_tree[i];
@@ -104,7 +104,7 @@ void StablePd::root() {
     const Articulated& t = m_tree[0];
     Joint& j = m_joints[0];
     if (m_fixed) {
-        // Held against gravity is as good as pulled upwards.
+        // Being held against gravity is equivalent to being accelerated upwards.
         j.angular.setZero();
         j.linear.setValue(0, 0, m_gravity);
         return;

@@ -16,14 +16,14 @@ public:
     // the end of the step:
     //   (M + dt Kd) a = Kp (target - q - dt v) + Kd (target velocity - v) - C
     //   torque = Kp (target - q - dt v) + Kd (target velocity - v - dt a)
-    // `a` is had in O(n) by the articulated-body algorithm (Featherstone 2008, chapter 7): dt Kd is nothing but
-    // an inertia that every joint has for itself. External forces are not foreseen, and gravity need not be: a
-    // free figure falls as a whole, whatever its joints do.
+    // The articulated-body algorithm (Featherstone 2008, chapter 7) gives `a` in O(n): dt Kd acts as an additional
+    // inertia of every joint. External forces are not predicted. Gravity need not be: a free figure falls as a whole,
+    // regardless of its joints.
     void torques(const State& state, const Kinematics& kinematics, const btQuaternion* targets,
                  const btVector3* target_velocities, std::vector<btVector3>& out);
 
 private:
-    // What is left of the tree from a body outwards, about its joint, in world axes:
+    // The articulated inertia of the tree from a body outwards, about its joint, in world axes:
     // (torque, force) = [J H; H' M] (angular acceleration, acceleration of the joint's point) + (torque, force).
     struct Articulated {
         btMatrix3x3 J, H, M;
@@ -32,7 +32,7 @@ private:
     struct Joint {
         btVector3 law;       // the PD law without its prediction of the acceleration
         btVector3 arm;       // from the parent's joint
-        btVector3 spin, pull; // accelerations, angular and linear, that come of velocities alone
+        btVector3 spin, pull; // accelerations, angular and linear, due to velocities alone
         btMatrix3x3 inverse; // of J + dt Kd
         btVector3 angular, linear;
     };

@@ -1,4 +1,4 @@
-// Threads that wait for a number of equal tasks and share them out among themselves and the caller.
+// Threads that wait for a number of equal tasks and share them with the caller.
 #pragma once
 
 #include <atomic>
@@ -18,7 +18,7 @@ public:
                 m_threads.emplace_back([this] { serve(); });
             }
         } catch (...) {
-            // The system gives no more: those that run would end the whole program if they were not joined.
+            // The system allows no more threads: unless the running ones are joined, they would end the whole program.
             stop();
             throw;
         }
