@@ -72,28 +72,28 @@ retarget: setup ## Fit the capture to the 20 nodes and the humanoid; JSON and MC
 train: setup ## Train a policy that imitates the motion (PRESET= BUDGET= MINUTES= SEED= ENGINE= SCENARIO=)
 	$(KINEMIMIC) train --run "$(RUN)" $(TRAINING) $(if $(SCENARIO),--scenario "$(SCENARIO)")
 
-evaluate: setup ## Score the policy: report, curves (POLICY=walk for one that ships)
+evaluate: setup ## Score the policy: report, curves (POLICY=walk for a shipped one)
 	$(KINEMIMIC) evaluate --run "$(RUN)" $(SHIPPED) $(if $(ENGINE),--engine "$(ENGINE)")
 
-pushes: setup ## Find the hardest push that the policy survives, from each side (POLICY=walk for one that ships)
+pushes: setup ## Find the hardest push that the policy survives, from each side (POLICY=walk for a shipped one)
 	$(KINEMIMIC) pushes --run "$(RUN)" $(SHIPPED) $(if $(ENGINE),--engine "$(ENGINE)")
 
-disturb: setup ## Test under forces, torques, obstacles, other ground: SCENARIO= name or file, TRIALS= (POLICY=walk for one that ships)
+disturb: setup ## Test under forces, torques, obstacles, other ground: SCENARIO= name or file, TRIALS= (POLICY=walk for a shipped one)
 	$(KINEMIMIC) disturb $(SCENARIO) --run "$(RUN)" $(SHIPPED) $(if $(TRIALS),--trials "$(TRIALS)") $(if $(ENGINE),--engine "$(ENGINE)")
 
-gait: setup ## Report cadence, stride, symmetry and curves of RUN= over the normal band
+gait: setup ## Report cadence, stride, symmetry and curves of RUN= against the normal band
 	$(KINEMIMIC) gait --run "$(RUN)"
 
-view: setup ## Write a rerun recording (POLICY=walk for a policy that ships)
+view: setup ## Write a rerun recording (POLICY=walk for a shipped policy)
 	$(KINEMIMIC) view --run "$(RUN)" $(SHIPPED)
 
 export: setup ## Export capture, reference, simulated motion, policy into RUN=/export: BVH, TRC, CSV, npz, ONNX …
 	$(KINEMIMIC) export --run "$(RUN)" $(SHIPPED)
 
-policies: setup ## List the policies that ship, with their scores
+policies: setup ## List the shipped policies, with their scores
 	$(KINEMIMIC) policies
 
-reproduce: setup ## Train the policies that ship again, or only POLICY= (hours; KINEMIMIC_CAPTURES= is the folder of the recordings)
+reproduce: setup ## Train the shipped policies again, or only POLICY= (hours; KINEMIMIC_CAPTURES= is the folder of the recordings)
 	$(KINEMIMIC) reproduce $(if $(POLICY),--only "$(POLICY)") $(if $(ENGINE),--engine "$(ENGINE)")
 
 compare: setup ## Train and score the tasks RUNS= (or RUN=; RUN@SCENARIO): medians over SEEDS= (PRESET= ABLATION=1 SEARCH= BUDGETS= ENGINE=)
@@ -121,7 +121,7 @@ data: setup $(DVC) ## Rebuild the versioned data set and lock it (datasets/versi
 	PATH="$(CURDIR)/$(BIN):$$PATH" $(BIN)/dvc repro --force
 	$(KINEMIMIC) datasets lock
 
-data-check: setup ## Check that the data set is the locked one, and that a rebuild gives the same (AGAINST= a commit)
+data-check: setup ## Check that the data set matches its lock, and that a rebuild gives the same result (AGAINST= a commit)
 	$(KINEMIMIC) datasets check $(if $(AGAINST),--against "$(AGAINST)")
 
 data-push: $(DVC) ## Push the data set's large files to dvc's remote (default runs/data-remote)

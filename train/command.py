@@ -116,7 +116,8 @@ def train(
     record = _record(training, motion, engine)
     if training.best is not None:
         policy = run / POLICY
-        # Killed between the two files, it leaves a policy without a record, not with another policy's.
+        # If killed between the two files, it leaves a policy without a record, not with that of another
+        # policy.
         policy.with_suffix(".json").unlink(missing_ok=True)
         training.best.save(policy, record)
     return record

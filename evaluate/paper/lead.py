@@ -61,7 +61,7 @@ def lead(ours: Trials, theirs: Trials) -> dict[str, Any]:
 
 
 def _later(times: Sequence[Array], left: Sequence[Array], *, sign: float) -> dict[str, Any]:
-    """Signed difference of the median times, which are cut at `left`."""
+    """Signed difference of the median times, which are truncated at `left`."""
     ours, theirs = (np.minimum(one, end) for one, end in zip(times, left, strict=True))
     result = _estimate(
         lambda chosen: sign * (median_time(ours[chosen]) - median_time(theirs[chosen])), len(ours)

@@ -17,7 +17,7 @@ Upgrade = Callable[[Mapping[str, Any]], Mapping[str, Any]]
 
 
 def unchanged(document: Mapping[str, Any]) -> Mapping[str, Any]:
-    """The upgrade of a document that only lacks the number."""
+    """The upgrade of a document that lacks only the schema number."""
     return document
 
 

@@ -27,7 +27,7 @@ RATE = 100.0  # Hz of the even clock: 30 Hz would put a foot strike 17 ms off
 CUTOFF = 6.0  # Hz
 MIN_DURATION = 0.6  # s that the filter and a step need
 WINDOW = 1.0  # s, about a stride, over which the pelvis' sway cancels out of the direction of the path
-TRAVEL_SPEED = 0.3  # m/s; slower, the subject is on a treadmill or does not walk
+TRAVEL_SPEED = 0.3  # m/s; at lower speeds, the subject is on a treadmill or does not walk
 # A turning point counts if the ankle then returns by this share of its range; the range must exceed MIN_RANGE
 # metres, since swaying on the spot is not walking.
 RETURN_SHARE, MIN_RANGE = 0.35, 0.15

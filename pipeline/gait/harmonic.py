@@ -18,7 +18,7 @@ from kinemimic.pipeline.kinematics.skeleton import NODE_INDEX as N
 PERIODS = (0.5, 2.0)  # seconds of a stride
 # Seconds over which the grid of periods is searched: over more strides its steps would miss the best one.
 _GRID_SECONDS = 60.0
-_RIDGE = 1e-12  # keeps the fit to no frames from being singular
+_RIDGE = 1e-12  # keeps a fit without any frames from being singular
 
 
 @dataclass(frozen=True)

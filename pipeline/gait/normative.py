@@ -17,7 +17,8 @@ from kinemimic.pipeline.arrays import Array
 SOURCE = "Schwartz et al. 2008, J. Biomech. 41(8), 1639-1650: 83 children at their free speed"
 FOOT_OFF = 0.59  # of the cycle, when the foot leaves the ground
 # Their hips are measured against the plane of the front and back points of the pelvic crest, which leans by
-# 11.6° on the average of the same tables (10.5 to 12.5° over the cycle); ours against a pelvis that stands.
+# 11.6° on the average of the same tables (10.5 to 12.5° over the cycle); ours are measured against an upright
+# pelvis.
 PELVIC_TILT = 11.6
 # Degrees at 0, 2, … 98 % of the cycle: mean, and mean plus one standard deviation, as the tables have them.
 _TABLES: dict[str, tuple[tuple[float, ...], tuple[float, ...]]] = {

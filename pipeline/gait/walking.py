@@ -33,7 +33,7 @@ TRAVEL_SPEED = 0.3  # m/s
 MIN_CYCLES_ON_PATH, MIN_CYCLES_ON_SPOT = 0.9, 2.0
 MIN_SHARE_ON_SPOT = 0.34  # of the windows
 MIN_PERIOD, MAX_PERIOD = 0.56, 0.98 * PERIODS[1]  # s
-# Largest mean distance of one ankle before the other, over the amplitude. Ankles pass each other about
+# Largest mean distance of one ankle ahead of the other, over the amplitude. Ankles pass each other about
 # evenly; where the tracker exchanges the legs at each step, one leads (by 1.5), at twice the frequency.
 MAX_LEAD = 0.8
 FACING_SECONDS = 1.0  # over which the hip line is averaged: its direction is noisy and turns slowly
@@ -112,8 +112,8 @@ def _gait_window(times: Array, nodes: Array) -> _Window | None:
     fixed = np.broadcast_to([np.cos(heading), np.sin(heading)], apart.shape)
     fits = []
     # Three candidates for forward: the path in the room, if there is one; in a turn, where the hip line
-    # faces; on a treadmill, or before a camera that turns along and sees the hips from the side, the line on
-    # which the ankles pass each other.
+    # faces; on a treadmill, or in front of a camera that turns with the subject and sees the hips from the
+    # side, the line on which the ankles pass each other.
     for forward in (fixed, _facing(times, hips, seen), _swing_axis(apart[seen])):
         along = np.asarray(np.sum(np.where(seen[:, None], apart * forward, 0.0), axis=-1))
         if np.std(along[seen]) > 0.5 * MIN_AMPLITUDE:

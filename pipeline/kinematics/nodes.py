@@ -119,7 +119,7 @@ _APART = 0.02
 _REQUIRED: tuple[str, ...] = tuple(
     f"{joint}_{side}" for side in ("left", "right") for joint in ("hip", "knee", "ankle")
 )
-# A node at the same point as this other one counts as not shown.
+# A node at the same point as this other node counts as not shown.
 _BEYOND: dict[str, str] = {
     "spine": "hip_center",
     "hand_left": "wrist_left",
@@ -237,7 +237,7 @@ def _prefer(clip: Clip, found: dict[str, int]) -> None:
         while trunk[-1] >= 0 and trunk[-1] != hips:
             trunk.append(parents[trunk[-1]])
         if distance(hips, found["spine"]) < _APART and trunk[-1] == hips:
-            # CMU puts the lower back at the hips: take the next joint up that is apart from them.
+            # CMU puts the lower back at the hips: take the next joint up that does not coincide with them.
             apart = (j for j in trunk[-2::-1] if distance(hips, j) >= _APART)
             found["spine"] = next(apart, found["spine"])
     head = found.get("head")

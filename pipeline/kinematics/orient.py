@@ -115,7 +115,7 @@ def _first(preferred: Array, otherwise: Array) -> Array:
 def _swung(parent: Array, at_rest: Array, towards: Array) -> Array:
     """World frames (T, 4): the parent's, turned so that `at_rest` (3,) points along `towards` (T, 3).
 
-    For a head, hand or foot, whose twist no point shows.
+    For a head, hand or foot, whose twist cannot be seen from positions.
     """
     return multiply(parent, swing(at_rest, rotate(conjugate(parent), towards), _END))
 

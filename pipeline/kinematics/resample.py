@@ -115,7 +115,7 @@ def _spline(at: Array, times: Array, values: Array) -> Array:
 
 
 def _slerp(p: Array, q: Array, share: Array) -> Array:
-    """Rotations (N, J, 4) on the shortest way from p to q, at constant speed.
+    """Rotations (N, J, 4) along the shortest path from p to q, at constant speed.
 
     On a frame (share 0) the result is p, even if q is NaN.
     """

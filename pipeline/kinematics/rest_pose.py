@@ -49,8 +49,8 @@ _CARRIES: dict[str, tuple[str, ...]] = {
         )
     },
 }
-# Segments whose twist no position shows: at rest they are aligned with the segment above, with this axis
-# along their line. (A foot, which only needs to be level on average, is averaged.)
+# Segments whose twist cannot be seen from positions: at rest they are aligned with the segment above, with
+# this axis along their line. (A foot, which only needs to be level on average, is averaged.)
 _ENDS: dict[str, Array] = {
     "shoulder_center": np.array([0.0, 0.0, 1.0]),
     "wrist_left": np.array([0.0, 0.0, -1.0]),

@@ -48,7 +48,7 @@ def all_finite(values: Array, axis: int | tuple[int, ...] = -1) -> Mask:
     return np.asarray(np.isfinite(values).all(axis=axis), dtype=np.bool_)
 
 
-# Most runs that a report lists; its counts are complete all the same.
+# Most runs that a report lists; its counts are still complete.
 _MAX_RUNS = 100
 
 

@@ -138,7 +138,7 @@ def _frozen_frames(clip: Clip) -> Mask:
 
 
 def _body_jumps(clip: Clip, present: Mask) -> Mask:
-    """Frames (T,) that most joints reached, from the last frame with a subject, faster than a human can."""
+    """Frames (T,) that most joints reached faster than a human can, from the last frame with a subject."""
     jumps = np.zeros(len(present), dtype=np.bool_)
     frames = np.flatnonzero(present)
     step = np.linalg.norm(np.diff(clip.positions[frames], axis=0), axis=-1)

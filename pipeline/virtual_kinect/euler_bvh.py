@@ -32,8 +32,9 @@ _DOWN = np.array([0.0, 0.0, -1.0])
 def write_euler_bvh(
     path: Path, positions: Array, states: NDArray[np.uint8], rows: NDArray[np.int64], *, frame_time: float
 ) -> dict[str, Any]:
-    """Write joints (N, 20, 3) with states (N, 20) as BVH, frame k showing row rows[k]; returns what is near
-    lock.
+    """Write joints (N, 20, 3) with states (N, 20) as BVH, frame k showing row rows[k].
+
+    Returns what comes near lock.
 
     The result names the joint, the frames of the file (from 0) whose middle angle is 85 degrees or more as
     written, and the frame nearest to lock with its distance in degrees.

@@ -33,7 +33,7 @@ MIN_GOOD_TIME = 25 / 30.0  # seconds of good frames, unless they are most of a s
 MIN_STRIDE_SHARE = 0.75
 # m/s and m: a walking pass advances faster and farther. A squat moves the hips as fast, but not as far.
 MIN_WALK_SPEED, MIN_TRAVEL = 0.3, 0.8
-MIN_STEP_AMPLITUDE = 0.12  # m: half the least stride of the ankles in walking on the spot
+MIN_STEP_AMPLITUDE = 0.12  # m: half the smallest stride of the ankles when walking on the spot
 # Walking differs from a jump, a kick or a cartwheel that travels as far: the trunk stays upright, the feet
 # alternate, and the alternation takes most of the pass or repeats.
 MAX_TRUNK_LEAN = np.radians(60.0)  # of the trunk from the vertical, 95th percentile

@@ -20,7 +20,7 @@ from kinemimic.pipeline.kinematics.skeleton import NODE_INDEX as N
 
 MIN_FRAMES = 8  # frames
 MIN_STROKES = 1  # foot-flat phases of each foot
-MIN_DURATION = 2.0  # s of a pass: a single swing of the legs is no walk
+MIN_DURATION = 2.0  # s of a pass: a single swing of the legs is not a walk
 MIN_SPEED = 0.3  # m/s of the belt
 MAX_SPREAD = 0.3  # median deviation of the strokes' speeds from their running median, over the median speed
 MAX_TRAVEL = 0.15  # of the belt's travel, by which the person may move

@@ -21,7 +21,7 @@ from kinemimic.train.sim.world import FRICTION, GRAVITY, BodyStates
 # The higher a point is above the ground, and the faster it moves, the less it carries.
 HEIGHT = 0.015  # m
 SPEED = 0.4  # m/s
-BEYOND = 3.0  # times these: it carries nothing
+BEYOND = 3.0  # at these multiples, it carries nothing
 COST = 1e-3  # of a newton at a point at rest on the ground, relative to a newton of residual
 STEPS = 100  # maximum of the solver per unknown: its own 3 can be too few for a sole's similar corners
 LEVER = 0.3  # m: a newton metre of residual counts as a newton at this distance

@@ -127,8 +127,7 @@ def is_due(before: int, after: int) -> bool:
 
 
 def best(evaluations: Sequence[Evaluation]) -> Evaluation:
-    """Of those at the greatest strength the one with the highest robust return, or reward if there is none;
-    the earliest of equals."""
+    """The evaluation at the greatest strength with the best robust return, or else reward; ties: the first."""
     return max(
         evaluations, key=lambda e: (e.strength, e.reward if e.robust_return is None else e.robust_return)
     )

@@ -2,7 +2,7 @@
 
 An evaluation without perturbations cannot tell robust policies from others: a policy that was never pushed
 does best in it and falls at the first push. The draws have their own seeds, the same for every policy, so
-that policies compare.
+that policies can be compared.
 """
 
 from __future__ import annotations

@@ -134,7 +134,7 @@ class TrainingLoop:
     def _evaluate(self, board: SummaryWriter) -> None:
         training, runner, samples = self._training, self._runner, self._state.samples
         policy = training.algorithm.policy()
-        # With the scales at the end of their schedules, so that early and late evaluations compare.
+        # With the scales at the end of their schedules, so that early and late evaluations are comparable.
         reward, strength = self._config.final_reward, scheduled_at(self._config.strength, samples)
         episodes = runner.run_episodes(policy, reward, start_phases(self._motion, self._config.env.scenario))
         robust_returns = runner.robust_returns(policy, reward) if strength > 0.0 else ()

@@ -29,7 +29,7 @@ SPEED_LIMIT = 1000.0  # rad/s, m/s: Bullet's own limit of joint and root speeds,
 MAX_SPEED = 100.0  # m/s: no body of an intact humanoid comes near; faster means exploded
 # At these gains, stable PD removes all of a joint's speed in one step for the moments of inertia that it
 # assumes: those of capsules, larger than the ellipsoids' own. A much lighter body overshoots: in 40 postures
-# joints came to rest at 0.70, and oscillated for ever at 0.68.
+# joints came to rest at 0.70, and oscillated forever at 0.68.
 MIN_MASS = 0.7  # of the nominal mass
 JOINT_PARENTS: NDArray[np.intp] = np.array(BODY_PARENTS[1:])
 

@@ -2,9 +2,10 @@
 
 Toes and knees show forward, the trunk shows up, hips and shoulders show left; in a mirror image these
 directions disagree. The cause is left-handed axes read as right-handed, or left and right names swapped; the
-points alone cannot tell which. A person wrote the names, while a program assumed the axes; so the names are
-kept and the points are reflected at the plane Y = 0. If the names were wrong instead, the curves of the left
-leg are those of the right. Euler captures, and bodies whose knees never bend clearly, are only flagged.
+points alone cannot tell which. The names were written by a person, but the axes were assumed by a program, so
+the names are kept and the points are reflected in the plane Y = 0. If the names were wrong instead, the
+curves of the left leg are those of the right. Euler captures, and bodies whose knees never bend clearly, are
+only flagged.
 """
 
 from __future__ import annotations

@@ -35,7 +35,7 @@ def is_upright_body(points: Array) -> bool:
     )
     plausible = (trunk_over_leg > _TRUNK_OVER_LEG[0]) & (trunk_over_leg < _TRUNK_OVER_LEG[1])
     plausible &= (thigh_over_shank > _THIGH_OVER_SHANK[0]) & (thigh_over_shank < _THIGH_OVER_SHANK[1])
-    # Shoulders or hips that coincide, or are as far apart as the body is tall, belong to no body.
+    # Shoulders or hips that coincide, or are as far apart as the body is tall, do not belong to a body.
     height_of_body = np.abs(column[:, 0] - column[:, -1])
     for joint in ("shoulder", "hip"):
         apart = np.linalg.norm(

@@ -183,7 +183,7 @@ def _rows_of_width(
 
 
 def _has_width(line: str, width: int, separator: str | None) -> bool:
-    """Whether the line has so many fields. Counting separators is ten times as fast as splitting; only
+    """Whether the line has this many fields. Counting separators is ten times as fast as splitting; only
     irregular white space needs splitting."""
     if separator is None and ("  " in line or "\t" in line):
         return len(line.split()) == width

@@ -26,7 +26,8 @@ SEPARATORS = {"auto": None, "space": r"\s+", "tab": "\t", "comma": ",", "semicol
 SECONDS: dict[str, float] = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "100ns": 1e-7, "frame": 1.0}
 LENGTHS: dict[str, float] = {name: UNITS[name] for name in ("m", "cm", "mm", "inch")}
 QUATERNIONS = ("xyzw", "wxyz")
-# Python's codecs of single names, and one that always fails; none is of a file, and the first two take hours.
+# Python's codecs for single names, and one that always fails; none is a file encoding, and the first two take
+# hours.
 _NO_ENCODINGS = ("punycode", "idna", "undefined")
 _LARGEST = 1.7e308
 

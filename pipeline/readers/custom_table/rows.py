@@ -22,11 +22,11 @@ from kinemimic.pipeline.readers.custom_table.table import Cells, Words
 
 Indices = NDArray[np.intp]
 
-# In metres. Beyond is damage or another unit: no sensor or laboratory reaches that far.
+# In metres. Larger values are damage or another unit: no sensor or laboratory reaches that far.
 MAX_COORDINATE = 1000.0
 # No angle is this large, in any unit.
 _MAX_ANGLE = 1e6
-# Limits in seconds of the median time step; outside of them the unit of time is wrong.
+# Limits in seconds of the median time step; outside them, the unit of time is wrong.
 TIME_STEPS = (0.0002, 2.0)
 
 

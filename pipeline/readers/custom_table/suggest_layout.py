@@ -94,7 +94,7 @@ def _columns_of_row(sheet: Sheet) -> Columns:
         if set(axes) <= found.keys():
             setattr(one, part, tuple(found[axis] for axis in axes))
     if not one.position and not sheet.names:
-        # Times and frame numbers only grow; coordinates do not.
+        # Times and frame numbers only increase; coordinates do not.
         moving = [
             k
             for k in range(sheet.width)

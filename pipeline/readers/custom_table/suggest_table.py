@@ -22,7 +22,7 @@ _SEPARATORS: dict[str, str] = {"tab": "\t", "semicolon": ";", "comma": ",", "spa
 # What pandas takes as a missing value by default.
 _EMPTY = frozenset({"", "nan", "na", "n/a", "null", "none", "-nan", "#n/a", "<na>"})
 _SENTINELS = (-9999.0, -999.0, -99999.0, 9999.0, 99999.0, 999.0)
-# Larger values are no position, angle or time; the square is still finite.
+# Larger values are not a position, angle or time; the square is still finite.
 _MAX_VALUE = 1e30
 _COMMENTS = ("#", "%", "!")
 

@@ -115,7 +115,7 @@ def _body_labels(labels: tuple[str, ...]) -> tuple[str, ...]:
 
 
 def _refuse_remote(places: Array, labels: tuple[str, ...], source: Source) -> None:
-    """Raise CaptureError for a position (T, N, 3), in metres, outside of any laboratory."""
+    """Raise CaptureError for a position (T, N, 3), in metres, outside any laboratory."""
     far = np.argwhere(np.abs(places) > MAX_COORDINATE)
     if len(far):
         frame, point, axis = (int(k) for k in far[0])

@@ -7,9 +7,9 @@ from collections.abc import Sequence
 from kinemimic.pipeline.kinematics.nodes import normalised
 
 # Landmark -> labels of its markers, in lower case without punctuation; * stands for the side: "*asi" is lasi
-# or leftasi. Of each landmark's tuples, the first counts of which the file has any label (of a cluster: all);
-# all labels of that tuple in the file belong to the landmark. Plug-in-Gait; OpenSim's Gait2354, Hamner and
-# Rajagopal; and plain words.
+# or leftasi. Of each landmark's tuples, the first with any label in the file counts (for a cluster: with all
+# labels); all labels of that tuple in the file belong to the landmark. Plug-in-Gait; OpenSim's Gait2354,
+# Hamner and Rajagopal; and plain words.
 _SIDED: dict[str, tuple[tuple[str, ...], ...]] = {
     "asis": (("*asi",), ("*asis",)),
     "psis": (("*psi",), ("*psis",)),

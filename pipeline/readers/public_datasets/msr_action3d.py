@@ -1,8 +1,8 @@
 """MSR-Action3D in world coordinates: x y z confidence per line, 20 lines per frame, 15 Hz.
 
 The order of the joints is the data set's own. A model was fitted to the image, so every joint has a position;
-the confidence (0 to 1) says how much of it was seen: spine, neck and feet have 0 in nearly all frames and are
-as steady as the others, but wrists below 1 jump two to four times as far. Hence 0.5 and above is tracked,
+the confidence (0 to 1) states how much of it was seen: spine, neck and feet have 0 in nearly all frames and
+are as steady as the others, but wrists below 1 jump two to four times as far. Hence 0.5 and above is tracked,
 below is inferred, and only a position of zeros is missing. Metres, Y up. The data set's other form, in
 pixels, is refused.
 """
