@@ -173,9 +173,10 @@ def command(
     engine: str,
     as_json: bool,
 ) -> None:
-    """The paper's experiments with PPO, DDPG and actor-critic.
+    """Repeat the paper's experiments with PPO, DDPG and actor-critic.
 
-    Every number of its section 4 next to ours, in study.html; figures as SVG and PNG, numbers as CSV.
+    study.html lists every number of the paper's section 4 next to ours. Figures are written as SVG and PNG,
+    and numbers as CSV.
 
     Nothing is trained: the policies are those of `kinemimic compare`. An interrupted study resumes.
 

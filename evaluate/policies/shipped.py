@@ -65,7 +65,7 @@ class ShippedPolicies:
     def prepare(self, name: str, run: Path, *, capture: Path | None = None) -> None:
         """Copy a policy and its motion into a run folder, unless they are already there.
 
-        capture: the recording that the policy was trained on, if its motion does not ship. KinemimicError
+        capture: the recording that the policy was trained on, if its motion is not shipped. KinemimicError
         names that recording and its source, or says that the folder holds another run.
         """
         names = self.names()
@@ -173,7 +173,7 @@ def run_options(
             click.option(
                 "--capture",
                 type=click.Path(path_type=Path),
-                help="Recording that the policy was trained on, if its motion does not ship.",
+                help="Recording that the policy was trained on, if its motion is not shipped.",
             ),
             click.option("--policy", metavar="NAME", help="A shipped policy (see `kinemimic policies`)."),
             click.option(

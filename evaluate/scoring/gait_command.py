@@ -91,7 +91,7 @@ def table(report: Mapping[str, Any], run: Path) -> RenderableType:
 @run_option()
 @json_option("Print gait_report.json.")
 def command(run: Path, as_json: bool) -> None:
-    """Gait metrics of a run's capture, reference and simulation, compared with normal gait.
+    """Compute gait metrics of a run's capture, reference and simulation, and compare them with normal gait.
 
     Writes gait_report.json and gait_report.html with cadence, lengths, speed, stance, symmetry, off-axis knee
     rotation and the curves of knee, hip and ankle. Subjects without a full stride are listed without metrics.

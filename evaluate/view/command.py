@@ -133,7 +133,9 @@ def _evaluate_if_needed(run: Path) -> None:
 @click.option("--screenshot", "picture", type=FILE, help="Also render the recording as PNG (*).")
 @click.option("--at", type=click.FloatRange(min=0), help=f"Time of the screenshot in s. Default: {AT:g}.")
 @click.option("--video", "movie", type=FILE, help="Also render the recording as .mp4 or .avi (*).")
-@click.option("--seconds", type=click.FloatRange(min=0.1), help=f"Longest video in s. Default: {SECONDS:g}.")
+@click.option(
+    "--seconds", type=click.FloatRange(min=0.1), help=f"Maximum length of the video, s. Default: {SECONDS:g}."
+)
 @click.option("--scenario", "named", metavar="NAME", help="Show a trial of this scenario, in view-NAME.rrd.")
 @click.option(
     "--trial", "number", type=click.IntRange(min=0), default=0, show_default=True, help="Number of the trial."

@@ -132,7 +132,7 @@ def reproduce(
     type=click.Path(path_type=Path, file_okay=False),
     default=Path("runs/reproduce"),
     show_default=True,
-    help="Parent of the run folders.",
+    help="Parent folder of the runs.",
 )
 @click.option(
     "--captures",
@@ -150,10 +150,10 @@ def reproduce(
     type=click.Path(path_type=Path, file_okay=False),
     default=Path("datasets/policies"),
     show_default=True,
-    help="Parent of the policies' folders.",
+    help="Parent folder of the policies.",
 )
 @engine_option
-@json_option("Print the folders that were written as JSON.")
+@json_option("Print the written folders as JSON.")
 def command(
     only: tuple[str, ...],
     runs: Path,
@@ -163,7 +163,7 @@ def command(
     engine: str | None,
     as_json: bool,
 ) -> None:
-    """Train and evaluate the shipped policies by their recipes, and write them to --into.
+    """Train the shipped policies from their recipes, evaluate them, and write them to --into.
 
     \b
       kinemimic reproduce --only walk

@@ -195,7 +195,7 @@ def _unsupported_layout(catalog: Path) -> KinemimicError:
     required=True,
     help="Your catalogue; created if it does not exist.",
 )
-@click.option("--collection", required=True, metavar="NAME", help="Folder that the file is fetched into.")
+@click.option("--collection", required=True, metavar="NAME", help="Folder into which the file is fetched.")
 @click.option("--as", "name", metavar="NAME", help="Name of the file there; by default its own name.")
 @click.option("--path", required=True, help="Path of the file in its repository.")
 @click.option("--repository", metavar="OWNER/NAME", help="GitHub repository of the file.")

@@ -168,10 +168,10 @@ def command(
     catalog_file: Path | None,
     as_json: bool,
 ) -> None:
-    """Fetch recordings by names of collections or files ("kinect1_*", cmu_bvh/02_01.bvh, r2.skl).
+    """Fetch recordings by the names of collections or files ("kinect1_*", cmu_bvh/02_01.bvh, r2.skl).
 
-    Files that are present with the right hash are not fetched again; interrupted downloads are resumed.
-    Prints the paths, one per line.
+    Files that are already present with the correct hash are not fetched again; interrupted downloads are
+    resumed. Prints the paths, one per line.
 
     \b
       kinemimic datasets fetch kinect1_bernstein_skl/r2.skl

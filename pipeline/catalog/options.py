@@ -16,7 +16,7 @@ catalog = click.option(
     "--catalog",
     "catalog_file",
     type=click.Path(path_type=Path),
-    help="Your own catalogue (`kinemimic datasets add`) instead of the one that ships.",
+    help="Your own catalogue (`kinemimic datasets add`) instead of the shipped one.",
 )
 
 

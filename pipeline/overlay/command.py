@@ -141,7 +141,7 @@ def _colours(recording: Recording, colours: dict[int, Path]) -> Iterator[Image]:
 @click.option(
     "--run",
     type=click.Path(path_type=Path),
-    help="Draw the clip of this run of the recording instead.",
+    help="Draw the clip of this run instead of the joints as recorded.",
 )
 @click.option(
     "--on", "view", type=click.Choice(VIEWS), help="Images to draw on; by default colour if available."

@@ -21,8 +21,9 @@ from kinemimic.pipeline.virtual_kinect.recorder import record_virtual
 )
 @json_option("Print the paths as JSON.")
 def command(motions: tuple[str, ...], into: Path, seed: int, as_json: bool) -> None:
-    """Record a real person's walk or run with a virtual Kinect, as .skl and as BVH with Euler angles. Next to
-    each file are its true joint angles and how it was made. Recordings are marked as simulated.
+    """Record a real person's walk or run with a virtual Kinect, as .skl and as BVH with Euler angles.
+
+    Each file comes with its true joint angles and a note of its origin. Recordings are marked as simulated.
 
     \b
       kinemimic datasets record walk --into recordings

@@ -136,8 +136,8 @@ def _describe_changes(before: Canonical, after: Canonical) -> str:
 def command(path: Path, against: str | None, as_json: bool) -> None:
     """Check the data set in the current folder against its manifest.
 
-    Compares raw files by SHA-256, and the outputs that are built from them today number by number. Prints a
-    line for each fault; exit status 1 if there are any.
+    Compares the raw files by SHA-256, then rebuilds the outputs and compares them number by number. Prints
+    one line per fault; exit status 1 if there are any.
 
     \b
       kinemimic datasets check --against origin/main

@@ -180,7 +180,7 @@ def _amount(change: Change) -> str:
 @click.argument("after", type=click.Path(path_type=Path))
 @json_option("Print every change as JSON.")
 def command(before: Path, after: Path, as_json: bool) -> None:
-    """List the differences from BEFORE to AFTER as motions: joints, degrees, millimetres, frames.
+    """List the differences from BEFORE to AFTER in terms of motion: joints, degrees, millimetres, frames.
 
     Each is a file (motion.json, a clip's .parquet, a file of `datasets build`) or a folder of such files, for
     example a run. Numbers are rounded to 1e-5, as in a locked data set. Exit status 1 if anything differs.

@@ -141,7 +141,7 @@ def missing_changelog_line(version: int, root: Path) -> str | None:
 def command(path: Path, as_json: bool) -> None:
     """Write the manifest of the data set that is built in the current folder.
 
-    Fails if the data changed but their version did not, or if the changelog has no line on the version.
+    Fails if the data changed but their version did not, or if the changelog has no line about the version.
 
     \b
       kinemimic datasets lock

@@ -127,7 +127,7 @@ def is_due(before: int, after: int) -> bool:
 
 
 def best(evaluations: Sequence[Evaluation]) -> Evaluation:
-    """The evaluation at the greatest strength with the best robust return, or else reward; ties: the first."""
+    """The evaluation at the greatest strength with the best robust return, or reward; ties: the first."""
     return max(
         evaluations, key=lambda e: (e.strength, e.reward if e.robust_return is None else e.robust_return)
     )
