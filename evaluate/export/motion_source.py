@@ -1,4 +1,4 @@
-"""What can be exported: a capture, a reference or a simulated motion, in each form that a format asks for."""
+"""Motions that can be exported (capture, reference, simulated), in each form that a format requires."""
 
 from __future__ import annotations
 

@@ -20,11 +20,14 @@ SHORT = "ahead, with fewer samples than in the paper"
 
 @dataclass(frozen=True)
 class Claim:
-    """figure: figure or table of the paper; formula: how ours is computed; paper, ours: in `unit`; better:
-    "more" or "less" is better, "lead" for PPO's lead, "neither" for no verdict; reason: why ours is None, and
-    failing: whose failure that is; low, high: 95 % interval of ours, if any; unequal: PPO had more
-    samples than the baseline; short: both had fewer samples than in the paper; sizes: the paper's lead and
-    ours in comparable form where the numbers themselves are not comparable (times of two machines)."""
+    """figure.
+
+    Figure or table of the paper; formula: how ours is computed; paper, ours: in `unit`; better: "more" or
+    "less" is better, "lead" for PPO's lead, "neither" for no verdict; reason: why ours is None, and failing:
+    the algorithm that failed; low, high: 95 % interval of ours, if any; unequal: PPO had more samples than
+    the baseline; short: both had fewer samples than in the paper; sizes: the paper's lead and ours in
+    comparable form where the numbers themselves are not comparable (times of two machines).
+    """
 
     figure: str
     what: str

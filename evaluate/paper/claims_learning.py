@@ -1,7 +1,7 @@
 """Section 4.1: the paper's settings, returns, convergence and losses, with our numbers.
 
 The paper does not state its maximum return. We assume 500, one per frame, and give its rewards as shares of
-that; ours are shares of the maximum that can be earned.
+that; ours are shares of the possible maximum.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""Which policies take part in which experiment; names shared by data, figures and page."""
+"""The policies that take part in each experiment; names shared by data, figures and page."""
 
 from __future__ import annotations
 

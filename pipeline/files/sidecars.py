@@ -1,7 +1,7 @@
 """Sidecar files of a capture NAME.*: its true motion and its provenance.
 
 NAME.truth.parquet: the true joint angles of a simulated capture. NAME.provenance.json: how the capture was
-made, which few formats can state themselves.
+made, which few formats can record.
 """
 
 from __future__ import annotations

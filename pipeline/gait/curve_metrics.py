@@ -24,7 +24,9 @@ def paired(reference: Array, simulated: Array) -> tuple[Array, Array]:
     """The pairs (M,), (M,) of finite values; ValueError if the curves differ in length."""
     reference, simulated = np.asarray(reference, dtype=np.float64), np.asarray(simulated, dtype=np.float64)
     if reference.shape != simulated.shape or reference.ndim != 1:
-        raise ValueError(f"two curves of one length expected, got {reference.shape} and {simulated.shape}")
+        raise ValueError(
+            f"expected two curves of the same length, found {reference.shape} and {simulated.shape}"
+        )
     known = np.isfinite(reference) & np.isfinite(simulated)
     return reference[known], simulated[known]
 

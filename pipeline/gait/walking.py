@@ -40,7 +40,7 @@ FACING_SECONDS = 1.0  # over which the hip line is averaged: its direction is no
 
 # Seconds over which velocities are taken, so that a sensor's noise does not drown them.
 VELOCITY_SECONDS = 0.2
-# m/s at which the ankles of somebody who walks or runs pass each other.
+# m/s at which the ankles pass each other in walking or running.
 STRIDING_SPEED = 0.8
 
 

@@ -1,11 +1,11 @@
 """Convert the recorded rotations of any skeleton to those of the 20 nodes, by matching rest poses.
 
-A recorder's joint frames follow its own rest pose: arms out in a T or an A, or, in a sensor's SDK, axes
-along the bones. Each differs from our body segment's frame by a constant rotation, which is estimated from
-the recording itself: the frames that its positions show (orient.py), relative to the recorder's joint,
-averaged over time. So the same motion on a skeleton with another rest pose gives the same rotations. What
-positions cannot show is kept as recorded: the twist of a straight limb, of the head, of the foot, a forearm's
-pronation.
+A recorder's joint frames follow its own rest pose: arms out in a T or an A, or, in a sensor's SDK, axes along
+the bones. Each differs from our body segment's frame by a constant rotation, which is estimated from the
+recording itself: the frames that its positions show (orient.py), relative to the recorder's joint, averaged
+over time. So the same motion on a skeleton with another rest pose gives the same rotations. Rotations that
+positions cannot show are kept as recorded: the twist of a straight limb, of the head, of the foot, a
+forearm's pronation.
 """
 
 from __future__ import annotations

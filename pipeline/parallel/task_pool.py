@@ -32,7 +32,7 @@ Result = TypeVar("Result")
 
 @dataclass(frozen=True)
 class Failure:
-    """Stands in for the result of a task that has none; reason: why, in words."""
+    """Takes the place of the result of a task that failed; reason: a description."""
 
     reason: str
 

@@ -124,7 +124,7 @@ def _state_machine(clip: Clip, present: Mask) -> Iterator[Event]:
 def _frozen_frames(clip: Clip) -> Mask:
     """Frames (T,) that repeat the previous pose, bit for bit, in a run longer than MAX_ABSENCE.
 
-    Formats without a code for "nobody" make recorders repeat the last pose until somebody returns.
+    Formats without a code for "nobody" make recorders repeat the last pose until a subject returns.
     """
     p = clip.positions.reshape(len(clip.times), -1)
     same = np.concatenate([[False], ((p[1:] == p[:-1]) | (np.isnan(p[1:]) & np.isnan(p[:-1]))).all(axis=1)])

@@ -70,7 +70,7 @@ def solve_blocks(blocks: Array, stiffness: Array, right: Array, *, cyclic: bool)
         solution = solveh_banded(band, right.ravel(), lower=True, overwrite_ab=True, check_finite=False)
         return np.asarray(solution).reshape(frames, n)
     if frames < MIN_CYCLE_FRAMES:
-        raise ValueError(f"a cycle has at least {MIN_CYCLE_FRAMES} frames")
+        raise ValueError(f"expected a cycle of at least {MIN_CYCLE_FRAMES} frames")
     inner = frames - COUPLED_FRAMES
     band = _banded(full[:inner], next_one[: inner - 1], next_two[: inner - 2], stiffness)
     border = np.zeros((inner, n, COUPLED_FRAMES, n))

@@ -43,7 +43,7 @@ POOR_VISIBILITY = 0.2  # share of frames with a leg missing or of another length
 # Cycles (rms) by which individually timed strides may deviate from one period. A walking knee's peak is so
 # sharp that pooling frames 0.02 cycles off lowers it by 1° and leaves 0.98 of the knee's variance.
 MAX_DRIFT = 0.02
-# Strides below which confused legs can look like drift: nobody drifts as far over so few strides.
+# Strides below which confused legs can look like drift: no subject drifts this far over so few strides.
 MIN_WARPED_STRIDES = 4.0
 
 
@@ -244,7 +244,7 @@ def _compare(one: Pass, speed: float, period: float) -> Pass:
 
 
 def is_gait(passes: list[Pass]) -> bool:
-    """Whether somebody walks or runs in any pass, well recorded or not, along a path or in place."""
+    """Whether any pass shows walking or running, well recorded or not, along a path or in place."""
     return any(one.walks for one in passes)
 
 

@@ -1,4 +1,4 @@
-"""Which parts of a recording are reliable, decided by measurement, not by file format.
+"""Reliability of the parts of a recording, decided by measurement, not by file format.
 
 A depth sensor sees the hip line badly (its yaw is off by 15 to 43 degrees in an oblique view) and the feet
 worse. Parts that do not repeat from stride to stride, or change their length, are replaced by a neutral pose.

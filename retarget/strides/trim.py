@@ -1,4 +1,7 @@
-"""Which frames of a pass show a walking person: bad edges are cut, bad frames within are flagged."""
+"""Selection of the frames of a pass that show a walking person.
+
+Bad edges are cut, bad frames within are flagged.
+"""
 
 from __future__ import annotations
 

@@ -32,7 +32,7 @@ _LARGEST_SHARE = 0.7  # of a joint's torque limit for the feed-forward: the rest
 class Reference:
     """A motion sampled by phase (0 to 1 over its duration, not wrapped).
 
-    A cyclic motion continues for ever, advancing by its cycle offset; any other holds its last frame.
+    A cyclic motion continues indefinitely, advancing by its cycle offset; any other holds its last frame.
     """
 
     def __init__(self, motion: Motion) -> None:

@@ -67,8 +67,8 @@ class Episode:
 class Evaluation:
     """Results after a number of samples and seconds of training.
 
-    strength: 0 to 1, of the domain randomization in training at that time; frames, knee, hip: the least of
-    all episodes; frames_first: of the episode from phase 0; reward: mean of the episodes; robust_return: mean
+    strength: 0 to 1, of the domain randomization in training at that time; frames, knee, hip: minima over all
+    episodes; frames_first: of the episode from phase 0; reward: mean of the episodes; robust_return: mean
     reward under domain randomization, None where the strength is 0; critic_loss: the critic's mean squared
     error as a share of its targets' variance, mean of the rounds since the last evaluation.
     """

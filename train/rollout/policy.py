@@ -173,7 +173,7 @@ class _Provenance(Struct):
 
 
 class _Record(Struct):
-    """Keys of a record that scores and reports take over."""
+    """Keys of a record that scores and reports copy."""
 
     config: dict[str, Any]
     provenance: _Provenance

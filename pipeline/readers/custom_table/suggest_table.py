@@ -58,7 +58,7 @@ def sheet_of(source: Source) -> Sheet:
     lines = list(enumerate(islice(source.lines, _MAX_ROWS + _SAMPLED_LINES), 1))
     comment = next((mark for mark in _COMMENTS if any(text.startswith(mark) for _, text in lines)), "")
     filled = [(n, text) for n, text in lines if text.strip() and not (comment and text.startswith(comment))]
-    # Sampled from the whole file: recorders write other lines until somebody is tracked.
+    # Sampled from the whole file: recorders write other lines until a person is tracked.
     separator, width = _detect_separator(
         [text for _, text in filled[:: max(1, len(filled) // _SAMPLED_LINES)]]
     )
