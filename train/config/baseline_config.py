@@ -37,8 +37,8 @@ class Ddpg(Struct, frozen=True, forbid_unknown_fields=True, tag_field="algorithm
     # 0.7 GB. Rewards are recomputed under the current schedule (`replay_memory.py`), so old samples stay
     # valid.
     buffer: int = 300_000
-    # With the actor's own small actions and noise: with the usual uniform actions, the humanoid falls at
-    # once.
+    # With the actor's own small actions and noise: the usual uniform actions make the humanoid fall
+    # at once.
     warm_up: int = 8192
     # Half a radian in the legs: the shipped walks and run need 0.46 at most. With twice that, the actor
     # explores states that its critic has never seen, and falls sooner.

@@ -123,7 +123,7 @@ def test_missing_values_are_left_out_and_nothing_left_is_nan():
 
 
 def test_curves_of_two_lengths_are_refused():
-    with pytest.raises(ValueError, match="one length"):
+    with pytest.raises(ValueError, match="same length"):
         fit.r2(Y, Z[:3])
 
 
