@@ -22,7 +22,7 @@ SHORT = "ahead, with fewer samples than in the paper"
 class Claim:
     """A claim, our number, and what its verdict depends on.
 
-    figure: figure or table of the paper; formula: how ours is computed; paper, ours: in `unit`; better: "more" or
+    figure: or table of the paper; formula: how ours is computed; paper, ours: in `unit`; better: "more" or
     "less" is better, "lead" for PPO's lead, "neither" for no verdict; reason: why ours is None, and failing:
     the algorithm that failed; low, high: 95 % interval of ours, if any; unequal: PPO had more samples than
     the baseline; short: both had fewer samples than in the paper; sizes: the paper's lead and ours in
