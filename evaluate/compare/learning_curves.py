@@ -19,7 +19,7 @@ RESAMPLES = 2000
 CONFIDENCE = 0.95
 SMOOTHED = 3  # evaluations in the moving average that is tested for convergence
 NEAR = 0.95  # share of its maximum above which a converged curve stays to the end
-SETTLED = 0.25  # last share of the samples: a curve that first nears its maximum here still rises
+SETTLED = 0.25  # last share of the samples: a curve that first approaches its maximum here is still rising
 
 
 @dataclass(frozen=True)

@@ -139,8 +139,8 @@ def _rewards(batch: ImitationBatch, policy: Policy, steps: int) -> tuple[Array, 
     rewards = np.zeros((batch.world.size, steps))
 
     def act_one_by_one(observations: Array) -> Array:
-        # A matrix product's last digits depend on the number of its rows, and after some contacts so would
-        # the rollouts.
+        # The last digits of a matrix product depend on its number of rows; after some contacts, the rollouts
+        # would too.
         return np.concatenate([policy.act(row[None]) for row in observations])
 
     def record(step: int, standing: NDArray[np.bool_]) -> None:

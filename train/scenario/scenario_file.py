@@ -39,7 +39,7 @@ class _FromTo(
         low, high = _row(self.low), _row(self.high)
         if len(low) != len(high) or any(b < a for a, b in zip(low, high, strict=True)):
             found = f"from {self.low} to {self.high}"
-            raise RecordError(expected="no number in `from` above that in `to`", found=found)
+            raise RecordError(expected="numbers in `from` that are not above those in `to`", found=found)
 
 
 def _range(value: Any, scale: float = 1.0) -> Range:

@@ -32,7 +32,7 @@ def repair(clip: Clip) -> tuple[Clip, list[Defect]]:
         return clip, []
     of = int((clip.passes >= 0).sum())
     text = f"{plural(count, 'frame')} of {of} identical to the previous frame, bit for bit; dropped"
-    # Reported are the frames that stay, with their number after the removal.
+    # The frames that stay are reported, with their numbers after the removal.
     stays = np.append(repeated[1:], False)[~repeated]
     return select_frames(clip, ~repeated), [
         Defect("duplicate_frames", count, "frames", "repaired", text, frame_runs(stays))

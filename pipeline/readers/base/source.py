@@ -17,7 +17,7 @@ from kinemimic.pipeline.errors import CaptureError
 
 # Larger than any capture of a person; protects the memory from other files.
 MAX_BYTES = 512 * 2**20
-# Limits of a text. Each line becomes an object of many times a short line's bytes, and so do its words.
+# Limits of a text. Each line and each word becomes an object that is many times larger than a short line.
 MAX_LINES = 5_000_000
 MAX_LINE = 2**20
 _HEAD = 65536

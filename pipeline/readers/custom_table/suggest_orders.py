@@ -27,8 +27,8 @@ ORDERS: dict[str, tuple[str, ...]] = {
 }  # fmt: skip
 # Columns per joint: position; with a state; with a quaternion; with both.
 _JOINT_STEPS = (3, 4, 7, 8)
-# Columns that belong to no joint: a time, a frame number, features, angles. A sequence that explains more
-# columns is preferred: the first 20 joints of a Kinect v2 look much like those of a Kinect v1.
+# Columns that do not belong to a joint: a time, a frame number, features, angles. A sequence that explains
+# more columns is preferred: the first 20 joints of a Kinect v2 look much like those of a Kinect v1.
 _MAX_SPARE = 26
 _PENALTY_PER_SPARE = 0.01
 _FRAMES = 60
@@ -58,7 +58,7 @@ class Order:
 
     name: a key of ORDERS; first: column of the first joint's x, from 0; step: columns from joint to joint, 0
     if a row holds one joint; score: 0 for a perfect body, below GOOD_SCORE for any body; second: the best
-    score of another sequence; spare: columns that belong to no joint.
+    score of another sequence; spare: columns that do not belong to a joint.
     """
 
     name: str

@@ -101,7 +101,7 @@ def _one_of_each(numbers: Array, points: Array) -> tuple[NDArray[np.intp], list[
     later, defects = increasing_times(numbers)
     if not defects:
         return np.arange(len(numbers)), []
-    # Rows that are neither later nor of the latest number are late; they are not considered.
+    # Rows with a number below the latest one are late; they are not considered.
     current = np.flatnonzero(numbers == np.maximum.accumulate(numbers))
     bodies, first = points[current], np.flatnonzero(later[current])
     sizes = np.diff(np.append(first, len(current)))

@@ -117,7 +117,7 @@ def test_a_scenario_survives_json(tmp_path: Path) -> None:
         ("newton_metres = [0, 0, 30]", "", r"key torque\[1\]\.newton_metres: expected 3 .*, found none"),
         ("newton_metres = [0, 0, 30]", "newton_metres = [0, 30]", r"torque\[1\]\.newton_metres: expected 3"),
         ("newton_metres = [0, 0, 30]", "newton_metres = [0, 0, nan]", r"newton_metres\[3\]: .* found nan"),
-        ("to = 0.8", "to = 0.2", r"key ground\.friction: expected no number in `from` above"),
+        ("to = 0.8", "to = 0.2", r"key ground\.friction: expected numbers in `from` that are"),
         ("to = 0.8", "until = 0.8", r"key ground\.friction\.until: expected one of from, to"),
         ('shape = "sphere"', 'shape = "cone"', r"obstacle\[2\]\.shape: expected one of box, cylinder"),
         ("size = 0.4", "size = [0.4, 0.4]", r"key obstacle\[2\]\.size: expected a number from"),
