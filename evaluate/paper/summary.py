@@ -50,13 +50,13 @@ def ours_with_interval(claim: Row) -> str:
 
 
 def markdown(claims: Sequence[Row]) -> str:
-    """Counts and a table of the claims that have a verdict."""
+    """Counts, and a table of the claims that could be compared."""
     lines = [f"- {number} {label}" for number, label in counts(claims)]
     lines += ["", "| | claim | paper | here (95 % interval) | verdict |", "|---|---|---|---|---|"]
     lines += [
         f"| {claim['figure']} | {claim['what']} | {formatted(claim['paper'], claim['unit'])} "
         f"| {ours_with_interval(claim)} | {claim['verdict']} |"
         for claim in claims
-        if claim["verdict"]
+        if claim["verdict"] and (claim["ours"] is not None or claim["verdict"].startswith(CONFIRMED))
     ]
     return "\n".join(lines).replace("\u00a0", " ") + "\n"
