@@ -152,7 +152,7 @@ format: setup ## Reformat the code with ruff
 docs: setup $(VENV)/docs-installed ## Build the pages of docs/ as a site: open site/index.html
 	NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build --strict --quiet
 
-architecture: setup ## Draw docs/architecture.svg: the rooms and the imports between them
+architecture: setup ## Draw docs/architecture.svg: the packages and the imports between them
 	$(BIN)/python docs/draw_architecture.py
 
 docs-test: setup $(VENV)/docs-installed ## Run the commands on the pages and compare their output (minutes)
@@ -163,8 +163,8 @@ $(MUTANTS): constraints.txt | $(STAMP)
 	$(BIN)/python -m pip install --quiet -c constraints.txt cosmic-ray
 	@touch $@
 
-mutants: setup $(MUTANTS) ## Find mutations of the core that no test detects (ROOMS="train/ppo"; hours for all)
-	$(BIN)/python tests/mutants.py $(ROOMS)
+mutants: setup $(MUTANTS) ## Find mutations of the core that no test detects (PACKAGES="train/ppo"; hours for all)
+	$(BIN)/python tests/mutants.py $(PACKAGES)
 
 # bench_clean compares the quality of filters, not speed, and takes minutes.
 bench: setup ## Run the speed benchmarks, tests/bench/bench_*.py

@@ -1,8 +1,8 @@
-"""Draw docs/architecture.svg: the rooms of the package and the imports between them.
+"""Draw docs/architecture.svg: the packages and the imports between them.
 
-`make architecture` runs it; tests/docs/test_architecture.py fails when the picture is out of date. A room is
-drawn above every room that it imports. Within a folder, imports that follow from others are left out (the
-transitive reduction); between the folders only their direction is drawn.
+`make architecture` runs this script; tests/docs/test_architecture.py fails if the picture is out of date. A
+package is drawn above every package that it imports. Within a folder, only the transitive reduction of the
+imports is drawn; between folders, only their direction.
 """
 
 from __future__ import annotations
@@ -23,42 +23,42 @@ _BOX, _HEIGHT, _GAP, _ROW, _HEAD, _MARGIN = 160, 38, 10, 62, 42, 34
 Imports = dict[str, set[str]]
 
 
-def room_of(module: str) -> str:
-    """The room of a module: its folder below `kinemimic`, so that `kinemimic.pipeline.gait.events` is in
+def package_of(module: str) -> str:
+    """The package of a module: its folder below `kinemimic`, so that `kinemimic.pipeline.gait.events` is in
     `pipeline/gait`. Of `pipeline`'s own modules some are the lowest and some the highest: each stands alone.
     """
     parts = module.split(".")[1:]
     return "/".join(parts if parts[0] == "pipeline" and len(parts) < 3 else parts[:-1])
 
 
-def rooms() -> tuple[Counter[str], Imports]:
-    """Modules in each room, and the rooms that each room imports."""
+def packages() -> tuple[Counter[str], Imports]:
+    """Modules in each package, and the packages that each package imports."""
     graph = grimp.build_graph(*(f"kinemimic.{folder}" for folder in FOLDERS), cache_dir=None)
     modules = [name for name in graph.modules if not graph.find_children(name)]
     imports: Imports = defaultdict(set)
     for name in modules:
         for imported in graph.find_modules_directly_imported_by(name):
-            if room_of(name) != room_of(imported):
-                imports[room_of(name)].add(room_of(imported))
-    return Counter(room_of(name) for name in modules), imports
+            if package_of(name) != package_of(imported):
+                imports[package_of(name)].add(package_of(imported))
+    return Counter(package_of(name) for name in modules), imports
 
 
 def cycle(imports: Mapping[str, Iterable[str]]) -> list[str]:
-    """Rooms that import each other in a ring, or an empty list."""
+    """Packages that import each other in a ring, or an empty list."""
     done: set[str] = set()
 
-    def visit(room: str, path: tuple[str, ...]) -> list[str]:
-        if room in path:
-            return [*path[path.index(room) :], room]
-        if room not in done:
-            for imported in sorted(imports.get(room, ())):
-                if found := visit(imported, (*path, room)):
+    def visit(package: str, path: tuple[str, ...]) -> list[str]:
+        if package in path:
+            return [*path[path.index(package) :], package]
+        if package not in done:
+            for imported in sorted(imports.get(package, ())):
+                if found := visit(imported, (*path, package)):
                     return found
-            done.add(room)
+            done.add(package)
         return []
 
-    for room in sorted(imports):
-        if found := visit(room, ()):
+    for package in sorted(imports):
+        if found := visit(package, ()):
             return found
     return []
 
@@ -67,26 +67,26 @@ def reduced(imports: Mapping[str, set[str]]) -> Imports:
     """Without the imports that a longer way implies."""
     reach: Imports = {}
 
-    def below(room: str) -> set[str]:
-        if room not in reach:
-            direct = imports.get(room, set())
-            reach[room] = set(direct).union(*(below(other) for other in direct))
-        return reach[room]
+    def below(package: str) -> set[str]:
+        if package not in reach:
+            direct = imports.get(package, set())
+            reach[package] = set(direct).union(*(below(other) for other in direct))
+        return reach[package]
 
     return {
-        room: {one for one in direct if not any(one in below(other) for other in direct - {one})}
-        for room, direct in imports.items()
+        package: {one for one in direct if not any(one in below(other) for other in direct - {one})}
+        for package, direct in imports.items()
     }
 
 
 def levels(names: Iterable[str], imports: Mapping[str, set[str]]) -> list[list[str]]:
-    """Rows of rooms, highest first: a room's row is its longest way down to one that imports none."""
+    """Rows of packages, highest first: a package's row is its longest way down to one that imports none."""
     depth: dict[str, int] = {}
 
-    def deep(room: str) -> int:
-        if room not in depth:
-            depth[room] = 1 + max((deep(other) for other in imports.get(room, ())), default=-1)
-        return depth[room]
+    def deep(package: str) -> int:
+        if package not in depth:
+            depth[package] = 1 + max((deep(other) for other in imports.get(package, ())), default=-1)
+        return depth[package]
 
     rows: dict[int, list[str]] = defaultdict(list)
     for name in sorted(names):
@@ -96,7 +96,7 @@ def levels(names: Iterable[str], imports: Mapping[str, set[str]]) -> list[list[s
 
 def svg() -> str:
     """The whole picture: a column for each folder, each importing from those to its right."""
-    sizes, imports = rooms()
+    sizes, imports = packages()
     boxes: list[str] = []
     lines: list[str] = []
     left = bottom = 0.0
@@ -116,7 +116,7 @@ def svg() -> str:
                 label = name.removeprefix(f"{folder}/") if "/" in name else "(stage)"
                 count = f"{sizes[name]} modules" if sizes[name] > 1 else "1 module"
                 boxes.append(
-                    f'<rect x="{x:.0f}" y="{y}" width="{_BOX}" height="{_HEIGHT}" rx="5" class="room"/>'
+                    f'<rect x="{x:.0f}" y="{y}" width="{_BOX}" height="{_HEIGHT}" rx="5" class="package"/>'
                     f'<text x="{x + _BOX / 2:.0f}" y="{y + 17}" class="name">{escape(label)}</text>'
                     f'<text x="{x + _BOX / 2:.0f}" y="{y + 31}" class="size">{count}</text>'
                 )
@@ -139,12 +139,12 @@ def svg() -> str:
     style = (
         "text{font-family:sans-serif;text-anchor:middle;fill:#1f2933}.name{font-size:11.5px;font-weight:600}"
         ".size{font-size:10px;fill:#52606d}.title{font-size:16px;font-weight:700;text-anchor:start}"
-        ".folder{fill:#f5f7fa;stroke:#cbd2d9}.room{fill:#fff;stroke:#3e6b8f;stroke-width:1.3}"
+        ".folder{fill:#f5f7fa;stroke:#cbd2d9}.package{fill:#fff;stroke:#3e6b8f;stroke-width:1.3}"
         ".import{stroke:#829ab1;stroke-width:1;fill:none}.down{stroke:#334e68;stroke-width:3;marker-end:url(#tip)}"
     )
     return (
         f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="-4 0 {left - _MARGIN + 8:.0f} {bottom + 10:.0f}" '
-        'role="img" aria-label="Rooms of kinemimic and the imports between them">'
+        'role="img" aria-label="Packages of kinemimic and the imports between them">'
         f'<style>{style}</style><defs><marker id="tip" viewBox="0 0 6 6" refX="3" refY="3" markerWidth="3" '
         'markerHeight="3" orient="auto"><path d="M0 0 L6 3 L0 6 z" fill="#334e68"/></marker></defs>\n'
         + "\n".join([*lines, *boxes])

@@ -1,7 +1,7 @@
-"""Which mutations of the code no test notices: `make mutants ROOMS="train/ppo retarget/strides"`.
+"""Which mutations of the code no test notices: `make mutants PACKAGES="train/ppo retarget/strides"`.
 
-Each room is mutated in a copy of the working tree (build/mutants) by cosmic-ray, one change at a time, and
-tested by the tests that mirror it. What survives is listed with its place; it takes hours for all rooms.
+Each package is mutated in a copy of the working tree (build/mutants) by cosmic-ray, one change at a time, and
+tested by the tests that mirror it. What survives is listed with its place; it takes hours for all packages.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ ROOT = Path(__file__).resolve().parents[1]
 COPY = ROOT / "build" / "mutants"
 FOLDERS = ("pipeline", "retarget", "train", "evaluate", "datasets")
 # The core: what every score depends on.
-ROOMS = (
+PACKAGES = (
     "pipeline/kinematics",
     "pipeline/filters",
     "retarget/strides",
@@ -29,10 +29,10 @@ ROOMS = (
 # A mutation may loop for ever.
 SECONDS = 300
 CONFIG = """[cosmic-ray]
-module-path = "{room}"
+module-path = "{package}"
 timeout = {seconds}.0
-excluded-modules = ["{room}/__init__.py"]
-test-command = "{python} -m pytest -x -q -p no:cacheprovider -m 'not slow' tests/{room}"
+excluded-modules = ["{package}/__init__.py"]
+test-command = "{python} -m pytest -x -q -p no:cacheprovider -m 'not slow' tests/{package}"
 [cosmic-ray.distributor]
 name = "local"
 """
@@ -53,25 +53,25 @@ def copied() -> dict[str, str]:
     return {**os.environ, "PYTHONPATH": str(package.parent), "OMP_NUM_THREADS": "1"}
 
 
-def survivors(room: str, environment: dict[str, str]) -> None:
-    """Mutate one room and print what survived."""
-    config, session = COPY / "mutants.toml", COPY / f"{room.replace('/', '-')}.sqlite"
-    config.write_text(CONFIG.format(room=room, seconds=SECONDS, python=sys.executable))
+def survivors(package: str, environment: dict[str, str]) -> None:
+    """Mutate one package and print what survived."""
+    config, session = COPY / "mutants.toml", COPY / f"{package.replace('/', '-')}.sqlite"
+    config.write_text(CONFIG.format(package=package, seconds=SECONDS, python=sys.executable))
     tool = str(Path(sys.executable).with_name("cosmic-ray"))
     for step in ("baseline", "init", "exec"):
         files = [config] if step == "baseline" else [config, session]
         subprocess.run([tool, step, *map(str, files)], cwd=COPY, env=environment, check=True)
-    print(f"# {room}", flush=True)
+    print(f"# {package}", flush=True)
     report = str(Path(sys.executable).with_name("cr-report"))
     subprocess.run([report, "--surviving-only", "--show-diff", str(session)], cwd=COPY, check=True)
 
 
 def main() -> None:
-    """The rooms named in the arguments, or all of ROOMS."""
-    rooms = sys.argv[1:] or ROOMS
+    """The packages named in the arguments, or all of PACKAGES."""
+    packages = sys.argv[1:] or PACKAGES
     environment = copied()
-    for room in rooms:
-        survivors(room, environment)
+    for package in packages:
+        survivors(package, environment)
 
 
 if __name__ == "__main__":

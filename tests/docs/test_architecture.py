@@ -1,4 +1,4 @@
-"""The picture of the rooms is that of the code, and no rooms import each other in a ring."""
+"""The picture of the packages is that of the code, and no packages import each other in a ring."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ def test_the_picture_is_up_to_date() -> None:
 
 
 def test_no_rooms_import_each_other_in_a_ring() -> None:
-    assert run("print(cycle(rooms()[1]))") == "[]"
+    assert run("print(cycle(packages()[1]))") == "[]"
 
 
 def test_a_ring_is_found() -> None:
@@ -56,5 +56,5 @@ def test_a_named_function_exists(file: str, name: str) -> None:
 
 def test_every_room_is_on_the_page() -> None:
     page = (ROOT / "docs" / "architecture.md").read_text()
-    rooms = {path.parent.name for folder in FOLDERS for path in (ROOT / folder).glob("*/__init__.py")}
-    assert {room for room in rooms if f"`{room}`" not in page} == set()
+    packages = {path.parent.name for folder in FOLDERS for path in (ROOT / folder).glob("*/__init__.py")}
+    assert {package for package in packages if f"`{package}`" not in page} == set()
