@@ -78,7 +78,7 @@ evaluate: setup ## Score the policy: report, curves (POLICY=walk for a shipped o
 pushes: setup ## Find the hardest push that the policy survives, from each side (POLICY=walk for a shipped one)
 	$(KINEMIMIC) pushes --run "$(RUN)" $(SHIPPED) $(if $(ENGINE),--engine "$(ENGINE)")
 
-disturb: setup ## Test under forces, torques, obstacles, other ground: SCENARIO= name or file, TRIALS= (POLICY=walk for a shipped one)
+disturb: setup ## Test with forces, torques, obstacles or different ground: SCENARIO= name or file, TRIALS= (POLICY=walk for a shipped one)
 	$(KINEMIMIC) disturb $(SCENARIO) --run "$(RUN)" $(SHIPPED) $(if $(TRIALS),--trials "$(TRIALS)") $(if $(ENGINE),--engine "$(ENGINE)")
 
 gait: setup ## Report cadence, stride, symmetry and curves of RUN= against the normal band
@@ -137,7 +137,7 @@ test: setup ## Run the tests that take seconds each
 test-slow: setup ## Run the tests that take minutes
 	$(BIN)/python -m pytest -m slow
 
-lint: setup ## Run ruff, check the formatting and the direction of imports
+lint: setup ## Run ruff, and check the formatting and the direction of imports
 	$(BIN)/ruff check
 	$(BIN)/ruff format --check
 	$(BIN)/lint-imports

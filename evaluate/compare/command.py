@@ -51,8 +51,8 @@ def compare(
 
     seeds: 0 to seeds - 1; budgets: increasing numbers of samples at which each training is scored; limits:
     variant -> its last budget, to end it early; jobs: cells in parallel, one core each (default: all cores).
-    Finished results are kept and interrupted trainings resume. A cell that fails is listed under `failed`;
-    the others continue.
+    Finished results are kept and interrupted training runs resume. A cell that fails is listed under
+    `failed`; the others continue.
     """
     engine, limits = resolve(engine), limits or {}
     motions = {task.name: task.motion for task in tasks}
@@ -152,7 +152,7 @@ def _limit(context: click.Context, parameter: click.Parameter, values: tuple[str
               help="End a variant early; repeatable.")  # fmt: skip
 @click.option("--hidden", type=layers, metavar="UNITS,…",
               help="Hidden layers of every network, such as 128,64.")  # fmt: skip
-@click.option("--jobs", type=click.IntRange(min=1), help="Parallel trainings; default: one per core.")
+@click.option("--jobs", type=click.IntRange(min=1), help="Parallel training runs; default: one per core.")
 @click.option("--out", type=click.Path(path_type=Path, file_okay=False), default=Path("runs/compare"),
               show_default=True, help="Output folder.")  # fmt: skip
 @engine_option
@@ -179,8 +179,8 @@ def command(
 ) -> None:
     """Train and score each task with every variant and several seeds; report medians over the seeds.
 
-    RUN is a run folder with a motion.json. With @SCENARIO (name or file), trainings run in that scenario and
-    are scored without it. Finished results in --out are kept, and an interrupted comparison resumes.
+    RUN is a run folder with a motion.json. With @SCENARIO (name or file), policies are trained in that
+    scenario and scored without it. Finished results in --out are kept, and an interrupted comparison resumes.
 
     \b
       kinemimic compare runs/walk runs/run --seeds 5

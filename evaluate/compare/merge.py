@@ -1,4 +1,4 @@
-"""Merge two comparisons: one that exists, and trainings added to it later."""
+"""Merge two comparisons: one that exists, and training runs added to it later."""
 
 from __future__ import annotations
 

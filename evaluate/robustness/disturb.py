@@ -1,4 +1,4 @@
-"""`kinemimic disturb`: trials of a policy under forces and torques, among obstacles, on other ground."""
+"""`kinemimic disturb`: trials of a policy with forces, torques, obstacles or different ground."""
 
 from __future__ import annotations
 
@@ -129,7 +129,7 @@ def command(
     engine: str,
     as_json: bool,
 ) -> None:
-    """Test the run's policy, or a shipped one, under forces and torques, among obstacles, on other ground.
+    """Test the run's policy, or a shipped one, with forces, torques, obstacles or different ground.
 
     SCENARIO: shipped scenarios by name, or your own TOML files (docs/scenarios.md); without one, the shipped
     scenarios are listed. Each trial starts at its own phase. Results go into scenario-NAME.json.

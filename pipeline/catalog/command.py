@@ -26,7 +26,7 @@ COMMANDS: dict[str, tuple[str, str]] = {
     ),
     "lock": ("kinemimic.retarget.versions.manifest:command", "Record the content of a data set version."),
     "check": ("kinemimic.retarget.versions.check:command", "Compare a data set with its lock."),
-    "diff": ("kinemimic.retarget.versions.diff:command", "Compare two data sets as motion."),
+    "diff": ("kinemimic.retarget.versions.diff:command", "Compare two data sets in terms of motion."),
 }
 
 

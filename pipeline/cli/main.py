@@ -43,7 +43,7 @@ COMMANDS: dict[str, tuple[str, str]] = {
     ),
     "disturb": (
         "kinemimic.evaluate.robustness.disturb:command",
-        "Run scenarios: forces, torques, obstacles, other ground.",
+        "Run scenarios: forces, torques, obstacles, different ground.",
     ),
     "gait": (
         "kinemimic.evaluate.scoring.gait_command:command",
