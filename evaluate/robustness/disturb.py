@@ -79,7 +79,7 @@ def disturb(
 
 def table(results: Mapping[str, Mapping[str, Any]]) -> RenderableType:
     """The results for a terminal."""
-    rows = grid("", "survived %", "95 %", "controls fell", "drop %", "recovered", "after s", "fell after s")
+    rows = grid("", "survived %", "95 %", "control fell", "drop %", "recovered", "after s", "fell at s")
     for name, one in results.items():
         low, high = one["survived_ci95"]
         rows.add_row(
