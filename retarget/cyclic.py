@@ -8,11 +8,11 @@ import numpy as np
 
 from kinemimic.pipeline.arrays import Array
 from kinemimic.pipeline.errors import KinemimicError
-from kinemimic.pipeline.gait import fourier
 from kinemimic.pipeline.kinematics.clip import Clip
 from kinemimic.pipeline.kinematics.orient import local_rotations
 from kinemimic.pipeline.kinematics.rotations import continuous
 from kinemimic.pipeline.kinematics.skeleton import NODE_INDEX as N
+from kinemimic.pipeline.locomotion import fourier
 from kinemimic.retarget.feet.ankles import AnkleMode, normal_feet
 from kinemimic.retarget.feet.ground import RootPath, fit_root_path, is_running
 from kinemimic.retarget.feet.legs import limit_knee_extension, neutral_feet

@@ -16,6 +16,7 @@ from kinemimic.pipeline.kinematics.orient import FOOT_DROP, local_rotations
 from kinemimic.pipeline.kinematics.rotations import IDENTITY, continuous, from_axis_angle, normalize, rotate
 from kinemimic.pipeline.kinematics.skeleton import NODE_INDEX as N
 from kinemimic.pipeline.kinematics.skeleton import NODES
+from kinemimic.pipeline.locomotion.stride_phase import StridePhase, stride_phase
 from kinemimic.retarget.cyclic import FRAME_RATE
 from kinemimic.retarget.feet.contact import (
     ANKLE_NODES,
@@ -33,7 +34,6 @@ from kinemimic.retarget.humanoid.motion import Motion
 from kinemimic.retarget.humanoid.surface import lowest_points
 from kinemimic.retarget.strides.loop import STATE_WEIGHTS, Strides, source_nodes
 from kinemimic.retarget.strides.passes import WARN_R2, Pass
-from kinemimic.retarget.strides.phase import StridePhase, stride_phase
 from kinemimic.retarget.strides.sensor_reliability import (
     MAX_BONE_SPREAD,
     MAX_FOOT_PITCH,

@@ -18,8 +18,8 @@ from numpy.typing import NDArray
 
 from kinemimic.pipeline.arrays import Array
 from kinemimic.pipeline.gait.events import SIDES, FootEvents, detect_foot_events
-from kinemimic.pipeline.gait.harmonic import fit_harmonic
 from kinemimic.pipeline.kinematics.skeleton import NODE_INDEX as N
+from kinemimic.pipeline.locomotion.harmonic import fit_harmonic
 
 GRAVITY = 9.81
 # A stride that deviates more from its pass' period, or from the median of all strides, is from starting,

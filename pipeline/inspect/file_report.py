@@ -12,7 +12,6 @@ import numpy as np
 from kinemimic.pipeline.errors import KinemimicError, NotACaptureError
 from kinemimic.pipeline.files.json_layout import rounded
 from kinemimic.pipeline.files.sidecars import note_path, truth_path
-from kinemimic.pipeline.gait.walking import detect_gait
 from kinemimic.pipeline.inspect.measures import (
     available_nodes,
     joint_quality,
@@ -23,6 +22,7 @@ from kinemimic.pipeline.inspect.measures import (
 )
 from kinemimic.pipeline.kinematics.clip import Clip
 from kinemimic.pipeline.kinematics.vectors import median
+from kinemimic.pipeline.locomotion.walking import detect_gait
 from kinemimic.pipeline.quality.check import CheckedCapture, check_capture, planned_steps
 from kinemimic.pipeline.readers.recognise import formats, read
 

@@ -11,11 +11,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from kinemimic.pipeline.arrays import Array
-from kinemimic.pipeline.gait import fourier
 from kinemimic.pipeline.kinematics.angles import leg_angles
 from kinemimic.pipeline.kinematics.clip import Clip, forward_kinematics
 from kinemimic.pipeline.kinematics.rotations import from_axis_angle, from_rotvec, multiply, rotate, to_rotvec
 from kinemimic.pipeline.kinematics.skeleton import NODE_INDEX, NODES, Skeleton
+from kinemimic.pipeline.locomotion import fourier
 
 HARMONICS = 8
 

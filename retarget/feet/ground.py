@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from kinemimic.pipeline.arrays import Array, Mask
-from kinemimic.pipeline.gait import fourier
+from kinemimic.pipeline.locomotion import fourier
 from kinemimic.retarget.feet.contact import (
     at_lowest_corner,
     contact_speeds,

@@ -13,7 +13,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from kinemimic.pipeline.arrays import Array
-from kinemimic.pipeline.gait import fourier
 from kinemimic.pipeline.kinematics.clip import Clip
 from kinemimic.pipeline.kinematics.rotations import (
     IDENTITY,
@@ -25,6 +24,7 @@ from kinemimic.pipeline.kinematics.rotations import (
     to_rotvec,
 )
 from kinemimic.pipeline.kinematics.skeleton import NODE_INDEX, NODES
+from kinemimic.pipeline.locomotion import fourier
 from kinemimic.retarget.strides.passes import Pass
 
 STATE_WEIGHTS = np.array([0.0, 0.3, 1.0])  # of missing, inferred, tracked joints

@@ -10,10 +10,10 @@ from numpy.typing import NDArray
 
 from kinemimic.pipeline.arrays import Array
 from kinemimic.pipeline.errors import KinemimicError
-from kinemimic.pipeline.gait.harmonic import PERIODS, Harmonic, fit_harmonic, walking_direction
 from kinemimic.pipeline.kinematics.clip import Clip
 from kinemimic.pipeline.kinematics.skeleton import NODE_INDEX as N
-from kinemimic.retarget.strides.phase import stride_phase
+from kinemimic.pipeline.locomotion.harmonic import PERIODS, Harmonic, fit_harmonic, walking_direction
+from kinemimic.pipeline.locomotion.stride_phase import stride_phase
 from kinemimic.retarget.strides.trim import (
     MAX_BONE_DEVIATION,
     bad_frames,

@@ -12,10 +12,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from kinemimic.pipeline.arrays import Array
-from kinemimic.pipeline.gait import fourier
 from kinemimic.pipeline.kinematics.orient import FOOT_DROP, node_frames
 from kinemimic.pipeline.kinematics.rotations import conjugate, from_axis_angle, multiply, to_rotvec
 from kinemimic.pipeline.kinematics.skeleton import NODE_INDEX as N
+from kinemimic.pipeline.locomotion import fourier
 from kinemimic.retarget.strides.loop import Strides, mean_rotation
 from kinemimic.retarget.strides.trim import leg_bones
 

@@ -14,9 +14,9 @@ from scipy.ndimage import median_filter
 
 from kinemimic.pipeline.arrays import Array
 from kinemimic.pipeline.gait.events import FootEvents, detect_foot_events
-from kinemimic.pipeline.gait.harmonic import walking_direction
 from kinemimic.pipeline.kinematics.clip import Clip
 from kinemimic.pipeline.kinematics.skeleton import NODE_INDEX as N
+from kinemimic.pipeline.locomotion.harmonic import walking_direction
 
 MIN_FRAMES = 8  # frames
 MIN_STROKES = 1  # foot-flat phases of each foot

@@ -11,7 +11,6 @@ import numpy as np
 import pytest
 from samples.motion import walk
 
-from kinemimic.pipeline.gait.walking import detect_gait
 from kinemimic.pipeline.inspect.file_report import file_report, inspect_file, unread_report
 from kinemimic.pipeline.inspect.measures import (
     available_nodes,
@@ -24,6 +23,7 @@ from kinemimic.pipeline.inspect.measures import (
 from kinemimic.pipeline.kinematics.clip import Clip
 from kinemimic.pipeline.kinematics.rotations import from_axis_angle, rotate
 from kinemimic.pipeline.kinematics.skeleton import INFERRED, NODE_INDEX
+from kinemimic.pipeline.locomotion.walking import detect_gait
 from kinemimic.pipeline.quality.check import check_capture
 from kinemimic.pipeline.readers.mocap.deepmimic import read_deepmimic, stock_motion
 from kinemimic.pipeline.readers.recognise import formats

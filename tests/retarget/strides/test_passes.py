@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 
 from kinemimic.pipeline.convert import on_nodes
-from kinemimic.pipeline.gait.harmonic import walking_direction
 from kinemimic.pipeline.kinematics.clip import Clip
 from kinemimic.pipeline.kinematics.rotations import from_axis_angle, rotate
 from kinemimic.pipeline.kinematics.skeleton import NODE_INDEX as N
+from kinemimic.pipeline.locomotion.harmonic import walking_direction
 from kinemimic.pipeline.readers.mocap.deepmimic import read_deepmimic, stock_motion
 from kinemimic.retarget.strides import passes as module
 from kinemimic.retarget.strides.passes import analyze_passes, brevity_note, is_gait

@@ -15,11 +15,17 @@ from numpy.typing import NDArray
 
 from kinemimic.pipeline.arrays import Array, Mask
 from kinemimic.pipeline.files.json_layout import rounded
-from kinemimic.pipeline.gait.harmonic import PERIODS, Harmonic, end_to_end, fit_harmonic, walking_direction
 from kinemimic.pipeline.kinematics.body_points import between, nodes_of
 from kinemimic.pipeline.kinematics.clip import Clip
 from kinemimic.pipeline.kinematics.skeleton import NODE_INDEX as N
 from kinemimic.pipeline.kinematics.spans import runs
+from kinemimic.pipeline.locomotion.harmonic import (
+    PERIODS,
+    Harmonic,
+    end_to_end,
+    fit_harmonic,
+    walking_direction,
+)
 
 # Stride times vary, so one harmonic holds for a few strides only. Windows spread over the passes give the
 # period of an hour's recording as well.

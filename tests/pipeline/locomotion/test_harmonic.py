@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from kinemimic.pipeline.arrays import Array
-from kinemimic.pipeline.gait.harmonic import fit_harmonic
+from kinemimic.pipeline.locomotion.harmonic import fit_harmonic
 
 # None of the periods that the search begins with.
 PERIOD, AMPLITUDE, START, RATE = 1.1349, 0.6, 0.4, 30.0

@@ -12,8 +12,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from kinemimic.pipeline.arrays import Array
-from kinemimic.pipeline.gait.fourier import design
 from kinemimic.pipeline.kinematics.skeleton import NODE_INDEX as N
+from kinemimic.pipeline.locomotion.fourier import design
 
 PERIODS = (0.5, 2.0)  # seconds of a stride
 # Seconds over which the grid of periods is searched: over more strides its steps would miss the best one.

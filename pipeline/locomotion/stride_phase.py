@@ -10,7 +10,7 @@ from scipy.ndimage import uniform_filter1d
 from scipy.signal import find_peaks
 
 from kinemimic.pipeline.arrays import Array
-from kinemimic.pipeline.gait.fourier import design
+from kinemimic.pipeline.locomotion.fourier import design
 
 SMOOTHING_TIME = (
     0.08  # s over which the ankles' distance is averaged before its turning points are looked for
