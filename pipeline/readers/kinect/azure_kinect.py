@@ -4,14 +4,14 @@ Format: microsoft/Azure-Kinect-Samples, body-tracking-samples/offline_processor/
 joint_names, bone_list, k4abt_sdk_version, source_file and frames; a frame has timestamp_usec, frame_id,
 num_bodies and bodies; a body has body_id and, 32 each, joint_positions (mm) and joint_orientations (w first).
 A person that the tracker loses returns under another body_id. The sample does not write the SDK's confidence
-of a joint, but some recorders derived from it do: 0 out of range, 1 predicted, 2 seen (3 is reserved).
+of a joint, but some recorders derived from it do.
 Joints, axes and the frames of the joints: azure_joints.py.
 """
 
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -19,8 +19,7 @@ from numpy.typing import NDArray
 
 from kinemimic.pipeline.arrays import Array
 from kinemimic.pipeline.kinematics.clip import Clip
-from kinemimic.pipeline.kinematics.skeleton import INFERRED, TRACKED
-from kinemimic.pipeline.quality.rules.defect import Defect
+from kinemimic.pipeline.kinematics.skeleton import TRACKED
 from kinemimic.pipeline.readers.base.absolute_orientations import child_to_parent
 from kinemimic.pipeline.readers.base.clip_building import clip_of_points, reading
 from kinemimic.pipeline.readers.base.format import Format
@@ -33,6 +32,7 @@ from kinemimic.pipeline.readers.kinect.azure_joints import (
     WORLD_FROM_CAMERA,
     azure_skeleton,
 )
+from kinemimic.pipeline.readers.kinect.azure_people import STATE_OF_CONFIDENCE, other_people
 from kinemimic.pipeline.readers.kinect.kinect_values import check_quaternions, sensor_clock
 
 FORMAT = Format(
@@ -49,8 +49,6 @@ _MARKS = (
     '"timestamp_usec"',
 )
 _CONFIDENCES = ("confidence_levels", "joint_confidences", "joint_confidence")
-# State for each confidence of the SDK (the index).
-_STATE_OF = np.array([0, INFERRED, TRACKED, TRACKED], dtype=np.uint8)
 # Two hours at 30 fps: an empty frame takes few bytes in the file and 2 kB here.
 _MAX_FRAMES = 216_000
 # Microseconds; larger times are damage, and a float could not hold them exactly.
@@ -105,7 +103,7 @@ def read(source: Source) -> Clip:
         reading=reading(
             units="mm",
             units_rule="the format's",
-            defects=[*defects, *_other_people(people, main_person)],
+            defects=[*defects, *other_people(people, main_person)],
             sdk=str(document.get("k4abt_sdk_version", ""))[:40],
         ),
         world_from_file=WORLD_FROM_CAMERA,
@@ -186,9 +184,9 @@ def _states(bodies: Sequence[dict[str, Any]], rows: Sequence[int], source: Sourc
     # One recorder writes [2] instead of 2.
     if levels is not None and levels.shape[1:] in ((len(AZURE_JOINTS),), (len(AZURE_JOINTS), 1)):
         levels = levels.reshape(len(bodies), len(AZURE_JOINTS))
-        wrong = ~np.isin(levels, np.arange(len(_STATE_OF)))
+        wrong = ~np.isin(levels, np.arange(len(STATE_OF_CONFIDENCE)))
         if not wrong.any():
-            return _STATE_OF[levels.astype(np.intp)]
+            return STATE_OF_CONFIDENCE[levels.astype(np.intp)]
         row = int(np.argwhere(wrong)[0][0])
         raise source.error(expected=f"{key} of 0 to 3", found="another value", where=_where(rows[row]))
     raise source.error(expected=f"{key} of {len(AZURE_JOINTS)} numbers in every body", found="something else")
@@ -205,22 +203,6 @@ def _refuse_remote(points: Array, source: Source) -> None:
             found=f"{points[frame, joint, axis] * _MM:g}",
             where=_where(frame),
         )
-
-
-def _other_people(people: Sequence[dict[int, dict[str, Any]]], main_person: int) -> Iterator[Defect]:
-    """A defect for the other bodies. A body that is never seen together with the main person may be that
-    person."""
-    others = {body for bodies in people for body in bodies} - {main_person}
-    if not others:
-        return
-    frames = [bodies for bodies in people if bodies.keys() & others]
-    seen_together = sum(main_person in bodies for bodies in frames)
-    text = f"{len(others)} more in {len(frames)} frames, dropped; body {main_person} is seen in most"
-    if seen_together:
-        yield Defect("several_people", len(others), "people", "repaired", text)
-    else:
-        text += ", never together with them: they may be the same person, lost and found again"
-        yield Defect("several_people", len(others), "people", "flagged", text)
 
 
 def _shown(value: Any) -> str:

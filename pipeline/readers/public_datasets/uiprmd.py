@@ -19,8 +19,9 @@ from kinemimic.pipeline.readers.base.clip_building import clip_of_channels, read
 from kinemimic.pipeline.readers.base.format import Format
 from kinemimic.pipeline.readers.base.frame_defects import refuse_remote
 from kinemimic.pipeline.readers.base.numbers import Table, parse_table
+from kinemimic.pipeline.readers.base.paired_files import sidecar_file
 from kinemimic.pipeline.readers.base.source import Source
-from kinemimic.pipeline.readers.public_datasets.uiprmd_pair import head_of_numbers, sidecar_file
+from kinemimic.pipeline.readers.public_datasets.uiprmd_table import head_of_numbers
 
 RATE = 30.0
 ORDER = "ZXY"

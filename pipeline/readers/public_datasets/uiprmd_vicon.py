@@ -17,9 +17,10 @@ from kinemimic.pipeline.readers.base.clip_building import reading
 from kinemimic.pipeline.readers.base.format import Format
 from kinemimic.pipeline.readers.base.frame_defects import refuse_remote, zero_frames
 from kinemimic.pipeline.readers.base.numbers import Table, parse_table
+from kinemimic.pipeline.readers.base.paired_files import sidecar_file, sidecar_name
 from kinemimic.pipeline.readers.base.source import Source
 from kinemimic.pipeline.readers.mocap.markers import clip_of_markers
-from kinemimic.pipeline.readers.public_datasets.uiprmd_pair import head_of_numbers, sidecar_file, sidecar_name
+from kinemimic.pipeline.readers.public_datasets.uiprmd_table import head_of_numbers
 
 RATE = 100.0
 _ARM = ("SHO", "UPA", "ELB", "FRM", "WRA", "WRB", "FIN")

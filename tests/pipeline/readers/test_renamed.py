@@ -18,7 +18,7 @@ from kinemimic.pipeline.readers.base.source import Source
 
 FRAMES = 30
 # These find their sidecar file by the capture's name, so it is renamed with it.
-PAIRED_BY_NAME = {"custom_table": "aufnahme", "uiprmd": "kinect_m01_s01_e01"}
+PAIRED_BY_NAME = {"custom_table": "aufnahme", "uiprmd": "kinect_m01_s01_e01", "azure_csv": "azure"}
 # Helpful advice: candidate formats, or what is missing.
 HELPFUL = re.compile(
     r"formats of that width: .+; restore its header, or describe its columns \(`kinemimic inspect --suggest`"

@@ -1,25 +1,8 @@
-"""The headerless pairs of UI-PRMD files, positions and angles, found by name; for both readers."""
+"""The two files of one recording, found by a word in their names: positions here, angles there."""
 
 from __future__ import annotations
 
-import numpy as np
-
-from kinemimic.pipeline.arrays import Array
-from kinemimic.pipeline.readers.base.numbers import numbers_of
 from kinemimic.pipeline.readers.base.source import Source
-
-
-def head_of_numbers(source: Source, width: int) -> Array | None:
-    """The first lines as (n, width / 3, 3), or None if one of them is not `width` comma-separated numbers.
-
-    The last line of a head may be cut off, so it counts only if it is the only one.
-    """
-    lines = source.head[:-1] if len(source.head) > 1 else source.head
-    rows = [row for line in lines[:16] if (row := numbers_of(line, ",")) is not None and len(row) == width]
-    if len(rows) < len(lines[:16]):
-        return None
-    head = np.array(rows).reshape(len(rows), -1, 3)
-    return np.where(np.isfinite(head), head, 0.0)
 
 
 def sidecar_name(source: Source, own: str, other: str) -> str | None:

@@ -1,0 +1,31 @@
+"""What every file of the Azure Kinect's body tracking says about its joints and people."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Iterator, Sequence
+
+import numpy as np
+
+from kinemimic.pipeline.kinematics.skeleton import INFERRED, TRACKED
+from kinemimic.pipeline.quality.rules.defect import Defect
+
+# State for each confidence of the SDK (the index): 0 out of range, 1 predicted, 2 seen (3 is reserved).
+STATE_OF_CONFIDENCE = np.array([0, INFERRED, TRACKED, TRACKED], dtype=np.uint8)
+
+
+def other_people(people: Sequence[Collection[int]], main_person: int) -> Iterator[Defect]:
+    """A defect for the bodies beside the main person; people: the numbers of the bodies in each frame.
+
+    A body that is never seen together with the main person may be that person.
+    """
+    others = {body for bodies in people for body in bodies} - {main_person}
+    if not others:
+        return
+    frames = [bodies for bodies in people if others.intersection(bodies)]
+    seen_together = sum(main_person in bodies for bodies in frames)
+    text = f"{len(others)} more in {len(frames)} frames, dropped; body {main_person} is seen in most"
+    if seen_together:
+        yield Defect("several_people", len(others), "people", "repaired", text)
+    else:
+        text += ", never together with them: they may be the same person, lost and found again"
+        yield Defect("several_people", len(others), "people", "flagged", text)
