@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import io
 import json
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import nullcontext, redirect_stdout
 from dataclasses import dataclass
 from functools import partial
@@ -75,7 +75,7 @@ STAGES = (
 
 @dataclass(frozen=True)
 class Outcome:
-    """The stages that were run and skipped, and the content of scores.json."""
+    """The stages that were run and skipped, and the content of scores.json (empty without `evaluate`)."""
 
     ran: tuple[str, ...]
     skipped: tuple[str, ...]
@@ -87,13 +87,15 @@ def run(
     folder: Path,
     *,
     options: Mapping[str, Mapping[str, Any]] | None = None,
+    stages: Sequence[Stage] = STAGES,
     quiet: bool = False,
 ) -> Outcome:
     """Run all stages on a capture, up to scores, report and recording in `folder`.
 
     capture: a file or folder, or None to record the stock walk with the virtual Kinect (folder/capture).
     options: stage -> its command's options without the dashes; True is a flag, None the command's default.
-    quiet: print nothing. Raises what the stages raise; finished stages stay recorded.
+    stages: the first few of STAGES, to stop before `evaluate` and its scores. quiet: print nothing.
+    Raises what the stages raise; finished stages stay recorded.
     """
     run_record = RunRecord(folder)
     ran: list[str] = []
@@ -125,20 +127,21 @@ def run(
 
     def read_by(stage: Stage) -> Mapping[str, Path]:
         if stage.name == "ingest":
-            return _capture_files(source, folder)
+            return capture_files(source, folder)
         return {name: folder / name for name in stage.reads}
 
-    for stage in STAGES:
+    for stage in stages:
         step(
             stage.name,
             partial(read_by, stage),
             stage.writes,
             [str(capture)] if stage.name == "ingest" else [],
         )
-    return Outcome(tuple(ran), tuple(skipped), read_json(folder / "scores.json"))
+    scored = any("scores.json" in stage.writes for stage in stages)
+    return Outcome(tuple(ran), tuple(skipped), read_json(folder / "scores.json") if scored else {})
 
 
-def _capture_files(capture: Path, folder: Path) -> dict[str, Path]:
+def capture_files(capture: Path, folder: Path) -> dict[str, Path]:
     """The capture and its sidecar files: those with fixed names, and those that the last `ingest` reported.
 
     For a folder (a depth recording): every file in it.
@@ -179,11 +182,11 @@ def _say(text: str, *, quiet: bool, bold: bool = False) -> None:
         click.secho(text, bold=bold)
 
 
-def _passed_on() -> list[click.Option]:
-    """The options of all stages; unset, each leaves its stage the default."""
+def passed_on(groups: Mapping[str, Decorator]) -> list[click.Option]:
+    """The options of the stages in `groups`; unset, each leaves its stage the default."""
     options: dict[str, click.Option] = {}
     stages: dict[str, list[str]] = {}
-    for stage, group in STAGE_OPTIONS.items():
+    for stage, group in groups.items():
         for option in declared(group):
             options[option.opts[0]] = option
             stages.setdefault(option.opts[0], []).append(stage)
@@ -195,10 +198,10 @@ def _passed_on() -> list[click.Option]:
     return list(options.values())
 
 
-def _stage_options(values: Mapping[str, Any]) -> dict[str, dict[str, Any]]:
+def stage_options(groups: Mapping[str, Decorator], values: Mapping[str, Any]) -> dict[str, dict[str, Any]]:
     """Stage -> the options that were set, as `run` takes them."""
     options: dict[str, dict[str, Any]] = {}
-    for stage, group in STAGE_OPTIONS.items():
+    for stage, group in groups.items():
         options[stage] = {}
         for option in declared(group):
             value, names = values[option.name or ""], option.opts
@@ -223,7 +226,7 @@ def command(capture: Path | None, folder: Path, as_json: bool, **options: Any) -
       kinemimic run
       kinemimic run walk.skl --run runs/walk --budget 1e6
     """
-    outcome = run(capture, folder, options=_stage_options(options), quiet=as_json)
+    outcome = run(capture, folder, options=stage_options(STAGE_OPTIONS, options), quiet=as_json)
     report, recording = folder / "report.html", folder / "view.rrd"
     if as_json:
         paths = {"report": report.as_posix(), "recording": recording.as_posix()}
@@ -242,4 +245,4 @@ def command(capture: Path | None, folder: Path, as_json: bool, **options: Any) -
     click.echo(f"recording: {recording} ({how_to_open(recording)})")
 
 
-command.params[-1:-1] = _passed_on()
+command.params[-1:-1] = passed_on(STAGE_OPTIONS)

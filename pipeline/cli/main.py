@@ -75,6 +75,10 @@ COMMANDS: dict[str, tuple[str, str]] = {
         "kinemimic.evaluate.workflow.run:command",
         "Run all stages on one capture; skip those up to date.",
     ),
+    "batch": (
+        "kinemimic.evaluate.workflow.batch:command",
+        "Make motions of many captures; one table of what became of each.",
+    ),
 }
 
 BAD_INPUT = 2

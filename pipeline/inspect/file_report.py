@@ -65,7 +65,7 @@ def inspect_file(path: Path, *, unit: str | None = None) -> InspectedFile:
 
 def unread_report(path: Path, status: str, reason: str) -> dict[str, Any]:
     """The report on a file that could not be read: all keys, with only these values."""
-    return {**_EMPTY, "file": str(path), "status": status, "reason": _without_path(path, reason)}
+    return {**_EMPTY, "file": str(path), "status": status, "reason": without_path(path, reason)}
 
 
 _EMPTY: dict[str, Any] = {
@@ -165,6 +165,6 @@ def _sidecar_files(path: Path) -> tuple[list[str], bool]:
     return [one.name for one in (note, truth) if one.is_file()], simulated
 
 
-def _without_path(path: Path, reason: str) -> str:
+def without_path(path: Path, reason: str) -> str:
     """The text of an error without the leading path, which the report names already."""
     return reason.removeprefix(str(path)).removeprefix(":").removeprefix(",").strip()

@@ -42,7 +42,7 @@ def _folders(records: Sequence[dict[str, Any]]) -> Table:
         "repaired", "flagged", "refused",
     )  # fmt: skip
     table.columns[0].no_wrap = True
-    shared = _common_folder([record["folder"] for record in records])
+    shared = common_folder([record["folder"] for record in records])
     for record in records:
         if not record["captures"]:
             continue
@@ -62,7 +62,7 @@ def _folders(records: Sequence[dict[str, Any]]) -> Table:
     return table
 
 
-def _common_folder(names: Sequence[str]) -> Path:
+def common_folder(names: Sequence[str]) -> Path:
     """The common parent folder, which the table need not repeat."""
     common = Path(names[0])
     while not all(Path(name).is_relative_to(common) for name in names):
@@ -102,8 +102,8 @@ def _totals(reports: Sequence[Report], records: Sequence[dict[str, Any]]) -> Ite
     refused = [report for report in captures if report["status"] == REFUSED]
     if refused:
         yield heading("Refused")
-        shared = _common_folder([str(Path(report["file"]).parent) for report in captures])
-        for line in _reasons(refused, shared):
+        shared = common_folder([str(Path(report["file"]).parent) for report in captures])
+        for line in reasons(refused, shared):
             # One line each, regardless of the terminal's width, so that they can be searched with grep.
             yield Text(line, no_wrap=True, overflow="ignore")
     table = key_value_table()
@@ -125,7 +125,7 @@ def _totals(reports: Sequence[Report], records: Sequence[dict[str, Any]]) -> Ite
     yield table
 
 
-def _reasons(refused: Sequence[Report], shared: Path) -> Iterator[str]:
+def reasons(refused: Sequence[Report], shared: Path) -> Iterator[str]:
     """A line per file with its reason; one line for many files whose reasons differ only in numbers."""
     alike: dict[str, list[Report]] = {}
     for report in refused:
