@@ -91,6 +91,7 @@ def on_nodes(clip: Clip) -> Clip:
         passes=clip.passes,
         provenance=clip.provenance,
         angles=clip.angles,
+        labels=clip.labels,
     )
 
 

@@ -8,6 +8,7 @@ import os
 import tempfile
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
+from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
@@ -20,7 +21,7 @@ from kinemimic.pipeline.files.bounded import MEGABYTE, read_bounded
 from kinemimic.pipeline.files.schema import upgraded
 from kinemimic.pipeline.files.strict_json import strict_json
 from kinemimic.pipeline.files.tables import numbers, read_table
-from kinemimic.pipeline.kinematics.clip import Clip
+from kinemimic.pipeline.kinematics.clip import Clip, Label
 from kinemimic.pipeline.kinematics.rotations import ORDERS
 from kinemimic.pipeline.kinematics.skeleton import Skeleton
 
@@ -137,6 +138,7 @@ def write_clip(path: Path, clip: Clip) -> None:
         "orders": clip.orders,
         "world_from_file": clip.world_from_file.tolist(),
         "rests": None if clip.rests is None else clip.rests.tolist(),
+        "labels": [asdict(label) for label in clip.labels],
         "provenance": clip.provenance,
     }
     write_table(path, columns, header)
@@ -228,8 +230,16 @@ def _clip(table: pa.Table, header: Mapping[str, Any]) -> Clip:
         rests=None if rests is None else np.array(rests, dtype=np.float64),
         provenance=provenance,
         angles=angles or None,
+        labels=tuple(_label(one) for one in header.get("labels", [])),
         **fields,
     )
+
+
+def _label(spec: Any) -> Label:
+    try:
+        return Label(str(spec["name"]), float(spec["start"]), float(spec["end"]))
+    except (TypeError, KeyError):
+        raise ValueError(f"the label {spec!r:.80}") from None
 
 
 def _skeleton(spec: Mapping[str, Any]) -> Skeleton:

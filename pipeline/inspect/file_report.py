@@ -20,7 +20,7 @@ from kinemimic.pipeline.inspect.measures import (
     segment_lengths,
     stature,
 )
-from kinemimic.pipeline.kinematics.clip import Clip
+from kinemimic.pipeline.kinematics.clip import Clip, Label
 from kinemimic.pipeline.kinematics.vectors import median
 from kinemimic.pipeline.locomotion.walking import detect_gait
 from kinemimic.pipeline.quality.check import CheckedCapture, check_capture, planned_steps
@@ -86,6 +86,7 @@ _EMPTY: dict[str, Any] = {
     "duration_s": None,
     "passes": [],
     "passes_discarded": 0,
+    "labels": [],
     "bones_m": None,
     "stature_m": None,
     "angles": None,
@@ -125,6 +126,7 @@ def _report(path: Path, recorded: Clip, checked: CheckedCapture) -> dict[str, An
         "duration_s": rounded(recorded.times[-1] - recorded.times[0], 3),
         "passes": [_pass(clip, number) for number in range(checked.acquisition.count)],
         "passes_discarded": checked.acquisition.discarded,
+        "labels": [_label(label) for label in clip.labels],
         "bones_m": lengths,
         "stature_m": stature(lengths),
         "angles": leg_angle_ranges(nodes[inside], states[inside]),
@@ -145,6 +147,10 @@ def _pass(clip: Clip, number: int) -> dict[str, Any]:
         "start_s": rounded(clip.times[frames[0]], 4),
         "end_s": rounded(clip.times[frames[-1]], 4),
     }
+
+
+def _label(label: Label) -> dict[str, Any]:
+    return {"name": label.name, "start_s": rounded(label.start, 4), "end_s": rounded(label.end, 4)}
 
 
 def _sensor(recorded: Clip) -> str | None:

@@ -45,6 +45,8 @@ def _summary(report: Report) -> Table:
         table.add_row("read with", ", ".join(report["sidecar_files"]))
     table.add_row("unit", f"{report['units']['length']}: {report['units']['rule']}")
     table.add_row("frames", _frames(report))
+    if report["labels"]:
+        table.add_row("labels", _labels(report))
     if report["passes"]:
         table.add_row("body", "\n".join(_body(report)))
         for joint in ("knee", "hip"):
@@ -66,6 +68,11 @@ def _frames(report: Report) -> str:
         f"jitter {number(report['clock_jitter_ms'], 1)} ms; "
         f"{len(passes)} pass{plural} of {report['frames_in_passes']} frames{short}"
     )
+
+
+def _labels(report: Report) -> str:
+    spans = [f"{one['name']} {one['start_s']:.2f} to {one['end_s']:.2f} s" for one in report["labels"]]
+    return ", ".join(spans)
 
 
 def _body(report: Report) -> Iterator[str]:

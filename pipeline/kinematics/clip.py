@@ -15,6 +15,23 @@ from kinemimic.pipeline.kinematics.skeleton import Skeleton
 
 
 @dataclass(frozen=True)
+class Label:
+    """A named part of a recording, as the recorder or an annotator marked it: seconds on the clip's clock,
+    both inclusive.
+
+    ValueError unless the name is not empty and start <= end, both finite.
+    """
+
+    name: str
+    start: float
+    end: float
+
+    def __post_init__(self) -> None:
+        if not self.name or not (np.isfinite([self.start, self.end]).all() and self.start <= self.end):
+            raise ValueError(f"label {self.name!r} from {self.start:g} to {self.end:g} s")
+
+
+@dataclass(frozen=True)
 class Clip:
     """A recorded motion of T frames on a skeleton of J joints.
 
@@ -38,6 +55,8 @@ class Clip:
     and quaternions has them from the start; NaN where the sensor gave none.
     Angles that the recorder computed itself are kept beside ours and never replace them:
     angles: curves (T,) in radians by name ("knee_left", …), flexion positive; NaN where missing.
+    labels: parts of the recording that came with names, in the order of their file. They need not lie within
+    the frames: a rule may drop frames, never a label.
     """
 
     skeleton: Skeleton
@@ -53,6 +72,7 @@ class Clip:
     rests: Array | None = None
     rotations: Array | None = None
     angles: Mapping[str, Array] | None = None
+    labels: tuple[Label, ...] = ()
 
     def __post_init__(self) -> None:
         frames, joints = len(self.times), len(self.skeleton.names)

@@ -4,17 +4,24 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable
+from io import StringIO
 from pathlib import Path
 
 import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
+from rich.console import Console
+from samples import utkinect
 
 from kinemimic.pipeline.cli.main import main
+from kinemimic.pipeline.convert import convert
 from kinemimic.pipeline.files.store import file_hash, read_clip, read_json
 from kinemimic.pipeline.ingest import ingest
+from kinemimic.pipeline.inspect.file_report import file_report
+from kinemimic.pipeline.inspect.file_view import file_view
 from kinemimic.pipeline.kinematics.angles import ANGLES
+from kinemimic.pipeline.kinematics.clip import Label
 from kinemimic.pipeline.readers.recognise import read
 
 Text = Callable[..., str]
@@ -172,3 +179,26 @@ def test_refusals_and_repairs_of_the_rules(
     assert np.array_equal(raw.times, recorded.times)
     same = np.isfinite(raw.positions[behind][:, left, 0])
     assert np.array_equal(raw.positions[behind][same, left], recorded.positions[behind][same, right])
+
+
+def test_labels_stay_on_the_clock_from_the_file_to_the_quaternions(tmp_path: Path) -> None:
+    """The reader drops repeated frames, the cleaning none: the named times still hold the same frames."""
+    for name, content in utkinect.files(48).items():
+        (tmp_path / name).write_bytes(content)
+    capture = tmp_path / "joints_s02_e01.txt"
+    labels = (Label("walk", 200 / 30, 240 / 30), Label("sitDown", 250 / 30, 260 / 30))
+    assert ingest(capture, tmp_path).labels == labels
+    assert convert(tmp_path).labels == labels
+    recorded = read(capture)
+    for name in ("raw", "clip", "quaternions"):
+        clip = read_clip(tmp_path / f"{name}.parquet")
+        assert clip.labels == labels
+        assert np.array_equal(clip.times, recorded.times)
+    report = file_report(capture)
+    assert report["labels"] == [
+        {"name": "walk", "start_s": 6.6667, "end_s": 8.0},
+        {"name": "sitDown", "start_s": 8.3333, "end_s": 8.6667},
+    ]
+    shown = StringIO()
+    Console(file=shown, width=200).print(file_view(report))
+    assert "walk 6.67 to 8.00 s, sitDown 8.33 to 8.67 s" in shown.getvalue()

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from kinemimic.pipeline.arrays import Array, States
-from kinemimic.pipeline.kinematics.clip import Clip
+from kinemimic.pipeline.kinematics.clip import Clip, Label
 from kinemimic.pipeline.kinematics.euler import positions_of_channels
 from kinemimic.pipeline.kinematics.rotations import Y_UP_TO_Z_UP, to_matrix
 from kinemimic.pipeline.kinematics.skeleton import MISSING, TRACKED, Skeleton
@@ -22,7 +22,7 @@ def reading(
     """The record in provenance["reading"], in JSON values: how the file was read and what was wrong with it.
 
     units: length unit of the file; units_rule: how it is known; notes: sentences for the user; facts: further
-    entries of the format (columns, channels, labels …).
+    entries of the format (columns, channels …).
     """
     return {
         "units": units,
@@ -44,13 +44,14 @@ def clip_of_points(
     world_from_file: Array = Y_UP_TO_Z_UP,
     rotations: Array | None = None,
     angles: Mapping[str, Array] | None = None,
+    labels: Sequence[Label] = (),
 ) -> Clip:
     """A clip of positions, in one pass.
 
     times: (T,) seconds, strictly increasing; points: (T, J, 3) metres in the file's axes; states: (T, J) of
     0, 1, 2, or None if the format has none: then every joint that is present counts as tracked. A joint that
     is not finite, or exactly at the sensor's origin, is missing. world_from_file: (4,) rotation from the
-    file's axes to ours. rotations, angles: as in Clip, already in our conventions.
+    file's axes to ours. rotations, angles, labels: as in Clip, already in our conventions.
     """
     x, y, z = np.moveaxis(points, -1, 0)
     # Written out per axis: numpy takes five times as long to reduce an axis of three.
@@ -73,6 +74,7 @@ def clip_of_points(
         world_from_file=np.asarray(world_from_file, dtype=np.float64).copy(),
         rotations=rotations,
         angles=angles,
+        labels=tuple(labels),
         provenance={"format": format.name, "reading": dict(reading)},
     )
 

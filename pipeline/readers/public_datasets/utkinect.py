@@ -10,13 +10,12 @@ from __future__ import annotations
 
 import re
 from itertools import product
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from kinemimic.pipeline.arrays import Array
-from kinemimic.pipeline.kinematics.clip import Clip
+from kinemimic.pipeline.kinematics.clip import Clip, Label
 from kinemimic.pipeline.kinematics.skeleton import NODES, node_skeleton
 from kinemimic.pipeline.quality.rules.defect import Defect
 from kinemimic.pipeline.readers.base.body_posture import is_upright_body
@@ -91,8 +90,8 @@ def read(source: Source) -> Clip:
             units_rule="the format's",
             defects=[*defects, *zero_frames(points[rows])],
             notes=notes,
-            labels=labels,
         ),
+        labels=labels,
     )
 
 
@@ -158,9 +157,8 @@ def _mean_distance(bodies: Array, others: Array) -> Array:
     return np.where(np.isfinite(distance), distance, np.inf)
 
 
-def _labels(source: Source) -> tuple[list[dict[str, Any]], list[str]]:
-    """Actions of this take from the label file in the same folder: name, first and last frame number, start
-    and end.
+def _labels(source: Source) -> tuple[list[Label], list[str]]:
+    """Actions of this take from the label file in the same folder, which gives their first and last frame.
 
     A label without frames (NaN), or one that cannot be read, gives a note: labels are optional.
     """
@@ -168,7 +166,7 @@ def _labels(source: Source) -> tuple[list[dict[str, Any]], list[str]]:
     label_source = source.sidecar_file(LABELS) if take else None
     if take is None or label_source is None:
         return [], []
-    labels: list[dict[str, Any]] = []
+    labels: list[Label] = []
     notes: list[str] = []
     inside = False
     for line in label_source.lines:
@@ -178,18 +176,10 @@ def _labels(source: Source) -> tuple[list[dict[str, Any]], list[str]]:
             match = _LABEL.match(line)
             frames = [_frame_number(match.group(k)) for k in (2, 3)] if match else []
             first, last = frames if frames else (None, None)
-            if match is None or first is None or last is None:
+            if match is None or first is None or last is None or last < first:
                 notes.append(f"{LABELS} has no frames for {line.strip()[:40]!r}")
                 continue
-            labels.append(
-                {
-                    "name": match.group(1),
-                    "first_frame": first,
-                    "last_frame": last,
-                    "start": first / RATE,
-                    "end": last / RATE,
-                }
-            )
+            labels.append(Label(match.group(1), first / RATE, last / RATE))
     if not labels:
         notes.append(f"{LABELS} has no action of {take.group()}")
     return labels, notes

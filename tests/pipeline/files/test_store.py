@@ -29,7 +29,7 @@ from kinemimic.pipeline.files.store import (
     write_json,
     write_text,
 )
-from kinemimic.pipeline.kinematics.clip import Clip
+from kinemimic.pipeline.kinematics.clip import Clip, Label
 from kinemimic.pipeline.kinematics.rotations import Y_UP_TO_Z_UP
 
 Build = Callable[..., Clip]
@@ -46,6 +46,14 @@ def assert_same(a: Clip, b: Clip) -> None:
             assert np.array_equal(left.offsets, right.offsets)
         else:
             assert left == right
+
+
+def rewrite_header(path: Path, change: Callable[[dict[str, Any]], object]) -> None:
+    """Write the table again with a changed header."""
+    table = pq.read_table(path)
+    header = json.loads(table.schema.metadata[b"kinemimic"])
+    change(header)
+    pq.write_table(table.replace_schema_metadata({"kinemimic": json.dumps(header)}), path)
 
 
 def test_clip_of_positions_comes_back(tmp_path: Path, node_clip: Build) -> None:
@@ -71,6 +79,21 @@ def test_clip_of_rotations_comes_back(tmp_path: Path, node_clip: Build) -> None:
     )
     write_clip(tmp_path / "clip.parquet", clip)
     assert_same(clip, read_clip(tmp_path / "clip.parquet"))
+
+
+def test_labels_come_back_and_files_without_them_have_none(tmp_path: Path, node_clip: Build) -> None:
+    path = tmp_path / "clip.parquet"
+    clip = replace(node_clip(), labels=(Label("walk", 0.1, 1.0), Label("sitDown", 5.0, 5.0)))
+    write_clip(path, clip)
+    assert_same(clip, read_clip(path))
+    rewrite_header(path, lambda header: header.pop("labels"))
+    assert read_clip(path).labels == ()
+    rewrite_header(path, lambda header: header.update(labels=[{"name": "walk", "start": 2.0, "end": 1.0}]))
+    with pytest.raises(CaptureError, match="label 'walk' from 2 to 1 s"):
+        read_clip(path)
+    rewrite_header(path, lambda header: header.update(labels=["walk"]))
+    with pytest.raises(CaptureError, match="the label 'walk'"):
+        read_clip(path)
 
 
 def test_same_clip_same_bytes(tmp_path: Path, node_clip: Build) -> None:

@@ -12,7 +12,7 @@ from samples.motion import in_range, walk
 from samples.utkinect import FIRST, files, numbers
 
 from kinemimic.pipeline.errors import CaptureError
-from kinemimic.pipeline.kinematics.clip import Clip
+from kinemimic.pipeline.kinematics.clip import Clip, Label
 from kinemimic.pipeline.kinematics.skeleton import NODE_INDEX
 from kinemimic.pipeline.readers.public_datasets import utkinect
 from kinemimic.pipeline.readers.recognise import read, read_source
@@ -45,12 +45,17 @@ def test_the_written_walk_is_read_once_per_number(tmp_path: Path) -> None:
     assert clip.times == pytest.approx(number[kept] / 30.0)
     assert clip.times[0] == pytest.approx(FIRST / 30.0)
     assert defects(clip) == {"duplicate_frames": 2}
-    assert clip.provenance["reading"]["labels"] == [
-        {"name": "walk", "first_frame": 200, "last_frame": 240, "start": 200 / 30, "end": 8.0},
-        {"name": "sitDown", "first_frame": 250, "last_frame": 260, "start": 250 / 30, "end": 260 / 30},
-    ]
+    assert clip.labels == (Label("walk", 200 / 30, 8.0), Label("sitDown", 250 / 30, 260 / 30))
     assert clip.provenance["reading"]["notes"] == ["actionLabel.txt has no frames for 'carry:  NaN NaN'"]
     assert set(clip.provenance["sidecar_files"]) == {"actionLabel.txt"}
+
+
+def test_a_label_that_ends_before_it_starts_is_a_note(tmp_path: Path) -> None:
+    for name, content in files(48).items():
+        (tmp_path / name).write_bytes(content.replace(b"walk: 200 240", b"walk: 240 200"))
+    clip = read(tmp_path / "joints_s02_e01.txt")
+    assert [label.name for label in clip.labels] == ["sitDown"]
+    assert "actionLabel.txt has no frames for 'walk: 240 200'" in clip.provenance["reading"]["notes"]
 
 
 def test_the_same_person_is_kept_where_there_are_two() -> None:
@@ -126,15 +131,15 @@ def test_real_recordings(captures: Path) -> None:
         assert defects(clip) == {"duplicate_frames": twice[take]} | (
             {"several_people": 4} if take == "s03_e01" else {}
         )
-        labels = {label["name"]: label for label in clip.provenance["reading"]["labels"]}
+        labels = {label.name: label for label in clip.labels}
         assert len(labels) == 10
         assert next(iter(labels)) == "walk"
-        span = (clip.times >= labels["walk"]["start"]) & (clip.times <= labels["walk"]["end"])
+        span = (clip.times >= labels["walk"].start) & (clip.times <= labels["walk"].end)
         assert 20 < span.sum() < 65
         hips = clip.positions[span, NODE_INDEX["hip_center"]]
         assert 0.8 < np.linalg.norm(hips[-1] - hips[0]) < 2.5
         hip, knee, ankle = (clip.positions[:, NODE_INDEX[f"{j}_left"]] for j in ("hip", "knee", "ankle"))
         assert 0.42 < np.median(np.linalg.norm(knee - hip, axis=-1)) < 0.51
         assert 0.34 < np.median(np.linalg.norm(ankle - knee, axis=-1)) < 0.40
-    first = read(captures / "kinect1_utkinect" / "joints_s01_e01.txt").provenance["reading"]["labels"][0]
-    assert (first["first_frame"], first["last_frame"], first["start"]) == (252, 390, 8.4)
+    first = read(captures / "kinect1_utkinect" / "joints_s01_e01.txt").labels[0]
+    assert first == Label("walk", 252 / 30, 390 / 30)
