@@ -9,18 +9,57 @@ from kinemimic.pipeline.kinematics.nodes import normalised
 # Landmark -> labels of its markers, in lower case without punctuation; * stands for the side: "*asi" is lasi
 # or leftasi. Of each landmark's tuples, the first with any label in the file counts (for a cluster: with all
 # labels); all labels of that tuple in the file belong to the landmark. Plug-in-Gait; OpenSim's Gait2354,
-# Hamner and Rajagopal; and plain words.
+# Hamner, Rajagopal and Moco examples; OpenCap (whose suffix "_study" is dropped); and plain words.
 _SIDED: dict[str, tuple[tuple[str, ...], ...]] = {
     "asis": (("*asi",), ("*asis",)),
     "psis": (("*psi",), ("*psis",)),
-    "knee_lateral": (("*kneelat",), ("*kneelateral",), ("*kne",), ("*lfc",), ("*knee",)),
-    "knee_medial": (("*kneemed",), ("*kneemedial",), ("*mkne",), ("*knem",), ("*mfc",)),
-    "ankle_lateral": (("*anklelat",), ("*anklelateral",), ("*ank",), ("*lmal",), ("*ankle",)),
-    "ankle_medial": (("*anklemed",), ("*anklemedial",), ("*mank",), ("*ankm",), ("*mmal",)),
+    "knee_lateral": (
+        ("*kneelat",),
+        ("*kneelateral",),
+        ("*kne",),
+        ("*lfc",),
+        ("*lepi",),
+        ("*lkn",),
+        ("*knee",),
+    ),
+    "knee_medial": (
+        ("*kneemed",),
+        ("*kneemedial",),
+        ("*mkne",),
+        ("*knem",),
+        ("*mfc",),
+        ("*mepi",),
+        ("*mkn",),
+        ("*mknee",),
+    ),
+    "ankle_lateral": (("*anklelat",), ("*anklelateral",), ("*ank",), ("*lmal",), ("*lak",), ("*ankle",)),
+    "ankle_medial": (
+        ("*anklemed",),
+        ("*anklemedial",),
+        ("*mank",),
+        ("*ankm",),
+        ("*mmal",),
+        ("*mak",),
+        ("*mankle",),
+    ),
     "toes": (("*toetip",), ("*toe",), ("*mt2",), ("*mt1", "*mt5"), ("*toelat", "*toemed")),
-    "acromion": (("*acromium",), ("*acromion",), ("*sho",), ("*acr",), ("*shoulder",)),
-    "elbow": (("*elb", "*elbm"), ("*elbowlat", "*elbowmed"), ("*lel", "*mel"), ("*elbow",)),
-    "wrist": (("*wra", "*wrb"), ("*wristlat", "*wristmed"), ("*wrist",)),
+    "acromion": (("*acromium",), ("*acromion",), ("*sho",), ("*acr",), ("*shoulder",), ("*shl",), ("*sh",)),
+    "elbow": (
+        ("*elb", "*elbm"),
+        ("*elbowlat", "*elbowmed"),
+        ("*lel", "*mel"),
+        ("*lelbow", "*melbow"),
+        ("*elbow",),
+    ),
+    "wrist": (
+        ("*wra", "*wrb"),
+        ("*wristlat", "*wristmed"),
+        ("*lwrist", "*mwrist"),
+        ("*faradius", "*faulna"),
+        ("*rad", "*uln"),
+        ("*wrist",),
+        ("*wr",),
+    ),
     "hand": (("*fin",), ("*hand",)),
 }
 _MIDDLE: dict[str, tuple[tuple[str, ...], ...]] = {
@@ -31,9 +70,19 @@ _MIDDLE: dict[str, tuple[tuple[str, ...], ...]] = {
 }
 # Clusters of three markers on a segment without markers at its joints.
 _CLUSTERS: dict[str, tuple[tuple[str, str, str], ...]] = {
-    "thigh": (("*thighupper", "*thighfront", "*thighrear"),),
-    "shank": (("*shankupper", "*shankfront", "*shankrear"),),
-    "foot": (("*heel", "*midfootsup", "*midfootlat"),),
+    "thigh": (
+        ("*thighupper", "*thighfront", "*thighrear"),
+        ("*th1", "*th2", "*th3"),
+        ("*thigh1", "*thigh2", "*thigh3"),
+    ),
+    "shank": (
+        ("*shankupper", "*shankfront", "*shankrear"),
+        ("*tb1", "*tb2", "*tb3"),  # the tibia's
+        ("*sh1", "*sh2", "*sh3"),
+        ("*sk1", "*sk2", "*sk3"),
+        ("*shank1", "*shank2", "*shank3"),
+    ),
+    "foot": (("*heel", "*midfootsup", "*midfootlat"), ("*heel", "*mfs", "*mfl")),
 }
 SIDES: tuple[str, ...] = ("left", "right")
 
@@ -46,7 +95,7 @@ def landmarks(labels: Sequence[str]) -> dict[str, tuple[int, ...]]:
     """
     index: dict[str, int] = {}
     for marker, label in enumerate(labels):
-        index.setdefault(normalised(label), marker)
+        index.setdefault(normalised(label).removesuffix("study"), marker)
     index.pop("", None)
     found: dict[str, tuple[int, ...]] = {}
     for landmark, sets in _MIDDLE.items():

@@ -68,8 +68,7 @@ def read(source: Source) -> Clip:
     next_line = source.lines[names_line + 1] if names_line + 1 < len(source.lines) else ""
     table, values = _table(source, names_line + (1 if numbers_of(next_line, None) else 2))
     count = (values.shape[1] - 2) // 3
-    labels = tuple(name.strip() for name in source.lines[names_line].split("\t")[2 : 2 + 3 * count : 3])
-    labels += ("",) * (count - len(labels))
+    labels = _labels(source.lines[names_line], count)
     if not np.isfinite(values[:, 1]).all():
         bad = int(np.argmin(np.isfinite(values[:, 1])))
         raise source.error(expected="a time in s", found="none", line=table.line(bad))
@@ -119,8 +118,24 @@ def _declared(source: Source, names_line: int) -> dict[str, str]:
     for k in range(names_line - 1):
         names = [name.strip().lower() for name in source.lines[k].split("\t")]
         if "units" in names or "datarate" in names:
-            return dict(zip(names, (v.strip() for v in source.lines[k + 1].split("\t")), strict=False))
+            values = [value.strip() for value in source.lines[k + 1].split("\t")]
+            # Some writers align the values under the names with a second TAB, which is not an empty value.
+            if len(named := list(filter(None, names))) == len(given := list(filter(None, values))):
+                names, values = named, given
+            return dict(zip(names, values, strict=False))
     return {}
+
+
+def _labels(line: str, count: int) -> tuple[str, ...]:
+    """The markers' names, each above three columns; "" for a marker without a name.
+
+    As many names as markers are theirs in order, however many TABs are between them.
+    """
+    fields = [field.strip() for field in line.split("\t")[2:]]
+    if len(named := list(filter(None, fields))) == count:
+        return tuple(named)
+    labels = tuple(fields[: 3 * count : 3])
+    return labels + ("",) * (count - len(labels))
 
 
 def _table(source: Source, start: int) -> tuple[Table, Array]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 
 import numpy as np
@@ -18,6 +19,7 @@ from kinemimic.pipeline.kinematics.nodes import derived_nodes, to_nodes
 from kinemimic.pipeline.kinematics.skeleton import NODE_INDEX
 from kinemimic.pipeline.quality.check import check_capture
 from kinemimic.pipeline.readers import recognise
+from kinemimic.pipeline.readers.mocap.marker_names import landmarks
 
 TEXT = files(30)["walk.trc"].decode()
 LONGER = files(90)["walk.trc"].decode()
@@ -76,6 +78,26 @@ def test_units_of_the_header() -> None:
         read(TEXT.replace("\tmm\t", "\tfurlong\t"))
 
 
+def test_values_and_names_may_be_set_apart_by_any_number_of_tabs() -> None:
+    """OpenSim's exampleMocoTrack doubles the TABs between the values: the fifth field is not the unit."""
+    parts = TEXT.split("\n")
+    doubled = parts.copy()
+    doubled[2] = "  " + parts[2].replace("\t", "\t\t ")
+    clip = read("\n".join(doubled))
+    assert np.array_equal(clip.positions, read(TEXT).positions)
+    assert notes(clip) == notes(read(TEXT))
+    doubled[1] = parts[1].replace("\t", "\t\t")
+    assert np.array_equal(read("\n".join(doubled)).positions, clip.positions)
+    single = parts.copy()
+    single[3] = re.sub("\t+", "\t", parts[3])
+    assert np.array_equal(read("\n".join(single)).positions, clip.positions)
+    # A value that is missing is still none.
+    missing = parts.copy()
+    missing[2] = parts[2].replace("\tmm\t", "\t\t")
+    with pytest.raises(CaptureError, match="expected Units of mm, cm, m in the header, found none"):
+        read("\n".join(missing))
+
+
 def in_unit(metres: float) -> str:
     """The file, whose header says mm, with its numbers in another unit."""
     rows = LONGER.split("\n")
@@ -110,6 +132,52 @@ def test_clusters_in_another_unit_are_repaired(captures: Path, tmp_path: Path, c
     clip, true = recognise.read(liar), recognise.read(path)
     assert np.allclose(clip.positions, true.positions, atol=1e-9, equal_nan=True)
     assert [defect["rule"] for defect in clip.provenance["reading"]["defects"]] == ["wrong_units"]
+
+
+@pytest.mark.parametrize(
+    ("thigh", "shank"),
+    [("TH{}", "TB{}"), (".TH{}", ".SH{}"), ("_thigh{}_study", "_sh{}_study"), ("Thigh{}", "Shank{}")],
+)
+def test_clusters_by_any_naming_give_the_same_knees(captures: Path, thigh: str, shank: str) -> None:
+    path = captures / "lab_opensim_gait" / "Gait2354_Simbody__subject01_walk1.trc"
+    content = path.read_text()
+    true = read(content)
+    for name, cluster in (("Thigh", thigh), ("Shank", shank)):
+        for number, where in enumerate(("Upper", "Front", "Rear"), 1):
+            for side in "LR":
+                content = content.replace(f"{side}.{name}.{where}", side + cluster.format(number))
+    assert "Thigh.Upper" not in content
+    assert np.array_equal(read(content).positions, true.positions, equal_nan=True)
+
+
+def test_the_markers_of_opensims_examples_and_of_opencap_are_known() -> None:
+    """Labels as in exampleMocoTrack, Rajagopal's walk, a sandbox trial of Moco, and OpenCap."""
+    sets = {
+        "moco": "R.ASIS L.ASIS R.PSIS L.PSIS R.TH1 R.TH2 R.TH3 R.Knee R.SH1 R.SH2 R.SH3 R.SH4 R.Ankle R.Heel",
+        "rajagopal": "RASI LASI RPSI LPSI RTH1 RTH2 RTH3 RLFC RMFC RTB1 RTB2 RTB3 RLMAL RMMAL RCAL RTOE RMT5",
+        "sandbox": "RASI LASI SACR RLEPI RMEPI RLMAL RMMAL RHEEL RMFS RMFL RSH RELB RWR",
+        "balance": "RASI LASI RPSI LPSI RLKN RMKN RTH1 RTH2 RTH3 RLAK RMAK RSH1 RSH2 RSH3 RSHL RULN RRAD",
+        "opencap": "r.ASIS_study L.ASIS_study r.PSIS_study L.PSIS_study r_knee_study r_mknee_study "
+        "r_ankle_study r_mankle_study r_thigh1_study r_thigh2_study r_thigh3_study r_sh1_study r_sh2_study "
+        "r_sh3_study r_shoulder_study r_lelbow_study r_melbow_study r_lwrist_study r_mwrist_study",
+    }
+    both = {"asis_right", "asis_left", "knee_lateral_right", "ankle_lateral_right"}
+    medial, clusters = {"knee_medial_right", "ankle_medial_right"}, {"thigh_right", "shank_right"}
+    arms = {"acromion_right", "wrist_right"}
+    expected = {
+        "moco": both | clusters,
+        "rajagopal": both | medial | clusters,
+        "sandbox": both | medial | arms | {"sacrum", "foot_right", "elbow_right"},
+        "balance": both | medial | clusters | arms,
+        "opencap": both | medial | clusters | arms | {"elbow_right"},
+    }
+    for name, labels in sets.items():
+        assert expected[name] <= landmarks(labels.split()).keys(), name
+    words = sets["opencap"].split()
+    found = landmarks(words)
+    assert [words[k] for k in found["knee_medial_right"]] == ["r_mknee_study"]
+    assert [words[k] for k in found["elbow_right"]] == ["r_lelbow_study", "r_melbow_study"]
+    assert [words[k] for k in found["shank_right"]] == ["r_sh1_study", "r_sh2_study", "r_sh3_study"]
 
 
 def test_a_missing_marker_leaves_a_gap_in_the_nodes_computed_from_it() -> None:
