@@ -18,6 +18,7 @@ from kinemimic.pipeline.kinematics.clip import Clip
 from kinemimic.pipeline.kinematics.euler import rotations_of_channels, world_positions
 from kinemimic.pipeline.kinematics.rotations import continuous, normalize
 from kinemimic.pipeline.kinematics.skeleton import INFERRED
+from kinemimic.pipeline.kinematics.spans import all_finite
 
 # One line for each filter, for reports and plans.
 FILTER_DESCRIPTIONS: dict[str, str] = {
@@ -40,9 +41,9 @@ class Cleaning:
 def clean(clip: Clip, method: str) -> tuple[Clip, Cleaning]:
     """The clip cleaned by one of FILTERS, with the same frames, and a record of the changes.
 
-    Positions, and quaternions that the sensor recorded with them, are filled and filtered. A capture of Euler
-    channels has no gaps; filtering leaves `euler` as recorded and adds the filtered `rotations`. Frames
-    outside passes stay as recorded. KinemimicError for an unknown method.
+    Positions, and quaternions that the sensor recorded with them, are filled and filtered. Of a capture of
+    Euler channels, `euler` stays as recorded; filled or filtered `rotations` are added. Frames outside passes
+    stay as recorded. KinemimicError for an unknown method.
     """
     if method not in FILTERS:
         raise KinemimicError(f"expected a filter among {', '.join(FILTERS)}, found {method!r}")
@@ -67,16 +68,26 @@ def clean(clip: Clip, method: str) -> tuple[Clip, Cleaning]:
 
 
 def _clean_channels(clip: Clip, method: str) -> tuple[Clip, Cleaning]:
-    nothing = np.zeros(clip.states.shape, dtype=np.bool_)
-    if method == "none":
-        return clip, Cleaning(nothing, nothing, ("rotations as recorded, not filtered",))
     assert clip.euler is not None and clip.orders is not None and clip.translations is not None  # noqa: S101
     recorded = rotations_of_channels(clip.euler, clip.orders, clip.world_from_file, clip.rests)
+    places = world_positions(clip.skeleton, clip.translations, recorded, clip.world_from_file)
+    gaps = ~(all_finite(recorded) & all_finite(places))
+    if method == "none" and not gaps.any():
+        return clip, Cleaning(gaps, gaps, ("rotations as recorded, not filtered",))
     rotations, spikes, note = _clean_rotations(clip, recorded, method)
-    translations, _, _ = _filter(clip, clip.translations, nothing, method)
+    translations, bridged = fill_gaps(clip.translations, clip.times, clip.passes)
+    translations, _, _ = _filter(clip, translations, bridged, method)
     positions = world_positions(clip.skeleton, translations, rotations, clip.world_from_file)
-    cleaned = replace(clip, positions=positions, translations=translations, rotations=rotations)
-    return cleaned, Cleaning(nothing, spikes, (f"rotations: {note}",))
+    filled = gaps & all_finite(rotations) & all_finite(positions)
+    cleaned = replace(
+        clip,
+        positions=positions,
+        translations=translations,
+        rotations=rotations,
+        states=np.where(filled, INFERRED, clip.states).astype(np.uint8),
+    )
+    done = [f"gaps up to {LONGEST_GAP} s filled: {int(filled.sum())} joints"] if gaps.any() else []
+    return cleaned, Cleaning(filled, spikes, (*done, f"rotations: {note}"))
 
 
 def _clean_rotations(clip: Clip, rotations: Array, method: str) -> tuple[Array, Mask, str]:

@@ -48,18 +48,20 @@ def flips(euler: Array, rotations: Array) -> NDArray[np.intp]:
 
 
 def gimbal_report(clip: Clip, rotations: Array) -> dict[str, Any]:
-    """The report as JSON values: every joint with rotation channels that are not all zero.
+    """The report as JSON values: every joint with rotation channels that are not all zero or missing.
 
-    rotations: (T, J, 4), those of clip.euler. Frames count from the clip's first. A capture of positions has
-    no channels and gives an empty list.
+    rotations: (T, J, 4), those of clip.euler. Frames count from the clip's first; those without an angle are
+    ignored. A capture of positions has no channels and gives an empty list.
     """
     joints: list[dict[str, Any]] = []
     for joint, order in enumerate(clip.orders or ()):
-        if not order or clip.euler is None or not clip.euler[:, joint].any():
+        if not order or clip.euler is None or not np.nan_to_num(clip.euler[:, joint]).any():
             continue
         distance = distance_from_lock(clip.euler[:, joint, 1], order)
+        if not np.isfinite(distance).any():
+            continue
         flagged = distance <= NEAR_LOCK
-        nearest = int(np.argmin(distance))
+        nearest = int(np.nanargmin(distance))
         joints.append(
             {
                 "joint": clip.skeleton.names[joint],

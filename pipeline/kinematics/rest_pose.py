@@ -23,6 +23,7 @@ from kinemimic.pipeline.kinematics.orient import local_rotations, node_frames
 from kinemimic.pipeline.kinematics.rotations import IDENTITY, angle_between, conjugate, multiply, rotate
 from kinemimic.pipeline.kinematics.skeleton import NODE_INDEX as N
 from kinemimic.pipeline.kinematics.skeleton import NODE_PARENTS, NODES, Skeleton
+from kinemimic.pipeline.kinematics.spans import all_finite
 from kinemimic.pipeline.kinematics.trunk import direction, swing
 
 # A joint's frame is accepted if it agrees with the positions to this (rms, radians).
@@ -215,7 +216,10 @@ def _rest(clip: Clip) -> Array | None:
     joints = len(clip.skeleton.names)
     turned = (np.tile(IDENTITY, (joints, 1)) if clip.rests is None else clip.rests)[None].copy()
     turned[:, 0] = multiply(clip.world_from_file, turned[:, 0])
-    offsets = np.median(clip.translations, axis=0)[None]
+    known = clip.translations[all_finite(clip.translations, axis=(1, 2))]
+    if not len(known):
+        return None
+    offsets = np.median(known, axis=0)[None]
     places, frames = forward_kinematics(clip.skeleton, offsets, turned)
     found = joints_of(clip)
     # Upward along each leg, in a standing skeleton.

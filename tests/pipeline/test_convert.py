@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from samples import bvh, described_euler, source_of
 from samples.motion import kinect_v2_joints, walk
 
 from kinemimic.pipeline.arrays import Array
@@ -19,9 +20,10 @@ from kinemimic.pipeline.ingest import ingest
 from kinemimic.pipeline.kinematics.angles import leg_angles
 from kinemimic.pipeline.kinematics.clip import Clip
 from kinemimic.pipeline.kinematics.nodes import to_nodes
-from kinemimic.pipeline.kinematics.rotations import from_axis_angle
+from kinemimic.pipeline.kinematics.rotations import angle_between, from_axis_angle
 from kinemimic.pipeline.kinematics.skeleton import NODE_INDEX, NODES, TRACKED
 from kinemimic.pipeline.readers.kinect.kinect_v2 import FROM_SDK, kinect_v2_skeleton
+from kinemimic.pipeline.readers.recognise import read, read_source
 
 Text = Callable[..., str]
 
@@ -175,3 +177,50 @@ def test_names_that_look_like_markup_are_names(
             main([*arguments, "--run", str(tmp_path / "run")])
         assert ended.value.code == 0
     assert "Neck[/l]" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize("filter_name", ["kalman", "butterworth", "one-euro", "none"])
+def test_an_empty_euler_cell_is_a_missing_joint_and_not_an_error(tmp_path: Path, filter_name: str) -> None:
+    whole = read_source(source_of(bvh.files(90)["walk.bvh"].decode(), Path("walk.bvh")))
+    names = whole.skeleton.names
+    knee, elbow = names.index("knee_left"), names.index("elbow_left")
+    never = names.index("elbow_right")
+    # One cell; a longer gap than is filled; and a joint without any angle.
+    gaps = {(20, knee, 1)} | {(k, elbow, 0) for k in range(30, 70)} | {(k, never, 1) for k in range(90)}
+    capture = described_euler.write(tmp_path, whole, frozenset(gaps))
+
+    recorded = read(capture)
+    missing = recorded.states == 0
+    # What hangs on a joint without an angle is unknown, too.
+    arm = {"elbow_right", "wrist_right", "hand_right", "hand_right_end"}
+    leg = {"knee_left", "ankle_left", "foot_left", "foot_left_end"}
+    assert {names[joint] for joint in np.flatnonzero(missing[20])} == arm | leg
+    assert missing[30:70, elbow].all() and not missing[30:70, knee].any()
+    assert np.array_equal(np.isnan(recorded.positions).any(axis=-1), missing)
+
+    cleaned = ingest(capture, tmp_path, filter_name=filter_name)
+    converted = convert(tmp_path)
+    assert converted.rotations is not None and cleaned.rotations is not None
+    expected = ingest(described_euler.write(tmp_path, whole), tmp_path / "whole", filter_name=filter_name)
+    true = convert(tmp_path / "whole").rotations
+    assert true is not None
+    assert np.degrees(angle_between(converted.rotations[20, knee], true[20, knee])) < 1.0
+    assert converted.states[20].tolist()[knee] == 1
+    assert np.isnan(converted.rotations[30:70, elbow]).all()
+    assert (converted.states[30:70, elbow] == 0).all()
+    assert np.linalg.norm(converted.positions[20, knee] - expected.positions[20, knee]) < 0.01
+
+    report = {joint["joint"]: joint for joint in read_json(tmp_path / "gimbal.json")["joints"]}
+    assert "elbow_right" not in report
+    angles = recorded.euler
+    assert angles is not None
+    nearest = np.nanmin(np.abs(np.abs(np.degrees(angles[:, elbow, 1])) - 90.0))
+    assert report["elbow_left"]["nearest_deg"] == pytest.approx(nearest, abs=1e-5)
+    assert not 30 <= report["elbow_left"]["nearest_frame"] < 70
+    assert main_status("convert", "--run", str(tmp_path)) == 0
+
+
+def main_status(*arguments: str) -> int:
+    with pytest.raises(SystemExit) as caught:
+        main(list(arguments))
+    return int(caught.value.code or 0)

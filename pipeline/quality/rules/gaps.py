@@ -25,8 +25,6 @@ def detect(clip: Clip) -> list[Defect]:
     if not missing_count and not never_seen:
         return []
     count, filled, longest = _gaps(clip, missing)
-    if clip.euler is not None:
-        filled = 0  # Euler channels are not filled
     parts = []
     if missing_count:
         parts.append(

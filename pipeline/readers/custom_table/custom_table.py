@@ -146,6 +146,8 @@ def _clip(description: Description, rows: Rows, tree: Tree, name: str) -> Clip:
         np.full(positions.shape[:2], TRACKED, dtype=np.uint8) if states is None else states.copy()
     )
     missing = ~np.isfinite(positions).all(axis=-1) | (states_of_clip == MISSING)
+    if pose.euler is not None:
+        missing |= ~np.isfinite(pose.rotations).all(axis=-1)  # an empty cell: the body below it is unknown
     states_of_clip[missing], positions[missing] = MISSING, np.nan
     rotations = pose.rotations.copy()
     rotations[:, 0] = multiply(world_from_file, rotations[:, 0])
