@@ -36,10 +36,11 @@ def note_path(capture: Path) -> Path:
 
 
 def write_truth(
-    path: Path, times: Array, passes: NDArray[np.int64], angles: Mapping[str, Array], note: Mapping[str, Any]
+    path: Path, times: Array, passes: NDArray[np.int64], truth: Mapping[str, Array], note: Mapping[str, Any]
 ) -> None:
-    """One row per frame of the capture: seconds, pass (-1: nobody in view), curves of ANGLES in radians."""
-    columns: dict[str, Any] = {"time": times, "pass": passes.astype(np.int32), **angles}
+    """One row per frame of the capture: seconds, pass (-1: nobody in view), curves of ANGLES in radians and
+    other true columns."""
+    columns: dict[str, Any] = {"time": times, "pass": passes.astype(np.int32), **truth}
     write_table(path, columns, {"schema": TRUTH_SCHEMA, "provenance": note})
 
 

@@ -1,8 +1,9 @@
-"""The virtual Kinect's recorder: a person's optical capture as a Kinect v1 would record it, with its truth.
+"""The virtual Kinect's recorder: a person who walks as a Kinect v1 would record it, with the truth.
 
-The stock walk (or run) makes several passes before a simulated sensor, oblique to its line of sight, and is
-written in two forms: the v1 recorder's `.skl` text, and BVH with the Euler angles of Eq. 8. Next to each are
-NAME.truth.parquet and NAME.provenance.json, which marks it as simulated.
+The person makes several passes before a simulated sensor, oblique to its line of sight, or walks half circles
+round one that turns. Each recording is written in two forms: the v1 recorder's `.skl` text, and BVH with the
+Euler angles of Eq. 8. Next to each are NAME.truth.parquet and NAME.provenance.json, which marks it as
+simulated.
 """
 
 from __future__ import annotations
@@ -19,12 +20,14 @@ from kinemimic.pipeline.arrays import Array, Mask, States
 from kinemimic.pipeline.files.provenance import provenance
 from kinemimic.pipeline.files.sidecars import note_path, truth_path, write_note, write_truth
 from kinemimic.pipeline.files.store import file_hash
-from kinemimic.pipeline.kinematics.angles import ANGLES
+from kinemimic.pipeline.kinematics.skeleton import NODE_INDEX
 from kinemimic.pipeline.readers.mocap.deepmimic import read_deepmimic, stock_motion
-from kinemimic.pipeline.virtual_kinect.camera import Camera
 from kinemimic.pipeline.virtual_kinect.euler_bvh import write_euler_bvh
-from kinemimic.pipeline.virtual_kinect.noise import NoiseLevels, Observation, observe
-from kinemimic.pipeline.virtual_kinect.subject import Gait, GroundTruth, close_loop, ground_truth
+from kinemimic.pipeline.virtual_kinect.noise import NoiseLevels, Observation
+from kinemimic.pipeline.virtual_kinect.placement import PLACEMENTS, Placement, see
+from kinemimic.pipeline.virtual_kinect.subject import Gait, GroundTruth, close_loop
+from kinemimic.pipeline.virtual_kinect.variability import Variability
+from kinemimic.pipeline.virtual_kinect.walker import person, walk
 from kinemimic.pipeline.writers.skl import write_skl
 
 RATE = 30.0
@@ -40,6 +43,8 @@ PATHS: tuple[tuple[tuple[float, float], tuple[float, float]], ...] = (
     ((3.5, 1.6), (2.5, -1.2)),
     ((3.5, -1.6), (2.5, 1.2)),
 )
+# Radius of the half circles round a sensor that turns, metres.
+RADIUS = 2.7
 # The set of passes is repeated until this many seconds are recorded: runners cross the view in one second.
 MIN_DURATION = 15.0
 # The recorder's clock ticks every 4 ms, so 30 Hz shows as steps of 32 and 36 ms; some frames are dropped.
@@ -61,11 +66,13 @@ class Recording(NamedTuple):
 
 @dataclass(frozen=True)
 class Pass:
-    """One walk past the sensor: start_time (s), start (2,), heading (rad), phase (cycles) and frames."""
+    """One walk past the sensor: start_time (s), start (2,), heading (rad), turn (rad/s), phase (cycles) and
+    frames."""
 
     start_time: float
     start: Array
     heading: float
+    turn: float
     phase: float
     frames: int
 
@@ -74,23 +81,23 @@ class Pass:
 class Session:
     """All that both forms of a recording share."""
 
-    gait: Gait
     passes: list[Pass]
-    camera: Camera
+    truths: list[GroundTruth]  # of every frame of each pass
+    placement: Placement
     levels: NoiseLevels
 
 
 @dataclass(frozen=True)
 class Recorded:
     """All passes joined: frames: (N,) numbers of the sensor's frames; lengths: frames of each pass; positions
-    (N, 20, 3), states (N, 20), swapped (N,): as in Observation; angles: the true curves (N,) by name."""
+    (N, 20, 3), states (N, 20), swapped (N,): as in Observation; truth: the true columns (N,) by name."""
 
     frames: NDArray[np.int64]
     lengths: list[int]
     positions: Array
     states: States
     swapped: Mask
-    angles: dict[str, Array]
+    truth: dict[str, Array]
 
 
 def record_virtual(
@@ -98,17 +105,35 @@ def record_virtual(
     *,
     motion: str = "walk",
     seed: int = 0,
-    camera: Camera | None = None,
+    speed: float | None = None,
+    variability: float = 1.0,
+    sensor: str = "fixed",
     levels: NoiseLevels | None = None,
 ) -> Recording:
     """Record a stock motion of the pybullet wheel: `kinect_<motion>.skl` and `kinect_<motion>_euler.bvh`.
 
-    The same seed gives the same bytes. The two forms show the same passes with independent noise.
+    speed: m/s, None for the stock motion's; variability: factor on what was measured on people, 0 for one
+    exact cycle; sensor: a key of PLACEMENTS. The same seed gives the same bytes. The two forms show the same
+    passes with independent noise.
     """
-    camera, levels = camera or Camera(), levels or NoiseLevels()
+    placement, levels = PLACEMENTS[sensor], levels or NoiseLevels()
+    varying = Variability.measured(variability)
     source = stock_motion(motion)
-    gait = close_loop(read_deepmimic(source))
-    passes = plan_passes(gait, np.random.default_rng([seed, 0]))
+    gait = person(close_loop(read_deepmimic(source)), varying, np.random.default_rng([seed, 3]), speed)
+    passes = plan_passes(gait, np.random.default_rng([seed, 0]), turning=placement.turns)
+    truths = [
+        walk(
+            gait,
+            np.arange(one.frames) / RATE,
+            start=one.start,
+            heading=one.heading,
+            phase=one.phase,
+            turn=one.turn,
+            levels=varying,
+            rng=np.random.default_rng([seed, 4, number]),
+        )
+        for number, one in enumerate(passes)
+    ]
     note = {
         "simulated": True,
         "sensor": "virtual Kinect v1",
@@ -118,38 +143,72 @@ def record_virtual(
                 "virtual",
                 inputs={source.name: file_hash(source)},
                 config={
-                    "camera": asdict(camera),
+                    "speed": speed,
+                    "variability": asdict(varying),
+                    "sensor": sensor,
+                    "placement": asdict(placement),
                     "levels": asdict(levels),
                     "rate": RATE,
                     "passes": len(passes),
                 },
                 seed=seed,
             ),
-            "speed": round(gait.speed, 6),
-            "period": round(gait.period, 6),
+            **_walked(truths),
         },
     }
     skl, euler = folder / f"kinect_{motion}.skl", folder / f"kinect_{motion}_euler.bvh"
-    session = Session(gait, passes, camera, levels)
+    session = Session(passes, truths, placement, levels)
     _write_skl_form(skl, session, np.random.default_rng([seed, 1]), note)
     _write_euler_form(euler, session, np.random.default_rng([seed, 2]), note)
     return Recording(skl, euler)
 
 
-def plan_passes(gait: Gait, rng: np.random.Generator) -> list[Pass]:
-    """The passes over PATHS, each starting at a random phase, with absences in between."""
+def plan_passes(gait: Gait, rng: np.random.Generator, *, turning: bool = False) -> list[Pass]:
+    """The passes over PATHS, or there and back on a half circle round a sensor that turns, each starting at a
+    random phase, with absences in between."""
     passes: list[Pass] = []
     clock = total = 0.0
     while total < MIN_DURATION:
-        for start, end in np.array(PATHS):
-            path = end - start
-            duration = float(np.hypot(*path)) / gait.speed
-            heading = float(np.arctan2(path[1], path[0]))
+        for start, heading, turn, length in _circles(gait.speed) if turning else _lines():
+            duration = length / gait.speed
             frames = int(duration * RATE) + 1
-            passes.append(Pass(clock, start, heading, float(rng.random()), frames))
+            passes.append(Pass(clock, start, heading, turn, float(rng.random()), frames))
             clock += duration + float(rng.uniform(*_ABSENCE))
             total += duration
     return passes
+
+
+def _lines() -> list[tuple[Array, float, float, float]]:
+    """Start, heading, turn (rad/s) and length (m) of each of PATHS."""
+    paths = np.array(PATHS)
+    return [
+        (start, float(np.arctan2(*(end - start)[::-1])), 0.0, float(np.hypot(*(end - start))))
+        for start, end in paths
+    ]
+
+
+def _circles(speed: float) -> list[tuple[Array, float, float, float]]:
+    """The same of half circles about the sensor, to the left and back."""
+    return [
+        (np.array([0.0, -side * RADIUS]), 0.0, side * speed / RADIUS, np.pi * RADIUS) for side in (1.0, -1.0)
+    ]
+
+
+def _walked(truths: list[GroundTruth]) -> dict[str, float]:
+    """Speed (m/s) and period (s), means over the whole strides of all passes; from end to end of shorter
+    passes."""
+    strides = seconds = metres = 0.0
+    for truth in truths:
+        elapsed = np.arange(len(truth.phase)) / RATE
+        last = max(float(np.floor(truth.phase[-1] - truth.phase[0])), 0.0)
+        ends = truth.phase[0] + np.arange(last + 1) if last else truth.phase[[0, -1]]
+        times = np.interp(ends, truth.phase, elapsed)
+        hips = truth.joints[:, NODE_INDEX["hip_center"], :2]
+        places = np.stack([np.interp(times, elapsed, hips[:, axis]) for axis in (0, 1)], axis=-1)
+        strides += float(ends[-1] - ends[0])
+        seconds += float(times[-1] - times[0])
+        metres += float(np.linalg.norm(np.diff(places, axis=0), axis=-1).sum())
+    return {"speed": round(metres / seconds, 6), "period": round(seconds / strides, 6)}
 
 
 def _record(
@@ -157,22 +216,21 @@ def _record(
 ) -> Recorded:
     """The passes as recorded; received: number of frames of a pass -> which the recorder did not drop."""
     frames: list[NDArray[np.int64]] = []
-    truths: list[GroundTruth] = []
+    truths: list[dict[str, Array]] = []
     seen: list[Observation] = []
-    for one in session.passes:
+    for one, whole in zip(session.passes, session.truths, strict=True):
         numbers = np.flatnonzero(received(one.frames))
-        elapsed = numbers / RATE
-        truth = ground_truth(session.gait, elapsed, start=one.start, heading=one.heading, phase=one.phase)
+        truth = whole.at(numbers)
         frames.append((numbers + round(one.start_time * RATE)).astype(np.int64))
-        truths.append(truth)
-        seen.append(observe(truth.joints, truth.heading, elapsed, session.camera, session.levels, rng))
+        truths.append(truth.columns)
+        seen.append(see(truth, numbers / RATE, session.placement, session.levels, rng))
     return Recorded(
         frames=np.concatenate(frames),
         lengths=[len(numbers) for numbers in frames],
         positions=np.concatenate([one.positions for one in seen]),
         states=np.concatenate([one.states for one in seen]),
         swapped=np.concatenate([one.swapped for one in seen]),
-        angles={name: np.concatenate([truth.angles[name] for truth in truths]) for name in ANGLES},
+        truth={name: np.concatenate([columns[name] for columns in truths]) for name in truths[0]},
     )
 
 
@@ -185,11 +243,11 @@ def _write_skl_form(path: Path, session: Session, rng: np.random.Generator, note
     seen = _record(session, received, rng)
     stamps = 1000.0 * seen.frames / RATE + _CLOCK_JITTER * rng.standard_normal(len(seen.frames))
     milliseconds = _CLOCK_START + _CLOCK_TICK * np.floor(stamps / _CLOCK_TICK).astype(np.int64)
-    floor = session.camera.floor_plane
+    floor = session.placement.floor_plane
     write_skl(path, milliseconds, seen.positions, seen.states, floor, frame_numbers=seen.frames)
     pass_numbers = np.repeat(np.arange(len(seen.lengths)), seen.lengths)
     note = {**note, "swapped": _indices(seen.swapped)}
-    write_truth(truth_path(path), milliseconds / 1000.0, pass_numbers, seen.angles, note)
+    write_truth(truth_path(path), milliseconds / 1000.0, pass_numbers, seen.truth, note)
     write_note(note_path(path), note)
 
 
@@ -206,10 +264,10 @@ def _write_euler_form(
     away = np.append(False, rows[1:] == rows[:-1])
     gimbal = write_euler_bvh(path, seen.positions, seen.states, rows, frame_time=FRAME_TIME)
     pass_numbers = np.where(away, -1, np.repeat(np.arange(len(seen.lengths)), seen.lengths)[rows])
-    angles = {name: np.where(away, np.nan, curve[rows]) for name, curve in seen.angles.items()}
+    truth = {name: np.where(away, np.nan, curve[rows]) for name, curve in seen.truth.items()}
     note = {**note, "gimbal": gimbal, "swapped": _indices(seen.swapped[rows] & ~away)}
     times = FRAME_TIME * np.arange(len(rows), dtype=np.float64)
-    write_truth(truth_path(path), times, pass_numbers, angles, note)
+    write_truth(truth_path(path), times, pass_numbers, truth, note)
     write_note(note_path(path), note)
 
 
