@@ -23,7 +23,7 @@ BULLET := $(or $(BULLET),$(patsubst $(VENV)/native-%,%,$(firstword $(wildcard $(
 NATIVE := $(VENV)/native-$(BULLET)
 NATIVE_FILES := $(wildcard $(addprefix train/native/,*.cpp *.hpp *.py pyproject.toml stubs/*/*.pyi))
 
-.PHONY: help setup formats inspect run batch ingest convert retarget train evaluate pushes disturb gait view export policies reproduce compare study comparison overlay data data-check data-push data-pull test test-slow lint type format docs architecture docs-test mutants bench bench-clean profile wheel install-test clean
+.PHONY: help setup formats inspect run batch ingest convert retarget train evaluate pushes disturb gait view export policies reproduce compare study comparison overlay data data-check data-push data-pull test test-slow lint type format docs architecture docs-test mutants bench bench-clean bench-truth profile wheel install-test clean
 .DEFAULT_GOAL := help
 
 help: ## Show this list
@@ -169,12 +169,15 @@ $(MUTANTS): constraints.txt | $(STAMP)
 mutants: setup $(MUTANTS) ## Find mutations of the core that no test detects (PACKAGES="train/ppo"; hours for all)
 	$(BIN)/python tests/mutants.py $(PACKAGES)
 
-# bench_clean compares the quality of filters, not speed, and takes minutes.
+# bench_clean and bench_truth measure errors, not speed, and take minutes.
 bench: setup ## Run the speed benchmarks, tests/bench/bench_*.py
-	@set -e; for script in $(sort $(filter-out %/bench_clean.py,$(wildcard tests/bench/bench_*.py))); do echo "$$script"; $(BIN)/python "$$script"; done
+	@set -e; for script in $(sort $(filter-out %/bench_clean.py %/bench_truth.py,$(wildcard tests/bench/bench_*.py))); do echo "$$script"; $(BIN)/python "$$script"; done
 
 bench-clean: setup ## Compare every filter with the virtual Kinect's truth
 	$(BIN)/python tests/bench/bench_clean.py
+
+bench-truth: setup ## Measure the error against the virtual Kinect's truth, by variability, sensor and speed
+	$(BIN)/python tests/bench/bench_truth.py
 
 profile: setup ## Profile the native engine with Linux's perf
 	$(BIN)/python tests/bench/profile_step.py

@@ -1,23 +1,32 @@
 """How people deviate from one repeated cycle, at levels measured on optical recordings (CMU, 120 Hz).
 
-Measured on the level, straight walks of the CMU corpus with the joint rotations of `kinematics.orient`: clips
-02_01, 02_02, 05_01, 06_01 and 07_01 to 07_12, 16 clips of 4 subjects, 27 strides. Strides are cut at four
-events of the ankles' distance along the walk (both extremes, both zeros). Consecutive strides of 0.8 to 1.7 s
-within 15 % of the clip's speed are compared: 44 pairs, of which 11 share no stride. A difference of
-consecutive strides, over the root of 2, is a standard deviation without the slow drift. A curve's difference
-is split into amplitude (the part along the mean curve), posture (its mean) and shape (the rest, whose
-autocorrelation falls to one half within 0.07 of a cycle).
+People: the level, straight walks of a corpus of CMU clips, 02_01, 02_02, 05_01, 06_01 and 07_01 to 07_12:
+16 clips of 4 subjects, 25 strides. Joint rotations are those of `kinematics.orient`, about a heading
+low-passed at 0.4 Hz. Strides are cut at four events of the ankles' distance along the walk (both extremes,
+both zeros), and consecutive strides of 0.8 to 1.7 s within 15 % of the clip's speed are compared: 44 pairs,
+11 of which share no stride. A difference of consecutive strides, over the root of 2, is a standard
+deviation without slow drift. The difference of two curves is split into amplitude (the part along their
+mean), posture (its own mean) and shape (the rest, whose autocorrelation falls to one half within 0.07 of a
+cycle). Values are root mean squares. Walker: the same of 12 simulated people at the measured level, 40 s
+each.
 
-- Stride time: 2.3 % (by subject 1.4, 3.4, 2.8, 1.9); a knee deviates by 1.9 degrees plus 0.85 % of a cycle
-  times its slope, which steps of independent duration produce.
-- Direction: a stride differs by 1.4 degrees from the one before.
-- Left and right, root mean square over the 4 subjects: step times 1.7 % of a stride; the joints as in
-  `_ASYMMETRY`.
-- Slow drift: a clip of 3 strides does not show it. In 100 Kinect v1 walks of 50 people (KinectGait; runs of 7
-  strides), stride times scatter by 4.5 %, consecutive ones by 3.8 %: a drift of 2.3 %, and twice that in
-  speed, since stride and cadence share the changes of speed.
+| | people | walker |
+|---|---|---|
+| stride time; speed of a stride | 2.3 % (by subject 1.4, 3.4, 2.8, 1.9); 2.8 % | 2.7 %; 3.0 % |
+| direction, from stride to stride | 1.6 deg | 1.4 deg |
+| hip: amplitude; posture, shape, mean of three axes | 3.8 %; 0.9, 1.3 deg | 3.8 %; 0.8, 1.3 deg |
+| knee | 4.2 %; 0.6, 1.4 deg | 4.2 %; 0.6, 1.3 deg |
+| pelvis | 12 %; 0.7, 0.9 deg | 12 %; 0.5, 1.0 deg |
+| shoulder | 15 %; 1.8, 2.3 deg | 13 %; 1.8, 2.5 deg |
+| left - right by person: step time | 1.7 % of a stride | 3.0 % |
+| left - right: hip (of people, sagittal) | 4.8 %; 1.0, 1.5 deg | 5.1 %; 0.7, 0.6 deg |
+| left - right: knee | 8.4 %; 1.5, 1.4 deg | 7.6 %; 2.2, 0.7 deg |
 
-The corpus' runs hold one stride each; running gets the levels of walking.
+Most of a knee's deviation is timing: 0.85 % of a cycle times its slope, and 1.9 degrees. Clips of 3 strides
+show no slow drift; in Kinect v1 walks (KinectGait, 70 walks of 41 people, runs of 7 strides) stride times
+scatter by 4.5 % (median), consecutive ones by 3.8 %, which leaves 2.3 %, and twice that in speed, since
+stride and cadence share its changes. How fast the drift is, and the variation of runs, of which the corpus'
+clips hold one stride each, are not measured: runs get the levels of walks.
 """
 
 from __future__ import annotations
@@ -31,8 +40,9 @@ from scipy.ndimage import gaussian_filter1d
 from kinemimic.pipeline.arrays import Array
 from kinemimic.pipeline.kinematics.skeleton import NODES
 
-# By joint: standard deviations from stride to stride of the amplitude (a share), of the posture and of the
-# shape (degrees, each axis).
+# What is drawn so that the walker varies as above: legs less than measured, since the pelvis and the standing
+# feet move them too. By joint: standard deviations from stride to stride of the amplitude (a share), of the
+# posture and of the shape (degrees, each axis).
 _STRIDES: dict[str, tuple[float, float, float]] = {
     "hip_center": (0.12, 0.7, 0.9),
     "spine": (0.11, 0.6, 0.9),
@@ -59,7 +69,7 @@ _MIN_AMPLITUDE = 0.2  # of an arm that hardly swings
 
 @dataclass(frozen=True)
 class Variability:
-    """Standard deviations.
+    """Standard deviations as drawn; what results is in the module's table.
 
     period: of a stride's duration, relative; step: of the difference between a person's left and right step,
     relative to the stride; speed: of the slow drift, relative; heading: of its change from stride to stride,

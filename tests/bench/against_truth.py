@@ -59,8 +59,8 @@ class Row(NamedTuple):
 
     whole: cleaned, of whole passes; raw, cleaned, loop: over the strides that retarget used, as recorded,
     cleaned, and of its loop. NaN if there is no motion. spread: of the truth about its own mean over the true
-    phase, which no loop can show. trainable: whether `train` accepts the motion. lag: seconds by which the cleaned
-    knees come late.
+    phase, which no loop can show. trainable: whether `train` accepts the motion. lag: seconds by which the
+    cleaned knees come late.
     """
 
     whole: tuple[float, float]
