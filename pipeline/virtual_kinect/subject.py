@@ -18,7 +18,6 @@ from kinemimic.pipeline.kinematics.angles import leg_angles
 from kinemimic.pipeline.kinematics.clip import Clip, forward_kinematics
 from kinemimic.pipeline.kinematics.rotations import from_axis_angle, from_rotvec, multiply, rotate, to_rotvec
 from kinemimic.pipeline.kinematics.skeleton import NODE_INDEX, NODES, Skeleton
-from kinemimic.pipeline.locomotion import fourier
 
 # Share of the cycle on either side of a seam over which its discontinuity is spread.
 SEAM = 0.12
