@@ -23,10 +23,17 @@ from kinemimic.pipeline.quality.report import quality_report, quality_table
 from kinemimic.pipeline.readers.recognise import read
 
 
-def ingest(capture: Path, run: Path, *, filter_name: str | None = None, unit: str | None = None) -> Clip:
+def ingest(
+    capture: Path,
+    run: Path,
+    *,
+    filter_name: str | None = None,
+    unit: str | None = None,
+    rate: float | None = None,
+) -> Clip:
     """Read a capture and write raw.parquet, clip.parquet, quality.json (and truth.parquet) to the run folder.
 
-    filter_name: one of FILTERS, by default the best one in `make bench-clean`; unit: as in `read`.
+    filter_name: one of FILTERS, by default the best one in `make bench-clean`; unit, rate: as in `read`.
     raw.parquet: the frames as recorded, except for repairs by the rules (sides, axes, units), unfiltered,
     with NaN in gaps; clip.parquet: the same frames after cleaning; quality.json: every defect.
     A sidecar file NAME.truth.parquet marks a capture NAME.* as simulated and is copied; the content of
@@ -36,14 +43,15 @@ def ingest(capture: Path, run: Path, *, filter_name: str | None = None, unit: st
     """
     if filter_name is not None and filter_name not in FILTERS:
         raise KinemimicError(f"expected a filter among {', '.join(FILTERS)}, found {filter_name!r}")
-    recorded = read(capture, unit=unit)
+    recorded = read(capture, unit=unit, rate=rate)
     truth, note = truth_path(capture), read_note(note_path(capture))
     simulated = read_truth(truth) is not None
     checked = check_capture(recorded)
     if checked.refused is not None:
         raise CaptureError(capture, expected="a person's movement", found=checked.refused.text)
     chosen = filter_name or FILTERS[0]
-    config = {"filter": chosen} if unit is None else {"filter": chosen, "unit": unit}
+    given = {"unit": unit, "rate": rate}
+    config = {"filter": chosen, **{name: value for name, value in given.items() if value is not None}}
     made_by = provenance("ingest", inputs={"capture": recorded.provenance["sha256"]}, config=config)
     raw = replace(
         checked.clip,
@@ -73,7 +81,12 @@ def ingest(capture: Path, run: Path, *, filter_name: str | None = None, unit: st
 @ingest_options
 @json_option("Print the quality report as JSON.")
 def command(
-    capture: Path | None, run: Path, filter_name: str | None, unit: str | None, as_json: bool
+    capture: Path | None,
+    run: Path,
+    filter_name: str | None,
+    unit: str | None,
+    rate: float | None,
+    as_json: bool,
 ) -> None:
     """Read CAPTURE, divide it into passes, clean it, and report its quality.
 
@@ -83,12 +96,13 @@ def command(
       kinemimic ingest walk.skl --run runs/walk
       kinemimic ingest walk.skl --run runs/walk --filter butterworth
       kinemimic ingest child.bvh --run runs/child --unit cm
+      kinemimic ingest treadmill.txt --run runs/treadmill --rate 15
     """
     if capture is None:
         from kinemimic.pipeline.virtual_kinect.recorder import record_virtual  # noqa: PLC0415 (import cost)
 
         capture = record_virtual(run / "capture").euler
-    ingest(capture, run, filter_name=filter_name, unit=unit)
+    ingest(capture, run, filter_name=filter_name, unit=unit, rate=rate)
     report: dict[str, Any] = read_json(run / "quality.json")
     if as_json:
         click.echo(json.dumps(report, indent=2))

@@ -17,6 +17,8 @@ Decorator = Callable[[Callable[..., Any]], Callable[..., Any]]
 DEFAULT_RUN = Path("runs/default")
 # As in quality/rules/length_units.py, which is too slow to import for --help.
 UNITS = ("m", "cmu", "inch", "cm", "mm")
+# In Hz, as in readers/base/frame_rate.py, for the same reason.
+RATES = (1.0, 1000.0)
 
 
 class RunFolder(click.Path):
@@ -68,6 +70,11 @@ def run_option(name: str = "run") -> Callable[[Command], Command]:
 def unit_option(text: str) -> Callable[[Command], Command]:
     """--unit, a length unit by its short name or None."""
     return click.option("--unit", type=click.Choice(UNITS), help=text)
+
+
+def rate_option(text: str) -> Callable[[Command], Command]:
+    """--rate, a frame rate in Hz or None."""
+    return click.option("--rate", type=click.FloatRange(*RATES), metavar="HZ", help=text)
 
 
 def json_option(text: str) -> Callable[[Command], Command]:

@@ -45,21 +45,25 @@ def _files_below(folder: Path) -> Iterator[Path]:
         yield from (Path(place) / name for name in names if not name.startswith("."))
 
 
-def file_reports(files: Sequence[Path], *, jobs: int, unit: str | None = None) -> Iterator[Report]:
+def file_reports(
+    files: Sequence[Path], *, jobs: int, unit: str | None = None, rate: float | None = None
+) -> Iterator[Report]:
     """The report on each file, in order of completion; a damaged file affects only its own report.
 
-    jobs: number of worker processes; unit: unit of length of all files, as in `recognise.read`.
+    jobs: number of worker processes; unit, rate: those of all files, as in `recognise.read`.
     """
-    work = partial(file_report, unit=unit)
+    work = partial(file_report, unit=unit, rate=rate)
     for index, result in isolated_map(work, files, workers=jobs, timeout=_time_limit(files)):
         yield unread_report(files[index], REFUSED, result.reason) if isinstance(result, Failure) else result
 
 
-def file_sections(files: Sequence[Path], *, jobs: int, unit: str | None = None) -> Iterator[tuple[Path, str]]:
+def file_sections(
+    files: Sequence[Path], *, jobs: int, unit: str | None = None, rate: float | None = None
+) -> Iterator[tuple[Path, str]]:
     """Each file with its section of the HTML page, in order of completion; or the reason if it has none."""
     from kinemimic.pipeline.inspect.curves import section  # noqa: PLC0415 (see `file_section`)
 
-    work = partial(file_section, unit=unit)
+    work = partial(file_section, unit=unit, rate=rate)
     for index, result in isolated_map(work, files, workers=jobs, timeout=_time_limit(files)):
         file = files[index]
         if isinstance(result, Failure):
@@ -68,12 +72,12 @@ def file_sections(files: Sequence[Path], *, jobs: int, unit: str | None = None) 
             yield file, result
 
 
-def file_section(path: Path, *, unit: str | None = None) -> str:
+def file_section(path: Path, *, unit: str | None = None, rate: float | None = None) -> str:
     """The section of one file on the HTML page."""
     # Importing matplotlib takes longer than reading most captures.
     from kinemimic.pipeline.inspect.curves import section  # noqa: PLC0415
 
-    return section(inspect_file(path, unit=unit))
+    return section(inspect_file(path, unit=unit, rate=rate))
 
 
 def _time_limit(files: Sequence[Path]) -> float:

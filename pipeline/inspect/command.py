@@ -12,7 +12,7 @@ from typing import Any
 import click
 
 from kinemimic.pipeline.cli.main import BAD_INPUT, INTERRUPTED
-from kinemimic.pipeline.cli.options import json_option, unit_option
+from kinemimic.pipeline.cli.options import json_option, rate_option, unit_option
 from kinemimic.pipeline.cli.progress import progress
 from kinemimic.pipeline.cli.terminal import show
 from kinemimic.pipeline.errors import CaptureError, KinemimicError
@@ -42,6 +42,7 @@ from kinemimic.pipeline.readers.base.source import Source
     "--suggest", is_flag=True, help="Only draft a TOML description of the columns of one custom table."
 )
 @unit_option("Length unit of the files. Default: as declared by the format, or inferred from body size.")
+@rate_option("True frame rate of the files in Hz. Default: by each file's clock.")
 @click.option(
     "--jobs",
     type=click.IntRange(min=1),
@@ -54,6 +55,7 @@ def command(
     by_file: bool,
     suggest: bool,
     unit: str | None,
+    rate: float | None,
     jobs: int | None,
 ) -> int:
     """Report the format and quality of each capture in PATHS, and what `ingest` will do with it.
@@ -77,7 +79,7 @@ def command(
     status = 0
     try:
         with progress("inspect", len(files)) as bar:
-            for one in file_reports(files, jobs=at_once, unit=unit):
+            for one in file_reports(files, jobs=at_once, unit=unit, rate=rate):
                 found.append(one)
                 bar.advance()
     except KeyboardInterrupt:
@@ -87,7 +89,7 @@ def command(
         return status
     reports = mark_sidecar_files(found)
     if plot:
-        _write_page(plot, reports, jobs=at_once, unit=unit)
+        _write_page(plot, reports, jobs=at_once, unit=unit, rate=rate)
     if as_json:
         click.echo(
             json.dumps({"files": reports, "folders": folder_summaries(reports)}, indent=2, allow_nan=False)
@@ -114,7 +116,9 @@ def _suggest(paths: Sequence[Path]) -> int:
     return 0
 
 
-def _write_page(path: Path, reports: Sequence[dict[str, Any]], *, jobs: int, unit: str | None) -> None:
+def _write_page(
+    path: Path, reports: Sequence[dict[str, Any]], *, jobs: int, unit: str | None, rate: float | None
+) -> None:
     """Write the page; its captures are read again, since keeping all clips would take too much memory."""
     from kinemimic.pipeline.inspect.curves import MAX_PLOTTED, write_page  # noqa: PLC0415 (loads matplotlib)
 
@@ -122,7 +126,7 @@ def _write_page(path: Path, reports: Sequence[dict[str, Any]], *, jobs: int, uni
     files = [Path(report["file"]) for report in captures[:MAX_PLOTTED]]
     drawn: dict[Path, str] = {}
     with progress("plot", len(files)) as bar:
-        for file, section in file_sections(files, jobs=jobs, unit=unit):
+        for file, section in file_sections(files, jobs=jobs, unit=unit, rate=rate):
             drawn[file] = section
             bar.advance()
     write_page(path, captures, [drawn[file] for file in files])

@@ -38,20 +38,20 @@ class InspectedFile:
     checked: CheckedCapture | None = None
 
 
-def file_report(path: Path, *, unit: str | None = None) -> dict[str, Any]:
+def file_report(path: Path, *, unit: str | None = None, rate: float | None = None) -> dict[str, Any]:
     """The report on one file; it has the same keys for every file, None if a value is unknown.
 
-    unit: unit of length, as in `recognise.read`. In the report, status: "usable", "flagged" (usable, with
+    unit, rate: as in `recognise.read`. In the report, status: "usable", "flagged" (usable, with
     defects to judge), "refused", "other" (not a capture) or "sidecar" (read with a capture); reason: why the
     file is refused or not a capture.
     """
-    return inspect_file(path, unit=unit).report
+    return inspect_file(path, unit=unit, rate=rate).report
 
 
-def inspect_file(path: Path, *, unit: str | None = None) -> InspectedFile:
+def inspect_file(path: Path, *, unit: str | None = None, rate: float | None = None) -> InspectedFile:
     """The report with the clips that it was made from."""
     try:
-        recorded = read(path, unit=unit)
+        recorded = read(path, unit=unit, rate=rate)
     except NotACaptureError as error:
         return InspectedFile(unread_report(path, OTHER, str(error)))
     except KinemimicError as error:

@@ -17,6 +17,7 @@ from kinemimic.pipeline.kinematics.clip import Clip
 from kinemimic.pipeline.kinematics.nodes import to_nodes
 from kinemimic.pipeline.quality.passes import MIN_PASS_DURATION, Acquisition, find_passes, with_passes
 from kinemimic.pipeline.quality.rules import (
+    assumed_rate,
     calibration_frames,
     clock,
     duplicate_frames,
@@ -50,7 +51,13 @@ class CheckedCapture:
 
 
 # In the order in which they run.
-_BODY_RULES = (calibration_frames.repair, wrong_units.repair, wrong_up_axis.repair, mirrored_body.repair)
+_BODY_RULES = (
+    calibration_frames.repair,
+    wrong_units.repair,
+    wrong_up_axis.repair,
+    mirrored_body.repair,
+    assumed_rate.repair,
+)
 _RULES_IN_PASSES = (swapped_limbs.repair, seen_from_behind.repair, jumps.repair)
 _DETECTION_RULES = (limb_lengths.detect, turning_camera.detect, wrong_rate.detect)
 

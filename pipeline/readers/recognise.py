@@ -13,6 +13,7 @@ from kinemimic.pipeline.errors import CaptureError, NotACaptureError
 from kinemimic.pipeline.kinematics.clip import Clip, scaled
 from kinemimic.pipeline.quality.rules.length_units import SET_BY_USER, UNITS, parse_unit
 from kinemimic.pipeline.readers.base.format import Format, Reader
+from kinemimic.pipeline.readers.base.frame_rate import at_rate
 from kinemimic.pipeline.readers.base.numbers import numbers_of
 from kinemimic.pipeline.readers.base.source import Source
 from kinemimic.pipeline.readers.depth.folder import CAMERA_FILE, is_recording
@@ -59,12 +60,13 @@ def formats() -> tuple[Format, ...]:
     return (*(reader.FORMAT for reader in readers()), DEPTH_RECORDING)
 
 
-def read(path: Path, *, unit: str | None = None) -> Clip:
+def read(path: Path, *, unit: str | None = None, rate: float | None = None) -> Clip:
     """The capture in a file, as recorded: in our units and axes, one pass, nothing filled or filtered.
 
     A folder is read if it is a depth recording. unit: the file's unit of length in the spelling of --unit (a
     key of `length_units.UNIT_OPTIONS`), overriding the file; by default the format's or the header's unit,
-    else the likeliest for the size of the body.
+    else the likeliest for the size of the body. rate: the true frame rate in Hz, replacing the file's clock
+    (`frame_rate.at_rate`).
 
     provenance holds source (the file's name), format, sha256, sidecar_files (name -> SHA-256 of the other
     files of the capture) and the reader's record ("reading"). Raises CaptureError for anything but a whole
@@ -76,8 +78,10 @@ def read(path: Path, *, unit: str | None = None) -> Clip:
             raise CaptureError(path, expected=f"its unit in {CAMERA_FILE}", found="--unit")
         from kinemimic.pipeline.readers.depth.recording import read_recording  # noqa: PLC0415 (loads OpenCV)
 
-        return read_recording(path)
-    return read_source(Source.open(path, unit=named))
+        clip = read_recording(path)
+    else:
+        clip = read_source(Source.open(path, unit=named))
+    return clip if rate is None else at_rate(clip, rate)
 
 
 def read_source(source: Source) -> Clip:

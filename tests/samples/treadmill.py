@@ -29,9 +29,9 @@ def label(node: str) -> str:
     return " ".join(w.title() for w in ((side, joint) if side in ("left", "right") else (joint, side)) if w)
 
 
-def files(frames: int = 90) -> dict[str, bytes]:
-    """One file; its last frame is all zero, as in the recordings."""
-    points = y_up(in_range(walk(frames)))
+def files(frames: int = 90, rate: float = 30.0) -> dict[str, bytes]:
+    """One file of a walk at a true rate; its last frame is all zero, as in the recordings."""
+    points = y_up(in_range(walk(frames, rate)))
     angles = []
     for a, b, c in CORNERS.values():
         u, v = points[:, N[a]] - points[:, N[b]], points[:, N[c]] - points[:, N[b]]

@@ -43,15 +43,16 @@ def detect(clip: Clip) -> list[Defect]:
     if period is not None and not HUMAN_STRIDE[0] <= period <= HUMAN_STRIDE[1]:
         text = (
             f"at {rate:.4g} Hz a stride takes {period:.2f} s, outside {HUMAN_STRIDE[0]:g} to "
-            f"{HUMAN_STRIDE[1]:g} s; a typical stride of 1.1 s would mean {rate * period / 1.1:.3g} Hz"
+            f"{HUMAN_STRIDE[1]:g} s; a typical stride of 1.1 s would mean {rate * period / 1.1:.3g} Hz; "
+            "give the true rate as --rate"
         )
         return [Defect("wrong_rate", len(clip.times), "frames", "flagged", text)]
-    speed, usual = ankle_speed(points, clip.times[span]), _usual_bend(points)
+    speed, usual = ankle_speed(points, clip.times[span]), usual_bend(points)
     if speed < MAX_WALKING_ANKLE_SPEED or usual > RUNNING_KNEES:
         return []
     text = (
         f"at {rate:.4g} Hz the ankles separate at {speed:.1f} m/s, as in a sprint, but the knees bend only "
-        f"{np.degrees(usual):.0f}°, as in a walk: the true frame rate is lower"
+        f"{np.degrees(usual):.0f}°, as in a walk: the true frame rate is lower; give it as --rate"
     )
     return [Defect("wrong_rate", len(clip.times), "frames", "flagged", text)]
 
@@ -68,7 +69,8 @@ def ankle_speed(points: Array, times: Array) -> float:
     return float(np.percentile(finite, 90.0)) if len(finite) else 0.0
 
 
-def _usual_bend(points: Array) -> float:
+def usual_bend(points: Array) -> float:
+    """95th percentile of the bend of both knees in points (T, 20, 3), radians; 0 if unknown."""
     bends = np.concatenate([bend(points, side) for side in ("left", "right")])
     finite = bends[np.isfinite(bends)]
     return float(np.percentile(finite, 95.0)) if len(finite) else 0.0
@@ -89,7 +91,13 @@ def stride_duration(points: Array, times: Array) -> float | None:
         return None
     if np.corrcoef(left, right)[0, 1] > MAX_SIDE_CORRELATION:
         return None
-    wave = left - right - np.mean(left - right)
+    period = repeats_after(left - right - np.mean(left - right))
+    return None if period is None else float(period * (even[1] - even[0]))
+
+
+def repeats_after(wave: Array) -> int | None:
+    """Number of frames after which a wave (T,) of mean zero repeats, by its autocorrelation; None if it does
+    not."""
     size = 1 << (2 * len(wave) - 1).bit_length()
     power = np.abs(np.fft.rfft(wave, size)) ** 2
     likeness = np.fft.irfft(power, size)[: len(wave)]
@@ -103,4 +111,4 @@ def stride_duration(points: Array, times: Array) -> float | None:
     rest = likeness[below[0] : last]
     peaks = np.flatnonzero((rest[1:-1] >= rest[:-2]) & (rest[1:-1] > rest[2:])) + 1
     high = peaks[rest[peaks] > max(MIN_AUTOCORRELATION, 0.9 * float(rest[peaks].max(initial=0.0)))]
-    return None if not len(high) else float((below[0] + high[0]) * (even[1] - even[0]))
+    return int(below[0] + high[0]) if len(high) else None

@@ -7,6 +7,8 @@ three times. Metres, Y up. The angles are internal: 180 deg is a straight knee.
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 
 from kinemimic.pipeline.arrays import Array
@@ -75,17 +77,17 @@ def angles_of_recorder(columns: dict[str, Array]) -> dict[str, Array]:
     return curves
 
 
-def true_rate(declared_rate: float, frames: int) -> tuple[float, list[Defect]]:
-    """The rate in Hz of a Kinect v1 recording, and a defect if the declared rate is impossible.
+def true_rate(declared_rate: float) -> tuple[float, dict[str, Any]]:
+    """The rate in Hz of a Kinect v1 recording, and an entry of the reading if it is an assumption.
 
     The sensor delivers 30 frames per second and may drop some, but never delivers more: a lower rate is taken
-    as declared; a higher one (or none, 0 or NaN) is the exporter's mistake, and every frame counts as one of
-    the sensor's 30.
+    as declared; for a higher one (or none, 0 or NaN), 30 is assumed. `quality/rules/assumed_rate.py` decides
+    by the gait whether that is right.
     """
     if 0.0 < declared_rate <= KINECT_RATE + _TOLERANCE:
-        return declared_rate, []
-    text = f"declared {declared_rate:g} Hz, which no Kinect v1 delivers: read as {KINECT_RATE:g} Hz"
-    return KINECT_RATE, [Defect("wrong_rate", frames, "frames", "repaired", text)]
+        return declared_rate, {}
+    declared = declared_rate if 0.0 < declared_rate < np.inf else None
+    return KINECT_RATE, {"assumed_rate": {"rate": KINECT_RATE, "declared": declared, "sensor": FORMAT.sensor}}
 
 
 def recognises(source: Source) -> bool:
@@ -122,7 +124,7 @@ def read(source: Source) -> Clip:
     refuse_remote(
         points, tuple(NODE_OF_LABEL), source, lambda row: table.line(int(np.flatnonzero(later)[row]))
     )
-    rate, wrong_rate = true_rate(declared_rate, len(points))
+    rate, assumed = true_rate(declared_rate)
     angle_columns = {label: values[later, columns[label]] for label in ANGLES if label in columns}
     return clip_of_points(
         node_skeleton(),
@@ -133,9 +135,10 @@ def read(source: Source) -> Clip:
         reading=reading(
             units="m",
             units_rule="the header's",
-            defects=[*missing_frames, *defects, *wrong_rate, *zero_frames(points)],
+            defects=[*missing_frames, *defects, *zero_frames(points)],
             columns=len(names),
             declared_rate=declared_rate,
+            **assumed,
         ),
         angles=angles_of_recorder(angle_columns),
     )

@@ -73,7 +73,7 @@ def read(source: Source) -> Clip:
     up = content.up.upper().removeprefix("+")
     facts: dict[str, Any] = {"points": len(labels), "declared_rate": rate, "up": up or "not stated"}
     if is_kinect:
-        rate, wrong_rate = true_rate(rate, len(points))
+        rate, assumed = true_rate(rate)
         angle_columns = {label: points[:, k, 0] for k, label in enumerate(labels)}
         return clip_of_points(
             node_skeleton(),
@@ -84,8 +84,9 @@ def read(source: Source) -> Clip:
             reading=reading(
                 units=unit,
                 units_rule=rule,
-                defects=[*wrong, *wrong_rate, *zero_frames(selected_points)],
+                defects=[*wrong, *zero_frames(selected_points)],
                 **facts,
+                **assumed,
             ),
             world_from_file=_UP.get(up, Y_UP_TO_Z_UP),
             angles=angles_of_recorder(angle_columns),

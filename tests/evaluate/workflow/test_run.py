@@ -178,6 +178,7 @@ def test_an_invalid_capture_is_one_line_status_2_and_nothing_written(
     [
         (["--filter", "none"], "ingest", "raw.parquet"),
         (["--unit", "cm"], "ingest", "raw.parquet"),
+        (["--rate", "30.0"], "ingest", "raw.parquet"),
         (["--ankle", "normal"], "retarget", "motion.json"),
         (["--no-refine"], "retarget", "motion.json"),
         (["--loop"], "retarget", "motion.json"),

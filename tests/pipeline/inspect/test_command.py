@@ -209,11 +209,11 @@ import signal, sys, time
 from kinemimic.pipeline.cli.main import main
 from kinemimic.pipeline.inspect import batch, file_report
 
-def slow(path, *, unit):
+def slow(path, *, unit, rate):
     if path.name == "three.skl":
         print("hangs", flush=True)
         time.sleep(60)
-    return file_report.file_report(path, unit=unit)
+    return file_report.file_report(path, unit=unit, rate=rate)
 
 if __name__ == "__main__":
     signal.signal(signal.SIGINT, signal.default_int_handler)

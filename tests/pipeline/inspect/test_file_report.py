@@ -94,7 +94,7 @@ def test_sidecar_files_mark_a_capture_as_simulated(walking: Writer) -> None:
 
 
 def test_too_large_for_the_memory_is_one_line(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    def read(path: Path, *, unit: str | None) -> Clip:
+    def read(path: Path, *, unit: str | None, rate: float | None) -> Clip:
         raise MemoryError
 
     monkeypatch.setattr("kinemimic.pipeline.inspect.file_report.read", read)

@@ -41,7 +41,9 @@ def test_the_written_walk_is_read() -> None:
     assert np.isnan(clip.positions[-1]).all()
     assert (clip.states[-1] == 0).all()
     assert clip.times == pytest.approx(np.arange(12) / 30.0)
-    assert defects(clip) == {"wrong_rate": 12, "zero_frames": 1}
+    assert defects(clip) == {"zero_frames": 1}
+    assumed = {"rate": 30.0, "declared": 50.0, "sensor": "Kinect v1"}
+    assert clip.provenance["reading"]["assumed_rate"] == assumed
 
 
 def test_its_own_angles_are_flexion() -> None:
@@ -69,9 +71,11 @@ def test_a_right_angle_of_each_joint() -> None:
 
 @pytest.mark.parametrize(("declared", "rate"), [(50, 30), (30, 30), (15, 15), (0, 30), (float("nan"), 30)])
 def test_no_kinect_v1_gives_more_than_thirty_frames(declared: float, rate: float) -> None:
-    found, wrong = true_rate(declared, 7)
+    found, facts = true_rate(declared)
     assert found == rate
-    assert [defect.count for defect in wrong] == ([] if declared == rate else [7])
+    assert facts.keys() == (set() if declared == rate else {"assumed_rate"})
+    if facts:
+        assert facts["assumed_rate"]["declared"] == (50.0 if declared == 50 else None)
 
 
 def test_frames_declared_but_missing_are_reported() -> None:
@@ -114,7 +118,7 @@ def test_real_takes(
     clip = read(captures / "kinect1_treadmill_c3d" / f"skeleton_3d_{take}.txt")
     assert len(clip.times) == frames
     assert clip.rate == pytest.approx(30.0)
-    assert defects(clip) == {"wrong_rate": frames, "zero_frames": 1}
+    assert defects(clip) == {"zero_frames": 1}
     assert np.flatnonzero((clip.states == 0).all(axis=1)).tolist() == [frames - 1]
     hip, knee, ankle = (clip.positions[:, NODE_INDEX[f"{joint}_left"]] for joint in ("hip", "knee", "ankle"))
     assert thigh[0] < np.nanmedian(np.linalg.norm(knee - hip, axis=-1)) < thigh[1]
