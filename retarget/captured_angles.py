@@ -20,7 +20,7 @@ from kinemimic.pipeline.files.store import write_table
 from kinemimic.pipeline.kinematics.angles import ANGLES
 from kinemimic.pipeline.kinematics.clip import Clip
 from kinemimic.pipeline.kinematics.orient import local_rotations
-from kinemimic.pipeline.kinematics.rotations import from_axis_angle, rotate
+from kinemimic.pipeline.kinematics.rotations import continuous, normalize, rotate
 from kinemimic.retarget.humanoid.motion import joint_angles
 from kinemimic.retarget.strides.sensor_reliability import SensorReliability, reliable_frames
 
@@ -31,22 +31,19 @@ CAPTURED_SCHEMA = 1
 class PassSpan:
     """The part of a pass that became the motion.
 
-    start, end: seconds; heading: radians; zero, duration: seconds, the phase is (time - zero) / duration;
-    clock: times and clock (N,) of strides that are timed individually (`Pass.clock`).
+    times: (n,) seconds of its frames; turn: (n, 4) rotations from the capture's axes to the walker's; phase:
+    (n,) of the motion, in cycles.
     """
 
     number: int
-    start: float
-    end: float
-    heading: float
-    zero: float
-    duration: float
-    clock: tuple[Array, Array] | None = None
+    times: Array
+    turn: Array
+    phase: Array
 
-    def phase(self, times: Array) -> Array:
-        """Phase (T,) of the motion at times (T,) within the span."""
-        clock = times if self.clock is None else np.interp(times, *self.clock)
-        return np.asarray((clock - self.zero) / self.duration)
+    def at(self, times: Array) -> tuple[Array, Array]:
+        """Rotations (T, 4) and phases (T,) at times (T,) within the span."""
+        turn = np.stack([np.interp(times, self.times, column) for column in continuous(self.turn).T], axis=1)
+        return normalize(turn), np.interp(times, self.times, self.phase)
 
 
 def captured_angles(
@@ -71,7 +68,7 @@ def captured_angles(
         part: dict[str, Array] = {
             "time": times,
             "pass": np.full(len(times), span.number, dtype=np.int32),
-            "phase": span.phase(times),
+            "phase": span.at(times)[1],
         }
         part |= measured[k]
         for name, curve in cleaned[k].items():
@@ -84,7 +81,8 @@ def captured_angles(
 
 
 def _within(clip: Clip, span: PassSpan) -> NDArray[np.intp]:
-    inside = (clip.passes == span.number) & (clip.times >= span.start) & (clip.times <= span.end)
+    first, last = span.times[[0, -1]]
+    inside = (clip.passes == span.number) & (clip.times >= first) & (clip.times <= last)
     return np.flatnonzero(inside)
 
 
@@ -92,8 +90,8 @@ def _angles(
     clip: Clip, frames: list[NDArray[np.intp]], spans: list[PassSpan], reliability: SensorReliability
 ) -> list[dict[str, Array]]:
     """The angle curves of each span, computed in one batch: an hour of recording has a thousand passes."""
-    headings = np.repeat([span.heading for span in spans], [len(one) for one in frames])
-    ahead = rotate(from_axis_angle("Z", -headings)[:, None], clip.positions[np.concatenate(frames)])
+    turns = [span.at(clip.times[one])[0] for span, one in zip(spans, frames, strict=True)]
+    ahead = rotate(np.concatenate(turns)[:, None], clip.positions[np.concatenate(frames)])
     curves = joint_angles(local_rotations(reliable_frames(ahead, reliability)))
     ends = np.cumsum([len(one) for one in frames])[:-1]
     pieces = {name: np.split(curve, ends) for name, curve in curves.items()}

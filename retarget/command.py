@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 import click
+import numpy as np
 
 from kinemimic.pipeline.cli.options import json_option, run_option
 from kinemimic.pipeline.convert import on_nodes
@@ -16,6 +17,8 @@ from kinemimic.pipeline.files.provenance import provenance
 from kinemimic.pipeline.files.sidecars import read_truth
 from kinemimic.pipeline.files.store import content_hash, read_clip, read_json, write_json, write_text
 from kinemimic.pipeline.kinematics.clip import Clip
+from kinemimic.pipeline.locomotion.bouts import MIN_STRIDES, MIN_TRAVEL, Bout, find_bouts
+from kinemimic.pipeline.locomotion.segments import only_segment
 from kinemimic.retarget.captured_angles import PassSpan, captured_angles, write_captured
 from kinemimic.retarget.cyclic import fit_cyclic
 from kinemimic.retarget.feet.ankles import AnkleMode
@@ -23,12 +26,12 @@ from kinemimic.retarget.feet.ground import measure_path
 from kinemimic.retarget.formats.motion_json import motion_to_json
 from kinemimic.retarget.formats.write_mcap import write_mcap
 from kinemimic.retarget.humanoid.motion import Motion
-from kinemimic.retarget.noncyclic import NonCyclicFit, fit_noncyclic, longest_walk
+from kinemimic.retarget.noncyclic import fit_noncyclic
 from kinemimic.retarget.optimise.refine import refine
 from kinemimic.retarget.options import retarget_options
 from kinemimic.retarget.report import cyclic_report, noncyclic_report
-from kinemimic.retarget.strides.passes import Pass, analyze_passes, brevity_note, is_gait, select_passes
-from kinemimic.retarget.strides.treadmill import add_belt_travel
+from kinemimic.retarget.strides.excerpt import Excerpt, excerpt_of_bout, excerpt_of_pass
+from kinemimic.retarget.strides.selection import Selection, select_bouts
 
 
 def retarget(
@@ -38,6 +41,8 @@ def retarget(
     refined: bool = True,
     ankle: AnkleMode = "neutral",
     loop: bool | None = None,
+    straighten: bool | None = None,
+    segment: str | None = None,
 ) -> Motion:
     """Retarget a converted capture to the Table 1 body and write the results into its run folder.
 
@@ -46,50 +51,60 @@ def retarget(
     refined: optimise all frames together for foot contact, ground and joint limits (`refine.refine`); False
         writes the closed form.
     ankle: ankles of a walk whose feet the sensor did not see (`legs.neutral_feet`, `ankles.normal_feet`).
-    loop: average the strides into a loop; None does so for every gait, False keeps the longest pass as
-        recorded.
-    Raises KinemimicError if the capture has no pass, or a gait but no usable pass.
+    loop: average the strides into a loop; None does so for every gait with usable strides, False keeps the
+        longest bout as recorded.
+    straighten: walk straight where the person walked a curve; None does so for a loop, which is straight. With
+        False, a walk keeps its turns, as recorded.
+    segment: name or times of a segment, as `inspect` lists them (`locomotion.segments`); None takes the
+        longest usable walk with those alike, or without one the longest pass, as recorded.
+    Raises KinemimicError if the capture has no pass, or no usable stride where a loop is asked for.
     """
     source = read_clip(run / "quaternions.parquet")
     clip, raw = on_nodes(source), on_nodes(read_clip(run / "raw.parquet"))
+    if segment is not None:
+        clip = only_segment(clip, clip.positions, segment)
     truth = read_truth(run / "truth.parquet")
-    clip, belts = add_belt_travel(clip)
-    passes = analyze_passes(clip)
-    if not passes:
+    if not (clip.passes >= 0).any():
         raise KinemimicError(f"{run}: expected a pass with a person in it, found none; run `ingest` again")
-    walked = is_gait(passes)
-    if loop and not walked:
-        brief = "; ".join(filter(None, map(brevity_note, passes)))
-        raise KinemimicError(
-            f"{run}: expected a gait for --loop, found none{brief and f' ({brief})'}; leave out --loop"
-        )
-    if walked and loop is not False:
-        chosen, warnings = select_passes(passes)
-        fit = fit_cyclic(clip, chosen, symmetric, ankle=ankle)
+    bouts = find_bouts(clip, clip.positions)
+    selection = select_bouts(bouts)
+    if loop and straighten is False:
+        raise KinemimicError("retarget: expected --straighten with --loop: a loop walks straight ahead")
+    if loop and not selection.bouts:
+        raise KinemimicError(f"{run}: expected strides for --loop, found {_no_strides(bouts, selection)}")
+    if selection.bouts and loop is not False and straighten is not False:
+        fit = fit_cyclic(clip, selection.bouts, symmetric, ankle=ankle)
         reliability, closed = fit.reliability, fit
         if refined:
             motion = refine(fit.motion)
             fit = replace(fit, motion=motion, path=measure_path(motion, fit.path))
         motion = fit.motion
-        report = cyclic_report(clip, passes, closed, fit, warnings)
-        spans = [_stride_span(clip, one) for one in chosen]
+        report = cyclic_report(clip, bouts, selection, closed, fit)
+        spans = [PassSpan(one.pass_number, clip.times[one.frames], one.turn, one.phase)
+                 for one in selection.bouts]  # fmt: skip
     else:
-        longest = longest_walk(clip, passes) if walked else max(passes, key=lambda one: _frames(clip, one))
-        plain = fit_noncyclic(clip, longest)
+        excerpt = _excerpt(clip, bouts, straighten=bool(straighten))
+        plain = fit_noncyclic(clip, excerpt)
         reliability, motion = plain.reliability, plain.motion
         if refined:
             motion = refine(motion, plain.seen)
-        report = noncyclic_report(clip, plain, motion, longest)
-        spans = [_whole_span(clip, longest, plain)]
-    if belts:
-        report["belt_speed_m_s"] = {str(number): round(speed, 4) for number, speed in belts.items()}
+        why = "" if selection.bouts else _no_strides(bouts, selection)
+        report = noncyclic_report(clip, bouts, excerpt, plain, motion, why)
+        spans = [PassSpan(excerpt.pass_number, clip.times[excerpt.frames], excerpt.turn, plain.phase)]
     record = {
         "simulated": clip.simulated,
         "capture": dict(source.provenance),
         **provenance(
             "retarget",
             inputs={"clip": _hash(clip), "raw": _hash(raw)},
-            config={"symmetric": symmetric, "refined": refined, "ankle": ankle, "loop": loop},
+            config={
+                "symmetric": symmetric,
+                "refined": refined,
+                "ankle": ankle,
+                "loop": loop,
+                "straighten": straighten,
+                "segment": segment,
+            },
         ),
     }
     motion = replace(motion, provenance=record)
@@ -108,28 +123,20 @@ def _hash(clip: Clip) -> str:
     )
 
 
-def _stride_span(clip: Clip, one: Pass) -> PassSpan:
-    if one.harmonic is None:
-        raise ValueError(f"pass {one.number} has no phase")
-    times = clip.times[one.frames]
-    return PassSpan(
-        one.number,
-        float(times[0]),
-        float(times[-1]),
-        one.heading,
-        one.harmonic.start,
-        one.harmonic.period,
-        (times, one.clock) if one.individually_timed else None,
-    )
+def _excerpt(clip: Clip, bouts: list[Bout], *, straighten: bool) -> Excerpt:
+    """The longest bout of walking, or without one the longest pass."""
+    if bouts:
+        return excerpt_of_bout(max(bouts, key=lambda one: one.cycles), straighten=straighten)
+    numbers, counts = np.unique(clip.passes[clip.passes >= 0], return_counts=True)
+    return excerpt_of_pass(clip, int(numbers[np.argmax(counts)]))
 
 
-def _frames(clip: Clip, one: Pass) -> int:
-    return int((clip.passes == one.number).sum())
-
-
-def _whole_span(clip: Clip, one: Pass, plain: NonCyclicFit) -> PassSpan:
-    first, last = clip.times[plain.frames[[0, -1]]]
-    return PassSpan(one.number, float(first), float(last), one.heading, float(first), plain.motion.duration)
+def _no_strides(bouts: list[Bout], selection: Selection) -> str:
+    """What is missing for a loop."""
+    if not bouts:
+        return f"nobody who walks {MIN_STRIDES:.0f} strides, or {MIN_TRAVEL} m across the view"
+    longest = max(bouts, key=lambda one: one.cycles)
+    return f"{len(bouts)} bouts without usable strides; the longest {selection.reasons[longest.number]}"
 
 
 def _table(report: dict[str, Any]) -> list[str]:
@@ -137,14 +144,14 @@ def _table(report: dict[str, Any]) -> list[str]:
     lines = [f"{report['kind']}, {'a loop' if report['cyclic'] else 'as recorded'}"]
     if report["cyclic"]:
         ground, r2 = report["ground"], report["r2_loop_against_capture"]
-        used = [row for row in report["passes"] if row["used"]]
         lines += [
-            f"  passes     {len(used)} of {len(report['passes'])}, {report['strides']:.1f} strides",
+            f"  strides    {report['strides_used']:.1f} of {report['strides_found']:.1f} in "
+            f"{sum(row['used'] for row in report['bouts'])} of {len(report['bouts'])} bouts",
+            *_left_out(report),
             f"  cadence    {report['cadence_steps_per_min']:.0f} steps/min, "
             f"period {report['period_s']:.3f} s",
-            *_individual_timing(used),
             f"  speed      {report['speed_m_s']:.2f} m/s on the body, "
-            f"{report['speed_capture_m_s']:.2f} captured",
+            f"{report['speed_capture_m_s']:.2f} captured{_by_feet(report['path'])}",
             f"  sides      {'averaged' if report['symmetric'] else 'as recorded'}, "
             f"differ by {report['asymmetry_deg']:.1f}° (noise {report['noise_deg']:.1f}°)",
             f"  ground     penetration {1e3 * ground['penetration_m']:.0f} mm, "
@@ -159,8 +166,6 @@ def _table(report: dict[str, Any]) -> list[str]:
                 f"  {report['strides']:.1f} strides in {report['duration_s']:.1f} s, "
                 f"{report['cadence_steps_per_min']:.0f} steps/min, {report['speed_m_s']:.2f} m/s"
             )
-    for number, speed in report.get("belt_speed_m_s", {}).items():
-        lines.append(f"  treadmill  pass {number}: belt speed of {speed:.2f} m/s added")
     lines += _measures(report["closed_form"], report["measures"])
     for name, (low, high) in report["range_deg"].items():
         lines.append(
@@ -173,12 +178,13 @@ def _table(report: dict[str, Any]) -> list[str]:
     return lines
 
 
-def _individual_timing(used: list[dict[str, Any]]) -> list[str]:
-    """The passes whose strides are timed individually."""
-    numbers = [str(row["pass"]) for row in used if row.get("strides_timed_individually")]
-    if not numbers:
-        return []
-    return [f"  strides    timed individually in pass {', '.join(numbers)}; the period is their median"]
+def _left_out(report: dict[str, Any]) -> list[str]:
+    """Why strides are left out."""
+    return [f"  left out   {text}" for text in [report["strides_left_out"]] if text]
+
+
+def _by_feet(path: dict[str, Any]) -> str:
+    return "" if path["source"] == "recorded" else ", by the feet: the recorded path does not follow them"
 
 
 def _measures(closed: dict[str, Any], final: dict[str, Any]) -> list[str]:
@@ -203,14 +209,30 @@ def _measures(closed: dict[str, Any], final: dict[str, Any]) -> list[str]:
 @retarget_options
 @json_option("Print gait.json.")
 def command(
-    run: Path, symmetric: bool | None, refined: bool, ankle: AnkleMode, loop: bool | None, as_json: bool
+    run: Path,
+    symmetric: bool | None,
+    refined: bool,
+    ankle: AnkleMode,
+    loop: bool | None,
+    straighten: bool | None,
+    segment: str | None,
+    as_json: bool,
 ) -> None:
     """Retarget a capture to the simulated humanoid; strides become a gait loop.
 
     \b
       kinemimic retarget --run runs/walk
       kinemimic retarget --run runs/walk --ankle normal --as-recorded
+      kinemimic retarget --run runs/walk --segment walk-2 --no-straighten
     """
-    retarget(run, symmetric=symmetric, refined=refined, ankle=ankle, loop=loop)
+    retarget(
+        run,
+        symmetric=symmetric,
+        refined=refined,
+        ankle=ankle,
+        loop=loop,
+        straighten=straighten,
+        segment=segment,
+    )
     report = read_json(run / "gait.json")
     click.echo(json.dumps(report, indent=2) if as_json else "\n".join(_table(report)))

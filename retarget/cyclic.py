@@ -1,7 +1,8 @@
-"""A gait loop on the Table 1 body, from the usable passes of a capture."""
+"""A gait loop on the Table 1 body, from the usable strides of a capture."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -13,13 +14,13 @@ from kinemimic.pipeline.kinematics.orient import local_rotations
 from kinemimic.pipeline.kinematics.rotations import continuous
 from kinemimic.pipeline.kinematics.skeleton import NODE_INDEX as N
 from kinemimic.pipeline.locomotion import fourier
+from kinemimic.pipeline.locomotion.bouts import Bout
 from kinemimic.retarget.feet.ankles import AnkleMode, normal_feet
 from kinemimic.retarget.feet.ground import RootPath, fit_root_path, is_running
 from kinemimic.retarget.feet.legs import limit_knee_extension, neutral_feet
 from kinemimic.retarget.feet.scale import length_scale, stance_width, with_stance_width
 from kinemimic.retarget.humanoid.motion import Motion, joint_angles
 from kinemimic.retarget.strides.loop import Loop, Strides, fit_loop, pool_strides, with_mirror
-from kinemimic.retarget.strides.passes import Pass
 from kinemimic.retarget.strides.sensor_reliability import (
     SensorReliability,
     assess_reliability,
@@ -59,20 +60,19 @@ class CyclicFit:
 
 
 def fit_cyclic(
-    clip: Clip, passes: list[Pass], symmetric: bool | None = None, *, ankle: AnkleMode = "neutral"
+    clip: Clip, bouts: Sequence[Bout], symmetric: bool | None = None, *, ankle: AnkleMode = "neutral"
 ) -> CyclicFit:
-    """Pool usable passes of a clip on the 20 nodes into a gait loop on the Table 1 body.
+    """Pool the usable strides of bouts of a clip on the 20 nodes into a gait loop on the Table 1 body.
 
     symmetric: whether to pool the mirror image too; None decides by `_is_symmetric`, and pools it if part of
     the stride was seen on one side only. ankle: ankles of a walk whose feet were not seen; a run's are
     neutral. Raises KinemimicError if part of the stride was never seen.
     """
-    strides = pool_strides(clip, passes)
+    strides = pool_strides(clip, bouts)
     reliability = assess_reliability(strides)
     local = local_rotations(reliable_frames(strides.positions, reliability))
-    captured = joint_angles(local)
-    lengths = [len(p.frames) for p in passes]
-    period = float(np.average([p.harmonic.period for p in passes if p.harmonic], weights=lengths))
+    captured = _of_used_legs(joint_angles(local), strides)
+    period = float(np.average([one.period for one in bouts], weights=[one.used_strides for one in bouts]))
     loop = fit_loop(strides, local, period, leg=LEG_HARMONICS[reliability.precise])
     asymmetry, noise = _asymmetry_and_noise(loop, strides, captured)
     gap = _largest_gap(strides)
@@ -88,8 +88,9 @@ def fit_cyclic(
         loop = fit_loop(both, turned, period, leg=LEG_HARMONICS[reliability.precise])
     if gap > MAX_GAP:
         raise KinemimicError(
-            f"retarget: expected frames of a whole stride, found none in {100 * gap:.0f} % of it; "
-            "record a longer walk"
+            f"retarget: expected frames of a whole stride, found none of either leg in {100 * gap:.0f} % of it "
+            f"({sum(one.used_strides for one in bouts):.1f} usable strides); record more strides, or keep the "
+            "motion as recorded with --no-loop"
         )
     frames = max(8, round(FRAME_RATE * period))
     phase = np.arange(frames) / frames
@@ -117,10 +118,21 @@ def fit_cyclic(
     )
 
 
+def _of_used_legs(curves: dict[str, Array], strides: Strides) -> dict[str, Array]:
+    """The angle curves (M,), NaN where a leg's stride is not used."""
+    return {
+        name: np.where(strides.weights[:, N[f"knee_{name.partition('_')[2]}"]] > 0, curve, np.nan)
+        for name, curve in curves.items()
+    }
+
+
 def _largest_gap(strides: Strides) -> float:
-    """The largest share of the stride, 0 to 1, without a pooled frame of positive weight."""
-    phases = np.sort(np.mod(strides.phase[strides.weights[:, N["knee_left"]] > 0], 1.0))
-    return float(np.max(np.diff(phases, append=phases[0] + 1.0))) if len(phases) else 1.0
+    """The largest share of the stride, 0 to 1, without a pooled frame of positive weight of one of the legs."""
+    gaps = []
+    for side in ("left", "right"):
+        phases = np.sort(np.mod(strides.phase[strides.weights[:, N[f"knee_{side}"]] > 0], 1.0))
+        gaps.append(float(np.max(np.diff(phases, append=phases[0] + 1.0))) if len(phases) else 1.0)
+    return max(gaps)
 
 
 def _asymmetry_and_noise(loop: Loop, strides: Strides, captured: dict[str, Array]) -> tuple[float, float]:

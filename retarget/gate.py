@@ -47,6 +47,7 @@ class _Rule:
 
 
 _INF = math.inf
+MIN_SPEED = 0.3  # m/s
 _KINDS = ("walk", "run", "motion")
 
 
@@ -85,6 +86,15 @@ def _beyond(report: Report) -> float | None:
     return max(report.get("measures", {}).get("beyond_limits_deg", {}).values(), default=None)
 
 
+def _speed_error(report: Report) -> float | None:
+    """Per cent by which the body's speed differs from the capture's, scaled by the legs."""
+    scaled, speed = report.get("speed_scaled_m_s"), report.get("speed_m_s")
+    # On the spot, a share of the speed means nothing.
+    if speed is None or scaled is None or abs(scaled) < MIN_SPEED:
+        return None
+    return 100.0 * abs(speed / abs(scaled) - 1.0)
+
+
 # Clearance applies to walks only: a runner's or jumper's foot leaves the ground without it.
 RULES: tuple[_Rule, ...] = (
     _Rule("penetration", _measure("penetration_m", 1e3), _all_kinds(most=10), _all_kinds(most=25),
@@ -102,7 +112,9 @@ RULES: tuple[_Rule, ...] = (
           "cadence {value:.0f} steps/min (limit {limit:.0f})"),
     _Rule("fit", _hip_fit, _gaits(least=0.7), _gaits(least=0.4),
           "the hip curves of the strides agree only to R² {value:.2f} (limit {limit:.1f})"),
-    _Rule("strides", lambda report: report.get("strides"), _gaits(least=2.0), {},
+    _Rule("speed", _speed_error, _gaits(most=5), _gaits(most=30),
+          "the body's speed differs by {value:.0f} % from the capture's, scaled by the legs (limit {limit:.0f})"),
+    _Rule("strides", lambda report: report.get("strides_used"), _gaits(least=2.0), {},
           "only {value:.1f} strides (limit {limit:.0f}): too few to average out the noise of one"),
     _Rule("limits", _beyond, _all_kinds(most=0.5), _all_kinds(most=15),
           "a joint exceeds its range of motion by {value:.0f}° (limit {limit:.1f}°)"),

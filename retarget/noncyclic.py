@@ -16,7 +16,7 @@ from kinemimic.pipeline.kinematics.orient import FOOT_DROP, local_rotations
 from kinemimic.pipeline.kinematics.rotations import IDENTITY, continuous, from_axis_angle, normalize, rotate
 from kinemimic.pipeline.kinematics.skeleton import NODE_INDEX as N
 from kinemimic.pipeline.kinematics.skeleton import NODES
-from kinemimic.pipeline.locomotion.stride_phase import StridePhase, stride_phase
+from kinemimic.pipeline.locomotion.leg_pose import leg_bones
 from kinemimic.retarget.cyclic import FRAME_RATE
 from kinemimic.retarget.feet.contact import (
     ANKLE_NODES,
@@ -32,8 +32,8 @@ from kinemimic.retarget.feet.legs import flat_feet, limit_knee_extension, neutra
 from kinemimic.retarget.feet.scale import body_kinematics, length_scale, stance_width, with_stance_width
 from kinemimic.retarget.humanoid.motion import Motion
 from kinemimic.retarget.humanoid.surface import lowest_points
+from kinemimic.retarget.strides.excerpt import Excerpt, with_turns
 from kinemimic.retarget.strides.loop import STATE_WEIGHTS, Strides, source_nodes
-from kinemimic.retarget.strides.passes import WARN_R2, Pass
 from kinemimic.retarget.strides.sensor_reliability import (
     MAX_BONE_SPREAD,
     MAX_FOOT_PITCH,
@@ -41,7 +41,6 @@ from kinemimic.retarget.strides.sensor_reliability import (
     assess_reliability,
     reliable_frames,
 )
-from kinemimic.retarget.strides.trim import leg_bones
 
 # Contact thresholds (m above the ground) of a walk kept as recorded.
 WALK_NEAR, WALK_FAR = 0.04, 0.06
@@ -69,34 +68,18 @@ class NonCyclicFit:
     strides: float | None = None
 
 
-def longest_walk(clip: Clip, passes: list[Pass]) -> Pass:
-    """The longest walking pass whose strides can be timed; KinemimicError if there is none."""
-    walks = [one for one in passes if one.walks and (found := _phase(clip, one)) and found.r2 > WARN_R2]
-    if not walks:
-        raise KinemimicError(
-            f"retarget: expected a pass whose ankles follow their strides with R² of at least {WARN_R2}, "
-            f"found none in {len(passes)}; record a clearer walk"
-        )
-    return max(walks, key=lambda one: len(one.frames))
-
-
-def fit_noncyclic(clip: Clip, one: Pass) -> NonCyclicFit:
-    """Retarget one pass as recorded to the Table 1 body.
+def fit_noncyclic(clip: Clip, excerpt: Excerpt) -> NonCyclicFit:
+    """Retarget an excerpt of a clip as recorded to the Table 1 body.
 
     Frames are resampled to an even rate, with smooth curves across gaps. The root is scaled by leg length,
-    and its height shifted once to the ground. Of a walk only the trimmed frames are used; unreliable parts
-    get the neutral pose of a loop, and the speed is that at which feet in contact do not slide.
+    and its height shifted once to the ground. Of a walk, unreliable parts get the neutral pose of a loop, and
+    the speed is that at which feet in contact do not slide.
     """
-    frames = one.frames if one.walks else np.flatnonzero(clip.passes == one.number)
+    frames, p, bout = excerpt.frames, excerpt.positions, excerpt.bout
     if len(frames) < 2:
         raise KinemimicError(
             f"retarget: expected at least 2 frames in a pass, found {len(frames)}; make a longer recording"
         )
-    p = rotate(from_axis_angle("Z", -one.heading), clip.positions[frames])
-    walk = _phase(clip, one) if one.walks else None
-    if walk is not None:
-        # A leg pose that no walker takes is a tracking error.
-        p[one.bad] = np.nan
     times = clip.times[frames] - clip.times[frames[0]]
     bones = leg_bones(p)
     if np.isfinite(bones).all(axis=1).sum() < 2:
@@ -106,8 +89,8 @@ def fit_noncyclic(clip: Clip, one: Pass) -> NonCyclicFit:
     grid = np.arange(count) / FRAME_RATE
     weights = _weights(p, clip.states[frames])
     contacts = np.zeros((count, 2), dtype=np.bool_)
-    if walk is not None:
-        reliability = assess_reliability(_strides(clip, one, p, walk.phase, weights))
+    if bout is not None:
+        reliability = assess_reliability(_strides(clip, excerpt, bout.phase, weights))
     else:
         rigid = float(np.max(np.nanstd(bones, axis=0) / np.nanmean(bones, axis=0))) < MAX_BONE_SPREAD
         contacts = _recorded_contacts(p, times, grid, scale, rigid)
@@ -124,12 +107,16 @@ def fit_noncyclic(clip: Clip, one: Pass) -> NonCyclicFit:
     middle = 0.5 * (p[:, N["hip_left"]] + p[:, N["hip_right"]])
     seen = np.isfinite(middle).all(axis=-1)
     root = scale * _interpolate(grid, times[seen], middle[seen])
-    if walk is not None:
-        phase = np.interp(grid, times, walk.phase)
+    if bout is not None:
+        # Walking backward is walking forward in reversed time.
+        phase = np.interp(grid, times, -bout.phase if bout.backward else bout.phase)
         if not reliability.feet:
             rotations = neutral_feet(rotations, phase)
         rotations, _ = with_stance_width(rotations, scale * stance_width(p))
         root, contacts = _root_over_ground(rotations, root, phase)
+        yaw = np.interp(grid, times, excerpt.yaw)
+        rotations, root = with_turns(rotations, root, yaw)
+        p = rotate(from_axis_angle("Z", excerpt.yaw)[:, None], p)
     elif not reliability.feet:
         rotations = flat_feet(rotations)
     root[:, :2] -= root[0, :2]
@@ -139,15 +126,8 @@ def fit_noncyclic(clip: Clip, one: Pass) -> NonCyclicFit:
         [weights[:, [N[node] for node in source_nodes(name)]].min(axis=1) for name in NODES], axis=1
     )
     visibility = np.stack([np.interp(grid, times, column) for column in weakest.T], axis=-1)
-    strides = None if walk is None else float(np.ptp(walk.phase))
+    strides = None if bout is None else float(np.ptp(bout.phase))
     return NonCyclicFit(motion, reliability, frames, p, times / motion.duration, visibility, scale, strides)
-
-
-def _phase(clip: Clip, one: Pass) -> StridePhase | None:
-    p = clip.positions[one.frames]
-    along = np.array([np.cos(one.heading), np.sin(one.heading)])
-    ankles = (p[:, N["ankle_right"], :2] - p[:, N["ankle_left"], :2]) @ along
-    return stride_phase(clip.times[one.frames], np.where(one.bad, np.nan, ankles))
 
 
 def _weights(positions: Array, states: NDArray[np.uint8]) -> Array:
@@ -155,15 +135,14 @@ def _weights(positions: Array, states: NDArray[np.uint8]) -> Array:
     return np.asarray(STATE_WEIGHTS[np.where(np.isfinite(positions).all(axis=-1), states, 0)])
 
 
-def _strides(clip: Clip, one: Pass, positions: Array, phase: Array, weights: Array) -> Strides:
+def _strides(clip: Clip, excerpt: Excerpt, phase: Array, weights: Array) -> Strides:
     return Strides(
         phase=phase,
         group=np.zeros(len(phase), dtype=np.intp),
-        times=clip.times[one.frames] - clip.times[one.frames[0]],
-        positions=positions,
+        times=clip.times[excerpt.frames] - clip.times[excerpt.frames[0]],
+        positions=excerpt.positions,
         weights=weights,
-        frames=one.frames,
-        headings=np.full(len(phase), one.heading),
+        frames=excerpt.frames,
     )
 
 

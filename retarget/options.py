@@ -30,6 +30,17 @@ retarget_options = option_group(
     click.option(
         "--loop/--no-loop",
         default=None,
-        help="Average all strides into a loop, or keep the longest pass. Default: a loop for a gait.",
+        help="Average all strides into a loop, or keep the longest walk. Default: a loop for a gait.",
+    ),
+    click.option(
+        "--straighten/--no-straighten",
+        default=None,
+        help="Straighten a walk on a curve, or keep its turns, as recorded. Default: straight for a loop.",
+    ),
+    click.option(
+        "--segment",
+        metavar="NAME|START-END",
+        help="A segment of the capture, by name as `inspect` lists it, or by its seconds, such as 3.5-12. "
+        "Default: the longest usable walk.",
     ),
 )

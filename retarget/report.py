@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import asdict
 from typing import Any
 
@@ -11,6 +12,7 @@ from numpy.typing import NDArray
 from kinemimic.pipeline.arrays import Array
 from kinemimic.pipeline.kinematics.angles import ANGLES
 from kinemimic.pipeline.kinematics.clip import Clip
+from kinemimic.pipeline.locomotion.bouts import Bout
 from kinemimic.retarget.cyclic import CyclicFit
 from kinemimic.retarget.feet.ground import is_running
 from kinemimic.retarget.feet.scale import estimate_subject
@@ -19,18 +21,19 @@ from kinemimic.retarget.gate import check_report
 from kinemimic.retarget.humanoid.motion import Motion, joint_angles
 from kinemimic.retarget.measure import Measures, measure
 from kinemimic.retarget.noncyclic import NonCyclicFit
-from kinemimic.retarget.strides.passes import Pass, brevity_note
+from kinemimic.retarget.strides.excerpt import Excerpt
+from kinemimic.retarget.strides.selection import Selection, why_strides_are_left_out
 
 
 def cyclic_report(
-    clip: Clip, passes: list[Pass], closed: CyclicFit, fit: CyclicFit, warnings: list[str]
+    clip: Clip, bouts: list[Bout], selection: Selection, closed: CyclicFit, fit: CyclicFit
 ) -> dict[str, Any]:
     """The value of gait.json for a gait loop; lengths in metres, angles in degrees.
 
-    closed, fit: before and after refinement.
+    bouts: all of the capture; closed, fit: before and after refinement.
     """
     motion, path = fit.motion, fit.path
-    strides = sum(_strides(p) for p in _used(passes, fit))
+    expected = fit.scale * fit.loop.speed
     gait = "run" if is_running(path.speed) else "walk"
     ranges = {name: _range(curve) for name, curve in joint_angles(motion.rotations).items()}
     cadence = 120.0 / motion.duration
@@ -43,13 +46,17 @@ def cyclic_report(
         "cadence_steps_per_min": _n(cadence),
         "speed_m_s": _n(path.speed),
         "speed_capture_m_s": _n(fit.loop.speed),
+        "speed_scaled_m_s": _n(expected),
         "stride_m": _n(path.speed * motion.duration),
         "stance_ratio": _stance(motion),
         "range_deg": ranges,
-        "strides": _n(strides),
+        "strides_used": _n(selection.strides),
+        "strides_found": _n(sum(one.cycles for one in bouts)),
+        "strides_left_out": why_strides_are_left_out(selection.bouts),
         "frames_used": len(fit.strides.phase),
+        "path": _path(selection.bouts),
         "r2_loop_against_capture": _r2(fit),
-        "passes": [_pass_row(p, clip, fit) for p in passes],
+        "bouts": [_bout_row(one, clip, fit, selection) for one in bouts],
         "symmetric": fit.symmetric,
         "asymmetry_deg": _n(fit.asymmetry_deg),
         "noise_deg": _n(fit.noise_deg),
@@ -81,20 +88,29 @@ def cyclic_report(
             for name, one in (("closed_form", closed), ("measures", fit))
         },
     }
-    return _with_findings(report, warnings)
+    return _with_findings(report, [])
 
 
-def noncyclic_report(clip: Clip, fit: NonCyclicFit, motion: Motion, one: Pass) -> dict[str, Any]:
-    """The value of gait.json for a pass as recorded, from its closed form `fit` and final motion."""
+def noncyclic_report(
+    clip: Clip, bouts: list[Bout], excerpt: Excerpt, fit: NonCyclicFit, motion: Motion, why: str
+) -> dict[str, Any]:
+    """The value of gait.json for an excerpt as recorded, from its closed form `fit` and final motion.
+
+    why: what is missing for a loop, "" if nothing is.
+    """
     kind, walk = "motion", {}
-    if fit.strides is not None:
-        speed = float(np.linalg.norm(motion.root[-1, :2] - motion.root[0, :2])) / motion.duration
+    if fit.strides is not None and excerpt.bout is not None:
+        speed = float(np.linalg.norm(np.diff(motion.root[:, :2], axis=0), axis=1).sum()) / motion.duration
         kind = "run" if is_running(speed) else "walk"
         walk = {
             "period_s": _n(motion.duration / fit.strides),
             "cadence_steps_per_min": _n(120.0 * fit.strides / motion.duration),
             "speed_m_s": _n(speed),
-            "strides": _n(fit.strides),
+            "speed_capture_m_s": _n(excerpt.bout.speed),
+            "speed_scaled_m_s": _n(abs(fit.scale * excerpt.bout.speed)),
+            "strides_used": _n(fit.strides),
+            "path": _path([excerpt.bout]),
+            "turn_deg": _n(np.degrees(excerpt.yaw[-1] - excerpt.yaw[0])),
         }
     report = {
         "schema": GAIT_SCHEMA,
@@ -103,9 +119,10 @@ def noncyclic_report(clip: Clip, fit: NonCyclicFit, motion: Motion, one: Pass) -
         "cyclic": False,
         "duration_s": _n(motion.duration),
         **walk,
+        "strides_found": _n(sum(one.cycles for one in bouts)),
         "frames_used": len(fit.frames),
         "range_deg": {name: _range(curve) for name, curve in joint_angles(motion.rotations).items()},
-        "pass": one.number,
+        "pass": excerpt.pass_number,
         "stance_ratio": _stance(motion),
         "subject": _subject(fit.positions),
         "scale": _n(fit.scale),
@@ -114,9 +131,8 @@ def noncyclic_report(clip: Clip, fit: NonCyclicFit, motion: Motion, one: Pass) -
             for name, each in (("closed_form", fit.motion), ("measures", motion))
         },
     }
-    why = brevity_note(one) or "nobody walks in this capture"
-    warning = f"{why}: the longest pass is kept as recorded, without a loop"
-    return _with_findings(report, [] if walk else [warning])
+    what = "the longest bout" if walk else "the longest pass"
+    return _with_findings(report, [f"{why}: {what} is kept as recorded, without a loop"] if why else [])
 
 
 def _with_findings(report: dict[str, Any], warnings: list[str]) -> dict[str, Any]:
@@ -154,15 +170,6 @@ def reference_at(motion: Motion, phase: Array) -> dict[str, Array]:
     }
 
 
-def _strides(one: Pass) -> float:
-    return float(np.ptp(one.phase)) if one.harmonic else 0.0
-
-
-def _used(passes: list[Pass], fit: CyclicFit) -> list[Pass]:
-    frames = set(fit.strides.frames.tolist())
-    return [p for p in passes if p.harmonic is not None and len(p.frames) and int(p.frames[0]) in frames]
-
-
 def _r2(fit: CyclicFit, mask: NDArray[np.bool_] | None = None) -> dict[str, float | None]:
     pick = np.ones(len(fit.strides.phase), bool) if mask is None else mask
     fitted = reference_at(fit.motion, fit.strides.phase[pick])
@@ -172,32 +179,36 @@ def _r2(fit: CyclicFit, mask: NDArray[np.bool_] | None = None) -> dict[str, floa
     return scores
 
 
-def _pass_row(one: Pass, clip: Clip, fit: CyclicFit) -> dict[str, Any]:
-    mine = clip.passes[fit.strides.frames] == one.number
-    used = bool(mine.any())
-    h = one.harmonic
+def _path(bouts: Sequence[Bout]) -> dict[str, Any]:
+    """Where the speed comes from, and how far recorded path and feet disagree, in shares of a stride."""
+    sources = {one.way.source for one in bouts}
+    apart = [one.way.disagreement for one in bouts]
+    return {"source": "feet" if "feet" in sources else "recorded", "disagreement": _n(max(apart))}
+
+
+def _bout_row(one: Bout, clip: Clip, fit: CyclicFit, selection: Selection) -> dict[str, Any]:
+    used = one.number not in selection.reasons
+    start, end = one.times
     row: dict[str, Any] = {
-        "pass": one.number,
-        "verdict": one.verdict,
+        "bout": one.number,
+        "pass": one.pass_number,
+        "start_s": _n(start),
+        "end_s": _n(end),
         "used": used,
-        "reason": one.reason,
-        "frames": int((clip.passes == one.number).sum()),
-        "frames_kept": len(one.frames),
-        "frames_bad": int(one.bad.sum()),
-        "heading_deg": _n(np.degrees(one.heading)),
+        "reason": selection.reasons.get(one.number, ""),
+        "strides": _n(one.cycles),
+        "strides_used": _n(one.used_strides),
+        "left_legs_used": sum(stride.used[0] for stride in one.strides),
+        "right_legs_used": sum(stride.used[1] for stride in one.strides),
+        "left_out": why_strides_are_left_out([one]),
+        "period_s": _n(one.period),
         "speed_m_s": _n(one.speed),
+        "path": _path([one]),
+        "turn_deg": _n(np.degrees(one.heading[-1] - one.heading[0])),
+        "tilt_deg": _n(np.degrees(np.mean(one.tilt))),
     }
-    if h is not None:
-        row |= {
-            "harmonic_r2": _n(h.r2),
-            "harmonic_kept": _n(h.kept),
-            "period_s": _n(h.period),
-            "ankle_amplitude_m": _n(h.amplitude),
-            "drift_cycles": _n(one.drift),
-            "strides_timed_individually": one.individually_timed,
-        }
     if used:
-        row["r2"] = _r2(fit, mine)
+        row["r2"] = _r2(fit, np.isin(fit.strides.frames, one.frames))
     return row
 
 

@@ -11,6 +11,7 @@ from scipy.signal import find_peaks
 
 from kinemimic.pipeline.arrays import Array
 from kinemimic.pipeline.locomotion.fourier import design
+from kinemimic.pipeline.locomotion.harmonic import fit_harmonic
 
 SMOOTHING_TIME = (
     0.08  # s over which the ankles' distance is averaged before its turning points are looked for
@@ -20,6 +21,8 @@ PROMINENCE = 0.5  # of a turning point, in amplitudes (twice the standard deviat
 # turning point is off by 0.02 cycles, this fit by 0.005; with half the window, a lopsided wave leaks through.
 HALF_WINDOW = 1.0
 SPACING = 0.25  # strides between the moments
+# One harmonic of a short recording: its R², and the share of the frames that it explains.
+MIN_R2, MIN_KEPT, MIN_FRAMES = 0.85, 0.80, 8
 MIN_SEEN = 0.5  # share of visible frames in a window
 
 
@@ -36,6 +39,23 @@ class StridePhase:
     period: float
 
 
+def gait_phase(times: Array, ankles: Array) -> Array | None:
+    """The phase (T,) of `stride_phase`; of less than one and a half strides, that of one harmonic.
+
+    None if the ankles do not show a gait.
+    """
+    strides = stride_phase(times, ankles)
+    if strides is not None:
+        return strides.phase
+    seen = np.isfinite(ankles)
+    if seen.sum() < MIN_FRAMES:
+        return None
+    harmonic = fit_harmonic(times, np.where(seen, ankles, 0.0), seen.astype(np.float64))
+    if harmonic.r2 < MIN_R2 or harmonic.kept < MIN_KEPT:
+        return None
+    return harmonic.phase(times)
+
+
 def stride_phase(times: Array, ankles: Array) -> StridePhase | None:
     """Phase from x(right ankle) - x(left ankle), (T,) metres at times (T,), NaN where not seen.
 
@@ -43,7 +63,7 @@ def stride_phase(times: Array, ankles: Array) -> StridePhase | None:
     None with fewer than three turning points.
     """
     seen = np.isfinite(ankles)
-    if seen.sum() < 8:
+    if seen.sum() < MIN_FRAMES:
         return None
     distance = np.interp(times, times[seen], ankles[seen])
     counted = _count_cycles(times, distance)

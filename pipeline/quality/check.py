@@ -21,6 +21,7 @@ from kinemimic.pipeline.quality.rules import (
     calibration_frames,
     clock,
     duplicate_frames,
+    exchanged_legs,
     gaps,
     jumps,
     limb_lengths,
@@ -58,7 +59,7 @@ _BODY_RULES = (
     mirrored_body.repair,
     assumed_rate.repair,
 )
-_RULES_IN_PASSES = (swapped_limbs.repair, seen_from_behind.repair, jumps.repair)
+_RULES_IN_PASSES = (swapped_limbs.repair, exchanged_legs.repair, seen_from_behind.repair, jumps.repair)
 _DETECTION_RULES = (limb_lengths.detect, turning_camera.detect, wrong_rate.detect)
 
 

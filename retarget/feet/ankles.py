@@ -10,8 +10,7 @@ from kinemimic.pipeline.arrays import Array
 from kinemimic.pipeline.gait.normative import FOOT_OFF, normative_band
 from kinemimic.pipeline.kinematics.rotations import conjugate, from_axis_angle, multiply
 from kinemimic.pipeline.kinematics.skeleton import NODE_INDEX as N
-from kinemimic.retarget.feet.contact import sole_positions
-from kinemimic.retarget.feet.legs import lean_and_yaw
+from kinemimic.retarget.feet.legs import foot_phases, lean_and_yaw, until_clear
 from kinemimic.retarget.feet.scale import body_kinematics
 
 # Ankles of a walk whose feet were not seen: flat in stance and neutral otherwise, or the normative curve.
@@ -22,12 +21,8 @@ FOOT_FLAT = (
     0.08,
     0.36,
 )  # of the stride: the sole lies on the ground, from after landing until the heel leaves
-MIN_CLEARANCE = 0.015  # m between a swinging sole and the standing one
-MAX_TOE_LIFT = np.radians(20.0)
-FEET_ADJACENT = (0.66, 0.82)  # of the stride: the swinging foot passes the other
 _SWING_PHASE = (FOOT_OFF + 0.02, 0.96)
 _BLEND = 0.08
-_TOE_LENGTH = 0.12  # m from the ankle to the end of the sole
 
 
 def normal_feet(rotations: Array, phase: Array) -> Array:
@@ -37,29 +32,13 @@ def normal_feet(rotations: Array, phase: Array) -> Array:
     that makes the sole flat in mid-stance, because a sensor knows the shank's vertical only to 5 degrees. A
     sensor's knee bends too little in swing, so the toes are lifted until the foot clears the ground.
     """
-    lifts = np.zeros(2)
-    # Lifting the toes lowers the heel: a few rounds reach the clearance.
-    for _ in range(4):
-        out = _with_ankles(rotations, phase, lifts)
-        heights = sole_positions(*body_kinematics(out))[..., 2].min(axis=-1)
-        for foot, stride in enumerate(_foot_phases(phase)):
-            passing = (stride > FEET_ADJACENT[0]) & (stride < FEET_ADJACENT[1])
-            if passing.any():
-                # The other foot is on the ground.
-                over = (heights[passing, foot] - heights[passing, 1 - foot]).min()
-                lifts[foot] = min(lifts[foot] + max(0.0, MIN_CLEARANCE - over) / _TOE_LENGTH, MAX_TOE_LIFT)
-    return _with_ankles(rotations, phase, lifts)
-
-
-def _foot_phases(phase: Array) -> tuple[Array, Array]:
-    """The phase of each foot in its own stride, left then right."""
-    return np.mod(phase, 1.0), np.mod(phase + 0.5, 1.0)
+    return until_clear(lambda lifts: _with_ankles(rotations, phase, lifts), phase)
 
 
 def _with_ankles(rotations: Array, phase: Array, lifts: Array) -> Array:
     out = rotations.copy()
     frames = body_kinematics(rotations)[1]
-    for side, stride, lift in zip(("left", "right"), _foot_phases(phase), lifts, strict=True):
+    for side, stride, lift in zip(("left", "right"), foot_phases(phase), lifts, strict=True):
         knee, ankle = N[f"knee_{side}"], N[f"ankle_{side}"]
         lean, yaw = lean_and_yaw(frames[:, knee])
         pitch = lean - normative_band("ankle", stride)[0]

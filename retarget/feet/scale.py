@@ -12,8 +12,8 @@ from kinemimic.pipeline.kinematics.proportions import stature
 from kinemimic.pipeline.kinematics.rotations import conjugate, from_axis_angle, multiply
 from kinemimic.pipeline.kinematics.skeleton import NODE_INDEX as N
 from kinemimic.pipeline.kinematics.skeleton import node_skeleton
+from kinemimic.pipeline.locomotion.leg_pose import leg_bones
 from kinemimic.retarget.humanoid.body import LEG_LENGTH, TOTAL_MASS, node_offsets
-from kinemimic.retarget.strides.trim import leg_bones
 
 STANCE_WIDTHS = (0.08, 0.16)  # m between the ankles on the Table 1 body
 _SIDES = (("left", 1.0), ("right", -1.0))

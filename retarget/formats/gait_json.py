@@ -10,7 +10,7 @@ from kinemimic.pipeline.errors import KinemimicError
 from kinemimic.pipeline.files.schema import unchanged, upgraded
 from kinemimic.pipeline.files.store import read_json
 
-GAIT_SCHEMA = 2
+GAIT_SCHEMA = 3
 _RENAMED_IN_2 = {
     "passes": {"strides_followed": "strides_timed_individually", "ankles_m": "ankle_amplitude_m"},
     "ground": {"shift_m": "height_shift_m"},
@@ -29,7 +29,7 @@ def read_gait_json(path: Path) -> dict[str, Any]:
             kind="a gait report",
             schema=GAIT_SCHEMA,
             advice=advice,
-            upgrades={0: unchanged, 1: _from_1},
+            upgrades={0: unchanged, 1: _from_1, 2: _from_2},
         )
     except (AttributeError, TypeError, ValueError):
         raise KinemimicError(f"{path}: expected a report of `retarget`, found other JSON; {advice}") from None
@@ -45,6 +45,15 @@ def _from_1(document: Mapping[str, Any]) -> dict[str, Any]:
                 [_renamed(row, names) for row in rows] if isinstance(rows, list) else _renamed(rows, names)
             )
     return report
+
+
+def _from_2(document: Mapping[str, Any]) -> dict[str, Any]:
+    """Schema 3 lists bouts and strides where schema 2 listed passes."""
+    return {
+        key: value
+        for key, value in _renamed(document, {"strides": "strides_used"}).items()
+        if key != "passes"
+    }
 
 
 def _renamed(row: Mapping[str, Any], names: Mapping[str, str]) -> dict[str, Any]:

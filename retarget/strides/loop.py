@@ -6,6 +6,7 @@ for joints that the sensor only inferred and, by Tukey's biweight, for outliers.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -17,17 +18,16 @@ from kinemimic.pipeline.kinematics.clip import Clip
 from kinemimic.pipeline.kinematics.rotations import (
     IDENTITY,
     conjugate,
-    from_axis_angle,
     from_rotvec,
     multiply,
-    rotate,
     to_rotvec,
 )
 from kinemimic.pipeline.kinematics.skeleton import NODE_INDEX, NODES
 from kinemimic.pipeline.locomotion import fourier
-from kinemimic.retarget.strides.passes import Pass
+from kinemimic.pipeline.locomotion.bouts import Bout
 
 STATE_WEIGHTS = np.array([0.0, 0.3, 1.0])  # of missing, inferred, tracked joints
+LEG = ("knee", "ankle", "foot")
 RIDGE = 1e-5
 # Strides that share one straight advance. Over fewer strides the line would absorb part of the sway.
 SECTION_STRIDES = 4.0
@@ -44,11 +44,11 @@ MIRROR_NODES: NDArray[np.intp] = np.array(
 
 @dataclass(frozen=True)
 class Strides:
-    """M pooled frames, each rotated so that its pass is along +X.
+    """M pooled frames in the walker's axes: X ahead, Y left, Z up.
 
-    phase: (M,) cycles; group: (M,) index of the pass, or of a section of a pass whose strides vary
-    times: (M,) seconds from the start of the pass, on `Pass.clock`; positions: (M, 20, 3)
-    weights: (M, 20) per node; frames: (M,) indices into the clip; headings: (M,) radians before the rotation
+    phase: (M,) cycles; group: (M,) index of the section of a bout; times: (M,) seconds from the start of the
+    bout, on a clock in which all strides take one period; positions: (M, 20, 3); weights: (M, 20) per node;
+    frames: (M,) indices into the clip.
     """
 
     phase: Array
@@ -57,7 +57,6 @@ class Strides:
     positions: Array
     weights: Array
     frames: NDArray[np.intp]
-    headings: Array
 
 
 @dataclass(frozen=True)
@@ -93,35 +92,29 @@ class Loop:
         return out
 
 
-def pool_strides(clip: Clip, passes: list[Pass]) -> Strides:
-    """Pool the frames of passes of a clip on the 20 nodes."""
+def pool_strides(clip: Clip, bouts: Sequence[Bout]) -> Strides:
+    """Pool the usable strides of bouts of a clip on the 20 nodes; a leg counts in its own good strides only."""
     parts: dict[str, list[NDArray[Any]]] = {name: [] for name in Strides.__dataclass_fields__}
     groups = 0
-    for one in passes:
-        if one.harmonic is None:
-            continue
-        p = clip.positions[one.frames]
-        states = np.where(np.isfinite(p).all(axis=-1), clip.states[one.frames], 0)
-        frame_weight = one.harmonic.weights * ~one.bad
-        section = _sections(one)
-        parts["phase"].append(one.phase)
+    for one in bouts:
+        legs = one.leg_mask()
+        used = legs.any(axis=1)
+        p = one.positions[used]
+        states = np.where(np.isfinite(p).all(axis=-1), clip.states[one.frames[used]], 0)
+        weights = STATE_WEIGHTS[states]
+        for k, side in enumerate(("left", "right")):
+            weights[np.ix_(~legs[used, k], [NODE_INDEX[f"{joint}_{side}"] for joint in LEG])] = 0.0
+        phase = one.phase[used]
+        section = ((phase - one.phase[0]) / SECTION_STRIDES).astype(np.intp)
+        parts["phase"].append(phase)
         parts["group"].append(groups + section)
-        groups += int(section.max()) + 1
-        parts["times"].append(one.clock - one.clock[0])
-        parts["positions"].append(rotate(from_axis_angle("Z", -one.heading), p))
-        parts["weights"].append(STATE_WEIGHTS[states] * frame_weight[:, None])
-        parts["frames"].append(one.frames)
-        parts["headings"].append(np.full(len(p), one.heading))
+        groups += int(section.max(initial=0)) + 1
+        # Seconds in which all strides take one period.
+        parts["times"].append((phase - one.phase[0]) * one.period)
+        parts["positions"].append(p)
+        parts["weights"].append(weights)
+        parts["frames"].append(one.frames[used])
     return Strides(**{name: np.concatenate(arrays) for name, arrays in parts.items()})
-
-
-def _sections(one: Pass) -> NDArray[np.intp]:
-    """Section (frames,) of a pass, from 0: strides that vary have an even speed only over a few of them."""
-    if not one.individually_timed:
-        return np.zeros(len(one.frames), dtype=np.intp)
-    cycles = one.phase - one.phase[0]
-    count = max(1, round(float(cycles[-1]) / SECTION_STRIDES))
-    return np.asarray(np.minimum((cycles * count / cycles[-1]).astype(np.intp), count - 1))
 
 
 def with_mirror(strides: Strides) -> Strides:

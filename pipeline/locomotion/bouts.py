@@ -1,0 +1,298 @@
+"""Bouts of walking and running in a capture: where they are, how good, and the walker in walking axes.
+
+A walking bout is a run of consecutive strides (Kluge et al. 2021, PLoS ONE 16(8), e0256541). Everything is
+found from the pose: a heading and an upright axis for each frame, a phase that follows the strides, and the
+way over the ground. A bad stride is left out; it does not spoil the bout.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from kinemimic.pipeline.arrays import Array
+from kinemimic.pipeline.kinematics.clip import Clip
+from kinemimic.pipeline.kinematics.rotations import from_axis_angle, multiply, normalize, rotate
+from kinemimic.pipeline.kinematics.skeleton import NODE_INDEX as N
+from kinemimic.pipeline.kinematics.spans import runs
+from kinemimic.pipeline.locomotion.even_clock import RATE, EvenPass, even_pass
+from kinemimic.pipeline.locomotion.ground import ground_height
+from kinemimic.pipeline.locomotion.heading import along_heading, body_heading
+from kinemimic.pipeline.locomotion.leg_pose import impossible_legs, leg_bones
+from kinemimic.pipeline.locomotion.odometry import (
+    MAX_STRIDE_DISAGREEMENT,
+    Way,
+    choose_way,
+    disagreements,
+    foot_odometry,
+    is_running_pose,
+)
+from kinemimic.pipeline.locomotion.stride_phase import gait_phase
+from kinemimic.pipeline.locomotion.strides import Stride, cut_strides, frames_of, judge_strides
+from kinemimic.pipeline.locomotion.upright import upright_axis
+
+MAX_BONE_SPREAD = 0.025  # spread of a leg bone over its length; below it, the recording is precise
+# A bout: so many strides; or a part of a stride that advances so far (m) along a path on which feet and
+# recording agree, as of a runner who crosses the view of a sensor.
+MIN_STRIDES, MIN_CROSSING, MIN_TRAVEL = 2.0, 0.75, 0.8
+MIN_SHARE = 0.5  # of the pass, that a part of a stride takes
+MIN_SPEED = 0.3  # m/s; at lower speeds, the walker steps on the spot
+MIN_STEP_AMPLITUDE = 0.12  # m: half the smallest stride of the ankles on the spot
+# Cycles (rms) by which strides may deviate from one period. The knee's peak in walking is so sharp that
+# pooling frames 0.02 cycles off lowers it by 1 degree.
+MAX_DRIFT = 0.02
+MAX_SWAY = np.radians(4.0)  # rms; a heading that deviates less from an even turn follows the line
+MAX_HEADING_STEP = np.radians(60.0)  # between the strides on either side of a bad one
+
+
+@dataclass(frozen=True)
+class Bout:
+    """A bout of walking or running.
+
+    number: from 0 in the capture; pass_number: of the clip; frames: (n,) indices into the clip, consecutive
+    in the pass; turn: (n, 4) rotations from the capture's axes to the walker's: X ahead, Y left, Z up, where
+    the walker's path is straightened; heading: (n,) radians in the capture; tilt: (n,) radians by which up
+    was corrected; positions: (n, 20, 3) metres in walking axes over the ground; phase: (n,) cycles, integer
+    where the left ankle is farthest ahead; strides: judged, in order; way: where the speed comes from; speed:
+    m/s, negative backward; period: seconds, median of the strides; running, backward: whether the walker runs, or
+    steps backward; precise: whether the recording is accurate to a centimetre.
+    """
+
+    number: int
+    pass_number: int
+    frames: NDArray[np.intp]
+    turn: Array
+    heading: Array
+    tilt: Array
+    positions: Array
+    phase: Array
+    strides: tuple[Stride, ...]
+    way: Way
+    speed: float
+    period: float
+    running: bool
+    backward: bool
+    precise: bool
+
+    @property
+    def cycles(self) -> float:
+        """Number of strides, with parts of strides."""
+        return sum(stride.cycles for stride in self.strides)
+
+    @property
+    def used_strides(self) -> float:
+        """Number of strides of which at least one leg is good enough for a loop, with parts of strides."""
+        return sum(stride.cycles for stride in self.strides if any(stride.used))
+
+    @property
+    def times(self) -> tuple[float, float]:
+        """Seconds of the first and the last frame."""
+        return self.strides[0].times[0], self.strides[-1].times[1]
+
+    def leg_mask(self) -> NDArray[np.bool_]:
+        """Frames (n, 2) in which the left and right leg are good enough for a loop."""
+        out = np.zeros((len(self.frames), 2), dtype=np.bool_)
+        for stride in self.strides:
+            inside = (self.phase >= stride.start) & (self.phase <= stride.end)
+            out[inside] |= np.array(stride.used)
+        return out
+
+
+def find_bouts(clip: Clip, positions: Array) -> list[Bout]:
+    """The bouts of a clip with numbered passes; positions: (T, 20, 3) of its frames, metres."""
+    lengths = leg_bones(positions)
+    if not np.isfinite(lengths).any(axis=0).all():
+        return []
+    bones = np.nanmedian(lengths, axis=0)
+    precise = is_precise(positions)
+    found: list[Bout] = []
+    for number in np.unique(clip.passes[clip.passes >= 0]).tolist():
+        frames = np.flatnonzero(clip.passes == number)
+        for one in _bouts_of_pass(clip.times[frames], positions[frames], bones, precise=precise):
+            found.append(replace(one, pass_number=number, frames=frames[one.frames], number=len(found)))
+    return found
+
+
+def is_precise(positions: Array) -> bool:
+    """Whether the leg bones of positions (T, 20, 3) keep their length, as in an optical recording."""
+    lengths = leg_bones(positions)
+    if not np.isfinite(lengths).any(axis=0).all():
+        return False
+    return bool(np.max(np.nanstd(lengths, axis=0) / np.nanmean(lengths, axis=0)) < MAX_BONE_SPREAD)
+
+
+def _bouts_of_pass(times: Array, positions: Array, bones: Array, *, precise: bool) -> list[Bout]:
+    """The bouts of one pass, with indices into its frames: times (T,), positions (T, 20, 3)."""
+    even = even_pass(times, positions)
+    if even is None:
+        return []
+    heading, facing = body_heading(even.positions, RATE)
+    ankles = even.positions[:, N["ankle_right"]] - even.positions[:, N["ankle_left"]]
+    seen = even.seen[:, [N["ankle_left"], N["ankle_right"]]].all(axis=1)
+    phase = gait_phase(even.times, np.where(seen, along_heading(ankles, heading)[:, 0], np.nan))
+    if phase is None:
+        return []
+    strides = cut_strides(even.times, even.positions, heading, phase, facing=facing if precise else None)
+    # An optical laboratory is level; a sensor may tilt.
+    up = np.tile([0.0, 0.0, 1.0], (len(phase), 1))
+    if not precise:
+        up = upright_axis(even.positions, heading, phase, frames_of(strides, phase))
+    level = rotate(_levelling(up)[:, None], even.positions)
+    ahead = along_heading(level - _middle(level)[:, None], heading)
+    running = is_running_pose(ahead, phase)
+    legs = [even.seen[:, [N[f"{joint}_{side}"] for joint in ("hip", "knee", "ankle")]].all(axis=1)
+            for side in ("left", "right")]  # fmt: skip
+    bad = impossible_legs(ahead, bones, running=running) | ~np.stack(legs, axis=1)
+    strides = judge_strides(strides, phase, _knees(ahead), bad, compare=not precise)
+    out = []
+    groups = _groups(strides, heading, phase)
+    while groups:
+        found = _bout(times, positions, even, heading, phase, up, level, groups.pop(0), precise=precise)
+        if isinstance(found, Bout):
+            out.append(found)
+        else:
+            groups = found + groups
+    return out
+
+
+def _knees(positions: Array) -> Array:
+    """Angles (T, 2) in radians between thigh and shank."""
+    out = []
+    for side in ("left", "right"):
+        hip, knee, ankle = (positions[:, N[f"{joint}_{side}"]] for joint in ("hip", "knee", "ankle"))
+        thigh, shank = knee - hip, ankle - knee
+        out.append(
+            np.arctan2(np.linalg.norm(np.cross(thigh, shank), axis=-1), np.sum(thigh * shank, axis=-1))
+        )
+    return np.stack(out, axis=1)
+
+
+def _groups(strides: list[Stride], heading: Array, phase: Array) -> list[list[Stride]]:
+    """Runs of strides of walking. A single bad stride between two that head the same way does not end a run."""
+    middle = [float(np.interp(0.5 * (one.start + one.end), phase, heading)) for one in strides]
+    groups: list[list[Stride]] = []
+    last: int | None = None
+    for k, stride in enumerate(strides):
+        if not stride.walking:
+            continue
+        gap = 3 if last is None else k - last
+        if last is not None and (gap == 1 or (gap == 2 and abs(middle[k] - middle[last]) < MAX_HEADING_STEP)):
+            groups[-1] += strides[last + 1 : k + 1]
+        else:
+            groups.append([stride])
+        last = k
+    return groups
+
+
+def _bout(
+    times: Array,
+    positions: Array,
+    even: EvenPass,
+    heading: Array,
+    phase: Array,
+    up: Array,
+    level: Array,
+    strides: list[Stride],
+    *,
+    precise: bool,
+) -> Bout | list[list[Stride]]:
+    """The bout of consecutive strides.
+
+    No bout if they are too few, or no walk; then the parts of an optical recording in which path and feet
+    agree are returned, which may be bouts.
+    """
+    clock = slice(*np.searchsorted(phase, (strides[0].start, strides[-1].end + 1e-9)))
+    inside = np.arange(len(phase))[clock]
+    if len(inside) < 8:
+        return []
+    level, phase, up = level[inside], phase[inside], up[inside]
+    # The stride's own sway of the heading belongs to the pelvis, not to the way.
+    phase, heading = _evened(phase, MAX_DRIFT), _evened(heading[inside], MAX_SWAY)
+    root = _middle(level)
+    feet = foot_odometry(level, heading, phase, RATE, toes=precise)
+    walking = frames_of(strides, phase)
+    apart = disagreements(root, feet, phase, np.array([(one.start, one.end) for one in strides]), RATE)
+    way = choose_way(root, feet, apart, RATE, precise=precise)
+    if precise and way.source != "feet":
+        # Steps to the side, or a walk forward that goes on backward.
+        agree = ~(apart[:, 0] > MAX_STRIDE_DISAGREEMENT)
+        if not agree.all():
+            return [strides[part] for part in runs(agree)]
+    velocity = along_heading(np.column_stack([way.velocity, np.zeros(len(inside))]), heading)[:, :2]
+    speed = float(np.mean(velocity[walking, 0]))
+    share = len(inside) / len(even.times)
+    if not _is_walk(strides, way, speed, root, share):
+        return []
+    # Positions in walking axes: the way is integrated along the heading, so that a curve is straightened.
+    travelled = np.concatenate(
+        [np.zeros((1, 2)), np.cumsum(0.5 * (velocity[1:] + velocity[:-1]), axis=0) / RATE]
+    )
+    height = root[:, 2] - ground_height(level, phase, follow=not precise)
+    first, last = np.searchsorted(times, even.times[inside[[0, -1]]])
+    frames = np.arange(first, max(last, first + 1))
+    at = times[frames]
+    seconds = even.times[inside]
+    exact_heading = np.interp(at, seconds, heading)
+    exact_up = np.stack([np.interp(at, seconds, column) for column in up.T], axis=1)
+    turn = multiply(
+        from_axis_angle("Z", -exact_heading),
+        _levelling(exact_up / np.linalg.norm(exact_up, axis=1, keepdims=True)),
+    )
+    place = np.stack(
+        [np.interp(at, seconds, line) for line in (travelled[:, 0], travelled[:, 1], height)], axis=1
+    )
+    p = positions[frames]
+    middle = np.stack([np.interp(at, even.times, line) for line in _middle(even.positions).T], axis=1)
+    return Bout(
+        number=0,
+        pass_number=0,
+        frames=frames,
+        turn=normalize(turn),
+        heading=exact_heading,
+        tilt=np.arccos(np.clip(exact_up[:, 2], -1.0, 1.0)),
+        positions=rotate(turn[:, None], p - middle[:, None]) + place[:, None],
+        phase=np.interp(at, seconds, phase),
+        strides=tuple(strides),
+        way=way,
+        speed=speed,
+        backward=feet.backward,
+        period=float(np.median([stride.period for stride in strides if stride.walking])),
+        running=feet.running,
+        precise=precise,
+    )
+
+
+def _middle(positions: Array) -> Array:
+    """Middle of the hips (T, 3)."""
+    return np.asarray(0.5 * (positions[:, N["hip_left"]] + positions[:, N["hip_right"]]))
+
+
+def _levelling(up: Array) -> Array:
+    """The shortest rotations (T, 4) that turn unit vectors up (T, 3) to +Z."""
+    axis = np.cross(up, np.array([0.0, 0.0, 1.0]))
+    return normalize(np.concatenate([axis, 1.0 + up[:, 2:]], axis=1))
+
+
+def _evened(values: Array, tolerance: float) -> Array:
+    """Values (T,) on an even clock, replaced by a straight line if they deviate from it by less (rms)."""
+    at = np.arange(len(values), dtype=np.float64)
+    line = np.polyval(np.polyfit(at, values, 1), at)
+    return line if float(np.std(values - line)) < tolerance else values
+
+
+def _is_walk(strides: list[Stride], way: Way, speed: float, root: Array, share: float) -> bool:
+    """Whether strides of alternating feet are a walk or a run, over the ground or on the spot.
+
+    share: of the pass that they take.
+    """
+    cycles = sum(stride.cycles for stride in strides if stride.walking)
+    if way.source == "neither":
+        return False
+    if cycles >= MIN_STRIDES:
+        amplitude = float(np.median([stride.amplitude for stride in strides if stride.walking]))
+        return abs(speed) > MIN_SPEED or amplitude > MIN_STEP_AMPLITUDE
+    travel = float(np.linalg.norm(root[-1, :2] - root[0, :2]))
+    crosses = way.source == "recorded" and abs(speed) > MIN_SPEED and travel > MIN_TRAVEL
+    return cycles >= MIN_CROSSING and crosses and share > MIN_SHARE

@@ -1,0 +1,50 @@
+"""Legs that no walker has: missing, of another length, or bent beyond what a gait needs."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from kinemimic.pipeline.arrays import Array, Mask
+from kinemimic.pipeline.kinematics.angles import hip_flexion, knee_flexion
+from kinemimic.pipeline.kinematics.rotations import from_axis_angle
+from kinemimic.pipeline.kinematics.skeleton import NODE_INDEX as N
+
+# Degrees; a walking knee peaks at 50 to 75, a running one at 90 to 125.
+KNEE_LIMIT = {"walk": 85.0, "run": 140.0}
+HIP_LIMITS = {"walk": (-50.0, 60.0), "run": (-60.0, 90.0)}
+MAX_BONE_DEVIATION = 0.30  # of a leg bone from its median length; beyond it, a tracking error
+
+
+def leg_bones(positions: Array) -> Array:
+    """Lengths (T, 4) in metres: left thigh, left shank, right thigh, right shank."""
+    ends = [
+        (f"{a}_{side}", f"{b}_{side}")
+        for side in ("left", "right")
+        for a, b in (("hip", "knee"), ("knee", "ankle"))
+    ]
+    return np.stack(
+        [np.linalg.norm(positions[:, N[b]] - positions[:, N[a]], axis=-1) for a, b in ends], axis=-1
+    )
+
+
+def impossible_legs(positions: Array, bones: Array, *, running: bool) -> Mask:
+    """Frames (T, 2) in which the left or right leg is missing or in a pose that no walker takes.
+
+    positions: (T, 20, 3) along +X with Z up; bones: (4,) usual lengths as `leg_bones` gives them.
+    """
+    gait = "run" if running else "walk"
+    ahead = np.broadcast_to(from_axis_angle("Z", 0.0), (len(positions), 4))
+    lateral = np.array([0.0, 1.0, 0.0])
+    stretched = np.abs(leg_bones(positions) / bones - 1.0) > MAX_BONE_DEVIATION
+    wrong = []
+    for k, side in enumerate(("left", "right")):
+        hip, knee, ankle = (positions[:, N[f"{joint}_{side}"]] for joint in ("hip", "knee", "ankle"))
+        seen = (
+            np.isfinite(hip).all(axis=-1) & np.isfinite(knee).all(axis=-1) & np.isfinite(ankle).all(axis=-1)
+        )
+        bend = np.abs(np.degrees(knee_flexion(hip, knee, ankle, lateral)))
+        thigh = np.degrees(hip_flexion(ahead, hip, knee))
+        low, high = HIP_LIMITS[gait]
+        bad = (bend > KNEE_LIMIT[gait]) | (thigh < low) | (thigh > high)
+        wrong.append(~seen | bad | stretched[:, 2 * k : 2 * k + 2].any(axis=1))
+    return np.stack(wrong, axis=1)

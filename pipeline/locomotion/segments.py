@@ -1,0 +1,136 @@
+"""Segments of a capture, with names and times: walks, runs, turns, standing, other motion, recorded labels."""
+
+from __future__ import annotations
+
+import re
+from collections import Counter
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from kinemimic.pipeline.arrays import Array
+from kinemimic.pipeline.errors import KinemimicError
+from kinemimic.pipeline.kinematics.clip import Clip
+from kinemimic.pipeline.kinematics.skeleton import NODE_INDEX as N
+from kinemimic.pipeline.locomotion.bouts import Bout, find_bouts
+from kinemimic.pipeline.locomotion.even_clock import RATE, even_pass
+from kinemimic.pipeline.locomotion.heading import body_heading
+
+MIN_DURATION = 0.5  # s
+TURN = np.radians(90.0)  # between the headings before and after
+STILL = 0.15  # m/s, median speed of hips, knees, ankles and wrists of a person who stands
+_MOVING = tuple(
+    N[f"{joint}_{side}"] for joint in ("hip", "knee", "ankle", "wrist") for side in ("left", "right")
+)
+_TIMES = re.compile(r"\s*(\d+(?:\.\d*)?)\s*-\s*(\d+(?:\.\d*)?)\s*")
+
+
+@dataclass(frozen=True)
+class Segment:
+    """A named part of a capture.
+
+    name: such as walk-1, or the label that came with the recording; kind: walk, run, turn, stand, motion or
+    label; pass_number: of the clip; start, end: seconds; bout: of a walk or run, else None.
+    """
+
+    name: str
+    kind: str
+    pass_number: int
+    start: float
+    end: float
+    bout: Bout | None = None
+
+
+def find_segments(clip: Clip, positions: Array, bouts: list[Bout] | None = None) -> list[Segment]:
+    """The segments of a clip in order of time; positions: (T, 20, 3) of its frames; bouts: if found already."""
+    found = find_bouts(clip, positions) if bouts is None else bouts
+    counts: Counter[str] = Counter()
+    named = []
+    for one in [*_by_movement(clip, positions, found), *_labelled(clip)]:
+        name = one.name
+        if one.kind != "label":
+            counts[one.kind] += 1
+            name = f"{one.kind}-{counts[one.kind]}"
+        named.append(replace(one, name=name))
+    return named
+
+
+def _labelled(clip: Clip) -> list[Segment]:
+    """The labels that came with the recording."""
+    out = []
+    for label in getattr(clip, "labels", ()):
+        inside = (clip.times >= label.start) & (clip.times <= label.end) & (clip.passes >= 0)
+        if inside.any():
+            number = int(np.bincount(clip.passes[inside]).argmax())
+            out.append(Segment(label.name, "label", number, label.start, label.end))
+    return out
+
+
+def _by_movement(clip: Clip, positions: Array, bouts: list[Bout]) -> Iterator[Segment]:
+    for number in np.unique(clip.passes[clip.passes >= 0]).tolist():
+        frames = np.flatnonzero(clip.passes == number)
+        times = clip.times[frames]
+        at = float(times[0])
+        before: Bout | None = None
+        for bout in [one for one in bouts if one.pass_number == number]:
+            yield from _between(clip, positions, number, at, bout.times[0], (before, bout))
+            start, at = bout.times
+            yield Segment("", "run" if bout.running else "walk", number, start, at, bout)
+            before = bout
+        yield from _between(clip, positions, number, at, float(times[-1]), (before, None))
+
+
+def _between(
+    clip: Clip,
+    positions: Array,
+    number: int,
+    start: float,
+    end: float,
+    beside: tuple[Bout | None, Bout | None],
+) -> Iterator[Segment]:
+    """The segment between two bouts, or before the first or after the last."""
+    if end - start < MIN_DURATION:
+        return
+    inside = (clip.passes == number) & (clip.times >= start) & (clip.times <= end)
+    even = even_pass(clip.times[inside], positions[inside])
+    before, after = beside
+    kind = "motion"
+    if even is not None:
+        speed = RATE * np.linalg.norm(np.diff(even.positions[:, _MOVING], axis=0), axis=-1)
+        known = speed[np.isfinite(speed)]
+        if len(known) and float(np.median(known)) < STILL:
+            kind = "stand"
+        elif before is not None and after is not None:
+            heading, _ = body_heading(even.positions, RATE)
+            change = np.angle(np.exp(1j * (after.heading[0] - before.heading[-1])))
+            kind = "turn" if max(abs(float(change)), float(np.ptp(heading))) > TURN else kind
+    yield Segment("", kind, number, start, end)
+
+
+def only_segment(clip: Clip, positions: Array, wanted: str) -> Clip:
+    """The clip with all frames outside a segment taken out of their passes.
+
+    wanted: the name of a segment, or "START-END" in seconds. KinemimicError if there is no such segment.
+    """
+    times = _TIMES.fullmatch(wanted)
+    if times is not None:
+        start, end = (float(text) for text in times.groups())
+        inside = (clip.times >= start) & (clip.times <= end)
+    else:
+        segments = find_segments(clip, positions)
+        chosen = [one for one in segments if one.name == wanted]
+        if not chosen:
+            names = ", ".join(f"{one.name} ({one.start:.1f}-{one.end:.1f} s)" for one in segments)
+            raise KinemimicError(
+                f"--segment: expected one of {names or 'no segments'}, or times such as 3.5-12, found {wanted!r}"
+            )
+        start, end = chosen[0].start, chosen[0].end
+        inside = (clip.passes == chosen[0].pass_number) & (clip.times >= start) & (clip.times <= end)
+    passes = np.where(inside, clip.passes, -1).astype(np.int32)
+    if (passes >= 0).sum() < 2:
+        raise KinemimicError(
+            f"--segment: expected frames between {start:g} and {end:g} s, found none; the capture has "
+            f"{clip.times[0]:.1f} to {clip.times[-1]:.1f} s"
+        )
+    return replace(clip, passes=passes)

@@ -1,0 +1,236 @@
+"""Strides of one pass, each judged by itself: whether it is a stride of walking, and which legs were seen well."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from kinemimic.pipeline.arrays import Array, Mask
+from kinemimic.pipeline.kinematics.skeleton import NODE_INDEX as N
+from kinemimic.pipeline.locomotion.fourier import design
+from kinemimic.pipeline.locomotion.heading import along_heading
+
+# Seconds of a stride: from a sprinter to a patient with a stride of 2.1 s at 0.5 m/s.
+PERIODS = (0.45, 3.0)
+MIN_R2 = 0.80  # of one harmonic of the ankles' distance within the stride
+MIN_AMPLITUDE = 0.08  # m, of that harmonic: half of the distance by which one ankle passes the other
+# Walking differs from a jump or a kick: the trunk stays upright, and the feet alternate.
+MAX_TRUNK_LEAN = np.radians(60.0)
+MIN_ALTERNATION = 0.5  # share of the variance of both ankles about the hips that lies in their difference
+MAX_SIDEWAYS = np.radians(50.0)  # between the line along which the feet part and the front of the body
+# A stride for a loop: straight enough, as long as the others, with the leg in view.
+MAX_USED_TURN = np.radians(45.0)
+MAX_PERIOD_DEVIATION = 0.25
+MIN_SEEN = 0.8  # share of a stride's frames in which a leg is seen in a possible pose
+# Of a knee's curve with the median of all good strides. Where a depth sensor guesses the far leg, it is 0.3 to
+# 0.7; where it sees the leg, 0.85 to 0.99.
+MIN_KNEE_CORRELATION = 0.80
+MIN_SHARE_OF_STRIDE = 0.1  # a shorter part at the edge of a pass is left to the stride beside it
+_SAMPLES = 40  # of a stride
+
+
+@dataclass(frozen=True)
+class Stride:
+    """One stride, or the part of one that the edge of a pass left.
+
+    start, end: phase in cycles; times: seconds; period: seconds of a full stride; r2: of one harmonic of the
+    ankles' distance; amplitude: metres; turn: radians by which the heading changes; walking: whether this is a
+    stride of walking or running; used: whether the left and the right leg are good enough for a loop; reason:
+    why a leg is not, "" if both are.
+    """
+
+    start: float
+    end: float
+    times: tuple[float, float]
+    period: float
+    r2: float
+    amplitude: float
+    turn: float
+    walking: bool
+    used: tuple[bool, bool] = (False, False)
+    reason: str = ""
+
+    @property
+    def cycles(self) -> float:
+        return self.end - self.start
+
+
+def cut_strides(
+    times: Array, positions: Array, heading: Array, phase: Array, *, facing: Array | None = None
+) -> list[Stride]:
+    """The strides of a pass on an even clock: times (T,), positions (T, 20, 3) with Z up, heading and phase (T,).
+
+    A stride begins where the left ankle is farthest ahead. facing: (T,) radians between the heading and the
+    front of the body, None where the sensor does not show the front well enough to tell steps to the side.
+    """
+    hips = 0.5 * (positions[:, N["hip_left"]] + positions[:, N["hip_right"]])
+    ankles = [
+        along_heading(positions[:, N[f"ankle_{side}"]] - hips, heading)[:, 0] for side in ("left", "right")
+    ]
+    trunk = positions[:, N["shoulder_center"]] - hips
+    lean = np.arctan2(np.hypot(trunk[:, 0], trunk[:, 1]), trunk[:, 2])
+    found = []
+    edges = _edges(phase)
+    for start, end in zip(edges, edges[1:], strict=False):
+        # A part of a stride is judged with the rest of a stride beside it.
+        wide = (start, end)
+        if end - start < 0.9:
+            wide = (end - 1.0, end) if start > phase[0] + 1e-9 else (start, start + 1.0)
+        inside = slice(*np.searchsorted(phase, wide))
+        if inside.stop - inside.start < 6:
+            continue
+        first, last = np.interp([start, end], phase, times)
+        r2, amplitude = _harmonic(phase[inside], ankles[1][inside] - ankles[0][inside])
+        apart, together = (
+            np.var(ankles[1][inside] - ankles[0][inside]),
+            np.var(ankles[1][inside] + ankles[0][inside]),
+        )
+        mine = slice(*np.searchsorted(phase, (start, end)))
+        turn = float(np.ptp(heading[mine])) if mine.stop > mine.start else 0.0
+        period = float((last - first) / (end - start))
+        leaning = lean[inside][np.isfinite(lean[inside])]
+        walking = (
+            PERIODS[0] <= period <= PERIODS[1]
+            and r2 >= MIN_R2
+            and amplitude >= MIN_AMPLITUDE
+            and apart > MIN_ALTERNATION * (apart + together)
+            and (facing is None or float(np.median(facing[inside])) < MAX_SIDEWAYS)
+            and not (len(leaning) and float(np.percentile(leaning, 90.0)) > MAX_TRUNK_LEAN)
+        )
+        found.append(
+            Stride(
+                float(start),
+                float(end),
+                (float(first), float(last)),
+                period,
+                r2,
+                amplitude,
+                turn,
+                bool(walking),
+            )
+        )
+    return found
+
+
+def _edges(phase: Array) -> Array:
+    """Phases at which strides begin and end, with the edges of the pass."""
+    whole = np.arange(np.ceil(phase[0]), np.floor(phase[-1]) + 1.0)
+    edges = np.concatenate([[phase[0]], whole, [phase[-1]]])
+    keep = np.ones(len(edges), dtype=np.bool_)
+    if len(edges) > 3:
+        keep[1] = edges[1] - edges[0] >= MIN_SHARE_OF_STRIDE
+        keep[-2] = edges[-1] - edges[-2] >= MIN_SHARE_OF_STRIDE
+    edges = edges[keep]
+    return edges[np.concatenate([[True], np.diff(edges) > 1e-9])]
+
+
+def _harmonic(phase: Array, distance: Array) -> tuple[float, float]:
+    """R² and amplitude in metres of one harmonic through the ankles' distance (n,) at phases (n,)."""
+    wave = design(phase, 1)
+    fitted = np.asarray(np.linalg.lstsq(wave, distance, rcond=None)[0], dtype=np.float64)
+    spread = float(np.sum((distance - distance.mean()) ** 2))
+    residual = float(np.sum((distance - wave @ fitted) ** 2))
+    return 1.0 - residual / spread if spread > 0.0 else 0.0, float(np.hypot(fitted[1], fitted[2]))
+
+
+def judge_strides(
+    strides: list[Stride], phase: Array, knees: Array, bad: Mask, *, compare: bool
+) -> list[Stride]:
+    """The strides of all bouts of walking of one person, with the legs that are good enough for a loop.
+
+    phase: (T,) cycles; knees: (T, 2) flexion of the left and right knee, radians; bad: (T, 2) frames in which
+    the leg is missing or in an impossible pose; compare: drop legs whose knee differs from the usual curve, as
+    where a depth sensor guesses the far leg.
+    """
+    walking = [stride for stride in strides if stride.walking]
+    if not walking:
+        return strides
+    period = float(np.median([stride.period for stride in walking]))
+    curves = _knee_curves(strides, phase, knees)
+    judged = []
+    for stride in strides:
+        inside = slice(*np.searchsorted(phase, (stride.start, stride.end)))
+        reason = _unusable(stride, period)
+        used = [False, False]
+        if not reason:
+            used = [float(np.mean(~bad[inside, k])) >= MIN_SEEN for k in range(2)]
+            reason = "" if all(used) else "a leg is missing or in an impossible pose"
+        judged.append(replace(stride, used=(used[0], used[1]), reason=reason))
+    return _drop_odd_knees(judged, curves) if compare else judged
+
+
+def _unusable(stride: Stride, period: float) -> str:
+    if not stride.walking:
+        return "not a stride of walking"
+    if stride.turn > MAX_USED_TURN:
+        return f"turns by {np.degrees(stride.turn):.0f}°"
+    if abs(stride.period - period) > MAX_PERIOD_DEVIATION * period:
+        return f"takes {stride.period:.2f} s, the others {period:.2f} s"
+    return ""
+
+
+def _knee_curves(strides: list[Stride], phase: Array, knees: Array) -> Array:
+    """Curves (K, 2, _SAMPLES) of each stride's knees, each from where its own foot is farthest ahead.
+
+    NaN outside the stride.
+    """
+    at = np.arange(_SAMPLES) / _SAMPLES
+    out = np.full((len(strides), 2, _SAMPLES), np.nan)
+    for number, stride in enumerate(strides):
+        base = np.floor(stride.start + 1e-9)
+        for foot in range(2):
+            # The right foot's stride is half a cycle later: the phases of its samples lie in the same frames.
+            own = base + np.mod(at + 0.5 * foot, 1.0)
+            inside = (own >= stride.start - 1e-9) & (own <= stride.end + 1e-9)
+            out[number, foot, inside] = np.interp(own[inside], phase, knees[:, foot])
+    return out
+
+
+def _drop_odd_knees(strides: list[Stride], curves: Array) -> list[Stride]:
+    """The strides without the legs whose knee does not follow the median of all legs."""
+    used = np.array([stride.used for stride in strides])
+    for _ in range(3):
+        if not used.any():
+            break
+        with np.errstate(all="ignore"):
+            usual = np.nanmedian(curves[used], axis=0)
+        agrees = _correlation(curves, usual) >= MIN_KNEE_CORRELATION
+        kept = np.array([stride.used for stride in strides]) & agrees
+        if np.array_equal(kept, used) or kept.sum() < 2:
+            break
+        used = kept
+    return [
+        replace(
+            stride,
+            used=(bool(used[k, 0]), bool(used[k, 1])),
+            reason=stride.reason
+            or ("" if used[k].all() else "a knee does not follow the curve of the other strides"),
+        )
+        for k, stride in enumerate(strides)
+    ]
+
+
+def _correlation(curves: Array, usual: Array) -> Array:
+    """Pearson correlation (K, 2) of curves (K, 2, S) with the usual curve (S,) where both are known; -1 without."""
+    out = np.full(curves.shape[:2], -1.0)
+    for place in np.ndindex(*curves.shape[:2]):
+        known = np.isfinite(curves[place]) & np.isfinite(usual)
+        if known.sum() < 0.2 * len(usual):
+            continue
+        x, y = curves[place][known], usual[known]
+        x, y = x - x.mean(), y - y.mean()
+        size = float(np.linalg.norm(x) * np.linalg.norm(y))
+        out[place] = float(x @ y) / size if size > 0.0 else -1.0
+    return out
+
+
+def frames_of(strides: list[Stride], phase: Array) -> NDArray[Any]:
+    """Mask (T,) of the frames of strides of walking."""
+    inside = np.zeros(len(phase), dtype=np.bool_)
+    for stride in strides:
+        if stride.walking:
+            inside[slice(*np.searchsorted(phase, (stride.start, stride.end)))] = True
+    return inside

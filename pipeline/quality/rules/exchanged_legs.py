@@ -1,0 +1,101 @@
+"""Detects legs that the tracker exchanged while one hid the other, and exchanges them back.
+
+Seen from the side, one leg hides the other at every step, and a depth sensor that loses track names them anew
+as they part. The ankles then meet without passing each other: the same foot seems to lead twice. Walking
+feet alternate, so in a depth sensor's recording every such meeting is an exchange. `swapped_limbs` finds
+swaps of single frames, in which the legs jump; here nothing jumps, because the legs are at one place.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from scipy.signal import find_peaks
+
+from kinemimic.pipeline.arrays import Array, Mask
+from kinemimic.pipeline.kinematics.body_points import nodes_of
+from kinemimic.pipeline.kinematics.clip import Clip
+from kinemimic.pipeline.kinematics.nodes import joints_by_name
+from kinemimic.pipeline.kinematics.skeleton import NODE_INDEX as N
+from kinemimic.pipeline.kinematics.spans import frame_runs
+from kinemimic.pipeline.locomotion.bouts import is_precise
+from kinemimic.pipeline.locomotion.even_clock import RATE, even_pass
+from kinemimic.pipeline.locomotion.heading import along_heading, body_heading
+from kinemimic.pipeline.quality.rules.defect import Defect, plural
+from kinemimic.pipeline.quality.rules.swap_sides import swap_sides
+
+# Of the ankles' distance, in its amplitude (1.41 times its rms): what counts as feet apart, and as feet that
+# meet in between.
+APART, PROMINENCE, MEETING = 0.4, 0.3, 0.5
+STEP_TIMES = (0.25, 1.2)  # s between feet apart and feet apart again
+MIN_AMPLITUDE = 0.10  # m; a person who stands does not step
+_LEG = ("knee", "ankle", "foot")
+
+
+def repair(clip: Clip) -> tuple[Clip, list[Defect]]:
+    """The clip with exchanged legs put back, pass by pass."""
+    positions = nodes_of(clip)
+    if clip.euler is not None or is_precise(positions):
+        return clip, []
+    exchanged = np.zeros(len(clip.times), dtype=np.bool_)
+    times = 0
+    for number in np.unique(clip.passes[clip.passes >= 0]):
+        rows = np.flatnonzero(clip.passes == number)
+        found, count = _exchanged(clip.times[rows], positions[rows])
+        exchanged[rows] = found
+        times += count
+    if not exchanged.any():
+        return clip, []
+    named = joints_by_name(clip.skeleton.names)
+    joints = [named[f"{joint}_left"] for joint in _LEG if f"{joint}_left" in named]
+    curves = [name for name in clip.angles or () if name.startswith(_LEG)]
+    text = (
+        f"the ankles met {plural(times, 'time')} without passing each other: the tracker exchanged the legs "
+        "while one hid the other; exchanged back"
+    )
+    defect = Defect("swapped_sides", int(exchanged.sum()), "frames", "repaired", text, frame_runs(exchanged))
+    return swap_sides(clip, exchanged, joints, curves), [defect]
+
+
+def _exchanged(times: Array, positions: Array) -> tuple[Mask, int]:
+    """Frames (T,) of one pass in which the legs are exchanged, and the number of meetings without a passing."""
+    none = np.zeros(len(times), dtype=np.bool_)
+    even = even_pass(times, positions)
+    if even is None:
+        return none, 0
+    apart = even.positions[:, N["ankle_right"]] - even.positions[:, N["ankle_left"]]
+    ahead = along_heading(apart, body_heading(even.positions, RATE)[0])[:, 0]
+    amplitude = float(np.sqrt(2.0 * np.mean(ahead**2)))
+    if amplitude < MIN_AMPLITUDE:
+        return none, 0
+    distance = np.abs(ahead)
+    peaks, _ = find_peaks(
+        distance,
+        height=APART * amplitude,
+        prominence=PROMINENCE * amplitude,
+        distance=max(1, round(STEP_TIMES[0] * RATE)),
+    )
+    # Each stretch of steps has its own parity: the names with fewer exchanged frames are kept.
+    out = np.zeros(len(distance), dtype=np.bool_)
+    count, start, changes = 0, 0, list[int]()
+    for k, (one, other) in enumerate(zip(peaks, peaks[1:], strict=False)):
+        within = (other - one) / RATE <= STEP_TIMES[1]
+        meeting = int(one + np.argmin(distance[one : other + 1]))
+        if within and ahead[one] * ahead[other] > 0.0 and distance[meeting] < MEETING * amplitude:
+            changes.append(meeting)
+        if not within or k == len(peaks) - 2:
+            end = int(other) if within else int(one)
+            end = len(distance) if k == len(peaks) - 2 else end
+            out[start:end] = _parity(changes, start, end)
+            count += len(changes)
+            start, changes = end, []
+    after = np.searchsorted(even.times, times).clip(0, len(even.times) - 1)
+    return out[after], count
+
+
+def _parity(changes: list[int], start: int, end: int) -> Mask:
+    """Exchanged samples of a stretch: those after an odd number of changes, or the others if they are fewer."""
+    marks = np.zeros(end - start, dtype=np.intp)
+    for change in changes:
+        marks[change - start] += 1
+    odd = np.asarray(np.cumsum(marks) % 2 == 1)
+    return ~odd if odd.mean() > 0.5 else odd
