@@ -223,7 +223,9 @@ def _bout(
     velocity = along_heading(np.column_stack([way.velocity, np.zeros(len(inside))]), heading)[:, :2]
     speed = float(np.mean(velocity[walking, 0]))
     share = len(inside) / len(even.times)
-    if not _is_walk(strides, way, speed, root, share):
+    # An optical laboratory has no camera that turns, and nobody walks backward on a treadmill.
+    in_place_backward = precise and feet.backward and way.source == "feet"
+    if in_place_backward or not _is_walk(strides, way, speed, root, share):
         return []
     # Positions in walking axes: the way is integrated along the heading, so that a curve is straightened.
     travelled = np.concatenate(

@@ -59,7 +59,7 @@ def find_segments(clip: Clip, positions: Array, bouts: list[Bout] | None = None)
 def _labelled(clip: Clip) -> list[Segment]:
     """The labels that came with the recording."""
     out = []
-    for label in getattr(clip, "labels", ()):
+    for label in clip.labels:
         inside = (clip.times >= label.start) & (clip.times <= label.end) & (clip.passes >= 0)
         if inside.any():
             number = int(np.bincount(clip.passes[inside]).argmax())

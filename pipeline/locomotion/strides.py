@@ -22,12 +22,14 @@ MAX_TRUNK_LEAN = np.radians(60.0)
 MIN_ALTERNATION = 0.5  # share of the variance of both ankles about the hips that lies in their difference
 MAX_SIDEWAYS = np.radians(50.0)  # between the line along which the feet part and the front of the body
 # A stride for a loop: straight enough, as long as the others, with the leg in view.
-MAX_USED_TURN = np.radians(45.0)
+MAX_USED_TURN = np.radians(60.0)
 MAX_PERIOD_DEVIATION = 0.25
 MIN_SEEN = 0.8  # share of a stride's frames in which a leg is seen in a possible pose
 # Of a knee's curve with the median of all good strides. Where a depth sensor guesses the far leg, it is 0.3 to
 # 0.7; where it sees the leg, 0.85 to 0.99.
 MIN_KNEE_CORRELATION = 0.80
+# Of a leg with fewer good strides than these, the best ones are taken down to a lower correlation.
+WANTED_STRIDES, MIN_DOUBTFUL_CORRELATION = 3, 0.60
 MIN_SHARE_OF_STRIDE = 0.1  # a shorter part at the edge of a pass is left to the stride beside it
 _SAMPLES = 40  # of a stride
 
@@ -191,14 +193,17 @@ def _knee_curves(strides: list[Stride], phase: Array, knees: Array) -> Array:
 
 def _drop_odd_knees(strides: list[Stride], curves: Array) -> list[Stride]:
     """The strides without the legs whose knee does not follow the median of all legs."""
-    used = np.array([stride.used for stride in strides])
+    seen = np.array([stride.used for stride in strides])
+    used = seen
     for _ in range(3):
         if not used.any():
             break
         with np.errstate(all="ignore"):
             usual = np.nanmedian(curves[used], axis=0)
-        agrees = _correlation(curves, usual) >= MIN_KNEE_CORRELATION
-        kept = np.array([stride.used for stride in strides]) & agrees
+        correlation = np.where(seen, _correlation(curves, usual), -1.0)
+        best = np.sort(correlation, axis=0)[::-1][:WANTED_STRIDES][-1]
+        enough = np.clip(best, MIN_DOUBTFUL_CORRELATION, MIN_KNEE_CORRELATION)
+        kept = correlation >= enough
         if np.array_equal(kept, used) or kept.sum() < 2:
             break
         used = kept
