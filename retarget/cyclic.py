@@ -30,6 +30,9 @@ from kinemimic.retarget.strides.sensor_reliability import (
 FRAME_RATE = 60.0  # frames per second, as near as whole frames in a stride allow
 # By `SensorReliability.precise`: of an optical recording, and of a depth sensor's.
 LEG_HARMONICS = {True: 8, False: 5}
+# Difference of the sides, in residuals about the loop, that a depth sensor's recording keeps. A leg that the
+# sensor sees badly on most strides differs by up to 1.6.
+MAX_ASYMMETRY = 2.0
 MAX_GAP = 0.2  # share of the stride without a frame; across a longer gap the loop would be invented
 
 
@@ -154,4 +157,4 @@ def _is_symmetric(reliability: SensorReliability, asymmetry: float, noise: float
     Only in a depth sensor's recording whose noise explains the difference of the sides: a limp shows as a
     difference well above the residual of the strides. Optical recordings keep their asymmetry.
     """
-    return not reliability.precise and asymmetry < 1.5 * noise
+    return not reliability.precise and asymmetry < MAX_ASYMMETRY * noise

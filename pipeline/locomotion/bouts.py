@@ -145,7 +145,7 @@ def _bouts_of_pass(times: Array, positions: Array, bones: Array, *, precise: boo
     legs = [even.seen[:, [N[f"{joint}_{side}"] for joint in ("hip", "knee", "ankle")]].all(axis=1)
             for side in ("left", "right")]  # fmt: skip
     bad = impossible_legs(ahead, bones, running=running) | ~np.stack(legs, axis=1)
-    strides = judge_strides(strides, phase, _knees(ahead), bad, compare=not precise)
+    strides = judge_strides(strides, phase, _leg_angles(ahead), bad, compare=not precise)
     out = []
     groups = _groups(strides, heading, phase)
     while groups:
@@ -157,15 +157,18 @@ def _bouts_of_pass(times: Array, positions: Array, bones: Array, *, precise: boo
     return out
 
 
-def _knees(positions: Array) -> Array:
-    """Angles (T, 2) in radians between thigh and shank."""
+def _leg_angles(positions: Array) -> Array:
+    """Angles (T, 2, 2) in radians of both legs: between thigh and shank, and of the thigh forward from vertical.
+
+    positions: (T, 20, 3) with X ahead and Z up.
+    """
     out = []
     for side in ("left", "right"):
         hip, knee, ankle = (positions[:, N[f"{joint}_{side}"]] for joint in ("hip", "knee", "ankle"))
         thigh, shank = knee - hip, ankle - knee
-        out.append(
-            np.arctan2(np.linalg.norm(np.cross(thigh, shank), axis=-1), np.sum(thigh * shank, axis=-1))
-        )
+        across = np.linalg.norm(np.cross(thigh, shank), axis=-1)
+        bend = np.arctan2(across, np.sum(thigh * shank, axis=-1))
+        out.append(np.stack([bend, np.arctan2(thigh[:, 0], -thigh[:, 2])], axis=1))
     return np.stack(out, axis=1)
 
 
