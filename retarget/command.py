@@ -53,11 +53,11 @@ def retarget(
     ankle: ankles of a walk whose feet the sensor did not see (`legs.neutral_feet`, `ankles.normal_feet`).
     loop: average the strides into a loop; None does so for every gait with usable strides, False keeps the
         longest bout as recorded.
-    straighten: walk straight where the person walked a curve; None does so for a loop, which is straight. With
-        False, a walk keeps its turns, as recorded.
-    segment: name or times of a segment, as `inspect` lists them (`locomotion.segments`); None takes the
-        longest usable walk with those alike, or without one the longest pass, as recorded.
-    Raises KinemimicError if the capture has no pass, or no usable stride where a loop is asked for.
+    straighten: walk straight where the person walked a curve; None does so for a loop, which is straight.
+    With False, a walk keeps its turns, as recorded. segment: name or times of a segment, as `inspect` lists
+    them (`locomotion.segments`); None takes the longest usable walk with those alike, or without one the
+    longest pass, as recorded. Raises KinemimicError if the capture has no pass, or no usable stride where a
+    loop is asked for.
     """
     source = read_clip(run / "quaternions.parquet")
     clip, raw = on_nodes(source), on_nodes(read_clip(run / "raw.parquet"))
@@ -66,7 +66,7 @@ def retarget(
     truth = read_truth(run / "truth.parquet")
     if not (clip.passes >= 0).any():
         raise KinemimicError(f"{run}: expected a pass with a person in it, found none; run `ingest` again")
-    bouts = find_bouts(clip, clip.positions)
+    bouts = find_bouts(clip.times, clip.passes, clip.positions)
     selection = select_bouts(bouts)
     if loop and straighten is False:
         raise KinemimicError("retarget: expected --straighten with --loop: a loop walks straight ahead")

@@ -91,9 +91,9 @@ def fit_cyclic(
         loop = fit_loop(both, turned, period, leg=LEG_HARMONICS[reliability.precise])
     if gap > MAX_GAP:
         raise KinemimicError(
-            f"retarget: expected frames of a whole stride, found none of either leg in {100 * gap:.0f} % of it "
-            f"({sum(one.used_strides for one in bouts):.1f} usable strides); record more strides, or keep the "
-            "motion as recorded with --no-loop"
+            "retarget: expected frames of a whole stride of each leg, found none in "
+            f"{100 * gap:.0f} % of it ({sum(one.used_strides for one in bouts):.1f} usable strides); "
+            "record more strides, or keep the motion as recorded with --no-loop"
         )
     frames = max(8, round(FRAME_RATE * period))
     phase = np.arange(frames) / frames
@@ -130,7 +130,9 @@ def _of_used_legs(curves: dict[str, Array], strides: Strides) -> dict[str, Array
 
 
 def _largest_gap(strides: Strides) -> float:
-    """The largest share of the stride, 0 to 1, without a pooled frame of positive weight of one of the legs."""
+    """The largest share of the stride, 0 to 1, without a pooled frame of positive weight of one of the
+    legs.
+    """
     gaps = []
     for side in ("left", "right"):
         phases = np.sort(np.mod(strides.phase[strides.weights[:, N[f"knee_{side}"]] > 0], 1.0))

@@ -92,7 +92,7 @@ def _speed_error(report: Report) -> float | None:
     # On the spot, a share of the speed means nothing.
     if speed is None or scaled is None or abs(scaled) < MIN_SPEED:
         return None
-    return 100.0 * abs(speed / abs(scaled) - 1.0)
+    return float(100.0 * abs(speed / abs(scaled) - 1.0))
 
 
 # Clearance applies to walks only: a runner's or jumper's foot leaves the ground without it.
@@ -113,7 +113,7 @@ RULES: tuple[_Rule, ...] = (
     _Rule("fit", _hip_fit, _gaits(least=0.7), _gaits(least=0.4),
           "the hip curves of the strides agree only to R² {value:.2f} (limit {limit:.1f})"),
     _Rule("speed", _speed_error, _gaits(most=5), _gaits(most=30),
-          "the body's speed differs by {value:.0f} % from the capture's, scaled by the legs (limit {limit:.0f})"),
+          "the body's speed is {value:.0f} % off the capture's, scaled by the legs (limit {limit:.0f})"),
     _Rule("strides", lambda report: report.get("strides_used"), _gaits(least=2.0), {},
           "only {value:.1f} strides (limit {limit:.0f}): too few to average out the noise of one"),
     _Rule("limits", _beyond, _all_kinds(most=0.5), _all_kinds(most=15),

@@ -56,7 +56,7 @@ def cyclic_report(
         "frames_used": len(fit.strides.phase),
         "path": _path(selection.bouts),
         "r2_loop_against_capture": _r2(fit),
-        "bouts": [_bout_row(one, clip, fit, selection) for one in bouts],
+        "bouts": [_bout_row(one, fit, selection) for one in bouts],
         "symmetric": fit.symmetric,
         "asymmetry_deg": _n(fit.asymmetry_deg),
         "noise_deg": _n(fit.noise_deg),
@@ -186,7 +186,7 @@ def _path(bouts: Sequence[Bout]) -> dict[str, Any]:
     return {"source": "feet" if "feet" in sources else "recorded", "disagreement": _n(max(apart))}
 
 
-def _bout_row(one: Bout, clip: Clip, fit: CyclicFit, selection: Selection) -> dict[str, Any]:
+def _bout_row(one: Bout, fit: CyclicFit, selection: Selection) -> dict[str, Any]:
     used = one.number not in selection.reasons
     start, end = one.times
     row: dict[str, Any] = {

@@ -78,7 +78,7 @@ def _rows(subject: GaitSubject, curve: Array, side: str) -> Array:
     """A curve (T,) resampled over every stride of a side: (strides, 101)."""
     parts = []
     for group in subject.gait.feet:
-        mine = subject.passes == group
+        mine = subject.gait.groups == group
         strides = [s for s in subject.gait.strides if s.group == group and s.side == side]
         parts.append(over_cycle(subject.times[mine], curve[mine], strides))
     return np.concatenate(parts)

@@ -25,7 +25,7 @@ from kinemimic.pipeline.kinematics.angles import leg_angles
 from kinemimic.pipeline.kinematics.clip import Clip, forward_kinematics
 from kinemimic.pipeline.kinematics.nodes import derived_nodes, joints_by_name
 from kinemimic.pipeline.kinematics.orient import node_rotations
-from kinemimic.pipeline.kinematics.rotations import from_axis_angle, multiply, to_rotvec
+from kinemimic.pipeline.kinematics.rotations import conjugate, from_axis_angle, multiply, to_rotvec
 from kinemimic.pipeline.kinematics.skeleton import NODE_INDEX, node_skeleton
 from kinemimic.retarget.formats.gait_json import read_gait_json
 from kinemimic.retarget.humanoid.motion import Motion, joint_angles
@@ -172,12 +172,10 @@ def _ankles(rotations: Array) -> dict[str, Array]:
 
 
 def _neutral_pelvis(clip: Clip, gait: Gait, lean: float) -> Array:
-    """World rotations (T, 4) along the path with that lean; NaN in passes without a gait."""
+    """World rotations (T, 4) along the heading with that lean; NaN outside bouts."""
     frames = np.full((len(clip.times), 4), np.nan)
-    for number, feet in gait.feet.items():
-        mine = clip.passes == number
-        x, y = (np.interp(clip.times[mine], feet.times, feet.forward[:, k]) for k in range(2))
-        frames[mine] = multiply(from_axis_angle("Z", np.arctan2(y, x)), from_axis_angle("Y", lean))
+    for bout in gait.bouts.values():
+        frames[bout.frames] = multiply(conjugate(bout.turn), from_axis_angle("Y", lean))
     return frames
 
 

@@ -19,6 +19,7 @@ from scipy.signal import butter, sosfiltfilt
 
 from kinemimic.pipeline.arrays import Array, Mask
 from kinemimic.pipeline.kinematics.skeleton import NODE_INDEX as N
+from kinemimic.pipeline.locomotion.bouts import Bout
 
 SIDES: tuple[str, str] = ("left", "right")
 _POINTS = tuple(N[f"{joint}_{side}"] for joint in ("hip", "ankle") for side in SIDES)
@@ -26,46 +27,37 @@ _POINTS = tuple(N[f"{joint}_{side}"] for joint in ("hip", "ankle") for side in S
 RATE = 100.0  # Hz of the even clock: 30 Hz would put a foot strike 17 ms off
 CUTOFF = 6.0  # Hz
 MIN_DURATION = 0.6  # s that the filter and a step need
-WINDOW = 1.0  # s, about a stride, over which the pelvis' sway cancels out of the direction of the path
-TRAVEL_SPEED = 0.3  # m/s; at lower speeds, the subject is on a treadmill or does not walk
 # A turning point counts if the ankle then returns by this share of its range; the range must exceed MIN_RANGE
 # metres, since swaying on the spot is not walking.
 RETURN_SHARE, MIN_RANGE = 0.35, 0.15
-RUNNING_CORRELATION = 0.4  # of the pelvis' height with the distance of the ankles
 _STILL = 0.4  # of the speed over the ground, below which a runner's ankle is on the ground
 
 
 @dataclass(frozen=True)
 class FootEvents:
-    """A pass of gait on an even clock, and when each foot (left, right) is on the ground.
+    """A bout of gait on an even clock, and when each foot (left, right) is on the ground.
 
-    times: (T,) seconds at RATE; pelvis: (T, 3) midpoint of the hips, ankles: (T, 2, 3), metres, in axes fixed
-    to the ground (on a treadmill, to the belt); forward: (T, 2) unit vectors of progression; seen: (T, 2)
-    True where the capture shows both hips and this ankle, False where they are interpolated; strikes, offs:
-    seconds of each foot's strikes and foot offs; belt: m/s of a treadmill's belt, 0 on firm ground;
-    belt_contacts: for each foot (2, S) time (s) and backward speed (m/s) of its stances while it lies flat on
-    the belt, none on firm ground; running: whether the gait is running.
+    times: (T,) seconds at RATE; pelvis: (T, 3) midpoint of the hips, ankles: (T, 2, 3), metres, in the
+    walker's axes over the ground: X ahead, the path straightened (on a treadmill, relative to the belt);
+    seen: (T, 2) True where the capture shows both hips and this ankle, False where they are interpolated;
+    strikes, offs: seconds of each foot's strikes and foot offs.
     """
 
     times: Array
     pelvis: Array
     ankles: Array
-    forward: Array
     seen: Mask
     strikes: tuple[Array, Array]
     offs: tuple[Array, Array]
-    belt: float
-    belt_contacts: tuple[Array, Array]
-    running: bool
 
 
-def detect_foot_events(times: Array, positions: Array) -> FootEvents | None:
-    """Foot events of one pass: times (T,) in seconds, positions (T, 20, 3) of the 20 nodes in metres.
+def detect_foot_events(times: Array, bout: Bout) -> FootEvents | None:
+    """Foot events of a bout of walking or running; times: (n,) seconds of its frames.
 
-    None if hips or ankles are missing throughout, if the pass is shorter than MIN_DURATION, or if nobody
-    walks: the ankles do not alternate, or the subject moves slower than TRAVEL_SPEED over ground and belt.
+    None if hips or ankles are missing throughout, if the bout is shorter than MIN_DURATION, or if it has no
+    turning point of each kind.
     """
-    given = positions[:, _POINTS]
+    given = bout.positions[:, _POINTS]
     whole: Mask = np.asarray(np.isfinite(given).all(axis=-1))
     if len(times) < 4 or times[-1] - times[0] < MIN_DURATION or (whole.sum(axis=0) < 4).any():
         return None
@@ -74,46 +66,22 @@ def detect_foot_events(times: Array, positions: Array) -> FootEvents | None:
     hips = whole[:, 0] & whole[:, 1]
     seen = np.stack([_nearest(clock, times, hips & whole[:, 2 + k]) for k in range(2)], axis=1)
     pelvis, ankles = points[:, :2].mean(axis=1), points[:, 2:]
-    forward, travels = _progression(clock, pelvis, points)
-    reach = np.einsum("tkc,tc->tk", ankles[..., :2] - pelvis[:, None, :2], forward)
+    reach = ankles[..., 0] - pelvis[:, None, 0]
     turns = [_turning_points(reach[:, k]) for k in range(2)]
     if not all(len(ahead) and len(behind) for ahead, behind in turns):
         return None
-    advance = np.einsum("tkc,tc->tk", np.gradient(ankles[..., :2], 1.0 / RATE, axis=0), forward)
-    belt, belt_contacts = 0.0, (np.empty((2, 0)), np.empty((2, 0)))
-    if not travels:
-        flat = [_flat(*turns[k]) for k in range(2)]
-        belt = -_ground_speed(advance, flat)
-        belt_contacts = (
-            _belt_contacts(clock, advance[:, 0], flat[0]),
-            _belt_contacts(clock, advance[:, 1], flat[1]),
-        )
-        if belt < TRAVEL_SPEED:
-            return None
-        ankles, pelvis = (_on_belt(points, belt, forward) for points in (ankles, pelvis))
-        advance = advance + belt
-    running = _bounces(pelvis[:, 2], np.abs(reach[:, 0] - reach[:, 1]))
-    if running:
-        speed = float(np.median(np.sum(np.gradient(pelvis[:, :2], 1.0 / RATE, axis=0) * forward, axis=1)))
+    if bout.running:
+        advance = np.gradient(ankles[..., 0], 1.0 / RATE, axis=0)
+        speed = float(np.median(np.gradient(pelvis[:, 0], 1.0 / RATE)))
         turns = [_standing(advance[:, k], *turns[k], _STILL * speed) for k in range(2)]
     strikes, offs = (
         tuple(
-            clock[0] + _refined(sign * reach[:, k], turns[k][which], running=running) / RATE for k in range(2)
+            clock[0] + _refined(sign * reach[:, k], turns[k][which], running=bout.running) / RATE
+            for k in range(2)
         )
         for which, sign in ((0, 1.0), (1, -1.0))
     )
-    return FootEvents(
-        times=clock,
-        pelvis=pelvis,
-        ankles=ankles,
-        forward=forward,
-        seen=seen,
-        strikes=(strikes[0], strikes[1]),
-        offs=(offs[0], offs[1]),
-        belt=belt,
-        belt_contacts=belt_contacts,
-        running=running,
-    )
+    return FootEvents(clock, pelvis, ankles, seen, (strikes[0], strikes[1]), (offs[0], offs[1]))
 
 
 def _smooth(clock: Array, times: Array, points: Array, whole: Mask) -> Array:
@@ -131,38 +99,6 @@ def _nearest(clock: Array, times: Array, flags: Mask) -> Mask:
     """Whether the frames before and after each time are flagged."""
     after = np.searchsorted(times, clock).clip(1, len(times) - 1)
     return np.asarray(flags[after] & flags[after - 1])
-
-
-def _progression(clock: Array, pelvis: Array, points: Array) -> tuple[Array, bool]:
-    """Unit vectors forward (T, 2), and whether the pelvis travels along them.
-
-    If it travels: its displacement over a stride, which may follow a curve. If not: the line along which the
-    ankles separate, because a depth sensor sees the hip line up to 40 degrees off.
-    """
-    early, late = (np.clip(clock + s * WINDOW / 2, clock[0], clock[-1]) for s in (-1, 1))
-    way = np.stack(
-        [np.interp(late, clock, pelvis[:, k]) - np.interp(early, clock, pelvis[:, k]) for k in (0, 1)]
-    )
-    length = np.hypot(*way)
-    if np.median(length / (late - early)) > TRAVEL_SPEED:
-        return np.asarray((way / np.maximum(length, 1e-9)).T), True
-    x, y = (points[:, 2, :2] - points[:, 3, :2]).T
-    # A line has no sign, so twice its angle is averaged and unwrapped, over two strides.
-    twice = np.arctan2(_mean_about(2.0 * x * y, 2.0 * WINDOW), _mean_about(x * x - y * y, 2.0 * WINDOW))
-    angle = 0.5 * np.unwrap(twice)
-    forward = np.stack([np.cos(angle), np.sin(angle)], axis=1)
-    left = points[:, 0, :2] - points[:, 1, :2]
-    facing = _mean_about(forward[:, 0] * left[:, 1] - forward[:, 1] * left[:, 0], 2.0 * WINDOW)
-    return np.where(facing[:, None] >= 0, forward, -forward), False
-
-
-def _mean_about(values: Array, span: float) -> Array:
-    """Moving mean of (T,) over `span` seconds, shorter at the ends."""
-    half = int(0.5 * span * RATE)
-    sums = np.concatenate([[0.0], np.cumsum(values)])
-    at = np.arange(len(values))
-    first, last = np.maximum(at - half, 0), np.minimum(at + half + 1, len(values))
-    return np.asarray((sums[last] - sums[first]) / (last - first))
 
 
 def _turning_points(reach: Array) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
@@ -200,45 +136,6 @@ def _stances(ahead: NDArray[np.intp], behind: NDArray[np.intp]) -> list[tuple[in
         for start, end, limit in zip(ahead, low, next_ahead, strict=True)
         if end < limit
     ]
-
-
-def _flat(ahead: NDArray[np.intp], behind: NDArray[np.intp]) -> list[slice]:
-    """Samples of each stance in which the foot lies flat: its second quarter.
-
-    Later the heel rises and moves the ankle forward.
-    """
-    quarters = [(start, (end - start) // 4, (end - start) // 2) for start, end in _stances(ahead, behind)]
-    return [slice(start + one, start + two) for start, one, two in quarters if two > one]
-
-
-def _ground_speed(advance: Array, flat: list[list[slice]]) -> float:
-    """Median forward speed (m/s) of the ankles (T, 2) while the foot lies flat."""
-    speeds = [advance[part, k] for k in range(2) for part in flat[k]]
-    return float(np.median(np.concatenate(speeds))) if speeds else 0.0
-
-
-def _belt_contacts(clock: Array, advance: Array, flat: list[slice]) -> Array:
-    """Times (s) and median backward speeds (m/s) of an ankle (T,) in its flat stances, (2, S)."""
-    return np.array([[clock[part].mean(), -np.median(advance[part])] for part in flat]).reshape(-1, 2).T
-
-
-def _on_belt(points: Array, belt: float, forward: Array) -> Array:
-    """Points (T, ..., 3) in axes fixed to the belt."""
-    moved = points.copy()
-    way = np.cumsum(belt / RATE * forward, axis=0)
-    moved[..., :2] += way.reshape(len(way), *(1,) * (points.ndim - 2), 2)
-    return moved
-
-
-def _bounces(height: Array, apart: Array) -> bool:
-    """Whether the pelvis is high when the ankles are far apart, as in the flight phase of running.
-
-    In walking the body vaults over a stiff leg, so the pelvis is lowest then (Cavagna, Heglund and Taylor
-    1977, American Journal of Physiology 233, R243-R261). Measured correlations: walking -1.0 to 0.3 (a depth
-    sensor with legs exchanged), running 0.5 to 0.9.
-    """
-    up, out = (values - _mean_about(values, WINDOW) for values in (height, apart))
-    return bool(up @ out > RUNNING_CORRELATION * np.linalg.norm(up) * np.linalg.norm(out))
 
 
 def _standing(

@@ -19,15 +19,12 @@ from numpy.typing import NDArray
 from kinemimic.pipeline.arrays import Array
 from kinemimic.pipeline.gait.events import SIDES, FootEvents, detect_foot_events
 from kinemimic.pipeline.kinematics.skeleton import NODE_INDEX as N
-from kinemimic.pipeline.locomotion.harmonic import fit_harmonic
+from kinemimic.pipeline.locomotion.bouts import Bout, find_bouts
 
 GRAVITY = 9.81
 # A stride that deviates more from its pass' period, or from the median of all strides, is from starting,
 # stopping or turning, or from legs exchanged by the sensor.
 MAX_TIME_DEVIATION, MAX_LENGTH_DEVIATION = 0.20, 0.40
-# The median of a few strides may itself be wrong: in a pass no longer than SHORT_PASS (s), the harmonic of
-# the ankles gives the period, if its R² is above MIN_R2.
-SHORT_PASS, MIN_R2 = 30.0, 0.85
 MIN_SEEN = 0.8  # share of a stride in which the capture must show hips and ankles
 
 
@@ -35,7 +32,7 @@ MIN_SEEN = 0.8  # share of a stride in which the capture must show hips and ankl
 class Stride:
     """One stride of one foot; times in seconds, lengths in metres, shares of the stride's time.
 
-    group: number of the pass; start, off, end: foot strike, foot off, next foot strike; step_time,
+    group: number of the bout; start, off, end: foot strike, foot off, next foot strike; step_time,
     step_length, width: of the step that ends the stride.
     """
 
@@ -75,13 +72,16 @@ MEASURES: dict[str, Callable[[Stride], float]] = {
 class Gait:
     """The strides of a recording.
 
-    strides: those used, pass by pass; left_out: number of the others; feet: foot events of each pass with
-    walking; belt: m/s, None on firm ground; running: whether most strides are running; leg: median length in
-    metres, hip to knee to ankle.
+    strides: those used, bout by bout; left_out: number of the others; bouts: by number, those of the strides;
+    groups: (T,) number of the bout of each frame, -1 outside any; feet: foot events of each bout; belt: m/s
+    at which the feet carry a body that stays in place, as on a treadmill, None over the ground; running:
+    whether most strides are running; leg: median length in metres, hip to knee to ankle.
     """
 
     strides: tuple[Stride, ...]
     left_out: int
+    bouts: Mapping[int, Bout]
+    groups: NDArray[np.int32]
     feet: Mapping[int, FootEvents]
     belt: float | None
     running: bool
@@ -95,26 +95,27 @@ def measure_gait(times: Array, passes: NDArray[np.int32], positions: Array) -> G
     """
     found: list[Stride] = []
     feet: dict[int, FootEvents] = {}
+    bouts: dict[int, Bout] = {}
+    groups = np.full(len(times), -1, dtype=np.int32)
     lacking = 0
-    for number in np.unique(passes[passes >= 0]).tolist():
-        mine = passes == number
-        one = detect_foot_events(times[mine], positions[mine])
+    for bout in find_bouts(times, passes, positions):
+        one = detect_foot_events(times[bout.frames], bout)
         if one is not None:
-            feet[number] = one
-            strides, unseen = _strides(number, one)
-            period = _period(one)
-            found += [
-                s for s in strides if period is None or abs(s.time - period) <= MAX_TIME_DEVIATION * period
-            ]
+            feet[bout.number], bouts[bout.number] = one, bout
+            groups[bout.frames] = bout.number
+            strides, unseen = _strides(bout.number, one)
+            found += [s for s in strides if abs(s.time - bout.period) <= MAX_TIME_DEVIATION * bout.period]
             lacking += unseen + len(strides)
     kept = _usual(found)
-    belt = float(np.median([feet[s.group].belt for s in kept])) if kept else 0.0
-    runs = sum(feet[s.group].running for s in kept)
+    belts = [abs(bouts[s.group].speed) for s in kept if bouts[s.group].way.source == "feet"]
+    runs = sum(bouts[s.group].running for s in kept)
     return Gait(
         strides=tuple(kept),
         left_out=lacking - len(kept),
+        bouts=bouts,
+        groups=groups,
         feet=feet,
-        belt=belt if belt > 0 else None,
+        belt=float(np.median(belts)) if 2 * len(belts) > len(kept) else None,
         running=2 * runs > len(kept),
         leg=_leg_length(positions),
     )
@@ -199,16 +200,6 @@ def _support(start: float, off: float, end: float, opposite: float, offs: Array)
     both = min(before, off) - start + max(0.0, min(off, after) - opposite)
     none = (end - start) - (off - start) - (before - start) - (after - opposite) + both
     return float(both / (end - start)), float(none / (end - start))
-
-
-def _period(feet: FootEvents) -> float | None:
-    """Stride period (s) of a short pass from all of its frames; None if one harmonic does not fit."""
-    if feet.times[-1] - feet.times[0] > SHORT_PASS:
-        return None
-    apart = np.sum((feet.ankles[:, 1, :2] - feet.ankles[:, 0, :2]) * feet.forward, axis=1)
-    # Every third sample is enough for the period.
-    harmonic = fit_harmonic(feet.times[::3], apart[::3])
-    return harmonic.period if harmonic.r2 > MIN_R2 else None
 
 
 def _at(feet: FootEvents, foot: int, moment: float) -> Array:

@@ -22,7 +22,9 @@ from kinemimic.pipeline.inspect.measures import (
 )
 from kinemimic.pipeline.kinematics.clip import Clip, Label
 from kinemimic.pipeline.kinematics.vectors import median
-from kinemimic.pipeline.locomotion.walking import detect_gait
+from kinemimic.pipeline.locomotion.bouts import find_bouts
+from kinemimic.pipeline.locomotion.segments import Segment, find_segments
+from kinemimic.pipeline.locomotion.summary import gait_summary
 from kinemimic.pipeline.quality.check import CheckedCapture, check_capture, planned_steps
 from kinemimic.pipeline.readers.recognise import formats, read
 
@@ -91,6 +93,7 @@ _EMPTY: dict[str, Any] = {
     "stature_m": None,
     "angles": None,
     "gait": None,
+    "segments": [],
     "recorded_angles": {},
     "joints": {},
     "defects": [],
@@ -106,6 +109,7 @@ def _report(path: Path, recorded: Clip, checked: CheckedCapture) -> dict[str, An
     lengths = segment_lengths(nodes[inside])
     flagged = any(defect.action == "flagged" for defect in checked.defects)
     beside, simulated = _sidecar_files(path)
+    bouts = find_bouts(clip.times, clip.passes, nodes)
     steps = np.diff(clip.times)[inside[1:] & (clip.passes[1:] == clip.passes[:-1])]
     step = median(steps)
     return _EMPTY | {
@@ -130,7 +134,8 @@ def _report(path: Path, recorded: Clip, checked: CheckedCapture) -> dict[str, An
         "bones_m": lengths,
         "stature_m": stature(lengths),
         "angles": leg_angle_ranges(nodes[inside], states[inside]),
-        "gait": detect_gait(clip, nodes),
+        "gait": gait_summary(bouts),
+        "segments": [_segment(one) for one in find_segments(clip, nodes, bouts)],
         "recorded_angles": recorded_angles(clip, nodes, inside),
         "joints": joint_quality(clip, inside),
         "defects": [defect.to_json() for defect in checked.defects],
@@ -146,6 +151,16 @@ def _pass(clip: Clip, number: int) -> dict[str, Any]:
         "frames": len(frames),
         "start_s": rounded(clip.times[frames[0]], 4),
         "end_s": rounded(clip.times[frames[-1]], 4),
+    }
+
+
+def _segment(segment: Segment) -> dict[str, Any]:
+    return {
+        "name": segment.name,
+        "kind": segment.kind,
+        "start_s": rounded(segment.start, 3),
+        "end_s": rounded(segment.end, 3),
+        "strides": rounded(segment.bout.cycles, 1) if segment.bout else None,
     }
 
 

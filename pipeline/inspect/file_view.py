@@ -52,6 +52,7 @@ def _summary(report: Report) -> Table:
         for joint in ("knee", "hip"):
             table.add_row(joint, _range(report, joint))
         table.add_row("gait", _gait(report["gait"]))
+        table.add_row("segments", _segments(report))
     for name, recorded in report["recorded_angles"].items():
         table.add_row(f"recorded {name.replace('_', ' ')}", _recorded_angle(recorded))
     for note in report["notes"]:
@@ -102,9 +103,16 @@ def _gait(gait: dict[str, Any] | None) -> str:
     if gait is None:
         return "none"
     speed = "on the spot" if gait["speed_m_s"] is None else f"{gait['speed_m_s']:.2f} m/s"
+    source = " by the feet: the recorded path does not follow them" if gait["path"] == "feet" else ""
     return (
-        f"period {gait['period_s']:.2f} s, {gait['cadence_steps_min']:.0f} steps/min, {speed} "
-        f"(R² {gait['r2']:.2f} of a harmonic fit to the ankles)"
+        f"{gait['strides_usable']:.1f} usable strides of {gait['strides']:.1f}, "
+        f"period {gait['period_s']:.2f} s, {gait['cadence_steps_min']:.0f} steps/min, {speed}{source}"
+    )
+
+
+def _segments(report: Report) -> str:
+    return ", ".join(
+        f"{one['name']} {one['start_s']:.1f} to {one['end_s']:.1f} s" for one in report["segments"]
     )
 
 

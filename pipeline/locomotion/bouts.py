@@ -13,7 +13,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from kinemimic.pipeline.arrays import Array
-from kinemimic.pipeline.kinematics.clip import Clip
 from kinemimic.pipeline.kinematics.rotations import from_axis_angle, multiply, normalize, rotate
 from kinemimic.pipeline.kinematics.skeleton import NODE_INDEX as N
 from kinemimic.pipeline.kinematics.spans import runs
@@ -40,6 +39,7 @@ MIN_STRIDES, MIN_CROSSING, MIN_TRAVEL = 2.0, 0.75, 0.8
 MIN_SHARE = 0.5  # of the pass, that a part of a stride takes
 MIN_SPEED = 0.3  # m/s; at lower speeds, the walker steps on the spot
 MIN_STEP_AMPLITUDE = 0.12  # m: half the smallest stride of the ankles on the spot
+MARGIN = 0.15  # cycles
 # Cycles (rms) by which strides may deviate from one period. The knee's peak in walking is so sharp that
 # pooling frames 0.02 cycles off lowers it by 1 degree.
 MAX_DRIFT = 0.02
@@ -56,8 +56,8 @@ class Bout:
     the walker's path is straightened; heading: (n,) radians in the capture; tilt: (n,) radians by which up
     was corrected; positions: (n, 20, 3) metres in walking axes over the ground; phase: (n,) cycles, integer
     where the left ankle is farthest ahead; strides: judged, in order; way: where the speed comes from; speed:
-    m/s, negative backward; period: seconds, median of the strides; running, backward: whether the walker runs, or
-    steps backward; precise: whether the recording is accurate to a centimetre.
+    m/s, negative backward; period: seconds, median of the strides; running, backward: whether the walker
+    runs, or steps backward; precise: whether the recording is accurate to a centimetre.
     """
 
     number: int
@@ -100,17 +100,19 @@ class Bout:
         return out
 
 
-def find_bouts(clip: Clip, positions: Array) -> list[Bout]:
-    """The bouts of a clip with numbered passes; positions: (T, 20, 3) of its frames, metres."""
+def find_bouts(times: Array, passes: NDArray[np.int32], positions: Array) -> list[Bout]:
+    """The bouts of a capture: times (T,), numbers of the passes (T,) as in `Clip`, positions (T, 20, 3) in
+    metres.
+    """
     lengths = leg_bones(positions)
     if not np.isfinite(lengths).any(axis=0).all():
         return []
     bones = np.nanmedian(lengths, axis=0)
     precise = is_precise(positions)
     found: list[Bout] = []
-    for number in np.unique(clip.passes[clip.passes >= 0]).tolist():
-        frames = np.flatnonzero(clip.passes == number)
-        for one in _bouts_of_pass(clip.times[frames], positions[frames], bones, precise=precise):
+    for number in np.unique(passes[passes >= 0]).tolist():
+        frames = np.flatnonzero(passes == number)
+        for one in _bouts_of_pass(times[frames], positions[frames], bones, precise=precise):
             found.append(replace(one, pass_number=number, frames=frames[one.frames], number=len(found)))
     return found
 
@@ -158,7 +160,8 @@ def _bouts_of_pass(times: Array, positions: Array, bones: Array, *, precise: boo
 
 
 def _leg_angles(positions: Array) -> Array:
-    """Angles (T, 2, 2) in radians of both legs: between thigh and shank, and of the thigh forward from vertical.
+    """Angles (T, 2, 2) in radians of both legs: between thigh and shank, and of the thigh forward from
+    vertical.
 
     positions: (T, 20, 3) with X ahead and Z up.
     """
@@ -173,7 +176,9 @@ def _leg_angles(positions: Array) -> Array:
 
 
 def _groups(strides: list[Stride], heading: Array, phase: Array) -> list[list[Stride]]:
-    """Runs of strides of walking. A single bad stride between two that head the same way does not end a run."""
+    """Runs of strides of walking. A single bad stride between two that head the same way does not end a
+    run.
+    """
     middle = [float(np.interp(0.5 * (one.start + one.end), phase, heading)) for one in strides]
     groups: list[list[Stride]] = []
     last: int | None = None
@@ -206,7 +211,8 @@ def _bout(
     No bout if they are too few, or no walk; then the parts of an optical recording in which path and feet
     agree are returned, which may be bouts.
     """
-    clock = slice(*np.searchsorted(phase, (strides[0].start, strides[-1].end + 1e-9)))
+    # A little more at either end shows the foot strike there as a turning point.
+    clock = slice(*np.searchsorted(phase, (strides[0].start - MARGIN, strides[-1].end + MARGIN)))
     inside = np.arange(len(phase))[clock]
     if len(inside) < 8:
         return []
@@ -283,7 +289,7 @@ def _levelling(up: Array) -> Array:
 def _evened(values: Array, tolerance: float) -> Array:
     """Values (T,) on an even clock, replaced by a straight line if they deviate from it by less (rms)."""
     at = np.arange(len(values), dtype=np.float64)
-    line = np.polyval(np.polyfit(at, values, 1), at)
+    line = np.asarray(np.polyval(np.polyfit(at, values, 1), at), dtype=np.float64)
     return line if float(np.std(values - line)) < tolerance else values
 
 

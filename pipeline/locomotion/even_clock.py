@@ -10,6 +10,7 @@ from scipy.ndimage import gaussian_filter1d
 from kinemimic.pipeline.arrays import Array, Mask
 from kinemimic.pipeline.kinematics.skeleton import NODE_INDEX as N
 from kinemimic.pipeline.kinematics.skeleton import NODES
+from kinemimic.pipeline.kinematics.spans import all_finite
 
 RATE = 60.0  # Hz
 LEGS: tuple[str, ...] = tuple(
@@ -35,7 +36,7 @@ class EvenPass:
 
 def even_pass(times: Array, positions: Array) -> EvenPass | None:
     """The pass at times (T,) with positions (T, 20, 3); None if it is too short or never shows both legs."""
-    finite = np.isfinite(positions).all(axis=-1)
+    finite = all_finite(positions)
     legs = finite[:, [N[name] for name in LEGS]]
     if len(times) < 2 or times[-1] - times[0] < MIN_DURATION or (legs.sum(axis=0) < MIN_FRAMES).any():
         return None

@@ -14,7 +14,7 @@ from typing import Literal
 import numpy as np
 from scipy.ndimage import gaussian_filter1d
 
-from kinemimic.pipeline.arrays import Array, Mask
+from kinemimic.pipeline.arrays import Array
 from kinemimic.pipeline.kinematics.skeleton import NODE_INDEX as N
 from kinemimic.pipeline.locomotion.upright import center_of_mass
 
@@ -68,8 +68,8 @@ class FootOdometry:
 def foot_odometry(positions: Array, heading: Array, phase: Array, rate: float, *, toes: bool) -> FootOdometry:
     """Velocity of the body over the ground from positions (T, 20, 3) with Z up, in any horizontal place.
 
-    heading: (T,) radians; phase: (T,) cycles, integer where the left ankle is farthest ahead; rate: frames per
-    second; toes: whether the recording shows where the toes are, to a centimetre.
+    heading: (T,) radians; phase: (T,) cycles, integer where the left ankle is farthest ahead; rate: frames
+    per second; toes: whether the recording shows where the toes are, to a centimetre.
     """
     root = 0.5 * (positions[:, N["hip_left"]] + positions[:, N["hip_right"]])
     pose = positions - root[:, None]
@@ -116,7 +116,9 @@ def _taper(own: Array, first: float, last: float) -> Array:
 
 
 def is_running_pose(pose: Array, phase: Array) -> bool:
-    """Whether the rear foot is in the air when the feet are farthest apart; pose: (T, 20, 3) about the hips."""
+    """Whether the rear foot is in the air when the feet are farthest apart; pose: (T, 20, 3) about the
+    hips.
+    """
     lifts = []
     for foot, (rear, ahead) in enumerate((("right", "left"), ("left", "right"))):
         # Farthest apart: a little after the front foot was farthest ahead of the pelvis.
@@ -144,8 +146,8 @@ def _steps_backward(pose: Array, phase: Array) -> bool:
 class Way:
     """Where the speed of a bout comes from.
 
-    source: "recorded" where the recorded path agrees with the feet; "feet" where the body stays in place while
-    the feet carry it, as on a treadmill, before a camera that turns with the walker, or without a root;
+    source: "recorded" where the recorded path agrees with the feet; "feet" where the body stays in place
+    while the feet carry it, as on a treadmill, before a camera that turns with the walker, or without a root;
     "neither" where the body moves otherwise than its feet carry it, as in steps to the side. disagreement:
     median distance per stride between both, over the length of the stride by the feet; velocity: (T, 2) m/s,
     the one that is used.
@@ -157,7 +159,8 @@ class Way:
 
 
 # Share of a stride's length by which a recorded path may differ from the feet: by optical recordings, whose
-# feet alone are off by 5 %, and by depth sensors. Share of the feet's speed below which the body stays in place.
+# feet alone are off by 5 %, and by depth sensors. Share of the feet's speed below which the body stays in
+# place.
 MAX_DISAGREEMENT = {True: 0.20, False: 0.35}
 MAX_STRIDE_DISAGREEMENT = 0.35  # of a single stride of an optical recording
 IN_PLACE = 0.5
@@ -165,10 +168,11 @@ _SLOW = 0.3  # m/s: at lower speeds, differences count as of this speed
 
 
 def disagreements(root: Array, feet: FootOdometry, phase: Array, edges: Array, rate: float) -> Array:
-    """Per stride (K, 2), the distance between recorded path and feet, and the way of the path, over that by feet.
+    """Per stride (K, 2), the distance between recorded path and feet, and the way of the path, over that by
+    feet.
 
-    root: (T, 3) metres, the recorded middle of the hips; phase: (T,) cycles; edges: (K, 2) first and last phase
-    of each stride; NaN for a stride without frames.
+    root: (T, 3) metres, the recorded middle of the hips; phase: (T,) cycles; edges: (K, 2) first and last
+    phase of each stride; NaN for a stride without frames.
     """
     recorded = rate * np.gradient(root[:, :2], axis=0)
     out = np.full((len(edges), 2), np.nan)

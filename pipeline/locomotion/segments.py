@@ -1,4 +1,6 @@
-"""Segments of a capture, with names and times: walks, runs, turns, standing, other motion, recorded labels."""
+"""Segments of a capture, with names and times: walks, runs, turns, standing, other motion, recorded
+labels.
+"""
 
 from __future__ import annotations
 
@@ -43,8 +45,10 @@ class Segment:
 
 
 def find_segments(clip: Clip, positions: Array, bouts: list[Bout] | None = None) -> list[Segment]:
-    """The segments of a clip in order of time; positions: (T, 20, 3) of its frames; bouts: if found already."""
-    found = find_bouts(clip, positions) if bouts is None else bouts
+    """The segments of a clip in order of time; positions: (T, 20, 3) of its frames; bouts: if found
+    already.
+    """
+    found = find_bouts(clip.times, clip.passes, positions) if bouts is None else bouts
     counts: Counter[str] = Counter()
     named = []
     for one in [*_by_movement(clip, positions, found), *_labelled(clip)]:
@@ -123,7 +127,8 @@ def only_segment(clip: Clip, positions: Array, wanted: str) -> Clip:
         if not chosen:
             names = ", ".join(f"{one.name} ({one.start:.1f}-{one.end:.1f} s)" for one in segments)
             raise KinemimicError(
-                f"--segment: expected one of {names or 'no segments'}, or times such as 3.5-12, found {wanted!r}"
+                f"--segment: expected one of {names or 'no segments'}, or times such as 3.5-12, "
+                f"found {wanted!r}"
             )
         start, end = chosen[0].start, chosen[0].end
         inside = (clip.passes == chosen[0].pass_number) & (clip.times >= start) & (clip.times <= end)

@@ -1,8 +1,11 @@
-"""Strides of one pass, each judged by itself: whether it is a stride of walking, and which legs were seen well."""
+"""Strides of one pass, each judged by itself: whether it is a stride of walking, and which legs were seen
+well.
+"""
 
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -25,8 +28,8 @@ MAX_SIDEWAYS = np.radians(50.0)  # between the line along which the feet part an
 MAX_USED_TURN = np.radians(60.0)
 MAX_PERIOD_DEVIATION = 0.25
 MIN_SEEN = 0.8  # share of a stride's frames in which a leg is seen in a possible pose
-# Of the curves of knee and thigh with the medians of all good strides. Where a depth sensor guesses the far leg,
-# the knee's is 0.3 to 0.7; where it sees the leg, 0.85 to 0.99.
+# Of the curves of knee and thigh with the medians of all good strides. Where a depth sensor guesses the far
+# leg, the knee's is 0.3 to 0.7; where it sees the leg, 0.85 to 0.99.
 MIN_CORRELATION = 0.80
 # Of a leg with fewer good strides than these, the best ones are taken down to a lower correlation.
 WANTED_STRIDES, MIN_DOUBTFUL_CORRELATION = 3, 0.60
@@ -39,9 +42,9 @@ class Stride:
     """One stride, or the part of one that the edge of a pass left.
 
     start, end: phase in cycles; times: seconds; period: seconds of a full stride; r2: of one harmonic of the
-    ankles' distance; amplitude: metres; turn: radians by which the heading changes; walking: whether this is a
-    stride of walking or running; used: whether the left and the right leg are good enough for a loop; reason:
-    why a leg is not, "" if both are.
+    ankles' distance; amplitude: metres; turn: radians by which the heading changes; walking: whether this is
+    a stride of walking or running; used: whether the left and the right leg are good enough for a loop;
+    reason: why a leg is not, "" if both are.
     """
 
     start: float
@@ -63,7 +66,8 @@ class Stride:
 def cut_strides(
     times: Array, positions: Array, heading: Array, phase: Array, *, facing: Array | None = None
 ) -> list[Stride]:
-    """The strides of a pass on an even clock: times (T,), positions (T, 20, 3) with Z up, heading and phase (T,).
+    """The strides of a pass on an even clock: times (T,), positions (T, 20, 3) with Z up, heading and phase
+    (T,).
 
     A stride begins where the left ankle is farthest ahead. facing: (T,) radians between the heading and the
     front of the body, None where the sensor does not show the front well enough to tell steps to the side.
@@ -76,7 +80,7 @@ def cut_strides(
     lean = np.arctan2(np.hypot(trunk[:, 0], trunk[:, 1]), trunk[:, 2])
     found = []
     edges = _edges(phase)
-    for start, end in zip(edges, edges[1:], strict=False):
+    for start, end in pairwise(edges):
         # A part of a stride is judged with the rest of a stride beside it.
         wide = (start, end)
         if end - start < 0.9:
@@ -126,7 +130,7 @@ def _edges(phase: Array) -> Array:
         keep[1] = edges[1] - edges[0] >= MIN_SHARE_OF_STRIDE
         keep[-2] = edges[-1] - edges[-2] >= MIN_SHARE_OF_STRIDE
     edges = edges[keep]
-    return edges[np.concatenate([[True], np.diff(edges) > 1e-9])]
+    return np.asarray(edges[np.concatenate([[True], np.diff(edges) > 1e-9])])
 
 
 def _harmonic(phase: Array, distance: Array) -> tuple[float, float]:

@@ -41,7 +41,9 @@ _RIDGE = 0.3  # strides that speak for up as recorded, where no heading shows th
 
 
 def center_of_mass(positions: Array) -> Array:
-    """Centre of mass (T, 3) of positions (T, 20, 3); segments with a node that was never seen are left out."""
+    """Centre of mass (T, 3) of positions (T, 20, 3); segments with a node that was never seen are left
+    out.
+    """
     total, mass = np.zeros((len(positions), 3)), 0.0
     for share, start, end in _SEGMENTS:
         middle = 0.5 * (positions[:, N[start]] + positions[:, N[end]])

@@ -80,7 +80,8 @@ def foot_phases(phase: Array) -> tuple[Array, Array]:
 
 
 def until_clear(with_lifts: Callable[[Array], Array], phase: Array) -> Array:
-    """Local rotations (T, 20, 4) whose toes are lifted until each foot clears the ground as it passes the other.
+    """Local rotations (T, 20, 4) whose toes are lifted until each foot clears the ground as it passes the
+    other.
 
     A sensor's knee bends too little in swing. with_lifts: rotations for lifts (2,) in radians of the left and
     right toes; phase: (T,) cycles.

@@ -93,7 +93,9 @@ class Loop:
 
 
 def pool_strides(clip: Clip, bouts: Sequence[Bout]) -> Strides:
-    """Pool the usable strides of bouts of a clip on the 20 nodes; a leg counts in its own good strides only."""
+    """Pool the usable strides of bouts of a clip on the 20 nodes; a leg counts in its own good strides
+    only.
+    """
     parts: dict[str, list[NDArray[Any]]] = {name: [] for name in Strides.__dataclass_fields__}
     groups = 0
     for one in bouts:
@@ -103,7 +105,8 @@ def pool_strides(clip: Clip, bouts: Sequence[Bout]) -> Strides:
         states = np.where(np.isfinite(p).all(axis=-1), clip.states[one.frames[used]], 0)
         weights = STATE_WEIGHTS[states]
         for k, side in enumerate(("left", "right")):
-            weights[np.ix_(~legs[used, k], [NODE_INDEX[f"{joint}_{side}"] for joint in LEG])] = 0.0
+            for joint in LEG:
+                weights[~legs[used, k], NODE_INDEX[f"{joint}_{side}"]] = 0.0
         phase = one.phase[used]
         section = ((phase - one.phase[0]) / SECTION_STRIDES).astype(np.intp)
         parts["phase"].append(phase)

@@ -8,6 +8,8 @@ swaps of single frames, in which the legs jump; here nothing jumps, because the 
 
 from __future__ import annotations
 
+from itertools import pairwise
+
 import numpy as np
 from scipy.signal import find_peaks
 
@@ -57,7 +59,9 @@ def repair(clip: Clip) -> tuple[Clip, list[Defect]]:
 
 
 def _exchanged(times: Array, positions: Array) -> tuple[Mask, int]:
-    """Frames (T,) of one pass in which the legs are exchanged, and the number of meetings without a passing."""
+    """Frames (T,) of one pass in which the legs are exchanged, and the number of meetings without a
+    passing.
+    """
     none = np.zeros(len(times), dtype=np.bool_)
     even = even_pass(times, positions)
     if even is None:
@@ -77,7 +81,7 @@ def _exchanged(times: Array, positions: Array) -> tuple[Mask, int]:
     # Each stretch of steps has its own parity: the names with fewer exchanged frames are kept.
     out = np.zeros(len(distance), dtype=np.bool_)
     count, start, changes = 0, 0, list[int]()
-    for k, (one, other) in enumerate(zip(peaks, peaks[1:], strict=False)):
+    for k, (one, other) in enumerate(pairwise(peaks)):
         within = (other - one) / RATE <= STEP_TIMES[1]
         meeting = int(one + np.argmin(distance[one : other + 1]))
         if within and ahead[one] * ahead[other] > 0.0 and distance[meeting] < MEETING * amplitude:
@@ -93,7 +97,9 @@ def _exchanged(times: Array, positions: Array) -> tuple[Mask, int]:
 
 
 def _parity(changes: list[int], start: int, end: int) -> Mask:
-    """Exchanged samples of a stretch: those after an odd number of changes, or the others if they are fewer."""
+    """Exchanged samples of a stretch: those after an odd number of changes, or the others if they are
+    fewer.
+    """
     marks = np.zeros(end - start, dtype=np.intp)
     for change in changes:
         marks[change - start] += 1

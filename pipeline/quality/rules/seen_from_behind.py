@@ -14,7 +14,7 @@ from kinemimic.pipeline.kinematics.clip import Clip
 from kinemimic.pipeline.kinematics.nodes import joints_by_name
 from kinemimic.pipeline.kinematics.skeleton import INFERRED
 from kinemimic.pipeline.kinematics.spans import frame_runs
-from kinemimic.pipeline.locomotion.walking import striding_frames
+from kinemimic.pipeline.locomotion.striding import striding_frames
 from kinemimic.pipeline.quality.rules.defect import Defect
 from kinemimic.pipeline.quality.rules.frame_selection import select_frames
 from kinemimic.pipeline.quality.rules.mirrored_body import foot_and_knee_directions

@@ -12,7 +12,7 @@ import numpy as np
 
 from kinemimic.pipeline.kinematics.clip import Clip
 from kinemimic.pipeline.kinematics.spans import frame_runs
-from kinemimic.pipeline.locomotion.walking import StridingFrames, striding_frames
+from kinemimic.pipeline.locomotion.striding import StridingFrames, striding_frames
 from kinemimic.pipeline.quality.rules.defect import Defect
 
 # Speed of the planted foot relative to the walking speed: 0 over a floor, 1 on a belt.
