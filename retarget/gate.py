@@ -95,13 +95,14 @@ def _speed_error(report: Report) -> float | None:
     return float(100.0 * abs(speed / abs(scaled) - 1.0))
 
 
-# Clearance applies to walks only: a runner's or jumper's foot leaves the ground without it.
+# Clearance applies to walks only: a runner's or jumper's foot leaves the ground without it. It is measured
+# from a ground that the standing sole itself meets to some millimetres.
 RULES: tuple[_Rule, ...] = (
     _Rule("penetration", _measure("penetration_m", 1e3), _all_kinds(most=10), _all_kinds(most=25),
           "the soles penetrate the ground by {value:.0f} mm (limit {limit:.0f})"),
     _Rule("floating", _measure("floating_m", 1e3), _all_kinds(most=15), _all_kinds(most=25),
           "the standing foot floats by {value:.0f} mm (limit {limit:.0f})"),
-    _Rule("clearance", _ground("swing_clearance_m", 1e3), {"walk": (5, _INF)}, {"walk": (0, _INF)},
+    _Rule("clearance", _ground("swing_clearance_m", 1e3), {"walk": (5, _INF)}, {"walk": (-5, _INF)},
           "a swinging foot clears the ground by {value:.1f} mm (limit {limit:.0f})"),
     _Rule("slip", _ground("slip_m_s", 1.0), _gaits(most=0.05), _gaits(most=0.15),
           "the planted foot slips at {value:.2f} m/s (limit {limit:.2f})"),

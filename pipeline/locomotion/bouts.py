@@ -33,12 +33,14 @@ from kinemimic.pipeline.locomotion.strides import Stride, cut_strides, frames_of
 from kinemimic.pipeline.locomotion.upright import upright_axis
 
 MAX_BONE_SPREAD = 0.025  # spread of a leg bone over its length; below it, the recording is precise
-# A bout: so many strides; or a part of a stride that advances so far (m) along a path on which feet and
-# recording agree, as of a runner who crosses the view of a sensor.
+# A bout: so many strides; or a part of a stride that advances so far (m), as of a runner who crosses the view
+# of a sensor.
 MIN_STRIDES, MIN_CROSSING, MIN_TRAVEL = 2.0, 0.75, 0.8
 MIN_SHARE = 0.5  # of the pass, that a part of a stride takes
+MIN_REACH_RATIO = 0.6  # of the ankles' movements about the hips, the smaller over the larger
 MIN_SPEED = 0.3  # m/s; at lower speeds, the walker steps on the spot
 MIN_STEP_AMPLITUDE = 0.12  # m: half the smallest stride of the ankles on the spot
+FEET_ERROR = 0.08  # of the speed of single strides by the feet
 MARGIN = 0.15  # cycles
 # Cycles (rms) by which strides may deviate from one period. The knee's peak in walking is so sharp that
 # pooling frames 0.02 cycles off lowers it by 1 degree.
@@ -143,7 +145,7 @@ def _bouts_of_pass(times: Array, positions: Array, bones: Array, *, precise: boo
         up = upright_axis(even.positions, heading, phase, frames_of(strides, phase))
     level = rotate(_levelling(up)[:, None], even.positions)
     ahead = along_heading(level - _middle(level)[:, None], heading)
-    running = is_running_pose(ahead, phase)
+    running = is_running_pose(ahead, phase, RATE)
     legs = [even.seen[:, [N[f"{joint}_{side}"] for joint in ("hip", "knee", "ankle")]].all(axis=1)
             for side in ("left", "right")]  # fmt: skip
     bad = impossible_legs(ahead, bones, running=running) | ~np.stack(legs, axis=1)
@@ -223,7 +225,8 @@ def _bout(
     feet = foot_odometry(level, heading, phase, RATE, toes=precise)
     walking = frames_of(strides, phase)
     apart = disagreements(root, feet, phase, np.array([(one.start, one.end) for one in strides]), RATE)
-    way = choose_way(root, feet, apart, RATE, precise=precise)
+    whole = np.array([one.cycles > 0.9 for one in strides])
+    way = choose_way(root, feet, apart[whole] if whole.any() else apart, RATE, precise=precise)
     if precise and way.source != "feet":
         # Steps to the side, or a walk forward that goes on backward.
         agree = ~(apart[:, 0] > MAX_STRIDE_DISAGREEMENT)
@@ -231,10 +234,14 @@ def _bout(
             return [strides[part] for part in runs(agree)]
     velocity = along_heading(np.column_stack([way.velocity, np.zeros(len(inside))]), heading)[:, :2]
     speed = float(np.mean(velocity[walking, 0]))
+    if way.source == "feet":
+        velocity[:, 0] = _steady(velocity[:, 0], phase, speed)
     share = len(inside) / len(even.times)
     # An optical laboratory has no camera that turns, and nobody walks backward on a treadmill.
     in_place_backward = precise and feet.backward and way.source == "feet"
-    if in_place_backward or not _is_walk(strides, way, speed, root, share):
+    ahead = along_heading(level - root[:, None], heading)
+    reaches = [float(np.std(ahead[walking, N[f"ankle_{side}"], 0])) for side in ("left", "right")]
+    if in_place_backward or not _is_walk(strides, way, speed, share, reaches):
         return []
     # Positions in walking axes: the way is integrated along the heading, so that a curve is straightened.
     travelled = np.concatenate(
@@ -286,6 +293,21 @@ def _levelling(up: Array) -> Array:
     return normalize(np.concatenate([axis, 1.0 + up[:, 2:]], axis=1))
 
 
+def _steady(velocity: Array, phase: Array, speed: float) -> Array:
+    """Forward velocity (T,) by the feet whose mean over each stride is the speed, if it hardly differs
+    anyway.
+    """
+    at = np.arange(len(phase))
+    early, late = (np.interp(phase + shift, phase, at) for shift in (-0.5, 0.5))
+    way = np.concatenate([[0.0], np.cumsum(0.5 * (velocity[1:] + velocity[:-1]))])
+    mean = (np.interp(late, at, way) - np.interp(early, at, way)) / np.maximum(late - early, 1.0)
+    # A part of a stride has another mean.
+    whole = np.interp(late, at, phase) - np.interp(early, at, phase) > 0.99
+    if not whole.any() or float(np.std(mean[whole])) > FEET_ERROR * abs(speed):
+        return velocity
+    return np.asarray(velocity + np.mean(mean[whole]) - np.interp(at, at[whole], mean[whole]))
+
+
 def _evened(values: Array, tolerance: float) -> Array:
     """Values (T,) on an even clock, replaced by a straight line if they deviate from it by less (rms)."""
     at = np.arange(len(values), dtype=np.float64)
@@ -293,10 +315,10 @@ def _evened(values: Array, tolerance: float) -> Array:
     return line if float(np.std(values - line)) < tolerance else values
 
 
-def _is_walk(strides: list[Stride], way: Way, speed: float, root: Array, share: float) -> bool:
+def _is_walk(strides: list[Stride], way: Way, speed: float, share: float, reaches: list[float]) -> bool:
     """Whether strides of alternating feet are a walk or a run, over the ground or on the spot.
 
-    share: of the pass that they take.
+    share: of the pass that they take; reaches: metres (rms) by which each ankle moves about the hips.
     """
     cycles = sum(stride.cycles for stride in strides if stride.walking)
     if way.source == "neither":
@@ -304,6 +326,13 @@ def _is_walk(strides: list[Stride], way: Way, speed: float, root: Array, share: 
     if cycles >= MIN_STRIDES:
         amplitude = float(np.median([stride.amplitude for stride in strides if stride.walking]))
         return abs(speed) > MIN_SPEED or amplitude > MIN_STEP_AMPLITUDE
-    travel = float(np.linalg.norm(root[-1, :2] - root[0, :2]))
-    crosses = way.source == "recorded" and abs(speed) > MIN_SPEED and travel > MIN_TRAVEL
-    return cycles >= MIN_CROSSING and crosses and share > MIN_SHARE
+    travel = abs(speed) * (strides[-1].times[1] - strides[0].times[0])
+    # One wave of the ankles may be a kick, in which one foot stands.
+    both = min(reaches) > MIN_REACH_RATIO * max(reaches)
+    return (
+        cycles >= MIN_CROSSING
+        and share > MIN_SHARE
+        and abs(speed) > MIN_SPEED
+        and travel > MIN_TRAVEL
+        and (way.source == "recorded" or both)
+    )

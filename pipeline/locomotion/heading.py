@@ -36,6 +36,8 @@ def body_heading(positions: Array, rate: float) -> tuple[Array, Array]:
     """
     front = _smooth(_front(positions), FRONT_TIME * rate)
     apart = _plane(positions[:, N["ankle_right"]] - positions[:, N["ankle_left"]])
+    # Without the mean, which is the width of the steps: a short step may be less long than wide.
+    apart = apart - _smooth(apart, LINE_TIME * rate)
     # Squares of complex numbers: opposite directions of a line have the same square.
     line = _smooth(apart**2, LINE_TIME * rate) + _FRONT_SHARE * front**2
     axis = 0.5 * np.unwrap(np.angle(line))

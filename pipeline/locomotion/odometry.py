@@ -51,6 +51,8 @@ _RUNNING_TOE = _Rolling(
 # In running the rear foot has left the ground when the feet are farthest apart: its ankle is then this share
 # of the leg above the other. Measured: walking 0.02 to 0.08, running 0.2 to 0.4.
 RUNNING_LIFT = 0.14
+# Steps as quick as these (s of a stride) are a runner's from a lower lift on.
+QUICK_STRIDE, QUICK_LIFT = 0.82, 0.08
 _SMOOTHING = 0.03  # s, of the velocity
 
 
@@ -83,7 +85,7 @@ def foot_odometry(positions: Array, heading: Array, phase: Array, rate: float, *
 def _forward_odometry(pose: Array, heading: Array, phase: Array, rate: float, *, toes: bool) -> FootOdometry:
     """`foot_odometry` of a pose (T, 20, 3) about the hips that walks forward."""
     forward = np.stack([np.cos(heading), np.sin(heading)], axis=1)
-    running = is_running_pose(pose, phase)
+    running = is_running_pose(pose, phase, rate)
     profiles = {"ankle": _RUNNING_ANKLE if running else _WALKING_ANKLE}
     if toes:
         profiles["foot"] = _RUNNING_TOE if running else _WALKING_TOE
@@ -115,7 +117,7 @@ def _taper(own: Array, first: float, last: float) -> Array:
     return np.clip(np.minimum(own - first, last - own) / 0.05, 0.0, 1.0)
 
 
-def is_running_pose(pose: Array, phase: Array) -> bool:
+def is_running_pose(pose: Array, phase: Array, rate: float) -> bool:
     """Whether the rear foot is in the air when the feet are farthest apart; pose: (T, 20, 3) about the
     hips.
     """
@@ -132,7 +134,9 @@ def is_running_pose(pose: Array, phase: Array) -> bool:
         np.linalg.norm(pose[:, N["hip_left"]] - pose[:, N["knee_left"]], axis=-1)
         + np.linalg.norm(pose[:, N["knee_left"]] - pose[:, N["ankle_left"]], axis=-1)
     )
-    return bool(np.median(both) > RUNNING_LIFT * leg)
+    stride = len(phase) / rate / max(float(np.ptp(phase)), 1e-9)
+    lift = QUICK_LIFT if stride < QUICK_STRIDE else RUNNING_LIFT
+    return bool(np.median(both) > lift * leg)
 
 
 def _steps_backward(pose: Array, phase: Array) -> bool:
@@ -187,7 +191,10 @@ def disagreements(root: Array, feet: FootOdometry, phase: Array, edges: Array, r
 
 
 def choose_way(root: Array, feet: FootOdometry, apart: Array, rate: float, *, precise: bool) -> Way:
-    """The recorded path where it agrees with the feet, else the feet; apart: of `disagreements`."""
+    """The recorded path where it agrees with the feet, else the feet.
+
+    apart: of `disagreements`, of whole strides if there are any.
+    """
     known = apart[np.isfinite(apart).all(axis=1)]
     recorded = rate * np.gradient(root[:, :2], axis=0)
     if not len(known):

@@ -18,7 +18,8 @@ from kinemimic.retarget.humanoid.motion import Motion
 from kinemimic.train.rollout.trajectory import Trajectory
 from kinemimic.train.sim.world import CONTROL_RATE
 
-PERIOD, SPEED, HEIGHT = 1.2, 1.1, 0.9
+# The speed at which the feet of these legs do not slide.
+PERIOD, SPEED, HEIGHT = 1.2, 0.41, 0.9
 KNEE, HIP = (0.5, 0.4), (0.1, 0.35)  # mean and amplitude, rad
 
 

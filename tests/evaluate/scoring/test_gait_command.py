@@ -22,8 +22,8 @@ from kinemimic.pipeline.virtual_kinect.recorder import record_virtual
 from kinemimic.retarget.command import retarget
 from kinemimic.retarget.formats.motion_json import motion_to_json
 
-# As in conftest.py: a period of 1.2 s at 1.1 m/s, knees 0.5 ± 0.4 rad, hips 0.1 ± 0.35 rad.
-CADENCE, SPEED, STRIDE, KNEE_RANGE, HIP_RANGE = 100.0, 1.1, 1.32, np.degrees(0.8), np.degrees(0.7)
+# As in conftest.py: a period of 1.2 s at 0.41 m/s, knees 0.5 ± 0.4 rad, hips 0.1 ± 0.35 rad.
+CADENCE, SPEED, STRIDE, KNEE_RANGE, HIP_RANGE = 100.0, 0.41, 0.492, np.degrees(0.8), np.degrees(0.7)
 
 
 @pytest.fixture(scope="module")
