@@ -248,8 +248,8 @@ def _bout(
         [np.zeros((1, 2)), np.cumsum(0.5 * (velocity[1:] + velocity[:-1]), axis=0) / RATE]
     )
     height = root[:, 2] - ground_height(level, phase, follow=not precise)
-    first, last = np.searchsorted(times, even.times[inside[[0, -1]]])
-    frames = np.arange(first, max(last, first + 1))
+    ends = even.times[inside[[0, -1]]] + np.array([-0.5, 0.5]) / RATE
+    frames = np.arange(*np.searchsorted(times, ends))
     at = times[frames]
     seconds = even.times[inside]
     exact_heading = np.interp(at, seconds, heading)

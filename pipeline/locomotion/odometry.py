@@ -135,8 +135,8 @@ def is_running_pose(pose: Array, phase: Array, rate: float) -> bool:
         + np.linalg.norm(pose[:, N["knee_left"]] - pose[:, N["ankle_left"]], axis=-1)
     )
     stride = len(phase) / rate / max(float(np.ptp(phase)), 1e-9)
-    lift = QUICK_LIFT if stride < QUICK_STRIDE else RUNNING_LIFT
-    return bool(np.median(both) > lift * leg)
+    least = QUICK_LIFT if stride < QUICK_STRIDE else RUNNING_LIFT
+    return bool(np.median(both) > least * leg)
 
 
 def _steps_backward(pose: Array, phase: Array) -> bool:

