@@ -8,6 +8,7 @@ import numpy as np
 
 from kinemimic.pipeline.arrays import Array, Mask
 from kinemimic.pipeline.errors import KinemimicError
+from kinemimic.pipeline.filters.bone_lengths import bone_weights, joint_weights, rotation_weights
 from kinemimic.pipeline.filters.fill import LONGEST_GAP, fill_gaps
 from kinemimic.pipeline.filters.kalman import smooth
 from kinemimic.pipeline.filters.low_pass import CUTOFF, low_pass
@@ -55,14 +56,18 @@ def clean(clip: Clip, method: str) -> tuple[Clip, Cleaning]:
     if method in ("butterworth", "one-euro"):
         positions, spikes = despike(positions, clip.passes)
         done.append(f"spikes replaced by the median of five frames: {int(spikes.sum())} joint positions")
-    positions, overruled, note = _filter(clip, positions, filled, method)
+    parents = clip.skeleton.parents
+    credibility = joint_weights(bone_weights(positions, parents, clip.passes), parents)
+    positions, overruled, note = _filter(clip, positions, filled, method, credibility)
     if method == "kalman":
         spikes = overruled
         done.append(f"outliers rejected: {int(spikes.sum())} joint positions")
     if method != "none":
         done.append(note)
     states = np.where(filled, INFERRED, clip.states).astype(np.uint8)
-    rotations = None if clip.rotations is None else _clean_rotations(clip, clip.rotations, method)[0]
+    rotations = clip.rotations
+    if rotations is not None:
+        rotations, _, _ = _clean_rotations(clip, rotations, method, credibility)
     cleaned = replace(clip, positions=positions, rotations=rotations, states=states)
     return cleaned, Cleaning(filled, spikes, tuple(done))
 
@@ -74,9 +79,11 @@ def _clean_channels(clip: Clip, method: str) -> tuple[Clip, Cleaning]:
     gaps = ~(all_finite(recorded) & all_finite(places))
     if method == "none" and not gaps.any():
         return clip, Cleaning(gaps, gaps, ("rotations as recorded, not filtered",))
-    rotations, spikes, note = _clean_rotations(clip, recorded, method)
+    parents = clip.skeleton.parents
+    bones = bone_weights(places, parents, clip.passes)
+    rotations, spikes, note = _clean_rotations(clip, recorded, method, rotation_weights(bones, parents))
     translations, bridged = fill_gaps(clip.translations, clip.times, clip.passes)
-    translations, _, _ = _filter(clip, translations, bridged, method)
+    translations, _, _ = _filter(clip, translations, bridged, method, bones)
     positions = world_positions(clip.skeleton, translations, rotations, clip.world_from_file)
     filled = gaps & all_finite(rotations) & all_finite(positions)
     cleaned = replace(
@@ -90,7 +97,9 @@ def _clean_channels(clip: Clip, method: str) -> tuple[Clip, Cleaning]:
     return cleaned, Cleaning(filled, spikes, (*done, f"rotations: {note}"))
 
 
-def _clean_rotations(clip: Clip, rotations: Array, method: str) -> tuple[Array, Mask, str]:
+def _clean_rotations(
+    clip: Clip, rotations: Array, method: str, credibility: Array
+) -> tuple[Array, Mask, str]:
     """Quaternions (T, J, 4) filled and filtered as four-vectors, then normalised.
 
     Sign-continuous quaternions are a smooth curve on the sphere through any number of full turns, unlike
@@ -98,17 +107,22 @@ def _clean_rotations(clip: Clip, rotations: Array, method: str) -> tuple[Array, 
     """
     # Recorded signs are continuous, but not where a repair has exchanged sides or dropped frames.
     whole, filled = fill_gaps(continuous(rotations), clip.times, clip.passes)
-    filtered, overruled, note = _filter(clip, whole, filled, method)
+    filtered, overruled, note = _filter(clip, whole, filled, method, credibility)
     if method == "none" and not filled.any():
         return rotations, overruled, note
     return continuous(normalize(filtered)), overruled, note
 
 
-def _filter(clip: Clip, values: Array, filled: Mask, method: str) -> tuple[Array, Mask, str]:
-    """Filtered values (T, J, K), a mask (T, J) of rejected outliers, and a description of the filter."""
+def _filter(
+    clip: Clip, values: Array, filled: Mask, method: str, credibility: Array
+) -> tuple[Array, Mask, str]:
+    """Filtered values (T, J, K), a mask (T, J) of rejected outliers, and a description of the filter.
+
+    credibility: (T, J) weights of the values, which only the Kalman smoother heeds.
+    """
     nothing = np.zeros(filled.shape, dtype=np.bool_)
     if method == "kalman":
-        found = smooth(values, clip.times, clip.passes, clip.states, filled)
+        found = smooth(values, clip.times, clip.passes, clip.states, filled, credibility)
         return found.values, found.overruled, _cut_offs(found.cutoff)
     if method == "butterworth":
         filtered, note = low_pass(values, clip.times, clip.passes)

@@ -1,9 +1,9 @@
-"""Kalman smoother that weights tracked, inferred and missing values differently.
+"""Kalman smoother that weights measurements by their states, bone lengths and residuals.
 
 Each coordinate follows a constant-velocity model with white acceleration noise; the variance of a
-measurement's error depends on the joint's state. The Kalman filter followed by the backward pass of Rauch,
-Tung and Striebel (1965, "Maximum likelihood estimates of linear dynamic systems", AIAA Journal 3) gives the
-most probable path. That path also minimises
+measurement's error depends on the joint's state and on the lengths of its bones (bone_lengths.py). The Kalman
+filter followed by the backward pass of Rauch, Tung and Striebel (1965, "Maximum likelihood estimates of
+linear dynamic systems", AIAA Journal 3) gives the most probable path. That path also minimises
 
     sum_k w_k |y_k - x_k|^2  +  stiffness * sum_k |x_k - 2 x_(k-1) + x_(k-2)|^2
 
@@ -59,19 +59,25 @@ class Smoothed:
 
 
 def smooth(
-    values: Array, times: Array, passes: NDArray[np.int32], states: NDArray[np.uint8], unknown: Mask
+    values: Array,
+    times: Array,
+    passes: NDArray[np.int32],
+    states: NDArray[np.uint8],
+    unknown: Mask,
+    credibility: Array,
 ) -> Smoothed:
     """Smooth values (T, J, K) within passes; NaN and frames outside passes stay.
 
     states: (T, J) as in Clip; unknown: (T, J) finite values that were not measured (filled gaps); the
-    estimate replaces them. Each run between NaN is smoothed by itself; its ends must be measured.
+    estimate replaces them; credibility: (T, J) weights from 0 to 1 besides those of the states. Each run
+    between NaN is smoothed by itself; its ends must be measured.
     """
     frames, joints = values.shape[:2]
     step = median_step(times, passes)
     result = Smoothed(values.copy(), np.full(joints, np.nan), np.zeros((frames, joints), dtype=np.bool_))
     if step == 0.0:
         return result
-    weights = np.where(states == TRACKED, 1.0, INFERRED_WEIGHT) * ~unknown
+    weights = np.where(states == TRACKED, 1.0, INFERRED_WEIGHT) * credibility * ~unknown
     present = all_finite(values) & (passes >= 0)[:, None]
     for joint in range(joints):
         y, there = values[:, joint], present[:, joint]

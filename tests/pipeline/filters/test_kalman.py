@@ -35,6 +35,7 @@ def smoothed(
         cast(NDArray[np.int32], given.get("passes", one_pass(frames))),
         np.full(values.shape[:2], TRACKED, np.uint8) if states is None else states,
         cast(NDArray[np.bool_], given.get("unknown", np.zeros(values.shape[:2], dtype=np.bool_))),
+        given.get("credibility", np.ones(values.shape[:2])),
     )
 
 
