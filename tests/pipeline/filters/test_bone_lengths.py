@@ -43,7 +43,7 @@ def test_rigid_bones_have_full_weight() -> None:
 def test_the_tolerance_halves_the_weight_and_only_there() -> None:
     bones = bone_weights(lifted(TOLERANCE), NODE_PARENTS, PASS)
     assert np.allclose(bones[40:43, KNEE], 0.5)
-    assert (bones[40:43, ANKLE] < 0.9).all()
+    assert (bones[40:43, ANKLE] < 0.95).all()
     elsewhere = np.delete(np.arange(FRAMES), np.arange(40, 43))
     assert bones[elsewhere][:, LEGS].min() > 1.0 - 1e-9
     assert bones[:, [HIP, FOOT]].min() == 1.0
