@@ -13,18 +13,18 @@ from numpy.typing import NDArray
 
 from kinemimic.pipeline.arrays import Array
 
-# A deviation of this share of the length halves the weight: the scatter of a bone's length in Kinect v1 walks
-# is 0.06 to 0.12 of it (quality/rules/limb_lengths.py).
-TOLERANCE = 0.10
+# Deviations of a bone's length, relative to it, that are noise: in Kinect v1 walks their scatter is 0.06 to
+# 0.12 (quality/rules/limb_lengths.py).
+TOLERANCE = 0.05
 # Metres. Of a shorter bone, noise changes the length more than a lost joint does.
 SHORTEST = 0.20
 
 
 def bone_weights(positions: Array, parents: Sequence[int], passes: NDArray[np.int32]) -> Array:
-    """Weights (T, J) from 0 to 1 of the bone that ends at each joint: 1 / (1 + (deviation / TOLERANCE)^2).
+    """Weights (T, J) from 0 to 1 of the bone that ends at each joint.
 
-    positions: (T, J, 3) metres; deviation: from the median over all passes, relative to it. The weight is 1
-    at the root, where an end is missing, and for bones that are never seen or shorter than SHORTEST.
+    positions: (T, J, 3) metres. The weights are those of the pseudo-Huber loss, 1 / sqrt(1 + (d / TOLERANCE)^2)
+    for a deviation d from the median length over all passes, relative to it. The weight is 1 at the root, where an end is missing, and for bones that are never seen or shorter than SHORTEST.
     """
     weights = np.ones(positions.shape[:2])
     for joint, parent in enumerate(parents):
@@ -35,7 +35,7 @@ def bone_weights(positions: Array, parents: Sequence[int], passes: NDArray[np.in
         usual = float(np.median(length[seen])) if seen.any() else 0.0
         if usual >= SHORTEST:
             deviation = (length[seen] / usual - 1.0) / TOLERANCE
-            weights[seen, joint] = 1.0 / (1.0 + deviation**2)
+            weights[seen, joint] = 1.0 / np.sqrt(1.0 + deviation**2)
     return weights
 
 

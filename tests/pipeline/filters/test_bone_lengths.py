@@ -40,8 +40,8 @@ def test_rigid_bones_have_full_weight() -> None:
     assert bones.min() > 0.95
 
 
-def test_the_tolerance_halves_the_weight_and_only_there() -> None:
-    bones = bone_weights(lifted(TOLERANCE), NODE_PARENTS, PASS)
+def test_a_change_of_length_halves_the_weight_and_only_there() -> None:
+    bones = bone_weights(lifted(np.sqrt(3.0) * TOLERANCE), NODE_PARENTS, PASS)
     assert np.allclose(bones[40:43, KNEE], 0.5)
     assert (bones[40:43, ANKLE] < 0.95).all()
     elsewhere = np.delete(np.arange(FRAMES), np.arange(40, 43))
@@ -88,7 +88,7 @@ def test_a_knee_that_is_lost_for_three_frames_is_put_back() -> None:
 
     assert error(recorded) > 0.10
     assert error(unweighed) > 0.08
-    assert error(cleaned) < 0.03
+    assert error(cleaned) < 0.04
 
 
 def loose() -> Skeleton:
