@@ -23,7 +23,7 @@ BULLET := $(or $(BULLET),$(patsubst $(VENV)/native-%,%,$(firstword $(wildcard $(
 NATIVE := $(VENV)/native-$(BULLET)
 NATIVE_FILES := $(wildcard $(addprefix train/native/,*.cpp *.hpp *.py pyproject.toml stubs/*/*.pyi))
 
-.PHONY: help setup formats inspect run batch ingest convert retarget train evaluate pushes disturb gait view export policies reproduce compare study comparison overlay data data-check data-push data-pull test test-slow lint type format docs architecture docs-test mutants bench bench-clean bench-truth profile wheel install-test clean
+.PHONY: help setup formats inspect run batch ingest convert retarget train evaluate pushes disturb gait view export policies reproduce compare study comparison overlay data data-check data-push data-pull test test-slow lint type format docs architecture docs-test mutants bench bench-clean bench-truth sensor-accuracy profile wheel install-test clean
 .DEFAULT_GOAL := help
 
 help: ## Show this list
@@ -175,6 +175,10 @@ bench: setup ## Run the speed benchmarks, tests/bench/bench_*.py
 
 bench-clean: setup ## Compare every filter with the virtual Kinect's truth
 	$(BIN)/python tests/bench/bench_clean.py
+
+# The folder of UI-PRMD is in KINEMIMIC_CAPTURES=, as for the tests (docs/contributing.md).
+sensor-accuracy: setup ## Compare a Kinect's knee and hip with a Vicon's, before and after cleaning
+	$(BIN)/python tests/bench/sensor_accuracy.py "$${KINEMIMIC_CAPTURES:-../shared/captures}" runs/sensor-accuracy
 
 bench-truth: setup ## Measure the error against the virtual Kinect's truth, by variability, sensor and speed
 	$(BIN)/python tests/bench/bench_truth.py

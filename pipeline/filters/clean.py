@@ -8,7 +8,7 @@ import numpy as np
 
 from kinemimic.pipeline.arrays import Array, Mask
 from kinemimic.pipeline.errors import KinemimicError
-from kinemimic.pipeline.filters.bone_lengths import bone_weights, joint_weights, rotation_weights
+from kinemimic.pipeline.filters.bone_lengths import bone_weights
 from kinemimic.pipeline.filters.fill import LONGEST_GAP, fill_gaps
 from kinemimic.pipeline.filters.kalman import smooth
 from kinemimic.pipeline.filters.low_pass import CUTOFF, low_pass
@@ -56,8 +56,7 @@ def clean(clip: Clip, method: str) -> tuple[Clip, Cleaning]:
     if method in ("butterworth", "one-euro"):
         positions, spikes = despike(positions, clip.passes)
         done.append(f"spikes replaced by the median of five frames: {int(spikes.sum())} joint positions")
-    parents = clip.skeleton.parents
-    credibility = joint_weights(bone_weights(positions, parents, clip.passes), parents)
+    credibility = bone_weights(positions, clip.skeleton, clip.passes).positions
     positions, overruled, note = _filter(clip, positions, filled, method, credibility)
     if method == "kalman":
         spikes = overruled
@@ -79,11 +78,10 @@ def _clean_channels(clip: Clip, method: str) -> tuple[Clip, Cleaning]:
     gaps = ~(all_finite(recorded) & all_finite(places))
     if method == "none" and not gaps.any():
         return clip, Cleaning(gaps, gaps, ("rotations as recorded, not filtered",))
-    parents = clip.skeleton.parents
-    bones = bone_weights(places, parents, clip.passes)
-    rotations, spikes, note = _clean_rotations(clip, recorded, method, rotation_weights(bones, parents))
+    weights = bone_weights(places, clip.skeleton, clip.passes)
+    rotations, spikes, note = _clean_rotations(clip, recorded, method, weights.rotations)
     translations, bridged = fill_gaps(clip.translations, clip.times, clip.passes)
-    translations, _, _ = _filter(clip, translations, bridged, method, bones)
+    translations, _, _ = _filter(clip, translations, bridged, method, weights.bones)
     positions = world_positions(clip.skeleton, translations, rotations, clip.world_from_file)
     filled = gaps & all_finite(rotations) & all_finite(positions)
     cleaned = replace(

@@ -8,17 +8,11 @@ import numpy as np
 from samples.motion import in_sight, walk
 
 from kinemimic.pipeline.arrays import Array
-from kinemimic.pipeline.filters.bone_lengths import (
-    SHORTEST,
-    TOLERANCE,
-    bone_weights,
-    joint_weights,
-    rotation_weights,
-)
+from kinemimic.pipeline.filters.bone_lengths import TOLERANCE, bone_weights
 from kinemimic.pipeline.filters.clean import clean
 from kinemimic.pipeline.kinematics.clip import Clip
 from kinemimic.pipeline.kinematics.skeleton import NODE_INDEX as N
-from kinemimic.pipeline.kinematics.skeleton import NODE_PARENTS, TRACKED, Skeleton, node_skeleton
+from kinemimic.pipeline.kinematics.skeleton import TRACKED, Skeleton, node_skeleton
 
 FRAMES = 90
 PASS = np.zeros(FRAMES, dtype=np.int32)
@@ -34,38 +28,38 @@ def lifted(share: float) -> Array:
 
 
 def test_rigid_bones_have_full_weight() -> None:
-    bones = bone_weights(in_sight(walk(FRAMES)).joints, NODE_PARENTS, PASS)
-    assert bones[:, LEGS].min() > 1.0 - 1e-9
-    # The sample's shoulders move on the trunk a little.
-    assert bones.min() > 0.95
+    weights = bone_weights(in_sight(walk(FRAMES)).joints, node_skeleton(), PASS)
+    for array in (weights.bones, weights.rotations, weights.positions):
+        assert array[:, LEGS].min() > 1.0 - 1e-9
+        # The sample's shoulders move on the trunk, so its upper arms are not quite rigid.
+        assert array.min() > 0.95
 
 
 def test_a_change_of_length_halves_the_weight_and_only_there() -> None:
-    bones = bone_weights(lifted(np.sqrt(3.0) * TOLERANCE), NODE_PARENTS, PASS)
+    bones = bone_weights(lifted(np.sqrt(3.0) * TOLERANCE), node_skeleton(), PASS).bones
     assert np.allclose(bones[40:43, KNEE], 0.5)
     assert (bones[40:43, ANKLE] < 0.95).all()
-    elsewhere = np.delete(np.arange(FRAMES), np.arange(40, 43))
-    assert bones[elsewhere][:, LEGS].min() > 1.0 - 1e-9
-    assert bones[:, [HIP, FOOT]].min() == 1.0
+    assert np.delete(bones, np.arange(40, 43), axis=0)[:, LEGS].min() > 1.0 - 1e-9
+    assert np.delete(bones, (KNEE, ANKLE), axis=1).min() > 0.95
 
 
-def test_joints_and_rotations_take_the_least_of_their_bones() -> None:
-    bones = bone_weights(lifted(0.3), NODE_PARENTS, PASS)
-    joints, rotations = joint_weights(bones, NODE_PARENTS), rotation_weights(bones, NODE_PARENTS)
-    assert np.allclose(joints[42, [HIP, KNEE, ANKLE]], [bones[42, KNEE], bones[42, KNEE], bones[42, ANKLE]])
-    assert np.allclose(rotations[42, [HIP, KNEE, ANKLE]], [bones[42, KNEE], bones[42, ANKLE], 1.0])
+def test_joints_take_the_least_of_their_bones_and_the_trunk_none() -> None:
+    weights = bone_weights(lifted(0.3), node_skeleton(), PASS)
+    thigh, shank = weights.bones[42, [KNEE, ANKLE]]
+    assert thigh < shank < 1.0
+    assert weights.positions[42, [HIP, KNEE, ANKLE, FOOT]].tolist() == [1.0, thigh, shank, 1.0]
+    assert weights.rotations[42, [HIP, KNEE, ANKLE]].tolist() == [thigh, shank, 1.0]
 
 
-def test_short_missing_and_outside_bones_have_full_weight() -> None:
+def test_missing_bones_and_frames_outside_passes_have_full_weight() -> None:
     joints = lifted(0.3)
     joints[42, HIP] = np.nan
     passes = PASS.copy()
     passes[41] = -1
-    bones = bone_weights(joints, NODE_PARENTS, passes)
+    bones = bone_weights(joints, node_skeleton(), passes).bones
     assert (bones[[41, 42], KNEE] == 1.0).all()
     assert bones[40, KNEE] < 0.2
-    tiny = 0.9 * SHORTEST / np.median(np.linalg.norm(joints[:, KNEE] - joints[:, ANKLE], axis=-1))
-    assert bone_weights(tiny * joints, NODE_PARENTS, PASS)[:, [KNEE, ANKLE]].min() == 1.0
+    assert bone_weights(np.full_like(joints, np.nan), node_skeleton(), PASS).positions.min() == 1.0
 
 
 def test_a_knee_that_is_lost_for_three_frames_is_put_back() -> None:
