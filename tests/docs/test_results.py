@@ -1,8 +1,8 @@
 """What results.md says of the paper's experiments, and of a Kinect's accuracy, is what was measured.
 
 study_claims.json holds the claims of a full `make study`; after another one, replace it, and the block in
-results.md with the study's claims.md. sensor_accuracy.json is the accuracy.json of `make sensor-accuracy`, and
-the other block its table.md.
+results.md with the study's claims.md. sensor_accuracy.json is the accuracy.json of `make sensor-accuracy`,
+and the other block its table.md.
 """
 
 from __future__ import annotations
