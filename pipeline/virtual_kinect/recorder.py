@@ -110,7 +110,8 @@ def record_virtual(
     sensor: str = "fixed",
     levels: NoiseLevels | None = None,
 ) -> Recording:
-    """Record a stock motion of the pybullet wheel: `kinect_<motion>.skl` and `kinect_<motion>_euler.bvh`.
+    """Record a stock motion of the pybullet wheel: `kinect_<motion>.skl` and `kinect_<motion>_euler.bvh`, with
+    the sensor in the name unless it is fixed.
 
     speed: m/s, None for the stock motion's; variability: factor on what was measured on people, 0 for one
     exact cycle; sensor: a key of PLACEMENTS. The same seed gives the same bytes. The two forms show the same
@@ -156,7 +157,8 @@ def record_virtual(
             **_walked(truths),
         },
     }
-    skl, euler = folder / f"kinect_{motion}.skl", folder / f"kinect_{motion}_euler.bvh"
+    name = f"kinect_{motion}" if sensor == "fixed" else f"kinect_{motion}_{sensor}"
+    skl, euler = folder / f"{name}.skl", folder / f"{name}_euler.bvh"
     session = Session(passes, truths, placement, levels)
     _write_skl_form(skl, session, np.random.default_rng([seed, 1]), note)
     _write_euler_form(euler, session, np.random.default_rng([seed, 2]), note)

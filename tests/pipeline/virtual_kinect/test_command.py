@@ -13,7 +13,8 @@ from kinemimic.pipeline.virtual_kinect.command import command
 
 def _record(into: Path, *options: str) -> dict[str, object]:
     command.main(["walk", "--into", str(into), *options], standalone_mode=False)
-    note = read_note(note_path(into / "kinect_walk.skl"))["virtual_kinect"]
+    (path,) = into.glob("kinect_walk*.skl")
+    note = read_note(note_path(path))["virtual_kinect"]
     assert isinstance(note, dict)
     return note
 
