@@ -110,8 +110,8 @@ def record_virtual(
     sensor: str = "fixed",
     levels: NoiseLevels | None = None,
 ) -> Recording:
-    """Record a stock motion of the pybullet wheel: `kinect_<motion>.skl` and `kinect_<motion>_euler.bvh`, with
-    the sensor in the name unless it is fixed.
+    """Record a stock motion of the pybullet wheel: `kinect_<motion>.skl` and `kinect_<motion>_euler.bvh`;
+    the names of other sensors than the fixed one have the sensor after the motion.
 
     speed: m/s, None for the stock motion's; variability: factor on what was measured on people, 0 for one
     exact cycle; sensor: a key of PLACEMENTS. The same seed gives the same bytes. The two forms show the same
