@@ -104,7 +104,8 @@ def _nearest(clock: Array, times: Array, flags: Mask) -> Mask:
 def _turning_points(reach: Array) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
     """Samples of the highs and of the lows from which (T,) returns by RETURN_SHARE of its range.
 
-    The first and the last sample are never turning points, since what lies beyond them is unknown.
+    At the clip's ends it need not return so far on the outer side, only at all: the first and the last sample
+    are never turning points, since what lies beyond them is unknown.
     """
     low, high = np.percentile(reach, [2, 98])
     if high - low < MIN_RANGE:
@@ -123,6 +124,10 @@ def _turning_points(reach: Array) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
         elif rising is not True and value > reach[bottom] + threshold:
             lows.append(bottom)
             rising, top = True, k
+    if rising is not None:
+        last = top if rising else bottom
+        if last < len(reach) - 1:
+            (highs if rising else lows).append(last)
     return np.array([k for k in highs if k > 0], np.intp), np.array([k for k in lows if k > 0], np.intp)
 
 
@@ -141,7 +146,10 @@ def _stances(ahead: NDArray[np.intp], behind: NDArray[np.intp]) -> list[tuple[in
 def _standing(
     advance: Array, ahead: NDArray[np.intp], behind: NDArray[np.intp], limit: float
 ) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
-    """First and last samples of each stance, around its middle, in which the ankle is slower than `limit`."""
+    """First and last samples of each stance, around its middle, in which the ankle is slower than `limit`.
+
+    A stance that the clip's end cuts off has a first sample only.
+    """
     first, last = [], []
     for start, end in _stances(ahead, behind):
         slow = np.abs(advance[start : end + 1]) < limit
@@ -153,6 +161,9 @@ def _standing(
         before, after = fast[fast < middle], fast[fast > middle]
         first.append(start + (int(before[-1]) + 1 if len(before) else 0))
         last.append(start + (int(after[0]) - 1 if len(after) else end - start))
+    if len(ahead) and not (behind > ahead[-1]).any():
+        slow = np.flatnonzero(np.abs(advance[ahead[-1] :]) < limit)
+        first += [int(ahead[-1] + slow[0])] if len(slow) else []
     return np.array(first, np.intp), np.array(last, np.intp)
 
 

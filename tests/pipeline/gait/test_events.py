@@ -162,3 +162,28 @@ def test_nobody_walks() -> None:
     assert detect_foot_events(times[:10], standing[:10]) is None
     assert detect_foot_events(times, np.full_like(standing, np.nan)) is None
     assert measure_gait(times, np.full(90, -1, np.int32), standing).strides == ()
+
+
+@pytest.mark.parametrize("beyond", [0.1, 0.2])
+def test_a_clip_that_holds_one_stride_gives_it(kind: str, beyond: float) -> None:
+    """From shortly before a strike to shortly after the foot's next one: 0.9 to 1.7 s."""
+    shown = walk(300, 60.0, motion=kind)
+    strides = [s for s in study(shown).strides if s.start > 0.5 and s.end < shown.times[-1] - 0.5]
+    assert len(strides) >= 4
+    for stride in strides:
+        inside = (shown.times >= stride.start - beyond) & (shown.times <= stride.end + beyond)
+        short = study(Walk(shown.times[inside], shown.joints[inside], {}))
+        assert short.running == (kind == "run")
+        (same,) = (s for s in short.strides if s.side == stride.side)
+        assert same.start == pytest.approx(stride.start, abs=0.021)
+        assert same.end == pytest.approx(stride.end, abs=0.021)
+        assert same.length == pytest.approx(stride.length, rel=0.05)
+
+
+def test_a_strike_after_the_end_is_not_invented(kind: str) -> None:
+    """The clip ends while the foot still swings forward."""
+    shown = walk(300, 60.0, motion=kind)
+    stride = next(s for s in study(shown).strides if s.start > 0.5)
+    inside = (shown.times >= stride.start - 0.1) & (shown.times <= stride.end - 0.1)
+    short = study(Walk(shown.times[inside], shown.joints[inside], {}))
+    assert not [s for s in short.strides if s.side == stride.side]
