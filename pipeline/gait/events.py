@@ -162,8 +162,8 @@ def _standing(
         first.append(start + (int(before[-1]) + 1 if len(before) else 0))
         last.append(start + (int(after[0]) - 1 if len(after) else end - start))
     if len(ahead) and not (behind > ahead[-1]).any():
-        slow = np.flatnonzero(np.abs(advance[ahead[-1] :]) < limit)
-        first += [int(ahead[-1] + slow[0])] if len(slow) else []
+        landed = np.flatnonzero(np.abs(advance[ahead[-1] :]) < limit)
+        first += [int(ahead[-1] + landed[0])] if len(landed) else []
     return np.array(first, np.intp), np.array(last, np.intp)
 
 
