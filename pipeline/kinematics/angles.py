@@ -12,8 +12,13 @@ from kinemimic.pipeline.kinematics.skeleton import NODE_INDEX as N
 ANGLES: tuple[str, ...] = ("knee_left", "knee_right", "hip_left", "hip_right")
 # Square metres; a child's pelvis spans 0.01.
 _FLAT = 1e-8
-# Largest hyperextension of a knee, radians; optical captures of healthy subjects show up to 11 degrees.
-HYPEREXTENSION = np.radians(15.0)
+# Largest hyperextension of a knee that a noisy sensor is believed, radians; optical captures of healthy
+# subjects show up to 11 degrees. A sensor without noise is believed more, as in genu recurvatum.
+HYPEREXTENSION, RECURVATUM = np.radians(15.0), np.radians(35.0)
+# Spread (half the middle 68 % over the median) of the hips' distance and of the leg bones, above which a
+# sensor is noisy: optical captures show up to 0.2 and 3 %, Kinects 2 to 30 and 4 to 16 %. Only a leg that
+# moves shows it: range of the knee (5th to 95th percentile).
+STEADY_HIPS, STEADY_BONE, MOVING_KNEE = 0.01, 0.035, np.radians(20.0)
 
 
 def knee_flexion(hip: Array, knee: Array, ankle: Array, lateral: Array) -> Array:
@@ -28,18 +33,38 @@ def knee_flexion(hip: Array, knee: Array, ankle: Array, lateral: Array) -> Array
     return np.asarray(np.where(np.sum(normal * lateral, axis=-1) < 0, -angle, angle))
 
 
-def anatomical_knee(knee: Array) -> Array:
+def steady_leg(hips: Array, thigh: Array, shank: Array) -> bool:
+    """Whether the distances between hips, hip and knee, knee and ankle, (T, 3) each, are those of one body
+    while its knee moves: then the sign of the knee is not noise."""
+    limits = ((hips, STEADY_HIPS), (thigh, STEADY_BONE), (shank, STEADY_BONE))
+    lengths = [np.linalg.norm(vectors, axis=-1) for vectors, _ in limits]
+    seen = np.isfinite(np.sum(lengths, axis=0)) & (np.min(lengths, axis=0) > 0.0)
+    if seen.sum() < 4:
+        return False
+    for length, (_, limit) in zip(lengths, limits, strict=True):
+        low, middle, high = np.percentile(length[seen], [16.0, 50.0, 84.0])
+        if 0.5 * (high - low) > limit * middle:
+            return False
+    with np.errstate(invalid="ignore", over="ignore"):  # a damaged file may hold any number
+        cosine = np.sum(thigh[seen] * shank[seen], axis=-1) / lengths[1][seen] / lengths[2][seen]
+    bend = np.arccos(np.clip(cosine, -1.0, 1.0))
+    return bool(np.ptp(np.percentile(bend, [5.0, 95.0])) > MOVING_KNEE)
+
+
+def anatomical_knee(knee: Array, *, steady: bool = False) -> Array:
     """Knee flexion (T,) in radians, consecutive frames, with anatomically impossible signs corrected.
 
-    A knee hyperextends by at most HYPEREXTENSION, and only by passing through straight. In a run of negative
-    frames that goes further, or begins or ends with such a jump, the sign is noise of a sensor that sees the
-    hips at nearly one point, or the knee beside the leg; the magnitude is the flexion. NaN stays.
+    A knee hyperextends by at most HYPEREXTENSION (RECURVATUM if the leg is `steady_leg`), and only by passing
+    through straight. In a run of negative frames that goes further, or begins or ends with a jump, the sign
+    is noise of a sensor that sees the hips at nearly one point, or the knee beside the leg; the magnitude is
+    the flexion. NaN stays. `quality/rules/knee_sign.py` reports both cases.
     """
+    limit = RECURVATUM if steady else HYPEREXTENSION
     front = knee < 0
     run = np.where(front, np.cumsum(front & ~np.concatenate([[False], front[:-1]])), 0)
     wrong = np.zeros(int(run.max(initial=0)) + 1, dtype=bool)
     leaps = np.abs(np.diff(knee)) > HYPEREXTENSION
-    for frames in (run[knee < -HYPEREXTENSION], run[1:][leaps], run[:-1][leaps]):
+    for frames in (run[knee < -limit], run[1:][leaps], run[:-1][leaps]):
         wrong[frames] = True
     return np.where(front & wrong[run], -knee, knee)
 
@@ -78,6 +103,7 @@ def leg_angles(positions: Array, pelvis: Array | None = None) -> dict[str, Array
         )
     for side in ("left", "right"):
         hip, knee, ankle = (p[:, N[f"{joint}_{side}"]] for joint in ("hip", "knee", "ankle"))
-        curves[f"knee_{side}"] = anatomical_knee(knee_flexion(hip, knee, ankle, lateral))
+        steady = steady_leg(p[:, N["hip_left"]] - p[:, N["hip_right"]], knee - hip, ankle - knee)
+        curves[f"knee_{side}"] = anatomical_knee(knee_flexion(hip, knee, ankle, lateral), steady=steady)
         curves[f"hip_{side}"] = hip_flexion(frame, hip, knee)
     return {name: curves[name] for name in ANGLES}

@@ -24,6 +24,7 @@ from kinemimic.pipeline.quality.rules import (
     exchanged_legs,
     gaps,
     jumps,
+    knee_sign,
     limb_lengths,
     mirrored_body,
     seen_from_behind,
@@ -60,7 +61,7 @@ _BODY_RULES = (
     assumed_rate.repair,
 )
 _RULES_IN_PASSES = (swapped_limbs.repair, exchanged_legs.repair, seen_from_behind.repair, jumps.repair)
-_DETECTION_RULES = (limb_lengths.detect, turning_camera.detect, wrong_rate.detect)
+_DETECTION_RULES = (limb_lengths.detect, turning_camera.detect, wrong_rate.detect, knee_sign.detect)
 
 
 def check_capture(recorded: Clip) -> CheckedCapture:

@@ -13,7 +13,7 @@ from scipy.spatial.transform import Rotation
 
 from kinemimic.pipeline.arrays import Array
 from kinemimic.pipeline.files.store import write_text
-from kinemimic.pipeline.kinematics.angles import anatomical_knee
+from kinemimic.pipeline.kinematics.angles import anatomical_knee, steady_leg
 from kinemimic.pipeline.kinematics.rotations import conjugate, multiply, rotate, to_rotvec
 from kinemimic.pipeline.kinematics.skeleton import NODE_INDEX, NODES
 from kinemimic.pipeline.readers.mocap.mot import OPENSIM_JOINTS, WORLD_FROM_FILE
@@ -63,6 +63,7 @@ def coordinates(poses: Poses) -> dict[str, Array]:
     rotations = multiply(multiply(file_from_world, poses.rotations), WORLD_FROM_FILE)
     positions, _ = poses.kinematics()
     hips = 0.5 * (positions[:, NODE_INDEX["hip_left"]] + positions[:, NODE_INDEX["hip_right"]])
+    across = positions[:, NODE_INDEX["hip_left"]] - positions[:, NODE_INDEX["hip_right"]]
     pelvis = rotate(file_from_world, hips) - rotate(rotations[:, 0], _HIPS_MIDDLE)
 
     def ball(node: str, *names: str, mirror: float = 1.0) -> dict[str, Array]:
@@ -80,7 +81,9 @@ def coordinates(poses: Poses) -> dict[str, Array]:
         hip = (f"hip_flexion_{s}", f"hip_adduction_{s}", f"hip_rotation_{s}")
         table |= ball(f"hip_{side}", *hip, mirror=mirror)
         # gait2354's knee also over-extends by at most ten degrees.
-        table[f"knee_angle_{s}"] = -np.degrees(anatomical_knee(-hinge(f"knee_{side}")))
+        leg = [positions[:, NODE_INDEX[f"{joint}_{side}"]] for joint in ("hip", "knee", "ankle")]
+        steady = steady_leg(across, leg[1] - leg[0], leg[2] - leg[1])
+        table[f"knee_angle_{s}"] = -np.degrees(anatomical_knee(-hinge(f"knee_{side}"), steady=steady))
         table[f"ankle_angle_{s}"] = np.degrees(hinge(f"ankle_{side}"))
     table |= ball("spine", "lumbar_extension", "lumbar_bending", "lumbar_rotation")
     for side, s, mirror in (("right", "r", 1.0), ("left", "l", -1.0)):

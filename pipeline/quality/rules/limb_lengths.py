@@ -81,7 +81,10 @@ def _impossible(points: Array, bones: dict[str, Array]) -> list[Defect]:
         return []
     small = wrong[0].endswith("but")
     joined = f"{wrong[0]} {', '.join(wrong[1:])}" if small else ", ".join(wrong)
-    text = f"impossible limb lengths: {joined}; the tracker lost the body, record it again"
+    text = (
+        f"impossible limb lengths: {joined}: no body has them, so the sensor tracked something else "
+        "(furniture, a treadmill), or columns or joint names are mixed up"
+    )
     return [Defect("impossible_limbs", len(wrong) - small, "measures", "refused", text)]
 
 
