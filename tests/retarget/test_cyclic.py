@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from samples.bouts import bouts_of
 
 from kinemimic.pipeline.errors import KinemimicError
 from kinemimic.pipeline.kinematics.clip import Clip
@@ -15,13 +16,13 @@ from kinemimic.retarget.cyclic import LEG_HARMONICS, CyclicFit, fit_cyclic
 from kinemimic.retarget.feet.contact import at_lowest_corner, corner_velocity, sole_positions
 from kinemimic.retarget.humanoid.motion import joint_angles
 from kinemimic.retarget.noncyclic import fit_noncyclic
+from kinemimic.retarget.strides.excerpt import excerpt_of_pass
 from kinemimic.retarget.strides.loop import MIRROR_NODES
-from kinemimic.retarget.strides.passes import analyze_passes, is_gait, select_passes
+from kinemimic.retarget.strides.selection import select_bouts
 
 
 def loop_of(clip: Clip, symmetric: bool | None = None) -> CyclicFit:
-    chosen, _ = select_passes(analyze_passes(clip))
-    return fit_cyclic(clip, chosen, symmetric)
+    return fit_cyclic(clip, select_bouts(bouts_of(clip)).bouts, symmetric)
 
 
 def rmse_deg(fit: CyclicFit, curves) -> dict[str, float]:
@@ -110,18 +111,14 @@ def test_missing_frames_are_bridged(walker):
     assert max(rmse_deg(loop_of(replace(w.clip, positions=p, states=states)), w.curves).values()) < 1.0
 
 
-def test_a_walk_that_shows_no_gait_is_refused_in_one_line(walker):
+def test_ankles_that_jump_between_the_legs_are_no_walk(walker):
     w = walker()
     rng = np.random.default_rng(1)
     p = w.clip.positions.copy()
-    # The ankles jump between the legs at random: somebody walks, but nobody can tell how.
     swap = rng.random(len(p)) < 0.5
     a, b = N["ankle_left"], N["ankle_right"]
     p[np.ix_(swap, [a, b])] = p[np.ix_(swap, [b, a])]
-    passes = analyze_passes(replace(w.clip, positions=p))
-    assert is_gait(passes)
-    with pytest.raises(KinemimicError, match="expected a walking pass"):
-        select_passes(passes)
+    assert bouts_of(replace(w.clip, positions=p)) == []
 
 
 def test_a_movement_in_place_is_no_gait(walker):
@@ -138,9 +135,8 @@ def test_a_movement_in_place_is_no_gait(walker):
     elbow = standing[:, N["elbow_left"]]
     standing[:, N["wrist_left"]] = elbow + rotate(lift, np.array([0, 0, -0.27]))
     still = replace(clip, positions=standing)
-    passes = analyze_passes(still)
-    assert not is_gait(passes)
-    fit = fit_noncyclic(still, passes[0])
+    assert bouts_of(still) == []
+    fit = fit_noncyclic(still, excerpt_of_pass(still, 0))
     motion = fit.motion
     assert fit.reliability.precise and not motion.cyclic
     assert motion.contacts.all() and fit.seen.shape == motion.rotations.shape[:2]
@@ -154,7 +150,7 @@ def test_a_movement_in_place_is_no_gait(walker):
 def test_one_stride_of_few_frames_has_fewer_harmonics_but_its_knees_turn(walker):
     """26 frames cannot hold the 17 coefficients of eight harmonics."""
     w = walker(seconds=1.3, rate=20.0)
-    (one,) = analyze_passes(w.clip)
+    (one,) = bouts_of(w.clip)
     assert len(one.frames) < 34
     fit = fit_cyclic(w.clip, [one], False)
     assert fit.reliability.precise
@@ -164,8 +160,7 @@ def test_one_stride_of_few_frames_has_fewer_harmonics_but_its_knees_turn(walker)
 
 def test_less_than_a_stride_is_completed_by_the_mirror_or_refused(walker):
     clip = walker(seconds=0.85).clip
-    (one,) = analyze_passes(clip)
-    assert one.verdict == "accepted"
+    (one,) = bouts_of(clip)
     assert fit_cyclic(clip, [one]).symmetric
     with pytest.raises(KinemimicError, match="whole stride"):
         fit_cyclic(clip, [one], False)

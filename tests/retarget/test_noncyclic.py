@@ -18,12 +18,12 @@ from kinemimic.retarget.humanoid.surface import lowest_points
 from kinemimic.retarget.measure import measure
 from kinemimic.retarget.noncyclic import NonCyclicFit, fit_noncyclic
 from kinemimic.retarget.optimise.refine import refine
-from kinemimic.retarget.strides.passes import analyze_passes
+from kinemimic.retarget.strides.excerpt import excerpt_of_pass
 
 
 def stock(name: str) -> NonCyclicFit:
     clip = on_nodes(read_deepmimic(stock_motion(name)))
-    return fit_noncyclic(clip, analyze_passes(clip)[0])
+    return fit_noncyclic(clip, excerpt_of_pass(clip, 0))
 
 
 def lowest(motion: Motion) -> float:
@@ -75,7 +75,7 @@ def test_without_toes_contacts_come_from_the_ankles_and_feet_are_flat():
     positions = clip.positions.copy()
     positions[:, [N["foot_left"], N["foot_right"]]] = np.nan
     bare = replace(clip, positions=positions)
-    fit = fit_noncyclic(bare, analyze_passes(bare)[0])
+    fit = fit_noncyclic(bare, excerpt_of_pass(bare, 0))
     assert fit.reliability.precise and not fit.reliability.feet
     assert 0.2 < fit.motion.contacts.mean() < 0.95
     corners = sole_positions(*fit.motion.kinematics())[..., 2]

@@ -4,6 +4,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from samples.bouts import bouts_of
 
 from kinemimic.pipeline.convert import convert, on_nodes
 from kinemimic.pipeline.gait.normative import normative_band
@@ -12,11 +13,11 @@ from kinemimic.pipeline.kinematics.rotations import IDENTITY, from_axis_angle, r
 from kinemimic.pipeline.kinematics.skeleton import NODE_INDEX as N
 from kinemimic.pipeline.kinematics.skeleton import NODES
 from kinemimic.retarget.cyclic import fit_cyclic
-from kinemimic.retarget.feet.ankles import FEET_ADJACENT, FOOT_FLAT, MIN_CLEARANCE, normal_feet
+from kinemimic.retarget.feet.ankles import FOOT_FLAT, normal_feet
 from kinemimic.retarget.feet.contact import sole_positions
-from kinemimic.retarget.feet.legs import neutral_feet
+from kinemimic.retarget.feet.legs import FEET_ADJACENT, MIN_CLEARANCE, neutral_feet
 from kinemimic.retarget.feet.scale import body_kinematics
-from kinemimic.retarget.strides.passes import analyze_passes, select_passes
+from kinemimic.retarget.strides.selection import select_bouts
 
 PHASE = np.arange(120) / 120.0
 
@@ -76,7 +77,7 @@ def test_a_normative_ankle_is_nearer_to_the_measured_one_than_a_neutral_one(
     """Optical walks, whose feet are seen: the normative ankles against the measured ones."""
     ingest(captures / "cmu_bvh" / name, tmp_path)
     clip = on_nodes(convert(tmp_path))
-    motion = fit_cyclic(clip, select_passes(analyze_passes(clip))[0]).motion
+    motion = fit_cyclic(clip, select_bouts(bouts_of(clip)).bouts).motion
     phase = np.arange(len(motion.root)) / len(motion.root)
 
     def error(made):

@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from samples.bouts import bouts_of
 
 from kinemimic.pipeline.kinematics.rotations import (
     IDENTITY,
@@ -22,7 +23,7 @@ from kinemimic.retarget.humanoid.limits import beyond_limits
 from kinemimic.retarget.humanoid.motion import Motion, joint_angles
 from kinemimic.retarget.optimise import refine as module
 from kinemimic.retarget.optimise.refine import refine
-from kinemimic.retarget.strides.passes import analyze_passes, select_passes
+from kinemimic.retarget.strides.selection import select_bouts
 
 
 def squat(frames: int = 180, rate: float = 60.0) -> Motion:
@@ -71,7 +72,7 @@ def depth(motion: Motion) -> float:
 @pytest.fixture
 def loop(walker) -> Motion:
     clip = walker(noise=0.012, passes=3, rate=30.0, seconds=2.6).clip
-    return fit_cyclic(clip, select_passes(analyze_passes(clip))[0]).motion
+    return fit_cyclic(clip, select_bouts(bouts_of(clip)).bouts).motion
 
 
 def test_a_clean_motion_is_nearly_a_fixed_point():

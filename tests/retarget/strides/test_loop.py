@@ -1,4 +1,4 @@
-"""Pooled frames: the weights of states, passes and the mirror image; the sign of a mean rotation."""
+"""Pooled frames: the weights of states, sections and the mirror image; the sign of a mean rotation."""
 
 from __future__ import annotations
 
@@ -6,11 +6,11 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from samples.bouts import bouts_of
 
 from kinemimic.pipeline.kinematics.rotations import angle_between, from_axis_angle, from_rotvec
 from kinemimic.pipeline.kinematics.skeleton import NODE_INDEX as N
 from kinemimic.retarget.strides.loop import mean_rotation, pool_strides, robust_fit, with_mirror
-from kinemimic.retarget.strides.passes import analyze_passes
 
 
 def test_a_tracked_joint_counts_fully_an_inferred_one_by_0_3_and_a_missing_one_not(walker):
@@ -18,27 +18,27 @@ def test_a_tracked_joint_counts_fully_an_inferred_one_by_0_3_and_a_missing_one_n
     states = clip.states.copy()
     states[:, N["wrist_left"]], states[:, N["wrist_right"]] = 1, 0
     clip = replace(clip, states=states)
-    strides = pool_strides(clip, analyze_passes(clip))
+    strides = pool_strides(clip, bouts_of(clip))
     tracked = strides.weights[:, N["elbow_left"]]
     assert tracked.min() > 0.9
     assert strides.weights[:, N["wrist_left"]] == pytest.approx(0.3 * tracked)
     assert not strides.weights[:, N["wrist_right"]].any()
 
 
-def test_a_pass_counts_by_the_inverse_of_its_variance():
-    """Of two passes that contradict each other the one that scatters less decides."""
+def test_a_section_counts_by_the_inverse_of_its_variance():
+    """Of two sections that contradict each other, the one that scatters less decides."""
     phase = np.tile(np.arange(200) / 100.0, 2)
     group = np.repeat([0, 1], 200)
     scatter = np.where(group == 0, 0.0, 3.0) * np.where(np.arange(400) % 4 < 2, 1.0, -1.0)
     values = np.where(group == 0, 0.0, 1.0) + scatter
     series = robust_fit(phase, values[:, None], 2, np.ones(400), group, floor=3.0)
-    # Passes of equal weight would meet at 0.42; with half the penalty of variance at 0.27.
+    # Sections of equal weight would meet at 0.42; with half the penalty of variance at 0.27.
     assert series[0, 0] == pytest.approx(0.1976, abs=0.002)
 
 
-def test_the_mirror_image_is_made_of_passes_of_its_own(walker):
+def test_the_mirror_image_is_made_of_sections_of_its_own(walker):
     clip = walker(passes=2, seconds=2.4).clip
-    strides = pool_strides(clip, analyze_passes(clip))
+    strides = pool_strides(clip, bouts_of(clip))
     both = with_mirror(strides)
     frames = len(strides.phase)
     assert np.unique(both.group[:frames]).tolist() == [0, 1]

@@ -2,18 +2,18 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from samples.bouts import bouts_of
 
 from kinemimic.pipeline.kinematics.skeleton import NODE_INDEX as N
 from kinemimic.pipeline.kinematics.skeleton import NODES
 from kinemimic.retarget.strides.loop import pool_strides
-from kinemimic.retarget.strides.passes import analyze_passes
 from kinemimic.retarget.strides.sensor_reliability import assess_reliability, knees_in_sagittal_plane
 
 ABOVE = ("spine", "shoulder", "head", "elbow", "wrist", "hand")
 
 
 def strides_of(clip):
-    return pool_strides(clip, [p for p in analyze_passes(clip) if p.verdict == "accepted"])
+    return pool_strides(clip, bouts_of(clip))
 
 
 def test_all_parts_of_an_exact_recording_are_reliable(walker):
