@@ -30,6 +30,7 @@ MIN_DURATION = 0.6  # s that the filter and a step need
 # A turning point counts if the ankle then returns by this share of its range; the range must exceed MIN_RANGE
 # metres, since swaying on the spot is not walking.
 RETURN_SHARE, MIN_RANGE = 0.35, 0.15
+EDGE = 0.05  # s: a turning point as near to the beginning is the noise of a walk already under way
 _STILL = 0.4  # of the speed over the ground, below which a runner's ankle is on the ground
 
 
@@ -104,8 +105,8 @@ def _nearest(clock: Array, times: Array, flags: Mask) -> Mask:
 def _turning_points(reach: Array) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
     """Samples of the highs and of the lows from which (T,) returns by RETURN_SHARE of its range.
 
-    At the clip's ends it need not return so far on the outer side, only at all: the first and the last sample
-    are never turning points, since what lies beyond them is unknown.
+    At the clip's ends it need not return so far on the outer side, only at all: the last sample, and those within
+    EDGE of the beginning, are never turning points, since what lies beyond is unknown.
     """
     low, high = np.percentile(reach, [2, 98])
     if high - low < MIN_RANGE:
@@ -128,7 +129,8 @@ def _turning_points(reach: Array) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
         last = top if rising else bottom
         if last < len(reach) - 1:
             (highs if rising else lows).append(last)
-    return np.array([k for k in highs if k > 0], np.intp), np.array([k for k in lows if k > 0], np.intp)
+    edge = EDGE * RATE
+    return np.array([k for k in highs if k > edge], np.intp), np.array([k for k in lows if k > edge], np.intp)
 
 
 def _stances(ahead: NDArray[np.intp], behind: NDArray[np.intp]) -> list[tuple[int, int]]:

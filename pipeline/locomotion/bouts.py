@@ -29,7 +29,7 @@ from kinemimic.pipeline.locomotion.odometry import (
     is_running_pose,
 )
 from kinemimic.pipeline.locomotion.stride_phase import gait_phase
-from kinemimic.pipeline.locomotion.strides import Stride, cut_strides, frames_of, judge_strides
+from kinemimic.pipeline.locomotion.strides import Stride, cut_strides, frames_of, judge_strides, judged_span
 from kinemimic.pipeline.locomotion.upright import upright_axis
 
 MAX_BONE_SPREAD = 0.025  # spread of a leg bone over its length; below it, the recording is precise
@@ -124,7 +124,7 @@ def is_precise(positions: Array) -> bool:
     lengths = leg_bones(positions)
     if not np.isfinite(lengths).any(axis=0).all():
         return False
-    return bool(np.max(np.nanstd(lengths, axis=0) / np.nanmean(lengths, axis=0)) < MAX_BONE_SPREAD)
+    return bool((np.nanstd(lengths, axis=0) < MAX_BONE_SPREAD * np.nanmean(lengths, axis=0)).all())
 
 
 def _bouts_of_pass(times: Array, positions: Array, bones: Array, *, precise: bool) -> list[Bout]:
@@ -224,7 +224,8 @@ def _bout(
     root = _middle(level)
     feet = foot_odometry(level, heading, phase, RATE, toes=precise)
     walking = frames_of(strides, phase)
-    apart = disagreements(root, feet, phase, np.array([(one.start, one.end) for one in strides]), RATE)
+    spans = np.array([judged_span(one.start, one.end, phase) for one in strides])
+    apart = disagreements(root, feet, phase, spans, RATE)
     whole = np.array([one.cycles > 0.9 for one in strides])
     way = choose_way(root, feet, apart[whole] if whole.any() else apart, RATE, precise=precise)
     if precise and way.source != "feet":

@@ -81,11 +81,7 @@ def cut_strides(
     found = []
     edges = _edges(phase)
     for start, end in pairwise(edges):
-        # A part of a stride is judged with the rest of a stride beside it.
-        wide = (start, end)
-        if end - start < 0.9:
-            wide = (end - 1.0, end) if start > phase[0] + 1e-9 else (start, start + 1.0)
-        inside = slice(*np.searchsorted(phase, wide))
+        inside = slice(*np.searchsorted(phase, judged_span(start, end, phase)))
         if inside.stop - inside.start < 6:
             continue
         first, last = np.interp([start, end], phase, times)
@@ -119,6 +115,15 @@ def cut_strides(
             )
         )
     return found
+
+
+def judged_span(start: float, end: float, phase: Array) -> tuple[float, float]:
+    """First and last phase by which a stride is judged: a part of one with the rest of a stride beside it."""
+    if end - start >= 0.9:
+        return start, end
+    if end - 1.0 >= phase[0]:
+        return end - 1.0, end
+    return (start, start + 1.0) if start + 1.0 <= phase[-1] else (float(phase[0]), float(phase[-1]))
 
 
 def _edges(phase: Array) -> Array:

@@ -30,7 +30,7 @@ def test_symmetry_index_by_hand() -> None:
 
 def test_parameters_by_hand() -> None:
     strides = (stride("left", 0.0, 1.0, 1.2), stride("left", 1.0, 2.2, 1.32), stride("right", 0.5, 1.6, 1.1))
-    gait = Gait(strides, 0, {}, None, False, leg=0.9)
+    gait = Gait(strides, 0, {}, np.zeros(0, np.int32), {}, None, False, leg=0.9)
     table = parameters(gait)
     assert table["cadence_steps_per_min"]["left"]["mean"] == pytest.approx((120 + 100) / 2)
     assert table["speed_m_s"]["left"]["mean"] == pytest.approx((1.2 + 1.1) / 2)
