@@ -105,8 +105,8 @@ def _nearest(clock: Array, times: Array, flags: Mask) -> Mask:
 def _turning_points(reach: Array) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
     """Samples of the highs and of the lows from which (T,) returns by RETURN_SHARE of its range.
 
-    At the clip's ends it need not return so far on the outer side, only at all: the last sample, and those within
-    EDGE of the beginning, are never turning points, since what lies beyond is unknown.
+    At the clip's ends it need not return so far on the outer side, only at all: the last sample, and those
+    within EDGE of the beginning, are never turning points, since what lies beyond is unknown.
     """
     low, high = np.percentile(reach, [2, 98])
     if high - low < MIN_RANGE:
