@@ -68,7 +68,9 @@ def detect_foot_events(times: Array, bout: Bout) -> FootEvents | None:
     seen = np.stack([_nearest(clock, times, hips & whole[:, 2 + k]) for k in range(2)], axis=1)
     pelvis, ankles = points[:, :2].mean(axis=1), points[:, 2:]
     reach = ankles[..., 0] - pelvis[:, None, 0]
-    turns = [_turning_points(reach[:, k]) for k in range(2)]
+    # A runner's foot is farthest ahead some time before it lands.
+    edge = 0.0 if bout.running else EDGE * RATE
+    turns = [_turning_points(reach[:, k], edge) for k in range(2)]
     if not all(len(ahead) and len(behind) for ahead, behind in turns):
         return None
     if bout.running:
@@ -102,11 +104,11 @@ def _nearest(clock: Array, times: Array, flags: Mask) -> Mask:
     return np.asarray(flags[after] & flags[after - 1])
 
 
-def _turning_points(reach: Array) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
+def _turning_points(reach: Array, edge: float) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
     """Samples of the highs and of the lows from which (T,) returns by RETURN_SHARE of its range.
 
     At the clip's ends it need not return so far on the outer side, only at all: the last sample, and those
-    within EDGE of the beginning, are never turning points, since what lies beyond is unknown.
+    within `edge` of the beginning, are never turning points, since what lies beyond is unknown.
     """
     low, high = np.percentile(reach, [2, 98])
     if high - low < MIN_RANGE:
@@ -129,7 +131,6 @@ def _turning_points(reach: Array) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
         last = top if rising else bottom
         if last < len(reach) - 1:
             (highs if rising else lows).append(last)
-    edge = EDGE * RATE
     return np.array([k for k in highs if k > edge], np.intp), np.array([k for k in lows if k > edge], np.intp)
 
 
