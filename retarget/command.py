@@ -163,7 +163,7 @@ def _table(report: dict[str, Any]) -> list[str]:
         scores = {}
         if report["kind"] != "motion":
             lines.append(
-                f"  {report['strides']:.1f} strides in {report['duration_s']:.1f} s, "
+                f"  {report['strides_used']:.1f} strides in {report['duration_s']:.1f} s, "
                 f"{report['cadence_steps_per_min']:.0f} steps/min, {report['speed_m_s']:.2f} m/s"
             )
     lines += _measures(report["closed_form"], report["measures"])

@@ -85,7 +85,7 @@ def cut_strides(
         if inside.stop - inside.start < 6:
             continue
         first, last = np.interp([start, end], phase, times)
-        r2, amplitude = _harmonic(phase[inside], ankles[1][inside] - ankles[0][inside])
+        r2, amplitude, mean = _harmonic(phase[inside], ankles[1][inside] - ankles[0][inside])
         apart, together = (
             np.var(ankles[1][inside] - ankles[0][inside]),
             np.var(ankles[1][inside] + ankles[0][inside]),
@@ -97,7 +97,7 @@ def cut_strides(
         walking = (
             PERIODS[0] <= period <= PERIODS[1]
             and r2 >= MIN_R2
-            and amplitude >= MIN_AMPLITUDE
+            and amplitude >= max(MIN_AMPLITUDE, abs(mean))  # the ankles pass each other
             and apart > MIN_ALTERNATION * (apart + together)
             and (facing is None or float(np.median(facing[inside])) < MAX_SIDEWAYS)
             and not (len(leaning) and float(np.percentile(leaning, 90.0)) > MAX_TRUNK_LEAN)
@@ -138,13 +138,14 @@ def _edges(phase: Array) -> Array:
     return np.asarray(edges[np.concatenate([[True], np.diff(edges) > 1e-9])])
 
 
-def _harmonic(phase: Array, distance: Array) -> tuple[float, float]:
-    """R² and amplitude in metres of one harmonic through the ankles' distance (n,) at phases (n,)."""
+def _harmonic(phase: Array, distance: Array) -> tuple[float, float, float]:
+    """R², amplitude and mean in metres of one harmonic through the ankles' distance (n,) at phases (n,)."""
     wave = design(phase, 1)
     fitted = np.asarray(np.linalg.lstsq(wave, distance, rcond=None)[0], dtype=np.float64)
     spread = float(np.sum((distance - distance.mean()) ** 2))
     residual = float(np.sum((distance - wave @ fitted) ** 2))
-    return 1.0 - residual / spread if spread > 0.0 else 0.0, float(np.hypot(fitted[1], fitted[2]))
+    r2 = 1.0 - residual / spread if spread > 0.0 else 0.0
+    return r2, float(np.hypot(fitted[1], fitted[2])), float(fitted[0])
 
 
 def judge_strides(
@@ -192,11 +193,11 @@ def _curves(strides: list[Stride], phase: Array, angles: Array) -> Array:
     count = angles.shape[2]
     out = np.full((len(strides), 2, count, _SAMPLES), np.nan)
     for number, stride in enumerate(strides):
-        base = np.floor(stride.start + 1e-9)
         for foot in range(2):
             # The right foot's stride is half a cycle later: the phases of its samples lie in the same frames.
-            own = base + np.mod(at + 0.5 * foot, 1.0)
-            inside = (own >= stride.start - 1e-9) & (own <= stride.end + 1e-9)
+            own = np.mod(at + 0.5 * foot, 1.0)
+            own += np.ceil(stride.start - 1e-9 - own)
+            inside = own <= stride.end + 1e-9
             for k in range(count):
                 out[number, foot, k, inside] = np.interp(own[inside], phase, angles[:, foot, k])
     return out

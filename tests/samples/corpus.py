@@ -16,8 +16,9 @@ from kinemimic.pipeline.kinematics.clip import Clip
 
 def corpus(folder: str) -> Path:
     """A folder of recordings beside the captures; the test is skipped without it."""
-    beside = Path(__file__).resolve().parents[3] / "shared" / "captures"
-    captures = os.environ.get("KINEMIMIC_CAPTURES", beside)
+    captures = os.environ.get(
+        "KINEMIMIC_CAPTURES", Path(__file__).resolve().parents[3] / "shared" / "captures"
+    )
     found = Path(captures).parent / "corpus" / folder
     if not found.is_dir():
         pytest.skip(f"no recordings of {folder} here: set KINEMIMIC_CAPTURES to the folder beside theirs")

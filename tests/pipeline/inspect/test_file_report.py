@@ -6,11 +6,13 @@ import json
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 from samples.motion import walk
 
+from kinemimic.pipeline.arrays import Array
 from kinemimic.pipeline.inspect.file_report import file_report, inspect_file, unread_report
 from kinemimic.pipeline.inspect.measures import (
     available_nodes,
@@ -23,7 +25,8 @@ from kinemimic.pipeline.inspect.measures import (
 from kinemimic.pipeline.kinematics.clip import Clip
 from kinemimic.pipeline.kinematics.rotations import from_axis_angle, rotate
 from kinemimic.pipeline.kinematics.skeleton import INFERRED, NODE_INDEX
-from kinemimic.pipeline.locomotion.walking import detect_gait
+from kinemimic.pipeline.locomotion.bouts import find_bouts
+from kinemimic.pipeline.locomotion.summary import gait_summary
 from kinemimic.pipeline.quality.check import check_capture
 from kinemimic.pipeline.readers.mocap.deepmimic import read_deepmimic, stock_motion
 from kinemimic.pipeline.readers.recognise import formats
@@ -105,6 +108,10 @@ def test_every_sensor_that_formats_names_is_found(walking: Writer) -> None:
     assert file_report(walking())["sensor"] in {format.sensor for format in formats()}
 
 
+def detect_gait(clip: Clip, nodes: Array) -> dict[str, Any] | None:
+    return gait_summary(find_bouts(clip.times, clip.passes, nodes))
+
+
 def test_gait_on_a_path_a_treadmill_and_before_a_turning_camera(walk_clip: Clip) -> None:
     nodes, _, _ = available_nodes(walk_clip)
     on_path = detect_gait(walk_clip, nodes)
@@ -121,9 +128,12 @@ def test_gait_on_a_path_a_treadmill_and_before_a_turning_camera(walk_clip: Clip)
     knee = walk(300).angles["knee_left"]
     shifted = [np.corrcoef(knee[:-lag], knee[lag:])[0, 1] for lag in range(25, 60)]
     assert on_path["period_s"] == pytest.approx((25 + int(np.argmax(shifted))) / 30.0, abs=0.02)
+    assert on_path["path"] == "recorded"
     for still in (treadmill, turning):
         assert still is not None
-        assert still["speed_m_s"] is None
+        # The way over the ground comes from the feet, to 5 %.
+        assert still["path"] == "feet"
+        assert still["speed_m_s"] == pytest.approx(made, rel=0.05)
         assert still["period_s"] == pytest.approx(on_path["period_s"], abs=0.02)
 
 

@@ -23,18 +23,19 @@ def test_a_report_of_schema_1_is_read_with_the_names_of_today(tmp_path: Path) ->
     }
     path.write_text(json.dumps(old))
     assert read_gait_json(path) == {
-        "schema": 2,
+        "schema": 3,
         "kind": "walk",
         "reliability": {"pelvis": False},
-        "passes": [{"pass": 0, "strides_timed_individually": True, "ankle_amplitude_m": 0.5}, {"pass": 1}],
         "ground": {"height_shift_m": 0.01, "slip_m_s": 0.1},
         "gate": [{"rule": "slip", "message": "slips"}],
     }
     path.write_text('{"schema": 1, "kind": "motion"}')
-    assert read_gait_json(path) == {"schema": 2, "kind": "motion"}
+    assert read_gait_json(path) == {"schema": 3, "kind": "motion"}
+    path.write_text('{"schema": 2, "kind": "walk", "strides": 6.8, "passes": [{"pass": 0}]}')
+    assert read_gait_json(path) == {"schema": 3, "kind": "walk", "strides_used": 6.8}
 
 
-@pytest.mark.parametrize("text", ["[1]", '{"schema": 3}', '{"schema": 1, "gate": 2}', '{"passes": [1]}', "{"])
+@pytest.mark.parametrize("text", ["[1]", '{"schema": 4}', '{"schema": 1, "gate": 2}', '{"passes": [1]}', "{"])
 def test_what_is_no_report_is_refused_in_one_line(tmp_path: Path, text: str) -> None:
     path = tmp_path / "gait.json"
     path.write_text(text)
