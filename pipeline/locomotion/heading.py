@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from scipy.ndimage import gaussian_filter1d
 
 from kinemimic.pipeline.arrays import Array
+from kinemimic.pipeline.kinematics.rotations import from_axis_angle, rotate
 from kinemimic.pipeline.kinematics.skeleton import NODE_INDEX as N
 
 # Seconds (standard deviation of a Gaussian) over which the line of the ankles and the front are averaged: a
@@ -34,6 +35,15 @@ def body_heading(positions: Array, rate: float) -> tuple[Array, Array]:
     ankles part, in the direction where knees, toes and trunk point; so of a person who walks backward too.
     The angle is small in walking; of a person who steps sideways, the ankles part across the front.
     """
+    heading, _ = _averaged_heading(positions, rate)
+    # Averaging flattens a turn at either end: a second look is at what remains of it.
+    ahead = rotate(from_axis_angle("Z", -heading)[:, None], positions)
+    rest, angle = _averaged_heading(ahead, rate)
+    return heading + rest, angle
+
+
+def _averaged_heading(positions: Array, rate: float) -> tuple[Array, Array]:
+    """`body_heading` from one average of the line of the ankles and of the front."""
     front = _smooth(_front(positions), FRONT_TIME * rate)
     apart = _plane(positions[:, N["ankle_right"]] - positions[:, N["ankle_left"]])
     # Without the mean, which is the width of the steps: a short step may be less long than wide.

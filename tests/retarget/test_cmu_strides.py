@@ -1,12 +1,19 @@
-"""The table of strides counted by eye is consistent, so that detectors can be compared with it."""
+"""Strides counted by eye in 71 clips, and what the pipeline makes of them."""
 
 from __future__ import annotations
 
 import tomllib
 from pathlib import Path
 
+import pytest
+from samples.bouts import bouts_of
+from samples.corpus import cmu
+
+from kinemimic.retarget.strides.selection import select_bouts
+
 CLIPS = tomllib.loads(Path(__file__).with_name("cmu_strides.toml").read_text())
 PERIODS = (0.7, 1.8)  # s: the fastest run and the slowest climb
+SURE = {name: clip for name, clip in CLIPS.items() if clip["sure"]}
 
 
 def test_strides_agree_with_steps_and_times() -> None:
@@ -17,3 +24,21 @@ def test_strides_agree_with_steps_and_times() -> None:
         if clip["steps"]:
             period = 2.0 * (clip["end_s"] - clip["start_s"]) / clip["steps"]
             assert PERIODS[0] < period < PERIODS[1], name
+
+
+@pytest.mark.slow  # 40 s for the 71 clips, most of it for reading them
+@pytest.mark.parametrize(
+    "name", [n for n, c in SURE.items() if c["strides"] >= 2 and c["direction"] == "forward"]
+)
+def test_walks_and_runs_are_found_with_four_fifths_of_their_strides(name: str) -> None:
+    by_eye = CLIPS[name]
+    bouts = bouts_of(cmu(name))
+    assert sum(one.used_strides for one in bouts) >= 0.8 * by_eye["strides"]
+    assert select_bouts(bouts).bouts
+    assert any(one.running for one in bouts) == (by_eye["activity"] == "run")
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", [n for n, c in SURE.items() if c["strides"] == 0])
+def test_motions_without_strides_become_no_loop(name: str) -> None:
+    assert select_bouts(bouts_of(cmu(name))).bouts == ()

@@ -167,3 +167,15 @@ def standing(clip: Clip, seconds: float, frame: int = 0) -> Clip:
         states=np.full(held.shape[:2], 2, dtype=np.uint8),
         passes=np.zeros(frames, dtype=np.int32),
     )
+
+
+def before_turning_camera(clip: Clip, distance: float = 3.0) -> Clip:
+    """A walk as a camera beside its path sees it that turns with the walker but does not know that it turns."""
+    middle = hips(clip.positions)[:, 0, :2]
+    way = middle[-1] - middle[0]
+    aside = np.array([-way[1], way[0]]) / np.linalg.norm(way)
+    camera = middle.mean(axis=0) + distance * aside
+    off = middle - camera
+    bearing = np.unwrap(np.arctan2(off[:, 1], off[:, 0]))
+    seen = clip.positions - np.array([*camera, 0.0])
+    return replace(clip, positions=rotate(from_axis_angle("Z", -bearing)[:, None], seen))
