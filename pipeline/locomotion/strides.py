@@ -22,7 +22,8 @@ MIN_R2 = 0.80  # of one harmonic of the ankles' distance within the stride
 MIN_AMPLITUDE = 0.08  # m, of that harmonic: half of the distance by which one ankle passes the other
 # Walking differs from a jump or a kick: the trunk stays upright, and the feet alternate.
 MAX_TRUNK_LEAN = np.radians(60.0)
-# Share of the variance of both ankles about the hips that lies in their difference: 0.5 if one leg alone moves.
+# Share of the variance of both ankles about the hips that lies in their difference: 0.5 if one leg alone
+# moves.
 MIN_ALTERNATION = 0.65
 MAX_SIDEWAYS = np.radians(50.0)  # between the line along which the feet part and the front of the body
 # A stride for a loop: straight enough, as long as the others, with the leg in view.
