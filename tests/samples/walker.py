@@ -170,7 +170,7 @@ def standing(clip: Clip, seconds: float, frame: int = 0) -> Clip:
 
 
 def before_turning_camera(clip: Clip, distance: float = 3.0) -> Clip:
-    """A walk seen by a camera beside its path that turns with the walker and does not know that it turns."""
+    """A walk as a camera beside its path sees it that turns with the walker and does not know it."""
     middle = hips(clip.positions)[:, 0, :2]
     way = middle[-1] - middle[0]
     aside = np.array([-way[1], way[0]]) / np.linalg.norm(way)

@@ -1,0 +1,77 @@
+"""Legs that the tracker exchanged where one hid the other are exchanged back."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from samples.corpus import cmu
+from samples.walker import MIRROR, walker
+
+from kinemimic.pipeline.kinematics.clip import Clip
+from kinemimic.pipeline.kinematics.skeleton import NODE_INDEX as N
+from kinemimic.pipeline.quality.rules import exchanged_legs
+
+LEGS = [N[f"{joint}_{side}"] for joint in ("knee", "ankle", "foot") for side in ("left", "right")]
+
+
+def sensor(seed: int = 0, heading: float = 0.0) -> Clip:
+    """A walk as a depth sensor sees it: bones that change their lengths."""
+    return walker(seconds=9.0, rate=30.0, noise=0.01, seed=seed, heading=heading).clip
+
+
+def crossings(clip: Clip) -> list[int]:
+    """Frames at which the ankles pass each other."""
+    ahead = clip.positions[:, N["ankle_right"]] - clip.positions[:, N["ankle_left"]]
+    along = clip.positions[-1, 0, :2] - clip.positions[0, 0, :2]
+    sign = np.sign(ahead[:, :2] @ along)
+    # Noise may change the sign twice in one passing.
+    where = np.flatnonzero(sign[1:] != sign[:-1]) + 1
+    return [
+        int(k) for k, before in zip(where, np.concatenate([[-9], where[:-1]]), strict=True) if k > before + 5
+    ]
+
+
+def exchanged(clip: Clip, *spans: tuple[int, int]) -> Clip:
+    """Knees, ankles and feet exchanged between frames."""
+    p = clip.positions.copy()
+    for start, end in spans:
+        p[start:end, LEGS] = clip.positions[start:end][:, [MIRROR[k] for k in LEGS]]
+    return replace(clip, positions=p)
+
+
+@pytest.mark.parametrize("seed", range(4))
+@pytest.mark.parametrize("heading", [0.0, 2.2])
+def test_legs_exchanged_from_one_crossing_to_another_come_back_exactly(seed: int, heading: float) -> None:
+    clip = sensor(seed, heading)
+    at = crossings(clip)
+    assert len(at) > 12
+    broken = exchanged(clip, (at[3], at[5]), (at[9], at[10]))
+    repaired, (found,) = exchanged_legs.repair(broken)
+    assert (found.rule, found.action) == ("swapped_sides", "repaired") and "4 times" in found.text
+    # At the crossing itself both ankles are at one place: a frame more or less.
+    wrong = np.linalg.norm(repaired.positions - clip.positions, axis=-1).max(axis=1) > 1e-9
+    near = np.min(np.abs(np.arange(len(wrong))[:, None] - np.array(at)), axis=1) <= 2
+    assert not (wrong & ~near).any()
+
+
+def test_a_walk_without_exchanges_is_unchanged() -> None:
+    for seed in range(4):
+        clip = sensor(seed)
+        same, found = exchanged_legs.repair(clip)
+        assert same is clip and found == []
+
+
+def test_a_person_who_stands_is_unchanged() -> None:
+    clip = sensor()
+    rng = np.random.default_rng(0)
+    still = clip.positions[:1] + 0.01 * rng.standard_normal(clip.positions.shape)
+    assert exchanged_legs.repair(replace(clip, positions=still))[1] == []
+
+
+@pytest.mark.parametrize("name", ["02_01", "05_01", "07_12"])
+def test_an_optical_walk_is_unchanged(name: str) -> None:
+    clip = cmu(name)
+    same, found = exchanged_legs.repair(clip)
+    assert same is clip and found == []
