@@ -34,7 +34,7 @@ from kinemimic.retarget.humanoid.motion import Motion
 from kinemimic.retarget.noncyclic import fit_noncyclic
 from kinemimic.retarget.optimise.leg_chain import UNKNOWNS, leg_chain, leg_jacobian, leg_points
 from kinemimic.retarget.optimise.refine import refine
-from kinemimic.retarget.strides.passes import Pass
+from kinemimic.retarget.strides.excerpt import Excerpt, excerpt_of_pass
 
 FRAMES = 20_000
 PEER_FRAMES = 150
@@ -52,7 +52,7 @@ def best(call: Callable[[], object], repeats: int = REPEATS) -> float:
     return least
 
 
-def long_pass(recorded: Clip, frames: int) -> tuple[Clip, Pass]:
+def long_pass(recorded: Clip, frames: int) -> tuple[Clip, Excerpt]:
     """One pass of `frames` frames, from the recording's own repeated at an even rate."""
     clip = on_nodes(recorded)
     rows = np.resize(np.flatnonzero(np.isfinite(clip.positions).all(axis=(1, 2))), frames)
@@ -63,8 +63,7 @@ def long_pass(recorded: Clip, frames: int) -> tuple[Clip, Pass]:
         states=clip.states[rows],
         passes=np.zeros(frames, dtype=np.int32),
     )
-    every = np.arange(frames)
-    return made, Pass(0, every, 0.0, 0.0, None, made.times, np.zeros(frames, bool), "accepted")
+    return made, excerpt_of_pass(made, 0)
 
 
 # For each node the bone along its frame's own axis: what hangs from it.

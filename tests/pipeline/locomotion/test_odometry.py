@@ -26,8 +26,8 @@ from kinemimic.retarget.noncyclic import fit_noncyclic
 from kinemimic.retarget.optimise.refine import refine
 from kinemimic.retarget.strides.excerpt import excerpt_of_bout
 
-# The ankles of `stepping` stand quite still until they leave; a person's roll forward by 2 to 11 % of the speed,
-# which the feet's way takes into account.
+# The ankles of `stepping` stand quite still until they leave; a person's roll forward by 2 to 11 % of the
+# speed, which the feet's way takes into account.
 STIFF = 0.1
 CMU_WALKS = ("02_01", "02_02", "05_01", "06_01", "07_01", "07_03", "07_05", "07_09", "07_12")
 WITHOUT_PATH: tuple[Callable[[Clip], Clip], ...] = (in_place, before_turning_camera)

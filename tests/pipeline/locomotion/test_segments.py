@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from itertools import pairwise
 
 import numpy as np
 import pytest
@@ -27,7 +28,7 @@ def test_walks_and_standing_are_numbered_in_order_of_time(clip: Clip) -> None:
     for one, (start, end) in zip(found, [(0, 2), (2, 8), (8, 11), (11, 16)], strict=True):
         assert one.start == pytest.approx(start, abs=0.6) and one.end == pytest.approx(end, abs=0.6)
         assert (one.bout is None) == (one.kind == "stand")
-    for before, after in zip(found, found[1:], strict=False):
+    for before, after in pairwise(found):
         assert before.end <= after.start + 1e-9
 
 
