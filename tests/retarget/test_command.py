@@ -10,7 +10,10 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
 from click.testing import CliRunner
+from samples.walker import along
+from samples.walker import walker as straight_walk
 
+from kinemimic.pipeline.cli.main import main
 from kinemimic.pipeline.errors import KinemimicError
 from kinemimic.pipeline.files.store import read_clip, write_clip
 from kinemimic.retarget.command import _table, command, retarget
@@ -175,3 +178,52 @@ def test_the_loop_option_needs_a_walk(run):
     write_clip(run / "quaternions.parquet", still)
     with pytest.raises(KinemimicError, match="expected strides for --loop, found nobody who walks"):
         retarget(run, loop=True)
+
+
+@pytest.fixture
+def curved(tmp_path):
+    """A run folder of a sensor's walk on a curve: 8 s, 86 degrees to the left."""
+    w = straight_walk(seconds=8.0, rate=30.0, noise=0.008)
+    clip = along(w.clip, np.radians(86.0) * w.clip.times / w.clip.times[-1])
+    write_clip(tmp_path / "quaternions.parquet", clip)
+    write_clip(tmp_path / "raw.parquet", clip)
+    return tmp_path
+
+
+def test_a_curve_keeps_its_turn_unless_it_is_straightened(curved):
+    as_recorded = retarget(curved, straighten=False)
+    report = json.loads((curved / "gait.json").read_text())
+    assert not as_recorded.cyclic
+    assert report["turn_deg"] == pytest.approx(86.0, abs=6.0)
+    way = np.diff(as_recorded.root[[0, 40, -40, -1], :2], axis=0)[[0, 2]]
+    first, last = np.degrees(np.arctan2(way[:, 1], way[:, 0]))
+    assert last - first == pytest.approx(86.0, abs=15.0)  # between the middles of its first and last second
+    straight = retarget(curved, loop=False, straighten=True)
+    report = json.loads((curved / "gait.json").read_text())
+    assert not straight.cyclic and report["turn_deg"] == 0.0
+    assert np.ptp(straight.root[:, 1]) < 0.03 * np.ptp(straight.root[:, 0])
+    assert np.ptp(straight.root[:, 0]) == pytest.approx(report["speed_m_s"] * report["duration_s"], rel=0.02)
+
+
+def test_a_loop_of_a_curve_walks_straight_and_cannot_keep_its_turn(curved):
+    loop = retarget(curved)
+    assert loop.cyclic and loop.cycle_offset[1] == 0.0
+    with pytest.raises(KinemimicError, match="--straighten"):
+        retarget(curved, loop=True, straighten=False)
+
+
+def test_a_segment_by_name_or_times_becomes_the_motion(run):
+    for wanted, pass_number in (("walk-3", 2), ("0-2.6", 0)):
+        done = CliRunner().invoke(command, ["--run", str(run), "--segment", wanted, "--json"])
+        assert done.exit_code == 0, done.output
+        assert {row["pass"] for row in json.loads(done.output)["bouts"]} == {pass_number}
+
+
+def test_an_unknown_segment_gives_one_line_with_the_names_and_writes_nothing(run, capsys):
+    with pytest.raises(SystemExit) as caught:
+        main(["retarget", "--run", str(run), "--segment", "walk-9"])
+    assert caught.value.code == 2
+    told = capsys.readouterr().err.strip()
+    assert "\n" not in told and "found 'walk-9'" in told
+    assert all(f"walk-{k} (" in told for k in range(1, 5))
+    assert not any((run / name).exists() for name in FILES)

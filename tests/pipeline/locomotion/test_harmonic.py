@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from samples.walker import in_place, walker
 
 from kinemimic.pipeline.arrays import Array
-from kinemimic.pipeline.locomotion.harmonic import fit_harmonic
+from kinemimic.pipeline.locomotion.harmonic import fit_harmonic, walking_direction
 
 # None of the periods that the search begins with.
 PERIOD, AMPLITUDE, START, RATE = 1.1349, 0.6, 0.4, 30.0
@@ -77,3 +78,10 @@ def test_the_harmonic_rejects_swapped_legs() -> None:
 def test_noise_is_no_harmonic() -> None:
     rng = np.random.default_rng(0)
     assert fit_harmonic(np.arange(90) / 30, rng.standard_normal(90)).r2 < 0.5
+
+
+def test_walking_direction_along_a_path_and_in_place() -> None:
+    clip = walker(heading=-0.7).clip
+    assert walking_direction(clip.positions) == (pytest.approx(-0.7, abs=0.02), True)
+    heading, on_path = walking_direction(in_place(clip).positions)
+    assert heading == pytest.approx(-0.7, abs=0.05) and not on_path
