@@ -107,7 +107,7 @@ def _between(
             kind = "stand"
         elif before is not None and after is not None:
             heading, _ = body_heading(even.positions, RATE)
-            change = np.angle(np.exp(1j * (after.heading[0] - before.heading[-1])))
+            change = np.angle(np.exp(1j * (np.median(after.heading) - np.median(before.heading))))
             kind = "turn" if max(abs(float(change)), float(np.ptp(heading))) > TURN else kind
     yield Segment("", kind, number, start, end)
 

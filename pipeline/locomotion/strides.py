@@ -26,6 +26,8 @@ MAX_TRUNK_LEAN = np.radians(60.0)
 # moves.
 MIN_ALTERNATION = 0.65
 MAX_SIDEWAYS = np.radians(50.0)  # between the line along which the feet part and the front of the body
+# Of the heading within a stride that a depth sensor shows: it loses the legs of a person who turns round.
+MAX_TURN = np.radians(120.0)
 # A stride for a loop: straight enough, as long as the others, with the leg in view.
 MAX_USED_TURN = np.radians(60.0)
 MAX_PERIOD_DEVIATION = 0.25
@@ -101,7 +103,7 @@ def cut_strides(
             and r2 >= MIN_R2
             and amplitude >= max(MIN_AMPLITUDE, abs(mean))  # the ankles pass each other
             and apart > MIN_ALTERNATION * (apart + together)
-            and (facing is None or float(np.median(facing[inside])) < MAX_SIDEWAYS)
+            and (turn < MAX_TURN if facing is None else float(np.median(facing[inside])) < MAX_SIDEWAYS)
             and not (len(leaning) and float(np.percentile(leaning, 90.0)) > MAX_TRUNK_LEAN)
         )
         found.append(
