@@ -74,7 +74,7 @@ def test_captured_frames_have_the_phase_of_their_own_stride():
 
 
 def test_a_real_person_on_an_accelerating_treadmill(captures, tmp_path):
-    """Each ankle is farthest ahead 74 times: strides, the first of 0.74 and the last of 0.55 s: no single period fits them."""
+    """Each ankle is farthest ahead 74 times; strides take 0.74 s at first and 0.55 in the end."""
     ingest(captures / "kinect1_treadmill_c3d/skeleton_3d_19h58m42.c3d", tmp_path)
     convert(tmp_path)
     bouts = bouts_of(on_nodes(read_clip(tmp_path / "quaternions.parquet")))
