@@ -6,7 +6,7 @@ import json
 import os
 from collections.abc import Iterator
 from contextlib import contextmanager
-from dataclasses import replace
+from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Any
 
@@ -25,7 +25,7 @@ from kinemimic.train.options import training_options
 from kinemimic.train.ppo.ppo import PpoAlgorithm
 from kinemimic.train.ppo.runner import PpoRunner
 from kinemimic.train.reference.reference import Reference
-from kinemimic.train.rollout.evaluation import Evaluation, best, first_walk
+from kinemimic.train.rollout.evaluation import Evaluation, best, first_walk, selection_phases
 from kinemimic.train.rollout.policy import POLICY
 from kinemimic.train.rollout.workers import Workers
 from kinemimic.train.runner import checkpoint
@@ -162,6 +162,10 @@ def _record(training: TrainingState, motion: Motion, engine: str) -> dict[str, A
         "seed": config.seed,
         "best": best(evaluations).to_json(),
         "first_walk": first_walk(evaluations),
+        "evaluated_with": {
+            "reward": asdict(config.final_reward),
+            "start_phases": list(selection_phases(motion, config.env.scenario)),
+        },
         "evaluations": [evaluation.to_json() for evaluation in evaluations],
         **training.algorithm.record_extras(),
         "config": config.to_json(),

@@ -17,7 +17,7 @@ from kinemimic.train.rollout.policy import read_record
 
 
 def summary(name: str, folder: Path) -> dict[str, Any]:
-    """A shipped policy as JSON values: its settings, and its scores at release."""
+    """A shipped policy as JSON values: its settings, and its scores at release (medians of start phases)."""
     record, scores = read_record(folder / name / RECORD), read_json(folder / name / SCORES)
     return {
         "name": name,
@@ -26,8 +26,8 @@ def summary(name: str, folder: Path) -> dict[str, Any]:
         **{key: record[key] for key in ("preset", "seed", "samples", "engine")},
         "bytes": (folder / name / POLICY).stat().st_size,
         "survival": scores["survival"],
-        "r2": {joint: scores["fit"][joint]["r2"] for joint in ("knee", "hip")},
-        "speed_ratio": scores["root"]["speed_ratio"],
+        "r2": {joint: scores["fit"]["phases"][joint]["r2"]["median"] for joint in ("knee", "hip")},
+        "speed_ratio": (scores["root"]["phases"]["speed_ratio"] or {}).get("median"),
     }
 
 
@@ -35,6 +35,8 @@ def summary(name: str, folder: Path) -> dict[str, Any]:
 @json_option("Print the list as JSON.")
 def command(as_json: bool) -> None:
     """List the shipped policies, for `--policy` of evaluate, view, export, pushes and disturb.
+
+    Scores are medians over the start phases.
 
     \b
       kinemimic policies
@@ -51,7 +53,7 @@ def command(as_json: bool) -> None:
         survived = one["survival"]
         table.add_row(
             one["name"],
-            f"{survived['frames']}/{survived['of']}",
+            f"{survived['frames_median']:.0f}/{survived['of']}",
             f"{survived['phases']}/{survived['phases_of']}",
             *(number(one["r2"][joint], 3) for joint in ("knee", "hip")),
             number(one["speed_ratio"], 3),

@@ -86,9 +86,8 @@ def trial_tasks(
     The tasks do not depend on the number of processes, and trial k of a seed does not depend on the number of
     trials.
     """
-    measured = replace(config.env, reward=config.final_reward)
     chunks = [tuple(range(trials))[k : k + TRIALS_PER_TASK] for k in range(0, trials, TRIALS_PER_TASK)]
-    return [Task(motion, policy, measured, scenario, chunk, seed, engine) for chunk in chunks]
+    return [Task(motion, policy, config.measured_env, scenario, chunk, seed, engine) for chunk in chunks]
 
 
 def run_trials(task: Task) -> Trials:

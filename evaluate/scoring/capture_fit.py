@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -29,47 +30,80 @@ Curves = Mapping[str, Array]
 
 @dataclass(frozen=True)
 class Capture:
-    """N captured frames by phase of the motion.
+    """N captured frames by phase of the motion: all of the walks, or the part of a pass, it was made from.
 
-    phase: (N,) in durations of the motion; raw, clean, truth: knee and hip angles (N,) in radians as read,
-    after cleaning, and of the true motion (None unless the capture is simulated); NaN where missing.
+    phase: (N,) in durations of the motion; used: (N,) whether the frame went into the motion; raw, adjusted,
+    clean, truth: knee and hip angles (N,) in radians as read, with neutral pelvis and projected knees where
+    the motion has them, also cleaned, and of the true motion (None unless the capture is simulated); NaN
+    where missing; outside: number of further frames of these passes, which have no phase.
     """
 
     phase: Array
+    used: Mask
     raw: Curves
+    adjusted: Curves
     clean: Curves
     truth: Curves | None
+    outside: int = 0
+
+    def of_used(self) -> Capture:
+        """The frames that went into the motion."""
+
+        def kept(curves: Curves) -> Curves:
+            return {name: values[self.used] for name, values in curves.items()}
+
+        return Capture(
+            self.phase[self.used],
+            self.used[self.used],
+            kept(self.raw),
+            kept(self.adjusted),
+            kept(self.clean),
+            None if self.truth is None else kept(self.truth),
+        )
 
 
 def read_capture(path: Path) -> Capture | None:
-    """Read the capture.parquet of `retarget`; None if there is none."""
+    """Read the capture.parquet of `retarget`; None if there is none.
+
+    Schema 1 has adjusted angles of used frames only, under the names of those as read, which are then NaN.
+    """
     if not path.exists():
         return None
     kind, advice = "a table (Parquet) of captured angles", "run retarget again"
     table, header = read_table(path, kind=kind, advice=advice)
+    stated = header if isinstance(header, dict) else {}
     upgraded(
-        header if isinstance(header, dict) else {},
+        stated,
         path,
         kind="captured angles",
         schema=CAPTURED_SCHEMA,
         advice=advice,
-        upgrades={0: unchanged},
+        upgrades={0: unchanged, 1: unchanged},
     )
+    as_read = stated.get("schema", 0) > 1
 
-    def column(name: str) -> Array:
+    def column(name: str, kinds: str = "f") -> Array:
         try:
-            return np.asarray(numbers(table, name), dtype=np.float64)
+            return np.asarray(numbers(table, name, kinds))
         except ValueError as error:
             raise CaptureError(path, expected=kind, found=str(error), advice=advice) from None
 
-    phase = column("phase")
+    phase = np.asarray(column("phase"), dtype=np.float64)
     placed = np.isfinite(phase)
 
     def curves(prefix: str) -> dict[str, Array]:
-        return {name: column(prefix + name)[placed] for name in ANGLES}
+        return {name: np.asarray(column(prefix + name), dtype=np.float64)[placed] for name in ANGLES}
 
-    truth = curves("truth_") if f"truth_{ANGLES[0]}" in table.column_names else None
-    return Capture(phase[placed], curves(""), curves("clean_"), truth)
+    adjusted = curves("adjusted_" if as_read else "")
+    return Capture(
+        phase[placed],
+        column("used", "b").astype(np.bool_)[placed] if as_read else np.ones(placed.sum(), dtype=np.bool_),
+        curves("") if as_read else {name: np.full_like(values, np.nan) for name, values in adjusted.items()},
+        adjusted,
+        curves("clean_"),
+        curves("truth_") if f"truth_{ANGLES[0]}" in table.column_names else None,
+        outside=int((~placed).sum()),
+    )
 
 
 @dataclass(frozen=True)
@@ -118,7 +152,43 @@ def truth_fits(capture: Capture, motion: Motion, rollout: Rollout) -> dict[str, 
     reference = joint_angles(Reference(motion).nodes(capture.phase))
     return {
         "raw": joint_fits(capture.truth, capture.raw),
+        "adjusted": joint_fits(capture.truth, capture.adjusted),
         "clean": joint_fits(capture.truth, capture.clean),
         "reference": joint_fits(capture.truth, reference),
         "simulated": capture_fits(capture, rollout, against=capture.truth),
+    }
+
+
+CHANGED = np.radians(0.5)  # less is rounding, and no other pose
+
+
+def adjustments(capture: Capture, gait: Mapping[str, Any]) -> dict[str, float | None]:
+    """What was done to the capture before it became the motion, as numbers of frames and strides.
+
+    frames: of the passes; outside: not in the walks that the motion was made from; used: in the motion;
+    trimmed: all the others; pelvis_neutral: of those used, by gait.json; hips_adjusted, knees_adjusted: of
+    those used, with another angle than as read, since the pelvis was replaced by a neutral one or the knees
+    were projected; strides_found, strides_used: by gait.json, those used each stretched in time to the
+    motion's period, None unless the motion is a loop.
+    """
+    used = capture.of_used()
+
+    def changed(joint: str) -> int:
+        differences = [
+            np.abs(used.raw[name] - used.adjusted[name]) for name in ANGLES if name.startswith(joint)
+        ]
+        return int(np.any([one > CHANGED for one in differences], axis=0).sum())
+
+    neutral = gait.get("reliability", {}).get("pelvis") is False
+    frames = len(capture.phase) + capture.outside
+    return {
+        "frames": frames,
+        "outside": capture.outside,
+        "used": len(used.phase),
+        "trimmed": frames - len(used.phase),
+        "pelvis_neutral": len(used.phase) if neutral else 0,
+        "hips_adjusted": changed("hip"),
+        "knees_adjusted": changed("knee"),
+        "strides_found": gait.get("strides_found") if gait.get("cyclic") else None,
+        "strides_used": gait.get("strides_used") if gait.get("cyclic") else None,
     }

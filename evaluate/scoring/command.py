@@ -14,31 +14,32 @@ from rich.text import Text
 
 from kinemimic.evaluate.policies.shipped import run_options
 from kinemimic.evaluate.scoring.capture_fit import read_capture
-from kinemimic.evaluate.scoring.report import LABELS, PAPER_FIT, PAPER_GAP_DEG, ReportData, report
+from kinemimic.evaluate.scoring.report import (
+    LABELS,
+    PAPER_FIT,
+    PAPER_GAP_DEG,
+    ReportData,
+    adjusted,
+    median,
+    report,
+)
 from kinemimic.evaluate.scoring.scores import compose
-from kinemimic.pipeline.arrays import Array
 from kinemimic.pipeline.cli.html import number
 from kinemimic.pipeline.cli.options import json_option
 from kinemimic.pipeline.cli.progress import progress
 from kinemimic.pipeline.files.provenance import provenance
 from kinemimic.pipeline.files.store import file_hash, write_json, write_text
 from kinemimic.pipeline.gait.curve_metrics import MEASURES, SCORED_JOINTS
-from kinemimic.retarget.humanoid.motion import Motion, joint_angles
-from kinemimic.train.rollout.evaluation import episode_frames
+from kinemimic.retarget.formats.gait_json import read_gait_json
+from kinemimic.retarget.humanoid.motion import joint_angles
+from kinemimic.train.config.config import TrainConfig
+from kinemimic.train.rollout.evaluation import episode_frames, reported_phases
 from kinemimic.train.rollout.policy import POLICY, load_trained
 from kinemimic.train.rollout.rollout import collect_trajectories
 from kinemimic.train.rollout.trajectory import Trajectory
 from kinemimic.train.sim.engines import resolve
 from kinemimic.train.sim.options import engine_option, workers_option
 from kinemimic.train.sim.world import CONTROL_RATE
-
-START_PHASES = 13
-
-
-def protocol(motion: Motion) -> tuple[Array, int]:
-    """Start phases (S,) and number of frames: 13 phases and 20 s for a gait, one rollout otherwise."""
-    starts = np.arange(START_PHASES) / START_PHASES if motion.cyclic else np.zeros(1)
-    return starts, episode_frames(motion)
 
 
 def evaluate(run: Path, *, workers: int | None = None, engine: str = "auto") -> dict[str, Any]:
@@ -48,28 +49,33 @@ def evaluate(run: Path, *, workers: int | None = None, engine: str = "auto") -> 
     core; engine: see `train/sim/engines.py`.
     """
     engine = resolve(engine)
-    motion, _, record = load_trained(run)
+    motion, actor, record = load_trained(run)
     policy = run / POLICY
+    config = TrainConfig.from_json(record["config"], policy.with_suffix(".json"), ("config",))
     capture = read_capture(run / "capture.parquet")
-    phases, frames = protocol(motion)
+    gait = read_gait_json(path) if (path := run / "gait.json").exists() else None
+    phases, frames = np.array(reported_phases(motion)), episode_frames(motion)
     with progress("evaluate", 2 * len(phases)) as bar:
         trajectory, no_policy = (
             collect_trajectories(
                 motion,
                 who,
+                config.measured_env,
                 start_phases=phases,
                 frames=frames,
                 engine=engine,
                 workers=workers,
                 progress=bar.advance,
             )
-            for who in (policy, None)
+            for who in (actor, None)
         )
     scores = compose(
         trajectory,
         no_policy,
         motion,
         capture=capture,
+        gait=gait,
+        reward=config.final_reward,
         policy=record,
         provenance=provenance(
             "evaluate",
@@ -110,9 +116,10 @@ def curves_csv(trajectory: Trajectory, no_policy: Trajectory) -> str:
 
 
 def table(scores: dict[str, Any], run: Path) -> RenderableType:
-    """The scores as text for a terminal."""
-    fit, nothing = scores["fit"], scores["no_policy"]["fit"]
-    survived, alone, root = scores["survival"], scores["no_policy"]["survival"], scores["root"]
+    """The scores as text for a terminal: medians over the start phases."""
+    fit, nothing = scores["fit"]["phases"], scores["no_policy"]["fit"]["phases"]
+    survived, alone = scores["survival"], scores["no_policy"]["survival"]
+    root, torque = scores["root"]["phases"], scores["torque"]
     grid = Table("", header_style="bold", box=None, pad_edge=False)
     for column in ("knee", "no policy", "paper", "hip", "no policy", "paper"):
         grid.add_column(column, justify="right", style=None if column in SCORED_JOINTS else "dim")
@@ -121,25 +128,30 @@ def table(scores: dict[str, Any], run: Path) -> RenderableType:
         cells: list[str] = []
         for joint in SCORED_JOINTS:
             paper = number(PAPER_GAP_DEG.get(joint), 1) if measure == "max_gap_deg" else "–"
-            cells += [number(of[joint][measure], digits) for of in (fit, nothing)] + [paper]
+            cells += [number(of[joint][measure]["median"], digits) for of in (fit, nothing)] + [paper]
         grid.add_row(label, *cells)
     grid.add_row("fitting degree (*)", "", "", f"{PAPER_FIT['knee']:.3f}", "", "", f"{PAPER_FIT['hip']:.3f}")
     lines = [
-        f"upright for {survived['frames']} of {survived['of']} frames from phase 0, no fall from "
-        f"{survived['phases']} of {survived['phases_of']} start phases (no policy: {alone['frames']} frames)",
-        f"speed relative to the reference {number(root['speed_ratio'], 3)}, final distance "
-        f"{number(root['path_error_m'], 2)} m; largest torque {scores['torque']['peak']:.0f} N·m "
-        f"({scores['torque']['joint']})",
+        f"medians over {survived['phases_of']} start phases: upright for {survived['frames_median']:.0f} of "
+        f"{survived['of']} frames (no policy: {alone['frames_median']:.0f}), no fall from "
+        f"{survived['phases']} of {survived['phases_of']} phases (no policy: {alone['phases']})",
+        f"speed relative to the reference {number(median(root['speed_ratio']), 3)}, final distance "
+        f"{number(median(root['path_error_m']), 2)} m; largest torque about one axis "
+        f"{number(torque['peak'], 0)} of {number(torque['limit'], 0)} N·m ({torque['joint']})",
     ]
     below = ["(*) the paper gives no formula"]
     if scores["capture"]["simulated"]:
         lines.insert(0, "SIMULATED CAPTURE (virtual Kinect)")
     if scores["fit_capture"] is not None:
         of = scores["fit_capture"]
-        below.append(
-            f"compared with the unfiltered capture: R² {number(of['knee']['r2'], 3)} knee, "
-            f"{number(of['hip']['r2'], 3)} hip"
-        )
+        for part, what in (
+            (of, "the motion's frames as read"),
+            (of["all_frames"], "all frames of its walks as read"),
+            (of["adjusted"], "the motion's frames, pelvis and knees adjusted"),
+        ):
+            r2 = [number(part["phases"][joint]["r2"]["median"], 3) for joint in SCORED_JOINTS]
+            below.append(f"R² against {what} ({part['frames']:,}): {r2[0]} knee, {r2[1]} hip")
+        below += adjusted(scores["capture"]["adjustments"])
     if scores["truth"] is not None:
         below += [
             f"RMSE from the true motion, {joint}: "

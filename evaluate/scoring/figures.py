@@ -75,7 +75,7 @@ def cycles(trajectory: Trajectory, capture: Capture | None, frames: int, *, cycl
                 seen = np.mod(capture.phase, 1.0) if cyclic else capture.phase
                 axes.plot(
                     100 * seen, np.degrees(capture.raw[name]), ".",
-                    color=CAPTURED, markersize=2.5, alpha=0.55, label="capture, unfiltered",
+                    color=CAPTURED, markersize=2.5, alpha=0.55, label="capture as read",
                 )  # fmt: skip
             folded = np.stack([np.interp(lap + grid, phase, simulated[name]) for lap in laps])
             target = np.interp(laps[0] + grid, phase, reference[name])
@@ -187,8 +187,16 @@ def torques(joints: Mapping[str, Mapping[str, float]]) -> Draw:
         figure, (axes,) = panel_grid(1, 1, 3.2, phone)
         names = list(joints)[::-1]
         at = np.arange(len(names))
-        axes.barh(at, [joints[n]["limit"] for n in names], color="#e9e9e9", height=0.75, label="limit")
-        axes.barh(at, [joints[n]["peak"] for n in names], color=SIMULATED, height=0.45, label="largest")
+        axes.barh(
+            at, [joints[n]["limit"] for n in names], color="#e9e9e9", height=0.75, label="limit of each axis"
+        )
+        axes.barh(
+            at,
+            [joints[n]["peak"] for n in names],
+            color=SIMULATED,
+            height=0.45,
+            label="largest about one axis",
+        )
         axes.set_yticks(at, [name.replace("_", " ") for name in names])
         axes.set_xlabel("torque [N·m]")
         axes.grid(visible=False, axis="y")

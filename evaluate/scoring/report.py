@@ -38,7 +38,8 @@ LABELS: Mapping[str, tuple[str, int]] = {
 }
 _STAGES: Mapping[str, str] = {
     "raw": "capture as read",
-    "clean": "capture, cleaned",
+    "adjusted": "capture, pelvis and knees adjusted",
+    "clean": "capture, adjusted and cleaned",
     "reference": "reference",
     "simulated": "simulated",
 }
@@ -77,25 +78,58 @@ def report(run: Path, data: ReportData) -> str:
         alone=data.scores["no_policy"]["survival"],
         motion=data.motion,
         capture=data.capture,
+        adjusted=adjusted(found) if (found := data.scores["capture"].get("adjustments")) else [],
         rate=CONTROL_RATE,
         drawings=_drawings(data),
     )
 
 
-def _row(measure: str, fits: Mapping[str, Any], sides: tuple[str, ...] = ()) -> list[str]:
-    """A measure's label and its values, joint by joint; with `sides`, side by side."""
+def median(spread: Mapping[str, float | None] | None) -> float | None:
+    """The median of a spread over start phases; None where the value is undefined."""
+    return None if spread is None else spread["median"]
+
+
+def adjusted(numbers: Mapping[str, Any]) -> list[str]:
+    """Sentences about the adjustments of scores.json: what was done to the capture."""
+    said = [
+        "{used:,} of the {frames:,} frames of its passes are in the motion; "
+        "{outside:,} are outside of the walks that it was made from".format(**numbers)
+    ]
+    if numbers["pelvis_neutral"]:
+        said.append(
+            "the pelvis was replaced by a neutral one in {pelvis_neutral:,} of them".format(**numbers)
+        )
+    if numbers["hips_adjusted"] or numbers["knees_adjusted"]:
+        said.append(
+            "a neutral pelvis and projected knees change the hip in {hips_adjusted:,} and the knee in "
+            "{knees_adjusted:,} of them".format(**numbers)
+        )
+    if numbers["strides_used"] is not None:
+        used, found = numbers["strides_used"], numbers["strides_found"]
+        share = number(used, 1) if found is None else f"{number(used, 1)} of {number(found, 1)}"
+        said.append(f"{share} strides are used, each stretched in time to the motion's period")
+    return said
+
+
+def _by_side(measure: str, fits: Mapping[str, Any]) -> list[str]:
+    """A measure's label and its values from phase 0, joint by joint and side by side."""
     label, digits = LABELS[measure]
-    values = [of for joint in SCORED_JOINTS for of in ([fits[joint][s] for s in sides] or [fits[joint]])]
-    return [label, *(number(value[measure], digits) for value in values)]
+    return [
+        label,
+        *(number(fits[joint][side][measure], digits) for joint in SCORED_JOINTS for side in _SIDES),
+    ]
+
+
+def _medians(measure: str, *fits: Mapping[str, Any]) -> list[str]:
+    """A measure's label and its medians over the start phases: of each joint, in each fit."""
+    label, digits = LABELS[measure]
+    values = [of["phases"][joint][measure]["median"] for joint in SCORED_JOINTS for of in fits]
+    return [label, *(number(value, digits) for value in values)]
 
 
 def _tables(scores: Mapping[str, Any]) -> dict[str, Any]:
     fit, no_policy = scores["fit"], scores["no_policy"]["fit"]
-    rows = []
-    for measure in MEASURES:
-        label, digits = LABELS[measure]
-        cells = [number(of[joint][measure], digits) for joint in SCORED_JOINTS for of in (fit, no_policy)]
-        rows.append([label, *cells])
+    rows = [_medians(measure, fit, no_policy) for measure in MEASURES]
     degrees = [cell for joint in SCORED_JOINTS for cell in (f"{100 * PAPER_FIT[joint]:.1f} %", "–")]
     gaps = [cell for joint in SCORED_JOINTS for cell in (number(PAPER_GAP_DEG.get(joint), 1), "–")]
     rows += [["paper: “fitting degree”", *degrees], ["paper: largest gap,\u00a0°", *gaps]]
@@ -110,10 +144,12 @@ def _tables(scores: Mapping[str, Any]) -> dict[str, Any]:
     return {
         "scores": rows,
         "sides": [f"{joint} {side}" for joint in SCORED_JOINTS for side in _SIDES],
-        "by_side": [_row(measure, fit, _SIDES) for measure in MEASURES],
+        "by_side": [_by_side(measure, fit) for measure in MEASURES],
         "spread": [f"{joint} {one}" for joint in SCORED_JOINTS for one in _SPREAD],
         "phases": spread,
-        "capture": None if capture is None else [_row(measure, capture) for measure in MEASURES],
+        "capture": None
+        if capture is None
+        else [_medians(measure, capture, capture["all_frames"], capture["adjusted"]) for measure in MEASURES],
         "truth": None
         if truth is None
         else [
@@ -137,7 +173,7 @@ def _drawings(data: ReportData) -> dict[str, Draw]:
     r2 = {joint: [fit[joint].both.r2_upright for fit in fits] for joint in SCORED_JOINTS}
     return {
         "curves": figures.curves(trajectory, no_policy, frames),
-        "cycles": figures.cycles(trajectory, data.capture, frames, cyclic=cyclic),
+        "cycles": figures.cycles(trajectory, data.capture and data.capture.of_used(), frames, cyclic=cyclic),
         "start_phases": figures.start_phases(trajectory, no_policy, r2),
         "root_path": figures.root_path(trajectory),
         "reward_terms": figures.reward_terms(trajectory),

@@ -1,37 +1,41 @@
 """scores.json: metrics of the rollouts, under stable keys.
 
-The main values (`survival.frames`, `fit.knee`, `fit.hip`, `root`) come from the rollout from phase 0.
-Rollouts continue after a fall: the reference moves on, and all frames count. On the ground, the joints can
-follow their targets easily, so every fit also has `r2_upright`, which gives no credit after a fall; without a
-fall it equals `r2`. `fit.phases` and `survival.phases` cover the other start phases; `torque` is the maximum
-over all.
+The headline is the median over all start phases: `survival.frames_median`, and `phases` of `fit`,
+`fit_capture` and `root`. The values beside `phases` come from the rollout from phase 0, which the figures
+show. Rollouts continue after a fall: the reference moves on, and all frames count. On the ground, the joints
+can follow their targets easily, so every fit also has `r2_upright`, which gives no credit after a fall;
+without a fall it equals `r2`. `torque` is the maximum over all rollouts.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
 
-from kinemimic.evaluate.scoring.capture_fit import Capture, Rollout, capture_fits, truth_fits
+from kinemimic.evaluate.scoring.capture_fit import Capture, Rollout, adjustments, capture_fits, truth_fits
+from kinemimic.pipeline.arrays import Array
 from kinemimic.pipeline.gait.curve_metrics import MEASURES, SCORED_JOINTS, JointFit, joint_fits
 from kinemimic.pipeline.kinematics.angles import ANGLES
 from kinemimic.retarget.humanoid.body import BODIES
 from kinemimic.retarget.humanoid.motion import Motion, joint_angles
+from kinemimic.train.config.config import RewardConfig
 from kinemimic.train.rollout.trajectory import Trajectory
 
-SCORES_SCHEMA = 1
+SCORES_SCHEMA = 2
 FIT_FRAMES = 500  # as in the paper
 _DECIMALS = 6
 _STANDING = 0.1  # m: below this advance the reference stands, and there is no speed to compare with
 
 
-def survival(trajectory: Trajectory) -> dict[str, int]:
-    """Frames before the first fall from phase 0, and the number of start phases without a fall."""
+def survival(trajectory: Trajectory) -> dict[str, float]:
+    """Frames before the first fall, from phase 0 and in the median over the start phases, and the number of
+    start phases without a fall."""
     frames = trajectory.root.shape[1]
     return {
         "frames": int(min(trajectory.fallen_at[0], frames)),
+        "frames_median": float(np.median(np.minimum(trajectory.fallen_at, frames))),
         "of": frames,
         "phases": int(np.sum(trajectory.fallen_at >= frames)),
         "phases_of": len(trajectory.fallen_at),
@@ -46,34 +50,50 @@ def rollout_fits(trajectory: Trajectory, rollout: int, frames: int) -> dict[str,
     return joint_fits(reference, simulated, upright)
 
 
-def fit(trajectory: Trajectory, frames: int) -> dict[str, Any]:
-    """Fit from phase 0 by joint and side, and its spread over all start phases."""
-    rollouts = [rollout_fits(trajectory, k, frames) for k in range(len(trajectory.start_phases))]
-    spread: dict[str, dict[str, dict[str, float]]] = {}
-    for joint in SCORED_JOINTS:
-        spread[joint] = {}
-        for measure in MEASURES:
-            values = [getattr(fits[joint].both, measure) for fits in rollouts]
-            spread[joint][measure] = {
-                "min": float(np.min(values)),
-                "median": float(np.median(values)),
-                "max": float(np.max(values)),
-            }
+def spread(values: Sequence[float]) -> dict[str, float]:
+    """Minimum, median and maximum."""
+    return {"min": float(np.min(values)), "median": float(np.median(values)), "max": float(np.max(values))}
+
+
+def over_phases(rollouts: Sequence[Mapping[str, JointFit]]) -> dict[str, Any]:
+    """Fits of one rollout per start phase: the first's by joint and side, and `phases`, their spread."""
     return {
         **{joint: rollouts[0][joint].as_dict() for joint in SCORED_JOINTS},
-        "frames": min(frames, trajectory.root.shape[1]),
-        "phases": spread,
+        "phases": {
+            joint: {
+                measure: spread([getattr(fits[joint].both, measure) for fits in rollouts])
+                for measure in MEASURES
+            }
+            for joint in SCORED_JOINTS
+        },
     }
 
 
-def root_path(trajectory: Trajectory) -> dict[str, float | None]:
-    """The horizontal path from phase 0.
+def fit(trajectory: Trajectory, frames: int) -> dict[str, Any]:
+    """Fit to the reference, `over_phases`."""
+    rollouts = [rollout_fits(trajectory, k, frames) for k in range(len(trajectory.start_phases))]
+    return {**over_phases(rollouts), "frames": min(frames, trajectory.root.shape[1])}
+
+
+def root_path(trajectory: Trajectory) -> dict[str, Any]:
+    """The horizontal path from phase 0; `phases`: spread of each value over all start phases.
 
     path_error_m: final distance between humanoid and reference; path_rms_m: its root mean square over time;
     advance_m, reference_advance_m: displacement along the line from the reference's start to its end;
     speed_ratio: their quotient, None if the reference stands.
     """
-    path, reference = trajectory.root[0, :, :2], trajectory.reference_root[0, :, :2]
+    paths = [
+        _path(root[:, :2], reference[:, :2])
+        for root, reference in zip(trajectory.root, trajectory.reference_root, strict=True)
+    ]
+    spreads: dict[str, Any] = {}
+    for name in ("path_error_m", "speed_ratio"):
+        values = [value for path in paths if (value := path[name]) is not None]
+        spreads[name] = spread(values) if values else None
+    return {**paths[0], "phases": spreads}
+
+
+def _path(path: Array, reference: Array) -> dict[str, float | None]:
     gap = np.linalg.norm(path - reference, axis=-1)
     way = reference[-1] - reference[0]
     distance = float(np.linalg.norm(way))
@@ -89,9 +109,12 @@ def root_path(trajectory: Trajectory) -> dict[str, float | None]:
 
 
 def torque(trajectory: Trajectory) -> dict[str, Any]:
-    """Largest torques of all rollouts, falls included: `peak` over all joints in N·m, and of each joint.
+    """Largest torques about one axis in all rollouts, falls included: of the joint nearest to its limit, and
+    of each joint.
 
-    share: of the joint's limit; 1 means that the motor was saturated.
+    The motors limit each of a joint's three axes, so `peak` (N·m) is the largest component and not the length
+    of the torque vector, which may be up to √3 times as long. limit: of each axis, N·m; share: of the limit;
+    1 means that the motor was saturated about an axis.
     """
     peaks = trajectory.torques.max(axis=(0, 1))  # (14,)
     joints = {
@@ -102,15 +125,21 @@ def torque(trajectory: Trajectory) -> dict[str, Any]:
         }
         for body, peak in zip(BODIES[1:], peaks, strict=True)
     }
-    highest = max(joints, key=lambda name: joints[name]["peak"])
-    return {"peak": joints[highest]["peak"], "joint": highest, "joints": joints}
+    highest = max(joints, key=lambda name: joints[name]["share"])
+    return {"joint": highest, **joints[highest], "joints": joints}
 
 
-def rewards(trajectory: Trajectory) -> dict[str, float]:
-    """Mean of each reward term over the frames from phase 0."""
+def rewards(trajectory: Trajectory, config: RewardConfig) -> dict[str, Any]:
+    """The reward: `terms`, mean of each from phase 0; `share`: spread over the start phases of the mean
+    reward over all frames, as a share of the largest possible; `scales` and `weights` that it was computed
+    with."""
+    names = [str(name) for name in trajectory.reward_names]
+    totals = trajectory.rewards.sum(axis=-1).mean(axis=-1) / sum(config.weights.values())
     return {
-        str(name): float(value)
-        for name, value in zip(trajectory.reward_names, trajectory.rewards[0].mean(axis=0), strict=True)
+        "terms": dict(zip(names, trajectory.rewards[0].mean(axis=0).tolist(), strict=True)),
+        "share": spread(totals),
+        "scales": {name: config.scales[name] for name in config.weights},
+        "weights": dict(config.weights),
     }
 
 
@@ -119,16 +148,28 @@ def _against_capture(
 ) -> tuple[dict[str, Any] | None, dict[str, Any] | None]:
     if capture is None:
         return None, None
-    rollout = Rollout(
-        phases=trajectory.phases[0, :frames],
-        angles=joint_angles(trajectory.rotations[0, :frames]),
-        fallen_at=int(trajectory.fallen_at[0]),
-        cyclic=motion.cyclic,
-    )
-    fits = capture_fits(capture, rollout)
-    truth = truth_fits(capture, motion, rollout)
+    rollouts = [
+        Rollout(
+            phases=trajectory.phases[k, :frames],
+            angles=joint_angles(trajectory.rotations[k, :frames]),
+            fallen_at=int(trajectory.fallen_at[k]),
+            cyclic=motion.cyclic,
+        )
+        for k in range(len(trajectory.start_phases))
+    ]
+    used = capture.of_used()
+    truth = truth_fits(used, motion, rollouts[0])
+
+    def fits(part: Capture, against: Mapping[str, Array]) -> dict[str, Any]:
+        each = [capture_fits(part, rollout, against=against) for rollout in rollouts]
+        return {**over_phases(each), "frames": len(part.phase)}
+
     return (
-        {joint: fits[joint].as_dict() for joint in SCORED_JOINTS},
+        {
+            **fits(used, used.raw),
+            "all_frames": fits(capture, capture.raw),
+            "adjusted": fits(used, used.adjusted),
+        },
         None
         if truth is None
         else {
@@ -143,12 +184,15 @@ def compose(
     motion: Motion,
     *,
     capture: Capture | None,
+    reward: RewardConfig,
     policy: Mapping[str, Any],
+    gait: Mapping[str, Any] | None = None,
     provenance: Mapping[str, Any],
 ) -> dict[str, Any]:
     """Content of scores.json: rounded JSON values, None for unknown or undefined numbers.
 
-    no_policy: rollouts with the reference's PD targets alone; policy: content of policy.json.
+    no_policy: rollouts of the same task with the reference's PD targets alone; reward: of the trajectories;
+    policy, gait: content of policy.json and gait.json.
     """
     # A non-cyclic motion (a kick, a jump) is scored as a whole, a gait over the paper's 500 frames.
     frames = FIT_FRAMES if motion.cyclic else trajectory.root.shape[1]
@@ -166,9 +210,12 @@ def compose(
         "truth": truth,
         "root": root_path(trajectory),
         "torque": torque(trajectory),
-        "reward": rewards(trajectory),
+        "reward": rewards(trajectory, reward),
         "train": {key: policy.get(key) for key in ("samples", "seconds", "preset", "seed")},
-        "capture": {"simulated": motion.simulated},
+        "capture": {
+            "simulated": motion.simulated,
+            "adjustments": None if capture is None else adjustments(capture, gait or {}),
+        },
         "provenance": provenance,
     }
     values: dict[str, Any] = _json_values(scores)

@@ -17,7 +17,7 @@ _ROWS = (
     ("… with no policy", "no_policy.fit.{}.r2_upright", "{:.3f}"),
     ("RMSE", "fit.{}.rmse_deg", "{:.1f}°"),
     ("largest gap", "fit.{}.max_gap_deg", "{:.1f}°"),
-    ("R², unfiltered capture", "fit_capture.{}.r2", "{:.3f}"),
+    ("R², capture as read", "fit_capture.{}.r2", "{:.3f}"),
 )
 
 
@@ -64,7 +64,7 @@ def _scored(scores: Mapping[str, Any]) -> list[str]:
         f"{_shown(scores, 'survival.phases_of')} start phases",
         f"- speed: {_shown(scores, 'root.speed_ratio', '{:.3f}')} of the reference's, "
         f"path error {_shown(scores, 'root.path_error_m', '{:.2f}')} m at the end",
-        f"- peak torque: {_shown(scores, 'torque.peak', '{:.0f}')} N·m",
+        f"- peak torque about one axis: {_shown(scores, 'torque.peak', '{:.0f}')} N·m",
         f"- trained on {_shown(scores, 'train.samples', '{:,}')} samples",
     ]
     return lines

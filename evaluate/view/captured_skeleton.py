@@ -99,14 +99,16 @@ def captured_skeleton(
 
 
 def _frames_with_phase(path: Path) -> tuple[Array, NDArray[np.int32], Array]:
-    """Time in seconds, pass number and phase of the captured frames that have a phase."""
+    """Time in seconds, pass number and phase of the captured frames in the motion."""
     kind, advice = "captured frames", "run retarget again"
     table, _ = read_table(path, kind=kind, advice=advice)
     try:
         time, passes, phase = (numbers(table, name, "fiu") for name in ("time", "pass", "phase"))
+        # Schema 1 has only frames that went into the motion.
+        used = numbers(table, "used", "b") if "used" in table.column_names else np.isfinite(phase)
     except ValueError as error:
         raise CaptureError(path, expected=kind, found=str(error), advice=advice) from None
-    has_phase = np.isfinite(phase)
+    has_phase = np.isfinite(phase) & used
     return time[has_phase], passes[has_phase], phase[has_phase]
 
 

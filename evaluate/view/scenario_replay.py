@@ -34,7 +34,7 @@ def replay_scenario(
     """Trial `number` of `disturb` with that seed, on its own and continued after a fall."""
     reference, steps = reference_for(motion, scenario), trial_steps(motion, scenario)
     trial_seed, phase = trial_start(motion, scenario, seed, number)
-    task = replace(config.env, reward=config.final_reward, scenario=scenario)
+    task = replace(config.measured_env, scenario=scenario)
     batch = ImitationBatch(open_world(1, engine, measure_torques=True), reference, task)
     batch.reset(np.array([0]), np.array([phase]), seeds=np.array([trial_seed], dtype=np.uint64))
     schedule = draw_event_schedule(scenario, reference, phase, np.random.default_rng(trial_seed))

@@ -48,7 +48,7 @@ def numbers(table: pa.Table, name: str, kinds: str = "f") -> NDArray[Any]:
 
     ValueError if there is no column of that name and kind.
 
-    kinds: numpy dtype kinds, of f, i, u. NaN is allowed, infinity is not.
+    kinds: numpy dtype kinds, of f, i, u, b. NaN is allowed, infinity is not.
     """
     if table.column_names.count(name) != 1:
         raise ValueError(f"{table.column_names.count(name)} columns {name!r}")

@@ -113,6 +113,7 @@ def _row(capture: Path, run: Path, method: str | None) -> Row:
         return row
     findings = check_report(read_gait_json(run / "gait.json"))
     used = pq.read_table(run / "capture.parquet")
+    used = used.filter(used["used"])
     columns = {name: used[name].to_numpy() for name in used.column_names}
     true = {name: columns[f"truth_{name}"] for name in ANGLES}
     return row._replace(

@@ -56,7 +56,9 @@ def test_arrays_and_columns_are_documented_and_written(run: Path) -> None:
     columns = set(pq.read_table(run / "capture.parquet").column_names)
     angles = {"knee_left", "knee_right", "hip_left", "hip_right"}
     plain = {name for name in documented_keys("capture.parquet") if "…" not in name}
-    assert columns == plain | {prefix + name for prefix in ("clean_", "truth_") for name in angles}
+    assert columns == plain | {
+        prefix + name for prefix in ("adjusted_", "clean_", "truth_") for name in angles
+    }
     header = (run / "curves.csv").read_text().splitlines()[0].split(",")
     assert header[:3] == ["frame", "time_s", "reference_knee_left_deg"]
 

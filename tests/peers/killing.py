@@ -29,8 +29,7 @@ trial.EVALUATION_INTERVAL, trial.CYCLIC_FRAMES = 256, 60
 from kinemimic.train.runner import training_loop as rounds
 rounds.CHECKPOINT_SECONDS = 0.0
 if sys.argv[1] == "run":
-    from kinemimic.evaluate.scoring import command as stage
-    stage.START_PHASES = 1
+    trial.START_PHASES = 1
 main(sys.argv[1:])
 """
 

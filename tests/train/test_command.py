@@ -21,10 +21,11 @@ from kinemimic.pipeline.files.store import write_text
 from kinemimic.retarget.formats.motion_json import motion_to_json
 from kinemimic.retarget.humanoid.motion import Motion
 from kinemimic.train import command as stage
-from kinemimic.train.config.config import PRESETS, TrainConfig
+from kinemimic.train.config.config import PRESETS, EnvConfig, TrainConfig
 from kinemimic.train.ppo.networks import export
 from kinemimic.train.ppo.ppo import PpoAlgorithm
 from kinemimic.train.rollout.evaluation import Evaluation
+from kinemimic.train.rollout.policy import Policy
 from kinemimic.train.rollout.rollout import collect_trajectories
 from kinemimic.train.rollout.sampler import Samples
 from kinemimic.train.runner import checkpoint
@@ -54,7 +55,12 @@ def test_same_seed_same_policy_and_same_performance(run: Path, motion: Motion, t
     assert first == second
     played = [
         collect_trajectories(
-            motion, folder / "policy.safetensors", start_phases=np.array([0.0, 0.5]), frames=10, workers=2
+            motion,
+            Policy.load(folder / "policy.safetensors")[0],
+            SMALL.measured_env,
+            start_phases=np.array([0.0, 0.5]),
+            frames=10,
+            workers=2,
         )
         for folder in (run, other)
     ]
@@ -282,7 +288,9 @@ def test_a_damaged_checkpoint_is_one_clear_line(tmp_path: Path, trained, name: s
 
 
 def test_performance_without_a_policy_is_the_reference_alone(motion: Motion) -> None:
-    played = collect_trajectories(motion, None, start_phases=np.array([0.25]), frames=45, workers=1)
+    played = collect_trajectories(
+        motion, None, EnvConfig(), start_phases=np.array([0.25]), frames=45, workers=1
+    )
     assert played.root.shape == (1, 45, 3)
     # The first frames follow the reference closely; without balance it is on the ground within seconds.
     assert np.abs(played.root[0, 0] - played.reference_root[0, 0]).max() < 0.02

@@ -200,6 +200,11 @@ class TrainConfig:
         """The reward that the schedules end with."""
         return self.reward(max((schedule[-1][0] for schedule in self.scales.values()), default=0))
 
+    @property
+    def measured_env(self) -> EnvConfig:
+        """The task of a trained policy, with the reward that the schedules end with, as scores state it."""
+        return replace(self.env, reward=self.final_reward)
+
     def to_json(self) -> dict[str, Any]:
         """JSON values that `from_json` reads back."""
         value: dict[str, Any] = msgspec.json.decode(msgspec.json.encode(self))

@@ -25,6 +25,7 @@ from kinemimic.train.task.env import ImitationBatch
 
 EVALUATION_INTERVAL = 65_536  # samples
 CYCLIC_FRAMES = 600  # 20 s
+START_PHASES = 13  # of the reported rollouts of a cycle
 SCENARIO_EPISODES = 8
 WALKING_R2 = 0.90  # of knee and hip: a humanoid that reaches it without a fall walks
 
@@ -37,15 +38,26 @@ def episode_frames(motion: Motion) -> int:
     return max(1, int(motion.duration * CONTROL_RATE + 1e-6))
 
 
-def start_phases(motion: Motion, scenario: Scenario | None = None) -> tuple[float, ...]:
-    """Phases at which an evaluation's episodes begin: a cycle also at its other half, a scenario at
-    SCENARIO_EPISODES phases, each with its own draw."""
-    if scenario is not None:
-        low, high = scenario.phase.low[0], scenario.phase.high[0]
-        # A single phase is evaluated once: the same phase gives the same draw.
-        phases = dict.fromkeys(low + (high - low) * k / SCENARIO_EPISODES for k in range(SCENARIO_EPISODES))
-        return tuple(phases) if motion.cyclic else (0.0,)
-    return (0.0, 0.5) if motion.cyclic else (0.0,)
+def reported_phases(motion: Motion) -> tuple[float, ...]:
+    """Start phases of the rollouts that are reported, k/13; a non-cyclic motion starts at its beginning."""
+    return tuple(k / START_PHASES for k in range(START_PHASES)) if motion.cyclic else (0.0,)
+
+
+def selection_phases(motion: Motion, scenario: Scenario | None = None) -> tuple[float, ...]:
+    """Start phases of the evaluations that choose the policy to keep.
+
+    None is a reported one, so that no score is of a rollout that chose the policy: a cycle has 1/26 and
+    13/26, midway between reported ones; a scenario the middles of SCENARIO_EPISODES parts of its range, each
+    with its own draw. A non-cyclic motion has only its beginning, which is reported too.
+    """
+    if not motion.cyclic:
+        return (0.0,)
+    if scenario is None:
+        return (0.5 / START_PHASES, 0.5)
+    low, high = scenario.phase.low[0], scenario.phase.high[0]
+    # A single phase is evaluated once: the same phase gives the same draw.
+    middles = (low + (high - low) * (k + 0.5) / SCENARIO_EPISODES for k in range(SCENARIO_EPISODES))
+    return tuple(dict.fromkeys(middles))
 
 
 @dataclass(frozen=True)
@@ -68,7 +80,7 @@ class Evaluation:
     """Results after a number of samples and seconds of training.
 
     strength: 0 to 1, of the domain randomization in training at that time; frames, knee, hip: minima over all
-    episodes; frames_first: of the episode from phase 0; reward: mean of the episodes; robust_return: mean
+    episodes; frames_first: of the first episode; reward: mean of the episodes; robust_return: mean
     reward under domain randomization, None where the strength is 0; critic_loss: the critic's mean squared
     error as a share of its targets' variance, mean of the rounds since the last evaluation.
     """
@@ -96,7 +108,7 @@ class Evaluation:
         strength: float,
         losses: Sequence[float] = (),
     ) -> Evaluation:
-        """Summarise episodes, the one from phase 0 first, robust returns and the critic's losses."""
+        """Summarise episodes, robust returns and the critic's losses."""
         return cls(
             samples=samples,
             seconds=round(seconds, 1),

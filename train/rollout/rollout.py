@@ -5,7 +5,6 @@ from __future__ import annotations
 import itertools
 from collections.abc import Callable
 from dataclasses import fields
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -17,7 +16,7 @@ from kinemimic.pipeline.kinematics.skeleton import NODES
 from kinemimic.pipeline.parallel.task_pool import parallel_map
 from kinemimic.retarget.humanoid.body import BODY_NODES
 from kinemimic.retarget.humanoid.motion import Motion
-from kinemimic.train.config.config import EnvConfig, TrainConfig
+from kinemimic.train.config.config import EnvConfig
 from kinemimic.train.reference.reference import Reference
 from kinemimic.train.rollout.policy import Policy
 from kinemimic.train.rollout.trajectory import Trajectory
@@ -69,7 +68,8 @@ def roll_out(
 
 def collect_trajectories(
     motion: Motion,
-    policy: Path | None,
+    policy: Policy | None,
+    config: EnvConfig,
     *,
     start_phases: Array,
     frames: int,
@@ -79,15 +79,12 @@ def collect_trajectories(
 ) -> Trajectory:
     """Trajectories of the deterministic policy from each start phase, in parallel on `workers` processes.
 
-    policy: file of a trained policy, or None for the reference's PD targets alone. A rollout continues after
-    a fall. engine: see `engines.py`. progress: called with the number of finished rollouts.
+    policy: None for the PD targets alone; config: the policy's task, also for its control without a policy,
+    with the reward to record (`TrainConfig.measured_env`). A rollout continues after a fall. engine: see
+    `engines.py`. progress: called with the number of finished rollouts.
     """
-    actor, config = None, EnvConfig()
-    if policy is not None:
-        actor, record = Policy.load(policy)
-        config = TrainConfig.from_json(record["config"]).env
     # One humanoid per task: its trajectory must not depend on the number of others.
-    tasks = [(motion, actor, config, float(phase), frames, engine) for phase in start_phases]
+    tasks = [(motion, policy, config, float(phase), frames, engine) for phase in start_phases]
     parts = parallel_map(_collect_one, tasks, workers=workers, progress=progress)
     joined: dict[str, Any] = {
         f.name: parts[0].reward_names

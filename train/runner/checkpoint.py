@@ -25,7 +25,7 @@ from kinemimic.train.rollout.policy import Policy
 from kinemimic.train.rollout.sampler import EnvStates
 from kinemimic.train.runner.base import Algorithm
 
-CHECKPOINT_SCHEMA = 6
+CHECKPOINT_SCHEMA = 7
 _ALGORITHM, _ENV_STATES, _BEST = "algorithm.", "env_states.", "best."
 _MEMORY = "memory."  # a baseline's replay buffer, among the algorithm's arrays
 

@@ -12,7 +12,7 @@ from kinemimic.pipeline.errors import KinemimicError
 from kinemimic.pipeline.parallel.interruption import deferred
 from kinemimic.retarget.humanoid.motion import Motion
 from kinemimic.train.config.config import scheduled_at
-from kinemimic.train.rollout.evaluation import Evaluation, best, is_due, start_phases
+from kinemimic.train.rollout.evaluation import Evaluation, best, is_due, selection_phases
 from kinemimic.train.runner import checkpoint
 from kinemimic.train.runner.base import OTHER, ROLLOUT, UPDATE, Runner
 from kinemimic.train.runner.checkpoint import TrainingState
@@ -136,7 +136,8 @@ class TrainingLoop:
         policy = training.algorithm.policy()
         # With the scales at the end of their schedules, so that early and late evaluations are comparable.
         reward, strength = self._config.final_reward, scheduled_at(self._config.strength, samples)
-        episodes = runner.run_episodes(policy, reward, start_phases(self._motion, self._config.env.scenario))
+        phases = selection_phases(self._motion, self._config.env.scenario)
+        episodes = runner.run_episodes(policy, reward, phases)
         robust_returns = runner.robust_returns(policy, reward) if strength > 0.0 else ()
         self._lap(EVALUATION)
         evaluation = Evaluation.of_episodes(

@@ -1,12 +1,11 @@
 from dataclasses import replace
 
 import numpy as np
-import pyarrow as pa
-import pyarrow.parquet as pq
 import pytest
 
 from kinemimic.evaluate.scoring.capture_fit import Capture, Rollout, capture_fits, read_capture, truth_fits
 from kinemimic.pipeline.errors import CaptureError
+from kinemimic.pipeline.files.store import write_table
 from kinemimic.pipeline.kinematics.angles import ANGLES
 from kinemimic.retarget.humanoid.motion import joint_angles
 
@@ -15,13 +14,16 @@ NOISE = np.radians(3.0)
 
 @pytest.fixture
 def capture(curve):
-    """80 frames of two cycles: raw with an error of 3° either way, cleaned 1° too high, and the truth."""
+    """80 frames of two cycles: raw with an error of 3° either way, adjusted of 2°, cleaned 1° too high, and
+    the truth."""
     phase = np.linspace(-0.3, 1.7, 80)
     truth = {name: curve(name, phase) for name in ANGLES}
     sign = np.where(np.arange(80) % 2, 1.0, -1.0)
     return Capture(
         phase,
+        used=np.arange(80) < 60,
         raw={name: values + NOISE * sign for name, values in truth.items()},
+        adjusted={name: values + np.radians(2.0) * sign for name, values in truth.items()},
         clean={name: values + np.radians(1.0) for name, values in truth.items()},
         truth=truth,
     )
@@ -73,7 +75,7 @@ def test_the_frame_of_the_fall_is_the_first_that_is_not_upright(fallen_at, uprig
 
 def test_whole_cycles_added_to_a_capture_change_nothing(performance, capture):
     rollout = _rollout(performance(1, offset=0.05))
-    later = Capture(capture.phase + 5, capture.raw, capture.clean, capture.truth)
+    later = replace(capture, phase=capture.phase + 5)
     assert capture_fits(later, rollout)["knee"].both.rmse_deg == pytest.approx(
         capture_fits(capture, rollout)["knee"].both.rmse_deg
     )
@@ -91,7 +93,9 @@ def test_the_truth_separates_errors_of_cleaning_and_imitation(performance, captu
     fits = truth_fits(capture, walk, rollout)
     assert fits is not None
     rmse = {who: of["knee"].both.rmse_deg for who, of in fits.items()}
-    assert rmse == pytest.approx({"raw": 3.0, "clean": 1.0, "reference": 0.0, "simulated": 5.0}, abs=0.02)
+    assert rmse == pytest.approx(
+        {"raw": 3.0, "adjusted": 2.0, "clean": 1.0, "reference": 0.0, "simulated": 5.0}, abs=0.02
+    )
     assert fits["simulated"]["hip"].both.rmse_deg == pytest.approx(0.0, abs=0.02)
 
 
@@ -104,15 +108,36 @@ def test_nothing_after_a_fall_is_credited_against_the_capture(performance, captu
 
 
 def test_without_truth_there_are_no_fits_to_it(performance, capture, walk):
-    blind = Capture(capture.phase, capture.raw, capture.clean, None)
+    blind = replace(capture, truth=None)
     assert truth_fits(blind, walk, _rollout(performance(1))) is None
 
 
-def _table(capture, path, *, drop=()):
-    columns = {"phase": capture.phase}
-    for prefix, group in (("", capture.raw), ("clean_", capture.clean), ("truth_", capture.truth)):
+def _table(capture, path, *, drop=(), schema=2):
+    columns = {"phase": capture.phase, "used": capture.used}
+    prefixes = {"": capture.raw, "adjusted_": capture.adjusted}
+    if schema == 1:
+        del columns["used"]
+        prefixes = {"": capture.adjusted}
+    for prefix, group in (prefixes | {"clean_": capture.clean, "truth_": capture.truth}).items():
         columns |= {prefix + name: values for name, values in group.items()}
-    pq.write_table(pa.table({name: v for name, v in columns.items() if name not in drop}), path)
+    write_table(path, {n: v for n, v in columns.items() if n not in drop}, {"schema": schema})
+
+
+def test_schema_1_has_adjusted_angles_and_none_as_read(tmp_path, capture):
+    _table(capture, tmp_path / "capture.parquet", schema=1)
+    read = read_capture(tmp_path / "capture.parquet")
+    assert read is not None and read.used.all()
+    for name in ANGLES:
+        np.testing.assert_array_equal(read.adjusted[name], capture.adjusted[name])
+        assert np.isnan(read.raw[name]).all()
+
+
+def test_frames_that_are_not_in_the_motion_are_left_out(tmp_path, capture):
+    _table(capture, tmp_path / "capture.parquet")
+    read = read_capture(tmp_path / "capture.parquet")
+    assert read is not None and len(read.phase) == 80
+    assert len(read.of_used().phase) == len(read.of_used().raw["knee_left"]) == 60
+    np.testing.assert_array_equal(read.raw["hip_left"], capture.raw["hip_left"])
 
 
 def test_read_capture_drops_frames_without_a_phase(tmp_path, capture):

@@ -9,9 +9,11 @@ from peers.constant import constant
 
 from kinemimic.evaluate.scoring import command as stage
 from kinemimic.pipeline.errors import KinemimicError
-from kinemimic.pipeline.files.store import write_text
+from kinemimic.pipeline.files.store import write_json, write_text
 from kinemimic.retarget.formats.motion_json import motion_to_json, read_motion_json
 from kinemimic.train.config.config import PRESETS
+from kinemimic.train.rollout.policy import Policy
+from kinemimic.train.rollout.rollout import collect_trajectories
 from kinemimic.train.rollout.trajectory import Trajectory
 from kinemimic.train.sim.engines import resolve
 
@@ -36,13 +38,6 @@ def run(tmp_path, walk):
     return tmp_path
 
 
-def test_protocol(walk):
-    phases, frames = stage.protocol(walk)
-    assert (len(phases), phases[0], phases[1], frames) == (13, 0.0, 1 / 13, 600)
-    # 36 frames at 30 Hz, rolled out once, last 35/30 s: 35 control steps.
-    assert stage.protocol(replace(walk, cyclic=False)) == (np.zeros(1), 35)
-
-
 def test_an_idle_policy_scores_what_no_policy_scores(run):
     scores = stage.evaluate(run, workers=1)
     assert scores["fit"] == scores["no_policy"]["fit"]
@@ -59,7 +54,7 @@ def test_an_idle_policy_scores_what_no_policy_scores(run):
 def acted(run, walk, performance, monkeypatch):
     """The same with synthetic rollouts: a good fit with the policy, a fall without one."""
 
-    def collect_trajectories(motion, policy, *, start_phases, frames, engine, workers, progress):
+    def collect_trajectories(motion, policy, config, *, start_phases, frames, engine, workers, progress):
         for _ in start_phases:
             progress(1)
         return performance(len(start_phases), frames, offset=0.05, fall=None if policy else 20)
@@ -98,6 +93,7 @@ def test_equal_inputs_give_equal_bytes(acted):
 def test_command_prints_a_table_or_json(acted):
     printed = CliRunner().invoke(stage.command, ["--run", str(acted)], catch_exceptions=False).output
     assert "SIMULATED CAPTURE" in printed
+    assert "medians over 13 start phases" in printed
     assert "600 of 600" in printed and "13 of 13" in printed
     assert f"report: {acted / 'report.html'}" in printed
     printed = (
@@ -118,3 +114,33 @@ def test_a_policy_of_another_motion_is_refused(run, walk):
     with pytest.raises(KinemimicError, match="expected a policy for this motion"):
         stage.evaluate(run)
     assert not OUTPUTS & {path.name for path in run.iterdir()}
+
+
+def test_the_control_has_the_policys_task_and_rewards_are_by_the_final_scales(run, walk, monkeypatch):
+    config = replace(PRESETS["default"], env=replace(PRESETS["default"].env, torque_feedforward=False))
+    record = json.loads((run / "policy.json").read_text()) | {"config": config.to_json()}
+    write_json(run / "policy.json", record)
+    configs = []
+
+    def collect(motion, policy, env, **options):
+        configs.append((policy is None, env))
+        return collect_trajectories(motion, policy, env, **options)
+
+    monkeypatch.setattr(stage, "collect_trajectories", collect)
+    monkeypatch.setattr(stage, "report", lambda *_: "<!doctype html>")
+    scores = stage.evaluate(run, workers=1)
+    assert [alone for alone, _ in configs] == [False, True]
+    assert configs[0][1] == configs[1][1] == config.measured_env
+    assert not configs[1][1].torque_feedforward
+    assert scores["reward"]["scales"]["pose"] == 64.0 != config.env.reward.scales["pose"]
+    # The rewards of the trajectory are those of the same states by the final scales, not by the first.
+    actor, _ = Policy.load(run / "policy.safetensors")
+    motion = read_motion_json(run / "motion.json")
+    early = collect_trajectories(motion, actor, config.env, start_phases=np.zeros(1), frames=35, workers=1)
+    late = Trajectory.load(run / "trajectory.npz")
+    np.testing.assert_array_equal(late.rotations, early.rotations)
+    pose = list(late.reward_names).index("pose")
+    weight, first = config.env.reward.weights["pose"], config.env.reward.scales["pose"]
+    np.testing.assert_allclose(
+        late.rewards[..., pose] / weight, (early.rewards[..., pose] / weight) ** (64.0 / first), atol=1e-9
+    )

@@ -11,6 +11,7 @@ from kinemimic.evaluate.scoring.scores import compose
 from kinemimic.pipeline.cli.html import number
 from kinemimic.pipeline.files.store import write_json
 from kinemimic.pipeline.kinematics.angles import ANGLES
+from kinemimic.train.config.config import PRESETS
 
 VOID = {"meta", "img", "source", "br"}
 
@@ -46,13 +47,14 @@ def _check(page):
 def evidence(performance, walk, curve):
     phase = np.linspace(0, 2, 60)
     truth = {name: curve(name, phase) for name in ANGLES}
-    capture = Capture(phase, truth, truth, truth)
+    capture = Capture(phase, phase < 1.5, truth, truth, truth, truth)
     played, base = performance(offset=0.02), performance(fall=30)
     scores = compose(
         played,
         base,
         walk,
         capture=capture,
+        reward=PRESETS["default"].final_reward,
         policy={"samples": 1000, "seconds": 2.0, "preset": "default", "seed": 7},
         provenance={"stage": "evaluate", "inputs": {"motion": "abc"}},
     )
@@ -81,8 +83,10 @@ def test_the_page_is_well_formed_and_self_contained(page, evidence):
     assert page.count("<figure>") == checker.captions
     assert "Simulated capture (virtual Kinect)" in text
     assert "91.4 %" in text and "93.2 %" in text and "without a formula" in text
-    assert number(evidence.scores["fit"]["knee"]["r2"], 3) in text
-    assert number(evidence.scores["no_policy"]["fit"]["hip"]["r2"], 3) in text
+    for joint, of in (("knee", evidence.scores["fit"]), ("hip", evidence.scores["no_policy"]["fit"])):
+        assert number(of["phases"][joint]["r2"]["median"], 3) in text
+    assert "45 of the 60 frames of its passes are in the motion" in text.lower()
+    assert "which holds for each axis" in text
     assert "made <up>.bvh" in text
     assert "Gait parameters" in text and "cadence" in text
 
@@ -142,7 +146,7 @@ def test_sections_depend_on_files_and_a_real_capture_has_no_banner(tmp_path, pag
             "warnings": ["short"],
         },
     )
-    real = replace(evidence, scores=evidence.scores | {"capture": {"simulated": False}})
+    real = replace(evidence, scores=evidence.scores | {"capture": {"simulated": False, "adjustments": None}})
     full = report(tmp_path, real)
     _, text = _check(full)
     assert "virtual Kinect" not in text
@@ -156,7 +160,9 @@ def test_sections_depend_on_files_and_a_real_capture_has_no_banner(tmp_path, pag
 def test_a_noncyclic_rollout_with_a_fall_and_no_capture(tmp_path, performance, walk):
     played = performance(1, 20, fall=5)
     once = replace(walk, cyclic=False)
-    scores = compose(played, played, once, capture=None, policy={}, provenance={})
+    scores = compose(
+        played, played, once, capture=None, reward=PRESETS["default"].final_reward, policy={}, provenance={}
+    )
     _, text = _check(report(tmp_path, ReportData(scores, played, played, once, None)))
     assert "Against the capture" not in text
     assert "5 / 20" in text

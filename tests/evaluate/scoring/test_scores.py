@@ -4,15 +4,25 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from kinemimic.evaluate.scoring.capture_fit import Capture
 from kinemimic.evaluate.scoring.scores import compose, root_path, survival, torque
+from kinemimic.pipeline.kinematics.angles import ANGLES
 from kinemimic.retarget.humanoid.body import BODIES
+from kinemimic.train.config.config import PRESETS
 
 POLICY = {"samples": 1000, "seconds": 2.5, "preset": "default", "seed": 7, "config": {}}
+REWARD = replace(PRESETS["default"].final_reward, weights={"pose": 0.6, "height": 0.4})
 
 
 def _scores(played, no_policy, motion, capture=None):
     return compose(
-        played, no_policy, motion, capture=capture, policy=POLICY, provenance={"stage": "evaluate"}
+        played,
+        no_policy,
+        motion,
+        capture=capture,
+        reward=REWARD,
+        policy=POLICY,
+        provenance={"stage": "evaluate"},
     )
 
 
@@ -34,7 +44,7 @@ def test_stable_keys(performance, walk):
             } <= set(group[joint])
     assert {"path_error_m", "speed_ratio"} <= set(scores["root"])
     assert scores["train"] == {"samples": 1000, "seconds": 2.5, "preset": "default", "seed": 7}
-    assert scores["capture"] == {"simulated": True}
+    assert scores["capture"] == {"simulated": True, "adjustments": None}
     assert scores["fit_capture"] is None
     assert scores["truth"] is None
     assert "peak" in scores["torque"]
@@ -42,7 +52,13 @@ def test_stable_keys(performance, walk):
 
 def test_a_perfect_rollout(performance, walk):
     scores = _scores(performance(), performance(), walk)
-    assert scores["survival"] == {"frames": 600, "of": 600, "phases": 3, "phases_of": 3}
+    assert scores["survival"] == {
+        "frames": 600,
+        "frames_median": 600.0,
+        "of": 600,
+        "phases": 3,
+        "phases_of": 3,
+    }
     assert scores["fit"]["knee"]["r2"] == scores["fit"]["hip"]["left"]["r2"] == 1.0
     assert scores["fit"]["frames"] == 500
     assert scores["root"]["speed_ratio"] == 1.0
@@ -59,7 +75,13 @@ def test_a_noncyclic_motion_is_scored_as_a_whole(performance, walk):
 
 def test_frames_after_a_fall_count(performance, walk):
     scores = _scores(performance(fall=30), performance(fall=10), walk)
-    assert scores["survival"] == {"frames": 30, "of": 600, "phases": 0, "phases_of": 3}
+    assert scores["survival"] == {
+        "frames": 30,
+        "frames_median": 30.0,
+        "of": 600,
+        "phases": 0,
+        "phases_of": 3,
+    }
     # The humanoid lies still while the reference goes on: R² over 500 frames is near 0.
     assert scores["fit"]["knee"]["r2"] < 0.2
     assert scores["root"]["speed_ratio"] == pytest.approx(30 / 599, abs=1e-4)
@@ -126,19 +148,75 @@ def test_speed_ratio_does_not_depend_on_the_heading(performance):
     assert scores["speed_ratio"] == pytest.approx(0.8)
 
 
-def test_torques_find_the_highest_joint_in_any_rollout(performance):
+def test_torques_find_the_joint_nearest_to_the_limit_of_its_axes_in_any_rollout(performance):
     played = performance()
     torques = played.torques.copy()
-    knee = [body.node for body in BODIES[1:]].index("knee_right")
-    torques[2, 400, knee] = 120.0
+    nodes = [body.node for body in BODIES[1:]]
+    torques[2, 400, nodes.index("knee_right")] = 120.0  # of 150
+    torques[1, 30, nodes.index("hip_left")] = 130.0  # of 200
     scores = torque(replace(played, torques=torques))
-    assert (scores["peak"], scores["joint"]) == (120.0, "knee_right")
-    assert scores["joints"]["knee_right"] == {"peak": 120.0, "limit": 150, "share": 0.8}
+    knee = {"peak": 120.0, "limit": 150, "share": 0.8}
+    assert scores["joints"]["knee_right"] == knee
+    assert {key: scores[key] for key in ("joint", *knee)} == {"joint": "knee_right", **knee}
+
+
+def test_the_headline_is_the_median_of_the_start_phases(performance, walk):
+    """Phase 0 is the worst of three here: it must not be what the scores' medians say."""
+    good, bad = performance(), performance(fall=30)
+    root, rotations = good.root.copy(), good.rotations.copy()
+    root[0], rotations[0] = bad.root[0], bad.rotations[0]
+    played = replace(good, root=root, rotations=rotations, fallen_at=np.array([30, 600, 600]))
+    scores = _scores(played, bad, walk)
+    assert scores["survival"]["frames_median"] == 600 > scores["survival"]["frames"]
+    assert scores["fit"]["phases"]["knee"]["r2"]["median"] == 1.0 > scores["fit"]["knee"]["r2"]
+    assert scores["root"]["phases"]["speed_ratio"]["median"] == 1.0 > scores["root"]["speed_ratio"]
+
+
+def test_the_reward_states_its_scales_and_its_share_of_the_largest_possible(performance, walk):
+    reward = _scores(performance(), performance(), walk)["reward"]
+    assert reward["terms"] == {"pose": 0.5, "height": 0.25}
+    assert reward["share"] == {"min": 0.75, "median": 0.75, "max": 0.75}
+    assert reward["scales"] == {name: REWARD.scales[name] for name in ("pose", "height")}
+
+
+def test_the_capture_is_scored_as_read_over_its_frames_and_over_all_of_the_pass(performance, walk, curve):
+    phase = np.linspace(0.0, 2.0, 80)
+    true = {name: curve(name, phase) for name in ANGLES}
+    used = phase < 1.5
+    # As read, hips are 10° off and unused frames are 40° off; the adjusted angles are right.
+    read = {
+        name: values + np.radians(10.0 * name.startswith("hip") + 40.0 * ~used)
+        for name, values in true.items()
+    }
+    capture = Capture(phase, used, read, true, true, None, outside=7)
+    gait = {"reliability": {"pelvis": False}, "cyclic": True, "strides_found": 2.5, "strides_used": 1.5}
+    found = compose(
+        performance(), performance(), walk, capture=capture, reward=REWARD, policy=POLICY, gait=gait,
+        provenance={},
+    )  # fmt: skip
+    of = found["fit_capture"]
+    assert of["frames"] == used.sum() and of["all_frames"]["frames"] == 80
+    rmse = [part["phases"]["hip"]["rmse_deg"]["median"] for part in (of, of["all_frames"], of["adjusted"])]
+    share = 1 - used.mean()
+    assert rmse == pytest.approx([10.0, np.sqrt((1 - share) * 10**2 + share * 50**2), 0.0], abs=0.3)
+    assert of["knee"]["rmse_deg"] == pytest.approx(0.0, abs=0.02)
+    assert found["capture"]["adjustments"] == {
+        "frames": 87,
+        "outside": 7,
+        "used": int(used.sum()),
+        "trimmed": int((~used).sum()) + 7,
+        "pelvis_neutral": int(used.sum()),
+        "hips_adjusted": int(used.sum()),
+        "knees_adjusted": 0,
+        "strides_found": 2.5,
+        "strides_used": 1.5,
+    }
 
 
 def test_a_fall_later_than_the_last_frame_is_none(performance):
     assert survival(replace(performance(), fallen_at=np.array([900, 600, 599]))) == {
         "frames": 600,
+        "frames_median": 600.0,
         "of": 600,
         "phases": 2,
         "phases_of": 3,

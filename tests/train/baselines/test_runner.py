@@ -179,7 +179,7 @@ def test_what_a_rival_learnt_is_evaluated_as_any_policy(
 ) -> None:
     run = fresh("run")
     train(run, small("ddpg"), ROUND)
-    monkeypatch.setattr("kinemimic.evaluate.scoring.command.START_PHASES", 1)
+    monkeypatch.setattr("kinemimic.train.rollout.evaluation.START_PHASES", 1)
     assert evaluate(run, workers=1, engine="pybullet")["survival"]["frames"] > 0
 
 

@@ -100,10 +100,20 @@ def test_two_attempts_are_the_same_and_a_real_figure_falls_without_a_policy(
 
 
 def test_a_scenario_is_tried_from_several_phases_and_from_a_single_one_once(motion: Motion) -> None:
-    assert trial.start_phases(motion) == (0.0, 0.5)
-    assert trial.start_phases(motion, Scenario("any")) == tuple(k / 8 for k in range(8))
-    assert trial.start_phases(motion, Scenario("one", phase=Range.of(0.25))) == (0.25,)
-    assert trial.start_phases(replace(motion, cyclic=False), Scenario("any")) == (0.0,)
+    assert trial.selection_phases(motion, Scenario("any")) == tuple((k + 0.5) / 8 for k in range(8))
+    assert trial.selection_phases(motion, Scenario("one", phase=Range.of(0.25))) == (0.25,)
+    assert trial.selection_phases(replace(motion, cyclic=False), Scenario("any")) == (0.0,)
+
+
+def test_the_policy_is_chosen_on_other_phases_than_those_reported(motion: Motion) -> None:
+    reported = np.array(trial.reported_phases(motion))
+    assert reported == pytest.approx(np.arange(13) / 13)
+    assert trial.reported_phases(replace(motion, cyclic=False)) == (0.0,)
+    assert trial.selection_phases(motion) == (pytest.approx(1 / 26), 0.5)
+    for scenario, apart in ((None, 1 / 26), (Scenario("any"), 1 / 208)):
+        chosen = np.array(trial.selection_phases(motion, scenario))
+        gaps = np.abs(chosen[:, None] - reported)
+        assert np.minimum(gaps, 1 - gaps).min() == pytest.approx(apart)
 
 
 def test_a_trial_is_as_good_as_its_worse_attempt() -> None:
@@ -157,6 +167,6 @@ def test_trials_fall_due_by_samples() -> None:
 def test_what_is_performed_once_is_tried_once_to_its_last_frame(motion: Motion) -> None:
     once = replace(motion, cyclic=False, rate=30.0)
     assert episode_frames(once) == len(motion.root) - 1
-    assert trial.start_phases(once) == (0.0,)
+    assert trial.selection_phases(once) == (0.0,)
     assert episode_frames(motion) == 600
-    assert len(trial.start_phases(motion)) == 2
+    assert len(trial.selection_phases(motion)) == 2

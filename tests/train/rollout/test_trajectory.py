@@ -22,7 +22,7 @@ def test_round_trip_and_damage(tmp_path: Path, motion: Motion) -> None:
     path = tmp_path / "trajectory.npz"
     with pytest.raises(KinemimicError, match="found no file"):
         Trajectory.load(path)
-    played = collect_trajectories(motion, None, start_phases=np.zeros(1), frames=2, workers=1)
+    played = collect_trajectories(motion, None, EnvConfig(), start_phases=np.zeros(1), frames=2, workers=1)
     played.save(path)
     again = Trajectory.load(path)
     for f in fields(Trajectory):
@@ -38,7 +38,9 @@ def test_round_trip_and_damage(tmp_path: Path, motion: Motion) -> None:
 def arrays(motion: Motion, tmp_path_factory: pytest.TempPathFactory) -> dict[str, np.ndarray]:
     """Of two rollouts of three frames, as they are stored."""
     path = tmp_path_factory.mktemp("played") / "trajectory.npz"
-    collect_trajectories(motion, None, start_phases=np.array([0.0, 0.5]), frames=3, workers=1).save(path)
+    collect_trajectories(
+        motion, None, EnvConfig(), start_phases=np.array([0.0, 0.5]), frames=3, workers=1
+    ).save(path)
     return dict(np.load(path))
 
 
