@@ -52,10 +52,9 @@ class PassSpan:
         first, last = self.times[[0, -1]]
         inside = (times >= first) & (times <= last)
         if self.used is None:
-            return inside
+            return np.asarray(inside, dtype=np.bool_)
         middles = 0.5 * (self.times[1:] + self.times[:-1])
-        found: NDArray[np.bool_] = inside & self.used[np.searchsorted(middles, times)]
-        return found
+        return np.asarray(inside & self.used[np.searchsorted(middles, times)], dtype=np.bool_)
 
 
 def captured_angles(

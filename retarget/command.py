@@ -80,8 +80,10 @@ def retarget(
             fit = replace(fit, motion=motion, path=measure_path(motion, fit.path))
         motion = fit.motion
         report = cyclic_report(clip, bouts, selection, closed, fit)
-        spans = [PassSpan(one.pass_number, clip.times[one.frames], one.turn, one.phase)
-                 for one in selection.bouts]  # fmt: skip
+        spans = [
+            PassSpan(one.pass_number, clip.times[one.frames], one.turn, one.phase, one.leg_mask().any(axis=1))
+            for one in selection.bouts
+        ]
     else:
         excerpt = _excerpt(clip, bouts, straighten=bool(straighten))
         plain = fit_noncyclic(clip, excerpt)
