@@ -81,7 +81,13 @@ def retarget(
         motion = fit.motion
         report = cyclic_report(clip, bouts, selection, closed, fit)
         spans = [
-            PassSpan(one.pass_number, clip.times[one.frames], one.turn, one.phase, one.leg_mask().any(axis=1))
+            PassSpan(
+                one.pass_number,
+                clip.times[one.frames],
+                one.turn,
+                one.phase,
+                np.asarray(one.leg_mask().any(axis=1)),
+            )
             for one in selection.bouts
         ]
     else:

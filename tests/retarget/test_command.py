@@ -68,7 +68,8 @@ def test_captured_rows_have_the_phase_of_the_motion(run):
     columns = {name: table[name].to_numpy() for name in table.column_names}
     reference = reference_at(motion, columns["phase"])
     for name, curve in joint_angles(motion.rotations).items():
-        assert r_squared(columns[name], reference[name]) > 0.8
+        # As read, with the noise of the sensor.
+        assert r_squared(columns[name], reference[name]) > 0.75
         assert r_squared(columns[f"clean_{name}"], reference[name]) > 0.8
         # Frame k of the motion is phase k / T.
         assert reference_at(motion, np.array([3 / len(curve)]))[name] == pytest.approx(curve[3])
