@@ -71,7 +71,7 @@ def retarget(
     if loop and straighten is False:
         raise KinemimicError("retarget: expected --straighten with --loop: a loop walks straight ahead")
     if loop and not selection.bouts:
-        raise KinemimicError(f"{run}: expected strides for --loop, found {_no_strides(bouts, selection)}")
+        raise KinemimicError(f"{run}: expected strides for --loop, {_no_strides(bouts, selection)}")
     if selection.bouts and loop is not False and straighten is not False:
         fit = fit_cyclic(clip, selection.bouts, symmetric, ankle=ankle)
         reliability, closed = fit.reliability, fit
@@ -142,9 +142,9 @@ def _excerpt(clip: Clip, bouts: list[Bout], *, straighten: bool) -> Excerpt:
 def _no_strides(bouts: list[Bout], selection: Selection) -> str:
     """What is missing for a loop."""
     if not bouts:
-        return f"nobody who walks {MIN_STRIDES:.0f} strides, or {MIN_TRAVEL} m across the view"
+        return f"found nobody who walks {MIN_STRIDES:.0f} strides, or {MIN_TRAVEL} m across the view"
     longest = max(bouts, key=lambda one: one.cycles)
-    return f"{len(bouts)} bouts without usable strides; the longest {selection.reasons[longest.number]}"
+    return f"found {len(bouts)} bouts without usable strides; the longest {selection.reasons[longest.number]}"
 
 
 def _table(report: dict[str, Any]) -> list[str]:
@@ -182,7 +182,9 @@ def _table(report: dict[str, Any]) -> list[str]:
     refused = {finding["message"] for finding in report["gate"] if finding["severity"] == "refuse"}
     lines += [f"  {'✗' if text in refused else '!'} {text}" for text in report["warnings"]]
     if refused:
-        lines.append("  `train` refuses this motion (✗): record it again, or run `train --anyway`")
+        lines.append(
+            "  `train` refuses this motion (✗): take another part with --segment, or run `train --anyway`"
+        )
     return lines
 
 

@@ -159,5 +159,5 @@ def require_trainable(run: Path, *, anyway: bool = False) -> None:
     if refused:
         raise KinemimicError(
             f"{path}: expected a motion that the humanoid can perform, found: {'; '.join(refused)}; "
-            "record it again, or train with --anyway"
+            "take another part of the capture (retarget --segment), or train with --anyway"
         )
