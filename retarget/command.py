@@ -72,6 +72,7 @@ def retarget(
         raise KinemimicError("retarget: expected --straighten with --loop: a loop walks straight ahead")
     if loop and not selection.bouts:
         raise KinemimicError(f"{run}: expected strides for --loop, {_no_strides(bouts, selection)}")
+    report, why = None, "" if selection.bouts else _no_strides(bouts, selection)
     if selection.bouts and loop is not False and straighten is not False:
         fit = fit_cyclic(clip, selection.bouts, symmetric, ankle=ankle)
         reliability, closed = fit.reliability, fit
@@ -90,13 +91,15 @@ def retarget(
             )
             for one in selection.bouts
         ]
-    else:
+        if loop is None and selection.strides < MIN_STRIDES and (refused := _refusals(report)):
+            # So short a walk may close into no loop, and still be a motion.
+            report, why = None, f"{selection.strides:.1f} strides make no loop ({'; '.join(refused)})"
+    if report is None:
         excerpt = _excerpt(clip, bouts, straighten=bool(straighten))
         plain = fit_noncyclic(clip, excerpt)
         reliability, motion = plain.reliability, plain.motion
         if refined:
             motion = refine(motion, plain.seen)
-        why = "" if selection.bouts else _no_strides(bouts, selection)
         report = noncyclic_report(clip, bouts, excerpt, plain, motion, why)
         spans = [PassSpan(excerpt.pass_number, clip.times[excerpt.frames], excerpt.turn, plain.phase)]
     record = {
@@ -147,6 +150,11 @@ def _no_strides(bouts: list[Bout], selection: Selection) -> str:
     return f"found {len(bouts)} bouts without usable strides; the longest {selection.reasons[longest.number]}"
 
 
+def _refusals(report: dict[str, Any]) -> list[str]:
+    """What makes `train` refuse the motion of a report."""
+    return [finding["message"] for finding in report["gate"] if finding["severity"] == "refuse"]
+
+
 def _table(report: dict[str, Any]) -> list[str]:
     """A summary of gait.json for the terminal."""
     lines = [f"{report['kind']}, {'a loop' if report['cyclic'] else 'as recorded'}"]
@@ -179,7 +187,7 @@ def _table(report: dict[str, Any]) -> list[str]:
         lines.append(
             f"  {name:<10} {low:6.1f} to {high:5.1f}°" + (f"   R² {scores[name]}" if name in scores else "")
         )
-    refused = {finding["message"] for finding in report["gate"] if finding["severity"] == "refuse"}
+    refused = _refusals(report)
     lines += [f"  {'✗' if text in refused else '!'} {text}" for text in report["warnings"]]
     if refused:
         lines.append(

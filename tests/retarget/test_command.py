@@ -14,9 +14,11 @@ from samples.walker import along
 from samples.walker import walker as straight_walk
 
 from kinemimic.pipeline.cli.main import main
+from kinemimic.pipeline.convert import convert
 from kinemimic.pipeline.errors import KinemimicError
-from kinemimic.pipeline.files.store import read_clip, write_clip
-from kinemimic.retarget.command import _table, command, retarget
+from kinemimic.pipeline.files.store import read_clip, read_json, write_clip
+from kinemimic.pipeline.ingest import ingest
+from kinemimic.retarget.command import _refusals, _table, command, retarget
 from kinemimic.retarget.formats.motion_json import read_motion_json
 from kinemimic.retarget.gate import check_report
 from kinemimic.retarget.humanoid.motion import joint_angles
@@ -144,9 +146,6 @@ def test_nothing_is_written_if_a_loop_is_asked_of_no_walk(run, walker):
     ],
 )
 def test_real_walks(captures, tmp_path, name, cadence, knee_peak, r2_hip):
-    from kinemimic.pipeline.convert import convert  # noqa: PLC0415 - the stages before, only here
-    from kinemimic.pipeline.ingest import ingest  # noqa: PLC0415
-
     ingest(captures / name, tmp_path)
     convert(tmp_path)
     retarget(tmp_path)
@@ -229,3 +228,14 @@ def test_an_unknown_segment_gives_one_line_with_the_names_and_writes_nothing(run
     assert "\n" not in told and "found 'walk-9'" in told
     assert all(f"walk-{k} (" in told for k in range(1, 5))
     assert not any((run / name).exists() for name in FILES)
+
+
+def test_a_short_walk_that_makes_no_loop_is_kept_as_recorded(captures, tmp_path):
+    """One second of crouched walking in place: its loop would slip."""
+    ingest(captures / "lab_opensim_gait" / "Intro_to_Musculoskeletal_Modeling__crouch1.mot", tmp_path)
+    convert(tmp_path)
+    motion = retarget(tmp_path)
+    report = read_json(tmp_path / "gait.json")
+    assert not motion.cyclic and report["kind"] == "walk"
+    assert "make no loop" in report["warnings"][0] and not _refusals(report)
+    assert retarget(tmp_path, loop=True).cyclic
