@@ -18,7 +18,8 @@ import rerun as rr
 from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 
-from kinemimic.evaluate.view.scene import CAPTURED, SCENES, Humanoid, entity_path, time_columns
+from kinemimic.evaluate.film.figures import CAPTURED, Humanoid
+from kinemimic.evaluate.view.scene import SCENES, entity_path, time_columns
 from kinemimic.pipeline.arrays import Array
 from kinemimic.pipeline.convert import on_nodes
 from kinemimic.pipeline.errors import CaptureError

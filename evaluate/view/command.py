@@ -10,6 +10,7 @@ from pathlib import Path
 import click
 import rerun as rr
 
+from kinemimic.evaluate.film.figures import CAPTURED, REFERENCE, SIMULATED, Humanoid, humanoids
 from kinemimic.evaluate.policies.shipped import evaluated, run_options
 from kinemimic.evaluate.view.caption import caption, trial_caption
 from kinemimic.evaluate.view.captured_skeleton import CapturedSkeleton, captured_skeleton, log_skeleton
@@ -17,13 +18,8 @@ from kinemimic.evaluate.view.layout import layout
 from kinemimic.evaluate.view.obstacle_rendering import Disturbances, log_contacts, log_disturbances
 from kinemimic.evaluate.view.scenario_replay import replay_scenario
 from kinemimic.evaluate.view.scene import (
-    CAPTURED,
-    REFERENCE,
-    SIMULATED,
     TIMELINE,
-    Humanoid,
     frame_times,
-    humanoids,
     log_curves,
     log_scenes,
     place_side_by_side,

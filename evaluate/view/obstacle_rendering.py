@@ -9,7 +9,8 @@ from typing import Any
 import numpy as np
 import rerun as rr
 
-from kinemimic.evaluate.view.scene import SCENES, SIMULATED, Humanoid, entity_path, frame_times, time_columns
+from kinemimic.evaluate.film.figures import SIMULATED, Humanoid
+from kinemimic.evaluate.view.scene import SCENES, entity_path, frame_times, time_columns
 from kinemimic.pipeline.arrays import Array
 from kinemimic.pipeline.kinematics.rotations import rotate
 from kinemimic.retarget.humanoid.body import BODIES, BODY_NODES

@@ -7,15 +7,14 @@ has an entity `walker` that follows the simulated humanoid smoothly, as the orig
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
 
 import numpy as np
 import rerun as rr
 
+from kinemimic.evaluate.film.figures import COLORS, NAMES, REFERENCE, SIMULATED, Humanoid
 from kinemimic.pipeline.arrays import Array
 from kinemimic.pipeline.kinematics.angles import ANGLES
-from kinemimic.pipeline.kinematics.clip import forward_kinematics
-from kinemimic.pipeline.kinematics.skeleton import BONES, NODE_INDEX, NODES, node_skeleton
+from kinemimic.pipeline.kinematics.skeleton import BONES, NODE_INDEX, NODES
 from kinemimic.retarget.humanoid.body import BODIES, BODY_INDEX, BODY_NODES
 from kinemimic.retarget.humanoid.motion import joint_angles
 from kinemimic.train.rollout.trajectory import Trajectory
@@ -24,35 +23,9 @@ from kinemimic.train.sim.world import CONTROL_RATE
 TIMELINE = "time"
 SCENES = ("overlaid", "beside")
 APART = 1.1  # m between the humanoids of `beside`
-REFERENCE, SIMULATED, CAPTURED = 1, 2, 3  # class ids
-COLORS = {REFERENCE: (120, 190, 255), SIMULATED: (255, 150, 50), CAPTURED: (170, 170, 170)}
-NAMES = {REFERENCE: "reference", SIMULATED: "simulated", CAPTURED: "captured"}
 GROUND_COLOR = (90, 90, 90)
 FEET = ("left", "right")
 SMOOTHING = 30  # frames over which a view's path is averaged, so that it does not sway with the hips
-
-
-@dataclass(frozen=True)
-class Humanoid:
-    """A humanoid's motion: positions (F, 20, 3) and rotations (F, 20, 4) of its nodes in the world."""
-
-    kind: int
-    positions: Array
-    rotations: Array
-
-
-def humanoids(trajectory: Trajectory, rollout: int, offsets: Array) -> tuple[Humanoid, Humanoid]:
-    """Reference and simulated humanoid of a rollout; offsets: (20, 3) of the nodes from their parents."""
-
-    def humanoid(kind: int, root: Array, rotations: Array) -> Humanoid:
-        translations = np.broadcast_to(offsets, (len(root), *offsets.shape)).copy()
-        translations[:, 0] = root
-        return Humanoid(kind, *forward_kinematics(node_skeleton(offsets), translations, rotations))
-
-    return (
-        humanoid(REFERENCE, trajectory.reference_root[rollout], trajectory.reference_rotations[rollout]),
-        humanoid(SIMULATED, trajectory.root[rollout], trajectory.rotations[rollout]),
-    )
 
 
 def log_scenes(stream: rr.RecordingStream, reference: Humanoid, simulated: Humanoid) -> None:

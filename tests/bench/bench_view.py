@@ -16,8 +16,9 @@ from pathlib import Path
 import numpy as np
 import rerun as rr
 
+from kinemimic.evaluate.film.figures import NAMES, REFERENCE, Humanoid, humanoids
 from kinemimic.evaluate.view.command import write_recording
-from kinemimic.evaluate.view.scene import NAMES, REFERENCE, SCENES, Humanoid, frame_times, humanoids
+from kinemimic.evaluate.view.scene import SCENES, frame_times
 from kinemimic.pipeline.kinematics.rotations import IDENTITY, from_axis_angle
 from kinemimic.pipeline.kinematics.skeleton import NODE_INDEX, NODES
 from kinemimic.retarget.humanoid.body import BODIES, BODY_INDEX, BODY_NODES, node_offsets

@@ -15,13 +15,14 @@ import pytest
 import rerun as rr
 from rerun.chunk import RrdReader
 
+from kinemimic.evaluate.film.figures import humanoids
 from kinemimic.evaluate.view.captured_skeleton import (
     CapturedSkeleton,
     aligned,
     captured_skeleton,
     log_skeleton,
 )
-from kinemimic.evaluate.view.scene import frame_times, humanoids
+from kinemimic.evaluate.view.scene import frame_times
 from kinemimic.pipeline.errors import CaptureError
 from kinemimic.pipeline.files.store import write_clip
 from kinemimic.pipeline.kinematics.clip import Clip

@@ -19,8 +19,8 @@ from click.testing import CliRunner
 from peers.crouch import crouching, write_idle_run
 from rerun.chunk import RrdReader
 
+from kinemimic.evaluate.film.figures import humanoids
 from kinemimic.evaluate.view.command import command, how_to_open, view, view_trial
-from kinemimic.evaluate.view.scene import humanoids
 from kinemimic.evaluate.view.video import duration
 from kinemimic.pipeline.cli.main import main
 from kinemimic.pipeline.errors import KinemimicError
