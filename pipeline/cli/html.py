@@ -6,6 +6,8 @@ from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
+from kinemimic.pipeline.cli.palette import PALETTE
+
 _TEMPLATES = Path(__file__).with_name("templates")
 
 
@@ -16,7 +18,7 @@ def render(template: Path, **values: Any) -> str:
     """
     import jinja2  # noqa: PLC0415 (import cost: most commands write no page)
 
-    from kinemimic.pipeline.cli.picture import data_uri  # noqa: PLC0415 (loads matplotlib)
+    from kinemimic.pipeline.cli.picture import inline_svg  # noqa: PLC0415 (loads matplotlib)
 
     environment = jinja2.Environment(
         loader=jinja2.FileSystemLoader([template.parent, _TEMPLATES]),
@@ -25,7 +27,8 @@ def render(template: Path, **values: Any) -> str:
         trim_blocks=True,
         lstrip_blocks=True,
     )
-    environment.filters |= {"number": number, "data_uri": data_uri, "flat": _flat}
+    environment.filters |= {"number": number, "inline_svg": inline_svg, "flat": _flat}
+    environment.globals["palette"] = PALETTE
     return environment.get_template(template.name).render(values)
 
 

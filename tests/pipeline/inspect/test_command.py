@@ -121,10 +121,10 @@ def test_the_page_of_curves_stands_alone(library: Path, tmp_path: Path, capsys: 
     page = tmp_path / "out" / "page.html"
     assert call("inspect", library / "a", "--plot", page) == 0
     text = page.read_text(encoding="utf-8")
-    assert text.count("data:image/svg+xml") >= 8
+    assert text.count("<svg") >= 8
     assert "cut.skl" in text
     assert "LICENSE" not in text
-    assert "http" not in text.split("base64,")[0]
+    assert "http" not in text
     assert list(page.parent.iterdir()) == [page]
 
 
