@@ -205,7 +205,7 @@ def command(
 
     \b
       kinemimic train --run runs/walk --minutes 5
-      kinemimic train --run runs/walk --preset robust --budget 3e6 --seed 1
+      kinemimic train --run runs/walk --preset robust --budget 3M --seed 1
     """
     record = train(
         run,

@@ -19,7 +19,9 @@ training_options = option_group(
         help="Named set of training settings.",
     ),
     click.option(
-        "--budget", type=samples, help="Samples (control steps) in total, such as 1e6. Default: the preset's."
+        "--budget",
+        type=samples,
+        help="Samples (control steps) in total, such as 1M or 300k. Default: the preset's.",
     ),
     click.option(
         "--minutes", type=MINUTES, help="Stop after this training time, even if the budget is not used up."

@@ -114,7 +114,7 @@ def compare(
 
 
 def increasing(value: str) -> tuple[int, ...]:
-    """Parse numbers of samples such as 1e6,2e6; sorted."""
+    """Parse numbers of samples such as 1M,2M; sorted."""
     return tuple(sorted({samples(one) for one in value.split(",")}))
 
 

@@ -19,7 +19,7 @@ from kinemimic.pipeline.errors import KinemimicError
 from kinemimic.pipeline.files.provenance import provenance
 from kinemimic.pipeline.files.store import file_hash, write_json
 from kinemimic.train.config.config import TrainConfig
-from kinemimic.train.rollout.policy import POLICY, load_trained
+from kinemimic.train.rollout.policy import POLICY, load_trained, training_summary
 from kinemimic.train.scenario.scenario import Scenario
 from kinemimic.train.scenario.scenario_file import scenario, shipped_scenarios
 from kinemimic.train.sim.engines import resolve
@@ -65,7 +65,7 @@ def disturb(
                 "phase": found.phases.round(6).tolist(),
                 "fallen_at": [int(v) if v < found.rewards.shape[1] else None for v in found.fallen_at],
             },
-            "train": {key: record.get(key) for key in ("preset", "samples", "seed")},
+            "train": training_summary(record),
             "provenance": provenance(
                 "disturb",
                 inputs={"motion": motion.identity, "policy": file_hash(run / POLICY)},

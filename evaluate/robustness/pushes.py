@@ -35,7 +35,7 @@ from kinemimic.pipeline.files.store import file_hash, write_json
 from kinemimic.pipeline.parallel.task_pool import parallel_map
 from kinemimic.retarget.humanoid.body import BODIES
 from kinemimic.train.config.config import TrainConfig
-from kinemimic.train.rollout.policy import POLICY, load_trained
+from kinemimic.train.rollout.policy import POLICY, load_trained, training_summary
 from kinemimic.train.sim.engines import resolve
 from kinemimic.train.sim.options import engine_option, workers_option
 from kinemimic.train.sim.world import CONTROL_RATE
@@ -75,7 +75,7 @@ def pushes(
         "schema": PUSHES_SCHEMA,
         "phases": at.tolist(),
         **summary(found),
-        "train": {key: record.get(key) for key in ("preset", "samples", "seed")},
+        "train": training_summary(record),
         "provenance": provenance(
             "pushes",
             inputs={"motion": motion.identity, "policy": file_hash(run / POLICY)},

@@ -18,9 +18,11 @@ from kinemimic.evaluate.scoring.capture_fit import Capture, Rollout, adjustments
 from kinemimic.pipeline.arrays import Array
 from kinemimic.pipeline.gait.curve_metrics import MEASURES, SCORED_JOINTS, JointFit, joint_fits
 from kinemimic.pipeline.kinematics.angles import ANGLES
+from kinemimic.retarget.feet.ground import is_running
 from kinemimic.retarget.humanoid.body import BODIES
 from kinemimic.retarget.humanoid.motion import Motion, joint_angles
 from kinemimic.train.config.config import RewardConfig
+from kinemimic.train.rollout.policy import training_summary
 from kinemimic.train.rollout.trajectory import Trajectory
 
 SCORES_SCHEMA = 2
@@ -30,12 +32,13 @@ _STANDING = 0.1  # m: below this advance the reference stands, and there is no s
 
 
 def survival(trajectory: Trajectory) -> dict[str, float]:
-    """Frames before the first fall, from phase 0 and in the median over the start phases, and the number of
-    start phases without a fall."""
+    """Frames before the first fall, from phase 0, in the median and minimum over the start phases, and the
+    number of start phases without a fall."""
     frames = trajectory.root.shape[1]
     return {
         "frames": int(min(trajectory.fallen_at[0], frames)),
         "frames_median": float(np.median(np.minimum(trajectory.fallen_at, frames))),
+        "frames_min": int(min(trajectory.fallen_at.min(), frames)),
         "of": frames,
         "phases": int(np.sum(trajectory.fallen_at >= frames)),
         "phases_of": len(trajectory.fallen_at),
@@ -211,7 +214,8 @@ def compose(
         "root": root_path(trajectory),
         "torque": torque(trajectory),
         "reward": rewards(trajectory, reward),
-        "train": {key: policy.get(key) for key in ("samples", "seconds", "preset", "seed")},
+        "train": {"seconds": policy.get("seconds"), **training_summary(policy)},
+        "motion": _motion(motion, gait or {}),
         "capture": {
             "simulated": motion.simulated,
             "adjustments": None if capture is None else adjustments(capture, gait or {}),
@@ -220,6 +224,19 @@ def compose(
     }
     values: dict[str, Any] = _json_values(scores)
     return values
+
+
+def _motion(motion: Motion, gait: Mapping[str, Any]) -> dict[str, Any]:
+    """What was imitated. kind: of gait.json, or by the speed of a loop; findings: of the gate."""
+    kind = "motion"
+    if motion.cyclic:
+        speed = float(np.linalg.norm(motion.cycle_offset[:2])) / motion.duration
+        kind = "run" if is_running(speed) else "walk"
+    return {
+        "kind": gait.get("kind", kind),
+        "cyclic": motion.cyclic,
+        "findings": [finding["message"] for finding in gait.get("gate", ())],
+    }
 
 
 def _json_values(value: Any) -> Any:

@@ -224,7 +224,7 @@ def command(capture: Path | None, folder: Path, as_json: bool, **options: Any) -
 
     \b
       kinemimic run
-      kinemimic run walk.skl --run runs/walk --budget 1e6
+      kinemimic run walk.skl --run runs/walk --budget 1M
     """
     outcome = run(capture, folder, options=stage_options(STAGE_OPTIONS, options), quiet=as_json)
     report, recording = folder / "report.html", folder / "view.rrd"

@@ -168,6 +168,19 @@ def renamed_keys(value: Any, names: Mapping[str, str] = _RENAMED) -> Any:
     return [renamed_keys(item, names) for item in value] if isinstance(value, list) else value
 
 
+def training_summary(record: Mapping[str, Any]) -> dict[str, Any]:
+    """`train` of scores.json and of other results: what a policy's record says about its training.
+
+    budget, finished: in samples; whether the training ended by itself, or the policy is its best so far.
+    """
+    config = record.get("config", {})
+    return {
+        **{key: record.get(key) for key in ("samples", "preset", "seed")},
+        "budget": config.get("budget") if isinstance(config, Mapping) else None,
+        "finished": record.get("finished", True),
+    }
+
+
 class _Provenance(Struct):
     inputs: dict[str, Any] = {}
 
@@ -185,6 +198,7 @@ class _Record(Struct):
     preset: str = ""
     engine: str = ""
     simulated: bool = False
+    finished: bool = True
 
 
 def _read_tensors(path: Path) -> dict[str, Floats]:

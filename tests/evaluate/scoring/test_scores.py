@@ -10,7 +10,7 @@ from kinemimic.pipeline.kinematics.angles import ANGLES
 from kinemimic.retarget.humanoid.body import BODIES
 from kinemimic.train.config.config import PRESETS
 
-POLICY = {"samples": 1000, "seconds": 2.5, "preset": "default", "seed": 7, "config": {}}
+POLICY = {"samples": 1000, "seconds": 2.5, "preset": "default", "seed": 7, "config": {"budget": 2000}}
 REWARD = replace(PRESETS["default"].final_reward, weights={"pose": 0.6, "height": 0.4})
 
 
@@ -43,7 +43,15 @@ def test_stable_keys(performance, walk):
                 "right",
             } <= set(group[joint])
     assert {"path_error_m", "speed_ratio"} <= set(scores["root"])
-    assert scores["train"] == {"samples": 1000, "seconds": 2.5, "preset": "default", "seed": 7}
+    assert scores["train"] == {
+        "samples": 1000,
+        "seconds": 2.5,
+        "preset": "default",
+        "seed": 7,
+        "budget": 2000,
+        "finished": True,
+    }
+    assert scores["motion"] == {"kind": "walk", "cyclic": True, "findings": []}
     assert scores["capture"] == {"simulated": True, "adjustments": None}
     assert scores["fit_capture"] is None
     assert scores["truth"] is None
@@ -55,6 +63,7 @@ def test_a_perfect_rollout(performance, walk):
     assert scores["survival"] == {
         "frames": 600,
         "frames_median": 600.0,
+        "frames_min": 600,
         "of": 600,
         "phases": 3,
         "phases_of": 3,
@@ -78,6 +87,7 @@ def test_frames_after_a_fall_count(performance, walk):
     assert scores["survival"] == {
         "frames": 30,
         "frames_median": 30.0,
+        "frames_min": 30,
         "of": 600,
         "phases": 0,
         "phases_of": 3,
@@ -217,6 +227,7 @@ def test_a_fall_later_than_the_last_frame_is_none(performance):
     assert survival(replace(performance(), fallen_at=np.array([900, 600, 599]))) == {
         "frames": 600,
         "frames_median": 600.0,
+        "frames_min": 599,
         "of": 600,
         "phases": 2,
         "phases_of": 3,

@@ -1,0 +1,51 @@
+"""The verdict on a policy, from the content of scores.json: the first line of every summary."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+from kinemimic.pipeline.gait.curve_metrics import SCORED_JOINTS
+from kinemimic.train.rollout.verdict import Outcome, Training, Verdict, judge
+
+
+def verdict(scores: Mapping[str, Any]) -> Verdict:
+    """The verdict on the rollouts of scores.json; also of an earlier version, which knew less."""
+    survived, root = scores["survival"], scores["root"]
+    fit, motion = scores["fit"]["phases"], scores.get("motion", {})
+    return judge(
+        Outcome(
+            frames=survived["of"],
+            phases=survived["phases_of"],
+            upright=survived["phases"],
+            typical=survived["frames_median"],
+            first=survived.get("frames_min"),
+            # Only a motion that is performed once has a single start phase.
+            cyclic=motion.get("cyclic", survived["phases_of"] > 1),
+            kind=motion.get("kind", ""),
+            fits={
+                joint: (_median(fit[joint]["r2_upright"]), _median(fit[joint]["rmse_deg"]))
+                for joint in SCORED_JOINTS
+            },
+            speed_ratio=_median(root["phases"]["speed_ratio"]),
+            path_error_m=_median(root["phases"]["path_error_m"]),
+            path_m=root["reference_advance_m"],
+            findings=tuple(motion.get("findings", ())),
+        ),
+        training(scores["train"]),
+    )
+
+
+def training(record: Mapping[str, Any]) -> Training:
+    """The training of a policy, from `train` of scores.json and of other results."""
+    return Training(
+        samples=record.get("samples") or 0,
+        budget=record.get("budget"),
+        finished=record.get("finished") is not False,
+        preset=record.get("preset") or "",
+        seed=record.get("seed") or 0,
+    )
+
+
+def _median(spread: Mapping[str, float | None] | None) -> float | None:
+    return None if spread is None else spread["median"]

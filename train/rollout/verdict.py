@@ -1,0 +1,201 @@
+"""What rollouts say about a policy, in words: whether it walks or falls, and what to do about it.
+
+The report, `evaluate`, `run` and `train` use the same words; `evaluate/scoring/verdict.py` takes them from
+scores.json.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field
+from typing import Literal
+
+from kinemimic.train.config.budget import short
+from kinemimic.train.rollout.evaluation import WALKING_R2
+from kinemimic.train.sim.world import CONTROL_RATE
+
+Level = Literal["good", "fair", "poor", "falls"]
+
+# A policy that falls from a larger share of its phases "falls"; from fewer, it is "fair".
+FEW_FALLS = 0.25
+# Below these it survives without imitating. R² says nothing about a joint that hardly moves, so a curve is
+# only wrong if it is also this far off.
+POOR_R2 = 0.5
+SMALL_ERROR_DEG = 2.0
+# Deviations of the speed from the reference's, as shares of it, beyond which a policy is fair or poor.
+FAIR_SPEED, POOR_SPEED = 0.1, 0.5
+# Distance from the reference at the end: fair beyond this share of the reference's path, and beyond metres.
+FAIR_PATH, SMALL_PATH_M = 0.1, 0.5
+# More samples than this never made a shipped policy: if it still falls, the motion is to blame.
+MANY_SAMPLES = 3_000_000
+
+_VERBS = {"walk": "walks", "run": "runs", "motion": "moves"}
+
+
+@dataclass(frozen=True)
+class Verdict:
+    """One line about a policy, and what to do next.
+
+    level: "good" imitates without a fall; "fair" falls from few phases, or imitates with a visible error;
+    "poor" stays upright without imitating; "falls" falls from more than a quarter of the phases.
+    headline: without a capital and a full stop; advice: sentences.
+    """
+
+    level: Level
+    headline: str
+    advice: str
+
+
+@dataclass(frozen=True)
+class Training:
+    """What is known of a policy's training; budget: None if unknown."""
+
+    samples: int = 0
+    budget: int | None = None
+    finished: bool = True
+    preset: str = "default"
+    seed: int = 0
+
+    @property
+    def unfinished(self) -> str:
+        """`training unfinished: 400,000 of 1,000,000 samples`; "" for a finished training."""
+        if self.finished:
+            return ""
+        of = "" if self.budget is None else f" of {self.budget:,}"
+        return f"training unfinished: {self.samples:,}{of} samples"
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """Rollouts of `frames` frames from `phases` phases, of which `upright` ended without a fall.
+
+    typical, first: frames before the fall, in the median over all phases and at least, None if unknown;
+    cyclic: False for a motion that is performed once; kind: of gait.json, or "" if unknown;
+    fits: joint -> R² without credit after a fall, and RMSE in degrees; speed_ratio: speed relative to the
+    reference's; path_error_m, path_m: distance from the reference at the end, and length of its path. All of
+    them medians over the phases; None: undefined or not measured.
+    findings: flaws of the motion itself.
+    """
+
+    frames: int
+    phases: int
+    upright: int
+    typical: float | None = None
+    first: int | None = None
+    cyclic: bool = True
+    kind: str = ""
+    fits: Mapping[str, tuple[float | None, float | None]] = field(default_factory=dict)
+    speed_ratio: float | None = None
+    path_error_m: float | None = None
+    path_m: float | None = None
+    findings: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True)
+class _Error:
+    """A visible error of a policy that does not fall: in words, whether it is grave, and where to look."""
+
+    what: str
+    grave: bool
+    look: str
+
+
+def judge(outcome: Outcome, training: Training) -> Verdict:
+    """The verdict on the rollouts of a policy."""
+    errors = list(_errors(outcome))
+    level = _level(outcome, errors)
+    return Verdict(
+        level, _headline(outcome, level, errors), " ".join(_advice(outcome, training, level, errors))
+    )
+
+
+def seconds(frames: float) -> str:
+    """A number of frames as seconds, with at most one decimal: 20 s, 3.2 s."""
+    return f"{round(frames / CONTROL_RATE, 1):g} s"
+
+
+def _level(outcome: Outcome, errors: list[_Error]) -> Level:
+    fallen = outcome.phases - outcome.upright
+    if fallen > FEW_FALLS * outcome.phases:
+        return "falls"
+    if any(error.grave for error in errors):
+        return "poor"
+    return "fair" if fallen or errors else "good"
+
+
+def _errors(outcome: Outcome) -> Iterator[_Error]:
+    # After a fall, curves and paths say nothing more.
+    if outcome.upright < outcome.phases:
+        return
+    for joint, (r2, rmse) in outcome.fits.items():
+        if r2 is not None and r2 < WALKING_R2 and (rmse is None or rmse >= SMALL_ERROR_DEG):
+            off = "" if rmse is None else f", {rmse:.1f}° off"
+            yield _Error(f"the {joint}s follow badly (R² {r2:.2f}{off})", r2 < POOR_R2, f"the {joint} curves")
+    ratio = outcome.speed_ratio
+    if ratio is not None and abs(ratio - 1.0) > FAIR_SPEED:
+        what = f"at {100 * ratio:.0f} % of the reference's speed"
+        yield _Error(what, abs(ratio - 1.0) > POOR_SPEED, "the path")
+    error, path = outcome.path_error_m, outcome.path_m
+    if error is not None and path is not None and error > max(SMALL_PATH_M, FAIR_PATH * path):
+        yield _Error(f"{error:.1f} m away from the reference at the end", False, "the path")
+
+
+def _headline(outcome: Outcome, level: Level, errors: list[_Error]) -> str:
+    frames, fallen = outcome.frames, outcome.phases - outcome.upright
+    if not outcome.cyclic:
+        if fallen:
+            upright = outcome.typical if outcome.first is None else outcome.first
+            if upright is None:
+                return f"falls before the end of the motion ({seconds(frames)})"
+            return f"falls after {seconds(upright)} of {seconds(frames)} ({upright:.0f} of {frames} frames)"
+        start = "stays upright for" if level == "poor" else "performs"
+        return _with_errors(f"{start} the whole motion ({seconds(frames)}) without a fall", errors)
+    if fallen:
+        if not outcome.upright:
+            upright, note = (
+                (outcome.typical, ", median") if outcome.typical is not None else (outcome.first, "")
+            )
+            which = f"all {outcome.phases} phases" if outcome.phases > 1 else "its phase"
+        else:
+            upright, note = outcome.first, ""
+            which = f"{fallen} of {outcome.phases} phases"
+        if upright is None:
+            return f"falls from {which} within {seconds(frames)}"
+        first = "the earliest " if outcome.upright else ""
+        return f"falls from {which}, {first}after {seconds(upright)} ({upright:.0f} of {frames} frames{note})"
+    verb = "stays upright" if level == "poor" else _VERBS.get(outcome.kind, "stays upright")
+    return _with_errors(f"{verb} {seconds(frames)} from {outcome.upright} of {outcome.phases} phases", errors)
+
+
+def _with_errors(text: str, errors: list[_Error]) -> str:
+    return text if not errors else f"{text}, but {' and '.join(error.what for error in errors)}"
+
+
+def _advice(outcome: Outcome, training: Training, level: Level, errors: list[_Error]) -> Iterator[str]:
+    if training.unfinished:
+        yield f"{_sentence(training.unfinished)} The same `kinemimic train` resumes it."
+    if looks := list(dict.fromkeys(error.look for error in errors)):
+        yield f"Look at {' and '.join(looks)} in report.html."
+    if outcome.findings:
+        flaws = "; ".join(outcome.findings)
+        yield f"The motion itself has {'a flaw' if len(outcome.findings) == 1 else 'flaws'}: {flaws}."
+    if level == "good":
+        if training.finished:
+            yield "Watch it: `kinemimic view`. Measure how hard a push it survives: `kinemimic pushes`."
+        return
+    if not training.finished:
+        return
+    if training.samples >= MANY_SAMPLES:
+        yield (
+            f"After {training.samples:,} samples, look at the reference in `kinemimic view` before training "
+            "longer, and consider another part of the capture (`kinemimic retarget --segment`)."
+        )
+        return
+    options = "" if training.preset in ("", "default") else f" --preset {training.preset}"
+    options += f" --seed {training.seed}" if training.seed else ""
+    more = short(2 * max(training.samples, 1))
+    yield f"Train longer: `kinemimic train{options} --budget {more}` ({training.samples:,} samples so far)."
+
+
+def _sentence(text: str) -> str:
+    return f"{text[:1].upper()}{text[1:]}."
