@@ -111,8 +111,8 @@ comparison: setup ## Train the policies that `study` compares (hours), into data
 	  --preset default --preset ddpg --preset a2c --preset sb3-ppo --seeds 3 --budgets 3e5,1e6 --limit ddpg=3e5 --limit sb3-ppo=3e5 --hidden 128,64 \
 	  --out runs/comparison --publish datasets/comparison $(if $(ENGINE),--engine "$(ENGINE)")
 
-overlay: setup ## Draw the skeleton into CAPTURE=, a depth recording's folder: RUN=/overlay.mp4
-	$(KINEMIMIC) overlay "$(CAPTURE)" --out "$(RUN)/overlay.mp4"
+overlay: setup ## Draw the skeleton into CAPTURE=, a depth recording's folder: RUN=/overlay.webm
+	$(KINEMIMIC) overlay "$(CAPTURE)" --out "$(RUN)/overlay.webm"
 
 # dvc brings a hundred packages; only changes of the data set need them.
 DVC := $(VENV)/dvc-installed

@@ -16,6 +16,7 @@ from kinemimic.train.rollout.trajectory import Trajectory
 from kinemimic.train.sim.world import CONTROL_RATE
 
 SIZE = (960, 540)
+SIZES = (16, 7680)  # smallest and largest width and height, pixels
 
 
 @dataclass(frozen=True)
@@ -57,7 +58,7 @@ def render_frames(
     move with it. size: width and height in pixels; theme: "light" or "dark"; labels: legend, time, fall and
     note. ValueError for another camera or theme, or a size below 16 pixels.
     """
-    if camera not in CAMERAS or theme not in LOOKS or min(size) < 16:
+    if camera not in CAMERAS or theme not in LOOKS or min(size) < SIZES[0]:
         raise ValueError(f"no picture with {camera!r}, {theme!r} and {size}")
     figure, ghost, look = scene.figure, scene.ghost, LOOKS[theme]
     count = len(figure.positions)

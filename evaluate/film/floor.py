@@ -9,7 +9,7 @@ import numpy as np
 
 from kinemimic.evaluate.film.camera import Camera, Floats
 from kinemimic.evaluate.film.looks import LIGHT, Look
-from kinemimic.evaluate.film.solids import Box, Color, Solid
+from kinemimic.evaluate.film.solids import Capsule, Color, Solid
 from kinemimic.pipeline.arrays import Array
 
 SPACING, LINE = 0.5, 0.014  # m between grid lines; width of one
@@ -97,7 +97,7 @@ def _shadow(camera: Camera, solids: Sequence[Solid], around: Array) -> Floats:
             flat = points[:, :2] - points[:, 2:] * light[:2] / light[2]
             pixels = np.clip((flat - corner) / RESOLUTION, -side, 2 * side)
             fixed = np.round(pixels * 16).astype(np.int32)
-            if isinstance(solid, Box):
+            if not isinstance(solid, Capsule):
                 cv2.fillConvexPoly(layer, cv2.convexHull(fixed), 255, cv2.LINE_AA, 4)
             else:
                 wide = max(round(2 * radius / RESOLUTION), 1)

@@ -58,4 +58,3 @@ LOOKS = {
 FIGURE = _color(*COLORS[SIMULATED])
 GHOST = _color(*COLORS[REFERENCE])
 FALLEN = _color(150, 150, 152)  # of the simulated figure after a fall
-OBSTACLE = _color(150, 110, 80)

@@ -39,21 +39,19 @@ def draw_frame(
     below = picture[top:bottom, left:right]
     rays = camera.rays(part, SAMPLES)
     pale, solid = cast(camera, ghost, part, rays), cast(camera, figure, part, rays)
-    below = _over(below, *lit(pale, look, (GHOST_OPACITY, GHOST_RIM)))
-    below = _over(below, *lit(solid, look, (1.0, 0.0)))
-    line = _outline(pale, max(1, round(GAP * camera.focal))) * np.float32(OUTLINE_OPACITY)
-    below = _over(below, np.broadcast_to(np.array(GHOST, np.float32), (*line.shape, 3)), line)
+    below = _over(below, lit(pale, look, (GHOST_OPACITY, GHOST_RIM)))
+    below = _over(below, lit(solid, look, (1.0, 0.0)))
+    below = _over(below, _outline(pale, max(1, round(GAP * camera.focal))))
     picture[top:bottom, left:right] = below
     return _bytes(picture)
 
 
-def lit(surface: Surface, look: Look, opacity: tuple[float, float]) -> tuple[Floats, Floats]:
-    """Colours (H, W, 3) of a surface in the light, 0 to 1, and its opacity (H, W).
+def lit(surface: Surface, look: Look, opacity: tuple[float, float]) -> Floats:
+    """A surface in the light (H, W, 4): its colours times its opacity, and its opacity, 0 to 1.
 
     opacity: where the surface faces the camera, and what is added at its edge.
     """
-    hit = surface.hit
-    normals, rays = surface.normals[hit], surface.rays[hit]
+    normals, rays = surface.normals, surface.rays
     toward = np.array([LIGHT[1], -LIGHT[2], LIGHT[0]], np.float32)
     diffuse = np.clip(normals @ toward, 0, 1)
     # The sky lights what faces up, the floor a little what faces down.
@@ -64,31 +62,32 @@ def lit(surface: Surface, look: Look, opacity: tuple[float, float]) -> tuple[Flo
     for _ in range(5):  # to the power of 32, faster than ** by far
         gloss *= gloss
     light = look.ambient * (0.6 + 0.4 * up) + (1.1 - look.ambient) * diffuse
-    colors, opacities = np.zeros_like(surface.rays), np.zeros(hit.shape, np.float32)
-    colors[hit] = np.clip(surface.colors[hit] * light[:, None] + 0.18 * gloss[:, None], 0, 1)
-    facing = np.clip(-np.einsum("ni,ni->n", normals, rays), 0, 1)
-    edge = 1 - facing
-    opacities[hit] = opacity[0] + opacity[1] * edge * edge * edge
-    return colors, opacities
+    edge = 1 - np.clip(-np.einsum("ni,ni->n", normals, rays), 0, 1)
+    shown = opacity[0] + opacity[1] * edge * edge * edge
+    pixels = np.empty((len(normals), 4), np.float32)
+    pixels[:, :3] = np.clip(surface.colors * light[:, None] + 0.18 * gloss[:, None], 0, 1) * shown[:, None]
+    pixels[:, 3] = shown
+    layer = np.zeros((*surface.depth.shape, 4), np.float32)
+    layer.reshape(-1, 4)[surface.where] = pixels
+    return layer
 
 
 def _outline(surface: Surface, gap: int) -> Floats:
-    """Opacity (H, W) of the line around everything that is hit; gaps below `gap` pixels have none."""
+    """The line around the ghost as a layer like `lit`; gaps below `gap` pixels have none."""
     gap, line = SAMPLES * gap, SAMPLES
     pad = gap + 1  # outside of the part there is nothing; OpenCV assumes otherwise
-    hit = np.pad(surface.hit.astype(np.uint8), pad)
+    hit = np.pad(np.isfinite(surface.depth).astype(np.uint8), pad)
     wide, narrow = (
         cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (2 * radius + 1,) * 2) for radius in (gap, line)
     )
     whole = cv2.morphologyEx(hit, cv2.MORPH_CLOSE, wide)
     edge = (whole - cv2.erode(whole, narrow))[pad:-pad, pad:-pad]
-    return edge.astype(np.float32)
+    return edge[..., None] * np.array([*GHOST, 1.0], np.float32) * np.float32(OUTLINE_OPACITY)
 
 
-def _over(below: Floats, color: Floats, opacity: Floats) -> Floats:
-    """Colours (H, W, 3) at sub-pixels laid over a part of the picture with their opacity (H, W)."""
+def _over(below: Floats, layer: Floats) -> Floats:
+    """A layer (H, W, 4) at sub-pixels, as of `lit`, laid over a part (h, w, 3) of the picture."""
     height, width = below.shape[:2]
-    layer = np.concatenate([color * opacity[..., None], opacity[..., None]], axis=-1)
     small = cv2.resize(layer, (width, height), interpolation=cv2.INTER_AREA)
     return np.asarray(small[..., :3] + below * (1 - small[..., 3:]), np.float32)
 

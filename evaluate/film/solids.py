@@ -1,4 +1,4 @@
-"""Solids to draw: capsules and boxes in the world, of the humanoid as it is simulated."""
+"""Solids to draw: those of the humanoid as it is simulated, and obstacles."""
 
 from __future__ import annotations
 
@@ -10,6 +10,7 @@ import numpy as np
 from kinemimic.pipeline.arrays import Array
 from kinemimic.pipeline.kinematics.rotations import rotate, to_matrix
 from kinemimic.retarget.humanoid.body import BODIES, BODY_NODES
+from kinemimic.train.sim.world import Obstacle
 
 Color = tuple[float, float, float]  # red, green, blue, 0 to 1
 
@@ -43,7 +44,37 @@ class Box:
         return self.center + (signs * self.half) @ self.axes.T, 0.0
 
 
-Solid = Capsule | Box
+@dataclass(frozen=True)
+class Cylinder:
+    """A cylinder along its third axis: center (3,), half of its height, rotation (3, 3) from its axes to the
+    world's."""
+
+    center: Array
+    radius: float
+    half: float
+    axes: Array
+    color: Color
+
+    def extent(self) -> tuple[Array, float]:
+        """As of `Capsule`."""
+        angles, around = np.arange(16) * np.pi / 8, self.radius / np.cos(np.pi / 16)
+        ring = around * np.stack([np.cos(angles), np.sin(angles), np.zeros(16)], axis=-1)
+        up = np.array([0.0, 0.0, self.half])
+        rings = np.concatenate([ring + up, ring - up])
+        return self.center + rings @ self.axes.T, 0.0
+
+
+Solid = Capsule | Box | Cylinder
+
+
+def obstacle_solid(obstacle: Obstacle, state: Array, color: Color) -> Solid:
+    """An obstacle in the state (7 or more) of `World.obstacles`: position and rotation."""
+    center, half, axes = state[:3], 0.5 * np.array(obstacle.size), to_matrix(state[3:7])
+    if obstacle.shape == "box":
+        return Box(center, half, axes, color)
+    if obstacle.shape == "sphere":
+        return Capsule(center, center, float(half[0]), color)
+    return Cylinder(center, float(half[0]), float(half[2]), axes, color)
 
 
 def shaded_side(color: Color, name: str) -> Color:

@@ -3,19 +3,30 @@
 from __future__ import annotations
 
 import json
+import re
 import shutil
 import sys
+from dataclasses import replace
 from pathlib import Path
 
 import click
 import rerun as rr
 
+from kinemimic.evaluate.film.camera import CAMERAS
 from kinemimic.evaluate.film.figures import CAPTURED, REFERENCE, SIMULATED, Humanoid, humanoids
+from kinemimic.evaluate.film.film import SIZE, SIZES, Scene, scene_of
+from kinemimic.evaluate.film.looks import LOOKS
+from kinemimic.evaluate.film.movie import write_movie
 from kinemimic.evaluate.policies.shipped import evaluated, run_options
 from kinemimic.evaluate.view.caption import caption, trial_caption
 from kinemimic.evaluate.view.captured_skeleton import CapturedSkeleton, captured_skeleton, log_skeleton
 from kinemimic.evaluate.view.layout import layout
-from kinemimic.evaluate.view.obstacle_rendering import Disturbances, log_contacts, log_disturbances
+from kinemimic.evaluate.view.obstacle_rendering import (
+    Disturbances,
+    disturbance_solids,
+    log_contacts,
+    log_disturbances,
+)
 from kinemimic.evaluate.view.scenario_replay import replay_scenario
 from kinemimic.evaluate.view.scene import (
     TIMELINE,
@@ -26,13 +37,13 @@ from kinemimic.evaluate.view.scene import (
 )
 from kinemimic.pipeline.cli.options import json_option
 from kinemimic.pipeline.files.store import atomic, content_hash, read_json
+from kinemimic.pipeline.files.video import require_encoder
 from kinemimic.retarget.formats.motion_json import read_motion_json
 from kinemimic.train.config.config import TrainConfig
 from kinemimic.train.rollout.policy import load_trained
 from kinemimic.train.rollout.trajectory import Trajectory
 from kinemimic.train.scenario.scenario import Scenario
 from kinemimic.train.scenario.scenario_file import scenario as read
-from kinemimic.train.sim.world import CONTROL_RATE
 
 ROLLOUT = 0  # from phase 0
 AT, SECONDS = 4.0, 10.0  # default time of the screenshot and maximum duration of the video, s
@@ -45,15 +56,7 @@ def view(run: Path) -> Path:
     Reads motion.json and trajectory.npz and, if present, scores.json and the capture (raw.parquet,
     capture.parquet). The file includes its layout; nothing is served or sent.
     """
-    motion = read_motion_json(run / "motion.json")
-    trajectory = Trajectory.load(run / "trajectory.npz")
-    scores = read_json(run / "scores.json") if (run / "scores.json").exists() else None
-    pair, phases = humanoids(trajectory, ROLLOUT, motion.offsets), trajectory.phases[ROLLOUT]
-    shown = captured_skeleton(run, phases, frame_times(len(phases)), pair[0], cyclic=motion.cyclic)
-    text = caption(motion, trajectory, ROLLOUT, scores, None if shown is None else shown.legend())
-    path = run / "view.rrd"
-    write_recording(path, trajectory, pair, text, shown=shown)
-    return path
+    return _record(run)[0]
 
 
 def view_trial(
@@ -63,6 +66,26 @@ def view_trial(
 
     number, seed: of the trial, as in `disturb`; engine: see `train/sim/engines.py`.
     """
+    return _record_trial(run, scenario, number, seed, engine)[0]
+
+
+def _record(run: Path) -> tuple[Path, Scene]:
+    """The recording of a run, and the scene of a film of it."""
+    motion = read_motion_json(run / "motion.json")
+    trajectory = Trajectory.load(run / "trajectory.npz")
+    scores = read_json(run / "scores.json") if (run / "scores.json").exists() else None
+    pair, phases = humanoids(trajectory, ROLLOUT, motion.offsets), trajectory.phases[ROLLOUT]
+    shown = captured_skeleton(run, phases, frame_times(len(phases)), pair[0], cyclic=motion.cyclic)
+    text = caption(motion, trajectory, ROLLOUT, scores, None if shown is None else shown.legend())
+    path = run / "view.rrd"
+    write_recording(path, trajectory, pair, text, shown=shown)
+    return path, scene_of(trajectory, motion, ROLLOUT)
+
+
+def _record_trial(
+    run: Path, scenario: Scenario, number: int, seed: int, engine: str = "auto"
+) -> tuple[Path, Scene]:
+    """The recording of a scenario trial, and the scene of a film of it."""
     motion, policy, record = load_trained(run)
     config = TrainConfig.from_json(record["config"])
     trajectory, disturbances = replay_scenario(
@@ -70,10 +93,10 @@ def view_trial(
     )
     text = trial_caption(motion, trajectory, scenario, number)
     path = run / f"view-{scenario.name}.rrd"
-    write_recording(
-        path, trajectory, humanoids(trajectory, ROLLOUT, motion.offsets), text, disturbances=disturbances
-    )
-    return path
+    pair = humanoids(trajectory, ROLLOUT, motion.offsets)
+    write_recording(path, trajectory, pair, text, disturbances=disturbances)
+    scene = scene_of(trajectory, motion, ROLLOUT)
+    return path, replace(scene, others=disturbance_solids(pair[1], disturbances))
 
 
 def write_recording(
@@ -124,14 +147,39 @@ def _evaluate_if_needed(run: Path) -> None:
         evaluate(run)
 
 
+class _Size(click.ParamType[tuple[int, int]]):
+    """Width and height of a picture, such as 1280x720."""
+
+    name = "WxH"
+
+    def convert(
+        self, value: object, param: click.Parameter | None, ctx: click.Context | None
+    ) -> tuple[int, int]:
+        found = re.fullmatch(r"(\d{1,5})x(\d{1,5})", str(value))
+        width, height = (int(found[1]), int(found[2])) if found else (0, 0)
+        low, high = SIZES
+        if not (low <= width <= high and low <= height <= high):
+            self.fail(
+                f"expected WIDTHxHEIGHT from {low}x{low} to {high}x{high} pixels, found {value!r}", param
+            )
+        return width, height
+
+
 @click.command("view")
 @run_options(then=_evaluate_if_needed)
 @click.option("--screenshot", "picture", type=FILE, help="Also render the recording as PNG (*).")
 @click.option("--at", type=click.FloatRange(min=0), help=f"Time of the screenshot in s. Default: {AT:g}.")
-@click.option("--video", "movie", type=FILE, help="Also render the recording as .mp4 or .avi (*).")
+@click.option("--video", "movie", type=FILE, help="Also draw simulated figure and reference as .webm.")
 @click.option(
     "--seconds", type=click.FloatRange(min=0.1), help=f"Maximum length of the video, s. Default: {SECONDS:g}."
 )
+@click.option("--size", type=_Size(), help=f"Size of the video, pixels. Default: {SIZE[0]}x{SIZE[1]}.")
+@click.option(
+    "--camera",
+    type=click.Choice(CAMERAS),
+    help="Of the video: from behind, or at a right angle. Default: follow.",
+)
+@click.option("--theme", type=click.Choice(tuple(LOOKS)), help="Background of the video. Default: light.")
 @click.option("--scenario", "named", metavar="NAME", help="Show a trial of this scenario, in view-NAME.rrd.")
 @click.option(
     "--trial", "number", type=click.IntRange(min=0), default=0, show_default=True, help="Number of the trial."
@@ -146,6 +194,9 @@ def command(
     at: float | None,
     movie: Path | None,
     seconds: float | None,
+    size: tuple[int, int] | None,
+    camera: str | None,
+    theme: str | None,
     named: str | None,
     number: int,
     seed: int,
@@ -157,32 +208,36 @@ def command(
     metre. With --scenario: a trial of `disturb`, with its obstacles and forces (red arrows, 100 N per metre).
     White joints: the capture as read; pink: inferred by the sensor.
 
+    A video shows both figures in real time, the reference in blue; after a fall the figure is grey. Browsers
+    play .webm; .mp4 needs an H.264 encoder.
+
     (*) Needs a Vulkan driver, but no screen.
 
     \b
       kinemimic view --run runs/walk
+      kinemimic view --run runs/walk --video walk.webm --size 1280x720 --camera side
       kinemimic view --policy walk --scenario room --trial 3
     """
     if named is None and (number or seed):
         raise click.UsageError("--trial and --seed need --scenario")
-    if (picture is None and at is not None) or (movie is None and seconds is not None):
-        raise click.UsageError("--at needs --screenshot, --seconds needs --video")
-    recording = view(run) if named is None else view_trial(run, read(named), number=number, seed=seed)
-    # Import cost: the viewer's client and OpenCV.
+    if picture is None and at is not None:
+        raise click.UsageError("--at needs --screenshot")
+    options = {"seconds": seconds, "size": size, "camera": camera, "theme": theme}
+    if movie is None and (without := [name for name, value in options.items() if value is not None]):
+        raise click.UsageError(f"--{without[0]} needs --video")
+    if movie is not None:
+        require_encoder(movie)
+    recording, scene = _record(run) if named is None else _record_trial(run, read(named), number, seed)
     if picture is not None:
+        # Import cost: the viewer's client.
         from kinemimic.evaluate.view.screenshot import screenshot  # noqa: PLC0415
 
         screenshot(recording, picture, timeline=TIMELINE, seconds=AT if at is None else at)
     if movie is not None:
-        from kinemimic.evaluate.view.video import record_video  # noqa: PLC0415
-
-        record_video(
-            recording,
-            movie,
-            timeline=TIMELINE,
-            rate=CONTROL_RATE,
-            seconds=SECONDS if seconds is None else seconds,
-        )
+        write_movie(
+            movie, scene, seconds=seconds or SECONDS, size=size or SIZE, camera=camera or CAMERAS[0],
+            theme=theme or "light",
+        )  # fmt: skip
     made = {"recording": recording, "screenshot": picture, "video": movie}
     if as_json:
         click.echo(json.dumps({name: path and path.as_posix() for name, path in made.items()}))

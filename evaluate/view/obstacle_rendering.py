@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -10,6 +10,7 @@ import numpy as np
 import rerun as rr
 
 from kinemimic.evaluate.film.figures import SIMULATED, Humanoid
+from kinemimic.evaluate.film.solids import Capsule, Color, Solid, obstacle_solid
 from kinemimic.evaluate.view.scene import SCENES, entity_path, frame_times, time_columns
 from kinemimic.pipeline.arrays import Array
 from kinemimic.pipeline.kinematics.rotations import rotate
@@ -57,6 +58,32 @@ def log_disturbances(stream: rr.RecordingStream, simulated: Humanoid, disturbanc
             # Without a shape before it appears, the obstacle is invisible.
             stream.send_columns(place, time_columns(seconds[first : first + 1]), _look(item))
             stream.send_columns(place, time_columns(seconds[first:]), poses)
+
+
+def disturbance_solids(simulated: Humanoid, disturbances: Disturbances) -> Callable[[int], list[Solid]]:
+    """Obstacles and forces of a frame as solids to draw; a force is a rod from the body, with a knob."""
+    centers = np.array([one.center for one in BODIES])
+
+    def solids(frame: int) -> list[Solid]:
+        states = disturbances.states[frame]
+        shown: list[Solid] = [
+            obstacle_solid(item, state, _share(OBSTACLE_COLOR))
+            for item, state in zip(disturbances.obstacles, states, strict=True)
+            if np.isfinite(state[0])
+        ]
+        for body in np.flatnonzero(disturbances.loads[frame].any(axis=-1)).tolist():
+            node = BODY_NODES[body]
+            start = simulated.positions[frame, node] + rotate(simulated.rotations[frame, node], centers[body])
+            end = start + disturbances.loads[frame, body] / LOAD_SCALE
+            color = _share(LOAD_COLOR)
+            shown += [Capsule(start, end, 0.012, color), Capsule(end, end, 0.03, color)]
+        return shown
+
+    return solids
+
+
+def _share(color: tuple[int, int, int]) -> Color:
+    return color[0] / 255, color[1] / 255, color[2] / 255
 
 
 def _look(item: Obstacle) -> Iterable[Any]:

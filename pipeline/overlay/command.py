@@ -16,10 +16,10 @@ from kinemimic.pipeline.cli.options import json_option
 from kinemimic.pipeline.cli.progress import progress
 from kinemimic.pipeline.errors import CaptureError, KinemimicError
 from kinemimic.pipeline.files.store import read_clip
+from kinemimic.pipeline.files.video import video
 from kinemimic.pipeline.kinematics.clip import Clip
 from kinemimic.pipeline.kinematics.nodes import to_nodes
 from kinemimic.pipeline.overlay.draw import draw_caption, draw_skeleton, shaded
-from kinemimic.pipeline.overlay.video import video
 from kinemimic.pipeline.readers.depth.camera import Camera
 from kinemimic.pipeline.readers.depth.folder import (
     COLOR_FOLDER,
@@ -147,8 +147,8 @@ def _colours(recording: Recording, colours: dict[int, Path]) -> Iterator[Image]:
     "--on", "view", type=click.Choice(VIEWS), help="Images to draw on; by default colour if available."
 )
 @click.option(
-    "--out", type=click.Path(path_type=Path, dir_okay=False), default=Path("overlay.mp4"), show_default=True,
-    help="An .mp4 or .avi file.",
+    "--out", type=click.Path(path_type=Path, dir_okay=False), default=Path("overlay.webm"), show_default=True,
+    help="A .webm file; .mp4 where there is an H.264 encoder.",
 )  # fmt: skip
 @json_option("Print the result as JSON.")
 def command(folder: Path, run: Path | None, view: str | None, out: Path, as_json: bool) -> None:
@@ -156,7 +156,7 @@ def command(folder: Path, run: Path | None, view: str | None, out: Path, as_json
 
     \b
       kinemimic overlay recording
-      kinemimic overlay recording --run runs/recording --on depth --out overlay.avi
+      kinemimic overlay recording --run runs/recording --on depth --out overlay.webm
     """
     drawn = overlay(folder, out, run=run, view=view)
     if as_json:

@@ -7,7 +7,7 @@ import pytest
 
 from kinemimic.evaluate.film.camera import Camera
 from kinemimic.evaluate.film.raycast import bounds, cast
-from kinemimic.evaluate.film.solids import Box, Capsule, Solid
+from kinemimic.evaluate.film.solids import Box, Capsule, Cylinder, Solid
 from kinemimic.pipeline.arrays import Array
 from kinemimic.pipeline.kinematics.rotations import from_euler, to_matrix
 
@@ -20,6 +20,8 @@ SOLIDS = {
     "capsule": Capsule(np.array([0.1, -0.2, 0.6]), np.array([-0.2, 0.3, 1.0]), 0.12, RED),
     "towards the camera": Capsule(np.array([-1.2, 0.3, 1.1]), np.array([0.4, 0.2, 0.9]), 0.1, RED),
     "sphere": Capsule(np.array([0.3, 0.3, 1.0]), np.array([0.3, 0.3, 1.0]), 0.25, RED),
+    "cylinder": Cylinder(np.array([0.1, 0.1, 0.9]), 0.15, 0.3, AXES, RED),
+    "disc": Cylinder(np.array([0.1, 0.1, 0.9]), 0.3, 0.05, AXES, RED),
     "box": Box(np.array([0.0, 0.1, 0.9]), np.array([0.1, 0.3, 0.2]), AXES, RED),
 }
 
@@ -28,6 +30,12 @@ def outside(solid: Solid, points: Array) -> Array:
     """Signed distance (N,) of points (N, 3) from the surface, positive outside."""
     if isinstance(solid, Box):
         over = np.abs((points - solid.center) @ solid.axes) - solid.half
+        return np.linalg.norm(np.maximum(over, 0), axis=1) + np.minimum(over.max(axis=1), 0)
+    if isinstance(solid, Cylinder):
+        own = (points - solid.center) @ solid.axes
+        over = np.stack(
+            [np.hypot(own[:, 0], own[:, 1]) - solid.radius, np.abs(own[:, 2]) - solid.half], axis=-1
+        )
         return np.linalg.norm(np.maximum(over, 0), axis=1) + np.minimum(over.max(axis=1), 0)
     axis = solid.end - solid.start
     along = (points - solid.start) @ axis / max(axis @ axis, 1e-12)
@@ -38,9 +46,10 @@ def outside(solid: Solid, points: Array) -> Array:
 @pytest.mark.parametrize("solid", SOLIDS.values(), ids=SOLIDS.keys())
 def test_rays_end_on_the_surface_and_miss_only_what_is_not_there(solid: Solid) -> None:
     surface = cast(CAMERA, [solid], WHOLE, CAMERA.rays(WHOLE, 1))
-    hit = surface.hit
+    hit = np.isfinite(surface.depth)
+    np.testing.assert_array_equal(surface.where, np.flatnonzero(hit))
     assert 200 < hit.sum() < 0.8 * hit.size
-    world = surface.rays.astype(float) @ CAMERA.axes
+    world = CAMERA.rays(WHOLE, 1).astype(float) @ CAMERA.axes
     points = CAMERA.position + surface.depth[hit][:, None] * world[hit]
     np.testing.assert_allclose(outside(solid, points), 0, atol=2e-5)
     # Nothing of the solid lies in front of the point that was found, or on a ray that found nothing.
@@ -50,7 +59,7 @@ def test_rays_end_on_the_surface_and_miss_only_what_is_not_there(solid: Solid) -
     for distance in np.linspace(0.2, 6, 400):
         assert outside(solid, CAMERA.position + distance * world[~hit]).min() > -2e-4
     # The normals point out of the solid, towards the camera, and have length 1.
-    normals = surface.normals[hit].astype(float) @ CAMERA.axes
+    normals = surface.normals.astype(float) @ CAMERA.axes
     np.testing.assert_allclose(np.linalg.norm(normals, axis=1), 1, atol=5e-4)
     np.testing.assert_allclose(outside(solid, points + 0.01 * normals), 0.01, atol=1e-4)
     assert ((normals * world[hit]).sum(axis=1) < 1e-3).all()
@@ -59,7 +68,7 @@ def test_rays_end_on_the_surface_and_miss_only_what_is_not_there(solid: Solid) -
 @pytest.mark.parametrize("solid", SOLIDS.values(), ids=SOLIDS.keys())
 def test_bounds_are_those_of_the_picture(solid: Solid) -> None:
     left, top, right, bottom = bounds(CAMERA, [solid], margin=0)
-    rows, columns = np.nonzero(cast(CAMERA, [solid], WHOLE, CAMERA.rays(WHOLE, 1)).hit)
+    rows, columns = np.nonzero(np.isfinite(cast(CAMERA, [solid], WHOLE, CAMERA.rays(WHOLE, 1)).depth))
     for bound, seen in (
         (left, columns.min()),
         (right, columns.max() + 1),
@@ -79,14 +88,15 @@ def test_the_nearest_solid_is_seen_in_any_order() -> None:
     rays = CAMERA.rays(WHOLE, 1)
     one, other = cast(CAMERA, [near, far], WHOLE, rays), cast(CAMERA, [far, near], WHOLE, rays)
     np.testing.assert_array_equal(one.colors, other.colors)
-    alone = cast(CAMERA, [near], WHOLE, rays).hit
-    assert (one.colors[alone] == RED).all()
+    alone = cast(CAMERA, [near], WHOLE, rays).where
+    assert (one.colors[np.isin(one.where, alone)] == RED).all()
+    assert len(alone) < len(one.where)
 
 
 def test_solids_behind_the_camera_are_not_drawn() -> None:
     behind = Capsule(np.array([-5.0, 0.4, 1.2]), np.array([-6.0, 0.4, 1.2]), 0.3, RED)
     assert bounds(CAMERA, [behind]) == (0, 0, 0, 0)
-    assert not cast(CAMERA, [behind], WHOLE, CAMERA.rays(WHOLE, 1)).hit.any()
+    assert not len(cast(CAMERA, [behind], WHOLE, CAMERA.rays(WHOLE, 1)).where)
 
 
 def test_a_ray_passes_the_pixel_of_its_points() -> None:

@@ -13,6 +13,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+import cv2
 import numpy as np
 import pytest
 from click.testing import CliRunner
@@ -20,8 +21,9 @@ from peers.crouch import crouching, write_idle_run
 from rerun.chunk import RrdReader
 
 from kinemimic.evaluate.film.figures import humanoids
-from kinemimic.evaluate.view.command import command, how_to_open, view, view_trial
-from kinemimic.evaluate.view.video import duration
+from kinemimic.evaluate.film.film import render_frames, scene_of
+from kinemimic.evaluate.film.solids import Capsule, Cylinder
+from kinemimic.evaluate.view.command import _record_trial, command, how_to_open, view, view_trial
 from kinemimic.pipeline.cli.main import main
 from kinemimic.pipeline.errors import KinemimicError
 from kinemimic.pipeline.kinematics.rotations import rotate
@@ -168,11 +170,6 @@ def test_a_fall_is_stated_and_a_real_capture_is_not_labelled(
     assert "No scores yet" in text
 
 
-def test_duration_of_a_recording(run: Path) -> None:
-    assert duration(run / "view.rrd", "time") == pytest.approx(FRAMES / 30)
-    assert duration(run / "view.rrd", "another") == 0.0
-
-
 def rerun(*arguments: str) -> None:
     command = [sys.executable, "-m", "rerun_cli", "rrd", *arguments]
     # With CI set, the program collects no usage data.
@@ -230,26 +227,82 @@ def test_a_full_disk_is_one_clear_line_and_leaves_the_view_of_before(
     assert not [path for path in run.iterdir() if path.name.startswith(".")]
 
 
-@pytest.mark.parametrize("option", ["--at", "--seconds", "--trial", "--seed"])
+@pytest.mark.parametrize(
+    "option",
+    ["--at 3", "--seconds 3", "--size 64x64", "--camera side", "--theme dark", "--trial 3", "--seed 3"],
+)
 def test_an_option_of_what_is_not_asked_for_is_refused(run: Path, option: str) -> None:
-    text = CliRunner().invoke(command, ["--run", str(run), option, "3"])
+    text = CliRunner().invoke(command, ["--run", str(run), *option.split()])
+    option = option.split(maxsplit=1)[0]
     assert text.exit_code == 2 and option in text.output
 
 
-@pytest.mark.parametrize("option", ["--screenshot", "--video"])
 def test_a_picture_without_a_driver_is_one_clear_line(
-    run: Path, option: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+    run: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.setenv("WGPU_BACKEND", "vulkan")
     for name in ("VK_ICD_FILENAMES", "VK_DRIVER_FILES"):
         monkeypatch.setenv(name, "/nonexistent")
-    picture = run.parent / {"--screenshot": "view.png", "--video": "view.mp4"}[option]
     with pytest.raises(SystemExit) as left:
-        main(["view", "--run", str(run), option, str(picture)])
+        main(["view", "--run", str(run), "--screenshot", str(run.parent / "view.png")])
     assert left.value.code == 2
     (line,) = capsys.readouterr().err.strip().splitlines()
     assert "needs a Vulkan driver" in line
     assert [path.name for path in run.parent.iterdir()] == [run.name]
+
+
+def frames_of(path: Path) -> tuple[list[np.ndarray], float]:
+    """The pictures of a video, and its frame rate."""
+    capture, pictures = cv2.VideoCapture(str(path)), []
+    rate = capture.get(cv2.CAP_PROP_FPS)
+    while (read := capture.read())[0]:
+        pictures.append(read[1])
+    capture.release()
+    return pictures, rate
+
+
+def test_a_video_is_the_film_in_real_time(run: Path, walk: Motion, capfd: pytest.CaptureFixture[str]) -> None:
+    """A second of the rollout is a second of the film, with the pictures that `render_frames` draws."""
+    movie = run.parent / "walk.webm"
+    options = ["--seconds", "1", "--size", "160x120", "--camera", "side", "--theme", "dark"]
+    with pytest.raises(SystemExit) as left:
+        main(["view", "--run", str(run), "--video", str(movie), *options])
+    assert not left.value.code
+    text = capfd.readouterr()
+    assert text.err == "" and text.out.splitlines()[1:] == [str(movie)]
+    pictures, rate = frames_of(movie)
+    movie.unlink()
+    assert (len(pictures), rate) == (30, 30.0)
+    scene = scene_of(Trajectory.load(run / "trajectory.npz"), walk)
+    drawn = list(render_frames(scene, range(30), camera="side", size=(160, 120), theme="dark"))
+    for frame in (0, 29):
+        off = [np.abs(pictures[frame][..., ::-1].astype(int) - one).mean() for one in drawn]
+        assert int(np.argmin(off)) == frame and off[frame] < 3
+
+
+def test_a_video_is_never_longer_than_the_rollout(run: Path) -> None:
+    movie = run.parent / "short.webm"
+    arguments = ["--run", str(run), "--video", str(movie), "--size", "16x16", "--seconds", "500"]
+    assert CliRunner().invoke(command, arguments).exit_code == 0
+    assert len(frames_of(movie)[0]) == FRAMES
+    movie.unlink()
+
+
+@pytest.mark.parametrize("size", ["640", "0x0", "64x64x64", "99999x64", "-3x4"])
+def test_a_size_that_is_none_is_refused(run: Path, size: str) -> None:
+    text = CliRunner().invoke(command, ["--run", str(run), "--video", "w.webm", f"--size={size}"])
+    assert text.exit_code == 2 and "expected WIDTHxHEIGHT from 16x16" in text.output
+
+
+def test_a_video_of_another_kind_is_refused_before_anything_is_written(
+    run: Path, tmp_path: Path, walk: Motion, performance: Callable[..., Trajectory]
+) -> None:
+    fill(tmp_path, walk, performance(1, 5))
+    with pytest.raises(KinemimicError, match=r"expected a video named \.webm or \.mp4, found '\.gif'"):
+        CliRunner().invoke(
+            command, ["--run", str(tmp_path), "--video", str(tmp_path / "o.gif")], catch_exceptions=False
+        )
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["motion.json", "trajectory.npz"]
 
 
 def test_the_command_to_open_it_exists(tmp_path):
@@ -278,5 +331,16 @@ def test_a_trial_is_drawn_with_obstacles_from_when_they_appear_and_loads(
     np.testing.assert_allclose(loads[4], [[0.5, 0.0, 0.0]], atol=1e-6)
     text = found["/scores"]["TextDocument:text"][0].as_py()[0]
     assert "Scenario **yard**, trial 0: A yard." in text
+    _, scene = _record_trial(tmp_path, scenario, 0, 0)
+    solids = [scene.others(frame) for frame in range(15)]
+    # A pole all the time; a ball from 0.2 s on; a rod and its knob while the torso is pulled.
+    assert [len(one) for one in solids] == [
+        1 + (frame >= 6) + 2 * (frame in (3, 4, 5)) for frame in range(15)
+    ]
+    assert isinstance(solids[0][0], Cylinder) and (solids[0][0].radius, solids[0][0].half) == (0.05, 0.5)
+    np.testing.assert_allclose(solids[0][0].center, [1.0, -0.5, 0.5], atol=1e-6)
+    rod = solids[4][-2]
+    assert isinstance(rod, Capsule)
+    np.testing.assert_allclose(rod.end - rod.start, [0.5, 0.0, 0.0], atol=1e-6)
     weight = np.mean([row[:, 2].sum() for row in arrows(found, "contacts")])
     assert weight == pytest.approx(TOTAL_MASS * 9.81 / 1000.0, rel=0.3)

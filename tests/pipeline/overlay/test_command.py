@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 import subprocess
 import sys
 from collections.abc import Iterator
@@ -21,7 +22,6 @@ from kinemimic.pipeline.ingest import ingest
 from kinemimic.pipeline.kinematics.skeleton import NODES
 from kinemimic.pipeline.overlay import command as module
 from kinemimic.pipeline.overlay.command import command, overlay
-from kinemimic.pipeline.overlay.video import video
 
 Picture = NDArray[np.uint8]
 
@@ -74,17 +74,16 @@ def walk(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder
 
 
-@pytest.mark.parametrize("name", ["o.mp4", "o.avi"])
 @pytest.mark.parametrize("view", ["depth", "color"])
-def test_decoded_joints_are_within_a_pixel(walk: Path, tmp_path: Path, view: str, name: str) -> None:
-    out = tmp_path / name
+def test_decoded_joints_are_within_a_pixel(walk: Path, tmp_path: Path, view: str) -> None:
+    out = tmp_path / "o.webm"
     drawn = overlay(walk, out, view=view)
     assert (drawn.frames, drawn.view, drawn.joints) == (40, view, 40 * 20)
     states = module.read_recording(walk).states
     off = np.array(list(offsets(walk, out, AZURE.project(to_camera(walker(40))), states)))
     assert len(off) > 200
     assert off.max() < 1.0
-    assert [path.name for path in tmp_path.iterdir()] == [name]
+    assert [path.name for path in tmp_path.iterdir()] == ["o.webm"]
 
 
 def test_colour_through_a_camera_of_its_own(tmp_path: Path) -> None:
@@ -98,7 +97,7 @@ def test_colour_through_a_camera_of_its_own(tmp_path: Path) -> None:
     pose = f"rotation = {rotation.ravel().tolist()}\ntranslation = {shift.tolist()}\n"
     with (folder / "camera.toml").open("a") as stream:
         stream.write(f"[color]\n{pose}{lens_toml(own, 'color.')}")
-    out = tmp_path / "o.mp4"
+    out = tmp_path / "o.webm"
     assert overlay(folder, out).view == "color"
     expected = own.project(to_camera(joints) @ rotation.T + shift)
     states = module.read_recording(folder).states
@@ -119,7 +118,7 @@ def test_a_joint_without_depth_is_not_drawn(tmp_path: Path) -> None:
     write_recording(tmp_path / "walk", 8, damage=damage)
     lost = int((module.read_recording(tmp_path / "walk").states == 0).sum())
     assert lost >= 8
-    assert overlay(tmp_path / "walk", tmp_path / "o.mp4").joints == 8 * 20 - lost
+    assert overlay(tmp_path / "walk", tmp_path / "o.webm").joints == 8 * 20 - lost
 
 
 def test_a_run_is_drawn_and_must_be_of_this_recording(tmp_path: Path) -> None:
@@ -127,7 +126,7 @@ def test_a_run_is_drawn_and_must_be_of_this_recording(tmp_path: Path) -> None:
     write_recording(folder, 40, rendered=False)
     ingest(folder, run)
     runner = CliRunner()
-    out = tmp_path / "new" / "o.mp4"
+    out = tmp_path / "new" / "o.webm"
     result = runner.invoke(command, [str(folder), "--run", str(run), "--out", str(out), "--json"])
     assert result.exit_code == 0
     assert json.loads(result.stdout) == {"path": out.as_posix(), "view": "depth", "frames": 40, "joints": 800}
@@ -137,13 +136,13 @@ def test_a_run_is_drawn_and_must_be_of_this_recording(tmp_path: Path) -> None:
 
 
 def test_bad_input_is_one_line(tmp_path: Path) -> None:
-    folder, out = tmp_path / "walk", tmp_path / "o.mp4"
+    folder, out = tmp_path / "walk", tmp_path / "o.webm"
     write_recording(folder, 3, rendered=False)
     with pytest.raises(CaptureError, match="found no colour images"):
         overlay(folder, out, view="color")
     with pytest.raises(CaptureError, match=r"a folder with a camera\.toml"):
         overlay(tmp_path, out)
-    with pytest.raises(KinemimicError, match=r"expected a video named \.mp4 or \.avi"):
+    with pytest.raises(KinemimicError, match=r"expected a video named \.webm or \.mp4"):
         overlay(folder, tmp_path / "o.gif")
     for path in (folder / "depth").iterdir():
         path.write_bytes(path.read_bytes()[:-30])
@@ -155,7 +154,7 @@ def test_bad_input_is_one_line(tmp_path: Path) -> None:
 def test_ctrl_c_leaves_the_old_video_and_nothing_else(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    folder, out = tmp_path / "walk", tmp_path / "o.mp4"
+    folder, out = tmp_path / "walk", tmp_path / "o.webm"
     write_recording(folder, 5, rendered=False)
     out.write_bytes(b"the video of yesterday")
     calls = iter(range(3))
@@ -168,7 +167,7 @@ def test_ctrl_c_leaves_the_old_video_and_nothing_else(
     with pytest.raises(KeyboardInterrupt):
         overlay(folder, out)
     assert out.read_bytes() == b"the video of yesterday"
-    assert sorted(path.name for path in tmp_path.iterdir()) == ["o.mp4", "walk"]
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["o.webm", "walk"]
 
 
 def test_a_full_disk_is_one_line_and_leaves_nothing(tmp_path: Path) -> None:
@@ -178,39 +177,12 @@ def test_a_full_disk_is_one_line_and_leaves_nothing(tmp_path: Path) -> None:
 import resource
 from kinemimic.pipeline.cli.main import main
 resource.setrlimit(resource.RLIMIT_FSIZE, (20000, 20000))  # files end where a full disk would end them
-main(["overlay", {str(folder)!r}, "--out", {str(tmp_path / "o.mp4")!r}])
+main(["overlay", {str(folder)!r}, "--out", {str(tmp_path / "o.webm")!r}])
 """
     done = subprocess.run(
         [sys.executable, "-c", code], capture_output=True, text=True, timeout=60, check=False
     )
     assert done.returncode == 2
     assert done.stderr.strip().splitlines() == [done.stderr.strip()]
-    assert "expected a video of 40 frames, found 0 in it; is the disk full?" in done.stderr
+    assert re.search(r"expected a video of 40 frames, found \d+ in it; is the disk full\?", done.stderr)
     assert [path.name for path in tmp_path.iterdir()] == ["walk"]
-
-
-def test_odd_sizes_and_odd_rates_lose_nothing(tmp_path: Path) -> None:
-    grey = np.full((47, 63, 3), 200, dtype=np.uint8)
-    with video(tmp_path / "o.avi", 63, 47, 12.345) as film:
-        film.add(grey)
-        film.add(grey)
-    first, _ = decoded(tmp_path / "o.avi")
-    assert first.shape == (48, 64, 3)
-    assert np.abs(first[:46, :62].astype(int) - 200).max() < 12
-    assert first[47, :60].max() < 60
-
-
-@pytest.mark.parametrize(
-    ("rate", "expected"), [(1 / 0.015, 66.67), (333.3333, 333.3), (29.97003, 29.97), (0.0004, 0.01)]
-)
-@pytest.mark.parametrize("name", ["o.mp4", "o.avi"])
-def test_every_clock_has_a_rate_that_the_codec_takes(
-    tmp_path: Path, name: str, rate: float, expected: float
-) -> None:
-    grey = np.full((48, 64, 3), 200, dtype=np.uint8)
-    with video(tmp_path / name, 64, 48, rate) as film:
-        for _ in range(3):
-            film.add(grey)
-    capture = cv2.VideoCapture(str(tmp_path / name))
-    assert capture.get(cv2.CAP_PROP_FPS) == pytest.approx(expected, rel=1e-4)
-    capture.release()
