@@ -22,6 +22,7 @@ from kinemimic.pipeline.kinematics.orient import node_rotations
 from kinemimic.pipeline.kinematics.rest_pose import node_rotations_of
 from kinemimic.pipeline.kinematics.skeleton import node_skeleton
 from kinemimic.pipeline.quality.rules.frame_selection import select_frames
+from kinemimic.pipeline.run_folder.stage import stage
 
 ORIENTATION_SCHEMA = 1
 MAX_SAMPLE_FRAMES = 10_000
@@ -36,6 +37,11 @@ def convert(run: Path) -> Clip:
     orientation.json lists the nodes with a recorded rotation (see `rest_pose.node_rotations_of`) and how far
     recorded knees and elbows deviate from pure hinges.
     """
+    with stage(run, "convert") as out:
+        return _convert(run, out)
+
+
+def _convert(run: Path, out: Path) -> Clip:
     clip = read_clip(run / "clip.parquet")
     made_by = provenance("convert", inputs={"clip": file_hash(run / "clip.parquet")}, config={})
     report: dict[str, Any]
@@ -54,9 +60,9 @@ def convert(run: Path) -> Clip:
             converted = replace(nodes, rotations=node_rotations(nodes.positions))
     converted = replace(converted, provenance={**clip.provenance, **made_by})
     orientation = _orientation(clip, converted)
-    write_clip(run / "quaternions.parquet", converted)
-    write_json(run / "gimbal.json", report)
-    write_json(run / "orientation.json", orientation)
+    write_clip(out / "quaternions.parquet", converted)
+    write_json(out / "gimbal.json", report)
+    write_json(out / "orientation.json", orientation)
     return converted
 
 

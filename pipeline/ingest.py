@@ -10,10 +10,11 @@ from typing import Any
 import click
 from rich.console import Console
 
-from kinemimic.pipeline.cli.options import json_option, run_option
+from kinemimic.pipeline.cli.options import json_option, overwrite_option, run_option
 from kinemimic.pipeline.errors import CaptureError, KinemimicError
 from kinemimic.pipeline.files.provenance import provenance
 from kinemimic.pipeline.files.sidecars import note_path, read_note, read_truth, truth_path
+from kinemimic.pipeline.files.stages import VIRTUAL_CAPTURE
 from kinemimic.pipeline.files.store import copy_file, read_json, write_clip, write_json
 from kinemimic.pipeline.filters.clean import clean
 from kinemimic.pipeline.filters.options import FILTERS, ingest_options
@@ -21,6 +22,8 @@ from kinemimic.pipeline.kinematics.clip import Clip
 from kinemimic.pipeline.quality.check import check_capture
 from kinemimic.pipeline.quality.report import quality_report, quality_table
 from kinemimic.pipeline.readers.recognise import read
+from kinemimic.pipeline.run_folder.capture import capture_files, default_run, require_same_capture
+from kinemimic.pipeline.run_folder.stage import stage
 
 
 def ingest(
@@ -30,6 +33,7 @@ def ingest(
     filter_name: str | None = None,
     unit: str | None = None,
     rate: float | None = None,
+    overwrite: bool = False,
 ) -> Clip:
     """Read a capture and write raw.parquet, clip.parquet, quality.json (and truth.parquet) to the run folder.
 
@@ -39,7 +43,8 @@ def ingest(
     A sidecar file NAME.truth.parquet marks a capture NAME.* as simulated and is copied; the content of
     NAME.provenance.json goes into the clip's provenance.
     CaptureError, before anything is written, for a file that is not a capture of a person or that a rule
-    refuses.
+    refuses; KinemimicError if the folder has the results of another capture, unless `overwrite` is set: they
+    are then set aside.
     """
     if filter_name is not None and filter_name not in FILTERS:
         raise KinemimicError(f"expected a filter among {', '.join(FILTERS)}, found {filter_name!r}")
@@ -64,25 +69,27 @@ def ingest(
     )
     cleaned, cleaning = clean(raw, chosen)
     report = quality_report(raw, checked.acquisition, cleaning, checked.defects)
-    write_clip(run / "raw.parquet", raw)
-    write_clip(run / "clip.parquet", cleaned)
-    if simulated:
-        copy_file(truth, run / "truth.parquet")
-    else:
-        # Remove the truth of a capture ingested earlier.
-        (run / "truth.parquet").unlink(missing_ok=True)
-    write_json(run / "quality.json", report)
+    if not overwrite:
+        require_same_capture(run, capture)
+    with stage(run, "ingest", sources=capture_files(capture, report["sidecar_files"])) as out:
+        write_clip(out / "raw.parquet", raw)
+        write_clip(out / "clip.parquet", cleaned)
+        if simulated:
+            copy_file(truth, out / "truth.parquet")
+        write_json(out / "quality.json", report)
     return cleaned
 
 
 @click.command()
 @click.argument("capture", required=False, type=click.Path(path_type=Path))
-@run_option()
+@run_option(default=None)
+@overwrite_option
 @ingest_options
 @json_option("Print the quality report as JSON.")
 def command(
     capture: Path | None,
-    run: Path,
+    run: Path | None,
+    overwrite: bool,
     filter_name: str | None,
     unit: str | None,
     rate: float | None,
@@ -98,11 +105,16 @@ def command(
       kinemimic ingest child.bvh --run runs/child --unit cm
       kinemimic ingest treadmill.txt --run runs/treadmill --rate 15
     """
+    run = run or default_run(capture)
     if capture is None:
         from kinemimic.pipeline.virtual_kinect.recorder import record_virtual  # noqa: PLC0415 (import cost)
 
-        capture = record_virtual(run / "capture").euler
-    ingest(capture, run, filter_name=filter_name, unit=unit, rate=rate)
+        if not overwrite:
+            require_same_capture(run, run / VIRTUAL_CAPTURE)
+        with stage(run, "virtual") as out:
+            record_virtual((out / VIRTUAL_CAPTURE).parent)
+        capture = run / VIRTUAL_CAPTURE
+    ingest(capture, run, filter_name=filter_name, unit=unit, rate=rate, overwrite=overwrite)
     report: dict[str, Any] = read_json(run / "quality.json")
     if as_json:
         click.echo(json.dumps(report, indent=2))

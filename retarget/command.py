@@ -19,11 +19,12 @@ from kinemimic.pipeline.files.store import content_hash, read_clip, read_json, w
 from kinemimic.pipeline.kinematics.clip import Clip
 from kinemimic.pipeline.locomotion.bouts import MIN_STRIDES, MIN_TRAVEL, Bout, find_bouts
 from kinemimic.pipeline.locomotion.segments import only_segment
+from kinemimic.pipeline.run_folder.stage import stage
 from kinemimic.retarget.captured_angles import PassSpan, captured_angles, write_captured
 from kinemimic.retarget.cyclic import fit_cyclic
 from kinemimic.retarget.feet.ankles import AnkleMode
 from kinemimic.retarget.feet.ground import measure_path
-from kinemimic.retarget.formats.motion_json import motion_to_json
+from kinemimic.retarget.formats.motion_json import motion_to_json, read_motion_json
 from kinemimic.retarget.formats.write_mcap import write_mcap
 from kinemimic.retarget.humanoid.motion import Motion
 from kinemimic.retarget.noncyclic import fit_noncyclic
@@ -59,6 +60,30 @@ def retarget(
     longest pass, as recorded. Raises KinemimicError if the capture has no pass, or no usable stride where a
     loop is asked for.
     """
+    with stage(run, "retarget") as out:
+        return _retarget(
+            run,
+            out,
+            symmetric=symmetric,
+            refined=refined,
+            ankle=ankle,
+            loop=loop,
+            straighten=straighten,
+            segment=segment,
+        )
+
+
+def _retarget(
+    run: Path,
+    out: Path,
+    *,
+    symmetric: bool | None,
+    refined: bool,
+    ankle: AnkleMode,
+    loop: bool | None,
+    straighten: bool | None,
+    segment: str | None,
+) -> Motion:
     source = read_clip(run / "quaternions.parquet")
     clip, raw = on_nodes(source), on_nodes(read_clip(run / "raw.parquet"))
     if segment is not None:
@@ -121,11 +146,13 @@ def retarget(
     motion = replace(motion, provenance=record)
     columns = captured_angles(clip, raw, spans, reliability, truth)
     text = motion_to_json(motion)
-    write_captured(run / "capture.parquet", columns, record)
-    write_json(run / "gait.json", report)
-    write_mcap(run / "motion.mcap", motion)
-    write_text(run / "motion.json", text)
-    return motion
+    # The numbers in the file, which are rounded, are those that a policy is trained on.
+    write_text(out / "motion.json", text)
+    rounded = read_motion_json(out / "motion.json")
+    write_captured(out / "capture.parquet", columns, {**record, "motion": rounded.identity})
+    write_json(out / "gait.json", {**report, "motion": rounded.identity})
+    write_mcap(out / "motion.mcap", motion)
+    return rounded
 
 
 def _hash(clip: Clip) -> str:

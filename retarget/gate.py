@@ -15,6 +15,7 @@ from typing import Any, Literal
 
 from kinemimic.pipeline.errors import KinemimicError
 from kinemimic.retarget.formats.gait_json import read_gait_json
+from kinemimic.retarget.humanoid.motion import Motion
 
 Severity = Literal["warn", "refuse"]
 Report = Mapping[str, Any]
@@ -145,7 +146,7 @@ def _findings(rule: _Rule, report: Report) -> Iterator[Finding]:
         return
 
 
-def require_trainable(run: Path, *, anyway: bool = False) -> None:
+def require_trainable(run: Path, motion: Motion, *, anyway: bool = False) -> None:
     """Raise one KinemimicError with every rule that refuses a run's motion.
 
     anyway: skip the check. A motion without gait.json was not retargeted from a capture and passes.
@@ -154,7 +155,9 @@ def require_trainable(run: Path, *, anyway: bool = False) -> None:
     if anyway or not path.exists():
         return
     refused = [
-        finding.message for finding in check_report(read_gait_json(path)) if finding.severity == "refuse"
+        finding.message
+        for finding in check_report(read_gait_json(path, motion))
+        if finding.severity == "refuse"
     ]
     if refused:
         raise KinemimicError(

@@ -16,6 +16,7 @@ import torch
 from kinemimic.pipeline.cli.options import json_option, run_option
 from kinemimic.pipeline.errors import KinemimicError
 from kinemimic.pipeline.files.provenance import provenance
+from kinemimic.pipeline.run_folder.stage import reading, stage
 from kinemimic.retarget.formats.motion_json import read_motion_json
 from kinemimic.retarget.gate import require_trainable
 from kinemimic.retarget.humanoid.motion import Motion
@@ -76,10 +77,39 @@ def train(
     scenario: perturbations, obstacles and ground of every episode (`scenario.py`), each with its own draw.
     config: your own settings, with seed, budget and scenario, in place of a preset and a seed.
     """
+    with reading(run, "train"):
+        return _train(
+            run,
+            preset_name=preset_name,
+            budget=budget,
+            minutes=minutes,
+            seed=seed,
+            workers=workers,
+            engine=resolve(engine),
+            resume=resume,
+            anyway=anyway,
+            scenario=scenario,
+            config=config,
+        )
+
+
+def _train(
+    run: Path,
+    *,
+    preset_name: str,
+    budget: int | None,
+    minutes: float | None,
+    seed: int,
+    workers: int | None,
+    engine: str,
+    resume: bool,
+    anyway: bool,
+    scenario: Scenario | None,
+    config: TrainConfig | None,
+) -> dict[str, Any]:
     timer = Timer()
-    engine = resolve(engine)
     motion = read_motion_json(run / "motion.json")
-    require_trainable(run, anyway=anyway)
+    require_trainable(run, motion, anyway=anyway)
     if config is None:
         config = preset(preset_name, seed=seed)
     if scenario is not None:
@@ -115,11 +145,8 @@ def train(
             TrainingLoop(training, runner, motion, saved, timer, seconds).run(run / CURVES)
     record = _record(training, motion, engine)
     if training.best is not None:
-        policy = run / POLICY
-        # If killed between the two files, it leaves a policy without a record, not with that of another
-        # policy.
-        policy.with_suffix(".json").unlink(missing_ok=True)
-        training.best.save(policy, record)
+        with stage(run, "train") as out:
+            training.best.save(out / POLICY, record)
     return record
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable, Iterable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
@@ -19,6 +19,8 @@ from kinemimic.pipeline.errors import KinemimicError
 from kinemimic.pipeline.files.provenance import provenance
 from kinemimic.pipeline.files.sidecars import note_path, write_note
 from kinemimic.pipeline.files.store import write_text
+from kinemimic.pipeline.run_folder.capture import only_run
+from kinemimic.pipeline.run_folder.stage import reading, stage
 from kinemimic.pipeline.writers.bvh import write_bvh
 from kinemimic.pipeline.writers.csv import write_csv
 from kinemimic.pipeline.writers.deepmimic import write_deepmimic
@@ -117,7 +119,7 @@ def _write_onnx(path: Path, policy: Path) -> str:
 
 
 @click.command("export")
-@run_options()
+@run_options(optional=True)
 @click.option(
     "--what",
     multiple=True,
@@ -147,7 +149,7 @@ def _write_onnx(path: Path, policy: Path) -> str:
 @click.option("--recover", is_flag=True, help="Recover the intact part of a damaged --from file.")
 @json_option("Print the list of files as JSON.")
 def command(
-    run: Path,
+    run: Path | None,
     what: tuple[str, ...],
     formats: tuple[str, ...],
     out: Path | None,
@@ -184,12 +186,17 @@ def command(
         sources = {"recovered" if recover else "motion": source_of_mcap(source, recover=recover)}
         written = export(sources, chosen, out or source.parent / "export", source.stem)
     else:
+        run = run or only_run()
         # By default, ONNX is skipped if it cannot be written; requested by name, it is an error.
         policy: Path | None = run / POLICY
         if ONNX not in formats and (find_spec("onnx") is None or not (run / POLICY).is_file()):
             policy = None
-        sources = sources_of_run(run, what, number)
-        written = export(sources, chosen, out or run / "export", run.resolve().name, policy)
+        with stage(run, "export", adds=True) if out is None else reading(run, "export") as staging:
+            sources = sources_of_run(run, what, number)
+            into = out or Path(staging or run) / "export"
+            written = export(sources, chosen, into, run.resolve().name, policy)
+        if out is None:
+            written = [replace(one, path=run / "export" / one.path.relative_to(into)) for one in written]
     if as_json:
         click.echo(json.dumps([one.record() for one in written], indent=2, ensure_ascii=False))
         return

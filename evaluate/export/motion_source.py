@@ -172,7 +172,7 @@ def _reference(run: Path) -> MotionSource:
 def _simulated(run: Path) -> MotionSource:
     """The rollout from phase 0; its first frame is the state after one control step."""
     reference, path = read_motion_json(run / "motion.json"), run / "trajectory.npz"
-    trajectory = Trajectory.load(path)
+    trajectory = Trajectory.load(path, reference)
     fallen = int(trajectory.fallen_at[_ROLLOUT])
     motion = Motion(
         rate=CONTROL_RATE,

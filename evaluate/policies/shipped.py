@@ -17,9 +17,11 @@ import numpy as np
 
 from kinemimic.evaluate.policies.recipe import POLICIES, recipes, recording
 from kinemimic.pipeline.catalog.entry import Entry
-from kinemimic.pipeline.cli.options import DEFAULT_RUN, RunFolder
+from kinemimic.pipeline.cli.options import RunFolder
 from kinemimic.pipeline.errors import KinemimicError
 from kinemimic.pipeline.files.store import copy_file, file_hash, read_json, write_json
+from kinemimic.pipeline.run_folder.capture import only_run
+from kinemimic.pipeline.run_folder.lock import locked
 from kinemimic.retarget.formats.motion_json import read_motion_json
 from kinemimic.retarget.humanoid.motion import Motion
 from kinemimic.train.rollout.policy import Policy
@@ -72,6 +74,10 @@ class ShippedPolicies:
         if name not in names:
             available = ", ".join(names) or "none in this version"
             raise KinemimicError(f"expected a shipped policy ({available}), found {name!r}")
+        with locked(run):
+            self._prepare(name, run, capture)
+
+    def _prepare(self, name: str, run: Path, capture: Path | None) -> None:
         source = self.folder / name
         if (run / POLICY).exists():
             if file_hash(run / POLICY) != file_hash(source / POLICY):
@@ -149,11 +155,12 @@ def evaluated(run: Path) -> bool:
 
 
 def run_options(
-    *, then: Callable[[Path], None] | None = None
+    *, then: Callable[[Path], None] | None = None, optional: bool = False
 ) -> Callable[[Callable[..., None]], Callable[..., None]]:
     """--run, --policy and --capture for a command whose function takes only the run folder, as `run`.
 
     With --policy, the folder (by default runs/policy-NAME) is prepared first, and passed to `then`.
+    optional: the command also works without a folder, and gets None if none is chosen.
     A `ShippedPolicies` as the context's object replaces the default.
     """
 
@@ -162,8 +169,8 @@ def run_options(
         def prepared(run: Path | None, policy: str | None, capture: Path | None, **options: Any) -> None:
             if policy is None and capture is not None:
                 raise click.UsageError("--capture is the recording of a policy: add --policy")
-            folder = run or (Path(f"runs/policy-{policy}") if policy else DEFAULT_RUN)
-            if policy is not None:
+            folder = run or (Path(f"runs/policy-{policy}") if policy else None if optional else only_run())
+            if policy is not None and folder is not None:
                 shipped_policies().prepare(policy, folder, capture=capture)
                 if then is not None:
                     then(folder)
@@ -177,7 +184,9 @@ def run_options(
             ),
             click.option("--policy", metavar="NAME", help="A shipped policy (see `kinemimic policies`)."),
             click.option(
-                "--run", type=RunFolder(), help=f"Run folder. Default: {DEFAULT_RUN}, or runs/policy-NAME."
+                "--run",
+                type=RunFolder(),
+                help="Run folder. Default: the only one in runs/, or runs/policy-NAME.",
             ),
         ):
             option(prepared)

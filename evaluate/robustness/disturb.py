@@ -18,6 +18,8 @@ from kinemimic.pipeline.cli.terminal import grid, number, percent, show
 from kinemimic.pipeline.errors import KinemimicError
 from kinemimic.pipeline.files.provenance import provenance
 from kinemimic.pipeline.files.store import file_hash, write_json
+from kinemimic.pipeline.run_folder.capture import only_run
+from kinemimic.pipeline.run_folder.stage import reading, stage
 from kinemimic.train.config.config import TrainConfig
 from kinemimic.train.rollout.policy import POLICY, load_trained, training_summary
 from kinemimic.train.scenario.scenario import Scenario
@@ -48,6 +50,17 @@ def disturb(
     names = [one.name for one in scenarios]
     if len(set(names)) < len(names):
         raise KinemimicError(f"expected scenarios of different names, found {', '.join(names)}: rename one")
+    with reading(run, "disturb"):
+        results = _disturb(run, scenarios, trials=trials, seed=seed, workers=workers, engine=engine)
+        for name, result in results.items():
+            with stage(run, f"disturb {name}") as out:
+                write_json(out / f"scenario-{name}.json", result)
+    return results
+
+
+def _disturb(
+    run: Path, scenarios: Sequence[Scenario], *, trials: int, seed: int, workers: int | None, engine: str
+) -> dict[str, dict[str, Any]]:
     motion, policy, record = load_trained(run)
     config = TrainConfig.from_json(record["config"])
     tasks = [
@@ -73,7 +86,6 @@ def disturb(
                 seed=seed,
             ),
         }
-        write_json(run / f"scenario-{one.name}.json", results[one.name])
     return results
 
 
@@ -106,7 +118,7 @@ def _list(descriptions: Mapping[str, str]) -> RenderableType:
 
 @click.command("disturb")
 @click.argument("scenarios", nargs=-1, metavar="[SCENARIO]...")
-@run_options()
+@run_options(optional=True)
 @click.option(
     "--trials",
     type=click.IntRange(min=1, max=100_000),
@@ -121,7 +133,7 @@ def _list(descriptions: Mapping[str, str]) -> RenderableType:
 @engine_option
 @json_option("Print the results, or the list, as JSON.")
 def command(
-    run: Path,
+    run: Path | None,
     scenarios: tuple[str, ...],
     trials: int,
     seed: int,
@@ -146,7 +158,12 @@ def command(
             show(_list(descriptions))
         return
     results = disturb(
-        run, [scenario(one) for one in scenarios], trials=trials, seed=seed, workers=workers, engine=engine
+        run or only_run(),
+        [scenario(one) for one in scenarios],
+        trials=trials,
+        seed=seed,
+        workers=workers,
+        engine=engine,
     )
     if as_json:
         click.echo(json.dumps(results, indent=2))

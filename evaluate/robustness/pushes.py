@@ -33,6 +33,7 @@ from kinemimic.pipeline.cli.progress import progress
 from kinemimic.pipeline.files.provenance import provenance
 from kinemimic.pipeline.files.store import file_hash, write_json
 from kinemimic.pipeline.parallel.task_pool import parallel_map
+from kinemimic.pipeline.run_folder.stage import stage
 from kinemimic.retarget.humanoid.body import BODIES
 from kinemimic.train.config.config import TrainConfig
 from kinemimic.train.rollout.policy import POLICY, load_trained, training_summary
@@ -63,7 +64,13 @@ def pushes(
     phases: number of phases of the motion at which pushes start; workers: processes, all cores by default;
     engine: see `train/sim/engines.py`.
     """
-    engine = resolve(engine)
+    with stage(run, "pushes") as out:
+        result = _pushes(run, phases=phases, workers=workers, engine=resolve(engine))
+        write_json(out / "pushes.json", result)
+    return result
+
+
+def _pushes(run: Path, *, phases: int, workers: int | None, engine: str) -> dict[str, Any]:
     motion, policy, record = load_trained(run)
     config = TrainConfig.from_json(record["config"]).env
     at = push_phases(motion, phases)
@@ -71,7 +78,7 @@ def pushes(
         # One phase per task: results must not depend on the number of processes.
         tasks = [Task(motion, policy, config, float(phase), engine) for phase in at]
         found = parallel_map(push_from_all_directions, tasks, workers=workers, progress=bar.advance)
-    result = {
+    return {
         "schema": PUSHES_SCHEMA,
         "phases": at.tolist(),
         **summary(found),
@@ -83,8 +90,6 @@ def pushes(
             seed=record.get("seed"),
         ),
     }
-    write_json(run / "pushes.json", result)
-    return result
 
 
 def survived(borders: Sequence[float], percent: int) -> float:

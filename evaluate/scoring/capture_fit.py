@@ -22,6 +22,7 @@ from kinemimic.pipeline.files.tables import numbers, read_table
 from kinemimic.pipeline.gait.curve_metrics import JointFit, joint_fits
 from kinemimic.pipeline.kinematics.angles import ANGLES
 from kinemimic.retarget.captured_angles import CAPTURED_SCHEMA
+from kinemimic.retarget.formats.same_motion import require_same_motion
 from kinemimic.retarget.humanoid.motion import Motion, joint_angles
 from kinemimic.train.reference.reference import Reference
 
@@ -62,8 +63,10 @@ class Capture:
         )
 
 
-def read_capture(path: Path) -> Capture | None:
+def read_capture(path: Path, motion: Motion) -> Capture | None:
     """Read the capture.parquet of `retarget`; None if there is none.
+
+    KinemimicError if it belongs to another motion.
 
     Schema 1 has adjusted angles of used frames only, under the names of those as read, which are then NaN.
     """
@@ -80,6 +83,7 @@ def read_capture(path: Path) -> Capture | None:
         advice=advice,
         upgrades={0: unchanged, 1: unchanged},
     )
+    require_same_motion(path, stated.get("motion"), motion, stage="retarget")
     as_read = stated.get("schema", 0) > 1
 
     def column(name: str, kinds: str = "f") -> Array:

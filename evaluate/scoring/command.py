@@ -30,6 +30,7 @@ from kinemimic.pipeline.cli.progress import progress
 from kinemimic.pipeline.files.provenance import provenance
 from kinemimic.pipeline.files.store import file_hash, write_json, write_text
 from kinemimic.pipeline.gait.curve_metrics import MEASURES, SCORED_JOINTS
+from kinemimic.pipeline.run_folder.stage import stage
 from kinemimic.retarget.formats.gait_json import read_gait_json
 from kinemimic.retarget.humanoid.motion import joint_angles
 from kinemimic.train.config.config import TrainConfig
@@ -48,12 +49,16 @@ def evaluate(run: Path, *, workers: int | None = None, engine: str = "auto") -> 
     Files are written only after everything has succeeded. workers: simulation processes, by default one per
     core; engine: see `train/sim/engines.py`.
     """
-    engine = resolve(engine)
+    with stage(run, "evaluate") as out:
+        return _evaluate(run, out, workers=workers, engine=resolve(engine))
+
+
+def _evaluate(run: Path, out: Path, *, workers: int | None, engine: str) -> dict[str, Any]:
     motion, actor, record = load_trained(run)
     policy = run / POLICY
     config = TrainConfig.from_json(record["config"], policy.with_suffix(".json"), ("config",))
-    capture = read_capture(run / "capture.parquet")
-    gait = read_gait_json(path) if (path := run / "gait.json").exists() else None
+    capture = read_capture(run / "capture.parquet", motion)
+    gait = read_gait_json(path, motion) if (path := run / "gait.json").exists() else None
     phases, frames = np.array(reported_phases(motion)), episode_frames(motion)
     with progress("evaluate", 2 * len(phases)) as bar:
         trajectory, no_policy = (
@@ -88,11 +93,10 @@ def evaluate(run: Path, *, workers: int | None = None, engine: str = "auto") -> 
         ),
     )
     html = report(run, ReportData(scores, trajectory, no_policy, motion, capture))
-    trajectory.save(run / "trajectory.npz")
-    write_text(run / "curves.csv", curves_csv(trajectory, no_policy))
-    write_text(run / "report.html", html)
-    # Last, because its presence marks the evaluation as complete.
-    write_json(run / "scores.json", scores)
+    trajectory.save(out / "trajectory.npz")
+    write_text(out / "curves.csv", curves_csv(trajectory, no_policy))
+    write_text(out / "report.html", html)
+    write_json(out / "scores.json", scores)
     return scores
 
 

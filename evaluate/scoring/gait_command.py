@@ -20,6 +20,7 @@ from kinemimic.pipeline.cli.options import json_option, run_option
 from kinemimic.pipeline.errors import KinemimicError
 from kinemimic.pipeline.files.provenance import provenance
 from kinemimic.pipeline.files.store import file_hash, write_json, write_text
+from kinemimic.pipeline.run_folder.stage import stage
 from kinemimic.retarget.formats.motion_json import read_motion_json
 from kinemimic.train.rollout.trajectory import Trajectory
 
@@ -39,9 +40,16 @@ def gait(run: Path) -> dict[str, Any]:
         raise KinemimicError(
             f"{run}: expected {' or '.join(SUBJECTS)}, found neither; run `ingest` and `convert` first"
         )
+    with stage(run, "gait") as out:
+        return _gait(run, out)
+
+
+def _gait(run: Path, out: Path) -> dict[str, Any]:
     motion = read_motion_json(run / "motion.json") if (run / "motion.json").exists() else None
     trajectory = (
-        Trajectory.load(run / "trajectory.npz") if motion and (run / "trajectory.npz").exists() else None
+        Trajectory.load(run / "trajectory.npz", motion)
+        if motion and (run / "trajectory.npz").exists()
+        else None
     )
     capture = captured(run, motion)
     report = gait_report(capture, motion, trajectory)
@@ -54,8 +62,8 @@ def gait(run: Path) -> dict[str, Any]:
         "gait", inputs={name: file_hash(run / name) for name in FILES if (run / name).exists()}, config={}
     )
     page = gait_page(run.resolve().name, report)
-    write_text(run / "gait_report.html", page)
-    write_json(run / "gait_report.json", report)
+    write_text(out / "gait_report.html", page)
+    write_json(out / "gait_report.json", report)
     return report
 
 

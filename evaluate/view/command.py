@@ -38,7 +38,9 @@ from kinemimic.evaluate.view.scene import (
 from kinemimic.pipeline.cli.options import json_option
 from kinemimic.pipeline.files.store import atomic, content_hash, read_json
 from kinemimic.pipeline.files.video import require_encoder
+from kinemimic.pipeline.run_folder.stage import stage
 from kinemimic.retarget.formats.motion_json import read_motion_json
+from kinemimic.retarget.formats.same_motion import require_same_motion
 from kinemimic.train.config.config import TrainConfig
 from kinemimic.train.rollout.policy import load_trained
 from kinemimic.train.rollout.trajectory import Trajectory
@@ -47,6 +49,7 @@ from kinemimic.train.scenario.scenario_file import scenario as read
 
 ROLLOUT = 0  # from phase 0
 AT, SECONDS = 4.0, 10.0  # default time of the screenshot and maximum duration of the video, s
+VIEW = "view.rrd"
 FILE = click.Path(path_type=Path, dir_okay=False)
 
 
@@ -71,32 +74,44 @@ def view_trial(
 
 def _record(run: Path) -> tuple[Path, Scene]:
     """The recording of a run, and the scene of a film of it."""
+    with stage(run, "view") as out:
+        return run / VIEW, _write_view(run, out / VIEW)
+
+
+def _write_view(run: Path, path: Path) -> Scene:
     motion = read_motion_json(run / "motion.json")
-    trajectory = Trajectory.load(run / "trajectory.npz")
+    trajectory = Trajectory.load(run / "trajectory.npz", motion)
     scores = read_json(run / "scores.json") if (run / "scores.json").exists() else None
+    if isinstance(scores, dict):
+        made_from = scores.get("provenance", {}).get("inputs", {}).get("motion")
+        require_same_motion(run / "scores.json", made_from, motion, stage="evaluate")
     pair, phases = humanoids(trajectory, ROLLOUT, motion.offsets), trajectory.phases[ROLLOUT]
     shown = captured_skeleton(run, phases, frame_times(len(phases)), pair[0], cyclic=motion.cyclic)
     text = caption(motion, trajectory, ROLLOUT, scores, None if shown is None else shown.legend())
-    path = run / "view.rrd"
     write_recording(path, trajectory, pair, text, shown=shown)
-    return path, scene_of(trajectory, motion, ROLLOUT)
+    return scene_of(trajectory, motion, ROLLOUT)
 
 
 def _record_trial(
     run: Path, scenario: Scenario, number: int, seed: int, engine: str = "auto"
 ) -> tuple[Path, Scene]:
     """The recording of a scenario trial, and the scene of a film of it."""
+    name = f"view-{scenario.name}.rrd"
+    with stage(run, f"view {scenario.name}") as out:
+        return run / name, _write_trial(run, out / name, scenario, number, seed, engine)
+
+
+def _write_trial(run: Path, path: Path, scenario: Scenario, number: int, seed: int, engine: str) -> Scene:
     motion, policy, record = load_trained(run)
     config = TrainConfig.from_json(record["config"])
     trajectory, disturbances = replay_scenario(
         motion, policy, config, scenario, number=number, seed=seed, engine=engine
     )
     text = trial_caption(motion, trajectory, scenario, number)
-    path = run / f"view-{scenario.name}.rrd"
     pair = humanoids(trajectory, ROLLOUT, motion.offsets)
     write_recording(path, trajectory, pair, text, disturbances=disturbances)
     scene = scene_of(trajectory, motion, ROLLOUT)
-    return path, replace(scene, others=disturbance_solids(pair[1], disturbances))
+    return replace(scene, others=disturbance_solids(pair[1], disturbances))
 
 
 def write_recording(

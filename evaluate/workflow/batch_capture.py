@@ -12,17 +12,20 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from kinemimic.evaluate.workflow.run import STAGES, capture_files, run
-from kinemimic.evaluate.workflow.run_record import stage_inputs
+from kinemimic.evaluate.workflow.run import RUN_STAGES, run
 from kinemimic.pipeline.errors import KinemimicError, NotACaptureError
-from kinemimic.pipeline.files.store import file_hash, read_json, write_json
+from kinemimic.pipeline.files.provenance import versions
+from kinemimic.pipeline.files.stages import stage_named
+from kinemimic.pipeline.files.store import read_json, write_json
 from kinemimic.pipeline.inspect.file_report import OTHER, REFUSED, without_path
+from kinemimic.pipeline.run_folder.capture import sources_of
+from kinemimic.pipeline.run_folder.record import RUN_FILE, digests
 from kinemimic.retarget.formats.gait_json import read_gait_json
 
 ROW, ROW_SCHEMA = "batch_row.json", 1
 ACCEPTED, FAILED, GATE = "accepted", "failed", "gate"
-TO_MOTION = STAGES[: [stage.name for stage in STAGES].index("retarget") + 1]
-_OUTPUTS = ("run.json", ROW, *(name for stage in TO_MOTION for name in stage.writes))
+TO_MOTION = RUN_STAGES[: RUN_STAGES.index("retarget") + 1]
+_OUTPUTS = (RUN_FILE, ROW, *(file for name in TO_MOTION for file in stage_named(name).writes))
 _KEPT_OUTPUTS = ("motion.json", "gait.json")
 
 Row = dict[str, Any]
@@ -134,16 +137,17 @@ def motion_row(task: Task, gait: Mapping[str, Any]) -> Row:
 
 def _made_from(task: Task) -> dict[str, Any]:
     config = {stage: dict(options) for stage, options in task.options.items()}
-    outputs = {name: task.folder / name for name in _KEPT_OUTPUTS}
     return {
-        **stage_inputs(capture_files(task.capture, task.folder), config),
-        "outputs": {name: file_hash(path) if path.exists() else None for name, path in outputs.items()},
+        "inputs": digests(sources_of(task.folder, task.capture)),
+        "config": config,
+        "version": versions().get("kinemimic"),
+        "outputs": digests({name: task.folder / name for name in _KEPT_OUTPUTS}),
     }
 
 
 def _unfinished(folder: Path) -> str | None:
     """The first stage without its output."""
-    missing = (stage.name for stage in TO_MOTION if not (folder / stage.writes[0]).exists())
+    missing = (name for name in TO_MOTION if not (folder / stage_named(name).writes[0]).exists())
     return next(missing, None)
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 import os
 import sys
 from typing import Any, NoReturn
@@ -102,6 +103,7 @@ def main(arguments: list[str] | None = None) -> NoReturn:
 
 
 def _status(arguments: list[str] | None) -> int:
+    logging.basicConfig(format="kinemimic: %(message)s", level=logging.WARNING)
     try:
         status: Any = cli.main(arguments, prog_name="kinemimic", standalone_mode=False)
     except KinemimicError as error:

@@ -10,11 +10,11 @@ from typing import Any, TypeVar
 import click
 
 from kinemimic.pipeline.errors import KinemimicError
+from kinemimic.pipeline.run_folder.capture import only_run
 
 Command = TypeVar("Command", bound=Callable[..., Any])
 Decorator = Callable[[Callable[..., Any]], Callable[..., Any]]
 
-DEFAULT_RUN = Path("runs/default")
 # As in quality/rules/length_units.py, which is too slow to import for --help.
 UNITS = ("m", "cmu", "inch", "cm", "mm")
 # In Hz, as in readers/base/frame_rate.py, for the same reason.
@@ -55,16 +55,22 @@ def declared(options: Decorator) -> list[click.Option]:
     return [*reversed(command.__click_params__)]  # type: ignore[attr-defined]
 
 
-def run_option(name: str = "run") -> Callable[[Command], Command]:
-    """--run, a path, passed to the command as `name`."""
+def run_option(
+    name: str = "run", *, default: Callable[[], Path] | None = only_run
+) -> Callable[[Command], Command]:
+    """--run, a path, passed to the command as `name`; default: of a command that needs an existing folder.
+
+    With None as the default, the command names the folder after the capture.
+    """
+    shown = "the only one in runs/" if default else "runs/NAME, after the capture"
     return click.option(
-        "--run",
-        name,
-        type=RunFolder(),
-        default=DEFAULT_RUN,
-        show_default=True,
-        help="Run folder.",
+        "--run", name, type=RunFolder(), default=default, help=f"Run folder. Default: {shown}."
     )
+
+
+overwrite_option = click.option(
+    "--overwrite", is_flag=True, help="Set the results of another capture in the run folder aside."
+)
 
 
 def unit_option(text: str) -> Callable[[Command], Command]:

@@ -19,6 +19,7 @@ import pyarrow.parquet as pq
 from kinemimic.pipeline.errors import CaptureError, KinemimicError
 from kinemimic.pipeline.files.bounded import MEGABYTE, read_bounded
 from kinemimic.pipeline.files.schema import upgraded
+from kinemimic.pipeline.files.stages import writer_of
 from kinemimic.pipeline.files.strict_json import strict_json
 from kinemimic.pipeline.files.tables import numbers, read_table
 from kinemimic.pipeline.kinematics.clip import Clip, Label
@@ -87,7 +88,9 @@ def read_json(path: Path) -> Any:
     try:
         return strict_json(read_bounded(path, _JSON_LIMIT, "a JSON file").decode("utf-8"))
     except FileNotFoundError:
-        raise KinemimicError(f"{path}: expected a file, found none; run the stage that writes it") from None
+        stage = writer_of(path.name)
+        advice = f"; run `kinemimic {stage}` first" if stage else ""
+        raise KinemimicError(f"{path}: expected a file, found none{advice}") from None
     except ValueError as error:
         raise KinemimicError(f"{path}: expected JSON, found {error}") from None
 
@@ -149,9 +152,9 @@ def read_clip(path: Path) -> Clip:
     try:
         table, header = read_table(path, kind=_CLIP, advice=_CLIP_ADVICE)
     except FileNotFoundError:
-        raise CaptureError(
-            path, expected="a clip", found="no file", advice="run the previous stage"
-        ) from None
+        stage = writer_of(path.name)
+        advice = f"run `kinemimic {stage}` first" if stage else None
+        raise CaptureError(path, expected="a clip", found="no file", advice=advice) from None
     if not isinstance(header, dict) or "skeleton" not in header:
         raise CaptureError(path, expected=_CLIP, found="another table", advice=_CLIP_ADVICE)
     header = upgraded(

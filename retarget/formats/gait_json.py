@@ -9,6 +9,8 @@ from typing import Any
 from kinemimic.pipeline.errors import KinemimicError
 from kinemimic.pipeline.files.schema import unchanged, upgraded
 from kinemimic.pipeline.files.store import read_json
+from kinemimic.retarget.formats.same_motion import require_same_motion
+from kinemimic.retarget.humanoid.motion import Motion
 
 GAIT_SCHEMA = 3
 _RENAMED_IN_2 = {
@@ -18,12 +20,15 @@ _RENAMED_IN_2 = {
 }
 
 
-def read_gait_json(path: Path) -> dict[str, Any]:
-    """The report of `retarget` in today's schema; a KinemimicError if the file holds other JSON."""
+def read_gait_json(path: Path, motion: Motion | None = None) -> dict[str, Any]:
+    """The report of `retarget` in today's schema.
+
+    KinemimicError if the file holds other JSON, or is the report on another motion than this one.
+    """
     document = read_json(path)
     advice = "run `retarget` again"
     try:
-        return upgraded(
+        report = upgraded(
             dict(document),
             path,
             kind="a gait report",
@@ -33,6 +38,9 @@ def read_gait_json(path: Path) -> dict[str, Any]:
         )
     except (AttributeError, TypeError, ValueError):
         raise KinemimicError(f"{path}: expected a report of `retarget`, found other JSON; {advice}") from None
+    if motion is not None:
+        require_same_motion(path, report.get("motion"), motion, stage="retarget")
+    return report
 
 
 def _from_1(document: Mapping[str, Any]) -> dict[str, Any]:

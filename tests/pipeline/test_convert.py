@@ -161,7 +161,9 @@ def test_a_planted_lock_is_named_with_its_frames(
 
 
 def test_without_a_clip_the_error_gives_advice(tmp_path: Path) -> None:
-    with pytest.raises(KinemimicError, match="run the previous stage"):
+    with pytest.raises(KinemimicError, match="expected a clip, found no file; run `kinemimic ingest` first"):
+        convert(tmp_path)
+    with pytest.raises(KinemimicError, match="expected a run folder, found none"):
         convert(tmp_path / "nothing")
     assert not (tmp_path / "nothing").exists()
 

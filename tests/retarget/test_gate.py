@@ -3,6 +3,7 @@ from __future__ import annotations
 from copy import deepcopy
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from kinemimic.pipeline.convert import convert
@@ -11,7 +12,15 @@ from kinemimic.pipeline.files.store import read_json, write_json
 from kinemimic.pipeline.ingest import ingest
 from kinemimic.retarget.command import retarget
 from kinemimic.retarget.gate import RULES, check_report, require_trainable
+from kinemimic.retarget.humanoid.motion import Motion
 
+STANDING = Motion(
+    rate=30.0,
+    root=np.zeros((2, 3)),
+    rotations=np.tile([0.0, 0.0, 0.0, 1.0], (2, 20, 1)),
+    contacts=np.ones((2, 2), dtype=bool),
+    cyclic=False,
+)
 GOOD = {
     "kind": "walk",
     "cadence_steps_per_min": 105.0,
@@ -107,18 +116,18 @@ def test_refusals_come_first_and_one_line_names_all(tmp_path: Path):
     assert [finding.severity for finding in check_report(report)] == ["refuse", "refuse", "warn"]
     write_json(tmp_path / "gait.json", report)
     with pytest.raises(KinemimicError) as caught:
-        require_trainable(tmp_path)
+        require_trainable(tmp_path, STANDING)
     text = str(caught.value)
     assert "\n" not in text
     assert "0.20 m/s (limit 0.15)" in text and "R² 0.20" in text and "1.4 strides" not in text
     assert "--anyway" in text
-    require_trainable(tmp_path, anyway=True)
+    require_trainable(tmp_path, STANDING, anyway=True)
 
 
 def test_warnings_and_unknown_motions_pass(tmp_path: Path):
-    require_trainable(tmp_path)
+    require_trainable(tmp_path, STANDING)
     write_json(tmp_path / "gait.json", changed(strides_used=1.4))
-    require_trainable(tmp_path)
+    require_trainable(tmp_path, STANDING)
 
 
 @pytest.mark.parametrize(
@@ -135,8 +144,7 @@ def test_real_walks_and_runs(tmp_path: Path, captures: Path, name):
     """Motions that the humanoid was trained on pass."""
     ingest(captures / name, tmp_path)
     convert(tmp_path)
-    retarget(tmp_path)
-    require_trainable(tmp_path)
+    require_trainable(tmp_path, retarget(tmp_path))
 
 
 def test_a_walk_in_which_the_tracked_hip_jumps_becomes_no_loop(tmp_path: Path, captures: Path):

@@ -86,13 +86,13 @@ def collect_trajectories(
     # One humanoid per task: its trajectory must not depend on the number of others.
     tasks = [(motion, policy, config, float(phase), frames, engine) for phase in start_phases]
     parts = parallel_map(_collect_one, tasks, workers=workers, progress=progress)
+    shared: dict[str, Any] = {"reward_names": parts[0].reward_names, "motion": motion.identity}
     joined: dict[str, Any] = {
-        f.name: parts[0].reward_names
-        if f.name == "reward_names"
-        else np.concatenate([getattr(part, f.name) for part in parts])
+        f.name: np.concatenate([getattr(part, f.name) for part in parts])
         for f in fields(Trajectory)
+        if f.name not in shared
     }
-    return Trajectory(**joined)
+    return Trajectory(**joined, **shared)
 
 
 def _collect_one(task: tuple[Motion, Policy | None, EnvConfig, float, int, str]) -> Trajectory:

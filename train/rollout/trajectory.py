@@ -6,6 +6,7 @@ import zipfile
 import zlib
 from dataclasses import dataclass, fields
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,10 +14,12 @@ from numpy.typing import NDArray
 from kinemimic.pipeline.arrays import Array
 from kinemimic.pipeline.errors import KinemimicError
 from kinemimic.pipeline.files.bounded import MEGABYTE, require_regular
-from kinemimic.pipeline.files.schema import unchanged, upgraded
+from kinemimic.pipeline.files.schema import upgraded
 from kinemimic.pipeline.files.store import atomic
+from kinemimic.retarget.formats.same_motion import require_same_motion
+from kinemimic.retarget.humanoid.motion import Motion
 
-TRAJECTORY_SCHEMA = 1
+TRAJECTORY_SCHEMA = 2
 _LIMIT = 1024 * MEGABYTE  # five hours; a walk's rollouts take 15 MB
 _ADVICE = "run `evaluate` again"
 
@@ -32,7 +35,8 @@ class Trajectory:
     fallen_at: (S,) frame of the first fall, after which the rollout continues; F without a fall;
     torques: (S, F, 14) peak torque of each joint within the control step, N·m;
     contacts: (S, F, 2) whether the left and right foot touch the ground;
-    contact_forces: (S, F, 15, 3) sum of the contact forces on each body in the last physics step, N.
+    contact_forces: (S, F, 15, 3) sum of the contact forces on each body in the last physics step, N;
+    motion: identity of the reference's motion.
     """
 
     start_phases: Array
@@ -47,16 +51,20 @@ class Trajectory:
     torques: Array
     contacts: NDArray[np.bool_]
     contact_forces: Array
+    motion: str = ""
 
     def save(self, path: Path) -> None:
         """Write as .npz, atomically."""
         with atomic(path) as temporary, temporary.open("wb") as stream:
-            arrays = {f.name: getattr(self, f.name) for f in fields(self)}
+            arrays: dict[str, Any] = {f.name: np.asarray(getattr(self, f.name)) for f in fields(self)}
             np.savez_compressed(stream, schema=np.array(TRAJECTORY_SCHEMA), **arrays)
 
     @classmethod
-    def load(cls, path: Path) -> Trajectory:
-        """Read the file that `save` wrote; nothing is unpickled. KinemimicError for any other file."""
+    def load(cls, path: Path, motion: Motion) -> Trajectory:
+        """Read the file that `save` wrote; nothing is unpickled.
+
+        KinemimicError for any other file, and for rollouts of another motion.
+        """
         require_regular(path, "a trajectory")
         try:
             _check_sizes(path)
@@ -68,9 +76,9 @@ class Trajectory:
                     kind="a trajectory",
                     schema=TRAJECTORY_SCHEMA,
                     advice=_ADVICE,
-                    upgrades={0: unchanged},
                 )
-                trajectory = cls(**{f.name: data[f.name] for f in fields(cls)})
+                arrays = {f.name: data[f.name] for f in fields(cls)}
+                trajectory = cls(**{**arrays, "motion": str(arrays["motion"])})
         except FileNotFoundError:
             raise KinemimicError(
                 f"{path}: expected a trajectory, found no file; run `evaluate` first"
@@ -87,6 +95,7 @@ class Trajectory:
             ) from None
         if found := trajectory._misfit():
             raise KinemimicError(f"{path}: expected a trajectory, found {found}; {_ADVICE}")
+        require_same_motion(path, trajectory.motion, motion, stage="evaluate")
         return trajectory
 
     def _misfit(self) -> str | None:

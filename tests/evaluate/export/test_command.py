@@ -57,7 +57,8 @@ def run(
     folder.mkdir()
     write_clip(folder / "quaternions.parquet", captured())
     (folder / "motion.json").write_text(motion_to_json(walk))
-    performance(2, FRAMES, offset=0.1).save(folder / "trajectory.npz")
+    identity = read_motion_json(folder / "motion.json").identity
+    replace(performance(2, FRAMES, offset=0.1), motion=identity).save(folder / "trajectory.npz")
     return folder
 
 

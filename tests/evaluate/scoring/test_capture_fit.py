@@ -123,37 +123,37 @@ def _table(capture, path, *, drop=(), schema=2):
     write_table(path, {n: v for n, v in columns.items() if n not in drop}, {"schema": schema})
 
 
-def test_schema_1_has_adjusted_angles_and_none_as_read(tmp_path, capture):
+def test_schema_1_has_adjusted_angles_and_none_as_read(tmp_path, capture, walk):
     _table(capture, tmp_path / "capture.parquet", schema=1)
-    read = read_capture(tmp_path / "capture.parquet")
+    read = read_capture(tmp_path / "capture.parquet", walk)
     assert read is not None and read.used.all()
     for name in ANGLES:
         np.testing.assert_array_equal(read.adjusted[name], capture.adjusted[name])
         assert np.isnan(read.raw[name]).all()
 
 
-def test_frames_that_are_not_in_the_motion_are_left_out(tmp_path, capture):
+def test_frames_that_are_not_in_the_motion_are_left_out(tmp_path, capture, walk):
     _table(capture, tmp_path / "capture.parquet")
-    read = read_capture(tmp_path / "capture.parquet")
+    read = read_capture(tmp_path / "capture.parquet", walk)
     assert read is not None and len(read.phase) == 80
     assert len(read.of_used().phase) == len(read.of_used().raw["knee_left"]) == 60
     np.testing.assert_array_equal(read.raw["hip_left"], capture.raw["hip_left"])
 
 
-def test_read_capture_drops_frames_without_a_phase(tmp_path, capture):
+def test_read_capture_drops_frames_without_a_phase(tmp_path, capture, walk):
     capture.phase[3] = np.nan
     _table(capture, tmp_path / "capture.parquet")
-    read = read_capture(tmp_path / "capture.parquet")
+    read = read_capture(tmp_path / "capture.parquet", walk)
     assert read is not None and read.truth is not None
     assert len(read.phase) == 79
     np.testing.assert_array_equal(read.truth["hip_left"], np.delete(capture.truth["hip_left"], 3))
 
 
-def test_read_capture_names_missing_columns(tmp_path, capture):
-    assert read_capture(tmp_path / "none.parquet") is None
+def test_read_capture_names_missing_columns(tmp_path, capture, walk):
+    assert read_capture(tmp_path / "none.parquet", walk) is None
     _table(capture, tmp_path / "half.parquet", drop=("clean_hip_left",))
     with pytest.raises(CaptureError, match="found 0 columns 'clean_hip_left'; run retarget again"):
-        read_capture(tmp_path / "half.parquet")
+        read_capture(tmp_path / "half.parquet", walk)
     (tmp_path / "text.parquet").write_text("no table")
     with pytest.raises(CaptureError, match="expected a table"):
-        read_capture(tmp_path / "text.parquet")
+        read_capture(tmp_path / "text.parquet", walk)

@@ -57,7 +57,8 @@ def acted(run, walk, performance, monkeypatch):
     def collect_trajectories(motion, policy, config, *, start_phases, frames, engine, workers, progress):
         for _ in start_phases:
             progress(1)
-        return performance(len(start_phases), frames, offset=0.05, fall=None if policy else 20)
+        played = performance(len(start_phases), frames, offset=0.05, fall=None if policy else 20)
+        return replace(played, motion=motion.identity)
 
     write_inputs(run, walk)
     monkeypatch.setattr(stage, "collect_trajectories", collect_trajectories)
@@ -78,7 +79,8 @@ def test_curves_csv_matches_the_trajectory(acted):
     )
     assert float(rows[29]["time_s"]) == pytest.approx(1.0)
     assert rows[20]["no_policy_hip_right_deg"] == rows[599]["no_policy_hip_right_deg"]
-    assert len(Trajectory.load(acted / "trajectory.npz").start_phases) == 13
+    motion = read_motion_json(acted / "motion.json")
+    assert len(Trajectory.load(acted / "trajectory.npz", motion).start_phases) == 13
 
 
 def test_equal_inputs_give_equal_bytes(acted):
@@ -137,7 +139,7 @@ def test_the_control_has_the_policys_task_and_rewards_are_by_the_final_scales(ru
     actor, _ = Policy.load(run / "policy.safetensors")
     motion = read_motion_json(run / "motion.json")
     early = collect_trajectories(motion, actor, config.env, start_phases=np.zeros(1), frames=35, workers=1)
-    late = Trajectory.load(run / "trajectory.npz")
+    late = Trajectory.load(run / "trajectory.npz", motion)
     np.testing.assert_array_equal(late.rotations, early.rotations)
     pose = list(late.reward_names).index("pose")
     weight, first = config.env.reward.weights["pose"], config.env.reward.scales["pose"]

@@ -28,7 +28,7 @@ from kinemimic.pipeline.cli.main import main
 from kinemimic.pipeline.errors import KinemimicError
 from kinemimic.pipeline.kinematics.rotations import rotate
 from kinemimic.pipeline.kinematics.skeleton import NODE_INDEX, NODES
-from kinemimic.retarget.formats.motion_json import motion_to_json
+from kinemimic.retarget.formats.motion_json import motion_to_json, read_motion_json
 from kinemimic.retarget.humanoid.body import BODIES, BODY_INDEX, TOTAL_MASS
 from kinemimic.retarget.humanoid.motion import Motion, joint_angles
 from kinemimic.train.rollout.trajectory import Trajectory
@@ -41,8 +41,13 @@ SCORES = {"survival": {"frames": 90, "of": 90, "phases": 3, "phases_of": 3}, "fi
 def fill(run: Path, walk: Motion, trajectory: Trajectory) -> Path:
     run.mkdir(exist_ok=True)
     (run / "motion.json").write_text(motion_to_json(walk))
-    trajectory.save(run / "trajectory.npz")
+    identity = read_motion_json(run / "motion.json").identity
+    replace(trajectory, motion=identity).save(run / "trajectory.npz")
     return run
+
+
+def loaded(run: Path) -> Trajectory:
+    return Trajectory.load(run / "trajectory.npz", read_motion_json(run / "motion.json"))
 
 
 @pytest.fixture(scope="module")
@@ -75,7 +80,7 @@ def arrows(found: dict[str, dict[str, Any]], name: str, part: str = "vectors") -
 
 def test_both_humanoids_are_logged_at_their_positions(run: Path, walk: Motion) -> None:
     entities = columns(run / "view.rrd")
-    reference, simulated = humanoids(Trajectory.load(run / "trajectory.npz"), 0, walk.offsets)
+    reference, simulated = humanoids(loaded(run), 0, walk.offsets)
     for scene in ("overlaid", "beside"):
         for humanoid, name in ((reference, "reference"), (simulated, "simulated")):
             points = entities[f"/{scene}/{name}/skeleton"]["Points3D:positions"]
@@ -92,7 +97,7 @@ def test_logged_joints_have_the_scored_angles(run: Path) -> None:
     drawn = np.array(
         columns(run / "view.rrd")["/overlaid/simulated/skeleton"]["Points3D:positions"].to_pylist()
     )
-    scored = joint_angles(Trajectory.load(run / "trajectory.npz").rotations[0])
+    scored = joint_angles(loaded(run).rotations[0])
     for side in ("left", "right"):
         hip, knee, ankle = (drawn[:, NODE_INDEX[f"{joint}_{side}"]] for joint in ("hip", "knee", "ankle"))
         thigh, shank = knee - hip, ankle - knee
@@ -121,7 +126,7 @@ def test_contact_forces_are_arrows_and_curves(
 
 def test_fifteen_bodies_hang_from_their_nodes(run: Path, walk: Motion) -> None:
     entities = columns(run / "view.rrd")
-    _, simulated = humanoids(Trajectory.load(run / "trajectory.npz"), 0, walk.offsets)
+    _, simulated = humanoids(loaded(run), 0, walk.offsets)
     for scene in ("overlaid", "beside"):
         for body in BODIES:
             drawn = entities[f"/{scene}/simulated/bodies/{body.name}"]
@@ -138,7 +143,7 @@ def test_curves_are_in_degrees_from_the_first_rollout(
     run: Path, curve: Callable[[str, np.ndarray], np.ndarray]
 ) -> None:
     entities = columns(run / "view.rrd")
-    phase = Trajectory.load(run / "trajectory.npz").phases[0]
+    phase = loaded(run).phases[0]
     for name in ("knee_left", "knee_right", "hip_left", "hip_right"):
         for kind, offset in (("reference", 0.0), ("simulated", 0.1 if name.startswith("knee") else 0.0)):
             drawn = np.array(entities[f"/angles/{name}/{kind}"]["Scalars:scalars"].to_pylist()).ravel()
@@ -149,7 +154,7 @@ def test_curves_are_in_degrees_from_the_first_rollout(
 
 def test_the_tracking_view_follows_the_humanoid(run: Path) -> None:
     walker = columns(run / "view.rrd")["/overlaid/walker"]["Transform3D:translation"].to_pylist()
-    gap = np.array(walker).reshape(FRAMES, 3)[:, :2] - Trajectory.load(run / "trajectory.npz").root[0, :, :2]
+    gap = np.array(walker).reshape(FRAMES, 3)[:, :2] - loaded(run).root[0, :, :2]
     np.testing.assert_allclose(gap, 0.0, atol=1e-6)  # the made-up walk goes straight on at a constant speed
 
 
@@ -180,11 +185,12 @@ def test_rerun_verifies_the_file_and_two_writings_are_one_recording(
     run: Path, tmp_path: Path, walk: Motion
 ) -> None:
     rerun("verify", str(run / "view.rrd"))
-    again = fill(tmp_path / "again", walk, Trajectory.load(run / "trajectory.npz"))
+    again = fill(tmp_path / "again", walk, loaded(run))
     (again / "scores.json").write_text(json.dumps(SCORES))
     rerun("compare", "--unordered", str(run / "view.rrd"), str(view(again)))
     assert [path.name for path in sorted(again.iterdir())] == [
         "motion.json",
+        "run.json",
         "scores.json",
         "trajectory.npz",
         "view.rrd",

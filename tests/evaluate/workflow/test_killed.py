@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 from peers.killing import check_files, finish, kill_after, without_clock
 
-from kinemimic.evaluate.workflow.run import STAGES
+from kinemimic.evaluate.workflow.run import RUN_STAGES
+from kinemimic.pipeline.files.stages import stage_named
 from kinemimic.pipeline.files.store import read_json
 
 ARGUMENTS = ("--no-refine", "--budget", "2048", "--engine", "pybullet", "--json")
@@ -22,8 +23,8 @@ def kill_and_compare(folder: Path, moments: int) -> None:
         kill_after(random.uniform(0.1, 1.0) * seconds, "run", "--run", killed, *ARGUMENTS)
         check_files(killed)
     finish("run", "--run", killed, *ARGUMENTS)
-    for stage in STAGES:
-        for name in stage.writes:
+    for stage in RUN_STAGES:
+        for name in stage_named(stage).writes:
             assert (killed / name).exists() == (straight / name).exists(), name
     policies = [(run / "policy.safetensors").read_bytes() for run in (straight, killed)]
     assert policies[0] == policies[1]

@@ -12,16 +12,19 @@ import pytest
 from click.testing import CliRunner
 
 from kinemimic.evaluate.workflow import run as module
-from kinemimic.evaluate.workflow.run import STAGES, VIRTUAL_CAPTURE, VIRTUAL_STAGE, run
+from kinemimic.evaluate.workflow.run import RUN_STAGES, run
 from kinemimic.pipeline.cli.main import load_command, main
 from kinemimic.pipeline.convert import convert
 from kinemimic.pipeline.errors import KinemimicError
+from kinemimic.pipeline.files.stages import VIRTUAL_CAPTURE, stage_named
 from kinemimic.pipeline.files.store import read_json
 from kinemimic.pipeline.ingest import ingest
+from kinemimic.pipeline.run_folder.capture import capture_files
+from kinemimic.pipeline.run_folder.stage import stage
 from kinemimic.pipeline.virtual_kinect.recorder import record_virtual
 from kinemimic.retarget.command import retarget
 
-NAMES = tuple(stage.name for stage in STAGES)
+NAMES = RUN_STAGES
 
 Stages = dict[str, Callable[[], None]]
 
@@ -35,25 +38,20 @@ def stages(monkeypatch: pytest.MonkeyPatch) -> Stages:
     hooks: Stages = {}
 
     def stand_in(name: str) -> click.Command:
-        stage = next(stage for stage in STAGES if stage.name == name)
-
         @click.command(context_settings={"ignore_unknown_options": True, "allow_extra_args": True})
         @click.option("--run", "folder", type=click.Path(path_type=Path))
         @click.option("--json", "as_json", is_flag=True)
         @click.pass_context
         def command(context: click.Context, folder: Path, as_json: bool) -> None:
             hooks.get(name, lambda: None)()
-            folder.mkdir(parents=True, exist_ok=True)
-            read = [(folder / file).read_text() for file in stage.reads if (folder / file).exists()]
-            read += [
-                Path(file).read_text() if name == "ingest" and Path(file).is_file() else file
-                for file in context.args[:1]
-            ]
-            for file in stage.writes:
-                made: Any = [name, file, read, context.args[1:]]
-                if file == "quality.json":
-                    made = {"made": made, "sidecar_files": {"capture.toml": "digest"}}
-                (folder / file).write_text(json.dumps(made))
+            one, sources = stage_named(name), {}
+            read = [(folder / file).read_text() for file in one.reads if (folder / file).exists()]
+            if name == "ingest":
+                sources = capture_files(Path(context.args[0]), ["capture.toml"])
+                read += [file.read_text() for file in sources.values() if file.is_file()]
+            with stage(folder, name, sources=sources) as out:
+                for file in one.writes:
+                    (out / file).write_text(json.dumps([name, file, read, context.args]))
             click.echo(f"table of {name}")
 
         return command
@@ -79,7 +77,7 @@ def test_a_second_run_skips_every_stage(stages: Stages, capture: Path, tmp_path:
 def test_a_changed_capture_reruns_every_stage(stages: Stages, capture: Path, tmp_path: Path) -> None:
     run(capture, tmp_path / "run")
     capture.write_text("another walk")
-    assert run(capture, tmp_path / "run").ran == NAMES
+    assert run(capture, tmp_path / "run", overwrite=True).ran == NAMES
 
 
 def test_a_new_truth_file_reruns_every_stage(stages: Stages, capture: Path, tmp_path: Path) -> None:
@@ -105,7 +103,7 @@ def test_a_changed_file_of_a_capture_that_is_a_folder_counts(stages: Stages, tmp
     assert run(folder, tmp_path / "run").ran == NAMES
     assert run(folder, tmp_path / "run").ran == ()
     (folder / "depth" / "000000.png").write_text("another frame")
-    assert run(folder, tmp_path / "run").ran == NAMES
+    assert run(folder, tmp_path / "run", overwrite=True).ran == NAMES
 
 
 def test_a_changed_option_reruns_its_stage_and_all_later_ones(
@@ -231,7 +229,7 @@ def test_two_runs_with_the_same_seed_agree(tmp_path: Path) -> None:
     ]
     assert [result.exit_code for result in results] == [0, 0]
     one, two = (json.loads(result.stdout) for result in results)
-    assert one["ran"] == [VIRTUAL_STAGE, *NAMES]
+    assert one["ran"] == ["virtual", *NAMES]
     assert one["scores"]["capture"]["simulated"] is True
     assert (tmp_path / "one" / VIRTUAL_CAPTURE).is_file()
     for name in ("report.html", "view.rrd", "motion.mcap", "curves.csv"):

@@ -191,11 +191,11 @@ def test_content_hash_is_of_names_types_shapes_and_values() -> None:
 def test_errors_name_the_file_and_what_to_do(tmp_path: Path, node_clip: Build) -> None:
     path = tmp_path / "clip.parquet"
     with pytest.raises(
-        CaptureError, match=r"clip\.parquet: expected a clip, found no file; run the previous stage"
+        CaptureError, match=r"clip\.parquet: expected a clip, found no file; run `kinemimic ingest` first"
     ):
         read_clip(path)
-    with pytest.raises(KinemimicError, match="run the stage that writes it"):
-        read_json(tmp_path / "none.json")
+    with pytest.raises(KinemimicError, match="run `kinemimic evaluate` first"):
+        read_json(tmp_path / "scores.json")
     path.write_text("no table")
     with pytest.raises(CaptureError, match="expected a kinemimic clip"):
         read_clip(path)

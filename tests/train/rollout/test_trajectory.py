@@ -21,17 +21,17 @@ from kinemimic.train.rollout.trajectory import Trajectory
 def test_round_trip_and_damage(tmp_path: Path, motion: Motion) -> None:
     path = tmp_path / "trajectory.npz"
     with pytest.raises(KinemimicError, match="found no file"):
-        Trajectory.load(path)
+        Trajectory.load(path, motion)
     played = collect_trajectories(motion, None, EnvConfig(), start_phases=np.zeros(1), frames=2, workers=1)
     played.save(path)
-    again = Trajectory.load(path)
+    again = Trajectory.load(path, motion)
     for f in fields(Trajectory):
         np.testing.assert_array_equal(getattr(again, f.name), getattr(played, f.name))
     whole = path.read_bytes()
     for damaged in (whole[: len(whole) // 2], b"", b"not a zip"):
         path.write_bytes(damaged)
         with pytest.raises(KinemimicError, match="expected a trajectory, found a damaged or another file"):
-            Trajectory.load(path)
+            Trajectory.load(path, motion)
 
 
 @pytest.fixture(scope="module")
@@ -63,19 +63,19 @@ CHANGES: dict[str, Callable[[np.ndarray], np.ndarray]] = {
 
 @pytest.mark.parametrize("name", CHANGES)
 def test_arrays_that_are_no_trajectory_are_one_clear_line(
-    tmp_path: Path, arrays: dict[str, np.ndarray], name: str
+    tmp_path: Path, arrays: dict[str, np.ndarray], name: str, motion: Motion
 ) -> None:
     path = tmp_path / "trajectory.npz"
     np.savez_compressed(path, **{**arrays, name: CHANGES[name](arrays[name])})
     with pytest.raises(
         KinemimicError, match=r"trajectory\.npz: expected a trajectory, found .*; run `evaluate` ag"
     ):
-        Trajectory.load(path)
+        Trajectory.load(path, motion)
 
 
 @pytest.mark.parametrize("cut", [np.s_[:0], np.s_[:, :0]])
 def test_no_rollouts_or_frames_are_no_trajectory(
-    tmp_path: Path, arrays: dict[str, np.ndarray], cut: Any
+    tmp_path: Path, arrays: dict[str, np.ndarray], cut: Any, motion: Motion
 ) -> None:
     kept = {
         name: a[cut] if name not in ("schema", "reward_names") and a.ndim > 1 else a
@@ -83,7 +83,7 @@ def test_no_rollouts_or_frames_are_no_trajectory(
     }
     np.savez_compressed(tmp_path / "trajectory.npz", **kept)
     with pytest.raises(KinemimicError, match="found no rollouts"):
-        Trajectory.load(tmp_path / "trajectory.npz")
+        Trajectory.load(tmp_path / "trajectory.npz", motion)
 
 
 def _marked(content: bytes, field: int, value: int) -> bytes:
@@ -97,18 +97,18 @@ def _marked(content: bytes, field: int, value: int) -> bytes:
 
 @pytest.mark.parametrize(("field", "value"), [(8, 1), (10, 1), (10, 9), (10, 12), (10, 14), (10, 98)])
 def test_an_archive_that_is_encrypted_or_packed_otherwise_is_one_clear_line(
-    tmp_path: Path, arrays: dict[str, np.ndarray], field: int, value: int
+    tmp_path: Path, arrays: dict[str, np.ndarray], field: int, value: int, motion: Motion
 ) -> None:
     path = tmp_path / "trajectory.npz"
     np.savez_compressed(path, **arrays)
     path.write_bytes(_marked(path.read_bytes(), field, value))
     with pytest.raises(KinemimicError, match="found a damaged or another file"):
-        Trajectory.load(path)
+        Trajectory.load(path, motion)
 
 
 @pytest.mark.parametrize("rows", [2**33, 2**62, -1])
 def test_a_header_that_announces_more_than_there_is_is_one_clear_line(
-    tmp_path: Path, arrays: dict[str, np.ndarray], rows: int
+    tmp_path: Path, arrays: dict[str, np.ndarray], rows: int, motion: Motion
 ) -> None:
     path, header = tmp_path / "trajectory.npz", io.BytesIO()
     np.lib.format.write_array_header_1_0(header, {"descr": "<f8", "fortran_order": False, "shape": (rows,)})
@@ -116,18 +116,18 @@ def test_a_header_that_announces_more_than_there_is_is_one_clear_line(
     with zipfile.ZipFile(path, "a") as archive:
         archive.writestr("root.npy", header.getvalue())
     with pytest.raises(KinemimicError, match="found a damaged or another file"):
-        Trajectory.load(path)
+        Trajectory.load(path, motion)
 
 
 def test_what_unpacks_to_more_than_fits_is_not_unpacked(
-    tmp_path: Path, arrays: dict[str, np.ndarray], monkeypatch: pytest.MonkeyPatch
+    tmp_path: Path, arrays: dict[str, np.ndarray], monkeypatch: pytest.MonkeyPatch, motion: Motion
 ) -> None:
     path = tmp_path / "trajectory.npz"
     np.savez_compressed(path, **arrays)
     module = importlib.import_module("kinemimic.train.rollout.trajectory")
     monkeypatch.setattr(module, "_LIMIT", sum(array.nbytes for array in arrays.values()))
     with pytest.raises(KinemimicError, match="found a damaged or another file"):
-        Trajectory.load(path)
+        Trajectory.load(path, motion)
 
 
 def test_what_an_engine_overwrites_is_kept(motion: Motion, puppets, monkeypatch: pytest.MonkeyPatch) -> None:
