@@ -45,13 +45,14 @@ class FolderState:
             )
         self._sound.add(file)
         for name, made_from in entry.inputs.items():
+            # The file that is wrong itself, rather than those that were made from it.
+            self._require(name)
             present = self.sha256(name)
             if made_from is not None and present is not None and present != made_from:
                 raise KinemimicError(
                     f"{self.run / file}: expected to be made from {name} beside it, found made from another; "
                     f"run `{command(stage, self.run)}` again"
                 )
-            self._require(name)
 
     @cached_property
     def _sound(self) -> set[str]:
