@@ -279,7 +279,7 @@ def test_a_video_is_the_film_in_real_time(run: Path, walk: Motion, capfd: pytest
     pictures, rate = frames_of(movie)
     movie.unlink()
     assert (len(pictures), rate) == (30, 30.0)
-    scene = scene_of(Trajectory.load(run / "trajectory.npz"), walk)
+    scene = scene_of(loaded(run), walk)
     drawn = list(render_frames(scene, range(30), camera="side", size=(160, 120), theme="dark"))
     for frame in (0, 29):
         off = [np.abs(pictures[frame][..., ::-1].astype(int) - one).mean() for one in drawn]
