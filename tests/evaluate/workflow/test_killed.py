@@ -2,15 +2,20 @@
 
 from __future__ import annotations
 
+import shutil
+import signal
+import time
 from pathlib import Path
 
 import numpy as np
 import pytest
-from peers.killing import check_files, finish, kill_after, without_clock
+from peers.killing import check_files, finish, kill_after, start, vanishes, without_clock
 
 from kinemimic.evaluate.workflow.run import RUN_STAGES
-from kinemimic.pipeline.files.stages import stage_named
+from kinemimic.pipeline.files.stages import VIRTUAL_CAPTURE, stage_named
 from kinemimic.pipeline.files.store import read_json
+from kinemimic.pipeline.run_folder.lock import locked
+from kinemimic.pipeline.run_folder.stage import recovered
 
 ARGUMENTS = ("--no-refine", "--budget", "2048", "--engine", "pybullet", "--json")
 
@@ -35,8 +40,80 @@ def kill_and_compare(folder: Path, moments: int) -> None:
     assert scores[0] == scores[1]
 
 
+# The option changes every file of the stage.
+STAGES = {
+    "ingest": ("--filter", "butterworth"),
+    "convert": (),
+    "retarget": ("--ankle", "normal", "--no-refine"),
+    "evaluate": ("--engine", "pybullet"),
+    "view": (),
+    "gait": (),
+}
+
+
+def contents(folder: Path) -> dict[str, bytes]:
+    """The files of a finished run folder whose bytes are those of every equal run."""
+    # A recording's bytes differ whenever it is written, and with them those of the record.
+    return {
+        path.relative_to(folder).as_posix(): path.read_bytes()
+        for path in sorted(folder.rglob("*"))
+        if path.is_file() and path.name not in ("run.json", "view.rrd")
+    }
+
+
+def kill_stages(folder: Path, moments: int) -> None:
+    """Stages of a finished run, killed and repeated: the files of a stage are all old or all new."""
+    finished = folder / "finished"
+    finish("run", "--run", finished, *ARGUMENTS)
+    random = np.random.default_rng(moments)
+    for name, options in STAGES.items():
+        straight, killed = folder / f"{name}-straight", folder / f"{name}-killed"
+        for copy in (straight, killed):
+            shutil.copytree(finished, copy)
+        arguments = [name, *([finished / VIRTUAL_CAPTURE] if name == "ingest" else []), *options, "--run"]
+        seconds = finish(*arguments, straight)
+        before, after = contents(finished), contents(straight)
+        for _ in range(moments):
+            kill_after(random.uniform(0.1, 1.0) * seconds, *arguments, killed)
+            with locked(killed):
+                recovered(killed)
+            assert contents(killed) in (before, after), name
+        finish(*arguments, killed)
+        assert contents(killed) == after, name
+
+
 def test_a_killed_run_resumes(tmp_path: Path) -> None:
     kill_and_compare(tmp_path, moments=2)
+
+
+@pytest.mark.slow
+def test_stages_killed_at_twenty_moments_leave_all_old_or_all_new_files(tmp_path: Path) -> None:
+    kill_stages(tmp_path, moments=4)
+
+
+@pytest.mark.slow
+def test_of_two_runs_at_once_one_is_refused(tmp_path: Path) -> None:
+    """And if the other one is killed, the next run ends as if alone."""
+    straight, both = tmp_path / "straight", tmp_path / "both"
+    seconds = finish("run", "--run", straight, *ARGUMENTS)
+    random = np.random.default_rng(2)
+    for _ in range(20):
+        first = start("run", "--run", both, *ARGUMENTS)
+        time.sleep(random.uniform(0.0, 0.5) * seconds)
+        second = start("run", "--run", both, *ARGUMENTS)
+        time.sleep(random.uniform(0.0, 0.5) * seconds)
+        (first if random.random() < 0.5 else second).kill()
+        ends = [process.communicate()[1] for process in (first, second)]
+        codes = [process.returncode for process in (first, second)]
+        assert set(codes) <= {0, 2, -signal.SIGKILL}, ends
+        for code, error in zip(codes, ends, strict=True):
+            assert code != 2 or "in use by another kinemimic command" in error
+        assert vanishes(first.pid) and vanishes(second.pid)
+        check_files(both)
+    finish("run", "--run", both, *ARGUMENTS)
+    assert (straight / "policy.safetensors").read_bytes() == (both / "policy.safetensors").read_bytes()
+    motions = [(run / "motion.json").read_bytes() for run in (straight, both)]
+    assert motions[0] == motions[1]
 
 
 @pytest.mark.slow

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import resource
 import shutil
 from collections.abc import Callable
 from pathlib import Path
@@ -143,6 +144,21 @@ def test_a_file_of_another_run(
             commands, mend = ("evaluate", "view"), ""
     for command in commands:
         assert f"{mend}" in refused(command, "--run", run)
+
+
+def test_a_full_disk_changes_nothing(run: Path, refused: Callable[..., str]) -> None:
+    """motion.json, which is written before the disk is full, does not stand beside the earlier files."""
+    before = {path: path.read_bytes() for path in run.rglob("*") if path.is_file()}
+    limits = resource.getrlimit(resource.RLIMIT_FSIZE)
+    written = (run / "motion.json").stat().st_size
+    # motion.json fits, capture.parquet does not.
+    resource.setrlimit(resource.RLIMIT_FSIZE, (written + 1000, limits[1]))
+    try:
+        text = refused("retarget", "--no-refine", "--ankle", "normal", "--run", run)
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, limits)
+    assert text == f"kinemimic: {run / 'capture.parquet'}: file too large"
+    assert {path: path.read_bytes() for path in run.rglob("*") if path.is_file()} == before
 
 
 def test_another_seed_sets_the_scores_aside(run: Path, refused: Callable[..., str]) -> None:
