@@ -67,7 +67,8 @@ def kill_stages(folder: Path, moments: int) -> None:
     finish("run", "--run", finished, *ARGUMENTS)
     random = np.random.default_rng(moments)
     for name, options in STAGES.items():
-        straight, killed = folder / f"{name}-straight", folder / f"{name}-killed"
+        # Pages show the name of the run folder.
+        straight, killed = folder / "straight" / name, folder / "killed" / name
         for copy in (straight, killed):
             shutil.copytree(finished, copy)
         arguments = [name, *([finished / VIRTUAL_CAPTURE] if name == "ingest" else []), *options, "--run"]
