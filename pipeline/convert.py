@@ -9,9 +9,10 @@ from typing import Any
 
 import click
 import numpy as np
-from rich.console import Console
 
 from kinemimic.pipeline.cli.options import json_option, run_option
+from kinemimic.pipeline.cli.printable import echo
+from kinemimic.pipeline.cli.terminal import show
 from kinemimic.pipeline.files.provenance import provenance
 from kinemimic.pipeline.files.store import file_hash, read_clip, read_json, write_clip, write_json
 from kinemimic.pipeline.kinematics.clip import Clip
@@ -115,8 +116,8 @@ def command(run: Path, as_json: bool) -> None:
     if as_json:
         click.echo(json.dumps(report, indent=2))
     else:
-        Console(highlight=False, markup=False).print(table(report), crop=False)
-        click.echo(_orientation_line(read_json(run / "orientation.json")))
+        show(table(report))
+        echo(_orientation_line(read_json(run / "orientation.json")))
 
 
 def _orientation_line(orientation: dict[str, Any]) -> str:

@@ -8,9 +8,9 @@ from pathlib import Path
 from typing import Any
 
 import click
-from rich.console import Console
 
 from kinemimic.pipeline.cli.options import json_option, overwrite_option, run_option
+from kinemimic.pipeline.cli.terminal import show
 from kinemimic.pipeline.errors import CaptureError, KinemimicError
 from kinemimic.pipeline.files.provenance import provenance
 from kinemimic.pipeline.files.sidecars import note_path, read_note, read_truth, truth_path
@@ -119,4 +119,4 @@ def command(
     if as_json:
         click.echo(json.dumps(report, indent=2))
     else:
-        Console(highlight=False, markup=False).print(quality_table(report), crop=False)
+        show(quality_table(report))

@@ -11,6 +11,7 @@ import click
 import numpy as np
 
 from kinemimic.pipeline.cli.options import json_option, run_option
+from kinemimic.pipeline.cli.printable import echo
 from kinemimic.pipeline.convert import on_nodes
 from kinemimic.pipeline.errors import KinemimicError
 from kinemimic.pipeline.files.provenance import provenance
@@ -280,4 +281,4 @@ def command(
         segment=segment,
     )
     report = read_json(run / "gait.json")
-    click.echo(json.dumps(report, indent=2) if as_json else "\n".join(_table(report)))
+    echo(json.dumps(report, indent=2) if as_json else "\n".join(_table(report)))

@@ -14,6 +14,7 @@ import click
 from kinemimic.evaluate.export.motion_source import SOURCES, MotionSource, source_of_mcap, sources_of_run
 from kinemimic.evaluate.policies.shipped import POLICY, run_options
 from kinemimic.pipeline.cli.options import json_option
+from kinemimic.pipeline.cli.printable import echo
 from kinemimic.pipeline.cli.terminal import grid, show
 from kinemimic.pipeline.errors import KinemimicError
 from kinemimic.pipeline.files.provenance import provenance
@@ -198,7 +199,7 @@ def command(
         if out is None:
             written = [replace(one, path=run / "export" / one.path.relative_to(into)) for one in written]
     if as_json:
-        click.echo(json.dumps([one.record() for one in written], indent=2, ensure_ascii=False))
+        click.echo(json.dumps([one.record() for one in written], indent=2))
         return
     table = grid("file", "frames", "Hz", "KB", left=1)
     table.add_column("", overflow="fold")
@@ -211,4 +212,4 @@ def command(
             one.note,
         )
     show(table)
-    click.echo(f"in {written[0].path.parent}")
+    echo(f"in {written[0].path.parent}")

@@ -45,7 +45,7 @@ def command(as_json: bool) -> None:
     policies = shipped_policies()
     found = [summary(name, policies.folder) for name in policies.names()]
     if as_json:
-        click.echo(json.dumps(found, indent=2, ensure_ascii=False))
+        click.echo(json.dumps(found, indent=2))
         return
     table = grid("policy", "frames", "phases", "R² knee", "R² hip", "speed", "samples")
     table.add_column("", overflow="fold")

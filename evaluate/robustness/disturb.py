@@ -153,7 +153,7 @@ def command(
     if not scenarios:
         descriptions = {name: scenario(name).about for name in shipped_scenarios()}
         if as_json:
-            click.echo(json.dumps(descriptions, indent=2, ensure_ascii=False))
+            click.echo(json.dumps(descriptions, indent=2))
         else:
             show(_list(descriptions))
         return

@@ -9,7 +9,7 @@ from typing import Any
 
 import click
 import numpy as np
-from rich.console import Console, Group, RenderableType
+from rich.console import Group, RenderableType
 from rich.table import Table
 from rich.text import Text
 
@@ -30,6 +30,7 @@ from kinemimic.evaluate.robustness.push_trials import (
 )
 from kinemimic.pipeline.cli.options import json_option
 from kinemimic.pipeline.cli.progress import progress
+from kinemimic.pipeline.cli.terminal import show
 from kinemimic.pipeline.files.provenance import provenance
 from kinemimic.pipeline.files.store import file_hash, write_json
 from kinemimic.pipeline.parallel.task_pool import parallel_map
@@ -171,4 +172,4 @@ def command(run: Path, workers: int | None, engine: str, as_json: bool) -> None:
     if as_json:
         click.echo(json.dumps(result, indent=2))
     else:
-        Console(highlight=False).print(table(result))
+        show(table(result))

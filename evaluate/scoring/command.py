@@ -8,7 +8,7 @@ from typing import Any
 
 import click
 import numpy as np
-from rich.console import Console, Group, RenderableType
+from rich.console import Group, RenderableType
 from rich.table import Table
 from rich.text import Text
 
@@ -27,6 +27,7 @@ from kinemimic.evaluate.scoring.scores import compose
 from kinemimic.pipeline.cli.html import number
 from kinemimic.pipeline.cli.options import json_option
 from kinemimic.pipeline.cli.progress import progress
+from kinemimic.pipeline.cli.terminal import show
 from kinemimic.pipeline.files.provenance import provenance
 from kinemimic.pipeline.files.store import file_hash, write_json, write_text
 from kinemimic.pipeline.gait.curve_metrics import MEASURES, SCORED_JOINTS
@@ -187,4 +188,4 @@ def command(run: Path, workers: int | None, engine: str, as_json: bool) -> None:
         click.echo(json.dumps(scores, indent=2))
     else:
         # Without wrapping: a path broken over two lines cannot be opened.
-        Console(highlight=False).print(table(scores, run), soft_wrap=True)
+        show(table(scores, run), wrap=False)

@@ -9,7 +9,7 @@ from typing import Any
 
 import click
 import numpy as np
-from rich.console import Console, Group, RenderableType
+from rich.console import Group, RenderableType
 from rich.table import Table
 from rich.text import Text
 
@@ -17,6 +17,7 @@ from kinemimic.evaluate.scoring.gait_page import NO_VALUE, ROWS, gait_page, note
 from kinemimic.evaluate.scoring.gait_report import gait_report
 from kinemimic.evaluate.scoring.gait_subjects import GaitSubject, captured
 from kinemimic.pipeline.cli.options import json_option, run_option
+from kinemimic.pipeline.cli.terminal import show
 from kinemimic.pipeline.errors import KinemimicError
 from kinemimic.pipeline.files.provenance import provenance
 from kinemimic.pipeline.files.store import file_hash, write_json, write_text
@@ -111,4 +112,4 @@ def command(run: Path, as_json: bool) -> None:
     if as_json:
         click.echo(json.dumps(report, indent=2))
     else:
-        Console(highlight=False, markup=False).print(table(report, run), soft_wrap=True)
+        show(table(report, run), wrap=False)

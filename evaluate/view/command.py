@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import re
+import shlex
 import shutil
 import sys
 from dataclasses import replace
@@ -36,6 +37,7 @@ from kinemimic.evaluate.view.scene import (
     place_side_by_side,
 )
 from kinemimic.pipeline.cli.options import json_option
+from kinemimic.pipeline.cli.printable import echo
 from kinemimic.pipeline.files.store import atomic, content_hash, read_json
 from kinemimic.pipeline.files.video import require_encoder
 from kinemimic.pipeline.run_folder.stage import stage
@@ -150,9 +152,12 @@ def write_recording(
 
 
 def how_to_open(recording: Path) -> str:
-    """The command that opens a recording; with the environment's viewer if none is on the PATH."""
+    """The command that opens a recording; with the environment's viewer if none is on the PATH.
+
+    Without --bind, the viewer would accept connections from the network.
+    """
     viewer = "rerun" if shutil.which("rerun") else str(Path(sys.executable).with_name("rerun"))
-    return f"open it with: {viewer} {recording}"
+    return f"open it with: {viewer} --bind 127.0.0.1 {shlex.quote(str(recording))}"
 
 
 def _evaluate_if_needed(run: Path) -> None:
@@ -257,6 +262,6 @@ def command(
     if as_json:
         click.echo(json.dumps({name: path and path.as_posix() for name, path in made.items()}))
     else:
-        click.echo(f"{recording} ({how_to_open(recording)})")
+        echo(f"{recording} ({how_to_open(recording)})")
         for path in filter(None, (picture, movie)):
-            click.echo(str(path))
+            echo(str(path))

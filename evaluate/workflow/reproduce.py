@@ -15,6 +15,7 @@ from kinemimic.evaluate.policies.shipped import MOTION, POLICY, RECORD, SCORES, 
 from kinemimic.evaluate.workflow.run import run as run_stages
 from kinemimic.pipeline.catalog.local_files import captures_folder
 from kinemimic.pipeline.cli.options import json_option
+from kinemimic.pipeline.cli.printable import echo
 from kinemimic.pipeline.errors import KinemimicError
 from kinemimic.pipeline.files.store import copy_file, file_hash, read_json, write_json
 from kinemimic.train.sim.options import engine_option
@@ -119,7 +120,7 @@ def reproduce(
             "evaluate": {"engine": engine},
         }
         if not quiet:
-            click.secho(f"{recipe.name}: {recipe.description}", bold=True)
+            echo(f"{recipe.name}: {recipe.description}", bold=True)
         run_stages(source, runs / recipe.name, options=options, quiet=quiet)
         made.append(publish(runs / recipe.name, recipe, into))
     return made
@@ -182,4 +183,4 @@ def command(
     if as_json:
         click.echo(json.dumps([folder.as_posix() for folder in made]))
     else:
-        click.echo("\n".join(str(folder) for folder in made))
+        echo("\n".join(str(folder) for folder in made))

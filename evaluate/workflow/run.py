@@ -181,14 +181,13 @@ def command(
         click.echo(json.dumps({**stages, **paths, "scores": outcome.scores}, indent=2))
         return
     # Import cost: these modules load the simulation.
-    from rich.console import Console  # noqa: PLC0415
-
     from kinemimic.evaluate.scoring.command import table  # noqa: PLC0415
     from kinemimic.evaluate.view.command import how_to_open  # noqa: PLC0415
+    from kinemimic.pipeline.cli.terminal import show  # noqa: PLC0415
 
     click.echo()
     # Without wrapping: a path broken over two lines cannot be opened.
-    Console(highlight=False).print(table(dict(outcome.scores), folder), soft_wrap=True)
+    show(table(dict(outcome.scores), folder), wrap=False)
     click.echo(f"recording: {recording} ({how_to_open(recording)})")
 
 

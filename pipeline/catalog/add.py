@@ -13,6 +13,7 @@ import click
 from kinemimic.pipeline.catalog.entry import Catalog, Collection, Entry
 from kinemimic.pipeline.catalog.load import NONE, SCHEMA, parse_catalog
 from kinemimic.pipeline.cli.options import json_option
+from kinemimic.pipeline.cli.printable import echo
 from kinemimic.pipeline.errors import CaptureError, KinemimicError
 from kinemimic.pipeline.files.store import atomic, file_hash
 from kinemimic.pipeline.files.toml_text import quoted
@@ -220,10 +221,10 @@ def command(file: Path, catalog: Path, collection: str, as_json: bool, **given: 
     entry, note = add(file, catalog, collection, path=path, name=name, **given)
     if as_json:
         record = {**asdict(entry), "url": entry.url, "note": note}
-        click.echo(json.dumps(record, indent=2, ensure_ascii=False))
+        click.echo(json.dumps(record, indent=2))
         return
     if note:
-        click.echo(note, err=True)
+        echo(note, err=True)
     rate = "" if entry.frame_rate is None else f", {entry.frame_rate:.4g} Hz"
-    click.echo(f"{catalog}: {entry.name}: {entry.format or 'unknown format'}{rate}, {entry.bytes:,} bytes")
-    click.echo(entry.url)
+    echo(f"{catalog}: {entry.name}: {entry.format or 'unknown format'}{rate}, {entry.bytes:,} bytes")
+    echo(entry.url)

@@ -14,6 +14,7 @@ from pathlib import Path
 
 import requests
 import urllib3
+from requests.exceptions import InvalidSchema, InvalidURL, MissingSchema
 
 from kinemimic.pipeline.catalog.entry import Entry
 from kinemimic.pipeline.errors import KinemimicError
@@ -23,6 +24,7 @@ _OK, _PARTIAL, _UNSATISFIABLE = 200, 206, 416
 _RETRYABLE = frozenset({408, 425, 429, 500, 502, 503, 504})
 _MAX_PAUSE = 60.0  # s, even if the server asks for more
 # Only a strong ETag guarantees identical bytes.
+_CREDENTIALS = re.compile(r"(?<=//)[^\s/]*@|(?<![^\s'\"])[^\s/:]+:[^\s/]*@")
 _STRONG_ETAG = re.compile(r'"[\x21\x23-\x7e]{0,200}"')
 
 
@@ -33,6 +35,11 @@ class RetryPolicy:
     connect: float = 10.0
     read: float = 30.0
     pauses: tuple[float, ...] = (1.0, 2.0, 4.0)
+
+
+def without_credentials(text: str) -> str:
+    """A text without the user names and passwords of the URLs in it, such as that of a mirror or a proxy."""
+    return _CREDENTIALS.sub("", text)
 
 
 class UnreachableError(KinemimicError):
@@ -129,6 +136,11 @@ class Download:
                         raise self._wrong_size(url, file, "more")
                     file.write(chunk)
                     self.advance(len(chunk))
+        except requests.TooManyRedirects:
+            raise self._refused(url, f"more than {self.session.max_redirects} redirects") from None
+        except (InvalidSchema, MissingSchema, InvalidURL, ValueError) as error:
+            # Of a redirect, or of a mirror that is no URL.
+            raise self._refused(url, f"an address that is not fetched ({error})") from None
         except (requests.RequestException, urllib3.exceptions.HTTPError) as error:
             raise self._retryable(error) from None
         if file.tell() < self.entry.bytes:
@@ -179,6 +191,10 @@ class Download:
             f"{self.entry.name}: expected {self.entry.bytes:,} bytes, found {found} at {url}; "
             "the download was discarded"
         )
+
+    def _refused(self, url: str, found: str) -> KinemimicError:
+        """The error for an answer that another attempt would not change."""
+        return KinemimicError(f"{self.entry.name}: expected the file at {url}, found {found}")
 
     def _retryable(self, error: Exception) -> _RetryableError:
         reason = getattr(error.args[0] if error.args else None, "reason", None)

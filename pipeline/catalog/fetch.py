@@ -14,12 +14,13 @@ import pooch
 import requests
 
 from kinemimic.pipeline.catalog import options
-from kinemimic.pipeline.catalog.download import Download, RetryPolicy, UnreachableError
+from kinemimic.pipeline.catalog.download import Download, RetryPolicy, UnreachableError, without_credentials
 from kinemimic.pipeline.catalog.entry import HOST, Entry, collections_of
 from kinemimic.pipeline.catalog.load import CATALOG, load_catalog
 from kinemimic.pipeline.catalog.local_files import captures_folder, target_path
 from kinemimic.pipeline.cli.main import BAD_INPUT
 from kinemimic.pipeline.cli.options import json_option
+from kinemimic.pipeline.cli.printable import echo
 from kinemimic.pipeline.cli.progress import progress
 from kinemimic.pipeline.errors import KinemimicError
 from kinemimic.pipeline.files.store import file_hash
@@ -82,7 +83,7 @@ def fetch(
                     _retrieve(entry, path, entry.url_at(source), download)
                 present[entry.name] = path
             except KinemimicError as error:
-                failures.append(str(error))
+                failures.append(without_credentials(str(error)))
                 if isinstance(error, UnreachableError) and (left := len(wanted) - done - 1):
                     failures.append(f"{left} more files were not tried, for the same reason")
                     break
@@ -98,14 +99,22 @@ def _source(mirror: str | Path | None) -> str | Path:
     """The folder, or the base of all URLs."""
     if mirror is None:
         return HOST
-    parts = urlsplit(str(mirror))
+    shown = without_credentials(str(mirror))
     if isinstance(mirror, str) and "://" in mirror:
-        if parts.scheme not in ("http", "https") or not parts.hostname:
-            raise KinemimicError(f"expected the folder or http(s) URL of a mirror, found {mirror!r}")
+        if not _is_web_address(mirror):
+            raise KinemimicError(f"expected the folder or http(s) URL of a mirror, found {shown!r}")
         return mirror
     if not Path(mirror).is_dir():
-        raise KinemimicError(f"{mirror}: expected the folder of a mirror, found none")
+        raise KinemimicError(f"{shown}: expected the folder of a mirror, found none")
     return Path(mirror)
+
+
+def _is_web_address(text: str) -> bool:
+    try:
+        parts = urlsplit(text)
+        return parts.scheme in ("http", "https") and bool(parts.hostname) and parts.port != 0
+    except ValueError:  # no number as the port, or an unclosed bracket
+        return False
 
 
 class _Copy:
@@ -183,7 +192,7 @@ def command(
     catalog = load_catalog(catalog_file or CATALOG)
     entries = catalog.entries if everything else catalog.select(names)
     for collection in collections_of(catalog, entries):
-        click.echo(f"{collection.name}: licence: {collection.licence}; from: {collection.citation}", err=True)
+        echo(f"{collection.name}: licence: {collection.licence}; from: {collection.citation}", err=True)
     fetched = fetch(entries, captures_folder(folder), mirror=mirror)
     if as_json:
         record = {
@@ -191,13 +200,13 @@ def command(
             "failures": fetched.failures,
             "replaced": [str(path) for path in fetched.replaced],
         }
-        click.echo(json.dumps(record, indent=2, ensure_ascii=False))
+        click.echo(json.dumps(record, indent=2))
     else:
         for path in fetched.paths:
-            click.echo(path)
+            echo(str(path))
     for path in fetched.replaced:
-        click.echo(f"{path}: replaced a file with other content", err=True)
+        echo(f"{path}: replaced a file with other content", err=True)
     for failure in fetched.failures:
-        click.echo(f"kinemimic: {failure}", err=True)
+        echo(f"kinemimic: {failure}", err=True)
     if fetched.failures:
         ctx.exit(BAD_INPUT)

@@ -15,6 +15,7 @@ from kinemimic.pipeline.catalog.entry import Collection, Entry, collections_of
 from kinemimic.pipeline.catalog.load import CATALOG, load_catalog
 from kinemimic.pipeline.catalog.local_files import captures_folder, is_present
 from kinemimic.pipeline.cli.options import json_option
+from kinemimic.pipeline.cli.printable import echo
 from kinemimic.pipeline.cli.terminal import grid, key_value_table, show
 
 _MIN_WIDTH = 12  # characters of a column that wraps
@@ -40,7 +41,7 @@ def command(patterns: tuple[str, ...], folder: Path | None, catalog_file: Path |
     chosen = [(one, [entry for entry in one.entries if entry in wanted]) for one in collections]
     if as_json:
         records = [_record(one, own, place) for one, own in chosen]
-        click.echo(json.dumps(records, indent=2, ensure_ascii=False))
+        click.echo(json.dumps(records, indent=2))
     elif patterns and len(chosen) == 1:
         _show_one(*chosen[0], place)
     else:
@@ -83,7 +84,7 @@ def _show_all(chosen: Sequence[tuple[Collection, Sequence[Entry]]], place: Path)
     here = sum(is_present(entry, place) for entry in entries)
     show(table)
     # Without rich, which would wrap the path.
-    click.echo(
+    echo(
         f"\n{len(chosen)} collections, {len(entries)} files, {_size(sum(e.bytes for e in entries))}; "
         f"{here} of the files in {place}"
     )
@@ -98,10 +99,10 @@ def _show_one(collection: Collection, entries: Sequence[Entry], place: Path) -> 
         row = (entry.format or "-", _size(entry.bytes), _rates([entry]))
         table.add_row(entry.file, *row, "yes" if is_present(entry, place) else "-")
     show(f"{collection.name}\n", summary)
-    click.echo(f"URL       https://github.com/{collection.repository}/tree/{collection.commit}\n")
+    echo(f"URL       https://github.com/{collection.repository}/tree/{collection.commit}\n")
     show(table)
     if len(entries) == 1:
-        click.echo(f"\n{entries[0].url}\nSHA-256 {entries[0].sha256}")
+        echo(f"\n{entries[0].url}\nSHA-256 {entries[0].sha256}")
 
 
 def _first_clause(text: str) -> str:

@@ -14,6 +14,7 @@ from kinemimic.pipeline.catalog.entry import Catalog, Entry, collections_of
 from kinemimic.pipeline.catalog.load import CATALOG, load_catalog
 from kinemimic.pipeline.catalog.local_files import captures_folder
 from kinemimic.pipeline.cli.options import json_option
+from kinemimic.pipeline.cli.printable import echo
 from kinemimic.pipeline.cli.progress import progress
 from kinemimic.pipeline.errors import KinemimicError
 from kinemimic.pipeline.files.store import file_hash
@@ -110,15 +111,15 @@ def command(
     entries = catalog.select(names) if names else catalog.entries
     found = verify(catalog, entries, place)
     if as_json:
-        click.echo(json.dumps({"folder": str(place), **asdict(found)}, indent=2, ensure_ascii=False))
+        click.echo(json.dumps({"folder": str(place), **asdict(found)}, indent=2))
     else:
         for name, what in found.wrong.items():
-            click.echo(f"wrong    {name}: {what}")
+            echo(f"wrong    {name}: {what}")
         for line in _by_collection(catalog, found.missing):
-            click.echo(f"missing  {line}")
+            echo(f"missing  {line}")
         for name in found.unknown:
-            click.echo(f"unknown  {name}")
-        click.echo(
+            echo(f"unknown  {name}")
+        echo(
             f"{place}: {len(found.right)} right, {len(found.wrong)} wrong, {len(found.missing)} missing, "
             f"{len(found.unknown)} unknown to the catalogue"
         )

@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from kinemimic.pipeline.cli.palette import PALETTE
+from kinemimic.pipeline.cli.printable import printable
 
 _TEMPLATES = Path(__file__).with_name("templates")
 
@@ -29,7 +30,8 @@ def render(template: Path, **values: Any) -> str:
     )
     environment.filters |= {"number": number, "inline_svg": inline_svg, "flat": _flat}
     environment.globals["palette"] = PALETTE
-    return environment.get_template(template.name).render(values)
+    # The whole page, because a macro or a filter may have joined text of a file with its own.
+    return printable(environment.get_template(template.name).render(values))
 
 
 def number(value: float | None, digits: int) -> str:

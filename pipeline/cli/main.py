@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 import logging
 import os
 import sys
@@ -10,6 +11,7 @@ from typing import Any, NoReturn
 import click
 
 from kinemimic.pipeline.cli.lazy_group import LazyGroup, load
+from kinemimic.pipeline.cli.printable import echo, replace_what_cannot_be_encoded
 from kinemimic.pipeline.errors import KinemimicError
 
 # Each command is named by a string and imported when it runs: the command line belongs to the lowest layer,
@@ -99,6 +101,7 @@ def cli() -> None:
 
 def main(arguments: list[str] | None = None) -> NoReturn:
     """Entry point: errors that the user can fix are one line on stderr; only a bug shows a traceback."""
+    replace_what_cannot_be_encoded()
     sys.exit(_status(arguments))
 
 
@@ -109,14 +112,16 @@ def _status(arguments: list[str] | None) -> int:
     except KinemimicError as error:
         return _fail(str(error))
     except click.ClickException as error:
-        error.show()
+        shown = io.StringIO()
+        error.show(file=shown)
+        echo(shown.getvalue(), err=True, nl=False)
         return error.exit_code
     except click.Abort as abort:
         # click turns an EOFError into an Abort too; here it comes from a lost pipe and is a bug.
         if isinstance(abort.__cause__, EOFError):
             raise abort.__cause__ from None
         message = str(abort.__cause__ or "")
-        click.echo("kinemimic: interrupted" + (f"; {message}" if message else ""), err=True)
+        echo("kinemimic: interrupted" + (f"; {message}" if message else ""), err=True)
         return INTERRUPTED
     except ConnectionError:
         # The reader of our output has gone (`kinemimic … | head`); any other lost connection is a bug.
@@ -130,7 +135,7 @@ def _status(arguments: list[str] | None) -> int:
 
 
 def _fail(message: str) -> int:
-    click.echo("kinemimic: " + " ".join(message.split()), err=True)
+    echo("kinemimic: " + " ".join(message.split()), err=True)
     return BAD_INPUT
 
 

@@ -3,22 +3,43 @@
 from __future__ import annotations
 
 import os
+from collections.abc import Iterable
+from typing import Any
 
-from rich.console import Console, RenderableType
+from rich.console import Console, ConsoleOptions, RenderableType
+from rich.segment import Segment
 from rich.table import Table
 from rich.text import Text
+
+from kinemimic.pipeline.cli.printable import printable
 
 # Characters, if stdout is not a terminal.
 WIDTH = 100
 
 
-def show(*parts: RenderableType) -> None:
-    """Print to stdout; text wraps at the width of the terminal."""
-    console = Console(highlight=False, markup=False)
-    if not console.is_terminal and "COLUMNS" not in os.environ:
-        console = Console(highlight=False, markup=False, width=WIDTH)
+class PrintableConsole(Console):
+    """A console that prints control characters of texts as their numbers; style is applied afterwards."""
+
+    def render_str(self, text: str, **options: Any) -> Text:
+        """A string as Text; before the columns of a table get their widths."""
+        return super().render_str(printable(text), **options)
+
+    def render(self, renderable: RenderableType, options: ConsoleOptions | None = None) -> Iterable[Segment]:
+        """The segments of any renderable, texts and cells of tables included."""
+        for segment in super().render(renderable, options):
+            yield segment if segment.control else Segment(printable(segment.text), segment.style)
+
+
+def show(*parts: RenderableType, wrap: bool = True) -> None:
+    """Print to stdout; text wraps at the width of the terminal.
+
+    wrap: False for reports with paths, which cannot be opened if they are broken over two lines.
+    """
+    console = PrintableConsole(highlight=False, markup=False)
+    if wrap and not console.is_terminal and "COLUMNS" not in os.environ:
+        console = PrintableConsole(highlight=False, markup=False, width=WIDTH)
     for part in parts:
-        console.print(part, crop=False)
+        console.print(part, crop=False, soft_wrap=not wrap)
 
 
 def grid(*columns: str, left: int = 1, gap: int = 2) -> Table:

@@ -13,6 +13,7 @@ import click
 
 from kinemimic.pipeline.cli.main import BAD_INPUT, INTERRUPTED
 from kinemimic.pipeline.cli.options import json_option, rate_option, unit_option
+from kinemimic.pipeline.cli.printable import echo
 from kinemimic.pipeline.cli.progress import progress
 from kinemimic.pipeline.cli.terminal import show
 from kinemimic.pipeline.errors import CaptureError, KinemimicError
@@ -83,7 +84,7 @@ def command(
                 found.append(one)
                 bar.advance()
     except KeyboardInterrupt:
-        click.echo(f"kinemimic: interrupted after {len(found)} of {len(files)} files", err=True)
+        echo(f"kinemimic: interrupted after {len(found)} of {len(files)} files", err=True)
         status = INTERRUPTED
     if not found:
         return status
@@ -111,8 +112,8 @@ def _suggest(paths: Sequence[Path]) -> int:
     source = Source.open(paths[0])
     with contextlib.suppress(CaptureError):
         known = reader_of(source).FORMAT.name
-        click.echo(f"kinemimic: {paths[0]} needs no description: it is read as {known}", err=True)
-    click.echo(suggest(source), nl=False)
+        echo(f"kinemimic: {paths[0]} needs no description: it is read as {known}", err=True)
+    echo(suggest(source), nl=False)
     return 0
 
 

@@ -26,7 +26,7 @@ def command(as_json: bool) -> None:
     if as_json:
         keys = ("name", "sensor", "holds", "recognised_by", "sidecar_file", "binary")
         records = [{key: getattr(one, key) for key in keys} for one in formats()]
-        click.echo(json.dumps(records, indent=2, ensure_ascii=False))
+        click.echo(json.dumps(records, indent=2))
         return
     table = Table(box=None, pad_edge=False, padding=(0, 2, 1, 0), header_style="bold")
     for heading, ratio in (

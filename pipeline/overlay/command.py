@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from kinemimic.pipeline.arrays import Array
 from kinemimic.pipeline.cli.options import json_option
+from kinemimic.pipeline.cli.printable import echo
 from kinemimic.pipeline.cli.progress import progress
 from kinemimic.pipeline.errors import CaptureError, KinemimicError
 from kinemimic.pipeline.files.store import read_clip
@@ -162,4 +163,4 @@ def command(folder: Path, run: Path | None, view: str | None, out: Path, as_json
     if as_json:
         click.echo(json.dumps({**asdict(drawn), "path": drawn.path.as_posix()}))
     else:
-        click.echo(f"{drawn.path}: {drawn.frames} frames, {drawn.joints} joints drawn on {drawn.view}")
+        echo(f"{drawn.path}: {drawn.frames} frames, {drawn.joints} joints drawn on {drawn.view}")

@@ -1,15 +1,20 @@
-"""Defer Ctrl-C and SIGTERM while work must not be interrupted.
+"""Defer Ctrl-C, SIGTERM and SIGHUP (the terminal was closed) while work must not be interrupted.
 
 The first signal is recorded, the second interrupts.
 """
 
 from __future__ import annotations
 
+import contextlib
+import os
 import signal
+import stat
 import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
 from types import FrameType
+
+SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 
 
 class Interruption:
@@ -18,28 +23,42 @@ class Interruption:
     def __init__(self) -> None:
         self.asked = False
 
-    def note(self, _number: int = 0, _frame: FrameType | None = None) -> None:
+    def note(self, number: int = 0, _frame: FrameType | None = None) -> None:
         """The signal handler; raises KeyboardInterrupt at the second signal."""
-        if self.asked:
+        if number == signal.SIGHUP:
+            # Shell and kernel may both send one: further ones are no second request.
+            _leave_the_terminal()
+        elif self.asked:
             raise KeyboardInterrupt
         self.asked = True
 
 
 @contextmanager
 def deferred() -> Iterator[Interruption]:
-    """Send SIGINT and SIGTERM to the Interruption that this yields; restore the earlier handlers afterwards.
+    """Send SIGINT, SIGTERM and SIGHUP to the Interruption that this yields; restore the handlers afterwards.
 
     Only the main thread may set handlers; in any other thread, no signal is caught. A signal that is ignored
-    stays ignored, as SIGINT is for a job in the background.
+    stays ignored, as SIGINT is for a job in the background, and SIGHUP under `nohup`.
     """
     interruption = Interruption()
     if threading.current_thread() is not threading.main_thread():
         yield interruption
         return
-    heeded = (n for n in (signal.SIGINT, signal.SIGTERM) if signal.getsignal(n) != signal.SIG_IGN)
+    heeded = (n for n in SIGNALS if signal.getsignal(n) != signal.SIG_IGN)
     earlier = {number: signal.signal(number, interruption.note) for number in heeded}
     try:
         yield interruption
     finally:
         for number, handler in earlier.items():
             signal.signal(number, handler)
+
+
+def _leave_the_terminal() -> None:
+    """Point stdout and stderr to nowhere if they are terminals: writing to one that was closed fails."""
+    nowhere = os.open(os.devnull, os.O_WRONLY)
+    for number in (1, 2):
+        # A closed terminal is no terminal for isatty any more, but still a device.
+        with contextlib.suppress(OSError):
+            if stat.S_ISCHR(os.fstat(number).st_mode):
+                os.dup2(nowhere, number)
+    os.close(nowhere)

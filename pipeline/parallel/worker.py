@@ -103,20 +103,21 @@ def _end_with_parent() -> None:
 
 @contextmanager
 def worker_environment() -> Iterator[None]:
-    """Processes started within this context run matrix products in one thread and ignore Ctrl-C.
+    """Processes started within this context run matrix products in one thread and ignore Ctrl-C and SIGHUP.
 
-    One thread, because there is one process per core. Ctrl-C reaches the whole process group; the parent
-    handles it, from the worker's first import on.
+    One thread, because there is one process per core. Both signals reach the whole process group; the parent
+    handles them, from the worker's first import on.
     """
     saved = {name: os.environ.get(name) for name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS")}
     os.environ |= dict.fromkeys(saved, "1")
     in_main = threading.current_thread() is threading.main_thread()  # only it may set handlers
-    handler = signal.signal(signal.SIGINT, signal.SIG_IGN) if in_main else None
+    shared = (signal.SIGINT, signal.SIGHUP) if in_main else ()
+    handlers = {number: signal.signal(number, signal.SIG_IGN) for number in shared}
     try:
         yield
     finally:
-        if handler is not None:
-            signal.signal(signal.SIGINT, handler)
+        for number, handler in handlers.items():
+            signal.signal(number, handler)
         for name in saved:
             del os.environ[name]
         os.environ |= {name: value for name, value in saved.items() if value is not None}

@@ -10,6 +10,7 @@ from pathlib import Path
 import click
 
 from kinemimic.pipeline.cli.options import json_option
+from kinemimic.pipeline.cli.printable import echo
 from kinemimic.pipeline.cli.progress import progress
 from kinemimic.pipeline.errors import KinemimicError
 from kinemimic.pipeline.files.canonical import Canonical
@@ -148,8 +149,8 @@ def command(path: Path, against: str | None, as_json: bool) -> None:
         click.echo(json.dumps({"version": params.version, "wrong": wrong}, indent=2))
     else:
         for line in wrong:
-            click.echo(f"datasets: {line}", err=True)
+            echo(f"datasets: {line}", err=True)
     if wrong:
         click.get_current_context().exit(EXIT_WRONG)
     if not as_json:
-        click.echo(f"{path.parent / MANIFEST}: version {params.version}, all as locked")
+        echo(f"{path.parent / MANIFEST}: version {params.version}, all as locked")

@@ -61,7 +61,8 @@ class TrainingLoop:
     def run(self, curves: Path) -> None:
         """Train to the end and write a checkpoint; TensorBoard's curves go to the folder `curves`.
 
-        Ctrl-C or SIGTERM raises KeyboardInterrupt after the round and a checkpoint, a second one at once.
+        Ctrl-C, SIGTERM or SIGHUP raises KeyboardInterrupt after the round and a checkpoint, a second one at
+        once.
         KinemimicError if weights became invalid or nothing can be written; the last checkpoint stays.
         """
         state = self._state

@@ -14,6 +14,7 @@ from pathlib import Path
 import numpy as np
 
 from kinemimic.pipeline.errors import CaptureError
+from kinemimic.pipeline.files.bounded import read_bounded
 
 # Larger than any capture of a person; protects the memory from other files.
 MAX_BYTES = 512 * 2**20
@@ -50,14 +51,7 @@ class Source:
         MAX_LINES lines.
         """
         try:
-            if path.is_dir():
-                raise CaptureError(path, expected="a capture file", found="a folder")
-            size = path.stat().st_size
-            if size > MAX_BYTES:
-                raise _too_large(path, f"{size >> 20} MiB")
-            if not path.is_file():
-                raise CaptureError(path, expected="a capture file", found="a device or pipe")
-            compressed = path.read_bytes()
+            compressed = read_bounded(path, MAX_BYTES, "a capture file")
         except FileNotFoundError:
             raise CaptureError(path, expected="a capture file", found="no file") from None
         except OSError as error:
@@ -189,7 +183,11 @@ def _gunzipped(compressed: bytes, path: Path) -> bytes:
                 chunks.append(chunk)
                 total += len(chunk)
                 if total > MAX_BYTES:
-                    raise _too_large(path, "more, unpacked")
+                    raise CaptureError(
+                        path,
+                        expected=f"a capture file of at most {MAX_BYTES >> 20} MB, unpacked",
+                        found="a larger one",
+                    )
     except EOFError:
         raise CaptureError(
             path, expected="a whole gzip file", found="a truncated one", advice="the file is cut off"
@@ -197,7 +195,3 @@ def _gunzipped(compressed: bytes, path: Path) -> bytes:
     except (OSError, zlib.error):
         raise CaptureError(path, expected="a gzip file", found="damaged data") from None
     return b"".join(chunks)
-
-
-def _too_large(path: Path, found: str) -> CaptureError:
-    return CaptureError(path, expected=f"a capture of at most {MAX_BYTES >> 20} MiB", found=found)

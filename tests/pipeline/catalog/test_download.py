@@ -13,6 +13,7 @@ from peers.web import CONTENT, ETAG, Request, Script, Server
 
 from kinemimic.pipeline.catalog.download import RetryPolicy
 from kinemimic.pipeline.catalog.entry import Catalog
+from kinemimic.pipeline.errors import KinemimicError
 
 Serve = Callable[[Script], Server]
 
@@ -192,3 +193,48 @@ def test_an_unfinished_file_that_is_a_link_is_not_written_through(
     with pytest.raises(OSError, match="symbolic links"):
         one(catalog, tmp_path / "in", serve(Request.whole).base)
     assert (tmp_path / "outside").read_text() == "mine"
+
+
+@pytest.mark.parametrize(
+    ("to", "found"),
+    [
+        ("file:///etc/passwd", "an address that is not fetched"),
+        ("ftp://127.0.0.1/one.skl", "an address that is not fetched"),
+        ("http://[::1", "an address that is not fetched"),
+        ("/again", "more than 5 redirects"),
+    ],
+)
+def test_a_refused_redirect_is_not_tried_again(
+    catalog: Catalog, tmp_path: Path, serve: Serve, to: str, found: str
+) -> None:
+    server = serve(lambda request: request.head(302, Location=to, Content_Length=0))
+    (failure,) = one(catalog, tmp_path / "in", server.base).failures
+    assert failure.startswith("walks/one.skl: expected the file at http://127.0.0.1:")
+    assert found in failure
+    assert "interrupted" not in failure
+    assert len(server.asked) == (6 if to == "/again" else 1)
+    assert left(tmp_path / "in") == {}
+
+
+def test_a_password_of_a_mirror_is_not_shown(catalog: Catalog, tmp_path: Path, serve: Serve) -> None:
+    answers = (
+        lambda r: r.head(404, Content_Length=0),
+        lambda r: r.head(503, Content_Length=0),
+        lambda r: r.head(302, Location="ftp://me:hush@there/", Content_Length=0),
+        lambda r: r.head(200, Content_Length=5),
+        lambda r: r.whole(CONTENT[::-1]),
+    )
+    for answer in answers:
+        base = serve(answer).base.replace("://", "://user:hu:s%2Fh@hush@")
+        (failure,) = one(catalog, tmp_path / "in", base, ONCE).failures
+        assert "http://127.0.0.1:" in failure
+        assert "hush" not in failure and "user" not in failure
+    for wrong in (
+        "ftp://user:hush@there",
+        "http://user:hush@",
+        "user:hush@there/recordings",
+        "http://u:hush@x:y",
+    ):
+        with pytest.raises(KinemimicError, match="mirror") as caught:
+            one(catalog, tmp_path / "in", wrong)
+        assert "hush" not in str(caught.value)

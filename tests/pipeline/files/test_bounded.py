@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+import fcntl
 import os
+import signal
+import threading
 from pathlib import Path
 
 import pytest
 
 from kinemimic.pipeline.errors import KinemimicError
+from kinemimic.pipeline.files import bounded
 from kinemimic.pipeline.files.bounded import MEGABYTE, read_bounded, require_regular
 
 
@@ -35,3 +39,45 @@ def test_what_never_ends_is_not_opened(tmp_path: Path) -> None:
             read_bounded(path, 5, "a thing")
     with pytest.raises(KinemimicError, match="expected a thing, found a folder"):
         require_regular(tmp_path, "a thing")
+
+
+def test_a_device_that_counts_as_a_file_is_empty() -> None:
+    path = Path("/proc/kmsg")  # the kernel's log: reading waits for the next message
+    if not os.access(path, os.R_OK):
+        pytest.skip("needs the superuser")
+    assert path.is_file()
+    assert read_bounded(path, 5, "a thing") == b""
+
+
+def test_a_file_that_delivers_nothing_is_given_up(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    (tmp_path / "a").write_bytes(b"abc")
+    monkeypatch.setattr(bounded, "STALLED", 0.2)
+    released = threading.Event()
+    stat = Path.stat
+
+    def stalling(path: Path, **options: bool) -> os.stat_result:
+        if path.name == "a" and threading.current_thread() is not threading.main_thread():
+            released.wait(20.0)  # as on a network mount whose server is gone
+        return stat(path, **options)
+
+    monkeypatch.setattr(Path, "stat", stalling)
+    with pytest.raises(KinemimicError, match=r"a: expected a thing, found no data for 0.2 s; copy the file"):
+        read_bounded(tmp_path / "a", 5, "a thing")
+    released.set()
+
+
+def test_a_file_that_another_program_has_leased_does_not_block(tmp_path: Path) -> None:
+    path = tmp_path / "a"
+    path.write_bytes(b"abc")
+    handle = os.open(path, os.O_RDWR)
+    earlier = signal.signal(signal.SIGIO, signal.SIG_IGN)  # the kernel's request to give the lease back
+    try:
+        fcntl.fcntl(handle, fcntl.F_SETLEASE, fcntl.F_WRLCK)
+    except OSError:
+        pytest.skip("leases need another file system")
+    try:
+        with pytest.raises(BlockingIOError):
+            read_bounded(path, 5, "a thing")
+    finally:
+        os.close(handle)
+        signal.signal(signal.SIGIO, earlier)

@@ -14,12 +14,15 @@ from peers.killing import vanishes
 from kinemimic.pipeline.parallel.worker import Worker, WorkerDiedError, worker_environment
 
 
-def test_a_worker_ignores_ctrl_c_and_has_one_thread() -> None:
-    ask = "import os, signal; print(signal.getsignal(signal.SIGINT).name, os.environ['OMP_NUM_THREADS'])"
+def test_a_worker_ignores_ctrl_c_and_a_closed_terminal_and_has_one_thread() -> None:
+    ask = (
+        "import os, signal; print(*(signal.getsignal(n).name for n in (signal.SIGINT, signal.SIGHUP)), "
+        "os.environ['OMP_NUM_THREADS'])"
+    )
     handler, threads = signal.getsignal(signal.SIGINT), os.environ.get("OMP_NUM_THREADS")
     with worker_environment():
         said = subprocess.run([sys.executable, "-c", ask], capture_output=True, text=True, check=True)
-    assert said.stdout.split() == ["SIG_IGN", "1"]
+    assert said.stdout.split() == ["SIG_IGN", "SIG_IGN", "1"]
     assert signal.getsignal(signal.SIGINT) is handler
     assert os.environ.get("OMP_NUM_THREADS") == threads
 

@@ -65,7 +65,7 @@ def test_packed_files_whole_in_pieces_cut_off_and_too_large(
             recognise.read(path)
     monkeypatch.setattr(source, "MAX_BYTES", 3 * 2**20)
     path.write_bytes(gzip.compress(bytes(8 * 2**20)))
-    with pytest.raises(CaptureError, match="expected a capture of at most 3 MiB, found more, unpacked"):
+    with pytest.raises(CaptureError, match="at most 3 MB, unpacked, found a larger one"):
         recognise.read(path)
 
 
@@ -117,7 +117,7 @@ def test_no_file_a_folder_and_one_too_large(
         recognise.read(tmp_path)
     monkeypatch.setattr(source, "MAX_BYTES", 1000)
     (tmp_path / "large.bvh").write_text(bvh())
-    with pytest.raises(CaptureError, match="expected a capture of at most"):
+    with pytest.raises(CaptureError, match="expected a capture file of at most"):
         recognise.read(tmp_path / "large.bvh")
 
 

@@ -110,7 +110,7 @@ def same_result(run: Path, other: Path) -> None:
     assert curves(run) == curves(other)
 
 
-@pytest.mark.parametrize(("number", "stopped"), [(signal.SIGINT, 1), (signal.SIGTERM, 2)])
+@pytest.mark.parametrize(("number", "stopped"), [(signal.SIGINT, 1), (signal.SIGTERM, 2), (signal.SIGHUP, 1)])
 def test_interrupted_and_resumed_it_comes_to_the_same_bytes(
     engine: str, number: int, stopped: int, fresh: Callable[[str], Path], monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -1,0 +1,46 @@
+"""A terminal that is closed stops work as SIGTERM does: what was under way is finished first."""
+
+from __future__ import annotations
+
+import os
+import pty
+import signal
+import sys
+import time
+from pathlib import Path
+
+import pytest
+
+# Prints like a program with a progress bar; writing to a closed terminal fails.
+WORK = """
+import pathlib, sys, time
+from kinemimic.pipeline.parallel.interruption import deferred
+with deferred() as interruption:
+    print("working", flush=True)
+    begin = time.monotonic()
+    while not interruption.asked and time.monotonic() - begin < 20.0:
+        time.sleep(0.01)
+    for _ in range(50):
+        print("finishing", file=sys.stderr, flush=True)
+        time.sleep(0.01)
+    pathlib.Path(sys.argv[1]).write_text(f"saved, asked: {interruption.asked}")
+"""
+
+
+@pytest.mark.parametrize("ignored", [False, True])
+def test_closing_the_terminal_lets_work_finish(tmp_path: Path, ignored: bool) -> None:
+    child, terminal = pty.fork()  # the child's session has the terminal as its own
+    if child == 0:
+        if ignored:
+            signal.signal(signal.SIGHUP, signal.SIG_IGN)  # as nohup does
+        os.execv(sys.executable, [sys.executable, "-c", WORK, str(tmp_path / "saved")])
+    assert b"working" in os.read(terminal, 1000)
+    os.close(terminal)
+    if ignored:
+        time.sleep(0.3)
+        assert os.waitpid(child, os.WNOHANG) == (0, 0)
+        os.kill(child, signal.SIGKILL)
+        os.waitpid(child, 0)
+    else:
+        assert os.waitpid(child, 0)[1] == 0
+        assert (tmp_path / "saved").read_text() == "saved, asked: True"
