@@ -312,8 +312,10 @@ def test_a_video_of_another_kind_is_refused_before_anything_is_written(
 
 
 def test_the_command_to_open_it_exists(tmp_path):
-    viewer = how_to_open(tmp_path / "view.rrd").split()[-2]
+    viewer, *options = how_to_open(tmp_path / "view.rrd").removeprefix("open it with: ").split()
     assert shutil.which(viewer)
+    # Without it, the viewer accepts connections from the network.
+    assert options == ["--bind", "127.0.0.1", str(tmp_path / "view.rrd")]
 
 
 def test_a_trial_is_drawn_with_obstacles_from_when_they_appear_and_loads(
