@@ -2,16 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
 from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
 from gymnasium.spaces import Box
 from numpy.typing import NDArray
-from stable_baselines3.common.vec_env import VecEnv
 
 from kinemimic.pipeline.arrays import Floats
+from kinemimic.train.baselines.shared_object import SharedObjectVecEnv
 from kinemimic.train.config.config import RewardConfig, TrainConfig
 from kinemimic.train.rollout.sampler import Sampler
 from kinemimic.train.task.env import ACTIONS, SIMULATION, TASK, observation_size
@@ -44,7 +43,7 @@ def spaces(config: TrainConfig) -> tuple[Box, Box]:
     )
 
 
-class ImitationVecEnv(VecEnv):
+class ImitationVecEnv(SharedObjectVecEnv):
     """E imitation environments, each with its own random generator, as in our PPO.
 
     Observations (E, O), actions (E, 42) and ends of episodes are those of `ImitationBatch`. The next episode
@@ -108,23 +107,3 @@ class ImitationVecEnv(VecEnv):
 
     def close(self) -> None:
         self.sampler.batch.world.close()
-
-    # Required by the interface, which assumes one environment object per humanoid.
-
-    def get_attr(self, attr_name: str, indices: int | Iterable[int] | None = None) -> list[Any]:
-        if attr_name != "render_mode":
-            raise AttributeError(f"expected render_mode, found {attr_name}: environments share one object")
-        return [None] * self.num_envs
-
-    def set_attr(self, attr_name: str, value: Any, indices: int | Iterable[int] | None = None) -> None:
-        raise AttributeError(f"expected nothing to set, found {attr_name}: environments share one object")
-
-    def env_method(
-        self, method_name: str, *method_args: Any, indices: int | Iterable[int] | None = None, **kwargs: Any
-    ) -> list[Any]:
-        raise AttributeError(f"expected no method, found {method_name}: environments share one object")
-
-    def env_is_wrapped(
-        self, wrapper_class: type[Any], indices: int | Iterable[int] | None = None
-    ) -> list[bool]:
-        return [False] * self.num_envs

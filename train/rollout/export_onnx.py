@@ -14,11 +14,12 @@ from onnx import TensorProto, helper, numpy_helper
 
 from kinemimic.pipeline.files.store import atomic
 from kinemimic.retarget.humanoid.body import BODIES, BODY_NAMES
-from kinemimic.train.config.config import EnvConfig, TrainConfig
+from kinemimic.train.config.config import TrainConfig
 from kinemimic.train.rollout.policy import OBSERVATION_CLIP, Policy
 from kinemimic.train.sim.world import CONTROL_RATE, SUBSTEPS, TIME_STEP
 from kinemimic.train.task.env import ACTION_SCALE, ACTIONS
 from kinemimic.train.task.mirror import action_reflection, observation_reflection
+from kinemimic.train.task.observation_layout import layout
 
 # Of 2022: no newer operator is needed, and every runtime in use reads them.
 OPSET, IR = 17, 8
@@ -80,42 +81,6 @@ def write_onnx(path: Path, policy: Policy, record: Mapping[str, Any]) -> None:
     content = onnx_model(policy, record).SerializeToString(deterministic=True)
     with atomic(path) as temporary:
         temporary.write_bytes(content)
-
-
-def layout(config: EnvConfig) -> list[dict[str, Any]]:
-    """Parts of an observation (`ImitationBatch.observe`): name, start, size, description.
-
-    Vectors are in the world frame, turned about the vertical so that x points where the pelvis faces; bodies
-    are in the order of BODY_NAMES, with x, y, z of each together.
-    """
-    bodies = len(BODIES)
-    parts = [
-        ("phase", 2, "sine and cosine of 2π times the phase if cyclic, of π times the phase if not"),
-        ("height", 1, "of the pelvis' centre above the ground, m"),
-        ("rotations", 6 * bodies, "x and y axes of every body"),
-        ("positions", 3 * (bodies - 1), "centre of mass of every other body, from the pelvis, m"),
-        ("linear", 3 * bodies, "velocity of every body's centre of mass, m/s"),
-        ("angular", 3 * bodies, "angular velocity of every body, rad/s"),
-        *(
-            (
-                f"turns_{k}",
-                3 * bodies,
-                f"rotation vectors from the current pose to the reference {k} control steps ahead, rad: the "
-                "pelvis in its own frame, then the joints in the child's",
-            )
-            for k in config.preview
-        ),
-        *(
-            (f"way_{k}", 2, f"x, y from the pelvis to the reference's, {k} control steps ahead, m, within ±1")
-            for k in config.preview
-        ),
-    ]
-    rows: list[dict[str, Any]] = []
-    start = 0
-    for name, size, description in parts:
-        rows.append({"name": name, "start": start, "size": size, "description": description})
-        start += size
-    return rows
 
 
 def _mirror(previews: int) -> dict[str, Any]:

@@ -17,12 +17,12 @@ from numpy.typing import NDArray
 from kinemimic.pipeline.arrays import Floats
 from kinemimic.retarget.humanoid.motion import Motion
 from kinemimic.train.config.config import EnvConfig, RewardConfig
+from kinemimic.train.rollout.episodes import begin_episodes
 from kinemimic.train.rollout.evaluation import Episode, Evaluator
 from kinemimic.train.rollout.policy import Policy
 from kinemimic.train.rollout.robustness import RobustnessEvaluation
 from kinemimic.train.scenario.route import reference_for
 from kinemimic.train.sim.engines import open_world
-from kinemimic.train.task.domain_randomization import RandomizationSample, draw
 from kinemimic.train.task.env import TASK, ImitationBatch, observation_size
 
 # Purposes of a worker's time besides SIMULATION and TASK of `env.py`; inference includes exploration noise.
@@ -139,13 +139,7 @@ class Sampler:
 
     def restart(self, indices: NDArray[np.intp], strength: float) -> None:
         """Begin new episodes; strength: 0 to 1, of the domain randomization."""
-        config, randoms = self._config, [self._randoms[index] for index in indices]
-        phases = np.array([start_phase(config, random) for random in randoms])
-        drawn = [draw(config.domain_randomization, strength, random) for random in randoms]
-        seeds = None
-        if config.scenario is not None:
-            seeds = np.array([random.integers(_WORD, dtype=np.uint64) for random in randoms])
-        self.batch.reset(indices, phases, RandomizationSample.concatenated(drawn), seeds)
+        begin_episodes(self.batch, indices, [self._randoms[index] for index in indices], strength)
 
     def _exploration(self, action_std: Floats, steps: int) -> Floats:
         """Noise (T, E, A) of standard deviations (A,), drawn from each environment's own generator."""
@@ -204,13 +198,6 @@ class Sampler:
             episode_lengths=np.array(episode_lengths, dtype=np.int64),
             exploded=exploded,
         )
-
-
-def start_phase(config: EnvConfig, random: np.random.Generator) -> float:
-    """Phase at which an episode begins."""
-    if not config.start_anywhere:
-        return 0.0
-    return random.random() if config.scenario is None else float(config.scenario.phase.draw(random)[0])
 
 
 def _generator_state(random: np.random.Generator) -> NDArray[np.uint64]:

@@ -24,10 +24,11 @@ from kinemimic.retarget.humanoid.body import BODIES
 from kinemimic.retarget.humanoid.motion import Motion
 from kinemimic.train.config.config import PRESETS
 from kinemimic.train.reference.reference import Reference
-from kinemimic.train.rollout.export_onnx import IR, OPSET, layout, metadata, onnx_model, write_onnx
+from kinemimic.train.rollout.export_onnx import IR, OPSET, metadata, onnx_model, write_onnx
 from kinemimic.train.rollout.policy import Policy, normalized
 from kinemimic.train.sim.world import BodyStates
 from kinemimic.train.task.env import ACTION_SCALE, ACTIONS, ImitationBatch, observation_size
+from kinemimic.train.task.observation_layout import layout
 
 CONFIG = replace(PRESETS["default"], env=replace(PRESETS["default"].env, preview=(1, 3, 10)))
 SIZE = observation_size(CONFIG.env)

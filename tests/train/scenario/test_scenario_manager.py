@@ -12,7 +12,6 @@ from kinemimic.retarget.humanoid.body import BODIES, BODY_INDEX
 from kinemimic.retarget.humanoid.motion import Motion
 from kinemimic.train.config.config import EnvConfig
 from kinemimic.train.reference.reference import Reference
-from kinemimic.train.rollout.gym_env import ImitationEnv
 from kinemimic.train.rollout.sampler import Sampler
 from kinemimic.train.scenario.scenario import Load, Placement, Range, Scenario
 from kinemimic.train.sim.engines import open_world
@@ -134,16 +133,3 @@ def test_an_episode_has_its_scenarios_length_and_phase(engine: str, motion: Moti
     ends = [sampler.batch.step(np.zeros((2, ACTIONS))).truncated.tolist() for _ in range(6)]
     assert ends == [[False, False]] * 5 + [[True, True]]
     sampler.batch.world.close()
-
-
-def test_the_gymnasium_environment_applies_its_scenario(motion: Motion) -> None:
-    shove = Scenario("shove", phase=Range.of(0.0), loads=(replace(PULL, force=Range.of(900.0, 0.0, 0.0)),))
-    ends = []
-    for scenario in (shove, None):
-        env = ImitationEnv(motion, EnvConfig(scenario=scenario, start_anywhere=scenario is not None))
-        env.reset(seed=0)
-        for _ in range(8):
-            observation, *_ = env.step(np.zeros(ACTIONS, np.float32))
-        ends.append(observation)
-        env.close()
-    assert np.abs(ends[0] - ends[1]).max() > 0.1

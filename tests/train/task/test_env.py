@@ -4,8 +4,6 @@ from dataclasses import fields, replace
 
 import numpy as np
 import pytest
-from gymnasium.utils import seeding
-from gymnasium.utils.env_checker import check_env
 
 from kinemimic.pipeline.kinematics.rotations import (
     IDENTITY,
@@ -21,14 +19,11 @@ from kinemimic.pipeline.kinematics.rotations import (
 from kinemimic.retarget.humanoid.motion import Motion
 from kinemimic.train.config.config import DomainRandomization, EnvConfig
 from kinemimic.train.reference.reference import Reference
-from kinemimic.train.rollout.gym_env import ImitationEnv
 from kinemimic.train.sim.engines import open_world
 from kinemimic.train.sim.pybullet_world import BulletWorld
 from kinemimic.train.sim.world import SUBSTEPS, TIME_STEP, BodyStates
 from kinemimic.train.task.domain_randomization import RandomizationSample, draw
 from kinemimic.train.task.env import ACTION_SCALE, ACTIONS, OBSERVATIONS, ImitationBatch, observation_size
-
-pytestmark = pytest.mark.filterwarnings("ignore:.*obs.*:UserWarning")
 
 
 def turned(motion: Motion, angle: float) -> Motion:
@@ -39,43 +34,6 @@ def turned(motion: Motion, angle: float) -> Motion:
     return replace(
         motion, root=rotate(q, motion.root), rotations=rotations, cycle_offset=rotate(q, motion.cycle_offset)
     )
-
-
-def test_passes_gymnasiums_checker(motion: Motion) -> None:
-    env = ImitationEnv(motion)
-    check_env(env, skip_render_check=True)
-    env.close()
-
-
-def test_a_gymnasium_episode_has_full_domain_randomization(motion: Motion) -> None:
-    """Drawn at full strength from Gymnasium's seed."""
-    hard = EnvConfig(start_anywhere=False, domain_randomization=DomainRandomization(tilt=0.1, spin=0.5))
-    env = ImitationEnv(motion, hard)
-    observation, _ = env.reset(seed=7)
-    batch = ImitationBatch(BulletWorld(1), Reference(motion), hard)
-    drawn = draw(hard.domain_randomization, 1.0, seeding.np_random(7)[0])
-    batch.reset(np.array([0]), np.array([0.0]), drawn)
-    np.testing.assert_allclose(observation, batch.observe()[0], atol=1e-5)
-    env.close()
-    batch.world.close()
-
-
-def test_time_up_truncates_and_a_fall_terminates(motion: Motion) -> None:
-    env = ImitationEnv(motion, replace(EnvConfig(), episode=3))
-    env.reset(seed=0, options={"phase": 0.0})
-    ends = [env.step(np.zeros(ACTIONS, dtype=np.float32))[2:4] for _ in range(3)]
-    assert ends == [(False, False), (False, False), (False, True)]
-    env.close()
-    limp = ImitationEnv(motion, EnvConfig())
-    limp.reset(seed=0, options={"phase": 0.0})
-    for _ in range(100):
-        _, reward, terminated, truncated, _ = limp.step(np.full(ACTIONS, 1.5, dtype=np.float32))
-        if terminated or truncated:
-            break
-    assert terminated
-    assert not truncated
-    assert reward == 0.0
-    limp.close()
 
 
 def test_observation_does_not_depend_on_the_heading(motion: Motion) -> None:

@@ -1,0 +1,59 @@
+"""The task as a Gymnasium environment with one humanoid."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import gymnasium as gym
+import numpy as np
+from numpy.typing import NDArray
+
+from kinemimic.evaluate.gym.task import Task, load_motion
+from kinemimic.pipeline.arrays import Floats
+from kinemimic.retarget.humanoid.motion import Motion
+from kinemimic.train.config.config import EnvConfig
+from kinemimic.train.sim.world import CONTROL_RATE
+
+
+class ImitationEnv(gym.Env[Floats, NDArray[np.float32]]):
+    """Imitate a motion with one humanoid: `gymnasium.make("kinemimic/Imitation-v0", motion=...)`.
+
+    motion: a `Motion`, a motion.json, a run folder, or the name of a shipped policy; config: the task, by
+    default `EnvConfig()`; engine: see `sim/engines.py`. Observations (O,) are those of
+    `ImitationBatch.observe`, actions (42,) in [-1, 1] its actions divided by 0.5: both mirrored in the second
+    half of a gait cycle, unless the configuration turns `mirror` off. A fall terminates an episode; the end
+    of its time, 10 s by default, truncates it. Each episode draws the configuration's domain randomization at
+    full strength and starts at a random phase, at 0 without `start_anywhere`, or at p after
+    `reset(options={"phase": p})`. `info["terms"]` are the reward's terms. Wrong arguments raise a
+    KinemimicError.
+    """
+
+    metadata = {"render_modes": [], "render_fps": CONTROL_RATE}  # noqa: RUF012 (Gymnasium's own form)
+
+    def __init__(
+        self,
+        motion: Motion | str | Path,
+        config: EnvConfig | None = None,
+        engine: str = "auto",
+        render_mode: str | None = None,
+    ) -> None:
+        self._task = Task(1, load_motion(motion), config or EnvConfig(), engine)
+        self.observation_space, self.action_space = self._task.observation_space, self._task.action_space
+        self.render_mode = render_mode
+
+    def reset(
+        self, *, seed: int | None = None, options: dict[str, Any] | None = None
+    ) -> tuple[Floats, dict[str, Any]]:
+        super().reset(seed=seed)
+        self._task.begin(np.array([0]), [self.np_random], options)
+        return self._task.observe()[0], {}
+
+    def step(self, action: NDArray[np.float32]) -> tuple[Floats, float, bool, bool, dict[str, Any]]:
+        step = self._task.step(np.asarray(action)[None])
+        terms = dict(zip(self._task.term_names, step.terms[0].tolist(), strict=True))
+        ends = bool(step.terminated[0]), bool(step.truncated[0])
+        return step.observations[0], float(step.rewards[0]), *ends, {"terms": terms}
+
+    def close(self) -> None:
+        self._task.close()

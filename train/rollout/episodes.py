@@ -1,0 +1,44 @@
+"""The beginning of episodes: random start phase, domain randomization and events of a scenario."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from kinemimic.pipeline.arrays import Array
+from kinemimic.train.config.config import EnvConfig
+from kinemimic.train.task.domain_randomization import RandomizationSample, draw
+from kinemimic.train.task.env import ImitationBatch
+
+_WORD = (1 << 64) - 1
+
+
+def begin_episodes(
+    batch: ImitationBatch,
+    indices: NDArray[np.intp],
+    randoms: Sequence[np.random.Generator],
+    strength: float,
+    phases: Array | None = None,
+) -> None:
+    """Begin new episodes in the environments (N,) of a batch.
+
+    randoms: of these environments, one each; none affects another environment; strength: 0 to 1, of the
+    domain randomization; phases: (N,) start phases, drawn if None.
+    """
+    config = batch.config
+    if phases is None:
+        phases = np.array([start_phase(config, random) for random in randoms])
+    drawn = [draw(config.domain_randomization, strength, random) for random in randoms]
+    seeds = None
+    if config.scenario is not None:
+        seeds = np.array([random.integers(_WORD, dtype=np.uint64) for random in randoms])
+    batch.reset(indices, phases, RandomizationSample.concatenated(drawn), seeds)
+
+
+def start_phase(config: EnvConfig, random: np.random.Generator) -> float:
+    """Phase at which an episode begins."""
+    if not config.start_anywhere:
+        return 0.0
+    return random.random() if config.scenario is None else float(config.scenario.phase.draw(random)[0])

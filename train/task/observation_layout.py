@@ -1,0 +1,44 @@
+"""The parts of an observation: what its numbers mean, in their order."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from kinemimic.retarget.humanoid.body import BODIES
+from kinemimic.train.config.config import EnvConfig
+
+
+def layout(config: EnvConfig) -> list[dict[str, Any]]:
+    """Parts of an observation (`ImitationBatch.observe`): name, start, size, description.
+
+    Vectors are in the world frame, turned about the vertical so that x points where the pelvis faces; bodies
+    are in the order of BODY_NAMES, with x, y, z of each together.
+    """
+    bodies = len(BODIES)
+    parts = [
+        ("phase", 2, "sine and cosine of 2π times the phase if cyclic, of π times the phase if not"),
+        ("height", 1, "of the pelvis' centre above the ground, m"),
+        ("rotations", 6 * bodies, "x and y axes of every body"),
+        ("positions", 3 * (bodies - 1), "centre of mass of every other body, from the pelvis, m"),
+        ("linear", 3 * bodies, "velocity of every body's centre of mass, m/s"),
+        ("angular", 3 * bodies, "angular velocity of every body, rad/s"),
+        *(
+            (
+                f"turns_{k}",
+                3 * bodies,
+                f"rotation vectors from the current pose to the reference {k} control steps ahead, rad: the "
+                "pelvis in its own frame, then the joints in the child's",
+            )
+            for k in config.preview
+        ),
+        *(
+            (f"way_{k}", 2, f"x, y from the pelvis to the reference's, {k} control steps ahead, m, within ±1")
+            for k in config.preview
+        ),
+    ]
+    rows: list[dict[str, Any]] = []
+    start = 0
+    for name, size, description in parts:
+        rows.append({"name": name, "start": start, "size": size, "description": description})
+        start += size
+    return rows
