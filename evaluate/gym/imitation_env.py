@@ -9,7 +9,9 @@ import gymnasium as gym
 import numpy as np
 from numpy.typing import NDArray
 
-from kinemimic.evaluate.gym.task import Task, load_motion
+from kinemimic.evaluate.film.render import Picture
+from kinemimic.evaluate.gym.picture import picture
+from kinemimic.evaluate.gym.task import RENDER_MODES, Task, checked_render_mode, load_motion
 from kinemimic.pipeline.arrays import Floats
 from kinemimic.retarget.humanoid.motion import Motion
 from kinemimic.train.config.config import EnvConfig
@@ -25,11 +27,11 @@ class ImitationEnv(gym.Env[Floats, NDArray[np.float32]]):
     half of a gait cycle, unless the configuration turns `mirror` off. A fall terminates an episode; the end
     of its time, 10 s by default, truncates it. Each episode draws the configuration's domain randomization at
     full strength and starts at a random phase, at 0 without `start_anywhere`, or at p after
-    `reset(options={"phase": p})`. `info["terms"]` are the reward's terms. Wrong arguments raise a
-    KinemimicError.
+    `reset(options={"phase": p})`. `info["terms"]` are the reward's terms. render_mode: None or "rgb_array".
+    Wrong arguments raise a KinemimicError.
     """
 
-    metadata = {"render_modes": [], "render_fps": CONTROL_RATE}  # noqa: RUF012 (Gymnasium's own form)
+    metadata = {"render_modes": list(RENDER_MODES), "render_fps": CONTROL_RATE}  # noqa: RUF012 (Gymnasium's own form)
 
     def __init__(
         self,
@@ -40,7 +42,7 @@ class ImitationEnv(gym.Env[Floats, NDArray[np.float32]]):
     ) -> None:
         self._task = Task(1, load_motion(motion), config or EnvConfig(), engine)
         self.observation_space, self.action_space = self._task.observation_space, self._task.action_space
-        self.render_mode = render_mode
+        self.render_mode = checked_render_mode(render_mode)
 
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
@@ -54,6 +56,10 @@ class ImitationEnv(gym.Env[Floats, NDArray[np.float32]]):
         terms = dict(zip(self._task.term_names, step.terms[0].tolist(), strict=True))
         ends = bool(step.terminated[0]), bool(step.truncated[0])
         return step.observations[0], float(step.rewards[0]), *ends, {"terms": terms}
+
+    def render(self) -> Picture | None:
+        """The picture of the humanoid and its reference, (480, 480, 3); None without a render mode."""
+        return picture(self._task.batch, 0) if self.render_mode else None
 
     def close(self) -> None:
         self._task.close()

@@ -15,7 +15,9 @@ from gymnasium.vector import AutoresetMode, VectorEnv
 from gymnasium.vector.utils import batch_space
 from numpy.typing import NDArray
 
-from kinemimic.evaluate.gym.task import Task, Transition, load_motion
+from kinemimic.evaluate.film.render import Picture
+from kinemimic.evaluate.gym.picture import picture
+from kinemimic.evaluate.gym.task import RENDER_MODES, Task, Transition, checked_render_mode, load_motion
 from kinemimic.pipeline.arrays import Array, Floats
 from kinemimic.pipeline.errors import KinemimicError
 from kinemimic.retarget.humanoid.motion import Motion
@@ -52,9 +54,9 @@ class ImitationVectorEnv(VectorEnv[Floats, NDArray[np.float32], Array]):
         if max_episode_steps is not None:
             config = replace(config, episode=max_episode_steps)
         cores = len(os.sched_getaffinity(0))
-        self.num_envs, self.render_mode = num_envs, render_mode
+        self.num_envs, self.render_mode = num_envs, checked_render_mode(render_mode)
         self.metadata = {
-            "render_modes": [],
+            "render_modes": list(RENDER_MODES),
             "render_fps": CONTROL_RATE,
             "autoreset_mode": _autoreset_mode(autoreset_mode),
         }
@@ -80,12 +82,14 @@ class ImitationVectorEnv(VectorEnv[Floats, NDArray[np.float32], Array]):
         if isinstance(options.get("phase"), list | tuple | np.ndarray):
             phases = np.asarray(options["phase"])
             options["phase"] = phases[indices] if phases.shape == (self.num_envs,) else phases
-        seeds = [None] * self.num_envs if seed is None else seed
-        if isinstance(seeds, int):
-            seeds = [seeds + k for k in range(self.num_envs)]
+        seeds: Sequence[int | None] = [None] * self.num_envs
+        if isinstance(seed, int | np.integer):
+            seeds = [int(seed) + k for k in range(self.num_envs)]
+        elif seed is not None:
+            seeds = seed
         if len(seeds) != self.num_envs:
             raise KinemimicError(f"seed: expected one or {self.num_envs}, found {len(seeds)}")
-        for k in indices:
+        for k in indices.tolist():
             if seeds[k] is not None:
                 self._randoms[k] = seeding.np_random(seeds[k])[0]
         self._begin(indices, options)
@@ -107,7 +111,9 @@ class ImitationVectorEnv(VectorEnv[Floats, NDArray[np.float32], Array]):
         self._task.begin(indices, [self._randoms[k] for k in indices], options)
         self._begun[indices], self._ended[indices] = True, False
 
-    def step(self, actions: NDArray[np.float32]) -> tuple[Floats, Array, Bools, Bools, dict[str, Any]]:
+    def step(  # type: ignore[override] # one type for rewards and ends there
+        self, actions: NDArray[np.float32]
+    ) -> tuple[Floats, Array, Bools, Bools, dict[str, Any]]:
         """A control step of all environments.
 
         Environments whose episode ended begin the next one in the next step, which ignores their action and
@@ -162,6 +168,12 @@ class ImitationVectorEnv(VectorEnv[Floats, NDArray[np.float32], Array]):
             "final_info": info,
             "_final_info": ended.copy(),
         }
+
+    def render(self) -> tuple[Picture, ...] | None:
+        """A picture of each environment (`ImitationEnv.render`); None without a render mode."""
+        if not self.render_mode:
+            return None
+        return tuple(picture(self._task.batch, k) for k in range(self.num_envs))
 
     def close_extras(self, **kwargs: Any) -> None:
         self._task.close()

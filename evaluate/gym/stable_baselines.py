@@ -36,8 +36,9 @@ class StableBaselinesVecEnv(SharedObjectVecEnv):
         differ between environments."""
         if any(options != self._options[0] for options in self._options):
             raise KinemimicError("options: expected the same for every environment, found different ones")
-        # An array of seeds would be one seed for most environments, which take a list.
-        observations, infos = self.env.reset(seed=self._seeds, options=self._options[0] or None)
+        # Gymnasium's own vector environments take a list of seeds, which its base class does not declare.
+        seeds: Any = self._seeds
+        observations, infos = self.env.reset(seed=seeds, options=self._options[0] or None)
         self.reset_infos = _split(infos, self.num_envs)
         self._reset_seeds()
         self._reset_options()
@@ -63,7 +64,8 @@ class StableBaselinesVecEnv(SharedObjectVecEnv):
         self.env.close()
 
     def get_images(self) -> tuple[NDArray[np.uint8], ...]:
-        return tuple(self.env.render() or ())
+        frames: Any = self.env.render()
+        return tuple(frames or ())
 
     def get_attr(self, attr_name: str, indices: Any = None) -> list[Any]:
         if attr_name == "render_mode":

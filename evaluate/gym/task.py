@@ -26,6 +26,7 @@ from kinemimic.train.task.observation_layout import layout
 
 # The action of `ImitationBatch` at 1. The shipped policies' largest is 0.45.
 ACTION_LIMIT = 0.5
+RENDER_MODES = ("rgb_array",)
 # Largest absolute values of the parts of an observation, in their units (`observation_layout.py`). All but
 # the height and the angular velocity cannot be larger; those of a humanoid that walks are a tenth of it.
 _BOUNDS = {
@@ -58,7 +59,14 @@ def load_motion(motion: Motion | str | Path) -> Motion:
     return read_motion_json(shipped.folder / str(motion) / MOTION)
 
 
-def spaces(config: EnvConfig) -> tuple[Box, Box]:
+def checked_render_mode(mode: str | None) -> str | None:
+    """The render mode; KinemimicError if there is no such mode."""
+    if mode is not None and mode not in RENDER_MODES:
+        raise KinemimicError(f"render_mode: expected {', '.join(RENDER_MODES)} or none, found {mode!r}")
+    return mode
+
+
+def spaces(config: EnvConfig) -> tuple[Box[np.float32], Box[np.float32]]:
     """Spaces of one environment's observations (O,) and actions (42,)."""
     parts = layout(config)
     bounds = [_BOUNDS[part["name"].partition("_")[0]] for part in parts]

@@ -154,6 +154,31 @@ def test_what_is_no_motion_is_refused(motion: str | Path, told: str) -> None:
         ImitationEnv(motion, engine="pybullet")
 
 
+def test_a_picture_shows_both_figures_where_they_are() -> None:
+    """Orange and blue near the centre, and again after five steps."""
+    env = made(render_mode="rgb_array", disable_env_checker=True)
+    env.reset(seed=0, options={"phase": 0.0})
+    orange = []
+    for _ in range(2):
+        shown = env.render()
+        assert shown.shape == (480, 480, 3) and shown.dtype == np.uint8
+        red, _, blue = shown.astype(int).transpose(2, 0, 1)
+        ours, reference = red - blue > 60, blue - red > 20
+        assert 0.02 < ours.mean() < 0.2
+        assert reference.sum() > 100
+        orange.append(np.argwhere(ours).mean(axis=0))
+        for _ in range(5):
+            env.step(np.zeros(ACTIONS, np.float32))
+    np.testing.assert_allclose(orange, 240, atol=60)
+    env.close()
+    silent = ImitationEnv("walk", engine="pybullet")
+    silent.reset()
+    assert silent.render() is None
+    silent.close()
+    with pytest.raises(KinemimicError, match="render_mode: expected rgb_array or none, found 'human'"):
+        ImitationEnv("walk", render_mode="human")
+
+
 def test_wrong_arguments_are_refused_by_name() -> None:
     env = ImitationEnv("walk", engine="pybullet")
     with pytest.raises(KinemimicError, match="options: expected phase, found 'fase'"):

@@ -122,6 +122,7 @@ def test_make_vec_makes_it_without_a_warning() -> None:
     assert env.observation_space.shape == (3, 272)
     assert env.action_space.contains(np.ones((3, ACTIONS), np.float32))
     assert env.metadata["autoreset_mode"] is AutoresetMode.SAME_STEP
+    assert env.render() is None
     assert env.spec is not None and env.spec.id == ENVIRONMENT
     env.reset(seed=0)
     steps = [env.step(np.zeros((3, ACTIONS), np.float32))[3].all() for _ in range(5)]
