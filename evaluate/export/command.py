@@ -5,12 +5,21 @@ from __future__ import annotations
 import json
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, replace
+from functools import partial
 from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
 import click
 
+from kinemimic.evaluate.export.both import (
+    BOTH,
+    PAIR_WRITERS,
+    Pair,
+    has_both,
+    pair_of_run,
+    require_both,
+)
 from kinemimic.evaluate.export.motion_source import SOURCES, MotionSource, source_of_mcap, sources_of_run
 from kinemimic.evaluate.policies.shipped import POLICY, run_options
 from kinemimic.pipeline.cli.options import json_option
@@ -28,9 +37,11 @@ from kinemimic.pipeline.writers.deepmimic import write_deepmimic
 from kinemimic.pipeline.writers.mot import write_mot
 from kinemimic.pipeline.writers.npz import write_npz
 from kinemimic.pipeline.writers.trc import write_trc
+from kinemimic.retarget.formats.mjcf import humanoid_mjcf
 from kinemimic.retarget.formats.motion_json import motion_to_json
 from kinemimic.retarget.formats.urdf import humanoid_urdf
 from kinemimic.retarget.formats.write_mcap import write_mcap
+from kinemimic.train.sim.world import FRICTION, GRAVITY, TIME_STEP
 
 WRITERS: dict[str, Callable[[Path, MotionSource], None]] = {
     "bvh": lambda path, of: write_bvh(path, of.poses),
@@ -44,9 +55,14 @@ WRITERS: dict[str, Callable[[Path, MotionSource], None]] = {
 }
 # DeepMimic calls its files .txt, which is ambiguous; two formats here are JSON.
 ENDINGS: dict[str, str] = {name: f".{name}" for name in WRITERS} | {"deepmimic": ".deepmimic.json"}
-URDF = "urdf"
-ONNX = "onnx"
-FORMATS: tuple[str, ...] = (*WRITERS, URDF, ONNX)
+GLB, URDF, MJCF, ONNX = "glb", "urdf", "mjcf", "onnx"
+FORMATS: tuple[str, ...] = (*WRITERS, GLB, URDF, MJCF, ONNX)
+# The subfolder of RUN/export for each format, named after who opens it.
+FOLDERS: dict[str, str] = {
+    "bvh": "blender", "trc": "opensim", "mot": "opensim", "csv": "tables", "npz": "python",
+    "deepmimic": "deepmimic", "json": "kinemimic", "mcap": "foxglove", GLB: "web", URDF: "ros",
+    MJCF: "mujoco", ONNX: "onnx",
+}  # fmt: skip
 
 
 @dataclass(frozen=True)
@@ -72,18 +88,23 @@ def export(
     folder: Path,
     name: str,
     policy: Path | None = None,
+    pair: Pair | None = None,
+    *,
+    subfolders: bool = False,
 ) -> list[ExportedFile]:
-    """Write every motion in every format as folder/name-source.ext, and the body as name-humanoid.urdf.
+    """Write every motion in every format as folder/name-source.ext, and the body as name-humanoid.ext.
 
-    policy: a trained policy, written as name-policy.onnx.
+    policy: a trained policy, written as name-policy.onnx; pair: written as name-both.ext; subfolders: write
+    into folder/PROGRAM/, as in FOLDERS.
 
     Each motion file gets a sidecar file with the ending .provenance.json, because few of these formats can
     store their origin; `ingest` reads it along with a capture of the same name.
     """
     written: list[ExportedFile] = []
     wanted = [form for form in FORMATS if form in set(formats)]
+    place = {form: folder / FOLDERS[form] if subfolders else folder for form in FORMATS}
     for what, source in sources.items():
-        paths = {form: folder / f"{name}-{what}{ENDINGS[form]}" for form in wanted if form in WRITERS}
+        paths = {form: place[form] / f"{name}-{what}{ENDINGS[form]}" for form in wanted if form in WRITERS}
         made_by = provenance("export", inputs=source.inputs, config={"formats": wanted})
         # A rollout is simulated even if the policy imitates a real recording.
         made = source.simulated or what == "simulated"
@@ -93,14 +114,24 @@ def export(
         for form, path in paths.items():
             WRITERS[form](path, source)
             written.append(ExportedFile(path, what, form, *source.size(form), source.note(form)))
-    if URDF in wanted:
-        path = folder / f"{name}-humanoid.urdf"
-        write_text(path, humanoid_urdf("revolute"))
-        written.append(
-            ExportedFile(path, "humanoid", URDF, None, None, "15 bodies, ball joints as three hinges")
-        )
+    if pair is not None:
+        made_by = provenance("export", inputs=pair.inputs, config={"formats": wanted})
+        record = {**pair.provenance, "simulated": True, **made_by}
+        motion = pair.figures[0].motion
+        for form in (form for form in wanted if form in PAIR_WRITERS):
+            path = place[form] / f"{name}-{BOTH}.{form}"
+            write_note(note_path(path), record)
+            PAIR_WRITERS[form](path, pair, record)
+            written.append(ExportedFile(path, BOTH, form, len(motion.root), motion.rate, pair.remark))
+    mjcf = partial(humanoid_mjcf, time_step=TIME_STEP, gravity=GRAVITY, friction=FRICTION)
+    for form, ending, text in ((URDF, "urdf", partial(humanoid_urdf, "revolute")), (MJCF, "xml", mjcf)):
+        if form in wanted:
+            path = place[form] / f"{name}-humanoid.{ending}"
+            write_text(path, text())
+            note = "15 bodies, ball joints as three hinges"
+            written.append(ExportedFile(path, "humanoid", form, None, None, note))
     if ONNX in wanted and policy is not None:
-        path = folder / f"{name}-policy.onnx"
+        path = place[ONNX] / f"{name}-policy.onnx"
         written.append(ExportedFile(path, "policy", ONNX, None, None, _write_onnx(path, policy)))
     return written
 
@@ -119,12 +150,32 @@ def _write_onnx(path: Path, policy: Path) -> str:
     return f"observation (N, {observations}) to action (N, {actions}), opset {OPSET}; see its metadata"
 
 
+def _check_options(
+    what: tuple[str, ...], formats: tuple[str, ...], number: int | None, source: Path | None, recover: bool
+) -> None:
+    """UsageError for options that exclude each other."""
+    if recover and source is None:
+        raise click.UsageError("--recover needs --from with the damaged file")
+    if source is not None and ONNX in formats:
+        raise click.UsageError("--from is a motion without a policy: leave out --format onnx")
+    if source is not None and (what or number is not None):
+        raise click.UsageError("--from is a single motion: leave out --what and --pass")
+    if GLB in formats and (source is not None or (what and BOTH not in what)):
+        raise click.UsageError(f"a .glb shows both figures of a run: use --what {BOTH}")
+    if what and BOTH in what and not {*PAIR_WRITERS, "all"} & set(formats):
+        raise click.UsageError(
+            f"--what {BOTH} is written as {' and '.join(PAIR_WRITERS)}: choose one with --format"
+        )
+    if number is not None and what and "capture" not in what:
+        raise click.UsageError("--pass selects a pass of the capture: add --what capture")
+
+
 @click.command("export")
 @run_options(optional=True)
 @click.option(
     "--what",
     multiple=True,
-    type=click.Choice(tuple(SOURCES)),
+    type=click.Choice((*SOURCES, BOTH)),
     help="Motion to export; repeatable. Default: all.",
 )
 @click.option(
@@ -136,7 +187,9 @@ def _write_onnx(path: Path, policy: Path) -> str:
     help="Format; repeatable. Default: all.",
 )
 @click.option(
-    "--out", type=click.Path(path_type=Path, file_okay=False), help="Output folder. Default: RUN/export."
+    "--out",
+    type=click.Path(path_type=Path, file_okay=False),
+    help="Output folder, without subfolders. Default: RUN/export/PROGRAM.",
 )
 @click.option(
     "--pass", "number", type=click.IntRange(min=0), help="Pass of the capture. Default: the longest."
@@ -167,25 +220,22 @@ def command(
     csv, npz   tables and arrays, metres and quaternions (x, y, z, w), Z up
     deepmimic  44 numbers per frame, for DeepMimic's humanoid
     json, mcap the motion in the format of `retarget`; rerun and Foxglove open MCAP files
-    urdf       the humanoid
+    glb        simulated humanoid and reference, animated, for browsers and modelling programs; mcap has
+               both, too
+    urdf, mjcf the humanoid, for ROS and MuJoCo
     onnx       the policy, for onnxruntime and others; needs kinemimic[onnx]
 
     \b
       kinemimic export --run runs/walk
       kinemimic export --run runs/walk --what simulated --format bvh
     """
-    if recover and source is None:
-        raise click.UsageError("--recover needs --from with the damaged file")
-    if source is not None and ONNX in formats:
-        raise click.UsageError("--from is a motion without a policy: leave out --format onnx")
-    if source is not None and (what or number is not None):
-        raise click.UsageError("--from is a single motion: leave out --what and --pass")
-    if number is not None and what and "capture" not in what:
-        raise click.UsageError("--pass selects a pass of the capture: add --what capture")
+    _check_options(what, formats, number, source, recover)
     chosen = FORMATS if "all" in formats else formats
     if source is not None:
         sources = {"recovered" if recover else "motion": source_of_mcap(source, recover=recover)}
-        written = export(sources, chosen, out or source.parent / "export", source.stem)
+        written = export(
+            sources, chosen, out or source.parent / "export", source.stem, subfolders=out is None
+        )
     else:
         run = run or only_run()
         # By default, ONNX is skipped if it cannot be written; requested by name, it is an error.
@@ -193,23 +243,28 @@ def command(
         if ONNX not in formats and (find_spec("onnx") is None or not (run / POLICY).is_file()):
             policy = None
         with stage(run, "export", adds=True) if out is None else reading(run, "export") as staging:
-            sources = sources_of_run(run, what, number)
+            if BOTH in what or GLB in formats:
+                require_both(run)
+            pair = pair_of_run(run) if BOTH in what or (not what and has_both(run)) else None
+            named = [one for one in what if one != BOTH]
+            sources = {} if what and not named else sources_of_run(run, named, number)
             into = out or Path(staging or run) / "export"
-            written = export(sources, chosen, into, run.resolve().name, policy)
+            written = export(sources, chosen, into, run.resolve().name, policy, pair, subfolders=out is None)
         if out is None:
             written = [replace(one, path=run / "export" / one.path.relative_to(into)) for one in written]
     if as_json:
         click.echo(json.dumps([one.record() for one in written], indent=2))
         return
+    top = out or (run / "export" if run is not None and source is None else written[0].path.parent.parent)
     table = grid("file", "frames", "Hz", "KB", left=1)
     table.add_column("", overflow="fold")
     for one in written:
         table.add_row(
-            one.path.name,
+            one.path.relative_to(top).as_posix(),
             "-" if one.frames is None else str(one.frames),
             "-" if one.rate is None else f"{one.rate:.4g}",
             f"{one.path.stat().st_size / 1e3:.0f}",
             one.note,
         )
     show(table)
-    echo(f"in {written[0].path.parent}")
+    echo(f"in {top}")

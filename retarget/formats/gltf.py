@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import struct
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -34,7 +34,7 @@ class Figure:
     color: tuple[float, float, float, float]
 
 
-def write_glb(path: Path, figures: Sequence[Figure], provenance: dict[str, Any]) -> None:
+def write_glb(path: Path, figures: Sequence[Figure], provenance: Mapping[str, Any]) -> None:
     """Write figures of one frame rate as a scene with one animation, deterministically and atomically.
 
     glTF's axes: X left, Y up, Z forward, metres. Each figure is a tree of 20 nodes FIGURE/NODE below a node
@@ -84,7 +84,7 @@ def write_glb(path: Path, figures: Sequence[Figure], provenance: dict[str, Any])
                 animate(first + 1 + index, "translation", _y_up(motion.root))
             nodes.append(node)
     document = {
-        "asset": {"version": "2.0", "generator": "kinemimic", "extras": {"provenance": provenance}},
+        "asset": {"version": "2.0", "generator": "kinemimic", "extras": {"provenance": dict(provenance)}},
         "scene": 0,
         "scenes": [{"name": "kinemimic", "nodes": roots}],
         "nodes": nodes,

@@ -48,7 +48,7 @@ METADATA_NAME = "kinemimic"  # the metadata record, written before the messages
 CHUNK_BYTES = 256 * 1024
 
 _STRING = "string data\n"
-_JOINT_STATE = f"""std_msgs/Header header
+JOINT_STATE = f"""std_msgs/Header header
 string[] name
 float64[] position
 float64[] velocity
@@ -91,8 +91,8 @@ def write_mcap(path: Path, motion: Motion) -> None:
         writer.add_message(topics["/robot_description"], START_NS, urdf, START_NS)
         messages = zip(
             _tf_messages(played, times),
-            _skeleton_messages(played, times),
-            _joint_state_messages(played, times),
+            skeleton_messages(played, times),
+            joint_state_messages(played, times),
             strict=True,
         )
         for sequence, (time, row) in enumerate(zip(times.tolist(), messages, strict=True)):
@@ -139,7 +139,7 @@ def _metadata(motion: Motion, played: int) -> dict[str, str]:
 def _topics(writer: Writer) -> dict[str, int]:
     """Register schemas and channels; returns topic -> channel."""
     string = writer.register_schema("std_msgs/msg/String", "ros2msg", _STRING.encode())
-    joints = writer.register_schema("sensor_msgs/msg/JointState", "ros2msg", _JOINT_STATE.encode())
+    joints = writer.register_schema("sensor_msgs/msg/JointState", "ros2msg", JOINT_STATE.encode())
     return {
         "/robot_description": writer.register_channel("/robot_description", "cdr", string),
         "/tf": writer.register_channel("/tf", "protobuf", register_schema(writer, FrameTransforms)),
@@ -148,7 +148,7 @@ def _topics(writer: Writer) -> dict[str, int]:
     }
 
 
-def _stamp(time: int) -> Timestamp:
+def stamp(time: int) -> Timestamp:
     seconds, nanoseconds = divmod(time, 10**9)
     return Timestamp(seconds=seconds, nanos=nanoseconds)
 
@@ -156,10 +156,10 @@ def _stamp(time: int) -> Timestamp:
 def _tf_messages(motion: Motion, times: NDArray[np.int64]) -> Iterator[bytes]:
     """/tf: the root's pose moves the base, to which the pelvis is fixed; all others are local transforms."""
     for frame, time in enumerate(times.tolist()):
-        stamp = _stamp(time)
+        now = stamp(time)
         message = FrameTransforms()
         message.transforms.append(
-            _transform(stamp, WORLD_FRAME, BASE_FRAME, motion.root[frame], motion.rotations[frame, 0])
+            transform(now, WORLD_FRAME, BASE_FRAME, motion.root[frame], motion.rotations[frame, 0])
         )
         for node, name in NODE_FRAMES.items():
             index = NODE_INDEX[node]
@@ -168,20 +168,20 @@ def _tf_messages(motion: Motion, times: NDArray[np.int64]) -> Iterator[bytes]:
             above = NODE_FRAMES[NODES[parent]] if parent >= 0 else BASE_FRAME
             offset, rotation = motion.offsets[index], motion.rotations[frame, index]
             message.transforms.append(
-                _transform(stamp, above, name, offset, rotation if parent >= 0 else IDENTITY)
+                transform(now, above, name, offset, rotation if parent >= 0 else IDENTITY)
             )
         yield message.SerializeToString(deterministic=True)
 
 
-def _transform(stamp: Timestamp, parent: str, child: str, offset: Array, rotation: Array) -> FrameTransform:
-    message = FrameTransform(timestamp=stamp, parent_frame_id=parent, child_frame_id=child)
+def transform(time: Timestamp, parent: str, child: str, offset: Array, rotation: Array) -> FrameTransform:
+    message = FrameTransform(timestamp=time, parent_frame_id=parent, child_frame_id=child)
     message.translation.x, message.translation.y, message.translation.z = offset.tolist()
     turn = message.rotation
     turn.x, turn.y, turn.z, turn.w = rotation.tolist()
     return message
 
 
-def _skeleton_messages(motion: Motion, times: NDArray[np.int64]) -> Iterator[bytes]:
+def skeleton_messages(motion: Motion, times: NDArray[np.int64]) -> Iterator[bytes]:
     """/skeleton: left blue, right orange, trunk and head grey."""
     positions, _ = motion.kinematics()
     kinds = {"<f4": PackedElementField.FLOAT32, "|u1": PackedElementField.UINT8}
@@ -199,7 +199,7 @@ def _skeleton_messages(motion: Motion, times: NDArray[np.int64]) -> Iterator[byt
         for k, axis in enumerate("xyz"):
             points[axis] = positions[frame, :, k]
         message = PointCloud(
-            timestamp=_stamp(time), frame_id=WORLD_FRAME, point_stride=_POINT.itemsize, fields=fields
+            timestamp=stamp(time), frame_id=WORLD_FRAME, point_stride=_POINT.itemsize, fields=fields
         )
         message.pose.orientation.w = 1.0
         # Set although it is zero: without it, rerun writes recordings that it cannot read.
@@ -208,7 +208,7 @@ def _skeleton_messages(motion: Motion, times: NDArray[np.int64]) -> Iterator[byt
         yield message.SerializeToString(deterministic=True)
 
 
-def _joint_state_messages(motion: Motion, times: NDArray[np.int64]) -> Iterator[bytes]:
+def joint_state_messages(motion: Motion, times: NDArray[np.int64]) -> Iterator[bytes]:
     """/joint_states: knee and hip flexion."""
     curves = joint_angles(motion.rotations)
     names = list(curves)

@@ -59,6 +59,12 @@ def test_the_tutorial_from_the_wheel_in_an_empty_folder(wheel: Path, tmp_path: P
     where = reader.said("python -c 'import kinemimic.pipeline.ingest as m; print(m.__file__)'")
     assert where.startswith(str(tmp_path / "venv"))
     follow(ROOT / "docs" / TUTORIAL, reader)
-    for name in ("motion.json", "report.html", "view.rrd", "gait_report.html", "export/walk-policy.onnx"):
+    for name in (
+        "motion.json",
+        "report.html",
+        "view.rrd",
+        "gait_report.html",
+        "export/onnx/walk-policy.onnx",
+    ):
         assert (here / "runs/walk" / name).is_file()
     assert "SIMULATED" in reader.said("kinemimic export --run runs/walk --what reference --format csv")

@@ -13,10 +13,12 @@ import pytest
 from click.testing import CliRunner
 from samples.motion import rigid_walk
 
+from kinemimic.evaluate.export.both import pair_of_run
 from kinemimic.evaluate.export.command import WRITERS, command, export
 from kinemimic.evaluate.export.motion_source import SOURCES, sources_of_run
 from kinemimic.pipeline.cli.main import main
 from kinemimic.pipeline.errors import KinemimicError
+from kinemimic.pipeline.files.sidecars import note_path
 from kinemimic.pipeline.files.store import write_clip
 from kinemimic.pipeline.ingest import ingest
 from kinemimic.pipeline.kinematics.clip import Clip
@@ -73,10 +75,19 @@ def files(run: Path) -> list[dict[str, object]]:
 def test_everything_is_written_and_listed_once(run: Path, files: list[dict[str, object]]) -> None:
     kinds = [(record["what"], record["format"]) for record in files]
     expected = [(what, form) for what in SOURCES for form in WRITERS]
-    assert kinds == [*expected, ("humanoid", "urdf")]
-    written = {Path(str(record["path"])).name for record in files}
-    notes = {f"walk-{what}{end}.provenance.json" for what in SOURCES for end in ("", ".deepmimic")}
-    assert {path.name for path in (run / "export").iterdir()} == written | notes
+    both = [("both", "mcap"), ("both", "glb")]
+    assert kinds == [*expected, *both, ("humanoid", "urdf"), ("humanoid", "mjcf")]
+    top = run / "export"
+    written = {Path(str(record["path"])).relative_to(top) for record in files}
+    motions = [path for path in written if "humanoid" not in path.name]
+    notes = {note_path(top / path).relative_to(top) for path in motions}
+    assert {path.relative_to(top) for path in top.rglob("*") if path.is_file()} == written | notes
+    # A subfolder for each program, and what it opens.
+    assert {path.parts[0]: path.suffix for path in written if path.parts[0] != "opensim"} == {
+        "blender": ".bvh", "tables": ".csv", "python": ".npz", "deepmimic": ".json", "kinemimic": ".json",
+        "foxglove": ".mcap", "web": ".glb", "ros": ".urdf", "mujoco": ".xml",
+    }  # fmt: skip
+    assert {path.suffix for path in written if path.parts[0] == "opensim"} == {".trc", ".mot"}
     for record in files:
         assert Path(str(record["path"])).stat().st_size == record["bytes"]
 
@@ -146,7 +157,7 @@ def test_a_recorded_head_rotation_is_kept(tmp_path: Path) -> None:
 def test_provenance_names_inputs_and_simulation(
     run: Path, files: list[dict[str, object]], tmp_path: Path
 ) -> None:
-    note = json.loads((run / "export" / "walk-capture.provenance.json").read_text())
+    note = json.loads((run / "export" / "blender" / "walk-capture.provenance.json").read_text())
     assert (note["stage"], note["source"], note["simulated"]) == ("export", "walk.skl", True)
     assert len(note["inputs"]["clip"]) == 64
     for form in ("bvh", "trc", "mot", "deepmimic"):
@@ -173,9 +184,46 @@ def test_the_body_is_a_tree_of_bodies(files: list[dict[str, object]]) -> None:
 def test_repeated_exports_are_byte_identical(
     run: Path, files: list[dict[str, object]], tmp_path: Path
 ) -> None:
+    """And --out takes the files as they are, without subfolders."""
     CliRunner().invoke(command, ["--run", str(run), "--out", str(tmp_path)], catch_exceptions=False)
-    for path in (run / "export").iterdir():
+    there = [path for path in (run / "export").rglob("*") if path.is_file()]
+    assert len(there) > 30
+    assert {path.name for path in tmp_path.iterdir()} == {path.name for path in there}
+    for path in there:
         assert (tmp_path / path.name).read_bytes() == path.read_bytes(), path.name
+
+
+def test_both_figures_are_in_one_recording(run: Path, files: list[dict[str, object]], walk: Motion) -> None:
+    """Simulated and reference, frame by frame, as the trajectory has them; marked as simulated."""
+    trajectory = Trajectory.load(run / "trajectory.npz", walk)
+    glb = of(files, "both", "glb").read_bytes()
+    scene = json.loads(glb[20 : 20 + int.from_bytes(glb[12:16], "little")])
+    assert [scene["nodes"][k]["name"] for k in scene["scenes"][0]["nodes"]] == ["simulated", "reference"]
+    record = next(r for r in files if (r["what"], r["format"]) == ("both", "glb"))
+    assert (record["frames"], record["rate"]) == (FRAMES, 30.0)
+    assert scene["asset"]["extras"]["provenance"]["simulated"] is True
+    pair = pair_of_run(run)
+    for figure, root, rotations in zip(
+        pair.figures,
+        (trajectory.root, trajectory.reference_root),
+        (trajectory.rotations, trajectory.reference_rotations),
+        strict=True,
+    ):
+        np.testing.assert_array_equal(figure.motion.root, root[0])
+        np.testing.assert_array_equal(figure.motion.rotations, rotations[0])
+    for form in ("mcap", "glb"):
+        note = json.loads(note_path(of(files, "both", form)).read_text())
+        assert note["simulated"] is True and len(note["inputs"]["trajectory"]) == 64
+
+
+def test_a_recording_of_both_needs_a_trajectory(run: Path, tmp_path: Path) -> None:
+    (tmp_path / "motion.json").write_bytes((run / "motion.json").read_bytes())
+    for asked in (["--format", "glb"], ["--what", "both"]):
+        with pytest.raises(KinemimicError, match=r"expected motion\.json and trajectory\.npz"):
+            CliRunner().invoke(command, ["--run", str(tmp_path), *asked], catch_exceptions=False)
+    assert not (tmp_path / "export").exists()
+    result = CliRunner().invoke(command, ["--run", str(tmp_path), "--json"], catch_exceptions=False)
+    assert {record["what"] for record in json.loads(result.stdout)} == {"reference", "humanoid"}
 
 
 def test_only_requested_formats_are_written(run: Path, tmp_path: Path) -> None:
@@ -219,6 +267,8 @@ def test_a_damaged_mcap_is_named_and_recovered(
         (["--recover"], "--recover needs --from"),
         (["--from", "a.mcap", "--what", "capture"], "leave out --what and --pass"),
         (["--what", "reference", "--pass", "1"], "--pass selects a pass of the capture"),
+        (["--what", "capture", "--format", "glb"], "a .glb shows both figures of a run: use --what both"),
+        (["--what", "both", "--format", "bvh"], "--what both is written as mcap and glb"),
         (["--from", "a.mcap"], "expected an MCAP file, found none"),
         (["--format", "fbx"], "'fbx' is not one of"),
     ],
