@@ -195,7 +195,7 @@ def test_repeated_exports_are_byte_identical(
 
 def test_both_figures_are_in_one_recording(run: Path, files: list[dict[str, object]], walk: Motion) -> None:
     """Simulated and reference, frame by frame, as the trajectory has them; marked as simulated."""
-    trajectory = Trajectory.load(run / "trajectory.npz", walk)
+    trajectory = Trajectory.load(run / "trajectory.npz", read_motion_json(run / "motion.json"))
     glb = of(files, "both", "glb").read_bytes()
     scene = json.loads(glb[20 : 20 + int.from_bytes(glb[12:16], "little")])
     assert [scene["nodes"][k]["name"] for k in scene["scenes"][0]["nodes"]] == ["simulated", "reference"]
