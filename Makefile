@@ -31,12 +31,19 @@ help: ## Show this list
 
 setup: $(STAMP) $(NATIVE) ## Build or update .venv, and the native engine
 
-# torch is installed first and alone: only its index differs between machines (docs/installation.md).
+# torch is installed first and alone, from PyTorch's index of CPU builds where that answers: the builds for GPUs take
+# 4.5 GB more, which nothing here uses. TORCH_INDEX= (empty) takes the index that pip is configured for.
+TORCH_INDEX ?= https://download.pytorch.org/whl/cpu
+TORCH := torch==2.13.0
 $(STAMP): pyproject.toml constraints.txt
-	$(if $(shell $(PYTHON) -c 'import sys; print(sys.version_info[:2] == (3, 11) or "")' 2>&1 | grep True),,\
-	  $(error kinemimic needs Python 3.11 with its venv module, but $(PYTHON) is not that: install it, or select one with PYTHON=))
+	$(if $(shell $(PYTHON) -c 'import sys; print((3, 11) <= sys.version_info < (3, 14) or "")' 2>&1 | grep True),,\
+	  $(error kinemimic needs Python 3.11, 3.12 or 3.13 with its venv module, but $(PYTHON) is not that: install it, or select one with PYTHON=))
 	$(PYTHON) -m venv $(VENV)
-	$(BIN)/python -m pip install --quiet -c constraints.txt torch==2.13.0 setuptools
+	@if [ -n "$(TORCH_INDEX)" ] && $(BIN)/python -c "import urllib.request as r; r.urlopen('$(TORCH_INDEX)/torch/', timeout=5)" 2>/dev/null \
+	  && $(BIN)/python -m pip install --quiet -c constraints.txt --index-url "$(TORCH_INDEX)" $(TORCH); \
+	then echo "torch: the CPU build of $(TORCH_INDEX)"; \
+	else $(BIN)/python -m pip install --quiet -c constraints.txt $(TORCH) && echo "torch: from the index that pip is configured for"; fi
+	$(BIN)/python -m pip install --quiet -c constraints.txt setuptools
 	$(BIN)/python -m pip install --quiet -c constraints.txt --no-build-isolation --config-settings editable_mode=strict -e '.[dev]'
 	@rm -f $(VENV)/installed-*
 	@touch $@

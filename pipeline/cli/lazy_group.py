@@ -9,6 +9,8 @@ from typing import Any
 
 import click
 
+from kinemimic.pipeline.cli.settings import defaults_of, require_commands
+
 # Name -> ("module:attribute" of the command, its help in one line).
 Commands = Mapping[str, tuple[str, str]]
 
@@ -40,7 +42,19 @@ class LazyGroup(click.Group):
         if name not in self.lazy and not name.startswith("-"):
             near = difflib.get_close_matches(name, self.lazy, n=1)
             ctx.fail(f"no command {name!r}" + (f"; did you mean {near[0]!r}?" if near else ""))
-        return super().resolve_command(ctx, args)
+        found, command, rest = super().resolve_command(ctx, args)
+        if found is not None and command is not None and ctx.default_map:
+            ctx.default_map = {found: self._settings(ctx, found, command)}
+        return found, command, rest
+
+    def _settings(self, ctx: click.Context, name: str, command: click.Command) -> dict[str, Any]:
+        """What the settings file says of a command, as its default_map."""
+        within = ctx.command_path.partition(" ")[2]
+        section = dict((ctx.default_map or {}).get(name, {}))
+        if isinstance(command, LazyGroup):
+            require_commands(section, command.lazy, f"{name}.")
+            return section
+        return defaults_of(command, f"{within}.{name}" if within else name, section)
 
     def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
         with formatter.section("Commands"):

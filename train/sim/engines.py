@@ -31,10 +31,14 @@ def resolve(engine: str) -> str:
     unavailable."""
     if engine not in ENGINES:
         raise KinemimicError(f"expected an engine among {', '.join(ENGINES)}, found {engine!r}")
+    trouble = _native_trouble()
     if engine == "auto":
-        return "pybullet" if _native_trouble() else "native"
-    if engine == "native" and (trouble := _native_trouble()):
+        engine = "pybullet" if trouble else "native"
+    elif engine == "native" and trouble:
         raise KinemimicError(f"expected the native engine, found that {trouble}; or use --engine pybullet")
+    if engine == "pybullet" and find_spec("pybullet") is None:
+        native = f"the native engine, but {trouble}" if trouble else "--engine native"
+        raise KinemimicError(f"expected pybullet, found none: its wheels end at Python 3.11; use {native}")
     return engine
 
 
