@@ -1,5 +1,6 @@
 # kinemimic with the native engine: `docker build -t kinemimic .`
 FROM python:3.11-slim-bookworm AS build
+# hadolint ignore=DL3008
 RUN apt-get update \
     && apt-get install --yes --no-install-recommends g++ make \
     && rm -rf /var/lib/apt/lists/*
@@ -12,9 +13,9 @@ COPY --from=build /src/dist/*.whl /src/constraints.txt /tmp/kinemimic/
 RUN pip install --no-cache-dir --constraint /tmp/kinemimic/constraints.txt \
         --extra-index-url https://download.pytorch.org/whl/cpu /tmp/kinemimic/*.whl \
     && rm -r /tmp/kinemimic \
-    && useradd --create-home kinemimic \
+    && useradd --create-home --uid 1000 kinemimic \
     && install --directory --owner=kinemimic /work
-USER kinemimic
+USER 1000
 WORKDIR /work
 ENTRYPOINT ["kinemimic"]
 CMD ["--help"]

@@ -37,11 +37,11 @@ def test_the_wheel_holds_the_package_and_nothing_else(wheel: Path) -> None:
     assert not any("tests/" in name or "/test_" in name for name in inside)
     for folder in FOLDERS[:-1]:
         assert f"kinemimic/{folder}/py.typed" in inside
-    # What the data set is versioned with belongs to the repository.
+    # The versioned data set and the comparison's networks (2.8 MB) stay in the repository.
     data = {
         f"kinemimic/{path.relative_to(ROOT)}"
         for path in (ROOT / "datasets").rglob("*.*")
-        if "versions" not in path.relative_to(ROOT).parts
+        if not {"versions", "comparison"} & set(path.relative_to(ROOT).parts)
     }
     assert "kinemimic/datasets/policies/recipes.toml" in data
     assert "kinemimic/datasets/scenarios/pull-forward.toml" in data

@@ -106,8 +106,8 @@ class Comparison:
         """Read a results folder; KinemimicError if something is missing."""
         if not (folder / RESULTS).exists():
             raise KinemimicError(
-                f"{folder / RESULTS}: expected the results of `kinemimic compare`, found no file; "
-                "run `make comparison`, which writes them to runs/comparison"
+                f"{folder / RESULTS}: expected the results of `kinemimic compare`, found no file; take "
+                "datasets/comparison from the repository with --comparison, or run `make comparison` (hours)"
             )
         content = read_json(folder / RESULTS)
         content = upgraded(

@@ -9,7 +9,6 @@ from fnmatch import fnmatchcase
 # Patterns of commands that are not run, with the reason. Matching commands are still checked (checked.py).
 NOT_RUN: dict[str, str] = {
     "make *": "runs in the repository, and builds its .venv first",
-    "PIP_EXTRA_INDEX_URL=* make setup": "fetches packages",
     "pip install *": "fetches packages",
     "rerun *": "opens a window",
     "tensorboard *": "serves until it is stopped",
