@@ -22,6 +22,8 @@ from kinemimic.pipeline.writers.bvh import write_bvh
 from kinemimic.pipeline.writers.mot import coordinates, write_mot
 from kinemimic.pipeline.writers.poses import Poses, poses_of_clip
 from kinemimic.pipeline.writers.trc import write_trc
+from kinemimic.retarget.formats.gltf import Figure, write_glb
+from kinemimic.retarget.humanoid.motion import Motion
 
 # A process of its own: Blender brings its own numpy and leaves its settings behind.
 _IN_BLENDER = """
@@ -101,3 +103,33 @@ def test_opensim_reads_markers_and_coordinates(tmp_path: Path) -> None:
     table = opensim.TimeSeriesTable(str(tmp_path / "walk.mot"))
     for name, curve in coordinates(poses).items():
         np.testing.assert_allclose(table.getDependentColumn(name).to_numpy(), curve, atol=1e-7)
+
+
+_GLTF_IN_BLENDER = """
+import json, sys
+import bpy
+bpy.ops.wm.read_factory_settings(use_empty=True)
+bpy.context.scene.render.fps = 30
+bpy.ops.import_scene.gltf(filepath=sys.argv[1])
+frames = []
+for frame in range(int(sys.argv[3])):
+    bpy.context.scene.frame_set(frame)
+    frames.append({one.name: list(one.matrix_world.translation) for one in bpy.data.objects})
+open(sys.argv[2], "w").write(json.dumps(frames))
+"""
+
+
+def test_blender_has_every_node_of_a_glb_in_its_place(tmp_path: Path) -> None:
+    needs("bpy")
+    shown, frames = rigid_walk(30, 30.0), 30
+    motion = Motion(30.0, shown.root, shown.rotations, np.zeros((frames, 2), dtype=bool), cyclic=False)
+    write_glb(tmp_path / "walk.glb", [Figure("simulated", motion, (1.0, 0.5, 0.0, 1.0))], {})
+    out = tmp_path / "found.json"
+    script = [sys.executable, "-c", _GLTF_IN_BLENDER, str(tmp_path / "walk.glb"), str(out), str(frames)]
+    subprocess.run(script, check=True, capture_output=True)
+    positions, _ = motion.kinematics()
+    for frame, found in enumerate(json.loads(out.read_text())):
+        for k, node in enumerate(NODES):
+            # Blender: Z up, and glTF's forward is -Y.
+            left, behind, up = found[f"simulated/{node}"]
+            np.testing.assert_allclose([-behind, left, up], positions[frame, k], atol=1e-4)
