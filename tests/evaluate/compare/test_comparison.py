@@ -209,7 +209,7 @@ def test_what_is_missing_is_one_line(compared: Callable[..., Path], tmp_path: Pa
     (folder / "run" / "motion.json").write_bytes((folder / "walk" / "motion.json").read_bytes())
     with pytest.raises(KinemimicError, match="expected a policy of run's motion"):
         comparison.median_policy("run", "default", "PPO")
-    with pytest.raises(KinemimicError, match="found no file; take datasets.comparison from the repository"):
+    with pytest.raises(KinemimicError, match="found no file; take datasets/comparison from the repository"):
         Comparison.load(tmp_path)
     (tmp_path / "compare.json").write_text(json.dumps({"schema": 7}))
     with pytest.raises(KinemimicError, match="expected results of `kinemimic compare`"):
