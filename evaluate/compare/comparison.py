@@ -28,7 +28,8 @@ from kinemimic.train.scenario.scenario import Scenario
 
 RESULTS = "compare.json"
 COMPARE_SCHEMA = 2
-SHIPPED = DATASETS / "comparison"
+# Only in the repository. An editable install links the files of a wheel; the link leads there.
+SHIPPED = (DATASETS / "catalog.toml").resolve().parent / "comparison"
 Row = Mapping[str, Any]
 
 

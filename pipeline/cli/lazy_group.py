@@ -9,7 +9,7 @@ from typing import Any
 
 import click
 
-from kinemimic.pipeline.cli.settings import defaults_of, require_commands
+from kinemimic.pipeline.cli.settings import bind_variables, defaults_of, require_commands
 
 # Name -> ("module:attribute" of the command, its help in one line).
 Commands = Mapping[str, tuple[str, str]]
@@ -43,8 +43,11 @@ class LazyGroup(click.Group):
             near = difflib.get_close_matches(name, self.lazy, n=1)
             ctx.fail(f"no command {name!r}" + (f"; did you mean {near[0]!r}?" if near else ""))
         found, command, rest = super().resolve_command(ctx, args)
-        if found is not None and command is not None and ctx.default_map:
-            ctx.default_map = {found: self._settings(ctx, found, command)}
+        if found is not None and command is not None:
+            if ctx.default_map:
+                ctx.default_map = {found: self._settings(ctx, found, command)}
+            if not isinstance(command, click.Group):
+                bind_variables(command, f"{ctx.command_path.partition(' ')[2]} {found}".strip())
         return found, command, rest
 
     def _settings(self, ctx: click.Context, name: str, command: click.Command) -> dict[str, Any]:

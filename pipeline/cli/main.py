@@ -12,7 +12,7 @@ import click
 
 from kinemimic.pipeline.cli.lazy_group import LazyGroup, load
 from kinemimic.pipeline.cli.printable import echo, replace_what_cannot_be_encoded
-from kinemimic.pipeline.cli.settings import PREFIX, read_settings, require_commands
+from kinemimic.pipeline.cli.settings import read_settings, require_commands
 from kinemimic.pipeline.errors import KinemimicError
 
 # Each command is named by a string and imported when it runs: the command line belongs to the lowest layer,
@@ -116,7 +116,6 @@ def _status(arguments: list[str] | None) -> int:
             prog_name="kinemimic",
             standalone_mode=False,
             default_map=settings,
-            auto_envvar_prefix=PREFIX,
         )
     except KinemimicError as error:
         return _fail(str(error))

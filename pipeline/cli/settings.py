@@ -8,6 +8,7 @@ Options on the command line come first, then environment variables (KINEMIMIC_TR
 
 from __future__ import annotations
 
+import os
 from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Any
@@ -48,13 +49,7 @@ def require_commands(settings: Mapping[str, Any], commands: Iterable[str], withi
 
 def defaults_of(command: click.Command, name: str, section: Mapping[str, Any]) -> dict[str, Any]:
     """Settings by option ("budget") as click's default_map, by parameter; KinemimicError for unknown ones."""
-    options = {
-        flag.removeprefix("--"): parameter
-        for parameter in command.params
-        if isinstance(parameter, click.Option)
-        for flag in parameter.opts
-        if flag.startswith("--")
-    }
+    options = _options(command)
     for key, value in section.items():
         if key not in options:
             raise KinemimicError(
@@ -64,6 +59,37 @@ def defaults_of(command: click.Command, name: str, section: Mapping[str, Any]) -
         if isinstance(value, dict):
             raise KinemimicError(f"{FILE}, table [{name}], key {key}: expected a value, found a table")
     return {options[key].name or "": _value(options[key], value) for key, value in section.items()}
+
+
+def bind_variables(command: click.Command, name: str) -> None:
+    """Let each option be set by its variable: `--preset` of `train` by KINEMIMIC_TRAIN_PRESET.
+
+    click's own names are those of the function's parameters, which a user does not see. KinemimicError for a
+    variable of the command that no option has.
+    """
+    prefix = _variable(f"{PREFIX} {name} ")
+    variables = {prefix + _variable(flag): option for flag, option in _options(command).items()}
+    for found in os.environ:
+        if found.startswith(prefix) and found not in variables:
+            near = _near(found, variables)
+            raise KinemimicError(f"expected a variable of an option of `{name}`, found {_shown(found)}{near}")
+    for variable, option in variables.items():
+        option.envvar = variable
+
+
+def _variable(words: str) -> str:
+    return words.upper().replace("-", "_").replace(" ", "_")
+
+
+def _options(command: click.Command) -> dict[str, click.Option]:
+    """A command's options by their names without dashes."""
+    return {
+        flag.removeprefix("--"): parameter
+        for parameter in command.params
+        if isinstance(parameter, click.Option)
+        for flag in parameter.opts
+        if flag.startswith("--")
+    }
 
 
 def _value(option: click.Option, value: Any) -> Any:

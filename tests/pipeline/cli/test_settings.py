@@ -7,7 +7,6 @@ from pathlib import Path
 import click
 import pytest
 
-from kinemimic.pipeline.cli import main as module
 from kinemimic.pipeline.cli.main import COMMANDS, load_command, main
 from kinemimic.pipeline.cli.settings import defaults_of
 
@@ -96,6 +95,10 @@ def test_commands_of_a_group_have_tables_of_their_own(
     Path("kinemimic.toml").write_text("[datasets.record]\nsede = 5")
     assert call("datasets", "record", "walk", "--into", "x") == 2
     assert "table [datasets.record]: expected an option" in capsys.readouterr().err
+    Path("kinemimic.toml").unlink()
+    monkeypatch.setenv("KINEMIMIC_DATASETS_RECORD_SEED", "-6")
+    assert call("datasets", "record", "walk", "--into", "x") == 2
+    assert "-6 is not in the range" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize("name", ["ingest", "retarget", "evaluate", "run", "batch", "export"])
@@ -107,5 +110,14 @@ def test_every_option_of_a_command_can_be_set(name: str) -> None:
         assert list(defaults_of(command, name, {flag: "x"})) == [option.name]
 
 
-def test_variables_have_the_names_of_command_and_option() -> None:
-    assert module.PREFIX == "KINEMIMIC"
+def test_variables_have_the_names_of_command_and_option(
+    ran: list[dict[str, object]], monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Not those of the function's parameters: --preset is preset_name there."""
+    monkeypatch.setenv("KINEMIMIC_TRAIN_PRESET", "robust")
+    assert call("train") == 0 and ran[-1]["preset_name"] == "robust"
+    monkeypatch.setenv("KINEMIMIC_TRAIN_PRESET_NAME", "robust")
+    assert call("train") == 2
+    assert (
+        "found KINEMIMIC_TRAIN_PRESET_NAME; did you mean 'KINEMIMIC_TRAIN_PRESET'" in capsys.readouterr().err
+    )
