@@ -3,7 +3,8 @@
 Rollouts and updates together, without evaluations. stable-baselines3 has its default networks and updates,
 then ours (512 x 256 units, minibatches of 512, 8 epochs), on one environment of `gymnasium.make` and on 64 of
 `gymnasium.make_vec`. All rows take turns on the motion of the shipped policy `walk`; the median of the rounds
-is the figure to quote, the policies are the untrained ones.
+is the figure to quote, the policies are the untrained ones. On a machine that does other work, set
+OMP_NUM_THREADS=1: torch's threads wait for each other by spinning.
 """
 
 from __future__ import annotations
@@ -86,7 +87,6 @@ def kinemimic(workers: Workers) -> Row:
 
 def main() -> None:
     """Print one line for each row."""
-    torch.set_num_threads(CORES)
     config = replace(CONFIG, num_envs=ENVS)
     with Workers(load_motion(MOTION), config.env, ENVS, 0, CORES, "auto") as workers:
         rows: dict[str, Row] = {
