@@ -13,28 +13,36 @@ import numpy as np
 from kinemimic.pipeline.cli.options import json_option, run_option
 from kinemimic.pipeline.cli.printable import echo
 from kinemimic.pipeline.cli.terminal import show
+from kinemimic.pipeline.errors import CaptureError
 from kinemimic.pipeline.files.provenance import provenance
-from kinemimic.pipeline.files.store import file_hash, read_clip, read_json, write_clip, write_json
+from kinemimic.pipeline.files.store import (
+    Rotations,
+    file_hash,
+    read_clip,
+    read_json,
+    read_rotations,
+    write_json,
+    write_rotations,
+)
 from kinemimic.pipeline.kinematics.clip import Clip
-from kinemimic.pipeline.kinematics.euler import rotations_of_channels, world_positions
+from kinemimic.pipeline.kinematics.euler import rotations_of_channels
 from kinemimic.pipeline.kinematics.gimbal import gimbal_report, table
 from kinemimic.pipeline.kinematics.nodes import to_nodes
 from kinemimic.pipeline.kinematics.orient import node_rotations
-from kinemimic.pipeline.kinematics.rest_pose import node_rotations_of
-from kinemimic.pipeline.kinematics.skeleton import node_skeleton
-from kinemimic.pipeline.quality.rules.frame_selection import select_frames
+from kinemimic.pipeline.kinematics.rest_pose import NodeRotations, node_rotations_of
+from kinemimic.pipeline.kinematics.skeleton import NODES, node_skeleton
 from kinemimic.pipeline.run_folder.stage import stage
 
 ORIENTATION_SCHEMA = 1
-MAX_SAMPLE_FRAMES = 10_000
+_AGAIN = "run `convert` again"
 
 
 def convert(run: Path) -> Clip:
     """Read clip.parquet and write quaternions.parquet, gimbal.json and orientation.json to the run folder.
 
-    Euler channels: converted to quaternions, each joint in its own order, and to positions by forward
-    kinematics. Quaternions: kept. Positions only: mapped to the 20 nodes, whose orientations are computed
-    (`kinematics/orient.py`), NaN where a joint that defines them is missing.
+    Euler channels: converted to quaternions, each joint in its own order. Quaternions: kept. Positions only:
+    mapped to the 20 nodes, whose orientations are computed (`kinematics/orient.py`), NaN where a joint that
+    defines them is missing. quaternions.parquet has the rotations only: `read_converted` puts both together.
     orientation.json lists the nodes with a recorded rotation (see `rest_pose.node_rotations_of`) and how far
     recorded knees and elbows deviate from pure hinges.
     """
@@ -45,46 +53,67 @@ def convert(run: Path) -> Clip:
 def _convert(run: Path, out: Path) -> Clip:
     clip = read_clip(run / "clip.parquet")
     made_by = provenance("convert", inputs={"clip": file_hash(run / "clip.parquet")}, config={})
-    report: dict[str, Any]
-    if clip.euler is not None and clip.orders is not None and clip.translations is not None:
-        recorded = rotations_of_channels(clip.euler, clip.orders, clip.world_from_file, clip.rests)
-        report = gimbal_report(clip, recorded)
-        # A capture filtered by `ingest` already has rotations.
-        rotations = recorded if clip.rotations is None else clip.rotations
-        positions = world_positions(clip.skeleton, clip.translations, rotations, clip.world_from_file)
-        converted = replace(clip, rotations=rotations, positions=positions)
-    else:
-        report = gimbal_report(clip, clip.positions)
-        converted = clip
-        if clip.rotations is None:
-            nodes = on_nodes(clip)
-            converted = replace(nodes, rotations=node_rotations(nodes.positions))
-    converted = replace(converted, provenance={**clip.provenance, **made_by})
-    orientation = _orientation(clip, converted)
-    write_clip(out / "quaternions.parquet", converted)
+    joints = None
+    if clip.euler is not None and clip.orders is not None:
+        joints = rotations_of_channels(clip.euler, clip.orders, clip.world_from_file, clip.rests)
+    report = gimbal_report(clip, clip.positions if joints is None else joints)
+    # A capture filtered by `ingest` already has rotations.
+    recorded = joints is not None or clip.rotations is not None
+    found = None
+    if not recorded:
+        joints = node_rotations(on_nodes(clip).positions)
+        found = NodeRotations(joints, {}, {})
+    added = Rotations(
+        clip.skeleton.names if recorded else NODES,
+        joints if clip.rotations is None else None,
+        {**clip.provenance, **made_by},
+    )
+    converted = _with(clip, added)
+    found = found or node_rotations_of(converted)
+    write_rotations(out / "quaternions.parquet", clip, added, found.rotations)
     write_json(out / "gimbal.json", report)
-    write_json(out / "orientation.json", orientation)
+    write_json(out / "orientation.json", _orientation(found))
     return converted
 
 
-def _orientation(clip: Clip, converted: Clip) -> dict[str, Any]:
+def read_converted(run: Path) -> Clip:
+    """The clip of `convert`: clip.parquet with the rotations of quaternions.parquet.
+
+    CaptureError if one of them is missing or damaged, or if they do not belong together.
+    """
+    clip, path = read_clip(run / "clip.parquet"), run / "quaternions.parquet"
+    added = read_rotations(path)
+    if added.provenance.get("inputs") != {"clip": file_hash(run / "clip.parquet")}:
+        raise CaptureError(
+            path, expected="the rotations of clip.parquet", found="those of another clip", advice=_AGAIN
+        )
+    try:
+        return _with(clip, added)
+    except ValueError as error:
+        expected = "rotations of the clip"
+        raise CaptureError(path, expected=expected, found=str(error), advice=_AGAIN) from None
+
+
+def _with(clip: Clip, added: Rotations) -> Clip:
+    """The clip with its rotations, on the 20 nodes if it has positions only.
+
+    ValueError if they do not fit.
+    """
+    if clip.rotations is None and clip.euler is None:
+        clip = on_nodes(clip)
+    rotations = clip.rotations if added.joints is None else added.joints
+    if rotations is None or added.names != clip.skeleton.names:
+        raise ValueError(f"those of {', '.join(added.names):.80}")
+    return replace(clip, rotations=rotations, provenance=added.provenance)
+
+
+def _orientation(found: NodeRotations) -> dict[str, Any]:
     """The nodes with recorded rotations, and the deviation of recorded hinges from their axes."""
-    recorded = clip.rotations is not None or clip.euler is not None
-    found = node_rotations_of(_sample(converted)) if recorded else None
     return {
         "schema": ORIENTATION_SCHEMA,
-        "recorded_by": found.sources if found else {},
-        "off_axis_deg": {
-            node: float(f"{np.degrees(angle):.6g}")
-            for node, angle in (found.off_axis if found else {}).items()
-        },
+        "recorded_by": found.sources,
+        "off_axis_deg": {node: float(f"{np.degrees(angle):.6g}") for node, angle in found.off_axis.items()},
     }
-
-
-def _sample(clip: Clip) -> Clip:
-    """At most MAX_SAMPLE_FRAMES frames, spread over the clip, which bounds the memory for long captures."""
-    count = min(len(clip.times), MAX_SAMPLE_FRAMES)
-    return select_frames(clip, np.unique(np.linspace(0, len(clip.times) - 1, count).astype(np.intp)))
 
 
 def on_nodes(clip: Clip) -> Clip:

@@ -63,6 +63,7 @@ def ingest(
         provenance={
             **note,
             **recorded.provenance,
+            "sensor": note.get("sensor", recorded.provenance["sensor"]),
             "simulated": simulated or bool(note.get("simulated")),
             **made_by,
         },

@@ -12,7 +12,7 @@ import numpy as np
 
 from kinemimic.pipeline.cli.options import json_option, run_option
 from kinemimic.pipeline.cli.printable import echo
-from kinemimic.pipeline.convert import on_nodes
+from kinemimic.pipeline.convert import on_nodes, read_converted
 from kinemimic.pipeline.errors import KinemimicError
 from kinemimic.pipeline.files.provenance import provenance
 from kinemimic.pipeline.files.sidecars import read_truth
@@ -85,7 +85,7 @@ def _retarget(
     straighten: bool | None,
     segment: str | None,
 ) -> Motion:
-    source = read_clip(run / "quaternions.parquet")
+    source = read_converted(run)
     clip, raw = on_nodes(source), on_nodes(read_clip(run / "raw.parquet"))
     if segment is not None:
         clip = only_segment(clip, clip.positions, segment)

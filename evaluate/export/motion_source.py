@@ -11,9 +11,9 @@ from typing import Any
 import numpy as np
 
 from kinemimic.pipeline.arrays import Array
-from kinemimic.pipeline.convert import on_nodes
+from kinemimic.pipeline.convert import on_nodes, read_converted
 from kinemimic.pipeline.errors import KinemimicError
-from kinemimic.pipeline.files.store import file_hash, read_clip
+from kinemimic.pipeline.files.store import file_hash
 from kinemimic.pipeline.kinematics.angles import leg_angles
 from kinemimic.pipeline.kinematics.clip import Clip
 from kinemimic.pipeline.kinematics.rest_pose import node_rotations_of
@@ -142,7 +142,7 @@ def sources_of_run(
 def _capture(run: Path, number: int | None) -> MotionSource:
     """The longest pass of the converted capture, or the pass of that number."""
     path = run / "quaternions.parquet"
-    clip = read_clip(path)
+    clip = read_converted(run)
     there = np.unique(clip.passes[clip.passes >= 0])
     if number is None:
         counts = [int((clip.passes == one).sum()) for one in there]

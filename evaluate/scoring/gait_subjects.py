@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from kinemimic.pipeline.arrays import Array
-from kinemimic.pipeline.convert import on_nodes
+from kinemimic.pipeline.convert import on_nodes, read_converted
 from kinemimic.pipeline.errors import KinemimicError
 from kinemimic.pipeline.files.store import read_clip
 from kinemimic.pipeline.gait.events import SIDES
@@ -75,7 +75,7 @@ def captured(run: Path, motion: Motion | None = None) -> GaitSubject | None:
     """
     if not (run / "quaternions.parquet").exists():
         return None
-    source = read_clip(run / "quaternions.parquet")
+    source = read_converted(run)
     if motion is not None:
         _expect_same(run, source.provenance, motion.provenance.get("capture", {}))
     clip = on_nodes(source)

@@ -31,7 +31,7 @@ STAGES: tuple[Stage, ...] = (
     Stage("convert", ("clip.parquet",), ("quaternions.parquet", "gimbal.json", "orientation.json")),
     Stage(
         "retarget",
-        ("quaternions.parquet", "raw.parquet", "truth.parquet"),
+        ("clip.parquet", "quaternions.parquet", "raw.parquet", "truth.parquet"),
         ("motion.json", "motion.mcap", "gait.json", "capture.parquet"),
     ),
     Stage("train", ("motion.json", "gait.json"), ("policy.safetensors", "policy.json")),
@@ -62,7 +62,14 @@ STAGES: tuple[Stage, ...] = (
     Stage("disturb", ("motion.json", "policy.safetensors", "policy.json"), ("scenario-*.json",)),
     Stage(
         "export",
-        ("quaternions.parquet", "motion.json", "trajectory.npz", "policy.safetensors", "policy.json"),
+        (
+            "clip.parquet",
+            "quaternions.parquet",
+            "motion.json",
+            "trajectory.npz",
+            "policy.safetensors",
+            "policy.json",
+        ),
         (),
     ),
 )

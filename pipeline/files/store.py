@@ -6,9 +6,9 @@ import hashlib
 import json
 import os
 import tempfile
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager
-from dataclasses import asdict
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
@@ -16,23 +16,34 @@ import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
 
+from kinemimic.pipeline.arrays import Array
 from kinemimic.pipeline.errors import CaptureError, KinemimicError
 from kinemimic.pipeline.files.bounded import MEGABYTE, read_bounded
+from kinemimic.pipeline.files.clip_table import (
+    PACKED,
+    RECORDED_ANGLES,
+    clip_blocks,
+    clip_schema,
+    encoding,
+    facts,
+    metadata,
+    rotation_blocks,
+    rotation_schema,
+)
 from kinemimic.pipeline.files.schema import upgraded
 from kinemimic.pipeline.files.stages import writer_of
 from kinemimic.pipeline.files.strict_json import strict_json
-from kinemimic.pipeline.files.tables import numbers, read_table
+from kinemimic.pipeline.files.tables import lists, numbers, open_table
 from kinemimic.pipeline.kinematics.clip import Clip, Label
 from kinemimic.pipeline.kinematics.rotations import ORDERS
 from kinemimic.pipeline.kinematics.skeleton import Skeleton
 
-CLIP_SCHEMA = 2
+CLIP_SCHEMA = 3
 # Bytes. The largest file is a motion of 1.3 kB per frame: two hours at 30 Hz fit.
 _JSON_LIMIT = 256 * MEGABYTE
 _CLIP, _CLIP_ADVICE = "a kinemimic clip (Parquet)", "run the stage that writes it again"
+_ROTATIONS, _ROTATIONS_ADVICE = "rotations of `convert` (Parquet)", "run `convert` again"
 _UNIT = 1e-3  # tolerance of a unit quaternion's length
-_ANGLE = "angle."
-_PER_JOINT = {"positions": "xyz", "euler": "123", "translations": "xyz", "rotations": "xyzw"}
 
 
 @contextmanager
@@ -120,17 +131,7 @@ def write_table(path: Path, columns: Mapping[str, Any], header: Mapping[str, Any
 
 
 def write_clip(path: Path, clip: Clip) -> None:
-    """Write a clip as Parquet: a row per frame, a column per joint and component, the rest as metadata."""
-    columns: dict[str, Any] = {"time": clip.times, "pass": clip.passes}
-    for j, joint in enumerate(clip.skeleton.names):
-        columns[f"{joint}.state"] = clip.states[:, j]
-        for field, components in _PER_JOINT.items():
-            array = getattr(clip, field)
-            if array is not None:
-                for k, component in enumerate(components):
-                    columns[f"{joint}.{field}.{component}"] = array[:, j, k]
-    for name, curve in (clip.angles or {}).items():
-        columns[f"{_ANGLE}{name}"] = curve
+    """Write a clip as Parquet: a row per frame, with the columns of `clip_table`."""
     header = {
         "schema": CLIP_SCHEMA,
         "skeleton": {
@@ -141,101 +142,123 @@ def write_clip(path: Path, clip: Clip) -> None:
         "orders": clip.orders,
         "world_from_file": clip.world_from_file.tolist(),
         "rests": None if clip.rests is None else clip.rests.tolist(),
+        "angles": list(clip.angles or {}),
         "labels": [asdict(label) for label in clip.labels],
         "provenance": clip.provenance,
     }
-    write_table(path, columns, header)
+    _write_blocks(path, clip_schema(), clip_blocks(clip), metadata(facts(clip), header))
+
+
+@dataclass(frozen=True)
+class Rotations:
+    """What `convert` adds to a clip.
+
+    names: of the joints that rotate; joints: (T, J, 4) their rotations, None if the clip has them already;
+    provenance: of the converted clip.
+    """
+
+    names: tuple[str, ...]
+    joints: Array | None
+    provenance: Mapping[str, Any]
+
+
+def write_rotations(path: Path, clip: Clip, added: Rotations, nodes: Array) -> None:
+    """Write what `convert` adds to a clip, and the rotations (T, 20, 4) of the nodes for people to read."""
+    header = {"schema": CLIP_SCHEMA, "rotations": added.names, "provenance": added.provenance}
+    blocks = rotation_blocks(clip, nodes, added.joints)
+    _write_blocks(path, rotation_schema(), blocks, metadata(facts(clip), header))
+
+
+def _write_blocks(
+    path: Path, schema: pa.Schema, blocks: Iterable[pa.Table], key_values: Mapping[str, str]
+) -> None:
+    schema = schema.with_metadata(key_values)
+    with (
+        atomic(path) as temporary,
+        temporary.open("wb") as stream,
+        pq.ParquetWriter(stream, schema, **encoding(schema)) as writer,
+    ):
+        for block in blocks:
+            writer.write_table(block)
 
 
 def read_clip(path: Path) -> Clip:
     """Read a clip of `write_clip`; CaptureError if it is missing, damaged or another file."""
     try:
-        table, header = read_table(path, kind=_CLIP, advice=_CLIP_ADVICE)
+        with open_table(path, kind=_CLIP, advice=_CLIP_ADVICE) as (file, header):
+            if not isinstance(header, dict) or "skeleton" not in header:
+                raise ValueError("another table")
+            upgraded(header, path, kind="a clip", schema=CLIP_SCHEMA, advice="run `ingest` again")
+            return _clip(file, header)
     except FileNotFoundError:
-        stage = writer_of(path.name)
-        advice = f"run `kinemimic {stage}` first" if stage else None
-        raise CaptureError(path, expected="a clip", found="no file", advice=advice) from None
-    if not isinstance(header, dict) or "skeleton" not in header:
-        raise CaptureError(path, expected=_CLIP, found="another table", advice=_CLIP_ADVICE)
-    header = upgraded(
-        header,
-        path,
-        kind="a clip",
-        schema=CLIP_SCHEMA,
-        upgrades={1: _clip_from_schema_1},
-        advice="run `ingest` again",
-    )
+        raise _missing(path, "a clip") from None
+
+
+def _missing(path: Path, kind: str) -> CaptureError:
+    stage = writer_of(path.name)
+    advice = f"run `kinemimic {stage}` first" if stage else None
+    return CaptureError(path, expected=kind, found="no file", advice=advice)
+
+
+def read_rotations(path: Path) -> Rotations:
+    """Read a file of `write_rotations`; CaptureError if it is missing, damaged or another file."""
     try:
-        return _clip(table, header)
-    except KeyError as error:
-        raise CaptureError(
-            path, expected=_CLIP, found=f"no key {error} in its header", advice=_CLIP_ADVICE
-        ) from None
-    except (TypeError, ValueError, IndexError, OverflowError) as error:
-        raise CaptureError(path, expected=_CLIP, found=str(error), advice=_CLIP_ADVICE) from None
+        with open_table(path, kind=_ROTATIONS, advice=_ROTATIONS_ADVICE) as (file, header):
+            if not isinstance(header, dict) or "rotations" not in header:
+                raise ValueError("another table")
+            upgraded(header, path, kind="rotations", schema=CLIP_SCHEMA, advice="run `convert` again")
+            name, width = PACKED["rotations"]
+            names, made = tuple(map(str, header["rotations"])), _provenance(header)
+            joints = lists(file, name, len(names) * width)
+            return Rotations(names, None if joints is None else joints.reshape(len(joints), -1, width), made)
+    except FileNotFoundError:
+        raise _missing(path, "rotations") from None
 
 
-def _clip_from_schema_1(old: Mapping[str, Any]) -> Mapping[str, Any]:
-    """Schema 1 called the sidecar files of a capture companions."""
-    provenance = old.get("provenance")
-    if not isinstance(provenance, dict) or "companions" not in provenance:
-        return old
-    renamed = {"sidecar_files" if key == "companions" else key: item for key, item in provenance.items()}
-    return {**old, "provenance": renamed}
-
-
-def _clip(table: pa.Table, header: Mapping[str, Any]) -> Clip:
+def _clip(file: pq.ParquetFile, header: Mapping[str, Any]) -> Clip:
     """The clip; KeyError for a missing key of the header, other errors for invalid values."""
     skeleton = _skeleton(header["skeleton"])
     orders, rests, world = header["orders"], header.get("rests"), np.array(header["world_from_file"])
-    provenance = header["provenance"]
-    if not isinstance(provenance, dict):
-        raise ValueError(f"the provenance {provenance!r}")
-    json.dumps(provenance, allow_nan=False)  # later stages write it again
     if orders is not None and (
         len(orders) != len(skeleton.names) or any(order not in ("", *ORDERS) for order in orders)
     ):
         raise ValueError(f"the Euler orders {orders!r}")
     if world.shape != (4,) or not abs(np.linalg.norm(world) - 1.0) < _UNIT:
         raise ValueError(f"{header['world_from_file']!r} for a rotation from the file's axes")
-    times = numbers(table, "time")
+    table = file.read(columns=["time_s", "pass"])
+    times = numbers(table, "time_s")
     if not len(times) or not np.isfinite(times).all():
         raise ValueError("no frames" if not len(times) else "times that are not finite")
-    present = set(table.column_names)
-
-    def stack(field: str) -> Any:
-        components = _PER_JOINT[field]
-        if f"{skeleton.names[0]}.{field}.{components[0]}" not in present:
-            return None
-        return np.stack(
-            [
-                np.stack([numbers(table, f"{joint}.{field}.{c}") for c in components], axis=-1)
-                for joint in skeleton.names
-            ],
-            axis=1,
-        )
-
-    angles = {
-        name.removeprefix(_ANGLE): numbers(table, name)
-        for name in table.column_names
-        if name.startswith(_ANGLE)
-    }
-    fields = {field: stack(field) for field in _PER_JOINT}
-    if fields["positions"] is None:
-        raise ValueError("no positions")
+    fields: dict[str, Any] = {}
+    for field, (name, width) in PACKED.items():
+        kinds, shape = ("iu", ()) if field == "states" else ("f", (width,))
+        values = lists(file, name, len(skeleton.names) * width, kinds)
+        fields[field] = None if values is None else values.reshape(len(times), -1, *shape)
+    for field in ("positions", "states"):
+        if fields[field] is None:
+            raise ValueError(f"no {field}")
+    named = header["angles"]
+    curves = lists(file, RECORDED_ANGLES, len(named)) if named else None
     return Clip(
         skeleton=skeleton,
         times=times,
         passes=numbers(table, "pass", "iu"),
-        states=np.stack([numbers(table, f"{joint}.state", "iu") for joint in skeleton.names], axis=1),
         orders=None if orders is None else tuple(orders),
         world_from_file=world,
         rests=None if rests is None else np.array(rests, dtype=np.float64),
-        provenance=provenance,
-        angles=angles or None,
+        provenance=_provenance(header),
+        angles=None if curves is None else dict(zip(named, curves.T, strict=True)),
         labels=tuple(_label(one) for one in header.get("labels", [])),
         **fields,
     )
+
+
+def _provenance(header: Mapping[str, Any]) -> dict[str, Any]:
+    provenance = header["provenance"]
+    if not isinstance(provenance, dict):
+        raise ValueError(f"the provenance {provenance!r}")
+    json.dumps(provenance, allow_nan=False)  # later stages write it again
+    return provenance
 
 
 def _label(spec: Any) -> Label:

@@ -26,7 +26,7 @@ from kinemimic.pipeline.locomotion.bouts import find_bouts
 from kinemimic.pipeline.locomotion.segments import Segment, find_segments
 from kinemimic.pipeline.locomotion.summary import gait_summary
 from kinemimic.pipeline.quality.check import CheckedCapture, check_capture, planned_steps
-from kinemimic.pipeline.readers.recognise import formats, read
+from kinemimic.pipeline.readers.recognise import read
 
 USABLE, FLAGGED, REFUSED, OTHER, SIDECAR = "usable", "flagged", "refused", "other", "sidecar"
 
@@ -118,7 +118,7 @@ def _report(path: Path, recorded: Clip, checked: CheckedCapture) -> dict[str, An
         "reason": refused.text if refused else None,
         "read": True,
         "format": recorded.provenance["format"],
-        "sensor": _sensor(recorded),
+        "sensor": recorded.provenance["sensor"],
         "simulated": recorded.simulated or simulated,
         "sha256": recorded.provenance["sha256"],
         "sidecar_files": sorted({*recorded.provenance.get("sidecar_files", {}), *beside}),
@@ -166,11 +166,6 @@ def _segment(segment: Segment) -> dict[str, Any]:
 
 def _label(label: Label) -> dict[str, Any]:
     return {"name": label.name, "start_s": rounded(label.start, 4), "end_s": rounded(label.end, 4)}
-
-
-def _sensor(recorded: Clip) -> str | None:
-    name = recorded.provenance["format"]
-    return next((format.sensor for format in formats() if format.name == name), None)
 
 
 def _sidecar_files(path: Path) -> tuple[list[str], bool]:

@@ -68,9 +68,9 @@ def read(path: Path, *, unit: str | None = None, rate: float | None = None) -> C
     else the likeliest for the size of the body. rate: the true frame rate in Hz, replacing the file's clock
     (`frame_rate.at_rate`).
 
-    provenance holds source (the file's name), format, sha256, sidecar_files (name -> SHA-256 of the other
-    files of the capture) and the reader's record ("reading"). Raises CaptureError for anything but a whole
-    capture in a known format, KinemimicError for an unknown unit.
+    provenance holds source (the file's name), format, sensor, sha256, sidecar_files (name -> SHA-256 of the
+    other files of the capture) and the reader's record ("reading"). Raises CaptureError for anything but a
+    whole capture in a known format, KinemimicError for an unknown unit.
     """
     named = parse_unit(unit)
     if is_recording(path):

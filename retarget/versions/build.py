@@ -11,7 +11,7 @@ import click
 import numpy as np
 
 from kinemimic.pipeline.cli.options import json_option
-from kinemimic.pipeline.convert import convert
+from kinemimic.pipeline.convert import convert, read_converted
 from kinemimic.pipeline.files.canonical import Canonical
 from kinemimic.pipeline.files.store import read_clip
 from kinemimic.pipeline.ingest import ingest
@@ -56,7 +56,7 @@ def build_capture(capture: Capture, root: Path, through: str = LAST_STAGE) -> Ma
         if through == "ingest":
             return made
         convert(run)
-        made[STAGES["convert"]] = Canonical.of_clip(read_clip(run / "quaternions.parquet"))
+        made[STAGES["convert"]] = Canonical.of_clip(read_converted(run))
         if through == "convert":
             return made
         retarget(

@@ -14,6 +14,7 @@ import numpy as np
 from kinemimic.pipeline.arrays import Array
 from kinemimic.pipeline.cli.options import json_option
 from kinemimic.pipeline.cli.terminal import grid, show
+from kinemimic.pipeline.convert import read_converted
 from kinemimic.pipeline.errors import KinemimicError
 from kinemimic.pipeline.files.canonical import FORMAT, Canonical
 from kinemimic.pipeline.files.store import read_clip, read_json
@@ -124,6 +125,8 @@ def _apart(name: str, one: Array, other: Array) -> tuple[Array, str]:
 
 def read_any(path: Path) -> Canonical:
     """Canonical arrays of a file of `datasets build`, a motion.json or a clip's Parquet."""
+    if path.name == "quaternions.parquet":
+        return Canonical.of_clip(read_converted(path.parent))
     if path.suffix == ".parquet":
         return Canonical.of_clip(read_clip(path))
     document = read_json(path)

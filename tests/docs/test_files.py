@@ -21,6 +21,10 @@ from kinemimic.evaluate.robustness.disturb import disturb
 from kinemimic.evaluate.robustness.pushes import pushes
 from kinemimic.evaluate.scoring.gait_command import gait
 from kinemimic.pipeline.catalog.entry import Collection, Entry
+from kinemimic.pipeline.convert import convert
+from kinemimic.pipeline.ingest import ingest
+from kinemimic.pipeline.kinematics.angles import ANGLES
+from kinemimic.pipeline.kinematics.skeleton import NODES
 from kinemimic.retarget.versions.params import Capture, Params
 from kinemimic.train.scenario.scenario_file import scenario
 
@@ -63,24 +67,19 @@ def test_arrays_and_columns_are_documented_and_written(run: Path) -> None:
     assert header[:3] == ["frame", "time_s", "reference_knee_left_deg"]
 
 
-@pytest.mark.slow
-def test_the_columns_and_the_header_of_a_clip_are_documented(run: Path) -> None:
-    table = pq.read_table(run / "quaternions.parquet")
-    joint = table.column_names[2].partition(".")[0]
-    kinds = {
-        name.replace(joint, "JOINT").rsplit(".", 1)[0]
-        for name in table.column_names
-        if name.startswith(f"{joint}.")
-    }
-    documented = {
-        name.removesuffix(".x").removesuffix(".1")
-        for name in documented_keys("Clips: raw.parquet")
-        if name[0] != "."
-    }
-    assert kinds - {"JOINT"} <= documented
-    assert {"time", "pass", "JOINT.state"} <= documented
-    header = json.loads(table.schema.metadata[b"kinemimic"])
-    assert all(f"| `{key}` |" in PAGE.read_text() for key in header)
+def test_the_columns_and_the_header_of_a_clip_are_documented(tmp_path: Path) -> None:
+    ingest(ROOT / "datasets" / "versions" / "raw" / "kinect_walk.skl", tmp_path)
+    convert(tmp_path)
+    documented = set(re.findall("`([^`]+)`", PAGE.read_text()))
+    for name in ("raw", "clip", "quaternions"):
+        schema = pq.read_schema(tmp_path / f"{name}.parquet")
+        angles = {f"{angle}_deg" for angle in ANGLES}
+        nodes = "|".join(sorted(NODES, key=len, reverse=True))
+        columns = {"ANGLE_deg" if one in angles else re.sub(nodes, "NODE", one) for one in schema.names}
+        assert {one for one in columns if not re.search("_[yz]_m$|_q[yzw]$", one)} <= documented
+        header = json.loads(schema.metadata[b"kinemimic"])
+        plain = {key.decode() for key in schema.metadata} - {"kinemimic", "ARROW:schema"}
+        assert all(f"| `{key}` |" in PAGE.read_text() for key in (*header, *plain))
 
 
 def test_the_keys_of_a_comparison_are_documented_and_written() -> None:

@@ -13,9 +13,9 @@ from samples.motion import kinect_v2_joints, walk
 
 from kinemimic.pipeline.arrays import Array
 from kinemimic.pipeline.cli.main import main
-from kinemimic.pipeline.convert import convert
+from kinemimic.pipeline.convert import convert, read_converted
 from kinemimic.pipeline.errors import KinemimicError
-from kinemimic.pipeline.files.store import file_hash, read_clip, read_json, write_clip
+from kinemimic.pipeline.files.store import file_hash, read_json, write_clip
 from kinemimic.pipeline.ingest import ingest
 from kinemimic.pipeline.kinematics.angles import leg_angles
 from kinemimic.pipeline.kinematics.clip import Clip
@@ -37,7 +37,7 @@ def amc(path: Path, bone: str) -> Array:
 def test_cmu_knee_equals_its_amc_curve(captures: Path, tmp_path: Path) -> None:
     ingest(captures / "cmu_bvh" / "02_01.bvh", tmp_path, filter_name="none")
     convert(tmp_path)
-    clip = read_clip(tmp_path / "quaternions.parquet")
+    clip = read_converted(tmp_path)
     knees = leg_angles(to_nodes(clip)[0])
     for side in ("left", "right"):
         truth = amc(captures / "cmu_asfamc" / "02_01.amc", f"{side[0]}tibia")
@@ -74,7 +74,7 @@ def test_quaternions_put_every_joint_where_the_channels_put_it(tmp_path: Path, b
     assert np.allclose(after.positions, before.positions, atol=1e-12)
     assert np.allclose(np.linalg.norm(after.rotations, axis=-1), 1.0)
     assert (np.sum(after.rotations[1:] * after.rotations[:-1], axis=-1) >= 0).all()
-    stored = read_clip(tmp_path / "run" / "quaternions.parquet")
+    stored = read_converted(tmp_path / "run")
     assert np.array_equal(stored.rotations, after.rotations)
     assert stored.provenance["stage"] == "convert"
     assert stored.provenance["inputs"]["clip"] == file_hash(tmp_path / "run" / "clip.parquet")

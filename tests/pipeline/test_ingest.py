@@ -15,7 +15,7 @@ from rich.console import Console
 from samples import utkinect
 
 from kinemimic.pipeline.cli.main import main
-from kinemimic.pipeline.convert import convert
+from kinemimic.pipeline.convert import convert, read_converted
 from kinemimic.pipeline.files.store import file_hash, read_clip, read_json
 from kinemimic.pipeline.ingest import ingest
 from kinemimic.pipeline.inspect.file_report import file_report
@@ -191,8 +191,8 @@ def test_labels_stay_on_the_clock_from_the_file_to_the_quaternions(tmp_path: Pat
     assert ingest(capture, tmp_path).labels == labels
     assert convert(tmp_path).labels == labels
     recorded = read(capture)
-    for name in ("raw", "clip", "quaternions"):
-        clip = read_clip(tmp_path / f"{name}.parquet")
+    raw, cleaned = (read_clip(tmp_path / f"{name}.parquet") for name in ("raw", "clip"))
+    for clip in (raw, cleaned, read_converted(tmp_path)):
         assert clip.labels == labels
         assert np.array_equal(clip.times, recorded.times)
     report = file_report(capture)

@@ -47,6 +47,12 @@ def recordings(folder: Path, workshop: Path) -> None:
         shutil.copy(folder / "walk.skl", folder / f"recordings/{name}.skl")
 
 
+def two_sensors(folder: Path, workshop: Path) -> None:
+    """walk.skl of a Kinect and walk.bvh."""
+    for name, suffix in (("kinect_walk", "skl"), ("kinect_walk_euler", "bvh")):
+        shutil.copy(ROOT / f"datasets/versions/raw/{name}.{suffix}", folder / f"walk.{suffix}")
+
+
 def scenario(folder: Path, workshop: Path) -> None:
     """mine.toml, as the page prints it."""
     trained(folder, workshop)
@@ -125,6 +131,7 @@ PREPARED: dict[str, Prepare] = {
     "python.md": both,
     "retarget.md": trained,
     "scenarios.md": scenario,
+    "tables.md": two_sensors,
     "train.md": trained,
     "troubleshooting.md": faulty,
     "tutorial.md": nothing,

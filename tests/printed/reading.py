@@ -48,7 +48,8 @@ class Reader:
     """Follows a page, block by block, in a folder of its own."""
 
     def __init__(self, folder: Path, env: Environment) -> None:
-        self.folder, self.env = folder, env
+        # datasets keeps its copies in the page's folder.
+        self.folder, self.env = folder, {**env, "HF_HOME": str(folder / ".huggingface")}
         self.printed = ""  # by the last `sh` block
 
     def follow(self, block: Block) -> None:

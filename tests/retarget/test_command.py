@@ -10,13 +10,14 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
 from click.testing import CliRunner
+from samples.converted import write_converted
 from samples.walker import along
 from samples.walker import walker as straight_walk
 
 from kinemimic.pipeline.cli.main import main
-from kinemimic.pipeline.convert import convert
+from kinemimic.pipeline.convert import convert, read_converted
 from kinemimic.pipeline.errors import KinemimicError
-from kinemimic.pipeline.files.store import read_clip, read_json, write_clip
+from kinemimic.pipeline.files.store import read_json, write_clip
 from kinemimic.pipeline.ingest import ingest
 from kinemimic.retarget.command import _refusals, _table, command, retarget
 from kinemimic.retarget.formats.motion_json import read_motion_json
@@ -31,7 +32,7 @@ FILES = ("motion.json", "motion.mcap", "gait.json", "capture.parquet")
 def run(tmp_path, walker):
     """A run folder as after `convert`, with a truth: a noisy sensor that sees four passes."""
     w = walker(noise=0.008, passes=4, rate=30.0, seconds=2.6, heading=0.8)
-    write_clip(tmp_path / "quaternions.parquet", w.clip)
+    write_converted(tmp_path, w.clip)
     write_clip(tmp_path / "raw.parquet", w.clip)
     clean = walker(passes=4, rate=30.0, seconds=2.6, heading=0.8)
     phase = np.concatenate([np.arange(78) / 30 / w.period + 0.3 * k for k in range(4)])
@@ -129,7 +130,7 @@ def test_nothing_is_written_if_a_loop_is_asked_of_no_walk(run, walker):
     swap = np.random.default_rng(1).random(len(clip.times)) < 0.5
     p = clip.positions.copy()
     p[np.ix_(swap, [14, 18])] = p[np.ix_(swap, [18, 14])]
-    write_clip(run / "quaternions.parquet", replace(clip, positions=p))
+    write_converted(run, replace(clip, positions=p))
     write_clip(run / "raw.parquet", replace(clip, positions=p))
     with pytest.raises(KinemimicError, match="expected strides for --loop"):
         retarget(run, loop=True)
@@ -174,9 +175,9 @@ def test_a_walk_can_be_kept_as_recorded(run):
 
 
 def test_the_loop_option_needs_a_walk(run):
-    clip = read_clip(run / "quaternions.parquet")
+    clip = read_converted(run)
     still = replace(clip, positions=np.repeat(clip.positions[:1], len(clip.times), axis=0))
-    write_clip(run / "quaternions.parquet", still)
+    write_converted(run, still)
     with pytest.raises(KinemimicError, match="expected strides for --loop, found nobody who walks"):
         retarget(run, loop=True)
 
@@ -186,7 +187,7 @@ def curved(tmp_path):
     """A run folder of a sensor's walk on a curve: 8 s, 86 degrees to the left."""
     w = straight_walk(seconds=8.0, rate=30.0, noise=0.008)
     clip = along(w.clip, np.radians(86.0) * w.clip.times / w.clip.times[-1])
-    write_clip(tmp_path / "quaternions.parquet", clip)
+    write_converted(tmp_path, clip)
     write_clip(tmp_path / "raw.parquet", clip)
     return tmp_path
 

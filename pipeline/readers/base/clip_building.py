@@ -75,7 +75,7 @@ def clip_of_points(
         rotations=rotations,
         angles=angles,
         labels=tuple(labels),
-        provenance={"format": format.name, "reading": dict(reading)},
+        provenance={"format": format.name, "sensor": format.sensor, "reading": dict(reading)},
     )
 
 
@@ -105,5 +105,5 @@ def clip_of_channels(
         world_from_file=world_from_file.copy(),
         rests=rests,
         angles=angles,
-        provenance={"format": format.name, "reading": dict(reading)},
+        provenance={"format": format.name, "sensor": format.sensor, "reading": dict(reading)},
     )

@@ -158,7 +158,7 @@ def _clip(description: Description, rows: Rows, tree: Tree, name: str) -> Clip:
         positions=positions,
         states=states_of_clip,
         passes=np.zeros(len(rows.times), dtype=np.int32),
-        provenance={"format": FORMAT.name, "reading": record},
+        provenance={"format": FORMAT.name, "sensor": FORMAT.sensor, "reading": record},
         euler=pose.euler,
         orders=pose.orders,
         translations=pose.translations if has_euler else None,

@@ -155,6 +155,7 @@ def read(source: Source) -> Clip:
         angles={knee: -frames[:, HINGES[knee]] for knee in ("knee_left", "knee_right")},
         provenance={
             "format": FORMAT.name,
+            "sensor": FORMAT.sensor,
             "reading": reading(units="m", units_rule="the format's", notes=notes, columns=COLUMNS),
         },
     )

@@ -11,6 +11,7 @@ from xml.etree import ElementTree as ET
 import numpy as np
 import pytest
 from click.testing import CliRunner
+from samples.converted import write_converted
 from samples.motion import rigid_walk
 
 from kinemimic.evaluate.export.both import pair_of_run
@@ -19,7 +20,6 @@ from kinemimic.evaluate.export.motion_source import SOURCES, sources_of_run
 from kinemimic.pipeline.cli.main import main
 from kinemimic.pipeline.errors import KinemimicError
 from kinemimic.pipeline.files.sidecars import note_path
-from kinemimic.pipeline.files.store import write_clip
 from kinemimic.pipeline.ingest import ingest
 from kinemimic.pipeline.kinematics.clip import Clip
 from kinemimic.pipeline.kinematics.orient import node_rotations
@@ -57,7 +57,7 @@ def run(
 ) -> Path:
     folder = tmp_path_factory.mktemp("export") / "walk"
     folder.mkdir()
-    write_clip(folder / "quaternions.parquet", captured())
+    write_converted(folder, captured())
     (folder / "motion.json").write_text(motion_to_json(walk))
     identity = read_motion_json(folder / "motion.json").identity
     replace(performance(2, FRAMES, offset=0.1), motion=identity).save(folder / "trajectory.npz")
@@ -149,7 +149,7 @@ def test_a_recorded_head_rotation_is_kept(tmp_path: Path) -> None:
     assert clip.rotations is not None
     turned = clip.rotations.copy()
     turned[:, neck] = from_axis_angle("Z", np.full(len(turned), 0.4))
-    write_clip(tmp_path / "quaternions.parquet", replace(clip, rotations=turned))
+    write_converted(tmp_path, replace(clip, rotations=turned))
     exported = sources_of_run(tmp_path)["capture"].on_nodes.rotations[:, neck]
     assert np.abs(angle_between(exported, turned[:1, neck])).max() < 1e-6
 

@@ -10,10 +10,10 @@ from kinemimic.evaluate.scoring.gait_command import gait
 from kinemimic.evaluate.scoring.gait_page import cell, gait_page, notes
 from kinemimic.evaluate.scoring.gait_report import gait_report
 from kinemimic.evaluate.scoring.gait_subjects import captured
-from kinemimic.pipeline.convert import convert
+from kinemimic.pipeline.convert import convert, read_converted
 from kinemimic.pipeline.errors import KinemimicError
 from kinemimic.pipeline.files.sidecars import read_truth
-from kinemimic.pipeline.files.store import read_clip, read_json
+from kinemimic.pipeline.files.store import read_json
 from kinemimic.pipeline.gait.curves import over_cycle
 from kinemimic.pipeline.ingest import ingest
 from kinemimic.pipeline.kinematics.rotations import from_axis_angle, multiply
@@ -173,7 +173,7 @@ def test_a_damaged_gait_json_is_named(virtual, tmp_path, text):
 
 def test_a_motion_from_another_recording_is_refused(virtual, walk, tmp_path):
     shutil.copytree(virtual, tmp_path / "run", ignore=shutil.ignore_patterns("capture"))
-    own = read_clip(virtual / "quaternions.parquet").provenance
+    own = read_converted(virtual).provenance
     place = tmp_path / "run" / "motion.json"
     place.write_text(motion_to_json(replace(walk, provenance={"capture": own})))
     assert list(gait(tmp_path / "run")["subjects"]) == ["capture", "reference"]

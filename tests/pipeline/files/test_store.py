@@ -31,6 +31,7 @@ from kinemimic.pipeline.files.store import (
 )
 from kinemimic.pipeline.kinematics.clip import Clip, Label
 from kinemimic.pipeline.kinematics.rotations import Y_UP_TO_Z_UP
+from kinemimic.pipeline.kinematics.skeleton import Skeleton
 
 Build = Callable[..., Clip]
 
@@ -203,7 +204,7 @@ def test_errors_name_the_file_and_what_to_do(tmp_path: Path, node_clip: Build) -
     table = pq.read_table(path)
     header = json.loads(table.schema.metadata[b"kinemimic"]) | {"schema": 99}
     pq.write_table(table.replace_schema_metadata({"kinemimic": json.dumps(header)}), path)
-    with pytest.raises(KinemimicError, match="a clip of schema 2, found 99, written by a later version"):
+    with pytest.raises(KinemimicError, match="a clip of schema 3, found 99, written by a later version"):
         read_clip(path)
     pq.write_table(table.replace_schema_metadata({}), path)
     with pytest.raises(CaptureError, match="expected a kinemimic clip"):
@@ -214,20 +215,19 @@ def test_errors_name_the_file_and_what_to_do(tmp_path: Path, node_clip: Build) -
             read_clip(path)
 
 
-def test_a_clip_of_schema_1_is_upgraded(tmp_path: Path, node_clip: Build) -> None:
-    path, clip = tmp_path / "clip.parquet", node_clip()
-    write_clip(path, clip)
-    table = pq.read_table(path)
-    header = json.loads(table.schema.metadata[b"kinemimic"])
-    old = header | {"schema": 1, "provenance": {"source": "a.bvh", "companions": {"a.toml": "digest"}}}
-    pq.write_table(table.replace_schema_metadata({"kinemimic": json.dumps(old)}), path)
-    assert read_clip(path).provenance == {"source": "a.bvh", "sidecar_files": {"a.toml": "digest"}}
+def test_a_clip_of_an_earlier_schema_is_refused(tmp_path: Path, node_clip: Build) -> None:
+    path = tmp_path / "clip.parquet"
+    write_clip(path, node_clip())
+    rewrite_header(path, lambda header: header.update(schema=2))
+    with pytest.raises(KinemimicError, match=r"a clip of schema 3, found 2; run `ingest` again"):
+        read_clip(path)
 
 
 def _column(name: str, values: Any) -> Callable[[pa.Table], pa.Table]:
     return lambda table: table.set_column(table.column_names.index(name), name, pa.array(values))
 
 
+TWO_JOINTS = {"names": ["a", "b"], "parents": [-1, 0], "offsets": [[0, 0, 0]] * 2}
 DAMAGED: dict[str, tuple[Callable[[pa.Table], pa.Table], dict[str, Any], str]] = {
     "no names": (lambda t: t, {"skeleton": {}}, "no key 'names'"),
     "a list": (lambda t: t, {"skeleton": []}, "list indices"),
@@ -252,15 +252,21 @@ DAMAGED: dict[str, tuple[Callable[[pa.Table], pa.Table], dict[str, Any], str]] =
     "provenance": (lambda t: t, {"provenance": "x"}, "the provenance 'x'"),
     "NaN": (lambda t: t, {"provenance": {"x": float("nan")}}, "not JSON compliant"),
     "no frames": (lambda t: t.slice(0, 0), {}, "no frames"),
-    "no time": (lambda t: t.drop(["time"]), {}, "0 columns 'time'"),
-    "nulls": (_column("time", [None] * 60), {}, "column 'time' with nulls"),
-    "words": (_column("time", ["x"] * 60), {}, "column 'time' of string"),
-    "NaN times": (_column("time", np.full(60, np.nan)), {}, "times that are not finite"),
-    "backwards": (_column("time", np.arange(60.0)[::-1]), {}, "times must increase strictly"),
-    "infinity": (_column("hip_center.positions.x", np.full(60, np.inf)), {}, "implausibly large"),
+    "no time": (lambda t: t.drop(["time_s"]), {}, "0 columns 'time_s'"),
+    "nulls": (_column("time_s", [None] * 60), {}, "column 'time_s' with nulls"),
+    "words": (_column("time_s", ["x"] * 60), {}, "column 'time_s' of string"),
+    "NaN times": (_column("time_s", np.full(60, np.nan)), {}, "times that are not finite"),
+    "backwards": (_column("time_s", np.arange(60.0)[::-1]), {}, "times must increase strictly"),
+    "infinity": (_column("joints_position_m", [[np.inf] * 60] * 60), {}, "implausibly large"),
+    "a short row": (_column("joints_position_m", [[0.0] * 60] * 59 + [[0.0]]), {}, "60 numbers in every row"),
+    "a null row": (_column("joints_position_m", [[0.0] * 60] * 59 + [None]), {}, "60 numbers in every row"),
+    "a null": (_column("joints_position_m", [[0.0] * 59 + [None]] * 60), {}, "60 numbers in every row"),
+    "no lists": (_column("joints_position_m", np.zeros(60)), {}, "no column 'joints_position_m' of lists"),
+    "lists of words": (_column("joints_position_m", [["a"] * 60] * 60), {}, "of list<"),
     "no pass": (lambda t: t.drop(["pass"]), {}, "0 columns 'pass'"),
-    "no state": (lambda t: t.drop(["head.state"]), {}, "0 columns 'head.state'"),
-    "no positions": (lambda t: t.drop(["hip_center.positions.x"]), {}, "no positions"),
+    "no state": (lambda t: t.drop(["joints_state"]), {}, "no column 'joints_state'"),
+    "no positions": (_column("joints_position_m", pa.nulls(60, pa.list_(pa.float64()))), {}, "no positions"),
+    "other names": (lambda t: t, {"skeleton": TWO_JOINTS}, "6 numbers in every row"),
 }
 
 
@@ -309,6 +315,14 @@ def test_a_table_of_more_than_fits_is_not_read(
     tmp_path: Path, node_clip: Build, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     write_clip(tmp_path / "clip.parquet", node_clip())
-    monkeypatch.setattr(tables, "_CELLS", 60 * 82 - 1)
-    with pytest.raises(CaptureError, match="found 60 rows of 82 columns, more than fit into memory"):
+    monkeypatch.setattr(tables, "_CELLS", 60 * 96 - 1)
+    with pytest.raises(CaptureError, match="found 60 rows of 96 columns, more than fit into memory"):
+        read_clip(tmp_path / "clip.parquet")
+    wide = Skeleton(tuple(map(str, range(40))), (-1, *[0] * 39), np.zeros((40, 3)))
+    clip = Clip(
+        wide, np.arange(60.0), np.zeros((60, 40, 3)), np.zeros((60, 40), np.uint8), np.zeros(60, np.int32)
+    )
+    write_clip(tmp_path / "clip.parquet", clip)
+    monkeypatch.setattr(tables, "_CELLS", 60 * 96)
+    with pytest.raises(CaptureError, match="found 60 rows of 120 numbers, more than fit into memory"):
         read_clip(tmp_path / "clip.parquet")

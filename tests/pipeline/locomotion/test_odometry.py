@@ -11,8 +11,7 @@ from samples.bouts import bouts_of
 from samples.corpus import cmu
 from samples.walker import before_turning_camera, hips, in_place, walker
 
-from kinemimic.pipeline.convert import convert, on_nodes
-from kinemimic.pipeline.files.store import read_clip
+from kinemimic.pipeline.convert import convert, on_nodes, read_converted
 from kinemimic.pipeline.ingest import ingest
 from kinemimic.pipeline.kinematics.clip import Clip
 from kinemimic.pipeline.kinematics.rotations import IDENTITY, from_axis_angle, rotate
@@ -162,6 +161,6 @@ def test_optical_walks_without_their_path_keep_speed_length_and_curves(name: str
 def test_the_belt_speed_of_a_real_treadmill_agrees_with_markers(captures, tmp_path, file, speed):  # type: ignore[no-untyped-def]
     ingest(captures / "lab_opensim_gait" / file, tmp_path)
     convert(tmp_path)
-    found = bouts_of(on_nodes(read_clip(tmp_path / "quaternions.parquet")))
+    found = bouts_of(on_nodes(read_converted(tmp_path)))
     assert found and all(one.way.source == "feet" for one in found)
     assert max(found, key=lambda one: one.cycles).speed == pytest.approx(speed, rel=0.05)

@@ -7,8 +7,7 @@ import pytest
 from samples.bouts import bouts_of
 from samples.walker import walker
 
-from kinemimic.pipeline.convert import convert, on_nodes
-from kinemimic.pipeline.files.store import read_clip
+from kinemimic.pipeline.convert import convert, on_nodes, read_converted
 from kinemimic.pipeline.ingest import ingest
 from kinemimic.pipeline.kinematics.angles import ANGLES
 from kinemimic.retarget.captured_angles import PassSpan
@@ -77,7 +76,7 @@ def test_a_real_person_on_an_accelerating_treadmill(captures, tmp_path):
     """Each ankle is farthest ahead 74 times; strides take 0.74 s at first and 0.55 in the end."""
     ingest(captures / "kinect1_treadmill_c3d/skeleton_3d_19h58m42.c3d", tmp_path)
     convert(tmp_path)
-    bouts = bouts_of(on_nodes(read_clip(tmp_path / "quaternions.parquet")))
+    bouts = bouts_of(on_nodes(read_converted(tmp_path)))
     longest = max(bouts, key=lambda one: one.cycles)
     assert longest.pass_number == 0 and longest.way.source == "feet"
     assert 120.0 / longest.period == pytest.approx(181.0, abs=3.0)
