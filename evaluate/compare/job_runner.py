@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from multiprocessing.connection import Connection, wait
 from typing import Any, Protocol, TypeVar
 
-from kinemimic.pipeline.cli.progress import forwarded_progress
+from kinemimic.pipeline.cli.progress import reported_to
+from kinemimic.pipeline.cli.progress_state import ProgressState
 from kinemimic.pipeline.errors import KinemimicError
 from kinemimic.pipeline.parallel.interruption import deferred
 from kinemimic.pipeline.parallel.worker import Worker, WorkerDiedError
@@ -23,10 +24,8 @@ class Listener(Protocol[Heard_contra]):
     def begun(self, task: Heard_contra) -> None:
         """The task's process has started."""
 
-    def advanced(
-        self, task: Heard_contra, description: str, done: float, fields: Mapping[str, object]
-    ) -> None:
-        """The task's progress bar with this description has reached `done` units; fields: shown beside it."""
+    def advanced(self, task: Heard_contra, state: ProgressState) -> None:
+        """The task, or a part of it, has come so far."""
 
     def ended(self, task: Heard_contra, error: str | None) -> None:
         """The task has finished; error: in one line, None if it succeeded."""
@@ -62,8 +61,8 @@ def side_by_side(
                     if worker.pipe not in ready:
                         continue
                     kind, content = _message(worker)
-                    if kind == "bar":
-                        listener.advanced(task, *content)
+                    if kind == "progress":
+                        listener.advanced(task, content)
                         continue
                     del running[worker]
                     worker.end(patience=None)
@@ -77,7 +76,7 @@ def side_by_side(
 
 
 def _message(worker: Worker) -> tuple[str, Any]:
-    """("bar", its content) or, as the last message, ("ended", an error in one line or None)."""
+    """("progress", its state) or, as the last message, ("ended", an error in one line or None)."""
     try:
         message: tuple[str, Any] = worker.receive()
     except WorkerDiedError as death:
@@ -89,7 +88,7 @@ def _message(worker: Worker) -> tuple[str, Any]:
 def _do(connection: Connection, work: Callable[[Task], object], task: Task) -> None:
     error = None
     try:
-        with forwarded_progress(lambda *bar: connection.send(("bar", bar))):
+        with reported_to(lambda state: connection.send(("progress", state))):
             work(task)
     except KinemimicError as found:
         error = str(found)

@@ -12,6 +12,7 @@ from kinemimic.evaluate.compare.cell import Cell, finished_results
 from kinemimic.evaluate.compare.comparison import RESULTS
 from kinemimic.evaluate.compare.table import curves, metrics, summary, table_csv
 from kinemimic.pipeline.cli.progress import Bar, Bars
+from kinemimic.pipeline.cli.progress_state import ProgressState
 from kinemimic.pipeline.errors import KinemimicError
 from kinemimic.pipeline.files.store import write_json, write_text
 
@@ -91,32 +92,35 @@ class ProgressBars:
     def __init__(self, several: Bars, ledger: Ledger) -> None:
         self._several, self._ledger = several, ledger
         self._running: dict[str, tuple[Bar, float]] = {}
-        self._all = several.add("compare", sum(cell.budgets[-1] for cell in ledger.cells))
-        self._all.advance(sum(max(ledger.finished(cell), default=0) for cell in ledger.cells))
+        self._all = several.add(
+            "compare",
+            sum(cell.budgets[-1] for cell in ledger.cells),
+            done=sum(max(ledger.finished(cell), default=0) for cell in ledger.cells),
+            unit="samples",
+        )
         for name, error in ledger.failed.items():
             several.say(f"{name}: {error}")
 
     def begun(self, cell: Cell) -> None:
-        bar, done = (
-            self._several.add(cell.name, cell.budgets[-1]),
-            max(self._ledger.finished(cell), default=0),
-        )
-        bar.advance(done)
+        done = max(self._ledger.finished(cell), default=0)
+        bar = self._several.add(cell.name, cell.budgets[-1], done=done, unit="samples")
         self._running[cell.name] = (bar, done)
+        self._all.advance(0, running=len(self._running))
 
-    def advanced(self, cell: Cell, description: str, done: float, fields: Mapping[str, object]) -> None:
+    def advanced(self, cell: Cell, state: ProgressState) -> None:
         bar, before = self._running[cell.name]
-        if description != "train":
-            bar.advance(0, now=description)
+        if state.what != "train":
+            bar.advance(0, now=state.what)
             return
         # A resumed training counts from where it was interrupted.
-        forward = max(0.0, done - before)
+        forward = max(0.0, state.done - before)
         self._running[cell.name] = (bar, before + forward)
-        bar.advance(forward, **fields)
+        bar.advance(forward, **state.notes)
         self._all.advance(forward)
 
     def ended(self, cell: Cell, error: str | None) -> None:
-        self._running.pop(cell.name)[0].remove()
+        self._several.remove(self._running.pop(cell.name)[0])
+        self._all.advance(0, running=len(self._running))
         if error is not None:
             self._ledger.failed[cell.name] = " ".join(error.split())
             self._several.say(f"{cell.name}: {self._ledger.failed[cell.name]}")

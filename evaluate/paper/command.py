@@ -25,6 +25,7 @@ from kinemimic.evaluate.paper.summary import markdown
 from kinemimic.pipeline.cli.options import json_option
 from kinemimic.pipeline.cli.picture import save
 from kinemimic.pipeline.cli.progress import progress
+from kinemimic.pipeline.cli.progress_state import PERCENT
 from kinemimic.pipeline.cli.terminal import grid, show
 from kinemimic.pipeline.files.provenance import provenance
 from kinemimic.pipeline.files.store import file_hash, read_json, write_json, write_text
@@ -60,7 +61,7 @@ def study(
     scenarios = {name: scenario(name) for name in (*SCENARIOS, ROOM)}
     options: dict[str, Any] = {"seed": seed, "engine": engine, "workers": workers}
     contests: list[Row] = []
-    with progress("study", len(SCENARIOS) + 2) as bar:
+    with progress("study", len(SCENARIOS) + 2, unit=PERCENT) as bar:
         for name in SCENARIOS:
             theirs = [cast[one] for one in policies_in(name)]
             pairs = [(one, scenarios[name]) for one in theirs]

@@ -66,7 +66,7 @@ def _disturb(
     tasks = [
         trial_tasks(motion, policy, config, one, trials=trials, seed=seed, engine=engine) for one in scenarios
     ]
-    with progress("trials", sum(map(len, tasks))) as bar:
+    with progress("disturb", sum(map(len, tasks)), unit="trials") as bar:
         done = run_all_trials(tasks, workers=workers, progress=bar.advance)
     results = {}
     for one, found in zip(scenarios, done, strict=True):

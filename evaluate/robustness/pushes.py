@@ -75,7 +75,7 @@ def _pushes(run: Path, *, phases: int, workers: int | None, engine: str) -> dict
     motion, policy, record = load_trained(run)
     config = TrainConfig.from_json(record["config"]).env
     at = push_phases(motion, phases)
-    with progress("pushes", phases) as bar:
+    with progress("pushes", phases, unit="phases") as bar:
         # One phase per task: results must not depend on the number of processes.
         tasks = [Task(motion, policy, config, float(phase), engine) for phase in at]
         found = parallel_map(push_from_all_directions, tasks, workers=workers, progress=bar.advance)

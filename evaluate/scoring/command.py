@@ -61,7 +61,7 @@ def _evaluate(run: Path, out: Path, *, workers: int | None, engine: str) -> dict
     capture = read_capture(run / "capture.parquet", motion)
     gait = read_gait_json(path, motion) if (path := run / "gait.json").exists() else None
     phases, frames = np.array(reported_phases(motion)), episode_frames(motion)
-    with progress("evaluate", 2 * len(phases)) as bar:
+    with progress("evaluate", 2 * len(phases), unit="rollouts") as bar:
         trajectory, no_policy = (
             collect_trajectories(
                 motion,

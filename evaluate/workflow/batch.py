@@ -64,7 +64,7 @@ def batch(
     )
     waiting = [k for k in range(len(tasks)) if k not in rows]
     try:
-        with progress("batch", len(waiting)) as bar:
+        with progress("batch", len(waiting), unit="captures") as bar:
             outcomes = isolated_map(process, [tasks[k] for k in waiting], workers=jobs, timeout=timeout)
             for index, outcome in outcomes:
                 k = waiting[index]

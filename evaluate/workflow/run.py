@@ -19,6 +19,7 @@ import click
 
 from kinemimic.pipeline.cli.main import load_command
 from kinemimic.pipeline.cli.options import Decorator, declared, json_option, overwrite_option, run_option
+from kinemimic.pipeline.cli.progress import stage as running
 from kinemimic.pipeline.files.stages import VIRTUAL_CAPTURE
 from kinemimic.pipeline.files.store import read_json
 from kinemimic.pipeline.filters.options import ingest_options
@@ -114,6 +115,7 @@ def _invoke(name: str, arguments: list[str], flags: list[str], *, quiet: bool) -
     arguments = [*arguments, *flags, *(["--json"] if quiet else [])]
     with (
         redirect_stdout(io.StringIO()) if quiet or name == "evaluate" else nullcontext(),
+        running(name),
         command.make_context(name, arguments, parent=click.get_current_context(silent=True)) as context,
     ):
         command.invoke(context)

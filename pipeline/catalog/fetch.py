@@ -69,7 +69,10 @@ def fetch(
             if path.is_file():
                 different.add(path)
     pooch.get_logger().setLevel(logging.WARNING)  # it would log every URL
-    with requests.Session() as session, progress("fetch", sum(entry.bytes for entry, _ in wanted)) as bar:
+    with (
+        requests.Session() as session,
+        progress("fetch", sum(entry.bytes for entry, _ in wanted), unit="bytes") as bar,
+    ):
         session.max_redirects = 5
         for done, (entry, path) in enumerate(wanted):
             bar.advance(0, of=entry.collection)

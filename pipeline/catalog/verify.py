@@ -44,7 +44,7 @@ def verify(catalog: Catalog, entries: Sequence[Entry], folder: Path) -> Verified
     right: list[str] = []
     wrong: dict[str, str] = {}
     missing: list[str] = []
-    with progress("verify", len(entries)) as bar:
+    with progress("verify", len(entries), unit="files") as bar:
         for entry in entries:
             path = folder / entry.collection / entry.file
             if not path.exists() and not path.is_symlink():

@@ -6,10 +6,12 @@ import io
 import logging
 import os
 import sys
+from collections.abc import Callable
 from typing import Any, NoReturn
 
 import click
 
+from kinemimic.pipeline.cli.heartbeat import heartbeat, running_for
 from kinemimic.pipeline.cli.lazy_group import LazyGroup, load
 from kinemimic.pipeline.cli.printable import echo, replace_what_cannot_be_encoded
 from kinemimic.pipeline.cli.settings import read_settings, require_commands
@@ -111,12 +113,13 @@ def _status(arguments: list[str] | None) -> int:
     try:
         settings = read_settings()
         require_commands(settings, COMMANDS)
-        status: Any = cli.main(
-            arguments,
-            prog_name="kinemimic",
-            standalone_mode=False,
-            default_map=settings,
-        )
+        with heartbeat(_line(sys.argv[1:] if arguments is None else arguments)):
+            status: Any = cli.main(
+                arguments,
+                prog_name="kinemimic",
+                standalone_mode=False,
+                default_map=settings,
+            )
     except KinemimicError as error:
         return _fail(str(error))
     except click.ClickException as error:
@@ -140,6 +143,11 @@ def _status(arguments: list[str] | None) -> int:
         place = f"{error.filename}: " if error.filename else ""
         return _fail(f"{place}{(error.strerror or str(error)).lower()}")
     return status if isinstance(status, int) else 0
+
+
+def _line(arguments: list[str]) -> Callable[[], str]:
+    """The heartbeat of a command: nothing with --json."""
+    return str if "--json" in arguments else running_for(next(iter(arguments), "kinemimic"))
 
 
 def _fail(message: str) -> int:

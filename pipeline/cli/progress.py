@@ -1,124 +1,176 @@
-"""Progress bars with rate and remaining time, on stderr of a terminal."""
+"""Progress of everything long: what, how far, time left.
+
+On a terminal, bars on stderr (`progress_bars.py`); elsewhere, a line on stderr every 15 s
+(`heartbeat.py`); in Python, calls of a function of yours:
+
+    with reported_to(lambda state: print(state)):
+        train(run)
+"""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping
+import time
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from contextvars import ContextVar
 
 import click
 from rich.console import Console
-from rich.progress import BarColumn, Progress, ProgressColumn, Task, TaskID, TextColumn, TimeRemainingColumn
-from rich.text import Text
 
+from kinemimic.pipeline.cli.heartbeat import heartbeat, running_for
+from kinemimic.pipeline.cli.progress_bars import drawn
+from kinemimic.pipeline.cli.progress_state import ProgressState
 
-class _Rate(ProgressColumn):
-    """Units per second; two significant digits below 10."""
-
-    def render(self, task: Task) -> Text:
-        speed = task.finished_speed or task.speed
-        if speed is None:
-            return Text("  -/s")
-        return Text(f"{speed:,.0f}/s" if speed >= 10 else f"{speed:.2g}/s")
-
-
-# Receives the progress of a bar that is drawn elsewhere: its description, the units done so far, and the
-# latest numbers shown next to it.
-Listener = Callable[[str, float, Mapping[str, object]], object]
-_listener: ContextVar[Listener | None] = ContextVar("listener", default=None)
+Clock = Callable[[], float]
+# Called with the state of a task whenever it changes.
+ProgressCallback = Callable[[ProgressState], object]
+_callback: ContextVar[ProgressCallback | None] = ContextVar("callback", default=None)
 
 
 class Bar:
-    """A progress bar, with the latest numbers next to it."""
+    """The progress of one task."""
 
-    def __init__(self, drawn: Progress, task: TaskID) -> None:
-        self._drawn, self._task = drawn, task
+    def __init__(
+        self, what: str, total: float, *, done: float, unit: str, changed: Callable[[], object], clock: Clock
+    ) -> None:
+        self._what, self._total, self._unit = what, total, unit
+        self._done = self._before = done
+        self._changed, self._clock = changed, clock
+        self._notes: dict[str, object] = {}
+        self._began = clock()
+        self._deadline: float | None = None
 
-    def advance(self, n: float = 1, **fields: object) -> None:
-        """Advance by n units; `fields` (reward=0.83) are shown next to the bar until replaced."""
-        if fields:
-            note = "  ".join(
-                f"{k} {v:.3g}" if isinstance(v, float) else f"{k} {v}" for k, v in fields.items()
-            )
-            self._drawn.update(self._task, advance=n, note=note)
-        else:
-            self._drawn.update(self._task, advance=n)
-
-    def remove(self) -> None:
-        """Remove the bar from the screen."""
-        self._drawn.remove_task(self._task)
-
-
-class _ForwardedBar(Bar):
-    """A bar whose progress goes to a listener."""
-
-    def __init__(self, listener: Listener, description: str) -> None:
-        self._listener, self._description, self._done = listener, description, 0.0
-
-    def advance(self, n: float = 1, **fields: object) -> None:
+    def advance(self, n: float = 1, **notes: object) -> None:
+        """Advance by n units; `notes` (reward=0.83) are shown until replaced."""
         self._done += n
-        self._listener(self._description, self._done, fields)
+        # A new dictionary: other threads may be reading the old one.
+        self._notes = {**self._notes, **notes}
+        self._changed()
+
+    def ends_within(self, seconds: float) -> None:
+        """The task ends after at most this many seconds from now, even if it is not done."""
+        self._deadline = self._clock() + seconds
+
+    @property
+    def state(self) -> ProgressState:
+        """The state now."""
+        now = self._clock()
+        spent, new = now - self._began, self._done - self._before
+        per_second = new / spent if new > 0 and spent > 0 else None
+        estimates = [] if per_second is None else [max(0.0, self._total - self._done) / per_second]
+        if self._deadline is not None:
+            estimates.append(max(0.0, self._deadline - now))
+        return ProgressState(
+            what=self._what,
+            done=self._done,
+            total=self._total,
+            unit=self._unit,
+            seconds=spent,
+            left=min(estimates, default=None),
+            per_second=per_second,
+            notes=self._notes,
+        )
 
 
 class Bars:
-    """Several bars, one below the other."""
+    """Several bars, one below the other; a log and a callback get only the first."""
 
-    def __init__(self, drawn: Progress) -> None:
-        self._drawn = drawn
+    def __init__(self, callback: ProgressCallback | None, clock: Clock = time.monotonic) -> None:
+        self._callback, self._clock = callback, clock
+        self._bars: tuple[Bar, ...] = ()
 
-    def add(self, description: str, total: float) -> Bar:
-        """Add a bar from 0 to `total` units."""
-        return Bar(self._drawn, self._drawn.add_task(description, total=total, note=""))
+    def add(self, what: str, total: float, *, done: float = 0.0, unit: str = "") -> Bar:
+        """Add a bar up to `total` units; done: before this call, and so without effect on the time left."""
+        bar = Bar(what, total, done=done, unit=unit, changed=lambda: self._changed(bar), clock=self._clock)
+        self._bars += (bar,)
+        return bar
+
+    def remove(self, bar: Bar) -> None:
+        """Remove a bar."""
+        self._bars = tuple(one for one in self._bars if one is not bar)
 
     def say(self, text: str) -> None:
         """Print a line to stderr, above the bars if there are any."""
-        self._drawn.console.print(text, markup=False, highlight=False, soft_wrap=True)
+        click.echo(text, err=True)
+
+    def states(self) -> list[ProgressState]:
+        """Of all bars."""
+        return [bar.state for bar in self._bars]
+
+    def line(self) -> str:
+        """For a log; "" without a bar."""
+        return str(self._bars[0].state) if self._bars else ""
+
+    def _changed(self, bar: Bar) -> None:
+        if self._callback is not None and bar is self._bars[0]:
+            self._callback(bar.state)
+
+
+class _DrawnBars(Bars):
+    """Bars on a terminal."""
+
+    def __init__(self, console: Console) -> None:
+        super().__init__(None)
+        self._console = console
+
+    def say(self, text: str) -> None:
+        self._console.print(text, markup=False, highlight=False, soft_wrap=True)
 
 
 @contextmanager
 def bars() -> Iterator[Bars]:
-    """Several bars; silent if stderr is not a terminal or the command has --json."""
-    console = Console(stderr=True)
-    columns = (
-        TextColumn("{task.description}"),
-        BarColumn(),
-        TextColumn("{task.completed:,.0f}/{task.total:,.0f}"),
-        _Rate(),
-        TimeRemainingColumn(),
-        TextColumn("{task.fields[note]}"),
-    )
-    # Torch workers and subprocesses write to the same terminal; rich must not capture their output.
-    with Progress(
-        *columns,
-        console=console,
-        disable=not console.is_terminal or _json_requested(),
-        redirect_stdout=False,
-        redirect_stderr=False,
-    ) as drawn:
-        yield Bars(drawn)
-
-
-@contextmanager
-def progress(description: str, total: float) -> Iterator[Bar]:
-    """A bar from 0 to `total` units: `with progress("train", budget) as bar: bar.advance(4096, reward=0.8)`.
-
-    Silent if stderr is not a terminal or the command has --json.
-    """
-    if (listener := _listener.get()) is not None:
-        yield _ForwardedBar(listener, description)
+    """Several bars; silent if the command has --json."""
+    callback = _callback.get()
+    if callback is not None or _json_requested():
+        yield Bars(callback)
         return
-    with bars() as several:
-        yield several.add(description, total)
+    console = Console(stderr=True)
+    if console.is_terminal and not console.is_dumb_terminal:
+        several = _DrawnBars(console)
+        # The heartbeat is quiet while bars are drawn.
+        with heartbeat(str), drawn(several.states, console):
+            yield several
+        return
+    plain = Bars(None)
+    with heartbeat(plain.line):
+        yield plain
 
 
 @contextmanager
-def forwarded_progress(listener: Listener) -> Iterator[None]:
-    """Within this block `progress` draws nothing and calls the listener."""
-    token = _listener.set(listener)
+def progress(what: str, total: float, *, done: float = 0.0, unit: str = "") -> Iterator[Bar]:
+    """A bar up to `total` units: `with progress("train", budget) as bar: bar.advance(4096, reward=0.8)`.
+
+    done: units that were done before this call; unit: their name, or PERCENT. Silent if the command has
+    --json.
+    """
+    with bars() as several:
+        yield several.add(what, total, done=done, unit=unit)
+
+
+@contextmanager
+def stage(what: str) -> Iterator[None]:
+    """Something long without a measure of its progress, whose name a log gets; bars within come first."""
+    if _callback.get() is not None or _json_requested():
+        yield
+        return
+    with heartbeat(running_for(what)):
+        yield
+
+
+@contextmanager
+def reported_to(callback: ProgressCallback | None) -> Iterator[None]:
+    """Within this block nothing is drawn or printed, and the callback receives every change; None: no effect.
+
+    What the callback raises ends the task.
+    """
+    if callback is None:
+        yield
+        return
+    token = _callback.set(callback)
     try:
         yield
     finally:
-        _listener.reset(token)
+        _callback.reset(token)
 
 
 def _json_requested() -> bool:

@@ -79,7 +79,7 @@ def command(
     found: list[dict[str, Any]] = []
     status = 0
     try:
-        with progress("inspect", len(files)) as bar:
+        with progress("inspect", len(files), unit="files") as bar:
             for one in file_reports(files, jobs=at_once, unit=unit, rate=rate):
                 found.append(one)
                 bar.advance()
@@ -126,7 +126,7 @@ def _write_page(
     captures = [report for report in reports if report["status"] not in (OTHER, SIDECAR)]
     files = [Path(report["file"]) for report in captures[:MAX_PLOTTED]]
     drawn: dict[Path, str] = {}
-    with progress("plot", len(files)) as bar:
+    with progress("plot", len(files), unit="files") as bar:
         for file, section in file_sections(files, jobs=jobs, unit=unit, rate=rate):
             drawn[file] = section
             bar.advance()

@@ -72,7 +72,7 @@ def overlay(folder: Path, out: Path, *, run: Path | None = None, view: str | Non
     rate = 1.0 / float(np.median(np.diff(recording.times))) if len(recording.times) > 1 else 1.0
     with (
         video(out, camera.width, camera.height, rate) as film,
-        progress("overlay", len(recording.frames)) as bar,
+        progress("overlay", len(recording.frames), unit="frames") as bar,
     ):
         for row, picture in enumerate(pictures):
             caption = f"frame {recording.frames[row]}   {recording.times[row] - recording.times[0]:.3f} s"

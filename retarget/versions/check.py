@@ -89,7 +89,7 @@ def _outputs(params: Params, manifest: Manifest, root: Path) -> Iterator[str]:
     expected = {name.split("/")[0] for name in manifest.content}
     for name in sorted(expected ^ params.captures.keys()):
         yield f"{params.path}: expected the captures of the manifest, found another: {name}; run `make data`"
-    with progress("check", len(params.captures)) as bar:
+    with progress("check", len(params.captures), unit="captures") as bar:
         for name, capture in params.captures.items():
             for file, fresh in build_capture(capture, root).items():
                 wanted = manifest.content.get(f"{name}/{file}")

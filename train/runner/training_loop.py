@@ -72,9 +72,10 @@ class TrainingLoop:
             with (
                 deferred() as interruption,
                 SummaryWriter(curves, purge_step=purge) as board,
-                progress("train", self._config.budget) as bar,
+                progress("train", self._config.budget, done=state.samples, unit="samples") as bar,
             ):
-                bar.advance(state.samples)
+                if self._seconds is not None:
+                    bar.ends_within(self._seconds - sum(state.seconds_by.values()))
                 self._runner.start(self._training.env_states)
                 saved = time.monotonic()
                 while not (interruption.asked or is_complete(self._training, self._seconds)):
@@ -120,9 +121,6 @@ class TrainingLoop:
         shown: dict[str, object] = {"reward": logged["reward/mean"], "steps": logged["episode/length"]}
         if evaluations:
             shown["upright"] = f"{evaluations[-1].frames}/{evaluations[-1].of}"
-        if self._seconds is not None:
-            left = max(0.0, self._seconds - sum(state.seconds_by.values()))
-            shown["stops in"] = f"{int(left) // 60}:{int(left) % 60:02d}"
         bar.advance(config.batch, **shown)
 
     def _evaluation_is_due(self) -> bool:

@@ -82,7 +82,7 @@ def read_recording(folder: Path) -> Clip:
     digest = hashlib.sha256()
     for source in recording.sources:
         digest.update(f"{source.path.name}:{source.sha256};".encode())
-    with progress("depth", len(recording.frames)) as bar:
+    with progress("read depth", len(recording.frames), unit="frames") as bar:
         for row, path in enumerate(recording.images):
             content = load(path, setup.camera, 2)
             digest.update(f"{path.name}:{len(content)};".encode() + content)
