@@ -6,7 +6,7 @@ import json
 import os
 from collections.abc import Iterator
 from contextlib import contextmanager
-from dataclasses import asdict, replace
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -15,8 +15,7 @@ import torch
 
 from kinemimic.pipeline.cli.options import json_option, run_option
 from kinemimic.pipeline.errors import KinemimicError
-from kinemimic.pipeline.files.provenance import provenance
-from kinemimic.pipeline.run_folder.stage import reading, stage
+from kinemimic.pipeline.run_folder.stage import reading
 from kinemimic.retarget.formats.motion_json import read_motion_json
 from kinemimic.retarget.gate import require_trainable
 from kinemimic.retarget.humanoid.motion import Motion
@@ -25,13 +24,12 @@ from kinemimic.train.config.config import TrainConfig, preset
 from kinemimic.train.options import training_options
 from kinemimic.train.ppo.ppo import PpoAlgorithm
 from kinemimic.train.ppo.runner import PpoRunner
-from kinemimic.train.reference.reference import Reference
-from kinemimic.train.rollout.evaluation import Evaluation, best, first_walk, selection_phases
-from kinemimic.train.rollout.policy import POLICY
 from kinemimic.train.rollout.workers import Workers
 from kinemimic.train.runner import checkpoint
 from kinemimic.train.runner.base import Algorithm, Runner
 from kinemimic.train.runner.checkpoint import TrainingState
+from kinemimic.train.runner.closing_words import closing_words
+from kinemimic.train.runner.policy_file import PolicyFile
 from kinemimic.train.runner.training_loop import TrainingLoop, is_complete
 from kinemimic.train.scenario.event_schedule import check
 from kinemimic.train.scenario.route import reference_for
@@ -39,7 +37,6 @@ from kinemimic.train.scenario.scenario import Scenario
 from kinemimic.train.scenario.scenario_file import scenario as read
 from kinemimic.train.sim.engines import resolve
 from kinemimic.train.sim.options import workers_option
-from kinemimic.train.task.mirror import mirrored
 from kinemimic.train.task.timer import Timer, table
 
 CHECKPOINT = "checkpoint.safetensors"
@@ -65,7 +62,8 @@ def train(
 
     Writes a checkpoint twice a minute, at the end and on Ctrl-C. The next call resumes from it unless
     `resume` is False, with the same result as one call, except that each call evaluates its last policy too.
-    Then writes policy.safetensors, the policy of the best evaluation, policy.json, and TensorBoard's curves.
+    From the first evaluation on, policy.safetensors is the policy of the best evaluation so far, and
+    policy.json says whether the training has `finished`; TensorBoard's curves are written beside them.
     A checkpoint of another motion or other settings is kept as checkpoint.previous.safetensors.
     If the gate (retarget/gate.py) refuses the motion, it is not trained on, unless `anyway` is set.
 
@@ -140,14 +138,11 @@ def _train(
     if saved.exists() and not resumed:
         saved.replace(run / PREVIOUS)
     seconds = None if minutes is None else 60.0 * minutes
+    policy = PolicyFile(run, training, motion, engine, resumed=resumed)
     if not is_complete(training, seconds):
         with _runner(algorithm, motion, engine, count, timer) as runner:
-            TrainingLoop(training, runner, motion, saved, timer, seconds).run(run / CURVES)
-    record = _record(training, motion, engine)
-    if training.best is not None:
-        with stage(run, "train") as out:
-            training.best.save(out / POLICY, record)
-    return record
+            TrainingLoop(training, runner, motion, saved, timer, seconds, policy).run(run / CURVES)
+    return policy.write(finished=True)
 
 
 def _algorithm(config: TrainConfig, motion: Motion, engine: str, threads: int) -> Algorithm:
@@ -175,35 +170,6 @@ def _runner(algorithm: Algorithm, motion: Motion, engine: str, count: int, timer
         algorithm.env.close()
 
 
-def _record(training: TrainingState, motion: Motion, engine: str) -> dict[str, Any]:
-    """policy.json, except its schema."""
-    config, state = training.algorithm.config, training.algorithm.progress
-    evaluations = training.evaluations
-    return {
-        "preset": config.preset,
-        "engine": engine,
-        "samples": state.samples,
-        "exploded": state.exploded,
-        "seconds": round(sum(state.seconds_by.values()), 1),
-        "seconds_by": {name: round(value, 2) for name, value in state.seconds_by.items()},
-        "seed": config.seed,
-        "best": best(evaluations).to_json(),
-        "first_walk": first_walk(evaluations),
-        "evaluated_with": {
-            "reward": asdict(config.final_reward),
-            "start_phases": list(selection_phases(motion, config.env.scenario)),
-        },
-        "evaluations": [evaluation.to_json() for evaluation in evaluations],
-        **training.algorithm.record_extras(),
-        "config": config.to_json(),
-        "mirrored": mirrored(config.env, Reference(motion)),
-        "simulated": motion.simulated,
-        "provenance": provenance(
-            "train", inputs={"motion": motion.identity}, config=config.to_json(), seed=config.seed
-        ),
-    }
-
-
 @click.command("train")
 @run_option()
 @training_options
@@ -214,6 +180,7 @@ def _record(training: TrainingState, motion: Motion, engine: str) -> dict[str, A
 @click.option(
     "--scenario", "named", metavar="NAME", help="Scenario to train in: a shipped one, or a TOML file."
 )
+@click.option("--profile", is_flag=True, help="Also print what the time was spent on.")
 @json_option("Print the policy's record as JSON.")
 def command(
     run: Path,
@@ -226,6 +193,7 @@ def command(
     resume: bool,
     anyway: bool,
     named: str | None,
+    profile: bool,
     as_json: bool,
 ) -> None:
     """Train a policy that imitates the run's motion in Bullet, with PPO or a baseline preset.
@@ -249,23 +217,7 @@ def command(
     if as_json:
         click.echo(json.dumps(record, indent=2))
     else:
-        rate = record["samples"] / max(record["seconds"], 1e-9)
-        click.echo(
-            f"{record['samples']:,} samples in {record['seconds']:.0f} s ({rate:,.0f}/s), preset "
-            f"{record['preset']}, seed {record['seed']}, {record['engine']} engine: {run / POLICY}"
-        )
-        kept = Evaluation(**record["best"])
-        click.echo(
-            f"best policy, kept: after {kept.samples:,} samples: {kept.frames} of {kept.of} frames, "
-            f"R² {kept.knee:.3f} knee, {kept.hip:.3f} hip, {100 * kept.reward:.1f} % of the reward"
-            + (
-                ""
-                if kept.robust_return is None
-                else f", {100 * kept.robust_return:.1f} % with domain randomization"
-            )
-        )
-        if record["mirrored"]:
-            click.echo("the second half of the cycle mirrors the first")
-        if record["exploded"]:
-            click.echo(f"{record['exploded']:,} humanoids exploded in the simulation and were reset")
-        click.echo(table(record["seconds_by"]))
+        for line in closing_words(record, run):
+            click.echo(line)
+        if profile:
+            click.echo(table(record["seconds_by"]))

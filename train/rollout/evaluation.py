@@ -82,7 +82,8 @@ class Evaluation:
     strength: 0 to 1, of the domain randomization in training at that time; frames, knee, hip: minima over all
     episodes; frames_first: of the first episode; reward: mean of the episodes; robust_return: mean
     reward under domain randomization, None where the strength is 0; critic_loss: the critic's mean squared
-    error as a share of its targets' variance, mean of the rounds since the last evaluation.
+    error as a share of its targets' variance, mean of the rounds since the last evaluation; completed: number
+    of the `episodes` without a fall, None in trainings of earlier versions.
     """
 
     samples: int
@@ -96,6 +97,8 @@ class Evaluation:
     hip: float
     robust_return: float | None = None
     critic_loss: float | None = None
+    completed: int | None = None
+    episodes: int | None = None
 
     @classmethod
     def of_episodes(
@@ -121,6 +124,8 @@ class Evaluation:
             hip=min(episode.hip for episode in episodes),
             robust_return=sum(robust_returns) / len(robust_returns) if robust_returns else None,
             critic_loss=round(sum(losses) / len(losses), 6) if losses else None,
+            completed=sum(episode.frames == episode.of for episode in episodes),
+            episodes=len(episodes),
         )
 
     @property

@@ -16,6 +16,7 @@ from kinemimic.train.rollout.evaluation import Evaluation, best, is_due, selecti
 from kinemimic.train.runner import checkpoint
 from kinemimic.train.runner.base import OTHER, ROLLOUT, UPDATE, Runner
 from kinemimic.train.runner.checkpoint import TrainingState
+from kinemimic.train.runner.policy_file import PolicyFile
 from kinemimic.train.task.timer import Timer, summed
 
 CHECKPOINT_SECONDS = 30.0
@@ -40,7 +41,8 @@ def is_complete(training: TrainingState, seconds: float | None) -> bool:
 class TrainingLoop:
     """One training with one runner, which shares the algorithm and the timer.
 
-    path: of the checkpoint; seconds: of all calls together, after which it stops.
+    path: of the checkpoint; seconds: of all calls together, after which it stops; policy: is written after
+    every evaluation and checkpoint.
     """
 
     def __init__(
@@ -51,9 +53,10 @@ class TrainingLoop:
         path: Path,
         timer: Timer,
         seconds: float | None,
+        policy: PolicyFile,
     ) -> None:
         self._training, self._runner, self._motion, self._path = training, runner, motion, path
-        self._timer, self._seconds = timer, seconds
+        self._timer, self._seconds, self._policy = timer, seconds, policy
         self._state = training.algorithm.progress
         self._config = training.algorithm.config
         self._earlier = self._state.seconds_by
@@ -155,6 +158,7 @@ class TrainingLoop:
             board.add_scalar(f"trial/{name}", getattr(evaluation, name), samples)
         if evaluation.robust_return is not None:
             board.add_scalar("trial/endured", evaluation.robust_return, samples)
+        self._policy.write(finished=False)
 
     def _lap(self, name: str) -> None:
         self._timer.lap(name)
@@ -166,4 +170,6 @@ class TrainingLoop:
         # The curves on disk reach at least as far as the checkpoint.
         board.flush()
         checkpoint.save(self._path, self._training, self._motion.identity)
+        if self._training.evaluations:
+            self._policy.write(finished=False)
         self._lap(SAVING)

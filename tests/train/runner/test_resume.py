@@ -4,6 +4,7 @@ checkpoint."""
 from __future__ import annotations
 
 import errno
+import json
 import signal
 from collections.abc import Callable, Iterator
 from dataclasses import replace
@@ -27,9 +28,10 @@ from kinemimic.train import command as stage
 from kinemimic.train.config.config import PRESETS, DomainRandomization, EnvConfig
 from kinemimic.train.ppo.ppo import PpoAlgorithm
 from kinemimic.train.rollout import evaluation as trial
-from kinemimic.train.rollout.policy import POLICY
+from kinemimic.train.rollout.policy import POLICY, load_trained
 from kinemimic.train.runner import checkpoint
 from kinemimic.train.runner import training_loop as rounds
+from kinemimic.train.runner.policy_file import PREVIOUS_POLICY
 from kinemimic.train.task.env import ACTIONS
 from kinemimic.train.task.timer import Timer
 
@@ -124,6 +126,65 @@ def test_interrupted_and_resumed_it_comes_to_the_same_bytes(
     assert not (cut / POLICY).exists()
     stage.train(cut, budget=BUDGET, workers=2, engine=engine)
     same_result(straight, cut)
+
+
+def test_the_best_policy_so_far_is_a_file_from_the_first_evaluation_on(
+    engine: str, fresh: Callable[[str], Path], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    straight, cut = fresh("straight"), fresh("cut")
+    stage.train(straight, budget=BUDGET, workers=2, engine=engine)
+    assert json.loads((straight / "policy.json").read_text())["finished"] is True
+    with monkeypatch.context() as patched:
+        # The evaluation after the second round is done; the third round is the last.
+        in_update(patched, 3, lambda: signal.raise_signal(signal.SIGTERM))
+        with pytest.raises(KeyboardInterrupt):
+            stage.train(cut, budget=BUDGET, workers=2, engine=engine)
+    _, policy, record = load_trained(cut)
+    assert (record["finished"], record["samples"], record["config"]["budget"]) == (False, 3 * ROUND, BUDGET)
+    assert [one["samples"] for one in record["evaluations"]] == [2 * ROUND]
+    kept = load_file(cut / stage.CHECKPOINT)
+    assert all(np.array_equal(kept[f"best.{name}"], value) for name, value in policy.tensors().items())
+    stage.train(cut, budget=BUDGET, workers=2, engine=engine)
+    same_result(straight, cut)
+
+
+def test_a_killed_training_leaves_its_best_policy(
+    fresh: Callable[[str], Path], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    run = fresh("run")
+
+    class Killed(BaseException):
+        pass
+
+    def die() -> None:
+        raise Killed
+
+    monkeypatch.setattr(rounds, "CHECKPOINT_SECONDS", 1e9)
+    with monkeypatch.context() as patched:
+        in_update(patched, 5, die)
+        with pytest.raises(Killed):
+            stage.train(run, budget=BUDGET, workers=1, engine="pybullet")
+    assert not (run / stage.CHECKPOINT).exists()
+    record = load_trained(run)[2]
+    assert (record["finished"], record["samples"]) == (False, 4 * ROUND)
+    # It is of no training that finished, so the next one replaces it.
+    stage.train(run, budget=BUDGET, workers=1, engine="pybullet")
+    assert load_trained(run)[2]["finished"] is True
+    assert not (run / PREVIOUS_POLICY).exists()
+
+
+def test_another_training_sets_a_finished_policy_aside(fresh: Callable[[str], Path]) -> None:
+    run = fresh("run")
+    stage.train(run, budget=2 * ROUND, seed=1, workers=1, engine="pybullet")
+    first = (run / POLICY).read_bytes()
+    # More of the same training is no other training.
+    stage.train(run, budget=4 * ROUND, seed=1, workers=1, engine="pybullet")
+    assert not (run / PREVIOUS_POLICY).exists()
+    before = (run / POLICY).read_bytes(), (run / "policy.json").read_bytes()
+    stage.train(run, budget=2 * ROUND, seed=2, workers=1, engine="pybullet")
+    aside = run / PREVIOUS_POLICY
+    assert (aside.read_bytes(), aside.with_suffix(".json").read_bytes()) == before
+    assert (run / POLICY).read_bytes() not in (before[0], first)
 
 
 def test_a_second_signal_stops_at_once_and_saves_nothing(

@@ -1,0 +1,64 @@
+"""What `train` says at its end: whether the policy walks or falls, and what to do next."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+from typing import Any
+
+from kinemimic.pipeline.cli.progress_state import minutes
+from kinemimic.retarget.formats.gait_json import read_gait_json
+from kinemimic.train.rollout.evaluation import START_PHASES, Evaluation
+from kinemimic.train.rollout.policy import POLICY, training_summary
+from kinemimic.train.rollout.verdict import Outcome, Training, Verdict, judge
+
+
+def training_verdict(record: Mapping[str, Any], gait: Mapping[str, Any] | None = None) -> Verdict:
+    """The verdict on the best evaluation of a training, from the content of policy.json and gait.json.
+
+    An evaluation measures no path, and has fewer phases than `evaluate`.
+    """
+    kept, gait = Evaluation(**record["best"]), gait or {}
+    phases = kept.episodes or 1
+    upright = int(kept.frames == kept.of) if kept.completed is None else kept.completed
+    return judge(
+        Outcome(
+            frames=kept.of,
+            phases=phases,
+            upright=upright,
+            first=kept.frames,
+            cyclic=gait.get("cyclic", len(record["evaluated_with"]["start_phases"]) > 1),
+            kind=gait.get("kind", ""),
+            fits={"knee": (kept.knee, None), "hip": (kept.hip, None)},
+            findings=tuple(finding["message"] for finding in gait.get("gate", ())),
+        ),
+        Training(**training_summary(record)),
+    )
+
+
+def closing_words(record: Mapping[str, Any], run: Path) -> Iterator[str]:
+    """The lines at the end of a training in a run folder; record: content of policy.json."""
+    gait = read_gait_json(path) if (path := run / "gait.json").exists() else None
+    found, kept = training_verdict(record, gait), Evaluation(**record["best"])
+    yield found.headline
+    yield (
+        f"best of {len(record['evaluations'])} evaluations, after {kept.samples:,} samples: R² {kept.knee:.3f} knee, "
+        f"{kept.hip:.3f} hip, {100 * kept.reward:.1f} % of the reward"
+        + (
+            ""
+            if kept.robust_return is None
+            else f", {100 * kept.robust_return:.1f} % with domain randomization"
+        )
+    )
+    if found.level == "good":
+        yield f"`kinemimic evaluate` scores it from {'other phases' if START_PHASES > 1 else 'the start'}."
+    else:
+        yield found.advice
+    if record["exploded"]:
+        yield f"{record['exploded']:,} humanoids exploded in the simulation and were reset"
+    rate = record["samples"] / max(record["seconds"], 1e-9)
+    yield (
+        f"{run / POLICY}: {record['samples']:,} samples in {minutes(record['seconds'])} ({rate:,.0f}/s), preset "
+        f"{record['preset']}, seed {record['seed']}, {record['engine']} engine"
+        + (", the second half of the cycle mirrors the first" if record["mirrored"] else "")
+    )
