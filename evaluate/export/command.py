@@ -22,6 +22,7 @@ from kinemimic.evaluate.export.both import (
 )
 from kinemimic.evaluate.export.motion_source import SOURCES, MotionSource, source_of_mcap, sources_of_run
 from kinemimic.evaluate.policies.shipped import POLICY, run_options
+from kinemimic.evaluate.policies.unfinished import say, unfinished_policy, unfinished_rollouts
 from kinemimic.pipeline.cli.options import json_option
 from kinemimic.pipeline.cli.printable import echo
 from kinemimic.pipeline.cli.terminal import grid, show
@@ -248,6 +249,8 @@ def command(
             pair = pair_of_run(run) if BOTH in what or (not what and has_both(run)) else None
             named = [one for one in what if one != BOTH]
             sources = {} if what and not named else sources_of_run(run, named, number)
+            if policy is not None or pair is not None or "simulated" in sources:
+                say(unfinished_policy(run) or unfinished_rollouts(run))
             into = out or Path(staging or run) / "export"
             written = export(sources, chosen, into, run.resolve().name, policy, pair, subfolders=out is None)
         if out is None:

@@ -11,6 +11,7 @@ import click
 from rich.console import RenderableType
 
 from kinemimic.evaluate.policies.shipped import run_options
+from kinemimic.evaluate.policies.unfinished import say, unfinished_policy
 from kinemimic.evaluate.robustness.scenario_trials import RECOVERED, run_all_trials, summarize, trial_tasks
 from kinemimic.pipeline.cli.options import json_option
 from kinemimic.pipeline.cli.progress import progress
@@ -157,6 +158,7 @@ def command(
         else:
             show(_list(descriptions))
         return
+    say(unfinished_policy(run))
     results = disturb(
         run or only_run(),
         [scenario(one) for one in scenarios],

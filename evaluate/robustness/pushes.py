@@ -14,6 +14,7 @@ from rich.table import Table
 from rich.text import Text
 
 from kinemimic.evaluate.policies.shipped import run_options
+from kinemimic.evaluate.policies.unfinished import say, unfinished_policy
 from kinemimic.evaluate.robustness.push_trials import (
     DIRECTIONS,
     EXTENDED_GRID,
@@ -168,6 +169,7 @@ def command(run: Path, workers: int | None, engine: str, as_json: bool) -> None:
       kinemimic pushes --run runs/walk
       kinemimic pushes --policy robust_walk --json
     """
+    say(unfinished_policy(run))
     result = pushes(run, workers=workers, engine=engine)
     if as_json:
         click.echo(json.dumps(result, indent=2))

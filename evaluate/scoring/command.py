@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -24,6 +25,7 @@ from kinemimic.evaluate.scoring.report import (
     report,
 )
 from kinemimic.evaluate.scoring.scores import compose
+from kinemimic.evaluate.scoring.verdict import verdict
 from kinemimic.pipeline.cli.html import number
 from kinemimic.pipeline.cli.options import json_option
 from kinemimic.pipeline.cli.progress import progress
@@ -39,9 +41,18 @@ from kinemimic.train.rollout.evaluation import episode_frames, reported_phases
 from kinemimic.train.rollout.policy import POLICY, load_trained
 from kinemimic.train.rollout.rollout import collect_trajectories
 from kinemimic.train.rollout.trajectory import Trajectory
+from kinemimic.train.rollout.verdict import Level
 from kinemimic.train.sim.engines import resolve
 from kinemimic.train.sim.options import engine_option, workers_option
 from kinemimic.train.sim.world import CONTROL_RATE
+
+# Of the verdict in a terminal.
+STYLES: Mapping[Level, str] = {
+    "good": "bold green",
+    "fair": "bold yellow",
+    "poor": "bold red",
+    "falls": "bold red",
+}
 
 
 def evaluate(run: Path, *, workers: int | None = None, engine: str = "auto") -> dict[str, Any]:
@@ -121,7 +132,8 @@ def curves_csv(trajectory: Trajectory, no_policy: Trajectory) -> str:
 
 
 def table(scores: dict[str, Any], run: Path) -> RenderableType:
-    """The scores as text for a terminal: medians over the start phases."""
+    """The scores as text for a terminal: the verdict, then medians over the start phases."""
+    found = verdict(scores)
     fit, nothing = scores["fit"]["phases"], scores["no_policy"]["fit"]["phases"]
     survived, alone = scores["survival"], scores["no_policy"]["survival"]
     root, torque = scores["root"]["phases"], scores["torque"]
@@ -165,6 +177,8 @@ def table(scores: dict[str, Any], run: Path) -> RenderableType:
         ]
     below.append(f"report: {run / 'report.html'}")
     return Group(
+        Text(found.headline, style=STYLES[found.level]),
+        Text(found.advice),
         *(Text(line) for line in lines),
         grid,
         *(Text(line) for line in below),

@@ -13,6 +13,7 @@ from rich.console import Group, RenderableType
 from rich.table import Table
 from rich.text import Text
 
+from kinemimic.evaluate.policies.unfinished import say, unfinished_rollouts
 from kinemimic.evaluate.scoring.gait_page import NO_VALUE, ROWS, gait_page, notes
 from kinemimic.evaluate.scoring.gait_report import gait_report
 from kinemimic.evaluate.scoring.gait_subjects import GaitSubject, captured
@@ -109,6 +110,8 @@ def command(run: Path, as_json: bool) -> None:
       kinemimic gait --run runs/walk
     """
     report = gait(run)
+    if "simulated" in report["subjects"]:
+        say(unfinished_rollouts(run))
     if as_json:
         click.echo(json.dumps(report, indent=2))
     else:

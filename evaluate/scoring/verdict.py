@@ -6,7 +6,8 @@ from collections.abc import Mapping
 from typing import Any
 
 from kinemimic.pipeline.gait.curve_metrics import SCORED_JOINTS
-from kinemimic.train.rollout.verdict import Outcome, Training, Verdict, judge
+from kinemimic.train.config.training import Training
+from kinemimic.train.rollout.verdict import Outcome, Verdict, judge
 
 
 def verdict(scores: Mapping[str, Any]) -> Verdict:
@@ -32,18 +33,7 @@ def verdict(scores: Mapping[str, Any]) -> Verdict:
             path_m=root["reference_advance_m"],
             findings=tuple(motion.get("findings", ())),
         ),
-        training(scores["train"]),
-    )
-
-
-def training(record: Mapping[str, Any]) -> Training:
-    """The training of a policy, from `train` of scores.json and of other results."""
-    return Training(
-        samples=record.get("samples") or 0,
-        budget=record.get("budget"),
-        finished=record.get("finished") is not False,
-        preset=record.get("preset") or "",
-        seed=record.get("seed") or 0,
+        Training.of(scores["train"]),
     )
 
 

@@ -65,7 +65,8 @@ def _scored(scores: Mapping[str, Any]) -> list[str]:
         f"- speed: {_shown(scores, 'root.speed_ratio', '{:.3f}')} of the reference's, "
         f"path error {_shown(scores, 'root.path_error_m', '{:.2f}')} m at the end",
         f"- peak torque about one axis: {_shown(scores, 'torque.peak', '{:.0f}')} N·m",
-        f"- trained on {_shown(scores, 'train.samples', '{:,}')} samples",
+        f"- trained on {_shown(scores, 'train.samples', '{:,}')} samples"
+        + ("" if scores.get("train", {}).get("finished") is not False else " so far: training unfinished"),
     ]
     return lines
 

@@ -19,6 +19,7 @@ from kinemimic.evaluate.film.film import SIZE, SIZES, Scene, scene_of
 from kinemimic.evaluate.film.looks import LOOKS
 from kinemimic.evaluate.film.movie import write_movie
 from kinemimic.evaluate.policies.shipped import evaluated, run_options
+from kinemimic.evaluate.policies.unfinished import say, unfinished_policy, unfinished_rollouts
 from kinemimic.evaluate.view.caption import caption, trial_caption
 from kinemimic.evaluate.view.captured_skeleton import CapturedSkeleton, captured_skeleton, log_skeleton
 from kinemimic.evaluate.view.layout import layout
@@ -247,6 +248,7 @@ def command(
         raise click.UsageError(f"--{without[0]} needs --video")
     if movie is not None:
         require_encoder(movie)
+    say(unfinished_rollouts(run) if named is None else unfinished_policy(run))
     recording, scene = _record(run) if named is None else _record_trial(run, read(named), number, seed)
     if picture is not None:
         # Import cost: the viewer's client.

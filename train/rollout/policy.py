@@ -98,11 +98,6 @@ class Policy:
         with atomic(path) as temporary:
             # Written by Python: its error on a full disk names the file.
             temporary.write_bytes(save(self.tensors()))
-        self.save_record(path, record)
-
-    @staticmethod
-    def save_record(path: Path, record: Mapping[str, Any]) -> None:
-        """Write only the record of the policy at `path`."""
         write_json(path.with_suffix(".json"), {**record, "schema": POLICY_SCHEMA, "body": body_identity()})
 
     @classmethod

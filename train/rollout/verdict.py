@@ -11,6 +11,7 @@ from dataclasses import dataclass, field
 from typing import Literal
 
 from kinemimic.train.config.budget import short
+from kinemimic.train.config.training import Training
 from kinemimic.train.rollout.evaluation import WALKING_R2
 from kinemimic.train.sim.world import CONTROL_RATE
 
@@ -44,25 +45,6 @@ class Verdict:
     level: Level
     headline: str
     advice: str
-
-
-@dataclass(frozen=True)
-class Training:
-    """What is known of a policy's training; budget: None if unknown."""
-
-    samples: int = 0
-    budget: int | None = None
-    finished: bool = True
-    preset: str = "default"
-    seed: int = 0
-
-    @property
-    def unfinished(self) -> str:
-        """`training unfinished: 400,000 of 1,000,000 samples`; "" for a finished training."""
-        if self.finished:
-            return ""
-        of = "" if self.budget is None else f" of {self.budget:,}"
-        return f"training unfinished: {self.samples:,}{of} samples"
 
 
 @dataclass(frozen=True)

@@ -8,9 +8,10 @@ from typing import Any
 
 from kinemimic.pipeline.cli.progress_state import minutes
 from kinemimic.retarget.formats.gait_json import read_gait_json
+from kinemimic.train.config.training import Training
 from kinemimic.train.rollout.evaluation import START_PHASES, Evaluation
 from kinemimic.train.rollout.policy import POLICY, training_summary
-from kinemimic.train.rollout.verdict import Outcome, Training, Verdict, judge
+from kinemimic.train.rollout.verdict import Outcome, Verdict, judge
 
 
 def training_verdict(record: Mapping[str, Any], gait: Mapping[str, Any] | None = None) -> Verdict:
@@ -32,7 +33,7 @@ def training_verdict(record: Mapping[str, Any], gait: Mapping[str, Any] | None =
             fits={"knee": (kept.knee, None), "hip": (kept.hip, None)},
             findings=tuple(finding["message"] for finding in gait.get("gate", ())),
         ),
-        Training(**training_summary(record)),
+        Training.of(training_summary(record)),
     )
 
 
@@ -42,8 +43,8 @@ def closing_words(record: Mapping[str, Any], run: Path) -> Iterator[str]:
     found, kept = training_verdict(record, gait), Evaluation(**record["best"])
     yield found.headline
     yield (
-        f"best of {len(record['evaluations'])} evaluations, after {kept.samples:,} samples: R² {kept.knee:.3f} knee, "
-        f"{kept.hip:.3f} hip, {100 * kept.reward:.1f} % of the reward"
+        f"best of {len(record['evaluations'])} evaluations, after {kept.samples:,} samples: "
+        f"R² {kept.knee:.3f} knee, {kept.hip:.3f} hip, {100 * kept.reward:.1f} % of the reward"
         + (
             ""
             if kept.robust_return is None
@@ -58,7 +59,7 @@ def closing_words(record: Mapping[str, Any], run: Path) -> Iterator[str]:
         yield f"{record['exploded']:,} humanoids exploded in the simulation and were reset"
     rate = record["samples"] / max(record["seconds"], 1e-9)
     yield (
-        f"{run / POLICY}: {record['samples']:,} samples in {minutes(record['seconds'])} ({rate:,.0f}/s), preset "
-        f"{record['preset']}, seed {record['seed']}, {record['engine']} engine"
+        f"{run / POLICY}: {record['samples']:,} samples in {minutes(record['seconds'])} ({rate:,.0f}/s), "
+        f"preset {record['preset']}, seed {record['seed']}, {record['engine']} engine"
         + (", the second half of the cycle mirrors the first" if record["mirrored"] else "")
     )

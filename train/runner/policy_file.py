@@ -8,11 +8,12 @@ from typing import Any
 
 from kinemimic.pipeline.errors import KinemimicError
 from kinemimic.pipeline.files.provenance import provenance
-from kinemimic.pipeline.files.store import read_json
+from kinemimic.pipeline.files.store import copy_file, read_json
+from kinemimic.pipeline.run_folder.stage import stage
 from kinemimic.retarget.humanoid.motion import Motion
 from kinemimic.train.reference.reference import Reference
 from kinemimic.train.rollout.evaluation import best, first_walk, selection_phases
-from kinemimic.train.rollout.policy import POLICY, Policy
+from kinemimic.train.rollout.policy import POLICY
 from kinemimic.train.runner.checkpoint import TrainingState
 from kinemimic.train.task.mirror import mirrored
 
@@ -23,16 +24,15 @@ class PolicyFile:
     """The policy of a training in its run folder.
 
     resumed: False if the training has just begun; a policy of a finished training in the folder is then
-    set aside as policy.previous.safetensors and .json.
+    kept as policy.previous.safetensors and .json.
     """
 
     def __init__(
         self, run: Path, training: TrainingState, motion: Motion, engine: str, *, resumed: bool
     ) -> None:
-        self._path, self._previous = run / POLICY, run / PREVIOUS_POLICY
+        self._run, self._path = run, run / POLICY
         self._training, self._motion, self._engine = training, motion, engine
         self._foreign = not resumed
-        self._written: Policy | None = None
 
     def write(self, *, finished: bool) -> dict[str, Any]:
         """Write the best policy so far and its record, which is returned.
@@ -45,16 +45,10 @@ class PolicyFile:
         if self._foreign and self._finished():
             for suffix in (".json", ".safetensors"):
                 if (own := self._path.with_suffix(suffix)).exists():
-                    own.replace(self._previous.with_suffix(suffix))
+                    copy_file(own, self._run / Path(PREVIOUS_POLICY).with_suffix(suffix))
         self._foreign = False
-        if policy is not self._written:
-            # If killed between the two files, it leaves a policy without a record, not with that of another
-            # policy.
-            self._path.with_suffix(".json").unlink(missing_ok=True)
-            policy.save(self._path, record)
-        else:
-            policy.save_record(self._path, record)
-        self._written = policy
+        with stage(self._run, "train", unfinished=not finished) as out:
+            policy.save(out / POLICY, record)
         return record
 
     def _finished(self) -> bool:
