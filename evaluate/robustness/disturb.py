@@ -158,9 +158,10 @@ def command(
         else:
             show(_list(descriptions))
         return
+    run = run or only_run()
     say(unfinished_policy(run))
     results = disturb(
-        run or only_run(),
+        run,
         [scenario(one) for one in scenarios],
         trials=trials,
         seed=seed,

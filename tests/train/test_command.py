@@ -150,23 +150,28 @@ def test_an_unknown_engine_is_one_line(run: Path) -> None:
         stage.train(run, engine="mujoco")
 
 
-def test_the_command_ends_with_a_table_of_the_time(run: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_command_ends_with_a_verdict_in_words(run: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    best = {"samples": 2048, "seconds": 2.0, "strength": 0.0, "frames": 590, "frames_first": 600,
+            "of": 600, "reward": 0.5, "knee": 0.91, "hip": 0.92, "robust_return": 0.25,
+            "completed": 1, "episodes": 2}  # fmt: skip
     record = {
         "preset": "robust", "engine": "native", "samples": 4096, "exploded": 2, "seconds": 4.0, "seed": 0,
-        "mirrored": True,
+        "mirrored": True, "finished": True,
         "seconds_by": {"simulation": 3.0, "update": 1.0},
-        "best": {"samples": 2048, "seconds": 2.0, "strength": 0.0, "frames": 599, "frames_first": 600,
-                 "of": 600, "reward": 0.5, "knee": 0.91, "hip": 0.92, "robust_return": 0.25},
+        "best": best, "evaluations": [best], "config": PRESETS["default"].to_json(),
+        "evaluated_with": {"start_phases": [0.1, 0.6]},
     }  # fmt: skip
     monkeypatch.setattr(stage, "train", lambda *_, **__: record)
-    lines = CliRunner().invoke(stage.command, ["--run", str(run)]).output.splitlines()
-    assert "4,096 samples in 4 s" in lines[0]
-    assert "native engine" in lines[0]
-    assert "2,048 samples: 599 of 600 frames, R² 0.910 knee, 0.920 hip, 50.0 % of the reward" in lines[1]
-    assert lines[1].endswith("25.0 % with domain randomization")
-    assert lines.pop(2).endswith("mirrors the first")
-    assert lines[2].startswith("2 humanoids exploded")
-    assert lines[4].split() == ["simulation", "3.0", "75.0", "%", "45.0", "s"]
+    result = CliRunner().invoke(stage.command, ["--run", str(run)], catch_exceptions=False)
+    lines = result.output.splitlines()
+    assert lines[0] == "falls from 1 of 2 phases, the earliest after 19.7 s (590 of 600 frames)"
+    assert "after 2,048 samples: R² 0.910 knee, 0.920 hip, 50.0 % of the reward, 25.0 % with" in lines[1]
+    assert lines[2] == "Train longer: `kinemimic train --preset robust --budget 8.2k` (4,096 samples so far)."
+    assert lines[3].startswith("2 humanoids exploded")
+    assert "4,096 samples in 0:04 (1,024/s), preset robust, seed 0, native engine" in lines[4]
+    assert len(lines) == 5
+    profiled = CliRunner().invoke(stage.command, ["--run", str(run), "--profile"]).output
+    assert "simulation" in profiled and "75.0" in profiled
 
 
 def samples_of(seed: int) -> Samples:

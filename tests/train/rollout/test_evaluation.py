@@ -119,7 +119,7 @@ def test_the_policy_is_chosen_on_other_phases_than_those_reported(motion: Motion
 def test_a_trial_is_as_good_as_its_worse_attempt() -> None:
     run_episodes = [Episode(600, 600, 0.9, 0.99, 0.95), Episode(300, 600, 0.4, 0.5, 0.55)]
     found = Evaluation.of_episodes(run_episodes, samples=7, seconds=1.26, strength=0.5)
-    assert found == Evaluation(7, 1.3, 0.5, 300, 600, 600, 0.65, 0.5, 0.55)
+    assert found == Evaluation(7, 1.3, 0.5, 300, 600, 600, 0.65, 0.5, 0.55, completed=1, episodes=2)
     assert not found.walks
     hard = Evaluation.of_episodes(run_episodes, [0.1, 0.6, 0.8], samples=7, seconds=1.26, strength=0.5)
     assert hard == replace(found, robust_return=pytest.approx(0.5))

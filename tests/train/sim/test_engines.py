@@ -28,10 +28,18 @@ def test_auto_selects_native_where_it_is_built(monkeypatch: pytest.MonkeyPatch) 
 
 
 def test_auto_falls_back_to_pybullet(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(engines, "find_spec", lambda name: None)
+    monkeypatch.setattr(engines, "find_spec", lambda name: None if name == "kinemimic_native" else name)
     assert engines.resolve("auto") == "pybullet"
     with pytest.raises(KinemimicError, match=r"not built: `make setup`.*; or use --engine pybullet"):
         engines.resolve("native")
+
+
+def test_without_any_engine_one_line_says_what_to_build(monkeypatch: pytest.MonkeyPatch) -> None:
+    """As with Python 3.12, for which pybullet has no wheel."""
+    monkeypatch.setattr(engines, "find_spec", lambda name: None)
+    for engine in ("auto", "pybullet"):
+        with pytest.raises(KinemimicError, match=r"expected pybullet, found none.* `make setup` builds it"):
+            engines.resolve(engine)
 
 
 def test_an_extension_of_another_version_is_not_used(monkeypatch: pytest.MonkeyPatch) -> None:
