@@ -29,6 +29,7 @@ from kinemimic.evaluate.robustness.push_trials import (
     push_from_all_directions,
     push_phases,
 )
+from kinemimic.evaluate.scoring.index_page import write_index
 from kinemimic.pipeline.cli.options import json_option
 from kinemimic.pipeline.cli.progress import progress
 from kinemimic.pipeline.cli.terminal import show
@@ -171,6 +172,7 @@ def command(run: Path, workers: int | None, engine: str, as_json: bool) -> None:
     """
     say(unfinished_policy(run))
     result = pushes(run, workers=workers, engine=engine)
+    write_index(run)
     if as_json:
         click.echo(json.dumps(result, indent=2))
     else:

@@ -15,6 +15,7 @@ from rich.text import Text
 
 from kinemimic.evaluate.policies.shipped import run_options
 from kinemimic.evaluate.scoring.capture_fit import read_capture
+from kinemimic.evaluate.scoring.index_page import write_index
 from kinemimic.evaluate.scoring.report import (
     LABELS,
     PAPER_FIT,
@@ -198,6 +199,7 @@ def command(run: Path, workers: int | None, engine: str, as_json: bool) -> None:
       kinemimic evaluate --policy walk
     """
     scores = evaluate(run, workers=workers, engine=engine)
+    write_index(run)
     if as_json:
         click.echo(json.dumps(scores, indent=2))
     else:

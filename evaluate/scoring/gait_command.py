@@ -17,6 +17,7 @@ from kinemimic.evaluate.policies.unfinished import say, unfinished_rollouts
 from kinemimic.evaluate.scoring.gait_page import NO_VALUE, ROWS, gait_page, notes
 from kinemimic.evaluate.scoring.gait_report import gait_report
 from kinemimic.evaluate.scoring.gait_subjects import GaitSubject, captured
+from kinemimic.evaluate.scoring.index_page import write_index
 from kinemimic.pipeline.cli.options import json_option, run_option
 from kinemimic.pipeline.cli.terminal import show
 from kinemimic.pipeline.errors import KinemimicError
@@ -110,6 +111,7 @@ def command(run: Path, as_json: bool) -> None:
       kinemimic gait --run runs/walk
     """
     report = gait(run)
+    write_index(run)
     if "simulated" in report["subjects"]:
         say(unfinished_rollouts(run))
     if as_json:

@@ -141,6 +141,15 @@ def reference(motion: Motion) -> GaitSubject:
     )
 
 
+def strike_phases(motion: Motion) -> dict[str, float] | None:
+    """Side -> phase of a loop at which its foot strikes; None if one of them does not."""
+    feet = reference(motion).gait.feet.get(0)
+    if feet is None or not all(len(feet.strikes[k]) for k in range(2)):
+        return None
+    frames = len(motion.root)
+    return {side: float(feet.strikes[k][0] % frames / frames) for k, side in enumerate(SIDES)}
+
+
 def simulated(trajectory: Trajectory, motion: Motion) -> GaitSubject:
     """The humanoid in all its rollouts, each up to its fall."""
     rollouts, frames = trajectory.root.shape[:2]

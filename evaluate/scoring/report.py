@@ -7,13 +7,17 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from kinemimic.evaluate.scoring import figures
 from kinemimic.evaluate.scoring.capture_fit import Capture
 from kinemimic.evaluate.scoring.capture_sections import capture_values
+from kinemimic.evaluate.scoring.cycle_figures import against_capture, mean_cycle
+from kinemimic.evaluate.scoring.first_screen import errors_before_fall, loop, shown_rollout, tiles
 from kinemimic.evaluate.scoring.gait_page import gait_values
 from kinemimic.evaluate.scoring.gait_report import gait_report
-from kinemimic.evaluate.scoring.gait_subjects import captured
-from kinemimic.evaluate.scoring.scores import rollout_fits
+from kinemimic.evaluate.scoring.gait_subjects import captured, strike_phases
+from kinemimic.evaluate.scoring.verdict import verdict
 from kinemimic.pipeline.cli.html import number, render
 from kinemimic.pipeline.cli.picture import Draw
 from kinemimic.pipeline.files.store import read_json
@@ -43,6 +47,8 @@ _STAGES: Mapping[str, str] = {
     "reference": "reference",
     "simulated": "simulated",
 }
+# The page has three colours.
+LEVELS: Mapping[str, str] = {"good": "good", "fair": "partial", "poor": "bad", "falls": "bad"}
 _SIDES = ("left", "right")
 _SPREAD = ("min", "median", "max")
 _SPREAD_MEASURES = ("r2", "r2_upright", "rmse_deg")
@@ -68,9 +74,11 @@ def report(run: Path, data: ReportData) -> str:
         for stage, read in (("quality", read_quality), ("gimbal", read_json), ("gait", read_gait_json))
     }
     sections = capture_values(**files)
+    gait = gait_report(captured(run), data.motion, data.trajectory)
+    found_verdict = verdict(data.scores)
     return render(
         Path(__file__).with_name("templates") / "report.html",
-        **gait_values(gait_report(captured(run), data.motion, data.trajectory)),
+        **gait_values(gait),
         **{**sections, "tables": _tables(data.scores) | sections["tables"]},
         title=f"kinemimic: {name}",
         name=name,
@@ -80,7 +88,12 @@ def report(run: Path, data: ReportData) -> str:
         capture=data.capture,
         adjusted=adjusted(found) if (found := data.scores["capture"].get("adjustments")) else [],
         rate=CONTROL_RATE,
-        drawings=_drawings(data),
+        verdict_level=LEVELS[found_verdict.level],
+        headline=found_verdict.headline,
+        advice=found_verdict.advice,
+        numbers=tiles(data.scores, data.trajectory),
+        loop=loop(data.trajectory, data.motion),
+        drawings=_drawings(data, gait["subjects"]),
     )
 
 
@@ -166,15 +179,28 @@ def _tables(scores: Mapping[str, Any]) -> dict[str, Any]:
     }
 
 
-def _drawings(data: ReportData) -> dict[str, Draw]:
+def _drawings(data: ReportData, subjects: Mapping[str, Any]) -> dict[str, Draw | None]:
+    """Figures by name; first: the one of the first screen."""
     trajectory, no_policy = data.trajectory, data.no_policy
     frames, cyclic = data.scores["fit"]["frames"], data.motion.cyclic
-    fits = [rollout_fits(trajectory, k, frames) for k in range(len(trajectory.start_phases))]
-    r2 = {joint: [fit[joint].both.r2_upright for fit in fits] for joint in SCORED_JOINTS}
+    rows = errors_before_fall(trajectory, frames)[1:]
+    errors = {joint: [np.nan if (e := row[joint]) is None else e for row in rows] for joint in SCORED_JOINTS}
+    strides = {name: subjects[name] for name in ("reference", "simulated") if name in subjects}
     return {
+        "first": mean_cycle(strides, normal=any(one["kind"] == "walk" for one in strides.values()))
+        if cyclic and any(one["curves"] for one in strides.values())
+        else figures.both_sides(trajectory, shown_rollout(trajectory)),
         "curves": figures.curves(trajectory, no_policy, frames),
-        "cycles": figures.cycles(trajectory, data.capture and data.capture.of_used(), frames, cyclic=cyclic),
-        "start_phases": figures.start_phases(trajectory, no_policy, r2),
+        "cycles": None
+        if data.capture is None
+        else against_capture(
+            trajectory,
+            data.capture.of_used(),
+            frames,
+            cyclic=cyclic,
+            strikes=strike_phases(data.motion) if cyclic else None,
+        ),
+        "start_phases": figures.start_phases(trajectory, no_policy, errors),
         "root_path": figures.root_path(trajectory),
         "reward_terms": figures.reward_terms(trajectory),
         "torques": figures.torques(data.scores["torque"]["joints"]),

@@ -20,6 +20,7 @@ from kinemimic.evaluate.film.looks import LOOKS
 from kinemimic.evaluate.film.movie import write_movie
 from kinemimic.evaluate.policies.shipped import evaluated, run_options
 from kinemimic.evaluate.policies.unfinished import say, unfinished_policy, unfinished_rollouts
+from kinemimic.evaluate.scoring.index_page import write_index
 from kinemimic.evaluate.view.caption import caption, trial_caption
 from kinemimic.evaluate.view.captured_skeleton import CapturedSkeleton, captured_skeleton, log_skeleton
 from kinemimic.evaluate.view.layout import layout
@@ -260,6 +261,7 @@ def command(
             movie, scene, seconds=seconds or SECONDS, size=size or SIZE, camera=camera or CAMERAS[0],
             theme=theme or "light",
         )  # fmt: skip
+    write_index(run)
     made = {"recording": recording, "screenshot": picture, "video": movie}
     if as_json:
         click.echo(json.dumps({name: path and path.as_posix() for name, path in made.items()}))

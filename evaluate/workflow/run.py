@@ -176,6 +176,9 @@ def command(
     folder = folder or default_run(capture)
     given = stage_options(STAGE_OPTIONS, options)
     outcome = run(capture, folder, options=given, overwrite=overwrite, quiet=as_json)
+    from kinemimic.evaluate.scoring.index_page import write_index  # noqa: PLC0415 (import cost)
+
+    write_index(folder)
     report, recording = folder / "report.html", folder / "view.rrd"
     if as_json:
         paths = {"report": report.as_posix(), "recording": recording.as_posix()}

@@ -28,7 +28,7 @@ def render(template: Path, **values: Any) -> str:
         trim_blocks=True,
         lstrip_blocks=True,
     )
-    environment.filters |= {"number": number, "inline_svg": inline_svg, "flat": _flat}
+    environment.filters |= {"number": number, "inline_svg": inline_svg, "flat": _flat, "code": _code}
     environment.globals["palette"] = PALETTE
     # The whole page, because a macro or a filter may have joined text of a file with its own.
     return printable(environment.get_template(template.name).render(values))
@@ -41,6 +41,18 @@ def number(value: float | None, digits: int) -> str:
     text = f"{value:.{digits}f}"
     # No sign before a rounded zero.
     return text.lstrip("-") if float(text) == 0 else text.replace("-", "−")
+
+
+def _code(text: str) -> str:
+    """A sentence in which `commands` stand between backquotes, as HTML."""
+    from markupsafe import Markup, escape  # noqa: PLC0415 (import cost)
+
+    parts = [escape(part) for part in text.split("`")]
+    # Backquotes come in pairs; the last one of an odd number is text.
+    return Markup("").join(
+        Markup("<code>{}</code>").format(part) if k % 2 and k < len(parts) - 1 else part
+        for k, part in enumerate(parts)
+    )
 
 
 def _flat(value: Any, prefix: str = "") -> Iterator[tuple[str, str]]:

@@ -100,12 +100,15 @@ def _own_ids(body: str) -> str:
 
 
 def panel_grid(
-    rows: int, columns: int, height: float, phone: bool, **options: Any
+    rows: int, columns: int, height: float, phone: bool, *, width: float = _PAGE, **options: Any
 ) -> tuple[Figure, list[Axes]]:
-    """Axes in reading order; in a single column on a phone. height: inches of one panel."""
+    """Axes in reading order; in a single column on a phone.
+
+    height: inches of one panel; width: inches of the figure on a wide page, by default all of its width.
+    """
     if phone:
         rows, columns = rows * columns, 1
-    figure = Figure(figsize=(_PHONE if phone else _PAGE, rows * height + 0.5), layout="constrained")
+    figure = Figure(figsize=(_PHONE if phone else width, rows * height + 0.5), layout="constrained")
     axes = figure.subplots(rows, columns, squeeze=False, **options)
     return figure, list(axes.ravel())
 

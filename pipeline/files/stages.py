@@ -14,6 +14,7 @@ class Stage:
     writes: tuple[str, ...]
 
 
+INDEX = "index.html"  # the page about a run folder, written after a stage
 VIRTUAL_CAPTURE = "capture/kinect_walk_euler.bvh"
 
 # In the order in which they are run; `virtual` records a capture where none is given.

@@ -16,7 +16,7 @@ from pathlib import Path
 from typing import Any
 
 from kinemimic.pipeline.files.provenance import versions
-from kinemimic.pipeline.files.stages import STAGES, stage_named
+from kinemimic.pipeline.files.stages import INDEX, STAGES, stage_named
 from kinemimic.pipeline.run_folder.consistency import FolderState
 from kinemimic.pipeline.run_folder.lock import locked
 from kinemimic.pipeline.run_folder.record import (
@@ -151,7 +151,8 @@ def _finish(run: Path, record: Record) -> Record:
         if staged.is_file():
             target.parent.mkdir(parents=True, exist_ok=True)
             staged.replace(target)
-    for file in pending.removed:
+    # The page about the folder is of the files before; what comes after a stage in evaluate/ writes it again.
+    for file in (*pending.removed, INDEX):
         (run / file).unlink(missing_ok=True)
     result = record.with_stage(pending.stage, pending.entry)
     outdated = _outdated(run, result, pending)
