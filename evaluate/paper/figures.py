@@ -11,7 +11,7 @@ from matplotlib.figure import Figure
 
 from kinemimic.evaluate.compare.comparison import Comparison
 from kinemimic.evaluate.paper.plan import ALGORITHMS, AMONG
-from kinemimic.evaluate.scoring.figures import REFERENCE, SIMULATED
+from kinemimic.pipeline.cli.palette import light
 from kinemimic.pipeline.cli.picture import Draw, legend, panel_grid
 from kinemimic.train.sim.world import CONTROL_RATE
 
@@ -141,10 +141,10 @@ def joints(walk: Row, baselines: Mapping[str, Row], side: str) -> Draw:
                 panel.plot(np.arange(len(theirs)) + 1, theirs, **_look(baseline), linewidth=0.8, alpha=0.7)
             curve = walk["curves"][name]
             frames = np.arange(len(curve["reference"])) + 1
-            panel.plot(frames, curve["reference"], color=REFERENCE, linewidth=0.9, label="reference")
-            panel.plot(frames, curve["simulated"], color=SIMULATED, linewidth=1.1, label="PPO")
+            panel.plot(frames, curve["reference"], color=light("ink"), linewidth=0.9, label="reference")
+            panel.plot(frames, curve["simulated"], color=COLORS["PPO"], linewidth=1.1, label="PPO")
             if walk["frames"] < walk["of"]:
-                panel.axvspan(walk["frames"], frames[-1], color="#f4e3e0", linewidth=0, label="fallen")
+                panel.axvspan(walk["frames"], frames[-1], color=light("fallen"), linewidth=0, label="fallen")
             panel.set(title=f"{side} {joint}", ylabel="flexion [°]", xlim=(1, frames[-1]))
         axes[-1].set_xlabel("frame, 30 a second")
         legend(figure, axes[0])

@@ -6,10 +6,12 @@ import numpy as np
 import pytest
 
 from kinemimic.evaluate.scoring.capture_fit import Capture
+from kinemimic.evaluate.scoring.figures import curves
 from kinemimic.evaluate.scoring.report import ReportData, report
 from kinemimic.evaluate.scoring.scores import compose
 from kinemimic.evaluate.scoring.verdict import verdict
 from kinemimic.pipeline.cli.html import number
+from kinemimic.pipeline.cli.picture import inline_svg
 from kinemimic.pipeline.files.store import write_json
 from kinemimic.pipeline.kinematics.angles import ANGLES
 from kinemimic.train.config.config import PRESETS
@@ -175,6 +177,26 @@ def test_a_noncyclic_rollout_with_a_fall_and_no_capture(tmp_path, performance, w
     first = text[: text.index("Knees and hips")]
     assert "Falls after 0.2 s of 0.7 s (5 of 20 frames)" in first and "0.2 s upright, of 1 s" in first
     assert "before a fall" in first and "of the reference's speed" not in first
+
+
+def test_a_fall_leaves_no_number_of_the_lying_figure_on_the_first_screen(tmp_path, performance, walk):
+    """Standing still after the fall, the figure is far off; until then it is not."""
+    played = performance(3, 600, offset=0.01, fall=45)
+    scores = compose(
+        played, played, walk, capture=None, reward=PRESETS["default"].final_reward, policy={}, provenance={}
+    )
+    page = report(tmp_path, ReportData(scores, played, played, walk, None))
+    first, rest = page.split("<h2>", 1)
+    assert 'class="verdict bad"' in first and "Falls from all 3 phases, after 1.5 s" in first
+    assert re.findall("<b>(.*?)</b>", first) == ["1.5 s", "0 of 3", "0.6°", "0.0°"]
+    assert "class=strong" not in rest
+    assert "<details open" not in rest and rest.index("<svg") < rest.index("<table")
+
+
+@pytest.mark.parametrize(("fall", "grey"), [(100, True), (None, False)])
+def test_curves_are_grey_after_a_fall(performance, fall, grey):
+    drawn = inline_svg(curves(performance(fall=fall), performance(fall=30), 500), False, "")
+    assert ("var(--ghost)" in drawn) == ("var(--fallen)" in drawn) == grey
 
 
 def test_numbers():
