@@ -31,9 +31,9 @@ from kinemimic.pipeline.kinematics.nodes import to_nodes
 from kinemimic.pipeline.kinematics.orient import node_rotations
 from kinemimic.pipeline.kinematics.rest_pose import NodeRotations, node_rotations_of
 from kinemimic.pipeline.kinematics.skeleton import NODES, node_skeleton
+from kinemimic.pipeline.quality.stored import ORIENTATION_SCHEMA
 from kinemimic.pipeline.run_folder.stage import stage
 
-ORIENTATION_SCHEMA = 1
 _AGAIN = "run `convert` again"
 
 

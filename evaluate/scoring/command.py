@@ -21,6 +21,7 @@ from kinemimic.evaluate.scoring.report import (
     PAPER_FIT,
     PAPER_GAP_DEG,
     ReportData,
+    ReportInputs,
     adjusted,
     median,
     report,
@@ -35,7 +36,6 @@ from kinemimic.pipeline.files.provenance import provenance
 from kinemimic.pipeline.files.store import file_hash, write_json, write_text
 from kinemimic.pipeline.gait.curve_metrics import MEASURES, SCORED_JOINTS
 from kinemimic.pipeline.run_folder.stage import stage
-from kinemimic.retarget.formats.gait_json import read_gait_json
 from kinemimic.retarget.humanoid.motion import joint_angles
 from kinemimic.train.config.config import TrainConfig
 from kinemimic.train.rollout.evaluation import episode_frames, reported_phases
@@ -71,7 +71,7 @@ def _evaluate(run: Path, out: Path, *, workers: int | None, engine: str) -> dict
     policy = run / POLICY
     config = TrainConfig.from_json(record["config"], policy.with_suffix(".json"), ("config",))
     capture = read_capture(run / "capture.parquet", motion)
-    gait = read_gait_json(path, motion) if (path := run / "gait.json").exists() else None
+    inputs = ReportInputs.read(run, motion)
     phases, frames = np.array(reported_phases(motion)), episode_frames(motion)
     with progress("evaluate", 2 * len(phases), unit="rollouts") as bar:
         trajectory, no_policy = (
@@ -92,7 +92,7 @@ def _evaluate(run: Path, out: Path, *, workers: int | None, engine: str) -> dict
         no_policy,
         motion,
         capture=capture,
-        gait=gait,
+        gait=inputs.gait,
         reward=config.final_reward,
         policy=record,
         provenance=provenance(
@@ -105,7 +105,7 @@ def _evaluate(run: Path, out: Path, *, workers: int | None, engine: str) -> dict
             seed=record.get("seed"),
         ),
     )
-    html = report(run, ReportData(scores, trajectory, no_policy, motion, capture))
+    html = report(inputs, ReportData(scores, trajectory, no_policy, motion, capture))
     trajectory.save(out / "trajectory.npz")
     write_text(out / "curves.csv", curves_csv(trajectory, no_policy))
     write_text(out / "report.html", html)

@@ -16,13 +16,12 @@ from kinemimic.evaluate.scoring.cycle_figures import against_capture, mean_cycle
 from kinemimic.evaluate.scoring.first_screen import errors_before_fall, loop, shown_rollout, tiles
 from kinemimic.evaluate.scoring.gait_page import gait_values
 from kinemimic.evaluate.scoring.gait_report import gait_report
-from kinemimic.evaluate.scoring.gait_subjects import captured, strike_phases
+from kinemimic.evaluate.scoring.gait_subjects import GaitSubject, captured, strike_phases
 from kinemimic.evaluate.scoring.verdict import verdict
 from kinemimic.pipeline.cli.html import number, render
 from kinemimic.pipeline.cli.picture import Draw
-from kinemimic.pipeline.files.store import read_json
 from kinemimic.pipeline.gait.curve_metrics import MEASURES, SCORED_JOINTS
-from kinemimic.pipeline.quality.report import read_quality
+from kinemimic.pipeline.quality.stored import read_gimbal, read_quality
 from kinemimic.retarget.formats.gait_json import read_gait_json
 from kinemimic.retarget.humanoid.motion import Motion
 from kinemimic.train.rollout.trajectory import Trajectory
@@ -55,6 +54,28 @@ _SPREAD_MEASURES = ("r2", "r2_upright", "rmse_deg")
 
 
 @dataclass(frozen=True)
+class ReportInputs:
+    """What a report shows of earlier stages, each None without its file: the JSON files of that name, and the
+    captured person."""
+
+    quality: Mapping[str, Any] | None
+    gimbal: Mapping[str, Any] | None
+    gait: Mapping[str, Any] | None
+    captured: GaitSubject | None
+
+    @classmethod
+    def read(cls, run: Path, motion: Motion) -> ReportInputs:
+        """Open and check all files, so that a damaged one is found before any rollout."""
+        quality, gimbal, gait = (run / f"{stage}.json" for stage in ("quality", "gimbal", "gait"))
+        return cls(
+            read_quality(quality) if quality.exists() else None,
+            read_gimbal(gimbal) if gimbal.exists() else None,
+            read_gait_json(gait, motion) if gait.exists() else None,
+            captured(run),
+        )
+
+
+@dataclass(frozen=True)
 class ReportData:
     """The results that a report shows. scores: content of scores.json."""
 
@@ -65,16 +86,12 @@ class ReportData:
     capture: Capture | None
 
 
-def report(run: Path, data: ReportData) -> str:
-    """The page as HTML; without the sections whose JSON file is missing from the run folder."""
+def report(inputs: ReportInputs, data: ReportData) -> str:
+    """The page as HTML; without the sections whose input is None."""
     source = data.motion.provenance.get("capture", {}).get("source", "motion")
     name = Path(str(source)).name
-    files = {
-        stage: read(path) if (path := run / f"{stage}.json").exists() else None
-        for stage, read in (("quality", read_quality), ("gimbal", read_json), ("gait", read_gait_json))
-    }
-    sections = capture_values(**files)
-    gait = gait_report(captured(run), data.motion, data.trajectory)
+    sections = capture_values(inputs.quality, inputs.gimbal, inputs.gait)
+    gait = gait_report(inputs.captured, data.motion, data.trajectory)
     found_verdict = verdict(data.scores)
     return render(
         Path(__file__).with_name("templates") / "report.html",

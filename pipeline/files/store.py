@@ -97,7 +97,12 @@ def write_json(path: Path, value: Any) -> None:
 def read_json(path: Path) -> Any:
     """Read a JSON file of at most 256 MB; KinemimicError if it is missing or damaged."""
     try:
-        return strict_json(read_bounded(path, _JSON_LIMIT, "a JSON file").decode("utf-8"))
+        text = read_bounded(path, _JSON_LIMIT, "a JSON file").decode("utf-8")
+        value = strict_json(text)
+        if "\\ud" in text or "\\uD" in text:
+            # Half of a character cannot be written or printed.
+            json.dumps(value, ensure_ascii=False).encode()
+        return value
     except FileNotFoundError:
         stage = writer_of(path.name)
         advice = f"; run `kinemimic {stage}` first" if stage else ""

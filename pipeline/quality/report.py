@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from pathlib import Path
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -13,16 +12,13 @@ from rich.table import Table
 from rich.text import Text
 
 from kinemimic.pipeline.arrays import Array
-from kinemimic.pipeline.files.schema import upgraded
-from kinemimic.pipeline.files.store import read_json
 from kinemimic.pipeline.filters.clean import Cleaning
 from kinemimic.pipeline.kinematics.clip import Clip
 from kinemimic.pipeline.kinematics.nodes import joints_by_name
 from kinemimic.pipeline.quality.joint_statistics import joint_statistics, share
 from kinemimic.pipeline.quality.passes import Acquisition
 from kinemimic.pipeline.quality.rules.defect import RULES, Defect
-
-QUALITY_SCHEMA = 2
+from kinemimic.pipeline.quality.stored import QUALITY_SCHEMA
 
 
 def quality_report(
@@ -56,32 +52,6 @@ def quality_report(
         "notes": list(reading["notes"]),
         "processing": list(cleaning.done),
     }
-
-
-def read_quality(path: Path) -> dict[str, Any]:
-    """The quality report of a file, upgraded to the current schema."""
-    return upgraded(
-        read_json(path),
-        path,
-        kind="a quality report",
-        schema=QUALITY_SCHEMA,
-        upgrades={1: _from_schema_1},
-        advice="run `ingest` again",
-    )
-
-
-def _from_schema_1(old: Mapping[str, Any]) -> Mapping[str, Any]:
-    """Schema 1 had the keys companions, done, a joint's "lost" share, and "of" in a defect."""
-    new = {key: value for key, value in old.items() if key not in ("companions", "done")}
-    joints = {
-        name: {"missing" if key == "lost" else key: value for key, value in joint.items()}
-        for name, joint in old["joints"].items()
-    }
-    defects = [
-        {"unit" if key == "of" else key: value for key, value in defect.items()} for defect in old["defects"]
-    ]
-    new |= {"sidecar_files": old.get("companions", {}), "processing": old["done"]}
-    return {**new, "joints": joints, "defects": defects}
 
 
 def _clock(times: Array, passes: NDArray[np.int32]) -> dict[str, float]:

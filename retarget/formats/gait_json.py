@@ -7,8 +7,10 @@ from pathlib import Path
 from typing import Any
 
 from kinemimic.pipeline.errors import KinemimicError
+from kinemimic.pipeline.files.fields import checked
 from kinemimic.pipeline.files.schema import unchanged, upgraded
 from kinemimic.pipeline.files.store import read_json
+from kinemimic.retarget.formats.gait_schema import Gait
 from kinemimic.retarget.formats.same_motion import require_same_motion
 from kinemimic.retarget.humanoid.motion import Motion
 
@@ -38,6 +40,7 @@ def read_gait_json(path: Path, motion: Motion | None = None) -> dict[str, Any]:
         )
     except (AttributeError, TypeError, ValueError):
         raise KinemimicError(f"{path}: expected a report of `retarget`, found other JSON; {advice}") from None
+    report = checked(report, Gait, path, advice=advice)
     if motion is not None:
         require_same_motion(path, report.get("motion"), motion, stage="retarget")
     return report

@@ -23,6 +23,8 @@ STANDING = Motion(
 )
 GOOD = {
     "kind": "walk",
+    "cyclic": True,
+    "warnings": [],
     "cadence_steps_per_min": 105.0,
     "strides_used": 6.8,
     "speed_m_s": 1.2,

@@ -7,7 +7,7 @@ import pytest
 
 from kinemimic.evaluate.scoring.capture_fit import Capture
 from kinemimic.evaluate.scoring.figures import curves
-from kinemimic.evaluate.scoring.report import ReportData, report
+from kinemimic.evaluate.scoring.report import ReportData, ReportInputs, report
 from kinemimic.evaluate.scoring.scores import compose
 from kinemimic.evaluate.scoring.verdict import verdict
 from kinemimic.pipeline.cli.html import number
@@ -67,13 +67,14 @@ def evidence(performance, walk, curve):
 @pytest.fixture(scope="module")
 def page(evidence, tmp_path_factory):
     """Of a run folder that no other stage has written to."""
-    return report(tmp_path_factory.mktemp("run"), evidence)
+    return report(ReportInputs.read(tmp_path_factory.mktemp("run"), evidence.motion), evidence)
 
 
 def test_values_of_the_policy_are_escaped(evidence, tmp_path):
     marked = "<script>alert(1)</script>"
     train = {**evidence.scores["train"], "preset": marked, "seed": marked}
-    page = report(tmp_path, replace(evidence, scores={**evidence.scores, "train": train}))
+    marked_scores = replace(evidence, scores={**evidence.scores, "train": train})
+    page = report(ReportInputs.read(tmp_path, evidence.motion), marked_scores)
     assert marked not in page
     assert page.count("&lt;script&gt;") == 2
 
@@ -139,7 +140,23 @@ def test_sections_depend_on_files_and_a_real_capture_has_no_banner(tmp_path, pag
             "frames_in_passes": 48,
             "complete_frames": 40,
             "clock": {"rate_hz": 30.0, "step_ms": 33.3, "jitter_ms": 1.5, "longest_step_ms": 40.0},
-            "passes": [{}],
+            "passes": [
+                {
+                    "pass": 0,
+                    "first_frame": 0,
+                    "last_frame": 47,
+                    "start": 0.0,
+                    "end": 1.6,
+                    "complete_frames": 40,
+                }
+            ],
+            "passes_discarded": 0,
+            "sidecar_files": {},
+            "simulated": False,
+            "units": {"length": "cm", "rule": "given"},
+            "defects": [],
+            "events": [],
+            "processing": [],
             "notes": ["a <note>"],
             "joints": {"ankle_left": joint},
         },
@@ -155,7 +172,7 @@ def test_sections_depend_on_files_and_a_real_capture_has_no_banner(tmp_path, pag
         },
     )
     real = replace(evidence, scores=evidence.scores | {"capture": {"simulated": False, "adjustments": None}})
-    full = report(tmp_path, real)
+    full = report(ReportInputs.read(tmp_path, real.motion), real)
     _, text = _check(full)
     assert "virtual Kinect" not in text
     # The same evidence gives the same drawings, byte for byte.
@@ -171,7 +188,9 @@ def test_a_noncyclic_rollout_with_a_fall_and_no_capture(tmp_path, performance, w
     scores = compose(
         played, played, once, capture=None, reward=PRESETS["default"].final_reward, policy={}, provenance={}
     )
-    _, text = _check(report(tmp_path, ReportData(scores, played, played, once, None)))
+    _, text = _check(
+        report(ReportInputs.read(tmp_path, once), ReportData(scores, played, played, once, None))
+    )
     assert "Against the capture" not in text
     # The verdict comes first, and no number is that of a figure that lies on the ground.
     first = text[: text.index("Knees and hips")]
@@ -185,7 +204,7 @@ def test_a_fall_leaves_no_number_of_the_lying_figure_on_the_first_screen(tmp_pat
     scores = compose(
         played, played, walk, capture=None, reward=PRESETS["default"].final_reward, policy={}, provenance={}
     )
-    page = report(tmp_path, ReportData(scores, played, played, walk, None))
+    page = report(ReportInputs.read(tmp_path, walk), ReportData(scores, played, played, walk, None))
     first, rest = page.split("<h2>", 1)
     assert 'class="verdict bad"' in first and "Falls from all 3 phases, after 1.5 s" in first
     assert re.findall("<b>(.*?)</b>", first) == ["1.5 s", "0 of 3", "0.6°", "0.0°"]

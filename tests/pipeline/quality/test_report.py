@@ -16,8 +16,9 @@ from kinemimic.pipeline.filters.clean import clean
 from kinemimic.pipeline.kinematics.clip import Clip
 from kinemimic.pipeline.kinematics.skeleton import NODE_INDEX
 from kinemimic.pipeline.quality.passes import find_passes, with_passes
-from kinemimic.pipeline.quality.report import quality_report, quality_table, read_quality
+from kinemimic.pipeline.quality.report import quality_report, quality_table
 from kinemimic.pipeline.quality.rules.defect import Defect
+from kinemimic.pipeline.quality.stored import read_quality
 
 Build = Callable[..., Clip]
 READING = {"units": "m", "units_rule": "the format's", "notes": [], "defects": []}

@@ -16,6 +16,8 @@ def test_a_report_of_schema_1_is_read_with_the_names_of_today(tmp_path: Path) ->
     old = {
         "schema": 1,
         "kind": "walk",
+        "cyclic": True,
+        "warnings": [],
         "believed": {"pelvis": False},
         "passes": [{"pass": 0, "strides_followed": True, "ankles_m": 0.5}, {"pass": 1}],
         "ground": {"shift_m": 0.01, "slip_m_s": 0.1},
@@ -25,20 +27,25 @@ def test_a_report_of_schema_1_is_read_with_the_names_of_today(tmp_path: Path) ->
     assert read_gait_json(path) == {
         "schema": 3,
         "kind": "walk",
+        "cyclic": True,
+        "warnings": [],
         "reliability": {"pelvis": False},
         "ground": {"height_shift_m": 0.01, "slip_m_s": 0.1},
         "gate": [{"rule": "slip", "message": "slips"}],
     }
-    path.write_text('{"schema": 1, "kind": "motion"}')
-    assert read_gait_json(path) == {"schema": 3, "kind": "motion"}
-    path.write_text('{"schema": 2, "kind": "walk", "strides": 6.8, "passes": [{"pass": 0}]}')
-    assert read_gait_json(path) == {"schema": 3, "kind": "walk", "strides_used": 6.8}
+    common = {"cyclic": True, "warnings": []}
+    path.write_text('{"schema": 1, "kind": "motion", "cyclic": true, "warnings": []}')
+    assert read_gait_json(path) == {"schema": 3, "kind": "motion"} | common
+    path.write_text(
+        '{"schema": 2, "kind": "walk", "cyclic": true, "warnings": [], "strides": 6.8, "passes": [{"pass": 0}]}'
+    )
+    assert read_gait_json(path) == {"schema": 3, "kind": "walk", "strides_used": 6.8} | common
 
 
 @pytest.mark.parametrize("text", ["[1]", '{"schema": 4}', '{"schema": 1, "gate": 2}', '{"passes": [1]}', "{"])
 def test_what_is_no_report_is_refused_in_one_line(tmp_path: Path, text: str) -> None:
     path = tmp_path / "gait.json"
     path.write_text(text)
-    with pytest.raises(KinemimicError, match=r"gait\.json: expected") as caught:
+    with pytest.raises(KinemimicError, match=r"gait\.json[:,].* expected") as caught:
         read_gait_json(path)
     assert "\n" not in str(caught.value)

@@ -105,7 +105,7 @@ def change(place: str, value: Any) -> str:
         ("layers.torso.spine.offset", [0.0, -1e5, 0.0], "offsets: expected less than 10,000 m, found -1000"),
         ("provenance.capture", "x", "provenance.capture: expected a table of source and sha256, found 'x'"),
         ("provenance.capture", {"source": 7}, "provenance.capture.source: expected text in quotes, found 7"),
-        ("provenance.x", "\ud800", "provenance: expected plain JSON"),
+        ("provenance.x", "\ud800", "expected JSON, found"),
         ("format", "A" * 200_000, "format: expected 'kinemimic.motion', found 'A{39}$"),
         ("schema", "A" * 200_000, "found 'A{39};"),
         ("frames", 10**15, r"root.positions: expected shape \(1000000000000000, 3\), found \(7, 3\)"),
