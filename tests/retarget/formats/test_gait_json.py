@@ -36,9 +36,8 @@ def test_a_report_of_schema_1_is_read_with_the_names_of_today(tmp_path: Path) ->
     common = {"cyclic": True, "warnings": []}
     path.write_text('{"schema": 1, "kind": "motion", "cyclic": true, "warnings": []}')
     assert read_gait_json(path) == {"schema": 3, "kind": "motion"} | common
-    path.write_text(
-        '{"schema": 2, "kind": "walk", "cyclic": true, "warnings": [], "strides": 6.8, "passes": [{"pass": 0}]}'
-    )
+    older = {"schema": 2, "kind": "walk", "strides": 6.8, "passes": [{"pass": 0}]} | common
+    path.write_text(json.dumps(older))
     assert read_gait_json(path) == {"schema": 3, "kind": "walk", "strides_used": 6.8} | common
 
 
