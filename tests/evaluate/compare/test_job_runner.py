@@ -5,13 +5,13 @@ from __future__ import annotations
 import signal
 import threading
 import time
-from collections.abc import Mapping
 from pathlib import Path
 
 import pytest
 from peers.chores import chore
 
 from kinemimic.evaluate.compare.job_runner import side_by_side
+from kinemimic.pipeline.cli.progress_state import ProgressState
 
 
 class Log:
@@ -24,8 +24,8 @@ class Log:
         self.at_once += 1
         self.most = max(self.most, self.at_once)
 
-    def advanced(self, task: str, description: str, done: float, fields: Mapping[str, object]) -> None:
-        self.bars.append((task, description, done))
+    def advanced(self, task: str, state: ProgressState) -> None:
+        self.bars.append((task, state.what, state.done))
 
     def ended(self, task: str, error: str | None) -> None:
         self.at_once -= 1
@@ -49,7 +49,8 @@ def test_ctrl_c_asks_those_that_run_to_save_and_begins_no_other(tmp_path: Path) 
     tasks = [f"wait {tmp_path / name}" for name in ("a", "b", "c")]
 
     def press() -> None:
-        while len(list(tmp_path.glob("*.begun"))) < 2:
+        end = time.monotonic() + 30.0
+        while len(list(tmp_path.glob("*.begun"))) < 2 and time.monotonic() < end:
             time.sleep(0.02)
         signal.raise_signal(signal.SIGINT)
 
