@@ -29,7 +29,7 @@ FRAMES = 24
 # A hang, not slowness, is what is looked for: the slowest of these inputs takes about a tenth of a second.
 SECONDS = 20
 MEMORY = 400 * 2**20
-NO_FORMATS = {"bouts", "corpus", "depth_scene", "described_euler", "motion", "mutate", "walker"}
+NO_FORMATS = {"bouts", "converted", "corpus", "depth_scene", "described_euler", "motion", "mutate", "walker"}
 TEXT_FORMATS = sorted(
     name
     for _, name, _ in pkgutil.iter_modules(samples.__path__)
