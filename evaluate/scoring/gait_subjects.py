@@ -146,8 +146,7 @@ def strike_phases(motion: Motion) -> dict[str, float] | None:
     feet = reference(motion).gait.feet.get(0)
     if feet is None or not all(len(feet.strikes[k]) for k in range(2)):
         return None
-    frames = len(motion.root)
-    return {side: float(feet.strikes[k][0] % frames / frames) for k, side in enumerate(SIDES)}
+    return {side: float(feet.strikes[k][0] / motion.duration % 1.0) for k, side in enumerate(SIDES)}
 
 
 def simulated(trajectory: Trajectory, motion: Motion) -> GaitSubject:

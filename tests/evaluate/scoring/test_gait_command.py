@@ -9,7 +9,7 @@ import pytest
 from kinemimic.evaluate.scoring.gait_command import gait
 from kinemimic.evaluate.scoring.gait_page import cell, gait_page, notes
 from kinemimic.evaluate.scoring.gait_report import gait_report
-from kinemimic.evaluate.scoring.gait_subjects import captured
+from kinemimic.evaluate.scoring.gait_subjects import captured, strike_phases
 from kinemimic.pipeline.convert import convert, read_converted
 from kinemimic.pipeline.errors import KinemimicError
 from kinemimic.pipeline.files.sidecars import read_truth
@@ -181,3 +181,12 @@ def test_a_motion_from_another_recording_is_refused(virtual, walk, tmp_path):
     place.write_text(motion_to_json(replace(walk, provenance={"capture": stranger})))
     with pytest.raises(KinemimicError, match=r"the same recording, found kinect_walk\.skl and a\.skl"):
         gait(tmp_path / "run")
+
+
+def test_a_foot_strikes_at_the_phase_at_which_its_ankle_is_farthest_ahead(walk):
+    positions = walk.kinematics()[0]
+    phases = strike_phases(walk)
+    for side in ("left", "right"):
+        ahead = (positions[:, NODE_INDEX[f"ankle_{side}"]] - positions[:, NODE_INDEX["hip_center"]])[:, 0]
+        assert abs((phases[side] - np.argmax(ahead) / len(ahead) + 0.5) % 1.0 - 0.5) < 0.03  # about a frame
+    assert (phases["right"] - phases["left"]) % 1.0 == pytest.approx(0.5, abs=0.01)
