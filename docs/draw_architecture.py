@@ -33,8 +33,9 @@ def package_of(module: str) -> str:
 
 def packages() -> tuple[Counter[str], Imports]:
     """Modules in each package, and the packages that each package imports."""
-    graph = grimp.build_graph(*(f"kinemimic.{folder}" for folder in FOLDERS), cache_dir=None)
-    modules = [name for name in graph.modules if not graph.find_children(name)]
+    graph = grimp.build_graph("kinemimic", cache_dir=None)
+    inside = tuple(f"kinemimic.{folder}." for folder in FOLDERS)
+    modules = [name for name in graph.modules if name.startswith(inside) and not graph.find_children(name)]
     imports: Imports = defaultdict(set)
     for name in modules:
         for imported in graph.find_modules_directly_imported_by(name):

@@ -74,6 +74,15 @@ class Clip:
     angles: Mapping[str, Array] | None = None
     labels: tuple[Label, ...] = ()
 
+    def __repr__(self) -> str:
+        """A line instead of the arrays."""
+        recorder = self.provenance.get("format", "an unknown format")
+        seconds = float(self.times[-1] - self.times[0]) if len(self.times) else 0.0
+        return (
+            f"Clip({len(self.times):,} frames in {seconds:.1f} s, {len(self.skeleton.names)} joints, "
+            f"{recorder}{', simulated' if self.simulated else ''})"
+        )
+
     def __post_init__(self) -> None:
         frames, joints = len(self.times), len(self.skeleton.names)
         shapes: dict[str, tuple[NDArray[Any] | None, tuple[int, ...]]] = {

@@ -41,6 +41,15 @@ class Motion:
     offsets: Array = field(default_factory=node_offsets)
     provenance: Mapping[str, Any] = field(default_factory=dict)
 
+    def __repr__(self) -> str:
+        """A line instead of the arrays."""
+        way = self.cycle_offset if self.cyclic else self.root[-1] - self.root[0]
+        speed = float(np.hypot(way[0], way[1])) / self.duration if self.duration > 0.0 else 0.0
+        return (
+            f"Motion({'a loop' if self.cyclic else 'once'}, {self.duration:.2f} s, {speed:.2f} m/s"
+            f"{', simulated' if self.simulated else ''})"
+        )
+
     def __post_init__(self) -> None:
         frames = len(self.root)
         if self.root.shape != (frames, 3) or self.rotations.shape != (frames, len(NODES), 4):

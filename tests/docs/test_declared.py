@@ -18,7 +18,8 @@ from kinemimic.pipeline.catalog.command import COMMANDS as OF_DATASETS
 from kinemimic.pipeline.cli.main import COMMANDS, cli
 
 PRINTED = printed()
-LANGUAGES = {"sh", "python", "diff", "console", "toml", "text", ""}
+# bash: shown, but not run, because it needs another machine's shell, or hours.
+LANGUAGES = {"sh", "bash", "python", "diff", "console", "toml", "text", ""}
 
 
 def named(commands: list[Command]) -> list[Any]:

@@ -35,7 +35,7 @@ def call(*command: str | Path, folder: Path) -> str:
 def build_wheel(source: Path, out: Path) -> Path:
     """The wheel, by way of the sdist, of a copy of the sources: in the repository it would find what lies in
     build/. What the sdist lacks, the wheel lacks."""
-    for name in FOLDERS:
+    for name in ("api", *FOLDERS):
         shutil.copytree(ROOT / name, source / name, ignore=shutil.ignore_patterns("__pycache__"))
     for name in ("pyproject.toml", "README.md", "LICENSE"):
         shutil.copy(ROOT / name, source)

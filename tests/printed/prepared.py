@@ -128,7 +128,7 @@ PREPARED: dict[str, Prepare] = {
     "ingest.md": recordings,
     "installation.md": nothing,
     "pushes.md": nothing,
-    "python.md": both,
+    "python.md": recording,
     "retarget.md": trained,
     "scenarios.md": scenario,
     "tables.md": two_sensors,
