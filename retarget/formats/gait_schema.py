@@ -39,16 +39,40 @@ class _Reliability(Struct, frozen=True):
     planted_foot_pitch_deg: Number | None = None
 
 
+class _Ranges(Struct):
+    """Least and largest flexion in degrees."""
+
+    knee_left: Interval
+    knee_right: Interval
+    hip_left: Interval
+    hip_right: Interval
+
+
+class _Measures(Struct, frozen=True):
+    """Of a motion; the gate has limits for some."""
+
+    penetration_m: Number | None = None
+    floating_m: Number | None = None
+    beyond_limits_deg: dict[str, Number] = {}
+
+
+class _Ground(Struct, frozen=True):
+    penetration_m: Number | None = None
+    floating_m: Number | None = None
+    swing_clearance_m: Number | None = None
+    slip_m_s: Number | None = None
+
+
 class Gait(Struct):
     """gait.json; a motion as recorded lacks the fields of a loop, earlier versions lack some of either."""
 
     kind: Literal["walk", "run", "motion"]
     cyclic: bool
     warnings: list[str]
+    range_deg: _Ranges
     gate: list[_Finding] = []
     motion: str | None = None
     simulated_capture: bool = False
-    range_deg: dict[str, Interval] = {}
     reliability: _Reliability = _Reliability()
     r2_loop_against_capture: dict[str, Number | None] = {}
     bouts: list[_Bout] = []
@@ -71,6 +95,6 @@ class Gait(Struct):
     turn_deg: Number | None = None
     scale: Number | None = None
     subject: dict[str, Number | None] = {}
-    measures: dict[str, Number | dict[str, Number | None] | None] = {}
+    measures: _Measures = _Measures()
     closed_form: dict[str, Number | dict[str, Number | None] | None] = {}
-    ground: dict[str, Number | bool | None] = {}
+    ground: _Ground = _Ground()

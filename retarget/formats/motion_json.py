@@ -109,6 +109,9 @@ def read_motion_json(path: Path) -> Motion:
     return check_motion(path, motion)
 
 
+_LARGEST = 1e9  # far beyond metres, radians and counts; squares of it do not overflow
+
+
 class _CheckedDocument:
     """A JSON document whose values are fetched by dotted path and checked."""
 
@@ -147,9 +150,10 @@ class _CheckedDocument:
             ) from None
         if array.shape != shape:
             raise KinemimicError(f"{self.path}: {place}: expected shape {shape}, found {array.shape}")
-        if (bad := np.argwhere(~np.isfinite(array))).size:
+        if (bad := np.argwhere(~(np.abs(array) < _LARGEST))).size:  # NaN too
             raise KinemimicError(
-                f"{self.path}: {place}, index {bad[0, 0]}: expected finite numbers, found NaN"
+                f"{self.path}: {place}, index {bad[0, 0]}: expected finite numbers below {_LARGEST:g}, "
+                f"found {array[tuple(bad[0])]:g}"
             )
         return array
 

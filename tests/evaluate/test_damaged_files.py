@@ -23,11 +23,18 @@ from kinemimic.retarget.formats.motion_json import read_motion_json
 from kinemimic.train.config.config import PRESETS
 from kinemimic.train.rollout.trajectory import Trajectory
 
-WHOLE, SAMPLE = 500, 12
-EVALUATE = ("quality.json", "gimbal.json", "gait.json")
-CASES = [
-    *(("evaluate", name) for name in EVALUATE),
-]
+WHOLE, SAMPLE = 60, 12
+# The JSON files that each command opens.
+READS = {
+    "convert": ("run.json",),
+    "retarget": ("run.json",),
+    "train": ("run.json", "motion.json", "gait.json"),
+    "evaluate": ("run.json", "motion.json", "policy.json", "quality.json", "gimbal.json", "orientation.json", "gait.json"),
+    "view": ("run.json", "motion.json", "scores.json"),
+    "gait": ("run.json", "motion.json", "gait.json"),
+    "export": ("run.json", "motion.json", "policy.json", "gait.json"),
+}
+CASES = [(command, name) for command, names in READS.items() for name in names]
 
 
 @pytest.fixture(scope="module")
@@ -89,14 +96,6 @@ def outcomes(
     rng = np.random.default_rng([2026, *map(ord, name + file)])
     found: Counter[int] = Counter()
     arguments = [name, "--run", str(run)]
-    if name == "ingest":
-        arguments = [
-            name,
-            str(run / "capture/kinect_walk_euler.bvh"),
-            "--run",
-            str(folder / "other"),
-            "--overwrite",
-        ]
     for number in range(count):
         (run / file).write_bytes(damaged(content, rng))
         reached.clear()
