@@ -9,16 +9,16 @@ from typing import Any
 import click
 
 from kinemimic.evaluate.policies.recipe import recipes
+from kinemimic.evaluate.policies.scores_file import read_scores
 from kinemimic.evaluate.policies.shipped import MOTION, POLICY, RECORD, SCORES, shipped_policies
 from kinemimic.pipeline.cli.options import json_option
 from kinemimic.pipeline.cli.terminal import grid, number, show
-from kinemimic.pipeline.files.store import read_json
 from kinemimic.train.rollout.policy import read_record
 
 
 def summary(name: str, folder: Path) -> dict[str, Any]:
     """A shipped policy as JSON values: its settings, and its scores at release (medians of start phases)."""
-    record, scores = read_record(folder / name / RECORD), read_json(folder / name / SCORES)
+    record, scores = read_record(folder / name / RECORD), read_scores(folder / name / SCORES)
     return {
         "name": name,
         "description": recipes(folder)[name].description,

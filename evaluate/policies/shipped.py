@@ -16,10 +16,11 @@ import click
 import numpy as np
 
 from kinemimic.evaluate.policies.recipe import POLICIES, recipes, recording
+from kinemimic.evaluate.policies.scores_file import read_scores
 from kinemimic.pipeline.catalog.entry import Entry
 from kinemimic.pipeline.cli.options import RunFolder
 from kinemimic.pipeline.errors import KinemimicError
-from kinemimic.pipeline.files.store import copy_file, file_hash, read_json, write_json
+from kinemimic.pipeline.files.store import copy_file, file_hash, write_json
 from kinemimic.pipeline.run_folder.capture import only_run
 from kinemimic.pipeline.run_folder.lock import locked
 from kinemimic.retarget.formats.motion_json import read_motion_json
@@ -146,11 +147,7 @@ def evaluated(run: Path) -> bool:
     """Whether the run's scores and trajectory belong to its policy."""
     if not all((run / name).is_file() for name in (SCORES, "trajectory.npz")):
         return False
-    scores: Any = read_json(run / SCORES)
-    try:
-        made = scores["provenance"]["inputs"]["policy"]
-    except (TypeError, KeyError):  # written by another program
-        return False
+    made = read_scores(run / SCORES)["provenance"]["inputs"]["policy"]
     return bool(made == file_hash(run / POLICY))
 
 

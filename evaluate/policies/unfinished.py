@@ -6,25 +6,22 @@ from pathlib import Path
 
 import click
 
+from kinemimic.evaluate.policies.scores_file import read_scores
 from kinemimic.evaluate.policies.shipped import RECORD, SCORES
-from kinemimic.pipeline.files.store import read_json
 from kinemimic.train.config.training import Training
-from kinemimic.train.rollout.policy import training_summary
+from kinemimic.train.rollout.policy import read_record, training_summary
 
 
 def unfinished_rollouts(run: Path) -> str:
     """`training unfinished: 400,000 of 1,000,000 samples` for the rollouts that `evaluate` kept, or ""."""
     path = run / SCORES
-    scores = read_json(path) if path.exists() else None
-    summary = scores.get("train") if isinstance(scores, dict) else None
-    return Training.of(summary).unfinished if isinstance(summary, dict) else ""
+    return Training.of(read_scores(path)["train"]).unfinished if path.exists() else ""
 
 
 def unfinished_policy(run: Path) -> str:
     """The same for the run's policy, or ""; also without one."""
     path = run / RECORD
-    record = read_json(path) if path.exists() else None
-    return Training.of(training_summary(record)).unfinished if isinstance(record, dict) else ""
+    return Training.of(training_summary(read_record(path))).unfinished if path.exists() else ""
 
 
 def say(line: str) -> None:

@@ -6,12 +6,13 @@ from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
+from kinemimic.evaluate.policies.scores_file import read_scores
 from kinemimic.evaluate.scoring.report import LEVELS
 from kinemimic.evaluate.scoring.verdict import verdict
 from kinemimic.pipeline.cli.html import render
 from kinemimic.pipeline.errors import KinemimicError
 from kinemimic.pipeline.files.stages import INDEX
-from kinemimic.pipeline.files.store import read_json, write_text
+from kinemimic.pipeline.files.store import write_text
 from kinemimic.retarget.formats.motion_json import read_motion_json
 
 # Pattern -> what it is; the first column of the page is the name of the file.
@@ -91,6 +92,6 @@ def _motion(path: Path) -> Any:
 
 def _verdict(path: Path) -> Any:
     try:
-        return verdict(read_json(path)) if path.exists() else None
-    except (KinemimicError, KeyError, TypeError):
+        return verdict(read_scores(path)) if path.exists() else None
+    except KinemimicError:
         return None

@@ -18,6 +18,7 @@ from kinemimic.evaluate.film.figures import CAPTURED, REFERENCE, SIMULATED, Huma
 from kinemimic.evaluate.film.film import SIZE, SIZES, Scene, scene_of
 from kinemimic.evaluate.film.looks import LOOKS
 from kinemimic.evaluate.film.movie import write_movie
+from kinemimic.evaluate.policies.scores_file import read_scores
 from kinemimic.evaluate.policies.shipped import evaluated, run_options
 from kinemimic.evaluate.policies.unfinished import say, unfinished_policy, unfinished_rollouts
 from kinemimic.evaluate.scoring.index_page import write_index
@@ -40,7 +41,7 @@ from kinemimic.evaluate.view.scene import (
 )
 from kinemimic.pipeline.cli.options import json_option
 from kinemimic.pipeline.cli.printable import echo
-from kinemimic.pipeline.files.store import atomic, content_hash, read_json
+from kinemimic.pipeline.files.store import atomic, content_hash
 from kinemimic.pipeline.files.video import require_encoder
 from kinemimic.pipeline.run_folder.stage import stage
 from kinemimic.retarget.formats.motion_json import read_motion_json
@@ -85,9 +86,9 @@ def _record(run: Path) -> tuple[Path, Scene]:
 def _write_view(run: Path, path: Path) -> Scene:
     motion = read_motion_json(run / "motion.json")
     trajectory = Trajectory.load(run / "trajectory.npz", motion)
-    scores = read_json(run / "scores.json") if (run / "scores.json").exists() else None
-    if isinstance(scores, dict):
-        made_from = scores.get("provenance", {}).get("inputs", {}).get("motion")
+    scores = read_scores(run / "scores.json") if (run / "scores.json").exists() else None
+    if scores is not None:
+        made_from = scores["provenance"]["inputs"]["motion"]
         require_same_motion(run / "scores.json", made_from, motion, stage="evaluate")
     pair, phases = humanoids(trajectory, ROLLOUT, motion.offsets), trajectory.phases[ROLLOUT]
     shown = captured_skeleton(run, phases, frame_times(len(phases)), pair[0], cyclic=motion.cyclic)

@@ -11,13 +11,14 @@ from typing import Any
 import click
 
 from kinemimic.evaluate.policies.recipe import POLICIES, Recipe, recipes, recording
+from kinemimic.evaluate.policies.scores_file import read_scores
 from kinemimic.evaluate.policies.shipped import MOTION, POLICY, RECORD, SCORES, motion_summary
 from kinemimic.evaluate.workflow.run import run as run_stages
 from kinemimic.pipeline.catalog.local_files import captures_folder
 from kinemimic.pipeline.cli.options import json_option
 from kinemimic.pipeline.cli.printable import echo
 from kinemimic.pipeline.errors import KinemimicError
-from kinemimic.pipeline.files.store import copy_file, file_hash, read_json, write_json
+from kinemimic.pipeline.files.store import copy_file, file_hash, write_json
 from kinemimic.train.sim.options import engine_option
 
 LARGEST = 4_000_000  # bytes of a shipped file
@@ -58,7 +59,7 @@ def publish(run: Path, recipe: Recipe, into: Path = POLICIES) -> Path:
     from kinemimic.train.rollout.policy import Policy  # noqa: PLC0415
 
     _, record = Policy.load(run / POLICY)
-    motion, scores = read_motion_json(run / MOTION), read_json(run / SCORES)
+    motion, scores = read_motion_json(run / MOTION), read_scores(run / SCORES)
     capture = motion.provenance.get("capture", {})
     expected: dict[str, tuple[Any, Any]] = {
         "preset": (recipe.preset, record["preset"]),

@@ -6,11 +6,12 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
+from kinemimic.evaluate.policies.scores_file import read_scores
 from kinemimic.evaluate.workflow.run import RUN_STAGES
 from kinemimic.evaluate.workflow.run import run as run_stages
 from kinemimic.pipeline.convert import convert, read_converted
 from kinemimic.pipeline.errors import KinemimicError
-from kinemimic.pipeline.files.store import read_clip, read_json
+from kinemimic.pipeline.files.store import read_clip
 from kinemimic.pipeline.ingest import ingest
 from kinemimic.pipeline.kinematics.clip import Clip
 from kinemimic.pipeline.run_folder.capture import default_run
@@ -49,7 +50,7 @@ class Run:
                 return f"{capture}, {verdict(self.scores).headline}"
             if self._has("motion.json"):
                 return f"{capture}, {self.motion!r}, no scores yet"
-        except (KinemimicError, KeyError, TypeError) as error:
+        except KinemimicError as error:
             return f"{capture}, results that cannot be read: {error}"
         return f"{capture}, no motion yet"
 
@@ -173,8 +174,7 @@ class Run:
     @property
     def scores(self) -> dict[str, Any]:
         """scores.json."""
-        scores: dict[str, Any] = read_json(self.folder / "scores.json")
-        return scores
+        return read_scores(self.folder / "scores.json")
 
 
 def run(

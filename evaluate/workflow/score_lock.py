@@ -15,11 +15,12 @@ from typing import Any
 import click
 
 from kinemimic.evaluate.policies.recipe import POLICIES
+from kinemimic.evaluate.policies.scores_file import read_scores
 from kinemimic.evaluate.policies.shipped import SCORES, ShippedPolicies
 from kinemimic.evaluate.scoring.command import evaluate
 from kinemimic.pipeline.cli.options import json_option
 from kinemimic.pipeline.errors import KinemimicError
-from kinemimic.pipeline.files.store import read_json, write_json
+from kinemimic.pipeline.files.store import write_json
 from kinemimic.pipeline.gait.curve_metrics import SCORED_JOINTS
 from kinemimic.retarget.versions.params import Params, params_option
 from kinemimic.train.sim.options import engine_option, workers_option
@@ -85,7 +86,7 @@ def command(policy: str, path: Path, workers: int | None, engine: str, as_json: 
         raise KinemimicError(
             f"{path}: expected a policy among {', '.join(params.policies)}, found {policy!r}"
         )
-    recorded = metrics(read_json(POLICIES / policy / SCORES))
+    recorded = metrics(read_scores(POLICIES / policy / SCORES))
     if strange := params.tolerances.keys() - recorded.keys():
         raise KinemimicError(f"{path}: expected tolerances of compared metrics, found {min(strange)}")
     with TemporaryDirectory(prefix="kinemimic-") as folder:

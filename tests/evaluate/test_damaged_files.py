@@ -6,6 +6,7 @@ import contextlib
 import shutil
 from collections import Counter
 from collections.abc import Callable, Iterator
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -23,16 +24,24 @@ from kinemimic.retarget.formats.motion_json import read_motion_json
 from kinemimic.train.config.config import PRESETS
 from kinemimic.train.rollout.trajectory import Trajectory
 
-WHOLE, SAMPLE = 60, 12
+WHOLE, SAMPLE = 500, 12
 # The JSON files that each command opens.
 READS = {
     "convert": ("run.json",),
     "retarget": ("run.json",),
     "train": ("run.json", "motion.json", "gait.json"),
-    "evaluate": ("run.json", "motion.json", "policy.json", "quality.json", "gimbal.json", "orientation.json", "gait.json"),
+    "evaluate": (
+        "run.json",
+        "motion.json",
+        "policy.json",
+        "quality.json",
+        "gimbal.json",
+        "orientation.json",
+        "gait.json",
+    ),
     "view": ("run.json", "motion.json", "scores.json"),
     "gait": ("run.json", "motion.json", "gait.json"),
-    "export": ("run.json", "motion.json", "policy.json", "gait.json"),
+    "export": ("run.json", "motion.json", "policy.json"),
 }
 CASES = [(command, name) for command, names in READS.items() for name in names]
 
@@ -68,7 +77,8 @@ def simulate(patched: pytest.MonkeyPatch, performance: Callable[..., Trajectory]
 
     def collect(motion, policy, config, *, start_phases, frames, **_):  # type: ignore[no-untyped-def]
         reached.append(frames)
-        return performance(len(start_phases), frames, fall=None if policy else 20)
+        made = performance(len(start_phases), frames, fall=None if policy else 20)
+        return replace(made, motion=motion.identity)
 
     patched.setattr(scoring, "collect_trajectories", collect)
     patched.setattr("kinemimic.pipeline.cli.picture.inline_svg", lambda *_: "")
@@ -160,4 +170,6 @@ def test_five_hundred_damages_of_each_file(
         found = outcomes(finished, tmp_path, case, WHOLE, reached, capsys, recorded=case[1] == "run.json")
     with capsys.disabled():
         print(f"\n{'-'.join(case)}: exit 0: {found[0]}, exit 2: {found[2]}, other: 0")
-    assert found[2] > WHOLE // 5
+    # Some damages are harmless; with Trained, an accepted file ends with 2 as well.
+    assert found[2] > WHOLE // 10
+    assert found[0] > 0 or case[0] == "train"
