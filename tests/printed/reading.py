@@ -105,6 +105,9 @@ class Reader:
             for name in ("pipeline", "retarget", "train", "evaluate", "datasets"):
                 ignored = shutil.ignore_patterns("__pycache__", "native")
                 shutil.copytree(ROOT / name, place / "kinemimic" / name, ignore=ignored)
+            # A folder without __init__.py loses to the installed package, even first in the path.
+            for file in (ROOT / "api").glob("*.py"):
+                shutil.copy(file, place / "kinemimic")
             before = self.env.get("PYTHONPATH")
             self.env["PYTHONPATH"] = f"{place}{os.pathsep}{before}" if before else str(place)
         return place / "kinemimic"
