@@ -147,7 +147,10 @@ def evaluated(run: Path) -> bool:
     """Whether the run's scores and trajectory belong to its policy."""
     if not all((run / name).is_file() for name in (SCORES, "trajectory.npz")):
         return False
-    made = read_scores(run / SCORES)["provenance"]["inputs"]["policy"]
+    try:
+        made = read_scores(run / SCORES)["provenance"]["inputs"]["policy"]
+    except KinemimicError:  # damaged, or written by another program
+        return False
     return bool(made == file_hash(run / POLICY))
 
 

@@ -17,11 +17,11 @@ from typing import Any
 
 import click
 
-from kinemimic.evaluate.policies.scores_file import read_scores
 from kinemimic.pipeline.cli.main import load_command
 from kinemimic.pipeline.cli.options import Decorator, declared, json_option, overwrite_option, run_option
 from kinemimic.pipeline.cli.progress import stage as running
 from kinemimic.pipeline.files.stages import VIRTUAL_CAPTURE
+from kinemimic.pipeline.files.store import read_json
 from kinemimic.pipeline.filters.options import ingest_options
 from kinemimic.pipeline.run_folder.capture import default_run, require_same_capture, sources_of
 from kinemimic.pipeline.run_folder.lock import locked
@@ -99,7 +99,7 @@ def run(
             sources = sources_of(folder, source) if name == "ingest" else {}
             step(name, sources, partial(_invoke, name, [*taken, "--run", str(folder)], quiet=quiet))
         scored = "evaluate" in stages
-        return Outcome(tuple(ran), tuple(skipped), read_scores(folder / "scores.json") if scored else {})
+        return Outcome(tuple(ran), tuple(skipped), read_json(folder / "scores.json") if scored else {})
 
 
 def _record_virtual(folder: Path) -> None:

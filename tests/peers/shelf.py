@@ -56,10 +56,18 @@ def write_run(folder: Path, motion: Motion, *, seed: int = 3, budget: int = 5, b
         "fit": {
             "knee": {"r2": 0.5},
             "hip": {"r2": 0.4},
-            "phases": {"knee": {"r2": {"median": 0.987}}, "hip": {"r2": {"median": 0.976}}},
+            "phases": {
+                joint: {"r2": {"median": r2}, "r2_upright": {"median": r2}, "rmse_deg": {"median": 2.0}}
+                for joint, r2 in (("knee", 0.987), ("hip", 0.976))
+            },
         },
-        "root": {"speed_ratio": 0.6, "phases": {"speed_ratio": {"median": 0.99}}},
-        "provenance": {"inputs": {"policy": file_hash(folder / POLICY)}},
+        "root": {
+            "speed_ratio": 0.6,
+            "reference_advance_m": 18.0,
+            "phases": {"speed_ratio": {"median": 0.99}, "path_error_m": {"median": 0.1}},
+        },
+        "train": {"samples": budget, "seed": seed},
+        "provenance": {"inputs": {"motion": identity, "policy": file_hash(folder / POLICY)}},
     }
     write_json(folder / SCORES, scores)
     return folder

@@ -152,8 +152,8 @@ def test_a_cell_that_fails_is_one_line_and_the_others_go_on(
 ) -> None:
     good, bad = fresh("good"), fresh("bad")
     # Of this the gate knows nothing good: the soles are 90 mm in the ground.
-    knees = {"knee_left": [0, 60], "knee_right": [0, 60]}
-    found = {"kind": "motion", "cyclic": False, "warnings": [], "range_deg": knees}
+    ranges = {f"{joint}_{side}": [0, 60] for joint in ("knee", "hip") for side in ("left", "right")}
+    found = {"kind": "motion", "cyclic": False, "warnings": [], "range_deg": ranges}
     found |= {"ground": {"penetration_m": 0.09}}
     write_json(bad / "gait.json", found)
     arguments = [str(bad), str(good), "--seeds=1", f"--budgets={ROUND}", f"--out={tmp_path / 'out'}"]

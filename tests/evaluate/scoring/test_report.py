@@ -167,7 +167,9 @@ def test_sections_depend_on_files_and_a_real_capture_has_no_banner(tmp_path, pag
             "kind": "walk",
             "cyclic": True,
             "period_s": 1.2,
-            "range_deg": {"knee_left": [1.0, 60.0]},
+            "range_deg": {
+                f"{joint}_{side}": [1.0, 60.0] for joint in ("knee", "hip") for side in ("left", "right")
+            },
             "warnings": ["short"],
         },
     )

@@ -35,7 +35,13 @@ from kinemimic.train.rollout.trajectory import Trajectory
 from kinemimic.train.scenario.scenario import Load, Placement, Range, Scenario
 
 FRAMES = 90
-SCORES = {"survival": {"frames": 90, "of": 90, "phases": 3, "phases_of": 3}, "fit": {"knee": {"r2": 0.96125}}}
+FIT = {"r2": {"median": 0.96}, "r2_upright": {"median": 0.96}, "rmse_deg": {"median": 3.0}}
+SCORES = {
+    "survival": {"frames": 90, "frames_median": 90.0, "of": 90, "phases": 3, "phases_of": 3},
+    "fit": {"knee": {"r2": 0.96125}, "hip": {}, "phases": {"knee": FIT, "hip": FIT}},
+    "root": {"phases": {"speed_ratio": None, "path_error_m": None}, "reference_advance_m": 3.0},
+    "train": {},
+}
 
 
 def fill(run: Path, walk: Motion, trajectory: Trajectory) -> Path:
@@ -44,6 +50,12 @@ def fill(run: Path, walk: Motion, trajectory: Trajectory) -> Path:
     identity = read_motion_json(run / "motion.json").identity
     replace(trajectory, motion=identity).save(run / "trajectory.npz")
     return run
+
+
+def write_scores(run: Path) -> None:
+    """scores.json of the motion beside it."""
+    inputs = {"motion": read_motion_json(run / "motion.json").identity, "policy": ""}
+    (run / "scores.json").write_text(json.dumps(SCORES | {"provenance": {"inputs": inputs}}))
 
 
 def loaded(run: Path) -> Trajectory:
@@ -56,7 +68,7 @@ def run(
 ) -> Path:
     """A run folder, its view written."""
     folder = fill(tmp_path_factory.mktemp("view") / "run", walk, performance(2, FRAMES, offset=0.1))
-    (folder / "scores.json").write_text(json.dumps(SCORES))
+    write_scores(folder)
     view(folder)
     return folder
 
@@ -186,7 +198,7 @@ def test_rerun_verifies_the_file_and_two_writings_are_one_recording(
 ) -> None:
     rerun("verify", str(run / "view.rrd"))
     again = fill(tmp_path / "again", walk, loaded(run))
-    (again / "scores.json").write_text(json.dumps(SCORES))
+    write_scores(again)
     rerun("compare", "--unordered", str(run / "view.rrd"), str(view(again)))
     assert [path.name for path in sorted(again.iterdir())] == [
         "motion.json",
