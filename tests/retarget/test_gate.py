@@ -29,7 +29,12 @@ GOOD = {
     "strides_used": 6.8,
     "speed_m_s": 1.2,
     "speed_scaled_m_s": 1.22,
-    "range_deg": {"knee_left": [1.0, 62.0], "knee_right": [0.0, 60.0]},
+    "range_deg": {
+        "knee_left": [1.0, 62.0],
+        "knee_right": [0.0, 60.0],
+        "hip_left": [-10.0, 30.0],
+        "hip_right": [-10.0, 30.0],
+    },
     "r2_loop_against_capture": {"knee_left": 0.9, "knee_right": 0.9, "hip_left": 0.95, "hip_right": 0.93},
     "ground": {"slip_m_s": 0.01, "swing_clearance_m": 0.02, "penetration_m": 0.1, "floating_m": 0.1},
     "measures": {"penetration_m": 0.002, "floating_m": 0.003, "beyond_limits_deg": {}},
