@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from importlib.util import find_spec
@@ -138,6 +138,41 @@ def export(
     return written
 
 
+def export_run(
+    run: Path,
+    *,
+    what: Sequence[str] = (),
+    formats: Sequence[str] = ("all",),
+    out: Path | None = None,
+    number: int | None = None,
+) -> list[ExportedFile]:
+    """Write motions of a run, its policy and the body for other programs.
+
+    what: of SOURCES, or BOTH; empty takes all that are there. formats: of FORMATS; "all" skips ONNX if it is
+    not installed or there is no policy. out: a folder without subfolders, by default run/export/PROGRAM.
+    number: of the pass of the capture, by default the longest.
+    """
+    chosen = FORMATS if "all" in formats else formats
+    # By default, ONNX is skipped if it cannot be written; requested by name, it is an error.
+    policy: Path | None = run / POLICY
+    if ONNX not in formats and (find_spec("onnx") is None or not (run / POLICY).is_file()):
+        policy = None
+    with stage(run, "export", adds=True) if out is None else reading(run, "export") as staging:
+        if BOTH in what or GLB in formats:
+            require_both(run)
+        pair = pair_of_run(run) if BOTH in what or (not what and has_both(run)) else None
+        named = [one for one in what if one != BOTH]
+        sources = {} if what and not named else sources_of_run(run, named, number)
+        if policy is not None or pair is not None or "simulated" in sources:
+            say(unfinished_policy(run) or unfinished_rollouts(run))
+        into = out or Path(staging or run) / "export"
+        written = export(sources, chosen, into, run.resolve().name, policy, pair, subfolders=out is None)
+    if out is None:
+        written = [replace(one, path=run / "export" / one.path.relative_to(into)) for one in written]
+        write_index(run)
+    return written
+
+
 def _write_onnx(path: Path, policy: Path) -> str:
     """Write the policy; returns a remark on the file."""
     try:
@@ -232,31 +267,15 @@ def command(
       kinemimic export --run runs/walk --what simulated --format bvh
     """
     _check_options(what, formats, number, source, recover)
-    chosen = FORMATS if "all" in formats else formats
     if source is not None:
+        chosen = FORMATS if "all" in formats else formats
         sources = {"recovered" if recover else "motion": source_of_mcap(source, recover=recover)}
         written = export(
             sources, chosen, out or source.parent / "export", source.stem, subfolders=out is None
         )
     else:
         run = run or only_run()
-        # By default, ONNX is skipped if it cannot be written; requested by name, it is an error.
-        policy: Path | None = run / POLICY
-        if ONNX not in formats and (find_spec("onnx") is None or not (run / POLICY).is_file()):
-            policy = None
-        with stage(run, "export", adds=True) if out is None else reading(run, "export") as staging:
-            if BOTH in what or GLB in formats:
-                require_both(run)
-            pair = pair_of_run(run) if BOTH in what or (not what and has_both(run)) else None
-            named = [one for one in what if one != BOTH]
-            sources = {} if what and not named else sources_of_run(run, named, number)
-            if policy is not None or pair is not None or "simulated" in sources:
-                say(unfinished_policy(run) or unfinished_rollouts(run))
-            into = out or Path(staging or run) / "export"
-            written = export(sources, chosen, into, run.resolve().name, policy, pair, subfolders=out is None)
-        if out is None:
-            written = [replace(one, path=run / "export" / one.path.relative_to(into)) for one in written]
-            write_index(run)
+        written = export_run(run, what=what, formats=formats, out=out, number=number)
     if as_json:
         click.echo(json.dumps([one.record() for one in written], indent=2))
         return

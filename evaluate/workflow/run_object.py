@@ -148,6 +148,12 @@ class Run:
 
         return view(self.folder)
 
+    def export(self, formats: Sequence[str] = ("all",), *, what: Sequence[str] = ()) -> list[Path]:
+        """Write files for other programs (`evaluate/export/command.py`); returns their paths."""
+        from kinemimic.evaluate.export.command import export_run  # noqa: PLC0415 (import cost)
+
+        return [one.path for one in export_run(self.folder, what=what, formats=formats)]
+
     @property
     def raw(self) -> Clip:
         """The capture as recorded, after repairs."""

@@ -77,6 +77,8 @@ def test_the_stages_of_a_run(simulated: Path, tmp_path: Path) -> None:
     assert motion.identity == walk.motion.identity
     assert re.fullmatch(r"Motion\(a loop, [\d.]+ s, [\d.]+ m/s, simulated\)", repr(motion))
     assert repr(walk).endswith(f"{simulated.name}, {motion!r}, no scores yet")
+    (written,) = walk.export(["bvh"], what=["reference"])
+    assert written.suffix == ".bvh" and written.is_file()
     with pytest.raises(km.KinemimicError, match=r"scores\.json"):
         _ = walk.scores
 
