@@ -42,7 +42,7 @@ def mean_cycle(subjects: Mapping[str, Any], *, normal: bool) -> Draw:
                 mean, spread = (np.degrees(values) for values in normative_band(joint, CYCLE))
                 axes.fill_between(
                     100 * CYCLE, mean - spread, mean + spread,
-                    color=light("band"), linewidth=0, label="normal ± 1 sd",
+                    color=light("band"), linewidth=0, label="children ± 1 sd",
                 )  # fmt: skip
             for name, color, width in (("reference", REFERENCE, 1.0), ("simulated", SIMULATED, 1.7)):
                 for side in SIDES:

@@ -20,11 +20,13 @@ from kinemimic.evaluate.scoring.gait_subjects import GaitSubject, captured
 from kinemimic.evaluate.scoring.index_page import write_index
 from kinemimic.pipeline.cli.options import json_option, run_option
 from kinemimic.pipeline.cli.terminal import show
+from kinemimic.pipeline.convert import read_converted
 from kinemimic.pipeline.errors import KinemimicError
 from kinemimic.pipeline.files.provenance import provenance
 from kinemimic.pipeline.files.store import file_hash, write_json, write_text
 from kinemimic.pipeline.run_folder.stage import stage
 from kinemimic.retarget.formats.motion_json import read_motion_json
+from kinemimic.retarget.humanoid.motion import Motion
 from kinemimic.train.rollout.trajectory import Trajectory
 
 # At least one of these is needed: a trajectory alone lacks the motion's body.
@@ -61,6 +63,8 @@ def _gait(run: Path, out: Path) -> dict[str, Any]:
             f"{run}: expected a gait with at least one full stride, found none in capture, reference or "
             f"simulation{_recorded(capture)}; record two or more strides of walking or running"
         )
+    # The report names its person after the recording, and says whether a camera was there.
+    report["recording"], report["simulated"] = _recording(run, motion)
     report["provenance"] = provenance(
         "gait", inputs={name: file_hash(run / name) for name in FILES if (run / name).exists()}, config={}
     )
@@ -68,6 +72,17 @@ def _gait(run: Path, out: Path) -> dict[str, Any]:
     write_text(out / "gait_report.html", page)
     write_json(out / "gait_report.json", report)
     return report
+
+
+def _recording(run: Path, motion: Motion | None) -> tuple[str | None, bool]:
+    """Name of the recording, if known, and whether it is simulated."""
+    if motion is not None:
+        found, simulated = motion.provenance.get("capture", {}), motion.simulated
+    else:
+        clip = read_converted(run)
+        found, simulated = clip.provenance, clip.simulated
+    source = found.get("source")
+    return (Path(str(source)).name if source else None), simulated
 
 
 def _recorded(capture: GaitSubject | None) -> str:
@@ -93,8 +108,13 @@ def table(report: Mapping[str, Any], run: Path) -> RenderableType:
     for row in ROWS:
         cells = [row.cell(subject) for subject in subjects.values()]
         if any(text != NO_VALUE for text in cells):
-            grid.add_row(f"{row.label} [{row.unit}]" if row.unit else row.label, *cells)
-    lines = [*notes(report), f"normal: {report['normative']}", f"curves: {run / 'gait_report.html'}"]
+            label = f"{row.name} [{row.unit}]" if row.unit else row.name
+            grid.add_row(label, *cells)
+    lines = [
+        *notes(report),
+        *(f"{name}: {source}" for name, source in report["normative"].items()),
+        f"curves: {run / 'gait_report.html'}",
+    ]
     return Group(grid, *(Text(line) for line in lines))
 
 

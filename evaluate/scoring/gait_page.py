@@ -1,4 +1,4 @@
-"""The gait report as a page: tables, and the curves of every subject over the normal band.
+"""The gait report as a page: the curves of every subject, and tables beside those of adults and children.
 
 All values come from the JSON of gait_report.json; missing subjects and rows without a value are left out.
 """
@@ -7,41 +7,33 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from itertools import groupby
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-from matplotlib.figure import Figure
-
-from kinemimic.evaluate.scoring.figures import CAPTURED, REFERENCE, SIMULATED
+from kinemimic.evaluate.scoring.gait_curves import curves
+from kinemimic.evaluate.scoring.gait_norms import NORMS, Json
 from kinemimic.pipeline.cli.html import number, render
-from kinemimic.pipeline.cli.picture import Draw, legend, panel_grid
-from kinemimic.pipeline.gait.curves import CYCLE
 from kinemimic.pipeline.gait.events import SIDES
-from kinemimic.pipeline.gait.normative import normative_band
 
-Json = Mapping[str, Any]
 NO_VALUE = number(None, 0)
-
-_NORMAL = "#d9d9d9"
-# Distinct in colour, dash and width, and hence also in greyscale print.
-_LINES: Mapping[str, dict[str, Any]] = {
-    "capture": {"color": CAPTURED, "linestyle": (0, (4, 1.5)), "linewidth": 1.4},
-    "reference": {"color": REFERENCE, "linewidth": 0.9},
-    "simulated": {"color": SIMULATED, "linewidth": 1.7},
-}
-_SPREAD: Mapping[str, float] = {"capture": 0.20, "simulated": 0.22}
 
 
 @dataclass(frozen=True)
 class Row:
-    """A table row. scale: factor to the unit; read: a subject's value as a number, {mean, sd} or text."""
+    """A value of a subject. scale: factor to the unit; read: the value as a number, {mean, sd} or text; side:
+    of a value that each side has; the page shows both in one row."""
 
     label: str
     unit: str
     digits: int
     scale: float
     read: Callable[[Json], Any]
+    side: str = ""
+
+    @property
+    def name(self) -> str:
+        return f"{self.label}, {self.side}" if self.side else self.label
 
     def cell(self, subject: Json) -> str:
         """The subject's value as text."""
@@ -61,10 +53,9 @@ def _at(*path: str) -> Callable[[Json], Any]:
 
 
 def _per_side(label: str, unit: str, digits: int, scale: float, *path: str) -> tuple[Row, ...]:
-    """One row per side; {} in the path stands for the side."""
+    """One value per side; {} in the path stands for the side."""
     return tuple(
-        Row(f"{label}, {side}", unit, digits, scale, _at(*(key.format(side) for key in path)))
-        for side in SIDES
+        Row(label, unit, digits, scale, _at(*(key.format(side) for key in path)), side) for side in SIDES
     )
 
 
@@ -73,6 +64,8 @@ def _symmetry(label: str, *path: str) -> Row:
 
 
 def _strides(subject: Json) -> str:
+    if isinstance(subject["strides"], str):
+        return str(subject["strides"])
     return f"{subject['strides']['left']} + {subject['strides']['right']}"
 
 
@@ -103,7 +96,7 @@ JOINTS: tuple[Row, ...] = tuple(
     for joint in ("knee", "hip", "ankle")
     for row in (
         *_per_side(f"{joint} range", "°", 1, 1.0, "curves", f"{joint}_{{}}", "range_deg"),
-        *_per_side(f"{joint} off normal, rms", "°", 1, 1.0, "curves", f"{joint}_{{}}", "norm_rms_deg"),
+        *_per_side(f"{joint} off children, rms", "°", 1, 1.0, "curves", f"{joint}_{{}}", "norm_rms_deg"),
     )
 ) + tuple(
     row
@@ -150,11 +143,14 @@ def _doubts(subject: Json) -> list[str]:
 def gait_page(name: str, report: Json) -> str:
     """The whole page as HTML."""
     kinds = sorted({subject["kind"] for subject in report["subjects"].values()})
+    who = report.get("recording") or name
     return render(
         Path(__file__).with_name("templates") / "gait.html",
-        title=f"kinemimic: gait of {name}",
+        title=f"kinemimic: gait of {who}",
+        who=who,
         name=name,
         kinds=" and ".join(kinds),
+        simulated=bool(report.get("simulated")),
         **gait_values(report),
     )
 
@@ -163,71 +159,36 @@ def gait_values(report: Json) -> dict[str, Any]:
     """Values for `gait_sections.html`, which is part of this page and of the evaluation report."""
     subjects = report["subjects"]
     walking = any(subject["kind"] == "walk" for subject in subjects.values())
+    norms = [norm.subject for norm in NORMS] if walking else []
     return {
         "subjects": list(subjects),
         "walking": walking,
-        "normative": report["normative"],
+        "norms": [norm.name for norm in NORMS] if walking else [],
+        "sources": report["normative"],
         "notes": notes(report),
         "curves": curves(subjects, normal=walking)
         if any(subject["curves"] for subject in subjects.values())
         else None,
-        "pace": _rows(PACE, subjects),
-        "symmetry": _rows(SYMMETRY, subjects),
-        "joints": _rows(JOINTS, subjects),
+        "pace": _rows(PACE, subjects, norms),
+        "symmetry": _rows(SYMMETRY, subjects, ()),
+        "joints": _rows(JOINTS, subjects, norms),
     }
 
 
-def _rows(rows: Sequence[Row], subjects: Mapping[str, Json]) -> list[list[str]]:
-    """Each label with its unit and the cells of all subjects; without rows that have no value."""
-    table = [
-        [
-            f"{row.label},\u00a0{row.unit}" if row.unit else row.label,
-            *(row.cell(subject) for subject in subjects.values()),
-        ]
-        for row in rows
-    ]
-    return [row for row in table if any(text != NO_VALUE for text in row[1:])]
+def _rows(rows: Sequence[Row], subjects: Mapping[str, Json], norms: Sequence[Json]) -> list[list[str]]:
+    """Each label with its unit and the cells of subjects and norms; without rows that no subject has."""
+    table = []
+    for (label, unit), group in groupby(rows, key=lambda row: (row.label, row.unit)):
+        values = list(group)
+        cells = [_joined(values, subject) for subject in subjects.values()]
+        if any(text != NO_VALUE for text in cells):
+            sides = ", left / right" if len(values) > 1 else ""
+            head = f"{label}{sides},\u00a0{unit}" if unit else f"{label}{sides}"
+            table.append([head, *cells, *(_joined(values, norm) for norm in norms)])
+    return table
 
 
-def curves(subjects: Mapping[str, Json], *, normal: bool) -> Draw:
-    """Knee, hip and, if any subject has it, ankle over the cycle; left beside right."""
-    names = {name for subject in subjects.values() for name in subject["curves"]}
-    joints = [joint for joint in ("knee", "hip", "ankle") if {f"{joint}_{side}" for side in SIDES} & names]
-
-    def draw(phone: bool) -> Figure:
-        figure, panels = panel_grid(len(joints), 2, 2.2, phone, sharex=True)
-        places = [(joint, side) for joint in joints for side in SIDES]
-        for axes, (joint, side) in zip(panels, places, strict=True):
-            if normal:
-                mean, spread = (np.degrees(values) for values in normative_band(joint, CYCLE))
-                axes.fill_between(
-                    100 * CYCLE,
-                    mean - spread,
-                    mean + spread,
-                    color=_NORMAL,
-                    linewidth=0,
-                    label="normal ± 1 sd",
-                )
-            for name, subject in subjects.items():
-                curve = subject["curves"].get(f"{joint}_{side}")
-                if curve is None:
-                    continue
-                mean = np.array(curve["mean"])
-                if curve["sd"] is not None and name in _SPREAD:
-                    spread = np.array(curve["sd"])
-                    axes.fill_between(
-                        100 * CYCLE, mean - spread, mean + spread,
-                        color=_LINES[name]["color"], alpha=_SPREAD[name], linewidth=0,
-                    )  # fmt: skip
-                axes.plot(100 * CYCLE, mean, label=name, **_LINES[name])
-                off = subject["parameters"]["stance_ratio"][side]["mean"]
-                if off is not None:
-                    axes.axvline(100 * off, ymax=0.06, color=_LINES[name]["color"], linewidth=1.6)
-            up = "toes up" if joint == "ankle" else "flexion"
-            axes.set(title=f"{side} {joint}", ylabel=f"{up} [°]", xlim=(0, 100))
-        for axes in panels[-1:] if phone else panels[-2:]:
-            axes.set_xlabel("gait cycle [%]")
-        legend(figure, panels[0])
-        return figure
-
-    return draw
+def _joined(values: Sequence[Row], subject: Json) -> str:
+    """Left and right in one cell; once if they are the same."""
+    texts = [value.cell(subject) for value in values]
+    return texts[0] if len(set(texts)) == 1 else " / ".join(texts)

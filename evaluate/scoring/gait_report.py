@@ -7,16 +7,16 @@ from typing import Any
 
 import numpy as np
 
+from kinemimic.evaluate.scoring.gait_norms import NORMS
 from kinemimic.evaluate.scoring.gait_subjects import GaitSubject, reference, simulated
 from kinemimic.pipeline.arrays import Array
 from kinemimic.pipeline.gait.curves import curve_statistics, over_cycle
 from kinemimic.pipeline.gait.events import SIDES
-from kinemimic.pipeline.gait.normative import SOURCE
 from kinemimic.pipeline.gait.parameters import normalised, parameters, symmetry_index
 from kinemimic.retarget.humanoid.motion import Motion
 from kinemimic.train.rollout.trajectory import Trajectory
 
-GAIT_REPORT_SCHEMA = 2
+GAIT_REPORT_SCHEMA = 3
 JOINTS = ("knee", "hip", "ankle")
 
 
@@ -32,7 +32,7 @@ def gait_report(
     subjects = {name: subject for name, subject in candidates.items() if subject is not None}
     return {
         "schema": GAIT_REPORT_SCHEMA,
-        "normative": SOURCE,
+        "normative": {norm.name: norm.source for norm in NORMS},
         "subjects": {name: _metrics(subject) for name, subject in subjects.items() if subject.gait.strides},
         "without_a_stride": [name for name, subject in subjects.items() if not subject.gait.strides],
     }

@@ -14,7 +14,9 @@ import numpy as np
 
 from kinemimic.pipeline.arrays import Array
 
-SOURCE = "Schwartz et al. 2008, J. Biomech. 41(8), 1639-1650: 83 children at their free speed"
+SUBJECTS = 83
+SOURCE = f"{SUBJECTS} children at their free speed, Schwartz et al. 2008, J. Biomech. 41(8), 1639-1650"
+FREE_SPEED = (0.36, 0.49)  # of the root of gravity times leg length
 FOOT_OFF = 0.59  # of the cycle, when the foot leaves the ground
 # Their hips are measured against the plane of the front and back points of the pelvic crest, which leans by
 # 11.6° on the average of the same tables (10.5 to 12.5° over the cycle); ours are measured against an upright
@@ -58,6 +60,10 @@ def normative_band(joint: str, phase: Array) -> tuple[Array, Array]:
     """
     tilt = PELVIC_TILT if joint == "hip" else 0.0
     middle, upper = (np.radians(np.array(row) - tilt) for row in _TABLES[joint])
-    knots = np.arange(len(middle)) / len(middle)
+    return over_phases(middle, phase), over_phases(upper - middle, phase)
+
+
+def over_phases(values: Array, phase: Array) -> Array:
+    """Values (M,) at equal steps of the cycle, interpolated at phases (N,) in cycles."""
     at = np.mod(np.asarray(phase, dtype=np.float64), 1.0)
-    return np.interp(at, knots, middle, period=1.0), np.interp(at, knots, upper - middle, period=1.0)
+    return np.interp(at, np.arange(len(values)) / len(values), values, period=1.0)

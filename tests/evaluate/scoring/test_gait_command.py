@@ -1,5 +1,6 @@
 """Gait metrics of synthetic walks with known values, and of a virtual Kinect against its truth."""
 
+import re
 import shutil
 from dataclasses import replace
 
@@ -102,6 +103,29 @@ def test_the_page_shows_the_subjects_and_cites_its_sources(report):
     assert page == gait_page("a <walk>", report)
 
 
+def test_the_page_compares_with_adults_and_children_and_says_how_many_they_are(report):
+    page = gait_page("x", report)
+    assert '<th scope="col">adults</th><th scope="col">children</th>' in page
+    assert "4 adults, 43 strides of CMU" in page and "83 children at their free speed" in page
+    (cadence,) = re.findall(r"<td>cadence,[^<]*</td>(.*?)</tr>", page)
+    assert re.findall(r"<td>([^<]*)</td>", cadence) == ["100.0", "100.0", "105.1 ± 7.9", "–"]
+    # Left and right in one row, so that a reader compares the sides.
+    assert "step length, left / right" in page
+
+
+def test_a_run_is_compared_with_nobody(report):
+    subjects = {name: {**one, "kind": "run"} for name, one in report["subjects"].items()}
+    page = gait_page("x", {**report, "subjects": subjects})
+    assert "adults</th>" not in page and "reference data exist for walking only" in page
+
+
+def test_the_page_is_titled_by_the_recording_and_says_when_no_camera_was_there(report):
+    assert "<h1>Gait of x</h1>" in gait_page("x", report)
+    page = gait_page("x", {**report, "recording": "walk.skl", "simulated": True})
+    assert "<h1>Gait of walk.skl</h1>" in page and "Simulated capture (virtual Kinect)" in page
+    assert "Simulated capture" not in gait_page("x", {**report, "recording": "walk.skl", "simulated": False})
+
+
 @pytest.fixture(scope="module")
 def virtual(tmp_path_factory):
     """A run folder with a virtual Kinect's capture of the stock walk in it."""
@@ -113,7 +137,9 @@ def virtual(tmp_path_factory):
 
 def test_kinect_metrics_against_the_truth(virtual):
     note = read_json(virtual / "capture" / "kinect_walk.provenance.json")["virtual_kinect"]
-    subject = gait(virtual)["subjects"]["capture"]
+    written = gait(virtual)
+    assert written["recording"] == "kinect_walk.skl" and written["simulated"]
+    subject = written["subjects"]["capture"]
     table = subject["parameters"]
     assert table["cadence_steps_per_min"]["both"]["mean"] == pytest.approx(120 / note["period"], rel=0.03)
     assert table["speed_m_s"]["both"]["mean"] == pytest.approx(note["speed"], rel=0.05)
