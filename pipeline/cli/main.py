@@ -7,6 +7,7 @@ import logging
 import os
 import sys
 from collections.abc import Callable
+from pathlib import Path
 from typing import Any, NoReturn
 
 import click
@@ -140,8 +141,7 @@ def _status(arguments: list[str] | None) -> int:
             raise
         return 1
     except OSError as error:
-        place = f"{error.filename}: " if error.filename else ""
-        return _fail(f"{place}{(error.strerror or str(error)).lower()}")
+        return _fail(_described(error))
     return status if isinstance(status, int) else 0
 
 
@@ -153,6 +153,26 @@ def _line(arguments: list[str]) -> Callable[[], str]:
 def _fail(message: str) -> int:
     echo("kinemimic: " + " ".join(message.split()), err=True)
     return BAD_INPUT
+
+
+def _described(error: OSError) -> str:
+    if isinstance(error, FileNotFoundError) and error.filename is None and not _has_working_folder():
+        return "the current folder no longer exists; change to another one"
+    place = f"{_shortened(str(error.filename))}: " if error.filename else ""
+    return f"{place}{(error.strerror or str(error)).lower()}"
+
+
+def _has_working_folder() -> bool:
+    try:
+        Path.cwd()
+    except FileNotFoundError:
+        return False
+    return True
+
+
+def _shortened(path: str, most: int = 300) -> str:
+    """A path of at most `most` characters, or its beginning and length: one of 5,000 hides the message."""
+    return path if len(path) <= most else f"{path[:80]}… ({len(path):,} characters)"
 
 
 def _stdout_works() -> bool:

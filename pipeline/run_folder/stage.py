@@ -10,11 +10,12 @@ from __future__ import annotations
 import logging
 import os
 import shutil
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
+from kinemimic.pipeline.errors import KinemimicError
 from kinemimic.pipeline.files.provenance import versions
 from kinemimic.pipeline.files.stages import INDEX, STAGES, stage_named
 from kinemimic.pipeline.run_folder.consistency import FolderState
@@ -56,11 +57,12 @@ def stage(
         record = recovered(run)
         state = FolderState(run, record)
         state.require(reads)
+        _require_places(run, [file for file in stage_named(name).writes if "*" not in file])
         inputs = {file: state.sha256(file) for file in reads}
         staging = run / _STAGING.format(name.replace(" ", "-"))
         shutil.rmtree(staging, ignore_errors=True)
-        staging.mkdir()
         try:
+            staging.mkdir()
             yield staging
             files = sorted(
                 path.relative_to(staging).as_posix() for path in staging.rglob("*") if path.is_file()
@@ -125,6 +127,7 @@ def state_options(run: Path, name: str, options: Mapping[str, Any]) -> None:
 
 def _commit(run: Path, record: Record, name: str, entry: Entry, staging: str) -> None:
     """Announce the staged files in run.json, and move them to their places."""
+    _require_places(run, entry.outputs)
     before = hashes(run, entry.outputs)
     old = set(record.stages[name].outputs) if name in record.stages else set(stage_named(name).writes)
     removed = sorted(file for file in old - set(entry.outputs) if (run / file).is_file())
@@ -140,6 +143,18 @@ def _commit(run: Path, record: Record, name: str, entry: Entry, staging: str) ->
     record.pending = pending
     write_run_record(run, record)
     _finish(run, record)
+
+
+def _require_places(run: Path, files: Iterable[str]) -> None:
+    """KinemimicError if something in the folder is in the way of a file: the move could not be finished."""
+    for file in (*files, INDEX, f"{OUTDATED}/1/file"):
+        target = run / file
+        # A link is replaced, wherever it leads.
+        if target.is_dir() and not target.is_symlink():
+            raise KinemimicError(f"{target}: expected a file or nothing, found a folder; move it elsewhere")
+        for folder in target.relative_to(run).parents:
+            if os.path.lexists(run / folder) and not (run / folder).is_dir():
+                raise KinemimicError(f"{run / folder}: expected a folder, found a file; move it elsewhere")
 
 
 def _finish(run: Path, record: Record) -> Record:

@@ -112,6 +112,29 @@ def test_a_run_folder_that_is_a_file_is_one_line(tmp_path: Path, capsys: pytest.
         assert line == f"kinemimic: {blocked}: expected a run folder, found a file; choose another --run"
 
 
+def test_a_long_path_does_not_hide_the_message(capsys: pytest.CaptureFixture[str]) -> None:
+    with pytest.raises(SystemExit) as ended:
+        main(["gait", "--run", "/tmp/" + "a" * 5000])
+    err = capsys.readouterr().err
+    assert ended.value.code == 2
+    assert "(5,005 characters): file name too long" in err
+    assert len(err) < 200
+
+
+def test_a_current_folder_that_was_deleted_is_named(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (gone := tmp_path / "gone").mkdir()
+    monkeypatch.chdir(gone)
+    gone.rmdir()
+    with pytest.raises(SystemExit) as ended:
+        main(["ingest", "--run", "x"])
+    assert ended.value.code == 2
+    assert (
+        capsys.readouterr().err == "kinemimic: the current folder no longer exists; change to another one\n"
+    )
+
+
 def test_ctrl_c_is_one_line_and_130(ending: Failing, capsys: pytest.CaptureFixture[str]) -> None:
     assert ending(KeyboardInterrupt()) == 130
     assert capsys.readouterr().err.strip() == "kinemimic: interrupted"

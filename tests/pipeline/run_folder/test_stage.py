@@ -56,6 +56,38 @@ def test_a_failed_first_stage_leaves_no_folder(tmp_path: Path) -> None:
     assert not (tmp_path / "run").exists()
 
 
+@pytest.mark.parametrize("file", ["gait_report.json", "index.html"])
+def test_a_folder_in_place_of_a_file_is_refused_before_work_begins(run: Path, file: str) -> None:
+    (run / file).unlink(missing_ok=True)
+    (run / file).mkdir()
+    before = (run / "run.json").read_bytes()
+    with (
+        pytest.raises(KinemimicError, match=f"{file}: expected a file or nothing, found a folder"),
+        stage(run, "gait"),
+    ):
+        pytest.fail("work began")
+    assert (run / "run.json").read_bytes() == before
+    assert not list(run.glob(".staging*"))
+
+
+@pytest.mark.parametrize("folder", ["export", "outdated"])
+def test_a_file_in_place_of_a_folder_leaves_the_run_folder_as_it_was(run: Path, folder: str) -> None:
+    (run / folder).write_text("mine")
+    before = {path.name: path.read_bytes() for path in run.iterdir() if path.is_file()}
+    with pytest.raises(KinemimicError, match=f"{folder}: expected a folder, found a file"):
+        make(run, "export", files=("export/program/walk.txt",))
+    assert {path.name: path.read_bytes() for path in run.iterdir() if path.is_file()} == before
+
+
+def test_a_link_in_place_of_a_file_is_replaced_and_not_followed(run: Path, tmp_path: Path) -> None:
+    (elsewhere := tmp_path / "elsewhere").write_text("precious")
+    (run / "gait_report.json").unlink()
+    (run / "gait_report.json").symlink_to(elsewhere)
+    make(run, "gait", "two")
+    assert elsewhere.read_text() == "precious"
+    assert (run / "gait_report.json").read_text() == "two"
+
+
 def test_a_later_stage_needs_a_folder(tmp_path: Path) -> None:
     with (
         pytest.raises(KinemimicError, match="expected a run folder, found none"),
