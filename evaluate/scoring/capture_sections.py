@@ -16,7 +16,7 @@ _GAIT: tuple[tuple[str, str, str, int], ...] = (
     ("speed_m_s", "speed, humanoid", "m/s", 2),
     ("speed_capture_m_s", "speed, captured", "m/s", 2),
     ("stride_m", "stride length", "m", 2),
-    ("strides", "strides pooled", "", 1),
+    ("strides_used", "strides pooled", "", 1),
     ("asymmetry_deg", "difference between sides", "°", 1),
     ("noise_deg", "noise of the capture", "°", 1),
     ("duration_s", "duration", "s", 2),

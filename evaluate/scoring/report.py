@@ -110,8 +110,17 @@ def report(inputs: ReportInputs, data: ReportData) -> str:
         advice=found_verdict.advice,
         numbers=tiles(data.scores, data.trajectory),
         loop=loop(data.trajectory, data.motion),
+        cycle_strides=_strides(gait["subjects"]),
         drawings=_drawings(data, gait["subjects"]),
     )
+
+
+def _strides(subjects: Mapping[str, Any]) -> str:
+    """Whose strides the mean cycle is of; a humanoid that falls has few, or none."""
+    if "simulated" not in subjects:
+        return "the reference's strides; the humanoid completed none"
+    left, right = (subjects["simulated"]["strides"][side] for side in _SIDES)
+    return f"all strides (the humanoid's: {left} left, {right} right)"
 
 
 def median(spread: Mapping[str, float | None] | None) -> float | None:

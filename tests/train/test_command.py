@@ -166,7 +166,7 @@ def test_the_command_ends_with_a_verdict_in_words(run: Path, monkeypatch: pytest
     lines = result.output.splitlines()
     assert lines[0] == "falls from 1 of 2 phases, the earliest after 19.7 s (590 of 600 frames)"
     assert "after 2,048 samples: R² 0.910 knee, 0.920 hip, 50.0 % of the reward, 25.0 % with" in lines[1]
-    assert lines[2] == "Train longer: `kinemimic train --preset robust --budget 8.2k` (4,096 samples so far)."
+    assert lines[2] == "Train longer: `kinemimic train --preset robust --budget 3M` (4,096 samples so far)."
     assert lines[3].startswith("2 humanoids exploded")
     assert "4,096 samples in 0:04 (1,024/s), preset robust, seed 0, native engine" in lines[4]
     assert len(lines) == 5

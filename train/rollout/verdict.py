@@ -11,6 +11,7 @@ from dataclasses import dataclass, field
 from typing import Literal
 
 from kinemimic.train.config.budget import short
+from kinemimic.train.config.config import PRESETS
 from kinemimic.train.config.training import Training
 from kinemimic.train.rollout.evaluation import WALKING_R2
 from kinemimic.train.sim.world import CONTROL_RATE
@@ -175,7 +176,9 @@ def _advice(outcome: Outcome, training: Training, level: Level, errors: list[_Er
         return
     options = "" if training.preset in ("", "default") else f" --preset {training.preset}"
     options += f" --seed {training.seed}" if training.seed else ""
-    more = short(2 * max(training.samples, 1))
+    budget = PRESETS.get(training.preset, PRESETS["default"]).budget
+    # Twice as many; a few seconds of training twice over would still be none.
+    more = short(max(2 * training.samples, budget))
     yield f"Train longer: `kinemimic train{options} --budget {more}` ({training.samples:,} samples so far)."
 
 

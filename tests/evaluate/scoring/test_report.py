@@ -167,6 +167,7 @@ def test_sections_depend_on_files_and_a_real_capture_has_no_banner(tmp_path, pag
             "kind": "walk",
             "cyclic": True,
             "period_s": 1.2,
+            "strides_used": 7.3,
             "range_deg": {
                 f"{joint}_{side}": [1.0, 60.0] for joint in ("knee", "hip") for side in ("left", "right")
             },
@@ -182,6 +183,7 @@ def test_sections_depend_on_files_and_a_real_capture_has_no_banner(tmp_path, pag
     assert "RightArm" in text and "10–14, 30" in text
     assert "ankle left" in text and "90.0" in text and "a <note>" in text
     assert "60.0" in text and "short" in text
+    assert re.search(r"strides pooled\s+7\.3", text)
 
 
 def test_a_noncyclic_rollout_with_a_fall_and_no_capture(tmp_path, performance, walk):

@@ -140,7 +140,7 @@ def test_flaws_of_the_motion_are_named():
 
 def test_the_next_command_keeps_the_settings():
     found = verdict(scores(upright=0, median=9.0, train={"preset": "robust", "seed": 3, "samples": 300_032}))
-    assert "`kinemimic train --preset robust --seed 3 --budget 600k`" in found.advice
+    assert "`kinemimic train --preset robust --seed 3 --budget 3M`" in found.advice
 
 
 def test_more_samples_are_not_the_answer_to_everything():
