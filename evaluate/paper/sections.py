@@ -66,8 +66,8 @@ def _with_interval(estimate: Estimate) -> str:
     return f"{number(estimate.mean, 1)} ({number(estimate.low, 1)}\u00a0to\u00a0{number(estimate.high, 1)})"
 
 
-def _settings_of(comparison: Comparison) -> str:
-    """Settings that differ between the algorithms, as trained."""
+def _settings_of(comparison: Comparison) -> list[str]:
+    """Settings that differ between the algorithms, as trained, a sentence for each."""
     variants = comparison.content["provenance"]["config"]["variants"]
     sentences = []
     for name, variant in VARIANTS.items():
@@ -81,7 +81,7 @@ def _settings_of(comparison: Comparison) -> str:
             f"{name}: {config.num_envs} environments, a gradient step for every {1.0 / often:.0f} samples on "
             f"{own_batch(config)}, layers of {layers} ({config.activation}){bound}, exploration {action_std}."
         )
-    return " ".join(sentences)
+    return sentences
 
 
 def disturbances(contests: Sequence[Row], drawings: Mapping[str, Draw]) -> dict[str, Any]:
