@@ -8,12 +8,12 @@ from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.colors import ListedColormap
 from matplotlib.figure import Figure
 from matplotlib.patches import Patch
 
-from kinemimic.pipeline.arrays import Array
+from kinemimic.pipeline.arrays import Array, Mask
 from kinemimic.pipeline.cli.html import number, render
+from kinemimic.pipeline.cli.palette import light
 from kinemimic.pipeline.cli.picture import Draw, legend, panel_grid
 from kinemimic.pipeline.files.store import write_text
 from kinemimic.pipeline.inspect.file_report import InspectedFile
@@ -25,10 +25,11 @@ from kinemimic.pipeline.kinematics.skeleton import NODE_INDEX
 from kinemimic.pipeline.quality.rules.defect import RULES, Defect
 
 _TEMPLATES = Path(__file__).with_name("templates")
-_SIDE_COLORS = {"left": "#0072b2", "right": "#d55e00", "": "#2b2b2b"}
-_RECORDED = "#8a8a8a"
-_STATES = {"missing": "#7f1d1d", "inferred": "#f0b440", "tracked": "#cfe3ee"}
-_MARKS = {"flagged": "#fbeccb", "repaired": "#d3ead0", "refused": "#f6d5d0"}
+_SIDE_COLORS = {"left": light("blue"), "right": light("red"), "": light("ink")}
+_RECORDED = light("ghost")
+_STATES = {"missing": light("bad"), "inferred": light("orange"), "tracked": light("band")}
+_MARKS = {"flagged": light("partial-tint"), "repaired": light("good-tint"), "refused": light("bad-tint")}
+_FIRST_PASS = 0.35  # opacity; the last one is opaque
 _PASS_GAP = 0.4  # s between passes, as drawn
 # Upper limits of what a figure can show.
 _MAX_POINTS, _MAX_COLUMNS, _MAX_MARKED = 700, 600, 60
@@ -219,10 +220,12 @@ def _states(clip: Clip) -> Draw:
 
     def draw(phone: bool) -> Figure:
         figure, (axes,) = panel_grid(1, 1, 0.7 + 0.16 * len(shown), phone)
-        axes.imshow(
-            worst, aspect="auto", interpolation="nearest", cmap=ListedColormap(list(_STATES.values())),
-            vmin=-0.5, vmax=2.5, extent=(edges[0], edges[-1], len(shown) - 0.5, -0.5),
-        )  # fmt: skip
+        # Rectangles and not a picture, so that the colours follow the page's.
+        for row, states in enumerate(worst):
+            for state, color in enumerate(_STATES.values()):
+                spans = [(edges[first], edges[last] - edges[first]) for first, last in _runs(states == state)]
+                axes.broken_barh(spans, (row - 0.5, 1.0), color=color, linewidth=0)
+        axes.set(xlim=(edges[0], edges[-1]), ylim=(len(shown) - 0.5, -0.5))
         axes.set_yticks(range(len(shown)), [names[joint] for joint in shown], fontsize=7.5)
         _time_axis(axes, clip)
         axes.grid(visible=False)
@@ -231,6 +234,12 @@ def _states(clip: Clip) -> Draw:
         return figure
 
     return draw
+
+
+def _runs(mask: Mask) -> list[tuple[int, int]]:
+    """First element and the one after the last of every run of True in a mask (N,)."""
+    edges = np.flatnonzero(np.diff(np.concatenate([[False], mask, [False]])))
+    return list(zip(edges[::2].tolist(), edges[1::2].tolist(), strict=True))
 
 
 def _path(clip: Clip, nodes: Array) -> Draw:
@@ -244,13 +253,16 @@ def _path(clip: Clip, nodes: Array) -> Draw:
             path = path[np.isfinite(path).all(axis=-1)]
             if not len(path):
                 continue
-            shade = 0.25 + 0.6 * number_ / max(count - 1, 1) if count > 1 else 0.6
-            color = (0.0, 0.25 + 0.35 * (1 - shade), 0.35 + 0.45 * shade)
+            style: dict[str, Any] = {"color": light("blue")}
+            style["alpha"] = _FIRST_PASS + (1 - _FIRST_PASS) * (number_ + 1) / count if count > 1 else 1.0
+            name = {0: "first pass", count - 1: "last pass"}.get(number_) if count > 1 else "path of the hips"
             thin = max(1, len(path) // _MAX_POINTS)
-            axes.plot(path[::thin, 0], path[::thin, 1], color=color, linewidth=1.0)
-            axes.plot(*path[0], "o", color=color, markersize=4)
+            axes.plot(path[::thin, 0], path[::thin, 1], linewidth=1.0, label=name, **style)
+            axes.plot(*path[0], "o", markersize=4, label="start" if number_ == count - 1 else None, **style)
         axes.set(xlabel="forward [m]", ylabel="to the left [m]")
         axes.set_aspect("equal", adjustable="datalim")
+        if axes.get_legend_handles_labels()[1]:
+            legend(figure, axes)
         return figure
 
     return draw
