@@ -79,6 +79,7 @@ def _clean_channels(clip: Clip, method: str) -> tuple[Clip, Cleaning]:
     if method == "none" and not gaps.any():
         return clip, Cleaning(gaps, gaps, ("rotations as recorded, not filtered",))
     weights = bone_weights(places, clip.skeleton, clip.passes)
+    del places
     rotations, spikes, note = _clean_rotations(clip, recorded, method, weights.rotations)
     translations, bridged = fill_gaps(clip.translations, clip.times, clip.passes)
     translations, _, _ = _filter(clip, translations, bridged, method, weights.bones)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import stat
 from collections import Counter
 from collections.abc import Iterable, Iterator, Sequence
 from functools import partial
@@ -19,10 +20,15 @@ from kinemimic.pipeline.inspect.file_report import (
     inspect_file,
     unread_report,
 )
-from kinemimic.pipeline.parallel.task_pool import TIMEOUT, Failure, isolated_map
+from kinemimic.pipeline.parallel.task_pool import MEMORY, TIMEOUT, Failure, isolated_map
+from kinemimic.pipeline.readers.base.source import MAX_BYTES
 from kinemimic.pipeline.readers.depth.folder import is_recording
 
 Report = dict[str, Any]
+
+# What a file may take besides TIMEOUT and MEMORY: for a million frames (400 MB of text) 400 s and 5 GB.
+_SECONDS_PER_BYTE = 1e-6
+_MEMORY_PER_BYTE = 12
 
 
 def find_files(paths: Iterable[Path]) -> list[Path]:
@@ -53,7 +59,7 @@ def file_reports(
     jobs: number of worker processes; unit, rate: those of all files, as in `recognise.read`.
     """
     work = partial(file_report, unit=unit, rate=rate)
-    for index, result in isolated_map(work, files, workers=jobs, timeout=_time_limit(files)):
+    for index, result in isolated_map(work, files, workers=jobs, **_limits(files)):
         yield unread_report(files[index], REFUSED, result.reason) if isinstance(result, Failure) else result
 
 
@@ -64,7 +70,7 @@ def file_sections(
     from kinemimic.pipeline.inspect.curves import section  # noqa: PLC0415 (see `file_section`)
 
     work = partial(file_section, unit=unit, rate=rate)
-    for index, result in isolated_map(work, files, workers=jobs, timeout=_time_limit(files)):
+    for index, result in isolated_map(work, files, workers=jobs, **_limits(files)):
         file = files[index]
         if isinstance(result, Failure):
             yield file, section(InspectedFile(unread_report(file, REFUSED, result.reason)))
@@ -80,9 +86,25 @@ def file_section(path: Path, *, unit: str | None = None, rate: float | None = No
     return section(inspect_file(path, unit=unit, rate=rate))
 
 
-def _time_limit(files: Sequence[Path]) -> float:
-    """Seconds allowed per file: a depth recording is a folder of thousands of images."""
-    return 10.0 * TIMEOUT if any(file.is_dir() for file in files) else TIMEOUT
+def _limits(files: Sequence[Path]) -> dict[str, Any]:
+    """Seconds and bytes allowed per file, for those of the largest.
+
+    A depth recording is a folder of thousands of images. A long text needs several times its size in memory.
+    """
+    largest = max((_size(file) for file in files), default=0)
+    seconds = TIMEOUT + _SECONDS_PER_BYTE * largest
+    if any(file.is_dir() for file in files):
+        seconds = max(seconds, 10.0 * TIMEOUT)
+    return {"timeout": seconds, "memory": MEMORY + _MEMORY_PER_BYTE * largest}
+
+
+def _size(file: Path) -> int:
+    """Bytes of a regular file that is not larger than any capture; else 0."""
+    try:
+        found = file.stat()
+    except OSError:
+        return 0
+    return found.st_size if stat.S_ISREG(found.st_mode) and found.st_size <= MAX_BYTES else 0
 
 
 def mark_sidecar_files(reports: Iterable[Report]) -> list[Report]:

@@ -13,6 +13,9 @@ from kinemimic.pipeline.arrays import Array
 from kinemimic.pipeline.kinematics.rotations import IDENTITY, multiply, rotate
 from kinemimic.pipeline.kinematics.skeleton import Skeleton
 
+# Frames per block: a block's data stay in the processor's cache, and its intermediate arrays are small.
+_BLOCK = 2048
+
 
 @dataclass(frozen=True)
 class Label:
@@ -131,10 +134,13 @@ def forward_kinematics(skeleton: Skeleton, translations: Array, rotations: Array
     translations: (T, J, 3) in the parent's frame, the root's in the world; rotations: (T, J, 4).
     """
     positions, world = np.empty_like(translations), np.empty_like(rotations)
-    for joint, parent in enumerate(skeleton.parents):
-        if parent < 0:
-            positions[:, joint], world[:, joint] = translations[:, joint], rotations[:, joint]
-        else:
-            positions[:, joint] = positions[:, parent] + rotate(world[:, parent], translations[:, joint])
-            world[:, joint] = multiply(world[:, parent], rotations[:, joint])
+    for start in range(0, max(len(translations), 1), _BLOCK):
+        rows = slice(start, start + _BLOCK)
+        local, turns, places, frames = translations[rows], rotations[rows], positions[rows], world[rows]
+        for joint, parent in enumerate(skeleton.parents):
+            if parent < 0:
+                places[:, joint], frames[:, joint] = local[:, joint], turns[:, joint]
+            else:
+                places[:, joint] = places[:, parent] + rotate(frames[:, parent], local[:, joint])
+                frames[:, joint] = multiply(frames[:, parent], turns[:, joint])
     return positions, world

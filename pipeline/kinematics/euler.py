@@ -57,9 +57,13 @@ def world_positions(
     translations: (T, J, 3), the root's (joint 0) in the file's world; rotations: (T, J, 4) from
     `rotations_of_channels`.
     """
-    moved = translations.copy()
-    moved[:, 0] = rotate(world_from_file, moved[:, 0])
-    return forward_kinematics(skeleton, moved, rotations)[0]
+    positions = np.empty_like(translations)
+    for start in range(0, len(translations), _BLOCK):
+        rows = slice(start, start + _BLOCK)
+        moved = translations[rows].copy()
+        moved[:, 0] = rotate(world_from_file, moved[:, 0])
+        positions[rows] = forward_kinematics(skeleton, moved, rotations[rows])[0]
+    return positions
 
 
 def positions_of_channels(

@@ -14,7 +14,8 @@ from typing import Any
 import pytest
 
 from kinemimic.pipeline.cli.main import main
-from kinemimic.pipeline.inspect.batch import find_files, folder_summaries, mark_sidecar_files
+from kinemimic.pipeline.inspect import batch
+from kinemimic.pipeline.inspect.batch import file_reports, find_files, folder_summaries, mark_sidecar_files
 from kinemimic.pipeline.inspect.file_report import file_report, unread_report
 from kinemimic.pipeline.readers.recognise import formats
 
@@ -233,3 +234,29 @@ if __name__ == "__main__":
     assert "one.skl" in out
     # The fourth file's result may still have been on its way from the process that already hung in the fifth.
     assert err.strip() in {f"kinemimic: interrupted after {done} of 5 files" for done in (3, 4)}
+
+
+def test_time_allowed_for_a_file_grows_with_its_size(
+    walking: Writer, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    capture = walking("long.skl", 600)
+    monkeypatch.setattr(batch, "TIMEOUT", 1e-3)  # no worker starts that fast
+    monkeypatch.setattr(batch, "_SECONDS_PER_BYTE", 0.0)
+    (short,) = file_reports([capture], jobs=1)
+    assert short["status"] == "refused" and "timed out" in short["reason"]
+    monkeypatch.setattr(batch, "_SECONDS_PER_BYTE", 60.0 / capture.stat().st_size)
+    (enough,) = file_reports([capture], jobs=1)
+    assert enough["frames"] == 600
+
+
+def test_memory_allowed_for_a_file_grows_with_its_size(
+    walking: Writer, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    capture = walking("long.skl", 600)
+    monkeypatch.setattr(batch, "MEMORY", 2**20)  # less than the process has before it reads
+    monkeypatch.setattr(batch, "_MEMORY_PER_BYTE", 0)
+    (short,) = file_reports([capture], jobs=1)
+    assert short["status"] == "refused"
+    monkeypatch.setattr(batch, "_MEMORY_PER_BYTE", 4 * 2**30 // capture.stat().st_size)
+    (enough,) = file_reports([capture], jobs=1)
+    assert enough["frames"] == 600

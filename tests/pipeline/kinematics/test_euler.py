@@ -43,3 +43,18 @@ def test_rotations_are_sign_continuous_where_a_channel_wraps(order: str) -> None
     euler[:, 1, 0] = np.mod(turn + np.pi, 2.0 * np.pi) - np.pi
     q = rotations_of_channels(euler, (order, order), IDENTITY)
     assert (np.sum(q[1:] * q[:-1], axis=-1) > 0.99).all()
+
+
+def test_positions_do_not_depend_on_the_block_that_a_frame_is_in() -> None:
+    rng = np.random.default_rng(5)
+    frames = 5000  # three blocks
+    skeleton = Skeleton(("a", "b", "c"), (-1, 0, 1), np.zeros((3, 3)))
+    moved, turned = rng.normal(size=(frames, 3, 3)), normalize(rng.normal(size=(frames, 3, 4)))
+    turn = normalize(rng.normal(size=4))
+    whole = world_positions(skeleton, moved, turned, turn)
+    for frame in (0, 1023, 1024, 2048, 4999):
+        one = slice(frame, frame + 1)
+        np.testing.assert_array_equal(
+            whole[one], world_positions(skeleton, moved[one], turned[one], turn), strict=True
+        )
+    assert world_positions(skeleton, moved[:0], turned[:0], turn).shape == (0, 3, 3)
