@@ -202,8 +202,11 @@ def _curves(strides: list[Stride], phase: Array, angles: Array) -> Array:
             own = np.mod(at + 0.5 * foot, 1.0)
             own += np.ceil(stride.start - 1e-9 - own)
             inside = own <= stride.end + 1e-9
+            # Only the frames around the stride: with all, the time would grow with the square of the strides.
+            first, last = np.searchsorted(phase, (stride.start - 1.0, stride.end + 1.0))
+            near = slice(max(first - 1, 0), last + 1)
             for k in range(count):
-                out[number, foot, k, inside] = np.interp(own[inside], phase, angles[:, foot, k])
+                out[number, foot, k, inside] = np.interp(own[inside], phase[near], angles[near, foot, k])
     return out
 
 
