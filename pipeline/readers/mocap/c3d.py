@@ -22,7 +22,7 @@ from kinemimic.pipeline.readers.base.format import Format
 from kinemimic.pipeline.readers.base.frame_defects import MAX_COORDINATE, zero_frames
 from kinemimic.pipeline.readers.base.source import Source
 from kinemimic.pipeline.readers.kinect.treadmill import NODE_OF_LABEL, angles_of_recorder, true_rate
-from kinemimic.pipeline.readers.mocap.c3d_layout import check_layout, has_signature
+from kinemimic.pipeline.readers.mocap.c3d_layout import BLOCK, check_layout, frames_with_room, has_signature
 from kinemimic.pipeline.readers.mocap.c3d_points import read_points
 from kinemimic.pipeline.readers.mocap.declared_unit import in_metres
 from kinemimic.pipeline.readers.mocap.marker_names import landmarks
@@ -61,6 +61,7 @@ def read(source: Source) -> Clip:
     check_layout(source)
     content = read_points(source)
     labels, rate, points = content.labels, content.rate, content.positions
+    unread = unread_frames(source, len(points))
     is_kinect = all(label in labels for label in NODE_OF_LABEL)
     selected_labels = tuple(NODE_OF_LABEL) if is_kinect else _body_labels(labels)
     selected_points = points[:, [labels.index(label) for label in selected_labels]]
@@ -84,7 +85,7 @@ def read(source: Source) -> Clip:
             reading=reading(
                 units=unit,
                 units_rule=rule,
-                defects=[*wrong, *zero_frames(selected_points)],
+                defects=[*unread, *wrong, *zero_frames(selected_points)],
                 **facts,
                 **assumed,
             ),
@@ -100,11 +101,26 @@ def read(source: Source) -> Clip:
         selected_points,
         format=FORMAT,
         reading=reading(
-            units=unit, units_rule=rule, defects=[*wrong, *zero_frames(selected_points)], notes=notes, **facts
+            units=unit,
+            units_rule=rule,
+            defects=[*unread, *wrong, *zero_frames(selected_points)],
+            notes=notes,
+            **facts,
         ),
         world_from_file=_UP.get(up, IDENTITY),
         source=source,
     )
+
+
+def unread_frames(source: Source, read: int) -> list[Defect]:
+    """A defect if the file has more frames than its header can count, and only these were read."""
+    room = frames_with_room(source)
+    if room is None or room <= read + BLOCK:  # the last frame is padded to a whole block
+        return []
+    text = (
+        f"the header counts {read} frames, the most it can; the file has room for {room}: the rest is unread"
+    )
+    return [Defect("dropped_frames", room - read, "frames", "flagged", text)]
 
 
 def _body_labels(labels: tuple[str, ...]) -> tuple[str, ...]:

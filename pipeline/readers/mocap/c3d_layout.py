@@ -47,7 +47,18 @@ def check_layout(source: Source) -> None:
     _check_frames(source, _PROCESSORS[processor], decodes_floats=processor != _DEC)
 
 
-def _check_frames(source: Source, order: str, *, decodes_floats: bool) -> None:
+def frames_with_room(source: Source) -> int | None:
+    """Number of frames for which a file of `check_layout` has room, if its header counts as many as it can.
+
+    The header's count has 16 bits. None if the count is smaller, and therefore right.
+    """
+    processor = source.content[(source.content[0] - 1) * BLOCK + 3]
+    available, first, last, _ = _frames(source, _PROCESSORS[processor], decodes_floats=processor != _DEC)
+    return available if last - first + 1 >= _MAX_FRAMES_OF_HEADER else None
+
+
+def _frames(source: Source, order: str, *, decodes_floats: bool) -> tuple[int, int, int, int]:
+    """Room for frames in the file; first, last frame and number of points, as in the header."""
     points, analog, first, last = struct.unpack_from(order + "4H", source.content, 2)
     (block,) = struct.unpack_from(order + "H", source.content, 16)
     (scale,) = struct.unpack_from(order + "f", source.content, 12)
@@ -64,7 +75,12 @@ def _check_frames(source: Source, order: str, *, decodes_floats: bool) -> None:
             found="the end of the file",
             advice="the file is cut off",
         )
-    available, declared = (len(source.content) - data) // frame, last - first + 1
+    return (len(source.content) - data) // frame, first, last, points
+
+
+def _check_frames(source: Source, order: str, *, decodes_floats: bool) -> None:
+    available, first, last, points = _frames(source, order, decodes_floats=decodes_floats)
+    declared = last - first + 1
     if available < declared:
         at_least = "at least " if last == _MAX_FRAMES_OF_HEADER else ""
         raise source.error(

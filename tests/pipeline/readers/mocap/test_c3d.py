@@ -20,6 +20,7 @@ from kinemimic.pipeline.kinematics.nodes import to_nodes
 from kinemimic.pipeline.kinematics.skeleton import NODE_INDEX, NODES
 from kinemimic.pipeline.readers import recognise
 from kinemimic.pipeline.readers.base.source import Source
+from kinemimic.pipeline.readers.mocap import c3d
 
 MARKERS = files(30)["walk.c3d"]
 
@@ -175,3 +176,13 @@ def test_the_other_take_of_the_treadmill(captures: Path) -> None:
     clip = recognise.read(captures / "kinect1_treadmill_c3d" / "skeleton_3d_19h49m16.c3d")
     assert len(clip.times) == 391
     assert clip.provenance["reading"]["assumed_rate"]["declared"] == 50.0
+
+
+def test_frames_beyond_what_the_header_counts_are_reported() -> None:
+    points = np.zeros((70_000, 1, 3))
+    long = Source(Path("long.c3d"), written(["A"], points, rate=RATE), "")
+    (defect,) = c3d.unread_frames(long, 65535)
+    assert (defect.rule, defect.action) == ("dropped_frames", "flagged")
+    assert abs(defect.count - (70_000 - 65535)) < 512 / 16  # the last block is padded
+    assert c3d.unread_frames(long, 70_000) == []
+    assert c3d.unread_frames(Source(Path("walk.c3d"), MARKERS, ""), 30) == []
