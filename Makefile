@@ -29,6 +29,11 @@ NATIVE_FILES := $(wildcard $(addprefix train/native/,*.cpp *.hpp *.py pyproject.
 help: ## Show this list
 	@sed -n 's/^\([a-z-]*\):.*## /\1\t/p' $(MAKEFILE_LIST) | expand -t 14
 
+# $(call watched,WHAT,COMMAND): a line every 15 s while the command is silent, which pip and a compiler can be for
+# minutes. The sleep must not hold the output open after the end.
+watched = (while sleep 15 > /dev/null 2>&1; do echo "make: $(1) ..."; done) & beat=$$!; \
+	trap 'kill $$beat 2> /dev/null' EXIT; trap 'kill $$beat; exit 130' INT TERM; $(2)
+
 setup: $(STAMP) $(NATIVE) ## Build or update .venv, and the native engine
 
 # torch is installed first and alone, from PyTorch's index of CPU builds where that answers: the builds for GPUs take
@@ -39,23 +44,23 @@ $(STAMP): pyproject.toml constraints.txt
 	$(if $(shell $(PYTHON) -c 'import sys; print((3, 11) <= sys.version_info < (3, 14) or "")' 2>&1 | grep True),,\
 	  $(error kinemimic needs Python 3.11, 3.12 or 3.13 with its venv module, but $(PYTHON) is not that: install it, or select one with PYTHON=))
 	$(PYTHON) -m venv $(VENV)
-	@if [ -n "$(TORCH_INDEX)" ] && $(BIN)/python -c "import urllib.request as r; r.urlopen('$(TORCH_INDEX)/torch/', timeout=5)" 2>/dev/null \
+	@$(call watched,installing PyTorch,if [ -n "$(TORCH_INDEX)" ] && $(BIN)/python -c "import urllib.request as r; r.urlopen('$(TORCH_INDEX)/torch/', timeout=5)" 2>/dev/null \
 	  && $(BIN)/python -m pip install --quiet -c constraints.txt --index-url "$(TORCH_INDEX)" $(TORCH); \
 	then echo "torch: the CPU build of $(TORCH_INDEX)"; \
-	else $(BIN)/python -m pip install --quiet -c constraints.txt $(TORCH) && echo "torch: from the index that pip is configured for"; fi
+	else $(BIN)/python -m pip install --quiet -c constraints.txt $(TORCH) && echo "torch: from the index that pip is configured for"; fi)
 	$(BIN)/python -m pip install --quiet -c constraints.txt setuptools
-	$(BIN)/python -m pip install --quiet -c constraints.txt --no-build-isolation --config-settings editable_mode=strict -e '.[dev]'
+	@$(call watched,installing kinemimic and its packages,set -x; $(BIN)/python -m pip install --quiet -c constraints.txt --no-build-isolation --config-settings editable_mode=strict -e '.[dev]')
 	@rm -f $(VENV)/installed-*
 	@touch $@
 
 # If the build fails, one line says why; without a stamp, the next `make setup` tries again.
 $(NATIVE): $(NATIVE_FILES) constraints.txt | $(STAMP)
 	@rm -f $(VENV)/native-*
-	$(BIN)/python train/native/install.py $(BULLET) $@
+	@$(call watched,compiling the native engine,set -x; $(BIN)/python train/native/install.py $(BULLET) $@)
 
 # Only `make docs` and `make docs-test` need the packages that build the pages.
 $(VENV)/docs-installed: pyproject.toml constraints.txt | $(STAMP)
-	$(BIN)/python -m pip install --quiet -c constraints.txt --no-build-isolation --config-settings editable_mode=strict -e '.[docs]'
+	@$(call watched,installing the packages of the documentation,set -x; $(BIN)/python -m pip install --quiet -c constraints.txt --no-build-isolation --config-settings editable_mode=strict -e '.[docs]')
 	@touch $@
 
 run: setup ## Run every stage on CAPTURE= (default: the virtual Kinect) into RUN=
