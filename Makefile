@@ -49,18 +49,18 @@ $(STAMP): pyproject.toml constraints.txt
 	then echo "torch: the CPU build of $(TORCH_INDEX)"; \
 	else $(BIN)/python -m pip install --quiet -c constraints.txt $(TORCH) && echo "torch: from the index that pip is configured for"; fi)
 	$(BIN)/python -m pip install --quiet -c constraints.txt setuptools
-	@$(call watched,installing kinemimic and its packages,set -x; $(BIN)/python -m pip install --quiet -c constraints.txt --no-build-isolation --config-settings editable_mode=strict -e '.[dev]')
+	@$(call watched,installing kinemimic and its packages,(set -x; $(BIN)/python -m pip install --quiet -c constraints.txt --no-build-isolation --config-settings editable_mode=strict -e '.[dev]'))
 	@rm -f $(VENV)/installed-*
 	@touch $@
 
 # If the build fails, one line says why; without a stamp, the next `make setup` tries again.
 $(NATIVE): $(NATIVE_FILES) constraints.txt | $(STAMP)
 	@rm -f $(VENV)/native-*
-	@$(call watched,compiling the native engine,set -x; $(BIN)/python train/native/install.py $(BULLET) $@)
+	@$(call watched,compiling the native engine,(set -x; $(BIN)/python train/native/install.py $(BULLET) $@))
 
 # Only `make docs` and `make docs-test` need the packages that build the pages.
 $(VENV)/docs-installed: pyproject.toml constraints.txt | $(STAMP)
-	@$(call watched,installing the packages of the documentation,set -x; $(BIN)/python -m pip install --quiet -c constraints.txt --no-build-isolation --config-settings editable_mode=strict -e '.[docs]')
+	@$(call watched,installing the packages of the documentation,(set -x; $(BIN)/python -m pip install --quiet -c constraints.txt --no-build-isolation --config-settings editable_mode=strict -e '.[docs]'))
 	@touch $@
 
 run: setup ## Run every stage on CAPTURE= (default: the virtual Kinect) into RUN=
