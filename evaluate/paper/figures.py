@@ -94,7 +94,7 @@ def disturbances(contests: Sequence[Row], panels: Sequence[tuple[str, str, Seque
             rows = [by[name, scenario] for name in names]
             onset = rows[0]["onset_s"]["median"]
             if onset is not None:
-                panel.axvline(onset, color="#999", linewidth=0.8, linestyle=(0, (1, 2)))
+                panel.axvline(onset, color=light("axis"), linewidth=0.8, linestyle=(0, (1, 2)))
             panel.set(title=title, xlabel="time [s]", xlim=(0, _last_second(rows)), ylim=(0, 100))
         axes[0].set_ylabel("reward [% of maximum]")
         legend(figure, axes[0])

@@ -92,7 +92,7 @@ def captured(run: Path, motion: Motion | None = None) -> GaitSubject | None:
         ankles = _ankles(node_rotations(clip.positions))
         angles |= {name: ankle + reliable.sole_pitch for name, ankle in ankles.items()}
     else:
-        notes.append("no ankle angles: feet not captured reliably, or `retarget` has not been run")
+        notes.append("no ankle angles: feet not captured reliably, or retarget has not been run")
     knees = _own_knees(run, source)
     if knees is None:
         notes.append("off-axis knee rotation is unknown: the capture holds positions only")

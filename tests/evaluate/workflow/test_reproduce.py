@@ -107,7 +107,9 @@ def _ended_early(run: Path) -> None:
 
 
 def _other_scores(run: Path) -> None:
-    write_json(run / SCORES, {"provenance": {"inputs": {"policy": "another"}}})
+    scores = read_json(run / SCORES)
+    scores["provenance"]["inputs"]["policy"] = "another"
+    write_json(run / SCORES, scores)
 
 
 def _swell(run: Path) -> None:

@@ -11,6 +11,9 @@ from kinemimic.pipeline.errors import KinemimicError
 from kinemimic.retarget.formats.gait_json import read_gait_json
 
 
+RANGES = {f"{joint}_{side}": [0.0, 60.0] for joint in ("knee", "hip") for side in ("left", "right")}
+
+
 def test_a_report_of_schema_1_is_read_with_the_names_of_today(tmp_path: Path) -> None:
     path = tmp_path / "gait.json"
     old = {
@@ -18,6 +21,7 @@ def test_a_report_of_schema_1_is_read_with_the_names_of_today(tmp_path: Path) ->
         "kind": "walk",
         "cyclic": True,
         "warnings": [],
+        "range_deg": RANGES,
         "believed": {"pelvis": False},
         "passes": [{"pass": 0, "strides_followed": True, "ankles_m": 0.5}, {"pass": 1}],
         "ground": {"shift_m": 0.01, "slip_m_s": 0.1},
@@ -29,12 +33,13 @@ def test_a_report_of_schema_1_is_read_with_the_names_of_today(tmp_path: Path) ->
         "kind": "walk",
         "cyclic": True,
         "warnings": [],
+        "range_deg": RANGES,
         "reliability": {"pelvis": False},
         "ground": {"height_shift_m": 0.01, "slip_m_s": 0.1},
         "gate": [{"rule": "slip", "message": "slips"}],
     }
-    common = {"cyclic": True, "warnings": []}
-    path.write_text('{"schema": 1, "kind": "motion", "cyclic": true, "warnings": []}')
+    common = {"cyclic": True, "warnings": [], "range_deg": RANGES}
+    path.write_text(json.dumps({"schema": 1, "kind": "motion"} | common))
     assert read_gait_json(path) == {"schema": 3, "kind": "motion"} | common
     older = {"schema": 2, "kind": "walk", "strides": 6.8, "passes": [{"pass": 0}]} | common
     path.write_text(json.dumps(older))
