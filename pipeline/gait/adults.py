@@ -2,8 +2,8 @@
 
 No adult norm with a licence to ship it was found. These values are therefore computed, not published: 43
 strides, left and right, of the 13 recordings that the CMU Graphics Lab Motion Capture Database
-(mocap.cs.cmu.edu) has of plain walking: subjects 02 (01, 02), 05 (01), 06 (01) and 07 (01 to 03, 06 to 11), as BVH
-at 120 Hz, each through `ingest`, `convert`, `retarget` and `gait`. Each subject counts once: the values are
+(mocap.cs.cmu.edu) has of plain walking: subjects 02 (01, 02), 05 (01), 06 (01) and 07 (01 to 03, 06 to 11),
+as BVH at 120 Hz, each through `ingest`, `convert`, `retarget` and `gait`. Each subject counts once: the values are
 means and standard deviations (n - 1) of the subjects' own means. Subject 05 has no ankles, and its pelvis is
 taken as upright.
 

@@ -10,7 +10,6 @@ import pytest
 from kinemimic.pipeline.errors import KinemimicError
 from kinemimic.retarget.formats.gait_json import read_gait_json
 
-
 RANGES = {f"{joint}_{side}": [0.0, 60.0] for joint in ("knee", "hip") for side in ("left", "right")}
 
 
