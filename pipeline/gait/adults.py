@@ -3,9 +3,9 @@
 No adult norm with a licence to ship it was found. These values are therefore computed, not published: 43
 strides, left and right, of the 13 recordings that the CMU Graphics Lab Motion Capture Database
 (mocap.cs.cmu.edu) has of plain walking: subjects 02 (01, 02), 05 (01), 06 (01) and 07 (01 to 03, 06 to 11),
-as BVH at 120 Hz, each through `ingest`, `convert`, `retarget` and `gait`. Each subject counts once: the values are
-means and standard deviations (n - 1) of the subjects' own means. Subject 05 has no ankles, and its pelvis is
-taken as upright.
+as BVH at 120 Hz, each through `ingest`, `convert`, `retarget` and `gait`. Each subject counts once: the
+values are means and standard deviations (n - 1) of the subjects' own means. Subject 05 has no ankles, and
+its pelvis is taken as upright.
 
 Four people are a comparison, not a norm. On the average of the cycle their knees are 11° and their ankles 10°
 more flexed than those of the children in `normative.py`. The subjects of Bovi et al. 2011, 6 to 72 years old,
