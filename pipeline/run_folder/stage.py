@@ -129,7 +129,10 @@ def _commit(run: Path, record: Record, name: str, entry: Entry, staging: str) ->
     """Announce the staged files in run.json, and move them to their places."""
     _require_places(run, entry.outputs)
     before = hashes(run, entry.outputs)
-    old = set(record.stages[name].outputs) if name in record.stages else set(stage_named(name).writes)
+    # Of a stage that run.json does not know, all files that it can have written; but "view room" writes none
+    # of the files of "view".
+    unknown = stage_named(name).writes if " " not in name else ()
+    old = set(record.stages[name].outputs) if name in record.stages else set(unknown)
     removed = sorted(file for file in old - set(entry.outputs) if (run / file).is_file())
     changed = [file for file, sha in entry.outputs.items() if before[file] not in (None, sha)]
     pending = Pending(

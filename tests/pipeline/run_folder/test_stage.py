@@ -303,6 +303,13 @@ def test_a_process_killed_while_files_are_moved(
     assert not list(run.glob(".staging-*"))
 
 
+def test_a_command_asked_for_something_keeps_the_files_of_the_plain_one(run: Path) -> None:
+    make(run, "view", "all")
+    make(run, "view room", files=("view-room.rrd",))
+    assert (run / "view.rrd").read_text() == "all"
+    assert (run / "view-room.rrd").is_file()
+
+
 def test_writers_are_named() -> None:
     assert writer_of("scores.json") == "evaluate" and writer_of("other.json") is None
     written = [file for one in STAGES for file in one.writes]
