@@ -27,6 +27,7 @@ from kinemimic.evaluate.scoring.report import (
     report,
 )
 from kinemimic.evaluate.scoring.scores import compose
+from kinemimic.evaluate.scoring.tracking_error import FAILURE_DISTANCE, TRACKING_MEASURES
 from kinemimic.evaluate.scoring.verdict import verdict
 from kinemimic.pipeline.cli.html import number
 from kinemimic.pipeline.cli.options import json_option
@@ -157,6 +158,7 @@ def table(scores: dict[str, Any], run: Path) -> RenderableType:
         f"{number(median(root['path_error_m']), 2)} m; largest torque about one axis "
         f"{number(torque['peak'], 0)} of {number(torque['limit'], 0)} N·m ({torque['joint']})",
     ]
+    lines.append(tracking_line(scores["tracking"]))
     below = ["(*) the paper gives no formula"]
     if scores["capture"]["simulated"]:
         lines.insert(0, "SIMULATED CAPTURE (virtual Kinect)")
@@ -183,6 +185,19 @@ def table(scores: dict[str, Any], run: Path) -> RenderableType:
         *(Text(line) for line in lines),
         grid,
         *(Text(line) for line in below),
+    )
+
+
+def tracking_line(tracking: Mapping[str, Any]) -> str:
+    """Success and errors of all joints, as one line of text."""
+    phases = tracking["phases"]
+    medians = [median(phases["all"][name]) for name in TRACKING_MEASURES]
+    overall, local, velocity, acceleration = (number(value, 1) for value in medians)
+    return (
+        f"all joints within {FAILURE_DISTANCE} m on average from {phases['succeeded']} of "
+        f"{phases['of']} phases; "
+        f"MPJPE {overall} mm, root-relative {local} mm; E_vel {velocity} mm/frame, "
+        f"E_acc {acceleration} mm/frame²"
     )
 
 

@@ -17,6 +17,7 @@ from kinemimic.evaluate.scoring.first_screen import errors_before_fall, loop, sh
 from kinemimic.evaluate.scoring.gait_page import gait_values
 from kinemimic.evaluate.scoring.gait_report import gait_report
 from kinemimic.evaluate.scoring.gait_subjects import GaitSubject, captured, strike_phases
+from kinemimic.evaluate.scoring.tracking_error import TRACKING_MEASURES
 from kinemimic.evaluate.scoring.verdict import verdict
 from kinemimic.pipeline.cli.html import number, render
 from kinemimic.pipeline.cli.picture import Draw
@@ -51,6 +52,13 @@ LEVELS: Mapping[str, str] = {"good": "good", "fair": "partial", "poor": "bad", "
 _SIDES = ("left", "right")
 _SPREAD = ("min", "median", "max")
 _SPREAD_MEASURES = ("r2", "r2_upright", "rmse_deg")
+# Of `TRACKING_MEASURES`.
+_TRACKING_LABELS = (
+    "MPJPE, global,\u00a0mm",
+    "MPJPE, root-relative,\u00a0mm",
+    "E_vel,\u00a0mm/frame",
+    "E_acc,\u00a0mm/frame²",
+)
 
 
 @dataclass(frozen=True)
@@ -180,7 +188,20 @@ def _tables(scores: Mapping[str, Any]) -> dict[str, Any]:
         for m in _SPREAD_MEASURES
     ]
     capture, truth = scores["fit_capture"], scores["truth"]
+    runs = [of["tracking"]["phases"] for of in (scores, scores["no_policy"])]
+    errors = [
+        [
+            label,
+            *(
+                number(median((run[part] or {}).get(name)), 1)
+                for run in runs
+                for part in ("all", "successful")
+            ),
+        ]
+        for name, label in zip(TRACKING_MEASURES, _TRACKING_LABELS, strict=True)
+    ]
     return {
+        "tracking": errors,
         "scores": rows,
         "sides": [f"{joint} {side}" for joint in SCORED_JOINTS for side in _SIDES],
         "by_side": [_by_side(measure, fit) for measure in MEASURES],

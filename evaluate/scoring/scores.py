@@ -1,10 +1,10 @@
 """scores.json: metrics of the rollouts, under stable keys.
 
 The headline is the median over all start phases: `survival.frames_median`, and `phases` of `fit`,
-`fit_capture` and `root`. The values beside `phases` come from the rollout from phase 0, which the figures
-show. Rollouts continue after a fall: the reference moves on, and all frames count. On the ground, the joints
-can follow their targets easily, so every fit also has `r2_upright`, which gives no credit after a fall;
-without a fall it equals `r2`. `torque` is the maximum over all rollouts.
+`fit_capture`, `tracking` and `root`. The values beside `phases` come from the rollout from phase 0, which the
+figures show. Rollouts continue after a fall: the reference moves on, and all frames count, except in
+`tracking`. On the ground, the joints can follow their targets easily, so every fit also has `r2_upright`,
+which gives no credit after a fall; without a fall it equals `r2`. `torque` is the maximum over all rollouts.
 """
 
 from __future__ import annotations
@@ -15,6 +15,7 @@ from typing import Any
 import numpy as np
 
 from kinemimic.evaluate.scoring.capture_fit import Capture, Rollout, adjustments, capture_fits, truth_fits
+from kinemimic.evaluate.scoring.tracking_error import tracking
 from kinemimic.pipeline.arrays import Array
 from kinemimic.pipeline.gait.curve_metrics import MEASURES, SCORED_JOINTS, JointFit, joint_fits
 from kinemimic.pipeline.kinematics.angles import ANGLES
@@ -208,9 +209,11 @@ def compose(
         "no_policy": {
             "survival": survival(no_policy),
             "fit": fit(no_policy, frames),
+            "tracking": tracking(no_policy),
             "root": root_path(no_policy),
         },
         "truth": truth,
+        "tracking": tracking(trajectory),
         "root": root_path(trajectory),
         "torque": torque(trajectory),
         "reward": rewards(trajectory, reward),
