@@ -23,7 +23,7 @@ BULLET := $(or $(BULLET),$(patsubst $(VENV)/native-%,%,$(firstword $(wildcard $(
 NATIVE := $(VENV)/native-$(BULLET)
 NATIVE_FILES := $(wildcard $(addprefix train/native/,*.cpp *.hpp *.py pyproject.toml stubs/*/*.pyi))
 
-.PHONY: help setup formats inspect run batch ingest convert retarget train evaluate pushes disturb gait view export policies reproduce compare study comparison overlay data data-check data-push data-pull test test-slow lint type format docs architecture docs-test mutants bench bench-clean bench-truth sensor-accuracy profile wheel install-test clean
+.PHONY: help setup formats inspect run batch library ingest convert retarget train evaluate pushes disturb gait view export policies reproduce compare study comparison overlay data data-check data-push data-pull test test-slow lint type format docs architecture docs-test mutants bench bench-clean bench-truth sensor-accuracy profile wheel install-test clean
 .DEFAULT_GOAL := help
 
 help: ## Show this list
@@ -68,6 +68,9 @@ run: setup ## Run every stage on CAPTURE= (default: the virtual Kinect) into RUN
 
 batch: setup ## Make the motions of all captures in CAPTURE= below RUN=, with a table of what became of each
 	$(KINEMIMIC) batch "$(CAPTURE)" --out "$(RUN)"
+
+library: setup ## Collect the motions of all captures in CAPTURE= in a motion library at RUN=
+	$(KINEMIMIC) library "$(CAPTURE)" --out "$(RUN)"
 
 formats: setup ## List the capture formats that can be read
 	$(KINEMIMIC) formats

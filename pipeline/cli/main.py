@@ -86,6 +86,10 @@ COMMANDS: dict[str, tuple[str, str]] = {
         "kinemimic.evaluate.workflow.batch:command",
         "Make motions of many captures; one table of what became of each.",
     ),
+    "library": (
+        "kinemimic.evaluate.workflow.library:command",
+        "Make one motion library of many captures, split by subject.",
+    ),
 }
 
 BAD_INPUT = 2

@@ -10,37 +10,18 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 import pytest
 from printed.documented import PAGE, documented_keys
 from samples import uiprmd
-from samples.motion import walk
+from samples.recordings import write_damaged, write_walk
 
 from kinemimic.evaluate.workflow.batch import batch, run_folders
 from kinemimic.evaluate.workflow.batch_capture import TO_MOTION, Task, motion_row
 from kinemimic.evaluate.workflow.run import run
 from kinemimic.pipeline.cli.main import main
 from kinemimic.pipeline.files.store import read_json
-from kinemimic.pipeline.kinematics.skeleton import TRACKED
 from kinemimic.pipeline.parallel import task_pool
 from kinemimic.pipeline.parallel.task_pool import Failure
-from kinemimic.pipeline.writers.skl import write_skl
-
-
-def write_walk(path: Path, frames: int = 150) -> Path:
-    """A `.skl` of the known walk."""
-    motion = walk(frames)
-    path.parent.mkdir(parents=True, exist_ok=True)
-    states = np.full(motion.joints.shape[:2], TRACKED, dtype=np.uint8)
-    times = np.round(1000.0 * motion.times).astype(np.int64) + 5000
-    write_skl(path, times, motion.joints, states, np.array([0.0, 1.0, 0.0, 0.9]))
-    return path
-
-
-def write_damaged(path: Path) -> Path:
-    path.parent.mkdir(parents=True, exist_ok=True)
-    path.write_text("HIERARCHY\nROOT hips\n{\n")
-    return path
 
 
 @pytest.fixture
@@ -51,12 +32,6 @@ def recordings(tmp_path: Path) -> Path:
     write_damaged(folder / "more" / "broken.bvh")
     (folder / "notes.md").write_text("# Recorded in May\n")
     return folder
-
-
-@pytest.fixture
-def inline(monkeypatch: pytest.MonkeyPatch) -> None:
-    """In this process, which spares the start of others."""
-    monkeypatch.setattr(task_pool, "isolated_map", lambda work, tasks, **_: enumerate(map(work, tasks)))
 
 
 def by_name(result: dict[str, Any]) -> dict[str, dict[str, Any]]:

@@ -1,0 +1,184 @@
+"""`kinemimic library`: one set of arrays with the motions of many captures, split by subject."""
+
+from __future__ import annotations
+
+import json
+import os
+import re
+from collections import Counter
+from collections.abc import Collection, Mapping, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from kinemimic.evaluate.workflow.batch import STAGE_OPTIONS, TIMEOUT, batch
+from kinemimic.evaluate.workflow.run import passed_on, stage_options
+from kinemimic.pipeline.cli.options import json_option
+from kinemimic.pipeline.cli.terminal import show
+from kinemimic.pipeline.errors import KinemimicError
+from kinemimic.pipeline.files.provenance import provenance
+
+if TYPE_CHECKING:
+    from kinemimic.retarget.library.motion_library import Entry
+
+SUBJECT = r"[^_]+"
+
+
+def library(
+    sources: Sequence[Path],
+    out: Path,
+    *,
+    subject: str = SUBJECT,
+    test: Collection[str] = (),
+    options: Mapping[str, Mapping[str, Any]] | None = None,
+    jobs: int = 1,
+    timeout: float = TIMEOUT,
+) -> dict[str, Any]:
+    """Make the motions of all captures at `sources` and collect the accepted ones in a library at `out`.
+
+    subject: regular expression of the person in a file's name without ending, from its beginning: the first
+    group, or all that matches; test: subjects that are left out of the split "train"; sources, options, jobs,
+    timeout: as for `batch`, which writes its run folders below out/runs. Returns the content of library.json.
+    KinemimicError without an accepted motion, for a name that does not match, and for an unknown subject.
+    """
+    # Import cost: these load the stages.
+    from kinemimic.evaluate.workflow.batch_capture import ACCEPTED  # noqa: PLC0415
+    from kinemimic.retarget.formats.motion_json import read_motion_json  # noqa: PLC0415
+    from kinemimic.retarget.library.library_file import write_library  # noqa: PLC0415
+    from kinemimic.retarget.library.motion_library import MotionLibrary  # noqa: PLC0415
+
+    pattern = _pattern(subject)
+    runs = out / "runs"
+    rows = batch(sources, runs, options=options, jobs=jobs, timeout=timeout)["captures"]
+    if not rows:
+        raise KinemimicError(f"{sources[0]}: expected captures, found none")
+    subjects = {row["file"]: _subject(pattern, Path(row["file"])) for row in rows}
+    if unknown := set(test) - set(subjects.values()):
+        known = ", ".join(sorted(set(subjects.values())))
+        raise KinemimicError(f"--test: expected subjects of the captures ({known}), found {min(unknown)!r}")
+    accepted = [row for row in rows if row["status"] == ACCEPTED]
+    if not accepted:
+        raise KinemimicError(
+            f"{out}: expected at least one accepted motion, found {len(rows)} captures "
+            f"without one; {runs / 'batch.csv'} has the reasons"
+        )
+    motions = [read_motion_json(Path(row["folder"]) / "motion.json") for row in accepted]
+    entries: list[Entry] = [
+        _entry(row, motion, subjects[row["file"]], runs, test)
+        for row, motion in zip(accepted, motions, strict=True)
+    ]
+    described = {
+        "subject": subject,
+        "splits": {
+            split: {
+                "subjects": sorted({entry.subject for entry in entries if entry.split == split}),
+                "motions": dict(Counter(entry.kind for entry in entries if entry.split == split)),
+            }
+            for split in ("train", "test")
+        },
+        "refused": {row["file"]: row["reason"] for row in rows if row["status"] != ACCEPTED},
+        "motions": [
+            {"file": row["file"], "sha256": row["sha256"], "motion": motion.identity}
+            for row, motion in zip(accepted, motions, strict=True)
+        ],
+        "provenance": provenance(
+            "library",
+            inputs={row["file"]: row["sha256"] for row in accepted if row["sha256"]},
+            config={"subject": subject, "test": sorted(test), **(options or {})},
+        ),
+    }
+    return write_library(out, MotionLibrary.of(motions, entries), described)
+
+
+def _pattern(subject: str) -> re.Pattern[str]:
+    try:
+        return re.compile(subject)
+    except re.error as error:
+        raise KinemimicError(
+            f"--subject: expected a regular expression, found {subject!r}: {error}"
+        ) from None
+
+
+def _subject(pattern: re.Pattern[str], file: Path) -> str:
+    found = pattern.match(file.stem)
+    if found is None or not (name := found[1] if pattern.groups else found[0]):
+        raise KinemimicError(
+            f"--subject: expected a regular expression that finds a person in every file's name, found none "
+            f"in {file.name!r}"
+        )
+    return name
+
+
+def _entry(row: Mapping[str, Any], motion: Any, subject: str, runs: Path, test: Collection[str]) -> Entry:
+    from kinemimic.retarget.library.motion_library import Entry  # noqa: PLC0415 (import cost)
+
+    x, y, z = (float(value) for value in motion.cycle_offset)
+    return Entry(
+        # The run folder, since it has the capture's path below what all sources share.
+        name=os.path.relpath(row["folder"], runs),
+        subject=subject,
+        kind=row["kind"],
+        split="test" if subject in test else "train",
+        rate=float(motion.rate),
+        frames=len(motion.root),
+        cyclic=bool(motion.cyclic),
+        cycle_offset=(x, y, z),
+        simulated=motion.simulated,
+    )
+
+
+@click.command("library")
+@click.argument("sources", nargs=-1, required=True, metavar="SOURCE...",
+                type=click.Path(path_type=Path))  # fmt: skip
+@click.option("--out", type=click.Path(path_type=Path, file_okay=False), required=True,
+              help="Folder of the library; its run folders are in OUT/runs.")  # fmt: skip
+@click.option("--subject", metavar="REGEX", default=SUBJECT, show_default=True,
+              help="The person in a file's name, from its beginning: the first group, "
+                   "or all that matches.")  # fmt: skip
+@click.option("--test", metavar="SUBJECT", multiple=True,
+              help="Put this person's motions in the split “test”; may be repeated.")  # fmt: skip
+@click.option("-j", "--jobs", type=click.IntRange(min=1),
+              help="Captures processed in parallel; default: one per core.")  # fmt: skip
+@click.option("--timeout", type=click.FloatRange(min=0, min_open=True), default=TIMEOUT, show_default=True,
+              help="Seconds allowed for one capture.")  # fmt: skip
+@json_option("Print library.json.")
+def command(
+    sources: tuple[Path, ...],
+    out: Path,
+    subject: str,
+    test: tuple[str, ...],
+    jobs: int | None,
+    timeout: float,
+    as_json: bool,
+    **options: Any,
+) -> None:
+    """Make one motion library of every capture at SOURCE (files, and folders with all their subfolders).
+
+    Every capture goes through ingest, convert and retarget as with `batch`. The library holds the motions
+    that `train` accepts, as library.json and library.safetensors. It is split by subject: no person is in
+    both parts.
+
+    \b
+      kinemimic library recordings/ --out runs/library --test 07 --test 09
+      kinemimic library walks/ --out runs/library --subject '(Person\\d+)_'
+    """
+    manifest = library(
+        sources,
+        out,
+        subject=subject,
+        test=test,
+        options=stage_options(STAGE_OPTIONS, options),
+        jobs=jobs or len(os.sched_getaffinity(0)),
+        timeout=timeout,
+    )
+    if as_json:
+        click.echo(json.dumps(manifest, indent=2))
+        return
+    from kinemimic.evaluate.workflow.library_table import tables  # noqa: PLC0415 (import cost)
+
+    show(*tables(manifest))
+    click.echo(f"\nlibrary: {out / 'library.json'}, {out / 'library.safetensors'}")
+
+
+command.params[-1:-1] = passed_on(STAGE_OPTIONS)

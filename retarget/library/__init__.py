@@ -1,0 +1,1 @@
+"""Many motions as one set of arrays."""

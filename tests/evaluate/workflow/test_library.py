@@ -1,0 +1,108 @@
+"""kinemimic library: captures in, one set of arrays out, split by subject."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import pytest
+from printed.documented import documented_keys
+from samples.recordings import write_damaged, write_walk
+
+from kinemimic.evaluate.workflow.library import library
+from kinemimic.pipeline.cli.main import main
+from kinemimic.pipeline.errors import KinemimicError
+from kinemimic.retarget.formats.motion_json import read_motion_json
+from kinemimic.retarget.library.library_file import ARRAYS, MANIFEST, read_library
+
+
+@pytest.fixture(scope="module")
+def recordings(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Two walks of one person, one of another, and a damaged capture."""
+    folder = tmp_path_factory.mktemp("recordings")
+    for name, frames in (("ann_1", 150), ("ann_2", 180), ("bob_1", 150)):
+        write_walk(folder / f"{name}.skl", frames)
+    write_damaged(folder / "bob_2.bvh")
+    return folder
+
+
+@pytest.fixture
+def made(recordings: Path, tmp_path: Path, inline: None) -> Path:
+    library([recordings], tmp_path / "library", test=["bob"])
+    return tmp_path / "library"
+
+
+def test_accepted_motions_are_in_the_library(made: Path) -> None:
+    found = read_library(made)
+    assert [(entry.name, entry.subject, entry.split) for entry in found.entries] == [
+        ("ann_1.skl", "ann", "train"),
+        ("ann_2.skl", "ann", "train"),
+        ("bob_1.skl", "bob", "test"),
+    ]
+    for index, entry in enumerate(found.entries):
+        motion = read_motion_json(made / "runs" / entry.name / "motion.json")
+        assert found.motion(index).identity == motion.identity
+        assert (entry.kind, entry.cyclic) == ("walk", True)
+
+
+def test_the_manifest_says_what_went_in_and_what_was_refused(made: Path, recordings: Path) -> None:
+    manifest = json.loads((made / MANIFEST).read_text())
+    assert manifest["splits"] == {
+        "train": {"subjects": ["ann"], "motions": {"walk": 2}},
+        "test": {"subjects": ["bob"], "motions": {"walk": 1}},
+    }
+    assert list(manifest["refused"]) == [str(recordings / "bob_2.bvh")]
+    assert manifest["motions"][0]["file"] == str(recordings / "ann_1.skl")
+    assert documented_keys("library.json") == set(manifest)
+
+
+def test_the_same_captures_give_the_same_bytes(made: Path, recordings: Path) -> None:
+    before = {name: (made / name).read_bytes() for name in (MANIFEST, ARRAYS)}
+    library([recordings], made, test=["bob"])
+    assert {name: (made / name).read_bytes() for name in before} == before
+
+
+def _failure(capsys: pytest.CaptureFixture[str], *arguments: object) -> str:
+    with pytest.raises(SystemExit) as exit_:
+        main(["library", *map(str, arguments)])
+    assert exit_.value.code == 2
+    return capsys.readouterr().err
+
+
+def test_the_command_prints_a_line_for_each_subject(recordings, tmp_path, inline, capsys) -> None:
+    out = tmp_path / "library"
+    with pytest.raises(SystemExit) as exit_:
+        main(["library", str(recordings), "--out", str(out), "--subject", "(.*)_1|.*"])
+    assert exit_.value.code == 2  # ann_2 matches without the group
+    capsys.readouterr()
+    main_arguments = ["library", str(recordings), "--out", str(out), "--test", "ann", "-j", "1"]
+    with pytest.raises(SystemExit) as exit_:
+        main(main_arguments)
+    assert exit_.value.code == 0
+    text = capsys.readouterr().out
+    assert [line.split()[:4] for line in text.splitlines()[1:3]] == [
+        ["ann", "test", "2", "2"],
+        ["bob", "train", "1", "1"],
+    ]
+    assert "bob_2.bvh: " in text
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        (["--test", "eve"], "expected subjects of the captures (ann, bob), found 'eve'"),
+        (["--subject", "("], "expected a regular expression, found '('"),
+        (["--subject", r"\d+"], "finds a person in every file's name, found none in"),
+    ],
+)
+def test_a_wrong_option_writes_no_library(recordings, tmp_path, inline, capsys, options, message) -> None:
+    assert message in _failure(capsys, recordings, "--out", tmp_path / "library", *options)
+    assert not (tmp_path / "library" / MANIFEST).exists()
+
+
+def test_without_an_accepted_motion_there_is_no_library(tmp_path: Path, inline: None) -> None:
+    capture = write_damaged(tmp_path / "recordings" / "ann.bvh")
+    with pytest.raises(KinemimicError, match="expected at least one accepted motion, found 1 capture"):
+        library([capture.parent], tmp_path / "library")
+    with pytest.raises(KinemimicError, match="expected captures, found none"):
+        library([tmp_path / "library"], tmp_path / "other")
