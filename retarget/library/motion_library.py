@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from kinemimic.pipeline.arrays import Array
 from kinemimic.pipeline.kinematics.rotations import normalize
 from kinemimic.pipeline.kinematics.skeleton import NODES
+from kinemimic.pipeline.quality.rules.defect import plural
 from kinemimic.retarget.humanoid.body import node_offsets
 from kinemimic.retarget.humanoid.motion import Motion
 
@@ -87,10 +88,9 @@ class MotionLibrary:
 
     def __repr__(self) -> str:
         """A line instead of the arrays."""
-        return (
-            f"MotionLibrary({len(self)} motions of {len(self.subjects())} subjects, "
-            f"{sum(entry.duration for entry in self.entries):.0f} s)"
-        )
+        seconds = sum(entry.duration for entry in self.entries)
+        motions, subjects = plural(len(self), "motion"), plural(len(self.subjects()), "subject")
+        return f"MotionLibrary({motions} of {subjects}, {seconds:.0f} s)"
 
     def subjects(self, split: Split | None = None) -> set[str]:
         """The subjects of a split, by default all."""

@@ -11,9 +11,9 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from peers.recordings import write_damaged, write_walk
 from printed.documented import PAGE, documented_keys
 from samples import uiprmd
-from samples.recordings import write_damaged, write_walk
 
 from kinemimic.evaluate.workflow.batch import batch, run_folders
 from kinemimic.evaluate.workflow.batch_capture import TO_MOTION, Task, motion_row

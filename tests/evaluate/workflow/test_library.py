@@ -6,8 +6,8 @@ import json
 from pathlib import Path
 
 import pytest
+from peers.recordings import write_damaged, write_walk
 from printed.documented import documented_keys
-from samples.recordings import write_damaged, write_walk
 
 from kinemimic.evaluate.workflow.library import library
 from kinemimic.pipeline.cli.main import main

@@ -5,10 +5,10 @@ from __future__ import annotations
 from pathlib import Path
 
 import numpy as np
+from samples.motion import walk
 
 from kinemimic.pipeline.kinematics.skeleton import TRACKED
 from kinemimic.pipeline.writers.skl import write_skl
-from samples.motion import walk
 
 
 def write_walk(path: Path, frames: int = 150) -> Path:
