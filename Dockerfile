@@ -14,8 +14,8 @@ RUN pip install --no-cache-dir --constraint /tmp/kinemimic/constraints.txt \
         --extra-index-url https://download.pytorch.org/whl/cpu /tmp/kinemimic/*.whl \
     && rm -r /tmp/kinemimic \
     && useradd --create-home --uid 1000 kinemimic \
-    && install --directory --owner=kinemimic /work
+    && install --directory --owner=kinemimic /data
 USER 1000
-WORKDIR /work
+WORKDIR /data
 ENTRYPOINT ["kinemimic"]
 CMD ["--help"]

@@ -16,7 +16,6 @@ import numpy as np
 
 from kinemimic.pipeline.arrays import Array
 from kinemimic.pipeline.errors import KinemimicError
-from kinemimic.pipeline.files.data_folder import DATASETS
 from kinemimic.pipeline.kinematics.clip import Clip, forward_kinematics
 from kinemimic.pipeline.kinematics.rotations import IDENTITY, continuous, from_axis_angle, normalize
 from kinemimic.pipeline.kinematics.skeleton import NODE_INDEX, NODES, TRACKED, node_skeleton
@@ -31,7 +30,6 @@ FORMAT = Format(
     holds="quaternions and hinge angles of a humanoid",
     recognised_by='a JSON object with the key "Frames"',
 )
-SHIPPED = DATASETS / "motions"
 COLUMNS = 44
 # In metres, seconds and radians; larger numbers are damage.
 _MAX_NUMBER = 1e4
@@ -84,17 +82,19 @@ def offsets() -> Array:
 
 
 def stock_motion(name: str) -> Path:
-    """Path of one of Bullet's motions: "walk" and "run" ship here, the others with the pybullet wheel."""
-    file = f"humanoid3d_{name}.txt"
+    """Path of a motion in the pybullet wheel ("walk", "run"); pybullet itself is not imported."""
     spec = importlib.util.find_spec("pybullet_data")
-    wheel = [] if spec is None or spec.origin is None else [Path(spec.origin).parent / "data" / "motions"]
-    for folder in (SHIPPED, *wheel):
-        if (folder / file).is_file():
-            return folder / file
-    known = sorted(
-        {path.stem.removeprefix("humanoid3d_") for one in (SHIPPED, *wheel) for path in one.glob("*3d_*.txt")}
-    )
-    raise KinemimicError(f"expected a stock motion ({', '.join(known)}), found {name!r}")
+    if spec is None or spec.origin is None:
+        raise KinemimicError(
+            "expected the motions of the pybullet wheel, found no pybullet; install it (Python 3.11), or "
+            "name a capture: `kinemimic datasets fetch 'deepmimic_*'` fetches the same walk and run"
+        )
+    folder = Path(spec.origin).parent / "data" / "motions"
+    path = folder / f"humanoid3d_{name}.txt"
+    if not path.is_file():
+        known = sorted(file.stem.removeprefix("humanoid3d_") for file in folder.glob("humanoid3d_*.txt"))
+        raise KinemimicError(f"expected a stock motion ({', '.join(known)}), found {name!r}")
+    return path
 
 
 def recognises(source: Source) -> bool:

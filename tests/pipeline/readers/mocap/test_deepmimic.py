@@ -160,3 +160,14 @@ def test_a_file_that_is_missing_or_no_json(tmp_path: Path) -> None:
     (tmp_path / "text.txt").write_text("walk")
     with pytest.raises(CaptureError, match="JSON"):
         read_deepmimic(tmp_path / "text.txt")
+
+
+def test_without_pybullet_the_message_says_what_to_do(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("importlib.util.find_spec", lambda _: None)
+    with pytest.raises(KinemimicError, match=r"found no pybullet; install it .* datasets fetch 'deepmimic_"):
+        stock_motion("walk")
+
+
+def test_an_unknown_stock_motion_names_the_known_ones() -> None:
+    with pytest.raises(KinemimicError, match=r"stock motion \(.*run.*walk.*\), found 'moonwalk'"):
+        stock_motion("moonwalk")
