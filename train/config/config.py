@@ -80,6 +80,17 @@ class DomainRandomization:
 
 
 @dataclass(frozen=True)
+class Tracking:
+    """The task of a tracker, a policy for any motion. It observes no phase; beside the preview, it observes the
+    difference to the reference now, in rotations, positions and velocities.
+
+    max_body_error: mean distance of the bodies from their references at which an episode ends, m.
+    """
+
+    max_body_error: float = 0.5
+
+
+@dataclass(frozen=True)
 class EnvConfig:
     """The task; durations in control steps of 1/30 s, lengths in metres, angles in radians.
 
@@ -89,7 +100,8 @@ class EnvConfig:
     at phase 0. mirror: the policy learns the first half of a gait cycle and plays the second mirrored; no
     effect on non-cyclic or too asymmetric motions (`mirror.py`). preview: how many control steps ahead the
     policy observes its reference; RecordError if empty. scenario: applied in every training episode; it sets
-    the episode's length and start phase.
+    the episode's length and start phase. tracking: makes the policy a tracker; it mirrors whatever the motion
+    (`mirror.py`).
     """
 
     reward: RewardConfig = field(default_factory=RewardConfig)
@@ -105,6 +117,7 @@ class EnvConfig:
     preview: tuple[int, ...] = (1,)
     domain_randomization: DomainRandomization = field(default_factory=DomainRandomization)
     scenario: Scenario | None = None
+    tracking: Tracking | None = None
 
     def __post_init__(self) -> None:
         if not self.preview:
@@ -208,11 +221,12 @@ class TrainConfig:
     def to_json(self) -> dict[str, Any]:
         """JSON values that `from_json` reads back."""
         value: dict[str, Any] = msgspec.json.decode(msgspec.json.encode(self))
-        # Without a baseline or a scenario, the JSON stays as it was before they were introduced.
+        # Without a baseline, a scenario or tracking, the JSON stays as it was before they were introduced.
         if self.baseline is None:
             del value["baseline"]
-        if self.env.scenario is None:
-            del value["env"]["scenario"]
+        for name in ("scenario", "tracking"):
+            if getattr(self.env, name) is None:
+                del value["env"][name]
         return value
 
     @classmethod
@@ -226,7 +240,7 @@ class TrainConfig:
         if isinstance(value, dict):
             env = value.get("env")
             value = {"baseline": None, **value}
-            value["env"] = {"scenario": None, **env} if isinstance(env, dict) else env
+            value["env"] = {"scenario": None, "tracking": None, **env} if isinstance(env, dict) else env
         return convert(value, cls, path, complete=True, within=within)
 
 

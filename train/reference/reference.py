@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-from functools import cached_property
-
 import numpy as np
+from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline, interp1d
 
 from kinemimic.pipeline.arrays import Array
@@ -35,11 +34,9 @@ class Reference:
     A cyclic motion continues indefinitely, advancing by its cycle offset; any other holds its last frame.
     """
 
-    def __init__(self, motion: Motion) -> None:
-        self.cyclic = motion.cyclic
-        self.duration = motion.duration
-        self._offset = motion.cycle_offset
-        rows = round(self.duration * _TABLE_RATE) + 1
+    def __init__(self, motion: Motion, table_rate: float = _TABLE_RATE) -> None:
+        self._motion = motion
+        rows = max(2, round(self.duration * table_rate) + 1)
         phase = np.linspace(0.0, 1.0, rows)
         root, rotations = _resample(motion, phase)
         step = self.duration / (rows - 1)
@@ -51,27 +48,56 @@ class Reference:
         position = nodes[:, BODY_NODES] + rotate(rotation, np.broadcast_to(centers, (rows, *centers.shape)))
         joints = rotations[:, BODY_NODES[1:]]
         # Values that are read together are stored together: one row is one look-up.
-        self._root = root
-        self._nodes = rotations
-        self._bodies = np.concatenate(
+        self._tables = {"root": root, "nodes": rotations}
+        self._tables["bodies"] = np.concatenate(
             [
                 position,
-                self._rate(position, step, self._offset),
+                self._rate(position, step, self.cycle_offset),
                 self._turn(rotation, step, world=True),
                 rotation,
             ],
             axis=-1,
         )
         speeds = self._turn(joints, step, world=False)
-        self._joints = np.concatenate([joints, speeds], axis=-1)
+        self._tables["joints"] = np.concatenate([joints, speeds], axis=-1)
         self._phase = phase
 
-    @cached_property
-    def _targets(self) -> Array:
+    @property
+    def duration(self) -> float:
+        """Seconds, of one cycle if cyclic."""
+        return self._motion.duration
+
+    @property
+    def cyclic(self) -> bool:
+        """Whether the motion repeats itself."""
+        return self._motion.cyclic
+
+    @property
+    def row_count(self) -> int:
+        """Number of rows of the tables."""
+        return len(self._phase)
+
+    @property
+    def cycle_offset(self) -> Array:
+        """(3,) metres by which a cycle advances."""
+        return self._motion.cycle_offset
+
+    def of(self, indices: NDArray[np.intp]) -> Reference:
+        """The reference of these environments of a batch."""
+        return self
+
+    def tables(self) -> dict[str, Array]:
+        """All tables by name: rows (R, ...) at equidistant phases."""
+        self._add_targets()
+        return self._tables
+
+    def _add_targets(self) -> None:
         """Table of `targets`, on demand: its inverse dynamics take longer than everything else."""
-        joints, speeds = self._joints[..., 0:4], self._joints[..., 4:7]
+        if "targets" in self._tables:
+            return
+        joints, speeds = self._tables["joints"][..., 0:4], self._tables["joints"][..., 4:7]
         led = continuous(multiply(joints, from_rotvec(self._leads(self._phase))))
-        return np.concatenate([led, speeds], axis=-1)
+        self._tables["targets"] = np.concatenate([led, speeds], axis=-1)
 
     def _rate(self, values: Array, step: float, offset: Array) -> Array:
         if self.cyclic:
@@ -112,8 +138,9 @@ class Reference:
         leads = np.clip(found.torques, -_LARGEST_SHARE * limits, _LARGEST_SHARE * limits) / stiffness
         return np.asarray(interp1d(at, leads, axis=0)(phase))
 
-    def _sample(self, table: Array, phase: Array) -> Array:
-        """Rows (..., shape of a row) at phases (...), interpolated linearly."""
+    def _sample(self, name: str, phase: Array) -> Array:
+        """Rows (..., shape of a row) of a table at phases (...), interpolated linearly."""
+        table = self._tables[name]
         fraction = phase - np.floor(phase) if self.cyclic else np.minimum(np.maximum(phase, 0.0), 1.0)
         place = fraction * (len(table) - 1)
         low = np.minimum(place.astype(np.intp), len(table) - 2)
@@ -128,7 +155,7 @@ class Reference:
         """Add the offsets of completed cycles to positions (..., 3) or (..., 15, 3)."""
         if self.cyclic:
             laps = np.floor(phase).reshape(*phase.shape, *[1] * (positions.ndim - phase.ndim))
-            positions += laps * self._offset
+            positions += laps * self.cycle_offset
 
     def _stop(self, velocities: Array, phase: Array) -> None:
         """Zero velocities after the last frame of a non-cyclic motion."""
@@ -137,7 +164,7 @@ class Reference:
 
     def bodies(self, phase: Array) -> BodyStates:
         """The 15 bodies (..., 15, 3 or 4) at phases (...)."""
-        row = self._sample(self._bodies, phase)
+        row = self._sample("bodies", phase)
         self._advance(row[..., 0:3], phase)
         self._stop(row[..., 3:9], phase)
         return BodyStates(row[..., 0:3], normalize(row[..., 9:13]), row[..., 3:6], row[..., 6:9])
@@ -157,24 +184,25 @@ class Reference:
 
     def root(self, phase: Array) -> Array:
         """Hip centre (..., 3) at phases (...)."""
-        root = self._sample(self._root, phase)
+        root = self._sample("root", phase)
         self._advance(root, phase)
         return root
 
     def nodes(self, phase: Array) -> Array:
         """Local node rotations (..., 20, 4) at phases (...)."""
-        return normalize(self._sample(self._nodes, phase))
+        return normalize(self._sample("nodes", phase))
 
     def joints(self, phase: Array) -> tuple[Array, Array]:
         """Joint rotations (..., 14, 4) and velocities (..., 14, 3) in the child's frame at phases (...)."""
-        row = self._sample(self._joints, phase)
+        row = self._sample("joints", phase)
         self._stop(row[..., 4:7], phase)
         return normalize(row[..., 0:4]), row[..., 4:7]
 
     def targets(self, phase: Array) -> tuple[Array, Array]:
         """Targets of the stable PD, as in `joints`: rotations that lead the reference's so as to give the
         torques of the motion, and the reference's velocities."""
-        row = self._sample(self._targets, phase)
+        self._add_targets()
+        row = self._sample("targets", phase)
         self._stop(row[..., 4:7], phase)
         return normalize(row[..., 0:4]), row[..., 4:7]
 

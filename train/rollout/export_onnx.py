@@ -14,7 +14,7 @@ from onnx import TensorProto, helper, numpy_helper
 
 from kinemimic.pipeline.files.store import atomic
 from kinemimic.retarget.humanoid.body import BODIES, BODY_NAMES
-from kinemimic.train.config.config import TrainConfig
+from kinemimic.train.config.config import EnvConfig, TrainConfig
 from kinemimic.train.rollout.policy import OBSERVATION_CLIP, Policy
 from kinemimic.train.sim.world import CONTROL_RATE, SUBSTEPS, TIME_STEP
 from kinemimic.train.task.env import ACTION_SCALE, ACTIONS
@@ -83,11 +83,16 @@ def write_onnx(path: Path, policy: Policy, record: Mapping[str, Any]) -> None:
         temporary.write_bytes(content)
 
 
-def _mirror(previews: int) -> dict[str, Any]:
-    """How to mirror observations and actions in the second half of a cycle (`mirror.py`)."""
-    tables = {"observation": observation_reflection(previews), "action": action_reflection()}
+def _mirror(config: EnvConfig) -> dict[str, Any]:
+    """When and how to mirror observations and actions (`mirror.py`)."""
+    tables = {"observation": observation_reflection(config), "action": action_reflection()}
+    when = (
+        "at phases of 0.5 to 1"
+        if config.tracking is None
+        else "where the left foot of the reference is behind its right foot, along its pelvis' forward axis"
+    )
     return {
-        "description": "at phases of 0.5 to 1, entry k of the observation is sign[k] times entry source[k] "
+        "description": f"{when}, entry k of the observation is sign[k] times entry source[k] "
         "of the layout above; entry k of the applied action is sign[k] times entry source[k] of the output",
         **{
             name: {"source": sources.tolist(), "sign": signs.astype(int).tolist()}
@@ -112,7 +117,7 @@ def metadata(record: Mapping[str, Any]) -> dict[str, str]:
         "action": "three numbers per joint, in the order of joints: times action_scale, a rotation vector "
         f"in the child's frame; target = {base}{lead} times the rotation of that vector",
         "action_scale": scale.tolist(),
-        "mirror": _mirror(len(config.preview)) if record["mirrored"] else "none",
+        "mirror": _mirror(config) if record["mirrored"] else "none",
         "control_rate_hz": CONTROL_RATE,
         "physics_step_s": TIME_STEP,
         "physics_steps_per_action": SUBSTEPS,

@@ -32,7 +32,7 @@ from kinemimic.train.sim.world import (
     World,
 )
 from kinemimic.train.task.domain_randomization import RandomizationSample
-from kinemimic.train.task.mirror import Mirror, mirrored
+from kinemimic.train.task.mirror import Mirror, left_foot_behind, mirrored
 from kinemimic.train.task.reward import pose_turns, rewards
 from kinemimic.train.task.timer import Timer
 
@@ -52,6 +52,7 @@ _REACH = {
 ACTION_SCALE: Array = np.repeat(
     [_REACH[body.name.removesuffix("_left").removesuffix("_right")] for body in BODIES[1:]], 3
 )
+_SUBSTEP_TIMES: Array = np.arange(1.0, SUBSTEPS + 1) * TIME_STEP
 # Names of the timer for the parts of a control step (`timer.py`).
 SIMULATION = "simulation"
 TASK = "observation and reward"
@@ -62,8 +63,11 @@ FALL_TURN = 1.0  # rad
 
 
 def observation_size(config: EnvConfig) -> int:
-    """Size of an observation: phase, height, the bodies, and the difference to each pose of the preview."""
-    return 2 + 1 + 15 * 6 + 14 * 3 + 15 * 3 + 15 * 3 + len(config.preview) * (15 * 3 + 2)
+    """Size of an observation: phase, height, the bodies, and the difference to each pose of the preview; a
+    tracker's has no phase, but the difference to the reference now."""
+    body = 1 + 15 * 6 + 14 * 3 + 15 * 3 + 15 * 3
+    preview = len(config.preview) * (15 * 3 + 2)
+    return body + preview + (2 if config.tracking is None else 4 * 15 * 3)
 
 
 OBSERVATIONS = observation_size(EnvConfig())
@@ -106,10 +110,8 @@ class ImitationBatch:
         scenario = config.scenario
         self._scenario_manager = None if scenario is None else ScenarioManager(scenario, reference, world)
         self._last_action: Array = np.zeros((world.size, ACTIONS))
-        self._increment = 1.0 / (CONTROL_RATE * reference.duration)
-        self._substeps: Array = np.arange(1.0, SUBSTEPS + 1) * TIME_STEP / reference.duration
         self._scale = ACTION_SCALE if config.residual else np.ones(ACTIONS)
-        self._mirror = Mirror(len(config.preview)) if mirrored(config, reference) else None
+        self._mirror = Mirror(config) if mirrored(config, reference) else None
         self.bodies: BodyStates = world.states()
         self._update_target(reference.bodies(self.phases))
 
@@ -117,8 +119,16 @@ class ImitationBatch:
         """Compare the current states with the target and the poses of the preview."""
         self.target = target
         self._exploded = self.world.exploded()
-        self._ahead = [self.reference.bodies(self.phases + k * self._increment) for k in self.config.preview]
+        increment = self._increment
+        self._ahead = [self.reference.bodies(self.phases + k * increment) for k in self.config.preview]
         self._turns, *self._turns_ahead = pose_turns(self.bodies, self.target, *self._ahead)
+        if self._mirror is not None:
+            self._reflected = self._reflection()
+
+    @property
+    def _increment(self) -> Array | float:
+        """Phase of a control step, (E,) where motions differ."""
+        return 1.0 / (CONTROL_RATE * self.reference.duration)
 
     def reset(
         self,
@@ -136,7 +146,7 @@ class ImitationBatch:
         self.ages[indices] = 0
         self._last_action[indices] = 0.0
         self._randomization.assign(indices, randomization)
-        poses = randomization.perturbed(self.reference.poses(phases))
+        poses = randomization.perturbed(self.reference.of(indices).poses(phases))
         if self._scenario_manager is not None:
             self._scenario_manager.begin(indices, phases, seeds)
         self.timer.lap(TASK)
@@ -191,8 +201,8 @@ class ImitationBatch:
         in the second half of a mirrored cycle they are those of the mirror image (`mirror.py`)."""
         if self._mirror is not None:
             actions = np.array(actions, dtype=np.float64)
-            self._mirror.actions(actions, self._second_half())
-        at = self.phases[:, None] + self._substeps
+            self._mirror.actions(actions, self._reflected)
+        at = self.phases[:, None] + _SUBSTEP_TIMES / np.reshape(self.reference.duration, (-1, 1))
         joints, velocities = self._targets(at)
         # One correction for the targets of all substeps: products of 8 x 4 and 4 x 4 matrices.
         targets = np.empty(joints.shape)
@@ -216,8 +226,7 @@ class ImitationBatch:
         self._update_target(ahead)
         terminated = self.terminated()
         truncated = ~terminated & (self.ages >= self.config.steps)
-        if not self.reference.cyclic:
-            truncated |= ~terminated & (self.phases >= 1.0)
+        truncated |= ~terminated & ~np.asarray(self.reference.cyclic) & (self.phases >= 1.0)
         terms = np.where(terminated[:, None], 0.0, self.terms())
         return Step(self.observe(), terms, terminated, truncated, self._exploded)
 
@@ -245,6 +254,9 @@ class ImitationBatch:
         """(E,) whether the episode ends: beyond the configuration's errors of height, rotation or path."""
         way = self.bodies.positions[:, 0] - self.target.positions[:, 0]
         far = np.hypot(way[:, 0], way[:, 1]) > self.config.max_drift
+        if self.config.tracking is not None:
+            distances = np.linalg.norm(self.bodies.positions - self.target.positions, axis=-1)
+            far |= distances.mean(axis=-1) > self.config.tracking.max_body_error
         return far | self._off_reference(self.config.max_height_error, self.config.max_rotation_error)
 
     def _off_reference(self, height: float, turn: float) -> NDArray[np.bool_]:
@@ -264,6 +276,7 @@ class ImitationBatch:
                 b.positions[:, 1:] - b.positions[:, :1],
                 b.linear,
                 b.angular,
+                *self._differences(),
                 *(ahead.positions[:, :1] - b.positions[:, :1] for ahead in self._ahead),
             ],
             axis=1,
@@ -271,22 +284,42 @@ class ImitationBatch:
         previews = len(self._ahead)
         # The pelvis faces along its x-axis.
         vectors = _in_heading_frame(vectors, np.arctan2(six[:, 0, 1], six[:, 0, 0]))
-        # A cycle ends where it begins; in a non-cyclic motion, start and end must differ.
-        turn = 2.0 * np.pi * self.phases if self.reference.cyclic else np.pi * np.minimum(self.phases, 1.0)
+        if self.config.tracking is None:
+            # A cycle ends where it begins; in a non-cyclic motion, start and end must differ.
+            turn = np.where(
+                self.reference.cyclic, 2.0 * np.pi * self.phases, np.pi * np.minimum(self.phases, 1.0)
+            )
+            first = [np.array([np.sin(turn), np.cos(turn), b.positions[:, 0, 2]]).T]
+        else:
+            first = [b.positions[:, :1, 2], self._turns.reshape(size, -1)]
         parts = [
-            np.array([np.sin(turn), np.cos(turn), b.positions[:, 0, 2]]).T,
+            *first,
             vectors[:, :-previews].reshape(size, -1),
             *(turns.reshape(size, -1) for turns in self._turns_ahead),
             np.minimum(np.maximum(vectors[:, -previews:, :2], -1.0), 1.0).reshape(size, -1),
         ]
         observations = np.concatenate(parts, axis=1)
         if self._mirror is not None:
-            self._mirror.observations(observations, self._second_half())
+            self._mirror.observations(observations, self._reflected)
         return observations
 
-    def _second_half(self) -> NDArray[np.bool_]:
-        """(E,) whether it is in the second half of a cycle, which is reflected."""
-        return np.mod(self.phases, 1.0) >= 0.5
+    def _differences(self) -> list[Array]:
+        """What a tracker observes: differences (E, 15, 3) from the bodies to their reference, in position,
+        within 1 m, velocity and angular velocity."""
+        if self.config.tracking is None:
+            return []
+        b, target = self.bodies, self.target
+        return [
+            np.clip(target.positions - b.positions, -1.0, 1.0),
+            target.linear - b.linear,
+            target.angular - b.angular,
+        ]
+
+    def _reflection(self) -> NDArray[np.bool_]:
+        """(E,) whether observation and action are reflected."""
+        if self.config.tracking is None:
+            return np.mod(self.phases, 1.0) >= 0.5
+        return left_foot_behind(self.target)
 
 
 def _in_heading_frame(vectors: Array, heading: Array) -> Array:

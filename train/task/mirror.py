@@ -3,7 +3,7 @@
 In the second half the policy observes the humanoid reflected in the sagittal plane, half a cycle earlier, and
 its action is reflected back (the "phase" method of Abdolhosseini et al. 2019, On Learning Symmetric
 Locomotion). The reference need not be perfectly symmetric: the observation has the difference to its next
-pose.
+pose. A tracker knows no phase: it reflects where the left foot of its reference is behind the right one.
 """
 
 from __future__ import annotations
@@ -12,10 +12,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from kinemimic.pipeline.arrays import Array
-from kinemimic.pipeline.kinematics.rotations import angle_between
+from kinemimic.pipeline.kinematics.rotations import angle_between, rotate
 from kinemimic.retarget.humanoid.body import BODY_INDEX, BODY_NAMES
 from kinemimic.train.config.config import EnvConfig
 from kinemimic.train.reference.reference import Reference
+from kinemimic.train.sim.world import BodyStates
 from kinemimic.train.task.reward import pose
 
 # Largest `asymmetry` of a mirrored gait. The walk and run of the pybullet wheel have 0.6 and 1.2 degrees,
@@ -37,6 +38,7 @@ def _across(name: str) -> str:
 # The reflected body of each body (15,), and joint of each joint (14,).
 COUNTERPARTS: NDArray[np.intp] = np.array([BODY_INDEX[_across(name)] for name in BODY_NAMES])
 JOINT_COUNTERPARTS: NDArray[np.intp] = COUNTERPARTS[1:] - 1
+_LEFT_FOOT, _RIGHT_FOOT = BODY_INDEX["foot_left"], BODY_INDEX["foot_right"]
 _LEGS = [k for k, name in enumerate(BODY_NAMES) if name.partition("_")[0] in ("thigh", "shin", "foot")]
 
 
@@ -51,16 +53,25 @@ def action_reflection() -> tuple[NDArray[np.intp], Array]:
     return _per_body(JOINT_COUNTERPARTS, AXIS)
 
 
-def observation_reflection(previews: int) -> tuple[NDArray[np.intp], Array]:
-    """Index and sign (O,) that reflect an observation (`ImitationBatch.observe`) and shift it by half a
-    cycle."""
+def observation_reflection(config: EnvConfig) -> tuple[NDArray[np.intp], Array]:
+    """Index and sign (O,) that reflect an observation (`ImitationBatch.observe`) and shift its phase, if it
+    has one, by half a cycle."""
+    previews = len(config.preview)
+    tracking = config.tracking is not None
+    first: list[tuple[NDArray[np.intp], Array]]
+    if tracking:
+        # The height; rotations to the reference.
+        first = [(np.arange(1), np.ones(1)), _per_body(COUNTERPARTS, AXIS)]
+    else:
+        first = [(np.arange(3), np.array([-1.0, -1.0, 1.0]))]  # sine, cosine half a cycle away; the height
     parts = [
-        (np.arange(3), np.array([-1.0, -1.0, 1.0])),  # sine and cosine half a cycle away; the height
+        *first,
         # The x-axis and the y-axis of a body; the y-axis changes its direction too.
         _per_body(COUNTERPARTS, np.concatenate([VECTOR, -VECTOR])),
         _per_body(JOINT_COUNTERPARTS, VECTOR),
         _per_body(COUNTERPARTS, VECTOR),
         _per_body(COUNTERPARTS, AXIS),
+        *([_per_body(COUNTERPARTS, signs) for signs in (VECTOR, VECTOR, AXIS)] if tracking else []),
         *[_per_body(COUNTERPARTS, AXIS)] * previews,
         *[(np.arange(2), VECTOR[:2])] * previews,
     ]
@@ -72,8 +83,8 @@ def observation_reflection(previews: int) -> tuple[NDArray[np.intp], Array]:
 class Mirror:
     """Reflects rows of observations (E, O) and actions (E, 42) in place; twice is the identity."""
 
-    def __init__(self, previews: int) -> None:
-        self._observation, self._action = observation_reflection(previews), action_reflection()
+    def __init__(self, config: EnvConfig) -> None:
+        self._observation, self._action = observation_reflection(config), action_reflection()
 
     def observations(self, observations: Array, rows: NDArray[np.bool_]) -> None:
         """Reflect these rows, a mask (E,), half a cycle away."""
@@ -90,7 +101,16 @@ def _reflect(values: Array, rows: NDArray[np.bool_], sources: NDArray[np.intp], 
 
 def mirrored(config: EnvConfig, reference: Reference) -> bool:
     """Whether a policy of this configuration mirrors this reference."""
+    if config.tracking is not None:
+        return config.mirror
     return config.mirror and bool(asymmetry(reference) <= MAX_ASYMMETRY)
+
+
+def left_foot_behind(bodies: BodyStates) -> NDArray[np.bool_]:
+    """(E,) whether the left foot is behind the right one, along the pelvis' forward axis."""
+    stride = bodies.positions[:, _LEFT_FOOT] - bodies.positions[:, _RIGHT_FOOT]
+    forward = rotate(bodies.rotations[:, 0], np.broadcast_to([1.0, 0.0, 0.0], stride.shape))
+    return np.asarray(stride[:, 0] * forward[:, 0] + stride[:, 1] * forward[:, 1] < 0.0)
 
 
 def asymmetry(reference: Reference) -> float:

@@ -15,27 +15,36 @@ def layout(config: EnvConfig) -> list[dict[str, Any]]:
     are in the order of BODY_NAMES, with x, y, z of each together.
     """
     bodies = len(BODIES)
-    parts = [
-        ("phase", 2, "sine and cosine of 2π times the phase if cyclic, of π times the phase if not"),
-        ("height", 1, "of the pelvis' centre above the ground, m"),
+    turns = (
+        "rotation vectors from the current pose to the reference {}, rad: the pelvis in its own frame, then "
+        "the joints in the child's"
+    )
+    parts = [("height", 1, "of the pelvis' centre above the ground, m")]
+    if config.tracking is None:
+        parts.insert(0, ("phase", 2, "sine and cosine of 2π times the phase if cyclic, of π times it if not"))
+    else:
+        parts += [("turns_0", 3 * bodies, turns.format("now"))]
+    parts += [
         ("rotations", 6 * bodies, "x and y axes of every body"),
         ("positions", 3 * (bodies - 1), "centre of mass of every other body, from the pelvis, m"),
         ("linear", 3 * bodies, "velocity of every body's centre of mass, m/s"),
         ("angular", 3 * bodies, "angular velocity of every body, rad/s"),
-        *(
-            (
-                f"turns_{k}",
-                3 * bodies,
-                f"rotation vectors from the current pose to the reference {k} control steps ahead, rad: the "
-                "pelvis in its own frame, then the joints in the child's",
-            )
-            for k in config.preview
-        ),
-        *(
-            (f"way_{k}", 2, f"x, y from the pelvis to the reference's, {k} control steps ahead, m, within ±1")
-            for k in config.preview
-        ),
     ]
+    if config.tracking is not None:
+        parts += [
+            (
+                "way_to_reference",
+                3 * bodies,
+                "from every body to its reference now, m, within ±1 in the world",
+            ),
+            ("linear_to_reference", 3 * bodies, "velocity that a body lacks of its reference's, m/s"),
+            ("angular_to_reference", 3 * bodies, "angular velocity that it lacks, rad/s"),
+        ]
+    for k in config.preview:
+        parts.append((f"turns_{k}", 3 * bodies, turns.format(f"{k} control steps ahead")))
+    for k in config.preview:
+        way = f"x, y from the pelvis to the reference's, {k} control steps ahead, m, within ±1"
+        parts.append((f"way_{k}", 2, way))
     rows: list[dict[str, Any]] = []
     start = 0
     for name, size, description in parts:

@@ -129,7 +129,7 @@ def test_a_delayed_action_keeps_the_mirroring_of_its_time(motion: Motion, puppet
     batch.step(first)
     batch.step(second)
     image = second.copy()
-    Mirror(previews=1).actions(image, np.array([True]))
+    Mirror(EnvConfig()).actions(image, np.array([True]))
     begins = 0.5 + 0.5 * step
     for substep in range(SUBSTEPS):
         at = np.array([begins + (substep + 1) * TIME_STEP / reference.duration])
@@ -140,7 +140,7 @@ def test_a_delayed_action_keeps_the_mirroring_of_its_time(motion: Motion, puppet
 
 def test_reflecting_twice_is_the_identity() -> None:
     rng = np.random.default_rng(0)
-    mirror, rows = Mirror(previews=2), np.array([True, False, True])
+    mirror, rows = Mirror(EnvConfig(preview=(1, 4))), np.array([True, False, True])
     size = observation_size(EnvConfig(preview=(1, 4)))
     observations, actions = rng.normal(size=(3, size)), rng.normal(size=(3, ACTIONS))
     for values, change in ((observations, mirror.observations), (actions, mirror.actions)):
