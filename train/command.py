@@ -15,15 +15,19 @@ import torch
 
 from kinemimic.pipeline.cli.options import json_option, run_option
 from kinemimic.pipeline.errors import KinemimicError
+from kinemimic.pipeline.files.store import file_hash
 from kinemimic.pipeline.run_folder.stage import reading
 from kinemimic.retarget.formats.motion_json import read_motion_json
 from kinemimic.retarget.gate import require_trainable
 from kinemimic.retarget.humanoid.motion import Motion
 from kinemimic.train.config.baseline_config import require_package
 from kinemimic.train.config.config import TrainConfig, preset
+from kinemimic.train.config.polish import polish
 from kinemimic.train.options import training_options
 from kinemimic.train.ppo.ppo import PpoAlgorithm
 from kinemimic.train.ppo.runner import PpoRunner
+from kinemimic.train.rollout.policy import Policy
+from kinemimic.train.rollout.tracker_file import load_tracker, tracker_path
 from kinemimic.train.rollout.workers import Workers
 from kinemimic.train.runner import checkpoint
 from kinemimic.train.runner.base import Algorithm, Runner
@@ -56,6 +60,7 @@ def train(
     resume: bool = True,
     anyway: bool = False,
     scenario: Scenario | None = None,
+    start: str | None = None,
     config: TrainConfig | None = None,
 ) -> dict[str, Any]:
     """Train on run/motion.json for `budget` samples, in whole rounds; returns the policy's record.
@@ -73,6 +78,7 @@ def train(
     `sim/engines.py`. A training may resume with another engine or number of workers, but bit for bit only
     with the same ones.
     scenario: perturbations, obstacles and ground of every episode (`scenario.py`), each with its own draw.
+    start: name of a shipped tracker, or folder of one, to start from, with the settings of `polish.py`.
     config: your own settings, with seed, budget and scenario, in place of a preset and a seed.
     """
     with reading(run, "train"):
@@ -87,6 +93,7 @@ def train(
             resume=resume,
             anyway=anyway,
             scenario=scenario,
+            start=start,
             config=config,
         )
 
@@ -103,11 +110,15 @@ def _train(
     resume: bool,
     anyway: bool,
     scenario: Scenario | None,
+    start: str | None,
     config: TrainConfig | None,
 ) -> dict[str, Any]:
     timer = Timer()
     motion = read_motion_json(run / "motion.json")
     require_trainable(run, motion, anyway=anyway)
+    initial: Policy | None = None
+    if start is not None:
+        initial, config = _start(start, preset_name, seed)
     if config is None:
         config = preset(preset_name, seed=seed)
     if scenario is not None:
@@ -126,6 +137,9 @@ def _train(
     # threads spin until the last one arrives. With one thread the result does not depend on `workers`.
     torch.set_num_threads(count if config.baseline is None else 1)
     algorithm = _algorithm(config, motion, engine, count)
+    if initial is not None:
+        assert isinstance(algorithm, PpoAlgorithm)  # noqa: S101 (a tracker's settings have no baseline)
+        algorithm.begin_from(initial)
     training = TrainingState(algorithm)
     saved = run / CHECKPOINT
     resumed = resume and saved.exists() and checkpoint.restore(saved, training, motion.identity)
@@ -143,6 +157,16 @@ def _train(
         with _runner(algorithm, motion, engine, count, timer) as runner:
             TrainingLoop(training, runner, motion, saved, timer, seconds, policy).run(run / CURVES)
     return policy.write(finished=True)
+
+
+def _start(name: str, preset_name: str, seed: int) -> tuple[Policy, TrainConfig]:
+    """A tracker to start from, and the settings."""
+    if preset_name != "default":
+        raise KinemimicError(f"--from: expected no --preset, found {preset_name}: it has settings of its own")
+    path = tracker_path(name)
+    policy, record = load_tracker(path)
+    settings = TrainConfig.from_json(record["config"], path.with_suffix(".json"), ("config",))
+    return policy, polish(settings, file_hash(path), seed)
 
 
 def _algorithm(config: TrainConfig, motion: Motion, engine: str, threads: int) -> Algorithm:
@@ -192,6 +216,7 @@ def command(
     engine: str,
     resume: bool,
     anyway: bool,
+    start: str | None,
     named: str | None,
     profile: bool,
     as_json: bool,
@@ -200,6 +225,7 @@ def command(
 
     \b
       kinemimic train --run runs/walk --minutes 5
+      kinemimic train --run runs/walk --from tracker
       kinemimic train --run runs/walk --preset robust --budget 3M --seed 1
     """
     record = train(
@@ -213,6 +239,7 @@ def command(
         resume=resume,
         anyway=anyway,
         scenario=None if named is None else read(named),
+        start=start,
     )
     if as_json:
         click.echo(json.dumps(record, indent=2))

@@ -19,6 +19,13 @@ training_options = option_group(
         help="Named set of training settings.",
     ),
     click.option(
+        "--from",
+        "start",
+        metavar="POLICY",
+        help="Start from a tracker, a policy for any motion: `tracker` ships, others are run folders. "
+        "It has settings of its own, in place of a preset.",
+    ),
+    click.option(
         "--budget",
         type=samples,
         help="Samples (control steps) in total, such as 1M or 300k. Default: the preset's.",

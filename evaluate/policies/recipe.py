@@ -33,16 +33,39 @@ class Recipe(Struct, frozen=True, forbid_unknown_fields=True):
     recording: str | None = None
 
 
+class TrackerRecipe(Struct, frozen=True, forbid_unknown_fields=True):
+    """Library and settings of a tracker's training.
+
+    test: subjects that are left out; variants: how many; budget: samples.
+    """
+
+    name: str
+    description: str
+    test: tuple[str, ...]
+    variants: int
+    budget: int
+    seed: int
+
+
 class _File(Struct, forbid_unknown_fields=True):
     schema: Literal[2]
     policy: tuple[Recipe, ...]
+    tracker: tuple[TrackerRecipe, ...] = ()
+
+
+def _read(folder: Path) -> _File:
+    path = folder / "recipes.toml"
+    return convert(parse_toml(path, read_text(path, MEGABYTE, "recipes")), _File, path)
 
 
 def recipes(folder: Path = POLICIES) -> dict[str, Recipe]:
-    """Every recipe by name, in the order of the file."""
-    path = folder / "recipes.toml"
-    file = convert(parse_toml(path, read_text(path, MEGABYTE, "recipes")), _File, path)
-    return {recipe.name: recipe for recipe in file.policy}
+    """Every recipe of a policy for one motion by name, in the order of the file."""
+    return {recipe.name: recipe for recipe in _read(folder).policy}
+
+
+def tracker_recipes(folder: Path = POLICIES) -> dict[str, TrackerRecipe]:
+    """Every recipe of a tracker by name, in the order of the file."""
+    return {recipe.name: recipe for recipe in _read(folder).tracker}
 
 
 def recording(name: str) -> Entry:

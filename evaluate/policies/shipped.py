@@ -15,7 +15,7 @@ from typing import Any
 import click
 import numpy as np
 
-from kinemimic.evaluate.policies.recipe import POLICIES, recipes, recording
+from kinemimic.evaluate.policies.recipe import POLICIES, recipes, recording, tracker_recipes
 from kinemimic.evaluate.policies.scores_file import read_scores
 from kinemimic.pipeline.catalog.entry import Entry
 from kinemimic.pipeline.cli.options import RunFolder
@@ -66,17 +66,38 @@ class ShippedPolicies:
         return tuple(name for name in recipes(self.folder) if (self.folder / name / POLICY).is_file())
 
     def prepare(self, name: str, run: Path, *, capture: Path | None = None) -> None:
-        """Copy a policy and its motion into a run folder, unless they are already there.
+        """Copy a policy and its motion into a run folder, unless they are already there; a tracker performs
+        the motion of the folder.
 
         capture: the recording that the policy was trained on, if its motion is not shipped. KinemimicError
         names that recording and its source, or says that the folder holds another run.
         """
-        names = self.names()
+        trackers = self.trackers()
+        names = (*self.names(), *trackers)
         if name not in names:
             available = ", ".join(names) or "none in this version"
             raise KinemimicError(f"expected a shipped policy ({available}), found {name!r}")
         with locked(run):
-            self._prepare(name, run, capture)
+            prepare = self._prepare_tracker if name in trackers else self._prepare
+            prepare(name, run, capture)
+
+    def trackers(self) -> tuple[str, ...]:
+        """The trackers that are present: policies for any motion."""
+        return tuple(name for name in tracker_recipes(self.folder) if (self.folder / name / POLICY).is_file())
+
+    def _prepare_tracker(self, name: str, run: Path, capture: Path | None) -> None:
+        source = self.folder / name
+        if capture is not None:
+            raise KinemimicError(f"{name} performs any motion: run `kinemimic run {capture} --policy {name}`")
+        if not (run / MOTION).exists():
+            raise KinemimicError(
+                f"{run / MOTION}: expected a motion for {name} to perform, found no file; "
+                f"`kinemimic run CAPTURE --policy {name}` makes one"
+            )
+        if (run / POLICY).exists() and file_hash(run / POLICY) != file_hash(source / POLICY):
+            raise KinemimicError(f"{run}: expected policy {name!r}, found another; choose another --run")
+        for part in (RECORD, POLICY):
+            copy_file(source / part, run / part)
 
     def _prepare(self, name: str, run: Path, capture: Path | None) -> None:
         source = self.folder / name

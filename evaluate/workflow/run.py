@@ -20,6 +20,7 @@ import click
 from kinemimic.pipeline.cli.main import load_command
 from kinemimic.pipeline.cli.options import Decorator, declared, json_option, overwrite_option, run_option
 from kinemimic.pipeline.cli.progress import stage as running
+from kinemimic.pipeline.errors import KinemimicError
 from kinemimic.pipeline.files.stages import VIRTUAL_CAPTURE
 from kinemimic.pipeline.files.store import read_json
 from kinemimic.pipeline.filters.options import ingest_options
@@ -59,6 +60,7 @@ def run(
     *,
     options: Mapping[str, Mapping[str, Any]] | None = None,
     stages: Sequence[str] = RUN_STAGES,
+    policy: str | None = None,
     overwrite: bool = False,
     quiet: bool = False,
 ) -> Outcome:
@@ -66,11 +68,14 @@ def run(
 
     capture: a file or folder, or None to record the stock walk with the virtual Kinect (folder/capture).
     options: stage -> its command's options without the dashes; True is a flag, None the command's default.
-    stages: the first few of RUN_STAGES, to stop before `evaluate` and its scores. overwrite: set the results
+    stages: the first few of RUN_STAGES, to stop before `evaluate` and its scores. policy: name of a shipped
+    tracker, which performs the motion without a training. overwrite: set the results
     of another capture in the folder aside, instead of refusing. quiet: print nothing.
     Raises what the stages raise; finished stages stay recorded.
     """
     source = folder / VIRTUAL_CAPTURE if capture is None else capture
+    if policy is not None:
+        stages, options = _without_training(policy, stages, options or {})
     ran: list[str] = []
     skipped: list[str] = []
 
@@ -100,6 +105,23 @@ def run(
             step(name, sources, partial(_invoke, name, [*taken, "--run", str(folder)], quiet=quiet))
         scored = "evaluate" in stages
         return Outcome(tuple(ran), tuple(skipped), read_json(folder / "scores.json") if scored else {})
+
+
+def _without_training(
+    policy: str, stages: Sequence[str], options: Mapping[str, Mapping[str, Any]]
+) -> tuple[list[str], Mapping[str, Mapping[str, Any]]]:
+    """Stages and options that evaluate a tracker; KinemimicError for another policy, and for options of
+    `train`."""
+    from kinemimic.evaluate.policies.shipped import ShippedPolicies  # noqa: PLC0415 (import cost)
+
+    trackers = ShippedPolicies().trackers()
+    if policy not in trackers:
+        known = ", ".join(trackers) or "none in this version"
+        raise KinemimicError(f"--policy: expected a policy for any motion ({known}), found {policy!r}")
+    if given := set(options.get("train", {})) - {"engine"}:
+        raise KinemimicError(f"--policy: expected no option of `train`, found --{min(given)}; leave out one")
+    evaluating = {**options.get("evaluate", {}), "policy": policy}
+    return [name for name in stages if name != "train"], {**options, "evaluate": evaluating}
 
 
 def _record_virtual(folder: Path) -> None:
@@ -160,10 +182,18 @@ def stage_options(groups: Mapping[str, Decorator], values: Mapping[str, Any]) ->
 @click.command()
 @click.argument("capture", required=False, type=click.Path(path_type=Path))
 @run_option("folder", default=None)
+@click.option(
+    "--policy", metavar="NAME", help="Perform the motion with this tracker, without a training: `tracker`."
+)
 @overwrite_option
 @json_option("Print the stages that were run, and the scores, as JSON.")
 def command(
-    capture: Path | None, folder: Path | None, overwrite: bool, as_json: bool, **options: Any
+    capture: Path | None,
+    folder: Path | None,
+    policy: str | None,
+    overwrite: bool,
+    as_json: bool,
+    **options: Any,
 ) -> None:
     """Take CAPTURE, or the virtual Kinect's recording of a walk, through every stage to its scores.
 
@@ -172,10 +202,12 @@ def command(
     \b
       kinemimic run
       kinemimic run walk.skl --run runs/walk --budget 1M
+      kinemimic run walk.skl --policy tracker
+      kinemimic run walk.skl --from tracker
     """
     folder = folder or default_run(capture)
     given = stage_options(STAGE_OPTIONS, options)
-    outcome = run(capture, folder, options=given, overwrite=overwrite, quiet=as_json)
+    outcome = run(capture, folder, options=given, policy=policy, overwrite=overwrite, quiet=as_json)
     from kinemimic.evaluate.scoring.index_page import write_index  # noqa: PLC0415 (import cost)
 
     write_index(folder)

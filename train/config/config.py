@@ -81,8 +81,8 @@ class DomainRandomization:
 
 @dataclass(frozen=True)
 class Tracking:
-    """The task of a tracker, a policy for any motion. It observes no phase; beside the preview, it observes the
-    difference to the reference now, in rotations, positions and velocities.
+    """The task of a tracker, a policy for any motion. It observes no phase; beside the preview, it observes
+    the difference to the reference now, in rotations, positions and velocities.
 
     max_body_error: mean distance of the bodies from their references at which an episode ends, m.
     """
@@ -143,6 +143,8 @@ def scheduled_at(schedule: Schedule, samples: int) -> float:
 class TrainConfig:
     """Settings of PPO (see `ppo.py`), or of a baseline (see `baseline_config.py`).
 
+    start: SHA-256 of the policy from which the training starts, "" for random weights.
+
     RecordError if a round is not a whole number of the baseline's updates, or a schedule has no points.
     """
 
@@ -177,6 +179,7 @@ class TrainConfig:
     budget: int = 1_000_000
     seed: int = 0
     baseline: Baseline | None = None
+    start: str = ""
 
     def __post_init__(self) -> None:
         schedules = {"action_std": self.action_std, "strength": self.strength}
@@ -221,9 +224,11 @@ class TrainConfig:
     def to_json(self) -> dict[str, Any]:
         """JSON values that `from_json` reads back."""
         value: dict[str, Any] = msgspec.json.decode(msgspec.json.encode(self))
-        # Without a baseline, a scenario or tracking, the JSON stays as it was before they were introduced.
+        # Without a baseline, a start, a scenario or tracking, the JSON stays as before they were introduced.
         if self.baseline is None:
             del value["baseline"]
+        if not self.start:
+            del value["start"]
         for name in ("scenario", "tracking"):
             if getattr(self.env, name) is None:
                 del value["env"][name]
@@ -239,7 +244,7 @@ class TrainConfig:
         """
         if isinstance(value, dict):
             env = value.get("env")
-            value = {"baseline": None, **value}
+            value = {"baseline": None, "start": "", **value}
             value["env"] = {"scenario": None, "tracking": None, **env} if isinstance(env, dict) else env
         return convert(value, cls, path, complete=True, within=within)
 

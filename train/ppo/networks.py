@@ -9,8 +9,12 @@ import torch
 from numpy.typing import NDArray
 from torch import Tensor
 
+from kinemimic.pipeline.arrays import Floats
 from kinemimic.train.ppo.mlp import Mlp, choose_gradient_dtype
 from kinemimic.train.rollout.policy import Policy, normalized
+
+# Samples that the statistics of a policy count for when a training starts from it.
+START_COUNT = 1e7
 
 
 class ActorCritic:
@@ -51,13 +55,23 @@ class Normalizer:
             return np.ones_like(self.mean)
         return np.maximum(np.sqrt(self.squares / self.count), 1e-3)
 
+    def begin_from(self, policy: Policy) -> None:
+        """Start with the statistics of a policy, which then hardly change."""
+        self.count = START_COUNT
+        self.mean = policy.mean.astype(np.float64)
+        self.squares = policy.scale.astype(np.float64) ** 2 * self.count
+
     def apply(self, observations: NDArray[np.floating]) -> Tensor:
         """Observations normalised and clipped as in the stored policy, float32."""
         mean, scale = self.mean.astype(np.float32), self.scale.astype(np.float32)
         return torch.from_numpy(normalized(observations, mean, scale))
 
 
-def export(net: ActorCritic, normalizer: Normalizer) -> Policy:
-    """The actor with its normaliser."""
-    layers = tuple((weight.numpy().copy(), bias.numpy().copy()) for weight, bias in net.actor.layers)
-    return Policy(layers, normalizer.mean.astype(np.float32), normalizer.scale.astype(np.float32))
+def export(net: ActorCritic, normalizer: Normalizer, *, critic: bool) -> Policy:
+    """The actor with its normaliser, and the critic on demand."""
+    mean, scale = normalizer.mean.astype(np.float32), normalizer.scale.astype(np.float32)
+    return Policy(_copies(net.actor), mean, scale, critic=_copies(net.critic) if critic else ())
+
+
+def _copies(network: Mlp) -> tuple[tuple[Floats, Floats], ...]:
+    return tuple((weight.numpy().copy(), bias.numpy().copy()) for weight, bias in network.layers)

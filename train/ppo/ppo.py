@@ -84,6 +84,15 @@ class PpoAlgorithm:
             penalty=config.penalty_initial, actor_rate=config.actor_rate, entropy=config.entropy
         )
 
+    def begin_from(self, policy: Policy) -> None:
+        """Start with the networks and the normaliser of a policy of the same shape; without its critic, the
+        critic starts anew."""
+        for network, layers in ((self.net.actor, policy.layers), (self.net.critic, policy.critic)):
+            for (weight, bias), (own_weight, own_bias) in zip(layers, network.layers, strict=bool(layers)):
+                own_weight.copy_(torch.from_numpy(weight))
+                own_bias.copy_(torch.from_numpy(bias))
+        self.normalizer.begin_from(policy)
+
     def action_std(self) -> Array:
         """Standard deviation (A,) of the exploration: scheduled over samples, or trained."""
         c = self.config
@@ -204,8 +213,8 @@ class PpoAlgorithm:
         return 0.5 * error.square().mean()
 
     def policy(self) -> Policy:
-        """The actor with its normaliser."""
-        return export(self.net, self.normalizer)
+        """The actor with its normaliser; a tracker's has the critic too."""
+        return export(self.net, self.normalizer, critic=self.config.env.tracking is not None)
 
     def record_extras(self) -> dict[str, Any]:
         """Nothing beyond the record of every algorithm."""

@@ -29,6 +29,8 @@ class PpoRunner:
         if env_states is not None:
             self._workers.set_env_states(env_states)
             return
+        if self._algorithm.normalizer.count:  # it started from a policy
+            return
         first = self._sample(_WARM_UP)
         self._algorithm.progress.exploded += first.exploded
         self._algorithm.normalizer.update(first.observations.reshape(-1, first.observations.shape[-1]))

@@ -45,7 +45,8 @@ class Policy:
     """A multilayer perceptron.
 
     layers: (weight (out, in), bias (out,)) from the input on; mean, scale: (O,) of the observations;
-    activation: of the hidden units; bound: of the actions, by a tanh, None for unbounded actions.
+    activation: of the hidden units; bound: of the actions, by a tanh, None for unbounded actions;
+    critic: layers of the value network if another training may start from this policy, or none.
     """
 
     layers: tuple[tuple[Floats, Floats], ...]
@@ -53,16 +54,13 @@ class Policy:
     scale: Floats
     activation: Activation = "tanh"
     bound: float | None = None
+    critic: tuple[tuple[Floats, Floats], ...] = ()
 
     @property
     def shape(self) -> tuple[int, int]:
         """Numbers of observations and actions; zeros if the layers do not fit together."""
-        into = [weight.shape[1:] for weight, _ in self.layers]
-        out = [weight.shape[:1] for weight, _ in self.layers]
-        fits = into[:1] == [self.mean.shape] == [self.scale.shape] and into[1:] == out[:-1]
-        if not fits or out != [bias.shape for _, bias in self.layers]:
-            return 0, 0
-        return len(self.mean), out[-1][0]
+        inputs, actions = _shape(self.layers)
+        return (inputs, actions) if (inputs,) == self.mean.shape == self.scale.shape else (0, 0)
 
     def act(self, observations: NDArray[Any]) -> Floats:
         """Mean action (N, 42) for raw observations (N, O)."""
@@ -82,16 +80,19 @@ class Policy:
     def tensors(self) -> dict[str, Floats]:
         """Arrays by their names in a file."""
         tensors = {"mean": self.mean, "scale": self.scale}
-        for k, (weight, bias) in enumerate(self.layers):
-            tensors |= {f"actor.{k}.weight": np.ascontiguousarray(weight), f"actor.{k}.bias": bias}
+        for network, layers in (("actor", self.layers), ("critic", self.critic)):
+            for k, (weight, bias) in enumerate(layers):
+                tensors |= {
+                    f"{network}.{k}.weight": np.ascontiguousarray(weight),
+                    f"{network}.{k}.bias": bias,
+                }
         return tensors
 
     @classmethod
     def from_tensors(cls, tensors: Mapping[str, Floats], config: TrainConfig) -> Policy:
         """The inverse of `tensors` for a policy of this configuration; KeyError names a missing tensor."""
-        depth = sum(name.endswith(".weight") for name in tensors)
-        layers = tuple((tensors[f"actor.{k}.weight"], tensors[f"actor.{k}.bias"]) for k in range(depth))
-        return cls(layers, tensors["mean"], tensors["scale"], config.activation, config.bound)
+        actor, critic = (_layers(tensors, network) for network in ("actor", "critic"))
+        return cls(actor, tensors["mean"], tensors["scale"], config.activation, config.bound, critic)
 
     def save(self, path: Path, record: Mapping[str, Any]) -> None:
         """Write `path` (.safetensors) and the record beside it (.json): configuration, provenance, ..."""
@@ -124,11 +125,30 @@ class Policy:
                 f"{path}: expected {wanted[0]} observations and {wanted[1]} actions, by its configuration, "
                 f"found {shape[0]} and {shape[1]}"
             )
+        if policy.critic and _shape(policy.critic) != (wanted[0], 1):
+            raise KinemimicError(
+                f"{path}: expected a critic of the same observations, found another; {_ADVICE}"
+            )
         if not (policy.scale > 0).all():
             raise KinemimicError(
                 f"{path}: expected a scale above zero, found {policy.scale.min()}; {_ADVICE}"
             )
         return policy, record
+
+
+def _shape(layers: tuple[tuple[Floats, Floats], ...]) -> tuple[int, int]:
+    """Sizes of the input and the output; zeros if the layers do not fit together."""
+    into = [weight.shape[1:] for weight, _ in layers]
+    out = [weight.shape[:1] for weight, _ in layers]
+    if not layers or into[1:] != out[:-1] or out != [bias.shape for _, bias in layers] or () in into:
+        return 0, 0
+    return into[0][0], out[-1][0]
+
+
+def _layers(tensors: Mapping[str, Floats], network: str) -> tuple[tuple[Floats, Floats], ...]:
+    """The layers of a network, none if it has none; KeyError names a missing tensor."""
+    depth = sum(name.startswith(f"{network}.") and name.endswith(".weight") for name in tensors)
+    return tuple((tensors[f"{network}.{k}.weight"], tensors[f"{network}.{k}.bias"]) for k in range(depth))
 
 
 # Keys of schema 3 and of schema 4.
@@ -166,6 +186,11 @@ def renamed_keys(value: Any, names: Mapping[str, str] = _RENAMED) -> Any:
     if isinstance(value, dict):
         return {names.get(key, key): renamed_keys(item, names) for key, item in value.items()}
     return [renamed_keys(item, names) for item in value] if isinstance(value, list) else value
+
+
+def is_tracker(record: Mapping[str, Any]) -> bool:
+    """Whether a policy with this record performs any motion."""
+    return record["config"]["env"].get("tracking") is not None
 
 
 def training_summary(record: Mapping[str, Any]) -> dict[str, Any]:
@@ -224,14 +249,17 @@ def _read_tensors(path: Path) -> dict[str, Floats]:
 
 
 def load_trained(run: Path) -> tuple[Motion, Policy, dict[str, Any]]:
-    """A run's motion, the policy trained on it, and the policy's record.
+    """A run's motion, its policy, and the policy's record.
 
-    KinemimicError if there is no policy, or it was trained on another motion.
+    KinemimicError if there is no policy, or it was trained on another motion alone.
     """
     motion, path = read_motion_json(run / "motion.json"), run / POLICY
     if not path.exists():
         raise KinemimicError(f"{path}: expected a policy, found no file; run `kinemimic train` first")
     policy, record = Policy.load(path)
-    if record["provenance"].get("inputs", {}).get("motion") != motion.identity:
+    inputs = record["provenance"].get("inputs", {})
+    if is_tracker(record) and "motion" not in inputs:  # it was trained on a library
+        return motion, policy, record
+    if inputs.get("motion") != motion.identity:
         raise KinemimicError(f"{path}: expected a policy for this motion, found one for another; train again")
     return motion, policy, record
