@@ -33,7 +33,7 @@ from kinemimic.train.runner import checkpoint
 from kinemimic.train.runner.base import Algorithm, Runner
 from kinemimic.train.runner.checkpoint import TrainingState
 from kinemimic.train.runner.closing_words import closing_words
-from kinemimic.train.runner.policy_file import PolicyFile
+from kinemimic.train.runner.policy_file import Imitated, PolicyFile
 from kinemimic.train.runner.training_loop import TrainingLoop, is_complete
 from kinemimic.train.scenario.event_schedule import check
 from kinemimic.train.scenario.route import reference_for
@@ -152,10 +152,11 @@ def _train(
     if saved.exists() and not resumed:
         saved.replace(run / PREVIOUS)
     seconds = None if minutes is None else 60.0 * minutes
-    policy = PolicyFile(run, training, motion, engine, resumed=resumed)
+    imitated = Imitated.of_motion(motion, config.env)
+    policy = PolicyFile(run, training, imitated, engine, resumed=resumed)
     if not is_complete(training, seconds):
-        with _runner(algorithm, motion, engine, count, timer) as runner:
-            TrainingLoop(training, runner, motion, saved, timer, seconds, policy).run(run / CURVES)
+        with _runner(algorithm, motion, engine, count, timer, imitated.phases) as runner:
+            TrainingLoop(training, runner, imitated, saved, timer, seconds, policy).run(run / CURVES)
     return policy.write(finished=True)
 
 
@@ -178,18 +179,25 @@ def _algorithm(config: TrainConfig, motion: Motion, engine: str, threads: int) -
 
 
 @contextmanager
-def _runner(algorithm: Algorithm, motion: Motion, engine: str, count: int, timer: Timer) -> Iterator[Runner]:
+def _runner(
+    algorithm: Algorithm,
+    motion: Motion,
+    engine: str,
+    count: int,
+    timer: Timer,
+    phases: tuple[float, ...],
+) -> Iterator[Runner]:
     if isinstance(algorithm, PpoAlgorithm):
         config = algorithm.config
         with Workers(motion, config.env, config.num_envs, config.seed, count, engine) as workers:
-            yield PpoRunner(algorithm, workers, timer)
+            yield PpoRunner(algorithm, workers, timer, phases)
         return
     # The package may not be installed.
     from kinemimic.train.baselines.runner import BaselineAlgorithm, BaselineRunner  # noqa: PLC0415
 
     assert isinstance(algorithm, BaselineAlgorithm)  # noqa: S101 (narrows the type)
     try:
-        yield BaselineRunner(algorithm, timer)
+        yield BaselineRunner(algorithm, timer, phases)
     finally:
         algorithm.env.close()
 

@@ -29,6 +29,7 @@ from kinemimic.train.baselines.model import (
 )
 from kinemimic.train.baselines.replay_memory import RescalingReplayBuffer
 from kinemimic.train.config.config import RewardConfig, TrainConfig, scheduled_at
+from kinemimic.train.rollout import evaluation
 from kinemimic.train.rollout.evaluation import Episode
 from kinemimic.train.rollout.policy import Policy
 from kinemimic.train.rollout.robustness import ROBUSTNESS_EPISODES
@@ -188,10 +189,14 @@ def check_finite(networks: torch.nn.Module) -> None:
 
 
 class BaselineRunner:
-    """`Runner` (train/runner/base.py) of a baseline."""
+    """`Runner` (train/runner/base.py) of a baseline; phases: of the evaluation episodes."""
 
-    def __init__(self, algorithm: BaselineAlgorithm, timer: Timer) -> None:
-        self._algorithm, self._env, self._timer = algorithm, algorithm.env, timer
+    def __init__(self, algorithm: BaselineAlgorithm, timer: Timer, phases: Sequence[float] = (0.0,)) -> None:
+        self._algorithm, self._env, self._timer, self._phases = algorithm, algorithm.env, timer, phases
+
+    @property
+    def evaluation_interval(self) -> int:
+        return evaluation.EVALUATION_INTERVAL
 
     @property
     def checkpoint_interval_factor(self) -> float:
@@ -261,10 +266,8 @@ class BaselineRunner:
     def env_states(self) -> EnvStates:
         return self._env.sampler.env_states()
 
-    def run_episodes(
-        self, policy: Policy, reward: RewardConfig, phases: Sequence[float]
-    ) -> Sequence[Episode]:
-        return self._env.sampler.run_episodes(policy, reward, phases)
+    def run_episodes(self, policy: Policy, reward: RewardConfig) -> Sequence[Episode]:
+        return self._env.sampler.run_episodes(policy, reward, self._phases)
 
     def robust_returns(self, policy: Policy, reward: RewardConfig) -> Sequence[float]:
         return self._env.sampler.robust_returns(policy, reward, range(ROBUSTNESS_EPISODES))

@@ -67,7 +67,7 @@ class Normalizer:
         return torch.from_numpy(normalized(observations, mean, scale))
 
 
-def export(net: ActorCritic, normalizer: Normalizer, *, critic: bool) -> Policy:
+def export(net: ActorCritic, normalizer: Normalizer, *, critic: bool = False) -> Policy:
     """The actor with its normaliser, and the critic on demand."""
     mean, scale = normalizer.mean.astype(np.float32), normalizer.scale.astype(np.float32)
     return Policy(_copies(net.actor), mean, scale, critic=_copies(net.critic) if critic else ())

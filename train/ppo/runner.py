@@ -6,6 +6,7 @@ from collections.abc import Sequence
 
 from kinemimic.train.config.config import RewardConfig, scheduled_at
 from kinemimic.train.ppo.ppo import PpoAlgorithm
+from kinemimic.train.rollout import evaluation
 from kinemimic.train.rollout.evaluation import Episode
 from kinemimic.train.rollout.policy import Policy
 from kinemimic.train.rollout.sampler import EnvStates, Samples
@@ -18,12 +19,18 @@ _WARM_UP = 16  # steps of the untrained policy for the normaliser's first statis
 
 
 class PpoRunner:
-    """`Runner` (train/runner/base.py) of our PPO."""
+    """`Runner` (train/runner/base.py) of our PPO; phases: of the evaluation episodes."""
 
     checkpoint_interval_factor = 1.0
 
-    def __init__(self, algorithm: PpoAlgorithm, workers: Workers, timer: Timer) -> None:
-        self._algorithm, self._workers, self._timer = algorithm, workers, timer
+    def __init__(
+        self, algorithm: PpoAlgorithm, workers: Workers, timer: Timer, phases: Sequence[float] = (0.0,)
+    ) -> None:
+        self._algorithm, self._workers, self._timer, self._phases = algorithm, workers, timer, phases
+
+    @property
+    def evaluation_interval(self) -> int:
+        return evaluation.EVALUATION_INTERVAL
 
     def start(self, env_states: EnvStates | None) -> None:
         if env_states is not None:
@@ -61,10 +68,8 @@ class PpoRunner:
     def env_states(self) -> EnvStates:
         return self._workers.env_states()
 
-    def run_episodes(
-        self, policy: Policy, reward: RewardConfig, phases: Sequence[float]
-    ) -> Sequence[Episode]:
-        return self._workers.run_episodes(policy, reward, phases)
+    def run_episodes(self, policy: Policy, reward: RewardConfig) -> Sequence[Episode]:
+        return self._workers.run_episodes(policy, reward, self._phases)
 
     def robust_returns(self, policy: Policy, reward: RewardConfig) -> Sequence[float]:
         return self._workers.robust_returns(policy, reward)

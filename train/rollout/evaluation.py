@@ -138,9 +138,9 @@ class Evaluation:
         return asdict(self)
 
 
-def is_due(before: int, after: int) -> bool:
+def is_due(before: int, after: int, interval: int) -> bool:
     """Whether an evaluation is due between two numbers of samples."""
-    return after // EVALUATION_INTERVAL > before // EVALUATION_INTERVAL
+    return after // interval > before // interval
 
 
 def best(evaluations: Sequence[Evaluation]) -> Evaluation:

@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 from kinemimic.pipeline.arrays import Floats
 from kinemimic.retarget.humanoid.motion import Motion
 from kinemimic.train.config.config import EnvConfig, RewardConfig
+from kinemimic.train.reference.reference import Reference
 from kinemimic.train.rollout.episodes import begin_episodes
 from kinemimic.train.rollout.evaluation import Episode, Evaluator
 from kinemimic.train.rollout.policy import Policy
@@ -71,7 +72,7 @@ class Samples:
         return last
 
 
-class Sampler:
+class EnvSampler:
     """Environments of one worker, each with its own random generator, so that none depends on the others.
 
     `begin_round` and `end_round` enclose a round. In between `sample` steps the environments, or the caller
@@ -80,19 +81,15 @@ class Sampler:
 
     def __init__(
         self,
-        motion: Motion,
+        reference: Reference,
         config: EnvConfig,
         seeds: list[np.random.SeedSequence],
         engine: str,
         threads: int = 1,
     ) -> None:
-        self._motion, self._config, self._engine = motion, config, engine
-        self.batch = ImitationBatch(
-            open_world(len(seeds), engine, threads=threads), reference_for(motion, config.scenario), config
-        )
+        self._config, self._engine = config, engine
+        self.batch = ImitationBatch(open_world(len(seeds), engine, threads=threads), reference, config)
         self._randoms = [np.random.Generator(np.random.PCG64(seed)) for seed in seeds]
-        self._evaluator: Evaluator | None = None
-        self._robustness: RobustnessEvaluation | None = None
         self.restart(np.arange(len(seeds)), 0.0)
         self._next = self.batch.snapshot()
 
@@ -119,23 +116,6 @@ class Sampler:
     def end_round(self) -> None:
         """Store the state from which the next round starts."""
         self._next = self.batch.snapshot()
-
-    def run_episodes(self, policy: Policy, reward: RewardConfig, phases: Sequence[float]) -> list[Episode]:
-        """Evaluation episodes from these phases, in an environment apart from those of the training."""
-        if self._evaluator is None:
-            self._evaluator = Evaluator(self._motion, self.batch.reference, self._config, self._engine)
-        return [self._evaluator.run_episode(policy, reward, phase) for phase in phases]
-
-    def robust_returns(self, policy: Policy, reward: RewardConfig, numbers: Sequence[int]) -> list[float]:
-        """Robust returns (`robustness.py`) of the random draws with these numbers, in separate environments.
-
-        They are kept for the next call, which usually asks for the same numbers.
-        """
-        if not numbers:
-            return []
-        if self._robustness is None or self._robustness.numbers != tuple(numbers):
-            self._robustness = RobustnessEvaluation(self.batch.reference, self._config, numbers, self._engine)
-        return self._robustness.robust_returns(policy, reward)
 
     def restart(self, indices: NDArray[np.intp], strength: float) -> None:
         """Begin new episodes; strength: 0 to 1, of the domain randomization."""
@@ -198,6 +178,40 @@ class Sampler:
             episode_lengths=np.array(episode_lengths, dtype=np.int64),
             exploded=exploded,
         )
+
+
+class Sampler(EnvSampler):
+    """Environments that imitate one motion, and its evaluations."""
+
+    def __init__(
+        self,
+        motion: Motion,
+        config: EnvConfig,
+        seeds: list[np.random.SeedSequence],
+        engine: str,
+        threads: int = 1,
+    ) -> None:
+        super().__init__(reference_for(motion, config.scenario), config, seeds, engine, threads)
+        self._motion = motion
+        self._evaluator: Evaluator | None = None
+        self._robustness: RobustnessEvaluation | None = None
+
+    def run_episodes(self, policy: Policy, reward: RewardConfig, phases: Sequence[float]) -> list[Episode]:
+        """Evaluation episodes from these phases, in an environment apart from those of the training."""
+        if self._evaluator is None:
+            self._evaluator = Evaluator(self._motion, self.batch.reference, self._config, self._engine)
+        return [self._evaluator.run_episode(policy, reward, phase) for phase in phases]
+
+    def robust_returns(self, policy: Policy, reward: RewardConfig, numbers: Sequence[int]) -> list[float]:
+        """Robust returns (`robustness.py`) of the random draws with these numbers, in separate environments.
+
+        They are kept for the next call, which usually asks for the same numbers.
+        """
+        if not numbers:
+            return []
+        if self._robustness is None or self._robustness.numbers != tuple(numbers):
+            self._robustness = RobustnessEvaluation(self.batch.reference, self._config, numbers, self._engine)
+        return self._robustness.robust_returns(policy, reward)
 
 
 def _generator_state(random: np.random.Generator) -> NDArray[np.uint64]:

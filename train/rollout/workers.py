@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import signal
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import fields
+from functools import partial
 from multiprocessing.connection import Connection
 from types import TracebackType
 from typing import Any
@@ -20,11 +21,14 @@ from kinemimic.train.config.config import EnvConfig, RewardConfig
 from kinemimic.train.rollout.evaluation import Episode
 from kinemimic.train.rollout.policy import Policy
 from kinemimic.train.rollout.robustness import ROBUSTNESS_EPISODES
-from kinemimic.train.rollout.sampler import EnvStates, Sampler, Samples
+from kinemimic.train.rollout.sampler import EnvSampler, EnvStates, Sampler, Samples
 from kinemimic.train.task.timer import summed
 
+# Opens a worker's sampler from its seeds and the engine.
+OpenSampler = Callable[[list[np.random.SeedSequence], str], EnvSampler]
 
-def answer(sampler: Sampler, request: str, arguments: tuple[Any, ...]) -> Any:
+
+def answer(sampler: EnvSampler, request: str, arguments: tuple[Any, ...]) -> Any:
     """A worker's answer: the result of the sampler's method `request`; samples packed and with seconds."""
     found = getattr(sampler, request)(*arguments)
     return (found.packed(), sampler.seconds) if request == "sample" else found
@@ -32,15 +36,14 @@ def answer(sampler: Sampler, request: str, arguments: tuple[Any, ...]) -> Any:
 
 def _serve(
     connection: Connection,
-    motion: Motion,
-    config: EnvConfig,
+    open_sampler: OpenSampler,
     seeds: list[np.random.SeedSequence],
     engine: str,
 ) -> None:
     # The parent ends its workers; a signal to the process group must not kill them in mid-round.
     signal.signal(signal.SIGTERM, signal.SIG_IGN)
     try:
-        sampler = Sampler(motion, config, seeds, engine)
+        sampler = open_sampler(seeds, engine)
     except KinemimicError as error:
         connection.send(error)
         return
@@ -63,12 +66,15 @@ class Workers:
     def __init__(
         self, motion: Motion, config: EnvConfig, num_envs: int, seed: int, count: int, engine: str
     ) -> None:
+        self._begin(partial(Sampler, motion, config), num_envs, seed, count, engine)
+
+    def _begin(self, open_sampler: OpenSampler, num_envs: int, seed: int, count: int, engine: str) -> None:
         self.seconds: dict[str, float] = {}
         self._count = count
         seeds = np.random.SeedSequence(seed).spawn(num_envs)
         self._workers = [Worker() for _ in range(count)]
         for k, worker in enumerate(self._workers):
-            worker.begin(_serve, motion, config, seeds[k::count], engine)
+            worker.begin(_serve, open_sampler, seeds[k::count], engine)
         # Starting up is not part of the first samples' time.
         self._answers()
 

@@ -83,10 +83,12 @@ class Runner(Protocol):
     def env_states(self) -> EnvStates:
         """The state of the environments from which the next round starts."""
 
-    def run_episodes(
-        self, policy: Policy, reward: RewardConfig, phases: Sequence[float]
-    ) -> Sequence[Episode]:
-        """Evaluation episodes from these phases (`rollout/evaluation.py`)."""
+    @property
+    def evaluation_interval(self) -> int:
+        """Samples between two evaluations."""
+
+    def run_episodes(self, policy: Policy, reward: RewardConfig) -> Sequence[Episode]:
+        """Evaluation episodes (`rollout/evaluation.py`)."""
 
     def robust_returns(self, policy: Policy, reward: RewardConfig) -> Sequence[float]:
         """Robust returns (`rollout/robustness.py`)."""

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import asdict
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
@@ -11,6 +11,7 @@ from kinemimic.pipeline.files.provenance import provenance
 from kinemimic.pipeline.files.store import copy_file, read_json
 from kinemimic.pipeline.run_folder.stage import stage
 from kinemimic.retarget.humanoid.motion import Motion
+from kinemimic.train.config.config import EnvConfig
 from kinemimic.train.reference.reference import Reference
 from kinemimic.train.rollout.evaluation import best, first_walk, selection_phases
 from kinemimic.train.rollout.policy import POLICY
@@ -18,6 +19,27 @@ from kinemimic.train.runner.checkpoint import TrainingState
 from kinemimic.train.task.mirror import mirrored
 
 PREVIOUS_POLICY = "policy.previous.safetensors"
+
+
+@dataclass(frozen=True)
+class Imitated:
+    """What a training imitates.
+
+    source: "motion" or "library"; identity: its content hash; phases: start phases of the evaluations;
+    mirrored: whether the policy mirrors; simulated: whether it is of a simulated capture.
+    """
+
+    source: str
+    identity: str
+    phases: tuple[float, ...]
+    mirrored: bool
+    simulated: bool
+
+    @classmethod
+    def of_motion(cls, motion: Motion, config: EnvConfig) -> Imitated:
+        """A motion, in the task of a configuration."""
+        phases = selection_phases(motion, config.scenario)
+        return cls("motion", motion.identity, phases, mirrored(config, Reference(motion)), motion.simulated)
 
 
 class PolicyFile:
@@ -28,10 +50,10 @@ class PolicyFile:
     """
 
     def __init__(
-        self, run: Path, training: TrainingState, motion: Motion, engine: str, *, resumed: bool
+        self, run: Path, training: TrainingState, imitated: Imitated, engine: str, *, resumed: bool
     ) -> None:
         self._run, self._path = run, run / POLICY
-        self._training, self._motion, self._engine = training, motion, engine
+        self._training, self._imitated, self._engine = training, imitated, engine
         self._foreign = not resumed
 
     def write(self, *, finished: bool) -> dict[str, Any]:
@@ -39,7 +61,7 @@ class PolicyFile:
 
         finished: whether the training has ended. KeyError without an evaluation.
         """
-        record = policy_record(self._training, self._motion, self._engine, finished=finished)
+        record = policy_record(self._training, self._imitated, self._engine, finished=finished)
         policy = self._training.best
         assert policy is not None  # noqa: S101 (there is an evaluation, and so a best one)
         if self._foreign and self._finished():
@@ -61,7 +83,9 @@ class PolicyFile:
             return True
 
 
-def policy_record(training: TrainingState, motion: Motion, engine: str, *, finished: bool) -> dict[str, Any]:
+def policy_record(
+    training: TrainingState, imitated: Imitated, engine: str, *, finished: bool
+) -> dict[str, Any]:
     """policy.json, except its schema and body."""
     config, state = training.algorithm.config, training.algorithm.progress
     evaluations = training.evaluations
@@ -78,14 +102,14 @@ def policy_record(training: TrainingState, motion: Motion, engine: str, *, finis
         "first_walk": first_walk(evaluations),
         "evaluated_with": {
             "reward": asdict(config.final_reward),
-            "start_phases": list(selection_phases(motion, config.env.scenario)),
+            "start_phases": list(imitated.phases),
         },
         "evaluations": [evaluation.to_json() for evaluation in evaluations],
         **training.algorithm.record_extras(),
         "config": config.to_json(),
-        "mirrored": mirrored(config.env, Reference(motion)),
-        "simulated": motion.simulated,
+        "mirrored": imitated.mirrored,
+        "simulated": imitated.simulated,
         "provenance": provenance(
-            "train", inputs={"motion": motion.identity}, config=config.to_json(), seed=config.seed
+            "train", inputs={imitated.source: imitated.identity}, config=config.to_json(), seed=config.seed
         ),
     }

@@ -10,13 +10,12 @@ from torch.utils.tensorboard import SummaryWriter
 from kinemimic.pipeline.cli.progress import Bar, progress
 from kinemimic.pipeline.errors import KinemimicError
 from kinemimic.pipeline.parallel.interruption import deferred
-from kinemimic.retarget.humanoid.motion import Motion
 from kinemimic.train.config.config import scheduled_at
-from kinemimic.train.rollout.evaluation import Evaluation, best, is_due, selection_phases
+from kinemimic.train.rollout.evaluation import Evaluation, best, is_due
 from kinemimic.train.runner import checkpoint
 from kinemimic.train.runner.base import OTHER, ROLLOUT, UPDATE, Runner
 from kinemimic.train.runner.checkpoint import TrainingState
-from kinemimic.train.runner.policy_file import PolicyFile
+from kinemimic.train.runner.policy_file import Imitated, PolicyFile
 from kinemimic.train.task.timer import Timer, summed
 
 CHECKPOINT_SECONDS = 30.0
@@ -41,21 +40,21 @@ def is_complete(training: TrainingState, seconds: float | None) -> bool:
 class TrainingLoop:
     """One training with one runner, which shares the algorithm and the timer.
 
-    path: of the checkpoint; seconds: of all calls together, after which it stops; policy: is written after
-    every evaluation and checkpoint.
+    imitated: what it imitates; path: of the checkpoint; seconds: of all calls together, after which it
+    stops; policy: is written after every evaluation and checkpoint.
     """
 
     def __init__(
         self,
         training: TrainingState,
         runner: Runner,
-        motion: Motion,
+        imitated: Imitated,
         path: Path,
         timer: Timer,
         seconds: float | None,
         policy: PolicyFile,
     ) -> None:
-        self._training, self._runner, self._motion, self._path = training, runner, motion, path
+        self._training, self._runner, self._imitated, self._path = training, runner, imitated, path
         self._timer, self._seconds, self._policy = timer, seconds, policy
         self._state = training.algorithm.progress
         self._config = training.algorithm.config
@@ -131,15 +130,15 @@ class TrainingLoop:
         samples, evaluations = self._state.samples, self._training.evaluations
         if not samples or (evaluations and evaluations[-1].samples == samples):
             return False
-        return is_due(samples - self._config.batch, samples) or is_over(self._training, self._seconds)
+        due = is_due(samples - self._config.batch, samples, self._runner.evaluation_interval)
+        return due or is_over(self._training, self._seconds)
 
     def _evaluate(self, board: SummaryWriter) -> None:
         training, runner, samples = self._training, self._runner, self._state.samples
         policy = training.algorithm.policy()
         # With the scales at the end of their schedules, so that early and late evaluations are comparable.
         reward, strength = self._config.final_reward, scheduled_at(self._config.strength, samples)
-        phases = selection_phases(self._motion, self._config.env.scenario)
-        episodes = runner.run_episodes(policy, reward, phases)
+        episodes = runner.run_episodes(policy, reward)
         robust_returns = runner.robust_returns(policy, reward) if strength > 0.0 else ()
         self._lap(EVALUATION)
         evaluation = Evaluation.of_episodes(
@@ -169,7 +168,7 @@ class TrainingLoop:
         self._training.env_states = self._runner.env_states()
         # The curves on disk reach at least as far as the checkpoint.
         board.flush()
-        checkpoint.save(self._path, self._training, self._motion.identity)
+        checkpoint.save(self._path, self._training, self._imitated.identity)
         if self._training.evaluations:
             self._policy.write(finished=False)
         self._lap(SAVING)

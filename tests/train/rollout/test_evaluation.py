@@ -158,10 +158,10 @@ def test_under_hardships_whoever_endures_most_is_kept() -> None:
 
 def test_trials_fall_due_by_samples() -> None:
     every = trial.EVALUATION_INTERVAL
-    due = [is_due(k * 4096, (k + 1) * 4096) for k in range(2 * every // 4096)]
+    due = [is_due(k * 4096, (k + 1) * 4096, every) for k in range(2 * every // 4096)]
     assert np.flatnonzero(due).tolist() == [every // 4096 - 1, 2 * every // 4096 - 1]
     # A round that is longer than the distance gives one trial.
-    assert is_due(0, 3 * every)
+    assert is_due(0, 3 * every, every)
 
 
 def test_what_is_performed_once_is_tried_once_to_its_last_frame(motion: Motion) -> None:
