@@ -15,14 +15,17 @@ import click
 from kinemimic.evaluate.workflow.batch import STAGE_OPTIONS, TIMEOUT, batch
 from kinemimic.evaluate.workflow.run import passed_on, stage_options
 from kinemimic.pipeline.cli.options import json_option
+from kinemimic.pipeline.cli.progress import progress
 from kinemimic.pipeline.cli.terminal import show
 from kinemimic.pipeline.errors import KinemimicError
 from kinemimic.pipeline.files.provenance import provenance
 
 if TYPE_CHECKING:
+    from kinemimic.retarget.humanoid.motion import Motion
     from kinemimic.retarget.library.motion_library import Entry
 
 SUBJECT = r"[^_]+"
+RUNS = 0.15  # of the variants, where there are walks too
 
 
 def library(
@@ -31,6 +34,8 @@ def library(
     *,
     subject: str = SUBJECT,
     test: Collection[str] = (),
+    variants: int = 0,
+    seed: int = 0,
     options: Mapping[str, Mapping[str, Any]] | None = None,
     jobs: int = 1,
     timeout: float = TIMEOUT,
@@ -38,9 +43,12 @@ def library(
     """Make the motions of all captures at `sources` and collect the accepted ones in a library at `out`.
 
     subject: regular expression of the person in a file's name without ending, from its beginning: the first
-    group, or all that matches; test: subjects that are left out of the split "train"; sources, options, jobs,
-    timeout: as for `batch`, which writes its run folders below out/runs. Returns the content of library.json.
-    KinemimicError without an accepted motion, for a name that does not match, and for an unknown subject.
+    group, or all that matches; test: subjects that are left out of the split "train"; variants: number of
+    random variants of the training part's loops to add (`variants.py`), drawn from `seed`; sources, options,
+    jobs, timeout: as for `batch`, which writes its run folders below out/runs. Returns the content of
+    library.json.
+    KinemimicError without an accepted motion, for a name that does not match, for an unknown subject, and for
+    variants without a loop.
     """
     # Import cost: these load the stages.
     from kinemimic.evaluate.workflow.batch_capture import ACCEPTED  # noqa: PLC0415
@@ -68,6 +76,7 @@ def library(
         _entry(row, motion, subjects[row["file"]], runs, test)
         for row, motion in zip(accepted, motions, strict=True)
     ]
+    made = _variants(motions, entries, variants, seed)
     described = {
         "subject": subject,
         "splits": {
@@ -77,18 +86,60 @@ def library(
             }
             for split in ("train", "test")
         },
+        "variants": dict(Counter(entry.kind for _, entry in made)),
         "refused": {row["file"]: row["reason"] for row in rows if row["status"] != ACCEPTED},
         "motions": [
             {"file": row["file"], "sha256": row["sha256"], "motion": motion.identity}
             for row, motion in zip(accepted, motions, strict=True)
-        ],
+        ]
+        + [{"motion": motion.identity} for motion, _ in made],
         "provenance": provenance(
             "library",
             inputs={row["file"]: row["sha256"] for row in accepted if row["sha256"]},
-            config={"subject": subject, "test": sorted(test), **(options or {})},
+            config={"subject": subject, "test": sorted(test), "variants": variants, **(options or {})},
+            seed=seed,
         ),
     }
+    motions += [motion for motion, _ in made]
+    entries += [entry for _, entry in made]
     return write_library(out, MotionLibrary.of(motions, entries), described)
+
+
+def _variants(
+    motions: Sequence[Motion], entries: Sequence[Entry], count: int, seed: int
+) -> list[tuple[Motion, Entry]]:
+    """Variants of the loops of the training part, a share of them runs."""
+    from kinemimic.retarget.library.motion_library import Entry  # noqa: PLC0415 (import cost)
+    from kinemimic.retarget.library.variants import variants  # noqa: PLC0415
+
+    if not count:
+        return []
+    loops = {
+        kind: [
+            motion
+            for motion, entry in zip(motions, entries, strict=True)
+            if entry.kind == kind and entry.cyclic and entry.split == "train"
+        ]
+        for kind in ("walk", "run")
+    }
+    runs = round(RUNS * count) if loops["run"] and loops["walk"] else count if loops["run"] else 0
+    made: list[tuple[Motion, Entry]] = []
+    with progress("variants", count, unit="motions") as bar:
+        for kind, number in (("walk", count - runs), ("run", runs)):
+            if not number:
+                continue
+            try:
+                for motion in variants(loops[kind], kind, number, seed):
+                    x, y, z = (float(value) for value in motion.cycle_offset)
+                    name = f"variants/{kind}-{len(made):05d}"
+                    frames, rate = len(motion.root), float(motion.rate)
+                    made.append(
+                        (motion, Entry(name, "variants", kind, "train", rate, frames, True, (x, y, z)))
+                    )
+                    bar.advance(1)
+            except ValueError as error:
+                raise KinemimicError(f"--variants: expected walks or runs to vary, found {error}") from None
+    return made
 
 
 def _pattern(subject: str) -> re.Pattern[str]:
@@ -138,6 +189,11 @@ def _entry(row: Mapping[str, Any], motion: Any, subject: str, runs: Path, test: 
                    "or all that matches.")  # fmt: skip
 @click.option("--test", metavar="SUBJECT", multiple=True,
               help="Put this person's motions in the split “test”; may be repeated.")  # fmt: skip
+@click.option("--variants", type=click.IntRange(min=0), default=0, show_default=True,
+              help="Add this many random variants of the training part's loops: other cadences, strides, "
+                   "postures.")  # fmt: skip
+@click.option("--seed", type=click.IntRange(min=0), default=0, show_default=True,
+              help="Random seed of the variants.")  # fmt: skip
 @click.option("-j", "--jobs", type=click.IntRange(min=1),
               help="Captures processed in parallel; default: one per core.")  # fmt: skip
 @click.option("--timeout", type=click.FloatRange(min=0, min_open=True), default=TIMEOUT, show_default=True,
@@ -148,6 +204,8 @@ def command(
     out: Path,
     subject: str,
     test: tuple[str, ...],
+    variants: int,
+    seed: int,
     jobs: int | None,
     timeout: float,
     as_json: bool,
@@ -168,6 +226,8 @@ def command(
         out,
         subject=subject,
         test=test,
+        variants=variants,
+        seed=seed,
         options=stage_options(STAGE_OPTIONS, options),
         jobs=jobs or len(os.sched_getaffinity(0)),
         timeout=timeout,

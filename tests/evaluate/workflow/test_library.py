@@ -62,6 +62,18 @@ def test_the_same_captures_give_the_same_bytes(made: Path, recordings: Path) -> 
     assert {name: (made / name).read_bytes() for name in before} == before
 
 
+def test_variants_of_the_training_part_are_added(recordings: Path, tmp_path: Path, inline: None) -> None:
+    manifest = library([recordings], tmp_path / "library", test=["bob"], variants=3, seed=1)
+    found = read_library(tmp_path / "library")
+    assert manifest["variants"] == {"walk": 3}
+    assert [entry.name for entry in found.entries[3:]] == [f"variants/walk-0000{k}" for k in range(3)]
+    assert found.subjects("test") == {"bob"}
+    assert found.subjects("train") == {"ann", "variants"}
+    again = library([recordings], tmp_path / "again", test=["bob"], variants=3, seed=1)
+    other = library([recordings], tmp_path / "other", test=["bob"], variants=3, seed=2)
+    assert again["sha256"] == manifest["sha256"] != other["sha256"]
+
+
 def _failure(capsys: pytest.CaptureFixture[str], *arguments: object) -> str:
     with pytest.raises(SystemExit) as exit_:
         main(["library", *map(str, arguments)])

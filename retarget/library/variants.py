@@ -1,0 +1,195 @@
+"""Random variants of gait loops: plausible walkers and runners that nobody recorded.
+
+A library of a few dozen loops holds a few people, whose knees, arms and pelvis move alike. A variant mixes
+two loops of a kind, then draws a cadence, stride, crouch, stance width, posture and rotation of pelvis and
+trunk of its own, each over a range of healthy adults, symmetric but for a little. Some have what a depth
+sensor delivers: legs that move in a plane, and neutral feet. The last steps of `retarget` follow: the root
+path on which the feet do not slide, and the refinement.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+
+import numpy as np
+
+from kinemimic.pipeline.arrays import Array
+from kinemimic.pipeline.kinematics.rotations import (
+    conjugate,
+    continuous,
+    from_rotvec,
+    multiply,
+    normalize,
+    to_rotvec,
+)
+from kinemimic.pipeline.kinematics.skeleton import NODE_INDEX, NODES
+from kinemimic.pipeline.locomotion import fourier
+from kinemimic.retarget.feet.contact import sole_positions
+from kinemimic.retarget.feet.ground import fit_root_path
+from kinemimic.retarget.feet.legs import limit_knee_extension, neutral_feet
+from kinemimic.retarget.feet.scale import abduct
+from kinemimic.retarget.humanoid.limits import LIMITS, clamp_to_limits
+from kinemimic.retarget.humanoid.motion import Motion
+from kinemimic.retarget.optimise.refine import refine
+
+FRAME_RATE = 60.0
+LIKE = 0.7  # probability of a second loop, and of a symmetric gait
+MIX = 0.6  # largest share of the second loop
+PERIOD = (0.8, 1.25)  # factor on the duration
+STRIDE = (0.7, 1.5)  # factor on the flexion of hips and knees
+SWAY = (0.4, 1.2)  # factor on the lateral sway
+CROUCH = (-0.5, 0.15)  # rad of flexion added to the knees; hips and ankles share it
+WIDTH = 0.04  # rad, standard deviation of the abduction of both thighs
+WOBBLE = 0.02  # rad, standard deviation of a random first harmonic of a joint
+PLANAR = 0.3  # probability that the legs move in a plane, and that the trunk does
+DEPTH_SENSOR = 0.5  # probability of neutral feet
+ONE_SIDED = 0.15  # of an offset's standard deviation, the same for one side alone
+# Of a joint about X, Y, Z: standard deviation of its mean, rad, and of the logarithm of its amplitude.
+SPREADS: dict[str, tuple[tuple[float, float, float], tuple[float, float, float]]] = {
+    "hip_center": ((0.015, 0.03, 0.02), (0.5, 0.6, 0.7)),
+    "spine": ((0.02, 0.08, 0.02), (0.5, 0.4, 0.7)),
+    "shoulder_center": ((0.02, 0.10, 0.02), (0.5, 0.4, 0.7)),
+    "shoulder": ((0.10, 0.20, 0.35), (0.5, 0.6, 0.5)),
+    "elbow": ((0.0, 0.28, 0.0), (0.0, 0.6, 0.0)),
+    "wrist": ((0.25, 0.10, 0.20), (0.6, 0.6, 0.6)),
+    "hip": ((0.02, 0.06, 0.07), (0.5, 0.12, 0.8)),
+    "knee": ((0.0, 0.04, 0.0), (0.0, 0.15, 0.0)),
+    "ankle": ((0.02, 0.07, 0.05), (0.3, 0.35, 0.5)),
+}
+# What `plausible` accepts: depth of a sole in the ground, m; m/s; vertical range of the pelvis, m.
+MAX_DEPTH = 0.02
+SPEEDS = {"walk": (0.3, 2.2), "run": (1.0, 5.0)}
+MAX_BOB = 0.13
+_MIRROR = np.array([-1.0, 1.0, -1.0])  # of a rotation vector
+_SIDES = (("left", np.ones(3)), ("right", _MIRROR))
+_OTHER = {"left": "right", "right": "left"}
+
+
+def _counterpart(name: str) -> int:
+    joint, _, side = name.rpartition("_")
+    return NODE_INDEX[f"{joint}_{_OTHER[side]}" if side in _OTHER else name]
+
+
+_COUNTERPARTS = np.array([_counterpart(name) for name in NODES])
+
+
+def variants(loops: Sequence[Motion], kind: str, count: int, seed: int) -> Iterator[Motion]:
+    """`count` plausible variants of loops of one kind ("walk" or "run"); the same for the same seed.
+
+    ValueError without loops, and if hardly any variant is plausible.
+    """
+    if not loops:
+        raise ValueError("no loops")
+    random, found, tried = np.random.default_rng([seed, len(kind)]), 0, 0
+    while found < count:
+        tried += 1
+        if tried > 10 * (found + 10):
+            raise ValueError(f"{found} of {tried} variants are plausible: the loops are no gait of this kind")
+        one = variant(loops, int(random.integers(len(loops))), random)
+        if plausible(one, kind):
+            found += 1
+            yield one
+
+
+def plausible(motion: Motion, kind: str) -> bool:
+    """Whether the soles stay above the ground, and speed and bob are those of a gait of this kind."""
+    low, high = SPEEDS[kind]
+    depth = -sole_positions(*motion.kinematics())[..., 2].min()
+    return bool(
+        depth <= MAX_DEPTH
+        and low < motion.cycle_offset[0] / motion.duration < high
+        and np.ptp(motion.root[:, 2]) <= MAX_BOB
+    )
+
+
+def variant(loops: Sequence[Motion], first: int, random: np.random.Generator) -> Motion:
+    """A variant of loop number `first`, often mixed with another of `loops`; it need not be plausible."""
+    period = loops[first].duration * random.uniform(*PERIOD)
+    frames = max(8, round(FRAME_RATE * period))
+    phase = np.arange(frames) / frames
+    rotations, sway, speed = _series(loops[first], phase)
+    if len(loops) > 1 and random.random() < LIKE:
+        other, other_sway, other_speed = _series(loops[int(random.integers(len(loops)))], phase)
+        share = random.uniform(0.0, MIX)
+        rotations = _towards(rotations, other, share)
+        sway = sway + share * (other_sway - sway)
+        speed += share * (other_speed - speed)
+    stride = random.uniform(*STRIDE)
+    gains, offsets = _draw(stride, random)
+    mean = normalize(np.mean(continuous(rotations), axis=0))
+    about = to_rotvec(multiply(conjugate(np.broadcast_to(mean, rotations.shape)), rotations))
+    moving = np.ptp(rotations, axis=0).max(axis=-1, keepdims=True) > 1e-9
+    if random.random() < LIKE:
+        about = 0.5 * (about + np.roll(about, -(frames // 2), axis=0)[:, _COUNTERPARTS] * _MIRROR)
+        mean = _towards(mean, mean[_COUNTERPARTS] * np.append(_MIRROR, 1.0), 0.5)
+    about = gains * about + random.uniform(0.0, 1.5) * moving * _wobble(phase, random)
+    mean = multiply(mean, from_rotvec(offsets * moving))
+    rotations = normalize(multiply(np.broadcast_to(mean, rotations.shape), from_rotvec(about)))
+    for joint in LIMITS:
+        rotations[:, NODE_INDEX[joint]] = clamp_to_limits(joint, rotations[:, NODE_INDEX[joint]])
+    rotations = abduct(limit_knee_extension(rotations), random.normal(0.0, WIDTH))
+    if random.random() < DEPTH_SENSOR:
+        rotations = neutral_feet(rotations, phase)
+    sway = sway * [1.0, random.uniform(*SWAY), 1.0]
+    path = fit_root_path(rotations, sway, speed * stride * loops[first].duration / period, period)
+    return refine(
+        Motion(
+            rate=frames / period,
+            root=path.root - path.root[0] * [1.0, 1.0, 0.0],
+            rotations=continuous(rotations),
+            contacts=path.contacts,
+            cyclic=True,
+            cycle_offset=np.array([path.speed * period, 0.0, 0.0]),
+        )
+    )
+
+
+def _draw(stride: float, random: np.random.Generator) -> tuple[Array, Array]:
+    """Factors on the amplitude, and offsets of the mean, rad, of each node about its axes (20, 3)."""
+    gains, offsets = np.ones((len(NODES), 3)), np.zeros((len(NODES), 3))
+    planar_legs, planar_trunk = random.random(2) < PLANAR
+    for joint, numbers in SPREADS.items():
+        means, spread = np.array(numbers)
+        gain = np.exp(spread * random.standard_normal(3))
+        mean = means * random.standard_normal(3)
+        if planar_trunk and joint in ("hip_center", "spine", "shoulder_center"):
+            gain *= random.uniform(0.0, 0.3)
+        if planar_legs and joint in ("hip", "ankle"):
+            gain[[0, 2]] *= random.uniform(0.0, 0.3, 2)
+        if joint in ("hip", "knee"):
+            gain[1] *= stride
+        for side, sign in _SIDES:
+            node = NODE_INDEX.get(f"{joint}_{side}", NODE_INDEX.get(joint, 0))
+            gains[node] = gain
+            offsets[node] = sign * (mean + ONE_SIDED * means * random.standard_normal(3))
+    crouch, share = random.uniform(*CROUCH), random.uniform(0.4, 0.65)
+    for side, _ in _SIDES:
+        for joint, part in (("knee", 1.0), ("hip", -share), ("ankle", share - 1.0)):
+            offsets[NODE_INDEX[f"{joint}_{side}"], 1] += part * crouch
+    return gains, offsets
+
+
+def _wobble(phase: Array, random: np.random.Generator) -> Array:
+    """Three random harmonics (T, 20, 3), rad."""
+    turns = 2.0 * np.pi * phase[:, None] * np.arange(1, 4)
+    waves = np.concatenate([np.cos(turns), np.sin(turns)], axis=1)
+    sizes = random.normal(0.0, WOBBLE, (6, len(NODES), 3)) / np.tile([1.0, 2.0, 3.0], 2)[:, None, None]
+    found: Array = np.einsum("tk,kni->tni", waves, sizes)
+    return found
+
+
+def _series(motion: Motion, phase: Array) -> tuple[Array, Array, float]:
+    """Rotations (T, 20, 4), sway (T, 3) in metres and speed in m/s of a loop at phases (T,)."""
+    own = np.arange(len(motion.root)) / len(motion.root)
+    sway = motion.root - own[:, None] * motion.cycle_offset
+    flat = continuous(motion.rotations).reshape(len(own), -1)
+    rotations = fourier.evaluate(fourier.fit(own, flat, 10), phase).reshape(len(phase), len(NODES), 4)
+    smooth = fourier.evaluate(fourier.fit(own, sway, 8), phase)
+    return normalize(rotations), smooth, float(motion.cycle_offset[0] / motion.duration)
+
+
+def _towards(rotations: Array, other: Array, share: float) -> Array:
+    """Rotations (..., 4) turned by a share of the way to others."""
+    return normalize(
+        multiply(rotations, from_rotvec(share * to_rotvec(multiply(conjugate(rotations), other))))
+    )

@@ -1,0 +1,80 @@
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from kinemimic.pipeline.files.data_folder import DATASETS
+from kinemimic.pipeline.kinematics.rotations import angle_between
+from kinemimic.pipeline.kinematics.skeleton import NODE_INDEX
+from kinemimic.retarget.feet.contact import sole_positions
+from kinemimic.retarget.formats.motion_json import read_motion_json
+from kinemimic.retarget.humanoid.motion import Motion, joint_angles
+from kinemimic.retarget.library.variants import MAX_DEPTH, SPEEDS, plausible, variant, variants
+
+
+@pytest.fixture(scope="module")
+def loops() -> list[Motion]:
+    walk = read_motion_json(DATASETS / "policies/walk/motion.json")
+    return [walk, replace(walk, rate=1.1 * walk.rate)]
+
+
+@pytest.fixture(scope="module")
+def made(loops: list[Motion]) -> list[Motion]:
+    return list(variants(loops, "walk", 12, seed=3))
+
+
+def test_the_same_seed_gives_the_same_variants(loops: list[Motion], made: list[Motion]) -> None:
+    again = list(variants(loops, "walk", 3, seed=3))
+    assert [one.identity for one in again] == [one.identity for one in made[:3]]
+    assert next(variants(loops, "walk", 1, seed=4)).identity != made[0].identity
+
+
+def test_a_variant_is_a_closed_loop_on_the_ground(made: list[Motion]) -> None:
+    for one in made:
+        assert one.cyclic
+        assert 50 < one.rate < 70
+        assert one.cycle_offset[1] == one.cycle_offset[2] == 0.0
+        step = angle_between(one.rotations[1:], one.rotations[:-1]).max(axis=0)
+        seam = angle_between(one.rotations[0], one.rotations[-1])
+        assert (seam <= 2.0 * step + 1e-3).all()
+        low, high = SPEEDS["walk"]
+        assert low < one.cycle_offset[0] / one.duration < high
+        assert sole_positions(*one.kinematics())[..., 2].min() >= -MAX_DEPTH
+
+
+def test_variants_cover_more_than_their_loops(loops: list[Motion], made: list[Motion]) -> None:
+    """A stiff and a bent knee, a slow and a fast gait."""
+    knees = [np.mean(joint_angles(one.rotations)["knee_left"]) for one in made]
+    own = [np.mean(joint_angles(one.rotations)["knee_left"]) for one in loops]
+    assert max(knees) - min(knees) > 5.0 * (max(own) - min(own)) + 0.1
+    periods = [one.duration for one in made]
+    assert max(periods) / min(periods) > 1.2
+
+
+def test_left_and_right_differ_little(made: list[Motion]) -> None:
+    for one in made:
+        means = [np.mean(joint_angles(one.rotations)[f"knee_{side}"]) for side in ("left", "right")]
+        assert abs(means[0] - means[1]) < np.radians(6.0)
+
+
+def test_what_does_not_move_stays_still(loops: list[Motion]) -> None:
+    one = variant(loops[:1], 0, np.random.default_rng(0))
+    head = one.rotations[:, NODE_INDEX["head"]]
+    assert angle_between(head, head[:1]).max() < 1e-6
+
+
+@pytest.mark.parametrize("raised", [-0.05, 0.05])
+def test_a_loop_in_the_ground_is_not_plausible(made: list[Motion], raised: float) -> None:
+    moved = replace(made[0], root=made[0].root + np.array([0.0, 0.0, raised]))
+    assert plausible(moved, "walk") == (raised > 0.0)
+    assert not plausible(replace(made[0], cycle_offset=9.0 * made[0].cycle_offset), "walk")
+
+
+def test_without_a_gait_there_are_no_variants(loops: list[Motion]) -> None:
+    with pytest.raises(ValueError, match="no loops"):
+        next(variants([], "walk", 1, seed=0))
+    slow = replace(loops[0], rate=0.3 * loops[0].rate)
+    with pytest.raises(ValueError, match="0 of 101 variants are plausible: the loops are no gait"):
+        next(variants([slow], "run", 1, seed=0))
