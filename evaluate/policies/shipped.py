@@ -26,6 +26,7 @@ from kinemimic.pipeline.run_folder.lock import locked
 from kinemimic.retarget.formats.motion_json import read_motion_json
 from kinemimic.retarget.humanoid.motion import Motion
 from kinemimic.train.rollout.policy import Policy
+from kinemimic.train.rollout.tracker_file import load_tracker, tracker_path
 
 POLICY, RECORD, MOTION, SCORES = "policy.safetensors", "policy.json", "motion.json", "scores.json"
 # Relative, of duration, advance and height: another version of numpy changes the last digits of a rebuilt
@@ -72,13 +73,12 @@ class ShippedPolicies:
         capture: the recording that the policy was trained on, if its motion is not shipped. KinemimicError
         names that recording and its source, or says that the folder holds another run.
         """
-        trackers = self.trackers()
-        names = (*self.names(), *trackers)
-        if name not in names:
-            available = ", ".join(names) or "none in this version"
+        names = self.names()
+        if name not in names and name not in self.trackers() and not (Path(name) / POLICY).is_file():
+            available = ", ".join((*names, *self.trackers())) or "none in this version"
             raise KinemimicError(f"expected a shipped policy ({available}), found {name!r}")
         with locked(run):
-            prepare = self._prepare_tracker if name in trackers else self._prepare
+            prepare = self._prepare if name in names else self._prepare_tracker
             prepare(name, run, capture)
 
     def trackers(self) -> tuple[str, ...]:
@@ -86,7 +86,8 @@ class ShippedPolicies:
         return tuple(name for name in tracker_recipes(self.folder) if (self.folder / name / POLICY).is_file())
 
     def _prepare_tracker(self, name: str, run: Path, capture: Path | None) -> None:
-        source = self.folder / name
+        source = tracker_path(name, self.folder).parent
+        load_tracker(source / POLICY)
         if capture is not None:
             raise KinemimicError(f"{name} performs any motion: run `kinemimic run {capture} --policy {name}`")
         if not (run / MOTION).exists():

@@ -114,10 +114,12 @@ def _without_training(
     `train`."""
     from kinemimic.evaluate.policies.shipped import ShippedPolicies  # noqa: PLC0415 (import cost)
 
-    trackers = ShippedPolicies().trackers()
-    if policy not in trackers:
-        known = ", ".join(trackers) or "none in this version"
-        raise KinemimicError(f"--policy: expected a policy for any motion ({known}), found {policy!r}")
+    shipped = ShippedPolicies()
+    if policy in shipped.names():
+        known = ", ".join(shipped.trackers()) or "none in this version"
+        raise KinemimicError(
+            f"--policy: expected a policy for any motion ({known}), found {policy!r}, which performs one"
+        )
     if given := set(options.get("train", {})) - {"engine"}:
         raise KinemimicError(f"--policy: expected no option of `train`, found --{min(given)}; leave out one")
     evaluating = {**options.get("evaluate", {}), "policy": policy}
@@ -183,7 +185,9 @@ def stage_options(groups: Mapping[str, Decorator], values: Mapping[str, Any]) ->
 @click.argument("capture", required=False, type=click.Path(path_type=Path))
 @run_option("folder", default=None)
 @click.option(
-    "--policy", metavar="NAME", help="Perform the motion with this tracker, without a training: `tracker`."
+    "--policy",
+    metavar="POLICY",
+    help="Perform the motion with a tracker, without a training: `tracker` ships, others are folders.",
 )
 @overwrite_option
 @json_option("Print the stages that were run, and the scores, as JSON.")

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -14,6 +15,7 @@ from kinemimic.train.reference.reference import Reference
 
 # Hz: an eighth of a single motion's, for memory. Linear steps between its rows err by 0.05 degrees on a run.
 LIBRARY_TABLE_RATE = 120.0
+_ARRAYS = ("rows", "starts", "durations", "cyclic", "cycle_offsets")
 _TABLES = ("root", "nodes", "bodies", "joints", "targets")
 
 
@@ -24,6 +26,13 @@ class ReferenceLibrary:
     cycle_offsets: (M, 3).
     """
 
+    rows: NDArray[np.intp]
+    starts: NDArray[np.intp]
+    durations: Array
+    cyclic: NDArray[np.bool_]
+    cycle_offsets: Array
+    tables: dict[str, Floats]
+
     def __init__(self, motions: Iterable[Motion]) -> None:
         references, parts = [], []
         for motion in motions:
@@ -33,17 +42,34 @@ class ReferenceLibrary:
             )
             parts.append({name: table.astype(np.float32) for name, table in reference.tables().items()})
         rows, durations, cyclic, offsets = zip(*references, strict=True)
-        self.rows: NDArray[np.intp] = np.array(rows)
-        self.starts: NDArray[np.intp] = np.cumsum([0, *rows[:-1]])
-        self.durations: Array = np.array(durations)
-        self.cyclic: NDArray[np.bool_] = np.array(cyclic)
-        self.cycle_offsets: Array = np.array(offsets)
-        self.tables: dict[str, Floats] = {
-            name: np.concatenate([part.pop(name) for part in parts]) for name in _TABLES
-        }
+        self.rows = np.array(rows)
+        self.starts = np.cumsum([0, *rows[:-1]])
+        self.durations = np.array(durations)
+        self.cyclic = np.array(cyclic)
+        self.cycle_offsets = np.array(offsets)
+        self.tables = {name: np.concatenate([part.pop(name) for part in parts]) for name in _TABLES}
 
     def __len__(self) -> int:
         return len(self.rows)
+
+    def save(self, folder: Path) -> None:
+        """Write all arrays to a folder, one file each, for `open`."""
+        folder.mkdir(parents=True, exist_ok=True)
+        for name in _ARRAYS:
+            np.save(folder / f"{name}.npy", getattr(self, name))
+        for name, table in self.tables.items():
+            np.save(folder / f"table-{name}.npy", table)
+
+    @classmethod
+    def open(cls, folder: Path) -> ReferenceLibrary:
+        """The arrays that `save` wrote; the tables stay on disk, so that processes share their memory."""
+        library = cls.__new__(cls)
+        for name in _ARRAYS:
+            setattr(library, name, np.load(folder / f"{name}.npy", allow_pickle=False))
+        library.tables = {
+            name: np.load(folder / f"table-{name}.npy", mmap_mode="r", allow_pickle=False) for name in _TABLES
+        }
+        return library
 
 
 class FollowedReference(Reference):

@@ -8,7 +8,7 @@ from dataclasses import fields
 from functools import partial
 from multiprocessing.connection import Connection
 from types import TracebackType
-from typing import Any
+from typing import Any, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -134,7 +134,7 @@ class Workers:
         lengths = np.concatenate([part.episode_lengths for part in parts])
         return Samples(**joined, episode_lengths=lengths, exploded=sum(part.exploded for part in parts))
 
-    def __enter__(self) -> Workers:
+    def __enter__(self) -> Self:
         return self
 
     def __exit__(

@@ -1,0 +1,160 @@
+"""Training a tracker: resumed to the last bit, for the library and the settings that it began with."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from safetensors.numpy import load
+
+from kinemimic.pipeline.errors import KinemimicError
+from kinemimic.pipeline.files.data_folder import DATASETS
+from kinemimic.retarget.formats.motion_json import read_motion_json
+from kinemimic.retarget.humanoid.motion import Motion
+from kinemimic.retarget.library.library_file import write_library
+from kinemimic.retarget.library.motion_library import Entry, MotionLibrary
+from kinemimic.train.config.tracker import tracker_config
+from kinemimic.train.rollout import evaluation
+from kinemimic.train.rollout.policy import Policy, is_tracker
+from kinemimic.train.rollout.workers import answer
+from kinemimic.train.tracker import command, performance, runner
+from kinemimic.train.tracker.command import train_tracker
+from kinemimic.train.tracker.sampler import TrackerSampler
+
+CONFIG = replace(
+    tracker_config(), hidden=(16, 8), num_envs=6, horizon=8, minibatch=24, epochs=2, budget=192,
+    strength=((0, 1.0),),
+)  # fmt: skip
+ROUND = CONFIG.batch
+
+
+class InlineWorkers(runner.TrackerWorkers):
+    """Workers without processes."""
+
+    def _begin(self, open_sampler: Any, num_envs: int, seed: int, count: int, engine: str) -> None:
+        self._count, self._workers = count, []
+        seeds = np.random.SeedSequence(seed).spawn(num_envs)
+        self._samplers = [open_sampler(seeds[k::count], engine) for k in range(count)]
+
+    def _ask(self, request: str, arguments: Sequence[tuple[Any, ...]]) -> list[Any]:
+        return [answer(one, request, given) for one, given in zip(self._samplers, arguments, strict=True)]
+
+
+@pytest.fixture
+def quick(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(command, "TrackerWorkers", InlineWorkers)
+    monkeypatch.setattr(runner, "EVALUATION_INTERVAL", 2 * ROUND)
+    monkeypatch.setattr(performance, "CYCLIC_FRAMES", 20)
+
+
+def entry(name: str, subject: str, split: str, motion: Motion) -> Entry:
+    x, y, z = motion.cycle_offset.tolist()
+    return Entry(
+        name,
+        subject,
+        "walk",
+        split,
+        motion.rate,
+        len(motion.root),
+        motion.cyclic,
+        (x, y, z),  # type: ignore[arg-type]
+    )
+
+
+@pytest.fixture(scope="module")
+def library(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Two motions to train on and one that is left out."""
+    walk, run = (read_motion_json(DATASETS / f"policies/{name}/motion.json") for name in ("walk", "run"))
+    slow = replace(walk, rate=0.9 * walk.rate)
+    motions = [walk, run, slow]
+    entries = [
+        entry("walk", "a", "train", walk), entry("run", "b", "train", run), entry("slow", "c", "test", slow)
+    ]  # fmt: skip
+    folder = tmp_path_factory.mktemp("library")
+    write_library(folder, MotionLibrary.of(motions, entries), {})
+    return folder
+
+
+def bytes_of(folder: Path) -> dict[str, bytes]:
+    return {name: (folder / name).read_bytes() for name in ("policy.safetensors", "checkpoint.safetensors")}
+
+
+def test_a_pause_does_not_change_a_bit(library: Path, tmp_path: Path, quick: None) -> None:
+    """The checkpoint has wall times, so only arrays are compared there."""
+    at_once = train_tracker(library, tmp_path / "once", config=CONFIG, workers=2, engine="pybullet")
+    train_tracker(library, tmp_path / "twice", config=CONFIG, budget=2 * ROUND, workers=2, engine="pybullet")
+    resumed = train_tracker(library, tmp_path / "twice", config=CONFIG, workers=2, engine="pybullet")
+    assert at_once["samples"] == resumed["samples"] == 192
+    once, twice = bytes_of(tmp_path / "once"), bytes_of(tmp_path / "twice")
+    assert once["policy.safetensors"] == twice["policy.safetensors"]
+    first, second = load(once["checkpoint.safetensors"]), load(twice["checkpoint.safetensors"])
+    assert first.keys() == second.keys()
+    for name, array in first.items():
+        np.testing.assert_array_equal(array, second[name], err_msg=name)
+    assert first["algorithm.failures"].shape == (2,)
+    assert set(first["env_states.motions"]) <= {0, 1}
+
+
+def test_the_policy_is_a_tracker_with_its_critic(library: Path, tmp_path: Path, quick: None) -> None:
+    train_tracker(library, tmp_path, config=CONFIG, workers=1, engine="pybullet")
+    policy, record = Policy.load(tmp_path / "policy.safetensors")
+    assert is_tracker(record)
+    assert list(record["provenance"]["inputs"]) == ["library"]
+    assert [weight.shape[0] for weight, _ in policy.critic] == [16, 8, 1]
+    assert record["best"]["episodes"] == 2
+    assert record["evaluations"][-1]["samples"] == 192
+
+
+def test_another_library_is_refused(library: Path, tmp_path: Path, quick: None) -> None:
+    train_tracker(library, tmp_path / "out", config=CONFIG, workers=1, engine="pybullet")
+    manifest = json.loads((library / "library.json").read_text())
+    other = tmp_path / "other"
+    other.mkdir()
+    (other / "library.json").write_text(json.dumps({**manifest, "note": 1}))
+    (other / "library.safetensors").write_bytes((library / "library.safetensors").read_bytes())
+    with pytest.raises(KinemimicError, match="checkpoint of this library and these settings, found another"):
+        train_tracker(other, tmp_path / "out", config=CONFIG, workers=1, engine="pybullet")
+
+
+def test_a_library_without_a_training_part_is_refused(tmp_path: Path, library: Path) -> None:
+    walk = read_motion_json(DATASETS / "policies/walk/motion.json")
+    write_library(tmp_path, MotionLibrary.of([walk], [entry("walk", "a", "test", walk)]), {})
+    with pytest.raises(KinemimicError, match="found only those left out for tests"):
+        train_tracker(tmp_path, tmp_path / "out", config=CONFIG)
+
+
+def test_motions_are_drawn_by_their_weights(library: Path, tmp_path: Path, quick: None) -> None:
+    train_tracker(library, tmp_path, config=CONFIG, budget=ROUND, workers=1, engine="pybullet")
+    seeds = np.random.SeedSequence(0).spawn(40)
+    sampler = TrackerSampler(tmp_path / "references", CONFIG.env, seeds, "pybullet")
+    sampler.set_weights(np.array([0.0, 1.0]))
+    sampler.restart(np.arange(40), 0.0)
+    assert sampler.env_states()["motions"].tolist() == [1] * 40
+    assert sampler.take_outcomes() == []
+    sampler.set_weights(np.array([0.75, 0.25]))
+    sampler.restart(np.arange(40), 0.0)
+    assert 20 < (sampler.env_states()["motions"] == 0).sum() < 38
+
+
+def test_a_tracker_goes_on_with_another_library(library: Path, tmp_path: Path, quick: None) -> None:
+    first = train_tracker(
+        library, tmp_path / "first", config=CONFIG, budget=ROUND, workers=1, engine="pybullet"
+    )
+    begun = train_tracker(
+        library, tmp_path / "second", config=CONFIG, start=str(tmp_path / "first"), budget=ROUND + 1, workers=1,
+        engine="pybullet",
+    )  # fmt: skip
+    assert (first["samples"], begun["samples"]) == (ROUND, 2 * ROUND)
+    assert begun["config"]["start"]
+    wide = replace(CONFIG, hidden=(32, 8))
+    with pytest.raises(KinemimicError, match="with these networks and preview, found another"):
+        train_tracker(library, tmp_path / "third", config=wide, start=str(tmp_path / "first"))
+
+
+def test_evaluations_are_due_rarely() -> None:
+    assert runner.EVALUATION_INTERVAL > 10 * evaluation.EVALUATION_INTERVAL

@@ -1,0 +1,191 @@
+"""`kinemimic train-tracker`: train a policy that performs any motion, on a motion library."""
+
+from __future__ import annotations
+
+import json
+import os
+from collections.abc import Iterator
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import click
+import numpy as np
+import torch
+from numpy.typing import NDArray
+
+from kinemimic.pipeline.cli.options import json_option
+from kinemimic.pipeline.cli.progress import progress
+from kinemimic.pipeline.cli.progress_state import minutes as in_minutes
+from kinemimic.pipeline.errors import KinemimicError
+from kinemimic.pipeline.files.store import file_hash
+from kinemimic.pipeline.run_folder.lock import locked
+from kinemimic.retarget.humanoid.motion import Motion
+from kinemimic.retarget.library.library_file import MANIFEST, read_library
+from kinemimic.retarget.library.motion_library import MotionLibrary
+from kinemimic.train.config.budget import MINUTES, samples
+from kinemimic.train.config.config import TrainConfig
+from kinemimic.train.config.tracker import START_RATE, tracker_config
+from kinemimic.train.reference.reference_library import ReferenceLibrary
+from kinemimic.train.rollout.policy import POLICY
+from kinemimic.train.rollout.tracker_file import load_tracker, tracker_path
+from kinemimic.train.runner import checkpoint
+from kinemimic.train.runner.checkpoint import TrainingState
+from kinemimic.train.runner.policy_file import Imitated, PolicyFile
+from kinemimic.train.runner.training_loop import TrainingLoop, is_complete
+from kinemimic.train.sim.engines import resolve
+from kinemimic.train.sim.options import engine_option, workers_option
+from kinemimic.train.task.timer import Timer
+from kinemimic.train.tracker.runner import TrackerAlgorithm, TrackerRunner, TrackerWorkers
+
+CHECKPOINT = "checkpoint.safetensors"
+CURVES = "tensorboard"
+TABLES = "references"
+EVALUATED = 64  # motions of the training part
+
+
+def train_tracker(
+    source: Path,
+    out: Path,
+    *,
+    config: TrainConfig | None = None,
+    start: str | None = None,
+    budget: int | None = None,
+    minutes: float | None = None,
+    seed: int = 0,
+    workers: int | None = None,
+    engine: str = "auto",
+) -> dict[str, Any]:
+    """Train a tracker on the training part of the library in `source`; returns the policy's record.
+
+    Writes policy.safetensors, policy.json, checkpoint.safetensors and TensorBoard's curves to `out`; the next
+    call resumes from the checkpoint, with the same result as one call. The policy that is kept is the best of
+    the evaluations on EVALUATED motions of the training part: no motion of the part "test" chooses it.
+    config: settings in place of `tracker_config`; start: name or folder of a tracker to start from, whose
+    samples count towards the budget and the schedules; budget, minutes, seed, workers, engine: as for
+    `train`.
+    KinemimicError without a motion to train on, and for a checkpoint of another library or other settings.
+    """
+    with locked(out):
+        return _train(source, out, config, start, budget, minutes, seed, workers, resolve(engine))
+
+
+def _train(
+    source: Path,
+    out: Path,
+    config: TrainConfig | None,
+    start: str | None,
+    budget: int | None,
+    minutes: float | None,
+    seed: int,
+    workers: int | None,
+    engine: str,
+) -> dict[str, Any]:
+    timer, library, identity = Timer(), read_library(source), file_hash(source / MANIFEST)
+    trained = library.select("train")
+    if not len(trained):
+        raise KinemimicError(f"{source}: expected motions to train on, found only those left out for tests")
+    config = replace(config or tracker_config(), seed=seed)
+    if budget is not None:
+        config = replace(config, budget=budget)
+    initial = None
+    if start is not None:
+        path = tracker_path(start)
+        initial, record = load_tracker(path)
+        settings = TrainConfig.from_json(record["config"], path.with_suffix(".json"), ("config",))
+        if (settings.env.preview, settings.hidden) != (config.env.preview, config.hidden):
+            raise KinemimicError(f"{path}: expected a tracker with these networks and preview, found another")
+        config = replace(config, start=file_hash(path), actor_rate=START_RATE)
+    count = min(workers or len(os.sched_getaffinity(0)), config.num_envs)
+    torch.set_num_threads(count)
+    algorithm = TrackerAlgorithm(config, len(trained))
+    if initial is not None:
+        algorithm.begin_from(initial)
+        algorithm.progress.samples = record["samples"]
+    training, saved = TrainingState(algorithm), out / CHECKPOINT
+    resumed = saved.exists() and checkpoint.restore(saved, training, identity)
+    if saved.exists() and not resumed:
+        raise KinemimicError(
+            f"{saved}: expected a checkpoint of this library and these settings, found another; "
+            "choose another --out"
+        )
+    simulated = any(library.entries[index].simulated for index in trained)
+    imitated = Imitated("library", identity, (), config.env.mirror, simulated)
+    policy = PolicyFile(out, training, imitated, engine, resumed=resumed)
+    seconds = None if minutes is None else 60.0 * minutes
+    if not is_complete(training, seconds):
+        tables = _tables(library, trained, out / TABLES, identity)
+        with TrackerWorkers(tables, config, count, engine) as processes:
+            runner = TrackerRunner(algorithm, processes, timer, _evaluated(len(trained), seed))
+            TrainingLoop(training, runner, imitated, saved, timer, seconds, policy).run(out / CURVES)
+    return policy.write(finished=True)
+
+
+def _evaluated(count: int, seed: int) -> NDArray[np.intp]:
+    """Motions of the evaluations: EVALUATED of them, drawn by the seed."""
+    return np.sort(np.random.default_rng(seed).permutation(count)[:EVALUATED])
+
+
+def _tables(library: MotionLibrary, trained: NDArray[np.intp], folder: Path, identity: str) -> Path:
+    """Folder of the tables of the training part; they are made once for a library."""
+    stamp = folder / "library"
+    if not stamp.exists() or stamp.read_text() != identity:
+        stamp.unlink(missing_ok=True)
+        with progress("references", len(trained), unit="motions") as bar:
+
+            def motions() -> Iterator[Motion]:
+                for index in trained:
+                    yield library.motion(int(index))
+                    bar.advance(1)
+
+            ReferenceLibrary(motions()).save(folder)
+        stamp.write_text(identity)
+    return folder
+
+
+@click.command("train-tracker")
+@click.argument("library", type=click.Path(path_type=Path))
+@click.option("--out", type=click.Path(path_type=Path, file_okay=False), required=True,
+              help="Folder of the policy and its checkpoint.")  # fmt: skip
+@click.option("--from", "start", metavar="POLICY",
+              help="Start from this tracker, a name or a folder; its samples count.")  # fmt: skip
+@click.option("--budget", type=samples, help="Samples (control steps) in total, such as 60M.")
+@click.option("--minutes", type=MINUTES, help="Stop after this training time, of all calls together.")
+@click.option("--seed", type=click.IntRange(min=0), default=0, show_default=True, help="Random seed.")
+@engine_option
+@workers_option
+@json_option("Print the policy's record as JSON.")
+def command(
+    library: Path,
+    out: Path,
+    start: str | None,
+    budget: int | None,
+    minutes: float | None,
+    seed: int,
+    workers: int | None,
+    engine: str,
+    as_json: bool,
+) -> None:
+    """Train one policy for any motion on the training part of LIBRARY (see `kinemimic library`).
+
+    Takes hours; Ctrl-C saves, and the same command goes on.
+
+    \b
+      kinemimic library recordings/ --out runs/library --test 07 --variants 3000
+      kinemimic train-tracker runs/library --out runs/tracker --budget 60M
+    """
+    record = train_tracker(
+        library, out, start=start, budget=budget, minutes=minutes, seed=seed, workers=workers, engine=engine
+    )
+    if as_json:
+        click.echo(json.dumps(record, indent=2))
+        return
+    best = record["best"]
+    click.echo(
+        f"performs {best['completed']} of {best['episodes']} motions of the training part to their end, "
+        f"after {best['samples']:,} samples"
+    )
+    click.echo(
+        f"{out / POLICY}: {record['samples']:,} samples in {in_minutes(record['seconds'])}, seed {seed}\n"
+        f"`kinemimic run CAPTURE --policy {out}` performs with it."
+    )

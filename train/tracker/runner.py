@@ -1,0 +1,100 @@
+"""PPO on a motion library: the algorithm with the failures of each motion, its workers and its runner."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from functools import partial
+from pathlib import Path
+
+import numpy as np
+import torch
+from numpy.typing import NDArray
+from torch import Tensor
+
+from kinemimic.pipeline.arrays import Array
+from kinemimic.train.config.config import RewardConfig, TrainConfig
+from kinemimic.train.ppo.ppo import PpoAlgorithm
+from kinemimic.train.ppo.runner import PpoRunner
+from kinemimic.train.rollout.evaluation import Episode
+from kinemimic.train.rollout.policy import Policy
+from kinemimic.train.rollout.sampler import Samples
+from kinemimic.train.rollout.workers import Workers
+from kinemimic.train.task.timer import Timer
+from kinemimic.train.tracker.clip_sampling import draw_weights, update_failures
+from kinemimic.train.tracker.sampler import TrackerSampler
+
+EVALUATION_INTERVAL = 1_048_576  # samples
+
+
+class TrackerAlgorithm(PpoAlgorithm):
+    """PPO that also keeps the moving mean of the failures of each of M motions, `failures` (M,)."""
+
+    def __init__(self, config: TrainConfig, motions: int) -> None:
+        super().__init__(config)
+        self.failures: Array = np.ones(motions)
+
+    def tensors(self) -> dict[str, Tensor]:
+        """All arrays of the state, for a checkpoint."""
+        return {**super().tensors(), "failures": torch.from_numpy(self.failures.copy())}
+
+    def restore(self, tensors: dict[str, Tensor], record: dict[str, object]) -> None:
+        """Restore the state from `tensors` and `record`."""
+        super().restore(tensors, record)
+        self.failures = tensors["failures"].numpy().copy()
+
+
+class TrackerWorkers(Workers):
+    """`count` processes that share E environments on the motions of a library; tables: folder of them."""
+
+    def __init__(self, tables: Path, config: TrainConfig, count: int, engine: str) -> None:
+        self.seconds = {}
+        opened = partial(TrackerSampler, tables, config.env)
+        self._begin(opened, config.num_envs, config.seed, count, engine)
+
+    def set_weights(self, weights: Array) -> None:
+        """Probabilities (M,) of the motions of the episodes to come."""
+        self._ask("set_weights", [(weights,)] * self._count)
+
+    def take_outcomes(self) -> list[tuple[int, bool]]:
+        """(motion, failed) of the episodes that ended since the last call."""
+        return [outcome for part in self._ask("take_outcomes", [()] * self._count) for outcome in part]
+
+    def evaluate(self, policy: Policy, reward: RewardConfig, motions: NDArray[np.intp]) -> list[Episode]:
+        """One evaluation episode of each of these motions (N,), in their order."""
+        count = self._count
+        parts = self._ask("evaluate", [(policy, reward, motions[k::count]) for k in range(count)])
+        return [parts[k % count][k // count] for k in range(len(motions))]
+
+
+class TrackerRunner(PpoRunner):
+    """`Runner` (train/runner/base.py) of a tracker; evaluated: (N,) the motions of its evaluations."""
+
+    def __init__(
+        self,
+        algorithm: TrackerAlgorithm,
+        workers: TrackerWorkers,
+        timer: Timer,
+        evaluated: NDArray[np.intp],
+    ) -> None:
+        super().__init__(algorithm, workers, timer)
+        self._tracker, self._motions, self._evaluated = algorithm, workers, evaluated
+
+    @property
+    def evaluation_interval(self) -> int:
+        return EVALUATION_INTERVAL
+
+    def _sample(self, steps: int) -> Samples:
+        self._motions.set_weights(draw_weights(self._tracker.failures))
+        samples = super()._sample(steps)
+        update_failures(self._tracker.failures, self._motions.take_outcomes())
+        return samples
+
+    def round(self) -> dict[str, float]:
+        logged = super().round()
+        return logged | {"library/failures": float(self._tracker.failures.mean())}
+
+    def run_episodes(self, policy: Policy, reward: RewardConfig) -> Sequence[Episode]:
+        return self._motions.evaluate(policy, reward, self._evaluated)
+
+    def robust_returns(self, policy: Policy, reward: RewardConfig) -> Sequence[float]:
+        return ()
