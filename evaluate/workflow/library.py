@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     from kinemimic.retarget.library.motion_library import Entry
 
 SUBJECT = r"[^_]+"
-RUNS = 0.15  # of the variants, where there are walks too
+RUNS = 0.25  # of the variants, where there are walks too
 
 
 def library(

@@ -146,9 +146,14 @@ def test_a_tracker_goes_on_with_another_library(library: Path, tmp_path: Path, q
         library, tmp_path / "first", config=CONFIG, budget=ROUND, workers=1, engine="pybullet"
     )
     begun = train_tracker(
-        library, tmp_path / "second", config=CONFIG, start=str(tmp_path / "first"), budget=ROUND + 1, workers=1,
+        library,
+        tmp_path / "second",
+        config=CONFIG,
+        start=str(tmp_path / "first"),
+        budget=ROUND + 1,
+        workers=1,
         engine="pybullet",
-    )  # fmt: skip
+    )
     assert (first["samples"], begun["samples"]) == (ROUND, 2 * ROUND)
     assert begun["config"]["start"]
     wide = replace(CONFIG, hidden=(32, 8))
