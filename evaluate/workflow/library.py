@@ -110,6 +110,7 @@ def _variants(
 ) -> list[tuple[Motion, Entry]]:
     """Variants of the loops of the training part, a share of them runs."""
     from kinemimic.retarget.library.motion_library import Entry  # noqa: PLC0415 (import cost)
+    from kinemimic.retarget.library.variants import SUBJECT as VARIANTS  # noqa: PLC0415
     from kinemimic.retarget.library.variants import variants  # noqa: PLC0415
 
     if not count:
@@ -131,11 +132,9 @@ def _variants(
             try:
                 for motion in variants(loops[kind], kind, number, seed):
                     x, y, z = (float(value) for value in motion.cycle_offset)
-                    name = f"variants/{kind}-{len(made):05d}"
+                    name = f"{VARIANTS}/{kind}-{len(made):05d}"
                     frames, rate = len(motion.root), float(motion.rate)
-                    made.append(
-                        (motion, Entry(name, "variants", kind, "train", rate, frames, True, (x, y, z)))
-                    )
+                    made.append((motion, Entry(name, VARIANTS, kind, "train", rate, frames, True, (x, y, z))))
                     bar.advance(1)
             except ValueError as error:
                 raise KinemimicError(f"--variants: expected walks or runs to vary, found {error}") from None

@@ -40,6 +40,10 @@ COMMANDS: dict[str, tuple[str, str]] = {
         "Retarget to the 20 nodes and the humanoid; JSON and MCAP.",
     ),
     "train": ("kinemimic.train.command:command", "Train a policy that imitates the motion in Bullet."),
+    "evaluate-tracker": (
+        "kinemimic.evaluate.scoring.tracker_command:command",
+        "Score a tracker on every motion of a library.",
+    ),
     "train-tracker": (
         "kinemimic.train.tracker.command:command",
         "Train one policy for any motion, on a motion library.",

@@ -32,6 +32,7 @@ from kinemimic.retarget.humanoid.limits import LIMITS, clamp_to_limits
 from kinemimic.retarget.humanoid.motion import Motion
 from kinemimic.retarget.optimise.refine import refine
 
+SUBJECT = "variants"  # the subject of variants in a library
 FRAME_RATE = 60.0
 LIKE = 0.7  # probability of a second loop, and of a symmetric gait
 MIX = 0.6  # largest share of the second loop

@@ -77,7 +77,17 @@ def test_every_command_explains_its_options(name: str, capsys: pytest.CaptureFix
         assert all(one in out for one in OF_DATASETS)
         return
     # Commands on captures, shipped policies or several runs have no run folder.
-    without = ("batch", "compare", "formats", "inspect", "library", "policies", "study", "train-tracker")
+    without = (
+        "batch",
+        "compare",
+        "evaluate-tracker",
+        "formats",
+        "inspect",
+        "library",
+        "policies",
+        "study",
+        "train-tracker",
+    )
     alone = name.startswith("datasets ") or name in without
     assert "--run" in out or alone
     assert "--json" in out

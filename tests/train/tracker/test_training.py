@@ -10,14 +10,12 @@ from typing import Any
 
 import numpy as np
 import pytest
+from peers.trackers import entry, shipped_motion, write_small_library
 from safetensors.numpy import load
 
 from kinemimic.pipeline.errors import KinemimicError
-from kinemimic.pipeline.files.data_folder import DATASETS
-from kinemimic.retarget.formats.motion_json import read_motion_json
-from kinemimic.retarget.humanoid.motion import Motion
 from kinemimic.retarget.library.library_file import write_library
-from kinemimic.retarget.library.motion_library import Entry, MotionLibrary
+from kinemimic.retarget.library.motion_library import MotionLibrary
 from kinemimic.train.config.tracker import tracker_config
 from kinemimic.train.rollout import evaluation
 from kinemimic.train.rollout.policy import Policy, is_tracker
@@ -52,32 +50,9 @@ def quick(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(performance, "CYCLIC_FRAMES", 20)
 
 
-def entry(name: str, subject: str, split: str, motion: Motion) -> Entry:
-    x, y, z = motion.cycle_offset.tolist()
-    return Entry(
-        name,
-        subject,
-        "walk",
-        split,
-        motion.rate,
-        len(motion.root),
-        motion.cyclic,
-        (x, y, z),  # type: ignore[arg-type]
-    )
-
-
 @pytest.fixture(scope="module")
 def library(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Two motions to train on and one that is left out."""
-    walk, run = (read_motion_json(DATASETS / f"policies/{name}/motion.json") for name in ("walk", "run"))
-    slow = replace(walk, rate=0.9 * walk.rate)
-    motions = [walk, run, slow]
-    entries = [
-        entry("walk", "a", "train", walk), entry("run", "b", "train", run), entry("slow", "c", "test", slow)
-    ]  # fmt: skip
-    folder = tmp_path_factory.mktemp("library")
-    write_library(folder, MotionLibrary.of(motions, entries), {})
-    return folder
+    return write_small_library(tmp_path_factory.mktemp("library"))
 
 
 def bytes_of(folder: Path) -> dict[str, bytes]:
@@ -122,7 +97,7 @@ def test_another_library_is_refused(library: Path, tmp_path: Path, quick: None) 
 
 
 def test_a_library_without_a_training_part_is_refused(tmp_path: Path, library: Path) -> None:
-    walk = read_motion_json(DATASETS / "policies/walk/motion.json")
+    walk = shipped_motion("walk")
     write_library(tmp_path, MotionLibrary.of([walk], [entry("walk", "a", "test", walk)]), {})
     with pytest.raises(KinemimicError, match="found only those left out for tests"):
         train_tracker(tmp_path, tmp_path / "out", config=CONFIG)
