@@ -13,15 +13,17 @@ from typing import Any
 import numpy as np
 import pytest
 from click.testing import CliRunner
+from peers.trackers import write_idle_tracker
 from safetensors import safe_open
 from safetensors.numpy import load_file, save_file
 
 from kinemimic.pipeline.errors import KinemimicError
-from kinemimic.pipeline.files.store import write_text
+from kinemimic.pipeline.files.store import file_hash, write_text
 from kinemimic.retarget.formats.motion_json import motion_to_json
 from kinemimic.retarget.humanoid.motion import Motion
 from kinemimic.train import command as stage
 from kinemimic.train.config.config import PRESETS, EnvConfig, TrainConfig
+from kinemimic.train.config.polish import polish
 from kinemimic.train.ppo.networks import export
 from kinemimic.train.ppo.ppo import PpoAlgorithm
 from kinemimic.train.rollout.evaluation import Evaluation
@@ -307,3 +309,39 @@ def test_performance_without_a_policy_is_the_reference_alone(motion: Motion) -> 
 def test_what_is_missing_is_one_line(tmp_path: Path) -> None:
     with pytest.raises(KinemimicError, match=r"motion\.json"):
         stage.train(tmp_path)
+
+
+@pytest.fixture
+def tracker(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """A tracker that corrects nothing, and a polish of a few samples."""
+    quick = {"num_envs": 4, "horizon": 16, "minibatch": 32, "epochs": 2}
+    monkeypatch.setattr(stage, "polish", lambda *given: replace(polish(*given), **quick))
+    return write_idle_tracker(tmp_path / "tracker")
+
+
+def test_a_training_starts_from_a_tracker(run: Path, tracker: Path, motion: Motion) -> None:
+    record = stage.train(run, start=str(tracker), budget=ROUND, seed=2, workers=1)
+    assert (record["preset"], record["seed"], record["samples"]) == ("polish", 2, ROUND)
+    assert record["config"]["start"] == file_hash(tracker / "policy.safetensors")
+    assert list(record["provenance"]["inputs"]) == ["motion"]
+    polished, idle = (Policy.load(folder / "policy.safetensors")[0] for folder in (run, tracker))
+    # One round changes the weights a little, and hardly the statistics of ten million samples.
+    change = np.abs(polished.layers[-1][1] - idle.layers[-1][1]).max()
+    assert 0.0 < change < 0.01
+    np.testing.assert_allclose(polished.scale, idle.scale, atol=1e-3)
+    # The same start resumes, another one does not.
+    assert stage.train(run, start=str(tracker), budget=2 * ROUND, seed=2, workers=1)["samples"] == 2 * ROUND
+    stage.train(run, budget=ROUND, seed=2, workers=1)
+    assert (run / "checkpoint.previous.safetensors").exists()
+
+
+def test_what_is_no_tracker_is_no_start(run: Path, tracker: Path) -> None:
+    stage.train(run, budget=ROUND, workers=1)
+    for start, found in (
+        ("nobody", "found 'nobody'"),
+        (str(run), "expected a tracker, which performs any motion, found a policy of one motion"),
+    ):
+        with pytest.raises(KinemimicError, match=found):
+            stage.train(run, start=start, budget=ROUND, workers=1)
+    with pytest.raises(KinemimicError, match="--from: expected no --preset, found robust"):
+        stage.train(run, start=str(tracker), preset_name="robust", budget=ROUND, workers=1)

@@ -12,6 +12,8 @@ from typing import Literal
 
 from kinemimic.train.config.budget import short
 from kinemimic.train.config.config import PRESETS
+from kinemimic.train.config.polish import POLISH, POLISH_BUDGET
+from kinemimic.train.config.tracker import TRACKER
 from kinemimic.train.config.training import Training
 from kinemimic.train.rollout.evaluation import WALKING_R2
 from kinemimic.train.sim.world import CONTROL_RATE
@@ -168,6 +170,9 @@ def _advice(outcome: Outcome, training: Training, level: Level, errors: list[_Er
         return
     if not training.finished:
         return
+    if training.preset == TRACKER:
+        yield "Train it further on this motion: `kinemimic train --from tracker`."
+        return
     if training.samples >= MANY_SAMPLES:
         yield (
             f"After {training.samples:,} samples, look at the reference in `kinemimic view` before training "
@@ -175,8 +180,10 @@ def _advice(outcome: Outcome, training: Training, level: Level, errors: list[_Er
         )
         return
     options = "" if training.preset in ("", "default") else f" --preset {training.preset}"
-    options += f" --seed {training.seed}" if training.seed else ""
     budget = PRESETS.get(training.preset, PRESETS["default"]).budget
+    if training.preset == POLISH:
+        options, budget = " --from tracker", POLISH_BUDGET
+    options += f" --seed {training.seed}" if training.seed else ""
     # Twice as many; a few seconds of training twice over would still be none.
     more = short(max(2 * training.samples, budget))
     yield f"Train longer: `kinemimic train{options} --budget {more}` ({training.samples:,} samples so far)."

@@ -11,6 +11,7 @@ from pathlib import Path
 import pytest
 from click.testing import CliRunner
 from peers.shelf import RECIPES, write_run
+from peers.trackers import write_idle_tracker
 
 from kinemimic.evaluate.export import command as export
 from kinemimic.evaluate.policies import command as policies
@@ -22,6 +23,7 @@ from kinemimic.pipeline.errors import KinemimicError
 from kinemimic.pipeline.files.store import file_hash, read_json, write_json, write_text
 from kinemimic.retarget.formats.motion_json import motion_to_json, read_motion_json
 from kinemimic.retarget.humanoid.motion import Motion
+from kinemimic.train.rollout.policy import load_trained
 
 
 @pytest.fixture
@@ -209,3 +211,49 @@ def test_onnx_without_a_policy_is_one_line(shelf: ShippedPolicies, tmp_path: Pat
     with pytest.raises(KinemimicError, match=r"policy\.safetensors: expected a policy"):
         invoke(["--run", str(run), "--format", "onnx"])
     assert invoke(["--from", "walk.mcap", "--format", "onnx"]).exit_code == 2
+
+
+@pytest.fixture
+def with_tracker(shelf: ShippedPolicies) -> ShippedPolicies:
+    write_idle_tracker(shelf.folder / "tracker")
+    lines = (
+        'name = "tracker"',
+        'description = "any"',
+        'test = ["07"]',
+        "variants = 1",
+        "budget = 1",
+        "seed = 0",
+    )
+    recipe = "\n".join(["", "[[tracker]]", *lines])
+    write_text(shelf.folder / "recipes.toml", RECIPES + recipe)
+    return shelf
+
+
+def test_a_tracker_performs_the_motion_of_the_run(
+    with_tracker: ShippedPolicies, tmp_path: Path, walk: Motion
+) -> None:
+    run = tmp_path / "run"
+    with pytest.raises(KinemimicError, match=r"expected a motion for tracker to perform, found no file"):
+        with_tracker.prepare("tracker", run)
+    write_text(run / MOTION, motion_to_json(walk))
+    with_tracker.prepare("tracker", run)
+    motion, policy, record = load_trained(run)
+    assert motion.duration == walk.duration
+    assert policy.critic
+    assert record["samples"] == 7
+    assert with_tracker.names() == ("walk", "kinect_walk")
+    assert with_tracker.trackers() == ("tracker",)
+
+
+def test_a_tracker_may_be_a_folder(with_tracker: ShippedPolicies, tmp_path: Path, walk: Motion) -> None:
+    run = tmp_path / "run"
+    write_text(run / MOTION, motion_to_json(walk))
+    with_tracker.prepare(str(write_idle_tracker(tmp_path / "own")), run)
+    assert load_trained(run)[2]["samples"] == 7
+    other = write_run(tmp_path / "other", walk, bias=0.5)
+    with pytest.raises(KinemimicError, match="expected a tracker, which performs any motion"):
+        with_tracker.prepare(str(other), run)
+    with pytest.raises(
+        KinemimicError, match="expected policy 'tracker', found another; choose another --run"
+    ):
+        with_tracker.prepare("tracker", other)

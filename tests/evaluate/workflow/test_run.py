@@ -106,6 +106,26 @@ def test_a_changed_file_of_a_capture_that_is_a_folder_counts(stages: Stages, tmp
     assert run(folder, tmp_path / "run", overwrite=True).ran == NAMES
 
 
+def test_a_tracker_performs_without_a_training(stages: Stages, capture: Path, tmp_path: Path) -> None:
+    without = tuple(name for name in NAMES if name != "train")
+    assert run(capture, tmp_path / "run", policy="tracker").ran == without
+    assert run(capture, tmp_path / "run", policy="tracker").ran == ()
+    arguments = json.loads((tmp_path / "run/scores.json").read_text())[3]
+    assert "--policy=tracker" in arguments
+    # A training later replaces it.
+    assert run(capture, tmp_path / "run").ran[0] == "train"
+
+
+def test_a_policy_of_one_motion_and_training_options_are_refused(
+    stages: Stages, capture: Path, tmp_path: Path
+) -> None:
+    with pytest.raises(KinemimicError, match=r"for any motion .*, found 'walk', which performs one"):
+        run(capture, tmp_path / "run", policy="walk")
+    with pytest.raises(KinemimicError, match="expected no option of `train`, found --budget"):
+        run(capture, tmp_path / "run", policy="tracker", options={"train": {"budget": "1M"}})
+    assert not (tmp_path / "run").exists()
+
+
 def test_a_changed_option_reruns_its_stage_and_all_later_ones(
     stages: Stages, capture: Path, tmp_path: Path
 ) -> None:
