@@ -19,6 +19,7 @@ from kinemimic.pipeline.cli.progress import progress
 from kinemimic.pipeline.cli.terminal import show
 from kinemimic.pipeline.errors import KinemimicError
 from kinemimic.pipeline.files.provenance import provenance
+from kinemimic.pipeline.parallel.task_pool import parallel_map
 
 if TYPE_CHECKING:
     from kinemimic.retarget.humanoid.motion import Motion
@@ -26,6 +27,7 @@ if TYPE_CHECKING:
 
 SUBJECT = r"[^_]+"
 RUNS = 0.25  # of the variants, where there are walks too
+CHUNK = 20  # variants of a task
 
 
 def library(
@@ -76,7 +78,7 @@ def library(
         _entry(row, motion, subjects[row["file"]], runs, test)
         for row, motion in zip(accepted, motions, strict=True)
     ]
-    made = _variants(motions, entries, variants, seed)
+    made = _variants(motions, entries, variants, seed, jobs)
     described = {
         "subject": subject,
         "splits": {
@@ -106,12 +108,11 @@ def library(
 
 
 def _variants(
-    motions: Sequence[Motion], entries: Sequence[Entry], count: int, seed: int
+    motions: Sequence[Motion], entries: Sequence[Entry], count: int, seed: int, jobs: int
 ) -> list[tuple[Motion, Entry]]:
     """Variants of the loops of the training part, a share of them runs."""
     from kinemimic.retarget.library.motion_library import Entry  # noqa: PLC0415 (import cost)
     from kinemimic.retarget.library.variants import SUBJECT as VARIANTS  # noqa: PLC0415
-    from kinemimic.retarget.library.variants import variants  # noqa: PLC0415
 
     if not count:
         return []
@@ -124,21 +125,31 @@ def _variants(
         for kind in ("walk", "run")
     }
     runs = round(RUNS * count) if loops["run"] and loops["walk"] else count if loops["run"] else 0
+    tasks = [
+        (loops[kind], kind, seed, range(first, min(first + CHUNK, number)))
+        for kind, number in (("walk", count - runs), ("run", runs))
+        for first in range(0, number, CHUNK)
+    ]
+    with progress("variants", len(tasks), unit=f"chunks of {CHUNK}") as bar:
+        try:
+            found = parallel_map(_vary, tasks, workers=jobs, progress=bar.advance)
+        except ValueError as error:
+            raise KinemimicError(f"--variants: expected walks or runs to vary, found {error}") from None
     made: list[tuple[Motion, Entry]] = []
-    with progress("variants", count, unit="motions") as bar:
-        for kind, number in (("walk", count - runs), ("run", runs)):
-            if not number:
-                continue
-            try:
-                for motion in variants(loops[kind], kind, number, seed):
-                    x, y, z = (float(value) for value in motion.cycle_offset)
-                    name = f"{VARIANTS}/{kind}-{len(made):05d}"
-                    frames, rate = len(motion.root), float(motion.rate)
-                    made.append((motion, Entry(name, VARIANTS, kind, "train", rate, frames, True, (x, y, z))))
-                    bar.advance(1)
-            except ValueError as error:
-                raise KinemimicError(f"--variants: expected walks or runs to vary, found {error}") from None
+    for (_, kind, _, numbers), varied in zip(tasks, found, strict=True):
+        for number, motion in zip(numbers, varied, strict=True):
+            x, y, z = (float(value) for value in motion.cycle_offset)
+            name = f"{VARIANTS}/{kind}-{number:05d}"
+            frames, rate = len(motion.root), float(motion.rate)
+            made.append((motion, Entry(name, VARIANTS, kind, "train", rate, frames, True, (x, y, z))))
     return made
+
+
+def _vary(task: tuple[Sequence[Motion], str, int, range]) -> list[Motion]:
+    from kinemimic.retarget.library.variants import plausible_variant  # noqa: PLC0415 (import cost)
+
+    loops, kind, seed, numbers = task
+    return [plausible_variant(loops, kind, seed, number) for number in numbers]
 
 
 def _pattern(subject: str) -> re.Pattern[str]:

@@ -9,7 +9,7 @@ path on which the feet do not slide, and the refinement.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 
 import numpy as np
 
@@ -57,6 +57,9 @@ SPREADS: dict[str, tuple[tuple[float, float, float], tuple[float, float, float]]
     "knee": ((0.0, 0.04, 0.0), (0.0, 0.15, 0.0)),
     "ankle": ((0.02, 0.07, 0.05), (0.3, 0.35, 0.5)),
 }
+# Of all ranges, by kind: a run has less latitude, since nothing carries the body in flight.
+SPREAD = {"walk": 1.0, "run": 0.4}
+ATTEMPTS = 50
 # What `plausible` accepts: depth of a sole in the ground, m; m/s; vertical range of the pelvis, m.
 MAX_DEPTH = 0.02
 SPEEDS = {"walk": (0.3, 2.2), "run": (1.0, 5.0)}
@@ -72,24 +75,22 @@ def _counterpart(name: str) -> int:
 
 
 _COUNTERPARTS = np.array([_counterpart(name) for name in NODES])
+_FLEXED = [NODE_INDEX[f"{joint}_{side}"] for joint in ("hip", "knee") for side in ("left", "right")]
 
 
-def variants(loops: Sequence[Motion], kind: str, count: int, seed: int) -> Iterator[Motion]:
-    """`count` plausible variants of loops of one kind ("walk" or "run"); the same for the same seed.
+def plausible_variant(loops: Sequence[Motion], kind: str, seed: int, number: int) -> Motion:
+    """A plausible variant of loops of one kind ("walk" or "run"), the same for the same seed and number.
 
-    ValueError without loops, and if hardly any variant is plausible.
+    ValueError without loops, and if of ATTEMPTS variants none is plausible.
     """
     if not loops:
         raise ValueError("no loops")
-    random, found, tried = np.random.default_rng([seed, len(kind)]), 0, 0
-    while found < count:
-        tried += 1
-        if tried > 10 * (found + 10):
-            raise ValueError(f"{found} of {tried} variants are plausible: the loops are no gait of this kind")
-        one = variant(loops, int(random.integers(len(loops))), random)
+    random = np.random.default_rng([seed, len(kind), number])
+    for _ in range(ATTEMPTS):
+        one = variant(loops, int(random.integers(len(loops))), random, kind)
         if plausible(one, kind):
-            found += 1
-            yield one
+            return one
+    raise ValueError(f"none of {ATTEMPTS} variants is plausible: the loops are no gait of this kind")
 
 
 def plausible(motion: Motion, kind: str) -> bool:
@@ -103,9 +104,11 @@ def plausible(motion: Motion, kind: str) -> bool:
     )
 
 
-def variant(loops: Sequence[Motion], first: int, random: np.random.Generator) -> Motion:
+def variant(loops: Sequence[Motion], first: int, random: np.random.Generator, kind: str) -> Motion:
     """A variant of loop number `first`, often mixed with another of `loops`; it need not be plausible."""
-    period = loops[first].duration * random.uniform(*PERIOD)
+    spread = SPREAD[kind]
+    slower = random.uniform(*PERIOD) ** spread
+    period = loops[first].duration * slower
     frames = max(8, round(FRAME_RATE * period))
     phase = np.arange(frames) / frames
     rotations, sway, speed = _series(loops[first], phase)
@@ -115,24 +118,27 @@ def variant(loops: Sequence[Motion], first: int, random: np.random.Generator) ->
         rotations = _towards(rotations, other, share)
         sway = sway + share * (other_sway - sway)
         speed += share * (other_speed - speed)
-    stride = random.uniform(*STRIDE)
-    gains, offsets = _draw(stride, random)
+    stride = random.uniform(*STRIDE) ** spread
+    gains, offsets = _draw(random)
+    gains, offsets = gains**spread, offsets * spread
+    gains[_FLEXED, 1] *= stride
     mean = normalize(np.mean(continuous(rotations), axis=0))
     about = to_rotvec(multiply(conjugate(np.broadcast_to(mean, rotations.shape)), rotations))
     moving = np.ptp(rotations, axis=0).max(axis=-1, keepdims=True) > 1e-9
     if random.random() < LIKE:
         about = 0.5 * (about + np.roll(about, -(frames // 2), axis=0)[:, _COUNTERPARTS] * _MIRROR)
         mean = _towards(mean, mean[_COUNTERPARTS] * np.append(_MIRROR, 1.0), 0.5)
-    about = gains * about + random.uniform(0.0, 1.5) * moving * _wobble(phase, random)
+    about = gains * about + spread * random.uniform(0.0, 1.5) * moving * _wobble(phase, random)
     mean = multiply(mean, from_rotvec(offsets * moving))
     rotations = normalize(multiply(np.broadcast_to(mean, rotations.shape), from_rotvec(about)))
     for joint in LIMITS:
         rotations[:, NODE_INDEX[joint]] = clamp_to_limits(joint, rotations[:, NODE_INDEX[joint]])
-    rotations = abduct(limit_knee_extension(rotations), random.normal(0.0, WIDTH))
+    rotations = abduct(limit_knee_extension(rotations), random.normal(0.0, spread * WIDTH))
     if random.random() < DEPTH_SENSOR:
         rotations = neutral_feet(rotations, phase)
-    sway = sway * [1.0, random.uniform(*SWAY), 1.0]
-    path = fit_root_path(rotations, sway, speed * stride * loops[first].duration / period, period)
+    # In flight the body falls freely: how far grows with the square of the time.
+    sway = sway * [1.0, random.uniform(*SWAY), slower**2 if kind == "run" else 1.0]
+    path = fit_root_path(rotations, sway, speed * stride / slower, period)
     return refine(
         Motion(
             rate=frames / period,
@@ -145,7 +151,7 @@ def variant(loops: Sequence[Motion], first: int, random: np.random.Generator) ->
     )
 
 
-def _draw(stride: float, random: np.random.Generator) -> tuple[Array, Array]:
+def _draw(random: np.random.Generator) -> tuple[Array, Array]:
     """Factors on the amplitude, and offsets of the mean, rad, of each node about its axes (20, 3)."""
     gains, offsets = np.ones((len(NODES), 3)), np.zeros((len(NODES), 3))
     planar_legs, planar_trunk = random.random(2) < PLANAR
@@ -157,8 +163,6 @@ def _draw(stride: float, random: np.random.Generator) -> tuple[Array, Array]:
             gain *= random.uniform(0.0, 0.3)
         if planar_legs and joint in ("hip", "ankle"):
             gain[[0, 2]] *= random.uniform(0.0, 0.3, 2)
-        if joint in ("hip", "knee"):
-            gain[1] *= stride
         for side, sign in _SIDES:
             node = NODE_INDEX.get(f"{joint}_{side}", NODE_INDEX.get(joint, 0))
             gains[node] = gain
