@@ -1,16 +1,17 @@
-# `make help` lists the targets. CAPTURE=, RUN=, PRESET=, BUDGET=, MINUTES=, SEED=, ENGINE= are passed to the command line.
-# Without RUN=, the run folder is named after the capture, so CAPTURE= alone selects it for every stage. POLICY= names a policy
-# that ships; CAPTURE= is then the recording that it was trained on, which only some policies need.
+# `make help` lists the targets. CAPTURE=, RUN=, PRESET=, FROM=, BUDGET=, MINUTES=, SEED=, ENGINE= are passed to the command
+# line. Without RUN=, the run folder is named after the capture, so CAPTURE= alone selects it for every stage. POLICY= names a
+# policy that ships; CAPTURE= is then the recording that it was trained on, which only some policies need. POLICY=tracker
+# performs any capture.
 
 PYTHON ?= python3.11
-RUN ?= runs/$(if $(POLICY),policy-$(POLICY),$(if $(CAPTURE),$(basename $(notdir $(CAPTURE))),default))
+RUN ?= runs/$(if $(filter-out tracker,$(POLICY)),policy-$(POLICY),$(if $(CAPTURE),$(basename $(notdir $(CAPTURE))),default))
 
 export PIP_DISABLE_PIP_VERSION_CHECK := 1
 VENV := .venv
 BIN := $(VENV)/bin
 KINEMIMIC = $(BIN)/kinemimic
-SHIPPED = $(if $(POLICY),--policy "$(POLICY)" $(if $(CAPTURE),--capture "$(CAPTURE)"))
-TRAINING = $(if $(PRESET),--preset "$(PRESET)") $(if $(BUDGET),--budget "$(BUDGET)") $(if $(MINUTES),--minutes "$(MINUTES)") $(if $(SEED),--seed "$(SEED)") $(if $(ENGINE),--engine "$(ENGINE)")
+SHIPPED = $(if $(POLICY),--policy "$(POLICY)" $(if $(filter-out tracker,$(POLICY)),$(if $(CAPTURE),--capture "$(CAPTURE)")))
+TRAINING = $(if $(PRESET),--preset "$(PRESET)") $(if $(FROM),--from "$(FROM)") $(if $(BUDGET),--budget "$(BUDGET)") $(if $(MINUTES),--minutes "$(MINUTES)") $(if $(SEED),--seed "$(SEED)") $(if $(ENGINE),--engine "$(ENGINE)")
 
 # An editable install in strict mode links the package's files one by one: added or removed files require a
 # new install, edited files do not. The name of the stamp therefore has a digest of the list of files.
@@ -23,7 +24,7 @@ BULLET := $(or $(BULLET),$(patsubst $(VENV)/native-%,%,$(firstword $(wildcard $(
 NATIVE := $(VENV)/native-$(BULLET)
 NATIVE_FILES := $(wildcard $(addprefix train/native/,*.cpp *.hpp *.py pyproject.toml stubs/*/*.pyi))
 
-.PHONY: help setup formats inspect run batch library ingest convert retarget train evaluate pushes disturb gait view export policies reproduce compare study comparison overlay data data-check data-push data-pull test test-slow lint type format docs architecture docs-test mutants bench bench-clean bench-truth sensor-accuracy profile wheel install-test clean
+.PHONY: help setup formats inspect run batch library tracker ingest convert retarget train evaluate pushes disturb gait view export policies reproduce compare study comparison overlay data data-check data-push data-pull test test-slow lint type format docs architecture docs-test mutants bench bench-clean bench-truth sensor-accuracy profile wheel install-test clean
 .DEFAULT_GOAL := help
 
 help: ## Show this list
@@ -63,14 +64,17 @@ $(VENV)/docs-installed: pyproject.toml constraints.txt | $(STAMP)
 	@$(call watched,installing the packages of the documentation,(set -x; $(BIN)/python -m pip install --quiet -c constraints.txt --no-build-isolation --config-settings editable_mode=strict -e '.[docs]'))
 	@touch $@
 
-run: setup ## Run every stage on CAPTURE= (default: the virtual Kinect) into RUN=
-	$(KINEMIMIC) run $(if $(CAPTURE),"$(CAPTURE)") --run "$(RUN)" $(TRAINING)
+run: setup ## Run every stage on CAPTURE= (default: the virtual Kinect) into RUN=; POLICY=tracker: without a training
+	$(KINEMIMIC) run $(if $(CAPTURE),"$(CAPTURE)") --run "$(RUN)" $(if $(POLICY),--policy "$(POLICY)") $(TRAINING)
 
 batch: setup ## Make the motions of all captures in CAPTURE= below RUN=, with a table of what became of each
 	$(KINEMIMIC) batch "$(CAPTURE)" --out "$(RUN)"
 
 library: setup ## Collect the motions of all captures in CAPTURE= in a motion library at RUN=
 	$(KINEMIMIC) library "$(CAPTURE)" --out "$(RUN)"
+
+tracker: setup ## Train one policy for any motion on the library LIBRARY= into RUN= (hours; FROM= BUDGET= MINUTES= SEED= ENGINE=)
+	$(KINEMIMIC) train-tracker "$(LIBRARY)" --out "$(RUN)" $(TRAINING)
 
 formats: setup ## List the capture formats that can be read
 	$(KINEMIMIC) formats
@@ -87,7 +91,7 @@ convert: setup ## Convert Euler angles or positions to quaternions
 retarget: setup ## Fit the capture to the 20 nodes and the humanoid; JSON and MCAP
 	$(KINEMIMIC) retarget --run "$(RUN)"
 
-train: setup ## Train a policy that imitates the motion (PRESET= BUDGET= MINUTES= SEED= ENGINE= SCENARIO=)
+train: setup ## Train a policy that imitates the motion (PRESET= FROM=tracker BUDGET= MINUTES= SEED= ENGINE= SCENARIO=)
 	$(KINEMIMIC) train --run "$(RUN)" $(TRAINING) $(if $(SCENARIO),--scenario "$(SCENARIO)")
 
 evaluate: setup ## Score the policy: report, curves (POLICY=walk for a shipped one)

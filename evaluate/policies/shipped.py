@@ -27,6 +27,7 @@ from kinemimic.retarget.formats.motion_json import read_motion_json
 from kinemimic.retarget.humanoid.motion import Motion
 from kinemimic.train.rollout.policy import Policy
 from kinemimic.train.rollout.tracker_file import load_tracker, tracker_path
+from kinemimic.train.tracker.suitability import unsuitable
 
 POLICY, RECORD, MOTION, SCORES = "policy.safetensors", "policy.json", "motion.json", "scores.json"
 # Relative, of duration, advance and height: another version of numpy changes the last digits of a rebuilt
@@ -94,6 +95,11 @@ class ShippedPolicies:
             raise KinemimicError(
                 f"{run / MOTION}: expected a motion for {name} to perform, found no file; "
                 f"`kinemimic run CAPTURE --policy {name}` makes one"
+            )
+        if found := unsuitable(read_motion_json(run / MOTION)):
+            raise KinemimicError(
+                f"{run / MOTION}: expected a motion on two feet, which {name} has learned, found {found}; "
+                "train a policy for it: `kinemimic train`"
             )
         if (run / POLICY).exists() and file_hash(run / POLICY) != file_hash(source / POLICY):
             raise KinemimicError(f"{run}: expected policy {name!r}, found another; choose another --run")

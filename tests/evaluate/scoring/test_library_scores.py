@@ -7,6 +7,7 @@ from pathlib import Path
 
 import pytest
 from peers.trackers import write_idle_tracker, write_small_library
+from printed.documented import documented_keys
 
 from kinemimic.evaluate.scoring.library_scores import summaries
 from kinemimic.evaluate.scoring.tracker_command import SCORES, evaluate_tracker
@@ -72,6 +73,7 @@ def test_without_corrections_every_motion_falls(library, tracker, tmp_path, quic
         ("slow", "test"),
     ]
     assert scores["samples"] == 7
+    assert documented_keys("tracker_scores.json") == set(scores)
     for one in scores["motions"]:
         assert (one["phases"], one["phases_of"], one["of"]) == (0, 2, 60)
         assert 10 < one["frames"] < 60

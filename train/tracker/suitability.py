@@ -1,0 +1,39 @@
+"""What no tracker here has learned, found in the motion itself."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from kinemimic.pipeline.kinematics.rotations import rotate
+from kinemimic.pipeline.kinematics.skeleton import NODE_INDEX
+from kinemimic.retarget.humanoid.body import STANDING_HEIGHT
+from kinemimic.retarget.humanoid.motion import Motion
+
+# m: a knee, an elbow, a hand or the head below it is on the ground, or on its way there.
+LOW = 0.15
+LOWEST_HIP = 0.55  # of its height in standing
+LARGEST_LEAN = np.radians(60.0)  # of the pelvis
+CLIMB = 0.25  # m, of the hip between start and end
+_PARTS = [*(f"{part}_{side}" for part in ("knee", "elbow", "wrist") for side in ("left", "right")), "head"]
+
+
+def unsuitable(motion: Motion) -> str | None:
+    """What shows that a motion is no gait on level ground, which trackers have learned; None if nothing does."""
+    positions, frames = motion.kinematics()
+    for part in _PARTS:
+        height = positions[:, NODE_INDEX[part], 2]
+        if height.min() < LOW:
+            where = int(np.argmin(height))
+            return f"the {part.replace('_', ' ')} at {height[where]:.2f} m above the ground in frame {where}"
+    hip = positions[:, 0, 2]
+    if hip.min() < LOWEST_HIP * STANDING_HEIGHT:
+        where = int(np.argmin(hip))
+        return f"the hips at {hip[where]:.2f} m above the ground in frame {where}"
+    up = rotate(frames[:, 0], np.broadcast_to([0.0, 0.0, 1.0], (len(frames), 3)))[:, 2]
+    if up.min() < np.cos(LARGEST_LEAN):
+        where = int(np.argmin(up))
+        lean = np.degrees(np.arccos(np.clip(up[where], -1.0, 1.0)))
+        return f"the pelvis leaning by {lean:.0f}° in frame {where}"
+    if (climb := abs(float(hip[-1] - hip[0]))) > CLIMB:
+        return f"hips that climb or sink by {climb:.2f} m"
+    return None
