@@ -19,6 +19,9 @@ NOT_RUN: dict[str, str] = {
     "kinemimic compare * --ablation*": "trains twelve variants",
     "kinemimic compare *@*": "trains the baselines, which are an extra, in a scenario",
     "kinemimic reproduce*": "trains the policies that ship for hours",
+    "kinemimic library * --variants 6000": "draws variants for minutes; tests/evaluate/workflow draws a few",
+    "kinemimic train-tracker *": "trains for hours; tests/train/tracker trains for some rounds",
+    "kinemimic evaluate-tracker *": "needs a library; tests/evaluate/scoring has one",
     "kinemimic evaluate --policy kinect_walk *": "needs a recording that does not ship",
     "kinemimic datasets fetch *": "needs GitHub; tests/pipeline/catalog fetches from a loopback server",
     "kinemimic datasets verify*": "needs fetched recordings",
@@ -45,7 +48,7 @@ def cheaper(text: str, costs: Mapping[str, Mapping[str, str]] = CHEAPER) -> str:
     """The command with the values of CHEAPER."""
     for name, options in costs.items():
         head = f"kinemimic {name}"
-        if not re.match(rf"{head}(\s|$)", text):
+        if not re.match(rf"{head}(\s|$)", text) or "--policy" in text:  # which does not train
             continue
         for option, value in options.items():
             said = rf"(?<=\s){option}[ =]\S+"

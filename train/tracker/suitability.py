@@ -18,7 +18,7 @@ _PARTS = [*(f"{part}_{side}" for part in ("knee", "elbow", "wrist") for side in 
 
 
 def unsuitable(motion: Motion) -> str | None:
-    """What shows that a motion is no gait on level ground, which trackers have learned; None if nothing does."""
+    """What shows that a motion is no gait on level ground, all that trackers know; None if nothing does."""
     positions, frames = motion.kinematics()
     for part in _PARTS:
         height = positions[:, NODE_INDEX[part], 2]
