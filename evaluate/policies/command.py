@@ -8,8 +8,8 @@ from typing import Any
 
 import click
 
-from kinemimic.evaluate.policies.recipe import recipes
-from kinemimic.evaluate.policies.scores_file import read_scores
+from kinemimic.evaluate.policies.recipe import recipes, tracker_recipes
+from kinemimic.evaluate.policies.scores_file import read_scores, read_tracker_scores
 from kinemimic.evaluate.policies.shipped import MOTION, POLICY, RECORD, SCORES, shipped_policies
 from kinemimic.pipeline.cli.options import json_option
 from kinemimic.pipeline.cli.terminal import grid, number, show
@@ -31,12 +31,25 @@ def summary(name: str, folder: Path) -> dict[str, Any]:
     }
 
 
+def tracker_summary(name: str, folder: Path) -> dict[str, Any]:
+    """A shipped tracker as JSON values: its settings, and its scores on the walks of its part "test"."""
+    record, scores = read_record(folder / name / RECORD), read_tracker_scores(folder / name / SCORES)
+    walks = next((row for row in scores["summary"] if (row["split"], row["kind"]) == ("test", "walk")), None)
+    return {
+        "name": name,
+        "description": tracker_recipes(folder)[name].description,
+        **{key: record[key] for key in ("preset", "seed", "samples", "engine")},
+        "bytes": (folder / name / POLICY).stat().st_size,
+        "unseen_walks": walks,
+    }
+
+
 @click.command("policies")
 @json_option("Print the list as JSON.")
 def command(as_json: bool) -> None:
     """List the shipped policies, for `--policy` of evaluate, view, export, pushes and disturb.
 
-    Scores are medians over the start phases.
+    Scores are medians over the start phases. A tracker performs any motion, also with `run --policy`.
 
     \b
       kinemimic policies
@@ -44,8 +57,9 @@ def command(as_json: bool) -> None:
     """
     policies = shipped_policies()
     found = [summary(name, policies.folder) for name in policies.names()]
+    trackers = [tracker_summary(name, policies.folder) for name in policies.trackers()]
     if as_json:
-        click.echo(json.dumps(found, indent=2))
+        click.echo(json.dumps([*found, *trackers], indent=2))
         return
     table = grid("policy", "frames", "phases", "R² knee", "R² hip", "speed", "samples")
     table.add_column("", overflow="fold")
@@ -61,3 +75,15 @@ def command(as_json: bool) -> None:
             one["description"] + ("" if one["motion_ships"] else "; needs the recording"),
         )
     show(table)
+    for one in trackers:
+        click.echo(f"\n{one['name']}: {one['description']}; {one['samples']:,} samples. {_unseen(one)}")
+
+
+def _unseen(tracker: dict[str, Any]) -> str:
+    walks = tracker["unseen_walks"]
+    if walks is None:
+        return "Not scored on unseen walks."
+    return (
+        f"Of {walks['motions']} walks of people whom it has never seen, it performs "
+        f"{100 * walks['whole']:.0f} % from every start phase (R² knee {number(walks['r2_knee'], 3)}, hip {number(walks['r2_hip'], 3)})"
+    )

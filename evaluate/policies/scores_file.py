@@ -105,6 +105,29 @@ class _Scores(Struct):
     motion: _Motion = _Motion()
 
 
+class _Group(Struct):
+    split: str
+    kind: str
+    motions: Count
+    whole: Number
+    succeeded: Number
+    mpjpe_l_mm: Number | None
+    r2_knee: Number | None
+    r2_hip: Number | None
+
+
+class _TrackerScores(Struct):
+    summary: list[_Group]
+
+
+def read_tracker_scores(path: Path) -> dict[str, Any]:
+    """The content of tracker_scores.json; KinemimicError names the first field that cannot be used."""
+    document = read_json(path)
+    if not isinstance(document, dict):
+        raise KinemimicError(f"{path}: expected the scores of `evaluate-tracker`, found other JSON")
+    return checked(document, _TrackerScores, path, advice="run `evaluate-tracker` again")
+
+
 def read_scores(path: Path) -> dict[str, Any]:
     """The content of scores.json; KinemimicError names the first field that other commands cannot use."""
     advice = "run `evaluate` again"

@@ -6,7 +6,8 @@ import re
 
 import pytest
 
-from kinemimic.evaluate.policies.recipe import POLICIES, recipes
+from kinemimic.evaluate.policies.recipe import POLICIES, recipes, tracker_recipes
+from kinemimic.evaluate.policies.scores_file import read_tracker_scores
 from kinemimic.evaluate.policies.shipped import (
     MOTION,
     POLICY,
@@ -19,10 +20,12 @@ from kinemimic.evaluate.workflow.reproduce import LARGEST, publish
 from kinemimic.pipeline.files.store import file_hash, read_json
 from kinemimic.retarget.formats.motion_json import read_motion_json
 from kinemimic.train.rollout.policy import Policy, read_record
+from kinemimic.train.rollout.tracker_file import load_tracker
 
 
 def test_every_recipe_has_been_made() -> None:
     assert ShippedPolicies().names() == tuple(recipes())
+    assert ShippedPolicies().trackers() == tuple(tracker_recipes()) == ("tracker",)
 
 
 @pytest.mark.parametrize("name", ShippedPolicies().names())
@@ -42,7 +45,24 @@ def test_a_policy_that_ships_is_what_its_recipe_says(name: str, tmp_path) -> Non
         assert read_record(tmp_path / name / RECORD) == read_record(folder / RECORD)
 
 
-@pytest.mark.parametrize("name", ShippedPolicies().names())
+@pytest.mark.parametrize("name", ShippedPolicies().trackers())
+def test_a_tracker_that_ships_is_what_its_recipe_says(name: str) -> None:
+    folder, recipe = POLICIES / name, tracker_recipes()[name]
+    policy, record = load_tracker(folder / POLICY)
+    scores = read_tracker_scores(folder / SCORES)
+    assert policy.critic  # so that a training may start from it
+    assert (record["preset"], record["seed"]) == ("tracker", recipe.seed)
+    assert record["config"]["budget"] == recipe.budget
+    assert record["finished"]
+    assert scores["provenance"]["inputs"]["policy"] == file_hash(folder / POLICY)
+    assert scores["provenance"]["inputs"]["library"] == record["provenance"]["inputs"]["library"]
+    unseen = {row["subject"] for row in scores["motions"] if row["split"] == "test"}
+    seen = {row["subject"] for row in scores["motions"] if row["split"] == "train"}
+    assert unseen == set(recipe.test)
+    assert not unseen & seen
+
+
+@pytest.mark.parametrize("name", (*ShippedPolicies().names(), *ShippedPolicies().trackers()))
 def test_its_files_are_small_and_name_no_machine(name: str) -> None:
     for path in (POLICIES / name).iterdir():
         assert path.name in {MOTION, POLICY, RECORD, SCORES}

@@ -245,6 +245,21 @@ def test_a_tracker_performs_the_motion_of_the_run(
     assert with_tracker.trackers() == ("tracker",)
 
 
+def test_the_list_shows_trackers_too(with_tracker: ShippedPolicies) -> None:
+    row = {
+        "split": "test", "kind": "walk", "motions": 4, "whole": 0.75, "succeeded": 1.0, "mpjpe_l_mm": 30.0,
+        "r2_knee": 0.95, "r2_hip": None,
+    }  # fmt: skip
+    write_json(with_tracker.folder / "tracker/scores.json", {"summary": [row]})
+    listed = CliRunner().invoke(policies.command, obj=with_tracker)
+    assert "tracker: any; 7 samples. Of 4 walks" in listed.output
+    assert "75 % from every start phase (R² knee 0.950, hip -)" in listed.output
+    found = json.loads(CliRunner().invoke(policies.command, ["--json"], obj=with_tracker).output)
+    assert found[-1]["unseen_walks"]["motions"] == 4
+    write_json(with_tracker.folder / "tracker/scores.json", {"summary": []})
+    assert "Not scored on unseen walks" in CliRunner().invoke(policies.command, obj=with_tracker).output
+
+
 def test_a_tracker_may_be_a_folder(with_tracker: ShippedPolicies, tmp_path: Path, walk: Motion) -> None:
     run = tmp_path / "run"
     write_text(run / MOTION, motion_to_json(walk))
