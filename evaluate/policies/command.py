@@ -85,5 +85,6 @@ def _unseen(tracker: dict[str, Any]) -> str:
         return "Not scored on unseen walks."
     return (
         f"Of {walks['motions']} walks of people whom it has never seen, it performs "
-        f"{100 * walks['whole']:.0f} % from every start phase (R² knee {number(walks['r2_knee'], 3)}, hip {number(walks['r2_hip'], 3)})"
+        f"{100 * walks['whole']:.0f} % from every start phase "
+        f"(R² knee {number(walks['r2_knee'], 3)}, hip {number(walks['r2_hip'], 3)})"
     )
