@@ -44,6 +44,10 @@ COMMANDS: dict[str, tuple[str, str]] = {
         "kinemimic.evaluate.scoring.tracker_command:command",
         "Score a tracker on every motion of a library.",
     ),
+    "gallery": (
+        "kinemimic.evaluate.film.gallery_command:command",
+        "Draw the rollouts of several runs side by side.",
+    ),
     "train-tracker": (
         "kinemimic.train.tracker.command:command",
         "Train one policy for any motion, on a motion library.",

@@ -82,6 +82,7 @@ def test_every_command_explains_its_options(name: str, capsys: pytest.CaptureFix
         "compare",
         "evaluate-tracker",
         "formats",
+        "gallery",
         "inspect",
         "library",
         "policies",

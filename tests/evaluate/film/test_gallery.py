@@ -1,0 +1,84 @@
+"""Several rollouts in one picture and one video."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+from click.testing import CliRunner
+from PIL import Image
+
+from kinemimic.evaluate.film import gallery_command
+from kinemimic.evaluate.film.figures import REFERENCE, SIMULATED, Humanoid
+from kinemimic.evaluate.film.film import Scene, render_frames
+from kinemimic.evaluate.film.tiles import PANEL, render_tiles
+from kinemimic.pipeline.cli.main import main
+from kinemimic.pipeline.kinematics.clip import forward_kinematics
+from kinemimic.pipeline.kinematics.rotations import IDENTITY
+from kinemimic.pipeline.kinematics.skeleton import NODES, node_skeleton
+from kinemimic.retarget.humanoid.body import STANDING_HEIGHT, node_offsets
+
+
+def scene(frames: int, speed: float) -> Scene:
+    """A figure that glides ahead of its reference."""
+
+    def gliding(kind: int, along: float) -> Humanoid:
+        translations = np.broadcast_to(node_offsets(), (frames, len(NODES), 3)).copy()
+        translations[:, 0] = [0.0, 0.0, STANDING_HEIGHT]
+        translations[:, 0, 0] += along + speed * np.arange(frames)
+        rotations = np.tile(IDENTITY, (frames, len(NODES), 1))
+        return Humanoid(kind, *forward_kinematics(node_skeleton(node_offsets()), translations, rotations))
+
+    return Scene(gliding(SIMULATED, 0.3), gliding(REFERENCE, 0.0), 30.0, frames)
+
+
+def test_every_panel_is_the_film_of_its_scene() -> None:
+    scenes = [("a", scene(5, 0.03)), ("b", scene(3, 0.0)), ("c", scene(5, 0.0))]
+    size = (160, 120)
+    sheets = list(render_tiles(scenes, [0, 4], columns=2, size=size))
+    assert [sheet.shape for sheet in sheets] == [(240, 320, 3)] * 2
+    alone = [
+        next(
+            render_frames(
+                one, [min(4, len(one.figure.positions) - 1)], camera="side", size=size, labels=False
+            )
+        )
+        for _, one in scenes
+    ]
+    for k, picture in enumerate(alone):
+        row, column = divmod(k, 2)
+        panel = sheets[1][row * 120 : (row + 1) * 120, column * 160 : (column + 1) * 160]
+        # The labels are at the top and at the bottom.
+        np.testing.assert_array_equal(panel[40:90], picture[40:90])
+    assert (sheets[1][120:, 160:] == 255).all()
+    with pytest.raises(ValueError, match="no scenes"):
+        next(render_tiles([], [0], columns=2))
+
+
+def test_the_command_draws_both(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    runs = [tmp_path / name for name in ("anna", "bob")]
+    for run in runs:
+        run.mkdir()
+        (run / "trajectory.npz").touch()
+    monkeypatch.setattr(gallery_command, "read_scene", lambda run: (run.name, scene(4, 0.02)))
+    movie, picture = tmp_path / "g.webm", tmp_path / "g.png"
+    arguments = ["--video", str(movie), "--picture", str(picture), "--seconds", "0.1"]
+    result = CliRunner().invoke(gallery_command.command, [*map(str, runs), *arguments])
+    assert result.exit_code == 0, result.output
+    assert Image.open(picture).size == (2 * PANEL[0], PANEL[1])
+    film = cv2.VideoCapture(str(movie))
+    assert film.get(cv2.CAP_PROP_FRAME_WIDTH) == 2 * PANEL[0]
+    assert film.read()[0]
+
+
+def test_a_run_without_rollouts_is_one_line(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    for arguments, found in (
+        (["--picture", "g.png"], "expected rollouts, found none; run `kinemimic evaluate` first"),
+        ([], "expected --video or --picture, found neither"),
+    ):
+        with pytest.raises(SystemExit) as exit_:
+            main(["gallery", str(tmp_path), *arguments])
+        assert exit_.value.code == 2
+        assert found in capsys.readouterr().err
