@@ -2,9 +2,9 @@
 
 A library of a few dozen loops holds a few people, whose knees, arms and pelvis move alike. A variant mixes
 two loops of a kind, then draws a cadence, stride, crouch, stance width, posture and rotation of pelvis and
-trunk of its own, each over a range of healthy adults, symmetric but for a little. Some have what a depth
-sensor delivers: legs that move in a plane, and neutral feet. The last steps of `retarget` follow: the root
-path on which the feet do not slide, and the refinement.
+trunk of its own, symmetric but for a little. The ranges cover the walks of CMU and of a Kinect that this was
+developed with. Some variants have what a depth sensor delivers: legs that move in a plane, and neutral feet.
+The last steps of `retarget` follow: the root path on which the feet do not slide, and the refinement.
 """
 
 from __future__ import annotations
