@@ -16,7 +16,7 @@ from kinemimic.retarget.library.motion_library import Entry, MotionLibrary
 from kinemimic.train.config.config import EnvConfig
 from kinemimic.train.rollout.evaluation import episode_frames, reported_phases
 from kinemimic.train.rollout.policy import Policy
-from kinemimic.train.rollout.rollout import collect_trajectories
+from kinemimic.train.rollout.rollout import collect_here
 from kinemimic.train.rollout.trajectory import Trajectory
 
 _DIGITS = 4
@@ -103,13 +103,12 @@ def score_library(
 
 def _score(task: tuple[Entry, Motion, Policy, EnvConfig, str]) -> dict[str, Any]:
     entry, motion, policy, config, engine = task
-    trajectory = collect_trajectories(
+    trajectory = collect_here(
         motion,
         policy,
         config,
         start_phases=np.array(reported_phases(motion)),
         frames=episode_frames(motion),
         engine=engine,
-        workers=1,
     )
     return motion_scores(entry, trajectory)

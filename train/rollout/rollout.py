@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import itertools
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import fields
 from typing import Any
 
@@ -85,7 +85,19 @@ def collect_trajectories(
     """
     # One humanoid per task: its trajectory must not depend on the number of others.
     tasks = [(motion, policy, config, float(phase), frames, engine) for phase in start_phases]
-    parts = parallel_map(_collect_one, tasks, workers=workers, progress=progress)
+    return _joined(motion, parallel_map(_collect_one, tasks, workers=workers, progress=progress))
+
+
+def collect_here(
+    motion: Motion, policy: Policy | None, config: EnvConfig, *, start_phases: Array, frames: int, engine: str
+) -> Trajectory:
+    """`collect_trajectories` in this process, for workers that share many motions."""
+    tasks = [(motion, policy, config, float(phase), frames, engine) for phase in start_phases]
+    return _joined(motion, [_collect_one(task) for task in tasks])
+
+
+def _joined(motion: Motion, parts: Sequence[Trajectory]) -> Trajectory:
+    """The rollouts of several trajectories in one."""
     shared: dict[str, Any] = {"reward_names": parts[0].reward_names, "motion": motion.identity}
     joined: dict[str, Any] = {
         f.name: np.concatenate([getattr(part, f.name) for part in parts])

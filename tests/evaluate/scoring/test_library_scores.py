@@ -3,16 +3,20 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
 import pytest
-from peers.trackers import write_idle_tracker, write_small_library
+from peers.trackers import entry, shipped_motion, write_idle_tracker, write_small_library
 from printed.documented import documented_keys
 
 from kinemimic.evaluate.scoring.library_scores import summaries
 from kinemimic.evaluate.scoring.tracker_command import SCORES, evaluate_tracker
 from kinemimic.pipeline.cli.main import main
 from kinemimic.pipeline.errors import KinemimicError
+from kinemimic.retarget.library.library_file import write_library
+from kinemimic.retarget.library.motion_library import MotionLibrary
 from kinemimic.train.rollout import evaluation
 
 
@@ -58,10 +62,6 @@ def quick(monkeypatch: pytest.MonkeyPatch) -> None:
         "kinemimic.evaluate.scoring.library_scores.parallel_map",
         lambda work, tasks, **_: [work(task) for task in tasks],
     )
-    monkeypatch.setattr(
-        "kinemimic.train.rollout.rollout.parallel_map",
-        lambda work, tasks, **_: [work(task) for task in tasks],
-    )
 
 
 def test_without_corrections_every_motion_falls(library, tracker, tmp_path, quick) -> None:
@@ -78,6 +78,18 @@ def test_without_corrections_every_motion_falls(library, tracker, tmp_path, quic
         assert (one["phases"], one["phases_of"], one["of"]) == (0, 2, 60)
         assert 10 < one["frames"] < 60
         assert 0.0 < one["mpjpe_l_mm"] < one["mpjpe_g_mm"] + 1.0
+
+
+def test_in_worker_processes(tracker: Path, tmp_path: Path) -> None:
+    """Of motions that are performed once, which are short."""
+    walk = replace(shipped_motion("walk"), cyclic=False, cycle_offset=np.zeros(3))
+    entries = [entry(name, name, "test", walk) for name in ("a", "b", "c")]
+    write_library(tmp_path, MotionLibrary.of([walk] * 3, entries), {})
+    scores = evaluate_tracker(tmp_path, str(tracker), tmp_path, workers=2, engine="pybullet")
+    rows = [{name: value for name, value in row.items() if name not in ("name", "subject")}
+            for row in scores["motions"]]  # fmt: skip
+    assert rows[0] == rows[1] == rows[2]
+    assert (rows[0]["phases_of"], rows[0]["cyclic"]) == (1, False)
 
 
 def test_one_split_alone(library, tracker, tmp_path, quick) -> None:
