@@ -12,6 +12,7 @@ from kinemimic.evaluate.policies.recipe import recipes, tracker_recipes
 from kinemimic.evaluate.policies.scores_file import read_scores, read_tracker_scores
 from kinemimic.evaluate.policies.shipped import MOTION, POLICY, RECORD, SCORES, shipped_policies
 from kinemimic.pipeline.cli.options import json_option
+from kinemimic.pipeline.cli.printable import echo
 from kinemimic.pipeline.cli.terminal import grid, number, show
 from kinemimic.train.rollout.policy import read_record
 
@@ -76,7 +77,7 @@ def command(as_json: bool) -> None:
         )
     show(table)
     for one in trackers:
-        click.echo(f"\n{one['name']}: {one['description']}; {one['samples']:,} samples. {_unseen(one)}")
+        echo(f"\n{one['name']}: {one['description']}; {one['samples']:,} samples. {_unseen(one)}")
 
 
 def _unseen(tracker: dict[str, Any]) -> str:

@@ -108,6 +108,7 @@ class Run:
         resume: bool = True,
         anyway: bool = False,
         scenario: Scenario | None = None,
+        start: str | None = None,
         config: TrainConfig | None = None,
     ) -> dict[str, Any]:
         """Train a policy on the motion (`train/command.py`); returns the policy's record.
@@ -127,6 +128,7 @@ class Run:
             resume=resume,
             anyway=anyway,
             scenario=scenario,
+            start=start,
             config=config,
         )
 
@@ -189,16 +191,18 @@ def run(
     *,
     options: Mapping[str, Mapping[str, Any]] | None = None,
     stages: Sequence[str] = RUN_STAGES,
+    policy: str | None = None,
     overwrite: bool = False,
     quiet: bool = True,
 ) -> Run:
     """Run all stages on a capture, skipping those that are up to date, as `kinemimic run` does.
 
-    capture: a file or folder; None records the stock walk with the virtual Kinect. folder: the run folder, by
-    default runs/NAME of the capture. options, stages, overwrite: as in `evaluate/workflow/run.py`, for
-    example options={"train": {"budget": "300k", "seed": 1}}. Raises what the stages raise.
+    capture: a file or folder; None records the stock walk with the virtual Kinect. folder: the run folder,
+    by default runs/NAME of the capture. options, stages, policy, overwrite: as in
+    `evaluate/workflow/run.py`, for example options={"train": {"budget": "300k", "seed": 1}}, or
+    policy="tracker". Raises what the stages raise.
     """
     source = None if capture is None else Path(capture)
     place = default_run(source) if folder is None else Path(folder)
-    run_stages(source, place, options=options, stages=stages, overwrite=overwrite, quiet=quiet)
+    run_stages(source, place, options=options, stages=stages, policy=policy, overwrite=overwrite, quiet=quiet)
     return Run(place)
