@@ -67,7 +67,8 @@ class DomainRandomization:
     push: N, horizontal in any direction on the pelvis for 0.2 s; rest: s between pushes; friction: of the
     feet on the ground; mass: factor for every body; delay: s until an action takes effect, at most one
     control step; tilt, spin: standard deviations of the initial state from the reference, rad and rad/s, at
-    the root and every joint.
+    the root and every joint; displacement: largest horizontal distance of the initial state from the
+    reference, m.
     """
 
     push: tuple[float, float] = (0.0, 0.0)
@@ -77,6 +78,7 @@ class DomainRandomization:
     delay: tuple[float, float] = (0.0, 0.0)
     tilt: float = 0.0
     spin: float = 0.0
+    displacement: float = 0.0
 
 
 @dataclass(frozen=True)
@@ -84,10 +86,12 @@ class Tracking:
     """The task of a tracker, a policy for any motion. It observes no phase; beside the preview, it observes
     the difference to the reference now, in rotations, positions and velocities.
 
-    max_body_error: mean distance of the bodies from their references at which an episode ends, m.
+    max_body_error: mean distance of the bodies from their references at which an episode ends, m. leash: the
+    policy observes a reference that is farther away on the ground as if it were this far, m.
     """
 
     max_body_error: float = 0.5
+    leash: float = 0.3
 
 
 @dataclass(frozen=True)

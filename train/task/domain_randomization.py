@@ -15,6 +15,7 @@ from kinemimic.train.sim.world import CONTROL_RATE, FRICTION, TIME_STEP, Poses
 
 PUSH_STEPS = 6  # control steps: 0.2 s
 MAX_PUSHES = 12  # per episode
+_INITIAL = ("tilts", "spins", "displacement")  # what matters at the start only
 
 
 @dataclass(frozen=True)
@@ -23,7 +24,8 @@ class RandomizationSample:
 
     begins: (E, MAX_PUSHES) control steps after the start; forces: (E, MAX_PUSHES, 2) N along x and y of the
     world; friction, mass: (E,); delay: (E,) physics steps until an action takes effect; tilts, spins:
-    (E, 15, 3) deviation of the initial state from the reference, rad and rad/s, of the root and each joint.
+    (E, 15, 3) deviation of the initial state from the reference, rad and rad/s, of the root and each joint;
+    displacement: (E, 3) of the initial state from the reference, horizontal, m.
     """
 
     begins: Array
@@ -33,6 +35,7 @@ class RandomizationSample:
     delay: Array
     tilts: Array
     spins: Array
+    displacement: Array
 
     @classmethod
     def nominal(cls, size: int) -> RandomizationSample:
@@ -45,6 +48,7 @@ class RandomizationSample:
             delay=np.zeros(size),
             tilts=np.zeros((size, 15, 3)),
             spins=np.zeros((size, 15, 3)),
+            displacement=np.zeros((size, 3)),
         )
 
     @classmethod
@@ -54,15 +58,16 @@ class RandomizationSample:
 
     def persistent(self) -> dict[str, Array]:
         """By name, what matters after the start too."""
-        return {f.name: getattr(self, f.name) for f in fields(self) if f.name not in ("tilts", "spins")}
+        return {f.name: getattr(self, f.name) for f in fields(self) if f.name not in _INITIAL}
 
     def perturbed(self, poses: Poses) -> Poses:
         """Poses with the initial deviations applied."""
-        if not (self.tilts.any() or self.spins.any()):
+        if not any(getattr(self, name).any() for name in _INITIAL):
             return poses
         off = from_rotvec(self.tilts)
         return replace(
             poses,
+            root=poses.root + self.displacement,
             root_rotation=multiply(poses.root_rotation, off[:, 0]),
             root_angular=poses.root_angular + self.spins[:, 0],
             joints=multiply(poses.joints, off[:, 1:]),
@@ -108,4 +113,14 @@ def draw(
         delay=np.array([np.rint(between(domain_randomization.delay, 0.0) / TIME_STEP)]),
         tilts=strength * domain_randomization.tilt * random.standard_normal((1, 15, 3)),
         spins=strength * domain_randomization.spin * random.standard_normal((1, 15, 3)),
+        displacement=strength * _on_disc(domain_randomization.displacement, random),
     )
+
+
+def _on_disc(radius: float, random: np.random.Generator) -> Array:
+    """A displacement (1, 3) on the ground, of any length up to `radius` with the same probability; without a
+    radius nothing is drawn."""
+    if not radius:
+        return np.zeros((1, 3))
+    angle, length = random.uniform(-np.pi, np.pi), random.uniform(0.0, radius)
+    return length * np.array([[np.cos(angle), np.sin(angle), 0.0]])

@@ -270,14 +270,15 @@ class ImitationBatch:
         b = self.bodies
         size = len(self.phases)
         six = to_6d(b.rotations)
+        beyond = self._beyond_leash()
         vectors = np.concatenate(
             [
                 six.reshape(size, -1, 3),
                 b.positions[:, 1:] - b.positions[:, :1],
                 b.linear,
                 b.angular,
-                *self._differences(),
-                *(ahead.positions[:, :1] - b.positions[:, :1] for ahead in self._ahead),
+                *self._differences(beyond),
+                *(ahead.positions[:, :1] - b.positions[:, :1] - beyond for ahead in self._ahead),
             ],
             axis=1,
         )
@@ -303,14 +304,25 @@ class ImitationBatch:
             self._mirror.observations(observations, self._reflected)
         return observations
 
-    def _differences(self) -> list[Array]:
+    def _beyond_leash(self) -> Array:
+        """(E, 1, 3) horizontal part of the way to the reference that a tracker does not observe: what exceeds
+        the leash. A humanoid that fell behind keeps walking, instead of observing what it never learned."""
+        tracking = self.config.tracking
+        if tracking is None:
+            return np.zeros((len(self.phases), 1, 3))
+        way = (self.target.positions[:, :1] - self.bodies.positions[:, :1]) * [1.0, 1.0, 0.0]
+        distance = np.maximum(np.linalg.norm(way, axis=-1, keepdims=True), tracking.leash)
+        beyond: Array = way * (1.0 - tracking.leash / distance)
+        return beyond
+
+    def _differences(self, beyond: Array) -> list[Array]:
         """What a tracker observes: differences (E, 15, 3) from the bodies to their reference, in position,
-        within 1 m, velocity and angular velocity."""
+        within 1 m and without the part `beyond` the leash, velocity and angular velocity."""
         if self.config.tracking is None:
             return []
         b, target = self.bodies, self.target
         return [
-            np.clip(target.positions - b.positions, -1.0, 1.0),
+            np.clip(target.positions - b.positions - beyond, -1.0, 1.0),
             target.linear - b.linear,
             target.angular - b.angular,
         ]
