@@ -228,7 +228,7 @@ class TrainConfig:
     def to_json(self) -> dict[str, Any]:
         """JSON values that `from_json` reads back."""
         value: dict[str, Any] = msgspec.json.decode(msgspec.json.encode(self))
-        # Without a baseline, a start, a scenario or tracking, the JSON stays as before they were introduced.
+        # Without a baseline, start, scenario, tracking or displacement, the JSON stays as before they existed.
         if self.baseline is None:
             del value["baseline"]
         if not self.start:
@@ -236,6 +236,8 @@ class TrainConfig:
         for name in ("scenario", "tracking"):
             if getattr(self.env, name) is None:
                 del value["env"][name]
+        if not self.env.domain_randomization.displacement:
+            del value["env"]["domain_randomization"]["displacement"]
         return value
 
     @classmethod
@@ -249,7 +251,11 @@ class TrainConfig:
         if isinstance(value, dict):
             env = value.get("env")
             value = {"baseline": None, "start": "", **value}
-            value["env"] = {"scenario": None, "tracking": None, **env} if isinstance(env, dict) else env
+            if isinstance(env, dict):
+                value["env"] = env = {"scenario": None, "tracking": None, **env}
+                drawn = env.get("domain_randomization")
+                if isinstance(drawn, dict):
+                    env["domain_randomization"] = {"displacement": 0.0, **drawn}
         return convert(value, cls, path, complete=True, within=within)
 
 
