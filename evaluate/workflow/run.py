@@ -27,11 +27,14 @@ from kinemimic.pipeline.filters.options import ingest_options
 from kinemimic.pipeline.run_folder.capture import default_run, require_same_capture, sources_of
 from kinemimic.pipeline.run_folder.lock import locked
 from kinemimic.pipeline.run_folder.stage import stage, state_options, up_to_date
+from kinemimic.retarget.formats.motion_json import read_motion_json
 from kinemimic.retarget.options import retarget_options
 from kinemimic.train.options import training_options
 from kinemimic.train.sim.options import engine_option
+from kinemimic.train.tracker.suitability import unsuitable
 
 VIRTUAL_SEED = 0
+DEFAULT_START = "tracker"
 # The options of stages that `run` passes on.
 STAGE_OPTIONS: Mapping[str, Decorator] = {
     "ingest": ingest_options,
@@ -61,6 +64,7 @@ def run(
     options: Mapping[str, Mapping[str, Any]] | None = None,
     stages: Sequence[str] = RUN_STAGES,
     policy: str | None = None,
+    from_scratch: bool = False,
     overwrite: bool = False,
     quiet: bool = False,
 ) -> Outcome:
@@ -69,11 +73,15 @@ def run(
     capture: a file or folder, or None to record the stock walk with the virtual Kinect (folder/capture).
     options: stage -> its command's options without the dashes; True is a flag, None the command's default.
     stages: the first few of RUN_STAGES, to stop before `evaluate` and its scores. policy: name of a shipped
-    tracker, which performs the motion without a training. overwrite: set the results
-    of another capture in the folder aside, instead of refusing. quiet: print nothing.
+    tracker, which performs the motion without a training. from_scratch: train from random weights; otherwise
+    the training of a gait starts from the shipped tracker, unless the options name a start or a preset.
+    overwrite: set the results of another capture in the folder aside, instead of refusing. quiet: print
+    nothing.
     Raises what the stages raise; finished stages stay recorded.
     """
     source = folder / VIRTUAL_CAPTURE if capture is None else capture
+    if policy is not None and from_scratch:
+        raise KinemimicError("--policy: expected no --from-scratch, which trains, found both; leave out one")
     if policy is not None:
         stages, options = _without_training(policy, stages, options or {})
     ran: list[str] = []
@@ -81,6 +89,8 @@ def run(
 
     def step(name: str, sources: Mapping[str, Path], work: Callable[[list[str]], None]) -> None:
         config = {key: value for key, value in (options or {}).get(name, {}).items() if value is not None}
+        if name == "train" and not (from_scratch or config.keys() & {"from", "preset"}):
+            config |= default_start(folder)
         if not ran and up_to_date(folder, name, sources=sources, options=config):
             skipped.append(name)
             _say(f"{name}: up to date", quiet=quiet)
@@ -124,6 +134,15 @@ def _without_training(
         raise KinemimicError(f"--policy: expected no option of `train`, found --{min(given)}; leave out one")
     evaluating = {**options.get("evaluate", {}), "policy": policy}
     return [name for name in stages if name != "train"], {**options, "evaluate": evaluating}
+
+
+def default_start(folder: Path) -> dict[str, str]:
+    """Options of `train` that start from the shipped tracker; none if it has not learned such motions."""
+    from kinemimic.evaluate.policies.shipped import ShippedPolicies  # noqa: PLC0415 (import cost)
+
+    motion = read_motion_json(folder / "motion.json")
+    known = motion.cyclic and unsuitable(motion) is None and DEFAULT_START in ShippedPolicies().trackers()
+    return {"from": DEFAULT_START} if known else {}
 
 
 def _record_virtual(folder: Path) -> None:
@@ -189,12 +208,18 @@ def stage_options(groups: Mapping[str, Decorator], values: Mapping[str, Any]) ->
     metavar="POLICY",
     help="Perform the motion with a tracker, without a training: `tracker` ships, others are folders.",
 )
+@click.option(
+    "--from-scratch",
+    is_flag=True,
+    help="Train from random weights, not from the tracker that ships. Takes several times as long.",
+)
 @overwrite_option
 @json_option("Print the stages that were run, and the scores, as JSON.")
 def command(
     capture: Path | None,
     folder: Path | None,
     policy: str | None,
+    from_scratch: bool,
     overwrite: bool,
     as_json: bool,
     **options: Any,
@@ -202,16 +227,25 @@ def command(
     """Take CAPTURE, or the virtual Kinect's recording of a walk, through every stage to its scores.
 
     Stages whose inputs and options have not changed are skipped. The run folder is named after the capture.
+    The training of a walk or run starts from the tracker that ships; other motions train from scratch.
 
     \b
       kinemimic run
-      kinemimic run walk.skl --run runs/walk --budget 1M
+      kinemimic run walk.skl --run runs/walk
       kinemimic run walk.skl --policy tracker
-      kinemimic run walk.skl --from tracker
+      kinemimic run walk.skl --from-scratch --budget 1M
     """
     folder = folder or default_run(capture)
     given = stage_options(STAGE_OPTIONS, options)
-    outcome = run(capture, folder, options=given, policy=policy, overwrite=overwrite, quiet=as_json)
+    outcome = run(
+        capture,
+        folder,
+        options=given,
+        policy=policy,
+        from_scratch=from_scratch,
+        overwrite=overwrite,
+        quiet=as_json,
+    )
     from kinemimic.evaluate.scoring.index_page import write_index  # noqa: PLC0415 (import cost)
 
     write_index(folder)

@@ -192,17 +192,27 @@ def run(
     options: Mapping[str, Mapping[str, Any]] | None = None,
     stages: Sequence[str] = RUN_STAGES,
     policy: str | None = None,
+    from_scratch: bool = False,
     overwrite: bool = False,
     quiet: bool = True,
 ) -> Run:
     """Run all stages on a capture, skipping those that are up to date, as `kinemimic run` does.
 
     capture: a file or folder; None records the stock walk with the virtual Kinect. folder: the run folder,
-    by default runs/NAME of the capture. options, stages, policy, overwrite: as in
-    `evaluate/workflow/run.py`, for example options={"train": {"budget": "300k", "seed": 1}}, or
+    by default runs/NAME of the capture. options, stages, policy, from_scratch, overwrite: as
+    in `evaluate/workflow/run.py`, for example options={"train": {"budget": "300k", "seed": 1}}, or
     policy="tracker". Raises what the stages raise.
     """
     source = None if capture is None else Path(capture)
     place = default_run(source) if folder is None else Path(folder)
-    run_stages(source, place, options=options, stages=stages, policy=policy, overwrite=overwrite, quiet=quiet)
+    run_stages(
+        source,
+        place,
+        options=options,
+        stages=stages,
+        policy=policy,
+        from_scratch=from_scratch,
+        overwrite=overwrite,
+        quiet=quiet,
+    )
     return Run(place)

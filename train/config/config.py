@@ -68,7 +68,7 @@ class DomainRandomization:
     feet on the ground; mass: factor for every body; delay: s until an action takes effect, at most one
     control step; tilt, spin: standard deviations of the initial state from the reference, rad and rad/s, at
     the root and every joint; displacement: largest horizontal distance of the initial state from the
-    reference, m.
+    reference, m; pace: factor on the speed of a tracker's references, whose steps stay the same.
     """
 
     push: tuple[float, float] = (0.0, 0.0)
@@ -79,6 +79,11 @@ class DomainRandomization:
     tilt: float = 0.0
     spin: float = 0.0
     displacement: float = 0.0
+    pace: tuple[float, float] = (1.0, 1.0)
+
+
+# Ranges that policies of earlier versions do not state, in JSON.
+_LATER_RANGES = {"displacement": 0.0, "pace": [1.0, 1.0]}
 
 
 @dataclass(frozen=True)
@@ -228,7 +233,7 @@ class TrainConfig:
     def to_json(self) -> dict[str, Any]:
         """JSON values that `from_json` reads back."""
         value: dict[str, Any] = msgspec.json.decode(msgspec.json.encode(self))
-        # Without a baseline, start, scenario, tracking or displacement, the JSON stays as before they existed.
+        # The JSON stays as before these were introduced where it does without them.
         if self.baseline is None:
             del value["baseline"]
         if not self.start:
@@ -236,8 +241,10 @@ class TrainConfig:
         for name in ("scenario", "tracking"):
             if getattr(self.env, name) is None:
                 del value["env"][name]
-        if not self.env.domain_randomization.displacement:
-            del value["env"]["domain_randomization"]["displacement"]
+        drawn = value["env"]["domain_randomization"]
+        for name, unused in _LATER_RANGES.items():
+            if drawn[name] == unused:
+                del drawn[name]
         return value
 
     @classmethod
@@ -255,7 +262,7 @@ class TrainConfig:
                 value["env"] = env = {"scenario": None, "tracking": None, **env}
                 drawn = env.get("domain_randomization")
                 if isinstance(drawn, dict):
-                    env["domain_randomization"] = {"displacement": 0.0, **drawn}
+                    env["domain_randomization"] = {**_LATER_RANGES, **drawn}
         return convert(value, cls, path, complete=True, within=within)
 
 

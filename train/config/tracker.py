@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from kinemimic.train.config.config import DomainRandomization, EnvConfig, Tracking, TrainConfig
+from kinemimic.train.config.config import DomainRandomization, EnvConfig, RewardConfig, Tracking, TrainConfig
 
 TRACKER = "tracker"
 
@@ -22,10 +22,13 @@ def tracker_config() -> TrainConfig:
     return TrainConfig(
         preset=TRACKER,
         env=EnvConfig(
+            reward=RewardConfig(
+                weights={"pose": 0.45, "linear": 0.18, "angular": 0.12, "height": 0.10, "path": 0.30}
+            ),
             preview=(1, 4, 12),
             tracking=Tracking(max_body_error=0.5, leash=0.3),
             max_drift=float("1e9"),
-            domain_randomization=DomainRandomization(tilt=0.03, spin=0.15, displacement=0.3),
+            domain_randomization=DomainRandomization(tilt=0.03, spin=0.15, displacement=0.3, pace=(0.9, 1.2)),
         ),
         num_envs=256,
         horizon=32,

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from kinemimic.pipeline.arrays import Array, Floats
 from kinemimic.retarget.humanoid.motion import Motion
 from kinemimic.train.reference.reference import Reference
+from kinemimic.train.sim.world import BodyStates
 
 # Hz: an eighth of a single motion's, for memory. Linear steps between its rows err by 0.05 degrees on a run.
 LIBRARY_TABLE_RATE = 120.0
@@ -75,13 +76,18 @@ class ReferenceLibrary:
 class FollowedReference(Reference):
     """The reference of E environments, each of which follows a motion of a library.
 
-    motions: (E,) their indices, which may change between steps. Phases (E, ...) are those of all
-    environments; `duration`, `cyclic` and `cycle_offset` have one value for each environment.
+    motions: (E,) their indices, which may change between steps. pace: (E,) factors on the speed of a cyclic
+    motion's path; its steps stay the same, so that above 1 a humanoid that only repeats them falls behind.
+    Phases (E, ...) are those of all environments; `duration`, `cyclic` and `cycle_offset` have one value for
+    each environment.
     """
 
-    def __init__(self, library: ReferenceLibrary, motions: NDArray[np.intp]) -> None:
+    def __init__(
+        self, library: ReferenceLibrary, motions: NDArray[np.intp], pace: Array | None = None
+    ) -> None:
         self.library = library
         self.motions = motions
+        self.pace = np.ones(len(motions)) if pace is None else pace
 
     # Arrays (E,), where a single motion's are numbers.
     @property
@@ -98,7 +104,20 @@ class FollowedReference(Reference):
 
     def of(self, indices: NDArray[np.intp]) -> FollowedReference:
         """The reference of some environments (N,) of the batch."""
-        return FollowedReference(self.library, self.motions[indices])
+        return FollowedReference(self.library, self.motions[indices], self.pace[indices])
+
+    def bodies(self, phase: Array) -> BodyStates:
+        """The 15 bodies (E, ..., 15, 3 or 4) at phases (E, ...)."""
+        bodies = super().bodies(phase)
+        faster = self._faster() / self.duration[:, None]
+        linear = bodies.linear
+        linear += faster.reshape(len(faster), *[1] * phase.ndim, 3)
+        return bodies
+
+    def _faster(self) -> Array:
+        """(E, 3) what the pace adds to the way of a cycle, m."""
+        added: Array = (self.cyclic * (self.pace - 1.0))[:, None] * self.cycle_offset
+        return added
 
     def _add_targets(self) -> None:
         """The library has them."""
@@ -126,6 +145,8 @@ class FollowedReference(Reference):
     def _advance(self, positions: Array, phase: Array) -> None:
         laps = np.where(self._spread(self.library.cyclic, phase), np.floor(phase), 0.0)
         beyond = laps[..., None] * self._spread(self.library.cycle_offsets, phase)
+        faster = self._faster()
+        beyond = beyond + phase[..., None] * faster.reshape(len(faster), *[1] * (phase.ndim - 1), 3)
         positions += beyond.reshape(*phase.shape, *[1] * (positions.ndim - phase.ndim - 1), 3)
 
     def _stop(self, velocities: Array, phase: Array) -> None:

@@ -16,7 +16,7 @@ from kinemimic.train.rollout.policy import Policy
 from kinemimic.train.rollout.sampler import EnvSampler, EnvStates
 from kinemimic.train.tracker.performance import perform
 
-_MOTIONS = "motions"
+_MOTIONS, _PACE = "motions", "pace"
 _END_PHASE = 1.0  # s before its end at which a single motion starts at the latest
 
 
@@ -48,12 +48,14 @@ class TrackerSampler(EnvSampler):
         """Begin new episodes; strength: 0 to 1, of the domain randomization."""
         library, reference = self._library, self._reference
         randoms = [self._randoms[index] for index in indices]
+        pace = self._config.domain_randomization.pace
         ended = indices[self.batch.ages[indices] > 0]
         failed = self.batch.terminated()[ended]
         self._outcomes += zip(reference.motions[ended].tolist(), failed.tolist(), strict=True)
         for index, random in zip(indices, randoms, strict=True):
             place = np.searchsorted(self._bounds, random.random() * self._bounds[-1], side="right")
             reference.motions[index] = min(int(place), len(library) - 1)
+            reference.pace[index] = 1.0 + strength * (random.uniform(*pace) - 1.0)
         drawn = reference.motions[indices]
         span = np.where(
             library.cyclic[drawn], 1.0, np.maximum(0.0, 1.0 - _END_PHASE / library.durations[drawn])
@@ -63,12 +65,14 @@ class TrackerSampler(EnvSampler):
 
     def env_states(self) -> EnvStates:
         """The state from which the next round starts."""
-        return {**super().env_states(), _MOTIONS: self._reference.motions.copy()}
+        reference = self._reference
+        return {**super().env_states(), _MOTIONS: reference.motions.copy(), _PACE: reference.pace.copy()}
 
     def set_env_states(self, env_states: EnvStates) -> None:
         """Start the next round from the `env_states` of a sampler with as many environments."""
-        self._reference.motions[:] = env_states[_MOTIONS]
-        super().set_env_states({name: array for name, array in env_states.items() if name != _MOTIONS})
+        self._reference.motions[:], self._reference.pace[:] = env_states[_MOTIONS], env_states[_PACE]
+        own = (_MOTIONS, _PACE)
+        super().set_env_states({name: array for name, array in env_states.items() if name not in own})
 
     def evaluate(self, policy: Policy, reward: RewardConfig, motions: NDArray[np.intp]) -> list[Episode]:
         """One evaluation episode of each of these motions (N,), in environments apart from the training's."""

@@ -57,6 +57,7 @@ def stages(monkeypatch: pytest.MonkeyPatch) -> Stages:
         return command
 
     monkeypatch.setattr(module, "load_command", stand_in)
+    monkeypatch.setattr(module, "default_start", lambda _: {})
     return hooks
 
 
