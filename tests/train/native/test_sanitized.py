@@ -13,11 +13,8 @@ from fetch import FetchError, fetch
 
 ROOT = Path(__file__).resolve().parents[3]
 TESTS = [
-    *sorted((ROOT / "tests" / "train").glob("test_native*.py")),
-    *(
-        ROOT / "tests" / "train" / name
-        for name in ("test_world.py", "test_variation.py", "test_obstacles.py")
-    ),
+    *sorted((ROOT / "tests" / "train" / "sim").glob("test_*.py")),
+    ROOT / "tests" / "train" / "task" / "test_variation.py",
 ]
 
 

@@ -66,3 +66,15 @@ def test_a_part_of_the_batch_starts_on_its_own_motions(library: ReferenceLibrary
     part, whole = followed.of(np.array([0, 2])).poses(phases), followed.poses(np.array([0.1, 0.0, 0.6]))
     for name, value in vars(part).items():
         np.testing.assert_array_equal(value, getattr(whole, name)[[0, 2]])
+
+
+def test_the_pace_moves_the_path_and_not_the_steps(motions: list[Motion], library: ReferenceLibrary) -> None:
+    who, phases = np.array([0, 2]), np.array([[1.3, 2.6], [0.3, 0.6]])
+    usual, fast = (FollowedReference(library, who, np.full(2, pace)).bodies(phases) for pace in (1.0, 1.2))
+    ahead = 0.2 * phases[0][:, None, None] * motions[0].cycle_offset
+    np.testing.assert_allclose(fast.positions[0] - usual.positions[0], ahead * np.ones((2, 15, 1)), atol=1e-6)
+    faster = 0.2 * motions[0].cycle_offset / motions[0].duration
+    np.testing.assert_allclose(fast.linear[0] - usual.linear[0], np.tile(faster, (2, 15, 1)), atol=1e-6)
+    np.testing.assert_array_equal(fast.rotations, usual.rotations)
+    # A motion that is no cycle keeps its path.
+    np.testing.assert_array_equal(fast.positions[1], usual.positions[1])

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import fields
+from dataclasses import fields, replace
 
 import numpy as np
 import pytest
 
-from kinemimic.train.config.config import DomainRandomization
-from kinemimic.train.sim.world import FRICTION
+from kinemimic.train.config.config import DomainRandomization, EnvConfig, TrainConfig
+from kinemimic.train.sim.world import FRICTION, Poses
 from kinemimic.train.task.domain_randomization import MAX_PUSHES, PUSH_STEPS, RandomizationSample, draw
 
 HARD = DomainRandomization(
@@ -19,6 +19,7 @@ HARD = DomainRandomization(
     delay=(0.0, 0.02),
     tilt=0.1,
     spin=0.5,
+    displacement=0.3,
 )
 
 
@@ -40,6 +41,10 @@ def test_draws_fill_their_ranges_and_stay_inside() -> None:
         assert high - 0.1 * (high - low) < values.max() <= high
     assert found.tilts.std() == pytest.approx(0.1, rel=0.05)
     assert found.spins.std() == pytest.approx(0.5, rel=0.05)
+    distances = np.linalg.norm(found.displacement, axis=-1)
+    assert distances.min() < 0.03 < 0.27 < distances.max() <= 0.3
+    np.testing.assert_array_equal(found.displacement[:, 2], 0.0)
+    assert np.abs(found.displacement.mean(axis=0)).max() < 0.02
     # From every side alike.
     assert np.abs(found.forces.mean(axis=(0, 1))).max() < 5.0
     waits = np.diff(found.begins, axis=1) - PUSH_STEPS
@@ -53,6 +58,28 @@ def test_half_the_strength_halves_the_deviation() -> None:
     np.testing.assert_allclose(half.friction - FRICTION, 0.5 * (full.friction - FRICTION))
     np.testing.assert_allclose(half.mass - 1.0, 0.5 * (full.mass - 1.0))
     np.testing.assert_allclose(half.tilts, 0.5 * full.tilts)
+    np.testing.assert_allclose(half.displacement, 0.5 * full.displacement)
+
+
+def test_ranges_of_later_versions_do_not_change_the_draws() -> None:
+    """Of policies that were trained before: same seed, same episodes."""
+    old = [draw(replace(HARD, displacement=0.0), 1.0, random) for random in [np.random.default_rng(3)] * 2]
+    random = np.random.default_rng(3)
+    draw(HARD, 1.0, random)
+    new = draw(HARD, 1.0, random)
+    assert not old[1].displacement.any()
+    assert not np.array_equal(new.forces, old[1].forces)
+    stated = TrainConfig(env=EnvConfig(domain_randomization=replace(HARD, displacement=0.0))).to_json()
+    assert not {"displacement", "pace"} & stated["env"]["domain_randomization"].keys()
+    assert TrainConfig.from_json(stated).env.domain_randomization == replace(HARD, displacement=0.0)
+
+
+def test_an_episode_starts_beside_its_reference() -> None:
+    calm = RandomizationSample.nominal(2)
+    calm.displacement[1] = [0.2, -0.1, 0.0]
+    poses = Poses(*(np.ones((2, n)) for n in (3, 4, 3, 3)), np.ones((2, 14, 4)), np.ones((2, 14, 3)))
+    moved = calm.perturbed(poses).root - poses.root
+    np.testing.assert_allclose(moved, [[0.0, 0.0, 0.0], [0.2, -0.1, 0.0]])
 
 
 def test_without_strength_or_ranges_nothing_is_drawn() -> None:

@@ -64,6 +64,24 @@ def test_the_way_to_the_reference_is_in_the_humanoids_heading(motion: Motion) ->
     np.testing.assert_allclose(found[1], found[0], atol=1e-5)
 
 
+@pytest.mark.parametrize("way", [(-0.2, 0.0), (-1.2, 0.5)])
+def test_a_far_reference_is_observed_at_the_leash(motion: Motion, way: tuple[float, float]) -> None:
+    """As if it were 0.3 m away in its direction; a nearer one where it is."""
+    config = replace(CONFIG, tracking=Tracking(max_body_error=9.0, leash=0.3))
+    length = float(np.hypot(*way))
+    observed = []
+    for behind in (np.array(way), np.array(way) * min(1.0, 0.3 / length)):
+        batch = ImitationBatch(open_world(1, "pybullet"), Reference(motion), config)
+        batch.reset(np.array([0]), np.array([0.3]))
+        snapshot = batch.snapshot()
+        batch.restore({**snapshot, "root": snapshot["root"] + np.append(behind, 0.0)})
+        observed.append(batch.observe()[0])
+        batch.world.close()
+    np.testing.assert_allclose(observed[0], observed[1], atol=2e-3)
+    pelvis = part(observed[0], "way_to_reference")[:2]
+    assert np.hypot(*pelvis) == pytest.approx(min(length, 0.3), abs=0.01)
+
+
 def test_the_observation_does_not_depend_on_the_lap(motion: Motion) -> None:
     library = ReferenceLibrary([motion])
     followed = FollowedReference(library, np.zeros(2, dtype=np.intp))

@@ -116,6 +116,18 @@ def test_motions_are_drawn_by_their_weights(library: Path, tmp_path: Path, quick
     assert 20 < (sampler.env_states()["motions"] == 0).sum() < 38
 
 
+def test_an_episode_has_a_pace_within_its_range(library: Path, tmp_path: Path, quick: None) -> None:
+    train_tracker(library, tmp_path, config=CONFIG, budget=ROUND, workers=1, engine="pybullet")
+    low, high = CONFIG.env.domain_randomization.pace
+    seeds = np.random.SeedSequence(0).spawn(40)
+    sampler = TrackerSampler(tmp_path / "references", CONFIG.env, seeds, "pybullet")
+    sampler.restart(np.arange(40), 1.0)
+    paces = sampler.env_states()["pace"]
+    assert low <= paces.min() < low + 0.05 < high - 0.05 < paces.max() <= high
+    sampler.restart(np.arange(40), 0.0)
+    assert (sampler.env_states()["pace"] == 1.0).all()
+
+
 def test_a_tracker_goes_on_with_another_library(library: Path, tmp_path: Path, quick: None) -> None:
     first = train_tracker(
         library, tmp_path / "first", config=CONFIG, budget=ROUND, workers=1, engine="pybullet"
