@@ -24,7 +24,7 @@ BULLET := $(or $(BULLET),$(patsubst $(VENV)/native-%,%,$(firstword $(wildcard $(
 NATIVE := $(VENV)/native-$(BULLET)
 NATIVE_FILES := $(wildcard $(addprefix train/native/,*.cpp *.hpp *.py pyproject.toml stubs/*/*.pyi))
 
-.PHONY: help setup formats inspect run batch library tracker ingest convert retarget train evaluate pushes disturb gait view export policies reproduce compare study comparison overlay data data-check data-push data-pull test test-slow lint type format docs architecture docs-test mutants bench bench-clean bench-truth sensor-accuracy profile wheel install-test clean
+.PHONY: help setup formats inspect run batch library tracker ingest convert retarget train evaluate pushes disturb gait view simulate export policies reproduce compare study comparison overlay data data-check data-push data-pull test test-slow lint type format docs architecture docs-test mutants bench bench-clean bench-truth sensor-accuracy profile wheel install-test clean
 .DEFAULT_GOAL := help
 
 help: ## Show this list
@@ -64,8 +64,8 @@ $(VENV)/docs-installed: pyproject.toml constraints.txt | $(STAMP)
 	@$(call watched,installing the packages of the documentation,(set -x; $(BIN)/python -m pip install --quiet -c constraints.txt --no-build-isolation --config-settings editable_mode=strict -e '.[docs]'))
 	@touch $@
 
-run: setup ## Run every stage on CAPTURE= (default: the virtual Kinect) into RUN=; POLICY=tracker: without a training
-	$(KINEMIMIC) run $(if $(CAPTURE),"$(CAPTURE)") --run "$(RUN)" $(if $(POLICY),--policy "$(POLICY)") $(TRAINING)
+run: setup ## Run every stage on CAPTURE= (default: the virtual Kinect) into RUN=; POLICY=tracker: without a training; FROM_SCRATCH=1: not from the tracker
+	$(KINEMIMIC) run $(if $(CAPTURE),"$(CAPTURE)") --run "$(RUN)" $(if $(POLICY),--policy "$(POLICY)") $(if $(FROM_SCRATCH),--from-scratch) $(TRAINING)
 
 batch: setup ## Make the motions of all captures in CAPTURE= below RUN=, with a table of what became of each
 	$(KINEMIMIC) batch "$(CAPTURE)" --out "$(RUN)"
@@ -108,6 +108,9 @@ gait: setup ## Report cadence, stride, symmetry and curves of RUN= against the n
 
 view: setup ## Write a rerun recording (POLICY=walk for a shipped policy)
 	$(KINEMIMIC) view --run "$(RUN)" $(SHIPPED)
+
+simulate: setup ## Push the humanoid on a page in the browser, in real time (POLICY=walk for a shipped policy)
+	$(KINEMIMIC) simulate --run "$(RUN)" $(SHIPPED)
 
 export: setup ## Export capture, reference, simulated motion, policy into RUN=/export: BVH, TRC, CSV, npz, ONNX …
 	$(KINEMIMIC) export --run "$(RUN)" $(SHIPPED)

@@ -72,6 +72,10 @@ COMMANDS: dict[str, tuple[str, str]] = {
         "kinemimic.pipeline.overlay.command:command",
         "Make a video of a depth recording and its skeleton.",
     ),
+    "simulate": (
+        "kinemimic.evaluate.simulate.command:command",
+        "Push a humanoid on a page in the browser, in real time.",
+    ),
     "view": ("kinemimic.evaluate.view.command:command", "Show capture, reference and simulation in rerun."),
     "export": (
         "kinemimic.evaluate.export.command:command",

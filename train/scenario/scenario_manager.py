@@ -13,7 +13,7 @@ from kinemimic.retarget.humanoid.body import BODIES
 from kinemimic.train.reference.reference import Reference
 from kinemimic.train.scenario.event_schedule import EventSchedule, draw_event_schedule, with_states
 from kinemimic.train.scenario.scenario import Scenario
-from kinemimic.train.sim.world import World
+from kinemimic.train.sim.world import Obstacle, World
 
 
 class ScenarioManager:
@@ -64,6 +64,11 @@ class ScenarioManager:
                 total = np.zeros((len(self._schedules), len(BODIES), 6)) if total is None else total
                 total[index] = wrench
         return total
+
+    def present(self, index: int, age: int) -> list[Obstacle]:
+        """The obstacles of an environment that have appeared before the step that starts at this age."""
+        schedule = self._schedules[index]
+        return [] if schedule is None else schedule.released(max(1, age))
 
     def snapshot(self) -> dict[str, NDArray[Any]]:
         """The state for `restore`, arrays (E, ...): which have a schedule, its seed and phase, and the

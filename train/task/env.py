@@ -28,6 +28,7 @@ from kinemimic.train.sim.world import (
     SUBSTEPS,
     TIME_STEP,
     BodyStates,
+    Obstacle,
     Poses,
     World,
 )
@@ -161,6 +162,11 @@ class ImitationBatch:
         self.bodies = self.world.states()
         self.timer.lap(SIMULATION)
         self._update_target(self.reference.bodies(self.phases))
+
+    def scheduled_obstacles(self, index: int) -> list[Obstacle] | None:
+        """The obstacles of the scenario that an environment has now, None without a scenario."""
+        manager = self._scenario_manager
+        return None if manager is None else manager.present(index, int(self.ages[index]))
 
     def snapshot(self) -> dict[str, NDArray[Any]]:
         """The complete state for `restore`, arrays (E, ...)."""

@@ -1,0 +1,44 @@
+"""Real time: control steps at their rate, and how many were on time."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+
+RESYNC = 0.5  # s behind, after which the clock gives up what it missed
+
+
+class Clock:
+    """Beats at `rate` Hz, times `speed` (slow motion below 1).
+
+    beats, late: how many there were, and how many of them began after the next one was due.
+    """
+
+    def __init__(
+        self,
+        rate: float,
+        *,
+        now: Callable[[], float] = time.perf_counter,
+        sleep: Callable[[float], None] = time.sleep,
+    ) -> None:
+        self.rate, self.speed = rate, 1.0
+        self.beats = self.late = 0
+        self._now, self._sleep = now, sleep
+        self._due = now()
+
+    def wait(self) -> None:
+        """Return when the next beat is due, at once if it was missed."""
+        period = 1.0 / (self.rate * self.speed)
+        remaining = self._due - self._now()
+        if remaining > 0.0:
+            self._sleep(remaining)
+        behind = self._now() - self._due
+        self.beats += 1
+        self.late += behind > period
+        self._due += period
+        if behind > RESYNC:
+            self._due = self._now() + period
+
+    def restart(self) -> None:
+        """After a pause: the next beat is due now."""
+        self._due = self._now()

@@ -1,0 +1,146 @@
+"""A recorded session: a run folder with motion, policy and session.jsonl, every input with its step.
+
+The first line of session.jsonl is the header; then come inputs, and once a second of simulation a digest of
+the state. Every line is written at once, so that a killed process loses at most its last second.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import asdict, replace
+from pathlib import Path
+from typing import Any, TypeVar
+
+import msgspec
+from msgspec import Struct
+
+from kinemimic.evaluate.simulate.inputs import Input, decoded
+from kinemimic.evaluate.simulate.session import Frame, Score, Session
+from kinemimic.pipeline.errors import CaptureError, KinemimicError
+from kinemimic.pipeline.files.bounded import MEGABYTE, read_bounded
+from kinemimic.pipeline.files.store import copy_file
+from kinemimic.train.config.config import TrainConfig
+from kinemimic.train.rollout.policy import POLICY, load_trained
+from kinemimic.train.scenario.scenario import Scenario
+from kinemimic.train.sim.world import CONTROL_RATE
+
+SESSION, SCHEMA = "session.jsonl", 1
+COPIED = ("motion.json", "policy.json", POLICY)
+DIGEST_INTERVAL = CONTROL_RATE  # control steps
+T = TypeVar("T")
+_LIMIT = 256 * MEGABYTE  # two days of digests, or a million drags
+
+
+class _Header(Struct):
+    """The first line. speed: factor on the motion's speed."""
+
+    schema: int
+    engine: str
+    restart: bool = True
+    speed: float = 1.0
+
+
+class _Line(Struct):
+    """Before control step `step`: an input or a digest of the state; at the end, the score shown."""
+
+    step: int
+    input: dict[str, Any] | None = None
+    digest: str | None = None
+    score: dict[str, Any] | None = None
+
+
+def begin_session(
+    run: Path, engine: str, *, restart: bool = True, speed: float = 1.0, named: Callable[[str], Scenario]
+) -> Session:
+    """A session with a run's policy on its motion; KinemimicError as of `load_trained`."""
+    motion, policy, record = load_trained(run)
+    if speed != 1.0:
+        motion = replace(motion, rate=motion.rate * speed)
+    env = TrainConfig.from_json(record["config"]).measured_env
+    return Session(motion, policy, env, engine, restart=restart, scenario_named=named)
+
+
+class Recorder:
+    """Writes a session that begins now to a new folder."""
+
+    def __init__(self, folder: Path, run: Path, engine: str, *, restart: bool, speed: float) -> None:
+        folder.mkdir(parents=True)
+        for name in COPIED:
+            copy_file(run / name, folder / name)
+        self.folder = folder
+        self._file = (folder / SESSION).open("x", encoding="utf-8")
+        self._write({"schema": SCHEMA, "engine": engine, "restart": restart, "speed": speed})
+
+    def _write(self, line: Mapping[str, Any]) -> None:
+        self._file.write(json.dumps(line, separators=(",", ":")) + "\n")
+        self._file.flush()
+
+    def input(self, step: int, found: Input) -> None:
+        """An input that was applied before control step `step`, from 0."""
+        self._write({"step": step, "input": msgspec.to_builtins(found)})
+
+    def advanced(self, session: Session) -> None:
+        """A control step was done; every second, the digest of the state is written."""
+        if session.step_count % DIGEST_INTERVAL == 0:
+            self._write({"step": session.step_count, "digest": session.digest()})
+
+    def close(self, session: Session) -> None:
+        """End the recording with its score."""
+        score = session.score()
+        last = {"step": session.step_count, "digest": session.digest()}
+        self._write({**last, "score": None if score is None else asdict(score)})
+        self._file.close()
+
+
+def replay(folder: Path, *, named: Callable[[str], Scenario]) -> Iterator[tuple[Frame, Score | None]]:
+    """The frames of a recorded session, and the score after each.
+
+    KinemimicError for a damaged file, and where the state differs from the recorded one: another processor or
+    another version of the engine computes other last bits.
+    """
+    path = folder / SESSION
+    lines = _lines(path)
+    number, text = next(lines, (1, b""))
+    header = _decoded(path, number, text, _Header)
+    if header.schema != SCHEMA:
+        raise CaptureError(path, where="line 1", expected=f"schema {SCHEMA}", found=str(header.schema))
+    session = begin_session(folder, header.engine, restart=header.restart, speed=header.speed, named=named)
+    for number, text in lines:
+        line = _decoded(path, number, text, _Line)
+        if line.step < session.step_count:
+            found = f"{line.step} after {session.step_count}"
+            raise CaptureError(path, where=f"line {number}", expected="steps in order", found=found)
+        while session.step_count < line.step:
+            yield session.advance(), session.score()
+        if line.input is not None:
+            try:
+                session.apply(decoded(json.dumps(line.input)))
+            except KinemimicError as error:
+                raise KinemimicError(f"{path}, line {number}: {error}") from None
+        if line.digest is not None and line.digest != session.digest():
+            raise CaptureError(
+                path,
+                where=f"line {number}",
+                expected=f"the recorded state after control step {line.step}",
+                found="another: the engine, its version or the processor differs",
+            )
+    session.close()
+
+
+def _lines(path: Path) -> Iterator[tuple[int, bytes]]:
+    """Numbers and content of the whole lines; a last one without its end was cut off by a kill."""
+    try:
+        content = read_bounded(path, _LIMIT, "a recorded session")
+    except FileNotFoundError:
+        raise CaptureError(path, expected="a recorded session", found="no file") from None
+    yield from enumerate(content.split(b"\n")[:-1], start=1)
+
+
+def _decoded(path: Path, number: int, text: bytes, kind: type[T]) -> T:
+    try:
+        return msgspec.json.decode(text, type=kind)
+    except (msgspec.DecodeError, UnicodeDecodeError, RecursionError) as error:
+        raise CaptureError(
+            path, where=f"line {number}", expected="a line of a recorded session", found=str(error)
+        ) from None

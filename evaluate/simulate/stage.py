@@ -1,0 +1,174 @@
+"""The scene of the page: humanoid, reference, ground, obstacles and forces, as nodes of viser.
+
+All nodes are below a frame that moves with the humanoid, so that every viewer's camera follows without being
+touched. viser's quaternions begin with w; ours end with it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+import trimesh
+import viser
+
+from kinemimic.evaluate.film.figures import COLORS, REFERENCE, SIMULATED
+from kinemimic.evaluate.film.solids import shaded_side
+from kinemimic.evaluate.simulate.session import Frame
+from kinemimic.pipeline.arrays import Array
+from kinemimic.retarget.humanoid.body import BODIES, BODY_INDEX
+from kinemimic.train.sim.world import BodyStates, Obstacle
+
+FOLLOWED = "/followed"
+FORCE_SCALE, CONTACT_SCALE = 200.0, 1000.0  # N to a metre of arrow
+MIN_FORCE = 5.0  # N, below which no arrow is drawn
+_RED, _GREEN, _BROWN = (255, 60, 60), (60, 170, 90), (150, 110, 80)
+_FELL = (110, 110, 110)
+_HIDDEN = np.array([[[0.0, 0.0, -50.0], [0.0, 0.0, -50.001]]])  # an arrow that nobody sees
+_FEET = [BODY_INDEX["foot_left"], BODY_INDEX["foot_right"]]
+
+
+class Stage:
+    """Draws frames of a session. bodies: the nodes of the humanoid's bodies, which people drag."""
+
+    def __init__(self, server: viser.ViserServer) -> None:
+        self._server, scene = server, server.scene
+        self.follow = True
+        self.origin: Array = np.zeros(3)  # of the followed frame in the world of the session
+        scene.set_up_direction("+z")
+        self._frame = scene.add_frame(FOLLOWED, show_axes=False)
+        scene.add_grid(
+            f"{FOLLOWED}/ground", width=400.0, height=400.0, plane="xy", cell_size=0.5, section_size=5.0,
+            infinite_grid=True, fade_distance=25.0,
+        )  # fmt: skip
+        self.bodies = self._humanoid("humanoid", SIMULATED, opacity=None)
+        self._ghost = self._humanoid("reference", REFERENCE, opacity=0.35)
+        self._contacts = self._arrows("contacts", _GREEN)
+        self._loads = self._arrows("loads", _RED)
+        self._drag = self._arrows("drag", _RED)
+        self._newtons = scene.add_label(f"{FOLLOWED}/newtons", "", visible=False)
+        self._obstacles: list[Any] = []
+        self._shown: tuple[Obstacle, ...] = ()
+        self._fallen = False
+
+    def _humanoid(self, name: str, kind: int, opacity: float | None) -> list[Any]:
+        nodes = []
+        for body in BODIES:
+            color = _color(kind, body.name)
+            mesh = _mesh(body.shape, body.size)
+            node = self._server.scene.add_mesh_simple(
+                f"{FOLLOWED}/{name}/{body.name}", mesh.vertices, mesh.faces, color=color, opacity=opacity,
+                cast_shadow=opacity is None, receive_shadow=False,
+            )  # fmt: skip
+            nodes.append(node)
+        return nodes
+
+    def _arrows(self, name: str, color: tuple[int, int, int]) -> Any:
+        return self._server.scene.add_arrows(
+            f"{FOLLOWED}/{name}", _HIDDEN, color, shaft_radius=0.012, head_radius=0.03, head_length=0.07
+        )
+
+    @property
+    def ghost_visible(self) -> bool:
+        """Whether the reference is drawn."""
+        return bool(self._ghost[0].visible)
+
+    @ghost_visible.setter
+    def ghost_visible(self, visible: bool) -> None:
+        for node in self._ghost:
+            node.visible = visible
+
+    def draw(self, frame: Frame) -> None:
+        """Show a frame to all viewers; never waits for one."""
+        with self._server.atomic():
+            if self.follow:
+                self.origin = frame.bodies.positions[0] * [1.0, 1.0, 0.0]
+                self._frame.position = tuple(-self.origin)
+            _place(self.bodies, frame.bodies)
+            if self.ghost_visible:
+                _place(self._ghost, frame.target)
+            feet = frame.bodies.positions[_FEET]
+            _point(self._contacts, feet * [1.0, 1.0, 0.0], frame.contacts[_FEET] / CONTACT_SCALE)
+            _point(self._loads, frame.bodies.positions, _without_drag(frame) / FORCE_SCALE)
+            self._newtons.visible = frame.drag is not None
+            if frame.drag is None:
+                self._drag.points = _HIDDEN
+            else:
+                grab, pointer, force = frame.drag
+                _point(self._drag, grab[None], force[None] / FORCE_SCALE)
+                self._newtons.position = tuple(pointer)
+                self._newtons.text = f"{np.linalg.norm(force):.0f} N"
+            if frame.fallen != self._fallen:
+                self._fallen = frame.fallen
+                for body, node in zip(BODIES, self.bodies, strict=True):
+                    node.color = _FELL if frame.fallen else _color(SIMULATED, body.name)
+            self._draw_obstacles(frame)
+
+    def _draw_obstacles(self, frame: Frame) -> None:
+        # Their states change, so that only shapes and sizes tell whether they are the same.
+        now, before = _looks(frame.obstacles), _looks(self._shown)
+        if now != before:
+            for node in self._obstacles:
+                node.remove()
+            self._obstacles = []
+            for k, obstacle in enumerate(frame.obstacles):
+                mesh = _obstacle_mesh(obstacle)
+                self._obstacles.append(
+                    self._server.scene.add_mesh_simple(
+                        f"{FOLLOWED}/obstacles/{k}", mesh.vertices, mesh.faces, color=_BROWN
+                    )
+                )
+            self._shown = frame.obstacles
+        for node, state in zip(self._obstacles, frame.states, strict=True):
+            node.position, node.wxyz = tuple(state[:3]), tuple(state[[6, 3, 4, 5]])
+
+
+def _color(kind: int, body: str) -> tuple[int, int, int]:
+    red, green, blue = map(float, COLORS[kind])
+    red, green, blue = shaded_side((red, green, blue), body)
+    return round(red), round(green), round(blue)
+
+
+def _without_drag(frame: Frame) -> Array:
+    """Forces (15, 3) from outside without a drag's, which has an arrow of its own, and without small ones."""
+    loads = frame.loads.copy()
+    if frame.drag is not None:
+        nearest = int(np.argmin(np.linalg.norm(loads - frame.drag[2], axis=-1)))
+        loads[nearest] -= frame.drag[2]
+    loads[np.linalg.norm(loads, axis=-1) < MIN_FORCE] = 0.0
+    return loads
+
+
+def _point(arrows: Any, starts: Array, ways: Array) -> None:
+    """Arrows (N, 3) from points (N, 3); none where the way is shorter than a centimetre."""
+    shown = np.linalg.norm(ways, axis=-1) > 0.01
+    arrows.points = np.stack([starts[shown], (starts + ways)[shown]], axis=1) if shown.any() else _HIDDEN
+
+
+def _place(nodes: Sequence[Any], bodies: BodyStates) -> None:
+    for node, position, rotation in zip(nodes, bodies.positions, bodies.rotations, strict=True):
+        node.position, node.wxyz = tuple(position), tuple(rotation[[3, 0, 1, 2]])
+
+
+def _mesh(shape: str, size: Sequence[float]) -> Any:
+    """A collision shape about its centre; an ellipsoid of Table 1 is simulated as a capsule."""
+    if shape == "box":
+        return trimesh.creation.box(extents=size)
+    radius = 0.5 * size[0]
+    height = max(size[2] - size[0], 1e-4)
+    mesh = trimesh.creation.capsule(height=height, radius=radius, count=(12, 12))
+    mesh.apply_translation(-mesh.bounds.mean(axis=0))
+    return mesh
+
+
+def _obstacle_mesh(obstacle: Obstacle) -> Any:
+    if obstacle.shape == "box":
+        return trimesh.creation.box(extents=obstacle.size)
+    if obstacle.shape == "sphere":
+        return trimesh.creation.icosphere(subdivisions=2, radius=0.5 * obstacle.size[0])
+    return trimesh.creation.cylinder(radius=0.5 * obstacle.size[0], height=obstacle.size[2])
+
+
+def _looks(obstacles: Sequence[Obstacle]) -> list[tuple[str, tuple[float, float, float]]]:
+    return [(obstacle.shape, obstacle.size) for obstacle in obstacles]

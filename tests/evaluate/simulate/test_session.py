@@ -1,0 +1,172 @@
+"""A session: deterministic in its inputs, recorded and replayed to the last bit."""
+
+from __future__ import annotations
+
+import json
+import shutil
+from pathlib import Path
+
+import numpy as np
+import pytest
+from click.testing import CliRunner
+
+from kinemimic.evaluate.simulate.command import command
+from kinemimic.evaluate.simulate.inputs import (
+    Carry,
+    Clear,
+    Drag,
+    Enter,
+    Ground,
+    Input,
+    Push,
+    Release,
+    Restart,
+    Throw,
+)
+from kinemimic.evaluate.simulate.recording import SESSION, Recorder, begin_session, replay
+from kinemimic.evaluate.simulate.session import LYING, Frame, Session
+from kinemimic.pipeline.errors import KinemimicError
+from kinemimic.train.scenario.scenario_file import scenario
+
+ENGINE = "pybullet"
+# Every kind of input, by the control step before which it comes.
+SCRIPT: dict[int, tuple[Input, ...]] = {
+    10: (Push("torso", force=(60.0, 0.0, 0.0), steps=6),),
+    20: (Drag("hand_left", (0.0, 0.0, 0.0), (2.0, 1.0, 1.2), limit=40.0),),
+    26: (Release(), Carry("hand_left", 2.0)),
+    30: (Throw("sphere", (0.24, 0.24, 0.24), 1.0, (1.8, 0.0, 1.1), (-2.0, 0.0, 2.6)),),
+    36: (Ground(0.5, 0.02),),
+    44: (Clear(), Restart(0.3)),
+    60: (Enter("thrown-ball", 3),),
+    75: (Enter(),),
+    80: (Push("torso", force=(0.0, 1500.0, 0.0), steps=20),),
+}
+STEPS = 175
+
+
+def opened(run: Path, *, restart: bool = True) -> Session:
+    return begin_session(run, ENGINE, restart=restart, named=scenario)
+
+
+def played(session: Session, script: dict[int, tuple[Input, ...]], recorder: Recorder | None) -> list[Frame]:
+    frames = []
+    for step in range(STEPS):
+        for one in script.get(step, ()):
+            session.apply(one)
+            if recorder is not None:
+                recorder.input(step, one)
+        frames.append(session.advance())
+        if recorder is not None:
+            recorder.advanced(session)
+    return frames
+
+
+@pytest.fixture(scope="module")
+def recorded(walk_run: Path, tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, list[Frame], str]:
+    """A folder with a recorded session, its frames, and its score."""
+    folder = tmp_path_factory.mktemp("recordings") / "session-1"
+    session = opened(walk_run)
+    recorder = Recorder(folder, walk_run, ENGINE, restart=True, speed=1.0)
+    frames = played(session, SCRIPT, recorder)
+    score = str(session.score())
+    recorder.close(session)
+    session.close()
+    return folder, frames, score
+
+
+def test_a_replay_has_the_same_bits_and_the_same_score(recorded: tuple[Path, list[Frame], str]) -> None:
+    folder, frames, score = recorded
+    again = list(replay(folder, named=scenario))
+    assert len(again) == STEPS
+    for (one, _), other in zip(again, frames, strict=True):
+        np.testing.assert_array_equal(one.bodies.positions, other.bodies.positions)
+        np.testing.assert_array_equal(one.rotations, other.rotations)
+        np.testing.assert_array_equal(one.states, other.states)
+        assert one.fallen == other.fallen
+    assert str(again[-1][1]) == score
+
+
+def test_every_input_shows(recorded: tuple[Path, list[Frame], str]) -> None:
+    _, frames, _ = recorded
+    assert frames[12].loads[:, 0].max() == pytest.approx(60.0, abs=1.0)
+    assert frames[22].drag is not None
+    assert frames[28].drag is None
+    assert frames[28].loads[:, 2].min() == pytest.approx(-2.0 * 9.81)
+    assert [len(frames[k].obstacles) for k in (29, 30, 43, 44)] == [0, 1, 1, 0]
+    assert frames[44].phase < frames[43].phase
+    # The scenario throws its ball after a second, and it was left before.
+    assert not frames[74].obstacles
+    assert any(frame.fallen for frame in frames[80:])
+
+
+def test_a_fallen_humanoid_gets_up_after_two_seconds_unless_told_not_to(walk_run: Path) -> None:
+    script: dict[int, tuple[Input, ...]] = {0: (Push("torso", force=(0.0, 2000.0, 0.0), steps=20),)}
+    fell = [frame.fallen for frame in played(opened(walk_run), script, None)]
+    first = fell.index(True)
+    assert all(fell[first : first + LYING])
+    assert not fell[first + LYING]
+    assert all([frame.fallen for frame in played(opened(walk_run, restart=False), script, None)][first:])
+
+
+def test_a_walk_scores_like_its_evaluation(walk_run: Path) -> None:
+    session = opened(walk_run)
+    assert session.score() is None
+    played(session, {}, None)
+    score = session.score()
+    assert score is not None
+    assert score.frames == score.upright == STEPS
+    assert min(score.knee, score.hip) > 0.98
+    assert score.speed == pytest.approx(1.0, abs=0.05)
+
+
+def test_a_scenario_keeps_its_own_obstacles_and_ground(walk_run: Path) -> None:
+    session = opened(walk_run)
+    session.apply(Enter("thrown-ball", 0))
+    box = Throw("box", (0.3, 0.3, 0.3), 1.0, (1.5, 0.0, 0.15))
+    for one in (box, Clear(), Ground(0.2)):
+        with pytest.raises(KinemimicError, match="leave it first"):
+            session.apply(one)
+    with pytest.raises(KinemimicError, match="expected a shipped scenario"):
+        session.apply(Enter("no-such", 0))
+    session.advance()
+
+
+def test_a_killed_recording_replays_up_to_its_last_whole_line(
+    recorded: tuple[Path, list[Frame], str], tmp_path: Path
+) -> None:
+    shutil.copytree(recorded[0], tmp_path / "killed")
+    path = tmp_path / "killed" / SESSION
+    path.write_bytes(path.read_bytes()[: -len(path.read_bytes()) // 3])
+    assert 0 < len(list(replay(tmp_path / "killed", named=scenario))) < STEPS
+
+
+@pytest.mark.parametrize(
+    ("line", "text", "message"),
+    [
+        (1, '{"schema": 99, "engine": "pybullet"}', "schema 1, found 99"),
+        (1, "no json", "line 1: expected a line of a recorded session"),
+        (2, '{"step": 10, "input": {"type": "push", "body": "tail"}}', "line 2: expected a body"),
+        (2, '{"step": 10, "digest": "0000"}', "line 2: expected the recorded state after control step 10"),
+        (3, '{"step": 1}', "line 3: expected steps in order, found 1 after"),
+    ],
+)
+def test_a_damaged_recording_is_one_line(
+    recorded: tuple[Path, list[Frame], str], tmp_path: Path, line: int, text: str, message: str
+) -> None:
+    folder = tmp_path / "damaged"
+    shutil.copytree(recorded[0], folder)
+    lines = (folder / SESSION).read_text().splitlines()
+    lines[line - 1] = text
+    (folder / SESSION).write_text("\n".join(lines) + "\n")
+    with pytest.raises(KinemimicError, match=message):
+        list(replay(folder, named=scenario))
+
+
+def test_the_command_replays_and_writes_a_recording(recorded: tuple[Path, list[Frame], str]) -> None:
+    folder, _, score = recorded
+    done = CliRunner().invoke(command, ["--replay", "--run", str(folder)])
+    assert done.exit_code == 0, done.output
+    assert score in done.output
+    assert (folder / "session.rrd").stat().st_size > 10_000
+    done = CliRunner().invoke(command, ["--replay", "--run", str(folder), "--json"])
+    assert json.loads(done.stdout)["steps"] == STEPS
