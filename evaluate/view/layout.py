@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import rerun.blueprint as rrb
 
 from kinemimic.evaluate.view.scene import TIMELINE
@@ -32,6 +34,17 @@ def layout(*, capture: bool = False) -> rrb.Blueprint:
             ),
             column_shares=[3, 2],
         ),
+        rrb.TimePanel(timeline=TIMELINE, state="collapsed", play_state="playing", loop_mode="all"),
+        rrb.BlueprintPanel(state="collapsed"),
+        rrb.SelectionPanel(state="collapsed"),
+    )
+
+
+def gallery_layout(scenes: Sequence[str], columns: int) -> rrb.Blueprint:
+    """The blueprint of several scenes side by side."""
+    views = (_scene(name, name, eye=(1.0, -1.9, 1.1)) for name in scenes)
+    return rrb.Blueprint(
+        rrb.Grid(*views, grid_columns=columns),
         rrb.TimePanel(timeline=TIMELINE, state="collapsed", play_state="playing", loop_mode="all"),
         rrb.BlueprintPanel(state="collapsed"),
         rrb.SelectionPanel(state="collapsed"),

@@ -29,20 +29,30 @@ SMOOTHING = 30  # frames over which a view's path is averaged, so that it does n
 
 
 def log_scenes(stream: rr.RecordingStream, reference: Humanoid, simulated: Humanoid) -> None:
-    """Log both scenes: skeletons, bodies, ground and the origin of the view."""
+    """Log both scenes."""
+    for scene in SCENES:
+        log_scene(stream, scene, reference, simulated, solid=scene == "beside")
+
+
+def log_scene(
+    stream: rr.RecordingStream, scene: str, reference: Humanoid, simulated: Humanoid, *, solid: bool
+) -> None:
+    """Log the skeletons, bodies, ground and origin of the view of one scene.
+
+    solid: whether the bodies of both are solid, or only wire frames of the simulated ones are shown.
+    """
     stream.log("/", rr.ViewCoordinates.RIGHT_HAND_Z_UP, _classes(), static=True)
     times = time_columns(frame_times(len(simulated.positions)))
     ground = _grid(np.concatenate([reference.positions[:, 0], simulated.positions[:, 0]]))
     path = _smooth_path(simulated.positions[:, 0, :2])
-    for scene in SCENES:
-        stream.log(f"{scene}/ground", ground, static=True)
-        walker = rr.Transform3D.columns(translation=np.column_stack([path, np.zeros(len(path))]))
-        stream.send_columns(f"{scene}/walker", times, walker)
-        for humanoid in (reference, simulated):
-            place = entity_path(scene, humanoid.kind)
-            _log_skeleton(stream, f"{place}/skeleton", times, humanoid)
-            if scene == "beside" or humanoid.kind == SIMULATED:
-                _log_bodies(stream, f"{place}/bodies", times, humanoid, solid=scene == "beside")
+    stream.log(f"{scene}/ground", ground, static=True)
+    walker = rr.Transform3D.columns(translation=np.column_stack([path, np.zeros(len(path))]))
+    stream.send_columns(f"{scene}/walker", times, walker)
+    for humanoid in (reference, simulated):
+        place = entity_path(scene, humanoid.kind)
+        _log_skeleton(stream, f"{place}/skeleton", times, humanoid)
+        if solid or humanoid.kind == SIMULATED:
+            _log_bodies(stream, f"{place}/bodies", times, humanoid, solid=solid)
 
 
 def entity_path(scene: str, kind: int) -> str:

@@ -45,7 +45,7 @@ COMMANDS: dict[str, tuple[str, str]] = {
         "Score a tracker on every motion of a library.",
     ),
     "gallery": (
-        "kinemimic.evaluate.film.gallery_command:command",
+        "kinemimic.evaluate.view.gallery:command",
         "Draw the rollouts of several runs side by side.",
     ),
     "train-tracker": (

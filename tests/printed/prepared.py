@@ -132,6 +132,7 @@ PREPARED: dict[str, Prepare] = {
     "retarget.md": trained,
     "scenarios.md": scenario,
     "tables.md": two_sensors,
+    "simulate.md": nothing,
     "tracker.md": recording,
     "train.md": trained,
     "troubleshooting.md": faulty,

@@ -1,15 +1,20 @@
-"""`kinemimic gallery`: the rollouts of several runs side by side, as a video and a picture."""
+"""`kinemimic gallery`: the rollouts of several runs side by side: video, picture, rerun recording."""
 
 from __future__ import annotations
 
 import json
+from collections.abc import Sequence
 from pathlib import Path
 
 import click
+import rerun as rr
 from PIL import Image
 
+from kinemimic.evaluate.film.figures import humanoids
 from kinemimic.evaluate.film.film import Scene, scene_of
 from kinemimic.evaluate.film.tiles import PANEL, render_tiles
+from kinemimic.evaluate.view.layout import gallery_layout
+from kinemimic.evaluate.view.scene import log_scene
 from kinemimic.pipeline.cli.options import json_option
 from kinemimic.pipeline.cli.progress import progress
 from kinemimic.pipeline.errors import KinemimicError
@@ -30,11 +35,27 @@ def read_scene(run: Path) -> tuple[str, Scene]:
     return run.resolve().name, scene_of(Trajectory.load(run / "trajectory.npz", motion), motion)
 
 
+def write_gallery(path: Path, runs: Sequence[Path], *, columns: int) -> None:
+    """Write the rollouts of runs from phase 0 as one rerun recording, atomically; each has its own view."""
+    stream = rr.RecordingStream("kinemimic-gallery", send_properties=False)
+    recorded = stream.memory_recording()
+    names = [f"{k}-{run.resolve().name}" for k, run in enumerate(runs, start=1)]
+    stream.send_blueprint(gallery_layout(names, columns), make_active=False, make_default=True)
+    for name, run in zip(names, runs, strict=True):
+        motion = read_motion_json(run / "motion.json")
+        trajectory = Trajectory.load(run / "trajectory.npz", motion)
+        log_scene(stream, name, *humanoids(trajectory, 0, motion.offsets), solid=False)
+    with atomic(path) as temporary:
+        temporary.write_bytes(recorded.drain_as_bytes())
+    stream.disconnect()
+
+
 @click.command("gallery")
 @click.argument("runs", nargs=-1, required=True, metavar="RUN...",
                 type=click.Path(path_type=Path, file_okay=False))  # fmt: skip
 @click.option("--video", "movie", type=FILE, help="Draw a video (.webm).")
 @click.option("--picture", type=FILE, help="Draw a picture (.png).")
+@click.option("--recording", type=FILE, help="Write a recording for rerun (.rrd).")
 @click.option("--at", type=click.FloatRange(min=0), default=AT, show_default=True,
               help="Time of the picture, s.")  # fmt: skip
 @click.option("--seconds", type=click.FloatRange(min=0.1), default=SECONDS, show_default=True,
@@ -46,6 +67,7 @@ def command(
     runs: tuple[Path, ...],
     movie: Path | None,
     picture: Path | None,
+    recording: Path | None,
     at: float,
     seconds: float,
     columns: int,
@@ -56,8 +78,8 @@ def command(
     \b
       kinemimic gallery runs/anna runs/bob --video gallery.webm --picture gallery.png
     """
-    if movie is None and picture is None:
-        raise click.UsageError("expected --video or --picture, found neither")
+    if movie is None and picture is None and recording is None:
+        raise click.UsageError("expected --video, --picture or --recording, found none")
     if movie is not None:
         require_encoder(movie)
     scenes = []
@@ -80,7 +102,9 @@ def command(
             for sheet in render_tiles(scenes, frames, columns=columns):
                 film.add(sheet[..., ::-1])
                 bar.advance()
-    made = {"video": movie, "picture": picture}
+    if recording is not None:
+        write_gallery(recording, runs, columns=columns)
+    made = {"video": movie, "picture": picture, "recording": recording}
     if as_json:
         click.echo(json.dumps({name: path and path.as_posix() for name, path in made.items()}))
     else:

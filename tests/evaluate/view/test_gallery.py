@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 
 import cv2
@@ -9,16 +11,20 @@ import numpy as np
 import pytest
 from click.testing import CliRunner
 from PIL import Image
+from rerun.chunk import RrdReader
 
-from kinemimic.evaluate.film import gallery_command
 from kinemimic.evaluate.film.figures import REFERENCE, SIMULATED, Humanoid
 from kinemimic.evaluate.film.film import Scene, render_frames
 from kinemimic.evaluate.film.tiles import PANEL, render_tiles
+from kinemimic.evaluate.view import gallery
 from kinemimic.pipeline.cli.main import main
 from kinemimic.pipeline.kinematics.clip import forward_kinematics
 from kinemimic.pipeline.kinematics.rotations import IDENTITY
 from kinemimic.pipeline.kinematics.skeleton import NODES, node_skeleton
+from kinemimic.retarget.formats.motion_json import motion_to_json, read_motion_json
 from kinemimic.retarget.humanoid.body import STANDING_HEIGHT, node_offsets
+from kinemimic.retarget.humanoid.motion import Motion
+from kinemimic.train.rollout.trajectory import Trajectory
 
 
 def scene(frames: int, speed: float) -> Scene:
@@ -62,10 +68,10 @@ def test_the_command_draws_both(tmp_path: Path, monkeypatch: pytest.MonkeyPatch)
     for run in runs:
         run.mkdir()
         (run / "trajectory.npz").touch()
-    monkeypatch.setattr(gallery_command, "read_scene", lambda run: (run.name, scene(4, 0.02)))
+    monkeypatch.setattr(gallery, "read_scene", lambda run: (run.name, scene(4, 0.02)))
     movie, picture = tmp_path / "g.webm", tmp_path / "g.png"
     arguments = ["--video", str(movie), "--picture", str(picture), "--seconds", "0.1"]
-    result = CliRunner().invoke(gallery_command.command, [*map(str, runs), *arguments])
+    result = CliRunner().invoke(gallery.command, [*map(str, runs), *arguments])
     assert result.exit_code == 0, result.output
     assert Image.open(picture).size == (2 * PANEL[0], PANEL[1])
     film = cv2.VideoCapture(str(movie))
@@ -73,10 +79,27 @@ def test_the_command_draws_both(tmp_path: Path, monkeypatch: pytest.MonkeyPatch)
     assert film.read()[0]
 
 
+def test_a_recording_has_every_run_in_a_scene_of_its_own(
+    walk: Motion, performance: Callable[..., Trajectory], tmp_path: Path
+) -> None:
+    runs = [tmp_path / name for name in ("anna", "bob")]
+    for run in runs:
+        run.mkdir()
+        (run / "motion.json").write_text(motion_to_json(walk))
+        identity = read_motion_json(run / "motion.json").identity
+        replace(performance(2, 30), motion=identity).save(run / "trajectory.npz")
+    made = tmp_path / "g.rrd"
+    result = CliRunner().invoke(gallery.command, [*map(str, runs), "--recording", str(made)])
+    assert result.exit_code == 0, result.output
+    entities = {str(chunk.entity_path) for chunk in RrdReader(made).store().stream()}
+    for scene in ("1-anna", "2-bob"):
+        assert {f"/{scene}/simulated/skeleton", f"/{scene}/reference/skeleton"} <= entities
+
+
 def test_a_run_without_rollouts_is_one_line(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     for arguments, found in (
         (["--picture", "g.png"], "expected rollouts, found none; run `kinemimic evaluate` first"),
-        ([], "expected --video or --picture, found neither"),
+        ([], "expected --video, --picture or --recording, found none"),
     ):
         with pytest.raises(SystemExit) as exit_:
             main(["gallery", str(tmp_path), *arguments])
