@@ -1,4 +1,4 @@
-# `make help` lists the targets. CAPTURE=, RUN=, PRESET=, FROM=, BUDGET=, MINUTES=, SEED=, ENGINE= are passed to the command
+# `make help` lists the targets. CAPTURE=, RUN=, PRESET=, FROM=, FROM_SCRATCH=, BUDGET=, MINUTES=, SEED=, ENGINE= are passed to the command
 # line. Without RUN=, the run folder is named after the capture, so CAPTURE= alone selects it for every stage. POLICY= names a
 # policy that ships; CAPTURE= is then the recording that it was trained on, which only some policies need. POLICY=tracker
 # performs any capture.

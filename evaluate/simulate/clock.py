@@ -26,6 +26,11 @@ class Clock:
         self._now, self._sleep = now, sleep
         self._due = now()
 
+    @property
+    def on_time(self) -> float:
+        """Share of the beats that began before the next one was due."""
+        return 1.0 - self.late / max(1, self.beats)
+
     def wait(self) -> None:
         """Return when the next beat is due, at once if it was missed."""
         period = 1.0 / (self.rate * self.speed)

@@ -118,10 +118,11 @@ def simulate(
     choices = Choices(
         repertoire.policies, tuple(repertoire.motions), shipped_scenarios(), repertoire.own, repertoire.own
     )
+    clock = Clock(CONTROL_RATE)
     page = Page(port, secrets.token_urlsafe(16), choices)
     try:
         loop = Loop(
-            performed, page, Clock(CONTROL_RATE), engine=engine, open_session=opened, choose=choose,
+            performed, page, clock, engine=engine, open_session=opened, choose=choose,
             recordings=run / "simulate",
         )  # fmt: skip
         echo(f"open {page.address}\nCtrl-C ends it.")
@@ -129,6 +130,7 @@ def simulate(
             loop.run(None if seconds is None else round(seconds * CONTROL_RATE))
     finally:
         page.close()
+        echo(f"{clock.beats} control steps, {100.0 * clock.on_time:.2f} % on time")
 
 
 def _require_viser() -> None:

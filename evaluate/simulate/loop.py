@@ -158,12 +158,11 @@ class Loop:
     def _state(self) -> str:
         performed, session = self._performed, self.session
         doing = "paused" if self.paused else "fallen" if self._frame and self._frame.fallen else "upright"
-        on_time = 100.0 * (1.0 - self._clock.late / max(1, self._clock.beats))
         lines = [
             f"**{performed.policy}** performs **{performed.motion}**: {doing}, {session.falls} falls, "
             f"{session.step_count / CONTROL_RATE:.0f} s",
             str(session.score() or "score: after the first second"),
-            f"{on_time:.1f} % of steps on time",
+            f"{100.0 * self._clock.on_time:.1f} % of steps on time",
         ]
         if self.recorder is not None:
             lines.insert(0, f"● recording into {self.recorder.folder}")
