@@ -4,15 +4,18 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import click
+import numpy as np
 import pytest
 from click.testing import CliRunner
+from peers.trackers import shipped_motion
 
 from kinemimic.evaluate.workflow import run as module
-from kinemimic.evaluate.workflow.run import RUN_STAGES, run
+from kinemimic.evaluate.workflow.run import RUN_STAGES, default_start, run
 from kinemimic.pipeline.cli.main import load_command, main
 from kinemimic.pipeline.convert import convert
 from kinemimic.pipeline.errors import KinemimicError
@@ -23,6 +26,7 @@ from kinemimic.pipeline.run_folder.capture import capture_files
 from kinemimic.pipeline.run_folder.stage import stage
 from kinemimic.pipeline.virtual_kinect.recorder import record_virtual
 from kinemimic.retarget.command import retarget
+from kinemimic.retarget.formats.motion_json import motion_to_json
 
 NAMES = RUN_STAGES
 
@@ -73,6 +77,58 @@ def test_a_second_run_skips_every_stage(stages: Stages, capture: Path, tmp_path:
     again = run(capture, tmp_path / "run")
     assert again.ran == ()
     assert again.skipped == NAMES
+
+
+def arguments_of_training(folder: Path) -> list[str]:
+    found: list[str] = json.loads((folder / "policy.json").read_text())[3]
+    return found
+
+
+@pytest.mark.parametrize(
+    ("options", "scratch", "found"),
+    [
+        ({}, False, ["--from=tracker"]),
+        ({"budget": "300k"}, False, ["--budget=300k", "--from=tracker"]),
+        ({"budget": "300k"}, True, ["--budget=300k"]),
+        ({"preset": "robust"}, False, ["--preset=robust"]),
+        ({"from": "runs/mine"}, False, ["--from=runs/mine"]),
+    ],
+)
+def test_a_training_starts_from_the_tracker_unless_told_otherwise(
+    stages: Stages,
+    monkeypatch: pytest.MonkeyPatch,
+    capture: Path,
+    tmp_path: Path,
+    options: dict[str, str],
+    scratch: bool,
+    found: list[str],
+) -> None:
+    monkeypatch.setattr(module, "default_start", lambda _: {"from": "tracker"})
+    folder = tmp_path / "run"
+    run(capture, folder, options={"train": options}, from_scratch=scratch)
+    assert arguments_of_training(folder) == found
+    assert run(capture, folder, options={"train": options}, from_scratch=scratch).ran == ()
+    # The other kind of start is another training.
+    if not options.keys() & {"preset", "from"}:
+        ran = run(capture, folder, options={"train": options}, from_scratch=not scratch).ran
+        assert ran == ("train", "evaluate", "view")
+
+
+def test_only_gaits_start_from_the_tracker(tmp_path: Path) -> None:
+    walk = shipped_motion("walk")
+    sunk = walk.root - [0.0, 0.0, 0.6]
+    for motion, found in (
+        (walk, {"from": "tracker"}),
+        (replace(walk, cyclic=False, cycle_offset=np.zeros(3)), {}),
+        (replace(walk, root=sunk), {}),
+    ):
+        (tmp_path / "motion.json").write_text(motion_to_json(motion))
+        assert default_start(tmp_path) == found
+
+
+def test_a_policy_that_performs_is_not_trained(capture: Path, tmp_path: Path) -> None:
+    with pytest.raises(KinemimicError, match="expected no --from-scratch"):
+        run(capture, tmp_path / "run", policy="tracker", from_scratch=True)
 
 
 def test_a_changed_capture_reruns_every_stage(stages: Stages, capture: Path, tmp_path: Path) -> None:
