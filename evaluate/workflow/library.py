@@ -15,19 +15,14 @@ import click
 from kinemimic.evaluate.workflow.batch import STAGE_OPTIONS, TIMEOUT, batch
 from kinemimic.evaluate.workflow.run import passed_on, stage_options
 from kinemimic.pipeline.cli.options import json_option
-from kinemimic.pipeline.cli.progress import progress
 from kinemimic.pipeline.cli.terminal import show
 from kinemimic.pipeline.errors import KinemimicError
 from kinemimic.pipeline.files.provenance import provenance
-from kinemimic.pipeline.parallel.task_pool import parallel_map
 
 if TYPE_CHECKING:
-    from kinemimic.retarget.humanoid.motion import Motion
     from kinemimic.retarget.library.motion_library import Entry
 
 SUBJECT = r"[^_]+"
-RUNS = 0.25  # of the variants, where there are walks too
-CHUNK = 20  # variants of a task
 
 
 def library(
@@ -46,14 +41,15 @@ def library(
 
     subject: regular expression of the person in a file's name without ending, from its beginning: the first
     group, or all that matches; test: subjects that are left out of the split "train"; variants: number of
-    random variants of the training part's loops to add (`variants.py`), drawn from `seed`; sources, options,
-    jobs, timeout: as for `batch`, which writes its run folders below out/runs. Returns the content of
-    library.json.
+    random variants of the training part's motions to add (`library_variants.py`), drawn from `seed`; sources,
+    options, jobs, timeout: as for `batch`, which writes its run folders below out/runs. Returns the content
+    of library.json.
     KinemimicError without an accepted motion, for a name that does not match, for an unknown subject, and for
     variants without a loop.
     """
     # Import cost: these load the stages.
     from kinemimic.evaluate.workflow.batch_capture import ACCEPTED  # noqa: PLC0415
+    from kinemimic.evaluate.workflow.library_variants import made_variants  # noqa: PLC0415
     from kinemimic.retarget.formats.motion_json import read_motion_json  # noqa: PLC0415
     from kinemimic.retarget.library.library_file import write_library  # noqa: PLC0415
     from kinemimic.retarget.library.motion_library import MotionLibrary  # noqa: PLC0415
@@ -78,7 +74,7 @@ def library(
         _entry(row, motion, subjects[row["file"]], runs, test)
         for row, motion in zip(accepted, motions, strict=True)
     ]
-    made = _variants(motions, entries, variants, seed, jobs)
+    made = made_variants(motions, entries, variants, seed, jobs)
     described = {
         "subject": subject,
         "splits": {
@@ -105,51 +101,6 @@ def library(
     motions += [motion for motion, _ in made]
     entries += [entry for _, entry in made]
     return write_library(out, MotionLibrary.of(motions, entries), described)
-
-
-def _variants(
-    motions: Sequence[Motion], entries: Sequence[Entry], count: int, seed: int, jobs: int
-) -> list[tuple[Motion, Entry]]:
-    """Variants of the loops of the training part, a share of them runs."""
-    from kinemimic.retarget.library.motion_library import Entry  # noqa: PLC0415 (import cost)
-    from kinemimic.retarget.library.variants import SUBJECT as VARIANTS  # noqa: PLC0415
-
-    if not count:
-        return []
-    loops = {
-        kind: [
-            motion
-            for motion, entry in zip(motions, entries, strict=True)
-            if entry.kind == kind and entry.cyclic and entry.split == "train"
-        ]
-        for kind in ("walk", "run")
-    }
-    runs = round(RUNS * count) if loops["run"] and loops["walk"] else count if loops["run"] else 0
-    tasks = [
-        (loops[kind], kind, seed, range(first, min(first + CHUNK, number)))
-        for kind, number in (("walk", count - runs), ("run", runs))
-        for first in range(0, number, CHUNK)
-    ]
-    with progress("variants", len(tasks), unit=f"chunks of {CHUNK}") as bar:
-        try:
-            found = parallel_map(_vary, tasks, workers=jobs, progress=bar.advance)
-        except ValueError as error:
-            raise KinemimicError(f"--variants: expected walks or runs to vary, found {error}") from None
-    made: list[tuple[Motion, Entry]] = []
-    for (_, kind, _, numbers), varied in zip(tasks, found, strict=True):
-        for number, motion in zip(numbers, varied, strict=True):
-            x, y, z = (float(value) for value in motion.cycle_offset)
-            name = f"{VARIANTS}/{kind}-{number:05d}"
-            frames, rate = len(motion.root), float(motion.rate)
-            made.append((motion, Entry(name, VARIANTS, kind, "train", rate, frames, True, (x, y, z))))
-    return made
-
-
-def _vary(task: tuple[Sequence[Motion], str, int, range]) -> list[Motion]:
-    from kinemimic.retarget.library.variants import plausible_variant  # noqa: PLC0415 (import cost)
-
-    loops, kind, seed, numbers = task
-    return [plausible_variant(loops, kind, seed, number) for number in numbers]
 
 
 def _pattern(subject: str) -> re.Pattern[str]:
@@ -200,8 +151,8 @@ def _entry(row: Mapping[str, Any], motion: Any, subject: str, runs: Path, test: 
 @click.option("--test", metavar="SUBJECT", multiple=True,
               help="Put this person's motions in the split “test”; may be repeated.")  # fmt: skip
 @click.option("--variants", type=click.IntRange(min=0), default=0, show_default=True,
-              help="Add this many random variants of the training part's loops: other cadences, strides, "
-                   "postures.")  # fmt: skip
+              help="Add this many random variants of the training part: other cadences, strides, postures; "
+                   "gaits that turn; excerpts of other motions; exercises on the spot.")  # fmt: skip
 @click.option("--seed", type=click.IntRange(min=0), default=0, show_default=True,
               help="Random seed of the variants.")  # fmt: skip
 @click.option("-j", "--jobs", type=click.IntRange(min=1),
