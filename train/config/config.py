@@ -91,8 +91,9 @@ class Tracking:
     """The task of a tracker, a policy for any motion. It observes no phase; beside the preview, it observes
     the difference to the reference now, in rotations, positions and velocities.
 
-    max_body_error: mean distance of the bodies from their references at which an episode ends, m. leash: the
-    policy observes a reference that is farther away on the ground as if it were this far, m.
+    max_body_error: mean distance of the bodies from their references at which an episode ends, m; in a
+    training, `TrainConfig.body_error` may change it. leash: the policy observes a reference that is farther
+    away on the ground as if it were this far, m.
     """
 
     max_body_error: float = 0.5
@@ -183,6 +184,8 @@ class TrainConfig:
     )
     # Of domain randomization, 0 to 1: a policy that cannot walk yet learns nothing from pushes.
     strength: Schedule = ((0, 0.0),)
+    # In place of a tracker's `max_body_error`, which may narrow as it falls less; empty: constant.
+    body_error: Schedule = ()
     entropy: float = 0.0
     entropy_decay: float = 1.0
     budget: int = 1_000_000
@@ -238,6 +241,8 @@ class TrainConfig:
             del value["baseline"]
         if not self.start:
             del value["start"]
+        if not self.body_error:
+            del value["body_error"]
         for name in ("scenario", "tracking"):
             if getattr(self.env, name) is None:
                 del value["env"][name]
@@ -257,7 +262,7 @@ class TrainConfig:
         """
         if isinstance(value, dict):
             env = value.get("env")
-            value = {"baseline": None, "start": "", **value}
+            value = {"baseline": None, "start": "", "body_error": [], **value}
             if isinstance(env, dict):
                 value["env"] = env = {"scenario": None, "tracking": None, **env}
                 drawn = env.get("domain_randomization")

@@ -102,7 +102,9 @@ class ImitationBatch:
         self.world = world
         self.reference = reference
         self.config = config
-        self.reward = config.reward  # may be changed between steps
+        # May be changed between steps.
+        self.reward = config.reward
+        self.max_body_error = float("inf") if config.tracking is None else config.tracking.max_body_error
         self.wrenches: Array | None = None
         self.timer = Timer()
         self.phases: Array = np.zeros(world.size)
@@ -262,7 +264,7 @@ class ImitationBatch:
         far = np.hypot(way[:, 0], way[:, 1]) > self.config.max_drift
         if self.config.tracking is not None:
             distances = np.linalg.norm(self.bodies.positions - self.target.positions, axis=-1)
-            far |= distances.mean(axis=-1) > self.config.tracking.max_body_error
+            far |= distances.mean(axis=-1) > self.max_body_error
         return far | self._off_reference(self.config.max_height_error, self.config.max_rotation_error)
 
     def _off_reference(self, height: float, turn: float) -> NDArray[np.bool_]:

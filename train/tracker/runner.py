@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from torch import Tensor
 
 from kinemimic.pipeline.arrays import Array
-from kinemimic.train.config.config import RewardConfig, TrainConfig
+from kinemimic.train.config.config import RewardConfig, TrainConfig, scheduled_at
 from kinemimic.train.ppo.ppo import PpoAlgorithm
 from kinemimic.train.ppo.runner import PpoRunner
 from kinemimic.train.rollout.evaluation import Episode
@@ -55,6 +55,10 @@ class TrackerWorkers(Workers):
         """Probabilities (M,) of the motions of the episodes to come."""
         self._ask("set_weights", [(weights,)] * self._count)
 
+    def set_body_error(self, largest: float) -> None:
+        """Mean distance of the bodies from their references at which an episode ends, m."""
+        self._ask("set_body_error", [(largest,)] * self._count)
+
     def take_outcomes(self) -> list[tuple[int, bool]]:
         """(motion, failed) of the episodes that ended since the last call."""
         return [outcome for part in self._ask("take_outcomes", [()] * self._count) for outcome in part]
@@ -84,6 +88,9 @@ class TrackerRunner(PpoRunner):
         return EVALUATION_INTERVAL
 
     def _sample(self, steps: int) -> Samples:
+        config = self._tracker.config
+        if config.body_error:
+            self._motions.set_body_error(scheduled_at(config.body_error, self._tracker.progress.samples))
         self._motions.set_weights(draw_weights(self._tracker.failures))
         samples = super()._sample(steps)
         update_failures(self._tracker.failures, self._motions.take_outcomes())

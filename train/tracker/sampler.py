@@ -39,6 +39,10 @@ class TrackerSampler(EnvSampler):
         """Probabilities (M,) of the motions of the episodes to come."""
         self._bounds = np.cumsum(weights)
 
+    def set_body_error(self, largest: float) -> None:
+        """Mean distance of the bodies from their references at which an episode ends, m."""
+        self.batch.max_body_error = largest
+
     def take_outcomes(self) -> list[tuple[int, bool]]:
         """(motion, failed) of the episodes that ended since the last call."""
         outcomes, self._outcomes = self._outcomes, []

@@ -128,6 +128,25 @@ def test_an_episode_has_a_pace_within_its_range(library: Path, tmp_path: Path, q
     assert (sampler.env_states()["pace"] == 1.0).all()
 
 
+def test_the_largest_error_of_an_episode_narrows(
+    library: Path, tmp_path: Path, quick: None, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    given: list[float] = []
+    monkeypatch.setattr(TrackerSampler, "set_body_error", lambda _, largest: given.append(largest))
+    narrowing = replace(CONFIG, body_error=((0, 0.5), (2 * ROUND, 0.3)))
+    record = train_tracker(library, tmp_path, config=narrowing, workers=1, engine="pybullet")
+    # The first samples only make the statistics of the observations.
+    assert given == pytest.approx([0.5, 0.5, 0.4, 0.3, 0.3])
+    assert record["config"]["body_error"] == [[0, 0.5], [2 * ROUND, 0.3]]
+    monkeypatch.undo()
+    sampler = TrackerSampler(
+        tmp_path / "references", CONFIG.env, np.random.SeedSequence(0).spawn(3), "pybullet"
+    )
+    for largest, ends in ((9.0, False), (0.0, True)):
+        sampler.set_body_error(largest)
+        assert sampler.batch.step(np.zeros((3, 42))).terminated.tolist() == [ends] * 3
+
+
 def test_a_tracker_goes_on_with_another_library(library: Path, tmp_path: Path, quick: None) -> None:
     first = train_tracker(
         library, tmp_path / "first", config=CONFIG, budget=ROUND, workers=1, engine="pybullet"
