@@ -20,27 +20,30 @@ from kinemimic.train.rollout.policy import Policy
 from kinemimic.train.rollout.sampler import Samples
 from kinemimic.train.rollout.workers import Workers
 from kinemimic.train.task.timer import Timer
-from kinemimic.train.tracker.clip_sampling import draw_weights, update_failures
+from kinemimic.train.tracker.clip_sampling import ClipStatistics, Outcome
 from kinemimic.train.tracker.sampler import TrackerSampler
 
 EVALUATION_INTERVAL = 1_048_576  # samples
+_STATISTICS = ("failures", "lengths")
 
 
 class TrackerAlgorithm(PpoAlgorithm):
-    """PPO that also keeps the moving mean of the failures of each of M motions, `failures` (M,)."""
+    """PPO that also keeps the `statistics` of the episodes of each of M motions."""
 
     def __init__(self, config: TrainConfig, motions: int) -> None:
         super().__init__(config)
-        self.failures: Array = np.ones(motions)
+        self.statistics = ClipStatistics(motions, config.env.steps)
 
     def tensors(self) -> dict[str, Tensor]:
         """All arrays of the state, for a checkpoint."""
-        return {**super().tensors(), "failures": torch.from_numpy(self.failures.copy())}
+        own = {name: torch.from_numpy(getattr(self.statistics, name).copy()) for name in _STATISTICS}
+        return {**super().tensors(), **own}
 
     def restore(self, tensors: dict[str, Tensor], record: dict[str, object]) -> None:
         """Restore the state from `tensors` and `record`."""
         super().restore(tensors, record)
-        self.failures = tensors["failures"].numpy().copy()
+        for name in _STATISTICS:
+            setattr(self.statistics, name, tensors[name].numpy().copy())
 
 
 class TrackerWorkers(Workers):
@@ -59,8 +62,8 @@ class TrackerWorkers(Workers):
         """Mean distance of the bodies from their references at which an episode ends, m."""
         self._ask("set_body_error", [(largest,)] * self._count)
 
-    def take_outcomes(self) -> list[tuple[int, bool]]:
-        """(motion, failed) of the episodes that ended since the last call."""
+    def take_outcomes(self) -> list[Outcome]:
+        """The episodes that ended since the last call."""
         return [outcome for part in self._ask("take_outcomes", [()] * self._count) for outcome in part]
 
     def evaluate(self, policy: Policy, reward: RewardConfig, motions: NDArray[np.intp]) -> list[Episode]:
@@ -91,14 +94,14 @@ class TrackerRunner(PpoRunner):
         config = self._tracker.config
         if config.body_error:
             self._motions.set_body_error(scheduled_at(config.body_error, self._tracker.progress.samples))
-        self._motions.set_weights(draw_weights(self._tracker.failures))
+        self._motions.set_weights(self._tracker.statistics.weights())
         samples = super()._sample(steps)
-        update_failures(self._tracker.failures, self._motions.take_outcomes())
+        self._tracker.statistics.update(self._motions.take_outcomes())
         return samples
 
     def round(self) -> dict[str, float]:
         logged = super().round()
-        return logged | {"library/failures": float(self._tracker.failures.mean())}
+        return logged | {"library/failures": float(self._tracker.statistics.failures.mean())}
 
     def run_episodes(self, policy: Policy, reward: RewardConfig) -> Sequence[Episode]:
         return self._motions.evaluate(policy, reward, self._evaluated)

@@ -14,6 +14,7 @@ from kinemimic.train.rollout.episodes import begin_episodes
 from kinemimic.train.rollout.evaluation import Episode
 from kinemimic.train.rollout.policy import Policy
 from kinemimic.train.rollout.sampler import EnvSampler, EnvStates
+from kinemimic.train.tracker.clip_sampling import Outcome
 from kinemimic.train.tracker.performance import perform
 
 _MOTIONS, _PACE = "motions", "pace"
@@ -32,7 +33,7 @@ class TrackerSampler(EnvSampler):
         self._library = ReferenceLibrary.open(tables)
         self._reference = FollowedReference(self._library, np.zeros(len(seeds), dtype=np.intp))
         self._bounds = np.linspace(0.0, 1.0, len(self._library) + 1)[1:]
-        self._outcomes: list[tuple[int, bool]] = []
+        self._outcomes: list[Outcome] = []
         super().__init__(self._reference, config, seeds, engine)
 
     def set_weights(self, weights: Array) -> None:
@@ -43,8 +44,8 @@ class TrackerSampler(EnvSampler):
         """Mean distance of the bodies from their references at which an episode ends, m."""
         self.batch.max_body_error = largest
 
-    def take_outcomes(self) -> list[tuple[int, bool]]:
-        """(motion, failed) of the episodes that ended since the last call."""
+    def take_outcomes(self) -> list[Outcome]:
+        """The episodes that ended since the last call."""
         outcomes, self._outcomes = self._outcomes, []
         return outcomes
 
@@ -55,7 +56,8 @@ class TrackerSampler(EnvSampler):
         pace = self._config.domain_randomization.pace
         ended = indices[self.batch.ages[indices] > 0]
         failed = self.batch.terminated()[ended]
-        self._outcomes += zip(reference.motions[ended].tolist(), failed.tolist(), strict=True)
+        steps = self.batch.ages[ended]
+        self._outcomes += map(Outcome, reference.motions[ended].tolist(), failed.tolist(), steps.tolist())
         for index, random in zip(indices, randoms, strict=True):
             place = np.searchsorted(self._bounds, random.random() * self._bounds[-1], side="right")
             reference.motions[index] = min(int(place), len(library) - 1)

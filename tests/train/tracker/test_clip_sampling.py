@@ -3,21 +3,34 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from kinemimic.train.tracker.clip_sampling import FLOOR, RATE, draw_weights, update_failures
+from kinemimic.train.tracker.clip_sampling import FLOOR, RATE, ClipStatistics, Outcome
+
+
+def statistics(failures: list[float], lengths: list[float]) -> ClipStatistics:
+    found = ClipStatistics(len(failures), 1.0)
+    found.failures, found.lengths = np.array(failures), np.array(lengths)
+    return found
 
 
 def test_weights_follow_the_failures_above_a_floor() -> None:
-    weights = draw_weights(np.array([1.0, 0.0, 0.5, 0.5]))
+    weights = statistics([1.0, 0.0, 0.5, 0.5], [10.0] * 4).weights()
     assert weights.sum() == pytest.approx(1.0)
     assert weights[1] == pytest.approx(FLOOR / 4)
     assert weights[0] - weights[1] == pytest.approx(2.0 * (weights[2] - weights[1]))
 
 
+def test_samples_not_episodes_follow_the_failures() -> None:
+    found = statistics([0.8, 0.8, 0.4], [20.0, 200.0, 100.0])
+    samples = (found.weights() - FLOOR / 3) * found.lengths
+    np.testing.assert_allclose(samples / samples[0], [1.0, 1.0, 0.5])
+
+
 def test_without_failures_all_motions_are_alike() -> None:
-    np.testing.assert_allclose(draw_weights(np.zeros(5)), 0.2)
+    np.testing.assert_allclose(statistics([0.0] * 5, [3.0, 1.0, 2.0, 4.0, 5.0]).weights(), 0.2)
 
 
-def test_failures_are_moving_means() -> None:
-    failures = np.array([1.0, 0.0])
-    update_failures(failures, [(0, False), (1, True), (0, False)])
-    np.testing.assert_allclose(failures, [(1.0 - RATE) ** 2, RATE])
+def test_failures_and_lengths_are_moving_means() -> None:
+    found = ClipStatistics(2, 100.0)
+    found.update([Outcome(0, False, 300), Outcome(1, True, 20), Outcome(0, False, 300)])
+    np.testing.assert_allclose(found.failures, [(1.0 - RATE) ** 2, 1.0])
+    np.testing.assert_allclose(found.lengths, [300.0 - 200.0 * (1.0 - RATE) ** 2, 100.0 - 80.0 * RATE])

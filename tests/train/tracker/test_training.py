@@ -71,7 +71,7 @@ def test_a_pause_does_not_change_a_bit(library: Path, tmp_path: Path, quick: Non
     assert first.keys() == second.keys()
     for name, array in first.items():
         np.testing.assert_array_equal(array, second[name], err_msg=name)
-    assert first["algorithm.failures"].shape == (2,)
+    assert first["algorithm.failures"].shape == first["algorithm.lengths"].shape == (2,)
     assert set(first["env_states.motions"]) <= {0, 1}
 
 
