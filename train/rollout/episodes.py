@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,11 +22,13 @@ def begin_episodes(
     randoms: Sequence[np.random.Generator],
     strength: float,
     phases: Array | None = None,
+    displaced: NDArray[np.bool_] | None = None,
 ) -> None:
     """Begin new episodes in the environments (N,) of a batch.
 
     randoms: of these environments, one each; none affects another environment; strength: 0 to 1, of the
-    domain randomization; phases: (N,) start phases, drawn if None.
+    domain randomization; phases: (N,) start phases, drawn if None; displaced: (N,) whether an episode may
+    start beside its reference, all if None.
     """
     config = batch.config
     if phases is None:
@@ -34,7 +37,10 @@ def begin_episodes(
     seeds = None
     if config.scenario is not None:
         seeds = np.array([random.integers(_WORD, dtype=np.uint64) for random in randoms])
-    batch.reset(indices, phases, RandomizationSample.concatenated(drawn), seeds)
+    sample = RandomizationSample.concatenated(drawn)
+    if displaced is not None:
+        sample = replace(sample, displacement=sample.displacement * displaced[:, None])
+    batch.reset(indices, phases, sample, seeds)
 
 
 def start_phase(config: EnvConfig, random: np.random.Generator) -> float:

@@ -67,7 +67,8 @@ class TrackerSampler(EnvSampler):
             library.cyclic[drawn], 1.0, np.maximum(0.0, 1.0 - _END_PHASE / library.durations[drawn])
         )
         phases = span * [random.random() for random in randoms]
-        begin_episodes(self.batch, indices, randoms, strength, phases)
+        # A gait catches up with a reference beside it; feet that stand cannot.
+        begin_episodes(self.batch, indices, randoms, strength, phases, displaced=library.cyclic[drawn])
 
     def env_states(self) -> EnvStates:
         """The state from which the next round starts."""

@@ -1,0 +1,29 @@
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from peers.trackers import CONFIG, shipped_motion
+
+from kinemimic.train.config.config import DomainRandomization
+from kinemimic.train.reference.reference import Reference
+from kinemimic.train.rollout.episodes import begin_episodes
+from kinemimic.train.sim.engines import open_world
+from kinemimic.train.task.env import ImitationBatch
+
+ENV = replace(CONFIG.env, domain_randomization=DomainRandomization(displacement=0.2))
+
+
+def test_only_the_displaced_start_beside_their_reference() -> None:
+    batch = ImitationBatch(open_world(4, "pybullet"), Reference(shipped_motion("walk")), ENV)
+    randoms = [np.random.default_rng(seed) for seed in range(4)]
+    displaced = np.array([True, False, True, False])
+    begin_episodes(batch, np.arange(4), randoms, 1.0, np.full(4, 0.3), displaced=displaced)
+    beside = np.linalg.norm((batch.bodies.positions - batch.target.positions)[:, 0], axis=-1)
+    assert (beside[displaced] > 0.01).all()
+    assert beside[~displaced] == pytest.approx(0.0, abs=1e-3)
+    begin_episodes(batch, np.arange(4), randoms, 1.0, np.full(4, 0.3))
+    beside = np.linalg.norm((batch.bodies.positions - batch.target.positions)[:, 0], axis=-1)
+    assert (beside > 0.01).all()
+    batch.world.close()
