@@ -18,6 +18,7 @@ from kinemimic.pipeline.kinematics.skeleton import NODE_INDEX as N
 from kinemimic.pipeline.kinematics.skeleton import NODES
 from kinemimic.pipeline.locomotion.leg_pose import leg_bones
 from kinemimic.retarget.cyclic import FRAME_RATE
+from kinemimic.retarget.feet.balance import upright
 from kinemimic.retarget.feet.contact import (
     ANKLE_NODES,
     RECORDED_THRESHOLDS,
@@ -55,7 +56,7 @@ class NonCyclicFit:
 
     frames: (M,) indices into the clip; positions: (M, 20, 3) along +X; phase: (M,) of the motion, 0 to 1;
     seen: (T, 20) 0 to 1, how well the sensor saw the nodes behind each rotation; scale: body over person;
-    strides: number of strides of a walk.
+    strides: number of strides of a walk; lean: rad by which the recorded vertical was turned.
     """
 
     motion: Motion
@@ -66,14 +67,16 @@ class NonCyclicFit:
     seen: Array
     scale: float
     strides: float | None = None
+    lean: float = 0.0
 
 
 def fit_noncyclic(clip: Clip, excerpt: Excerpt) -> NonCyclicFit:
     """Retarget an excerpt of a clip as recorded to the Table 1 body.
 
     Frames are resampled to an even rate, with smooth curves across gaps. The root is scaled by leg length,
-    and its height shifted once to the ground. Of a walk, unreliable parts get the neutral pose of a loop, and
-    the speed is that at which feet in contact do not slide.
+    and its height shifted once to the ground. A body that could not stand as it leans is turned upright. Of a
+    walk, unreliable parts get the neutral pose of a loop, and the speed is that at which feet in contact do
+    not slide.
     """
     frames, p, bout = excerpt.frames, excerpt.positions, excerpt.bout
     if len(frames) < 2:
@@ -106,7 +109,7 @@ def fit_noncyclic(clip: Clip, excerpt: Excerpt) -> NonCyclicFit:
         rotations = limit_knee_extension(rotations)
     middle = 0.5 * (p[:, N["hip_left"]] + p[:, N["hip_right"]])
     seen = np.isfinite(middle).all(axis=-1)
-    root = scale * _interpolate(grid, times[seen], middle[seen])
+    root, lean = scale * _interpolate(grid, times[seen], middle[seen]), 0.0
     if bout is not None:
         # Walking backward is walking forward in reversed time.
         phase = np.interp(grid, times, -bout.phase if bout.backward else bout.phase)
@@ -117,8 +120,10 @@ def fit_noncyclic(clip: Clip, excerpt: Excerpt) -> NonCyclicFit:
         yaw = np.interp(grid, times, excerpt.yaw)
         rotations, root = with_turns(rotations, root, yaw)
         p = rotate(from_axis_angle("Z", excerpt.yaw)[:, None], p)
-    elif not reliability.feet:
-        rotations = flat_feet(rotations)
+    else:
+        if not reliability.feet:
+            rotations = flat_feet(rotations)
+        rotations, root, lean = upright(rotations, root, contacts)
     root[:, :2] -= root[0, :2]
     root[:, 2] -= _ground_height(*body_kinematics(rotations, root), contacts)
     motion = Motion(FRAME_RATE, root, continuous(rotations), contacts, cyclic=False)
@@ -127,7 +132,9 @@ def fit_noncyclic(clip: Clip, excerpt: Excerpt) -> NonCyclicFit:
     )
     visibility = np.stack([np.interp(grid, times, column) for column in weakest.T], axis=-1)
     strides = None if bout is None else float(np.ptp(bout.phase))
-    return NonCyclicFit(motion, reliability, frames, p, times / motion.duration, visibility, scale, strides)
+    return NonCyclicFit(
+        motion, reliability, frames, p, times / motion.duration, visibility, scale, strides, lean
+    )
 
 
 def _weights(positions: Array, states: NDArray[np.uint8]) -> Array:

@@ -123,6 +123,7 @@ def noncyclic_report(
         "frames_used": len(fit.frames),
         "range_deg": {name: _range(curve) for name, curve in joint_angles(motion.rotations).items()},
         "pass": excerpt.pass_number,
+        "lean_deg": _n(np.degrees(fit.lean)),
         "stance_ratio": _stance(motion),
         "subject": _subject(fit.positions),
         "scale": _n(fit.scale),
@@ -132,7 +133,13 @@ def noncyclic_report(
         },
     }
     what = "the longest bout" if walk else "the longest pass"
-    return _with_findings(report, [f"{why}: {what} is kept as recorded, without a loop"] if why else [])
+    warnings = [f"{why}: {what} is kept as recorded, without a loop"] if why else []
+    if fit.lean:
+        warnings.append(
+            f"the recorded body leans by {np.degrees(fit.lean):.0f}° more than it could without a fall while "
+            "it stands: it was turned upright by as much"
+        )
+    return _with_findings(report, warnings)
 
 
 def _with_findings(report: dict[str, Any], warnings: list[str]) -> dict[str, Any]:

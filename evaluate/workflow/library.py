@@ -32,6 +32,7 @@ def library(
     subject: str = SUBJECT,
     test: Collection[str] = (),
     variants: int = 0,
+    exercises: int = 0,
     seed: int = 0,
     options: Mapping[str, Mapping[str, Any]] | None = None,
     jobs: int = 1,
@@ -41,9 +42,9 @@ def library(
 
     subject: regular expression of the person in a file's name without ending, from its beginning: the first
     group, or all that matches; test: subjects that are left out of the split "train"; variants: number of
-    random variants of the training part's motions to add (`library_variants.py`), drawn from `seed`; sources,
-    options, jobs, timeout: as for `batch`, which writes its run folders below out/runs. Returns the content
-    of library.json.
+    random variants of the training part's loops to add, and exercises of random exercises on the spot, both
+    drawn from `seed` (`library_variants.py`); sources, options, jobs, timeout: as for `batch`, which writes
+    its run folders below out/runs. Returns the content of library.json.
     KinemimicError without an accepted motion, for a name that does not match, for an unknown subject, and for
     variants without a loop.
     """
@@ -74,7 +75,7 @@ def library(
         _entry(row, motion, subjects[row["file"]], runs, test)
         for row, motion in zip(accepted, motions, strict=True)
     ]
-    made = made_variants(motions, entries, variants, seed, jobs)
+    made = made_variants(motions, entries, variants, exercises, seed, jobs)
     described = {
         "subject": subject,
         "splits": {
@@ -94,7 +95,13 @@ def library(
         "provenance": provenance(
             "library",
             inputs={row["file"]: row["sha256"] for row in accepted if row["sha256"]},
-            config={"subject": subject, "test": sorted(test), "variants": variants, **(options or {})},
+            config={
+                "subject": subject,
+                "test": sorted(test),
+                "variants": variants,
+                "exercises": exercises,
+                **(options or {}),
+            },
             seed=seed,
         ),
     }
@@ -151,10 +158,12 @@ def _entry(row: Mapping[str, Any], motion: Any, subject: str, runs: Path, test: 
 @click.option("--test", metavar="SUBJECT", multiple=True,
               help="Put this person's motions in the split “test”; may be repeated.")  # fmt: skip
 @click.option("--variants", type=click.IntRange(min=0), default=0, show_default=True,
-              help="Add this many random variants of the training part: other cadences, strides, postures; "
-                   "gaits that turn; excerpts of other motions; exercises on the spot.")  # fmt: skip
+              help="Add this many random variants of the training part's loops: other cadences, strides, "
+                   "postures; walks that turn.")  # fmt: skip
+@click.option("--exercises", type=click.IntRange(min=0), default=0, show_default=True,
+              help="Add this many random exercises on the spot: squats, bends, reaches, steps.")  # fmt: skip
 @click.option("--seed", type=click.IntRange(min=0), default=0, show_default=True,
-              help="Random seed of the variants.")  # fmt: skip
+              help="Random seed of variants and exercises.")  # fmt: skip
 @click.option("-j", "--jobs", type=click.IntRange(min=1),
               help="Captures processed in parallel; default: one per core.")  # fmt: skip
 @click.option("--timeout", type=click.FloatRange(min=0, min_open=True), default=TIMEOUT, show_default=True,
@@ -166,6 +175,7 @@ def command(
     subject: str,
     test: tuple[str, ...],
     variants: int,
+    exercises: int,
     seed: int,
     jobs: int | None,
     timeout: float,
@@ -188,6 +198,7 @@ def command(
         subject=subject,
         test=test,
         variants=variants,
+        exercises=exercises,
         seed=seed,
         options=stage_options(STAGE_OPTIONS, options),
         jobs=jobs or len(os.sched_getaffinity(0)),

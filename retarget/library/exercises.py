@@ -24,9 +24,10 @@ from kinemimic.pipeline.kinematics.rotations import (
     rotate,
 )
 from kinemimic.pipeline.kinematics.skeleton import NODE_INDEX, NODES
+from kinemimic.retarget.feet.balance import centre_of_mass
 from kinemimic.retarget.feet.contact import sole_positions
 from kinemimic.retarget.feet.scale import body_kinematics
-from kinemimic.retarget.humanoid.body import BODIES, BODY_NODES, STANDING_HEIGHT, TOTAL_MASS, node_offsets
+from kinemimic.retarget.humanoid.body import STANDING_HEIGHT, node_offsets
 from kinemimic.retarget.humanoid.limits import LIMITS, clamp_to_limits
 from kinemimic.retarget.humanoid.motion import Motion
 
@@ -62,8 +63,6 @@ RANGES: dict[str, tuple[tuple[float, float], tuple[float, float], tuple[float, f
 CALM = 0.35  # probability that a joint rests near its neutral pose
 _MIRROR = np.array([-1.0, 1.0, -1.0])
 _SIDES = ("left", "right")
-_MASSES = np.array([body.mass for body in BODIES])
-_CENTERS = np.array([body.center for body in BODIES])
 
 
 @dataclass
@@ -138,13 +137,7 @@ def _balanced(rotations: Array, feet: _Feet, height: Array) -> Array:
     for _ in range(4):
         root[:, 2] = np.minimum(height, _reachable(rotations[:, 0], root, feet))
         _set_legs(rotations, root, feet)
-        nodes, frames = body_kinematics(rotations)
-        world = frames[:, BODY_NODES]
-        masses = nodes[:, BODY_NODES] + rotate(
-            world, np.broadcast_to(_CENTERS, (len(world), *_CENTERS.shape))
-        )
-        centre = np.einsum("b,tbi->ti", _MASSES, masses)[:, :2] / TOTAL_MASS
-        root[:, :2] = wanted - centre
+        root[:, :2] = wanted - centre_of_mass(*body_kinematics(rotations))[:, :2]
     root[:, 2] = np.minimum(height, _reachable(rotations[:, 0], root, feet))
     _set_legs(rotations, root, feet)
     return root

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from kinemimic.evaluate.workflow.library_variants import SHARES, Sources, made_variants
+from kinemimic.evaluate.workflow.library_variants import Loops, made_variants
 from kinemimic.pipeline.errors import KinemimicError
 from kinemimic.pipeline.files.data_folder import DATASETS
 from kinemimic.retarget.formats.motion_json import read_motion_json
@@ -25,33 +25,34 @@ def entry(name: str, kind: str, motion: Motion, split: Split = "train") -> Entry
 
 
 def test_every_sort_has_its_share_and_the_rest_are_walks(walk: Motion) -> None:
-    counts = Sources([walk], [walk], [walk]).counts(1000)
-    assert sum(counts.values()) == 1000
-    assert {sort: counts[sort] / 1000 for sort in SHARES} == pytest.approx(SHARES)
-    assert counts["walk"] == 1000 - sum(counts[sort] for sort in SHARES)
+    counts = Loops([walk], [walk]).counts(1000)
+    assert counts == {"turning": 50, "run": 250, "walk": 700}
+    assert Loops([walk], []).counts(100) == {"turning": 5, "walk": 95}
+    assert Loops([], [walk]).counts(100) == {"run": 100}
 
 
-def test_the_share_of_a_missing_sort_goes_to_the_gaits(walk: Motion) -> None:
-    assert Sources([walk], [], []).counts(100) == {"turning": 5, "exercise": 12, "walk": 83}
-    assert Sources([], [walk], []).counts(100) == {"run": 88, "exercise": 12}
+def test_without_a_loop_there_are_only_exercises(walk: Motion, inline: None) -> None:
     with pytest.raises(KinemimicError, match="expected walks or runs to vary, found no loops"):
-        Sources([], [], [walk]).counts(100)
+        Loops([], []).counts(100)
+    once = replace(walk, cyclic=False, cycle_offset=np.zeros(3))
+    made = made_variants([once], [entry("a", "motion", once)], 0, 2, 0, 1)
+    assert [one.name for _, one in made] == ["variants/exercise-00000", "variants/exercise-00001"]
 
 
-def test_only_the_training_part_is_varied(walk: Motion) -> None:
+def test_only_loops_of_the_training_part_are_varied(walk: Motion) -> None:
     once = replace(walk, cyclic=False, cycle_offset=np.zeros(3))
     motions = [walk, once, walk]
-    entries = [entry("a", "walk", walk), entry("b", "motion", once), entry("c", "walk", walk, "test")]
-    sources = Sources.of(motions, entries)
-    assert (len(sources.walks), len(sources.runs), len(sources.once)) == (1, 0, 1)
-    assert sources.walks[0] is walk
+    entries = [entry("a", "walk", walk), entry("b", "walk", once), entry("c", "walk", walk, "test")]
+    loops = Loops.of(motions, entries)
+    assert (len(loops.walks), len(loops.runs)) == (1, 0)
+    assert loops.walks[0] is walk
 
 
 def test_variants_are_named_after_their_sort(walk: Motion, inline: None) -> None:
-    made = made_variants([walk], [entry("a", "walk", walk)], 9, 0, 1)
+    made = made_variants([walk], [entry("a", "walk", walk)], 2, 1, 0, 1)
     assert [one.name for _, one in made] == [
+        "variants/walk-00000",
+        "variants/walk-00001",
         "variants/exercise-00000",
-        *(f"variants/walk-0000{k}" for k in range(8)),
     ]
-    assert [one.kind for _, one in made[:2]] == ["motion", "walk"]
-    assert [one.cyclic for _, one in made[:2]] == [False, True]
+    assert [(one.kind, one.cyclic) for _, one in made[1:]] == [("walk", True), ("motion", False)]

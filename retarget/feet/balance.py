@@ -1,0 +1,87 @@
+"""Static balance: the centre of mass over the feet that stand, and the vertical that puts it there.
+
+A sensor without a floor or an accelerometer does not know the vertical, and some place the ankles behind the
+heels. A body that stands with its centre of mass outside its feet would fall, so it cannot have leaned as
+recorded: it is turned about the ankles by the least angle at which the centre of mass comes over the feet.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from kinemimic.pipeline.arrays import Array, Mask
+from kinemimic.pipeline.kinematics.rotations import conjugate, from_rotvec, multiply, rotate
+from kinemimic.pipeline.kinematics.skeleton import NODE_INDEX as N
+from kinemimic.retarget.feet.contact import sole_positions
+from kinemimic.retarget.feet.scale import body_kinematics
+from kinemimic.retarget.humanoid.body import BODIES, BODY_NODES, TOTAL_MASS
+
+MARGIN = 0.02  # m by which the centre of mass comes inside the soles
+LARGEST_LEAN = np.radians(15.0)  # of a sensor that stands on a table or hangs on a wall
+_SMALLEST_LEAN = np.radians(0.5)
+MIN_FRAMES = 15  # with a foot in contact
+_MASSES = np.array([body.mass for body in BODIES])
+_CENTERS = np.array([body.center for body in BODIES])
+
+
+def centre_of_mass(positions: Array, frames: Array) -> Array:
+    """Centre of mass (T, 3) of the body with node positions (T, 20, 3) and frames (T, 20, 4), metres."""
+    world = frames[:, BODY_NODES]
+    arms = rotate(world, np.broadcast_to(_CENTERS, (len(world), *_CENTERS.shape)))
+    found: Array = np.einsum("b,tbi->ti", _MASSES, positions[:, BODY_NODES] + arms) / TOTAL_MASS
+    return found
+
+
+def upright(rotations: Array, root: Array, contacts: Mask) -> tuple[Array, Array, float]:
+    """Rotations (T, 20, 4) and root (T, 3) of a body that leans as it can while it stands, and by how many
+    radians it was turned. The feet keep their orientation in the world.
+
+    contacts: (T, 2). Nothing changes if the centre of mass is over the soles that stand in at least half of
+    the frames in which any does, nor by less than half a degree.
+    """
+    standing = contacts.any(axis=1)
+    if standing.sum() < MIN_FRAMES:
+        return rotations, root, 0.0
+    soles = body_kinematics(rotations)[1]
+    turned, path, total = rotations, root, np.zeros(3)
+    for _ in range(3):
+        positions, frames = body_kinematics(turned, path)
+        off = _outside(positions[standing], frames[standing], contacts[standing])
+        if np.linalg.norm(np.median(off, axis=0)) < 1e-3:
+            break
+        height = float(np.median((centre_of_mass(positions, frames) - _ankles(positions))[standing, 2]))
+        x, y = np.median(off, axis=0) / height
+        total += [-y, x, 0.0]
+        size = float(np.linalg.norm(total))
+        if size > LARGEST_LEAN:
+            total *= LARGEST_LEAN / size
+        turn = np.broadcast_to(from_rotvec(total), rotations[:, 0].shape)
+        turned, path = rotations.copy(), rotate(turn, root)
+        turned[:, 0] = multiply(turn, rotations[:, 0])
+        for side in ("left", "right"):
+            knee, ankle = N[f"knee_{side}"], N[f"ankle_{side}"]
+            turned[:, ankle] = multiply(conjugate(multiply(turn, soles[:, knee])), soles[:, ankle])
+    size = float(np.linalg.norm(total))
+    return (turned, path, size) if size > _SMALLEST_LEAN else (rotations, root, 0.0)
+
+
+def _ankles(positions: Array) -> Array:
+    """The middle (T, 3) between the ankles."""
+    return 0.5 * (positions[:, N["ankle_left"]] + positions[:, N["ankle_right"]])
+
+
+def _outside(positions: Array, frames: Array, contacts: Mask) -> Array:
+    """Way (T, 2) from the centre of mass to the nearest point within the soles that stand, in the world,
+    metres: zero where it is inside. They count as a rectangle along the heading of the pelvis."""
+    ahead = rotate(frames[:, 0], np.broadcast_to([1.0, 0.0, 0.0], (len(frames), 3)))[:, :2]
+    ahead = ahead / np.linalg.norm(ahead, axis=-1, keepdims=True)
+    axes = np.stack([ahead, np.stack([-ahead[:, 1], ahead[:, 0]], axis=-1)], axis=1)  # (T, 2, 2)
+    centre = centre_of_mass(positions, frames)[:, None, None, :2]
+    way = np.einsum("tai,tfci->tfca", axes, sole_positions(positions, frames)[..., :2] - centre)
+    stands = contacts[:, :, None, None]
+    least = np.where(stands, way, np.inf).min(axis=(1, 2))
+    most = np.where(stands, way, -np.inf).max(axis=(1, 2))
+    margin = np.minimum(MARGIN, 0.5 * (most - least))
+    inward = np.where(least > 0.0, least + margin, np.where(most < 0.0, most - margin, 0.0))
+    found: Array = np.einsum("ta,tai->ti", inward, axes)
+    return found

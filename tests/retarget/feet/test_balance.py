@@ -1,0 +1,86 @@
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from kinemimic.pipeline.arrays import Array
+from kinemimic.pipeline.kinematics.rotations import angle_between, from_axis_angle, multiply, rotate
+from kinemimic.pipeline.kinematics.skeleton import NODE_INDEX
+from kinemimic.retarget.feet.balance import LARGEST_LEAN, MARGIN, centre_of_mass, upright
+from kinemimic.retarget.feet.contact import sole_positions
+from kinemimic.retarget.feet.scale import body_kinematics
+from kinemimic.retarget.humanoid.body import STANDING_HEIGHT
+from kinemimic.retarget.humanoid.motion import Motion
+from kinemimic.retarget.library.exercises import exercise
+
+FRAMES = 40
+ANKLES = (NODE_INDEX["ankle_left"], NODE_INDEX["ankle_right"])
+
+
+def standing() -> tuple[Array, Array]:
+    """Rotations (T, 20, 4) and root (T, 3) of the neutral pose."""
+    rotations = np.tile([0.0, 0.0, 0.0, 1.0], (FRAMES, 20, 1))
+    return rotations, np.tile([0.0, 0.0, STANDING_HEIGHT], (FRAMES, 1))
+
+
+def leaning(angle: float, axis: str = "Y") -> tuple[Array, Array]:
+    """The neutral pose as a sensor sees it that is tilted by an angle, rad."""
+    rotations, root = standing()
+    turn = np.broadcast_to(from_axis_angle(axis, angle), (FRAMES, 4))
+    rotations[:, 0] = multiply(turn, rotations[:, 0])
+    return rotations, rotate(turn, root)
+
+
+def test_the_centre_of_mass_of_the_neutral_pose() -> None:
+    """Hand-computed from Table 1: only the feet are ahead of the pelvis' axis, by 4 cm."""
+    centre = centre_of_mass(*body_kinematics(*standing()))[0]
+    assert centre[0] == pytest.approx(2 * 1.2 * 0.04 / 48.2)
+    assert centre[1] == pytest.approx(0.0, abs=1e-12)
+    assert 0.85 < centre[2] < 1.05
+
+
+@pytest.mark.parametrize(("axis", "degrees"), [("Y", 10.0), ("Y", -8.0), ("X", 14.0)])
+def test_a_body_that_would_fall_is_turned_until_it_stands(axis: str, degrees: float) -> None:
+    rotations, root = leaning(np.radians(degrees), axis)
+    contacts = np.ones((FRAMES, 2), dtype=np.bool_)
+    turned, path, lean = upright(rotations, root, contacts)
+    assert 0.0 < np.degrees(lean) < abs(degrees)
+    positions, frames = body_kinematics(turned, path)
+    soles = sole_positions(positions, frames).reshape(FRAMES, 8, 3)[..., :2]
+    centre = centre_of_mass(positions, frames)[:, :2]
+    assert (centre > soles.min(axis=1) + 0.5 * MARGIN).all()
+    assert (centre < soles.max(axis=1) - 0.5 * MARGIN).all()
+    # The feet keep their orientation, the joints but for the ankles their angles.
+    before = body_kinematics(rotations, root)[1]
+    for ankle in ANKLES:
+        assert angle_between(before[:, ankle], frames[:, ankle]).max() < 1e-6
+    others = [node for node in range(1, 20) if node not in ANKLES]
+    np.testing.assert_array_equal(turned[:, others], rotations[:, others])
+
+
+def test_a_body_that_stands_does_not_change() -> None:
+    motion: Motion = exercise(0, 4)
+    for contacts in (motion.contacts, np.zeros_like(motion.contacts)):
+        turned, path, lean = upright(motion.rotations, motion.root, contacts)
+        assert lean == 0.0
+        assert turned is motion.rotations
+        assert path is motion.root
+
+
+def test_the_turn_has_a_limit() -> None:
+    rotations, root = leaning(np.radians(40.0))
+    _, _, lean = upright(rotations, root, np.ones((FRAMES, 2), dtype=np.bool_))
+    assert lean == pytest.approx(LARGEST_LEAN)
+
+
+def test_only_feet_that_stand_carry() -> None:
+    """On the left foot alone, the body leans to the left; on both it stands."""
+    rotations, root = standing()
+    one = np.tile([True, False], (FRAMES, 1))
+    turned, path, lean = upright(rotations, root, one)
+    assert lean > 0.02
+    positions, frames = body_kinematics(turned, path)
+    left = sole_positions(positions, frames)[:, 0, :, 1]
+    centre = centre_of_mass(positions, frames)[:, 1]
+    assert (centre > left.min(axis=1)).all()
+    assert upright(rotations, root, np.ones((FRAMES, 2), dtype=np.bool_))[2] == 0.0
