@@ -19,7 +19,10 @@ from kinemimic.retarget.humanoid.body import BODIES, BODY_NODES, TOTAL_MASS
 MARGIN = 0.02  # m by which the centre of mass comes inside the soles
 LARGEST_LEAN = np.radians(15.0)  # of a sensor that stands on a table or hangs on a wall
 _SMALLEST_LEAN = np.radians(0.5)
-MIN_FRAMES = 15  # with a foot in contact
+# Who stands on the spot: share of the frames with a foot in contact, and the way of the hips, m. A jump or a
+# roll leans as its dynamics ask for.
+STANDING_SHARE = 0.8
+ON_THE_SPOT = 0.5
 _MASSES = np.array([body.mass for body in BODIES])
 _CENTERS = np.array([body.center for body in BODIES])
 
@@ -36,11 +39,12 @@ def upright(rotations: Array, root: Array, contacts: Mask) -> tuple[Array, Array
     """Rotations (T, 20, 4) and root (T, 3) of a body that leans as it can while it stands, and by how many
     radians it was turned. The feet keep their orientation in the world.
 
-    contacts: (T, 2). Nothing changes if the centre of mass is over the soles that stand in at least half of
-    the frames in which any does, nor by less than half a degree.
+    contacts: (T, 2). Nothing changes for a body that does not stand on the spot, nor if the centre of mass is
+    over the soles that stand in at least half of the frames in which any does, nor by less than half a
+    degree.
     """
     standing = contacts.any(axis=1)
-    if standing.sum() < MIN_FRAMES:
+    if standing.mean() < STANDING_SHARE or np.ptp(root[:, :2], axis=0).max() > ON_THE_SPOT:
         return rotations, root, 0.0
     soles = body_kinematics(rotations)[1]
     turned, path, total = rotations, root, np.zeros(3)

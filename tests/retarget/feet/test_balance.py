@@ -67,6 +67,15 @@ def test_a_body_that_stands_does_not_change() -> None:
         assert path is motion.root
 
 
+def test_a_body_on_its_way_may_lean() -> None:
+    rotations, root = leaning(np.radians(10.0))
+    contacts = np.ones((FRAMES, 2), dtype=np.bool_)
+    away = root + np.linspace(0.0, 0.6, FRAMES)[:, None] * [1.0, 0.0, 0.0]
+    assert upright(rotations, away, contacts)[2] == 0.0
+    flying = contacts & (np.arange(FRAMES) < FRAMES // 2)[:, None]
+    assert upright(rotations, root, flying)[2] == 0.0
+
+
 def test_the_turn_has_a_limit() -> None:
     rotations, root = leaning(np.radians(40.0))
     _, _, lean = upright(rotations, root, np.ones((FRAMES, 2), dtype=np.bool_))
