@@ -27,6 +27,8 @@ _MODULES: tuple[str, ...] = (
     "kinect.treadmill",
     "mocap.trc",
     "mocap.marker_csv",
+    "landmarks.mediapipe_csv",
+    "landmarks.mediapipe_json",
     "mocap.c3d",
     "public_datasets.andersson",
     "kinect.kinect2bvh_dump",

@@ -11,11 +11,11 @@ from kinemimic.pipeline.arrays import Array
 from kinemimic.pipeline.kinematics.clip import Clip
 from kinemimic.pipeline.kinematics.nodes import joints_by_name
 from kinemimic.pipeline.kinematics.proportions import TRUNK, stature
-from kinemimic.pipeline.kinematics.skeleton import NODE_INDEX, NODES, Skeleton
+from kinemimic.pipeline.kinematics.skeleton import NODE_INDEX, NODES
 from kinemimic.pipeline.kinematics.vectors import unit
 from kinemimic.pipeline.readers.base.clip_building import clip_of_points
 from kinemimic.pipeline.readers.base.format import Format
-from kinemimic.pipeline.readers.base.node_parents import nearest_ancestor
+from kinemimic.pipeline.readers.base.node_parents import skeleton_of
 from kinemimic.pipeline.readers.base.source import Source
 from kinemimic.pipeline.readers.mocap.joint_centres import (
     HALF_ANKLE,
@@ -70,7 +70,7 @@ def clip_of_markers(
         centres = _centres(_Markers(labels, points), notes, source)
     nodes = tuple(node for node in NODES if node in centres)
     return clip_of_points(
-        _skeleton(nodes),
+        skeleton_of(nodes),
         times,
         np.stack([centres[node] for node in nodes], axis=1),
         None,
@@ -211,11 +211,3 @@ def _trunk(markers: _Markers, frame: Pelvis, legs: Mapping[str, Array]) -> dict[
     if "head" in markers:
         trunk["head"] = markers["head"]
     return trunk
-
-
-def _skeleton(nodes: tuple[str, ...]) -> Skeleton:
-    """The tree of these nodes; rest offsets are unknown (zeros)."""
-
-    ancestors = [nearest_ancestor(node, nodes) for node in nodes]
-    parents = tuple(-1 if ancestor is None else nodes.index(ancestor) for ancestor in ancestors)
-    return Skeleton(nodes, parents, np.zeros((len(nodes), 3)))
