@@ -30,6 +30,8 @@ _MODULES: tuple[str, ...] = (
     "landmarks.mediapipe_csv",
     "landmarks.mediapipe_json",
     "mocap.c3d",
+    "segments.amass",
+    "segments.mvnx",
     "public_datasets.andersson",
     "kinect.kinect2bvh_dump",
     "mocap.asf_amc",
