@@ -29,6 +29,7 @@ _MODULES: tuple[str, ...] = (
     "mocap.marker_csv",
     "landmarks.mediapipe_csv",
     "landmarks.mediapipe_json",
+    "laboratory.nexus_csv",
     "mocap.c3d",
     "segments.amass",
     "segments.mvnx",

@@ -21,6 +21,7 @@ from kinemimic.pipeline.readers.base.frame_defects import refuse_remote, zero_fr
 from kinemimic.pipeline.readers.base.numbers import parse_sparse_table
 from kinemimic.pipeline.readers.base.source import Source
 from kinemimic.pipeline.readers.mocap.declared_unit import in_metres
+from kinemimic.pipeline.readers.mocap.marker_set import marker_set
 from kinemimic.pipeline.readers.mocap.markers import clip_of_markers
 
 RATE = 100.0
@@ -50,6 +51,7 @@ def read(source: Source) -> Clip:
     """
     line = source.blank_lines + 1
     labels, columns = _columns(source, line)
+    labels = marker_set(source).renamed(labels, source)
     separator = _separator(source)
     width = len(source.head[0].split(separator))
     table = parse_sparse_table(source, start=line, width=width, separator=separator)
