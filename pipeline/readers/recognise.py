@@ -30,6 +30,8 @@ _MODULES: tuple[str, ...] = (
     "landmarks.mediapipe_csv",
     "landmarks.mediapipe_json",
     "laboratory.nexus_csv",
+    "laboratory.qualisys_tsv",
+    "laboratory.motive_csv",
     "mocap.c3d",
     "segments.amass",
     "segments.mvnx",

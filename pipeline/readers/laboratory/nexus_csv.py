@@ -62,6 +62,8 @@ _NODES: dict[str, tuple[str, str]] = {
         )
     },
 }  # fmt: skip
+# Of an orientation; larger numbers are damage.
+_MAX_DEGREES = 1e4
 _LEGS = tuple(f"{s}{segment}" for s in "LR" for segment in ("FE", "TI"))
 _ANGLES = {
     f"{joint.lower()}_{side}": f"{s}{joint}Angles"
@@ -129,17 +131,22 @@ def _of_main_subject(section: Section) -> tuple[list[Item], int]:
 
 def _of_segments(section: Section, named: dict[str, Item], source: Source) -> Clip:
     clock = _clock(section)
-    values = section.values[clock.later]
+    lines = np.flatnonzero(clock.later)
+    segments = [name for name, item in named.items() if item.components == _SEGMENT]
+    values = np.stack([section.values[clock.later, named[name].columns] for name in segments], axis=1)
+    unit = source.unit or _unit([named[leg].units[3] for leg in _LEGS], source)
+    values[..., 3:] *= UNITS[unit]
+    # Before anything is computed from them: a damaged file may hold any number.
+    for first in (3, 6):
+        refuse_remote(
+            values[..., first : first + 3], segments, source, lambda row: section.table.line(int(lines[row]))
+        )
+    values[~np.isfinite(values) | (np.abs(values) > _MAX_DEGREES)] = np.nan
+    turns = {name: from_rotvec(np.radians(values[:, k, :3])) for k, name in enumerate(segments)}
 
     def segment(name: str, first: int) -> Array:
-        return np.asarray(values[:, named[name].columns][:, first : first + 3])
+        return np.asarray(values[:, segments.index(name), first : first + 3])
 
-    unit = source.unit or _unit([named[leg].units[3] for leg in _LEGS], source)
-    turns = {
-        name: from_rotvec(np.radians(segment(name, 0)))
-        for name, item in named.items()
-        if item.components == _SEGMENT
-    }
     nodes = tuple(node for node in NODES if node in _NODES and _NODES[node][0].rstrip("+") in turns)
     points, frames = [], []
     for node in nodes:
@@ -149,11 +156,9 @@ def _of_segments(section: Section, named: dict[str, Item], source: Source) -> Cl
             along = np.zeros_like(place)
             along[:, 2] = segment(origin.rstrip("+"), 6)[:, 2]
             place = place + rotate(turns[origin.rstrip("+")], along)
-        points.append(place * UNITS[unit])
+        points.append(place)
         frames.append(turns.get(fixed, np.full((len(place), 4), np.nan)))
     places = np.stack(points, axis=1)
-    lines = np.flatnonzero(clock.later)
-    refuse_remote(places, nodes, source, lambda row: section.table.line(int(lines[row])))
     skeleton = skeleton_of(nodes)
     return clip_of_points(
         skeleton,

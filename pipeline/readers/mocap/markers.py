@@ -27,7 +27,7 @@ from kinemimic.pipeline.readers.mocap.joint_centres import (
     pelvis,
 )
 from kinemimic.pipeline.readers.mocap.marker_names import SIDES, landmarks
-from kinemimic.pipeline.readers.mocap.marker_set import MarkerSet, marker_set
+from kinemimic.pipeline.readers.mocap.marker_set import SUFFIX, MarkerSet, marker_set
 
 _LEGS = tuple(f"{joint}_{side}" for side in SIDES for joint in ("hip", "knee", "ankle"))
 # Rab, Petuskey & Bagley 2002 (Gait & Posture 15, 113-119): the shoulder's centre is below the acromion by
@@ -144,6 +144,7 @@ def _require_markers(markers: _Markers, source: Source) -> None:
         raise source.error(
             expected="markers from which hips, knees and ankles can be computed",
             found=f"none for {'; '.join(missing_markers)} among {labels_shown or 'points without labels'}",
+            advice=f"say which marker is where in NAME{SUFFIX}, if they have other names",
         )
 
 
