@@ -21,6 +21,8 @@ TITLES: tuple[str, ...] = (TRAJECTORIES, MODEL_OUTPUTS, "Joints", "Segments", "D
 # What stands above the components of frames.
 FRAME = ("Frame", "Sub Frame")
 _MAX_RATE = 10_000.0
+# A day at that rate; beyond, times could not be told apart.
+_MAX_FRAME = 1e9
 
 
 @dataclass(frozen=True)
@@ -98,9 +100,11 @@ def read_section(source: Source, start: int, title: str) -> Section:
         separator=separator,
     )
     frames = table.values[:, 0]
-    if not np.isfinite(frames).all():
-        bad = int(np.argmin(np.isfinite(frames)))
-        raise source.error(expected="a frame's number", found="none", line=table.line(bad))
+    wrong = ~(np.abs(frames) <= _MAX_FRAME)  # NaN too
+    if wrong.any():
+        bad = int(np.argmax(wrong))
+        found = "none" if np.isnan(frames[bad]) else f"{frames[bad]:g}"
+        raise source.error(expected="a frame's number", found=found, line=table.line(bad))
     items = _items(names, components, units + [""] * width, source, start)
     return Section(title, rate, items, frames, table.values, table)
 

@@ -43,9 +43,9 @@ POINTS: dict[int, dict[str, int]] = {
     },
     34: {
         "hip_center": 0, "spine": 1, "shoulder_center": 3, "shoulder_left": 5, "elbow_left": 6,
-        "wrist_left": 7, "hand_left": 8, "shoulder_right": 12, "elbow_right": 13,
-        "wrist_right": 14, "hand_right": 15, "hip_left": 18, "knee_left": 19, "ankle_left": 20, "foot_left": 21, "hip_right": 22, "knee_right": 23,
-        "ankle_right": 24, "foot_right": 25, "head": 26,
+        "wrist_left": 7, "hand_left": 8, "shoulder_right": 12, "elbow_right": 13, "wrist_right": 14,
+        "hand_right": 15, "hip_left": 18, "knee_left": 19, "ankle_left": 20, "foot_left": 21, "hip_right": 22,
+        "knee_right": 23, "ankle_right": 24, "foot_right": 25, "head": 26,
     },
     38: {
         "hip_center": 0, "spine": 2, "shoulder_center": 4, "shoulder_left": 12, "shoulder_right": 13,
