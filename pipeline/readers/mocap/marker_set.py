@@ -79,7 +79,11 @@ def _check(chosen: MarkerSet) -> None:
     for landmark, named in chosen.markers.items():
         given = [named] if isinstance(named, str) else named
         if not given or canonical_labels(landmark, len(given)) is None:
-            count = f"{len(given)} markers for it" if canonical_labels(landmark, 1) else "another word"
+            count = (
+                f"{len(given)} markers for it"
+                if any(canonical_labels(landmark, k) for k in range(1, 5))
+                else "another word"
+            )
             raise RecordError(
                 "markers", landmark,
                 expected="a landmark (asis_left, knee_lateral_left, thigh_left with three markers …) or node",
