@@ -35,10 +35,10 @@ from kinemimic.pipeline.readers.laboratory.nexus_sections import (
     separator_of,
     titles,
 )
-from kinemimic.pipeline.readers.mocap.declared_unit import in_metres
-from kinemimic.pipeline.readers.mocap.marker_names import landmarks
-from kinemimic.pipeline.readers.mocap.marker_set import marker_set
-from kinemimic.pipeline.readers.mocap.markers import clip_of_markers
+from kinemimic.pipeline.readers.optical.declared_unit import in_metres
+from kinemimic.pipeline.readers.optical.marker_names import landmarks
+from kinemimic.pipeline.readers.optical.marker_set import marker_set
+from kinemimic.pipeline.readers.optical.markers import clip_of_markers
 
 FORMAT = Format(
     name="Vicon Nexus CSV",

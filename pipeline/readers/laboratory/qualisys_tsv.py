@@ -21,9 +21,9 @@ from kinemimic.pipeline.readers.base.format import Format
 from kinemimic.pipeline.readers.base.frame_defects import refuse_remote, zero_frames
 from kinemimic.pipeline.readers.base.numbers import Table, parse_sparse_table, to_number
 from kinemimic.pipeline.readers.base.source import Source
-from kinemimic.pipeline.readers.mocap.declared_unit import in_metres
-from kinemimic.pipeline.readers.mocap.marker_set import marker_set
-from kinemimic.pipeline.readers.mocap.markers import clip_of_markers
+from kinemimic.pipeline.readers.optical.declared_unit import in_metres
+from kinemimic.pipeline.readers.optical.marker_set import marker_set
+from kinemimic.pipeline.readers.optical.markers import clip_of_markers
 
 FORMAT = Format(
     name="Qualisys TSV",

@@ -18,7 +18,7 @@ from kinemimic.pipeline.kinematics.nodes import to_nodes
 from kinemimic.pipeline.kinematics.rotations import conjugate, multiply
 from kinemimic.pipeline.kinematics.skeleton import NODE_INDEX
 from kinemimic.pipeline.readers import recognise
-from kinemimic.pipeline.readers.mocap.joint_centres import HALF_KNEE
+from kinemimic.pipeline.readers.optical.joint_centres import HALF_KNEE
 
 FRAMES = 40
 SHOWN = rigid_walk(FRAMES, sample.RATE)

@@ -17,7 +17,7 @@ from kinemimic.pipeline.readers.base.clip_building import clip_of_points
 from kinemimic.pipeline.readers.base.format import Format
 from kinemimic.pipeline.readers.base.node_parents import skeleton_of
 from kinemimic.pipeline.readers.base.source import Source
-from kinemimic.pipeline.readers.mocap.joint_centres import (
+from kinemimic.pipeline.readers.optical.joint_centres import (
     HALF_ANKLE,
     HALF_KNEE,
     Pelvis,
@@ -26,8 +26,8 @@ from kinemimic.pipeline.readers.mocap.joint_centres import (
     inward,
     pelvis,
 )
-from kinemimic.pipeline.readers.mocap.marker_names import SIDES, landmarks
-from kinemimic.pipeline.readers.mocap.marker_set import SUFFIX, MarkerSet, marker_set
+from kinemimic.pipeline.readers.optical.marker_names import SIDES, landmarks
+from kinemimic.pipeline.readers.optical.marker_set import SUFFIX, MarkerSet, marker_set
 
 _LEGS = tuple(f"{joint}_{side}" for side in SIDES for joint in ("hip", "knee", "ankle"))
 # Rab, Petuskey & Bagley 2002 (Gait & Posture 15, 113-119): the shoulder's centre is below the acromion by

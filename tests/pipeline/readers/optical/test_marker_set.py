@@ -12,8 +12,8 @@ from samples.motion import in_sight, walk
 from kinemimic.pipeline.errors import CaptureError
 from kinemimic.pipeline.kinematics.skeleton import NODE_INDEX
 from kinemimic.pipeline.readers import recognise
-from kinemimic.pipeline.readers.mocap.joint_centres import hip_centre, pelvis
-from kinemimic.pipeline.readers.mocap.marker_names import landmarks
+from kinemimic.pipeline.readers.optical.joint_centres import hip_centre, pelvis
+from kinemimic.pipeline.readers.optical.marker_names import landmarks
 
 FRAMES = 20
 SHOWN = in_sight(walk(FRAMES, sample.RATE))

@@ -13,7 +13,7 @@ from msgspec import Meta, Struct
 from kinemimic.pipeline.files.records import RecordError, convert
 from kinemimic.pipeline.files.toml_file import parse_toml
 from kinemimic.pipeline.readers.base.source import Source
-from kinemimic.pipeline.readers.mocap.marker_names import canonical_labels
+from kinemimic.pipeline.readers.optical.marker_names import canonical_labels
 
 SUFFIX, FOLDER_SET = ".markers.toml", "markers.toml"
 Regression = Literal["bell", "harrington", "davis"]
