@@ -201,6 +201,7 @@ bench-clean: setup ## Compare every filter with the virtual Kinect's truth
 # The folder of UI-PRMD is in KINEMIMIC_CAPTURES=, as for the tests (docs/contributing.md).
 sensor-accuracy: setup ## Compare a Kinect's knee and hip with a Vicon's, before and after cleaning
 	$(BIN)/python tests/bench/sensor_accuracy.py "$${KINEMIMIC_CAPTURES:-../shared/captures}" runs/sensor-accuracy
+	$(BIN)/python tests/bench/azure_accuracy.py "$${KINEMIMIC_SENSORS:-../shared/sensors}" runs/sensor-accuracy
 
 bench-truth: setup ## Measure the error against the virtual Kinect's truth, by variability, sensor and speed
 	$(BIN)/python tests/bench/bench_truth.py

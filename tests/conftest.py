@@ -20,6 +20,15 @@ def captures() -> Path:
 
 
 @pytest.fixture(scope="session")
+def sensors(captures: Path) -> Path:
+    """The folder of files of other sensors, beside the recordings; not part of the project either."""
+    folder = captures.parent / "sensors"
+    if not folder.is_dir():
+        pytest.skip("no files of other sensors here: their folder is beside KINEMIMIC_CAPTURES")
+    return folder
+
+
+@pytest.fixture(scope="session")
 def wheel(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """The built wheel."""
     return build_wheel(tmp_path_factory.mktemp("source"), tmp_path_factory.mktemp("dist"))

@@ -18,6 +18,7 @@ from kinemimic.pipeline.readers.base.numbers import numbers_of
 from kinemimic.pipeline.readers.base.source import Source
 from kinemimic.pipeline.readers.depth.folder import CAMERA_FILE, is_recording
 from kinemimic.pipeline.readers.depth.folder import FORMAT as DEPTH_RECORDING
+from kinemimic.pipeline.readers.landmarks.freemocap import body_table, is_freemocap
 
 # Tried in this order: formats with a header or a keyword first, tables of bare numbers last.
 _MODULES: tuple[str, ...] = (
@@ -27,13 +28,24 @@ _MODULES: tuple[str, ...] = (
     "kinect.treadmill",
     "mocap.trc",
     "mocap.marker_csv",
+    "landmarks.freemocap",
+    "landmarks.mediapipe_csv",
+    "landmarks.mediapipe_json",
+    "landmarks.nuitrack_csv",
+    "landmarks.zed_json",
+    "laboratory.nexus_csv",
+    "laboratory.qualisys_tsv",
+    "laboratory.motive_csv",
     "mocap.c3d",
+    "segments.amass",
+    "segments.mvnx",
     "public_datasets.andersson",
     "kinect.kinect2bvh_dump",
     "mocap.asf_amc",
     "mocap.mot",
     "mocap.deepmimic",
     "mocap.bvh",
+    "segments.opensim_bodies",
     "kinect.azure_kinect",
     "kinect.azure_csv",
     "kinect.processing_session",
@@ -63,10 +75,10 @@ def formats() -> tuple[Format, ...]:
 def read(path: Path, *, unit: str | None = None, rate: float | None = None) -> Clip:
     """The capture in a file, as recorded: in our units and axes, one pass, nothing filled or filtered.
 
-    A folder is read if it is a depth recording. unit: the file's unit of length in the spelling of --unit (a
-    key of `length_units.UNIT_OPTIONS`), overriding the file; by default the format's or the header's unit,
-    else the likeliest for the size of the body. rate: the true frame rate in Hz, replacing the file's clock
-    (`frame_rate.at_rate`).
+    A folder is read if it is a depth recording or one of FreeMoCap. unit: the file's unit of length in the
+    spelling of --unit (a key of `length_units.UNIT_OPTIONS`), overriding the file; by default the format's or
+    the header's unit, else the likeliest for the size of the body. rate: the true frame rate in Hz, replacing
+    the file's clock (`frame_rate.at_rate`).
 
     provenance holds source (the file's name), format, sensor, sha256, sidecar_files (name -> SHA-256 of the
     other files of the capture) and the reader's record ("reading"). Raises CaptureError for anything but a
@@ -80,7 +92,8 @@ def read(path: Path, *, unit: str | None = None, rate: float | None = None) -> C
 
         clip = read_recording(path)
     else:
-        clip = read_source(Source.open(path, unit=named))
+        file = body_table(path) if is_freemocap(path) else path
+        clip = read_source(Source.open(file, unit=named))
     return clip if rate is None else at_rate(clip, rate)
 
 

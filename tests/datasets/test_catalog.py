@@ -5,6 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 import pytest
+from samples.corpus import published
 
 from kinemimic.pipeline.catalog.entry import Collection, Entry
 from kinemimic.pipeline.catalog.load import CATALOG, load_catalog
@@ -26,6 +27,11 @@ WITHOUT_RATE = {
     "lab_opensim_gait/Intro_to_Musculoskeletal_Modeling__normal.mot",
     "cmu_asfamc/02.asf",
     *(entry.name for entry in ENTRIES if entry.collection == "kinect2_kinect2bvh"),
+    # Image landmarks, and markers without names or of an arm: refused with the reason.
+    "mediapipe_csv/Ash1708_pose_landmarks.csv",
+    "mediapipe_csv/korok-leaf_pose_landmarks.csv",
+    *(entry.name for entry in ENTRIES if entry.collection in ("qualisys_tsv", "optitrack_motive")),
+    "vicon_csv/markers.csv",
 }
 
 
@@ -63,7 +69,7 @@ def test_every_address_is_quoted() -> None:
 
 @pytest.mark.parametrize("entry", ENTRIES, ids=lambda entry: entry.name)
 def test_the_file_is_the_one_that_is_meant(entry: Entry, captures: Path) -> None:
-    path = captures / entry.name
+    path = published(captures, entry.name)
     assert path.stat().st_size == entry.bytes
     assert file_hash(path) == entry.sha256
     assert _format(path) == entry.format
@@ -75,6 +81,13 @@ def test_every_recording_at_hand_is_in_it(captures: Path) -> None:
         for path in captures.rglob("*")
         if path.is_file() and path.name not in NOTES and not path.name.startswith(".")
     }
+    beside = captures.parent / "sensors"
+    # Videos are no captures; the notes are as beside the captures.
+    there |= {
+        path.relative_to(beside).as_posix().replace("/", "__").replace("__", "/", 1)
+        for path in beside.rglob("*")
+        if path.is_file() and path.suffix != ".mp4" and path.name not in NOTES
+    }
     assert there == {entry.name for entry in ENTRIES}
 
 
@@ -83,7 +96,7 @@ def test_every_recording_at_hand_is_in_it(captures: Path) -> None:
 def test_the_frame_rate_is_what_our_readers_find(entry: Entry, captures: Path) -> None:
     assert (entry.frame_rate is None) == (entry.name in WITHOUT_RATE)
     if entry.frame_rate is not None:
-        source = Source.open(captures / entry.name)
+        source = Source.open(published(captures, entry.name))
         assert reader_of(source).read(source).rate == pytest.approx(entry.frame_rate, rel=2e-3)
 
 

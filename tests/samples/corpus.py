@@ -25,6 +25,15 @@ def corpus(folder: str) -> Path:
     return found
 
 
+def published(captures: Path, name: str) -> Path:
+    """A file of the catalogue, "COLLECTION/FILE": a capture, or a file of another sensor beside the captures.
+
+    There, files are in the folders that they were published in ("__" in the catalogue).
+    """
+    found = captures / name
+    return found if found.exists() else captures.parent / "sensors" / name.replace("__", "/")
+
+
 @cache
 def recorded(path: Path) -> Clip:
     """A recording on the 20 nodes, as `retarget` reads it."""

@@ -6,7 +6,7 @@ import numpy as np
 
 from kinemimic.pipeline.arrays import Array
 from kinemimic.pipeline.kinematics.skeleton import NODE_INDEX
-from kinemimic.pipeline.readers.mocap.joint_centres import BELL
+from kinemimic.pipeline.readers.optical.joint_centres import BELL
 from samples.motion import Walk, in_sight, walk
 
 # Half of a knee and of an ankle with its marker, metres.

@@ -7,7 +7,7 @@ import gzip
 import numpy as np
 
 from kinemimic.pipeline.arrays import Array
-from kinemimic.pipeline.readers.mocap.joint_centres import HALF_ANKLE, HALF_KNEE
+from kinemimic.pipeline.readers.optical.joint_centres import HALF_ANKLE, HALF_KNEE
 from kinemimic.pipeline.readers.public_datasets.uiprmd_vicon import MARKERS, RATE, TRIPLETS, WIDTH
 from samples.motion import Walk, in_sight, walk
 from samples.trc import at, markers, pelvis_of, unit

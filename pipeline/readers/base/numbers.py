@@ -88,6 +88,25 @@ def parse_table(
     return Table(values, source, start)
 
 
+def parse_sparse_table(source: Source, *, start: int, width: int, separator: str) -> Table:
+    """Like `parse_table`, with NaN for empty cells.
+
+    Most files have none, so they are searched for only if the table cannot be parsed without.
+    """
+    try:
+        return parse_table(source, start=start, width=width, separator=separator)
+    except CaptureError:
+        head, body = source.lines[:start], source.lines[start:]
+        rows = (
+            separator.join(cell if cell.strip() else "nan" for cell in row.split(separator))
+            if row.strip(separator + " ")
+            else ""
+            for row in body
+        )
+        filled = Source(source.path, "\n".join([*head, *rows]).encode(), source.sha256)
+        return parse_table(filled, start=start, width=width, separator=separator)
+
+
 def _with_arrow(
     source: Source,
     start: int,

@@ -24,9 +24,10 @@ from kinemimic.pipeline.readers.base.source import Source
 from kinemimic.pipeline.readers.kinect.treadmill import NODE_OF_LABEL, angles_of_recorder, true_rate
 from kinemimic.pipeline.readers.mocap.c3d_layout import BLOCK, check_layout, frames_with_room, has_signature
 from kinemimic.pipeline.readers.mocap.c3d_points import read_points
-from kinemimic.pipeline.readers.mocap.declared_unit import in_metres
-from kinemimic.pipeline.readers.mocap.marker_names import landmarks
-from kinemimic.pipeline.readers.mocap.markers import clip_of_markers
+from kinemimic.pipeline.readers.optical.declared_unit import in_metres
+from kinemimic.pipeline.readers.optical.marker_names import landmarks
+from kinemimic.pipeline.readers.optical.marker_set import marker_set
+from kinemimic.pipeline.readers.optical.markers import clip_of_markers
 
 FORMAT = Format(
     name="C3D",
@@ -61,6 +62,7 @@ def read(source: Source) -> Clip:
     check_layout(source)
     content = read_points(source)
     labels, rate, points = content.labels, content.rate, content.positions
+    labels = marker_set(source).renamed(labels, source)
     unread = unread_frames(source, len(points))
     is_kinect = all(label in labels for label in NODE_OF_LABEL)
     selected_labels = tuple(NODE_OF_LABEL) if is_kinect else _body_labels(labels)

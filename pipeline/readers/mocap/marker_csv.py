@@ -11,7 +11,6 @@ import re
 
 import numpy as np
 
-from kinemimic.pipeline.errors import CaptureError
 from kinemimic.pipeline.kinematics.clip import Clip
 from kinemimic.pipeline.kinematics.rotations import IDENTITY
 from kinemimic.pipeline.quality.rules.length_units import SET_BY_USER, UNITS
@@ -19,10 +18,11 @@ from kinemimic.pipeline.readers.base.clip_building import reading
 from kinemimic.pipeline.readers.base.column_names import index_of_columns
 from kinemimic.pipeline.readers.base.format import Format
 from kinemimic.pipeline.readers.base.frame_defects import refuse_remote, zero_frames
-from kinemimic.pipeline.readers.base.numbers import Table, parse_table
+from kinemimic.pipeline.readers.base.numbers import parse_sparse_table
 from kinemimic.pipeline.readers.base.source import Source
-from kinemimic.pipeline.readers.mocap.declared_unit import in_metres
-from kinemimic.pipeline.readers.mocap.markers import clip_of_markers
+from kinemimic.pipeline.readers.optical.declared_unit import in_metres
+from kinemimic.pipeline.readers.optical.marker_set import marker_set
+from kinemimic.pipeline.readers.optical.markers import clip_of_markers
 
 RATE = 100.0
 UNIT = "mm"
@@ -51,7 +51,10 @@ def read(source: Source) -> Clip:
     """
     line = source.blank_lines + 1
     labels, columns = _columns(source, line)
-    table = _table(source, line)
+    labels = marker_set(source).renamed(labels, source)
+    separator = _separator(source)
+    width = len(source.head[0].split(separator))
+    table = parse_sparse_table(source, start=line, width=width, separator=separator)
     unit = source.unit or UNIT
     points = table.values[:, columns].reshape(len(table.values), len(labels), 3) * UNITS[unit]
     defects = zero_frames(points)
@@ -101,21 +104,3 @@ def _columns(source: Source, line: int) -> tuple[tuple[str, ...], list[int]]:
             expected="x, y and z of every marker", found=f"no column {lacking[:44]}", line=line
         )
     return tuple(labels), [index[name] for name in wanted]
-
-
-def _table(source: Source, start: int) -> Table:
-    """The frames; empty cells become NaN. Most files have none, so they are searched for only on failure."""
-    separator = _separator(source)
-    width = len(source.head[0].split(separator))
-    try:
-        return parse_table(source, start=start, width=width, separator=separator)
-    except CaptureError:
-        head, body = source.lines[:start], source.lines[start:]
-        cells = ([cell if cell.strip() else "nan" for cell in row.split(separator)] for row in body if row)
-        filled = "\n".join([*head, *(separator.join(row) for row in cells)])
-        return parse_table(
-            Source(source.path, filled.encode(), source.sha256),
-            start=start,
-            width=width,
-            separator=separator,
-        )

@@ -24,8 +24,9 @@ from kinemimic.pipeline.readers.base.format import Format
 from kinemimic.pipeline.readers.base.frame_defects import increasing_times, refuse_remote
 from kinemimic.pipeline.readers.base.numbers import Table, numbers_of, parse_table
 from kinemimic.pipeline.readers.base.source import Source
-from kinemimic.pipeline.readers.mocap.declared_unit import in_metres
-from kinemimic.pipeline.readers.mocap.markers import clip_of_markers
+from kinemimic.pipeline.readers.optical.declared_unit import in_metres
+from kinemimic.pipeline.readers.optical.marker_set import marker_set
+from kinemimic.pipeline.readers.optical.markers import clip_of_markers
 
 FORMAT = Format(
     name="TRC",
@@ -68,7 +69,7 @@ def read(source: Source) -> Clip:
     next_line = source.lines[names_line + 1] if names_line + 1 < len(source.lines) else ""
     table, values = _table(source, names_line + (1 if numbers_of(next_line, None) else 2))
     count = (values.shape[1] - 2) // 3
-    labels = _labels(source.lines[names_line], count)
+    labels = marker_set(source).renamed(_labels(source.lines[names_line], count), source)
     if not np.isfinite(values[:, 1]).all():
         bad = int(np.argmin(np.isfinite(values[:, 1])))
         raise source.error(expected="a time in s", found="none", line=table.line(bad))

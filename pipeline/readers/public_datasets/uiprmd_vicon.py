@@ -19,7 +19,7 @@ from kinemimic.pipeline.readers.base.frame_defects import refuse_remote, zero_fr
 from kinemimic.pipeline.readers.base.numbers import Table, parse_table
 from kinemimic.pipeline.readers.base.paired_files import sidecar_file, sidecar_name
 from kinemimic.pipeline.readers.base.source import Source
-from kinemimic.pipeline.readers.mocap.markers import clip_of_markers
+from kinemimic.pipeline.readers.optical.markers import clip_of_markers
 from kinemimic.pipeline.readers.public_datasets.uiprmd_table import head_of_numbers
 
 RATE = 100.0

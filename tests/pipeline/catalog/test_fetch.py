@@ -15,6 +15,7 @@ import pytest
 from click.testing import CliRunner
 from peers.fetching import HALF, ONCE, QUICK, in_turn, left, one
 from peers.web import CONTENT, ETAG, Request, Script, Server
+from samples.corpus import published
 
 from kinemimic.pipeline.catalog.entry import Catalog
 from kinemimic.pipeline.catalog.fetch import command, fetch
@@ -184,7 +185,7 @@ def test_the_command_prints_paths_and_licences_on_stderr(
 def test_every_recording_of_our_catalogue_arrives(captures: Path, tmp_path: Path, serve: Serve) -> None:
     """Over HTTP, from a server that serves the recordings at the URLs of the catalogue."""
     catalog = load_catalog()
-    shelf = {f"/{e.repository}/{e.commit}/{e.path}": captures / e.name for e in catalog.entries}
+    shelf = {f"/{e.repository}/{e.commit}/{e.path}": published(captures, e.name) for e in catalog.entries}
     server = serve(lambda r: r.whole(shelf[unquote(r.path)].read_bytes()))
     began = time.monotonic()
     fetched = fetch(catalog.entries, tmp_path / "in", mirror=server.base)
@@ -193,7 +194,7 @@ def test_every_recording_of_our_catalogue_arrives(captures: Path, tmp_path: Path
     assert len(fetched.paths) == len(catalog.entries) == len(server.asked)
     for entry, path in zip(catalog.entries, fetched.paths, strict=True):
         assert path == (tmp_path / "in").resolve() / entry.collection / entry.file
-        assert path.read_bytes() == (captures / entry.name).read_bytes()
+        assert path.read_bytes() == published(captures, entry.name).read_bytes()
         assert path.stat().st_mode & 0o777 == 0o666 & ~_umask()
 
 

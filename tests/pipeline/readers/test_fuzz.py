@@ -1,5 +1,6 @@
-"""Two thousand damaged files of every text format: each gives a clear error or a valid clip, in
-bounded time.
+"""Two thousand damaged files of every format: each gives a clear error or a valid clip, in bounded time.
+
+All but C3D, whose library reads in a process of its own.
 """
 
 from __future__ import annotations
@@ -29,12 +30,18 @@ FRAMES = 24
 # A hang, not slowness, is what is looked for: the slowest of these inputs takes about a tenth of a second.
 SECONDS = 20
 MEMORY = 400 * 2**20
-NO_FORMATS = {"bouts", "converted", "corpus", "depth_scene", "described_euler", "motion", "mutate", "walker"}
-TEXT_FORMATS = sorted(
-    name
-    for _, name, _ in pkgutil.iter_modules(samples.__path__)
-    if name not in NO_FORMATS and not samples.reader(name).FORMAT.binary
-)
+NO_FORMATS = {
+    "bouts",
+    "c3d",
+    "converted",
+    "corpus",
+    "depth_scene",
+    "described_euler",
+    "motion",
+    "mutate",
+    "walker",
+}
+FORMATS = sorted(name for _, name, _ in pkgutil.iter_modules(samples.__path__) if name not in NO_FORMATS)
 
 
 @pytest.fixture(autouse=True)
@@ -64,7 +71,7 @@ def check(clip: Clip) -> None:
     assert np.isin(clip.states, (0, 1, 2)).all()
 
 
-@pytest.mark.parametrize("name", TEXT_FORMATS)
+@pytest.mark.parametrize("name", FORMATS)
 def test_damaged_files(name: str, tmp_path: Path) -> None:
     module: ModuleType = importlib.import_module(f"samples.{name}")
     # gzip's checksum would catch damage inside a compressed file; here the reader must.

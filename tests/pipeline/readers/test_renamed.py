@@ -24,6 +24,7 @@ HELPFUL = re.compile(
     r"formats of that width: .+; restore its header, or describe its columns \(`kinemimic inspect --suggest`"
     r"|found (?:text that begins|a binary file of unknown format).*`kinemimic formats` lists the known"
     r"|line 1: expected a keyword or the first frame's number"
+    r"|line \d+, column \d+: expected JSON"
 )
 
 

@@ -19,7 +19,7 @@ from kinemimic.pipeline.kinematics.nodes import derived_nodes, to_nodes
 from kinemimic.pipeline.kinematics.skeleton import NODE_INDEX
 from kinemimic.pipeline.quality.check import check_capture
 from kinemimic.pipeline.readers import recognise
-from kinemimic.pipeline.readers.mocap.marker_names import landmarks
+from kinemimic.pipeline.readers.optical.marker_names import landmarks
 
 TEXT = files(30)["walk.trc"].decode()
 LONGER = files(90)["walk.trc"].decode()

@@ -16,6 +16,14 @@ from kinemimic.pipeline.kinematics.vectors import median, perpendicular, unit
 # Bell, Pedersen & Brand 1990 (J. Biomech. 23, 617-621): position of the hip centre relative to the midpoint
 # of the ASIS, forward, to the side and up, as shares of the distance between the ASIS.
 BELL = (-0.19, 0.36, -0.30)
+# Harrington et al. 2007 (J. Biomech. 40, 595-602), from magnetic resonance images: forward, to the side and
+# up from the midpoint of the ASIS, metres per metre of the pelvis' depth or width, and metres.
+HARRINGTON = ((-0.24, -0.0099), (0.33, 0.0073), (-0.30, -0.0109))
+# Davis et al. 1991 (Hum. Mov. Sci. 10, 575-587), as in Plug-in-Gait: the hip is this far from the ASIS, in
+# shares of the leg's length and metres, at these angles (radians) in the frontal and the sagittal plane; the
+# trochanter is that far behind the ASIS.
+DAVIS_DISTANCE, DAVIS_DEPTH = (0.115, -0.0153), (0.1288, -0.04856)
+DAVIS_ANGLES = (0.5, 0.314)
 # From the centre of a 14 mm marker on the lateral side to the centre of an adult's knee (105 mm wide) and
 # ankle (70 mm): half the marker plus half the joint. Assumed if the subject was not measured.
 HALF_KNEE, HALF_ANKLE = 0.0595, 0.042
@@ -27,7 +35,8 @@ _GUESS_WEIGHT = 0.2
 
 @dataclass(frozen=True)
 class Pelvis:
-    """origin: (T, 3) midpoint of the ASIS; axes: (T, 3, 3), columns forward, left, up; width: metres.
+    """origin: (T, 3) midpoint of the ASIS; axes: (T, 3, 3), columns forward, left, up; width between the ASIS
+    and depth from their midpoint to the back, metres.
 
     Forward and left span the plane of the ASIS and the sacrum: the anatomical pelvis, which is tilted forward
     by about 10 degrees in most people standing upright.
@@ -36,6 +45,7 @@ class Pelvis:
     origin: Array
     axes: Array
     width: float
+    depth: float
 
     @property
     def left(self) -> Array:
@@ -60,12 +70,31 @@ def pelvis(asis_left: Array, asis_right: Array, back: Array, below: Array) -> Pe
     if median(height) < 0:
         up = -up
     widths = np.linalg.norm(asis_left - asis_right, axis=-1)
-    return Pelvis(origin, np.stack([forward, left, up], axis=-1), median(widths))
+    depths = np.linalg.norm(origin - back, axis=-1)
+    return Pelvis(origin, np.stack([forward, left, up], axis=-1), median(widths), median(depths))
 
 
-def hip_centre(pelvis: Pelvis, side: str) -> Array:
-    """Hip centre (T, 3) by the regression of Bell et al. 1990; side: "left" or "right"."""
-    forward, sideways, up = (pelvis.width * share for share in BELL)
+def hip_centre(
+    pelvis: Pelvis, side: str, regression: str = "bell", *, leg: float = np.nan, marker: float = 0.007
+) -> Array:
+    """Hip centre (T, 3) by a regression: "bell", "harrington" or "davis"; side: "left" or "right".
+
+    leg: length of the leg from the ASIS over the knee to the ankle, marker: radius of a marker, metres, both
+    for "davis" only.
+    """
+    if regression == "harrington":
+        sizes = (pelvis.depth, pelvis.width, pelvis.width)
+        forward, sideways, up = (
+            share * size + more for (share, more), size in zip(HARRINGTON, sizes, strict=True)
+        )
+    elif regression == "davis":
+        distance, behind = (share * leg + more for share, more in (DAVIS_DISTANCE, DAVIS_DEPTH))
+        (sine, cosine), (low, flat) = ((np.sin(angle), np.cos(angle)) for angle in DAVIS_ANGLES)
+        forward = distance * cosine * low - (behind + marker) * flat
+        sideways = 0.5 * pelvis.width - distance * sine
+        up = -distance * cosine * flat - (behind + marker) * low
+    else:
+        forward, sideways, up = (pelvis.width * share for share in BELL)
     offset = np.array([forward, sideways if side == "left" else -sideways, up])
     return np.asarray(pelvis.origin + pelvis.axes @ offset)
 

@@ -11,13 +11,13 @@ from kinemimic.pipeline.arrays import Array
 from kinemimic.pipeline.kinematics.clip import Clip
 from kinemimic.pipeline.kinematics.nodes import joints_by_name
 from kinemimic.pipeline.kinematics.proportions import TRUNK, stature
-from kinemimic.pipeline.kinematics.skeleton import NODE_INDEX, NODES, Skeleton
-from kinemimic.pipeline.kinematics.vectors import unit
+from kinemimic.pipeline.kinematics.skeleton import NODE_INDEX, NODES
+from kinemimic.pipeline.kinematics.vectors import median, unit
 from kinemimic.pipeline.readers.base.clip_building import clip_of_points
 from kinemimic.pipeline.readers.base.format import Format
-from kinemimic.pipeline.readers.base.node_parents import nearest_ancestor
+from kinemimic.pipeline.readers.base.node_parents import skeleton_of
 from kinemimic.pipeline.readers.base.source import Source
-from kinemimic.pipeline.readers.mocap.joint_centres import (
+from kinemimic.pipeline.readers.optical.joint_centres import (
     HALF_ANKLE,
     HALF_KNEE,
     Pelvis,
@@ -26,7 +26,8 @@ from kinemimic.pipeline.readers.mocap.joint_centres import (
     inward,
     pelvis,
 )
-from kinemimic.pipeline.readers.mocap.marker_names import SIDES, landmarks
+from kinemimic.pipeline.readers.optical.marker_names import SIDES, landmarks
+from kinemimic.pipeline.readers.optical.marker_set import SUFFIX, MarkerSet, marker_set
 
 _LEGS = tuple(f"{joint}_{side}" for side in SIDES for joint in ("hip", "knee", "ankle"))
 # Rab, Petuskey & Bagley 2002 (Gait & Posture 15, 113-119): the shoulder's centre is below the acromion by
@@ -35,6 +36,11 @@ _BELOW_ACROMION = 0.17
 # Initial guess for an ankle without markers: this share of the way from the heel to the top of the midfoot,
 # and this far (metres) up the shank.
 _ANKLE_OVER_FOOT, _ANKLE_UP = 0.4, 0.03
+_AUTHORS = {
+    "bell": "Bell et al. 1990",
+    "harrington": "Harrington et al. 2007",
+    "davis": "Davis et al. 1991",
+}
 
 
 def clip_of_markers(
@@ -67,10 +73,10 @@ def clip_of_markers(
         centres = {node: points[:, point] for node, point in joint_points.items()}
         notes.append("points named like joints are taken as their centres")
     else:
-        centres = _centres(_Markers(labels, points), notes, source)
+        centres = _centres(_Markers(labels, points), marker_set(source), notes, source)
     nodes = tuple(node for node in NODES if node in centres)
     return clip_of_points(
-        _skeleton(nodes),
+        skeleton_of(nodes),
         times,
         np.stack([centres[node] for node in nodes], axis=1),
         None,
@@ -105,14 +111,14 @@ class _Markers:
         return np.where(missing[:, None], np.nan, position)
 
 
-def _centres(markers: _Markers, notes: list[str], source: Source) -> dict[str, Array]:
+def _centres(markers: _Markers, chosen: MarkerSet, notes: list[str], source: Source) -> dict[str, Array]:
     _require_markers(markers, source)
     back = markers["sacrum"] if "sacrum" in markers else 0.5 * (markers["psis_left"] + markers["psis_right"])
     frame = pelvis(markers["asis_left"], markers["asis_right"], back, _below(markers))
-    notes.append("hip centres from the ASIS and the sacrum by the regression of Bell et al. 1990")
+    notes.append(f"hip centres from the ASIS and the sacrum by the regression of {_AUTHORS[chosen.hips]}")
     centres: dict[str, Array] = {}
     for side in SIDES:
-        centres |= _leg(markers, frame, side, notes)
+        centres |= _leg(markers, frame, side, chosen, notes)
     centres |= _trunk(markers, frame, centres)
     for side in SIDES:
         for node in ("elbow", "wrist", "hand"):
@@ -138,6 +144,7 @@ def _require_markers(markers: _Markers, source: Source) -> None:
         raise source.error(
             expected="markers from which hips, knees and ankles can be computed",
             found=f"none for {'; '.join(missing_markers)} among {labels_shown or 'points without labels'}",
+            advice=f"say which marker is where in NAME{SUFFIX}, if they have other names",
         )
 
 
@@ -151,11 +158,17 @@ def _below(markers: _Markers) -> Array:
     return np.asarray(0.5 * (positions[0] + positions[1]))
 
 
-def _leg(markers: _Markers, frame: Pelvis, side: str, notes: list[str]) -> dict[str, Array]:
-    hip = hip_centre(frame, side)
+def _leg(
+    markers: _Markers, frame: Pelvis, side: str, chosen: MarkerSet, notes: list[str]
+) -> dict[str, Array]:
+    marker = 0.5 * chosen.marker_diameter
+    half_knee = HALF_KNEE if chosen.knee_width is None else 0.5 * chosen.knee_width + marker
+    half_ankle = HALF_ANKLE if chosen.ankle_width is None else 0.5 * chosen.ankle_width + marker
+    length = _leg_length(markers, side) if chosen.leg_length is None else chosen.leg_length
+    hip = hip_centre(frame, side, chosen.hips, leg=length, marker=marker)
     medial = -frame.left if side == "left" else frame.left
     if f"knee_lateral_{side}" in markers:
-        knee = _centre_at_marker(markers, "knee", side, hip, medial, HALF_KNEE, notes)
+        knee = _centre_at_marker(markers, "knee", side, hip, medial, half_knee, notes)
     else:
         thigh, shank = markers.cluster(f"thigh_{side}"), markers.cluster(f"shank_{side}")
         middle = 0.5 * (thigh.mean(axis=1) + shank.mean(axis=1))
@@ -164,7 +177,7 @@ def _leg(markers: _Markers, frame: Pelvis, side: str, notes: list[str]) -> dict[
         knee = centre_of_rotation(thigh, shank, guess)
         _add_note(notes, "knee", "the centres of rotation between clusters of markers (Ehrig et al. 2006)")
     if f"ankle_lateral_{side}" in markers:
-        ankle = _centre_at_marker(markers, "ankle", side, knee, medial, HALF_ANKLE, notes)
+        ankle = _centre_at_marker(markers, "ankle", side, knee, medial, half_ankle, notes)
     else:
         shank, foot = markers.cluster(f"shank_{side}"), markers.cluster(f"foot_{side}")
         heel, top = foot[:, 0], foot[:, 1]
@@ -173,6 +186,15 @@ def _leg(markers: _Markers, frame: Pelvis, side: str, notes: list[str]) -> dict[
         ankle = centre_of_rotation(shank, foot, guess)
         _add_note(notes, "ankle", "the centres of rotation between clusters of markers (Ehrig et al. 2006)")
     return {f"hip_{side}": hip, f"knee_{side}": knee, f"ankle_{side}": ankle}
+
+
+def _leg_length(markers: _Markers, side: str) -> float:
+    """Median length of the leg from the ASIS over the knee's marker to the ankle's; NaN without these."""
+    way = [f"{landmark}_{side}" for landmark in ("asis", "knee_lateral", "ankle_lateral")]
+    if any(landmark not in markers for landmark in way):
+        return float("nan")
+    asis, knee, ankle = (markers[landmark] for landmark in way)
+    return median(np.linalg.norm(asis - knee, axis=-1) + np.linalg.norm(knee - ankle, axis=-1))
 
 
 def _centre_at_marker(
@@ -211,11 +233,3 @@ def _trunk(markers: _Markers, frame: Pelvis, legs: Mapping[str, Array]) -> dict[
     if "head" in markers:
         trunk["head"] = markers["head"]
     return trunk
-
-
-def _skeleton(nodes: tuple[str, ...]) -> Skeleton:
-    """The tree of these nodes; rest offsets are unknown (zeros)."""
-
-    ancestors = [nearest_ancestor(node, nodes) for node in nodes]
-    parents = tuple(-1 if ancestor is None else nodes.index(ancestor) for ancestor in ancestors)
-    return Skeleton(nodes, parents, np.zeros((len(nodes), 3)))

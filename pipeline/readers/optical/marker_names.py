@@ -3,16 +3,19 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from itertools import chain
 
 from kinemimic.pipeline.kinematics.nodes import normalised
+from kinemimic.pipeline.kinematics.skeleton import NODES
 
 # Landmark -> labels of its markers, in lower case without punctuation; * stands for the side: "*asi" is lasi
 # or leftasi. Of each landmark's tuples, the first with any label in the file counts (for a cluster: with all
 # labels); all labels of that tuple in the file belong to the landmark. Plug-in-Gait; OpenSim's Gait2354,
-# Hamner, Rajagopal and Moco examples; OpenCap (whose suffix "_study" is dropped); and plain words.
+# Hamner, Rajagopal and Moco examples; OpenCap (whose suffix "_study" is dropped); the Rizzoli institute's
+# (IOR; Leardini et al. 2007, Gait & Posture 26, 560-571); and plain words.
 _SIDED: dict[str, tuple[tuple[str, ...], ...]] = {
-    "asis": (("*asi",), ("*asis",)),
-    "psis": (("*psi",), ("*psis",)),
+    "asis": (("*asi",), ("*asis",), ("asis*",)),
+    "psis": (("*psi",), ("*psis",), ("psis*",)),
     "knee_lateral": (
         ("*kneelat",),
         ("*kneelateral",),
@@ -20,6 +23,7 @@ _SIDED: dict[str, tuple[tuple[str, ...], ...]] = {
         ("*lfc",),
         ("*lepi",),
         ("*lkn",),
+        ("*le",),
         ("*knee",),
     ),
     "knee_medial": (
@@ -30,9 +34,18 @@ _SIDED: dict[str, tuple[tuple[str, ...], ...]] = {
         ("*mfc",),
         ("*mepi",),
         ("*mkn",),
+        ("*me",),
         ("*mknee",),
     ),
-    "ankle_lateral": (("*anklelat",), ("*anklelateral",), ("*ank",), ("*lmal",), ("*lak",), ("*ankle",)),
+    "ankle_lateral": (
+        ("*anklelat",),
+        ("*anklelateral",),
+        ("*ank",),
+        ("*lmal",),
+        ("*lak",),
+        ("*lm",),
+        ("*ankle",),
+    ),
     "ankle_medial": (
         ("*anklemed",),
         ("*anklemedial",),
@@ -40,9 +53,10 @@ _SIDED: dict[str, tuple[tuple[str, ...], ...]] = {
         ("*ankm",),
         ("*mmal",),
         ("*mak",),
+        ("*mm",),
         ("*mankle",),
     ),
-    "toes": (("*toetip",), ("*toe",), ("*mt2",), ("*mt1", "*mt5"), ("*toelat", "*toemed")),
+    "toes": (("*toetip",), ("*toe",), ("*mt2",), ("*mt1", "*mt5"), ("*fm", "*vm"), ("*toelat", "*toemed")),
     "acromion": (("*acromium",), ("*acromion",), ("*sho",), ("*acr",), ("*shoulder",), ("*shl",), ("*sh",)),
     "elbow": (
         ("*elb", "*elbm"),
@@ -130,3 +144,19 @@ def _add_first_match(
         if present and (len(present) == len(labels) or not complete):
             found[landmark] = present
             return
+
+
+def canonical_labels(landmark: str, count: int) -> tuple[str, ...] | None:
+    """Labels that `landmarks` reads as `count` markers of a landmark, or a joint of this node; None if there
+    are none.
+
+    landmark: as in `landmarks` ("asis_left", "sacrum", "thigh_right"), or a node, which has one marker.
+    """
+    if landmark in NODES and count == 1:
+        return (landmark.replace("_", ""),)
+    name, _, side = landmark.rpartition("_")
+    patterns = chain(_MIDDLE.get(landmark, ()), *(kind.get(name, ()) for kind in (_SIDED, _CLUSTERS)))
+    if landmark not in _MIDDLE and side not in SIDES:
+        return None
+    found = next((labels for labels in patterns if len(labels) == count), None)
+    return None if found is None else tuple(label.replace("*", side[:1]) for label in found)

@@ -12,7 +12,7 @@ from kinemimic.pipeline.arrays import Array
 from kinemimic.pipeline.kinematics.nodes import joints_by_name
 from kinemimic.pipeline.quality.rules.defect import Defect
 from kinemimic.pipeline.quality.rules.length_units import LEG_RANGE, unit_correction
-from kinemimic.pipeline.readers.mocap.marker_names import SIDES, landmarks
+from kinemimic.pipeline.readers.optical.marker_names import SIDES, landmarks
 
 # Length of the path from ASIS over the lateral knee to the ankle, over thigh plus shank.
 _SKIN_PATH = 1.1

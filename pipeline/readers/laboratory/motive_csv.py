@@ -1,0 +1,184 @@
+"""Takes that OptiTrack's Motive exported (CSV, format version 1.x).
+
+Line 1 has pairs of a key and its value (Format Version, Export Frame Rate, Length Units …). Below are lines
+that say for each column its type (Bone, Marker, Rigid Body …), the name and ID of what it belongs to, whether
+it is a rotation or a position, and X, Y, Z (and W, or an error), the last beside "Frame" and
+"Time (Seconds)"; then a line a frame. A skeleton's bones are read at their joints; without a skeleton, the
+named markers. Y is up in Motive's default axes.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from kinemimic.pipeline.arrays import Array
+from kinemimic.pipeline.kinematics.clip import Clip
+from kinemimic.pipeline.kinematics.nodes import joints_by_name
+from kinemimic.pipeline.kinematics.rotations import IDENTITY, Y_UP_TO_Z_UP
+from kinemimic.pipeline.quality.rules.length_units import SET_BY_USER, UNITS
+from kinemimic.pipeline.readers.base.clip_building import reading
+from kinemimic.pipeline.readers.base.format import Format
+from kinemimic.pipeline.readers.base.frame_defects import increasing_times, refuse_remote
+from kinemimic.pipeline.readers.base.numbers import parse_sparse_table, to_number
+from kinemimic.pipeline.readers.base.source import Source
+from kinemimic.pipeline.readers.optical.declared_unit import in_metres
+from kinemimic.pipeline.readers.optical.marker_set import marker_set
+from kinemimic.pipeline.readers.optical.markers import clip_of_markers
+
+FORMAT = Format(
+    name="OptiTrack Motive CSV",
+    sensor="optical",
+    holds="positions of a skeleton's bones, or of markers",
+    recognised_by="a first line that begins with Format Version",
+    width_in_header=True,
+)
+_MARK = "Format Version"
+_UNITS = {"millimeters": "mm", "centimeters": "cm", "meters": "m"}
+# Bones of Motive's skeletons -> the words by which joints are known (kinematics/nodes.py).
+_BONES = {
+    "hip": "hips", "ab": "spine", "neck": "neck", "head": "head",
+    **{
+        f"{s}{bone}": f"{side}{word}"
+        for s, side in (("l", "left"), ("r", "right"))
+        for bone, word in (
+            ("uarm", "upperarm"), ("farm", "forearm"), ("hand", "wrist"),
+            ("thigh", "thigh"), ("shin", "shin"), ("foot", "ankle"), ("toe", "toe"),
+        )
+    },
+}  # fmt: skip
+_BONE, _MARKER = "bone", ("marker", "bone marker", "rigid body marker")
+_MOST_HEADER_LINES = 12
+
+
+def recognises(source: Source) -> bool:
+    """True if the first line begins with Format Version."""
+    return source.head[0].lstrip('"').startswith(_MARK)
+
+
+def read(source: Source) -> Clip:
+    """The clip of a skeleton's joints, or of the nodes that the markers give (see markers.py).
+
+    Raises CaptureError for a damaged header or table, a take without bones and markers, and markers from
+    which legs cannot be computed.
+    """
+    start = source.blank_lines
+    facts = _facts(source.lines[start])
+    unit = _unit(facts, source)
+    axes_line, rows = _columns(source, start)
+    axes = [cell.strip() for cell in source.lines[axes_line].split(",")]
+    while axes and not axes[-1]:
+        axes.pop()
+    places, kind = _places(rows, axes)
+    if not places:
+        there = sorted({cell for cell in rows.get("type", [])[2:] if cell})
+        raise source.error(
+            expected="columns of a skeleton's bones or of markers",
+            found=", ".join(there)[:80] or "frames and times only",
+            advice="tick Markers or Skeletons in Motive's export settings",
+        )
+    table = parse_sparse_table(source, start=axes_line + 1, width=len(axes), separator=",")
+    clock = table.values[:, 1]
+    if not np.isfinite(clock).all():
+        bad = int(np.argmin(np.isfinite(clock)))
+        raise source.error(expected="a time in s", found="none", line=table.line(bad))
+    later, defects = increasing_times(clock)
+    times, notes = _times(clock[later], facts)
+    labels = tuple(places)
+    columns = [column for label in labels for column in places[label]]
+    points = table.values[later][:, columns].reshape(-1, len(labels), 3) * UNITS[unit]
+    if kind == _BONE:
+        notes.append("a skeleton's bones are read as joints at their positions; their rotations are not read")
+    else:
+        labels = marker_set(source).renamed(labels, source)
+    if source.unit is None:
+        points, unit_defects = in_metres(labels, points)
+        defects += unit_defects
+    lines = np.flatnonzero(later)
+    refuse_remote(points, labels, source, lambda row: table.line(int(lines[row])))
+    y_up = facts.get("coordinate space", "global").lower() == "global"
+    return clip_of_markers(
+        labels,
+        times,
+        points,
+        format=FORMAT,
+        reading=reading(
+            units=unit,
+            units_rule=SET_BY_USER if source.unit else "the header's",
+            defects=defects,
+            notes=notes,
+            columns=table.values.shape[1],
+            version=facts.get(_MARK.lower(), "")[:20],
+        ),
+        world_from_file=Y_UP_TO_Z_UP if y_up else IDENTITY,
+        source=source,
+    )
+
+
+def _facts(line: str) -> dict[str, str]:
+    """The pairs of the first line, keys in lower case."""
+    cells = [cell.strip().strip('"') for cell in line.split(",")]
+    return {key.lower(): value for key, value in zip(cells[::2], cells[1::2], strict=False)}
+
+
+def _unit(facts: dict[str, str], source: Source) -> str:
+    stated = facts.get("length units", "")
+    if source.unit is not None:
+        return source.unit
+    if stated.lower() not in _UNITS:
+        raise source.error(
+            expected=f"Length Units of {', '.join(_UNITS)} in line 1",
+            found=repr(stated[:20]) if stated else "none",
+            advice="set the unit with --unit",
+        )
+    return _UNITS[stated.lower()]
+
+
+def _columns(source: Source, start: int) -> tuple[int, dict[str, list[str]]]:
+    """The line (from 0) of the axes, and the lines above: "type", "name", "property" -> a cell a column."""
+    rows: dict[str, list[str]] = {}
+    for number in range(start + 1, min(start + _MOST_HEADER_LINES, len(source.lines))):
+        cells = [cell.strip().strip('"') for cell in source.lines[number].split(",")]
+        if cells[0].lower() == "frame":
+            return number, rows
+        key = cells[1].lower() if len(cells) > 1 else ""
+        if key in ("type", "name"):
+            rows[key] = cells
+        elif not key and any(cell in ("Position", "Rotation") for cell in cells):
+            rows["property"] = cells
+    raise source.error(expected="a line that begins with Frame, Time (Seconds)", found="none")
+
+
+def _places(rows: dict[str, list[str]], axes: list[str]) -> tuple[dict[str, list[int]], str]:
+    """Name -> columns of its X, Y, Z, of a skeleton's bones if it has legs, else of markers; and which."""
+    found: dict[str, dict[str, list[int]]] = {_BONE: {}, _MARKER[0]: {}}
+    types, names, kinds = (rows.get(key, []) for key in ("type", "name", "property"))
+    for column, axis in enumerate(axes[: min(len(types), len(names), len(kinds))]):
+        if kinds[column] != "Position" or axis not in ("X", "Y", "Z"):
+            continue
+        kind = types[column].lower()
+        group = _BONE if kind == _BONE else _MARKER[0] if kind in _MARKER else ""
+        if group:
+            name = names[column]
+            if group == _BONE:
+                bone = name.rpartition(":")[2].lower()
+                name = _BONES.get(bone, name)
+            found[group].setdefault(name, []).append(column)
+    whole = {
+        group: {name: columns for name, columns in places.items() if len(columns) == 3}
+        for group, places in found.items()
+    }
+    legs = {f"{joint}_{side}" for joint in ("hip", "knee", "ankle") for side in ("left", "right")}
+    if legs <= joints_by_name(tuple(whole[_BONE])).keys():
+        return whole[_BONE], _BONE
+    return (whole[_MARKER[0]], _MARKER[0]) if whole[_MARKER[0]] else (whole[_BONE], _BONE)
+
+
+def _times(clock: Array, facts: dict[str, str]) -> tuple[Array, list[str]]:
+    """Seconds of the frames: by the rate of the export where it agrees with the times, which have three
+    digits."""
+    rate = to_number(facts.get("export frame rate", "")) or 0.0
+    if 0.0 < rate <= 10_000.0:
+        regular = clock[0] + np.arange(len(clock)) / rate
+        if np.abs(regular - clock).max() <= 0.0011:
+            return regular, []
+    return clock, ["times are those of the Time column"]

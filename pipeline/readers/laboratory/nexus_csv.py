@@ -1,0 +1,251 @@
+"""Vicon Nexus exports: trajectories of markers, and outputs of Plug-in-Gait (nexus_sections.py).
+
+Outputs win over trajectories: their segments hold Vicon's own joint centres. A segment's nine numbers are its
+orientation (degrees about an axis), the position of its origin, the joint at its far end, and its length. Z
+is along the segment, from that joint to the one above. Plug-in-Gait's angles of knee and hip are kept beside
+ours.
+"""
+
+from __future__ import annotations
+
+from collections import Counter
+from dataclasses import dataclass
+
+import numpy as np
+
+from kinemimic.pipeline.arrays import Array, Mask
+from kinemimic.pipeline.kinematics.clip import Clip
+from kinemimic.pipeline.kinematics.rotations import IDENTITY, from_rotvec, rotate
+from kinemimic.pipeline.kinematics.skeleton import NODES
+from kinemimic.pipeline.quality.rules.defect import Defect
+from kinemimic.pipeline.quality.rules.length_units import SET_BY_USER, UNITS
+from kinemimic.pipeline.readers.base.absolute_orientations import child_to_parent
+from kinemimic.pipeline.readers.base.clip_building import clip_of_points, reading
+from kinemimic.pipeline.readers.base.format import Format
+from kinemimic.pipeline.readers.base.frame_defects import increasing_times, refuse_remote
+from kinemimic.pipeline.readers.base.node_parents import skeleton_of
+from kinemimic.pipeline.readers.base.source import Source
+from kinemimic.pipeline.readers.laboratory.nexus_sections import (
+    MODEL_OUTPUTS,
+    TITLES,
+    TRAJECTORIES,
+    Item,
+    Section,
+    read_section,
+    separator_of,
+    titles,
+)
+from kinemimic.pipeline.readers.optical.declared_unit import in_metres
+from kinemimic.pipeline.readers.optical.marker_names import landmarks
+from kinemimic.pipeline.readers.optical.marker_set import marker_set
+from kinemimic.pipeline.readers.optical.markers import clip_of_markers
+
+FORMAT = Format(
+    name="Vicon Nexus CSV",
+    sensor="optical",
+    holds="positions of markers; segments and angles of Plug-in-Gait",
+    recognised_by='a first line "Trajectories" or "Model Outputs"',
+    width_in_header=True,
+)
+_SEGMENT = ("RX", "RY", "RZ", "TX", "TY", "TZ", "SX", "SY", "SZ")
+# Node -> the segment at whose origin it is, "+" for the other end, and the segment that it is fixed to.
+_NODES: dict[str, tuple[str, str]] = {
+    "hip_center": ("PEL", "PEL"),
+    "shoulder_center": ("TRX", "TRX"),
+    "head": ("HED", "HED"),
+    **{
+        f"{node}_{side}": (f"{s}{origin}", f"{s}{fixed}" if fixed != "PEL" else fixed)
+        for side, s in (("left", "L"), ("right", "R"))
+        for node, origin, fixed in (
+            ("shoulder", "CL", "CL"), ("elbow", "HU", "HU"), ("wrist", "RA", "RA"), ("hand", "HN", "HN"),
+            ("hip", "FE+", "PEL"), ("knee", "FE", "FE"), ("ankle", "TI", "TI"), ("foot", "FO", "FO"),
+        )
+    },
+}  # fmt: skip
+# Of an orientation; larger numbers are damage.
+_MAX_DEGREES = 1e4
+_LEGS = tuple(f"{s}{segment}" for s in "LR" for segment in ("FE", "TI"))
+_ANGLES = {
+    f"{joint.lower()}_{side}": f"{s}{joint}Angles"
+    for joint in ("Knee", "Hip")
+    for side, s in (("left", "L"), ("right", "R"))
+}
+
+
+def recognises(source: Source) -> bool:
+    """True if the first line begins with the title of a section and names stand above a line of frames."""
+    first = source.head[0].replace('"', "")
+    begins = any(first.split(sep)[0].strip() in TITLES for sep in (",", "\t", ";"))
+    return begins and any(line.replace('"', "").lstrip().startswith("Frame") for line in source.head[1:8])
+
+
+def read(source: Source) -> Clip:
+    """The clip of the joint centres: those of the outputs' segments, else those that the markers give.
+
+    Raises CaptureError for a damaged section, a file without either, and markers from which legs cannot be
+    computed.
+    """
+    there = titles(source.lines, separator_of(source))
+    if not any(title in (TRAJECTORIES, MODEL_OUTPUTS) for _, title in there):
+        raise source.error(
+            expected=f"a section {TRAJECTORIES} or {MODEL_OUTPUTS}",
+            found=", ".join(title for _, title in there)[:80],
+        )
+    sections = {
+        title: read_section(source, start, title)
+        for start, title in there
+        if title in (TRAJECTORIES, MODEL_OUTPUTS)
+    }
+    outputs = sections.get(MODEL_OUTPUTS)
+    if outputs is not None:
+        named = {item.name: item for item in _of_main_subject(outputs)[0]}
+        if all(leg in named and named[leg].components == _SEGMENT for leg in _LEGS):
+            return _of_segments(outputs, named, source)
+        if TRAJECTORIES not in sections:
+            raise source.error(
+                expected=f"outputs of the segments {', '.join(_LEGS)}, or a section {TRAJECTORIES}",
+                found=", ".join(item.name for item in outputs.items)[:200],
+            )
+    return _of_markers(sections[TRAJECTORIES], outputs, source)
+
+
+@dataclass(frozen=True)
+class _Clock:
+    times: Array
+    later: Mask
+    defects: list[Defect]
+
+
+def _clock(section: Section) -> _Clock:
+    """Seconds from the first frame, by the frames' numbers."""
+    later, defects = increasing_times(section.frames)
+    return _Clock((section.frames[later] - section.frames[0]) / section.rate, later, defects)
+
+
+def _of_main_subject(section: Section) -> tuple[list[Item], int]:
+    """The items of the subject with most columns, and how many other subjects there are."""
+    count = Counter(item.subject for item in section.items)
+    main = count.most_common(1)[0][0]
+    return [item for item in section.items if item.subject == main], len(count) - 1
+
+
+def _of_segments(section: Section, named: dict[str, Item], source: Source) -> Clip:
+    clock = _clock(section)
+    lines = np.flatnonzero(clock.later)
+    segments = [name for name, item in named.items() if item.components == _SEGMENT]
+    values = np.stack([section.values[clock.later, named[name].columns] for name in segments], axis=1)
+    unit = source.unit or _unit([named[leg].units[3] for leg in _LEGS], source)
+    values[..., 3:] *= UNITS[unit]
+    # Before anything is computed from them: a damaged file may hold any number.
+    for first in (3, 6):
+        refuse_remote(
+            values[..., first : first + 3], segments, source, lambda row: section.table.line(int(lines[row]))
+        )
+    values[~np.isfinite(values) | (np.abs(values) > _MAX_DEGREES)] = np.nan
+    turns = {name: from_rotvec(np.radians(values[:, k, :3])) for k, name in enumerate(segments)}
+
+    def segment(name: str, first: int) -> Array:
+        return np.asarray(values[:, segments.index(name), first : first + 3])
+
+    nodes = tuple(node for node in NODES if node in _NODES and _NODES[node][0].rstrip("+") in turns)
+    points, frames = [], []
+    for node in nodes:
+        origin, fixed = _NODES[node]
+        place = segment(origin.rstrip("+"), 3)
+        if origin.endswith("+"):
+            along = np.zeros_like(place)
+            along[:, 2] = segment(origin.rstrip("+"), 6)[:, 2]
+            place = place + rotate(turns[origin.rstrip("+")], along)
+        points.append(place)
+        frames.append(turns.get(fixed, np.full((len(place), 4), np.nan)))
+    places = np.stack(points, axis=1)
+    skeleton = skeleton_of(nodes)
+    return clip_of_points(
+        skeleton,
+        clock.times,
+        places,
+        None,
+        format=FORMAT,
+        reading=reading(
+            units=unit,
+            units_rule=SET_BY_USER if source.unit else "the file's",
+            defects=clock.defects,
+            notes=["joint centres of Plug-in-Gait's segments", "no axes in the file: read as Z up"],
+            section=section.title,
+            columns=section.values.shape[1],
+        ),
+        world_from_file=IDENTITY,
+        rotations=child_to_parent(np.stack(frames, axis=1), skeleton, IDENTITY),
+        angles=_angles(section, clock.later),
+    )
+
+
+def _of_markers(section: Section, outputs: Section | None, source: Source) -> Clip:
+    clock = _clock(section)
+    main, others = _of_main_subject(section)
+    # A box or a second person may have more markers: the person is whose markers have known names.
+    known = Counter(item.subject for item in section.items if landmarks((item.name,)))
+    if known and known[main[0].subject] < max(known.values()):
+        main = [item for item in section.items if item.subject == known.most_common(1)[0][0]]
+    wrong = next((item for item in main if item.components != ("X", "Y", "Z")), None)
+    if wrong is not None:
+        raise source.error(
+            expected=f"X, Y and Z of the marker {wrong.name[:40]}", found=", ".join(wrong.components)[:60]
+        )
+    labels = tuple(item.name for item in main)
+    labels = marker_set(source).renamed(labels, source)
+    unit = source.unit or _unit([item.units[0] for item in main], source)
+    values = section.values[clock.later]
+    points = np.stack([values[:, item.columns] for item in main], axis=1) * UNITS[unit]
+    defects = list(clock.defects)
+    if source.unit is None:
+        points, unit_defects = in_metres(labels, points)
+        defects += unit_defects
+    lines = np.flatnonzero(clock.later)
+    refuse_remote(points, labels, source, lambda row: section.table.line(int(lines[row])))
+    notes = ["no axes in the file: read as Z up"]
+    if others:
+        notes.append(f"{others} other subjects or objects are not read")
+    # The outputs' angles are the markers' only if both sections have the same frames.
+    same = outputs is not None and np.array_equal(outputs.frames, section.frames)
+    return clip_of_markers(
+        labels,
+        clock.times,
+        points,
+        format=FORMAT,
+        reading=reading(
+            units=unit,
+            units_rule=SET_BY_USER if source.unit else "the file's",
+            defects=defects,
+            notes=notes,
+            section=section.title,
+            columns=section.values.shape[1],
+            markers=[label for label in labels if label],
+        ),
+        world_from_file=IDENTITY,
+        source=source,
+        angles=_angles(outputs, clock.later) if same and outputs is not None else None,
+    )
+
+
+def _unit(stated: list[str], source: Source) -> str:
+    """The unit (a key of UNITS) that the line of units states."""
+    unit = Counter(stated).most_common(1)[0][0]
+    if unit not in UNITS:
+        raise source.error(
+            expected=f"a unit of length among {', '.join(UNITS)}",
+            found=repr(unit[:20]),
+            advice="set it with --unit",
+        )
+    return unit
+
+
+def _angles(section: Section, later: Mask) -> dict[str, Array] | None:
+    """Plug-in-Gait's flexion of knees and hips (T,) in radians, NaN where empty."""
+    named = {item.name: item for item in _of_main_subject(section)[0]}
+    found = {
+        angle: np.radians(section.values[later, named[name].columns.start])
+        for angle, name in _ANGLES.items()
+        if name in named and named[name].units[:1] == ("deg",)
+    }
+    return {name: np.where(np.isfinite(curve), curve, np.nan) for name, curve in found.items()} or None

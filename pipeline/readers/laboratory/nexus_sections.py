@@ -1,0 +1,144 @@
+"""Sections of a table that Vicon Nexus exported (ASCII, CSV).
+
+A section is a title ("Trajectories", "Model Outputs"), the rate, a line of names, each above the first of its
+columns, a line of components under "Frame,Sub Frame" (X Y Z, or RX RY RZ TX TY TZ SX SY SZ), a line of units,
+and a line a frame, to a blank line or the end of the file. Cells of what was not seen are empty.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from kinemimic.pipeline.arrays import Array
+from kinemimic.pipeline.readers.base.numbers import Table, parse_sparse_table, to_number
+from kinemimic.pipeline.readers.base.source import Source
+
+TRAJECTORIES, MODEL_OUTPUTS = "Trajectories", "Model Outputs"
+TITLES: tuple[str, ...] = (TRAJECTORIES, MODEL_OUTPUTS, "Joints", "Segments", "Devices", "Events", "Analysis")
+# What stands above the components of frames.
+FRAME = ("Frame", "Sub Frame")
+_MAX_RATE = 10_000.0
+# A day at that rate; beyond, times could not be told apart.
+_MAX_FRAME = 1e9
+
+
+@dataclass(frozen=True)
+class Item:
+    """A name of the third line: its subject ("" without one), its name, its columns, their components and
+    units."""
+
+    subject: str
+    name: str
+    columns: slice
+    components: tuple[str, ...]
+    units: tuple[str, ...]
+
+
+@dataclass(frozen=True)
+class Section:
+    """rate: Hz; items: in the order of the columns; frames: (T,) numbers; values: (T, columns), NaN where
+    empty."""
+
+    title: str
+    rate: float
+    items: tuple[Item, ...]
+    frames: Array
+    values: Array
+    table: Table
+
+
+def separator_of(source: Source) -> str:
+    """The separator: the most frequent one in the line of components."""
+    line = next((line for line in source.head[:8] if line.lstrip().startswith(FRAME[0])), source.head[0])
+    return max(",\t;", key=line.count)
+
+
+def titles(lines: Sequence[str], separator: str) -> list[tuple[int, str]]:
+    """The lines (from 0) that begin a section, and their titles."""
+    found = []
+    for number, line in enumerate(lines):
+        first = line[:20].partition(separator)[0].strip().strip('"')
+        if first in TITLES:
+            found.append((number, first))
+    return found
+
+
+def read_section(source: Source, start: int, title: str) -> Section:
+    """The section that begins on line `start` (from 0).
+
+    Raises CaptureError for a damaged header, and a table that is not one of numbers.
+    """
+    separator = separator_of(source)
+    if len(source.lines) < start + 6:
+        raise source.error(expected=f"{title}: four lines of header and frames", found="the end of the file")
+    rate = to_number(source.lines[start + 1].split(separator)[0].strip())
+    if rate is None or not 0.0 < rate <= _MAX_RATE:
+        raise source.error(
+            expected=f"{title}: a rate in Hz", found=repr(source.lines[start + 1][:20]), line=start + 2
+        )
+    names, components, units = (
+        [cell.strip().strip('"') for cell in source.lines[start + k].split(separator)] for k in (2, 3, 4)
+    )
+    if tuple(components[:2]) != FRAME:
+        raise source.error(
+            expected=f"{title}: Frame and Sub Frame", found=repr(components[:2]), line=start + 4
+        )
+    while components and not components[-1]:
+        components.pop()
+    width = len(components)
+    end = next((k for k in range(start + 5, len(source.lines)) if _ends(source.lines[k], separator)), None)
+    # Trailing separators come and go with a spreadsheet; a row keeps as many cells as there are components.
+    rows = [_cells(line, separator, width) for line in source.lines[start + 5 : end]]
+    content = "\n" * (start + 5) + "\n".join(rows)
+    table = parse_sparse_table(
+        Source(source.path, content.encode(), source.sha256),
+        start=start + 5,
+        width=width,
+        separator=separator,
+    )
+    frames = table.values[:, 0]
+    wrong = ~(np.abs(frames) <= _MAX_FRAME)  # NaN too
+    if wrong.any():
+        bad = int(np.argmax(wrong))
+        found = "none" if np.isnan(frames[bad]) else f"{frames[bad]:g}"
+        raise source.error(expected="a frame's number", found=found, line=table.line(bad))
+    items = _items(names, components, units + [""] * width, source, start)
+    return Section(title, rate, items, frames, table.values, table)
+
+
+def _ends(line: str, separator: str) -> bool:
+    """Whether a line is blank, or the title of the next section."""
+    return not line.strip(separator + " ") or line[:20].partition(separator)[0].strip() in TITLES
+
+
+def _cells(line: str, separator: str, width: int) -> str:
+    """The line without empty cells beyond the width."""
+    cells = line.split(separator)
+    while len(cells) > width and not cells[-1].strip():
+        cells.pop()
+    return separator.join(cells)
+
+
+def _items(
+    names: list[str], components: list[str], units: list[str], source: Source, start: int
+) -> tuple[Item, ...]:
+    begins = [k for k, name in enumerate(names[: len(components)]) if name and k >= len(FRAME)]
+    if not begins:
+        raise source.error(expected="names of markers or outputs", found="none", line=start + 3)
+    items = []
+    for begin, end in zip(begins, [*begins[1:], len(components)], strict=True):
+        subject, colon, name = names[begin].rpartition(":")
+        columns = slice(begin, end)
+        items.append(
+            Item(
+                subject if colon else "",
+                name,
+                columns,
+                tuple(components[columns]),
+                tuple(unit.lower() for unit in units[columns]),
+            )
+        )
+    return tuple(items)

@@ -1,0 +1,132 @@
+"""Trajectories that Qualisys Track Manager exported (TSV).
+
+Lines of a key and its values (NO_OF_FRAMES, FREQUENCY, MARKER_NAMES …), perhaps a line of column names
+("Frame", "Time", "LASI X" …), then a line a frame: perhaps its number and time, and X, Y, Z of every marker
+in millimetres. Cells of a marker that was not seen are empty or zero. Z is up in QTM's default axes.
+"""
+
+from __future__ import annotations
+
+import re
+
+import numpy as np
+
+from kinemimic.pipeline.arrays import Array
+from kinemimic.pipeline.kinematics.clip import Clip
+from kinemimic.pipeline.kinematics.rotations import IDENTITY
+from kinemimic.pipeline.quality.rules.defect import Defect
+from kinemimic.pipeline.quality.rules.length_units import SET_BY_USER, UNITS
+from kinemimic.pipeline.readers.base.clip_building import reading
+from kinemimic.pipeline.readers.base.format import Format
+from kinemimic.pipeline.readers.base.frame_defects import refuse_remote, zero_frames
+from kinemimic.pipeline.readers.base.numbers import Table, parse_sparse_table, to_number
+from kinemimic.pipeline.readers.base.source import Source
+from kinemimic.pipeline.readers.optical.declared_unit import in_metres
+from kinemimic.pipeline.readers.optical.marker_set import marker_set
+from kinemimic.pipeline.readers.optical.markers import clip_of_markers
+
+FORMAT = Format(
+    name="Qualisys TSV",
+    sensor="optical",
+    holds="positions of markers",
+    recognised_by="a line NO_OF_FRAMES and a line MARKER_NAMES",
+    width_in_header=True,
+)
+UNIT = "mm"
+_FRAMES, _RATE, _MARKERS, _NAMES = "NO_OF_FRAMES", "FREQUENCY", "NO_OF_MARKERS", "MARKER_NAMES"
+_KEY = re.compile(r"[A-Z][A-Z_]*")
+_MAX_RATE = 10_000.0
+_MOST_HEADER_LINES = 200
+
+
+def recognises(source: Source) -> bool:
+    """True if keys of the header are among the first lines."""
+    keys = {line.partition("\t")[0].strip() for line in source.head}
+    return _FRAMES in keys and bool({_NAMES, _MARKERS, "BODY_NAMES", "NO_OF_BODIES"} & keys)
+
+
+def read(source: Source) -> Clip:
+    """The clip of the nodes that the markers give (see markers.py).
+
+    Raises CaptureError for a damaged header or table, rigid bodies without markers, and markers from which
+    legs cannot be computed.
+    """
+    header, start = _header(source)
+    labels = tuple(name.strip() for name in header.get(_NAMES, ()))
+    if not labels:
+        raise source.error(
+            expected=f"names of markers in {_NAMES}",
+            found="rigid bodies only" if "BODY_NAMES" in header else "none",
+            advice="export the trajectories (3D) from QTM",
+        )
+    rate = to_number((header.get(_RATE) or [""])[0])
+    if rate is None or not 0.0 < rate <= _MAX_RATE:
+        raise source.error(
+            expected=f"a rate in Hz in {_RATE}", found=repr((header.get(_RATE) or [""])[0][:20])
+        )
+    table, values = _table(source, start, len(labels))
+    labels = marker_set(source).renamed(labels, source)
+    unit = source.unit or UNIT
+    points = values.reshape(len(values), len(labels), 3) * UNITS[unit]
+    defects = zero_frames(points)
+    if source.unit is None:
+        points, unit_defects = in_metres(labels, points)
+        defects += unit_defects
+    refuse_remote(points, labels, source, table.line)
+    stated = to_number((header.get(_FRAMES) or [""])[0])
+    if stated is not None and len(points) < stated < 1e9:
+        text = f"the header declares {stated:g} frames but the file has {len(points)}: it may be cut off"
+        defects.append(Defect("dropped_frames", int(stated) - len(points), "frames", "flagged", text))
+    return clip_of_markers(
+        labels,
+        np.arange(len(points)) / rate,
+        points,
+        format=FORMAT,
+        reading=reading(
+            units=unit,
+            units_rule=SET_BY_USER if source.unit else "the format's",
+            defects=defects,
+            notes=["no axes in the file: read as Z up"],
+            columns=table.values.shape[1],
+            markers=[label for label in labels if label],
+        ),
+        world_from_file=IDENTITY,
+        source=source,
+    )
+
+
+def _header(source: Source) -> tuple[dict[str, list[str]], int]:
+    """Key -> its values, and the line (from 0) on which the frames begin."""
+    header: dict[str, list[str]] = {}
+    for number, line in enumerate(source.lines[:_MOST_HEADER_LINES]):
+        key, *values = line.rstrip("\t").split("\t")
+        if _KEY.fullmatch(key.strip()) and values:
+            header.setdefault(key.strip(), values)
+        elif _KEY.fullmatch(key.strip()) and not values:
+            header.setdefault(key.strip(), [])
+        elif number and (key.strip() == "Frame" or (values and to_number(values[0].strip()) is None)):
+            # A line of column names.
+            return header, number + 1
+        elif line.strip():
+            return header, number
+    raise source.error(expected="frames below the header", found="none")
+
+
+def _table(source: Source, start: int, markers: int) -> tuple[Table, Array]:
+    """The table, and the coordinates (T, 3 M) of its frames, which begin with neither, a number, or also a
+    time."""
+    first = next((line for line in source.lines[start:] if line.strip()), "")
+    width = len(first.rstrip("\t").split("\t"))
+    leading = next((k for k in (0, 1, 2) if k + 3 * markers == width), None)
+    if leading is None:
+        # The cells of the last markers may be empty, as they are where nothing was seen.
+        leading = next((k for k in (2, 1, 0) if k + 3 * markers == len(first.split("\t")) - 1), None)
+    if leading is None:
+        raise source.error(
+            expected=f"three numbers for each of {markers} markers, and perhaps frame and time",
+            found=f"{width}",
+            line=start + 1,
+        )
+    width = leading + 3 * markers
+    table = parse_sparse_table(source, start=start, width=width, separator="\t")
+    return table, table.values[:, leading:]

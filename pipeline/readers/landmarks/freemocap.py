@@ -1,0 +1,104 @@
+"""FreeMoCap: MediaPipe's landmarks triangulated from several cameras, in a recording's folder.
+
+The folder holds output_data/ with body_3d_xyz.csv (older versions: mediapipe_body_3d_xyz.csv): a column for
+each coordinate of each of the 33 landmarks, "body_nose_x" or "nose_x", and a row a frame, in millimetres, Z
+up once the recording is aligned with the ground. There are no times; frames are those of the videos. Either
+the folder or the table may be passed.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+
+from kinemimic.pipeline.errors import CaptureError
+from kinemimic.pipeline.kinematics.clip import Clip
+from kinemimic.pipeline.kinematics.rotations import IDENTITY
+from kinemimic.pipeline.quality.rules.length_units import SET_BY_USER, UNITS
+from kinemimic.pipeline.readers.base.clip_building import reading
+from kinemimic.pipeline.readers.base.column_names import index_of_columns, require_columns
+from kinemimic.pipeline.readers.base.format import Format
+from kinemimic.pipeline.readers.base.frame_defects import refuse_remote, zero_frames
+from kinemimic.pipeline.readers.base.numbers import parse_sparse_table
+from kinemimic.pipeline.readers.base.source import Source
+from kinemimic.pipeline.readers.landmarks.blaze_pose import LANDMARKS, LEGS, clip_of_landmarks
+
+FORMAT = Format(
+    name="FreeMoCap",
+    sensor="several videos, through FreeMoCap",
+    holds="positions of 33 landmarks",
+    recognised_by="a header body_nose_x or nose_x with x, y and z of all landmarks, and no visibility; or a "
+    "folder with output_data/",
+    width_in_header=True,
+)
+RATE, UNIT = 30.0, "mm"
+OUTPUT_FOLDER = "output_data"
+TABLES: tuple[str, ...] = ("body_3d_xyz.csv", "mediapipe_body_3d_xyz.csv")
+_PREFIX = "body_"
+
+
+def is_freemocap(path: Path) -> bool:
+    """True for a recording's folder, or its output_data."""
+    return path.is_dir() and (path.name == OUTPUT_FOLDER or (path / OUTPUT_FOLDER).is_dir())
+
+
+def body_table(folder: Path) -> Path:
+    """The table of the body in a recording's folder; CaptureError if there is none."""
+    inner = folder if folder.name == OUTPUT_FOLDER else folder / OUTPUT_FOLDER
+    found = next((inner / name for name in TABLES if (inner / name).is_file()), None)
+    if found is None:
+        raise CaptureError(
+            folder,
+            expected=f"{OUTPUT_FOLDER}/{TABLES[0]}, the body of a FreeMoCap recording",
+            found="no such file",
+            advice="let FreeMoCap process the recording first",
+        )
+    return found
+
+
+def recognises(source: Source) -> bool:
+    """True if the first line names the coordinates of most landmarks, and nothing but coordinates."""
+    names = _names(source)
+    there = set(names)
+    found = sum(f"{landmark}_{axis}" in there for landmark in LANDMARKS for axis in "xyz")
+    return found > 2.4 * len(LANDMARKS) and len(names) <= found + 6
+
+
+def read(source: Source) -> Clip:
+    """The clip of the nodes that the landmarks give, at 30 Hz.
+
+    Raises CaptureError for a damaged header or table, and coordinates outside any room.
+    """
+    names, line = _names(source), source.blank_lines + 1
+    index = index_of_columns(names, source, line)
+    wanted = [f"{landmark}_{axis}" for landmark in LANDMARKS for axis in "xyz"]
+    columns = require_columns(index, wanted, source, line, expected="x, y and z of the 33 landmarks")
+    table = parse_sparse_table(source, start=line, width=len(names), separator=",")
+    unit = source.unit or UNIT
+    points = table.values[:, columns].reshape(-1, len(LANDMARKS), 3) * UNITS[unit]
+    for leg in LEGS:
+        if not np.isfinite(points[:, LANDMARKS.index(leg)]).all(axis=-1).any():
+            raise source.error(
+                expected="hips, knees and ankles", found=f"no {leg.replace('_', ' ')} in any frame"
+            )
+    refuse_remote(points, LANDMARKS, source, table.line)
+    return clip_of_landmarks(
+        points,
+        None,
+        np.arange(len(points)) / RATE,
+        format=FORMAT,
+        reading=reading(
+            units=unit,
+            units_rule=SET_BY_USER if source.unit else "the format's",
+            defects=zero_frames(points),
+            notes=[f"no time in the file: {RATE:g} Hz, unless --rate says what the videos have"],
+            columns=len(names),
+        ),
+        world_from_file=IDENTITY,
+    )
+
+
+def _names(source: Source) -> list[str]:
+    """The names in the first line, without the prefix of newer versions."""
+    return [name.strip().strip('"').lower().removeprefix(_PREFIX) for name in source.head[0].split(",")]

@@ -1,0 +1,214 @@
+"""AMASS, and motions of the SMPL family (SMPL, SMPL+H, SMPL-X) in its layout: an .npz of axis-angle vectors.
+
+poses (T, 72, 156 or 165): three numbers for each joint's rotation relative to its parent, the body's 22
+joints first in all of them; or root_orient (T, 3) and pose_body (T, 63). trans (T, 3): the path in metres.
+mocap_framerate or mocap_frame_rate: Hz. The body model that gives these joints their places has its own
+licence and is not needed: lengths are those of an average man or woman (Drillis & Contini 1966, as in
+`proportions`; statures: Fryar et al. 2016), the directions of the bones at rest are the format's own. The
+angles do not depend on the lengths. Fingers, face and soft tissue are left out.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from kinemimic.pipeline.arrays import Array
+from kinemimic.pipeline.kinematics.clip import Clip, forward_kinematics
+from kinemimic.pipeline.kinematics.proportions import (
+    FOOT,
+    FOREARM,
+    HALF_SHOULDERS,
+    HEAD,
+    SHANK,
+    THIGH,
+    TRUNK,
+    UPPER_ARM,
+)
+from kinemimic.pipeline.kinematics.rotations import (
+    IDENTITY,
+    Y_UP_TO_Z_UP,
+    continuous,
+    from_rotvec,
+    multiply,
+    rotate,
+)
+from kinemimic.pipeline.kinematics.skeleton import TRACKED, Skeleton
+from kinemimic.pipeline.readers.base.clip_building import reading
+from kinemimic.pipeline.readers.base.format import Format
+from kinemimic.pipeline.readers.base.frame_defects import MAX_COORDINATE
+from kinemimic.pipeline.readers.base.npz import array_names, read_arrays
+from kinemimic.pipeline.readers.base.source import Source
+
+FORMAT = Format(
+    name="AMASS npz",
+    sensor="optical, through MoSh",
+    holds="rotations of the 22 joints of an SMPL body, and its path",
+    recognised_by="an .npz archive with poses (or root_orient and pose_body) and trans",
+    binary=True,
+)
+RATE = 30.0
+# Mean statures of adults in the United States, metres: Fryar, Gu, Ogden & Flegal 2016 (Vital Health Stat. 3).
+STATURES: dict[str, float] = {"male": 1.757, "female": 1.618, "neutral": 0.5 * (1.757 + 1.618)}
+# Half the distance between the hips' centres over stature: Winter 2009, Fig. 4.1 has 0.191 / 2 for the width
+# of the hips; the joints' centres are 0.45 of it apart (Seidel et al. 1995, J. Biomech. 28, 995-998).
+HALF_HIPS = 0.043
+# The rest pose. Joint, parent, length as a share of stature, and the direction of the bone that ends at the
+# joint: X left, Y up, Z forward, as those of the average body in public simulations (smpl_humanoid.xml of
+# ProtoMotions): legs 5 degrees apart, shanks 6 degrees back, arms out.
+_SPINE = TRUNK + 0.02  # from the hips' centres to the neck's base, through the pelvis' own centre
+_REST: tuple[tuple[str, str, float, tuple[float, float, float]], ...] = (
+    ("pelvis", "", 0.0, (0.0, 0.0, 0.0)),
+    ("left_hip", "pelvis", HALF_HIPS / 0.61, (0.61, -0.79, -0.06)),
+    ("right_hip", "pelvis", HALF_HIPS / 0.61, (-0.61, -0.79, -0.06)),
+    ("spine1", "pelvis", 0.22 * _SPINE, (0.0, 0.97, -0.24)),
+    ("left_knee", "left_hip", THIGH, (0.09, -0.995, -0.012)),
+    ("right_knee", "right_hip", THIGH, (-0.09, -0.995, -0.012)),
+    ("spine2", "spine1", 0.27 * _SPINE, (0.0, 1.0, 0.01)),
+    ("left_ankle", "left_knee", SHANK, (-0.034, -0.993, -0.109)),
+    ("right_ankle", "right_knee", SHANK, (0.034, -0.993, -0.109)),
+    ("spine3", "spine2", 0.11 * _SPINE, (0.0, 0.90, 0.43)),
+    ("left_foot", "left_ankle", FOOT, (0.20, -0.41, 0.89)),
+    ("right_foot", "right_ankle", FOOT, (-0.20, -0.41, 0.89)),
+    ("neck", "spine3", 0.43 * _SPINE, (0.0, 0.98, -0.20)),
+    ("left_collar", "spine3", 0.29 * _SPINE, (0.53, 0.82, -0.23)),
+    ("right_collar", "spine3", 0.29 * _SPINE, (-0.53, 0.82, -0.23)),
+    ("head", "neck", 0.7 * HEAD, (0.0, 0.79, 0.62)),
+    ("left_shoulder", "left_collar", 0.09 * HALF_SHOULDERS / 0.17, (0.94, 0.32, -0.09)),
+    ("right_shoulder", "right_collar", 0.09 * HALF_SHOULDERS / 0.17, (-0.94, 0.32, -0.09)),
+    ("left_elbow", "left_shoulder", UPPER_ARM, (0.993, -0.05, -0.105)),
+    ("right_elbow", "right_shoulder", UPPER_ARM, (-0.993, -0.05, -0.105)),
+    ("left_wrist", "left_elbow", FOREARM, (0.999, 0.036, -0.005)),
+    ("right_wrist", "right_elbow", FOREARM, (-0.999, 0.036, -0.005)),
+)
+JOINTS: tuple[str, ...] = tuple(name for name, *_ in _REST)
+_WIDTHS = (66, 72, 156, 165)
+_RATES = ("mocap_framerate", "mocap_frame_rate", "fps")
+_HIGHEST_RATE = 1000.0
+# Radians of an axis-angle vector: beyond several turns it is damage.
+_MAX_TURN = 8.0 * np.pi
+# Share of the trunk's line along an axis from which that axis is up, and below which the other is not.
+_UP, _NOT_UP = 0.8, 0.4
+
+
+def smpl_skeleton(stature: float) -> Skeleton:
+    """The 22 joints of the body with rest offsets in metres, X left, Y up, Z forward, for a stature."""
+    offsets = np.array(
+        [
+            length * stature * np.array(way) / max(float(np.linalg.norm(way)), 1e-9)
+            for _, _, length, way in _REST
+        ]
+    )
+    parents = tuple(JOINTS.index(parent) if parent else -1 for _, parent, *_ in _REST)
+    return Skeleton(JOINTS, parents, offsets)
+
+
+def recognises(source: Source) -> bool:
+    """True for an .npz archive with a path and poses."""
+    names = array_names(source)
+    return "trans" in names and ("poses" in names or {"root_orient", "pose_body"} <= names)
+
+
+def read(source: Source) -> Clip:
+    """The motion as a clip of 22 joints with rotations, every joint tracked.
+
+    Raises CaptureError for a damaged archive, arrays of other shapes, and numbers that are no rotation, path
+    or rate.
+    """
+    arrays = read_arrays(source, ("poses", "root_orient", "pose_body", "trans", *_RATES, "gender"))
+    turns = _turns(arrays, source)
+    trans = np.asarray(_numbers(arrays["trans"], "trans", source))
+    if trans.shape != (len(turns), 3):
+        raise source.error(expected=f"trans of shape ({len(turns)}, 3), as poses", found=f"{trans.shape}")
+    for name, values, most, what in (
+        ("poses", turns, _MAX_TURN, "radians"),
+        ("trans", trans, MAX_COORDINATE, "metres"),
+    ):
+        wrong = ~(np.abs(values) <= most)  # NaN too
+        if wrong.any():
+            place = np.argwhere(wrong)[0]
+            raise source.error(
+                expected=f"{what} of at most {most:.4g} in {name}",
+                found=f"{values[tuple(place)]:g}",
+                where=f"frame {int(place[0])}",
+            )
+    gender = _gender(arrays)
+    rate, notes = _rate(arrays, source)
+    notes.append(
+        f"the file holds no lengths: those of an average {gender} body, {STATURES[gender]:.2f} m tall"
+    )
+    rotations = from_rotvec(turns)
+    world_from_file = _upright(rotations[:, 0])
+    rotations[:, 0] = multiply(world_from_file, rotations[:, 0])
+    rotations = continuous(rotations)
+    skeleton = smpl_skeleton(STATURES[gender])
+    translations = np.broadcast_to(skeleton.offsets, (*turns.shape[:2], 3)).copy()
+    translations[:, 0] = rotate(world_from_file, trans)
+    return Clip(
+        skeleton=skeleton,
+        times=np.arange(len(turns)) / rate,
+        positions=forward_kinematics(skeleton, translations, rotations)[0],
+        states=np.full(turns.shape[:2], TRACKED, dtype=np.uint8),
+        passes=np.zeros(len(turns), dtype=np.int32),
+        translations=translations,
+        world_from_file=world_from_file,
+        rotations=rotations,
+        provenance={
+            "format": FORMAT.name,
+            "sensor": FORMAT.sensor,
+            "reading": reading(
+                units="m", units_rule="the format's", notes=notes, arrays=sorted(arrays), gender=gender
+            ),
+        },
+    )
+
+
+def _turns(arrays: dict[str, Array], source: Source) -> Array:
+    """Axis-angle vectors (T, 22, 3) of the body's joints, radians."""
+    if "poses" in arrays:
+        poses = _numbers(arrays["poses"], "poses", source)
+        if poses.ndim != 2 or poses.shape[1] not in _WIDTHS or not len(poses):
+            widths = ", ".join(str(width) for width in _WIDTHS)
+            raise source.error(expected=f"poses of shape (frames, {widths})", found=f"{poses.shape}")
+    else:
+        root, body = (_numbers(arrays[name], name, source) for name in ("root_orient", "pose_body"))
+        if root.shape != (len(root), 3) or body.shape != (len(root), 63) or not len(root):
+            raise source.error(
+                expected="root_orient (frames, 3) and pose_body (frames, 63)",
+                found=f"{root.shape} and {body.shape}",
+            )
+        poses = np.concatenate([root, body], axis=1)
+    return np.asarray(poses[:, : 3 * len(JOINTS)].reshape(len(poses), len(JOINTS), 3), dtype=np.float64)
+
+
+def _numbers(array: Array, name: str, source: Source) -> Array:
+    if array.dtype.kind not in "fiu":
+        raise source.error(expected=f"numbers in {name}", found=f"{array.dtype}")
+    return np.asarray(array, dtype=np.float64)
+
+
+def _gender(arrays: dict[str, Array]) -> str:
+    """The key of STATURES that the file names; "neutral" if none."""
+    value = arrays.get("gender")
+    if value is None or value.size != 1 or value.dtype.kind not in "SU":
+        return "neutral"
+    word = value.reshape(-1)[0]
+    text = word.decode("ascii", "replace") if isinstance(word, bytes) else str(word)
+    return text.strip().lower() if text.strip().lower() in STATURES else "neutral"
+
+
+def _rate(arrays: dict[str, Array], source: Source) -> tuple[float, list[str]]:
+    name = next((name for name in _RATES if name in arrays), None)
+    if name is None:
+        return RATE, [f"no rate in the file: {RATE:g} Hz"]
+    value = _numbers(arrays[name], name, source).reshape(-1)
+    if value.size != 1 or not 1.0 <= value[0] <= _HIGHEST_RATE:
+        raise source.error(
+            expected=f"a rate of 1 to {_HIGHEST_RATE:g} Hz in {name}", found=f"{value[:3].tolist()}"
+        )
+    return float(value[0]), []
+
+
+def _upright(roots: Array) -> Array:
+    """Rotation (4,) from the file's world to ours: Z is up, as in AMASS, unless the trunk stands along Y."""
+    up = np.median(np.abs(rotate(roots, np.broadcast_to([0.0, 1.0, 0.0], (len(roots), 3)))), axis=0)
+    return Y_UP_TO_Z_UP if up[1] > _UP and up[2] < _NOT_UP else IDENTITY

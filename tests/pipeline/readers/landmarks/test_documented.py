@@ -1,0 +1,109 @@
+"""FreeMoCap, Nuitrack and ZED: written here as documented; no recordings of them are at hand."""
+
+from __future__ import annotations
+
+import json
+import re
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+from samples import freemocap, nuitrack_csv, source_of, zed_json
+from samples.motion import Walk, in_range, in_sight, walk
+
+from kinemimic.pipeline.errors import CaptureError
+from kinemimic.pipeline.kinematics.clip import Clip
+from kinemimic.pipeline.kinematics.skeleton import NODE_INDEX
+from kinemimic.pipeline.readers import recognise
+
+FRAMES = 30
+
+
+def read(text: str, name: str) -> Clip:
+    return recognise.read_source(source_of(text, Path(name)))
+
+
+def check(clip: Clip, shown: Walk, precision: float, unseen: tuple[int, ...] = ()) -> None:
+    """Every joint is where the walk's node is, but for a constant: where the sensor stands."""
+    there = np.delete(np.arange(len(shown.times)), unseen)
+    assert np.abs(np.diff(clip.times) - np.diff(shown.times)).max() < 1e-6
+    truth = np.stack([shown.joints[:, NODE_INDEX[name]] for name in clip.skeleton.names], axis=1)
+    off = (clip.positions - truth)[there]
+    assert np.abs(off - off[0, 0]).max() < precision
+
+
+def test_freemocap_as_table_and_as_folder(tmp_path: Path) -> None:
+    shown = in_sight(walk(FRAMES))
+    clip = read(freemocap.table(shown).decode(), "body_3d_xyz.csv")
+    check(clip, shown, 1e-6)
+    assert clip.rate == pytest.approx(30.0)
+    older = read(freemocap.table(shown, "").decode(), "mediapipe_body_3d_xyz.csv")
+    assert np.array_equal(older.positions, clip.positions)
+    inner = tmp_path / "recording" / "output_data"
+    inner.mkdir(parents=True)
+    with pytest.raises(CaptureError, match=r"expected output_data/body_3d_xyz\.csv, the body of a FreeMoCap"):
+        recognise.read(tmp_path / "recording")
+    (inner / "body_3d_xyz.csv").write_bytes(freemocap.table(shown))
+    for path in (tmp_path / "recording", inner):
+        assert np.array_equal(recognise.read(path, rate=60.0).positions, clip.positions)
+
+
+def test_nuitrack() -> None:
+    shown = walk(FRAMES)
+    clip = read(nuitrack_csv.files(FRAMES)["skeleton.csv"].decode(), "skeleton.csv")
+    check(clip, Walk(shown.times, in_range(shown), {}), 1e-5)
+    (defect,) = clip.provenance["reading"]["defects"]
+    assert defect["rule"] == "several_people"
+
+
+@pytest.mark.parametrize("size", [18, 34, 38])
+@pytest.mark.parametrize("down", [False, True])
+def test_zed(size: int, down: bool) -> None:
+    shown = in_sight(walk(FRAMES))
+    document = zed_json.document(FRAMES, size, down=down)
+    clip = read(json.dumps(document, indent=1), "bodies.json")
+    check(clip, shown, 1e-5, (2,))
+    assert np.isnan(clip.positions[2]).all()
+    assert clip.provenance["reading"]["defects"][0]["rule"] == "several_people"
+    # As lists, in a list of frames.
+    frames = list(document.values())
+    for frame in frames:
+        for body in frame["body_list"]:
+            body["keypoint"] = [list(point.values()) for point in body["keypoint"]]
+        frame["bodies"] = {"body_list": frame.pop("body_list")}
+    assert np.array_equal(read(json.dumps(frames), "b.json").positions, clip.positions, equal_nan=True)
+
+
+@pytest.mark.parametrize(
+    ("sample", "change", "says"),
+    [
+        (freemocap, lambda text: text.replace("left_knee_x", "other", 1), "no column left_knee_x"),
+        (freemocap, lambda text: text[: len(text) - 30], "numbers, found .*cut off"),
+        (nuitrack_csv, lambda text: text.replace("JOINT_WAIST.y", "A", 1), r"no column joint_waist\.y"),
+        (
+            nuitrack_csv,
+            lambda text: text.replace("AS3M323001D,1", "AS3M323001D,x", 1),
+            "line 2: expected a number",
+        ),
+        (
+            zed_json,
+            lambda text: text.replace('"keypoint": [', '"keypoint": [7,', 1),
+            "frame 0: expected 18, 34, 38 points",
+        ),
+        (
+            zed_json,
+            lambda text: text.replace('"timestamp": 1', '"timestamp": null, "t": 1', 1),
+            "expected a time in",
+        ),
+        (
+            zed_json,
+            lambda text: re.sub(r'"x": [-\d.]+', '"x": 9e5', text, count=1),
+            "frame 0: expected metres, at most 100",
+        ),
+    ],
+)
+def test_damage_is_named(sample: object, change: Callable[[str], str], says: str) -> None:
+    ((name, content),) = sample.files(FRAMES).items()  # type: ignore[attr-defined]
+    with pytest.raises(CaptureError, match=says):
+        read(change(content.decode()), name)

@@ -1,0 +1,128 @@
+"""MVNX, written here from the known walk, and the published file."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+from samples import mvnx as sample
+from samples import source_of
+from samples.motion import rigid_walk
+
+from kinemimic.pipeline.errors import CaptureError
+from kinemimic.pipeline.kinematics.angles import leg_angles
+from kinemimic.pipeline.kinematics.clip import Clip, forward_kinematics
+from kinemimic.pipeline.kinematics.nodes import to_nodes
+from kinemimic.pipeline.kinematics.rest_pose import node_rotations_of
+from kinemimic.pipeline.kinematics.rotations import angle_between
+from kinemimic.pipeline.kinematics.skeleton import NODE_INDEX
+from kinemimic.pipeline.kinematics.vectors import unit
+from kinemimic.pipeline.readers import recognise
+from kinemimic.pipeline.readers.base.source import Source
+from kinemimic.pipeline.readers.segments.mvnx_text import parse_mvnx
+
+FRAMES = 60
+TEXT = "\n".join(sample.document(FRAMES))
+
+
+def read(text: str) -> Clip:
+    return recognise.read_source(source_of(text, Path("walk.mvnx")))
+
+
+def test_the_walk() -> None:
+    clip, shown = read(TEXT), rigid_walk(FRAMES, sample.RATE)
+    positions = to_nodes(clip)[0]
+    assert np.abs(clip.times - shown.times).max() < 1e-9
+    for node in ("hip_left", "knee_right", "ankle_left", "foot_right", "shoulder_left", "wrist_right"):
+        assert np.abs(positions[:, NODE_INDEX[node]] - shown.joints[:, NODE_INDEX[node]]).max() < 1e-8
+    assert clip.angles is not None
+    own = leg_angles(shown.joints)
+    for name, curve in clip.angles.items():
+        assert np.abs(curve - own[name]).max() < 1e-7
+    recorded = node_rotations_of(clip)
+    assert {"hip_left", "knee_left", "elbow_right", "hip_center"} <= recorded.sources.keys()
+    for node in ("hip_left", "knee_left", "elbow_right"):
+        apart = angle_between(recorded.rotations[:, NODE_INDEX[node]], shown.rotations[:, NODE_INDEX[node]])
+        assert apart.max() < np.radians(1.0)
+
+
+def test_frames_before_the_movement_are_left_out_and_old_versions_have_no_types() -> None:
+    assert len(read(TEXT).times) == FRAMES
+    head, _, rest = TEXT.partition('<frame time="0" type="tpose">')
+    old = head + rest.partition("</frame>\n")[2].replace(' type="normal"', "")
+    assert np.array_equal(read(old).positions, read(TEXT).positions)
+
+
+def test_a_second_subject_is_left_out_and_counted() -> None:
+    subject = TEXT[TEXT.index("<subject") : TEXT.index("</mvnx>")]
+    clip = read(TEXT.replace("</mvnx>", f"{subject}</mvnx>"))
+    assert len(clip.times) == FRAMES
+    (defect,) = clip.provenance["reading"]["defects"]
+    assert (defect["rule"], defect["count"]) == ("several_people", 1)
+
+
+def exchanged(old: str, new: str) -> Callable[[str], str]:
+    return lambda whole: whole.replace(old, new, 1)
+
+
+def bomb(text: str) -> str:
+    return text.replace("<mvnx", '<!DOCTYPE mvnx [<!ENTITY a "aaaa">]>\n<mvnx', 1)
+
+
+def cut_number(text: str) -> str:
+    at = text.index("<position>", text.index('type="normal"'))
+    return text[: at + 10] + text[text.index(" ", at) :]
+
+
+@pytest.mark.parametrize(
+    ("change", "says"),
+    [
+        (lambda text: text[: len(text) // 2], r"line \d+: expected XML, found .*; the file is cut off there"),
+        (bomb, "line 2: expected XML without entities, found one"),
+        (cut_number, r"line \d+: expected 69 numbers in <position>, found 68"),
+        (
+            lambda text: " ouch</position>".join(text.rsplit("</position>", 1)),
+            "expected numbers in <position>, found something else",
+        ),
+        (exchanged('label="L5"', 'label="L3"'), "expected segments with labels of their own"),
+        (
+            exchanged("<connector1>L5/", "<connector1>Tail/"),
+            "expected joints between the segments, found one at 'Tail'",
+        ),
+        (
+            lambda text: text.replace('type="normal"', 'type="other"'),
+            'expected frames of type "normal", found none',
+        ),
+        (exchanged('time="17"', 'time="soon"'), "expected a time in ms, found 'soon'"),
+    ],
+)
+def test_damage_is_named(change: Callable[[str], str], says: str) -> None:
+    with pytest.raises(CaptureError, match=says):
+        read(change(TEXT))
+
+
+def test_published_file(sensors: Path) -> None:
+    """An upper body's: MVN keeps the legs straight, and so do we; elbows bend as MVN says."""
+    path = sensors / "xsens_mvnx" / "test_mocap.mvnx"
+    clip = recognise.read(path)
+    assert len(clip.times) == 112
+    assert clip.rate == pytest.approx(60.0)
+    assert clip.angles is not None
+    positions = to_nodes(clip)[0]
+    pelvis = forward_kinematics(clip.skeleton, np.zeros((112, 23, 3)), clip.rotations)[1][:, 0]
+    ours = leg_angles(positions, pelvis)
+    for name, own in clip.angles.items():
+        assert np.abs(ours[name] - own).max() < np.radians(0.1)
+    # The elbow moves. Abduction and flexion, of a rotation in the order ZXY, bend the forearm by this much.
+    content = parse_mvnx(Source.open(path))
+    joint = [label for label, *_ in content.joints].index("jRightElbow")
+    own = np.radians([frame.values["jointAngle"][3 * joint :][:3] for frame in content.frames])
+    upper, lower = (
+        unit(positions[:, NODE_INDEX[f"{end}_right"]] - positions[:, NODE_INDEX[f"{start}_right"]])
+        for start, end in (("shoulder", "elbow"), ("elbow", "wrist"))
+    )
+    bend = np.arccos(np.sum(upper * lower, axis=-1))
+    assert np.ptp(bend) > np.radians(3.0)
+    assert np.abs(bend - np.arccos(np.cos(own[:, 0]) * np.cos(own[:, 2]))).max() < np.radians(0.5)
