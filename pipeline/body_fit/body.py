@@ -1,4 +1,4 @@
-"""The body that is fitted: 13 rigid segments, ball joints and hinges, and lengths in proportion to the height.
+"""The body that is fitted: 13 rigid segments, ball joints and hinges, lengths in proportion to the height.
 
 Axes of every segment at rest, standing with the arms down: X forward, Y left, Z up. A segment's origin is the
 joint at which it turns. Lengths are products of the height, the proportions of an average adult (Drillis and

@@ -12,7 +12,8 @@ from kinemimic.pipeline.body_fit.observed import Observed
 FEET: tuple[int, ...] = tuple(
     POINT_INDEX[f"{name}_{side}"] for side in ("left", "right") for name in ("heel", "foot")
 )
-# Metres a second, of a person of average height: a foot on the floor is slower, one in a stride ten times as fast.
+# Metres a second, of a person of average height: a foot on the floor is slower, one in a stride ten times
+# as fast.
 _SLOW = 0.3
 # Seconds over which the pixels are averaged before their speed is taken.
 _SPAN = 0.05

@@ -71,7 +71,9 @@ def add_scene(
     errors = np.array(
         [*(error for _, error in LENGTHS.values()), np.inf, settings.pitch_error, settings.roll_error, focal]
     )
-    values = np.array([*np.log(factors), 0.0, camera.pitch, camera.roll, np.log(camera.focal / assumed.focal)])
+    values = np.array(
+        [*np.log(factors), 0.0, camera.pitch, camera.roll, np.log(camera.focal / assumed.focal)]
+    )
     equations.add_shared(values * weight / errors, np.diag(weight / errors))
     # The height of the person fixes the sum of legs and trunk, and with it the scale of the scene.
     row = np.zeros(len(values))

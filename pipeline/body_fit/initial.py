@@ -72,7 +72,7 @@ def first_poses(
 
 
 def _shift(observed: Observed, places: Array, camera: SceneCamera) -> Array:
-    """(T, 3) metres in the camera's axes that bring places (T, P, 3) to the pixels, by linear least squares."""
+    """(T, 3) metres in the camera's axes that bring places (T, P, 3) to the pixels: linear least squares."""
     slope = (observed.pixels - np.array(camera.size) / 2.0) / camera.focal
     weight = np.where(np.isfinite(slope).all(axis=-1), observed.certainty, 0.0)
     slope, known = np.nan_to_num(slope), np.nan_to_num(places)
@@ -82,7 +82,9 @@ def _shift(observed: Observed, places: Array, camera: SceneCamera) -> Array:
     )  # (T, P, 2, 3)
     right = slope * known[..., 2:] - known[..., :2]
     normal = np.einsum("tp,tpai,tpaj->tij", weight, rows, rows) + 1e-9 * np.eye(3)
-    return np.asarray(np.linalg.solve(normal, np.einsum("tp,tpai,tpa->ti", weight, rows, right)[..., None])[..., 0])
+    return np.asarray(
+        np.linalg.solve(normal, np.einsum("tp,tpai,tpa->ti", weight, rows, right)[..., None])[..., 0]
+    )
 
 
 def _posed(p: Array) -> Poses:
@@ -157,4 +159,3 @@ def _pointing(forward: Array, left: Array) -> Array:
 
 def _unit(vectors: Array) -> Array:
     return np.asarray(vectors / np.maximum(np.linalg.norm(vectors, axis=-1, keepdims=True), 1e-9))
-

@@ -1,4 +1,4 @@
-"""Normal equations of least squares over a clip: a block per frame, neighbours, and unknowns of the whole clip.
+"""Normal equations of least squares over a clip: a block per frame, neighbours, unknowns of the whole clip.
 
 The matrix is block-banded (frames one and two apart are coupled) with a border (the lengths and the camera),
 so a step costs time and memory in proportion to the frames.

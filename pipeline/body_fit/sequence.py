@@ -1,9 +1,10 @@
-"""Fit the body to a whole clip: through gaps, and in windows, so that memory does not grow with its length."""
+"""Fit the body to a whole clip: through gaps, and in windows, so that memory stays small."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 
@@ -117,7 +118,7 @@ def _windows(part: slice) -> list[tuple[slice, slice]]:
     count = -(-(length - OVERLAP) // (WINDOW - OVERLAP))
     starts = np.linspace(part.start, part.stop - WINDOW, count).round().astype(int)
     windows = [slice(int(start), int(start) + WINDOW) for start in starts]
-    cuts = [(a.stop + b.start) // 2 for a, b in zip(windows, windows[1:], strict=False)]
+    cuts = [(a.stop + b.start) // 2 for a, b in pairwise(windows)]
     return [
         (window, slice(start, stop))
         for window, start, stop in zip(windows, [part.start, *cuts], [*cuts, part.stop], strict=True)

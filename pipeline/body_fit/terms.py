@@ -117,16 +117,16 @@ def add_depth(
     equations.add(residual * robust, by * weight, _shared(lengths) * weight)
 
 
-def add_floor(
-    equations: NormalEquations, evidence: Evidence, placed: Placed, settings: FitSettings
-) -> None:
+def add_floor(equations: NormalEquations, evidence: Evidence, placed: Placed, settings: FitSettings) -> None:
     """Feet that stand are on the floor and do not move; no foot is below it."""
     feet, by, by_lengths = placed.points[:, FEET], placed.by_unknowns[:, FEET], placed.by_lengths[:, FEET]
     up = feet[..., 2]
     # Geman and McClure's weights: a foot that is clearly elsewhere than on the floor is not drawn to it.
     on = np.sqrt(evidence.standing) / (1.0 + (up / (_ON_FLOOR * evidence.size)) ** 2)
     weight = np.where(up < 0.0, 1.0 / _SUNK, on / settings.floor_error) * (evidence.share / evidence.size)
-    equations.add(up * weight, by[:, :, 2] * weight[..., None], _shared(by_lengths[:, :, 2]) * weight[..., None])
+    equations.add(
+        up * weight, by[:, :, 2] * weight[..., None], _shared(by_lengths[:, :, 2]) * weight[..., None]
+    )
     if len(feet) < 2:
         return
     T, F = up.shape

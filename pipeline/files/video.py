@@ -96,7 +96,8 @@ def _rate(rate: float) -> float:
 
 @contextmanager
 def without_stderr() -> Iterator[None]:
-    """Silence what libraries write to stderr: OpenCV remarks on every WebM, and on every encoder that it fails to find, whatever its settings."""
+    """Silence what libraries write to stderr: OpenCV remarks on every WebM, and on every encoder that it fails
+    to find, whatever its settings."""
     kept = os.dup(2)
     try:
         with Path(os.devnull).open("wb") as nowhere:

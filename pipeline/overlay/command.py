@@ -1,5 +1,4 @@
-"""`kinemimic overlay`: draw the skeleton into the images that it was seen in, as a video: of a depth recording,
-or of a video."""
+"""`kinemimic overlay`: draw the skeleton into the images of a video or a depth recording, as a video."""
 
 from __future__ import annotations
 
@@ -65,7 +64,9 @@ def overlay(folder: Path, out: Path, *, run: Path | None = None, view: str | Non
         clip = read(folder) if run is None else _clip_of_run(run, folder)
         return Overlay(out, "video", *draw_on_video(folder, clip, out))
     if not is_recording(folder):
-        raise CaptureError(folder, expected="a video, or a depth recording (a folder with a camera.toml)", found="neither")
+        raise CaptureError(
+            folder, expected="a video, or a depth recording (a folder with a camera.toml)", found="neither"
+        )
     recording = open_recording(folder)
     colours = numbered_images(folder / COLOR_FOLDER, COLOR_SUFFIXES)
     view = view or ("color" if colours else "depth")

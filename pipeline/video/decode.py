@@ -68,8 +68,12 @@ def _opened(path: Path) -> Iterator[cv2.VideoCapture]:
         capture = cv2.VideoCapture(str(path), cv2.CAP_FFMPEG)
         try:
             if not capture.isOpened():
-                raise CaptureError(path, expected="a video that FFmpeg decodes", found="a damaged or other file")
-            width, height = (capture.get(one) for one in (cv2.CAP_PROP_FRAME_WIDTH, cv2.CAP_PROP_FRAME_HEIGHT))
+                raise CaptureError(
+                    path, expected="a video that FFmpeg decodes", found="a damaged or other file"
+                )
+            width, height = (
+                capture.get(one) for one in (cv2.CAP_PROP_FRAME_WIDTH, cv2.CAP_PROP_FRAME_HEIGHT)
+            )
             if not (1 <= width <= MAX_SIDE and 1 <= height <= MAX_SIDE):
                 expected = f"images of 1 to {MAX_SIDE} pixels a side"
                 raise CaptureError(path, expected=expected, found=f"{width:.0f}x{height:.0f}")

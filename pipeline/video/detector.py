@@ -93,8 +93,12 @@ def letterbox(image: Image) -> tuple[Array, float, Array]:
     scale = SIDE / max(height, width)
     offset = (SIDE - np.array([width, height]) * scale) / 2.0
     # OpenCV puts whole numbers at the centres of pixels, the network between them.
-    matrix = np.array([[scale, 0.0, offset[0] + 0.5 * scale - 0.5], [0.0, scale, offset[1] + 0.5 * scale - 0.5]])
-    small = cv2.warpAffine(image, matrix, (SIDE, SIDE), flags=cv2.INTER_AREA if scale < 1 else cv2.INTER_LINEAR)
+    matrix = np.array(
+        [[scale, 0.0, offset[0] + 0.5 * scale - 0.5], [0.0, scale, offset[1] + 0.5 * scale - 0.5]]
+    )
+    small = cv2.warpAffine(
+        image, matrix, (SIDE, SIDE), flags=cv2.INTER_AREA if scale < 1 else cv2.INTER_LINEAR
+    )
     return small[None, :, :, ::-1].astype(np.float64), scale, offset
 
 

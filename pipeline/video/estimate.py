@@ -131,6 +131,8 @@ class _Found:
             size=self.size,
             key=key,
             done=done,
-            region=np.full(4, np.nan) if region is None else np.array([*region.centre, region.side, region.angle]),
+            region=np.full(4, np.nan)
+            if region is None
+            else np.array([*region.centre, region.side, region.angle]),
             people=max(self.people, tracker.most_people),
         )

@@ -81,7 +81,10 @@ def refined(shares: Array, heat: Array) -> Array:
         weights = _logistic(heat[y[0] : y[-1] + 1, x[0] : x[-1] + 1, k])
         if weights.max() >= _MIN_PEAK:
             total = weights.sum()
-            result[k] = (weights.sum(0) @ (x + 0.0) / total / columns, weights.sum(1) @ (y + 0.0) / total / rows)
+            result[k] = (
+                weights.sum(0) @ (x + 0.0) / total / columns,
+                weights.sum(1) @ (y + 0.0) / total / rows,
+            )
     return result
 
 

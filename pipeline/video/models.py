@@ -78,7 +78,15 @@ def _download(scratch: Path, folder: Path) -> Path:
     wanted = scratch / "requirements.txt"
     wanted.write_text(f"{PACKAGE}=={VERSION} --hash=sha256:{WHEEL_SHA256}\n", encoding="ascii")
     options = ["--no-deps", "--only-binary=:all:", "--require-hashes", "--retries=1", *_TAGS]
-    command = [sys.executable, "-m", "pip", "download", *options, f"--dest={scratch}", f"--requirement={wanted}"]
+    command = [
+        sys.executable,
+        "-m",
+        "pip",
+        "download",
+        *options,
+        f"--dest={scratch}",
+        f"--requirement={wanted}",
+    ]
     expected = f"the wheel of {PACKAGE} {VERSION} from the package index, for the pose models"
     advice = f"connect once, or put {DETECTOR.name} and {LANDMARKS.name} of that wheel into {folder}"
     try:
@@ -103,7 +111,9 @@ def _unpack(wheel: Path, folder: Path) -> None:
                 with archive.open(model.file) as stream:
                     content = stream.read(model.size + 1)
                 if hashlib.sha256(content).hexdigest() != model.sha256:
-                    raise KinemimicError(f"{wheel.name}: expected {model.name} as published, found another file")
+                    raise KinemimicError(
+                        f"{wheel.name}: expected {model.name} as published, found another file"
+                    )
                 with atomic(folder / model.name) as temporary:
                     temporary.write_bytes(content)
     except (zipfile.BadZipFile, KeyError) as error:

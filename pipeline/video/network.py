@@ -15,7 +15,9 @@ from kinemimic.pipeline.files.video import without_stderr
 
 _MAX_BYTES = 256 * MEGABYTE
 
-_MISSING = "expected the extra `video`, which runs the pose networks, found none; pip install 'kinemimic[video]'"
+_MISSING = (
+    "expected the extra `video`, which runs the pose networks, found none; pip install 'kinemimic[video]'"
+)
 
 
 def require_runtime() -> None:

@@ -16,7 +16,7 @@ _MARGIN = 1.25
 
 @dataclass(frozen=True)
 class Region:
-    """A turned square: centre (2,) and side in pixels of the image, angle in radians, clockwise in the image."""
+    """A turned square: centre (2,) and side in the image's pixels, angle in radians, clockwise."""
 
     centre: Array
     side: float

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from kinemimic.pipeline.arrays import Array, States
+from kinemimic.pipeline.arrays import States
 from kinemimic.pipeline.body_fit.body import LENGTH_NAMES, POINT_INDEX, POINTS
 from kinemimic.pipeline.body_fit.observed import Observed
 from kinemimic.pipeline.body_fit.sequence import FittedBody, fit_body
@@ -80,7 +80,9 @@ def read_video(path: Path, options: VideoOptions, kept: Path | None = None) -> C
             advance=bar.advance,
         )
     if body is None:
-        seconds = float((observed.certainty > 0.0).any(axis=1).sum() * np.median(np.diff(track.times, append=0.0)))
+        seconds = float(
+            (observed.certainty > 0.0).any(axis=1).sum() * np.median(np.diff(track.times, append=0.0))
+        )
         expected = "a person in view for at least 0.3 s"
         raise CaptureError(path, expected=expected, found=f"one for {max(seconds, 0.0):.1f} s")
     clip = clip_of_points(
@@ -125,7 +127,7 @@ def _reading(track: LandmarkTrack, body: FittedBody, options: VideoOptions) -> d
     view = float(np.degrees(2.0 * np.arctan(max(track.size) / 2.0 / camera.focal)))
     notes = [
         f"camera {camera.height:.2f} m above the floor, looking {abs(np.degrees(camera.pitch)):.1f} degrees "
-        f"{'down' if camera.pitch >= 0.0 else 'up'}, {view:.0f} degrees wide along the longer side of the image"
+        f"{'down' if camera.pitch >= 0.0 else 'up'}, {view:.0f} degrees wide along the longer side"
     ]
     if options.height is None:
         notes.append(f"the person is assumed to be {tall:.2f} m tall: --height scales all lengths and speeds")
@@ -139,7 +141,9 @@ def _reading(track: LandmarkTrack, body: FittedBody, options: VideoOptions) -> d
         notes.append(f"{without} of {len(track.times)} frames do not show the person")
     return reading(
         units="m",
-        units_rule="by the person's height" if options.height is not None else "by an average person's height",
+        units_rule="by the person's height"
+        if options.height is not None
+        else "by an average person's height",
         notes=notes,
         image=list(track.size),
         camera={
