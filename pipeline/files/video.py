@@ -96,7 +96,7 @@ def _rate(rate: float) -> float:
 
 @contextmanager
 def without_stderr() -> Iterator[None]:
-    """Silence what libraries write to stderr: OpenCV remarks on every WebM, and on every encoder that it fails
+    """Silence what libraries write to stderr: OpenCV remarks on every WebM, and on encoders that it fails
     to find, whatever its settings."""
     kept = os.dup(2)
     try:
