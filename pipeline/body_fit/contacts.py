@@ -29,7 +29,7 @@ def standing(observed: Observed, distance: Array, focal: float) -> Array:
         return np.zeros((len(times), len(FEET)))
     pixels = observed.pixels[:, FEET]
     step = float(np.median(np.diff(times)))
-    weight = np.isfinite(pixels).all(axis=-1).astype(np.float64)
+    weight = np.asarray(np.isfinite(pixels).all(axis=-1), dtype=np.float64)
     smooth = _averaged(np.nan_to_num(pixels), weight, _SPAN / step)
     speed = np.linalg.norm(np.gradient(smooth, times, axis=0), axis=-1) * distance[:, None] / focal
     still = 1.0 / (1.0 + (speed / _SLOW) ** 4)

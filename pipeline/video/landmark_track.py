@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import io
+import struct
 import zipfile
+import zlib
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -19,6 +21,11 @@ from kinemimic.pipeline.video.landmarks import COUNT
 _SCHEMA = 1
 # 864,000 frames of 33 points in single precision.
 _LIMIT = 1024 * MEGABYTE
+# What zipfile and numpy raise on damaged archives, one or another.
+_DAMAGED = (
+    OSError, ValueError, KeyError, IndexError, TypeError, EOFError, RuntimeError, MemoryError, OverflowError,
+    zipfile.BadZipFile, zlib.error, struct.error,
+)  # fmt: skip
 
 
 @dataclass(frozen=True)
@@ -88,7 +95,7 @@ def read_track(path: Path, key: str) -> LandmarkTrack | None:
                 region=_numbers(file["region"], (4,)),
                 people=int(file["people"]),
             )
-    except (OSError, ValueError, KeyError, IndexError, TypeError, zipfile.BadZipFile, EOFError):
+    except _DAMAGED:
         return None
 
 

@@ -46,7 +46,11 @@ def test_points_move_with_the_lengths_as_the_derivatives_say(factors: Array) -> 
 
 def test_bones_keep_their_lengths_in_every_pose(factors: Array) -> None:
     placed = place(random_poses(50, 3), factors, HEIGHT)
-    for length, start, end in (("thigh", "hip", "knee"), ("shank", "knee", "ankle"), ("forearm", "elbow", "wrist")):
+    for length, start, end in (
+        ("thigh", "hip", "knee"),
+        ("shank", "knee", "ankle"),
+        ("forearm", "elbow", "wrist"),
+    ):
         for side in ("left", "right"):
             a, b = (placed.points[:, POINT_INDEX[f"{joint}_{side}"]] for joint in (start, end))
             share, _ = LENGTHS[length]
@@ -69,6 +73,8 @@ def test_a_bent_knee_moves_the_ankle_backwards_and_a_bent_elbow_the_wrist_forwar
 def test_rotation_vectors_and_matrices_are_each_others_inverse() -> None:
     vectors = np.random.default_rng(5).uniform(-1.5, 1.5, (200, 3))
     matrices = rotation_of(vectors)
-    assert matrices @ matrices.swapaxes(-1, -2) == pytest.approx(np.broadcast_to(np.eye(3), (200, 3, 3)), abs=1e-12)
+    assert matrices @ matrices.swapaxes(-1, -2) == pytest.approx(
+        np.broadcast_to(np.eye(3), (200, 3, 3)), abs=1e-12
+    )
     assert vector_of(matrices) == pytest.approx(vectors, abs=1e-6)
     assert rotation_of(np.zeros((1, 3)))[0] == pytest.approx(np.eye(3))
