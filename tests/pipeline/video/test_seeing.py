@@ -59,8 +59,9 @@ def test_detections_are_decoded_in_pixels_of_the_image() -> None:
     image = np.zeros((448, 448, 3), dtype=np.uint8)
     (found,) = Detector(Fake(numbers, logits)).people(image)
     at = anchors()[best] * 448.0
-    assert found.box == pytest.approx([*(at - [20, 30]), *(at + [20, 30])])
-    assert found.centre == pytest.approx(at + [0.0, 80.0])
+    half, below = np.array([20.0, 30.0]), np.array([0.0, 80.0])
+    assert found.box == pytest.approx(np.concatenate([at - half, at + half]))
+    assert found.centre == pytest.approx(at + below)
     assert found.radius == pytest.approx(80.0)
 
 
