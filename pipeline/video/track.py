@@ -11,6 +11,11 @@ from kinemimic.pipeline.video.region import Region
 
 # Without a person, the detector looks at every so many frames only.
 _SEARCH_EVERY = 3
+# How far from the last place a lost person is looked for, in sides of the last region: at once, and more per
+# frame. Somebody elsewhere is another person, until there was time to walk there.
+_REACH, _REACH_PER_FRAME = 0.5, 1.0 / 60.0
+# Nor has a person who is found again more than this times the size.
+_GROWTH = 2.0
 
 
 class PersonTracker:
@@ -33,13 +38,14 @@ class PersonTracker:
         self.region = region
         """Where the person is expected in the next frame, or None."""
         self._last = region
-        self._frame = 0
+        self._frame = self._lost = 0
         self.most_people = 0
         """The most people that the detector has seen in one image."""
 
     def __call__(self, image: Image) -> Landmarks | None:
         """The landmarks in the next frame (H, W, 3); None if the person is not seen."""
         self._frame += 1
+        self._lost += 1
         if self.region is not None:
             found = self._at(image, self.region)
             if found is not None:
@@ -55,6 +61,7 @@ class PersonTracker:
             self.region = None
             return None
         self.region = self._last = found.region
+        self._lost = 0
         return found
 
     def _search(self, image: Image) -> Region | None:
@@ -71,7 +78,14 @@ class PersonTracker:
             return None
         last = self._last
         if last is not None:
-            return min(people, key=lambda one: float(np.linalg.norm(one.centre - last.centre)))
+            reach = last.side * (_REACH + _REACH_PER_FRAME * self._lost)
+            near = [
+                (distance, k)
+                for k, one in enumerate(people)
+                if (distance := float(np.linalg.norm(one.centre - last.centre))) <= reach
+                and 1.0 / _GROWTH < Region.about(one.centre, one.circle).side / last.side < _GROWTH
+            ]
+            return people[min(near)[1]] if near else None
         if self._person is None:
             return people[0]
         from_left = sorted(people, key=lambda one: float(one.centre[0]))

@@ -161,6 +161,18 @@ def test_the_detector_rests_while_a_person_is_followed_and_finds_a_lost_one_near
     assert found is None or found.pixels[0, 0] == pytest.approx(100.0)
 
 
+def test_somebody_elsewhere_is_not_the_lost_person_until_there_was_time_to_walk_there() -> None:
+    image = np.zeros((400, 2000, 3), dtype=np.uint8)
+    detector = People(100.0)
+    tracker = PersonTracker(detector, landmark_network(0.9))
+    assert tracker(image) is not None
+    detector.places, tracker.region = (1000.0,), None
+    found = [tracker(image) for _ in range(600)]
+    assert all(one is None for one in found[:60])
+    later = next(one for one in found if one is not None)
+    assert later.pixels[0, 0] == pytest.approx(1000.0)
+
+
 def test_a_person_who_is_not_there_is_not_followed() -> None:
     image = np.zeros((400, 600, 3), dtype=np.uint8)
     assert PersonTracker(People(500.0), landmark_network(0.1))(image) is None
