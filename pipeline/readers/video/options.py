@@ -38,4 +38,4 @@ class VideoOptions:
         """The options that were given, as JSON values."""
         values = {"height": self.height, "fov": self.fov, "person": self.person}
         model = None if self.model is None else self.model.name
-        return {name: value for name, value in {**values, "model": model}.items() if value is not None}
+        return {name: value for name, value in {**values, "pose-model": model}.items() if value is not None}
