@@ -24,7 +24,7 @@ BULLET := $(or $(BULLET),$(patsubst $(VENV)/native-%,%,$(firstword $(wildcard $(
 NATIVE := $(VENV)/native-$(BULLET)
 NATIVE_FILES := $(wildcard $(addprefix train/native/,*.cpp *.hpp *.py pyproject.toml stubs/*/*.pyi))
 
-.PHONY: help setup formats inspect run batch library tracker ingest convert retarget train evaluate pushes disturb gait view simulate export policies reproduce compare study comparison overlay data data-check data-push data-pull test test-slow lint type format docs architecture docs-test mutants bench bench-clean bench-truth sensor-accuracy profile wheel install-test clean
+.PHONY: help setup formats inspect run batch library tracker ingest convert retarget train evaluate pushes disturb gait view simulate export policies reproduce compare study comparison overlay data data-check data-push data-pull test test-slow lint type format docs architecture docs-test mutants bench bench-clean bench-truth sensor-accuracy video-accuracy profile wheel install-test clean
 .DEFAULT_GOAL := help
 
 help: ## Show this list
@@ -202,6 +202,9 @@ bench-clean: setup ## Compare every filter with the virtual Kinect's truth
 sensor-accuracy: setup ## Compare a Kinect's knee and hip with a Vicon's, before and after cleaning
 	$(BIN)/python tests/bench/sensor_accuracy.py "$${KINEMIMIC_CAPTURES:-../shared/captures}" runs/sensor-accuracy
 	$(BIN)/python tests/bench/azure_accuracy.py "$${KINEMIMIC_SENSORS:-../shared/sensors}" runs/sensor-accuracy
+
+video-accuracy: setup ## Compare a video's knee and hip with optical capture's, with an ablation of the fit
+	$(BIN)/python tests/bench/video_accuracy.py "$${KINEMIMIC_VIDEOS:-../shared/sensors/video_opencap}" runs/video-accuracy
 
 bench-truth: setup ## Measure the error against the virtual Kinect's truth, by variability, sensor and speed
 	$(BIN)/python tests/bench/bench_truth.py

@@ -70,7 +70,7 @@ COMMANDS: dict[str, tuple[str, str]] = {
     ),
     "overlay": (
         "kinemimic.pipeline.overlay.command:command",
-        "Make a video of a depth recording and its skeleton.",
+        "Draw the skeleton into a video or a depth recording.",
     ),
     "simulate": (
         "kinemimic.evaluate.simulate.command:command",

@@ -19,6 +19,8 @@ Decorator = Callable[[Callable[..., Any]], Callable[..., Any]]
 UNITS = ("m", "cmu", "inch", "cm", "mm")
 # In Hz, as in readers/base/frame_rate.py, for the same reason.
 RATES = (1.0, 1000.0)
+# Metres and degrees, as in readers/video/options.py, for the same reason.
+HEIGHTS, FIELDS_OF_VIEW = (0.5, 2.6), (10.0, 150.0)
 
 
 class RunFolder(click.Path):
@@ -81,6 +83,34 @@ def unit_option(text: str) -> Callable[[Command], Command]:
 def rate_option(text: str) -> Callable[[Command], Command]:
     """--rate, a frame rate in Hz or None."""
     return click.option("--rate", type=click.FloatRange(*RATES), metavar="HZ", help=text)
+
+
+# Of a video: --height, --fov, --person, --pose-model.
+video_options: tuple[Decorator, ...] = (
+    click.option(
+        "--height",
+        type=click.FloatRange(*HEIGHTS),
+        metavar="METRES",
+        help="Video: height of the person. Default: 1.70.",
+    ),
+    click.option(
+        "--fov",
+        type=click.FloatRange(*FIELDS_OF_VIEW),
+        metavar="DEGREES",
+        help="Video: field of view along the longer side. Default: about 67, a phone's.",
+    ),
+    click.option(
+        "--person",
+        type=click.IntRange(min=1),
+        metavar="N",
+        help="Video: which person, counted from the left. Default: the largest.",
+    ),
+    click.option(
+        "--pose-model",
+        type=click.Path(path_type=Path, exists=True, dir_okay=False),
+        help="Video: a BlazePose landmark model (.tflite). Default: the full one, fetched once.",
+    ),
+)
 
 
 def json_option(text: str) -> Callable[[Command], Command]:

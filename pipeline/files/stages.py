@@ -15,6 +15,7 @@ class Stage:
 
 
 INDEX = "index.html"  # the page about a run folder, written after a stage
+LANDMARKS_FILE = "landmarks.npz"  # of a video: kept for later calls, and made again if it is absent
 VIRTUAL_CAPTURE = "capture/kinect_walk_euler.bvh"
 
 # In the order in which they are run; `virtual` records a capture where none is given.

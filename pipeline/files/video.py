@@ -44,7 +44,7 @@ class Video:
 
 def require_encoder(path: Path) -> None:
     """KinemimicError unless `video` can write this file; to be called before long work."""
-    with tempfile.TemporaryDirectory() as folder, _quiet():
+    with tempfile.TemporaryDirectory() as folder, quiet():
         _opened(path, Path(folder) / path.name, 30.0, (64, 64)).release()
 
 
@@ -58,7 +58,7 @@ def video(path: Path, width: int, height: int, rate: float) -> Iterator[Video]:
     KinemimicError for another ending or without an encoder, or if frames are missing in the file (full disk).
     """
     width, height = width + width % 2, height + height % 2
-    with atomic(path) as temporary, _quiet():
+    with atomic(path) as temporary, quiet():
         writer = _opened(path, temporary, _rate(rate), (width, height))
         try:
             written = Video(writer, width, height)
@@ -78,7 +78,7 @@ def _opened(path: Path, temporary: Path, rate: float, size: tuple[int, int]) -> 
     if suffix not in CODECS:
         raise KinemimicError(f"{path}: expected a video named {' or '.join(CODECS)}, found {path.suffix!r}")
     for codec in CODECS[suffix]:
-        with _without_stderr():
+        with without_stderr():
             fourcc = cv2.VideoWriter.fourcc(*codec)
             writer = cv2.VideoWriter(str(temporary), cv2.CAP_FFMPEG, fourcc, rate, size)
         if writer.isOpened():
@@ -95,8 +95,9 @@ def _rate(rate: float) -> float:
 
 
 @contextmanager
-def _without_stderr() -> Iterator[None]:
-    """OpenCV remarks on every WebM, and on every encoder that it fails to find, whatever its settings."""
+def without_stderr() -> Iterator[None]:
+    """Silence what libraries write to stderr: OpenCV remarks on every WebM, and on encoders that it fails
+    to find, whatever its settings."""
     kept = os.dup(2)
     try:
         with Path(os.devnull).open("wb") as nowhere:
@@ -108,8 +109,8 @@ def _without_stderr() -> Iterator[None]:
 
 
 @contextmanager
-def _quiet() -> Iterator[None]:
-    """Silence OpenCV's messages about unwritten frames; `video` reports them once."""
+def quiet() -> Iterator[None]:
+    """Silence OpenCV's messages about frames that it cannot write or decode; the caller reports them once."""
     level = cv2.utils.logging.setLogLevel(cv2.utils.logging.LOG_LEVEL_SILENT)
     before = os.environ.get(_FFMPEG_LOG)
     os.environ[_FFMPEG_LOG] = "-8"  # AV_LOG_QUIET

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import click
 
-from kinemimic.pipeline.cli.options import option_group, rate_option, unit_option
+from kinemimic.pipeline.cli.options import option_group, rate_option, unit_option, video_options
 
 # The first is the default: `make bench-clean` finds it closest to the truth.
 FILTERS: tuple[str, ...] = ("kalman", "butterworth", "one-euro", "none")
@@ -18,4 +18,5 @@ ingest_options = option_group(
     ),
     unit_option("Length unit of the file. Default: as declared by the format, or inferred from body size."),
     rate_option("True frame rate of the file in Hz. Default: by the file's clock."),
+    *video_options,
 )

@@ -23,12 +23,15 @@ from kinemimic.pipeline.inspect.file_report import (
 from kinemimic.pipeline.parallel.task_pool import MEMORY, TIMEOUT, Failure, isolated_map
 from kinemimic.pipeline.readers.base.source import MAX_BYTES
 from kinemimic.pipeline.readers.depth.folder import is_recording
+from kinemimic.pipeline.readers.video.container import is_video
 
 Report = dict[str, Any]
 
 # What a file may take besides TIMEOUT and MEMORY: for a million frames (400 MB of text) 400 s and 5 GB.
 _SECONDS_PER_BYTE = 1e-6
 _MEMORY_PER_BYTE = 12
+# Networks look at every frame: some ten minutes of video.
+_SECONDS_PER_VIDEO = 3600.0
 
 
 def find_files(paths: Iterable[Path]) -> list[Path]:
@@ -95,6 +98,8 @@ def _limits(files: Sequence[Path]) -> dict[str, Any]:
     seconds = TIMEOUT + _SECONDS_PER_BYTE * largest
     if any(file.is_dir() for file in files):
         seconds = max(seconds, 10.0 * TIMEOUT)
+    if any(is_video(file) for file in files):
+        seconds = max(seconds, _SECONDS_PER_VIDEO)
     return {"timeout": seconds, "memory": MEMORY + _MEMORY_PER_BYTE * largest}
 
 

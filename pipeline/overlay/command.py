@@ -1,4 +1,4 @@
-"""`kinemimic overlay`: draw the skeleton of a depth recording into its colour or depth images, as a video."""
+"""`kinemimic overlay`: draw the skeleton into the images of a video or a depth recording, as a video."""
 
 from __future__ import annotations
 
@@ -21,6 +21,7 @@ from kinemimic.pipeline.files.video import video
 from kinemimic.pipeline.kinematics.clip import Clip
 from kinemimic.pipeline.kinematics.nodes import to_nodes
 from kinemimic.pipeline.overlay.draw import draw_caption, draw_skeleton, shaded
+from kinemimic.pipeline.overlay.video_overlay import draw_on_video
 from kinemimic.pipeline.readers.depth.camera import Camera
 from kinemimic.pipeline.readers.depth.folder import (
     COLOR_FOLDER,
@@ -30,6 +31,8 @@ from kinemimic.pipeline.readers.depth.folder import (
 )
 from kinemimic.pipeline.readers.depth.frames import Image, load, read_color, read_depth
 from kinemimic.pipeline.readers.depth.recording import Recording, open_recording, read_recording
+from kinemimic.pipeline.readers.recognise import read
+from kinemimic.pipeline.readers.video.container import is_video
 
 VIEWS: tuple[str, ...] = ("depth", "color")
 # Metres in front of and behind the person that the grey levels of depth cover.
@@ -52,11 +55,18 @@ def overlay(folder: Path, out: Path, *, run: Path | None = None, view: str | Non
     """Draw the 20 nodes of a recording, or of the run made from it (its clip.parquet), into a video.
 
     view: "depth" or "color"; by default "color" if there are colour images. The video has one image per depth
-    frame, at the median frame rate. KinemimicError for a folder that is not a recording, a run of another
-    capture, or missing colour images.
+    frame, at the median frame rate. folder: may also be a video, whose frames then have the fitted skeleton.
+    KinemimicError for a folder that is not a recording, a run of another capture, or missing colour images.
     """
+    if is_video(folder):
+        if view is not None:
+            raise CaptureError(folder, expected="no choice of images for a video", found=f"{view!r}")
+        clip = read(folder) if run is None else _clip_of_run(run, folder)
+        return Overlay(out, "video", *draw_on_video(folder, clip, out))
     if not is_recording(folder):
-        raise CaptureError(folder, expected="a depth recording, a folder with a camera.toml", found="none")
+        raise CaptureError(
+            folder, expected="a video, or a depth recording (a folder with a camera.toml)", found="neither"
+        )
     recording = open_recording(folder)
     colours = numbered_images(folder / COLOR_FOLDER, COLOR_SUFFIXES)
     view = view or ("color" if colours else "depth")
@@ -138,7 +148,7 @@ def _colours(recording: Recording, colours: dict[int, Path]) -> Iterator[Image]:
 
 
 @click.command()
-@click.argument("folder", type=click.Path(path_type=Path))
+@click.argument("recording", type=click.Path(path_type=Path))
 @click.option(
     "--run",
     type=click.Path(path_type=Path),
@@ -152,14 +162,15 @@ def _colours(recording: Recording, colours: dict[int, Path]) -> Iterator[Image]:
     help="A .webm file; .mp4 where there is an H.264 encoder.",
 )  # fmt: skip
 @json_option("Print the result as JSON.")
-def command(folder: Path, run: Path | None, view: str | None, out: Path, as_json: bool) -> None:
-    """Draw the 20 nodes of the depth recording in FOLDER into its images, as a video.
+def command(recording: Path, run: Path | None, view: str | None, out: Path, as_json: bool) -> None:
+    """Draw the 20 nodes of RECORDING into its images: a video, or the folder of a depth recording.
 
     \b
+      kinemimic overlay walk.mp4 --run runs/walk
       kinemimic overlay recording
       kinemimic overlay recording --run runs/recording --on depth --out overlay.webm
     """
-    drawn = overlay(folder, out, run=run, view=view)
+    drawn = overlay(recording, out, run=run, view=view)
     if as_json:
         click.echo(json.dumps({**asdict(drawn), "path": drawn.path.as_posix()}))
     else:

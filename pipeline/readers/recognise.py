@@ -19,6 +19,9 @@ from kinemimic.pipeline.readers.base.source import Source
 from kinemimic.pipeline.readers.depth.folder import CAMERA_FILE, is_recording
 from kinemimic.pipeline.readers.depth.folder import FORMAT as DEPTH_RECORDING
 from kinemimic.pipeline.readers.landmarks.freemocap import body_table, is_freemocap
+from kinemimic.pipeline.readers.video.container import FORMAT as VIDEO
+from kinemimic.pipeline.readers.video.container import is_video
+from kinemimic.pipeline.readers.video.options import VideoOptions
 
 # Tried in this order: formats with a header or a keyword first, tables of bare numbers last.
 _MODULES: tuple[str, ...] = (
@@ -69,16 +72,24 @@ def readers() -> tuple[Reader, ...]:
 
 def formats() -> tuple[Format, ...]:
     """Every format that can be read."""
-    return (*(reader.FORMAT for reader in readers()), DEPTH_RECORDING)
+    return (*(reader.FORMAT for reader in readers()), DEPTH_RECORDING, VIDEO)
 
 
-def read(path: Path, *, unit: str | None = None, rate: float | None = None) -> Clip:
+def read(
+    path: Path,
+    *,
+    unit: str | None = None,
+    rate: float | None = None,
+    video: VideoOptions | None = None,
+    landmarks: Path | None = None,
+) -> Clip:
     """The capture in a file, as recorded: in our units and axes, one pass, nothing filled or filtered.
 
     A folder is read if it is a depth recording or one of FreeMoCap. unit: the file's unit of length in the
     spelling of --unit (a key of `length_units.UNIT_OPTIONS`), overriding the file; by default the format's or
     the header's unit, else the likeliest for the size of the body. rate: the true frame rate in Hz, replacing
-    the file's clock (`frame_rate.at_rate`).
+    the file's clock (`frame_rate.at_rate`). video: options of a video, which other files do not take;
+    landmarks: file in which those of a video are kept.
 
     provenance holds source (the file's name), format, sensor, sha256, sidecar_files (name -> SHA-256 of the
     other files of the capture) and the reader's record ("reading"). Raises CaptureError for anything but a
@@ -91,6 +102,14 @@ def read(path: Path, *, unit: str | None = None, rate: float | None = None) -> C
         from kinemimic.pipeline.readers.depth.recording import read_recording  # noqa: PLC0415 (loads OpenCV)
 
         clip = read_recording(path)
+    elif is_video(path):
+        if named is not None:
+            raise CaptureError(path, expected="the person's height (--height) with a video", found="--unit")
+        from kinemimic.pipeline.readers.video.recording import read_video  # noqa: PLC0415 (loads OpenCV)
+
+        clip = read_video(path, video or VideoOptions(), landmarks)
+    elif video is not None and (given := video.given()):
+        raise CaptureError(path, expected=f"a video, which alone takes --{min(given)}", found="another file")
     else:
         file = body_table(path) if is_freemocap(path) else path
         clip = read_source(Source.open(file, unit=named))

@@ -11,6 +11,7 @@ NOT_RUN: dict[str, str] = {
     "make *": "runs in the repository, and builds its .venv first",
     "pip install *": "fetches packages",
     "rerun *": "opens a window",
+    "kinemimic * walk.mp4 *": "needs a video and the pose models; tests/pipeline/readers/video reads one",
     "tensorboard *": "serves until it is stopped",
     "kinemimic view * --screenshot *": "needs a Vulkan driver",
     "kinemimic view * --video *": "draws 300 frames; tests/evaluate/view draws a few",

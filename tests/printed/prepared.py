@@ -137,5 +137,6 @@ PREPARED: dict[str, Prepare] = {
     "train.md": trained,
     "troubleshooting.md": faulty,
     "tutorial.md": nothing,
+    "video.md": nothing,
     "view.md": trained,
 }
