@@ -31,6 +31,7 @@ from kinemimic.pipeline.gait.curve_metrics import joint_fits
 from kinemimic.pipeline.kinematics.rotations import rotate
 from kinemimic.retarget.humanoid.motion import Motion, joint_angles
 from kinemimic.train.config.config import EnvConfig
+from kinemimic.train.reference.reference import Reference
 from kinemimic.train.rollout.policy import Policy
 from kinemimic.train.rollout.rollout import node_rotations
 from kinemimic.train.scenario.event_schedule import with_states
@@ -54,7 +55,8 @@ class Frame:
     bodies, target: of the humanoid and its reference (15, 3 or 4); contacts: (15, 3) contact forces, N;
     drag: grab point, pointer and force (3, 3) of a drag, or None; obstacles: with their states now (K, 13);
     rotations, reference_rotations: (20, 4) of the nodes, local; angles, wanted: knee and hip flexion by name,
-    of the humanoid and its reference, rad; terms: of the reward; fallen: since the last restart.
+    of the humanoid and its reference, rad; terms: of the reward; fallen: since the last restart; shown: what a
+    live capture shows.
     """
 
     step: int
@@ -72,6 +74,24 @@ class Frame:
     wanted: dict[str, float]
     terms: dict[str, float]
     fallen: bool
+    shown: Shown | None = None
+
+
+@dataclass(frozen=True)
+class Shown:
+    """A live capture at the end of a control step.
+
+    raw, clean: (20, 3) m, the newest frame as it came, and as the reference uses it, NaN where missing;
+    presence: 0 (nobody) to 1; latency: s from the moment that the humanoid performs to the newest frame; people:
+    how often a person was taken up; starved: whether no frame was due.
+    """
+
+    raw: Array
+    clean: Array
+    presence: float
+    latency: float
+    people: int
+    starved: bool
 
 
 @dataclass(frozen=True)
@@ -118,7 +138,25 @@ class Session:
     def _opened(self, scenario: Scenario | None) -> ImitationBatch:
         """A new world, in a scenario or in none."""
         config = replace(self._config, scenario=scenario)
-        return ImitationBatch(open_world(1, self._engine), reference_for(self.motion, scenario), config)
+        return ImitationBatch(open_world(1, self._engine), self._reference(scenario), config)
+
+    def _reference(self, scenario: Scenario | None) -> Reference:
+        """What is performed, in a scenario or in none."""
+        return reference_for(self.motion, scenario)
+
+    def _restart_phase(self) -> float:
+        """Where a humanoid that fell is put back."""
+        return float(self._batch.phases[0] % 1.0) if self.motion.cyclic else 0.0
+
+    def _is_over(self) -> bool:
+        """Whether the reference has ended."""
+        return not self.motion.cyclic and bool(self._batch.phases[0] >= 1.0)
+
+    def _actions(self) -> Array:
+        """Actions (1, 42) for the observation."""
+        if self.policy is None:
+            return np.zeros((1, ACTIONS))
+        return self.policy.act(self._observation).astype(np.float64)
 
     def _enter(self, scenario: Scenario | None, seed: int) -> None:
         before, self._batch = self._batch, self._opened(scenario)
@@ -196,8 +234,7 @@ class Session:
         """One control step."""
         batch = self._batch
         wrenches, drag = self._effects.wrenches(batch.bodies, self._ground.slope)
-        actions = np.zeros((1, ACTIONS)) if self.policy is None else self.policy.act(self._observation)
-        self._observation = batch.step(actions.astype(np.float64), wrenches).observations
+        self._observation = batch.step(self._actions(), wrenches).observations
         self.step_count += 1
         fallen = bool(batch.fallen()[0]) or self._fallen_for > 0
         moved, wanted = node_rotations(batch.bodies)[0], batch.reference.nodes(batch.phases)[0]
@@ -208,8 +245,8 @@ class Session:
             self.falls += self._fallen_for == 0
             self._fallen_for += 1
             if self.restart and self._fallen_for >= LYING:
-                self._reset(float(batch.phases[0] % 1.0) if self.motion.cyclic else 0.0)
-        elif not self.motion.cyclic and batch.phases[0] >= 1.0:
+                self._reset(self._restart_phase())
+        elif self._is_over():
             self._reset(0.0)
         return frame
 
