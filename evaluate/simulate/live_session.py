@@ -5,16 +5,14 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import replace
 
-import msgspec
 import numpy as np
-from msgspec import Struct
 
 from kinemimic.evaluate.simulate.balance import balance_actions, holds
 from kinemimic.evaluate.simulate.inputs import Enter, Input
-from kinemimic.evaluate.simulate.session import Frame, Session, Shown
+from kinemimic.evaluate.simulate.session import Frame, LiveSettings, Session, Shown
 from kinemimic.pipeline.arrays import Array
 from kinemimic.pipeline.errors import KinemimicError
-from kinemimic.pipeline.live.capture import LAG, LiveCapture
+from kinemimic.pipeline.live.capture import LiveCapture
 from kinemimic.pipeline.live.frame import CapturedFrame
 from kinemimic.retarget.humanoid.body import BODY_INDEX
 from kinemimic.retarget.humanoid.motion import Motion
@@ -28,17 +26,9 @@ from kinemimic.train.sim.world import CONTROL_RATE
 
 # A reference stands if hips and feet move by less than this over the preview, m.
 STANDS = 0.06
+PREVIEW = (AHEAD - 1) / CONTROL_RATE  # s
 FADE = 0.2  # of the share of balance, per control step
 _FEET = [BODY_INDEX["foot_left"], BODY_INDEX["foot_right"]]
-
-
-class LiveSettings(Struct, frozen=True):
-    """lag: of the filter, s; up: axis of the sender that points up, None to recognise it; place: put the
-    humanoid onto its reference where a person is taken up, in place of setting out from standing."""
-
-    lag: float = LAG
-    up: str | None = None
-    place: bool = False
 
 
 class LiveSession(Session):
@@ -58,10 +48,12 @@ class LiveSession(Session):
         restart: bool = True,
         scenario_named: Callable[[str], Scenario] | None = None,
     ) -> None:
-        self.settings = settings
+        self.live = settings
         self.capture = LiveCapture(step=1.0 / CONTROL_RATE, lag=settings.lag, up=settings.up)
         self.performer = Performer(float(CONTROL_RATE))
         first = self.performer.perform(None)
+        self.complaint = ""
+        self._place_there = settings.place
         self._live = LiveReference(first.root, first.rotations)
         self._balance = 1.0  # share of balance in the actions
         self._placed_in: int | None = None
@@ -85,9 +77,13 @@ class LiveSession(Session):
         super()._reset(self._live.present)
 
     def apply(self, found: Input | CapturedFrame) -> None:
-        """Take a frame, or an input of a page; KinemimicError for what does not fit."""
+        """Take a frame, or an input of a page; KinemimicError for an input that does not fit. A frame that does
+        not fit its sender's others is counted, and `complaint` says why."""
         if isinstance(found, CapturedFrame):
-            self.capture.take(found)
+            try:
+                self.capture.take(found)
+            except KinemimicError as error:
+                self.complaint = str(error)
             return
         if isinstance(found, Enter) and found.scenario:
             raise KinemimicError("expected no scenario: a live capture has no phases at which it could begin")
@@ -97,7 +93,7 @@ class LiveSession(Session):
         moment = self.capture.advance()
         performed = self.performer.perform(moment)
         self._live.append(performed.root, performed.rotations)
-        if performed.taken_up and self.settings.place:
+        if performed.taken_up and self._place_there:
             # When the humanoid comes to the person's first frames, behind the fade.
             self._placed_in = AHEAD + CONTROL_RATE // 2
         if self._placed_in is not None:
@@ -110,7 +106,7 @@ class LiveSession(Session):
             raw=nowhere if moment is None else moment.raw,
             clean=nowhere if moment is None else moment.positions[moment.now],
             presence=performed.presence,
-            latency=(0.0 if moment is None else moment.lag) + (AHEAD - 1) / CONTROL_RATE,
+            latency=(0.0 if moment is None else moment.lag) + PREVIEW,
             people=self.performer.people,
             starved=moment is None,
         )
@@ -139,10 +135,18 @@ class LiveSession(Session):
         self._batch.phases[:] = self._live.present
         return replace(super().advance(), shown=self._shown)
 
-
-def decoded_live(text: bytes | str) -> Input | CapturedFrame:
-    """A frame or an input in a line of JSON; KinemimicError for anything else."""
-    try:
-        return msgspec.json.decode(text, type=CapturedFrame | Input)
-    except (msgspec.DecodeError, UnicodeDecodeError, RecursionError) as error:
-        raise KinemimicError(f"expected an input of a session, found {error}") from None
+    def words(self) -> list[str]:
+        """The state of the capture in a line."""
+        capture, shown, reading = self.capture, self._shown, self.capture.recogniser.reading
+        if shown is None or reading is None:
+            return [self.complaint or "waiting for frames"]
+        doing = "follows the person" if shown.presence >= 1.0 else "nobody seen: stands"
+        if 0.0 < shown.presence < 1.0:
+            doing = "between standing and the person"
+        complaints = [self.complaint] if self.complaint else []
+        return [
+            *complaints,
+            f"**{doing}**, {1000.0 * shown.latency:.0f} ms behind (preview {1000.0 * PREVIEW:.0f} ms)",
+            f"{reading.layout.name}, {capture.frames} frames, {capture.window.late} late, "
+            f"{capture.sides.swaps} swapped, {shown.people} people",
+        ]

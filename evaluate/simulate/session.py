@@ -12,6 +12,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
+from msgspec import Struct
 
 from kinemimic.evaluate.simulate.effects import Effects, heading_turn
 from kinemimic.evaluate.simulate.inputs import (
@@ -29,6 +30,8 @@ from kinemimic.pipeline.arrays import Array
 from kinemimic.pipeline.errors import KinemimicError
 from kinemimic.pipeline.gait.curve_metrics import joint_fits
 from kinemimic.pipeline.kinematics.rotations import rotate
+from kinemimic.pipeline.live.capture import LAG
+from kinemimic.pipeline.live.frame import CapturedFrame
 from kinemimic.retarget.humanoid.motion import Motion, joint_angles
 from kinemimic.train.config.config import EnvConfig
 from kinemimic.train.reference.reference import Reference
@@ -94,6 +97,18 @@ class Shown:
     starved: bool
 
 
+class LiveSettings(Struct, frozen=True):
+    """How a live capture is followed.
+
+    lag: of the filter, s; up: the axis of the sender that points up, None to recognise it; place: put the
+    humanoid onto its reference where a person is taken up, in place of setting out from standing.
+    """
+
+    lag: float = LAG
+    up: str | None = None
+    place: bool = False
+
+
 @dataclass(frozen=True)
 class Score:
     """Of the last `frames` control steps since a restart: R² of knee and hip, speed ratio, steps upright."""
@@ -113,7 +128,10 @@ class Score:
 
 
 class Session:
-    """One humanoid with a policy on a motion; `restart`: puts it back onto its reference after a fall."""
+    """One humanoid with a policy on a motion; `restart`: puts it back onto its reference after a fall; live: of
+    a session that a live capture drives."""
+
+    live: LiveSettings | None = None
 
     def __init__(
         self,
@@ -188,8 +206,14 @@ class Session:
         batch.world.place(0, self._obstacles)
         self._observation = batch.observe()
 
-    def apply(self, found: Input) -> None:
+    def words(self) -> list[str]:
+        """What else is to be said of the session, in lines."""
+        return []
+
+    def apply(self, found: Input | CapturedFrame) -> None:
         """Take an input, before the next control step; KinemimicError if it does not fit the session."""
+        if isinstance(found, CapturedFrame):
+            raise KinemimicError("expected no frame: no live capture drives this session")
         if isinstance(found, Restart):
             self._reset(found.phase)
         elif isinstance(found, Enter):
