@@ -105,6 +105,7 @@ class LiveSession(Session):
         self._shown = Shown(
             raw=nowhere if moment is None else moment.raw,
             clean=nowhere if moment is None else moment.positions[moment.now],
+            time=float("nan") if moment is None else moment.time,
             presence=performed.presence,
             latency=(0.0 if moment is None else moment.lag) + PREVIEW,
             people=self.performer.people,

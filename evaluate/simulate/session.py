@@ -85,12 +85,14 @@ class Shown:
     """A live capture at the end of a control step.
 
     raw, clean: (20, 3) m, the newest frame as it came, and as the reference uses it, NaN where missing;
-    presence: 0 (nobody) to 1; latency: s from the moment that the humanoid performs to the newest frame; people:
+    time: s on the sender's clock, of the newest frame of the reference, NaN where starved; presence: 0 (nobody)
+    to 1; latency: s from the moment that the humanoid performs to the newest frame; people:
     how often a person was taken up; starved: whether no frame was due.
     """
 
     raw: Array
     clean: Array
+    time: float
     presence: float
     latency: float
     people: int

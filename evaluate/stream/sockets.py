@@ -83,7 +83,7 @@ class Tcp:
     def __init__(self, port: int) -> None:
         self.faults: Counter[str] = Counter()
         self._server = opened(socket.SOCK_STREAM, port)
-        self._server.listen(1)
+        self._server.listen(16)
         self.port = int(self._server.getsockname()[1])
         self.name = f"TCP, {HOST}:{self.port}"
         self._sender: socket.socket | None = None
