@@ -77,8 +77,8 @@ class LiveSession(Session):
         super()._reset(self._live.present)
 
     def apply(self, found: Input | CapturedFrame) -> None:
-        """Take a frame, or an input of a page; KinemimicError for an input that does not fit. A frame that does
-        not fit its sender's others is counted, and `complaint` says why."""
+        """Take a frame, or an input of a page; KinemimicError for an input that does not fit. A frame that
+        does not fit its sender's others is counted, and `complaint` says why."""
         if isinstance(found, CapturedFrame):
             try:
                 self.capture.take(found)

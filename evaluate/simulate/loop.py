@@ -68,9 +68,7 @@ class Loop:
         self._steps_asked = 0
         self._frame: Frame | None = None
 
-    def run(
-        self, steps: int | None = None, ended: Callable[[], bool] | None = None, tail: int = 0
-    ) -> None:
+    def run(self, steps: int | None = None, ended: Callable[[], bool] | None = None, tail: int = 0) -> None:
         """Run for a number of beats of the clock, None without end, or until `tail` beats after `ended`."""
         beats = 0
         try:

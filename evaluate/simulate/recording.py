@@ -46,8 +46,8 @@ class _Header(Struct):
 
 
 class _Line(Struct):
-    """Before control step `step`: an input, a frame of a live capture, or a digest of the state; at the end, the
-    score shown."""
+    """Before control step `step`: an input, a frame of a live capture, or a digest of the state; at the end,
+    the score shown."""
 
     step: int
     input: dict[str, Any] | None = None

@@ -58,8 +58,8 @@ class Frame:
     bodies, target: of the humanoid and its reference (15, 3 or 4); contacts: (15, 3) contact forces, N;
     drag: grab point, pointer and force (3, 3) of a drag, or None; obstacles: with their states now (K, 13);
     rotations, reference_rotations: (20, 4) of the nodes, local; angles, wanted: knee and hip flexion by name,
-    of the humanoid and its reference, rad; terms: of the reward; fallen: since the last restart; shown: what a
-    live capture shows.
+    of the humanoid and its reference, rad; terms: of the reward; fallen: since the last restart; shown: what
+    a live capture shows.
     """
 
     step: int
@@ -85,9 +85,9 @@ class Shown:
     """A live capture at the end of a control step.
 
     raw, clean: (20, 3) m, the newest frame as it came, and as the reference uses it, NaN where missing;
-    time: s on the sender's clock, of the newest frame of the reference, NaN where starved; presence: 0 (nobody)
-    to 1; latency: s from the moment that the humanoid performs to the newest frame; people:
-    how often a person was taken up; starved: whether no frame was due.
+    time: s on the sender's clock, of the newest frame of the reference, NaN where starved; presence: 0
+    (nobody) to 1; latency: s from the moment that the humanoid performs to the newest frame; people: how
+    often a person was taken up; starved: whether no frame was due.
     """
 
     raw: Array
@@ -130,8 +130,8 @@ class Score:
 
 
 class Session:
-    """One humanoid with a policy on a motion; `restart`: puts it back onto its reference after a fall; live: of
-    a session that a live capture drives."""
+    """One humanoid with a policy on a motion; `restart`: puts it back onto its reference after a fall; live:
+    of a session that a live capture drives."""
 
     live: LiveSettings | None = None
 

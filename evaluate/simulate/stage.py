@@ -123,7 +123,11 @@ class Stage:
         """The skeletons of a live capture, at the left of where the humanoid is to be."""
         shown = frame.shown
         for node, points in ((self._raw, shown and shown.raw), (self._clean, shown and shown.clean)):
-            segments = np.zeros((0, 2, 3)) if points is None else skeleton_segments(points, frame.target.positions[0])
+            segments = (
+                np.zeros((0, 2, 3))
+                if points is None
+                else skeleton_segments(points, frame.target.positions[0])
+            )
             node.visible = len(segments) > 0
             if node.visible:
                 node.points = segments
@@ -152,7 +156,8 @@ class Stage:
 
 
 def skeleton_segments(points: Array, place: Array) -> Array:
-    """Bones (K, 2, 3) of a capture's nodes (20, 3), beside a place (3,) on the ground; none that is not seen."""
+    """Bones (K, 2, 3) of a capture's nodes (20, 3), beside a place (3,) on the ground; none that is not
+    seen."""
     hips = 0.5 * (points[N["hip_left"]] + points[N["hip_right"]])
     seen = np.isfinite(points).all(axis=-1)
     if not np.isfinite(hips).all():

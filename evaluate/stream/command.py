@@ -31,7 +31,8 @@ _PORT = click.IntRange(1024, 65535)
 
 
 def prepare(policy: str, run: Path) -> None:
-    """Copy a tracker, shipped or of a folder, into a run folder; KinemimicError for a policy of one motion."""
+    """Copy a tracker, shipped or of a folder, into a run folder; KinemimicError for a policy of one
+    motion."""
     source = POLICIES / policy
     if not (source / POLICY).is_file():
         source = Path(policy)
@@ -51,7 +52,9 @@ def _source(udp: int | None, tcp: int | None, vmc: int | None, stdin: bool, repl
     from kinemimic.evaluate.stream.sockets import Tcp, Udp  # noqa: PLC0415
     from kinemimic.evaluate.stream.vmc import Vmc  # noqa: PLC0415
 
-    asked = [name for name, one in (("--udp", udp), ("--tcp", tcp), ("--vmc", vmc), ("--replay", replay)) if one]
+    asked = [
+        name for name, one in (("--udp", udp), ("--tcp", tcp), ("--vmc", vmc), ("--replay", replay)) if one
+    ]
     asked += ["--stdin"] if stdin else []
     if len(asked) > 1:
         raise click.UsageError(f"{' and '.join(asked)}: choose one source")
@@ -70,14 +73,16 @@ def _source(udp: int | None, tcp: int | None, vmc: int | None, stdin: bool, repl
 @click.option("--vmc", type=_PORT, help="UDP port of 127.0.0.1 for the VMC protocol (usually 39539).")
 @click.option("--stdin", is_flag=True, help="Frames in JSON from standard input, one a line.")
 @click.option("--replay", type=click.Path(path_type=Path), help="A capture file, at its own clock.")
-@click.option("--policy", default="tracker", show_default=True, metavar="NAME", help="A tracker: shipped, or a folder.")
+@click.option(
+    "--policy", default="tracker", show_default=True, metavar="NAME", help="A tracker: shipped, or a folder."
+)
 @click.option("--run", type=click.Path(path_type=Path), default=Path("runs/stream"), show_default=True,
               help="Folder for the policy and the recordings.")  # fmt: skip
 @click.option("--lag", type=click.FloatRange(0.0, 1.0), default=0.15, show_default=True,
               help="Lag of the filter in seconds: more is smoother.")  # fmt: skip
 @click.option("--up", type=click.Choice(UP), help="Axis of the sender that points up. Default: recognised.")
 @click.option("--place/--set-out", default=True, show_default=True,
-              help="Put the humanoid beside a person who was just taken up, or let it set out from standing.")  # fmt: skip
+              help="Put the humanoid onto a person who was taken up, or let it set out.")  # fmt: skip
 @click.option("--page/--no-page", "with_page", default=True, show_default=True, help="Serve the page.")
 @click.option("--port", type=_PORT, default=DEFAULT_PAGE, show_default=True, help="Port of the page.")
 @click.option("--seconds", type=click.FloatRange(min=0.1), help="End after this time.")

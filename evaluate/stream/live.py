@@ -94,8 +94,8 @@ def stream(
 ) -> dict[str, Any]:
     """Follow a source until it ends, for `steps` control steps, or until Ctrl-C; returns the summary.
 
-    run: folder with the policy, below which sessions are recorded. page: None for nobody; clock: None to go as
-    fast as the processor can, which suits a replay alone.
+    run: folder with the policy, below which sessions are recorded. page: None for nobody; clock: None to go
+    as fast as the processor can, which suits a replay alone.
     """
     settings = settings or LiveSettings()
     watched = Watched(page or NoPage())
@@ -103,9 +103,7 @@ def stream(
     sessions: list[LiveSession] = []
 
     def opened(performed: Performed) -> LiveSession:
-        sessions.append(
-            begin_live_session(performed.run, engine, settings, restart=restart, named=scenario)
-        )
+        sessions.append(begin_live_session(performed.run, engine, settings, restart=restart, named=scenario))
         return sessions[-1]
 
     def only(*_: Any) -> Performed:
@@ -154,10 +152,12 @@ def summary(
         "reversed": capture.sides.reversals,
         "latency_ms": None
         if not watched.latencies
-        else {"median": round(float(np.median(latencies)), 1), "p99": round(float(np.quantile(latencies, 0.99)), 1)},
+        else {
+            "median": round(float(np.median(latencies)), 1),
+            "p99": round(float(np.quantile(latencies, 0.99)), 1),
+        },
         "on_time": round(clock.on_time, 5),
         "faults": {name: count for name, count in faults.items() if count},
         "score": None if score is None else asdict(score),
         "recording": None if recorded is None else str(recorded),
     }
-

@@ -1,9 +1,9 @@
-"""The VMC protocol: bones of an avatar in OSC messages over UDP, as Rokoko Studio, VSeeFace, Warudo and others
-send them.
+"""The VMC protocol: bones of an avatar in OSC messages over UDP, as Rokoko Studio, VSeeFace, Warudo and
+others send them.
 
 protocol.vmc.info: /VMC/Ext/Bone/Pos has a bone's name (Unity's HumanBodyBones), its position and rotation in
-its parent; /VMC/Ext/Root/Pos those of the root; /VMC/Ext/T the sender's time. Unity's axes are left-handed: X to
-the right, Y up, Z ahead.
+its parent; /VMC/Ext/Root/Pos those of the root; /VMC/Ext/T the sender's time. Unity's axes are left-handed: X
+to the right, Y up, Z ahead.
 """
 
 from __future__ import annotations
@@ -144,7 +144,12 @@ class Vmc:
         for datagram in self._datagrams.read(MAX_DATAGRAMS):
             for address, values in self._messages(datagram):
                 if address == "/VMC/Ext/T" and values and isinstance(values[0], int | float):
-                    if self._avatar.complete and changed and math.isfinite(values[0]) and abs(values[0]) < 1e12:
+                    if (
+                        self._avatar.complete
+                        and changed
+                        and math.isfinite(values[0])
+                        and abs(values[0]) < 1e12
+                    ):
                         found.append(frame_of(float(values[0]), self._avatar.positions()))
                         changed = False
                     self._timed = True
@@ -164,7 +169,9 @@ class Vmc:
             self.faults["refused: datagram too long"] += 1
             return []
         try:
-            return [(one.message.address, list(one.message.params)) for one in self._packet(datagram).messages]
+            return [
+                (one.message.address, list(one.message.params)) for one in self._packet(datagram).messages
+            ]
         except (self._error, ValueError, IndexError, TypeError, RecursionError, OverflowError):
             self.faults["refused: no OSC"] += 1
             return []

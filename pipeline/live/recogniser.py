@@ -117,4 +117,3 @@ class Recogniser:
         name = possible[0]
         up = next(spelt for spelt, known in UP_NAMES.items() if known == (axis, sign))
         return Reading(layout, _TURNS[axis, sign], UNITS[name], name.split()[0], up)
-

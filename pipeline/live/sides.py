@@ -22,9 +22,9 @@ from kinemimic.pipeline.quality.rules.swapped_limbs import (
 
 # Seconds over which the evidence for the body's front is averaged.
 FRONT_TIME = 0.6
-# A body is reversed if its knees point to the back that hips and shoulders show (-1 to 1), and it moves to its
-# back (m/s) or its toes point there; it is itself again where knees and movement say so. Kinects take everybody
-# for facing them; nobody's knees bend forward in walking backward.
+# A body is reversed if its knees point to the back that hips and shoulders show (-1 to 1), and it moves to
+# its back (m/s) or its toes point there; it is itself again where knees and movement say so. Kinects take
+# everybody for facing them; nobody's knees bend forward in walking backward.
 KNEES, SPEED, TOES = (-0.2, 0.05), (-0.4, 0.2), (-0.3, 0.0)
 # Sine of the bend from which a knee shows where its front is.
 BENT = 0.15
@@ -128,8 +128,8 @@ def _deviation(both: Array, expected: Array) -> float:
 
 def front_evidence(positions: Array, velocity: Array) -> Array:
     """What tells the front of a body (20, 3) that moves with `velocity` (3,) m/s, against the front that its
-    hips and shoulders show: how clearly the knees bend to it, -1 to 1; the speed to it, m/s; the cosine of the
-    toes. NaN where nothing shows."""
+    hips and shoulders show: how clearly the knees bend to it, -1 to 1; the speed to it, m/s; the cosine of
+    the toes. NaN where nothing shows."""
     left = positions[N["hip_left"]] - positions[N["hip_right"]]
     left = left + np.nan_to_num(positions[N["shoulder_left"]] - positions[N["shoulder_right"]])
     up = positions[N["shoulder_center"]] - 0.5 * (positions[N["hip_left"]] + positions[N["hip_right"]])
@@ -140,7 +140,9 @@ def front_evidence(positions: Array, velocity: Array) -> Array:
     front = front / size
     knees, weights, toes = 0.0, 0.0, list[float]()
     for side in ("left", "right"):
-        hip, knee, ankle, toe = (positions[N[f"{joint}_{side}"]] for joint in ("hip", "knee", "ankle", "foot"))
+        hip, knee, ankle, toe = (
+            positions[N[f"{joint}_{side}"]] for joint in ("hip", "knee", "ankle", "foot")
+        )
         thigh, shank, leg, foot = knee - hip, ankle - knee, ankle - hip, toe - ankle
         if (length := np.linalg.norm(foot)) > 1e-6:
             toes.append(float(foot @ front / length))

@@ -1,7 +1,7 @@
 """Plausible ankles for a live capture whose sensor does not see the feet.
 
-Offline, `feet/legs.neutral_feet` knows the phase of the stride. Here the height of an ankle above the lower one
-tells a foot on the ground from one in the air.
+Offline, `feet/legs.neutral_feet` knows the phase of the stride. Here the height of an ankle above the lower
+one tells a foot on the ground from one in the air.
 """
 
 from __future__ import annotations

@@ -1,8 +1,8 @@
 """The way of the body over the ground, from its feet: the one that carries it does not slide.
 
-The hips move as recorded, less what the feet in support slide on average, as in `noncyclic.py`: on a treadmill
-or before a camera that turns, all of the way comes from the feet. The body is as high as its lowest part
-demands, and in the flight of a run as much higher as the person was.
+The hips move as recorded, less what the feet in support slide on average, as in `noncyclic.py`: on a
+treadmill or before a camera that turns, all of the way comes from the feet. The body is as high as its lowest
+part demands, and in the flight of a run as much higher as the person was.
 """
 
 from __future__ import annotations
@@ -55,7 +55,9 @@ class LivePath:
         slide = self._averaged(_slide(window, recorded, flight, self._rate), recorded)
         smooth = gaussian_filter1d(recorded, _SMOOTHING * self._rate, axis=0, mode="nearest")[now]
         cosine, sine = np.cos(window.heading[now]), np.sin(window.heading[now])
-        velocity = smooth - np.array([cosine * slide[0] - sine * slide[1], sine * slide[0] + cosine * slide[1]])
+        velocity = smooth - np.array(
+            [cosine * slide[0] - sine * slide[1], sine * slide[0] + cosine * slide[1]]
+        )
         size = float(np.linalg.norm(velocity))
         if size > MAX_SPEED:
             velocity *= MAX_SPEED / size
@@ -63,10 +65,9 @@ class LivePath:
         height = gaussian_filter1d(flight - lowest, _SMOOTHING * self._rate, mode="nearest")[now]
         return Step(velocity, float(height))
 
-
     def _averaged(self, slide: Array, recorded: Array) -> Array:
-        """The slide (2,) over the last seconds. At first the recorded path is believed, unless the hips stay in
-        place while the feet walk."""
+        """The slide (2,) over the last seconds. At first the recorded path is believed, unless the hips stay
+        in place while the feet walk."""
         if self._slide is None:
             moved = float(np.linalg.norm(recorded.mean(axis=0)))
             self._slide = slide if moved < IN_PLACE * float(np.linalg.norm(slide)) else np.zeros(2)
@@ -95,8 +96,8 @@ def _weighted_median(values: Array, weights: Array) -> float:
 
 
 def _flight(ankles: Array, now: int, *, precise: bool) -> Array:
-    """Height (M,) in metres by which the body flies, from the ankles (M, 2); the ground is where the lower one
-    usually is."""
+    """Height (M,) in metres by which the body flies, from the ankles (M, 2); the ground is where the lower
+    one usually is."""
     lower = ankles.min(axis=1)
     ground = float(np.percentile(lower[: now + 1], USUAL))
     return np.maximum(lower - ground - FLIGHT[precise], 0.0)

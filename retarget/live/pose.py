@@ -44,8 +44,8 @@ class PoseWindow:
     """The window of a moment on the body.
 
     rotations: (M, 20, 4) local, the pelvis' in the world; positions, frames: (M, 20, 3), (M, 20, 4) of the
-    body's nodes with its root at the origin; now: the row of the moment; heading: (M,) rad; hips: (M, 3) m, their recorded middle, and
-    ankles: (M, 2) m, recorded heights of the ankles, both at the body's scale.
+    body's nodes with its root at the origin; now: the row of the moment; heading: (M,) rad; hips: (M, 3) m,
+    their recorded middle, and ankles: (M, 2) m, recorded heights of the ankles, both at the body's scale.
     """
 
     rotations: Array

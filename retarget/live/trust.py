@@ -35,8 +35,8 @@ class Trust:
         self._begun = False
 
     def update(self, positions: Array, now: int, *, walking: bool) -> None:
-        """Look at the moment in row `now` of positions (M, 20, 3). In walking, the trunk of a sensor that is not
-        precise is neutral."""
+        """Look at the moment in row `now` of positions (M, 20, 3). In walking, the trunk of a sensor that is
+        not precise is neutral."""
         rows = np.column_stack([leg_bones(positions), *(_width(positions, line) for line in self._steady)])
         if not self._rows:
             self._rows.extend(rows[:now])

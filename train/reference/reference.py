@@ -139,7 +139,9 @@ class Reference:
         limits, stiffness = (
             np.array([[getattr(body, name)] for body in BODIES[1:]]) for name in ("torque_limit", "stiffness")
         )
-        return np.asarray(np.clip(found.torques, -_LARGEST_SHARE * limits, _LARGEST_SHARE * limits) / stiffness)
+        return np.asarray(
+            np.clip(found.torques, -_LARGEST_SHARE * limits, _LARGEST_SHARE * limits) / stiffness
+        )
 
     def _sample(self, name: str, phase: Array) -> Array:
         """Rows (..., shape of a row) of a table at phases (...), interpolated linearly."""

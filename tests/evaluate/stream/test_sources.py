@@ -139,7 +139,9 @@ def test_standard_input_ends() -> None:
 def test_a_replay_keeps_its_clock(tmp_path: Path) -> None:
     clip = walker(rate=30.0).clip
     milliseconds = np.rint(1000.0 * clip.times).astype(np.int64)
-    write_skl(tmp_path / "walk.skl", milliseconds, clip.positions, clip.states, np.array([0.0, 1.0, 0.0, 0.9]))
+    write_skl(
+        tmp_path / "walk.skl", milliseconds, clip.positions, clip.states, np.array([0.0, 1.0, 0.0, 0.9])
+    )
     source = Replay(tmp_path / "walk.skl")
     found = list[CapturedFrame]()
     for k in range(90):

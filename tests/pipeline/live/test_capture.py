@@ -1,4 +1,5 @@
-"""A live capture of a walker whose truth is known: causal, in any axes and unit, with every fault of a stream."""
+"""A live capture of a walker whose truth is known: causal, in any axes and unit, with every fault of a
+stream."""
 
 from __future__ import annotations
 
@@ -25,7 +26,9 @@ def frames(positions: Array = CLIP.positions, times: Array = TIMES) -> list[Capt
     return [frame_of(t, p) for t, p in zip(times, positions, strict=True)]
 
 
-def played(sent: Sequence[CapturedFrame], capture: LiveCapture | None = None, until: float | None = None) -> list[Moment | None]:
+def played(
+    sent: Sequence[CapturedFrame], capture: LiveCapture | None = None, until: float | None = None
+) -> list[Moment | None]:
     """What comes out if every frame arrives at its time."""
     capture = capture or LiveCapture(step=STEP)
     out, k, n = list[Moment | None](), 0, 0
@@ -109,7 +112,10 @@ def test_swapped_legs_are_put_back() -> None:
     apart = np.linalg.norm(CLIP.positions[:, legs[0][1]] - CLIP.positions[:, legs[1][1]], axis=-1)
     k = 30 + int(np.argmax(apart[30:60]))
     for rows in (slice(k - 1, k + 2),):
-        swapped[rows, legs[0]], swapped[rows, legs[1]] = CLIP.positions[rows, legs[1]], CLIP.positions[rows, legs[0]]
+        swapped[rows, legs[0]], swapped[rows, legs[1]] = (
+            CLIP.positions[rows, legs[1]],
+            CLIP.positions[rows, legs[0]],
+        )
     capture = LiveCapture(step=STEP)
     found = seen(played(frames(swapped), capture))
     assert capture.sides.swaps == 3

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from functools import cache
+from itertools import pairwise
 
 import numpy as np
 from samples.walker import walker
@@ -72,6 +73,6 @@ def test_nobody_is_a_person_who_stands() -> None:
     assert angle_between(after[-1].rotations[1:], standing()[1:]).max() < 1e-6
     # No jump anywhere: neither of a joint nor of the hips.
     whole = [one for _, one in frames] + after
-    for one, two in zip(whole, whole[1:], strict=False):
+    for one, two in pairwise(whole):
         assert angle_between(one.rotations, two.rotations).max() < 0.8
         assert np.linalg.norm(two.root - one.root) < 0.12
