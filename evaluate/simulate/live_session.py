@@ -23,6 +23,7 @@ from kinemimic.train.reference.reference import Reference
 from kinemimic.train.rollout.policy import Policy
 from kinemimic.train.scenario.scenario import Scenario
 from kinemimic.train.sim.world import CONTROL_RATE
+from kinemimic.train.task.mirror import Mirror, left_foot_behind
 
 # A reference stands if hips and feet move by less than this over the preview, m.
 STANDS = 0.06
@@ -53,6 +54,7 @@ class LiveSession(Session):
         self.performer = Performer(float(CONTROL_RATE))
         first = self.performer.perform(None)
         self.complaint = ""
+        self._mirror = Mirror(config)
         self._place_there = settings.place
         self._live = LiveReference(first.root, first.rotations)
         self._balance = 1.0  # share of balance in the actions
@@ -120,7 +122,10 @@ class LiveSession(Session):
         actions = super()._actions()
         if self._balance <= 0.0:
             return actions
-        still = batch.as_observed(balance_actions(batch.bodies))
+        still = balance_actions(batch.bodies)
+        if batch.config.mirror:
+            # The batch reflects the actions of a tracker back.
+            self._mirror.actions(still, left_foot_behind(batch.target))
         return (1.0 - self._balance) * actions + self._balance * still
 
     def _stands(self) -> bool:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import queue
 from collections import Counter
 from collections.abc import Callable
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
@@ -43,21 +43,17 @@ class NoPage:
         """Nobody listens."""
 
 
-@dataclass
 class Watched:
-    """A page whose frames are counted: what the summary says."""
+    """A page whose frames are counted for the summary.
 
-    page: Any
-    latencies: list[float] = field(default_factory=list)
-    followed: int = 0
-    upright: int = 0
-    steps: int = 0
+    latencies: s, of the first ten minutes; steps, followed, upright: control steps, those of them behind a
+    person, and those of these without a fall.
+    """
 
-    @property
-    def waiting(self) -> queue.Queue[Any]:
-        """What people asked for."""
-        found: queue.Queue[Any] = self.page.waiting
-        return found
+    def __init__(self, page: Shown) -> None:
+        self.waiting, self._page = page.waiting, page
+        self.latencies: list[float] = []
+        self.steps = self.followed = self.upright = 0
 
     def draw(self, frame: Frame) -> None:
         """Count a frame and show it."""
@@ -67,15 +63,15 @@ class Watched:
             self.upright += not frame.fallen
             if len(self.latencies) < _KEPT:
                 self.latencies.append(frame.shown.latency)
-        self.page.draw(frame)
+        self._page.draw(frame)
 
     def show(self, frame: Frame, state: str) -> None:
         """Show numbers."""
-        self.page.show(frame, state)
+        self._page.show(frame, state)
 
     def tell(self, error: KinemimicError | str) -> None:
         """Pass on a message."""
-        self.page.tell(error)
+        self._page.tell(error)
 
 
 def stream(

@@ -13,7 +13,7 @@ from kinemimic.pipeline.live.frame import CapturedFrame
 from kinemimic.pipeline.live.playout import Playout
 from kinemimic.pipeline.live.recogniser import Recogniser
 from kinemimic.pipeline.live.sides import Sides
-from kinemimic.pipeline.live.window import WINDOW, Window
+from kinemimic.pipeline.live.window import MIN_STEP, WINDOW, Window
 
 LAG = 0.15  # s
 FORGET = 0.5  # s without a frame, after which nothing is known about the person's sides
@@ -83,6 +83,9 @@ class LiveCapture:
             if frame.time > newest - WINDOW:
                 return
             self.window.clear()
+        elif newest is not None and frame.time - newest < MIN_STEP:
+            self.window.thinned += 1
+            return
         if newest is None or not newest < frame.time < newest + FORGET:
             self.sides = Sides(self.sides)
         positions, states = self.sides.restored(frame.time, *reading.nodes(frame))

@@ -95,11 +95,17 @@ class Recogniser:
             if np.isfinite(positions[[*needed, N["shoulder_center"]]]).all():
                 self._seen.append(positions)
             if len(self._seen) >= FIRST:
-                self.reading = self._decided(layout, np.array(self._seen))
+                seen = np.array(self._seen)
                 self._seen.clear()
+                self.reading = self._decided(layout, seen)
         return self.reading is not None
 
     def _decided(self, layout: Layout, p: Array) -> Reading:
+        bones = np.nanmedian(leg_bones(p), axis=0)
+        leg = 0.5 * float(bones.sum())
+        possible = plausible_units(leg, UNITS)
+        if not possible:
+            raise KinemimicError(f"expected a leg of human length in {', '.join(UNITS)}, found {leg:.4g}")
         hips, ankles = (
             0.5 * (p[:, N[f"{joint}_left"]] + p[:, N[f"{joint}_right"]]) for joint in ("hip", "ankle")
         )
@@ -109,11 +115,6 @@ class Recogniser:
         else:
             axis = int(np.argmax(np.abs(upward)))
             sign = 1 if upward[axis] > 0 else -1
-        bones = np.nanmedian(leg_bones(p), axis=0)
-        leg = 0.5 * float(bones.sum())
-        possible = plausible_units(leg, UNITS)
-        if not possible:
-            raise KinemimicError(f"expected a leg of human length in {', '.join(UNITS)}, found {leg:.4g}")
         name = possible[0]
         up = next(spelt for spelt, known in UP_NAMES.items() if known == (axis, sign))
         return Reading(layout, _TURNS[axis, sign], UNITS[name], name.split()[0], up)

@@ -25,6 +25,7 @@ ALONE = (0.02, 0.06)
 BOTH = 0.03
 # Metres by which a person's lower ankle is above its usual place before the body is taken to fly.
 FLIGHT = {True: 0.05, False: 0.10}
+MAX_FLIGHT = 0.6  # m
 USUAL = 20.0  # percentile of the lower ankle's height: the ground
 SLIDE_TIME = 1.5  # s over which the slide of the feet is averaged
 _SMOOTHING = 0.04  # s
@@ -100,4 +101,4 @@ def _flight(ankles: Array, now: int, *, precise: bool) -> Array:
     one usually is."""
     lower = ankles.min(axis=1)
     ground = float(np.percentile(lower[: now + 1], USUAL))
-    return np.maximum(lower - ground - FLIGHT[precise], 0.0)
+    return np.clip(lower - ground - FLIGHT[precise], 0.0, MAX_FLIGHT)

@@ -202,14 +202,6 @@ class ImitationBatch:
         poses = Poses(**{f.name: snapshot[f.name] for f in fields(Poses)})
         self._place(np.arange(self.world.size), poses)
 
-    def as_observed(self, actions: Array) -> Array:
-        """Actions (E, 42) of the humanoid as `step` takes them: reflected where it reflects them back."""
-        if self._mirror is None:
-            return actions
-        reflected = np.array(actions, dtype=np.float64)
-        self._mirror.actions(reflected, self._reflected)
-        return reflected
-
     def step(self, actions: Array, wrenches: Array | None = None) -> Step:
         """One control step with actions (E, 42): corrections of the reference's joints as rotation vectors;
         in the second half of a mirrored cycle they are those of the mirror image (`mirror.py`)."""

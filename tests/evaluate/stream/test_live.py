@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Sequence
+from importlib.util import find_spec
 from pathlib import Path
 
 import numpy as np
@@ -17,6 +18,8 @@ from kinemimic.evaluate.stream.live import stream
 from kinemimic.pipeline.errors import KinemimicError
 from kinemimic.pipeline.kinematics.clip import Clip
 from kinemimic.pipeline.live.frame import CapturedFrame, frame_of
+from kinemimic.retarget.feet.scale import body_kinematics
+from kinemimic.retarget.live.performer import standing as pose
 from kinemimic.train.scenario.scenario_file import scenario
 from kinemimic.train.sim.world import CONTROL_RATE
 
@@ -89,9 +92,6 @@ def test_a_person_who_stands_is_followed_without_a_fall(run: Path) -> None:
 
 
 def _at_rest() -> np.ndarray:
-    from kinemimic.retarget.feet.scale import body_kinematics
-    from kinemimic.retarget.live.performer import standing as pose
-
     positions, _ = body_kinematics(pose()[None], np.array([[0.0, 0.0, 0.9]]))
     return positions[0]
 
@@ -114,11 +114,7 @@ def test_no_frame_and_nonsense_are_survived(run: Path) -> None:
 
 
 def _only_pybullet() -> bool:
-    try:
-        import kinemimic_native  # noqa: F401
-    except ModuleNotFoundError:
-        return True
-    return False
+    return find_spec("kinemimic_native") is None
 
 
 @pytest.mark.parametrize(
