@@ -19,6 +19,7 @@ from kinemimic.evaluate.simulate.session import Frame
 from kinemimic.pipeline.arrays import Array
 from kinemimic.pipeline.kinematics.skeleton import BONES
 from kinemimic.pipeline.kinematics.skeleton import NODE_INDEX as N
+from kinemimic.pipeline.kinematics.spans import all_finite
 from kinemimic.retarget.humanoid.body import BODIES, BODY_INDEX
 from kinemimic.train.sim.world import BodyStates, Obstacle
 
@@ -79,7 +80,12 @@ class Stage:
 
     def _skeleton(self, name: str, color: tuple[int, int, int]) -> Any:
         return self._server.scene.add_line_segments(
-            f"{FOLLOWED}/capture/{name}", _HIDDEN, color, line_width=4.0, visible=False
+            f"{FOLLOWED}/capture/{name}",
+            _HIDDEN,
+            color,
+            thickness=4.0,
+            thickness_units="screen",
+            visible=False,
         )
 
     @property
@@ -122,19 +128,17 @@ class Stage:
     def _draw_capture(self, frame: Frame) -> None:
         """The skeletons of a live capture, at the left of where the humanoid is to be."""
         shown = frame.shown
-        for node, points in ((self._raw, shown and shown.raw), (self._clean, shown and shown.clean)):
-            segments = (
-                np.zeros((0, 2, 3))
-                if points is None
-                else skeleton_segments(points, frame.target.positions[0])
-            )
+        for node, points in ((self._raw, shown.raw), (self._clean, shown.clean)) if shown else ():
+            segments = skeleton_segments(points, frame.target.positions[0])
             node.visible = len(segments) > 0
             if node.visible:
                 node.points = segments
-        self._latency.visible = bool(shown and not shown.starved)
-        if shown and self._latency.visible:
-            self._latency.text = f"{1000.0 * shown.latency:.0f} ms"
-            self._latency.position = tuple(frame.target.positions[0] * [1.0, 1.0, 0.0] + [0.0, BESIDE, 2.0])
+        if shown is None:
+            self._raw.visible = self._clean.visible = self._latency.visible = False
+            return
+        self._latency.visible = not shown.starved
+        self._latency.text = f"{1000.0 * shown.latency:.0f} ms"
+        self._latency.position = tuple(frame.target.positions[0] * [1.0, 1.0, 0.0] + [0.0, BESIDE, 2.0])
 
     def _draw_obstacles(self, frame: Frame) -> None:
         # Their states change, so that only shapes and sizes tell whether they are the same.
@@ -159,7 +163,7 @@ def skeleton_segments(points: Array, place: Array) -> Array:
     """Bones (K, 2, 3) of a capture's nodes (20, 3), beside a place (3,) on the ground; none that is not
     seen."""
     hips = 0.5 * (points[N["hip_left"]] + points[N["hip_right"]])
-    seen = np.isfinite(points).all(axis=-1)
+    seen = all_finite(points)
     if not np.isfinite(hips).all():
         return np.zeros((0, 2, 3))
     lowest = float(np.min(points[seen, 2]))

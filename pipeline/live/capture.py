@@ -104,5 +104,5 @@ class LiveCapture:
             return None
         ahead = int((newest - due) / self._step + 1e-6)
         behind = round((WINDOW - self.playout.lag) / self._step)
-        times = due + self._step * np.arange(-behind, ahead + 1)
+        times: Array = due + self._step * np.arange(-behind, ahead + 1, dtype=np.float64)
         return Moment(due, self.window.at(times), behind, newest - due, self._raw)

@@ -62,7 +62,8 @@ class Sides:
     """
 
     def __init__(self, before: Sides | None = None) -> None:
-        self.swaps, self.reversals = (0, 0) if before is None else (before.swaps, before.reversals)
+        self.swaps: int = 0 if before is None else before.swaps
+        self.reversals: int = 0 if before is None else before.reversals
         self.turned = False
         self._limbs = {limb: _Limb() for limb in LIMBS}
         self._evidence = np.zeros(3)  # of knees, speed and toes

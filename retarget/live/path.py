@@ -72,8 +72,9 @@ class LivePath:
         if self._slide is None:
             moved = float(np.linalg.norm(recorded.mean(axis=0)))
             self._slide = slide if moved < IN_PLACE * float(np.linalg.norm(slide)) else np.zeros(2)
-        self._slide = self._slide + (slide - self._slide) / (SLIDE_TIME * self._rate)
-        return self._slide
+        averaged: Array = self._slide + (slide - self._slide) / (SLIDE_TIME * self._rate)
+        self._slide = averaged
+        return averaged
 
 
 def _slide(window: PoseWindow, recorded: Array, flight: Array, rate: float) -> Array:
@@ -101,4 +102,4 @@ def _flight(ankles: Array, now: int, *, precise: bool) -> Array:
     one usually is."""
     lower = ankles.min(axis=1)
     ground = float(np.percentile(lower[: now + 1], USUAL))
-    return np.clip(lower - ground - FLIGHT[precise], 0.0, MAX_FLIGHT)
+    return np.asarray(np.clip(lower - ground - FLIGHT[precise], 0.0, MAX_FLIGHT))

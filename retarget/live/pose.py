@@ -10,7 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from kinemimic.pipeline.arrays import Array
+from kinemimic.pipeline.arrays import Array, Mask
 from kinemimic.pipeline.kinematics.orient import FOOT_DROP, local_rotations, node_frames
 from kinemimic.pipeline.kinematics.rotations import (
     IDENTITY,
@@ -22,6 +22,7 @@ from kinemimic.pipeline.kinematics.rotations import (
 )
 from kinemimic.pipeline.kinematics.skeleton import NODE_INDEX as N
 from kinemimic.pipeline.kinematics.skeleton import NODES
+from kinemimic.pipeline.kinematics.spans import all_finite
 from kinemimic.pipeline.kinematics.trunk import pelvis_frames, torso_frames
 from kinemimic.pipeline.live.capture import Moment
 from kinemimic.pipeline.locomotion.heading import along_heading, body_heading
@@ -153,7 +154,7 @@ class LivePose:
             low = ankle[:, 2] - ankle[:, 2].min() < 0.04
             toe = ahead[:, N[f"foot_{side}"]] - ahead[:, N[f"ankle_{side}"]]
             pitch = np.arctan2(-toe[:, 2], np.hypot(toe[:, 0], toe[:, 1])) - FOOT_DROP
-            planted = (speed < _PLANTED) & low & np.isfinite(pitch)
+            planted: Mask = np.asarray((speed < _PLANTED) & low & np.isfinite(pitch), dtype=np.bool_)
             if not self._begun and planted.any():
                 self._pitch[k] = float(np.median(pitch[planted]))
             elif planted[now]:
@@ -163,7 +164,7 @@ class LivePose:
 
     def _without_missing(self, rotations: Array) -> Array:
         """Local rotations (M, 20, 4); those of unseen nodes are held as they were last seen."""
-        missing = ~np.isfinite(rotations).all(axis=-1)
+        missing = ~all_finite(rotations)
         if missing.any():
             rotations = np.where(missing[..., None], self._held[None], rotations)
         return rotations
@@ -199,7 +200,7 @@ def _since_seen(moment: Moment) -> tuple[Array, int]:
 
 def _without_gaps(positions: Array) -> Array:
     """Positions (M, 20, 3) with gaps bridged linearly and ends held; a node that was never seen stays NaN."""
-    missing = ~np.isfinite(positions).all(axis=-1)
+    missing = ~all_finite(positions)
     if not missing.any():
         return positions
     out, rows = positions.copy(), np.arange(len(positions))

@@ -176,7 +176,7 @@ def main() -> None:
     engine = resolve("auto")
     print(f"{POLICY} of the tracker that ships, {engine}")
     print(
-        f"{'':33}live reference  live humanoid  offline humanoid  upright live, offline  latency, ms   step, ms"
+        f"{'':33}live reference live humanoid  offline humanoid  upright live, offline  latency, ms   step, ms"
     )
     print(f"{'':35}{'knee    hip   ' * 3}{'live  offline':>19}   median  99 %  median   99 %")
     for name in sys.argv[1:] or CAPTURES:

@@ -59,7 +59,7 @@ def test_a_bent_knee_bends_back() -> None:
     turn = (float(np.sin(half)), 0.0, 0.0, float(np.cos(half)))
     p = avatar(LeftLowerLeg=turn).positions()
     assert p[N["ankle_left"], 0] < -0.3
-    assert front_evidence(p, np.zeros(3))[0] > 0.9
+    assert front_evidence(p, np.zeros(3))[0] > 0.8
 
 
 @pytest.mark.parametrize(
