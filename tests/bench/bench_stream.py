@@ -175,10 +175,9 @@ def main() -> None:
     """Print the table."""
     engine = resolve("auto")
     print(f"{POLICY} of the tracker that ships, {engine}")
-    print(
-        f"{'':33}live reference live humanoid  offline humanoid  upright live, offline  latency, ms   step, ms"
-    )
-    print(f"{'':35}{'knee    hip   ' * 3}{'live  offline':>19}   median  99 %  median   99 %")
+    groups = ("live reference", "live humanoid", "offline humanoid", "upright", "latency, ms", "step, ms")
+    print(f"{'':33}" + "  ".join(groups))
+    print(f"{'':35}{'knee    hip   ' * 3}live  offline   median  99 %   median  99 %")
     for name in sys.argv[1:] or CAPTURES:
         path = SHARED / name
         if not path.exists():
