@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import queue
 from collections import Counter
 from collections.abc import Callable
@@ -154,6 +155,9 @@ def summary(
         },
         "on_time": round(clock.on_time, 5),
         "faults": {name: count for name, count in faults.items() if count},
-        "score": None if score is None else asdict(score),
+        # Of a reference that stands, R² and speed are undefined.
+        "score": None
+        if score is None
+        else {name: value if math.isfinite(value) else None for name, value in asdict(score).items()},
         "recording": None if recorded is None else str(recorded),
     }

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from collections import Counter
 from collections.abc import Sequence
 from importlib.util import find_spec
@@ -111,6 +112,7 @@ def test_no_frame_and_nonsense_are_survived(run: Path) -> None:
     found = stream(nobody, run, engine="pybullet" if _only_pybullet() else "native", record=False)
     assert found["frames"] == 0
     assert found["falls"] == 0
+    json.dumps(found, allow_nan=False)
 
 
 def _only_pybullet() -> bool:
