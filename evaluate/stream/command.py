@@ -173,7 +173,9 @@ def _words(found: dict[str, Any]) -> list[str]:
         f"{found['upright']} upright; {found['falls']} falls{_faults(found)}",
     ]
     if found["score"] is not None:
-        known = {name: float("nan") if value is None else value for name, value in found["score"].items()}
+        known: dict[str, Any] = {
+            name: float("nan") if value is None else value for name, value in found["score"].items()
+        }
         lines.append(str(Score(**known)))
     if found["recording"] is not None:
         lines.append(f"recorded: kinemimic simulate --replay --run {found['recording']}")
