@@ -42,7 +42,9 @@ def replay_session(folder: Path, *, view: bool = True) -> dict[str, object]:
     if view:
         from kinemimic.evaluate.simulate.replay_view import write_replay  # noqa: PLC0415 (loads rerun)
 
-        write_replay(folder / REPLAY, frames, read_motion_json(folder / MOTION), score)
+        # A session that a live capture drove has no motion.
+        motion = read_motion_json(folder / MOTION) if (folder / MOTION).exists() else None
+        write_replay(folder / REPLAY, frames, motion, score)
     return {"steps": len(frames), "score": None if score is None else asdict(score)}
 
 
@@ -133,9 +135,10 @@ def simulate(
         echo(f"{clock.beats} control steps, {100.0 * clock.on_time:.2f} % on time")
 
 
-def _require_viser() -> None:
+def require_viser() -> None:
+    """KinemimicError without viser, which serves the page."""
     if find_spec("viser") is None:
-        raise KinemimicError("simulate: expected viser, found none; pip install 'kinemimic[live]'")
+        raise KinemimicError("expected viser, found none: pip install 'kinemimic[live]'")
 
 
 @click.command("simulate")
@@ -179,7 +182,7 @@ def command(
         echo(f"{found['steps']} control steps, every state as recorded\n{_words(found)}")
         echo(f"{run / REPLAY} ({how_to_open(run / REPLAY)})")
         return
-    _require_viser()
+    require_viser()
     simulate(run, engine=engine, port=port, seconds=seconds, restart=restart)
 
 

@@ -3,16 +3,17 @@
 from __future__ import annotations
 
 import queue
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Protocol
 
 from kinemimic.evaluate.simulate.clock import Clock
 from kinemimic.evaluate.simulate.inputs import Drag, Input, checked
-from kinemimic.evaluate.simulate.recording import Recorder
+from kinemimic.evaluate.simulate.recording import Recorder, next_folder
 from kinemimic.evaluate.simulate.session import Frame, Session
 from kinemimic.pipeline.errors import KinemimicError
+from kinemimic.pipeline.live.frame import CapturedFrame
 from kinemimic.train.sim.world import CONTROL_RATE
 
 SHOW_INTERVAL = 6  # control steps between two updates of numbers and curves
@@ -42,7 +43,8 @@ class Performed:
 
 
 class Loop:
-    """Runs a session until `stop` is set; open_session: for what people choose; recordings: their folder."""
+    """Runs a session; open_session: for what people choose; recordings: their folder; frames: what a live
+    capture has sent until a time, in s since the loop began."""
 
     def __init__(
         self,
@@ -54,24 +56,28 @@ class Loop:
         open_session: Callable[[Performed], Session],
         choose: Callable[[str, str, float], Performed],
         recordings: Path,
+        frames: Callable[[float], Sequence[CapturedFrame]] | None = None,
     ) -> None:
         self._performed, self._page, self._clock = performed, page, clock
         self._engine, self._open, self._choose = engine, open_session, choose
-        self._recordings = recordings
+        self._recordings, self._frames = recordings, frames
+        self._beats = 0
         self.session = open_session(performed)
         self.recorder: Recorder | None = None
         self.paused = False
         self._steps_asked = 0
         self._frame: Frame | None = None
 
-    def run(self, steps: int | None = None) -> None:
-        """Run for a number of beats of the clock, None without end."""
+    def run(self, steps: int | None = None, ended: Callable[[], bool] | None = None, tail: int = 0) -> None:
+        """Run for a number of beats of the clock, None without end, or until `tail` beats after `ended`."""
         beats = 0
         try:
             while steps is None or beats < steps:
                 self._clock.wait()
                 self.beat()
                 beats += 1
+                if ended is not None and ended():
+                    steps, ended = min(steps or beats + tail, beats + tail), None
         finally:
             self._end_recording()
             self.session.close()
@@ -79,14 +85,19 @@ class Loop:
     def beat(self) -> None:
         """Take the inputs, and do a control step unless the session is paused."""
         self._take_inputs()
+        sent = [] if self._frames is None else self._frames(self._beats / CONTROL_RATE)
+        self._beats += 1
         if self.paused and not self._steps_asked:
             if self._frame is not None:
                 self._page.show(self._frame, self._state())
             return
         self._steps_asked = max(0, self._steps_asked - 1)
+        self._take_frames(sent)
         frame = self._frame = self.session.advance()
         if self.recorder is not None:
             self.recorder.advanced(self.session)
+            if self.recorder.full:
+                self._end_recording()
         self._page.draw(frame)
         if frame.step % SHOW_INTERVAL == 0 or self.paused:
             self._page.show(frame, self._state())
@@ -107,6 +118,13 @@ class Loop:
             except KinemimicError as error:
                 self._page.tell(error)
 
+    def _take_frames(self, sent: Sequence[CapturedFrame]) -> None:
+        """Frames of a live capture."""
+        for frame in sent:
+            if self.recorder is not None:
+                self.recorder.input(self.session.step_count, frame)
+            self.session.apply(frame)
+
     def _take(self, one: Any) -> None:
         if not isinstance(one, tuple):
             self._apply(one)
@@ -119,7 +137,7 @@ class Loop:
         elif name == "speed":
             self._clock.speed = min(max(float(arguments[0]), 0.05), 1.0)
         elif name == "record":
-            self._end_recording() if self.recorder is not None else self._begin_recording()
+            self._end_recording() if self.recorder is not None else self.record()
         else:
             self._change(*arguments)
 
@@ -136,17 +154,16 @@ class Loop:
         self.session.close()
         self.session, self._performed = session, performed
 
-    def _begin_recording(self) -> None:
+    def record(self) -> None:
         """A recording starts with a session of its own, in its first state."""
         session = self._open(self._performed)
         self.session.close()
         self.session = session
-        number = 1
-        while (folder := self._recordings / f"session-{number}").exists():
-            number += 1
+        folder = next_folder(self._recordings)
         self.recorder = Recorder(
-            folder, self._performed.run, self._engine, restart=session.restart, speed=self._performed.speed
-        )
+            folder, self._performed.run, self._engine, restart=session.restart, speed=self._performed.speed,
+            live=session.live,
+        )  # fmt: skip
         self._page.tell(f"recording into {folder}")
 
     def _end_recording(self) -> None:
@@ -163,6 +180,7 @@ class Loop:
             f"{session.step_count / CONTROL_RATE:.0f} s",
             str(session.score() or "score: after the first second"),
             f"{100.0 * self._clock.on_time:.1f} % of steps on time",
+            *session.words(),
         ]
         if self.recorder is not None:
             lines.insert(0, f"● recording into {self.recorder.folder}")

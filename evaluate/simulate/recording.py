@@ -16,36 +16,42 @@ import msgspec
 from msgspec import Struct
 
 from kinemimic.evaluate.simulate.inputs import Input, decoded
-from kinemimic.evaluate.simulate.session import Frame, Score, Session
+from kinemimic.evaluate.simulate.live_session import LiveSession
+from kinemimic.evaluate.simulate.session import Frame, LiveSettings, Score, Session
 from kinemimic.pipeline.errors import CaptureError, KinemimicError
 from kinemimic.pipeline.files.bounded import MEGABYTE, read_bounded
 from kinemimic.pipeline.files.store import copy_file
+from kinemimic.pipeline.live.frame import CapturedFrame, checked_frame
 from kinemimic.train.config.config import TrainConfig
-from kinemimic.train.rollout.policy import POLICY, load_trained
+from kinemimic.train.rollout.policy import POLICY, Policy, load_trained
 from kinemimic.train.scenario.scenario import Scenario
 from kinemimic.train.sim.world import CONTROL_RATE
 
 SESSION, SCHEMA = "session.jsonl", 1
-COPIED = ("motion.json", "policy.json", POLICY)
+COPIED = ("policy.json", POLICY)
+MOTION = "motion.json"  # of a session that no live capture drives
 DIGEST_INTERVAL = CONTROL_RATE  # control steps
 T = TypeVar("T")
-_LIMIT = 256 * MEGABYTE  # two days of digests, or a million drags
+_LIMIT = 256 * MEGABYTE  # two days of digests, a million drags, or two hours of a live capture
 
 
 class _Header(Struct):
-    """The first line. speed: factor on the motion's speed."""
+    """The first line. speed: factor on the motion's speed; live: of a session that a live capture drives."""
 
     schema: int
     engine: str
     restart: bool = True
     speed: float = 1.0
+    live: LiveSettings | None = None
 
 
 class _Line(Struct):
-    """Before control step `step`: an input or a digest of the state; at the end, the score shown."""
+    """Before control step `step`: an input, a frame of a live capture, or a digest of the state; at the end,
+    the score shown."""
 
     step: int
     input: dict[str, Any] | None = None
+    frame: CapturedFrame | None = None
     digest: str | None = None
     score: dict[str, Any] | None = None
 
@@ -61,24 +67,57 @@ def begin_session(
     return Session(motion, policy, env, engine, restart=restart, scenario_named=named)
 
 
-class Recorder:
-    """Writes a session that begins now to a new folder."""
+def begin_live_session(
+    run: Path, engine: str, settings: LiveSettings, *, restart: bool = True, named: Callable[[str], Scenario]
+) -> LiveSession:
+    """A session of a run's policy that a live capture drives; KinemimicError as of `Policy.load`."""
+    policy, record = Policy.load(run / POLICY)
+    env = TrainConfig.from_json(record["config"]).measured_env
+    return LiveSession(policy, env, engine, settings, restart=restart, scenario_named=named)
 
-    def __init__(self, folder: Path, run: Path, engine: str, *, restart: bool, speed: float) -> None:
+
+def next_folder(recordings: Path) -> Path:
+    """The first folder session-N that does not exist."""
+    number = 1
+    while (folder := recordings / f"session-{number}").exists():
+        number += 1
+    return folder
+
+
+class Recorder:
+    """Writes a session that begins now to a new folder. full: no more can be read back."""
+
+    def __init__(
+        self,
+        folder: Path,
+        run: Path,
+        engine: str,
+        *,
+        restart: bool,
+        speed: float = 1.0,
+        live: LiveSettings | None = None,
+    ) -> None:
         folder.mkdir(parents=True)
-        for name in COPIED:
+        for name in COPIED if live else (MOTION, *COPIED):
             copy_file(run / name, folder / name)
-        self.folder = folder
+        self.folder, self._size = folder, 0
         self._file = (folder / SESSION).open("x", encoding="utf-8")
-        self._write({"schema": SCHEMA, "engine": engine, "restart": restart, "speed": speed})
+        header = _Header(SCHEMA, engine, restart, speed, live)
+        self._write(msgspec.to_builtins(header))
+
+    @property
+    def full(self) -> bool:
+        """Whether the recording has reached the size up to which `replay` reads."""
+        return self._size > _LIMIT - MEGABYTE
 
     def _write(self, line: Mapping[str, Any]) -> None:
-        self._file.write(json.dumps(line, separators=(",", ":")) + "\n")
+        self._size += self._file.write(json.dumps(line, separators=(",", ":")) + "\n")
         self._file.flush()
 
-    def input(self, step: int, found: Input) -> None:
+    def input(self, step: int, found: Input | CapturedFrame) -> None:
         """An input that was applied before control step `step`, from 0."""
-        self._write({"step": step, "input": msgspec.to_builtins(found)})
+        kind = "frame" if isinstance(found, CapturedFrame) else "input"
+        self._write({"step": step, kind: msgspec.to_builtins(found)})
 
     def advanced(self, session: Session) -> None:
         """A control step was done; every second, the digest of the state is written."""
@@ -105,7 +144,7 @@ def replay(folder: Path, *, named: Callable[[str], Scenario]) -> Iterator[tuple[
     header = _decoded(path, number, text, _Header)
     if header.schema != SCHEMA:
         raise CaptureError(path, where="line 1", expected=f"schema {SCHEMA}", found=str(header.schema))
-    session = begin_session(folder, header.engine, restart=header.restart, speed=header.speed, named=named)
+    session = _begun(folder, header, named)
     for number, text in lines:
         line = _decoded(path, number, text, _Line)
         if line.step < session.step_count:
@@ -113,11 +152,13 @@ def replay(folder: Path, *, named: Callable[[str], Scenario]) -> Iterator[tuple[
             raise CaptureError(path, where=f"line {number}", expected="steps in order", found=found)
         while session.step_count < line.step:
             yield session.advance(), session.score()
-        if line.input is not None:
-            try:
+        try:
+            if line.input is not None:
                 session.apply(decoded(json.dumps(line.input)))
-            except KinemimicError as error:
-                raise KinemimicError(f"{path}, line {number}: {error}") from None
+            if line.frame is not None:
+                session.apply(checked_frame(line.frame))
+        except KinemimicError as error:
+            raise KinemimicError(f"{path}, line {number}: {error}") from None
         if line.digest is not None and line.digest != session.digest():
             raise CaptureError(
                 path,
@@ -126,6 +167,12 @@ def replay(folder: Path, *, named: Callable[[str], Scenario]) -> Iterator[tuple[
                 found="another: the engine, its version or the processor differs",
             )
     session.close()
+
+
+def _begun(folder: Path, header: _Header, named: Callable[[str], Scenario]) -> Session:
+    if header.live is not None:
+        return begin_live_session(folder, header.engine, header.live, restart=header.restart, named=named)
+    return begin_session(folder, header.engine, restart=header.restart, speed=header.speed, named=named)
 
 
 def _lines(path: Path) -> Iterator[tuple[int, bytes]]:

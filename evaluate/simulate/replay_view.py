@@ -12,15 +12,18 @@ from kinemimic.evaluate.simulate.session import Frame, Score
 from kinemimic.evaluate.view.command import write_recording
 from kinemimic.evaluate.view.obstacle_rendering import Disturbances
 from kinemimic.pipeline.arrays import Array
-from kinemimic.retarget.humanoid.body import BODY_INDEX
+from kinemimic.retarget.humanoid.body import BODY_INDEX, node_offsets
 from kinemimic.retarget.humanoid.motion import Motion
 from kinemimic.train.rollout.trajectory import Trajectory
 
 _FEET = [BODY_INDEX["foot_left"], BODY_INDEX["foot_right"]]
 
 
-def write_replay(path: Path, frames: Sequence[Frame], motion: Motion, score: Score | None) -> None:
-    """Write the frames of a session, with pushes, obstacles and contacts, for rerun; atomically."""
+def write_replay(path: Path, frames: Sequence[Frame], motion: Motion | None, score: Score | None) -> None:
+    """Write the frames of a session, with pushes, obstacles and contacts, for rerun; atomically.
+
+    motion: what was performed, None for a live capture.
+    """
     trajectory = _trajectory(frames, motion)
     most = max(len(frame.obstacles) for frame in frames)
     # The humanoid's place among the obstacles is by number: a cleared and a new one share a shape.
@@ -33,13 +36,13 @@ def write_replay(path: Path, frames: Sequence[Frame], motion: Motion, score: Sco
     write_recording(
         path,
         trajectory,
-        humanoids(trajectory, 0, motion.offsets),
+        humanoids(trajectory, 0, node_offsets() if motion is None else motion.offsets),
         text,
         disturbances=Disturbances(largest, states, loads),
     )
 
 
-def _trajectory(frames: Sequence[Frame], motion: Motion) -> Trajectory:
+def _trajectory(frames: Sequence[Frame], motion: Motion | None) -> Trajectory:
     """One rollout of all frames."""
 
     def column(name: str) -> Array:
@@ -61,5 +64,5 @@ def _trajectory(frames: Sequence[Frame], motion: Motion) -> Trajectory:
         torques=np.zeros((1, len(frames), 14)),
         contacts=np.linalg.norm(contacts[:, :, _FEET], axis=-1) > 0.0,
         contact_forces=contacts,
-        motion=motion.identity,
+        motion="" if motion is None else motion.identity,
     )

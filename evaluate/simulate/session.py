@@ -12,6 +12,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
+from msgspec import Struct
 
 from kinemimic.evaluate.simulate.effects import Effects, heading_turn
 from kinemimic.evaluate.simulate.inputs import (
@@ -29,8 +30,11 @@ from kinemimic.pipeline.arrays import Array
 from kinemimic.pipeline.errors import KinemimicError
 from kinemimic.pipeline.gait.curve_metrics import joint_fits
 from kinemimic.pipeline.kinematics.rotations import rotate
+from kinemimic.pipeline.live.capture import LAG
+from kinemimic.pipeline.live.frame import CapturedFrame
 from kinemimic.retarget.humanoid.motion import Motion, joint_angles
 from kinemimic.train.config.config import EnvConfig
+from kinemimic.train.reference.reference import Reference
 from kinemimic.train.rollout.policy import Policy
 from kinemimic.train.rollout.rollout import node_rotations
 from kinemimic.train.scenario.event_schedule import with_states
@@ -54,7 +58,8 @@ class Frame:
     bodies, target: of the humanoid and its reference (15, 3 or 4); contacts: (15, 3) contact forces, N;
     drag: grab point, pointer and force (3, 3) of a drag, or None; obstacles: with their states now (K, 13);
     rotations, reference_rotations: (20, 4) of the nodes, local; angles, wanted: knee and hip flexion by name,
-    of the humanoid and its reference, rad; terms: of the reward; fallen: since the last restart.
+    of the humanoid and its reference, rad; terms: of the reward; fallen: since the last restart; shown: what
+    a live capture shows.
     """
 
     step: int
@@ -72,6 +77,38 @@ class Frame:
     wanted: dict[str, float]
     terms: dict[str, float]
     fallen: bool
+    shown: Shown | None = None
+
+
+@dataclass(frozen=True)
+class Shown:
+    """A live capture at the end of a control step.
+
+    raw, clean: (20, 3) m, the newest frame as it came, and as the reference uses it, NaN where missing;
+    time: s on the sender's clock, of the newest frame of the reference, NaN where starved; presence: 0
+    (nobody) to 1; latency: s from the moment that the humanoid performs to the newest frame; people: how
+    often a person was taken up; starved: whether no frame was due.
+    """
+
+    raw: Array
+    clean: Array
+    time: float
+    presence: float
+    latency: float
+    people: int
+    starved: bool
+
+
+class LiveSettings(Struct, frozen=True):
+    """How a live capture is followed.
+
+    lag: of the filter, s; up: the axis of the sender that points up, None to recognise it; place: put the
+    humanoid onto its reference where a person is taken up, in place of setting out from standing.
+    """
+
+    lag: float = LAG
+    up: str | None = None
+    place: bool = False
 
 
 @dataclass(frozen=True)
@@ -93,7 +130,10 @@ class Score:
 
 
 class Session:
-    """One humanoid with a policy on a motion; `restart`: puts it back onto its reference after a fall."""
+    """One humanoid with a policy on a motion; `restart`: puts it back onto its reference after a fall; live:
+    of a session that a live capture drives."""
+
+    live: LiveSettings | None = None
 
     def __init__(
         self,
@@ -118,7 +158,25 @@ class Session:
     def _opened(self, scenario: Scenario | None) -> ImitationBatch:
         """A new world, in a scenario or in none."""
         config = replace(self._config, scenario=scenario)
-        return ImitationBatch(open_world(1, self._engine), reference_for(self.motion, scenario), config)
+        return ImitationBatch(open_world(1, self._engine), self._reference(scenario), config)
+
+    def _reference(self, scenario: Scenario | None) -> Reference:
+        """What is performed, in a scenario or in none."""
+        return reference_for(self.motion, scenario)
+
+    def _restart_phase(self) -> float:
+        """Where a humanoid that fell is put back."""
+        return float(self._batch.phases[0] % 1.0) if self.motion.cyclic else 0.0
+
+    def _is_over(self) -> bool:
+        """Whether the reference has ended."""
+        return not self.motion.cyclic and bool(self._batch.phases[0] >= 1.0)
+
+    def _actions(self) -> Array:
+        """Actions (1, 42) for the observation."""
+        if self.policy is None:
+            return np.zeros((1, ACTIONS))
+        return self.policy.act(self._observation).astype(np.float64)
 
     def _enter(self, scenario: Scenario | None, seed: int) -> None:
         before, self._batch = self._batch, self._opened(scenario)
@@ -150,8 +208,14 @@ class Session:
         batch.world.place(0, self._obstacles)
         self._observation = batch.observe()
 
-    def apply(self, found: Input) -> None:
+    def words(self) -> list[str]:
+        """What else is to be said of the session, in lines."""
+        return []
+
+    def apply(self, found: Input | CapturedFrame) -> None:
         """Take an input, before the next control step; KinemimicError if it does not fit the session."""
+        if isinstance(found, CapturedFrame):
+            raise KinemimicError("expected no frame: no live capture drives this session")
         if isinstance(found, Restart):
             self._reset(found.phase)
         elif isinstance(found, Enter):
@@ -196,8 +260,7 @@ class Session:
         """One control step."""
         batch = self._batch
         wrenches, drag = self._effects.wrenches(batch.bodies, self._ground.slope)
-        actions = np.zeros((1, ACTIONS)) if self.policy is None else self.policy.act(self._observation)
-        self._observation = batch.step(actions.astype(np.float64), wrenches).observations
+        self._observation = batch.step(self._actions(), wrenches).observations
         self.step_count += 1
         fallen = bool(batch.fallen()[0]) or self._fallen_for > 0
         moved, wanted = node_rotations(batch.bodies)[0], batch.reference.nodes(batch.phases)[0]
@@ -208,8 +271,8 @@ class Session:
             self.falls += self._fallen_for == 0
             self._fallen_for += 1
             if self.restart and self._fallen_for >= LYING:
-                self._reset(float(batch.phases[0] % 1.0) if self.motion.cyclic else 0.0)
-        elif not self.motion.cyclic and batch.phases[0] >= 1.0:
+                self._reset(self._restart_phase())
+        elif self._is_over():
             self._reset(0.0)
         return frame
 

@@ -17,6 +17,9 @@ from kinemimic.evaluate.film.figures import COLORS, REFERENCE, SIMULATED
 from kinemimic.evaluate.film.solids import shaded_side
 from kinemimic.evaluate.simulate.session import Frame
 from kinemimic.pipeline.arrays import Array
+from kinemimic.pipeline.kinematics.skeleton import BONES
+from kinemimic.pipeline.kinematics.skeleton import NODE_INDEX as N
+from kinemimic.pipeline.kinematics.spans import all_finite
 from kinemimic.retarget.humanoid.body import BODIES, BODY_INDEX
 from kinemimic.train.sim.world import BodyStates, Obstacle
 
@@ -25,6 +28,9 @@ FORCE_SCALE, CONTACT_SCALE = 200.0, 1000.0  # N to a metre of arrow
 MIN_FORCE = 5.0  # N, below which no arrow is drawn
 _RED, _GREEN, _BROWN = (255, 60, 60), (60, 170, 90), (150, 110, 80)
 _FELL = (110, 110, 110)
+_GREY, _BLUE = (150, 150, 150), (40, 110, 220)
+BESIDE = 1.2  # m
+_BONES = [(N[a], N[b]) for a, b in BONES]
 _HIDDEN = np.array([[[0.0, 0.0, -50.0], [0.0, 0.0, -50.001]]])  # an arrow that nobody sees
 _FEET = [BODY_INDEX["foot_left"], BODY_INDEX["foot_right"]]
 
@@ -48,6 +54,9 @@ class Stage:
         self._loads = self._arrows("loads", _RED)
         self._drag = self._arrows("drag", _RED)
         self._newtons = scene.add_label(f"{FOLLOWED}/newtons", "", visible=False)
+        self._raw = self._skeleton("raw", _GREY)
+        self._clean = self._skeleton("clean", _BLUE)
+        self._latency = scene.add_label(f"{FOLLOWED}/latency", "", visible=False)
         self._obstacles: list[Any] = []
         self._shown: tuple[Obstacle, ...] = ()
         self._fallen = False
@@ -67,6 +76,16 @@ class Stage:
     def _arrows(self, name: str, color: tuple[int, int, int]) -> Any:
         return self._server.scene.add_arrows(
             f"{FOLLOWED}/{name}", _HIDDEN, color, shaft_radius=0.012, head_radius=0.03, head_length=0.07
+        )
+
+    def _skeleton(self, name: str, color: tuple[int, int, int]) -> Any:
+        return self._server.scene.add_line_segments(
+            f"{FOLLOWED}/capture/{name}",
+            _HIDDEN,
+            color,
+            thickness=4.0,
+            thickness_units="screen",
+            visible=False,
         )
 
     @property
@@ -104,6 +123,22 @@ class Stage:
                 for body, node in zip(BODIES, self.bodies, strict=True):
                     node.color = _FELL if frame.fallen else _color(SIMULATED, body.name)
             self._draw_obstacles(frame)
+            self._draw_capture(frame)
+
+    def _draw_capture(self, frame: Frame) -> None:
+        """The skeletons of a live capture, at the left of where the humanoid is to be."""
+        shown = frame.shown
+        for node, points in ((self._raw, shown.raw), (self._clean, shown.clean)) if shown else ():
+            segments = skeleton_segments(points, frame.target.positions[0])
+            node.visible = len(segments) > 0
+            if node.visible:
+                node.points = segments
+        if shown is None:
+            self._raw.visible = self._clean.visible = self._latency.visible = False
+            return
+        self._latency.visible = not shown.starved
+        self._latency.text = f"{1000.0 * shown.latency:.0f} ms"
+        self._latency.position = tuple(frame.target.positions[0] * [1.0, 1.0, 0.0] + [0.0, BESIDE, 2.0])
 
     def _draw_obstacles(self, frame: Frame) -> None:
         # Their states change, so that only shapes and sizes tell whether they are the same.
@@ -122,6 +157,18 @@ class Stage:
             self._shown = frame.obstacles
         for node, state in zip(self._obstacles, frame.states, strict=True):
             node.position, node.wxyz = tuple(state[:3]), tuple(state[[6, 3, 4, 5]])
+
+
+def skeleton_segments(points: Array, place: Array) -> Array:
+    """Bones (K, 2, 3) of a capture's nodes (20, 3), beside a place (3,) on the ground; none that is not
+    seen."""
+    hips = 0.5 * (points[N["hip_left"]] + points[N["hip_right"]])
+    seen = all_finite(points)
+    if not np.isfinite(hips).all():
+        return np.zeros((0, 2, 3))
+    lowest = float(np.min(points[seen, 2]))
+    moved = points - [hips[0], hips[1], lowest] + [place[0], place[1] + BESIDE, 0.0]
+    return np.array([(moved[a], moved[b]) for a, b in _BONES if seen[a] and seen[b]]).reshape(-1, 2, 3)
 
 
 def _color(kind: int, body: str) -> tuple[int, int, int]:

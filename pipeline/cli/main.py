@@ -76,6 +76,10 @@ COMMANDS: dict[str, tuple[str, str]] = {
         "kinemimic.evaluate.simulate.command:command",
         "Push a humanoid on a page in the browser, in real time.",
     ),
+    "stream": (
+        "kinemimic.evaluate.stream.command:command",
+        "Let a live capture drive the humanoid: UDP, TCP, VMC, a file.",
+    ),
     "view": ("kinemimic.evaluate.view.command:command", "Show capture, reference and simulation in rerun."),
     "export": (
         "kinemimic.evaluate.export.command:command",

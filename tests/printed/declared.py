@@ -15,6 +15,7 @@ NOT_RUN: dict[str, str] = {
     "tensorboard *": "serves until it is stopped",
     "kinemimic view * --screenshot *": "needs a Vulkan driver",
     "kinemimic view * --video *": "draws 300 frames; tests/evaluate/view draws a few",
+    "kinemimic stream*": "waits for a sender; tests/evaluate/stream sends",
     "kinemimic simulate*": "serves until it is stopped; tests/evaluate/simulate opens the page, and replays",
     "kinemimic pushes *": "bisection at 20 phases takes minutes, and no option reduces it",
     "kinemimic compare * --search *": "trains sixteen variants; the baselines are an extra",

@@ -133,6 +133,7 @@ PREPARED: dict[str, Prepare] = {
     "scenarios.md": scenario,
     "tables.md": two_sensors,
     "simulate.md": nothing,
+    "stream.md": nothing,
     "tracker.md": recording,
     "train.md": trained,
     "troubleshooting.md": faulty,

@@ -118,9 +118,13 @@ class Reference:
         return np.asarray(change / width.reshape(-1, *([1] * (q.ndim - 1))))
 
     def _leads(self, phase: Array) -> Array:
+        """`leads_at` at phases (N,), by interpolation between even ones."""
+        at = np.linspace(0.0, 1.0, max(2, round(self.duration * _EFFORT_RATE) + 1))
+        return np.asarray(interp1d(at, self.leads_at(at), axis=0)(phase))
+
+    def leads_at(self, at: Array) -> Array:
         """Rotation vectors (N, 14, 3) at phases (N,) by which a target leads its joint, so that the stable
         PD's stiffness gives the torque of the motion."""
-        at = np.linspace(0.0, 1.0, max(2, round(self.duration * _EFFORT_RATE) + 1))
         step = 1.0 / (_EFFORT_RATE * self.duration)
         first, last = at - step, at + step
         if not self.cyclic:
@@ -135,8 +139,9 @@ class Reference:
         limits, stiffness = (
             np.array([[getattr(body, name)] for body in BODIES[1:]]) for name in ("torque_limit", "stiffness")
         )
-        leads = np.clip(found.torques, -_LARGEST_SHARE * limits, _LARGEST_SHARE * limits) / stiffness
-        return np.asarray(interp1d(at, leads, axis=0)(phase))
+        return np.asarray(
+            np.clip(found.torques, -_LARGEST_SHARE * limits, _LARGEST_SHARE * limits) / stiffness
+        )
 
     def _sample(self, name: str, phase: Array) -> Array:
         """Rows (..., shape of a row) of a table at phases (...), interpolated linearly."""

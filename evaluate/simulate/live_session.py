@@ -1,0 +1,158 @@
+"""A session that a live capture drives: frames are its inputs, beside what people do on the page."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+
+from kinemimic.evaluate.simulate.balance import balance_actions, holds
+from kinemimic.evaluate.simulate.inputs import Enter, Input
+from kinemimic.evaluate.simulate.session import Frame, LiveSettings, Session, Shown
+from kinemimic.pipeline.arrays import Array
+from kinemimic.pipeline.errors import KinemimicError
+from kinemimic.pipeline.live.capture import LiveCapture
+from kinemimic.pipeline.live.frame import CapturedFrame
+from kinemimic.retarget.humanoid.body import BODY_INDEX
+from kinemimic.retarget.humanoid.motion import Motion
+from kinemimic.retarget.live.performer import Performer
+from kinemimic.train.config.config import EnvConfig
+from kinemimic.train.reference.live_reference import AHEAD, LiveReference
+from kinemimic.train.reference.reference import Reference
+from kinemimic.train.rollout.policy import Policy
+from kinemimic.train.scenario.scenario import Scenario
+from kinemimic.train.sim.world import CONTROL_RATE
+from kinemimic.train.task.mirror import Mirror, left_foot_behind
+
+# A reference stands if hips and feet move by less than this over the preview, m.
+STANDS = 0.06
+PREVIEW = (AHEAD - 1) / CONTROL_RATE  # s
+FADE = 0.2  # of the share of balance, per control step
+_FEET = [BODY_INDEX["foot_left"], BODY_INDEX["foot_right"]]
+
+
+class LiveSession(Session):
+    """One humanoid that follows a live capture.
+
+    The humanoid performs what the person did `latency` ago: the lag of the filter, and the preview of the
+    tracker.
+    """
+
+    def __init__(
+        self,
+        policy: Policy,
+        config: EnvConfig,
+        engine: str,
+        settings: LiveSettings,
+        *,
+        restart: bool = True,
+        scenario_named: Callable[[str], Scenario] | None = None,
+    ) -> None:
+        self.live = settings
+        self.capture = LiveCapture(step=1.0 / CONTROL_RATE, lag=settings.lag, up=settings.up)
+        self.performer = Performer(float(CONTROL_RATE))
+        first = self.performer.perform(None)
+        self.complaint = ""
+        self._mirror = Mirror(config)
+        self._place_there = settings.place
+        self._live = LiveReference(first.root, first.rotations)
+        self._balance = 1.0  # share of balance in the actions
+        self._placed_in: int | None = None
+        self._shown: Shown | None = None
+        held = Motion(
+            CONTROL_RATE, np.tile(first.root, (2, 1)), np.tile(first.rotations, (2, 1, 1)),
+            np.zeros((2, 2), dtype=np.bool_), cyclic=False,
+        )  # fmt: skip
+        super().__init__(held, policy, config, engine, restart=restart, scenario_named=scenario_named)
+
+    def _reference(self, scenario: Scenario | None) -> Reference:
+        return self._live
+
+    def _restart_phase(self) -> float:
+        return self._live.present
+
+    def _is_over(self) -> bool:
+        return False
+
+    def _reset(self, phase: float) -> None:
+        super()._reset(self._live.present)
+
+    def apply(self, found: Input | CapturedFrame) -> None:
+        """Take a frame, or an input of a page; KinemimicError for an input that does not fit. A frame that
+        does not fit its sender's others is counted, and `complaint` says why."""
+        if isinstance(found, CapturedFrame):
+            try:
+                self.capture.take(found)
+            except KinemimicError as error:
+                self.complaint = str(error)
+            return
+        if isinstance(found, Enter) and found.scenario:
+            raise KinemimicError("expected no scenario: a live capture has no phases at which it could begin")
+        super().apply(found)
+
+    def _advance_reference(self) -> None:
+        moment = self.capture.advance()
+        performed = self.performer.perform(moment)
+        self._live.append(performed.root, performed.rotations)
+        if performed.taken_up and self._place_there:
+            # When the humanoid comes to the person's first frames, behind the fade.
+            self._placed_in = AHEAD + CONTROL_RATE // 2
+        if self._placed_in is not None:
+            self._placed_in -= 1
+            if self._placed_in <= 0:
+                self._placed_in = None
+                self._reset(0.0)
+        nowhere = np.full((20, 3), np.nan)
+        self._shown = Shown(
+            raw=nowhere if moment is None else moment.raw,
+            clean=nowhere if moment is None else moment.positions[moment.now],
+            time=float("nan") if moment is None else moment.time,
+            presence=performed.presence,
+            latency=(0.0 if moment is None else moment.lag) + PREVIEW,
+            people=self.performer.people,
+            starved=moment is None,
+        )
+
+    def _actions(self) -> Array:
+        """The policy's, or those of balance where the reference stands."""
+        batch = self._batch
+        wanted = float(self._stands() and holds(batch.bodies))
+        self._balance += min(max(wanted - self._balance, -FADE), FADE)
+        actions = super()._actions()
+        if self._balance <= 0.0:
+            return actions
+        still = balance_actions(batch.bodies)
+        if batch.config.mirror:
+            # The batch reflects the actions of a tracker back.
+            self._mirror.actions(still, left_foot_behind(batch.target))
+        return (1.0 - self._balance) * actions + self._balance * still
+
+    def _stands(self) -> bool:
+        """Whether the reference keeps its feet and hips in place over the preview."""
+        present, step = self._live.present, 1.0 / CONTROL_RATE
+        bodies = self._live.bodies(present + step * np.arange(0.0, AHEAD, 4.0))
+        parts = bodies.positions[:, [0, *_FEET]]
+        return bool(np.ptp(parts, axis=0).max() < STANDS)
+
+    def advance(self) -> Frame:
+        """One control step, with what has come since the last one."""
+        self._advance_reference()
+        self._batch.phases[:] = self._live.present
+        return replace(super().advance(), shown=self._shown)
+
+    def words(self) -> list[str]:
+        """The state of the capture in a line."""
+        capture, shown, reading = self.capture, self._shown, self.capture.recogniser.reading
+        if shown is None or reading is None:
+            return [self.complaint or "waiting for frames"]
+        doing = "follows the person" if shown.presence >= 1.0 else "nobody seen: stands"
+        if 0.0 < shown.presence < 1.0:
+            doing = "between standing and the person"
+        complaints = [self.complaint] if self.complaint else []
+        return [
+            *complaints,
+            f"**{doing}**, {1000.0 * shown.latency:.0f} ms behind (preview {1000.0 * PREVIEW:.0f} ms)",
+            f"{reading.layout.name}, {capture.frames} frames, {capture.window.late} late, "
+            f"{capture.sides.swaps} swapped, {shown.people} people",
+        ]

@@ -1,0 +1,188 @@
+"""`kinemimic stream`: a live capture drives the humanoid, on the page of `simulate` or without it."""
+
+from __future__ import annotations
+
+import json
+import secrets
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from kinemimic.evaluate.policies.recipe import POLICIES
+from kinemimic.evaluate.simulate.command import require_viser
+from kinemimic.pipeline.cli.heartbeat import heartbeat
+from kinemimic.pipeline.cli.options import json_option
+from kinemimic.pipeline.cli.printable import echo
+from kinemimic.pipeline.errors import KinemimicError
+from kinemimic.pipeline.files.store import copy_file, file_hash
+from kinemimic.pipeline.run_folder.lock import locked
+from kinemimic.train.rollout.policy import POLICY
+from kinemimic.train.rollout.tracker_file import load_tracker
+from kinemimic.train.sim.engines import resolve
+from kinemimic.train.sim.options import engine_option
+
+if TYPE_CHECKING:
+    from kinemimic.evaluate.stream.source import Source
+
+DEFAULT_PAGE, DEFAULT_UDP = 8090, 8095
+UP = ("x", "-x", "y", "-y", "z", "-z")
+_PORT = click.IntRange(1024, 65535)
+
+
+def prepare(policy: str, run: Path) -> None:
+    """Copy a tracker, shipped or of a folder, into a run folder; KinemimicError for a policy of one
+    motion."""
+    source = POLICIES / policy
+    if not (source / POLICY).is_file():
+        source = Path(policy)
+    if not (source / POLICY).is_file():
+        raise KinemimicError(f"stream: expected a tracker, by name or folder, found {policy!r}")
+    load_tracker(source / POLICY)
+    with locked(run):
+        if (run / POLICY).exists() and file_hash(run / POLICY) != file_hash(source / POLICY):
+            raise KinemimicError(f"{run}: expected policy {policy!r}, found another; choose another --run")
+        for name in ("policy.json", POLICY):
+            copy_file(source / name, run / name)
+
+
+def _source(udp: int | None, tcp: int | None, vmc: int | None, stdin: bool, replay: Path | None) -> Source:
+    """The one source that was asked for; UDP without one."""
+    from kinemimic.evaluate.stream.files import Replay, Stdin  # noqa: PLC0415 (import cost)
+    from kinemimic.evaluate.stream.sockets import Tcp, Udp  # noqa: PLC0415
+    from kinemimic.evaluate.stream.vmc import Vmc  # noqa: PLC0415
+
+    asked = [
+        name for name, one in (("--udp", udp), ("--tcp", tcp), ("--vmc", vmc), ("--replay", replay)) if one
+    ]
+    asked += ["--stdin"] if stdin else []
+    if len(asked) > 1:
+        raise click.UsageError(f"{' and '.join(asked)}: choose one source")
+    if replay is not None:
+        return Replay(replay)
+    if stdin:
+        return Stdin()
+    if tcp is not None:
+        return Tcp(tcp)
+    return Vmc(vmc) if vmc is not None else Udp(udp or DEFAULT_UDP)
+
+
+@click.command("stream")
+@click.option("--udp", type=_PORT, help=f"UDP port of 127.0.0.1 for frames in JSON. Default: {DEFAULT_UDP}.")
+@click.option("--tcp", type=_PORT, help="TCP port of 127.0.0.1 for frames in JSON, one a line.")
+@click.option("--vmc", type=_PORT, help="UDP port of 127.0.0.1 for the VMC protocol (usually 39539).")
+@click.option("--stdin", is_flag=True, help="Frames in JSON from standard input, one a line.")
+@click.option("--replay", type=click.Path(path_type=Path), help="A capture file, at its own clock.")
+@click.option(
+    "--policy", default="tracker", show_default=True, metavar="NAME", help="A tracker: shipped, or a folder."
+)
+@click.option("--run", type=click.Path(path_type=Path), default=Path("runs/stream"), show_default=True,
+              help="Folder for the policy and the recordings.")  # fmt: skip
+@click.option("--lag", type=click.FloatRange(0.0, 1.0), default=0.15, show_default=True,
+              help="Lag of the filter in seconds: more is smoother.")  # fmt: skip
+@click.option("--up", type=click.Choice(UP), help="Axis of the sender that points up. Default: recognised.")
+@click.option("--place/--set-out", default=True, show_default=True,
+              help="Put the humanoid onto a person who was taken up, or let it set out.")  # fmt: skip
+@click.option("--page/--no-page", "with_page", default=True, show_default=True, help="Serve the page.")
+@click.option("--port", type=_PORT, default=DEFAULT_PAGE, show_default=True, help="Port of the page.")
+@click.option("--seconds", type=click.FloatRange(min=0.1), help="End after this time.")
+@click.option("--record/--no-record", default=None, help="Record from the start. Default: without a page.")
+@engine_option
+@json_option("Print the summary as JSON.")
+def command(
+    udp: int | None,
+    tcp: int | None,
+    vmc: int | None,
+    stdin: bool,
+    replay: Path | None,
+    policy: str,
+    run: Path,
+    lag: float,
+    up: str | None,
+    place: bool,
+    with_page: bool,
+    port: int,
+    seconds: float | None,
+    record: bool | None,
+    engine: str,
+    as_json: bool,
+) -> None:
+    """Let a live capture drive the humanoid.
+
+    Frames come as JSON over UDP, TCP or standard input, over the VMC protocol, or from a capture file. The
+    humanoid follows half a second later: 0.15 s for the filter, 0.4 s that the policy looks ahead.
+
+    \b
+      kinemimic stream --replay walk.skl
+      kinemimic stream --udp 8095
+      sender | kinemimic stream --stdin --no-page --json
+    """
+    from kinemimic.evaluate.simulate.clock import Clock  # noqa: PLC0415 (import cost)
+    from kinemimic.evaluate.simulate.session import LiveSettings  # noqa: PLC0415
+    from kinemimic.evaluate.stream.live import SOURCE, stream  # noqa: PLC0415
+    from kinemimic.train.sim.world import CONTROL_RATE  # noqa: PLC0415
+
+    if with_page:
+        require_viser()
+    source = _source(udp, tcp, vmc, stdin, replay)
+    page = None
+    try:
+        prepare(policy, run)
+        if with_page:
+            from kinemimic.evaluate.simulate.controls import Choices  # noqa: PLC0415 (loads viser)
+            from kinemimic.evaluate.simulate.page import Page  # noqa: PLC0415
+
+            page = Page(port, secrets.token_urlsafe(16), Choices((policy,), (SOURCE,), (), policy, SOURCE))
+            echo(f"{source.name}; open {page.address}\nCtrl-C ends it.", err=as_json)
+        elif replay is None:
+            echo(f"{source.name}; Ctrl-C ends it.", err=as_json)
+        with heartbeat(lambda: ""):
+            found = stream(
+                source,
+                run,
+                settings=LiveSettings(lag=lag, up=up, place=place),
+                engine=resolve(engine),
+                page=page,
+                # A replay that nobody looks at need not take its time.
+                clock=None if page is None and replay is not None else Clock(CONTROL_RATE),
+                policy=policy,
+                steps=None if seconds is None else round(seconds * CONTROL_RATE),
+                record=not with_page if record is None else record,
+            )
+    finally:
+        source.close()
+        if page is not None:
+            page.close()
+    if as_json:
+        click.echo(json.dumps(found, indent=2, allow_nan=False))
+    else:
+        for line in _words(found):
+            echo(line)
+
+
+def _words(found: dict[str, Any]) -> list[str]:
+    from kinemimic.evaluate.simulate.session import Score  # noqa: PLC0415 (import cost)
+
+    if not found["frames"]:
+        return [f"{found['source']}: no frame came that could be used{_faults(found)}"]
+    latency = found["latency_ms"]
+    behind = "" if latency is None else f", {latency['median']:.0f} ms behind (99 %: {latency['p99']:.0f} ms)"
+    lines = [
+        f"{found['source']}: {found['layout']}, {found['frames']} frames, {found['people']} people{behind}",
+        f"{found['steps']} control steps, {found['followed']} behind a person, of which "
+        f"{found['upright']} upright; {found['falls']} falls{_faults(found)}",
+    ]
+    if found["score"] is not None:
+        known: dict[str, Any] = {
+            name: float("nan") if value is None else value for name, value in found["score"].items()
+        }
+        lines.append(str(Score(**known)))
+    if found["recording"] is not None:
+        lines.append(f"recorded: kinemimic simulate --replay --run {found['recording']}")
+    return lines
+
+
+def _faults(found: dict[str, Any]) -> str:
+    if not found["faults"]:
+        return ""
+    return "; " + ", ".join(f"{count:,} {name}" for name, count in found["faults"].items())

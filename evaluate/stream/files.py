@@ -1,0 +1,73 @@
+"""Frames from standard input, and from a capture file at its own clock."""
+
+from __future__ import annotations
+
+import os
+import select
+from collections import Counter, deque
+from collections.abc import Sequence
+from pathlib import Path
+
+from kinemimic.evaluate.stream.source import BLOCK, MAX_FRAMES, Lines, frames_of
+from kinemimic.pipeline.convert import on_nodes
+from kinemimic.pipeline.errors import CaptureError
+from kinemimic.pipeline.live.frame import CapturedFrame, frame_of
+from kinemimic.pipeline.readers.recognise import read
+
+
+class Stdin:
+    """Lines of a pipe. A writer that is faster waits, as at every pipe."""
+
+    def __init__(self, descriptor: int = 0) -> None:
+        self.name = "standard input"
+        self.faults: Counter[str] = Counter()
+        self.ended = False
+        self._descriptor, self._lines = descriptor, Lines(self.faults)
+        self._waiting: deque[bytes] = deque()
+
+    def poll(self, elapsed: float) -> Sequence[CapturedFrame]:
+        while len(self._waiting) < MAX_FRAMES and not self.ended:
+            if not select.select([self._descriptor], [], [], 0.0)[0]:
+                break
+            block = os.read(self._descriptor, BLOCK)
+            if not block:
+                self.ended = True
+                break
+            self._waiting.extend(self._lines.take(block))
+        count = min(MAX_FRAMES, len(self._waiting))
+        return frames_of([self._waiting.popleft() for _ in range(count)], self.faults)
+
+    def close(self) -> None:
+        """Nothing is held."""
+
+
+class Replay:
+    """A capture in any format that can be read, as recorded: no rule has repaired it, no filter cleaned it.
+
+    seconds: its duration.
+    """
+
+    def __init__(self, path: Path) -> None:
+        clip = on_nodes(read(path))
+        if len(clip.times) < 2:
+            raise CaptureError(path, expected="at least 2 frames to replay", found=f"{len(clip.times)}")
+        self.name = path.name
+        self.faults: Counter[str] = Counter()
+        self._times = clip.times - clip.times[0]
+        self._clip, self._next = clip, 0
+        self.seconds = float(self._times[-1])
+
+    def poll(self, elapsed: float) -> Sequence[CapturedFrame]:
+        found = []
+        while not self.ended and self._times[self._next] <= elapsed + 1e-9:
+            k = self._next
+            found.append(frame_of(self._times[k], self._clip.positions[k], self._clip.states[k]))
+            self._next += 1
+        return found
+
+    @property
+    def ended(self) -> bool:
+        return self._next >= len(self._times)
+
+    def close(self) -> None:
+        """Nothing is held."""

@@ -1,0 +1,163 @@
+"""A source drives a session, with the page or without."""
+
+from __future__ import annotations
+
+import math
+import queue
+from collections import Counter
+from collections.abc import Callable
+from dataclasses import asdict
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from kinemimic.evaluate.simulate.clock import Clock
+from kinemimic.evaluate.simulate.live_session import LiveSession
+from kinemimic.evaluate.simulate.loop import Loop, Performed, Shown
+from kinemimic.evaluate.simulate.recording import begin_live_session
+from kinemimic.evaluate.simulate.session import Frame, LiveSettings
+from kinemimic.evaluate.stream.source import Source
+from kinemimic.pipeline.errors import KinemimicError
+from kinemimic.train.reference.live_reference import AHEAD
+from kinemimic.train.scenario.scenario_file import scenario
+from kinemimic.train.sim.world import CONTROL_RATE
+
+SOURCE = "live capture"  # its name among the motions of the page
+AFTER = 1.0  # s that a replay goes on after what it still has to perform
+_KEPT = 18_000  # control steps whose latencies the summary has: ten minutes
+
+
+class NoPage:
+    """What the loop needs of a page, for nobody."""
+
+    def __init__(self) -> None:
+        self.waiting: queue.Queue[Any] = queue.Queue()
+
+    def draw(self, frame: Frame) -> None:
+        """Nobody looks."""
+
+    def show(self, frame: Frame, state: str) -> None:
+        """Nobody looks."""
+
+    def tell(self, error: KinemimicError | str) -> None:
+        """Nobody listens."""
+
+
+class Watched:
+    """A page whose frames are counted for the summary.
+
+    latencies: s, of the first ten minutes; steps, followed, upright: control steps, those of them behind a
+    person, and those of these without a fall.
+    """
+
+    def __init__(self, page: Shown) -> None:
+        self.waiting, self._page = page.waiting, page
+        self.latencies: list[float] = []
+        self.steps = self.followed = self.upright = 0
+
+    def draw(self, frame: Frame) -> None:
+        """Count a frame and show it."""
+        self.steps += 1
+        if frame.shown is not None and frame.shown.presence >= 1.0 and not frame.shown.starved:
+            self.followed += 1
+            self.upright += not frame.fallen
+            if len(self.latencies) < _KEPT:
+                self.latencies.append(frame.shown.latency)
+        self._page.draw(frame)
+
+    def show(self, frame: Frame, state: str) -> None:
+        """Show numbers."""
+        self._page.show(frame, state)
+
+    def tell(self, error: KinemimicError | str) -> None:
+        """Pass on a message."""
+        self._page.tell(error)
+
+
+def stream(
+    source: Source,
+    run: Path,
+    *,
+    settings: LiveSettings | None = None,
+    engine: str,
+    page: Shown | None = None,
+    clock: Clock | None = None,
+    choose: Callable[[str, str, float], Performed] | None = None,
+    policy: str = "",
+    steps: int | None = None,
+    restart: bool = True,
+    record: bool = True,
+) -> dict[str, Any]:
+    """Follow a source until it ends, for `steps` control steps, or until Ctrl-C; returns the summary.
+
+    run: folder with the policy, below which sessions are recorded. page: None for nobody; clock: None to go
+    as fast as the processor can, which suits a replay alone.
+    """
+    settings = settings or LiveSettings()
+    watched = Watched(page or NoPage())
+    clock = clock or Clock(CONTROL_RATE, sleep=lambda _: None)
+    sessions: list[LiveSession] = []
+
+    def opened(performed: Performed) -> LiveSession:
+        sessions.append(begin_live_session(performed.run, engine, settings, restart=restart, named=scenario))
+        return sessions[-1]
+
+    def only(*_: Any) -> Performed:
+        raise KinemimicError("expected one policy and the live capture: start again to change them")
+
+    loop = Loop(
+        Performed(run, policy or run.name, SOURCE), watched, clock, engine=engine, open_session=opened,
+        choose=choose or only, recordings=run, frames=source.poll,
+    )  # fmt: skip
+    if record:
+        loop.record()
+    recorded = loop.recorder.folder if loop.recorder is not None else None
+    tail = round((settings.lag + AFTER) * CONTROL_RATE) + AHEAD
+    try:
+        loop.run(steps, lambda: source.ended, tail)
+    except KeyboardInterrupt:
+        pass
+    finally:
+        source.close()
+    return summary(source, sessions[-1], watched, clock, recorded)
+
+
+def summary(
+    source: Source, session: LiveSession, watched: Watched, clock: Clock, recorded: Path | None
+) -> dict[str, Any]:
+    """What happened, in JSON values: see docs/stream.md."""
+    capture, reading, score = session.capture, session.capture.recogniser.reading, session.score()
+    faults = Counter(source.faults)
+    faults["late or repeated"] += capture.window.late
+    faults["of another layout, or of no human size"] += capture.refused
+    latencies = 1000.0 * np.array(watched.latencies or [np.nan])
+    return {
+        "source": source.name,
+        "layout": None if reading is None else reading.layout.name,
+        "up": None if reading is None else reading.up,
+        "unit": None if reading is None else reading.unit,
+        "steps": watched.steps,
+        "frames": capture.frames,
+        "thinned": capture.window.thinned,
+        "people": session.performer.people,
+        "lost": session.performer.lost,
+        "followed": watched.followed,
+        "upright": watched.upright,
+        "falls": session.falls,
+        "swapped": capture.sides.swaps,
+        "reversed": capture.sides.reversals,
+        "latency_ms": None
+        if not watched.latencies
+        else {
+            "median": round(float(np.median(latencies)), 1),
+            "p99": round(float(np.quantile(latencies, 0.99)), 1),
+        },
+        "on_time": round(clock.on_time, 5),
+        "faults": {name: count for name, count in faults.items() if count},
+        # Of a reference that stands, R² and speed are undefined.
+        "score": None
+        if score is None
+        else {name: value if math.isfinite(value) else None for name, value in asdict(score).items()},
+        "recording": None if recorded is None else str(recorded),
+    }

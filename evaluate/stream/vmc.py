@@ -1,0 +1,184 @@
+"""The VMC protocol: bones of an avatar in OSC messages over UDP, as Rokoko Studio, VSeeFace, Warudo and
+others send them.
+
+protocol.vmc.info: /VMC/Ext/Bone/Pos has a bone's name (Unity's HumanBodyBones), its position and rotation in
+its parent; /VMC/Ext/Root/Pos those of the root; /VMC/Ext/T the sender's time. Unity's axes are left-handed: X
+to the right, Y up, Z ahead.
+"""
+
+from __future__ import annotations
+
+import math
+import time
+from collections import Counter
+from collections.abc import Iterable, Sequence
+from importlib.util import find_spec
+from typing import Any
+
+import numpy as np
+
+from kinemimic.evaluate.stream.sockets import Datagrams
+from kinemimic.evaluate.stream.source import HOST, MAX_FRAMES
+from kinemimic.pipeline.arrays import Array
+from kinemimic.pipeline.errors import KinemimicError
+from kinemimic.pipeline.kinematics.rotations import IDENTITY, multiply, rotate
+from kinemimic.pipeline.kinematics.skeleton import NODE_INDEX, NODES
+from kinemimic.pipeline.live.frame import CapturedFrame, frame_of
+
+DEFAULT_PORT = 39539  # of VMC
+MAX_DATAGRAMS = 64  # in a control step: a sender may put one bone in each
+MAX_DATAGRAM = 16_384  # bytes
+# Bone -> the bones that it may hang from, nearest first: an avatar need not have all.
+_SIDES = ("Left", "Right")
+_PARENTS: dict[str, tuple[str, ...]] = {
+    "Hips": (),
+    "Spine": ("Hips",),
+    "Chest": ("Spine", "Hips"),
+    "UpperChest": ("Chest", "Spine", "Hips"),
+    "Neck": ("UpperChest", "Chest", "Spine", "Hips"),
+    "Head": ("Neck", "UpperChest", "Chest", "Spine", "Hips"),
+    **{f"{side}Shoulder": ("UpperChest", "Chest", "Spine", "Hips") for side in _SIDES},
+    **{f"{side}UpperArm": (f"{side}Shoulder", "UpperChest", "Chest", "Spine", "Hips") for side in _SIDES},
+    **{f"{side}LowerArm": (f"{side}UpperArm",) for side in _SIDES},
+    **{f"{side}Hand": (f"{side}LowerArm",) for side in _SIDES},
+    **{f"{side}UpperLeg": ("Hips",) for side in _SIDES},
+    **{f"{side}LowerLeg": (f"{side}UpperLeg",) for side in _SIDES},
+    **{f"{side}Foot": (f"{side}LowerLeg",) for side in _SIDES},
+}
+_NODES: dict[str, str] = {
+    "hip_center": "Hips",
+    "spine": "Spine",
+    "shoulder_center": "Neck",
+    "head": "Head",
+    **{
+        f"{joint}_{side.lower()}": f"{side}{bone}"
+        for side in _SIDES
+        for joint, bone in (
+            ("shoulder", "UpperArm"),
+            ("elbow", "LowerArm"),
+            ("wrist", "Hand"),
+            ("hip", "UpperLeg"),
+            ("knee", "LowerLeg"),
+            ("ankle", "Foot"),
+        )
+    },
+}
+# Ends of hands and feet in the frame of their bone, whose rest is a T-pose that faces +Z, metres.
+_ENDS = {
+    "hand_left": ("LeftHand", np.array([-0.08, 0.0, 0.0])),
+    "hand_right": ("RightHand", np.array([0.08, 0.0, 0.0])),
+    "foot_left": ("LeftFoot", np.array([0.0, -0.025, 0.12])),
+    "foot_right": ("RightFoot", np.array([0.0, -0.025, 0.12])),
+}
+_MAX_PLACE = 1e4  # m
+
+
+class Avatar:
+    """The last pose that a sender gave."""
+
+    def __init__(self) -> None:
+        self._bones: dict[str, tuple[Array, Array]] = {}
+        self._root = (np.zeros(3), IDENTITY)
+
+    @property
+    def complete(self) -> bool:
+        """Whether the legs and the neck are there."""
+        needed = ("Hips", "Neck", *(f"{side}{bone}" for side in _SIDES for bone in ("UpperLeg", "Foot")))
+        return all(bone in self._bones for bone in needed)
+
+    def set(self, name: str, numbers: Sequence[Any]) -> bool:
+        """A bone's or ("Root") the root's position and rotation of 7 numbers; False for other names and
+        numbers."""
+        if len(numbers) < 7 or not all(isinstance(one, int | float) for one in numbers[:7]):
+            return False
+        values = np.array(numbers[:7], dtype=np.float64)
+        length = float(np.linalg.norm(values[3:]))
+        if not (np.isfinite(values).all() and np.abs(values[:3]).max() < _MAX_PLACE and 0.5 < length < 2.0):
+            return False
+        found = values[:3], values[3:] / length
+        if name == "Root":
+            self._root = found
+        elif name in _PARENTS:
+            self._bones[name] = found
+        return True
+
+    def positions(self) -> Array:
+        """Positions (20, 3) of the nodes in our axes, metres; NaN for a bone that was never sent."""
+        world: dict[str, tuple[Array, Array]] = {}
+        for bone, parents in _PARENTS.items():
+            if bone not in self._bones:
+                continue
+            place, turn = self._bones[bone]
+            above = next((world[parent] for parent in parents if parent in world), self._root)
+            world[bone] = above[0] + rotate(above[1], place), multiply(above[1], turn)
+        out = np.full((len(NODES), 3), np.nan)
+        for node, bone in _NODES.items():
+            if bone in world:
+                out[NODE_INDEX[node]] = world[bone][0]
+        for node, (bone, end) in _ENDS.items():
+            if bone in world:
+                out[NODE_INDEX[node]] = world[bone][0] + rotate(world[bone][1], end)
+        # Unity's left-handed axes to ours.
+        return np.stack([out[:, 2], -out[:, 0], out[:, 1]], axis=-1)
+
+
+class Vmc:
+    """An avatar over UDP. A frame ends with the sender's time, or without times at every control step."""
+
+    def __init__(self, port: int = DEFAULT_PORT) -> None:
+        if find_spec("pythonosc") is None:
+            raise KinemimicError("stream: expected python-osc, found none; pip install 'kinemimic[live]'")
+        from pythonosc.osc_packet import OscPacket, ParseError  # noqa: PLC0415 (an optional package)
+
+        self._packet, self._error = OscPacket, ParseError
+        self.faults: Counter[str] = Counter()
+        self._datagrams = Datagrams(port, self.faults)
+        self.port = self._datagrams.port
+        self.name = f"VMC, {HOST}:{self.port}"
+        self._avatar, self._timed = Avatar(), False
+        self._began = time.perf_counter()
+
+    def poll(self, elapsed: float) -> Sequence[CapturedFrame]:
+        found: list[CapturedFrame] = []
+        changed = False
+        for datagram in self._datagrams.read(MAX_DATAGRAMS):
+            for address, values in self._messages(datagram):
+                if address == "/VMC/Ext/T" and values and isinstance(values[0], int | float):
+                    if (
+                        self._avatar.complete
+                        and changed
+                        and math.isfinite(values[0])
+                        and abs(values[0]) < 1e12
+                    ):
+                        found.append(frame_of(float(values[0]), self._avatar.positions()))
+                        changed = False
+                    self._timed = True
+                elif address in ("/VMC/Ext/Bone/Pos", "/VMC/Ext/Root/Pos") and values:
+                    root = address == "/VMC/Ext/Root/Pos"
+                    name = "Root" if root else str(values[0])
+                    if self._avatar.set(name, values[1:]):
+                        changed = changed or not root
+                    else:
+                        self.faults["refused: no bone"] += 1
+        if changed and not self._timed and self._avatar.complete:
+            found.append(frame_of(time.perf_counter() - self._began, self._avatar.positions()))
+        return found[-MAX_FRAMES:]
+
+    def _messages(self, datagram: bytes) -> Iterable[tuple[str, list[Any]]]:
+        if len(datagram) > MAX_DATAGRAM:
+            self.faults["refused: datagram too long"] += 1
+            return []
+        try:
+            return [
+                (one.message.address, list(one.message.params)) for one in self._packet(datagram).messages
+            ]
+        except (self._error, ValueError, IndexError, TypeError, RecursionError, OverflowError):
+            self.faults["refused: no OSC"] += 1
+            return []
+
+    @property
+    def ended(self) -> bool:
+        return False
+
+    def close(self) -> None:
+        self._datagrams.close()

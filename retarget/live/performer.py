@@ -1,0 +1,113 @@
+"""A live capture as a reference that never ends: the person's pose and way, or standing while nobody is
+there."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from kinemimic.pipeline.arrays import Array
+from kinemimic.pipeline.kinematics.rotations import IDENTITY, from_axis_angle, multiply, rotate
+from kinemimic.pipeline.kinematics.skeleton import NODE_INDEX as N
+from kinemimic.pipeline.kinematics.skeleton import NODES
+from kinemimic.pipeline.live.capture import Moment
+from kinemimic.retarget.feet.scale import body_kinematics
+from kinemimic.retarget.humanoid.surface import lowest_points
+from kinemimic.retarget.live.path import LivePath
+from kinemimic.retarget.live.pose import LivePose, mixed
+
+FADE_TIME = 0.5  # s between standing and the person
+PATIENCE = 0.3  # s for which the last pose is held before the person counts as lost
+STANDING_KNEE = 0.1  # rad: straight knees would lock
+
+
+def standing() -> Array:
+    """Local rotations (20, 4) of a person who stands, facing +X."""
+    rotations = np.tile(IDENTITY, (len(NODES), 1))
+    for side in ("left", "right"):
+        rotations[N[f"hip_{side}"]] = from_axis_angle("Y", -0.5 * STANDING_KNEE)
+        rotations[N[f"knee_{side}"]] = from_axis_angle("Y", STANDING_KNEE)
+        rotations[N[f"ankle_{side}"]] = from_axis_angle("Y", -0.5 * STANDING_KNEE)
+    return rotations
+
+
+@dataclass(frozen=True)
+class Performed:
+    """A moment of the reference.
+
+    root: (3,) m; rotations: (20, 4) local; presence: 0 (stands) to 1 (follows the person); since: a person
+    was taken up in this moment.
+    """
+
+    root: Array
+    rotations: Array
+    presence: float
+    taken_up: bool
+
+
+class Performer:
+    """Turns moments, or their absence, into the frames of a reference. people: how often one was taken up."""
+
+    def __init__(self, rate: float) -> None:
+        self.people = self.lost = 0
+        self._rate = rate
+        self._presence = 0.0
+        self._absent = float("inf")
+        self._rotations = standing()
+        self._velocity, self._height = np.zeros(2), float(_standing_height(standing()))
+        self._place = np.zeros(2)
+        self._yaw = 0.0  # of the reference over the capture
+        self._new()
+
+    def _new(self) -> None:
+        self.pose, self._path = LivePose(self._rate), LivePath(self._rate)
+
+    def perform(self, moment: Moment | None) -> Performed:
+        """The next frame of the reference."""
+        taken_up = False
+        if moment is not None and moment.shows_person:
+            if self._absent > PATIENCE:
+                taken_up = True
+                self.people += 1
+                self._new()
+            window = self.pose.window(moment)
+            step = self._path.step(window, precise=self.pose.trust.precise)
+            rotations = window.rotations[window.now].copy()
+            if taken_up:
+                self._yaw = _yaw_of(self._rotations[0]) - _yaw_of(rotations[0])
+            turn = from_axis_angle("Z", self._yaw)
+            rotations[0] = multiply(turn, rotations[0])
+            self._rotations = rotations
+            self._velocity = rotate(turn, np.append(step.velocity, 0.0))[:2]
+            self._height, self._absent = step.height, 0.0
+        else:
+            before, self._absent = self._absent, self._absent + 1.0 / self._rate
+            self.lost += before <= PATIENCE < self._absent
+            self._velocity = 0.9 * self._velocity
+        wanted = float(self._absent <= PATIENCE)
+        change = 1.0 / (FADE_TIME * self._rate)
+        self._presence += min(max(wanted - self._presence, -change), change)
+        share = self._presence**2 * (3.0 - 2.0 * self._presence)
+        self._place = self._place + share * self._velocity / self._rate
+        if share >= 1.0:
+            rotations, height = self._rotations, self._height
+        else:
+            still = standing()
+            still[0] = from_axis_angle("Z", _yaw_of(self._rotations[0]))
+            rotations = mixed(still, self._rotations, share)
+            height = _standing_height(rotations)
+            height += share * (self._height - _standing_height(self._rotations))
+        return Performed(np.append(self._place, height), rotations, share, taken_up)
+
+
+def _yaw_of(q: Array) -> float:
+    """Heading in radians of the x-axis of a rotation (4,)."""
+    ahead = rotate(q, np.array([1.0, 0.0, 0.0]))
+    return float(np.arctan2(ahead[1], ahead[0]))
+
+
+def _standing_height(rotations: Array) -> float:
+    """Height in metres of the hips over the ground if the lowest body (20, 4) touches it."""
+    positions, frames = body_kinematics(rotations[None])
+    return -float(lowest_points(positions, frames)[0, :, 2].min())

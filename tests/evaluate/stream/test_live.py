@@ -1,0 +1,134 @@
+"""A walker drives the humanoid: recorded, replayed to the bit, and every fault of a sender survived."""
+
+from __future__ import annotations
+
+import json
+from collections import Counter
+from collections.abc import Sequence
+from importlib.util import find_spec
+from pathlib import Path
+
+import numpy as np
+import pytest
+from click.testing import CliRunner
+from samples.walker import standing, walker
+
+from kinemimic.evaluate.simulate.recording import SESSION, replay
+from kinemimic.evaluate.stream.command import command, prepare
+from kinemimic.evaluate.stream.live import stream
+from kinemimic.pipeline.errors import KinemimicError
+from kinemimic.pipeline.kinematics.clip import Clip
+from kinemimic.pipeline.live.frame import CapturedFrame, frame_of
+from kinemimic.retarget.feet.scale import body_kinematics
+from kinemimic.retarget.live.performer import standing as pose
+from kinemimic.train.scenario.scenario_file import scenario
+from kinemimic.train.sim.world import CONTROL_RATE
+
+WALK = walker(seconds=1.5, rate=30.0).clip
+
+
+class Sender:
+    """Frames at their times."""
+
+    def __init__(self, clip: Clip) -> None:
+        self.name, self.faults = "a test", Counter[str]()
+        self._frames = [frame_of(t, p) for t, p in zip(clip.times, clip.positions, strict=True)]
+        self.closed = False
+
+    def poll(self, elapsed: float) -> Sequence[CapturedFrame]:
+        due = [one for one in self._frames if one.time <= elapsed]
+        self._frames = self._frames[len(due) :]
+        return due
+
+    @property
+    def ended(self) -> bool:
+        return not self._frames
+
+    def close(self) -> None:
+        self.closed = True
+
+
+@pytest.fixture(scope="module")
+def run(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("stream") / "run"
+    prepare("tracker", folder)
+    return folder
+
+
+def test_what_came_in_replays_to_the_bit(run: Path) -> None:
+    pytest.importorskip("kinemimic_native", reason="the native engine is not built here")
+    sender = Sender(WALK)
+    found = stream(sender, run, engine="native")
+    assert sender.closed
+    assert found["frames"] == len(WALK.times)
+    assert (found["layout"], found["up"], found["unit"]) == ("Kinect v1", "z", "m")
+    assert found["people"] == 1
+    assert found["latency_ms"]["median"] == pytest.approx(550.0, abs=34.0)
+    folder = Path(found["recording"])
+    frames = [frame for frame, _ in replay(folder, named=scenario)]
+    assert len(frames) == found["steps"]
+    # A recorded bit that is another is noticed.
+    text = (folder / SESSION).read_text()
+    place = repr(float(WALK.positions[20, 13, 2]))
+    assert place in text
+    (folder / SESSION).write_text(text.replace(place, repr(float(WALK.positions[20, 13, 2]) + 1e-6)))
+    with pytest.raises(KinemimicError, match="expected the recorded state"):
+        list(replay(folder, named=scenario))
+
+
+def test_a_person_who_stands_is_followed_without_a_fall(run: Path) -> None:
+    pytest.importorskip("kinemimic_native", reason="the native engine is not built here")
+    still = standing(walker(rate=30.0, seconds=0.5).clip, 3.0, frame=7)
+    upright = still.positions.copy()
+    # Knees under the hips, ankles under the knees: a pose that can be held.
+    rng = np.random.default_rng(0)
+    upright[...] = _at_rest() + 0.001 * rng.standard_normal(upright.shape)
+    found = stream(
+        Sender(Clip(still.skeleton, still.times, upright, still.states, still.passes)),
+        run, engine="native", record=False,
+    )  # fmt: skip
+    assert found["people"] == 1
+    assert found["falls"] == 0
+    assert found["upright"] == found["followed"] > CONTROL_RATE
+
+
+def _at_rest() -> np.ndarray:
+    positions, _ = body_kinematics(pose()[None], np.array([[0.0, 0.0, 0.9]]))
+    return positions[0]
+
+
+def test_no_frame_and_nonsense_are_survived(run: Path) -> None:
+    wild = WALK.positions.copy()
+    wild[10:14] = np.nan
+    wild[20] *= 1e5
+    found = stream(
+        Sender(Clip(WALK.skeleton, WALK.times, wild, WALK.states, WALK.passes)),
+        run, engine="pybullet" if _only_pybullet() else "native", record=False,
+    )  # fmt: skip
+    assert np.isfinite(found["latency_ms"]["p99"])
+    nobody = Sender(
+        Clip(WALK.skeleton, WALK.times[:2], WALK.positions[:2] * np.nan, WALK.states[:2], WALK.passes[:2])
+    )
+    found = stream(nobody, run, engine="pybullet" if _only_pybullet() else "native", record=False)
+    assert found["frames"] == 0
+    assert found["falls"] == 0
+    json.dumps(found, allow_nan=False)
+
+
+def _only_pybullet() -> bool:
+    return find_spec("kinemimic_native") is None
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        (["--udp", "9000", "--tcp", "9001"], "choose one source"),
+        (["--no-page", "--replay", "nowhere.bvh"], "nowhere.bvh"),
+        (["--no-page", "--policy", "walk", "--tcp", "9431"], "expected a tracker"),
+        (["--no-page", "--policy", "nobody", "--tcp", "9432"], "expected a tracker, by name or folder"),
+    ],
+)
+def test_errors_are_one_line(options: list[str], message: str, tmp_path: Path) -> None:
+    result = CliRunner().invoke(command, [*options, "--run", str(tmp_path / "run")])
+    assert result.exit_code != 0
+    assert message in f"{result.output}{result.exception}"

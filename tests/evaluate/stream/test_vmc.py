@@ -1,0 +1,102 @@
+"""The VMC protocol: an avatar's bones in Unity's left-handed axes become nodes in ours."""
+
+from __future__ import annotations
+
+import socket
+import time
+from collections.abc import Iterator
+
+import numpy as np
+import pytest
+
+from kinemimic.evaluate.stream.source import HOST
+from kinemimic.evaluate.stream.vmc import Avatar, Vmc
+from kinemimic.pipeline.kinematics.skeleton import NODE_INDEX as N
+from kinemimic.pipeline.live.frame import CapturedFrame
+from kinemimic.pipeline.live.sides import front_evidence
+
+osc = pytest.importorskip("pythonosc.osc_message_builder", reason="python-osc is not installed here")
+
+STRAIGHT = (0.0, 0.0, 0.0, 1.0)
+# A T-pose that faces +Z, X to its right; positions in the parent.
+BONES: dict[str, tuple[float, float, float]] = {
+    "Hips": (0.0, 0.95, 0.0),
+    "Spine": (0.0, 0.10, 0.0),
+    "Neck": (0.0, 0.38, 0.0),
+    "Head": (0.0, 0.12, 0.0),
+}
+for _side, _sign in (("Left", -1.0), ("Right", 1.0)):
+    BONES |= {
+        f"{_side}UpperArm": (0.18 * _sign, 0.33, 0.0),
+        f"{_side}LowerArm": (0.27 * _sign, 0.0, 0.0),
+        f"{_side}Hand": (0.25 * _sign, 0.0, 0.0),
+        f"{_side}UpperLeg": (0.09 * _sign, -0.05, 0.0),
+        f"{_side}LowerLeg": (0.0, -0.42, 0.0),
+        f"{_side}Foot": (0.0, -0.40, 0.0),
+    }
+
+
+def avatar(**turned: tuple[float, float, float, float]) -> Avatar:
+    found = Avatar()
+    for bone, place in BONES.items():
+        assert found.set(bone, (*place, *turned.get(bone, STRAIGHT)))
+    return found
+
+
+def test_a_t_pose_faces_x_with_its_left_arm_to_y() -> None:
+    p = avatar().positions()
+    assert np.isfinite(p).all()
+    assert np.allclose(p[N["hip_center"]], [0.0, 0.0, 0.95])
+    assert p[N["wrist_left"], 1] > 0.6
+    assert p[N["wrist_right"], 1] < -0.6
+    assert p[N["foot_left"], 0] > p[N["ankle_left"], 0]
+    assert np.allclose(p[N["ankle_right"]], [0.0, -0.09, 0.08])
+
+
+def test_a_bent_knee_bends_back() -> None:
+    """Unity turns about X from Y to Z; a shank that goes back turns by a positive angle."""
+    half = 0.5 * np.radians(60.0)
+    turn = (float(np.sin(half)), 0.0, 0.0, float(np.cos(half)))
+    p = avatar(LeftLowerLeg=turn).positions()
+    assert p[N["ankle_left"], 0] < -0.3
+    assert front_evidence(p, np.zeros(3))[0] > 0.8
+
+
+@pytest.mark.parametrize(
+    "numbers", [(), (1.0,) * 6, ("a",) * 7, (float("nan"),) * 7, (1e9, 0, 0, *STRAIGHT), (0.0,) * 7]
+)
+def test_no_bone_is_refused(numbers: tuple[object, ...]) -> None:
+    assert not Avatar().set("Hips", numbers)
+
+
+@pytest.fixture
+def vmc() -> Iterator[Vmc]:
+    source = Vmc(0)
+    yield source
+    source.close()
+
+
+def message(address: str, *values: object) -> bytes:
+    builder = osc.OscMessageBuilder(address)
+    for value in values:
+        builder.add_arg(value)
+    return bytes(builder.build().dgram)
+
+
+def test_frames_end_with_the_senders_time(vmc: Vmc) -> None:
+    sender = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+    sender.sendto(b"nonsense", (HOST, vmc.port))
+    for moment in (1.0, 1.5):
+        for bone, place in BONES.items():
+            sender.sendto(message("/VMC/Ext/Bone/Pos", bone, *place, *STRAIGHT), (HOST, vmc.port))
+        sender.sendto(message("/VMC/Ext/T", moment), (HOST, vmc.port))
+    found = list[CapturedFrame]()
+    for _ in range(100):
+        found += vmc.poll(0.0)
+        if len(found) == 2:
+            break
+        time.sleep(0.005)
+    assert [frame.time for frame in found] == [1.0, 1.5]
+    assert len(found[0].positions) == 20
+    assert vmc.faults["refused: no OSC"] == 1
+    sender.close()

@@ -1,0 +1,158 @@
+"""A live capture of a walker whose truth is known: causal, in any axes and unit, with every fault of a
+stream."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+import pytest
+from samples.walker import walker
+
+from kinemimic.pipeline.arrays import Array
+from kinemimic.pipeline.errors import KinemimicError
+from kinemimic.pipeline.kinematics.rotations import conjugate, rotate
+from kinemimic.pipeline.kinematics.skeleton import NODE_INDEX as N
+from kinemimic.pipeline.live.capture import LAG, LiveCapture, Moment
+from kinemimic.pipeline.live.frame import CapturedFrame, frame_of
+from kinemimic.pipeline.live.recogniser import _TURNS, UP_NAMES, Recogniser
+
+STEP = 1.0 / 30.0
+CLIP = walker(seconds=2.6).clip
+TIMES = CLIP.times - CLIP.times[0]
+
+
+def frames(positions: Array = CLIP.positions, times: Array = TIMES) -> list[CapturedFrame]:
+    return [frame_of(t, p) for t, p in zip(times, positions, strict=True)]
+
+
+def played(
+    sent: Sequence[CapturedFrame], capture: LiveCapture | None = None, until: float | None = None
+) -> list[Moment | None]:
+    """What comes out if every frame arrives at its time."""
+    capture = capture or LiveCapture(step=STEP)
+    out, k, n = list[Moment | None](), 0, 0
+    until = sent[-1].time if until is None else until
+    while n * STEP <= until:
+        while k < len(sent) and sent[k].time <= n * STEP + 1e-9:
+            capture.take(sent[k])
+            k += 1
+        out.append(capture.advance())
+        n += 1
+    return out
+
+
+def truth(moment: Moment) -> Array:
+    """Positions (20, 3) of the walker at a moment."""
+    at = [np.interp(moment.time, TIMES, column) for column in CLIP.positions.reshape(len(TIMES), -1).T]
+    return np.array(at).reshape(20, 3)
+
+
+def seen(moments: Sequence[Moment | None]) -> list[Moment]:
+    return [one for one in moments if one is not None and one.shows_person]
+
+
+def test_the_moments_follow_the_walker_at_the_lag() -> None:
+    found = seen(played(frames()))
+    assert len(found) > 60
+    for moment in found[10:]:
+        assert moment.lag == pytest.approx(LAG, abs=STEP)
+        assert np.abs(moment.positions[moment.now] - truth(moment)).max() < 0.02
+    assert np.diff([moment.time for moment in found]) == pytest.approx(STEP, rel=0.06)
+
+
+def test_nothing_later_changes_a_moment() -> None:
+    """Causal: the moments are the same to the bit if the sender goes on otherwise."""
+    whole, half = played(frames()), len(TIMES) // 2
+    wild = CLIP.positions.copy()
+    wild[half:] += 5.0
+    other = played(frames(wild))
+    count = int(TIMES[half] / STEP)
+    for one, two in zip(whole[:count], other[:count], strict=True):
+        assert (one is None) == (two is None)
+        if one is not None and two is not None:
+            assert np.array_equal(one.positions, two.positions, equal_nan=True)
+
+
+@pytest.mark.parametrize("up", sorted(UP_NAMES))
+def test_axes_and_units_are_recognised(up: str) -> None:
+    turn = _TURNS[UP_NAMES[up]]
+    sent = 1000.0 * rotate(conjugate(turn), CLIP.positions)
+    capture = LiveCapture(step=STEP)
+    found = seen(played(frames(sent), capture))
+    reading = capture.recogniser.reading
+    assert reading is not None
+    assert (reading.up, reading.unit) == (up, "mm")
+    assert np.abs(found[-1].positions[found[-1].now] - truth(found[-1])).max() < 0.02
+
+
+def test_gaps_late_repeated_and_reordered_frames() -> None:
+    sent = frames()
+    rng = np.random.default_rng(1)
+    hidden = CLIP.positions.copy()
+    hidden[40:43, N["knee_left"]] = np.nan
+    order = [*frames(hidden)]
+    for k in rng.choice(len(order) - 2, 12, replace=False):
+        order[k], order[k + 1] = order[k + 1], order[k]
+    capture = LiveCapture(step=STEP)
+    out = list[Moment | None]()
+    for k, frame in enumerate([one for pair in zip(order, order, strict=True) for one in pair]):
+        capture.take(frame)
+        if k % 2:
+            out.append(capture.advance())
+    assert capture.window.late >= len(sent)
+    found = seen(out)
+    errors = [np.abs(moment.positions[moment.now] - truth(moment)).max() for moment in found[10:]]
+    assert np.quantile(errors, 0.95) < 0.03
+
+
+def test_swapped_legs_are_put_back() -> None:
+    swapped = CLIP.positions.copy()
+    legs = [[N[f"{joint}_{side}"] for joint in ("knee", "ankle", "foot")] for side in ("left", "right")]
+    apart = np.linalg.norm(CLIP.positions[:, legs[0][1]] - CLIP.positions[:, legs[1][1]], axis=-1)
+    k = 30 + int(np.argmax(apart[30:60]))
+    for rows in (slice(k - 1, k + 2),):
+        swapped[rows, legs[0]], swapped[rows, legs[1]] = (
+            CLIP.positions[rows, legs[1]],
+            CLIP.positions[rows, legs[0]],
+        )
+    capture = LiveCapture(step=STEP)
+    found = seen(played(frames(swapped), capture))
+    assert capture.sides.swaps == 3
+    assert max(np.abs(m.positions[m.now] - truth(m)).max() for m in found[10:]) < 0.02
+
+
+def test_a_walker_seen_from_behind_gets_their_sides_back() -> None:
+    other = CLIP.positions.copy()
+    for node, index in N.items():
+        if node.endswith("_left"):
+            mirror = N[node.replace("_left", "_right")]
+            other[:, index], other[:, mirror] = CLIP.positions[:, mirror], CLIP.positions[:, index]
+    capture = LiveCapture(step=STEP)
+    found = seen(played(frames(other), capture))
+    assert capture.sides.reversals > 30
+    assert np.abs(found[-1].positions[found[-1].now] - truth(found[-1])).max() < 0.02
+
+
+def test_a_sender_that_stops_and_comes_back() -> None:
+    part = frames()[:60]
+    later = [frame_of(one.time + 7.0, one.arrays()[0]) for one in frames()[:60]]
+    out = played([*part, *later], until=later[-1].time)
+    quiet = out[int((part[-1].time + 0.2) / STEP) : int(6.9 / STEP)]
+    assert not any(moment is not None and moment.shows_person for moment in quiet)
+    assert len(seen(out[int(7.3 / STEP) :])) > 18
+
+
+def test_another_layout_is_refused_and_the_first_goes_on() -> None:
+    recogniser = Recogniser()
+    recogniser.take(frames()[0])
+    with pytest.raises(KinemimicError, match="expected frames of 20 joints"):
+        recogniser.take(frame_of(1.0, np.ones((25, 3))))
+
+
+def test_no_human_size_is_refused() -> None:
+    capture = LiveCapture(step=STEP)
+    with pytest.raises(KinemimicError, match="leg of human length"):
+        for frame in frames(0.001 * CLIP.positions)[:20]:
+            capture.take(frame)
+    assert capture.advance() is None

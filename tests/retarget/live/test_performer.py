@@ -1,0 +1,82 @@
+"""A walker on the body, moment by moment, against the curves and the speed that it was made of."""
+
+from __future__ import annotations
+
+from functools import cache
+from itertools import pairwise
+
+import numpy as np
+from samples.walker import walker
+
+from kinemimic.pipeline.kinematics.orient import node_rotations
+from kinemimic.pipeline.kinematics.rotations import angle_between
+from kinemimic.pipeline.live.capture import LiveCapture
+from kinemimic.pipeline.live.frame import frame_of
+from kinemimic.retarget.feet.scale import body_kinematics
+from kinemimic.retarget.humanoid.motion import joint_angles
+from kinemimic.retarget.humanoid.surface import lowest_points
+from kinemimic.retarget.live.performer import FADE_TIME, Performed, Performer, standing
+
+RATE = 30.0
+WALKER = walker(seconds=4.0, rate=30.0)
+CLIP = WALKER.clip
+TIMES = CLIP.times - CLIP.times[0]
+
+
+@cache
+def performed(seconds: float | None = None) -> tuple[Performer, list[tuple[float, Performed]]]:
+    """Moments' times and the reference's frames, until a time."""
+    capture, performer = LiveCapture(step=1.0 / RATE), Performer(RATE)
+    out, k = list[tuple[float, Performed]](), 0
+    for n in range(int((seconds or TIMES[-1]) * RATE)):
+        while k < len(TIMES) and TIMES[k] <= n / RATE + 1e-9:
+            capture.take(frame_of(TIMES[k], CLIP.positions[k]))
+            k += 1
+        moment = capture.advance()
+        out.append((np.nan if moment is None else moment.time, performer.perform(moment)))
+    return performer, out
+
+
+def test_knees_and_hips_are_the_walkers() -> None:
+    _, frames = performed()
+    followed = [(at, one) for at, one in frames if one.presence >= 1.0]
+    curves = joint_angles(np.array([one.rotations for _, one in followed]))
+    true = joint_angles(node_rotations(CLIP.positions))
+    times = [at for at, _ in followed]
+    for name, curve in curves.items():
+        off = curve - np.interp(times, TIMES, true[name])
+        assert np.sqrt(np.mean(off**2)) < np.radians(3.0), name
+
+
+def test_the_body_goes_as_far_as_the_person_at_its_size() -> None:
+    _, frames = performed()
+    followed = [(at, one) for at, one in frames if one.presence >= 1.0]
+    way = followed[-1][1].root - followed[0][1].root
+    seconds = followed[-1][0] - followed[0][0]
+    # The walker's stiff feet roll over their corners as no foot does.
+    assert np.isclose(np.hypot(way[0], way[1]), WALKER.speed / WALKER.size * seconds, rtol=0.15)
+    # It walks ahead: nobody was there before, so that ahead is +X.
+    assert abs(way[1]) < 0.15 * way[0]
+
+
+def test_the_lowest_part_is_on_the_ground() -> None:
+    _, frames = performed()
+    rotations = np.array([one.rotations for _, one in frames])
+    root = np.array([one.root for _, one in frames])
+    lowest = lowest_points(*body_kinematics(rotations, root))[..., 2].min(axis=1)
+    assert np.abs(lowest).max() < 0.03
+
+
+def test_nobody_is_a_person_who_stands() -> None:
+    performer, frames = performed(1.5)
+    assert performer.people == 1
+    after = [performer.perform(None) for _ in range(round((FADE_TIME + 1.0) * RATE))]
+    assert performer.lost == 1
+    assert after[-1].presence == 0.0
+    assert np.allclose(after[-1].root, after[-2].root)
+    assert angle_between(after[-1].rotations[1:], standing()[1:]).max() < 1e-6
+    # No jump anywhere: neither of a joint nor of the hips.
+    whole = [one for _, one in frames] + after
+    for one, two in pairwise(whole):
+        assert angle_between(one.rotations, two.rotations).max() < 0.8
+        assert np.linalg.norm(two.root - one.root) < 0.12

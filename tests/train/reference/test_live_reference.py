@@ -1,0 +1,58 @@
+"""A reference that grows, against the same motion as a whole."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from kinemimic.pipeline.kinematics.rotations import angle_between
+from kinemimic.retarget.humanoid.motion import Motion
+from kinemimic.train.reference.live_reference import AHEAD, LiveReference
+from kinemimic.train.reference.reference import Reference
+from kinemimic.train.sim.world import CONTROL_RATE
+
+
+@pytest.fixture
+def once(motion: Motion) -> Motion:
+    """Three seconds of a stride that is repeated, as frames of the control rate."""
+    whole, count = Reference(motion), 3 * CONTROL_RATE
+    phases = np.arange(count) / CONTROL_RATE / motion.duration
+    return Motion(
+        CONTROL_RATE, whole.root(phases), whole.nodes(phases), np.zeros((count, 2), dtype=bool), cyclic=False
+    )
+
+
+def test_it_is_the_whole_motion_as_far_as_it_has_come(once: Motion) -> None:
+    whole, live = Reference(once), LiveReference(once.root[0], once.rotations[0])
+    for k in range(len(once.root)):
+        live.append(once.root[k], once.rotations[k])
+        # Frame k of the motion is number AHEAD + 1 + k: before it, the reference stood.
+        if k < 40:
+            continue
+        at = live.present + np.arange(0.0, AHEAD + 1.0, 4.0) / CONTROL_RATE
+        expected = whole.bodies((at - (AHEAD + 1) / CONTROL_RATE) / once.duration)
+        found = live.bodies(at)
+        assert np.abs(found.positions - expected.positions).max() < 2e-3
+        assert angle_between(found.rotations, expected.rotations).max() < 5e-3
+        # Velocities are read at the present alone.
+        assert np.abs(found.linear[0] - expected.linear[0]).max() < 0.05
+
+
+def test_feed_forward_targets_lead_as_the_whole_motions(once: Motion) -> None:
+    whole, live = Reference(once), LiveReference(once.root[0], once.rotations[0])
+    for k in range(50):
+        live.append(once.root[k], once.rotations[k])
+    at = live.present + np.arange(1.0, 9.0) / (8 * CONTROL_RATE)
+    found, _ = live.targets(at)
+    expected, _ = whole.targets((at - (AHEAD + 1) / CONTROL_RATE) / once.duration)
+    plain, _ = live.joints(at)
+    led = angle_between(expected, plain)
+    assert led.max() > 0.02
+    assert angle_between(found, expected).max() < 0.3 * led.max()
+
+
+def test_a_new_one_stands(once: Motion) -> None:
+    live = LiveReference(once.root[0], once.rotations[0])
+    poses = live.poses(np.array([live.present]))
+    assert np.allclose(poses.root, once.root[0])
+    assert np.abs(poses.root_linear).max() < 1e-9

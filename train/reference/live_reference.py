@@ -1,0 +1,117 @@
+"""A reference that grows while it is followed: frames of a live capture, a fixed number of them ahead."""
+
+from __future__ import annotations
+
+from collections import deque
+
+import numpy as np
+
+from kinemimic.pipeline.arrays import Array
+from kinemimic.pipeline.kinematics.rotations import continuous, from_rotvec, multiply
+from kinemimic.retarget.humanoid.motion import Motion
+from kinemimic.train.reference.reference import Reference
+from kinemimic.train.sim.world import CONTROL_RATE, BodyStates, Poses
+
+AHEAD = 13  # frames: the tracker's preview of 12 control steps after the step
+BEHIND = 6  # frames before the present, which the splines through the present need
+_ROWS = 8  # of the tables for each frame, for as many torques as substeps
+RATE = float(CONTROL_RATE)
+
+
+class _Stretch(Reference):
+    """The last frames; torques are found for the coming control step alone."""
+
+    def __init__(self, motion: Motion) -> None:
+        super().__init__(motion, RATE * _ROWS)
+
+    def _add_targets(self) -> None:
+        if "targets" in self._tables:
+            return
+        table = self._tables["joints"]
+        joints, speeds = table[..., 0:4], table[..., 4:7]
+        rows = slice(BEHIND * _ROWS, (BEHIND + 1) * _ROWS + 1)
+        led = joints.copy()
+        led[rows] = multiply(joints[rows], from_rotvec(self.leads_at(self._phase[rows])))
+        self._tables["targets"] = np.concatenate([continuous(led), speeds], axis=-1)
+
+
+class LiveReference(Reference):
+    """Frames come in by `append`, one before every control step; a phase is seconds since the first frame.
+
+    newest: number of the newest frame; `present` is AHEAD frames before it, in seconds.
+    """
+
+    def __init__(self, root: Array, rotations: Array) -> None:
+        """The reference has stood in a pose of root (3,) and rotations (20, 4) until now."""
+        size = BEHIND + AHEAD + 1
+        self.newest = AHEAD
+        self._roots = deque([root] * size, maxlen=size)
+        self._turns = deque([rotations] * size, maxlen=size)
+        self._rebuild()
+
+    @property
+    def present(self) -> float:
+        """Phase at which the coming control step begins."""
+        return (self.newest - AHEAD) / RATE
+
+    def append(self, root: Array, rotations: Array) -> None:
+        """The next frame, of root (3,) and local rotations (20, 4)."""
+        self.newest += 1
+        self._roots.append(root)
+        self._turns.append(rotations)
+        self._rebuild()
+
+    def _rebuild(self) -> None:
+        count = len(self._roots)
+        self._stretch = _Stretch(
+            Motion(
+                RATE,
+                np.array(self._roots),
+                continuous(np.array(self._turns)),
+                np.zeros((count, 2), dtype=np.bool_),
+                cyclic=False,
+            )
+        )
+
+    @property
+    def duration(self) -> float:
+        """A second, so that phases are seconds."""
+        return 1.0
+
+    @property
+    def cyclic(self) -> bool:
+        """Nothing repeats."""
+        return False
+
+    @property
+    def cycle_offset(self) -> Array:
+        """Nothing repeats."""
+        return np.zeros(3)
+
+    def _within(self, phase: Array) -> Array:
+        """Phases of the stretch; those before it are its first frame, those after it its last."""
+        first = self.newest - (len(self._roots) - 1)
+        place = (np.asarray(phase) * RATE - first) / (len(self._roots) - 1)
+        # Rounding must not put the newest frame beyond the end.
+        return np.clip(place, 0.0, 1.0)
+
+    def bodies(self, phase: Array) -> BodyStates:
+        return self._stretch.bodies(self._within(phase))
+
+    def poses(self, phase: Array) -> Poses:
+        return self._stretch.poses(self._within(phase))
+
+    def root(self, phase: Array) -> Array:
+        return self._stretch.root(self._within(phase))
+
+    def nodes(self, phase: Array) -> Array:
+        return self._stretch.nodes(self._within(phase))
+
+    def joints(self, phase: Array) -> tuple[Array, Array]:
+        return self._stretch.joints(self._within(phase))
+
+    def targets(self, phase: Array) -> tuple[Array, Array]:
+        return self._stretch.targets(self._within(phase))
+
+    def tables(self) -> dict[str, Array]:
+        return self._stretch.tables()
