@@ -206,7 +206,8 @@ def _curve(frames: int, ranges: tuple[tuple[float, float], ...], random: np.rand
         point = random.uniform(least, most)
         return 0.15 * point if calm or random.random() < CALM else point
 
-    values, now = [], rest()
+    values: list[Array] = []
+    now = rest()
     count = 0
     while count < frames:
         hold, move = (max(1, round(FRAME_RATE * random.uniform(*span))) for span in (HOLD, MOVE))
@@ -215,7 +216,8 @@ def _curve(frames: int, ranges: tuple[tuple[float, float], ...], random: np.rand
         move = max(move, round(0.35 * FRAME_RATE * float(np.abs(to - now).max())))
         values += [np.repeat(now[None], hold, axis=0), now + _ease(move)[:, None] * (to - now)]
         count, now = count + hold + max(move, 2), to
-    return np.concatenate(values)[:frames]
+    found: Array = np.concatenate(values)[:frames]
+    return found
 
 
 def _squats(frames: int, feet: _Feet, random: np.random.Generator) -> Array:
