@@ -20,6 +20,7 @@ if TYPE_CHECKING:
     from kinemimic.pipeline.errors import KinemimicError
     from kinemimic.pipeline.kinematics.clip import Clip
     from kinemimic.pipeline.readers.recognise import read
+    from kinemimic.pipeline.readers.video.options import VideoOptions
     from kinemimic.retarget.humanoid.motion import Motion, joint_angles
     from kinemimic.train.config.config import EnvConfig, TrainConfig, preset
 
@@ -30,6 +31,7 @@ __all__ = [
     "Motion",
     "Run",
     "TrainConfig",
+    "VideoOptions",
     "joint_angles",
     "preset",
     "read",
@@ -44,6 +46,7 @@ _MODULES = {
     "Motion": "retarget.humanoid.motion",
     "Run": "evaluate.workflow.run_object",
     "TrainConfig": "train.config.config",
+    "VideoOptions": "pipeline.readers.video.options",
     "joint_angles": "retarget.humanoid.motion",
     "preset": "train.config.config",
     "read": "pipeline.readers.recognise",

@@ -9,7 +9,6 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from kinemimic.evaluate.policies.recipe import POLICIES
 from kinemimic.evaluate.simulate.command import require_viser
 from kinemimic.pipeline.cli.heartbeat import heartbeat
 from kinemimic.pipeline.cli.options import json_option
@@ -18,7 +17,7 @@ from kinemimic.pipeline.errors import KinemimicError
 from kinemimic.pipeline.files.store import copy_file, file_hash
 from kinemimic.pipeline.run_folder.lock import locked
 from kinemimic.train.rollout.policy import POLICY
-from kinemimic.train.rollout.tracker_file import load_tracker
+from kinemimic.train.rollout.tracker_file import load_tracker, tracker_path
 from kinemimic.train.sim.engines import resolve
 from kinemimic.train.sim.options import engine_option
 
@@ -33,17 +32,13 @@ _PORT = click.IntRange(1024, 65535)
 def prepare(policy: str, run: Path) -> None:
     """Copy a tracker, shipped or of a folder, into a run folder; KinemimicError for a policy of one
     motion."""
-    source = POLICIES / policy
-    if not (source / POLICY).is_file():
-        source = Path(policy)
-    if not (source / POLICY).is_file():
-        raise KinemimicError(f"stream: expected a tracker, by name or folder, found {policy!r}")
-    load_tracker(source / POLICY)
+    source = tracker_path(policy)
+    load_tracker(source)
     with locked(run):
-        if (run / POLICY).exists() and file_hash(run / POLICY) != file_hash(source / POLICY):
+        if (run / POLICY).exists() and file_hash(run / POLICY) != file_hash(source):
             raise KinemimicError(f"{run}: expected policy {policy!r}, found another; choose another --run")
-        for name in ("policy.json", POLICY):
-            copy_file(source / name, run / name)
+        for path in (source.with_suffix(".json"), source):
+            copy_file(path, run / path.name)
 
 
 def _source(udp: int | None, tcp: int | None, vmc: int | None, stdin: bool, replay: Path | None) -> Source:

@@ -14,6 +14,7 @@ from kinemimic.pipeline.errors import KinemimicError
 from kinemimic.pipeline.files.store import read_clip
 from kinemimic.pipeline.ingest import ingest
 from kinemimic.pipeline.kinematics.clip import Clip
+from kinemimic.pipeline.readers.video.options import VideoOptions
 from kinemimic.pipeline.run_folder.capture import default_run
 from kinemimic.pipeline.run_folder.record import read_run_record
 from kinemimic.retarget.command import retarget
@@ -64,12 +65,14 @@ class Run:
         filter_name: str | None = None,
         unit: str | None = None,
         rate: float | None = None,
+        video: VideoOptions | None = None,
         overwrite: bool = False,
     ) -> Clip:
         """Read, check and clean a capture (`pipeline/ingest.py`); returns the clean clip."""
         return ingest(
-            Path(capture), self.folder, filter_name=filter_name, unit=unit, rate=rate, overwrite=overwrite
-        )
+            Path(capture), self.folder, filter_name=filter_name, unit=unit, rate=rate, video=video,
+            overwrite=overwrite,
+        )  # fmt: skip
 
     def convert(self) -> Clip:
         """Convert to quaternions, with gimbal-lock checks (`pipeline/convert.py`)."""

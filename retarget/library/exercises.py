@@ -203,8 +203,9 @@ def _curve(frames: int, ranges: tuple[tuple[float, float], ...], random: np.rand
     calm = random.random() < CALM
 
     def rest() -> Array:
-        point = random.uniform(least, most)
-        return 0.15 * point if calm or random.random() < CALM else point
+        point: Array = random.uniform(least, most)
+        near: Array = 0.15 * point
+        return near if calm or random.random() < CALM else point
 
     values: list[Array] = []
     now = rest()

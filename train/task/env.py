@@ -102,8 +102,7 @@ class ImitationBatch:
         self.world = world
         self.reference = reference
         self.config = config
-        # May be changed between steps.
-        self.reward = config.reward
+        self.reward = config.reward  # may be changed between steps, as may this:
         self.max_body_error = float("inf") if config.tracking is None else config.tracking.max_body_error
         self.wrenches: Array | None = None
         self.timer = Timer()

@@ -171,7 +171,7 @@ def command(
     Takes hours; Ctrl-C saves, and the same command goes on.
 
     \b
-      kinemimic library recordings/ --out runs/library --test 07 --variants 7500
+      kinemimic library recordings/ --out runs/library --test 07 --variants 6000
       kinemimic train-tracker runs/library --out runs/tracker --budget 60M
     """
     record = train_tracker(

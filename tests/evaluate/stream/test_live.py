@@ -125,7 +125,7 @@ def _only_pybullet() -> bool:
         (["--udp", "9000", "--tcp", "9001"], "choose one source"),
         (["--no-page", "--replay", "nowhere.bvh"], "nowhere.bvh"),
         (["--no-page", "--policy", "walk", "--tcp", "9431"], "expected a tracker"),
-        (["--no-page", "--policy", "nobody", "--tcp", "9432"], "expected a tracker, by name or folder"),
+        (["--no-page", "--policy", "nobody", "--tcp", "9432"], "found 'nobody'"),
     ],
 )
 def test_errors_are_one_line(options: list[str], message: str, tmp_path: Path) -> None:
