@@ -82,7 +82,7 @@ def test_every_recording_at_hand_is_in_it(captures: Path) -> None:
         if path.is_file() and path.name not in NOTES and not path.name.startswith(".")
     }
     beside = captures.parent / "sensors"
-    # Videos are no captures; the notes are as beside the captures.
+    # The catalogue has no videos.
     there |= {
         path.relative_to(beside).as_posix().replace("/", "__").replace("__", "/", 1)
         for path in beside.rglob("*")
