@@ -19,6 +19,7 @@ from peers.inline_workers import InlineWorkers
 from peers.killing import check_files, finish, kill_after, without_clock
 from safetensors.numpy import load_file
 from tensorboard.backend.event_processing.event_accumulator import EventAccumulator
+from tensorboard.summary.writer import event_file_writer
 
 from kinemimic.pipeline.errors import KinemimicError
 from kinemimic.pipeline.files.store import write_text
@@ -70,6 +71,8 @@ def fresh(tmp_path: Path, motion: Motion, monkeypatch: pytest.MonkeyPatch) -> It
     monkeypatch.setattr(trial, "EVALUATION_INTERVAL", 2 * ROUND)
     monkeypatch.setattr(rounds, "CHECKPOINT_SECONDS", 0.0)
     monkeypatch.setattr(stage, "Workers", InlineWorkers)
+    # Files of curves that begin in the same second are read in the order of their names: 10 before 9.
+    monkeypatch.setattr(event_file_writer, "_global_uid", event_file_writer.AtomicCounter(0))
     # A job that a shell put into the background has a SIGINT that is ignored.
     earlier = signal.signal(signal.SIGINT, signal.default_int_handler)
 
