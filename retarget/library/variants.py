@@ -36,24 +36,32 @@ SUBJECT = "variants"  # the subject of variants in a library
 FRAME_RATE = 60.0
 LIKE = 0.7  # probability of a second loop, and of a symmetric gait
 MIX = 0.6  # largest share of the second loop
-PERIOD = (0.8, 1.25)  # factor on the duration
+PERIOD = (0.75, 1.35)  # factor on the duration
 STRIDE = (0.7, 1.5)  # factor on the flexion of hips and knees
-SWAY = (0.4, 1.2)  # factor on the lateral sway
+# Without this, most variants would be as slow as the loops, and a tracker would fall behind whoever walks
+# briskly. m/s: what a walk aims at; what it reaches depends on its posture.
+WALKING = (0.4, 2.2)
+# Standard deviation of the logarithm of the ratio of stride to cadence.
+WALK_RATIO = 0.15
+SWAY = (0.0, 1.2)  # factor on the lateral sway
 CROUCH = (-0.5, 0.15)  # rad of flexion added to the knees; hips and ankles share it
 WIDTH = 0.04  # rad, standard deviation of the abduction of both thighs
 WOBBLE = 0.02  # rad, standard deviation of a random first harmonic of a joint
 PLANAR = 0.3  # probability that the legs move in a plane, and that the trunk does
 DEPTH_SENSOR = 0.5  # probability of neutral feet
+ARMLESS = 0.12  # probability of arms that hang straight and still, as in skeletons without arms
+# Share of the axial rotation of the thigh that the ankle takes back: a turned leg still has its foot ahead.
+TAKEN_BACK = (0.2, 1.0)
 ONE_SIDED = 0.15  # of an offset's standard deviation, the same for one side alone
 # Of a joint about X, Y, Z: standard deviation of its mean, rad, and of the logarithm of its amplitude.
 SPREADS: dict[str, tuple[tuple[float, float, float], tuple[float, float, float]]] = {
-    "hip_center": ((0.015, 0.03, 0.02), (0.5, 0.6, 0.7)),
-    "spine": ((0.02, 0.08, 0.02), (0.5, 0.4, 0.7)),
-    "shoulder_center": ((0.02, 0.10, 0.02), (0.5, 0.4, 0.7)),
-    "shoulder": ((0.10, 0.20, 0.35), (0.5, 0.6, 0.5)),
+    "hip_center": ((0.015, 0.06, 0.03), (0.5, 0.6, 0.7)),
+    "spine": ((0.03, 0.10, 0.03), (0.5, 0.4, 0.7)),
+    "shoulder_center": ((0.04, 0.15, 0.02), (0.7, 0.8, 0.7)),
+    "shoulder": ((0.15, 0.20, 0.50), (0.7, 0.6, 0.5)),
     "elbow": ((0.0, 0.28, 0.0), (0.0, 0.6, 0.0)),
     "wrist": ((0.25, 0.10, 0.20), (0.6, 0.6, 0.6)),
-    "hip": ((0.02, 0.06, 0.07), (0.5, 0.12, 0.8)),
+    "hip": ((0.02, 0.06, 0.17), (0.5, 0.12, 0.8)),
     "knee": ((0.0, 0.04, 0.0), (0.0, 0.15, 0.0)),
     "ankle": ((0.02, 0.07, 0.05), (0.3, 0.35, 0.5)),
 }
@@ -75,6 +83,7 @@ def _counterpart(name: str) -> int:
 
 
 _COUNTERPARTS = np.array([_counterpart(name) for name in NODES])
+_ARMS = [NODE_INDEX[f"{joint}_{side}"] for joint in ("shoulder", "elbow", "wrist") for side in _OTHER]
 _FLEXED = [NODE_INDEX[f"{joint}_{side}"] for joint in ("hip", "knee") for side in ("left", "right")]
 
 
@@ -107,7 +116,7 @@ def plausible(motion: Motion, kind: str) -> bool:
 def variant(loops: Sequence[Motion], first: int, random: np.random.Generator, kind: str) -> Motion:
     """A variant of loop number `first`, often mixed with another of `loops`; it need not be plausible."""
     spread = SPREAD[kind]
-    slower = random.uniform(*PERIOD) ** spread
+    slower, stride = _tempo(loops[first], random, kind)
     period = loops[first].duration * slower
     frames = max(8, round(FRAME_RATE * period))
     phase = np.arange(frames) / frames
@@ -118,13 +127,15 @@ def variant(loops: Sequence[Motion], first: int, random: np.random.Generator, ki
         rotations = _towards(rotations, other, share)
         sway = sway + share * (other_sway - sway)
         speed += share * (other_speed - speed)
-    stride = random.uniform(*STRIDE) ** spread
     gains, offsets = _draw(random)
     gains, offsets = gains**spread, offsets * spread
     gains[_FLEXED, 1] *= stride
     mean = normalize(np.mean(continuous(rotations), axis=0))
     about = to_rotvec(multiply(conjugate(np.broadcast_to(mean, rotations.shape)), rotations))
     moving = np.ptp(rotations, axis=0).max(axis=-1, keepdims=True) > 1e-9
+    if random.random() < ARMLESS:
+        mean[_ARMS], moving[_ARMS] = [1.0, 0.0, 0.0, 0.0], False
+        about[:, _ARMS] = 0.0
     if random.random() < LIKE:
         about = 0.5 * (about + np.roll(about, -(frames // 2), axis=0)[:, _COUNTERPARTS] * _MIRROR)
         mean = _towards(mean, mean[_COUNTERPARTS] * np.append(_MIRROR, 1.0), 0.5)
@@ -151,6 +162,22 @@ def variant(loops: Sequence[Motion], first: int, random: np.random.Generator, ki
     )
 
 
+def _tempo(loop: Motion, random: np.random.Generator, kind: str) -> tuple[float, float]:
+    """Factors on the duration and on the stride of a loop.
+
+    The speed of a walk is drawn evenly, and stride and cadence share what it lacks equally: the ratio of step
+    length to cadence is about the same at all speeds (Sekiya and Nagasaki 1998, "Reproducibility of the
+    walking patterns of normal young adults", Gait & Posture 7).
+    """
+    if kind != "walk":
+        spread = SPREAD[kind]
+        return random.uniform(*PERIOD) ** spread, random.uniform(*STRIDE) ** spread
+    speed = max(loop.cycle_offset[0] / loop.duration, SPEEDS[kind][0])
+    share = np.sqrt(random.uniform(*WALKING) / speed)
+    ratio = np.exp(WALK_RATIO * random.standard_normal())
+    return float(np.clip(1.0 / (share * ratio), *PERIOD)), float(np.clip(share / ratio, *STRIDE))
+
+
 def _draw(random: np.random.Generator) -> tuple[Array, Array]:
     """Factors on the amplitude, and offsets of the mean, rad, of each node about its axes (20, 3)."""
     gains, offsets = np.ones((len(NODES), 3)), np.zeros((len(NODES), 3))
@@ -167,6 +194,9 @@ def _draw(random: np.random.Generator) -> tuple[Array, Array]:
             node = NODE_INDEX.get(f"{joint}_{side}", NODE_INDEX.get(joint, 0))
             gains[node] = gain
             offsets[node] = sign * (mean + ONE_SIDED * means * random.standard_normal(3))
+    taken = random.uniform(*TAKEN_BACK)
+    for side, _ in _SIDES:
+        offsets[NODE_INDEX[f"ankle_{side}"], 2] -= taken * offsets[NODE_INDEX[f"hip_{side}"], 2]
     crouch, share = random.uniform(*CROUCH), random.uniform(0.4, 0.65)
     for side, _ in _SIDES:
         for joint, part in (("knee", 1.0), ("hip", -share), ("ankle", share - 1.0)):

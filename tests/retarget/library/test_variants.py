@@ -53,6 +53,15 @@ def test_variants_cover_more_than_their_loops(loops: list[Motion], made: list[Mo
     assert max(periods) / min(periods) > 1.2
 
 
+def test_walks_are_as_fast_as_people(loops: list[Motion], made: list[Motion]) -> None:
+    """The speeds reach a brisk walk, far above the loops', and faster walkers also step more often."""
+    speeds = np.array([one.cycle_offset[0] / one.duration for one in made])
+    own = max(one.cycle_offset[0] / one.duration for one in loops)
+    assert speeds.min() < 0.8 * own
+    assert speeds.max() > 1.5
+    assert np.corrcoef(speeds, [one.duration for one in made])[0, 1] < -0.3
+
+
 def test_left_and_right_differ_little(made: list[Motion]) -> None:
     for one in made:
         means = [np.mean(joint_angles(one.rotations)[f"knee_{side}"]) for side in ("left", "right")]
