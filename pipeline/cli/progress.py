@@ -9,6 +9,7 @@ On a terminal, bars on stderr (`progress_bars.py`); elsewhere, a line on stderr 
 
 from __future__ import annotations
 
+import math
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -51,13 +52,19 @@ class Bar:
         """The task ends after at most this many seconds from now, even if it is not done."""
         self._deadline = self._clock() + seconds
 
+    def corrected(self, total: float) -> None:
+        """The total was an estimate, and is this instead; math.inf if it is now unknown."""
+        self._total = total
+        self._changed()
+
     @property
     def state(self) -> ProgressState:
         """The state now."""
         now = self._clock()
         spent, new = now - self._began, self._done - self._before
         per_second = new / spent if new > 0 and spent > 0 else None
-        estimates = [] if per_second is None else [max(0.0, self._total - self._done) / per_second]
+        to_do = max(0.0, self._total - self._done)
+        estimates = [] if per_second is None or math.isinf(to_do) else [to_do / per_second]
         if self._deadline is not None:
             estimates.append(max(0.0, self._deadline - now))
         return ProgressState(
@@ -140,8 +147,8 @@ def bars() -> Iterator[Bars]:
 def progress(what: str, total: float, *, done: float = 0.0, unit: str = "") -> Iterator[Bar]:
     """A bar up to `total` units: `with progress("train", budget) as bar: bar.advance(4096, reward=0.8)`.
 
-    done: units that were done before this call; unit: their name, or PERCENT. Silent if the command has
-    --json.
+    total: math.inf if unknown; done: units that were done before this call; unit: their name, or PERCENT.
+    Silent if the command has --json.
     """
     with bars() as several:
         yield several.add(what, total, done=done, unit=unit)

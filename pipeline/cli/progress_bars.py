@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import AbstractContextManager
 
@@ -40,7 +41,7 @@ class _Row:
         # Each more dispensable than the one before it.
         facts = [
             state.remaining,
-            f"{100 * state.share:3.0f} %",
+            f"{state.percent:>5}" if state.percent else "",
             state.count,
             "" if speed is None or speed < 1.0 or not state.count else f"{speed:,.0f}/s",
         ]
@@ -55,12 +56,19 @@ class _Row:
         order = [fact for fact in (*facts[1:], facts[0]) if fact]
         row.add_row(
             Text(name, no_wrap=True),
-            ProgressBar(total=max(state.total, 1e-9), completed=min(state.done, state.total), width=bar),
+            _bar(state, bar),
             *(Text(fact, no_wrap=True) for fact in order),
         )
         yield row
         if state.notes:
             yield Text(f"  {state.noted}", style="dim")
+
+
+def _bar(state: ProgressState, width: int) -> ProgressBar:
+    """The bar; of a task without a known total, one that pulses."""
+    if not math.isfinite(state.total):
+        return ProgressBar(total=None, width=width)
+    return ProgressBar(total=max(state.total, 1e-9), completed=min(state.done, state.total), width=width)
 
 
 def _width(name: str, facts: Sequence[str]) -> int:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 
@@ -12,9 +13,10 @@ PERCENT = "%"  # as the unit of a bar whose count says nothing
 class ProgressState:
     """How far a task is.
 
-    what: its name, such as `train`; done, total: in `unit` ("" for a plain count, "%" for a share); seconds:
-    since this call began it; left: estimate of the seconds left, None before there is one; per_second:
-    units, None before there is an estimate; notes: the latest numbers, such as the mean reward.
+    what: its name, such as `train`; done, total: in `unit` ("" for a plain count, "%" for a share), total
+    math.inf if unknown; seconds: since this call began it; left: estimate of the seconds left, None before
+    there is one; per_second: units, None before there is an estimate; notes: the latest numbers, such as the
+    mean reward.
     `str(state)` is one line.
     """
 
@@ -29,14 +31,22 @@ class ProgressState:
 
     @property
     def share(self) -> float:
-        """Between 0 and 1; 1 for a task of nothing."""
+        """Between 0 and 1; 1 for a task of nothing, 0 if the total is unknown."""
         return min(1.0, self.done / self.total) if self.total > 0 else 1.0
 
     @property
+    def percent(self) -> str:
+        """`39 %`, or "" if the total is unknown."""
+        return f"{100 * self.share:.0f} %" if math.isfinite(self.total) else ""
+
+    @property
     def count(self) -> str:
-        """`393,216 of 1,000,000 samples`, or "" if only the share is of interest."""
+        """`393,216 of 1,000,000 samples`, `393,216 samples` if the total is unknown, or "" if only the share
+        is of interest."""
         if self.unit == PERCENT:
             return ""
+        if not math.isfinite(self.total):
+            return f"{self.done:,.0f} {self.unit}".rstrip()
         return f"{self.done:,.0f} of {self.total:,.0f} {self.unit}".rstrip()
 
     @property
@@ -54,7 +64,7 @@ class ProgressState:
         )
 
     def __str__(self) -> str:
-        facts = (f"{100 * self.share:.0f} %", self.count, self.remaining)
+        facts = (self.percent, self.count, self.remaining)
         notes = f"; {self.noted}" if self.notes else ""
         return f"{self.what}: {', '.join(filter(None, facts))}{notes}"
 

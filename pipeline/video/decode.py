@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -83,10 +84,11 @@ def _opened(path: Path) -> Iterator[cv2.VideoCapture]:
             capture.release()
 
 
-def expected_frames(path: Path) -> int:
-    """Number of frames that the container states, for progress only: it can be wrong. At least 1."""
+def expected_frames(path: Path) -> float:
+    """Number of frames that the container states, for progress only: it can be wrong. math.inf for none."""
     with _opened(path) as capture:
-        return max(1, int(capture.get(cv2.CAP_PROP_FRAME_COUNT)))
+        count = float(capture.get(cv2.CAP_PROP_FRAME_COUNT))
+    return count if 1.0 <= count <= MAX_FRAMES else math.inf
 
 
 def _nominal_step(capture: cv2.VideoCapture) -> float:

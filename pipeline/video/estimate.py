@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+import math
 import os
 import time
 from dataclasses import dataclass
@@ -59,16 +60,23 @@ def landmark_track(path: Path, sha256: str, options: PoseOptions, kept: Path | N
         region = Region(np.array([x, y]), side, angle)
     tracker = PersonTracker(detector, network, person=options.person, region=region)
     found = _Found(before)
-    total = max(expected_frames(path), len(found.times))
+    total = expected_frames(path)
+    if total < len(found.times):
+        total = math.inf
     written = time.monotonic()
     try:
         with progress("pose", total, done=len(found.times), unit="frames") as bar:
             for frame in frames(path, skip=len(found.times)):
                 found.add(frame.time, tracker(frame.image), (frame.image.shape[1], frame.image.shape[0]))
+                if len(found.times) > total:
+                    # The container states too few.
+                    total = math.inf
+                    bar.corrected(total)
                 bar.advance()
                 if kept is not None and time.monotonic() - written > _KEEP_EVERY:
                     write_track(kept, found.track(key, tracker, done=False))
                     written = time.monotonic()
+            bar.corrected(len(found.times))
     except KeyboardInterrupt:
         if kept is None or not found.times:
             raise

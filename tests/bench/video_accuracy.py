@@ -5,7 +5,10 @@ sample_mocap.json (optical, the truth), sample_mono.json (OpenCap Monocular), sa
 180 degrees less the angle hip, knee, ankle; hip: the angle of the thigh to the line from the middle of the
 hips to the middle of the shoulders; femur, tibia, talus and humerus are hip, knee, ankle and shoulder. Root
 mean square of the difference over the whole clip, in degrees; every curve is interpolated at the truth's
-times. "bare" is the network's own places in metres, low-passed at 6 Hz, without a fit.
+times. "bare" is the network's own places in metres, low-passed at 6 Hz, without a fit. "retargeted" is the
+motion of the humanoid, as recorded and, where the clip has strides, as a symmetric loop. A last line says
+how the error of a frame goes with what the fit makes of its points (`trust`): Spearman's correlation, which
+would be -1 if the points that look best were the best.
 
 A shift in time is not taken out, but shown: the one at which the points in the image fit the truth best, each
 hip and shoulder by its height; a second table takes it out of every row.
@@ -18,20 +21,29 @@ import json
 import sys
 import time
 from collections.abc import Callable, Iterator, Mapping
+from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 from scipy.signal import butter, filtfilt
+from scipy.stats import spearmanr
 
 from kinemimic.pipeline.arrays import Array
 from kinemimic.pipeline.body_fit.body import POINT_INDEX
 from kinemimic.pipeline.body_fit.observed import Observed
-from kinemimic.pipeline.body_fit.sequence import fit_body
+from kinemimic.pipeline.body_fit.sequence import FittedBody, fit_body
 from kinemimic.pipeline.body_fit.settings import FitSettings
+from kinemimic.pipeline.convert import convert
+from kinemimic.pipeline.errors import KinemimicError
+from kinemimic.pipeline.files.stages import LANDMARKS_FILE
 from kinemimic.pipeline.files.store import file_hash, write_text
+from kinemimic.pipeline.files.tables import numbers, read_table
+from kinemimic.pipeline.ingest import ingest
+from kinemimic.pipeline.kinematics.skeleton import NODE_INDEX
 from kinemimic.pipeline.readers.video.recording import observed_of
 from kinemimic.pipeline.video.estimate import PoseOptions, landmark_track
+from kinemimic.retarget.command import retarget
 
 # Joint: its OpenSim body, and its point in the fitted body.
 JOINTS = {
@@ -135,12 +147,52 @@ def row(name: str, found: Mapping[str, float], more: str = "") -> str:
     return f"| {name} | {cells[0]} | **{means[0]}** | {cells[1]} | **{means[1]}** | {more} |\n"
 
 
-def lines(folder: Path, kept: Path) -> Iterator[str]:
-    """The tables of one clip."""
+def retargeted(run: Path, **options: bool) -> tuple[Array, Points]:
+    """Times (T,) of the video, and joint centres of the humanoid's motion about its root at those times."""
+    motion = retarget(run, **options)  # type: ignore[arg-type]
+    table, _ = read_table(run / "capture.parquet", kind="the captured angles", advice="")
+    times, phase = numbers(table, "time"), numbers(table, "phase")
+    inside = np.isfinite(phase)
+    places = motion.kinematics()[0] - motion.root[:, None]
+    if motion.cyclic:
+        phase, places = np.mod(phase, 1.0), np.concatenate([places, places[:1]])
+    at = phase[inside] * (len(places) - 1)
+    flat = places.reshape(len(places), -1).T
+    moved = np.stack([np.interp(at, np.arange(len(places)), column) for column in flat], axis=-1)
+    moved = moved.reshape(len(at), -1, 3)
+    return times[inside], {
+        f"{joint}_{side}": moved[:, NODE_INDEX[f"{joint}_{side}"]] for joint in JOINTS for side in SIDES
+    }
+
+
+def trust(observed: Observed, body: FittedBody) -> Array:
+    """(T, P) 0 to 1: visibility, less where the body is off the point in the image, as the fit weighs it."""
+    share = 1.0 / (1.0 + (np.nan_to_num(body.misfit, nan=np.inf) / FitSettings().robust) ** 2)
+    return observed.certainty * share
+
+
+def trust_and_error(observed: Observed, truth: tuple[Array, Points], shift: float) -> str:
+    """Spearman's correlation of the least trust in an angle's points and the angle's error, per angle."""
+    body = fit_body(observed)
+    assert body is not None
+    weights, found, cells = trust(observed, body), angles(joints(body.points)), []
+    for name, true in angles(truth[1]).items():
+        joint, side = name.split("_")
+        needed = ("hip", "knee", "instep") if joint == "knee" else ("hip", "knee", "shoulder")
+        least = weights[:, [POINT_INDEX[f"{one}_{side}"] for one in needed]].min(axis=1)
+        error = np.abs(found[name] - np.interp(observed.times + shift, truth[0], true))
+        cells.append(f"{name} {spearmanr(least, error).statistic:+.2f}")
+    return ", ".join(cells)
+
+
+def lines(folder: Path, run: Path) -> Iterator[str]:
+    """The tables of one clip; run: folder for the results of the stages."""
     video, truth = folder / "video.mp4", tracks(folder / "sample_mocap.json")
     began = time.perf_counter()
-    track = landmark_track(video, file_hash(video), PoseOptions(), kept)
+    track = landmark_track(video, file_hash(video), PoseOptions(), run / LANDMARKS_FILE)
     seconds = time.perf_counter() - began
+    ingest(video, run)
+    convert(run)
     observed = observed_of(track)
     heights = {
         f"{joint}_{side}": -observed.pixels[:, POINT_INDEX[f"{joint}_{side}"], 1]
@@ -162,6 +214,9 @@ def lines(folder: Path, kept: Path) -> Iterator[str]:
             observed,
             lambda v=view, used=known: fit_body(observed, field_of_view=np.radians(v), settings=used),  # type: ignore[misc]
         )
+    rows["retargeted, as recorded"] = (*retargeted(run, loop=False), "")
+    with suppress(KinemimicError):  # no strides
+        rows["retargeted, symmetric loop"] = (*retargeted(run, loop=True, symmetric=True), "")
     frames = len(track.times)
     yield f"\n{folder.name}: {frames} frames, {track.times[-1]:.2f} s; landmarks in {seconds:.1f} s; "
     yield f"the truth is {shift:+.3f} s late\n"
@@ -174,6 +229,7 @@ def lines(folder: Path, kept: Path) -> Iterator[str]:
         if taken == 0.0:
             itself = (truth[0] - shift, truth[1])
             yield row("the truth itself, shifted so", errors(*itself, truth, 0.0))
+    yield f"\ntrust and error, Spearman's correlation: {trust_and_error(observed, truth, shift)}\n"
 
 
 def _fitted(observed: Observed, fit: Callable[[], object]) -> tuple[Array, Points, str]:
@@ -196,7 +252,7 @@ def main() -> None:
         line
         for folder in sorted(clips.iterdir())
         if (folder / "video.mp4").is_file() and (folder / "sample_mocap.json").is_file()
-        for line in lines(folder, out / f"{folder.name}.npz")
+        for line in lines(folder, out / folder.name)
     )
     if not found:
         sys.exit(f"{clips}: expected folders with video.mp4 and sample_mocap.json, found none")

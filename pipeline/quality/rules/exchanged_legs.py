@@ -2,8 +2,10 @@
 
 Seen from the side, one leg hides the other at every step, and a depth sensor that loses track names them anew
 as they part. The ankles then meet without passing each other: the same foot seems to lead twice. Walking
-feet alternate, so in a depth sensor's recording every such meeting is an exchange. `swapped_limbs` finds
-swaps of single frames, in which the legs jump; here nothing jumps, because the legs are at one place.
+feet alternate, so in a depth sensor's recording nearly every such meeting is an exchange. But a person who
+turns around sets the same foot ahead twice, too. So legs that are on their own sides for a stride or more, as
+the hips and shoulders show them, were not exchanged. `swapped_limbs` finds swaps of single frames, in which
+the legs jump; here nothing jumps, because the legs are at one place.
 """
 
 from __future__ import annotations
@@ -19,6 +21,7 @@ from kinemimic.pipeline.kinematics.clip import Clip
 from kinemimic.pipeline.kinematics.nodes import joints_by_name
 from kinemimic.pipeline.kinematics.skeleton import NODE_INDEX as N
 from kinemimic.pipeline.kinematics.spans import frame_runs
+from kinemimic.pipeline.kinematics.vectors import unit
 from kinemimic.pipeline.locomotion.bouts import is_precise
 from kinemimic.pipeline.locomotion.even_clock import RATE, even_pass
 from kinemimic.pipeline.locomotion.heading import along_heading, body_heading
@@ -30,6 +33,9 @@ from kinemimic.pipeline.quality.rules.swap_sides import swap_sides
 APART, PROMINENCE, MEETING = 0.4, 0.3, 0.5
 STEP_TIMES = (0.25, 1.2)  # s between feet apart and feet apart again
 MIN_AMPLITUDE = 0.10  # m; a person who stands does not step
+# s; over a whole stride, the knees' distance ahead averages out of their distance to the side, which hips
+# seen obliquely would otherwise mix with it.
+STRIDE = 1.0
 _LEG = ("knee", "ankle", "foot")
 
 
@@ -78,7 +84,8 @@ def _exchanged(times: Array, positions: Array) -> tuple[Mask, int]:
         prominence=PROMINENCE * amplitude,
         distance=max(1, round(STEP_TIMES[0] * RATE)),
     )
-    # Each stretch of steps has its own parity: the names with fewer exchanged frames are kept.
+    # Each stretch of steps has its own parity.
+    aside = _aside(even.positions)
     out = np.zeros(len(distance), dtype=np.bool_)
     count, start, changes = 0, 0, list[int]()
     for k, (one, other) in enumerate(pairwise(peaks)):
@@ -89,16 +96,44 @@ def _exchanged(times: Array, positions: Array) -> tuple[Mask, int]:
         if not within or k == len(peaks) - 2:
             end = int(other) if within else int(one)
             end = len(distance) if k == len(peaks) - 2 else end
-            out[start:end] = _parity(changes, start, end)
-            count += len(changes)
+            out[start:end] = _exchanged_parts(changes, start, end, aside)
+            count += sum(bool(out[change] != out[change - 1]) for change in changes)
             start, changes = end, []
     after = np.searchsorted(even.times, times).clip(0, len(even.times) - 1)
     return out[after], count
 
 
+def _aside(positions: Array) -> Array:
+    """Metres (T,) by which the left knee is to the left of the right one, as hips and shoulders show it."""
+    left = positions[:, N["hip_left"]] - positions[:, N["hip_right"]]
+    left = left + np.nan_to_num(positions[:, N["shoulder_left"]] - positions[:, N["shoulder_right"]])
+    knees = positions[:, N["knee_left"]] - positions[:, N["knee_right"]]
+    return np.asarray(np.sum(knees[:, :2] * unit(left[:, :2]), axis=-1))
+
+
+def _exchanged_parts(changes: list[int], start: int, end: int, aside: Array) -> Mask:
+    """Exchanged samples of a stretch: every other part between changes, counted from the parts of at least a
+    stride in which the knees, as they are named, are on their own sides; without any, as `_parity` says.
+    """
+    bounds = list(pairwise([start, *changes, end]))
+    own = [
+        k
+        for k, (first, last) in enumerate(bounds)
+        if last - first >= STRIDE * RATE and float(np.median(aside[first:last])) > 0.0
+    ]
+    if not own:
+        return _parity(changes, start, end)
+    out = np.zeros(end - start, dtype=np.bool_)
+    for k, (first, last) in enumerate(bounds):
+        # From the nearest such part before, or else from the first one after.
+        anchor = max((one for one in own if one <= k), default=own[0])
+        out[first - start : last - start] = (k - anchor) % 2 == 1
+    return out
+
+
 def _parity(changes: list[int], start: int, end: int) -> Mask:
     """Exchanged samples of a stretch: those after an odd number of changes, or the others if they are
-    fewer.
+    fewer: the names with fewer exchanged frames are kept.
     """
     marks = np.zeros(end - start, dtype=np.intp)
     for change in changes:

@@ -3,68 +3,31 @@
 from __future__ import annotations
 
 import json
-import re
-import shutil
-import subprocess
-import sys
 import time
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
 import pytest
+from peers.browser import CHROMIUM, Watched, chromium, served
 
-sync_api = pytest.importorskip("playwright.sync_api")
-CHROMIUM = shutil.which("chromium")
+pytest.importorskip("playwright.sync_api")
 pytestmark = [
     pytest.mark.slow,
     pytest.mark.skipif(CHROMIUM is None, reason="needs the browser chromium"),
 ]
-SOFTWARE = ["--use-gl=angle", "--use-angle=swiftshader", "--enable-unsafe-swiftshader", "--no-sandbox"]
-PATIENCE = 20_000  # ms: without a GPU the first picture takes seconds
 
 
 @pytest.fixture(scope="module")
 def address(walk_run: Path) -> Iterator[str]:
-    program = [sys.executable, "-m", "kinemimic", "simulate", "--run", str(walk_run), "--port", "18091"]
-    process = subprocess.Popen(program, stdout=subprocess.PIPE, text=True)
-    assert process.stdout is not None
-    found = re.search(r"http\S+", process.stdout.readline())
-    assert found is not None
-    yield found[0]
-    process.terminate()
-    process.wait(timeout=20)
+    with served("simulate", "--run", str(walk_run), "--port", "18091") as found:
+        yield found
 
 
 @pytest.fixture(scope="module")
 def browser() -> Iterator[Any]:
-    with sync_api.sync_playwright() as playwright:
-        one = playwright.chromium.launch(executable_path=CHROMIUM, args=SOFTWARE)
+    with chromium() as one:
         yield one
-        one.close()
-
-
-class Watched:
-    """A tab that keeps the addresses it asks for and the errors of its console."""
-
-    def __init__(self, browser: Any, address: str, size: tuple[int, int] = (1000, 700)) -> None:
-        self.tab = browser.new_context(viewport={"width": size[0], "height": size[1]}).new_page()
-        self.asked: list[str] = []
-        self.errors: list[str] = []
-        self.tab.on("request", lambda request: self.asked.append(request.url))
-        self.tab.on("websocket", lambda socket: self.asked.append(socket.url))
-        self.tab.on("pageerror", lambda error: self.errors.append(str(error)))
-        self.tab.goto(address)
-        self.tab.get_by_text("of steps on time").wait_for(timeout=PATIENCE)
-
-    def press(self, name: str) -> None:
-        self.tab.get_by_role("button", name=name, exact=True).click()
-
-    def open(self, name: str) -> None:
-        self.tab.get_by_role("tab", name=name).click()
-
-    def sees(self, text: str) -> None:
-        self.tab.get_by_text(text).first.wait_for(timeout=PATIENCE)
 
 
 def inputs(folder: Path) -> list[dict[str, Any]]:
@@ -126,8 +89,7 @@ def test_people_push_it_and_a_recording_shows_it(browser: Any, address: str, wal
     assert kinds.index("drag") < kinds.index("release")
     assert len(found) >= drag_begun
     # Nothing is asked of another host.
-    hosts = {re.sub(r"^(blob:)?\w+://([^/:]+).*", r"\2", url) for url in first.asked + second.asked}
-    assert hosts <= {"127.0.0.1"}
+    assert first.hosts | second.hosts <= {"127.0.0.1"}
     assert first.errors == second.errors == []
     first.tab.close()
 

@@ -63,6 +63,32 @@ def test_a_walk_without_exchanges_is_unchanged() -> None:
         assert same is clip and found == []
 
 
+def mirrored_from(clip: Clip, frame: int) -> Clip:
+    """From a frame on, the mirror image of the person: a foot leads twice, and both legs are on their own
+    sides, as after somebody has turned around."""
+    along = clip.positions[-1, 0] - clip.positions[0, 0]
+    across = np.array([-along[1], along[0], 0.0]) / np.hypot(along[0], along[1])
+    late = clip.positions[frame:, MIRROR]
+    off = (late - clip.positions[frame, 0]) @ across
+    p = clip.positions.copy()
+    p[frame:] = late - 2.0 * off[..., None] * across
+    return replace(clip, positions=p)
+
+
+@pytest.mark.parametrize("seed", range(2))
+@pytest.mark.parametrize("heading", [0.0, 2.2])
+def test_a_foot_that_leads_twice_on_its_own_side_is_no_exchange(seed: int, heading: float) -> None:
+    clip = sensor(seed, heading)
+    for crossing in crossings(clip)[4:8:3]:
+        turned = mirrored_from(clip, crossing)
+        assert exchanged_legs.repair(turned) == (turned, [])
+        # A real exchange beside it is still found.
+        at = crossings(turned)
+        broken = exchanged(turned, (at[1], at[2]))
+        _, (found,) = exchanged_legs.repair(broken)
+        assert found.frames[0][0] == pytest.approx(at[1], abs=2) and len(found.frames) == 1
+
+
 def test_a_person_who_stands_is_unchanged() -> None:
     clip = sensor()
     rng = np.random.default_rng(0)

@@ -1,0 +1,107 @@
+"""A live capture on the page, in a real browser: a sender over UDP that stops, and comes back."""
+
+from __future__ import annotations
+
+import io
+import json
+import re
+import socket
+import threading
+import time
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from peers.browser import CHROMIUM, Watched, chromium, served
+from PIL import Image
+from samples.walker import walker
+
+from kinemimic.pipeline.kinematics.clip import Clip
+
+pytest.importorskip("playwright.sync_api")
+pytestmark = [
+    pytest.mark.slow,
+    pytest.mark.skipif(CHROMIUM is None, reason="needs the browser chromium"),
+]
+UDP, PAGE = 18095, 18092
+# What the skeletons are drawn in: the newest frame as it came, and the cleaned one.
+GREY, BLUE = (150, 150, 150), (40, 110, 220)
+
+
+class Sender:
+    """Sends the frames of a clip over UDP on its own clock, as long as it is on."""
+
+    def __init__(self, clip: Clip) -> None:
+        self._clip, self._stopped = clip, threading.Event()
+        self.on = threading.Event()
+        self._thread = threading.Thread(target=self._send, daemon=True)
+        self._thread.start()
+
+    def _send(self) -> None:
+        began, step = time.monotonic(), float(np.median(np.diff(self._clip.times)))
+        k = 0
+        with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as out:
+            while not self._stopped.wait(max(0.0, began + step * k - time.monotonic())):
+                if self.on.is_set():
+                    positions = self._clip.positions[k % len(self._clip.times)]
+                    frame = {"time": step * k, "positions": positions.tolist()}
+                    out.sendto(json.dumps(frame).encode(), ("127.0.0.1", UDP))
+                k += 1
+
+    def close(self) -> None:
+        self._stopped.set()
+        self._thread.join()
+
+
+@pytest.fixture
+def sender() -> Iterator[Sender]:
+    one = Sender(walker(seconds=40.0, rate=30.0).clip)
+    yield one
+    one.close()
+
+
+@pytest.fixture
+def browser() -> Iterator[Any]:
+    with chromium() as one:
+        yield one
+
+
+def pixels(watched: Watched, color: tuple[int, int, int]) -> int:
+    """Number of pixels of the page near a colour."""
+    image = np.asarray(Image.open(io.BytesIO(watched.tab.screenshot())).convert("RGB"), dtype=int)
+    return int((np.abs(image - color).max(axis=-1) <= 12).sum())
+
+
+def awaited(watched: Watched, color: tuple[int, int, int], least: int, *, drawn: bool) -> bool:
+    """Whether a skeleton of this colour is drawn, or gone, within 20 seconds."""
+    until = time.monotonic() + 20.0
+    while time.monotonic() < until:
+        if (pixels(watched, color) >= least) == drawn:
+            return True
+        time.sleep(0.3)
+    return False
+
+
+def test_a_sender_comes_goes_and_comes_back(browser: Any, sender: Sender, tmp_path: Path) -> None:
+    with served("stream", "--udp", str(UDP), "--port", str(PAGE), "--run", str(tmp_path / "run")) as address:
+        page = Watched(browser, address)
+        page.sees("waiting for frames")
+        before = {color: pixels(page, color) for color in (GREY, BLUE)}
+        sender.on.set()
+        page.sees("follows the person")
+        page.sees("Kinect v1")
+        for color, count in before.items():
+            assert awaited(page, color, count + 40, drawn=True), color
+        behind = re.search(r"(\d+) ms behind", page.tab.inner_text("body"))
+        assert behind is not None and 400 < int(behind[1]) < 1000
+        sender.on.clear()
+        page.sees("nobody seen: stands")
+        assert awaited(page, BLUE, before[BLUE] + 1, drawn=False)
+        sender.on.set()
+        page.sees("follows the person")
+        page.sees("2 people")
+        assert page.hosts <= {"127.0.0.1"}
+        assert page.errors == []
+        page.tab.close()
