@@ -104,6 +104,13 @@ def _outcomes(
     Each worker has its own pipe, so if one dies or hangs, it is replaced and only its task is lost;
     concurrent.futures would lose all pending tasks. setup: called once in every worker.
     """
+
+    def begun(number: int) -> list[Worker]:
+        workers = [Worker(preload=preload) for _ in range(number)]
+        for worker in workers:
+            worker.begin(_serve, work, setup)
+        return workers
+
     waiting = enumerate(tasks)
     idle: list[Worker] = []
     busy: dict[Worker, tuple[int, float]] = {}  # index of the task, deadline
@@ -112,10 +119,7 @@ def _outcomes(
             drawn = list(islice(waiting, count - len(busy)))
             for worker in idle[len(drawn) :]:
                 worker.end()
-            fresh = [Worker(preload=preload) for _ in range(len(drawn) - len(idle))]
-            idle = [*idle[: len(drawn)], *fresh]
-            for worker in fresh:
-                worker.begin(_serve, work, setup)
+            idle = [*idle[: len(drawn)], *begun(len(drawn) - len(idle))]
             for index, task in drawn:
                 worker = idle.pop()
                 busy[worker] = (index, time.monotonic() + timeout)
