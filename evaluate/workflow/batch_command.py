@@ -27,7 +27,7 @@ STAGE_OPTIONS: Mapping[str, Decorator] = {"ingest": ingest_options, "retarget": 
 @click.option("--out", type=click.Path(path_type=Path, file_okay=False), required=True,
               help="Folder of the run folders, the table, the data set and its page.")  # fmt: skip
 @click.option("--to", type=click.Choice(list(TARGETS)), default="motion", show_default=True,
-              help="How far: quaternions, a motion, or a performance by the tracker, with scores.")  # fmt: skip
+              help="How far: quaternions, a motion, or performed by the tracker, with scores.")  # fmt: skip
 @click.option("--subject", metavar="REGEX",
               help="The person in a file's name, from its beginning: the first group, or all that matches. "
                    "Default: up to the first underscore.")  # fmt: skip

@@ -126,7 +126,7 @@ def test_a_crash_costs_one_row(tmp_path: Path) -> None:
     first, second = (write_walk(tmp_path / name) for name in ("a.skl", "b.skl"))
     class Crashing(InProcess):
         def map(self, work: Any, tasks: Any) -> Iterator[tuple[int, Any]]:
-            one, other = tasks
+            _, other = tasks
             yield 1, work(other)
             yield 0, Failure("its process was ended by SIGSEGV")
 
