@@ -1,8 +1,8 @@
 """`kinemimic batch` against single runs: overhead, memory, a second call; and many synthetic captures.
 
 Single runs: the same stages on the same captures, one after the other in one process, without isolation, rows
-or data set. Synthetic captures: the virtual Kinect with a seed for each; rate and memory of the batch (all its
-processes) are those of the first and of the last tenth of the captures.
+or data set. Synthetic captures: the virtual Kinect with a seed for each; rate and memory of the batch (all
+its processes) are those of the first and of the last tenth of the captures.
 
     python tests/bench/bench_batch.py [FOLDER] [--files 60] [--synthetic 200]
 """
@@ -106,13 +106,12 @@ def recordings(folder: Path, most: int, place: Path) -> None:
 
 def synthetic(count: int, place: Path) -> None:
     for seed in range(count):
-        made = record_virtual(place / "made", seed=seed)
-        del made
-        for file in (place / "made").iterdir():
-            target = place / "in" / f"p{seed:05d}{file.name.removeprefix('kinect_walk')}"
+        record_virtual(place / "made", seed=seed)
+        for file in (place / "made").glob("kinect_walk.*"):
+            # The same walk as Euler angles is left out.
+            target = place / "in" / f"p{seed:05d}_{file.name.removeprefix('kinect_')}"
             target.parent.mkdir(exist_ok=True)
-            if "kinect_walk_euler" in file.name or file.suffix != ".bvh":
-                file.replace(target)
+            file.replace(target)
     begin = time.perf_counter()
     times: list[float] = []
     sizes: list[int] = []
