@@ -24,7 +24,7 @@ BULLET := $(or $(BULLET),$(patsubst $(VENV)/native-%,%,$(firstword $(wildcard $(
 NATIVE := $(VENV)/native-$(BULLET)
 NATIVE_FILES := $(wildcard $(addprefix train/native/,*.cpp *.hpp *.py pyproject.toml stubs/*/*.pyi))
 
-.PHONY: help setup formats inspect run batch library tracker ingest convert retarget train evaluate pushes disturb gait view simulate stream export policies reproduce compare study comparison overlay data data-check data-push data-pull test test-slow lint type format docs architecture docs-test mutants bench bench-clean bench-simulate bench-stream bench-truth sensor-accuracy video-accuracy profile wheel install-test clean
+.PHONY: help setup formats inspect run batch library tracker ingest convert retarget train evaluate pushes disturb gait view simulate stream export policies reproduce compare study comparison overlay data data-check data-push data-pull test test-slow lint type format docs architecture docs-test mutants bench bench-batch bench-clean bench-simulate bench-stream bench-truth sensor-accuracy video-accuracy profile wheel install-test clean
 .DEFAULT_GOAL := help
 
 help: ## Show this list
@@ -194,9 +194,13 @@ $(MUTANTS): constraints.txt | $(STAMP)
 mutants: setup $(MUTANTS) ## Find mutations of the core that no test detects (PACKAGES="train/ppo"; hours for all)
 	$(BIN)/python tests/mutants.py $(PACKAGES)
 
-# bench_clean, bench_stream and bench_truth measure errors, not speed; bench_simulate takes its ten minutes.
+# Those that are left out measure errors, not speed, or take minutes.
+SEPARATE := batch clean ray simulate stream truth
 bench: setup ## Run the speed benchmarks, tests/bench/bench_*.py
-	@set -e; for script in $(sort $(filter-out %/bench_clean.py %/bench_simulate.py %/bench_stream.py %/bench_truth.py,$(wildcard tests/bench/bench_*.py))); do echo "$$script"; $(BIN)/python "$$script"; done
+	@set -e; for script in $(sort $(filter-out $(SEPARATE:%=tests/bench/bench_%.py),$(wildcard tests/bench/bench_*.py))); do echo "$$script"; $(BIN)/python "$$script"; done
+
+bench-batch: setup ## Measure `batch`: overhead, memory, a second call, synthetic captures (CAPTURE= FILES= SYNTHETIC=)
+	$(BIN)/python tests/bench/bench_batch.py $(if $(CAPTURE),"$(CAPTURE)") $(if $(FILES),--files "$(FILES)") $(if $(SYNTHETIC),--synthetic "$(SYNTHETIC)")
 
 bench-clean: setup ## Compare every filter with the virtual Kinect's truth
 	$(BIN)/python tests/bench/bench_clean.py

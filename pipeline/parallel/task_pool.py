@@ -7,16 +7,17 @@ fails or kills its process costs only its own result.
 from __future__ import annotations
 
 import math
+import multiprocessing
 import os
 import resource
 import signal
 import sys
 import time
 import traceback
-from collections import deque
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import partial
+from itertools import islice
 from multiprocessing.connection import Connection, wait
 from typing import Any, TypeVar
 
@@ -47,8 +48,11 @@ def parallel_map(
     """Results of all tasks, in their order, from `workers` processes (all cores by default).
 
     work: a function at a module's top level; its exceptions are raised here. progress: called with the number
-    of tasks done since the last call. KinemimicError if a process died.
+    of tasks done since the last call. KinemimicError if a process died. A worker of another pool, which has a
+    core of its own, carries out the tasks itself.
     """
+    if multiprocessing.current_process().daemon:
+        return [_advanced(work(task), progress) for task in tasks]
     count = min(workers or len(os.sched_getaffinity(0)), len(tasks))
     results: dict[int, Result] = {}
     for index, outcome in _outcomes(partial(_caught, work), tasks, count):
@@ -63,9 +67,15 @@ def parallel_map(
     return [results[index] for index in range(len(tasks))]
 
 
+def _advanced(result: Result, progress: Callable[[int], object] | None) -> Result:
+    if progress is not None:
+        progress(1)
+    return result
+
+
 def isolated_map(
     work: Callable[[Task], Result],
-    tasks: Sequence[Task],
+    tasks: Iterable[Task],
     *,
     workers: int,
     timeout: float = TIMEOUT,
@@ -73,13 +83,14 @@ def isolated_map(
 ) -> Iterator[tuple[int, Result | Failure]]:
     """(index, result) of every task, in the order in which they finish.
 
-    work: a function at a module's top level, or a `partial` of one; timeout (s), memory (bytes): limits for
-    one task. A task that exceeds them, whose process dies, or that raises an exception yields a `Failure`.
+    work: a function at a module's top level, or a `partial` of one; tasks: taken one by one as workers get
+    free; timeout (s), memory (bytes of address space): limits for one task. A task that exceeds them, whose
+    process dies, or that raises an exception yields a `Failure`.
     No process is left behind, regardless of how the loop over the results ends.
     """
     function = work.func if isinstance(work, partial) else work
     for index, outcome in _outcomes(
-        partial(_guarded, work, memory),
+        partial(guarded, work, memory),
         tasks,
         workers,
         setup=partial(_limit, memory),
@@ -91,7 +102,7 @@ def isolated_map(
 
 def _outcomes(
     work: Callable[[Any], Any],
-    tasks: Sequence[Any],
+    tasks: Iterable[Any],
     count: int,
     *,
     setup: Callable[[], object] | None = None,
@@ -103,20 +114,28 @@ def _outcomes(
     Each worker has its own pipe, so if one dies or hangs, it is replaced and only its task is lost;
     concurrent.futures would lose all pending tasks. setup: called once in every worker.
     """
-    waiting = deque(enumerate(tasks))
+
+    def begun(number: int) -> list[Worker]:
+        workers = [Worker(preload=preload) for _ in range(number)]
+        for worker in workers:
+            worker.begin(_serve, work, setup)
+        return workers
+
+    waiting = enumerate(tasks)
     idle: list[Worker] = []
     busy: dict[Worker, tuple[int, float]] = {}  # index of the task, deadline
     try:
-        while waiting or busy:
-            fresh = [Worker(preload=preload) for _ in range(min(count - len(busy), len(waiting)) - len(idle))]
-            idle += fresh
-            for worker in fresh:
-                worker.begin(_serve, work, setup)
-            while waiting and idle:
+        while True:
+            drawn = list(islice(waiting, count - len(busy)))
+            for worker in idle[len(drawn) :]:
+                worker.end()
+            idle = [*idle[: len(drawn)], *begun(len(drawn) - len(idle))]
+            for index, task in drawn:
                 worker = idle.pop()
-                index, task = waiting.popleft()
                 busy[worker] = (index, time.monotonic() + timeout)
                 worker.send(task)
+            if not busy:
+                return
             first = min(deadline for _, deadline in busy.values())
             ready = wait(
                 [worker.pipe for worker in busy],
@@ -131,7 +150,7 @@ def _outcomes(
                 else:
                     continue
                 del busy[worker]
-                if waiting and worker.pipe in ready and not isinstance(outcome, WorkerDiedError):
+                if worker.pipe in ready and not isinstance(outcome, WorkerDiedError):
                     idle.append(worker)
                 else:
                     worker.end()
@@ -165,11 +184,13 @@ def _caught(work: Callable[[Task], Result], task: Task) -> tuple[Result | None, 
         return None, error
 
 
-def _guarded(work: Callable[[Task], Result], memory: int, task: Task) -> Result | Failure:
+def guarded(work: Callable[[Task], Result], memory: int | None, task: Task) -> Result | Failure:
+    """The result, or a Failure; memory: the limit of the process in bytes, if it has one."""
     try:
         return work(task)
     except MemoryError:
-        return Failure(f"it takes more than {memory / 2**30:g} GiB of memory")
+        most = "the memory that there is" if memory is None else f"{memory / 2**30:.3g} GiB of memory"
+        return Failure(f"it takes more than {most}")
     except Exception as error:
         return Failure(f"a bug in kinemimic, please report it: {type(error).__name__}: {error}")
 

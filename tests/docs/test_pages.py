@@ -13,7 +13,7 @@ from printed.reading import Reader, environment
 
 TUTORIAL = "tutorial.md"
 # Pages that simulate nothing and need no finished run.
-QUICK = {"describe-your-columns.md", "formats.md", "pushes.md", "tables.md"}
+QUICK = {"batch.md", "describe-your-columns.md", "formats.md", "pushes.md", "tables.md"}
 DONE = {"sh", "python", "diff", "console"}
 
 

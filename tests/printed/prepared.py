@@ -8,6 +8,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
+from peers.recordings import write_walk
 from samples import custom_table, depth_scene
 
 from kinemimic.pipeline.files.data_folder import DATASETS
@@ -27,6 +28,12 @@ def recording(folder: Path, workshop: Path) -> None:
     made = workshop / "runs/walk/capture"
     shutil.copy(made / "kinect_walk.skl", folder / "walk.skl")
     shutil.copy(made / "kinect_walk.provenance.json", folder / "walk.provenance.json")
+
+
+def many(folder: Path, workshop: Path) -> None:
+    """recordings/, with two walks."""
+    for number in (1, 2):
+        write_walk(folder / "recordings" / f"ann_{number}.skl")
 
 
 def trained(folder: Path, workshop: Path) -> None:
@@ -114,6 +121,7 @@ def _changed(path: Path, change: Callable[[Any], None]) -> None:
 # Pages with commands, and how to prepare their folders.
 PREPARED: dict[str, Prepare] = {
     "README.md": nothing,
+    "batch.md": many,
     "compare.md": trained,
     "contributing.md": nothing,
     "convert.md": trained,
