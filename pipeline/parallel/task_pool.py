@@ -13,10 +13,10 @@ import signal
 import sys
 import time
 import traceback
-from collections import deque
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import partial
+from itertools import islice
 from multiprocessing.connection import Connection, wait
 from typing import Any, TypeVar
 
@@ -65,7 +65,7 @@ def parallel_map(
 
 def isolated_map(
     work: Callable[[Task], Result],
-    tasks: Sequence[Task],
+    tasks: Iterable[Task],
     *,
     workers: int,
     timeout: float = TIMEOUT,
@@ -73,13 +73,14 @@ def isolated_map(
 ) -> Iterator[tuple[int, Result | Failure]]:
     """(index, result) of every task, in the order in which they finish.
 
-    work: a function at a module's top level, or a `partial` of one; timeout (s), memory (bytes): limits for
-    one task. A task that exceeds them, whose process dies, or that raises an exception yields a `Failure`.
+    work: a function at a module's top level, or a `partial` of one; tasks: taken one by one as workers get
+    free; timeout (s), memory (bytes of address space): limits for one task. A task that exceeds them, whose
+    process dies, or that raises an exception yields a `Failure`.
     No process is left behind, regardless of how the loop over the results ends.
     """
     function = work.func if isinstance(work, partial) else work
     for index, outcome in _outcomes(
-        partial(_guarded, work, memory),
+        partial(guarded, work, memory),
         tasks,
         workers,
         setup=partial(_limit, memory),
@@ -91,7 +92,7 @@ def isolated_map(
 
 def _outcomes(
     work: Callable[[Any], Any],
-    tasks: Sequence[Any],
+    tasks: Iterable[Any],
     count: int,
     *,
     setup: Callable[[], object] | None = None,
@@ -103,20 +104,28 @@ def _outcomes(
     Each worker has its own pipe, so if one dies or hangs, it is replaced and only its task is lost;
     concurrent.futures would lose all pending tasks. setup: called once in every worker.
     """
-    waiting = deque(enumerate(tasks))
+
+    def begun(number: int) -> list[Worker]:
+        workers = [Worker(preload=preload) for _ in range(number)]
+        for worker in workers:
+            worker.begin(_serve, work, setup)
+        return workers
+
+    waiting = enumerate(tasks)
     idle: list[Worker] = []
     busy: dict[Worker, tuple[int, float]] = {}  # index of the task, deadline
     try:
-        while waiting or busy:
-            fresh = [Worker(preload=preload) for _ in range(min(count - len(busy), len(waiting)) - len(idle))]
-            idle += fresh
-            for worker in fresh:
-                worker.begin(_serve, work, setup)
-            while waiting and idle:
+        while True:
+            drawn = list(islice(waiting, count - len(busy)))
+            for worker in idle[len(drawn) :]:
+                worker.end()
+            idle = [*idle[: len(drawn)], *begun(len(drawn) - len(idle))]
+            for index, task in drawn:
                 worker = idle.pop()
-                index, task = waiting.popleft()
                 busy[worker] = (index, time.monotonic() + timeout)
                 worker.send(task)
+            if not busy:
+                return
             first = min(deadline for _, deadline in busy.values())
             ready = wait(
                 [worker.pipe for worker in busy],
@@ -131,7 +140,7 @@ def _outcomes(
                 else:
                     continue
                 del busy[worker]
-                if waiting and worker.pipe in ready and not isinstance(outcome, WorkerDiedError):
+                if worker.pipe in ready and not isinstance(outcome, WorkerDiedError):
                     idle.append(worker)
                 else:
                     worker.end()
@@ -165,11 +174,13 @@ def _caught(work: Callable[[Task], Result], task: Task) -> tuple[Result | None, 
         return None, error
 
 
-def _guarded(work: Callable[[Task], Result], memory: int, task: Task) -> Result | Failure:
+def guarded(work: Callable[[Task], Result], memory: int | None, task: Task) -> Result | Failure:
+    """The result, or a Failure; memory: the limit of the process in bytes, if it has one."""
     try:
         return work(task)
     except MemoryError:
-        return Failure(f"it takes more than {memory / 2**30:g} GiB of memory")
+        most = "the memory that there is" if memory is None else f"{memory / 2**30:.3g} GiB of memory"
+        return Failure(f"it takes more than {most}")
     except Exception as error:
         return Failure(f"a bug in kinemimic, please report it: {type(error).__name__}: {error}")
 

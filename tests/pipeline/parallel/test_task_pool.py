@@ -6,6 +6,7 @@ import math
 import multiprocessing
 import os
 import time
+from collections.abc import Iterator
 
 import pytest
 
@@ -70,3 +71,19 @@ def test_a_loop_that_stops_early_leaves_no_process_behind() -> None:
         for _ in range(100):
             os.kill(pid, 0)
             time.sleep(0.05)
+
+
+def test_tasks_are_taken_as_workers_get_free() -> None:
+    taken: list[int] = []
+
+    def tasks() -> Iterator[str]:
+        for k in range(5):
+            taken.append(k)
+            yield str(k)
+
+    results = isolated_map(eval, tasks(), workers=2)
+    next(results)
+    assert len(taken) <= 4  # two at first, and one for each result that has come
+    assert len([*results]) == 4
+    assert taken == [*range(5)]
+    assert not multiprocessing.active_children()
