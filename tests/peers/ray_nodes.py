@@ -1,4 +1,4 @@
-"""A Ray cluster on this machine: a head and two nodes, each with a resource of its own, all on loopback.
+"""A Ray cluster on this machine: a head and two nodes, each with its name in the environment, all on loopback.
 
 Ray is imported here alone, after its environment is set.
 """
@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import os
 from dataclasses import dataclass, field
+from pathlib import Path
 from typing import Any
 
 STORE = 100 * 2**20  # bytes of each node's object store
@@ -19,7 +20,11 @@ class RayNodes:
 
     @classmethod
     def started(cls) -> RayNodes:
-        os.environ |= {"RAY_USAGE_STATS_ENABLED": "0", "RAY_ENABLE_WINDOWS_OR_OSX_CLUSTER": "0"}
+        os.environ |= {
+            "RAY_USAGE_STATS_ENABLED": "0",
+            "RAY_ENABLE_WINDOWS_OR_OSX_CLUSTER": "0",
+            "PYTHONPATH": str(Path(__file__).parents[1]),  # of the nodes' processes, for this package
+        }
         import ray  # noqa: PLC0415
         from ray.cluster_utils import Cluster  # noqa: PLC0415
 
@@ -34,7 +39,7 @@ class RayNodes:
             "num_cpus": 1,
             "object_store_memory": STORE,
             "include_dashboard": False,
-            "resources": {"head": 1},
+            "env_vars": {"NODE": "head"},
             "_system_config": soon,
         }
         cluster = Cluster(initialize_head=True, head_node_args=head)
@@ -45,8 +50,10 @@ class RayNodes:
         return made
 
     def add(self, name: str) -> None:
-        """Start a node with the resource `name`."""
-        self.nodes[name] = self.cluster.add_node(num_cpus=1, object_store_memory=STORE, resources={name: 1})
+        """Start a node whose processes have `name` in the environment."""
+        self.nodes[name] = self.cluster.add_node(
+            num_cpus=1, object_store_memory=STORE, env_vars={"NODE": name}
+        )
 
     def kill(self, name: str) -> None:
         """Kill a node with all its processes, as a loss of power does."""

@@ -13,9 +13,10 @@ from ray.exceptions import GetTimeoutError, ObjectLostError, RayActorError
 
 from kinemimic.pipeline.errors import KinemimicError
 from kinemimic.pipeline.parallel.cluster import ONE_THREAD
+from kinemimic.pipeline.parallel.node_identity import NodeIdentity
 from kinemimic.train.rollout.sampler import EnvSampler, EnvStates
 from kinemimic.train.rollout.sampler_pool import SAMPLE, OpenSampler, answer
-from kinemimic.train.sim.node_identity import NodeIdentity
+from kinemimic.train.sim.engines import engine_identity
 
 # Losses of one sampler in one request before it is given up: the node is then hardly the reason.
 LOSSES = 5
@@ -35,7 +36,7 @@ class _SamplerActor:
         """The node's address, and its identity or why it cannot simulate."""
         address = ray.util.get_node_ip_address()
         try:
-            return address, NodeIdentity.here(engine)
+            return address, engine_identity(engine)
         except KinemimicError as error:
             return address, error
 
@@ -95,7 +96,7 @@ class SamplerActors:
         self, open_sampler: OpenSampler, seeds: Sequence[list[np.random.SeedSequence]], engine: str
     ) -> None:
         self.replaced = 0  # actors lost so far
-        self._engine, self._identity = engine, NodeIdentity.here(engine)
+        self._engine, self._identity = engine, engine_identity(engine)
         self._opener = ray.put(open_sampler)
         self._seats = [_Seat(own) for own in seeds]
         try:
