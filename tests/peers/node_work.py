@@ -22,7 +22,7 @@ def troubled(task: str) -> str:
     return task
 
 
-def slow(seconds: float, task: int) -> tuple[int, str]:
-    """The task, and the name of the node that carried it out."""
+def slow(seconds: float, task: int) -> tuple[int, int]:
+    """The task, and the process of the node that carried it out."""
     time.sleep(seconds)
-    return task, os.environ["NODE"]
+    return task, int(os.environ["RAY_RAYLET_PID"])

@@ -1,4 +1,4 @@
-"""A Ray cluster on this machine: a head and two nodes, each with its name in the environment, all on loopback.
+"""A Ray cluster on this machine: a head and two nodes, all on loopback.
 
 Ray is imported here alone, after its environment is set.
 """
@@ -39,7 +39,6 @@ class RayNodes:
             "num_cpus": 1,
             "object_store_memory": STORE,
             "include_dashboard": False,
-            "env_vars": {"NODE": "head"},
             "_system_config": soon,
         }
         cluster = Cluster(initialize_head=True, head_node_args=head)
@@ -50,10 +49,13 @@ class RayNodes:
         return made
 
     def add(self, name: str) -> None:
-        """Start a node whose processes have `name` in the environment."""
-        self.nodes[name] = self.cluster.add_node(
-            num_cpus=1, object_store_memory=STORE, env_vars={"NODE": name}
-        )
+        """Start a node of this name, with one core."""
+        self.nodes[name] = self.cluster.add_node(num_cpus=1, object_store_memory=STORE)
+
+    def process(self, name: str) -> int:
+        """The process of a node, "head" among them."""
+        node = self.cluster.head_node if name == "head" else self.nodes[name]
+        return int(node.all_processes["raylet"][0].process.pid)
 
     def kill(self, name: str) -> None:
         """Kill a node with all its processes, as a loss of power does."""

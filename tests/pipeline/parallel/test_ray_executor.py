@@ -61,11 +61,12 @@ def test_another_kind_of_node_is_refused(ray_nodes: RayNodes, monkeypatch: pytes
 @pytest.mark.slow
 def test_a_node_killed_within_a_batch_loses_nothing(ray_nodes: RayNodes) -> None:
     """Every node has carried out tasks; those of the killed one are done again by the others."""
+    processes = {name: ray_nodes.process(name) for name in ("head", "first", "second")}
     timer = threading.Timer(8.0, ray_nodes.kill, ["second"])
     timer.start()
     found = [result for _, result in RayExecutor().map(partial(slow, 2.0), range(18))]
     timer.join()
     assert sorted(task for task, _ in found) == [*range(18)]  # type: ignore[misc]
     where = [node for _, node in found]  # type: ignore[misc]
-    assert set(where) == {"head", "first", "second"}
-    assert "second" not in where[-6:]
+    assert set(where) == set(processes.values())
+    assert processes["second"] not in where[-6:]
