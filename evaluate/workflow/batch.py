@@ -1,186 +1,142 @@
-"""`kinemimic batch`: the motions of many captures, and one table of what became of each.
+"""`kinemimic batch`: the motions of many captures as a data set, and one table of what became of each.
 
-Every capture has its run folder below the output folder and is processed in a worker process of limited time
-and memory, so that a damaged capture costs only its own row.
+Every capture has its run folder below the output folder and is processed by itself, with limited time and
+memory, so that a damaged capture costs only its own row.
 """
 
 from __future__ import annotations
 
-import json
 import os
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-import click
-
-from kinemimic.evaluate.workflow.run import passed_on, stage_options
-from kinemimic.pipeline.cli.main import BAD_INPUT
-from kinemimic.pipeline.cli.options import Decorator, json_option
+from kinemimic.evaluate.workflow.batch_sources import paths_of, run_folders
+from kinemimic.evaluate.workflow.batch_state import BatchState
+from kinemimic.evaluate.workflow.batch_task import Row, Task
+from kinemimic.evaluate.workflow.batch_work import BatchWork
 from kinemimic.pipeline.cli.progress import progress
-from kinemimic.pipeline.cli.terminal import show
 from kinemimic.pipeline.errors import KinemimicError
 from kinemimic.pipeline.files.provenance import provenance
 from kinemimic.pipeline.files.store import write_json, write_text
-from kinemimic.pipeline.filters.options import ingest_options
-from kinemimic.retarget.options import retarget_options
+from kinemimic.pipeline.parallel.executor import Executor, LocalProcesses
 
 BATCH_SCHEMA = 1
 TIMEOUT = 300.0
-STAGE_OPTIONS: Mapping[str, Decorator] = {"ingest": ingest_options, "retarget": retarget_options}
+MEMORY_GIB = 4.0
+# Names in the output folder that no run folder may take.
+_RESERVED = ("dataset", "index.html", "batch.json", "batch.csv", "batch.sqlite")
 
 
 def batch(
-    sources: Sequence[Path],
+    sources: Sequence[str | Path],
     out: Path,
     *,
     options: Mapping[str, Mapping[str, Any]] | None = None,
+    to: str = "motion",
+    subject: str | None = None,
+    executor: Executor | None = None,
     jobs: int = 1,
     timeout: float = TIMEOUT,
+    memory: float = MEMORY_GIB,
     overwrite: bool = False,
+    dataset: bool = True,
 ) -> dict[str, Any]:
-    """Make the motions of all captures at `sources` below `out`; writes batch.json and batch.csv.
+    """Process all captures at `sources` below `out`; writes batch.json, batch.csv and the data set.
 
-    sources: files, and folders that are searched; options: stage -> its command's options, as `workflow.run`
-    takes them; jobs: captures processed at once; timeout: seconds allowed for one capture; overwrite: also
-    process captures whose result is up to date. Returns the content of batch.json. A capture that is refused,
-    crashes or takes too long is a row with the reason. An interrupted batch writes the rows of the captures
-    that are finished; called again, it goes on with the others. KinemimicError without a capture.
+    sources: as `paths_of` takes them; options: stage -> its command's options, as `workflow.run` takes them;
+    to: "clip", "motion", or "performed", by the tracker that ships and with scores; subject: regular
+    expression of the person in a file's name (`dataset.subject`); executor: who carries out the captures, by
+    default `jobs` processes, each capture with `timeout` seconds and `memory` GiB; overwrite: also process
+    captures whose result is up to date; dataset: also write the data set and its page, of everything in
+    `out`, with what other batches made there.
+    Returns the content of batch.json, which is about the captures of this call. A capture that is refused,
+    crashes, or takes too long or too much is a row with the reason. An interrupted batch writes the rows of
+    the captures that are finished; called again, it goes on with the others. KinemimicError for a source that
+    is none.
     """
-    # Import cost: these load the stages.
-    from kinemimic.evaluate.workflow.batch_capture import (  # noqa: PLC0415
-        Task,
-        failed_row,
-        kept_row,
-        process,
-        remove_partial,
-    )
-    from kinemimic.pipeline.parallel.task_pool import Failure, isolated_map  # noqa: PLC0415
-
     config = {stage: dict(chosen) for stage, chosen in (options or {}).items() if chosen}
-    tasks = [Task(file, folder, config) for file, folder in run_folders(sources, out).items()]
-    rows = (
-        {} if overwrite else {k: row for k, task in enumerate(tasks) if (row := kept_row(task)) is not None}
-    )
-    waiting = [k for k in range(len(tasks)) if k not in rows]
-    try:
-        with progress("batch", len(waiting), unit="captures") as bar:
-            outcomes = isolated_map(process, [tasks[k] for k in waiting], workers=jobs, timeout=timeout)
-            for index, outcome in outcomes:
-                k = waiting[index]
-                rows[k] = failed_row(tasks[k], outcome.reason) if isinstance(outcome, Failure) else outcome
-                bar.advance(finished=tasks[k].capture.name)
-    except KeyboardInterrupt:
-        for k in set(waiting) - set(rows):
-            remove_partial(tasks[k])
-        _write(out, [rows[k] for k in sorted(rows)], config)
-        raise KeyboardInterrupt(
-            f"{out}: {len(rows)} of {len(tasks)} files done; run the same command again to go on"
-        ) from None
-    return _write(out, [rows[k] for k in sorted(rows)], config)
+    folders = run_folders(paths_of(sources), out)
+    if not folders:
+        return _result([], config)
+    executor = executor or LocalProcesses(jobs, timeout, int(memory * 2**30))
+    with BatchState(out) as state:
+        names = state.names({file: _free(folder.relative_to(out)) for file, folder in folders.items()})
+        tasks = [Task(file, out / names[file], config, to, names[file]) for file in folders]
+        work = BatchWork(tasks, state, overwrite=overwrite)
+        try:
+            with progress("batch", len(work.waiting), unit="captures") as bar:
+                work.carry_out(executor, lambda task: bar.advance(finished=task.capture.name))
+        except KeyboardInterrupt:
+            _interrupted(tasks, work, out, config)
+            raise KeyboardInterrupt(
+                f"{out}: {len(work.rows)} of {len(tasks)} files done; run the same command again to go on"
+            ) from None
+        result = _write(out, [work.rows[task.name] for task in tasks], config)
+        if dataset:
+            from kinemimic.evaluate.dataset.build import refresh  # noqa: PLC0415 (import cost)
+
+            state.forget(_gone(sources, state))
+            refresh(out, state, subject=subject)
+    return result
 
 
-def run_folders(sources: Sequence[Path], out: Path) -> dict[Path, Path]:
-    """The files at `sources`, except those below `out`, and their run folders.
+def _free(folder: Path) -> str:
+    """The name of a run folder; not one that a file of the batch has."""
+    first, *rest = folder.parts
+    return Path(f"{first}_" if first in _RESERVED else first, *rest).as_posix()
 
-    A run folder has the path of its file, below `out` instead of the folder that all sources share.
-    KinemimicError for a source that does not exist.
-    """
-    from kinemimic.pipeline.inspect.batch import find_files  # noqa: PLC0415 (import cost)
 
-    for source in sources:
-        if not source.exists():
-            raise KinemimicError(f"{source}: expected a capture or a folder of captures, found nothing there")
-    files = find_files(sources)
-    # A depth recording is a folder that counts as a file.
-    roots = (source if source.is_dir() and source not in files else source.parent for source in sources)
-    shared = os.path.commonpath([root.absolute() for root in roots])
+def _gone(sources: Sequence[str | Path], state: BatchState) -> list[str]:
+    """Names of captures that were in a folder which this batch has searched, and are not there any more."""
+    searched = [path.absolute() for path in paths_of(sources) if path.is_dir()]
+    return [
+        name
+        for name, (capture, _) in state.rows().items()
+        if any(capture.is_relative_to(folder) for folder in searched) and not capture.exists()
+    ]
+
+
+def _interrupted(tasks: Sequence[Task], work: BatchWork, out: Path, config: Mapping[str, Any]) -> None:
+    """Write the rows of the captures that are finished, and remove what is left of the others."""
+    from kinemimic.evaluate.workflow.batch_capture import clear  # noqa: PLC0415 (import cost)
+
+    for task in tasks:
+        if task.name not in work.rows and work.is_mine(task):
+            clear(task.folder)
+    _write(out, [work.rows[task.name] for task in tasks if task.name in work.rows], config)
+
+
+def _write(out: Path, rows: Sequence[Row], config: Mapping[str, Any]) -> dict[str, Any]:
+    """Write batch.json and batch.csv, unless they are the same; returns the content of batch.json."""
+    from kinemimic.evaluate.workflow.batch_table import rows_csv  # noqa: PLC0415 (import cost)
+
+    result = _result(rows, config)
+    if rows:
+        write_json(out / "batch.json", result)
+        write_text(out / "batch.csv", rows_csv(result["captures"]))
+    return result
+
+
+def _result(rows: Sequence[Row], config: Mapping[str, Any]) -> dict[str, Any]:
+    from kinemimic.evaluate.workflow.batch_table import captures_among, counts  # noqa: PLC0415 (import cost)
+
+    read, other = captures_among(rows)
     return {
-        file: out / os.path.relpath(file.absolute(), shared)
-        for file in files
-        if not file.absolute().is_relative_to(out.absolute())
-    }
-
-
-def _write(out: Path, rows: Sequence[dict[str, Any]], config: Mapping[str, Any]) -> dict[str, Any]:
-    """Write batch.json and batch.csv; returns the content of batch.json."""
-    from kinemimic.evaluate.workflow.batch_table import counts, rows_csv  # noqa: PLC0415 (import cost)
-    from kinemimic.pipeline.inspect.file_report import OTHER  # noqa: PLC0415 (import cost)
-
-    read: list[dict[str, Any]] = []
-    beside: set[Path] = set()  # of two files that are read with each other, the first is the capture
-    for row in rows:
-        file = Path(row["file"])
-        if row["status"] != OTHER and file not in beside:
-            read.append(row)
-            beside |= {file.with_name(name) for name in row["sidecar_files"]}
-    result = {
         "schema": BATCH_SCHEMA,
         "counts": counts(read),
         "captures": read,
-        "other": {row["file"]: row["reason"] for row in rows if row["status"] == OTHER},
+        "other": {row["file"]: row["reason"] for row in other},
         "provenance": provenance(
             "batch",
             inputs={row["file"]: row["sha256"] for row in read if row["sha256"]},
             config=config,
         ),
     }
-    if rows:
-        write_json(out / "batch.json", result)
-        write_text(out / "batch.csv", rows_csv(read))
-    return result
 
 
-@click.command("batch")
-@click.argument("sources", nargs=-1, required=True, metavar="SOURCE...",
-                type=click.Path(path_type=Path))  # fmt: skip
-@click.option("--out", type=click.Path(path_type=Path, file_okay=False), required=True,
-              help="Folder of the run folders and of the table.")  # fmt: skip
-@click.option("-j", "--jobs", type=click.IntRange(min=1),
-              help="Captures processed in parallel; default: one per core.")  # fmt: skip
-@click.option("--timeout", type=click.FloatRange(min=0, min_open=True), default=TIMEOUT, show_default=True,
-              help="Seconds allowed for one capture.")  # fmt: skip
-@click.option("--overwrite", is_flag=True, help="Also process captures whose result is up to date.")
-@json_option("Print batch.json.")
-def command(
-    sources: tuple[Path, ...],
-    out: Path,
-    jobs: int | None,
-    timeout: float,
-    overwrite: bool,
-    as_json: bool,
-    **options: Any,
-) -> int:
-    """Make the motion of every capture at SOURCE (files, and folders with all their subfolders).
-
-    Every capture goes through ingest, convert and retarget in its own run folder below --out. The table says
-    which motions `train` accepts, and why the others were refused. Captures whose result is up to date are
-    skipped. Exit status: 0 if any motion is accepted, else 2.
-
-    \b
-      kinemimic batch recordings/ --out runs/recordings
-      kinemimic batch walk.skl run.bvh --out runs/both --as-recorded
-    """
-    result = batch(
-        sources,
-        out,
-        options=stage_options(STAGE_OPTIONS, options),
-        jobs=jobs or len(os.sched_getaffinity(0)),
-        timeout=timeout,
-        overwrite=overwrite,
-    )
-    if as_json:
-        click.echo(json.dumps(result, indent=2))
-    elif not result["captures"]:
-        reasons = list(result["other"].values()) or ["it is empty"]
-        more = f"; {len(reasons) - 1} other files are no captures either" if len(reasons) > 1 else ""
-        raise KinemimicError(f"{sources[0]}: expected captures, found none: {reasons[0]}{more}")
-    else:
-        from kinemimic.evaluate.workflow.batch_table import tables  # noqa: PLC0415 (import cost)
-
-        show(*tables(result["captures"], result["counts"]))
-        click.echo(f"\nbatch: {out / 'batch.json'}, {out / 'batch.csv'}")
-    return 0 if result["counts"]["accepted"] else BAD_INPUT
-
-
-command.params[-1:-1] = passed_on(STAGE_OPTIONS)
+def found_nothing(sources: Sequence[str | Path], result: Mapping[str, Any]) -> KinemimicError:
+    """The error about sources without a capture."""
+    reasons = list(result["other"].values()) or ["it is empty"]
+    more = f"; {len(reasons) - 1} other files are no captures either" if len(reasons) > 1 else ""
+    return KinemimicError(f"{os.fspath(sources[0])}: expected captures, found none: {reasons[0]}{more}")

@@ -1,153 +1,126 @@
-"""One capture of a batch: its stages up to the motion, and the row that says what became of it.
-
-The row is also kept in the capture's run folder, with what it was made from (batch_row.json), so that the
-next batch can skip the capture.
-"""
+"""One capture of a batch: its stages, in its run folder, and the row that says what became of it."""
 
 from __future__ import annotations
 
+import errno
+import shutil
 import time
-from collections.abc import Mapping
-from dataclasses import dataclass
+from collections.abc import Iterator
+from contextlib import ExitStack, contextmanager
 from pathlib import Path
-from typing import Any
 
-from kinemimic.evaluate.workflow.run import RUN_STAGES, run
+from kinemimic.evaluate.workflow.batch_row import (
+    FAILED,
+    capture_columns,
+    empty_row,
+    motion_columns,
+    score_columns,
+)
+from kinemimic.evaluate.workflow.batch_state import Kept
+from kinemimic.evaluate.workflow.batch_task import TRACKER, Row, Task, made_from
+from kinemimic.evaluate.workflow.run import run
 from kinemimic.pipeline.errors import KinemimicError, NotACaptureError
-from kinemimic.pipeline.files.provenance import versions
-from kinemimic.pipeline.files.stages import stage_named
-from kinemimic.pipeline.files.store import read_json, write_json
-from kinemimic.pipeline.inspect.file_report import OTHER, REFUSED, without_path
-from kinemimic.pipeline.run_folder.capture import sources_of
-from kinemimic.pipeline.run_folder.record import RUN_FILE, digests
+from kinemimic.pipeline.files.stages import STAGES, stage_named
+from kinemimic.pipeline.files.store import read_json
+from kinemimic.pipeline.inspect.file_report import OTHER, REFUSED
+from kinemimic.pipeline.run_folder.lock import locked
+from kinemimic.pipeline.run_folder.record import RUN_FILE
+from kinemimic.pipeline.run_folder.stage import OUTDATED
 from kinemimic.retarget.formats.gait_json import read_gait_json
 
-ROW, ROW_SCHEMA = "batch_row.json", 1
-ACCEPTED, FAILED, GATE = "accepted", "failed", "gate"
-TO_MOTION = RUN_STAGES[: RUN_STAGES.index("retarget") + 1]
-_OUTPUTS = (RUN_FILE, ROW, *(file for name in TO_MOTION for file in stage_named(name).writes))
-_KEPT_OUTPUTS = ("motion.json", "gait.json")
-
-Row = dict[str, Any]
+# Nothing is wrong with a capture that met these.
+_NO_SPACE = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
+# Of a performance, what the row and the report do not need, and `run` makes again: 12 MB of 14.
+_LARGE = ("policy.safetensors", "trajectory.npz")
+_PATIENCE = 10.0  # seconds that the process of a batch which was killed may take to end
 
 
-@dataclass(frozen=True)
-class Task:
-    """A capture, its run folder, and the options of the stages, as `run` takes them."""
+def process(task: Task) -> Kept:
+    """Run the stages on a capture; a refusal is a row with its reason.
 
-    capture: Path
-    folder: Path
-    options: Mapping[str, Mapping[str, Any]]
-
-
-def process(task: Task) -> Row:
-    """Run the stages up to the motion on a capture; a refusal is a row with its reason.
-
-    Outputs of an earlier run are removed first, so that no old motion stands beside a refusal.
+    Outputs of an earlier run are removed first, unless the task goes on with it, so that no old motion stands
+    beside a refusal.
     """
     begin = time.perf_counter()
-    for name in _OUTPUTS:
-        (task.folder / name).unlink(missing_ok=True)
-    try:
-        run(task.capture, task.folder, options=task.options, stages=TO_MOTION, quiet=True)
-    except NotACaptureError as error:
-        return _empty_row(task, OTHER, str(error))
-    except (KinemimicError, OSError) as error:
-        row = _empty_row(task, REFUSED, _text(error)) | {"stage": _unfinished(task.folder)}
-    else:
-        row = motion_row(task, read_gait_json(task.folder / "gait.json"))
-    made_from = _made_from(task)
-    inputs = {name: digest for name, digest in made_from["inputs"].items() if digest}
+    with _patiently(task.folder):
+        if not task.resume:
+            clear(task.folder)
+        row = _row(task)
+        if row["status"] == FAILED:
+            clear(task.folder)
+        made = made_from(task)
+    inputs = {name: mark[2] for name, mark in made["inputs"].items() if mark is not None}
     if task.capture.is_file():
         row["sha256"] = inputs.pop(task.capture.name, None)
         row["sidecar_files"] = [name for name in inputs if task.capture.with_name(name).exists()]
     row["seconds"] = round(time.perf_counter() - begin, 2)
-    write_json(task.folder / ROW, {"schema": ROW_SCHEMA, **made_from, "row": row})
+    return Kept(row, {} if row["status"] == FAILED else made)
+
+
+def _row(task: Task) -> Row:
+    motion = tuple(stage for stage in task.stages if stage != "evaluate")
+    options = {stage: task.options.get(stage, {}) for stage in motion}
+    try:
+        run(task.capture, task.folder, options=options, stages=motion, quiet=True)
+    except NotACaptureError as error:
+        return empty_row(task, OTHER, str(error))
+    except (KinemimicError, OSError) as error:
+        full = isinstance(error, OSError) and error.errno in _NO_SPACE
+        row = empty_row(task, FAILED if full else REFUSED, _text(error))
+        return row | capture_columns(task.folder) | {"stage": _unfinished(task.folder, motion)}
+    row = empty_row(task, "accepted", "") | capture_columns(task.folder)
+    if "retarget" in motion:
+        row |= motion_columns(read_gait_json(task.folder / "gait.json"))
+    if "evaluate" in task.stages and row["status"] == "accepted":
+        row |= _performed(task)
     return row
 
 
-def remove_partial(task: Task) -> None:
-    """Remove the temporary files (`files.store.atomic`) that a killed process left in the run folder."""
-    for name in _OUTPUTS:
-        for file in task.folder.glob(f".{name}.*"):
-            file.unlink()
-
-
-def kept_row(task: Task) -> Row | None:
-    """The row of an earlier batch, if capture, options, version and the motion are still the same."""
-    path = task.folder / ROW
-    if not path.exists():
-        return None
+def _performed(task: Task) -> Row:
+    """The scores of the motion as the tracker performs it, or why it does not."""
     try:
-        kept = read_json(path)
-        made_from = {key: kept[key] for key in ("schema", "inputs", "config", "version", "outputs")}
-        row: Row = kept["row"]
-    except (KinemimicError, KeyError, TypeError):
-        return None
-    return row if made_from == {"schema": ROW_SCHEMA, **_made_from(task)} else None
+        scores = run(
+            task.capture, task.folder, options=task.options, stages=task.stages, policy=TRACKER, quiet=True
+        ).scores
+    except KinemimicError as error:
+        return {"unperformed": empty_row(task, "", _text(error))["reason"]}
+    except OSError as error:
+        status = FAILED if error.errno in _NO_SPACE else "accepted"
+        reason = empty_row(task, status, _text(error))["reason"]
+        return {"status": status, "reason": reason} if status == FAILED else {"unperformed": reason}
+    for name in _LARGE:
+        (task.folder / name).unlink(missing_ok=True)
+    return score_columns(scores or read_json(task.folder / "scores.json"))
 
 
-def failed_row(task: Task, reason: str) -> Row:
-    """The row of a capture whose process crashed or took too long; the next batch tries it again."""
-    return _empty_row(task, FAILED, reason)
+def clear(folder: Path) -> None:
+    """Remove what the stages, and a process that was killed in one of them, left in a run folder."""
+    for name in (RUN_FILE, "index.html", *(file for stage in STAGES for file in stage.writes)):
+        for file in (*folder.glob(name), *folder.glob(f".{name}.*")):
+            file.unlink(missing_ok=True)
+    for rest in (*folder.glob(".staging-*"), folder / OUTDATED):
+        shutil.rmtree(rest, ignore_errors=True)
 
 
-def _empty_row(task: Task, status: str, reason: str) -> Row:
-    """The row of a capture without a motion: all keys, with these values."""
-    for place in (task.capture, task.folder):
-        reason = without_path(place, reason)
-    return {
-        "file": str(task.capture),
-        "folder": str(task.folder),
-        "sha256": None,
-        "sidecar_files": [],
-        "status": status,
-        "stage": None,
-        "kind": None,
-        "cyclic": None,
-        "strides_used": None,
-        "strides_found": None,
-        "period_s": None,
-        "speed_m_s": None,
-        "path": None,
-        "path_disagreement": None,
-        "findings": [],
-        "reason": reason or None,
-        "seconds": None,
-    }
+@contextmanager
+def _patiently(folder: Path) -> Iterator[None]:
+    """`locked`, but wait for a process that has been killed and is not yet gone."""
+    deadline = time.monotonic() + _PATIENCE
+    with ExitStack() as stack:
+        while True:
+            try:
+                stack.enter_context(locked(folder))
+                break
+            except KinemimicError:
+                if time.monotonic() > deadline:
+                    raise
+                time.sleep(0.1)
+        yield
 
 
-def motion_row(task: Task, gait: Mapping[str, Any]) -> Row:
-    """The row of a motion, from gait.json."""
-    refusals = [finding["message"] for finding in gait["gate"] if finding["severity"] == "refuse"]
-    path = gait.get("path") or {}
-    return _empty_row(task, REFUSED if refusals else ACCEPTED, "; ".join(refusals)) | {
-        "stage": GATE if refusals else None,
-        "kind": gait["kind"],
-        "cyclic": gait["cyclic"],
-        "strides_used": gait.get("strides_used", gait.get("strides")),
-        "strides_found": gait.get("strides_found"),
-        "period_s": gait.get("period_s"),
-        "speed_m_s": gait.get("speed_m_s"),
-        "path": path.get("source"),
-        "path_disagreement": path.get("disagreement"),
-        "findings": [text for text in gait["warnings"] if text not in refusals],
-    }
-
-
-def _made_from(task: Task) -> dict[str, Any]:
-    config = {stage: dict(options) for stage, options in task.options.items()}
-    return {
-        "inputs": digests(sources_of(task.folder, task.capture)),
-        "config": config,
-        "version": versions().get("kinemimic"),
-        "outputs": digests({name: task.folder / name for name in _KEPT_OUTPUTS}),
-    }
-
-
-def _unfinished(folder: Path) -> str | None:
+def _unfinished(folder: Path, stages: tuple[str, ...]) -> str | None:
     """The first stage without its output."""
-    missing = (name for name in TO_MOTION if not (folder / stage_named(name).writes[0]).exists())
+    missing = (name for name in stages if not (folder / stage_named(name).writes[0]).exists())
     return next(missing, None)
 
 

@@ -13,9 +13,10 @@ from rich.console import Group, RenderableType
 from rich.table import Table
 from rich.text import Text
 
-from kinemimic.evaluate.workflow.batch_capture import ACCEPTED, FAILED, Row
+from kinemimic.evaluate.workflow.batch_row import ACCEPTED, FAILED
+from kinemimic.evaluate.workflow.batch_task import Row
 from kinemimic.pipeline.cli.terminal import grid, heading, key_value_table, number
-from kinemimic.pipeline.inspect.file_report import REFUSED
+from kinemimic.pipeline.inspect.file_report import OTHER, REFUSED
 from kinemimic.pipeline.inspect.files_table import common_folder, reasons
 
 
@@ -28,9 +29,23 @@ def counts(rows: Sequence[Row]) -> dict[str, Any]:
         "loops": sum(bool(row["cyclic"]) for row in accepted),
         "as_recorded": sum(not row["cyclic"] for row in accepted),
         "kinds": dict(Counter(row["kind"] for row in accepted)),
+        "performed": sum(row["verdict"] is not None for row in accepted),
         "refused": dict(Counter(row["stage"] for row in rows if row["status"] == REFUSED)),
         "failed": sum(row["status"] == FAILED for row in rows),
     }
+
+
+def captures_among(rows: Sequence[Row]) -> tuple[list[Row], list[Row]]:
+    """The rows of captures, and those of other files; of two files that are read with each other, the first
+    is the capture, and the second has no row."""
+    read: list[Row] = []
+    beside: set[Path] = set()
+    for row in rows:
+        file = Path(row["file"])
+        if row["status"] != OTHER and file not in beside:
+            read.append(row)
+            beside |= {file.with_name(name) for name in row["sidecar_files"]}
+    return read, [row for row in rows if row["status"] == OTHER]
 
 
 def rows_csv(rows: Sequence[Row]) -> str:
@@ -92,6 +107,8 @@ def _totals(counted: Mapping[str, Any]) -> Table:
     for title, key in (("kinds", "kinds"), ("refused by", "refused")):
         if counted[key]:
             table.add_row(title, ", ".join(f"{name} {count}" for name, count in counted[key].items()))
+    if counted["performed"]:
+        table.add_row("performed", f"{counted['performed']} by the tracker")
     if counted["failed"]:
         table.add_row("failed", str(counted["failed"]))
     return table

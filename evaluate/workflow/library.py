@@ -12,7 +12,8 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from kinemimic.evaluate.workflow.batch import STAGE_OPTIONS, TIMEOUT, batch
+from kinemimic.evaluate.workflow.batch import TIMEOUT, batch
+from kinemimic.evaluate.workflow.batch_command import STAGE_OPTIONS
 from kinemimic.evaluate.workflow.run import passed_on, stage_options
 from kinemimic.pipeline.cli.options import json_option
 from kinemimic.pipeline.cli.terminal import show
@@ -49,7 +50,7 @@ def library(
     variants without a loop.
     """
     # Import cost: these load the stages.
-    from kinemimic.evaluate.workflow.batch_capture import ACCEPTED  # noqa: PLC0415
+    from kinemimic.evaluate.workflow.batch_row import ACCEPTED  # noqa: PLC0415
     from kinemimic.evaluate.workflow.library_variants import made_variants  # noqa: PLC0415
     from kinemimic.retarget.formats.motion_json import read_motion_json  # noqa: PLC0415
     from kinemimic.retarget.library.library_file import write_library  # noqa: PLC0415
@@ -57,7 +58,7 @@ def library(
 
     pattern = _pattern(subject)
     runs = out / "runs"
-    rows = batch(sources, runs, options=options, jobs=jobs, timeout=timeout)["captures"]
+    rows = batch(sources, runs, options=options, jobs=jobs, timeout=timeout, dataset=False)["captures"]
     if not rows:
         raise KinemimicError(f"{sources[0]}: expected captures, found none")
     subjects = {row["file"]: _subject(pattern, Path(row["file"])) for row in rows}

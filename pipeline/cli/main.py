@@ -103,8 +103,8 @@ COMMANDS: dict[str, tuple[str, str]] = {
         "Run all stages on one capture; skip those up to date.",
     ),
     "batch": (
-        "kinemimic.evaluate.workflow.batch:command",
-        "Make motions of many captures; one table of what became of each.",
+        "kinemimic.evaluate.workflow.batch_command:command",
+        "Make a data set of the motions of many captures.",
     ),
     "library": (
         "kinemimic.evaluate.workflow.library:command",

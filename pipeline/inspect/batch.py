@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 import stat
 from collections import Counter
 from collections.abc import Iterable, Iterator, Sequence
@@ -22,7 +21,6 @@ from kinemimic.pipeline.inspect.file_report import (
 )
 from kinemimic.pipeline.parallel.task_pool import MEMORY, TIMEOUT, Failure, isolated_map
 from kinemimic.pipeline.readers.base.source import MAX_BYTES
-from kinemimic.pipeline.readers.depth.folder import is_recording
 from kinemimic.pipeline.readers.video.container import is_video
 
 Report = dict[str, Any]
@@ -32,26 +30,6 @@ _SECONDS_PER_BYTE = 1e-6
 _MEMORY_PER_BYTE = 12
 # Networks look at every frame: some ten minutes of video.
 _SECONDS_PER_VIDEO = 3600.0
-
-
-def find_files(paths: Iterable[Path]) -> list[Path]:
-    """The files at `paths`, and all files below the folders among them except hidden ones, sorted by path.
-
-    A depth recording, which is a folder, counts as one file. A path that does not exist is kept, so that it
-    gets a report.
-    """
-    found = {file: None for path in paths for file in (_files_below(path) if path.is_dir() else (path,))}
-    return sorted(found, key=lambda file: file.parts)
-
-
-def _files_below(folder: Path) -> Iterator[Path]:
-    for place, folders, names in os.walk(folder):
-        if is_recording(Path(place)):
-            folders.clear()
-            yield Path(place)
-            continue
-        folders[:] = [name for name in folders if not name.startswith(".")]
-        yield from (Path(place) / name for name in names if not name.startswith("."))
 
 
 def file_reports(

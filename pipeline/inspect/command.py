@@ -20,7 +20,6 @@ from kinemimic.pipeline.errors import CaptureError, KinemimicError
 from kinemimic.pipeline.inspect.batch import (
     file_reports,
     file_sections,
-    find_files,
     folder_summaries,
     mark_sidecar_files,
 )
@@ -28,6 +27,7 @@ from kinemimic.pipeline.inspect.file_report import FLAGGED, OTHER, SIDECAR, USAB
 from kinemimic.pipeline.inspect.file_view import file_view
 from kinemimic.pipeline.inspect.files_table import files_table
 from kinemimic.pipeline.readers.base.source import Source
+from kinemimic.pipeline.readers.search import find_files
 
 
 @click.command()

@@ -7,6 +7,7 @@ fails or kills its process costs only its own result.
 from __future__ import annotations
 
 import math
+import multiprocessing
 import os
 import resource
 import signal
@@ -47,8 +48,11 @@ def parallel_map(
     """Results of all tasks, in their order, from `workers` processes (all cores by default).
 
     work: a function at a module's top level; its exceptions are raised here. progress: called with the number
-    of tasks done since the last call. KinemimicError if a process died.
+    of tasks done since the last call. KinemimicError if a process died. A worker of another pool, which has a
+    core of its own, carries out the tasks itself.
     """
+    if multiprocessing.current_process().daemon:
+        return [_advanced(work(task), progress) for task in tasks]
     count = min(workers or len(os.sched_getaffinity(0)), len(tasks))
     results: dict[int, Result] = {}
     for index, outcome in _outcomes(partial(_caught, work), tasks, count):
@@ -61,6 +65,12 @@ def parallel_map(
         if progress is not None:
             progress(1)
     return [results[index] for index in range(len(tasks))]
+
+
+def _advanced(result: Result, progress: Callable[[int], object] | None) -> Result:
+    if progress is not None:
+        progress(1)
+    return result
 
 
 def isolated_map(

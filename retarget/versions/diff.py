@@ -18,6 +18,7 @@ from kinemimic.pipeline.convert import read_converted
 from kinemimic.pipeline.errors import KinemimicError
 from kinemimic.pipeline.files.canonical import FORMAT, Canonical
 from kinemimic.pipeline.files.store import read_clip, read_json
+from kinemimic.retarget.dataset.index_table import is_dataset
 from kinemimic.retarget.formats.motion_json import MOTION_FORMAT, read_motion_json
 from kinemimic.retarget.versions.build import STAGES, canonical_motion
 
@@ -178,6 +179,16 @@ def _amount(change: Change) -> str:
     return f"{change.largest:.4g}" + ("°" if change.unit == "°" else f" {change.unit}")
 
 
+def _file_changes(before: Path, after: Path) -> dict[str, list[Change] | str]:
+    found: dict[str, list[Change] | str] = {}
+    for name, (one, other) in file_pairs(before, after).items():
+        if one is None or other is None:
+            found[name] = "added" if one is None else "removed"
+        elif differing := find_changes(read_any(one), read_any(other)):
+            found[name] = differing
+    return found
+
+
 @click.command("diff")
 @click.argument("before", type=click.Path(path_type=Path))
 @click.argument("after", type=click.Path(path_type=Path))
@@ -185,18 +196,17 @@ def _amount(change: Change) -> str:
 def command(before: Path, after: Path, as_json: bool) -> None:
     """List the differences from BEFORE to AFTER in terms of motion: joints, degrees, millimetres, frames.
 
-    Each is a file (motion.json, a clip's .parquet, a file of `datasets build`) or a folder of such files, for
-    example a run. Numbers are rounded to 1e-5, as in a locked data set. Exit status 1 if anything differs.
+    Each is a file (motion.json, a clip's .parquet, a file of `datasets build`), a folder of such files, for
+    example a run, or a data set of `batch`. Numbers are rounded to 1e-5, as in a locked data set. Exit status
+    1 if anything differs.
 
     \b
       kinemimic datasets diff runs/before runs/after
     """
-    found: dict[str, list[Change] | str] = {}
-    for name, (one, other) in file_pairs(before, after).items():
-        if one is None or other is None:
-            found[name] = "added" if one is None else "removed"
-        elif differing := find_changes(read_any(one), read_any(other)):
-            found[name] = differing
+    from kinemimic.retarget.versions.dataset_diff import dataset_changes  # noqa: PLC0415 (it builds on this)
+
+    both_are_sets = is_dataset(before) and is_dataset(after)
+    found = dataset_changes(before, after) if both_are_sets else _file_changes(before, after)
     if as_json:
         click.echo(json.dumps({name: _json(change) for name, change in found.items()}, indent=2))
     elif not found:

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import pytest
 
-from kinemimic.pipeline.parallel import task_pool
+from kinemimic.pipeline.parallel import executor
 
 
 @pytest.fixture
 def inline(monkeypatch: pytest.MonkeyPatch) -> None:
     """In this process, which spares the start of others."""
-    monkeypatch.setattr(task_pool, "isolated_map", lambda work, tasks, **_: enumerate(map(work, tasks)))
+    monkeypatch.setattr(executor, "isolated_map", lambda work, tasks, **_: enumerate(map(work, tasks)))

@@ -15,12 +15,13 @@ from peers.recordings import write_damaged, write_walk
 from printed.documented import PAGE, documented_keys
 from samples import uiprmd
 
-from kinemimic.evaluate.workflow.batch import batch, run_folders
-from kinemimic.evaluate.workflow.batch_capture import TO_MOTION, Task, motion_row
-from kinemimic.evaluate.workflow.run import run
+from kinemimic.evaluate.workflow.batch import batch
+from kinemimic.evaluate.workflow.batch_row import motion_columns
+from kinemimic.evaluate.workflow.batch_sources import run_folders
+from kinemimic.evaluate.workflow.run import RUN_STAGES, run
 from kinemimic.pipeline.cli.main import main
 from kinemimic.pipeline.files.store import read_json
-from kinemimic.pipeline.parallel import task_pool
+from kinemimic.pipeline.parallel.executor import InProcess
 from kinemimic.pipeline.parallel.task_pool import Failure
 
 
@@ -65,6 +66,7 @@ def test_every_capture_has_a_row_and_a_run_folder(recordings: Path, tmp_path: Pa
         "loops": 1,
         "as_recorded": 0,
         "kinds": {"walk": 1},
+        "performed": 0,
         "refused": {"ingest": 1},
         "failed": 0,
     }
@@ -77,7 +79,7 @@ def test_every_capture_has_a_row_and_a_run_folder(recordings: Path, tmp_path: Pa
 def test_run_continues_where_a_batch_ended(recordings: Path, tmp_path: Path) -> None:
     out = tmp_path / "out"
     batch([recordings / "walk.skl"], out)
-    again = run(recordings / "walk.skl", out / "walk.skl", stages=TO_MOTION, quiet=True)
+    again = run(recordings / "walk.skl", out / "walk.skl", stages=RUN_STAGES[:3], quiet=True)
     assert again.skipped == ("ingest", "convert", "retarget")
 
 
@@ -110,7 +112,7 @@ def test_no_old_motion_stands_beside_a_refusal(tmp_path: Path) -> None:
     batch([capture], out)
     write_damaged(capture)
     assert by_name(batch([capture], out))["walk.skl"]["status"] == "refused"
-    assert {file.name for file in (out / "walk.skl").iterdir()} == {"batch_row.json"}
+    assert not list((out / "walk.skl").iterdir())
 
 
 def test_a_capture_that_takes_too_long_is_a_row_and_is_tried_again(tmp_path: Path) -> None:
@@ -120,16 +122,15 @@ def test_a_capture_that_takes_too_long_is_a_row_and_is_tried_again(tmp_path: Pat
     assert batch([capture], out)["counts"]["accepted"] == 1
 
 
-def test_a_crash_costs_one_row(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_crash_costs_one_row(tmp_path: Path) -> None:
     first, second = (write_walk(tmp_path / name) for name in ("a.skl", "b.skl"))
-    monkeypatch.setattr(
-        task_pool,
-        "isolated_map",
-        lambda work, tasks, **_: iter(
-            [(1, work(tasks[1])), (0, Failure("its process was ended by SIGSEGV"))]
-        ),
-    )
-    rows = by_name(batch([first, second], tmp_path / "out"))
+    class Crashing(InProcess):
+        def map(self, work: Any, tasks: Any) -> Iterator[tuple[int, Any]]:
+            one, other = tasks
+            yield 1, work(other)
+            yield 0, Failure("its process was ended by SIGSEGV")
+
+    rows = by_name(batch([first, second], tmp_path / "out", executor=Crashing()))
     assert (rows["a.skl"]["status"], rows["a.skl"]["reason"]) == (
         "failed",
         "its process was ended by SIGSEGV",
@@ -137,20 +138,20 @@ def test_a_crash_costs_one_row(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) 
     assert rows["b.skl"]["status"] == "accepted"
 
 
-def test_an_interrupted_batch_keeps_its_rows(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_an_interrupted_batch_keeps_its_rows(tmp_path: Path) -> None:
     first, second = (write_walk(tmp_path / name) for name in ("a.skl", "b.skl"))
     out = tmp_path / "out"
 
-    def interrupted(work: Any, tasks: list[Task], **_: Any) -> Iterator[tuple[int, Any]]:
-        yield 0, work(tasks[0])
-        tasks[1].folder.mkdir()
-        (tasks[1].folder / ".clip.parquet.abc.parquet").touch()  # as a killed worker leaves it
-        raise KeyboardInterrupt
+    class Interrupted(InProcess):
+        def map(self, work: Any, tasks: Any) -> Iterator[tuple[int, Any]]:
+            yield 0, work(next(tasks))
+            folder = next(tasks).folder
+            folder.mkdir()
+            (folder / ".clip.parquet.abc.parquet").touch()  # as a killed worker leaves it
+            raise KeyboardInterrupt
 
-    with monkeypatch.context() as patched:
-        patched.setattr(task_pool, "isolated_map", interrupted)
-        with pytest.raises(KeyboardInterrupt, match="1 of 2 files done; run the same command again to go on"):
-            batch([first, second], out)
+    with pytest.raises(KeyboardInterrupt, match="1 of 2 files done; run the same command again to go on"):
+        batch([first, second], out, executor=Interrupted())
     kept = read_json(out / "batch.json")["captures"]
     assert [Path(row["file"]).name for row in kept] == ["a.skl"]
     assert not list((out / "b.skl").iterdir())
@@ -180,8 +181,7 @@ def test_a_file_that_is_read_with_a_capture_has_no_row(tmp_path: Path) -> None:
     assert len(row["sidecar_files"]) == 1
 
 
-def test_the_strides_and_the_path_come_from_the_report(tmp_path: Path) -> None:
-    task = Task(tmp_path / "walk.skl", tmp_path / "out", {})
+def test_the_strides_and_the_path_come_from_the_report() -> None:
     gait = {
         "kind": "walk",
         "cyclic": True,
@@ -194,7 +194,7 @@ def test_the_strides_and_the_path_come_from_the_report(tmp_path: Path) -> None:
         ],
         "warnings": ["the sensor turns", "it sinks", "it slips"],
     }
-    row = motion_row(task, gait)
+    row = motion_columns(gait)
     assert (row["strides_used"], row["strides_found"]) == (12, 20)
     assert (row["path"], row["path_disagreement"]) == ("feet", 0.4)
     assert (row["status"], row["stage"], row["reason"]) == ("refused", "gate", "it sinks")

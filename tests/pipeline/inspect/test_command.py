@@ -15,9 +15,10 @@ import pytest
 
 from kinemimic.pipeline.cli.main import main
 from kinemimic.pipeline.inspect import batch
-from kinemimic.pipeline.inspect.batch import file_reports, find_files, folder_summaries, mark_sidecar_files
+from kinemimic.pipeline.inspect.batch import file_reports, folder_summaries, mark_sidecar_files
 from kinemimic.pipeline.inspect.file_report import file_report, unread_report
 from kinemimic.pipeline.readers.recognise import formats
+from kinemimic.pipeline.readers.search import find_files
 
 Writer = Callable[..., Path]
 Out = pytest.CaptureFixture[str]

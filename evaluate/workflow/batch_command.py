@@ -1,0 +1,90 @@
+"""The command `kinemimic batch`."""
+
+from __future__ import annotations
+
+import json
+import os
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import click
+
+from kinemimic.evaluate.workflow.batch import MEMORY_GIB, TIMEOUT, batch, found_nothing
+from kinemimic.evaluate.workflow.batch_task import TARGETS
+from kinemimic.evaluate.workflow.run import passed_on, stage_options
+from kinemimic.pipeline.cli.main import BAD_INPUT
+from kinemimic.pipeline.cli.options import Decorator, json_option
+from kinemimic.pipeline.cli.terminal import show
+from kinemimic.pipeline.filters.options import ingest_options
+from kinemimic.retarget.options import retarget_options
+
+STAGE_OPTIONS: Mapping[str, Decorator] = {"ingest": ingest_options, "retarget": retarget_options}
+
+
+@click.command("batch")
+@click.argument("sources", nargs=-1, required=True, metavar="SOURCE...")
+@click.option("--out", type=click.Path(path_type=Path, file_okay=False), required=True,
+              help="Folder of the run folders, the table, the data set and its page.")  # fmt: skip
+@click.option("--to", type=click.Choice(list(TARGETS)), default="motion", show_default=True,
+              help="How far: quaternions, a motion, or a performance by the tracker, with scores.")  # fmt: skip
+@click.option("--subject", metavar="REGEX",
+              help="The person in a file's name, from its beginning: the first group, or all that matches. "
+                   "Default: up to the first underscore.")  # fmt: skip
+@click.option("-j", "--jobs", type=click.IntRange(min=1),
+              help="Captures processed in parallel; default: one per core.")  # fmt: skip
+@click.option("--timeout", type=click.FloatRange(min=0, min_open=True), default=TIMEOUT, show_default=True,
+              help="Seconds allowed for one capture.")  # fmt: skip
+@click.option("--limit-memory", "memory", type=click.FloatRange(min=0.5), metavar="GIB", default=MEMORY_GIB,
+              show_default=True, help="Memory allowed for one capture.")  # fmt: skip
+@click.option("--overwrite", is_flag=True, help="Also process captures whose result is up to date.")
+@json_option("Print batch.json.")
+def command(
+    sources: tuple[str, ...],
+    out: Path,
+    to: str,
+    subject: str | None,
+    jobs: int | None,
+    timeout: float,
+    memory: float,
+    overwrite: bool,
+    as_json: bool,
+    **options: Any,
+) -> int:
+    """Make a data set of the motions of every capture at SOURCE.
+
+    SOURCE: a file, a folder with all its subfolders, a pattern ("walks/**/*.bvh"), a name of the catalogue,
+    or @FILE, a list of these. Every capture goes through ingest, convert and retarget in its own run folder
+    below --out. The table says which motions `train` accepts, and why the others were refused. Captures whose
+    result is up to date are skipped. Exit status: 0 if any capture is accepted, else 2.
+
+    \b
+      kinemimic batch recordings/ --out runs/recordings
+      kinemimic batch walk.skl run.bvh --out runs/both --as-recorded
+      kinemimic batch @captures.txt --out runs/scored --to performed
+    """
+    result = batch(
+        sources,
+        out,
+        options=stage_options(STAGE_OPTIONS, options),
+        to=to,
+        subject=subject,
+        jobs=jobs or len(os.sched_getaffinity(0)),
+        timeout=timeout,
+        memory=memory,
+        overwrite=overwrite,
+    )
+    if as_json:
+        click.echo(json.dumps(result, indent=2))
+    elif not result["captures"]:
+        raise found_nothing(sources, result)
+    else:
+        from kinemimic.evaluate.workflow.batch_table import tables  # noqa: PLC0415 (import cost)
+
+        show(*tables(result["captures"], result["counts"]))
+        click.echo(f"\nbatch: {out / 'batch.json'}, {out / 'batch.csv'}")
+        click.echo(f"data set: {out / 'dataset'} (page: {out / 'index.html'})")
+    return 0 if result["counts"]["accepted"] else BAD_INPUT
+
+
+command.params[-1:-1] = passed_on(STAGE_OPTIONS)

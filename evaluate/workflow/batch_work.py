@@ -1,0 +1,132 @@
+"""The work of a batch: which captures are waiting, who carries them out, and what is kept of each.
+
+Each capture is claimed while this process works on it. One that another batch has claimed is left for the
+end, when that batch has usually finished it.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Iterator, Sequence
+from typing import Any
+
+from kinemimic.evaluate.workflow.batch_state import BatchState, Kept
+from kinemimic.evaluate.workflow.batch_task import Row, Task, resumable, up_to_date
+from kinemimic.pipeline.parallel.executor import Executor
+from kinemimic.pipeline.parallel.task_pool import Failure
+
+_PAUSE = 0.2  # seconds between two looks at what other batches do
+
+
+class BatchWork:
+    """rows: those of the tasks that are finished, by their names; waiting: the other tasks."""
+
+    def __init__(self, tasks: Sequence[Task], state: BatchState, *, overwrite: bool) -> None:
+        self._state, self._overwrite = state, overwrite
+        self.rows: dict[str, Row] = {}
+        self._claimed: set[str] = set()
+        self.waiting: list[Task] = []
+        for task in tasks:
+            row = None if overwrite else self._kept(task)
+            if row is None:
+                self.waiting.append(task)
+            else:
+                self.rows[task.name] = row
+
+    def carry_out(self, executor: Executor, advance: Callable[[Task], object]) -> None:
+        """Carry out what is waiting; advance: called for each task that is finished."""
+        while self.waiting:
+            before = len(self.rows)
+            busy: list[Task] = []
+            self._round(executor, busy, advance)
+            self.waiting = busy
+            if busy and len(self.rows) == before:
+                time.sleep(_PAUSE)
+
+    def is_mine(self, task: Task) -> bool:
+        """Whether this process was at work on a task when it was interrupted."""
+        return task.name in self._claimed
+
+    def _round(self, executor: Executor, busy: list[Task], advance: Callable[[Task], object]) -> None:
+        drawn: list[Task] = []
+        work, packed = _work(executor)
+
+        def tasks() -> Iterator[Any]:
+            for task in self.waiting:
+                if not self._state.claim(task.name):
+                    busy.append(task)
+                    continue
+                self._claimed.add(task.name)
+                if not self._overwrite and (row := self._kept(task)) is not None:
+                    # Another batch has finished it meanwhile.
+                    self._finish(task, row, advance)
+                else:
+                    kept = None if self._overwrite else self._state.get(task.name)
+                    resume = kept is not None and executor.shares_disk and resumable(task, kept)
+                    try:
+                        sent = packed(_resumed(task, resume))
+                    except OSError as error:
+                        self._keep(task, _failed(task, f"{error.filename}: {error.strerror}"), advance)
+                        continue
+                    drawn.append(task)
+                    yield sent
+
+        for index, outcome in executor.map(work, tasks()):
+            self._keep(drawn[index], self._outcome(executor, drawn[index], outcome), advance)
+
+    def _outcome(self, executor: Executor, task: Task, outcome: Any) -> Kept:
+        from kinemimic.evaluate.workflow.batch_capture import clear  # noqa: PLC0415 (import cost)
+        from kinemimic.evaluate.workflow.batch_packed import unpack  # noqa: PLC0415 (import cost)
+
+        if isinstance(outcome, Failure):
+            clear(task.folder)
+            return _failed(task, outcome.reason)
+        if executor.shares_disk:
+            assert isinstance(outcome, Kept)  # noqa: S101 (narrows the type)
+            return outcome
+        try:
+            return unpack(task, outcome)
+        except OSError as error:
+            clear(task.folder)
+            return _failed(task, f"{error.filename}: {(error.strerror or str(error)).lower()}")
+
+    def _keep(self, task: Task, kept: Kept, advance: Callable[[Task], object]) -> None:
+        self._state.put(task.name, kept)
+        self._finish(task, kept.row, advance)
+
+    def _finish(self, task: Task, row: Row, advance: Callable[[Task], object]) -> None:
+        self._state.release(task.name)
+        self._claimed.discard(task.name)
+        self.rows[task.name] = row
+        advance(task)
+
+    def _kept(self, task: Task) -> Row | None:
+        """The row of an earlier batch, if it is up to date."""
+        kept = self._state.get(task.name)
+        made = None if kept is None else up_to_date(task, kept)
+        if kept is None or made is None:
+            return None
+        row = kept.row | {"file": str(task.capture), "folder": str(task.folder)}
+        if made != kept.made_from or row != kept.row:
+            self._state.put(task.name, Kept(row, made))
+        return row
+
+
+def _work(executor: Executor) -> tuple[Callable[[Any], Any], Callable[[Task], Any]]:
+    """What the executor calls, and what makes its argument from a task."""
+    # Import cost: these load the stages.
+    from kinemimic.evaluate.workflow.batch_capture import process  # noqa: PLC0415
+    from kinemimic.evaluate.workflow.batch_packed import pack, process_packed  # noqa: PLC0415
+
+    return (process, lambda task: task) if executor.shares_disk else (process_packed, pack)
+
+
+def _resumed(task: Task, resume: bool) -> Task:
+    return Task(task.capture, task.folder, task.options, task.to, task.name, resume)
+
+
+def _failed(task: Task, reason: str) -> Kept:
+    """The row of a capture whose process crashed or took too much; the next batch tries it again."""
+    from kinemimic.evaluate.workflow.batch_row import FAILED, empty_row  # noqa: PLC0415 (import cost)
+
+    return Kept(empty_row(task, FAILED, reason), {})
