@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import logging
 import os
+import socket
 from collections.abc import Iterator
 from contextlib import contextmanager
 from importlib.util import find_spec
@@ -39,6 +40,8 @@ def cluster(address: str) -> Iterator[int]:
     """
     require_ray()
     local = address == LOCAL
+    if not local:
+        _require_answer(address)
     os.environ |= {**_QUIET, **(_ON_LOOPBACK if local else {})}
     import ray  # noqa: PLC0415 (an extra, and its import takes 0.3 s)
 
@@ -65,6 +68,20 @@ def cluster(address: str) -> Iterator[int]:
         yield _cores()
     finally:
         ray.shutdown()
+
+
+def _require_answer(address: str) -> None:
+    """KinemimicError unless something answers at HOST:PORT: Ray would try for minutes."""
+    host, _, port = address.rpartition(":")
+    if not host or not port.isdecimal() or int(port) > 65535:
+        raise KinemimicError(f"--ray: expected HOST:PORT of a cluster's head, found {address!r}")
+    try:
+        socket.create_connection((host, int(port)), timeout=5.0).close()
+    except OSError as error:
+        raise KinemimicError(
+            f"--ray {address}: expected the head of a Ray cluster, found no answer ({error}); "
+            "`ray start --head --port PORT` starts one"
+        ) from None
 
 
 def _require_loopback() -> None:

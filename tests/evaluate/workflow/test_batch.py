@@ -124,6 +124,7 @@ def test_a_capture_that_takes_too_long_is_a_row_and_is_tried_again(tmp_path: Pat
 
 def test_a_crash_costs_one_row(tmp_path: Path) -> None:
     first, second = (write_walk(tmp_path / name) for name in ("a.skl", "b.skl"))
+
     class Crashing(InProcess):
         def map(self, work: Any, tasks: Any) -> Iterator[tuple[int, Any]]:
             one, other = tasks
