@@ -24,7 +24,7 @@ BULLET := $(or $(BULLET),$(patsubst $(VENV)/native-%,%,$(firstword $(wildcard $(
 NATIVE := $(VENV)/native-$(BULLET)
 NATIVE_FILES := $(wildcard $(addprefix train/native/,*.cpp *.hpp *.py pyproject.toml stubs/*/*.pyi))
 
-.PHONY: help setup formats inspect run batch library tracker ingest convert retarget train evaluate pushes disturb gait view simulate stream export policies reproduce compare study comparison overlay data data-check data-push data-pull test test-slow lint type format docs architecture docs-test mutants bench bench-clean bench-stream bench-truth sensor-accuracy video-accuracy profile wheel install-test clean
+.PHONY: help setup formats inspect run batch library tracker ingest convert retarget train evaluate pushes disturb gait view simulate stream export policies reproduce compare study comparison overlay data data-check data-push data-pull test test-slow lint type format docs architecture docs-test mutants bench bench-clean bench-ray bench-stream bench-truth sensor-accuracy video-accuracy profile wheel install-test clean
 .DEFAULT_GOAL := help
 
 help: ## Show this list
@@ -194,12 +194,15 @@ $(MUTANTS): constraints.txt | $(STAMP)
 mutants: setup $(MUTANTS) ## Find mutations of the core that no test detects (PACKAGES="train/ppo"; hours for all)
 	$(BIN)/python tests/mutants.py $(PACKAGES)
 
-# bench_clean, bench_stream and bench_truth measure errors, not speed, and take minutes.
+# bench_clean, bench_stream and bench_truth measure errors, not speed, and take minutes; bench_ray starts Ray.
 bench: setup ## Run the speed benchmarks, tests/bench/bench_*.py
-	@set -e; for script in $(sort $(filter-out %/bench_clean.py %/bench_stream.py %/bench_truth.py,$(wildcard tests/bench/bench_*.py))); do echo "$$script"; $(BIN)/python "$$script"; done
+	@set -e; for script in $(sort $(filter-out %/bench_clean.py %/bench_ray.py %/bench_stream.py %/bench_truth.py,$(wildcard tests/bench/bench_*.py))); do echo "$$script"; $(BIN)/python "$$script"; done
 
 bench-clean: setup ## Compare every filter with the virtual Kinect's truth
 	$(BIN)/python tests/bench/bench_clean.py
+
+bench-ray: setup ## Measure training with Ray actors against processes of this machine
+	OMP_NUM_THREADS=1 $(BIN)/python tests/bench/bench_ray.py
 
 bench-stream: setup ## Compare ten live captures with the offline path (KINEMIMIC_CAPTURES= is their folder)
 	$(BIN)/python tests/bench/bench_stream.py

@@ -84,7 +84,7 @@ def train(
     ray: simulate on a Ray cluster, at this address or, "local", started on this machine; by default with one
     worker per core of it. As many workers give the same policy, bit for bit, as processes of this machine.
     """
-    with reading(run, "train"), simulators(ray) as where:
+    with reading(run, "train"), simulators(ray, workers) as where:
         return _train(
             run,
             where,

@@ -31,11 +31,12 @@ def require_ray() -> None:
 
 
 @contextmanager
-def cluster(address: str) -> Iterator[int]:
+def cluster(address: str, cores: int | None = None) -> Iterator[int]:
     """Connect this process to Ray; yields the number of cores of all nodes.
 
     address: HOST:PORT of a running cluster's head, or LOCAL to start Ray on this machine, without a dashboard
     and with all sockets on 127.0.0.1; it ends with the context. A process that is connected already stays so.
+    cores: that Ray, started here, takes this machine to have; by default all of them.
     KinemimicError without Ray, without an answer at the address, or if another version runs there.
     """
     require_ray()
@@ -53,7 +54,7 @@ def cluster(address: str) -> Iterator[int]:
     quiet: dict[str, Any] = {"log_to_driver": False, "configure_logging": False}
     try:
         if local:
-            ray.init("local", include_dashboard=False, _node_ip_address=_LOOPBACK, **quiet)
+            ray.init("local", num_cpus=cores, include_dashboard=False, _node_ip_address=_LOOPBACK, **quiet)
         else:
             ray.init(address, **quiet)
     except (ConnectionError, RuntimeError, ValueError, OSError) as error:

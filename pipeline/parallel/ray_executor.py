@@ -11,7 +11,7 @@ from typing import Any, TypeVar
 from kinemimic.pipeline.errors import KinemimicError
 from kinemimic.pipeline.parallel.cluster import ONE_THREAD, require_ray
 from kinemimic.pipeline.parallel.node_identity import NodeIdentity
-from kinemimic.pipeline.parallel.task_pool import MEMORY, TIMEOUT, Failure, isolated_map
+from kinemimic.pipeline.parallel.task_pool import MEMORY, TIMEOUT, Failure, guarded, isolated_map
 
 Task = TypeVar("Task")
 Result = TypeVar("Result")
@@ -28,10 +28,13 @@ class RayExecutor:
     Tasks and results go through Ray's object store: no disk is shared. A task whose node is lost is done
     again elsewhere. It runs in a child of Ray's process, so that one that crashes or exceeds its limits costs
     only its own result. timeout (s), memory (bytes of address space): limits of a task.
+    isolated: False carries tasks out in Ray's own process, without limits, for those that start processes, as
+    a training does; one that crashes is done again RETRIES times, and is then a Failure.
     """
 
     timeout: float = TIMEOUT
     memory: int = MEMORY
+    isolated: bool = True
     shares_disk: bool = False
 
     def map(
@@ -46,7 +49,8 @@ class RayExecutor:
         call = remote.options(
             num_cpus=1, max_retries=RETRIES, scheduling_strategy="SPREAD", runtime_env=ONE_THREAD
         ).remote
-        common = ray.put((work, self.timeout, self.memory, NodeIdentity.here()))
+        limits = (self.timeout, self.memory) if self.isolated else None
+        common = ray.put((work, limits, NodeIdentity.here()))
         waiting, pending = enumerate(tasks), dict[Any, int]()
         try:
             while True:
@@ -82,17 +86,20 @@ def _received(reference: Any) -> Any:
     return outcome
 
 
-def _carry_out(common: tuple[Callable[[Any], Any], float, int, NodeIdentity], task: Any) -> Any:
+def _carry_out(common: tuple[Callable[[Any], Any], tuple[float, int] | None, NodeIdentity], task: Any) -> Any:
     """The result of a task, a Failure, or a KinemimicError if this node is not like the driver."""
     import ray  # noqa: PLC0415
 
-    work, timeout, memory, driver = common
+    work, limits, driver = common
     try:
         driver.require(NodeIdentity.here(), ray.util.get_node_ip_address())
     except KinemimicError as error:
         return error
     # A child process runs its parent's main script again, here the one of Ray's workers: 0.3 s for nothing.
     vars(sys.modules["__main__"]).pop("__file__", None)
+    if limits is None:
+        return guarded(work, None, task)
+    timeout, memory = limits
     for _, outcome in isolated_map(work, [task], workers=1, timeout=timeout, memory=memory):
         return outcome
     raise AssertionError("a task has an outcome")

@@ -35,12 +35,15 @@ class Simulators:
 
 
 @contextmanager
-def simulators(ray: str | None) -> Iterator[Simulators]:
-    """ray: as the address of `pipeline/parallel/cluster.py`; None for processes of this machine."""
+def simulators(ray: str | None, workers: int | None = None) -> Iterator[Simulators]:
+    """ray: as the address of `pipeline/parallel/cluster.py`; None for processes of this machine.
+
+    workers: that will be asked for, which Ray has cores for if it is started here.
+    """
     if ray is None:
         yield Simulators(SamplerProcesses, local_cores(), shares_disk=True)
         return
-    with cluster(ray) as cores:
+    with cluster(ray, workers and max(workers, local_cores())) as cores:
         from kinemimic.train.rollout.sampler_actors import SamplerActors  # noqa: PLC0415 (an extra)
 
         yield Simulators(SamplerActors, cores, shares_disk=False)

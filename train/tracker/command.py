@@ -67,7 +67,7 @@ def train_tracker(
     for `train`.
     KinemimicError without a motion to train on, and for a checkpoint of another library or other settings.
     """
-    with locked(out), simulators(ray) as where:
+    with locked(out), simulators(ray, workers) as where:
         return _train(source, out, where, config, start, budget, minutes, seed, workers, resolve(engine))
 
 
