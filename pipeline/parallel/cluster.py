@@ -57,7 +57,7 @@ def cluster(address: str, cores: int | None = None) -> Iterator[int]:
             ray.init("local", num_cpus=cores, include_dashboard=False, _node_ip_address=_LOOPBACK, **quiet)
         else:
             ray.init(address, **quiet)
-    except (ConnectionError, RuntimeError, ValueError, OSError) as error:
+    except Exception as error:  # Ray raises no narrower one if a node does not start in time
         found = " ".join(str(error).split())
         raise KinemimicError(
             f"--ray {address}: expected {'to start Ray' if local else 'a Ray cluster'}, found: {found[:300]}"

@@ -1,9 +1,9 @@
 """Samples per second of a training whose rollouts are Ray actors, against processes of this machine.
 
 Rollouts and updates together, without evaluations, on the motion of the shipped policy `walk`, for 1, 2 and 4
-samplers. Ray starts on this machine, with as many cores as samplers, so that the figures are of its own cost:
-the weights through the object store, the samples back, and the states that replace a lost actor. Both kinds
-take turns, round by round; the median of the rounds is the figure to quote. The number of rounds may be given:
+samplers. Ray starts on this machine, with as many cores as samplers, so the figures are of its own cost: the
+weights through the object store, the samples back, and the states that replace a lost actor. Both kinds take
+turns, round by round; the median of the rounds is the figure to quote. The number of rounds may be given:
 bench_ray.py [ROUNDS].
 """
 

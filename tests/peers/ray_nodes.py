@@ -62,9 +62,18 @@ class RayNodes:
         self.cluster.remove_node(self.nodes.pop(name), allow_graceful=False)
 
     def repaired(self) -> None:
-        """Start anew what was killed."""
+        """Start anew what was killed, and end what a test added."""
+        for name in self.nodes.keys() - {"first", "second"}:
+            self.cluster.remove_node(self.nodes.pop(name), allow_graceful=True)
         for name in {"first", "second"} - self.nodes.keys():
             self.add(name)
+
+    def resized(self, count: int) -> None:
+        """Have so many nodes, the head among them."""
+        for name in list(self.nodes)[max(0, count - 1) :]:
+            self.cluster.remove_node(self.nodes.pop(name), allow_graceful=True)
+        for number in range(len(self.nodes), count - 1):
+            self.add(f"further {number}")
 
     def end(self) -> None:
         import ray  # noqa: PLC0415
