@@ -24,7 +24,7 @@ BULLET := $(or $(BULLET),$(patsubst $(VENV)/native-%,%,$(firstword $(wildcard $(
 NATIVE := $(VENV)/native-$(BULLET)
 NATIVE_FILES := $(wildcard $(addprefix train/native/,*.cpp *.hpp *.py pyproject.toml stubs/*/*.pyi))
 
-.PHONY: help setup formats inspect run batch library tracker ingest convert retarget train evaluate pushes disturb gait view simulate stream export policies reproduce compare study comparison overlay data data-check data-push data-pull test test-slow lint type format docs architecture docs-test mutants bench bench-batch bench-clean bench-simulate bench-stream bench-truth sensor-accuracy video-accuracy profile wheel install-test clean
+.PHONY: help setup formats inspect run batch library tracker ingest convert retarget train evaluate pushes disturb gait view simulate stream export policies reproduce compare study comparison overlay data data-check data-push data-pull test test-slow lint type format docs architecture docs-test mutants bench bench-batch bench-clean bench-ray bench-simulate bench-stream bench-truth sensor-accuracy video-accuracy profile wheel install-test clean
 .DEFAULT_GOAL := help
 
 help: ## Show this list
@@ -204,6 +204,9 @@ bench-batch: setup ## Measure `batch`: overhead, memory, a second call, syntheti
 
 bench-clean: setup ## Compare every filter with the virtual Kinect's truth
 	$(BIN)/python tests/bench/bench_clean.py
+
+bench-ray: setup ## Measure training with Ray actors against processes of this machine
+	OMP_NUM_THREADS=1 $(BIN)/python tests/bench/bench_ray.py
 
 bench-simulate: setup ## Measure the page of simulate in real time, with a browser (MINUTES=10)
 	$(BIN)/python tests/bench/bench_simulate.py $(MINUTES)

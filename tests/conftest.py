@@ -3,9 +3,12 @@
 from __future__ import annotations
 
 import os
+from collections.abc import Iterator
+from importlib.util import find_spec
 from pathlib import Path
 
 import pytest
+from peers.ray_nodes import RayNodes
 from peers.wheels import build_wheel
 
 
@@ -32,3 +35,20 @@ def sensors(captures: Path) -> Path:
 def wheel(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """The built wheel."""
     return build_wheel(tmp_path_factory.mktemp("source"), tmp_path_factory.mktemp("dist"))
+
+
+@pytest.fixture(scope="session")
+def running_ray() -> Iterator[RayNodes]:
+    """A Ray cluster for all tests that need one: its start takes 5 s."""
+    if find_spec("ray") is None:
+        pytest.skip("the extra `scale` is not installed")
+    nodes = RayNodes.started()
+    yield nodes
+    nodes.end()
+
+
+@pytest.fixture
+def ray_nodes(running_ray: RayNodes) -> RayNodes:
+    """A head and two nodes of Ray, those that an earlier test killed started anew."""
+    running_ray.repaired()
+    return running_ray

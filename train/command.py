@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import os
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import replace
@@ -13,7 +12,7 @@ from typing import Any
 import click
 import torch
 
-from kinemimic.pipeline.cli.options import json_option, run_option
+from kinemimic.pipeline.cli.options import json_option, ray_option, run_option
 from kinemimic.pipeline.errors import KinemimicError
 from kinemimic.pipeline.files.store import file_hash
 from kinemimic.pipeline.run_folder.stage import reading
@@ -27,6 +26,7 @@ from kinemimic.train.options import training_options
 from kinemimic.train.ppo.ppo import PpoAlgorithm
 from kinemimic.train.ppo.runner import PpoRunner
 from kinemimic.train.rollout.policy import Policy
+from kinemimic.train.rollout.simulators import Simulators, local_cores, simulators
 from kinemimic.train.rollout.tracker_file import load_tracker, tracker_path
 from kinemimic.train.rollout.workers import Workers
 from kinemimic.train.runner import checkpoint
@@ -62,6 +62,7 @@ def train(
     scenario: Scenario | None = None,
     start: str | None = None,
     config: TrainConfig | None = None,
+    ray: str | None = None,
 ) -> dict[str, Any]:
     """Train on run/motion.json for `budget` samples, in whole rounds; returns the policy's record.
 
@@ -80,10 +81,13 @@ def train(
     scenario: perturbations, obstacles and ground of every episode (`scenario.py`), each with its own draw.
     start: name of a shipped tracker, or folder of one, to start from, with the settings of `polish.py`.
     config: your own settings, with seed, budget and scenario, in place of a preset and a seed.
+    ray: simulate on a Ray cluster, at this address or, "local", started on this machine; by default with one
+    worker per core of it. As many workers give the same policy, bit for bit, as processes of this machine.
     """
-    with reading(run, "train"):
+    with reading(run, "train"), simulators(ray, workers) as where:
         return _train(
             run,
+            where,
             preset_name=preset_name,
             budget=budget,
             minutes=minutes,
@@ -100,6 +104,7 @@ def train(
 
 def _train(
     run: Path,
+    where: Simulators,
     *,
     preset_name: str,
     budget: int | None,
@@ -131,11 +136,15 @@ def _train(
         raise KinemimicError(f"expected a budget of at least one sample, found {config.budget}")
     if config.baseline is not None:
         require_package()
-    # Every worker has at least one environment.
-    count = min(workers or len(os.sched_getaffinity(0)), config.num_envs)
+        if not where.shares_disk:
+            raise KinemimicError(
+                f"--ray: expected a preset of our PPO, found {config.preset}: "
+                "baselines simulate in the process that learns"
+            )
+    count = where.count(workers, config.num_envs)
     # A baseline's small products gain little from a second thread, and lose much where a core is busy:
     # threads spin until the last one arrives. With one thread the result does not depend on `workers`.
-    torch.set_num_threads(count if config.baseline is None else 1)
+    torch.set_num_threads(min(count, local_cores()) if config.baseline is None else 1)
     algorithm = _algorithm(config, motion, engine, count)
     if initial is not None:
         assert isinstance(algorithm, PpoAlgorithm)  # noqa: S101 (a tracker's settings have no baseline)
@@ -155,7 +164,7 @@ def _train(
     imitated = Imitated.of_motion(motion, config.env)
     policy = PolicyFile(run, training, imitated, engine, resumed=resumed)
     if not is_complete(training, seconds):
-        with _runner(algorithm, motion, engine, count, timer, imitated.phases) as runner:
+        with _runner(algorithm, motion, engine, count, where, timer, imitated.phases) as runner:
             TrainingLoop(training, runner, imitated, saved, timer, seconds, policy).run(run / CURVES)
     return policy.write(finished=True)
 
@@ -184,12 +193,15 @@ def _runner(
     motion: Motion,
     engine: str,
     count: int,
+    where: Simulators,
     timer: Timer,
     phases: tuple[float, ...],
 ) -> Iterator[Runner]:
     if isinstance(algorithm, PpoAlgorithm):
         config = algorithm.config
-        with Workers(motion, config.env, config.num_envs, config.seed, count, engine) as workers:
+        with Workers(
+            motion, config.env, config.num_envs, config.seed, count, engine, where.open_pool
+        ) as workers:
             yield PpoRunner(algorithm, workers, timer, phases)
         return
     # The package may not be installed.
@@ -206,6 +218,7 @@ def _runner(
 @run_option()
 @training_options
 @workers_option
+@ray_option
 @click.option(
     "--resume/--no-resume", default=True, show_default=True, help="Resume from the run's checkpoint."
 )
@@ -221,6 +234,7 @@ def command(
     minutes: float | None,
     seed: int,
     workers: int | None,
+    ray: str | None,
     engine: str,
     resume: bool,
     anyway: bool,
@@ -235,6 +249,7 @@ def command(
       kinemimic train --run runs/walk --minutes 5
       kinemimic train --run runs/walk --from tracker
       kinemimic train --run runs/walk --preset robust --budget 3M --seed 1
+      kinemimic train --run runs/walk --ray
     """
     record = train(
         run,
@@ -248,6 +263,7 @@ def command(
         anyway=anyway,
         scenario=None if named is None else read(named),
         start=start,
+        ray=ray,
     )
     if as_json:
         click.echo(json.dumps(record, indent=2))

@@ -73,7 +73,7 @@ def train_and_score(cell: Cell) -> None:
     from kinemimic.evaluate.scoring.command import evaluate  # noqa: PLC0415
     from kinemimic.train.command import train  # noqa: PLC0415
 
-    _prepare(cell)
+    prepare(cell)
     unfinished = [budget for budget in cell.budgets if finished_results(cell, budget) is None]
     for budget in unfinished:
         later = [path.name for path in cell.folder.glob("scores-*.json") if _budget(path) > budget]
@@ -97,8 +97,11 @@ def train_and_score(cell: Cell) -> None:
             copy_file(cell.folder / name, kept)
 
 
-def _prepare(cell: Cell) -> None:
-    """Copy the motion and its related files; the motion last, to mark the copy as complete."""
+def prepare(cell: Cell) -> None:
+    """Copy the motion and its related files; the motion last, to mark the copy as complete.
+
+    KinemimicError if the folder has another motion.
+    """
     if (cell.folder / MOTION).exists():
         _expect(cell, "motion", read_motion_json(cell.folder / MOTION).identity == cell.identity)
         return

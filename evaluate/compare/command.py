@@ -16,15 +16,18 @@ from kinemimic.evaluate.compare.cell import Cell, train_and_score
 from kinemimic.evaluate.compare.comparison import COMPARE_SCHEMA, Comparison
 from kinemimic.evaluate.compare.job_runner import side_by_side
 from kinemimic.evaluate.compare.ledger import Ledger, ProgressBars, exclusive
+from kinemimic.evaluate.compare.packed_cell import spread
 from kinemimic.evaluate.compare.table import tables
 from kinemimic.evaluate.compare.task import MOTION, Task, task_summary
 from kinemimic.evaluate.compare.variants import SEARCH, ablation, search
-from kinemimic.pipeline.cli.options import json_option
+from kinemimic.pipeline.cli.options import json_option, ray_option
 from kinemimic.pipeline.cli.progress import bars
 from kinemimic.pipeline.cli.terminal import show
 from kinemimic.pipeline.errors import KinemimicError
 from kinemimic.pipeline.files.provenance import provenance
 from kinemimic.pipeline.files.store import copy_file
+from kinemimic.pipeline.parallel.cluster import cluster
+from kinemimic.pipeline.parallel.ray_executor import RayExecutor
 from kinemimic.retarget.formats.motion_json import read_motion_json
 from kinemimic.train.config.baseline_config import require_package
 from kinemimic.train.config.budget import samples
@@ -46,11 +49,14 @@ def compare(
     jobs: int | None = None,
     engine: str = "auto",
     anyway: bool = False,
+    ray: str | None = None,
 ) -> dict[str, Any]:
     """Train and score every task, variant and seed; writes and returns the content of out/compare.json.
 
     seeds: 0 to seeds - 1; budgets: increasing numbers of samples at which each training is scored; limits:
-    variant -> its last budget, to end it early; jobs: cells in parallel, one core each (default: all cores).
+    variant -> its last budget, to end it early; jobs: cells in parallel, one core each (default: all cores);
+    ray: train on a Ray cluster, one cell per core, at this address or, "local", started on this machine. A
+    cell whose node is lost is trained again, from what this machine has of it.
     Finished results are kept and interrupted training runs resume. A cell that fails is listed under
     `failed`; the others continue.
     """
@@ -106,7 +112,11 @@ def compare(
         ledger = Ledger(out, cells, made)
         watcher = ProgressBars(several, ledger)
         try:
-            side_by_side(train_and_score, ledger.unfinished(), jobs or len(sched_getaffinity(0)), watcher)
+            if ray is None:
+                side_by_side(train_and_score, ledger.unfinished(), jobs or len(sched_getaffinity(0)), watcher)
+            else:
+                with cluster(ray):
+                    spread(RayExecutor(isolated=False), ledger.unfinished(), watcher)
         except KeyboardInterrupt:
             ledger.write()
             raise KeyboardInterrupt(f"{out}: run the same command again to resume") from None
@@ -155,6 +165,7 @@ def _limit(context: click.Context, parameter: click.Parameter, values: tuple[str
 @click.option("--jobs", type=click.IntRange(min=1), help="Parallel training runs; default: one per core.")
 @click.option("--out", type=click.Path(path_type=Path, file_okay=False), default=Path("runs/compare"),
               show_default=True, help="Output folder.")  # fmt: skip
+@ray_option
 @engine_option
 @click.option("--anyway", is_flag=True, help="Also train on motions that the gate refuses.")
 @click.option("--publish", "ships", type=click.Path(path_type=Path, file_okay=False),
@@ -172,6 +183,7 @@ def command(
     hidden: tuple[int, ...] | None,
     jobs: int | None,
     out: Path,
+    ray: str | None,
     engine: str,
     anyway: bool,
     ships: Path | None,
@@ -190,6 +202,8 @@ def command(
     variants = {**(ablation() if ablated else {}), **{name: PRESETS[name] for name in chosen}}
     for baseline in searched:
         variants |= search(baseline)
+    if ray is not None and jobs is not None:
+        raise click.UsageError("--jobs: expected none with --ray, which uses every core of the cluster")
     if strange := set(only) - variants.keys():
         raise KinemimicError(f"--only: expected some of {', '.join(variants)}, found {min(strange)!r}")
     if only:
@@ -202,7 +216,7 @@ def command(
         variants = {name: replace(config, hidden=hidden) for name, config in variants.items()}
     result = compare(
         [Task.parsed(text) for text in tasks], variants, seeds=seeds, budgets=budgets, limits=limits, out=out,
-        jobs=jobs, engine=engine, anyway=anyway,
+        jobs=jobs, engine=engine, anyway=anyway, ray=ray,
     )  # fmt: skip
     if ships is not None:
         Comparison(out, result).publish(ships)

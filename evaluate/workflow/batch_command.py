@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import os
 from collections.abc import Mapping
+from contextlib import nullcontext
 from pathlib import Path
 from typing import Any
 
@@ -14,9 +15,11 @@ from kinemimic.evaluate.workflow.batch import MEMORY_GIB, TIMEOUT, batch, found_
 from kinemimic.evaluate.workflow.batch_task import TARGETS
 from kinemimic.evaluate.workflow.run import passed_on, stage_options
 from kinemimic.pipeline.cli.main import BAD_INPUT
-from kinemimic.pipeline.cli.options import Decorator, json_option
+from kinemimic.pipeline.cli.options import Decorator, json_option, ray_option
 from kinemimic.pipeline.cli.terminal import show
 from kinemimic.pipeline.filters.options import ingest_options
+from kinemimic.pipeline.parallel.cluster import cluster
+from kinemimic.pipeline.parallel.ray_executor import RayExecutor
 from kinemimic.retarget.options import retarget_options
 
 STAGE_OPTIONS: Mapping[str, Decorator] = {"ingest": ingest_options, "retarget": retarget_options}
@@ -37,6 +40,7 @@ STAGE_OPTIONS: Mapping[str, Decorator] = {"ingest": ingest_options, "retarget": 
               help="Seconds allowed for one capture.")  # fmt: skip
 @click.option("--limit-memory", "memory", type=click.FloatRange(min=0.5), metavar="GIB", default=MEMORY_GIB,
               show_default=True, help="Memory allowed for one capture.")  # fmt: skip
+@ray_option
 @click.option("--overwrite", is_flag=True, help="Also process captures whose result is up to date.")
 @json_option("Print batch.json.")
 def command(
@@ -47,6 +51,7 @@ def command(
     jobs: int | None,
     timeout: float,
     memory: float,
+    ray: str | None,
     overwrite: bool,
     as_json: bool,
     **options: Any,
@@ -62,18 +67,23 @@ def command(
       kinemimic batch recordings/ --out runs/recordings
       kinemimic batch walk.skl run.bvh --out runs/both --as-recorded
       kinemimic batch @captures.txt --out runs/scored --to performed
+      kinemimic batch recordings/ --out runs/recordings --ray
     """
-    result = batch(
-        sources,
-        out,
-        options=stage_options(STAGE_OPTIONS, options),
-        to=to,
-        subject=subject,
-        jobs=jobs or len(os.sched_getaffinity(0)),
-        timeout=timeout,
-        memory=memory,
-        overwrite=overwrite,
-    )
+    if ray is not None and jobs is not None:
+        raise click.UsageError("--jobs: expected none with --ray, which uses every core of the cluster")
+    with nullcontext() if ray is None else cluster(ray):
+        result = batch(
+            sources,
+            out,
+            options=stage_options(STAGE_OPTIONS, options),
+            to=to,
+            subject=subject,
+            jobs=jobs or len(os.sched_getaffinity(0)),
+            timeout=timeout,
+            memory=memory,
+            overwrite=overwrite,
+            executor=None if ray is None else RayExecutor(timeout, int(memory * 2**30)),
+        )
     if as_json:
         click.echo(json.dumps(result, indent=2))
     elif not result["captures"]:

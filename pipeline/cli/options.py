@@ -116,3 +116,14 @@ video_options: tuple[Decorator, ...] = (
 def json_option(text: str) -> Callable[[Command], Command]:
     """--json, a flag, passed to the command as `as_json`."""
     return click.option("--json", "as_json", is_flag=True, help=text)
+
+
+# LOCAL of parallel/cluster.py, in place of an address.
+ray_option: Decorator = click.option(
+    "--ray",
+    metavar="[ADDRESS]",
+    is_flag=False,
+    flag_value="local",
+    help="Work on a Ray cluster: the one whose head is at ADDRESS (HOST:PORT), or, without ADDRESS, one "
+    "that is started on this machine. Needs the extra `scale`.",
+)

@@ -1,4 +1,4 @@
-"""Training workers without processes: their samplers run one after the other in this process."""
+"""Training samplers without processes: they run one after the other in this process."""
 
 from __future__ import annotations
 
@@ -9,21 +9,35 @@ import numpy as np
 
 from kinemimic.retarget.humanoid.motion import Motion
 from kinemimic.train.config.config import EnvConfig
-from kinemimic.train.rollout.sampler import Sampler
-from kinemimic.train.rollout.workers import Workers, answer
+from kinemimic.train.rollout.sampler_pool import OpenPool, OpenSampler, answer
+from kinemimic.train.rollout.workers import Workers
+
+
+class InlinePool:
+    def __init__(
+        self, open_sampler: OpenSampler, seeds: Sequence[list[np.random.SeedSequence]], engine: str
+    ) -> None:
+        self._samplers = [open_sampler(own, engine) for own in seeds]
+
+    def ask(self, request: str, shared: tuple[Any, ...], shares: Sequence[tuple[Any, ...]]) -> list[Any]:
+        return [
+            answer(sampler, request, (*shared, *share))
+            for sampler, share in zip(self._samplers, shares, strict=True)
+        ]
+
+    def end(self) -> None:
+        pass
 
 
 class InlineWorkers(Workers):
     def __init__(
-        self, motion: Motion, config: EnvConfig, environments: int, seed: int, count: int, engine: str
+        self,
+        motion: Motion,
+        config: EnvConfig,
+        environments: int,
+        seed: int,
+        count: int,
+        engine: str,
+        open_pool: OpenPool = InlinePool,
     ) -> None:
-        self.seconds = {}
-        self._count = count
-        self._workers = []
-        seeds = np.random.SeedSequence(seed).spawn(environments)
-        self._samplers = [Sampler(motion, config, seeds[k::count], engine) for k in range(count)]
-
-    def _ask(self, request: str, arguments: Sequence[tuple[Any, ...]]) -> list[Any]:
-        return [
-            answer(sampler, request, given) for sampler, given in zip(self._samplers, arguments, strict=True)
-        ]
+        super().__init__(motion, config, environments, seed, count, engine, InlinePool)

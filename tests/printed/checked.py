@@ -12,7 +12,7 @@ from kinemimic.pipeline.cli.main import COMMANDS, load_command
 from printed.blocks import ROOT
 
 # Programs installed with kinemimic, or part of the system.
-PROGRAMS = frozenset({"cp", "rerun", "sed", "tensorboard"})
+PROGRAMS = frozenset({"cp", "ray", "rerun", "sed", "tensorboard"})
 _ASSIGNED = re.compile(r"[A-Z_]+=")
 
 

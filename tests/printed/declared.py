@@ -12,6 +12,8 @@ NOT_RUN: dict[str, str] = {
     "pip install *": "fetches packages",
     "rerun *": "opens a window",
     "kinemimic * walk.mp4 *": "needs a video and the pose models; tests/pipeline/readers/video reads one",
+    "ray start *": "starts a cluster; tests/peers/ray_nodes.py starts one",
+    "kinemimic * --ray*": "starts Ray, or needs a cluster; tests/pipeline/parallel has one",
     "tensorboard *": "serves until it is stopped",
     "kinemimic view * --screenshot *": "needs a Vulkan driver",
     "kinemimic view * --video *": "draws 300 frames; tests/evaluate/view draws a few",

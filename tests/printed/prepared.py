@@ -138,6 +138,7 @@ PREPARED: dict[str, Prepare] = {
     "pushes.md": nothing,
     "python.md": recording,
     "retarget.md": trained,
+    "scaling.md": trained,
     "scenarios.md": scenario,
     "tables.md": two_sensors,
     "simulate.md": nothing,

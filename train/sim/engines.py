@@ -6,6 +6,7 @@ from functools import cache
 from importlib.util import find_spec
 
 from kinemimic.pipeline.errors import KinemimicError
+from kinemimic.pipeline.parallel.node_identity import NodeIdentity, package_version
 from kinemimic.train.sim.world import World
 
 ENGINES = ("auto", "native", "pybullet")
@@ -51,3 +52,18 @@ def open_world(size: int, engine: str = "auto", *, threads: int = 1, measure_tor
     from kinemimic.train.sim.pybullet_world import BulletWorld  # noqa: PLC0415 (import cost)
 
     return BulletWorld(size, measure_torques=measure_torques)
+
+
+def engine_identity(engine: str) -> NodeIdentity:
+    """What a simulation with this engine depends on, on this machine; KinemimicError without the engine."""
+    if resolve(engine) == "pybullet":
+        return NodeIdentity.here({"pybullet": package_version("pybullet")})
+    import kinemimic_native  # noqa: PLC0415 (may not be built)
+
+    precision = "double" if kinemimic_native.double_precision else "single"
+    return NodeIdentity.here(
+        {
+            "kinemimic-native": package_version("kinemimic-native"),
+            "the native engine with interface": f"{kinemimic_native.interface}, {precision} precision",
+        }
+    )

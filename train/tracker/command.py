@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import os
 from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
@@ -14,7 +13,7 @@ import numpy as np
 import torch
 from numpy.typing import NDArray
 
-from kinemimic.pipeline.cli.options import json_option
+from kinemimic.pipeline.cli.options import json_option, ray_option
 from kinemimic.pipeline.cli.progress import progress
 from kinemimic.pipeline.cli.progress_state import minutes as in_minutes
 from kinemimic.pipeline.errors import KinemimicError
@@ -28,6 +27,7 @@ from kinemimic.train.config.config import TrainConfig
 from kinemimic.train.config.tracker import START_RATE, tracker_config
 from kinemimic.train.reference.reference_library import ReferenceLibrary
 from kinemimic.train.rollout.policy import POLICY
+from kinemimic.train.rollout.simulators import Simulators, local_cores, simulators
 from kinemimic.train.rollout.tracker_file import load_tracker, tracker_path
 from kinemimic.train.runner import checkpoint
 from kinemimic.train.runner.checkpoint import TrainingState
@@ -55,6 +55,7 @@ def train_tracker(
     seed: int = 0,
     workers: int | None = None,
     engine: str = "auto",
+    ray: str | None = None,
 ) -> dict[str, Any]:
     """Train a tracker on the training part of the library in `source`; returns the policy's record.
 
@@ -62,17 +63,18 @@ def train_tracker(
     call resumes from the checkpoint, with the same result as one call. The policy that is kept is the best of
     the evaluations on EVALUATED motions of the training part: no motion of the part "test" chooses it.
     config: settings in place of `tracker_config`; start: name or folder of a tracker to start from, whose
-    samples count towards the budget and the schedules; budget, minutes, seed, workers, engine: as for
-    `train`.
+    samples count towards the budget and the schedules; budget, minutes, seed, workers, engine, ray: as
+    for `train`.
     KinemimicError without a motion to train on, and for a checkpoint of another library or other settings.
     """
-    with locked(out):
-        return _train(source, out, config, start, budget, minutes, seed, workers, resolve(engine))
+    with locked(out), simulators(ray, workers) as where:
+        return _train(source, out, where, config, start, budget, minutes, seed, workers, resolve(engine))
 
 
 def _train(
     source: Path,
     out: Path,
+    where: Simulators,
     config: TrainConfig | None,
     start: str | None,
     budget: int | None,
@@ -96,8 +98,8 @@ def _train(
         if (settings.env.preview, settings.hidden) != (config.env.preview, config.hidden):
             raise KinemimicError(f"{path}: expected a tracker with these networks and preview, found another")
         config = replace(config, start=file_hash(path), actor_rate=START_RATE)
-    count = min(workers or len(os.sched_getaffinity(0)), config.num_envs)
-    torch.set_num_threads(count)
+    count = where.count(workers, config.num_envs)
+    torch.set_num_threads(min(count, local_cores()))
     algorithm = TrackerAlgorithm(config, len(trained))
     if initial is not None:
         algorithm.begin_from(initial)
@@ -115,8 +117,9 @@ def _train(
     seconds = None if minutes is None else 60.0 * minutes
     if not is_complete(training, seconds):
         tables = _tables(library, trained, out / TABLES, identity)
-        with TrackerWorkers(tables, config, count, engine) as processes:
-            runner = TrackerRunner(algorithm, processes, timer, _evaluated(len(trained), seed))
+        shipped = tables if where.shares_disk else ReferenceLibrary.open(tables)
+        with TrackerWorkers(shipped, config, count, engine, where.open_pool) as samplers:
+            runner = TrackerRunner(algorithm, samplers, timer, _evaluated(len(trained), seed))
             TrainingLoop(training, runner, imitated, saved, timer, seconds, policy).run(out / CURVES)
     return policy.write(finished=True)
 
@@ -154,6 +157,7 @@ def _tables(library: MotionLibrary, trained: NDArray[np.intp], folder: Path, ide
 @click.option("--seed", type=click.IntRange(min=0), default=0, show_default=True, help="Random seed.")
 @engine_option
 @workers_option
+@ray_option
 @json_option("Print the policy's record as JSON.")
 def command(
     library: Path,
@@ -163,6 +167,7 @@ def command(
     minutes: float | None,
     seed: int,
     workers: int | None,
+    ray: str | None,
     engine: str,
     as_json: bool,
 ) -> None:
@@ -175,8 +180,9 @@ def command(
       kinemimic train-tracker runs/library --out runs/tracker --budget 60M
     """
     record = train_tracker(
-        library, out, start=start, budget=budget, minutes=minutes, seed=seed, workers=workers, engine=engine
-    )
+        library, out, start=start, budget=budget, minutes=minutes, seed=seed, workers=workers, engine=engine,
+        ray=ray,
+    )  # fmt: skip
     if as_json:
         click.echo(json.dumps(record, indent=2))
         return

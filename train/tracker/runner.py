@@ -15,9 +15,12 @@ from kinemimic.pipeline.arrays import Array
 from kinemimic.train.config.config import RewardConfig, TrainConfig, scheduled_at
 from kinemimic.train.ppo.ppo import PpoAlgorithm
 from kinemimic.train.ppo.runner import PpoRunner
+from kinemimic.train.reference.reference_library import ReferenceLibrary
 from kinemimic.train.rollout.evaluation import Episode
 from kinemimic.train.rollout.policy import Policy
 from kinemimic.train.rollout.sampler import Samples
+from kinemimic.train.rollout.sampler_pool import OpenPool
+from kinemimic.train.rollout.sampler_processes import SamplerProcesses
 from kinemimic.train.rollout.workers import Workers
 from kinemimic.train.task.timer import Timer
 from kinemimic.train.tracker.clip_sampling import ClipStatistics, Outcome
@@ -47,29 +50,39 @@ class TrackerAlgorithm(PpoAlgorithm):
 
 
 class TrackerWorkers(Workers):
-    """`count` processes that share E environments on the motions of a library; tables: folder of them."""
+    """`count` samplers that share E environments on the motions of a library.
 
-    def __init__(self, tables: Path, config: TrainConfig, count: int, engine: str) -> None:
-        self.seconds = {}
+    tables: folder of the library's tables, or the library itself for samplers that do not share this
+    machine's disk; open_pool: where they run.
+    """
+
+    def __init__(
+        self,
+        tables: Path | ReferenceLibrary,
+        config: TrainConfig,
+        count: int,
+        engine: str,
+        open_pool: OpenPool = SamplerProcesses,
+    ) -> None:
         opened = partial(TrackerSampler, tables, config.env)
-        self._begin(opened, config.num_envs, config.seed, count, engine)
+        self._begin(opened, config.num_envs, config.seed, count, engine, open_pool)
 
     def set_weights(self, weights: Array) -> None:
         """Probabilities (M,) of the motions of the episodes to come."""
-        self._ask("set_weights", [(weights,)] * self._count)
+        self._ask("set_weights", (weights,))
 
     def set_body_error(self, largest: float) -> None:
         """Mean distance of the bodies from their references at which an episode ends, m."""
-        self._ask("set_body_error", [(largest,)] * self._count)
+        self._ask("set_body_error", (largest,))
 
     def take_outcomes(self) -> list[Outcome]:
         """The episodes that ended since the last call."""
-        return [outcome for part in self._ask("take_outcomes", [()] * self._count) for outcome in part]
+        return [outcome for part in self._ask("take_outcomes") for outcome in part]
 
     def evaluate(self, policy: Policy, reward: RewardConfig, motions: NDArray[np.intp]) -> list[Episode]:
         """One evaluation episode of each of these motions (N,), in their order."""
         count = self._count
-        parts = self._ask("evaluate", [(policy, reward, motions[k::count]) for k in range(count)])
+        parts = self._ask("evaluate", (policy, reward), [(motions[k::count],) for k in range(count)])
         return [parts[k % count][k // count] for k in range(len(motions))]
 
 

@@ -24,13 +24,17 @@ _END_PHASE = 1.0  # s before its end at which a single motion starts at the late
 class TrackerSampler(EnvSampler):
     """E environments that each begin an episode with a motion drawn by the current weights.
 
-    tables: folder of a `ReferenceLibrary`.
+    tables: a `ReferenceLibrary`, or its folder.
     """
 
     def __init__(
-        self, tables: Path, config: EnvConfig, seeds: list[np.random.SeedSequence], engine: str
+        self,
+        tables: Path | ReferenceLibrary,
+        config: EnvConfig,
+        seeds: list[np.random.SeedSequence],
+        engine: str,
     ) -> None:
-        self._library = ReferenceLibrary.open(tables)
+        self._library = tables if isinstance(tables, ReferenceLibrary) else ReferenceLibrary.open(tables)
         self._reference = FollowedReference(self._library, np.zeros(len(seeds), dtype=np.intp))
         self._bounds = np.linspace(0.0, 1.0, len(self._library) + 1)[1:]
         self._outcomes: list[Outcome] = []

@@ -3,23 +3,23 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
+from peers.inline_workers import InlinePool
 from peers.trackers import entry, shipped_motion, write_small_library
 from safetensors.numpy import load
 
 from kinemimic.pipeline.errors import KinemimicError
 from kinemimic.retarget.library.library_file import write_library
 from kinemimic.retarget.library.motion_library import MotionLibrary
+from kinemimic.train.config.config import TrainConfig
 from kinemimic.train.config.tracker import tracker_config
 from kinemimic.train.rollout import evaluation
 from kinemimic.train.rollout.policy import Policy, is_tracker
-from kinemimic.train.rollout.workers import answer
 from kinemimic.train.tracker import command, performance, runner
 from kinemimic.train.tracker.command import train_tracker
 from kinemimic.train.tracker.sampler import TrackerSampler
@@ -34,13 +34,8 @@ ROUND = CONFIG.batch
 class InlineWorkers(runner.TrackerWorkers):
     """Workers without processes."""
 
-    def _begin(self, open_sampler: Any, num_envs: int, seed: int, count: int, engine: str) -> None:
-        self._count, self._workers = count, []
-        seeds = np.random.SeedSequence(seed).spawn(num_envs)
-        self._samplers = [open_sampler(seeds[k::count], engine) for k in range(count)]
-
-    def _ask(self, request: str, arguments: Sequence[tuple[Any, ...]]) -> list[Any]:
-        return [answer(one, request, given) for one, given in zip(self._samplers, arguments, strict=True)]
+    def __init__(self, tables: Path, config: TrainConfig, count: int, engine: str, open_pool: Any) -> None:
+        super().__init__(tables, config, count, engine, InlinePool)
 
 
 @pytest.fixture
