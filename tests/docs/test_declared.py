@@ -19,7 +19,7 @@ from kinemimic.pipeline.cli.main import COMMANDS, cli
 
 PRINTED = printed()
 # bash: shown, but not run, because it needs another machine's shell, or hours.
-LANGUAGES = {"sh", "bash", "python", "diff", "console", "toml", "text", ""}
+LANGUAGES = {"sh", "bash", "python", "diff", "console", "toml", "yaml", "text", ""}
 
 
 def named(commands: list[Command]) -> list[Any]:
