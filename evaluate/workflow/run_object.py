@@ -113,6 +113,7 @@ class Run:
         scenario: Scenario | None = None,
         start: str | None = None,
         config: TrainConfig | None = None,
+        ray: str | None = None,
     ) -> dict[str, Any]:
         """Train a policy on the motion (`train/command.py`); returns the policy's record.
 
@@ -133,6 +134,7 @@ class Run:
             scenario=scenario,
             start=start,
             config=config,
+            ray=ray,
         )
 
     def evaluate(self, *, workers: int | None = None, engine: str = "auto") -> dict[str, Any]:

@@ -140,6 +140,7 @@ def test_damaged_files_of_landmarks(inputs: int, tmp_path: Path) -> None:
         people=1,
     )
     write_track(path, track)
+    assert read_track(path, "key") is not None
     content, none = path.read_bytes(), 0
     for _ in range(inputs):
         path.write_bytes(mutated(content, rng))
@@ -150,4 +151,4 @@ def test_damaged_files_of_landmarks(inputs: int, tmp_path: Path) -> None:
             continue
         assert (np.diff(found.times) > 0.0).all()
         assert found.pixels.shape == (len(found.times), 33, 2)
-    assert inputs // 5 < none < inputs
+    assert none > inputs // 5
