@@ -15,12 +15,17 @@ from kinemimic.retarget.library.exercises import exercise
 from kinemimic.retarget.library.motion_library import Entry
 from kinemimic.retarget.library.turning import turning
 from kinemimic.retarget.library.variants import SUBJECT, plausible_variant
+from kinemimic.train.reference.residual import residual
 
 # Of the variants, by sort; walks are the rest.
 SHARES = {"run": 0.25, "turning": 0.05}
 # `kind` of a variant's entry.
 KINDS = {"walk": "walk", "run": "run", "turning": "walk", "exercise": "motion"}
 CHUNK = 20  # variants of a task
+# Largest `residual` of a variant: of the recorded walks and runs of CMU, none has a larger one. Without this, half
+# of the variants would ask for forces that no ground can give, and a tracker would spend most of its training on
+# motions that nobody can perform.
+LARGEST_RESIDUAL = {"walk": 0.15, "run": 0.65}
 
 
 @dataclass(frozen=True)
@@ -92,6 +97,10 @@ def _variant(loops: Loops, sort: str, seed: int, number: int) -> Motion:
         return exercise(seed, number)
     if sort == "turning":
         # Loops of their own, apart from those of the walks.
-        loop = plausible_variant(loops.walks, "walk", seed + 1, number)
+        loop = plausible_variant(loops.walks, "walk", seed + 1, number, _physical)
         return turning(loop, np.random.default_rng([seed, 103, number]))
-    return plausible_variant(loops.walks if sort == "walk" else loops.runs, sort, seed, number)
+    return plausible_variant(loops.walks if sort == "walk" else loops.runs, sort, seed, number, _physical)
+
+
+def _physical(motion: Motion, kind: str) -> bool:
+    return residual(motion) <= LARGEST_RESIDUAL[kind]

@@ -9,7 +9,7 @@ The last steps of `retarget` follow: the root path on which the feet do not slid
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 
 import numpy as np
 
@@ -65,9 +65,13 @@ SPREADS: dict[str, tuple[tuple[float, float, float], tuple[float, float, float]]
     "knee": ((0.0, 0.04, 0.0), (0.0, 0.15, 0.0)),
     "ankle": ((0.02, 0.07, 0.05), (0.3, 0.35, 0.5)),
 }
-# Of all ranges, by kind: a run has less latitude, since nothing carries the body in flight.
-SPREAD = {"walk": 1.0, "run": 0.4}
-ATTEMPTS = 50
+# Of all ranges, by kind, the largest share; a variant draws its own below it. A run has less latitude, since
+# nothing carries the body in flight.
+SPREAD = {"walk": 1.0, "run": 0.6}
+ATTEMPTS = 90
+# A new speed is drawn only after so many attempts: of fast variants, fewer are plausible, and without this they
+# would be rare.
+SAME_SPEED = 15
 # What `plausible` accepts: depth of a sole in the ground, m; m/s; vertical range of the pelvis, m.
 MAX_DEPTH = 0.02
 SPEEDS = {"walk": (0.3, 2.2), "run": (1.0, 5.0)}
@@ -87,17 +91,27 @@ _ARMS = [NODE_INDEX[f"{joint}_{side}"] for joint in ("shoulder", "elbow", "wrist
 _FLEXED = [NODE_INDEX[f"{joint}_{side}"] for joint in ("hip", "knee") for side in ("left", "right")]
 
 
-def plausible_variant(loops: Sequence[Motion], kind: str, seed: int, number: int) -> Motion:
+def plausible_variant(
+    loops: Sequence[Motion],
+    kind: str,
+    seed: int,
+    number: int,
+    accepted: Callable[[Motion, str], bool] = lambda motion, kind: True,
+) -> Motion:
     """A plausible variant of loops of one kind ("walk" or "run"), the same for the same seed and number.
 
-    ValueError without loops, and if of ATTEMPTS variants none is plausible.
+    accepted: a further condition on a variant of that kind. ValueError without loops, and if of ATTEMPTS
+    variants none is plausible and accepted.
     """
     if not loops:
         raise ValueError("no loops")
     random = np.random.default_rng([seed, len(kind), number])
-    for _ in range(ATTEMPTS):
-        one = variant(loops, int(random.integers(len(loops))), random, kind)
-        if plausible(one, kind):
+    speed = 0.0
+    for attempt in range(ATTEMPTS):
+        if attempt % SAME_SPEED == 0:
+            speed = random.uniform(*WALKING)
+        one = variant(loops, int(random.integers(len(loops))), random, kind, speed)
+        if plausible(one, kind) and accepted(one, kind):
             return one
     raise ValueError(f"none of {ATTEMPTS} variants is plausible: the loops are no gait of this kind")
 
@@ -113,20 +127,25 @@ def plausible(motion: Motion, kind: str) -> bool:
     )
 
 
-def variant(loops: Sequence[Motion], first: int, random: np.random.Generator, kind: str) -> Motion:
-    """A variant of loop number `first`, often mixed with another of `loops`; it need not be plausible."""
-    spread = SPREAD[kind]
-    slower, stride = _tempo(loops[first], random, kind)
+def variant(
+    loops: Sequence[Motion], first: int, random: np.random.Generator, kind: str, speed: float
+) -> Motion:
+    """A variant of loop number `first`, often mixed with another of `loops`; it need not be plausible.
+
+    speed: what a walk aims at, m/s.
+    """
+    spread = SPREAD[kind] * random.random()
+    slower, stride = _tempo(loops[first], random, kind, speed)
     period = loops[first].duration * slower
     frames = max(8, round(FRAME_RATE * period))
     phase = np.arange(frames) / frames
-    rotations, sway, speed = _series(loops[first], phase)
+    rotations, sway, own = _series(loops[first], phase)
     if len(loops) > 1 and random.random() < LIKE:
-        other, other_sway, other_speed = _series(loops[int(random.integers(len(loops)))], phase)
+        other, other_sway, its_own = _series(loops[int(random.integers(len(loops)))], phase)
         share = random.uniform(0.0, MIX)
         rotations = _towards(rotations, other, share)
         sway = sway + share * (other_sway - sway)
-        speed += share * (other_speed - speed)
+        own += share * (its_own - own)
     gains, offsets = _draw(random)
     gains, offsets = gains**spread, offsets * spread
     gains[_FLEXED, 1] *= stride
@@ -149,7 +168,7 @@ def variant(loops: Sequence[Motion], first: int, random: np.random.Generator, ki
         rotations = neutral_feet(rotations, phase)
     # In flight the body falls freely: how far grows with the square of the time.
     sway = sway * [1.0, random.uniform(*SWAY), slower**2 if kind == "run" else 1.0]
-    path = fit_root_path(rotations, sway, speed * stride / slower, period)
+    path = fit_root_path(rotations, sway, own * stride / slower, period)
     return refine(
         Motion(
             rate=frames / period,
@@ -162,18 +181,17 @@ def variant(loops: Sequence[Motion], first: int, random: np.random.Generator, ki
     )
 
 
-def _tempo(loop: Motion, random: np.random.Generator, kind: str) -> tuple[float, float]:
+def _tempo(loop: Motion, random: np.random.Generator, kind: str, speed: float) -> tuple[float, float]:
     """Factors on the duration and on the stride of a loop.
 
-    The speed of a walk is drawn evenly, and stride and cadence share what it lacks equally: the ratio of step
+    A walk aims at `speed`, and stride and cadence share what it lacks equally: the ratio of step
     length to cadence is about the same at all speeds (Sekiya and Nagasaki 1998, "Reproducibility of the
     walking patterns of normal young adults", Gait & Posture 7).
     """
     if kind != "walk":
         spread = SPREAD[kind]
         return random.uniform(*PERIOD) ** spread, random.uniform(*STRIDE) ** spread
-    speed = max(loop.cycle_offset[0] / loop.duration, SPEEDS[kind][0])
-    share = np.sqrt(random.uniform(*WALKING) / speed)
+    share = np.sqrt(speed / max(loop.cycle_offset[0] / loop.duration, SPEEDS[kind][0]))
     ratio = np.exp(WALK_RATIO * random.standard_normal())
     return float(np.clip(1.0 / (share * ratio), *PERIOD)), float(np.clip(share / ratio, *STRIDE))
 

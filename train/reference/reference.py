@@ -20,7 +20,7 @@ from kinemimic.pipeline.kinematics.rotations import (
 from kinemimic.pipeline.kinematics.skeleton import node_skeleton
 from kinemimic.retarget.humanoid.body import BODIES, BODY_NODES
 from kinemimic.retarget.humanoid.motion import Motion
-from kinemimic.train.reference.dynamics import inverse_dynamics
+from kinemimic.train.reference.dynamics import InverseDynamics, inverse_dynamics
 from kinemimic.train.sim.world import BodyStates, Poses
 
 _TABLE_RATE = 960.0  # Hz: linear steps between its rows err by less than 0.01 degrees on a run
@@ -125,6 +125,16 @@ class Reference:
     def leads_at(self, at: Array) -> Array:
         """Rotation vectors (N, 14, 3) at phases (N,) by which a target leads its joint, so that the stable
         PD's stiffness gives the torque of the motion."""
+        limits, stiffness = (
+            np.array([[getattr(body, name)] for body in BODIES[1:]]) for name in ("torque_limit", "stiffness")
+        )
+        torques = self.dynamics_at(at).torques
+        return np.asarray(
+            np.clip(torques, -_LARGEST_SHARE * limits, _LARGEST_SHARE * limits) / stiffness
+        )
+
+    def dynamics_at(self, at: Array) -> InverseDynamics:
+        """Torques and forces of the motion at phases (N,)."""
         step = 1.0 / (_EFFORT_RATE * self.duration)
         first, last = at - step, at + step
         if not self.cyclic:
@@ -133,14 +143,8 @@ class Reference:
         # Without steering (`route.py`).
         before, now, after = (Reference.bodies(self, moment) for moment in (first, at, last))
         rate = 1.0 / ((last - first) * self.duration)[:, None, None]
-        found = inverse_dynamics(
+        return inverse_dynamics(
             now, rate * (after.linear - before.linear), rate * (after.angular - before.angular)
-        )
-        limits, stiffness = (
-            np.array([[getattr(body, name)] for body in BODIES[1:]]) for name in ("torque_limit", "stiffness")
-        )
-        return np.asarray(
-            np.clip(found.torques, -_LARGEST_SHARE * limits, _LARGEST_SHARE * limits) / stiffness
         )
 
     def _sample(self, name: str, phase: Array) -> Array:

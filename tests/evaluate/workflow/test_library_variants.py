@@ -5,12 +5,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from kinemimic.evaluate.workflow.library_variants import Loops, made_variants
+from kinemimic.evaluate.workflow.library_variants import LARGEST_RESIDUAL, Loops, made_variants
 from kinemimic.pipeline.errors import KinemimicError
 from kinemimic.pipeline.files.data_folder import DATASETS
 from kinemimic.retarget.formats.motion_json import read_motion_json
 from kinemimic.retarget.humanoid.motion import Motion
 from kinemimic.retarget.library.motion_library import Entry, Split
+from kinemimic.train.reference.residual import residual
 
 
 @pytest.fixture(scope="module")
@@ -56,3 +57,8 @@ def test_variants_are_named_after_their_sort(walk: Motion, inline: None) -> None
         "variants/exercise-00000",
     ]
     assert [(one.kind, one.cyclic) for _, one in made[1:]] == [("walk", True), ("motion", False)]
+
+
+def test_the_ground_can_carry_a_variant(walk: Motion, inline: None) -> None:
+    made = made_variants([walk], [entry("a", "walk", walk)], 6, 0, 0, 1)
+    assert all(residual(one) <= LARGEST_RESIDUAL["walk"] for one, _ in made if one.cyclic)

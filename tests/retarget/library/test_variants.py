@@ -69,7 +69,7 @@ def test_left_and_right_differ_little(made: list[Motion]) -> None:
 
 
 def test_what_does_not_move_stays_still(loops: list[Motion]) -> None:
-    one = variant(loops[:1], 0, np.random.default_rng(0), "walk")
+    one = variant(loops[:1], 0, np.random.default_rng(0), "walk", 1.0)
     head = one.rotations[:, NODE_INDEX["head"]]
     assert angle_between(head, head[:1]).max() < 1e-6
 
@@ -85,5 +85,21 @@ def test_without_a_gait_there_are_no_variants(loops: list[Motion]) -> None:
     with pytest.raises(ValueError, match="no loops"):
         plausible_variant([], "walk", 0, 0)
     slow = replace(loops[0], rate=0.3 * loops[0].rate)
-    with pytest.raises(ValueError, match="none of 50 variants is plausible: the loops are no gait"):
+    with pytest.raises(ValueError, match="none of 90 variants is plausible: the loops are no gait"):
         plausible_variant([slow], "run", 0, 0)
+
+
+def test_only_accepted_variants_are_made(loops: list[Motion]) -> None:
+    """The condition sees every plausible variant until one meets it."""
+    seen: list[float] = []
+
+    def slow(motion: Motion, kind: str) -> bool:
+        assert plausible(motion, kind)
+        seen.append(motion.cycle_offset[0] / motion.duration)
+        return seen[-1] < 0.9
+
+    found = plausible_variant(loops, "walk", 0, 1, slow)
+    assert found.cycle_offset[0] / found.duration == seen[-1] < 0.9
+    assert min(seen[:-1], default=1.0) >= 0.9
+    with pytest.raises(ValueError, match="none of 90 variants"):
+        plausible_variant(loops, "run", 0, 0, lambda motion, kind: False)
