@@ -134,7 +134,7 @@ def variant(
 
     speed: what a walk aims at, m/s.
     """
-    spread = SPREAD[kind] * random.random()
+    spread = SPREAD[kind]
     slower, stride = _tempo(loops[first], random, kind, speed)
     period = loops[first].duration * slower
     frames = max(8, round(FRAME_RATE * period))
@@ -147,7 +147,9 @@ def variant(
         sway = sway + share * (other_sway - sway)
         own += share * (its_own - own)
     gains, offsets = _draw(random)
-    gains, offsets = gains**spread, offsets * spread
+    # The amplitudes decide what forces a gait needs, more than its posture does.
+    near = spread * random.random()
+    gains, offsets = gains**near, offsets * spread
     gains[_FLEXED, 1] *= stride
     mean = normalize(np.mean(continuous(rotations), axis=0))
     about = to_rotvec(multiply(conjugate(np.broadcast_to(mean, rotations.shape)), rotations))
@@ -158,7 +160,7 @@ def variant(
     if random.random() < LIKE:
         about = 0.5 * (about + np.roll(about, -(frames // 2), axis=0)[:, _COUNTERPARTS] * _MIRROR)
         mean = _towards(mean, mean[_COUNTERPARTS] * np.append(_MIRROR, 1.0), 0.5)
-    about = gains * about + spread * random.uniform(0.0, 1.5) * moving * _wobble(phase, random)
+    about = gains * about + near * random.uniform(0.0, 1.5) * moving * _wobble(phase, random)
     mean = multiply(mean, from_rotvec(offsets * moving))
     rotations = normalize(multiply(np.broadcast_to(mean, rotations.shape), from_rotvec(about)))
     for joint in LIMITS:
