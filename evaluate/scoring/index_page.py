@@ -19,6 +19,7 @@ from kinemimic.retarget.formats.motion_json import read_motion_json
 _TO_READ = {
     "report.html": "how well the humanoid imitates the motion",
     "gait_report.html": "cadence, lengths, symmetry and curves, beside normal gait",
+    "overlay.*": "the skeleton in the images of the capture",
     "*.webm": "film of the humanoid and its reference",
     "*.mp4": "film of the humanoid and its reference",
 }
@@ -26,6 +27,7 @@ _TO_OPEN = {"*.rrd": "recording for rerun"}
 _DATA = {
     "raw.parquet": "the capture as read",
     "clip.parquet": "the capture, cleaned",
+    "landmarks.npz": "what was seen of the person in every frame of the video",
     "quaternions.parquet": "what convert adds: rotations",
     "quality.json": "defects of the capture, and what was done about them",
     "gimbal.json": "where Euler angles come near gimbal lock",
@@ -69,10 +71,13 @@ def write_index(run: Path) -> None:
 
 
 def _found(run: Path, patterns: Mapping[str, str]) -> Iterator[tuple[str, str, str]]:
-    """Address, text and description of the files that are there, in the order of the patterns."""
+    """Address, text and description of the files that are there, in the order of the patterns; a file that
+    fits several patterns counts to the first."""
+    listed: set[str] = set()
     for pattern, what in patterns.items():
         for file in sorted(run.glob(pattern)):
-            if file.is_file():
+            if file.is_file() and file.name not in listed:
+                listed.add(file.name)
                 yield file.name, file.name, what
 
 

@@ -56,10 +56,10 @@ class Frame:
     """The state after a control step.
 
     bodies, target: of the humanoid and its reference (15, 3 or 4); contacts: (15, 3) contact forces, N;
-    drag: grab point, pointer and force (3, 3) of a drag, or None; obstacles: with their states now (K, 13);
-    rotations, reference_rotations: (20, 4) of the nodes, local; angles, wanted: knee and hip flexion by name,
-    of the humanoid and its reference, rad; terms: of the reward; fallen: since the last restart; shown: what
-    a live capture shows.
+    loads, torques: (15, 3) from outside, N and N·m; drag: grab point, pointer and force (3, 3) of a drag, or
+    None; obstacles: with their states now (K, 13); rotations, reference_rotations: (20, 4) of the nodes,
+    local; angles, wanted: knee and hip flexion by name, of the humanoid and its reference, rad; terms: of the
+    reward; fallen: since the last restart; shown: what a live capture shows.
     """
 
     step: int
@@ -68,6 +68,7 @@ class Frame:
     target: BodyStates
     contacts: Array
     loads: Array
+    torques: Array
     drag: Array | None
     obstacles: tuple[Obstacle, ...]
     states: Array
@@ -283,13 +284,15 @@ class Session:
             for rotations in (moved, wanted)
         )
         states = batch.world.obstacles(0)
+        wrenches = np.zeros((15, 6)) if batch.wrenches is None else batch.wrenches[0].copy()
         return Frame(
             step=self.step_count,
             phase=float(batch.phases[0]),
             bodies=_first(batch.bodies),
             target=_first(batch.target),
             contacts=batch.world.contact_forces()[0].copy(),
-            loads=np.zeros((15, 3)) if batch.wrenches is None else batch.wrenches[0, :, :3].copy(),
+            loads=wrenches[:, :3],
+            torques=wrenches[:, 3:],
             drag=drag,
             obstacles=tuple(self.present()),
             states=states.copy(),

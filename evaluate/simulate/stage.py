@@ -17,6 +17,7 @@ from kinemimic.evaluate.film.figures import COLORS, REFERENCE, SIMULATED
 from kinemimic.evaluate.film.solids import shaded_side
 from kinemimic.evaluate.simulate.session import Frame
 from kinemimic.pipeline.arrays import Array
+from kinemimic.pipeline.kinematics.rotations import conjugate, rotate
 from kinemimic.pipeline.kinematics.skeleton import BONES
 from kinemimic.pipeline.kinematics.skeleton import NODE_INDEX as N
 from kinemimic.pipeline.kinematics.spans import all_finite
@@ -25,14 +26,16 @@ from kinemimic.train.sim.world import BodyStates, Obstacle
 
 FOLLOWED = "/followed"
 FORCE_SCALE, CONTACT_SCALE = 200.0, 1000.0  # N to a metre of arrow
-MIN_FORCE = 5.0  # N, below which no arrow is drawn
-_RED, _GREEN, _BROWN = (255, 60, 60), (60, 170, 90), (150, 110, 80)
+TORQUE_SCALE = 50.0  # N·m to a metre of arrow
+MIN_FORCE, MIN_TORQUE = 5.0, 1.0  # N and N·m, below which no arrow is drawn
+_RED, _GREEN, _BROWN, _PURPLE = (255, 60, 60), (60, 170, 90), (150, 110, 80), (150, 60, 220)
 _FELL = (110, 110, 110)
 _GREY, _BLUE = (150, 150, 150), (40, 110, 220)
 BESIDE = 1.2  # m
 _BONES = [(N[a], N[b]) for a, b in BONES]
 _HIDDEN = np.array([[[0.0, 0.0, -50.0], [0.0, 0.0, -50.001]]])  # an arrow that nobody sees
 _FEET = [BODY_INDEX["foot_left"], BODY_INDEX["foot_right"]]
+_HALF = 0.5 * np.array([body.size for body in BODIES])
 
 
 class Stage:
@@ -52,6 +55,7 @@ class Stage:
         self._ghost = self._humanoid("reference", REFERENCE, opacity=0.35)
         self._contacts = self._arrows("contacts", _GREEN)
         self._loads = self._arrows("loads", _RED)
+        self._torques = self._arrows("torques", _PURPLE)
         self._drag = self._arrows("drag", _RED)
         self._newtons = scene.add_label(f"{FOLLOWED}/newtons", "", visible=False)
         self._raw = self._skeleton("raw", _GREY)
@@ -107,15 +111,17 @@ class Stage:
             _place(self.bodies, frame.bodies)
             if self.ghost_visible:
                 _place(self._ghost, frame.target)
-            feet = frame.bodies.positions[_FEET]
-            _point(self._contacts, feet * [1.0, 1.0, 0.0], frame.contacts[_FEET] / CONTACT_SCALE)
-            _point(self._loads, frame.bodies.positions, _without_drag(frame) / FORCE_SCALE)
+            root, feet = frame.bodies.positions[0], frame.bodies.positions[_FEET]
+            forces, torques = _without_drag(frame)
+            _point(self._contacts, root, feet * [1.0, 1.0, 0.0], frame.contacts[_FEET] / CONTACT_SCALE)
+            _point(self._loads, root, _outside(frame.bodies, forces), forces / FORCE_SCALE)
+            _point(self._torques, root, _outside(frame.bodies, torques), torques / TORQUE_SCALE)
             self._newtons.visible = frame.drag is not None
             if frame.drag is None:
                 self._drag.points = _HIDDEN
             else:
                 grab, pointer, force = frame.drag
-                _point(self._drag, grab[None], force[None] / FORCE_SCALE)
+                _point(self._drag, root, grab[None], force[None] / FORCE_SCALE)
                 self._newtons.position = tuple(pointer)
                 self._newtons.text = f"{np.linalg.norm(force):.0f} N"
             if frame.fallen != self._fallen:
@@ -127,18 +133,19 @@ class Stage:
 
     def _draw_capture(self, frame: Frame) -> None:
         """The skeletons of a live capture, at the left of where the humanoid is to be."""
-        shown = frame.shown
+        shown, place = frame.shown, frame.target.positions[0] * [1.0, 1.0, 0.0]
         for node, points in ((self._raw, shown.raw), (self._clean, shown.clean)) if shown else ():
-            segments = skeleton_segments(points, frame.target.positions[0])
+            segments = skeleton_segments(points)
             node.visible = len(segments) > 0
             if node.visible:
-                node.points = segments
+                # As in `_point`.
+                node.position, node.points = tuple(place), segments
         if shown is None:
             self._raw.visible = self._clean.visible = self._latency.visible = False
             return
         self._latency.visible = not shown.starved
         self._latency.text = f"{1000.0 * shown.latency:.0f} ms"
-        self._latency.position = tuple(frame.target.positions[0] * [1.0, 1.0, 0.0] + [0.0, BESIDE, 2.0])
+        self._latency.position = (place[0], place[1] + BESIDE, 2.0)
 
     def _draw_obstacles(self, frame: Frame) -> None:
         # Their states change, so that only shapes and sizes tell whether they are the same.
@@ -159,15 +166,14 @@ class Stage:
             node.position, node.wxyz = tuple(state[:3]), tuple(state[[6, 3, 4, 5]])
 
 
-def skeleton_segments(points: Array, place: Array) -> Array:
-    """Bones (K, 2, 3) of a capture's nodes (20, 3), beside a place (3,) on the ground; none that is not
-    seen."""
+def skeleton_segments(points: Array) -> Array:
+    """Bones (K, 2, 3) that are seen of a capture's nodes (20, 3), beside the origin on the ground."""
     hips = 0.5 * (points[N["hip_left"]] + points[N["hip_right"]])
     seen = all_finite(points)
     if not np.isfinite(hips).all():
         return np.zeros((0, 2, 3))
     lowest = float(np.min(points[seen, 2]))
-    moved = points - [hips[0], hips[1], lowest] + [place[0], place[1] + BESIDE, 0.0]
+    moved = points - [hips[0], hips[1], lowest] + [0.0, BESIDE, 0.0]
     return np.array([(moved[a], moved[b]) for a, b in _BONES if seen[a] and seen[b]]).reshape(-1, 2, 3)
 
 
@@ -177,19 +183,37 @@ def _color(kind: int, body: str) -> tuple[int, int, int]:
     return round(red), round(green), round(blue)
 
 
-def _without_drag(frame: Frame) -> Array:
-    """Forces (15, 3) from outside without a drag's, which has an arrow of its own, and without small ones."""
-    loads = frame.loads.copy()
+def _without_drag(frame: Frame) -> tuple[Array, Array]:
+    """Forces and torques (15, 3) from outside without a drag's, which has an arrow of its own, and without
+    small ones."""
+    forces, torques = frame.loads.copy(), frame.torques.copy()
     if frame.drag is not None:
-        nearest = int(np.argmin(np.linalg.norm(loads - frame.drag[2], axis=-1)))
-        loads[nearest] -= frame.drag[2]
-    loads[np.linalg.norm(loads, axis=-1) < MIN_FORCE] = 0.0
-    return loads
+        dragged = int(np.argmin(np.linalg.norm(forces - frame.drag[2], axis=-1)))
+        forces[dragged] -= frame.drag[2]
+        torques[dragged] = 0.0
+    forces[np.linalg.norm(forces, axis=-1) < MIN_FORCE] = 0.0
+    torques[np.linalg.norm(torques, axis=-1) < MIN_TORQUE] = 0.0
+    return forces, torques
 
 
-def _point(arrows: Any, starts: Array, ways: Array) -> None:
-    """Arrows (N, 3) from points (N, 3); none where the way is shorter than a centimetre."""
-    shown = np.linalg.norm(ways, axis=-1) > 0.01
+def _outside(bodies: BodyStates, ways: Array) -> Array:
+    """Where lines from the centres of bodies along `ways` (15, 3) leave them (15, 3): a short arrow that
+    begins at the centre cannot be seen. A body counts as the box around it."""
+    length = np.maximum(np.linalg.norm(ways, axis=-1, keepdims=True), 1e-9)
+    along = np.abs(rotate(conjugate(bodies.rotations), ways / length))
+    reach = np.min(_HALF / np.maximum(along, 1e-9), axis=-1, keepdims=True)
+    found: Array = bodies.positions + np.minimum(reach, 1.0) * ways / length
+    return found
+
+
+def _point(arrows: Any, root: Array, starts: Array, ways: Array) -> None:
+    """Arrows (N, 3) from points (N, 3); none where the way is shorter than a centimetre.
+
+    A browser takes longer to exchange points than to move a node. The node moves with the humanoid's root
+    (3,), so that arrows that are late are still on their bodies.
+    """
+    shown, starts = np.linalg.norm(ways, axis=-1) > 0.01, starts - root
+    arrows.position = tuple(root)
     arrows.points = np.stack([starts[shown], (starts + ways)[shown]], axis=1) if shown.any() else _HIDDEN
 
 

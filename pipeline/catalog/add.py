@@ -9,6 +9,7 @@ from dataclasses import asdict
 from pathlib import Path
 
 import click
+import numpy as np
 
 from kinemimic.pipeline.catalog.entry import Catalog, Collection, Entry
 from kinemimic.pipeline.catalog.load import NONE, SCHEMA, parse_catalog
@@ -19,6 +20,8 @@ from kinemimic.pipeline.files.store import atomic, file_hash
 from kinemimic.pipeline.files.toml_text import quoted
 from kinemimic.pipeline.readers.base.source import Source
 from kinemimic.pipeline.readers.recognise import reader_of
+from kinemimic.pipeline.readers.video.container import FORMAT as VIDEO
+from kinemimic.pipeline.readers.video.container import is_video
 
 _UNKNOWN = "not stated"
 
@@ -101,6 +104,15 @@ def _existing(catalog: Path) -> tuple[str, Catalog]:
 
 def _recognised(file: Path) -> tuple[str | None, str, float | None, str | None]:
     """Format, sensor, frame rate (Hz), and a note if one of them is unknown."""
+    if is_video(file):
+        from kinemimic.pipeline.video.decode import frame_times  # noqa: PLC0415 (loads OpenCV)
+
+        try:
+            steps = np.diff(frame_times(file))
+        except CaptureError as error:
+            return VIDEO.name, VIDEO.sensor, None, f"unknown frame rate: {error}"
+        rate = round(1.0 / float(np.median(steps)), 2) if len(steps) else None
+        return VIDEO.name, VIDEO.sensor, rate, None if rate else "unknown frame rate: one frame"
     try:
         source = Source.open(file)
         reader = reader_of(source)

@@ -35,6 +35,7 @@ from kinemimic.pipeline.readers.recognise import read
 from kinemimic.pipeline.readers.video.container import is_video
 
 VIEWS: tuple[str, ...] = ("depth", "color")
+OVERLAY = "overlay.webm"
 # Metres in front of and behind the person that the grey levels of depth cover.
 _DEPTH_MARGIN = 1.0
 # Seconds; Unix times in double precision are more exact.
@@ -158,19 +159,19 @@ def _colours(recording: Recording, colours: dict[int, Path]) -> Iterator[Image]:
     "--on", "view", type=click.Choice(VIEWS), help="Images to draw on; by default colour if available."
 )
 @click.option(
-    "--out", type=click.Path(path_type=Path, dir_okay=False), default=Path("overlay.webm"), show_default=True,
-    help="A .webm file; .mp4 where there is an H.264 encoder.",
+    "--out", type=click.Path(path_type=Path, dir_okay=False),
+    help=f"A .webm file, or .mp4 with an H.264 encoder; by default {OVERLAY}, in RUN if there is one.",
 )  # fmt: skip
 @json_option("Print the result as JSON.")
-def command(recording: Path, run: Path | None, view: str | None, out: Path, as_json: bool) -> None:
+def command(recording: Path, run: Path | None, view: str | None, out: Path | None, as_json: bool) -> None:
     """Draw the 20 nodes of RECORDING into its images: a video, or the folder of a depth recording.
 
     \b
       kinemimic overlay walk.mp4 --run runs/walk
       kinemimic overlay recording
-      kinemimic overlay recording --run runs/recording --on depth --out overlay.webm
+      kinemimic overlay recording --run runs/recording --on depth --out depth.webm
     """
-    drawn = overlay(recording, out, run=run, view=view)
+    drawn = overlay(recording, out or (run or Path()) / OVERLAY, run=run, view=view)
     if as_json:
         click.echo(json.dumps({**asdict(drawn), "path": drawn.path.as_posix()}))
     else:

@@ -12,6 +12,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from kinemimic.pipeline.arrays import Array
 from kinemimic.pipeline.errors import CaptureError
 from kinemimic.pipeline.files.video import quiet
 
@@ -41,23 +42,35 @@ def frames(path: Path, *, skip: int = 0) -> Iterator[Frame]:
     MAX_FRAMES frames.
     """
     with _opened(path) as capture:
-        number, first, before, step = 0, 0.0, -np.inf, _nominal_step(capture)
-        while capture.grab():
-            if number >= MAX_FRAMES:
-                raise CaptureError(path, expected=f"a video of at most {MAX_FRAMES:,} frames", found="more")
-            stamp = float(capture.get(cv2.CAP_PROP_POS_MSEC)) * 1e-3
-            first = stamp if number == 0 else first
-            time = stamp - first
-            if not time > before:
-                time = before + step
-            elif number:
-                step = time - before
+        for number, time in _stamps(path, capture):
             if number >= skip:
                 decoded, image = capture.retrieve()
                 if not decoded:
                     break
                 yield Frame(number, time, np.asarray(image, dtype=np.uint8))
-            number, before = number + 1, time
+
+
+def frame_times(path: Path) -> Array:
+    """Times (T,) of all frames, s from the first one, as `frames` has them; no image is converted."""
+    with _opened(path) as capture:
+        return np.array([time for _, time in _stamps(path, capture)])
+
+
+def _stamps(path: Path, capture: cv2.VideoCapture) -> Iterator[tuple[int, float]]:
+    """Number and time, s, of every frame that is grabbed."""
+    number, first, before, step = 0, 0.0, -np.inf, _nominal_step(capture)
+    while capture.grab():
+        if number >= MAX_FRAMES:
+            raise CaptureError(path, expected=f"a video of at most {MAX_FRAMES:,} frames", found="more")
+        stamp = float(capture.get(cv2.CAP_PROP_POS_MSEC)) * 1e-3
+        first = stamp if number == 0 else first
+        time = stamp - first
+        if not time > before:
+            time = before + step
+        elif number:
+            step = time - before
+        yield number, time
+        number, before = number + 1, time
     if number == 0:
         raise CaptureError(path, expected="a video with frames", found="none that decodes")
 

@@ -30,6 +30,12 @@ def test_it_links_what_is_there_and_nothing_else(tmp_path: Path, walk: Motion) -
     assert all((tmp_path / link).exists() for link in links(page))
     assert "rerun --bind 127.0.0.1 view.rrd" in page and "a.bvh" in page and "a.provenance" not in page
     assert "Simulated capture" in page and "No score yet" in page
+    # Nothing is listed twice, also where two patterns fit.
+    (tmp_path / "overlay.webm").write_text("")
+    write_index(tmp_path)
+    page = (tmp_path / "index.html").read_text()
+    assert links(page)[:3] == ["report.html", "overlay.webm", "walk.webm"]
+    assert page.count("film of the humanoid") == 1
     # The name of a capture is text.
     assert "made &lt;up&gt;.bvh" in page and "made <up>" not in page
 

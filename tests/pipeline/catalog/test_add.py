@@ -8,12 +8,14 @@ from pathlib import Path
 
 import pytest
 from click.testing import CliRunner
+from peers.films import RATE, film, timed
 
 from kinemimic.pipeline.catalog.add import add, command
 from kinemimic.pipeline.catalog.fetch import fetch
 from kinemimic.pipeline.catalog.load import load_catalog
 from kinemimic.pipeline.errors import KinemimicError
 from kinemimic.pipeline.files.store import file_hash
+from kinemimic.pipeline.readers.video.container import FORMAT as VIDEO
 
 TOLD = {
     "repository": "my/walks",
@@ -117,6 +119,21 @@ def test_a_refused_addition_changes_nothing(catalog_file: Path, tmp_path: Path, 
     mine.write_text("schema = 1\ncollection = []\n")
     with pytest.raises(KinemimicError, match="TOML"):
         add(walk, mine, "home", path="x.bvh", **TOLD)
+
+
+def test_a_video_has_its_format_and_the_rate_of_its_time_stamps(tmp_path: Path) -> None:
+    mine, walk = tmp_path / "mine.toml", film(tmp_path / "walk.mp4", 12)
+    entry, why = add(walk, mine, "phone", path="walk.mp4", **TOLD)
+    assert (entry.format, entry.frame_rate, why) == (VIDEO.name, RATE, None)
+    slow = tmp_path / "slow.mp4"
+    slow.write_bytes(timed(walk.read_bytes(), [2 / RATE] * 12))
+    entry, why = add(slow, mine, "phone", path="slow.mp4")
+    assert entry.frame_rate == pytest.approx(RATE / 2, abs=0.01)
+    damaged = tmp_path / "damaged.mp4"
+    damaged.write_bytes(walk.read_bytes()[:40])
+    entry, why = add(damaged, mine, "phone", path="damaged.mp4")
+    assert (entry.format, entry.frame_rate) == (VIDEO.name, None)
+    assert why is not None and "expected a video that FFmpeg decodes" in why
 
 
 def test_the_command(tmp_path: Path, walk: Path) -> None:

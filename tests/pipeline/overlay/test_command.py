@@ -130,6 +130,9 @@ def test_a_run_is_drawn_and_must_be_of_this_recording(tmp_path: Path) -> None:
     result = runner.invoke(command, [str(folder), "--run", str(run), "--out", str(out), "--json"])
     assert result.exit_code == 0
     assert json.loads(result.stdout) == {"path": out.as_posix(), "view": "depth", "frames": 40, "joints": 800}
+    # By default, it is in the run folder, where its report looks for it.
+    result = runner.invoke(command, [str(folder), "--run", str(run)], catch_exceptions=False)
+    assert result.stdout.startswith((run / "overlay.webm").as_posix())
     folder.rename(tmp_path / "other")
     with pytest.raises(KinemimicError, match="expected a run of other, found one of walk"):
         overlay(tmp_path / "other", out, run=run)
