@@ -12,6 +12,7 @@ from typing import Any
 
 from kinemimic.evaluate.workflow.batch_state import BatchState, Kept
 from kinemimic.evaluate.workflow.batch_task import Row, Task, resumable, up_to_date
+from kinemimic.pipeline.errors import KinemimicError
 from kinemimic.pipeline.parallel.executor import Executor
 from kinemimic.pipeline.parallel.task_pool import Failure
 
@@ -65,8 +66,8 @@ class BatchWork:
                     resume = kept is not None and executor.shares_disk and resumable(task, kept)
                     try:
                         sent = packed(_resumed(task, resume))
-                    except OSError as error:
-                        self._keep(task, _failed(task, f"{error.filename}: {error.strerror}"), advance)
+                    except (KinemimicError, OSError) as error:
+                        self._keep(task, _failed(task, _text(error)), advance)
                         continue
                     drawn.append(task)
                     yield sent
@@ -86,9 +87,8 @@ class BatchWork:
             return outcome
         try:
             return unpack(task, outcome)
-        except OSError as error:
-            clear(task.folder)
-            return _failed(task, f"{error.filename}: {(error.strerror or str(error)).lower()}")
+        except (KinemimicError, OSError) as error:
+            return _failed(task, _text(error))
 
     def _keep(self, task: Task, kept: Kept, advance: Callable[[Task], object]) -> None:
         self._state.put(task.name, kept)
@@ -123,6 +123,12 @@ def _work(executor: Executor) -> tuple[Callable[[Any], Any], Callable[[Task], An
 
 def _resumed(task: Task, resume: bool) -> Task:
     return Task(task.capture, task.folder, task.options, task.to, task.name, resume)
+
+
+def _text(error: Exception) -> str:
+    if isinstance(error, OSError):
+        return f"{error.filename}: {(error.strerror or str(error)).lower()}"
+    return str(error)
 
 
 def _failed(task: Task, reason: str) -> Kept:
