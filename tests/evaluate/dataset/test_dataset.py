@@ -14,9 +14,9 @@ import pyarrow.parquet as pq
 import pytest
 from peers.recordings import write_damaged, write_walk
 
-from kinemimic.evaluate.workflow.batch import batch
-from kinemimic.evaluate.workflow.batch_sources import paths_of
-from kinemimic.evaluate.workflow.batch_state import BatchState
+from kinemimic.evaluate.batch.batch import batch
+from kinemimic.evaluate.batch.sources import paths_of
+from kinemimic.evaluate.batch.state import BatchState
 from kinemimic.pipeline.errors import KinemimicError
 from kinemimic.pipeline.files.store import write_json
 from kinemimic.pipeline.parallel import packed_files

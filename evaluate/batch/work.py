@@ -10,8 +10,8 @@ import time
 from collections.abc import Callable, Iterator, Sequence
 from typing import Any
 
-from kinemimic.evaluate.workflow.batch_state import BatchState, Kept
-from kinemimic.evaluate.workflow.batch_task import Row, Task, resumable, up_to_date
+from kinemimic.evaluate.batch.state import BatchState, Kept
+from kinemimic.evaluate.batch.task import Row, Task, resumable, up_to_date
 from kinemimic.pipeline.errors import KinemimicError
 from kinemimic.pipeline.parallel.executor import Executor
 from kinemimic.pipeline.parallel.task_pool import Failure
@@ -76,8 +76,8 @@ class BatchWork:
             self._keep(drawn[index], self._outcome(executor, drawn[index], outcome), advance)
 
     def _outcome(self, executor: Executor, task: Task, outcome: Any) -> Kept:
-        from kinemimic.evaluate.workflow.batch_capture import clear  # noqa: PLC0415 (import cost)
-        from kinemimic.evaluate.workflow.batch_packed import unpack  # noqa: PLC0415 (import cost)
+        from kinemimic.evaluate.batch.capture import clear  # noqa: PLC0415 (import cost)
+        from kinemimic.evaluate.batch.packed_capture import unpack  # noqa: PLC0415 (import cost)
 
         if isinstance(outcome, Failure):
             clear(task.folder)
@@ -115,8 +115,8 @@ class BatchWork:
 def _work(executor: Executor) -> tuple[Callable[[Any], Any], Callable[[Task], Any]]:
     """What the executor calls, and what makes its argument from a task."""
     # Import cost: these load the stages.
-    from kinemimic.evaluate.workflow.batch_capture import process  # noqa: PLC0415
-    from kinemimic.evaluate.workflow.batch_packed import pack, process_packed  # noqa: PLC0415
+    from kinemimic.evaluate.batch.capture import process  # noqa: PLC0415
+    from kinemimic.evaluate.batch.packed_capture import pack, process_packed  # noqa: PLC0415
 
     return (process, lambda task: task) if executor.shares_disk else (process_packed, pack)
 
@@ -133,6 +133,6 @@ def _text(error: Exception) -> str:
 
 def _failed(task: Task, reason: str) -> Kept:
     """The row of a capture whose process crashed or took too much; the next batch tries it again."""
-    from kinemimic.evaluate.workflow.batch_row import FAILED, empty_row  # noqa: PLC0415 (import cost)
+    from kinemimic.evaluate.batch.row import FAILED, empty_row  # noqa: PLC0415 (import cost)
 
     return Kept(empty_row(task, FAILED, reason), {})

@@ -11,8 +11,8 @@ from typing import Any
 
 import click
 
-from kinemimic.evaluate.workflow.batch import MEMORY_GIB, TIMEOUT, batch, found_nothing
-from kinemimic.evaluate.workflow.batch_task import TARGETS
+from kinemimic.evaluate.batch.batch import MEMORY_GIB, TIMEOUT, batch, found_nothing
+from kinemimic.evaluate.batch.task import TARGETS
 from kinemimic.evaluate.workflow.run import passed_on, stage_options
 from kinemimic.pipeline.cli.main import BAD_INPUT
 from kinemimic.pipeline.cli.options import Decorator, json_option, ray_option
@@ -89,7 +89,7 @@ def command(
     elif not result["captures"]:
         raise found_nothing(sources, result)
     else:
-        from kinemimic.evaluate.workflow.batch_table import tables  # noqa: PLC0415 (import cost)
+        from kinemimic.evaluate.batch.table import tables  # noqa: PLC0415 (import cost)
 
         show(*tables(result["captures"], result["counts"]))
         click.echo(f"\nbatch: {out / 'batch.json'}, {out / 'batch.csv'}")

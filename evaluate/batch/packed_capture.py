@@ -8,9 +8,9 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
 
-from kinemimic.evaluate.workflow.batch_capture import clear, process
-from kinemimic.evaluate.workflow.batch_state import Kept
-from kinemimic.evaluate.workflow.batch_task import Row, Task, made_from
+from kinemimic.evaluate.batch.capture import clear, process
+from kinemimic.evaluate.batch.state import Kept
+from kinemimic.evaluate.batch.task import Row, Task, made_from
 from kinemimic.pipeline.errors import KinemimicError
 from kinemimic.pipeline.parallel.packed_files import PackedFiles, read_files, read_folder, write_files
 from kinemimic.pipeline.readers.search import files_to_read
