@@ -6,6 +6,7 @@ import json
 import os
 from collections.abc import Mapping
 from contextlib import nullcontext
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -19,8 +20,10 @@ from kinemimic.pipeline.cli.options import Decorator, json_option, ray_option
 from kinemimic.pipeline.cli.terminal import show
 from kinemimic.pipeline.filters.options import ingest_options
 from kinemimic.pipeline.parallel.cluster import cluster
+from kinemimic.pipeline.parallel.node_identity import NodeIdentity
 from kinemimic.pipeline.parallel.ray_executor import RayExecutor
 from kinemimic.retarget.options import retarget_options
+from kinemimic.train.sim.engines import engine_identity
 
 STAGE_OPTIONS: Mapping[str, Decorator] = {"ingest": ingest_options, "retarget": retarget_options}
 
@@ -82,7 +85,7 @@ def command(
             timeout=timeout,
             memory=memory,
             overwrite=overwrite,
-            executor=None if ray is None else RayExecutor(timeout, int(memory * 2**30)),
+            executor=None if ray is None else _on_nodes(timeout, memory, to),
         )
     if as_json:
         click.echo(json.dumps(result, indent=2))
@@ -95,6 +98,12 @@ def command(
         click.echo(f"\nbatch: {out / 'batch.json'}, {out / 'batch.csv'}")
         click.echo(f"data set: {out / 'dataset'} (page: {out / 'index.html'})")
     return 0 if result["counts"]["accepted"] else BAD_INPUT
+
+
+def _on_nodes(timeout: float, memory: float, to: str) -> RayExecutor:
+    """Of all captures, only those that are performed depend on the engine of a node."""
+    identity = partial(engine_identity, "auto") if to == "performed" else NodeIdentity.here
+    return RayExecutor(timeout, int(memory * 2**30), identity=identity)
 
 
 command.params[-1:-1] = passed_on(STAGE_OPTIONS)
