@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from functools import partial
 from importlib.metadata import version
 from os import sched_getaffinity
 from pathlib import Path
@@ -32,7 +33,7 @@ from kinemimic.retarget.formats.motion_json import read_motion_json
 from kinemimic.train.config.baseline_config import require_package
 from kinemimic.train.config.budget import samples
 from kinemimic.train.config.config import PRESETS, TrainConfig
-from kinemimic.train.sim.engines import resolve
+from kinemimic.train.sim.engines import engine_identity, resolve
 from kinemimic.train.sim.options import engine_option
 
 FAILED = 1  # exit status where a cell failed
@@ -116,7 +117,8 @@ def compare(
                 side_by_side(train_and_score, ledger.unfinished(), jobs or len(sched_getaffinity(0)), watcher)
             else:
                 with cluster(ray):
-                    spread(RayExecutor(isolated=False), ledger.unfinished(), watcher)
+                    executor = RayExecutor(isolated=False, identity=partial(engine_identity, engine))
+                    spread(executor, ledger.unfinished(), watcher)
         except KeyboardInterrupt:
             ledger.write()
             raise KeyboardInterrupt(f"{out}: run the same command again to resume") from None

@@ -35,7 +35,7 @@ Row = dict[str, Any]
 
 
 class State(Protocol):
-    """The rows of a folder of batches (`workflow.batch_state`)."""
+    """The rows of a folder of batches (`evaluate.batch.state`)."""
 
     def rows(self) -> Mapping[str, tuple[Path, Any]]: ...
     def fact(self, name: str) -> str | None: ...

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable, Mapping, Sequence
+from contextlib import nullcontext
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -22,15 +23,17 @@ from kinemimic.evaluate.paper.plan import AHEAD, ROOM, SCENARIOS, compared_polic
 from kinemimic.evaluate.paper.processing_times import measured_on, processing_times
 from kinemimic.evaluate.paper.room_walks import rooms
 from kinemimic.evaluate.paper.summary import markdown
-from kinemimic.pipeline.cli.options import json_option
+from kinemimic.pipeline.cli.options import json_option, ray_option
 from kinemimic.pipeline.cli.picture import save
 from kinemimic.pipeline.cli.progress import progress
 from kinemimic.pipeline.cli.progress_state import PERCENT
 from kinemimic.pipeline.cli.terminal import grid, show
 from kinemimic.pipeline.files.provenance import provenance
 from kinemimic.pipeline.files.store import file_hash, read_json, write_json, write_text
+from kinemimic.pipeline.parallel.cluster import cluster
+from kinemimic.pipeline.parallel.ray_executor import RayExecutor
 from kinemimic.train.scenario.scenario_file import scenario
-from kinemimic.train.sim.engines import resolve
+from kinemimic.train.sim.engines import engine_identity, resolve
 from kinemimic.train.sim.options import engine_option, workers_option
 
 STUDY_SCHEMA = 4
@@ -48,18 +51,36 @@ def study(
     seed: int = 0,
     workers: int | None = None,
     engine: str = "auto",
+    ray: str | None = None,
 ) -> dict[str, Any]:
     """Measure, compare with the paper, and write study.html, study.json, claims.md, figures/, numbers/.
 
     trials: of each policy in each scenario; walks: rooms per policy; seed: of all random draws; workers:
-    processes (default: all cores); engine: a name from `train/sim/engines.py`. Each finished part is kept in
-    out/parts and reused while its inputs stay the same. Returns the content of study.json.
+    processes (default: all cores); engine: a name from `train/sim/engines.py`; ray: carry out trials and
+    walks on a Ray cluster, at this address or, "local", started on this machine, with the same results;
+    processing times are always measured here. Each finished part is kept in out/parts and reused while its
+    inputs stay the same. Returns the content of study.json.
     """
-    engine = resolve(engine)
+    with nullcontext() if ray is None else cluster(ray):
+        return _study(comparison, out, trials, walks, seed, workers, resolve(engine), ray)
+
+
+def _study(
+    comparison: Comparison,
+    out: Path,
+    trials: int,
+    walks: int,
+    seed: int,
+    workers: int | None,
+    engine: str,
+    ray: str | None,
+) -> dict[str, Any]:
     cast = compared_policies(comparison)
     parts = _Parts(out / "parts", seed=seed, engine=engine)
     scenarios = {name: scenario(name) for name in (*SCENARIOS, ROOM)}
     options: dict[str, Any] = {"seed": seed, "engine": engine, "workers": workers}
+    if ray is not None:
+        options["executor"] = RayExecutor(isolated=False, identity=partial(engine_identity, engine))
     contests: list[Row] = []
     with progress("study", len(SCENARIOS) + 2, unit=PERCENT) as bar:
         for name in SCENARIOS:
@@ -162,6 +183,7 @@ def table(content: Row) -> RenderableType:
     help="Seed of the trials' random draws.",
 )
 @workers_option
+@ray_option
 @engine_option
 @json_option("Print study.json.")
 def command(
@@ -171,6 +193,7 @@ def command(
     walks: int,
     seed: int,
     workers: int | None,
+    ray: str | None,
     engine: str,
     as_json: bool,
 ) -> None:
@@ -184,10 +207,14 @@ def command(
     \b
       kinemimic study --comparison runs/comparison
       kinemimic study --trials 100 --out runs/study
+      kinemimic study --ray
     """
+    if ray is not None and workers is not None:
+        raise click.UsageError("--workers: expected none with --ray, which uses every core of the cluster")
     content = study(
-        Comparison.load(folder), out, trials=trials, walks=walks, seed=seed, workers=workers, engine=engine
-    )
+        Comparison.load(folder), out, trials=trials, walks=walks, seed=seed, workers=workers, engine=engine,
+        ray=ray,
+    )  # fmt: skip
     if as_json:
         click.echo(json.dumps(content, indent=2))
     else:

@@ -13,6 +13,7 @@ from kinemimic.evaluate.scoring.scores import FIT_FRAMES, rollout_fits
 from kinemimic.evaluate.view.scenario_replay import replay_scenario
 from kinemimic.pipeline.gait.curve_metrics import SCORED_JOINTS, SIDES
 from kinemimic.pipeline.kinematics.angles import ANGLES
+from kinemimic.pipeline.parallel.executor import Executor, ordered_map
 from kinemimic.pipeline.parallel.task_pool import parallel_map
 from kinemimic.retarget.humanoid.motion import joint_angles
 from kinemimic.train.scenario.scenario import Scenario
@@ -76,19 +77,25 @@ def rooms(
     seed: int,
     engine: str,
     workers: int | None = None,
+    executor: Executor | None = None,
     progress: Callable[[float], object] | None = None,
 ) -> list[dict[str, Any]]:
     """Per policy: number of walks without a fall, medians of the fit, and the curves of one walk.
 
     Walk k uses the same room for every policy. shown: the walk through the room where the first policy's mean
-    `r2_upright` of knee and hip is the median of its rooms (the lower of the middle two); progress: called
-    with the share of walks finished since the last call.
+    `r2_upright` of knee and hip is the median of its rooms (the lower of the middle two); executor: who
+    carries out the walks, by default `workers` processes of this machine; progress: called with the share of
+    walks finished since the last call.
     """
     walks = [
         Walk(one, scenario, number, seed, engine) for one in compared_policies for number in range(trials)
     ]
     share = progress and (lambda k: progress(k / len(walks)))
-    done = parallel_map(walk_metrics, walks, workers=workers, progress=share)
+    done = (
+        parallel_map(walk_metrics, walks, workers=workers, progress=share)
+        if executor is None
+        else ordered_map(executor, walk_metrics, walks, progress=share)
+    )
     ordered = sorted(
         done[:trials], key=lambda walk: sum(walk[joint]["r2_upright"] for joint in SCORED_JOINTS)
     )

@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 from scipy.stats import binomtest
 
 from kinemimic.pipeline.arrays import Array
+from kinemimic.pipeline.parallel.executor import Executor, ordered_map
 from kinemimic.pipeline.parallel.task_pool import parallel_map
 from kinemimic.retarget.humanoid.motion import Motion
 from kinemimic.train.config.config import EnvConfig, TrainConfig
@@ -112,10 +113,19 @@ def run_all_trials(
     groups: Sequence[Sequence[Task]],
     *,
     workers: int | None = None,
+    executor: Executor | None = None,
     progress: Callable[[int], object] | None = None,
 ) -> list[Trials]:
-    """The trials of each group of tasks, in parallel; progress: called with the number of finished tasks."""
-    parts = iter(parallel_map(run_trials, list(chain(*groups)), workers=workers, progress=progress))
+    """The trials of each group of tasks, in parallel; progress: called with the number of finished tasks.
+
+    executor: who carries them out; by default `workers` processes of this machine.
+    """
+    tasks = list(chain(*groups))
+    parts = iter(
+        parallel_map(run_trials, tasks, workers=workers, progress=progress)
+        if executor is None
+        else ordered_map(executor, run_trials, tasks, progress=progress)
+    )
     return [Trials.joined(list(islice(parts, len(group)))) for group in groups]
 
 

@@ -1,5 +1,4 @@
-"""Whole workflows: all stages of a run, batches of captures, training the shipped policies, checking scores.
+"""Whole workflows: all stages of a run, training the shipped policies, checking scores.
 
-In: captures, a recipe or a shipped policy. Out: run folders with run.json and the table of a batch, or the
-folder of policies.
+In: a capture, a recipe or a shipped policy. Out: a run folder with run.json, or the folder of policies.
 """

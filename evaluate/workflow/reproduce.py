@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import json
 import shlex
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -13,12 +14,16 @@ import click
 from kinemimic.evaluate.policies.recipe import POLICIES, Recipe, recipes, recording
 from kinemimic.evaluate.policies.scores_file import read_scores
 from kinemimic.evaluate.policies.shipped import MOTION, POLICY, RECORD, SCORES, motion_summary
+from kinemimic.evaluate.workflow.packed_recipe import spread, stage_options
 from kinemimic.evaluate.workflow.run import run as run_stages
 from kinemimic.pipeline.catalog.local_files import captures_folder
-from kinemimic.pipeline.cli.options import json_option
+from kinemimic.pipeline.cli.options import json_option, ray_option
 from kinemimic.pipeline.cli.printable import echo
 from kinemimic.pipeline.errors import KinemimicError
 from kinemimic.pipeline.files.store import copy_file, file_hash, write_json
+from kinemimic.pipeline.parallel.cluster import cluster
+from kinemimic.pipeline.parallel.ray_executor import RayExecutor
+from kinemimic.train.sim.engines import engine_identity, resolve
 from kinemimic.train.sim.options import engine_option
 
 LARGEST = 4_000_000  # bytes of a shipped file
@@ -102,29 +107,61 @@ def reproduce(
     captures: Path | None = None,
     engine: str | None = None,
     quiet: bool = False,
+    ray: str | None = None,
 ) -> list[Path]:
-    """Train policies one after the other, each in a run folder below `runs`; returns their folders.
+    """Train policies, each in a run folder below `runs`; returns the folders of the policies.
 
     As in `kinemimic run`, finished stages are skipped and an interrupted training resumes. Missing recordings
     are reported before any training.
+    ray: train on a Ray cluster, a policy per core, at this address or, "local", started on this machine; by
+    default one after the other, each on all cores. The policies are those of a training with one worker. One
+    that fails does not affect the others; KinemimicError names those that failed, at the end.
     """
     sources = [capture_of(recipe, captures) for recipe in wanted]
+    if ray is not None:
+        return _on_nodes(ray, wanted, sources, runs, into, engine or "auto", quiet=quiet)
     made: list[Path] = []
     for recipe, source in zip(wanted, sources, strict=True):
-        options: Mapping[str, Mapping[str, Any]] = {
-            "train": {
-                "preset": recipe.preset,
-                "budget": recipe.budget,
-                "seed": recipe.seed,
-                "engine": engine,
-            },
-            "evaluate": {"engine": engine},
-        }
         if not quiet:
             echo(f"{recipe.name}: {recipe.description}", bold=True)
-        run_stages(source, runs / recipe.name, options=options, quiet=quiet)
+        run_stages(source, runs / recipe.name, options=stage_options(recipe, engine), quiet=quiet)
         made.append(publish(runs / recipe.name, recipe, into))
     return made
+
+
+def _on_nodes(
+    ray: str,
+    wanted: Sequence[Recipe],
+    sources: Sequence[Path | None],
+    runs: Path,
+    into: Path,
+    engine: str,
+    *,
+    quiet: bool,
+) -> list[Path]:
+    """As `reproduce`, on a Ray cluster."""
+    engine = resolve(engine)
+    made: dict[str, Path] = {}
+    failed: list[str] = []
+    with cluster(ray):
+        executor = RayExecutor(isolated=False, identity=partial(engine_identity, engine))
+        for recipe, error in spread(executor, wanted, sources, runs, engine):
+            refused = error
+            if refused is None:
+                try:
+                    made[recipe.name] = publish(runs / recipe.name, recipe, into)
+                except KinemimicError as mismatch:
+                    refused = str(mismatch)
+            if refused is not None:
+                failed.append(f"{recipe.name}: {' '.join(refused.split())}")
+            if not quiet:
+                echo(failed[-1] if refused is not None else f"{recipe.name}: {made[recipe.name]}")
+    if failed:
+        raise KinemimicError(
+            f"expected all policies to be trained, found {len(failed)} of {len(wanted)} that failed: "
+            f"{'; '.join(failed)}"
+        )
+    return [made[recipe.name] for recipe in wanted]
 
 
 @click.command("reproduce")
@@ -154,6 +191,7 @@ def reproduce(
     show_default=True,
     help="Parent folder of the policies.",
 )
+@ray_option
 @engine_option
 @json_option("Print the written folders as JSON.")
 def command(
@@ -162,6 +200,7 @@ def command(
     captures: Path | None,
     ready: Path | None,
     into: Path,
+    ray: str | None,
     engine: str | None,
     as_json: bool,
 ) -> None:
@@ -170,6 +209,7 @@ def command(
     \b
       kinemimic reproduce --only walk
       kinemimic reproduce --only kinect_walk --captures recordings
+      kinemimic reproduce --ray 10.0.0.1:6379
     """
     known = recipes()
     if unknown := [name for name in only if name not in known]:
@@ -180,7 +220,7 @@ def command(
     if ready is not None:
         made = [publish(ready, wanted[0], into)]
     else:
-        made = reproduce(wanted, runs, into, captures=captures, engine=engine, quiet=as_json)
+        made = reproduce(wanted, runs, into, captures=captures, engine=engine, quiet=as_json, ray=ray)
     if as_json:
         click.echo(json.dumps([folder.as_posix() for folder in made]))
     else:

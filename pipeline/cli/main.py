@@ -103,11 +103,11 @@ COMMANDS: dict[str, tuple[str, str]] = {
         "Run all stages on one capture; skip those up to date.",
     ),
     "batch": (
-        "kinemimic.evaluate.workflow.batch_command:command",
+        "kinemimic.evaluate.batch.command:command",
         "Make a data set of the motions of many captures.",
     ),
     "library": (
-        "kinemimic.evaluate.workflow.library:command",
+        "kinemimic.evaluate.library.command:command",
         "Make one motion library of many captures, split by subject.",
     ),
 }

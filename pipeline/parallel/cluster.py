@@ -5,19 +5,23 @@ from __future__ import annotations
 import logging
 import os
 import socket
+import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
 from importlib.util import find_spec
+from pathlib import Path
 from typing import Any
 
 from kinemimic.pipeline.errors import KinemimicError
 
 LOCAL = "local"  # in place of an address: start Ray on this machine
 _LOOPBACK = "127.0.0.1"
+_TOKEN = Path("~/.ray/auth_token")
 # Ray reads these once, when it is imported. The second one's name says Windows and macOS because there it is
 # 0 by default: else Ray takes a network interface's address for a loopback one, and listens on all of them.
 _QUIET = {"RAY_USAGE_STATS_ENABLED": "0"}
 _ON_LOOPBACK = {"RAY_ENABLE_WINDOWS_OR_OSX_CLUSTER": "0"}
+_ADVICE = "; `ray start --head` starts one, and one that has a token needs it here too (~/.ray/auth_token)"
 # One thread for every matrix product, as in worker processes: a result must not depend on a node's cores.
 ONE_THREAD = {"env_vars": {"OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"}}
 
@@ -43,12 +47,12 @@ def cluster(address: str, cores: int | None = None) -> Iterator[int]:
     local = address == LOCAL
     if not local:
         _require_answer(address)
-    os.environ |= {**_QUIET, **(_ON_LOOPBACK if local else {})}
-    import ray  # noqa: PLC0415 (an extra, and its import takes 0.3 s)
-
-    if ray.is_initialized():
+    if (loaded := sys.modules.get("ray")) is not None and loaded.is_initialized():
         yield _cores()
         return
+    os.environ |= {**_QUIET, **(_ON_LOOPBACK if local else _token_mode())}
+    import ray  # noqa: PLC0415 (an extra, and its import takes 0.3 s)
+
     # Its start is several lines on stderr, which do not concern the command's user.
     logging.getLogger("ray").setLevel(logging.ERROR)
     quiet: dict[str, Any] = {"log_to_driver": False, "configure_logging": False}
@@ -61,7 +65,7 @@ def cluster(address: str, cores: int | None = None) -> Iterator[int]:
         found = " ".join(str(error).split())
         raise KinemimicError(
             f"--ray {address}: expected {'to start Ray' if local else 'a Ray cluster'}, found: {found[:300]}"
-            f"{'' if local else '; `ray start --head` starts one'}"
+            f"{'' if local else _ADVICE}"
         ) from None
     try:
         if local:
@@ -69,6 +73,18 @@ def cluster(address: str, cores: int | None = None) -> Iterator[int]:
         yield _cores()
     finally:
         ray.shutdown()
+
+
+def _token_mode() -> dict[str, str]:
+    """Whether to show the cluster this user's token, if there is one, as an environment variable of Ray.
+
+    `ray start` asks for the token from the moment that one exists, which a local Ray makes; a driver shows it
+    only if told. A cluster without a token accepts one.
+    """
+    if "RAY_AUTH_MODE" in os.environ:
+        return {}
+    given = any(os.environ.get(name) for name in ("RAY_AUTH_TOKEN", "RAY_AUTH_TOKEN_PATH"))
+    return {"RAY_AUTH_MODE": "token"} if given or _TOKEN.expanduser().is_file() else {}
 
 
 def _require_answer(address: str) -> None:

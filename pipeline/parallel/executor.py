@@ -9,9 +9,11 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
-from typing import Protocol, TypeVar
+from functools import partial
+from typing import Any, Protocol, TypeVar
 
-from kinemimic.pipeline.parallel.task_pool import MEMORY, TIMEOUT, Failure, guarded, isolated_map
+from kinemimic.pipeline.errors import KinemimicError
+from kinemimic.pipeline.parallel.task_pool import MEMORY, TIMEOUT, Failure, caught, guarded, isolated_map
 
 Task = TypeVar("Task")
 Result = TypeVar("Result")
@@ -70,3 +72,28 @@ class LocalProcesses:
     ) -> Iterator[tuple[int, Result | Failure]]:
         """As `Executor.map`."""
         return isolated_map(work, tasks, workers=self.workers, timeout=self.timeout, memory=self.memory)
+
+
+def ordered_map(
+    executor: Executor,
+    work: Callable[[Task], Result],
+    tasks: Iterable[Task],
+    *,
+    progress: Callable[[int], object] | None = None,
+) -> list[Result]:
+    """Results of all tasks, in their order; as `parallel_map`, whose exceptions it also raises.
+
+    progress: called with the number of tasks done since the last call. KinemimicError for a task without a
+    result.
+    """
+    results: dict[int, Any] = {}
+    for index, outcome in executor.map(partial(caught, work), tasks):
+        if isinstance(outcome, Failure):
+            raise KinemimicError(f"expected a result of every task, found none of one: {outcome.reason}")
+        result, error = outcome
+        if error is not None:
+            raise error
+        results[index] = result
+        if progress is not None:
+            progress(1)
+    return [results[index] for index in range(len(results))]

@@ -17,6 +17,8 @@ Task = TypeVar("Task")
 Result = TypeVar("Result")
 
 RETRIES = 5  # of a task whose node was lost
+# The function, its limits of time and memory, the identity of a machine, and that of the driver.
+_Common = tuple[Callable[[Any], Any], tuple[float, int] | None, Callable[[], NodeIdentity], NodeIdentity]
 # Tasks that are under way or on their way, per core: one waits at its node while another runs.
 _AHEAD = 2
 
@@ -30,11 +32,14 @@ class RayExecutor:
     only its own result. timeout (s), memory (bytes of address space): limits of a task.
     isolated: False carries tasks out in Ray's own process, without limits, for those that start processes, as
     a training does; one that crashes is done again RETRIES times, and is then a Failure.
+    identity: what results depend on, called here and on every node: a function at a module's top level, or a
+    `partial` of one, which raises KinemimicError where the tasks cannot be carried out.
     """
 
     timeout: float = TIMEOUT
     memory: int = MEMORY
     isolated: bool = True
+    identity: Callable[[], NodeIdentity] = NodeIdentity.here
     shares_disk: bool = False
 
     def map(
@@ -50,7 +55,7 @@ class RayExecutor:
             num_cpus=1, max_retries=RETRIES, scheduling_strategy="SPREAD", runtime_env=ONE_THREAD
         ).remote
         limits = (self.timeout, self.memory) if self.isolated else None
-        common = ray.put((work, limits, NodeIdentity.here()))
+        common = ray.put((work, limits, self.identity, self.identity()))
         waiting, pending = enumerate(tasks), dict[Any, int]()
         try:
             while True:
@@ -86,13 +91,18 @@ def _received(reference: Any) -> Any:
     return outcome
 
 
-def _carry_out(common: tuple[Callable[[Any], Any], tuple[float, int] | None, NodeIdentity], task: Any) -> Any:
+def _carry_out(common: _Common, task: Any) -> Any:
     """The result of a task, a Failure, or a KinemimicError if this node is not like the driver."""
     import ray  # noqa: PLC0415
 
-    work, limits, driver = common
+    work, limits, identity, driver = common
+    node = ray.util.get_node_ip_address()
     try:
-        driver.require(NodeIdentity.here(), ray.util.get_node_ip_address())
+        here = identity()
+    except KinemimicError as error:
+        return KinemimicError(f"node {node}: {error}")
+    try:
+        driver.require(here, node)
     except KinemimicError as error:
         return error
     # A child process runs its parent's main script again, here the one of Ray's workers: 0.3 s for nothing.

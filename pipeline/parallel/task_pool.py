@@ -55,7 +55,7 @@ def parallel_map(
         return [_advanced(work(task), progress) for task in tasks]
     count = min(workers or len(os.sched_getaffinity(0)), len(tasks))
     results: dict[int, Result] = {}
-    for index, outcome in _outcomes(partial(_caught, work), tasks, count):
+    for index, outcome in _outcomes(partial(caught, work), tasks, count):
         if isinstance(outcome, WorkerDiedError):
             raise outcome.among(count)
         result, error = outcome
@@ -175,7 +175,7 @@ def _serve(pipe: Connection, work: Callable[[Any], Any], setup: Callable[[], obj
         pipe.send(work(pipe.recv()))
 
 
-def _caught(work: Callable[[Task], Result], task: Task) -> tuple[Result | None, Exception | None]:
+def caught(work: Callable[[Task], Result], task: Task) -> tuple[Result | None, Exception | None]:
     """The result and no error, or no result and the error with its traceback in a note."""
     try:
         return work(task), None

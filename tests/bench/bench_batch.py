@@ -18,7 +18,7 @@ import threading
 import time
 from pathlib import Path
 
-from kinemimic.evaluate.workflow.batch import batch
+from kinemimic.evaluate.batch.batch import batch
 from kinemimic.evaluate.workflow.run import RUN_STAGES, run
 from kinemimic.pipeline.catalog.local_files import captures_folder
 from kinemimic.pipeline.errors import KinemimicError

@@ -1,4 +1,4 @@
-"""Synthetic walks with known values: legs that swing as sinusoids, and rollouts of them."""
+"""Synthetic walks with known values, legs that swing as sinusoids; rollouts of them; batches in process."""
 
 from __future__ import annotations
 
@@ -14,6 +14,7 @@ from peers.crouch import crouching
 from kinemimic.pipeline.arrays import Array
 from kinemimic.pipeline.kinematics.rotations import IDENTITY, from_axis_angle
 from kinemimic.pipeline.kinematics.skeleton import NODE_INDEX, NODES
+from kinemimic.pipeline.parallel import executor
 from kinemimic.retarget.humanoid.motion import Motion
 from kinemimic.train.rollout.trajectory import Trajectory
 from kinemimic.train.sim.world import CONTROL_RATE
@@ -43,6 +44,12 @@ def path(phase: Array) -> Array:
     root = np.zeros((*phase.shape, 3))
     root[..., 0], root[..., 2] = SPEED * PERIOD * phase, HEIGHT
     return root
+
+
+@pytest.fixture
+def inline(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Captures of a batch in this process, which spares the start of others."""
+    monkeypatch.setattr(executor, "isolated_map", lambda work, tasks, **_: enumerate(map(work, tasks)))
 
 
 @pytest.fixture(scope="session")

@@ -24,7 +24,8 @@ from kinemimic.retarget.formats.motion_json import read_motion_json
 from kinemimic.train.config.config import PRESETS
 from kinemimic.train.rollout.trajectory import Trajectory
 
-WHOLE, SAMPLE = 500, 12
+# Damages of each file: with a slow test, and with every test.
+WHOLE, RECORDED, SAMPLE = 500, 24, 4
 # The JSON files that each command opens.
 READS = {
     "convert": ("run.json",),
@@ -155,6 +156,19 @@ def test_a_damaged_file_is_found_when_it_is_opened(
         pytest.skip("removed here")
     with stages_replaced(performance) as reached:
         outcomes(finished, tmp_path, case, SAMPLE, reached, capsys, recorded=recorded)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("case", CASES, ids="-".join)
+def test_more_damages_of_each_file_of_a_recorded_run(
+    finished: Path,
+    tmp_path: Path,
+    case: tuple[str, str],
+    performance: Callable[..., Trajectory],
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    with stages_replaced(performance) as reached:
+        outcomes(finished, tmp_path, case, RECORDED, reached, capsys, recorded=True)
 
 
 @pytest.mark.slow

@@ -6,6 +6,21 @@ import os
 import signal
 import time
 
+from kinemimic.pipeline.errors import KinemimicError
+from kinemimic.pipeline.parallel.node_identity import NodeIdentity
+
+
+def claimed() -> NodeIdentity:
+    """The driver claims to be another machine; nodes tell the truth."""
+    return NodeIdentity.here(None if "RAY_RAYLET_PID" in os.environ else {"numpy": "1.0"})
+
+
+def incapable() -> NodeIdentity:
+    """Nodes lack something."""
+    if "RAY_RAYLET_PID" in os.environ:
+        raise KinemimicError("expected an engine, found none")
+    return NodeIdentity.here()
+
 
 def squared(task: bytes) -> bytes:
     return str(int(task) ** 2).encode() * 1000

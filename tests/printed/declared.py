@@ -24,7 +24,7 @@ NOT_RUN: dict[str, str] = {
     "kinemimic compare * --ablation*": "trains twelve variants",
     "kinemimic compare *@*": "trains the baselines, which are an extra, in a scenario",
     "kinemimic reproduce*": "trains the policies that ship for hours",
-    "kinemimic library * --variants 6000": "draws variants for minutes; tests/evaluate/workflow draws a few",
+    "kinemimic library * --variants 6000": "draws variants for minutes; tests/evaluate/library draws a few",
     "kinemimic train-tracker *": "trains for hours; tests/train/tracker trains for some rounds",
     "kinemimic evaluate-tracker *": "needs a library; tests/evaluate/scoring has one",
     "kinemimic evaluate --policy kinect_walk *": "needs a recording that does not ship",

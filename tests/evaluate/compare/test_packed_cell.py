@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import threading
+from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -12,7 +13,9 @@ import pytest
 from peers.ray_nodes import RayNodes
 
 from kinemimic.evaluate.compare import command as module
+from kinemimic.evaluate.compare.cell import Cell
 from kinemimic.evaluate.compare.command import compare
+from kinemimic.evaluate.compare.packed_cell import TrainedCell, spread
 from kinemimic.evaluate.compare.task import Task
 from kinemimic.pipeline.files.store import write_text
 from kinemimic.retarget.formats.motion_json import motion_to_json
@@ -21,6 +24,55 @@ from kinemimic.train.config.config import PRESETS
 
 SMALL = replace(PRESETS["default"], num_envs=4, horizon=16, minibatch=32, epochs=2, hidden=(32, 16))
 BUDGETS = (SMALL.batch, 3 * SMALL.batch)
+
+
+class Hearing:
+    """What became of each cell."""
+
+    def __init__(self) -> None:
+        self.ended_with: dict[int, str | None] = {}
+
+    def begun(self, task: Cell) -> None: ...
+
+    def advanced(self, task: Cell, state: object) -> None: ...
+
+    def ended(self, task: Cell, error: str | None) -> None:
+        self.ended_with[task.config.seed] = error
+
+
+class Returning:
+    """Executor of a cluster that returns these files for one cell after the other."""
+
+    shares_disk = False
+
+    def __init__(self, *files: dict[str, bytes]) -> None:
+        self._files = files
+
+    def map(self, work: Any, tasks: Any) -> Iterator[tuple[int, Any]]:
+        for (index, _), files in zip(enumerate(tasks), self._files, strict=True):
+            yield index, TrainedCell(files, None)
+
+
+def test_a_cell_with_strange_files_fails_alone(walk: Motion, tmp_path: Path) -> None:
+    run, other = tmp_path / "walk", tmp_path / "other"
+    for folder, motion in ((run, walk), (other, replace(walk, rate=2 * walk.rate))):
+        write_text(folder / "motion.json", motion_to_json(motion))
+    cells = [
+        Cell(
+            run, walk.identity, "walk", "default", replace(SMALL, seed=seed), (1,), tmp_path / "out", "native"
+        )
+        for seed in range(3)
+    ]
+    write_text(cells[1].folder / "motion.json", (other / "motion.json").read_text())
+    heard = Hearing()
+    spread(Returning({"../../../../stolen": b"x"}, {"scores-1.json": b"{}"}), cells, heard)
+    found = heard.ended_with
+    assert "expected names of files below it from another machine, found '../" in str(found[0])
+    assert "expected results of the same motion, found another" in str(found[1])
+    assert found[2] is None
+    assert not (tmp_path.parent / "stolen").exists()
+    assert not list(tmp_path.rglob("stolen"))
+    assert (cells[2].folder / "scores-1.json").exists()
 
 
 def compared(run: Path, out: Path, ray: str | None) -> dict[str, Any]:

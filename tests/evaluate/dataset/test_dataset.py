@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import re
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -14,11 +14,12 @@ import pyarrow.parquet as pq
 import pytest
 from peers.recordings import write_damaged, write_walk
 
-from kinemimic.evaluate.workflow.batch import batch
-from kinemimic.evaluate.workflow.batch_sources import paths_of
-from kinemimic.evaluate.workflow.batch_state import BatchState
+from kinemimic.evaluate.batch.batch import batch
+from kinemimic.evaluate.batch.sources import paths_of
+from kinemimic.evaluate.batch.state import BatchState
 from kinemimic.pipeline.errors import KinemimicError
 from kinemimic.pipeline.files.store import write_json
+from kinemimic.pipeline.parallel import packed_files
 from kinemimic.pipeline.parallel.executor import InProcess
 from kinemimic.retarget.dataset.columns import FRAME_COLUMNS, INDEX_COLUMNS
 from kinemimic.retarget.dataset.index_table import motion_of, read_rows
@@ -81,6 +82,30 @@ def test_tasks_that_travel_as_bytes_give_the_same_bytes(recordings: Path, out: P
     there, here = files_of(tmp_path / "other" / "ann_1.skl"), files_of(out / "ann_1.skl")
     # A recording for viewers has the time at which it was written.
     assert {name for name in here if here[name] != there[name]} <= {"motion.mcap", "run.json"}
+
+
+def test_what_another_machine_returns_stays_in_the_run_folder(tmp_path: Path) -> None:
+    """A row with its reason, and nothing of it in any folder; the other captures are not touched."""
+
+    class Strange(Elsewhere):
+        def map(self, work: Any, tasks: Any) -> Iterator[tuple[int, Any]]:
+            for index, result in super().map(work, tasks):
+                files = result.files | ({"../../stolen": b"x"} if index == 0 else {})
+                yield index, replace(result, files=files)
+
+    captures = [write_walk(tmp_path / "in" / name) for name in ("a_1.skl", "b_1.skl")]
+    first, second = batch(captures, tmp_path / "out", executor=Strange())["captures"]
+    assert (first["status"], second["status"]) == ("failed", "accepted")
+    assert "expected names of files below it from another machine" in first["reason"]
+    assert not list((tmp_path / "out" / "a_1.skl").glob("*"))
+    assert not list(tmp_path.rglob("stolen"))
+
+
+def test_a_capture_that_is_too_much_to_send_is_a_row(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(packed_files, "MOST_BYTES", 1000)
+    (row,) = batch([write_walk(tmp_path / "a_1.skl")], tmp_path / "out", executor=Elsewhere())["captures"]
+    assert row["status"] == "failed"
+    assert "expected files for another machine, in all of at most" in row["reason"]
 
 
 def test_nothing_is_made_again_and_what_is_damaged_is(recordings: Path, out: Path, tmp_path: Path) -> None:

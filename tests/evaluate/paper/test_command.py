@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import csv
 import json
+import pickle
 import re
+import threading
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
@@ -14,6 +16,7 @@ import pytest
 from click.testing import CliRunner
 from markupsafe import escape
 from peers.compared import BUDGET, KEPT
+from peers.ray_nodes import RayNodes
 from printed.documented import documented_keys
 
 from kinemimic.evaluate.compare.comparison import Comparison
@@ -27,21 +30,24 @@ from kinemimic.train.scenario.scenario import Scenario
 from kinemimic.train.scenario.scenario_file import scenario
 
 
+def cut(name: str) -> Scenario:
+    """A second of a scenario, rooms without bends or furniture."""
+    return replace(scenario(name), seconds=1.0, obstacles=(), route=())
+
+
+def times(**_: Any) -> dict[str, Any]:
+    """Times that nobody measured."""
+    one = {"mean_ms": [1.0, 2.0, 3.0], "deviation_ms": [0.1, 0.1, 0.1], "growth": 1.0}
+    algorithm = {"update": one, "inference": one, "learning": {"mean_ms": [1.0, 2.0, 3.0]}}
+    algorithms = {"ppo": algorithm, "ddpg": algorithm, "a2c": None, "sb3-ppo": algorithm}
+    nets = [{"hidden": [8, 4], "algorithms": algorithms}, {"hidden": [16, 8], "algorithms": algorithms}]
+    samples = [1000, 2000, 3000]
+    return {"samples": samples, "nets": nets, "repeats": 1, "paper": {"ppo": one, "ddpg": one}}
+
+
 @pytest.fixture
 def short(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Scenarios of a second, rooms without bends or furniture, and times that nobody measured."""
-
-    def cut(name: str) -> Scenario:
-        return replace(scenario(name), seconds=1.0, obstacles=(), route=())
-
-    def times(**_: Any) -> dict[str, Any]:
-        one = {"mean_ms": [1.0, 2.0, 3.0], "deviation_ms": [0.1, 0.1, 0.1], "growth": 1.0}
-        algorithm = {"update": one, "inference": one, "learning": {"mean_ms": [1.0, 2.0, 3.0]}}
-        algorithms = {"ppo": algorithm, "ddpg": algorithm, "a2c": None, "sb3-ppo": algorithm}
-        nets = [{"hidden": [8, 4], "algorithms": algorithms}, {"hidden": [16, 8], "algorithms": algorithms}]
-        samples = [1000, 2000, 3000]
-        return {"samples": samples, "nets": nets, "repeats": 1, "paper": {"ppo": one, "ddpg": one}}
-
+    """Little of everything, in this process."""
     monkeypatch.setattr(module, "scenario", cut)
     for user in (scenario_trials, walks):
         monkeypatch.setattr(user, "parallel_map", lambda work, tasks, **_: [work(task) for task in tasks])
@@ -115,6 +121,55 @@ def test_a_contest_does_not_depend_on_who_takes_part(compared: Callable[..., Pat
     shares = list[float]()
     head_to_head([(one, pull)], **options, progress=shares.append)
     assert sum(shares) == pytest.approx(1.0)
+
+
+def test_trials_and_rooms_on_another_machine_are_those_of_this_one(compared: Callable[..., Path]) -> None:
+    """Nothing but the tasks goes there, and nothing but the results comes back."""
+
+    class There:
+        """As the nodes of a cluster: what comes and goes is pickled, and the last task ends first."""
+
+        shares_disk = False
+
+        def map(self, work: Any, tasks: Any) -> Any:
+            sent = [pickle.dumps((work, task)) for task in tasks]
+            for index in reversed(range(len(sent))):
+                function, task = pickle.loads(sent[index])
+                yield index, pickle.loads(pickle.dumps(function(task)))
+
+    comparison = Comparison.load(compared())
+    one, other = (comparison.median_policy("walk", VARIANTS[name], name) for name in ("PPO", "DDPG"))
+    pull = replace(scenario("pull-forward"), seconds=1.0)
+    room = replace(scenario("room"), seconds=1.0, obstacles=(), route=())
+    options: dict[str, Any] = {"trials": 3, "seed": 5, "engine": "pybullet", "workers": 1}
+    shares = list[float]()
+    there: dict[str, Any] = {**options, "executor": There(), "progress": shares.append}
+    assert head_to_head([(one, pull), (other, pull)], **there) == head_to_head(
+        [(one, pull), (other, pull)], **options
+    )
+    assert walks.rooms([one, other], room, **there) == walks.rooms([one, other], room, **options)
+    assert sum(shares) == pytest.approx(2.0)
+
+
+@pytest.mark.slow
+def test_a_study_on_a_cluster_is_that_of_one_machine(
+    compared: Callable[..., Path], tmp_path: Path, monkeypatch: pytest.MonkeyPatch, ray_nodes: RayNodes
+) -> None:
+    """A node is killed while the trials go on. Figures and page are not drawn."""
+    monkeypatch.setattr(module, "scenario", cut)
+    monkeypatch.setattr(module, "processing_times", times)
+    monkeypatch.setattr(module, "drawings", lambda *_: {})
+    monkeypatch.setattr(module, "study_page", lambda *_: "")
+    pytest.importorskip("kinemimic_native", reason="the native engine is not built here")
+    comparison = Comparison.load(compared())
+    options: dict[str, Any] = {"trials": 4, "walks": 2, "engine": "native"}
+    timer = threading.Timer(4.0, ray_nodes.kill, ["second"])
+    timer.start()
+    there = module.study(comparison, tmp_path / "there", ray=ray_nodes.cluster.address, **options)
+    timer.join()
+    here = module.study(comparison, tmp_path / "here", **options)
+    assert there["head_to_head"] == here["head_to_head"]
+    assert there["rooms"] == here["rooms"]
 
 
 def test_a_study_of_too_little_is_one_line(compared: Callable[..., Path], tmp_path: Path) -> None:

@@ -84,7 +84,7 @@ def kill_stages(folder: Path, moments: int) -> None:
 
 
 def test_a_killed_run_resumes(tmp_path: Path) -> None:
-    kill_and_compare(tmp_path, moments=2)
+    kill_and_compare(tmp_path, moments=1)
 
 
 @pytest.mark.slow

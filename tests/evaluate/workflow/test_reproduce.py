@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable
+from contextlib import nullcontext
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -11,15 +12,20 @@ from typing import Any
 import pytest
 from click.testing import CliRunner
 from msgspec import structs
+from peers.ray_nodes import RayNodes
 from peers.shelf import write_run
 
 from kinemimic.evaluate.policies.recipe import Recipe, recipes, recording
 from kinemimic.evaluate.policies.shipped import MOTION, POLICY, RECORD, SCORES, motion_summary
+from kinemimic.evaluate.workflow import packed_recipe
 from kinemimic.evaluate.workflow import reproduce as module
+from kinemimic.evaluate.workflow.packed_recipe import stage_options
 from kinemimic.evaluate.workflow.reproduce import LARGEST, capture_of, command, publish, reproduce
+from kinemimic.evaluate.workflow.run import run as run_stages
 from kinemimic.pipeline.errors import KinemimicError
 from kinemimic.pipeline.files.store import file_hash, read_json, write_json
 from kinemimic.pipeline.readers.mocap.deepmimic import stock_motion
+from kinemimic.retarget.formats.motion_json import read_motion_json
 from kinemimic.retarget.humanoid.motion import Motion
 from kinemimic.train.config.config import PRESETS
 
@@ -136,6 +142,66 @@ def test_policies_are_trained_one_after_the_other(tmp_path: Path, trained: list[
     assert made == [tmp_path / "shelf" / "walk", tmp_path / "shelf" / "run"]
     assert trained == [(None, "default"), (stock_motion("run"), "default")]
     assert read_json(tmp_path / "shelf" / "run" / RECORD)["seed"] == 9
+
+
+def test_a_policy_that_fails_elsewhere_does_not_affect_the_others(
+    tmp_path: Path, trained: list[Any], monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """As on a cluster, whose nodes have other folders; the second recipe finds its run folder as it was."""
+
+    def there(capture: Path | None, folder: Path, *, options: Any, quiet: bool) -> None:
+        assert not folder.is_relative_to(tmp_path)
+        assert options["train"]["workers"] == options["evaluate"]["workers"] == 1
+        if options["train"]["seed"] == 4:
+            (folder / "kept").write_text("made before the error")
+            raise KinemimicError("expected a motion,\nfound none")
+        module.run_stages(capture, folder, options=options, quiet=quiet)
+
+    class There:
+        """Carries out tasks in this process, as an executor of a cluster does on its nodes."""
+
+        shares_disk = False
+
+        def __init__(self, **_: Any) -> None: ...
+
+        def map(self, work: Any, tasks: Any) -> Any:
+            return enumerate(map(work, tasks))
+
+    monkeypatch.setattr(packed_recipe, "run", there)
+    monkeypatch.setattr(module, "RayExecutor", There)
+    monkeypatch.setattr(module, "cluster", lambda address: nullcontext(2))
+    write_json(tmp_path / "runs" / "run" / "old.json", {"before": 1})
+    wanted = [WALK, structs.replace(RUN, seed=4), structs.replace(WALK, name="slow", seed=9)]
+    with pytest.raises(KinemimicError, match=r"found 1 of 3 that failed: run: expected a motion, found none"):
+        reproduce(wanted, tmp_path / "runs", tmp_path / "shelf", ray="head:1")
+    assert {path.name for path in (tmp_path / "shelf").iterdir()} == {"walk", "slow"}
+    assert read_json(tmp_path / "shelf" / "slow" / RECORD)["seed"] == 9
+    assert {path.name for path in (tmp_path / "runs" / "run").iterdir()} == {"old.json", "kept"}
+    shelf = tmp_path / "shelf"
+    assert capsys.readouterr().out.splitlines() == [
+        f"walk: {shelf / 'walk'}",
+        "run: expected a motion, found none",
+        f"slow: {shelf / 'slow'}",
+    ]
+
+
+@pytest.mark.slow
+def test_a_policy_trained_on_a_cluster_is_that_of_one_core(tmp_path: Path, ray_nodes: RayNodes) -> None:
+    """A round of 4,096 samples, then every file that ships, except for what a clock says."""
+    wanted = [structs.replace(recipes()["run"], budget=1)]
+    there = reproduce(
+        wanted, tmp_path / "there", tmp_path / "shelf", ray=ray_nodes.cluster.address, quiet=True
+    )
+    for recipe, folder in zip(wanted, there, strict=True):
+        run = tmp_path / "here" / recipe.name
+        options = stage_options(recipe, None, workers=1)
+        run_stages(capture_of(recipe, None), run, options=options, quiet=True)
+        here = publish(run, recipe, tmp_path / "other")
+        assert {path.name for path in here.iterdir()} == {path.name for path in folder.iterdir()}
+        assert (here / POLICY).read_bytes() == (folder / POLICY).read_bytes()
+        assert read_motion_json(here / MOTION).identity == read_motion_json(folder / MOTION).identity
+        one, other = ({**read_json(place / SCORES), "provenance": None} for place in (here, folder))
+        assert one == other
 
 
 def test_a_missing_recording_is_reported_before_training(

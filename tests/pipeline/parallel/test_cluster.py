@@ -97,3 +97,19 @@ def test_without_ray_one_line_says_how_to_install_it(monkeypatch: pytest.MonkeyP
     message = r"expected the extra `scale`, which runs Ray, found none; pip install 'kinemimic\[scale\]'"
     with pytest.raises(KinemimicError, match=message), cluster(LOCAL):
         pass
+
+
+def test_the_users_token_is_shown_to_a_cluster(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    for name in ("RAY_AUTH_MODE", "RAY_AUTH_TOKEN", "RAY_AUTH_TOKEN_PATH"):
+        monkeypatch.delenv(name, raising=False)
+    monkeypatch.setenv("HOME", str(tmp_path))
+    assert module._token_mode() == {}
+    (tmp_path / ".ray").mkdir()
+    (tmp_path / ".ray" / "auth_token").write_text("5" * 64)
+    assert module._token_mode() == {"RAY_AUTH_MODE": "token"}
+    monkeypatch.setenv("HOME", str(tmp_path / "none"))
+    monkeypatch.setenv("RAY_AUTH_TOKEN", "5" * 64)
+    assert module._token_mode() == {"RAY_AUTH_MODE": "token"}
+    # What the user has said counts.
+    monkeypatch.setenv("RAY_AUTH_MODE", "disabled")
+    assert module._token_mode() == {}

@@ -3,15 +3,15 @@
 from __future__ import annotations
 
 import threading
+from collections.abc import Callable
 from functools import partial
 
 import pytest
-from peers.node_work import slow, squared, troubled
+from peers.node_work import claimed, incapable, slow, squared, troubled
 from peers.ray_nodes import RayNodes
 
 from kinemimic.pipeline.errors import KinemimicError
-from kinemimic.pipeline.parallel import ray_executor
-from kinemimic.pipeline.parallel.executor import InProcess
+from kinemimic.pipeline.parallel.executor import InProcess, ordered_map
 from kinemimic.pipeline.parallel.node_identity import NodeIdentity
 from kinemimic.pipeline.parallel.ray_executor import RayExecutor
 from kinemimic.pipeline.parallel.task_pool import Failure
@@ -47,15 +47,28 @@ def test_tasks_are_taken_as_there_is_room(ray_nodes: RayNodes) -> None:
     results.close()  # type: ignore[attr-defined]
 
 
-def test_another_kind_of_node_is_refused(ray_nodes: RayNodes, monkeypatch: pytest.MonkeyPatch) -> None:
-    class Elsewhere:
-        @staticmethod
-        def here() -> NodeIdentity:
-            return NodeIdentity.here({"numpy": "1.0"})
+@pytest.mark.parametrize(
+    ("identity", "message"),
+    [
+        (claimed, r"node 127\.0\.0\.1: expected numpy 1\.0 as on the driver"),
+        (incapable, r"node 127\.0\.0\.1: expected an engine, found none"),
+    ],
+)
+def test_another_kind_of_node_is_refused(
+    ray_nodes: RayNodes, identity: Callable[[], NodeIdentity], message: str
+) -> None:
+    with pytest.raises(KinemimicError, match=message):
+        list(RayExecutor(identity=identity).map(squared, [b"1"]))
 
-    monkeypatch.setattr(ray_executor, "NodeIdentity", Elsewhere)
-    with pytest.raises(KinemimicError, match=r"node 127\.0\.0\.1: expected numpy 1\.0 as on the driver"):
-        list(RayExecutor().map(squared, [b"1"]))
+
+def test_results_in_order_and_errors_as_they_are(ray_nodes: RayNodes) -> None:
+    done: list[int] = []
+    executor = RayExecutor(isolated=False)
+    found = ordered_map(executor, squared, [b"3", b"1"], progress=done.append)
+    assert found == [squared(b"3"), squared(b"1")]
+    assert done == [1, 1]
+    with pytest.raises(ValueError, match="invalid literal"):
+        ordered_map(executor, squared, [b"x"])
 
 
 @pytest.mark.slow

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import threading
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -10,6 +11,7 @@ from typing import Any
 import numpy as np
 import pytest
 from peers.inline_workers import InlinePool
+from peers.ray_nodes import RayNodes
 from peers.trackers import entry, shipped_motion, write_small_library
 from safetensors.numpy import load
 
@@ -68,6 +70,26 @@ def test_a_pause_does_not_change_a_bit(library: Path, tmp_path: Path, quick: Non
         np.testing.assert_array_equal(array, second[name], err_msg=name)
     assert first["algorithm.failures"].shape == first["algorithm.lengths"].shape == (2,)
     assert set(first["env_states.motions"]) <= {0, 1}
+
+
+@pytest.mark.slow
+def test_actors_train_the_tracker_that_processes_train(
+    library: Path, tmp_path: Path, ray_nodes: RayNodes
+) -> None:
+    """Two of each; an actor's node is killed on the way, and nothing shows it."""
+    pytest.importorskip("kinemimic_native", reason="the native engine is not built here")
+    options: dict[str, Any] = {"config": replace(CONFIG, budget=40 * ROUND), "workers": 2, "engine": "native"}
+    timer = threading.Timer(6.0, ray_nodes.kill, ["second"])
+    timer.start()
+    train_tracker(library, tmp_path / "there", ray=ray_nodes.cluster.address, **options)
+    timer.join()
+    train_tracker(library, tmp_path / "here", **options)
+    there, here = bytes_of(tmp_path / "there"), bytes_of(tmp_path / "here")
+    assert there["policy.safetensors"] == here["policy.safetensors"]
+    first, second = load(there["checkpoint.safetensors"]), load(here["checkpoint.safetensors"])
+    assert first.keys() == second.keys()
+    for name, array in first.items():
+        np.testing.assert_array_equal(array, second[name], err_msg=name)
 
 
 def test_the_policy_is_a_tracker_with_its_critic(library: Path, tmp_path: Path, quick: None) -> None:

@@ -10,8 +10,9 @@ import time
 from collections.abc import Callable, Iterator, Sequence
 from typing import Any
 
-from kinemimic.evaluate.workflow.batch_state import BatchState, Kept
-from kinemimic.evaluate.workflow.batch_task import Row, Task, resumable, up_to_date
+from kinemimic.evaluate.batch.state import BatchState, Kept
+from kinemimic.evaluate.batch.task import Row, Task, resumable, up_to_date
+from kinemimic.pipeline.errors import KinemimicError
 from kinemimic.pipeline.parallel.executor import Executor
 from kinemimic.pipeline.parallel.task_pool import Failure
 
@@ -65,8 +66,8 @@ class BatchWork:
                     resume = kept is not None and executor.shares_disk and resumable(task, kept)
                     try:
                         sent = packed(_resumed(task, resume))
-                    except OSError as error:
-                        self._keep(task, _failed(task, f"{error.filename}: {error.strerror}"), advance)
+                    except (KinemimicError, OSError) as error:
+                        self._keep(task, _failed(task, _text(error)), advance)
                         continue
                     drawn.append(task)
                     yield sent
@@ -75,8 +76,8 @@ class BatchWork:
             self._keep(drawn[index], self._outcome(executor, drawn[index], outcome), advance)
 
     def _outcome(self, executor: Executor, task: Task, outcome: Any) -> Kept:
-        from kinemimic.evaluate.workflow.batch_capture import clear  # noqa: PLC0415 (import cost)
-        from kinemimic.evaluate.workflow.batch_packed import unpack  # noqa: PLC0415 (import cost)
+        from kinemimic.evaluate.batch.capture import clear  # noqa: PLC0415 (import cost)
+        from kinemimic.evaluate.batch.packed_capture import unpack  # noqa: PLC0415 (import cost)
 
         if isinstance(outcome, Failure):
             clear(task.folder)
@@ -86,9 +87,8 @@ class BatchWork:
             return outcome
         try:
             return unpack(task, outcome)
-        except OSError as error:
-            clear(task.folder)
-            return _failed(task, f"{error.filename}: {(error.strerror or str(error)).lower()}")
+        except (KinemimicError, OSError) as error:
+            return _failed(task, _text(error))
 
     def _keep(self, task: Task, kept: Kept, advance: Callable[[Task], object]) -> None:
         self._state.put(task.name, kept)
@@ -115,8 +115,8 @@ class BatchWork:
 def _work(executor: Executor) -> tuple[Callable[[Any], Any], Callable[[Task], Any]]:
     """What the executor calls, and what makes its argument from a task."""
     # Import cost: these load the stages.
-    from kinemimic.evaluate.workflow.batch_capture import process  # noqa: PLC0415
-    from kinemimic.evaluate.workflow.batch_packed import pack, process_packed  # noqa: PLC0415
+    from kinemimic.evaluate.batch.capture import process  # noqa: PLC0415
+    from kinemimic.evaluate.batch.packed_capture import pack, process_packed  # noqa: PLC0415
 
     return (process, lambda task: task) if executor.shares_disk else (process_packed, pack)
 
@@ -125,8 +125,14 @@ def _resumed(task: Task, resume: bool) -> Task:
     return Task(task.capture, task.folder, task.options, task.to, task.name, resume)
 
 
+def _text(error: Exception) -> str:
+    if isinstance(error, OSError):
+        return f"{error.filename}: {(error.strerror or str(error)).lower()}"
+    return str(error)
+
+
 def _failed(task: Task, reason: str) -> Kept:
     """The row of a capture whose process crashed or took too much; the next batch tries it again."""
-    from kinemimic.evaluate.workflow.batch_row import FAILED, empty_row  # noqa: PLC0415 (import cost)
+    from kinemimic.evaluate.batch.row import FAILED, empty_row  # noqa: PLC0415 (import cost)
 
     return Kept(empty_row(task, FAILED, reason), {})

@@ -32,7 +32,7 @@ _WHOLE = 0  # the byte whose lock is the folder's; the bytes of captures follow
 
 @dataclass(frozen=True)
 class Kept:
-    """A capture's row, and what it was made from (`batch_task.made_from`), as JSON values."""
+    """A capture's row, and what it was made from (`evaluate.batch.task.made_from`), as JSON values."""
 
     row: dict[str, Any]
     made_from: dict[str, Any]

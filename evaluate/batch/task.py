@@ -11,7 +11,7 @@ from functools import cache
 from pathlib import Path
 from typing import Any
 
-from kinemimic.evaluate.workflow.batch_state import Kept
+from kinemimic.evaluate.batch.state import Kept
 from kinemimic.pipeline.files.provenance import versions
 from kinemimic.pipeline.files.store import file_hash
 from kinemimic.pipeline.run_folder.capture import sources_of

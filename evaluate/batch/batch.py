@@ -11,10 +11,10 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from kinemimic.evaluate.workflow.batch_sources import paths_of, run_folders
-from kinemimic.evaluate.workflow.batch_state import BatchState
-from kinemimic.evaluate.workflow.batch_task import Row, Task
-from kinemimic.evaluate.workflow.batch_work import BatchWork
+from kinemimic.evaluate.batch.sources import paths_of, run_folders
+from kinemimic.evaluate.batch.state import BatchState
+from kinemimic.evaluate.batch.task import Row, Task
+from kinemimic.evaluate.batch.work import BatchWork
 from kinemimic.pipeline.cli.progress import progress
 from kinemimic.pipeline.errors import KinemimicError
 from kinemimic.pipeline.files.provenance import provenance
@@ -99,7 +99,7 @@ def _gone(sources: Sequence[str | Path], state: BatchState) -> list[str]:
 
 def _interrupted(tasks: Sequence[Task], work: BatchWork, out: Path, config: Mapping[str, Any]) -> None:
     """Write the rows of the captures that are finished, and remove what is left of the others."""
-    from kinemimic.evaluate.workflow.batch_capture import clear  # noqa: PLC0415 (import cost)
+    from kinemimic.evaluate.batch.capture import clear  # noqa: PLC0415 (import cost)
 
     for task in tasks:
         if task.name not in work.rows and work.is_mine(task):
@@ -109,7 +109,7 @@ def _interrupted(tasks: Sequence[Task], work: BatchWork, out: Path, config: Mapp
 
 def _write(out: Path, rows: Sequence[Row], config: Mapping[str, Any]) -> dict[str, Any]:
     """Write batch.json and batch.csv, unless they are the same; returns the content of batch.json."""
-    from kinemimic.evaluate.workflow.batch_table import rows_csv  # noqa: PLC0415 (import cost)
+    from kinemimic.evaluate.batch.table import rows_csv  # noqa: PLC0415 (import cost)
 
     result = _result(rows, config)
     if rows:
@@ -119,7 +119,7 @@ def _write(out: Path, rows: Sequence[Row], config: Mapping[str, Any]) -> dict[st
 
 
 def _result(rows: Sequence[Row], config: Mapping[str, Any]) -> dict[str, Any]:
-    from kinemimic.evaluate.workflow.batch_table import captures_among, counts  # noqa: PLC0415 (import cost)
+    from kinemimic.evaluate.batch.table import captures_among, counts  # noqa: PLC0415 (import cost)
 
     read, other = captures_among(rows)
     return {

@@ -6,21 +6,24 @@ import json
 import os
 from collections.abc import Mapping
 from contextlib import nullcontext
+from functools import partial
 from pathlib import Path
 from typing import Any
 
 import click
 
-from kinemimic.evaluate.workflow.batch import MEMORY_GIB, TIMEOUT, batch, found_nothing
-from kinemimic.evaluate.workflow.batch_task import TARGETS
+from kinemimic.evaluate.batch.batch import MEMORY_GIB, TIMEOUT, batch, found_nothing
+from kinemimic.evaluate.batch.task import TARGETS
 from kinemimic.evaluate.workflow.run import passed_on, stage_options
 from kinemimic.pipeline.cli.main import BAD_INPUT
 from kinemimic.pipeline.cli.options import Decorator, json_option, ray_option
 from kinemimic.pipeline.cli.terminal import show
 from kinemimic.pipeline.filters.options import ingest_options
 from kinemimic.pipeline.parallel.cluster import cluster
+from kinemimic.pipeline.parallel.node_identity import NodeIdentity
 from kinemimic.pipeline.parallel.ray_executor import RayExecutor
 from kinemimic.retarget.options import retarget_options
+from kinemimic.train.sim.engines import engine_identity
 
 STAGE_OPTIONS: Mapping[str, Decorator] = {"ingest": ingest_options, "retarget": retarget_options}
 
@@ -82,19 +85,25 @@ def command(
             timeout=timeout,
             memory=memory,
             overwrite=overwrite,
-            executor=None if ray is None else RayExecutor(timeout, int(memory * 2**30)),
+            executor=None if ray is None else _on_nodes(timeout, memory, to),
         )
     if as_json:
         click.echo(json.dumps(result, indent=2))
     elif not result["captures"]:
         raise found_nothing(sources, result)
     else:
-        from kinemimic.evaluate.workflow.batch_table import tables  # noqa: PLC0415 (import cost)
+        from kinemimic.evaluate.batch.table import tables  # noqa: PLC0415 (import cost)
 
         show(*tables(result["captures"], result["counts"]))
         click.echo(f"\nbatch: {out / 'batch.json'}, {out / 'batch.csv'}")
         click.echo(f"data set: {out / 'dataset'} (page: {out / 'index.html'})")
     return 0 if result["counts"]["accepted"] else BAD_INPUT
+
+
+def _on_nodes(timeout: float, memory: float, to: str) -> RayExecutor:
+    """Of all captures, only those that are performed depend on the engine of a node."""
+    identity = partial(engine_identity, "auto") if to == "performed" else NodeIdentity.here
+    return RayExecutor(timeout, int(memory * 2**30), identity=identity)
 
 
 command.params[-1:-1] = passed_on(STAGE_OPTIONS)

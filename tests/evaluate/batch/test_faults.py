@@ -12,8 +12,8 @@ from peers.faults import FaultyProcesses
 from peers.killing import finish, kill_after, start
 from peers.recordings import write_walk
 
-from kinemimic.evaluate.workflow.batch import batch
-from kinemimic.evaluate.workflow.batch_state import BatchState
+from kinemimic.evaluate.batch.batch import batch
+from kinemimic.evaluate.batch.state import BatchState
 
 
 def files_of(folder: Path) -> dict[str, bytes]:

@@ -13,8 +13,8 @@ from rich.console import Group, RenderableType
 from rich.table import Table
 from rich.text import Text
 
-from kinemimic.evaluate.workflow.batch_row import ACCEPTED, FAILED
-from kinemimic.evaluate.workflow.batch_task import Row
+from kinemimic.evaluate.batch.row import ACCEPTED, FAILED
+from kinemimic.evaluate.batch.task import Row
 from kinemimic.pipeline.cli.terminal import grid, heading, key_value_table, number
 from kinemimic.pipeline.inspect.file_report import OTHER, REFUSED
 from kinemimic.pipeline.inspect.files_table import common_folder, reasons

@@ -9,7 +9,7 @@ from typing import Any
 
 import pyarrow.parquet as pq
 
-from kinemimic.evaluate.workflow.batch_task import Row, Task
+from kinemimic.evaluate.batch.task import Row, Task
 from kinemimic.pipeline.files.store import read_json
 from kinemimic.pipeline.inspect.file_report import REFUSED, without_path
 

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from kinemimic.evaluate.workflow.library_variants import LARGEST_RESIDUAL, Loops, made_variants
+from kinemimic.evaluate.library.variants import LARGEST_RESIDUAL, Loops, made_variants
 from kinemimic.pipeline.errors import KinemimicError
 from kinemimic.pipeline.files.data_folder import DATASETS
 from kinemimic.retarget.formats.motion_json import read_motion_json

@@ -12,8 +12,8 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from kinemimic.evaluate.workflow.batch import TIMEOUT, batch
-from kinemimic.evaluate.workflow.batch_command import STAGE_OPTIONS
+from kinemimic.evaluate.batch.batch import TIMEOUT, batch
+from kinemimic.evaluate.batch.command import STAGE_OPTIONS
 from kinemimic.evaluate.workflow.run import passed_on, stage_options
 from kinemimic.pipeline.cli.options import json_option
 from kinemimic.pipeline.cli.terminal import show
@@ -50,8 +50,8 @@ def library(
     variants without a loop.
     """
     # Import cost: these load the stages.
-    from kinemimic.evaluate.workflow.batch_row import ACCEPTED  # noqa: PLC0415
-    from kinemimic.evaluate.workflow.library_variants import made_variants  # noqa: PLC0415
+    from kinemimic.evaluate.batch.row import ACCEPTED  # noqa: PLC0415
+    from kinemimic.evaluate.library.variants import made_variants  # noqa: PLC0415
     from kinemimic.retarget.formats.motion_json import read_motion_json  # noqa: PLC0415
     from kinemimic.retarget.library.library_file import write_library  # noqa: PLC0415
     from kinemimic.retarget.library.motion_library import MotionLibrary  # noqa: PLC0415
@@ -208,7 +208,7 @@ def command(
     if as_json:
         click.echo(json.dumps(manifest, indent=2))
         return
-    from kinemimic.evaluate.workflow.library_table import tables  # noqa: PLC0415 (import cost)
+    from kinemimic.evaluate.library.table import tables  # noqa: PLC0415 (import cost)
 
     show(*tables(manifest))
     click.echo(f"\nlibrary: {out / 'library.json'}, {out / 'library.safetensors'}")

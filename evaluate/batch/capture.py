@@ -9,15 +9,15 @@ from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager
 from pathlib import Path
 
-from kinemimic.evaluate.workflow.batch_row import (
+from kinemimic.evaluate.batch.row import (
     FAILED,
     capture_columns,
     empty_row,
     motion_columns,
     score_columns,
 )
-from kinemimic.evaluate.workflow.batch_state import Kept
-from kinemimic.evaluate.workflow.batch_task import TRACKER, Row, Task, made_from
+from kinemimic.evaluate.batch.state import Kept
+from kinemimic.evaluate.batch.task import TRACKER, Row, Task, made_from
 from kinemimic.evaluate.workflow.run import run
 from kinemimic.pipeline.errors import KinemimicError, NotACaptureError
 from kinemimic.pipeline.files.stages import STAGES, stage_named

@@ -15,9 +15,9 @@ from peers.recordings import write_damaged, write_walk
 from printed.documented import PAGE, documented_keys
 from samples import uiprmd
 
-from kinemimic.evaluate.workflow.batch import batch
-from kinemimic.evaluate.workflow.batch_row import motion_columns
-from kinemimic.evaluate.workflow.batch_sources import run_folders
+from kinemimic.evaluate.batch.batch import batch
+from kinemimic.evaluate.batch.row import motion_columns
+from kinemimic.evaluate.batch.sources import run_folders
 from kinemimic.evaluate.workflow.run import RUN_STAGES, run
 from kinemimic.pipeline.cli.main import main
 from kinemimic.pipeline.files.store import read_json

@@ -9,7 +9,7 @@ import pytest
 from peers.recordings import write_damaged, write_walk
 from printed.documented import documented_keys
 
-from kinemimic.evaluate.workflow.library import library
+from kinemimic.evaluate.library.command import library
 from kinemimic.pipeline.cli.main import main
 from kinemimic.pipeline.errors import KinemimicError
 from kinemimic.retarget.formats.motion_json import read_motion_json
