@@ -22,9 +22,8 @@ SHARES = {"run": 0.25, "turning": 0.05}
 # `kind` of a variant's entry.
 KINDS = {"walk": "walk", "run": "run", "turning": "walk", "exercise": "motion"}
 CHUNK = 20  # variants of a task
-# Largest `residual` of a variant: of the recorded walks and runs of CMU, none has a larger one. Without this, half
-# of the variants would ask for forces that no ground can give, and a tracker would spend most of its training on
-# motions that nobody can perform.
+# Largest `residual` of a variant: few walks and runs that were recorded have a larger one, and those from a
+# noisy Kinect. Without this, most of a tracker's training would go to motions that nobody can perform.
 LARGEST_RESIDUAL = {"walk": 0.25, "run": 0.65}
 
 

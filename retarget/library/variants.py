@@ -65,12 +65,11 @@ SPREADS: dict[str, tuple[tuple[float, float, float], tuple[float, float, float]]
     "knee": ((0.0, 0.04, 0.0), (0.0, 0.15, 0.0)),
     "ankle": ((0.02, 0.07, 0.05), (0.3, 0.35, 0.5)),
 }
-# Of all ranges, by kind, the largest share; a variant draws its own below it. A run has less latitude, since
-# nothing carries the body in flight.
+# Of all ranges, by kind: a run has less latitude, since nothing carries the body in flight.
 SPREAD = {"walk": 1.0, "run": 0.6}
 ATTEMPTS = 90
-# A new speed is drawn only after so many attempts: of fast variants, fewer are plausible, and without this they
-# would be rare.
+# A new speed is drawn only after so many attempts: of fast variants, fewer are plausible, and without this
+# they would be rare.
 SAME_SPEED = 15
 # What `plausible` accepts: depth of a sole in the ground, m; m/s; vertical range of the pelvis, m.
 MAX_DEPTH = 0.02
@@ -96,7 +95,7 @@ def plausible_variant(
     kind: str,
     seed: int,
     number: int,
-    accepted: Callable[[Motion, str], bool] = lambda motion, kind: True,
+    accepted: Callable[[Motion, str], bool] | None = None,
 ) -> Motion:
     """A plausible variant of loops of one kind ("walk" or "run"), the same for the same seed and number.
 
@@ -111,7 +110,7 @@ def plausible_variant(
         if attempt % SAME_SPEED == 0:
             speed = random.uniform(*WALKING)
         one = variant(loops, int(random.integers(len(loops))), random, kind, speed)
-        if plausible(one, kind) and accepted(one, kind):
+        if plausible(one, kind) and (accepted is None or accepted(one, kind)):
             return one
     raise ValueError(f"none of {ATTEMPTS} variants is plausible: the loops are no gait of this kind")
 

@@ -129,9 +129,7 @@ class Reference:
             np.array([[getattr(body, name)] for body in BODIES[1:]]) for name in ("torque_limit", "stiffness")
         )
         torques = self.dynamics_at(at).torques
-        return np.asarray(
-            np.clip(torques, -_LARGEST_SHARE * limits, _LARGEST_SHARE * limits) / stiffness
-        )
+        return np.asarray(np.clip(torques, -_LARGEST_SHARE * limits, _LARGEST_SHARE * limits) / stiffness)
 
     def dynamics_at(self, at: Array) -> InverseDynamics:
         """Torques and forces of the motion at phases (N,)."""

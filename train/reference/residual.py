@@ -14,11 +14,12 @@ RATE = 60.0  # Hz at which the motion is sampled
 
 
 def residual(motion: Motion) -> float:
-    """Mean size of the force that the motion needs and its contacts cannot give, relative to the body's weight.
+    """Mean size of the force that a motion needs and its contacts cannot give, as a share of the weight.
 
-    It is what the inverse dynamics (`dynamics.py`) leave at the root: the "residual force" of Delp et al. 2007,
-    "OpenSim: open-source software to create and analyze dynamic simulations of movement". The walks that this
-    was developed with have 0.01 to 0.22, the runs 0.26 to 0.64.
+    It is what the inverse dynamics (`dynamics.py`) leave at the root: the "residual force" of Delp et al.
+    2007, "OpenSim: open-source software to create and analyze dynamic simulations of movement". Of the walks
+    that this was developed with, optical ones have 0.02 to 0.16, those of a Kinect v1 0.05 to 0.3; runs 0.26
+    to 0.64.
     """
     reference = Reference(motion, LIBRARY_TABLE_RATE)
     count = max(2, round(RATE * motion.duration))

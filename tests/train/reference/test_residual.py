@@ -26,7 +26,7 @@ def moved(root: np.ndarray) -> Motion:
 def test_standing_needs_nothing_and_floating_needs_the_weight() -> None:
     stand = np.tile([0.0, 0.0, STANDING_HEIGHT], (30, 1))
     assert residual(moved(stand)) < 0.01
-    assert residual(moved(stand + [0.0, 0.0, 1.0])) == pytest.approx(1.0, abs=1e-6)
+    assert residual(moved(stand + np.array([0.0, 0.0, 1.0]))) == pytest.approx(1.0, abs=1e-6)
 
 
 def test_a_falling_body_needs_no_force() -> None:
