@@ -21,7 +21,7 @@ def test_results_come_in_the_order_of_the_tasks() -> None:
     assert parallel_map(math.factorial, []) == []
     with pytest.raises(ValueError, match="negative") as error:
         parallel_map(math.factorial, [2, -1], workers=1)
-    assert "_caught" in error.value.__notes__[0]
+    assert "in caught" in error.value.__notes__[0]
     assert not multiprocessing.active_children()
 
 
