@@ -23,7 +23,7 @@ SHARES = {"run": 0.25, "turning": 0.05}
 KINDS = {"walk": "walk", "run": "run", "turning": "walk", "exercise": "motion"}
 CHUNK = 20  # variants of a task
 # Largest `residual` of a variant: few walks and runs that were recorded have a larger one, and those from a
-# noisy Kinect. Without this, most of a tracker's training would go to motions that nobody can perform.
+# noisy Kinect. Without this, much of a tracker's training would go to motions that nobody can perform.
 LARGEST_RESIDUAL = {"walk": 0.25, "run": 0.65}
 
 
