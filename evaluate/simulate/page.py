@@ -29,8 +29,9 @@ from kinemimic.retarget.humanoid.body import BODIES, BODY_INDEX
 
 MAX_WAITING = 256  # inputs
 CAMERA, LOOK_AT = (2.6, -3.0, 1.6), (0.0, 0.0, 0.9)
-# On a narrow screen viser's panel has the lower three fifths: looking lower puts the humanoid above it.
-NARROW, LOOK_BELOW = 576, (0.0, 0.0, -0.95)  # pixels, m
+# On a phone viser's panel has the lower three fifths: looking lower puts the humanoid above it. The shape tells a
+# phone from a tablet; the number of pixels depends on the screen's density.
+NARROW, LOOK_BELOW = 0.65, (0.0, 0.0, -0.95)  # width by height, m
 # What a person asks for beside inputs: its name and arguments.
 Request = tuple[Literal["toggle", "step", "speed", "choose", "record"], tuple[Any, ...]]
 
@@ -88,7 +89,7 @@ class Page:
         return len(self._server.get_clients())
 
     def _connected(self, client: viser.ClientHandle) -> None:
-        narrow = client.camera.image_width <= NARROW
+        narrow = client.camera.aspect <= NARROW
         client.camera.position, client.camera.look_at = CAMERA, LOOK_BELOW if narrow else LOOK_AT
         with self._lock:
             if self._holder is None:

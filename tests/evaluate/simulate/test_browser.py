@@ -50,8 +50,9 @@ SHOWN = {"Pause": "paused", "Record": "kinemimic simulate --replay"}
 ABOVE = "Take control"
 
 
-@pytest.fixture(scope="module")
+@pytest.fixture
 def address(walk_run: Path) -> Iterator[str]:
+    """A page of its own for each test: what one does to the humanoid and its viewers is not seen by the next."""
     with served("simulate", "--run", str(walk_run), "--port", "18091") as found:
         # viser draws half the pixels each way: the processor draws them.
         yield f"{found}&fixedDpr=0.5"
@@ -65,7 +66,7 @@ def browser() -> Iterator[Any]:
 
 @pytest.fixture
 def look(browser: Any, address: str) -> Iterator[Callable[..., Watched]]:
-    """Opens the page for one more viewer; all leave at the end, so that the next one holds the controls."""
+    """Opens the page for one more viewer; all leave at the end."""
     opened: list[Watched] = []
 
     def one(**options: Any) -> Watched:
@@ -134,7 +135,8 @@ def test_a_drag_shows_its_force_and_moves_the_humanoid(look: Callable[..., Watch
     record(page)
     before = red(page)
     drag(page, walk_run)
-    assert red(page) > before + 30
+    # The arrow is short whenever the body passes the pointer.
+    assert any(red(page) > before + 30 for _ in range(30))
     page.tab.mouse.up()
     awaits(walk_run, "release")
     page.press("Record")
