@@ -22,9 +22,10 @@ from kinemimic.pipeline.locomotion.bouts import MIN_STRIDES, MIN_TRAVEL, Bout, f
 from kinemimic.pipeline.locomotion.segments import only_segment
 from kinemimic.pipeline.run_folder.stage import stage
 from kinemimic.retarget.captured_angles import PassSpan, captured_angles, write_captured
-from kinemimic.retarget.cyclic import fit_cyclic
+from kinemimic.retarget.cyclic import CyclicFit, fit_cyclic
 from kinemimic.retarget.feet.ankles import AnkleMode
-from kinemimic.retarget.feet.ground import measure_path
+from kinemimic.retarget.feet.ground import is_running, measure_path
+from kinemimic.retarget.feet.zero_moment_point import balanced
 from kinemimic.retarget.formats.motion_json import motion_to_json, read_motion_json
 from kinemimic.retarget.formats.write_mcap import write_mcap
 from kinemimic.retarget.humanoid.motion import Motion
@@ -45,6 +46,7 @@ def retarget(
     loop: bool | None = None,
     straighten: bool | None = None,
     segment: str | None = None,
+    balance: bool = False,
 ) -> Motion:
     """Retarget a converted capture to the Table 1 body and write the results into its run folder.
 
@@ -56,7 +58,8 @@ def retarget(
     loop: average the strides into a loop; None does so for every gait with usable strides, False keeps the
         longest bout as recorded.
     straighten: walk straight where the person walked a curve; None does so for a loop, which is straight.
-    With False, a walk keeps its turns, as recorded. segment: name or times of a segment, as `inspect` lists
+    With False, a walk keeps its turns, as recorded. balance: displace the root of a depth sensor's walk
+    until the zero-moment point comes to the soles. segment: name or times of a segment, as `inspect` lists
     them (`locomotion.segments`); None takes the longest usable walk with those alike, or without one the
     longest pass, as recorded. Raises KinemimicError if the capture has no pass, or no usable stride where a
     loop is asked for.
@@ -71,6 +74,7 @@ def retarget(
             loop=loop,
             straighten=straighten,
             segment=segment,
+            balance=balance,
         )
 
 
@@ -84,6 +88,7 @@ def _retarget(
     loop: bool | None,
     straighten: bool | None,
     segment: str | None,
+    balance: bool,
 ) -> Motion:
     source = read_converted(run)
     clip, raw = on_nodes(source), on_nodes(read_clip(run / "raw.parquet"))
@@ -101,12 +106,12 @@ def _retarget(
     report, why = None, "" if selection.bouts else _no_strides(bouts, selection)
     if selection.bouts and loop is not False and straighten is not False:
         fit = fit_cyclic(clip, selection.bouts, symmetric, ankle=ankle)
-        reliability, closed = fit.reliability, fit
-        if refined:
-            motion = refine(fit.motion)
-            fit = replace(fit, motion=motion, path=measure_path(motion, fit.path))
-        motion = fit.motion
-        report = cyclic_report(clip, bouts, selection, closed, fit)
+        reliability = fit.reliability
+        done, report = _finished(clip, bouts, selection, fit, refined=refined, balance=balance)
+        if balance and _refusals(report):
+            # A displaced root changes hips and knees, in rare cases by more than the gate accepts.
+            done, report = _finished(clip, bouts, selection, fit, refined=refined, balance=False)
+        motion = done.motion
         spans = [
             PassSpan(
                 one.pass_number,
@@ -141,6 +146,7 @@ def _retarget(
                 "loop": loop,
                 "straighten": straighten,
                 "segment": segment,
+                "balance": balance,
             },
         ),
     }
@@ -154,6 +160,21 @@ def _retarget(
     write_json(out / "gait.json", {**report, "motion": rounded.identity})
     write_mcap(out / "motion.mcap", motion)
     return rounded
+
+
+def _finished(
+    clip: Clip, bouts: list[Bout], selection: Selection, fit: CyclicFit, *, refined: bool, balance: bool
+) -> tuple[CyclicFit, dict[str, Any]]:
+    """The loop, balanced and refined, and its report."""
+    found = None
+    if balance and not (fit.reliability.precise or is_running(fit.path.speed)):
+        motion, found = balanced(fit.motion)
+        fit = replace(fit, motion=motion, path=measure_path(motion, fit.path))
+    closed = fit
+    if refined:
+        motion = refine(fit.motion)
+        fit = replace(fit, motion=motion, path=measure_path(motion, fit.path))
+    return fit, cyclic_report(clip, bouts, selection, closed, fit, found)
 
 
 def _hash(clip: Clip) -> str:
@@ -201,6 +222,7 @@ def _table(report: dict[str, Any]) -> list[str]:
             f"  ground     penetration {1e3 * ground['penetration_m']:.0f} mm, "
             f"floating {1e3 * ground['floating_m']:.0f} mm, "
             f"swing clearance {1e3 * ground['swing_clearance_m']:.0f} mm, slip {ground['slip_m_s']:.2f} m/s",
+            *_balance(report["balance"]),
         ]
         scores = {name: f"{value:.3f}" if value is not None else "-" for name, value in r2.items()}
     else:
@@ -222,6 +244,17 @@ def _table(report: dict[str, Any]) -> list[str]:
             "  `train` refuses this motion (✗): take another part with --segment, or run `train --anyway`"
         )
     return lines
+
+
+def _balance(found: dict[str, float] | None) -> list[str]:
+    """What the displacement of the root did."""
+    if found is None:
+        return []
+    before, after, most = (1e3 * found[name] for name in ("outside_before_m", "outside_m", "displacement_m"))
+    return [
+        f"  balance    zero-moment point {before:.0f} → {after:.0f} mm off the soles, "
+        f"root displaced by up to {most:.0f} mm"
+    ]
 
 
 def _left_out(report: dict[str, Any]) -> list[str]:
@@ -262,6 +295,7 @@ def command(
     loop: bool | None,
     straighten: bool | None,
     segment: str | None,
+    balance: bool | None,
     as_json: bool,
 ) -> None:
     """Retarget a capture to the simulated humanoid; strides become a gait loop.
@@ -279,6 +313,7 @@ def command(
         loop=loop,
         straighten=straighten,
         segment=segment,
+        balance=bool(balance),
     )
     report = read_json(run / "gait.json")
     echo(json.dumps(report, indent=2) if as_json else "\n".join(_table(report)))

@@ -43,4 +43,10 @@ retarget_options = option_group(
         help="A segment of the capture, by name as `inspect` lists it, or by its seconds, such as 3.5-12. "
         "Default: the longest usable walk.",
     ),
+    click.option(
+        "--balance/--no-balance",
+        default=None,
+        help="Displace the root of a depth sensor's walk until it is balanced over the soles. Default: only "
+        "for a tracker.",
+    ),
 )

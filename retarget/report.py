@@ -16,6 +16,7 @@ from kinemimic.pipeline.locomotion.bouts import Bout
 from kinemimic.retarget.cyclic import CyclicFit
 from kinemimic.retarget.feet.ground import is_running
 from kinemimic.retarget.feet.scale import estimate_subject
+from kinemimic.retarget.feet.zero_moment_point import Balance
 from kinemimic.retarget.formats.gait_json import GAIT_SCHEMA
 from kinemimic.retarget.gate import check_report
 from kinemimic.retarget.humanoid.motion import Motion, joint_angles
@@ -26,11 +27,17 @@ from kinemimic.retarget.strides.selection import Selection, why_strides_are_left
 
 
 def cyclic_report(
-    clip: Clip, bouts: list[Bout], selection: Selection, closed: CyclicFit, fit: CyclicFit
+    clip: Clip,
+    bouts: list[Bout],
+    selection: Selection,
+    closed: CyclicFit,
+    fit: CyclicFit,
+    balance: Balance | None,
 ) -> dict[str, Any]:
     """The value of gait.json for a gait loop; lengths in metres, angles in degrees.
 
-    bouts: all of the capture; closed, fit: before and after refinement.
+    bouts: all of the capture; closed, fit: before and after refinement; balance: None if the root was not
+    displaced for it.
     """
     motion, path = fit.motion, fit.path
     expected = fit.scale * fit.loop.speed
@@ -71,6 +78,13 @@ def cyclic_report(
         "scale": _n(fit.scale),
         "stance_width_m": _n(fit.width),
         "abduction_deg": _n(np.degrees(fit.abduction)),
+        "balance": None
+        if balance is None
+        else {
+            "outside_m": _n(balance.outside),
+            "outside_before_m": _n(balance.outside_before),
+            "displacement_m": _n(balance.displacement),
+        },
         "ground": {
             "height_shift_m": _n(path.shift),
             "follows_foot": path.follows,

@@ -15,6 +15,7 @@ from kinemimic.evaluate.batch.sources import paths_of, run_folders
 from kinemimic.evaluate.batch.state import BatchState
 from kinemimic.evaluate.batch.task import Row, Task
 from kinemimic.evaluate.batch.work import BatchWork
+from kinemimic.evaluate.workflow.run import for_tracker
 from kinemimic.pipeline.cli.progress import progress
 from kinemimic.pipeline.errors import KinemimicError
 from kinemimic.pipeline.files.provenance import provenance
@@ -55,7 +56,8 @@ def batch(
     the captures that are finished; called again, it goes on with the others. KinemimicError for a source that
     is none.
     """
-    config = {stage: dict(chosen) for stage, chosen in (options or {}).items() if chosen}
+    given = for_tracker(options or {}) if to == "performed" else options or {}
+    config = {stage: dict(chosen) for stage, chosen in given.items() if chosen}
     folders = run_folders(paths_of(sources), out)
     if not folders:
         return _result([], config)

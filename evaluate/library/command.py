@@ -14,7 +14,7 @@ import click
 
 from kinemimic.evaluate.batch.batch import TIMEOUT, batch
 from kinemimic.evaluate.batch.command import STAGE_OPTIONS
-from kinemimic.evaluate.workflow.run import passed_on, stage_options
+from kinemimic.evaluate.workflow.run import for_tracker, passed_on, stage_options
 from kinemimic.pipeline.cli.options import json_option
 from kinemimic.pipeline.cli.terminal import show
 from kinemimic.pipeline.errors import KinemimicError
@@ -56,7 +56,7 @@ def library(
     from kinemimic.retarget.library.library_file import write_library  # noqa: PLC0415
     from kinemimic.retarget.library.motion_library import MotionLibrary  # noqa: PLC0415
 
-    pattern = _pattern(subject)
+    pattern, options = _pattern(subject), for_tracker(options or {})
     runs = out / "runs"
     rows = batch(sources, runs, options=options, jobs=jobs, timeout=timeout, dataset=False)["captures"]
     if not rows:
@@ -101,7 +101,7 @@ def library(
                 "test": sorted(test),
                 "variants": variants,
                 "exercises": exercises,
-                **(options or {}),
+                **options,
             },
             seed=seed,
         ),

@@ -29,8 +29,8 @@ from kinemimic.retarget.humanoid.body import BODIES, BODY_INDEX
 
 MAX_WAITING = 256  # inputs
 CAMERA, LOOK_AT = (2.6, -3.0, 1.6), (0.0, 0.0, 0.9)
-# On a phone viser's panel has the lower three fifths: looking lower puts the humanoid above it. The shape tells a
-# phone from a tablet; the number of pixels depends on the screen's density.
+# On a phone viser's panel has the lower three fifths: looking lower puts the humanoid above it. The shape
+# tells a phone from a tablet; the number of pixels depends on the screen's density.
 NARROW, LOOK_BELOW = 0.65, (0.0, 0.0, -0.95)  # width by height, m
 # What a person asks for beside inputs: its name and arguments.
 Request = tuple[Literal["toggle", "step", "speed", "choose", "record"], tuple[Any, ...]]

@@ -133,7 +133,14 @@ def _without_training(
     if given := set(options.get("train", {})) - {"engine"}:
         raise KinemimicError(f"--policy: expected no option of `train`, found --{min(given)}; leave out one")
     evaluating = {**options.get("evaluate", {}), "policy": policy}
-    return [name for name in stages if name != "train"], {**options, "evaluate": evaluating}
+    return [name for name in stages if name != "train"], for_tracker({**options, "evaluate": evaluating})
+
+
+def for_tracker(options: Mapping[str, Mapping[str, Any]]) -> dict[str, Mapping[str, Any]]:
+    """Options of stages whose motion a tracker performs: with --balance, unless they say otherwise."""
+    given = options.get("retarget", {})
+    balance = {} if {"balance", "no-balance"} & set(given) else {"balance": True}
+    return {**options, "retarget": {**given, **balance}}
 
 
 def default_start(folder: Path) -> dict[str, str]:

@@ -87,6 +87,7 @@ class Run:
         loop: bool | None = None,
         straighten: bool | None = None,
         segment: str | None = None,
+        balance: bool = False,
     ) -> Motion:
         """Retarget to the humanoid (`retarget/command.py`); returns the reference motion."""
         return retarget(
@@ -97,6 +98,7 @@ class Run:
             loop=loop,
             straighten=straighten,
             segment=segment,
+            balance=balance,
         )
 
     def train(

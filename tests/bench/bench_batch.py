@@ -91,17 +91,19 @@ def recordings(folder: Path, most: int, place: Path) -> None:
     chosen = files[:: max(1, len(files) // most)][:most]
     listed = place / "captures.txt"
     listed.write_text("".join(f"{file}\n" for file in chosen))
-    seconds, peak = command("batch", f"@{listed}", "--out", place / "out", "-j", 1)
-    again, _ = command("batch", f"@{listed}", "--out", place / "out", "-j", 1)
     alone = single_runs(chosen, place / "single")
-    rows = read_json(place / "out" / "batch.json")["captures"]
-    frames = sum(row["frames"] or 0 for row in rows)
-    print(f"{len(chosen)} files, {len(rows)} captures, {frames} frames on one core")
-    print(f"  single runs   {alone:7.1f} s  {frames / alone:6.0f} frames/s")
-    print(f"  batch         {seconds:7.1f} s  {frames / seconds:6.0f} frames/s")
-    print(f"  overhead      {100 * (seconds / alone - 1):+7.1f} %")
-    print(f"  peak memory   {peak / 2**20:7.0f} MiB, all processes")
-    print(f"  second call   {again:7.2f} s")
+    for jobs in sorted({1, len(os.sched_getaffinity(0))}):
+        out = place / f"out{jobs}"
+        seconds, peak = command("batch", f"@{listed}", "--out", out, "-j", jobs)
+        again, _ = command("batch", f"@{listed}", "--out", out, "-j", jobs)
+        rows = read_json(out / "batch.json")["captures"]
+        frames = sum(row["frames"] or 0 for row in rows)
+        print(f"{len(chosen)} files, {len(rows)} captures, {frames} frames, {jobs} processes")
+        print(f"  single runs   {alone:7.1f} s  {frames / alone:6.0f} frames/s, one after the other")
+        print(f"  batch         {seconds:7.1f} s  {frames / seconds:6.0f} frames/s")
+        print(f"  overhead      {100 * (jobs * seconds / alone - 1):+7.1f} % of processor time at full use")
+        print(f"  peak memory   {peak / 2**20:7.0f} MiB, all processes")
+        print(f"  second call   {again:7.2f} s", flush=True)
 
 
 def synthetic(count: int, place: Path) -> None:

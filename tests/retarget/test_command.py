@@ -64,6 +64,36 @@ def test_the_same_input_gives_the_same_bytes(run):
     assert first == {name: (run / name).read_bytes() for name in first}
 
 
+def test_balance_displaces_the_root_of_a_depth_sensors_walk_alone(run):
+    plain = retarget(run)
+    assert read_json(run / "gait.json")["balance"] is None
+    moved = retarget(run, balance=True)
+    balance = read_json(run / "gait.json")["balance"]
+    assert balance["outside_m"] < balance["outside_before_m"]
+    assert "zero-moment point" in "\n".join(_table(read_json(run / "gait.json")))
+    assert np.abs(moved.root - plain.root).max() > 0.002
+    # What the sensor saw of knees and hips stays.
+    for name, curve in joint_angles(moved.rotations).items():
+        assert np.degrees(np.abs(curve - joint_angles(plain.rotations)[name])).mean() < 5.0
+
+
+def test_an_optical_walk_is_not_displaced(tmp_path, walker):
+    write_converted(tmp_path, walker(passes=2, rate=60.0, seconds=4.0).clip)
+    write_clip(tmp_path / "raw.parquet", walker(passes=2, rate=60.0, seconds=4.0).clip)
+    plain = retarget(tmp_path)
+    assert read_json(tmp_path / "gait.json")["reliability"]["precise"]
+    assert retarget(tmp_path, balance=True).identity == plain.identity
+
+
+def test_a_walk_that_balance_would_spoil_stays_as_it_is(run, monkeypatch):
+    plain = retarget(run)
+    stiff = np.tile([0.0, 0.0, 0.0, 1.0], (len(plain.rotations), 20, 1))
+    monkeypatch.setattr(
+        "kinemimic.retarget.command.balanced", lambda motion: (replace(motion, rotations=stiff), None)
+    )
+    assert retarget(run, balance=True).identity == plain.identity
+
+
 def test_captured_rows_have_the_phase_of_the_motion(run):
     motion = retarget(run)
     table = pq.read_table(run / "capture.parquet")

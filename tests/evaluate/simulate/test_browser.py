@@ -52,7 +52,7 @@ ABOVE = "Take control"
 
 @pytest.fixture
 def address(walk_run: Path) -> Iterator[str]:
-    """A page of its own for each test: what one does to the humanoid and its viewers is not seen by the next."""
+    """A page of its own for each test, which sees nothing of what another one does."""
     with served("simulate", "--run", str(walk_run), "--port", "18091") as found:
         # viser draws half the pixels each way: the processor draws them.
         yield f"{found}&fixedDpr=0.5"

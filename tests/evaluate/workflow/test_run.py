@@ -169,8 +169,22 @@ def test_a_tracker_performs_without_a_training(stages: Stages, capture: Path, tm
     assert run(capture, tmp_path / "run", policy="tracker").ran == ()
     arguments = json.loads((tmp_path / "run/scores.json").read_text())[3]
     assert "--policy=tracker" in arguments
-    # A training later replaces it.
-    assert run(capture, tmp_path / "run").ran[0] == "train"
+    # A training later replaces it, on the motion as retargeted for a training.
+    assert run(capture, tmp_path / "run").ran[0] == "retarget"
+
+
+def test_only_a_tracker_gets_a_balanced_walk(stages: Stages, capture: Path, tmp_path: Path) -> None:
+    def flags(folder: Path) -> list[str]:
+        arguments: list[str] = json.loads((folder / "motion.json").read_text())[3]
+        return [one for one in arguments if "balance" in one]
+
+    run(capture, tmp_path / "trained")
+    run(capture, tmp_path / "performed", policy="tracker")
+    chosen = {"retarget": {"no-balance": True}}
+    run(capture, tmp_path / "as-it-is", policy="tracker", options=chosen)
+    assert flags(tmp_path / "trained") == []
+    assert flags(tmp_path / "performed") == ["--balance"]
+    assert flags(tmp_path / "as-it-is") == ["--no-balance"]
 
 
 def test_a_policy_of_one_motion_and_training_options_are_refused(

@@ -1,0 +1,196 @@
+"""Balance of a walk: the root is displaced until the zero-moment point comes to the soles.
+
+The motion of the masses says where the ground's force would have to act: at the zero-moment point
+(Vukobratović and Borovac 2004, "Zero-moment point: thirty-five years of its life"). Outside the soles, no
+ground can give that force. The lean and sway of a depth sensor's walk are wrong by centimetres, which puts
+the point beside the feet, and who imitates such a walk falls. A body that moves as one, at the height h of
+its centre of mass, moves the point by d - (h/g) d'' if the root is displaced by d (the cart-table model:
+Kajita et al. 2003, "Biped walking pattern generation by using preview control of zero-moment point"). Here d
+is a short Fourier series. The foot in contact keeps its place; hips, knees and ankles follow.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.optimize import nnls
+
+from kinemimic.pipeline.arrays import Array
+from kinemimic.pipeline.kinematics.rotations import (
+    conjugate,
+    continuous,
+    from_axis_angle,
+    from_rotvec,
+    multiply,
+    rotate,
+    to_rotvec,
+)
+from kinemimic.pipeline.kinematics.skeleton import NODE_INDEX as N
+from kinemimic.pipeline.locomotion import fourier
+from kinemimic.retarget.feet.balance import centre_of_mass
+from kinemimic.retarget.feet.contact import corner_velocity, sole_positions
+from kinemimic.retarget.feet.ground import GRAVITY
+from kinemimic.retarget.feet.scale import body_kinematics
+from kinemimic.retarget.humanoid.body import BODIES, BODY_NODES, TOTAL_MASS, node_offsets
+from kinemimic.retarget.humanoid.motion import Motion
+
+MOMENTUM_HARMONICS, HARMONICS = 6, 4  # of the momentum, and of the displacement
+RIDGE = 1e-4
+ITERATIONS = 60
+# Share of the displacement that is applied, ahead and sideways. The whole way ahead helps no more, and
+# changes the knees half as much again.
+SHARE = np.array([0.5, 1.0])
+LARGEST = 0.05  # m, of a displacement
+CONTACT_HARMONICS = 5  # of the smooth share in which a foot is in contact
+# Corners of the soles that can bear weight: height above the ground, m, and speed over it, m/s.
+LOW, SLOW = 0.03, 0.7
+CORNERS = 3  # so many of them make an area
+SUPPORTED = 0.5  # share of the frames with such an area, below which a loop is left alone
+_SUM = 1e3  # weight of the condition that shares sum to one
+_MASSES = np.array([body.mass for body in BODIES])
+_CENTERS = np.array([body.center for body in BODIES])
+_INERTIAS = np.array([body.inertia for body in BODIES])
+
+
+@dataclass(frozen=True)
+class Balance:
+    """What `balanced` did.
+
+    outside, outside_before: mean distance of the zero-moment point from the soles on the ground, m, after and
+    before; displacement: largest of the root, m.
+    """
+
+    outside: float
+    outside_before: float
+    displacement: float
+
+
+def balanced(motion: Motion) -> tuple[Motion, Balance | None]:
+    """A walk's loop with the root displaced, so that the zero-moment point comes nearer to the soles.
+
+    All joints but hips, knees and ankles keep their angles. Contacts stay as they are; `refine` puts the feet
+    that are in contact back in place. Unchanged, with None, where feet bear weight in too few frames.
+    """
+    support = _Support.of(motion)
+    if len(support.frames) < SUPPORTED * len(motion.root):
+        return motion, None
+    point = zero_moment_point(motion)
+    displacement = np.clip(SHARE * _displacement(motion, support, point), -LARGEST, LARGEST)
+    found = _displaced(motion, displacement)
+    before = np.linalg.norm(support.outside(point), axis=-1).mean()
+    after = np.linalg.norm(_Support.of(found).outside(zero_moment_point(found)), axis=-1).mean()
+    return found, Balance(float(after), float(before), float(np.linalg.norm(displacement, axis=-1).max()))
+
+
+def zero_moment_point(motion: Motion) -> Array:
+    """The zero-moment point (T, 2) of a loop on the ground in the world, metres."""
+    frames, period = len(motion.root), motion.duration
+    phase = np.arange(frames) / frames
+    positions, turned = body_kinematics(motion.rotations, motion.root)
+    # A frame that advances uniformly: all that moves in it is periodic.
+    advance = phase[:, None] * motion.cycle_offset
+    world = turned[:, BODY_NODES]
+    arms = rotate(world, np.broadcast_to(_CENTERS, (frames, *_CENTERS.shape)))
+    places = positions[:, BODY_NODES] + arms - advance[:, None]
+    velocities = _rate(phase, places, period)
+    after = np.roll(world, -1, axis=0)
+    spin = motion.rate * to_rotvec(multiply(after, conjugate(world)))
+    spin = 0.5 * (spin + np.roll(spin, 1, axis=0))
+    turning = rotate(world, _INERTIAS * rotate(conjugate(world), spin))
+    momentum = np.einsum("b,tbi->ti", _MASSES, velocities)
+    angular = (np.cross(places, _MASSES[:, None] * velocities) + turning).sum(axis=1)
+    force = _rate(phase, momentum, period)[:, 2] + TOTAL_MASS * GRAVITY
+    moment = _rate(phase, angular, period)
+    weight = GRAVITY * np.einsum("b,tbi->ti", _MASSES, places)
+    point = np.stack([weight[:, 0] - moment[:, 1], weight[:, 1] + moment[:, 0]], axis=-1) / force[:, None]
+    found: Array = point + advance[:, :2]
+    return found
+
+
+def _rate(phase: Array, values: Array, period: float) -> Array:
+    """Derivative by time of periodic values (T, ...) without their highest harmonics."""
+    return fourier.evaluate(fourier.fit(phase, values, MOMENTUM_HARMONICS, ridge=0.0), phase, 1) / period
+
+
+@dataclass(frozen=True)
+class _Support:
+    """The corners of the soles that bear weight.
+
+    frames: (K,) with enough of them for an area; corners: for each, (C, 2) m.
+    """
+
+    frames: NDArray[np.intp]
+    corners: list[Array]
+
+    @classmethod
+    def of(cls, motion: Motion) -> _Support:
+        corners = sole_positions(*body_kinematics(motion.rotations, motion.root))
+        speed = np.linalg.norm(corner_velocity(corners, motion.rate, motion.cycle_offset)[..., :2], axis=-1)
+        bearing = (corners[..., 2] < LOW) & (speed < SLOW)
+        frames = np.flatnonzero(bearing.sum(axis=(1, 2)) >= CORNERS)
+        return cls(frames, [corners[frame][bearing[frame]][:, :2] for frame in frames])
+
+    def outside(self, points: Array) -> Array:
+        """Way (K, 2) from the soles to the points (T, 2) of the frames, m; zero inside."""
+        near = [_nearest(one, points[frame]) for one, frame in zip(self.corners, self.frames, strict=True)]
+        found: Array = points[self.frames] - near
+        return found
+
+
+def _displacement(motion: Motion, support: _Support, point: Array) -> Array:
+    """Of the root (T, 2), m, that brings the zero-moment point (T, 2) to the soles."""
+    phase = np.arange(len(point)) / len(point)
+    height = centre_of_mass(*body_kinematics(motion.rotations, motion.root))[:, 2].mean()
+    k = np.arange(1, HARMONICS + 1)
+    response = 1.0 + height / GRAVITY * (2.0 * np.pi * k / motion.duration) ** 2
+    response = np.concatenate([[1.0], response, response])[:, None]
+    columns = fourier.design(phase, HARMONICS)
+    series = np.zeros((1 + 2 * HARMONICS, 2))
+    for _ in range(ITERATIONS):
+        outside = support.outside(point + columns @ (response * series))
+        series -= fourier.fit(phase[support.frames], outside, HARMONICS, ridge=RIDGE) / response
+    found: Array = columns @ series
+    return found
+
+
+def _nearest(corners: Array, point: Array) -> Array:
+    """The point of the convex hull of corners (K, 2) that is nearest to a point (2,)."""
+    system = np.concatenate([(corners - point).T, np.full((1, len(corners)), _SUM)])
+    shares, _ = nnls(system, np.array([0.0, 0.0, _SUM]))
+    found: Array = shares @ corners / shares.sum()
+    return found
+
+
+def _displaced(motion: Motion, displacement: Array) -> Motion:
+    """The motion with the root displaced by (T, 2) m. A foot in contact stays where it is, as far as the leg
+    reaches; one in swing moves with the root."""
+    offsets = node_offsets()
+    positions, turned = body_kinematics(motion.rotations, motion.root)
+    moved = np.pad(displacement, ((0, 0), (0, 1)))
+    rotations = motion.rotations.copy()
+    phase = np.arange(len(moved)) / len(moved)
+    contact = fourier.fit(phase, motion.contacts.astype(np.float64), CONTACT_HARMONICS)
+    still = np.clip(fourier.evaluate(contact, phase), 0.0, 1.0)
+    for foot, side in enumerate(("left", "right")):
+        hip, knee, ankle = (N[f"{joint}_{side}"] for joint in ("hip", "knee", "ankle"))
+        way = positions[:, ankle] - positions[:, hip] - moved * still[:, foot, None]
+        thigh, shank = np.linalg.norm(offsets[knee]), np.linalg.norm(offsets[ankle])
+        square = np.sum(way**2, axis=-1) - thigh**2 - shank**2
+        flexion = np.arccos(np.clip(square / (2.0 * thigh * shank), -1.0, 1.0))
+        bent = from_axis_angle("Y", flexion)
+        leg = offsets[knee] + rotate(bent, np.broadcast_to(offsets[ankle], way.shape))
+        femur = multiply(_between(rotate(turned[:, hip], leg), way), turned[:, hip])
+        rotations[:, hip] = multiply(conjugate(turned[:, N["hip_center"]]), femur)
+        rotations[:, knee] = bent
+        rotations[:, ankle] = multiply(conjugate(multiply(femur, bent)), turned[:, ankle])
+    return replace(motion, root=motion.root + moved, rotations=continuous(rotations))
+
+
+def _between(one: Array, other: Array) -> Array:
+    """The smallest rotations (T, 4) that turn vectors (T, 3) to the direction of others."""
+    axis = np.cross(one, other)
+    sine = np.linalg.norm(axis, axis=-1, keepdims=True)
+    angle = np.arctan2(sine[:, 0], np.sum(one * other, axis=-1))
+    return from_rotvec(axis / np.maximum(sine, 1e-12) * angle[:, None])
