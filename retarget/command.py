@@ -165,14 +165,13 @@ def _retarget(
 def _finished(
     clip: Clip, bouts: list[Bout], selection: Selection, fit: CyclicFit, *, refined: bool, balance: bool
 ) -> tuple[CyclicFit, dict[str, Any]]:
-    """The loop, balanced and refined, and its report."""
-    found = None
+    """The loop, refined and balanced, and its report."""
+    closed, motion, found = fit, refine(fit.motion) if refined else fit.motion, None
     if balance and not (fit.reliability.precise or is_running(fit.path.speed)):
-        motion, found = balanced(fit.motion)
-        fit = replace(fit, motion=motion, path=measure_path(motion, fit.path))
-    closed = fit
-    if refined:
-        motion = refine(fit.motion)
+        # The soles have to be on the ground for it, and to come back there after it.
+        motion, found = balanced(motion)
+        motion = refine(motion) if refined else motion
+    if motion is not fit.motion:
         fit = replace(fit, motion=motion, path=measure_path(motion, fit.path))
     return fit, cyclic_report(clip, bouts, selection, closed, fit, found)
 
