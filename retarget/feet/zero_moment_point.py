@@ -37,7 +37,7 @@ from kinemimic.retarget.humanoid.body import BODIES, BODY_NODES, TOTAL_MASS, nod
 from kinemimic.retarget.humanoid.motion import Motion
 
 MOMENTUM_HARMONICS, HARMONICS = 6, 4  # of the momentum, and of the displacement
-RIDGE = 1e-4
+RIDGE = 1e-4  # keeps the series small in gaps without support
 ITERATIONS = 60
 # Share of the displacement that is applied, ahead and sideways. The whole way ahead helps no more, and
 # changes the knees half as much again.
@@ -71,10 +71,11 @@ def balanced(motion: Motion) -> tuple[Motion, Balance | None]:
     """A walk's loop with the root displaced, so that the zero-moment point comes nearer to the soles.
 
     All joints but hips, knees and ankles keep their angles. Contacts stay as they are; `refine` puts the feet
-    that are in contact back in place. Unchanged, with None, where feet bear weight in too few frames.
+    that are in contact back in place. Unchanged, with None, where feet bear weight in too few frames, and for
+    loops of too few frames.
     """
-    support = _Support.of(motion)
-    if len(support.frames) < SUPPORTED * len(motion.root):
+    support, frames = _Support.of(motion), len(motion.root)
+    if len(support.frames) < SUPPORTED * frames or frames <= 2 * MOMENTUM_HARMONICS:
         return motion, None
     point = zero_moment_point(motion)
     displacement = np.clip(SHARE * _displacement(motion, support, point), -LARGEST, LARGEST)

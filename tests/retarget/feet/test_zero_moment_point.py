@@ -109,6 +109,14 @@ def test_a_walk_that_would_fall_comes_nearer_to_its_feet(walk: Motion, spoil: ob
     assert np.median(moved[spoiled.contacts]) < 0.005
 
 
+def test_a_loop_of_a_few_frames_is_left_alone(walk: Motion) -> None:
+    few = slice(None, None, len(walk.root) // 10)
+    short = replace(
+        walk, rate=10.0, root=walk.root[few], rotations=walk.rotations[few], contacts=walk.contacts[few]
+    )
+    assert balanced(short) == (short, None)
+
+
 def test_without_support_nothing_changes(walk: Motion) -> None:
     flying = replace(walk, root=walk.root + np.array([0.0, 0.0, 1.0]))
     found, balance = balanced(flying)
