@@ -33,7 +33,7 @@ def direction(positions: Array, start: str, end: str) -> Array:
 
 
 def swing(start: Array, end: Array, furthest: float) -> Array:
-    """The smallest rotation (T, 4) from `start` (3,) to unit vectors `end` (T, 3).
+    """The smallest rotation (T, 4) from unit vectors `start`, (3,) or (T, 3), to `end` (T, 3).
 
     NaN where its angle exceeds `furthest` (radians): near the opposite of `start` it is undefined.
     """

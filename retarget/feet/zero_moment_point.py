@@ -22,12 +22,12 @@ from kinemimic.pipeline.kinematics.rotations import (
     conjugate,
     continuous,
     from_axis_angle,
-    from_rotvec,
     multiply,
     rotate,
     to_rotvec,
 )
 from kinemimic.pipeline.kinematics.skeleton import NODE_INDEX as N
+from kinemimic.pipeline.kinematics.trunk import swing
 from kinemimic.pipeline.locomotion import fourier
 from kinemimic.retarget.feet.balance import centre_of_mass
 from kinemimic.retarget.feet.contact import corner_velocity, sole_positions
@@ -182,16 +182,12 @@ def _displaced(motion: Motion, displacement: Array) -> Motion:
         flexion = np.arccos(np.clip(square / (2.0 * thigh * shank), -1.0, 1.0))
         bent = from_axis_angle("Y", flexion)
         leg = offsets[knee] + rotate(bent, np.broadcast_to(offsets[ankle], way.shape))
-        femur = multiply(_between(rotate(turned[:, hip], leg), way), turned[:, hip])
+        femur = multiply(swing(_unit(rotate(turned[:, hip], leg)), _unit(way), np.pi), turned[:, hip])
         rotations[:, hip] = multiply(conjugate(turned[:, N["hip_center"]]), femur)
         rotations[:, knee] = bent
         rotations[:, ankle] = multiply(conjugate(multiply(femur, bent)), turned[:, ankle])
     return replace(motion, root=motion.root + moved, rotations=continuous(rotations))
 
 
-def _between(one: Array, other: Array) -> Array:
-    """The smallest rotations (T, 4) that turn vectors (T, 3) to the direction of others."""
-    axis = np.cross(one, other)
-    sine = np.linalg.norm(axis, axis=-1, keepdims=True)
-    angle = np.arctan2(sine[:, 0], np.sum(one * other, axis=-1))
-    return from_rotvec(axis / np.maximum(sine, 1e-12) * angle[:, None])
+def _unit(vectors: Array) -> Array:
+    return np.asarray(vectors / np.linalg.norm(vectors, axis=-1, keepdims=True))
