@@ -108,7 +108,7 @@ def _retarget(
         fit = fit_cyclic(clip, selection.bouts, symmetric, ankle=ankle)
         reliability = fit.reliability
         done, report = _finished(clip, bouts, selection, fit, refined=refined, balance=balance)
-        if balance and _refusals(report):
+        if report["balance"] is not None and _refusals(report):
             # A displaced root changes hips and knees, in rare cases by more than the gate accepts.
             done, report = _finished(clip, bouts, selection, fit, refined=refined, balance=False)
         motion = done.motion

@@ -20,6 +20,7 @@ from kinemimic.pipeline.errors import KinemimicError
 from kinemimic.pipeline.files.store import read_json, write_clip
 from kinemimic.pipeline.ingest import ingest
 from kinemimic.retarget.command import _refusals, _table, command, retarget
+from kinemimic.retarget.feet.zero_moment_point import Balance
 from kinemimic.retarget.formats.motion_json import read_motion_json
 from kinemimic.retarget.gate import check_report
 from kinemimic.retarget.humanoid.motion import joint_angles
@@ -89,7 +90,8 @@ def test_a_walk_that_balance_would_spoil_stays_as_it_is(run, monkeypatch):
     plain = retarget(run)
     stiff = np.tile([0.0, 0.0, 0.0, 1.0], (len(plain.rotations), 20, 1))
     monkeypatch.setattr(
-        "kinemimic.retarget.command.balanced", lambda motion: (replace(motion, rotations=stiff), None)
+        "kinemimic.retarget.command.balanced",
+        lambda motion: (replace(motion, rotations=stiff), Balance(0.0, 0.1, 0.05)),
     )
     assert retarget(run, balance=True).identity == plain.identity
 
