@@ -10,11 +10,13 @@ import numpy as np
 from kinemimic.pipeline.cli.progress import progress
 from kinemimic.pipeline.errors import KinemimicError
 from kinemimic.pipeline.parallel.task_pool import parallel_map
+from kinemimic.retarget.feet.zero_moment_point import balanced
 from kinemimic.retarget.humanoid.motion import Motion
 from kinemimic.retarget.library.exercises import exercise
 from kinemimic.retarget.library.motion_library import Entry
 from kinemimic.retarget.library.turning import turning
-from kinemimic.retarget.library.variants import SUBJECT, plausible_variant
+from kinemimic.retarget.library.variants import SUBJECT, plausible, plausible_variant
+from kinemimic.retarget.optimise.refine import refine
 from kinemimic.train.reference.residual import residual
 
 # Of the variants, by sort; walks are the rest.
@@ -25,6 +27,10 @@ CHUNK = 20  # variants of a task
 # Largest `residual` of a variant: few walks and runs that were recorded have a larger one, and those from a
 # noisy Kinect. Without this, much of a tracker's training would go to motions that nobody can perform.
 LARGEST_RESIDUAL = {"walk": 0.25, "run": 0.65}
+# Brisk walks need more: with one limit for all speeds, hardly any variant would be brisk. m/s, and 1/(m/s).
+BRISK, PER_SPEED = 1.2, 0.2
+# Probability that a walk is balanced, as a depth sensor's walks are before a tracker performs them.
+BALANCED = 0.5
 
 
 @dataclass(frozen=True)
@@ -94,12 +100,21 @@ def _make(task: tuple[Loops, str, int, range]) -> list[Motion]:
 def _variant(loops: Loops, sort: str, seed: int, number: int) -> Motion:
     if sort == "exercise":
         return exercise(seed, number)
-    if sort == "turning":
-        # Loops of their own, apart from those of the walks.
-        loop = plausible_variant(loops.walks, "walk", seed + 1, number, _physical)
-        return turning(loop, np.random.default_rng([seed, 103, number]))
-    return plausible_variant(loops.walks if sort == "walk" else loops.runs, sort, seed, number, _physical)
+    if sort == "run":
+        return plausible_variant(loops.runs, "run", seed, number, _physical)
+    random = np.random.default_rng([seed, 103, number])
+    # Loops of their own for turning walks, apart from those of the others.
+    loop = plausible_variant(loops.walks, "walk", seed + (sort == "turning"), number, _physical)
+    if random.random() < BALANCED:
+        moved = refine(balanced(loop)[0])
+        loop = moved if plausible(moved, "walk") and _physical(moved, "walk") else loop
+    return turning(loop, random) if sort == "turning" else loop
 
 
 def _physical(motion: Motion, kind: str) -> bool:
-    return residual(motion) <= LARGEST_RESIDUAL[kind]
+    return residual(motion) <= largest_residual(kind, motion.cycle_offset[0] / motion.duration)
+
+
+def largest_residual(kind: str, speed: float) -> float:
+    """Of a variant ("walk" or "run") at a speed in m/s."""
+    return LARGEST_RESIDUAL[kind] + (PER_SPEED * max(0.0, speed - BRISK) if kind == "walk" else 0.0)

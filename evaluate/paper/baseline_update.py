@@ -1,4 +1,4 @@
-"""One gradient step of actor and critic on n samples, of stable-baselines3's DDPG, A2C and PPO."""
+"""One gradient step of actor and critic on n samples, of stable-baselines3's algorithms."""
 
 from __future__ import annotations
 
@@ -9,7 +9,6 @@ import gymnasium as gym
 import numpy as np
 import torch
 from msgspec import structs
-from stable_baselines3 import DDPG
 from stable_baselines3.common.logger import Logger
 from stable_baselines3.common.vec_env import DummyVecEnv
 
@@ -20,8 +19,9 @@ from kinemimic.train.baselines.model import (
     export_policy,
     with_normalization,
 )
+from kinemimic.train.baselines.off_policy import OffPolicyModel
 from kinemimic.train.baselines.runner import GlobalRandomState
-from kinemimic.train.config.baseline_config import A2c, Ddpg, StablePpo
+from kinemimic.train.config.baseline_config import A2c, OffPolicy, StablePpo
 from kinemimic.train.config.config import TrainConfig
 from kinemimic.train.rollout.policy import Policy
 
@@ -36,13 +36,13 @@ class _Spaces(gym.Env[Any, Any]):
 class BaselineUpdate:
     """`OneUpdate` (`ppo_update.py`) of a baseline as the training builds it, with samples drawn from a seed.
 
-    DDPG samples its batch from a replay buffer as large as at its first gradient step, and its step includes
-    both target networks; A2C's and PPO's batch is one rollout, used once.
+    An algorithm with a replay buffer samples its batch from one as large as at its first gradient step, and
+    its step includes the target networks; A2C's and PPO's batch is one rollout, used once.
     """
 
     def __init__(self, config: TrainConfig, samples: int, seed: int) -> None:
         baseline = config.baseline
-        if isinstance(baseline, Ddpg):
+        if isinstance(baseline, OffPolicy):
             baseline = structs.replace(baseline, buffer=baseline.warm_up, batch=samples)
         elif isinstance(baseline, A2c):
             baseline = structs.replace(baseline, n_steps=samples)
@@ -60,7 +60,7 @@ class BaselineUpdate:
 
     def _fill(self, random: np.random.Generator) -> None:
         """Fill the buffer as if the algorithm had sampled."""
-        if isinstance(self.model, DDPG):
+        if isinstance(self.model, OffPolicyModel):
             memory = self.model.replay_buffer
             assert memory is not None  # noqa: S101 (for the type's sake)
             for column in (memory.observations, memory.next_observations, memory.rewards):
@@ -84,7 +84,7 @@ class BaselineUpdate:
         return export_policy(self.model, self._env, self._config)
 
     def step(self) -> None:
-        if isinstance(self.model, DDPG):
+        if isinstance(self.model, OffPolicyModel):
             self.model.train(gradient_steps=1, batch_size=self.model.batch_size)
         else:
             self.model.train()

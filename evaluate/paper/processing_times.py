@@ -27,7 +27,7 @@ import numpy as np
 from kinemimic.evaluate.paper.ppo_update import OneUpdate, PpoUpdate
 from kinemimic.pipeline.errors import KinemimicError
 from kinemimic.pipeline.parallel.task_pool import parallel_map
-from kinemimic.train.config.baseline_config import A2c, Ddpg, StablePpo, require_package
+from kinemimic.train.config.baseline_config import A2c, OffPolicy, StablePpo, require_package
 from kinemimic.train.config.config import PRESETS, TrainConfig, preset
 from kinemimic.train.task.env import observation_size
 
@@ -145,7 +145,7 @@ def growth(samples: Sequence[int], times: Sequence[float]) -> float:
 def own_batch(config: TrainConfig) -> int:
     """Samples of a gradient step in training."""
     baseline = config.baseline
-    if isinstance(baseline, Ddpg | StablePpo):
+    if isinstance(baseline, OffPolicy | StablePpo):
         return baseline.batch
     return config.num_envs * baseline.n_steps if isinstance(baseline, A2c) else config.minibatch
 
@@ -153,7 +153,7 @@ def own_batch(config: TrainConfig) -> int:
 def steps_per_sample(config: TrainConfig) -> float:
     """Gradient steps of the training per new sample."""
     baseline = config.baseline
-    if isinstance(baseline, Ddpg):
+    if isinstance(baseline, OffPolicy):
         return baseline.updates_per_sample
     epochs = baseline.epochs if isinstance(baseline, StablePpo) else 1 if baseline else config.epochs
     return epochs / own_batch(config)

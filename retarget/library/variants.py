@@ -39,8 +39,8 @@ MIX = 0.6  # largest share of the second loop
 PERIOD = (0.75, 1.35)  # factor on the duration
 STRIDE = (0.7, 1.5)  # factor on the flexion of hips and knees
 # Without this, most variants would be as slow as the loops, and a tracker would fall behind whoever walks
-# briskly. m/s: what a walk aims at; what it reaches depends on its posture.
-WALKING = (0.4, 2.2)
+# briskly. m/s: what a walk aims at; what it reaches depends on its posture, and is less for brisk walks.
+WALKING = (0.4, 2.8)
 # Standard deviation of the logarithm of the ratio of stride to cadence.
 WALK_RATIO = 0.15
 SWAY = (0.0, 1.2)  # factor on the lateral sway

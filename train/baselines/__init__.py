@@ -1,4 +1,4 @@
-"""Baselines from stable-baselines3 (DDPG, A2C, PPO) on the same task, trained and stored like our own PPO.
+"""Baselines of stable-baselines3 (DDPG, TD3, SAC, A2C, PPO), trained on the same task and stored as our PPO.
 
 In: a training configuration with a `baseline`. Out: an `Algorithm` and a `Runner` (train/runner/base.py).
 """

@@ -1,4 +1,4 @@
-"""DDPG's replay buffer, which recomputes the rewards of old samples when the reward's scales change.
+"""The replay buffer of DDPG, TD3 and SAC: it recomputes old rewards when the reward's scales change.
 
 An on-policy algorithm discards its samples after every round, so scales that change between rounds do not
 matter to it. A replay buffer would mix rewards of different scales; this one stores the errors behind them.

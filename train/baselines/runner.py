@@ -10,7 +10,6 @@ from typing import Any
 import numpy as np
 import torch
 from numpy.typing import NDArray
-from stable_baselines3 import DDPG
 from stable_baselines3.common.callbacks import BaseCallback
 from stable_baselines3.common.logger import Logger
 from torch import Tensor
@@ -19,7 +18,6 @@ from kinemimic.retarget.humanoid.motion import Motion
 from kinemimic.train.baselines.env import ImitationVecEnv
 from kinemimic.train.baselines.model import (
     build_model,
-    critic_errors,
     enable_updates,
     export_policy,
     observation_statistics,
@@ -27,6 +25,7 @@ from kinemimic.train.baselines.model import (
     set_exploration,
     with_normalization,
 )
+from kinemimic.train.baselines.off_policy import OffPolicyModel, critic_errors, entropy_weight
 from kinemimic.train.baselines.replay_memory import RescalingReplayBuffer
 from kinemimic.train.config.config import RewardConfig, TrainConfig, scheduled_at
 from kinemimic.train.rollout import evaluation
@@ -39,7 +38,7 @@ from kinemimic.train.task.timer import Seconds, Timer, split
 
 _POLICY, _OPTIMIZER, _MEMORY = "policy.", "optimizer.", "memory."
 _RANDOM = "random.torch"
-_CRITIC_SAMPLES = 4096  # of DDPG's replay buffer, to measure its critic
+_CRITIC_SAMPLES = 4096  # of the replay buffer, to measure its critic
 
 
 class GlobalRandomState:
@@ -96,7 +95,7 @@ class BaselineAlgorithm:
 
     @property
     def memory(self) -> RescalingReplayBuffer | None:
-        """DDPG's replay buffer, None for other algorithms."""
+        """The replay buffer, None for algorithms without one."""
         memory = getattr(self.model, "replay_buffer", None)
         return memory if isinstance(memory, RescalingReplayBuffer) else None
 
@@ -104,7 +103,7 @@ class BaselineAlgorithm:
         return export_policy(self.model, self.normalizer, self.config)
 
     def record_extras(self) -> dict[str, Any]:
-        if not isinstance(self.model, DDPG):
+        if not isinstance(self.model, OffPolicyModel):
             return {}
         return {"gradient_steps_per_sample": round(self.model._n_updates / max(1, self.progress.samples), 4)}
 
@@ -119,6 +118,8 @@ class BaselineAlgorithm:
             "normalizer.variance": torch.from_numpy(statistics.var),
             _RANDOM: self.random.torch,
         }
+        if isinstance(self.model, OffPolicyModel):
+            tensors |= entropy_weight(self.model)
         if self.memory is not None:
             tensors |= {_MEMORY + name: value for name, value in self.memory.tensors().items()}
         return tensors
@@ -140,6 +141,9 @@ class BaselineAlgorithm:
                 index, slot = name.split(".")
                 slots.setdefault(int(index), {})[slot] = value
             optimizer.load_state_dict({**saved, "state": slots})
+        if isinstance(self.model, OffPolicyModel):
+            for name, weight in entropy_weight(self.model).items():
+                weight.copy_(tensors[name])
         statistics = observation_statistics(self.normalizer)
         statistics.mean = tensors["normalizer.mean"].numpy().copy()
         statistics.var = tensors["normalizer.variance"].numpy().copy()
@@ -159,7 +163,8 @@ def _below(prefix: str, tensors: dict[str, Tensor]) -> dict[str, Tensor]:
 class _RolloutMonitor(BaseCallback):
     """Separates the time of rollouts from that of updates, and keeps the critic's errors.
 
-    errors, targets: of the critic in each rollout, lists of (steps, E) arrays; empty with DDPG.
+    errors, targets: of the critic in each rollout, lists of (steps, E) arrays; empty with a replay
+    buffer.
     """
 
     def __init__(self, timer: Timer) -> None:
@@ -233,7 +238,7 @@ class BaselineRunner:
         self._timer.lap(ROLLOUT)
         with algorithm.random.installed():
             model.learn(config.batch, monitor, reset_num_timesteps=False)
-            if isinstance(model, DDPG):
+            if isinstance(model, OffPolicyModel):
                 errors, targets = critic_errors(model, _CRITIC_SAMPLES)
             else:
                 errors, targets = np.concatenate(monitor.errors), np.concatenate(monitor.targets)

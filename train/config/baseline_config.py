@@ -17,16 +17,16 @@ from kinemimic.pipeline.errors import KinemimicError
 Activation = Literal["tanh", "relu"]
 
 
-class Ddpg(Struct, frozen=True, forbid_unknown_fields=True, tag_field="algorithm", tag="ddpg"):
-    """Deep deterministic policy gradient (Lillicrap et al. 2016).
+class OffPolicy(Struct, frozen=True, forbid_unknown_fields=True, tag_field="algorithm"):
+    """What DDPG, TD3 and SAC have in common: an actor of bounded actions, and a replay buffer.
 
     actor_rate, critic_rate: of Adam; batch: samples of a gradient step; train_every: control steps of all
     environments between two updates; updates_per_sample: gradient steps per sample; tau: Polyak coefficient
-    of the target networks; buffer: samples in the replay memory; warm_up: samples before the first gradient
+    of the target networks; buffer: samples in the replay buffer; warm_up: samples before the first gradient
     step, in whole rounds; bound: largest action, the factor of the actor's tanh.
     """
 
-    # As published: the critic learns ten times as fast as the actor.
+    # As published for DDPG: the critic learns ten times as fast as the actor.
     actor_rate: float = 1e-4
     critic_rate: float = 1e-3
     batch: int = 256
@@ -49,6 +49,39 @@ class Ddpg(Struct, frozen=True, forbid_unknown_fields=True, tag_field="algorithm
     def steps(self) -> int:
         """Control steps of all environments between two updates."""
         return self.train_every
+
+
+class Ddpg(OffPolicy, frozen=True, tag="ddpg"):
+    """Deep deterministic policy gradient (Lillicrap et al. 2016)."""
+
+
+class Td3(OffPolicy, frozen=True, tag="td3"):
+    """Twin delayed DDPG (Fujimoto et al. 2018): two critics, of which the lower counts.
+
+    policy_delay: critic updates per actor update; target_noise, target_clip: standard deviation and largest
+    size of the noise on the target's action, relative to the bound.
+    """
+
+    policy_delay: int = 2
+    target_noise: float = 0.2
+    target_clip: float = 0.5
+
+
+class Sac(OffPolicy, frozen=True, tag="sac"):
+    """Soft actor-critic (Haarnoja et al. 2018): two critics, and a stochastic actor whose entropy counts.
+
+    Its actor's standard deviation starts at the scheduled `action_std`, and is learned. entropy_rate: of the
+    entropy's weight; entropy: its initial weight; target: mean entropy of an action's 42 parts, relative to
+    the bound, that the weight is learned for.
+    """
+
+    # Published with one rate for all networks.
+    actor_rate: float = 3e-4
+    critic_rate: float = 3e-4
+    entropy_rate: float = 3e-4
+    # Published with 1. A reward is at most 1 a step, and the entropy of 42 joints would outweigh it.
+    entropy: float = 0.01
+    target: float = -1.0
 
 
 class A2c(Struct, frozen=True, forbid_unknown_fields=True, tag_field="algorithm", tag="a2c"):
@@ -107,7 +140,7 @@ class StablePpo(Struct, frozen=True, forbid_unknown_fields=True, tag_field="algo
         return 1
 
 
-Baseline = Ddpg | A2c | StablePpo
+Baseline = Ddpg | Td3 | Sac | A2c | StablePpo
 
 
 def require_package() -> None:

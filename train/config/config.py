@@ -1,7 +1,7 @@
 """Settings of a training, and the presets.
 
-`default` follows its reference most closely, `robust` resists disturbances, `paper` has the published values;
-`ddpg`, `a2c` and `sb3-ppo` train `default`'s task with stable-baselines3 (`baseline_config.py`).
+`default` follows its reference most closely, `robust` resists disturbances, `paper` has the published values.
+The others train `default`'s task with an algorithm of stable-baselines3 (`baseline_config.py`).
 """
 
 from __future__ import annotations
@@ -20,7 +20,9 @@ from kinemimic.train.config.baseline_config import (
     Activation,
     Baseline,
     Ddpg,
+    Sac,
     StablePpo,
+    Td3,
 )
 from kinemimic.train.scenario.scenario import Scenario
 
@@ -338,6 +340,10 @@ PRESETS: dict[str, TrainConfig] = {
     "ddpg": TrainConfig(
         preset="ddpg", action_std=((0, 0.2), (400_000, 0.1), (1_000_000, 0.05)), baseline=Ddpg()
     ),
+    "td3": TrainConfig(
+        preset="td3", action_std=((0, 0.2), (400_000, 0.1), (1_000_000, 0.05)), baseline=Td3()
+    ),
+    "sac": TrainConfig(preset="sac", baseline=Sac()),
     # A quarter of the environments with four times the horizon: gradient steps on 64 new samples are four
     # times as many as on 256, and A2C takes only one for each.
     "a2c": TrainConfig(preset="a2c", num_envs=16, horizon=256, baseline=A2c()),

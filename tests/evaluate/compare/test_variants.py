@@ -13,7 +13,10 @@ from kinemimic.train.config.config import PRESETS, TrainConfig
 # Variants that change several settings: one rule, one size of the batch.
 SEVERAL = {
     "kl-penalty": {"kl_penalty", "adapt_rate", "kl_target"},
-    "ddpg-batch-1024": {"baseline.batch", "baseline.updates_per_sample"},
+    **{
+        f"{name}-batch-1024": {"baseline.batch", "baseline.updates_per_sample"}
+        for name in ("ddpg", "td3", "sac")
+    },
     "a2c-figures-64": {"num_envs", "horizon"},
 }
 

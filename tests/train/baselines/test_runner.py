@@ -27,9 +27,10 @@ from kinemimic.retarget.humanoid.motion import Motion
 from kinemimic.train import command as stage
 from kinemimic.train.baselines import runner as baseline
 from kinemimic.train.baselines.model import actor_layers
+from kinemimic.train.baselines.off_policy import OffPolicyModel, critic_errors, entropy_weight
 from kinemimic.train.baselines.runner import BaselineAlgorithm, BaselineRunner
 from kinemimic.train.config import baseline_config as rival_config
-from kinemimic.train.config.baseline_config import A2c, Ddpg, StablePpo
+from kinemimic.train.config.baseline_config import A2c, Ddpg, OffPolicy, StablePpo
 from kinemimic.train.config.config import PRESETS, TrainConfig
 from kinemimic.train.rollout import evaluation as trial
 from kinemimic.train.rollout.export_onnx import write_onnx
@@ -52,7 +53,7 @@ def small(name: str) -> TrainConfig:
     config = replace(
         PRESETS[name], env=ENV, num_envs=4, horizon=16, hidden=(32, 16), scales=scales, budget=BUDGET
     )
-    if isinstance(config.baseline, Ddpg):
+    if isinstance(config.baseline, OffPolicy):
         # Its memory is full after four rounds and a half.
         return replace(
             config, baseline=structs.replace(config.baseline, batch=16, warm_up=ROUND, buffer=4 * 72)
@@ -123,7 +124,7 @@ def test_interrupted_and_resumed_it_comes_to_the_same_bytes(
     assert set(record["seconds_by"]) == {
         "simulation", "observation and reward", "inference", "update", "evaluation", "checkpoint", "other",
     }  # fmt: skip
-    if name == "ddpg":
+    if isinstance(config.baseline, OffPolicy):
         # Not in the first round, which is its warming up.
         assert record["gradient_steps_per_sample"] == pytest.approx(0.25 * 5 / 6, abs=1e-4)
 
@@ -210,20 +211,57 @@ def test_a_spoilt_rival_stops_with_one_line(
 
 
 def test_noise_follows_the_schedule_of_ours(motion: Motion) -> None:
-    for name in RIVALS:
+    for name in set(RIVALS) - {"sac"}:
         config = replace(small(name), action_std=((0, 0.08), (ROUND, 0.02)))
         runner = BaselineRunner(BaselineAlgorithm(config, motion, "pybullet", 1), Timer())
         runner.start(None)
         assert [runner.round()["policy/noise"] for _ in range(2)] == pytest.approx([0.08, 0.02])
 
 
-def test_learnt_noise_begins_where_the_schedule_does_and_moves(motion: Motion) -> None:
-    config = replace(small("a2c"), learn_action_std=True)
+@pytest.mark.parametrize("name", ["a2c", "sac"])
+def test_learnt_noise_begins_where_the_schedule_does_and_moves(name: str, motion: Motion) -> None:
+    config = small(name)
+    config = replace(config, learn_action_std=name == "a2c")
     runner = BaselineRunner(BaselineAlgorithm(config, motion, "pybullet", 1), Timer())
     runner.start(None)
-    first, second = (runner.round()["policy/noise"] for _ in range(2))
-    assert first == pytest.approx(0.08)
-    assert second != first
+    # An algorithm with a replay buffer learns nothing in its warm-up, the first round.
+    first, _, last = (runner.round()["policy/noise"] for _ in range(3))
+    assert first == pytest.approx(0.08, rel=0.01)
+    assert last != first
+
+
+@pytest.mark.parametrize(("name", "critics"), [("ddpg", 1), ("td3", 2), ("sac", 2)])
+def test_the_target_of_an_end_is_its_reward(name: str, critics: int, motion: Motion) -> None:
+    """Nothing comes after an end. Without one, the discounted value is added."""
+    algorithm = BaselineAlgorithm(small(name), motion, "pybullet", 1)
+    runner = BaselineRunner(algorithm, Timer())
+    runner.start(None)
+    runner.round()
+    memory, model = algorithm.memory, algorithm.model
+    assert memory is not None
+    assert isinstance(model, OffPolicyModel)
+    memory.timeouts[:], memory.rewards[:] = 0.0, 0.25
+    memory.dones[:] = 1.0
+    errors, targets = critic_errors(model, 40)
+    assert len(errors) == 40 * critics
+    np.testing.assert_allclose(targets, 0.25, atol=1e-6)
+    memory.dones[:] = 0.0
+    assert np.ptp(critic_errors(model, 40)[1]) > 0.0
+
+
+def test_the_weight_of_the_entropy_is_learned_and_restored(motion: Motion) -> None:
+    algorithm = BaselineAlgorithm(small("sac"), motion, "pybullet", 1)
+    (untrained,) = (float(one.exp()) for one in entropy_weight(algorithm.model).values())
+    assert untrained == pytest.approx(0.01)
+    runner = BaselineRunner(algorithm, Timer())
+    runner.start(None)
+    for _ in range(3):
+        runner.round()
+    (learned,) = (float(one.exp()) for one in entropy_weight(algorithm.model).values())
+    assert learned != untrained
+    again = BaselineAlgorithm(small("sac"), motion, "pybullet", 1)
+    again.restore({name: one.clone() for name, one in algorithm.tensors().items()}, algorithm.record())
+    assert [float(one.exp()) for one in entropy_weight(again.model).values()] == [learned]
 
 
 def test_the_critic_of_a_rollout_is_measured_against_its_own_targets(motion: Motion) -> None:
@@ -271,7 +309,10 @@ def test_a_rival_does_the_task_of_default(name: str) -> None:
 def test_settings_that_do_not_fit_are_refused_by_name() -> None:
     value = PRESETS["a2c"].to_json()
     for change, told in (
-        ({"algorithm": "sac"}, r"key baseline\.algorithm: expected one of ddpg, a2c, ppo, found 'sac'"),
+        (
+            {"algorithm": "trpo"},
+            r"key baseline\.algorithm: expected one of ddpg, td3, sac, a2c, ppo, found 'trpo'",
+        ),
         ({"tau": 0.1}, r"key baseline\.tau: expected one of actor_rate, .*found 'tau'"),
         (
             {"activation": "elu"},
