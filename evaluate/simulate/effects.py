@@ -50,8 +50,11 @@ class Effects:
             wrench = np.concatenate([rotate(turn, np.array(v)) for v in (found.force, found.torque)])
             self._loads.append(_Load(BODY_INDEX[found.body], wrench, found.steps, found.growing))
 
-    def wrenches(self, bodies: BodyStates, slope: float) -> tuple[Array, Array | None]:
-        """Wrenches (1, 15, 6) of the next control step; grab point, pointer and force (3, 3) of a drag."""
+    def wrenches(self, bodies: BodyStates, tilt: Array) -> tuple[Array, Array | None]:
+        """Wrenches (1, 15, 6) of the next control step; grab point, pointer and force (3, 3) of a drag.
+
+        tilt: (3,) m/s² that a slope adds to gravity.
+        """
         total = np.zeros((1, len(BODIES), 6))
         for load in self._loads:
             # A growing load has its mean over the step.
@@ -61,10 +64,7 @@ class Effects:
         self._loads = [load for load in self._loads if load.age < load.steps]
         for body, weight in self.carried.items():
             total[0, body, 2] -= weight
-        if slope:
-            along = rotate(heading_turn(bodies), np.array([math.sin(slope), 0.0, 0.0]))
-            tilt = GRAVITY * (np.array([0.0, 0.0, 1.0 - math.cos(slope)]) - along)
-            total[0, :, :3] += _MASSES[:, None] * tilt
+        total[0, :, :3] += weights(tilt)
         if self._drag is None:
             return total, None
         shown = spring(self._drag, bodies)
@@ -72,6 +72,19 @@ class Effects:
         total[0, body, :3] += shown[2]
         total[0, body, 3:] += np.cross(shown[0] - bodies.positions[0, body], shown[2])
         return total, shown
+
+
+def slope_tilt(bodies: BodyStates, slope: float) -> Array:
+    """What a slope, rad, uphill where the first humanoid's pelvis faces, adds to gravity: (3,) m/s²."""
+    along = rotate(heading_turn(bodies), np.array([math.sin(slope), 0.0, 0.0]))
+    found: Array = GRAVITY * (np.array([0.0, 0.0, 1.0 - math.cos(slope)]) - along)
+    return found
+
+
+def weights(tilt: Array) -> Array:
+    """Forces (15, 3) on the bodies of what a slope adds to gravity, (3,) m/s²."""
+    found: Array = _MASSES[:, None] * tilt
+    return found
 
 
 def spring(drag: Drag, bodies: BodyStates) -> Array:

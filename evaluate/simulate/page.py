@@ -149,7 +149,7 @@ class Page:
                 return
             pull = self._pull
             if pull is None or pull.client != client:
-                arm = np.array(event.start_position) + self._stage.origin - frame.bodies.positions[index]
+                arm = self._stage.in_session(np.array(event.start_position)) - frame.bodies.positions[index]
                 grab = rotate(conjugate(frame.bodies.rotations[index]), arm)
                 pull = _Pull(client, body, grab, np.zeros(3))
             self._pull = replace(pull, pointer=np.array(event.end_position))
@@ -162,7 +162,7 @@ class Page:
         if pull is None:
             return
         gx, gy, gz = np.clip(pull.grab, -5.0, 5.0).tolist()
-        x, y, z = np.clip(pull.pointer + self._stage.origin, -1e4, 1e4).tolist()
+        x, y, z = np.clip(self._stage.in_session(pull.pointer), -1e4, 1e4).tolist()
         stiffness, limit = float(self.controls.stiffness.value), float(self.controls.limit.value)
         self._put(pull.client, Drag(pull.body, (gx, gy, gz), (x, y, z), stiffness, limit))
 

@@ -14,7 +14,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from msgspec import Struct
 
-from kinemimic.evaluate.simulate.effects import Effects, heading_turn
+from kinemimic.evaluate.simulate.effects import Effects, heading_turn, slope_tilt, weights
 from kinemimic.evaluate.simulate.inputs import (
     Carry,
     Clear,
@@ -56,7 +56,8 @@ class Frame:
     """The state after a control step.
 
     bodies, target: of the humanoid and its reference (15, 3 or 4); contacts: (15, 3) contact forces, N;
-    loads, torques: (15, 3) from outside, N and N·m; drag: grab point, pointer and force (3, 3) of a drag, or
+    loads, torques: (15, 3) from outside, N and N·m, without the slope's; tilt: (3,) m/s² that a slope adds to
+    gravity; drag: grab point, pointer and force (3, 3) of a drag, or
     None; obstacles: with their states now (K, 13); rotations, reference_rotations: (20, 4) of the nodes,
     local; angles, wanted: knee and hip flexion by name, of the humanoid and its reference, rad; terms: of the
     reward; fallen: since the last restart; shown: what a live capture shows.
@@ -69,6 +70,7 @@ class Frame:
     contacts: Array
     loads: Array
     torques: Array
+    tilt: Array
     drag: Array | None
     obstacles: tuple[Obstacle, ...]
     states: Array
@@ -260,14 +262,15 @@ class Session:
     def advance(self) -> Frame:
         """One control step."""
         batch = self._batch
-        wrenches, drag = self._effects.wrenches(batch.bodies, self._ground.slope)
+        tilt = slope_tilt(batch.bodies, self._ground.slope)
+        wrenches, drag = self._effects.wrenches(batch.bodies, tilt)
         self._observation = batch.step(self._actions(), wrenches).observations
         self.step_count += 1
         fallen = bool(batch.fallen()[0]) or self._fallen_for > 0
         moved, wanted = node_rotations(batch.bodies)[0], batch.reference.nodes(batch.phases)[0]
         roots = batch.bodies.positions[0, 0].copy(), batch.target.positions[0, 0].copy()
         self._recent.append((moved, wanted, not fallen, *roots))
-        frame = self._frame(moved, wanted, drag, fallen=fallen)
+        frame = self._frame(moved, wanted, tilt + batch.scheduled_tilt(0), drag, fallen=fallen)
         if fallen:
             self.falls += self._fallen_for == 0
             self._fallen_for += 1
@@ -277,7 +280,7 @@ class Session:
             self._reset(0.0)
         return frame
 
-    def _frame(self, moved: Array, wanted: Array, drag: Array | None, *, fallen: bool) -> Frame:
+    def _frame(self, moved: Array, wanted: Array, tilt: Array, drag: Array | None, *, fallen: bool) -> Frame:
         batch = self._batch
         angles, expected = (
             {name: float(curve[0]) for name, curve in joint_angles(rotations[None]).items()}
@@ -291,8 +294,9 @@ class Session:
             bodies=_first(batch.bodies),
             target=_first(batch.target),
             contacts=batch.world.contact_forces()[0].copy(),
-            loads=wrenches[:, :3],
+            loads=wrenches[:, :3] - weights(tilt),
             torques=wrenches[:, 3:],
+            tilt=tilt,
             drag=drag,
             obstacles=tuple(self.present()),
             states=states.copy(),

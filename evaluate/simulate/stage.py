@@ -21,8 +21,9 @@ from kinemimic.pipeline.kinematics.rotations import conjugate, rotate
 from kinemimic.pipeline.kinematics.skeleton import BONES
 from kinemimic.pipeline.kinematics.skeleton import NODE_INDEX as N
 from kinemimic.pipeline.kinematics.spans import all_finite
+from kinemimic.pipeline.kinematics.trunk import swing
 from kinemimic.retarget.humanoid.body import BODIES, BODY_INDEX
-from kinemimic.train.sim.world import BodyStates, Obstacle
+from kinemimic.train.sim.world import GRAVITY, BodyStates, Obstacle
 
 FOLLOWED = "/followed"
 FORCE_SCALE, CONTACT_SCALE = 200.0, 1000.0  # N to a metre of arrow
@@ -44,7 +45,8 @@ class Stage:
     def __init__(self, server: viser.ViserServer) -> None:
         self._server, scene = server, server.scene
         self.follow = True
-        self.origin: Array = np.zeros(3)  # of the followed frame in the world of the session
+        self._origin: Array = np.zeros(3)  # of the scene in the session's world
+        self._upright: Array = np.array([0.0, 0.0, 0.0, 1.0])  # rotation (4,) from the session's world
         scene.set_up_direction("+z")
         self._frame = scene.add_frame(FOLLOWED, show_axes=False)
         scene.add_grid(
@@ -102,12 +104,20 @@ class Stage:
         for node in self._ghost:
             node.visible = visible
 
+    def in_session(self, point: Array) -> Array:
+        """A point of the scene (3,) in the session's world."""
+        found: Array = rotate(conjugate(self._upright), point) + self._origin
+        return found
+
     def draw(self, frame: Frame) -> None:
         """Show a frame to all viewers; never waits for one."""
         with self._server.atomic():
             if self.follow:
-                self.origin = frame.bodies.positions[0] * [1.0, 1.0, 0.0]
-                self._frame.position = tuple(-self.origin)
+                self._origin = frame.bodies.positions[0] * [1.0, 1.0, 0.0]
+            # A session tilts gravity; to people, the ground is what tilts.
+            self._upright = upright(frame.tilt)
+            self._frame.position = tuple(-rotate(self._upright, self._origin))
+            self._frame.wxyz = tuple(self._upright[[3, 0, 1, 2]])
             _place(self.bodies, frame.bodies)
             if self.ghost_visible:
                 _place(self._ghost, frame.target)
@@ -164,6 +174,13 @@ class Stage:
             self._shown = frame.obstacles
         for node, state in zip(self._obstacles, frame.states, strict=True):
             node.position, node.wxyz = tuple(state[:3]), tuple(state[[6, 3, 4, 5]])
+
+
+def upright(tilt: Array) -> Array:
+    """The smallest rotation (4,) after which gravity and what a slope adds to it, (3,) m/s², point down."""
+    down = np.array([0.0, 0.0, -GRAVITY]) + tilt
+    (found,) = swing(down[None] / np.linalg.norm(down), np.array([[0.0, 0.0, -1.0]]), np.pi)
+    return np.asarray(found)
 
 
 def skeleton_segments(points: Array) -> Array:

@@ -70,6 +70,11 @@ class ScenarioManager:
         schedule = self._schedules[index]
         return [] if schedule is None else schedule.released(max(1, age))
 
+    def tilt(self, index: int) -> Array:
+        """What the slope of an environment adds to gravity, (3,) m/s²."""
+        schedule = self._schedules[index]
+        return np.zeros(3) if schedule is None else schedule.tilt
+
     def snapshot(self) -> dict[str, NDArray[Any]]:
         """The state for `restore`, arrays (E, ...): which have a schedule, its seed and phase, and the
         obstacles' states."""

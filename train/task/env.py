@@ -169,6 +169,11 @@ class ImitationBatch:
         manager = self._scenario_manager
         return None if manager is None else manager.present(index, int(self.ages[index]))
 
+    def scheduled_tilt(self, index: int) -> Array:
+        """What the slope of an environment's scenario adds to gravity, (3,) m/s²; 0 without a scenario."""
+        manager = self._scenario_manager
+        return np.zeros(3) if manager is None else manager.tilt(index)
+
     def snapshot(self) -> dict[str, NDArray[Any]]:
         """The complete state for `restore`, arrays (E, ...)."""
         b = self.bodies

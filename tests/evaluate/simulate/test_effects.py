@@ -3,12 +3,13 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from kinemimic.evaluate.simulate.effects import DAMPING, Effects, heading_turn, spring
+from kinemimic.evaluate.simulate.effects import DAMPING, Effects, heading_turn, slope_tilt, spring
 from kinemimic.evaluate.simulate.inputs import Carry, Drag, Push, Release
 from kinemimic.pipeline.kinematics.rotations import from_axis_angle, rotate
 from kinemimic.retarget.humanoid.body import BODIES, BODY_INDEX
 from kinemimic.train.sim.world import GRAVITY, BodyStates
 
+LEVEL = np.zeros(3)
 TORSO, HAND = BODY_INDEX["torso"], BODY_INDEX["hand_left"]
 
 
@@ -20,7 +21,7 @@ def bodies(heading: float = 0.0) -> BodyStates:
 def test_a_push_acts_ahead_of_the_humanoid_for_its_steps() -> None:
     effects, facing_left = Effects(), bodies(0.5 * np.pi)
     effects.apply(Push("torso", force=(100.0, 0.0, 0.0), torque=(0.0, 0.0, 5.0), steps=2), facing_left)
-    found = [effects.wrenches(facing_left, 0.0)[0][0] for _ in range(3)]
+    found = [effects.wrenches(facing_left, LEVEL)[0][0] for _ in range(3)]
     np.testing.assert_allclose(found[0][TORSO], [0.0, 100.0, 0.0, 0.0, 0.0, 5.0], atol=1e-9)
     np.testing.assert_array_equal(found[0], found[1])
     assert not found[2].any()
@@ -29,20 +30,20 @@ def test_a_push_acts_ahead_of_the_humanoid_for_its_steps() -> None:
 def test_a_growing_push_has_its_mean_over_each_step() -> None:
     effects = Effects()
     effects.apply(Push("torso", force=(40.0, 0.0, 0.0), steps=4, growing=True), bodies())
-    found = [float(effects.wrenches(bodies(), 0.0)[0][0, TORSO, 0]) for _ in range(4)]
+    found = [float(effects.wrenches(bodies(), LEVEL)[0][0, TORSO, 0]) for _ in range(4)]
     assert found == pytest.approx([5.0, 15.0, 25.0, 35.0])
 
 
 def test_a_weight_hangs_until_it_is_taken_away() -> None:
     effects = Effects()
     effects.apply(Carry("hand_left", 3.0), bodies())
-    assert effects.wrenches(bodies(), 0.0)[0][0, HAND, 2] == pytest.approx(-3.0 * GRAVITY)
+    assert effects.wrenches(bodies(), LEVEL)[0][0, HAND, 2] == pytest.approx(-3.0 * GRAVITY)
     effects.apply(Carry("hand_left", 0.0), bodies())
-    assert not effects.wrenches(bodies(), 0.0)[0].any()
+    assert not effects.wrenches(bodies(), LEVEL)[0].any()
 
 
 def test_a_slope_tilts_gravity() -> None:
-    found = Effects().wrenches(bodies(), 0.1)[0][0]
+    found = Effects().wrenches(bodies(), slope_tilt(bodies(), 0.1))[0][0]
     mass = sum(body.mass for body in BODIES)
     np.testing.assert_allclose(
         found[:, :3].sum(axis=0), mass * GRAVITY * np.array([-np.sin(0.1), 0.0, 1.0 - np.cos(0.1)]), atol=1e-9
@@ -62,12 +63,12 @@ def test_a_spring_pulls_to_the_pointer_within_its_limit() -> None:
 def test_a_drag_turns_the_body_about_its_centre_until_its_release() -> None:
     effects = Effects()
     effects.apply(Drag("torso", (0.0, 0.2, 0.0), (1.0, 0.2, 0.0), stiffness=100.0), bodies())
-    wrench, shown = effects.wrenches(bodies(), 0.0)
+    wrench, shown = effects.wrenches(bodies(), LEVEL)
     assert shown is not None
     np.testing.assert_allclose(shown[0], [0.0, 0.2, 0.0])
     np.testing.assert_allclose(wrench[0, TORSO, 3:], [0.0, 0.0, -0.2 * shown[2, 0]])
     effects.apply(Release(), bodies())
-    wrench, shown = effects.wrenches(bodies(), 0.0)
+    wrench, shown = effects.wrenches(bodies(), LEVEL)
     assert shown is None
     assert not wrench.any()
 

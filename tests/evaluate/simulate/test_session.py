@@ -26,6 +26,7 @@ from kinemimic.evaluate.simulate.inputs import (
 from kinemimic.evaluate.simulate.recording import SESSION, Recorder, begin_session, replay
 from kinemimic.evaluate.simulate.session import LYING, Frame, Session
 from kinemimic.pipeline.errors import KinemimicError
+from kinemimic.retarget.humanoid.body import BODY_INDEX
 from kinemimic.train.scenario.scenario_file import scenario
 
 ENGINE = "pybullet"
@@ -92,6 +93,10 @@ def test_every_input_shows(recorded: tuple[Path, list[Frame], str]) -> None:
     assert frames[22].drag is not None
     assert frames[28].drag is None
     assert frames[28].loads[:, 2].min() == pytest.approx(-2.0 * 9.81)
+    # A slope is no load, but gravity that is tilted; a reset or a scenario without one ends it.
+    assert np.linalg.norm(frames[40].tilt) == pytest.approx(2.0 * 9.81 * np.sin(0.5 * 0.02))
+    assert np.flatnonzero(frames[40].loads.any(axis=-1)).tolist() == [BODY_INDEX["hand_left"]]
+    assert not frames[30].tilt.any()
     assert [len(frames[k].obstacles) for k in (29, 30, 43, 44)] == [0, 1, 1, 0]
     assert frames[44].phase < frames[43].phase
     # The scenario throws its ball after a second, and it was left before.
