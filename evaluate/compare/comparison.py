@@ -181,22 +181,24 @@ class Comparison:
     def _budgets(self, task: str, variant: str) -> set[int]:
         return {row["budget"] for row in self._rows(task, variant)}
 
-    def median_seed(self, task: str, variant: str) -> Row:
-        """The row of the seed with the median return; of an even number, the lower of the middle two."""
-        ordered = sorted(self.cells(task, variant), key=lambda row: (row["return"], row["seed"]))
-        return ordered[(len(ordered) - 1) // 2]
+    def policies(self, task: str, variant: str, name: str) -> list[TrainedPolicy]:
+        """The policies of the seeds at the variant's largest budget, in the seeds' order.
 
-    def median_policy(self, task: str, variant: str, name: str) -> TrainedPolicy:
-        """The policy of the median seed."""
-        path = self._policy(self.median_seed(task, variant))
-        policy, record = Policy.load(path)
+        KinemimicError if one is of another motion, or there is none. Early versions published one seed's.
+        """
         motion = read_motion_json(self.folder / task / MOTION)
-        if record["provenance"]["inputs"].get("motion") != motion.identity:
-            raise KinemimicError(
-                f"{path}: expected a policy of {task}'s motion, found another's; `kinemimic "
-                "compare` trains it"
-            )
-        return TrainedPolicy.of(name, motion, policy, record)
+        rows = sorted(self.cells(task, variant), key=lambda row: int(row["seed"]))
+        paths = [self._policy(row) for row in rows]
+        found = []
+        for path in [path for path in paths if path.exists()] or paths[:1]:
+            policy, record = Policy.load(path)
+            if record["provenance"]["inputs"].get("motion") != motion.identity:
+                raise KinemimicError(
+                    f"{path}: expected a policy of {task}'s motion, found another's; `kinemimic "
+                    "compare` trains it"
+                )
+            found.append(TrainedPolicy.of(name, motion, policy, record))
+        return found
 
     def publish(self, into: Path) -> None:
         """Copy what `study` reads into another folder, compare.json last to mark it as complete. Results that
@@ -209,26 +211,28 @@ class Comparison:
         if into.resolve() == self.folder.resolve():
             raise KinemimicError(f"{into}: expected to publish to another folder than the comparison's own")
         content = self.content
+        rows = [row for row in content["cells"] if row in self.cells(row["task"], row["variant"])]
+        if missing := [path for row in rows if not (path := self._policy(row)).exists()]:
+            raise KinemimicError(
+                f"{missing[0]}: expected the policy of every seed, found no file; repeat `kinemimic compare`"
+            )
         if (into / RESULTS).exists():
             content = merged(Comparison.load(into).content, content, str(into / RESULTS))
         published: list[Path] = []
         for task in self.content["tasks"]:
             copy_file(self.folder / task / MOTION, into / task / MOTION)
             for variant in dict.fromkeys(row["variant"] for row in self.content["cells"]):
-                if self.cells(task, variant):
-                    path = self._policy(self.median_seed(task, variant))
+                for row in self.cells(task, variant):
+                    path = self._policy(row)
                     for one in (path.with_suffix(".json"), path):
                         copy_file(one, into / one.relative_to(self.folder))
                     published.append(into / path.relative_to(self.folder))
         write_json(into / RESULTS, content)
-        # compare.json no longer refers to the previous median seeds: remove their policies.
+        # compare.json no longer refers to the policies of smaller budgets.
         for path in published:
-            for other in path.parent.parent.glob("seed*/policy-*"):
+            for other in path.parent.glob("policy-*"):
                 if other.with_suffix("") != path.with_suffix(""):
                     other.unlink()
-            for folder in path.parent.parent.glob("seed*"):
-                if not any(folder.iterdir()):
-                    folder.rmdir()
 
     def _policy(self, row: Row) -> Path:
         task, variant, seed, budget = (str(row[key]) for key in ("task", "variant", "seed", "budget"))

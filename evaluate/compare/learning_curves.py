@@ -12,6 +12,7 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from kinemimic.pipeline.arrays import Array
 
@@ -42,6 +43,17 @@ def interquartile(values: Sequence[float], seed: int = 0) -> Estimate:
         return Estimate(mean, None, None, 1)
     draws = np.random.default_rng(seed).choice(found, (RESAMPLES, len(found)))
     return Estimate(mean, *interval(_middle_half(draws)), len(found))
+
+
+def resample(seeds: NDArray[np.int64], random: np.random.Generator) -> NDArray[np.int64]:
+    """Indices of a bootstrap's resample of (N,) measurements; seeds: (N,) to which seed each belongs.
+
+    Seeds are drawn, then measurements of each, both with replacement (Davison and Hinkley 1997, "Bootstrap
+    Methods and their Application", 3.8); with one seed, it is the usual resample.
+    """
+    members = [np.flatnonzero(seeds == seed) for seed in np.unique(seeds)]
+    drawn = [members[k] for k in random.integers(len(members), size=len(members))]
+    return np.concatenate([own[random.integers(len(own), size=len(own))] for own in drawn])
 
 
 def interval(draws: Array) -> tuple[float, float]:

@@ -7,7 +7,7 @@ from typing import Any, Literal
 
 from kinemimic.pipeline.cli.html import number
 
-Better = Literal["more", "less", "lead", "neither"]
+Better = Literal["more", "less", "lead", "setting", "point", "incomparable", "neither"]
 Failing = Literal["ours", "theirs", "both"]
 BETTER, WORSE, CONFIRMED, NOT_CONFIRMED = "better", "worse", "confirmed", "not confirmed"
 LARGER, SMALLER = f"{CONFIRMED}, a larger lead", f"{CONFIRMED}, a smaller lead"
@@ -16,6 +16,9 @@ UNDECIDED = "undecided: the interval contains 0"
 UNSURE = "better, but the interval contains the paper's value"
 UNEQUAL = "ahead, but with more samples"
 SHORT = "ahead, with fewer samples than in the paper"
+SAME, OTHER = "as in the paper", "other"
+EARLIER, LATER = "earlier", "later"
+INCOMPARABLE = "not comparable"
 
 
 @dataclass(frozen=True)
@@ -23,10 +26,12 @@ class Claim:
     """A claim, our number, and what its verdict depends on.
 
     figure: or table of the paper; formula: how ours is computed; paper, ours: in `unit`; better: "more" or
-    "less" is better, "lead" for PPO's lead, "neither" for no verdict; reason: why ours is None, and failing:
-    the algorithm that failed; low, high: 95 % interval of ours, if any; unequal: PPO had more samples than
-    the baseline; short: both had fewer samples than in the paper; sizes: the paper's lead and ours in
-    comparable form where the numbers themselves are not comparable (times of two machines).
+    "less" is better, "lead" for PPO's lead, "setting" for a choice, "point" for a place on an axis,
+    "incomparable" for what no number of ours can confirm, "neither" for no verdict; reason: why ours is None,
+    differs or is not comparable, and failing: the algorithm that failed; low, high: 95 % interval of ours, if
+    any; unequal: PPO had more samples than the baseline; short: there were fewer samples than in the paper;
+    sizes: the paper's lead and ours in comparable form where the numbers themselves are not comparable (times
+    of two machines).
     """
 
     figure: str
@@ -47,8 +52,17 @@ class Claim:
     @property
     def verdict(self) -> str:
         """The verdict in words."""
-        if self.better == "neither":
-            return self.reason if self.ours is None else ""
+        if self.better in ("more", "less", "lead"):
+            return self._compared()
+        if self.better == "point":
+            return self._point()
+        if self.better == "setting":
+            return SAME if self.ours == self.paper else f"{OTHER}: {self.reason}"
+        if self.better == "incomparable":
+            return f"{INCOMPARABLE}: {self.reason}"
+        return self.reason if self.ours is None else ""
+
+    def _compared(self) -> str:
         if self.ours is None:
             theirs = UNEQUAL if self.unequal else CONFIRMED
             prefix = {"ours": f"{WORSE}: ", "theirs": f"{theirs}: ", "both": ""}
@@ -59,6 +73,15 @@ class Claim:
             return WORSE
         worst = self.low if self.better == "more" else self.high
         return BETTER if worst is None or self._above(worst) else UNSURE
+
+    def _point(self) -> str:
+        if self.short:
+            return f"{INCOMPARABLE}: fewer samples than in the paper"
+        if self.ours is None:
+            return f"{CONTRADICTED}: {self.reason}"
+        if self.low is not None and self.high is not None and self.low <= self.paper <= self.high:
+            return CONFIRMED
+        return EARLIER if self.ours < self.paper else LATER
 
     def _above(self, ours: float) -> bool:
         return ours >= self.paper if self.better == "more" else ours <= self.paper

@@ -10,12 +10,14 @@ from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from kinemimic.evaluate.compare.comparison import Comparison
-from kinemimic.evaluate.compare.learning_curves import RESAMPLES, interval
-from kinemimic.evaluate.paper.claim import Better, Claim, Failing
-from kinemimic.evaluate.paper.claims_learning import EPISODE, losses, rewards, settings
+from kinemimic.evaluate.compare.learning_curves import RESAMPLES, interval, resample
+from kinemimic.evaluate.paper.claim import NOT_CONFIRMED, Better, Claim, Failing
+from kinemimic.evaluate.paper.claims_learning import EPISODE, TRAINED, losses, rewards, settings
 from kinemimic.evaluate.paper.plan import AMONG, BALL, BASELINES, PPO, SEVERAL
+from kinemimic.pipeline.arrays import Array
 
 Row = Mapping[str, Any]
 
@@ -104,11 +106,8 @@ _NEVER = {"recovery_s": "mostly does not recover", "fall_s": "mostly does not fa
 def _ahead(ours: Row, theirs: Row, name: str, measure: str, scale: float = 1.0) -> dict[str, Any]:
     """PPO's lead over a baseline, or the reason why there is none and which algorithm failed."""
     result: dict[str, Any] = {"unequal": ours["samples"] > theirs["samples"], "ours": None}
-    if not _walks(theirs):
-        # A policy that falls undisturbed cannot show the effect of a disturbance.
-        return {**result, "reason": f"no comparison: {name} falls undisturbed"}
-    if not _walks(ours):
-        return {**result, "reason": f"{PPO} falls undisturbed", "failing": "ours"}
+    if not (_walks(ours) and _walks(theirs)):
+        return {**result, **_fallen(ours, theirs, name)}
     lead = theirs["lead"][measure]
     result["trials"] = lead["trials"]
     if lead["ahead"] is not None:
@@ -117,13 +116,29 @@ def _ahead(ours: Row, theirs: Row, name: str, measure: str, scale: float = 1.0) 
         return {**result, "reason": "no comparison: no common trial"}
     never = [one for one, key in ((PPO, "ours"), (name, "theirs")) if lead[key] is None]
     if len(never) == 2:
-        return {**result, "reason": f"both {_NEVER[measure].replace('does', 'do')}"}
+        return {**result, "reason": f"{NOT_CONFIRMED}: both {_NEVER[measure].replace('does', 'do')}"}
     # Without a median, the interval decides; in it, "never" counts as the end of the trial.
     failing: Failing = "both"
     if lead["low"] is not None and not lead["low"] <= 0.0 <= lead["high"]:
         failing = "theirs" if lead["low"] > 0.0 else "ours"
     chance = "undecided: " if failing == "both" else ""
     return {**result, "reason": f"{chance}{never[0]} {_NEVER[measure]}", "failing": failing}
+
+
+def _fallen(ours: Row, theirs: Row, name: str) -> dict[str, Any]:
+    """Why there is no lead where a policy falls undisturbed: it cannot show the effect of a disturbance.
+
+    That a baseline does not walk after as many samples as in the paper is a result of its own.
+    """
+    if _walks(theirs):
+        return {"reason": f"{PPO} falls undisturbed", "failing": "ours"}
+    if theirs["samples"] < TRAINED:
+        return {"reason": f"no comparison: {name} falls undisturbed"}
+    after = f"undisturbed after {theirs['samples']:,} samples"
+    if not _walks(ours):
+        return {"reason": f"{NOT_CONFIRMED}: both fall {after}"}
+    of = f"{theirs['seeds_fallen']} of {theirs['seeds']} seeds"
+    return {"reason": f"{name} falls {after}, {of}", "failing": "theirs"}
 
 
 def _lead(figure: str, what: str, formula: str, unit: str, paper: float, found: dict[str, Any]) -> Claim:
@@ -138,31 +153,38 @@ def _fits(rooms: Sequence[Row]) -> Iterator[Claim]:
     (ours,) = (row for row in rooms if row["policy"] == PPO)
     how = (
         "R² of the simulated against the reference angle (the loop, not the capture itself) over 500 frames, "
-        "no credit after a fall, mean of both sides, median of the rooms with its 95 % bootstrap interval"
+        "no credit after a fall, mean of both sides, median of the walks through the rooms by all seeds' "
+        "policies, with its 95 % bootstrap interval"
     )
-    of = f"median of {ours['trials']} rooms, in {ours['upright']} upright to the end"
+    of = f"median of {ours['trials']} walks, in {ours['upright']} upright to the end"
     for figure, joint, printed in (("Fig. 12a", "knee", 0.914), ("Fig. 12b", "hip", 0.932)):
-        low, high = _of_median([walk[joint]["r2_upright"] for walk in ours["walks"]])
+        low, high = _of_median(
+            np.array([walk[joint]["r2_upright"] for walk in ours["walks"]]),
+            np.array([walk["seed"] for walk in ours["walks"]]),
+        )
         better: Better = "neither" if low is None else "more"
         yield Claim(figure, f"fit of the {joint}s, {of}", how, "", printed, ours[joint]["r2_upright"], better,
                     low=low, high=high)  # fmt: skip
     gap = (
-        "largest difference of either hip from its reference over 500 frames, falls included, median of rooms"
+        "largest difference of either hip from its reference over 500 frames, falls included, median of the "
+        "walks"
     )
     yield Claim("Fig. 12b", "largest gap at the hip", gap, "°", 2.3, ours["hip"]["max_gap_deg"], "less")
-    where = "frame of the largest gap in the room with the median fit"
-    yield Claim("Fig. 12b", "frame of that gap", where, "frame", 410, ours["shown"]["gap_frame"], "neither")
+    where = "frame of the largest gap in the walk with the median fit"
+    yield Claim("Fig. 12b", "frame of that gap", where, "frame", 410, ours["shown"]["gap_frame"],
+                "incomparable", "the paper's walk is not published")  # fmt: skip
 
 
-def _of_median(values: Sequence[float]) -> tuple[float, float] | tuple[None, None]:
-    """Bootstrap interval of a median; none for a single value."""
+def _of_median(values: Array, seeds: NDArray[np.int64]) -> tuple[float, float] | tuple[None, None]:
+    """Bootstrap interval of the median of values (N,) of these seeds (N,); none for a single value."""
     if len(values) < 2:
         return None, None
-    draws = np.random.default_rng(0).choice(np.array(values), (RESAMPLES, len(values)))
-    return interval(np.median(draws, axis=1))
+    random = np.random.default_rng(0)
+    return interval(np.array([np.median(values[resample(seeds, random)]) for _ in range(RESAMPLES)]))
 
 
 _MISSING = "stable-baselines3 is not installed"
+_OTHER_MACHINE = "measured on another machine; the paper does not say what it timed"
 
 
 def _times(times: Row) -> Iterator[Claim]:
@@ -175,19 +197,15 @@ def _times(times: Row) -> Iterator[Claim]:
         "the same for stable-baselines3's PPO and DDPG. Leads are compared by the ratio of the two times, "
         "because milliseconds depend on the machine"
     )
-    better: Better
     net, printed = times["nets"][-1]["algorithms"], times["paper"]
     ppo, ddpg = (net[name] and net[name]["update"] for name in ("sb3-ppo", "ddpg"))
     for k, samples in enumerate(times["samples"]):
         of = f"for {samples:,} samples"
-        for name, better in ((PPO, "less"), ("DDPG", "neither")):
+        for name in ("PPO", "DDPG"):
             theirs, found = printed[name.lower()], net[name.lower()]
-            for figure, what, which in (
-                ("mean_ms", f"{name} {of}", better),
-                ("deviation_ms", f"{name} {of}, deviation", "neither"),
-            ):
-                here = found and found["update"][figure][k]
-                yield Claim("Tab. 2", what, how, "ms", theirs[figure][k], here, which, _MISSING)
+            for what, which in ((of, "mean_ms"), (f"{of}, deviation", "deviation_ms")):
+                yield Claim("Tab. 2", f"{name} {what}", how, "ms", theirs[which][k],
+                            found and found["update"][which][k], "incomparable", _OTHER_MACHINE)  # fmt: skip
         other, own = (printed[name]["mean_ms"][k] for name in ("ddpg", "ppo"))
         here = ddpg and ddpg["mean_ms"][k] - ppo["mean_ms"][k]
         sizes = ddpg and (other / own, ddpg["mean_ms"][k] / ppo["mean_ms"][k])

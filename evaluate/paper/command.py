@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from contextlib import nullcontext
 from functools import partial
 from pathlib import Path
@@ -36,8 +36,8 @@ from kinemimic.train.scenario.scenario_file import scenario
 from kinemimic.train.sim.engines import engine_identity, resolve
 from kinemimic.train.sim.options import engine_option, workers_option
 
-STUDY_SCHEMA = 4
-TRIALS, ROOMS = 50, 12  # trials of each policy in each scenario; rooms that each walks through
+STUDY_SCHEMA = 5
+TRIALS, ROOMS = 30, 12  # trials of each policy in each scenario; rooms that each walks through
 PAGE = "study.html"
 Row = Mapping[str, Any]
 
@@ -104,7 +104,7 @@ def _study(
             "study",
             inputs={
                 "comparison": file_hash(comparison.folder / RESULTS),
-                **{one.name: one.identity for one in cast.values()},
+                **_identities(cast.values()),
             },
             config={"trials": trials, "rooms": walks, "engine": engine},
             seed=seed,
@@ -121,6 +121,11 @@ def _study(
     return content
 
 
+def _identities(cast: Iterable[Sequence[TrainedPolicy]]) -> dict[str, str]:
+    """Of every policy, by its name and the number of its seed."""
+    return {f"{one.name} {k}": one.identity for policies in cast for k, one in enumerate(policies)}
+
+
 class _Parts:
     """Cache of finished measurements, one file each."""
 
@@ -130,7 +135,7 @@ class _Parts:
     def kept(
         self,
         name: str,
-        cast: Sequence[TrainedPolicy],
+        cast: Sequence[Sequence[TrainedPolicy]],
         config: Row,
         advance: Callable[[float], object],
         measure: Callable[..., Any],
@@ -139,7 +144,7 @@ class _Parts:
         called with `progress`, a function that takes the share finished since its last call."""
         wanted = provenance(
             "study",
-            inputs={one.name: one.identity for one in cast},
+            inputs=_identities(cast),
             config={**config, **self._always, "schema": STUDY_SCHEMA},
         )
         path = self._folder / f"{name}.json"

@@ -2,6 +2,7 @@
 
 Trial k has the same start and disturbance for every policy, so trials are compared in pairs: those in which
 neither control run falls and, for times, which start at the first effect, those that affect both humanoids.
+An algorithm takes part with the policies of all its seeds.
 Intervals are of CONFIDENCE, from a paired bootstrap (Efron 1979, Bootstrap Methods: Another Look at the
 Jackknife).
 """
@@ -14,7 +15,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from kinemimic.evaluate.compare.learning_curves import RESAMPLES, interval
+from kinemimic.evaluate.compare.learning_curves import RESAMPLES, interval, resample
 from kinemimic.evaluate.robustness.scenario_trials import Trials, event_times, finite, median_time
 from kinemimic.pipeline.arrays import Array
 from kinemimic.train.sim.world import CONTROL_RATE
@@ -23,30 +24,36 @@ from kinemimic.train.sim.world import CONTROL_RATE
 Statistic = Callable[[NDArray[np.int64]], float]
 
 
-def loss(trials: Trials) -> dict[str, Any]:
+def loss(trials: Sequence[Trials]) -> dict[str, Any]:
     """Largest drop of the mean reward below the control runs', over trials whose control run does not fall.
 
-    share: of the maximum reward; low, high: its interval; trials: their number. None without trials.
+    trials: of the policies of each seed. share: of the maximum reward; low, high: its interval; trials: their
+    number. None without trials.
     """
-    stands = ~trials.control_fell
-    gaps = (trials.control - trials.rewards)[stands]
-    result = _estimate(lambda chosen: _largest(gaps[chosen]), len(gaps), basic=True)
+    of, seeds = _joined(trials)
+    stands = ~of.control_fell
+    gaps = (of.control - of.rewards)[stands]
+    result = _estimate(lambda chosen: _largest(gaps[chosen]), seeds[stands], basic=True)
     return {"share": result.pop("ahead"), **result}
 
 
-def lead(ours: Trials, theirs: Trials) -> dict[str, Any]:
-    """The lead of one policy over another.
+def lead(ours: Sequence[Trials], theirs: Sequence[Trials]) -> dict[str, Any]:
+    """The lead of one algorithm over another, each with the trials of the policies of its seeds.
 
     loss: difference of the reward drops; recovery_s: how much earlier it recovers; fall_s: how much later it
     falls, both as differences of medians over the pairs. Each has ahead, low, high and trials (number of
     pairs); the times also ours and theirs, which are None if most trials never recover or fall; then ahead is
-    None, too. In the interval, "never" counts as the end of the trial.
+    None, too. In the interval, "never" counts as the end of the trial. Seed k is paired with seed k; where
+    one algorithm has fewer seeds, its seeds repeat.
     """
-    stand = ~(ours.control_fell | theirs.control_fell)
-    gaps = [(one.control - one.rewards)[stand] for one in (ours, theirs)]
-    of_both = [event_times(trials) for trials in (ours, theirs)]
+    pairs_of_seeds = max(len(ours), len(theirs))
+    joined = [_joined([one[k % len(one)] for k in range(pairs_of_seeds)]) for one in (ours, theirs)]
+    (mine, seeds), (other, _) = joined
+    stand = ~(mine.control_fell | other.control_fell)
+    gaps = [(one.control - one.rewards)[stand] for one in (mine, other)]
+    of_both = [event_times(trials) for trials in (mine, other)]
     pairs = of_both[0].affected & of_both[1].affected
-    end = ours.rewards.shape[1] / CONTROL_RATE
+    end = mine.rewards.shape[1] / CONTROL_RATE
     # Remaining time of the trial after the first difference.
     left = [(end - one.onset_s)[pairs] for one in of_both]
 
@@ -54,18 +61,23 @@ def lead(ours: Trials, theirs: Trials) -> dict[str, Any]:
         return _largest(gaps[1][chosen]) - _largest(gaps[0][chosen])
 
     return {
-        "loss": _estimate(less, len(gaps[0]), basic=True),
-        "recovery_s": _later([one.recovery_s[pairs] for one in of_both], left, sign=-1.0),
-        "fall_s": _later([one.fall_s[pairs] for one in of_both], left, sign=1.0),
+        "loss": _estimate(less, seeds[stand], basic=True),
+        "recovery_s": _later([one.recovery_s[pairs] for one in of_both], left, seeds[pairs], sign=-1.0),
+        "fall_s": _later([one.fall_s[pairs] for one in of_both], left, seeds[pairs], sign=1.0),
     }
 
 
-def _later(times: Sequence[Array], left: Sequence[Array], *, sign: float) -> dict[str, Any]:
+def _joined(trials: Sequence[Trials]) -> tuple[Trials, NDArray[np.int64]]:
+    """All trials, and to which seed each belongs."""
+    return Trials.joined(trials), np.repeat(np.arange(len(trials)), [len(one.rewards) for one in trials])
+
+
+def _later(
+    times: Sequence[Array], left: Sequence[Array], seeds: NDArray[np.int64], *, sign: float
+) -> dict[str, Any]:
     """Signed difference of the median times, which are truncated at `left`."""
     ours, theirs = (np.minimum(one, end) for one, end in zip(times, left, strict=True))
-    result = _estimate(
-        lambda chosen: sign * (median_time(ours[chosen]) - median_time(theirs[chosen])), len(ours)
-    )
+    result = _estimate(lambda chosen: sign * (median_time(ours[chosen]) - median_time(theirs[chosen])), seeds)
     known = [finite(median_time(one)) for one in times]
     if None in known:
         result["ahead"] = None
@@ -77,19 +89,20 @@ def _largest(gaps: Array) -> float:
     return float(gaps.mean(axis=0).max())
 
 
-def _estimate(statistic: Statistic, count: int, *, basic: bool = False) -> dict[str, Any]:
+def _estimate(statistic: Statistic, seeds: NDArray[np.int64], *, basic: bool = False) -> dict[str, Any]:
     """The statistic of all trials and its bootstrap interval; no interval for one trial.
 
-    basic: use the basic (reverse percentile) bootstrap, as a maximum over time requires: a resample's maximum
-    is biased upwards as the sample's is.
+    seeds: (N,) to which seed each trial belongs; basic: use the basic (reverse percentile) bootstrap, as a
+    maximum over time requires: a resample's maximum is biased upwards as the sample's is.
     """
+    count = len(seeds)
     if not count:
         return {"ahead": None, "low": None, "high": None, "trials": 0}
     value = statistic(np.arange(count))
     if count == 1:
         return {"ahead": round(value, 6), "low": None, "high": None, "trials": 1}
     random = np.random.default_rng(0)
-    draws = [statistic(random.integers(count, size=count)) for _ in range(RESAMPLES)]
+    draws = [statistic(resample(seeds, random)) for _ in range(RESAMPLES)]
     low, high = interval(np.array(draws))
     if basic:
         low, high = 2.0 * value - high, 2.0 * value - low

@@ -27,19 +27,20 @@ BALL, SEVERAL, ROOM = "thrown-ball", "several-obstacles", "room"
 SCENARIOS: Sequence[str] = (*PULLS, *OVERPOWERED, BALL, SEVERAL)
 
 
-def compared_policies(comparison: Comparison) -> dict[str, TrainedPolicy]:
-    """All policies by name; KinemimicError if a training is missing, two share no budget, or the obstacles
-    of a training differ."""
+def compared_policies(comparison: Comparison) -> dict[str, list[TrainedPolicy]]:
+    """The policies of all seeds by name; KinemimicError if a training is missing, two share no budget, or the
+    obstacles of a training differ."""
     comparison.expect((WALK, RUN, OBSTACLES), tuple(VARIANTS.values()))
     for task in (WALK, RUN, OBSTACLES):
         for baseline in BASELINES.values():
             comparison.shared(task, VARIANTS[PPO], baseline)
     comparison.expect_scenario(OBSTACLES, scenario(SEVERAL))
-    walkers = [comparison.median_policy(WALK, variant, name) for name, variant in VARIANTS.items()]
-    among = [
-        comparison.median_policy(OBSTACLES, variant, f"{name}{AMONG}") for name, variant in VARIANTS.items()
-    ]
-    return {one.name: one for one in (*walkers, _robust(), *among)}
+    walkers = {name: comparison.policies(WALK, variant, name) for name, variant in VARIANTS.items()}
+    among = {
+        f"{name}{AMONG}": comparison.policies(OBSTACLES, variant, f"{name}{AMONG}")
+        for name, variant in VARIANTS.items()
+    }
+    return {**walkers, ROBUST: [_robust()], **among}
 
 
 def _robust() -> TrainedPolicy:

@@ -70,7 +70,7 @@ def walk_metrics(walk: Walk) -> dict[str, Any]:
 
 
 def rooms(
-    compared_policies: Sequence[TrainedPolicy],
+    algorithms: Sequence[Sequence[TrainedPolicy]],
     scenario: Scenario,
     *,
     trials: int,
@@ -80,43 +80,46 @@ def rooms(
     executor: Executor | None = None,
     progress: Callable[[float], object] | None = None,
 ) -> list[dict[str, Any]]:
-    """Per policy: number of walks without a fall, medians of the fit, and the curves of one walk.
+    """Per algorithm, given by its policies (one for each seed of its training): number of walks, number
+    without a fall, medians of the fit, and the curves of one walk.
 
-    Walk k uses the same room for every policy. shown: the walk through the room where the first policy's mean
-    `r2_upright` of knee and hip is the median of its rooms (the lower of the middle two); executor: who
-    carries out the walks, by default `workers` processes of this machine; progress: called with the share of
-    walks finished since the last call.
+    Walk k of a policy uses the same room for all. shown: the walk where the first algorithm's mean
+    `r2_upright` of knee and hip is the median (the lower of the middle two), and for the others the walk of
+    their same seed through that room; executor: who carries out the walks, by default `workers` processes of
+    this machine; progress: called with the share of walks finished since the last call.
     """
     walks = [
-        Walk(one, scenario, number, seed, engine) for one in compared_policies for number in range(trials)
+        Walk(one, scenario, number, seed, engine)
+        for policies in algorithms
+        for one in policies
+        for number in range(trials)
     ]
     share = progress and (lambda k: progress(k / len(walks)))
-    done = (
+    done = iter(
         parallel_map(walk_metrics, walks, workers=workers, progress=share)
         if executor is None
         else ordered_map(executor, walk_metrics, walks, progress=share)
     )
-    ordered = sorted(
-        done[:trials], key=lambda walk: sum(walk[joint]["r2_upright"] for joint in SCORED_JOINTS)
-    )
-    middle = ordered[(trials - 1) // 2]["number"]
-    results = []
-    for k, one in enumerate(compared_policies):
-        theirs = done[k * trials : (k + 1) * trials]
-        results.append(
-            {
-                "policy": one.name,
-                "trials": trials,
-                "upright": sum(walk["frames"] == walk["of"] for walk in theirs),
-                **{
-                    joint: {
-                        name: round(float(np.median([walk[joint][name] for walk in theirs])), 6)
-                        for name in MEASURED
-                    }
-                    for joint in SCORED_JOINTS
-                },
-                "shown": theirs[middle],
-                "walks": [{key: v for key, v in walk.items() if key != "curves"} for walk in theirs],
-            }
-        )
-    return results
+    of_all = [[next(done) for _ in range(trials * len(policies))] for policies in algorithms]
+    fits = [sum(walk[joint]["r2_upright"] for joint in SCORED_JOINTS) for walk in of_all[0]]
+    middle = int(np.argsort(fits, kind="stable")[(len(fits) - 1) // 2])
+    return [
+        {
+            "policy": policies[0].name,
+            "trials": len(theirs),
+            "upright": sum(walk["frames"] == walk["of"] for walk in theirs),
+            **{
+                joint: {
+                    name: round(float(np.median([walk[joint][name] for walk in theirs])), 6)
+                    for name in MEASURED
+                }
+                for joint in SCORED_JOINTS
+            },
+            "shown": theirs[middle % len(theirs)],
+            "walks": [
+                {"seed": k // trials, **{key: value for key, value in walk.items() if key != "curves"}}
+                for k, walk in enumerate(theirs)
+            ],
+        }
+        for policies, theirs in zip(algorithms, of_all, strict=True)
+    ]

@@ -12,7 +12,12 @@ from kinemimic.evaluate.paper.claim import (
     BETTER,
     CONFIRMED,
     CONTRADICTED,
+    EARLIER,
+    INCOMPARABLE,
+    LATER,
     NOT_CONFIRMED,
+    OTHER,
+    SAME,
     SMALLER,
     UNSURE,
     WORSE,
@@ -25,19 +30,28 @@ Row = Mapping[str, Any]
 
 def is_worse(verdict: str) -> bool:
     """Whether a verdict is against us, or uncertain."""
-    return verdict in (NOT_CONFIRMED, CONTRADICTED, UNSURE) or verdict.startswith((WORSE, "undecided"))
+    against = (WORSE, NOT_CONFIRMED, CONTRADICTED, "undecided")
+    return verdict == UNSURE or verdict.startswith(against)
 
 
 def counts(claims: Sequence[Row]) -> tuple[tuple[int, str], ...]:
     """The number of claims per outcome, each with a label."""
     verdicts = [claim["verdict"] for claim in claims]
     better, leads = verdicts.count(BETTER), sum(v.startswith(CONFIRMED) for v in verdicts)
+    same = verdicts.count(SAME)
+    other = sum(v.startswith(OTHER) for v in verdicts)
+    moved = sum(v in (EARLIER, LATER) for v in verdicts)
     worse = sum(map(is_worse, verdicts))
+    incomparable = sum(v.startswith(INCOMPARABLE) for v in verdicts)
+    known = better + leads + same + other + moved + worse + incomparable
     return (
         (better, "numbers better than the paper's"),
-        (leads, f"leads confirmed, {verdicts.count(SMALLER)} of them smaller"),
+        (leads, f"confirmed, {verdicts.count(SMALLER)} of them smaller"),
+        (same + other, f"settings, {other} of them other than in the paper"),
+        (moved, "points on an axis, earlier or later than in the paper"),
         (worse, "worse, not confirmed or uncertain"),
-        (len(verdicts) - better - leads - worse, "without a comparison"),
+        (incomparable, "not comparable, for the reason given"),
+        (len(verdicts) - known, "without a verdict"),
     )
 
 

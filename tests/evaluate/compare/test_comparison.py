@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from peers.compared import BUDGET
 
 from kinemimic.evaluate.compare.comparison import SHIPPED, Comparison
 from kinemimic.evaluate.paper.plan import SCENARIOS, compared_policies, policies_in
@@ -16,32 +17,39 @@ from kinemimic.pipeline.errors import KinemimicError
 from kinemimic.train.scenario.scenario_file import scenario
 
 
-def test_the_middle_seed_is_that_of_the_median_return(compared: Callable[..., Path]) -> None:
-    comparison = Comparison.load(compared(returns=(0.9, 0.1, 0.5)))
-    assert comparison.median_seed("walk", "default")["seed"] == 2
-    even = Comparison.load(compared("even", returns=(0.9, 0.1, 0.5, 0.6)))
-    assert even.median_seed("walk", "default")["seed"] == 2
-
-
-def test_a_contender_is_the_middle_seed(compared: Callable[..., Path]) -> None:
+def test_an_algorithm_takes_part_with_the_policies_of_all_seeds(compared: Callable[..., Path]) -> None:
     """Each seed's policy corrects by a hundredth of its number."""
-    comparison = Comparison.load(compared(returns=(0.9, 0.1, 0.5)))
-    one = comparison.median_policy("walk", "ddpg", "DDPG")
-    assert one.name == "DDPG"
-    assert one.config.preset == "ddpg"
-    assert one.policy.layers[-1][1] == pytest.approx(0.02)
+    folder = compared(returns=(0.9, 0.1, 0.5))
+    found = Comparison.load(folder).policies("walk", "ddpg", "DDPG")
+    assert [one.name for one in found] == ["DDPG"] * 3
+    assert [one.config.preset for one in found] == ["ddpg"] * 3
+    for seed, one in enumerate(found):
+        assert one.policy.layers[-1][1] == pytest.approx(0.01 * seed)
+    # Early versions published one seed's.
+    (folder / f"walk/ddpg/seed1/policy-{BUDGET}.safetensors").unlink()
+    assert [one.config.seed for one in Comparison.load(folder).policies("walk", "ddpg", "DDPG")] == [0, 2]
 
 
-def test_what_is_published_is_a_comparison_with_a_seed_of_each(
+def test_what_is_published_is_a_comparison_with_the_policies_of_all_seeds(
     compared: Callable[..., Path], tmp_path: Path
 ) -> None:
     whole = Comparison.load(compared(returns=(0.9, 0.1, 0.5)))
     whole.publish(tmp_path / "ships")
     ships = Comparison.load(tmp_path / "ships")
     assert ships.content == whole.content
-    ours, theirs = (of.median_policy("run", "a2c", "A2C") for of in (ships, whole))
-    assert ours.identity == theirs.identity
-    assert len(list((tmp_path / "ships").rglob("*.safetensors"))) == 12
+    ours, theirs = (of.policies("run", "a2c", "A2C") for of in (ships, whole))
+    assert [one.identity for one in ours] == [one.identity for one in theirs]
+    assert len(list((tmp_path / "ships").rglob("*.safetensors"))) == 36
+
+
+def test_a_comparison_without_a_policy_is_not_published(
+    compared: Callable[..., Path], tmp_path: Path
+) -> None:
+    folder = compared(returns=(0.9, 0.1))
+    (folder / f"run/a2c/seed1/policy-{BUDGET}.safetensors").unlink()
+    with pytest.raises(KinemimicError, match="expected the policy of every seed, found no file"):
+        Comparison.load(folder).publish(tmp_path / "ships")
+    assert not (tmp_path / "ships").exists()
 
 
 def test_what_failed_is_not_published(compared: Callable[..., Path], tmp_path: Path) -> None:
@@ -52,12 +60,16 @@ def test_what_failed_is_not_published(compared: Callable[..., Path], tmp_path: P
     assert not (tmp_path / "ships").exists()
 
 
-def test_another_middle_seed_takes_the_place_of_the_one_before(
+def test_the_policy_of_a_larger_budget_takes_the_place_of_the_one_before(
     compared: Callable[..., Path], tmp_path: Path
 ) -> None:
-    for folder, returns in (("one", (0.9, 0.1, 0.5)), ("other", (0.5, 0.1, 0.9))):
-        Comparison.load(compared(folder, returns=returns)).publish(tmp_path / "ships")
-    assert [path.name for path in (tmp_path / "ships" / "walk" / "default").iterdir()] == ["seed0"]
+    whole = Comparison.load(compared())
+    folder = tmp_path / "ships/walk/default/seed0"
+    folder.mkdir(parents=True)
+    for name in ("policy-1000.json", "policy-1000.safetensors"):
+        (folder / name).write_text("")
+    whole.publish(tmp_path / "ships")
+    assert {path.stem for path in folder.iterdir()} == {f"policy-{BUDGET}"}
 
 
 def test_a_comparison_is_not_published_onto_itself(compared: Callable[..., Path]) -> None:
@@ -88,8 +100,8 @@ def test_what_is_published_later_joins_what_is_there(compared: Callable[..., Pat
     assert [row["return"] for row in found.cells("run", "ddpg")] == [0.1, 0.2, 0.3]
     for task in whole.content["tasks"]:
         for variant in ("default", "a2c", "sb3-ppo"):
-            theirs = whole.median_policy(task, variant, "one").identity
-            assert found.median_policy(task, variant, "one").identity == theirs
+            ours, theirs = (one.policies(task, variant, "one") for one in (found, whole))
+            assert [one.identity for one in ours] == [one.identity for one in theirs]
     settings = whole.content["provenance"]["config"]
     assert found.content["provenance"]["config"] == settings
 
@@ -191,7 +203,7 @@ def test_another_scenario_of_the_same_name_is_refused(compared: Callable[..., Pa
 
 
 def test_what_decides_a_contender_decides_its_identity(compared: Callable[..., Path]) -> None:
-    one = Comparison.load(compared()).median_policy("walk", "default", "PPO")
+    one, *_ = Comparison.load(compared()).policies("walk", "default", "PPO")
     assert replace(one, name="another", samples=1).identity == one.identity
     assert replace(one, config=replace(one.config, discount=0.9)).identity != one.identity
     assert replace(one, motion=replace(one.motion, rate=29.0)).identity != one.identity
@@ -208,7 +220,7 @@ def test_what_is_missing_is_one_line(compared: Callable[..., Path], tmp_path: Pa
     comparison.expect(["walk", "run"], ["default", "ddpg"])
     (folder / "run" / "motion.json").write_bytes((folder / "walk" / "motion.json").read_bytes())
     with pytest.raises(KinemimicError, match="expected a policy of run's motion"):
-        comparison.median_policy("run", "default", "PPO")
+        comparison.policies("run", "default", "PPO")
     with pytest.raises(KinemimicError, match="found no file; take datasets/comparison from the repository"):
         Comparison.load(tmp_path)
     (tmp_path / "compare.json").write_text(json.dumps({"schema": 7}))

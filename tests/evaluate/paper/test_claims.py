@@ -11,10 +11,16 @@ import pytest
 from kinemimic.evaluate.compare.comparison import Comparison
 from kinemimic.evaluate.paper.claim import (
     BETTER,
+    CONFIRMED,
     CONTRADICTED,
+    EARLIER,
+    INCOMPARABLE,
     LARGER,
+    LATER,
     LOSS,
     NOT_CONFIRMED,
+    OTHER,
+    SAME,
     SETTING,
     SHORT,
     SMALLER,
@@ -43,6 +49,12 @@ from kinemimic.train.config.config import PRESETS
         ("lead", 43.5, 0.1, SMALLER),
         ("lead", 43.5, 0.0, NOT_CONFIRMED),
         ("lead", 43.5, -1.0, NOT_CONFIRMED),
+        ("setting", 0.2, 0.2, SAME),
+        ("setting", 0.2, 0.3, f"{OTHER}: nobody walked"),
+        ("point", 8e5, 9e5, LATER),
+        ("point", 8e5, 7e5, EARLIER),
+        ("point", 8e5, None, f"{CONTRADICTED}: nobody walked"),
+        ("incomparable", 8e5, 7e5, f"{INCOMPARABLE}: nobody walked"),
         ("neither", 5e5, 9e5, ""),
         ("neither", 5e5, None, "nobody walked"),
         ("more", 0.914, None, f"{WORSE}: nobody walked"),
@@ -77,6 +89,9 @@ def test_a_lead_is_one_where_seeds_agree_and_samples_are_the_same(
     ("what", "verdict"),
     [
         ({"short": True}, SHORT),
+        ({"better": "point", "short": True}, f"{INCOMPARABLE}: fewer samples than in the paper"),
+        ({"better": "point", "low": 43.0, "high": 60.0}, CONFIRMED),
+        ({"better": "point", "low": 49.0, "high": 60.0}, LATER),
         ({"low": -1.0, "high": 60.0, "short": True}, UNDECIDED),
         ({"sizes": (2.0, 1.9)}, SMALLER),
         ({"sizes": (2.0, 2.0)}, LARGER),
@@ -172,6 +187,7 @@ def contests() -> list[dict[str, Any]]:
                 rows.append({
                     "policy": f"{name}{among}", "samples": 5 if name == "DDPG" else 10,
                     "scenario": scenario, "trials": 10, "controls_fallen": twins,
+                    "seeds": 3, "seeds_fallen": 2,
                     "loss": {"share": loss, "low": loss, "high": loss + 0.1, "trials": 10 - twins},
                     "lead": None if name == "PPO" else lead,
                 })  # fmt: skip
@@ -186,7 +202,9 @@ ROOMS = [
         "knee": {"r2_upright": 0.95},
         "hip": {"r2_upright": 0.9, "max_gap_deg": 2.0},
         "shown": {"gap_frame": 7},
-        "walks": [{"knee": {"r2_upright": fit}, "hip": {"r2_upright": 0.9}} for fit in (0.95, 0.95, 0.92)],
+        "walks": [
+            {"seed": 0, "knee": {"r2_upright": fit}, "hip": {"r2_upright": 0.9}} for fit in (0.95, 0.95, 0.92)
+        ],
     }
 ]
 
@@ -223,15 +241,18 @@ def test_ours_are_computed_by_hand(comparison: Comparison, contests: list[dict[s
     assert ours("Fig. 7a", "PPO ahead of A2C by, after 10 samples") == (pytest.approx(-5.0), NOT_CONFIRMED)
     assert ours("Fig. 7a", "PPO converges, of 10 samples (3 of 4 seeds), at") == (
         pytest.approx(600.0),
-        "",
+        f"{INCOMPARABLE}: fewer samples than in the paper",
     )
     assert ours("Fig. 7a", "DDPG converges, of 10 samples (0 of 2 seeds), at") == (
         None,
-        "still rising, or does not stay near its maximum",
+        f"{INCOMPARABLE}: fewer samples than in the paper",
     )
     assert ours("Fig. 8b", "PPO's minimum loss") == (0.02, WORSE)
     # Smoothed over three, of 0.48 down: 0.16, 0.3167, 0.4733, 0.47 …; from the third on above 95 %.
-    assert ours("Fig. 8a", "PPO's loss converges at") == (2.0, "")
+    assert ours("Fig. 8a", "PPO's loss converges at") == (
+        2.0,
+        f"{INCOMPARABLE}: fewer samples than in the paper",
+    )
     lead = "PPO's minimum loss below {}'s by, after 10 samples"
     assert ours("Fig. 8a", lead.format("DDPG")) == (pytest.approx(0.18), SHORT)
     assert ours("Fig. 8a", lead.format("A2C")) == (pytest.approx(-0.01), NOT_CONFIRMED)
@@ -249,14 +270,15 @@ def test_ours_are_computed_by_hand(comparison: Comparison, contests: list[dict[s
     assert ours("Fig. 11b", "PPO's reward is 0 later than A2C's by, in 6 trials") == (None, never)
     assert ours("Fig. 11b", "PPO's reward is 0 later than DDPG's by") == (None, no)
     # 7 of the 27 resamples of three rooms have 0.92 in the middle.
-    knees = "fit of the knees, median of 3 rooms, in 2 upright to the end"
+    knees = "fit of the knees, median of 3 walks, in 2 upright to the end"
     assert ours("Fig. 12a", knees) == (0.95, BETTER)
     assert found["Fig. 12a", knees].low == 0.92
-    assert ours("Fig. 12b", "fit of the hips, median of 3 rooms, in 2 upright to the end") == (0.9, WORSE)
+    assert ours("Fig. 12b", "fit of the hips, median of 3 walks, in 2 upright to the end") == (0.9, WORSE)
     assert ours("Fig. 12b", "largest gap at the hip") == (2.0, BETTER)
     # Of the larger networks, the paper's.
-    assert ours("Tab. 2", "PPO for 2,000 samples") == (30, WORSE)
-    assert ours("Tab. 2", "PPO for 2,000 samples, deviation") == (0.1, "")
+    machine = "not comparable: measured on another machine; the paper does not say what it timed"
+    assert ours("Tab. 2", "PPO for 2,000 samples") == (30, machine)
+    assert ours("Tab. 2", "PPO for 2,000 samples, deviation") == (0.1, machine)
     assert ours("Tab. 2", "PPO faster than DDPG for 3,000 samples by") == (360, LARGER)
     # 20 : 15 ms are less than the paper's 29.4 : 12.5, however many milliseconds they are.
     assert ours("Tab. 2", "PPO faster than DDPG for 1,000 samples by") == (5, SMALLER)
@@ -273,7 +295,7 @@ def test_ours_are_computed_by_hand(comparison: Comparison, contests: list[dict[s
 @pytest.mark.parametrize(
     ("lead", "verdict"),
     [
-        ({"ours": None, "theirs": None, "low": 0.0, "high": 0.0}, "both mostly do not fall"),
+        ({"ours": None, "theirs": None, "low": 0.0, "high": 0.0}, "not confirmed: both mostly do not fall"),
         ({"ours": None, "theirs": 3.0, "low": 1.0, "high": 4.0}, "confirmed: PPO mostly does not fall"),
         ({"ours": None, "theirs": 3.0, "low": -1.0, "high": 4.0}, "undecided: PPO mostly does not fall"),
         ({"ours": None, "theirs": 3.0, "low": None, "high": None}, "undecided: PPO mostly does not fall"),
@@ -303,6 +325,29 @@ def test_who_falls_untouched_is_not_compared(comparison: Comparison, contests: l
     made = [one for one in claims(comparison, contests, ROOMS, _times()) if one.figure == "Fig. 9a"]
     falls = "worse: PPO falls undisturbed"
     assert [one.verdict for one in made] == [falls, "no comparison: DDPG falls undisturbed", falls]
+
+
+def test_a_baseline_that_does_not_walk_after_the_papers_samples_is_behind(
+    comparison: Comparison, contests: list[dict[str, Any]]
+) -> None:
+    for row in contests:
+        row["samples"] = 1_000_000
+    made = [one for one in claims(comparison, contests, ROOMS, _times()) if one.figure == "Fig. 9a"]
+    behind = "confirmed: DDPG falls undisturbed after 1,000,000 samples, 2 of 3 seeds"
+    assert made[1].verdict == behind
+    for row in contests:
+        if (row["policy"], row["scenario"]) == ("PPO", "pull-forward"):
+            row["controls_fallen"] = 6
+    made = [one for one in claims(comparison, contests, ROOMS, _times()) if one.figure == "Fig. 9a"]
+    assert made[1].verdict == "not confirmed: both fall undisturbed after 1,000,000 samples"
+
+
+def test_a_setting_is_that_of_the_paper_or_the_preset_that_has_it_is_named(
+    comparison: Comparison, contests: list[dict[str, Any]]
+) -> None:
+    found = {one.what: one.verdict for one in claims(comparison, contests, ROOMS, _times())}
+    assert found["batch, samples"] == SAME
+    assert found["discount"] == f"{OTHER}: the preset paper has the printed one"
 
 
 def test_they_come_in_the_papers_sequence(comparison: Comparison, contests: list[dict[str, Any]]) -> None:

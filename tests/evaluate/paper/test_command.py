@@ -107,7 +107,7 @@ def test_a_study_is_a_page_figures_and_numbers_and_is_not_done_twice(
 
 def test_a_contest_does_not_depend_on_who_takes_part(compared: Callable[..., Path]) -> None:
     comparison = Comparison.load(compared())
-    one, other = (comparison.median_policy("walk", VARIANTS[name], name) for name in ("PPO", "DDPG"))
+    one, other = (comparison.policies("walk", VARIANTS[name], name) for name in ("PPO", "DDPG"))
     pull = replace(scenario("pull-forward"), seconds=1.5)
     options: dict[str, Any] = {"trials": 3, "seed": 5, "engine": "pybullet", "workers": 1}
     both = head_to_head([(one, pull), (other, pull)], **options)
@@ -138,7 +138,7 @@ def test_trials_and_rooms_on_another_machine_are_those_of_this_one(compared: Cal
                 yield index, pickle.loads(pickle.dumps(function(task)))
 
     comparison = Comparison.load(compared())
-    one, other = (comparison.median_policy("walk", VARIANTS[name], name) for name in ("PPO", "DDPG"))
+    one, other = (comparison.policies("walk", VARIANTS[name], name) for name in ("PPO", "DDPG"))
     pull = replace(scenario("pull-forward"), seconds=1.0)
     room = replace(scenario("room"), seconds=1.0, obstacles=(), route=())
     options: dict[str, Any] = {"trials": 3, "seed": 5, "engine": "pybullet", "workers": 1}

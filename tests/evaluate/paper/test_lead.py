@@ -30,19 +30,19 @@ FALLS = (1.0, 1.0, 0.8, 0.4, 0.0, 0.0)  # two steps after
 
 
 def test_the_loss_is_the_means_and_not_the_mean_of_losses() -> None:
-    told = loss(trials(DIPS, LATER, UNTOUCHED, FALLS, twins=(3,)))
+    told = loss([trials(DIPS, LATER, UNTOUCHED, FALLS, twins=(3,))])
     # 0.5, 0.1 and 0 in the third step, 0, 0.6 and 0 in the fourth.
     assert (told["share"], told["trials"]) == (pytest.approx(0.2), 3)
     # Resamples reach from three that are untouched to three times 0.6, mirrored at 0.2.
     assert -0.2 <= told["low"] < 0.2 < told["high"] <= 0.4
-    assert loss(trials(DIPS, twins=(0,))) == {"share": None, "low": None, "high": None, "trials": 0}
-    assert loss(trials(DIPS)) == {"share": 0.5, "low": None, "high": None, "trials": 1}
+    assert loss([trials(DIPS, twins=(0,))]) == {"share": None, "low": None, "high": None, "trials": 0}
+    assert loss([trials(DIPS)]) == {"share": 0.5, "low": None, "high": None, "trials": 1}
 
 
 def test_trials_count_in_which_both_stand_by_themselves_and_for_times_both_are_touched() -> None:
     ours = trials(DIPS, DIPS, UNTOUCHED, DIPS)
     theirs = trials(LATER, LATER, LATER, LATER, twins=(3,))
-    told = lead(ours, theirs)
+    told = lead([ours], [theirs])
     # Who is not touched loses nothing: of three 2 × 0.5 / 3, against 0.6.
     assert told["loss"]["trials"] == 3
     assert told["loss"]["ahead"] == pytest.approx(0.6 - 1.0 / 3.0, abs=1e-6)
@@ -56,10 +56,11 @@ def test_trials_count_in_which_both_stand_by_themselves_and_for_times_both_are_t
 
 def test_who_falls_later_is_ahead_and_who_never_does_has_no_number() -> None:
     early, late = (1.0, 1.0, 0.5, 0.0, 0.0, 0.0), FALLS
-    told = lead(trials(late, late, fallen_at={0: 4, 1: 4}), trials(early, early, fallen_at={0: 3, 1: 3}))
+    fell = trials(early, early, fallen_at={0: 3, 1: 3})
+    told = lead([trials(late, late, fallen_at={0: 4, 1: 4})], [fell])
     assert told["fall_s"]["ahead"] == pytest.approx(1.0 / CONTROL_RATE, abs=1e-6)
     assert told["recovery_s"]["ahead"] is None
-    told = lead(trials(DIPS, DIPS), trials(early, early, fallen_at={0: 3, 1: 3}))
+    told = lead([trials(DIPS, DIPS)], [fell])
     assert told["fall_s"]["ours"] is None
     assert told["fall_s"]["theirs"] == pytest.approx(1.0 / CONTROL_RATE, abs=1e-6)
     # For the interval who never falls does so with the trial, four steps after the third.
@@ -67,8 +68,25 @@ def test_who_falls_later_is_ahead_and_who_never_does_has_no_number() -> None:
 
 
 def test_there_is_no_lead_without_a_pair() -> None:
-    told = lead(trials(UNTOUCHED), trials(DIPS))
+    told = lead([trials(UNTOUCHED)], [trials(DIPS)])
     assert told["recovery_s"]["trials"] == 0
     assert told["recovery_s"]["ahead"] is None
-    told = lead(trials(DIPS), trials(DIPS, twins=(0,)))
+    told = lead([trials(DIPS)], [trials(DIPS, twins=(0,))])
     assert told["loss"] == {"ahead": None, "low": None, "high": None, "trials": 0}
+
+
+def test_all_seeds_count_and_one_that_differs_widens_the_interval() -> None:
+    """Two seeds that lose 0.5, two that lose nothing: no resample of trials alone would show both."""
+    alike = loss([trials(*(DIPS,) * 8), trials(*(DIPS,) * 8)])
+    assert (alike["share"], alike["low"], alike["high"], alike["trials"]) == (0.5, 0.5, 0.5, 16)
+    unlike = loss([trials(*(DIPS,) * 8), trials(*(UNTOUCHED,) * 8)])
+    assert unlike["share"] == pytest.approx(0.25)
+    # Resamples of seeds: both, one twice, the other twice; mirrored at 0.25.
+    assert (unlike["low"], unlike["high"]) == (0.0, 0.5)
+
+
+def test_seed_k_is_compared_with_seed_k_and_a_lone_one_with_all() -> None:
+    dips, untouched = trials(DIPS, DIPS), trials(UNTOUCHED, UNTOUCHED)
+    assert lead([untouched, dips], [dips, dips])["loss"]["ahead"] == pytest.approx(0.25)
+    told = lead([untouched], [dips, dips])["loss"]
+    assert (told["ahead"], told["trials"]) == (0.5, 4)
