@@ -35,6 +35,7 @@ from kinemimic.retarget.options import retarget_options
 from kinemimic.retarget.report import cyclic_report, noncyclic_report
 from kinemimic.retarget.strides.excerpt import Excerpt, excerpt_of_bout, excerpt_of_pass
 from kinemimic.retarget.strides.selection import Selection, select_bouts
+from kinemimic.retarget.table import refusals, table
 
 
 def retarget(
@@ -108,7 +109,7 @@ def _retarget(
         fit = fit_cyclic(clip, selection.bouts, symmetric, ankle=ankle)
         reliability = fit.reliability
         done, report = _finished(clip, bouts, selection, fit, refined=refined, balance=balance)
-        if report["balance"] is not None and _refusals(report):
+        if report["balance"] is not None and refusals(report):
             # A displaced root changes hips and knees, in rare cases by more than the gate accepts.
             done, report = _finished(clip, bouts, selection, fit, refined=refined, balance=False)
         motion = done.motion
@@ -122,7 +123,7 @@ def _retarget(
             )
             for one in selection.bouts
         ]
-        if loop is None and selection.strides < MIN_STRIDES and (refused := _refusals(report)):
+        if loop is None and selection.strides < MIN_STRIDES and (refused := refusals(report)):
             # So short a walk may close into no loop, and still be a motion.
             report, why = None, f"{selection.strides:.1f} strides make no loop ({'; '.join(refused)})"
     if report is None:
@@ -198,90 +199,6 @@ def _no_strides(bouts: list[Bout], selection: Selection) -> str:
     return f"found {len(bouts)} bouts without usable strides; the longest {selection.reasons[longest.number]}"
 
 
-def _refusals(report: dict[str, Any]) -> list[str]:
-    """What makes `train` refuse the motion of a report."""
-    return [finding["message"] for finding in report["gate"] if finding["severity"] == "refuse"]
-
-
-def _table(report: dict[str, Any]) -> list[str]:
-    """A summary of gait.json for the terminal."""
-    lines = [f"{report['kind']}, {'a loop' if report['cyclic'] else 'as recorded'}"]
-    if report["cyclic"]:
-        ground, r2 = report["ground"], report["r2_loop_against_capture"]
-        lines += [
-            f"  strides    {report['strides_used']:.1f} of {report['strides_found']:.1f} in "
-            f"{sum(row['used'] for row in report['bouts'])} of {len(report['bouts'])} bouts",
-            *_left_out(report),
-            f"  cadence    {report['cadence_steps_per_min']:.0f} steps/min, "
-            f"period {report['period_s']:.3f} s",
-            f"  speed      {report['speed_m_s']:.2f} m/s on the body, "
-            f"{report['speed_capture_m_s']:.2f} captured{_by_feet(report['path'])}",
-            f"  sides      {'averaged' if report['symmetric'] else 'as recorded'}, "
-            f"differ by {report['asymmetry_deg']:.1f}° (noise {report['noise_deg']:.1f}°)",
-            f"  ground     penetration {1e3 * ground['penetration_m']:.0f} mm, "
-            f"floating {1e3 * ground['floating_m']:.0f} mm, "
-            f"swing clearance {1e3 * ground['swing_clearance_m']:.0f} mm, slip {ground['slip_m_s']:.2f} m/s",
-            *_balance(report["balance"]),
-        ]
-        scores = {name: f"{value:.3f}" if value is not None else "-" for name, value in r2.items()}
-    else:
-        scores = {}
-        if report["kind"] != "motion":
-            lines.append(
-                f"  {report['strides_used']:.1f} strides in {report['duration_s']:.1f} s, "
-                f"{report['cadence_steps_per_min']:.0f} steps/min, {report['speed_m_s']:.2f} m/s"
-            )
-    lines += _measures(report["closed_form"], report["measures"])
-    for name, (low, high) in report["range_deg"].items():
-        lines.append(
-            f"  {name:<10} {low:6.1f} to {high:5.1f}°" + (f"   R² {scores[name]}" if name in scores else "")
-        )
-    refused = _refusals(report)
-    lines += [f"  {'✗' if text in refused else '!'} {text}" for text in report["warnings"]]
-    if refused:
-        lines.append(
-            "  `train` refuses this motion (✗): take another part with --segment, or run `train --anyway`"
-        )
-    return lines
-
-
-def _balance(found: dict[str, float] | None) -> list[str]:
-    """What the displacement of the root did."""
-    if found is None:
-        return []
-    before, after, most = (1e3 * found[name] for name in ("outside_before_m", "outside_m", "displacement_m"))
-    return [
-        f"  balance    zero-moment point {before:.0f} → {after:.0f} mm off the soles, "
-        f"root displaced by up to {most:.0f} mm"
-    ]
-
-
-def _left_out(report: dict[str, Any]) -> list[str]:
-    """Why strides are left out."""
-    return [f"  left out   {text}" for text in [report["strides_left_out"]] if text]
-
-
-def _by_feet(path: dict[str, Any]) -> str:
-    return "" if path["source"] == "recorded" else ", by the feet: the recorded path does not follow them"
-
-
-def _measures(closed: dict[str, Any], final: dict[str, Any]) -> list[str]:
-    """Measures of the closed form and, after an arrow, of the refined motion."""
-
-    def both(key: str, factor: float) -> str:
-        return " → ".join("-" if row[key] is None else f"{factor * row[key]:.1f}" for row in (closed, final))
-
-    beyond = [row["beyond_limits_deg"] for row in (closed, final)]
-    still = ", ".join(f"{joint} {angle:.0f}°" for joint, angle in beyond[1].items())
-    return [
-        f"  feet       {both('foot_speed_m_s', 100.0)} cm/s in contact, "
-        f"penetration {both('penetration_m', 1e3)} mm, floating {both('floating_m', 1e3)} mm",
-        f"  limits     {len(beyond[0])} → {len(beyond[1])} joints exceed theirs"
-        + (f": {still}" if still else ""),
-        f"  nodes      {both('node_error_m', 1e3)} mm from the recording, scaled to the body",
-    ]
-
-
 @click.command("retarget")
 @run_option()
 @retarget_options
@@ -315,4 +232,4 @@ def command(
         balance=bool(balance),
     )
     report = read_json(run / "gait.json")
-    echo(json.dumps(report, indent=2) if as_json else "\n".join(_table(report)))
+    echo(json.dumps(report, indent=2) if as_json else "\n".join(table(report)))

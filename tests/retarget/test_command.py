@@ -19,12 +19,13 @@ from kinemimic.pipeline.convert import convert, read_converted
 from kinemimic.pipeline.errors import KinemimicError
 from kinemimic.pipeline.files.store import read_json, write_clip
 from kinemimic.pipeline.ingest import ingest
-from kinemimic.retarget.command import _refusals, _table, command, retarget
+from kinemimic.retarget.command import command, retarget
 from kinemimic.retarget.feet.zero_moment_point import Balance
 from kinemimic.retarget.formats.motion_json import read_motion_json
 from kinemimic.retarget.gate import check_report
 from kinemimic.retarget.humanoid.motion import joint_angles
 from kinemimic.retarget.report import r_squared, reference_at
+from kinemimic.retarget.table import refusals, table
 
 FILES = ("motion.json", "motion.mcap", "gait.json", "capture.parquet")
 
@@ -71,7 +72,7 @@ def test_balance_displaces_the_root_of_a_depth_sensors_walk_alone(run):
     moved = retarget(run, balance=True)
     balance = read_json(run / "gait.json")["balance"]
     assert balance["outside_m"] < balance["outside_before_m"]
-    assert "zero-moment point" in "\n".join(_table(read_json(run / "gait.json")))
+    assert "zero-moment point" in "\n".join(table(read_json(run / "gait.json")))
     assert np.abs(moved.root - plain.root).max() > 0.002
     # What the sensor saw of knees and hips stays.
     for name, curve in joint_angles(moved.rotations).items():
@@ -134,10 +135,10 @@ def test_a_command_prints_a_table_or_json(run):
 def test_the_table_marks_findings_that_train_refuses(run):
     retarget(run)
     report = json.loads((run / "gait.json").read_text())
-    assert "✗" not in "\n".join(_table(report))
+    assert "✗" not in "\n".join(table(report))
     (finding,) = check_report({**report, "range_deg": {name: [0.0, 20.0] for name in report["range_deg"]}})
     told = {**report, "gate": [asdict(finding)], "warnings": ["it limps", finding.message]}
-    lines = _table(told)
+    lines = table(told)
     assert lines[-3:-1] == ["  ! it limps", "  ✗ peak knee flexion of 20° (limit 35°)"]
     assert "--anyway" in lines[-1]
 
@@ -203,7 +204,7 @@ def test_a_walk_can_be_kept_as_recorded(run):
     assert not read_motion_json(run / "motion.json").cyclic
     table = pq.read_table(run / "capture.parquet")
     assert len(set(table["pass"].to_pylist())) == 1
-    assert "strides in" in "\n".join(_table(report))
+    assert "strides in" in "\n".join(table(report))
 
 
 def test_the_loop_option_needs_a_walk(run):
@@ -270,5 +271,5 @@ def test_a_short_walk_that_makes_no_loop_is_kept_as_recorded(captures, tmp_path)
     motion = retarget(tmp_path)
     report = read_json(tmp_path / "gait.json")
     assert not motion.cyclic and report["kind"] == "walk"
-    assert "make no loop" in report["warnings"][0] and not _refusals(report)
+    assert "make no loop" in report["warnings"][0] and not refusals(report)
     assert retarget(tmp_path, loop=True).cyclic
