@@ -202,8 +202,8 @@ def test_a_walk_can_be_kept_as_recorded(run):
     assert report["strides_used"] == pytest.approx(2.6 / 1.1, abs=0.3)
     assert report["cadence_steps_per_min"] == pytest.approx(120 / 1.1, rel=0.05)
     assert not read_motion_json(run / "motion.json").cyclic
-    table = pq.read_table(run / "capture.parquet")
-    assert len(set(table["pass"].to_pylist())) == 1
+    captured = pq.read_table(run / "capture.parquet")
+    assert len(set(captured["pass"].to_pylist())) == 1
     assert "strides in" in "\n".join(table(report))
 
 
