@@ -31,6 +31,7 @@ LEG = ("knee", "ankle", "foot")
 RIDGE = 1e-5
 # Strides that share one straight advance. Over fewer strides the line would absorb part of the sway.
 SECTION_STRIDES = 4.0
+SMALLEST_FADE = 0.02  # weight of the first and last frame of a short bout
 MIN_HARMONICS = 3  # of a node's rotation; with too few frames for them, the node gets no series
 HINGE_CHAINS: dict[str, tuple[str, ...]] = {
     f"{hinge}_{side}": tuple(f"{joint}_{side}" for joint in joints)
@@ -108,6 +109,8 @@ def pool_strides(clip: Clip, bouts: Sequence[Bout]) -> Strides:
             for joint in LEG:
                 weights[~legs[used, k], NODE_INDEX[f"{joint}_{side}"]] = 0.0
         phase = one.phase[used]
+        if len(bouts) == 1:
+            weights *= _faded(phase)[:, None]
         section = ((phase - one.phase[0]) / SECTION_STRIDES).astype(np.intp)
         parts["phase"].append(phase)
         parts["group"].append(groups + section)
@@ -118,6 +121,19 @@ def pool_strides(clip: Clip, bouts: Sequence[Bout]) -> Strides:
         parts["weights"].append(weights)
         parts["frames"].append(one.frames[used])
     return Strides(**{name: np.concatenate(arrays) for name, arrays in parts.items()})
+
+
+def _faded(phase: Array) -> Array:
+    """Weights (M,) of the frames of a lone bout, at phases (M,).
+
+    Of less than two strides, the end repeats a part of the beginning, and the two never agree: that part
+    fades over from the one to the other, or the loop would jump where it begins and ends.
+    """
+    repeated = np.ptp(phase) - 1.0
+    if not 0.0 < repeated < 1.0:
+        return np.ones(len(phase))
+    inside = np.minimum(phase - phase.min(), phase.max() - phase) / repeated
+    return np.clip(inside, SMALLEST_FADE, 1.0)
 
 
 def with_mirror(strides: Strides) -> Strides:

@@ -58,3 +58,22 @@ def test_a_mean_rotation_has_a_positive_scalar_part(axis, angle, sign):
     found = mean_rotation(q, np.ones(50))
     assert found[3] > 0.0
     assert np.degrees(angle_between(found, mean)) < 2.0
+
+
+def test_the_end_of_a_short_bout_fades_over_into_its_beginning(walker):
+    """What is seen twice counts as much as what is seen once, and changes over without a step."""
+    clip = walker(passes=1, seconds=1.4).clip
+    strides = pool_strides(clip, bouts_of(clip))
+    phase, weight = strides.phase - strides.phase.min(), strides.weights[:, N["spine"]]
+    repeated = np.ptp(phase) - 1.0
+    assert 0.1 < repeated < 0.9
+    assert weight[(phase > repeated) & (phase < 1.0)] == pytest.approx(1.0)
+    at = np.linspace(0.1, 0.9, 5) * repeated
+    assert np.interp(at, phase, weight) + np.interp(at + 1.0, phase, weight) == pytest.approx(1.0, abs=0.02)
+    assert weight[0] < 0.05 and weight[-1] < 0.05
+
+
+def test_a_bout_of_two_strides_and_several_bouts_count_fully(walker):
+    for clip in (walker(passes=1, seconds=2.6).clip, walker(passes=2, seconds=1.4).clip):
+        strides = pool_strides(clip, bouts_of(clip))
+        assert strides.weights[:, N["spine"]].min() > 0.9
