@@ -133,7 +133,7 @@ def _faded(phase: Array) -> Array:
     if not 0.0 < repeated < 1.0:
         return np.ones(len(phase))
     inside = np.minimum(phase - phase.min(), phase.max() - phase) / repeated
-    return np.clip(inside, SMALLEST_FADE, 1.0)
+    return np.asarray(np.clip(inside, SMALLEST_FADE, 1.0))
 
 
 def with_mirror(strides: Strides) -> Strides:

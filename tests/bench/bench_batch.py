@@ -13,6 +13,7 @@ from __future__ import annotations
 import argparse
 import multiprocessing
 import os
+import shutil
 import subprocess
 import sys
 import tempfile
@@ -29,6 +30,7 @@ from kinemimic.pipeline.catalog.local_files import captures_folder
 from kinemimic.pipeline.errors import KinemimicError
 from kinemimic.pipeline.files.store import read_json
 from kinemimic.pipeline.parallel.executor import LocalProcesses
+from kinemimic.pipeline.parallel.task_pool import parallel_map
 from kinemimic.pipeline.readers.search import find_files
 from kinemimic.pipeline.virtual_kinect.recorder import record_virtual
 
@@ -133,14 +135,19 @@ def recordings(folder: Path, most: int, place: Path) -> None:
         print(f"  second call   {again:7.2f} s", flush=True)
 
 
+def _made(task: tuple[int, Path]) -> None:
+    """A capture of the virtual Kinect; the same walk as Euler angles is left out."""
+    seed, place = task
+    made = place / f"made{seed}"
+    record_virtual(made, seed=seed)
+    for file in made.glob("kinect_walk.*"):
+        file.replace(place / "in" / f"p{seed:05d}_{file.name.removeprefix('kinect_')}")
+    shutil.rmtree(made)
+
+
 def synthetic(count: int, place: Path) -> None:
-    for seed in range(count):
-        record_virtual(place / "made", seed=seed)
-        for file in (place / "made").glob("kinect_walk.*"):
-            # The same walk as Euler angles is left out.
-            target = place / "in" / f"p{seed:05d}_{file.name.removeprefix('kinect_')}"
-            target.parent.mkdir(exist_ok=True)
-            file.replace(target)
+    (place / "in").mkdir()
+    parallel_map(_made, [(seed, place) for seed in range(count)])
     begin = time.perf_counter()
     times: list[float] = []
     sizes: list[int] = []
