@@ -6,9 +6,9 @@ sample_mocap.json (optical, the truth), sample_mono.json (OpenCap Monocular), sa
 hips to the middle of the shoulders; femur, tibia, talus and humerus are hip, knee, ankle and shoulder. Root
 mean square of the difference over the whole clip, in degrees; every curve is interpolated at the truth's
 times. "bare" is the network's own places in metres, low-passed at 6 Hz, without a fit. "retargeted" is the
-motion of the humanoid, as recorded and, where the clip has strides, as a symmetric loop. A last line says
-how the error of a frame goes with what the fit makes of its points (`trust`): Spearman's correlation, which
-would be -1 if the points that look best were the best.
+motion of the humanoid, as recorded and, where the clip has strides, as a loop and as a symmetric one. A last
+line says how the error of a frame goes with what the fit makes of its points (`trust`): Spearman's
+correlation, which would be -1 if the points that look best were the best.
 
 A shift in time is not taken out, but shown: the one at which the points in the image fit the truth best, each
 hip and shoulder by its height; a second table takes it out of every row.
@@ -216,6 +216,7 @@ def lines(folder: Path, run: Path) -> Iterator[str]:
         )
     rows["retargeted, as recorded"] = (*retargeted(run, loop=False), "")
     with suppress(KinemimicError):  # no strides
+        rows["retargeted, loop"] = (*retargeted(run, loop=True), "")
         rows["retargeted, symmetric loop"] = (*retargeted(run, loop=True, symmetric=True), "")
     frames = len(track.times)
     yield f"\n{folder.name}: {frames} frames, {track.times[-1]:.2f} s; landmarks in {seconds:.1f} s; "
