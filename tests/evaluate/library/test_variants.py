@@ -8,9 +8,12 @@ import pytest
 from kinemimic.evaluate.library.variants import Loops, largest_residual, made_variants
 from kinemimic.pipeline.errors import KinemimicError
 from kinemimic.pipeline.files.data_folder import DATASETS
+from kinemimic.retarget.feet.zero_moment_point import balanced
 from kinemimic.retarget.formats.motion_json import read_motion_json
 from kinemimic.retarget.humanoid.motion import Motion
 from kinemimic.retarget.library.motion_library import Entry, Split
+from kinemimic.retarget.library.variants import plausible_variant
+from kinemimic.retarget.optimise.refine import refine
 from kinemimic.train.reference.residual import residual
 
 
@@ -69,3 +72,16 @@ def test_brisk_walks_may_need_more_force_than_slow_ones_and_runs_as_much_at_any_
     assert largest_residual("walk", 0.5) == largest_residual("walk", 1.2) == 0.25
     assert largest_residual("walk", 2.2) == pytest.approx(0.45)
     assert largest_residual("run", 2.0) == largest_residual("run", 4.0) == 0.65
+
+
+def test_some_walks_are_balanced_and_the_others_as_they_were_drawn(walk: Motion, inline: None) -> None:
+    made = made_variants([walk], [entry("a", "walk", walk)], 8, 0, 0, 1)
+
+    def carried(one: Motion, kind: str) -> bool:
+        return residual(one) <= largest_residual(kind, one.cycle_offset[0] / one.duration)
+
+    drawn = [plausible_variant([walk], "walk", 0, number, carried) for number in range(8)]
+    kept = [one.identity == other.identity for (one, _), other in zip(made, drawn, strict=True)]
+    assert 1 <= sum(kept) <= 7
+    for (one, _), other, same in zip(made, drawn, kept, strict=True):
+        assert same or one.identity == refine(balanced(other)[0]).identity

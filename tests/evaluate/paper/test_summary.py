@@ -1,0 +1,33 @@
+"""The summary counts every claim once."""
+
+from __future__ import annotations
+
+import pytest
+
+from kinemimic.evaluate.paper.claim import CONFIRMED, LARGER, SHORT, SMALLER, UNSURE
+from kinemimic.evaluate.paper.summary import counts, is_worse
+
+VERDICTS = {
+    "better": ["better"],
+    "confirmed": [CONFIRMED, LARGER, SMALLER, "confirmed: DDPG falls undisturbed"],
+    "setting": ["as in the paper", "other: the preset paper has the printed one"],
+    "point": ["earlier", "later"],
+    "worse": [
+        "worse", "worse: PPO falls undisturbed", "contradicted", "contradicted: does not converge",
+        "not confirmed", "not confirmed: both fall", "undecided: the interval contains 0", UNSURE,
+    ],
+    "incomparable": ["not comparable: measured on another machine"],
+    "none": ["", SHORT, "no comparison: DDPG falls undisturbed"],
+}  # fmt: skip
+
+
+def test_every_verdict_is_counted_once_and_in_its_place() -> None:
+    found = counts([{"verdict": verdict} for own in VERDICTS.values() for verdict in own])
+    assert [number for number, _ in found] == [len(own) for own in VERDICTS.values()]
+    assert found[1][1] == "confirmed, 1 of them smaller"
+    assert found[2][1] == "settings, 1 of them other than in the paper"
+
+
+@pytest.mark.parametrize("kind", VERDICTS)
+def test_only_what_is_against_us_or_uncertain_is_marked(kind: str) -> None:
+    assert {is_worse(verdict) for verdict in VERDICTS[kind]} == {kind == "worse"}
