@@ -25,11 +25,11 @@ from kinemimic.retarget.captured_angles import PassSpan, captured_angles, write_
 from kinemimic.retarget.cyclic import CyclicFit, fit_cyclic
 from kinemimic.retarget.feet.ankles import AnkleMode
 from kinemimic.retarget.feet.ground import is_running, measure_path
-from kinemimic.retarget.feet.zero_moment_point import balanced
 from kinemimic.retarget.formats.motion_json import motion_to_json, read_motion_json
 from kinemimic.retarget.formats.write_mcap import write_mcap
 from kinemimic.retarget.humanoid.motion import Motion
 from kinemimic.retarget.noncyclic import fit_noncyclic
+from kinemimic.retarget.optimise.balance_loop import balance_loop
 from kinemimic.retarget.optimise.refine import refine
 from kinemimic.retarget.options import retarget_options
 from kinemimic.retarget.report import cyclic_report, noncyclic_report
@@ -169,9 +169,8 @@ def _finished(
     """The loop, refined and balanced, and its report."""
     closed, motion, found = fit, refine(fit.motion) if refined else fit.motion, None
     if balance and not (fit.reliability.precise or is_running(fit.path.speed)):
-        # The soles have to be on the ground for it, and to come back there after it.
-        motion, found = balanced(motion)
-        motion = refine(motion) if refined else motion
+        # The soles have to be on the ground for it.
+        motion, found = balance_loop(motion, refined=refined)
     if motion is not fit.motion:
         fit = replace(fit, motion=motion, path=measure_path(motion, fit.path))
     return fit, cyclic_report(clip, bouts, selection, closed, fit, found)

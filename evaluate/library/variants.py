@@ -10,13 +10,12 @@ import numpy as np
 from kinemimic.pipeline.cli.progress import progress
 from kinemimic.pipeline.errors import KinemimicError
 from kinemimic.pipeline.parallel.task_pool import parallel_map
-from kinemimic.retarget.feet.zero_moment_point import balanced
 from kinemimic.retarget.humanoid.motion import Motion
 from kinemimic.retarget.library.exercises import exercise
 from kinemimic.retarget.library.motion_library import Entry
 from kinemimic.retarget.library.turning import turning
 from kinemimic.retarget.library.variants import SUBJECT, plausible, plausible_variant
-from kinemimic.retarget.optimise.refine import refine
+from kinemimic.retarget.optimise.balance_loop import balance_loop
 from kinemimic.train.reference.residual import residual
 
 # Of the variants, by sort; walks are the rest.
@@ -106,7 +105,7 @@ def _variant(loops: Loops, sort: str, seed: int, number: int) -> Motion:
     # Loops of their own for turning walks, apart from those of the others.
     loop = plausible_variant(loops.walks, "walk", seed + (sort == "turning"), number, _physical)
     if random.random() < BALANCED:
-        moved = refine(balanced(loop)[0])
+        moved, _ = balance_loop(loop)
         loop = moved if plausible(moved, "walk") and _physical(moved, "walk") else loop
     return turning(loop, random) if sort == "turning" else loop
 

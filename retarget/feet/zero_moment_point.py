@@ -80,9 +80,18 @@ def balanced(motion: Motion) -> tuple[Motion, Balance | None]:
     point = zero_moment_point(motion)
     displacement = np.clip(SHARE * _displacement(motion, support, point), -LARGEST, LARGEST)
     found = _displaced(motion, displacement)
-    before = np.linalg.norm(support.outside(point), axis=-1).mean()
-    after = np.linalg.norm(_Support.of(found).outside(zero_moment_point(found)), axis=-1).mean()
-    return found, Balance(float(after), float(before), float(np.linalg.norm(displacement, axis=-1).max()))
+    before = float(np.linalg.norm(support.outside(point), axis=-1).mean())
+    largest = float(np.linalg.norm(displacement, axis=-1).max())
+    return found, Balance(distance_from_soles(found), before, largest)
+
+
+def distance_from_soles(motion: Motion) -> float:
+    """Mean distance of a loop's zero-moment point from the soles on the ground, m; infinite where no frame
+    has a sole on it."""
+    support = _Support.of(motion)
+    if not len(support.frames):
+        return float("inf")
+    return float(np.linalg.norm(support.outside(zero_moment_point(motion)), axis=-1).mean())
 
 
 def zero_moment_point(motion: Motion) -> Array:

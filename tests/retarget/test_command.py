@@ -91,8 +91,8 @@ def test_a_walk_that_balance_would_spoil_stays_as_it_is(run, monkeypatch):
     plain = retarget(run)
     stiff = np.tile([0.0, 0.0, 0.0, 1.0], (len(plain.rotations), 20, 1))
     monkeypatch.setattr(
-        "kinemimic.retarget.command.balanced",
-        lambda motion: (replace(motion, rotations=stiff), Balance(0.0, 0.1, 0.05)),
+        "kinemimic.retarget.optimise.balance_loop.balanced",
+        lambda motion: (replace(motion, rotations=stiff), Balance(0.0, 10.0, 0.05)),
     )
     assert retarget(run, balance=True).identity == plain.identity
 

@@ -8,12 +8,11 @@ import pytest
 from kinemimic.evaluate.library.variants import Loops, largest_residual, made_variants
 from kinemimic.pipeline.errors import KinemimicError
 from kinemimic.pipeline.files.data_folder import DATASETS
-from kinemimic.retarget.feet.zero_moment_point import balanced
 from kinemimic.retarget.formats.motion_json import read_motion_json
 from kinemimic.retarget.humanoid.motion import Motion
 from kinemimic.retarget.library.motion_library import Entry, Split
 from kinemimic.retarget.library.variants import plausible_variant
-from kinemimic.retarget.optimise.refine import refine
+from kinemimic.retarget.optimise.balance_loop import balance_loop
 from kinemimic.train.reference.residual import residual
 
 
@@ -84,4 +83,4 @@ def test_some_walks_are_balanced_and_the_others_as_they_were_drawn(walk: Motion,
     kept = [one.identity == other.identity for (one, _), other in zip(made, drawn, strict=True)]
     assert 1 <= sum(kept) <= 7
     for (one, _), other, same in zip(made, drawn, kept, strict=True):
-        assert same or one.identity == refine(balanced(other)[0]).identity
+        assert same or one.identity == balance_loop(other)[0].identity
