@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
 from functools import partial
 from importlib.metadata import version
@@ -141,6 +141,22 @@ def layers(value: str) -> tuple[int, ...]:
     return units
 
 
+def _with_layers(variants: Mapping[str, TrainConfig], hidden: tuple[str, ...]) -> dict[str, TrainConfig]:
+    """The variants with the layers of --hidden: UNITS for all, VARIANT=UNITS for one."""
+    pairs = [value.rpartition("=") for value in hidden]
+    given = {name: layers(units) for name, _, units in pairs}
+    _expect_names("--hidden", given.keys() - {""}, variants)
+    return {
+        name: replace(config, hidden=given.get(name, given.get("", config.hidden)))
+        for name, config in variants.items()
+    }
+
+
+def _expect_names(option: str, names: Iterable[str], variants: Mapping[str, TrainConfig]) -> None:
+    if strange := set(names) - variants.keys():
+        raise KinemimicError(f"{option}: expected some of {', '.join(variants)}, found {min(strange)!r}")
+
+
 def _limit(context: click.Context, parameter: click.Parameter, values: tuple[str, ...]) -> dict[str, int]:
     pairs = [value.partition("=") for value in values]
     if wrong := [value for value, (_, sign, _) in zip(values, pairs, strict=True) if not sign]:
@@ -162,8 +178,8 @@ def _limit(context: click.Context, parameter: click.Parameter, values: tuple[str
               help="Numbers of samples at which to score.")  # fmt: skip
 @click.option("--limit", "limits", multiple=True, callback=_limit, metavar="VARIANT=SAMPLES",
               help="End a variant early; repeatable.")  # fmt: skip
-@click.option("--hidden", type=layers, metavar="UNITS,…",
-              help="Hidden layers of every network, such as 128,64.")  # fmt: skip
+@click.option("--hidden", multiple=True, metavar="[VARIANT=]UNITS,…",
+              help="Hidden layers of all variants, such as 128,64, or of one; repeatable.")  # fmt: skip
 @click.option("--jobs", type=click.IntRange(min=1), help="Parallel training runs; default: one per core.")
 @click.option("--out", type=click.Path(path_type=Path, file_okay=False), default=Path("runs/compare"),
               show_default=True, help="Output folder.")  # fmt: skip
@@ -182,7 +198,7 @@ def command(
     seeds: int,
     budgets: tuple[int, ...],
     limits: dict[str, int],
-    hidden: tuple[int, ...] | None,
+    hidden: tuple[str, ...],
     jobs: int | None,
     out: Path,
     ray: str | None,
@@ -206,16 +222,13 @@ def command(
         variants |= search(baseline)
     if ray is not None and jobs is not None:
         raise click.UsageError("--jobs: expected none with --ray, which uses every core of the cluster")
-    if strange := set(only) - variants.keys():
-        raise KinemimicError(f"--only: expected some of {', '.join(variants)}, found {min(strange)!r}")
+    _expect_names("--only", only, variants)
     if only:
         variants = {name: config for name, config in variants.items() if name in (*only, *presets)}
-    if strange := limits.keys() - variants.keys():
-        raise KinemimicError(f"--limit: expected one among {', '.join(variants)}, found {min(strange)!r}")
+    _expect_names("--limit", limits, variants)
     if hidden and ablated:
         raise click.UsageError("--hidden: expected no --ablation, which varies the layers itself")
-    if hidden:
-        variants = {name: replace(config, hidden=hidden) for name, config in variants.items()}
+    variants = _with_layers(variants, hidden)
     result = compare(
         [Task.parsed(text) for text in tasks], variants, seeds=seeds, budgets=budgets, limits=limits, out=out,
         jobs=jobs, engine=engine, anyway=anyway, ray=ray,

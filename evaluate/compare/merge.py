@@ -33,11 +33,13 @@ def merged(before: Content, now: Content, place: str) -> dict[str, Any]:
             _expect(place, f"{what} of {name}", settings[what][name], others[what][name])
     for what in ("seeds", "engine"):
         _expect(place, what, settings[what], others[what])
-    # All rows of one table must share the networks and the task, not only those of one variant.
-    for what in ("hidden", "env"):
-        one, other = (_of_all(config, what) for config in (settings, others))
-        if not other <= one:
-            _expect(place, what, sorted(one), sorted(other))
+    # All rows of one table must share the task, not only those of one variant.
+    one, other = (
+        {json.dumps(config["env"], sort_keys=True) for config in each["variants"].values()}
+        for each in (settings, others)
+    )
+    if not other <= one:
+        _expect(place, "env", sorted(one), sorted(other))
     # Without a baseline, no version of stable-baselines3 is recorded.
     theirs, ours = (one["provenance"].get("versions", {}) for one in (before, now))
     for package in sorted(theirs.keys() & ours.keys()):
@@ -59,11 +61,6 @@ def merged(before: Content, now: Content, place: str) -> dict[str, Any]:
         },
         **{key: [*kept[key], *now[key]] for key in _ROWS},
     }
-
-
-def _of_all(settings: Content, what: str) -> set[str]:
-    """The variants' values of one setting, as JSON."""
-    return {json.dumps(config[what], sort_keys=True) for config in settings["variants"].values()}
 
 
 def _expect(place: str, what: str, there: Any, here: Any) -> None:

@@ -19,7 +19,14 @@ from kinemimic.evaluate.paper.claims import claims
 from kinemimic.evaluate.paper.head_to_head import head_to_head
 from kinemimic.evaluate.paper.output import drawings, numbers
 from kinemimic.evaluate.paper.page import study_page
-from kinemimic.evaluate.paper.plan import AHEAD, ROOM, SCENARIOS, compared_policies, policies_in
+from kinemimic.evaluate.paper.plan import (
+    AHEAD,
+    ROOM,
+    SCENARIOS,
+    compared_policies,
+    compared_variants,
+    policies_in,
+)
 from kinemimic.evaluate.paper.processing_times import measured_on, processing_times
 from kinemimic.evaluate.paper.room_walks import rooms
 from kinemimic.evaluate.paper.summary import markdown
@@ -75,7 +82,7 @@ def _study(
     engine: str,
     ray: str | None,
 ) -> dict[str, Any]:
-    cast = compared_policies(comparison)
+    variants, cast = compared_variants(comparison), compared_policies(comparison)
     parts = _Parts(out / "parts", seed=seed, engine=engine)
     scenarios = {name: scenario(name) for name in (*SCENARIOS, ROOM)}
     options: dict[str, Any] = {"seed": seed, "engine": engine, "workers": workers}
@@ -84,12 +91,12 @@ def _study(
     contests: list[Row] = []
     with progress("study", len(SCENARIOS) + 2, unit=PERCENT) as bar:
         for name in SCENARIOS:
-            theirs = [cast[one] for one in policies_in(name)]
+            theirs = [cast[one] for one in policies_in(name, variants)]
             pairs = [(one, scenarios[name]) for one in theirs]
             measure = partial(head_to_head, pairs, trials=trials, over=AHEAD, **options)
             settings = {"scenario": scenarios[name].to_json(), "trials": trials}
             contests += parts.kept(name, theirs, settings, bar.advance, measure)
-        theirs = [cast[one] for one in policies_in(ROOM)]
+        theirs = [cast[one] for one in policies_in(ROOM, variants)]
         measure = partial(rooms, theirs, scenarios[ROOM], trials=walks, **options)
         settings = {"scenario": scenarios[ROOM].to_json(), "trials": walks}
         walk_metrics = parts.kept(ROOM, theirs, settings, bar.advance, measure)

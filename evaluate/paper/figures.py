@@ -23,13 +23,17 @@ COLORS: Mapping[str, str] = {
     "DDPG": "#d98c00",
     "A2C": "#009e73",
     "SB3 PPO": "#cc79a7",
+    "TD3": "#d55e00",
+    "SAC": "#56b4e9",
 }
 # Distinguishable in greyscale, too.
-_DASHES: Mapping[str, str] = {
+_DASHES: Mapping[str, str | tuple[int, tuple[int, ...]]] = {
     "PPO": "-",
     "DDPG": "--",
     "A2C": "-.",
     "SB3 PPO": ":",
+    "TD3": (0, (4, 1, 1, 1, 1, 1)),
+    "SAC": (0, (1, 2)),
 }
 
 
@@ -57,8 +61,6 @@ def learning(
         for panel, (task, title) in zip(axes, panels, strict=True):
             for name, variant in variants.items():
                 curve = comparison.curve(task, variant, metric)
-                if not curve:
-                    continue
                 scale = 100.0 if share else 1.0
                 samples = [row["samples"] / 1e6 for row in curve]
                 panel.plot(samples, [scale * row["mean"] for row in curve], **_look(name))

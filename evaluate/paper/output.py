@@ -17,8 +17,8 @@ from kinemimic.evaluate.paper.plan import (
     PULLS,
     RUN,
     SEVERAL,
-    VARIANTS,
     WALK,
+    compared_variants,
 )
 from kinemimic.pipeline.cli.picture import Draw
 from kinemimic.pipeline.gait.curve_metrics import SCORED_JOINTS
@@ -30,7 +30,8 @@ QUARTILES = ("median", "q25", "q75", "n")
 def drawings(comparison: Comparison, content: Row) -> dict[str, Draw]:
     """Drawings by the paper's figure numbers. content: of study.json."""
     contests = content["head_to_head"]
-    walkers = list(VARIANTS)
+    variants = compared_variants(comparison)
+    walkers = list(variants)
     titles = {
         "pull-forward": "forward pull", "pull-backward": "backward pull", "leg-force": "force on a thigh",
         "arm-torque": "torque on an arm", BALL: "one obstacle above the hip",
@@ -45,8 +46,8 @@ def drawings(comparison: Comparison, content: Row) -> dict[str, Draw]:
     walk_and_run = [(WALK, "walk"), (RUN, "run")]
     obstacles = [(WALK, "without obstacles"), (OBSTACLES, "among obstacles")]
     return {
-        "fig7": figures.learning(comparison, walk_and_run, VARIANTS, "reward", share=True),
-        "fig8": figures.learning(comparison, obstacles, VARIANTS, "critic_loss", share=False),
+        "fig7": figures.learning(comparison, walk_and_run, variants, "reward", share=True),
+        "fig8": figures.learning(comparison, obstacles, variants, "critic_loss", share=False),
         "fig9": figures.disturbances(contests, panels(*PULLS)),
         "fig10": figures.disturbances(contests, panels(*OVERPOWERED)),
         "fig11": figures.disturbances(contests, panels(BALL) + several),

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 
 from kinemimic.evaluate.compare.comparison import Comparison, TrainedPolicy
 from kinemimic.evaluate.policies.recipe import POLICIES
@@ -12,7 +12,14 @@ from kinemimic.train.scenario.scenario_file import scenario
 WALK, RUN, OBSTACLES = "walk", "run", "walk@several-obstacles"  # tasks of the comparison
 PPO = "PPO"
 BASELINES: Mapping[str, str] = {"DDPG": "ddpg", "A2C": "a2c"}  # the paper's baselines and their variants
-VARIANTS: Mapping[str, str] = {PPO: "default", **BASELINES, "SB3 PPO": "sb3-ppo"}
+# All algorithms. Those that the paper does not have take part where the comparison has them.
+VARIANTS: Mapping[str, str] = {
+    PPO: "default",
+    **BASELINES,
+    "SB3 PPO": "sb3-ppo",
+    "TD3": "td3",
+    "SAC": "sac",
+}
 # Names of the algorithms in `processing_times.py`.
 ALGORITHMS: Mapping[str, str] = {"ppo": PPO, "ddpg": "DDPG", "a2c": "A2C", "sb3-ppo": "SB3 PPO"}
 ROBUST = "PPO, robust"  # trained with pushes; shipped, not compared by lead
@@ -27,18 +34,33 @@ BALL, SEVERAL, ROOM = "thrown-ball", "several-obstacles", "room"
 SCENARIOS: Sequence[str] = (*PULLS, *OVERPOWERED, BALL, SEVERAL)
 
 
+def compared_variants(comparison: Comparison) -> dict[str, str]:
+    """Those of VARIANTS that were trained: PPO, the paper's baselines, and any others.
+
+    KinemimicError if a training of theirs is missing.
+    """
+    theirs = {PPO, *BASELINES}
+    found = {
+        name: variant
+        for name, variant in VARIANTS.items()
+        if name in theirs or any(comparison.cells(task, variant) for task in (WALK, RUN, OBSTACLES))
+    }
+    comparison.expect((WALK, RUN, OBSTACLES), tuple(found.values()))
+    return found
+
+
 def compared_policies(comparison: Comparison) -> dict[str, list[TrainedPolicy]]:
     """The policies of all seeds by name; KinemimicError if a training is missing, two share no budget, or the
     obstacles of a training differ."""
-    comparison.expect((WALK, RUN, OBSTACLES), tuple(VARIANTS.values()))
+    variants = compared_variants(comparison)
     for task in (WALK, RUN, OBSTACLES):
         for baseline in BASELINES.values():
             comparison.shared(task, VARIANTS[PPO], baseline)
     comparison.expect_scenario(OBSTACLES, scenario(SEVERAL))
-    walkers = {name: comparison.policies(WALK, variant, name) for name, variant in VARIANTS.items()}
+    walkers = {name: comparison.policies(WALK, variant, name) for name, variant in variants.items()}
     among = {
         f"{name}{AMONG}": comparison.policies(OBSTACLES, variant, f"{name}{AMONG}")
-        for name, variant in VARIANTS.items()
+        for name, variant in variants.items()
     }
     return {**walkers, ROBUST: [_robust()], **among}
 
@@ -48,7 +70,10 @@ def _robust() -> TrainedPolicy:
     return TrainedPolicy.of(ROBUST, motion, policy, record)
 
 
-def policies_in(scenario: str) -> tuple[str, ...]:
-    """Names of the policies in a scenario; those trained among obstacles only in SEVERAL."""
-    walkers = (*VARIANTS, ROBUST)
-    return (*walkers, *(f"{name}{AMONG}" for name in VARIANTS)) if scenario == SEVERAL else walkers
+def policies_in(scenario: str, variants: Collection[str]) -> tuple[str, ...]:
+    """Names of the policies in a scenario; those trained among obstacles only in SEVERAL.
+
+    variants: names of the algorithms, of `compared_variants`.
+    """
+    walkers = (*variants, ROBUST)
+    return (*walkers, *(f"{name}{AMONG}" for name in variants)) if scenario == SEVERAL else walkers

@@ -19,8 +19,8 @@ from kinemimic.evaluate.paper.plan import (
     RUN,
     SCENARIOS,
     SEVERAL,
-    VARIANTS,
     WALK,
+    compared_variants,
 )
 from kinemimic.evaluate.paper.processing_times import own_batch, steps_per_sample
 from kinemimic.pipeline.cli.html import number
@@ -42,10 +42,8 @@ def training(comparison: Comparison) -> dict[str, Any]:
     """A row for each task and algorithm, and the text below them."""
     rows = []
     for task, title in _TASKS.items():
-        for name, variant in VARIANTS.items():
+        for name, variant in compared_variants(comparison).items():
             cells = comparison.cells(task, variant)
-            if not cells:
-                continue
             converges, loss = converged(comparison, task, variant), least_loss(comparison, task, variant)
             rows.append([
                 title, name, f"{cells[0]['samples']:,}",
@@ -70,7 +68,7 @@ def _settings_of(comparison: Comparison) -> list[str]:
     """Settings that differ between the algorithms, as trained, a sentence for each."""
     variants = comparison.content["provenance"]["config"]["variants"]
     sentences = []
-    for name, variant in VARIANTS.items():
+    for name, variant in compared_variants(comparison).items():
         config = TrainConfig.from_json(variants[variant])
         often = steps_per_sample(config)
         last = max(comparison.content["provenance"]["config"]["budgets"][variant])

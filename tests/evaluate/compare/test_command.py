@@ -221,14 +221,15 @@ def test_a_search_is_a_comparison(
     changes = {"relu": {"baseline": {"activation": "relu"}}, "steps-8": {"baseline": {"n_steps": 8}}}
     monkeypatch.setitem(SEARCH, "a2c", changes)
     arguments = [str(fresh("walk")), "--search=a2c", "--seeds=1", f"--budgets={ROUND}", "--hidden=32,16"]
-    arguments += ["--only=a2c-relu", "--preset=a2c"]
+    arguments += ["--hidden=a2c-relu=16", "--only=a2c-relu", "--preset=a2c"]
     ended = CliRunner().invoke(
         module.command, [*arguments, f"--out={tmp_path / 'out'}", "--engine=pybullet", "--json"]
     )
     assert ended.exit_code == 0, ended.output
     result = json.loads((tmp_path / "out" / "compare.json").read_text())
     assert [row["variant"] for row in result["cells"]] == ["a2c", "a2c-relu"]
-    assert {tuple(one["hidden"]) for one in result["provenance"]["config"]["variants"].values()} == {(32, 16)}
+    layers = {name: one["hidden"] for name, one in result["provenance"]["config"]["variants"].items()}
+    assert layers == {"a2c": [32, 16], "a2c-relu": [16]}
     assert result["failed"] == {}
 
 
@@ -242,10 +243,11 @@ def test_a_search_is_a_comparison(
         (["nowhere", "--search=default"], "'default' is not one of"),
         (["nowhere", "--seeds=0"], "--seeds"),
         (["nowhere", "--limit=ddpg"], "expected VARIANT=SAMPLES, found 'ddpg'"),
-        (["nowhere", "--limit=ddpg=3e5"], "expected one among default, found 'ddpg'"),
+        (["nowhere", "--limit=ddpg=3e5"], "--limit: expected some of default, found 'ddpg'"),
         (["nowhere", "--search=ddpg", "--only=ddpg-much"], "found 'ddpg-much'"),
         (["nowhere", "--hidden=128,much"], "expected sizes such as 128,64, found '128,much'"),
         (["nowhere", "--hidden=0"], "expected sizes such as 128,64, found '0'"),
+        (["nowhere", "--hidden=ddpg=8"], "--hidden: expected some of default, found 'ddpg'"),
         (["nowhere", "--hidden=128", "--ablation"], "expected no --ablation"),
         (["a/walk", "b/walk"], "found walk, walk"),
     ],

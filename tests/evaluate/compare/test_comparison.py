@@ -12,7 +12,7 @@ import pytest
 from peers.compared import BUDGET
 
 from kinemimic.evaluate.compare.comparison import SHIPPED, Comparison
-from kinemimic.evaluate.paper.plan import SCENARIOS, compared_policies, policies_in
+from kinemimic.evaluate.paper.plan import SCENARIOS, compared_policies, compared_variants, policies_in
 from kinemimic.pipeline.errors import KinemimicError
 from kinemimic.train.scenario.scenario_file import scenario
 
@@ -122,9 +122,9 @@ def test_what_is_published_later_joins_what_is_there(compared: Callable[..., Pat
         ),
         (
             lambda content: content["provenance"]["config"]["variants"].update(
-                a2c={**content["provenance"]["config"]["variants"]["default"], "hidden": [8]}
+                a2c={**content["provenance"]["config"]["variants"]["default"], "env": {}}
             ),
-            "of the same hidden",
+            "of the same env",
         ),
         (
             lambda content: content["provenance"].update(versions={"torch": "1"}),
@@ -229,5 +229,7 @@ def test_what_is_missing_is_one_line(compared: Callable[..., Path], tmp_path: Pa
 
 
 def test_what_ships_is_all_that_a_study_reads() -> None:
-    cast = compared_policies(Comparison.load(SHIPPED))
-    assert set(cast) == {name for scenario in SCENARIOS for name in policies_in(scenario)}
+    shipped = Comparison.load(SHIPPED)
+    variants = compared_variants(shipped)
+    cast = compared_policies(shipped)
+    assert set(cast) == {name for scenario in SCENARIOS for name in policies_in(scenario, variants)}

@@ -23,7 +23,7 @@ from kinemimic.evaluate.compare.comparison import Comparison
 from kinemimic.evaluate.paper import command as module
 from kinemimic.evaluate.paper import room_walks as walks
 from kinemimic.evaluate.paper.head_to_head import head_to_head
-from kinemimic.evaluate.paper.plan import SCENARIOS, VARIANTS, policies_in
+from kinemimic.evaluate.paper.plan import SCENARIOS, VARIANTS, compared_variants, policies_in
 from kinemimic.evaluate.robustness import scenario_trials
 from kinemimic.pipeline.errors import KinemimicError
 from kinemimic.train.scenario.scenario import Scenario
@@ -66,7 +66,8 @@ def test_a_study_is_a_page_figures_and_numbers_and_is_not_done_twice(
     assert json.loads(ended.stdout) == content
     assert documented_keys("study.json") == set(content)
     rows = [(row["policy"], row["scenario"]) for row in content["head_to_head"]]
-    assert rows == [(name, scenario) for scenario in SCENARIOS for name in policies_in(scenario)]
+    variants = compared_variants(Comparison.load(folder))
+    assert rows == [(name, scenario) for scenario in SCENARIOS for name in policies_in(scenario, variants)]
     # All through the same room, which of the three is PPO's middle one.
     assert len({row["shown"]["number"] for row in content["rooms"]}) == 1
     assert all(len(row["walks"]) == 3 for row in content["rooms"])
