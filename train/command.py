@@ -21,7 +21,7 @@ from kinemimic.retarget.gate import require_trainable
 from kinemimic.retarget.humanoid.motion import Motion
 from kinemimic.train.config.baseline_config import require_package
 from kinemimic.train.config.config import TrainConfig, preset
-from kinemimic.train.config.polish import polish
+from kinemimic.train.config.from_tracker import from_tracker
 from kinemimic.train.options import training_options
 from kinemimic.train.ppo.ppo import PpoAlgorithm
 from kinemimic.train.ppo.runner import PpoRunner
@@ -79,7 +79,8 @@ def train(
     `sim/engines.py`. A training may resume with another engine or number of workers, but bit for bit only
     with the same ones.
     scenario: perturbations, obstacles and ground of every episode (`scenario.py`), each with its own draw.
-    start: name of a shipped tracker, or folder of one, to start from, with the settings of `polish.py`.
+    start: name of a shipped tracker, or folder of one, to start from, with the settings of
+    `config/from_tracker.py`.
     config: your own settings, with seed, budget and scenario, in place of a preset and a seed.
     ray: simulate on a Ray cluster, at this address or, "local", started on this machine; by default with one
     worker per core of it. As many workers give the same policy, bit for bit, as processes of this machine.
@@ -171,12 +172,10 @@ def _train(
 
 def _start(name: str, preset_name: str, seed: int) -> tuple[Policy, TrainConfig]:
     """A tracker to start from, and the settings."""
-    if preset_name != "default":
-        raise KinemimicError(f"--from: expected no --preset, found {preset_name}: it has settings of its own")
     path = tracker_path(name)
     policy, record = load_tracker(path)
     settings = TrainConfig.from_json(record["config"], path.with_suffix(".json"), ("config",))
-    return policy, polish(settings, file_hash(path), seed)
+    return policy, from_tracker(preset_name, settings, file_hash(path), seed)
 
 
 def _algorithm(config: TrainConfig, motion: Motion, engine: str, threads: int) -> Algorithm:

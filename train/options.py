@@ -23,7 +23,7 @@ training_options = option_group(
         "start",
         metavar="POLICY",
         help="Start from a tracker, a policy for any motion: `tracker` ships, others are run folders. "
-        "It has settings of its own, in place of a preset.",
+        "It has settings of its own, in place of a preset; --preset robust adds pushes.",
     ),
     click.option(
         "--budget",

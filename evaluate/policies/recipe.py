@@ -21,7 +21,8 @@ class Recipe(Struct, frozen=True, forbid_unknown_fields=True):
     """Motion and settings of a training.
 
     stock: name of a motion in the pybullet wheel; recording: name of a recording in catalog.toml; with
-    neither, the virtual Kinect's walk. budget: samples.
+    neither, the virtual Kinect's walk. start: tracker to start from; with none, random weights. budget:
+    samples.
     """
 
     name: str
@@ -29,6 +30,7 @@ class Recipe(Struct, frozen=True, forbid_unknown_fields=True):
     preset: str
     budget: int
     seed: int
+    start: str | None = None
     stock: str | None = None
     recording: str | None = None
 

@@ -46,7 +46,7 @@ def stage_options(
     recipe: Recipe, engine: str | None, workers: int | None = None
 ) -> Mapping[str, Mapping[str, Any]]:
     """The options of a recipe's stages, as `run` takes them."""
-    trained = {"preset": recipe.preset, "budget": recipe.budget, "seed": recipe.seed}
+    trained = {"preset": recipe.preset, "from": recipe.start, "budget": recipe.budget, "seed": recipe.seed}
     common = {"engine": engine, "workers": workers}
     return {"train": {**trained, **common}, "evaluate": common}
 

@@ -61,13 +61,19 @@ def publish(run: Path, recipe: Recipe, into: Path = POLICIES) -> Path:
     """
     # Import cost: these load the simulation.
     from kinemimic.retarget.formats.motion_json import read_motion_json  # noqa: PLC0415
+    from kinemimic.train.config.from_tracker import NAMES  # noqa: PLC0415
     from kinemimic.train.rollout.policy import Policy  # noqa: PLC0415
+    from kinemimic.train.rollout.tracker_file import tracker_path  # noqa: PLC0415
 
     _, record = Policy.load(run / POLICY)
     motion, scores = read_motion_json(run / MOTION), read_scores(run / SCORES)
     capture = motion.provenance.get("capture", {})
     expected: dict[str, tuple[Any, Any]] = {
-        "preset": (recipe.preset, record["preset"]),
+        "preset": (NAMES[recipe.preset] if recipe.start else recipe.preset, record["preset"]),
+        "start": (
+            file_hash(tracker_path(recipe.start)) if recipe.start else "",
+            record["config"].get("start", ""),
+        ),
         "budget": (recipe.budget, record["config"]["budget"]),
         # Not so if `--minutes` ended the training.
         "budget spent": (True, record["samples"] >= recipe.budget),

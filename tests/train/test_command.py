@@ -23,7 +23,7 @@ from kinemimic.retarget.formats.motion_json import motion_to_json
 from kinemimic.retarget.humanoid.motion import Motion
 from kinemimic.train import command as stage
 from kinemimic.train.config.config import PRESETS, EnvConfig, TrainConfig
-from kinemimic.train.config.polish import polish
+from kinemimic.train.config.from_tracker import from_tracker
 from kinemimic.train.ppo.networks import export
 from kinemimic.train.ppo.ppo import PpoAlgorithm
 from kinemimic.train.rollout.evaluation import Evaluation
@@ -313,9 +313,9 @@ def test_what_is_missing_is_one_line(tmp_path: Path) -> None:
 
 @pytest.fixture
 def tracker(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    """A tracker that corrects nothing, and a polish of a few samples."""
+    """A tracker that corrects nothing, and rounds of a few samples."""
     quick = {"num_envs": 4, "horizon": 16, "minibatch": 32, "epochs": 2}
-    monkeypatch.setattr(stage, "polish", lambda *given: replace(polish(*given), **quick))
+    monkeypatch.setattr(stage, "from_tracker", lambda *given: replace(from_tracker(*given), **quick))
     return write_idle_tracker(tmp_path / "tracker")
 
 
@@ -343,5 +343,16 @@ def test_what_is_no_tracker_is_no_start(run: Path, tracker: Path) -> None:
     ):
         with pytest.raises(KinemimicError, match=found):
             stage.train(run, start=start, budget=ROUND, workers=1)
-    with pytest.raises(KinemimicError, match="--from: expected no --preset, found robust"):
-        stage.train(run, start=str(tracker), preset_name="robust", budget=ROUND, workers=1)
+    with pytest.raises(KinemimicError, match="--from: expected --preset robust, or none, found paper"):
+        stage.train(run, start=str(tracker), preset_name="paper", budget=ROUND, workers=1)
+
+
+def test_a_robust_training_starts_from_a_tracker(run: Path, tracker: Path) -> None:
+    record = stage.train(run, start=str(tracker), preset_name="robust", budget=ROUND, seed=1, workers=1)
+    assert (record["preset"], record["seed"], record["samples"]) == ("robust-polish", 1, ROUND)
+    env, theirs = record["config"]["env"], Policy.load(tracker / "policy.safetensors")[1]["config"]["env"]
+    assert env["domain_randomization"]["push"][1] > 0.0
+    # The observation stays the tracker's.
+    assert env["preview"] == theirs["preview"]
+    assert env["tracking"]["leash"] == theirs["tracking"]["leash"]
+    assert "robust_return" in record["evaluations"][-1]

@@ -12,7 +12,7 @@ from typing import Literal
 
 from kinemimic.train.config.budget import short
 from kinemimic.train.config.config import PRESETS
-from kinemimic.train.config.polish import POLISH, POLISH_BUDGET
+from kinemimic.train.config.from_tracker import BUDGETS, TRAIN_OPTIONS
 from kinemimic.train.config.tracker import TRACKER
 from kinemimic.train.config.training import Training
 from kinemimic.train.rollout.evaluation import WALKING_R2
@@ -181,8 +181,8 @@ def _advice(outcome: Outcome, training: Training, level: Level, errors: list[_Er
         return
     options = "" if training.preset in ("", "default") else f" --preset {training.preset}"
     budget = PRESETS.get(training.preset, PRESETS["default"]).budget
-    if training.preset == POLISH:
-        options, budget = " --from tracker", POLISH_BUDGET
+    if training.preset in TRAIN_OPTIONS:
+        options, budget = f" {TRAIN_OPTIONS[training.preset]}", BUDGETS[training.preset]
     options += f" --seed {training.seed}" if training.seed else ""
     # Twice as many; a few seconds of training twice over would still be none.
     more = short(max(2 * training.samples, budget))

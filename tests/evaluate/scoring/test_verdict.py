@@ -138,9 +138,17 @@ def test_flaws_of_the_motion_are_named():
     assert "The motion itself has a flaw: the planted foot slips at 0.09 m/s (limit 0.05)." in found.advice
 
 
-def test_the_next_command_keeps_the_settings():
-    found = verdict(scores(upright=0, median=9.0, train={"preset": "robust", "seed": 3, "samples": 300_032}))
-    assert "`kinemimic train --preset robust --seed 3 --budget 3M`" in found.advice
+@pytest.mark.parametrize(
+    ("preset", "command"),
+    [
+        ("robust", "--preset robust --seed 3 --budget 3M"),
+        ("polish", "--from tracker --seed 3 --budget 600k"),
+        ("robust-polish", "--from tracker --preset robust --seed 3 --budget 6M"),
+    ],
+)
+def test_the_next_command_keeps_the_settings(preset: str, command: str):
+    found = verdict(scores(upright=0, median=9.0, train={"preset": preset, "seed": 3, "samples": 300_032}))
+    assert f"`kinemimic train {command}`" in found.advice
 
 
 def test_more_samples_are_not_the_answer_to_everything():

@@ -31,6 +31,7 @@ from kinemimic.train.config.config import PRESETS
 
 WALK = Recipe("walk", "a made-up walk", "default", 5, 3)
 RUN = structs.replace(WALK, name="run", stock="run")
+POLISHED = structs.replace(WALK, start="tracker")
 KINECT = structs.replace(WALK, name="kinect_walk", recording="kinect1_bernstein_skl/r2.skl")
 
 
@@ -86,6 +87,8 @@ def test_the_motion_of_a_recording_is_not_published(tmp_path: Path, walk: Motion
         (structs.replace(WALK, seed=4), None, "seed: expected 4.*found 3"),
         (structs.replace(WALK, budget=6), None, "budget: expected 6"),
         (structs.replace(WALK, preset="paper"), None, "preset: expected 'paper'"),
+        (POLISHED, None, "preset: expected 'polish'.*found 'default'"),
+        (POLISHED, lambda run, walk: _polished(run), "start: expected '[0-9a-f]{64}'.*found ''"),
         (RUN, None, "simulated capture: expected False.*found True"),
         (KINECT, None, "simulated capture: expected False.*found True"),
         (WALK, lambda run, walk: write_run(run, recorded(walk)), "simulated capture: expected True"),
@@ -110,6 +113,10 @@ def test_a_run_that_does_not_match_its_recipe_is_refused(
 
 def _ended_early(run: Path) -> None:
     write_json(run / RECORD, {**read_json(run / RECORD), "samples": 4})
+
+
+def _polished(run: Path) -> None:
+    write_json(run / RECORD, {**read_json(run / RECORD), "preset": "polish"})
 
 
 def _other_scores(run: Path) -> None:

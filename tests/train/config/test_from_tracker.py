@@ -1,0 +1,54 @@
+"""Settings of trainings that start from a tracker: the network's inputs stay those that it has learned."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import pytest
+
+from kinemimic.pipeline.errors import KinemimicError
+from kinemimic.train.config.config import PRESETS, DomainRandomization, TrainConfig
+from kinemimic.train.config.from_tracker import BUDGETS, NAMES, TRAIN_OPTIONS, from_tracker
+from kinemimic.train.config.tracker import tracker_config
+
+TRACKER = tracker_config()
+
+
+def unusual_tracker() -> TrainConfig:
+    """A tracker whose inputs are those of no preset."""
+    tracking = replace(TRACKER.env.tracking, leash=0.7) if TRACKER.env.tracking else None
+    env = replace(TRACKER.env, preview=(2, 3), mirror=False, tracking=tracking)
+    return replace(TRACKER, env=env, hidden=(24, 12))
+
+
+@pytest.mark.parametrize("preset", NAMES)
+def test_the_task_stays_the_trackers(preset: str) -> None:
+    tracker = unusual_tracker()
+    found = from_tracker(preset, tracker, "f00d", 3)
+    assert (found.preset, found.start, found.seed, found.hidden) == (NAMES[preset], "f00d", 3, (24, 12))
+    assert found.env.preview == (2, 3)
+    assert not found.env.mirror
+    assert found.env.tracking is not None
+    assert found.env.tracking.leash == 0.7
+    for what in ("residual", "velocity_feedforward", "torque_feedforward"):
+        assert getattr(found.env, what) == getattr(tracker.env, what)
+    # What `train` is told to repeat it.
+    assert found.budget == BUDGETS[found.preset]
+    assert TRAIN_OPTIONS[found.preset].startswith("--from tracker")
+
+
+def test_only_the_robust_one_is_pushed_and_outlasts_a_recovery() -> None:
+    polish, robust = (from_tracker(preset, TRACKER, "f00d") for preset in ("default", "robust"))
+    assert polish.env.domain_randomization == DomainRandomization()
+    assert robust.env.domain_randomization.push[1] >= PRESETS["robust"].env.domain_randomization.push[1]
+    assert robust.env.tracking is not None
+    assert polish.env.tracking is not None
+    assert robust.env.tracking.max_body_error > polish.env.tracking.max_body_error
+    assert robust.env.max_height_error > polish.env.max_height_error
+    # It comes back to the reference in the end.
+    assert robust.measured_env.reward.weights["path"] > polish.measured_env.reward.weights["path"]
+
+
+def test_other_presets_have_no_settings_for_a_tracker() -> None:
+    with pytest.raises(KinemimicError, match="--from: expected --preset robust, or none, found paper"):
+        from_tracker("paper", TRACKER, "f00d")

@@ -1,0 +1,99 @@
+"""Settings of trainings that start from a tracker and go on with one motion.
+
+The task stays that of the tracker, since the network knows no other.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import replace
+
+from kinemimic.pipeline.errors import KinemimicError
+from kinemimic.train.config.config import PRESETS, DomainRandomization, TrainConfig
+
+# Names in the policy's record, by the preset that `train` was asked for; the options and samples of each.
+POLISH, ROBUST_POLISH = "polish", "robust-polish"
+NAMES: Mapping[str, str] = {"default": POLISH, "robust": ROBUST_POLISH}
+TRAIN_OPTIONS: Mapping[str, str] = {POLISH: "--from tracker", ROBUST_POLISH: "--from tracker --preset robust"}
+BUDGETS: Mapping[str, int] = {POLISH: 200_000, ROBUST_POLISH: 9_500_000}
+
+
+def polish(tracker: TrainConfig) -> TrainConfig:
+    """Follow the joints of this motion more closely.
+
+    No domain randomization; episodes end where a walker has left its path. The pose counts much from the
+    start. Rounds are half as long as in `default`, and each may change the policy four times as much: it
+    stays upright already, and has few rounds.
+    """
+    return TrainConfig(
+        preset=POLISH,
+        env=replace(tracker.env, max_drift=0.6, domain_randomization=DomainRandomization()),
+        hidden=tracker.hidden,
+        horizon=32,
+        kl_target=0.4,
+        action_std=((0, 0.08), (180_000, 0.03)),
+        scales={"pose": ((0, 64.0), (180_000, 128.0))},
+        budget=BUDGETS[POLISH],
+    )
+
+
+def robust_polish(tracker: TrainConfig) -> TrainConfig:
+    """Withstand pushes, low friction, other masses and late actions, as the preset `robust`.
+
+    The tracker recovers from small errors already, so pushes start at once, and may be stronger. An episode
+    must outlast a recovery that takes the humanoid far from its reference: only a fall ends it. The reference
+    is observed at the end of its leash meanwhile.
+    """
+    scratch = PRESETS["robust"]
+    randomization = replace(
+        scratch.env.domain_randomization,
+        push=(0.0, 500.0),
+        displacement=tracker.env.domain_randomization.displacement,
+    )
+    env = replace(
+        tracker.env,
+        reward=scratch.env.reward,
+        max_height_error=scratch.env.max_height_error,
+        max_rotation_error=scratch.env.max_rotation_error,
+        tracking=replace(tracker.env.tracking, max_body_error=2.0) if tracker.env.tracking else None,
+        domain_randomization=randomization,
+    )
+    return TrainConfig(
+        preset=ROBUST_POLISH,
+        env=env,
+        hidden=tracker.hidden,
+        num_envs=128,
+        minibatch=2048,
+        epochs=5,
+        discount=0.97,
+        action_std=((0, 0.06), (2_000_000, 0.04), (5_000_000, 0.03), (8_000_000, 0.015), (9_500_000, 0.008)),
+        strength=((0, 0.25), (600_000, 1.0)),
+        scales={
+            "pose": (
+                (0, 32.0),
+                (2_000_000, 64.0),
+                (5_000_000, 64.0),
+                (7_000_000, 128.0),
+                (8_000_000, 128.0),
+                (8_600_000, 256.0),
+            ),
+            "path": ((0, 8.0), (600_000, 2.0)),
+        },
+        budget=BUDGETS[ROBUST_POLISH],
+    )
+
+
+_SETTINGS: Mapping[str, Callable[[TrainConfig], TrainConfig]] = {
+    POLISH: polish,
+    ROBUST_POLISH: robust_polish,
+}
+
+
+def from_tracker(preset: str, tracker: TrainConfig, start: str, seed: int = 0) -> TrainConfig:
+    """Settings for the policy with hash `start`, which was trained with the settings `tracker`.
+
+    preset: `default` or `robust`; KinemimicError for another, which has no settings for a tracker.
+    """
+    if preset not in NAMES:
+        raise KinemimicError(f"--from: expected --preset robust, or none, found {preset}")
+    return replace(_SETTINGS[NAMES[preset]](tracker), start=start, seed=seed)
