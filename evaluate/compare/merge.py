@@ -16,7 +16,7 @@ def merged(before: Content, now: Content, place: str) -> dict[str, Any]:
     """compare.json of both: every task and variant of `now`, and those of `before` that `now` lacks.
 
     place: location of `before`, for the message. KinemimicError unless the two are comparable: the same
-    motions, settings and budgets wherever they share a task or variant, and the same seeds, engine, networks,
+    motions, settings and budgets wherever they share a task or variant, and the same seeds, engine,
     environment and package versions.
     """
     again = {(row["task"], row["variant"]) for row in now["cells"]}
