@@ -33,7 +33,8 @@ def test_a_policy_that_ships_is_what_its_recipe_says(name: str, tmp_path) -> Non
     folder, recipe = POLICIES / name, recipes()[name]
     _, record = Policy.load(folder / POLICY)
     scores = read_json(folder / SCORES)
-    assert (record["preset"], record["seed"]) == (recipe.preset, recipe.seed)
+    preset = NAMES[recipe.preset] if recipe.start else recipe.preset
+    assert (record["preset"], record["seed"]) == (preset, recipe.seed)
     assert record["config"]["budget"] == recipe.budget
     assert scores["provenance"]["inputs"]["policy"] == file_hash(folder / POLICY)
     assert record["provenance"]["versions"]["pybullet"]
